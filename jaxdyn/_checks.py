@@ -1,0 +1,77 @@
+"""Host-side checks of what the user passed, with one message format.
+
+Every message reads ``name: expected ..., got .... What to do.`` and is a ValueError. Values
+that are being traced (inside jit, grad or vmap) have no number yet and pass.
+"""
+
+import difflib
+from collections.abc import Iterable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+
+def fail(name: str, expected: str, got: Any, remedy: str = "") -> ValueError:
+    """The one way an error message of this project is put together."""
+    return ValueError(f"{name}: expected {expected}, got {got}.{' ' + remedy if remedy else ''}")
+
+
+def is_traced(x: Any) -> bool:
+    """True while x is inside a jax transformation and has no value to look at."""
+    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(x))
+
+
+def float64(remedy: str = "Call jaxdyn.configure() first.") -> None:
+    """Refuse to work in 32-bit floats."""
+    if not jax.config.jax_enable_x64:
+        raise fail("floats", "64-bit floats", "JAX's default of 32 bits", remedy)
+
+
+def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Array:
+    """x as a float array of the wanted shape (None: any length), finite where it has a value."""
+    try:
+        x = jnp.asarray(x, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise fail(name, "numbers", repr(x), remedy) from error
+    fits = len(x.shape) == len(shape) and all(
+        w is None or s == w for s, w in zip(x.shape, shape, strict=True)
+    )
+    if not fits:
+        wanted = "(" + ", ".join("any" if w is None else str(w) for w in shape) + ")"
+        raise fail(name, f"shape {wanted}", f"shape {x.shape}", remedy)
+    return finite(name, x, remedy)
+
+
+def finite(name: str, x: Array, remedy: str = "") -> Array:
+    """x, refused if any entry is NaN or infinite."""
+    if not is_traced(x):
+        values = np.asarray(x)
+        bad = ~np.isfinite(values)
+        if bad.any():
+            where = "" if values.ndim == 0 else f" at index {np.argwhere(bad)[0].tolist()}"
+            raise fail(name, "finite numbers", f"{values[bad][0]}{where}", remedy)
+    return x
+
+
+def positive(name: str, x: Any, remedy: str = "") -> Array:
+    """x as an array, refused unless every entry is > 0."""
+    x = jnp.asarray(x, dtype=float)
+    if not is_traced(x):
+        finite(name, x, remedy)
+        values = np.asarray(x)
+        if not (values > 0).all():
+            raise fail(name, "> 0", values[~(values > 0)].ravel()[0], remedy)
+    return x
+
+
+def choice(name: str, x: str, choices: Iterable[str]) -> str:
+    """x, refused unless it is among the choices; the nearest one is suggested."""
+    choices = sorted(choices)
+    if x not in choices:
+        near = difflib.get_close_matches(str(x), choices, n=1)
+        hint = f"Did you mean {near[0]!r}?" if near else ""
+        raise fail(name, "one of " + ", ".join(choices), repr(x), hint)
+    return x

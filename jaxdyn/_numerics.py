@@ -1,0 +1,69 @@
+"""Numerical tricks, each with its name, its reason and one home.
+
+All of these are safe inside a stepping loop (no LAPACK, no sort, no scatter) and have finite
+derivatives where the plain formula gives NaN.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+def safe_sqrt(x: Array) -> Array:
+    """Square root with derivative 0, not infinity, at 0.
+
+    The double ``where``: the argument is replaced before the root is taken, since a NaN or
+    infinity in the branch not taken still poisons reverse mode (0 * inf = NaN).
+    """
+    positive = x > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, x, 1.0)), 0.0)
+
+
+def square_norm(x: Float[Array, "*b d"]) -> Float[Array, "*b"]:
+    """Sum of squares over the last axis, written out: a `dot` call costs more than 2-3 products."""
+    total = x[..., 0] * x[..., 0]
+    for i in range(1, x.shape[-1]):
+        total = total + x[..., i] * x[..., i]
+    return total
+
+
+def safe_norm(x: Float[Array, "*b d"]) -> Float[Array, "*b"]:
+    """Euclidean length over the last axis with gradient 0, not NaN, at the origin."""
+    return safe_sqrt(square_norm(x))
+
+
+def two_sum(total: Array, carry: Array, increment: Array) -> tuple[Array, Array]:
+    """One compensated addition: the new total and what rounding left out of it.
+
+    Kahan's form: right when ``|increment| <= |total|``, as for a step of an integrator. XLA on
+    CPU keeps the order of these operations (there is no product that could be contracted),
+    which a test proves.
+    """
+    increment = increment + carry
+    new = total + increment
+    return new, increment - (new - total)
+
+
+def runtime_one(runtime: Array) -> Array:
+    """The number 1, which the compiler does not know to be 1; see `materialised`.
+
+    Args:
+      runtime: () any finite number known only at run time.
+    """
+    return runtime * 0.0 + 1.0
+
+
+def materialised(x: Array, one: Array) -> Array:
+    """x itself, as an array that XLA computes once instead of once for each of its uses.
+
+    XLA on CPU copies cheap producers into every consumer: in unrolled Runge-Kutta stages the
+    whole weighted sum of slopes is recomputed for each entry the force looks at, which costs a
+    third of the run time. A division counts as expensive and is not copied; by a number that
+    is 1 only at run time it cannot be simplified away either, and dividing by 1 is exact.
+    ``optimization_barrier`` would say it better, but is removed before fusion.
+
+    Args:
+      x: what to keep.
+      one: () a `runtime_one`. Take ONE for all uses in a program: with one for each use the
+        gain is lost (measured).
+    """
+    return x / one

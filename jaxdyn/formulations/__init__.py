@@ -1,0 +1,1 @@
+"""How forces move coordinates: one file a formulation."""

@@ -1,0 +1,50 @@
+"""Newton's law for free points: m_i a_i = sum of the forces on point i.
+
+State ``[r_1 .. r_n, v_1 .. v_n]``, each in d cartesian components.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.scene import Points, System
+
+_AXES = "xyz"
+
+
+class FreePoints(System):
+    """n points of mass m (n,) [kg] in d dimensions, moved by forces alone."""
+
+    m: Array
+    d: int = eqx.field(static=True)
+
+    def __init__(self, m, d: int = 2):
+        self.m = jnp.atleast_1d(jnp.asarray(m, dtype=float))
+        self.d = d
+
+    @property
+    def second_order(self) -> bool:
+        return True
+
+    def labels(self):
+        n = self.m.shape[0]
+        suffix = [""] if n == 1 else [str(i + 1) for i in range(n)]
+        r = [(f"{axis}{s}", "m") for s in suffix for axis in _AXES[: self.d]]
+        return (*r, *((f"v{name}", "m/s") for name, _ in r))
+
+    def points(self, t, y):
+        del t
+        r, v = y.reshape(2, self.m.shape[0], self.d)
+        return Points(r, v, self.m)
+
+    def rate(self, t, y, effects):
+        r, v, m = self.points(t, y)
+        force = jnp.zeros_like(r)
+        for effect in effects:
+            force = force + effect.force(t, r, v, m)
+        return jnp.concatenate([v.ravel(), (force / m[:, None]).ravel()])
+
+    def check(self, t, y):
+        del t, y
+        _checks.positive("mass", self.m, "Masses are in kg.")

@@ -1,0 +1,184 @@
+"""Simulate a scene: from a start and a span to states at wanted times.
+
+`simulate` checks what it was given on the host, chooses the method from what the effects of
+the scene call for, compiles once for each kind of scene (new numbers never recompile) and
+returns a `Trajectory`.
+"""
+
+import functools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.flow import Flow, Settings, flow
+from jaxdyn.scene import Scene
+from jaxdyn.solvers import HIGH_ORDER, NYSTROM12, Pair
+from jaxdyn.status import IntegrationError, Status
+
+MAX_STEPS = 1_000_000
+RTOL = 1e-10
+_RTOL_FLOOR = 1e-16
+
+
+class Trajectory(eqx.Module):
+    """A motion of a scene at sampled times.
+
+    Attributes:
+      scene: what moved.
+      ts: (s,) sample times [s].
+      ys: (s, k) states there; NaN where the run did not get to.
+      steps: () accepted steps.
+      rejected: () rejected steps.
+      status: () `Status` code.
+    """
+
+    scene: Scene
+    ts: Array
+    ys: Array
+    steps: Array
+    rejected: Array
+    status: Array
+
+    @property
+    def ok(self) -> bool:
+        """Whether the end was reached; host only."""
+        return bool((self.status == Status.OK).all())
+
+    @property
+    def message(self) -> str:
+        """What happened and what to do about it; host only."""
+        return Status(int(self.status)).message
+
+    def __getitem__(self, name: str) -> Array:
+        """(s,) values of one labelled entry of the state, e.g. ``motion["x"]``."""
+        names = [label for label, _ in self.scene.system.labels()]
+        return self.ys[:, names.index(_checks.choice("label", name, names))]
+
+    @property
+    def r(self) -> Array:
+        """(s, n, d) positions of the material points [m]."""
+        return jax.vmap(lambda t, y: self.scene.system.points(t, y).r)(self.ts, self.ys)
+
+
+def simulate(
+    scene: Scene,
+    t1=None,
+    *,
+    t0=0.0,
+    samples=200,
+    rtol: float = RTOL,
+    atol: float | None = None,
+    solver: Pair | None = None,
+    max_steps: int = MAX_STEPS,
+    throw: bool = True,
+) -> Trajectory:
+    """The motion of a scene from its start y0, sampled over [t0, t1].
+
+    Args:
+      scene: system, effects, start.
+      t1: () end time [s], after or before t0; the scene's own span if left out.
+      t0: () start time [s].
+      samples: how many times, evenly spaced from t0 to t1, or an array of wanted times (s,)
+        in the order they are passed.
+      rtol: relative tolerance of one step.
+      atol: absolute tolerance of one step, in the units of the state; rtol if left out.
+      solver: a `Pair`; by default the Nystrom pair of order 12 where no force depends on
+        velocity, else the best Runge-Kutta pair.
+      max_steps: when to give up.
+      throw: raise on any status but OK; with False look at `Trajectory.status`.
+    Returns:
+      The sampled motion.
+    Raises:
+      ValueError: numbers that make no sense.
+      IntegrationError: the end was not reached (``throw=True``, outside of traces).
+    Limits: explicit methods; a stiff scene takes very many steps.
+    Example:
+      >>> from jaxdyn import scenes, simulate
+      >>> motion = simulate(scenes.cannonball(drag=0.0), 1.0)
+      >>> motion.ok
+      True
+    """
+    scene.check()
+    t0, t1, ts = _times(scene, t0, t1, samples)
+    result = solve(
+        scene, t1, t0=t0, ts=ts, rtol=rtol, atol=atol, solver=solver, max_steps=max_steps
+    )
+    if throw:
+        raise_unless_ok(result.status)
+    return Trajectory(scene, ts, result.ys, result.steps, result.rejected, result.status)
+
+
+def solve(
+    scene: Scene,
+    t1,
+    *,
+    t0=0.0,
+    ts=(),
+    rtol: float = RTOL,
+    atol: float | None = None,
+    solver: Pair | None = None,
+    max_steps: int = MAX_STEPS,
+) -> Flow:
+    """`simulate` without samples, checks and exceptions: what the orbit finder calls.
+
+    Compiled for each kind of scene and pair; inside jit, grad and vmap it is inlined.
+    """
+    _checks.float64()
+    settings = Settings(solver or default_solver(scene), max_steps)
+    tolerance = _tolerance(rtol, atol)
+    asarray = functools.partial(jnp.asarray, dtype=float)
+    return _compiled(
+        scene, scene.y0, asarray(t0), asarray(t1), asarray(ts), tolerance, settings=settings
+    )
+
+
+def default_solver(scene: Scene) -> Pair:
+    """The pair that a scene's effects call for."""
+    return NYSTROM12 if scene.second_order else HIGH_ORDER
+
+
+def raise_unless_ok(status: Array) -> None:
+    """Raise IntegrationError for the first status in an array that is not OK; traces pass."""
+    if _checks.is_traced(status):
+        return
+    bad = np.asarray(status)[np.asarray(status) != Status.OK]
+    if bad.size:
+        raise IntegrationError(Status(int(bad.flat[0])).message)
+
+
+_compiled = jax.jit(
+    lambda *args, settings: flow(*args, settings=settings), static_argnames="settings"
+)
+
+
+def _tolerance(rtol, atol) -> Array:
+    remedy = "A relative tolerance of one step, 1e-3 to 1e-15."
+    rtol = _checks.positive("rtol", rtol, remedy)
+    if not _checks.is_traced(rtol) and not _RTOL_FLOOR <= float(rtol) < 1:
+        raise _checks.fail("rtol", f"between {_RTOL_FLOOR} and 1", float(rtol), remedy)
+    atol = rtol if atol is None else _checks.positive("atol", atol, "In units of the state.")
+    return jnp.stack([rtol, atol])
+
+
+def _times(scene: Scene, t0, t1, samples) -> tuple[Array, Array, Array]:
+    t0 = _checks.array("t0", t0, ())
+    t1 = _checks.array("t1", scene.t1 if t1 is None else t1, ())
+    if isinstance(samples, int):
+        if samples < 1:
+            raise _checks.fail("samples", "at least 1, or an array of times", samples)
+        return t0, t1, jnp.linspace(t0, t1, samples) if samples > 1 else t1[None]
+    ts = _checks.array("samples", samples, (None,), "An array of times, or how many.")
+    if not _checks.is_traced((ts, t0, t1)):
+        inside = np.concatenate([[t0], ts, [t1]])
+        if (np.diff(inside) * np.sign(t1 - t0) < 0).any():
+            raise _checks.fail(
+                "samples",
+                f"times in order from t0 = {t0} to t1 = {t1}",
+                f"{np.asarray(ts)}",
+                "Sort them, or move t0 or t1.",
+            )
+    return t0, t1, ts

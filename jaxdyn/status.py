@@ -1,0 +1,43 @@
+"""How a calculation ended, where the answer depends on the data: a code, a text, a remedy.
+
+Misuse raises ValueError before anything runs. What only the run can show (a collision, a step
+limit) is one of these codes on the result, and the numbers it could not get are NaN.
+"""
+
+import enum
+
+
+class Status(enum.IntEnum):
+    """Outcome of an integration; `Status.OK` is zero."""
+
+    OK = 0
+    STEP_LIMIT = 1
+    STEP_COLLAPSED = 2
+    NOT_FINITE = 3
+
+    @property
+    def message(self) -> str:
+        """What happened and what to do about it."""
+        return _MESSAGES[self]
+
+
+_MESSAGES = {
+    Status.OK: "The integration reached its end.",
+    Status.STEP_LIMIT: (
+        "The integration stopped at its limit of steps. Raise max_steps, loosen rtol, or "
+        "shorten the span."
+    ),
+    Status.STEP_COLLAPSED: (
+        "The step size fell below the spacing of floating-point times: the motion runs into a "
+        "singularity (a collision, a corner of a force) or rtol is below rounding. Stop "
+        "earlier, loosen rtol, or soften the force."
+    ),
+    Status.NOT_FINITE: (
+        "The rate at the start is NaN or infinite. Check the start and the parameters: two "
+        "bodies at one point, a division by zero."
+    ),
+}
+
+
+class IntegrationError(RuntimeError):
+    """Raised for a status other than OK where the caller asked for it (``throw=True``)."""
