@@ -13,6 +13,7 @@ costs about as much as a Jacobian: right for the tens of numbers a mechanics sce
 thousands (a neural force).
 """
 
+import functools
 from typing import NamedTuple
 
 import diffrax
@@ -22,7 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxdyn.scene import Scene
+from jaxdyn._numerics import in_one_kernel
 from jaxdyn.solvers import Pair, Stepper
 from jaxdyn.status import Status
 from jaxdyn.stepping import StepControl
@@ -62,13 +63,13 @@ class Variational(eqx.Module):
     """A vector field with tangents: columns 1.. of the state are carried along with column 0.
 
     Attributes:
-      field: anything with ``rate(t, y)``, usually a scene.
+      field: anything with ``rate(t, y)``.
       directions: tangents of the field's numbers, a tree like `field` with a last axis of one
         entry a column, None where a number is not perturbed.
     """
 
-    field: Scene
-    directions: Scene
+    field: eqx.Module
+    directions: eqx.Module
 
     def rate(self, t: Array, y: Float[Array, "k columns"]) -> Float[Array, "k columns"]:
         """Rates of the state and of its tangents."""
@@ -86,7 +87,7 @@ def flow(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
     """States at t1 and at the times ts of the motion that starts at (t0, y0).
 
     Args:
-      field: a scene, or anything with ``rate(t, y)`` that is a pytree of its numbers.
+      field: a module with ``rate(t, y)`` whose leaves are its numbers, e.g. `Scene.field`.
       y0: (k,) start; (k, columns) for a `Variational` field.
       t0: () start time.
       t1: () end time, before or after t0.
@@ -95,6 +96,11 @@ def flow(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
       settings: method and limits.
     Limits: derivatives in the tolerance are zero by definition.
     """
+    run = functools.partial(_run, settings=settings)
+    return in_one_kernel(run, (field, y0, t0, t1, ts, tolerance), go=tolerance[0] > 0)
+
+
+def _run(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
     direction = jnp.where(t1 >= t0, 1.0, -1.0)
     rolled = y0.ndim > 1  # many columns: wide stages, where the loop over stages is faster
     # XLA sees one program for both signs of time; diffrax turns ts about with the rest.
@@ -165,10 +171,10 @@ def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, pair: Pair) -> A
     """One step of the method itself from each node to the wanted time beyond it."""
     if not len(ts):
         return node_y
-    rolled = node_y.ndim > 2
 
     def step(t, y, h):
-        increment, _ = pair.step(field.rate, t, h, y, rolled)
+        # Many lanes make wide stages: the loop over stages is as fast and compiles sooner.
+        increment, _ = pair.step(field.rate, t, h, y, rolled=True)
         return y + increment
 
     lanes_last = jax.vmap(step, in_axes=(0, -1, 0), out_axes=-1)

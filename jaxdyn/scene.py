@@ -105,6 +105,17 @@ class System(eqx.Module):
         del t, y
 
 
+class Field(eqx.Module):
+    """A system with its effects, without a start: what integrators and Jacobians need."""
+
+    system: System
+    effects: tuple[Effect, ...]
+
+    def rate(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
+        """The vector field dy/dt."""
+        return self.system.rate(t, y, self.effects)
+
+
 class Scene(eqx.Module):
     """A system, the effects that act on it, its start y0 (k,) and a span t1 [s] worth seeing."""
 
@@ -119,9 +130,14 @@ class Scene(eqx.Module):
         self.y0 = jnp.asarray(y0, dtype=float)
         self.t1 = jnp.asarray(t1, dtype=float)
 
+    @property
+    def field(self) -> Field:
+        """The scene without its start and span."""
+        return Field(self.system, self.effects)
+
     def rate(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
         """The vector field dy/dt."""
-        return self.system.rate(t, y, self.effects)
+        return self.field.rate(t, y)
 
     @property
     def second_order(self) -> bool:

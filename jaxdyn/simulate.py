@@ -5,8 +5,6 @@ the scene call for, compiles once for each kind of scene (new numbers never reco
 returns a `Trajectory`.
 """
 
-import functools
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -16,7 +14,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.flow import Flow, Settings, flow
 from jaxdyn.scene import Scene
-from jaxdyn.solvers import HIGH_ORDER, NYSTROM12, Pair
+from jaxdyn.solvers import NYSTROM12, VERNER9, Pair
 from jaxdyn.status import IntegrationError, Status
 
 MAX_STEPS = 1_000_000
@@ -129,16 +127,13 @@ def solve(
     """
     _checks.float64()
     settings = Settings(solver or default_solver(scene), max_steps)
-    tolerance = _tolerance(rtol, atol)
-    asarray = functools.partial(jnp.asarray, dtype=float)
-    return _compiled(
-        scene, scene.y0, asarray(t0), asarray(t1), asarray(ts), tolerance, settings=settings
-    )
+    numbers = (_floats(x) for x in (scene.y0, t0, t1, ts))
+    return _compiled(scene.field, *numbers, _tolerance(rtol, atol), settings=settings)
 
 
 def default_solver(scene: Scene) -> Pair:
     """The pair that a scene's effects call for."""
-    return NYSTROM12 if scene.second_order else HIGH_ORDER
+    return NYSTROM12 if scene.second_order else VERNER9
 
 
 def raise_unless_ok(status: Array) -> None:
@@ -155,13 +150,23 @@ _compiled = jax.jit(
 )
 
 
-def _tolerance(rtol, atol) -> Array:
-    remedy = "A relative tolerance of one step, 1e-3 to 1e-15."
-    rtol = _checks.positive("rtol", rtol, remedy)
-    if not _checks.is_traced(rtol) and not _RTOL_FLOOR <= float(rtol) < 1:
-        raise _checks.fail("rtol", f"between {_RTOL_FLOOR} and 1", float(rtol), remedy)
-    atol = rtol if atol is None else _checks.positive("atol", atol, "In units of the state.")
-    return jnp.stack([rtol, atol])
+def _floats(x):
+    # NumPy where there is a value: a jnp operation on the host costs as much as a short solve.
+    return jnp.asarray(x, float) if _checks.is_traced(x) else np.asarray(x, float)
+
+
+def _tolerance(rtol, atol):
+    """(2,) relative and absolute tolerance, checked."""
+    atol = rtol if atol is None else atol
+    if _checks.is_traced((rtol, atol)):
+        return jnp.stack([_floats(rtol), _floats(atol)])
+    if not _RTOL_FLOOR <= rtol < 1:
+        raise _checks.fail(
+            "rtol", f"between {_RTOL_FLOOR} and 1", rtol, "It is the relative error of one step."
+        )
+    if not 0 < atol < np.inf:
+        raise _checks.fail("atol", "> 0", atol, "It is in units of the state.")
+    return np.array([rtol, atol], dtype=float)
 
 
 def _times(scene: Scene, t0, t1, samples) -> tuple[Array, Array, Array]:
