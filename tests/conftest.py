@@ -1,0 +1,12 @@
+"""Strict modes for every test: float64, no silent rank promotion, the compile cache."""
+
+import os
+
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+import jax
+
+import jaxdyn
+
+jaxdyn.configure()
+jax.config.update("jax_numpy_rank_promotion", "raise")
