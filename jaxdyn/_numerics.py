@@ -17,10 +17,11 @@ def safe_sqrt(x: Array) -> Array:
     """Square root with derivative 0, not infinity, at 0.
 
     The double ``where``: the argument is replaced before the root is taken, since a NaN or
-    infinity in the branch not taken still poisons reverse mode (0 * inf = NaN).
+    infinity in the branch not taken still poisons reverse mode (0 * inf = NaN). Only 0 itself
+    is replaced: a negative or NaN argument stays visible as NaN.
     """
-    positive = x > 0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, x, 1.0)), 0.0)
+    zero = x == 0
+    return jnp.where(zero, 0.0, jnp.sqrt(jnp.where(zero, 1.0, x)))
 
 
 def square_norm(x: Float[Array, "*b d"]) -> Float[Array, "*b"]:
@@ -74,20 +75,21 @@ def materialised(x: Array, one: Array) -> Array:
     return x / one
 
 
-def in_one_kernel(fn: Callable, args: tuple, go: Array) -> Any:
+def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
     """fn(*args), compiled so that XLA on CPU runs all of it as one function.
 
     Every operation outside a folded loop is launched by itself, from a pool of threads once
     there are more than a few; a short solve spends most of its time there (measured: 60 us for
     one step of the three-body problem against 12 us this way). So the whole calculation becomes
     the body of a loop that runs once, which XLA folds like any small loop. It must not see
-    through that: the number of rounds is known at run time only, and the arguments depend on
-    the round by adding zero times its number, or loop-invariant code would be moved out.
+    through that: the limit of its count, 1 or 1/2, which both end it after one round, is known
+    at run time only, and the arguments depend on the round by adding zero times its number, or
+    loop-invariant code would be moved out.
 
     Args:
       fn: a pure function of arrays, with array results; never differentiated.
       args: its arguments.
-      go: () true, but not known to the compiler to be so.
+      unknown: () true or false, as only the run will show; the result is the same.
     """
     fn = jax.jit(fn)  # traced once, for the shapes and for the loop
     shapes = jax.eval_shape(fn, *args)
@@ -100,5 +102,5 @@ def in_one_kernel(fn: Callable, args: tuple, go: Array) -> Any:
         now = eqx.combine(jax.tree.map(lambda x: x + zero, numbers), rest)
         return round_ + 1.0, fn(*now)
 
-    rounds = jnp.where(go, 1.0, 0.0)
-    return jax.lax.while_loop(lambda carry: carry[0] < rounds, body, (jnp.zeros(()), empty))[1]
+    limit = jnp.where(unknown, 1.0, 0.5)
+    return jax.lax.while_loop(lambda carry: carry[0] < limit, body, (jnp.zeros(()), empty))[1]

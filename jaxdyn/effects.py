@@ -34,7 +34,8 @@ class UniformGravity(Effect):
 
     def force(self, t, r, v, m):
         del t, v
-        return jnp.zeros_like(r).at[:, -1].set(-self.g * m)
+        up = np.eye(r.shape[1])[-1]
+        return (-self.g * m)[:, None] * up[None, :]
 
 
 class PairGravity(Effect):
@@ -102,7 +103,7 @@ class LinearDrag(Effect):
 
     def force(self, t, r, v, m):
         del t, r, m
-        return -self.c * (v - self.wind)
+        return -self.c * (v - jnp.broadcast_to(self.wind, v.shape))
 
 
 class QuadraticDrag(Effect):
@@ -118,5 +119,5 @@ class QuadraticDrag(Effect):
 
     def force(self, t, r, v, m):
         del t, r, m
-        u = v - self.wind
+        u = v - jnp.broadcast_to(self.wind, v.shape)
         return -self.c * safe_norm(u)[:, None] * u

@@ -97,7 +97,7 @@ def flow(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
     Limits: derivatives in the tolerance are zero by definition.
     """
     run = functools.partial(_run, settings=settings)
-    return in_one_kernel(run, (field, y0, t0, t1, ts, tolerance), go=tolerance[0] > 0)
+    return in_one_kernel(run, (field, y0, t0, t1, ts, tolerance), unknown=tolerance[0] > 0)
 
 
 def _run(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
@@ -119,7 +119,9 @@ def _run(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
         adjoint=diffrax.ForwardMode(),
         throw=False,  # a throw is a host callback, which keeps programs out of the cache
     )
-    status = _status(solution.result, field.rate(t0, y0))
+    # The logarithm is finite for positive tolerances only.
+    given = (y0, field.rate(t0, y0), t0, t1, jnp.log(tolerance))
+    status = _status(solution.result, given)
     y1 = jnp.where(status == Status.OK, solution.ys[-1], jnp.nan)
     nodes = solution.controller_state
     ys = _from_nodes(field, direction * nodes.t, nodes.y, ts, settings.pair)
@@ -156,7 +158,7 @@ def _rate(t, y, field):
     return field.rate(t, y)
 
 
-def _status(result, rate0: Array) -> Array:
+def _status(result, given: tuple[Array, ...]) -> Array:
     meanings = (
         (diffrax.RESULTS.max_steps_reached, Status.STEP_LIMIT),
         (diffrax.RESULTS.dt_min_reached, Status.STEP_COLLAPSED),
@@ -164,7 +166,8 @@ def _status(result, rate0: Array) -> Array:
     status = jnp.asarray(int(Status.OK))
     for code, meaning in meanings:
         status = jnp.where(result == code, int(meaning), status)
-    return jnp.where(jnp.isfinite(rate0).all(), status, int(Status.NOT_FINITE))
+    finite = functools.reduce(jnp.logical_and, [jnp.isfinite(x).all() for x in given])
+    return jnp.where(finite, status, int(Status.NOT_FINITE))
 
 
 def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, pair: Pair) -> Array:

@@ -126,7 +126,7 @@ def solve(
     Compiled for each kind of scene and pair; inside jit, grad and vmap it is inlined.
     """
     _checks.float64()
-    settings = Settings(solver or default_solver(scene), max_steps)
+    settings = Settings(_pair(scene, solver), max_steps)
     numbers = (_floats(x) for x in (scene.y0, t0, t1, ts))
     return _compiled(scene.field, *numbers, _tolerance(rtol, atol), settings=settings)
 
@@ -134,6 +134,26 @@ def solve(
 def default_solver(scene: Scene) -> Pair:
     """The pair that a scene's effects call for."""
     return NYSTROM12 if scene.second_order else VERNER9
+
+
+def _pair(scene: Scene, solver: Pair | None) -> Pair:
+    if solver is None:
+        return default_solver(scene)
+    if not isinstance(solver, Pair):
+        raise _checks.fail(
+            "solver",
+            "a Pair",
+            type(solver).__name__,
+            "solvers.from_diffrax takes any explicit Runge-Kutta solver of diffrax.",
+        )
+    if solver.nystrom and not scene.second_order:
+        raise _checks.fail(
+            "solver",
+            "a Runge-Kutta pair",
+            solver.name,
+            "Accelerations of this scene may depend on velocity, which a Nystrom pair ignores.",
+        )
+    return solver
 
 
 def raise_unless_ok(status: Array) -> None:
@@ -172,14 +192,14 @@ def _tolerance(rtol, atol):
 def _times(scene: Scene, t0, t1, samples) -> tuple[Array, Array, Array]:
     t0 = _checks.array("t0", t0, ())
     t1 = _checks.array("t1", scene.t1 if t1 is None else t1, ())
-    if isinstance(samples, int):
+    if isinstance(samples, int | np.integer):
         if samples < 1:
             raise _checks.fail("samples", "at least 1, or an array of times", samples)
         return t0, t1, jnp.linspace(t0, t1, samples) if samples > 1 else t1[None]
     ts = _checks.array("samples", samples, (None,), "An array of times, or how many.")
     if not _checks.is_traced((ts, t0, t1)):
         inside = np.concatenate([[t0], ts, [t1]])
-        if (np.diff(inside) * np.sign(t1 - t0) < 0).any():
+        if (np.diff(inside) * (1.0 if t1 >= t0 else -1.0) < 0).any():
             raise _checks.fail(
                 "samples",
                 f"times in order from t0 = {t0} to t1 = {t1}",

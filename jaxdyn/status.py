@@ -33,8 +33,8 @@ _MESSAGES = {
         "earlier, loosen rtol, or soften the force."
     ),
     Status.NOT_FINITE: (
-        "The rate at the start is NaN or infinite. Check the start and the parameters: two "
-        "bodies at one point, a division by zero."
+        "The start, its rate, a time or a tolerance is NaN or infinite. Check the start and "
+        "the parameters: two bodies at one point, a division by zero."
     ),
 }
 

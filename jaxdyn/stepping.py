@@ -32,10 +32,16 @@ class Nodes(eqx.Module):
     y: Array  # (s, ...) node states
 
     @classmethod
-    def empty(cls, s: int, t0: Array, y0: Array) -> "Nodes":
-        """No sample reached: NaN, so that a run that fails leaves no finite wrong numbers."""
+    def empty(cls, ts: Array, t0: Array, y0: Array) -> "Nodes":
+        """Only samples at the start are reached (a run from t0 to t0 takes no step).
+
+        The others are NaN, so that a run that fails leaves no finite wrong numbers.
+        """
+        at_start = (ts == t0).reshape(-1, *[1] * y0.ndim)
         return cls(
-            jnp.zeros((), int), jnp.full(s, jnp.nan), jnp.full((s, *y0.shape), jnp.nan)
+            jnp.zeros((), int),
+            jnp.where(ts == t0, t0, jnp.nan),
+            jnp.where(at_start, y0[None], jnp.nan),
         )
 
     def passed(self, ts: Array, t0: Array, y0: Array, t1: Array) -> "Nodes":
@@ -76,7 +82,7 @@ class StepControl(diffrax.AbstractAdaptiveStepSizeController):
         tnext, _ = first.init(terms, t0, t1, y0, dt0, args, func, error_order)
         # A NaN rate gives a NaN step; the run must still end.
         tnext = jnp.where(jnp.isfinite(tnext), tnext, t1)
-        return tnext, Nodes.empty(len(self.ts), t0, y0)
+        return tnext, Nodes.empty(self.ts, t0, y0)
 
     def adapt_step_size(self, t0, t1, y0, y1_candidate, args, y_error, error_order, state):
         del args
