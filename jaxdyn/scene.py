@@ -100,6 +100,23 @@ class System(eqx.Module):
         """The nearest state that satisfies the system's constraints."""
         return y
 
+    def canonical(self, t: Array, y: Array) -> Array | None:
+        """Canonical coordinates [q, p] (k,) of a state, None where there are none.
+
+        The orbit finder tests with them whether a monodromy matrix is symplectic.
+        """
+        del t, y
+        return None
+
+    def generators(self, y: Array) -> dict[str, Array]:
+        """Directions (k,) in which space could be moved about the system, by name.
+
+        Candidates for symmetries; whether a scene has one depends on its effects, and the
+        orbit finder tests it.
+        """
+        del y
+        return {}
+
     def check(self, t: Array, y: Array) -> None:
         """Raise ValueError for numbers that make no sense."""
         del t, y

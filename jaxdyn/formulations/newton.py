@@ -3,6 +3,8 @@
 State ``[r_1 .. r_n, v_1 .. v_n]``, each in d cartesian components.
 """
 
+import itertools
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -43,8 +45,27 @@ class FreePoints(System):
         force = jnp.zeros_like(r)
         for effect in effects:
             force = force + effect.force(t, r, v, m)
-        return jnp.concatenate([v.ravel(), (force / m[:, None]).ravel()])
+        return _state(v, force / m[:, None])
+
+    def canonical(self, t, y):
+        r, v, m = self.points(t, y)
+        return _state(r, m[:, None] * v)
+
+    def generators(self, y):
+        r, v, _ = self.points(jnp.zeros(()), y)
+        found = {}
+        for i in range(self.d):
+            shift = jnp.zeros_like(r).at[:, i].set(1.0)
+            found[f"shift along {_AXES[i]}"] = _state(shift, jnp.zeros_like(v))
+        for i, j in itertools.combinations(range(self.d), 2):
+            turn = jnp.zeros((self.d, self.d)).at[j, i].set(1.0).at[i, j].set(-1.0)
+            found[f"turn in {_AXES[i]}{_AXES[j]}"] = _state(r @ turn.T, v @ turn.T)
+        return found
 
     def check(self, t, y):
         del t, y
         _checks.positive("mass", self.m, "Masses are in kg.")
+
+
+def _state(r: Array, v: Array) -> Array:
+    return jnp.concatenate([r.ravel(), v.ravel()])

@@ -1,0 +1,79 @@
+"""Energies and momenta of a scene, at a state and along a motion.
+
+All look at the material points of the system, so they hold for any coordinates. What is
+conserved depends on the effects: `drift` measures it.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn.scene import Field, Scene
+from jaxdyn.simulate import Trajectory
+
+
+def potential(scene: Scene | Field, t, y: Array) -> Array:
+    """Potential energy () [J]: the sum over the effects that have one."""
+    r, _, m = scene.system.points(t, y)
+    values = [effect.potential(t, r, m) for effect in scene.effects]
+    return sum((v for v in values if v is not None), jnp.zeros(()))
+
+
+def energy(scene: Scene | Field, t, y: Array) -> Array:
+    """Kinetic plus potential energy () [J]."""
+    return scene.system.kinetic(t, y) + potential(scene, t, y)
+
+
+def momentum(scene: Scene | Field, t, y: Array) -> Array:
+    """Linear momentum (d,) [kg m/s] of all material points."""
+    _, v, m = scene.system.points(t, y)
+    return jnp.sum(m[:, None] * v, axis=0)
+
+
+def angular_momentum(scene: Scene | Field, t, y: Array) -> Array:
+    """Angular momentum about the origin [kg m^2/s]: () in the plane, (3,) in space.
+
+    Limits: zero-dimensional, () 0, for points on a line.
+    """
+    r, v, m = scene.system.points(t, y)
+    if r.shape[1] == 1:
+        return jnp.zeros(())
+    if r.shape[1] == 2:
+        return jnp.sum(m * (r[:, 0] * v[:, 1] - r[:, 1] * v[:, 0]))
+    return jnp.sum(m[:, None] * jnp.cross(r, v), axis=0)
+
+
+def integrals(scene: Scene | Field, t, y: Array) -> dict[str, Array]:
+    """The candidates for conserved quantities, each () or (d,), by name.
+
+    Which of them are conserved depends on the effects; nothing here says so.
+    """
+    return {
+        "energy": energy(scene, t, y),
+        "momentum": momentum(scene, t, y),
+        "angular momentum": angular_momentum(scene, t, y),
+    }
+
+
+def along(quantity, motion: Trajectory) -> Array:
+    """(s, ...) values of a quantity of this file along a motion, e.g. ``along(energy, motion)``.
+
+    Example:
+      >>> from jaxdyn import energy, scenes, simulate
+      >>> motion = simulate(scenes.cannonball(), 1.0)
+      >>> energy.along(energy.momentum, motion).shape
+      (200, 2)
+    """
+    return jax.vmap(lambda t, y: quantity(motion.scene, t, y))(motion.ts, motion.ys)
+
+
+def drift(motion: Trajectory) -> Array:
+    """Largest change of the energy along a motion () [1], relative to its kinetic and potential.
+
+    max_i |E(t_i) - E(t_0)| / max_i (|T(t_i)| + |V(t_i)|); effects without a potential, such
+    as drag, make it large, which is right.
+    """
+    total = along(energy, motion)
+    v = along(potential, motion)
+    size = jnp.max(jnp.abs(total - v) + jnp.abs(v))
+    return jnp.max(jnp.abs(total - total[0])) / size
