@@ -22,6 +22,7 @@ import jax
 _FOLD_KEY = "xla_cpu_small_while_loop_byte_threshold"
 _FOLD_BYTES = 1 << 20  # 1 MiB, see the module docstring
 _EXTRA = "--xla_backend_extra_options="
+_ASYNC = "jax_cpu_enable_async_dispatch"  # has no attribute of jax.config, only a value
 
 
 def configure(
@@ -53,7 +54,7 @@ def configure(
         if fold_loops:
             _fold_loops()
         if same_thread:
-            jax.config.update("jax_cpu_enable_async_dispatch", False)
+            jax.config.update(_ASYNC, False)
     if cache:
         _persistent_cache()
 
@@ -68,7 +69,7 @@ def _backend_is_up() -> bool:
 def _warn_if_too_late(fold_loops: bool, same_thread: bool) -> None:
     wanted = {
         "XLA's loop folding": fold_loops and _FOLD_KEY not in os.environ.get("XLA_FLAGS", ""),
-        "running in the calling thread": same_thread and jax.config.jax_cpu_enable_async_dispatch,
+        "running in the calling thread": same_thread and jax.config.values[_ASYNC],
     }
     late = [what for what, missing in wanted.items() if missing]
     if late:

@@ -1,0 +1,85 @@
+"""Tolerances and small scenes that the tests share."""
+
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import Scene
+from jaxdyn.effects import PairGravity
+from jaxdyn.formulations.newton import FreePoints
+
+#: Two formulas for one number: a few roundings apart, relative to numbers of order one.
+EXACT = 1e-14
+#: A solve at rtol 1e-13 or tighter over a span of order one: its steps' errors add up.
+SOLVED = 1e-12
+#: Fourth-order central differences at h = 1e-3: h^4/30 of a fifth derivative, or eps/h.
+DIFFED = 1e-9
+
+_H = 1e-3
+
+
+def central_difference(fn, x):
+    """Jacobian (..., k) of fn at x (k,) by differences that are right to order h^4."""
+    columns = [
+        (8 * (fn(x + _H * e) - fn(x - _H * e)) - (fn(x + 2 * _H * e) - fn(x - 2 * _H * e)))
+        / (12 * _H)
+        for e in jnp.eye(x.size)
+    ]
+    return jnp.stack(columns, axis=-1)
+
+
+def gap(a, b) -> float:
+    """Largest absolute difference; NaN, so no tolerance is met, where either is NaN."""
+    a, b = np.asarray(a), np.asarray(b)
+    assert a.shape == b.shape
+    return float(np.max(np.abs(a - b)))
+
+
+def run_python(code: str, **env: str) -> str:
+    """What a fresh Python prints; the given variables and a bare minimum are all it sees."""
+    bare = {"PATH": "/usr/bin:/bin", "PYTHONPATH": ":".join(sys.path), "HOME": "/nonexistent"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=bare | env, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def kepler(e: float, angle: float = 0.0) -> Scene:
+    """Two equal bodies on ellipses of eccentricity e from their nearest points.
+
+    Relative motion with G (m1 + m2) = 1 and semi-major axis 1, so the period is 2 pi.
+    """
+    along = jnp.array([jnp.cos(angle), jnp.sin(angle)])
+    across = jnp.array([-jnp.sin(angle), jnp.cos(angle)])
+    r, v = (1 - e) * along, jnp.sqrt((1 + e) / (1 - e)) * across
+    y0 = jnp.concatenate([-r, r, -v, v]) / 2
+    return Scene(FreePoints([0.5, 0.5]), (PairGravity(1.0),), y0=y0, t1=2 * jnp.pi)
+
+
+def kepler_state(e: float, t: float) -> np.ndarray:
+    """(8,) state of `kepler(e)` at time t, from Kepler's equation E - e sin E = t."""
+    anomaly = t
+    for _ in range(50):
+        anomaly -= (anomaly - e * np.sin(anomaly) - t) / (1 - e * np.cos(anomaly))
+    b = np.sqrt(1 - e * e)
+    r = np.array([np.cos(anomaly) - e, b * np.sin(anomaly)])
+    v = np.array([-np.sin(anomaly), b * np.cos(anomaly)]) / (1 - e * np.cos(anomaly))
+    return np.concatenate([-r, r, -v, v]) / 2
+
+
+def primitives(fn, *args) -> list[str]:
+    """Names of the operations that fn is traced to, in order, those of inner programs too."""
+    found = []
+
+    def walk(jaxpr):
+        for eqn in jaxpr.eqns:
+            found.append(eqn.primitive.name)
+            for sub in jax.core.jaxprs_in_params(eqn.params):
+                walk(sub)
+
+    walk(jax.make_jaxpr(fn)(*args).jaxpr)
+    return found

@@ -1,0 +1,91 @@
+"""Every host-side check: what is refused and what the message says."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxdyn import _checks
+
+
+def test_fail_puts_the_message_together():
+    error = _checks.fail("mass", "> 0", -1.0, "Masses are in kg.")
+    assert isinstance(error, ValueError)
+    assert str(error) == "mass: expected > 0, got -1.0. Masses are in kg."
+    assert str(_checks.fail("mass", "> 0", -1.0)) == "mass: expected > 0, got -1.0."
+
+
+def test_is_traced_tells_tracers_from_values():
+    seen = []
+
+    def note(x):
+        seen.append((_checks.is_traced(x), _checks.is_traced({"a": 1.0, "b": x})))
+        return x
+
+    jax.jit(note)(1.0)
+    jax.grad(note)(1.0)
+    jax.vmap(note)(jnp.ones(2))
+    assert seen == [(True, True)] * 3
+    for value in (1, 1.0, np.ones(2), jnp.ones(2), None, [jnp.ones(2)]):
+        assert not _checks.is_traced(value)
+
+
+def test_float64_is_demanded():
+    _checks.float64()
+    with (
+        jax.enable_x64(False),
+        pytest.raises(ValueError, match=r"floats: expected 64-bit .* jaxdyn\.configure\(\)"),
+    ):
+        _checks.float64()
+
+
+@pytest.mark.parametrize(
+    ("x", "shape", "message"),
+    [
+        ("abc", (), r"x: expected numbers, got 'abc'\. Help\."),
+        (None, (), r"x: expected numbers, got None\. Help\."),
+        ([[1.0], [1.0, 2.0]], (None,), r"x: expected numbers, got \[\[1\.0\], .*\. Help\."),
+        ([1.0], (), r"x: expected shape \(\), got shape \(1,\)\. Help\."),
+        ([1.0], (2,), r"x: expected shape \(2\), got shape \(1,\)\. Help\."),
+        (1.0, (None,), r"x: expected shape \(any\), got shape \(\)\. Help\."),
+        ([[1.0, 2.0]], (None, 3), r"x: expected shape \(any, 3\), got shape \(1, 2\)\. Help\."),
+        ([1.0, np.nan], (2,), r"x: expected finite numbers, got nan at index \[1\]\. Help\."),
+        (np.inf, (), r"x: expected finite numbers, got inf\. Help\."),
+    ],
+)
+def test_array_refuses(x, shape, message):
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        _checks.array("x", x, shape, "Help.")
+
+
+def test_array_returns_floats_and_lets_tracers_pass():
+    got = _checks.array("x", [1, 2], (None,))
+    assert got.dtype == jnp.float64
+    assert jnp.isnan(jax.jit(lambda x: _checks.array("x", x, ()))(jnp.nan))
+
+
+@pytest.mark.parametrize(
+    ("x", "message"),
+    [
+        ([1.0, -2.0], r"m: expected > 0, got -2\.0\. Help\."),
+        (0.0, r"m: expected > 0, got 0\.0\. Help\."),
+        ([1.0, np.nan], r"m: expected finite numbers, got nan at index \[1\]\. Help\."),
+    ],
+)
+def test_positive_refuses(x, message):
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        _checks.positive("m", x, "Help.")
+
+
+def test_positive_lets_good_numbers_and_tracers_pass():
+    np.testing.assert_array_equal(_checks.positive("m", [1, 2]), [1.0, 2.0])
+    assert jax.jit(lambda x: _checks.positive("m", x))(-1.0) == -1.0
+
+
+def test_choice_suggests_the_nearest():
+    assert _checks.choice("label", "x", ["y", "x"]) == "x"
+    message = r"^label: expected one of apple, pear, got 'appel'\. Did you mean 'apple'\?$"
+    with pytest.raises(ValueError, match=message):
+        _checks.choice("label", "appel", ["pear", "apple"])
+    with pytest.raises(ValueError, match=r"got 'zzz'\.$"):
+        _checks.choice("label", "zzz", ["pear", "apple"])

@@ -1,0 +1,112 @@
+"""The numerical tricks do what their docstrings claim, also after compilation."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxdyn._numerics import (
+    in_one_kernel,
+    materialised,
+    runtime_one,
+    safe_norm,
+    safe_sqrt,
+    square_norm,
+    two_sum,
+)
+
+RNG = np.random.default_rng(1)
+
+
+@pytest.mark.parametrize("jac", [jax.jacfwd, jax.jacrev])
+def test_safe_sqrt_is_the_root_with_a_finite_slope_at_zero(jac):
+    x = jnp.array([0.0, 1e-300, 0.25, 4.0])
+    np.testing.assert_array_equal(safe_sqrt(x), np.sqrt(x))
+    slope = jnp.diagonal(jac(safe_sqrt)(x))
+    np.testing.assert_allclose(slope, [0.0, 5e149, 1.0, 0.25], rtol=1e-15)
+    assert jnp.isfinite(jac(jac(safe_sqrt))(jnp.array([0.0]))).all()
+
+
+@pytest.mark.parametrize("x", [math.nan, -1.0, -math.inf])
+def test_safe_sqrt_hides_no_bad_argument(x):
+    assert jnp.isnan(safe_sqrt(jnp.array(x)))
+    assert jnp.isnan(jax.grad(safe_sqrt)(x))
+
+
+@pytest.mark.parametrize("jac", [jax.jacfwd, jax.jacrev])
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_safe_norm_is_the_length_with_gradient_zero_at_the_origin(jac, d):
+    x = jnp.asarray(RNG.normal(size=(5, d)))
+    np.testing.assert_allclose(safe_norm(x), np.linalg.norm(x, axis=1), rtol=1e-15)
+    np.testing.assert_allclose(square_norm(x), np.sum(x * x, axis=1), rtol=1e-15)
+    unit = x[0] / jnp.linalg.norm(x[0])
+    np.testing.assert_allclose(jac(safe_norm)(x[0]), unit, atol=1e-15)
+    np.testing.assert_array_equal(jac(safe_norm)(jnp.zeros(d)), np.zeros(d))
+    assert jnp.isnan(safe_norm(jnp.full(d, jnp.nan)))
+
+
+def _sums(x: jax.Array, n: int) -> tuple[jax.Array, jax.Array]:
+    """Naive and compensated sum of n increments h * x in a loop that XLA folds."""
+    # The product is there on purpose: a compiler that contracts it into the sum in one place
+    # and not in the other would spoil the compensation.
+    h = x * 0.5
+
+    def body(_, carry):
+        naive, total, left_out = carry
+        naive = naive + h * x
+        total, left_out = two_sum(total, left_out, h * x)
+        return naive, total, left_out
+
+    naive, total, _ = jax.lax.fori_loop(0, n, body, (x * 0, x * 0, x * 0))
+    return naive, total
+
+
+@pytest.mark.parametrize("wrap", [jax.jit, lambda f: jax.jit(jax.vmap(f))], ids=["jit", "vmap"])
+def test_two_sum_survives_compilation(wrap):
+    n = 1_000_000
+    x = jnp.array([0.1, 0.3, 0.7])
+    if wrap is jax.jit:
+        x = x[1]
+    naive, total = wrap(lambda x: _sums(x, n))(x)
+    exact = np.asarray(x) * 0.5 * np.asarray(x) * n
+    # One rounding of the sum and one of the product, whatever n; naively it is thousands.
+    assert np.max(np.abs(total - exact) / exact) < 3e-16
+    assert np.min(np.abs(naive - exact) / exact) > 1e-12
+
+
+def test_two_sum_returns_what_rounding_left_out():
+    total, carry = two_sum(jnp.array(1.0), jnp.array(0.0), jnp.array(1e-17))
+    assert (float(total), float(carry)) == (1.0, 1e-17)
+
+
+def test_materialised_changes_no_bit():
+    x = jnp.asarray(RNG.normal(size=50) * 10.0 ** RNG.integers(-300, 300, 50))
+    kept = jax.jit(lambda x, t: materialised(x, runtime_one(t)))(x, -3.7)
+    np.testing.assert_array_equal(kept, x)
+
+
+@pytest.mark.parametrize("unknown", [True, False])
+def test_in_one_kernel_is_the_plain_call(unknown):
+    def fn(x, tree, n):
+        total = jax.lax.fori_loop(0, n, lambda i, y: y + jnp.sin(i * tree["a"]), x)
+        return {"sum": total, "count": n + 1, "small": total < tree["a"]}
+
+    args = (jnp.arange(3.0), {"a": jnp.array(0.3)}, jnp.array(4))
+    plain = jax.jit(fn)(*args)
+    packed = jax.jit(lambda *a: in_one_kernel(fn, a[1:], a[0]))(jnp.array(unknown), *args)
+    assert jax.tree.structure(plain) == jax.tree.structure(packed)
+    for a, b in zip(jax.tree.leaves(plain), jax.tree.leaves(packed), strict=True):
+        np.testing.assert_array_equal(a, b)
+        assert a.dtype == b.dtype
+
+
+def test_in_one_kernel_is_a_loop_that_the_compiler_keeps():
+    fn = jax.jit(lambda x: in_one_kernel(lambda x: jnp.sin(x) * 2, (x,), x[0] > 0))
+    assert " while(" in fn.lower(jnp.ones(3)).compile().as_text()
+
+
+def test_in_one_kernel_lets_nan_through():
+    x = jnp.array([jnp.nan, 1.0])
+    np.testing.assert_array_equal(in_one_kernel(jnp.sqrt, (x,), x[0] > 0), x)
