@@ -74,9 +74,7 @@ class Variational(eqx.Module):
     def rate(self, t: Array, y: Float[Array, "k columns"]) -> Float[Array, "k columns"]:
         """Rates of the state and of its tangents."""
         moving, fixed = _split_like(self.field, self.directions)
-        f, jvp = jax.linearize(
-            lambda p, x: eqx.combine(p, fixed).rate(t, x), moving, y[..., 0]
-        )
+        f, jvp = jax.linearize(lambda p, x: eqx.combine(p, fixed).rate(t, x), moving, y[..., 0])
         # Lanes last: one column a lane, contiguous in memory.
         tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
         return jnp.concatenate([f[..., None], tangents], axis=-1)
@@ -137,9 +135,7 @@ def _flow_jvp(primals, tangents, *, settings):
     columns, directions, multiply = _columns(field, y0, f0, d_field, d_y0, d_t0)
     if columns.shape[-1]:
         start = jnp.concatenate([y0[..., None], columns], axis=-1)
-        out = flow(
-            Variational(field, directions), start, t0, t1, ts, tolerance, settings=settings
-        )
+        out = flow(Variational(field, directions), start, t0, t1, ts, tolerance, settings=settings)
         y1, ys = out.y1[..., 0], out.ys[..., 0]
         d_y1, d_ys = multiply(out.y1[..., 1:]), multiply(out.ys[..., 1:])
     else:

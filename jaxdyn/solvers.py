@@ -163,6 +163,8 @@ NYSTROM12 = _load("rkn12_10_17.json", "Nystrom 12(10)", order=12, error_order=11
 #: evaluations of Dormand and Prince's 8(7); all its weights are positive. Coefficients by
 #: J. H. Verner, https://www.sfu.ca/~jverner/.
 VERNER9 = _load("verner9_8.json", "Verner 9(8)", order=9, error_order=9)
+#: Prince and Dormand (1981), 13 stages, as diffrax has it: the second opinion on the other two.
+DOPRI8 = from_diffrax(diffrax.Dopri8())
 
 
 class Stepper(diffrax.AbstractAdaptiveSolver):

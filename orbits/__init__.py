@@ -1,9 +1,34 @@
-"""orbits."""
+"""orbits: periodic orbits of jaxdyn's scenes, found, identified, tested for stability, checked.
 
+A tour, from the rough guess of a textbook to Montgomery's figure-eight:
+
+>>> import jaxdyn, orbits
+>>> from jaxdyn import scenes
+>>> scene = scenes.three_body()
+>>> plain = orbits.find(scene, scenes.EIGHT_GUESS, scenes.EIGHT_GUESS_PERIOD)
+>>> orbits.identify(plain).choreography        # it closes, but is not the eight
+False
+>>> orbits.stability(plain).verdict
+'unstable'
+>>> eight = orbits.find(scene, plain.y0, plain.period, closing=orbits.choreography(3))
+>>> orbits.identify(eight).choreography, orbits.stability(eight).verdict
+(True, 'stable')
+>>> round(orbits.normal_form(eight).period, 10)
+6.325913983
+"""
+
+from orbits.identity import Identity as Identity
+from orbits.identity import identify as identify
+from orbits.identity import normal_form as normal_form
 from orbits.problem import PLAIN as PLAIN
 from orbits.problem import Closing as Closing
 from orbits.problem import Orbit as Orbit
 from orbits.problem import Outcome as Outcome
 from orbits.problem import SearchError as SearchError
 from orbits.problem import choreography as choreography
+from orbits.evidence import closure as closure
+from orbits.evidence import recheck as recheck
 from orbits.shooting import find as find
+from orbits.stability import Stability as Stability
+from orbits.stability import monodromy as monodromy
+from orbits.stability import stability as stability

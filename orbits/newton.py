@@ -21,7 +21,7 @@ RANK_TOLERANCE = 1e-7
 _DAMPING_START = 0.1  # of the residual; from 0.01 on, rough guesses end anywhere
 _DAMPING_GROW, _DAMPING_SHRINK = 4.0, 0.25
 _DAMPING_MAX = 1e8
-_STALLED = 4  # steps without progress that mean the rounding level
+_STALLED = 2  # steps without progress that mean the rounding level
 
 
 @dataclasses.dataclass(frozen=True)

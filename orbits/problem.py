@@ -53,14 +53,19 @@ class Closing(eqx.Module):
 PLAIN = Closing()
 
 
-def choreography(n: int = 3, d: int = 2, *, step: int = 1) -> Closing:
-    """All n bodies on one curve: after T / n body i is where body i + step was.
+def choreography(n: int = 3, d: int = 2) -> tuple[Closing, Closing]:
+    """All n bodies on one curve: after T / n each is where the next one was.
+
+    There are two directions round the ring; `find` takes the one its guess is nearer to.
 
     Args:
       n: number of free points.
       d: dimensions of space.
-      step: 1 or -1 for the two directions round the ring.
     """
+    return _ring(n, d, 1), _ring(n, d, -1)
+
+
+def _ring(n: int, d: int, step: int) -> Closing:
     bodies = (np.arange(n) + step) % n
     one = (bodies[:, None] * d + np.arange(d)).ravel()
     places = np.concatenate([one, n * d + one])

@@ -6,7 +6,7 @@ The residual is what does not close, its Jacobian comes from the variational equ
 """
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -32,7 +32,7 @@ def find(
     *,
     lower=None,
     upper=None,
-    closing: Closing = PLAIN,
+    closing: Closing | Sequence[Closing] = PLAIN,
     segments: int = 1,
     goal: float = GOAL,
     rtol: float = RTOL,
@@ -48,7 +48,8 @@ def find(
       period: () guess of the full period; the scene's own span if left out.
       lower: (k + 1,) lower bounds of the start and the period; -inf where there is none.
       upper: (k + 1,) upper bounds.
-      closing: what must hold after which part of the period.
+      closing: what must hold after which part of the period; of several, the one that the
+        guess misses least.
       segments: pieces integrated by themselves (multiple shooting).
       goal: largest closing error that counts as an orbit.
       rtol: tolerance of the integrations.
@@ -68,7 +69,9 @@ def find(
       >>> round(eight.period, 6)
       6.325914
     """
-    guess, lower, upper = _checked(scene, y0, period, lower, upper, closing, segments)
+    closings = (closing,) if isinstance(closing, Closing) else tuple(closing)
+    guess, lower, upper = _checked(scene, y0, period, lower, upper, closings, segments)
+    closing = _nearest(scene, guess, closings, rtol)
     equations = _Equations(scene, closing, segments, rtol)
     x = equations.spread(guess)
     low, high = equations.bounds(lower, upper)
@@ -143,11 +146,12 @@ def _closing_error(scene, closing, x, rtol, *, segments) -> tuple[Array, Array]:
     return value, jacobian
 
 
-def _checked(scene, y0, period, lower, upper, closing, segments):
+def _checked(scene, y0, period, lower, upper, closings, segments):
     scene = scene if y0 is None else scene.starting(y0)
     scene.check()
     k = len(scene.y0)
-    closing.check(k)
+    for closing in closings:
+        closing.check(k)
     if segments < 1:
         raise fail("segments", "at least 1", segments)
     period = positive("period", scene.t1 if period is None else period, "It is a time.")
@@ -160,6 +164,19 @@ def _checked(scene, y0, period, lower, upper, closing, segments):
         i = int(np.argmax(low > high))
         raise fail("lower", f"<= upper = {high[i]} at index {i}", low[i], "Swap them?")
     return np.clip(guess, low, high), low, high
+
+
+def _nearest(scene: Scene, guess: np.ndarray, closings: tuple[Closing, ...], rtol) -> Closing:
+    if len(closings) == 1:
+        return closings[0]
+
+    def miss(closing: Closing) -> float:
+        y0 = jnp.asarray(guess[:-1])
+        end = solve(scene.starting(y0), guess[-1] / closing.parts, rtol=rtol).y1
+        error = float(jnp.linalg.norm(scene.system.difference(end, closing.act(y0))))
+        return error if np.isfinite(error) else np.inf
+
+    return min(closings, key=miss)
 
 
 def _bound(name, value, k, remedy):

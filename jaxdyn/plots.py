@@ -1,0 +1,303 @@
+"""Pictures of a motion: its paths in space, and the entries of its state against time.
+
+Drawn with Matplotlib's objects, never with pyplot: no window opens, no global state changes,
+nothing is left behind. Every function returns the `Figure` and writes it where a path is given.
+
+Conventions: one colour a body, from Okabe and Ito's palette, which colour-blind readers can
+tell apart; a dot where a body starts, a ring where it ends, a cross where a failed run stops.
+Space is drawn to one scale in all directions; motion on a line is drawn against time.
+"""
+
+import re
+import textwrap
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+from jaxdyn import _checks
+from jaxdyn.simulate import Trajectory
+
+#: Okabe and Ito (2008), Color Universal Design; their yellow is left out, too faint on white.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+SUFFIXES = (".png", ".pdf", ".svg")
+INK = "#404040"
+DPI = 150
+_GRID = "#e4e4e4"
+_WIDTH = 6.4  # inches
+_PIECES = 120  # of a path; see `draw_paths`
+_LEAST_SHARE = 0.25  # of the widest direction that a narrow one is given
+_MARGIN = 1.12  # of the box drawn to the box of the motion
+_BODIES_NAMED = len(PALETTE)  # more would repeat colours: no legend
+_NOTE_WIDTH = 60  # characters
+_LINE = 0.25  # inches a line of the heading
+
+
+class Paths(NamedTuple):
+    """What a picture needs of a motion.
+
+    Attributes:
+      ts: (s,) times [s], of the samples that the run got to.
+      xyz: (s, n, D) drawn coordinates there, D = 2 or 3; (time, x) for motion on a line.
+      labels: (D,) what the axes say.
+      equal: whether all axes have one scale.
+      stopped: why the run stopped early; empty if it did not.
+    """
+
+    ts: np.ndarray
+    xyz: np.ndarray
+    labels: tuple[str, ...]
+    equal: bool
+    stopped: str
+
+
+def trajectory(motion: Trajectory, path=None, *, title: str | None = None) -> Figure:
+    """A picture of the paths of all material points of a motion.
+
+    Args:
+      motion: what `simulate` returned; with ``throw=False`` also one that stopped early, which
+        is then marked by crosses and a line in the title.
+      path: file to write, .png, .pdf or .svg.
+      title: what stands above it.
+    Returns:
+      The figure: a plane, a box (3-D) or x against t (1-D).
+    Raises:
+      ValueError: a file that cannot be written, or a batch of motions.
+    Example:
+      >>> from jaxdyn import scenes, simulate
+      >>> figure = trajectory(simulate(scenes.cannonball()), title="A throw")
+      >>> figure.axes[0].get_xlabel()
+      'x [m]'
+    """
+    if path is not None:
+        path = checked_path(path, SUFFIXES)
+    drawn = paths(motion)
+    box = limits(drawn.xyz, drawn.equal)
+    heading = [line for line in (title, textwrap.fill(drawn.stopped, _NOTE_WIDTH)) if line]
+    width, height = size(box, drawn.equal)
+    figure = blank(width, height + _LINE * len(heading))
+    ax = panel(figure, 111, drawn, box)
+    ax.set_title("\n".join(heading))
+    draw_paths(ax, drawn.xyz)
+    if len(drawn.xyz):
+        draw_starts(ax, drawn.xyz[0])
+        _draw_ends(ax, drawn)
+    last = mark("x", "stop") if drawn.stopped else mark("o", "end", markerfacecolor="white")
+    legend(figure, drawn.xyz.shape[1], mark("o", "start"), last)
+    return finished(figure, path)
+
+
+def time_series(motion: Trajectory, names=None, path=None) -> Figure:
+    """A picture of entries of the state against time, one panel a unit.
+
+    Args:
+      motion: what `simulate` returned.
+      names: labels of the entries to draw, e.g. ``["x", "vx"]``; all of them if left out.
+      path: file to write, .png, .pdf or .svg.
+    Raises:
+      ValueError: an unknown label, or a file that cannot be written.
+    """
+    if path is not None:
+        path = checked_path(path, SUFFIXES)
+    units = dict(motion.scene.system.labels())
+    names = list(units) if names is None else [_checks.choice("names", x, units) for x in names]
+    if not names:
+        raise _checks.fail("names", "one of " + ", ".join(units), "none")
+    stopped, ts = paths(motion).stopped, np.asarray(motion.ts)
+    shown = list(dict.fromkeys(units[name] for name in names))
+    figure = blank(_WIDTH, 0.8 + 2.1 * len(shown))
+    panels = figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0]
+    for ax, unit in zip(panels, shown, strict=True):
+        _style(ax)
+        for i, name in enumerate(x for x in names if units[x] == unit):
+            dash = ("-", "--", ":")[i // len(PALETTE) % 3]
+            ax.plot(ts, motion[name], dash, color=PALETTE[i % len(PALETTE)], lw=1.6, label=name)
+        ax.margins(x=0)
+        ax.set_ylabel(f"[{unit}]")
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    panels[-1].set_xlabel("t [s]")
+    panels[0].set_title(textwrap.fill(stopped, _NOTE_WIDTH))
+    return finished(figure, path)
+
+
+def paths(motion: Trajectory) -> Paths:
+    """What there is to draw of a motion: the samples that its run got to."""
+    if np.ndim(motion.ys) != 2:
+        raise _checks.fail(
+            "motion",
+            "samples of one motion, shape (s, k)",
+            f"shape {np.shape(motion.ys)}",
+            "Draw the motions of a batch one by one.",
+        )
+    ts, r = np.asarray(motion.ts), np.asarray(motion.r)
+    good = np.isfinite(r).all(axis=(1, 2))
+    count = len(r) if good.all() else int(np.argmin(good))
+    ts, r = ts[:count], r[:count]
+    axes = _axis_labels(motion, r.shape[2])
+    if r.shape[2] > 1:
+        return Paths(ts, r, axes, True, _stopped(motion, ts))
+    time = np.broadcast_to(ts[:, None, None], r.shape)
+    against_time = np.concatenate([time, r], axis=2)
+    return Paths(ts, against_time, ("t [s]", *axes), False, _stopped(motion, ts))
+
+
+def limits(xyz: np.ndarray, equal: bool) -> np.ndarray:
+    """Lower and upper ends (D, 2) of a box with some air around points (..., D)."""
+    flat = xyz.reshape(-1, xyz.shape[-1])
+    if not len(flat):
+        return np.tile([-1.0, 1.0], (flat.shape[1], 1))
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    middle, half = (low + high) / 2, (high - low) / 2
+    if equal:
+        half = np.maximum(half, _LEAST_SHARE * half.max())
+    # A body at rest has no extent; below a millionth of its place axes have no digits left.
+    half = np.where(half > 1e-6 * np.abs(middle), half, np.maximum(np.abs(middle), 1.0) / 2)
+    return middle[:, None] + _MARGIN * half[:, None] * np.array([-1.0, 1.0])
+
+
+def size(box: np.ndarray, equal: bool) -> tuple[float, float]:
+    """Width and height [in] of a figure that one panel of this box fills."""
+    if len(box) == 3:
+        return _WIDTH, 0.85 * _WIDTH
+    if not equal:
+        return _WIDTH, 0.6 * _WIDTH
+    across, up = np.diff(box)[:, 0]
+    room = _WIDTH - 1.0  # without the labels of the axis
+    if up > across:
+        return max(1.0 + room * across / up, 3.4), room + 1.0
+    return _WIDTH, 1.4 + room * up / across
+
+
+def blank(width: float, height: float) -> Figure:
+    """An empty figure of this size [in] that needs no display."""
+    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def panel(figure: Figure, position, drawn: Paths, box: np.ndarray):
+    """New axes for these paths at a position of the figure, with fixed limits (D, 2)."""
+    solid = len(box) == 3
+    # Solid axes take the look of their grid from nowhere else.
+    with rc_context({"grid.color": _GRID, "grid.linewidth": 0.6}):
+        ax = figure.add_subplot(position, projection="3d" if solid else None)
+    for axis, ends, label in zip("xyz", box, drawn.labels, strict=False):
+        ax.set(**{f"{axis}lim": ends, f"{axis}label": label})
+    _style(ax)
+    if solid:
+        ax.set_aspect("equal")
+        ax.set_box_aspect(np.diff(box)[:, 0], zoom=0.95)
+    else:
+        ax.set_aspect("equal" if drawn.equal else "auto")
+    return ax
+
+
+def draw_paths(ax, xyz: np.ndarray) -> None:
+    """Draw the paths of n bodies (s, n, D), early parts above late ones.
+
+    Bodies that follow each other on one curve would hide each other if they were drawn one
+    after the other: only the last colour would be seen. Ordered by time, every part of the
+    curve has the colour of the body that was there first.
+    """
+    ends = np.unique(np.linspace(0, max(len(xyz) - 1, 0), _PIECES + 1).astype(int))
+    spans = list(zip(ends[:-1], ends[1:], strict=True))[::-1]
+    bodies = range(xyz.shape[1])
+    pieces = [xyz[a : b + 1, i] for a, b in spans for i in bodies]
+    colours = [colour(i) for _ in spans for i in bodies]
+    draw_lines(ax, pieces, colors=colours, linewidths=1.8, capstyle="round", joinstyle="round")
+
+
+def draw_starts(ax, xyz: np.ndarray) -> None:
+    """Draw a dot at each of the places (n, D) where the bodies start."""
+    for i, point in enumerate(xyz):
+        ax.plot(*point[:, None], "o", color=colour(i), ms=8, mec="white", mew=0.8, zorder=4)
+
+
+def draw_lines(ax, pieces, **style):
+    """A collection of lines on flat or solid axes whose limits stay as they are."""
+    kind = Line3DCollection if ax.name == "3d" else LineCollection
+    return ax.add_collection(kind(pieces, **style), autolim=False)
+
+
+def colour(i: int) -> str:
+    """The colour of body i."""
+    return PALETTE[i % len(PALETTE)]
+
+
+def mark(marker: str, label: str, **style) -> Line2D:
+    """An entry of the legend that explains a marker."""
+    return Line2D([], [], color=INK, ls="", marker=marker, ms=7, label=label, **style)
+
+
+def legend(figure: Figure, bodies: int, *marks: Line2D) -> None:
+    """Name the colours of the bodies and the marks below the figure."""
+    several = range(bodies if 1 < bodies <= _BODIES_NAMED else 0)
+    handles = [Line2D([], [], color=colour(i), lw=2.5, label=f"body {i + 1}") for i in several]
+    figure.legend(
+        handles=[*handles, *marks],
+        loc="outside lower center",
+        ncols=5,
+        frameon=False,
+        handlelength=1.2,
+        columnspacing=1.4,
+    )
+
+
+def checked_path(path, suffixes: tuple[str, ...]) -> Path:
+    """The path of a file that can be written, refused if its kind or folder is unknown."""
+    path = Path(path)
+    if path.suffix.lower() not in suffixes:
+        raise _checks.fail("path", f"a file name ending in {', '.join(suffixes)}", f"'{path}'")
+    if not path.parent.is_dir():
+        raise _checks.fail(
+            "path", "a file in a folder that exists", f"'{path}'", "Make the folder first."
+        )
+    return path
+
+
+def finished(figure: Figure, path: Path | None) -> Figure:
+    """The figure, written if a path is given."""
+    if path is not None:
+        figure.savefig(path)
+    return figure
+
+
+def _axis_labels(motion: Trajectory, d: int) -> tuple[str, ...]:
+    """(d,) names and units of the directions; the state says the unit where it has them."""
+    units = dict(motion.scene.system.labels())
+    return tuple(f"{x} [{units.get(x, units.get(x + '1', 'm'))}]" for x in "xyz"[:d])
+
+
+def _stopped(motion: Trajectory, ts: np.ndarray) -> str:
+    if len(ts) == len(motion.ts):
+        return ""
+    what = re.split(r"[.:(] ?", motion.message)[0].strip()
+    return f"{what} (t = {ts[-1]:.4g} s)" if len(ts) else what
+
+
+def _draw_ends(ax, drawn: Paths) -> None:
+    look = {"marker": "o", "ms": 12, "mfc": "white", "mew": 1.4, "zorder": 3}
+    if drawn.stopped:
+        look = {"marker": "x", "ms": 10, "mew": 2.2, "zorder": 5}
+    for i, point in enumerate(drawn.xyz[-1]):
+        ax.plot(*point[:, None], color=colour(i), **look)
+
+
+def _style(ax) -> None:
+    ax.grid(True, color=_GRID, lw=0.6)
+    ax.set_axisbelow(True)
+    ax.tick_params(colors=INK, labelsize=9)
+    if ax.name == "3d":
+        for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+            axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
+        ax.locator_params(nbins=5)
+        return
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.spines[["left", "bottom"]].set_color(INK)

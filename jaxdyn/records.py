@@ -1,0 +1,156 @@
+"""Scenes as plain JSON, and back, without executing anything a file says.
+
+A module becomes ``{"type": its class name, field: value, ...}``; arrays become nested lists of
+numbers. Reading looks the class up among those that are defined in the running program and
+fills in its fields; it never imports, calls or unpickles what a file names.
+"""
+
+import dataclasses
+import json
+import math
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn._checks import fail
+from jaxdyn.scene import Effect, Scene, System
+
+MAX_BYTES = 64 * 2**20  # a larger file is no record of ours
+MAX_NUMBERS = 1_000_000  # of one array
+
+
+def encode(value: Any) -> Any:
+    """A scene, system, effect or closing as numbers, strings, lists and dictionaries."""
+    if isinstance(value, eqx.Module):
+        fields = {f.name: encode(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        return {"type": type(value).__name__, **fields}
+    if isinstance(value, Array | np.ndarray):
+        return np.asarray(value).tolist()
+    if isinstance(value, tuple | list):
+        return [encode(item) for item in value]
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    raise fail(
+        "record",
+        "numbers, strings and modules",
+        f"{type(value).__name__} {value!r}",
+        "A scene that holds a function cannot be written to a file; make it an Effect class.",
+    )
+
+
+def decode(value: Any, what: str = "record") -> Any:
+    """What `encode` was given; arrays as float arrays, lists of modules as tuples.
+
+    Raises:
+      ValueError: an unknown class, a missing or extra field, something that is no number.
+    """
+    if isinstance(value, dict):
+        return _module(value, what)
+    if isinstance(value, list):
+        if any(isinstance(item, dict) for item in value):
+            return tuple(decode(item, what) for item in value)
+        return _array(value, what)
+    if isinstance(value, float):
+        return _array(value, what)
+    return value
+
+
+def write(path: str | Path, record: dict[str, Any]) -> None:
+    """The record in a JSON file, atomically: a run killed on the way leaves the old file."""
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise fail("file", "a folder that exists", str(path.parent), "Make it first.")
+    text = json.dumps(record, indent=1, allow_nan=False)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
+    try:
+        with os.fdopen(handle, "w") as file:
+            file.write(text + "\n")
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, 0o644)  # mkstemp makes it private
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def read(path: str | Path, kind: str, version: int) -> dict[str, Any]:
+    """The record in a JSON file, if it is of this kind and version."""
+    path = Path(path)
+    remedy = f"Give the path of a file that this program wrote as a {kind}."
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise fail("file", f"at most {MAX_BYTES} bytes", path.stat().st_size, remedy)
+        record = json.loads(path.read_text(), parse_constant=_no_constant)
+    except OSError as error:
+        raise fail("file", "a readable file", f"{path} ({error.strerror})", remedy) from error
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise fail("file", "JSON", f"{path} ({error})", remedy) from error
+    if not isinstance(record, dict) or record.get("format") != kind:
+        got = record.get("format") if isinstance(record, dict) else type(record).__name__
+        raise fail("file", f"format {kind!r}", repr(got), remedy)
+    if record.get("version") != version:
+        raise fail(
+            "file", f"version {version}", repr(record.get("version")), "Make the file again."
+        )
+    return record
+
+
+def _no_constant(name: str):
+    raise fail("file", "finite numbers", name, "The file was edited or is damaged.")
+
+
+def _classes() -> dict[str, type]:
+    """All concrete classes a record may name: scenes, and systems and effects defined so far."""
+    found: dict[str, type] = {"Scene": Scene}
+    waiting: list[type] = [System, Effect]
+    while waiting:
+        cls = waiting.pop()
+        waiting += cls.__subclasses__()
+        if cls not in (System, Effect):
+            found[cls.__name__] = cls
+    return found
+
+
+def _module(value: dict, what: str) -> eqx.Module:
+    classes = _classes()
+    cls = classes.get(value.get("type", ""))
+    if cls is None:
+        raise fail(what, f"one of {', '.join(sorted(classes))}", repr(value.get("type")))
+    names = {f.name for f in dataclasses.fields(cls)}
+    if names != value.keys() - {"type"}:
+        wrong = sorted(names ^ (value.keys() - {"type"}))
+        raise fail(what, f"the fields of {cls.__name__}", f"missing or extra {wrong}")
+    # Not through the constructor, whose arguments are for people and may differ from the fields.
+    module = object.__new__(cls)
+    for field in dataclasses.fields(cls):
+        static = field.metadata.get("static", False)
+        item = value[field.name]
+        item = item if static else _number_or(item, f"{what}.{field.name}")
+        object.__setattr__(module, field.name, tuple(item) if isinstance(item, list) else item)
+    return module
+
+
+def _number_or(item: Any, what: str) -> Any:
+    if isinstance(item, int | float) and not isinstance(item, bool):
+        return _array(item, what)
+    return () if item == [] else decode(item, what)
+
+
+def _array(value: Any, what: str) -> Array:
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise fail(what, "an array of numbers", repr(value)[:60]) from error
+    if array.size > MAX_NUMBERS:
+        raise fail(what, f"at most {MAX_NUMBERS} numbers", array.size)
+    if not np.isfinite(array).all():
+        bad = array[~np.isfinite(array)][0]
+        raise fail(what, "finite numbers", math.nan if np.isnan(bad) else bad)
+    return jnp.asarray(array)
