@@ -104,3 +104,23 @@ def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
 
     limit = jnp.where(unknown, 1.0, 0.5)
     return jax.lax.while_loop(lambda carry: carry[0] < limit, body, (jnp.zeros(()), empty))[1]
+
+
+def solve_spd(a: Float[Array, "n n"], b: Float[Array, "n *m"]) -> Float[Array, "n *m"]:
+    """The x with a x = b for a symmetric positive definite a, without LAPACK.
+
+    Gauss-Jordan elimination, stable without pivoting for such matrices, one whole-array update
+    for each unknown: a call of LAPACK would keep a stepping loop from being folded, and costs
+    ten times as much at the size of a mechanism (n up to about 20).
+
+    Limits: a singular matrix gives NaN or infinity, never an exception.
+    """
+    n = a.shape[0]
+    columns = b.reshape(n, -1)
+    x = jnp.concatenate([a, columns], axis=1)
+    for k in range(n):
+        row = x[k] / x[k, k]
+        # Row k becomes the normalised row itself, all others lose their entry in column k.
+        weights = x[:, k] - jnp.eye(1, n, k)[0]
+        x = x - weights[:, None] * row[None, :]
+    return x[:, n:].reshape(b.shape)

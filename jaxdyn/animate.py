@@ -2,15 +2,20 @@
 
 A GIF needs nothing more, an MP4 needs the program ffmpeg. Frames are samples of the motion,
 never values between samples: a straight line between two of them is not on the path.
-What does not move (axes, grid, labels) is drawn once and lies under every frame as an image.
+What does not move (axes, grid, labels) is drawn once and copied under every frame: Matplotlib's
+own way, the whole figure anew for each frame, takes several times as long.
 """
 
+import itertools
+from numbers import Integral
 from pathlib import Path
 
 import numpy as np
 from matplotlib.animation import FFMpegWriter, PillowWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from jaxdyn import _checks, plots
 from jaxdyn.simulate import Trajectory
@@ -52,13 +57,41 @@ def animate(
     n, d = motion.r.shape[1:]
     links = [tuple(_end(end, n, d) for end in _pair(link)) for link in links or ()]
     frames, writer = _timing(path, len(drawn.ts), float(seconds), float(fps))
-    figure, ax = _stage(drawn)
+    box = plots.limits(drawn.xyz, drawn.equal)
+    stage = plots.blank(*plots.size(box, drawn.equal), dpi=_DPI, kind=_Stage)
+    ax = plots.panel(stage, drawn, box)
+    ax.set_title(f"{drawn.stopped}\n ", fontsize=9)  # the clock stands in the empty line
+    plots.legend(stage, drawn.xyz.shape[1])
     actors = _Actors(ax, drawn, links, max(1, round(trail * len(drawn.ts))))
-    with writer.saving(figure, str(path), _DPI):
+    with writer.saving(stage, str(path), _DPI):
+        stage.set_up(actors.all)
         for sample in frames:
             actors.move(sample)
             writer.grab_frame()
     return path
+
+
+class _Stage(Figure):
+    """A figure that is drawn once; then to save it is to draw its actors on the same ground."""
+
+    def set_up(self, actors) -> None:
+        """Draw what does not move. The writer is ready by now: it may change the size."""
+        self.actors = actors
+        for actor in actors:
+            actor.set_animated(True)
+        self.agg = FigureCanvasAgg(self)
+        self.agg.draw()
+        self.ground = self.agg.copy_from_bbox(self.bbox)
+
+    def savefig(self, fname, **kwargs) -> None:
+        """Write one frame as bytes; writers say format and dpi, which are those of the stage."""
+        del kwargs
+        self.agg.restore_region(self.ground)
+        for actor in self.actors:
+            if isinstance(actor, Line3DCollection):
+                actor.do_3d_projection()
+            self.draw_artist(actor)
+        fname.write(self.agg.buffer_rgba())
 
 
 class _Actors:
@@ -71,22 +104,27 @@ class _Actors:
         # Shades of white instead of transparency: overlapping ends would show as beads.
         shades = [1 - f * (1 - np.array(to_rgb(plots.colour(i)))) for f in fade for i in range(n)]
         self.trails = plots.draw_lines(
-            ax, [], colors=shades, linewidths=np.repeat(0.4 + 2.2 * fade, n), zorder=2
+            ax, [], colors=shades, linewidths=np.repeat(0.4 + 2.2 * fade, n)
         )
-        self.rods = plots.draw_lines(ax, [], colors=plots.INK, linewidths=1.6, zorder=3)
+        self.rods = plots.draw_lines(ax, [], colors=plots.INK, linewidths=1.6)
         self.dots = [
-            ax.plot(*point[:, None], "o", color=plots.colour(i), ms=10, mec="white", zorder=4)[0]
+            ax.plot(*point[:, None], "o", color=plots.colour(i), ms=10, mec="white")[0]
             for i, point in enumerate(drawn.xyz[0])
         ]
         self.clock = ax.annotate(
             "", (0, 1), xycoords="axes fraction", xytext=(2, 4), textcoords="offset points"
         )
 
+    @property
+    def all(self) -> list:
+        """What to draw for a frame, from the back to the front."""
+        return [self.trails, self.rods, *self.dots, self.clock]
+
     def move(self, sample: int) -> None:
         """Put everything where it is at this sample."""
         xyz = self.drawn.xyz
         ends = np.linspace(max(sample - self.trail, 0), sample, _SHADES + 1).astype(int)
-        spans = list(zip(ends[:-1], ends[1:], strict=True))
+        spans = list(itertools.pairwise(ends))
         bodies = range(xyz.shape[1])
         self.trails.set_segments([xyz[a : b + 1, i] for a, b in spans for i in bodies])
         self.rods.set_segments([[self._place(end, sample) for end in link] for link in self.links])
@@ -95,27 +133,9 @@ class _Actors:
         self.clock.set_text(f"t = {self.drawn.ts[sample]:.2f} s")
 
     def _place(self, end, sample: int) -> np.ndarray:
-        if isinstance(end, int):
+        if isinstance(end, Integral):
             return self.drawn.xyz[sample, end]
         return end if self.drawn.equal else np.array([self.drawn.ts[sample], *end])
-
-
-def _stage(drawn: plots.Paths) -> tuple[Figure, object]:
-    """A figure whose axes are an image of themselves, and the axes to act on."""
-    box = plots.limits(drawn.xyz, drawn.equal)
-    figure = plots.blank(*plots.size(box, drawn.equal))
-    figure.set_dpi(_DPI)
-    ax = plots.panel(figure, 111, drawn, box)
-    ax.set_title(" \n" + drawn.stopped if drawn.stopped else " ", fontsize=10)
-    plots.legend(figure, drawn.xyz.shape[1])
-    figure.canvas.draw()
-    image = np.array(figure.canvas.buffer_rgba())
-    figure.set_layout_engine("none")
-    figure.legends.clear()
-    ax.set_title("")
-    ax.set_axis_off()
-    figure.figimage(image, zorder=-1)
-    return figure, ax
 
 
 def _timing(path: Path, samples: int, seconds: float, fps: float):
@@ -129,13 +149,13 @@ def _timing(path: Path, samples: int, seconds: float, fps: float):
                 f"'{path}'",
                 "Install ffmpeg or use .gif.",
             )
-        writer = FFMpegWriter(fps=count / seconds)
+        writer = FFMpegWriter(fps=count / seconds)  # pyright: ignore[reportArgumentType]
     else:
         # A GIF counts whole hundredths of a second; as many frames as then fill the time.
         frame = max(_SHORTEST, round(seconds / count, 2))
         count = max(2, min(samples, round(seconds / frame)))
         # The writer cuts off 1000/fps [ms], so 29.999 would become 29 and then 20.
-        writer = PillowWriter(fps=1 / (frame + 1e-6))
+        writer = PillowWriter(fps=1 / (frame + 1e-6))  # pyright: ignore[reportArgumentType]
     return np.linspace(0, samples - 1, count).round().astype(int), writer
 
 
@@ -162,14 +182,14 @@ def _check_samples(ts: np.ndarray) -> None:
 
 
 def _pair(link):
-    if isinstance(link, int) or len(link) != 2:
+    if isinstance(link, Integral) or len(link) != 2:
         raise _checks.fail("links", "pairs of ends", repr(link), "Such as [(0, 1), (1, 2)].")
     return link
 
 
 def _end(end, n: int, d: int):
     """A point's number, or an anchor's coordinates (d,), checked."""
-    if not isinstance(end, int):
+    if not isinstance(end, Integral):
         return np.asarray(_checks.array("links", end, (d,), "An anchor has d coordinates."))
     if not 0 <= end < n:
         raise _checks.fail("links", f"a point's number, 0 to {n - 1}", end)

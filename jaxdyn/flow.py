@@ -79,6 +79,17 @@ class Variational(eqx.Module):
         tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
         return jnp.concatenate([f[..., None], tangents], axis=-1)
 
+    def project(self, t: Array, y: Float[Array, "k columns"]) -> Float[Array, "k columns"]:
+        """The state on its constraints, and its tangents along them."""
+        moving, fixed = _split_like(self.field, self.directions)
+
+        def onto(p, x):
+            return eqx.combine(p, fixed).project(t, x)
+
+        x, jvp = jax.linearize(onto, moving, y[..., 0])
+        tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
+        return jnp.concatenate([x[..., None], tangents], axis=-1)
+
 
 @eqx.filter_custom_jvp
 def flow(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
@@ -174,7 +185,7 @@ def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, pair: Pair) -> A
     def step(t, y, h):
         # Many lanes make wide stages: the loop over stages is as fast and compiles sooner.
         increment, _ = pair.step(field.rate, t, h, y, rolled=True)
-        return y + increment
+        return field.project(t + h, y + increment)
 
     lanes_last = jax.vmap(step, in_axes=(0, -1, 0), out_axes=-1)
     ys = lanes_last(node_t, jnp.moveaxis(node_y, 0, -1), ts - node_t)

@@ -8,16 +8,18 @@ tell apart; a dot where a body starts, a ring where it ends, a cross where a fai
 Space is drawn to one scale in all directions; motion on a line is drawn against time.
 """
 
+import itertools
 import re
 import textwrap
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
@@ -32,11 +34,14 @@ DPI = 150
 _GRID = "#e4e4e4"
 _WIDTH = 6.4  # inches
 _PIECES = 120  # of a path; see `draw_paths`
-_LEAST_SHARE = 0.25  # of the widest direction that a narrow one is given
+_LEAST_SHARE = {2: 0.25, 3: 0.5}  # of the widest direction that a narrow one is given
 _MARGIN = 1.12  # of the box drawn to the box of the motion
 _BODIES_NAMED = len(PALETTE)  # more would repeat colours: no legend
 _NOTE_WIDTH = 60  # characters
 _LINE = 0.25  # inches a line of the heading
+
+
+F = TypeVar("F", bound=Figure)
 
 
 class Paths(NamedTuple):
@@ -82,7 +87,7 @@ def trajectory(motion: Trajectory, path=None, *, title: str | None = None) -> Fi
     heading = [line for line in (title, textwrap.fill(drawn.stopped, _NOTE_WIDTH)) if line]
     width, height = size(box, drawn.equal)
     figure = blank(width, height + _LINE * len(heading))
-    ax = panel(figure, 111, drawn, box)
+    ax = panel(figure, drawn, box)
     ax.set_title("\n".join(heading))
     draw_paths(ax, drawn.xyz)
     if len(drawn.xyz):
@@ -155,7 +160,7 @@ def limits(xyz: np.ndarray, equal: bool) -> np.ndarray:
     low, high = flat.min(axis=0), flat.max(axis=0)
     middle, half = (low + high) / 2, (high - low) / 2
     if equal:
-        half = np.maximum(half, _LEAST_SHARE * half.max())
+        half = np.maximum(half, _LEAST_SHARE[flat.shape[1]] * half.max())
     # A body at rest has no extent; below a millionth of its place axes have no digits left.
     half = np.where(half > 1e-6 * np.abs(middle), half, np.maximum(np.abs(middle), 1.0) / 2)
     return middle[:, None] + _MARGIN * half[:, None] * np.array([-1.0, 1.0])
@@ -174,26 +179,26 @@ def size(box: np.ndarray, equal: bool) -> tuple[float, float]:
     return _WIDTH, 1.4 + room * up / across
 
 
-def blank(width: float, height: float) -> Figure:
-    """An empty figure of this size [in] that needs no display."""
-    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)
+def blank(width: float, height: float, *, dpi: int = DPI, kind: type[F] = Figure) -> F:
+    """An empty figure of this size [in] and kind that needs no display."""
+    layout = ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1)
+    figure = kind(figsize=(width, height), dpi=dpi, layout=layout)
     FigureCanvasAgg(figure)
     return figure
 
 
-def panel(figure: Figure, position, drawn: Paths, box: np.ndarray):
-    """New axes for these paths at a position of the figure, with fixed limits (D, 2)."""
+def panel(figure: Figure, drawn: Paths, box: np.ndarray, position=(1, 1, 1)):
+    """New axes with fixed limits (D, 2) at a position (rows, columns, index) of the figure."""
     solid = len(box) == 3
     # Solid axes take the look of their grid from nowhere else.
     with rc_context({"grid.color": _GRID, "grid.linewidth": 0.6}):
-        ax = figure.add_subplot(position, projection="3d" if solid else None)
+        ax: Any = figure.add_subplot(*position, projection="3d" if solid else None)
     for axis, ends, label in zip("xyz", box, drawn.labels, strict=False):
         ax.set(**{f"{axis}lim": ends, f"{axis}label": label})
     _style(ax)
     if solid:
         ax.set_aspect("equal")
-        ax.set_box_aspect(np.diff(box)[:, 0], zoom=0.95)
+        ax.set_box_aspect(np.diff(box)[:, 0], zoom=1.0)
     else:
         ax.set_aspect("equal" if drawn.equal else "auto")
     return ax
@@ -207,7 +212,7 @@ def draw_paths(ax, xyz: np.ndarray) -> None:
     curve has the colour of the body that was there first.
     """
     ends = np.unique(np.linspace(0, max(len(xyz) - 1, 0), _PIECES + 1).astype(int))
-    spans = list(zip(ends[:-1], ends[1:], strict=True))[::-1]
+    spans = list(itertools.pairwise(ends))[::-1]
     bodies = range(xyz.shape[1])
     pieces = [xyz[a : b + 1, i] for a, b in spans for i in bodies]
     colours = [colour(i) for _ in spans for i in bodies]
@@ -297,7 +302,8 @@ def _style(ax) -> None:
     if ax.name == "3d":
         for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
             axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
-        ax.locator_params(nbins=5)
+        ax.tick_params(labelsize=8)
+        ax.locator_params(nbins=4)
         return
     ax.spines[["top", "right"]].set_visible(False)
     ax.spines[["left", "bottom"]].set_color(INK)

@@ -54,6 +54,11 @@ class Effect(eqx.Module):
         del v
         return -jax.grad(self._potential, argnums=1)(t, r, m)
 
+    def generalized(self, t: Array, q: Array, v: Array) -> Array | None:
+        """Forces (n,) on the coordinates themselves, e.g. a motor's torque; None by default."""
+        del t, q, v
+        return None
+
     def _potential(self, t: Array, r: Array, m: Array) -> Array:
         value = self.potential(t, r, m)
         if value is None:
@@ -96,8 +101,9 @@ class System(eqx.Module):
         """y1 - y0 (k,) as a small displacement; systems with angles wrap them."""
         return y1 - y0
 
-    def project(self, y: Array) -> Array:
-        """The nearest state that satisfies the system's constraints."""
+    def project(self, t: Array, y: Array) -> Array:
+        """The nearest state that satisfies the system's constraints; applied after each step."""
+        del t
         return y
 
     def canonical(self, t: Array, y: Array) -> Array | None:
@@ -131,6 +137,10 @@ class Field(eqx.Module):
     def rate(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
         """The vector field dy/dt."""
         return self.system.rate(t, y, self.effects)
+
+    def project(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
+        """The nearest state that satisfies the system's constraints."""
+        return self.system.project(t, y)
 
 
 class Scene(eqx.Module):
@@ -197,13 +207,13 @@ class Scene(eqx.Module):
 
     @staticmethod
     def _check_velocity(effect: Effect, points: Points) -> None:
-        # A wrong claim would give wrong trajectories silently. NaN velocities show it: they
-        # reach the force if and only if the force looks at them.
+        # A wrong claim would give wrong trajectories silently. NaN velocities show it: unless
+        # the force forgets them it becomes NaN, or takes the other branch of a comparison.
         if effect.velocity_dependent:
             return
         force = effect.force(jnp.zeros(()), points.r, points.v * jnp.nan, points.m)
         plain = effect.force(jnp.zeros(()), points.r, points.v, points.m)
-        if (np.isnan(force) & ~np.isnan(plain)).any():
+        if not np.array_equal(force, plain, equal_nan=True):
             raise _checks.fail(
                 type(effect).__name__,
                 "a force without velocities, as velocity_dependent = False says",

@@ -168,10 +168,11 @@ DOPRI8 = from_diffrax(diffrax.Dopri8())
 
 
 class Stepper(diffrax.AbstractAdaptiveSolver):
-    """A pair as a diffrax solver, with compensated summation of the steps.
+    """A pair as a diffrax solver, with compensated summation and projection of the steps.
 
     The solver's state is what rounding left out of the last sum; it is added to the next
     increment, so the rounding error of N steps grows like one step's, not like sqrt(N) to N.
+    After each step the field projects the state onto its constraints (most have none).
     """
 
     pair: Pair
@@ -200,6 +201,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
             lambda t, y: terms.vf(sign * t, y, args), sign * t0, h, y0, self.rolled
         )
         y1, carry = two_sum(y0, solver_state, increment)
+        y1 = args.project(sign * t1, y1)
         return y1, error, {"y0": y0, "y1": y1}, carry, diffrax.RESULTS.successful
 
     def func(self, terms, t0, y0, args):

@@ -6,6 +6,7 @@ import sys
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import jaxprs_in_params
 
 from jaxdyn import Scene
 from jaxdyn.effects import PairGravity
@@ -78,7 +79,7 @@ def primitives(fn, *args) -> list[str]:
     def walk(jaxpr):
         for eqn in jaxpr.eqns:
             found.append(eqn.primitive.name)
-            for sub in jax.core.jaxprs_in_params(eqn.params):
+            for sub in jaxprs_in_params(eqn.params):
                 walk(sub)
 
     walk(jax.make_jaxpr(fn)(*args).jaxpr)

@@ -1,0 +1,165 @@
+"""Constrained motion in more coordinates than freedoms: differential-algebraic equations.
+
+Ties phi(t, q) = 0 (rods, hinges, guides, closed loops) and rolling conditions B(t, q) v = 0
+(skates, wheels) are both conditions G a = gamma on the accelerations, with G = [d phi/dq; B].
+Lagrange multipliers lambda, the forces of the constraints, make the accelerations obey them:
+
+    M a = f + G^T lambda,    (G M^-1 G^T) lambda = gamma - G M^-1 f.
+
+Solved so, the constraints themselves drift: rounding and step errors in phi grow without bound.
+What is done about it is a choice (`drift`):
+
+- "projection" (default): after each step the state goes to the nearest one on the constraints,
+  in the metric of the kinetic energy. Satisfied to rounding, at the cost of one more solve.
+- "baumgarte": gamma is lowered by 2 a (d phi/dt) + a^2 phi, a damped pull back. The old recipe;
+  the rate a is a compromise between drift and stiffness.
+- "raw": nothing, so that the drift can be seen.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._numerics import solve_spd
+from jaxdyn.formulations.mechanism import (
+    Mechanism,
+    MechanismSystem,
+    drift_acceleration,
+    kinematic_jacobian,
+    on_coordinates,
+    pulled_back,
+    weighted_gram,
+)
+from jaxdyn.scene import Effect
+
+DRIFTS = ("projection", "baumgarte", "raw")
+_PROJECTIONS = 2  # Newton steps; the first leaves the square of a step's error
+#: Share of the velocities that may violate the conditions at the start.
+CONSISTENT = 1e-9
+
+
+class Constrained(MechanismSystem):
+    """A mechanism with ties or rolling conditions: state [q, v].
+
+    Attributes:
+      mechanism: its `tied` and `rolling` are the constraints.
+      drift: "projection", "baumgarte" or "raw".
+      pull: () rate a of Baumgarte's method [1/s].
+    """
+
+    mechanism: Mechanism
+    drift: str = eqx.field(static=True, default="projection")
+    pull: Array = eqx.field(default_factory=lambda: jnp.asarray(10.0), converter=jnp.asarray)
+
+    def rate(self, t, y, effects):
+        a, _ = self._solve(t, y, effects)
+        return jnp.concatenate([jnp.split(y, 2)[1], a])
+
+    def constraint_forces(self, t: Array, y: Array, effects: tuple[Effect, ...]) -> Array:
+        """(c + b,) multipliers: the forces of the ties, then of the rolling conditions."""
+        return self._solve(t, y, effects)[1]
+
+    def violation(self, t: Array, y: Array) -> tuple[Array, Array]:
+        """(c,) how far the ties are from zero, and (c + b,) how fast they leave it."""
+        q, v = jnp.split(y, 2)
+        t = jnp.asarray(t, y.dtype)
+        phi, rates, _, _ = self._conditions(t, q, v)
+        return phi, rates
+
+    def project(self, t, y):
+        return y if self.drift != "projection" else self.nearest(t, y)
+
+    def nearest(self, t: Array, y: Array) -> Array:
+        """(k,) the nearest state on the constraints, in the metric of the kinetic energy."""
+        q, v = jnp.split(y, 2)
+        t = jnp.asarray(t, y.dtype)
+        for _ in range(_PROJECTIONS):
+            phi, _, g, _ = self._conditions(t, q, v)
+            if phi.shape[0]:
+                q = q - self._least(t, q, g[: phi.shape[0]], phi)
+        _, rates, g, _ = self._conditions(t, q, v)
+        return jnp.concatenate([q, v - self._least(t, q, g, rates)])
+
+    def check(self, t, y):
+        super().check(t, y)
+        _checks.choice("drift", self.drift, DRIFTS)
+        phi, rates = self.violation(t, y)
+        offered = self.nearest(t, y)
+        size = 1.0 + float(jnp.abs(y).max())
+        if max(_largest(phi), _largest(rates)) > CONSISTENT * size:
+            raise _checks.fail(
+                "y0",
+                "a start that satisfies the constraints",
+                f"a violation of {_largest(phi):.3g} in place, {_largest(rates):.3g} in velocity",
+                f"The nearest one that does is {[float(f'{x:.12g}') for x in offered]}.",
+            )
+
+    def _solve(self, t: Array, y: Array, effects: tuple[Effect, ...]) -> tuple[Array, Array]:
+        q, v = jnp.split(y, 2)
+        t = jnp.asarray(t, y.dtype)
+        phi, rates, g, gamma = self._conditions(t, q, v)
+        if self.drift == "baumgarte":
+            position = jnp.zeros_like(rates).at[: phi.shape[0]].set(phi)
+            gamma = gamma - 2 * self.pull * rates - self.pull**2 * position
+        mass, force = self._mass_and_force(t, q, v, effects)
+        free, reach = self._free(mass, force, g)
+        multipliers = solve_spd(_times(g, reach), gamma - jnp.sum(g * free, axis=-1))
+        return free + jnp.sum(reach * multipliers, axis=-1), multipliers
+
+    def _conditions(self, t: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
+        """phi (c,), rates (c + b,), G (c + b, n) and gamma (c + b,) with G a = gamma."""
+        tied, rolling = self.mechanism.tied, self.mechanism.rolling
+        none = jnp.zeros((0,), q.dtype)
+        phi = none if tied(t, q) is None else tied(t, q)
+        one = jnp.ones_like(t)
+        rates, rows, gammas = [], [], []
+        if phi.shape[0]:
+
+            def rate(t, q):
+                return jax.jvp(tied, (t, q), (one, v))[1]
+
+            value, second = jax.jvp(rate, (t, q), (one, v))
+            rates, gammas = [value], [-second]
+            rows = [jax.jacfwd(lambda q: tied(t, q))(q)]
+        b = rolling(t, q)
+        if b is not None:
+            turned = jax.jvp(rolling, (t, q), (one, v))[1]
+            rates.append(jnp.sum(b * v, axis=-1))
+            gammas.append(-jnp.sum(turned * v, axis=-1))
+            rows.append(b)
+        if not rows:
+            return none, none, jnp.zeros((0, q.shape[0]), q.dtype), none
+        return phi, jnp.concatenate(rates), jnp.concatenate(rows), jnp.concatenate(gammas)
+
+    def _mass_and_force(self, t, q, v, effects) -> tuple[Array, Array]:
+        d = self.mechanism.positions(t, q).shape[1]
+        m = jnp.repeat(self.mechanism.masses(), d)
+        j = kinematic_jacobian(self.mechanism, t, q)
+        force = pulled_back(self.mechanism, t, q, v, effects)
+        force = force - m * drift_acceleration(self.mechanism, t, q, v).ravel()
+        return weighted_gram(j, m), jnp.sum(j * force, axis=-1) + on_coordinates(t, q, v, effects)
+
+    @staticmethod
+    def _free(mass: Array, force: Array, g: Array) -> tuple[Array, Array]:
+        """M^-1 f (n,) and M^-1 G^T (n, c), by one elimination."""
+        solved = solve_spd(mass, jnp.concatenate([force[:, None], g.T], axis=1))
+        return solved[:, 0], solved[:, 1:]
+
+    def _least(self, t: Array, q: Array, g: Array, error: Array) -> Array:
+        """(n,) the smallest change of q or v, in kinetic energy, that removes an error."""
+        if not g.shape[0]:
+            return jnp.zeros_like(q)
+        mass, _ = self._mass_and_force(t, q, jnp.zeros_like(q), ())
+        reach = solve_spd(mass, g.T)
+        return jnp.sum(reach * solve_spd(_times(g, reach), error), axis=-1)
+
+
+def _times(g: Array, reach: Array) -> Array:
+    # As a sum, for the reason given at mechanism.weighted_gram.
+    return jnp.sum(g[:, :, None] * reach[None, :, :], axis=1)
+
+
+def _largest(x: Array) -> float:
+    return float(jnp.max(jnp.abs(x), initial=0.0))

@@ -1,0 +1,140 @@
+"""A mechanism: coordinates, the material points they place, and what ties them.
+
+One mechanism serves all formulations (newton_euler, lagrange, constrained), so that the same
+machine can be set up in several ways and the answers compared. A rigid body enters through
+material points that have its mass, centre and inertia (`planar_body`, `inertia.equimomental`):
+then kinetic energy, gravity and drawings all follow from where points are.
+"""
+
+import abc
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.scene import Effect, Points, System
+
+
+class Mechanism(eqx.Module):
+    """Coordinates q (n,) and the material points they place."""
+
+    @abc.abstractmethod
+    def coordinates(self) -> tuple[tuple[str, str], ...]:
+        """(name, unit) of each coordinate; a unit of "rad" makes it an angle that wraps."""
+
+    @abc.abstractmethod
+    def masses(self) -> Array:
+        """(p,) masses of the material points [kg]."""
+
+    @abc.abstractmethod
+    def positions(self, t: Array, q: Array) -> Array:
+        """(p, d) where the points are."""
+
+    def tied(self, t: Array, q: Array) -> Array | None:
+        """(c,) what must stay zero: lengths, closed loops, guides; None if nothing."""
+        del t, q
+        return None
+
+    def rolling(self, t: Array, q: Array) -> Array | None:
+        """(b, n) rows whose product with the velocities must stay zero: skates, rolling wheels."""
+        del t, q
+        return None
+
+    def links(self) -> tuple[tuple[int, int], ...]:
+        """Pairs of points that a drawing joins by a line."""
+        return ()
+
+    def check(self) -> None:
+        """Raise ValueError for numbers that make no sense."""
+
+
+def planar_body(centre: Array, angle: Array, gyration: Array) -> Array:
+    """(2, 2) two points that stand for a rigid body in the plane, half of its mass each.
+
+    At the distance of the radius of gyration on both sides of the centre they have the body's
+    mass, centre of mass and moment of inertia.
+
+    Args:
+      centre: (2,) centre of mass [m].
+      angle: () of the line they lie on, from the x axis [rad].
+      gyration: () sqrt(inertia / mass) [m].
+    """
+    arm = gyration * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+    return jnp.stack([centre + arm, centre - arm])
+
+
+class MechanismSystem(System):
+    """What all formulations of a mechanism share: the state [q, v], labels, points, angles."""
+
+    mechanism: eqx.AbstractVar[Mechanism]
+
+    def labels(self):
+        q = self.mechanism.coordinates()
+        return (*q, *((f"{name}_dot", f"{unit}/s") for name, unit in q))
+
+    def points(self, t, y):
+        q, v = jnp.split(y, 2)
+        r, velocity = moved(self.mechanism, t, q, v)
+        return Points(r, velocity, self.mechanism.masses())
+
+    def difference(self, y1, y0):
+        n = len(self.mechanism.coordinates())
+        is_angle = jnp.array([unit == "rad" for _, unit in self.mechanism.coordinates()])
+        d = y1 - y0
+        wrapped = (d[:n] + jnp.pi) % (2 * jnp.pi) - jnp.pi
+        return jnp.concatenate([jnp.where(is_angle, wrapped, d[:n]), d[n:]])
+
+    def check(self, t, y):
+        del t, y
+        self.mechanism.check()
+        _checks.positive("mass", self.mechanism.masses(), "Masses are in kg.")
+
+
+def moved(mechanism: Mechanism, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+    """(p, d) positions and velocities of the points."""
+    return jax.jvp(mechanism.positions, (t, q), (jnp.ones_like(t), v))
+
+
+def drift_acceleration(mechanism: Mechanism, t: Array, q: Array, v: Array) -> Array:
+    """(p, d) accelerations that the points have when the coordinates have none."""
+
+    def velocity(t, q):
+        return moved(mechanism, t, q, v)[1]
+
+    return jax.jvp(velocity, (t, q), (jnp.ones_like(t), v))[1]
+
+
+def kinematic_jacobian(mechanism: Mechanism, t: Array, q: Array) -> Array:
+    """(n, p d) velocities of the points for a unit rate of each coordinate."""
+    _, velocities = jax.linearize(lambda q: mechanism.positions(t, q), q)
+    return jax.vmap(velocities)(jnp.eye(len(q))).reshape(len(q), -1)
+
+
+def pulled_back(
+    mechanism: Mechanism,
+    t: Array,
+    q: Array,
+    v: Array,
+    effects: tuple[Effect, ...],
+) -> Array:
+    """(p d,) the sum of the effects' forces on the points, and nothing where there are none."""
+    r, velocity = moved(mechanism, t, q, v)
+    m = mechanism.masses()
+    return sum((e.force(t, r, velocity, m) for e in effects), jnp.zeros_like(r)).ravel()
+
+
+def on_coordinates(t: Array, q: Array, v: Array, effects: tuple[Effect, ...]) -> Array:
+    """(n,) the sum of what acts on the coordinates directly."""
+    forces = (effect.generalized(t, q, v) for effect in effects)
+    return sum((f for f in forces if f is not None), jnp.zeros_like(q))
+
+
+def weighted_gram(j: Array, weights: Array) -> Array:
+    """(n, n) matrix J W J^T for rows J (n, s) and weights (s,).
+
+    As a sum, not a matrix product: XLA turns some small products into custom fusions, which
+    would keep the stepping loop from being folded.
+    """
+    return jnp.sum(j[:, None, :] * (weights * j)[None, :, :], axis=-1)

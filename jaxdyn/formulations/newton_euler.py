@@ -1,0 +1,51 @@
+"""Newton-Euler by the kinematic map: no reactions, no energies, only where points go.
+
+With r = r(t, q), J = dr/dq and c = the accelerations the points have when q does not accelerate,
+d'Alembert's principle J^T (f - m (J a + c)) = 0 gives
+
+    (J^T m J) a = J^T (f - m c) + Q.
+
+J and c come from one and two forward derivatives of the map, which is cheaper by far than the
+Hessian of a Lagrangian.
+"""
+
+import jax
+import jax.numpy as jnp
+
+from jaxdyn._numerics import solve_spd
+from jaxdyn.formulations.mechanism import (
+    Mechanism,
+    MechanismSystem,
+    drift_acceleration,
+    kinematic_jacobian,
+    moved,
+    on_coordinates,
+    pulled_back,
+    weighted_gram,
+)
+
+
+class NewtonEuler(MechanismSystem):
+    """A mechanism whose coordinates are free: state [q, v]."""
+
+    mechanism: Mechanism
+
+    def rate(self, t, y, effects):
+        q, v = jnp.split(y, 2)
+        t = jnp.asarray(t, y.dtype)
+        d = self.mechanism.positions(t, q).shape[1]
+        m = jnp.repeat(self.mechanism.masses(), d)
+        j = kinematic_jacobian(self.mechanism, t, q)
+        force = pulled_back(self.mechanism, t, q, v, effects)
+        force = force - m * drift_acceleration(self.mechanism, t, q, v).ravel()
+        total = jnp.sum(j * force, axis=-1) + on_coordinates(t, q, v, effects)
+        return jnp.concatenate([v, solve_spd(weighted_gram(j, m), total)])
+
+    def canonical(self, t, y):
+        q, v = jnp.split(y, 2)
+
+        def kinetic(v):
+            velocity = moved(self.mechanism, jnp.asarray(t, y.dtype), q, v)[1]
+            return 0.5 * jnp.sum(self.mechanism.masses()[:, None] * velocity**2)
+
+        return jnp.concatenate([q, jax.grad(kinetic)(v)])

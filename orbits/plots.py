@@ -1,0 +1,94 @@
+"""Pictures of periodic orbits: side by side, to one scale, with the velocities at the start."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxdyn import _checks, plots, simulate
+
+_SAMPLES = 600
+_RTOL = 1e-10
+_PANEL = 4.6  # inches wide
+_ARROW = 0.16  # longest arrow as a share of the widest direction
+_LINE = 0.22  # inches a line of the titles
+
+
+def orbit_picture(orbits: Sequence, path=None, titles: Sequence[str] | None = None) -> Figure:
+    """A row of pictures of orbits, each over one period and all to one scale.
+
+    Dots mark where bodies start, arrows their velocities there, to one scale in a picture.
+
+    Args:
+      orbits: things with a ``scene``, a start ``y0`` (k,) and a ``period`` () [s].
+      path: file to write, .png, .pdf or .svg.
+      titles: what stands above each; may have several lines.
+    Raises:
+      ValueError: no orbits, not one title each, orbits in different dimensions, or a file that
+        cannot be written.
+      IntegrationError: an orbit that cannot be followed over its period.
+    """
+    if path is not None:
+        path = plots.checked_path(path, plots.SUFFIXES)
+    titles = _checked_titles(orbits, titles)
+    drawn = [plots.paths(_one_period(orbit)) for orbit in orbits]
+    if len({one.labels for one in drawn}) > 1:
+        raise _checks.fail("orbits", "orbits in one space", "orbits in several", "Draw them apart.")
+    box = plots.limits(
+        np.concatenate([one.xyz.reshape(-1, len(one.labels)) for one in drawn]), drawn[0].equal
+    )
+    figure = _row(len(drawn), box, drawn[0].equal, max(t.count("\n") + 1 for t in titles))
+    for i, (orbit, one, title) in enumerate(zip(orbits, drawn, titles, strict=True)):
+        ax = plots.panel(figure, one, box, (1, len(drawn), i + 1))
+        ax.set_title(title, fontsize=10)
+        plots.draw_paths(ax, one.xyz)
+        plots.draw_starts(ax, one.xyz[0])
+        if one.equal:
+            _draw_velocities(ax, orbit, np.diff(box).max())
+    bodies = max(one.xyz.shape[1] for one in drawn)
+    arrow = plots.mark(r"$\rightarrow$", "velocity there")
+    plots.legend(figure, bodies, plots.mark("o", "start"), arrow)
+    return plots.finished(figure, path)
+
+
+def _one_period(orbit):
+    scene = orbit.scene.starting(orbit.y0, orbit.period)
+    return simulate(scene, samples=_SAMPLES, rtol=_RTOL)
+
+
+def _checked_titles(orbits: Sequence, titles) -> Sequence[str]:
+    if not len(orbits):
+        raise _checks.fail("orbits", "at least one orbit", "none")
+    if titles is None:
+        return [""] * len(orbits)
+    if len(titles) != len(orbits):
+        raise _checks.fail("titles", f"one for each of {len(orbits)} orbits", len(titles))
+    return titles
+
+
+def _row(count: int, box: np.ndarray, equal: bool, lines: int) -> Figure:
+    """A figure for so many panels with titles of so many lines."""
+    width, height = plots.size(box, equal)
+    scale = 1.0 if count == 1 or len(box) == 3 else _PANEL / width
+    # The legend and the labels do not shrink with the panels.
+    return plots.blank(count * scale * width, scale * (height - 1) + 1 + _LINE * lines)
+
+
+def _draw_velocities(ax, orbit, width: float) -> None:
+    """Arrows (2-D or 3-D) from where the bodies start."""
+    start = orbit.scene.system.points(0.0, orbit.y0)
+    r, v = np.asarray(start.r), np.asarray(start.v)
+    fastest = np.linalg.norm(v, axis=1).max()
+    if fastest == 0:
+        return
+    look = {
+        "units": "inches",
+        "width": 0.022,
+        "angles": "xy",
+        "scale_units": "xy",
+        "scale": 1,
+        "zorder": 3.5,
+    }
+    look = look if r.shape[1] == 2 else {"arrow_length_ratio": 0.3, "lw": 1.8}
+    for place, arrow in zip(r, v * (_ARROW * width / fastest), strict=True):
+        ax.quiver(*place[:, None], *arrow[:, None], color=plots.INK, **look)

@@ -1,0 +1,303 @@
+import itertools
+from types import SimpleNamespace
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.animation import FFMpegWriter
+from PIL import Image
+
+from jaxdyn import Scene, Status, Trajectory, plots, scenes, simulate
+from jaxdyn.animate import animate
+from jaxdyn.effects import UniformGravity
+from jaxdyn.formulations.newton import FreePoints
+from orbits.plots import orbit_picture
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return simulate(scenes.cannonball(), samples=90)
+
+
+@pytest.fixture(scope="module")
+def eight():
+    return simulate(scenes.three_body(), samples=90)
+
+
+@pytest.fixture(scope="module")
+def stopped(eight):
+    return _failed(eight, 31, Status.STEP_LIMIT)
+
+
+@pytest.fixture(scope="module")
+def throws():
+    """Motions straight up by dimension 1, 2 and 3."""
+    return {d: simulate(_up(d), samples=40) for d in (1, 2, 3)}
+
+
+def _up(d):
+    rest = np.zeros(d)
+    return Scene(FreePoints(1.0, d=d), (UniformGravity(9.81),), y0=[*rest, *rest[1:], 8.0])
+
+
+def _failed(motion, reached, status):
+    """The motion as a run leaves it that got to so many samples."""
+    ys = motion.ys.at[reached:].set(np.nan)
+    return Trajectory(motion.scene, motion.ts, ys, motion.steps, motion.rejected, status)
+
+
+def _sampled(motion, index):
+    return Trajectory(
+        motion.scene,
+        motion.ts[index],
+        motion.ys[index],
+        motion.steps,
+        motion.rejected,
+        motion.status,
+    )
+
+
+def _lines(ax, marker):
+    return [line for line in ax.lines if line.get_marker() == marker]
+
+
+def _legend(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_trajectory_draws_every_body_once_with_start_and_end(eight):
+    figure = plots.trajectory(eight, title="eight")
+    (ax,) = figure.axes
+    assert len(_lines(ax, "o")) == 2 * 3
+    (paths,) = ax.collections
+    colours = {tuple(c) for c in paths.get_colors()}
+    assert len(colours) == 3
+    # The pieces of one colour are the path of one body, every sample of it.
+    first = matplotlib.colors.to_rgba(plots.PALETTE[0])
+    own = [
+        piece
+        for piece, c in zip(paths.get_segments(), paths.get_colors(), strict=True)
+        if tuple(c) == first
+    ]
+    joined = np.concatenate([own[-1][:1], *[piece[1:] for piece in own[::-1]]])
+    np.testing.assert_array_equal(joined, eight.r[:, 0])
+    assert _legend(figure) == ["body 1", "body 2", "body 3", "start", "end"]
+    assert ax.get_title() == "eight"
+
+
+def test_a_plane_has_one_scale_and_everything_is_inside(ball):
+    (ax,) = plots.trajectory(ball).axes
+    assert ax.get_aspect() == 1
+    for i, (low, high) in enumerate([ax.get_xlim(), ax.get_ylim()]):
+        assert low < ball.r[:, 0, i].min()
+        assert high > ball.r[:, 0, i].max()
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("x [m]", "y [m]")
+
+
+def test_space_has_one_scale(throws):
+    (ax,) = plots.trajectory(throws[3]).axes
+    assert ax.name == "3d"
+    spans = [np.ptp(ends) for ends in (ax.get_xlim(), ax.get_ylim(), ax.get_zlim())]
+    box = ax.get_box_aspect()
+    np.testing.assert_allclose(box / box[0], spans / spans[0], rtol=1e-12)
+    assert ax.get_zlabel() == "z [m]"
+
+
+def test_a_line_is_drawn_against_time(throws):
+    (ax,) = plots.trajectory(throws[1]).axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("t [s]", "x [m]")
+    assert ax.get_aspect() == "auto"
+    (end,) = [line for line in _lines(ax, "o") if line.get_xdata()[0] > 0]
+    np.testing.assert_array_equal(end.get_xydata()[0], [throws[1].ts[-1], throws[1]["x"][-1]])
+
+
+def test_the_box_of_a_body_at_rest_is_a_box():
+    box = plots.limits(np.full((5, 1, 2), 3.0), True)
+    np.testing.assert_allclose(box.mean(axis=1), 3.0)
+    assert (np.diff(box) > 1).all()
+
+
+def test_a_run_that_stopped_shows_where_and_why(stopped):
+    figure = plots.trajectory(stopped, title="eight")
+    (ax,) = figure.axes
+    crosses = [line.get_xydata()[0] for line in _lines(ax, "x")]
+    np.testing.assert_array_equal(crosses, stopped.r[30])
+    assert len(_lines(ax, "o")) == 3
+    assert ax.get_title().startswith("eight\nThe integration stopped at its limit of steps (t = ")
+    assert _legend(figure)[-1] == "stop"
+    assert "limit of steps" in plots.time_series(stopped).axes[0].get_title()
+
+
+def test_a_run_that_never_started_is_a_picture_that_says_so(ball, tmp_path):
+    motion = _failed(ball, 0, Status.NOT_FINITE)
+    figure = plots.trajectory(motion, tmp_path / "nan.png")
+    title = figure.axes[0].get_title().replace("\n", " ")
+    assert "NaN or infinite" in title
+    assert motion.message.startswith(title)
+    assert len(figure.axes[0].lines) == 0
+    with pytest.raises(ValueError, match="motion: expected at least 2 samples, got 0"):
+        animate(motion, tmp_path / "nan.gif")
+
+
+def test_time_series_has_a_panel_a_unit(eight):
+    figure = plots.time_series(eight)
+    assert [ax.get_ylabel() for ax in figure.axes] == ["[m]", "[m/s]"]
+    assert [len(ax.lines) for ax in figure.axes] == [6, 6]
+    line = figure.axes[1].lines[3]
+    assert line.get_label() == "vy2"
+    np.testing.assert_array_equal(line.get_ydata(), eight["vy2"])
+
+
+def test_time_series_of_some_entries(eight):
+    (ax,) = plots.time_series(eight, ["x1", "y3"]).axes
+    assert [line.get_label() for line in ax.lines] == ["x1", "y3"]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "magic"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".SVG", b"<?xml")]
+)
+def test_files_are_of_their_kind(ball, tmp_path, suffix, magic):
+    path = tmp_path / f"ball{suffix}"
+    plots.trajectory(ball, path)
+    assert path.read_bytes().startswith(magic)
+
+
+def test_png_is_whole_and_not_blank(eight, tmp_path):
+    plots.time_series(eight, path=tmp_path / "series.png")
+    with Image.open(tmp_path / "series.png") as image:
+        assert len(image.convert("RGB").getcolors(1 << 20)) > 10
+
+
+def test_settings_are_left_alone(throws):
+    before = dict(matplotlib.rcParams)
+    plots.trajectory(throws[3])
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_wrong_files_are_refused(ball, tmp_path):
+    with pytest.raises(ValueError, match=r"path: expected a file name ending in .png, .pdf, .svg"):
+        plots.trajectory(ball, "ball.jpg")
+    with pytest.raises(ValueError, match=r"path: expected a file in a folder that exists"):
+        plots.time_series(ball, path=tmp_path / "none" / "ball.png")
+    with pytest.raises(ValueError, match=r"path: expected a file name ending in .gif, .mp4"):
+        animate(ball, tmp_path / "ball.png")
+
+
+def test_wrong_motions_and_names_are_refused(ball):
+    batch = SimpleNamespace(ys=np.zeros((2, 5, 4)))
+    with pytest.raises(ValueError, match=r"motion: expected samples of one motion"):
+        plots.trajectory(batch)
+    with pytest.raises(ValueError, match=r"names: expected one of .*Did you mean 'vx'"):
+        plots.time_series(ball, ["vxx"])
+    with pytest.raises(ValueError, match=r"names: expected one of .*, got none"):
+        plots.time_series(ball, [])
+
+
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_gif_has_the_asked_frames_and_length(throws, tmp_path, d):
+    path = animate(throws[d], tmp_path / "up.gif", seconds=1.0, fps=10, links=[([0.0] * d, 0)])
+    with Image.open(path) as gif:
+        assert gif.n_frames == 10
+        frames, length = [], 0
+        for i in range(10):
+            gif.seek(i)
+            length += gif.info["duration"]
+            frames.append(np.asarray(gif.convert("RGB"), dtype=int))
+    assert length == 1000
+    # Dots and clock move over a ground that stays: the labels below never change.
+    low = frames[0].shape[0] * 9 // 10
+    for old, new in itertools.pairwise(frames):
+        assert (abs(new - old).max(axis=2) > 100).sum() > 20
+        np.testing.assert_allclose(new[low:], old[low:], atol=40)
+
+
+def test_thirty_frames_a_second_keep_the_length(ball, tmp_path):
+    # 1/30 s is no whole hundredth of a second; cut to 0.03 s it takes one frame in ten more.
+    path = animate(ball, tmp_path / "ball.gif", seconds=0.6, fps=30)
+    with Image.open(path) as gif:
+        assert gif.n_frames == 20
+        assert gif.info["duration"] == 30
+
+
+def test_few_samples_make_few_frames(throws, stopped, tmp_path):
+    with Image.open(animate(throws[2], tmp_path / "a.gif", seconds=4.0)) as gif:
+        assert gif.n_frames == 40
+    with Image.open(animate(stopped, tmp_path / "b.gif", seconds=1.0)) as gif:
+        assert gif.n_frames == 31
+
+
+def test_mp4_without_ffmpeg_is_refused(ball, tmp_path, monkeypatch):
+    monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
+    with pytest.raises(ValueError, match=r"path: expected a .gif .* Install ffmpeg or use .gif"):
+        animate(ball, tmp_path / "ball.mp4")
+
+
+@pytest.mark.skipif(not FFMpegWriter.isAvailable(), reason="ffmpeg is not installed")
+def test_mp4(ball, tmp_path):
+    path = animate(ball, tmp_path / "ball.mp4", seconds=1.0)
+    assert path.read_bytes()[4:8] == b"ftyp"
+
+
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        ({"seconds": 0.0}, "seconds: expected > 0"),
+        ({"fps": -1}, "fps: expected > 0"),
+        ({"trail": 1.5}, "trail: expected a share between 0 and 1"),
+        ({"links": [0]}, "links: expected pairs of ends"),
+        ({"links": [(0, 1, 2)]}, "links: expected pairs of ends"),
+        ({"links": [(0, 1)]}, "links: expected a point's number, 0 to 0, got 1"),
+        ({"links": [(0, (1.0, 2.0, 3.0))]}, r"links: expected shape \(2\), got shape"),
+    ],
+)
+def test_wrong_numbers_are_refused(ball, tmp_path, numbers, message):
+    with pytest.raises(ValueError, match=message):
+        animate(ball, tmp_path / "ball.gif", **numbers)
+
+
+def test_uneven_or_single_samples_are_refused(ball, tmp_path):
+    uneven = _sampled(ball, np.array([0, 10, 89]))
+    with pytest.raises(ValueError, match="motion: expected evenly spaced samples"):
+        animate(uneven, tmp_path / "ball.gif")
+    with pytest.raises(ValueError, match="motion: expected at least 2 samples"):
+        animate(_sampled(ball, np.array([3])), tmp_path / "ball.gif")
+
+
+def _orbit(y0=scenes.nbody.EIGHT, period=scenes.nbody.EIGHT_PERIOD):
+    return SimpleNamespace(scene=scenes.three_body(), y0=np.array(y0), period=period)
+
+
+def test_orbits_stand_side_by_side_to_one_scale(tmp_path):
+    other = _orbit(np.array(scenes.nbody.EIGHT) * np.repeat([1.1, 1.1**-0.5], 6), 7.3)
+    path = tmp_path / "row.png"
+    figure = orbit_picture([_orbit(), other], path, ["one\nline more", "two"])
+    left, right = figure.axes
+    assert (left.get_title(), right.get_title()) == ("one\nline more", "two")
+    assert left.get_xlim() == right.get_xlim()
+    assert left.get_position().y0 == right.get_position().y0
+    for ax in figure.axes:
+        assert ax.get_aspect() == 1
+        assert len(_lines(ax, "o")) == 3
+        arrows = ax.collections[1:]
+        assert len(arrows) == 3
+        # The eight's bodies start with velocities v, v and -2v.
+        u = np.array([[a.U[0], a.V[0]] for a in arrows])
+        np.testing.assert_allclose(u[2], -2 * u[0], rtol=1e-7)
+    with Image.open(path) as image:
+        assert image.width > 2 * image.height
+
+
+def test_wrong_orbits_are_refused():
+    with pytest.raises(ValueError, match="orbits: expected at least one orbit"):
+        orbit_picture([])
+    with pytest.raises(ValueError, match="titles: expected one for each of 1 orbits, got 2"):
+        orbit_picture([_orbit()], titles=["a", "b"])
+    with pytest.raises(ValueError, match="path: expected a file name ending in"):
+        orbit_picture([_orbit()], "orbit.bmp")
+    solid = SimpleNamespace(scene=_up(3), y0=_up(3).y0, period=1.0)
+    with pytest.raises(ValueError, match="orbits: expected orbits in one space"):
+        orbit_picture([_orbit(), solid])
+    # Bodies at rest have no direction: no arrows, no division by zero.
+    still = Scene(FreePoints(1.0, d=2), y0=np.zeros(4))
+    figure = orbit_picture([SimpleNamespace(scene=still, y0=still.y0, period=1.0)])
+    assert len(figure.axes[0].collections) == 1

@@ -1,0 +1,195 @@
+"""The waist: composing scenes, what is compiled for them, and what they refuse."""
+
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import EXACT, gap, kepler, primitives
+
+from jaxdyn import Effect, Scene, scenes
+from jaxdyn._numerics import safe_norm
+from jaxdyn.effects import LinearDrag, PairGravity, QuadraticDrag, UniformGravity
+from jaxdyn.formulations.newton import FreePoints
+
+Y0 = [0.0, 0.0, 3.0, 4.0]
+
+
+def _ball(*effects: Effect) -> Scene:
+    return Scene(FreePoints(2.0), effects, y0=Y0)
+
+
+def _program(scene: Scene) -> str:
+    return jax.jit(lambda scene: scene.rate(0.0, scene.y0)).lower(scene).as_text()
+
+
+def test_effects_add_up():
+    gravity, drag = UniformGravity(10.0), LinearDrag(0.5)
+    scene = _ball(gravity) + drag
+    assert scene.effects == (gravity, drag)
+    # m a = -m g e_y - c v
+    assert gap(scene.rate(0.0, scene.y0), [3.0, 4.0, -0.75, -11.0]) < EXACT
+    assert gap(sum([drag], _ball(gravity)).rate(0.0, scene.y0), scene.rate(0.0, scene.y0)) == 0
+    np.testing.assert_array_equal(_ball().rate(0.0, scene.y0), [3.0, 4.0, 0.0, 0.0])
+
+
+def test_adding_leaves_the_scene_as_it_was():
+    scene = _ball(UniformGravity())
+    _ = scene + LinearDrag(0.5)
+    assert len(scene.effects) == 1
+
+
+def test_only_effects_can_be_added():
+    with pytest.raises(TypeError):
+        _ = _ball() + 3
+
+
+def test_without_leaves_out_all_of_a_kind():
+    scene = _ball(LinearDrag(0.1), UniformGravity(), LinearDrag(0.2))
+    assert [type(e) for e in scene.without(LinearDrag).effects] == [UniformGravity]
+    assert scene.without(Effect).effects == ()
+
+
+@pytest.mark.parametrize(("effects", "has"), [((), "none"), ((UniformGravity(),) * 2, "U.*, U.*")])
+def test_without_refuses_what_is_not_there(effects, has):
+    message = rf"^without: expected an effect of the scene \({has}\), got QuadraticDrag\.$"
+    with pytest.raises(ValueError, match=message):
+        _ball(*effects).without(QuadraticDrag)
+
+
+def test_starting_takes_another_start_and_span():
+    scene = Scene(FreePoints(2.0), (UniformGravity(),), y0=Y0, t1=3.0)
+    other = scene.starting([1, 2, 3, 4])
+    np.testing.assert_array_equal(other.y0, [1.0, 2.0, 3.0, 4.0])
+    assert (float(other.t1), float(scene.starting(Y0, 5).t1)) == (3.0, 5.0)
+    assert other.effects == scene.effects
+    assert other.y0.dtype == jnp.float64
+
+
+def test_an_effect_taken_out_leaves_no_trace_in_the_program():
+    plain = _ball(UniformGravity())
+    assert _program((plain + QuadraticDrag(0.1)).without(QuadraticDrag)) == _program(plain)
+    assert _program(scenes.cannonball(drag=0.0)) == _program(scenes.cannonball())
+    assert _program(plain + QuadraticDrag(0.1)) != _program(plain)
+
+
+def test_only_effects_of_the_scene_are_compiled():
+    plain = _ball(UniformGravity())
+    drag = plain + QuadraticDrag(0.1)
+    assert "sqrt" in primitives(drag.rate, 0.0, drag.y0)
+    assert "sqrt" not in primitives(plain.rate, 0.0, plain.y0)
+    empty = primitives(_ball().rate, 0.0, plain.y0)
+    assert set(empty) <= {"reshape", "slice", "squeeze", "broadcast_in_dim", "concatenate", "div"}
+    # A coefficient that happens to be zero is a number like any other: the effect is there.
+    zero = plain + QuadraticDrag(0.0)
+    assert primitives(zero.rate, 0.0, zero.y0) == primitives(drag.rate, 0.0, drag.y0)
+
+
+def test_velocity_dependence_comes_from_the_effects():
+    assert _ball().second_order
+    assert _ball(UniformGravity(), PairGravity()).second_order
+    assert not _ball(UniformGravity(), LinearDrag(0.1)).second_order
+    assert not Scene(FirstOrder(), y0=Y0).second_order
+
+
+class FirstOrder(FreePoints):
+    """A system that makes no promise about its state."""
+
+    second_order: ClassVar[bool] = False
+
+    def __init__(self):
+        super().__init__([1.0])
+
+
+@pytest.mark.parametrize(
+    ("n", "d", "names"),
+    [
+        (1, 3, "x y z vx vy vz"),
+        (2, 2, "x1 y1 x2 y2 vx1 vy1 vx2 vy2"),
+        (3, 1, "x1 x2 x3 vx1 vx2 vx3"),
+    ],
+)
+def test_labels_name_every_entry(n, d, names):
+    labels = FreePoints(np.ones(n), d).labels()
+    assert [name for name, _ in labels] == names.split()
+    assert [unit for _, unit in labels] == ["m"] * (n * d) + ["m/s"] * (n * d)
+
+
+def test_kinetic_energy_and_points():
+    scene = kepler(0.5)
+    r, v, m = scene.system.points(0.0, scene.y0)
+    assert gap(r, [[-0.25, 0], [0.25, 0]]) < EXACT
+    assert gap(scene.system.kinetic(0.0, scene.y0), 0.5 * np.sum(m[:, None] * v**2)) < EXACT
+
+
+def test_a_scene_is_a_tree_of_its_numbers():
+    scene = _ball(UniformGravity(9.0), LinearDrag(0.1))
+    assert all(x.dtype == jnp.float64 for x in jax.tree.leaves(scene))
+    slope = jax.grad(lambda s: s.rate(0.0, s.y0)[3])(scene)
+    # a_y = -g - c v_y / m
+    assert float(slope.effects[0].g) == -1.0
+    assert gap(slope.effects[1].c, -4.0 / 2.0) < EXACT
+    assert gap(slope.system.m, [0.1 * 4.0 / 4.0]) < EXACT
+    assert gap(slope.y0, [0.0, 0.0, 0.0, -0.1 / 2.0]) < EXACT
+
+
+@pytest.mark.parametrize(
+    ("scene", "message"),
+    [
+        (_ball().starting([1.0, 2.0]), r"y0: expected shape \(4\), got .*each of x, y, vx, vy\.$"),
+        (
+            _ball().starting([0, 0, np.nan, 0]),
+            r"y0: expected finite numbers, got nan at index \[2\]",
+        ),
+        (_ball().starting(0.0), r"y0: expected shape \(4\), got shape \(\)"),
+        (Scene(FreePoints(0.0), y0=Y0), r"mass: expected > 0, got 0\.0\. Masses are in kg\.$"),
+        (scenes.three_body(m=(1, -1, 1)), r"mass: expected > 0, got -1\.0"),
+        (scenes.three_body(m=(1, np.nan, 1)), r"mass: expected finite numbers, got nan at"),
+        (scenes.three_body(m=(1, 1)), r"y0: expected shape \(8\), got shape \(12,\)"),
+        (scenes.three_body(np.zeros(12)), r"y0: expected bodies at different points, got bodies"),
+    ],
+)
+def test_check_refuses(scene, message):
+    with pytest.raises(ValueError, match=f"^{message}"):
+        scene.check()
+
+
+def _claiming(law) -> Effect:
+    class Claim(Effect):
+        velocity_dependent: ClassVar[bool] = False
+
+        def force(self, t, r, v, m):
+            return law(r, v)
+
+    return Claim()
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        lambda r, v: -v,
+        lambda r, v: safe_norm(v)[:, None] * jnp.ones_like(r),
+        lambda r, v: -jnp.sign(v),
+        lambda r, v: jnp.where(v > 0, -1.0, 1.0),
+    ],
+    ids=["linear", "speed", "sign", "where"],
+)
+def test_a_false_claim_about_velocity_is_refused(law):
+    message = (
+        r"^Claim: expected a force without velocities, as velocity_dependent = False says, "
+        r"got one that depends on them\. Set velocity_dependent = True in the class\.$"
+    )
+    with pytest.raises(ValueError, match=message):
+        (_ball() + _claiming(law)).check()
+
+
+def test_a_true_claim_about_velocity_passes():
+    (_ball() + _claiming(lambda r, v: -r)).check()
+    (_ball() + _claiming(lambda r, v: r / 0.0 - r / 0.0)).check()  # NaN, but not from v
+
+
+def test_check_passes_what_is_traced():
+    jax.jit(lambda m: Scene(FreePoints(m), y0=Y0).check())(-1.0)
+    with pytest.raises(ValueError, match=r"^y0: expected shape"):
+        jax.jit(lambda y: _ball().starting(y).check())(jnp.zeros(3))
