@@ -133,7 +133,7 @@ class _Actors:
         self.clock.set_text(f"t = {self.drawn.ts[sample]:.2f} s")
 
     def _place(self, end, sample: int) -> np.ndarray:
-        if isinstance(end, Integral):
+        if isinstance(end, int):
             return self.drawn.xyz[sample, end]
         return end if self.drawn.equal else np.array([self.drawn.ts[sample], *end])
 
@@ -191,6 +191,6 @@ def _end(end, n: int, d: int):
     """A point's number, or an anchor's coordinates (d,), checked."""
     if not isinstance(end, Integral):
         return np.asarray(_checks.array("links", end, (d,), "An anchor has d coordinates."))
-    if not 0 <= end < n:
+    if not 0 <= int(end) < n:
         raise _checks.fail("links", f"a point's number, 0 to {n - 1}", end)
-    return end
+    return int(end)
