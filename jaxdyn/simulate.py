@@ -100,6 +100,7 @@ def simulate(
       >>> motion.ok
       True
     """
+    _checks.float64()
     scene.check()
     t0, t1, ts = _times(scene, t0, t1, samples)
     result = solve(

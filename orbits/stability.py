@@ -5,9 +5,11 @@ and an autonomous flow has one more along itself. In a conservative scene they c
 defective pairs, so an eigenvalue solver returns them only to the square root of the rounding:
 a plain look at |multiplier| > 1 tosses a coin there. We take them out as a block first.
 
-An integral I with gradient w is confirmed by w M = w, a symmetry with generator g by M g = g,
-both tested on the monodromy matrix M itself; candidates come from the system (momenta, energy,
-shifts, turns) and from the flow. M maps the common kernel N of the gradients to itself, and
+An integral I with gradient w has w M = w, a symmetry with generator g has M g = g. Candidates
+come from the system (momenta, energy, shifts, turns) and from the flow, and are confirmed in two
+ways: by these equations on the monodromy matrix M itself, and by the vector field f at points
+off the orbit, where w f = 0 and g commutes with f. (Where M happens to be the unit matrix, as
+for an oscillator, the first alone would confirm everything.) M maps the common kernel N of the gradients to itself, and
 the generators inside it, G, to themselves; what is left, M on N / G, has exactly the
 non-trivial multipliers for eigenvalues, well conditioned unless two of them meet.
 
@@ -23,6 +25,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
+from jaxdyn._checks import fail
 from jaxdyn.energy import integrals
 from jaxdyn.simulate import solve
 from orbits.problem import Orbit
@@ -30,6 +33,7 @@ from orbits.problem import Orbit
 #: A candidate integral or symmetry is confirmed if M keeps it to this relative error.
 CONFIRMED = 1e-7
 _COARSER = 100.0  # the second tolerance, as a multiple of the first
+_NEARBY = 3, 0.1  # how many points off the orbit, and how far, relative to the start
 _RANK = 1e-7  # relative: smaller singular values of a set of directions are rounding
 _SAFETY = 3.0  # error bars are estimates; verdicts keep this factor away
 
@@ -81,6 +85,8 @@ def stability(orbit: Orbit, *, rtol: float | None = None) -> Stability:
       orbit: what `find` returned.
       rtol: tolerance of the variational equations; the orbit's own if left out. A second run
         at a hundred times that gives the error bars.
+    Raises:
+      ValueError: the motion ends (a collision) before the period is over.
     Limits: linear stability only. "stable" for a conservative scene means all non-trivial
       multipliers lie on the unit circle and cannot leave it within their bars.
     """
@@ -88,6 +94,8 @@ def stability(orbit: Orbit, *, rtol: float | None = None) -> Stability:
     scene, y0 = orbit.scene, np.asarray(orbit.y0)
     m = np.asarray(monodromy(scene, rtol=rtol))
     coarse = np.asarray(monodromy(scene, rtol=min(_COARSER * rtol, 1e-3)))
+    if not (np.isfinite(m).all() and np.isfinite(coarse).all()):
+        raise fail("orbit", "a motion that lasts for its period", "one that does not")
     kernel, reasons = _kernel(scene, y0, m)
     q, generators = _complement(scene, y0, m, kernel)
     reduced = q.T @ m @ q
@@ -117,38 +125,27 @@ def _monodromy(scene: Scene, period, rtol) -> Array:
 
 def _kernel(scene: Scene, y0: np.ndarray, m: np.ndarray) -> tuple[np.ndarray, list[str]]:
     """Orthonormal basis (k, n) of the common kernel of the confirmed integrals' gradients."""
-    gradients, names = [], []
-    for name, rows in _gradients(scene, jnp.asarray(y0)).items():
-        for i, row in enumerate(np.asarray(rows).reshape(-1, len(y0))):
-            size = np.linalg.norm(row)
-            kept = size > 0 and np.linalg.norm(row @ m - row) < CONFIRMED * np.linalg.norm(m) * size
-            if kept:
-                gradients.append(row / size)
-                names.append(f"{name}" if rows.ndim == 1 else f"{name} {'xyz'[i]}")
-    if not gradients:
-        return np.eye(len(y0)), []
+    rows, leaks = _integrals(scene, jnp.asarray(y0), _nearby(scene, y0))
+    gradients, names = [np.zeros(len(y0))], []
+    for name, several in rows.items():
+        leak = np.asarray(leaks[name]).reshape(-1)
+        for i, row in enumerate(np.asarray(several).reshape(-1, len(y0))):
+            if leak[i] < CONFIRMED and _kept(row @ m - row, row, m):
+                gradients.append(row / np.linalg.norm(row))
+                names.append(name if several.ndim == 1 else f"{name} {'xyz'[i]}")
     _, s, vt = np.linalg.svd(np.array(gradients))
-    return vt[int((s > _RANK * s[0]).sum()) :].T, names
-
-
-@jax.jit
-def _gradients(scene: Scene, y0: Array) -> dict[str, Array]:
-    return jax.jacrev(lambda y: integrals(scene, jnp.zeros(()), y))(y0)
+    return vt[_rank(s) :].T, names
 
 
 def _complement(scene: Scene, y0: np.ndarray, m: np.ndarray, kernel: np.ndarray):
     """Orthonormal basis (k, p) of what is left of the kernel beside the confirmed symmetries."""
-    candidates = {"flow": scene.rate(jnp.zeros(()), jnp.asarray(y0))}
-    candidates |= scene.system.generators(jnp.asarray(y0))
-    inside, names = [], []
+    candidates, leaks = _symmetries(scene, jnp.asarray(y0), _nearby(scene, y0))
+    inside, names = [np.zeros(len(y0))], []
     for name, g in candidates.items():
         g = np.asarray(g)
-        size = np.linalg.norm(g)
-        if size > 0 and np.linalg.norm(m @ g - g) < CONFIRMED * np.linalg.norm(m) * size:
-            inside.append(g / size)
+        if leaks[name] < CONFIRMED and _kept(m @ g - g, g, m):
+            inside.append(g / np.linalg.norm(g))
             names.append(name)
-    if not inside:
-        return kernel, []
     # A symmetry may change an integral (a turn changes a momentum that is not zero): only the
     # combinations that stay on the level set are directions of it.
     g = np.array(inside).T
@@ -156,7 +153,70 @@ def _complement(scene: Scene, y0: np.ndarray, m: np.ndarray, kernel: np.ndarray)
     _, s, vt = np.linalg.svd(off)
     tangent = g @ vt[int((s > _RANK).sum()) :].T
     u, s, _ = np.linalg.svd(kernel.T @ tangent)
-    return kernel @ u[:, int((s > _RANK * s[0]).sum()) :], names
+    return kernel @ u[:, _rank(s) :], names
+
+
+def _kept(change: np.ndarray, direction: np.ndarray, m: np.ndarray) -> bool:
+    size = np.linalg.norm(direction)
+    return bool(size > 0 and np.linalg.norm(change) < CONFIRMED * np.linalg.norm(m) * size)
+
+
+def _rank(s: np.ndarray) -> int:
+    return int((s > _RANK * s.max(initial=0.0)).sum())
+
+
+def _nearby(scene: Scene, y0: np.ndarray) -> tuple[Array, Array]:
+    """A few times (p,) and states (p, k) in general position near the start."""
+    count, far = _NEARBY
+    random = np.random.default_rng(0)
+    noise = far * np.abs(y0).max(initial=0.0) * random.standard_normal((count, len(y0)))
+    ts = random.uniform(0.0, float(scene.t1), count)
+    ts = jnp.asarray(ts)
+    return ts, jax.vmap(scene.system.project)(ts, jnp.asarray(y0 + noise))
+
+
+@jax.jit
+def _integrals(scene: Scene, y0: Array, nearby: tuple[Array, Array]):
+    """Gradients at the start of the candidates for integrals, and how fast they change nearby.
+
+    The change is relative to gradient times rate: 0 for an integral, up to 1 for anything else.
+    """
+
+    def leak(t, y):
+        f = scene.rate(t, y)
+        _, change = jax.jvp(lambda *at: integrals(scene, *at), (t, y), (jnp.ones(()), f))
+        rows = jax.jacrev(lambda y: integrals(scene, t, y))(y)
+        size = {name: jnp.linalg.norm(row, axis=-1) for name, row in rows.items()}
+        return jax.tree.map(lambda c, s: jnp.abs(c) / (s * jnp.linalg.norm(f)), change, size)
+
+    rows = jax.jacrev(lambda y: integrals(scene, jnp.zeros(()), y))(y0)
+    return rows, _largest(jax.vmap(leak)(*nearby))
+
+
+@jax.jit
+def _symmetries(scene: Scene, y0: Array, nearby: tuple[Array, Array]):
+    """Candidates for directions of symmetry at the start, and how far they fail to be nearby.
+
+    That is the commutator with the vector field, relative to the sizes of its two terms.
+    """
+
+    def leak(t, y):
+        f, slope = scene.rate(t, y), jax.jacfwd(scene.rate, argnums=1)(t, y)
+        moves, change = jax.jvp(scene.system.generators, (y,), (f,))
+        found = {
+            name: jnp.linalg.norm(change[name] - slope @ g)
+            / (jnp.linalg.norm(change[name]) + jnp.linalg.norm(slope) * jnp.linalg.norm(g))
+            for name, g in moves.items()
+        }
+        still = jnp.linalg.norm(f - scene.rate(jnp.zeros(()), y)) / jnp.linalg.norm(f)
+        return {"flow": still, **found}
+
+    flow = {"flow": scene.rate(jnp.zeros(()), y0)}
+    return flow | scene.system.generators(y0), _largest(jax.vmap(leak)(*nearby))
+
+
+def _largest(leaks):
+    return jax.tree.map(lambda leak: leak.max(axis=0), leaks)
 
 
 def _eigenvalues(matrix: np.ndarray, error: float) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,132 @@
+"""The same three-body problem (G = m = 1, in the plane) for other integrators.
+
+Peers are optional: `importable` says with one line which are left out.
+"""
+
+import importlib.util
+from collections.abc import Callable
+
+import diffrax
+import jax
+import numpy as np
+
+from jaxdyn import Scene
+
+#: A run: no arguments, returns the result as NumPy array when it is there.
+Run = Callable[[], np.ndarray]
+
+
+def importable(*modules: str) -> bool:
+    """Whether all of these can be imported; prints a line if not."""
+    missing = [m for m in modules if importlib.util.find_spec(m) is None]
+    if missing:
+        print(f"left out: {' and '.join(missing)} not installed (pip install jaxdyn[benchmark])")
+    return not missing
+
+
+def heyoka(y0: np.ndarray, period: float, tol: float) -> Run:
+    """Taylor series of an order that heyoka chooses by the tolerance (Biscani, Izzo 2021)."""
+    import heyoka as hy
+
+    integrator = hy.taylor_adaptive(_heyoka_equations(), y0.copy(), tol=tol)
+    return _heyoka_run(integrator, y0, period)
+
+
+def heyoka_monodromy(
+    y0: np.ndarray, period: float, tol: float, *, compact: bool, precise: bool = False
+) -> Run:
+    """The derivative (12, 12) of the end with respect to the start, by heyoka.
+
+    Args:
+      y0: (12,) start.
+      period: () span.
+      tol: tolerance, of the state and the tangents together.
+      compact: build in a second and run slower, instead of building for a minute.
+      precise: in 80-bit floats, for a reference.
+    """
+    import heyoka as hy
+
+    number = np.longdouble if precise else float
+    equations = hy.var_ode_sys(_heyoka_equations(), hy.var_args.vars, order=1)
+    start = np.concatenate([y0, np.eye(len(y0)).ravel()]).astype(number)
+    integrator = hy.taylor_adaptive(
+        equations, start, tol=number(tol), compact_mode=compact, fp_type=number
+    )
+    run = _heyoka_run(integrator, start, number(period))
+    k = len(y0)
+    return lambda: run()[k:].reshape(k, k)
+
+
+def _heyoka_equations() -> list:
+    import heyoka as hy
+
+    names = [f"{axis}{i}" for i in range(3) for axis in "xy"]
+    q, v = hy.make_vars(*names), hy.make_vars(*["v" + name for name in names])
+    acceleration = [0.0] * 6
+    for i in range(3):
+        for j in set(range(3)) - {i}:
+            dx, dy = q[2 * j] - q[2 * i], q[2 * j + 1] - q[2 * i + 1]
+            weight = (dx * dx + dy * dy) ** -1.5
+            acceleration[2 * i] = acceleration[2 * i] + dx * weight
+            acceleration[2 * i + 1] = acceleration[2 * i + 1] + dy * weight
+    return [*zip(q, v, strict=True), *zip(v, acceleration, strict=True)]
+
+
+def _heyoka_run(integrator, start: np.ndarray, period) -> Run:
+    zero = period * 0
+
+    def run() -> np.ndarray:
+        integrator.time = zero
+        integrator.state[:] = start
+        integrator.propagate_until(period)
+        return integrator.state.copy()
+
+    return run
+
+
+def diffrax_dopri8(scene: Scene, period: float) -> Callable[[float], np.ndarray]:
+    """diffrax.Dopri8 with everything as shipped, compiled, for any tolerance."""
+
+    @jax.jit
+    def end(field, y0, period, tol):
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(lambda t, y, field: field.rate(t, y)),
+            diffrax.Dopri8(),
+            0.0,
+            period,
+            None,
+            y0,
+            args=field,
+            stepsize_controller=diffrax.PIDController(rtol=tol, atol=tol),
+        )
+        assert solution.ys is not None
+        return solution.ys[-1]
+
+    y0 = np.asarray(scene.y0)
+    return lambda tol: np.asarray(end(scene.field, y0, period, tol))
+
+
+def scipy_dop853(y0: np.ndarray, period: float) -> Callable[[float], np.ndarray]:
+    """SciPy's DOP853 with a right-hand side compiled by numba, for any tolerance."""
+    import numba
+    from scipy.integrate import solve_ivp
+
+    @numba.njit
+    def rate(t, y):
+        out = np.zeros(12)
+        out[:6] = y[6:]
+        for i in range(3):
+            for j in range(i + 1, 3):
+                dx, dy = y[2 * j] - y[2 * i], y[2 * j + 1] - y[2 * i + 1]
+                r2 = dx * dx + dy * dy
+                weight = 1.0 / (r2 * np.sqrt(r2))
+                out[6 + 2 * i] += weight * dx
+                out[7 + 2 * i] += weight * dy
+                out[6 + 2 * j] -= weight * dx
+                out[7 + 2 * j] -= weight * dy
+        return out
+
+    def run(tol: float) -> np.ndarray:
+        return solve_ivp(rate, (0.0, period), y0, "DOP853", rtol=tol, atol=tol).y[:, -1]
+
+    return run

@@ -1,0 +1,137 @@
+"""The import graph: each file imports only files of a lower rank, at its top."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+#: Rank of every file; a file imports only lower ranks. Packages' own `__init__.py` gather
+#: names for the outside and are not ranked. A new file is one new line here.
+RANKS = {
+    "jaxdyn/_config.py": 0,
+    "jaxdyn/_checks.py": 0,
+    "jaxdyn/_numerics.py": 0,
+    "jaxdyn/status.py": 0,
+    "jaxdyn/records.py": 1,
+    "jaxdyn/vectors.py": 1,
+    "jaxdyn/rotations.py": 1,
+    "jaxdyn/inertia.py": 2,
+    "jaxdyn/scene.py": 2,
+    "jaxdyn/effects.py": 3,
+    "jaxdyn/solvers.py": 3,
+    "jaxdyn/stepping.py": 3,
+    "jaxdyn/formulations/newton.py": 3,
+    "jaxdyn/formulations/mechanism.py": 3,
+    "jaxdyn/formulations/lagrange.py": 4,
+    "jaxdyn/formulations/newton_euler.py": 4,
+    "jaxdyn/formulations/constrained.py": 4,
+    "jaxdyn/flow.py": 4,
+    "jaxdyn/scenes/nbody.py": 5,
+    "jaxdyn/scenes/particles.py": 5,
+    "jaxdyn/simulate.py": 5,
+    "jaxdyn/energy.py": 6,
+    "jaxdyn/plots.py": 7,
+    "jaxdyn/animate.py": 8,
+    "jaxdyn/__main__.py": 9,
+    "orbits/newton.py": 10,
+    "orbits/problem.py": 10,
+    "orbits/shooting.py": 11,
+    "orbits/stability.py": 12,
+    "orbits/identity.py": 12,
+    "orbits/recheck.py": 12,
+    "orbits/records.py": 12,
+    "orbits/verify.py": 13,
+    "orbits/plots.py": 14,
+    "orbits/__main__.py": 15,
+}
+
+#: Imports inside functions: what the private question to JAX needs, and drawings, which only
+#: some runs of a command want and which take long to import.
+INSIDE = {
+    ("jaxdyn/_config.py", "jax._src"),
+    ("jaxdyn/__main__.py", "jaxdyn.plots"),
+    ("jaxdyn/__main__.py", "jaxdyn.animate"),
+    ("orbits/__main__.py", "orbits.plots"),
+    ("orbits/__main__.py", "jaxdyn.plots"),
+    ("orbits/__main__.py", "jaxdyn.animate"),
+}
+
+FILES = sorted(
+    str(path.relative_to(ROOT))
+    for package in ("jaxdyn", "orbits")
+    for path in (ROOT / package).rglob("*.py")
+)
+MODULES = [file for file in FILES if not file.endswith("__init__.py")]
+
+
+def _imports(tree: ast.AST) -> list[tuple[str, ast.AST]]:
+    """(dotted name, node) of every import below a node; names taken `from` are appended."""
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found += [(alias.name, node) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"line {node.lineno}: imports are absolute"
+            found += [(f"{node.module}.{alias.name}", node) for alias in node.names]
+    return found
+
+
+def _file(name: str) -> str | None:
+    """The file of ours that a dotted name lies in: `a.b.c` is a/b/c.py, or c of a/b.py."""
+    parts = name.split(".")
+    for n in range(len(parts), 0, -1):
+        for file in ("/".join(parts[:n]) + ".py", "/".join([*parts[:n], "__init__.py"])):
+            if file in FILES:
+                return file
+    return None
+
+
+def _parse(file: str) -> ast.Module:
+    return ast.parse((ROOT / file).read_text())
+
+
+@pytest.mark.parametrize("file", MODULES)
+def test_files_import_only_lower_ranks(file):
+    assert file in RANKS, f"{file} has no rank: add it to RANKS in tests/test_layers.py"
+    for name, node in _imports(_parse(file)):
+        target = _file(name)
+        if target is None or target.startswith("jaxdyn/") != file.startswith("jaxdyn/"):
+            continue
+        where = f"{file}, line {node.lineno}: imports {name}"
+        if target.endswith("__init__.py"):
+            # A name of the package itself: fine where the package only gathers what is below.
+            below = [_file(inner) for inner, _ in _imports(_parse(target))]
+            ranks = [RANKS[x] for x in below if x in RANKS]
+            assert max(ranks, default=-1) < RANKS[file], f"{where}, which gathers higher ranks"
+        else:
+            assert RANKS[target] < RANKS[file], f"{where}, which is not of a lower rank"
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_jaxdyn_never_mentions_orbits(file):
+    names = [name.split(".")[0] for name, _ in _imports(_parse(file))]
+    if file.startswith("jaxdyn/"):
+        assert "orbits" not in names
+    private = [name for name, _ in _imports(_parse(file)) if "._src" in name]
+    assert not private or file == "jaxdyn/_config.py"
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_imports_stand_at_the_top(file):
+    for scope in ast.walk(_parse(file)):
+        if isinstance(scope, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.Lambda):
+            for name, node in _imports(scope):
+                allowed = any(f == file and name.startswith(start) for f, start in INSIDE)
+                assert allowed, f"{file}, line {node.lineno}: {name} is imported inside"
+
+
+def test_every_rank_belongs_to_a_kept_file():
+    planned = {
+        "jaxdyn/__main__.py",
+        "jaxdyn/vectors.py",
+        "jaxdyn/rotations.py",
+        "jaxdyn/inertia.py",
+    }
+    assert set(RANKS) - set(MODULES) <= planned, "remove files that are gone from RANKS"
