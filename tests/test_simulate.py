@@ -106,7 +106,7 @@ def test_a_collision_ends_as_step_collapsed():
     t = (theta + 1) / 4
     y = solve(COLLISION, t, rtol=1e-13).y1
     assert abs(float(y[2] - y[0]) - 0.5) < SOLVED
-    with pytest.raises(IntegrationError, match="singularity .a collision"):
+    with pytest.raises(IntegrationError, match=r"singularity \(a collision"):
         simulate(COLLISION, 2.0, samples=21)
 
 
@@ -240,7 +240,7 @@ def test_a_mistyped_label_is_answered_with_the_nearest(eight):
 
 
 def test_32_bit_floats_are_refused():
-    with jax.enable_x64(False), pytest.raises(ValueError, match="^floats: expected 64-bit floats"):
+    with jax.enable_x64(False), pytest.raises(ValueError, match=r"^floats: expected 64-bit"):
         simulate(BALL)
 
 
