@@ -6,6 +6,7 @@ fills in its fields; it never imports, calls or unpickles what a file names.
 """
 
 import dataclasses
+import inspect
 import json
 import math
 import os
@@ -23,6 +24,8 @@ from jaxdyn.scene import Effect, Scene, System
 
 MAX_BYTES = 64 * 2**20  # a larger file is no record of ours
 MAX_NUMBERS = 1_000_000  # of one array
+MAX_DEPTH = 32  # of modules in modules
+_DIGITS = 18
 
 
 def encode(value: Any) -> Any:
@@ -50,6 +53,8 @@ def decode(value: Any, what: str = "record") -> Any:
     Raises:
       ValueError: an unknown class, a missing or extra field, something that is no number.
     """
+    if what.count(".") > MAX_DEPTH:
+        raise fail(what[:20] + "...", f"at most {MAX_DEPTH} modules in each other", "more")
     if isinstance(value, dict):
         return _module(value, what)
     if isinstance(value, list):
@@ -66,11 +71,22 @@ def write(path: str | Path, record: dict[str, Any]) -> None:
     path = Path(path)
     if not path.parent.is_dir():
         raise fail("file", "a folder that exists", str(path.parent), "Make it first.")
-    text = json.dumps(record, indent=1, allow_nan=False)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
+    try:
+        text = json.dumps(record, indent=1, allow_nan=False)
+    except ValueError as error:
+        raise fail("record", "finite numbers", f"others ({error})") from error
+    try:
+        _replace(path, text + "\n")
+    except OSError as error:
+        remedy = "Choose a file in a folder of yours."
+        raise fail("file", "a file to write", f"{path} ({error.strerror})", remedy) from error
+
+
+def _replace(path: Path, text: str) -> None:
+    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
     try:
         with os.fdopen(handle, "w") as file:
-            file.write(text + "\n")
+            file.write(text)
             file.flush()
             os.fsync(file.fileno())
         os.chmod(temporary, 0o644)  # mkstemp makes it private
@@ -87,7 +103,8 @@ def read(path: str | Path, kind: str, version: int) -> dict[str, Any]:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise fail("file", f"at most {MAX_BYTES} bytes", path.stat().st_size, remedy)
-        record = json.loads(path.read_text(), parse_constant=_no_constant)
+        text = path.read_text(encoding="utf-8")
+        record = json.loads(text, parse_constant=_no_constant, parse_int=_integer)
     except OSError as error:
         raise fail("file", "a readable file", f"{path} ({error.strerror})", remedy) from error
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
@@ -106,6 +123,13 @@ def _no_constant(name: str):
     raise fail("file", "finite numbers", name, "The file was edited or is damaged.")
 
 
+def _integer(text: str) -> int:
+    # Floats cannot hold all larger ones, and Python takes quadratic time for very long ones.
+    if len(text) > _DIGITS:
+        raise fail("file", f"integers of at most {_DIGITS} digits", f"one of {len(text)}")
+    return int(text)
+
+
 def _classes() -> dict[str, type]:
     """All concrete classes a record may name: scenes, and systems and effects defined so far."""
     found: dict[str, type] = {"Scene": Scene}
@@ -120,9 +144,10 @@ def _classes() -> dict[str, type]:
 
 def _module(value: dict, what: str) -> eqx.Module:
     classes = _classes()
-    cls = classes.get(value.get("type", ""))
-    if cls is None:
-        raise fail(what, f"one of {', '.join(sorted(classes))}", repr(value.get("type")))
+    name = value.get("type")
+    cls = classes.get(name) if isinstance(name, str) else None
+    if cls is None or inspect.isabstract(cls):
+        raise fail(what, f"one of {', '.join(sorted(classes))}", repr(name)[:60])
     names = {f.name for f in dataclasses.fields(cls)}
     if names != value.keys() - {"type"}:
         wrong = sorted(names ^ (value.keys() - {"type"}))
@@ -132,9 +157,14 @@ def _module(value: dict, what: str) -> eqx.Module:
     for field in dataclasses.fields(cls):
         static = field.metadata.get("static", False)
         item = value[field.name]
-        item = item if static else _number_or(item, f"{what}.{field.name}")
-        object.__setattr__(module, field.name, tuple(item) if isinstance(item, list) else item)
+        item = _tuples(item) if static else _number_or(item, f"{what}.{field.name}")
+        object.__setattr__(module, field.name, item)
     return module
+
+
+def _tuples(item: Any) -> Any:
+    """Lists as tuples, all the way down: static fields must be hashable."""
+    return tuple(map(_tuples, item)) if isinstance(item, list) else item
 
 
 def _number_or(item: Any, what: str) -> Any:
