@@ -76,4 +76,5 @@ def drift(motion: Trajectory) -> Array:
     total = along(energy, motion)
     v = along(potential, motion)
     size = jnp.max(jnp.abs(total - v) + jnp.abs(v))
-    return jnp.max(jnp.abs(total - total[0])) / size
+    # Where nothing moves and nothing acts the size is 0, and so is the change.
+    return jnp.max(jnp.abs(total - total[0])) / jnp.where(size == 0, 1.0, size)
