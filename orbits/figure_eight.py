@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from jaxdyn import Scene
+from jaxdyn._checks import fail
 from jaxdyn.scenes import EIGHT_GUESS, EIGHT_GUESS_PERIOD, three_body
 from orbits.newton import Iteration
 from orbits.problem import Orbit, choreography
@@ -49,6 +50,9 @@ def figure_eight(
       ValueError: numbers that make no sense.
     """
     scene = three_body(np.asarray(guess, dtype=float), m=m, t1=period)
+    scene.check()
+    if np.ptp(np.asarray(m, dtype=float)) != 0:
+        raise fail("masses", "equal ones", m, "Bodies of a choreography take each other's places.")
     lower = _around(scene, -1) if lower is None else lower
     upper = _around(scene, +1) if upper is None else upper
     say("closing plainly: y(T) = y(0)")

@@ -78,12 +78,13 @@ def solve(
     best, stalled, accepted = x, 0, 0
     best_residual = residual
     damping = _DAMPING_START
-    while accepted < max_iterations and np.isfinite(residual).all():
+    while accepted < max_iterations and _finite(residual, jacobian):
         step = _step(residual, jacobian, x, lower, upper, damping * _norm(residual))
         new = np.clip(x + step, lower, upper)
         new_residual, new_jacobian = equations(new)
         solved = _size(residual) <= goal
-        if not _norm(new_residual) < (2.0 if solved else 1.0) * _norm(residual):
+        falls = _norm(new_residual) < (2.0 if solved else 1.0) * _norm(residual)
+        if not (falls and _finite(new_jacobian)):
             damping *= _DAMPING_GROW
             if solved or damping > _DAMPING_MAX or np.array_equal(new, x):
                 break
@@ -96,7 +97,7 @@ def solve(
             stalled = 0
         else:
             stalled += 1
-        if _size(residual) < _size(best_residual):
+        if not solved or _size(residual) < _size(best_residual):
             best, best_residual = x, residual
         if not keep_going(x) or (solved and stalled >= _STALLED) or not residual.any():
             break
@@ -135,6 +136,10 @@ def _shortest(residual, jacobian, damping) -> np.ndarray:
     kept = s > RANK_TOLERANCE * s[0] if s.size else np.zeros(0, bool)
     s, u, vt = s[kept], u[:, kept], vt[kept]
     return -vt.T @ (s / (s * s + damping * damping) * (u.T @ residual))
+
+
+def _finite(*arrays: np.ndarray) -> bool:
+    return all(np.isfinite(array).all() for array in arrays)
 
 
 def _size(residual: np.ndarray) -> float:

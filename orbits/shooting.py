@@ -21,6 +21,7 @@ from orbits.problem import PLAIN, Closing, Orbit, Outcome, SearchError
 
 RTOL = 1e-14
 GOAL = 1e-12
+_SYMMETRIC = 1e-9  # relative: how exactly a closing condition keeps the vector field
 _ESCAPE = 100.0  # times the guess's size is a run-away
 _TRIVIAL = 0.02  # of the guessed period, or of its path length, is a trivial solution
 
@@ -71,6 +72,8 @@ def find(
     """
     closings = (closing,) if isinstance(closing, Closing) else tuple(closing)
     guess, lower, upper = _checked(scene, y0, period, lower, upper, closings, segments)
+    positive("goal", goal, "It is the largest closing error of an orbit.")
+    positive("rtol", rtol, "It is the relative error of one step.")
     closing = _nearest(scene, guess, closings, rtol)
     equations = _Equations(scene, closing, segments, rtol)
     x = equations.spread(guess)
@@ -117,10 +120,11 @@ class _Equations:
     def bounds(self, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Bounds on the start and the period; the states in between are free."""
         between = (self.segments - 1) * (len(lower) - 1)
-        return tuple(
-            np.concatenate([b[:-1], np.full(between, free), b[-1:]])
-            for b, free in ((lower, -np.inf), (upper, np.inf))
-        )
+
+        def with_free(b: np.ndarray, free: float) -> np.ndarray:
+            return np.concatenate([b[:-1], np.full(between, free), b[-1:]])
+
+        return with_free(lower, -np.inf), with_free(upper, np.inf)
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if x[-1] <= 0:
@@ -150,8 +154,11 @@ def _checked(scene, y0, period, lower, upper, closings, segments):
     scene = scene if y0 is None else scene.starting(y0)
     scene.check()
     k = len(scene.y0)
+    if not closings:
+        raise fail("closing", "at least one closing condition", "none")
     for closing in closings:
         closing.check(k)
+        _check_symmetry(scene, closing)
     if segments < 1:
         raise fail("segments", "at least 1", segments)
     period = positive("period", scene.t1 if period is None else period, "It is a time.")
@@ -163,7 +170,27 @@ def _checked(scene, y0, period, lower, upper, closings, segments):
     if (low > high).any():
         i = int(np.argmax(low > high))
         raise fail("lower", f"<= upper = {high[i]} at index {i}", low[i], "Swap them?")
-    return np.clip(guess, low, high), low, high
+    if not high[-1] > 0:
+        raise fail("upper", "a positive last entry, for the period", high[-1])
+    clipped = np.clip(guess, low, high)
+    if not (np.isfinite(clipped).all() and clipped[-1] > 0):
+        raise fail("bounds", "some finite numbers between them", f"{clipped} nearest to the guess")
+    return clipped, low, high
+
+
+def _check_symmetry(scene: Scene, closing: Closing) -> None:
+    # Without the symmetry the motion after the first part is another one: it would not close.
+    if closing.places is None:
+        return
+    t = jnp.zeros(())
+    there, here = scene.rate(t, closing.act(scene.y0)), closing.act(scene.rate(t, scene.y0))
+    if not float(jnp.abs(there - here).max()) <= _SYMMETRIC * float(jnp.abs(here).max()):
+        raise fail(
+            "closing",
+            "a symmetry of the scene",
+            f"{closing.name!r}, which changes its forces",
+            "Bodies that take each other's places need equal masses.",
+        )
 
 
 def _nearest(scene: Scene, guess: np.ndarray, closings: tuple[Closing, ...], rtol) -> Closing:
@@ -191,11 +218,12 @@ def _bound(name, value, k, remedy):
 def _trouble(scene: Scene, x: np.ndarray, guess: np.ndarray) -> Outcome | None:
     """Whether an iterate is on its way to a solution that is none."""
     k = len(guess) - 1
-    if np.abs(x[:k]).max() > _ESCAPE * np.abs(guess[:k]).max():
+    # A guess of zeros has no size to compare with.
+    if np.abs(x[:k]).max() > _ESCAPE * np.abs(guess[:k]).max() > 0:
         return Outcome.ESCAPE
     path = float(jnp.linalg.norm(scene.rate(jnp.zeros(()), jnp.asarray(x[:k])))) * x[-1]
     start = float(jnp.linalg.norm(scene.rate(jnp.zeros(()), jnp.asarray(guess[:k])))) * guess[-1]
-    if x[-1] < _TRIVIAL * guess[-1] or path < _TRIVIAL * start:
+    if x[-1] < _TRIVIAL * guess[-1] or path <= _TRIVIAL * start:
         return Outcome.TRIVIAL
     return None
 
