@@ -17,6 +17,8 @@ False
 6.325913983
 """
 
+from orbits.evidence import closure as closure
+from orbits.evidence import recheck as recheck
 from orbits.identity import Identity as Identity
 from orbits.identity import identify as identify
 from orbits.identity import normal_form as normal_form
@@ -26,8 +28,6 @@ from orbits.problem import Orbit as Orbit
 from orbits.problem import Outcome as Outcome
 from orbits.problem import SearchError as SearchError
 from orbits.problem import choreography as choreography
-from orbits.evidence import closure as closure
-from orbits.evidence import recheck as recheck
 from orbits.shooting import find as find
 from orbits.stability import Stability as Stability
 from orbits.stability import monodromy as monodromy

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene
+from jaxdyn._checks import fail
 from jaxdyn.effects import PairGravity
 from jaxdyn.energy import angular_momentum, energy
 from jaxdyn.formulations.newton import FreePoints
@@ -59,7 +60,8 @@ def identify(orbit: Orbit) -> Identity:
     """
     scene, t = orbit.scene, jnp.zeros(())
     e = float(energy(scene, t, orbit.y0))
-    gravity = all(isinstance(effect, PairGravity) for effect in scene.effects)
+    free = isinstance(scene.system, FreePoints)
+    gravity = free and {type(effect) for effect in scene.effects} == {PairGravity}
     error = permutation_error(orbit)
     size = float(np.abs(np.asarray(orbit.y0)).max())
     return Identity(
@@ -90,7 +92,17 @@ def normal_form(orbit: Orbit) -> Orbit:
     distance 1, in units of G m = 1; the third is on the x axis a quarter of a period later.
     Of the mirror images and labels left, the one nearest to the printed start is taken
     (course problem 17: first body at (-0.97000436, 0.24308753)).
+
+    Raises:
+      ValueError: anything but three equal bodies in the plane under their attraction alone.
     """
+    if not has_normal_form(orbit):
+        raise fail(
+            "orbit",
+            "three equal bodies in the plane that attract each other",
+            "another scene",
+            "Only there is a normal form defined.",
+        )
     scene = orbit.scene
     centred = _centred(scene, np.asarray(orbit.y0))
     t, body = _passage(scene.starting(centred), orbit.period)
@@ -99,7 +111,10 @@ def normal_form(orbit: Orbit) -> Orbit:
     order = [(body + 1) % 3, (body + 2) % 3, body]
     r, v = r[order], v[order]
     scale = 1.0 / np.linalg.norm(r[0])
-    gm = float(scene.effects[0].G * scene.system.m[0])
+    (gravity,), bodies = scene.effects, scene.system
+    assert isinstance(gravity, PairGravity)
+    assert isinstance(bodies, FreePoints)
+    gm = float(gravity.G * bodies.m[0])
     # Lengths by s, and times by s^(3/2) / sqrt(G m) : Kepler's third law.
     slow = scale**1.5 * np.sqrt(gm)
     r, v, period = scale * r, scale * v / slow, slow * orbit.period

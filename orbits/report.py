@@ -1,5 +1,6 @@
-"""Everything that is claimed of an orbit, in one record: what the command line prints and files
-keep, and what `orbits verify` derives again from scratch.
+"""Everything that is claimed of an orbit, in one record.
+
+The command line prints it, files keep it, and `orbits verify` derives it again from scratch.
 """
 
 import dataclasses

@@ -9,9 +9,9 @@ An integral I with gradient w has w M = w, a symmetry with generator g has M g =
 come from the system (momenta, energy, shifts, turns) and from the flow, and are confirmed in two
 ways: by these equations on the monodromy matrix M itself, and by the vector field f at points
 off the orbit, where w f = 0 and g commutes with f. (Where M happens to be the unit matrix, as
-for an oscillator, the first alone would confirm everything.) M maps the common kernel N of the gradients to itself, and
-the generators inside it, G, to themselves; what is left, M on N / G, has exactly the
-non-trivial multipliers for eigenvalues, well conditioned unless two of them meet.
+for an oscillator, the first alone would confirm everything.) M maps the common kernel N of the
+gradients to itself, and the generators inside it, G, to themselves; what is left, M on N / G,
+has exactly the non-trivial multipliers for eigenvalues, well conditioned unless two of them meet.
 
 Each gets an error bar: the change of M between two tolerances (and its rounding level) times
 the condition number of the eigenvalue. The verdict is `undecided` where the bars say so.
@@ -99,7 +99,8 @@ def stability(orbit: Orbit, *, rtol: float | None = None) -> Stability:
     kernel, reasons = _kernel(scene, y0, m)
     q, generators = _complement(scene, y0, m, kernel)
     reduced = q.T @ m @ q
-    error = np.linalg.norm(q.T @ (coarse - m) @ q, 2) + np.finfo(float).eps * np.linalg.norm(m, 2)
+    error = float(np.linalg.norm(q.T @ (coarse - m) @ q, 2))
+    error += float(np.finfo(float).eps * np.linalg.norm(m, 2))
     nontrivial, bars = _eigenvalues(reduced, error)
     symplectic = _symplectic_defect(scene, y0, m)
     conservative = symplectic is not None and symplectic < CONFIRMED
@@ -231,7 +232,7 @@ def _eigenvalues(matrix: np.ndarray, error: float) -> tuple[np.ndarray, np.ndarr
         condition = np.full(len(values), np.inf)
     # First order in the error, or the square root of it where eigenvalues have met.
     bars = np.minimum(condition * error, np.sqrt(error * np.linalg.norm(matrix, 2)) + error)
-    order = np.lexsort((-values.imag, -np.round(np.abs(values), 9)))
+    order = np.lexsort((-np.imag(values), -np.round(np.abs(values), 9)))
     return values[order].astype(complex), bars[order]
 
 
@@ -269,11 +270,10 @@ def _verdict(values: np.ndarray, bars: np.ndarray, conservative: bool) -> str:
 
 
 def _symplectic_defect(scene: Scene, y0: np.ndarray, m: np.ndarray) -> float | None:
-    system, t = scene.system, jnp.zeros(())
-    y0 = jnp.asarray(y0)
-    if system.canonical(t, y0) is None or len(y0) % 2:
+    system, t, start = scene.system, jnp.zeros(()), jnp.asarray(y0)
+    if system.canonical(t, start) is None or len(y0) % 2:
         return None
-    c = np.asarray(jax.jacfwd(lambda y: system.canonical(t, y))(y0))
+    c = np.asarray(jax.jacfwd(lambda y: system.canonical(t, y))(start))
     n = len(y0) // 2
     j = np.block([[np.zeros((n, n)), np.eye(n)], [-np.eye(n), np.zeros((n, n))]])
     form = c.T @ j @ c
