@@ -1,5 +1,7 @@
 """jaxdyn."""
 
+from jaxdyn import energy as energy
+from jaxdyn import events as events
 from jaxdyn import scenes as scenes
 from jaxdyn._config import configure as configure
 from jaxdyn.scene import Effect as Effect

@@ -26,7 +26,7 @@ from jaxtyping import Array, Float
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.solvers import Pair, Stepper
 from jaxdyn.status import Status
-from jaxdyn.stepping import StepControl
+from jaxdyn.stepping import StepControl, Watch
 
 #: Operations of a rate from which on the loop over stages runs as fast as written-out stages
 #: and compiles ten times sooner (measured: three bodies 80, double pendulum 590).
@@ -114,10 +114,15 @@ def flow(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
 
 
 def _run(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
+    return march(field, y0, t0, t1, ts, tolerance, settings=settings, watch=None)[0]
+
+
+def march(field, y0, t0, t1, ts, tolerance, *, settings: Settings, watch: Watch | None):
+    """`flow` without derivatives, and what a watch remembers of it at the end."""
     direction = jnp.where(t1 > t0, 1.0, -1.0)  # as diffrax has it, also for t1 = t0
     rolled = y0.ndim > 1 or _operations(field, t0, y0) > _UNROLLED_BELOW
     # XLA sees one program for both signs of time; diffrax turns ts about with the rest.
-    control = StepControl(rtol=tolerance[0], atol=tolerance[1], ts=ts)
+    control = StepControl(rtol=tolerance[0], atol=tolerance[1], ts=ts, watch=watch)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(_rate),
         Stepper(settings.pair, rolled),
@@ -136,10 +141,10 @@ def _run(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
     given = (y0, field.rate(t0, y0), t0, t1, jnp.log(tolerance))
     status = _status(solution.result, given)
     y1 = jnp.where(status == Status.OK, solution.ys[-1], jnp.nan)
-    nodes = solution.controller_state
+    nodes, memory = solution.controller_state
     ys = _from_nodes(field, direction * nodes.t, nodes.y, ts, settings.pair)
     steps = solution.stats["num_accepted_steps"]
-    return Flow(y1, ys, steps, solution.stats["num_rejected_steps"], status)
+    return Flow(y1, ys, steps, solution.stats["num_rejected_steps"], status), memory
 
 
 @flow.def_jvp

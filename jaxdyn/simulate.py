@@ -127,9 +127,9 @@ def solve(
     Compiled for each kind of scene and pair; inside jit, grad and vmap it is inlined.
     """
     _checks.float64()
-    settings = Settings(_pair(scene, solver), max_steps)
+    settings = Settings(chosen_pair(scene, solver), max_steps)
     numbers = (_floats(x) for x in (scene.y0, t0, t1, ts))
-    return _compiled(scene.field, *numbers, _tolerance(rtol, atol), settings=settings)
+    return _compiled(scene.field, *numbers, tolerances(rtol, atol), settings=settings)
 
 
 def default_solver(scene: Scene) -> Pair:
@@ -137,7 +137,8 @@ def default_solver(scene: Scene) -> Pair:
     return NYSTROM12 if scene.second_order else VERNER9
 
 
-def _pair(scene: Scene, solver: Pair | None) -> Pair:
+def chosen_pair(scene: Scene, solver: Pair | None) -> Pair:
+    """The pair asked for, if it fits the scene, or the default one."""
     if solver is None:
         return default_solver(scene)
     if not isinstance(solver, Pair):
@@ -176,7 +177,7 @@ def _floats(x):
     return jnp.asarray(x, float) if _checks.is_traced(x) else np.asarray(x, float)
 
 
-def _tolerance(rtol, atol):
+def tolerances(rtol, atol) -> Array | np.ndarray:
     """(2,) relative and absolute tolerance, checked."""
     atol = rtol if atol is None else atol
     if _checks.is_traced((rtol, atol)):

@@ -12,6 +12,9 @@ same method, so samples are as accurate as the steps (an interpolant of matching
 cost more stages than the method has).
 """
 
+import abc
+from typing import Any
+
 import diffrax
 import equinox as eqx
 import jax
@@ -58,6 +61,22 @@ class Nodes(eqx.Module):
         return jax.lax.while_loop(reached, note, self)
 
 
+class Watch(eqx.Module):
+    """Something that looks at each accepted step and may stop the run; see `events`."""
+
+    @abc.abstractmethod
+    def towards(self, direction: Array) -> "Watch":
+        """The same for a run in this direction of time: the t it will be shown is +-t."""
+
+    @abc.abstractmethod
+    def start(self, t0: Array, y0: Array) -> Any:
+        """What it remembers at the start."""
+
+    @abc.abstractmethod
+    def see(self, keep: Array, t0: Array, y0: Array, t1: Array, y1: Array, memory: Any) -> tuple:
+        """What it remembers after a step, and whether to stop; a step not kept changes nothing."""
+
+
 class StepControl(diffrax.AbstractAdaptiveStepSizeController):
     """Elementary error-per-step control: h <- 0.9 h (tolerance / error)^(1/p).
 
@@ -65,16 +84,19 @@ class StepControl(diffrax.AbstractAdaptiveStepSizeController):
       rtol: () relative tolerance of one step.
       atol: () absolute tolerance of one step.
       ts: (s,) wanted times in the direction of integration; (0,) for none.
+      watch: what looks at the steps, if anything.
     """
 
     rtol: Array
     atol: Array
     ts: Array
+    watch: Watch | None = None
     #: diffrax asks for these two names of every adaptive controller.
     norm = staticmethod(lambda y: jnp.max(jnp.sqrt(jnp.mean(y * y, axis=0))))
 
     def wrap(self, direction):
-        return eqx.tree_at(lambda c: c.ts, self, self.ts * direction)
+        watch = None if self.watch is None else self.watch.towards(direction)
+        return StepControl(self.rtol, self.atol, self.ts * direction, watch)
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
         # diffrax's choice of the first step (Hairer, Norsett, Wanner, II.4).
@@ -82,7 +104,8 @@ class StepControl(diffrax.AbstractAdaptiveStepSizeController):
         tnext, _ = first.init(terms, t0, t1, y0, dt0, args, func, error_order)
         # A NaN rate gives a NaN step; the run must still end.
         tnext = jnp.where(jnp.isfinite(tnext), tnext, t1)
-        return tnext, Nodes.empty(self.ts, t0, y0)
+        memory = None if self.watch is None else self.watch.start(t0, y0)
+        return tnext, (Nodes.empty(self.ts, t0, y0), memory)
 
     def adapt_step_size(self, t0, t1, y0, y1_candidate, args, y_error, error_order, state):
         del args
@@ -95,13 +118,16 @@ class StepControl(diffrax.AbstractAdaptiveStepSizeController):
         spacing = jnp.finfo(h.dtype).eps * jnp.abs(t0)
         collapsed = ~keep & (h_next <= _FLOOR_ULPS * spacing + _FLOOR)
         start = jnp.where(keep, t1, t0)
+        nodes, memory = state
         if len(self.ts):
-            reached = jnp.where(keep, t1, -jnp.inf)
-            state = state.passed(self.ts, t0, y0, reached)
+            nodes = nodes.passed(self.ts, t0, y0, jnp.where(keep, t1, -jnp.inf))
         result = diffrax.RESULTS.where(
             collapsed, diffrax.RESULTS.dt_min_reached, diffrax.RESULTS.successful
         )
-        return keep, start, start + h_next, False, state, result
+        if self.watch is not None:
+            memory, stop = self.watch.see(keep, t0, y0, t1, y1_candidate, memory)
+            result = diffrax.RESULTS.where(stop, diffrax.RESULTS.event_occurred, result)
+        return keep, start, start + h_next, False, (nodes, memory), result
 
     def _scale(self, y0: Array, y1: Array) -> Array:
         # y1 may be NaN after a bad step; its error is NaN then and the step is rejected.
