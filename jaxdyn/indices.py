@@ -83,7 +83,10 @@ def evaluate_indices(expression: str, **arrays) -> Array:
     given = {name: jnp.asarray(a, dtype=float) for name, a in arrays.items()}
     d = next((n for a in given.values() for n in a.shape), 3)
     given = {"delta": jnp.asarray(kronecker(d)), "epsilon": jnp.asarray(levi_civita(d))} | given
-    return sum(_value(term, free, given, d) for term in terms)
+    total = _value(terms[0], free, given, d)
+    for term in terms[1:]:
+        total = total + _value(term, free, given, d)
+    return total
 
 
 def _value(term: _Term, free: str, given: dict[str, Array], d: int) -> Array:
@@ -92,6 +95,8 @@ def _value(term: _Term, free: str, given: dict[str, Array], d: int) -> Array:
             raise fail(name, f"an array for each name in {term.text!r}", "none", "Pass it by name.")
         if given[name].shape != (d,) * len(index):
             raise fail(name, f"shape {(d,) * len(index)}", f"shape {given[name].shape}")
+    if not term.factors:
+        return jnp.asarray(term.coefficient)
     inputs = ",".join(index for _, index in term.factors)
     return term.coefficient * jnp.einsum(f"{inputs}->{free}", *(given[n] for n, _ in term.factors))
 
@@ -132,7 +137,7 @@ def _term(text: str) -> _Term:
         else:
             coefficient *= float(number)
         rest = rest[match.end() :]
-    return _Term(text, coefficient, factors or [("one", "")])
+    return _Term(text, coefficient, factors)
 
 
 def _free(term: _Term) -> str:

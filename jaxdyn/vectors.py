@@ -95,7 +95,10 @@ def closest_points(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector) -> Closes
     and the one connection given for them ends at c.
 
     Args:
-      r_a: (3,) a point; likewise r_b, r_c, r_d.
+      r_a: (3,) a point of the first line.
+      r_b: (3,) another.
+      r_c: (3,) a point of the second line.
+      r_d: (3,) another.
     Returns:
       Distance, closest points and whether the lines are parallel; NaN where a and b, or c and
       d, coincide and there is no line.
@@ -126,11 +129,10 @@ def closest_points(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector) -> Closes
 
 
 def signed_volume(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector) -> Array:
-    """Volume () of a tetrahedron, positive where a, b, c turn clockwise as seen from d.
+    """Volume () of a tetrahedron, positive where a, b, c turn counterclockwise seen from d.
 
     (b - a) x (c - a) . (d - a) / 6: a third of the base |(b - a) x (c - a)| / 2 times the
-    height, the part of d - a along the normal of the base. For b - a, c - a, d - a along x, y, z
-    it is positive.
+    height, the part of d - a along the normal of the base.
     """
     return dot(cross(r_b - r_a, r_c - r_a), r_d - r_a) / 6
 
@@ -154,7 +156,9 @@ def rod_tensions(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector, force: Vect
     a, b, c counted from d the tension in the first is -|a| F . (b x c) / (a . (b x c)).
 
     Args:
-      r_a: (3,) [m] the fixed end of a rod; likewise r_b and r_c.
+      r_a: (3,) [m] the fixed end of the first rod.
+      r_b: (3,) [m] of the second.
+      r_c: (3,) [m] of the third.
       r_d: (3,) [m] the joint.
       force: (3,) [N] the load on the joint.
     Returns:

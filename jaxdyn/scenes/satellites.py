@@ -1,0 +1,44 @@
+"""The three satellites of problems 55 and 57: a unit cube with balls of radius 1/2 on its faces.
+
+All parts have density 1 and the cube has its corners at 0 and 1. What computation says about
+the course's claims:
+
+- 55 iii says that two principal moments of A are equal, and 57 A.i that all three differ. They
+  differ: 0.527, 0.795 and 1.051.
+- 57 A.ii is false: the axis along the line through the centres of the two balls, (1, -1, 0),
+  is that of the smallest moment. The intermediate axis is (1, 1, 0), the largest moment is
+  about z.
+- 57 B.i and ii hold: two moments of B are equal and the axis of symmetry is (1, 1, 1); its
+  moment is the largest.
+- 57 C.i holds: every direction is principal for C, since by symmetry its three moments are equal.
+"""
+
+import jax.numpy as jnp
+
+from jaxdyn.inertia import Body, box_of_density, sphere_of_density
+
+#: Tips of the two massless antennas, from (0, 0, 0) and from (0, 0, 0.5).
+ANTENNAS = ((3.0, 3.0, 3.0), (2.0, 2.0, 0.5))
+
+
+def satellite_a(density=1.0) -> Body:
+    """Balls on the faces towards +x and +y."""
+    return _satellite(density, [(1, 0, 0), (0, 1, 0)])
+
+
+def satellite_b(density=1.0) -> Body:
+    """Balls on the faces towards +x, +y and +z."""
+    return _satellite(density, [(1, 0, 0), (0, 1, 0), (0, 0, 1)])
+
+
+def satellite_c(density=1.0) -> Body:
+    """Balls on all six faces."""
+    faces = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0, -1, 0), (0, 0, -1)]
+    return _satellite(density, faces)
+
+
+def _satellite(density, faces: list[tuple[int, int, int]]) -> Body:
+    body = box_of_density(density, jnp.ones(3))
+    for face in faces:
+        body = body + sphere_of_density(density, 0.5).shifted(face)
+    return body.shifted((0.5, 0.5, 0.5))
