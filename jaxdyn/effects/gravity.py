@@ -1,8 +1,4 @@
-"""What acts on material points: gravity and drag.
-
-Each class is one effect; scenes are composed from them by ``+``. Positions and velocities
-come as (n, d) arrays, masses as (n,); forces go back as (n, d).
-"""
+"""Gravity: the same downward pull for all, and the attraction of all points by each other."""
 
 from typing import ClassVar
 
@@ -11,7 +7,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._numerics import safe_norm, square_norm
+from jaxdyn._numerics import square_norm
 from jaxdyn.scene import Effect, Points
 
 # From about this many bodies on, the broadcast (n, n, d) form of a pair force beats a program
@@ -88,36 +84,3 @@ class PairGravity(Effect):
                         f"bodies {i + 1} and {j + 1} both at {r[i].tolist()}",
                         "Their attraction is infinite there; move one.",
                     )
-
-
-class LinearDrag(Effect):
-    """Drag -c (v - wind) on each point; c [kg/s], wind (d,) [m/s] or 0."""
-
-    c: Array
-    wind: Array
-    velocity_dependent: ClassVar[bool] = True
-
-    def __init__(self, c, wind=0.0):
-        self.c = jnp.asarray(c, dtype=float)
-        self.wind = jnp.asarray(wind, dtype=float)
-
-    def force(self, t, r, v, m):
-        del t, r, m
-        return -self.c * (v - jnp.broadcast_to(self.wind, v.shape))
-
-
-class QuadraticDrag(Effect):
-    """Drag -c |v - wind| (v - wind) on each point; c [kg/m], wind (d,) [m/s] or 0."""
-
-    c: Array
-    wind: Array
-    velocity_dependent: ClassVar[bool] = True
-
-    def __init__(self, c, wind=0.0):
-        self.c = jnp.asarray(c, dtype=float)
-        self.wind = jnp.asarray(wind, dtype=float)
-
-    def force(self, t, r, v, m):
-        del t, r, m
-        u = v - jnp.broadcast_to(self.wind, v.shape)
-        return -self.c * safe_norm(u)[:, None] * u

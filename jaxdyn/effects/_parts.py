@@ -1,0 +1,48 @@
+"""What effects share: which points they act on, and the checks of their numbers."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.scene import Effect
+
+
+def unless_zero(coefficient: Any, effect: Effect) -> tuple[Effect, ...]:
+    """The effect, as a tuple for a scene; an empty one if its coefficient is exactly 0.
+
+    A scene without an effect compiles to a program without it. A traced coefficient keeps the
+    effect, since its value is not known.
+    Example:
+      >>> from jaxdyn.effects import LinearDrag, unless_zero
+      >>> unless_zero(0.0, LinearDrag(0.0))
+      ()
+    """
+    absent = not _checks.is_traced(coefficient) and not np.any(np.asarray(coefficient))
+    return () if absent else (effect,)
+
+
+def at_least_zero(name: str, x: Array, remedy: str) -> None:
+    """Refuse an effect's number that is negative, NaN or infinite."""
+    values = np.asarray(_checks.finite(name, x, remedy))
+    if (values < 0).any():
+        raise _checks.fail(name, ">= 0", values[values < 0].ravel()[0], remedy)
+
+
+def point_number(name: str, i: int, n: int) -> None:
+    """Refuse the number of a point that is not among the n points of a system."""
+    if not -n <= i < n:
+        raise _checks.fail(name, f"a point from 0 to {n - 1}", i, "Points count from 0.")
+
+
+def end_of(x: Array, j: int | None, anchor: Array) -> Array:
+    """(d,) the entry of x (n, d) for point j, or the anchor where there is no point."""
+    return jnp.broadcast_to(anchor, x.shape[1:]) if j is None else x[j]
+
+
+def on_ends(force: Array, n: int, i: int, j: int | None) -> Array:
+    """(n, d) the force (d,) on point i, its reaction on point j, and zero elsewhere."""
+    weights = np.eye(n)[i] - (0.0 if j is None else np.eye(n)[j])
+    return weights[:, None] * force[None, :]

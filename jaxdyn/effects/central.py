@@ -1,0 +1,105 @@
+"""Forces towards the origin that depend on the distance alone.
+
+A law of one's own is a subclass of `CentralForce` with one method: the attraction f(r) or the
+energy, whose derivative it is. The other follows.
+"""
+
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._numerics import safe_norm
+from jaxdyn.scene import Effect, Points
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
+
+
+class CentralForce(Effect):
+    """Force -f(r) e_r on each point, r being its distance from the origin.
+
+    A subclass overrides `attraction`, or `energy`, or both. At the origin e_r has no
+    direction; the force there is f'(0) times the position, so right for f = k r, and NaN for
+    a law whose slope is infinite.
+
+    Example:
+      >>> import jax.numpy as jnp
+      >>> class Yukawa(CentralForce):
+      ...     def energy(self, r):
+      ...         return -jnp.exp(-r) / r
+      >>> float(Yukawa().attraction(jnp.array(1.0)))  # (1 + 1/r) e^-r / r
+      0.73...
+    """
+
+    velocity_dependent: ClassVar[bool] = False
+
+    def attraction(self, r: Array) -> Array:
+        """f(r) () [N], positive towards the origin, at the distance r () [m]."""
+        if type(self).energy is CentralForce.energy:
+            raise _checks.fail(
+                type(self).__name__, "an `attraction` or an `energy`", "neither", "Override one."
+            )
+        return jax.grad(self.energy)(r)
+
+    def energy(self, r: Array) -> Array:
+        """Potential energy () [J] at the distance r () [m].
+
+        By default the integral of f from 1 m to r, by a 64-point Gauss rule.
+
+        Limits: that rule is right to rounding for a smooth law, and for a power law with its
+        infinity at the origin from about r = 1/50 to 50 m; override it for more.
+        """
+        half = 0.5 * (r - 1.0)
+        return half * jnp.sum(_WEIGHTS * jax.vmap(self.attraction)(1.0 + half * (1.0 + _NODES)))
+
+    def potential(self, t, r, m):
+        del t, m
+        return jnp.sum(jax.vmap(self.energy)(safe_norm(r)))
+
+    def force(self, t, r, v, m):
+        del t, v, m
+        distance = safe_norm(r)
+        centre = distance == 0
+        safe = jnp.where(centre, 1.0, distance)
+        slope = jax.grad(self.attraction)(jnp.zeros((), r.dtype))
+        weight = jnp.where(centre, slope, jax.vmap(self.attraction)(safe) / safe)
+        return -weight[:, None] * r
+
+    def check(self, points: Points) -> None:
+        force = np.asarray(self.force(jnp.zeros(()), *points))
+        for i in np.flatnonzero(~np.isfinite(force).all(axis=1)):
+            raise _checks.fail(
+                "y0",
+                f"a finite {type(self).__name__} force",
+                f"{force[i].tolist()} on point {i} at {np.asarray(points.r)[i].tolist()}",
+                "Start away from the centre.",
+            )
+
+
+class PowerLaw(CentralForce):
+    """Attraction f(r) = k r^n towards the origin; k [N/m^n], any real exponent n.
+
+    Energy k r^(n+1) / (n+1), and k log r for n = -1. Gravity of a fixed sun is n = -2, a
+    spring of rest length 0 is n = 1, and for n = -1 all circular orbits have one speed.
+
+    Limits: the energy's derivative in n is not meaningful at n = -1 itself, where the usual
+    constant in the energy is infinite.
+    """
+
+    k: Array
+    n: Array
+
+    def __init__(self, k=1.0, n=-2.0):
+        self.k = jnp.asarray(k, dtype=float)
+        self.n = jnp.asarray(n, dtype=float)
+
+    def attraction(self, r):
+        return self.k * r**self.n
+
+    def energy(self, r):
+        logarithmic = self.n == -1
+        power = jnp.where(logarithmic, 1.0, self.n + 1)
+        return self.k * jnp.where(logarithmic, jnp.log(r), r**power / power)

@@ -1,0 +1,82 @@
+"""Resistance to motion: air that drags in proportion to speed or its square, dry friction."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn._numerics import safe_norm, safe_sqrt, square_norm
+from jaxdyn.effects._parts import at_least_zero
+from jaxdyn.scene import Effect, Points
+
+
+class LinearDrag(Effect):
+    """Drag -c (v - wind) on each point; c [kg/s], wind (d,) [m/s] or 0."""
+
+    c: Array
+    wind: Array
+    velocity_dependent: ClassVar[bool] = True
+
+    def __init__(self, c, wind=0.0):
+        self.c = jnp.asarray(c, dtype=float)
+        self.wind = jnp.asarray(wind, dtype=float)
+
+    def force(self, t, r, v, m):
+        del t, r, m
+        return -self.c * (v - jnp.broadcast_to(self.wind, v.shape))
+
+
+class QuadraticDrag(Effect):
+    """Drag -c |v - wind| (v - wind) on each point; c [kg/m], wind (d,) [m/s] or 0."""
+
+    c: Array
+    wind: Array
+    velocity_dependent: ClassVar[bool] = True
+
+    def __init__(self, c, wind=0.0):
+        self.c = jnp.asarray(c, dtype=float)
+        self.wind = jnp.asarray(wind, dtype=float)
+
+    def force(self, t, r, v, m):
+        del t, r, m
+        u = v - jnp.broadcast_to(self.wind, v.shape)
+        return -self.c * safe_norm(u)[:, None] * u
+
+
+class DryFriction(Effect):
+    """Coulomb friction -mu N u / sqrt(|u|^2 + creep^2) on points that slide.
+
+    mu [1] and the normal force N [N], () or (n,) one a point; u = v - belt is the velocity
+    over the surface, belt (d,) [m/s] or 0.
+
+    Limits: with creep = 0, the default, this is the law of sliding: mu N against the motion,
+    and nothing at rest, where the true force is whatever keeps the point at rest. The
+    acceleration then jumps where u passes 0: end a motion there by an event and go on with a
+    phase of rest. A creep [m/s] > 0 is a named regularisation instead: smooth, for speeds well
+    above it right to (creep / u)^2 / 2, and below it the point creeps like in honey, so nothing
+    ever sticks.
+    """
+
+    mu: Array
+    normal: Array
+    belt: Array
+    creep: Array
+    velocity_dependent: ClassVar[bool] = True
+
+    def __init__(self, mu, normal, belt=0.0, creep=0.0):
+        self.mu = jnp.asarray(mu, dtype=float)
+        self.normal = jnp.asarray(normal, dtype=float)
+        self.belt = jnp.asarray(belt, dtype=float)
+        self.creep = jnp.asarray(creep, dtype=float)
+
+    def force(self, t, r, v, m):
+        del t, r
+        u = v - jnp.broadcast_to(self.belt, v.shape)
+        speed = safe_sqrt(square_norm(u) + self.creep * self.creep)
+        friction = self.mu * jnp.broadcast_to(self.normal, m.shape)
+        return -(friction / jnp.where(speed == 0, 1.0, speed))[:, None] * u
+
+    def check(self, points: Points) -> None:
+        del points
+        for name in ("mu", "normal", "creep"):
+            at_least_zero(name, getattr(self, name), "The surface only pushes.")

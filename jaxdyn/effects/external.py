@@ -1,0 +1,96 @@
+"""Forces from outside that are given as functions of time: constant, a step, a sine.
+
+They act on the chosen points alike. The time comes from the integrator, so a force that jumps
+costs a few rejected steps at the jump; a start at the jump itself costs nothing.
+"""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.effects._parts import point_number
+from jaxdyn.scene import Effect, Points
+
+
+class ConstantForce(Effect):
+    """The same force F (d,) [N] on each of the chosen points, all of them if None."""
+
+    F: Array
+    on: tuple[int, ...] | None = eqx.field(static=True)
+    velocity_dependent: ClassVar[bool] = False
+
+    def __init__(self, F, on: tuple[int, ...] | None = None):
+        self.F = jnp.asarray(F, dtype=float)
+        self.on = on
+
+    def potential(self, t, r, m):
+        del t, m
+        return -jnp.sum(_spread(self.F, self.on, r) * r)
+
+    def force(self, t, r, v, m):
+        del t, v, m
+        return _spread(self.F, self.on, r)
+
+    def check(self, points: Points) -> None:
+        _check(self.F, self.on, points)
+
+
+class StepForce(Effect):
+    """Nothing before time t_on [s], the force F (d,) [N] on the chosen points from then on."""
+
+    F: Array
+    t_on: Array
+    on: tuple[int, ...] | None = eqx.field(static=True)
+    velocity_dependent: ClassVar[bool] = False
+
+    def __init__(self, F, t_on=0.0, on: tuple[int, ...] | None = None):
+        self.F = jnp.asarray(F, dtype=float)
+        self.t_on = jnp.asarray(t_on, dtype=float)
+        self.on = on
+
+    def force(self, t, r, v, m):
+        del v, m
+        return jnp.where(t >= self.t_on, 1.0, 0.0) * _spread(self.F, self.on, r)
+
+    def check(self, points: Points) -> None:
+        _check(self.F, self.on, points)
+
+
+class SinusoidalForce(Effect):
+    """F sin(omega t + phase) on the chosen points; F (d,) [N], omega [rad/s], phase [rad]."""
+
+    F: Array
+    omega: Array
+    phase: Array
+    on: tuple[int, ...] | None = eqx.field(static=True)
+    velocity_dependent: ClassVar[bool] = False
+
+    def __init__(self, F, omega, phase=0.0, on: tuple[int, ...] | None = None):
+        self.F = jnp.asarray(F, dtype=float)
+        self.omega = jnp.asarray(omega, dtype=float)
+        self.phase = jnp.asarray(phase, dtype=float)
+        self.on = on
+
+    def force(self, t, r, v, m):
+        del v, m
+        return jnp.sin(self.omega * t + self.phase) * _spread(self.F, self.on, r)
+
+    def check(self, points: Points) -> None:
+        _check(self.F, self.on, points)
+
+
+def _spread(force: Array, on: tuple[int, ...] | None, r: Array) -> Array:
+    """(n, d) the force (d,) at the chosen points, zero elsewhere."""
+    n = r.shape[0]
+    chosen = np.ones(n) if on is None else np.eye(n)[list(on)].sum(axis=0)
+    return chosen[:, None] * force[None, :]
+
+
+def _check(force: Array, on: tuple[int, ...] | None, points: Points) -> None:
+    _checks.array("F", force, (points.r.shape[1],), "One component for each axis.")
+    for i in on or ():
+        point_number("on", i, len(points.m))

@@ -1,0 +1,152 @@
+"""Springs and dashpots: between two points, or between a point and an anchor.
+
+Both act along the line between their ends. Where the ends meet it has no direction, and they
+give no force there, except that a spring of rest length 0 is linear, -k r, right through.
+"""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._numerics import safe_norm, square_norm
+from jaxdyn.effects._parts import at_least_zero, end_of, on_ends, point_number
+from jaxdyn.scene import Effect, Points
+
+
+class Spring(Effect):
+    """A linear spring with energy k (l - length)^2 / 2, l being the distance of its ends.
+
+    Stiffness k [N/m], rest length [m], 0 allowed; from point i to point j, or to an anchor
+    (d,) [m], 0 for the origin, where j is None.
+    """
+
+    k: Array
+    length: Array
+    anchor: Array
+    i: int = eqx.field(static=True)
+    j: int | None = eqx.field(static=True)
+    velocity_dependent: ClassVar[bool] = False
+
+    def __init__(self, k, length=0.0, *, i: int = 0, j: int | None = None, anchor=0.0):
+        self.k = jnp.asarray(k, dtype=float)
+        self.length = jnp.asarray(length, dtype=float)
+        self.anchor = jnp.asarray(anchor, dtype=float)
+        self.i, self.j = i, j
+
+    def potential(self, t, r, m):
+        del t, m
+        return _energy(self.k, self.length, r[self.i] - end_of(r, self.j, self.anchor))
+
+    def force(self, t, r, v, m):
+        del t, v, m
+        pull = _pull(self.k, self.length, r[self.i] - end_of(r, self.j, self.anchor))
+        return on_ends(-pull, r.shape[0], self.i, self.j)
+
+    def check(self, points: Points) -> None:
+        _check_ends(self.i, self.j, len(points.m))
+        at_least_zero("length", self.length, "A rest length is in m.")
+        _checks.finite("k", self.k, "A stiffness is in N/m.")
+
+
+class Dashpot(Effect):
+    """A damper -c dl/dt along the line between its ends, l being their distance.
+
+    Coefficient c [kg/s]; from point i to point j, or to an anchor (d,) [m], 0 for the origin,
+    where j is None.
+    """
+
+    c: Array
+    anchor: Array
+    i: int = eqx.field(static=True)
+    j: int | None = eqx.field(static=True)
+    velocity_dependent: ClassVar[bool] = True
+
+    def __init__(self, c, *, i: int = 0, j: int | None = None, anchor=0.0):
+        self.c = jnp.asarray(c, dtype=float)
+        self.anchor = jnp.asarray(anchor, dtype=float)
+        self.i, self.j = i, j
+
+    def force(self, t, r, v, m):
+        del t, m
+        along = _direction(r[self.i] - end_of(r, self.j, self.anchor))
+        opening = jnp.sum(along * (v[self.i] - end_of(v, self.j, jnp.zeros(()))))
+        return on_ends(-self.c * opening * along, r.shape[0], self.i, self.j)
+
+    def check(self, points: Points) -> None:
+        _check_ends(self.i, self.j, len(points.m))
+        _checks.finite("c", self.c, "A damping coefficient is in kg/s.")
+
+
+class SpringNetwork(Effect):
+    """Linear springs along given pairs of points, as one effect.
+
+    Stiffness k [N/m] and rest length [m], each () or (e,) one a pair; `links` are the pairs,
+    e.g. ``((0, 1), (1, 2))``.
+    """
+
+    k: Array
+    length: Array
+    first: tuple[int, ...] = eqx.field(static=True)
+    second: tuple[int, ...] = eqx.field(static=True)
+    velocity_dependent: ClassVar[bool] = False
+
+    def __init__(self, links: Sequence[tuple[int, int]], k, length=0.0):
+        self.first = tuple(i for i, _ in links)
+        self.second = tuple(j for _, j in links)
+        self.k = jnp.asarray(k, dtype=float)
+        self.length = jnp.asarray(length, dtype=float)
+
+    def _incidence(self, n: int) -> np.ndarray:
+        """(e, n) +1 at the first and -1 at the second end of each spring."""
+        return np.eye(n)[list(self.first)] - np.eye(n)[list(self.second)]
+
+    def _springs(self, r: Array) -> tuple[Array, Array, Array]:
+        e = len(self.first)
+        # A sum, not a matrix product or a gather, whose reverse mode is a scatter: those keep
+        # a stepping loop from being folded.
+        d = jnp.sum(self._incidence(r.shape[0])[:, :, None] * r[None, :, :], axis=1)
+        return jnp.broadcast_to(self.k, (e,)), jnp.broadcast_to(self.length, (e,)), d
+
+    def potential(self, t, r, m):
+        del t, m
+        return jnp.sum(_energy(*self._springs(r)))
+
+    def force(self, t, r, v, m):
+        del t, v, m
+        pulls = _pull(*self._springs(r))
+        return -jnp.sum(self._incidence(r.shape[0])[:, :, None] * pulls[:, None, :], axis=0)
+
+    def check(self, points: Points) -> None:
+        for i, j in zip(self.first, self.second, strict=True):
+            _check_ends(i, j, len(points.m))
+        at_least_zero("length", self.length, "A rest length is in m.")
+        _checks.finite("k", self.k, "A stiffness is in N/m.")
+
+
+def _energy(k: Array, length: Array, d: Array) -> Array:
+    # Multiplied out, so that rest length 0 has the right second derivative where the ends meet.
+    return 0.5 * k * (square_norm(d) - 2 * length * safe_norm(d) + length * length)
+
+
+def _pull(k: Array, length: Array, d: Array) -> Array:
+    return k[..., None] * (d - length[..., None] * _direction(d))
+
+
+def _direction(d: Array) -> Array:
+    """(..., d) unit vector along d, 0 where d is 0."""
+    length = safe_norm(d)
+    return d / jnp.where(length == 0, 1.0, length)[..., None]
+
+
+def _check_ends(i: int, j: int | None, n: int) -> None:
+    point_number("i", i, n)
+    if j is None:
+        return
+    point_number("j", j, n)
+    if i % n == j % n:
+        raise _checks.fail("j", f"another point than i = {i}", j, "Leave j out for an anchor.")
