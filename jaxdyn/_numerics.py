@@ -4,6 +4,7 @@ All of these are safe inside a stepping loop (no LAPACK, no sort, no scatter) an
 derivatives where the plain formula gives NaN.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -35,6 +36,45 @@ def square_norm(x: Float[Array, "*b d"]) -> Float[Array, "*b"]:
 def safe_norm(x: Float[Array, "*b d"]) -> Float[Array, "*b"]:
     """Euclidean length over the last axis with gradient 0, not NaN, at the origin."""
     return safe_sqrt(square_norm(x))
+
+
+# Below these arguments a smooth function is its series, whose next term is below 1e-17 there;
+# its formula has a root of 0, and a derivative that cancels, at 0.
+_SINC_SERIES_BELOW = 0.25
+_ATANC_SERIES_BELOW = 0.01
+_COS = tuple((-1) ** k / math.factorial(2 * k) for k in range(8))
+_SINC = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(8))
+_ATANC = tuple((-1) ** k / (2 * k + 1) for k in range(8))
+
+
+def _series(x: Array, coefficients: tuple[float, ...]) -> Array:
+    total = jnp.full_like(x, coefficients[-1])
+    for c in coefficients[-2::-1]:
+        total = total * x + c
+    return total
+
+
+def cos_of_root(x: Array) -> Array:
+    """The cosine cos(sqrt(x)) as a function of x >= 0; smooth at 0."""
+    small = x < _SINC_SERIES_BELOW
+    root = jnp.sqrt(jnp.where(small, 1.0, x))
+    return jnp.where(small, _series(jnp.where(small, x, 0.0), _COS), jnp.cos(root))
+
+
+def sinc_of_root(x: Array) -> Array:
+    """The ratio sin(sqrt(x)) / sqrt(x) as a function of x >= 0; 1 and smooth at 0."""
+    small = x < _SINC_SERIES_BELOW
+    root = jnp.sqrt(jnp.where(small, 1.0, x))
+    return jnp.where(small, _series(jnp.where(small, x, 0.0), _SINC), jnp.sin(root) / root)
+
+
+def atanc(ss: Array, w: Array) -> Array:
+    """The ratio atan2(s, w) / s as a function of ss = s^2 and w >= 0; 1/w and smooth at s = 0."""
+    small = ss < _ATANC_SERIES_BELOW * w * w
+    s = jnp.sqrt(jnp.where(small, 1.0, ss))
+    safe_w = jnp.where(small, w, 1.0)
+    ratio = jnp.where(small, ss, 0.0) / (safe_w * safe_w)
+    return jnp.where(small, _series(ratio, _ATANC) / safe_w, jnp.arctan2(s, w) / s)
 
 
 def two_sum(total: Array, carry: Array, increment: Array) -> tuple[Array, Array]:
@@ -106,13 +146,16 @@ def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
     return jax.lax.while_loop(lambda carry: carry[0] < limit, body, (jnp.zeros(()), empty))[1]
 
 
-def solve_spd(a: Float[Array, "n n"], b: Float[Array, "n *m"]) -> Float[Array, "n *m"]:
+def solve_spd(a: Array, b: Array) -> Array:
     """The x with a x = b for a symmetric positive definite a, without LAPACK.
 
     Gauss-Jordan elimination, stable without pivoting for such matrices, one whole-array update
     for each unknown: a call of LAPACK would keep a stepping loop from being folded, and costs
     ten times as much at the size of a mechanism (n up to about 20).
 
+    Args:
+      a: (n, n) symmetric positive definite.
+      b: (n,) or (n, m) right-hand sides.
     Limits: a singular matrix gives NaN or infinity, never an exception.
     """
     n = a.shape[0]
