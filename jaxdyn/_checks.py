@@ -33,7 +33,7 @@ def float64(remedy: str = "Call jaxdyn.configure() first.") -> None:
 
 
 def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Array:
-    """x as a float array of the wanted shape (None: any length), finite where it has a value."""
+    """The input as a finite float array of the wanted shape, where None allows any length."""
     try:
         x = jnp.asarray(x, dtype=float)
     except (TypeError, ValueError) as error:
@@ -48,7 +48,7 @@ def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") ->
 
 
 def finite(name: str, x: Array, remedy: str = "") -> Array:
-    """x, refused if any entry is NaN or infinite."""
+    """The array, refused if any entry is NaN or infinite."""
     if not is_traced(x):
         values = np.asarray(x)
         bad = ~np.isfinite(values)

@@ -213,8 +213,7 @@ def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, pair: Pair) -> A
 
 def _split_like(tree, like):
     """tree in two: the leaves where `like` has one, and the rest."""
-    is_none = lambda x: x is None
-    present = jax.tree.map(lambda x: x is not None, like, is_leaf=is_none)
+    present = jax.tree.map(lambda x: x is not None, like, is_leaf=lambda x: x is None)
     return eqx.partition(tree, present)
 
 

@@ -49,7 +49,12 @@ class Trajectory(eqx.Module):
     @property
     def message(self) -> str:
         """What happened and what to do about it; host only."""
-        return Status(int(self.status)).message
+        return self.status_code.message
+
+    @property
+    def status_code(self) -> Status:
+        """The status as a `Status`; host only."""
+        return Status(int(self.status))
 
     def __getitem__(self, name: str) -> Array:
         """(s,) values of one labelled entry of the state, e.g. ``motion["x"]``."""

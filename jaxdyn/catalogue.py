@@ -1,0 +1,91 @@
+"""All scenes by name: what there is, which numbers they take, and how to make one from text.
+
+A scene is a function of keyword numbers in `jaxdyn.scenes`; its docstring begins with what it
+is and the course problems it answers, and documents each number with its unit. Nothing else
+needs to be registered.
+"""
+
+import dataclasses
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from jaxdyn import _checks, scenes
+from jaxdyn.scene import Scene
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameter:
+    """A number that a scene takes."""
+
+    name: str
+    default: Any
+    meaning: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Entry:
+    """A scene: how it is made, what it is, which course problems it answers, its numbers."""
+
+    name: str
+    make: Callable[..., Scene]
+    summary: str
+    problems: tuple[int, ...]
+    parameters: tuple[Parameter, ...]
+
+
+def entries() -> dict[str, Entry]:
+    """Every scene of the zoo, by name."""
+    found = {}
+    for name, make in sorted(vars(scenes).items()):
+        if inspect.isfunction(make) and inspect.signature(make).return_annotation is Scene:
+            found[name] = _entry(name, make)
+    return found
+
+
+def build(name: str, settings: Mapping[str, str]) -> Scene:
+    """The scene of this name with some of its numbers set from text, e.g. {"mass": "2"}.
+
+    Raises:
+      ValueError: no such scene or number (the nearest is suggested), or text that is no number.
+    """
+    zoo = entries()
+    entry = zoo[_checks.choice("scene", name, zoo)]
+    known = {parameter.name: parameter for parameter in entry.parameters}
+    values = {}
+    for key, text in settings.items():
+        parameter = known[_checks.choice(f"parameter of {name}", key, known)]
+        values[key] = _value(key, text, parameter.default)
+    return entry.make(**values)
+
+
+def _entry(name: str, make: Callable[..., Scene]) -> Entry:
+    text = inspect.cleandoc(make.__doc__ or "")
+    first = text.splitlines()[0] if text else ""
+    cited = re.search(r"problems? ([\d, and]+)", first)
+    problems = tuple(int(n) for n in re.findall(r"\d+", cited.group(1))) if cited else ()
+    summary = re.sub(r"\s*\([^()]*problems? [^()]*\)", "", first).rstrip(".")
+    meanings = dict(re.findall(r"^\s+(\w+): (.+?)(?=^\s+\w+: |\n\s*\n|^\w|\Z)", text, _LINES))
+    parameters = tuple(
+        Parameter(p.name, p.default, " ".join(meanings.get(p.name, "").split()))
+        for p in inspect.signature(make).parameters.values()
+    )
+    return Entry(name, make, summary, problems, parameters)
+
+
+_LINES = re.MULTILINE | re.DOTALL
+
+
+def _value(key: str, text: str, default: Any) -> Any:
+    if isinstance(default, str):
+        return text
+    if isinstance(default, bool):
+        return _checks.choice(key, text.lower(), ("true", "false")) == "true"
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise _checks.fail(key, "a number, or numbers with commas between", repr(text)) from None
+    if isinstance(default, int) and not isinstance(default, bool) and len(numbers) == 1:
+        return int(numbers[0]) if numbers[0].is_integer() else numbers[0]
+    return numbers if isinstance(default, tuple) or len(numbers) > 1 else numbers[0]

@@ -1,0 +1,71 @@
+"""The README: its Python runs, its commands are the ones that CI and packaging know."""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text()
+BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def output(tmp_path_factory):
+    """All Python blocks as one program, in a process and a folder of their own."""
+    folder = tmp_path_factory.mktemp("readme")
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
+    done = subprocess.run(
+        [sys.executable, "-c", "\n".join(BLOCKS)],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout, folder
+
+
+def test_the_orbits_of_the_readme_are_what_it_says(output):
+    text, _ = output
+    neighbour, eight = text.strip().splitlines()
+    assert "choreography=False" in neighbour
+    assert neighbour.endswith("unstable")
+    assert "choreography=True" in eight
+    assert "9.23768125072" in eight
+    assert "0.0084227247" in eight
+
+
+def test_the_picture_of_the_readme_is_drawn(output):
+    assert (output[1] / "cannonball.png").stat().st_size > 10_000
+
+
+def test_eight_lines_are_enough():
+    lines = [line for line in BLOCKS[0].splitlines() if line.strip()]
+    assert len(lines) <= 8
+
+
+def test_the_two_commands_are_those_of_the_package():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    commands = re.findall(r"```sh\n(.*?)\n```", README, re.DOTALL)
+    assert commands[0].startswith("python -m pip install . && orbits figure-eight")
+    assert "orbits" in project["scripts"]
+    assert commands[1] == "python -m pip install '.[test]' && python -m pytest"
+    assert "test" in project["optional-dependencies"]
+    assert "python -m pytest" in (ROOT / ".ci" / "run").read_text()
+    assert project["requires-python"] == ">=3.11"
+
+
+def test_every_file_of_the_map_exists():
+    table = README[README.index("| to ask") : README.index("## Accuracy")]
+    for row in table.splitlines()[2:]:
+        paths = re.findall(r"`([\w/]+\.py|[\w/]+/)`", row)
+        folder = ""
+        for path in paths:
+            folder = path.split("/")[0] if "/" in path else folder
+            assert (ROOT / (path if "/" in path else f"{folder}/{path}")).exists(), path
