@@ -8,8 +8,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 #: Rank of every file; a file imports only lower ranks of its package, and only orbits imports
-#: from the other. Packages' own `__init__.py` gather
-#: names for the outside and are not ranked. A new file is one new line here.
+#: from the other. Packages' own `__init__.py` gather names for the outside and are not ranked.
+#: A new file is one new line here.
 RANKS = {
     "jaxdyn/_checks.py": 0,
     "jaxdyn/_config.py": 0,
@@ -46,9 +46,11 @@ RANKS = {
     "jaxdyn/formulations/rigid.py": 6,
     "jaxdyn/momenta.py": 6,
     "jaxdyn/phases.py": 7,
+    "jaxdyn/scenes/central.py": 7,
     "jaxdyn/scenes/nbody.py": 7,
     "jaxdyn/scenes/particles.py": 7,
     "jaxdyn/scenes/satellites.py": 7,
+    "jaxdyn/scenes/springs.py": 7,
     "jaxdyn/plots.py": 8,
     "jaxdyn/scenes/bodies.py": 8,
     "jaxdyn/animate.py": 9,
