@@ -46,7 +46,7 @@ RANKS = {
     "jaxdyn/formulations/rigid.py": 6,
     "jaxdyn/momenta.py": 6,
     "jaxdyn/phases.py": 7,
-    "jaxdyn/precession.py": 7,
+    "jaxdyn/precession.py": 9,
     "jaxdyn/scenes/central.py": 7,
     "jaxdyn/scenes/nbody.py": 7,
     "jaxdyn/scenes/particles.py": 6,
