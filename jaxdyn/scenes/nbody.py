@@ -1,6 +1,7 @@
 """Bodies that attract each other by Newton's law: course problems 16, 17, 28."""
 
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
@@ -29,3 +30,63 @@ def three_body(y0=EIGHT, *, m=(1.0, 1.0, 1.0), G=1.0, t1=EIGHT_PERIOD) -> Scene:
       t1: span; one period of the eight if left out.
     """
     return Scene(FreePoints(m, d=2), (PairGravity(G),), y0=jnp.asarray(y0), t1=t1)
+
+
+def two_body(*, m1=1.0, m2=2.0, d=1.0, G=1.0, t1=None) -> Scene:
+    """Two unequal bodies on circles about their centre of mass at the origin (problem 16 a, b).
+
+    Args:
+      m1: mass of the first, which starts at x < 0 [kg].
+      m2: mass of the second [kg].
+      d: their distance [m].
+      G: gravitational constant [m^3/(kg s^2)].
+      t1: span [s]; one `two_body_period` if left out.
+    """
+    period = two_body_period(m1=m1, m2=m2, d=d, G=G)
+    total = m1 + m2
+    speed = 2 * jnp.pi * d / period
+    zero = jnp.zeros(())
+    x = (-m2 / total * d, zero, m1 / total * d, zero)
+    v = (zero, -m2 / total * speed, zero, m1 / total * speed)
+    y0 = jnp.stack([jnp.asarray(number, dtype=float) for number in (*x, *v)])
+    masses = jnp.stack([jnp.asarray(m, dtype=float) for m in (m1, m2)])
+    t1 = period if t1 is None else jnp.asarray(t1)
+    return Scene(FreePoints(masses), (PairGravity(G),), y0=y0, t1=t1)
+
+
+def two_body_period(*, m1=1.0, m2=2.0, d=1.0, G=1.0) -> Array:
+    """() [s] period of the circular motion: 2 pi sqrt(d^3 / (G (m1 + m2))) (problem 16 a)."""
+    return 2 * jnp.pi * jnp.sqrt(jnp.asarray(d, dtype=float) ** 3 / (G * (m1 + m2)))
+
+
+def three_body_circular(*, m=1.0, G=10.0, diameter=3.0, t1=None) -> Scene:
+    """Three equal bodies on one circle about the origin, 120 degrees apart (problem 16 c, d).
+
+    The problem's d = 3 is the diameter of the circle, not a distance of bodies.
+
+    Limits: this motion is unstable: a disturbance grows like e^(0.7 w t), 85 times in a turn,
+      so rounding breaks it up after seven or eight turns, in any solver. Right, not a bug.
+
+    Args:
+      m: mass of each [kg].
+      G: gravitational constant [m^3/(kg s^2)].
+      diameter: of the circle [m].
+      t1: span [s]; three turns if left out.
+    """
+    w = three_body_rate(m=m, G=G, diameter=diameter)
+    angle = jnp.arange(3) * (2 * jnp.pi / 3)
+    r = 0.5 * jnp.asarray(diameter, dtype=float) * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+    v = w * jnp.stack([-r[1], r[0]])
+    y0 = jnp.concatenate([r.T.ravel(), v.T.ravel()])
+    t1 = 6 * jnp.pi / w if t1 is None else jnp.asarray(t1)
+    return Scene(FreePoints(jnp.full(3, m)), (PairGravity(G),), y0=y0, t1=t1)
+
+
+def three_body_rate(*, m=1.0, G=10.0, diameter=3.0) -> Array:
+    """() [rad/s] angular speed of the circular motion, sqrt(G m / (sqrt(3) R^3)) (problem 16 c).
+
+    The side of the triangle is R sqrt(3), and the two pulls G m^2 / (3 R^2) of the others add
+    up to sqrt(3) times one of them, towards the centre.
+    """
+    radius = 0.5 * jnp.asarray(diameter, dtype=float)
+    return jnp.sqrt(G * m / (jnp.sqrt(3.0) * radius**3))

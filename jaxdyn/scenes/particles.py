@@ -1,14 +1,42 @@
-"""One particle, thrown: course problems 1, 9, 12, 27."""
+"""One particle: thrown, free, in cartesian and polar coordinates; course problems 1, 8, 9, 12, 27.
+
+Also the Lorenz system of problem 3, which has no particle at all.
+"""
 
 import math
 
-from jaxdyn.effects import QuadraticDrag, UniformGravity
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.scene import Scene
+from jaxdyn.scene import Effect, Points, Scene, System
+from jaxdyn.simulate import Trajectory
 
 
-def cannonball(*, speed=10.0, angle=math.pi / 4, m=1.0, g=9.81, drag=0.0, t1=1.0) -> Scene:
-    """A ball thrown from the origin over level ground, x to the right and y up.
+def particle(*effects: Effect, position=(0.0, 0.0), velocity=(1.0, 1.0), m=1.0, t1=1.0) -> Scene:
+    """One particle with any forces in the plane or in space (problem 1).
+
+    Args:
+      effects: what acts on it, nothing if left out.
+      position: (d,) start [m]; its length sets the dimension.
+      velocity: (d,) start [m/s].
+      m: mass [kg].
+      t1: span [s].
+    """
+    position = jnp.asarray(position, dtype=float)
+    y0 = jnp.concatenate([position, jnp.asarray(velocity, dtype=float)])
+    return Scene(FreePoints(m, d=len(position)), effects, y0=y0, t1=t1)
+
+
+def cannonball(
+    *, speed=10.0, angle=math.pi / 4, m=1.0, g=9.81, drag=0.0, linear=0.0, t1=1.0
+) -> Scene:
+    """A ball thrown from the origin, x to the right and y up (problems 9, 12, 27).
+
+    Problem 12 gives no drag coefficient: take 1 kg/m, and look at others. Problem 27 calls
+    itself a continuation of problem 10; it continues 12, with c = 0.5 kg/m.
 
     Args:
       speed: launch speed [m/s].
@@ -16,8 +44,185 @@ def cannonball(*, speed=10.0, angle=math.pi / 4, m=1.0, g=9.81, drag=0.0, t1=1.0
       m: mass [kg].
       g: gravity [m/s^2].
       drag: coefficient c of the drag c |v| v [kg/m]; exactly 0 leaves the effect out.
+      linear: coefficient c of the drag c v [kg/s]; exactly 0 leaves the effect out.
       t1: span [s].
     """
-    y0 = (0.0, 0.0, speed * math.cos(angle), speed * math.sin(angle))
-    scene = Scene(FreePoints(m, d=2), (UniformGravity(g),), y0=y0, t1=t1)
-    return scene + QuadraticDrag(drag) if drag else scene
+    effects = unless_zero(g, UniformGravity(g))
+    effects += unless_zero(drag, QuadraticDrag(drag)) + unless_zero(linear, LinearDrag(linear))
+    velocity = (speed * jnp.cos(angle), speed * jnp.sin(angle))
+    return particle(*effects, velocity=jnp.stack(velocity), m=m, t1=t1)
+
+
+def cannonball_linear_exact(
+    t, *, speed=10.0, angle=math.pi / 4, m=1.0, g=9.81, linear=1.0
+) -> Array:
+    """(..., 4) state x, y, vx, vy of the ball with linear drag at times t (...) (problem 9 a).
+
+    With the relaxation time tau = m / c and the terminal velocity -g tau,
+
+        x = tau vx0 (1 - e^(-t/tau)),   y = tau (vy0 + g tau) (1 - e^(-t/tau)) - g tau t.
+
+    As the speed grows the path tends to a triangle (9 d): straight up at the launch angle to
+    the distance tau v0, and a fall that is vertical on that scale. So the best angle tends to
+    0 (9 e): like 2 log(u) / u, where u = v0 / (g tau).
+
+    Args:
+      t: times [s].
+      speed: launch speed [m/s].
+      angle: launch angle above the horizontal [rad].
+      m: mass [kg].
+      g: gravity [m/s^2].
+      linear: coefficient of the drag [kg/s], not 0.
+    """
+    t = jnp.asarray(t, dtype=float)
+    tau = m / linear
+    vx, vy = speed * jnp.cos(angle), speed * jnp.sin(angle)
+    gone = -jnp.expm1(-t / tau)
+    left = jnp.exp(-t / tau)
+    # y = tau vy0 (1 - e^-s) - g tau^2 (s - 1 + e^-s): the second term without cancellation.
+    fall = g * tau * tau * _exp_remainder(t / tau)
+    x, y = tau * vx * gone, tau * vy * gone - fall
+    return jnp.stack([x, y, vx * left, vy * left - g * tau * gone], axis=-1)
+
+
+def _exp_remainder(s: Array) -> Array:
+    """s - 1 + e^-s, to full precision also for small s."""
+    small = jnp.abs(s) < 0.5
+    x = jnp.where(small, s, 0.0)
+    series = jnp.ones_like(x)
+    for k in range(14, 2, -1):  # Horner's rule: x^2/2 (1 - x/3 (1 - x/4 (...)))
+        series = 1.0 - x / k * series
+    return jnp.where(small, 0.5 * x * x * series, s + jnp.expm1(-s))
+
+
+class PolarParticle(System):
+    """A particle of mass m [kg] in the plane, in polar coordinates: state r, theta, vr, omega.
+
+    r'' = r theta'^2 + F_r / m,  theta'' = (F_theta / m - 2 r' theta') / r
+
+    Limits: r = 0 is a singularity of the coordinates, not of the motion: a path through the
+    origin itself has no omega there (NaN), one that passes near it has a short fast turn.
+    """
+
+    m: Array
+
+    def __init__(self, m=1.0):
+        self.m = jnp.asarray(m, dtype=float)
+
+    def labels(self):
+        return ("r", "m"), ("theta", "rad"), ("vr", "m/s"), ("omega", "rad/s")
+
+    def points(self, t, y):
+        del t
+        r, theta, vr, omega = y
+        e_r, e_theta = _polar_basis(theta)
+        position = (r * e_r)[None, :]
+        return Points(position, (vr * e_r + r * omega * e_theta)[None, :], self.m[None])
+
+    def rate(self, t, y, effects):
+        r, theta, vr, omega = y
+        points = self.points(t, y)
+        force = sum((e.force(t, *points)[0] for e in effects), jnp.zeros(2))
+        e_r, e_theta = _polar_basis(theta)
+        a_r = jnp.sum(force * e_r) / self.m + r * omega * omega
+        a_theta = (jnp.sum(force * e_theta) / self.m - 2 * vr * omega) / r
+        return jnp.stack([vr, omega, a_r, a_theta])
+
+    def difference(self, y1, y0):
+        d = y1 - y0
+        turn = (d[1] + jnp.pi) % (2 * jnp.pi) - jnp.pi
+        return jnp.stack([d[0], turn, d[2], d[3]])
+
+    def check(self, t, y):
+        del t
+        _checks.positive("mass", self.m, "Masses are in kg.")
+        if not _checks.is_traced(y) and y[0] == 0:
+            raise _checks.fail(
+                "y0", "r not 0", "r = 0", "There theta has no meaning; start beside the origin."
+            )
+
+
+def polar_particle(
+    *effects: Effect, position=(1.0, 0.5), velocity=(-1.0, 0.0), m=1.0, t1=2.0
+) -> Scene:
+    """A free particle whose straight path is found in polar coordinates (problem 8).
+
+    Args:
+      effects: what acts on it; nothing in the problem.
+      position: (2,) start x, y [m]; not the origin.
+      velocity: (2,) start [m/s]; the default passes the origin at 0.5 m.
+      m: mass [kg].
+      t1: span [s].
+    """
+    x, y = jnp.asarray(position, dtype=float)
+    vx, vy = jnp.asarray(velocity, dtype=float)
+    r2 = x * x + y * y
+    r = jnp.sqrt(r2)
+    y0 = jnp.stack([r, jnp.arctan2(y, x), (x * vx + y * vy) / r, (x * vy - y * vx) / r2])
+    return Scene(PolarParticle(m), effects, y0=y0, t1=t1)
+
+
+def straightness(motion: Trajectory) -> Array:
+    """() [1] how far the path of the first point is from straight; 0 for a straight line.
+
+    The largest distance of its samples from the straight line that fits them best, over the
+    largest distance of two of them along it (problem 8 d). It says nothing about speed.
+
+    Limits: planar motions; not differentiable for an exactly straight path.
+    """
+    r = motion.r[:, 0]
+    x, y = (r - jnp.mean(r, axis=0, keepdims=True)).T
+    lean = 0.5 * jnp.arctan2(2 * jnp.sum(x * y), jnp.sum(x * x - y * y))
+    along, across = _polar_basis(lean)
+    s = x * along[0] + y * along[1]
+    off = x * across[0] + y * across[1]
+    return jnp.max(jnp.abs(off)) / (jnp.max(s) - jnp.min(s))
+
+
+def _polar_basis(theta: Array) -> tuple[Array, Array]:
+    c, s = jnp.cos(theta), jnp.sin(theta)
+    return jnp.stack([c, s]), jnp.stack([-s, c])
+
+
+class Lorenz(System):
+    """The Lorenz equations: a system without material points; x, y, z and time are pure numbers.
+
+    x' = sigma (y - x),  y' = x (rho - z) - y,  z' = x y - beta z
+    """
+
+    sigma: Array
+    rho: Array
+    beta: Array
+
+    def __init__(self, sigma=10.0, rho=28.0, beta=8 / 3):
+        self.sigma = jnp.asarray(sigma, dtype=float)
+        self.rho = jnp.asarray(rho, dtype=float)
+        self.beta = jnp.asarray(beta, dtype=float)
+
+    def labels(self):
+        return ("x", "1"), ("y", "1"), ("z", "1")
+
+    def points(self, t, y):
+        del t, y
+        return Points(jnp.zeros((0, 3)), jnp.zeros((0, 3)), jnp.zeros(0))
+
+    def rate(self, t, y, effects):
+        del t, effects
+        x, y, z = y
+        return jnp.stack([self.sigma * (y - x), x * (self.rho - z) - y, x * y - self.beta * z])
+
+
+def lorenz(*, sigma=10.0, rho=28.0, beta=8 / 3, y0=(1.0, 1.0, 1.0), t1=20.0) -> Scene:
+    """The Lorenz system, chaotic at its usual numbers (problem 3).
+
+    Nearby motions part like e^(0.9 t), so a solution at tolerance 1e-13 is lost after some
+    35 time units whatever the method; that is right, not an error.
+
+    Args:
+      sigma: Prandtl number [1].
+      rho: Rayleigh number over its critical value [1].
+      beta: shape of the convection cell [1].
+      y0: (3,) start.
+      t1: span.
+    """
+    return Scene(Lorenz(sigma, rho, beta), y0=y0, t1=t1)

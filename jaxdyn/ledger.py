@@ -1,0 +1,104 @@
+"""Work ledgers: the work of chosen effects, integrated beside the state.
+
+``with_work(scene, QuadraticDrag)`` is a scene whose state has one more entry, W with
+dW/dt = sum of f . v, starting from 0. It is a scene like any other; a scene without a ledger
+carries nothing. Since W is integrated as the state is, with the same steps and tolerance, work
+of all non-conservative effects = change of energy is a test of both.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.scene import Effect, Field, Scene, System
+
+
+class Ledger(System):
+    """A system whose state [y, W_1 .. W_w] carries the work of w kinds of effects.
+
+    Attributes:
+      system: what moves.
+      kinds: names of the effect classes whose work is summed, one entry each; subclasses
+        count. Names, not effects: so the numbers of an effect stay in one place, the scene.
+    """
+
+    system: System
+    kinds: tuple[str, ...] = eqx.field(static=True)
+
+    def labels(self):
+        return (*self.system.labels(), *((f"work of {kind}", "J") for kind in self.kinds))
+
+    def rate(self, t, y, effects):
+        inner, _ = self._split(y)
+        field = Field(self.system, effects)
+        works = [power(field, kind, t, inner) for kind in self.kinds]
+        return jnp.concatenate([field.rate(t, inner), jnp.stack(works)])
+
+    def points(self, t, y):
+        return self.system.points(t, self._split(y)[0])
+
+    def kinetic(self, t, y):
+        return self.system.kinetic(t, self._split(y)[0])
+
+    def difference(self, y1, y0):
+        (a, work1), (b, work0) = self._split(y1), self._split(y0)
+        return jnp.concatenate([self.system.difference(a, b), work1 - work0])
+
+    def project(self, t, y):
+        inner, work = self._split(y)
+        return jnp.concatenate([self.system.project(t, inner), work])
+
+    def check(self, t, y):
+        self.system.check(t, self._split(y)[0])
+
+    def _split(self, y: Array) -> tuple[Array, Array]:
+        k = len(self.system.labels())
+        return y[:k], y[k:]
+
+
+def power(scene: Scene | Field, kind: str, t, y: Array) -> Array:
+    """Power () [W] of the scene's effects of one kind, by the name of their class.
+
+    Forces on points count with the points' velocities, forces on coordinates (motors) with
+    the rates of the coordinates; 0 where the scene has no such effect.
+    """
+    r, v, m = scene.system.points(t, y)
+    total = jnp.zeros(())
+    for effect in scene.effects:
+        if kind not in (cls.__name__ for cls in type(effect).__mro__):
+            continue
+        total = total + jnp.sum(effect.force(t, r, v, m) * v)
+        q, q_dot = jnp.split(y, 2) if len(y) % 2 == 0 else (y, y)
+        generalized = effect.generalized(t, q, q_dot)
+        if generalized is not None:
+            total = total + jnp.sum(generalized * q_dot)
+    return total
+
+
+def with_work(scene: Scene, *kinds: type[Effect]) -> Scene:
+    """The same scene with the work of each kind of effect as a further entry of the state.
+
+    Args:
+      scene: any scene.
+      kinds: effect classes; `Effect` itself gives the work of all of them together.
+    Returns:
+      A scene with labels "work of QuadraticDrag" [J] and so on after its own.
+    Raises:
+      ValueError: no kind given, or one that the scene does not have.
+    Limits: the scene is no longer of second order, so a conservative one is integrated by
+      the Runge-Kutta instead of the Nystrom pair.
+    Example:
+      >>> from jaxdyn import ledger, scenes, simulate
+      >>> from jaxdyn.effects import QuadraticDrag
+      >>> motion = simulate(ledger.with_work(scenes.cannonball(drag=0.1), QuadraticDrag))
+      >>> bool(motion["work of QuadraticDrag"][-1] < 0)
+      True
+    """
+    has = ", ".join(type(e).__name__ for e in scene.effects) or "none"
+    for kind in kinds or (type(None),):
+        if not any(isinstance(effect, kind) for effect in scene.effects):
+            raise _checks.fail("with_work", f"an effect of the scene ({has})", kind.__name__)
+    system = Ledger(scene.system, tuple(kind.__name__ for kind in kinds))
+    y0 = jnp.concatenate([scene.y0, jnp.zeros(len(kinds))])
+    return Scene(system, scene.effects, y0=y0, t1=scene.t1)

@@ -1,0 +1,205 @@
+"""What a scene does near a state: Jacobian, eigenvalues and what they decide, linear modes.
+
+Near a rest point y = y* + x the motion is dx/dt = A x, with A the Jacobian of the vector field.
+Eigenvalues are computed numbers, so each gets an error bar, and a real part within its bar of 0
+decides nothing: the verdict then is "undecided", as the theory of linearisation says it must.
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.scene import Field, Scene
+
+_SAFETY = 10.0  # error bars are first-order estimates
+_SYMMETRIC = 1e-9  # relative asymmetry of a stiffness matrix that is rounding
+_AT_REST = 1e-6  # [1] acceleration of a rest point over what a unit displacement gives
+
+
+@eqx.filter_jit
+def jacobian(scene: Scene | Field, y: Array, t=0.0) -> Array:
+    """(k, k) derivative of the scene's rate with respect to the state, at (t, y)."""
+    return jax.jacfwd(lambda y: scene.rate(jnp.asarray(t, float), y))(y)
+
+
+@dataclasses.dataclass(frozen=True)
+class Linearization:
+    """What the eigenvalues of a Jacobian say.
+
+    Attributes:
+      jacobian: (k, k) the matrix.
+      eigenvalues: (k,) complex, largest real part first [1/s].
+      bars: (k,) error bar of each, from the rounding of the matrix.
+      verdict: "stable" (all real parts surely negative: nearby motions come back), "unstable"
+        (one surely positive), or "undecided".
+      portrait: "node", "spiral", "saddle" or "centre"; "mixed" where there are motions of
+        more than one of these, "degenerate" where an eigenvalue may be 0.
+    """
+
+    jacobian: np.ndarray
+    eigenvalues: np.ndarray
+    bars: np.ndarray
+    verdict: str
+    portrait: str
+
+
+def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
+    """The eigenvalues of a scene at a state, with error bars and what they decide; host only.
+
+    Args:
+      scene: any scene, autonomous for the verdict to mean anything.
+      y: (k,) state, a rest point for the verdict to mean anything.
+      t: () time [s].
+    Limits: a centre of a conservative scene is "undecided": linearisation cannot tell. A
+      rest point that is a minimum of the potential energy is stable all the same.
+    Example:
+      >>> from jaxdyn.scenes.springs import oscillator
+      >>> linearize(oscillator(c=0.1), [0.0, 0.0]).portrait
+      'spiral'
+    """
+    y = _checks.array("y", y, (len(scene.system.labels()),))
+    return classify(np.asarray(jacobian(scene, y, t)))
+
+
+def classify(a) -> Linearization:
+    """`linearize` for a matrix (k, k) that is given."""
+    a = np.asarray(_checks.array("jacobian", a, (None, None)))
+    if a.shape[0] != a.shape[1]:
+        raise _checks.fail("jacobian", "a square matrix", f"shape {a.shape}")
+    values, right = np.linalg.eig(a)
+    order = np.lexsort((np.imag(values), -np.real(values)))
+    values, right = values[order], right[:, order]
+    bars = _bars(a, right)
+    re, im = np.real(values), np.imag(values)
+    up, down = re > bars, re < -bars
+    turning = np.abs(im) > bars
+    if up.any():
+        verdict = "unstable"
+    else:
+        verdict = "stable" if down.all() else "undecided"
+    return Linearization(a, values, bars, verdict, _portrait(up, down, turning))
+
+
+def _portrait(up: np.ndarray, down: np.ndarray, turning: np.ndarray) -> str:
+    if (~up & ~down & ~turning).any():
+        return "degenerate"
+    if up.any() and down.any():
+        return "saddle"
+    if not up.any() and not down.any():
+        return "centre"
+    if not (up | down).all() or turning.any() != turning.all():
+        return "mixed"
+    return "spiral" if turning.all() else "node"
+
+
+def _bars(a: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """(k,) condition number of each eigenvalue times the rounding of the matrix."""
+    rounding = _SAFETY * np.finfo(float).eps * np.linalg.norm(a, 2)
+    try:
+        left = np.linalg.inv(right)
+    except np.linalg.LinAlgError:  # exactly parallel eigenvectors: a defective matrix
+        return np.full(len(a), rounding ** (1 / len(a)))
+    condition = np.linalg.norm(left, axis=1) * np.linalg.norm(right, axis=0)
+    return rounding * condition
+
+
+class Modes(NamedTuple):
+    """The small oscillations of a conservative scene about a rest point.
+
+    Attributes:
+      squares: (n,) squares of the angular frequencies [rad^2/s^2], ascending; negative for a
+        motion that runs away, exactly 0 where it is rounding.
+      shapes: (n, n) columns: the displacement of the coordinates in each mode, normalised to
+        1 = x^T M x.
+      mass: (n, n) mass matrix M.
+      stiffness: (n, n) stiffness matrix K, the second derivative of the potential energy.
+    """
+
+    squares: Array
+    shapes: Array
+    mass: Array
+    stiffness: Array
+
+    @property
+    def frequencies(self) -> Array:
+        """(n,) angular frequencies [rad/s]; NaN for a mode that runs away."""
+        return jnp.sqrt(self.squares)
+
+
+def modes(scene: Scene, y: Array | None = None) -> Modes:
+    """The linear modes K x = w^2 M x of a conservative scene at a rest point.
+
+    Args:
+      scene: one whose state is [q, v] and that has canonical momenta, from which M is read.
+      y: (k,) rest point; the scene's start if left out.
+    Raises:
+      ValueError: no such scene, not at rest, or forces that are not conservative.
+    Limits: differentiable in the scene's numbers; in the shapes only where no two frequencies
+      are equal. Damping and other velocity-dependent forces are not looked at: `linearize`
+      sees them.
+    Example:
+      >>> from jaxdyn.scenes.springs import oscillator
+      >>> print(modes(oscillator(k=9.0, m=1.0), [0.0, 0.0]).frequencies)
+      [3.]
+    """
+    y = _checks.array("y", scene.y0 if y is None else y, scene.y0.shape)
+    if scene.system.canonical(jnp.zeros(()), y) is None:
+        raise _checks.fail(
+            "scene",
+            "a system with canonical momenta",
+            type(scene.system).__name__,
+            "`linearize` takes any system.",
+        )
+    mass, stiffness, acceleration = _matrices(scene, y)
+    if not _checks.is_traced((scene, y)):
+        _check_modes(np.asarray(y), *(np.asarray(x) for x in (mass, stiffness, acceleration)))
+    # M = L L^T turns it into an ordinary symmetric problem, whose derivatives jax knows.
+    lower = jnp.linalg.cholesky(mass)
+    half = jax.scipy.linalg.solve_triangular(lower, 0.5 * (stiffness + stiffness.T), lower=True)
+    reduced = jax.scipy.linalg.solve_triangular(lower, half.T, lower=True)
+    squares, vectors = jnp.linalg.eigh(0.5 * (reduced + reduced.T))
+    rounding = _SAFETY * len(squares) * jnp.finfo(float).eps * jnp.max(jnp.abs(squares))
+    squares = jnp.where(jnp.abs(squares) <= rounding, 0.0, squares)
+    shapes = jax.scipy.linalg.solve_triangular(lower.T, vectors, lower=False)
+    return Modes(squares, shapes, mass, stiffness)
+
+
+@eqx.filter_jit
+def _matrices(scene: Scene, y: Array) -> tuple[Array, Array, Array]:
+    """(n, n) mass matrix, (n, n) stiffness matrix and (n,) acceleration at y."""
+    t = jnp.zeros(())
+    q, v = jnp.split(y, 2)
+
+    def momentum(v):
+        return jnp.split(jnp.asarray(scene.system.canonical(t, jnp.concatenate([q, v]))), 2)[1]
+
+    def acceleration(q):
+        return jnp.split(scene.rate(t, jnp.concatenate([q, jnp.zeros_like(v)])), 2)[1]
+
+    mass = jax.jacfwd(momentum)(v)
+    return mass, -mass @ jax.jacfwd(acceleration)(q), acceleration(q)
+
+
+def _check_modes(y: np.ndarray, mass, stiffness, acceleration) -> None:
+    n = len(mass)
+    size = np.abs(stiffness).max()
+    if np.abs(stiffness - stiffness.T).max() > _SYMMETRIC * size:
+        raise _checks.fail(
+            "scene",
+            "conservative forces",
+            "a stiffness matrix that is not symmetric",
+            "`linearize` takes any forces.",
+        )
+    if (y[n:] != 0).any() or np.abs(mass @ acceleration).max() > _AT_REST * size:
+        raise _checks.fail(
+            "y",
+            "a rest point",
+            f"velocities {y[n:].tolist()}, accelerations {acceleration.tolist()}",
+            "`equilibria.equilibria` finds rest points.",
+        )

@@ -1,0 +1,185 @@
+"""Masses on springs: course problems 3, 6, 10, 13, 20."""
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn.effects import (
+    Dashpot,
+    LinearDrag,
+    Spring,
+    StepForce,
+    UniformGravity,
+    unless_zero,
+)
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.scene import Scene
+from jaxdyn.scenes.particles import particle
+
+
+def oscillator(*, k=1.0, m=1.0, c=0.0, x=1.0, v=0.0, t1=10.0) -> Scene:
+    """The harmonic oscillator m x'' = -k x - c x' on a line (problem 3).
+
+    Args:
+      k: stiffness [N/m].
+      m: mass [kg].
+      c: damping [kg/s]; exactly 0 leaves the effect out.
+      x: start [m].
+      v: start [m/s].
+      t1: span [s].
+    """
+    effects = (Spring(k), *unless_zero(c, LinearDrag(c)))
+    return particle(*effects, position=[x], velocity=[v], m=m, t1=t1)
+
+
+def spring_mass(
+    *,
+    position=(1.0, 0.0),
+    velocity=(0.0, 0.0),
+    k=10.0,
+    length=0.5,
+    m=1.0,
+    g=9.81,
+    t1=10.0,
+) -> Scene:
+    """A mass on a spring that is pinned to the origin, in the plane or in space (problem 6).
+
+    Args:
+      position: (d,) start [m], d = 2 or 3; the last axis points up.
+      velocity: (d,) start [m/s].
+      k: stiffness [N/m]; exactly 0 leaves the spring out.
+      length: rest length [m]; 0 allowed.
+      m: mass [kg].
+      g: gravity [m/s^2]; exactly 0 leaves it out.
+      t1: span [s].
+    """
+    effects = unless_zero(k, Spring(k, length)) + unless_zero(g, UniformGravity(g))
+    return particle(*effects, position=position, velocity=velocity, m=m, t1=t1)
+
+
+def hanging_spring(
+    *, position=(1.0, 0.0, 0.0), velocity=(0.0, 1.0, 2.0), k=10.0, m=1.0, g=9.81, t1=10.0
+) -> Scene:
+    """A mass on a spring of rest length zero, in space, z up (problem 10).
+
+    The problem asks for the most wild motion. There is none: gravity only shifts the centre,
+    and all three directions share one frequency, so every motion is an ellipse about the
+    point m g / k below the pin, run through in the period 2 pi sqrt(m / k), from any start;
+    see `hanging_spring_exact`.
+
+    Args:
+      position: (d,) start [m].
+      velocity: (d,) start [m/s].
+      k: stiffness [N/m].
+      m: mass [kg].
+      g: gravity [m/s^2]; exactly 0 leaves it out.
+      t1: span [s].
+    """
+    return spring_mass(position=position, velocity=velocity, k=k, length=0.0, m=m, g=g, t1=t1)
+
+
+def hanging_spring_exact(scene: Scene, t) -> Array:
+    """(..., 2 d) states of a `hanging_spring` at times t (...), in closed form.
+
+    r = c + (r0 - c) cos w t + (v0 / w) sin w t,  w^2 = k / m,  c = -(m g / k) e_z
+    """
+    spring = next(e for e in scene.effects if isinstance(e, Spring))
+    t = jnp.asarray(t, dtype=float)[..., None]
+    r0, v0 = jnp.split(scene.y0, 2)
+    m = scene.system.points(jnp.zeros(()), scene.y0).m[0]
+    w = jnp.sqrt(spring.k / m)
+    weight = [e.g * m for e in scene.effects if isinstance(e, UniformGravity)]
+    sag = sum(weight, jnp.zeros(())) / spring.k
+    centre = -sag * jnp.eye(len(r0))[-1]
+    arm, swing = jnp.broadcast_arrays(r0 - centre, v0 / w)
+    shape = (*t.shape[:-1], len(r0))
+    arm, swing = jnp.broadcast_to(arm, shape), jnp.broadcast_to(swing, shape)
+    r = jnp.broadcast_to(centre, shape) + arm * jnp.cos(w * t) + swing * jnp.sin(w * t)
+    v = w * (swing * jnp.cos(w * t) - arm * jnp.sin(w * t))
+    return jnp.concatenate([r, v], axis=-1)
+
+
+def two_springs(
+    *,
+    position=(0.2, -1.0),
+    velocity=(0.0, 0.0),
+    anchor_a=(-1.0, 0.0),
+    anchor_b=(1.0, 0.0),
+    k_a=10.0,
+    k_b=10.0,
+    length_a=1.5,
+    length_b=1.5,
+    c_a=0.0,
+    c_b=0.0,
+    c_d=0.0,
+    m=1.0,
+    g=1.0,
+    t1=10.0,
+) -> Scene:
+    """A mass on two springs with dashpots beside them, and air drag, y up (problem 13).
+
+    `equilibria.equilibria` finds its rest points. Heavy masses have one; five is typical for
+    light ones between springs longer than half the distance of the anchors.
+
+    Args:
+      position: (2,) start [m].
+      velocity: (2,) start [m/s].
+      anchor_a: (2,) one anchor [m].
+      anchor_b: (2,) the other [m].
+      k_a: stiffness to A [N/m]; exactly 0 leaves the spring out, as for all numbers below.
+      k_b: stiffness to B [N/m].
+      length_a: rest length to A [m].
+      length_b: rest length to B [m].
+      c_a: dashpot to A [kg/s].
+      c_b: dashpot to B [kg/s].
+      c_d: air drag c v [kg/s].
+      m: mass [kg].
+      g: gravity [m/s^2].
+      t1: span [s].
+    """
+    effects = (
+        *unless_zero(k_a, Spring(k_a, length_a, anchor=anchor_a)),
+        *unless_zero(k_b, Spring(k_b, length_b, anchor=anchor_b)),
+        *unless_zero(c_a, Dashpot(c_a, anchor=anchor_a)),
+        *unless_zero(c_b, Dashpot(c_b, anchor=anchor_b)),
+        *unless_zero(c_d, LinearDrag(c_d)),
+        *unless_zero(g, UniformGravity(g)),
+    )
+    return particle(*effects, position=position, velocity=velocity, m=m, t1=t1)
+
+
+def two_masses(*, m1=1.0, m2=2.0, k=100.0, length=1.0, force=1.0, t1=5.0) -> Scene:
+    """Two masses on a line, a spring between them, pushed by a step force on the second (20).
+
+    They start at rest at 0 and at the rest length. Always F = (m1 + m2) a_G: the spring's two
+    forces cancel in the sum, whatever k (20 b). They oscillate relative to G with the
+    frequency sqrt(k (m1 + m2) / (m1 m2)) and an amplitude proportional to 1/k, so for large k
+    both move like G (20 c); see `two_masses_exact`.
+
+    Args:
+      m1: mass at 0 [kg].
+      m2: mass at the rest length, which is pushed [kg].
+      k: stiffness [N/m].
+      length: rest length [m].
+      force: the step F0, from t = 0 on [N]; exactly 0 leaves it out.
+      t1: span [s].
+    """
+    effects = (Spring(k, length, i=0, j=1), *unless_zero(force, StepForce([force], on=(1,))))
+    y0 = jnp.stack([jnp.asarray(x, dtype=float) for x in (0.0, length, 0.0, 0.0)])
+    return Scene(FreePoints(jnp.stack([*map(jnp.asarray, (m1, m2))]), 1), effects, y0=y0, t1=t1)
+
+
+def two_masses_exact(t, *, m1=1.0, m2=2.0, k=100.0, length=1.0, force=1.0) -> Array:
+    """(..., 4) states x1, x2, v1, v2 of `two_masses` at times t (...), in closed form.
+
+    Both masses keep within F m2 / (k (m1 + m2)) (the first), F m1 ... (the second) times
+    2 m1 / (m1 + m2) of where a rigid rod would have them: the answer to 20 d.
+    """
+    t = jnp.asarray(t, dtype=float)
+    total = m1 + m2
+    w = jnp.sqrt(k * total / (m1 * m2))
+    mean = force * m1 / (k * total)  # the stretch about which it oscillates
+    stretch = mean * 2 * jnp.sin(0.5 * w * t) ** 2
+    rate = mean * w * jnp.sin(w * t)
+    centre, speed = 0.5 * force / total * t * t, force / total * t
+    x1, x2 = centre - m2 / total * stretch, length + centre + m1 / total * stretch
+    return jnp.stack([x1, x2, speed - m2 / total * rate, speed + m1 / total * rate], axis=-1)
