@@ -53,8 +53,8 @@ class Trajectory(eqx.Module):
 
     @property
     def status_code(self) -> Status:
-        """The status as a `Status`; host only."""
-        return Status(int(self.status))
+        """The status as a `Status`, of a batch the worst; host only."""
+        return Status(int(np.max(self.status)))
 
     def __getitem__(self, name: str) -> Array:
         """(s,) values of one labelled entry of the state, e.g. ``motion["x"]``."""
@@ -132,6 +132,8 @@ def solve(
     Compiled for each kind of scene and pair; inside jit, grad and vmap it is inlined.
     """
     _checks.float64()
+    if max_steps < 1:
+        raise _checks.fail("max_steps", "at least 1", max_steps)
     settings = Settings(chosen_pair(scene, solver), max_steps)
     numbers = (_floats(x) for x in (scene.y0, t0, t1, ts))
     return _compiled(scene.field, *numbers, tolerances(rtol, atol), settings=settings)
@@ -187,13 +189,20 @@ def tolerances(rtol, atol) -> Array | np.ndarray:
     atol = rtol if atol is None else atol
     if _checks.is_traced((rtol, atol)):
         return jnp.stack([_floats(rtol), _floats(atol)])
+    relative = "It is the relative error of one step."
+    rtol = _number("rtol", rtol, relative)
     if not _RTOL_FLOOR <= rtol < 1:
-        raise _checks.fail(
-            "rtol", f"between {_RTOL_FLOOR} and 1", rtol, "It is the relative error of one step."
-        )
+        raise _checks.fail("rtol", f"between {_RTOL_FLOOR} and 1", rtol, relative)
+    atol = _number("atol", atol, "It is in units of the state.")
     if not 0 < atol < np.inf:
         raise _checks.fail("atol", "> 0", atol, "It is in units of the state.")
-    return np.array([rtol, atol], dtype=float)
+    return np.array([rtol, atol])
+
+
+def _number(name: str, x, remedy: str) -> float:
+    if np.ndim(x) or not isinstance(x, float | int | np.number | np.ndarray | Array):
+        raise _checks.fail(name, "one number", repr(x), remedy)
+    return float(x)
 
 
 def _times(scene: Scene, t0, t1, samples) -> tuple[Array, Array, Array]:
