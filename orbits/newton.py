@@ -101,7 +101,7 @@ def solve(
             best, best_residual = x, residual
         if not keep_going(x) or (solved and stalled >= _STALLED) or not residual.any():
             break
-    bounded = (best <= lower) | (best >= upper)
+    bounded = ((best <= lower) | (best >= upper)) & (lower < upper)  # not what is held fixed
     return Result(
         best,
         best_residual,

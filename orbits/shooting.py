@@ -141,7 +141,8 @@ def _closing_error(scene, closing, x, rtol, *, segments) -> tuple[Array, Array]:
     def residual(x):
         states, period = x[:-1].reshape(segments, -1), x[-1]
         span = period / (closing.parts * segments)
-        ends = [solve(scene.starting(y), span, rtol=rtol).y1 for y in states]
+        # One after the other, each with its own steps; a loop compiles once for all of them.
+        ends = jax.lax.map(lambda y: solve(scene.starting(y), span, rtol=rtol).y1, states)
         targets = [*states[1:], closing.act(states[0])]
         errors = [scene.system.difference(*pair) for pair in zip(ends, targets, strict=True)]
         return (jnp.concatenate(errors),) * 2
