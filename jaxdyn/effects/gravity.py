@@ -74,6 +74,7 @@ class PairGravity(Effect):
         return jnp.sum(weight[:, :, None] * d, axis=1)
 
     def check(self, points: Points) -> None:
+        _checks.array("G", self.G, (), "One number for all pairs.")
         r = np.asarray(points.r)
         for i in range(len(r)):
             for j in range(i + 1, len(r)):

@@ -64,6 +64,7 @@ class FreePoints(System):
 
     def check(self, t, y):
         del t, y
+        _checks.array("mass", self.m, (None,), "One mass for each point.")
         _checks.positive("mass", self.m, "Masses are in kg.")
 
 
