@@ -168,7 +168,7 @@ def principal(body: Body) -> Principal:
     moments differ, and finite but without meaning where they do not.
     """
     fixed = jax.lax.stop_gradient(body.inertia)
-    size = jnp.trace(fixed)
+    size = jnp.where(jnp.trace(fixed) == 0, 1.0, jnp.trace(fixed))  # 0: a point
     guess, V = jnp.linalg.eigh(fixed)
     differ = jnp.diff(guess) > _EQUAL * size
     group = jnp.concatenate([jnp.zeros(1), jnp.cumsum(differ)])
@@ -241,5 +241,5 @@ def equimomental(body: Body) -> MaterialPoints:
         P = P - column[:, None] * column[None, :]
     possible = jnp.max(jnp.abs(P)) <= _EQUAL * size
     arms = jnp.stack(columns) * jnp.sqrt(3 / jnp.where(possible, body.mass, jnp.nan))
-    r = body.centre + jnp.stack([sign * arm for arm in arms for sign in (1.0, -1.0)])
+    r = body.centre[None, :] + jnp.stack([sign * arm for arm in arms for sign in (1.0, -1.0)])
     return MaterialPoints(r, jnp.full(6, body.mass / 6))
