@@ -3,17 +3,15 @@
 Peers are optional: `importable` says with one line which are left out.
 """
 
+import functools
 import importlib.util
-from collections.abc import Callable
 
 import diffrax
 import jax
 import numpy as np
 
+from benchmarks._timing import Run
 from jaxdyn import Scene
-
-#: A run: no arguments, returns the result as NumPy array when it is there.
-Run = Callable[[], np.ndarray]
 
 
 def importable(*modules: str) -> bool:
@@ -84,32 +82,39 @@ def _heyoka_run(integrator, start: np.ndarray, period) -> Run:
     return run
 
 
-def diffrax_dopri8(scene: Scene, period: float) -> Callable[[float], np.ndarray]:
-    """diffrax.Dopri8 with everything as shipped, compiled, for any tolerance."""
-
-    @jax.jit
-    def end(field, y0, period, tol):
-        solution = diffrax.diffeqsolve(
-            diffrax.ODETerm(lambda t, y, field: field.rate(t, y)),
-            diffrax.Dopri8(),
-            0.0,
-            period,
-            None,
-            y0,
-            args=field,
-            stepsize_controller=diffrax.PIDController(rtol=tol, atol=tol),
-        )
-        assert solution.ys is not None
-        return solution.ys[-1]
-
-    y0 = np.asarray(scene.y0)
-    return lambda tol: np.asarray(end(scene.field, y0, period, tol))
+def diffrax_dopri8(scene: Scene, tol: float) -> Run:
+    """diffrax.Dopri8 with everything as shipped, compiled."""
+    y0, period = np.asarray(scene.y0), float(scene.t1)
+    return lambda: np.asarray(_dopri8(scene.field, y0, period, tol))
 
 
-def scipy_dop853(y0: np.ndarray, period: float) -> Callable[[float], np.ndarray]:
-    """SciPy's DOP853 with a right-hand side compiled by numba, for any tolerance."""
-    import numba
+@jax.jit
+def _dopri8(field, y0, period, tol):
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(lambda t, y, field: field.rate(t, y)),
+        diffrax.Dopri8(),
+        0.0,
+        period,
+        None,
+        y0,
+        args=field,
+        stepsize_controller=diffrax.PIDController(rtol=tol, atol=tol),
+    )
+    assert solution.ys is not None
+    return solution.ys[-1]
+
+
+def scipy_dop853(y0: np.ndarray, period: float, tol: float) -> Run:
+    """SciPy's DOP853 with a right-hand side compiled by numba."""
     from scipy.integrate import solve_ivp
+
+    rate = _numba_rate()
+    return lambda: solve_ivp(rate, (0.0, period), y0, "DOP853", rtol=tol, atol=tol).y[:, -1]
+
+
+@functools.cache
+def _numba_rate():
+    import numba
 
     @numba.njit
     def rate(t, y):
@@ -126,7 +131,4 @@ def scipy_dop853(y0: np.ndarray, period: float) -> Callable[[float], np.ndarray]
                 out[7 + 2 * j] -= weight * dy
         return out
 
-    def run(tol: float) -> np.ndarray:
-        return solve_ivp(rate, (0.0, period), y0, "DOP853", rtol=tol, atol=tol).y[:, -1]
-
-    return run
+    return rate

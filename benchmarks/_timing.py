@@ -12,9 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-#: [s] A run that takes n times as long takes part in every n-th round only.
-_SLOW = 1e-3
-
 
 class Times(NamedTuple):
     """Wall time of one run [s]: the least and the median of all rounds."""
@@ -30,28 +27,84 @@ class Row(NamedTuple):
     times: dict[str, Times]
 
 
-def first_call(run: Callable[[], object]) -> float:
-    """Wall time [s] of a call, for a first one: compiling, mostly."""
+#: A run: no arguments, returns the result as NumPy array when it is there.
+Run = Callable[[], np.ndarray]
+
+
+class Method(NamedTuple):
+    """A way to solve a problem: from a tolerance to a run, and the tolerances to try.
+
+    What `build` and the first run do besides is compiling and is timed apart.
+    """
+
+    build: Callable[[float], Run]
+    tolerances: Sequence[float]
+
+
+def work_precision(
+    name: str,
+    methods: Mapping[str, Method],
+    truth: np.ndarray,
+    wanted: Sequence[float],
+    rounds: int,
+) -> list[Row]:
+    """A row for compiling, and one for each of the wanted true errors.
+
+    Args:
+      name: of the problem.
+      methods: by name, ours first.
+      truth: what every run should return. The error of a run is the largest over all entries,
+        relative to the largest entry.
+      wanted: true errors.
+      rounds: how often to run everything.
+    """
+    compiling, runs = {}, {}
+    for method, (build, tolerances) in methods.items():
+        start = time.perf_counter()
+        for i, tol in enumerate(tolerances):
+            runs[method, tol] = build(tol)
+            if i == 0:
+                runs[method, tol]()
+                seconds = time.perf_counter() - start
+                compiling[method] = Times(seconds, seconds)
+    scale = np.max(np.abs(truth))
+    errors = {key: float(np.max(np.abs(run() - truth)) / scale) for key, run in runs.items()}
+    times = interleaved(runs, rounds)
+
+    def at(error: float, method: str) -> Times:
+        keys = [key for key in runs if key[0] == method]
+        return at_error([errors[k] for k in keys], [times[k] for k in keys], error)
+
+    rows = [Row(f"{name}: build and first run", compiling)]
+    return rows + [Row(f"{name}: error {e:.0e}", {m: at(e, m) for m in methods}) for e in wanted]
+
+
+def seconds_of(run: Callable[[], object]) -> float:
+    """Wall time [s] of one call."""
     start = time.perf_counter()
     run()
     return time.perf_counter() - start
 
 
-def interleaved(runs: Mapping, rounds: int) -> dict:
+def interleaved(runs: Mapping, rounds: int, slow: float = 1e-3) -> dict:
     """`Times` of each run, under its key.
 
     Args:
       runs: callables without arguments that return when their result is there.
       rounds: how often to go through all of them.
+      slow: [s] a run that takes n times as long takes part in every n-th round only.
     """
     for run in runs.values():
         run()
-    every = {key: 1 + int(first_call(run) / _SLOW) for key, run in runs.items()}
+    every = {key: 1 + int(seconds_of(run) / slow) for key, run in runs.items()}
     seconds: dict = {key: [] for key in runs}
     for i in range(rounds):
         for key, run in runs.items():
             if i % every[key] == 0:
-                seconds[key].append(first_call(run))
+                if every[key] == 1:
+                    # Code and data of the run before are in the processor's caches.
+                    run()
+                seconds[key].append(seconds_of(run))
     return {key: Times(min(s), float(np.median(s))) for key, s in seconds.items()}
 
 
@@ -59,7 +112,8 @@ def at_error(errors: Sequence[float], times: Sequence[Times], wanted: float) -> 
     """Times at a wanted error, from pairs of error and time at several tolerances.
 
     Linear in the logarithms between the runs that are worth taking: those more accurate than
-    every faster one. NaN where the wanted error is outside of them.
+    every faster one. The fastest serves for all larger errors too; NaN for smaller ones than any
+    run has.
     """
 
     def interpolate(seconds) -> float:
@@ -69,6 +123,6 @@ def at_error(errors: Sequence[float], times: Sequence[Times], wanted: float) -> 
                 worth.append((error, s))
                 least = error
         x, y = np.log(np.array(worth[::-1])).T
-        return float(np.exp(np.interp(np.log(wanted), x, y, left=np.nan, right=np.nan)))
+        return float(np.exp(np.interp(np.log(wanted), x, y, left=np.nan)))
 
     return Times(interpolate([t.minimum for t in times]), interpolate([t.median for t in times]))

@@ -1,0 +1,44 @@
+"""How long does a user wait: the whole command, cold and warm, and the import?
+
+Run: ``python -m benchmarks command``. ``orbits figure-eight --json`` in a fresh process, first
+with an empty compile cache, then with what the first one left there. The import of jaxdyn is
+compared with that of diffrax, on which it is built.
+
+Last numbers (2 shared cores, 2026-11), the machine busy with other work: cold 26 s,
+warm 5.5 s (least); import of jaxdyn 1.3 s, of diffrax 1.1 s.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+
+from benchmarks._timing import Row, Times, interleaved, seconds_of
+
+_COMMAND = ("-m", "orbits", "figure-eight", "--json")
+_ROUNDS, _QUICK_ROUNDS = 5, 1
+_SLOW = 60.0  # [s] more than any of these takes
+
+
+def run(quick: bool = False) -> list[Row]:
+    """Wall times of fresh processes."""
+    rounds = _QUICK_ROUNDS if quick else _ROUNDS
+    with tempfile.TemporaryDirectory() as cache:
+        environment = os.environ | {"JAXDYN_CACHE": cache}
+
+        def python(*arguments: str):
+            process = [sys.executable, *arguments]
+            return lambda: subprocess.run(process, env=environment, check=True, capture_output=True)
+
+        cold = seconds_of(python(*_COMMAND))
+        runs = {
+            "warm": python(*_COMMAND),
+            "jaxdyn": python("-c", "import jaxdyn"),
+            "diffrax": python("-c", "import diffrax"),
+        }
+        times = interleaved(runs, rounds, slow=_SLOW)
+    return [
+        Row("command: cold", {"jaxdyn": Times(cold, cold)}),
+        Row("command: warm", {"jaxdyn": times.pop("warm")}),
+        Row("import", times),
+    ]
