@@ -54,7 +54,7 @@ class Equilibria:
         return len(self.states)
 
 
-def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 256) -> Equilibria:
+def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024) -> Equilibria:
     """The rest points of a scene in a box, with their stability; host only.
 
     Args:

@@ -99,14 +99,21 @@ def _portrait(up: np.ndarray, down: np.ndarray, turning: np.ndarray) -> str:
 
 
 def _bars(a: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """(k,) condition number of each eigenvalue times the rounding of the matrix."""
-    rounding = _SAFETY * np.finfo(float).eps * np.linalg.norm(a, 2)
+    """(k,) condition number of each eigenvalue times the rounding of the matrix.
+
+    At most Elsner's bound, which holds for defective matrices too, whose condition numbers are
+    infinite: a change E of A moves an eigenvalue by at most (2 |A|)^(1 - 1/k) |E|^(1/k).
+    """
+    size = np.linalg.norm(a, 2)
+    rounding = _SAFETY * np.finfo(float).eps * size
+    elsner = (2 * size) ** (1 - 1 / len(a)) * rounding ** (1 / len(a))
     try:
         left = np.linalg.inv(right)
-    except np.linalg.LinAlgError:  # exactly parallel eigenvectors: a defective matrix
-        return np.full(len(a), rounding ** (1 / len(a)))
-    condition = np.linalg.norm(left, axis=1) * np.linalg.norm(right, axis=0)
-    return rounding * condition
+    except np.linalg.LinAlgError:  # exactly parallel eigenvectors
+        return np.full(len(a), elsner)
+    with np.errstate(over="ignore"):
+        condition = np.linalg.norm(left, axis=1) * np.linalg.norm(right, axis=0)
+    return np.minimum(rounding * condition, elsner)
 
 
 class Modes(NamedTuple):

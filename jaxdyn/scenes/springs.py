@@ -117,8 +117,11 @@ def two_springs(
 ) -> Scene:
     """A mass on two springs with dashpots beside them, and air drag, y up (problem 13).
 
-    `equilibria.equilibria` finds its rest points. Heavy masses have one; five is typical for
-    light ones between springs longer than half the distance of the anchors.
+    `equilibria.equilibria` finds its rest points (13 c). There is always one, and only one for
+    a heavy mass. There are at most five without weight: off the line of the anchors both
+    springs must be at rest length, which gives two, and on each of its three parts the forces,
+    which grow with x, cancel at most once. With weight no more than five were found either, in
+    1400 random sets of numbers; that is an observation.
 
     Args:
       position: (2,) start [m].
