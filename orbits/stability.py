@@ -13,8 +13,9 @@ for an oscillator, the first alone would confirm everything.) M maps the common 
 gradients to itself, and the generators inside it, G, to themselves; what is left, M on N / G,
 has exactly the non-trivial multipliers for eigenvalues, well conditioned unless two of them meet.
 
-Each gets an error bar: the change of M between two tolerances (and its rounding level) times
-the condition number of the eigenvalue. The verdict is `undecided` where the bars say so.
+Each gets an error bar: the change of M between two tolerances (with its rounding level and the
+tolerance itself) times the condition number of the eigenvalue. The verdict is `undecided` where
+the bars say so.
 """
 
 import dataclasses
@@ -33,6 +34,7 @@ from orbits.problem import Orbit
 #: A candidate integral or symmetry is confirmed if M keeps it to this relative error.
 CONFIRMED = 1e-7
 _COARSER = 100.0  # the second tolerance, as a multiple of the first
+_COARSEST = 0.1  # limit of the second tolerance
 _NEARBY = 3, 0.1  # how many points off the orbit, and how far, relative to the start
 _RANK = 1e-7  # relative: smaller singular values of a set of directions are rounding
 _SAFETY = 3.0  # error bars are estimates; verdicts keep this factor away
@@ -93,7 +95,7 @@ def stability(orbit: Orbit, *, rtol: float | None = None) -> Stability:
     rtol = orbit.rtol if rtol is None else rtol
     scene, y0 = orbit.scene, np.asarray(orbit.y0)
     m = np.asarray(monodromy(scene, rtol=rtol))
-    coarse = np.asarray(monodromy(scene, rtol=min(_COARSER * rtol, 1e-3)))
+    coarse = np.asarray(monodromy(scene, rtol=min(_COARSER * rtol, _COARSEST)))
     if not (np.isfinite(m).all() and np.isfinite(coarse).all()):
         raise fail("orbit", "a motion that lasts for its period", "one that does not")
     kernel, reasons = _kernel(scene, y0, m)
@@ -101,6 +103,8 @@ def stability(orbit: Orbit, *, rtol: float | None = None) -> Stability:
     reduced = q.T @ m @ q
     error = float(np.linalg.norm(q.T @ (coarse - m) @ q, 2))
     error += float(np.finfo(float).eps * np.linalg.norm(m, 2))
+    # Loose tolerances may lead to the same few steps and no difference at all.
+    error += rtol * float(np.linalg.norm(reduced))
     nontrivial, bars = _eigenvalues(reduced, error)
     symplectic = _symplectic_defect(scene, y0, m)
     conservative = symplectic is not None and symplectic < CONFIRMED
