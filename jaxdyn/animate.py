@@ -20,6 +20,8 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from jaxdyn import _checks, plots
 from jaxdyn.simulate import Trajectory
 
+SUFFIXES = (".gif", ".mp4")
+
 _DPI = 100
 _SHADES = 24  # of a trail
 _SHORTEST = 0.02  # s a frame of a GIF: viewers slow down those that ask for less
@@ -50,7 +52,7 @@ def animate(
       ValueError: a file that cannot be written, no ffmpeg for .mp4, uneven or too few samples,
         numbers or links that make no sense.
     """
-    path = plots.checked_path(path, (".gif", ".mp4"))
+    path = plots.checked_path(path, SUFFIXES)
     _check_numbers(seconds, fps, trail)
     drawn = plots.paths(motion)
     _check_samples(drawn.ts)

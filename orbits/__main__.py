@@ -1,6 +1,7 @@
 """The command line: `orbits figure-eight`, `orbits verify FILE`."""
 
 import json
+import math
 import sys
 import time
 from pathlib import Path
@@ -59,9 +60,7 @@ def figure_eight_command(
     have 13, the last for the period.
     """
     console = Console(stderr=as_object, highlight=False, soft_wrap=True)
-    for path in (plot, animate, save_to):
-        if path is not None and not path.resolve().parent.is_dir():
-            raise fail("file", "a folder that exists", str(path.parent), "Make it first.")
+    _check_files(plot, animate, save_to)
     clock = _Clock()
     plain, eight = figure_eight(
         _numbers("guess", guess, list(EIGHT_GUESS)),
@@ -133,6 +132,19 @@ class _Clock:
         return {"compile": round(self.compiling, 3), "solve": round(total - self.compiling, 3)}
 
 
+def _check_files(plot: Path | None, animate: Path | None, save_to: Path | None) -> None:
+    """Refuse a file that cannot be written before the work, not after it."""
+    if plot or animate:
+        from jaxdyn import animate as moving
+        from jaxdyn import plots
+
+        for path, suffixes in ((plot, plots.SUFFIXES), (animate, moving.SUFFIXES)):
+            if path:
+                plots.checked_path(path, suffixes)
+    if save_to and (save_to.is_dir() or not save_to.parent.is_dir()):
+        raise fail("file", "a file in a folder that exists", f"'{save_to}'", "Make it first.")
+
+
 def _numbers(name: str, text: str | None, default: list[float] | None) -> list[float] | None:
     if text is None:
         return default
@@ -156,7 +168,7 @@ def _print_failure(plain: Orbit, eight: Orbit, clock: _Clock, as_object: bool, c
     stage = "plain closing" if not plain.ok else "choreography"
     if as_object:
         best = {"period": eight.period, "y0": [float(x) for x in eight.y0]}
-        best |= {"largest_error": eight.residual}
+        best |= {"largest_error": eight.residual if math.isfinite(eight.residual) else None}
         failure = {"outcome": eight.outcome.name, "stage": stage, "message": eight.message}
         failure |= {"best_iterate": best, "seconds": clock.seconds()}
         print(json.dumps(failure))  # noqa: T201

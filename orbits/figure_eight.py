@@ -16,7 +16,7 @@ from jaxdyn._checks import fail
 from jaxdyn.scenes import EIGHT_GUESS, EIGHT_GUESS_PERIOD, three_body
 from orbits.newton import Iteration
 from orbits.problem import Orbit, choreography
-from orbits.shooting import find
+from orbits.shooting import checked, find
 
 #: Half width of the box round the guess in which the search stays, positions and velocities.
 BOX = 0.5
@@ -55,6 +55,7 @@ def figure_eight(
         raise fail("masses", "equal ones", m, "Bodies of a choreography take each other's places.")
     lower = _around(scene, -1) if lower is None else lower
     upper = _around(scene, +1) if upper is None else upper
+    checked(scene, lower=lower, upper=upper)
     say("closing plainly: y(T) = y(0)")
     plain = find(scene, lower=lower, upper=upper, report=report, throw=False)
     if not plain.ok:

@@ -71,7 +71,7 @@ def find(
       6.325914
     """
     closings = (closing,) if isinstance(closing, Closing) else tuple(closing)
-    guess, lower, upper = _checked(scene, y0, period, lower, upper, closings, segments)
+    guess, lower, upper = checked(scene, y0, period, lower, upper, closings, segments)
     positive("goal", goal, "It is the largest closing error of an orbit.")
     positive("rtol", rtol, "It is the relative error of one step.")
     closing = _nearest(scene, guess, closings, rtol)
@@ -151,7 +151,14 @@ def _closing_error(scene, closing, x, rtol, *, segments) -> tuple[Array, Array]:
     return value, jacobian
 
 
-def _checked(scene, y0, period, lower, upper, closings, segments):
+def checked(
+    scene: Scene, y0=None, period=None, lower=None, upper=None, closings=(PLAIN,), segments=1
+):
+    """The guess (k + 1,) within its bounds, and both bounds; arguments as for `find`.
+
+    Raises:
+      ValueError: numbers that make no sense.
+    """
     scene = scene if y0 is None else scene.starting(y0)
     scene.check()
     k = len(scene.y0)
