@@ -1,0 +1,107 @@
+"""Energies and momenta against sums written out by hand."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import EXACT, SOLVED, kepler
+
+from jaxdyn import Scene, scenes, simulate
+from jaxdyn.effects import LinearDrag, PairGravity, UniformGravity
+from jaxdyn.energy import along, angular_momentum, drift, energy, integrals, momentum, potential
+from jaxdyn.formulations.newton import FreePoints
+
+T = jnp.zeros(())
+M = (2.0, 3.0)
+R = np.array([[1.0, 2.0], [4.0, 6.0]])  # 5 apart
+V = np.array([[0.5, -1.0], [0.0, 2.0]])
+Y = jnp.asarray(np.concatenate([R, V]).ravel())
+
+
+def scene(*effects, m=M, d=2, y0=Y):
+    return Scene(FreePoints(m, d=d), effects, y0=y0)
+
+
+def test_kinetic_energy_is_half_m_v_squared():
+    assert float(energy(scene(), T, Y)) == 0.5 * 2 * 1.25 + 0.5 * 3 * 4
+    assert float(potential(scene(), T, Y)) == 0.0
+
+
+def test_potentials_add_up():
+    pair, down = PairGravity(10.0), UniformGravity(9.0)
+    of_pair, of_down = -10 * 2 * 3 / 5, 9 * (2 * 2 + 3 * 6)
+    assert float(potential(scene(pair), T, Y)) == of_pair
+    assert float(potential(scene(down), T, Y)) == of_down
+    both = scene(pair, down, LinearDrag(1.0))
+    assert abs(float(potential(both, T, Y)) - (of_pair + of_down)) < EXACT * of_down
+    assert abs(float(energy(both, T, Y)) - (of_pair + of_down + 7.25)) < EXACT * of_down
+
+
+def test_momenta_in_the_plane():
+    np.testing.assert_array_equal(momentum(scene(), T, Y), [2 * 0.5, 2 * -1 + 3 * 2])
+    assert float(angular_momentum(scene(), T, Y)) == 2 * (1 * -1 - 2 * 0.5) + 3 * (4 * 2 - 6 * 0)
+
+
+def test_momenta_in_space_and_on_a_line():
+    y = jnp.array([1.0, 0.0, 2.0, 0.0, 3.0, -1.0])
+    ball = scene(m=2.0, d=3, y0=y)
+    np.testing.assert_array_equal(momentum(ball, T, y), [0, 6, -2])
+    np.testing.assert_array_equal(angular_momentum(ball, T, y), 2 * np.cross(y[:3], y[3:]))
+    bead = scene(m=2.0, d=1, y0=[1.0, 3.0])
+    assert float(angular_momentum(bead, T, bead.y0)) == 0.0
+    assert momentum(bead, T, bead.y0).tolist() == [6.0]
+
+
+def test_a_field_will_do():
+    falling = scene(UniformGravity(9.0))
+    assert energy(falling.field, T, Y) == energy(falling, T, Y)
+
+
+def test_integrals_have_zero_rate_where_they_are_conserved():
+    two = kepler(0.4)
+    y = two.y0 + 0.1 * jnp.arange(8.0)
+    _, rates = jax.jvp(lambda y: integrals(two, T, y), (y,), (two.rate(T, y),))
+    assert rates.keys() == {"energy", "momentum", "angular momentum"}
+    for rate in rates.values():
+        assert jnp.abs(rate).max() < EXACT
+
+
+def test_energy_lost_is_the_power_of_drag():
+    ball = scenes.cannonball() + LinearDrag(0.3)
+    _, power = jax.jvp(lambda y: energy(ball, T, y), (ball.y0,), (ball.rate(T, ball.y0),))
+    assert abs(float(power) + 0.3 * 10.0**2) < 100 * EXACT  # -c v^2 at 10 m/s
+
+
+def test_along_a_motion_is_one_value_a_sample():
+    motion = simulate(scenes.cannonball(), 1.0, samples=5)
+    values = along(momentum, motion)
+    exact = np.stack([np.full(5, motion.ys[0, 2]), motion.ys[0, 3] - 9.81 * motion.ts], axis=1)
+    np.testing.assert_allclose(values, exact, atol=SOLVED)
+
+
+def test_drift_is_rounding_without_drag_and_exact_with_it():
+    assert drift(simulate(kepler(0.6), rtol=1e-13)) < SOLVED
+    slowed = Scene(FreePoints(1.0, d=1), (LinearDrag(1.0),), y0=[0.0, 2.0])
+    # E = v^2 / 2 falls by the factor exp(-2) in one second; the size is the start's.
+    assert abs(float(drift(simulate(slowed, 1.0))) - (1 - np.exp(-2))) < 1e-9
+
+
+@pytest.mark.parametrize("effects", [(), (LinearDrag(1.0),)])
+def test_drift_of_what_never_moves_is_zero(effects):
+    still = Scene(FreePoints(1.0, d=1), effects, y0=[3.0, 0.0])
+    assert float(drift(simulate(still, 1.0))) == 0.0
+
+
+def test_drift_of_a_motion_that_failed_is_nan():
+    falling = kepler(0.0).starting([-0.5, 0, 0.5, 0, 0, 0, 0, 0])
+    assert jnp.isnan(drift(simulate(falling, throw=False)))
+
+
+def test_gradients_forward_and_reverse_agree():
+    both = scene(PairGravity(2.0), UniformGravity(9.0))
+    forward = jax.jacfwd(lambda y: energy(both, T, y))(Y)
+    reverse = jax.jit(jax.grad(lambda y: energy(both, T, y)))(Y)
+    np.testing.assert_allclose(forward, reverse, atol=100 * EXACT)
+    # The gradient with respect to positions is minus the force, to velocities the momentum.
+    np.testing.assert_allclose(reverse[4:], np.repeat(M, 2) * Y[4:], rtol=EXACT)
+    np.testing.assert_allclose(-reverse[:4], np.repeat(M, 2) * both.rate(T, Y)[4:], rtol=SOLVED)

@@ -1,0 +1,55 @@
+"""The second opinion: it sees what the finder's own residual cannot."""
+
+import math
+
+import numpy as np
+from helpers import SOLVED, gap, kepler, kepler_state
+
+import orbits
+from jaxdyn.effects import LinearDrag
+from jaxdyn.solvers import DOPRI8
+from orbits.problem import Orbit, Outcome
+
+
+def orbit_of(scene, rtol=1e-14):
+    return Orbit(scene, orbits.PLAIN, 0.0, Outcome.FOUND, 0, rtol)
+
+
+def test_closure_of_an_exact_orbit_is_rounding():
+    orbit = orbit_of(kepler(0.3))
+    assert orbits.closure(orbit) < SOLVED
+    assert orbits.closure(orbit, periods=5) < 10 * SOLVED
+    assert orbits.closure(orbit, solver=DOPRI8) < SOLVED
+
+
+def test_closure_of_no_orbit_is_the_distance_to_the_start():
+    scene = kepler(0.3)
+    t = 0.9 * 2 * np.pi
+    orbit = orbit_of(scene.starting(scene.y0, t))
+    exact = gap(kepler_state(0.3, t), kepler_state(0.3, 0.0))
+    assert abs(orbits.closure(orbit) - exact) < SOLVED
+    exact = gap(kepler_state(0.3, 3 * t), kepler_state(0.3, 0.0))
+    assert abs(orbits.closure(orbit, periods=3) - exact) < 10 * SOLVED
+
+
+def test_recheck_sees_the_error_of_a_loose_integrator():
+    # The finder makes the integrator's own error close, so its residual is far too small.
+    scene = kepler(0.6)
+    loose = orbits.find(scene, scene.y0 * 1.001, rtol=1e-6, goal=1e-6)
+    assert orbits.recheck(loose).closure > 10 * loose.residual
+
+
+def test_recheck_takes_another_method_and_tolerance():
+    second = orbits.recheck(orbit_of(kepler(0.3)))
+    assert (second.solver, second.tolerance) == ("Verner 9(8)", 1e-15)
+    assert second.closure < SOLVED
+    # With drag the finder itself uses that method.
+    second = orbits.recheck(orbit_of(kepler(0.3) + LinearDrag(0.1)))
+    assert second.solver == DOPRI8.name
+    assert second.closure > 0.01
+
+
+def test_a_motion_that_ends_has_no_closure():
+    falling = kepler(0.0).starting([-0.5, 0, 0.5, 0, 0, 0, 0, 0])
+    assert math.isnan(orbits.closure(orbit_of(falling)))
+    assert math.isnan(orbits.recheck(orbit_of(falling)).closure)
