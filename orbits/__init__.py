@@ -4,6 +4,7 @@ A tour, from the rough guess of a textbook to Montgomery's figure-eight:
 
 >>> import jaxdyn, orbits
 >>> from jaxdyn import scenes
+>>> jaxdyn.configure()
 >>> scene = scenes.three_body()
 >>> plain = orbits.find(scene, scenes.EIGHT_GUESS, scenes.EIGHT_GUESS_PERIOD)
 >>> orbits.identify(plain).choreography        # it closes, but is not the eight
