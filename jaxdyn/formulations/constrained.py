@@ -26,11 +26,9 @@ from jaxdyn._numerics import solve_spd
 from jaxdyn.formulations.mechanism import (
     Mechanism,
     MechanismSystem,
-    drift_acceleration,
-    kinematic_jacobian,
-    on_coordinates,
-    pulled_back,
-    weighted_gram,
+    balance,
+    mass_matrix,
+    row_sums,
 )
 from jaxdyn.scene import Effect
 
@@ -101,15 +99,15 @@ class Constrained(MechanismSystem):
         t = jnp.asarray(t, y.dtype)
         phi, rates, g, gamma = self._conditions(t, q, v)
         if self.drift == "baumgarte":
-            position = jnp.zeros_like(rates).at[: phi.shape[0]].set(phi)
+            position = jnp.concatenate([phi, jnp.zeros_like(rates[phi.shape[0] :])])
             gamma = gamma - 2 * self.pull * rates - self.pull**2 * position
-        mass, force = self._mass_and_force(t, q, v, effects)
+        mass, force = balance(self.mechanism, t, q, v, effects)
         free, reach = self._free(mass, force, g)
-        multipliers = solve_spd(_times(g, reach), gamma - jnp.sum(g * free, axis=-1))
-        return free + jnp.sum(reach * multipliers, axis=-1), multipliers
+        multipliers = solve_spd(_times(g, reach), gamma - row_sums(g, free))
+        return free + row_sums(reach, multipliers), multipliers
 
     def _conditions(self, t: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
-        """phi (c,), rates (c + b,), G (c + b, n) and gamma (c + b,) with G a = gamma."""
+        """Ties phi (c,), rates (c + b,), G (c + b, n) and gamma (c + b,) with G a = gamma."""
         tied, rolling = self.mechanism.tied, self.mechanism.rolling
         none = jnp.zeros((0,), q.dtype)
         phi = none if tied(t, q) is None else tied(t, q)
@@ -126,20 +124,12 @@ class Constrained(MechanismSystem):
         b = rolling(t, q)
         if b is not None:
             turned = jax.jvp(rolling, (t, q), (one, v))[1]
-            rates.append(jnp.sum(b * v, axis=-1))
-            gammas.append(-jnp.sum(turned * v, axis=-1))
+            rates.append(row_sums(b, v))
+            gammas.append(-row_sums(turned, v))
             rows.append(b)
         if not rows:
             return none, none, jnp.zeros((0, q.shape[0]), q.dtype), none
         return phi, jnp.concatenate(rates), jnp.concatenate(rows), jnp.concatenate(gammas)
-
-    def _mass_and_force(self, t, q, v, effects) -> tuple[Array, Array]:
-        d = self.mechanism.positions(t, q).shape[1]
-        m = jnp.repeat(self.mechanism.masses(), d)
-        j = kinematic_jacobian(self.mechanism, t, q)
-        force = pulled_back(self.mechanism, t, q, v, effects)
-        force = force - m * drift_acceleration(self.mechanism, t, q, v).ravel()
-        return weighted_gram(j, m), jnp.sum(j * force, axis=-1) + on_coordinates(t, q, v, effects)
 
     @staticmethod
     def _free(mass: Array, force: Array, g: Array) -> tuple[Array, Array]:
@@ -151,9 +141,8 @@ class Constrained(MechanismSystem):
         """(n,) the smallest change of q or v, in kinetic energy, that removes an error."""
         if not g.shape[0]:
             return jnp.zeros_like(q)
-        mass, _ = self._mass_and_force(t, q, jnp.zeros_like(q), ())
-        reach = solve_spd(mass, g.T)
-        return jnp.sum(reach * solve_spd(_times(g, reach), error), axis=-1)
+        reach = solve_spd(mass_matrix(self.mechanism, t, q), g.T)
+        return row_sums(reach, solve_spd(_times(g, reach), error))
 
 
 def _times(g: Array, reach: Array) -> Array:

@@ -15,7 +15,6 @@ from jaxdyn._numerics import solve_spd
 from jaxdyn.formulations.mechanism import (
     Mechanism,
     MechanismSystem,
-    kinematic_jacobian,
     moved,
     on_coordinates,
     pulled_back,
@@ -49,8 +48,7 @@ class Lagrange(MechanismSystem):
         mass = jax.jacfwd(momenta, argnums=2)(t, q, v)
         force = slope - change + on_coordinates(t, q, v, effects)
         if others:
-            j = kinematic_jacobian(self.mechanism, t, q)
-            force = force + jnp.sum(j * pulled_back(self.mechanism, t, q, v, others), axis=-1)
+            force = force + pulled_back(self.mechanism, t, q, v, others)
         return jnp.concatenate([v, solve_spd(mass, force)])
 
     def canonical(self, t, y):

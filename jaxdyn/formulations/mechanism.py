@@ -7,6 +7,7 @@ then kinetic energy, gravity and drawings all follow from where points are.
 """
 
 import abc
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -14,11 +15,15 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._numerics import materialised, runtime_one
 from jaxdyn.scene import Effect, Points, System
 
 
 class Mechanism(eqx.Module):
     """Coordinates q (n,) and the material points they place."""
+
+    #: Whether single points may be without mass, as two of those of a flat body are.
+    massless: ClassVar[bool] = False
 
     @abc.abstractmethod
     def coordinates(self) -> tuple[tuple[str, str], ...]:
@@ -42,8 +47,8 @@ class Mechanism(eqx.Module):
         del t, q
         return None
 
-    def links(self) -> tuple[tuple[int, int], ...]:
-        """Pairs of points that a drawing joins by a line."""
+    def links(self) -> tuple[tuple, ...]:
+        """Pairs that a drawing joins by a line: numbers of points, or coordinates of anchors."""
         return ()
 
     def check(self) -> None:
@@ -89,7 +94,8 @@ class MechanismSystem(System):
     def check(self, t, y):
         del t, y
         self.mechanism.check()
-        _checks.positive("mass", self.mechanism.masses(), "Masses are in kg.")
+        m = self.mechanism.masses()
+        _checks.positive("mass", jnp.sum(m) if self.mechanism.massless else m, "Masses are in kg.")
 
 
 def moved(mechanism: Mechanism, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
@@ -97,19 +103,40 @@ def moved(mechanism: Mechanism, t: Array, q: Array, v: Array) -> tuple[Array, Ar
     return jax.jvp(mechanism.positions, (t, q), (jnp.ones_like(t), v))
 
 
-def drift_acceleration(mechanism: Mechanism, t: Array, q: Array, v: Array) -> Array:
-    """(p, d) accelerations that the points have when the coordinates have none."""
-
-    def velocity(t, q):
-        return moved(mechanism, t, q, v)[1]
-
-    return jax.jvp(velocity, (t, q), (jnp.ones_like(t), v))[1]
-
-
 def kinematic_jacobian(mechanism: Mechanism, t: Array, q: Array) -> Array:
     """(n, p d) velocities of the points for a unit rate of each coordinate."""
     _, velocities = jax.linearize(lambda q: mechanism.positions(t, q), q)
     return jax.vmap(velocities)(jnp.eye(len(q))).reshape(len(q), -1)
+
+
+def mass_matrix(mechanism: Mechanism, t: Array, q: Array) -> Array:
+    """(n, n) matrix of the kinetic energy v^T M v / 2, for rates v and a map that stands still."""
+    j = kinematic_jacobian(mechanism, t, q)
+    return weighted_gram(j, _weights(mechanism, j))
+
+
+def balance(
+    mechanism: Mechanism,
+    t: Array,
+    q: Array,
+    v: Array,
+    effects: tuple[Effect, ...],
+) -> tuple[Array, Array]:
+    """M (n, n) and f (n,) of the equations of motion M a = f; `newton_euler` derives them."""
+
+    def velocities(t, q):
+        return moved(mechanism, t, q, v)
+
+    # One derivative of the velocities gives c too; XLA shares what the two passes repeat.
+    (r, velocity), (_, c) = jax.jvp(velocities, (t, q), (jnp.ones_like(t), v))
+    m = mechanism.masses()
+    force = sum((e.force(t, r, velocity, m) for e in effects), -m[:, None] * c)
+    # Kept as an array, or a loop over stages would derive it anew for each entry of M: four to
+    # six times slower (measured; keeping the force too brings that back).
+    j = materialised(kinematic_jacobian(mechanism, t, q), jax.lax.stop_gradient(runtime_one(t)))
+    pulled = row_sums(j, force.ravel())
+    mass = weighted_gram(j, _weights(mechanism, j))
+    return mass, pulled + on_coordinates(t, q, v, effects)
 
 
 def pulled_back(
@@ -119,10 +146,11 @@ def pulled_back(
     v: Array,
     effects: tuple[Effect, ...],
 ) -> Array:
-    """(p d,) the sum of the effects' forces on the points, and nothing where there are none."""
+    """(n,) what the effects' forces on the points do to the coordinates."""
     r, velocity = moved(mechanism, t, q, v)
     m = mechanism.masses()
-    return sum((e.force(t, r, velocity, m) for e in effects), jnp.zeros_like(r)).ravel()
+    force = sum((e.force(t, r, velocity, m) for e in effects), jnp.zeros_like(r))
+    return row_sums(kinematic_jacobian(mechanism, t, q), force.ravel())
 
 
 def on_coordinates(t: Array, q: Array, v: Array, effects: tuple[Effect, ...]) -> Array:
@@ -131,10 +159,21 @@ def on_coordinates(t: Array, q: Array, v: Array, effects: tuple[Effect, ...]) ->
     return sum((f for f in forces if f is not None), jnp.zeros_like(q))
 
 
+def row_sums(j: Array, x: Array) -> Array:
+    """(n,) J x for rows J (n, s) and x (s,); a sum for the reason at `weighted_gram`."""
+    return jnp.sum(j * x[None, :], axis=-1)
+
+
 def weighted_gram(j: Array, weights: Array) -> Array:
     """(n, n) matrix J W J^T for rows J (n, s) and weights (s,).
 
     As a sum, not a matrix product: XLA turns some small products into custom fusions, which
     would keep the stepping loop from being folded.
     """
-    return jnp.sum(j[:, None, :] * (weights * j)[None, :, :], axis=-1)
+    return jnp.sum(j[:, None, :] * (weights[None, :] * j)[None, :, :], axis=-1)
+
+
+def _weights(mechanism: Mechanism, j: Array) -> Array:
+    """(p d,) the mass of its point for each component of a position."""
+    m = mechanism.masses()
+    return jnp.repeat(m, j.shape[1] // m.shape[0])

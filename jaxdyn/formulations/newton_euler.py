@@ -13,16 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxdyn._numerics import solve_spd
-from jaxdyn.formulations.mechanism import (
-    Mechanism,
-    MechanismSystem,
-    drift_acceleration,
-    kinematic_jacobian,
-    moved,
-    on_coordinates,
-    pulled_back,
-    weighted_gram,
-)
+from jaxdyn.formulations.mechanism import Mechanism, MechanismSystem, balance, moved
 
 
 class NewtonEuler(MechanismSystem):
@@ -32,14 +23,8 @@ class NewtonEuler(MechanismSystem):
 
     def rate(self, t, y, effects):
         q, v = jnp.split(y, 2)
-        t = jnp.asarray(t, y.dtype)
-        d = self.mechanism.positions(t, q).shape[1]
-        m = jnp.repeat(self.mechanism.masses(), d)
-        j = kinematic_jacobian(self.mechanism, t, q)
-        force = pulled_back(self.mechanism, t, q, v, effects)
-        force = force - m * drift_acceleration(self.mechanism, t, q, v).ravel()
-        total = jnp.sum(j * force, axis=-1) + on_coordinates(t, q, v, effects)
-        return jnp.concatenate([v, solve_spd(weighted_gram(j, m), total)])
+        mass, force = balance(self.mechanism, jnp.asarray(t, y.dtype), q, v, effects)
+        return jnp.concatenate([v, solve_spd(mass, force)])
 
     def canonical(self, t, y):
         q, v = jnp.split(y, 2)

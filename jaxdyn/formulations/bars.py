@@ -1,0 +1,168 @@
+"""Uniform bars in the plane, hinged in a row: by their angles, and as bodies tied by hinges.
+
+Angles are counted from hanging straight down, counterclockwise; x points right, y up, the
+first hinge is the origin. A uniform bar moves like three points: a sixth of its mass at each
+end and the rest at its middle (Simpson's rule, exact for the moment of inertia). So the points
+are the hinges and the middles, and a drawing that joins the hinges shows the bars.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.formulations.mechanism import Mechanism
+
+_END, _MIDDLE = 1 / 6, 4 / 6  # shares of a uniform bar's mass
+
+
+class Chain(Mechanism):
+    """Bars hinged in a row, by one angle each.
+
+    Attributes:
+      m: (n,) masses [kg].
+      l: (n,) lengths [m].
+      end: (2,) where the far end is pinned [m]; None where it is free.
+      relative: each angle but the first is counted from the bar before it.
+      skate: the far end slides only along the last bar, as on a skate.
+    """
+
+    m: Array
+    l: Array  # noqa: E741 the course's name
+    end: Array | None = None
+    relative: bool = eqx.field(static=True, default=False)
+    skate: bool = eqx.field(static=True, default=False)
+
+    def coordinates(self):
+        name = "phi" if self.relative else "theta"
+        return tuple((f"{name}{i + 1}", "rad") for i in range(self.m.shape[0]))
+
+    def masses(self):
+        return row_masses(self.m)
+
+    def positions(self, t, q):
+        del t
+        angle = self.angles(q)
+        return row_points(self.l[:, None] * jnp.stack([jnp.sin(angle), -jnp.cos(angle)], axis=1))
+
+    def joints(self, q: Array) -> Array:
+        """(n + 1, 2) the hinges, from the origin to the far end."""
+        return self.positions(jnp.zeros(()), q)[: len(q) + 1]
+
+    def bodies(self, t: Array, q: Array) -> Array:
+        """(3 n,) coordinates of the same bars as `Bodies`."""
+        middles = self.positions(t, q)[len(q) + 1 :]
+        return jnp.concatenate([middles, self.angles(q)[:, None]], axis=1).ravel()
+
+    def angles(self, q: Array) -> Array:
+        """(n,) angles of the bars from hanging straight down."""
+        return _combined(np.tri(len(q)), q[:, None])[:, 0] if self.relative else q
+
+    def tied(self, t, q):
+        del t
+        return None if self.end is None else self.joints(q)[-1] - self.end
+
+    def rolling(self, t, q):
+        del t
+        if not self.skate:
+            return None
+        angle = self.angles(q)[-1]
+        across = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+        velocities = jax.jacfwd(lambda q: self.joints(q)[-1])(q)
+        return jnp.sum(across[:, None] * velocities, axis=0)[None, :]
+
+    def links(self):
+        return tuple((i, i + 1) for i in range(self.m.shape[0]))
+
+    def check(self):
+        check_bars(self.m, self.l, self.end)
+
+
+class Bodies(Mechanism):
+    """The same bars as free bodies, x y theta of each middle, tied together by hinges.
+
+    The multipliers of the ties are the forces in the hinges [N], x and y of each in turn.
+
+    Attributes:
+      m: (n,) masses [kg].
+      l: (n,) lengths [m].
+      end: (2,) where the far end is pinned [m]; None where it is free.
+    """
+
+    m: Array
+    l: Array  # noqa: E741 the course's name
+    end: Array | None = None
+
+    def coordinates(self):
+        units = (("x", "m"), ("y", "m"), ("theta", "rad"))
+        return tuple((f"{a}{i + 1}", unit) for i in range(self.m.shape[0]) for a, unit in units)
+
+    def masses(self):
+        return jnp.concatenate([_END * self.m, _END * self.m, _MIDDLE * self.m])
+
+    def positions(self, t, q):
+        del t
+        near, middle, far = self._bars(q)
+        return jnp.concatenate([near, far, middle])
+
+    def tied(self, t, q):
+        del t
+        near, _, far = self._bars(q)
+        hinges = near - jnp.concatenate([jnp.zeros((1, 2)), far[:-1]])
+        if self.end is not None:
+            hinges = jnp.concatenate([hinges, (far[-1] - self.end)[None, :]])
+        return hinges.ravel()
+
+    def links(self):
+        n = self.m.shape[0]
+        return tuple((i, n + i) for i in range(n))
+
+    def check(self):
+        check_bars(self.m, self.l, self.end)
+
+    def _bars(self, q: Array) -> tuple[Array, Array, Array]:
+        """(n, 2) near ends, middles and far ends."""
+        x, y, angle = q.reshape(-1, 3).T
+        middle = jnp.stack([x, y], axis=1)
+        half = 0.5 * self.l[:, None] * jnp.stack([jnp.sin(angle), -jnp.cos(angle)], axis=1)
+        return middle - half, middle, middle + half
+
+
+def row_points(bars: Array) -> Array:
+    """(2 n + 1, 2) the hinges, then the middles, of bars given as vectors (n, 2) in a row."""
+    n = bars.shape[0]
+    before = np.tri(n + 1, n, -1)
+    # Constant weights, not a running sum: few whole-array operations compile to code twice as
+    # fast as many scalar ones.
+    return _combined(np.concatenate([before, before[:n] + 0.5 * np.eye(n)]), bars)
+
+
+def row_masses(m: Array) -> Array:
+    """(2 n + 1,) the masses of those points, for bars of masses m (n,)."""
+    none = jnp.zeros(1)
+    ends = _END * (jnp.concatenate([none, m]) + jnp.concatenate([m, none]))
+    return jnp.concatenate([ends, _MIDDLE * m])
+
+
+def check_bars(m: Array, l: Array, end: Array | None) -> None:  # noqa: E741
+    """Refuse lengths that are not positive, not one for each mass, or cannot reach the end."""
+    _checks.array("l", l, m.shape, "One length for each mass.")
+    _checks.positive("l", l, "Lengths are in m.")
+    if end is None or _checks.is_traced((l, end)):
+        return
+    sides = np.append(np.asarray(l), np.hypot(*np.asarray(end)))
+    longest = sides.max()
+    if longest > sides.sum() - longest:
+        raise _checks.fail(
+            "l",
+            "links that can close",
+            f"a longest side of {longest:.6g} m and {sides.sum() - longest:.6g} m in all others",
+            "Shorten the longest link or move the far hinge.",
+        )
+
+
+def _combined(weights: np.ndarray, x: Array) -> Array:
+    # A product as a sum, for the reason given at mechanism.weighted_gram.
+    return jnp.sum(weights[:, :, None] * x[None, :, :], axis=1)

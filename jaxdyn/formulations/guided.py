@@ -1,0 +1,143 @@
+"""Masses led by wires, slots and machinery, in the plane: the mechanisms of `scenes.guides`."""
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.formulations.mechanism import Mechanism, planar_body
+
+
+class Parabola(Mechanism):
+    """A bead on the wire y = c x^2, by its x; m () [kg], c () [1/m]."""
+
+    m: Array
+    c: Array
+
+    def coordinates(self):
+        return (("x", "m"),)
+
+    def masses(self):
+        return self.m[None]
+
+    def positions(self, t, q):
+        return self.place(t, q)[None, :]
+
+    def place(self, t: Array, q: Array) -> Array:
+        """(2,) x and y: the coordinates of a `TiedParabola`."""
+        del t
+        return jnp.stack([q[0], self.c * q[0] ** 2])
+
+
+class TiedParabola(Mechanism):
+    """The same bead by x and y, tied to the wire; the multiplier pushes along (-2 c x, 1)."""
+
+    m: Array
+    c: Array
+
+    def coordinates(self):
+        return (("x", "m"), ("y", "m"))
+
+    def masses(self):
+        return self.m[None]
+
+    def positions(self, t, q):
+        del t
+        return q[None, :]
+
+    def tied(self, t, q):
+        del t
+        return (q[1] - self.c * q[0] ** 2)[None]
+
+
+class Cycloid(Mechanism):
+    """A bead on the wire y = c s^2, by the length s along it; m () [kg], c () [1/m]."""
+
+    m: Array
+    c: Array
+
+    def coordinates(self):
+        return (("s", "m"),)
+
+    def masses(self):
+        return self.m[None]
+
+    def positions(self, t, q):
+        del t
+        s, slope = q[0], 2 * self.c * q[0]
+        # The integral of cos(arcsin(slope)) over s; arcsin ends where the curve does.
+        x = 0.5 * (s * jnp.sqrt(1 - slope * slope) + jnp.arcsin(slope) / (2 * self.c))
+        return jnp.stack([x, self.c * s * s])[None, :]
+
+    def check(self):
+        _checks.positive("c", self.c, "The curve bends upwards.")
+
+
+class Turntable(Mechanism):
+    """A mass in a straight slot of a table that turns about the origin, by theta and s.
+
+    Attributes:
+      m: () sliding mass [kg].
+      m_table: () mass of the table [kg].
+      inertia: () of the table about its centre [kg m^2].
+      d: () distance of the slot from the centre [m].
+    """
+
+    m: Array
+    m_table: Array
+    inertia: Array
+    d: Array
+
+    def coordinates(self):
+        return (("theta", "rad"), ("s", "m"))
+
+    def masses(self):
+        half = 0.5 * self.m_table
+        return jnp.stack([self.m, half, half])
+
+    def positions(self, t, q):
+        del t
+        theta, s = q
+        c, n = jnp.cos(theta), jnp.sin(theta)
+        mass = jnp.stack([s * c + self.d * n, s * n - self.d * c])
+        table = planar_body(jnp.zeros(2), theta, jnp.sqrt(self.inertia / self.m_table))
+        return jnp.concatenate([mass[None, :], table])
+
+    def check(self):
+        _checks.positive("inertia", self.inertia, "Inertias are in kg m^2.")
+
+
+class Plate(Mechanism):
+    """Two masses fixed to a massless plate and two driven round on it, by the plate's angle.
+
+    Attributes:
+      m: () each mass [kg].
+      weld: () distance of the fixed ones from the middle [m].
+      centre: () distance of the circles' centres from the middle [m].
+      radius: () of the circles [m].
+    """
+
+    m: Array
+    weld: Array
+    centre: Array
+    radius: Array
+
+    def coordinates(self):
+        return (("phi", "rad"),)
+
+    def masses(self):
+        return jnp.broadcast_to(self.m, (4,))
+
+    def positions(self, t, q):
+        c, s = jnp.cos(q[0]), jnp.sin(q[0])
+        driven = (1 - jnp.cos(t)) * jnp.pi
+        x = self.centre + self.radius * jnp.cos(driven)
+        y = self.radius * jnp.sin(driven)
+        moving = jnp.stack([c * x - s * y, s * x + c * y])
+        fixed = self.weld * jnp.stack([-s, c])
+        return jnp.stack([moving, -moving, fixed, -fixed])
+
+    def links(self):
+        return ((0, 1), (2, 3))
+
+    def check(self):
+        _checks.positive("weld", self.weld, "Distances are in m.")

@@ -1,0 +1,108 @@
+"""Point masses joined by massless rigid rods, in any dimension: one tie a rod."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._numerics import square_norm
+from jaxdyn.formulations.mechanism import Mechanism
+
+_AXES = "xyz"
+
+
+class Rods(Mechanism):
+    """Points by their cartesian coordinates, with the lengths of the rods as ties.
+
+    A multiplier is the force along its rod, positive where the rod pushes [N].
+
+    Attributes:
+      m: (n,) masses [kg].
+      length: (c,) of the rods [m].
+      pairs: which points each rod joins.
+      d: dimension of space.
+    """
+
+    m: Array
+    length: Array
+    pairs: tuple[tuple[int, int], ...] = eqx.field(static=True)
+    d: int = eqx.field(static=True, default=2)
+
+    def coordinates(self):
+        points = range(1, self.m.shape[0] + 1)
+        return tuple((f"{axis}{i}", "m") for i in points for axis in _AXES[: self.d])
+
+    def masses(self):
+        return self.m
+
+    def positions(self, t, q):
+        del t
+        return q.reshape(-1, self.d)
+
+    def tied(self, t, q):
+        i, j = np.array(self.pairs).T
+        r = self.positions(t, q)
+        return jnp.sqrt(square_norm(r[j] - r[i])) - self.length
+
+    def links(self):
+        return self.pairs
+
+    def check(self):
+        _checks.positive("length", self.length, "Lengths are in m.")
+
+
+class Dumbbell(Mechanism):
+    """Two points on a rod in the plane, by the centre's x and y and the rod's angle."""
+
+    m: Array
+    length: Array
+
+    def coordinates(self):
+        return (("x", "m"), ("y", "m"), ("theta", "rad"))
+
+    def masses(self):
+        return self.m
+
+    def positions(self, t, q):
+        return self.place(t, q).reshape(2, 2)
+
+    def place(self, t: Array, q: Array) -> Array:
+        """(4,) x and y of both points: the coordinates of `Rods`."""
+        del t
+        along = self.length * jnp.stack([jnp.cos(q[2]), jnp.sin(q[2])])
+        first = q[:2] - self.m[1] / jnp.sum(self.m) * along
+        return jnp.concatenate([first, first + along])
+
+    def links(self):
+        return ((0, 1),)
+
+    def check(self):
+        _checks.positive("length", self.length, "Lengths are in m.")
+
+
+class Coupled(Mechanism):
+    """Two points on a rod along a line, by the place of the first."""
+
+    m: Array
+    length: Array
+
+    def coordinates(self):
+        return (("x1", "m"),)
+
+    def masses(self):
+        return self.m
+
+    def positions(self, t, q):
+        return self.place(t, q)[:, None]
+
+    def place(self, t: Array, q: Array) -> Array:
+        """(2,) places of both: the coordinates of `Rods`."""
+        del t
+        return jnp.stack([q[0], q[0] + self.length])
+
+    def links(self):
+        return ((0, 1),)
+
+    def check(self):
+        _checks.positive("length", self.length, "Lengths are in m.")

@@ -1,0 +1,65 @@
+"""One machine, several formulations: the system and the start for the one that is asked for.
+
+A machine is given once, by free coordinates. What else it can be described by (cartesian
+coordinates with rods, bodies with hinges, an open chain with a closing tie) is an `Embedding`:
+the mechanism with ties, and the map from the free coordinates to its own. The start follows by
+that map and its derivative, so all routes start in the same pose to rounding.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.formulations.constrained import Constrained
+from jaxdyn.formulations.lagrange import Lagrange
+from jaxdyn.formulations.mechanism import Mechanism
+from jaxdyn.formulations.newton_euler import NewtonEuler
+from jaxdyn.scene import System
+
+_FREE = {"newton_euler": NewtonEuler, "lagrange": Lagrange}
+
+
+class Embedding(NamedTuple):
+    """The same machine in more coordinates, with ties.
+
+    Attributes:
+      mechanism: with the ties.
+      place: (t, q) -> its coordinates, for free coordinates q (n,).
+    """
+
+    mechanism: Mechanism
+    place: Callable[[Array, Array], Array]
+
+
+def route(
+    formulation: str,
+    free: Mechanism,
+    q,
+    v,
+    embeddings: Mapping[str, Embedding],
+    drift: str = "projection",
+) -> tuple[System, Array]:
+    """The system of the formulation that is asked for, and its start at t = 0.
+
+    Args:
+      formulation: "newton_euler", "lagrange", or the name of an embedding.
+      free: the machine in free coordinates.
+      q: (n,) start in the free coordinates.
+      v: (n,) their rates.
+      embeddings: by name, e.g. {"constrained": ...}.
+      drift: what an embedding does about the drift of its ties; see `Constrained`.
+    Raises:
+      ValueError: a formulation that this machine does not have.
+    """
+    _checks.choice("formulation", formulation, [*_FREE, *embeddings])
+    q, v = jnp.asarray(q, dtype=float), jnp.asarray(v, dtype=float)
+    if formulation in _FREE:
+        return _FREE[formulation](free), jnp.concatenate([q, v])
+    mechanism, place = embeddings[formulation]
+    t = jnp.zeros(())
+    start = jax.jvp(place, (t, q), (jnp.ones_like(t), v))
+    return Constrained(mechanism, drift), jnp.concatenate(start)

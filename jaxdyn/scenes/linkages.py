@@ -1,0 +1,206 @@
+"""Rods, linkages and closed loops: course problems 21, 25 and 43.
+
+x points right and y up. What is tied needs differential-algebraic equations; where free
+coordinates exist they are offered as well, to compare with.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.effects import SinusoidalForce, UniformGravity, unless_zero
+from jaxdyn.formulations.bars import Bodies, Chain
+from jaxdyn.formulations.constrained import Constrained
+from jaxdyn.formulations.fourbar import FourBar
+from jaxdyn.formulations.rods import Coupled, Dumbbell, Rods
+from jaxdyn.formulations.routes import Embedding, route
+from jaxdyn.scene import Scene
+
+_CLOSING = 8  # projections that bring a rough start onto its ties; each squares the error
+
+
+def rod_on_line(
+    *,
+    m=(1.0, 1.0),
+    length=1.0,
+    force=1.0,
+    frequency=1.0,
+    speed=0.0,
+    formulation="constrained",
+    drift="projection",
+    t1=20.0,
+) -> Scene:
+    """Two masses on a line, joined by a rod, the second one pushed to and fro (problem 21).
+
+    The push is force sin(frequency t). Unequal speeds do not fit a rod: such a start
+    (``scene.starting``) is refused, and the nearest one offered.
+
+    Args:
+      m: masses [kg].
+      length: of the rod [m].
+      force: on the second mass, largest value [N].
+      frequency: of the force [rad/s].
+      speed: of both at the start [m/s].
+      formulation: "constrained" in both places, "newton_euler" and "lagrange" in the first.
+      drift: for "constrained": "projection", "baumgarte" or "raw", which shows the drift.
+      t1: span [s].
+    """
+    m, length = _floats(m, length)
+    free = Coupled(m, length)
+    embeddings = {"constrained": Embedding(Rods(m, length[None], ((0, 1),), 1), free.place)}
+    system, y0 = route(formulation, free, [0.0], [speed], embeddings, drift)
+    push = SinusoidalForce(jnp.asarray(force, dtype=float)[None], frequency, on=(1,))
+    return Scene(system, (push,), y0=y0, t1=t1)
+
+
+def dumbbell(
+    *,
+    m=(1.0, 1.0),
+    length=1.0,
+    speed=1.0,
+    formulation="constrained",
+    drift="projection",
+    t1=20.0,
+) -> Scene:
+    """Two masses joined by a rod, spinning freely about their centre (problem 25).
+
+    Args:
+      m: masses [kg].
+      length: of the rod [m].
+      speed: half of that of the second mass relative to the first, across the rod [m/s].
+      formulation: "constrained" in x and y of both masses (five equations with the rod's
+        force), "newton_euler" and "lagrange" in centre and angle.
+      drift: for "constrained": "projection", "baumgarte" or "raw".
+      t1: span [s].
+    """
+    m, length = _floats(m, length)
+    free = Dumbbell(m, length)
+    embeddings = {"constrained": Embedding(Rods(m, length[None], ((0, 1),)), free.place)}
+    spin = 2 * speed / length
+    system, y0 = route(formulation, free, [0.0, 0.0, 0.0], [0.0, 0.0, spin], embeddings, drift)
+    return Scene(system, (), y0=y0, t1=t1)
+
+
+def four_bar(
+    *,
+    m=(1.0, 1.0, 1.0),
+    l=(1.0, 2.0, 2.0),  # noqa: E741 the course's name
+    ground=2.0,
+    g=1.0,
+    angle=2.0,
+    rate=0.0,
+    crossed=False,
+    formulation="constrained",
+    drift="projection",
+    t1=20.0,
+) -> Scene:
+    """Three uniform bars between two fixed hinges: crank, coupler, rocker (problem 43).
+
+    Args:
+      m: masses of crank, coupler and rocker [kg].
+      l: their lengths [m].
+      ground: distance of the far hinge, to the right of the first [m].
+      g: gravity [m/s^2].
+      angle: of the crank at the start, from hanging down [rad].
+      rate: of that angle at the start [rad/s].
+      crossed: the coupler lies on the other side of the line from its pin to the far hinge.
+      formulation: "constrained" in x, y and angle of each bar with all hinges as ties; "loop"
+        in the three angles with the far hinge as a tie; "newton_euler" and "lagrange" in the
+        crank's angle, which cannot pass a pose where coupler and rocker are in line.
+      drift: for "constrained" and "loop": "projection", "baumgarte" or "raw".
+      t1: span [s].
+    """
+    m, l, ground = _floats(m, l, ground)  # noqa: E741
+    end = jnp.stack([ground, jnp.zeros_like(ground)])
+    free = FourBar(m, l, end, crossed)
+    free.check()
+    embeddings = {
+        "constrained": Embedding(Bodies(m, l, end), free.bodies),
+        "loop": Embedding(Chain(m, l, end), free.angles),
+    }
+    system, y0 = route(formulation, free, [angle], [rate], embeddings, drift)
+    return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
+
+
+def pinned_chain(
+    *,
+    m=(1.0, 1.0, 1.0, 1.0),
+    l=(1.0, 1.0, 1.0, 1.0),  # noqa: E741 the course's name
+    span=2.5,
+    g=1.0,
+    angles=(0.2, 1.0, 2.4, 2.6),
+    rates=(0.0, 0.0, 0.0, 0.0),
+    formulation="loop",
+    drift="projection",
+    t1=10.0,
+) -> Scene:
+    """Uniform bars in a row with both ends pinned, level with each other (problem 43).
+
+    Args:
+      m: masses [kg].
+      l: lengths [m].
+      span: distance of the far hinge, to the right of the first [m].
+      g: gravity [m/s^2].
+      angles: roughly, from hanging down [rad]: the nearest pose that closes is taken.
+      rates: of the angles [rad/s]; the nearest that keep it closed are taken.
+      formulation: "loop" in the angles with the far hinge as a tie, "constrained" in x, y and
+        angle of each bar with all hinges as ties.
+      drift: "projection", "baumgarte" or "raw".
+      t1: span of time [s].
+    """
+    m, l, span = _floats(m, l, span)  # noqa: E741
+    _checks.choice("formulation", formulation, ("loop", "constrained"))
+    end = jnp.stack([span, jnp.zeros_like(span)])
+    chain = Chain(m, l, end)
+    chain.check()
+    q, v = jnp.split(_closed(chain, angles, rates), 2)
+    # With its ends pinned the chain has no free coordinates; as an embedding of itself it
+    # takes its own.
+    embeddings = {
+        "loop": Embedding(chain, lambda t, q: q),
+        "constrained": Embedding(Bodies(m, l, end), chain.bodies),
+    }
+    system, y0 = route(formulation, chain, q, v, embeddings, drift)
+    return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
+
+
+def skate_chain(
+    *,
+    m=(1.0, 1.0, 1.0),
+    l=(1.0, 1.0, 1.0),  # noqa: E741 the course's name
+    g=0.0,
+    angles=(0.5, 1.5, 2.0),
+    rates=(1.0, 0.0, 0.0),
+    drift="projection",
+    t1=10.0,
+) -> Scene:
+    """Uniform bars in a row on a hinge, the far end on a skate along its bar (problem 43).
+
+    Args:
+      m: masses [kg].
+      l: lengths [m].
+      g: gravity along -y [m/s^2]; 0 for bars on ice, where it is left out.
+      angles: at the start, from hanging down [rad].
+      rates: of the angles [rad/s]; the nearest that the skate allows are taken.
+      drift: "projection", "baumgarte" or "raw".
+      t1: span [s].
+    """
+    m, l = _floats(m, l)  # noqa: E741
+    chain = Chain(m, l, skate=True)
+    y0 = _closed(chain, angles, rates)
+    return Scene(Constrained(chain, drift), unless_zero(g, UniformGravity(g)), y0=y0, t1=t1)
+
+
+def _closed(chain: Chain, angles, rates) -> Array:
+    """(2 n,) the state on the chain's ties near a rough one."""
+    q, v = _floats(angles, rates)
+    _checks.array("angles", q, chain.m.shape, "One angle for each mass.")
+    _checks.array("rates", v, chain.m.shape, "One rate for each mass.")
+    y, system = jnp.concatenate([q, v]), Constrained(chain)
+    for _ in range(_CLOSING if chain.end is not None else 1):
+        y = system.nearest(jnp.zeros(()), y)
+    return y
+
+
+def _floats(*numbers) -> tuple[Array, ...]:
+    return tuple(jnp.asarray(x, dtype=float) for x in numbers)

@@ -1,0 +1,254 @@
+"""Pendulums: course problems 22, 23, 24, 29, 31, 35, 36 and the chains of 43.
+
+Pictures have x to the right and y up, unlike the course, whose x points down in problems 22 to
+24: its (x, y) is our (-y, x). Angles are counted counterclockwise from hanging straight down,
+but from straight up where the base shakes.
+"""
+
+import math
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.effects import UniformGravity
+from jaxdyn.formulations.bars import Bodies, Chain
+from jaxdyn.formulations.routes import Embedding, route
+from jaxdyn.formulations.sticks import Cart, Sideways, Stick, TiedCart, TiedStick
+from jaxdyn.scene import Scene
+
+
+def pendulum(
+    *,
+    length=1.0,
+    m=1.0,
+    g=9.81,
+    angle=1.0,
+    rate=0.0,
+    formulation="newton_euler",
+    drift="projection",
+    t1=10.0,
+) -> Scene:
+    """A point mass on a massless rod, by its angle or by x and y with the rod (problems 22, 23).
+
+    Args:
+      length: of the rod [m].
+      m: mass [kg].
+      g: gravity [m/s^2].
+      angle: at the start, from hanging down [rad].
+      rate: of the angle at the start [rad/s].
+      formulation: "newton_euler" and "lagrange" in the angle, "constrained" in x and y; the
+        multiplier is then the force along the rod, positive where the rod pushes [N].
+      drift: for "constrained": "projection", "baumgarte" or "raw".
+      t1: span [s].
+    """
+    m, length = jnp.asarray(m, dtype=float), jnp.asarray(length, dtype=float)
+    free = Stick(m, length)
+    embeddings = {"constrained": Embedding(TiedStick(m, length), free.end)}
+    system, y0 = route(formulation, free, [angle], [rate], embeddings, drift)
+    return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
+
+
+def sideways_pendulum(
+    *,
+    length=1.0,
+    m=1.0,
+    g=9.81,
+    angle=1.0,
+    rate=0.0,
+    formulation="newton_euler",
+    t1=10.0,
+) -> Scene:
+    """A pendulum by its horizontal position, an awkward coordinate (problem 24).
+
+    The position, the course's y, is our x. It says where the mass is only while that hangs
+    below the hinge: at abs(x) = length the acceleration is infinite. A motion that swings
+    higher ends there with a status, not with numbers.
+
+    Args:
+      length: of the rod [m].
+      m: mass [kg].
+      g: gravity [m/s^2].
+      angle: at the start, from hanging down, less than a quarter turn [rad].
+      rate: of the angle at the start [rad/s].
+      formulation: "newton_euler" or "lagrange".
+      t1: span [s].
+    """
+    q, v = length * jnp.sin(angle), length * jnp.cos(angle) * rate
+    system, y0 = route(formulation, Sideways(*_floats(m, length)), [q], [v], {})
+    return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
+
+
+def shaken_pendulum(
+    *,
+    length=1.0,
+    m=1.0,
+    g=9.81,
+    amplitude=0.1,
+    frequency=60.0,
+    angle=0.2,
+    rate=0.0,
+    uniform=True,
+    formulation="newton_euler",
+    drift="projection",
+    t1=5.0,
+) -> Scene:
+    """An upside-down pendulum on a base that shakes up and down (problem 29).
+
+    The base is at y = -amplitude cos(frequency t). Fast shaking, with (amplitude frequency)^2
+    above 2 g L, holds the pendulum upright; L is the length of the point-mass pendulum with
+    the same motion, 2/3 of the length of a uniform stick.
+
+    Args:
+      length: of the stick [m].
+      m: mass [kg].
+      g: gravity [m/s^2].
+      amplitude: of the base [m].
+      frequency: of the base [rad/s].
+      angle: at the start, from straight up, clockwise [rad].
+      rate: of the angle at the start [rad/s].
+      uniform: a uniform stick; False for a point mass at the end of a massless one.
+      formulation: "newton_euler" and "lagrange" in the angle, "constrained" in x and y of the
+        upper end with the stick's length as the tie.
+      drift: for "constrained": "projection", "baumgarte" or "raw".
+      t1: span [s].
+    """
+    numbers = _floats(m, length, amplitude, frequency)
+    free = Stick(*numbers, inverted=True, uniform=uniform)
+    embeddings = {"constrained": Embedding(TiedStick(*numbers, uniform=uniform), free.end)}
+    system, y0 = route(formulation, free, [angle], [rate], embeddings, drift)
+    return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
+
+
+def double_pendulum(
+    *,
+    m=(1.0, 1.0),
+    l=(1.0, 1.0),  # noqa: E741 the course's name
+    g=1.0,
+    angles=(math.pi / 2, math.pi),
+    rates=(0.0, 0.0),
+    relative=False,
+    formulation="newton_euler",
+    drift="projection",
+    t1=30.0,
+) -> Scene:
+    """Two uniform bars, the upper one level and the other straight up (problems 31, 36).
+
+    Args:
+      m: masses [kg].
+      l: lengths [m].
+      g: gravity [m/s^2].
+      angles: at the start, each from hanging down [rad].
+      rates: of the angles at the start [rad/s].
+      relative: the second coordinate is the angle from bar to bar.
+      formulation: "newton_euler" and "lagrange" in the angles, "constrained" in x, y and angle
+        of each bar with the hinges as ties.
+      drift: for "constrained": "projection", "baumgarte" or "raw".
+      t1: span [s].
+    """
+    numbers = {"m": m, "l": l, "g": g, "angles": angles, "rates": rates, "t1": t1}
+    return n_pendulum(**numbers, relative=relative, formulation=formulation, drift=drift)
+
+
+def triple_pendulum(
+    *,
+    m=(1.0, 1.0, 1.0),
+    l=(1.0, 1.0, 1.0),  # noqa: E741 the course's name
+    g=1.0,
+    angles=(math.pi / 2, math.pi, 2.0),
+    rates=(0.0, 0.0, 0.0),
+    relative=False,
+    formulation="newton_euler",
+    drift="projection",
+    t1=10.0,
+) -> Scene:
+    """Three uniform bars hinged in a row (problem 43).
+
+    Args:
+      m: masses [kg].
+      l: lengths [m].
+      g: gravity [m/s^2].
+      angles: at the start, each from hanging down [rad].
+      rates: of the angles at the start [rad/s].
+      relative: coordinates are the angles from bar to bar.
+      formulation: as for `double_pendulum`.
+      drift: for "constrained": "projection", "baumgarte" or "raw".
+      t1: span [s].
+    """
+    numbers = {"m": m, "l": l, "g": g, "angles": angles, "rates": rates, "t1": t1}
+    return n_pendulum(**numbers, relative=relative, formulation=formulation, drift=drift)
+
+
+def n_pendulum(
+    *,
+    m=(1.0, 1.0, 1.0, 1.0),
+    l=(1.0, 1.0, 1.0, 1.0),  # noqa: E741 the course's name
+    g=1.0,
+    angles=(1.5, 1.5, 1.5, 1.5),
+    rates=(0.0, 0.0, 0.0, 0.0),
+    relative=False,
+    formulation="newton_euler",
+    drift="projection",
+    t1=10.0,
+) -> Scene:
+    """Uniform bars hinged in a row, as many as there are masses (problems 31, 43).
+
+    Args:
+      m: masses [kg].
+      l: lengths [m].
+      g: gravity [m/s^2].
+      angles: at the start, each from hanging down [rad].
+      rates: of the angles at the start [rad/s].
+      relative: coordinates are the angles from bar to bar.
+      formulation: as for `double_pendulum`.
+      drift: for "constrained": "projection", "baumgarte" or "raw".
+      t1: span [s].
+    """
+    m, l, q, v = _floats(m, l, angles, rates)  # noqa: E741
+    _checks.array("angles", q, m.shape, "One angle for each mass.")
+    _checks.array("rates", v, m.shape, "One rate for each mass.")
+    free = Chain(m, l, relative=relative)
+    if relative:
+        q, v = (jnp.diff(x, prepend=0.0) for x in (q, v))
+    embeddings = {"constrained": Embedding(Bodies(m, l), free.bodies)}
+    system, y0 = route(formulation, free, q, v, embeddings, drift)
+    return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
+
+
+def cart_pendulum(
+    *,
+    m=(1.0, 1.0),
+    length=1.0,
+    g=9.81,
+    x=0.0,
+    angle=1.0,
+    speed=0.0,
+    rate=0.0,
+    formulation="newton_euler",
+    drift="projection",
+    t1=10.0,
+) -> Scene:
+    """A cart on a level track with a point mass on a massless stick (problem 35).
+
+    Args:
+      m: masses of the cart and of the point [kg].
+      length: of the stick [m].
+      g: gravity [m/s^2].
+      x: place of the cart at the start [m].
+      angle: of the stick at the start, from hanging down [rad].
+      speed: of the cart at the start [m/s].
+      rate: of the angle at the start [rad/s].
+      formulation: "newton_euler" and "lagrange" in place and angle, "constrained" in the
+        cart's x and the point's x and y with the stick as the tie.
+      drift: for "constrained": "projection", "baumgarte" or "raw".
+      t1: span [s].
+    """
+    m, length = _floats(m, length)
+    free = Cart(m, length)
+    embeddings = {"constrained": Embedding(TiedCart(m, length), free.loose)}
+    system, y0 = route(formulation, free, [x, angle], [speed, rate], embeddings, drift)
+    return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
+
+
+def _floats(*numbers) -> tuple[Array, ...]:
+    return tuple(jnp.asarray(x, dtype=float) for x in numbers)
