@@ -1,0 +1,371 @@
+"""A rigid body in space: Newton's law for its centre, Euler's equations for its turning.
+
+The body is material points in its own axes (the six of `inertia.equimomental`, or any others
+that have its mass, centre and inertia), so effects act on it as on everything else, and their
+forces f_i give
+
+    m dv/dt = sum f_i,    I domega_b/dt = sum s_i x (R^T f_i) - omega_b x (I omega_b),
+
+with s_i and the constant I in the body's axes. A body with a fixed pivot obeys the second
+equation alone, with s_i and I about the pivot. How it has turned, R_wb, is kept as a unit
+quaternion or as the matrix itself (`RigidBody`), or by Euler angles (`EulerBody`, a mechanism
+for `NewtonEuler` or `Lagrange`: no Euler equations in it, and a second route to the same motion).
+Euler angles have a pose where they lock; quaternions and matrices have none.
+
+`pose` gives position, R_wb and angular velocity of any of them in both frames. The angular
+momentum in space is `energy.angular_momentum`.
+"""
+
+import abc
+from typing import ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._numerics import solve_spd
+from jaxdyn.euler import SEQUENCES, euler_from_matrix, euler_rates_from_body, matrix_from_euler
+from jaxdyn.euler import omega_b_from_euler as omega_b_from_rates
+from jaxdyn.formulations.mechanism import Mechanism, MechanismSystem
+from jaxdyn.inertia import MaterialPoints
+from jaxdyn.rotations import (
+    matrix_from_wxyz,
+    normalise_wxyz,
+    orthonormalise,
+    wxyz_from_matrix,
+    wxyz_rate_from_body,
+)
+from jaxdyn.scene import Effect, Points, Scene, System
+from jaxdyn.vectors import cross, skew
+
+#: How far a start's attitude may be from a unit quaternion or a rotation matrix.
+CONSISTENT = 1e-9
+_ROUNDS = 2  # of `orthonormalise`, for a matrix that has drifted for one step
+
+_METRES = (("x", "m"), ("y", "m"), ("z", "m"))
+_SPEEDS = (("vx", "m/s"), ("vy", "m/s"), ("vz", "m/s"))
+_SPINS = tuple((f"omega{i}", "rad/s") for i in (1, 2, 3))
+
+
+class Pose(NamedTuple):
+    """Where a body is and how it moves; each may have a leading axis of samples.
+
+    Its centre (or pivot) r and the velocity v of that, both (3,) in the world's axes [m, m/s];
+    R_wb (3, 3), whose columns are the body's axes; omega_b (3,) in the body's axes [rad/s].
+    """
+
+    r: Array
+    R_wb: Array
+    v: Array
+    omega_b: Array
+
+    @property
+    def omega_w(self) -> Array:
+        """Angular velocity (3,) in the world's axes [rad/s]."""
+        return jnp.einsum("...ij,...j->...i", self.R_wb, self.omega_b)
+
+    def place(self, s) -> Array:
+        """(3,) where the point of the body is that has components s (3,) in its axes [m]."""
+        return self.r + jnp.einsum("...ij,j->...i", self.R_wb, jnp.asarray(s, dtype=float))
+
+
+def resting(R_wb=None, omega_b=(0.0, 0.0, 0.0)) -> Pose:
+    """A pose at the origin that turns there: the usual start of a body or a top."""
+    R_wb = jnp.eye(3) if R_wb is None else jnp.asarray(R_wb, dtype=float)
+    return Pose(jnp.zeros(3), R_wb, jnp.zeros(3), jnp.asarray(omega_b, dtype=float))
+
+
+def pose(scene: Scene, t: Array, y: Array) -> Pose:
+    """Position, attitude and angular velocity of the body in a scene, of either kind.
+
+    Along a motion: ``energy.along(rigid.pose, motion)``.
+    """
+    del t
+    system = scene.system
+    if isinstance(system, MechanismSystem):
+        return system.mechanism.pose(*jnp.split(y, 2))
+    return system.pose(y)
+
+
+class Attitude(eqx.Module):
+    """A way to write down how a body has turned, by n numbers a (n,)."""
+
+    @abc.abstractmethod
+    def labels(self) -> tuple[tuple[str, str], ...]:
+        """(name, unit) of the n numbers."""
+
+    @abc.abstractmethod
+    def matrix(self, a: Array) -> Array:
+        """R_wb (3, 3)."""
+
+    @abc.abstractmethod
+    def of(self, R_wb: Array) -> Array:
+        """The numbers (n,) of a rotation matrix (3, 3)."""
+
+    @abc.abstractmethod
+    def rate(self, a: Array, omega_b: Array) -> Array:
+        """Their rates (n,) at an angular velocity (3,)."""
+
+    @abc.abstractmethod
+    def nearest(self, a: Array) -> Array:
+        """The nearest numbers (n,) that are a rotation."""
+
+    def aligned(self, a: Array, like: Array) -> Array:
+        """Of all numbers of the same rotation, those closest to others."""
+        del like
+        return a
+
+
+class Quaternion(Attitude):
+    """A unit quaternion wxyz; q and -q are one rotation."""
+
+    def labels(self):
+        return tuple((name, "1") for name in ("qw", "qx", "qy", "qz"))
+
+    def matrix(self, a):
+        return matrix_from_wxyz(a)
+
+    def of(self, R_wb):
+        return wxyz_from_matrix(R_wb)
+
+    def rate(self, a, omega_b):
+        return wxyz_rate_from_body(a, omega_b)
+
+    def nearest(self, a):
+        return normalise_wxyz(a)
+
+    def aligned(self, a, like):
+        return jnp.where(jnp.sum(a * like) < 0, -a, a)
+
+
+class RotationMatrix(Attitude):
+    """The nine entries of R_wb, row by row."""
+
+    def labels(self):
+        return tuple((f"R{i}{j}", "1") for i in (1, 2, 3) for j in (1, 2, 3))
+
+    def matrix(self, a):
+        return a.reshape(3, 3)
+
+    def of(self, R_wb):
+        return R_wb.ravel()
+
+    def rate(self, a, omega_b):
+        # As a sum, not a matrix product, for the reason given at mechanism.weighted_gram.
+        return jnp.sum(a.reshape(3, 3, 1) * skew(omega_b)[None, :, :], axis=1).ravel()
+
+    def nearest(self, a):
+        return orthonormalise(a.reshape(3, 3), _ROUNDS).ravel()
+
+
+class RigidBody(System):
+    """A rigid body: state [r, attitude, v, omega_b], or [attitude, omega_b] about a pivot.
+
+    Attributes:
+      matter: its points in its own axes, from the pivot if it has one. A free body's r is the
+        centre of mass, and its points are kept from there.
+      attitude: `Quaternion()` or `RotationMatrix()`.
+      pivoted: whether the origin of its axes is fixed at the world's origin.
+
+    An effect's `generalized` is given q = [r, attitude], v = [v, omega_b] (without r and v about
+    a pivot) and returns what does work on v: [force, torque in the body's axes].
+    """
+
+    matter: MaterialPoints
+    attitude: Attitude
+    pivoted: bool = eqx.field(static=True)
+
+    def __init__(self, matter: MaterialPoints, attitude=None, *, pivoted: bool = False):
+        self.matter = matter if pivoted else _about_centre(matter)
+        self.attitude = Quaternion() if attitude is None else attitude
+        self.pivoted = pivoted
+
+    def labels(self):
+        turning = self.attitude.labels()
+        if self.pivoted:
+            return (*turning, *_SPINS)
+        return (*_METRES, *turning, *_SPEEDS, *_SPINS)
+
+    def rate(self, t, y, effects):
+        _, a, v, omega = self._parts(y)
+        force, torque = self._loads(t, y, effects)
+        inertia = inertia_matrix(self.matter)
+        torque = torque - cross(omega, _turned(inertia, omega))
+        turning = self.attitude.rate(a, omega), solve_spd(inertia, torque)
+        if self.pivoted:
+            return jnp.concatenate(turning)
+        return jnp.concatenate([v, turning[0], force / jnp.sum(self.matter.m), turning[1]])
+
+    def points(self, t, y):
+        del t
+        r, R, v, omega = self.pose(y)
+        s, m = self.matter
+        return Points(r[None] + _turned(R, s), v[None] + _turned(R, _crossed(omega[None], s)), m)
+
+    def pose(self, y: Array) -> Pose:
+        """Position, attitude and angular velocity at a state (k,)."""
+        r, a, v, omega = self._parts(y)
+        return Pose(r, self.attitude.matrix(a), v, omega)
+
+    def state(self, pose: Pose) -> Array:
+        """(k,) the state in a given pose."""
+        a = self.attitude.of(pose.R_wb)
+        if self.pivoted:
+            return jnp.concatenate([a, pose.omega_b])
+        return jnp.concatenate([pose.r, a, pose.v, pose.omega_b])
+
+    def project(self, t, y):
+        del t
+        r, a, v, omega = self._parts(y)
+        return self._state(r, self.attitude.nearest(a), v, omega)
+
+    def difference(self, y1, y0):
+        r, a, v, omega = self._parts(y1)
+        return self._state(r, self.attitude.aligned(a, self._parts(y0)[1]), v, omega) - y0
+
+    def generators(self, y):
+        r, a, v, _ = self._parts(y)
+        R = self.attitude.matrix(a)
+        none = jnp.zeros(3)
+        found = {}
+        for i, axis in enumerate("xyz"):
+            e = jnp.eye(3)[i]
+            turning = self.attitude.rate(a, jnp.sum(R * e[:, None], axis=0))
+            found[f"turn about {axis}"] = self._state(cross(e, r), turning, cross(e, v), none)
+            if not self.pivoted:
+                found[f"shift along {axis}"] = self._state(e, jnp.zeros_like(a), none, none)
+        return found
+
+    def check(self, t, y):
+        del t
+        _check_matter(self.matter)
+        if _checks.is_traced((self, y)):
+            return
+        a = self._parts(y)[1]
+        nearest = self.attitude.nearest(a)
+        off = float(jnp.max(jnp.abs(nearest - a)))
+        if not off <= CONSISTENT:
+            raise _checks.fail(
+                "y0",
+                f"a rotation in {', '.join(name for name, _ in self.attitude.labels())}",
+                f"{a.tolist()}",
+                f"The nearest one is {[float(f'{x:.12g}') for x in nearest]}.",
+            )
+
+    def _loads(self, t: Array, y: Array, effects: tuple[Effect, ...]) -> tuple[Array, Array]:
+        """Net force (3,) in the world's axes, and torque (3,) in the body's."""
+        _, a, _, _ = self._parts(y)
+        total = jnp.zeros((2, 3))
+        if effects:
+            R = self.attitude.matrix(a)
+            r, velocity, m = self.points(t, y)
+            forces = sum((e.force(t, r, velocity, m) for e in effects), jnp.zeros_like(r))
+            moments = _crossed(self.matter.r, _turned(R.T, forces))
+            total = jnp.stack([jnp.sum(forces, axis=0), jnp.sum(moments, axis=0)])
+            n = len(y) - (3 if self.pivoted else 6)
+            direct = (e.generalized(t, y[:n], y[n:]) for e in effects)
+            for f in direct:
+                if f is not None:
+                    total = total + jnp.concatenate([jnp.zeros(6 - len(f)), f]).reshape(2, 3)
+        return total[0], total[1]
+
+    def _parts(self, y: Array) -> tuple[Array, Array, Array, Array]:
+        if self.pivoted:
+            return jnp.zeros(3), y[:-3], jnp.zeros(3), y[-3:]
+        return y[:3], y[3:-6], y[-6:-3], y[-3:]
+
+    def _state(self, r: Array, a: Array, v: Array, omega: Array) -> Array:
+        return jnp.concatenate([a, omega] if self.pivoted else [r, a, v, omega])
+
+
+class EulerBody(Mechanism):
+    """A rigid body by Euler angles: q = [r, angles], or the angles alone about a pivot.
+
+    Attributes:
+      matter: its points in its own axes, from the pivot if it has one.
+      sequence: one of `euler.SEQUENCES`, e.g. "ZXZ"; choose one that does not lock on the way.
+      pivoted: whether the origin of its axes is fixed at the world's origin.
+    """
+
+    matter: MaterialPoints
+    sequence: str = eqx.field(static=True)
+    pivoted: bool = eqx.field(static=True)
+    massless: ClassVar[bool] = True
+
+    def __init__(self, matter: MaterialPoints, sequence: str = "ZXZ", *, pivoted: bool = False):
+        self.matter = matter if pivoted else _about_centre(matter)
+        self.sequence = sequence
+        self.pivoted = pivoted
+
+    def coordinates(self):
+        angles = (("phi", "rad"), ("theta", "rad"), ("psi", "rad"))
+        return angles if self.pivoted else (*_METRES, *angles)
+
+    def masses(self):
+        return self.matter.m
+
+    def positions(self, t, q):
+        del t
+        r, angles = self._parts(q)
+        return r[None] + _turned(matrix_from_euler(angles, self.sequence), self.matter.r)
+
+    def pose(self, q: Array, v: Array) -> Pose:
+        """Position, attitude and angular velocity at coordinates and velocities (n,)."""
+        r, angles = self._parts(q)
+        velocity, rates = self._parts(v)
+        omega_b = _turned(omega_b_from_rates(angles, self.sequence), rates)
+        return Pose(r, matrix_from_euler(angles, self.sequence), velocity, omega_b)
+
+    def state(self, pose: Pose) -> Array:
+        """(2 n,) coordinates and velocities in a given pose; NaN where the angles lock."""
+        angles = euler_from_matrix(pose.R_wb, self.sequence).angles
+        rates = euler_rates_from_body(angles, pose.omega_b, self.sequence).rates
+        if self.pivoted:
+            return jnp.concatenate([angles, rates])
+        return jnp.concatenate([pose.r, angles, pose.v, rates])
+
+    def check(self):
+        _checks.choice("sequence", self.sequence, SEQUENCES)
+        _check_matter(self.matter)
+
+    def _parts(self, q: Array) -> tuple[Array, Array]:
+        return (jnp.zeros(3), q) if self.pivoted else (q[:3], q[3:])
+
+
+def inertia_matrix(matter: MaterialPoints) -> Array:
+    """Inertia (3, 3) of points about the origin of their axes [kg m^2]."""
+    r, m = matter
+    products = jnp.sum(m[:, None, None] * r[:, :, None] * r[:, None, :], axis=0)
+    trace = products[0, 0] + products[1, 1] + products[2, 2]
+    return trace * jnp.eye(3) - products
+
+
+def _check_matter(matter: MaterialPoints) -> None:
+    # A single point may have no mass, or a negative one: a hole.
+    _checks.positive("mass", jnp.sum(matter.m), "Masses are in kg.")
+    if _checks.is_traced(matter):
+        return
+    moments = jnp.linalg.eigvalsh(inertia_matrix(matter))
+    if not moments[0] > 1e-12 * moments[2]:
+        raise _checks.fail(
+            "matter",
+            "points that are not all on one line",
+            f"principal moments {moments.tolist()}",
+            "A line has no inertia about itself: take a thin cylinder.",
+        )
+
+
+def _about_centre(matter: MaterialPoints) -> MaterialPoints:
+    r, m = matter
+    return MaterialPoints(r - jnp.sum(m[:, None] * r, axis=0)[None] / jnp.sum(m), m)
+
+
+def _turned(R: Array, s: Array) -> Array:
+    """R s for one s (3,) or many (p, 3); a sum for the reason at mechanism.weighted_gram."""
+    return jnp.sum(R[(None,) * (s.ndim - 1)] * s[..., None, :], axis=-1)
+
+
+def _crossed(a: Array, b: Array) -> Array:
+    """(p, 3) cross products of the rows of two arrays, one of which may have a single row."""
+    return cross(a.T, b.T).T

@@ -1,0 +1,239 @@
+"""Rigid bodies that float or spin about a pivot: course problems 51 to 53, 55 to 59 and 61.
+
+Each scene can keep the attitude as a quaternion, as a matrix or by Euler angles, so that the
+three can be compared. What was steady or stable about a motion is asked of `jaxdyn.precession`.
+
+Where the course is open or misprinted:
+
+- 51: a body with moments 1, 2 and 3 is exactly a flat plate, since 1 + 2 = 3; no box with a
+  thickness has them.
+- 53: the first equation lacks the dot over omega, the third the dot over R.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.effects import UniformGravity
+from jaxdyn.euler import matrix_from_euler, omega_b_from_euler
+from jaxdyn.formulations.newton_euler import NewtonEuler
+from jaxdyn.formulations.rigid import (
+    EulerBody,
+    Pose,
+    Quaternion,
+    RigidBody,
+    RotationMatrix,
+    resting,
+)
+from jaxdyn.inertia import Body, MaterialPoints, equimomental
+from jaxdyn.scene import Effect, Scene
+from jaxdyn.scenes.satellites import satellite_a, satellite_b, satellite_c
+
+REPRESENTATIONS = ("quaternion", "matrix", "euler")
+
+#: Pairs of points that a drawing joins, for ``animate(motion, links=...)``.
+BOX_EDGES = tuple((i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit)
+JACK_ARMS = ((0, 1), (2, 3), (4, 5))
+
+
+def jack(m, moments, centre=(0.0, 0.0, 0.0)) -> MaterialPoints:
+    """Six material points on the axes through a centre, with given principal moments (3,).
+
+    All at one distance from the centre, with masses linear in the moments. So everything is
+    smooth in them, also for a flat body, two of whose points have no mass; the points of
+    `equimomental` have equal masses, at distances that have no derivative there.
+
+    Raises:
+      ValueError: moments that no body has.
+    """
+    moments = jnp.asarray(moments, dtype=float)
+    Body(m, centre, jnp.diag(moments)).check()
+    second = jnp.sum(moments) / 2 - moments  # sum of m x^2, of m y^2, of m z^2
+    arm = jnp.sqrt(jnp.sum(second) / m)
+    r = arm * jnp.concatenate([jnp.eye(3), -jnp.eye(3)])[jnp.array([0, 3, 1, 4, 2, 5])]
+    return MaterialPoints(r + jnp.asarray(centre)[None], jnp.repeat(second / (2 * arm**2), 2))
+
+
+def box_points(m, sides) -> MaterialPoints:
+    """Nine material points of a uniform box with sides (3,) [m]: its corners and its centre.
+
+    With a 24th of the mass in each corner and the rest, two thirds, in the middle they have the
+    box's inertia, and are what a drawing should show.
+    """
+    corner = jnp.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)]) - 0.5
+    corners = corner * jnp.asarray(sides, dtype=float)[None]
+    masses = m * jnp.concatenate([jnp.full(8, 1 / 24), jnp.full(1, 2 / 3)])
+    return MaterialPoints(jnp.concatenate([corners, jnp.zeros((1, 3))]), masses)
+
+
+# ---- free
+
+
+def free_body(
+    omega0=(0.01, 1.0, 0.0),
+    *,
+    moments=(1.0, 2.0, 3.0),
+    m=1.0,
+    representation: str = "quaternion",
+    sequence: str = "YXZ",
+    t1=60.0,
+) -> Scene:
+    """A body that turns freely about its centre at rest (problems 51 to 53).
+
+    By default it spins about its middle axis and flips over again and again.
+
+    Args:
+      omega0: (3,) angular velocity at the start, when both frames agree [rad/s].
+      moments: (3,) principal moments [kg m^2]; 1, 2 and 3 are those of a flat plate.
+      m: mass [kg].
+      representation: "quaternion", "matrix" or "euler".
+      sequence: Euler angles; the default does not lock while the axis of angular momentum,
+        here y, stays away from the body's z.
+      t1: span [s].
+    """
+    return _scene(jack(m, moments), resting(None, omega0), representation, sequence, t1=t1)
+
+
+def box(
+    omega0=(0.01, 1.0, 0.0),
+    *,
+    sides=(3.0, 2.0, 1.0),
+    m=1.0,
+    representation: str = "quaternion",
+    sequence: str = "YXZ",
+    t1=60.0,
+) -> Scene:
+    """A uniform box that tumbles, drawn by its corners and `BOX_EDGES` (problems 47, 51, 53).
+
+    Args:
+      omega0: (3,) angular velocity at the start [rad/s].
+      sides: (3,) along x, y and z [m]; a zero makes it a plate.
+      m: mass [kg].
+      representation: "quaternion", "matrix" or "euler".
+      sequence: Euler angles, for "euler".
+      t1: span [s].
+    """
+    return _scene(box_points(m, sides), resting(None, omega0), representation, sequence, t1=t1)
+
+
+def feynman_plate(
+    tilt=0.05, *, spin=10.0, side=0.25, m=0.2, representation: str = "quaternion", t1=3.0
+) -> Scene:
+    """A square plate thrown up spinning, wobbling a little (problem 56).
+
+    Its normal keeps the angle `tilt` to the vertical, along which its angular momentum is, and
+    goes round it once while the plate turns by half a turn: two wobbles for one spin, in the
+    limit of small tilts. Feynman's book (Surely You're Joking, 1985) tells it the other way
+    round, which is wrong. `precession.wobble_and_spin` measures it.
+
+    Args:
+      tilt: angle of the normal to the angular momentum [rad].
+      spin: component of the angular velocity along the normal [rad/s].
+      side: of the square [m].
+      m: mass [kg].
+      representation: "quaternion", "matrix" or "euler" (ZXZ).
+      t1: span [s].
+    """
+    # The vertical is (0, sin, cos) of the tilt in the body's axes, and I omega, with I_3 = 2 I_1,
+    # is along it.
+    tilt, spin, side = _floats(tilt, spin, side)
+    R_wb = matrix_from_euler(_floats(0.0, tilt, 0.0), "ZXZ")
+    start = resting(R_wb, _floats(0.0, 2 * spin * jnp.tan(tilt), spin))
+    matter = box_points(m, _floats(side, side, 0.0))
+    return _scene(matter, start, representation, "ZXZ", t1=t1)
+
+
+def satellite(
+    name: str = "A", omega0=(0.3, 1.0, 0.2), *, representation: str = "quaternion", t1=60.0
+) -> Scene:
+    """Satellite A, B or C of problems 55, 57 and 58, its centre at rest at the origin.
+
+    What simulation says about the claims of 57 and 58 on motions:
+
+    - A iii: all the motions named exist, but they are not all. Between wobbles about axis 1 and
+      about axis 3 are motions that approach a spin about axis 2 and flip over just once.
+    - B iii and 58: true, every motion of an axisymmetric body is a steady precession about its
+      angular momentum (`precession.free_attitude`), and there is no wobble about another axis.
+    - C ii: true, omega is constant.
+
+    The tip of an antenna at s in the axes of problem 55 is at ``pose.place(s - body.centre)``.
+
+    Args:
+      name: "A", "B" or "C".
+      omega0: (3,) angular velocity at the start [rad/s].
+      representation: "quaternion", "matrix" or "euler" (YXZ).
+      t1: span [s].
+    """
+    body = _SATELLITES[_checks.choice("name", name, _SATELLITES)]()
+    return _scene(equimomental(body), resting(None, omega0), representation, "YXZ", t1=t1)
+
+
+# ---- about a pivot
+
+
+def top(
+    theta=0.5,
+    *,
+    precession=0.0,
+    nutation=0.0,
+    spin=40.0,
+    m=0.1,
+    d=0.05,
+    I1=1e-4,
+    I3=5e-5,
+    g=9.81,
+    representation: str = "quaternion",
+    sequence: str = "ZXZ",
+    t1=3.0,
+) -> Scene:
+    """A spinning top with a fixed point at the origin and z up (problems 59, 61).
+
+    omega = precession k + nutation e_x' + spin e_3', with e_x' along the horizontal k x e_3'.
+    ``precession`` from `precession.top_roots` starts it in steady precession.
+
+    Args:
+      theta: angle of the axis e_3' to the vertical k [rad].
+      precession: rate of e_3' about the vertical [rad/s].
+      nutation: rate of theta [rad/s].
+      spin: about e_3', relative to the frame that precesses [rad/s].
+      m: mass [kg].
+      d: distance of the centre of mass from the pivot [m].
+      I1: moment across the axis, about the centre of mass [kg m^2].
+      I3: moment about the axis [kg m^2].
+      g: gravity [m/s^2].
+      representation: "quaternion", "matrix" or "euler".
+      sequence: Euler angles; ZXZ are phi, theta, psi and lock upright, where XYZ do not.
+      t1: span [s].
+    """
+    angles = _floats(0.0, theta, 0.0)
+    rates = _floats(precession, nutation, spin)
+    start = resting(matrix_from_euler(angles, "ZXZ"), omega_b_from_euler(angles, "ZXZ") @ rates)
+    matter = jack(m, _floats(I1, I1, I3), _floats(0.0, 0.0, d))
+    gravity = (UniformGravity(g),)
+    return _scene(matter, start, representation, sequence, gravity, pivoted=True, t1=t1)
+
+
+def _scene(
+    matter: MaterialPoints,
+    start: Pose,
+    representation: str,
+    sequence: str,
+    effects: tuple[Effect, ...] = (),
+    *,
+    pivoted: bool = False,
+    t1,
+) -> Scene:
+    _checks.choice("representation", representation, REPRESENTATIONS)
+    if representation == "euler":
+        mechanism = EulerBody(matter, sequence, pivoted=pivoted)
+        return Scene(NewtonEuler(mechanism), effects, y0=mechanism.state(start), t1=t1)
+    attitude = Quaternion() if representation == "quaternion" else RotationMatrix()
+    body = RigidBody(matter, attitude, pivoted=pivoted)
+    return Scene(body, effects, y0=body.state(start), t1=t1)
+
+
+def _floats(*numbers) -> Array:
+    return jnp.stack([jnp.asarray(x, dtype=float) for x in numbers])
+
+
+_SATELLITES = {"A": satellite_a, "B": satellite_b, "C": satellite_c}

@@ -1,0 +1,137 @@
+"""A disk that rolls or slides on a plane: course problem 60.
+
+The lean theta is the angle of the disk's axis e_3' to the vertical, pi/2 where the disk stands
+upright; the course calls it theta in the picture and phi in the question. The precession
+omega_p is about the vertical, the spin omega_s (the course's "pitch rate") about e_3', so
+omega = omega_p k + (d theta/dt) e_x' + omega_s e_3' with e_x' the horizontal k x e_3'.
+Its steady motions are `precession.rolling_disk_circle` and its neighbours.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.effects import UniformGravity
+from jaxdyn.euler import matrix_from_euler, omega_b_from_euler
+from jaxdyn.formulations.constrained import Constrained
+from jaxdyn.formulations.mechanism import Mechanism
+from jaxdyn.formulations.rigid import Pose
+from jaxdyn.scene import Scene
+
+_SEQUENCE = "ZXZ"
+_RIM = ((1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0))
+
+
+class Disk(Mechanism):
+    """A flat disk with moments I_1, I_1, 2 I_1, held on the plane z = 0 by its lowest point.
+
+    The contact is two-sided, so a motion that would lift the disk shows as a negative normal
+    force: of `Constrained.constraint_forces` the first is that, then come, on a rough plane,
+    the x and y components of the friction.
+
+    Attributes:
+      m: () mass [kg].
+      radius: () [m].
+      I1: () moment about a diameter [kg m^2]: m r^2 / 4 for a uniform disk, m r^2 / 2 for a hoop.
+      rough: whether it rolls without slip; else there is no friction.
+    """
+
+    m: Array
+    radius: Array
+    I1: Array
+    rough: bool = eqx.field(static=True)
+
+    def __init__(self, m, radius, I1, *, rough: bool = True):
+        self.m, self.radius, self.I1 = (jnp.asarray(x, dtype=float) for x in (m, radius, I1))
+        self.rough = rough
+
+    def coordinates(self):
+        lengths = (("x", "m"), ("y", "m"), ("z", "m"))
+        return (*lengths, ("phi", "rad"), ("theta", "rad"), ("psi", "rad"))
+
+    def masses(self):
+        return jnp.broadcast_to(self.m / len(_RIM), (len(_RIM),))
+
+    def positions(self, t, q):
+        del t
+        gyration = jnp.sqrt(2 * self.I1 / self.m)
+        R = matrix_from_euler(q[3:], _SEQUENCE)
+        arms = [gyration * (x * R[:, 0] + y * R[:, 1]) for x, y, _ in _RIM]
+        return q[None, :3] + jnp.stack(arms)
+
+    def tied(self, t, q):
+        del t
+        return (q[2] - self.radius * jnp.sin(q[4]))[None]
+
+    def rolling(self, t, q):
+        """(2, 6) rows of the velocity of the disk's point in contact, along x and y.
+
+        It is v + omega x c with c = -r e_y', horizontally (omega_p cos(theta) + omega_s) r e_x'
+        plus (d theta/dt) r sin(theta) along the horizontal k x e_x'.
+        """
+        del t
+        if not self.rough:
+            return None
+        c, s = jnp.cos(q[3]), jnp.sin(q[3])
+        cos, sin, r = jnp.cos(q[4]), jnp.sin(q[4]), self.radius
+        one, zero = jnp.ones_like(c), jnp.zeros_like(c)
+        along_x = [one, zero, zero, r * cos * c, -r * sin * s, r * c]
+        along_y = [zero, one, zero, r * cos * s, r * sin * c, r * s]
+        return jnp.stack([jnp.stack(along_x), jnp.stack(along_y)])
+
+    def pose(self, q: Array, v: Array) -> Pose:
+        """Position, attitude and angular velocity at coordinates and velocities (6,)."""
+        omega_b = omega_b_from_euler(q[3:], _SEQUENCE) @ v[3:]
+        return Pose(q[:3], matrix_from_euler(q[3:], _SEQUENCE), v[:3], omega_b)
+
+    def contact(self, q: Array) -> Array:
+        """(3,) where the disk touches the plane."""
+        uphill = matrix_from_euler(q[3:].at[2].set(0.0), _SEQUENCE)[:, 1]
+        return q[:3] - self.radius * uphill
+
+    def check(self):
+        for name in ("m", "radius", "I1"):
+            _checks.positive(name, getattr(self, name), "In kg, m and kg m^2.")
+
+
+def rolling_disk(
+    theta=1.2,
+    *,
+    precession=2.0,
+    lean_rate=0.0,
+    spin=3.0,
+    m=1.0,
+    radius=0.5,
+    I1=None,
+    g=9.81,
+    rough: bool = True,
+    t1=10.0,
+) -> Scene:
+    """A disk that rolls without slip, or slides without friction, on level ground (problem 60).
+
+    Args:
+      theta: angle of the axis to the vertical, pi/2 upright [rad]; not 0, where it lies flat.
+      precession: rate about the vertical [rad/s].
+      lean_rate: rate of theta [rad/s].
+      spin: about the axis, relative to the frame that precesses [rad/s].
+      m: mass [kg].
+      radius: [m].
+      I1: moment about a diameter, half of that about the axis [kg m^2]; uniform if left out.
+      g: gravity [m/s^2].
+      rough: rolls; else it slides, from a start where its centre moves only up or down.
+      t1: span [s].
+    """
+    I1 = m * radius**2 / 4 if I1 is None else I1
+    disk = Disk(m, radius, I1, rough=rough)
+    theta, precession, lean_rate, spin, radius = (
+        jnp.asarray(x, dtype=float) for x in (theta, precession, lean_rate, spin, radius)
+    )
+    zero = jnp.zeros(())
+    angles, rates = [zero, theta, zero], [precession, lean_rate, spin]
+    # Rolling along x at phi = 0; `Disk.rolling` and `Disk.tied` say so.
+    v = [-radius * (precession * jnp.cos(theta) + spin), -radius * jnp.sin(theta) * lean_rate]
+    v = v if rough else [zero, zero]
+    up = radius * jnp.sin(theta), radius * jnp.cos(theta) * lean_rate
+    y0 = jnp.stack([zero, zero, up[0], *angles, *v, up[1], *rates])
+    return Scene(Constrained(disk), (UniformGravity(g),), y0=y0, t1=t1)
