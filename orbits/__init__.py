@@ -14,7 +14,7 @@ False
 >>> eight = orbits.find(scene, plain.y0, plain.period, closing=orbits.choreography(3))
 >>> orbits.identify(eight).choreography, orbits.stability(eight).verdict
 (True, 'stable')
->>> round(orbits.normal_form(eight).period, 10)
+>>> round(orbits.normal_form(eight).period, 9)
 6.325913983
 """
 

@@ -32,11 +32,16 @@ def test_closure_of_no_orbit_is_the_distance_to_the_start():
     assert abs(orbits.closure(orbit, periods=3) - exact) < 10 * SOLVED
 
 
-def test_recheck_sees_the_error_of_a_loose_integrator():
-    # The finder makes the integrator's own error close, so its residual is far too small.
-    scene = kepler(0.6)
-    loose = orbits.find(scene, scene.y0 * 1.001, rtol=1e-6, goal=1e-6)
-    assert orbits.recheck(loose).closure > 10 * loose.residual
+def test_recheck_owes_nothing_to_the_orbits_own_tolerance_and_residual():
+    exact = orbit_of(kepler(0.6), rtol=1e-4)
+    assert orbits.closure(exact) > 1e-9  # by the loose integrator, which hides nothing here
+    assert orbits.recheck(exact).closure < SOLVED
+    late = 1e-8
+    scene = kepler(0.3)
+    wrong = orbit_of(scene.starting(scene.y0, scene.t1 + late))
+    assert wrong.residual == 0.0
+    speed = np.abs(scene.rate(0.0, scene.y0)).max()
+    assert abs(orbits.recheck(wrong).closure / (late * speed) - 1) < 1e-4
 
 
 def test_recheck_takes_another_method_and_tolerance():
