@@ -42,7 +42,7 @@ def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") ->
         w is None or s == w for s, w in zip(x.shape, shape, strict=True)
     )
     if not fits:
-        wanted = "(" + ", ".join("any" if w is None else str(w) for w in shape) + ")"
+        wanted = str(tuple("any" if w is None else w for w in shape)).replace("'", "")
         raise fail(name, f"shape {wanted}", f"shape {x.shape}", remedy)
     return finite(name, x, remedy)
 

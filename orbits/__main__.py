@@ -27,7 +27,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-NOT_FOUND = 1  # exit code: the search or the verification failed
+NOT_FOUND = 1  # exit code: no orbit was found
 MISUSE = 2  # exit code: the input makes no sense
 
 PlotOption = Annotated[Path | None, typer.Option(help="Draw the orbits (.png, .pdf, .svg).")]
@@ -75,14 +75,14 @@ def figure_eight_command(
         _print_failure(plain, eight, clock, as_object, console)
         raise typer.Exit(NOT_FOUND)
     console.print("[bold]testing both: choreography, stability, a second integrator[/bold]")
-    claims = {"neighbour": report(plain), "eight": report(eight)}
+    claims = {"closed plainly": report(plain), "choreography": report(eight)}
     if as_object:
-        found = as_json(claims["eight"]) | {"seconds": clock.seconds()}
-        print(json.dumps(found | {"neighbour": as_json(claims["neighbour"])}))  # noqa: T201
+        found = as_json(claims["choreography"]) | {"seconds": clock.seconds()}
+        print(json.dumps(found | {"neighbour": as_json(claims["closed plainly"])}))  # noqa: T201
     else:
         _print_reports(claims, clock, console)
     if save_to:
-        save(save_to, eight, claims["eight"])
+        save(save_to, eight, claims["choreography"])
         console.print(f"saved to {save_to}")
     _draw(plain, eight, plot, animate, console)
 
@@ -100,10 +100,14 @@ def verify_command(
         print(json.dumps({"ok": not wrong, "mismatches": wrong, "derived": as_json(derived)}))  # noqa: T201
     else:
         _print_reports({file.name: derived}, None, console)
-    for m in mismatches:
-        console.print(f"[red]mismatch[/red] {m.name}: claimed {m.claimed}, derived {m.derived}")
     if mismatches:
-        raise typer.Exit(NOT_FOUND)
+        first = mismatches[0]
+        raise fail(
+            str(file),
+            f"claims that hold, {first.name} = {first.derived}",
+            f"{first.claimed}",
+            f"These do not hold: {', '.join(m.name for m in mismatches)}. The file was edited.",
+        )
     console.print("every claim of the file holds")
 
 
@@ -222,7 +226,7 @@ def _draw(plain: Orbit, eight: Orbit, plot: Path | None, animate: Path | None, c
     if plot:
         from orbits.plots import orbit_picture
 
-        titles = ["closed plainly: the neighbour", "the choreography: Montgomery's eight"]
+        titles = ["closed plainly", "closed as a choreography"]
         orbit_picture([plain, eight], plot, titles)
         console.print(f"drawn in {plot}")
     if animate:
