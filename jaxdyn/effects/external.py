@@ -86,7 +86,7 @@ class SinusoidalForce(Effect):
 def _spread(force: Array, on: tuple[int, ...] | None, r: Array) -> Array:
     """(n, d) the force (d,) at the chosen points, zero elsewhere."""
     n = r.shape[0]
-    chosen = np.ones(n) if on is None else np.eye(n)[list(on)].sum(axis=0)
+    chosen = jnp.ones(n) if on is None else jnp.asarray(np.eye(n)[list(on)].sum(axis=0))
     return chosen[:, None] * force[None, :]
 
 

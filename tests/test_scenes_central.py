@@ -1,0 +1,135 @@
+"""Central forces: circular speeds, apsidal angles, and orbits that close (problem 11)."""
+
+import re
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import EXACT, SOLVED, gap
+
+from jaxdyn import energy, simulate
+from jaxdyn.effects import CentralForce, PowerLaw
+from jaxdyn.scenes.central import apsidal_angle, central_orbit, circular_speed, power_law
+
+
+def test_problem_11_a_one_speed_for_all_circles():
+    radii = jnp.array([0.01, 1.0, 7.0, 1e4])
+    speeds = jax.vmap(lambda r: circular_speed(PowerLaw(3.0, -1.0), r, m=2.0))(radii)
+    assert gap(speeds, np.full(4, np.sqrt(1.5))) < EXACT
+    # and no other power: v ~ r^((n+1)/2)
+    for n in (-2.0, 0.0, 1.0):
+        ratio = circular_speed(PowerLaw(3.0, n), 4.0) / circular_speed(PowerLaw(3.0, n), 1.0)
+        assert gap(ratio, 2.0 ** (n + 1)) < 10 * EXACT
+    assert np.isnan(circular_speed(PowerLaw(-1.0, -2.0), 1.0))
+
+
+@pytest.mark.parametrize("n", [-2.0, -1.0, 0.5])
+def test_the_circular_speed_makes_a_circle(n):
+    law = PowerLaw(2.0, n)
+    v = circular_speed(law, 1.5, m=0.5)
+    motion = simulate(central_orbit(law, r=1.5, speed=v, m=0.5), 3.0, rtol=1e-13, samples=5)
+    angle = v / 1.5 * motion.ts
+    expected = 1.5 * jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
+    assert gap(motion.r[:, 0], expected) < 10 * SOLVED
+
+
+@pytest.mark.parametrize("n", [-2.9, -2.5, -2.0, -1.0, 0.0, 1.0, 3.0, 7.0])
+def test_problem_11_b_apsidal_angle_tends_to_pi_over_sqrt_3_plus_n(n):
+    off = [
+        float(apsidal_angle(PowerLaw(1.7, n), 1 - eps, 1.0)) - np.pi / np.sqrt(3 + n)
+        for eps in (1e-1, 1e-2)
+    ]
+    # quadratic in the eccentricity, or nothing at all (Bertrand's two laws)
+    assert abs(off[1]) < max(abs(off[0]) / 90, 1e-13 / 1e-2**2)
+
+
+@pytest.mark.parametrize("ratio", [0.05, 0.3, 0.9])
+def test_only_springs_and_gravity_close_at_every_radius(ratio):
+    assert gap(apsidal_angle(PowerLaw(0.7, 1.0), 2 * ratio, 2.0), np.pi / 2) < 1e-11
+    assert gap(apsidal_angle(PowerLaw(0.7, -2.0), 2 * ratio, 2.0), np.pi) < 1e-11
+    # gravity plus a 1/r^3 pull of strength j turns the same ellipse: pi / sqrt(1 - j / L^2)
+    law = Precessing()
+    l2 = 2 * (law.energy(2.0) - law.energy(2.0 * ratio)) / ((2 * ratio) ** -2 - 0.25)
+    expected = np.pi / np.sqrt(1 - 0.1 / l2)
+    assert gap(apsidal_angle(law, 2 * ratio, 2.0), expected) < 1e-10
+
+
+class Precessing(CentralForce):
+    """1/r^2 + 0.1/r^3: ellipses that turn, in closed form (Newton's revolving orbits)."""
+
+    def energy(self, r):
+        return -1 / r - 0.05 / r**2
+
+
+def test_apsidal_angle_against_a_simulated_orbit():
+    law, low, high = PowerLaw(1.0, -1.0), 0.3, 1.0
+    # Speed at the far end, from energy and angular momentum at both.
+    speed = np.sqrt(2 * np.log(high / low) / ((high / low) ** 2 - 1))
+    scene = power_law(n=-1.0, r=high, speed=speed)
+
+    def radial(t):  # r . v vanishes at the near end
+        x, y, vx, vy = simulate(scene, t, rtol=1e-13, samples=1).ys[-1]
+        return x * vx + y * vy, (x, y)
+
+    lo, hi = 0.3, 1.5
+    assert float(radial(lo)[0]) < 0 < float(radial(hi)[0])
+    for _ in range(45):
+        middle = 0.5 * (lo + hi)
+        lo, hi = (middle, hi) if radial(middle)[0] < 0 else (lo, middle)
+    x, y = radial(lo)[1]
+    assert gap(jnp.hypot(x, y), low) < 1e-12
+    assert gap(jnp.arctan2(y, x) % (2 * np.pi), apsidal_angle(law, low, high)) < 1e-11
+
+
+def test_problem_11_b_an_orbit_that_closes_by_choice_of_its_radii():
+    # F = const (n = 0): angles run from pi/sqrt(3) (circle) down to pi/2; 5 pi / 9 is between.
+    law = PowerLaw(1.0, 0.0)
+    lo, hi = 0.05, 0.999
+    for _ in range(60):
+        middle = 0.5 * (lo + hi)
+        small = apsidal_angle(law, middle, 1.0) < 5 * np.pi / 9
+        lo, hi = (middle, hi) if small else (lo, middle)
+    speed = np.sqrt(2 * (1 - lo) / (lo**-2 - 1))  # energy r, L = 1 * speed
+    scene = power_law(n=0.0, r=1.0, speed=speed)
+    # 9 loops in 5 turns: a period is 9 times the time between two far ends, found by energy:
+    # dt/dr = 1 / sqrt(2 (E - r) - L^2 / r^2), with r = mid + half sin s.
+    s = (np.arange(400) + 0.5) * np.pi / 400 - np.pi / 2
+    r = 0.5 * (1 + lo) + 0.5 * (1 - lo) * np.sin(s)
+    radial = 2 * (1 + speed**2 / 2 - r) - speed**2 / r**2
+    loop = 2 * np.mean(0.5 * (1 - lo) * np.cos(s) / np.sqrt(radial)) * np.pi
+    motion = simulate(scene, 9 * loop, rtol=1e-13, samples=[9 * loop])
+    assert gap(motion.ys[-1], scene.y0) < 1e-10
+
+
+def test_energy_and_angular_momentum_are_kept():
+    motion = simulate(power_law(n=-1.0, speed=0.3), 10.0, rtol=1e-13, samples=9)
+    assert energy.drift(motion) < SOLVED
+    spin = energy.along(energy.angular_momentum, motion)
+    assert gap(spin, np.full(9, 0.3)) < SOLVED
+
+
+def test_apsidal_angle_is_differentiable_and_batched():
+    def angle(ratio, n):
+        return apsidal_angle(PowerLaw(1.0, n), ratio, 1.0)
+
+    slope = jax.grad(angle, argnums=(0, 1))(0.5, -1.3)
+    h = 1e-4
+    expected = [(angle(0.5 + h, -1.3) - angle(0.5 - h, -1.3)) / (2 * h)]
+    expected += [(angle(0.5, -1.3 + h) - angle(0.5, -1.3 - h)) / (2 * h)]
+    assert gap(jnp.stack(slope), jnp.stack(expected)) < 1e-6
+    batch = jax.vmap(angle)(jnp.array([0.2, 0.5]), jnp.array([1.0, -2.0]))
+    assert gap(batch, [np.pi / 2, np.pi]) < 1e-12
+
+
+def test_no_orbit_between_these_radii_is_nan_and_no_radii_are_refused():
+    assert np.isnan(apsidal_angle(PowerLaw(-1.0, -2.0), 0.5, 1.0))  # repelled
+    for low, high in ((1.0, 1.0), (2.0, 1.0), (0.0, 1.0)):
+        message = f"r_max: expected above r_min = {low} > 0, got {high}. They are distances."
+        with pytest.raises(ValueError, match="^" + re.escape(message)):
+            apsidal_angle(PowerLaw(), low, high)
+
+
+def test_a_start_in_the_singular_centre_is_refused():
+    with pytest.raises(ValueError, match=r"^y0: expected a finite PowerLaw force"):
+        simulate(power_law(n=-2.0, r=0.0))
