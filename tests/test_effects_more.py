@@ -136,8 +136,20 @@ def test_forces_and_slopes_are_finite_where_ends_meet_at_rest(effect):
     assert all(np.isfinite(x).all() for x in jax.tree.leaves(slopes(effect, r, r)))
 
 
+@pytest.mark.parametrize("n", [-2.0, -1.0, 0.0, 0.5, 1.0, 2.0])
+def test_a_power_law_has_finite_gradients_beside_its_centre(n):
+    for jac in (jax.jacfwd, jax.jacrev):
+        slopes = jax.jit(jac(lambda law: law.force(T, R, V, M)))(PowerLaw(2.0, n))
+        radial = -np.asarray(R) * LENGTHS[:, None] ** (n - 1)
+        assert gap(slopes.k, radial) < 10 * EXACT
+        assert gap(slopes.n, 2.0 * radial * np.log(LENGTHS)[:, None]) < 10 * EXACT
+
+
 def test_a_singular_law_is_not_finite_at_its_centre():
-    assert not jnp.isfinite(PowerLaw(1.0, -2.0).force(T, 0 * R, V, M)).any()
+    for n in (-2.0, -1.0, -0.01):
+        assert not jnp.isfinite(PowerLaw(1.0, n).force(T, 0 * R, V, M)).any()
+    assert not jnp.isfinite(Yukawa().force(T, 0 * R, V, M)).any()
+    assert gap(PowerLaw(1.0, 0.0).force(T, 0 * R, V, M), 0 * R) == 0
 
 
 def test_spring_and_dashpot_pull_along_the_line_of_their_ends():
@@ -211,9 +223,9 @@ REFUSED = [
     (SpringNetwork(((0, 5),), 1.0), "j: expected a point from 0 to 1, got 5."),
     (SpringNetwork(((0, 1),), 1.0, [-2.0]), "length: expected >= 0, got -2.0."),
     (SpringNetwork(((0, 1),), np.nan), "k: expected finite numbers, got nan."),
-    (ConstantForce([1.0]), "F: expected shape (3), got shape (1,). One component for each axis."),
+    (ConstantForce([1.0]), "F: expected shape (3,), got shape (1,). One component for each axis."),
     (StepForce([1.0, 2.0, 3.0], on=(7,)), "on: expected a point from 0 to 1, got 7."),
-    (SinusoidalForce([1.0, 2.0], 1.0), "F: expected shape (3), got shape (2,)."),
+    (SinusoidalForce([1.0, 2.0], 1.0), "F: expected shape (3,), got shape (2,)."),
     (DryFriction(-0.1, 1.0), "mu: expected >= 0, got -0.1. The surface only pushes."),
 ]
 

@@ -123,7 +123,7 @@ BOXES = [
     ([0, 0], [1, -1], r"^high: expected above low = \[0\.0, 0\.0\], got \[1\.0, -1\.0\]"),
     ([0, 0], [0, 0], r"^high: expected above low"),
     ([0, 0, 0], [1, 1, 1], r"^low: expected 4 entries, or 2 for coordinates at rest, got 3\.$"),
-    ([0, 0], [1, 1, 1], r"^high: expected shape \(2\), got shape \(3,\)"),
+    ([0, 0], [1, 1, 1], r"^high: expected shape \(2,\), got shape \(3,\)"),
 ]
 
 

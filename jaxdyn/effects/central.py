@@ -15,15 +15,16 @@ from jaxdyn import _checks
 from jaxdyn._numerics import safe_norm
 from jaxdyn.scene import Effect, Points
 
+_BESIDE = 1e-150  # [m] from the origin: nearer than any motion, its square no underflow
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
 class CentralForce(Effect):
     """Force -f(r) e_r on each point, r being its distance from the origin.
 
-    A subclass overrides `attraction`, or `energy`, or both. At the origin e_r has no
-    direction; the force there is f'(0) times the position, so right for f = k r, and NaN for
-    a law whose slope is infinite.
+    A subclass overrides `attraction`, or `energy`, or both. At the origin, where e_r has no
+    direction, the force is 0, with the slope -f'(0) that it has there, and NaN for a law that
+    is infinite there.
 
     Example:
       >>> import jax.numpy as jnp
@@ -61,12 +62,14 @@ class CentralForce(Effect):
 
     def force(self, t, r, v, m):
         del t, v, m
+        # At the origin f(r) / r is taken beside it. A branch with its limit f'(0) would put NaN
+        # into all gradients of a law that is infinite there.
         distance = safe_norm(r)
         centre = distance == 0
-        safe = jnp.where(centre, 1.0, distance)
-        slope = jax.grad(self.attraction)(jnp.zeros((), r.dtype))
-        weight = jnp.where(centre, slope, jax.vmap(self.attraction)(safe) / safe)
-        return -weight[:, None] * r
+        safe = jnp.where(centre, _BESIDE, distance)
+        infinite = ~jnp.isfinite(self.attraction(jnp.zeros((), r.dtype)))
+        weight = jax.vmap(self.attraction)(safe) / safe
+        return -jnp.where(centre & infinite, jnp.nan, weight)[:, None] * r
 
     def check(self, points: Points) -> None:
         force = np.asarray(self.force(jnp.zeros(()), *points))
