@@ -14,10 +14,6 @@ sin(theta) != 0,
 or the same with I_1 - I_3 and omega_s in place of I_1 and omega_3. K is 0 for a free body, m g d
 for a top (moments about the pivot), and -m g r cot(theta) for a disk on ice. These are not the
 most general motions of tops and disks, which also nutate, but they are of free bodies.
-
-The slowest spin of an almost upright top in steady precession is 2 sqrt((I_1 - I_3) m g d) / I_3
-relative to the precessing frame, and 2 sqrt(I_1 m g d) / I_3 in total. The two are different
-motions; stability is decided by the total.
 """
 
 from typing import NamedTuple
@@ -27,12 +23,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._numerics import safe_sqrt
-from jaxdyn.energy import along
-from jaxdyn.formulations.rigid import inertia_matrix, pose
-from jaxdyn.linearize import classify, jacobian
+from jaxdyn.formulations.rigid import pose
 from jaxdyn.rotations import matrix_from_rotation_vector, wxyz_from_matrix
-from jaxdyn.scenes.bodies import top
-from jaxdyn.simulate import Trajectory, solve
+from jaxdyn.simulate import Trajectory
 
 # A leading coefficient below this part of what it is a difference of is zero: cos(pi / 2) in
 # floats is not.
@@ -198,9 +191,10 @@ def wobble_and_spin(motion: Trajectory) -> WobbleAndSpin:
 
     The second is the turn about z of the whole attitude (its twist), phi + psi of ZXZ Euler
     angles, which is smooth also where e_3' passes through z. Both are counted from the first
-    sample to the last, so samples must be less than half a turn apart.
+    sample to the last, so samples must be less than half a turn apart. Upside down the twist
+    has no meaning.
     """
-    R = along(pose, motion).R_wb
+    R = _attitudes(motion)
     wobble = jnp.unwrap(jnp.arctan2(R[:, 1, 2], R[:, 0, 2]))
     q = jax.vmap(wxyz_from_matrix)(R)
     turn = jnp.unwrap(2 * jnp.arctan2(q[:, 3], q[:, 0]))
@@ -210,89 +204,12 @@ def wobble_and_spin(motion: Trajectory) -> WobbleAndSpin:
 
 def tilts(motion: Trajectory) -> Array:
     """(s,) angle of the body's axis e_3' to the vertical [rad]."""
-    axis = along(pose, motion).R_wb[..., 2]
+    axis = _attitudes(motion)[..., 2]
     return jnp.arctan2(safe_sqrt(axis[:, 0] ** 2 + axis[:, 1] ** 2), axis[:, 2])
 
 
-# ---- the sleeping top
-
-_UPRIGHT = jnp.array([0, 1, 3, 4])  # of the state: the two angles that tilt, and their rates
-_GROWS = 1e-7  # in units of the spin; double eigenvalues round to 1e-9
-#: A sleeping top is released at the first of these tilts [rad] and has fallen at the second.
-_RELEASED, _FALLEN = 1e-5, 1e-2
-_LONG = 1500.0  # in units of 2 I_1 / (I_3 omega), the time of growth far below the critical spin
-_WATCHED = 4000
-
-
-def critical_spin(*, m, d, I1, I3, g=9.81) -> Array:
-    """Slowest total spin () [rad/s] of a stable sleeping top.
-
-    2 sqrt(I m g d) / I_3, with I about the pivot. Above it an almost upright top also has two
-    steady precessions, below it none.
-    """
-    return 2 * jnp.sqrt((I1 + m * d * d) * m * g * d) / I3
-
-
-def slowest_relative_spin(*, m, d, I1, I3, g=9.81) -> Array:
-    """Slowest spin () [rad/s] relative to the frame, almost upright in steady precession.
-
-    2 sqrt((I - I_3) m g d) / I_3, with I about the pivot; 0 for I <= I_3, where each spin has its
-    precession. Not the limit of stability, which `critical_spin` is.
-    """
-    excess = jnp.maximum(I1 + m * d * d - I3, 0.0)
-    return 2 * safe_sqrt(excess * m * g * d) / I3
-
-
-def critical_spin_by_linearisation(**top_numbers) -> Array:
-    """`critical_spin`, found as the spin where the eigenvalues of the upright top turn real.
-
-    Args:
-      top_numbers: m, d, I1, I3, g of `scenes.bodies.top`.
-    """
-    guess = critical_spin(**top_numbers)
-
-    def unstable(spin):
-        # Upright, XYZ Euler angles are regular and the third, which goes on steadily, does not
-        # enter the rates: so this motion has eigenvalues as a rest point has.
-        scene = top(0.0, spin=spin, representation="euler", sequence="XYZ", **top_numbers)
-        a = jacobian(scene, scene.y0)[_UPRIGHT, :][:, _UPRIGHT]
-        return classify(a).eigenvalues[0].real > _GROWS * spin
-
-    return _threshold(unstable, guess, 45)
-
-
-def critical_spin_by_simulation(**top_numbers) -> Array:
-    """`critical_spin` to a few parts in 1e5, by releasing tops a little off upright.
-
-    Below the critical spin such a top falls to cos(theta / 2) = spin / critical spin and rises
-    again, however small its tilt at the start; above, it stays where it was.
-
-    Args:
-      top_numbers: m, d, I1, I3, g of `scenes.bodies.top`.
-    """
-    guess = critical_spin(**top_numbers)
-    scene = top(_RELEASED, spin=guess, **top_numbers)
-    inertia = inertia_matrix(scene.system.matter)
-    t1 = _LONG * 2 * inertia[0, 0] / (inertia[2, 2] * guess)
-    ts = jnp.linspace(0.0, t1, _WATCHED)
-
-    @jax.jit
-    def unstable(spin):
-        y0 = top(_RELEASED, spin=spin, **top_numbers).y0
-        ys = solve(scene.starting(y0), t1, ts=ts, rtol=1e-11).ys
-        axis = jax.vmap(scene.system.pose)(ys).R_wb[..., 2]
-        return jnp.min(axis[:, 2]) < jnp.cos(_FALLEN)
-
-    return _threshold(unstable, guess, 20)
-
-
-def _threshold(unstable, guess: Array, halvings: int) -> Array:
-    low, high = 0.3 * guess, 3.0 * guess
-    for _ in range(halvings):
-        middle = (low + high) / 2
-        below = unstable(middle)
-        low, high = jnp.where(below, middle, low), jnp.where(below, high, middle)
-    return (low + high) / 2
+def _attitudes(motion: Trajectory) -> Array:
+    return jax.vmap(lambda t, y: pose(motion.scene, t, y).R_wb)(motion.ts, motion.ys)
 
 
 def _real_roots(a: Array, b: Array, c: Array, linear: Array) -> Array:

@@ -10,14 +10,13 @@ from helpers import EXACT, SOLVED, gap
 from jaxdyn import Effect, Scene, energy, simulate
 from jaxdyn.effects import LinearDrag, UniformGravity
 from jaxdyn.euler import matrix_from_euler
+from jaxdyn.formulations.attitude import Quaternion, RotationMatrix
 from jaxdyn.formulations.lagrange import Lagrange
 from jaxdyn.formulations.newton_euler import NewtonEuler
 from jaxdyn.formulations.rigid import (
     EulerBody,
     Pose,
-    Quaternion,
     RigidBody,
-    RotationMatrix,
     inertia_matrix,
     pose,
     resting,

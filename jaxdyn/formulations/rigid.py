@@ -16,8 +16,7 @@ Euler angles have a pose where they lock; quaternions and matrices have none.
 momentum in space is `energy.angular_momentum`.
 """
 
-import abc
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -27,21 +26,14 @@ from jaxdyn import _checks
 from jaxdyn._numerics import solve_spd
 from jaxdyn.euler import SEQUENCES, euler_from_matrix, euler_rates_from_body, matrix_from_euler
 from jaxdyn.euler import omega_b_from_euler as omega_b_from_rates
+from jaxdyn.formulations.attitude import Attitude, Quaternion
 from jaxdyn.formulations.mechanism import Mechanism, MechanismSystem
 from jaxdyn.inertia import MaterialPoints
-from jaxdyn.rotations import (
-    matrix_from_wxyz,
-    normalise_wxyz,
-    orthonormalise,
-    wxyz_from_matrix,
-    wxyz_rate_from_body,
-)
 from jaxdyn.scene import Effect, Points, Scene, System
-from jaxdyn.vectors import cross, skew
+from jaxdyn.vectors import cross
 
 #: How far a start's attitude may be from a unit quaternion or a rotation matrix.
 CONSISTENT = 1e-9
-_ROUNDS = 2  # of `orthonormalise`, for a matrix that has drifted for one step
 
 _METRES = (("x", "m"), ("y", "m"), ("z", "m"))
 _SPEEDS = (("vx", "m/s"), ("vy", "m/s"), ("vz", "m/s"))
@@ -82,81 +74,11 @@ def pose(scene: Scene, t: Array, y: Array) -> Pose:
     Along a motion: ``energy.along(rigid.pose, motion)``.
     """
     del t
-    system = scene.system
+    system: Any = scene.system
     if isinstance(system, MechanismSystem):
-        return system.mechanism.pose(*jnp.split(y, 2))
+        mechanism: Any = system.mechanism
+        return mechanism.pose(*jnp.split(y, 2))
     return system.pose(y)
-
-
-class Attitude(eqx.Module):
-    """A way to write down how a body has turned, by n numbers a (n,)."""
-
-    @abc.abstractmethod
-    def labels(self) -> tuple[tuple[str, str], ...]:
-        """(name, unit) of the n numbers."""
-
-    @abc.abstractmethod
-    def matrix(self, a: Array) -> Array:
-        """R_wb (3, 3)."""
-
-    @abc.abstractmethod
-    def of(self, R_wb: Array) -> Array:
-        """The numbers (n,) of a rotation matrix (3, 3)."""
-
-    @abc.abstractmethod
-    def rate(self, a: Array, omega_b: Array) -> Array:
-        """Their rates (n,) at an angular velocity (3,)."""
-
-    @abc.abstractmethod
-    def nearest(self, a: Array) -> Array:
-        """The nearest numbers (n,) that are a rotation."""
-
-    def aligned(self, a: Array, like: Array) -> Array:
-        """Of all numbers of the same rotation, those closest to others."""
-        del like
-        return a
-
-
-class Quaternion(Attitude):
-    """A unit quaternion wxyz; q and -q are one rotation."""
-
-    def labels(self):
-        return tuple((name, "1") for name in ("qw", "qx", "qy", "qz"))
-
-    def matrix(self, a):
-        return matrix_from_wxyz(a)
-
-    def of(self, R_wb):
-        return wxyz_from_matrix(R_wb)
-
-    def rate(self, a, omega_b):
-        return wxyz_rate_from_body(a, omega_b)
-
-    def nearest(self, a):
-        return normalise_wxyz(a)
-
-    def aligned(self, a, like):
-        return jnp.where(jnp.sum(a * like) < 0, -a, a)
-
-
-class RotationMatrix(Attitude):
-    """The nine entries of R_wb, row by row."""
-
-    def labels(self):
-        return tuple((f"R{i}{j}", "1") for i in (1, 2, 3) for j in (1, 2, 3))
-
-    def matrix(self, a):
-        return a.reshape(3, 3)
-
-    def of(self, R_wb):
-        return R_wb.ravel()
-
-    def rate(self, a, omega_b):
-        # As a sum, not a matrix product, for the reason given at mechanism.weighted_gram.
-        return jnp.sum(a.reshape(3, 3, 1) * skew(omega_b)[None, :, :], axis=1).ravel()
-
-    def nearest(self, a):
-        return orthonormalise(a.reshape(3, 3), _ROUNDS).ravel()
 
 
 class RigidBody(System):
@@ -165,7 +87,7 @@ class RigidBody(System):
     Attributes:
       matter: its points in its own axes, from the pivot if it has one. A free body's r is the
         centre of mass, and its points are kept from there.
-      attitude: `Quaternion()` or `RotationMatrix()`.
+      attitude: `attitude.Quaternion()` or `attitude.RotationMatrix()`.
       pivoted: whether the origin of its axes is fixed at the world's origin.
 
     An effect's `generalized` is given q = [r, attitude], v = [v, omega_b] (without r and v about

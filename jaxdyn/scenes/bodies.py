@@ -1,7 +1,8 @@
 """Rigid bodies that float or spin about a pivot: course problems 51 to 53, 55 to 59 and 61.
 
 Each scene can keep the attitude as a quaternion, as a matrix or by Euler angles, so that the
-three can be compared. What was steady or stable about a motion is asked of `jaxdyn.precession`.
+three can be compared. What is steady or stable about their motions is in `jaxdyn.precession` and
+`jaxdyn.sleeping_top`.
 
 Where the course is open or misprinted:
 
@@ -16,15 +17,9 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.effects import UniformGravity
 from jaxdyn.euler import matrix_from_euler, omega_b_from_euler
+from jaxdyn.formulations.attitude import Quaternion, RotationMatrix
 from jaxdyn.formulations.newton_euler import NewtonEuler
-from jaxdyn.formulations.rigid import (
-    EulerBody,
-    Pose,
-    Quaternion,
-    RigidBody,
-    RotationMatrix,
-    resting,
-)
+from jaxdyn.formulations.rigid import EulerBody, Pose, RigidBody, resting
 from jaxdyn.inertia import Body, MaterialPoints, equimomental
 from jaxdyn.scene import Effect, Scene
 from jaxdyn.scenes.satellites import satellite_a, satellite_b, satellite_c

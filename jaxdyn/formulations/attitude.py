@@ -1,0 +1,93 @@
+"""How a body's state says which way it has turned: as a quaternion or as a matrix.
+
+Neither has a pose where it locks, at the price of numbers that are not free: a unit length, or
+orthogonal columns. Steps keep them to the tolerance, projection after each step to rounding.
+"""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn.rotations import (
+    matrix_from_wxyz,
+    normalise_wxyz,
+    orthonormalise,
+    wxyz_from_matrix,
+    wxyz_rate_from_body,
+)
+from jaxdyn.vectors import skew
+
+_ROUNDS = 2  # of `orthonormalise`, for a matrix that has drifted for one step
+
+
+class Attitude(eqx.Module):
+    """A way to write down how a body has turned, by n numbers a (n,)."""
+
+    @abc.abstractmethod
+    def labels(self) -> tuple[tuple[str, str], ...]:
+        """(name, unit) of the n numbers."""
+
+    @abc.abstractmethod
+    def matrix(self, a: Array) -> Array:
+        """R_wb (3, 3)."""
+
+    @abc.abstractmethod
+    def of(self, R_wb: Array) -> Array:
+        """The numbers (n,) of a rotation matrix (3, 3)."""
+
+    @abc.abstractmethod
+    def rate(self, a: Array, omega_b: Array) -> Array:
+        """Their rates (n,) at an angular velocity (3,)."""
+
+    @abc.abstractmethod
+    def nearest(self, a: Array) -> Array:
+        """The nearest numbers (n,) that are a rotation."""
+
+    def aligned(self, a: Array, like: Array) -> Array:
+        """Of all numbers of the same rotation, those closest to others."""
+        del like
+        return a
+
+
+class Quaternion(Attitude):
+    """A unit quaternion wxyz; q and -q are one rotation."""
+
+    def labels(self):
+        return tuple((name, "1") for name in ("qw", "qx", "qy", "qz"))
+
+    def matrix(self, a):
+        return matrix_from_wxyz(a)
+
+    def of(self, R_wb):
+        return wxyz_from_matrix(R_wb)
+
+    def rate(self, a, omega_b):
+        return wxyz_rate_from_body(a, omega_b)
+
+    def nearest(self, a):
+        return normalise_wxyz(a)
+
+    def aligned(self, a, like):
+        return jnp.where(jnp.sum(a * like) < 0, -a, a)
+
+
+class RotationMatrix(Attitude):
+    """The nine entries of R_wb, row by row."""
+
+    def labels(self):
+        return tuple((f"R{i}{j}", "1") for i in (1, 2, 3) for j in (1, 2, 3))
+
+    def matrix(self, a):
+        return a.reshape(3, 3)
+
+    def of(self, R_wb):
+        return R_wb.ravel()
+
+    def rate(self, a, omega_b):
+        # As a sum, not a matrix product, for the reason given at mechanism.weighted_gram.
+        return jnp.sum(a.reshape(3, 3, 1) * skew(omega_b)[None, :, :], axis=1).ravel()
+
+    def nearest(self, a):
+        return orthonormalise(a.reshape(3, 3), _ROUNDS).ravel()
