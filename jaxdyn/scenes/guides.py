@@ -85,7 +85,7 @@ def turntable(
 
     The mass starts at the point of the slot nearest to the centre, with the slot below it.
     With any speed along the slot the table turns by a finite angle in infinite time, see
-    `turntable_limit`; with none it turns for ever.
+    `turntable_limit`; with none it turns for ever, but the least displacement grows.
 
     Args:
       d: distance of the slot from the centre [m].
