@@ -13,7 +13,7 @@ recompiles. Constructors check nothing, since they also run inside traces; entry
 """
 
 import abc
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -153,7 +153,7 @@ class Scene(eqx.Module):
     y0: Array
     t1: Array
 
-    def __init__(self, system: System, effects: tuple[Effect, ...] = (), *, y0, t1=1.0):
+    def __init__(self, system: System, effects: tuple[Effect, ...] = (), *, y0: Any, t1: Any = 1.0):
         self.system = system
         self.effects = tuple(effects)
         self.y0 = jnp.asarray(y0, dtype=float)
