@@ -136,7 +136,7 @@ def test_nearest_start_is_offered():
     offered = scene.system.nearest(NOW, bad.y0)
     scene.starting(offered).check()
     stretched = scene.starting([0.0, 1.4, 0.0, 0.0])
-    with pytest.raises(ValueError, match="a violation of 0.4 in place, 0 in velocity"):
+    with pytest.raises(ValueError, match=r"a violation of 0.4 in place, 0 in velocity"):
         stretched.check()
     assert gap(scene.system.nearest(NOW, stretched.y0), jnp.array([0.3, 1.3, 0, 0])) < EXACT
 
@@ -178,9 +178,9 @@ def test_misuse_is_refused_with_the_reason():
         pendula.sideways_pendulum(formulation="constrained")
     with pytest.raises(ValueError, match=r"drift: expected .* Did you mean 'projection'\?"):
         pendula.pendulum(formulation="constrained", drift="project").check()
-    with pytest.raises(ValueError, match="mass: expected > 0, got -1.0"):
+    with pytest.raises(ValueError, match=r"mass: expected > 0, got -1.0"):
         simulate(pendula.pendulum(m=-1.0))
-    with pytest.raises(ValueError, match="length: expected > 0, got 0.0"):
+    with pytest.raises(ValueError, match=r"length: expected > 0, got 0.0"):
         simulate(pendula.cart_pendulum(length=0.0))
 
 

@@ -145,5 +145,5 @@ def test_numbers_that_do_not_fit_are_refused():
         pendula.double_pendulum(rates=(1.0,))
     with pytest.raises(ValueError, match=r"l: expected shape .* One length for each mass"):
         pendula.n_pendulum(m=(1.0,), l=(1.0, 1.0), angles=(1.0,), rates=(0.0,)).check()
-    with pytest.raises(ValueError, match="l: expected > 0, got -1.0"):
+    with pytest.raises(ValueError, match=r"l: expected > 0, got -1.0"):
         pendula.double_pendulum(l=(1.0, -1.0)).check()

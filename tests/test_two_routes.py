@@ -1,11 +1,12 @@
-"""One motion by several routes: agreement over the course's times, to 1e-10 or what chaos allows."""
+"""One motion by several routes: agreement to 1e-10, or to what chaos allows."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import gap
+from helpers import SOLVED, gap
 
+from benchmarks.effects_cost import by_hand
 from jaxdyn import simulate
 from jaxdyn.scenes import guides, linkages, pendula
 from jaxdyn.simulate import solve
@@ -71,3 +72,14 @@ def test_chaotic_pendulums_agree_to_what_their_growth_rate_allows(make, span, ra
     assert allowed < 1e-8
     assert gap(ends[0], ends[1]) < allowed
     assert gap(ends[0], ends[2]) < allowed
+
+
+@pytest.mark.parametrize("make", [pendula.double_pendulum, pendula.triple_pendulum])
+def test_composed_pendulums_have_the_rates_of_hand_derived_ones(make):
+    scene = make()
+    states = jax.random.normal(jax.random.key(6), (8, scene.y0.size))
+    rates = [
+        jax.jit(jax.vmap(lambda y, s=s: s.rate(jnp.zeros(()), y)))(states)
+        for s in (scene, by_hand(scene))
+    ]
+    assert gap(*rates) < SOLVED
