@@ -110,7 +110,8 @@ class Constrained(MechanismSystem):
         """Ties phi (c,), rates (c + b,), G (c + b, n) and gamma (c + b,) with G a = gamma."""
         tied, rolling = self.mechanism.tied, self.mechanism.rolling
         none = jnp.zeros((0,), q.dtype)
-        phi = none if tied(t, q) is None else tied(t, q)
+        ties = tied(t, q)
+        phi = none if ties is None else ties
         one = jnp.ones_like(t)
         rates, rows, gammas = [], [], []
         if phi.shape[0]:
