@@ -136,15 +136,16 @@ def _result(name: str, motion: Trajectory) -> dict:
 
 
 def _finite(values) -> list:
-    values = np.asarray(values, dtype=object)
-    return np.where(np.isfinite(values.astype(float)), values, None).tolist()
+    values = np.asarray(values)
+    return np.where(np.isfinite(values), values.astype(object), None).tolist()
 
 
 def _print(result: dict, console: Console) -> None:
     last = result["y"][-1]
     console.print(f"[bold]{result['scene']}[/bold] at t = {result['t'][-1]:g}:")
     for label, value in zip(result["labels"], last, strict=True):
-        console.print(f"  {escape(label):24} {'not reached' if value is None else format(value, '.12g')}")
+        shown = "not reached" if value is None else format(value, ".12g")
+        console.print(f"  {escape(label):24} {shown}")
     drift = result["energy_drift"]
     if drift is not None:
         console.print(f"change of energy, relative to its parts: {drift:.1e}")

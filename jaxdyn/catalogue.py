@@ -83,9 +83,9 @@ def _value(key: str, text: str, default: Any) -> Any:
     if isinstance(default, bool):
         return _checks.choice(key, text.lower(), ("true", "false")) == "true"
     try:
-        numbers = tuple(float(part) for part in text.split(","))
+        numbers = [float(part) for part in text.split(",")]
     except ValueError:
         raise _checks.fail(key, "a number, or numbers with commas between", repr(text)) from None
     if isinstance(default, int) and not isinstance(default, bool) and len(numbers) == 1:
         return int(numbers[0]) if numbers[0].is_integer() else numbers[0]
-    return numbers if isinstance(default, tuple) or len(numbers) > 1 else numbers[0]
+    return tuple(numbers) if isinstance(default, tuple) or len(numbers) > 1 else numbers[0]

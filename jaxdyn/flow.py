@@ -120,7 +120,7 @@ def _run(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
 def march(field, y0, t0, t1, ts, tolerance, *, settings: Settings, watch: Watch | None):
     """`flow` without derivatives, and what a watch remembers of it at the end."""
     direction = jnp.where(t1 > t0, 1.0, -1.0)  # as diffrax has it, also for t1 = t0
-    rolled = y0.ndim > 1 or _operations(field, t0, y0) > _UNROLLED_BELOW
+    rolled = watch is not None or y0.ndim > 1 or _operations(field, t0, y0) > _UNROLLED_BELOW
     # XLA sees one program for both signs of time; diffrax turns ts about with the rest.
     control = StepControl(rtol=tolerance[0], atol=tolerance[1], ts=ts, watch=watch)
     solution = diffrax.diffeqsolve(
@@ -141,7 +141,7 @@ def march(field, y0, t0, t1, ts, tolerance, *, settings: Settings, watch: Watch 
     given = (y0, field.rate(t0, y0), t0, t1, jnp.log(tolerance))
     status = _status(solution.result, given)
     y1 = jnp.where(status == Status.OK, solution.ys[-1], jnp.nan)
-    nodes, memory = solution.controller_state
+    nodes, memory = solution.controller_state  # pyright: ignore[reportGeneralTypeIssues]
     ys = _from_nodes(field, direction * nodes.t, nodes.y, ts, settings.pair)
     steps = solution.stats["num_accepted_steps"]
     return Flow(y1, ys, steps, solution.stats["num_rejected_steps"], status), memory

@@ -137,16 +137,16 @@ def test_a_scene_is_a_tree_of_its_numbers():
 @pytest.mark.parametrize(
     ("scene", "message"),
     [
-        (_ball().starting([1.0, 2.0]), r"y0: expected shape \(4\), got .*each of x, y, vx, vy\.$"),
+        (_ball().starting([1.0, 2.0]), r"y0: expected shape \(4,\), got .*each of x, y, vx, vy\.$"),
         (
             _ball().starting([0, 0, np.nan, 0]),
             r"y0: expected finite numbers, got nan at index \[2\]",
         ),
-        (_ball().starting(0.0), r"y0: expected shape \(4\), got shape \(\)"),
+        (_ball().starting(0.0), r"y0: expected shape \(4,\), got shape \(\)"),
         (Scene(FreePoints(0.0), y0=Y0), r"mass: expected > 0, got 0\.0\. Masses are in kg\.$"),
         (scenes.three_body(m=(1, -1, 1)), r"mass: expected > 0, got -1\.0"),
         (scenes.three_body(m=(1, np.nan, 1)), r"mass: expected finite numbers, got nan at"),
-        (scenes.three_body(m=(1, 1)), r"y0: expected shape \(8\), got shape \(12,\)"),
+        (scenes.three_body(m=(1, 1)), r"y0: expected shape \(8,\), got shape \(12,\)"),
         (scenes.three_body(np.zeros(12)), r"y0: expected bodies at different points, got bodies"),
     ],
 )
