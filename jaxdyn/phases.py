@@ -28,18 +28,32 @@ def unchanged(t: Array, y: Array) -> Array:
     return y
 
 
+def first(t: Array, y: Array) -> Array:
+    """The first of the phases that an exit leads to."""
+    del t, y
+    return jnp.zeros((), int)
+
+
 class Exit(eqx.Module):
     """How a phase ends.
 
     Attributes:
       event: when.
-      to: name of the next phase, or `END`.
+      to: name of the next phase, or `END`; or the names `choose` chooses from.
       change: (t, y) -> the state in the next phase; a named function or a module.
+      choose: (t, y) -> number of the next phase among `to`, from the state after the change:
+        what stands still may stick or slip, say.
     """
 
     event: Event
-    to: str = eqx.field(static=True)
+    to: str | tuple[str, ...] = eqx.field(static=True)
     change: Callable[[Array, Array], Array] = unchanged
+    choose: Callable[[Array, Array], Array] = first
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The phases it may lead to."""
+        return (self.to,) if isinstance(self.to, str) else self.to
 
 
 class Phase(eqx.Module):
@@ -57,8 +71,8 @@ class Chain(eqx.Module):
       pieces: sampled motion of each piece; the last sample is at its event.
       t: () time at the end.
       y: (k,) state there, in the coordinates of the last phase after its exit's change.
-      ended: whether an exit led to `END`; else the span or the number of phases ran out.
-      status: `Status` of the last piece.
+      ended: whether an exit led to `END`; if not, `message` says what else stopped it.
+      status: `Status` of the last piece; t and y are NaN unless it is OK.
     """
 
     names: tuple[str, ...] = eqx.field(static=True)
@@ -72,6 +86,21 @@ class Chain(eqx.Module):
     def times(self) -> tuple[float, ...]:
         """When each piece ended."""
         return tuple(float(piece.ts[-1]) for piece in self.pieces)
+
+    @property
+    def message(self) -> str:
+        """Why the motion stops here, and what to do about it."""
+        if self.status != Status.OK:
+            return f"In phase {self.names[-1]}: {self.status.message}"
+        if self.ended:
+            return f"Phase {self.names[-1]} led to the end."
+        if self.t >= self.pieces[-1].scene.t1:
+            return "The span ended."
+        return (
+            f"The limit of {len(self.pieces)} phases was reached at t = {float(self.t):.6g}. "
+            "Raise max_phases; where infinitely many phases pass in finite time, as for a ball "
+            "that comes to rest by bouncing, give the phase an exit to rest."
+        )
 
 
 def run(
@@ -97,12 +126,14 @@ def run(
       rtol: see `simulate`.
       max_phases: pieces at most: infinitely many bounces end in finite time.
     Raises:
-      ValueError: a name that is no phase.
+      ValueError: a name that is no phase, a span that does not go forward, no phase allowed.
     """
+    _check_names(phases)
     _checks.choice("start", start, phases)
-    for name, phase in phases.items():
-        for way in phase.exits:
-            _checks.choice(f"exit of {name}", way.to, (*phases, END))
+    if not t1 > t0:
+        raise _checks.fail("t1", f"a time after t0 = {t0}", t1, "Impacts do not run backwards.")
+    if max_phases < 1:
+        raise _checks.fail("max_phases", "at least 1", max_phases)
     names: list[str] = []
     pieces: list[Trajectory] = []
     t, y = jnp.asarray(float(t0)), jnp.asarray(y0, dtype=float)
@@ -112,14 +143,16 @@ def run(
         scene = phase.scene.starting(y, t1)
         stop = until(scene, tuple(way.event for way in phase.exits), t1, t0=t, rtol=rtol)
         status = Status(int(stop.status))
-        piece = simulate(scene, stop.t, t0=t, samples=samples, rtol=rtol, throw=False)
+        until_when = stop.t if status == Status.OK else t1
+        piece = simulate(scene, until_when, t0=t, samples=samples, rtol=rtol, throw=False)
         names.append(name)
         pieces.append(piece)
         t, y = stop.t, stop.y
         if not stop.happened:
             break
         way = phase.exits[int(stop.event)]
-        name, y = way.to, way.change(stop.t, stop.y)
+        y = way.change(stop.t, stop.y)
+        name = way.names[int(way.choose(t, y))]
     return Chain(tuple(names), tuple(pieces), t, y, name == END, status)
 
 
@@ -136,14 +169,36 @@ def follow(
       t0: start time [s].
       rtol: see `simulate`.
     Returns:
-      () time and (k,) state after the last exit; NaN where another exit came first, or none.
+      () time and (k,) state after the last exit; NaN where another exit came first, or none,
+      or one that led elsewhere.
+    Raises:
+      ValueError: a name that is no phase, a number that is none of its exits.
     """
-    t, y = jnp.asarray(t0, dtype=float), jnp.asarray(y0, dtype=float)
+    _check_names(phases)
     for name, number in path:
+        exits = len(phases[_checks.choice("path", name, phases)].exits)
+        if not 0 <= number < exits:
+            raise _checks.fail("path", f"an exit of {name} from 0 to {exits - 1}", number)
+    t, y = jnp.asarray(t0, dtype=float), jnp.asarray(y0, dtype=float)
+    for i, (name, number) in enumerate(path):
         phase = phases[name]
+        way = phase.exits[number]
         events = tuple(way.event for way in phase.exits)
         stop = until(phase.scene.starting(y, t1), events, t1, t0=t, rtol=rtol)
+        after = way.change(stop.t, stop.y)
         as_expected = stop.event == number
+        if i + 1 < len(path):
+            following = way.names.index(_checks.choice("path", path[i + 1][0], way.names))
+            as_expected = as_expected & (way.choose(stop.t, after) == following)
         t = jnp.where(as_expected, stop.t, jnp.nan)
-        y = jnp.where(as_expected, phase.exits[number].change(stop.t, stop.y), jnp.nan)
+        y = jnp.where(as_expected, after, jnp.nan)
+        if not _checks.is_traced(as_expected) and not as_expected:
+            break  # a start of NaN would be refused
     return t, y
+
+
+def _check_names(phases: Mapping[str, Phase]) -> None:
+    for name, phase in phases.items():
+        for way in phase.exits:
+            for to in way.names:
+                _checks.choice(f"exit of {name}", to, (*phases, END))
