@@ -75,16 +75,18 @@ def figure_eight_command(
         _print_failure(plain, eight, clock, as_object, console)
         raise typer.Exit(NOT_FOUND)
     console.print("[bold]testing both: choreography, stability, a second integrator[/bold]")
-    claims = {"closed plainly": report(plain), "choreography": report(eight)}
-    if as_object:
-        found = as_json(claims["choreography"]) | {"seconds": clock.seconds()}
-        print(json.dumps(found | {"neighbour": as_json(claims["closed plainly"])}))  # noqa: T201
-    else:
+    claims = {"closed plainly": report(plain)}
+    neighbour = as_json(claims["closed plainly"]) | {"seconds": clock.seconds()}
+    claims["choreography"] = report(eight)
+    found = as_json(claims["choreography"]) | {"seconds": clock.seconds(), "neighbour": neighbour}
+    if not as_object:
         _print_reports(claims, clock, console)
     if save_to:
         save(save_to, eight, claims["choreography"])
         console.print(f"saved to {save_to}")
     _draw(plain, eight, plot, animate, console)
+    if as_object:  # last: a file that cannot be written leaves no result behind
+        print(json.dumps(found))  # noqa: T201
 
 
 @app.command("verify")
