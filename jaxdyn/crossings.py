@@ -52,11 +52,10 @@ def first_crossing(field, events, y0, t0, t1, tolerance, *, settings: Settings):
     """
     watch = _Lookout(field, events, settings.pair)
     out, seen = march(field, y0, t0, t1, jnp.zeros(0), tolerance, settings=settings, watch=watch)
-    polish = functools.partial(_polished, watch, seen.t0, seen.y0)
-    hs, ys = jax.vmap(polish)(jnp.arange(len(events)), seen.low, seen.high, seen.towards)
+    hs, ys = _polished(watch, seen)
     which = jnp.argmin(jnp.abs(hs))
     status = jnp.where(jnp.isnan(seen.side).any(), int(Status.NOT_FINITE), out.status)
-    return out.y1, Crossing(seen.t0 + hs[which], ys[which], which, status)
+    return out.y1, Crossing(seen.t0 + hs[which], ys[:, which], which, status)
 
 
 class _Seen(NamedTuple):
@@ -136,16 +135,24 @@ class _Lookout(Watch):
     def _looked(self, t: Array, y: Array, hs: Array) -> tuple[Array, Array]:
         """(s, E) each event's value and slope in time at its own times t + hs (s, E)."""
         e = len(self.events)
-        g, slope, _ = jax.vmap(lambda h: self.look(t, y, h))(hs.ravel())
+        g, slope, _ = self.look(t, y, hs.ravel())
         own = (jnp.diagonal(x.reshape(-1, e, e), axis1=1, axis2=2) for x in (g, slope))
         return tuple(own)
 
-    def look(self, t: Array, y: Array, h: Array) -> tuple[Array, Array, Array]:
-        """(E,) values and slopes, and the state (k,), one step of the method after (t, y)."""
-        increment, _ = self.pair.step(self.field.rate, t, h, y, rolled=True)
-        x = self.field.project(t + h, y + increment)
-        along = (jnp.ones_like(h), self.field.rate(t + h, x))
-        g, slope = jax.jvp(functools.partial(values, self.events), (t + h, x), along)
+    def look(self, t: Array, y: Array, hs: Array) -> tuple[Array, Array, Array]:
+        """(s, E) values and slopes and (k, s) states, after one step of each length hs (s,)."""
+        # One step of a state with s columns: a batch of steps would scatter into its stages.
+        rates = jax.vmap(self.field.rate, in_axes=(0, -1), out_axes=-1)
+        ys = jnp.broadcast_to(y[:, None], (*y.shape, *hs.shape))
+        increment, _ = self.pair.step(lambda t, y: rates(t[0], y), t, hs[None], ys, rolled=True)
+        ts = t + hs
+        x = jax.vmap(self.field.project, in_axes=(0, -1), out_axes=-1)(ts, ys + increment)
+
+        def along(t, y, rate):
+            ahead = (jnp.ones_like(t), rate)
+            return jax.jvp(functools.partial(values, self.events), (t, y), ahead)
+
+        g, slope = jax.vmap(along, in_axes=(0, -1, -1))(ts, x, rates(ts, x))
         return g, slope, x
 
 
@@ -233,18 +240,19 @@ def _brackets(sides, turn, beyond, wanted) -> tuple[Array, Array, Array]:
     return chosen(lows), chosen(highs), chosen(jnp.where(back, s, -s))
 
 
-def _polished(watch: _Lookout, t0, y0, i, low, high, towards) -> tuple[Array, Array]:
-    """() time after (t0, y0) at which event i happens, inf if it does not, and the state (k,).
+def _polished(watch: _Lookout, seen: _Seen) -> tuple[Array, Array]:
+    """(E,) times after the last node at which events happen, inf if not, and the states (k, E).
 
     Newton's method kept in its bracket. The low end may be where the motion began, with a
     value of rounding noise: so the side that is left is known, not looked up there.
     """
+    t0, found = seen.t0, jnp.isfinite(seen.low)
 
     def body(carry):
         n, low, high, h, _, _ = carry
-        g, slope, y = watch.look(t0, y0, h)
-        g, slope = g[i], slope[i]
-        before = jnp.sign(g) == -towards
+        g, slope, y = watch.look(t0, seen.y0, h)
+        g, slope = jnp.diagonal(g), jnp.diagonal(slope)
+        before = jnp.sign(g) == -seen.towards
         low, high = jnp.where(before, h, low), jnp.where(before, high, h)
         new = h - g / jnp.where(slope == 0, 1.0, slope)
         inside = (new - low) * (new - high) < 0
@@ -254,12 +262,14 @@ def _polished(watch: _Lookout, t0, y0, i, low, high, towards) -> tuple[Array, Ar
         return n + 1, low, high, jnp.where(done, h, new), change, y
 
     def going(carry):
-        n, low, _, h, change, _ = carry
-        return (n < _POLISH) & (change > _spacing(h, t0)) & jnp.isfinite(low)
+        n, _, _, h, change, _ = carry
+        return (n < _POLISH) & (found & (change > _spacing(h, t0))).any()
 
-    start = (0, low, high, 0.5 * (low + high), jnp.abs(high - low), y0)
+    low, high = jnp.where(found, seen.low, 0.0), jnp.where(found, seen.high, 0.0)
+    like = jnp.broadcast_to(seen.y0[:, None], (*seen.y0.shape, *low.shape))
+    start = (0, low, high, 0.5 * (low + high), jnp.full_like(low, jnp.inf), like)
     _, _, _, h, _, y = jax.lax.while_loop(going, body, start)
-    return jnp.where(jnp.isfinite(low), h, jnp.inf), y
+    return jnp.where(found, h, jnp.inf), y
 
 
 def _spacing(h: Array, t0: Array) -> Array:

@@ -60,7 +60,7 @@ def test_the_work_of_friction_is_the_change_of_energy(stop):
     work = motion["work of Effect"]
     assert gap((kinetic - kinetic[0]) / kinetic[0], work / kinetic[0]) < SOLVED
     # By hand: mu N times the way of the locked wheels, by a quadrature of its own.
-    nodes, weights = np.polynomial.legendre.leggauss(40)
+    nodes, weights = np.polynomial.legendre.leggauss(120)
     ahead = scene.effects[0].ahead
     fine = simulate(scene, 2.0, samples=1.0 + nodes, rtol=1e-13).ys
     u = jax.vmap(lambda y: sliding_velocity(ahead, y[:3], y[3:]))(fine)

@@ -1,4 +1,4 @@
-"""Cylinders that roll, slip and fly: on a fixed cylinder and on a ramp, problems 37 and 38.
+"""A cylinder that rolls, slips or flies, on a fixed cylinder or on a ramp: problems 37 and 38.
 
 A cylinder of radius r with its centre of mass G at a distance d from its centre C. In contact
 with a surface, C keeps its distance r from it: with n the surface's normal and t its tangent
@@ -7,22 +7,8 @@ with a surface, C keeps its distance r from it: with n the surface's normal and 
     m a_G = W + N n + F t,    I alpha = moment of both about G,
 
 and the surface allows accelerations as `_Contact` says. Rolling gives F and N, slipping N with
-F = -mu N sign(slip). One state [x, y, phi, velocities] of G serves all phases.
-
-What the course asks, and what is wrong with it:
-
-- 37 a: yes, the equation is that of an inverted pendulum of length R + r with g scaled by 2/3:
-  (3/2)(R + r) theta'' = g sin theta. Energy and geometry leave theta alone, and rolling adds
-  half of the mass to the inertia. 37 b: contact is lost at cos theta = 4/7 (from rest at the
-  top). But the friction that rolling needs over the normal force is sin theta / (7 cos theta - 4):
-  rolling to that very end needs unbounded friction. With any finite one the cylinder slips first.
-- 38 c: where ideal rolling needs no normal force any more it still needs friction, in general.
-  Without it G is free, but the contact is not left: the surface would have to pull to keep the
-  cylinder up, and a flight started there enters the ground. With finite friction slipping comes
-  first; the cylinder then lifts off, or not, from its slip.
-
-`contact_lost` finds the ideal event, `phases_of` gives the real chain for `phases.run`:
-roll, slip (either way), fly, land, roll on. Landings keep no normal speed.
+F = -mu N sign(slip). One state [x, y, phi, velocities] of G serves all phases; `rolling` chains
+them.
 """
 
 import math
@@ -34,16 +20,12 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.effects import UniformGravity
-from jaxdyn.events import Event, Stop, until
-from jaxdyn.phases import Exit, Phase
-from jaxdyn.scene import Points, Scene, System
+from jaxdyn.scene import Points, System
 
 #: What a contact may be; a slip is named by the way of the contact point along t.
 CONTACTS = ("roll", "slip_on", "slip_back", "fly")
-_TOUCHING = CONTACTS[:3]
-_SLIP = {"slip_on": 1.0, "slip_back": -1.0}
-_STICKS = 1e-9  # [1] slip over the speeds involved that is rounding
+#: The sign of the slip in each.
+SLIPS = {"slip_on": 1.0, "slip_back": -1.0}
 
 
 class _Contact(NamedTuple):
@@ -209,7 +191,7 @@ class Cylinder(System):
         a, needed = self._gram(rows), bends - _dot(rows, load / self._weights())
         if self.contact == "roll":
             return _both(a, needed)
-        ratio = -_SLIP[self.contact] * self.mu
+        ratio = -SLIPS[self.contact] * self.mu
         normal = needed[0] / (a[0, 0] + ratio * a[0, 1])
         return jnp.stack([normal, ratio * normal])
 
@@ -227,169 +209,3 @@ def _both(a: Array, b: Array) -> Array:
 def _axes(phi: Array) -> tuple[Array, Array]:
     """(2,) the arm's direction, clockwise from the vertical, and its derivative in phi."""
     return jnp.stack([jnp.sin(phi), jnp.cos(phi)]), jnp.stack([jnp.cos(phi), -jnp.sin(phi)])
-
-
-class NormalForce(Event):
-    """The surface stops pushing: the normal force of a cylinder in contact falls to 0."""
-
-    scene: Scene
-
-    def value(self, t, y):
-        return self.scene.system.reaction(t, y, self.scene.effects)[0]
-
-    @property
-    def direction(self):
-        return -1
-
-
-class Grip(Event):
-    """Rolling needs more friction than mu N: against a slip along t (way 1) or back (-1)."""
-
-    scene: Scene
-    way: int = eqx.field(static=True)
-
-    def value(self, t, y):
-        normal, friction = self.scene.system.reaction(t, y, self.scene.effects)
-        return self.scene.system.mu * normal + self.way * friction
-
-    @property
-    def direction(self):
-        return -1
-
-
-class Caught(Event):
-    """A slip along t (way 1) or back (-1) comes to its end."""
-
-    cylinder: Cylinder
-    way: int = eqx.field(static=True)
-
-    def value(self, t, y):
-        del t
-        return self.way * self.cylinder.slip(y)
-
-    @property
-    def direction(self):
-        return -1
-
-
-class Touches(Event):
-    """A flying cylinder comes down on the surface."""
-
-    cylinder: Cylinder
-
-    def value(self, t, y):
-        del t
-        return self.cylinder.height(y)
-
-    @property
-    def direction(self):
-        return -1
-
-
-class Landed(eqx.Module):
-    """The state after a landing, as `Cylinder.landed`."""
-
-    cylinder: Cylinder
-
-    def __call__(self, t: Array, y: Array) -> Array:
-        """(6,) state after the impact."""
-        del t
-        return self.cylinder.landed(y)
-
-
-class Contact(eqx.Module):
-    """How a cylinder in contact goes on: the number of its phase among roll and both slips."""
-
-    scene: Scene
-
-    def __call__(self, t: Array, y: Array) -> Array:
-        """0 to roll, 1 to slip along t, 2 to slip back."""
-        roll = self.scene.system
-        slip = roll.slip(y)
-        still = jnp.abs(slip) <= _STICKS * (jnp.abs(y[3]) + jnp.abs(y[4]) + roll.r * jnp.abs(y[5]))
-        normal, friction = roll.reaction(t, y, self.scene.effects)
-        way = jnp.where(still, -friction, slip)
-        rolls = still & (jnp.abs(friction) <= roll.mu * normal)
-        return jnp.where(rolls, 0, jnp.where(way > 0, 1, 2))
-
-
-def cylinder_on_cylinder(*, m=1.0, r=0.5, fixed=1.0, mu=0.4, g=9.81, theta=0.1, t1=1.0) -> Scene:
-    """A uniform cylinder that rolls down a fixed one, from rest (problem 37).
-
-    Args:
-      m: mass [kg].
-      r: radius of the rolling cylinder [m].
-      fixed: radius of the fixed cylinder, about the origin [m].
-      mu: friction, for `phases_of`; rolling itself does not ask for it.
-      g: gravity [m/s^2].
-      theta: angle from the top at the start [rad].
-      t1: span [s].
-    """
-    numbers = (jnp.asarray(x, dtype=float) for x in (m, m * r * r / 2, r, 0.0, fixed, 0.0, mu))
-    far = r + fixed
-    y0 = (far * math.sin(theta), far * math.cos(theta), 0.0, 0.0, 0.0, 0.0)
-    return Scene(Cylinder(*numbers, "roll", flat=False), (UniformGravity(g),), y0=y0, t1=t1)
-
-
-def cylinder_on_ramp(
-    *, m=1.0, r=1.0, d=0.5, inertia=0.4, slope=0.2, mu=0.8, g=9.81, turn=0.0, spin=0.0, t1=3.0
-) -> Scene:
-    """A cylinder with its centre of mass off its centre, on a ramp (problem 38).
-
-    Args:
-      m: mass [kg].
-      r: radius [m].
-      d: distance of the centre of mass from the centre [m].
-      inertia: about the centre of mass [kg m^2].
-      slope: angle of the ramp below the horizontal, falling towards +x [rad].
-      mu: friction, for `phases_of`; rolling itself does not ask for it.
-      g: gravity [m/s^2].
-      turn: angle of the centre of mass at the start, clockwise from straight out of the ramp
-        [rad]; 0 is over the centre, pi under it.
-      spin: angular velocity at the start [rad/s].
-      t1: span [s].
-    """
-    numbers = (jnp.asarray(x, dtype=float) for x in (m, inertia, r, d, 1.0, slope, mu))
-    phi = slope + turn
-    x, y = r * math.sin(slope) + d * math.sin(phi), r * math.cos(slope) + d * math.cos(phi)
-    vx = spin * (r * math.cos(slope) + d * math.cos(phi))
-    vy = -spin * (r * math.sin(slope) + d * math.sin(phi))
-    y0 = (x, y, phi, vx, vy, spin)
-    return Scene(Cylinder(*numbers, "roll", flat=True), (UniformGravity(g),), y0=y0, t1=t1)
-
-
-def contact_lost(scene: Scene, t1=None) -> Stop:
-    """Where ideal rolling, with all the friction it needs, has no normal force left (37 b, 38 c).
-
-    Args:
-      scene: a rolling cylinder.
-      t1: () end of the span [s]; the scene's own if left out.
-    """
-    return until(scene, NormalForce(scene), t1)
-
-
-def friction_needed(scene: Scene, y: Array) -> Array:
-    """() friction over normal force [1] that rolling needs in a state (problem 38 b)."""
-    normal, friction = scene.system.touching("roll").reaction(jnp.zeros(()), y, scene.effects)
-    return jnp.abs(friction) / normal
-
-
-def phases_of(scene: Scene) -> dict[str, Phase]:
-    """Roll, slip, fly, land and roll on, with the friction the scene has, for `phases.run`.
-
-    ``run(phases_of(scene), "roll", scene.y0, t1)``. The start must be one that rolls.
-    """
-
-    def as_(contact):
-        return Scene(scene.system.touching(contact), scene.effects, y0=scene.y0, t1=scene.t1)
-
-    roll, fly = as_("roll"), as_("fly")
-    goes_on = Contact(roll)
-    slips = tuple(Exit(Grip(roll, int(way)), name) for name, way in _SLIP.items())
-    phases = {"roll": Phase(roll, slips)}
-    for name, way in _SLIP.items():
-        slip = as_(name)
-        caught = Exit(Caught(roll.system, int(way)), _TOUCHING, choose=goes_on)
-        phases[name] = Phase(slip, (caught, Exit(NormalForce(slip), "fly")))
-    lands = Exit(Touches(fly.system), _TOUCHING, Landed(fly.system), goes_on)
-    return phases | {"fly": Phase(fly, (lands,))}
