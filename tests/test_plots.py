@@ -247,7 +247,7 @@ def test_mp4(ball, tmp_path):
         ({"links": [0]}, "links: expected pairs of ends"),
         ({"links": [(0, 1, 2)]}, "links: expected pairs of ends"),
         ({"links": [(0, 1)]}, "links: expected a point's number, 0 to 0, got 1"),
-        ({"links": [(0, (1.0, 2.0, 3.0))]}, r"links: expected shape \(2\), got shape"),
+        ({"links": [(0, (1.0, 2.0, 3.0))]}, r"links: expected shape \(2,\), got shape"),
     ],
 )
 def test_wrong_numbers_are_refused(ball, tmp_path, numbers, message):

@@ -65,9 +65,9 @@ def test_links_that_cannot_close_are_refused():
         linkages.four_bar(l=(1.0, 1.0, 5.0))
     with pytest.raises(ValueError, match=r"links that can close.*Shorten the longest link"):
         linkages.pinned_chain(span=4.5)
-    with pytest.raises(ValueError, match=r"angles: expected shape \(4\)"):
+    with pytest.raises(ValueError, match=r"angles: expected shape \(4,\)"):
         linkages.pinned_chain(angles=(1.0,))
-    with pytest.raises(ValueError, match=r"rates: expected shape \(3\)"):
+    with pytest.raises(ValueError, match=r"rates: expected shape \(3,\)"):
         linkages.skate_chain(rates=(1.0,))
     with pytest.raises(ValueError, match=r"Did you mean 'loop'\?"):
         linkages.pinned_chain(formulation="lop")

@@ -186,7 +186,7 @@ def test_every_status_has_a_message_with_a_remedy():
         ({"atol": np.inf}, r"atol: expected > 0, got inf\."),
         ({"atol": np.nan}, r"atol: expected > 0, got nan\."),
         ({"samples": 0}, r"samples: expected at least 1, or an array of times, got 0\.$"),
-        ({"samples": [[0.0]]}, r"samples: expected shape \(any\), got shape \(1, 1\)\. An array"),
+        ({"samples": [[0.0]]}, r"samples: expected shape \(any,\), got shape \(1, 1\)\. An array"),
         (
             {"samples": [0.2, 0.1]},
             r"samples: expected times in order .* Sort them, or move t0 or t1",
@@ -223,7 +223,7 @@ def test_simulate_refuses(options, message):
             BALL.starting([0.0, 0.0, np.nan, 1.0]),
             r"y0: expected finite numbers, got nan at index \[2\]",
         ),
-        (BALL.starting([0.0]), r"y0: expected shape \(4\), got shape \(1,\)\."),
+        (BALL.starting([0.0]), r"y0: expected shape \(4,\), got shape \(1,\)\."),
         (scenes.three_body(np.zeros(12)), r"y0: expected bodies at different points"),
         (scenes.cannonball(m=-1.0), r"mass: expected > 0, got -1\.0\."),
     ],
