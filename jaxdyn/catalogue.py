@@ -36,11 +36,12 @@ class Entry:
 
 
 def entries() -> dict[str, Entry]:
-    """Every scene of the zoo, by name."""
+    """Every scene of the zoo that numbers alone can make, by name."""
     found = {}
     for name, make in sorted(vars(scenes).items()):
         if inspect.isfunction(make) and inspect.signature(make).return_annotation is Scene:
-            found[name] = _entry(name, make)
+            if not _needs_more(make):
+                found[name] = _entry(name, make)
     return found
 
 
@@ -60,6 +61,12 @@ def build(name: str, settings: Mapping[str, str]) -> Scene:
     return entry.make(**values)
 
 
+def _needs_more(make: Callable[..., Scene]) -> bool:
+    """Whether it cannot be made without, say, a law of force."""
+    parameters = inspect.signature(make).parameters.values()
+    return any(p.default is p.empty and p.kind is not p.VAR_POSITIONAL for p in parameters)
+
+
 def _entry(name: str, make: Callable[..., Scene]) -> Entry:
     text = inspect.cleandoc(make.__doc__ or "")
     first = text.splitlines()[0] if text else ""
@@ -70,6 +77,7 @@ def _entry(name: str, make: Callable[..., Scene]) -> Entry:
     parameters = tuple(
         Parameter(p.name, p.default, " ".join(meanings.get(p.name, "").split()))
         for p in inspect.signature(make).parameters.values()
+        if p.default is not p.empty  # an effect or a law of force is no number
     )
     return Entry(name, make, summary, problems, parameters)
 
@@ -86,6 +94,9 @@ def _value(key: str, text: str, default: Any) -> Any:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
         raise _checks.fail(key, "a number, or numbers with commas between", repr(text)) from None
-    if isinstance(default, int) and not isinstance(default, bool) and len(numbers) == 1:
-        return int(numbers[0]) if numbers[0].is_integer() else numbers[0]
-    return tuple(numbers) if isinstance(default, tuple) or len(numbers) > 1 else numbers[0]
+    if isinstance(default, tuple):
+        return tuple(numbers)
+    if len(numbers) > 1:
+        raise _checks.fail(key, "one number", repr(text))
+    whole = isinstance(default, int) and numbers[0].is_integer()
+    return int(numbers[0]) if whole else numbers[0]

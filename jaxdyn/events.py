@@ -19,7 +19,7 @@ from jaxdyn._numerics import in_one_kernel
 from jaxdyn.crossings import first_crossing, values
 from jaxdyn.flow import Settings, flow
 from jaxdyn.scene import Scene
-from jaxdyn.simulate import MAX_STEPS, RTOL, chosen_pair, tolerances
+from jaxdyn.simulate import MAX_STEPS, RTOL, checked_settings, tolerances
 from jaxdyn.solvers import Pair
 from jaxdyn.status import Status
 
@@ -35,6 +35,12 @@ class Event(eqx.Module):
     def direction(self) -> int:
         """+1 for crossings upwards as the motion goes, -1 downwards, 0 both."""
         return 0
+
+    def check(self, k: int) -> None:
+        """Raise ValueError if this is no event of a state of k entries."""
+        del k
+        if self.direction not in (-1, 0, 1):
+            raise _checks.fail("direction", "1, -1, or 0 for both", self.direction)
 
 
 class When(Event):
@@ -65,6 +71,11 @@ class Reaches(Event):
     @property
     def direction(self):
         return self.way
+
+    def check(self, k):
+        super().check(k)
+        if not 0 <= self.entry < k:
+            raise _checks.fail("entry", f"an entry of the state, 0 to {k - 1}", self.entry)
 
 
 class Stop(eqx.Module):
@@ -125,8 +136,10 @@ def until(
     events = (events,) if isinstance(events, Event) else tuple(events)
     if not events:
         raise _checks.fail("events", "at least one", "none", "simulate() runs to a time.")
+    settings = checked_settings(scene, solver, max_steps)
     scene.check()
-    settings = Settings(chosen_pair(scene, solver), max_steps)
+    for event in events:
+        event.check(len(scene.y0))
     t0 = _checks.array("t0", t0, ())
     t1 = _checks.array("t1", scene.t1 if t1 is None else t1, ())
     tolerance = jnp.asarray(tolerances(rtol, atol))

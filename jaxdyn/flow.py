@@ -1,9 +1,10 @@
 """The map from a start to the states at later times, and its derivatives.
 
-`flow` is the only caller of ``diffrax.diffeqsolve``. It is differentiable any number of times,
-in forward and reverse mode, under jit and vmap, in the start, the times and every number of
-the scene. Its derivative is not taken through the stepping loop (that would differentiate the
-choice of steps, compile slowly, and allow only one mode) but by the variational equations
+`march` is the only caller of ``diffrax.diffeqsolve``. `flow` is built on it and differentiable
+any number of times, in forward and reverse mode, under jit and vmap, in the start, the times
+and every number of the scene. Its derivative is not taken through the stepping loop (that
+would differentiate the choice of steps, compile slowly, and allow only one mode) but by the
+variational equations
 
     d/dt V = (df/dy) V + (df/dp) P,
 
@@ -100,7 +101,7 @@ def flow(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
     """States at t1 and at the times ts of the motion that starts at (t0, y0).
 
     Args:
-      field: a module with ``rate(t, y)`` whose leaves are its numbers, e.g. `Scene.field`.
+      field: has ``rate(t, y)`` and ``project(t, y)``; a pytree of its numbers, e.g. `Scene.field`.
       y0: (k,) start; (k, columns) for a `Variational` field.
       t0: () start time.
       t1: () end time, before or after t0.

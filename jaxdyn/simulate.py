@@ -131,12 +131,17 @@ def solve(
 
     Compiled for each kind of scene and pair; inside jit, grad and vmap it is inlined.
     """
+    settings = checked_settings(scene, solver, max_steps)
+    numbers = (_floats(x) for x in (scene.y0, t0, t1, ts))
+    return _compiled(scene.field, *numbers, tolerances(rtol, atol), settings=settings)
+
+
+def checked_settings(scene: Scene, solver: Pair | None, max_steps: int) -> Settings:
+    """What a solve is compiled for, where 64-bit floats are on and the numbers make sense."""
     _checks.float64()
     if max_steps < 1:
         raise _checks.fail("max_steps", "at least 1", max_steps)
-    settings = Settings(chosen_pair(scene, solver), max_steps)
-    numbers = (_floats(x) for x in (scene.y0, t0, t1, ts))
-    return _compiled(scene.field, *numbers, tolerances(rtol, atol), settings=settings)
+    return Settings(chosen_pair(scene, solver), max_steps)
 
 
 def default_solver(scene: Scene) -> Pair:

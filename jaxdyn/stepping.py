@@ -7,7 +7,7 @@ and it gives up with a status, instead of trying for ever, when the step falls b
 spacing of floating-point times.
 
 Samples between steps are not interpolated. The observer only notes from which accepted node
-each wanted time can be reached; `simulate` then takes one more step from that node, of the
+each wanted time can be reached; `flow` then takes one more step from that node, of the
 same method, so samples are as accurate as the steps (an interpolant of matching order would
 cost more stages than the method has).
 """

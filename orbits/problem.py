@@ -12,7 +12,6 @@ place": it is a stronger demand than plain closing, and costs an n-th of the int
 import enum
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -163,8 +162,3 @@ class Orbit(eqx.Module):
 def part(orbit: Orbit) -> float:
     """The time after which the orbit's closing condition holds."""
     return orbit.period / orbit.closing.parts
-
-
-def numbers(y0, period) -> np.ndarray:
-    """(k + 1,) the unknowns in one array: the start, then the period."""
-    return np.append(np.asarray(y0, dtype=float), float(jnp.asarray(period)))

@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive
-from jaxdyn.simulate import solve
+from jaxdyn.simulate import solve, tolerances
 from orbits import newton
 from orbits.problem import PLAIN, Closing, Orbit, Outcome, SearchError
 
@@ -73,7 +73,7 @@ def find(
     closings = (closing,) if isinstance(closing, Closing) else tuple(closing)
     guess, lower, upper = checked(scene, y0, period, lower, upper, closings, segments)
     positive("goal", goal, "It is the largest closing error of an orbit.")
-    positive("rtol", rtol, "It is the relative error of one step.")
+    tolerances(rtol, None)  # refuses what is none; inside jit it could not
     closing = _nearest(scene, guess, closings, rtol)
     equations = _Equations(scene, closing, segments, rtol)
     x = equations.spread(guess)
@@ -180,10 +180,31 @@ def checked(
         raise fail("lower", f"<= upper = {high[i]} at index {i}", low[i], "Swap them?")
     if not high[-1] > 0:
         raise fail("upper", "a positive last entry, for the period", high[-1])
+    _check_time(scene, low[-1] == high[-1], np.clip(float(period), low[-1], high[-1]))
     clipped = np.clip(guess, low, high)
     if not (np.isfinite(clipped).all() and clipped[-1] > 0):
         raise fail("bounds", "some finite numbers between them", f"{clipped} nearest to the guess")
     return clipped, low, high
+
+
+def _check_time(scene: Scene, fixed: bool, period: float) -> None:
+    # Where the rate depends on time, coming back is not enough: the drive must come back too.
+    ts = period * np.array([0.0, 0.13, 0.37, 0.71])
+    rates = [np.asarray(scene.rate(jnp.asarray(t), scene.y0)) for t in ts]
+    if all(np.array_equal(rates[0], rate, equal_nan=True) for rate in rates):
+        return
+    later = [np.asarray(scene.rate(jnp.asarray(t + period), scene.y0)) for t in ts]
+    size = max(float(np.abs(rate).max()) for rate in rates)
+    repeats = all(
+        np.abs(a - b).max() <= _SYMMETRIC * size for a, b in zip(rates, later, strict=True)
+    )
+    if not (fixed and repeats):
+        raise fail(
+            "period",
+            "a fixed multiple of the drive's, since the rate depends on time",
+            f"{'a drive that does not repeat after ' if fixed else 'a free period near '}{period}",
+            "Set the last entries of lower and upper to that period.",
+        )
 
 
 def _check_symmetry(scene: Scene, closing: Closing) -> None:

@@ -69,6 +69,7 @@ def test_derivatives_are_those_of_the_closed_form():
     assert gap(forward, jax.jacrev(landing)(P)) < SOLVED
 
 
+@pytest.mark.slow
 def test_second_derivatives_follow_the_theorem_too():
     # t = 2 vy / g without drag, and the range x = 2 vx vy / g.
     def reach(v):
@@ -91,6 +92,7 @@ def test_derivatives_in_level_and_times():
     assert gap(jax.jacfwd(crossing)(jnp.array([99.0, 0.5, 1.5])), late) < SOLVED
 
 
+@pytest.mark.slow
 def test_batches_are_loops():
     ps = jnp.stack([P, P + 1.0, 2 * P])
     assert gap(jax.vmap(landing)(ps), jnp.stack([landing(p) for p in ps])) < SOLVED
@@ -257,3 +259,11 @@ def test_the_search_calls_no_library_and_sorts_nothing():
 def test_no_event_is_refused():
     with pytest.raises(ValueError, match="events: expected at least one, got none"):
         until(BALL, ())
+
+
+def test_an_entry_that_is_none_and_a_direction_that_is_none_are_refused():
+    ball = scenes.cannonball()
+    with pytest.raises(ValueError, match=r"entry: expected an entry of the state, 0 to 3, got 9"):
+        until(ball, Reaches(9, 0.0, -1), 1.0)
+    with pytest.raises(ValueError, match=r"direction: expected 1, -1, or 0 for both, got 5"):
+        until(ball, Reaches(1, 0.0, 5), 1.0)

@@ -126,6 +126,7 @@ def test_tolerances_have_no_derivative():
     np.testing.assert_array_equal(jax.jacfwd(end)(1e-9), np.zeros(4))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", [NYSTROM12, VERNER9], ids=lambda p: p.name)
 def test_compensated_summation_lowers_the_error_of_long_runs(pair, monkeypatch):
     # Ten periods: the compensated error, 2e-14, is a fourth or less of the plain one. After

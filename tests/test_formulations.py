@@ -98,6 +98,7 @@ def drifts():
     return found
 
 
+@pytest.mark.slow
 def test_projection_holds_constraints_for_a_thousand_time_units(drifts):
     assert max(drifts["projection"]) < 1e-12
 

@@ -240,6 +240,7 @@ def test_a_top_nutates_and_keeps_what_it_should():
     assert -1e-10 < u.min() - lowest < 0.02 * np.ptp(u)
 
 
+@pytest.mark.slow
 def test_critical_spin_three_ways():
     formula = sleeping_top.critical_spin(**TOP)
     assert gap(formula**2, 4 * K * PIVOT / TOP["I3"] ** 2) < SOLVED * formula**2
@@ -273,6 +274,7 @@ def rolls():
     return [simulate(scene, 10.0, samples=200, rtol=1e-13) for scene in scenes]
 
 
+@pytest.mark.slow
 def test_a_disk_keeps_its_energy_and_its_contact(rolls):
     for motion in rolls:
         assert energy.drift(motion) < SOLVED

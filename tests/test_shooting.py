@@ -10,7 +10,7 @@ import pytest
 from helpers import SOLVED, gap, kepler, kepler_state
 
 import orbits
-from jaxdyn import Effect, Points, Scene, System, scenes
+from jaxdyn import Effect, Points, Scene, System, effects, scenes
 from jaxdyn.formulations.newton import FreePoints
 from orbits import Outcome, shooting
 
@@ -303,7 +303,7 @@ MISUSE = [
     ({"segments": 0}, "segments: expected at least 1, got 0"),
     ({"goal": 0.0}, "goal: expected > 0, got 0.0"),
     ({"goal": np.nan}, "goal: expected finite numbers, got nan"),
-    ({"rtol": -1e-9}, "rtol: expected > 0, got -1e-09"),
+    ({"rtol": -1e-9}, "rtol: expected between 1e-16 and 1, got -1e-09"),
     ({"closing": orbits.choreography(3)}, "closing: expected a rearrangement of the 2 entries"),
     ({"closing": ()}, "closing: expected at least one closing condition, got none"),
     (
@@ -355,3 +355,17 @@ def test_an_orbit_is_a_record_of_arrays(cycle):
     assert all(leaf.dtype == float for leaf in leaves)
     assert cycle.scene.system.mu == 1.0
     assert (cycle.period, cycle.rtol) == (float(cycle.scene.t1), 1e-14)
+
+
+def test_a_driven_motion_needs_the_period_of_its_drive():
+    driven = scenes.oscillator(k=4.0) + effects.SinusoidalForce([1.0], 1.0)
+    with pytest.raises(ValueError, match=r"period: expected a fixed multiple of the drive's"):
+        orbits.find(driven, [0.0, 0.3], 6.0)
+    low, high = np.array([-9.0, -9.0, 6.0]), np.array([9.0, 9.0, 6.0])
+    with pytest.raises(ValueError, match=r"a drive that does not repeat after 6\.0"):
+        orbits.find(driven, [0.0, 0.3], 6.0, lower=low, upper=high)
+    low[-1] = high[-1] = 2 * np.pi
+    found = orbits.find(driven, [0.0, 0.3], 2 * np.pi, lower=low, upper=high)
+    # All motions have the drive's period here, as the free ones turn twice in it (k = 4).
+    assert found.ok
+    assert found.period == 2 * np.pi

@@ -28,6 +28,7 @@ REGULAR = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REGULAR)
 def test_regular_motions_agree_by_every_route(name):
     make, others, free_points, tied_points = REGULAR[name]

@@ -25,6 +25,10 @@ class LinearDrag(Effect):
         del t, r, m
         return -self.c * (v - jnp.broadcast_to(self.wind, v.shape))
 
+    def check(self, points):
+        del points
+        at_least_zero("c", self.c, "A negative drag drives the motion.")
+
 
 class QuadraticDrag(Effect):
     """Drag -c |v - wind| (v - wind) on each point; c [kg/m], wind (d,) [m/s] or 0."""
@@ -41,6 +45,10 @@ class QuadraticDrag(Effect):
         del t, r, m
         u = v - jnp.broadcast_to(self.wind, v.shape)
         return -self.c * safe_norm(u)[:, None] * u
+
+    def check(self, points):
+        del points
+        at_least_zero("c", self.c, "A negative drag drives the motion.")
 
 
 class DryFriction(Effect):

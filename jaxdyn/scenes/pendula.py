@@ -74,6 +74,9 @@ def sideways_pendulum(
       formulation: "newton_euler" or "lagrange".
       t1: span [s].
     """
+    if not _checks.is_traced(angle) and not abs(angle) < math.pi / 2:
+        remedy = "Higher up the position does not say where the mass is; take `pendulum`."
+        raise _checks.fail("angle", "less than a quarter turn", angle, remedy)
     q, v = length * jnp.sin(angle), length * jnp.cos(angle) * rate
     system, y0 = route(formulation, Sideways(*_floats(m, length)), [q], [v], {})
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
