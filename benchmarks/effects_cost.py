@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks._timing import Method, Row, Times, interleaved, work_precision
 from jaxdyn.effects import LinearDrag, PowerLaw, QuadraticDrag, Spring, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.scene import Points, Scene, System
+from jaxdyn.scene import Effect, Points, Scene, System
 from jaxdyn.scenes.pendula import double_pendulum, triple_pendulum
 from jaxdyn.simulate import solve
 from jaxdyn.solvers import VERNER9
@@ -30,15 +30,6 @@ ERRORS = (1e-6, 1e-9, 1e-12)
 TOLERANCES = tuple(10.0**-e for e in np.arange(5.0, 14.5, 0.5))
 _SPAN = 5.0  # the pendulums lose one digit (double) and two (triple) to their instability
 _ROUNDS, _QUICK_ROUNDS = 200, 10
-
-#: One particle, each list one effect longer than the one before.
-EFFECTS = {
-    "spring": Spring(2.0, 0.5),
-    "gravity": UniformGravity(1.0),
-    "linear drag": LinearDrag(0.1),
-    "quadratic drag": QuadraticDrag(0.1),
-    "central force": PowerLaw(1.0, -1.0),
-}
 
 
 def run(quick: bool = False) -> list[Row]:
@@ -67,11 +58,25 @@ def _runs(scene: Scene):
     return build
 
 
+def _effects() -> dict[str, Effect]:
+    """What acts on one particle, each list one effect longer than the one before.
+
+    Made when asked for: an array made on import would start the device before `configure`.
+    """
+    return {
+        "spring": Spring(2.0, 0.5),
+        "gravity": UniformGravity(1.0),
+        "linear drag": LinearDrag(0.1),
+        "quadratic drag": QuadraticDrag(0.1),
+        "central force": PowerLaw(1.0, -1.0),
+    }
+
+
 def _steps(rounds: int) -> list[Row]:
     """One row for each list of effects: seconds a step."""
     start = jnp.array([1.0, 0.5, 0.2, -0.3])
     scenes, effects = {}, ()
-    for name, effect in EFFECTS.items():
+    for name, effect in _effects().items():
         effects = (*effects, effect)
         scenes[f"and {name}" if scenes else name] = Scene(FreePoints(1.0), effects, y0=start)
     # The general method for all of them, or those without drag would take another.

@@ -6,9 +6,10 @@ compiled into a program of the user's (`jaxdyn`), and the public `solve` and `si
 Python with all they do around it.
 
 Last numbers (2 shared cores, 2026-11), medians, with ours over the other's in brackets:
-error 1e-6 36 us, heyoka 26 (1.4), Dopri8 131 (0.28), DOP853 2950; 1e-9 49 us, 52 (0.94),
-180 (0.27), 9700; 1e-12 62 us, 82 (0.76), 290 (0.22), 15600; 1e-14 77 us, 122 (0.63). About 20 us
-of ours pass before the first step: arguments in, results out. `solve` from Python adds 55 us.
+error 1e-6 38 us, heyoka 26 (1.5), Dopri8 179 (0.21), DOP853 3260; 1e-9 44 us, 52 (0.85),
+239 (0.19), 8480; 1e-12 59 us, 82 (0.71), 378 (0.16), 11470; 1e-14 73 us, 122 (0.60). About
+20 us of ours pass before the first step: arguments in, results out. `solve` from Python adds
+31 us.
 """
 
 import functools

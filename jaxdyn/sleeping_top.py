@@ -11,6 +11,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._numerics import safe_sqrt
@@ -19,7 +20,7 @@ from jaxdyn.linearize import classify, jacobian
 from jaxdyn.scenes.bodies import top
 from jaxdyn.simulate import solve
 
-_UPRIGHT = jnp.array([0, 1, 3, 4])  # of the state: the two angles that tilt, and their rates
+_UPRIGHT = np.array([0, 1, 3, 4])  # of the state: the two angles that tilt, and their rates
 _GROWS = 1e-7  # in units of the spin; double eigenvalues round to 1e-9
 #: A sleeping top is released at the first of these tilts [rad] and has fallen at the second.
 _RELEASED, _FALLEN = 1e-5, 1e-2

@@ -126,3 +126,18 @@ except ValueError as error:
 """
     expected = "floats: expected 64-bit floats, got JAX's default of 32 bits. "
     assert run_python(code) == expected + "Call jaxdyn.configure() first."
+
+
+def test_importing_anything_starts_no_device():
+    # A device that is up before configure() makes every solve several times slower.
+    code = """
+import importlib, pkgutil
+import jaxdyn, orbits
+from jax._src import xla_bridge
+for package in (jaxdyn, orbits):
+    for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
+        assert not xla_bridge.backends_are_initialized(), module.name
+"""
+    run_python(code, MPLCONFIGDIR="/tmp")
