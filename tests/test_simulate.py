@@ -124,7 +124,7 @@ def test_too_many_steps_end_as_step_limit():
 
 @pytest.mark.parametrize("t1", [1.0, -1.0])
 def test_a_nan_parameter_ends_as_not_finite(t1):
-    scene = scenes.cannonball(drag=np.nan)
+    scene = scenes.cannonball(g=np.nan)
     motion = simulate(scene, t1, samples=[0.5 * t1], throw=False)
     _ends(motion, Status.NOT_FINITE, 0)
     with pytest.raises(IntegrationError, match="start, its rate, a time or a tolerance is NaN"):
