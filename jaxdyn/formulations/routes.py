@@ -63,3 +63,8 @@ def route(
     t = jnp.zeros(())
     start = jax.jvp(place, (t, q), (jnp.ones_like(t), v))
     return Constrained(mechanism, drift), jnp.concatenate(start)
+
+
+def floats(*numbers) -> tuple[Array, ...]:
+    """The numbers of a scene as float arrays."""
+    return tuple(jnp.asarray(x, dtype=float) for x in numbers)

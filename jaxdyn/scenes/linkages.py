@@ -13,7 +13,7 @@ from jaxdyn.formulations.bars import Bodies, Chain
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.fourbar import FourBar
 from jaxdyn.formulations.rods import Coupled, Dumbbell, Rods
-from jaxdyn.formulations.routes import Embedding, route
+from jaxdyn.formulations.routes import Embedding, floats, route
 from jaxdyn.scene import Scene
 
 _CLOSING = 8  # projections that bring a rough start onto its ties; each squares the error
@@ -45,7 +45,7 @@ def rod_on_line(
       drift: for "constrained": "projection", "baumgarte" or "raw", which shows the drift.
       t1: span [s].
     """
-    m, length = _floats(m, length)
+    m, length = floats(m, length)
     free = Coupled(m, length)
     embeddings = {"constrained": Embedding(Rods(m, length[None], ((0, 1),), 1), free.place)}
     system, y0 = route(formulation, free, [0.0], [speed], embeddings, drift)
@@ -73,7 +73,7 @@ def dumbbell(
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
-    m, length = _floats(m, length)
+    m, length = floats(m, length)
     free = Dumbbell(m, length)
     embeddings = {"constrained": Embedding(Rods(m, length[None], ((0, 1),)), free.place)}
     spin = 2 * speed / length
@@ -110,7 +110,7 @@ def four_bar(
       drift: for "constrained" and "loop": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
-    m, l, ground = _floats(m, l, ground)  # noqa: E741
+    m, l, ground = floats(m, l, ground)  # noqa: E741
     end = jnp.stack([ground, jnp.zeros_like(ground)])
     free = FourBar(m, l, end, crossed)
     free.check()
@@ -148,7 +148,7 @@ def pinned_chain(
       drift: "projection", "baumgarte" or "raw".
       t1: span of time [s].
     """
-    m, l, span = _floats(m, l, span)  # noqa: E741
+    m, l, span = floats(m, l, span)  # noqa: E741
     _checks.choice("formulation", formulation, ("loop", "constrained"))
     end = jnp.stack([span, jnp.zeros_like(span)])
     chain = Chain(m, l, end)
@@ -185,7 +185,7 @@ def skate_chain(
       drift: "projection", "baumgarte" or "raw".
       t1: span [s].
     """
-    m, l = _floats(m, l)  # noqa: E741
+    m, l = floats(m, l)  # noqa: E741
     chain = Chain(m, l, skate=True)
     y0 = _closed(chain, angles, rates)
     return Scene(Constrained(chain, drift), unless_zero(g, UniformGravity(g)), y0=y0, t1=t1)
@@ -193,14 +193,10 @@ def skate_chain(
 
 def _closed(chain: Chain, angles, rates) -> Array:
     """(2 n,) the state on the chain's ties near a rough one."""
-    q, v = _floats(angles, rates)
+    q, v = floats(angles, rates)
     _checks.array("angles", q, chain.m.shape, "One angle for each mass.")
     _checks.array("rates", v, chain.m.shape, "One rate for each mass.")
     y, system = jnp.concatenate([q, v]), Constrained(chain)
     for _ in range(_CLOSING if chain.end is not None else 1):
         y = system.nearest(jnp.zeros(()), y)
     return y
-
-
-def _floats(*numbers) -> tuple[Array, ...]:
-    return tuple(jnp.asarray(x, dtype=float) for x in numbers)

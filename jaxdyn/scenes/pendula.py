@@ -8,12 +8,11 @@ but from straight up where the base shakes.
 import math
 
 import jax.numpy as jnp
-from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.bars import Bodies, Chain
-from jaxdyn.formulations.routes import Embedding, route
+from jaxdyn.formulations.routes import Embedding, floats, route
 from jaxdyn.formulations.sticks import Cart, Sideways, Stick, TiedCart, TiedStick
 from jaxdyn.scene import Scene
 
@@ -78,7 +77,7 @@ def sideways_pendulum(
         remedy = "Higher up the position does not say where the mass is; take `pendulum`."
         raise _checks.fail("angle", "less than a quarter turn", angle, remedy)
     q, v = length * jnp.sin(angle), length * jnp.cos(angle) * rate
-    system, y0 = route(formulation, Sideways(*_floats(m, length)), [q], [v], {})
+    system, y0 = route(formulation, Sideways(*floats(m, length)), [q], [v], {})
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
@@ -116,7 +115,7 @@ def shaken_pendulum(
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
-    numbers = _floats(m, length, amplitude, frequency)
+    numbers = floats(m, length, amplitude, frequency)
     free = Stick(*numbers, inverted=True, uniform=uniform)
     embeddings = {"constrained": Embedding(TiedStick(*numbers, uniform=uniform), free.end)}
     system, y0 = route(formulation, free, [angle], [rate], embeddings, drift)
@@ -207,7 +206,7 @@ def n_pendulum(
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
-    m, l, q, v = _floats(m, l, angles, rates)  # noqa: E741
+    m, l, q, v = floats(m, l, angles, rates)  # noqa: E741
     _checks.array("angles", q, m.shape, "One angle for each mass.")
     _checks.array("rates", v, m.shape, "One rate for each mass.")
     free = Chain(m, l, relative=relative)
@@ -246,12 +245,8 @@ def cart_pendulum(
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
-    m, length = _floats(m, length)
+    m, length = floats(m, length)
     free = Cart(m, length)
     embeddings = {"constrained": Embedding(TiedCart(m, length), free.loose)}
     system, y0 = route(formulation, free, [x, angle], [speed, rate], embeddings, drift)
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
-
-
-def _floats(*numbers) -> tuple[Array, ...]:
-    return tuple(jnp.asarray(x, dtype=float) for x in numbers)
