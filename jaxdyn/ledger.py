@@ -26,6 +26,10 @@ class Ledger(System):
     system: System
     kinds: tuple[str, ...] = eqx.field(static=True)
 
+    @property
+    def obeys(self):
+        return self.system.obeys
+
     def labels(self):
         return (*self.system.labels(), *((f"work of {kind}", "J") for kind in self.kinds))
 
@@ -37,6 +41,9 @@ class Ledger(System):
 
     def points(self, t, y):
         return self.system.points(t, self._split(y)[0])
+
+    def links(self):
+        return self.system.links()
 
     def kinetic(self, t, y):
         return self.system.kinetic(t, self._split(y)[0])

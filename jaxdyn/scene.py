@@ -13,6 +13,7 @@ recompiles. Constructors check nothing, since they also run inside traces; entry
 """
 
 import abc
+import dataclasses
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -51,12 +52,25 @@ class Effect(eqx.Module):
     def force(self, t: Array, r: Array, v: Array, m: Array) -> Array:
         """Forces (n, d) [N] on the points."""
         del v
+        if self.acts == {"generalized"}:
+            return jnp.zeros_like(r)
         return -jax.grad(self._potential, argnums=1)(t, r, m)
 
     def generalized(self, t: Array, q: Array, v: Array) -> Array | None:
         """Forces (n,) on the coordinates themselves, e.g. a motor's torque; None by default."""
         del t, q, v
         return None
+
+    @property
+    def acts(self) -> frozenset[str]:
+        """What it acts on, by its methods: "force" for points, "generalized" for coordinates.
+
+        A potential is a force on points. It follows from what a class overrides.
+        """
+        cls = type(self)
+        on_points = cls.force is not Effect.force or cls.potential is not Effect.potential
+        on_coordinates = cls.generalized is not Effect.generalized
+        return frozenset(["force"] * on_points + ["generalized"] * on_coordinates)
 
     def _potential(self, t: Array, r: Array, m: Array) -> Array:
         value = self.potential(t, r, m)
@@ -85,6 +99,21 @@ class System(eqx.Module):
     @abc.abstractmethod
     def points(self, t: Array, y: Float[Array, " k"]) -> Points:
         """The material points: effects, energies and drawings look here."""
+
+    def links(self) -> tuple[tuple, ...]:
+        """Pairs of ends that a drawing joins by a line: rods, strings, edges of a body.
+
+        An end is the number of a material point, or the coordinates (d,) [m] of an anchor.
+        """
+        return ()
+
+    @property
+    def obeys(self) -> frozenset[str]:
+        """Which methods of its effects `rate` uses: "force", "generalized", both, or none.
+
+        An effect that acts in another way would be left out silently; `Scene.check` refuses it.
+        """
+        return frozenset()
 
     @property
     def second_order(self) -> bool:
@@ -177,7 +206,7 @@ class Scene(eqx.Module):
         """The same scene with one more effect."""
         if not isinstance(effect, Effect):
             return NotImplemented
-        return Scene(self.system, (*self.effects, effect), y0=self.y0, t1=self.t1)
+        return dataclasses.replace(self, effects=(*self.effects, effect))
 
     def without(self, kind: type[Effect]) -> "Scene":
         """The same scene with all effects of this kind left out."""
@@ -185,16 +214,18 @@ class Scene(eqx.Module):
         if len(kept) == len(self.effects):
             has = ", ".join(type(e).__name__ for e in self.effects) or "none"
             raise _checks.fail("without", f"an effect of the scene ({has})", kind.__name__)
-        return Scene(self.system, kept, y0=self.y0, t1=self.t1)
+        return dataclasses.replace(self, effects=kept)
 
     def starting(self, y0, t1=None) -> "Scene":
         """The same scene from another start, and over another span if given."""
-        return Scene(self.system, self.effects, y0=y0, t1=self.t1 if t1 is None else t1)
+        return dataclasses.replace(self, y0=y0, t1=self.t1 if t1 is None else t1)
 
     def check(self) -> None:
         """Raise ValueError if a number makes no sense; traced numbers pass."""
         k = len(self.system.labels())
         _checks.array("y0", self.y0, (k,), f"One entry for each of {self._names()}.")
+        for effect in self.effects:
+            self._check_obeyed(effect)
         if _checks.is_traced(self):
             return
         t = jnp.zeros(())
@@ -207,6 +238,19 @@ class Scene(eqx.Module):
     def _names(self) -> str:
         return ", ".join(name for name, _ in self.system.labels())
 
+    def _check_obeyed(self, effect: Effect) -> None:
+        if not isinstance(effect, Effect):
+            raise _checks.fail("effects", "effects", repr(effect), "Make an Effect of it.")
+        ignored = effect.acts - self.system.obeys
+        if ignored:
+            obeyed = " and ".join(_ACTIONS[way] for way in sorted(self.system.obeys))
+            raise _checks.fail(
+                type(effect).__name__,
+                f"what moves a {type(self.system).__name__}: {obeyed or 'no effects at all'}",
+                " and ".join(_ACTIONS[way] for way in sorted(ignored)),
+                "It would be left out silently. Leave it out, or take another formulation.",
+            )
+
     @staticmethod
     def _check_velocity(effect: Effect, points: Points) -> None:
         # A wrong claim would give wrong trajectories silently.
@@ -217,6 +261,10 @@ class Scene(eqx.Module):
                 "one that depends on them",
                 "Set velocity_dependent = True in the class.",
             )
+
+
+#: What an effect's methods do, in words.
+_ACTIONS = {"force": "forces on points", "generalized": "forces on coordinates"}
 
 
 @eqx.filter_jit

@@ -75,9 +75,6 @@ class Arm(Mechanism):
 class Motor(Effect):
     """A constant torque of 3 N m on the first coordinate."""
 
-    def force(self, t, r, v, m):
-        return jnp.zeros_like(r)
-
     def generalized(self, t, q, v):
         return jnp.array([3.0])
 

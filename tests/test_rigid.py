@@ -104,9 +104,6 @@ class Torque(Effect):
 
     load: jax.Array
 
-    def force(self, t, r, v, m):
-        return jnp.zeros_like(r)
-
     def generalized(self, t, q, v):
         return self.load
 

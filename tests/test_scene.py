@@ -2,16 +2,19 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import EXACT, gap, kepler, primitives
 
-from jaxdyn import Effect, Scene, scenes
+from jaxdyn import Effect, Scene, catalogue, scenes
 from jaxdyn._numerics import safe_norm
 from jaxdyn.effects import LinearDrag, PairGravity, QuadraticDrag, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.ledger import with_work
+from jaxdyn.scenes import skates
 
 Y0 = [0.0, 0.0, 3.0, 4.0]
 
@@ -187,6 +190,94 @@ def test_a_false_claim_about_velocity_is_refused(law):
 def test_a_true_claim_about_velocity_passes():
     (_ball() + _claiming(lambda r, v: -r)).check()
     (_ball() + _claiming(lambda r, v: r / 0.0 - r / 0.0)).check()  # NaN, but not from v
+
+
+class Lopsided(Effect):
+    """A uniform field that pulls unequally, so that a symmetric body feels it too."""
+
+    def potential(self, t, r, m):
+        return jnp.sum(r * (1.0 + jnp.arange(r.size)).reshape(r.shape))
+
+
+class Torque(Effect):
+    """1 on each coordinate, whatever it is."""
+
+    def generalized(self, t, q, v):
+        return jnp.ones_like(v)
+
+
+class Fan(Torque):
+    """The same, and a wind."""
+
+    def force(self, t, r, v, m):
+        return jnp.ones_like(r)
+
+
+ENTRIES = catalogue.entries()
+LOADS = (Lopsided(), LinearDrag(0.7), Torque())
+
+
+@eqx.filter_jit
+def changes(bare, loaded):
+    """How much each of the loaded scenes, all of which pass their check, differs in its rate."""
+    for scene in loaded:
+        scene.check()
+    return [jnp.abs(s.rate(0.1, s.y0) - bare.rate(0.1, bare.y0)).max() for s in loaded]
+
+
+@pytest.mark.parametrize("name", sorted(ENTRIES))
+def test_an_effect_changes_the_motion_or_is_refused(name):
+    scene = ENTRIES[name].make()
+    systems = [scene.system]
+    if name == "two_skates":
+        systems.append(skates.by_lagrange(scene).system)
+    # Not at rest, or a drag does nothing; a state that obeys the ties is not asked for.
+    y = scene.y0 + 0.1 * (1 + jnp.arange(len(scene.y0)) % 3)
+    for system in systems:
+        bare = Scene(system, scene.effects, y0=y)
+        for load in LOADS:
+            if not load.acts <= system.obeys:
+                with pytest.raises(ValueError, match=r"It would be left out silently\."):
+                    (bare + load).check()
+        loaded = [bare + load for load in LOADS if load.acts <= system.obeys]
+        assert all(change > 1e-6 for change in changes(bare, loaded))
+
+
+@pytest.mark.parametrize(
+    ("scene", "message"),
+    [
+        (
+            scenes.lorenz() + UniformGravity(),
+            r"UniformGravity: expected what moves a Lorenz: no effects at all, got forces on "
+            r"points\. It would be left out silently\. Leave it out, or take another form",
+        ),
+        (
+            _ball(Torque()),
+            r"Torque: expected what moves a FreePoints: forces on points, got forces on coord",
+        ),
+        (_ball(Fan()), r"Fan: expected what moves a FreePoints: forces on points, got forces on c"),
+        (Scene(FreePoints(2.0), ("drag",), y0=Y0), r"effects: expected effects, got 'drag'\. Make"),
+        (
+            skates.by_lagrange(scenes.two_skates()) + LinearDrag(0.1),
+            r"LinearDrag: expected what moves a LagrangeSkates: no effects at all, got forces on p",
+        ),
+        (
+            with_work(scenes.polar_particle(LinearDrag(0.1)), LinearDrag) + Torque(),
+            r"Torque: expected what moves a Ledger: forces on points, got forces on coordinates\.",
+        ),
+    ],
+)
+def test_an_effect_that_would_be_ignored_is_refused(scene, message):
+    with pytest.raises(ValueError, match=f"^{message}"):
+        scene.check()
+
+
+def test_what_an_effect_acts_on_follows_from_what_it_overrides():
+    assert UniformGravity().acts == {"force"}
+    assert Torque().acts == {"generalized"}
+    assert Fan().acts == {"force", "generalized"}
+    assert not Effect().acts
+    assert gap(Torque().force(0.0, jnp.ones((2, 3)), None, None), np.zeros((2, 3))) == 0
 
 
 def test_check_passes_what_is_traced():

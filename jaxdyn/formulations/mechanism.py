@@ -48,7 +48,7 @@ class Mechanism(eqx.Module):
         return None
 
     def links(self) -> tuple[tuple, ...]:
-        """Pairs that a drawing joins by a line: numbers of points, or coordinates of anchors."""
+        """Pairs of ends that a drawing joins, as `System.links`."""
         return ()
 
     def check(self) -> None:
@@ -75,6 +75,10 @@ class MechanismSystem(System):
 
     mechanism: eqx.AbstractVar[Mechanism]
 
+    @property
+    def obeys(self):
+        return frozenset({"force", "generalized"})
+
     def labels(self):
         q = self.mechanism.coordinates()
         return (*q, *((f"{name}_dot", f"{unit}/s") for name, unit in q))
@@ -83,6 +87,9 @@ class MechanismSystem(System):
         q, v = jnp.split(y, 2)
         r, velocity = moved(self.mechanism, t, q, v)
         return Points(r, velocity, self.mechanism.masses())
+
+    def links(self):
+        return self.mechanism.links()
 
     def difference(self, y1, y0):
         n = len(self.mechanism.coordinates())

@@ -26,6 +26,10 @@ class FreePoints(System):
         self.d = d
 
     @property
+    def obeys(self):
+        return frozenset({"force"})
+
+    @property
     def second_order(self) -> bool:
         return True
 

@@ -89,6 +89,7 @@ class RigidBody(System):
         centre of mass, and its points are kept from there.
       attitude: `attitude.Quaternion()` or `attitude.RotationMatrix()`.
       pivoted: whether the origin of its axes is fixed at the world's origin.
+      edges: what a drawing of it joins; see `System.links`.
 
     An effect's `generalized` is given q = [r, attitude], v = [v, omega_b] (without r and v about
     a pivot) and returns what does work on v: [force, torque in the body's axes].
@@ -97,11 +98,19 @@ class RigidBody(System):
     matter: MaterialPoints
     attitude: Attitude
     pivoted: bool = eqx.field(static=True)
+    edges: tuple = eqx.field(static=True)
 
-    def __init__(self, matter: MaterialPoints, attitude=None, *, pivoted: bool = False):
+    def __init__(
+        self, matter: MaterialPoints, attitude=None, *, pivoted: bool = False, edges: tuple = ()
+    ):
         self.matter = matter if pivoted else _about_centre(matter)
         self.attitude = Quaternion() if attitude is None else attitude
         self.pivoted = pivoted
+        self.edges = edges
+
+    @property
+    def obeys(self):
+        return frozenset({"force", "generalized"})
 
     def labels(self):
         turning = self.attitude.labels()
@@ -124,6 +133,9 @@ class RigidBody(System):
         r, R, v, omega = self.pose(y)
         s, m = self.matter
         return Points(r[None] + _turned(R, s), v[None] + _turned(R, _crossed(omega[None], s)), m)
+
+    def links(self):
+        return self.edges
 
     def pose(self, y: Array) -> Pose:
         """Position, attitude and angular velocity at a state (k,)."""
@@ -208,17 +220,27 @@ class EulerBody(Mechanism):
       matter: its points in its own axes, from the pivot if it has one.
       sequence: one of `euler.SEQUENCES`, e.g. "ZXZ"; choose one that does not lock on the way.
       pivoted: whether the origin of its axes is fixed at the world's origin.
+      edges: what a drawing of it joins; see `System.links`.
     """
 
     matter: MaterialPoints
     sequence: str = eqx.field(static=True)
     pivoted: bool = eqx.field(static=True)
+    edges: tuple = eqx.field(static=True)
     massless: ClassVar[bool] = True
 
-    def __init__(self, matter: MaterialPoints, sequence: str = "ZXZ", *, pivoted: bool = False):
+    def __init__(
+        self,
+        matter: MaterialPoints,
+        sequence: str = "ZXZ",
+        *,
+        pivoted: bool = False,
+        edges: tuple = (),
+    ):
         self.matter = matter if pivoted else _about_centre(matter)
         self.sequence = sequence
         self.pivoted = pivoted
+        self.edges = edges
 
     def coordinates(self):
         angles = (("phi", "rad"), ("theta", "rad"), ("psi", "rad"))
@@ -231,6 +253,9 @@ class EulerBody(Mechanism):
         del t
         r, angles = self._parts(q)
         return r[None] + _turned(matrix_from_euler(angles, self.sequence), self.matter.r)
+
+    def links(self):
+        return self.edges
 
     def pose(self, q: Array, v: Array) -> Pose:
         """Position, attitude and angular velocity at coordinates and velocities (n,)."""

@@ -66,6 +66,10 @@ class Cylinder(System):
     contact: str = eqx.field(static=True)
     flat: bool = eqx.field(static=True)
 
+    @property
+    def obeys(self):
+        return frozenset({"force"})
+
     def labels(self):
         q = (("x", "m"), ("y", "m"), ("phi", "rad"))
         return (*q, *((f"{name}_dot", f"{unit}/s") for name, unit in q))
@@ -79,6 +83,9 @@ class Cylinder(System):
         return Points(
             r, jnp.stack([y[3:5] + swing, y[3:5] - swing]), jnp.stack([self.m, self.m]) / 2
         )
+
+    def links(self):
+        return ((0, 1),)
 
     def rate(self, t, y, effects):
         force = self._load(t, y, effects)

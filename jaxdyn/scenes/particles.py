@@ -109,6 +109,10 @@ class PolarParticle(System):
     def __init__(self, m=1.0):
         self.m = jnp.asarray(m, dtype=float)
 
+    @property
+    def obeys(self):
+        return frozenset({"force"})
+
     def labels(self):
         return ("r", "m"), ("theta", "rad"), ("vr", "m/s"), ("omega", "rad/s")
 

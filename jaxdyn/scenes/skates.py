@@ -54,6 +54,9 @@ class Skated(Mechanism):
         angle = q[2] + self.headings
         return jnp.stack([-jnp.sin(angle), jnp.cos(angle), self._arms()], axis=-1)
 
+    def links(self):
+        return ((0, 1),)
+
     def twists(self) -> Array:
         """(s, 3) the conditions in body axes: rows whose product with (vx, vy, omega) is zero."""
         return self.rolling(jnp.zeros(()), jnp.zeros(3))
@@ -90,8 +93,12 @@ class LagrangeSkates(MechanismSystem):
 
     mechanism: Skated
 
+    @property
+    def obeys(self):
+        return frozenset()  # the equations of problem 39 have no other forces in them
+
     def rate(self, t, y, effects):
-        del effects  # of problem 39 there are none
+        del effects
         body = self.mechanism
         _, v = jnp.split(y, 2)
         b = body.rolling(t, y[:3])

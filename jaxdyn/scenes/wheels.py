@@ -53,10 +53,6 @@ class LockedAxle(Effect):
     ahead: Array
     velocity_dependent: ClassVar[bool] = True
 
-    def force(self, t, r, v, m):
-        del t, v, m
-        return jnp.zeros_like(r)
-
     def generalized(self, t, q, v):
         del t
         u = sliding_velocity(self.ahead, q, v)
