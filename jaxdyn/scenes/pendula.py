@@ -99,7 +99,8 @@ def shaken_pendulum(
 
     The base is at y = -amplitude cos(frequency t). Fast shaking, with (amplitude frequency)^2
     above 2 g L, holds the pendulum upright; L is the length of the point-mass pendulum with
-    the same motion, 2/3 of the length of a uniform stick.
+    the same motion, 2/3 of the length of a uniform stick. `upright.upright_chart` maps where it
+    does, exactly.
 
     Args:
       length: of the stick [m].

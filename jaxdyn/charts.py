@@ -1,0 +1,52 @@
+"""Pictures of stability charts: where motions are stable, and how fast others grow.
+
+Drawn like `plots`: with Matplotlib's objects, no window, the `Figure` returned.
+"""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import LinearSegmentedColormap, ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from jaxdyn import plots
+from jaxdyn.floquet import Chart
+
+_STABLE, _GROWING, _UNDECIDED = plots.PALETTE[0], plots.PALETTE[1], "#9a9a9a"
+_FAINT = "#fbe9de"
+
+
+def stability(
+    chart: Chart, path=None, *, names=("first", "second"), title: str | None = None
+) -> Figure:
+    """A picture of a chart: stable in blue, the rest the darker the faster differences grow.
+
+    Args:
+      chart: what `floquet.chart` or `upright.upright_chart` returned, at least 2 x 2.
+      path: file to write, .png, .pdf or .svg.
+      names: what its two numbers are, with their units; the first goes up, the second across.
+      title: what stands above it.
+    Raises:
+      ValueError: a file that cannot be written.
+    """
+    if path is not None:
+        path = plots.checked_path(path, plots.SUFFIXES)
+    figure = plots.blank(6.8, 4.6)
+    ax: Any = figure.add_subplot()
+    grid = {"shading": "nearest", "rasterized": True}
+    growing = np.where(chart.verdict == "unstable", chart.growth, np.nan)
+    shades = LinearSegmentedColormap.from_list("growth", [_FAINT, _GROWING, "#5a2400"])
+    fastest = np.nanmax(growing, initial=0.0)
+    drawn = ax.pcolormesh(
+        chart.second, chart.first, growing, cmap=shades, vmin=0.0, vmax=fastest or 1.0, **grid
+    )
+    for verdict, colour in (("stable", _STABLE), ("undecided", _UNDECIDED)):
+        area = np.where(chart.verdict == verdict, 1.0, np.nan)
+        ax.pcolormesh(chart.second, chart.first, area, cmap=ListedColormap([colour]), **grid)
+    figure.colorbar(drawn, ax=ax, label="growth rate [1/s]")
+    ax.set(xlabel=names[1], ylabel=names[0], title=title or "")
+    shown = [("stable", _STABLE), ("unstable", _GROWING), ("undecided", _UNDECIDED)]
+    handles = [Patch(color=c, label=name) for name, c in shown if (chart.verdict == name).any()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    return plots.finished(figure, path)
