@@ -68,6 +68,8 @@ RANKS = {
     "jaxdyn/scenes/rolling.py": 9,
     "jaxdyn/scenes/disks.py": 8,
     "jaxdyn/floquet.py": 6,
+    "jaxdyn/formulations/prescribed.py": 6,
+    "jaxdyn/scenes/drawings.py": 9,
     "jaxdyn/paths.py": 8,
     "jaxdyn/plots.py": 9,
     "jaxdyn/charts.py": 10,

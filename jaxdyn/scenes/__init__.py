@@ -10,6 +10,9 @@ from jaxdyn.scenes.central import central_orbit as central_orbit
 from jaxdyn.scenes.central import circular_speed as circular_speed
 from jaxdyn.scenes.central import power_law as power_law
 from jaxdyn.scenes.disks import rolling_disk as rolling_disk
+from jaxdyn.scenes.drawings import moved_box as moved_box
+from jaxdyn.scenes.drawings import moved_shape as moved_shape
+from jaxdyn.scenes.drawings import turned_box as turned_box
 from jaxdyn.scenes.guides import bead_on_cycloid as bead_on_cycloid
 from jaxdyn.scenes.guides import bead_on_parabola as bead_on_parabola
 from jaxdyn.scenes.guides import plate as plate

@@ -1,0 +1,180 @@
+"""Drawn shapes and boxes moved and turned without distortion: course problems 7, 47 and 49.
+
+Nothing acts on them; where they are is given as a function of time.
+"""
+
+import math
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._numerics import square_norm
+from jaxdyn.euler import SEQUENCES, matrix_from_euler
+from jaxdyn.formulations.prescribed import Path, Prescribed
+from jaxdyn.rotations import matrix_from_axis_angle
+from jaxdyn.scene import Scene
+from jaxdyn.scenes.bodies import BOX_EDGES, box_points
+from jaxdyn.vectors import plane_rotation
+
+#: A house of unit width about its middle: walls and roof, then the door; and its lines.
+HOUSE = ((-0.5, -0.6), (0.5, -0.6), (0.5, 0.2), (0.0, 0.7), (-0.5, 0.2))
+HOUSE += ((-0.1, -0.6), (-0.1, -0.2), (0.1, -0.2), (0.1, -0.6))
+HOUSE_LINES = ((0, 1), (1, 2), (2, 3), (3, 4), (4, 0), (2, 4), (5, 6), (6, 7), (7, 8))
+
+_ANGLES = (("angle1", "rad"), ("angle2", "rad"), ("angle3", "rad"))
+_OVERSHOOT = 1.3  # of the drawn axis of a box, over the distance of its corners
+
+
+class MovedShape(Path):
+    """A flat drawing (p, 2) [m] on a figure of eight, spun as it goes; see `moved_shape`."""
+
+    outline: Array
+    reach: Array
+    frequency: Array
+    spin: Array
+
+    def coordinates(self):
+        return (("x", "m"), ("y", "m"), ("theta", "rad"))
+
+    def masses(self):
+        return _equal(self.outline)
+
+    def path(self, t):
+        across, up = self.reach
+        w = self.frequency
+        return jnp.stack([across * jnp.sin(w * t), up * jnp.sin(2 * w * t), self.spin * t])
+
+    def positions(self, t, q):
+        del t
+        return q[None, :2] + self.outline @ plane_rotation(q[2]).T
+
+    def links(self):
+        return HOUSE_LINES
+
+
+class TurnedBox(Path):
+    """A drawing (p, 3) [m] turned about an axis (3,) at a rate () [rad/s]; see `turned_box`."""
+
+    outline: Array
+    axis: Array
+    turning: Array
+
+    def coordinates(self):
+        return (("angle", "rad"),)
+
+    def masses(self):
+        return _equal(self.outline)
+
+    def path(self, t):
+        return (self.turning * t)[None]
+
+    def positions(self, t, q):
+        del t
+        return self.outline @ matrix_from_axis_angle(self.axis, q[0]).T
+
+    def links(self):
+        return (*BOX_EDGES, (8, 9))
+
+    def check(self):
+        if not _checks.is_traced(self.axis) and not self.axis.any():
+            raise _checks.fail("axis", "a direction", "0, 0, 0")
+
+
+class MovedBox(Path):
+    """A drawing (p, 3) [m] turned by three Euler angles that swing; see `moved_box`."""
+
+    outline: Array
+    swings: Array
+    frequencies: Array
+    sequence: str = eqx.field(static=True)
+
+    def coordinates(self):
+        return _ANGLES
+
+    def masses(self):
+        return _equal(self.outline)
+
+    def path(self, t):
+        return self.swings * jnp.sin(self.frequencies * t)
+
+    def positions(self, t, q):
+        del t
+        return self.outline @ matrix_from_euler(q, self.sequence).T
+
+    def links(self):
+        return BOX_EDGES
+
+
+def moved_shape(*, reach=(3.0, 1.5), frequency=1.0, spin=1.0, t1=2 * math.pi) -> Scene:
+    """A drawn house that moves along a figure of eight and turns (problem 7).
+
+    Its middle is at (a sin w t, b sin 2 w t), its angle is spin t.
+
+    Args:
+      reach: (2,) a across and b up [m].
+      frequency: w, of the path [rad/s].
+      spin: of the house [rad/s].
+      t1: span [s].
+    """
+    numbers = _checks.array("reach", reach, (2,), "Across and up, in m."), frequency, spin
+    return _followed(MovedShape(*(jnp.asarray(x, dtype=float) for x in (HOUSE, *numbers))), t1)
+
+
+def turned_box(
+    *, axis=(1.0, 1.0, 1.0), sides=(3.0, 2.0, 1.0), rate=1.0, t1=2 * math.pi / 3
+) -> Scene:
+    """A box that turns evenly about a drawn axis through its middle (problem 47).
+
+    By default by 120 degrees about (1, 1, 1), which takes x to y, y to z and z to x.
+
+    Args:
+      axis: (3,) direction of the axis, of any length.
+      sides: (3,) along x, y and z at the start [m].
+      rate: of turning [rad/s].
+      t1: span [s].
+    """
+    axis = _checks.array("axis", axis, (3,), "A direction.")
+    corners = box_points(1.0, sides).r[:8]
+    half = jnp.sqrt(square_norm(corners[0]))
+    end = _OVERSHOOT * half * axis / jnp.sqrt(square_norm(axis))
+    outline = jnp.concatenate([corners, jnp.stack([-end, end])])
+    return _followed(TurnedBox(outline, axis, jnp.asarray(rate, dtype=float)), t1)
+
+
+def moved_box(
+    *,
+    swings=(0.6, 0.9, 1.2),
+    frequencies=(1.0, 2.0, 3.0),
+    sides=(3.0, 2.0, 1.0),
+    sequence: str = "xyz",
+    t1=2 * math.pi,
+) -> Scene:
+    """A box turned by three Euler angles that are given functions of time (problem 49).
+
+    Each angle is swing sin(frequency t). Two swings of 0 show roll, pitch or yaw alone.
+
+    Args:
+      swings: (3,) of the angles [rad].
+      frequencies: (3,) of the angles [rad/s].
+      sides: (3,) along x, y and z at the start [m].
+      sequence: Euler angles; "xyz" are those of problem 48, about fixed x, then y, then z.
+      t1: span [s].
+    """
+    _checks.choice("sequence", sequence, SEQUENCES)
+    remedy = "One for each angle."
+    swings = _checks.array("swings", swings, (3,), remedy)
+    frequencies = _checks.array("frequencies", frequencies, (3,), remedy)
+    corners = box_points(1.0, sides).r[:8]
+    return _followed(MovedBox(corners, swings, frequencies, sequence), t1)
+
+
+def _followed(path: Path, t1) -> Scene:
+    system = Prescribed(path)
+    return Scene(system, y0=system.state(jnp.zeros(())), t1=t1)
+
+
+def _equal(outline: Array) -> Array:
+    """(p,) masses of the points, without influence: one kilogram in all."""
+    return jnp.full(len(outline), 1 / len(outline))
