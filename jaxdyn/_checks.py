@@ -35,6 +35,7 @@ def float64(remedy: str = "Call jaxdyn.configure() first.") -> None:
 def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Array:
     """The input as a finite float array of the wanted shape, where None allows any length."""
     try:
+        _numeric(x)
         x = jnp.asarray(x, dtype=float)
     except (TypeError, ValueError) as error:
         raise fail(name, "numbers", repr(x), remedy) from error
@@ -45,6 +46,13 @@ def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") ->
         wanted = str(tuple("any" if w is None else w for w in shape)).replace("'", "")
         raise fail(name, f"shape {wanted}", f"shape {x.shape}", remedy)
     return finite(name, x, remedy)
+
+
+def _numeric(x: Any) -> None:
+    # numpy would read the text "1" and the truth True as the number 1.
+    for leaf in jax.tree.leaves(x):
+        if isinstance(leaf, str | bool) or getattr(leaf, "dtype", np.dtype(float)).kind in "bUSO":
+            raise TypeError
 
 
 def finite(name: str, x: Array, remedy: str = "") -> Array:

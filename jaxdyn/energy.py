@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from jaxdyn import _checks
 from jaxdyn.scene import Field, Scene
 from jaxdyn.simulate import Trajectory
 
@@ -72,7 +73,12 @@ def drift(motion: Trajectory) -> Array:
 
     max_i |E(t_i) - E(t_0)| / max_i (|T(t_i)| + |V(t_i)|); effects without a potential, such
     as drag, make it large, which is right.
+
+    Raises:
+      ValueError: fewer than two samples, which show no change.
     """
+    if len(motion.ts) < 2:
+        raise _checks.fail("motion", "at least 2 samples", len(motion.ts), "Simulate with more.")
     total = along(energy, motion)
     v = along(potential, motion)
     size = jnp.max(jnp.abs(total - v) + jnp.abs(v))

@@ -8,17 +8,19 @@ dt = -dg / (dg/dt), dy = (dy)_t + f dt.
 import abc
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.crossings import first_crossing, values
 from jaxdyn.flow import Settings, flow
-from jaxdyn.scene import Scene
+from jaxdyn.scene import Scene, checked
 from jaxdyn.simulate import MAX_STEPS, RTOL, checked_settings, tolerances
 from jaxdyn.solvers import Pair
 from jaxdyn.status import Status
@@ -38,9 +40,21 @@ class Event(eqx.Module):
 
     def check(self, k: int) -> None:
         """Raise ValueError if this is no event of a state of k entries."""
-        del k
+        leaves, tree = jax.tree.flatten(self)
+        shape = _value_shape(tree, tuple(np.shape(leaf) for leaf in leaves), k)
+        if shape:
+            name = type(self).__name__
+            raise _checks.fail(name, "one number as its value", f"shape {shape}", "Split it.")
         if self.direction not in (-1, 0, 1):
             raise _checks.fail("direction", "1, -1, or 0 for both", self.direction)
+
+
+@functools.cache
+def _value_shape(tree, shapes: tuple, k: int) -> tuple[int, ...]:
+    """Shape of an event's value; kept, since to trace it takes as long as a short search."""
+    leaves = [jax.ShapeDtypeStruct(shape, float) for shape in (*shapes, (), (k,))]
+    event = jax.tree.unflatten(tree, leaves[:-2])
+    return jax.eval_shape(lambda event, t, y: event.value(t, y), event, *leaves[-2:]).shape
 
 
 class When(Event):
@@ -73,9 +87,9 @@ class Reaches(Event):
         return self.way
 
     def check(self, k):
-        super().check(k)
         if not 0 <= self.entry < k:
             raise _checks.fail("entry", f"an entry of the state, 0 to {k - 1}", self.entry)
+        super().check(k)
 
 
 class Stop(eqx.Module):
@@ -125,7 +139,8 @@ def until(
     Raises:
       ValueError: no event, or numbers that make no sense.
     Limits: two crossings are missed if the value turns three times within a quarter of a step.
-      At a grazing contact derivatives are infinite.
+      At a grazing contact derivatives are infinite. An event within rounding of the end of the
+      span may count as after it: end the span later.
     Example:
       >>> from jaxdyn import events, scenes
       >>> ball = scenes.cannonball(g=10.0, speed=10.0)
@@ -133,17 +148,25 @@ def until(
       >>> round(float(stop.t), 12)
       1.414213562373
     """
-    events = (events,) if isinstance(events, Event) else tuple(events)
-    if not events:
-        raise _checks.fail("events", "at least one", "none", "simulate() runs to a time.")
-    settings = checked_settings(scene, solver, max_steps)
-    scene.check()
+    events = _events(events)
+    settings = checked_settings(checked(scene), solver, max_steps)
     for event in events:
         event.check(len(scene.y0))
     t0 = _checks.array("t0", t0, ())
     t1 = _checks.array("t1", scene.t1 if t1 is None else t1, ())
     tolerance = jnp.asarray(tolerances(rtol, atol))
     return _compiled(scene.field, events, scene.y0, t0, t1, tolerance, settings=settings)
+
+
+def _events(events) -> tuple[Event, ...]:
+    given: Any = (events,) if isinstance(events, Event) or callable(events) else tuple(events)
+    if not given:
+        raise _checks.fail("events", "at least one", "none", "simulate() runs to a time.")
+    for event in given:
+        if not isinstance(event, Event):
+            got = getattr(event, "__name__", repr(event))
+            raise _checks.fail("events", "events", got, "Make one: When(fn), with a named fn.")
+    return given
 
 
 @eqx.filter_custom_jvp

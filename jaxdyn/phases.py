@@ -130,7 +130,7 @@ def run(
     """
     _check_names(phases)
     _checks.choice("start", start, phases)
-    if not t1 > t0:
+    if not _checks.array("t1", t1, ()) > _checks.array("t0", t0, ()):
         raise _checks.fail("t1", f"a time after t0 = {t0}", t1, "Impacts do not run backwards.")
     if max_phases < 1:
         raise _checks.fail("max_phases", "at least 1", max_phases)
@@ -198,7 +198,20 @@ def follow(
 
 
 def _check_names(phases: Mapping[str, Phase]) -> None:
+    if not phases:
+        raise _checks.fail("phases", "at least one", "none", "Give them by name.")
+    if END in phases:
+        raise _checks.fail("phases", f"names other than {END!r}", END, "It ends a motion; rename.")
     for name, phase in phases.items():
+        if not isinstance(phase, Phase):
+            raise _checks.fail(
+                f"phase {name}", "a Phase", type(phase).__name__, "Make it: Phase(scene, exits)."
+            )
+        if not isinstance(phase.exits, tuple):
+            got = type(phase.exits).__name__
+            raise _checks.fail(
+                f"exits of {name}", "a tuple", got, "Write (exit,) for a single one."
+            )
         for way in phase.exits:
             for to in way.names:
                 _checks.choice(f"exit of {name}", to, (*phases, END))

@@ -267,6 +267,16 @@ class Scene(eqx.Module):
 _ACTIONS = {"force": "forces on points", "generalized": "forces on coordinates"}
 
 
+def checked(scene: Any) -> Scene:
+    """The scene, if it is one and its numbers make sense: what entry points begin with."""
+    if not isinstance(scene, Scene):
+        name = getattr(scene, "__name__", None)
+        remedy = f"Call it: {name}()." if callable(scene) and name else ""
+        raise _checks.fail("scene", "a Scene", name or repr(scene), remedy)
+    scene.check()
+    return scene
+
+
 @eqx.filter_jit
 def _forgets_velocity(effect: Effect, points: Points) -> Array:
     """Whether the force is the same for NaN velocities.

@@ -13,13 +13,14 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.flow import Flow, Settings, flow
-from jaxdyn.scene import Scene
+from jaxdyn.scene import Scene, checked
 from jaxdyn.solvers import NYSTROM12, VERNER9, Pair
 from jaxdyn.status import IntegrationError, Status
 
 MAX_STEPS = 1_000_000
 RTOL = 1e-10
-_RTOL_FLOOR = 1e-16
+_RTOL_FLOOR, _RTOL_CEILING = 1e-16, 1e-2
+_MOST_BYTES = 2**32  # of the stages of all samples, which are taken at once
 
 
 class Trajectory(eqx.Module):
@@ -106,8 +107,7 @@ def simulate(
       True
     """
     _checks.float64()
-    scene.check()
-    t0, t1, ts = _times(scene, t0, t1, samples)
+    t0, t1, ts = _times(checked(scene), t0, t1, samples)
     result = solve(
         scene, t1, t0=t0, ts=ts, rtol=rtol, atol=atol, solver=solver, max_steps=max_steps
     )
@@ -196,8 +196,9 @@ def tolerances(rtol, atol) -> Array | np.ndarray:
         return jnp.stack([_floats(rtol), _floats(atol)])
     relative = "It is the relative error of one step."
     rtol = _number("rtol", rtol, relative)
-    if not _RTOL_FLOOR <= rtol < 1:
-        raise _checks.fail("rtol", f"between {_RTOL_FLOOR} and 1", rtol, relative)
+    if not _RTOL_FLOOR <= rtol <= _RTOL_CEILING:
+        wanted = f"between {_RTOL_FLOOR} and {_RTOL_CEILING}"
+        raise _checks.fail("rtol", wanted, rtol, relative + " Errors of steps add up.")
     atol = _number("atol", atol, "It is in units of the state.")
     if not 0 < atol < np.inf:
         raise _checks.fail("atol", "> 0", atol, "It is in units of the state.")
@@ -213,11 +214,13 @@ def _number(name: str, x, remedy: str) -> float:
 def _times(scene: Scene, t0, t1, samples) -> tuple[Array, Array, Array]:
     t0 = _checks.array("t0", t0, ())
     t1 = _checks.array("t1", scene.t1 if t1 is None else t1, ())
-    if isinstance(samples, int | np.integer):
+    if isinstance(samples, int | np.integer) and not isinstance(samples, bool):
         if samples < 1:
             raise _checks.fail("samples", "at least 1, or an array of times", samples)
+        _check_memory(scene, int(samples))
         return t0, t1, jnp.linspace(t0, t1, samples) if samples > 1 else t1[None]
     ts = _checks.array("samples", samples, (None,), "An array of times, or how many.")
+    _check_memory(scene, len(ts))
     if not _checks.is_traced((ts, t0, t1)):
         inside = np.concatenate([[t0], ts, [t1]])
         if (np.diff(inside) * (1.0 if t1 >= t0 else -1.0) < 0).any():
@@ -228,3 +231,17 @@ def _times(scene: Scene, t0, t1, samples) -> tuple[Array, Array, Array]:
                 "Sort them, or move t0 or t1.",
             )
     return t0, t1, ts
+
+
+def _check_memory(scene: Scene, samples: int) -> None:
+    """Refuse more samples than fit: each is one step of the method, with all of its stages."""
+    stages = max(pair.stages for pair in (NYSTROM12, VERNER9))
+    size = 8 * samples * len(scene.y0) * stages
+    if size > _MOST_BYTES:
+        most = _MOST_BYTES * samples // size
+        raise _checks.fail(
+            "samples",
+            f"at most {most:.2g} of them",
+            f"{samples}, which need {size / 2**30:.3g} GiB",
+            "Take fewer, or simulate in pieces, each from where the last one ended.",
+        )

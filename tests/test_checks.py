@@ -42,6 +42,11 @@ def test_float64_is_demanded():
 @pytest.mark.parametrize(
     ("x", "shape", "message"),
     [
+        ("1", (), r"x: expected numbers, got '1'\. Help\."),
+        (["1", 2.0], (2,), r"x: expected numbers, got \['1', 2\.0\]\. Help\."),
+        (np.array(["1"]), (1,), r"x: expected numbers, got array\(.*\)\. Help\."),
+        (True, (), r"x: expected numbers, got True\. Help\."),
+        (np.array([True]), (1,), r"x: expected numbers, got array\(.*\)\. Help\."),
         ("abc", (), r"x: expected numbers, got 'abc'\. Help\."),
         (None, (), r"x: expected numbers, got None\. Help\."),
         ([[1.0], [1.0, 2.0]], (None,), r"x: expected numbers, got \[\[1\.0\], .*\. Help\."),

@@ -105,3 +105,11 @@ def test_gradients_forward_and_reverse_agree():
     # The gradient with respect to positions is minus the force, to velocities the momentum.
     np.testing.assert_allclose(reverse[4:], np.repeat(M, 2) * Y[4:], rtol=EXACT)
     np.testing.assert_allclose(-reverse[:4], np.repeat(M, 2) * both.rate(T, Y)[4:], rtol=SOLVED)
+
+
+@pytest.mark.parametrize("samples", [[], 1])
+def test_drift_without_a_change_to_see_is_refused(samples):
+    motion = simulate(scenes.cannonball(), samples=samples)
+    message = r"^motion: expected at least 2 samples, got [01]\. Simulate with more\.$"
+    with pytest.raises(ValueError, match=message):
+        drift(motion)

@@ -259,6 +259,26 @@ def test_the_search_calls_no_library_and_sorts_nothing():
 def test_no_event_is_refused():
     with pytest.raises(ValueError, match="events: expected at least one, got none"):
         until(BALL, ())
+    message = r"^events: expected events, got height\. Make one: When\(fn\), with a named fn\.$"
+    for given in (height, (FALLS, height)):
+        with pytest.raises(ValueError, match=message):
+            until(BALL, given)
+    with pytest.raises(ValueError, match=r"^scene: expected a Scene, got cannonball\. Call it"):
+        until(scenes.cannonball, FALLS)
+
+
+def test_a_value_that_is_no_number_is_refused():
+    message = r"^When: expected one number as its value, got shape \(2,\)\. Split it\.$"
+    with pytest.raises(ValueError, match=message):
+        until(BALL, When(place))
+
+
+def height(t, y):
+    return y[1]
+
+
+def place(t, y):
+    return y[:2]
 
 
 def test_an_entry_that_is_none_and_a_direction_that_is_none_are_refused():

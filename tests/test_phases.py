@@ -146,6 +146,16 @@ def test_misuse_is_refused():
         run(BOUNCING, "fly", START, 1.0, t0=1.0)
     with pytest.raises(ValueError, match="max_phases: expected at least 1, got 0"):
         run(BOUNCING, "fly", START, 1.0, max_phases=0)
+    with pytest.raises(ValueError, match=r"^phases: expected at least one, got none\."):
+        run({}, "fly", START, 1.0)
+    with pytest.raises(ValueError, match=r"^phases: expected names other than 'end', got end\."):
+        run(BOUNCING | {END: BOUNCING["fly"]}, "fly", START, 1.0)
+    with pytest.raises(ValueError, match=r"^exits of fly: expected a tuple, got Exit\. Write \(ex"):
+        run({"fly": Phase(BALL, Exit(LANDS, END))}, "fly", START, 1.0)
+    with pytest.raises(ValueError, match=r"^phase fly: expected a Phase, got Scene\. Make it"):
+        run({"fly": BALL}, "fly", START, 1.0)
+    with pytest.raises(ValueError, match=r"^t1: expected numbers, got '1'\."):
+        run(BOUNCING, "fly", START, "1")
     astray = {"fly": Phase(BALL, (Exit(LANDS, "rol"),)), "roll": BOUNCING["fly"]}
     with pytest.raises(ValueError, match="exit of fly: expected one of end, fly, roll, got 'rol'"):
         run(astray, "fly", START, 1.0)

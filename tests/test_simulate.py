@@ -179,13 +179,28 @@ def test_every_status_has_a_message_with_a_remedy():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"rtol": 0.0}, r"rtol: expected between 1e-16 and 1, got 0\.0\. It is the relative error"),
-        ({"rtol": 1.0}, r"rtol: expected between 1e-16 and 1, got 1\.0\."),
-        ({"rtol": np.nan}, r"rtol: expected between 1e-16 and 1, got nan\."),
+        ({"rtol": 0.0}, r"rtol: expected between 1e-16 and 0\.01, got 0\.0\. It is the rel"),
+        ({"rtol": 1.0}, r"rtol: expected .* got 1\.0\. It is the .* Errors of steps add up\.$"),
+        ({"rtol": 0.011}, r"rtol: expected between 1e-16 and 0\.01, got 0\.011\."),
+        ({"rtol": np.nan}, r"rtol: expected between 1e-16 and 0\.01, got nan\."),
         ({"atol": 0.0}, r"atol: expected > 0, got 0\.0\. It is in units of the state\.$"),
         ({"atol": np.inf}, r"atol: expected > 0, got inf\."),
         ({"atol": np.nan}, r"atol: expected > 0, got nan\."),
         ({"samples": 0}, r"samples: expected at least 1, or an array of times, got 0\.$"),
+        (
+            {"samples": True},
+            r"samples: expected numbers, got True\. An array of times, or how many",
+        ),
+        (
+            {"samples": 10**8},
+            r"samples: expected at most 7\.\de\+06 of them, got 100000000, which need 5\d\.\d Gi"
+            r"B\. Take fewer, or simulate in pieces, each from where the last one ended\.$",
+        ),
+        (
+            {"samples": np.zeros(10**7)},
+            r"samples: expected at most 7\.\de\+06 of them, got 10000000,",
+        ),
+        ({"t1": "1"}, r"t1: expected numbers, got '1'\.$"),
         ({"samples": [[0.0]]}, r"samples: expected shape \(any,\), got shape \(1, 1\)\. An array"),
         (
             {"samples": [0.2, 0.1]},
@@ -226,6 +241,11 @@ def test_simulate_refuses(options, message):
         (BALL.starting([0.0]), r"y0: expected shape \(4,\), got shape \(1,\)\."),
         (scenes.three_body(np.zeros(12)), r"y0: expected bodies at different points"),
         (scenes.cannonball(m=-1.0), r"mass: expected > 0, got -1\.0\."),
+        (
+            scenes.cannonball,
+            r"scene: expected a Scene, got cannonball\. Call it: cannonball\(\)\.$",
+        ),
+        (3.0, r"scene: expected a Scene, got 3\.0\.$"),
     ],
 )
 def test_simulate_checks_the_scene(scene, message):
