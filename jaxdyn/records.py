@@ -47,19 +47,23 @@ def encode(value: Any) -> Any:
     )
 
 
-def decode(value: Any, what: str = "record") -> Any:
+def decode(value: Any, what: str = "record", kinds: tuple[type, ...] = (System, Effect)) -> Any:
     """What `encode` was given; arrays as float arrays, lists of modules as tuples.
 
+    Args:
+      value: a part of a record.
+      what: its name in messages.
+      kinds: base classes of what it may name, besides scenes.
     Raises:
       ValueError: an unknown class, a missing or extra field, something that is no number.
     """
     if what.count(".") > MAX_DEPTH:
         raise fail(what[:20] + "...", f"at most {MAX_DEPTH} modules in each other", "more")
     if isinstance(value, dict):
-        return _module(value, what)
+        return _module(value, what, kinds)
     if isinstance(value, list):
         if any(isinstance(item, dict) for item in value):
-            return tuple(decode(item, what) for item in value)
+            return tuple(decode(item, what, kinds) for item in value)
         return _array(value, what)
     if isinstance(value, float):
         return _array(value, what)
@@ -130,23 +134,23 @@ def _integer(text: str) -> int:
     return int(text)
 
 
-def _classes() -> dict[str, type]:
-    """All concrete classes a record may name: scenes, and systems and effects defined so far."""
+def _classes(kinds: tuple[type, ...]) -> dict[str, type]:
+    """All concrete classes a record may name: scenes, and those of these kinds defined so far."""
     found: dict[str, type] = {"Scene": Scene}
-    waiting: list[type] = [System, Effect]
+    waiting = list(kinds)
     while waiting:
         cls = waiting.pop()
         waiting += cls.__subclasses__()
-        if cls not in (System, Effect):
+        if not inspect.isabstract(cls):
             found[cls.__name__] = cls
     return found
 
 
-def _module(value: dict, what: str) -> eqx.Module:
-    classes = _classes()
+def _module(value: dict, what: str, kinds: tuple[type, ...]) -> eqx.Module:
+    classes = _classes(kinds)
     name = value.get("type")
     cls = classes.get(name) if isinstance(name, str) else None
-    if cls is None or inspect.isabstract(cls):
+    if cls is None:
         raise fail(what, f"one of {', '.join(sorted(classes))}", repr(name)[:60])
     names = {f.name for f in dataclasses.fields(cls)}
     if names != value.keys() - {"type"}:
@@ -157,7 +161,7 @@ def _module(value: dict, what: str) -> eqx.Module:
     for field in dataclasses.fields(cls):
         static = field.metadata.get("static", False)
         item = value[field.name]
-        item = _tuples(item) if static else _number_or(item, f"{what}.{field.name}")
+        item = _tuples(item) if static else _number_or(item, f"{what}.{field.name}", kinds)
         object.__setattr__(module, field.name, item)
     return module
 
@@ -167,10 +171,10 @@ def _tuples(item: Any) -> Any:
     return tuple(map(_tuples, item)) if isinstance(item, list) else item
 
 
-def _number_or(item: Any, what: str) -> Any:
+def _number_or(item: Any, what: str, kinds: tuple[type, ...]) -> Any:
     if isinstance(item, int | float) and not isinstance(item, bool):
         return _array(item, what)
-    return () if item == [] else decode(item, what)
+    return () if item == [] else decode(item, what, kinds)
 
 
 def _array(value: Any, what: str) -> Array:

@@ -18,18 +18,29 @@ False
 6.325913983
 """
 
+from orbits.closing import PLAIN as PLAIN
+from orbits.closing import Closing as Closing
+from orbits.closing import Return as Return
+from orbits.closing import Reversal as Reversal
+from orbits.closing import choreography as choreography
+from orbits.closing import relative as relative
+from orbits.closing import reversal as reversal
+from orbits.conditions import Condition as Condition
+from orbits.conditions import Energy as Energy
+from orbits.conditions import Period as Period
+from orbits.conditions import Section as Section
 from orbits.evidence import closure as closure
 from orbits.evidence import recheck as recheck
 from orbits.identity import Identity as Identity
 from orbits.identity import identify as identify
 from orbits.identity import normal_form as normal_form
-from orbits.problem import PLAIN as PLAIN
-from orbits.problem import Closing as Closing
 from orbits.problem import Orbit as Orbit
 from orbits.problem import Outcome as Outcome
 from orbits.problem import SearchError as SearchError
-from orbits.problem import choreography as choreography
 from orbits.shooting import find as find
 from orbits.stability import Stability as Stability
 from orbits.stability import monodromy as monodromy
 from orbits.stability import stability as stability
+from orbits.symmetry import Symmetry as Symmetry
+from orbits.symmetry import backwards as backwards
+from orbits.symmetry import of_points as of_points

@@ -7,13 +7,10 @@ a tighter tolerance, and then several periods in a row.
 
 import dataclasses
 
-import jax.numpy as jnp
-import numpy as np
-
 from jaxdyn import Status
 from jaxdyn.simulate import default_solver, solve
 from jaxdyn.solvers import DOPRI8, VERNER9
-from orbits.problem import Orbit
+from orbits.problem import Orbit, gap
 
 #: Below this, steps are lost in rounding: the tightest tolerance that still helps.
 TIGHT = 1e-15
@@ -35,7 +32,10 @@ class Recheck:
 
 
 def closure(orbit: Orbit, *, periods: int = 1, rtol: float | None = None, solver=None) -> float:
-    """Largest entry of the state after some periods minus the start; NaN if not reached."""
+    """Largest entry by which the state misses the start after some periods; NaN if not reached.
+
+    A relative orbit has turned by then; its start is turned by as much.
+    """
     flow = solve(
         orbit.scene,
         periods * orbit.period,
@@ -44,7 +44,7 @@ def closure(orbit: Orbit, *, periods: int = 1, rtol: float | None = None, solver
     )
     if int(flow.status) != Status.OK:
         return float("nan")
-    return float(np.abs(orbit.scene.system.difference(flow.y1, jnp.asarray(orbit.y0))).max())
+    return gap(orbit, flow.y1, periods)
 
 
 def recheck(orbit: Orbit) -> Recheck:

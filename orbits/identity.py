@@ -18,7 +18,8 @@ from jaxdyn.energy import angular_momentum, energy
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import EIGHT
 from jaxdyn.simulate import solve
-from orbits.problem import Orbit, choreography
+from orbits.closing import choreography
+from orbits.problem import Orbit
 
 #: Entries of y(T / n) may miss the choreography by this much of the orbit's size.
 CHOREOGRAPHY = 1e-9
@@ -81,7 +82,7 @@ def permutation_error(orbit: Orbit) -> float:
     n = len(system.m)
     end = solve(orbit.scene, orbit.period / n, rtol=orbit.rtol).y1
     rings = choreography(n, system.d)
-    return min(float(jnp.abs(end - ring.act(orbit.y0)).max()) for ring in rings)
+    return min(float(jnp.abs(end - ring.symmetry.act(orbit.y0)).max()) for ring in rings)
 
 
 def normal_form(orbit: Orbit) -> Orbit:

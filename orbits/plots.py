@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks, plots, simulate
+from jaxdyn.paths import paths
 
 _SAMPLES = 600
 _RTOL = 1e-10
@@ -31,7 +32,7 @@ def orbit_picture(orbits: Sequence, path=None, titles: Sequence[str] | None = No
     if path is not None:
         path = plots.checked_path(path, plots.SUFFIXES)
     titles = _checked_titles(orbits, titles)
-    drawn = [plots.paths(_one_period(orbit)) for orbit in orbits]
+    drawn = [paths(_one_period(orbit)) for orbit in orbits]
     if len({one.labels for one in drawn}) > 1:
         raise _checks.fail("orbits", "orbits in one space", "orbits in several", "Draw them apart.")
     box = plots.limits(
@@ -41,13 +42,13 @@ def orbit_picture(orbits: Sequence, path=None, titles: Sequence[str] | None = No
     for i, (orbit, one, title) in enumerate(zip(orbits, drawn, titles, strict=True)):
         ax = plots.panel(figure, one, box, (1, len(drawn), i + 1))
         ax.set_title(title, fontsize=10)
-        plots.draw_paths(ax, one.xyz)
-        plots.draw_starts(ax, one.xyz[0])
+        plots.draw_paths(ax, one)
+        plots.draw_starts(ax, one)
         if one.equal:
             _draw_velocities(ax, orbit, np.diff(box).max())
-    bodies = max(one.xyz.shape[1] for one in drawn)
+    most = max(drawn, key=lambda one: len(one.traced))
     arrow = plots.mark(r"$\rightarrow$", "velocity there")
-    plots.legend(figure, bodies, plots.mark("o", "start"), arrow)
+    plots.legend(figure, most, plots.mark("o", "start"), arrow)
     return plots.finished(figure, path)
 
 

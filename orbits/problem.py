@@ -1,74 +1,14 @@
-"""What a periodic orbit is: the unknowns, what must close, and the record of what was found.
-
-An orbit is a start ``y0`` (k,) and a period T such that the motion comes back,
-
-    y(T / n) = g y(0),
-
-plainly (n = 1, g the identity) or up to a symmetry g of the scene after the n-th part of the
-period. A choreography of N equal bodies is the case n = N, g = "each body takes the next one's
-place": it is a stronger demand than plain closing, and costs an n-th of the integration.
-"""
+"""What was found: an orbit, how well it closes, and how the search for it ended."""
 
 import enum
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import fail
-
-
-class Closing(eqx.Module):
-    """y(T / parts) = places of y(0): which part of the period leads where.
-
-    Attributes:
-      places: (k,) index array; entry i of g y is entry places[i] of y. None is the identity.
-      parts: how many of these parts make a period.
-      name: what reports call it.
-    """
-
-    places: tuple[int, ...] | None = eqx.field(static=True, default=None)
-    parts: int = eqx.field(static=True, default=1)
-    name: str = eqx.field(static=True, default="plain closing")
-
-    def act(self, y: Float[Array, " k"]) -> Float[Array, " k"]:
-        """The symmetry g applied to a state."""
-        return y if self.places is None else y[np.array(self.places)]
-
-    def check(self, k: int) -> None:
-        """Raise ValueError if this cannot be a closing condition of a state of k entries."""
-        if self.parts < 1:
-            raise fail("closing", "at least one part of a period", self.parts)
-        if self.places is not None and sorted(self.places) != list(range(k)):
-            raise fail(
-                "closing",
-                f"a rearrangement of the {k} entries of the state",
-                f"one of {len(self.places)} places",
-                "choreography(n, d) makes one for n free points in d dimensions.",
-            )
-
-
-PLAIN = Closing()
-
-
-def choreography(n: int = 3, d: int = 2) -> tuple[Closing, Closing]:
-    """All n bodies on one curve: after T / n each is where the next one was.
-
-    There are two directions round the ring; `find` takes the one its guess is nearer to.
-
-    Args:
-      n: number of free points.
-      d: dimensions of space.
-    """
-    return _ring(n, d, 1), _ring(n, d, -1)
-
-
-def _ring(n: int, d: int, step: int) -> Closing:
-    bodies = (np.arange(n) + step) % n
-    one = (bodies[:, None] * d + np.arange(d)).ravel()
-    places = np.concatenate([one, n * d + one])
-    return Closing(tuple(places.tolist()), n, f"choreography of {n}")
+from orbits.closing import Closing
 
 
 class Outcome(enum.IntEnum):
@@ -81,6 +21,7 @@ class Outcome(enum.IntEnum):
     ESCAPE = 4
     TRIVIAL = 5
     BOUND = 6
+    STEP_LIMIT = 7
 
     @property
     def message(self) -> str:
@@ -112,6 +53,10 @@ _MESSAGES = {
     Outcome.BOUND: (
         "The best point lies on the bounds and does not close. Widen them, or start elsewhere."
     ),
+    Outcome.STEP_LIMIT: (
+        "The motion from the guess takes more steps than the integrator may. Look at it with "
+        "simulate(): is the period as long as it should be, and the scene not stiff?"
+    ),
 }
 
 
@@ -125,10 +70,11 @@ class Orbit(eqx.Module):
     Attributes:
       scene: what moves; its own start and span are those of the orbit.
       closing: what was demanded.
-      residual: () largest entry of the demand, ``y(T / parts) - g y(0)``.
+      residual: () largest entry of what does not close, conditions included.
       outcome: `Outcome`; unless it is FOUND this is the best iterate, not an orbit.
       iterations: Newton steps taken.
       rtol: tolerance of the integrations.
+      angle: by which a relative orbit has turned after one part of its period [rad], else 0.
     """
 
     scene: Scene
@@ -137,6 +83,7 @@ class Orbit(eqx.Module):
     outcome: Outcome = eqx.field(static=True)
     iterations: int
     rtol: float
+    angle: float = 0.0
 
     @property
     def y0(self) -> Array:
@@ -162,3 +109,10 @@ class Orbit(eqx.Module):
 def part(orbit: Orbit) -> float:
     """The time after which the orbit's closing condition holds."""
     return orbit.period / orbit.closing.parts
+
+
+def gap(orbit: Orbit, end: Array, periods: int = 1) -> float:
+    """Largest entry of a state that should be the start after some whole periods, minus that."""
+    system, y0 = orbit.scene.system, jnp.asarray(orbit.y0)
+    target = orbit.closing.after(system, y0, orbit.angle, periods)
+    return float(np.abs(system.difference(end, target)).max())

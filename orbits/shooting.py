@@ -1,27 +1,27 @@
-"""Find a periodic orbit near a guess: shooting with Newton's method.
+"""Find a periodic orbit near a guess: shooting with Newton's method."""
 
-The unknowns are the start and the period; with several segments also the states in between,
-each integrated by itself, so that an unstable orbit's errors do not grow over a whole period.
-The residual is what does not close, its Jacobian comes from the variational equations.
-"""
-
-import functools
+import math
 from collections.abc import Callable, Sequence
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
-from jaxdyn import Scene
+from jaxdyn import Scene, Status
 from jaxdyn._checks import array, fail, positive
 from jaxdyn.simulate import solve, tolerances
 from orbits import newton
-from orbits.problem import PLAIN, Closing, Orbit, Outcome, SearchError
+from orbits.closing import PLAIN, Closing
+from orbits.conditions import Condition
+from orbits.equations import Equations
+from orbits.problem import Orbit, Outcome, SearchError
+from orbits.symmetry import EXACT
 
 RTOL = 1e-14
 GOAL = 1e-12
-_SYMMETRIC = 1e-9  # relative: how exactly a closing condition keeps the vector field
+#: Growth of errors over a segment from which on more segments are taken: half of the digits
+#: of a closing error of 1e-12 would be rounding then.
+_GROWTH = 1e4
+_SEGMENTS_MOST = 32
 _ESCAPE = 100.0  # times the guess's size is a run-away
 _TRIVIAL = 0.02  # of the guessed period, or of its path length, is a trivial solution
 
@@ -34,7 +34,8 @@ def find(
     lower=None,
     upper=None,
     closing: Closing | Sequence[Closing] = PLAIN,
-    segments: int = 1,
+    hold: Condition | Sequence[Condition] = (),
+    segments: int | None = None,
     goal: float = GOAL,
     rtol: float = RTOL,
     max_iterations: int = 60,
@@ -44,14 +45,17 @@ def find(
     """The periodic orbit near a guess.
 
     Args:
-      scene: what moves.
+      scene: what moves. Where its rate depends on time the period stays as it is guessed.
       y0: (k,) guess of the start; the scene's own if left out.
       period: () guess of the full period; the scene's own span if left out.
-      lower: (k + 1,) lower bounds of the start and the period; -inf where there is none.
+      lower: (k + 1,) lower bounds of the start and the period; -inf where there is none. An
+        entry whose bounds are equal stays fixed: a phase condition.
       upper: (k + 1,) upper bounds.
       closing: what must hold after which part of the period; of several, the one that the
         guess misses least.
-      segments: pieces integrated by themselves (multiple shooting).
+      hold: conditions on the orbit besides closing, e.g. ``orbits.Energy(-1.0)``.
+      segments: pieces integrated by themselves (multiple shooting); as many as the growth of
+        errors along the guess calls for if left out.
       goal: largest closing error that counts as an orbit.
       rtol: tolerance of the integrations.
       max_iterations: Newton steps at most.
@@ -62,7 +66,7 @@ def find(
     Raises:
       ValueError: numbers that make no sense.
       SearchError: no orbit was found (``throw=True``).
-    Limits: the system's coordinates must close by themselves; host only, not inside jit.
+    Limits: host only, not inside jit; `solution` makes what was found differentiable.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
@@ -71,104 +75,97 @@ def find(
       6.325914
     """
     closings = (closing,) if isinstance(closing, Closing) else tuple(closing)
-    guess, lower, upper = checked(scene, y0, period, lower, upper, closings, segments)
+    conditions = (hold,) if isinstance(hold, Condition) else tuple(hold)
+    guess, lower, upper = checked(scene, y0, period, lower, upper, closings, conditions)
     positive("goal", goal, "It is the largest closing error of an orbit.")
     tolerances(rtol, None)  # refuses what is none; inside jit it could not
-    closing = _nearest(scene, guess, closings, rtol)
-    equations = _Equations(scene, closing, segments, rtol)
-    x = equations.spread(guess)
-    low, high = equations.bounds(lower, upper)
+    scene = scene.starting(guess[:-1], guess[-1])
+    closing, angle = _nearest(scene, closings, rtol)
+    equations = Equations(scene, closing, conditions, driven=driven(scene))
+    equations = cut(equations, guess, rtol, segments, angle)
+    x = equations.spread(guess[:-1], guess[-1], rtol, angle)
+    return solved(equations, x, lower, upper, goal, rtol, max_iterations, report, throw)
 
-    def keep_going(x: np.ndarray) -> bool:
-        return _trouble(scene, x, guess) is None
+
+def solved(
+    equations: Equations,
+    x: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    goal: float,
+    rtol: float,
+    max_iterations: int,
+    report: Callable[[newton.Iteration], None],
+    throw: bool,
+) -> Orbit:
+    """`find` from checked arguments, with x in place of the guess."""
+    low, high = equations.bounds(lower, upper)
+    trouble = _Trouble(equations, x)
+
+    def evaluated(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        found = equations(x, rtol)
+        return np.asarray(found.residual), np.asarray(found.jacobian)
 
     result = newton.solve(
-        equations,
+        evaluated,
         x,
         lower=low,
         upper=high,
         goal=goal,
         max_iterations=max_iterations,
-        keep_going=keep_going,
+        keep_going=lambda x: trouble(x) is None,
         report=report,
     )
-    outcome = _outcome(scene, result, guess)
+    outcome = _outcome(equations, result, trouble, rtol)
     if throw and outcome != Outcome.FOUND:
         raise SearchError(outcome.message)
-    k = len(guess) - 1
-    found = scene.starting(result.x[:k], result.x[-1])
+    unknowns = equations.unpack(result.x)
+    found = equations.scene_at(unknowns.parameter).starting(
+        equations.start(jnp.asarray(result.x)), unknowns.period
+    )
     residual = float(np.max(np.abs(result.residual)))
-    return Orbit(found, closing, residual, outcome, result.iterations, rtol)
+    angle = float(unknowns.angle)
+    return Orbit(found, equations.closing, residual, outcome, result.iterations, rtol, angle)
 
 
-class _Equations:
-    """x = (states at the starts of the segments, period) -> closing residual and Jacobian."""
-
-    def __init__(self, scene: Scene, closing: Closing, segments: int, rtol: float):
-        self.scene, self.closing = scene, closing
-        self.segments, self.rtol = segments, rtol
-
-    def spread(self, guess: np.ndarray) -> np.ndarray:
-        """The unknowns that go with a start and a period."""
-        if self.segments == 1:
-            return guess
-        part = guess[-1] / self.closing.parts
-        ts = np.arange(self.segments) * part / self.segments
-        flow = solve(self.scene.starting(guess[:-1]), part, ts=ts, rtol=self.rtol)
-        return np.append(np.asarray(flow.ys).ravel(), guess[-1])
-
-    def bounds(self, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds on the start and the period; the states in between are free."""
-        between = (self.segments - 1) * (len(lower) - 1)
-
-        def with_free(b: np.ndarray, free: float) -> np.ndarray:
-            return np.concatenate([b[:-1], np.full(between, free), b[-1:]])
-
-        return with_free(lower, -np.inf), with_free(upper, np.inf)
-
-    def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if x[-1] <= 0:
-            m = self.segments * len(self.scene.y0)
-            return np.full(m, np.nan), np.full((m, len(x)), np.nan)
-        residual, jacobian = _closing_error(
-            self.scene, self.closing, x, self.rtol, segments=self.segments
-        )
-        return np.asarray(residual), np.asarray(jacobian)
-
-
-@functools.partial(jax.jit, static_argnames="segments")
-def _closing_error(scene, closing, x, rtol, *, segments) -> tuple[Array, Array]:
-    def residual(x):
-        states, period = x[:-1].reshape(segments, -1), x[-1]
-        span = period / (closing.parts * segments)
-        # One after the other, each with its own steps; a loop compiles once for all of them.
-        ends = jax.lax.map(lambda y: solve(scene.starting(y), span, rtol=rtol).y1, states)
-        targets = [*states[1:], closing.act(states[0])]
-        errors = [scene.system.difference(*pair) for pair in zip(ends, targets, strict=True)]
-        return (jnp.concatenate(errors),) * 2
-
-    jacobian, value = jax.jacfwd(residual, has_aux=True)(x)
-    return value, jacobian
+def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, parameter=0.0):
+    """The equations with so many segments, or as many as the guess's growth calls for."""
+    if segments is None:
+        x = equations.spread(guess[:-1], guess[-1], rtol, angle, parameter)
+        growth = float(np.linalg.norm(np.asarray(equations(x, rtol).transitions)[0]))
+        digits = math.log(growth) / math.log(_GROWTH) if 0 < growth < math.inf else 0.0
+        # Powers of two: few numbers of segments, few compilations.
+        segments = min(2 ** max(0, math.ceil(math.log2(max(digits, 1.0)))), _SEGMENTS_MOST)
+    elif not (isinstance(segments, int | np.integer) and segments >= 1):
+        raise fail("segments", "a whole number, at least 1", segments)
+    scene, closing, conditions = equations.scene, equations.closing, equations.conditions
+    return Equations(scene, closing, conditions, equations.make, segments, equations.driven)
 
 
 def checked(
-    scene: Scene, y0=None, period=None, lower=None, upper=None, closings=(PLAIN,), segments=1
+    scene: Scene, y0=None, period=None, lower=None, upper=None, closings=(PLAIN,), conditions=()
 ):
     """The guess (k + 1,) within its bounds, and both bounds; arguments as for `find`.
 
     Raises:
       ValueError: numbers that make no sense.
     """
+    if not isinstance(scene, Scene):
+        raise fail("scene", "a Scene", type(scene).__name__, "Call it: scenes.three_body().")
     scene = scene if y0 is None else scene.starting(y0)
     scene.check()
     k = len(scene.y0)
     if not closings:
         raise fail("closing", "at least one closing condition", "none")
     for closing in closings:
-        closing.check(k)
-        _check_symmetry(scene, closing)
-    if segments < 1:
-        raise fail("segments", "at least 1", segments)
+        if not isinstance(closing, Closing):
+            remedy = "orbits.PLAIN, orbits.choreography(3), orbits.relative() are some."
+            raise fail("closing", "a Closing", repr(closing), remedy)
+        closing.check(scene)
+    for condition in conditions:
+        if not isinstance(condition, Condition):
+            raise fail("hold", "a Condition", repr(condition), "orbits.Energy(-1.0) is one.")
+        condition.check(scene)
     period = positive("period", scene.t1 if period is None else period, "It is a time.")
     array("period", period, (), "It is one time.")
     guess = np.append(np.asarray(scene.y0), float(period))
@@ -180,63 +177,62 @@ def checked(
         raise fail("lower", f"<= upper = {high[i]} at index {i}", low[i], "Swap them?")
     if not high[-1] > 0:
         raise fail("upper", "a positive last entry, for the period", high[-1])
-    _check_time(scene, low[-1] == high[-1], np.clip(float(period), low[-1], high[-1]))
     clipped = np.clip(guess, low, high)
     if not (np.isfinite(clipped).all() and clipped[-1] > 0):
         raise fail("bounds", "some finite numbers between them", f"{clipped} nearest to the guess")
+    if driven(scene):
+        check_drive(scene, clipped[-1])
+        low[-1] = high[-1] = clipped[-1]
     return clipped, low, high
 
 
-def _check_time(scene: Scene, fixed: bool, period: float) -> None:
-    # Where the rate depends on time, coming back is not enough: the drive must come back too.
-    ts = period * np.array([0.0, 0.13, 0.37, 0.71])
-    rates = [np.asarray(scene.rate(jnp.asarray(t), scene.y0)) for t in ts]
-    if all(np.array_equal(rates[0], rate, equal_nan=True) for rate in rates):
-        return
-    later = [np.asarray(scene.rate(jnp.asarray(t + period), scene.y0)) for t in ts]
-    size = max(float(np.abs(rate).max()) for rate in rates)
-    repeats = all(
-        np.abs(a - b).max() <= _SYMMETRIC * size for a, b in zip(rates, later, strict=True)
-    )
-    if not (fixed and repeats):
+def driven(scene: Scene) -> bool:
+    """Whether the rate depends on time."""
+    rates = _rates(scene, 0.0)
+    return not all(np.array_equal(rates[0], rate, equal_nan=True) for rate in rates)
+
+
+def check_drive(scene: Scene, period: float) -> None:
+    """Raise ValueError unless the drive comes back after the period.
+
+    Where the rate depends on time, the state's coming back is not enough.
+    """
+    now, later = _rates(scene, 0.0), _rates(scene, period)
+    size = max(float(np.abs(rate).max()) for rate in now)
+    if not all(np.abs(a - b).max() <= EXACT * size for a, b in zip(now, later, strict=True)):
         raise fail(
             "period",
-            "a fixed multiple of the drive's, since the rate depends on time",
-            f"{'a drive that does not repeat after ' if fixed else 'a free period near '}{period}",
-            "Set the last entries of lower and upper to that period.",
+            "a multiple of the drive's, since the rate depends on time",
+            f"{period}, after which it does not repeat",
+            "Give period=; it is held fixed.",
         )
 
 
-def _check_symmetry(scene: Scene, closing: Closing) -> None:
-    # Without the symmetry the motion after the first part is another one: it would not close.
-    if closing.places is None:
-        return
-    t = jnp.zeros(())
-    there, here = scene.rate(t, closing.act(scene.y0)), closing.act(scene.rate(t, scene.y0))
-    if not float(jnp.abs(there - here).max()) <= _SYMMETRIC * float(jnp.abs(here).max()):
-        raise fail(
-            "closing",
-            "a symmetry of the scene",
-            f"{closing.name!r}, which changes its forces",
-            "Bodies that take each other's places need equal masses.",
-        )
+def _rates(scene: Scene, later: float) -> list[np.ndarray]:
+    ts = later + float(scene.t1) * np.array([0.0, 0.13, 0.37, 0.71])
+    return [np.asarray(scene.rate(jnp.asarray(t), scene.y0)) for t in ts]
 
 
-def _nearest(scene: Scene, guess: np.ndarray, closings: tuple[Closing, ...], rtol) -> Closing:
-    if len(closings) == 1:
-        return closings[0]
-
-    def miss(closing: Closing) -> float:
-        y0 = jnp.asarray(guess[:-1])
-        end = solve(scene.starting(y0), guess[-1] / closing.parts, rtol=rtol).y1
-        error = float(jnp.linalg.norm(scene.system.difference(end, closing.act(y0))))
-        return error if np.isfinite(error) else np.inf
-
-    return min(closings, key=miss)
+def _nearest(scene: Scene, closings: tuple[Closing, ...], rtol) -> tuple[Closing, float]:
+    """The closing that the guess misses least, and its best angle."""
+    if len(closings) == 1 and not closings[0].turns:
+        return closings[0], 0.0
+    best = (math.inf, closings[0], 0.0)
+    for closing in closings:
+        system, y0 = scene.system, jnp.asarray(scene.y0)
+        end = solve(scene, float(scene.t1) / closing.parts, rtol=rtol).y1
+        angle = closing.angle(system, end, y0)
+        error = float(jnp.linalg.norm(closing.miss(system, end, y0, jnp.asarray(angle))))
+        if error < best[0]:
+            best = (error, closing, angle)
+    return best[1:]
 
 
 def _bound(name, value, k, remedy):
-    value = np.asarray(value, dtype=float)
+    try:
+        value = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise fail(name, "numbers", repr(value), remedy) from error
     if value.shape != (k + 1,):
         raise fail(name, f"shape ({k + 1},)", f"shape {value.shape}", remedy)
     if np.isnan(value).any():
@@ -244,25 +240,39 @@ def _bound(name, value, k, remedy):
     return value
 
 
-def _trouble(scene: Scene, x: np.ndarray, guess: np.ndarray) -> Outcome | None:
+class _Trouble:
     """Whether an iterate is on its way to a solution that is none."""
-    k = len(guess) - 1
-    # A guess of zeros has no size to compare with.
-    if np.abs(x[:k]).max() > _ESCAPE * np.abs(guess[:k]).max() > 0:
-        return Outcome.ESCAPE
-    path = float(jnp.linalg.norm(scene.rate(jnp.zeros(()), jnp.asarray(x[:k])))) * x[-1]
-    start = float(jnp.linalg.norm(scene.rate(jnp.zeros(()), jnp.asarray(guess[:k])))) * guess[-1]
-    if x[-1] < _TRIVIAL * guess[-1] or path <= _TRIVIAL * start:
-        return Outcome.TRIVIAL
-    return None
+
+    def __init__(self, equations: Equations, guess: np.ndarray):
+        self.equations = equations
+        self.period = guess[-1]
+        self.size, self.path = self._size_and_path(guess)
+
+    def __call__(self, x: np.ndarray) -> Outcome | None:
+        size, path = self._size_and_path(x)
+        # A guess of zeros has no size to compare with.
+        if size > _ESCAPE * self.size > 0:
+            return Outcome.ESCAPE
+        if x[-1] < _TRIVIAL * self.period or path <= _TRIVIAL * self.path:
+            return Outcome.TRIVIAL
+        return None
+
+    def _size_and_path(self, x: np.ndarray) -> tuple[float, float]:
+        y0 = self.equations.start(x)
+        scene = self.equations.scene_at(self.equations.unpack(x).parameter)
+        rate = float(jnp.linalg.norm(scene.rate(jnp.zeros(()), y0)))
+        return float(jnp.abs(y0).max()), rate * x[-1]
 
 
-def _outcome(scene: Scene, result: newton.Result, guess: np.ndarray) -> Outcome:
+def _outcome(
+    equations: Equations, result: newton.Result, trouble: _Trouble, rtol: float
+) -> Outcome:
     if not np.isfinite(result.residual).all():
-        return Outcome.COLLISION
-    trouble = _trouble(scene, result.x, guess)
-    if trouble is not None:
-        return trouble
+        limit = int(equations(result.x, rtol).status) == Status.STEP_LIMIT
+        return Outcome.STEP_LIMIT if limit else Outcome.COLLISION
+    outcome = trouble(result.x)
+    if outcome is not None:
+        return outcome
     if result.converged:
         return Outcome.FOUND
     if result.at_bound:

@@ -11,11 +11,14 @@ import numpy as np
 from jaxdyn import Scene, records
 from jaxdyn._checks import fail
 from jaxdyn.simulate import solve
-from orbits.problem import Closing, Orbit, Outcome, part
+from orbits.closing import Closing
+from orbits.problem import Orbit, Outcome, part
 from orbits.report import Report, as_json, report
+from orbits.shooting import check_drive, driven
+from orbits.symmetry import Symmetry
 
 FORMAT = "jaxdyn-orbit"
-VERSION = 1
+VERSION = 2
 #: A file's numbers and those derived again may differ by this, relative to their size.
 AGREEMENT = 1e-9
 #: Errors are rounding, not numbers: claimed and derived ones may differ by this factor.
@@ -28,7 +31,7 @@ _ERRORS = (
     "determinant_defect",
     "recheck.closure",
 )
-_KEYS = {"format", "version", "scene", "closing", "rtol", "claims"}
+_KEYS = {"format", "version", "scene", "closing", "angle", "rtol", "claims"}
 _NOT_COMPARED = ("multiplier_bars", "recheck.tolerance")
 
 
@@ -52,15 +55,14 @@ def save(path: str | Path, orbit: Orbit, claims: Report | None = None) -> None:
       ValueError: the folder does not exist, or the scene holds a function.
     """
     claims = report(orbit) if claims is None else claims
-    closing = orbit.closing
-    places = None if closing.places is None else list(closing.places)
     records.write(
         path,
         {
             "format": FORMAT,
             "version": VERSION,
             "scene": records.encode(orbit.scene),
-            "closing": {"places": places, "parts": closing.parts, "name": closing.name},
+            "closing": records.encode(orbit.closing),
+            "angle": float(orbit.angle),
             "rtol": float(orbit.rtol),
             "claims": as_json(claims),
         },
@@ -79,13 +81,14 @@ def load(path: str | Path) -> tuple[Orbit, dict[str, Any]]:
         raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), remedy)
     try:
         scene = _scene(record["scene"], remedy)
-        closing = _closing(record["closing"], len(scene.y0))
+        closing = _closing(record["closing"], scene)
+        angle = float(record["angle"])
         rtol, claims = float(record["rtol"]), record["claims"]
         if not (0 < rtol < 1 and float(scene.t1) > 0 and isinstance(claims, dict)):
             raise fail("file", "a period > 0, 0 < rtol < 1 and claims", "others", remedy)
     except (KeyError, TypeError, AttributeError, IndexError) as error:
         raise fail("file", "a complete orbit", f"{type(error).__name__} {error}", remedy) from error
-    orbit = Orbit(scene, closing, math.nan, Outcome.FOUND, 0, rtol)
+    orbit = Orbit(scene, closing, math.nan, Outcome.FOUND, 0, rtol, angle)
     return orbit, claims
 
 
@@ -108,22 +111,24 @@ def _scene(record: Any, remedy: str) -> Scene:
     rate = scene.rate(jnp.zeros(()), scene.y0)
     if rate.shape != scene.y0.shape:
         raise fail("scene", f"a rate of shape {scene.y0.shape}", f"shape {rate.shape}", remedy)
+    if driven(scene):
+        check_drive(scene, float(scene.t1))
     return scene
 
 
-def _closing(record: dict, k: int) -> Closing:
-    places, parts, name = record.pop("places"), record.pop("parts"), record.pop("name")
-    if record or type(parts) is not int or type(name) is not str:
-        raise fail("closing", "places, parts and a name", "others")
-    closing = Closing(None if places is None else tuple(map(int, places)), parts, name)
-    closing.check(k)
+def _closing(record: Any, scene: Scene) -> Closing:
+    closing = records.decode(record, "closing", (Closing, Symmetry))
+    if not (isinstance(closing, Closing) and isinstance(closing.name, str)):
+        raise fail("closing", "a closing condition with a name", "others")
+    closing.check(scene)
     return closing
 
 
 def _not_closed(orbit: Orbit, derived: Report):
     """A file may be honest about a motion that is no orbit at all."""
     end = solve(orbit.scene, part(orbit), rtol=orbit.rtol).y1
-    miss = orbit.scene.system.difference(end, orbit.closing.act(orbit.y0))
+    system, y0, angle = orbit.scene.system, jnp.asarray(orbit.y0), jnp.asarray(orbit.angle)
+    miss = orbit.closing.miss(system, end, y0, angle)
     size = AGREEMENT * (1.0 + float(np.abs(orbit.y0).max()))
     for name, error in (
         (orbit.closing.name, float(np.abs(miss).max())),

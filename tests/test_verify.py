@@ -149,7 +149,6 @@ def test_a_claim_too_few_or_too_many_is_seen(edited, change):
     [
         (("scene", "y0", 4), 1e-6),
         (("scene", "t1"), 1e-6),
-        (("scene", "system", "m"), 1e-6),
         (("scene", "effects", 0, "G"), 1e-6),
     ],
 )
@@ -163,7 +162,7 @@ def test_an_edited_motion_is_seen(edited, keys, step):
 
 
 def test_an_edited_closing_is_seen(edited):
-    assert names(edited("closing", "places", to=list(range(12)))) == {
+    assert names(edited("closing", "symmetry", "places", to=list(range(12)))) == {
         "error of the choreography of 3"
     }
 
@@ -185,10 +184,10 @@ def test_rounding_of_another_machine_is_no_edit(edited):
     ("keys", "to", "message"),
     [
         (("format",), "other", "file: expected format 'jaxdyn-orbit', got 'other'"),
-        (("version",), 99, "file: expected version 1, got 99"),
+        (("version",), 99, "file: expected version 2, got 99"),
         (("claims",), [], "file: expected a period > 0, 0 < rtol < 1 and claims, got others"),
         (("rtol",), 0.0, "file: expected a period > 0, 0 < rtol < 1 and claims, got others"),
-        (("rtol",), 1e-30, "rtol: expected between 1e-16 and 1, got 1e-30"),
+        (("rtol",), 1e-30, "rtol: expected between 1e-16 and 0.01, got 1e-30"),
         (("rtol",), None, "file: expected a complete orbit, got TypeError"),
         (("scene", "t1"), -1.0, "file: expected a period > 0"),
         (("scene", "t1"), [6.3], "file: expected a complete orbit"),
@@ -199,18 +198,22 @@ def test_rounding_of_another_machine_is_no_edit(edited):
         (("scene", "system", "m"), [[1.0]] * 3, "expected"),
         (("scene", "system", "d"), "2", "file: expected a complete orbit"),
         (("scene", "system", "d"), 3, "y0: expected shape"),
-        (("scene", "effects"), [1.0, 2.0], "file: expected a complete orbit"),
+        (("scene", "effects"), [1.0, 2.0], "effects: expected effects"),
         (("scene", "effects", 0, "G"), [1.0, 1.0], "G: expected shape (), got shape (2,)"),
         (("scene", "system"), None, "file: expected a complete orbit"),
         (("scene",), [], "scene: expected a Scene, got"),
         (("scene",), lambda scene: scene["system"], "scene: expected a Scene, got FreePoints"),
         (("scene", "system"), lambda system: {"type": "PairGravity", "G": 1.0}, "complete orbit"),
-        (("closing",), None, "file: expected a complete orbit"),
+        (("closing",), None, "closing: expected a closing condition with a name"),
+        (("scene", "system", "m"), [1.0, 1.0, 1.000001], "closing: expected a symmetry"),
         (("closing", "parts"), 0, "closing: expected at least one part of a period, got 0"),
-        (("closing", "parts"), 2.5, "closing: expected places, parts and a name, got others"),
-        (("closing", "name"), ["x"], "closing: expected places, parts and a name, got others"),
-        (("closing", "places"), [0] * 12, "closing: expected a rearrangement of the 12 entries"),
-        (("closing", "more"), 1, "closing: expected places, parts and a name, got others"),
+        (("closing", "parts"), 2.5, "closing: expected at least one part of a period, got 2.5"),
+        (("closing", "name"), ["x"], "closing: expected a closing condition with a name"),
+        (("closing", "symmetry", "places"), [0] * 12, "closing: expected a rearrangement"),
+        (("closing", "symmetry", "places"), ["a"], "closing: expected a rearrangement"),
+        (("closing", "symmetry", "signs"), [2] * 12, "closing: expected 12 signs"),
+        (("closing", "symmetry"), None, "file: expected a complete orbit"),
+        (("closing", "more"), 1, "closing: expected the fields of Return"),
         (("more",), 1, "file: expected the entries"),
     ],
 )
@@ -226,7 +229,7 @@ def test_files_that_make_no_sense(edited, keys, to, message):
 def _with_more(edited, keys):
     if len(keys) > 1:
         return edited(keys[0], to=lambda at: at | {"more": 1})
-    path = edited("version", to=1)
+    path = edited("version", to=2)
     path.write_text(json.dumps(json.loads(path.read_text()) | {"more": 1}))
     return path
 

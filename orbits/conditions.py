@@ -1,0 +1,70 @@
+"""What an orbit must satisfy besides closing: a given energy, a given section, anything smooth.
+
+Periodic orbits of conservative scenes come in families, and a condition picks one of a family.
+Without it `find` takes the member nearest to the guess.
+"""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxdyn import Scene
+from jaxdyn import energy as energies
+from jaxdyn._checks import fail, finite
+
+
+class Condition(eqx.Module):
+    """One equation on an orbit; zero where it holds."""
+
+    @abc.abstractmethod
+    def value(self, scene: Scene, y0: Float[Array, " k"], period: Array) -> Array:
+        """() by how much the condition fails."""
+
+    def check(self, scene: Scene) -> None:
+        """Raise ValueError if the condition makes no sense for the scene."""
+        del scene
+
+
+class Energy(Condition):
+    """Kinetic plus potential energy is this [J]."""
+
+    level: Array = eqx.field(converter=jnp.asarray)
+
+    def value(self, scene, y0, period):
+        del period
+        return energies.energy(scene, jnp.zeros(()), y0) - self.level
+
+    def check(self, scene):
+        finite("energy", self.level, "It is the energy of the wanted orbit.")
+
+
+class Period(Condition):
+    """The full period is this [time of the scene]."""
+
+    length: Array = eqx.field(converter=jnp.asarray)
+
+    def value(self, scene, y0, period):
+        del scene, y0
+        return period - self.length
+
+    def check(self, scene):
+        if not float(self.length) > 0:
+            raise fail("period", "> 0", float(self.length), "It is a time.")
+
+
+class Section(Condition):
+    """The orbit starts where an entry of the state has this value: a phase condition."""
+
+    entry: int = eqx.field(static=True)
+    level: Array = eqx.field(converter=jnp.asarray, default=0.0)
+
+    def value(self, scene, y0, period):
+        del scene, period
+        return y0[self.entry] - self.level
+
+    def check(self, scene):
+        k = len(scene.y0)
+        if not 0 <= self.entry < k:
+            raise fail("entry", f"an entry of the state, 0 to {k - 1}", self.entry)
