@@ -8,7 +8,7 @@ from helpers import EXACT, SOLVED, gap, primitives
 
 from jaxdyn import energy, kinematics, simulate
 from jaxdyn.formulations.constrained import Constrained
-from jaxdyn.scenes import guides, linkages, pendula
+from jaxdyn.scenes import guides, linkages, pendula, sideways
 from jaxdyn.simulate import solve
 
 LONG = 1000.0  # time units, some 300 swings
@@ -176,7 +176,7 @@ def test_misuse_is_refused_with_the_reason():
     with pytest.raises(ValueError, match=r"formulation: expected .* Did you mean 'lagrange'\?"):
         pendula.pendulum(formulation="lagrang")
     with pytest.raises(ValueError, match=r"formulation: expected one of lagrange, newton_euler"):
-        pendula.sideways_pendulum(formulation="constrained")
+        sideways.sideways_pendulum(formulation="constrained")
     with pytest.raises(ValueError, match=r"drift: expected .* Did you mean 'projection'\?"):
         pendula.pendulum(formulation="constrained", drift="project").check()
     with pytest.raises(ValueError, match=r"mass: expected > 0, got -1.0"):

@@ -70,6 +70,7 @@ RANKS = {
     "jaxdyn/floquet.py": 6,
     "jaxdyn/formulations/prescribed.py": 6,
     "jaxdyn/scenes/drawings.py": 9,
+    "jaxdyn/scenes/sideways.py": 8,
     "jaxdyn/paths.py": 8,
     "jaxdyn/plots.py": 9,
     "jaxdyn/charts.py": 10,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers import EXACT, SOLVED, gap
 
-from jaxdyn import Status, energy, kinematics, simulate
+from jaxdyn import energy, kinematics, simulate
 from jaxdyn.scenes import pendula
 
 NOW = jnp.zeros(())
@@ -32,26 +32,6 @@ def test_uniform_bar_is_a_pendulum_of_two_thirds_of_its_length():
     scene = pendula.n_pendulum(m=(2.0,), l=(1.2,), angles=(2.0,), rates=(0.0,), g=5.0)
     motion = simulate(scene, elliptic_period(0.8, 5.0, 2.0), samples=9, rtol=1e-13)
     assert gap(motion.ys[-1], scene.y0) < SOLVED * 10
-
-
-def test_sideways_pendulum_swings_as_the_angle_does():
-    sideways = simulate(pendula.sideways_pendulum(), samples=9, rtol=1e-13)
-    angle = simulate(pendula.pendulum(), samples=9, rtol=1e-13)
-    assert gap(sideways["x"], jnp.sin(angle["theta"])) < 1e-10
-    # x'' from x^2 + y^2 = l^2, by hand, of l = 1.
-    x, v, y = 0.6, 0.7, -0.8
-    by_hand = -x * (v * v / y**2 + 9.81 * -y)
-    scene = pendula.sideways_pendulum()
-    assert gap(scene.rate(NOW, jnp.array([x, v]))[1], by_hand) < EXACT * 20
-
-
-def test_sideways_pendulum_ends_with_a_status_at_its_edge():
-    fast = simulate(pendula.sideways_pendulum(rate=6.0), samples=9, throw=False)
-    assert int(fast.status) == Status.STEP_COLLAPSED
-    assert bool(jnp.isnan(fast.ys[-1]).all())
-    beyond = simulate(pendula.sideways_pendulum().starting([1.2, 0.0]), samples=9, throw=False)
-    assert int(beyond.status) == Status.NOT_FINITE
-    assert bool(jnp.isnan(beyond.ys[-1]).all())
 
 
 def test_shaken_pendulum_obeys_its_equation():

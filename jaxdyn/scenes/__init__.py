@@ -41,10 +41,11 @@ from jaxdyn.scenes.pendula import double_pendulum as double_pendulum
 from jaxdyn.scenes.pendula import n_pendulum as n_pendulum
 from jaxdyn.scenes.pendula import pendulum as pendulum
 from jaxdyn.scenes.pendula import shaken_pendulum as shaken_pendulum
-from jaxdyn.scenes.pendula import sideways_pendulum as sideways_pendulum
 from jaxdyn.scenes.pendula import triple_pendulum as triple_pendulum
 from jaxdyn.scenes.rolling import cylinder_on_cylinder as cylinder_on_cylinder
 from jaxdyn.scenes.rolling import cylinder_on_ramp as cylinder_on_ramp
+from jaxdyn.scenes.sideways import sideways_edge as sideways_edge
+from jaxdyn.scenes.sideways import sideways_pendulum as sideways_pendulum
 from jaxdyn.scenes.skates import one_skate as one_skate
 from jaxdyn.scenes.skates import two_skates as two_skates
 from jaxdyn.scenes.springs import hanging_spring as hanging_spring

@@ -1,4 +1,4 @@
-"""Pendulums: course problems 22, 23, 24, 29, 31, 35, 36 and the chains of 43.
+"""Pendulums: course problems 22, 23, 29, 31, 35, 36 and the chains of 43; 24 is in `sideways`.
 
 Pictures have x to the right and y up, unlike the course, whose x points down in problems 22 to
 24: its (x, y) is our (-y, x). Angles are counted counterclockwise from hanging straight down,
@@ -13,7 +13,7 @@ from jaxdyn import _checks
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.bars import Bodies, Chain
 from jaxdyn.formulations.routes import Embedding, floats, route
-from jaxdyn.formulations.sticks import Cart, Sideways, Stick, TiedCart, TiedStick
+from jaxdyn.formulations.sticks import Cart, Stick, TiedCart, TiedStick
 from jaxdyn.scene import Scene
 
 
@@ -45,39 +45,6 @@ def pendulum(
     free = Stick(m, length)
     embeddings = {"constrained": Embedding(TiedStick(m, length), free.end)}
     system, y0 = route(formulation, free, [angle], [rate], embeddings, drift)
-    return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
-
-
-def sideways_pendulum(
-    *,
-    length=1.0,
-    m=1.0,
-    g=9.81,
-    angle=1.0,
-    rate=0.0,
-    formulation="newton_euler",
-    t1=10.0,
-) -> Scene:
-    """A pendulum by its horizontal position, an awkward coordinate (problem 24).
-
-    The position, the course's y, is our x. It says where the mass is only while that hangs
-    below the hinge: at abs(x) = length the acceleration is infinite. A motion that swings
-    higher ends there with a status, not with numbers.
-
-    Args:
-      length: of the rod [m].
-      m: mass [kg].
-      g: gravity [m/s^2].
-      angle: at the start, from hanging down, less than a quarter turn [rad].
-      rate: of the angle at the start [rad/s].
-      formulation: "newton_euler" or "lagrange".
-      t1: span [s].
-    """
-    if not _checks.is_traced(angle) and not abs(angle) < math.pi / 2:
-        remedy = "Higher up the position does not say where the mass is; take `pendulum`."
-        raise _checks.fail("angle", "less than a quarter turn", angle, remedy)
-    q, v = length * jnp.sin(angle), length * jnp.cos(angle) * rate
-    system, y0 = route(formulation, Sideways(*floats(m, length)), [q], [v], {})
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
