@@ -8,17 +8,15 @@ from helpers import EXACT, SOLVED, gap
 
 from jaxdyn import Scene, Trajectory, energy, linearize, simulate
 from jaxdyn.effects import LinearDrag, QuadraticDrag, Spring, UniformGravity
+from jaxdyn.scenes.ballistics import cannonball_linear_exact
 from jaxdyn.scenes.particles import (
     PolarParticle,
     cannonball,
-    cannonball_linear_exact,
     lorenz,
     particle,
     polar_particle,
     straightness,
 )
-
-LINEAR = {"speed": 1.0, "g": 1.0, "linear": 1.0}  # problem 9 b
 
 
 def test_problem_1_one_particle_with_any_forces():
@@ -27,32 +25,6 @@ def test_problem_1_one_particle_with_any_forces():
     expected = [0, 1, 0, -2.0, -4.0 - 0.05, -6.0]
     assert gap(scene.rate(0.0, scene.y0), expected) < EXACT
     assert particle().effects == ()
-
-
-def test_problem_9_numbers_against_the_closed_form():
-    errors = []
-    for rtol in (1e-4, 1e-8, 1e-13):
-        motion = simulate(cannonball(**LINEAR), 2.0, rtol=rtol, samples=5)
-        errors.append(gap(motion.ys, cannonball_linear_exact(motion.ts, **LINEAR)))
-    assert errors[0] > 100 * errors[1] > 1e4 * errors[2]
-    assert errors[2] < SOLVED
-
-
-def test_the_closed_form_solves_its_equation():
-    numbers = {"speed": 3.0, "angle": 1.0, "m": 2.0, "g": 9.0, "linear": 0.7}
-    scene = cannonball(**numbers)
-    for t in (0.0, 1e-3, 0.9, 5.0, 1.4285, 1.4286):  # the last two: where the series ends
-        y, rate = jax.jvp(
-            lambda t: cannonball_linear_exact(t, **numbers), (jnp.asarray(t),), (jnp.ones(()),)
-        )
-        assert gap(rate, scene.rate(t, y)) < 1000 * EXACT
-    assert gap(cannonball_linear_exact(0.0, **numbers), scene.y0) == 0
-
-
-def test_the_closed_form_tends_to_the_parabola_without_cancellation():
-    y = cannonball_linear_exact(0.5, speed=1.0, angle=0.0, g=2.0, linear=1e-9)
-    # y = -g t^2 / 2 (1 - c t / 3 + ...)
-    assert gap(y[1] / -0.25, 1 - 0.5e-9 / 3) < EXACT
 
 
 def test_drag_of_exactly_zero_is_absent():
@@ -79,37 +51,6 @@ def test_fast_balls_end_in_free_fall_under_quadratic_drag():
     # The terminal speed is sqrt(m g / c), whatever the start.
     motion = simulate(cannonball(speed=1e8, drag=1.0, g=4.0), 30.0, samples=1)
     assert gap(motion["vy"][-1], -2.0) < 1e-8
-
-
-def _landing(speed, angle):
-    """Time at which the ball with linear drag is back on the ground (tau = g = m = 1)."""
-    up = speed * np.sin(angle)
-    t = up + 1.0
-    for _ in range(60):  # (up + 1) (1 - e^-t) = t, by fixed point: a contraction for large up
-        t = (up + 1) * -np.expm1(-t)
-    return t
-
-
-def test_problem_9_d_the_path_of_a_fast_ball_is_a_triangle():
-    speed, angle = 1e6, np.pi / 4
-    t = np.geomspace(1e-6, _landing(speed, angle), 2000)
-    x, y = np.asarray(cannonball_linear_exact(t, speed=speed, g=1.0)[:, :2]).T / speed
-    side = np.cos(angle)  # the corner is at (tau v0 cos, tau v0 sin)
-    on_rise, on_fall = np.abs(y - x * np.tan(angle)), np.abs(x - side)
-    assert np.max(np.minimum(on_rise, on_fall)) < 1e-4
-    assert np.max(y) > side * (1 - 1e-4)
-
-
-def test_problem_9_e_the_best_angle_tends_to_zero_like_log_v_over_v():
-    for speed in (1e2, 1e4, 1e6):
-        theta = np.geomspace(1 / speed, 1.5, 40001)
-        reach = np.cos(theta) * -np.expm1(-_landing(speed, theta))
-        best = theta[np.argmax(reach)]
-        # d/dtheta of (1 - theta^2 / 2) (1 - e^(-v theta - 1)) = 0: u e^u = v^2 / e, u = v theta
-        u = np.log(speed**2)
-        for _ in range(50):
-            u = np.log(speed**2 / np.e / u)
-        assert abs(best * speed / u - 1) < 0.02
 
 
 def test_problem_8_the_path_is_straighter_at_tighter_tolerance():

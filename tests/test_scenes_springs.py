@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers import EXACT, SOLVED, gap
 
-from jaxdyn import energy, linearize, simulate
+from jaxdyn import Trajectory, energy, linearize, simulate
 from jaxdyn.effects import Dashpot, LinearDrag, Spring, UniformGravity
 from jaxdyn.scenes.springs import (
     hanging_spring,
@@ -16,6 +16,7 @@ from jaxdyn.scenes.springs import (
     two_masses,
     two_masses_exact,
     two_springs,
+    wildness,
 )
 
 TIGHT = {"rtol": 1e-13, "samples": 5}
@@ -109,6 +110,40 @@ def test_problem_10_every_motion_is_one_ellipse_in_closed_form():
     weightless = hanging_spring(g=0.0)
     assert [type(e) for e in weightless.effects] == [Spring]
     assert gap(hanging_spring_exact(weightless, 0.0), weightless.y0) == 0
+
+
+def test_problem_10_no_start_is_wild_and_a_rest_length_makes_it_so():
+    starts = np.random.default_rng(10).normal(size=(5, 2, 3)) * 3
+    for position, velocity in starts:
+        scene = hanging_spring(position=position, velocity=velocity)
+        found = [float(wildness(simulate(scene, 8.0, rtol=r))) for r in (1e-3, 1e-6, 1e-13)]
+        assert found[0] > found[2]  # what coarse numerics add goes away
+        assert found[1] < 1e-4
+        assert found[2] < 1e-11
+    numbers = {"position": starts[0, 0], "velocity": starts[0, 1]}
+    scenes = [spring_mass(length=x, **numbers) for x in (0.01, 0.1, 1.0)]
+    wild = [[float(wildness(simulate(s, 8.0, rtol=r))) for r in (1e-9, 1e-13)] for s in scenes]
+    assert wild[0][1] > 1e-4
+    assert wild[1][1] > 5 * wild[0][1]
+    assert wild[2][1] > 5 * wild[1][1]
+    assert np.ptp(wild, axis=1).max() < 1e-6  # these are properties of the system
+
+
+def test_wildness_of_made_up_paths():
+    scene, t = hanging_spring(), np.linspace(0.0, 5.0, 60)
+
+    def moved(r):
+        states = jnp.asarray(np.concatenate([r, 0 * r], axis=1))
+        return Trajectory(scene, jnp.asarray(t), states, *[jnp.zeros((), int)] * 3)
+
+    ellipse = np.stack([np.cos(2 * t), 3 * np.sin(2 * t), np.cos(2 * t + 1) - 4], axis=1)
+    assert float(wildness(moved(ellipse))) < 1e-12
+    two = ellipse + np.stack([0 * t, 0 * t, np.cos(4 * t)], axis=1)
+    assert float(wildness(moved(two))) > 0.3
+    with pytest.raises(ValueError, match="motion: expected 5 even samples or more, got 4 samples"):
+        wildness(simulate(scene, samples=4))
+    with pytest.raises(ValueError, match="motion: expected 5 even samples or more"):
+        wildness(simulate(scene, samples=np.array([0.0, 0.1, 0.2, 0.3, 0.5])))
 
 
 def test_problem_13_leaves_out_what_is_exactly_zero():

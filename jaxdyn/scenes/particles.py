@@ -36,7 +36,8 @@ def cannonball(
     """A ball thrown from the origin, x to the right and y up (problems 9, 12, 27).
 
     Problem 12 gives no drag coefficient: take 1 kg/m, and look at others. Problem 27 calls
-    itself a continuation of problem 10; it continues 12, with c = 0.5 kg/m.
+    itself a continuation of problem 10; it continues 12, with c = 0.5 kg/m. What is known in
+    closed form with linear drag is in `jaxdyn.scenes.ballistics`.
 
     Args:
       speed: launch speed [m/s].
@@ -51,48 +52,6 @@ def cannonball(
     effects += unless_zero(drag, QuadraticDrag(drag)) + unless_zero(linear, LinearDrag(linear))
     velocity = (speed * jnp.cos(angle), speed * jnp.sin(angle))
     return particle(*effects, velocity=jnp.stack(velocity), m=m, t1=t1)
-
-
-def cannonball_linear_exact(
-    t, *, speed=10.0, angle=math.pi / 4, m=1.0, g=9.81, linear=1.0
-) -> Array:
-    """(..., 4) state x, y, vx, vy of the ball with linear drag at times t (...) (problem 9 a).
-
-    With the relaxation time tau = m / c and the terminal velocity -g tau,
-
-        x = tau vx0 (1 - e^(-t/tau)),   y = tau (vy0 + g tau) (1 - e^(-t/tau)) - g tau t.
-
-    As the speed grows the path tends to a triangle (9 d): straight up at the launch angle to
-    the distance tau v0, and a fall that is vertical on that scale. So the best angle tends to
-    0 (9 e): like 2 log(u) / u, where u = v0 / (g tau).
-
-    Args:
-      t: times [s].
-      speed: launch speed [m/s].
-      angle: launch angle above the horizontal [rad].
-      m: mass [kg].
-      g: gravity [m/s^2].
-      linear: coefficient of the drag [kg/s], not 0.
-    """
-    t = jnp.asarray(t, dtype=float)
-    tau = m / linear
-    vx, vy = speed * jnp.cos(angle), speed * jnp.sin(angle)
-    gone = -jnp.expm1(-t / tau)
-    left = jnp.exp(-t / tau)
-    # y = tau vy0 (1 - e^-s) - g tau^2 (s - 1 + e^-s): the second term without cancellation.
-    fall = g * tau * tau * _exp_remainder(t / tau)
-    x, y = tau * vx * gone, tau * vy * gone - fall
-    return jnp.stack([x, y, vx * left, vy * left - g * tau * gone], axis=-1)
-
-
-def _exp_remainder(s: Array) -> Array:
-    """s - 1 + e^-s, to full precision also for small s."""
-    small = jnp.abs(s) < 0.5
-    x = jnp.where(small, s, 0.0)
-    series = jnp.ones_like(x)
-    for k in range(14, 2, -1):  # Horner's rule: x^2/2 (1 - x/3 (1 - x/4 (...)))
-        series = 1.0 - x / k * series
-    return jnp.where(small, 0.5 * x * x * series, s + jnp.expm1(-s))
 
 
 class PolarParticle(System):

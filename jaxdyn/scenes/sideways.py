@@ -63,12 +63,12 @@ def sideways_pendulum(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
-def sideways_edge(scene: Scene, t1=None, *, margin=1e-2, rtol: float = RTOL) -> Stop:
+def sideways_edge(scene: Scene, t1=None, *, margin=1e-3, rtol: float = RTOL) -> Stop:
     """When a `sideways_pendulum` comes to the edge of its coordinate, and the state then.
 
-    The edge itself, abs(x) = length, is only touched, and nothing is known of the motion there:
-    an error of the state grows like 1 / depth^2 with the depth below the hinge. So the event is
-    a depth of margin times length, where two thirds of the digits are left by default.
+    The edge itself, abs(x) = length, is only touched, with an acceleration of 0 / 0. So the event
+    is a small depth below the hinge, of margin times length. Against the angle the time is right
+    to 1e-14 at a margin of 1e-3 and to 1e-13 at 1e-4 (rtol 1e-13, length 0.8 m).
 
     Args:
       scene: a `sideways_pendulum`.

@@ -1,8 +1,10 @@
 """Masses on springs: course problems 3, 6, 10, 13, 20."""
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
+from jaxdyn import _checks
 from jaxdyn.effects import (
     Dashpot,
     LinearDrag,
@@ -14,6 +16,10 @@ from jaxdyn.effects import (
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.particles import particle
+from jaxdyn.simulate import Trajectory
+
+_FEWEST = 5  # samples: with fewer every path is an ellipse
+_UNEVEN = 1e-9  # of a sample interval
 
 
 def oscillator(*, k=1.0, m=1.0, c=0.0, x=1.0, v=0.0, t1=10.0) -> Scene:
@@ -59,12 +65,13 @@ def spring_mass(
 def hanging_spring(
     *, position=(1.0, 0.0, 0.0), velocity=(0.0, 1.0, 2.0), k=10.0, m=1.0, g=9.81, t1=10.0
 ) -> Scene:
-    """A mass on a spring of rest length zero, in space, z up (problem 10).
+    """A mass on a spring of rest length zero: every motion is an ellipse (problem 10).
 
-    The problem asks for the most wild motion. There is none: gravity only shifts the centre,
-    and all three directions share one frequency, so every motion is an ellipse about the
-    point m g / k below the pin, run through in the period 2 pi sqrt(m / k), from any start;
-    see `hanging_spring_exact`.
+    In space z is up. The problem asks for the most wild motion. There is none: gravity only
+    shifts the centre, and all three directions share one frequency, so every motion is an ellipse
+    about the point m g / k below the pin, run through in the period 2 pi sqrt(m / k), from any
+    start: `hanging_spring_exact`. `wildness` measures how far a motion is from that: 0 here, and
+    not for a `spring_mass` with a rest length.
 
     Args:
       position: (d,) start [m].
@@ -96,6 +103,35 @@ def hanging_spring_exact(scene: Scene, t) -> Array:
     r = jnp.broadcast_to(centre, shape) + arm * jnp.cos(w * t) + swing * jnp.sin(w * t)
     v = w * (swing * jnp.cos(w * t) - arm * jnp.sin(w * t))
     return jnp.concatenate([r, v], axis=-1)
+
+
+def wildness(motion: Trajectory) -> Array:
+    """() [1] how far the path of the first point is from an ellipse; 0 for every ellipse.
+
+    An ellipse run through harmonically, r = c + a cos(w t) + b sin(w t), has second differences of
+    even samples in proportion to r - c. This is the root mean square of what the best proportion
+    and c leave of them, over that of themselves about their mean (problem 10).
+
+    Args:
+      motion: even samples over a period or more, some ten a period or more. Wiggles and wrong
+        numerics both show; only the first stay when the tolerance is tightened.
+    Raises:
+      ValueError: fewer than 5 samples, or uneven ones.
+    Limits: NaN for a point that moves evenly on a line. Rounding shows at 1e-16 over the square
+      of the turn from sample to sample.
+    """
+    r = motion.r[:, 0]
+    if len(r) < _FEWEST or not _even(motion.ts):
+        raise _checks.fail("motion", f"{_FEWEST} even samples or more", f"{len(r)} samples")
+    bend = r[2:] - 2 * r[1:-1] + r[:-2]
+    place, bend = (x - jnp.mean(x, axis=0, keepdims=True) for x in (r[1:-1], bend))
+    left = bend - jnp.sum(bend * place) / jnp.sum(place * place) * place
+    return jnp.sqrt(jnp.sum(left * left) / jnp.sum(bend * bend))
+
+
+def _even(ts: Array) -> bool:
+    steps = np.diff(np.asarray(ts))
+    return bool(np.abs(steps - steps.mean()).max() <= _UNEVEN * np.abs(steps.mean()))
 
 
 def two_springs(
@@ -151,7 +187,7 @@ def two_springs(
 
 
 def two_masses(*, m1=1.0, m2=2.0, k=100.0, length=1.0, force=1.0, t1=5.0) -> Scene:
-    """Two masses on a line, a spring between them, pushed by a step force on the second (20).
+    """Two masses and a spring on a line, pushed by a step force on the second (problem 20).
 
     They start at rest at 0 and at the rest length. Always F = (m1 + m2) a_G: the spring's two
     forces cancel in the sum, whatever k (20 b). They oscillate relative to G with the
