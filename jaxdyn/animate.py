@@ -1,13 +1,12 @@
 """Moving pictures of a motion: bodies as dots with fading trails, at an even pace in model time.
 
-A GIF needs nothing more, an MP4 needs the program ffmpeg. Frames are samples of the motion,
-never values between samples: a straight line between two of them is not on the path.
+A GIF needs nothing more, an MP4 needs the program ffmpeg. Frames are places on the fine curve
+that `paths` finds, never values between: a straight line between two of them is not on the path.
 What does not move (axes, grid, labels) is drawn once and copied under every frame: Matplotlib's
 own way, the whole figure anew for each frame, takes several times as long.
 """
 
 import itertools
-from numbers import Integral
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,8 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from jaxdyn import _checks, plots
+from jaxdyn.paths import Paths, in_time, paths, segments
+from jaxdyn.phases import Chain
 from jaxdyn.simulate import Trajectory
 
 SUFFIXES = (".gif", ".mp4")
@@ -25,11 +26,10 @@ SUFFIXES = (".gif", ".mp4")
 _DPI = 100
 _SHADES = 24  # of a trail
 _SHORTEST = 0.02  # s a frame of a GIF: viewers slow down those that ask for less
-_UNEVEN = 1e-6  # of a sample interval
 
 
 def animate(
-    motion: Trajectory,
+    motion: Trajectory | Chain,
     path,
     *,
     seconds: float = 6.0,
@@ -40,34 +40,34 @@ def animate(
     """The file of a moving picture of a motion, from its start to where its run ended.
 
     Args:
-      motion: evenly spaced samples from `simulate`. Frames are picked among them, so give
-        several times ``seconds * fps`` for an even pace; fewer samples make fewer frames.
+      motion: what `simulate` or `phases.run` returned.
       path: file to write, .gif or .mp4.
       seconds: how long it lasts [s].
       fps: frames a second; in a GIF rounded to whole hundredths of a second a frame.
       trail: length of the trails as a share of the whole motion, 0 to 1.
-      links: pairs of ends joined by a line (rods, springs, strings); an end is the number of
-        a material point from 0, or the coordinates (d,) [m] of an anchor.
+      links: pairs of ends joined by a line, instead of those that the system has; see
+        `System.links`.
     Raises:
-      ValueError: a file that cannot be written, no ffmpeg for .mp4, uneven or too few samples,
-        numbers or links that make no sense.
+      ValueError: a file that cannot be written, no ffmpeg for .mp4, too few samples, numbers
+        or links that make no sense, nothing to draw.
     """
     path = plots.checked_path(path, SUFFIXES)
     _check_numbers(seconds, fps, trail)
-    drawn = plots.paths(motion)
-    _check_samples(drawn.ts)
-    n, d = motion.r.shape[1:]
-    links = [tuple(_end(end, n, d) for end in _pair(link)) for link in links or ()]
-    frames, writer = _timing(path, len(drawn.ts), float(seconds), float(fps))
+    drawn = paths(motion, links)
+    if len(drawn.ts) < 2:
+        raise _checks.fail(
+            "motion", "at least 2 samples", len(drawn.ts), "Simulate with more, over a longer span."
+        )
+    count, writer = _timing(path, len(drawn.ts), float(seconds), float(fps))
     box = plots.limits(drawn.xyz, drawn.equal)
     stage = plots.blank(*plots.size(box, drawn.equal), dpi=_DPI, kind=_Stage)
     ax = plots.panel(stage, drawn, box)
     ax.set_title(f"{drawn.stopped}\n ", fontsize=9)  # the clock stands in the empty line
-    plots.legend(stage, drawn.xyz.shape[1])
-    actors = _Actors(ax, drawn, links, max(1, round(trail * len(drawn.ts))))
+    plots.legend(stage, drawn)
+    actors = _Actors(ax, drawn, trail)
     with writer.saving(stage, str(path), _DPI):
         stage.set_up(actors.all)
-        for sample in frames:
+        for sample in in_time(drawn, count):
             actors.move(sample)
             writer.grab_frame()
     return path
@@ -99,19 +99,19 @@ class _Stage(Figure):
 class _Actors:
     """All that moves: trails, links, dots and the time, on axes of a figure."""
 
-    def __init__(self, ax, drawn: plots.Paths, links, trail: int):
-        self.drawn, self.links, self.trail = drawn, links, trail
-        n = drawn.xyz.shape[1]
+    def __init__(self, ax, drawn: Paths, trail: float):
+        self.drawn, self.trail = drawn, trail * (drawn.ts[-1] - drawn.ts[0])
+        own = plots.colours(drawn)
         fade = np.linspace(0.0, 1.0, _SHADES + 1)[1:]
         # Shades of white instead of transparency: overlapping ends would show as beads.
-        shades = [1 - f * (1 - np.array(to_rgb(plots.colour(i)))) for f in fade for i in range(n)]
+        shades = [1 - f * (1 - np.array(to_rgb(colour))) for f in fade for colour in own]
         self.trails = plots.draw_lines(
-            ax, [], colors=shades, linewidths=np.repeat(0.4 + 2.2 * fade, n)
+            ax, [], colors=shades, linewidths=np.repeat(0.4 + 2.2 * fade, len(own))
         )
-        self.rods = plots.draw_lines(ax, [], colors=plots.INK, linewidths=1.6)
+        self.rods = plots.draw_lines(ax, [], colors=plots.INK, linewidths=1.8)
         self.dots = [
-            ax.plot(*point[:, None], "o", color=plots.colour(i), ms=10, mec="white")[0]
-            for i, point in enumerate(drawn.xyz[0])
+            ax.plot(*drawn.xyz[0, i][:, None], "o", color=colour, ms=10, mec="white")[0]
+            for i, colour in zip(drawn.traced, own, strict=True)
         ]
         self.clock = ax.annotate(
             "", (0, 1), xycoords="axes fraction", xytext=(2, 4), textcoords="offset points"
@@ -124,24 +124,19 @@ class _Actors:
 
     def move(self, sample: int) -> None:
         """Put everything where it is at this sample."""
-        xyz = self.drawn.xyz
-        ends = np.linspace(max(sample - self.trail, 0), sample, _SHADES + 1).astype(int)
+        xyz, ts, traced = self.drawn.xyz, self.drawn.ts, list(self.drawn.traced)
+        tail = int(np.argmax(np.abs(ts - ts[sample]) <= abs(self.trail)))
+        ends = np.linspace(tail, sample, _SHADES + 1).astype(int)
         spans = list(itertools.pairwise(ends))
-        bodies = range(xyz.shape[1])
-        self.trails.set_segments([xyz[a : b + 1, i] for a, b in spans for i in bodies])
-        self.rods.set_segments([[self._place(end, sample) for end in link] for link in self.links])
-        for dot, point in zip(self.dots, xyz[sample], strict=True):
+        self.trails.set_segments([xyz[a : b + 1, i] for a, b in spans for i in traced])
+        self.rods.set_segments(segments(self.drawn, sample))
+        for dot, point in zip(self.dots, xyz[sample, traced], strict=True):
             (dot.set_data if len(point) == 2 else dot.set_data_3d)(*point[:, None])
-        self.clock.set_text(f"t = {self.drawn.ts[sample]:.2f} s")
-
-    def _place(self, end, sample: int) -> np.ndarray:
-        if isinstance(end, int):
-            return self.drawn.xyz[sample, end]
-        return end if self.drawn.equal else np.array([self.drawn.ts[sample], *end])
+        self.clock.set_text(f"t = {ts[sample]:.2f}{self.drawn.second}")
 
 
 def _timing(path: Path, samples: int, seconds: float, fps: float):
-    """Which samples are frames, and the writer that shows them for so many seconds."""
+    """How many frames there are, and the writer that shows them for so many seconds."""
     count = max(2, min(samples, round(seconds * fps)))
     if path.suffix.lower() == ".mp4":
         if not FFMpegWriter.isAvailable():
@@ -158,7 +153,7 @@ def _timing(path: Path, samples: int, seconds: float, fps: float):
         count = max(2, min(samples, round(seconds / frame)))
         # The writer cuts off 1000/fps [ms], so 29.999 would become 29 and then 20.
         writer = PillowWriter(fps=1 / (frame + 1e-6))  # pyright: ignore[reportArgumentType]
-    return np.linspace(0, samples - 1, count).round().astype(int), writer
+    return count, writer
 
 
 def _check_numbers(seconds, fps, trail) -> None:
@@ -166,33 +161,3 @@ def _check_numbers(seconds, fps, trail) -> None:
     _checks.positive("fps", fps, "Frames a second.")
     if not 0 <= trail <= 1:
         raise _checks.fail("trail", "a share between 0 and 1", trail)
-
-
-def _check_samples(ts: np.ndarray) -> None:
-    if len(ts) < 2:
-        raise _checks.fail(
-            "motion", "at least 2 samples", len(ts), "Simulate with more, over a longer span."
-        )
-    steps = np.diff(ts)
-    if np.ptp(steps) > _UNEVEN * abs(steps.mean()):
-        raise _checks.fail(
-            "motion",
-            "evenly spaced samples",
-            f"spacings of {abs(steps).min():.3g} to {abs(steps).max():.3g} s",
-            "Simulate with samples=600.",
-        )
-
-
-def _pair(link):
-    if isinstance(link, Integral) or len(link) != 2:
-        raise _checks.fail("links", "pairs of ends", repr(link), "Such as [(0, 1), (1, 2)].")
-    return link
-
-
-def _end(end, n: int, d: int):
-    """A point's number, or an anchor's coordinates (d,), checked."""
-    if not isinstance(end, Integral):
-        return np.asarray(_checks.array("links", end, (d,), "An anchor has d coordinates."))
-    if not 0 <= int(end) < n:
-        raise _checks.fail("links", f"a point's number, 0 to {n - 1}", end)
-    return int(end)

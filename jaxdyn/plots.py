@@ -3,19 +3,20 @@
 Drawn with Matplotlib's objects, never with pyplot: no window opens, no global state changes,
 nothing is left behind. Every function returns the `Figure` and writes it where a path is given.
 
-Conventions: one colour a body, from Okabe and Ito's palette, which colour-blind readers can
-tell apart; a dot where a body starts, a ring where it ends, a cross where a failed run stops.
+Conventions: one colour a path, from Okabe and Ito's palette, which colour-blind readers can
+tell apart; a dot where it starts, a ring where it ends, a cross where a failed run stops, a
+diamond where a new phase begins. Rods and edges are dark at the start and grey at later times.
 Space is drawn to one scale in all directions; motion on a line is drawn against time.
+What there is to draw is found by `paths`.
 """
 
 import itertools
-import re
 import textwrap
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
-from matplotlib import rc_context
+from matplotlib import colormaps, rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
@@ -24,6 +25,8 @@ from matplotlib.lines import Line2D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from jaxdyn import _checks
+from jaxdyn.paths import Paths, in_time, paths, pieces_of, segments, why_stopped
+from jaxdyn.phases import Chain
 from jaxdyn.simulate import Trajectory
 
 #: Okabe and Ito (2008), Color Universal Design; their yellow is left out, too faint on white.
@@ -36,7 +39,9 @@ _WIDTH = 6.4  # inches
 _PIECES = 120  # of a path; see `draw_paths`
 _LEAST_SHARE = {2: 0.25, 3: 0.5}  # of the widest direction that a narrow one is given
 _MARGIN = 1.12  # of the box drawn to the box of the motion
-_BODIES_NAMED = len(PALETTE)  # more would repeat colours: no legend
+_ENTRY = 1.15  # inches an entry of the legend
+_SHADED = (0.0, 0.9)  # part of a colour map: its end is too faint on white
+_POSES = {2: 5, 3: 2}  # of the rods at later times; in space more would hide each other
 _NOTE_WIDTH = 60  # characters
 _LINE = 0.25  # inches a line of the heading
 
@@ -44,36 +49,20 @@ _LINE = 0.25  # inches a line of the heading
 F = TypeVar("F", bound=Figure)
 
 
-class Paths(NamedTuple):
-    """What a picture needs of a motion.
+def trajectory(motion: Trajectory | Chain, path=None, *, title: str | None = None) -> Figure:
+    """A picture of the paths of a motion, and of the rods and edges that its system has.
 
-    Attributes:
-      ts: (s,) times [s], of the samples that the run got to.
-      xyz: (s, n, D) drawn coordinates there, D = 2 or 3; (time, x) for motion on a line.
-      labels: (D,) what the axes say.
-      equal: whether all axes have one scale.
-      stopped: why the run stopped early; empty if it did not.
-    """
-
-    ts: np.ndarray
-    xyz: np.ndarray
-    labels: tuple[str, ...]
-    equal: bool
-    stopped: str
-
-
-def trajectory(motion: Trajectory, path=None, *, title: str | None = None) -> Figure:
-    """A picture of the paths of all material points of a motion.
+    However few samples it has, its curves are smooth; see `paths`.
 
     Args:
-      motion: what `simulate` returned; with ``throw=False`` also one that stopped early, which
-        is then marked by crosses and a line in the title.
+      motion: what `simulate` or `phases.run` returned; with ``throw=False`` also one that
+        stopped early, which is then marked by crosses and a line in the title.
       path: file to write, .png, .pdf or .svg.
       title: what stands above it.
     Returns:
       The figure: a plane, a box (3-D) or x against t (1-D).
     Raises:
-      ValueError: a file that cannot be written, or a batch of motions.
+      ValueError: a file that cannot be written, a batch of motions, or nothing to draw.
     Example:
       >>> from jaxdyn import scenes, simulate
       >>> figure = trajectory(simulate(scenes.cannonball()), title="A throw")
@@ -89,20 +78,25 @@ def trajectory(motion: Trajectory, path=None, *, title: str | None = None) -> Fi
     figure = blank(width, height + _LINE * len(heading))
     ax = panel(figure, drawn, box)
     ax.set_title("\n".join(heading))
-    draw_paths(ax, drawn.xyz)
+    marks = [mark("o", "start")]
+    draw_paths(ax, drawn)
     if len(drawn.xyz):
-        draw_starts(ax, drawn.xyz[0])
+        _draw_poses(ax, drawn)
+        draw_starts(ax, drawn)
+        _draw_corners(ax, drawn)
         _draw_ends(ax, drawn)
-    last = mark("x", "stop") if drawn.stopped else mark("o", "end", markerfacecolor="white")
-    legend(figure, drawn.xyz.shape[1], mark("o", "start"), last)
+    if drawn.corners:
+        marks += [mark("D", "next phase", markersize=5)]
+    ring = mark("x", "stop") if drawn.stopped else mark("o", "end", markerfacecolor="white")
+    legend(figure, drawn, *marks, ring)
     return finished(figure, path)
 
 
-def time_series(motion: Trajectory, names=None, path=None) -> Figure:
+def time_series(motion: Trajectory | Chain, names=None, path=None) -> Figure:
     """A picture of entries of the state against time, one panel a unit.
 
     Args:
-      motion: what `simulate` returned.
+      motion: what `simulate` or `phases.run` returned.
       names: labels of the entries to draw, e.g. ``["x", "vx"]``; all of them if left out.
       path: file to write, .png, .pdf or .svg.
     Raises:
@@ -110,11 +104,13 @@ def time_series(motion: Trajectory, names=None, path=None) -> Figure:
     """
     if path is not None:
         path = checked_path(path, SUFFIXES)
-    units = dict(motion.scene.system.labels())
+    pieces = pieces_of(motion)
+    units = dict(pieces[0].scene.system.labels())
     names = list(units) if names is None else [_checks.choice("names", x, units) for x in names]
     if not names:
         raise _checks.fail("names", "one of " + ", ".join(units), "none")
-    stopped, ts = paths(motion).stopped, np.asarray(motion.ts)
+    ts = np.concatenate([piece.ts for piece in pieces])
+    values = {name: np.concatenate([piece[name] for piece in pieces]) for name in names}
     shown = list(dict.fromkeys(units[name] for name in names))
     figure = blank(_WIDTH, 0.8 + 2.1 * len(shown))
     panels = figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0]
@@ -122,34 +118,13 @@ def time_series(motion: Trajectory, names=None, path=None) -> Figure:
         _style(ax)
         for i, name in enumerate(x for x in names if units[x] == unit):
             dash = ("-", "--", ":")[i // len(PALETTE) % 3]
-            ax.plot(ts, motion[name], dash, color=PALETTE[i % len(PALETTE)], lw=1.6, label=name)
+            ax.plot(ts, values[name], dash, color=PALETTE[i % len(PALETTE)], lw=1.6, label=name)
         ax.margins(x=0)
         ax.set_ylabel(f"[{unit}]")
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     panels[-1].set_xlabel("t [s]")
-    panels[0].set_title(textwrap.fill(stopped, _NOTE_WIDTH))
+    panels[0].set_title(textwrap.fill(why_stopped(motion), _NOTE_WIDTH))
     return finished(figure, path)
-
-
-def paths(motion: Trajectory) -> Paths:
-    """What there is to draw of a motion: the samples that its run got to."""
-    if np.ndim(motion.ys) != 2:
-        raise _checks.fail(
-            "motion",
-            "samples of one motion, shape (s, k)",
-            f"shape {np.shape(motion.ys)}",
-            "Draw the motions of a batch one by one.",
-        )
-    ts, r = np.asarray(motion.ts), np.asarray(motion.r)
-    good = np.isfinite(r).all(axis=(1, 2))
-    count = len(r) if good.all() else int(np.argmin(good))
-    ts, r = ts[:count], r[:count]
-    axes = _axis_labels(motion, r.shape[2])
-    if r.shape[2] > 1:
-        return Paths(ts, r, axes, True, _stopped(motion, ts))
-    time = np.broadcast_to(ts[:, None, None], r.shape)
-    against_time = np.concatenate([time, r], axis=2)
-    return Paths(ts, against_time, ("t [s]", *axes), False, _stopped(motion, ts))
 
 
 def limits(xyz: np.ndarray, equal: bool) -> np.ndarray:
@@ -204,25 +179,26 @@ def panel(figure: Figure, drawn: Paths, box: np.ndarray, position=(1, 1, 1)):
     return ax
 
 
-def draw_paths(ax, xyz: np.ndarray) -> None:
-    """Draw the paths of n bodies (s, n, D), early parts above late ones.
+def draw_paths(ax, drawn: Paths) -> None:
+    """Draw the paths of the traced points, early parts above late ones.
 
     Bodies that follow each other on one curve would hide each other if they were drawn one
     after the other: only the last colour would be seen. Ordered by time, every part of the
     curve has the colour of the body that was there first.
     """
+    xyz = drawn.xyz
     ends = np.unique(np.linspace(0, max(len(xyz) - 1, 0), _PIECES + 1).astype(int))
     spans = list(itertools.pairwise(ends))[::-1]
-    bodies = range(xyz.shape[1])
-    pieces = [xyz[a : b + 1, i] for a, b in spans for i in bodies]
-    colours = [colour(i) for _ in spans for i in bodies]
-    draw_lines(ax, pieces, colors=colours, linewidths=1.8, capstyle="round", joinstyle="round")
+    pieces = [xyz[a : b + 1, i] for a, b in spans for i in drawn.traced]
+    shades = colours(drawn) * len(spans)
+    draw_lines(ax, pieces, colors=shades, linewidths=1.8, capstyle="round", joinstyle="round")
 
 
-def draw_starts(ax, xyz: np.ndarray) -> None:
-    """Draw a dot at each of the places (n, D) where the bodies start."""
-    for i, point in enumerate(xyz):
-        ax.plot(*point[:, None], "o", color=colour(i), ms=8, mec="white", mew=0.8, zorder=4)
+def draw_starts(ax, drawn: Paths) -> None:
+    """Draw a dot where each path starts."""
+    for i, shade in zip(drawn.traced, colours(drawn), strict=True):
+        point = drawn.xyz[0, i]
+        ax.plot(*point[:, None], "o", color=shade, ms=8, mec="white", mew=0.8, zorder=4)
 
 
 def draw_lines(ax, pieces, **style):
@@ -231,9 +207,12 @@ def draw_lines(ax, pieces, **style):
     return ax.add_collection(kind(pieces, **style), autolim=False)
 
 
-def colour(i: int) -> str:
-    """The colour of body i."""
-    return PALETTE[i % len(PALETTE)]
+def colours(drawn: Paths) -> list:
+    """A colour for each path: the palette's, or shades in order where there are too few."""
+    n = len(drawn.traced)
+    if n <= len(PALETTE):
+        return list(PALETTE[:n])
+    return [tuple(shade) for shade in colormaps["viridis"](np.linspace(*_SHADED, n))]
 
 
 def mark(marker: str, label: str, **style) -> Line2D:
@@ -241,14 +220,15 @@ def mark(marker: str, label: str, **style) -> Line2D:
     return Line2D([], [], color=INK, ls="", marker=marker, ms=7, label=label, **style)
 
 
-def legend(figure: Figure, bodies: int, *marks: Line2D) -> None:
-    """Name the colours of the bodies and the marks below the figure."""
-    several = range(bodies if 1 < bodies <= _BODIES_NAMED else 0)
-    handles = [Line2D([], [], color=colour(i), lw=2.5, label=f"body {i + 1}") for i in several]
+def legend(figure: Figure, drawn: Paths, *marks: Line2D) -> None:
+    """Name the marks below the figure, and the bodies where each is one free point."""
+    named = not drawn.links and 1 < len(drawn.traced) <= len(PALETTE)
+    shades = enumerate(colours(drawn) if named else ())
+    handles = [Line2D([], [], color=c, lw=2.5, label=f"body {i + 1}") for i, c in shades]
     figure.legend(
         handles=[*handles, *marks],
         loc="outside lower center",
-        ncols=5,
+        ncols=max(1, int(figure.get_figwidth() / _ENTRY)),
         frameon=False,
         handlelength=1.2,
         columnspacing=1.4,
@@ -274,25 +254,30 @@ def finished(figure: Figure, path: Path | None) -> Figure:
     return figure
 
 
-def _axis_labels(motion: Trajectory, d: int) -> tuple[str, ...]:
-    """(d,) names and units of the directions; the state says the unit where it has them."""
-    units = dict(motion.scene.system.labels())
-    return tuple(f"{x} [{units.get(x, units.get(x + '1', 'm'))}]" for x in "xyz"[:d])
+def _draw_poses(ax, drawn: Paths) -> None:
+    """Draw rods and edges at the start, and paler at later times."""
+    if not drawn.links:
+        return
+    later = in_time(drawn, _POSES[drawn.xyz.shape[-1]] + 1)[1:]
+    for k, sample in enumerate(later):
+        grey = str(0.75 - 0.25 * k / len(later))
+        draw_lines(ax, segments(drawn, sample), colors=grey, linewidths=1.2, zorder=1)
+    draw_lines(ax, segments(drawn, 0), colors=INK, linewidths=2.0, zorder=2.5)
 
 
-def _stopped(motion: Trajectory, ts: np.ndarray) -> str:
-    if len(ts) == len(motion.ts):
-        return ""
-    what = re.split(r"[.:(] ?", motion.message)[0].strip()
-    return f"{what} (t = {ts[-1]:.4g} s)" if len(ts) else what
+def _draw_corners(ax, drawn: Paths) -> None:
+    for corner in drawn.corners:
+        for i, shade in zip(drawn.traced, colours(drawn), strict=True):
+            point = drawn.xyz[corner, i]
+            ax.plot(*point[:, None], "D", color=shade, ms=5, mec="white", mew=0.6, zorder=3.5)
 
 
 def _draw_ends(ax, drawn: Paths) -> None:
     look = {"marker": "o", "ms": 12, "mfc": "white", "mew": 1.4, "zorder": 3}
     if drawn.stopped:
         look = {"marker": "x", "ms": 10, "mew": 2.2, "zorder": 5}
-    for i, point in enumerate(drawn.xyz[-1]):
-        ax.plot(*point[:, None], color=colour(i), **look)
+    for i, shade in zip(drawn.traced, colours(drawn), strict=True):
+        ax.plot(*drawn.xyz[-1, i][:, None], color=shade, **look)
 
 
 def _style(ax) -> None:

@@ -35,20 +35,23 @@ def orbit_picture(orbits: Sequence, path=None, titles: Sequence[str] | None = No
     drawn = [paths(_one_period(orbit)) for orbit in orbits]
     if len({one.labels for one in drawn}) > 1:
         raise _checks.fail("orbits", "orbits in one space", "orbits in several", "Draw them apart.")
-    box = plots.limits(
-        np.concatenate([one.xyz.reshape(-1, len(one.labels)) for one in drawn]), drawn[0].equal
-    )
-    figure = _row(len(drawn), box, drawn[0].equal, max(t.count("\n") + 1 for t in titles))
-    for i, (orbit, one, title) in enumerate(zip(orbits, drawn, titles, strict=True)):
+    equal = drawn[0].equal
+    places = np.concatenate([one.xyz.reshape(-1, len(one.labels)) for one in drawn])
+    width = np.ptp(places, axis=0).max()
+    arrows = [_velocities(orbit, width) if equal else None for orbit in orbits]
+    tips = [sum(arrow) for arrow in arrows if arrow is not None]
+    box = plots.limits(np.concatenate([places, *tips]), equal)
+    figure = _row(len(drawn), box, equal, max(t.count("\n") + 1 for t in titles))
+    for i, (arrow, one, title) in enumerate(zip(arrows, drawn, titles, strict=True)):
         ax = plots.panel(figure, one, box, (1, len(drawn), i + 1))
         ax.set_title(title, fontsize=10)
         plots.draw_paths(ax, one)
         plots.draw_starts(ax, one)
-        if one.equal:
-            _draw_velocities(ax, orbit, np.diff(box).max())
+        if arrow is not None:
+            _draw_velocities(ax, *arrow)
     most = max(drawn, key=lambda one: len(one.traced))
-    arrow = plots.mark(r"$\rightarrow$", "velocity there")
-    plots.legend(figure, most, plots.mark("o", "start"), arrow)
+    velocity = plots.mark(r"$\rightarrow$", "velocity there")
+    plots.legend(figure, most, plots.mark("o", "start"), velocity)
     return plots.finished(figure, path)
 
 
@@ -75,13 +78,16 @@ def _row(count: int, box: np.ndarray, equal: bool, lines: int) -> Figure:
     return plots.blank(count * scale * width, scale * (height - 1) + 1 + _LINE * lines)
 
 
-def _draw_velocities(ax, orbit, width: float) -> None:
-    """Arrows (2-D or 3-D) from where the bodies start."""
+def _velocities(orbit, width: float) -> tuple[np.ndarray, np.ndarray] | None:
+    """Places (n, d) where the bodies start, and their velocities there as long as an arrow is."""
     start = orbit.scene.system.points(0.0, orbit.y0)
     r, v = np.asarray(start.r), np.asarray(start.v)
     fastest = np.linalg.norm(v, axis=1).max()
-    if fastest == 0:
-        return
+    return (r, v * (_ARROW * width / fastest)) if fastest > 0 else None
+
+
+def _draw_velocities(ax, r: np.ndarray, arrows: np.ndarray) -> None:
+    """Arrows (2-D or 3-D) from where the bodies start."""
     look = {
         "units": "inches",
         "width": 0.022,
@@ -91,5 +97,5 @@ def _draw_velocities(ax, orbit, width: float) -> None:
         "zorder": 3.5,
     }
     look = look if r.shape[1] == 2 else {"arrow_length_ratio": 0.3, "lw": 1.8}
-    for place, arrow in zip(r, v * (_ARROW * width / fastest), strict=True):
+    for place, arrow in zip(r, arrows, strict=True):
         ax.quiver(*place[:, None], *arrow[:, None], color=plots.INK, **look)

@@ -54,6 +54,7 @@ RANKS = {
     "jaxdyn/formulations/rigid.py": 6,
     "jaxdyn/formulations/rods.py": 6,
     "jaxdyn/formulations/sticks.py": 6,
+    "jaxdyn/constraints.py": 7,
     "jaxdyn/momenta.py": 6,
     "jaxdyn/formulations/fourbar.py": 7,
     "jaxdyn/formulations/routes.py": 7,

@@ -1,6 +1,8 @@
 import itertools
 from types import SimpleNamespace
 
+import equinox as eqx
+import jax.numpy as jnp
 import matplotlib
 import numpy as np
 import pytest
@@ -10,7 +12,10 @@ from PIL import Image
 from jaxdyn import Scene, Status, Trajectory, plots, scenes, simulate
 from jaxdyn.animate import animate
 from jaxdyn.effects import UniformGravity
+from jaxdyn.events import Reaches
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.paths import paths
+from jaxdyn.phases import Exit, Phase, run
 from orbits.plots import orbit_picture
 
 
@@ -33,6 +38,28 @@ def stopped(eight):
 def throws():
     """Motions straight up by dimension 1, 2 and 3."""
     return {d: simulate(_up(d), samples=40) for d in (1, 2, 3)}
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    """Half a turn of a rod."""
+    angle = np.linspace(0.0, np.pi, 9)
+    ys = jnp.stack([angle, np.ones(9)], axis=1)
+    none = np.array(0)
+    return Trajectory(scenes.pendulum(), jnp.asarray(angle), ys, none, none, none)
+
+
+@pytest.fixture(scope="module")
+def bounce():
+    """A ball thrown up that bounces once."""
+    ball = scenes.cannonball()
+    lands = Exit(Reaches(1, 0.0, -1), "fly", Bounced())
+    return run({"fly": Phase(ball, (lands,))}, "fly", ball.y0, 2.0, samples=9)
+
+
+class Bounced(eqx.Module):
+    def __call__(self, t, y):
+        return y * np.array([1.0, 1.0, 1.0, -0.8])
 
 
 def _up(d):
@@ -69,20 +96,69 @@ def test_trajectory_draws_every_body_once_with_start_and_end(eight):
     figure = plots.trajectory(eight, title="eight")
     (ax,) = figure.axes
     assert len(_lines(ax, "o")) == 2 * 3
-    (paths,) = ax.collections
-    colours = {tuple(c) for c in paths.get_colors()}
+    (curves,) = ax.collections
+    colours = {tuple(c) for c in curves.get_colors()}
     assert len(colours) == 3
     # The pieces of one colour are the path of one body, every sample of it.
     first = matplotlib.colors.to_rgba(plots.PALETTE[0])
     own = [
         piece
-        for piece, c in zip(paths.get_segments(), paths.get_colors(), strict=True)
+        for piece, c in zip(curves.get_segments(), curves.get_colors(), strict=True)
         if tuple(c) == first
     ]
     joined = np.concatenate([own[-1][:1], *[piece[1:] for piece in own[::-1]]])
-    np.testing.assert_array_equal(joined, eight.r[:, 0])
+    drawn = paths(eight)
+    np.testing.assert_array_equal(joined, drawn.xyz[:, 0])
+    np.testing.assert_array_equal(drawn.xyz[:: len(drawn.ts) // 89], eight.r)
     assert _legend(figure) == ["body 1", "body 2", "body 3", "start", "end"]
     assert ax.get_title() == "eight"
+
+
+def test_rods_are_drawn_where_they_start_and_later(pendulum):
+    figure = plots.trajectory(pendulum)
+    (ax,) = figure.axes
+    _, *later, first = ax.collections
+    np.testing.assert_allclose(first.get_segments()[0], [[0, 0], pendulum.r[0, 0]], atol=1e-12)
+    assert len(later) == 5
+    np.testing.assert_allclose(later[-1].get_segments()[0], [[0, 0], pendulum.r[-1, 0]], atol=1e-12)
+    assert first.get_linewidth() > later[0].get_linewidth()
+    assert _legend(figure) == ["start", "end"]
+
+
+def test_a_narrow_picture_holds_its_legend():
+    scene = Scene(FreePoints(np.ones(3)), y0=np.arange(12.0) * np.tile([0.01, 1.0], 6), t1=9.0)
+    figure = plots.trajectory(simulate(scene, samples=3))
+    figure.canvas.draw()
+    assert figure.get_figwidth() < 4
+    box, whole = figure.legends[0].get_window_extent(), figure.bbox
+    assert box.x0 >= 0
+    assert box.x1 <= whole.x1
+    assert len(_legend(figure)) == 5
+
+
+def test_many_bodies_have_a_colour_each():
+    scene = Scene(FreePoints(np.ones(12)), y0=np.arange(48.0))
+    drawn = paths(simulate(scene, samples=3))
+    colours = plots.colours(drawn)
+    assert len(set(colours)) == 12
+    # None so light that it is lost on white.
+    assert max(min(matplotlib.colors.to_rgb(c)) for c in colours) < 0.5
+    assert _legend(plots.trajectory(simulate(scene, samples=3))) == ["start", "end"]
+
+
+def test_a_chain_is_drawn_with_its_phases(bounce, tmp_path):
+    figure = plots.trajectory(bounce)
+    (ax,) = figure.axes
+    (corner,) = _lines(ax, "D")
+    np.testing.assert_allclose(corner.get_xydata()[0], bounce.pieces[1].r[0, 0], atol=1e-12)
+    (end,) = [x for x in _lines(ax, "o") if x.get_markersize() == 12]
+    np.testing.assert_allclose(end.get_xydata()[0], bounce.pieces[1].r[-1, 0], atol=1e-12)
+    assert _legend(figure) == ["start", "next phase", "end"]
+    height = plots.time_series(bounce, ["y"]).axes[0].lines[0].get_xydata()
+    assert height.shape == (18, 2)
+    assert (np.diff(height[:, 0]) >= 0).all()
+    with Image.open(animate(bounce, tmp_path / "b.gif", seconds=0.2)) as gif:
+        assert gif.n_frames == 7
 
 
 def test_a_plane_has_one_scale_and_everything_is_inside(ball):
@@ -219,11 +295,11 @@ def test_thirty_frames_a_second_keep_the_length(ball, tmp_path):
         assert gif.info["duration"] == 30
 
 
-def test_few_samples_make_few_frames(throws, stopped, tmp_path):
-    with Image.open(animate(throws[2], tmp_path / "a.gif", seconds=4.0)) as gif:
-        assert gif.n_frames == 40
-    with Image.open(animate(stopped, tmp_path / "b.gif", seconds=1.0)) as gif:
-        assert gif.n_frames == 31
+def test_few_or_uneven_samples_make_all_frames(throws, stopped, tmp_path):
+    few = _sampled(throws[2], np.array([0, 10, 39]))
+    for i, motion in enumerate((few, stopped)):
+        with Image.open(animate(motion, tmp_path / f"{i}.gif", seconds=0.5)) as gif:
+            assert gif.n_frames == 17  # of 0.03 s, which is what 1/30 s is in a GIF
 
 
 def test_mp4_without_ffmpeg_is_refused(ball, tmp_path, monkeypatch):
@@ -255,10 +331,7 @@ def test_wrong_numbers_are_refused(ball, tmp_path, numbers, message):
         animate(ball, tmp_path / "ball.gif", **numbers)
 
 
-def test_uneven_or_single_samples_are_refused(ball, tmp_path):
-    uneven = _sampled(ball, np.array([0, 10, 89]))
-    with pytest.raises(ValueError, match="motion: expected evenly spaced samples"):
-        animate(uneven, tmp_path / "ball.gif")
+def test_a_single_sample_is_refused(ball, tmp_path):
     with pytest.raises(ValueError, match="motion: expected at least 2 samples"):
         animate(_sampled(ball, np.array([3])), tmp_path / "ball.gif")
 

@@ -102,6 +102,9 @@ class Turntable(Mechanism):
         table = planar_body(jnp.zeros(2), theta, jnp.sqrt(self.inertia / self.m_table))
         return jnp.concatenate([mass[None, :], table])
 
+    def links(self):
+        return ((1, 2),)
+
     def check(self):
         _checks.positive("inertia", self.inertia, "Inertias are in kg m^2.")
 

@@ -26,7 +26,7 @@ from jaxdyn.scenes.satellites import satellite_a, satellite_b, satellite_c
 
 REPRESENTATIONS = ("quaternion", "matrix", "euler")
 
-#: Pairs of points that a drawing joins, for ``animate(motion, links=...)``.
+#: Pairs of points that a drawing joins, of `box_points`, and of `jack` and `equimomental`.
 BOX_EDGES = tuple((i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit)
 JACK_ARMS = ((0, 1), (2, 3), (4, 5))
 
@@ -56,7 +56,7 @@ def box_points(m, sides) -> MaterialPoints:
     box's inertia, and are what a drawing should show.
     """
     corner = jnp.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)]) - 0.5
-    corners = corner * jnp.asarray(sides, dtype=float)[None]
+    corners = corner * _checks.array("sides", sides, (3,), "Along x, y and z, in m.")[None]
     masses = m * jnp.concatenate([jnp.full(8, 1 / 24), jnp.full(1, 2 / 3)])
     return MaterialPoints(jnp.concatenate([corners, jnp.zeros((1, 3))]), masses)
 
@@ -86,7 +86,8 @@ def free_body(
         here y, stays away from the body's z.
       t1: span [s].
     """
-    return _scene(jack(m, moments), resting(None, omega0), representation, sequence, t1=t1)
+    matter, start = jack(m, moments), resting(None, omega0)
+    return _scene(matter, JACK_ARMS, start, representation, sequence, t1=t1)
 
 
 def box(
@@ -98,7 +99,7 @@ def box(
     sequence: str = "YXZ",
     t1=60.0,
 ) -> Scene:
-    """A uniform box that tumbles, drawn by its corners and `BOX_EDGES` (problems 47, 51, 53).
+    """A uniform box that tumbles, drawn by its corners and edges (problems 47, 51, 53).
 
     Args:
       omega0: (3,) angular velocity at the start [rad/s].
@@ -108,7 +109,8 @@ def box(
       sequence: Euler angles, for "euler".
       t1: span [s].
     """
-    return _scene(box_points(m, sides), resting(None, omega0), representation, sequence, t1=t1)
+    matter, start = box_points(m, sides), resting(None, omega0)
+    return _scene(matter, BOX_EDGES, start, representation, sequence, t1=t1)
 
 
 def feynman_plate(
@@ -135,7 +137,7 @@ def feynman_plate(
     R_wb = matrix_from_euler(_floats(0.0, tilt, 0.0), "ZXZ")
     start = resting(R_wb, _floats(0.0, 2 * spin * jnp.tan(tilt), spin))
     matter = box_points(m, _floats(side, side, 0.0))
-    return _scene(matter, start, representation, "ZXZ", t1=t1)
+    return _scene(matter, BOX_EDGES, start, representation, "ZXZ", t1=t1)
 
 
 def satellite(
@@ -160,7 +162,8 @@ def satellite(
       t1: span [s].
     """
     body = _SATELLITES[_checks.choice("name", name, _SATELLITES)]()
-    return _scene(equimomental(body), resting(None, omega0), representation, "YXZ", t1=t1)
+    matter, start = equimomental(body), resting(None, omega0)
+    return _scene(matter, JACK_ARMS, start, representation, "YXZ", t1=t1)
 
 
 # ---- about a pivot
@@ -205,11 +208,13 @@ def top(
     start = resting(matrix_from_euler(angles, "ZXZ"), omega_b_from_euler(angles, "ZXZ") @ rates)
     matter = jack(m, _floats(I1, I1, I3), _floats(0.0, 0.0, d))
     gravity = (UniformGravity(g),)
-    return _scene(matter, start, representation, sequence, gravity, pivoted=True, t1=t1)
+    edges = (*JACK_ARMS, ((0.0, 0.0, 0.0), 4))  # the axis, from the pivot
+    return _scene(matter, edges, start, representation, sequence, gravity, pivoted=True, t1=t1)
 
 
 def _scene(
     matter: MaterialPoints,
+    edges: tuple,
     start: Pose,
     representation: str,
     sequence: str,
@@ -220,10 +225,10 @@ def _scene(
 ) -> Scene:
     _checks.choice("representation", representation, REPRESENTATIONS)
     if representation == "euler":
-        mechanism = EulerBody(matter, sequence, pivoted=pivoted)
+        mechanism = EulerBody(matter, sequence, pivoted=pivoted, edges=edges)
         return Scene(NewtonEuler(mechanism), effects, y0=mechanism.state(start), t1=t1)
     attitude = Quaternion() if representation == "quaternion" else RotationMatrix()
-    body = RigidBody(matter, attitude, pivoted=pivoted)
+    body = RigidBody(matter, attitude, pivoted=pivoted, edges=edges)
     return Scene(body, effects, y0=body.state(start), t1=t1)
 
 

@@ -80,6 +80,9 @@ class Disk(Mechanism):
         along_y = [zero, one, zero, r * cos * s, r * sin * c, r * s]
         return jnp.stack([jnp.stack(along_x), jnp.stack(along_y)])
 
+    def links(self):
+        return ((0, 1), (1, 2), (2, 3), (3, 0))
+
     def pose(self, q: Array, v: Array) -> Pose:
         """Position, attitude and angular velocity at coordinates and velocities (6,)."""
         omega_b = omega_b_from_euler(q[3:], _SEQUENCE) @ v[3:]
