@@ -18,7 +18,7 @@ from benchmarks import _peers
 from benchmarks._timing import Method, Row, work_precision
 from jaxdyn.scenes import three_body
 from jaxdyn.simulate import solve
-from orbits.stability import monodromy
+from orbits.monodromy import monodromy
 
 #: Wanted true error.
 ERRORS = (1e-12,)

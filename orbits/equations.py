@@ -115,6 +115,19 @@ class Equations(eqx.Module):
         between = solve(scene, part, ts=ts, rtol=rtol).ys if self.segments > 1 else ()
         return self.pack(y0, between, angle, parameter, period)
 
+    def repeated(self, times: int) -> "Equations":
+        """The equations of the same motions taken as many periods as one."""
+        scene = self.scene.starting(self.scene.y0, times * self.scene.t1)
+        segments = times * self.segments
+        return Equations(scene, self.closing, self.conditions, self.make, segments, self.driven)
+
+    def repeat(self, x: np.ndarray, times: int, rtol) -> np.ndarray:
+        """x of the same motion for `repeated` equations."""
+        unknowns = self.unpack(x)
+        angle, period = (times * float(n) for n in (unknowns.angle, unknowns.period))
+        parameter = float(unknowns.parameter)
+        return self.repeated(times).spread(self.start(x), period, rtol, angle, parameter)
+
     def bounds(self, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Bounds (k + 1,) on the start and the period as bounds on x; the rest is free."""
 

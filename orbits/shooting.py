@@ -119,13 +119,17 @@ def solved(
     outcome = _outcome(equations, result, trouble, rtol)
     if throw and outcome != Outcome.FOUND:
         raise SearchError(outcome.message)
-    unknowns = equations.unpack(result.x)
-    found = equations.scene_at(unknowns.parameter).starting(
-        equations.start(jnp.asarray(result.x)), unknowns.period
-    )
     residual = float(np.max(np.abs(result.residual)))
+    return orbit_at(equations, result.x, residual, outcome, result.iterations, rtol)
+
+
+def orbit_at(equations: Equations, x, residual: float, outcome: Outcome, iterations: int, rtol):
+    """The orbit that x stands for."""
+    unknowns = equations.unpack(x)
+    scene = equations.scene_at(unknowns.parameter)
+    scene = scene.starting(equations.start(jnp.asarray(x)), unknowns.period)
     angle = float(unknowns.angle)
-    return Orbit(found, equations.closing, residual, outcome, result.iterations, rtol, angle)
+    return Orbit(scene, equations.closing, residual, outcome, iterations, rtol, angle)
 
 
 def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, parameter=0.0):

@@ -71,6 +71,8 @@ RANKS = {
     "jaxdyn/scenes/wheels.py": 9,
     "jaxdyn/scenes/rolling.py": 9,
     "jaxdyn/scenes/disks.py": 8,
+    "jaxdyn/course.py": 0,
+    "jaxdyn/steps.py": 4,
     "jaxdyn/floquet.py": 6,
     "jaxdyn/formulations/prescribed.py": 6,
     "jaxdyn/scenes/ballistics.py": 1,
@@ -101,11 +103,13 @@ RANKS = {
     "orbits/trivial.py": 13,
     "orbits/surface.py": 14,
     "orbits/stability.py": 14,
-    "orbits/continuation.py": 15,
+    "orbits/family.py": 15,
+    "orbits/bifurcations.py": 16,
+    "orbits/continuation.py": 17,
     "orbits/report.py": 15,
-    "orbits/plots.py": 16,
-    "orbits/verify.py": 16,
-    "orbits/__main__.py": 17,
+    "orbits/plots.py": 18,
+    "orbits/verify.py": 18,
+    "orbits/__main__.py": 20,
 }
 
 #: Imports inside functions: what the private question to JAX needs, and drawings, which only

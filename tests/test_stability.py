@@ -62,7 +62,7 @@ def stuart_landau(a, b, w, c):
 
 
 @pytest.mark.parametrize(
-    ("c", "verdict"), [(-0.02, "stable"), (0.03, "unstable"), (0.0, "undecided")]
+    ("c", "verdict"), [(-0.02, "stable"), (0.03, "unstable"), (1e-15, "undecided")]
 )
 def test_stuart_landau_has_its_exact_multipliers(c, verdict):
     a, b, w = 0.3, 0.4, 1.1

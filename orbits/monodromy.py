@@ -1,0 +1,68 @@
+"""The monodromy matrix: how small displacements of an orbit's start have changed after a period."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene, System
+from jaxdyn.simulate import solve, tolerances
+from orbits.problem import Orbit
+
+_TANGENT = 1e-6  # smaller singular values of a projection's slope are directions it removes
+
+
+def monodromy(scene: Scene, y0=None, period=None, *, rtol: float = 1e-13) -> Array:
+    """Derivative (k, k) of the state after one period with respect to the start.
+
+    From the variational equations, with the tangents in the error norm.
+    """
+    scene = scene if y0 is None else scene.starting(y0)
+    tolerances(rtol, None)  # refuses what is none; inside jit it could not
+    return _monodromy(scene, scene.t1 if period is None else period, rtol)
+
+
+@jax.jit
+def _monodromy(scene: Scene, period, rtol) -> Array:
+    return jax.jacfwd(lambda y: solve(scene.starting(y), period, rtol=rtol).y1)(scene.y0)
+
+
+def tangents(scene: Scene, y0: np.ndarray) -> np.ndarray:
+    """Orthonormal basis (k, d) of the states near the start that satisfy the constraints."""
+    if type(scene.system).project is System.project:
+        return np.eye(len(y0))
+    u, s, _ = np.linalg.svd(np.asarray(_projection(scene, jnp.asarray(y0))))
+    return u[:, s > _TANGENT]
+
+
+@jax.jit
+def _projection(scene: Scene, y0: Array) -> Array:
+    return jax.jacfwd(scene.system.project, argnums=1)(jnp.zeros(()), y0)
+
+
+def returned(orbit: Orbit, rtol, basis: np.ndarray) -> np.ndarray:
+    """(d, d) the monodromy matrix in a basis of tangents, turned back for a relative orbit.
+
+    The displacement after a period is what `difference` says: -1 times a quaternion is the
+    same attitude.
+    """
+    return basis.T @ np.asarray(_returned(orbit, orbit.scene.t1, rtol)) @ basis
+
+
+@jax.jit
+def _returned(orbit: Orbit, period, rtol) -> Array:
+    scene, closing = orbit.scene, orbit.closing
+
+    def turned(y):
+        return closing.after(scene.system, y, orbit.angle, 1)
+
+    def end(y):
+        return scene.system.difference(solve(scene.starting(y), period, rtol=rtol).y1, target)
+
+    target = turned(scene.y0)
+    m = jax.jacfwd(end)(scene.y0)
+    if not closing.turns:
+        return m
+    # Not by solving: turned back, a turn is undone to rounding, and needs no other symmetry.
+    back = jax.jacfwd(lambda y: closing.after(scene.system, y, -orbit.angle, 1))(scene.y0)
+    return jnp.sum(back[:, :, None] * m[None], axis=1)
