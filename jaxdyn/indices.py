@@ -6,6 +6,9 @@ An index that occurs twice in a product is summed (a dummy), one that occurs onc
 rules: no index three times in a product, and the same free indices in every term on both sides.
 ``delta`` is Kronecker's symbol and ``epsilon`` that of Levi-Civita.
 
+This is problem 41 of the course, whose text has two misprints: c_3 = A_3j b_3 should end in b_j,
+and in a x b = a_i e_i x b_i e_j the second vector is b_j e_j.
+
 Not here: powers, divisions and "no sum"; for sums inside a program use ``jnp.einsum``.
 """
 

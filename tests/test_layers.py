@@ -104,6 +104,7 @@ RANKS = {
     "orbits/surface.py": 14,
     "orbits/stability.py": 14,
     "orbits/family.py": 15,
+    "orbits/sensitivity.py": 15,
     "orbits/bifurcations.py": 16,
     "orbits/continuation.py": 17,
     "orbits/report.py": 15,

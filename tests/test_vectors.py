@@ -285,6 +285,10 @@ def test_the_course_warns_that_an_array_is_no_scalar():
     ("expression", "reason"),
     [
         ("a_i = b_j", "free indices: expected i in every term, got j in 'b_j'"),
+        (
+            "a_i e_i b_i e_j",
+            "index i: expected once or twice in a product, got 3 times",
+        ),  # misprint
         ("c_i = b_i d_j e_j f_j", "index j: expected once or twice in a product, got 3 times"),
         ("R_ij R_ij = R_ij^2", "term: expected products of names with indices, A_ij, got '^2'"),
         ("c_i = ", "term: expected a product such as A_ij b_j, got nothing"),

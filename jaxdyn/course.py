@@ -1,0 +1,362 @@
+"""The 61 problems of the course, each with the names that answer it and the answer in a line.
+
+Names are public ones below `jaxdyn`: ``scenes.pendulum`` is ``jaxdyn.scenes.pendulum``. Periodic
+motions and targets (11 b, 27, 28, 43 b) need root finding on top of these scenes, which is what
+the orbit finder is for.
+"""
+
+from typing import NamedTuple
+
+
+class Problem(NamedTuple):
+    """A problem: what it is about, the names that answer it, and what they say."""
+
+    title: str
+    names: tuple[str, ...]
+    answer: str
+
+
+def _problem(title: str, names: str, answer: str) -> Problem:
+    return Problem(title, tuple(names.split()), answer)
+
+
+PROBLEMS: dict[int, Problem] = {
+    1: _problem(
+        "One particle, any forces",
+        "scenes.particle simulate plots.trajectory animate.animate",
+        "Effects are added to a scene with +.",
+    ),
+    2: _problem(
+        "Vectors: lines, tetrahedra, rods",
+        "vectors.closest_points vectors.tetrahedron_volume vectors.rod_tensions",
+        "|n . (c - a)| / |n| with n = (b - a) x (d - c); parallel and coplanar cases are flagged.",
+    ),
+    3: _problem(
+        "Simple equations solved three ways, and how accurate that is",
+        "scenes.oscillator scenes.pendulum scenes.lorenz steps.fixed_steps steps.halvings simulate",
+        "Halved steps tell error and order without the exact solution: 1 for Euler's method.",
+    ),
+    4: _problem(
+        "Cross product by geometry and by components",
+        "vectors.cross vectors.cross_by_geometry vectors.cross_by_indices",
+        "The geometric definition distributes over sums, so the components follow.",
+    ),
+    5: _problem(
+        "Reading: vectors, components, units",
+        "vectors indices",
+        "Nothing to compute; these are the tools of the chapters named.",
+    ),
+    6: _problem(
+        "Mass on a spring with rest length",
+        "scenes.spring_mass energy.drift",
+        "Every limiting case of 6 c holds: parabola, vertical, radial, ellipse, circle, plane.",
+    ),
+    7: _problem(
+        "A drawn shape moved and turned",
+        "scenes.moved_shape animate.animate",
+        "A house on a figure of eight; all distances within it stay.",
+    ),
+    8: _problem(
+        "Straight motion in polar coordinates",
+        "scenes.polar_particle scenes.straightness",
+        "The path is straight to the tolerance, also past the origin at a millionth of a metre.",
+    ),
+    9: _problem(
+        "Cannonball with linear drag",
+        "scenes.cannonball scenes.ballistics.cannonball_linear_exact "
+        "scenes.ballistics.flight_time scenes.ballistics.best_angle",
+        "Fast shots tend to a triangle, and the best angle to 0, like log(u^2) / u.",
+    ),
+    10: _problem(
+        "Mass on a spring of rest length zero, in space",
+        "scenes.hanging_spring scenes.springs.hanging_spring_exact scenes.springs.wildness",
+        "Nothing wild is there: every motion is an ellipse with one period.",
+    ),
+    11: _problem(
+        "Central forces",
+        "scenes.power_law scenes.central_orbit scenes.circular_speed scenes.apsidal_angle",
+        "F = k / r gives one speed to all circles; orbits are rosettes, closed after q loops "
+        "where the apsidal angle is pi p / q.",
+    ),
+    12: _problem(
+        "Cannonball with quadratic drag, and the work of the drag",
+        "scenes.cannonball ledger.with_work energy.energy",
+        "Work and change of energy differ by less as the tolerance shrinks. The course gives no "
+        "coefficient: take 1 kg/m, and others.",
+    ),
+    13: _problem(
+        "Mass on two springs: statics, dynamics, stability",
+        "scenes.two_springs equilibria.equilibria linearize.linearize simulate",
+        "From one equilibrium to five; eigenvalues are the rates of simulated decay.",
+    ),
+    14: _problem(
+        "Rate of change of angular momentum of a particle",
+        "momenta.moment_balance momenta.angular_momentum_about",
+        "a holds always; b if C rests or moves along with P's velocity; c if C does not "
+        "accelerate, or along PC.",
+    ),
+    15: _problem(
+        "Potential energies",
+        "effects.UniformGravity effects.Spring effects.CentralForce effects.PowerLaw "
+        "effects.PairGravity effects.ConstantForce energy.potential",
+        "A force or its potential is enough; the other one follows.",
+    ),
+    16: _problem(
+        "Two and three bodies on circles",
+        "scenes.two_body scenes.nbody.two_body_period scenes.three_body_circular "
+        "scenes.nbody.three_body_rate",
+        "T = 2 pi sqrt(d^3 / (G (m1 + m2))); sqrt(G m / (sqrt(3) R^3)), unstable. d = 3 is a "
+        "diameter.",
+    ),
+    17: _problem(
+        "Montgomery's eight",
+        "scenes.three_body simulate",
+        "The printed start closes to its digits; small changes stay near, larger ones break up.",
+    ),
+    18: _problem(
+        "Konig's theorem",
+        "momenta.kinetic_split momenta.power_balances",
+        "a: plus the energy relative to G. b: always. c: not always, external forces too do work "
+        "relative to G.",
+    ),
+    19: _problem(
+        "Rate of change of angular momentum of a system",
+        "momenta.moment_balance momenta.centre_of_mass",
+        "a always; b if C rests or moves parallel to G; c if C is G, does not accelerate, or "
+        "accelerates along CG.",
+    ),
+    20: _problem(
+        "Two masses, a spring and a step force",
+        "scenes.two_masses scenes.springs.two_masses_exact momenta.centre_of_mass",
+        "F = m a_G whatever k; both masses keep within O(F / k) of a rigid rod's motion.",
+    ),
+    21: _problem(
+        "Two masses and a rod, by differential-algebraic equations",
+        "scenes.rod_on_line scenes.two_masses",
+        'drift="raw" shows the drift that is asked for; unequal speeds are refused, the nearest '
+        "consistent start is offered.",
+    ),
+    22: _problem(
+        "Simple pendulum, many derivations",
+        "scenes.pendulum",
+        "Newton-Euler, Lagrange and constrained cartesian equations agree. The course's x points "
+        "down.",
+    ),
+    23: _problem(
+        "Pendulum in cartesian coordinates",
+        "scenes.pendulum",
+        'formulation="constrained", drift="raw" drifts as the course wants to see; projection '
+        "does not.",
+    ),
+    24: _problem(
+        "Pendulum by its horizontal position",
+        "scenes.sideways_pendulum scenes.sideways_edge",
+        "It agrees with the angle up to the level of the hinge, the coordinate's edge.",
+    ),
+    25: _problem(
+        "Dumbbell by five differential-algebraic equations",
+        "scenes.dumbbell energy.integrals energy.drift",
+        "Momentum, angular momentum, energy and length are kept; their errors are reported.",
+    ),
+    26: _problem(
+        "Rotation with zero angular momentum",
+        "scenes.plate scenes.plate_turn",
+        "The plate ends turned by an angle that does not depend on the pace.",
+    ),
+    27: _problem(
+        "Cannonball on target",
+        "scenes.cannonball events.until events.Reaches",
+        "Where a shot lands, with derivatives. It continues 12, not 10.",
+    ),
+    28: _problem(
+        "The eight from a rough guess",
+        "scenes.three_body scenes.EIGHT_GUESS scenes.EIGHT_GUESS_PERIOD scenes.EIGHT_PERIOD",
+        "The guess and the problem; the orbit finder closes it to rounding.",
+    ),
+    29: _problem(
+        "Inverted pendulum on a shaking base",
+        "scenes.shaken_pendulum upright.upright_chart charts.stability floquet.multipliers "
+        "upright.averaged_limit",
+        "Upright is stable between Mathieu's a_0 and b_1: for fast shaking from "
+        "(A w)^2 = 2 g L on, L = 2/3 of a uniform stick.",
+    ),
+    30: _problem(
+        "Bead on a parabola",
+        "scenes.bead_on_parabola",
+        "By x alone, and by x and y on the wire.",
+    ),
+    31: _problem(
+        "Double pendulum",
+        "scenes.double_pendulum scenes.n_pendulum energy.drift",
+        "Newton-Euler, Lagrange and constrained equations agree to what chaos allows.",
+    ),
+    32: _problem(
+        "Braking stability of a car",
+        "scenes.car scenes.wheels.braking scenes.wheels.turning_rate scenes.wheels.turning_left",
+        "Front wheels locked: stable. Rear wheels locked: turning grows while V^2 > mu g L.",
+    ),
+    33: _problem(
+        "Beads on a parabola and on y = c s^2",
+        "scenes.bead_on_parabola scenes.bead_on_cycloid scenes.guides.cycloid",
+        "y = c s^2 is a cycloid; the bead is a harmonic oscillator at any amplitude.",
+    ),
+    34: _problem(
+        "Mass in a slot on a turntable",
+        "scenes.turntable scenes.turntable_limit kinematics.by_derivatives "
+        "kinematics.slot_acceleration kinematics.slot_acceleration_five_terms",
+        "The angle has a finite limit for any speed along the slot.",
+    ),
+    35: _problem(
+        "Cart and pendulum",
+        "scenes.cart_pendulum energy.momentum",
+        "Newton-Euler and Lagrange give one equation.",
+    ),
+    36: _problem(
+        "Kinematics of the double pendulum",
+        "kinematics.end_acceleration kinematics.end_acceleration_relative "
+        "kinematics.by_derivatives kinematics.five_terms scenes.double_pendulum",
+        "Absolute angles in polar coordinates and relative angles by five terms agree.",
+    ),
+    37: _problem(
+        "Cylinder rolling off a cylinder",
+        "scenes.cylinder_on_cylinder scenes.rolling.contact_lost scenes.rolling.friction_needed "
+        "scenes.rolling.phases_of phases.run",
+        "An inverted pendulum with 2/3 g; contact ends at cos(theta) = 4/7, if friction is without "
+        "bound. Any real one slips before.",
+    ),
+    38: _problem(
+        "Eccentric cylinder on a ramp",
+        "scenes.cylinder_on_ramp scenes.rolling.contact_lost scenes.rolling.friction_needed "
+        "scenes.rolling.phases_of phases.run",
+        "Where the normal force ends friction does not, and a flight from there may enter the "
+        "ground; the chain of phases slips first.",
+    ),
+    39: _problem(
+        "One and two skates",
+        "scenes.one_skate scenes.two_skates scenes.skates.by_lagrange "
+        "scenes.skates.elementary_motion scenes.skates.meeting_point",
+        "Two skates turn about the meeting point of their normals; a common normal is refused.",
+    ),
+    40: _problem(
+        "Practice with dyadics",
+        "rotations.tensor_in_world rotations.tensor_in_body rotations.matrix_between "
+        "rotations.orthonormalise",
+        "Reading; tensors and their components in two bases.",
+    ),
+    41: _problem(
+        "Index notation",
+        "indices.check_indices indices.evaluate_indices indices.kronecker indices.levi_civita",
+        "Each expression has its value, or the reason why it is nonsense. In the text read b_j for "
+        "the last b_3, and b_j e_j for b_i e_j.",
+    ),
+    42: _problem(
+        "Rotations: one vector, one tensor, two bases",
+        "rotations.matrix_between rotations.rotate rotations.tensor_in_body "
+        "rotations.tensor_in_world indices.evaluate_indices",
+        "r*_B = r whatever R is, R_B = R, and A = R in j.",
+    ),
+    43: _problem(
+        "Triple pendulum, four-bar linkage and more",
+        "scenes.triple_pendulum scenes.n_pendulum scenes.four_bar scenes.pinned_chain "
+        "scenes.skate_chain",
+        "Three formulations and closed loops agree; links that cannot close are refused.",
+    ),
+    44: _problem(
+        "Euler's theorem on rotations",
+        "rotations.axis_angle_from_matrix",
+        "A proof to read; every rotation matrix gets its axis and angle.",
+    ),
+    45: _problem(
+        "Two quarter turns",
+        "rotations.rotate rotations.compose_axis_angle rotations.axis_angle_from_matrix",
+        "120 degrees about (1, 1, 1): x to y, y to z, z to x.",
+    ),
+    46: _problem(
+        "vecrot, rotmat, and back",
+        "rotations.rotate rotations.matrix_from_axis_angle rotations.axis_angle_from_matrix",
+        "Axis and angle come back to rounding, also at 0 and at pi.",
+    ),
+    47: _problem(
+        "A box turned about a line",
+        "scenes.turned_box scenes.box animate.animate",
+        "120 degrees about (1, 1, 1) permutes the axes.",
+    ),
+    48: _problem(
+        "Euler angles",
+        "euler.matrix_from_euler euler.euler_from_matrix",
+        'Fixed "xyz" and body "ZYX" are one rotation, R_z R_y R_x.',
+    ),
+    49: _problem(
+        "A box animated by Euler angles",
+        "scenes.moved_box animate.animate",
+        "Three swings; two of them 0 show roll, pitch or yaw alone.",
+    ),
+    50: _problem(
+        "Angular momentum balance about G",
+        "momenta.moment_balance momenta.centre_of_mass",
+        "True about G however G accelerates.",
+    ),
+    51: _problem(
+        "Euler equations in full",
+        "scenes.box scenes.free_body inertia.equivalent_box inertia.is_flat",
+        "Moments 1, 2, 3 are exactly a flat plate's: no thick box has them. It flips.",
+    ),
+    52: _problem(
+        "Euler equations in the body's axes",
+        "scenes.free_body formulations.rigid.pose energy.along",
+        "Spin about the middle axis is unstable, about the others stable.",
+    ),
+    53: _problem(
+        "Rigid bodies by matrix, quaternion and Euler angles",
+        "scenes.free_body scenes.box scenes.feynman_plate formulations.rigid.pose",
+        "All representations agree. The course lost a dot over omega and one over R.",
+    ),
+    54: _problem(
+        "Static and dynamic balance",
+        "balance.bearing_forces inertia.principal inertia.point",
+        "Three axes, both ways, for an unsymmetric body; the plus sign is balanced; one bearing "
+        "can carry everything.",
+    ),
+    55: _problem(
+        "Three satellites",
+        "scenes.satellite scenes.satellites.satellite_a scenes.satellites.satellite_b "
+        "scenes.satellites.satellite_c inertia.principal formulations.rigid.pose",
+        "No two moments of A are equal (0.527, 0.795, 1.051): 55 iii is wrong, 57 A i is right.",
+    ),
+    56: _problem(
+        "Feynman's plate",
+        "scenes.feynman_plate precession.wobble_and_spin precession.free_precession",
+        "Two wobbles for one spin: the book has it the wrong way round.",
+    ),
+    57: _problem(
+        "Claims about the satellites",
+        "scenes.satellite inertia.principal precession.free_attitude energy.angular_momentum",
+        "A ii is false (the smallest), and A iii: between the wobbles are motions that flip just "
+        "once. B i to iii and C i, ii are true.",
+    ),
+    58: _problem(
+        "Steady precession of axisymmetric bodies in space",
+        "precession.free_attitude precession.free_precession scenes.satellite",
+        "Yes: every free motion is one, exp(t H / I_1) R_0 exp(t omega_s e_3).",
+    ),
+    59: _problem(
+        "Steady precession of a top",
+        "precession.top_roots precession.precession_residual sleeping_top.critical_spin "
+        "sleeping_top.slowest_relative_spin scenes.top precession.tilts",
+        "A quadratic in omega_p; the slowest total spin upright is 2 sqrt(I m g d) / I_3, the "
+        "relative one is another number. Tops also nutate.",
+    ),
+    60: _problem(
+        "Steady precession of a disk on a plane",
+        "precession.rolling_disk_circle precession.sliding_disk_roots "
+        "precession.frictionless_rolling_disk precession.disk_residuals scenes.rolling_disk",
+        "Without slip, without friction, and both: omega_p^2 = m g r / (I sin(theta)), "
+        "omega_3 = 0. The course calls the lean theta and phi.",
+    ),
+    61: _problem(
+        "Spinning top in space",
+        "scenes.top precession.top_roots sleeping_top.critical_spin "
+        "sleeping_top.critical_spin_by_linearisation sleeping_top.critical_spin_by_simulation",
+        "Steady starts stay steady; the critical total spin is the limit of stability, three ways.",
+    ),
+}
