@@ -13,17 +13,21 @@ from rich.table import Table
 
 from jaxdyn import _checks, catalogue, energy
 from jaxdyn._config import configure
-from jaxdyn.simulate import RTOL, Trajectory, simulate
+from jaxdyn.paths import pieces_of
+from jaxdyn.phases import Chain
+from jaxdyn.simulate import RTOL, Trajectory
 from jaxdyn.solvers import DOPRI8, NYSTROM12, VERNER9
+from jaxdyn.status import Status
 
 app = typer.Typer(
     help="Simulate, draw and check the scenes of a course on dynamics.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
 STOPPED = 1  # exit code: the motion did not reach its end
 MISUSE = 2  # exit code: the input makes no sense
+#: What a wrong option or argument raises; typer exports only a kind of it.
+_Usage: type[Exception] = typer.BadParameter.__bases__[0]
 _SOLVERS = {"nystrom12": NYSTROM12, "verner9": VERNER9, "dopri8": DOPRI8}
 
 
@@ -57,19 +61,20 @@ def run_command(
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="One of its numbers.")
     ] = None,
     t1: Annotated[float | None, typer.Option(help="End of the span; the scene's own.")] = None,
-    samples: Annotated[int, typer.Option(help="How many times to sample.")] = 400,
+    samples: Annotated[int, typer.Option(help="How many times to sample, in each phase.")] = 400,
     rtol: Annotated[float, typer.Option(help="Relative tolerance of a step.")] = RTOL,
     solver: Annotated[str, typer.Option(help="auto, nystrom12, verner9 or dopri8.")] = "auto",
     plot: Annotated[Path | None, typer.Option(help="Draw it (.png, .pdf, .svg).")] = None,
     animate: Annotated[Path | None, typer.Option(help="Animate it (.gif, .mp4).")] = None,
     as_object: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
-    """Simulate a scene, say how well its energy is kept, and draw it if asked."""
+    """Simulate a scene in all its phases, say how its energy changes, and draw it if asked."""
     console = Console(stderr=as_object, highlight=False, soft_wrap=True)
-    scene = catalogue.build(name, dict(_pair(text) for text in settings or ()))
+    _check_files(plot, animate)
     _checks.choice("solver", solver, ("auto", *_SOLVERS))
-    motion = simulate(
-        scene, t1, samples=samples, rtol=rtol, solver=_SOLVERS.get(solver), throw=False
+    scene = catalogue.build(name, dict(_pair(text) for text in settings or ()))
+    motion = catalogue.entries()[name].motion(
+        scene, t1, samples=samples, rtol=rtol, solver=_SOLVERS.get(solver)
     )
     result = _result(name, motion)
     if as_object:
@@ -77,17 +82,16 @@ def run_command(
     else:
         _print(result, console)
     if plot:
-        from jaxdyn.plots import time_series, trajectory
+        from jaxdyn.plots import trajectory
 
-        draw = trajectory if motion.r.shape[1] else time_series
-        draw(motion, path=plot)
+        trajectory(motion, plot)
         console.print(f"drawn in {plot}")
     if animate:
         from jaxdyn.animate import animate as make_animation
 
         make_animation(motion, animate)
         console.print(f"animated in {animate}")
-    if not motion.ok:
+    if not _arrived(motion):
         console.print(f"[red]stopped[/red]: {motion.message}")
         raise typer.Exit(STOPPED)
 
@@ -95,10 +99,29 @@ def run_command(
 def main() -> None:
     """Run the command line; one line and exit code 2 for input that makes no sense."""
     try:
-        app()
+        code = app(standalone_mode=False)
+    except _Usage as error:
+        _refuse(f"{error.format_message()} See --help.")
     except ValueError as error:
-        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)  # noqa: T201
-        raise SystemExit(MISUSE) from None
+        _refuse(str(error))
+    else:
+        raise SystemExit(code or 0)
+
+
+def _refuse(message: str) -> None:
+    print(f"error: {' '.join(message.split())}", file=sys.stderr)  # noqa: T201
+    raise SystemExit(MISUSE) from None
+
+
+def _check_files(plot: Path | None, animate: Path | None) -> None:
+    """Refuse files that could not be written, before anything is simulated."""
+    if plot or animate:
+        from jaxdyn import animate as moving
+        from jaxdyn import plots
+
+        for path, suffixes in ((plot, plots.SUFFIXES), (animate, moving.SUFFIXES)):
+            if path:
+                plots.checked_path(path, suffixes)
 
 
 def _pair(text: str) -> tuple[str, str]:
@@ -119,20 +142,49 @@ def _described(entry: catalogue.Entry) -> dict:
     return {"summary": entry.summary, "problems": entry.problems, "parameters": numbers}
 
 
-def _result(name: str, motion: Trajectory) -> dict:
-    drift = float(energy.drift(motion))
-    labels = motion.scene.system.labels()
+def _result(name: str, motion: Trajectory | Chain) -> dict:
+    pieces = pieces_of(motion)
+    in_phases = isinstance(motion, Chain)
+    ts = [np.asarray(piece.ts) for piece in pieces]
+    ys = [np.asarray(piece.ys) for piece in pieces]
+    if in_phases and motion.ended:  # where its last exit left it
+        ts, ys = [*ts, np.asarray(motion.t)[None]], [*ys, np.asarray(motion.y)[None]]
     return {
         "scene": name,
-        "status": motion.status_code.name,
+        "status": motion.status.name if in_phases else motion.status_code.name,
         "message": motion.message,
-        "t": _finite(motion.ts),
-        "labels": [f"{label} [{unit}]" for label, unit in labels],
-        "y": _finite(motion.ys),
-        "energy_drift": drift if np.isfinite(drift) else None,
-        "steps": int(motion.steps),
-        "rejected": int(motion.rejected),
+        "t": _finite(np.concatenate(ts)),
+        "labels": [f"{label} [{unit}]" for label, unit in pieces[0].scene.system.labels()],
+        "y": _finite(np.concatenate(ys)),
+        "phases": [
+            {"name": phase, "t0": float(piece.ts[0]), "t1": float(piece.ts[-1])}
+            for phase, piece in zip(motion.names if in_phases else (), pieces, strict=False)
+        ],
+        "energy_drift": _energy_change(pieces),
+        "steps": sum(int(piece.steps) for piece in pieces),
+        "rejected": sum(int(piece.rejected) for piece in pieces),
     }
+
+
+def _arrived(motion: Trajectory | Chain) -> bool:
+    """Whether a motion got to the end of its span, or to an end of its own."""
+    if isinstance(motion, Chain):
+        done = motion.ended or motion.t >= motion.pieces[-1].scene.t1
+        return motion.status == Status.OK and bool(done)
+    return motion.ok
+
+
+def _energy_change(pieces: tuple[Trajectory, ...]) -> float | None:
+    """As `energy.drift`, over all pieces; None without energy, or where it is not known."""
+    if not pieces[0].r.shape[1] or len(pieces[0].ts) < 2:
+        return None
+    total, v = (
+        np.concatenate([energy.along(quantity, piece) for piece in pieces])
+        for quantity in (energy.energy, energy.potential)
+    )
+    size = np.max(np.abs(total - v) + np.abs(v))
+    change = np.max(np.abs(total - total[0])) / (size or 1.0)
+    return float(change) if np.isfinite(change) else None
 
 
 def _finite(values) -> list:
@@ -146,6 +198,8 @@ def _print(result: dict, console: Console) -> None:
     for label, value in zip(result["labels"], last, strict=True):
         shown = "not reached" if value is None else format(value, ".12g")
         console.print(f"  {escape(label):24} {shown}")
+    for phase in result["phases"]:
+        console.print(f"  {phase['name']:12} from {phase['t0']:.9g} to {phase['t1']:.9g}")
     drift = result["energy_drift"]
     if drift is not None:
         console.print(f"change of energy, relative to its parts: {drift:.1e}")

@@ -2,7 +2,7 @@
 
 A scene is a function of keyword numbers in `jaxdyn.scenes`; its docstring begins with what it
 is and the course problems it answers, and documents each number with its unit. Nothing else
-needs to be registered.
+needs to be registered, but for a scene whose motion has corners: how it goes on in phases.
 """
 
 import dataclasses
@@ -12,7 +12,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from jaxdyn import _checks, scenes
+from jaxdyn.phases import Chain, Phase, run
 from jaxdyn.scene import Scene
+from jaxdyn.simulate import RTOL, Trajectory, simulate
+from jaxdyn.solvers import Pair
+
+Phases = Mapping[str, Phase]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,6 +38,47 @@ class Entry:
     summary: str
     problems: tuple[int, ...]
     parameters: tuple[Parameter, ...]
+
+    def motion(
+        self, scene: Scene, t1=None, *, samples=200, rtol: float = RTOL, solver: Pair | None = None
+    ) -> Trajectory | Chain:
+        """What becomes of a scene of this kind: one smooth motion, or a chain of phases.
+
+        Args:
+          scene: made by this entry, with numbers of any values.
+          t1: end of the span [s]; the scene's own if left out.
+          samples: how many, of each phase.
+          rtol: see `simulate`.
+          solver: see `simulate`; a chain chooses its own.
+        Raises:
+          ValueError: see `simulate` and `phases.run`.
+        """
+        phases = _CORNERS.get(self.name, _smooth)(scene)
+        if not phases:
+            return simulate(scene, t1, samples=samples, rtol=rtol, solver=solver, throw=False)
+        if solver is not None:
+            raise _checks.fail(
+                "solver", "auto for a motion in phases", solver.name, "Each phase has its own."
+            )
+        span = scene.t1 if t1 is None else t1
+        return run(phases, next(iter(phases)), scene.y0, span, samples=samples, rtol=rtol)
+
+
+def _smooth(scene: Scene) -> Phases:
+    del scene
+    return {}
+
+
+def _braking(scene: Scene) -> Phases:
+    return scenes.braking(scene) if scene.effects else {}  # without friction it never stops
+
+
+#: The phases of scenes whose motions have corners, the first one first.
+_CORNERS: dict[str, Callable[[Scene], Phases]] = {
+    "car": _braking,
+    "cylinder_on_cylinder": scenes.phases_of,
+    "cylinder_on_ramp": scenes.phases_of,
+}
 
 
 def entries() -> dict[str, Entry]:

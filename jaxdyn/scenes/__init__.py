@@ -42,8 +42,11 @@ from jaxdyn.scenes.pendula import n_pendulum as n_pendulum
 from jaxdyn.scenes.pendula import pendulum as pendulum
 from jaxdyn.scenes.pendula import shaken_pendulum as shaken_pendulum
 from jaxdyn.scenes.pendula import triple_pendulum as triple_pendulum
+from jaxdyn.scenes.rolling import contact_lost as contact_lost
 from jaxdyn.scenes.rolling import cylinder_on_cylinder as cylinder_on_cylinder
 from jaxdyn.scenes.rolling import cylinder_on_ramp as cylinder_on_ramp
+from jaxdyn.scenes.rolling import friction_needed as friction_needed
+from jaxdyn.scenes.rolling import phases_of as phases_of
 from jaxdyn.scenes.sideways import sideways_edge as sideways_edge
 from jaxdyn.scenes.sideways import sideways_pendulum as sideways_pendulum
 from jaxdyn.scenes.skates import one_skate as one_skate
@@ -53,4 +56,5 @@ from jaxdyn.scenes.springs import oscillator as oscillator
 from jaxdyn.scenes.springs import spring_mass as spring_mass
 from jaxdyn.scenes.springs import two_masses as two_masses
 from jaxdyn.scenes.springs import two_springs as two_springs
+from jaxdyn.scenes.wheels import braking as braking
 from jaxdyn.scenes.wheels import car as car

@@ -1,0 +1,146 @@
+"""The command line of scenes: what it prints, draws and refuses, and its exit codes."""
+
+import json
+import re
+import sys
+
+import pytest
+
+from jaxdyn import __main__ as cli
+from jaxdyn import catalogue
+
+
+@pytest.fixture
+def jaxdyn(capsys, monkeypatch):
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["jaxdyn", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        out, err = capsys.readouterr()
+        return end.value.code, out, err
+
+    return run
+
+
+def test_every_scene_names_its_problems_and_all_its_numbers(jaxdyn):
+    code, out, _ = jaxdyn("list", "--json")
+    assert code == 0
+    listed = json.loads(out)
+    assert listed.keys() == catalogue.entries().keys()
+    for name, entry in listed.items():
+        assert entry["problems"], f"{name} names no course problem"
+        for key, number in entry["parameters"].items():
+            assert number["meaning"], f"{name} does not say what {key} is"
+    assert listed["car"]["parameters"]["speed"]["meaning"].endswith("[m/s].")
+
+
+def test_the_list_is_a_table(jaxdyn):
+    code, out, _ = jaxdyn("list")
+    assert code == 0
+    assert "bead_on_cycloid" in out
+    assert re.search(r"car +│ 32 ", out)
+
+
+def test_a_car_brakes_to_rest_long_before_the_span_ends(jaxdyn, tmp_path):
+    picture = tmp_path / "car.png"
+    words = ("--set", "spin=0", "--t1", "60", "--samples", "5", "--plot", picture, "--json")
+    code, out, _ = jaxdyn("run", "car", *words)
+    assert code == 0
+    found = json.loads(out)
+    # The rear wheels carry 1.2 / 2.6 of the weight: v^2 / 2a, with what `braking` leaves out.
+    a = 0.7 * 9.81 * 1.2 / 2.6
+    assert abs(found["t"][-1] - 20.0 / a) < 1e-4
+    assert abs(found["y"][-1][0] - 200.0 / a) < 1e-8
+    assert found["y"][-1][3:] == [0.0, 0.0, 0.0]
+    assert [phase["name"] for phase in found["phases"]] == ["slide"]
+    assert found["message"] == "Phase slide led to the end."
+    assert abs(found["energy_drift"] - 1) < 1e-9
+    assert len(found["t"]) == len(found["y"]) == 6
+    assert picture.stat().st_size > 1000
+
+
+@pytest.mark.slow
+def test_a_car_without_friction_is_one_smooth_motion(jaxdyn):
+    code, out, _ = jaxdyn("run", "car", "--set", "mu=0", "--samples", "2", "--json")
+    assert code == 0
+    assert json.loads(out)["phases"] == []
+
+
+@pytest.mark.slow
+def test_a_cylinder_rolls_skids_and_flies(jaxdyn):
+    code, out, _ = jaxdyn("run", "cylinder_on_cylinder", "--t1", "2", "--samples", "3")
+    assert code == 0
+    lines = [line.split() for line in out.splitlines() if " from " in line]
+    assert [line[0] for line in lines] == ["roll", "slip_on", "fly"]
+    assert lines[0][-1] == lines[1][2]
+    assert lines[2][-1] == "2"
+
+
+def test_nothing_is_said_about_the_energy_of_what_has_none(jaxdyn, tmp_path):
+    words = ("lorenz", "--t1", "1", "--samples", "30")
+    movie = tmp_path / "lorenz.gif"
+    code, out, _ = jaxdyn("run", *words, "--animate", movie)
+    assert code == 0
+    assert "energy" not in out
+    assert movie.read_bytes().startswith(b"GIF89a")
+    assert json.loads(jaxdyn("run", *words, "--json")[1])["energy_drift"] is None
+
+
+def test_a_picture_of_few_samples_leaves_the_output_small(jaxdyn, tmp_path):
+    picture = tmp_path / "ball.svg"
+    code, out, _ = jaxdyn("run", "cannonball", "--samples", "3", "--json", "--plot", picture)
+    assert code == 0
+    found = json.loads(out)
+    assert len(found["t"]) == 3
+    assert abs(found["energy_drift"]) < 1e-12
+    assert picture.read_text().count("\nL ") > 1000
+
+
+MISUSE = [
+    (["run", "cannonbal"], "Did you mean 'cannonball'?"),
+    (["run", "cannonball", "--set", "mas=2"], "parameter of cannonball"),
+    (["run", "cannonball", "--set", "m=x"], "m: expected a number"),
+    (["run", "cannonball", "--t1", "abc"], "'--t1'"),
+    (["run", "cannonball", "--rtol", "abc"], "'--rtol'"),
+    (["run", "cannonball", "--samples", "1.5"], "'--samples'"),
+    (["run", "cannonball", "--period", "abc"], "--period"),
+    (["run"], "Missing argument"),
+    ([], "Missing command"),
+    (["run", "cannonball", "--solver", "euler"], "solver: expected one of"),
+    (["run", "car", "--solver", "dopri8"], "solver: expected auto for a motion in phases"),
+    (["run", "cannonball", "--samples", "100000000"], "which need"),
+]
+
+
+@pytest.mark.parametrize(("words", "message"), MISUSE)
+def test_misuse_is_one_line_and_exit_code_2(jaxdyn, words, message):
+    code, out, err = jaxdyn(*words)
+    assert code == 2
+    assert out == ""
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    assert message in err
+
+
+@pytest.mark.parametrize(
+    ("option", "file"), [("--plot", "a.bmp"), ("--animate", "a.png"), ("--plot", "no/such/a.png")]
+)
+def test_files_are_refused_before_anything_is_simulated(jaxdyn, monkeypatch, option, file):
+    monkeypatch.setattr(catalogue.Entry, "motion", lambda *_, **__: pytest.fail("simulated"))
+    code, _, err = jaxdyn("run", "cannonball", option, file)
+    assert code == 2
+    assert err.startswith("error: path: expected a file")
+
+
+def test_help_is_no_error(jaxdyn):
+    code, out, _ = jaxdyn("--help")
+    assert code == 0
+    assert "list" in out
+
+
+def test_a_motion_that_stops_is_exit_code_1(jaxdyn):
+    too_fast = ("--set", "speed=1e200", "--set", "drag=1", "--samples", "4")
+    code, out, _ = jaxdyn("run", "cannonball", *too_fast)
+    assert code == 1
+    assert "stopped" in out
+    assert "not reached" in out
