@@ -7,6 +7,8 @@ from helpers import EXACT, SOLVED, gap
 
 from jaxdyn import energy, simulate
 from jaxdyn.scenes.nbody import (
+    EIGHT,
+    EIGHT_PERIOD,
     three_body,
     three_body_circular,
     three_body_rate,
@@ -64,3 +66,17 @@ def test_problem_16_d_it_turns_then_breaks_up_at_the_rate_of_its_instability():
 def test_problem_17_the_eight_closes_to_the_digits_printed():
     motion = simulate(three_body(), samples=1, rtol=1e-12)
     assert gap(motion.ys[-1], motion.scene.y0) < 1e-6
+
+
+def test_problem_17_c_and_d_small_changes_keep_the_eight_and_large_ones_break_it_up():
+    change = np.random.default_rng(17).normal(size=(2, 3, 2))
+    change -= change.mean(axis=1, keepdims=True)  # the centre of mass stays at rest
+    change = change.ravel() / np.linalg.norm(change)
+    reach = {}
+    for size in (0.0, 1e-3, 0.2):
+        scene = three_body(np.asarray(EIGHT) + size * change)
+        motion = simulate(scene, 10 * EIGHT_PERIOD, samples=400, rtol=1e-12)
+        assert float(energy.drift(motion)) < 1e-10
+        reach[size] = float(np.abs(motion.r).max())
+    assert abs(reach[1e-3] - reach[0.0]) < 1e-3
+    assert reach[0.2] > 4 * reach[0.0]
