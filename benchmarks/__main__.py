@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxdyn
-from benchmarks import command, effects_cost, figure_eight, monodromy
+from benchmarks import command, effects_cost, ensembles, figure_eight, monodromy
 from benchmarks._timing import Row
 
 _STORED = Path(__file__).with_name("last_run.json")
@@ -33,6 +33,7 @@ class Name(StrEnum):
     FIGURE_EIGHT = "figure-eight"
     MONODROMY = "monodromy"
     EFFECTS_COST = "effects-cost"
+    ENSEMBLES = "ensembles"
     COMMAND = "command"
 
 
@@ -40,6 +41,7 @@ _RUN = {
     Name.FIGURE_EIGHT: figure_eight.run,
     Name.MONODROMY: monodromy.run,
     Name.EFFECTS_COST: effects_cost.run,
+    Name.ENSEMBLES: ensembles.run,
     Name.COMMAND: command.run,
 }
 

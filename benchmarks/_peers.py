@@ -55,6 +55,37 @@ def heyoka_monodromy(
     return lambda: run()[k:].reshape(k, k)
 
 
+def heyoka_batch(period: float, lanes: int, tol: float, y0s: np.ndarray) -> np.ndarray:
+    """Ends of many motions (n, 12), n a multiple of `lanes`, by heyoka's batch mode."""
+    integrator = _heyoka_lanes(lanes, tol)
+    ends = []
+    for start in y0s.reshape(-1, lanes, y0s.shape[1]):
+        integrator.set_time(0.0)
+        integrator.state[:] = start.T
+        integrator.propagate_until(np.full(lanes, period))
+        ends.append(integrator.state.T.copy())
+    return np.concatenate(ends)
+
+
+@functools.cache
+def _heyoka_lanes(lanes: int, tol: float):
+    import heyoka as hy
+
+    return hy.taylor_adaptive_batch(_heyoka_equations(), np.zeros((12, lanes)), tol=tol)
+
+
+def heyoka_precise(period: float, y0s: np.ndarray) -> np.ndarray:
+    """Ends of many motions (n, 12), computed in 80-bit floats."""
+    import heyoka as hy
+
+    number = np.longdouble
+    integrator = hy.taylor_adaptive(
+        _heyoka_equations(), np.zeros(12, number), tol=number(1e-18), fp_type=number
+    )
+    runs = [_heyoka_run(integrator, y0.astype(number), number(period)) for y0 in y0s]
+    return np.array([run() for run in runs]).astype(float)
+
+
 def _heyoka_equations() -> list:
     import heyoka as hy
 
@@ -86,6 +117,16 @@ def diffrax_dopri8(scene: Scene, tol: float) -> Run:
     """diffrax.Dopri8 with everything as shipped, compiled."""
     y0, period = np.asarray(scene.y0), float(scene.t1)
     return lambda: np.asarray(_dopri8(scene.field, y0, period, tol))
+
+
+def diffrax_vmap(scene: Scene, tol: float, y0s: np.ndarray) -> np.ndarray:
+    """Ends of many motions (n, k) by vmap of diffrax.Dopri8 as shipped."""
+    return np.asarray(_dopri8_vmap(scene.field, y0s, float(scene.t1), tol))
+
+
+@jax.jit
+def _dopri8_vmap(field, y0s, period, tol):
+    return jax.vmap(lambda y0: _dopri8(field, y0, period, tol))(y0s)
 
 
 @jax.jit

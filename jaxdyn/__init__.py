@@ -27,8 +27,10 @@ Gradients go through all of it, in every number, in forward and reverse mode:
 
 from jaxdyn import effects as effects
 from jaxdyn import energy as energy
+from jaxdyn import ensemble as ensemble
 from jaxdyn import events as events
 from jaxdyn import scenes as scenes
+from jaxdyn import watches as watches
 from jaxdyn._config import configure as configure
 from jaxdyn.scene import Effect as Effect
 from jaxdyn.scene import Points as Points
