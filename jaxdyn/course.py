@@ -74,7 +74,8 @@ PROBLEMS: dict[int, Problem] = {
     ),
     11: _problem(
         "Central forces",
-        "scenes.power_law scenes.central_orbit scenes.circular_speed scenes.apsidal_angle",
+        "scenes.power_law scenes.central_orbit scenes.circular_speed scenes.apsidal_angle "
+        "scenes.fewest_loops",
         "F = k / r gives one speed to all circles; orbits are rosettes, closed after q loops "
         "where the apsidal angle is pi p / q.",
     ),

@@ -8,9 +8,27 @@ import numpy as np
 import pytest
 from helpers import EXACT, SOLVED, gap
 
-from jaxdyn import energy, simulate
+from jaxdyn import energy, events, simulate
 from jaxdyn.effects import CentralForce, PowerLaw
-from jaxdyn.scenes.central import apsidal_angle, central_orbit, circular_speed, power_law
+from jaxdyn.scenes.central import (
+    apsidal_angle,
+    central_orbit,
+    circular_speed,
+    fewest_loops,
+    power_law,
+)
+
+
+class Falls(events.Event):
+    """The distance from the origin is least."""
+
+    def value(self, t, y):
+        del t
+        return jnp.sum(y[:2] * y[2:])
+
+    @property
+    def direction(self):
+        return 1
 
 
 def test_problem_11_a_one_speed_for_all_circles():
@@ -100,6 +118,38 @@ def test_problem_11_b_an_orbit_that_closes_by_choice_of_its_radii():
     loop = 2 * np.mean(0.5 * (1 - lo) * np.cos(s) / np.sqrt(radial)) * np.pi
     motion = simulate(scene, 9 * loop, rtol=1e-13, samples=[9 * loop])
     assert gap(motion.ys[-1], scene.y0) < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("n", "turns", "loops"),
+    [(-2.7, 2, 1), (-2.5, 3, 2), (-1.5, 3, 4), (-1.0, 2, 3), (0.0, 4, 7), (2.0, 5, 11)],
+)
+def test_problem_11_b_ii_fewest_loops_and_an_orbit_that_has_them(n, turns, loops):
+    assert fewest_loops(n) == loops
+    law, low, high = PowerLaw(1.0, n), 0.02, 0.99
+    rises = apsidal_angle(law, low, 1.0) < apsidal_angle(law, high, 1.0)
+    for _ in range(60):
+        middle = (low + high) / 2
+        below = apsidal_angle(law, middle, 1.0) < np.pi * turns / loops
+        low, high = (middle, high) if below == rises else (low, middle)
+    # Energy is kept from r = 1 to r_min: v1^2 = 2 (V(r_min) - V(1)) / (1 - 1 / r_min^2).
+    speed2 = 2 * (law.energy(jnp.asarray(low)) - law.energy(jnp.asarray(1.0))) / (1 - 1 / low**2)
+    scene = central_orbit(law, r=1.0, speed=jnp.sqrt(speed2))
+    inward = events.until(scene, Falls(), 50.0, rtol=1e-12)
+    period = 2 * loops * float(inward.t)  # from farthest to nearest, there and back
+    motion = simulate(scene, period, samples=2001, rtol=1e-12)
+    assert gap(motion.ys[-1], scene.y0) < 1e-8
+    r = np.hypot(motion["x"], motion["y"])
+    assert np.sum((r[1:-1] > r[:-2]) & (r[1:-1] >= r[2:])) == loops - 1  # and the start
+    angle = np.unwrap(np.arctan2(motion["y"], motion["x"]))
+    assert abs(angle[-1] / (2 * np.pi) - turns) < 1e-8
+
+
+def test_fewest_loops_of_the_two_laws_that_always_close_and_near_them():
+    assert [fewest_loops(n) for n in (-2.0, 1.0)] == [1, 2]
+    assert fewest_loops(0.999) > 1000
+    with pytest.raises(ValueError, match="n: expected above -3"):
+        fewest_loops(-3.0)
 
 
 def test_energy_and_angular_momentum_are_kept():

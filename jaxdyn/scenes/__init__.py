@@ -8,6 +8,7 @@ from jaxdyn.scenes.bodies import top as top
 from jaxdyn.scenes.central import apsidal_angle as apsidal_angle
 from jaxdyn.scenes.central import central_orbit as central_orbit
 from jaxdyn.scenes.central import circular_speed as circular_speed
+from jaxdyn.scenes.central import fewest_loops as fewest_loops
 from jaxdyn.scenes.central import power_law as power_law
 from jaxdyn.scenes.disks import rolling_disk as rolling_disk
 from jaxdyn.scenes.drawings import moved_box as moved_box

@@ -4,8 +4,11 @@
 (`PowerLaw` with n = -1). 11 b: a motion between two radii always makes a regular rosette, never
 a chaotic one: it repeats after each loop, turned by twice the `apsidal_angle`. It closes if that
 angle is a rational part of pi. For nearly circular orbits under a power law it is
-pi / sqrt(3 + n), for n > -3; only n = 1 and n = -2 close at every radius (Bertrand).
+pi / sqrt(3 + n), for n > -3; only n = 1 and n = -2 close at every radius (Bertrand). How many
+loops the simplest closed orbit has depends on n (11 b ii): `fewest_loops`.
 """
+
+import math
 
 import jax
 import jax.numpy as jnp
@@ -91,3 +94,29 @@ def apsidal_angle(law: CentralForce, r_min, r_max) -> Array:
     # Without this a repulsion, where l2 < 0, would give the angle of the attraction.
     slope2 = jnp.where(l2 > 0, slope2, jnp.nan)
     return jnp.mean(jnp.sqrt((high - u) * (u - low) / slope2)) * jnp.pi
+
+
+def fewest_loops(n: float) -> int:
+    """The least number of loops of a closed orbit, not a circle, under the attraction k r^n.
+
+    From circles to straight lines the apsidal angle over pi goes from 1 / sqrt(3 + n) to 1 / 2, or
+    to 1 / (3 + n) for n < -1, and takes each value between. An orbit with p / q there, in lowest
+    terms, closes with q loops, so the least q is asked for (11 b ii): 1 for gravity, 2 for a
+    spring, 3 for n = -1, and more and more as n comes near to 1 or -2, but for these themselves.
+
+    Args:
+      n: exponent, > -3; below no orbit moves between two radii.
+    Raises:
+      ValueError: no such exponent.
+    Limits: that the angle goes evenly from one end to the other is known by computation.
+    """
+    if not n > -3:
+        raise _checks.fail("n", "above -3", n, "Steeper laws have no orbits between two radii.")
+    circle, line = 1 / math.sqrt(3 + n), (0.5 if n >= -1 else 1 / (3 + n))
+    if circle == line:  # one angle for all: exactly 1/2 for a spring, 1 for gravity
+        return round(1 / circle)
+    low, high = sorted((circle, line))
+    loops = 1
+    while not math.floor(loops * low) + 1 < loops * high:
+        loops += 1
+    return loops
