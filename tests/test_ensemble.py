@@ -47,7 +47,7 @@ def test_every_motion_is_that_of_simulate():
     np.testing.assert_array_equal(out.y1[5], y0s[5])
     assert gap(out.y1, np.array([a.y1 for a in alone])) < SOLVED
     # The same step control, but for the first step, which diffrax sets to 0.01 for `simulate`.
-    assert np.abs(out.steps - [a.steps for a in alone]).max() <= 2
+    assert gap(out.steps, [int(a.steps) for a in alone]) <= 2
     assert out.rejected.max() <= 1
 
 
@@ -60,17 +60,15 @@ def zoo_gap(name):
     return gap(out.y1, expected) / max(1.0, np.abs(expected).max())
 
 
-@pytest.mark.parametrize("name", ["cannonball", "satellite", "shaken_pendulum"])
-def test_scenes_with_drag_with_projection_and_driven(name):
+@pytest.mark.parametrize("name", ["cannonball", "satellite"])
+def test_scenes_with_drag_and_with_projection(name):
     assert zoo_gap(name) < SOLVED
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(catalogue.entries()))
 def test_every_scene_of_the_zoo(name):
-    # Two runs whose roundings differ part as fast as the motion spreads; the scenes with the
-    # largest rates spread a thousand times in this span.
-    assert zoo_gap(name) < 1e3 * SOLVED
+    assert zoo_gap(name) < SOLVED
 
 
 def test_a_pair_of_choice_is_used():
