@@ -6,7 +6,7 @@ derivatives where the plain formula gives NaN.
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -167,3 +167,45 @@ def solve_spd(a: Array, b: Array) -> Array:
         weights = x[:, k] - jnp.eye(1, n, k)[0]
         x = x - weights[:, None] * row[None, :]
     return x[:, n:].reshape(b.shape)
+
+
+class Reduced(NamedTuple):
+    """What elimination leaves of a x = b for a symmetric positive semidefinite a (n, n).
+
+    Attributes:
+      x: b's shape; a solution that is 0 for the unknowns of dependent rows.
+      kept: (n,) bool, False for rows that depend on those before them.
+      combination: (n, n) row k of a = sum over kept j of combination[j, k] times row j.
+    """
+
+    x: Array
+    kept: Array
+    combination: Array
+
+
+def solve_psd(a: Array, b: Array, least: Array) -> Reduced:
+    """A solution of a x = b where rows of a may depend on each other, without LAPACK.
+
+    As `solve_spd`, but a row whose pivot falls to `least` or below is left out. Where
+    a = G W G^T, the pivot over the diagonal is the squared sine of the angle of a row of G to
+    those before it; and G^T x is the same for all solutions.
+
+    Args:
+      a: (n, n) symmetric positive semidefinite.
+      b: (n,) or (n, m) right-hand sides, in the range of a; else their rest is left over.
+      least: (n,) pivots at or below which a row counts as dependent.
+    """
+    n = a.shape[0]
+    columns = b.reshape(n, -1)
+    x = jnp.concatenate([a, columns], axis=1)
+    kept = []
+    for k in range(n):
+        # A NaN is kept, so that it stays to be seen.
+        keep = ~(x[k, k] <= least[k])
+        kept.append(keep)
+        row = jnp.where(keep, x[k] / jnp.where(keep, x[k, k], 1.0), 0.0)
+        weights = x[:, k] - jnp.eye(1, n, k)[0]
+        x = x - weights[:, None] * row[None, :]
+    mask = jnp.stack(kept) if n else jnp.ones(0, bool)
+    solved = jnp.where(mask[:, None], x[:, n:], 0.0)
+    return Reduced(solved.reshape(b.shape), mask, jnp.where(mask[:, None], x[:, :n], 0.0))

@@ -84,6 +84,10 @@ class Variational(eqx.Module):
         tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
         return jnp.concatenate([f[..., None], tangents], axis=-1)
 
+    def undetermined(self, t: Array, y: Float[Array, "k columns"]) -> Array | None:
+        """Whether () the constraints leave the motion of the state open."""
+        return self.field.undetermined(t, y[..., 0])
+
     def project(self, t: Array, y: Float[Array, "k columns"]) -> Float[Array, "k columns"]:
         """The state on its constraints, and its tangents along them."""
         moving, fixed = _split_like(self.field, self.directions)
@@ -101,7 +105,8 @@ def flow(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
     """States at t1 and at the times ts of the motion that starts at (t0, y0).
 
     Args:
-      field: has ``rate(t, y)`` and ``project(t, y)``; a pytree of its numbers, e.g. `Scene.field`.
+      field: has ``rate``, ``project`` and ``undetermined`` of (t, y); a pytree of its numbers,
+        e.g. `Scene.field`.
       y0: (k,) start; (k, columns) for a `Variational` field.
       t0: () start time.
       t1: () end time, before or after t0.
@@ -141,6 +146,10 @@ def march(field, y0, t0, t1, ts, tolerance, *, settings: Settings, watch: Watch 
     # The logarithm is finite for positive tolerances only.
     given = (y0, field.rate(t0, y0), t0, t1, jnp.log(tolerance))
     status = _status(solution.result, given)
+    ends = jnp.stack([t0, direction * solution.ts[-1]]), jnp.stack([y0, solution.ys[-1]])
+    open_ = jax.vmap(field.undetermined)(*ends)
+    if open_ is not None:
+        status = jnp.where(open_.any(), int(Status.SINGULAR), status)
     y1 = jnp.where(status == Status.OK, solution.ys[-1], jnp.nan)
     nodes, memory = solution.controller_state  # pyright: ignore[reportGeneralTypeIssues]
     ys = _from_nodes(field, direction * nodes.t, nodes.y, ts, settings.pair)

@@ -56,6 +56,9 @@ class Ledger(System):
         inner, work = self._split(y)
         return jnp.concatenate([self.system.project(t, inner), work])
 
+    def undetermined(self, t, y):
+        return self.system.undetermined(t, self._split(y)[0])
+
     def check(self, t, y):
         self.system.check(t, self._split(y)[0])
 

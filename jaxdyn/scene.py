@@ -134,6 +134,14 @@ class System(eqx.Module):
         del t
         return y
 
+    def undetermined(self, t: Array, y: Array) -> Array | None:
+        """Whether () the constraints leave the motion open at a state; None without constraints.
+
+        Looked at where a motion starts and where it ends.
+        """
+        del t, y
+        return None
+
     def canonical(self, t: Array, y: Array) -> Array | None:
         """Canonical coordinates [q, p] (k,) of a state, None where there are none.
 
@@ -172,6 +180,10 @@ class Field(NamedTuple):
     def project(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
         """The nearest state that satisfies the system's constraints."""
         return self.system.project(t, y)
+
+    def undetermined(self, t: Array, y: Array) -> Array | None:
+        """Whether () the constraints leave the motion open at a state (k,)."""
+        return self.system.undetermined(t, y)
 
 
 class Scene(eqx.Module):

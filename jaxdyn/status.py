@@ -14,6 +14,7 @@ class Status(enum.IntEnum):
     STEP_LIMIT = 1
     STEP_COLLAPSED = 2
     NOT_FINITE = 3
+    SINGULAR = 4
 
     @property
     def message(self) -> str:
@@ -35,6 +36,13 @@ _MESSAGES = {
     Status.NOT_FINITE: (
         "The start, its rate, a time or a tolerance is NaN or infinite. Check the start and "
         "the parameters: two bodies at one point, a division by zero."
+    ),
+    Status.SINGULAR: (
+        "The constraints stopped determining the motion: they lose rank in a pose (a linkage at "
+        "a dead centre, where it may go on in more than one way), contradict each other, or do not "
+        "hold at the start. "
+        "Stop earlier, change a length, or take out a constraint; `constraints.conditioning` "
+        "shows where."
     ),
 }
 

@@ -14,6 +14,14 @@ What is done about it is a choice (`drift`):
 - "baumgarte": gamma is lowered by 2 a (d phi/dt) + a^2 phi, a damped pull back. The old recipe;
   the rate a is a compromise between drift and stiffness.
 - "raw": nothing, so that the drift can be seen.
+
+Conditions may say the same twice (a rod too many). Then G M^-1 G^T is singular, yet the motion is
+as determined as without the repetition, and only how the force is shared is open. It is another
+thing where the conditions lose rank in single poses, as those of a parallelogram of bars do where
+it lies flat: there the motion can go on in more than one way, and the equations do not say in
+which. `undetermined` tells the two apart by derivatives: a combination c of the conditions with
+c G = 0 repeats others if it stays zero along all allowed motions, c (dG/dq u) w = 0 for all u and
+w with G u = G w = 0; else the pose is a crossing of motions.
 """
 
 import equinox as eqx
@@ -22,7 +30,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._numerics import solve_spd
+from jaxdyn._numerics import Reduced, solve_psd, solve_spd
 from jaxdyn.formulations.mechanism import (
     Mechanism,
     MechanismSystem,
@@ -33,6 +41,11 @@ from jaxdyn.formulations.mechanism import (
 from jaxdyn.scene import Effect
 
 DRIFTS = ("projection", "baumgarte", "raw")
+#: A condition at less than this angle to the others depends on them: at 1e-6 rad rounding, 1e-16,
+#: still leaves ten digits of the acceleration. [square of the sine]
+DEPENDENT = 1e-12
+_TURNING = 1e-5  # share of its size by which a dependent condition turns that counts as turning
+_CONTRADICTION = 1e-6  # relative violation that projection did not remove
 _PROJECTIONS = 2  # Newton steps; the first leaves the square of a step's error
 #: Share of the velocities that may violate the conditions at the start.
 CONSISTENT = 1e-9
@@ -59,6 +72,29 @@ class Constrained(MechanismSystem):
         """(c + b,) multipliers: the forces of the ties, then of the rolling conditions."""
         return self._solve(t, y, effects)[1]
 
+    def gram(self, t: Array, y: Array) -> Array:
+        """(c + b, c + b) matrix G M^-1 G^T: accelerations off the conditions for unit forces."""
+        q, v = jnp.split(y, 2)
+        t = jnp.asarray(t, y.dtype)
+        g = self._conditions(t, q, v)[2]
+        return _times(g, solve_spd(mass_matrix(self.mechanism, t, q), g.T))
+
+    def undetermined(self, t, y):
+        """Whether () the constraints leave the motion open at a state, or contradict each other."""
+        t = jnp.asarray(t, y.dtype)
+        q, v = jnp.split(y, 2)
+        phi, rates, g, _ = self._conditions(t, q, v)
+        if not g.shape[0]:
+            return jnp.zeros((), bool)
+        reach = solve_spd(mass_matrix(self.mechanism, t, q), g.T)
+        found = _independent(g, reach, g)
+        off = jnp.max(jnp.abs(phi), initial=0.0) / (1 + jnp.max(jnp.abs(q)))
+        fast = jnp.max(jnp.abs(rates)) / (1 + jnp.max(jnp.abs(v)))
+        contradiction = (self.drift == "projection") & (jnp.maximum(off, fast) > _CONTRADICTION)
+        turning = jax.jacfwd(lambda q: self._conditions(t, q, v)[2])(q)
+        allowed = jnp.eye(q.shape[0]) - _times(reach, found.x)
+        return contradiction | _crossing(found, turning, allowed)
+
     def violation(self, t: Array, y: Array) -> tuple[Array, Array]:
         """(c,) how far the ties are from zero, and (c + b,) how fast they leave it."""
         q, v = jnp.split(y, 2)
@@ -84,13 +120,20 @@ class Constrained(MechanismSystem):
         super().check(t, y)
         _checks.choice("drift", self.drift, DRIFTS)
         # Compiled: its second derivatives, step by step on the host, take seconds.
-        place, speed = (float(x) for x in _violations(self, t, y))
+        place, speed, lost = (float(x) for x in _violations(self, t, y))
         if max(place, speed) > CONSISTENT * (1.0 + float(jnp.abs(y).max())):
             raise _checks.fail(
                 "y0",
                 "a start that satisfies the constraints",
                 f"a violation of {place:.3g} in place, {speed:.3g} in velocity",
                 f"The nearest one that does is {[float(f'{x:.12g}') for x in self.nearest(t, y)]}.",
+            )
+        if lost:
+            raise _checks.fail(
+                "y0",
+                "a pose whose constraints determine the motion",
+                "one where they lose rank",
+                "It could go on in several ways (a linkage at a dead centre); start beside it.",
             )
 
     def _solve(self, t: Array, y: Array, effects: tuple[Effect, ...]) -> tuple[Array, Array]:
@@ -102,7 +145,8 @@ class Constrained(MechanismSystem):
             gamma = gamma - 2 * self.pull * rates - self.pull**2 * position
         mass, force = balance(self.mechanism, t, q, v, effects)
         free, reach = self._free(mass, force, g)
-        multipliers = solve_spd(_times(g, reach), gamma - row_sums(g, free))
+        wanted = gamma - row_sums(g, free)
+        multipliers = _independent(g, reach, wanted).x
         return free + row_sums(reach, multipliers), multipliers
 
     def _conditions(self, t: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
@@ -142,7 +186,16 @@ class Constrained(MechanismSystem):
         if not g.shape[0]:
             return jnp.zeros_like(q)
         reach = solve_spd(mass_matrix(self.mechanism, t, q), g.T)
-        return row_sums(reach, solve_spd(_times(g, reach), error))
+        return row_sums(reach, _independent(g, reach, error).x)
+
+
+def _independent(g: Array, reach: Array, b: Array) -> Reduced:
+    """The multipliers (c, ...) that answer b, with those of dependent conditions left out."""
+    gram = _times(g, reach)
+    size = jnp.sum(g * g, axis=1)
+    # A row that all but vanishes has the direction of its rounding.
+    vanishes = size <= DEPENDENT * jnp.max(size, initial=0.0)
+    return solve_psd(gram, b, jnp.where(vanishes, jnp.inf, DEPENDENT * jnp.diagonal(gram)))
 
 
 def _times(g: Array, reach: Array) -> Array:
@@ -150,8 +203,26 @@ def _times(g: Array, reach: Array) -> Array:
     return jnp.sum(g[:, :, None] * reach[None, :, :], axis=1)
 
 
+def _crossing(found: Reduced, turning: Array, allowed: Array) -> Array:
+    """Whether () a dependent condition turns in allowed motions: more ways cross in this pose.
+
+    Args:
+      found: which conditions depend on which.
+      turning: (c, n, n) derivatives of the rows of G in q.
+      allowed: (n, n) a projector on the velocities that the conditions allow.
+    """
+    c = turning.shape[0]
+    null = jnp.where(found.kept[:, None], 0.0, jnp.eye(c) - found.combination.T)
+    bends = jnp.sum(null[:, :, None, None] * turning[None], axis=1)
+    size = jnp.sum(jnp.abs(null)[:, :, None, None] * jnp.abs(turning)[None], axis=1)
+    for _ in range(2):  # along both of its directions
+        bends = jnp.sum(bends[:, :, :, None] * allowed[None, None], axis=2).swapaxes(1, 2)
+    return jnp.any(jnp.max(jnp.abs(bends), axis=(1, 2)) > _TURNING * jnp.max(size, axis=(1, 2)))
+
+
 @eqx.filter_jit
-def _violations(system: Constrained, t: Array, y: Array) -> tuple[Array, Array]:
-    """Largest violation in place and in velocity."""
+def _violations(system: Constrained, t: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Largest violation in place and in velocity, and whether the motion is undetermined."""
     phi, rates = system.violation(t, y)
-    return jnp.max(jnp.abs(phi), initial=0.0), jnp.max(jnp.abs(rates), initial=0.0)
+    place, speed = (jnp.max(jnp.abs(x), initial=0.0) for x in (phi, rates))
+    return place, speed, system.undetermined(t, y)
