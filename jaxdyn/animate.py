@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from jaxdyn import _checks, plots
-from jaxdyn.paths import Paths, in_time, paths, segments
+from jaxdyn.paths import Paths, in_time, paths, places, segments
 from jaxdyn.phases import Chain
 from jaxdyn.simulate import Trajectory
 
@@ -59,7 +59,7 @@ def animate(
             "motion", "at least 2 samples", len(drawn.ts), "Simulate with more, over a longer span."
         )
     count, writer = _timing(path, len(drawn.ts), float(seconds), float(fps))
-    box = plots.limits(drawn.xyz, drawn.equal)
+    box = plots.limits(places(drawn), drawn.equal)
     stage = plots.blank(*plots.size(box, drawn.equal), dpi=_DPI, kind=_Stage)
     ax = plots.panel(stage, drawn, box)
     ax.set_title(f"{drawn.stopped}\n ", fontsize=9)  # the clock stands in the empty line

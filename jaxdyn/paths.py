@@ -244,6 +244,13 @@ def segments(drawn: Paths, sample: int) -> list[np.ndarray]:
     return [np.stack([place(drawn, end, sample) for end in link]) for link in drawn.links]
 
 
+def places(drawn: Paths) -> np.ndarray:
+    """(p, D) all that a picture must have room for: the points, and the anchors of links."""
+    flat = drawn.xyz.reshape(-1, drawn.xyz.shape[-1])
+    ends = (0, len(drawn.ts) - 1) if len(drawn.ts) else ()
+    return np.concatenate([flat, *(line for sample in ends for line in segments(drawn, sample))])
+
+
 def in_time(drawn: Paths, count: int) -> np.ndarray:
     """(count,) numbers of samples nearest to evenly spaced times."""
     wanted = np.linspace(drawn.ts[0], drawn.ts[-1], count)

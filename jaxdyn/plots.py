@@ -25,7 +25,7 @@ from matplotlib.lines import Line2D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from jaxdyn import _checks
-from jaxdyn.paths import Paths, in_time, paths, pieces_of, segments, why_stopped
+from jaxdyn.paths import Paths, in_time, paths, pieces_of, places, segments, why_stopped
 from jaxdyn.phases import Chain
 from jaxdyn.simulate import Trajectory
 
@@ -72,7 +72,7 @@ def trajectory(motion: Trajectory | Chain, path=None, *, title: str | None = Non
     if path is not None:
         path = checked_path(path, SUFFIXES)
     drawn = paths(motion)
-    box = limits(drawn.xyz, drawn.equal)
+    box = limits(places(drawn), drawn.equal)
     heading = [line for line in (title, textwrap.fill(drawn.stopped, _NOTE_WIDTH)) if line]
     width, height = size(box, drawn.equal)
     figure = blank(width, height + _LINE * len(heading))

@@ -42,8 +42,8 @@ def throws():
 
 @pytest.fixture(scope="module")
 def pendulum():
-    """Half a turn of a rod."""
-    angle = np.linspace(0.0, np.pi, 9)
+    """A rod that hangs and swings: its hinge is above all its points."""
+    angle = np.linspace(-0.5, 0.5, 9)
     ys = jnp.stack([angle, np.ones(9)], axis=1)
     none = np.array(0)
     return Trajectory(scenes.pendulum(), jnp.asarray(angle), ys, none, none, none)
@@ -121,6 +121,7 @@ def test_rods_are_drawn_where_they_start_and_later(pendulum):
     np.testing.assert_allclose(first.get_segments()[0], [[0, 0], pendulum.r[0, 0]], atol=1e-12)
     assert len(later) == 5
     np.testing.assert_allclose(later[-1].get_segments()[0], [[0, 0], pendulum.r[-1, 0]], atol=1e-12)
+    assert ax.get_ylim()[1] > 0  # room for the hinge
     assert first.get_linewidth() > later[0].get_linewidth()
     assert _legend(figure) == ["start", "end"]
 
