@@ -111,9 +111,10 @@ def _bars(a: np.ndarray, right: np.ndarray) -> np.ndarray:
         left = np.linalg.inv(right)
     except np.linalg.LinAlgError:  # exactly parallel eigenvectors
         return np.full(len(a), elsner)
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         condition = np.linalg.norm(left, axis=1) * np.linalg.norm(right, axis=0)
-    return np.minimum(rounding * condition, elsner)
+        # Nearly parallel eigenvectors overflow to infinity or NaN: Elsner's bound then.
+        return np.fmin(rounding * condition, elsner)
 
 
 class Modes(NamedTuple):

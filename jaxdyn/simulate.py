@@ -130,6 +130,20 @@ def solve(
     """`simulate` without samples, checks and exceptions: what the orbit finder calls.
 
     Compiled for each kind of scene and pair; inside jit, grad and vmap it is inlined.
+
+    Args:
+      scene: system, effects, start; not checked.
+      t1: () end time [s], after or before t0.
+      t0: () start time [s].
+      ts: (s,) wanted times [s] between t0 and t1, in the order they are passed.
+      rtol: relative tolerance of one step.
+      atol: absolute tolerance of one step; rtol if left out.
+      solver: a `Pair`; see `simulate`.
+      max_steps: when to give up.
+    Returns:
+      The state at t1, those at ts, and a status; NaN where the run did not get to.
+    Raises:
+      ValueError: a tolerance, a pair or a limit of steps that makes no sense.
     """
     settings = checked_settings(scene, solver, max_steps)
     numbers = (_floats(x) for x in (scene.y0, t0, t1, ts))

@@ -56,6 +56,13 @@ def test_error_bars_cover_the_split_of_a_defective_eigenvalue():
     assert off.max() > 1e-7  # ... which is far above rounding
 
 
+@pytest.mark.parametrize("size", [1.0, 1e10, 1e20, 1e25])
+def test_error_bars_of_a_defective_matrix_are_finite_at_any_size(size):
+    bars = linearize.classify([[0.0, size], [0.0, 0.0]]).bars
+    elsner = np.sqrt(2 * size * 10 * np.finfo(float).eps * size)
+    assert gap(bars / elsner, np.ones(2)) < EXACT
+
+
 def test_the_jacobian_is_the_derivative_of_the_rate():
     for scene in (two_springs(c_a=0.3, c_d=0.2), lorenz()):
         difference = central_difference(lambda y, s=scene: s.rate(0.0, y), scene.y0)

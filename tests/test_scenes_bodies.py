@@ -367,3 +367,9 @@ def test_a_hoop_has_its_moments():
     hoop = Disk(2.0, 0.5, 2.0 * 0.25 / 2)
     r = hoop.positions(0.0, jnp.zeros(6))
     assert gap(inertia_matrix((r, hoop.masses())), np.diag([0.25, 0.25, 0.5])) < EXACT
+
+
+@pytest.mark.parametrize("sides", [(1.0, 2.0), 1.0, ((1.0, 2.0, 3.0),)])
+def test_a_box_needs_three_sides(sides):
+    with pytest.raises(ValueError, match=r"^sides: expected shape \(3,\), got .* Along x, y and z"):
+        box(sides=sides)
