@@ -80,13 +80,17 @@ def atanc(ss: Array, w: Array) -> Array:
 def two_sum(total: Array, carry: Array, increment: Array) -> tuple[Array, Array]:
     """One compensated addition: the new total and what rounding left out of it.
 
-    Kahan's form: right when ``|increment| <= |total|``, as for a step of an integrator. XLA on
-    CPU keeps the order of these operations (there is no product that could be contracted),
-    which a test proves.
+    Two sums, each with its error: Knuth's of increment and carry, which may be of any size, and
+    Kahan's of the total, right when ``|increment| <= |total|``, as for a step of an integrator.
+    Without the first the carry would have no finer digits than the increment, and anything
+    smaller in it would be lost in the same way every time. XLA on CPU keeps the order of these
+    operations (there is no product that could be contracted), which a test proves.
     """
-    increment = increment + carry
-    new = total + increment
-    return new, increment - (new - total)
+    together = increment + carry
+    back = together - increment
+    lost = (increment - (together - back)) + (carry - back)
+    new = total + together
+    return new, (together - (new - total)) + lost
 
 
 def runtime_one(runtime: Array) -> Array:

@@ -25,9 +25,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn._numerics import in_one_kernel
-from jaxdyn.solvers import Pair, Stepper
+from jaxdyn.solvers import Method, Stepper, is_stiff
 from jaxdyn.status import Status
-from jaxdyn.stepping import StepControl, Watch
+from jaxdyn.stepping import FixedSteps, StepControl, Watch, steps_of
 
 #: Operations of a rate from which on the loop over stages runs as fast as written-out stages
 #: and compiles ten times sooner (measured: three bodies 80, double pendulum 590).
@@ -40,10 +40,12 @@ class Settings(NamedTuple):
     Attributes:
       pair: the method for plain solves and for the variational equations alike.
       max_steps: when to give up.
+      stiff: the method that takes over where the run turns out to be stiff; None to go on.
     """
 
-    pair: Pair
+    pair: Method
     max_steps: int
+    stiff: Method | None = None
 
 
 class Flow(eqx.Module):
@@ -55,6 +57,7 @@ class Flow(eqx.Module):
       steps: () accepted steps.
       rejected: () rejected steps.
       status: () `Status` code.
+      stiff: () whether stability, not accuracy, ruled the steps of an explicit method.
     """
 
     y1: Array
@@ -62,6 +65,7 @@ class Flow(eqx.Module):
     steps: Array
     rejected: Array
     status: Array
+    stiff: Array
 
 
 class Variational(eqx.Module):
@@ -111,7 +115,8 @@ def flow(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
       t0: () start time.
       t1: () end time, before or after t0.
       ts: (s,) times between t0 and t1 in the order they are passed.
-      tolerance: (2,) relative and absolute tolerance of one step.
+      tolerance: (2,) relative and absolute tolerance of one step; (1,) its length, where the
+        method takes equal steps.
       settings: method and limits.
     Limits: derivatives in the tolerance are zero by definition.
     """
@@ -120,25 +125,40 @@ def flow(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
 
 
 def _run(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
-    return march(field, y0, t0, t1, ts, tolerance, settings=settings, watch=None)[0]
+    args = (field, y0, t0, t1, ts, tolerance)
+    if settings.stiff is None:
+        return march(*args, settings=settings, watch=None)[0]
+    first = march(*args, settings=settings, watch=None)[0]
+    implicit = settings._replace(pair=settings.stiff, stiff=None)
+
+    def again():
+        done = march(*args, settings=implicit, watch=None)[0]
+        return eqx.tree_at(lambda flow: flow.stiff, done, jnp.ones((), bool))
+
+    return jax.lax.cond(first.stiff, again, lambda: first)
 
 
 def march(field, y0, t0, t1, ts, tolerance, *, settings: Settings, watch: Watch | None):
     """`flow` without derivatives, and what a watch remembers of it at the end."""
+    method = settings.pair
     direction = jnp.where(t1 > t0, 1.0, -1.0)  # as diffrax has it, also for t1 = t0
     rolled = watch is not None or y0.ndim > 1 or _operations(field, t0, y0) > _UNROLLED_BELOW
     # XLA sees one program for both signs of time; diffrax turns ts about with the rest.
-    control = StepControl(rtol=tolerance[0], atol=tolerance[1], ts=ts, watch=watch)
+    if method.adaptive:
+        h, control = None, StepControl(tolerance[0], tolerance[1], ts=ts, watch=watch)
+    else:
+        n = steps_of(tolerance[0], t0, t1)
+        h, control = (t1 - t0) / n, FixedSteps(n, ts=ts, watch=watch)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(_rate),
-        Stepper(settings.pair, rolled),
+        Stepper(method, rolled, h, stop_if_stiff=settings.stiff is not None),
         t0,
         t1,
         None,
         y0,
         args=field,
         stepsize_controller=control,
-        saveat=diffrax.SaveAt(t1=True, controller_state=True),
+        saveat=diffrax.SaveAt(t1=True, controller_state=True, solver_state=True),
         max_steps=settings.max_steps,
         adjoint=diffrax.ForwardMode(),
         throw=False,  # a throw is a host callback, which keeps programs out of the cache
@@ -151,10 +171,11 @@ def march(field, y0, t0, t1, ts, tolerance, *, settings: Settings, watch: Watch 
     if open_ is not None:
         status = jnp.where(open_.any(), int(Status.SINGULAR), status)
     y1 = jnp.where(status == Status.OK, solution.ys[-1], jnp.nan)
-    nodes, memory = solution.controller_state  # pyright: ignore[reportGeneralTypeIssues]
-    ys = _from_nodes(field, direction * nodes.t, nodes.y, ts, settings.pair)
-    steps = solution.stats["num_accepted_steps"]
-    return Flow(y1, ys, steps, solution.stats["num_rejected_steps"], status), memory
+    nodes, memory = control.seen(solution.controller_state)
+    ys = _from_nodes(field, direction * nodes.t, nodes.y, ts, method)
+    steps, rejected = (solution.stats[f"num_{x}_steps"] for x in ("accepted", "rejected"))
+    stiff = is_stiff(solution.solver_state[1])
+    return Flow(y1, ys, steps, rejected, status, stiff), memory
 
 
 @flow.def_jvp
@@ -176,8 +197,8 @@ def _flow_jvp(primals, tangents, *, settings):
     if d_ts is not None:
         rates = jax.vmap(field.rate)(ts, ys)
         d_ys = d_ys + rates * d_ts.reshape(-1, *[1] * y0.ndim)
-    result = Flow(y1, ys, out.steps, out.rejected, out.status)
-    return result, Flow(d_y1, d_ys, None, None, None)
+    result = Flow(y1, ys, out.steps, out.rejected, out.status, out.stiff)
+    return result, Flow(d_y1, d_ys, None, None, None, None)
 
 
 def _operations(field, t0: Array, y0: Array) -> int:
@@ -198,6 +219,8 @@ def _status(result, given: tuple[Array, ...]) -> Array:
     meanings = (
         (diffrax.RESULTS.max_steps_reached, Status.STEP_LIMIT),
         (diffrax.RESULTS.dt_min_reached, Status.STEP_COLLAPSED),
+        (diffrax.RESULTS.nonlinear_divergence, Status.STEP_TOO_LONG),
+        (diffrax.RESULTS.stagnation, Status.STEP_LIMIT),  # stiff: `_run` begins anew
     )
     status = jnp.asarray(int(Status.OK))
     for code, meaning in meanings:
@@ -206,14 +229,14 @@ def _status(result, given: tuple[Array, ...]) -> Array:
     return jnp.where(finite, status, int(Status.NOT_FINITE))
 
 
-def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, pair: Pair) -> Array:
+def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, method: Method) -> Array:
     """One step of the method itself from each node to the wanted time beyond it."""
     if not len(ts):
         return node_y
 
     def step(t, y, h):
         # Many lanes make wide stages: the loop over stages is as fast and compiles sooner.
-        increment, _ = pair.step(field.rate, t, h, y, rolled=True)
+        increment, _ = method.step(field.rate, t, h, y, rolled=True)
         return field.project(t + h, y + increment)
 
     lanes_last = jax.vmap(step, in_axes=(0, -1, 0), out_axes=-1)

@@ -14,9 +14,13 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.flow import Flow, Settings, flow
 from jaxdyn.scene import Scene, checked
-from jaxdyn.solvers import NYSTROM12, VERNER9, Pair
+from jaxdyn.solvers import NYSTROM12, RADAU9, VERNER9, Method
 from jaxdyn.status import IntegrationError, Status
 
+_STIFF = (
+    "The scene is stiff: stability, not accuracy, ruled the steps of the explicit method. "
+    "Pass solver='auto' or solvers.RADAU9."
+)
 MAX_STEPS = 1_000_000
 RTOL = 1e-10
 _RTOL_FLOOR, _RTOL_CEILING = 1e-16, 1e-2
@@ -33,6 +37,7 @@ class Trajectory(eqx.Module):
       steps: () accepted steps.
       rejected: () rejected steps.
       status: () `Status` code.
+      stiff: () whether stability, not accuracy, ruled the steps of an explicit method.
     """
 
     scene: Scene
@@ -41,6 +46,7 @@ class Trajectory(eqx.Module):
     steps: Array
     rejected: Array
     status: Array
+    stiff: Array | bool = False
 
     @property
     def ok(self) -> bool:
@@ -56,6 +62,11 @@ class Trajectory(eqx.Module):
     def status_code(self) -> Status:
         """The status as a `Status`, of a batch the worst; host only."""
         return Status(int(np.max(self.status)))
+
+    @property
+    def warning(self) -> str:
+        """What is not wrong but could be better, and what to do; empty if nothing; host only."""
+        return _STIFF if np.any(self.stiff) else ""
 
     def __getitem__(self, name: str) -> Array:
         """(s,) values of one labelled entry of the state, e.g. ``motion["x"]``."""
@@ -76,7 +87,8 @@ def simulate(
     samples=200,
     rtol: float = RTOL,
     atol: float | None = None,
-    solver: Pair | None = None,
+    solver: Method | str | None = None,
+    dt: float | None = None,
     max_steps: int = MAX_STEPS,
     throw: bool = True,
 ) -> Trajectory:
@@ -90,8 +102,11 @@ def simulate(
         in the order they are passed.
       rtol: relative tolerance of one step.
       atol: absolute tolerance of one step, in the units of the state; rtol if left out.
-      solver: a `Pair`; by default the Nystrom pair of order 12 where no force depends on
-        velocity, else the best Runge-Kutta pair.
+      solver: one of `jaxdyn.solvers`; by default the Nystrom pair of order 12 where no force
+        depends on velocity, else the best Runge-Kutta pair. "auto" takes the default and,
+        where the scene turns out to be stiff, an implicit method from the start again.
+      dt: longest step [s] of a solver of fixed step, which has no use for rtol and atol; the
+        span is divided into equal steps.
       max_steps: when to give up.
       throw: raise on any status but OK; with False look at `Trajectory.status`.
     Returns:
@@ -99,7 +114,8 @@ def simulate(
     Raises:
       ValueError: numbers that make no sense.
       IntegrationError: the end was not reached (``throw=True``, outside of traces).
-    Limits: explicit methods; a stiff scene takes very many steps.
+    Limits: by default explicit methods; a stiff scene takes very many steps, and
+      `Trajectory.warning` says so.
     Example:
       >>> from jaxdyn import scenes, simulate
       >>> motion = simulate(scenes.cannonball(drag=0.0), 1.0)
@@ -109,11 +125,12 @@ def simulate(
     _checks.float64()
     t0, t1, ts = _times(checked(scene), t0, t1, samples)
     result = solve(
-        scene, t1, t0=t0, ts=ts, rtol=rtol, atol=atol, solver=solver, max_steps=max_steps
+        scene, t1, t0=t0, ts=ts, rtol=rtol, atol=atol, solver=solver, dt=dt, max_steps=max_steps
     )
     if throw:
         raise_unless_ok(result.status)
-    return Trajectory(scene, ts, result.ys, result.steps, result.rejected, result.status)
+    counts = (result.steps, result.rejected, result.status, result.stiff)
+    return Trajectory(scene, ts, result.ys, *counts)
 
 
 def solve(
@@ -124,7 +141,8 @@ def solve(
     ts=(),
     rtol: float = RTOL,
     atol: float | None = None,
-    solver: Pair | None = None,
+    solver: Method | str | None = None,
+    dt: float | None = None,
     max_steps: int = MAX_STEPS,
 ) -> Flow:
     """`simulate` without samples, checks and exceptions: what the orbit finder calls.
@@ -138,48 +156,74 @@ def solve(
       ts: (s,) wanted times [s] between t0 and t1, in the order they are passed.
       rtol: relative tolerance of one step.
       atol: absolute tolerance of one step; rtol if left out.
-      solver: a `Pair`; see `simulate`.
+      solver: see `simulate`.
+      dt: see `simulate`.
       max_steps: when to give up.
     Returns:
       The state at t1, those at ts, and a status; NaN where the run did not get to.
     Raises:
       ValueError: a tolerance, a pair or a limit of steps that makes no sense.
     """
-    settings = checked_settings(scene, solver, max_steps)
+    auto = isinstance(solver, str) and _checks.choice("solver", solver, ("auto",)) == "auto"
+    settings = checked_settings(scene, None if auto else solver, max_steps, dt)
+    if auto:
+        settings = settings._replace(stiff=RADAU9)
     numbers = (_floats(x) for x in (scene.y0, t0, t1, ts))
-    return _compiled(scene.field, *numbers, tolerances(rtol, atol), settings=settings)
+    tolerance = tolerances(rtol, atol) if dt is None else _fixed_step(dt)
+    return _compiled(scene.field, *numbers, tolerance, settings=settings)
 
 
-def checked_settings(scene: Scene, solver: Pair | None, max_steps: int) -> Settings:
+def checked_settings(scene: Scene, solver: Method | None, max_steps: int, dt=None) -> Settings:
     """What a solve is compiled for, where 64-bit floats are on and the numbers make sense."""
     _checks.float64()
     if max_steps < 1:
         raise _checks.fail("max_steps", "at least 1", max_steps)
-    return Settings(chosen_pair(scene, solver), max_steps)
+    method = chosen_pair(scene, solver)
+    if method.adaptive and dt is not None:
+        raise _checks.fail(
+            "dt",
+            f"none, since {method.name} chooses its steps by rtol",
+            dt,
+            "Leave it out, or take a solver of fixed step, such as solvers.KAHAN_LI8.",
+        )
+    if not method.adaptive and dt is None:
+        raise _checks.fail(
+            "dt",
+            f"a step, since those of {method.name} are equal",
+            "none",
+            "Pass dt to simulate, say a hundredth of a period; events need an adaptive solver.",
+        )
+    return Settings(method, max_steps)
 
 
-def default_solver(scene: Scene) -> Pair:
+def _fixed_step(dt) -> Array | np.ndarray:
+    remedy = "It is the length of a step, also backwards in time."
+    return _floats(_checks.positive("dt", _checks.array("dt", dt, (), remedy), remedy))[None]
+
+
+def default_solver(scene: Scene) -> Method:
     """The pair that a scene's effects call for."""
     return NYSTROM12 if scene.second_order else VERNER9
 
 
-def chosen_pair(scene: Scene, solver: Pair | None) -> Pair:
+def chosen_pair(scene: Scene, solver: Method | None) -> Method:
     """The pair asked for, if it fits the scene, or the default one."""
     if solver is None:
         return default_solver(scene)
-    if not isinstance(solver, Pair):
+    if not isinstance(solver, Method):
         raise _checks.fail(
             "solver",
-            "a Pair",
+            "one of jaxdyn.solvers",
             type(solver).__name__,
             "solvers.from_diffrax takes any explicit Runge-Kutta solver of diffrax.",
         )
     if solver.nystrom and not scene.second_order:
         raise _checks.fail(
             "solver",
-            "a Runge-Kutta pair",
+            "one for any scene",
             solver.name,
-            "Accelerations of this scene may depend on velocity, which a Nystrom pair ignores.",
+            "It ignores velocities, on which accelerations of this scene may depend. Leave the "
+            "solver out, or take solvers.GAUSS12 for a long run that keeps energy.",
         )
     return solver
 

@@ -15,6 +15,7 @@ class Status(enum.IntEnum):
     STEP_COLLAPSED = 2
     NOT_FINITE = 3
     SINGULAR = 4
+    STEP_TOO_LONG = 5
 
     @property
     def message(self) -> str:
@@ -25,8 +26,8 @@ class Status(enum.IntEnum):
 _MESSAGES = {
     Status.OK: "The integration reached its end.",
     Status.STEP_LIMIT: (
-        "The integration stopped at its limit of steps. Raise max_steps, loosen rtol, or "
-        "shorten the span."
+        "The integration stopped at its limit of steps. Raise max_steps, loosen rtol or "
+        "lengthen dt, shorten the span, or pass solver='auto' if the scene is stiff."
     ),
     Status.STEP_COLLAPSED: (
         "The step size fell below the spacing of floating-point times: the motion runs into a "
@@ -36,6 +37,11 @@ _MESSAGES = {
     Status.NOT_FINITE: (
         "The start, its rate, a time or a tolerance is NaN or infinite. Check the start and "
         "the parameters: two bodies at one point, a division by zero."
+    ),
+    Status.STEP_TOO_LONG: (
+        "A step of fixed length ended in NaN or infinity, or its equations were not solved: it "
+        "is too long for the motion. Raise the number of steps (a smaller dt), or leave the "
+        "solver out to have steps adapt."
     ),
     Status.SINGULAR: (
         "The constraints stopped determining the motion: they lose rank in a pose (a linkage at "

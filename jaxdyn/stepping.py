@@ -27,6 +27,7 @@ from jaxtyping import Array
 _SAFETY = 0.75
 _SHRINK, _GROW = 0.2, 8.0  # limits of one change of step
 _FLOOR_ULPS = 8.0  # a step shorter than this many spacings of t means nothing any more
+_SHORTEST_ULPS = 1000.0  # the same for fixed steps
 _FLOOR = 1e-100  # [time] the same at t = 0, where the spacing is no guide
 
 
@@ -80,7 +81,37 @@ class Watch(eqx.Module):
         """What it remembers after a step, and whether to stop; a step not kept changes nothing."""
 
 
-class StepControl(diffrax.AbstractAdaptiveStepSizeController):
+class _Observing(eqx.Module):
+    """What both ways of choosing steps share: nodes for the samples, and a watch.
+
+    Attributes:
+      ts: (s,) wanted times in the direction of integration; (0,) for none.
+      watch: what looks at the steps, if anything.
+    """
+
+    ts: eqx.AbstractVar[Array]
+    watch: eqx.AbstractVar[Watch | None]
+
+    def _turned(self, direction: Array) -> tuple[Array, Watch | None]:
+        watch = None if self.watch is None else self.watch.towards(direction)
+        return self.ts * direction, watch
+
+    def _begin(self, t0: Array, y0: Array) -> tuple[Nodes, Any]:
+        memory = None if self.watch is None else self.watch.start(t0, y0)
+        return Nodes.empty(self.ts, t0, y0), memory
+
+    def _observe(self, keep, t0, y0, t1, y1, seen: tuple[Nodes, Any], result) -> tuple:
+        """What is remembered after a step, and the result, also if the watch stops the run."""
+        nodes, memory = seen
+        if len(self.ts):
+            nodes = nodes.passed(self.ts, t0, y0, jnp.where(keep, t1, -jnp.inf))
+        if self.watch is not None:
+            memory, stop = self.watch.see(keep, t0, y0, t1, y1, memory)
+            result = diffrax.RESULTS.where(stop, diffrax.RESULTS.event_occurred, result)
+        return (nodes, memory), result
+
+
+class StepControl(_Observing, diffrax.AbstractAdaptiveStepSizeController):
     """Elementary error-per-step control: h <- 0.75 h (tolerance / error)^(1/p).
 
     Attributes:
@@ -97,9 +128,12 @@ class StepControl(diffrax.AbstractAdaptiveStepSizeController):
     #: diffrax asks for these two names of every adaptive controller.
     norm = staticmethod(lambda y: jnp.max(jnp.sqrt(jnp.mean(y * y, axis=0))))
 
+    def seen(self, state) -> tuple[Nodes, Any]:
+        """The nodes of the samples and what the watch remembers, from the state at the end."""
+        return state
+
     def wrap(self, direction):
-        watch = None if self.watch is None else self.watch.towards(direction)
-        return StepControl(self.rtol, self.atol, self.ts * direction, watch)
+        return StepControl(self.rtol, self.atol, *self._turned(direction))
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
         # diffrax's choice of the first step (Hairer, Norsett, Wanner, II.4).
@@ -107,8 +141,7 @@ class StepControl(diffrax.AbstractAdaptiveStepSizeController):
         tnext, _ = first.init(terms, t0, t1, y0, dt0, args, func, error_order)
         # A NaN rate gives a NaN step; the run must still end.
         tnext = jnp.where(jnp.isfinite(tnext), tnext, t1)
-        memory = None if self.watch is None else self.watch.start(t0, y0)
-        return tnext, (Nodes.empty(self.ts, t0, y0), memory)
+        return tnext, self._begin(t0, y0)
 
     def adapt_step_size(self, t0, t1, y0, y1_candidate, args, y_error, error_order, state):
         del args
@@ -121,16 +154,11 @@ class StepControl(diffrax.AbstractAdaptiveStepSizeController):
         spacing = jnp.finfo(h.dtype).eps * jnp.abs(t0)
         collapsed = ~keep & (h_next <= _FLOOR_ULPS * spacing + _FLOOR)
         start = jnp.where(keep, t1, t0)
-        nodes, memory = state
-        if len(self.ts):
-            nodes = nodes.passed(self.ts, t0, y0, jnp.where(keep, t1, -jnp.inf))
         result = diffrax.RESULTS.where(
             collapsed, diffrax.RESULTS.dt_min_reached, diffrax.RESULTS.successful
         )
-        if self.watch is not None:
-            memory, stop = self.watch.see(keep, t0, y0, t1, y1_candidate, memory)
-            result = diffrax.RESULTS.where(stop, diffrax.RESULTS.event_occurred, result)
-        return keep, start, start + h_next, False, (nodes, memory), result
+        state, result = self._observe(keep, t0, y0, t1, y1_candidate, state, result)
+        return keep, start, start + h_next, False, state, result
 
     def _scale(self, y0: Array, y1: Array) -> Array:
         # y1 may be NaN after a bad step; its error is NaN then and the step is rejected.
@@ -141,3 +169,49 @@ class StepControl(diffrax.AbstractAdaptiveStepSizeController):
             tangents = jnp.broadcast_to(jnp.max(size, axis=0), size.shape)
             size = jnp.concatenate([size[..., :1], tangents[..., 1:]], axis=-1)
         return self.atol + self.rtol * size
+
+
+class FixedSteps(_Observing, diffrax.AbstractStepSizeController):
+    """n equal steps; the time of each is a multiple of the step, not a sum of steps.
+
+    Attributes:
+      n: () how many.
+      ts: (s,) wanted times in the direction of integration; (0,) for none.
+      watch: what looks at the steps, if anything.
+    """
+
+    n: Array
+    ts: Array
+    watch: Watch | None = None
+
+    def seen(self, state) -> tuple[Nodes, Any]:
+        """The nodes of the samples and what the watch remembers, from the state at the end."""
+        return state[0]
+
+    def wrap(self, direction):
+        return FixedSteps(self.n, *self._turned(direction))
+
+    def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
+        del terms, dt0, args, func, error_order
+        h = (t1 - t0) / self.n
+        tnext = jnp.where(jnp.isfinite(h), t0 + h, t1)  # the run must still end
+        return tnext, (self._begin(t0, y0), (t0, h, jnp.ones(())))
+
+    def adapt_step_size(self, t0, t1, y0, y1_candidate, args, y_error, error_order, state):
+        del args, y_error, error_order
+        seen, (begin, h, done) = state
+        fine = jnp.isfinite(y1_candidate).all()
+        # diffrax takes the last hundred spacings before the end for the end.
+        collapsed = h < _SHORTEST_ULPS * jnp.finfo(h.dtype).eps * jnp.abs(t1)
+        result = diffrax.RESULTS.where(
+            fine, diffrax.RESULTS.successful, diffrax.RESULTS.nonlinear_divergence
+        )
+        result = diffrax.RESULTS.where(collapsed, diffrax.RESULTS.dt_min_reached, result)
+        seen, result = self._observe(fine, t0, y0, t1, y1_candidate, seen, result)
+        tnext = begin + (done + 1) * h
+        return True, t1, tnext, False, (seen, (begin, h, done + 1)), result
+
+
+def steps_of(dt: Array, t0: Array, t1: Array) -> Array:
+    """() the number of equal steps from t0 to t1, none longer than dt, but for rounding."""
+    return jnp.maximum(jnp.ceil(jnp.abs(t1 - t0) / dt * (1 - 1e-12)), 1.0)

@@ -175,7 +175,10 @@ def test_the_gap_may_leave_entries_out_and_wraps_angles():
     weight = jnp.array([1.0, 0.0])
     best = return_of(turning, turning.y0[None], 1.0, gap=watches.Gap(scene.system, weight))
     full = solve(turning, best.after[0], rtol=RTOL).y1
-    assert float(full[0]) == pytest.approx(2 * np.pi, abs=1e-4)  # one turn, the same place
+    # The same place after whole turns; which of them is nearest is decided by rounding.
+    turns = float(full[0]) / (2 * np.pi)
+    assert round(turns) >= 1
+    assert turns == pytest.approx(round(turns), abs=1e-4)
     assert best.distance[0] < 1e-4
 
 

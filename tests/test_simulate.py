@@ -221,9 +221,12 @@ def test_every_status_has_a_message_with_a_remedy():
         ({"t0": "now"}, r"t0: expected numbers, got 'now'\.$"),
         (
             {"solver": diffrax.Tsit5()},
-            r"solver: expected a Pair, got Tsit5\. solvers\.from_diffrax",
+            r"solver: expected one of jaxdyn.solvers, got Tsit5\. solvers\.from_diffrax",
         ),
-        ({"solver": NYSTROM12}, r"solver: expected a Runge-Kutta pair, got Nystrom 12\(10\)\. Acc"),
+        (
+            {"solver": NYSTROM12},
+            r"solver: expected one for any scene, got Nystrom 12\(10\)\. It ignores velocities",
+        ),
     ],
 )
 def test_simulate_refuses(options, message):

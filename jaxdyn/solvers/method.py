@@ -1,0 +1,72 @@
+"""What every solver is: a name, an order, and one pure function from a state to its increment.
+
+`Method.advance` is all that a solver has to offer. Steps, samples and event times are built from
+it elsewhere, so a new solver is one new file here.
+"""
+
+import abc
+from collections.abc import Callable
+from typing import ClassVar, NamedTuple
+
+from jaxtyping import Array
+
+Field = Callable[[Array, Array], Array]
+
+
+class Advance(NamedTuple):
+    """What one step found.
+
+    Attributes:
+      increment: (k, ...) change of the state.
+      error: (k, ...) estimate of its error; zero for a method of fixed step.
+      rest: (k, ...) what the increment lacks because its coefficients are rounded: too small
+        to be added to it, but the compensated sum over many steps keeps it.
+      speed: () how fast the fastest part of the motion is in units of the step, |h lambda|;
+        zero where the method does not look.
+      converged: () whether implicit equations were solved.
+    """
+
+    increment: Array
+    error: Array
+    rest: Array | float = 0.0
+    speed: Array | float = 0.0
+    converged: Array | bool = True
+
+
+class Method(abc.ABC):
+    """A one-step method.
+
+    Compared and hashed by identity, so that it is a cheap static argument of jit.
+
+    Attributes:
+      name: what reports call it.
+      order: order of the solution that is carried on.
+      error_order: exponent p of the error estimate's h^p.
+      nystrom: whether it is only for accelerations that do not depend on velocity.
+      stable: |h lambda| up to which an explicit method is stable; infinite for others.
+    """
+
+    name: str
+    order: int
+    error_order: int
+    nystrom: bool
+    stable: float
+    #: Whether it estimates its error, and so takes a tolerance, not a step.
+    adaptive: ClassVar[bool]
+
+    @abc.abstractmethod
+    def advance(self, field: Field, t: Array, h: Array, y: Array, rolled: bool) -> Advance:
+        """Increment of y over [t, t + h], and all that is known of it.
+
+        Args:
+          field: (t, y) -> dy/dt.
+          t: () start.
+          h: () step, of either sign.
+          y: (k, ...) state; [q, v] along the first axis where `nystrom`.
+          rolled: loop over the stages instead of writing them out.
+        """
+
+    def step(self, field: Field, t: Array, h: Array, y: Array, rolled: bool) -> tuple:
+        """Increment of y over [t, t + h] and the estimate of its error; see `advance`."""
+        found = self.advance(field, t, h, y, rolled)
+        return found.increment, found.error

@@ -1,0 +1,268 @@
+"""Explicit pairs: Runge-Kutta for any vector field, Nystrom where forces forget v.
+
+A `Pair` is a table of coefficients. Two forms of one step, equal but for rounding:
+
+- unrolled: one expression a stage. Compiles to straight code, the fastest for one trajectory.
+- rolled: a loop over stages with a buffer. Compiles several times faster and runs faster where
+  each stage is wide, as for the variational equations with their many columns.
+
+Coefficient tables are package data (``data/*.json``): decimal strings or fractions, rounded
+once to float64. Rounded tables break the order conditions in the 17th digit, at every step in
+the same way, so that energies drift in proportion to time although each sum is compensated.
+`_lacking` finds what the weights lack, and `Advance.rest` carries it.
+"""
+
+import dataclasses
+import functools
+import json
+from collections.abc import Callable
+from fractions import Fraction
+from importlib import resources
+from typing import ClassVar
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn._numerics import materialised, runtime_one
+from jaxdyn.solvers.method import Advance, Field, Method
+
+#: Slopes whose difference is below this part of them are equal but for rounding.
+_ROUNDING = 1e-13
+_MENDED = 4  # stages whose weights get more digits
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Pair(Method):
+    """An embedded pair of explicit one-step methods.
+
+    Attributes:
+      name: what reports call it.
+      order: order of the solution that is carried on.
+      error_order: exponent p of the error estimate's h^p.
+      c: (s,) nodes.
+      a: (s, s) strictly lower triangular stage weights.
+      weights: (2, w, s) rows of solution weights and of error weights; w = 1 for a
+        Runge-Kutta pair, w = 2 (positions, velocities) for a Nystrom pair.
+      nystrom: whether the stages are accelerations of a second-order system.
+    """
+
+    name: str
+    order: int
+    error_order: int
+    c: np.ndarray
+    a: np.ndarray
+    weights: np.ndarray
+    nystrom: bool
+    adaptive: ClassVar[bool] = True
+
+    @property
+    def stages(self) -> int:
+        """Right-hand sides a step."""
+        return len(self.c)
+
+    @functools.cached_property
+    def lacking(self) -> np.ndarray:
+        """(w, s) what the solution weights lack because the table is rounded."""
+        return _lacking(self)
+
+    @functools.cached_property
+    def stable(self) -> float:
+        """The |h lambda| on the negative axis (Nystrom: the h omega) up to which it is stable."""
+        return _stability_limit(self)
+
+    @functools.cached_property
+    def twins(self) -> tuple[int, int] | None:
+        """The last two stages at one time: their difference shows the fastest rate there is."""
+        same = [(i, j) for j in range(self.stages) for i in range(j) if self.c[i] == self.c[j]]
+        return same[-1] if same else None
+
+    def advance(self, field: Field, t: Array, h: Array, y: Array, rolled: bool) -> Advance:
+        sums = self._rolled if rolled else self._unrolled
+        one = runtime_one(h)
+
+        def keep(x):
+            # The loop over stages keeps its arrays by itself.
+            return x if rolled else materialised(x, one)
+
+        if not self.nystrom:
+
+            def slope(c, shift):
+                return field(t + c * h, keep(y + h * shift))
+
+            increment, error, rest, ratio = sums(slope, y)
+            return Advance(h * keep(increment), h * keep(error), h * rest, ratio)
+
+        half = y.shape[0] // 2
+        q, v = y[:half], y[half:]
+
+        def acceleration(c, shift):
+            x = keep(q + (c * h) * v + (h * h) * shift)
+            # v takes no part in the acceleration; XLA drops what computes dq/dt.
+            return field(t + c * h, jnp.concatenate([x, v]))[half:]
+
+        *found, q_rest, v_rest, ratio = sums(acceleration, q)
+        dq, dv, q_error, v_error = (keep(x) for x in found)
+        increment = jnp.concatenate([h * v + (h * h) * dq, h * dv])
+        error = jnp.concatenate([(h * h) * q_error, h * v_error])
+        rest = jnp.concatenate([(h * h) * q_rest, h * v_rest])
+        return Advance(increment, error, rest, jnp.sqrt(ratio))
+
+    @property
+    def _rows(self) -> np.ndarray:
+        """(3 w, s) weights of the solution, of the error, and of what the solution lacks."""
+        return np.concatenate([*self.weights, self.lacking])
+
+    def _unrolled(self, slope: Callable, like: Array) -> list[Array]:
+        def combine(row, k):
+            terms = [w * x for w, x in zip(row, k, strict=False) if w != 0.0]
+            return functools.reduce(jnp.add, terms) if terms else jnp.zeros_like(like)
+
+        k, shifts = [], []
+        for c, row in zip(self.c.tolist(), self.a.tolist(), strict=True):
+            shifts.append(combine(row, k))
+            k.append(slope(c, shifts[-1]))
+        ratio = jnp.zeros(())
+        if self.twins:
+            i, j = self.twins
+            ratio = _ratio(k[j] - k[i], shifts[j] - shifts[i], k[j])
+        return [*(combine(row, k) for row in self._rows.tolist()), ratio]
+
+    def _rolled(self, slope: Callable, like: Array) -> list[Array]:
+        a, c = jnp.asarray(self.a), jnp.asarray(self.c)
+
+        def weighted(row, k):
+            # One row at a time: XLA turns a product with several rows into a custom fusion,
+            # which would keep the whole stepping loop from being folded.
+            return (row[None] @ k.reshape(self.stages, -1)).reshape(like.shape)
+
+        def stage(i, k):
+            shift = weighted(a[i], k)
+            return jax.lax.dynamic_update_index_in_dim(k, slope(c[i], shift), i, 0)
+
+        k = jnp.zeros((self.stages, *like.shape), like.dtype)
+        k = jax.lax.fori_loop(0, self.stages, stage, k)
+        ratio = jnp.zeros(())
+        if self.twins:
+            i, j = self.twins
+            ratio = _ratio(k[j] - k[i], weighted(self.a[j] - self.a[i], k), k[j])
+        return [*(weighted(row, k) for row in self._rows), ratio]
+
+
+def _ratio(k: Array, shift: Array, whole: Array) -> Array:
+    """() |difference of two slopes| / |difference of what they were taken at|, in steps.
+
+    Differences below rounding say nothing; they count as small.
+    """
+    noise = _ROUNDING * jnp.max(jnp.abs(whole))
+    return jnp.max(jnp.abs(k)) / (jnp.max(jnp.abs(shift)) + noise)
+
+
+def _conditions(a: list, c: list, nystrom: bool, row: int) -> list[tuple[int, list, Fraction]]:
+    """(order, stage vector, value): the weights times the vector is the value; orders up to 4.
+
+    Row 0 of a Nystrom pair weighs positions, row 1 velocities. Vectors are sums over rooted
+    trees (Hairer, Norsett, Wanner, II.2 and II.14), with the nodes that the rows of a sum to.
+    """
+    one = [Fraction(1)] * len(a)
+
+    def applied(x):
+        return [sum(w * xi for w, xi in zip(r, x, strict=True) if w) for r in a]
+
+    def times(x, y):
+        return [p * q for p, q in zip(x, y, strict=True)]
+
+    g = applied(one)
+    if nystrom:
+        trees = [(1, one, 1), (2, c, 2), (3, times(c, c), 3), (3, g, 6)]
+        trees += [(4, times(c, times(c, c)), 4), (4, times(c, g), 8), (4, applied(c), 24)]
+        if row == 0:  # one order later, weighted by what is left of the step
+            left = (2, 6, 12, 24)
+            trees = [(n + 1, x, w) for (n, x, _), w in zip(trees[:4], left, strict=True)]
+    else:
+        gg, ag = times(g, g), applied(g)
+        trees = [(1, one, 1), (2, g, 2), (3, gg, 3), (3, ag, 6), (4, times(g, gg), 4)]
+        trees += [(4, times(g, ag), 8), (4, applied(gg), 12), (4, applied(ag), 24)]
+    return [(n, x, Fraction(1, value)) for n, x, value in trees]
+
+
+def _lacking(pair: Pair) -> np.ndarray:
+    """(w, s) a change of few of the weights that mends what rounding broke.
+
+    Defects of the order conditions are found in rational arithmetic; they are so small that
+    the change need only be right to a few digits. The vectors of the conditions are nearly
+    powers of the nodes, up to the third, so four stages at different times are enough.
+    """
+    a = [[Fraction(x) for x in row] for row in pair.a.tolist()]
+    c = [Fraction(x) for x in pair.c.tolist()]
+    rows = []
+    for i, weights in enumerate(pair.weights[0]):
+        used = np.flatnonzero(weights)
+        _, apart = np.unique(pair.c[used], return_index=True)
+        spread = np.unique(np.linspace(0, len(apart) - 1, _MENDED).round().astype(int))
+        few = used[apart[spread]]
+        conditions = [x for x in _conditions(a, c, pair.nystrom, i) if x[0] <= pair.order]
+        exact = [Fraction(w) for w in weights.tolist()]
+        defects = [value - sum(exact[j] * x[j] for j in used) for _, x, value in conditions]
+        matrix = np.array([[float(x[j]) for j in few] for _, x, _ in conditions])
+        change, *_ = np.linalg.lstsq(matrix, np.array([float(d) for d in defects]), rcond=1e-9)
+        row = np.zeros(pair.stages)
+        row[few] = change
+        rows.append(row)
+    return np.array(rows)
+
+
+def _stability_limit(pair: Pair) -> float:
+    """Where the solution of the test equation first grows: y' = -z y, or q'' = -z^2 q."""
+    eye, one = np.eye(pair.stages), np.ones(pair.stages)
+    for z in np.arange(0.05, 30.0, 0.05):
+        if pair.nystrom:
+            # k = -z^2 (q + c v + a k), for q = 1, v = 0 and for q = 0, v = 1.
+            k = np.linalg.solve(eye + z * z * pair.a, -z * z * np.stack([one, pair.c], axis=1))
+            growth = np.abs(np.linalg.eigvals([[1, 1], [0, 1]] + pair.weights[0] @ k)).max()
+        else:
+            growth = abs(1 - z * pair.weights[0, 0] @ np.linalg.solve(eye + z * pair.a, one))
+        if growth > 1 + 1e-3:
+            return float(z)
+    return float(z)
+
+
+def from_diffrax(solver: diffrax.AbstractERK) -> Pair:
+    """The pair of any explicit Runge-Kutta solver of diffrax, e.g. ``diffrax.Tsit5()``."""
+    table = solver.tableau
+    s = len(table.b_sol)
+    a = np.zeros((s, s))
+    for i, row in enumerate(table.a_lower):
+        a[i + 1, : len(row)] = row
+    weights = np.stack([table.b_sol, table.b_error])[:, None, :]
+    order = solver.order(None)
+    assert order is not None
+    c = np.concatenate([[0.0], table.c])
+    return Pair(type(solver).__name__, order, order, c, a, weights, nystrom=False)
+
+
+def _load(file: str, name: str, order: int, error_order: int) -> Pair:
+    table = json.loads(resources.files("jaxdyn").joinpath("data").joinpath(file).read_text())
+    nystrom = "bp" in table
+    rows = ("b", "bp", "b_err", "bp_err") if nystrom else ("b", "b_err")
+    s = len(table["c"])
+
+    def numbers(strings: list[str]) -> list[float]:
+        values = [float(Fraction(x)) for x in strings]
+        return values + [0.0] * (s - len(values))
+
+    a = np.array([numbers(row) for row in table["a"]])
+    weights = np.array([numbers(table[row]) for row in rows]).reshape(2, -1, s)
+    return Pair(name, order, error_order, np.array(numbers(table["c"])), a, weights, nystrom)
+
+
+#: Dormand, El-Mikkawy, Prince (1987), 17 stages, for accelerations that do not depend on v.
+NYSTROM12 = _load("rkn12_10_17.json", "Nystrom 12(10)", order=12, error_order=11)
+#: Verner (2010), the "robust" pair, 16 stages. At an error of 1e-12 it needs 0.8 of the
+#: evaluations of Dormand and Prince's 8(7); all its weights are positive. Coefficients by
+#: J. H. Verner, https://www.sfu.ca/~jverner/.
+VERNER9 = _load("verner9_8.json", "Verner 9(8)", order=9, error_order=9)
+#: Prince and Dormand (1981), 13 stages, as diffrax has it: the second opinion on the other two.
+DOPRI8 = from_diffrax(diffrax.Dopri8())

@@ -1,0 +1,84 @@
+"""A method as diffrax wants it, with compensated summation, projection, and a look at stiffness."""
+
+from typing import ClassVar
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn._numerics import two_sum
+from jaxdyn.solvers.method import Method
+
+#: A step is limited by stability, not by accuracy, if it is longer than this part of the
+#: stable one; where accuracy rules, steps stay shorter, also at rtol 1e-3 (tested).
+_NEAR_THE_LIMIT = 0.7
+#: So many more steps of that kind than of others, and the motion is called stiff.
+_MANY = 50
+
+
+class Stepper(diffrax.AbstractAdaptiveSolver):
+    """A method as a diffrax solver.
+
+    The solver's state is what rounding left out of the last sum; it is added to the next
+    increment, so the rounding error of N steps grows like one step's, not like sqrt(N) to N.
+    After each step the field projects the state onto its constraints (most have none). Beside
+    it the state counts steps that stability limits; see `is_stiff`.
+
+    Attributes:
+      method: what steps.
+      rolled: see `Method.advance`.
+      h: () the step where it is fixed, exactly: a difference of times would be rounded.
+      stop_if_stiff: end the run where it turns out to be stiff.
+    """
+
+    method: Method
+    rolled: bool
+    h: Array | None = None
+    stop_if_stiff: bool = eqx.field(static=True, default=False)
+    term_structure: ClassVar = diffrax.ODETerm
+    interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation  # never used: see simulate.py
+
+    def order(self, terms):
+        del terms
+        return self.method.order
+
+    def error_order(self, terms):
+        del terms
+        return self.method.error_order
+
+    def init(self, terms, t0, t1, y0, args):
+        del terms, t0, t1, args
+        return jnp.zeros_like(y0), jnp.zeros(())
+
+    def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
+        del made_jump
+        carry, count = solver_state
+        # Backwards in time diffrax counts t upwards and turns the control about: h < 0.
+        h = terms.contr(t0, t1) if self.h is None else self.h
+        sign = jnp.where(h < 0, -1.0, 1.0)
+
+        @jax.jit  # traced once for all stages: half of the time until a first result
+        def field(t, y):
+            return terms.vf(sign * t, y, args)
+
+        step = self.method.advance(field, sign * t0, h, y0, self.rolled)
+        y1, carry = two_sum(y0, carry + step.rest, step.increment)
+        y1 = args.project(sign * t1, y1)
+        near = step.speed > _NEAR_THE_LIMIT * self.method.stable
+        count = jnp.where(is_stiff(count), count, jnp.maximum(count + jnp.where(near, 1, -2), 0))
+        result = diffrax.RESULTS.where(
+            step.converged, diffrax.RESULTS.successful, diffrax.RESULTS.nonlinear_divergence
+        )
+        if self.stop_if_stiff:
+            result = diffrax.RESULTS.where(is_stiff(count), diffrax.RESULTS.stagnation, result)
+        return y1, step.error, {"y0": y0, "y1": y1}, (carry, count), result
+
+    def func(self, terms, t0, y0, args):
+        return terms.vf(t0, y0, args)
+
+
+def is_stiff(count: Array) -> Array:
+    """() whether a count of steps limited by stability makes a motion stiff."""
+    return count >= _MANY
