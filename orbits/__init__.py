@@ -42,9 +42,17 @@ from orbits.monodromy import monodromy as monodromy
 from orbits.problem import Orbit as Orbit
 from orbits.problem import Outcome as Outcome
 from orbits.problem import SearchError as SearchError
+from orbits.same import Match as Match
+from orbits.same import match as match
+from orbits.same import minimal_period as minimal_period
+from orbits.same import same as same
+from orbits.sensitivity import Solution as Solution
+from orbits.sensitivity import solution as solution
 from orbits.shooting import find as find
 from orbits.stability import Stability as Stability
 from orbits.stability import stability as stability
 from orbits.symmetry import Symmetry as Symmetry
 from orbits.symmetry import backwards as backwards
 from orbits.symmetry import of_points as of_points
+from orbits.words import syzygies as syzygies
+from orbits.words import word as word

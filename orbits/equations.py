@@ -9,6 +9,7 @@ Each segment is integrated once with its variational equations. What closes is t
 function of the ends and of x, whose Jacobian autodiff takes with the ends made linear in x.
 """
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from typing import NamedTuple
@@ -20,6 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import Scene
+from jaxdyn.flow import Flow
 from jaxdyn.simulate import solve
 from orbits.closing import Closing
 from orbits.conditions import Condition
@@ -118,8 +120,7 @@ class Equations(eqx.Module):
     def repeated(self, times: int) -> "Equations":
         """The equations of the same motions taken as many periods as one."""
         scene = self.scene.starting(self.scene.y0, times * self.scene.t1)
-        segments = times * self.segments
-        return Equations(scene, self.closing, self.conditions, self.make, segments, self.driven)
+        return dataclasses.replace(self, scene=scene, segments=times * self.segments)
 
     def repeat(self, x: np.ndarray, times: int, rtol) -> np.ndarray:
         """x of the same motion for `repeated` equations."""
@@ -154,6 +155,16 @@ def evaluate(equations: Equations, x: Float[Array, " n"], rtol) -> Evaluation:
     return Evaluation(residual, jacobian, slopes.start, status.max())
 
 
+def residual_at(equations: Equations, x: Array, rtol) -> Array:
+    """What does not close at x alone, differentiable in every number of the equations."""
+    here = _pieces(equations, x)
+    ends = [
+        _end(equations, jax.tree.map(lambda leaf, i=i: leaf[i], here), i, rtol).y1
+        for i in range(equations.segments)
+    ]
+    return _errors(equations, x, here.start, jnp.stack(ends))
+
+
 class _Piece(NamedTuple):
     """What a segment's end depends on; each with a first axis of segments."""
 
@@ -178,13 +189,17 @@ def _flow(equations: Equations, piece_and_index, rtol):
     piece, i = piece_and_index
 
     def end(piece: _Piece):
-        scene = equations.scene_at(piece.parameter).starting(piece.start)
-        t0 = i * piece.span if equations.driven else 0.0
-        flow = solve(scene, t0 + piece.span, t0=t0, rtol=rtol)
+        flow = _end(equations, piece, i, rtol)
         return flow.y1, (flow.y1, flow.status)
 
     slopes, (y1, status) = jax.jacfwd(end, has_aux=True)(piece)
     return y1, status, slopes
+
+
+def _end(equations: Equations, piece: _Piece, i, rtol) -> Flow:
+    scene = equations.scene_at(piece.parameter).starting(piece.start)
+    t0 = i * piece.span if equations.driven else 0.0
+    return solve(scene, t0 + piece.span, t0=t0, rtol=rtol)
 
 
 def _linearised(equations: Equations, x: Array, here: _Piece, ends: Array, slopes: _Piece):

@@ -7,6 +7,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, System
 from jaxdyn.simulate import solve, tolerances
+from orbits.closing import Closing
 from orbits.problem import Orbit
 
 _TANGENT = 1e-6  # smaller singular values of a projection's slope are directions it removes
@@ -51,18 +52,20 @@ def returned(orbit: Orbit, rtol, basis: np.ndarray) -> np.ndarray:
 
 @jax.jit
 def _returned(orbit: Orbit, period, rtol) -> Array:
-    scene, closing = orbit.scene, orbit.closing
+    return returned_map(orbit.scene, orbit.closing, orbit.angle, period, rtol)
 
-    def turned(y):
-        return closing.after(scene.system, y, orbit.angle, 1)
+
+def returned_map(scene: Scene, closing: Closing, angle, period, rtol) -> Array:
+    """(k, k) the monodromy matrix, turned back for a relative orbit; differentiable."""
 
     def end(y):
         return scene.system.difference(solve(scene.starting(y), period, rtol=rtol).y1, target)
 
-    target = turned(scene.y0)
+    # Only which side of a wrapped angle, or which sign of a quaternion, it is measured from.
+    target = jax.lax.stop_gradient(closing.after(scene.system, scene.y0, angle, 1))
     m = jax.jacfwd(end)(scene.y0)
     if not closing.turns:
         return m
     # Not by solving: turned back, a turn is undone to rounding, and needs no other symmetry.
-    back = jax.jacfwd(lambda y: closing.after(scene.system, y, -orbit.angle, 1))(scene.y0)
+    back = jax.jacfwd(lambda y: closing.after(scene.system, y, -angle, 1))(scene.y0)
     return jnp.sum(back[:, :, None] * m[None], axis=1)

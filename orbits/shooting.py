@@ -1,5 +1,6 @@
 """Find a periodic orbit near a guess: shooting with Newton's method."""
 
+import dataclasses
 import math
 from collections.abc import Callable, Sequence
 
@@ -18,10 +19,11 @@ from orbits.symmetry import EXACT
 
 RTOL = 1e-14
 GOAL = 1e-12
-#: Growth of errors over a segment from which on more segments are taken: half of the digits
-#: of a closing error of 1e-12 would be rounding then.
-_GROWTH = 1e4
+#: Growth of errors over a segment from which on more segments are taken: rounding of 1e-16,
+#: grown so much, is well below the goal.
+_GROWTH = 300.0
 _SEGMENTS_MOST = 32
+_NEARLY = 1e-6  # a residual at which Newton's method stalls only for rounding
 _ESCAPE = 100.0  # times the guess's size is a run-away
 _TRIVIAL = 0.02  # of the guessed period, or of its path length, is a trivial solution
 
@@ -82,12 +84,24 @@ def find(
     scene = scene.starting(guess[:-1], guess[-1])
     closing, angle = _nearest(scene, closings, rtol)
     equations = Equations(scene, closing, conditions, driven=driven(scene))
-    equations = cut(equations, guess, rtol, segments, angle)
-    x = equations.spread(guess[:-1], guess[-1], rtol, angle)
-    return solved(equations, x, lower, upper, goal, rtol, max_iterations, report, throw)
+    cuts = cut(equations, guess, rtol, segments, angle)
+    x = cuts.spread(guess[:-1], guess[-1], rtol, angle)
+    orbit = _solved(cuts, x, lower, upper, goal, rtol, max_iterations, report)
+    while segments is None and _at_rounding(orbit) and cuts.segments < _SEGMENTS_MOST:
+        # Near encounters inside a segment magnify rounding: shorter ones, from where it stalled.
+        cuts = _with_segments(equations, min(4 * cuts.segments, _SEGMENTS_MOST))
+        x = cuts.spread(orbit.y0, orbit.period, rtol, orbit.angle)
+        orbit = _solved(cuts, x, lower, upper, goal, rtol, max_iterations, report)
+    if throw and not orbit.ok:
+        raise SearchError(orbit.message)
+    return orbit
 
 
-def solved(
+def _at_rounding(orbit: Orbit) -> bool:
+    return orbit.outcome == Outcome.NO_DESCENT and orbit.residual < _NEARLY
+
+
+def _solved(
     equations: Equations,
     x: np.ndarray,
     lower: np.ndarray,
@@ -96,9 +110,8 @@ def solved(
     rtol: float,
     max_iterations: int,
     report: Callable[[newton.Iteration], None],
-    throw: bool,
 ) -> Orbit:
-    """`find` from checked arguments, with x in place of the guess."""
+    """Newton's method on closing equations from a point x on."""
     low, high = equations.bounds(lower, upper)
     trouble = _Trouble(equations, x)
 
@@ -117,8 +130,6 @@ def solved(
         report=report,
     )
     outcome = _outcome(equations, result, trouble, rtol)
-    if throw and outcome != Outcome.FOUND:
-        raise SearchError(outcome.message)
     residual = float(np.max(np.abs(result.residual)))
     return orbit_at(equations, result.x, residual, outcome, result.iterations, rtol)
 
@@ -142,8 +153,11 @@ def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, para
         segments = min(2 ** max(0, math.ceil(math.log2(max(digits, 1.0)))), _SEGMENTS_MOST)
     elif not (isinstance(segments, int | np.integer) and segments >= 1):
         raise fail("segments", "a whole number, at least 1", segments)
-    scene, closing, conditions = equations.scene, equations.closing, equations.conditions
-    return Equations(scene, closing, conditions, equations.make, segments, equations.driven)
+    return _with_segments(equations, segments)
+
+
+def _with_segments(equations: Equations, segments: int) -> Equations:
+    return dataclasses.replace(equations, segments=segments)
 
 
 def checked(

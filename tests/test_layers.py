@@ -104,6 +104,8 @@ RANKS = {
     "orbits/evidence.py": 14,
     "orbits/figure_eight.py": 14,
     "orbits/identity.py": 14,
+    "orbits/same.py": 14,
+    "orbits/words.py": 14,
     "orbits/monodromy.py": 13,
     "orbits/trivial.py": 13,
     "orbits/surface.py": 14,
