@@ -33,8 +33,10 @@ PROBLEMS: dict[int, Problem] = {
     ),
     3: _problem(
         "Simple equations solved three ways, and how accurate that is",
-        "scenes.oscillator scenes.pendulum scenes.lorenz steps.fixed_steps steps.halvings simulate",
-        "Halved steps tell error and order without the exact solution: 1 for Euler's method.",
+        "scenes.oscillator scenes.pendulum scenes.lorenz steps.fixed_steps steps.halvings simulate "
+        "accuracy.by_halving accuracy.estimate accuracy.by_second_method accuracy.by_tangents",
+        "Halved steps tell error and order without the exact solution: 1 for Euler's method. "
+        "Solvers judge one step; errors of steps add up: draw tolerance against error.",
     ),
     4: _problem(
         "Cross product by geometry and by components",

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, ladder
 from jaxdyn.flow import Flow, Settings, flow
 from jaxdyn.scene import Scene, checked
 from jaxdyn.solvers import NYSTROM12, RADAU9, VERNER9, Method
@@ -38,6 +38,7 @@ class Trajectory(eqx.Module):
       rejected: () rejected steps.
       status: () `Status` code.
       stiff: () whether stability, not accuracy, ruled the steps of an explicit method.
+      error: how accurate it is and how that is known, where ``digits`` were asked for.
     """
 
     scene: Scene
@@ -47,6 +48,7 @@ class Trajectory(eqx.Module):
     rejected: Array
     status: Array
     stiff: Array | bool = False
+    error: ladder.Estimate | None = None
 
     @property
     def ok(self) -> bool:
@@ -66,7 +68,9 @@ class Trajectory(eqx.Module):
     @property
     def warning(self) -> str:
         """What is not wrong but could be better, and what to do; empty if nothing; host only."""
-        return _STIFF if np.any(self.stiff) else ""
+        parts = [_STIFF] if np.any(self.stiff) else []
+        parts += [self.error.shortfall] if self.error and self.error.shortfall else []
+        return " ".join(parts)
 
     def __getitem__(self, name: str) -> Array:
         """(s,) values of one labelled entry of the state, e.g. ``motion["x"]``."""
@@ -89,6 +93,7 @@ def simulate(
     atol: float | None = None,
     solver: Method | str | None = None,
     dt: float | None = None,
+    digits: float | None = None,
     max_steps: int = MAX_STEPS,
     throw: bool = True,
 ) -> Trajectory:
@@ -107,6 +112,9 @@ def simulate(
         where the scene turns out to be stiff, an implicit method from the start again.
       dt: longest step [s] of a solver of fixed step, which has no use for rtol and atol; the
         span is divided into equal steps.
+      digits: how many should be right at all samples, instead of rtol and atol: the tolerance
+        is found, and the estimate that it rests on is `Trajectory.error`. Costs at least four
+        solves more; host only.
       max_steps: when to give up.
       throw: raise on any status but OK; with False look at `Trajectory.status`.
     Returns:
@@ -124,13 +132,24 @@ def simulate(
     """
     _checks.float64()
     t0, t1, ts = _times(checked(scene), t0, t1, samples)
-    result = solve(
-        scene, t1, t0=t0, ts=ts, rtol=rtol, atol=atol, solver=solver, dt=dt, max_steps=max_steps
-    )
+
+    def run(scene, tolerance):
+        rtol, atol = tolerance
+        how = {"rtol": rtol, "atol": atol, "solver": solver, "dt": dt, "max_steps": max_steps}
+        return solve(scene, t1, t0=t0, ts=ts, **how)
+
+    error = None
+    if digits is None:
+        result = run(scene, (rtol, atol))
+    else:
+        if dt is not None or atol is not None or rtol != RTOL:
+            remedy = "They find the tolerance themselves."
+            raise _checks.fail("digits", "no rtol, atol or dt beside them", "one", remedy)
+        result, error = ladder.reached(run, scene, ts, digits, _name(scene, solver), throw)
     if throw:
         raise_unless_ok(result.status)
     counts = (result.steps, result.rejected, result.status, result.stiff)
-    return Trajectory(scene, ts, result.ys, *counts)
+    return Trajectory(scene, ts, result.ys, *counts, error)
 
 
 def solve(
@@ -226,6 +245,10 @@ def chosen_pair(scene: Scene, solver: Method | None) -> Method:
             "solver out, or take solvers.GAUSS12 for a long run that keeps energy.",
         )
     return solver
+
+
+def _name(scene: Scene, solver: Method | str | None) -> str:
+    return solver if isinstance(solver, str) else chosen_pair(scene, solver).name
 
 
 def raise_unless_ok(status: Array) -> None:

@@ -1,0 +1,158 @@
+"""Estimates of errors against the errors themselves, where motions are known in closed form."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from closed_forms import known
+from helpers import kepler
+
+from jaxdyn import accuracy, ladder, scenes, simulate, solvers, steps
+
+EPS = float(np.finfo(float).eps)
+TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
+QUICK = ("damped oscillator", "ellipse 0.9", "flipping body")
+KNOWN = known()
+TSIT5 = solvers.from_diffrax(diffrax.Tsit5())
+
+
+def quotient(case, found) -> float:
+    """Estimated over true error of the worst entry; true errors below a spacing count as one."""
+    ys, scale = np.asarray(found.ys), np.asarray(found.scale)
+    exact = np.zeros_like(ys)
+    exact[:, case.entries] = case.exact(np.asarray(found.ts))
+    missed = np.abs(ladder.gaps(case.scene, ys, exact)) / scale
+    true = max(float(missed[:, case.entries].max()), EPS)
+    return float((np.asarray(found.error) / scale)[:, case.entries].max()) / true
+
+
+def calibration(way, names, tolerances, **options) -> np.ndarray:
+    """(names, tolerances) quotients, printed as a table."""
+    rows = []
+    for name in names:
+        case = KNOWN[name]
+        times = np.linspace(0.0, case.t1, 9)[1:]
+        given = {"samples": times, **options}
+        found = [way(case.scene, case.t1, rtol=tol, **given) for tol in tolerances]
+        rows.append([quotient(case, e) for e in found])
+        print(f"{name:18}", *(f"{x:8.2g}" for x in rows[-1]))
+    return np.array(rows)
+
+
+def assert_calibrated(quotients):
+    """Within a factor of 5 in 95 of 100 cases, and never below a tenth."""
+    assert np.mean((quotients > 1 / 5) & (quotients < 5)) >= 0.95
+    assert quotients.min() > 0.1
+
+
+def test_estimates_are_errors():
+    assert_calibrated(calibration(accuracy.estimate, QUICK, TOLERANCES[:-1]))
+
+
+@pytest.mark.slow
+def test_estimates_are_errors_in_all_scenes_with_closed_forms():
+    assert_calibrated(calibration(accuracy.estimate, KNOWN, TOLERANCES))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", [solvers.DOPRI8, TSIT5], ids=lambda s: s.name)
+def test_estimates_are_errors_of_other_solvers_too(solver):
+    tolerances = TOLERANCES[:-2]
+    assert_calibrated(calibration(accuracy.estimate, KNOWN, tolerances, solver=solver))
+
+
+@pytest.mark.slow
+def test_a_second_method_says_the_same():
+    assert_calibrated(calibration(accuracy.by_second_method, KNOWN, TOLERANCES))
+
+
+def test_a_second_method_is_another_one():
+    case = KNOWN["damped oscillator"]
+    found = calibration(accuracy.by_second_method, ["damped oscillator"], TOLERANCES[:-1])
+    assert_calibrated(found)
+    with pytest.raises(ValueError, match="second: expected another solver, got Verner"):
+        accuracy.by_second_method(case.scene, second=solvers.VERNER9)
+
+
+def test_the_tangent_map_gives_a_bound():
+    quotients = calibration(accuracy.by_tangents, ["damped oscillator"], (1e-4, 1e-8, 1e-12))
+    assert quotients.min() > 0.9  # first order in the errors
+    assert quotients.max() < 20
+
+
+@pytest.mark.parametrize(
+    ("solver", "dt"), [(solvers.VERLET, 0.01), (solvers.KAHAN_LI8, 0.2)], ids=["verlet", "kahan-li"]
+)
+def test_halved_steps_tell_the_error_of_symplectic_solvers(solver, dt):
+    case = KNOWN["oscillator"]
+    found = accuracy.estimate(case.scene, case.t1, samples=5, solver=solver, dt=dt)
+    assert 0.5 < quotient(case, found) < 2
+    assert f"order {solver.order}" in found.basis
+
+
+@pytest.mark.parametrize(("method", "n"), [(steps.EULER, 2000), (TSIT5, 100)], ids=["euler", "5"])
+def test_problem_3_d_halved_steps_tell_the_error(method, n):
+    case = KNOWN["damped oscillator"]
+    found = accuracy.by_halving(case.scene, case.t1, steps=n, method=method)
+    assert 0.5 < quotient(case, found) < 2
+    assert float(found.basis.split()[3]) == pytest.approx(method.order, abs=0.2)
+    assert found.fineness[0] == case.t1 / n
+
+
+def test_an_estimate_says_what_it_rests_on():
+    found = accuracy.estimate(scenes.oscillator(), rtol=1e-6)
+    assert found.basis.startswith("tolerance ladder: Nystrom 12(10) at 1.0e-06 against")
+    assert found.digits == pytest.approx(-np.log10(found.relative))
+    assert found.until(found.digits - 0.1) == 10.0
+    assert np.isnan(found.until(30))
+    assert found.error.shape == found.ys.shape == (33, 2)
+
+
+# ---- so many digits, please
+
+
+@pytest.mark.parametrize("digits", [4, 9, 12])
+def test_digits_are_delivered(digits):
+    case = KNOWN["flipping body"]
+    motion = simulate(case.scene, case.t1, samples=8, digits=digits)
+    assert motion.error.digits >= digits
+    assert motion.warning == ""
+    missed = np.abs(np.asarray(motion.ys)[:, case.entries] - case.exact(np.asarray(motion.ts)))
+    assert missed.max() < 10.0**-digits
+
+
+def test_a_small_motion_gets_its_digits_too():
+    motion = simulate(scenes.oscillator(x=1e-7), samples=7, digits=10)
+    assert np.abs(motion["x"] - 1e-7 * np.cos(motion.ts)).max() < 1e-17
+
+
+def test_chaos_is_said_with_how_long_the_digits_hold():
+    with pytest.warns(UserWarning, match="9 digits were asked for; over the whole span 0.0"):
+        motion = simulate(scenes.lorenz(), 60.0, digits=9, samples=61)
+    good = motion.error.until(9)
+    assert 15 < good < 40
+    assert motion.warning == motion.error.shortfall
+    # By another solver they hold as long as that, to the factor of 5 of any estimate.
+    other = simulate(scenes.lorenz(), good, rtol=1e-15, samples=2, solver=solvers.DOPRI8)
+    there = motion.ys[np.searchsorted(motion.ts, good)]
+    assert np.abs(other.ys[-1] - there).max() < 5e-9 * motion.error.scale.max()
+
+
+def test_more_digits_than_the_motion_has_are_refused():
+    # The middle axis: a disturbance grows like e^(0.58 t) up to the flip.
+    with pytest.raises(ValueError, match=r"digits: expected at most 1\d\.\d for this motion, got"):
+        simulate(scenes.free_body(), 60.0, digits=15, samples=8)
+
+
+@pytest.mark.parametrize("digits", [16, 0, -3])
+def test_more_digits_than_doubles_have_are_refused(digits):
+    with pytest.raises(ValueError, match=f"digits: expected between 1 and 15, got {digits}"):
+        simulate(kepler(0.3), digits=digits)
+
+
+def test_digits_go_with_no_tolerance_and_not_into_traces():
+    with pytest.raises(ValueError, match="digits: expected no rtol, atol or dt"):
+        simulate(kepler(0.3), digits=9, rtol=1e-3)
+    with pytest.raises(ValueError, match="Pass rtol inside jit"):
+        jax.jit(lambda t: simulate(kepler(0.3), t, digits=9).ys)(jnp.asarray(1.0))
