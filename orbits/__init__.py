@@ -18,6 +18,7 @@ False
 6.325913983
 """
 
+from orbits import aim as aim
 from orbits.closing import PLAIN as PLAIN
 from orbits.closing import Closing as Closing
 from orbits.closing import Return as Return

@@ -1,4 +1,4 @@
-"""The command line: `orbits figure-eight`, `orbits verify FILE`."""
+"""The command line: `orbits figure-eight`, `orbits verify FILE`, `orbits aim`."""
 
 import json
 import math
@@ -15,6 +15,7 @@ from rich.table import Table
 import jaxdyn
 from jaxdyn._checks import fail
 from jaxdyn.scenes import EIGHT_GUESS, EIGHT_GUESS_PERIOD
+from orbits.aim_command import aim_command
 from orbits.figure_eight import figure_eight
 from orbits.newton import Iteration
 from orbits.problem import Orbit
@@ -35,6 +36,9 @@ AnimateOption = Annotated[Path | None, typer.Option(help="Animate the eight (.gi
 SaveOption = Annotated[Path | None, typer.Option("--save", help="Write an orbit file (.json).")]
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 NumbersOption = Annotated[str | None, typer.Option(metavar="A,B,...")]
+
+
+app.command("aim")(aim_command)
 
 
 @app.callback()

@@ -1,0 +1,91 @@
+"""The command `orbits aim`: a ball with drag, its best angle, and how to hit a target."""
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from jaxdyn import scenes
+from jaxdyn.effects import LinearDrag, QuadraticDrag
+from orbits.aim import Hits, Throws, farthest, hit, slowest
+
+NOT_FOUND = 1  # exit code: nothing is hit
+
+
+def aim_command(
+    speed: Annotated[float, typer.Option(help="Launch speed [m/s].")] = 10.0,
+    x: Annotated[float | None, typer.Option(help="Target at launch height [m].")] = None,
+    g: Annotated[float, typer.Option(help="Gravity [m/s^2].")] = 9.81,
+    mass: Annotated[float, typer.Option(help="Mass [kg].")] = 1.0,
+    drag: Annotated[float, typer.Option(help="Quadratic drag [kg/m].")] = 0.0,
+    linear: Annotated[float, typer.Option(help="Linear drag [kg/s].")] = 0.0,
+    wind: Annotated[float, typer.Option(help="Wind along x [m/s].")] = 0.0,
+    plot: Annotated[Path | None, typer.Option(help="Draw the throws (.png, .pdf, .svg).")] = None,
+    as_object: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+) -> None:
+    """The angle that carries farthest; with --x all that hit, and the least speed that reaches."""
+    if plot:
+        from jaxdyn import plots
+
+        plots.checked_path(plot, plots.SUFFIXES)
+    scene = scenes.cannonball(m=mass, g=g)
+    if drag:
+        scene = scene + QuadraticDrag(drag, (wind, 0.0))
+    if linear:
+        scene = scene + LinearDrag(linear, (wind, 0.0))
+    best = farthest(scene, speed)
+    hits = None if x is None else hit(scene, x, speed)
+    least = slowest(scene, x) if x is not None and x > 0 else None
+    if plot:
+        from orbits import charts
+
+        charts.throws(scene, best, hits, plot)
+    if as_object:
+        found = {"farthest": _throw(best), "hits": _hits(hits)}
+        print(json.dumps(found | {"slowest": least and _throw(least)}))  # noqa: T201
+    else:
+        _print(best, hits, least, plot)
+    if not (best.ok if hits is None else hits.ok):
+        raise typer.Exit(NOT_FOUND)
+
+
+def _print(best: Throws, hits: Hits | None, least: Throws | None, plot: Path | None) -> None:
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(_line("farthest", best))
+    if hits is not None:
+        if not hits.ok:
+            console.print(f"[red]not hit[/red]: {hits.message}")
+        for angle, t in zip(hits.angles, hits.times, strict=True):
+            degrees = f"{math.degrees(angle):.10f} degrees"
+            console.print(f"hits {hits.x:.6g} m at {degrees} in {t:.6f} s")
+    if least is not None:
+        console.print(_line("least speed", least))
+    if plot:
+        console.print(f"drawn in {plot}")
+
+
+def _line(name: str, throw: Throws) -> str:
+    if not throw.ok:
+        return f"{name}: {throw.message}"
+    angle = f"{math.degrees(throw.angle):.10f} degrees"
+    return f"{name}: {throw.speed:.10g} m/s at {angle} lands at {throw.x:.10g} m in {throw.t:.6f} s"
+
+
+def _throw(throw: Throws) -> dict:
+    numbers = {name: _number(getattr(throw, name)) for name in ("speed", "angle", "x", "t")}
+    return {"ok": throw.ok, "message": throw.message, **numbers}
+
+
+def _hits(hits: Hits | None) -> dict | None:
+    if hits is None:
+        return None
+    found = {"ok": hits.ok, "message": hits.message, "x": hits.x}
+    found |= {"angles": hits.angles.tolist(), "times": hits.times.tolist()}
+    return found | {"short": _number(hits.short), "nearest": _number(hits.nearest)}
+
+
+def _number(x) -> float | None:
+    return float(x) if math.isfinite(x) else None
