@@ -13,6 +13,7 @@ from rich.table import Table
 
 from jaxdyn import _checks, catalogue, energy
 from jaxdyn._config import configure
+from jaxdyn.cli_hard import hard_command
 from jaxdyn.paths import pieces_of
 from jaxdyn.phases import Chain
 from jaxdyn.simulate import RTOL, Trajectory
@@ -94,6 +95,9 @@ def run_command(
     if not _arrived(motion):
         console.print(f"[red]stopped[/red]: {motion.message}")
         raise typer.Exit(STOPPED)
+
+
+app.command("hard")(hard_command)
 
 
 def main() -> None:

@@ -32,7 +32,8 @@ _MESSAGES = {
     Status.STEP_COLLAPSED: (
         "The step size fell below the spacing of floating-point times: the motion runs into a "
         "singularity (a collision, a corner of a force) or rtol is below rounding. Stop "
-        "earlier, loosen rtol, or soften the force."
+        "earlier, loosen rtol, soften the force, or take regularised.simulate_regularised for "
+        "bodies that nearly collide."
     ),
     Status.NOT_FINITE: (
         "The start, its rate, a time or a tolerance is NaN or infinite. Check the start and "

@@ -1,0 +1,70 @@
+"""The command `jaxdyn hard`: lists the hard cases, or runs them and says how they went."""
+
+import json
+import math
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from jaxdyn.hard import CASES, Verdict, chosen, judge
+
+_FAILED = 1  # exit code: a figure is out of its bound
+
+
+def hard_command(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Cases to run; all if none is named.")
+    ] = None,
+    only_list: Annotated[bool, typer.Option("--list", help="Say what there is.")] = False,
+    as_object: Annotated[bool, typer.Option("--json", help="One JSON object a figure.")] = False,
+) -> None:
+    """Run the cases that break naive codes: each with its figures, their bounds, a verdict."""
+    console = Console(highlight=False, soft_wrap=True)
+    if only_list:
+        table = Table("case", "what must hold")
+        for case in CASES.values():
+            table.add_row(case.name, escape(case.holds))
+        console.print(table)
+        return
+    passed = True
+    for case in chosen(names or ()):
+        verdict = judge(case)
+        passed &= verdict.passed
+        if as_object:
+            for row in rows(verdict):
+                print(json.dumps(row))  # noqa: T201
+        else:
+            _print(verdict, console)
+    if not passed:
+        raise typer.Exit(_FAILED)
+
+
+def rows(verdict: Verdict) -> list[dict]:
+    """One record for each figure of a case; no bound and no pass where it is only told."""
+    return [
+        {
+            "name": verdict.case.name,
+            "what": figure.what,
+            "figure": figure.value if math.isfinite(figure.value) else None,
+            "bound": figure.bound,
+            "pass": None if figure.bound is None else figure.passed,
+            "seconds": round(verdict.seconds, 3),
+        }
+        for figure in verdict.figures
+    ]
+
+
+def _print(verdict: Verdict, console: Console) -> None:
+    colour, word = ("green", "holds") if verdict.passed else ("red", "fails")
+    console.print(
+        f"[bold]{verdict.case.name}[/bold] [{colour}]{word}[/{colour}] "
+        f"({verdict.seconds:.1f} s): {escape(verdict.case.holds)}"
+    )
+    for figure in verdict.figures:
+        value = f"{figure.value:.6g}" if math.isfinite(figure.value) else "not reached"
+        bound = "" if figure.bound is None else f"at most {figure.bound:g}"
+        mark = "" if figure.passed else " [red]too large[/red]"
+        console.print(f"  {escape(figure.what):40} {value:>14}  {bound}{mark}")

@@ -1,0 +1,20 @@
+"""All hard cases by name; a new one is one entry in the `CASES` of its family's file."""
+
+from collections.abc import Iterable
+
+from jaxdyn import _checks
+from jaxdyn.hard import encounters
+from jaxdyn.hard.case import Case
+
+FAMILIES = (encounters,)
+CASES = {case.name: case for family in FAMILIES for case in family.CASES}
+
+
+def chosen(names: Iterable[str]) -> tuple[Case, ...]:
+    """The cases of these names, all if there are none.
+
+    Raises:
+      ValueError: no such case; the nearest is suggested.
+    """
+    names = tuple(names) or tuple(CASES)
+    return tuple(CASES[_checks.choice("case", name, CASES)] for name in names)

@@ -1,0 +1,58 @@
+"""The command `jaxdyn hard`: what it lists, prints and refuses, and its exit codes."""
+
+import json
+import sys
+
+import pytest
+
+from jaxdyn import __main__ as cli
+from jaxdyn import hard
+from jaxdyn.hard import collection
+
+
+def _sum(value):
+    return hard.Case("sum", "0.1 + 0.2 = 0.3", lambda: (hard.Figure("error", value, 1e-16),))
+
+
+@pytest.fixture
+def jaxdyn(capsys, monkeypatch):
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["jaxdyn", "hard", *words])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        out, err = capsys.readouterr()
+        return end.value.code, out, err
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("value", "passed", "code"), [(5e-17, True, 0), (2e-16, False, 1), (float("nan"), False, 1)]
+)
+def test_a_figure_out_of_its_bound_fails(jaxdyn, monkeypatch, value, passed, code):
+    monkeypatch.setitem(collection.CASES, "sum", _sum(value))
+    done, out, _ = jaxdyn("sum", "--json")
+    row = json.loads(out)
+    assert row.pop("seconds") >= 0
+    figure = value if value == value else None
+    assert row == {"name": "sum", "what": "error", "figure": figure, "bound": 1e-16, "pass": passed}
+    assert done == code
+    _, out, _ = jaxdyn("sum")
+    assert ("holds" if passed else "too large") in out
+
+
+def test_every_case_is_listed_with_what_must_hold(jaxdyn):
+    code, out, _ = jaxdyn("--list")
+    assert code == 0
+    assert all(name in out for name in hard.CASES)
+
+
+def test_an_unknown_case_is_refused_and_the_nearest_suggested(jaxdyn):
+    code, _, err = jaxdyn("pythagoras")
+    assert code == 2
+    assert "Did you mean 'pythagorean'?" in err
+
+
+def test_names_are_unique():
+    named = [case.name for family in collection.FAMILIES for case in family.CASES]
+    assert len(named) == len(set(named))
