@@ -19,6 +19,7 @@ False
 """
 
 from orbits import aim as aim
+from orbits import loops as loops
 from orbits.closing import PLAIN as PLAIN
 from orbits.closing import Closing as Closing
 from orbits.closing import Return as Return

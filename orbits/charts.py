@@ -1,20 +1,25 @@
-"""Pictures of searches: throws at a target, and the range of all angles.
+"""Pictures of searches: throws at a target and the range of all angles, loops about a centre.
 
 Drawn like `jaxdyn.plots`: with Matplotlib's objects, no window, the `Figure` returned.
 """
 
+import math
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import Scene, plots, simulate
+from jaxdyn._checks import fail
 from orbits.aim import Hits, Throws
 from orbits.launch import angle_of, landings, launched
+from orbits.loops import Least, least
 
 _SAMPLES = 300
 _COURSES = np.linspace(-5.0, 5.0, 192)  # whole calls of the compiled program
 _LOOK = 1e-7
+_WIDEST = 2.0  # apsidal angle over pi that is drawn
+_ROOM = 0.06  # of that angle between two labels
 
 
 def throws(scene: Scene, best: Throws, hits: Hits | None = None, path=None) -> Figure:
@@ -53,10 +58,78 @@ def throws(scene: Scene, best: Throws, hits: Hits | None = None, path=None) -> F
     paths.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=f"speed {speed:.6g} m/s")
     ranges.set(xlabel="launch angle [degrees]", ylabel="lands at x [m]", xlim=(0, 180))
     ranges.set_xticks(range(0, 181, 30))
-    for ax in (paths, ranges):
-        ax.grid(True, color="#e4e4e4", lw=0.6)
-        ax.spines[["top", "right"]].set_visible(False)
+    _plain(paths, ranges)
     figure.legend(
         *paths.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False
     )
     return plots.finished(figure, path)
+
+
+def loops(path=None, *, lowest: float = -2.9, highest: float = 12.0, most: int = 6) -> Figure:
+    """A picture of the apsidal angle of power laws r^n, and of the least number of loops.
+
+    Above, what orbits between circles and lines have, with the fractions turns / loops at which
+    they close; below, how many loops the simplest of them has.
+
+    Args:
+      path: file to write, .png, .pdf or .svg.
+      lowest: first exponent, > -3.
+      highest: last exponent.
+      most: loops of the fractions that are marked.
+    Raises:
+      ValueError: exponents that make no sense, or a file that cannot be written.
+    """
+    if path is not None:
+        path = plots.checked_path(path, plots.SUFFIXES)
+    if not -3 < lowest < highest:
+        raise fail("lowest", f"above -3 and below highest = {highest:g}", lowest)
+    n = np.unique([*np.linspace(lowest, highest, _SAMPLES), -2.0, -1.0, 1.0])
+    found = least(n[(n >= lowest) & (n <= highest)])
+    figure = plots.blank(6.8, 7.2)
+    angles: Any = figure.add_subplot(2, 1, 1)
+    counts: Any = figure.add_subplot(2, 1, 2, sharex=angles)
+    circle, line, shade = plots.PALETTE[0], plots.PALETTE[1], "#dce9f2"
+    angles.fill_between(found.n, found.circle, found.line, color=shade, lw=0, label="between")
+    angles.plot(found.n, found.circle, color=circle, lw=1.8, label="near circles, 1 / sqrt(n + 3)")
+    angles.plot(found.n, found.line, color=line, lw=1.8, label="near lines")
+    _draw_fractions(angles, found, most)
+    for law, name in ((-2.0, "gravity"), (1.0, "spring")):
+        if lowest <= law <= highest:
+            angles.plot(law, 1 / math.sqrt(law + 3), "o", color=plots.INK, ms=6, zorder=3)
+            look = {"textcoords": "offset points", "fontsize": 9}
+            angles.annotate(name, (law, 1 / math.sqrt(law + 3)), (6, 6), **look)
+    angles.set(ylabel="apsidal angle / pi", ylim=(0.2, _WIDEST))
+    counts.plot(found.n, found.loops, ".", color=circle, ms=3)
+    counts.set(xlabel="exponent n of the force r^n", ylabel="least number of loops", yscale="log")
+    counts.set_yticks([1, 2, 3, 5, 10, 20, 50], ["1", "2", "3", "5", "10", "20", "50"])
+    counts.set_ylim(0.8, 60.0)
+    angles.legend(loc="upper right", frameon=False)
+    _plain(angles, counts)
+    return plots.finished(figure, path)
+
+
+def _draw_fractions(ax, found: Least, most: int) -> None:
+    """Mark turns / loops where orbits have them, with a number where there is room for it."""
+    low, high = np.minimum(found.circle, found.line), np.maximum(found.circle, found.line)
+    pairs = [(p, q) for q in range(1, most + 1) for p in range(1, int(_WIDEST * q))]
+    named: list[float] = []
+    for p, q in pairs:
+        inside = (low < p / q) & (p / q < high)
+        if math.gcd(p, q) > 1 or not inside.any():
+            continue
+        ax.plot(found.n, np.where(inside, p / q, np.nan), color=plots.INK, lw=0.8)
+        if min((abs(p / q - other) for other in named), default=1.0) < _ROOM:
+            continue
+        named.append(p / q)
+        after = 2 * p > q  # on the side of the circles, where the stretch ends
+        place = (found.n[inside][-1 if after else 0], p / q)
+        look = {"ha": "left" if after else "right", "va": "bottom" if after else "top"}
+        shift = (4, -3) if after else (-4, 2)
+        ax.annotate(f"{p}/{q}", place, shift, textcoords="offset points", fontsize=8, **look)
+
+
+def _plain(*panels) -> None:
+    for ax in panels:
+        ax.grid(True, color="#e4e4e4", lw=0.6)
+        ax.set_axisbelow(True)
+        ax.spines[["top", "right"]].set_visible(False)

@@ -5,21 +5,19 @@ other as steep ones; see `launch`.
 """
 
 import enum
-from collections.abc import Callable
 
 import numpy as np
 
 from jaxdyn import Scene
 from orbits.launch import Landings, followed, landings
+from orbits.roots import root
 
 #: Courses log tan(angle / 2) at which the range is looked at, forwards; the first is 2e-7 rad.
 _FLAT = np.array([16.0, 13.5, 11.5, 9.5, 7.5, 6.0, 4.8, 4.0, 3.3, 2.7, 2.2, 1.7, 1.3, 0.9, 0.5])
 COURSES = np.concatenate([-_FLAT, [0.0], _FLAT[::-1]])
 LOOK = 1e-7  # tolerance of the first look
 WIDER = 1e-3  # by which a bracket found with it is widened, so that it still holds with RTOL
-_CLOSE = 1e-9  # a step this small leaves an error of rounding: convergence is superlinear
 SAME = 1e-7  # angles nearer than this, at a target as far as a throw can go, are one
-_ITERATIONS = 40
 
 
 class Aim(enum.IntEnum):
@@ -93,39 +91,3 @@ def _tops(scene: Scene, low, high, speeds: np.ndarray) -> tuple[np.ndarray, np.n
         return landings(scene, w, speeds).dx[:, 0], np.full(len(w), np.nan)
 
     return root(slope, low - WIDER, high + WIDER)
-
-
-def root(
-    fn: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], low: np.ndarray, high: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) zeros of functions between low (n,) and high (n,), and whether each was found.
-
-    Newton's method kept in the bracket; where there is no slope (NaN) the secant through the last
-    two points. Where that leaves the bracket, or does not halve the value, the bracket is halved.
-
-    Args:
-      fn: (n,) points -> (n,) values and (n,) slopes.
-      low: lower ends.
-      high: upper ends.
-    """
-    below, _ = fn(low)
-    above, slope = fn(high)
-    good = below * above <= 0
-    x, value, old_x, old_value = high, above, low, below
-    settled = ~good
-    for _ in range(_ITERATIONS):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            secant = (value - old_value) / (x - old_x)
-            new = x - value / np.where(np.isnan(slope), secant, slope)
-        quick = (np.abs(value) <= 0.5 * np.abs(old_value)) & (new >= low) & (new <= high)
-        new = np.where(quick, new, 0.5 * (low + high))
-        new = np.where(settled | (value == 0), x, new)
-        settled = settled | (np.abs(new - x) <= _CLOSE * (1 + np.abs(x)))
-        old_x, old_value, x = x, value, new
-        value, slope = fn(x)
-        left = below * value > 0
-        low, high = np.where(left, x, low), np.where(left, high, x)
-        if settled.all():
-            break
-    good = good & settled & np.isfinite(value)
-    return np.where(good, x, np.nan), good

@@ -130,6 +130,8 @@ RANKS = {
     "orbits/plots.py": 18,
     "orbits/verify.py": 18,
     "orbits/launch.py": 10,
+    "orbits/roots.py": 10,
+    "orbits/loops.py": 14,
     "orbits/ranges.py": 11,
     "orbits/aim.py": 12,
     "orbits/charts.py": 18,

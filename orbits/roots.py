@@ -1,0 +1,44 @@
+"""Zeros of many functions of one number at once, each kept in its bracket."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+_CLOSE = 1e-9  # a step this small leaves an error of rounding: convergence is superlinear
+_ITERATIONS = 40
+
+
+def root(
+    fn: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) zeros of functions between low (n,) and high (n,), and whether each was found.
+
+    Newton's method kept in the bracket; where there is no slope (NaN) the secant through the last
+    two points. Where that leaves the bracket, or does not halve the value, the bracket is halved.
+
+    Args:
+      fn: (n,) points -> (n,) values and (n,) slopes.
+      low: lower ends.
+      high: upper ends.
+    """
+    below, _ = fn(low)
+    above, slope = fn(high)
+    good = below * above <= 0
+    x, value, old_x, old_value = high, above, low, below
+    settled = ~good
+    for _ in range(_ITERATIONS):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            secant = (value - old_value) / (x - old_x)
+            new = x - value / np.where(np.isnan(slope), secant, slope)
+        quick = (np.abs(value) <= 0.5 * np.abs(old_value)) & (new >= low) & (new <= high)
+        new = np.where(quick, new, 0.5 * (low + high))
+        new = np.where(settled | (value == 0), x, new)
+        settled = settled | (np.abs(new - x) <= _CLOSE * (1 + np.abs(x)))
+        old_x, old_value, x = x, value, new
+        value, slope = fn(x)
+        left = below * value > 0
+        low, high = np.where(left, x, low), np.where(left, high, x)
+        if settled.all():
+            break
+    good = good & settled & np.isfinite(value)
+    return np.where(good, x, np.nan), good

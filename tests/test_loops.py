@@ -1,0 +1,141 @@
+"""Closed orbits about a centre: counts, shapes and periods against closed forms."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import SOLVED
+
+import orbits
+from jaxdyn import scenes, simulate
+from jaxdyn.effects import CentralForce, PowerLaw
+from orbits import charts, loops
+
+
+class Yukawa(CentralForce):
+    def energy(self, r):
+        return -jnp.exp(-r) / r
+
+
+@pytest.mark.parametrize(
+    ("n", "turns", "count"), [(-1.0, 2, 3), (-1.0, 3, 5), (3.0, 3, 7), (10.0, 1, 3), (-2.5, 3, 2)]
+)
+def test_the_orbit_with_so_many_loops_and_turns(n, turns, count):
+    orbit = loops.closed(PowerLaw(1.0, n), turns, count)
+    assert orbit.ok
+    assert orbit.residual <= 1e-12
+    assert orbit.iterations <= 6
+    assert loops.count(orbit) == (turns, count)
+    # A second route: energy and angular momentum give the radii, those the angle.
+    motion = simulate(orbit.scene, samples=4001, rtol=1e-12)
+    r = np.hypot(np.asarray(motion["x"]), np.asarray(motion["y"]))
+    assert np.ptp(r) > 0.02
+    angle = scenes.apsidal_angle(PowerLaw(1.0, n), _nearest(orbit, n), r.max())
+    assert abs(float(angle) / np.pi - turns / count) < 1e-9
+
+
+def _nearest(orbit, n):
+    """The smallest distance of an orbit, by bisection of the radial kinetic energy."""
+    law = PowerLaw(1.0, n)
+    x, y, vx, vy = np.asarray(orbit.y0)
+    r, spin = np.hypot(x, y), x * vy - y * vx
+    energy = 0.5 * (vx * vx + vy * vy) + float(law.energy(jnp.asarray(r)))
+    low, high = 1e-3 * r, None
+    for ratio in np.linspace(0.999, 0.001, 2000):
+        if energy - float(law.energy(jnp.asarray(ratio * r))) - 0.5 * (spin / (ratio * r)) ** 2 < 0:
+            low, high = ratio * r, ratio * r + r / 1000
+            break
+    assert high is not None
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        left = energy - float(law.energy(jnp.asarray(middle))) - 0.5 * (spin / middle) ** 2
+        low, high = (middle, high) if left < 0 else (low, middle)
+    return high
+
+
+def test_every_orbit_of_a_spring_and_of_gravity_closes():
+    spring = loops.closed(PowerLaw(4.0, 1.0), 1, 2)
+    assert abs(spring.period - np.pi) < SOLVED
+    kepler = loops.closed(PowerLaw(1.0, -2.0), 1, 1)
+    speed = float(np.linalg.norm(kepler.y0[2:]))
+    r = float(np.linalg.norm(kepler.y0[:2]))
+    axis = 1 / (2 / r - speed**2)
+    assert abs(kepler.period / (2 * np.pi * axis**1.5) - 1) < SOLVED
+    assert loops.count(spring) == (1, 2)
+    assert loops.count(kepler) == (1, 1)
+
+
+def test_a_law_of_ones_own_and_a_second_integrator():
+    # Twice round for two loops and a bit: between circle and line of this law.
+    orbit = loops.closed(Yukawa(), 5, 4, r=1.5)
+    assert orbit.residual <= 1e-12
+    assert loops.count(orbit) == (5, 4)
+    assert orbits.recheck(orbit).closure < 1e-11
+
+
+def test_what_does_not_exist_says_why():
+    with pytest.raises(orbits.SearchError, match=r"goes from 0.5.* to 0.70.* only.*rosettes"):
+        loops.closed(PowerLaw(1.0, -1.0), 1, 1)
+    with pytest.raises(orbits.SearchError, match=r"steeper than r\^-3, where only circles close"):
+        loops.closed(PowerLaw(1.0, -4.0), 1, 2)
+    with pytest.raises(orbits.SearchError, match="it repels"):
+        loops.closed(PowerLaw(-1.0, -2.0), 1, 1)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: loops.closed(PowerLaw(), 0, 1), "turns: expected a whole number"),
+        (lambda: loops.closed(PowerLaw(), 1, 1.5), "loops: expected a whole number"),
+        (lambda: loops.closed(PowerLaw(), 2, 4), "turns: expected no common factor .* 1 turns"),
+        (lambda: loops.closed(1.0, 2, 3), "law: expected a CentralForce"),
+        (lambda: loops.closed(PowerLaw(), 2, 3, r=-1.0), "r: expected > 0"),
+        (lambda: loops.least([1.0, np.nan]), "n: expected finite numbers"),
+        (lambda: loops.least("two"), "n: expected numbers"),
+        (lambda: charts.loops(lowest=-3.0), "lowest: expected above -3"),
+    ],
+)
+def test_misuse_is_refused_with_the_remedy(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_the_least_number_of_loops_against_the_exponent():
+    n = np.concatenate([np.linspace(-5.0, 20.0, 251), [1.0, -2.0, 1e6]])
+    found = loops.least(n)
+    moves = n > -3
+    assert (found.loops[~moves] == 0).all()
+    assert "only circles close" in found.message
+    low, high = np.minimum(found.circle, found.line), np.maximum(found.circle, found.line)
+    for i in np.flatnonzero(moves):
+        p, q = found.turns[i], found.loops[i]
+        if n[i] in (1.0, -2.0):
+            assert p / q == low[i] == high[i]
+            continue
+        assert low[i] < p / q < high[i]
+        fewer = np.arange(1, q)
+        assert (np.floor(fewer * low[i]) + 1 >= fewer * high[i]).all()
+    assert (found.loops[n > 6.01] == 3).all()
+    assert "Every exponent" in loops.least(0.0).message
+
+
+@pytest.mark.parametrize("n", [-2.7, -2.3, -1.6, -1.0, 0.0, 0.5, 2.0, 5.0])
+def test_the_angles_lie_between_their_limits(n):
+    """What `least` rests on: near circles pi / sqrt(n + 3), and from there on one way."""
+    found = loops.least(n)
+    ratios = np.linspace(0.2, 0.97, 30)
+    angles = [float(scenes.apsidal_angle(PowerLaw(1.0, n), x, 1.0)) / np.pi for x in ratios]
+    low, high = sorted((float(found.circle[0]), float(found.line[0])))
+    assert low < min(angles)
+    assert max(angles) < high
+    steps = np.diff(angles) * np.sign(found.circle - found.line)
+    assert (steps > 0).all()
+    assert abs(angles[-1] - found.circle[0]) < 1e-3
+
+
+def test_the_picture_has_both_limits_and_the_counts(tmp_path):
+    figure = charts.loops(tmp_path / "loops.png")
+    angles, counts = figure.axes
+    texts = {text.get_text() for text in angles.texts}
+    assert {"gravity", "spring", "2/3", "1/3"} <= texts
+    assert len(counts.lines) == 1
+    assert (tmp_path / "loops.png").stat().st_size > 10_000
