@@ -12,12 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-
-class Times(NamedTuple):
-    """Wall time of one run [s]: the least and the median of all rounds."""
-
-    minimum: float
-    median: float
+from jaxdyn.timing import Times as Times
+from jaxdyn.timing import at_error as at_error
+from jaxdyn.timing import interleaved as interleaved
+from jaxdyn.timing import seconds_of as seconds_of
 
 
 class Row(NamedTuple):
@@ -77,52 +75,3 @@ def work_precision(
 
     rows = [Row(f"{name}: build and first run", compiling)]
     return rows + [Row(f"{name}: error {e:.0e}", {m: at(e, m) for m in methods}) for e in wanted]
-
-
-def seconds_of(run: Callable[[], object]) -> float:
-    """Wall time [s] of one call."""
-    start = time.perf_counter()
-    run()
-    return time.perf_counter() - start
-
-
-def interleaved(runs: Mapping, rounds: int, slow: float = 1e-3) -> dict:
-    """`Times` of each run, under its key.
-
-    Args:
-      runs: callables without arguments that return when their result is there.
-      rounds: how often to go through all of them.
-      slow: [s] a run that takes n times as long takes part in every n-th round only.
-    """
-    for run in runs.values():
-        run()
-    every = {key: 1 + int(seconds_of(run) / slow) for key, run in runs.items()}
-    seconds: dict = {key: [] for key in runs}
-    for i in range(rounds):
-        for key, run in runs.items():
-            if i % every[key] == 0:
-                if every[key] == 1:
-                    # Code and data of the run before are in the processor's caches.
-                    run()
-                seconds[key].append(seconds_of(run))
-    return {key: Times(min(s), float(np.median(s))) for key, s in seconds.items()}
-
-
-def at_error(errors: Sequence[float], times: Sequence[Times], wanted: float) -> Times:
-    """Times at a wanted error, from pairs of error and time at several tolerances.
-
-    Linear in the logarithms between the runs that are worth taking: those more accurate than
-    every faster one. The fastest serves for all larger errors too; NaN for smaller ones than any
-    run has.
-    """
-
-    def interpolate(seconds) -> float:
-        worth, least = [], np.inf
-        for s, error in sorted(zip(seconds, errors, strict=True)):
-            if error < least:
-                worth.append((error, s))
-                least = error
-        x, y = np.log(np.array(worth[::-1])).T
-        return float(np.exp(np.interp(np.log(wanted), x, y, left=np.nan)))
-
-    return Times(interpolate([t.minimum for t in times]), interpolate([t.median for t in times]))

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from jaxdyn import _checks, catalogue, energy
 from jaxdyn._config import configure
+from jaxdyn.accuracy_command import accuracy_command
 from jaxdyn.cli_hard import hard_command
 from jaxdyn.paths import pieces_of
 from jaxdyn.phases import Chain
@@ -73,7 +74,7 @@ def run_command(
     console = Console(stderr=as_object, highlight=False, soft_wrap=True)
     _check_files(plot, animate)
     _checks.choice("solver", solver, ("auto", *_SOLVERS))
-    scene = catalogue.build(name, dict(_pair(text) for text in settings or ()))
+    scene = catalogue.build(name, catalogue.settings(settings or ()))
     motion = catalogue.entries()[name].motion(
         scene, t1, samples=samples, rtol=rtol, solver=_SOLVERS.get(solver)
     )
@@ -95,6 +96,9 @@ def run_command(
     if not _arrived(motion):
         console.print(f"[red]stopped[/red]: {motion.message}")
         raise typer.Exit(STOPPED)
+
+
+app.command("accuracy")(accuracy_command)
 
 
 app.command("hard")(hard_command)
@@ -126,13 +130,6 @@ def _check_files(plot: Path | None, animate: Path | None) -> None:
         for path, suffixes in ((plot, plots.SUFFIXES), (animate, moving.SUFFIXES)):
             if path:
                 plots.checked_path(path, suffixes)
-
-
-def _pair(text: str) -> tuple[str, str]:
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise _checks.fail("--set", "NAME=VALUE", repr(text))
-    return name.strip(), value.strip()
 
 
 def _shown(default) -> str:

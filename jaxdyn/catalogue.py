@@ -8,7 +8,7 @@ needs to be registered, but for a scene whose motion has corners: how it goes on
 import dataclasses
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from jaxdyn import _checks, scenes
@@ -105,6 +105,21 @@ def build(name: str, settings: Mapping[str, str]) -> Scene:
         parameter = known[_checks.choice(f"parameter of {name}", key, known)]
         values[key] = _value(key, text, parameter.default)
     return entry.make(**values)
+
+
+def settings(texts: Iterable[str]) -> dict[str, str]:
+    """What `build` takes, from texts "NAME=VALUE" of a command line.
+
+    Raises:
+      ValueError: a text without "=".
+    """
+    found = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise _checks.fail("--set", "NAME=VALUE", repr(text))
+        found[name.strip()] = value.strip()
+    return found
 
 
 def _needs_more(make: Callable[..., Scene]) -> bool:

@@ -34,9 +34,11 @@ PROBLEMS: dict[int, Problem] = {
     3: _problem(
         "Simple equations solved three ways, and how accurate that is",
         "scenes.oscillator scenes.pendulum scenes.lorenz steps.fixed_steps steps.halvings simulate "
-        "accuracy.by_halving accuracy.estimate accuracy.by_second_method accuracy.by_tangents",
+        "accuracy.by_halving accuracy.estimate accuracy.by_second_method accuracy.by_tangents "
+        "work.work_precision accuracy_plots.judgement",
         "Halved steps tell error and order without the exact solution: 1 for Euler's method. "
-        "Solvers judge one step; errors of steps add up: draw tolerance against error.",
+        "Solvers judge one step; errors of steps add up: "
+        "accuracy_plots.judgement draws tolerance against error.",
     ),
     4: _problem(
         "Cross product by geometry and by components",
@@ -135,7 +137,8 @@ PROBLEMS: dict[int, Problem] = {
     ),
     21: _problem(
         "Two masses and a rod, by differential-algebraic equations",
-        "scenes.rod_on_line scenes.two_masses",
+        "scenes.rod_on_line scenes.two_masses rod_or_spring.compare",
+        "The rod is faster than a stiff spring; the mass centre is right by both. "
         'drift="raw" shows the drift that is asked for; unequal speeds are refused, the nearest '
         "consistent start is offered.",
     ),

@@ -1,0 +1,80 @@
+"""The command `jaxdyn accuracy`: what each digit of a scene costs."""
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from jaxdyn import _checks, catalogue, plots
+from jaxdyn.work import WorkPrecision, work_precision
+
+_SHOWN = (3, 6, 9, 12, 14)
+
+
+def accuracy_command(
+    name: Annotated[str, typer.Argument(help="A scene of `jaxdyn list`.")],
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="One of its numbers.")
+    ] = None,
+    t1: Annotated[float | None, typer.Option(help="End of the span; the scene's own.")] = None,
+    digits: Annotated[float, typer.Option(help="How many digits to recommend a solver for.")] = 9,
+    plot: Annotated[Path | None, typer.Option(help="Draw it (.png, .pdf, .svg).")] = None,
+    as_object: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+) -> None:
+    """Time that each digit of a scene costs, with a solver and a tolerance for those wanted."""
+    if plot:
+        plots.checked_path(plot, plots.SUFFIXES)
+    if not 0 < digits <= 16:
+        raise _checks.fail("digits", "between 1 and 15", digits, "Doubles have not quite 16.")
+    found = work_precision(catalogue.build(name, catalogue.settings(settings or ())), t1)
+    if as_object:
+        print(json.dumps({"scene": name} | found.as_dict() | _recommended(found, digits)))  # noqa: T201
+    else:
+        _print(name, found, digits, Console(highlight=False, soft_wrap=True))
+    if plot:
+        from jaxdyn.accuracy_plots import work
+
+        work(found, plot, title=name)
+
+
+def _recommended(found: WorkPrecision, digits: float) -> dict:
+    choice = found.recommend(digits)
+    return {"digits": digits, "recommended": choice and choice._asdict()}
+
+
+def _print(name: str, found: WorkPrecision, digits: float, console: Console) -> None:
+    console.print(f"[bold]{name}[/bold], {found.quantity}:")
+    for n in _SHOWN:
+        times = {solver: t.median for solver, t in found.at(10.0**-n).items()}
+        reached = {solver: s for solver, s in times.items() if not math.isnan(s)}
+        if not reached:
+            console.print(f"  {n:2} digits: not reached")
+            continue
+        best = min(reached, key=reached.__getitem__)
+        others = ", ".join(f"{s} {_time(x)}" for s, x in reached.items() if s != best)
+        more = f"  ({others})" if others else ""
+        console.print(f"  {n:2} digits: {_time(reached[best])} by {best}{more}")
+    compiling = ", ".join(f"{c.solver} {c.compiling:.1f} s" for c in found.curves)
+    console.print(f"  compiling, once: {compiling}")
+    choice = found.recommend(digits)
+    if choice:
+        console.print(
+            f"for {digits:g} digits: {choice.solver} at {choice.fineness:.0e}, which takes "
+            f"{_time(choice.seconds)} and errs by {choice.error:.1e}"
+        )
+        return
+    best = min((r.error for c in found.curves for r in c.rungs), default=np.nan)
+    console.print(
+        f"{digits:g} digits are out of reach: the best error is {best:.1e}. Shorten the span."
+    )
+
+
+def _time(seconds: float) -> str:
+    for unit, size in (("s", 1.0), ("ms", 1e-3)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds * 1e6:.3g} us"

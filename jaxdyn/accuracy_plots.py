@@ -1,0 +1,107 @@
+"""Pictures of what accuracy costs, and of how well solvers judge themselves (problem 3 e).
+
+Drawn like `plots`: with Matplotlib's objects, no window, the `Figure` returned.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+from jaxdyn import _checks, plots
+from jaxdyn.work import Curve, WorkPrecision
+
+_MARKERS = "osD^vPX"
+_PANEL = 3.4  # inches
+_WIDE = 60.0  # ratio of the ends of an axis from which on only powers of ten are named
+
+
+def work(found: WorkPrecision, path=None, *, title: str | None = None) -> Figure:
+    """A picture of error against time, and against right-hand sides, one curve a solver.
+
+    Args:
+      found: what `work.work_precision` returned.
+      path: file to write, .png, .pdf or .svg.
+      title: what stands above it.
+    Raises:
+      ValueError: a file that cannot be written.
+    """
+    if path is not None:
+        path = plots.checked_path(path, plots.SUFFIXES)
+    figure = plots.blank(2 * _PANEL + 0.8, _PANEL + 1.0)
+    left, right = _panels(figure, 2)
+    for i, curve in enumerate(found.curves):
+        errors = [rung.error for rung in curve.rungs]
+        left.loglog([1e6 * rung.times.median for rung in curve.rungs], errors, **_style(i, curve))
+        right.loglog([rung.evaluations for rung in curve.rungs], errors, **_style(i, curve))
+    left.set(xlabel="time [us]", ylabel=f"relative error of the {found.quantity}")
+    right.set(xlabel="right-hand sides evaluated")
+    for ax in (left, right):
+        low, high = ax.get_xlim()
+        subs = (1.0, 2.0, 5.0) if high < _WIDE * low else (1.0,)
+        ax.xaxis.set_major_locator(LogLocator(subs=subs))
+        ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        ax.xaxis.set_minor_formatter(NullFormatter())
+    figure.suptitle(title or "", fontsize=11)
+    _legend(figure, left)
+    return plots.finished(figure, path)
+
+
+def judgement(found: Mapping[str, WorkPrecision], path=None) -> Figure:
+    """A picture of the tolerance asked for against the error got: do solvers judge themselves well?
+
+    On the dashed line the error is the tolerance. A curve along it, at whatever distance, obeys:
+    ten times less tolerance gives ten times less error. A curve above it had errors of steps
+    that added up; a flat end is rounding.
+
+    Args:
+      found: what `work.work_precision` returned, by the name of the scene.
+      path: file to write, .png, .pdf or .svg.
+    Raises:
+      ValueError: no scene, or a file that cannot be written.
+    """
+    if path is not None:
+        path = plots.checked_path(path, plots.SUFFIXES)
+    if not found:
+        raise _checks.fail("found", "at least one scene", "none")
+    figure = plots.blank(_PANEL * len(found) + 0.8, _PANEL + 1.0)
+    axes = _panels(figure, len(found))
+    # A solver that does not fit every scene keeps its colour in all panels.
+    solvers = list(dict.fromkeys(c.solver for one in found.values() for c in one.curves))
+    for ax, (name, one) in zip(axes, found.items(), strict=True):
+        for curve in one.curves:
+            asked = [rung.fineness for rung in curve.rungs]
+            errors = [rung.error for rung in curve.rungs]
+            ax.loglog(asked, errors, **_style(solvers.index(curve.solver), curve))
+        ends = np.array(ax.get_xlim())
+        ax.loglog(ends, ends, "--", color=plots.INK, lw=1.0, zorder=1, label="error = tolerance")
+        ax.set_xlim(*ends[::-1])
+        ax.set(xlabel="tolerance asked for", title=name)
+    axes[0].set_ylabel("relative error got")
+    _legend(figure, *axes)
+    return plots.finished(figure, path)
+
+
+def _panels(figure: Figure, n: int) -> list[Any]:
+    axes = figure.subplots(1, n, sharey=True, squeeze=False)[0]
+    for ax in axes:
+        ax.grid(True, color="#e4e4e4", lw=0.6)
+        ax.set_axisbelow(True)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.tick_params(colors=plots.INK, labelsize=9)
+    return list(axes)
+
+
+def _style(i: int, curve: Curve) -> dict:
+    shade = plots.PALETTE[i % len(plots.PALETTE)]
+    marker = _MARKERS[i % len(_MARKERS)]
+    return {"color": shade, "marker": marker, "ms": 4.5, "lw": 1.5, "label": curve.solver}
+
+
+def _legend(figure: Figure, *axes) -> None:
+    named = {}
+    for ax in axes:
+        named |= dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+    figure.legend(handles=list(named.values()), loc="outside lower center", ncols=4, frameon=False)
