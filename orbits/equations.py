@@ -12,13 +12,14 @@ function of the ends and of x, whose Jacobian autodiff takes with the ends made 
 import dataclasses
 import functools
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn.flow import Flow
@@ -26,6 +27,9 @@ from jaxdyn.simulate import solve
 from orbits.closing import Closing
 from orbits.conditions import Condition
 
+#: Steps of one segment: an orbit with so many is none that could be found, and on its way
+#: towards a collision an iteration must not take minutes.
+MAX_STEPS = 200_000
 #: From the number a family is named after to a scene; its start and span do not matter.
 Make = Callable[[Array], Scene]
 
@@ -64,7 +68,7 @@ class Equations(eqx.Module):
       closing: what must close.
       conditions: what else must hold.
       make: the scene of a family's parameter; None where there is no parameter.
-      segments: pieces integrated by themselves.
+      shares: of the time to integrate that each segment takes; their sum is 1.
       driven: whether the rate depends on time, so that segments start at their own times.
     """
 
@@ -72,8 +76,13 @@ class Equations(eqx.Module):
     closing: Closing
     conditions: tuple[Condition, ...] = ()
     make: Make | None = eqx.field(static=True, default=None)
-    segments: int = eqx.field(static=True, default=1)
+    shares: tuple[float, ...] = (1.0,)
     driven: bool = eqx.field(static=True, default=False)
+
+    @property
+    def segments(self) -> int:
+        """How many pieces are integrated by themselves."""
+        return len(self.shares)
 
     def unpack(self, x: Array | np.ndarray) -> Unknowns:
         """x taken apart."""
@@ -98,10 +107,7 @@ class Equations(eqx.Module):
 
     def scene_at(self, parameter) -> Scene:
         """The scene with this parameter of the family."""
-        if self.make is None:
-            return self.scene
-        made = self.make(parameter)
-        return Scene(made.system, made.effects, y0=self.scene.y0, t1=self.scene.t1)
+        return made(self.scene, self.make, parameter)
 
     def start(self, x) -> Array:
         """(k,) the start that x stands for."""
@@ -111,16 +117,22 @@ class Equations(eqx.Module):
 
     def spread(self, y0, period, rtol, angle=0.0, parameter=0.0) -> np.ndarray:
         """x of a motion: the states in between are those that it passes."""
-        part = period / self.closing.parts
-        ts = np.arange(1, self.segments) * part / self.segments
         scene = self.scene_at(jnp.asarray(parameter, float)).starting(y0)
-        between = solve(scene, part, ts=ts, rtol=rtol).ys if self.segments > 1 else ()
+        between, t = [], 0.0
+        # One after the other: samples would be compiled anew for each number of them.
+        for share in self.shares[:-1]:
+            t0 = t if self.driven else 0.0
+            span = share * period / self.closing.parts
+            scene = scene.starting(solve(scene, t0 + span, t0=t0, rtol=rtol).y1)
+            between.append(np.asarray(scene.y0))
+            t += span
         return self.pack(y0, between, angle, parameter, period)
 
     def repeated(self, times: int) -> "Equations":
         """The equations of the same motions taken as many periods as one."""
         scene = self.scene.starting(self.scene.y0, times * self.scene.t1)
-        return dataclasses.replace(self, scene=scene, segments=times * self.segments)
+        shares = tuple(share / times for share in self.shares) * times
+        return dataclasses.replace(self, scene=scene, shares=shares)
 
     def repeat(self, x: np.ndarray, times: int, rtol) -> np.ndarray:
         """x of the same motion for `repeated` equations."""
@@ -139,88 +151,108 @@ class Equations(eqx.Module):
         return on_x(lower, -np.inf), on_x(upper, np.inf)
 
     def __call__(self, x: np.ndarray, rtol: float) -> Evaluation:
+        """Residual and Jacobian at x; NaN where a segment does not last."""
         if not x[-1] > 0:  # no integration backwards, nor for no time
             x = np.where(np.arange(len(x)) == len(x) - 1, np.nan, x)
-        return evaluate(self, jnp.asarray(x), rtol)
+        here = jax.tree.map(np.asarray, pieces(self, x))
+        # One compiled program for any number of segments; threads put them on all cores.
+        each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(self.segments)]
+        integrate = functools.partial(flow, self.scene, rtol=rtol, make=self.make)
+        with ThreadPoolExecutor(self.segments) as threads:
+            found = list(threads.map(integrate, each))
+        ends, status, slopes = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
+        residual, jacobian = linearised(self, x, here, ends, slopes)
+        return Evaluation(residual, jacobian, slopes.start, status.max())
+
+
+def made(scene: Scene, make: Make | None, parameter) -> Scene:
+    """The scene, or the one that is made of a parameter, with its start and span."""
+    if make is None:
+        return scene
+    new = make(parameter)
+    return Scene(new.system, new.effects, y0=scene.y0, t1=scene.t1)
 
 
 @jax.jit
-def evaluate(equations: Equations, x: Float[Array, " n"], rtol) -> Evaluation:
-    """Residual and Jacobian at x."""
-    here = _pieces(equations, x)
-    flow = functools.partial(_flow, equations, rtol=rtol)
-    # One after the other, each with its own steps; a loop compiles once for all of them.
-    ends, status, slopes = jax.lax.map(flow, (here, jnp.arange(equations.segments)))
-    residual, jacobian = _linearised(equations, x, here, ends, slopes)
-    return Evaluation(residual, jacobian, slopes.start, status.max())
+def size_and_speed(equations: Equations, x: Array) -> tuple[Array, Array]:
+    """Largest entry of the start that x stands for, and the norm of the rate there."""
+    y0 = equations.start(x)
+    scene = equations.scene_at(equations.unpack(x).parameter)
+    return jnp.abs(y0).max(), jnp.linalg.norm(scene.rate(jnp.zeros(()), y0))
 
 
-def residual_at(equations: Equations, x: Array, rtol) -> Array:
-    """What does not close at x alone, differentiable in every number of the equations."""
-    here = _pieces(equations, x)
-    ends = [
-        _end(equations, jax.tree.map(lambda leaf, i=i: leaf[i], here), i, rtol).y1
-        for i in range(equations.segments)
-    ]
-    return _errors(equations, x, here.start, jnp.stack(ends))
-
-
-class _Piece(NamedTuple):
-    """What a segment's end depends on; each with a first axis of segments."""
+class Piece(NamedTuple):
+    """What a segment's end depends on; with a first axis of segments where there are several."""
 
     start: Array
+    t0: Array
     span: Array
     parameter: Array
 
 
-def _pieces(equations: Equations, x: Array) -> _Piece:
+@jax.jit
+def pieces(equations: Equations, x: Array) -> Piece:
+    """The segments that x stands for."""
     unknowns = equations.unpack(x)
     scene = equations.scene_at(unknowns.parameter)
-    count = equations.segments
-    span = unknowns.period / (equations.closing.parts * count)
+    spans = unknowns.period / equations.closing.parts * jnp.asarray(equations.shares)
     first = equations.start(x)
-    times = span * jnp.arange(1, count) * equations.driven
-    between = jax.vmap(scene.system.project)(times, unknowns.between)
+    times = (jnp.cumsum(spans) - spans) * equations.driven
+    between = jax.vmap(scene.system.project)(times[1:], unknowns.between)
     starts = jnp.concatenate([first[None], between])
-    return _Piece(starts, jnp.full(count, span), jnp.full(count, unknowns.parameter))
+    return Piece(starts, times, spans, jnp.full_like(spans, unknowns.parameter))
 
 
-def _flow(equations: Equations, piece_and_index, rtol):
-    piece, i = piece_and_index
+@functools.partial(jax.jit, static_argnames="make")
+def flow(scene: Scene, piece: Piece, rtol, *, make: Make | None):
+    """A segment's end, its status, and the derivatives of the end."""
 
-    def end(piece: _Piece):
-        flow = _end(equations, piece, i, rtol)
-        return flow.y1, (flow.y1, flow.status)
+    def end(piece: Piece):
+        found = _end(scene, make, piece, rtol)
+        return found.y1, (found.y1, found.status)
 
     slopes, (y1, status) = jax.jacfwd(end, has_aux=True)(piece)
     return y1, status, slopes
 
 
-def _end(equations: Equations, piece: _Piece, i, rtol) -> Flow:
-    scene = equations.scene_at(piece.parameter).starting(piece.start)
-    t0 = i * piece.span if equations.driven else 0.0
-    return solve(scene, t0 + piece.span, t0=t0, rtol=rtol)
+def _end(scene: Scene, make: Make | None, piece: Piece, rtol) -> Flow:
+    scene = made(scene, make, piece.parameter).starting(piece.start)
+    span = piece.t0 + piece.span
+    return solve(scene, span, t0=piece.t0, rtol=rtol, max_steps=MAX_STEPS)
 
 
-def _linearised(equations: Equations, x: Array, here: _Piece, ends: Array, slopes: _Piece):
+@jax.jit
+def linearised(equations: Equations, x: Array, here: Piece, ends: Array, slopes: Piece):
+    """(residual, Jacobian) at x from the segments' ends and their derivatives."""
+
     def residual(x):
-        moved = _pieces(equations, x)
-        change = jnp.sum(slopes.start * (moved.start - here.start)[:, None, :], axis=-1)
-        change = change + slopes.span * (moved.span - here.span)[:, None]
-        if equations.make is not None:
-            change = change + slopes.parameter * (moved.parameter - here.parameter)[:, None]
-        errors = _errors(equations, x, moved.start, ends + change)
+        change = jax.tree.map(jnp.subtract, pieces(equations, x), here)
+        moved = jnp.sum(slopes.start * change.start[:, None, :], axis=-1)
+        moved = moved + slopes.span * change.span[:, None] + slopes.t0 * change.t0[:, None]
+        moved = moved + slopes.parameter * change.parameter[:, None]
+        errors = _errors(equations, x, here.start + change.start, ends + moved)
         return errors, errors
 
     jacobian, value = jax.jacfwd(residual, has_aux=True)(x)
     return value, jacobian
 
 
+def residual_at(equations: Equations, x: Array, rtol) -> Array:
+    """What does not close at x alone, differentiable in every number of the equations."""
+    here = pieces(equations, x)
+    each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(equations.segments)]
+    ends = [_end(equations.scene, equations.make, piece, rtol).y1 for piece in each]
+    return _errors(equations, x, here.start, jnp.stack(ends))
+
+
 def _errors(equations: Equations, x: Array, starts: Array, ends: Array) -> Array:
     unknowns = equations.unpack(x)
     scene = equations.scene_at(unknowns.parameter)
     system, closing = scene.system, equations.closing
-    joints = jax.vmap(system.difference)(ends[:-1], starts[1:]).ravel()
+    joints = jax.vmap(system.difference)(ends[:-1], starts[1:])
+    # Where bodies pass fast and near each other the rounding of a joint is that of its state.
+    sizes = jax.lax.stop_gradient(jnp.maximum(jnp.abs(ends[:-1]).max(axis=1), 1.0))
+    joints = (joints / sizes[:, None]).ravel()
     last = closing.miss(system, ends[-1], starts[0], unknowns.angle)
     more = [c.value(scene, starts[0], unknowns.period) for c in equations.conditions]
     return jnp.concatenate([joints, last, jnp.asarray(more, float).reshape(-1)])

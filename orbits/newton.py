@@ -15,9 +15,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-#: Singular values below this share of the largest are the kernel. The smallest true one of the
-#: figure-eight is 1e-3 of the largest, and those of the kernel fall with the residual.
+#: Singular values below this share of the largest are the kernel, where the residual is not
+#: small. The smallest true one of the figure-eight is 1e-3 of the largest, those of unstable
+#: orbits cut into segments are far smaller; those of the kernel fall with the residual.
 RANK_TOLERANCE = 1e-7
+_RANK_FLOOR = 1e-11  # the kernel's singular values are rounding at last
 _DAMPING_START = 0.1  # of the residual; from 0.01 on, rough guesses end anywhere
 _DAMPING_GROW, _DAMPING_SHRINK = 4.0, 0.25
 _DAMPING_MAX = 1e8
@@ -133,7 +135,8 @@ def _step(residual, jacobian, x, lower, upper, damping) -> np.ndarray:
 
 def _shortest(residual, jacobian, damping) -> np.ndarray:
     u, s, vt = np.linalg.svd(jacobian, full_matrices=False)
-    kept = s > RANK_TOLERANCE * s[0] if s.size else np.zeros(0, bool)
+    tolerance = np.clip(10 * _norm(residual), _RANK_FLOOR, RANK_TOLERANCE)
+    kept = s > tolerance * s[0] if s.size else np.zeros(0, bool)
     s, u, vt = s[kept], u[:, kept], vt[kept]
     return -vt.T @ (s / (s * s + damping * damping) * (u.T @ residual))
 

@@ -4,8 +4,10 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxdyn import Scene, Status
 from jaxdyn._checks import array, fail, positive
@@ -13,9 +15,9 @@ from jaxdyn.simulate import solve, tolerances
 from orbits import newton
 from orbits.closing import PLAIN, Closing
 from orbits.conditions import Condition
-from orbits.equations import Equations
+from orbits.equations import Equations, size_and_speed
 from orbits.problem import Orbit, Outcome, SearchError
-from orbits.symmetry import EXACT
+from orbits.symmetry import EXACT, rate
 
 RTOL = 1e-14
 GOAL = 1e-12
@@ -23,6 +25,8 @@ GOAL = 1e-12
 #: grown so much, is well below the goal.
 _GROWTH = 300.0
 _SEGMENTS_MOST = 32
+_SAMPLES = 4096  # of a motion, to see how fast it changes where
+_ROUNDINGS = 64.0  # of the unit, in the course of one segment
 _NEARLY = 1e-6  # a residual at which Newton's method stalls only for rounding
 _ESCAPE = 100.0  # times the guess's size is a run-away
 _TRIVIAL = 0.02  # of the guessed period, or of its path length, is a trivial solution
@@ -58,7 +62,8 @@ def find(
       hold: conditions on the orbit besides closing, e.g. ``orbits.Energy(-1.0)``.
       segments: pieces integrated by themselves (multiple shooting); as many as the growth of
         errors along the guess calls for if left out.
-      goal: largest closing error that counts as an orbit.
+      goal: largest closing error that counts as an orbit, or the rounding level of the most
+        finely cut motion, if that is larger; `Orbit.residual` says which it was.
       rtol: tolerance of the integrations.
       max_iterations: Newton steps at most.
       report: called with an `Iteration` after each step.
@@ -89,7 +94,7 @@ def find(
     orbit = _solved(cuts, x, lower, upper, goal, rtol, max_iterations, report)
     while segments is None and _at_rounding(orbit) and cuts.segments < _SEGMENTS_MOST:
         # Near encounters inside a segment magnify rounding: shorter ones, from where it stalled.
-        cuts = _with_segments(equations, min(4 * cuts.segments, _SEGMENTS_MOST))
+        cuts = _with_segments(equations, guess, rtol, min(4 * cuts.segments, _SEGMENTS_MOST))
         x = cuts.spread(orbit.y0, orbit.period, rtol, orbit.angle)
         orbit = _solved(cuts, x, lower, upper, goal, rtol, max_iterations, report)
     if throw and not orbit.ok:
@@ -153,11 +158,29 @@ def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, para
         segments = min(2 ** max(0, math.ceil(math.log2(max(digits, 1.0)))), _SEGMENTS_MOST)
     elif not (isinstance(segments, int | np.integer) and segments >= 1):
         raise fail("segments", "a whole number, at least 1", segments)
-    return _with_segments(equations, segments)
+    return _with_segments(equations, guess, rtol, segments, parameter)
 
 
-def _with_segments(equations: Equations, segments: int) -> Equations:
-    return dataclasses.replace(equations, segments=segments)
+def _with_segments(equations: Equations, guess, rtol, segments: int, parameter=0.0) -> Equations:
+    """Segments over which the motion's fastest changes grow alike: short near an encounter."""
+    if segments == 1:
+        return equations
+    part = guess[-1] / equations.closing.parts
+    ts = np.linspace(0.0, part, _SAMPLES)
+    scene = equations.scene_at(jnp.asarray(parameter, float)).starting(guess[:-1])
+    slopes = np.asarray(_slopes(scene, ts, solve(scene, part, ts=ts, rtol=rtol).ys))
+    if not np.isfinite(slopes).all():
+        return dataclasses.replace(equations, shares=(1 / segments,) * segments)
+    fastest = np.abs(np.linalg.eigvals(slopes)).max(axis=1) + 1 / part
+    grown = np.append(0.0, np.cumsum(0.5 * (fastest[1:] + fastest[:-1])))
+    ends = np.interp(np.linspace(0.0, grown[-1], segments + 1), grown, ts)
+    return dataclasses.replace(equations, shares=tuple((np.diff(ends) / part).tolist()))
+
+
+@jax.jit
+def _slopes(scene: Scene, ts: Array, ys: Array) -> Array:
+    """(s, k, k) derivative of the rate by the state along a motion."""
+    return jax.vmap(jax.jacfwd(scene.rate, argnums=1))(ts, ys)
 
 
 def checked(
@@ -228,7 +251,7 @@ def check_drive(scene: Scene, period: float) -> None:
 
 def _rates(scene: Scene, later: float) -> list[np.ndarray]:
     ts = later + float(scene.t1) * np.array([0.0, 0.13, 0.37, 0.71])
-    return [np.asarray(scene.rate(jnp.asarray(t), scene.y0)) for t in ts]
+    return [np.asarray(rate(scene, t, scene.y0)) for t in ts]
 
 
 def _nearest(scene: Scene, closings: tuple[Closing, ...], rtol) -> tuple[Closing, float]:
@@ -276,10 +299,8 @@ class _Trouble:
         return None
 
     def _size_and_path(self, x: np.ndarray) -> tuple[float, float]:
-        y0 = self.equations.start(x)
-        scene = self.equations.scene_at(self.equations.unpack(x).parameter)
-        rate = float(jnp.linalg.norm(scene.rate(jnp.zeros(()), y0)))
-        return float(jnp.abs(y0).max()), rate * x[-1]
+        size, speed = size_and_speed(self.equations, x)
+        return float(size), float(speed) * x[-1]
 
 
 def _outcome(
@@ -295,4 +316,14 @@ def _outcome(
         return Outcome.FOUND
     if result.at_bound:
         return Outcome.BOUND
-    return Outcome.ITERATION_LIMIT if result.limit else Outcome.NO_DESCENT
+    if result.limit:
+        return Outcome.ITERATION_LIMIT
+    return Outcome.FOUND if _at_floor(equations, result, rtol) else Outcome.NO_DESCENT
+
+
+def _at_floor(equations: Equations, result: newton.Result, rtol: float) -> bool:
+    """Whether what is left is rounding, grown over the segments: no goal below it can be met."""
+    if equations.segments < _SEGMENTS_MOST:
+        return False
+    growth = np.linalg.norm(equations(result.x, rtol).transitions, axis=(1, 2)).max()
+    return bool(np.abs(result.residual).max() <= _ROUNDINGS * np.finfo(float).eps * growth)

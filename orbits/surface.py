@@ -6,7 +6,6 @@ orbit that changes nothing: along itself, and by each symmetry of the scene.
 
 import dataclasses
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -14,6 +13,7 @@ from orbits import newton, trivial
 from orbits.equations import Equations
 from orbits.problem import Orbit, Outcome
 from orbits.shooting import orbit_at
+from orbits.symmetry import rate
 
 _CORRECTIONS = 8  # Newton steps from a predicted point; more mean that the step was too long
 _KERNEL = 1e-6  # relative: singular values below are directions of the surface
@@ -121,9 +121,4 @@ class Surface:
 
 
 def _field(scene, y, *, name: str):
-    return _flow(scene, y) if name == "flow" else trivial.directions(scene, y)[name]
-
-
-@jax.jit
-def _flow(scene, y):
-    return scene.rate(jnp.zeros(()), y)
+    return rate(scene, 0.0, y) if name == "flow" else trivial.directions(scene, y)[name]
