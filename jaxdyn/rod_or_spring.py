@@ -15,7 +15,7 @@ from jaxdyn.effects import SinusoidalForce, Spring
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.momenta import centre_of_mass
 from jaxdyn.scene import Scene
-from jaxdyn.scenes import rod_on_line
+from jaxdyn.scenes.linkages import rod_on_line
 from jaxdyn.simulate import default_solver, simulate
 from jaxdyn.work import Quantity, work_precision
 
