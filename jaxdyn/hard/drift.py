@@ -1,0 +1,60 @@
+"""Constraints over an hour: what projection, Baumgarte's method and nothing at all leave of them.
+
+What a step may lose of the energy is the tolerance of a step: projection must not add to it. The
+same motion in coordinates that need no constraints stands beside it.
+"""
+
+import functools
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+
+from jaxdyn import energy
+from jaxdyn.hard.case import Case, Figure
+from jaxdyn.scene import Scene
+from jaxdyn.scenes.linkages import dumbbell, four_bar
+from jaxdyn.scenes.pendula import pendulum, triple_pendulum
+from jaxdyn.simulate import Trajectory, simulate
+
+_HOUR = 3600.0
+_RTOL = 1e-6
+_SAMPLES = 3601
+
+
+def violation(motion: Trajectory) -> float:
+    """The largest of all violations of a motion's constraints, in place and in velocity."""
+    phi, rates = jax.vmap(motion.scene.system.violation)(motion.ts, motion.ys)
+    return float(jnp.maximum(jnp.max(jnp.abs(phi)), jnp.max(jnp.abs(rates))))
+
+
+def _drift(make: Callable[..., Scene]) -> tuple[Figure, ...]:
+    def hour(**kind) -> Trajectory:
+        return simulate(make(**kind), _HOUR, samples=_SAMPLES, rtol=_RTOL, throw=False)
+
+    projected, pulled, raw = (
+        hour(formulation="constrained", drift=drift) for drift in ("projection", "baumgarte", "raw")
+    )
+    free = hour(formulation="newton_euler")
+    drifted = float(energy.drift(projected))
+    return (
+        Figure("violation, projection", violation(projected), 1e-12),
+        Figure("violation, Baumgarte", violation(pulled)),
+        Figure("violation, raw", violation(raw)),
+        Figure("energy a step, projection", drifted / int(projected.steps), _RTOL),
+        Figure("energy, projection", drifted),
+        Figure("energy, Baumgarte", float(energy.drift(pulled))),
+        Figure("energy, raw", float(energy.drift(raw))),
+        Figure("energy, without constraints", float(energy.drift(free))),
+        Figure("steps, projection", int(projected.steps)),
+    )
+
+
+CASES = tuple(
+    Case(
+        f"drift-{make.__name__.replace('_', '-')}",
+        f"The constraints of a {make.__name__.replace('_', ' ')} hold for an hour at rtol 1e-6.",
+        functools.partial(_drift, make),
+    )
+    for make in (pendulum, dumbbell, four_bar, triple_pendulum)
+)
