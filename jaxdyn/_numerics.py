@@ -4,6 +4,7 @@ All of these are safe inside a stepping loop (no LAPACK, no sort, no scatter) an
 derivatives where the plain formula gives NaN.
 """
 
+import functools
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -150,6 +151,10 @@ def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
     return jax.lax.while_loop(lambda carry: carry[0] < limit, body, (jnp.zeros(()), empty))[1]
 
 
+#: Rows of a matrix up to which elimination is straight code, not a loop.
+_WRITTEN_OUT = 3
+
+
 def solve_spd(a: Array, b: Array) -> Array:
     """The x with a x = b for a symmetric positive definite a, without LAPACK.
 
@@ -165,12 +170,15 @@ def solve_spd(a: Array, b: Array) -> Array:
     n = a.shape[0]
     columns = b.reshape(n, -1)
     x = jnp.concatenate([a, columns], axis=1)
-    for k in range(n):
-        row = x[k] / x[k, k]
+
+    def eliminate(k, x):
+        row = _at(x, k)
+        row = row / _at(row, k)
         # Row k becomes the normalised row itself, all others lose their entry in column k.
-        weights = x[:, k] - jnp.eye(1, n, k)[0]
-        x = x - weights[:, None] * row[None, :]
-    return x[:, n:].reshape(b.shape)
+        weights = _at(x, k, axis=1) - (jnp.arange(n) == k)
+        return x - weights[:, None] * row[None, :]
+
+    return _each(n, eliminate, x)[:, n:].reshape(b.shape)
 
 
 class Reduced(NamedTuple):
@@ -202,14 +210,32 @@ def solve_psd(a: Array, b: Array, least: Array) -> Reduced:
     n = a.shape[0]
     columns = b.reshape(n, -1)
     x = jnp.concatenate([a, columns], axis=1)
-    kept = []
-    for k in range(n):
+
+    def eliminate(k, carry):
+        x, kept = carry
+        row = _at(x, k)
+        pivot = _at(row, k)
         # A NaN is kept, so that it stays to be seen.
-        keep = ~(x[k, k] <= least[k])
-        kept.append(keep)
-        row = jnp.where(keep, x[k] / jnp.where(keep, x[k, k], 1.0), 0.0)
-        weights = x[:, k] - jnp.eye(1, n, k)[0]
-        x = x - weights[:, None] * row[None, :]
-    mask = jnp.stack(kept) if n else jnp.ones(0, bool)
-    solved = jnp.where(mask[:, None], x[:, n:], 0.0)
-    return Reduced(solved.reshape(b.shape), mask, jnp.where(mask[:, None], x[:, :n], 0.0))
+        keep = ~(pivot <= _at(least, k))
+        row = jnp.where(keep, row / jnp.where(keep, pivot, 1.0), 0.0)
+        here = jnp.arange(n) == k
+        weights = _at(x, k, axis=1) - here
+        return x - weights[:, None] * row[None, :], jnp.where(here, keep, kept)
+
+    x, kept = _each(n, eliminate, (x, jnp.ones(n, bool)))
+    solved, combination = (jnp.where(kept[:, None], part, 0.0) for part in (x[:, n:], x[:, :n]))
+    return Reduced(solved.reshape(b.shape), kept, combination)
+
+
+def _each(n: int, body: Callable, start: Any) -> Any:
+    """body(k, carry) for k from 0 to n - 1: written out where short, else a loop.
+
+    Written out, the program of nine bars' hinges takes four times as long to compile.
+    """
+    if n > _WRITTEN_OUT:
+        return jax.lax.fori_loop(0, n, body, start)
+    return functools.reduce(lambda carry, k: body(k, carry), range(n), start)
+
+
+def _at(x: Array, k: Array | int, axis: int = 0) -> Array:
+    return jax.lax.dynamic_index_in_dim(x, k, axis, keepdims=False)

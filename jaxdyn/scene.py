@@ -242,7 +242,7 @@ class Scene(eqx.Module):
             return
         t = jnp.zeros(())
         self.system.check(t, self.y0)
-        points = self.system.points(t, self.y0)
+        points = _points(self.system, t, self.y0)
         for effect in self.effects:
             effect.check(points)
             self._check_velocity(effect, points)
@@ -287,6 +287,11 @@ def checked(scene: Any) -> Scene:
         raise _checks.fail("scene", "a Scene", name or repr(scene), remedy)
     scene.check()
     return scene
+
+
+@eqx.filter_jit
+def _points(system: System, t: Array, y: Array) -> Points:
+    return system.points(t, y)
 
 
 @eqx.filter_jit

@@ -13,6 +13,8 @@ from jaxdyn._numerics import (
     runtime_one,
     safe_norm,
     safe_sqrt,
+    solve_psd,
+    solve_spd,
     square_norm,
     two_sum,
 )
@@ -110,3 +112,29 @@ def test_in_one_kernel_is_a_loop_that_the_compiler_keeps():
 def test_in_one_kernel_lets_nan_through():
     x = jnp.array([jnp.nan, 1.0])
     np.testing.assert_array_equal(in_one_kernel(jnp.sqrt, (x,), x[0] > 0), x)
+
+
+@pytest.mark.parametrize("jac", [jax.jacfwd, jax.jacrev])
+@pytest.mark.parametrize("n", [1, 3, 4, 9])  # written out, and as a loop
+def test_elimination_solves_and_differentiates_at_every_size(n, jac):
+    g = RNG.normal(size=(n, n + 2))
+    a, b = g @ g.T, RNG.normal(size=(n, 2))
+    inverse = np.linalg.inv(a)
+    kept = solve_psd(a, b, 1e-12 * np.diagonal(a))
+    assert kept.kept.all()
+    for x in (solve_spd(a, b), kept.x):
+        np.testing.assert_allclose(x, inverse @ b, rtol=1e-9, atol=1e-11)
+    # d(a^-1 b) along da is -a^-1 da a^-1 b.
+    slope = jac(lambda s: solve_spd(a + s * np.eye(n), b))(0.0)
+    np.testing.assert_allclose(slope, -inverse @ inverse @ b, rtol=1e-8, atol=1e-9)
+
+
+def test_a_loop_of_elimination_leaves_dependent_rows_out_as_written_out_code_does():
+    g = RNG.normal(size=(5, 9))
+    g[2], g[4] = g[0] - g[1], 2 * g[3]
+    a = g @ g.T
+    found = solve_psd(a, a @ np.ones(5), 1e-10 * np.diagonal(a))
+    assert found.kept.tolist() == [True, True, False, True, False]
+    np.testing.assert_allclose(a @ found.x, a @ np.ones(5), rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(found.combination[:, 2], [1, -1, 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(found.combination[:, 4], [0, 0, 0, 2, 0], atol=1e-12)

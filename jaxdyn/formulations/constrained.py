@@ -65,12 +65,12 @@ class Constrained(MechanismSystem):
     pull: Array = eqx.field(default_factory=lambda: jnp.asarray(10.0), converter=jnp.asarray)
 
     def rate(self, t, y, effects):
-        a, _ = self._solve(t, y, effects)
+        a, _ = _accelerations(self, t, y, effects)
         return jnp.concatenate([jnp.split(y, 2)[1], a])
 
     def constraint_forces(self, t: Array, y: Array, effects: tuple[Effect, ...]) -> Array:
         """(c + b,) multipliers: the forces of the ties, then of the rolling conditions."""
-        return self._solve(t, y, effects)[1]
+        return _accelerations(self, t, y, effects)[1]
 
     def gram(self, t: Array, y: Array) -> Array:
         """(c + b, c + b) matrix G M^-1 G^T: accelerations off the conditions for unit forces."""
@@ -81,6 +81,9 @@ class Constrained(MechanismSystem):
 
     def undetermined(self, t, y):
         """Whether () the constraints leave the motion open at a state, or contradict each other."""
+        return _undetermined(self, t, y)
+
+    def _undetermined(self, t: Array, y: Array) -> Array:
         t = jnp.asarray(t, y.dtype)
         q, v = jnp.split(y, 2)
         phi, rates, g, _ = self._conditions(t, q, v)
@@ -107,12 +110,17 @@ class Constrained(MechanismSystem):
 
     def nearest(self, t: Array, y: Array) -> Array:
         """(k,) the nearest state on the constraints, in the metric of the kinetic energy."""
+        return _nearest(self, t, y)
+
+    def _nearest(self, t: Array, y: Array) -> Array:
         q, v = jnp.split(y, 2)
         t = jnp.asarray(t, y.dtype)
-        for _ in range(_PROJECTIONS):
+
+        def onto(_, q):
             phi, _, g, _ = self._conditions(t, q, v)
-            if phi.shape[0]:
-                q = q - self._least(t, q, g[: phi.shape[0]], phi)
+            return q - self._least(t, q, g[: phi.shape[0]], phi)
+
+        q = jax.lax.fori_loop(0, _PROJECTIONS, onto, q)
         _, rates, g, _ = self._conditions(t, q, v)
         return jnp.concatenate([q, v - self._least(t, q, g, rates)])
 
@@ -218,6 +226,12 @@ def _crossing(found: Reduced, turning: Array, allowed: Array) -> Array:
     for _ in range(2):  # along both of its directions
         bends = jnp.sum(bends[:, :, :, None] * allowed[None, None], axis=2).swapaxes(1, 2)
     return jnp.any(jnp.max(jnp.abs(bends), axis=(1, 2)) > _TURNING * jnp.max(size, axis=(1, 2)))
+
+
+# Traced once for the stages, the start, the samples and the ends of a solve.
+_accelerations = jax.jit(Constrained._solve)
+_undetermined = jax.jit(Constrained._undetermined)
+_nearest = jax.jit(Constrained._nearest)
 
 
 @eqx.filter_jit

@@ -9,6 +9,7 @@ that map and its derivative, so all routes start in the same pose to rounding.
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -61,8 +62,13 @@ def route(
         return _FREE[formulation](free), jnp.concatenate([q, v])
     mechanism, place = embeddings[formulation]
     t = jnp.zeros(())
-    start = jax.jvp(place, (t, q), (jnp.ones_like(t), v))
-    return Constrained(mechanism, drift), jnp.concatenate(start)
+    return Constrained(mechanism, drift), _placed(place, t, q, v)
+
+
+@eqx.filter_jit
+def _placed(place: Callable, t: Array, q: Array, v: Array) -> Array:
+    """(k,) the coordinates of an embedding and their rates; compiled as one program, not fifty."""
+    return jnp.concatenate(jax.jvp(place, (t, q), (jnp.ones_like(t), v)))
 
 
 def floats(*numbers) -> tuple[Array, ...]:

@@ -157,7 +157,7 @@ def pinned_chain(
     # With its ends pinned the chain has no free coordinates; as an embedding of itself it
     # takes its own.
     embeddings = {
-        "loop": Embedding(chain, lambda t, q: q),
+        "loop": Embedding(chain, _as_given),
         "constrained": Embedding(Bodies(m, l, end), chain.bodies),
     }
     system, y0 = route(formulation, chain, q, v, embeddings, drift)
@@ -189,6 +189,11 @@ def skate_chain(
     chain = Chain(m, l, skate=True)
     y0 = _closed(chain, angles, rates)
     return Scene(Constrained(chain, drift), unless_zero(g, UniformGravity(g)), y0=y0, t1=t1)
+
+
+def _as_given(t: Array, q: Array) -> Array:
+    del t
+    return q
 
 
 def _closed(chain: Chain, angles, rates) -> Array:
