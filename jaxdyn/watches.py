@@ -42,7 +42,12 @@ class Gap(eqx.Module):
 
 
 class Return(NamedTuple):
-    """The closest return so far: distance (), infinite if none, and time after the start ()."""
+    """The closest return so far, one for each window of time.
+
+    Attributes:
+      distance: () or (w,) infinite if there was none.
+      after: () or (w,) time after the start; NaN if there was none.
+    """
 
     distance: Array
     after: Array
@@ -65,30 +70,36 @@ class CloseReturn(Watch):
 
     Attributes:
       field: what moves the state.
-      later: () time after the start from which on returns count.
+      later: () or (w,) time after the start from which on returns count; of several windows of
+        time each has its own closest return, so that a near one does not hide the others.
       close: () the first return as close as this is taken. Without, a periodic motion may be
         found to return after several periods, all being equally close but for rounding.
       gap: `Gap` or a module of one's own, (y, start) -> (m,).
+      before: () or (w,) time after the start from which on they do not count any more.
     """
 
     field: Field
     later: Array
     close: Array
     gap: Callable[[Array, Array], Array]
+    before: Array
     direction: Array | float = 1.0
 
     @classmethod
-    def of(cls, scene: Scene, later=0.0, close=0.0, gap: Callable | None = None) -> "CloseReturn":
+    def of(
+        cls, scene: Scene, later=0.0, close=0.0, gap: Callable | None = None, before=jnp.inf
+    ) -> "CloseReturn":
         """The watch for a scene; all entries of the state count alike if no gap is given."""
         gap = Gap(scene.system) if gap is None else gap
-        later, close = (jnp.asarray(x, dtype=float) for x in (later, close))
-        return cls(scene.field, later, close, gap)
+        later, close, before = (jnp.asarray(x, dtype=float) for x in (later, close, before))
+        return cls(scene.field, later, close, gap, before)
 
     def towards(self, direction):
-        return CloseReturn(self.field, self.later, self.close, self.gap, direction)
+        return CloseReturn(self.field, self.later, self.close, self.gap, self.before, direction)
 
     def start(self, t0, y0):
-        best = Return(jnp.full_like(t0, jnp.inf), jnp.full_like(t0, jnp.nan))
+        shape = jnp.broadcast_shapes(self.later.shape, self.before.shape)
+        best = Return(jnp.full(shape, jnp.inf), jnp.full(shape, jnp.nan))
         return _Returning(best, t0, y0, *self._looked(t0, y0, y0))
 
     def see(self, keep, t0, y0, t1, y1, memory):
@@ -99,7 +110,7 @@ class CloseReturn(Watch):
         s, distance = cubic.nearest()
         best = memory.best
         after = t0 + s * h - memory.t0
-        better = keep & (distance < best.distance) & (after >= self.later)
+        better = keep & (distance < best.distance) & (after >= self.later) & (after < self.before)
         better = better & (best.distance > self.close)
         best = Return(
             jnp.where(better, distance, best.distance), jnp.where(better, after, best.after)

@@ -20,6 +20,9 @@ False
 
 from orbits import aim as aim
 from orbits import loops as loops
+from orbits import seeds as seeds
+from orbits.chunk import Box as Box
+from orbits.chunk import Rows as Rows
 from orbits.closing import PLAIN as PLAIN
 from orbits.closing import Closing as Closing
 from orbits.closing import Return as Return
@@ -41,6 +44,7 @@ from orbits.identity import Identity as Identity
 from orbits.identity import identify as identify
 from orbits.identity import normal_form as normal_form
 from orbits.monodromy import monodromy as monodromy
+from orbits.plane import search_plane as search_plane
 from orbits.problem import Orbit as Orbit
 from orbits.problem import Outcome as Outcome
 from orbits.problem import SearchError as SearchError
@@ -48,6 +52,8 @@ from orbits.same import Match as Match
 from orbits.same import match as match
 from orbits.same import minimal_period as minimal_period
 from orbits.same import same as same
+from orbits.search import Found as Found
+from orbits.search import search as search
 from orbits.sensitivity import Solution as Solution
 from orbits.sensitivity import solution as solution
 from orbits.shooting import find as find

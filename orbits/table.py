@@ -1,0 +1,185 @@
+"""The file of a search: what each chunk of work found, one line of JSON a chunk.
+
+The first line says what is searched; each other line is all that came of one chunk, written
+and brought to the disk at once. So a reader sees whole lines, a last line that was cut off
+counts for nothing, and a search goes on where its file ends, in whatever order chunks come.
+"""
+
+import dataclasses
+import json
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxdyn import Scene
+from jaxdyn._checks import fail
+from orbits.closing import Closing
+from orbits.problem import Orbit, Outcome
+from orbits.same import same
+
+FORMAT = "jaxdyn-search"
+VERSION = 1
+#: Invariants of one orbit found twice differ by no more than this, relative to their size.
+_ALIKE = 1e-7
+
+
+@dataclasses.dataclass(frozen=True)
+class Find:
+    """A verified orbit that a search found.
+
+    Attributes:
+      sample: number of the sample that led to it.
+      y0: its start.
+      period: its shortest period.
+      closing: what was demanded of it: 0 for the search's condition, 1 for plain closing.
+      residual: largest entry of what does not close.
+      recheck: its closing error over a period by another integrator, at a tighter tolerance.
+      invariant: what no scale changes, T |E|^(3/2), where all forces are Newtonian attractions;
+        elsewhere the period.
+      verdict: of its stability.
+      multiplier: size of its largest multiplier.
+      label: what the search was told to call it.
+    """
+
+    sample: int
+    y0: tuple[float, ...]
+    period: float
+    closing: int
+    residual: float
+    recheck: float
+    invariant: float
+    verdict: str
+    multiplier: float
+    label: str
+
+    def orbit(self, scene: Scene, closings: tuple[Closing, ...], rtol: float) -> Orbit:
+        """The same as an orbit of the scene that was searched."""
+        closing = closings[self.closing]
+        scene = scene.starting(np.array(self.y0), self.period)
+        return Orbit(scene, closing, self.residual, Outcome.FOUND, 0, rtol)
+
+
+@dataclasses.dataclass(frozen=True)
+class Chunk:
+    """What came of one chunk of a search.
+
+    Attributes:
+      number: which one.
+      counts: samples, guesses and so on: how many there were at each stage.
+      finds: the orbits.
+    """
+
+    number: int
+    counts: dict[str, int]
+    finds: tuple[Find, ...]
+
+    def line(self) -> str:
+        """As a line of the file."""
+        return json.dumps(dataclasses.asdict(self), allow_nan=False) + "\n"
+
+    @classmethod
+    def of(cls, record: dict[str, Any]) -> "Chunk":
+        """What a line says."""
+        finds = (Find(**{**find, "y0": tuple(find["y0"])}) for find in record["finds"])
+        return cls(record["number"], record["counts"], tuple(finds))
+
+
+class File:
+    """Chunks on their way into a file; without a path they are only kept in memory."""
+
+    def __init__(self, path: str | Path | None, what: dict[str, Any]):
+        """Begin a file, or go on with one of the same search.
+
+        Args:
+          path: of the file, or None.
+          what: is searched; a file of another search is refused.
+        """
+        self.chunks: dict[int, Chunk] = {}
+        self._path = None if path is None else Path(path)
+        if self._path is None:
+            return
+        if not self._path.parent.is_dir():
+            raise fail("path", "a folder that exists", str(self._path.parent), "Make it first.")
+        header = {"format": FORMAT, "version": VERSION, **what}
+        whole = _whole_lines(self._path)
+        if not whole:
+            self._replace(json.dumps(header) + "\n")
+            return
+        found, self.chunks = _parsed(self._path, whole)
+        if found != json.loads(json.dumps(header)):
+            odd = sorted(k for k in {*found, *header} if found.get(k) != header.get(k))
+            remedy = "Give another path, or the arguments of the search that began this file."
+            raise fail("path", "a file of this search", f"one with another {odd[0]}", remedy)
+        os.truncate(self._path, len(whole))
+
+    def add(self, chunk: Chunk) -> None:
+        """One more chunk; one that is there already is left as it is."""
+        if chunk.number in self.chunks:
+            return
+        self.chunks[chunk.number] = chunk
+        if self._path is not None:
+            with open(self._path, "ab") as file:
+                file.write(chunk.line().encode())
+                file.flush()
+                os.fsync(file.fileno())
+
+    def _replace(self, text: str) -> None:
+        part = self._path.with_name(self._path.name + ".part")
+        with open(part, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(part, self._path)
+
+
+def read(path: str | Path) -> tuple[dict[str, Any], list[Chunk]]:
+    """What a file says is searched, and its chunks by number; also while the search goes on.
+
+    Raises:
+      ValueError: not such a file.
+    """
+    header, chunks = _parsed(Path(path), _whole_lines(Path(path)))
+    return header, [chunks[number] for number in sorted(chunks)]
+
+
+def _whole_lines(path: Path) -> bytes:
+    data = path.read_bytes() if path.exists() else b""
+    return data[: data.rfind(b"\n") + 1]
+
+
+def _parsed(path: Path, data: bytes) -> tuple[dict[str, Any], dict[int, Chunk]]:
+    remedy = "Give the path of a file that a search wrote."
+    try:
+        header, *records = map(json.loads, data.splitlines())
+        if (header["format"], header["version"]) != (FORMAT, VERSION):
+            raise KeyError("format")
+        chunks = [Chunk.of(record) for record in records]
+    except (ValueError, KeyError, TypeError) as error:
+        raise fail("path", f"a {FORMAT} file of version {VERSION}", str(path), remedy) from error
+    return header, {chunk.number: chunk for chunk in reversed(chunks)}
+
+
+def distinct(
+    finds: Iterable[Find], scene: Scene, closings: tuple[Closing, ...], rtol: float
+) -> list[Find]:
+    """The finds of which no earlier one is the same orbit, by invariant.
+
+    Invariants are compared first, then starts; `orbits.same` has the last word.
+    """
+    kept: list[Find] = []
+    for find in finds:
+        alike = [k for k in kept if abs(k.invariant - find.invariant) <= _ALIKE * k.invariant]
+        if any(_one_start(k, find) for k in alike):
+            continue
+        orbit = find.orbit(scene, closings, rtol) if alike else None
+        if not any(same(k.orbit(scene, closings, rtol), orbit) for k in alike):
+            kept.append(find)
+    return sorted(kept, key=lambda find: (find.invariant, find.sample))
+
+
+def _one_start(a: Find, b: Find) -> bool:
+    size = max(map(abs, a.y0))
+    return bool(np.abs(np.subtract(a.y0, b.y0)).max() <= _ALIKE * size)
