@@ -19,9 +19,9 @@ from orbits.problem import Orbit
 
 #: Largest distance of two orbits that count as the same one, relative to their size.
 TOLERANCE = 1e-6
-_SAMPLES = 512  # of one period
+_SAMPLES = 2048  # of one period
 _ROUNDS = 6  # Gauss-Newton steps on the shift in time
-_CANDIDATES = 4  # shifts that are looked at closely
+_CANDIDATES = 8  # shifts that are looked at closely
 _DIVISORS = 12  # periods are looked for down to this part
 _MOST_POINTS = 6  # 720 orders of bodies
 
@@ -140,10 +140,12 @@ def _match_points(a: Orbit, b: Orbit) -> Match | None:
     here = _centred(_samples(a), masses[0])
     best: Match | None = None
     for backwards in (False, True):
-        there = _scaled(_centred(_samples(b), masses[1]), 1 / scale, backwards)
+        slow = b.period / a.period
+        there = _scaled(_centred(_samples(b), masses[1]), 1 / scale, slow, backwards)
         for index in _shifts(here, there, masses):
-            shift = _refined(b, here, index, scale, backwards, masses)
-            there_late = _scaled(_centred(_samples(b, shift), masses[1]), 1 / scale, backwards)
+            shift = _refined(b, here, index, 1 / scale, slow, backwards, masses)
+            late = _centred(_samples(b, shift), masses[1])
+            there_late = _scaled(late, 1 / scale, slow, backwards)
             for order in _orders(*masses):
                 distance, mirrored = _distance(here, there_late[:, :, order])
                 if best is None or distance < best.distance:
@@ -170,9 +172,9 @@ def _centred(ys: np.ndarray, m: np.ndarray) -> np.ndarray:
     return x - np.einsum("n,sand->sad", m / m.sum(), x)[:, :, None]
 
 
-def _scaled(x: np.ndarray, lengths: float, backwards: bool) -> np.ndarray:
-    """In units where lengths are so much larger, and periods those of the first orbit."""
-    x = x * lengths
+def _scaled(x: np.ndarray, lengths: float, slow: float, backwards: bool) -> np.ndarray:
+    """In units where lengths are so much larger, and times so much shorter."""
+    x = x * np.array([lengths, lengths * slow])[:, None, None]
     if not backwards:
         return x
     x = np.roll(x[::-1], 1, axis=0)
@@ -204,16 +206,17 @@ def _shifts(here: np.ndarray, there: np.ndarray, masses) -> list[int]:
     return [int(i) for i in best]
 
 
-def _refined(b: Orbit, here, index: int, scale: float, backwards: bool, masses) -> float:
+def _refined(
+    b: Orbit, here, index: int, lengths: float, slow: float, backwards: bool, masses
+) -> float:
     """The shift in time [of the second orbit] at which the two fit best."""
     m = masses[1]
     step = b.period / len(here)
     # The sample with this index stands for this time of the second orbit.
     shift = -index * step if backwards else index * step
     goal = _signature(here, masses[0])
-    lengths = 1 / scale
     for _ in range(_ROUNDS):
-        x = _scaled(_centred(_samples(b, shift), m), lengths, backwards)
+        x = _scaled(_centred(_samples(b, shift), m), lengths, slow, backwards)
         there = _signature(x, m)
         slope = _derivative(there) * (-1.0 if backwards else 1.0)  # by shift, in periods
         move = float(np.sum((goal - there) * slope) / np.sum(slope * slope)) * b.period

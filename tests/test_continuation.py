@@ -1,0 +1,123 @@
+"""Families against closed forms: folds, branch points, doublings, tori, conservative families."""
+
+import equinox as eqx
+import numpy as np
+import pytest
+from cycles import Bautin, Moebius, Pitchfork, Torus, cycle
+from helpers import SOLVED
+from scipy.special import ellipk
+
+import orbits
+from jaxdyn import scenes
+from orbits import Kind
+
+
+def maker(kind, y0):
+    """The scene of each value of a parameter."""
+    return lambda a: cycle(kind, a, y0)
+
+
+def family(kind, a, y0, **options):
+    make = maker(kind, y0)
+    return orbits.continue_family(orbits.find(make(a)), make, a, **options)
+
+
+@pytest.fixture(scope="module")
+def forks():
+    return family(Pitchfork, -0.3, [1.0, 0.0, 0.0], step=0.1, members=8)
+
+
+@pytest.fixture(scope="module")
+def doubled():
+    return family(Moebius, -0.2, [1.0, 0.0, 0.0, 0.0], step=0.08, members=6)
+
+
+def test_a_fold_is_nothing_special_and_is_found():
+    found = family(Bautin, -0.2, [0.85, 0.0], step=0.05, members=14, down=True)
+    radii = np.array([np.linalg.norm(m.orbit.y0) for m in found.members])
+    assert np.abs(found.parameters - radii**4 + radii**2).max() < SOLVED
+    assert radii.min() < 0.65 < 0.75 < radii.max()  # both sides of the fold
+    (fold,) = found.special
+    assert fold.kind == Kind.FOLD
+    assert abs(fold.parameter + 0.25) < SOLVED  # quadratic in the error of the place
+    assert abs(np.linalg.norm(fold.orbit.y0) - np.sqrt(0.5)) < 1e-7
+    for m, r in zip(found.members, radii, strict=True):
+        exact = np.exp(2 * np.pi * (2 * r**2 - 4 * r**4))
+        assert abs(m.stability.nontrivial[0] - exact) < 1e-10
+
+
+def test_a_branch_point_and_the_branch_through_it(forks):
+    (point,) = forks.special
+    assert point.kind == Kind.BRANCH
+    assert abs(point.parameter) < 1e-8
+    for amplitude in (0.2, -0.2):
+        orbit, a = orbits.switch(forks, point, amplitude=amplitude)
+        z = float(orbit.y0[2])
+        assert abs(z) > 0.1
+        assert abs(z * z - a) < SOLVED
+    branch = orbits.continue_family(orbit, maker(Pitchfork, [1.0, 0, 0]), a, members=4, step=0.1)
+    heights = np.array([float(m.orbit.y0[2]) for m in branch.members])
+    assert np.abs(heights**2 - branch.parameters).max() < SOLVED
+    assert {m.stability.verdict for m in branch.members} == {"stable"}
+
+
+def test_a_period_doubling_and_its_branch(doubled):
+    (point,) = doubled.special
+    assert point.kind == Kind.DOUBLING
+    assert abs(point.parameter) < 1e-8
+    orbit, a = orbits.switch(doubled, point, amplitude=0.2)
+    assert abs(orbit.period - 4 * np.pi) < SOLVED
+    u, w = np.asarray(orbit.y0)[2:]
+    assert abs(u * u + w * w - a) < SOLVED  # p^2 = a and q = 0
+    assert orbits.minimal_period(orbit)[1] == 1
+
+
+def test_a_torus_point():
+    found = family(Torus, -0.1, [1.0, 0.0, 0.0, 0.0], step=0.06, members=6)
+    (point,) = found.special
+    assert point.kind == Kind.TORUS
+    assert abs(point.parameter) < 1e-8
+    assert abs(np.abs(np.angle(point.stability.nontrivial[0])) - 0.6 * np.pi) < 1e-8
+
+
+def test_a_conservative_family_needs_no_parameter():
+    swing = orbits.find(scenes.pendulum(angle=0.5), period=2.0)
+    found = orbits.continue_family(swing, members=12, step=0.2)
+    assert np.isnan(found.parameters).all()
+    exact = 4 / np.sqrt(9.81) * ellipk(0.5 * (1 + found.energies / 9.81))
+    assert np.abs(found.periods - exact).max() < 1e-11
+    assert (np.diff(found.energies) > 0).all()
+
+
+def test_it_goes_down_and_stops_at_its_bounds():
+    found = family(Pitchfork, -0.3, [1.0, 0.0, 0.0], step=0.1, down=True, within=(-0.6, 0.0))
+    assert found.parameters[-1] < -0.6 < found.parameters[-2]
+    assert "bounds" in found.end
+
+
+def test_it_says_where_it_ends():
+    # No cycle beyond the fold if the fold cannot be rounded: the pendulum's separatrix.
+    swing = orbits.find(scenes.pendulum(angle=3.0), period=5.0)
+    found = orbits.continue_family(swing, members=3)
+    assert found.end == "the number of members asked for, 3"
+
+
+def test_misuse(forks):
+    cycle_ = forks.members[0].orbit
+    make = maker(Pitchfork, [1.0, 0.0, 0.0])
+    with pytest.raises(ValueError, match="parameter: expected make and its value"):
+        orbits.continue_family(cycle_, make)
+    with pytest.raises(ValueError, match="step: expected > 0"):
+        orbits.continue_family(cycle_, make, -0.3, step=0.0)
+    with pytest.raises(ValueError, match="members: expected a whole number"):
+        orbits.continue_family(cycle_, make, -0.3, members=0)
+    with pytest.raises(ValueError, match="within: expected two bounds"):
+        orbits.continue_family(cycle_, make, -0.3, within=(1.0, 0.0))
+    with pytest.raises(ValueError, match="a member of a family, got an isolated one"):
+        orbits.continue_family(cycle_)
+    with pytest.raises(ValueError, match=r"special: expected one of family\.special"):
+        orbits.switch(forks, forks.members[0])
+    bad = eqx.tree_at(lambda o: o.residual, cycle_, 1.0)
+    bad = orbits.Orbit(bad.scene, bad.closing, 1.0, orbits.Outcome.BOUND, 1, 1e-14)
+    with pytest.raises(ValueError, match="orbit: expected an orbit that closes"):
+        orbits.continue_family(bad, make, -0.3)

@@ -1,0 +1,81 @@
+"""Derivatives of orbits against closed forms and orbits found again."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from cycles import Bautin, cycle
+from helpers import gap
+from scipy.special import ellipe, ellipk
+
+import orbits
+from jaxdyn import energy, scenes
+
+
+@pytest.fixture(scope="module")
+def swing():
+    return orbits.find(scenes.pendulum(angle=1.0), period=2.2)
+
+
+def test_the_period_of_a_pendulum_by_gravity(swing):
+    level = float(energy.energy(swing.scene, jnp.zeros(()), swing.y0))
+    hold = orbits.Energy(level)
+
+    def period(g):
+        scene = eqx.tree_at(lambda s: s.effects[0].g, swing.scene, g)
+        return orbits.solution(scene, swing, hold=hold).period
+
+    # T = 4 K(m) / sqrt(g) with m = (1 + E / g) / 2, and dK/dm = (E(m) / (1 - m) - K) / (2 m).
+    g = 9.81
+    m = 0.5 * (1 + level / g)
+    slope = (ellipe(m) / (1 - m) - ellipk(m)) / (2 * m)
+    exact = -2 * ellipk(m) / g**1.5 - 4 / np.sqrt(g) * slope * 0.5 * level / g**2
+    reverse, forward = (d(period)(swing.scene.effects[0].g) for d in (jax.grad, jax.jacfwd))
+    assert abs(reverse - exact) < 1e-10
+    assert abs(forward - exact) < 1e-10
+
+
+def test_a_cycles_start_and_multiplier_by_its_parameter():
+    a = 0.3
+    orbit = orbits.find(cycle(Bautin, a, [1.1, 0.0]))
+
+    def numbers(a):
+        found = orbits.solution(cycle(Bautin, a, orbit.y0), orbit)
+        return jnp.linalg.norm(found.y0), found.period, found.exponents()[0].real
+
+    # r^2 = (1 + sqrt(1 + 4 a)) / 2, so dr/da = 1 / (2 r sqrt(1 + 4 a)); exponent 2 r^2 - 4 r^4.
+    r = np.sqrt(0.5 * (1 + np.sqrt(1 + 4 * a)))
+    dr = 1 / (2 * r * np.sqrt(1 + 4 * a))
+    found = jax.jacfwd(numbers)(a)
+    assert gap(found, [dr, 0.0, (4 * r - 16 * r**3) * dr]) < 1e-9
+    assert gap(numbers(a), [r, 2 * np.pi, 2 * r**2 - 4 * r**4]) < 1e-10
+
+
+@pytest.mark.slow
+def test_the_eight_by_a_mass_against_orbits_found_again():
+    half = orbits.reversal(orbits.of_points([1, 0, 2], (-1, -1), reversing=True))
+    eight = orbits.find(scenes.three_body(m=(1.0, 1.0, 0.98)), closing=half)
+    hold = (orbits.Energy(float(energy.energy(eight.scene, jnp.zeros(()), eight.y0))),)
+
+    def scene(m3):
+        return scenes.three_body(eight.y0, m=jnp.stack([jnp.ones(()), jnp.ones(()), m3]))
+
+    def numbers(m3):
+        found = orbits.solution(scene(m3), eight, hold=hold)
+        return found.period, found.multipliers()[0].real
+
+    def again(m3):
+        found = orbits.find(scene(jnp.asarray(m3)), eight.y0, eight.period, closing=half, hold=hold)
+        return np.array([found.period, orbits.stability(found).nontrivial[0].real])
+
+    h = 1e-5
+    differences = (again(0.98 + h) - again(0.98 - h)) / (2 * h)
+    slopes = np.array(jax.jacfwd(numbers)(jnp.asarray(0.98)))
+    assert np.abs(slopes / differences - 1).max() < 1e-6
+
+
+def test_an_orbit_that_does_not_close_has_no_derivative(swing):
+    bad = orbits.Orbit(swing.scene, swing.closing, 1.0, orbits.Outcome.BOUND, 1, 1e-14)
+    with pytest.raises(ValueError, match="orbit: expected an orbit that closes"):
+        orbits.solution(bad.scene, bad)
