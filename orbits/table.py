@@ -22,8 +22,8 @@ from orbits.same import same
 
 FORMAT = "jaxdyn-search"
 VERSION = 1
-#: Invariants of one orbit found twice differ by no more than this, relative to their size.
-_ALIKE = 1e-7
+_ALIKE = 1e-6  # relative: invariants that differ by more are those of different orbits
+_ONE = 1e-8  # relative: starts as near as this are one
 
 
 @dataclasses.dataclass(frozen=True)
@@ -182,4 +182,4 @@ def distinct(
 
 def _one_start(a: Find, b: Find) -> bool:
     size = max(map(abs, a.y0))
-    return bool(np.abs(np.subtract(a.y0, b.y0)).max() <= _ALIKE * size)
+    return bool(np.abs(np.subtract(a.y0, b.y0)).max() <= _ONE * size)
