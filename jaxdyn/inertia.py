@@ -225,6 +225,8 @@ def equimomental(body: Body) -> MaterialPoints:
 
     Raises:
       ValueError: `Body.check`; where numbers are traced, impossible moments give NaN.
+    Limits: for an exactly flat body the points have derivatives only along changes that keep it
+      flat, and these are what is returned; `scenes.bodies.jack` is smooth there too.
     """
     body.check()
     P = jnp.trace(body.inertia) / 2 * jnp.eye(3) - body.inertia

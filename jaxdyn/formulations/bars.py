@@ -16,6 +16,8 @@ from jaxdyn import _checks
 from jaxdyn.formulations.mechanism import Mechanism
 
 _END, _MIDDLE = 1 / 6, 4 / 6  # shares of a uniform bar's mass
+#: Bars nearer than this to stretched out cannot be told from it. [relative]
+_STRETCHED = 1e-12
 
 
 class Chain(Mechanism):
@@ -146,17 +148,27 @@ def row_masses(m: Array) -> Array:
     return jnp.concatenate([ends, _MIDDLE * m])
 
 
-def check_bars(m: Array, l: Array, end: Array | None) -> None:  # noqa: E741
-    """Refuse lengths that are not positive, not one for each mass, or cannot reach the end."""
+def check_bars(m: Array, l: Array, end: Array | None, span: str = "end") -> None:  # noqa: E741
+    """Refuse lengths that are not positive, not one for each mass, or cannot reach the end.
+
+    Bars that only just reach it are refused too: stretched out they cannot move.
+
+    Args:
+      m: (n,) masses [kg].
+      l: (n,) lengths [m].
+      end: (2,) where the far end is pinned [m]; None where it is free.
+      span: what the message calls the distance of that.
+    """
     _checks.array("l", l, m.shape, "One length for each mass.")
     _checks.positive("l", l, "Lengths are in m.")
     if end is None or _checks.is_traced((l, end)):
         return
     sides = np.append(np.asarray(l), np.hypot(*np.asarray(end)))
     longest = sides.max()
-    if longest > sides.sum() - longest:
+    _checks.finite(span, end, "It is the distance of the far hinge, in m.")
+    if longest >= (sides.sum() - longest) * (1 - _STRETCHED):
         raise _checks.fail(
-            "l",
+            span if longest == sides[-1] else "l",
             "links that can close",
             f"a longest side of {longest:.6g} m and {sides.sum() - longest:.6g} m in all others",
             "Shorten the longest link or move the far hinge.",

@@ -265,9 +265,22 @@ class EulerBody(Mechanism):
         return Pose(r, matrix_from_euler(angles, self.sequence), velocity, omega_b)
 
     def state(self, pose: Pose) -> Array:
-        """(2 n,) coordinates and velocities in a given pose; NaN where the angles lock."""
+        """(2 n,) coordinates and velocities in a given pose.
+
+        Raises:
+          ValueError: a pose where the angles lock; where it is traced, the rates are NaN.
+        """
         angles = euler_from_matrix(pose.R_wb, self.sequence).angles
         rates = euler_rates_from_body(angles, pose.omega_b, self.sequence).rates
+        locked = not _checks.is_traced((rates, pose)) and bool(jnp.isnan(rates).any())
+        if locked and bool(jnp.isfinite(pose.omega_b).all()):
+            raise _checks.fail(
+                "sequence",
+                "Euler angles that do not lock in the pose at the start",
+                repr(self.sequence),
+                "Take another sequence (the second angle of XYZ locks at pi/2, that of ZXZ at 0), "
+                "or a quaternion.",
+            )
         if self.pivoted:
             return jnp.concatenate([angles, rates])
         return jnp.concatenate([pose.r, angles, pose.v, rates])

@@ -20,6 +20,7 @@ from jaxdyn.euler import matrix_from_euler, omega_b_from_euler
 from jaxdyn.formulations.attitude import Quaternion, RotationMatrix
 from jaxdyn.formulations.newton_euler import NewtonEuler
 from jaxdyn.formulations.rigid import EulerBody, Pose, RigidBody, resting
+from jaxdyn.formulations.routes import floats
 from jaxdyn.inertia import Body, MaterialPoints, equimomental
 from jaxdyn.scene import Effect, Scene
 from jaxdyn.scenes.satellites import satellite_a, satellite_b, satellite_c
@@ -73,7 +74,7 @@ def free_body(
     sequence: str = "YXZ",
     t1=60.0,
 ) -> Scene:
-    """A body that turns freely about its centre at rest (problems 51 to 53).
+    """A body that turns freely about its centre at rest (problems 51, 52, 53).
 
     By default it spins about its middle axis and flips over again and again.
 
@@ -133,10 +134,10 @@ def feynman_plate(
     """
     # The vertical is (0, sin, cos) of the tilt in the body's axes, and I omega, with I_3 = 2 I_1,
     # is along it.
-    tilt, spin, side = _floats(tilt, spin, side)
-    R_wb = matrix_from_euler(_floats(0.0, tilt, 0.0), "ZXZ")
-    start = resting(R_wb, _floats(0.0, 2 * spin * jnp.tan(tilt), spin))
-    matter = box_points(m, _floats(side, side, 0.0))
+    tilt, spin, side = floats(tilt, spin, side)
+    R_wb = matrix_from_euler(_vector(0.0, tilt, 0.0), "ZXZ")
+    start = resting(R_wb, _vector(0.0, 2 * spin * jnp.tan(tilt), spin))
+    matter = box_points(m, _vector(side, side, 0.0))
     return _scene(matter, BOX_EDGES, start, representation, "ZXZ", t1=t1)
 
 
@@ -203,10 +204,12 @@ def top(
       sequence: Euler angles; ZXZ are phi, theta, psi and lock upright, where XYZ do not.
       t1: span [s].
     """
-    angles = _floats(0.0, theta, 0.0)
-    rates = _floats(precession, nutation, spin)
+    I1 = _checks.positive("I1", I1, "The moment across the axis, in kg m^2.")
+    I3 = _checks.positive("I3", I3, "The moment about the axis, in kg m^2.")
+    angles = _vector(0.0, theta, 0.0)
+    rates = _vector(precession, nutation, spin)
     start = resting(matrix_from_euler(angles, "ZXZ"), omega_b_from_euler(angles, "ZXZ") @ rates)
-    matter = jack(m, _floats(I1, I1, I3), _floats(0.0, 0.0, d))
+    matter = jack(m, _vector(I1, I1, I3), _vector(0.0, 0.0, d))
     gravity = (UniformGravity(g),)
     edges = (*JACK_ARMS, ((0.0, 0.0, 0.0), 4))  # the axis, from the pivot
     return _scene(matter, edges, start, representation, sequence, gravity, pivoted=True, t1=t1)
@@ -232,8 +235,8 @@ def _scene(
     return Scene(body, effects, y0=body.state(start), t1=t1)
 
 
-def _floats(*numbers) -> Array:
-    return jnp.stack([jnp.asarray(x, dtype=float) for x in numbers])
+def _vector(*numbers) -> Array:
+    return jnp.stack(floats(*numbers))
 
 
 _SATELLITES = {"A": satellite_a, "B": satellite_b, "C": satellite_c}

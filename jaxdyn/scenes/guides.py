@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn import _checks
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.guided import Cycloid, Parabola, Plate, TiedParabola, Turntable
 from jaxdyn.formulations.routes import Embedding, route
@@ -66,6 +67,9 @@ def bead_on_cycloid(
       t1: span [s].
     """
     free = Cycloid(jnp.asarray(m, dtype=float), jnp.asarray(c, dtype=float))
+    if not _checks.is_traced((c, s)) and c > 0 and not abs(2 * c * s) < 1:
+        end = f"{1 / (2 * c):.6g}"
+        raise _checks.fail("s", f"less than {end} m from the bottom, where the curve ends", s)
     system, y0 = route(formulation, free, [s], [speed], {})
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 

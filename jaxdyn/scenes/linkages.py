@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.effects import SinusoidalForce, UniformGravity, unless_zero
-from jaxdyn.formulations.bars import Bodies, Chain
+from jaxdyn.formulations.bars import Bodies, Chain, check_bars
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.fourbar import FourBar
 from jaxdyn.formulations.rods import Coupled, Dumbbell, Rods
@@ -113,7 +113,8 @@ def four_bar(
     m, l, ground = floats(m, l, ground)  # noqa: E741
     end = jnp.stack([ground, jnp.zeros_like(ground)])
     free = FourBar(m, l, end, crossed)
-    free.check()
+    check_bars(m, l, end, "ground")
+    _check_crank(free, angle)
     embeddings = {
         "constrained": Embedding(Bodies(m, l, end), free.bodies),
         "loop": Embedding(Chain(m, l, end), free.angles),
@@ -152,7 +153,7 @@ def pinned_chain(
     _checks.choice("formulation", formulation, ("loop", "constrained"))
     end = jnp.stack([span, jnp.zeros_like(span)])
     chain = Chain(m, l, end)
-    chain.check()
+    check_bars(m, l, end, "span")
     q, v = jnp.split(_closed(chain, angles, rates), 2)
     # With its ends pinned the chain has no free coordinates; as an embedding of itself it
     # takes its own.
@@ -194,6 +195,18 @@ def skate_chain(
 def _as_given(t: Array, q: Array) -> Array:
     del t
     return q
+
+
+def _check_crank(bars: FourBar, angle) -> None:
+    """Refuse a crank from whose pin coupler and rocker do not reach the far hinge."""
+    place = bars.positions(jnp.zeros(()), jnp.asarray(angle, dtype=float)[None])
+    if not _checks.is_traced((bars, angle)) and bool(jnp.isnan(place).any()):
+        raise _checks.fail(
+            "angle",
+            "an angle of the crank at which coupler and rocker reach the far hinge",
+            angle,
+            "Turn the crank, move the far hinge (ground), or change the lengths.",
+        )
 
 
 def _closed(chain: Chain, angles, rates) -> Array:

@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from jaxdyn import _checks
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Scene
@@ -56,7 +57,11 @@ def two_body(*, m1=1.0, m2=2.0, d=1.0, G=1.0, t1=None) -> Scene:
 
 def two_body_period(*, m1=1.0, m2=2.0, d=1.0, G=1.0) -> Array:
     """() [s] period of the circular motion: 2 pi sqrt(d^3 / (G (m1 + m2))) (problem 16 a)."""
-    return 2 * jnp.pi * jnp.sqrt(jnp.asarray(d, dtype=float) ** 3 / (G * (m1 + m2)))
+    m1, m2, d, G = (
+        _checks.positive(name, x, "On circles that attraction holds all four are positive.")
+        for name, x in (("m1", m1), ("m2", m2), ("d", d), ("G", G))
+    )
+    return 2 * jnp.pi * jnp.sqrt(d**3 / (G * (m1 + m2)))
 
 
 def three_body_circular(*, m=1.0, G=10.0, diameter=3.0, t1=None) -> Scene:
@@ -88,5 +93,9 @@ def three_body_rate(*, m=1.0, G=10.0, diameter=3.0) -> Array:
     The side of the triangle is R sqrt(3), and the two pulls G m^2 / (3 R^2) of the others add
     up to sqrt(3) times one of them, towards the centre.
     """
-    radius = 0.5 * jnp.asarray(diameter, dtype=float)
+    m, G, diameter = (
+        _checks.positive(name, x, "On a circle that attraction holds all three are positive.")
+        for name, x in (("m", m), ("G", G), ("diameter", diameter))
+    )
+    radius = 0.5 * diameter
     return jnp.sqrt(G * m / (jnp.sqrt(3.0) * radius**3))

@@ -126,9 +126,11 @@ def one_skate(
       spin: angular velocity [rad/s].
       t1: span [s].
     """
+    at = _checks.array("at", at, (2,), "x and y of the one skate, in m.")
+    heading = _checks.array("heading", heading, (), "One angle, in rad.")
     (x, y), c, s = at, jnp.cos(heading), jnp.sin(heading)
     v = jnp.stack([speed * c + spin * y, speed * s - spin * x, jnp.asarray(spin)])
-    return _on_skates(m, inertia, (at,), (heading,), v, t1)
+    return _on_skates(m, inertia, at[None], heading[None], v, t1)
 
 
 def two_skates(
@@ -152,6 +154,8 @@ def two_skates(
     Raises:
       ValueError: when it is run, for skates on a common normal line.
     """
+    at = _checks.array("at", at, (2, 2), "x and y of each of the two skates, in m.")
+    headings = _checks.array("headings", headings, (2,), "One angle for each skate, in rad.")
     scene = _on_skates(m, inertia, at, headings, jnp.zeros(3), t1)
     twist = allowed_twist(scene.system.mechanism)
     return scene.starting(jnp.concatenate([jnp.zeros(3), speed * twist]))

@@ -123,7 +123,9 @@ def car(
       spin: initial turning, a disturbance [rad/s].
       t1: span [s]; it must end before the car stands still, see `braking`.
     """
-    front, rear = jnp.asarray(to_front, dtype=float), -jnp.asarray(to_rear, dtype=float)
+    between = "The centre of mass is between the axles."
+    front = _checks.positive("to_front", to_front, between)
+    rear = -_checks.positive("to_rear", to_rear, between)
     _checks.choice("locked", locked, AXLES)
     slides, rolls = (front, rear) if locked == "front" else (rear, front)
     m, inertia = jnp.asarray(m, dtype=float), jnp.asarray(inertia, dtype=float)
