@@ -29,7 +29,8 @@ from orbits.words import word
 
 #: The time reversal that keeps a start in line with equal outer velocities.
 IN_LINE = of_points([1, 0, 2], (-1, -1), reversing=True)
-#: Published starts and periods, to the digits printed: name -> (a, b, T).
+#: Published starts and periods, to the digits printed: name -> (a, b, T). Of the two starts
+#: printed for each yin-yang, which lie half a period apart on one orbit, the first.
 NAMED = {
     "figure-eight": (0.34711, 0.53273, 6.3259),
     "butterfly I": (0.30689, 0.12551, 6.2356),
@@ -42,10 +43,8 @@ NAMED = {
     "goggles": (0.08330, 0.12789, 10.4668),
     "dragonfly": (0.08058, 0.58884, 21.2710),
     "yarn": (0.55906, 0.34919, 55.5018),
-    "yin-yang I a": (0.51394, 0.30474, 17.3284),
-    "yin-yang I b": (0.28270, 0.32721, 10.9626),
-    "yin-yang II a": (0.41682, 0.33033, 55.7898),
-    "yin-yang II b": (0.41734, 0.31310, 54.2076),
+    "yin-yang I": (0.51394, 0.30474, 17.3284),
+    "yin-yang II": (0.41682, 0.33033, 55.7898),
 }
 _WINDOW = 5.0  # of the period
 _ESCAPED = 8.0  # distance from the centre; orbits up to T = 70 stay within it
