@@ -15,6 +15,7 @@ from jaxdyn import _checks, catalogue, energy
 from jaxdyn._config import configure
 from jaxdyn.accuracy_command import accuracy_command
 from jaxdyn.cli_hard import hard_command
+from jaxdyn.course import PROBLEMS
 from jaxdyn.paths import pieces_of
 from jaxdyn.phases import Chain
 from jaxdyn.simulate import RTOL, Trajectory
@@ -41,8 +42,14 @@ def _settings() -> None:
 @app.command("list")
 def list_command(
     as_object: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    problems: Annotated[
+        bool, typer.Option("--problems", help="The course's problems and what answers each.")
+    ] = False,
 ) -> None:
     """Every scene with its course problems, its numbers, their defaults and units."""
+    if problems:
+        _list_problems(as_object)
+        return
     zoo = catalogue.entries()
     if as_object:
         print(json.dumps({name: _described(entry) for name, entry in zoo.items()}))  # noqa: T201
@@ -53,6 +60,18 @@ def list_command(
         for p in entry.parameters:
             lines.append(escape(f"{p.name} = {_shown(p.default)}: {p.meaning}"))
         table.add_row(name, ", ".join(map(str, entry.problems)), "\n".join(lines), end_section=True)
+    Console(highlight=False).print(table)
+
+
+def _list_problems(as_object: bool) -> None:
+    """The other way round: each problem with the public names that answer it."""
+    if as_object:
+        print(json.dumps({n: problem._asdict() for n, problem in PROBLEMS.items()}))  # noqa: T201
+        return
+    table = Table("problem", "what it is about", "jaxdyn names that answer it, and the answer")
+    for n, problem in PROBLEMS.items():
+        names = "\n".join([*problem.names, f"[italic]{escape(problem.answer)}[/italic]"])
+        table.add_row(str(n), escape(problem.title), names, end_section=True)
     Console(highlight=False).print(table)
 
 

@@ -326,7 +326,7 @@ PROBLEMS: dict[int, Problem] = {
     55: _problem(
         "Three satellites",
         "scenes.satellite scenes.satellites.satellite_a scenes.satellites.satellite_b "
-        "scenes.satellites.satellite_c inertia.principal formulations.rigid.pose",
+        "scenes.satellites.satellite_c scenes.satellites.antenna_trace inertia.principal",
         "No two moments of A are equal (0.527, 0.795, 1.051): 55 iii is wrong, 57 A i is right.",
     ),
     56: _problem(
@@ -342,7 +342,8 @@ PROBLEMS: dict[int, Problem] = {
     ),
     58: _problem(
         "Steady precession of axisymmetric bodies in space",
-        "precession.free_attitude precession.free_precession scenes.satellite",
+        "precession.free_attitude precession.free_precession scenes.satellite "
+        "scenes.satellites.antenna_trace",
         "Yes: every free motion is one, exp(t H / I_1) R_0 exp(t omega_s e_3).",
     ),
     59: _problem(

@@ -41,6 +41,18 @@ def test_the_list_is_a_table(jaxdyn):
     assert re.search(r"car +│ 32 ", out)
 
 
+def test_the_problems_are_listed_with_what_answers_each(jaxdyn):
+    code, out, _ = jaxdyn("list", "--problems", "--json")
+    assert code == 0
+    listed = json.loads(out)
+    assert list(listed) == [str(n) for n in range(1, 62)]
+    assert "scenes.free_body" in listed["52"]["names"]
+    code, out, _ = jaxdyn("list", "--problems")
+    assert code == 0
+    assert len(re.findall(r"^│ *\d+ +│", out, re.MULTILINE)) == 61
+    assert "[italic]" not in out
+
+
 def test_a_car_brakes_to_rest_long_before_the_span_ends(jaxdyn, tmp_path):
     picture = tmp_path / "car.png"
     words = ("--set", "spin=0", "--t1", "60", "--samples", "5", "--plot", picture, "--json")

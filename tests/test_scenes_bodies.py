@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import EXACT, SOLVED, central_difference, gap
+from jax.scipy.linalg import expm
 
 from jaxdyn import energy, inertia, precession, simulate, sleeping_top
 from jaxdyn.formulations.rigid import inertia_matrix, pose
@@ -21,7 +22,13 @@ from jaxdyn.scenes.bodies import (
     top,
 )
 from jaxdyn.scenes.disks import Disk, rolling_disk
-from jaxdyn.scenes.satellites import ANTENNAS, satellite_a, satellite_b, satellite_c
+from jaxdyn.scenes.satellites import (
+    ANTENNAS,
+    antenna_trace,
+    satellite_a,
+    satellite_b,
+    satellite_c,
+)
 
 #: The default top, as its formulas want it, and the moment of gravity over sin(theta).
 TOP = {"m": 0.1, "d": 0.05, "I1": 1e-4, "I3": 5e-5, "g": 9.81}
@@ -373,3 +380,23 @@ def test_a_hoop_has_its_moments():
 def test_a_box_needs_three_sides(sides):
     with pytest.raises(ValueError, match=r"^sides: expected shape \(3,\), got .* Along x, y and z"):
         box(sides=sides)
+
+
+@pytest.mark.parametrize("representation", ["quaternion", "matrix"])
+def test_an_antenna_traces_what_the_closed_form_of_a_steady_precession_says(representation):
+    scene = satellite("B", representation=representation)
+    motion = simulate(scene, 5.0, samples=7, rtol=1e-13)
+    body, tip = satellite_b(), ANTENNAS[1]
+    found = antenna_trace(motion, "B", tip)
+    start = pose(scene, 0.0, scene.y0)
+    # omega = a n + the rest, n = (1, 1, 1) / sqrt(3): R = exp(t H / I_1) R_0 exp(t spin n).
+    moments = np.linalg.eigvalsh(body.inertia)  # two equal ones, then that of the axis
+    n = np.ones(3) / np.sqrt(3)
+    spin = (n @ start.omega_b) * (1 - moments[2] / moments[0])
+    H = np.asarray(body.inertia) @ np.asarray(start.omega_b)
+    for t, r in zip(np.asarray(motion.ts), np.asarray(found), strict=True):
+        turn = [expm(np.cross(np.eye(3), t * w)) for w in (H / moments[0], spin * n)]
+        arm = np.asarray(tip) - np.asarray(body.centre)
+        np.testing.assert_allclose(r, turn[0] @ turn[1] @ arm, rtol=0, atol=1e-11)
+    with pytest.raises(ValueError, match="name: expected one of A, B, C"):
+        antenna_trace(motion, "D")

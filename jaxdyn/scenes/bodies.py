@@ -23,7 +23,7 @@ from jaxdyn.formulations.rigid import EulerBody, Pose, RigidBody, resting
 from jaxdyn.formulations.routes import floats
 from jaxdyn.inertia import Body, MaterialPoints, equimomental
 from jaxdyn.scene import Effect, Scene
-from jaxdyn.scenes.satellites import satellite_a, satellite_b, satellite_c
+from jaxdyn.scenes.satellites import SATELLITES
 
 REPRESENTATIONS = ("quaternion", "matrix", "euler")
 
@@ -154,7 +154,7 @@ def satellite(
       angular momentum (`precession.free_attitude`), and there is no wobble about another axis.
     - C ii: true, omega is constant.
 
-    The tip of an antenna at s in the axes of problem 55 is at ``pose.place(s - body.centre)``.
+    `scenes.satellites.antenna_trace` is the path of the tip of an antenna.
 
     Args:
       name: "A", "B" or "C".
@@ -162,7 +162,7 @@ def satellite(
       representation: "quaternion", "matrix" or "euler" (YXZ).
       t1: span [s].
     """
-    body = _SATELLITES[_checks.choice("name", name, _SATELLITES)]()
+    body = SATELLITES[_checks.choice("name", name, SATELLITES)]()
     matter, start = equimomental(body), resting(None, omega0)
     return _scene(matter, JACK_ARMS, start, representation, "YXZ", t1=t1)
 
@@ -237,6 +237,3 @@ def _scene(
 
 def _vector(*numbers) -> Array:
     return jnp.stack(floats(*numbers))
-
-
-_SATELLITES = {"A": satellite_a, "B": satellite_b, "C": satellite_c}

@@ -13,8 +13,12 @@ the course's claims:
 - 57 C.i holds: every direction is principal for C, since by symmetry its three moments are equal.
 """
 
+import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
+from jaxdyn import _checks
+from jaxdyn.formulations.rigid import pose
 from jaxdyn.inertia import Body, box_of_density, sphere_of_density
 
 #: Tips of the two massless antennas, from (0, 0, 0) and from (0, 0, 0.5).
@@ -35,6 +39,28 @@ def satellite_c(density=1.0) -> Body:
     """Balls on all six faces."""
     faces = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0, -1, 0), (0, 0, -1)]
     return _satellite(density, faces)
+
+
+#: The bodies by the names that the course gives them.
+SATELLITES = {"A": satellite_a, "B": satellite_b, "C": satellite_c}
+
+
+def antenna_trace(motion, name: str = "A", tip=ANTENNAS[0]) -> Array:
+    """(s, 3) path in space of the tip of an antenna on a satellite (problems 55, 58) [m].
+
+    Args:
+      motion: of `scenes.satellite`, with the same name; its samples are the points of the path.
+      name: "A", "B" or "C".
+      tip: (3,) in the axes of problem 55, from a corner of the cube [m]; one of `ANTENNAS`.
+    Example:
+      >>> from jaxdyn import scenes, simulate
+      >>> motion = simulate(scenes.satellite("B"), 1.0, samples=5)
+      >>> scenes.satellites.antenna_trace(motion, "B").shape
+      (5, 3)
+    """
+    body = SATELLITES[_checks.choice("name", name, SATELLITES)]()
+    arm = _checks.array("tip", tip, (3,), "Along the edges of the cube, in m.") - body.centre
+    return jax.vmap(lambda t, y: pose(motion.scene, t, y).place(arm))(motion.ts, motion.ys)
 
 
 def _satellite(density, faces: list[tuple[int, int, int]]) -> Body:
