@@ -97,6 +97,12 @@ def build(name: str, settings: Mapping[str, str]) -> Scene:
     Raises:
       ValueError: no such scene or number (the nearest is suggested), or text that is no number.
     """
+    values = numbers(name, settings)
+    return entries()[name].make(**values)
+
+
+def numbers(name: str, settings: Mapping[str, str]) -> dict[str, Any]:
+    """The numbers that a scene is made with where some are set from text; arguments of `build`."""
     zoo = entries()
     entry = zoo[_checks.choice("scene", name, zoo)]
     known = {parameter.name: parameter for parameter in entry.parameters}
@@ -104,7 +110,7 @@ def build(name: str, settings: Mapping[str, str]) -> Scene:
     for key, text in settings.items():
         parameter = known[_checks.choice(f"parameter of {name}", key, known)]
         values[key] = _value(key, text, parameter.default)
-    return entry.make(**values)
+    return values
 
 
 def settings(texts: Iterable[str]) -> dict[str, str]:

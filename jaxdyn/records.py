@@ -1,8 +1,8 @@
 """Scenes as plain JSON, and back, without executing anything a file says.
 
-A module becomes ``{"type": its class name, field: value, ...}``; arrays become nested lists of
-numbers. Reading looks the class up among those that are defined in the running program and
-fills in its fields; it never imports, calls or unpickles what a file names.
+A module or named tuple becomes ``{"type": its class name, field: value, ...}``; arrays become
+nested lists of numbers. Reading looks the class up among those that are defined in the running
+program and fills in its fields; it never imports, calls or unpickles what a file names.
 """
 
 import dataclasses
@@ -33,6 +33,11 @@ def encode(value: Any) -> Any:
     if isinstance(value, eqx.Module):
         fields = {f.name: encode(getattr(value, f.name)) for f in dataclasses.fields(value)}
         return {"type": type(value).__name__, **fields}
+    if isinstance(value, tuple) and _named(type(value)):
+        return {
+            "type": type(value).__name__,
+            **{f: encode(getattr(value, f)) for f in _named(type(value))},
+        }
     if isinstance(value, Array | np.ndarray):
         return np.asarray(value).tolist()
     if isinstance(value, tuple | list):
@@ -146,16 +151,18 @@ def _classes(kinds: tuple[type, ...]) -> dict[str, type]:
     return found
 
 
-def _module(value: dict, what: str, kinds: tuple[type, ...]) -> eqx.Module:
+def _module(value: dict, what: str, kinds: tuple[type, ...]) -> Any:
     classes = _classes(kinds)
     name = value.get("type")
     cls = classes.get(name) if isinstance(name, str) else None
     if cls is None:
         raise fail(what, f"one of {', '.join(sorted(classes))}", repr(name)[:60])
-    names = {f.name for f in dataclasses.fields(cls)}
+    names = {*_named(cls)} or {f.name for f in dataclasses.fields(cls)}
     if names != value.keys() - {"type"}:
         wrong = sorted(names ^ (value.keys() - {"type"}))
         raise fail(what, f"the fields of {cls.__name__}", f"missing or extra {wrong}")
+    if _named(cls):
+        return cls(**{key: _number_or(value[key], f"{what}.{key}", kinds) for key in names})
     # Not through the constructor, whose arguments are for people and may differ from the fields.
     module = object.__new__(cls)
     for field in dataclasses.fields(cls):
@@ -164,6 +171,11 @@ def _module(value: dict, what: str, kinds: tuple[type, ...]) -> eqx.Module:
         item = _tuples(item) if static else _number_or(item, f"{what}.{field.name}", kinds)
         object.__setattr__(module, field.name, item)
     return module
+
+
+def _named(cls: type) -> tuple[str, ...]:
+    """The fields of a class of named tuples; () for any other class."""
+    return getattr(cls, "_fields", ()) if issubclass(cls, tuple) else ()
 
 
 def _tuples(item: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The command line: `orbits figure-eight`, `orbits verify FILE`, `orbits aim`."""
+"""The command line: `orbits figure-eight`, `find SCENE`, `family SCENE`, `verify FILE`, `aim`."""
 
 import json
 import math
@@ -10,16 +10,26 @@ from typing import Annotated, Any
 import jax
 import typer
 from rich.console import Console
-from rich.table import Table
 
 import jaxdyn
 from jaxdyn._checks import fail
 from jaxdyn.scenes import EIGHT_GUESS, EIGHT_GUESS_PERIOD
 from orbits.aim_command import aim_command
+from orbits.command_options import (
+    NOT_FOUND,
+    AnimateOption,
+    JsonOption,
+    PlotOption,
+    SaveOption,
+    check_files,
+    progress,
+)
+from orbits.family_command import family_command
 from orbits.figure_eight import figure_eight
-from orbits.newton import Iteration
+from orbits.find_command import find_command
+from orbits.printed import print_reports
 from orbits.problem import Orbit
-from orbits.report import Report, as_json, report
+from orbits.report import as_json, report
 from orbits.verify import save, verify
 
 app = typer.Typer(
@@ -28,16 +38,13 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-NOT_FOUND = 1  # exit code: no orbit was found
 MISUSE = 2  # exit code: the input makes no sense
 
-PlotOption = Annotated[Path | None, typer.Option(help="Draw the orbits (.png, .pdf, .svg).")]
-AnimateOption = Annotated[Path | None, typer.Option(help="Animate the eight (.gif, .mp4).")]
-SaveOption = Annotated[Path | None, typer.Option("--save", help="Write an orbit file (.json).")]
-JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 NumbersOption = Annotated[str | None, typer.Option(metavar="A,B,...")]
 
 
+app.command("find")(find_command)
+app.command("family")(family_command)
 app.command("aim")(aim_command)
 
 
@@ -64,7 +71,7 @@ def figure_eight_command(
     have 13, the last for the period.
     """
     console = Console(stderr=as_object, highlight=False, soft_wrap=True)
-    _check_files(plot, animate, save_to)
+    check_files(plot, animate, save_to)
     clock = _Clock()
     plain, eight = figure_eight(
         _numbers("guess", guess, list(EIGHT_GUESS)),
@@ -73,7 +80,7 @@ def figure_eight_command(
         lower=_numbers("lower", lower, None),
         upper=_numbers("upper", upper, None),
         say=lambda text: console.print(f"[bold]{text}[/bold]"),
-        report=lambda step: console.print(_progress(step)),
+        report=lambda step: console.print(progress(step)),
     )
     if not eight.ok:
         _print_failure(plain, eight, clock, as_object, console)
@@ -84,7 +91,9 @@ def figure_eight_command(
     claims["choreography"] = report(eight)
     found = as_json(claims["choreography"]) | {"seconds": clock.seconds(), "neighbour": neighbour}
     if not as_object:
-        _print_reports(claims, clock, console)
+        print_reports(claims, console)
+        seconds = clock.seconds()
+        console.print(f"compiling {seconds['compile']:.1f} s, the rest {seconds['solve']:.1f} s")
     if save_to:
         save(save_to, eight, claims["choreography"])
         console.print(f"saved to {save_to}")
@@ -105,7 +114,7 @@ def verify_command(
         wrong = [{"name": m.name, "claimed": m.claimed, "derived": m.derived} for m in mismatches]
         print(json.dumps({"ok": not wrong, "mismatches": wrong, "derived": as_json(derived)}))  # noqa: T201
     else:
-        _print_reports({file.name: derived}, None, console)
+        print_reports({file.name: derived}, console)
     if mismatches:
         first = mismatches[0]
         raise fail(
@@ -142,19 +151,6 @@ class _Clock:
         return {"compile": round(self.compiling, 3), "solve": round(total - self.compiling, 3)}
 
 
-def _check_files(plot: Path | None, animate: Path | None, save_to: Path | None) -> None:
-    """Refuse a file that cannot be written before the work, not after it."""
-    if plot or animate:
-        from jaxdyn import animate as moving
-        from jaxdyn import plots
-
-        for path, suffixes in ((plot, plots.SUFFIXES), (animate, moving.SUFFIXES)):
-            if path:
-                plots.checked_path(path, suffixes)
-    if save_to and (save_to.is_dir() or not save_to.parent.is_dir()):
-        raise fail("file", "a file in a folder that exists", f"'{save_to}'", "Make it first.")
-
-
 def _numbers(name: str, text: str | None, default: list[float] | None) -> list[float] | None:
     if text is None:
         return default
@@ -167,13 +163,6 @@ def _numbers(name: str, text: str | None, default: list[float] | None) -> list[f
     return values
 
 
-def _progress(step: Iteration) -> str:
-    return (
-        f"  step {step.index:2d}   largest error {step.residual:9.2e}   "
-        f"period {step.period:.12f}   moved {step.step:.1e}"
-    )
-
-
 def _print_failure(plain: Orbit, eight: Orbit, clock: _Clock, as_object: bool, console) -> None:
     stage = "plain closing" if not plain.ok else "choreography"
     if as_object:
@@ -183,49 +172,6 @@ def _print_failure(plain: Orbit, eight: Orbit, clock: _Clock, as_object: bool, c
         failure |= {"best_iterate": best, "seconds": clock.seconds()}
         print(json.dumps(failure))  # noqa: T201
     console.print(f"[red]no orbit[/red] ({stage}): {eight.message}")
-
-
-def _print_reports(claims: dict[str, Report], clock: _Clock | None, console: Console) -> None:
-    table = Table("")
-    for name in claims:
-        table.add_column(name, overflow="fold")
-    for label, text in _ROWS:
-        table.add_row(label, *(text(claim) for claim in claims.values()))
-    console.print(table)
-    if clock:
-        seconds = clock.seconds()
-        console.print(f"compiling {seconds['compile']:.1f} s, the rest {seconds['solve']:.1f} s")
-
-
-def _multipliers(claim: Report) -> str:
-    shown = [complex(*z) for z in claim.multipliers[: len(claim.multiplier_bars)]]
-    lines = [f"{z.real:+.7f}{z.imag:+.7f}i" if z.imag else f"{z.real:+.7f}" for z in shown]
-    return "\n".join([*lines, f"and {claim.unit_multipliers} times 1"])
-
-
-def _optional(x: float | None, form: str) -> str:
-    return "-" if x is None else format(x, form)
-
-
-_ROWS = (
-    ("is a choreography", lambda c: f"{'yes' if c.choreography else 'NO'}"),
-    ("  misses one by", lambda c: _optional(c.permutation_error, ".1e")),
-    ("linear stability", lambda c: c.verdict),
-    ("T |E|^(3/2)", lambda c: _optional(c.scale_free, ".13f")),
-    ("period T", lambda c: f"{c.period:.13f}"),
-    ("energy E", lambda c: f"{c.energy:.13f}"),
-    ("angular momentum", lambda c: f"{c.angular_momentum:.1e}"),
-    ("closing error", lambda c: f"{c.closure:.1e}"),
-    ("  by a second method", lambda c: f"{c.recheck.closure:.1e} ({c.recheck.solver})"),
-    ("  after several periods", lambda c: f"{c.return_error:.1e} ({c.periods_simulated})"),
-    ("multipliers", _multipliers),
-    ("rotation numbers", lambda c: "\n".join(_optional(nu, ".12f") for nu in c.exponents)),
-    ("normal form: period", lambda c: f"{c.normal_form.period:.13f}" if c.normal_form else "-"),
-    (
-        "  first body at",
-        lambda c: "({:.10f}, {:.10f})".format(*c.normal_form.y0[:2]) if c.normal_form else "-",
-    ),
-)
 
 
 def _draw(plain: Orbit, eight: Orbit, plot: Path | None, animate: Path | None, console) -> None:

@@ -1,8 +1,9 @@
-"""Pictures of searches: throws at a target and the range of all angles, loops about a centre.
+"""Pictures of searches: throws and the range of all angles, loops about a centre, families.
 
 Drawn like `jaxdyn.plots`: with Matplotlib's objects, no window, the `Figure` returned.
 """
 
+import itertools
 import math
 from typing import Any
 
@@ -12,6 +13,8 @@ from matplotlib.figure import Figure
 from jaxdyn import Scene, plots, simulate
 from jaxdyn._checks import fail
 from orbits.aim import Hits, Throws
+from orbits.family import Kind
+from orbits.family_files import Listing
 from orbits.launch import angle_of, landings, launched
 from orbits.loops import Least, least
 
@@ -106,6 +109,54 @@ def loops(path=None, *, lowest: float = -2.9, highest: float = 12.0, most: int =
     angles.legend(loc="upper right", frameon=False)
     _plain(angles, counts)
     return plots.finished(figure, path)
+
+
+def family(listed: Listing, path=None) -> Figure:
+    """A picture of the periods of a family, against its parameter or the energy.
+
+    Stable stretches are solid, unstable ones dashed, those between two verdicts or without one
+    dotted; what is special is marked.
+
+    Args:
+      listed: what `family_files.listing` made or `family_files.load` read.
+      path: file to write, .png, .pdf or .svg.
+    Raises:
+      ValueError: a file that cannot be written.
+    """
+    if path is not None:
+        path = plots.checked_path(path, plots.SUFFIXES)
+    figure = plots.blank(6.8, 5.0)
+    ax: Any = figure.add_subplot(1, 1, 1)
+
+    def place(entry):
+        across = entry.energy if listed.parameter is None else entry.parameter
+        return across, entry.orbit.period
+
+    seen: set[str] = set()
+    for one, two in itertools.pairwise(listed.members):
+        verdict = one.verdict if one.verdict == two.verdict else "undecided"
+        label = "_" if verdict in seen else verdict
+        seen.add(verdict)
+        line = tuple(zip(place(one), place(two), strict=True))
+        ax.plot(*line, color=plots.PALETTE[0], lw=1.8, ls=_STRETCHES[verdict], label=label)
+    passed = np.array([place(entry) for entry in listed.members])
+    ax.plot(*passed.T, ".", color=plots.PALETTE[0], ms=4, label="_")
+    start = place(listed.members[0])
+    ax.plot(*start, "o", color=plots.INK, ms=6, zorder=3, label="first")
+    for (kind, marker), colour in zip(_MARKS.items(), plots.PALETTE[1:], strict=False):
+        there = np.array([place(entry) for entry in listed.special if entry.kind == kind])
+        if len(there):
+            ax.plot(*there.T, marker, color=colour, ms=8, mew=2, zorder=4, label=kind, ls="")
+    ax.set(xlabel=listed.parameter or "energy", ylabel="period")
+    _plain(ax)
+    figure.legend(
+        *ax.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False
+    )
+    return plots.finished(figure, path)
+
+
+_STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}
+_MARKS = {Kind.FOLD: "s", Kind.BRANCH: "D", Kind.DOUBLING: "^", Kind.TORUS: "*"}
 
 
 def _draw_fractions(ax, found: Least, most: int) -> None:

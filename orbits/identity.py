@@ -8,13 +8,15 @@ normal form in which equal orbits have equal digits.
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn.effects import PairGravity
-from jaxdyn.energy import angular_momentum, energy
+from jaxdyn.energy import angular_momentum, energy, potential
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import EIGHT
 from jaxdyn.simulate import solve
@@ -23,6 +25,9 @@ from orbits.problem import Orbit
 
 #: Entries of y(T / n) may miss the choreography by this much of the orbit's size.
 CHOREOGRAPHY = 1e-9
+#: What changes less than this along the orbit, relative to its parts, is conserved.
+KEPT = 1e-9
+_MOMENTS = 32  # of one period, to see what is conserved
 _SAMPLES = 720  # of one period, to bracket the passage nearest to the centre
 _PASSAGE_STEPS = 8  # Newton steps on the time of that passage
 
@@ -32,24 +37,26 @@ class Identity:
     """What an orbit is.
 
     Attributes:
-      choreography: whether all bodies follow one curve, evenly spaced in time.
+      choreography: whether all bodies follow one curve, evenly spaced in time; None unless
+        several points move freely.
       permutation_error: how far it is from one: the largest entry of y(T/n) minus the
         relabelled start, the better of the two directions; NaN where bodies are not equal.
-      energy: kinetic plus potential.
-      angular_momentum: about the origin, in the plane.
+      energy: kinetic plus potential; None where the motion does not keep it.
+      angular_momentum: about the origin, in the plane of x and y; None where the motion does
+        not keep it.
       scale_free: T |E|^(3/2), the same for all scaled copies; None unless all forces are
         Newtonian attractions.
     """
 
-    choreography: bool
+    choreography: bool | None
     permutation_error: float
-    energy: float
-    angular_momentum: float
+    energy: float | None
+    angular_momentum: float | None
     scale_free: float | None
 
 
 def identify(orbit: Orbit) -> Identity:
-    """The invariants of an orbit of free points.
+    """The invariants of an orbit, as far as it has them.
 
     Example:
       >>> import orbits
@@ -59,19 +66,47 @@ def identify(orbit: Orbit) -> Identity:
       >>> what.choreography, round(what.scale_free, 9)
       (True, 9.237681251)
     """
-    scene, t = orbit.scene, jnp.zeros(())
-    e = float(energy(scene, t, orbit.y0))
-    free = isinstance(scene.system, FreePoints)
-    gravity = free and {type(effect) for effect in scene.effects} == {PairGravity}
+    system = orbit.scene.system
+    several = isinstance(system, FreePoints) and len(system.m) > 1
+    gravity = {type(effect) for effect in orbit.scene.effects} == {PairGravity}
+    e, momentum = conserved(orbit)
     error = permutation_error(orbit)
     size = float(np.abs(np.asarray(orbit.y0)).max())
     return Identity(
-        choreography=bool(error < CHOREOGRAPHY * size),
+        choreography=bool(error < CHOREOGRAPHY * size) if several else None,
         permutation_error=error,
         energy=e,
-        angular_momentum=float(np.asarray(angular_momentum(scene, t, orbit.y0)).ravel()[-1]),
-        scale_free=orbit.period * abs(e) ** 1.5 if gravity else None,
+        angular_momentum=momentum,
+        scale_free=orbit.period * abs(e) ** 1.5 if several and gravity and e is not None else None,
     )
+
+
+def conserved(orbit: Orbit) -> tuple[float | None, float | None]:
+    """Energy, and angular momentum in the plane of x and y; None for what the motion changes."""
+    scene = orbit.scene
+    r = scene.system.points(jnp.zeros(()), jnp.asarray(orbit.y0)).r
+    if not len(r):
+        return None, None
+    # Not evenly spaced: equal values at symmetric moments would pass for constant ones.
+    ts = orbit.period * np.linspace(0.0, 1.0, _MOMENTS) ** 1.5
+    ys = solve(scene, orbit.period, ts=ts, rtol=orbit.rtol).ys
+    along = jax.vmap(lambda t, y: _integrals(scene, t, y))
+    energies, momenta = (np.asarray(pair) for pair in jax.jit(along)(jnp.asarray(ts), ys))
+    in_plane = r.shape[1] > 1
+    return _constant(*energies.T), _constant(*momenta.T) if in_plane else None
+
+
+def _integrals(scene: Scene, t: Array, y: Array) -> tuple[Array, Array]:
+    """Energy and angular momentum (2,), each with the size of the parts it is the sum of."""
+    r, v, m = scene.system.points(t, y)
+    e, v0 = energy(scene, t, y), potential(scene, t, y)
+    momentum = jnp.ravel(angular_momentum(scene, t, y))[-1]
+    arms = jnp.sum(m * jnp.linalg.norm(r, axis=1) * jnp.linalg.norm(v, axis=1))
+    return jnp.stack([e, jnp.abs(e - v0) + jnp.abs(v0)]), jnp.stack([momentum, arms])
+
+
+def _constant(values: np.ndarray, sizes: np.ndarray) -> float | None:
+    return float(values[0]) if np.ptp(values) <= KEPT * sizes.max() else None
 
 
 def permutation_error(orbit: Orbit) -> float:

@@ -12,7 +12,9 @@ import numpy as np
 from orbits.evidence import Recheck, closure, recheck
 from orbits.identity import has_normal_form, identify, normal_form
 from orbits.problem import Orbit
+from orbits.same import minimal_period
 from orbits.stability import stability
+from orbits.words import has_word, word
 
 #: Periods simulated in a row to show that an orbit comes back.
 PERIODS = 5
@@ -35,10 +37,12 @@ class Report:
       period: full period.
       y0: (k,) start, in the order of the system's labels.
       closure: largest difference between the state after one period and the start.
-      choreography: whether all bodies follow one curve.
+      minimal_period: the shortest time after which the motion comes back.
+      choreography: whether all bodies follow one curve; None unless they are free points.
       permutation_error: how far it is from that; None where bodies differ.
-      energy: kinetic plus potential.
-      angular_momentum: about the origin.
+      word: the free-group word of three bodies in the plane; None for anything else.
+      energy: kinetic plus potential; None where it is not conserved.
+      angular_momentum: about the origin; None where it is not conserved.
       scale_free: T |E|^(3/2); None unless all forces are Newtonian attractions.
       multipliers: all Floquet multipliers as [re, im].
       multiplier_bars: error bars of the non-trivial ones, which come first.
@@ -57,10 +61,12 @@ class Report:
     period: float
     y0: list[float]
     closure: float
-    choreography: bool
+    minimal_period: float
+    choreography: bool | None
     permutation_error: float | None
-    energy: float
-    angular_momentum: float
+    word: str | None
+    energy: float | None
+    angular_momentum: float | None
     scale_free: float | None
     multipliers: list[list[float]]
     multiplier_bars: list[float]
@@ -88,8 +94,10 @@ def report(orbit: Orbit) -> Report:
         period=orbit.period,
         y0=_floats(orbit.y0),
         closure=closure(orbit),
+        minimal_period=minimal_period(orbit)[0],
         choreography=what.choreography,
         permutation_error=what.permutation_error if math.isfinite(what.permutation_error) else None,
+        word=word(orbit) if has_word(orbit) else None,
         energy=what.energy,
         angular_momentum=what.angular_momentum,
         scale_free=what.scale_free,

@@ -1,24 +1,21 @@
 """Orbit files: write one with its claims, read it, and derive every claim again from scratch."""
 
 import dataclasses
-import math
 from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import Scene, records
+from jaxdyn import records
 from jaxdyn._checks import fail
 from jaxdyn.simulate import solve
-from orbits.closing import Closing
-from orbits.problem import Orbit, Outcome, part
+from orbits import files
+from orbits.problem import Orbit, part
 from orbits.report import Report, as_json, report
-from orbits.shooting import check_drive, driven
-from orbits.symmetry import Symmetry
 
 FORMAT = "jaxdyn-orbit"
-VERSION = 2
+VERSION = 3
 #: A file's numbers and those derived again may differ by this, relative to their size.
 AGREEMENT = 1e-9
 #: Errors are rounding, not numbers: claimed and derived ones may differ by this factor.
@@ -31,7 +28,7 @@ _ERRORS = (
     "determinant_defect",
     "recheck.closure",
 )
-_KEYS = {"format", "version", "scene", "closing", "angle", "rtol", "claims"}
+_KEYS = {"format", "version", "claims"} | files.KEYS
 _NOT_COMPARED = ("multiplier_bars", "recheck.tolerance")
 
 
@@ -60,10 +57,7 @@ def save(path: str | Path, orbit: Orbit, claims: Report | None = None) -> None:
         {
             "format": FORMAT,
             "version": VERSION,
-            "scene": records.encode(orbit.scene),
-            "closing": records.encode(orbit.closing),
-            "angle": float(orbit.angle),
-            "rtol": float(orbit.rtol),
+            **files.encode(orbit),
             "claims": as_json(claims),
         },
     )
@@ -76,19 +70,11 @@ def load(path: str | Path) -> tuple[Orbit, dict[str, Any]]:
       ValueError: not a readable orbit file of this version, or one that makes no sense.
     """
     record = records.read(path, FORMAT, VERSION)
-    remedy = "The file was edited or is damaged."
     if record.keys() != _KEYS:
-        raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), remedy)
-    try:
-        scene = _scene(record["scene"], remedy)
-        closing = _closing(record["closing"], scene)
-        angle = float(record["angle"])
-        rtol, claims = float(record["rtol"]), record["claims"]
-        if not (0 < rtol < 1 and float(scene.t1) > 0 and isinstance(claims, dict)):
-            raise fail("file", "a period > 0, 0 < rtol < 1 and claims", "others", remedy)
-    except (KeyError, TypeError, AttributeError, IndexError) as error:
-        raise fail("file", "a complete orbit", f"{type(error).__name__} {error}", remedy) from error
-    orbit = Orbit(scene, closing, math.nan, Outcome.FOUND, 0, rtol, angle)
+        raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), files.DAMAGED)
+    orbit, claims = files.decode(record), record["claims"]
+    if not isinstance(claims, dict):
+        raise fail("file", "claims by name", type(claims).__name__, files.DAMAGED)
     return orbit, claims
 
 
@@ -101,27 +87,6 @@ def verify(path: str | Path) -> tuple[Report, list[Mismatch]]:
     orbit, claims = load(path)
     derived = report(orbit)
     return derived, [*_not_closed(orbit, derived), *_compare(claims, as_json(derived))]
-
-
-def _scene(record: Any, remedy: str) -> Scene:
-    scene = records.decode(record, "scene")
-    if not isinstance(scene, Scene):
-        raise fail("scene", "a Scene", type(scene).__name__, remedy)
-    scene.check()
-    rate = scene.rate(jnp.zeros(()), scene.y0)
-    if rate.shape != scene.y0.shape:
-        raise fail("scene", f"a rate of shape {scene.y0.shape}", f"shape {rate.shape}", remedy)
-    if driven(scene):
-        check_drive(scene, float(scene.t1))
-    return scene
-
-
-def _closing(record: Any, scene: Scene) -> Closing:
-    closing = records.decode(record, "closing", (Closing, Symmetry))
-    if not (isinstance(closing, Closing) and isinstance(closing.name, str)):
-        raise fail("closing", "a closing condition with a name", "others")
-    closing.check(scene)
-    return closing
 
 
 def _not_closed(orbit: Orbit, derived: Report):

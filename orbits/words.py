@@ -34,8 +34,7 @@ def syzygies(orbit: Orbit) -> tuple[int, ...]:
     Raises:
       ValueError: anything but three free points in the plane.
     """
-    system = orbit.scene.system
-    if not (isinstance(system, FreePoints) and system.d == 2 and len(system.m) == 3):
+    if not has_word(orbit):
         raise fail("orbit", "three free points in the plane", "another system")
     r = _sampled(orbit)
     u, w = r[:, 1] - r[:, 0], r[:, 2] - r[:, 0]
@@ -47,6 +46,12 @@ def syzygies(orbit: Orbit) -> tuple[int, ...]:
     if len(passed) and not up[passed[0]]:
         middles = middles[1:] + middles[:1]
     return tuple(middles)
+
+
+def has_word(orbit: Orbit) -> bool:
+    """Whether `syzygies` and `word` apply: three free points in the plane."""
+    system = orbit.scene.system
+    return isinstance(system, FreePoints) and system.d == 2 and len(system.m) == 3
 
 
 def _sampled(orbit: Orbit) -> np.ndarray:

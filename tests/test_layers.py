@@ -131,6 +131,12 @@ RANKS = {
     "orbits/bifurcations.py": 16,
     "orbits/continuation.py": 17,
     "orbits/report.py": 15,
+    "orbits/command_options.py": 11,
+    "orbits/printed.py": 16,
+    "orbits/find_command.py": 19,
+    "orbits/files.py": 14,
+    "orbits/family_files.py": 16,
+    "orbits/family_command.py": 20,
     "orbits/plots.py": 18,
     "orbits/verify.py": 18,
     "orbits/screen.py": 14,
@@ -146,7 +152,7 @@ RANKS = {
     "orbits/aim.py": 12,
     "orbits/charts.py": 18,
     "orbits/aim_command.py": 19,
-    "orbits/__main__.py": 20,
+    "orbits/__main__.py": 21,
 }
 
 #: Imports inside functions: what the private question to JAX needs, and drawings, which only
@@ -159,7 +165,11 @@ INSIDE = {
     ("orbits/__main__.py", "orbits.plots"),
     ("orbits/aim_command.py", "orbits.charts"),
     ("orbits/aim_command.py", "jaxdyn.plots"),
-    ("orbits/__main__.py", "jaxdyn.plots"),
+    ("orbits/command_options.py", "jaxdyn.plots"),
+    ("orbits/command_options.py", "jaxdyn.animate"),
+    ("orbits/find_command.py", "orbits.plots"),
+    ("orbits/family_command.py", "orbits.charts"),
+    ("orbits/find_command.py", "jaxdyn.animate"),
     ("orbits/__main__.py", "jaxdyn.animate"),
 }
 

@@ -84,7 +84,7 @@ def nudged(value):
 PLAIN_CLAIMS = [
     *("outcome", "period", "closure", "choreography", "permutation_error", "energy"),
     *("angular_momentum", "scale_free", "unit_multipliers", "verdict", "symplectic_defect"),
-    *("determinant_defect", "periods_simulated", "return_error"),
+    *("determinant_defect", "periods_simulated", "return_error", "minimal_period", "word"),
 ]
 
 
@@ -184,9 +184,9 @@ def test_rounding_of_another_machine_is_no_edit(edited):
     ("keys", "to", "message"),
     [
         (("format",), "other", "file: expected format 'jaxdyn-orbit', got 'other'"),
-        (("version",), 99, "file: expected version 2, got 99"),
-        (("claims",), [], "file: expected a period > 0, 0 < rtol < 1 and claims, got others"),
-        (("rtol",), 0.0, "file: expected a period > 0, 0 < rtol < 1 and claims, got others"),
+        (("version",), 99, "file: expected version 3, got 99"),
+        (("claims",), [], "file: expected claims by name, got list"),
+        (("rtol",), 0.0, "file: expected a period > 0 and 0 < rtol < 1, got others"),
         (("rtol",), 1e-30, "rtol: expected between 1e-16 and 0.01, got 1e-30"),
         (("rtol",), None, "file: expected a complete orbit, got TypeError"),
         (("scene", "t1"), -1.0, "file: expected a period > 0"),
@@ -229,7 +229,7 @@ def test_files_that_make_no_sense(edited, keys, to, message):
 def _with_more(edited, keys):
     if len(keys) > 1:
         return edited(keys[0], to=lambda at: at | {"more": 1})
-    path = edited("version", to=2)
+    path = edited("version", to=files.VERSION)
     path.write_text(json.dumps(json.loads(path.read_text()) | {"more": 1}))
     return path
 

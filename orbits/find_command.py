@@ -1,0 +1,170 @@
+"""The command `orbits find`: a periodic orbit of any scene of the catalogue."""
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+import jaxdyn
+from jaxdyn import Scene, catalogue
+from jaxdyn._checks import choice, fail
+from jaxdyn.formulations.newton import FreePoints
+from orbits import closing as closings
+from orbits.command_options import (
+    NOT_FOUND,
+    AnimateOption,
+    JsonOption,
+    PlotOption,
+    SaveOption,
+    SceneArgument,
+    SetOption,
+    check_files,
+    progress,
+)
+from orbits.conditions import Energy
+from orbits.newton import Iteration
+from orbits.printed import print_reports
+from orbits.problem import Orbit
+from orbits.report import as_json, report
+from orbits.same import minimal_period
+from orbits.seeds import Seed, returns
+from orbits.shooting import driven, find
+from orbits.symmetry import backwards
+from orbits.verify import save
+
+_TRIES = 3  # close returns that are tried
+_FRAMES = 180
+
+
+def find_command(
+    name: SceneArgument,
+    settings: SetOption = None,
+    period: Annotated[
+        float | None, typer.Option(help="Guess; from a close return if left out.")
+    ] = None,
+    closing: Annotated[
+        str, typer.Option(help="plain, choreography, relative or reversal.")
+    ] = "plain",
+    energy: Annotated[float | None, typer.Option(help="Energy of the wanted orbit.")] = None,
+    segments: Annotated[int | None, typer.Option(help="Pieces of the motion.")] = None,
+    plot: PlotOption = None,
+    animate: AnimateOption = None,
+    save_to: SaveOption = None,
+    as_object: JsonOption = False,
+) -> None:
+    """A periodic orbit near a scene's own motion: what it is, and whether it is stable."""
+    console = Console(stderr=as_object, highlight=False, soft_wrap=True)
+    check_files(plot, animate, save_to)
+    scene = catalogue.build(name, catalogue.settings(settings or ()))
+    orbit = searched(
+        scene, period, closing, energy, segments, lambda step: console.print(progress(step))
+    )
+    if not orbit.ok:
+        if as_object:
+            print(json.dumps(_failure(orbit)))  # noqa: T201
+        console.print(f"[red]no orbit[/red]: {orbit.message}")
+        raise typer.Exit(NOT_FOUND)
+    claims = report(orbit)
+    if not as_object:
+        print_reports({f"{name}, {orbit.closing.name}": claims}, console)
+    if save_to:
+        save(save_to, orbit, claims)
+        console.print(f"saved to {save_to}")
+    if plot:
+        from orbits.plots import orbit_picture
+
+        orbit_picture([orbit], plot, [f"{name}, period {orbit.period:.9g}, {claims.verdict}"])
+        console.print(f"drawn in {plot}")
+    if animate:
+        from jaxdyn.animate import animate as make_animation
+
+        make_animation(jaxdyn.simulate(orbit.scene, samples=_FRAMES), animate)
+        console.print(f"animated in {animate}")
+    if as_object:  # last: a file that cannot be written leaves no result behind
+        print(json.dumps({"scene": name} | as_json(claims)))  # noqa: T201
+
+
+def searched(
+    scene: Scene,
+    period: float | None = None,
+    closing: str = "plain",
+    energy: float | None = None,
+    segments: int | None = None,
+    report: Callable[[Iteration], None] = lambda step: None,
+) -> Orbit:
+    """The orbit near a scene's own start; the best iterate and the reason where there is none.
+
+    Args:
+      scene: what moves.
+      period: guess; left out, the closest returns of the scene's own motion are tried.
+      closing: plain, choreography, relative or reversal.
+      energy: of the wanted orbit; None for any.
+      segments: see `find`.
+      report: see `find`.
+    Raises:
+      ValueError: a closing that the scene does not allow, or no close return to begin with.
+    """
+    several = _closings(scene, closing)
+    hold = () if energy is None else Energy(energy)
+
+    def near(y0, length) -> Orbit:
+        return find(
+            scene,
+            y0,
+            length,
+            closing=several,
+            hold=hold,
+            segments=segments,
+            report=report,
+            throw=False,
+        )
+
+    if period is not None:
+        return near(None, period)
+    orbit = None
+    for seed in _seeds(scene):
+        # A reversal needs a start that it keeps, which the scene's own may be.
+        orbit = near(None if closing == "reversal" else seed.y0, seed.period)
+        if orbit.ok:
+            break
+    assert orbit is not None
+    shortest, times = minimal_period(orbit) if orbit.ok else (orbit.period, 1)
+    # The closest return may be after several periods.
+    return near(orbit.y0, shortest) if times > 1 else orbit
+
+
+def _seeds(scene: Scene) -> list[Seed]:
+    if driven(scene):
+        raise fail("--period", "one, a multiple of the drive's", "none", "The motion is driven.")
+    scene.check()
+    seeds = returns(scene, float(scene.t1), longest=float(scene.t1), most=_TRIES)
+    if not seeds:
+        remedy = "The scene's own motion does not nearly come back in its span."
+        raise fail("--period", "a guess of the period", "none", remedy)
+    return seeds
+
+
+def _closings(scene: Scene, name: str) -> Sequence[closings.Closing]:
+    choice("--closing", name, ("plain", "choreography", "relative", "reversal"))
+    system = scene.system
+    if name == "choreography":
+        if not isinstance(system, FreePoints):
+            raise fail("--closing", "one for this scene", name, "Only free points can follow it.")
+        return closings.choreography(len(system.m), system.d)
+    if name == "relative":
+        turns = [key for key in system.generators(scene.y0) if key.startswith("turn")]
+        if not turns:
+            raise fail("--closing", "one for this scene", name, "Nothing turns its state.")
+        return (closings.relative(turns[0]),)
+    if name == "reversal":
+        return (closings.reversal(backwards(len(scene.y0))),)
+    return (closings.PLAIN,)
+
+
+def _failure(orbit: Orbit) -> dict:
+    error = orbit.residual if math.isfinite(orbit.residual) else None
+    best = {"period": orbit.period, "y0": [float(x) for x in orbit.y0], "largest_error": error}
+    return {"outcome": orbit.outcome.name, "message": orbit.message, "best_iterate": best}

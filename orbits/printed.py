@@ -1,0 +1,58 @@
+"""The claims about orbits as a table for people: one column an orbit, one row a claim."""
+
+from rich.console import Console
+from rich.table import Table
+
+from orbits.report import Report
+
+
+def print_reports(claims: dict[str, Report], console: Console) -> None:
+    """Print reports side by side, each under its name, without the rows that apply to none."""
+    table = Table("")
+    for name in claims:
+        table.add_column(name, overflow="fold")
+    for label, text in _ROWS:
+        cells = [text(claim) for claim in claims.values()]
+        if any(cell not in ("", _NONE) for cell in cells):
+            table.add_row(label, *cells)
+    console.print(table)
+
+
+_NONE = "-"
+
+
+def _choreography(claim: Report) -> str:
+    return _NONE if claim.choreography is None else "yes" if claim.choreography else "NO"
+
+
+def _multipliers(claim: Report) -> str:
+    shown = [complex(*z) for z in claim.multipliers[: len(claim.multiplier_bars)]]
+    lines = [f"{z.real:+.7f}{z.imag:+.7f}i" if z.imag else f"{z.real:+.7f}" for z in shown]
+    return "\n".join([*lines, f"and {claim.unit_multipliers} times 1"])
+
+
+def _optional(x: float | None, form: str) -> str:
+    return _NONE if x is None else format(x, form)
+
+
+_ROWS = (
+    ("is a choreography", _choreography),
+    ("  misses one by", lambda c: _optional(c.permutation_error, ".1e")),
+    ("word", lambda c: _NONE if c.word is None else c.word or "1"),
+    ("linear stability", lambda c: c.verdict),
+    ("T |E|^(3/2)", lambda c: _optional(c.scale_free, ".13f")),
+    ("period T", lambda c: f"{c.period:.13f}"),
+    ("  the shortest", lambda c: f"{c.minimal_period:.13f}"),
+    ("energy E", lambda c: _optional(c.energy, ".13f")),
+    ("angular momentum", lambda c: _optional(c.angular_momentum, ".1e")),
+    ("closing error", lambda c: f"{c.closure:.1e}"),
+    ("  by a second method", lambda c: f"{c.recheck.closure:.1e} ({c.recheck.solver})"),
+    ("  after several periods", lambda c: f"{c.return_error:.1e} ({c.periods_simulated})"),
+    ("multipliers", _multipliers),
+    ("rotation numbers", lambda c: "\n".join(_optional(nu, ".12f") for nu in c.exponents)),
+    ("normal form: period", lambda c: f"{c.normal_form.period:.13f}" if c.normal_form else _NONE),
+    (
+        "  first body at",
+        lambda c: "({:.10f}, {:.10f})".format(*c.normal_form.y0[:2]) if c.normal_form else _NONE,
+    ),
+)
