@@ -130,14 +130,15 @@ def _bounds(text: str | None) -> tuple[float, float]:
 
 
 def _print(family: Listing, console: Console) -> None:
-    table = Table(family.parameter or "", "period", "energy", "linear stability", "special")
+    # Without a parameter there is no first column.
+    names = () if family.parameter is None else (family.parameter,)
+    table = Table(*names, "period", "energy", "linear stability", "special")
     for entry in (*family.members, *family.special):
-        table.add_row(*_row(entry))
+        table.add_row(*_row(entry)[-len(table.columns) :])
     console.print(table)
-    console.print(f"{len(family.members)} orbits; the family ends at {family.end}")
+    console.print(f"{len(family.members)} orbits; the end: {family.end}")
 
 
 def _row(entry: Entry) -> tuple[str, ...]:
-    parameter = "" if np.isnan(entry.parameter) else f"{entry.parameter:.10g}"
-    numbers = f"{entry.orbit.period:.12g}", f"{entry.energy:.12g}"
-    return parameter, *numbers, entry.verdict, entry.kind or ""
+    numbers = f"{entry.parameter:.10g}", f"{entry.orbit.period:.12g}", f"{entry.energy:.12g}"
+    return *numbers, entry.verdict, entry.kind or ""

@@ -137,6 +137,27 @@ def test_the_command_continues_a_pendulum_in_its_length(tmp_path, monkeypatch, c
         assert one.verdict == "stable"
 
 
+@pytest.mark.slow  # a chaotic scene is searched for a return, then eight orbits
+def test_the_symmetric_orbit_of_lorenz_loses_its_stability_at_a_branch_point(
+    tmp_path, monkeypatch, capsys
+):
+    # Sparrow (1982), The Lorenz Equations: a symmetric orbit above rho = 154.4, two below it.
+    picture = tmp_path / "lorenz.png"
+    words = ["--set", "rho=160", "--set", "t1=10", "--parameter", "rho", "--down", "--step", "1"]
+    words += ["--within", "150,161", "--json", "--plot", str(picture)]
+    monkeypatch.setattr(sys, "argv", ["orbits", "family", "lorenz", *words])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert not end.value.code
+    found = json.loads(capsys.readouterr().out)
+    (point,) = found["special"]
+    assert point["kind"] == Kind.BRANCH
+    assert 154.4 < point["parameter"] < 154.5
+    verdicts = {one["parameter"] > 154.5: one["verdict"] for one in found["members"]}
+    assert verdicts == {True: "stable", False: "unstable"}
+    assert picture.stat().st_size > 10_000
+
+
 @pytest.mark.parametrize(
     ("name", "parameter", "message"),
     [
