@@ -37,6 +37,7 @@ from orbits.conditions import Section as Section
 from orbits.continuation import continue_family as continue_family
 from orbits.continuation import switch as switch
 from orbits.evidence import closure as closure
+from orbits.evidence import digits as digits
 from orbits.evidence import recheck as recheck
 from orbits.family import Family as Family
 from orbits.family import Kind as Kind

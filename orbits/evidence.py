@@ -7,10 +7,16 @@ a tighter tolerance, and then several periods in a row.
 
 import dataclasses
 
+import jax.numpy as jnp
+import numpy as np
+
 from jaxdyn import Status
 from jaxdyn.simulate import default_solver, solve
 from jaxdyn.solvers import DOPRI8, VERNER9
-from orbits.problem import Orbit, gap
+from orbits.equations import Equations
+from orbits.newton import RANK_TOLERANCE
+from orbits.problem import Orbit, gap, part
+from orbits.shooting import driven
 
 #: Below this, steps are lost in rounding: the tightest tolerance that still helps.
 TIGHT = 1e-15
@@ -47,7 +53,57 @@ def closure(orbit: Orbit, *, periods: int = 1, rtol: float | None = None, solver
     return gap(orbit, flow.y1, periods)
 
 
+@dataclasses.dataclass(frozen=True)
+class Digits:
+    """How many decimal digits of an orbit's numbers may be claimed.
+
+    Attributes:
+      y0: of the start, relative to its largest entry.
+      period: of the full period.
+    """
+
+    y0: float
+    period: float
+
+
+def digits(orbit: Orbit) -> Digits:
+    """The digits of an orbit that another integrator at a tighter tolerance leaves standing.
+
+    The closing error by that integrator, times the inverse of the closing equations' Jacobian,
+    is how far the orbit would move if it were found again with it. In a family of orbits that
+    is the distance to the family, whose members all close.
+
+    Example:
+      >>> import orbits
+      >>> from jaxdyn import scenes
+      >>> swing = orbits.find(scenes.oscillator(k=4.0), [1.0, 0.0], 3.0)
+      >>> orbits.digits(swing).period > 12
+      True
+    """
+    y0 = np.asarray(orbit.y0)
+    equations = Equations(orbit.scene, orbit.closing, driven=driven(orbit.scene))
+    x = equations.spread(y0, orbit.period, orbit.rtol, orbit.angle)
+    jacobian = np.array(equations(x, orbit.rtol).jacobian)
+    if equations.driven:
+        jacobian[:, -1] = 0.0
+    end = solve(orbit.scene, part(orbit), rtol=TIGHT, solver=_other(orbit)).y1
+    angle = jnp.asarray(orbit.angle)
+    miss = np.asarray(orbit.closing.miss(orbit.scene.system, end, jnp.asarray(y0), angle))
+    move = np.abs(np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ miss)
+    start, period = move[:-1].max(initial=0.0) / np.abs(y0).max(), move[-1] / orbit.period
+    return Digits(_digits(start), _digits(period))
+
+
+def _digits(error: float) -> float:
+    """Decimal digits that an error of this relative size leaves, at most those of a double."""
+    return float(-np.log10(max(error, np.finfo(float).eps))) if np.isfinite(error) else 0.0
+
+
+def _other(orbit: Orbit):
+    return DOPRI8 if default_solver(orbit.scene) is VERNER9 else VERNER9
+
+
 def recheck(orbit: Orbit) -> Recheck:
     """The closing error of an orbit by another integrator at a tighter tolerance."""
-    other = DOPRI8 if default_solver(orbit.scene) is VERNER9 else VERNER9
+    other = _other(orbit)
     return Recheck(other.name, TIGHT, closure(orbit, rtol=TIGHT, solver=other))

@@ -6,6 +6,7 @@ import numpy as np
 from helpers import SOLVED, gap, kepler, kepler_state
 
 import orbits
+from jaxdyn import scenes
 from jaxdyn.effects import LinearDrag
 from jaxdyn.solvers import DOPRI8
 from orbits.problem import Orbit, Outcome
@@ -58,3 +59,17 @@ def test_a_motion_that_ends_has_no_closure():
     falling = kepler(0.0).starting([-0.5, 0, 0.5, 0, 0, 0, 0, 0])
     assert math.isnan(orbits.closure(orbit_of(falling)))
     assert math.isnan(orbits.recheck(orbit_of(falling)).closure)
+
+
+def test_digits_are_those_of_a_known_period():
+    swing = orbits.find(scenes.oscillator(k=4.0), [1.0, 0.0], 3.0)
+    found = orbits.digits(swing)
+    assert 12 < found.period <= 16
+    assert 12 < found.y0 <= 16
+    # Four digits of the period are wrong here, and the start is on a circle whatever it is.
+    wrong = orbits.Orbit(swing.scene.starting(swing.y0, np.pi * 1.0001), *_rest(swing))
+    assert 3.5 < orbits.digits(wrong).period < 5
+
+
+def _rest(orbit):
+    return orbit.closing, orbit.residual, orbit.outcome, orbit.iterations, orbit.rtol
