@@ -1,4 +1,4 @@
-"""The command line: `orbits figure-eight`, `find SCENE`, `family SCENE`, `verify FILE`, `aim`."""
+"""The command line: `orbits figure-eight`, `find`, `family`, `search`, `verify`, `aim`."""
 
 import json
 import math
@@ -24,13 +24,15 @@ from orbits.command_options import (
     check_files,
     progress,
 )
+from orbits.evidence import digits
 from orbits.family_command import family_command
 from orbits.figure_eight import figure_eight
 from orbits.find_command import find_command
 from orbits.printed import print_reports
 from orbits.problem import Orbit
 from orbits.report import as_json, report
-from orbits.verify import save, verify
+from orbits.search_command import search_command
+from orbits.verify import load, save, verify
 
 app = typer.Typer(
     help="Periodic orbits: find them, identify them, verify them.",
@@ -46,6 +48,7 @@ NumbersOption = Annotated[str | None, typer.Option(metavar="A,B,...")]
 app.command("find")(find_command)
 app.command("family")(family_command)
 app.command("aim")(aim_command)
+app.command("search")(search_command)
 
 
 @app.callback()
@@ -123,7 +126,11 @@ def verify_command(
             f"{first.claimed}",
             f"These do not hold: {', '.join(m.name for m in mismatches)}. The file was edited.",
         )
-    console.print("every claim of the file holds")
+    standing = digits(load(file)[0])
+    console.print(
+        f"every claim of the file holds; by another integrator {standing.period:.1f} digits of the "
+        f"period and {standing.y0:.1f} of the start may be claimed"
+    )
 
 
 def main() -> None:

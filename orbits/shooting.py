@@ -294,6 +294,8 @@ class _Trouble:
         # A guess of zeros has no size to compare with.
         if size > _ESCAPE * self.size > 0:
             return Outcome.ESCAPE
+        if self.equations.driven:  # the period is the drive's, and rest is an orbit like others
+            return None
         if x[-1] < _TRIVIAL * self.period or path <= _TRIVIAL * self.path:
             return Outcome.TRIVIAL
         return None

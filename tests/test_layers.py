@@ -145,6 +145,7 @@ RANKS = {
     "orbits/chunk.py": 16,
     "orbits/search.py": 17,
     "orbits/plane.py": 18,
+    "orbits/search_command.py": 19,
     "orbits/launch.py": 10,
     "orbits/roots.py": 10,
     "orbits/loops.py": 14,

@@ -11,10 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from two_cycles import G, two_cycles
+from typer.testing import CliRunner
 
 import orbits
 from jaxdyn import ensemble, scenes, watches
 from orbits import plane, screen, seeds, table
+from orbits.__main__ import app
 
 #: The module; as a name of the package it is the function.
 search = sys.modules["orbits.search"]
@@ -288,3 +290,16 @@ def test_short_orbits_of_the_plane_and_their_names():
     a, b, period = found.starts()[found.names.index("butterfly I")]
     assert (round(a, 5), round(b, 5)) == (0.30689, 0.12551)
     assert jnp.isfinite(period)
+
+
+@pytest.mark.slow
+def test_the_command_finds_the_eight_and_goes_on_from_its_table(tmp_path):
+    table = tmp_path / "plane.jsonl"
+    options = ["search", "--samples", "8", "--longest", "8", "--table", str(table), "--json"]
+    first, again = (CliRunner().invoke(app, options) for _ in range(2))
+    assert first.exit_code == again.exit_code == 0
+    found = json.loads(first.stdout)
+    assert json.loads(again.stdout) == found
+    eight = next(orbit for orbit in found["orbits"] if orbit["name"] == "figure-eight")
+    assert abs(eight["scale_free"] - 9.2376812507246) < 1e-9
+    assert (eight["word"], eight["verdict"]) == ("ABab", "stable")

@@ -1,0 +1,63 @@
+"""The command `orbits search`: periodic orbits of three equal bodies without angular momentum."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from orbits.command_options import NOT_FOUND, JsonOption
+from orbits.plane import Plane, search_plane
+
+_WORD = 24  # letters of a word that are shown
+_WORD = 24  # letters of a word that are shown
+TableOption = Annotated[Path | None, typer.Option("--table", help="Append to this .jsonl file.")]
+
+
+def search_command(
+    samples: Annotated[int, typer.Option(help="How many starts to try.")] = 512,
+    longest: Annotated[float, typer.Option(help="Longest period.")] = 70.0,
+    seed: Annotated[int, typer.Option(help="Of the samples.")] = 0,
+    table: TableOption = None,
+    as_object: JsonOption = False,
+) -> None:
+    """Search velocities (a, b) in [0, 1] x [0, 1] for orbits of three equal bodies.
+
+    They start at (-1, 0), (1, 0) and (0, 0) with velocities (a, b), (a, b) and (-2a, -2b).
+    With --table nothing is lost when the search is stopped, and the same command goes on.
+    """
+    plane = search_plane(samples, longest=longest, seed=seed, path=table, progress=not as_object)
+    if as_object:
+        print(json.dumps({"families": plane.families(), "orbits": _rows(plane)}))  # noqa: T201
+    else:
+        _print(plane)
+    if not len(plane.found):
+        raise typer.Exit(NOT_FOUND)
+
+
+def _rows(plane: Plane) -> list[dict]:
+    return [
+        {
+            "a": float(a),
+            "b": float(b),
+            "period": float(period),
+            "word": find.label,
+            "scale_free": float(find.invariant),
+            "verdict": find.verdict,
+            "name": name or None,
+        }
+        for (a, b, period), find, name in zip(
+            plane.starts(), plane.found.finds, plane.names, strict=True
+        )
+    ]
+
+
+def _print(plane: Plane) -> None:
+    console = Console(highlight=False, soft_wrap=True)
+    numbers = "{a:11.9f}  {b:11.9f}  {period:13.9f}  {scale_free:13.9f}  {verdict:9}"
+    console.print("a            b            period         T |E|^1.5      verdict    word, name")
+    for row in sorted(_rows(plane), key=lambda row: row["scale_free"]):
+        word = row["word"] if len(row["word"]) <= _WORD else f"{row['word'][:_WORD]}..."
+        console.print(f"{numbers.format(**row)}  {word}  {row['name'] or ''}")
+    console.print(f"{plane.families()} families")
