@@ -25,11 +25,14 @@ Gradients go through all of it, in every number, in forward and reverse mode:
 `orbits` finds periodic motions of any of them.
 """
 
+from jaxdyn import accuracy as accuracy
 from jaxdyn import effects as effects
 from jaxdyn import energy as energy
 from jaxdyn import ensemble as ensemble
 from jaxdyn import events as events
+from jaxdyn import regularised as regularised
 from jaxdyn import scenes as scenes
+from jaxdyn import solvers as solvers
 from jaxdyn import watches as watches
 from jaxdyn._config import configure as configure
 from jaxdyn.scene import Effect as Effect

@@ -25,8 +25,9 @@ from orbits.bifurcations import NUDGE, TESTS
 from orbits.conditions import Condition
 from orbits.equations import Equations, Make
 from orbits.family import Family, Kind, Member
+from orbits.given import driven
 from orbits.problem import Orbit
-from orbits.shooting import GOAL, cut, driven
+from orbits.shooting import GOAL, cut
 from orbits.stability import stability
 from orbits.surface import Point, Surface
 

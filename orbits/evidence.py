@@ -14,9 +14,9 @@ from jaxdyn import Status
 from jaxdyn.simulate import default_solver, solve
 from jaxdyn.solvers import DOPRI8, VERNER9
 from orbits.equations import Equations
+from orbits.given import driven
 from orbits.newton import RANK_TOLERANCE
 from orbits.problem import Orbit, gap, part
-from orbits.shooting import driven
 
 #: Below this, steps are lost in rounding: the tightest tolerance that still helps.
 TIGHT = 1e-15

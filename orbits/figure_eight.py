@@ -15,9 +15,10 @@ from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn.scenes import EIGHT_GUESS, EIGHT_GUESS_PERIOD, three_body
 from orbits.closing import choreography
+from orbits.given import checked
 from orbits.newton import Iteration
 from orbits.problem import Orbit
-from orbits.shooting import checked, find
+from orbits.shooting import find
 
 #: Half width of the box round the guess in which the search stays, positions and velocities.
 BOX = 0.5

@@ -11,8 +11,8 @@ from jaxdyn.formulations.attitude import Attitude
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.inertia import MaterialPoints
 from orbits.closing import Closing
+from orbits.given import check_drive, driven
 from orbits.problem import Orbit, Outcome
-from orbits.shooting import check_drive, driven
 from orbits.symmetry import Symmetry
 
 KEYS = {"scene", "closing", "angle", "rtol"}

@@ -25,13 +25,14 @@ from orbits.command_options import (
     progress,
 )
 from orbits.conditions import Energy
+from orbits.given import driven
 from orbits.newton import Iteration
 from orbits.printed import print_reports
 from orbits.problem import Orbit
 from orbits.report import as_json, report
 from orbits.same import minimal_period
 from orbits.seeds import Seed, returns
-from orbits.shooting import driven, find
+from orbits.shooting import find
 from orbits.symmetry import backwards
 from orbits.verify import save
 

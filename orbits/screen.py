@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 from jaxdyn import Scene, System, ensemble
 from jaxdyn.watches import CloseReturn, Together, Until
 from orbits.closing import Closing
-from orbits.shooting import driven
+from orbits.given import driven
 
 #: Steps of a motion that is worth going on with; a near collision takes many times more.
 MAX_STEPS = 5000

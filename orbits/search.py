@@ -21,8 +21,9 @@ from jaxdyn import Scene, records
 from jaxdyn._checks import fail, positive
 from orbits.chunk import Plan, Sampler, unchanged, unlabelled, work
 from orbits.closing import PLAIN, Closing
+from orbits.given import checked
 from orbits.problem import Orbit
-from orbits.shooting import RTOL, checked
+from orbits.shooting import RTOL
 from orbits.table import Chunk, File, Find, distinct
 
 _AHEAD = 64  # chunks that are handed to an executor before their turn

@@ -22,9 +22,10 @@ from orbits import newton
 from orbits.closing import Closing
 from orbits.conditions import Condition
 from orbits.equations import Equations, residual_at
+from orbits.given import driven
 from orbits.monodromy import returned_map, tangents
 from orbits.problem import Orbit
-from orbits.shooting import cut, driven
+from orbits.shooting import cut
 from orbits.stability import stability
 
 #: Cosine between an eigenvalue's left and right vectors below which it is defective.

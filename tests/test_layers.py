@@ -114,6 +114,7 @@ RANKS = {
     "orbits/symmetry.py": 10,
     "orbits/closing.py": 11,
     "orbits/conditions.py": 11,
+    "orbits/given.py": 12,
     "orbits/equations.py": 12,
     "orbits/problem.py": 12,
     "orbits/shooting.py": 13,
