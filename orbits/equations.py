@@ -29,7 +29,7 @@ from orbits.conditions import Condition
 
 #: Steps of one segment: an orbit with so many is none that could be found, and on its way
 #: towards a collision an iteration must not take minutes.
-MAX_STEPS = 200_000
+MAX_STEPS = 50_000
 #: From the number a family is named after to a scene; its start and span do not matter.
 Make = Callable[[Array], Scene]
 

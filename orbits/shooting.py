@@ -15,7 +15,7 @@ from jaxdyn.simulate import solve, tolerances
 from orbits import newton
 from orbits.closing import PLAIN, Closing
 from orbits.conditions import Condition
-from orbits.equations import Equations, size_and_speed
+from orbits.equations import MAX_STEPS, Equations, size_and_speed
 from orbits.given import checked, driven
 from orbits.problem import Orbit, Outcome, SearchError
 
@@ -226,8 +226,12 @@ def _outcome(
     equations: Equations, result: newton.Result, trouble: _Trouble, rtol: float
 ) -> Outcome:
     if not np.isfinite(result.residual).all():
-        limit = int(equations(result.x, rtol).status) == Status.STEP_LIMIT
-        return Outcome.STEP_LIMIT if limit else Outcome.COLLISION
+        # Without tangents, which blow up sooner and hide why the motion itself ends.
+        x = equations.unpack(result.x)
+        scene = equations.scene_at(x.parameter).starting(equations.start(result.x))
+        part = x.period / equations.closing.parts
+        status = solve(scene, part, rtol=rtol, max_steps=MAX_STEPS).status
+        return Outcome.STEP_LIMIT if int(status) == Status.STEP_LIMIT else Outcome.COLLISION
     outcome = trouble(result.x)
     if outcome is not None:
         return outcome
