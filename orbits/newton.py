@@ -76,12 +76,13 @@ def solve(
       report: called after each accepted step.
     """
     residual, jacobian = equations(x)
+    factors = _factors(jacobian)
     report(Iteration(0, _size(residual), x[-1], 0.0))
     best, stalled, accepted = x, 0, 0
     best_residual = residual
     damping = _DAMPING_START
     while accepted < max_iterations and _finite(residual, jacobian):
-        step = _step(residual, jacobian, x, lower, upper, damping * _norm(residual))
+        step = _step(residual, jacobian, factors, x, lower, upper, damping * _norm(residual))
         new = np.clip(x + step, lower, upper)
         new_residual, new_jacobian = equations(new)
         solved = _size(residual) <= goal
@@ -94,6 +95,7 @@ def solve(
         damping *= _DAMPING_SHRINK
         accepted += 1
         x, residual, jacobian = new, new_residual, new_jacobian
+        factors = _factors(jacobian)
         report(Iteration(accepted, _size(residual), x[-1], _norm(step)))
         if _size(residual) < 0.5 * _size(best_residual):
             stalled = 0
@@ -114,13 +116,13 @@ def solve(
     )
 
 
-def _step(residual, jacobian, x, lower, upper, damping) -> np.ndarray:
+def _step(residual, jacobian, factors, x, lower, upper, damping) -> np.ndarray:
     """The shortest damped step; unknowns that it would push beyond a bound stay there."""
     free = np.ones(len(x), dtype=bool)
     step = np.zeros(len(x))
     for _ in range(len(x)):
         target = residual + jacobian @ step
-        move = _shortest(target, jacobian[:, free], damping)
+        move = _shortest(target, factors, damping)
         trial = step.copy()
         trial[free] = move
         out = free & ((x + trial < lower) | (x + trial > upper))
@@ -130,11 +132,17 @@ def _step(residual, jacobian, x, lower, upper, damping) -> np.ndarray:
         free &= ~out
         if not free.any():
             break
+        factors = _factors(jacobian[:, free])
     return step
 
 
-def _shortest(residual, jacobian, damping) -> np.ndarray:
-    u, s, vt = np.linalg.svd(jacobian, full_matrices=False)
+def _factors(jacobian: np.ndarray):
+    """Singular value decomposition, once for all the dampings that are tried; None for NaN."""
+    return np.linalg.svd(jacobian, full_matrices=False) if _finite(jacobian) else None
+
+
+def _shortest(residual, factors, damping) -> np.ndarray:
+    u, s, vt = factors
     tolerance = np.clip(10 * _norm(residual), _RANK_FLOOR, RANK_TOLERANCE)
     kept = s > tolerance * s[0] if s.size else np.zeros(0, bool)
     s, u, vt = s[kept], u[:, kept], vt[kept]
