@@ -231,6 +231,12 @@ def halved(run: Run, scene: Scene, ts: Array, h: float, name: str) -> Estimate:
     return Estimate(ts, ys[0], error, floor, scales(scene, ys[2]), np.array([h, h / 4]), *names)
 
 
+def _tightened(tolerance: np.ndarray) -> np.ndarray:
+    """A thousandth of the tolerance, its relative part not below the finest by a rounding."""
+    tighter = tolerance * max(RATIO, FINEST / tolerance[0])
+    return np.maximum(tighter, [FINEST, 0.0])
+
+
 def _finer(
     run: Run, scene: Scene, tolerance: np.ndarray, steps: int
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -239,7 +245,7 @@ def _finer(
     A thousandth of the tolerance, or less where that takes hardly more steps, as it does where
     the span is shorter than the first step; or more where it is too little for the scene.
     """
-    ys, fine = None, tolerance * max(RATIO, FINEST / tolerance[0])
+    ys, fine = None, _tightened(tolerance)
     while True:
         result = run(scene, fine)
         if not np.isfinite(np.asarray(result.ys)).all():
@@ -250,7 +256,7 @@ def _finer(
         ys, used = np.asarray(result.ys), fine
         if result.steps >= _MORE * steps or fine[0] <= FINEST * _COARSER:
             return ys, used
-        fine = fine * max(RATIO, FINEST / fine[0])
+        fine = _tightened(fine)
     return (np.full_like(np.asarray(result.ys), np.nan), tolerance) if ys is None else (ys, used)
 
 

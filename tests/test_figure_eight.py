@@ -146,7 +146,7 @@ def test_normal_form_forgets_frame_phase_scale_labels_and_units(eight):
     scale, m, gravity, angle = 1.7, 2.5, 0.6, 0.8
     later = simulate(form.scene, samples=jnp.array([form.period / 7]), rtol=1e-14)
     ring, _ = orbits.choreography(3)
-    r, v = np.asarray(ring.act(later.ys[0])).reshape(2, 3, 2)
+    r, v = np.asarray(ring.symmetry.act(later.ys[0])).reshape(2, 3, 2)
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, s], [s, -c]])
     slow = scale**1.5 / np.sqrt(m * gravity)
