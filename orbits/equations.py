@@ -158,8 +158,11 @@ class Equations(eqx.Module):
         # One compiled program for any number of segments; threads put them on all cores.
         each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(self.segments)]
         integrate = functools.partial(flow, self.scene, rtol=rtol, make=self.make)
-        with ThreadPoolExecutor(self.segments) as threads:
-            found = list(threads.map(integrate, each))
+        if self.segments == 1:  # starting a thread takes as long as a few plain integrations
+            found = [integrate(each[0])]
+        else:
+            with ThreadPoolExecutor(self.segments) as threads:
+                found = list(threads.map(integrate, each))
         ends, status, slopes = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
         residual, jacobian = linearised(self, x, here, ends, slopes)
         return Evaluation(residual, jacobian, slopes.start, status.max())
