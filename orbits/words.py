@@ -63,10 +63,11 @@ def _sampled(orbit: Orbit) -> np.ndarray:
     ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
     for _ in range(_REFINEMENTS):
         ys = np.asarray(solve(orbit.scene, orbit.period, ts=ts, rtol=1e-12).ys)
-        r = ys[:, :6].reshape(-1, 3, 2)
-        sides = np.roll(r, -1, axis=1) - r
-        angles = np.arctan2(sides[..., 1], sides[..., 0])
-        swings = np.abs((np.diff(angles, axis=0) + np.pi) % (2 * np.pi) - np.pi).max(axis=1)
+        r, v = (ys[:, i : i + 6].reshape(-1, 3, 2) for i in (0, 6))
+        sides, changes = (np.roll(x, -1, axis=1) - x for x in (r, v))
+        # Not the angle between samples: near a collision a side turns by 2 pi, and seems still.
+        rates = (np.linalg.norm(changes, axis=-1) / np.linalg.norm(sides, axis=-1)).max(axis=1)
+        swings = np.diff(ts) * np.maximum(rates[1:], rates[:-1])
         if (swings <= _SWING).all():
             return r
         # A power of two of new times, where it turns most: few lengths, few compilations.
