@@ -9,7 +9,6 @@ from scipy.special import ellipk
 import orbits
 from jaxdyn import effects, energy, scenes
 from jaxdyn.simulate import solve
-from orbits.symmetry import EXACT
 
 EULER = orbits.of_points([1, 0, 2], (-1, -1), reversing=True)
 
@@ -105,10 +104,7 @@ def test_conditions_pick_one_of_a_family():
 def test_segments_are_chosen_by_growth():
     a, b, period = 0.5379557207, 0.3414578545, 26.918669616
     y0 = [-1, 0, 1, 0, 0, 0, a, b, a, b, -2 * a, -2 * b]
-    steps = []
-    orbit = orbits.find(
-        scenes.three_body(y0), None, period, closing=orbits.reversal(EULER), report=steps.append
-    )
+    orbit = orbits.find(scenes.three_body(y0), None, period, closing=orbits.reversal(EULER))
     assert orbit.residual < SOLVED
     assert orbit.iterations <= 6  # from a published row of 10 digits
     assert abs(orbit.period - period) < 1e-8
@@ -148,5 +144,3 @@ def test_two_reversals_need_their_parts():
     other = orbits.of_points([1, 0, 2], (1, -1), reversing=True)
     with pytest.raises(ValueError, match="parts: expected a number where two reversals differ"):
         orbits.reversal(EULER, other)
-    # From Euler's line to an isosceles triangle: a twelfth of the period.
-    assert EXACT < 1e-6

@@ -96,7 +96,6 @@ def test_it_goes_down_and_stops_at_its_bounds():
 
 
 def test_it_says_where_it_ends():
-    # No cycle beyond the fold if the fold cannot be rounded: the pendulum's separatrix.
     swing = orbits.find(scenes.pendulum(angle=3.0), period=5.0)
     found = orbits.continue_family(swing, members=3)
     assert found.end == "the number of members asked for, 3"
