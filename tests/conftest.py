@@ -8,5 +8,8 @@ import jax
 
 import jaxdyn
 
+# They make the stored references with packages that the tests do not need.
+collect_ignore = ["references"]
+
 jaxdyn.configure()
 jax.config.update("jax_numpy_rank_promotion", "raise")
