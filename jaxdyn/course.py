@@ -336,7 +336,8 @@ PROBLEMS: dict[int, Problem] = {
     ),
     57: _problem(
         "Claims about the satellites",
-        "scenes.satellite inertia.principal precession.free_attitude energy.angular_momentum",
+        "satellite_claims.satellite_claims scenes.satellite inertia.principal "
+        "precession.free_attitude energy.angular_momentum",
         "A ii is false (the smallest), and A iii: between the wobbles are motions that flip just "
         "once. B i to iii and C i, ii are true.",
     ),

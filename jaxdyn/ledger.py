@@ -42,8 +42,14 @@ class Ledger(System):
     def points(self, t, y):
         return self.system.points(t, self._split(y)[0])
 
+    def coordinates(self, y):
+        return self.system.coordinates(self._split(y)[0])
+
     def links(self):
         return self.system.links()
+
+    def outlines(self, t, y):
+        return self.system.outlines(t, self._split(y)[0])
 
     def kinetic(self, t, y):
         return self.system.kinetic(t, self._split(y)[0])
@@ -79,7 +85,9 @@ def power(scene: Scene | Field, kind: str, t, y: Array) -> Array:
         if kind not in (cls.__name__ for cls in type(effect).__mro__):
             continue
         total = total + jnp.sum(effect.force(t, r, v, m) * v)
-        q, q_dot = jnp.split(y, 2) if len(y) % 2 == 0 else (y, y)
+        if "generalized" not in effect.acts:
+            continue
+        q, q_dot = scene.system.coordinates(y)
         generalized = effect.generalized(t, q, q_dot)
         if generalized is not None:
             total = total + jnp.sum(generalized * q_dot)

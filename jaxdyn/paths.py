@@ -39,6 +39,7 @@ class Paths(NamedTuple):
       equal: whether all axes have one scale.
       stopped: why the run stopped early; empty if it did not.
       links: pairs of ends joined by a line: numbers of points, or places (d,) of anchors.
+      outlines: (s, k, D) each, curves drawn with the links: rims of wheels, a ramp.
       traced: numbers of the points whose paths are drawn, each in a colour of its own.
       corners: numbers of the samples where a later phase of a chain begins.
     """
@@ -50,6 +51,7 @@ class Paths(NamedTuple):
     equal: bool
     stopped: str
     links: tuple[tuple, ...]
+    outlines: tuple[np.ndarray, ...]
     traced: tuple[int, ...]
     corners: tuple[int, ...]
 
@@ -70,7 +72,11 @@ def paths(motion: Trajectory | Chain, links=None) -> Paths:
     system = pieces[0].scene.system
     good = [_reached(piece) for piece in pieces]
     parts = [_fine(piece, n, len(pieces)) for piece, n in zip(pieces, good, strict=True) if n]
-    ts, r, sampled = map(np.concatenate, zip(*(parts or [_fine(pieces[0], 0, 1)]), strict=True))
+    ts, curves, sampled = map(
+        np.concatenate, zip(*(parts or [_fine(pieces[0], 0, 1)]), strict=True)
+    )
+    shapes = [np.shape(curve) for curve in system.outlines(pieces[0].ts[0], pieces[0].ys[0])]
+    r, *outlines = np.split(curves, -np.cumsum([k for k, _ in shapes[::-1]])[::-1], axis=1)
     n, d = r.shape[1:]
     if d > 3:
         raise _checks.fail(
@@ -84,7 +90,7 @@ def paths(motion: Trajectory | Chain, links=None) -> Paths:
     symbols, second = _axis_labels(pieces[0], d)
     stopped = why_stopped(motion, second)
     corners = tuple(np.cumsum([len(part[0]) for part in parts])[:-1].tolist())
-    last = joined, _traced(sampled, joined), corners
+    last = joined, tuple(outlines), _traced(sampled[:, :n], joined), corners
     if d > 1:
         return Paths(ts, r, symbols, second, True, stopped, *last)
     time = np.broadcast_to(ts[:, None, None], r.shape)
@@ -122,7 +128,10 @@ def why_stopped(motion: Trajectory | Chain, second: str = " s") -> str:
 
 
 def _fine(piece: Trajectory, count: int, pieces: int) -> tuple[np.ndarray, ...]:
-    """Times and places (s, n, d) on the curve through `count` samples, and places of these."""
+    """Times and places (s, n, d) on the curve through `count` samples, and places of these.
+
+    The corners of outlines come after the points.
+    """
     ts = np.asarray(piece.ts[:count])
     r, v, a = (np.asarray(x) for x in _derivatives(piece.scene, piece.ts[:count], piece.ys[:count]))
     parts = -(-CURVE // (pieces * max(count - 1, 1)))
@@ -147,9 +156,17 @@ def _fine(piece: Trajectory, count: int, pieces: int) -> tuple[np.ndarray, ...]:
 def _derivatives(scene: Scene, ts, ys):
     """(s, n, d) places, velocities and accelerations; of the state where there are no points."""
 
+    def corners(t, y):
+        return jnp.concatenate(scene.system.outlines(t, y))
+
     def moving(t, y):
         r, v, _ = scene.system.points(t, y)
-        return (r, v) if r.shape[0] else (y[None], scene.rate(t, y)[None])
+        if not r.shape[0]:
+            return y[None], scene.rate(t, y)[None]
+        if not scene.system.outlines(t, y):
+            return r, v
+        outlines = jax.jvp(corners, (t, y), (jnp.ones_like(t), scene.rate(t, y)))
+        return tuple(jnp.concatenate(pair) for pair in zip((r, v), outlines, strict=True))
 
     def at(t, y):
         (r, v), (_, a) = jax.jvp(moving, (t, y), (jnp.ones_like(t), scene.rate(t, y)))
@@ -240,12 +257,13 @@ def place(drawn: Paths, end, sample: int) -> np.ndarray:
 
 
 def segments(drawn: Paths, sample: int) -> list[np.ndarray]:
-    """The lines (2, D) of all links at a sample."""
-    return [np.stack([place(drawn, end, sample) for end in link]) for link in drawn.links]
+    """The lines (k, D) of all links and outlines at a sample."""
+    rods = [np.stack([place(drawn, end, sample) for end in link]) for link in drawn.links]
+    return rods + [outline[sample] for outline in drawn.outlines]
 
 
 def places(drawn: Paths) -> np.ndarray:
-    """(p, D) all that a picture must have room for: the points, and the anchors of links."""
+    """(p, D) all that a picture must have room for: the points, anchors of links, outlines."""
     flat = drawn.xyz.reshape(-1, drawn.xyz.shape[-1])
     ends = (0, len(drawn.ts) - 1) if len(drawn.ts) else ()
     return np.concatenate([flat, *(line for sample in ends for line in segments(drawn, sample))])

@@ -255,8 +255,8 @@ def finished(figure: Figure, path: Path | None) -> Figure:
 
 
 def _draw_poses(ax, drawn: Paths) -> None:
-    """Draw rods and edges at the start, and paler at later times."""
-    if not drawn.links:
+    """Draw rods, edges and outlines at the start, and paler at later times."""
+    if not drawn.links and not drawn.outlines:
         return
     later = in_time(drawn, _POSES[drawn.xyz.shape[-1]] + 1)[1:]
     for k, sample in enumerate(later):

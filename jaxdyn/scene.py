@@ -107,6 +107,11 @@ class System(eqx.Module):
         """
         return ()
 
+    def outlines(self, t: Array, y: Float[Array, " k"]) -> tuple[Float[Array, "corners d"], ...]:
+        """Curves that a drawing shows with the links: the rim of a wheel, the ramp it is on [m]."""
+        del t, y
+        return ()
+
     @property
     def obeys(self) -> frozenset[str]:
         """Which methods of its effects `rate` uses: "force", "generalized", both, or none.
@@ -114,6 +119,11 @@ class System(eqx.Module):
         An effect that acts in another way would be left out silently; `Scene.check` refuses it.
         """
         return frozenset()
+
+    def coordinates(self, y: Float[Array, " k"]) -> tuple[Array, Array]:
+        """q and the velocities v that an effect's `generalized` is given; its work is that on v."""
+        q, v = jnp.split(y, 2)
+        return q, v
 
     @property
     def second_order(self) -> bool:
@@ -238,6 +248,7 @@ class Scene(eqx.Module):
         _checks.array("y0", self.y0, (k,), f"One entry for each of {self._names()}.")
         for effect in self.effects:
             self._check_obeyed(effect)
+            self._check_coordinates(effect)
         if _checks.is_traced(self):
             return
         t = jnp.zeros(())
@@ -249,6 +260,19 @@ class Scene(eqx.Module):
 
     def _names(self) -> str:
         return ", ".join(name for name, _ in self.system.labels())
+
+    def _check_coordinates(self, effect: Effect) -> None:
+        if "generalized" not in effect.acts:
+            return
+        q, v = self.system.coordinates(jnp.asarray(self.y0, float))
+        forces = jax.eval_shape(effect.generalized, jnp.zeros(()), q, v)
+        if forces is not None and forces.shape != v.shape:
+            raise _checks.fail(
+                type(effect).__name__,
+                f"forces on the coordinates of shape {v.shape}",
+                f"{forces.shape}",
+                f"One for each velocity of {self._names()}.",
+            )
 
     def _check_obeyed(self, effect: Effect) -> None:
         if not isinstance(effect, Effect):

@@ -74,6 +74,7 @@ RANKS = {
     "jaxdyn/regularised.py": 7,
     "jaxdyn/precession.py": 9,
     "jaxdyn/sleeping_top.py": 9,
+    "jaxdyn/satellite_claims.py": 10,
     "jaxdyn/scenes/central.py": 7,
     "jaxdyn/scenes/nbody.py": 7,
     "jaxdyn/scenes/particles.py": 6,

@@ -1,13 +1,14 @@
 """Work ledgers: work = change of energy, closed forms, and no trace of them where absent."""
 
 import itertools
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
 import pytest
 from helpers import SOLVED, gap
 
-from jaxdyn import Effect, energy, simulate
+from jaxdyn import Effect, energy, scenes, simulate
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.formulations.newton_euler import NewtonEuler
@@ -93,6 +94,23 @@ def test_a_motor_works_on_the_coordinate_it_turns():
     difference = scene.system.difference(y + jnp.array([2 * jnp.pi, 1.0, 7.0]), y)
     assert gap(difference, [0.0, 1.0, 7.0]) < 1e-14
     assert gap(scene.system.project(0.0, y), y) == 0
+
+
+class _Brake(Effect):
+    """A torque against the spin of a rigid body, in its axes."""
+
+    velocity_dependent: ClassVar[bool] = True
+
+    def generalized(self, t, q, v):
+        return jnp.concatenate([jnp.zeros(3), -0.3 * v[3:]])
+
+
+def test_a_torque_on_a_rigid_body_works_on_its_spin():
+    scene = scenes.free_body(t1=2.0) + _Brake()
+    motion = simulate(with_work(scene, _Brake), rtol=1e-12)
+    total = energy.along(energy.energy, motion)
+    assert total[0] - total[-1] > 0.1 * total[0]
+    assert gap(motion["work of _Brake"], total - total[0]) < SOLVED
 
 
 def test_a_scene_without_a_ledger_has_none():

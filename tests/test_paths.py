@@ -113,6 +113,25 @@ def test_anchors_of_rods_stay_where_they_are():
         assert gap(rod, np.stack([np.zeros(2), drawn.xyz[sample, 0]])) == 0
 
 
+@pytest.mark.parametrize("name", ["cylinder_on_cylinder", "cylinder_on_ramp"])
+def test_rims_move_with_the_cylinder_and_touch_what_they_roll_on(name):
+    scene = getattr(scenes, name)(t1=0.6)
+    drawn = paths(simulate(scene, samples=20))
+    r = float(scene.system.r)
+    for sample in (0, 700, len(drawn.ts) - 1):
+        rim, arm, surface = segments(drawn, sample)[-3:]
+        np.testing.assert_allclose(np.linalg.norm(rim - arm[0], axis=1), r, rtol=1e-6)
+        if name == "cylinder_on_ramp":
+            across = surface[1] - surface[0]
+            gap_to_ramp = abs(
+                across @ np.array([[0.0, 1.0], [-1.0, 0.0]]) @ (arm[0] - surface[0])
+            ) / np.linalg.norm(across)
+            np.testing.assert_allclose(gap_to_ramp, r, rtol=1e-6)
+        else:
+            fixed = np.linalg.norm(surface, axis=1)
+            np.testing.assert_allclose(np.linalg.norm(arm[0]) - fixed, r, rtol=1e-6)
+
+
 def test_units_are_said_unless_the_scene_has_none():
     eight = scenes.three_body()
     drawn = paths(_poses(eight))

@@ -272,6 +272,19 @@ def test_an_effect_that_would_be_ignored_is_refused(scene, message):
         scene.check()
 
 
+class _Short(Effect):
+    velocity_dependent: ClassVar[bool] = True
+
+    def generalized(self, t, q, v):
+        return -v[:1]
+
+
+def test_forces_on_coordinates_of_another_shape_are_refused():
+    wrong = r"_Short: expected forces on the coordinates of shape \(2,\), got \(1,\)"
+    with pytest.raises(ValueError, match=wrong):
+        (scenes.double_pendulum() + _Short()).check()
+
+
 def test_what_an_effect_acts_on_follows_from_what_it_overrides():
     assert UniformGravity().acts == {"force"}
     assert Torque().acts == {"generalized"}

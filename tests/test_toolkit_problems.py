@@ -1,12 +1,14 @@
-"""Problems 4, 42, 45, 46 and 48 of the course, part by part (41 is in test_vectors)."""
+"""Problems 4, 42, 45, 46, 48 and 57 of the course, part by part (41 is in test_vectors)."""
 
 import jax.numpy as jnp
+import mpmath
 import numpy as np
 import pytest
 from helpers import EXACT, gap
 
 from jaxdyn.euler import euler_from_matrix, matrix_from_euler
 from jaxdyn.indices import evaluate_indices, levi_civita
+from jaxdyn.inertia import principal
 from jaxdyn.rotations import (
     AxisAngle,
     axis_angle_from_matrix,
@@ -17,6 +19,8 @@ from jaxdyn.rotations import (
     tensor_in_body,
     tensor_in_world,
 )
+from jaxdyn.satellite_claims import satellite_claims
+from jaxdyn.scenes.satellites import SATELLITES
 from jaxdyn.vectors import cross, cross_by_geometry, skew
 
 RNG = np.random.default_rng(46)
@@ -158,3 +162,18 @@ def test_48_fixed_xyz_is_body_zyx_and_has_this_matrix():
     assert gap(matrix_from_euler(angles, "xyz"), product) < EXACT
     assert gap(matrix_from_euler(angles[::-1], "ZYX"), product) < EXACT
     assert gap(euler_from_matrix(product, "xyz").angles, angles) < EXACT
+
+
+def test_the_claims_of_problem_57():
+    claims = {claim.name: claim for claim in satellite_claims()}
+    assert [name for name, claim in claims.items() if not claim.holds] == ["A ii", "A iii d"]
+    a, b = (principal(SATELLITES[name]()).moments for name in "AB")
+    np.testing.assert_allclose(claims["A i"].figure, np.diff(a).min() / a[2], rtol=1e-12)
+    # Landau and Lifshitz, Mechanics, section 37: omega_2 is sn, here from its largest on.
+    H2 = (np.cos(0.15) * a[1]) ** 2 + (np.sin(0.15) * a[2]) ** 2
+    T2 = np.cos(0.15) ** 2 * a[1] + np.sin(0.15) ** 2 * a[2]
+    rate = np.sqrt((a[2] - a[1]) * (H2 - T2 * a[0]) / np.prod(a))
+    k2 = (a[1] - a[0]) * (T2 * a[2] - H2) / ((a[2] - a[1]) * (H2 - T2 * a[0]))
+    half = 2 * float(mpmath.ellipk(float(k2))) / rate
+    assert claims["A iii c"].figure == round(60.0 / half)
+    assert claims["B i"].figure == abs(b[1] - b[0]) / b[2]

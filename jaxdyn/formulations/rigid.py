@@ -134,6 +134,10 @@ class RigidBody(System):
         s, m = self.matter
         return Points(r[None] + _turned(R, s), v[None] + _turned(R, _crossed(omega[None], s)), m)
 
+    def coordinates(self, y):
+        n = len(y) - (3 if self.pivoted else 6)
+        return y[:n], y[n:]
+
     def links(self):
         return self.edges
 
@@ -197,8 +201,7 @@ class RigidBody(System):
             forces = sum((e.force(t, r, velocity, m) for e in effects), jnp.zeros_like(r))
             moments = _crossed(self.matter.r, _turned(R.T, forces))
             total = jnp.stack([jnp.sum(forces, axis=0), jnp.sum(moments, axis=0)])
-            n = len(y) - (3 if self.pivoted else 6)
-            direct = (e.generalized(t, y[:n], y[n:]) for e in effects)
+            direct = (e.generalized(t, *self.coordinates(y)) for e in effects)
             for f in direct:
                 if f is not None:
                     total = total + jnp.concatenate([jnp.zeros(6 - len(f)), f]).reshape(2, 3)

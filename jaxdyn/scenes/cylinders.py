@@ -28,6 +28,11 @@ CONTACTS = ("roll", "slip_on", "slip_back", "fly")
 SLIPS = {"slip_on": 1.0, "slip_back": -1.0}
 
 
+_TURN = np.linspace(0.0, 2 * math.pi, 121)
+#: Corners of a drawn circle about the origin.
+_ROUND = np.stack([np.cos(_TURN), np.sin(_TURN)], axis=1)
+
+
 class _Contact(NamedTuple):
     """The conditions of contact, on velocities v (3,) and accelerations a (3,) of G.
 
@@ -86,6 +91,19 @@ class Cylinder(System):
 
     def links(self):
         return ((0, 1),)
+
+    def outlines(self, t, y):
+        """The rim, the line from its centre to G, and the surface (a ramp: where it is near)."""
+        del t
+        c = y[:2] - self.d * _axes(y[2])[0]
+        rim = c[None] + self.r * _ROUND
+        arm = jnp.stack([c, c + self.r * _axes(y[2])[0]])
+        if not self.flat:
+            return rim, arm, self.fixed * _ROUND
+        n = self._normal(c)
+        foot = c - jnp.sum(c * n) * n
+        along = 2 * self.r * jnp.stack([n[1], -n[0]])
+        return rim, arm, jnp.stack([foot - along, foot + along])
 
     def rate(self, t, y, effects):
         force = self._load(t, y, effects)
