@@ -1,7 +1,7 @@
 """The 61 problems of the course, each with the names that answer it and the answer in a line.
 
 Names are public ones below `jaxdyn`: ``scenes.pendulum`` is ``jaxdyn.scenes.pendulum``. Periodic
-motions and targets (11 b, 27, 28, 43 b) need root finding on top of these scenes, which is what
+motions and targets (11 b, 27, 28, 38, 43 b) need root finding on top of these scenes, which is what
 the orbit finder is for.
 """
 
@@ -235,7 +235,8 @@ PROBLEMS: dict[int, Problem] = {
         "scenes.cylinder_on_ramp scenes.rolling.contact_lost scenes.rolling.friction_needed "
         "scenes.rolling.phases_of phases.run",
         "Where the normal force ends friction does not, and a flight from there may enter the "
-        "ground; the chain of phases slips first.",
+        "ground; the chain of phases slips first. Hops without loss need level ground and no "
+        "friction: the orbit finder has them.",
     ),
     39: _problem(
         "One and two skates",

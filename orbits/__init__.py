@@ -19,6 +19,7 @@ False
 """
 
 from orbits import aim as aim
+from orbits import hopping as hopping
 from orbits import loops as loops
 from orbits import seeds as seeds
 from orbits.chunk import Box as Box
@@ -41,6 +42,9 @@ from orbits.evidence import digits as digits
 from orbits.evidence import recheck as recheck
 from orbits.family import Family as Family
 from orbits.family import Kind as Kind
+from orbits.hybrid import Hybrid as Hybrid
+from orbits.hybrid import Leg as Leg
+from orbits.hybrid import find_chain as find_chain
 from orbits.identity import Identity as Identity
 from orbits.identity import identify as identify
 from orbits.identity import normal_form as normal_form
