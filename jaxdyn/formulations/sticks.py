@@ -87,20 +87,30 @@ class TiedStick(Mechanism):
 
 
 class Sideways(Mechanism):
-    """A point mass that hangs on a rod, by its horizontal position."""
+    """A point mass on a rod, by one of its cartesian coordinates: hanging, by its x.
+
+    Attributes:
+      m: () mass [kg].
+      l: () length [m].
+      axis: of the coordinate, 0 for x and 1 for y.
+      side: () sign of the other one, which the coordinate does not tell.
+    """
 
     m: Array
     l: Array  # noqa: E741 the course's name
+    axis: int = eqx.field(static=True, default=0)
+    side: Array | float = -1.0
 
     def coordinates(self):
-        return (("x", "m"),)
+        return (("xy"[self.axis], "m"),)
 
     def masses(self):
         return self.m[None]
 
     def positions(self, t, q):
         del t
-        return jnp.stack([q[0], -jnp.sqrt(self.l**2 - q[0] ** 2)])[None, :]
+        both = [q[0], self.side * jnp.sqrt(self.l**2 - q[0] ** 2)]
+        return jnp.stack(both[:: -1 if self.axis else 1])[None, :]
 
     def links(self):
         return _stick_links(False, True)

@@ -3,10 +3,10 @@
 from collections.abc import Iterable
 
 from jaxdyn import _checks
-from jaxdyn.hard import bodies, contact, drift, encounters, singular
+from jaxdyn.hard import bodies, contact, coordinates, drift, encounters, singular
 from jaxdyn.hard.case import Case
 
-FAMILIES = (encounters, singular, drift, contact, bodies)
+FAMILIES = (encounters, singular, drift, coordinates, contact, bodies)
 CASES = {case.name: case for family in FAMILIES for case in family.CASES}
 
 

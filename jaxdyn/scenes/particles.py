@@ -117,12 +117,16 @@ def polar_particle(
       m: mass [kg].
       t1: span [s].
     """
-    x, y = jnp.asarray(position, dtype=float)
-    vx, vy = jnp.asarray(velocity, dtype=float)
+    y0 = polar_state(jnp.asarray(position, dtype=float), jnp.asarray(velocity, dtype=float))
+    return Scene(PolarParticle(m), effects, y0=y0, t1=t1)
+
+
+def polar_state(position: Array, velocity: Array) -> Array:
+    """(4,) the state of a `PolarParticle` at a position (2,), not the origin, and velocity (2,)."""
+    (x, y), (vx, vy) = position, velocity
     r2 = x * x + y * y
     r = jnp.sqrt(r2)
-    y0 = jnp.stack([r, jnp.arctan2(y, x), (x * vx + y * vy) / r, (x * vy - y * vx) / r2])
-    return Scene(PolarParticle(m), effects, y0=y0, t1=t1)
+    return jnp.stack([r, jnp.arctan2(y, x), (x * vx + y * vy) / r, (x * vy - y * vx) / r2])
 
 
 def straightness(motion: Trajectory) -> Array:
