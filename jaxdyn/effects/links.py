@@ -9,7 +9,6 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
@@ -101,15 +100,11 @@ class SpringNetwork(Effect):
         self.k = jnp.asarray(k, dtype=float)
         self.length = jnp.asarray(length, dtype=float)
 
-    def _incidence(self, n: int) -> np.ndarray:
-        """(e, n) +1 at the first and -1 at the second end of each spring."""
-        return np.eye(n)[list(self.first)] - np.eye(n)[list(self.second)]
-
     def _springs(self, r: Array) -> tuple[Array, Array, Array]:
         e = len(self.first)
-        # A sum, not a matrix product or a gather, whose reverse mode is a scatter: those keep
-        # a stepping loop from being folded.
-        d = jnp.sum(self._incidence(r.shape[0])[:, :, None] * r[None, :, :], axis=1)
+        # Slices, not a gather, whose reverse mode is a scatter, nor sums over all points: those
+        # keep a stepping loop with tangents from being folded and vectorised (30 times slower).
+        d = jnp.stack([r[i] - r[j] for i, j in zip(self.first, self.second, strict=True)])
         return jnp.broadcast_to(self.k, (e,)), jnp.broadcast_to(self.length, (e,)), d
 
     def potential(self, t, r, m):
@@ -119,7 +114,10 @@ class SpringNetwork(Effect):
     def force(self, t, r, v, m):
         del t, v, m
         pulls = _pull(*self._springs(r))
-        return -jnp.sum(self._incidence(r.shape[0])[:, :, None] * pulls[:, None, :], axis=0)
+        total = [jnp.zeros_like(r[0])] * r.shape[0]
+        for i, j, pull in zip(self.first, self.second, pulls, strict=True):
+            total[i], total[j] = total[i] - pull, total[j] + pull
+        return jnp.stack(total)
 
     def check(self, points: Points) -> None:
         for i, j in zip(self.first, self.second, strict=True):
