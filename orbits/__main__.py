@@ -1,4 +1,4 @@
-"""The command line: `orbits figure-eight`, `find`, `family`, `search`, `verify`, `aim`."""
+"""The command line: `orbits figure-eight`, `find`, `family`, `search`, `verify`, `aim`, `loops`."""
 
 import json
 import math
@@ -28,6 +28,7 @@ from orbits.evidence import digits
 from orbits.family_command import family_command
 from orbits.figure_eight import figure_eight
 from orbits.find_command import find_command
+from orbits.loops_command import loops_command
 from orbits.printed import print_reports
 from orbits.problem import Orbit
 from orbits.report import as_json, report
@@ -48,6 +49,7 @@ NumbersOption = Annotated[str | None, typer.Option(metavar="A,B,...")]
 app.command("find")(find_command)
 app.command("family")(family_command)
 app.command("aim")(aim_command)
+app.command("loops")(loops_command)
 app.command("search")(search_command)
 
 

@@ -5,6 +5,7 @@ Drawn like `jaxdyn.plots`: with Matplotlib's objects, no window, the `Figure` re
 
 import itertools
 import math
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,9 @@ from orbits.loops import Least, least
 _SAMPLES = 300
 _COURSES = np.linspace(-5.0, 5.0, 192)  # whole calls of the compiled program
 _LOOK = 1e-7
+_EXPONENTS = (-2.9, -2.5, -2.0, -1.0, 0.0, 1.0, 3.0, 6.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
+_FILLING = 12_000  # samples of a rosette of many loops
+_TITLE = 72  # characters of a line
 _WIDEST = 2.0  # apsidal angle over pi that is drawn
 _ROOM = 0.06  # of that angle between two labels
 
@@ -68,11 +72,12 @@ def throws(scene: Scene, best: Throws, hits: Hits | None = None, path=None) -> F
     return plots.finished(figure, path)
 
 
-def loops(path=None, *, lowest: float = -2.9, highest: float = 12.0, most: int = 6) -> Figure:
+def loops(path=None, *, lowest: float = -2.9, highest: float = 1000.0, most: int = 6) -> Figure:
     """A picture of the apsidal angle of power laws r^n, and of the least number of loops.
 
     Above, what orbits between circles and lines have, with the fractions turns / loops at which
-    they close; below, how many loops the simplest of them has.
+    they close; below, how many loops the simplest of them has. Even steps along the exponent are
+    even ratios of n + 3, which shows both ends.
 
     Args:
       path: file to write, .png, .pdf or .svg.
@@ -86,7 +91,7 @@ def loops(path=None, *, lowest: float = -2.9, highest: float = 12.0, most: int =
         path = plots.checked_path(path, plots.SUFFIXES)
     if not -3 < lowest < highest:
         raise fail("lowest", f"above -3 and below highest = {highest:g}", lowest)
-    n = np.unique([*np.linspace(lowest, highest, _SAMPLES), -2.0, -1.0, 1.0])
+    n = np.unique([*np.geomspace(lowest + 3, highest + 3, _SAMPLES) - 3, -2.0, -1.0, 1.0])
     found = least(n[(n >= lowest) & (n <= highest)])
     figure = plots.blank(6.8, 7.2)
     angles: Any = figure.add_subplot(2, 1, 1)
@@ -101,9 +106,13 @@ def loops(path=None, *, lowest: float = -2.9, highest: float = 12.0, most: int =
             angles.plot(law, 1 / math.sqrt(law + 3), "o", color=plots.INK, ms=6, zorder=3)
             look = {"textcoords": "offset points", "fontsize": 9}
             angles.annotate(name, (law, 1 / math.sqrt(law + 3)), (6, 6), **look)
-    angles.set(ylabel="apsidal angle / pi", ylim=(0.2, _WIDEST))
+    angles.set(ylabel="apsidal angle / pi", ylim=(0.0, _WIDEST))
     counts.plot(found.n, found.loops, ".", color=circle, ms=3)
     counts.set(xlabel="exponent n of the force r^n", ylabel="least number of loops", yscale="log")
+    counts.set_xscale("function", functions=(_from_edge, _to_edge))
+    ticks = [n for n in _EXPONENTS if lowest <= n <= highest]
+    counts.set_xticks(ticks, [f"{n:g}" for n in ticks])
+    counts.set_xlim(lowest, highest)
     counts.set_yticks([1, 2, 3, 5, 10, 20, 50], ["1", "2", "3", "5", "10", "20", "50"])
     counts.set_ylim(0.8, 60.0)
     angles.legend(loc="upper right", frameon=False)
@@ -153,6 +162,44 @@ def family(listed: Listing, path=None) -> Figure:
         *ax.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False
     )
     return plots.finished(figure, path)
+
+
+def rosette(scene: Scene, path=None, title: str | None = None) -> Figure:
+    """A picture of a motion about a centre that does not close: it fills its ring.
+
+    Args:
+      scene: what `orbits.loops.rosette` made; its span is drawn.
+      path: file to write, .png, .pdf or .svg.
+      title: the reason that stands above it.
+    Raises:
+      ValueError: a file that cannot be written.
+    """
+    if path is not None:
+        path = plots.checked_path(path, plots.SUFFIXES)
+    motion = simulate(scene, samples=_FILLING)
+    x, y = np.asarray(motion["x"]), np.asarray(motion["y"])
+    radii = np.hypot(x, y)
+    figure = plots.blank(6.0, 6.6)
+    ax: Any = figure.add_subplot(1, 1, 1)
+    ax.plot(x, y, color=plots.PALETTE[0], lw=0.7)
+    turn = np.linspace(0.0, 2 * np.pi, _SAMPLES)
+    for radius in (radii.min(), radii.max()):
+        ax.plot(radius * np.cos(turn), radius * np.sin(turn), color=plots.PALETTE[1], lw=1.8)
+    ax.plot(0.0, 0.0, "+", color=plots.INK, ms=10, mew=2)
+    ax.plot(x[0], y[0], "o", color=plots.INK, ms=6, zorder=3)
+    ax.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    ax.set_title(textwrap.fill(title or "", _TITLE), fontsize=10)
+    _plain(ax)
+    return plots.finished(figure, path)
+
+
+def _from_edge(n):
+    """Exponents as they are spread along the axis; motions between two radii need n > -3."""
+    return np.log(np.maximum(np.asarray(n, float) + 3, 1e-300))
+
+
+def _to_edge(place):
+    return np.exp(place) - 3
 
 
 _STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}

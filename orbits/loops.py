@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import events, scenes, simulate
+from jaxdyn import Scene, events, scenes, simulate
 from jaxdyn._checks import array, fail, positive
 from jaxdyn.effects import CentralForce
 from orbits.problem import Orbit, SearchError
@@ -109,18 +109,49 @@ def closed(law: CentralForce, turns: int, loops: int, *, r=1.0, m=1.0) -> Orbit:
       >>> loops.count(orbit), orbit.residual < 1e-12
       ((2, 3), True)
     """
-    for name, number in (("turns", turns), ("loops", loops)):
-        if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 1:
-            raise fail(name, "a whole number, at least 1", repr(number))
-    common = math.gcd(turns, loops)
-    if common > 1:
-        remedy = f"It closes after {turns // common} turns already."
-        raise fail("turns", f"no common factor with loops = {loops}", turns, remedy)
-    if not isinstance(law, CentralForce):
-        raise fail("law", "a CentralForce", repr(law), "PowerLaw(1.0, -1.0) is one.")
+    _whole(turns, loops)
+    _law(law)
     r, m = (float(positive(name, array(name, x, ()))) for name, x in (("r", r), ("m", m)))
     scene, half = _started(law, _shape(law, turns / loops, r), r, m)
     return find(scene, period=2 * loops * half)
+
+
+def rosette(law: CentralForce, ratio=0.4, *, r=1.0, m=1.0, loops: int = 40) -> Scene:
+    """A motion between two radii over many loops: where none closes, it fills its ring.
+
+    That is what a search which fails is left with.
+
+    Args:
+      law: the force.
+      ratio: of the smallest to the largest distance, between 0 and 1.
+      r: distance of the farthest point, where it starts [m].
+      m: mass [kg].
+      loops: in the scene's span.
+    Raises:
+      ValueError: numbers that make no sense.
+      SearchError: nothing moves between such radii under this law.
+    Example:
+      >>> from jaxdyn.effects import PowerLaw
+      >>> from orbits import loops
+      >>> ring = simulate(loops.rosette(PowerLaw(1.0, -1.0), 0.5), samples=2000)
+      >>> r = np.hypot(ring["x"], ring["y"])
+      >>> round(float(r.min()), 4), round(float(r.max()), 4)
+      (0.5, 1.0)
+    """
+    _law(law)
+    ratio, r, m = (
+        float(positive(name, array(name, x, ())))
+        for name, x in (("ratio", ratio), ("r", r), ("m", m))
+    )
+    if not ratio < 1:
+        raise fail("ratio", "below 1", ratio, "A circle closes.")
+    if not (isinstance(loops, int | np.integer) and loops >= 1):
+        raise fail("loops", "a whole number, at least 1", repr(loops))
+    angle = np.asarray(_angles(law, jnp.asarray([ratio]), r)[0])
+    if not np.isfinite(angle).all():
+        raise SearchError(_no_shape(angle))
+    scene, half = _started(law, ratio, r, m)
+    return scene.starting(scene.y0, 2 * loops * half)
 
 
 def count(orbit: Orbit) -> tuple[int, int]:
@@ -132,6 +163,21 @@ def count(orbit: Orbit) -> tuple[int, int]:
     growing = (x * vx + y * vy > 0)[:-1]  # the last sample is the first one again
     tops = int(np.sum(growing & ~np.roll(growing, -1)))
     return round(abs(turned[-1] - turned[0]) / (2 * np.pi)), tops
+
+
+def _whole(turns, loops) -> None:
+    for name, number in (("turns", turns), ("loops", loops)):
+        if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 1:
+            raise fail(name, "a whole number, at least 1", repr(number))
+    common = math.gcd(turns, loops)
+    if common > 1:
+        remedy = f"It closes after {turns // common} turns already."
+        raise fail("turns", f"no common factor with loops = {loops}", turns, remedy)
+
+
+def _law(law) -> None:
+    if not isinstance(law, CentralForce):
+        raise fail("law", "a CentralForce", repr(law), "PowerLaw(1.0, -1.0) is one.")
 
 
 def _shape(law: CentralForce, wanted: float, r: float) -> float:

@@ -110,6 +110,7 @@ RANKS = {
     "jaxdyn/hard/bodies.py": 10,
     "jaxdyn/hard/contact.py": 10,
     "jaxdyn/hard/drift.py": 10,
+    "jaxdyn/hard/friction.py": 10,
     "jaxdyn/hard/coordinates.py": 10,
     "jaxdyn/switching.py": 8,
     "jaxdyn/__main__.py": 13,
@@ -159,6 +160,7 @@ RANKS = {
     "orbits/aim.py": 12,
     "orbits/charts.py": 18,
     "orbits/aim_command.py": 19,
+    "orbits/loops_command.py": 19,
     "orbits/__main__.py": 21,
 }
 
@@ -171,6 +173,8 @@ INSIDE = {
     ("jaxdyn/accuracy_command.py", "jaxdyn.accuracy_plots"),
     ("orbits/__main__.py", "orbits.plots"),
     ("orbits/aim_command.py", "orbits.charts"),
+    ("orbits/loops_command.py", "orbits.charts"),
+    ("orbits/loops_command.py", "orbits.plots"),
     ("orbits/aim_command.py", "jaxdyn.plots"),
     ("orbits/command_options.py", "jaxdyn.plots"),
     ("orbits/command_options.py", "jaxdyn.animate"),

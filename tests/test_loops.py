@@ -139,3 +139,35 @@ def test_the_picture_has_both_limits_and_the_counts(tmp_path):
     assert {"gravity", "spring", "2/3", "1/3"} <= texts
     assert len(counts.lines) == 1
     assert (tmp_path / "loops.png").stat().st_size > 10_000
+
+
+def test_what_does_not_close_fills_its_ring(tmp_path):
+    ring = simulate(loops.rosette(PowerLaw(1.0, -1.0), 0.6, r=2.0), samples=4000)
+    r = np.hypot(np.asarray(ring["x"]), np.asarray(ring["y"]))
+    assert abs(r.max() - 2.0) < 1e-9
+    assert abs(r.min() - 1.2) < 1e-5  # samples pass the nearest point
+    turned = np.unwrap(np.arctan2(np.asarray(ring["y"]), np.asarray(ring["x"])))
+    angle = float(scenes.apsidal_angle(PowerLaw(1.0, -1.0), 0.6, 1.0))
+    assert abs(turned[-1] - 80 * angle) < 1e-7
+    figure = charts.rosette(ring.scene, tmp_path / "ring.png", "why " * 40)
+    assert figure.axes[0].get_title().count("\n") == 2
+    assert (tmp_path / "ring.png").stat().st_size > 20_000
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: loops.rosette(PowerLaw(), 1.0), "ratio: expected below 1"),
+        (lambda: loops.rosette(PowerLaw(), 0.0), "ratio: expected > 0"),
+        (lambda: loops.rosette(PowerLaw(), loops=0), "loops: expected a whole number"),
+        (lambda: loops.rosette(2.0), "law: expected a CentralForce"),
+    ],
+)
+def test_rosettes_that_make_no_sense_are_refused(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_where_nothing_moves_between_two_radii_there_is_no_rosette():
+    with pytest.raises(orbits.SearchError, match="only circles close"):
+        loops.rosette(PowerLaw(1.0, -4.0))
