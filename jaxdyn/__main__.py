@@ -28,6 +28,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 STOPPED = 1  # exit code: the motion did not reach its end
+_MOST_SAMPLES = 1_000_000  # all of which become text
 MISUSE = 2  # exit code: the input makes no sense
 #: What a wrong option or argument raises; typer exports only a kind of it.
 _Usage: type[Exception] = typer.BadParameter.__bases__[0]
@@ -93,6 +94,7 @@ def run_command(
     console = Console(stderr=as_object, highlight=False, soft_wrap=True)
     _check_files(plot, animate)
     _checks.choice("solver", solver, ("auto", *_SOLVERS))
+    _checks.whole("samples", samples, most=_MOST_SAMPLES, remedy="jaxdyn.simulate takes more.")
     scene = catalogue.build(name, catalogue.settings(settings or ()))
     motion = catalogue.entries()[name].motion(
         scene, t1, samples=samples, rtol=rtol, solver=_SOLVERS.get(solver)

@@ -34,11 +34,7 @@ def float64(remedy: str = "Call jaxdyn.configure() first.") -> None:
 
 def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Array:
     """The input as a finite float array of the wanted shape, where None allows any length."""
-    try:
-        _numeric(x)
-        x = jnp.asarray(x, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise fail(name, "numbers", repr(x), remedy) from error
+    x = numbers(name, x, remedy)
     fits = len(x.shape) == len(shape) and all(
         w is None or s == w for s, w in zip(x.shape, shape, strict=True)
     )
@@ -46,6 +42,24 @@ def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") ->
         wanted = str(tuple("any" if w is None else w for w in shape)).replace("'", "")
         raise fail(name, f"shape {wanted}", f"shape {x.shape}", remedy)
     return finite(name, x, remedy)
+
+
+def numbers(name: str, x: Any, remedy: str = "") -> Array:
+    """The input as a float array, of any shape and value."""
+    try:
+        _numeric(x)
+        return jnp.asarray(x, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise fail(name, "numbers", repr(x), remedy) from error
+
+
+def whole(name: str, x: Any, least: int = 1, most: int = 2**62, remedy: str = "") -> int:
+    """x, refused unless it is a whole number from least to most."""
+    if not isinstance(x, int | np.integer) or isinstance(x, bool) or x < least:
+        raise fail(name, f"a whole number, at least {least}", x, remedy)
+    if x > most:
+        raise fail(name, f"at most {most}", x, remedy)
+    return int(x)
 
 
 def _numeric(x: Any) -> None:
@@ -68,7 +82,7 @@ def finite(name: str, x: Array, remedy: str = "") -> Array:
 
 def positive(name: str, x: Any, remedy: str = "") -> Array:
     """x as an array, refused unless every entry is > 0."""
-    x = jnp.asarray(x, dtype=float)
+    x = numbers(name, x, remedy)
     if not is_traced(x):
         finite(name, x, remedy)
         values = np.asarray(x)

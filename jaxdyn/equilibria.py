@@ -17,8 +17,9 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.linearize import Linearization, linearize
-from jaxdyn.scene import Field, Scene
+from jaxdyn.scene import Field, Scene, checked
 
+_MOST_STARTS = 1_000_000  # which are worked on at once
 _STEPS = 80
 _DAMPING = 1e-3  # first damping of an iteration, relative to the largest entry of J^T J
 _LESS, _MORE = 0.2, 5.0  # damping after a step that helped, and after one that did not
@@ -67,7 +68,7 @@ def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024) -> Equilib
     Returns:
       What was found: verified roots, no repetitions. There may be others.
     Raises:
-      ValueError: a box that is none.
+      ValueError: a box that is none, or another number that makes no sense.
     Limits: roots on which the rate is not smooth (a spring pressed to a point) are missed;
       curves of rest points are sampled, see `Equilibria.isolated`.
     Example:
@@ -76,8 +77,8 @@ def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024) -> Equilib
       >>> len(found)
       5
     """
-    scene.check()
-    low, high = _box(low, high, len(scene.y0))
+    low, high = _box(low, high, len(checked(scene).y0))
+    starts, t = _checks.whole("starts", starts, most=_MOST_STARTS), _checks.array("t", t, ())
     grid = low + (high - low) * low_discrepancy(starts, len(low))
     ys, steps, rates = (np.asarray(x) for x in _search(scene.field, jnp.asarray(grid), t))
     size = np.max(high - low)
@@ -88,7 +89,7 @@ def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024) -> Equilib
     groups = _groups(scene, ys, kept[np.argsort(steps[kept], kind="stable")], slack)
     best = sorted((group[0] for group in groups), key=lambda i: tuple(np.round(ys[i], 6)))
     count = {group[0]: len(group) for group in groups}
-    linear = tuple(linearize(scene, ys[i], t) for i in best)
+    linear = tuple(linearize(scene.field, ys[i], t) for i in best)
     return Equilibria(
         states=ys[best],
         linearizations=linear,

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.scene import Field, Scene
+from jaxdyn.scene import Field, Scene, checked
 
 _SAFETY = 10.0  # error bars are first-order estimates
 _SYMMETRIC = 1e-9  # relative asymmetry of a stiffness matrix that is rounding
@@ -56,6 +56,8 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
       scene: any scene, autonomous for the verdict to mean anything.
       y: (k,) state, a rest point for the verdict to mean anything.
       t: () time [s].
+    Raises:
+      ValueError: numbers that make no sense, or a state where the rate has no derivative.
     Limits: a centre of a conservative scene is "undecided": linearisation cannot tell. A
       rest point that is a minimum of the potential energy is stable all the same.
     Example:
@@ -63,14 +65,16 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
       >>> linearize(oscillator(c=0.1), [0.0, 0.0]).portrait
       'spiral'
     """
+    scene = scene if isinstance(scene, Field) else checked(scene)
     y = _checks.array("y", y, (len(scene.system.labels()),))
-    return classify(np.asarray(jacobian(scene, y, t)))
+    return classify(np.asarray(jacobian(scene, y, _checks.array("t", t, ()))))
 
 
 def classify(a) -> Linearization:
     """`linearize` for a matrix (k, k) that is given."""
-    a = np.asarray(_checks.array("jacobian", a, (None, None)))
-    if a.shape[0] != a.shape[1]:
+    remedy = "The rate has no derivative there: bodies at one point, a number that is NaN?"
+    a = np.asarray(_checks.array("jacobian", a, (None, None), remedy))
+    if a.shape[0] != a.shape[1] or not a.size:
         raise _checks.fail("jacobian", "a square matrix", f"shape {a.shape}")
     values, right = np.linalg.eig(a)
     order = np.lexsort((np.imag(values), -np.real(values)))
@@ -156,7 +160,7 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
       >>> print(modes(oscillator(k=9.0, m=1.0), [0.0, 0.0]).frequencies)
       [3.]
     """
-    y = _checks.array("y", scene.y0 if y is None else y, scene.y0.shape)
+    y = _checks.array("y", checked(scene).y0 if y is None else y, (len(scene.system.labels()),))
     if scene.system.canonical(jnp.zeros(()), y) is None:
         raise _checks.fail(
             "scene",
@@ -197,6 +201,7 @@ def _matrices(scene: Scene, y: Array) -> tuple[Array, Array, Array]:
 def _check_modes(y: np.ndarray, mass, stiffness, acceleration) -> None:
     n = len(mass)
     size = np.abs(stiffness).max()
+    _checks.finite("stiffness", stiffness, "A number of the scene is NaN, or it is singular at y.")
     if np.abs(stiffness - stiffness.T).max() > _SYMMETRIC * size:
         raise _checks.fail(
             "scene",

@@ -6,11 +6,15 @@ program and fills in its fields; it never imports, calls or unpickles what a fil
 """
 
 import dataclasses
+import hashlib
 import inspect
 import json
 import math
 import os
+import reprlib
 import tempfile
+import types
+import typing
 from pathlib import Path
 from typing import Any
 
@@ -107,17 +111,8 @@ def _replace(path: Path, text: str) -> None:
 
 def read(path: str | Path, kind: str, version: int) -> dict[str, Any]:
     """The record in a JSON file, if it is of this kind and version."""
-    path = Path(path)
     remedy = f"Give the path of a file that this program wrote as a {kind}."
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise fail("file", f"at most {MAX_BYTES} bytes", path.stat().st_size, remedy)
-        text = path.read_text(encoding="utf-8")
-        record = json.loads(text, parse_constant=_no_constant, parse_int=_integer)
-    except OSError as error:
-        raise fail("file", "a readable file", f"{path} ({error.strerror})", remedy) from error
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise fail("file", "JSON", f"{path} ({error})", remedy) from error
+    record = parsed(content(path, MAX_BYTES, remedy), str(path), remedy)
     if not isinstance(record, dict) or record.get("format") != kind:
         got = record.get("format") if isinstance(record, dict) else type(record).__name__
         raise fail("file", f"format {kind!r}", repr(got), remedy)
@@ -126,6 +121,46 @@ def read(path: str | Path, kind: str, version: int) -> dict[str, Any]:
             "file", f"version {version}", repr(record.get("version")), "Make the file again."
         )
     return record
+
+
+def content(path: str | Path, most: int, remedy: str = "") -> bytes:
+    """What is in a file of at most so many bytes.
+
+    Raises:
+      ValueError: no such file, a larger one, or a device or a pipe, which may have no end.
+    """
+    path = Path(path)
+    try:
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise fail("file", "a file on a disk", f"{path}, a device or a pipe", remedy)
+        with open(path, "rb") as file:
+            data = file.read(most + 1)
+    except OSError as error:
+        raise fail("file", "a readable file", f"{path} ({error.strerror})", remedy) from error
+    if len(data) > most:
+        raise fail("file", f"at most {most} bytes", "more", remedy)
+    return data
+
+
+def parsed(data: bytes, what: str, remedy: str = "") -> Any:
+    """What JSON says: finite numbers, and integers that floats can hold.
+
+    Raises:
+      ValueError: something else.
+    """
+    try:
+        return json.loads(data.decode(), parse_constant=_no_constant, parse_int=_integer)
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise fail("file", "JSON", f"{what} ({error})", remedy) from error
+
+
+def digest(record: dict[str, Any]) -> str:
+    """16 hexadecimal digits that another record does not have: an edited one is noticed.
+
+    They tell damage and honest edits, not a forger, who can make new ones.
+    """
+    text = json.dumps(record, sort_keys=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _no_constant(name: str):
@@ -156,7 +191,7 @@ def _module(value: dict, what: str, kinds: tuple[type, ...]) -> Any:
     name = value.get("type")
     cls = classes.get(name) if isinstance(name, str) else None
     if cls is None:
-        raise fail(what, f"one of {', '.join(sorted(classes))}", repr(name)[:60])
+        raise fail(what, f"one of {', '.join(sorted(classes))}", reprlib.repr(name))
     names = {*_named(cls)} or {f.name for f in dataclasses.fields(cls)}
     if names != value.keys() - {"type"}:
         wrong = sorted(names ^ (value.keys() - {"type"}))
@@ -164,11 +199,13 @@ def _module(value: dict, what: str, kinds: tuple[type, ...]) -> Any:
     if _named(cls):
         return cls(**{key: _number_or(value[key], f"{what}.{key}", kinds) for key in names})
     # Not through the constructor, whose arguments are for people and may differ from the fields.
-    module = object.__new__(cls)
+    module, hints = object.__new__(cls), typing.get_type_hints(cls)
     for field in dataclasses.fields(cls):
-        static = field.metadata.get("static", False)
-        item = value[field.name]
-        item = _tuples(item) if static else _number_or(item, f"{what}.{field.name}", kinds)
+        item, place = value[field.name], f"{what}.{field.name}"
+        if field.metadata.get("static", False):
+            item = _static(item, hints[field.name], place)
+        else:
+            item = _number_or(item, place, kinds)
         object.__setattr__(module, field.name, item)
     return module
 
@@ -178,9 +215,37 @@ def _named(cls: type) -> tuple[str, ...]:
     return getattr(cls, "_fields", ()) if issubclass(cls, tuple) else ()
 
 
+def _static(item: Any, hint: Any, what: str) -> Any:
+    """A static field, if it is of the type that its class wants."""
+    try:
+        item = _tuples(item)
+        fits = _fits(item, hint)
+    except RecursionError:
+        fits = False
+    if not fits:
+        raise fail(what, f"{getattr(hint, '__name__', hint)}", reprlib.repr(item))
+    return item
+
+
 def _tuples(item: Any) -> Any:
     """Lists as tuples, all the way down: static fields must be hashable."""
     return tuple(map(_tuples, item)) if isinstance(item, list) else item
+
+
+def _fits(item: Any, hint: Any) -> bool:
+    """Whether an item is of a type: bool, int, str, None, tuples and unions of these."""
+    kinds = typing.get_args(hint)
+    if isinstance(hint, types.UnionType):
+        return any(_fits(item, kind) for kind in kinds)
+    if not isinstance(item, tuple):
+        return type(item) is hint
+    if hint is tuple:
+        return all(_fits(x, tuple | int | float | str) for x in item)
+    if typing.get_origin(hint) is not tuple:
+        return False
+    if kinds[-1] is Ellipsis:
+        kinds = kinds[:1] * len(item)
+    return len(kinds) == len(item) and all(map(_fits, item, kinds))
 
 
 def _number_or(item: Any, what: str, kinds: tuple[type, ...]) -> Any:
@@ -193,7 +258,7 @@ def _array(value: Any, what: str) -> Array:
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError) as error:
-        raise fail(what, "an array of numbers", repr(value)[:60]) from error
+        raise fail(what, "an array of numbers", reprlib.repr(value)) from error
     if array.size > MAX_NUMBERS:
         raise fail(what, f"at most {MAX_NUMBERS} numbers", array.size)
     if not np.isfinite(array).all():

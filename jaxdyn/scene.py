@@ -207,8 +207,8 @@ class Scene(eqx.Module):
     def __init__(self, system: System, effects: tuple[Effect, ...] = (), *, y0: Any, t1: Any = 1.0):
         self.system = system
         self.effects = tuple(effects)
-        self.y0 = jnp.asarray(y0, dtype=float)
-        self.t1 = jnp.asarray(t1, dtype=float)
+        self.y0 = _checks.numbers("y0", y0)
+        self.t1 = _checks.numbers("t1", t1)
 
     @property
     def field(self) -> Field:
@@ -245,6 +245,8 @@ class Scene(eqx.Module):
     def check(self) -> None:
         """Raise ValueError if a number makes no sense; traced numbers pass."""
         k = len(self.system.labels())
+        if not k:
+            raise _checks.fail("system", "something that moves", "a state without entries")
         _checks.array("y0", self.y0, (k,), f"One entry for each of {self._names()}.")
         for effect in self.effects:
             self._check_obeyed(effect)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import reprlib
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,9 @@ from orbits.family import Family, Kind, Member
 from orbits.problem import Orbit
 
 FORMAT = "jaxdyn-family"
-VERSION = 1
+VERSION = 2
 _VERDICTS = ("stable", "unstable", "undecided")
-_KEYS = {"format", "version", "parameter", "end", "members", "special"}
+_KEYS = {"format", "version", "parameter", "end", "members", "special", "digest"}
 _ENTRY_KEYS = {"orbit", "parameter", "energy", "verdict", "kind"}
 
 
@@ -69,7 +70,8 @@ def save(path: str | Path, family: Listing) -> None:
     Raises:
       ValueError: the folder does not exist, or a scene holds a function.
     """
-    records.write(path, {"format": FORMAT, "version": VERSION} | as_json(family))
+    record = {"format": FORMAT, "version": VERSION} | as_json(family)
+    records.write(path, record | {"digest": records.digest(record)})
 
 
 def as_json(family: Listing) -> dict[str, Any]:
@@ -97,6 +99,9 @@ def load(path: str | Path) -> Listing:
     members, special = (_entries(record[key], name) for key in ("members", "special"))
     if not members:
         raise fail("file", "at least one member", "none", files.DAMAGED)
+    claimed = record.pop("digest")
+    if claimed != records.digest(record):
+        raise fail("file", "what its digest stands for", "something else", files.DAMAGED)
     return Listing(name, members, special, end)
 
 
@@ -127,9 +132,9 @@ def _decoded(record: Any, parameter: str | None) -> Entry:
     value, energy, verdict, kind = (record[k] for k in ("parameter", "energy", "verdict", "kind"))
     numbers = [energy] if parameter is None else [energy, value]
     if not all(isinstance(x, int | float) and not isinstance(x, bool) for x in numbers):
-        raise fail("file", "numbers for energy and parameter", f"{numbers}", files.DAMAGED)
+        raise fail("file", "numbers for energy and parameter", reprlib.repr(numbers), files.DAMAGED)
     if verdict not in _VERDICTS or kind not in (None, *Kind):
-        raise fail("file", "a verdict and a kind", f"{verdict!r}, {kind!r}"[:60], files.DAMAGED)
+        raise fail("file", "a verdict and a kind", reprlib.repr((verdict, kind)), files.DAMAGED)
     value = math.nan if parameter is None else float(value)
     kind = None if kind is None else Kind(kind)
     return Entry(files.decode(record["orbit"]), value, float(energy), verdict, kind)

@@ -44,13 +44,14 @@ def decode(record: dict[str, Any]) -> Orbit:
     try:
         scene = _scene(record["scene"])
         closing = _closing(record["closing"], scene)
-        angle, rtol = float(record["angle"]), float(record["rtol"])
-        if not (0 < rtol < 1 and float(scene.t1) > 0 and math.isfinite(angle)):
+        angle, rtol = record["angle"], record["rtol"]
+        numbers = isinstance(angle, float | int) and isinstance(rtol, float | int)
+        if not (numbers and 0 < rtol < 1 and float(scene.t1) > 0 and math.isfinite(angle)):
             raise fail("file", "a period > 0 and 0 < rtol < 1", "others", DAMAGED)
     except (KeyError, TypeError, AttributeError, IndexError) as error:
         got = f"{type(error).__name__} {error}"
         raise fail("file", "a complete orbit", got, DAMAGED) from error
-    return Orbit(scene, closing, math.nan, Outcome.FOUND, 0, rtol, angle)
+    return Orbit(scene, closing, math.nan, Outcome.FOUND, 0, float(rtol), float(angle))
 
 
 def _scene(record: Any) -> Scene:

@@ -15,6 +15,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
+from jaxdyn._checks import positive
 from jaxdyn.scenes import three_body
 from orbits.chunk import Box
 from orbits.closing import reversal
@@ -99,6 +100,7 @@ def search_plane(
       executor: whoever works.
       progress: show a bar.
     """
+    positive("longest", longest, "It is a period.")
     limit = np.concatenate([np.full(6, _ESCAPED), np.full(6, np.inf)])
     found = search(
         three_body(),

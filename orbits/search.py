@@ -18,7 +18,8 @@ import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from jaxdyn import Scene, records
-from jaxdyn._checks import fail, positive
+from jaxdyn._checks import fail, positive, whole
+from jaxdyn.simulate import tolerances
 from orbits.chunk import Plan, Sampler, unchanged, unlabelled, work
 from orbits.closing import PLAIN, Closing
 from orbits.given import checked
@@ -121,7 +122,7 @@ def search(
     finally:
         if own:
             pool.shutdown(cancel_futures=True)
-    chunks = [file.chunks[i] for i in sorted(file.chunks)]
+    chunks = [file.chunks[i] for i in range(plan.chunks)]
     finds = distinct((f for c in chunks for f in c.finds), scene, (closing, PLAIN), rtol)
     return Found(finds, _sums(chunks), plan)
 
@@ -178,9 +179,11 @@ def _check(plan: Plan) -> None:
     if not 0 <= plan.shortest < plan.longest:
         raise fail("shortest", f"a period below longest = {plan.longest}", plan.shortest)
     for name in ("samples", "chunk", "windows"):
-        if not getattr(plan, name) >= 1:
-            raise fail(name, "a whole number, at least 1", getattr(plan, name))
+        whole(name, getattr(plan, name))
+    whole("seed", plan.seed, least=0, most=2**53)
+    tolerances(plan.rtol, None)
     positive("close", plan.close, "It is the largest miss of a guess.")
+    positive("limit", np.minimum(plan.limit, np.finfo(float).max), "Beyond it motions are lost.")
     starts = np.asarray(plan.sampler(np.arange(1), plan.seed))
     k = len(plan.scene.y0)
     if starts.shape != (1, k):

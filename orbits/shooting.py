@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status
-from jaxdyn._checks import fail, positive
+from jaxdyn._checks import positive, whole
 from jaxdyn.simulate import solve, tolerances
 from orbits import newton
 from orbits.closing import PLAIN, Closing
@@ -25,6 +25,7 @@ GOAL = 1e-12
 #: grown so much, is well below the goal.
 _GROWTH = 300.0
 _SEGMENTS_MOST = 32
+_SEGMENTS_GIVEN = 256  # all of them are one matrix
 _SAMPLES = 4096  # of a motion, to see how fast it changes where
 _ROUNDINGS = 64.0  # of the unit, in the course of one segment
 _NEARLY = 1e-6  # a residual at which Newton's method stalls only for rounding
@@ -81,11 +82,11 @@ def find(
       >>> round(eight.period, 6)
       6.325914
     """
-    closings = (closing,) if isinstance(closing, Closing) else tuple(closing)
-    conditions = (hold,) if isinstance(hold, Condition) else tuple(hold)
+    closings, conditions = _several(closing), _several(hold)
     guess, lower, upper = checked(scene, y0, period, lower, upper, closings, conditions)
     positive("goal", goal, "It is the largest closing error of an orbit.")
     tolerances(rtol, None)  # refuses what is none; inside jit it could not
+    whole("max_iterations", max_iterations, least=0)
     scene = scene.starting(guess[:-1], guess[-1])
     closing, angle = _nearest(scene, closings, rtol)
     equations = Equations(scene, closing, conditions, driven=driven(scene))
@@ -94,12 +95,19 @@ def find(
     orbit = _solved(cuts, x, lower, upper, goal, rtol, max_iterations, report)
     while segments is None and _at_rounding(orbit) and cuts.segments < _SEGMENTS_MOST:
         # Near encounters inside a segment magnify rounding: shorter ones, from where it stalled.
-        cuts = _with_segments(equations, guess, rtol, min(4 * cuts.segments, _SEGMENTS_MOST))
+        needed = _needed(equations, guess, rtol, 0.0)
+        more = min(max(2 * cuts.segments, needed), _SEGMENTS_MOST)
+        cuts = _with_segments(equations, guess, rtol, more)
         x = cuts.spread(orbit.y0, orbit.period, rtol, orbit.angle)
         orbit = _solved(cuts, x, lower, upper, goal, rtol, max_iterations, report)
     if throw and not orbit.ok:
         raise SearchError(orbit.message)
     return orbit
+
+
+def _several(given) -> tuple:
+    """One or more, as a tuple; what they are is checked later."""
+    return tuple(given) if isinstance(given, list | tuple) else (given,)
 
 
 def _at_rounding(orbit: Orbit) -> bool:
@@ -153,12 +161,31 @@ def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, para
     if segments is None:
         x = equations.spread(guess[:-1], guess[-1], rtol, angle, parameter)
         growth = float(np.linalg.norm(np.asarray(equations(x, rtol).transitions)[0]))
-        digits = math.log(growth) / math.log(_GROWTH) if 0 < growth < math.inf else 0.0
-        # Powers of two: few numbers of segments, few compilations.
-        segments = min(2 ** max(0, math.ceil(math.log2(max(digits, 1.0)))), _SEGMENTS_MOST)
-    elif not (isinstance(segments, int | np.integer) and segments >= 1):
-        raise fail("segments", "a whole number, at least 1", segments)
+        large = _GROWTH < growth < math.inf
+        segments = _needed(equations, guess, rtol, parameter) if large else 1
+    segments = whole("segments", segments, most=_SEGMENTS_GIVEN)
     return _with_segments(equations, guess, rtol, segments, parameter)
+
+
+def _needed(equations: Equations, guess, rtol, parameter) -> int:
+    """So many segments that rounding made anywhere in one grows little to its end."""
+    fine = _with_segments(equations, guess, rtol, _SEGMENTS_MOST, parameter)
+    maps = fine.transitions(guess[:-1], guess[-1], rtol, parameter)
+    # Powers of two: few numbers of segments, few compilations.
+    for segments in (1, 2, 4, 8, 16):
+        grown = [_largest(part) for part in np.split(maps, segments)]
+        if max(grown) <= _GROWTH:
+            return segments
+    return _SEGMENTS_MOST
+
+
+def _largest(maps: np.ndarray) -> float:
+    """The largest derivative of the end of consecutive pieces by a state on the way."""
+    total, largest = np.eye(maps.shape[-1]), 0.0
+    for one in maps[::-1]:
+        total = total @ one
+        largest = max(largest, float(np.linalg.norm(total)))
+    return largest
 
 
 def _with_segments(equations: Equations, guess, rtol, segments: int, parameter=0.0) -> Equations:
@@ -168,19 +195,23 @@ def _with_segments(equations: Equations, guess, rtol, segments: int, parameter=0
     part = guess[-1] / equations.closing.parts
     ts = np.linspace(0.0, part, _SAMPLES)
     scene = equations.scene_at(jnp.asarray(parameter, float)).starting(guess[:-1])
-    slopes = np.asarray(_slopes(scene, ts, solve(scene, part, ts=ts, rtol=rtol).ys))
-    if not np.isfinite(slopes).all():
+    fastest = np.asarray(_fastest(scene, ts, solve(scene, part, ts=ts, rtol=rtol).ys)) + 1 / part
+    if not np.isfinite(fastest).all():
         return dataclasses.replace(equations, shares=(1 / segments,) * segments)
-    fastest = np.abs(np.linalg.eigvals(slopes)).max(axis=1) + 1 / part
     grown = np.append(0.0, np.cumsum(0.5 * (fastest[1:] + fastest[:-1])))
     ends = np.interp(np.linspace(0.0, grown[-1], segments + 1), grown, ts)
     return dataclasses.replace(equations, shares=tuple((np.diff(ends) / part).tolist()))
 
 
 @jax.jit
-def _slopes(scene: Scene, ts: Array, ys: Array) -> Array:
-    """(s, k, k) derivative of the rate by the state along a motion."""
-    return jax.vmap(jax.jacfwd(scene.rate, argnums=1))(ts, ys)
+def _fastest(scene: Scene, ts: Array, ys: Array) -> Array:
+    """(s,) rates of change along a motion: about the largest eigenvalue of the rate's slope.
+
+    A root of a power's norm, since eigenvalues of thousands of matrices take longer than orbits.
+    """
+    slopes = jax.vmap(jax.jacfwd(scene.rate, argnums=1))(ts, ys)
+    fourth = jnp.linalg.matrix_power(slopes, 4)
+    return jnp.sqrt(jnp.sqrt(jnp.linalg.norm(fourth, axis=(1, 2))))
 
 
 def _nearest(scene: Scene, closings: tuple[Closing, ...], rtol) -> tuple[Closing, float]:

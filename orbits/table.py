@@ -3,6 +3,7 @@
 The first line says what is searched; each other line is all that came of one chunk, written
 and brought to the disk at once. So a reader sees whole lines, a last line that was cut off
 counts for nothing, and a search goes on where its file ends, in whatever order chunks come.
+Each line ends with a digest of the rest: a file that was edited is refused.
 """
 
 import dataclasses
@@ -14,14 +15,16 @@ from typing import Any
 
 import numpy as np
 
-from jaxdyn import Scene
+from jaxdyn import Scene, records
 from jaxdyn._checks import fail
 from orbits.closing import Closing
 from orbits.problem import Orbit, Outcome
 from orbits.same import same
 
 FORMAT = "jaxdyn-search"
-VERSION = 1
+VERSION = 2
+MAX_BYTES = 2**30  # a larger file is no table of ours
+_REMEDY = "Give the path of a file that a search wrote."
 _ALIKE = 1e-6  # relative: invariants that differ by more are those of different orbits
 _ONE = 1e-8  # relative: starts as near as this are one
 
@@ -55,6 +58,16 @@ class Find:
     multiplier: float
     label: str
 
+    @classmethod
+    def of(cls, record: dict[str, Any]) -> "Find":
+        """What `dataclasses.asdict` made a record of."""
+        y0 = tuple(record["y0"])
+        if not (all(_is(x, float) for x in y0) and record["closing"] in (0, 1)):
+            raise TypeError("a start of numbers and one of two closings")
+        if not all(_is(record[f.name], f.type) for f in dataclasses.fields(cls) if f.name != "y0"):
+            raise TypeError("numbers and words where they belong")
+        return cls(**{**record, "y0": y0})
+
     def orbit(self, scene: Scene, closings: tuple[Closing, ...], rtol: float) -> Orbit:
         """The same as an orbit of the scene that was searched."""
         closing = closings[self.closing]
@@ -78,13 +91,15 @@ class Chunk:
 
     def line(self) -> str:
         """As a line of the file."""
-        return json.dumps(dataclasses.asdict(self), allow_nan=False) + "\n"
+        return _line(dataclasses.asdict(self))
 
     @classmethod
     def of(cls, record: dict[str, Any]) -> "Chunk":
         """What a line says."""
-        finds = (Find(**{**find, "y0": tuple(find["y0"])}) for find in record["finds"])
-        return cls(record["number"], record["counts"], tuple(finds))
+        number, counts, finds = (record[key] for key in ("number", "counts", "finds"))
+        if not (_is(number, int) and all(_is(n, int) for n in counts.values())):
+            raise TypeError("numbers of chunks and samples")
+        return cls(number, counts, tuple(map(Find.of, finds)))
 
 
 class File:
@@ -106,7 +121,7 @@ class File:
         header = {"format": FORMAT, "version": VERSION, **what}
         whole = _whole_lines(self._path)
         if not whole:
-            self._replace(json.dumps(header) + "\n")
+            self._replace(_line(header))
             return
         found, self.chunks = _parsed(self._path, whole)
         if found != json.loads(json.dumps(header)):
@@ -146,20 +161,39 @@ def read(path: str | Path) -> tuple[dict[str, Any], list[Chunk]]:
 
 
 def _whole_lines(path: Path) -> bytes:
-    data = path.read_bytes() if path.exists() else b""
+    data = records.content(path, MAX_BYTES, _REMEDY) if path.exists() else b""
     return data[: data.rfind(b"\n") + 1]
 
 
+def _line(record: dict[str, Any]) -> str:
+    digest = records.digest(record)
+    return json.dumps({**record, "digest": digest}, allow_nan=False) + "\n"
+
+
+def _record(line: bytes) -> dict[str, Any]:
+    """What a line says, without its digest."""
+    record = records.parsed(line, "a line of another kind")
+    if record.pop("digest") != records.digest(record):
+        raise KeyError("digest")
+    return record
+
+
 def _parsed(path: Path, data: bytes) -> tuple[dict[str, Any], dict[int, Chunk]]:
-    remedy = "Give the path of a file that a search wrote."
     try:
-        header, *records = map(json.loads, data.splitlines())
+        header, *chunks = map(_record, data.splitlines())
         if (header["format"], header["version"]) != (FORMAT, VERSION):
             raise KeyError("format")
-        chunks = [Chunk.of(record) for record in records]
-    except (ValueError, KeyError, TypeError) as error:
-        raise fail("path", f"a {FORMAT} file of version {VERSION}", str(path), remedy) from error
-    return header, {chunk.number: chunk for chunk in reversed(chunks)}
+        found = {chunk.number: chunk for chunk in reversed([Chunk.of(chunk) for chunk in chunks])}
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        wanted = f"a {FORMAT} file of version {VERSION}"
+        raise fail("path", wanted, f"{path}, which is another or was edited", _REMEDY) from error
+    return header, found
+
+
+def _is(value: Any, kind: type) -> bool:
+    """Whether a value of JSON is of a type; a whole number is a float too."""
+    kinds = (float, int) if kind is float else (kind,)
+    return type(value) in kinds
 
 
 def distinct(

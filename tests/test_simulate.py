@@ -193,12 +193,12 @@ def test_every_status_has_a_message_with_a_remedy():
         ),
         (
             {"samples": 10**8},
-            r"samples: expected at most 7\.\de\+06 of them, got 100000000, which need 5\d\.\d Gi"
+            r"samples: expected at most 2\.\de\+07 of them, got 100000000, which need 14\.\d Gi"
             r"B\. Take fewer, or simulate in pieces, each from where the last one ended\.$",
         ),
         (
-            {"samples": np.zeros(10**7)},
-            r"samples: expected at most 7\.\de\+06 of them, got 10000000,",
+            {"samples": np.zeros(3 * 10**7)},
+            r"samples: expected at most 2\.\de\+07 of them, got 30000000,",
         ),
         ({"t1": "1"}, r"t1: expected numbers, got '1'\.$"),
         ({"samples": [[0.0]]}, r"samples: expected shape \(any,\), got shape \(1, 1\)\. An array"),
