@@ -1,14 +1,16 @@
 """Run the benchmarks: ``python -m benchmarks [NAME...] [--quick] [--json FILE]``.
 
-Prints one table of times and ratios, and what got slower since ``last_run.json``, the stored
-result of a full run; ``--json benchmarks/last_run.json`` replaces it. Other methods are listed
-there too: if they got slower as well, it was the machine.
+Prints one table of times and ratios, with the wanted ratio where there is one, and what got
+slower since ``last_run.json``, the stored result of a full run; ``--json
+benchmarks/last_run.json`` replaces what was run of it. Other methods are listed there too: if they
+got slower as well, it was the machine. ``ensembles --device gpu`` runs on a GPU.
 """
 
 import json
 import math
 import os
 import platform
+from collections.abc import Sequence
 from datetime import date
 from enum import StrEnum
 from pathlib import Path
@@ -19,10 +21,23 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxdyn
-from benchmarks import command, effects_cost, ensembles, figure_eight, monodromy
-from benchmarks._timing import Row
+from benchmarks import (
+    calls,
+    command,
+    compile_time,
+    device,
+    effects_cost,
+    ensembles,
+    figure_eight,
+    gradient,
+    monodromy,
+    systems,
+)
+from benchmarks._timing import Curves, Row
+from benchmarks.picture import STORED
+from jaxdyn._checks import fail
 
-_STORED = Path(__file__).with_name("last_run.json")
+MISUSE = 2  # exit code: the input makes no sense
 #: A time that grew by more than this factor is reported.
 _SLOWER = 1.3
 
@@ -31,7 +46,11 @@ class Name(StrEnum):
     """The benchmarks."""
 
     FIGURE_EIGHT = "figure-eight"
+    SYSTEMS = "systems"
     MONODROMY = "monodromy"
+    GRADIENT = "gradient"
+    CALLS = "calls"
+    COMPILE_TIME = "compile-time"
     EFFECTS_COST = "effects-cost"
     ENSEMBLES = "ensembles"
     COMMAND = "command"
@@ -39,7 +58,11 @@ class Name(StrEnum):
 
 _RUN = {
     Name.FIGURE_EIGHT: figure_eight.run,
+    Name.SYSTEMS: systems.run,
     Name.MONODROMY: monodromy.run,
+    Name.GRADIENT: gradient.run,
+    Name.CALLS: calls.run,
+    Name.COMPILE_TIME: compile_time.run,
     Name.EFFECTS_COST: effects_cost.run,
     Name.ENSEMBLES: ensembles.run,
     Name.COMMAND: command.run,
@@ -50,27 +73,49 @@ def main(
     names: Annotated[list[Name] | None, typer.Argument(help="Which; all if left out.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Few rounds, for a rough look.")] = False,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the numbers.")] = None,
+    kind: Annotated[str, typer.Option("--device", help="cpu, or gpu for ensembles.")] = "cpu",
+    peak: Annotated[
+        float, typer.Option(help="Double-precision rate of the GPU [TFLOP/s].")
+    ] = device.PEAK,
 ) -> None:
     """Times at equal true error, ours against others, and what got slower."""
     # No compile cache: the time of a first run is one of the questions.
     jaxdyn.configure(cache=False)
-    rows = [row for name in names or list(Name) for row in _RUN[name](quick)]
-    console = Console(width=100)
+    try:
+        found = measure(names or list(Name), kind, peak, quick)
+    except ValueError as misuse:
+        typer.echo(misuse, err=True)
+        raise typer.Exit(MISUSE) from None
+    rows = [row for each in found for row in each.rows]
+    console = Console(width=120)
     console.print(table(rows))
-    result = as_json(rows)
-    if _STORED.is_file():
-        stored = json.loads(_STORED.read_text())
+    for row in rows:
+        if row.note:
+            console.print(f"{row.name}: {row.note}")
+    result = as_json(found)
+    if STORED.is_file():
+        stored = json.loads(STORED.read_text())
         console.print(f"compared with {stored['date']} on {stored['machine']}:")
         for line in slower(result, stored) or ["nothing got slower"]:
             console.print(f"  {line}")
     if json_file:
-        json_file.write_text(json.dumps(result, indent=1) + "\n")
+        before = json.loads(json_file.read_text()) if json_file.is_file() else {}
+        json_file.write_text(json.dumps(merged(before, result), indent=1) + "\n")
+
+
+def measure(names: list[Name], kind: str, peak: float, quick: bool) -> list[Row | Curves]:
+    """What the benchmarks of these names find on a kind of device."""
+    if kind == "cpu":
+        return [each for name in names for each in _RUN[name](quick)]
+    if names != [Name.ENSEMBLES]:
+        raise fail("--device", "cpu for all but ensembles", kind, "Name ensembles alone.")
+    return list(device.run(kind, peak, quick))
 
 
 def table(rows: list[Row]) -> Table:
     """Times of all rows, with the ratio of the first method of each to the others."""
     shown = Table(box=None)
-    for column in ("", "method", "median", "minimum", "ours / it", "minima"):
+    for column in ("", "method", "median", "minimum", "ours / it", "minima", "wanted"):
         shown.add_column(
             column, no_wrap=True, justify="left" if column in ("", "method") else "right"
         )
@@ -78,22 +123,47 @@ def table(rows: list[Row]) -> Table:
         ours = next(iter(row.times.values()))
         name = row.name
         for method, it in row.times.items():
-            ratios = ("", "")
+            ratios = ("", "", "")
             if it is not ours and not math.isnan(it.median):
-                ratios = (f"{ours.median / it.median:.2g}", f"{ours.minimum / it.minimum:.2g}")
+                ratio = ours.minimum / it.minimum
+                ratios = (f"{ours.median / it.median:.2g}", f"{ratio:.2g}", _wanted(row, method))
             shown.add_row(name, method, _time(it.median), _time(it.minimum), *ratios)
             name = ""
     return shown
 
 
-def as_json(rows: list[Row]) -> dict:
-    """Seconds by row and method, where there are any, with where and when."""
-    machine = f"{platform.machine()}, {os.cpu_count()} cores"
+def _wanted(row: Row, method: str) -> str:
+    """The largest ratio of minima that is wanted, and whether it is kept."""
+    if method not in row.bars:
+        return ""
+    ours, bar = next(iter(row.times.values())), row.bars[method]
+    return f"{bar:.2g} {'kept' if ours.minimum <= bar * row.times[method].minimum else 'missed'}"
+
+
+def as_json(found: Sequence[Row | Curves]) -> dict:
+    """Seconds by row and method, where there are any, and errors with seconds; where and when."""
     times = {
         row.name: {m: t._asdict() for m, t in row.times.items() if not math.isnan(t.median)}
-        for row in rows
+        for each in found
+        for row in each.rows
     }
-    return {"date": f"{date.today():%Y-%m}", "machine": machine, "seconds": times}
+    curves = {
+        each.name: {
+            method: [(p.error, p.times.minimum) for p in points]
+            for method, points in each.points.items()
+        }
+        for each in found
+        if isinstance(each, Curves)
+    }
+    machine = f"{platform.machine()}, {os.cpu_count()} cores"
+    when = f"{date.today():%Y-%m}"
+    return {"date": when, "machine": machine, "seconds": times, "curves": curves}
+
+
+def merged(before: dict, result: dict) -> dict:
+    """A stored result with what was run now in place of what was there."""
+    parts = {part: before.get(part, {}) | result[part] for part in ("seconds", "curves")}
+    return result | parts
 
 
 def slower(result: dict, stored: dict) -> list[str]:

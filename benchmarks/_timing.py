@@ -19,10 +19,62 @@ from jaxdyn.timing import seconds_of as seconds_of
 
 
 class Row(NamedTuple):
-    """One line of the result: the times of several methods for one thing, ours first."""
+    """One line of the result.
+
+    Attributes:
+      name: what was done.
+      times: of several methods, ours first.
+      bars: the largest wanted ratio of ours to a method's, by method.
+      note: what else is to be said.
+    """
 
     name: str
     times: dict[str, Times]
+    bars: Mapping[str, float] = {}
+    note: str = ""
+
+    @property
+    def rows(self) -> list["Row"]:
+        """Itself."""
+        return [self]
+
+
+class Point(NamedTuple):
+    """A run at one tolerance: the error it had, and its times."""
+
+    error: float
+    times: Times
+
+
+class Curves(NamedTuple):
+    """Error against time of several methods, ours first.
+
+    Attributes:
+      name: of the problem.
+      compiling: build and first run, by method.
+      points: by method.
+      wanted: true errors at which the methods are compared.
+      bars: the largest wanted ratios of ours to a method's there, by method.
+    """
+
+    name: str
+    compiling: dict[str, Times]
+    points: dict[str, list[Point]]
+    wanted: Sequence[float]
+    bars: Mapping[str, Sequence[float]]
+
+    @property
+    def rows(self) -> list[Row]:
+        """A row for compiling, and one for each of the wanted errors."""
+        rows = [Row(f"{self.name}: build and first run", self.compiling)]
+        for i, wanted in enumerate(self.wanted):
+            times = {
+                method: at_error([p.error for p in points], [p.times for p in points], wanted)
+                for method, points in self.points.items()
+            }
+            bars = {method: bars[i] for method, bars in self.bars.items()}
+            rows.append(Row(f"{self.name}: error {wanted:.0e}", times, bars))
+        return rows
 
 
 #: A run: no arguments, returns the result as NumPy array when it is there.
@@ -45,16 +97,18 @@ def work_precision(
     truth: np.ndarray,
     wanted: Sequence[float],
     rounds: int,
-) -> list[Row]:
-    """A row for compiling, and one for each of the wanted true errors.
+    bars: Mapping[str, Sequence[float]] | None = None,
+) -> Curves:
+    """Error against time of all methods.
 
     Args:
       name: of the problem.
       methods: by name, ours first.
       truth: what every run should return. The error of a run is the largest over all entries,
         relative to the largest entry.
-      wanted: true errors.
+      wanted: true errors to compare at.
       rounds: how often to run everything.
+      bars: see `Curves`.
     """
     compiling, runs = {}, {}
     for method, (build, tolerances) in methods.items():
@@ -67,11 +121,11 @@ def work_precision(
                 compiling[method] = Times(seconds, seconds)
     scale = np.max(np.abs(truth))
     errors = {key: float(np.max(np.abs(run() - truth)) / scale) for key, run in runs.items()}
+    # A run that fails has no error.
+    runs = {key: run for key, run in runs.items() if np.isfinite(errors[key])}
     times = interleaved(runs, rounds)
-
-    def at(error: float, method: str) -> Times:
-        keys = [key for key in runs if key[0] == method]
-        return at_error([errors[k] for k in keys], [times[k] for k in keys], error)
-
-    rows = [Row(f"{name}: build and first run", compiling)]
-    return rows + [Row(f"{name}: error {e:.0e}", {m: at(e, m) for m in methods}) for e in wanted]
+    points = {
+        method: [Point(errors[key], times[key]) for key in runs if key[0] == method]
+        for method in methods
+    }
+    return Curves(name, compiling, points, wanted, bars or {})

@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks._timing import Method, Row, Times, interleaved, work_precision
+from benchmarks._timing import Curves, Method, Row, Times, interleaved, work_precision
 from jaxdyn.effects import LinearDrag, PowerLaw, QuadraticDrag, Spring, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Effect, Points, Scene, System
@@ -32,17 +32,17 @@ _SPAN = 5.0  # the pendulums lose one digit (double) and two (triple) to their i
 _ROUNDS, _QUICK_ROUNDS = 200, 10
 
 
-def run(quick: bool = False) -> list[Row]:
+def run(quick: bool = False) -> list[Row | Curves]:
     """Time of a step with each list of effects, then the pendulums."""
     rounds = _QUICK_ROUNDS if quick else _ROUNDS
-    rows = _steps(rounds)
+    found: list[Row | Curves] = [*_steps(rounds)]
     for name, make in (("double", double_pendulum), ("triple", triple_pendulum)):
         scenes = {"jaxdyn": make(), "by hand": by_hand(make())}
         # A program of its own, so that the first runs of the others compile.
         truth = np.asarray(solve(make(formulation="lagrange"), _SPAN, rtol=1e-15).y1)
         methods = {key: Method(_runs(scene), TOLERANCES) for key, scene in scenes.items()}
-        rows += work_precision(f"{name} pendulum", methods, truth, ERRORS, rounds)
-    return rows
+        found.append(work_precision(f"{name} pendulum by hand", methods, truth, ERRORS, rounds))
+    return found
 
 
 def by_hand(composed: Scene) -> Scene:

@@ -9,6 +9,9 @@ Then what unequal motions cost: one in 20 of 4096 pairs of bodies has an eccentr
 whose close encounters take several times the steps of the others. "its own steps" is what the
 same steps cost in ensembles of equal motions; the ratio tells what lanes waste by waiting.
 
+Both cores are used by two threads of one process, or by two devices of one, in fresh processes
+with one and two of them.
+
 Last numbers (2 cores with other work on them, 2026-11), medians, with ours over the other's in
 brackets: error 1e-6 9.5 us, heyoka with 8 lanes 13 (0.73), with 4 lanes 15 (0.62), diffrax 137
 (0.07); 1e-9 12 us, 20 (0.61), 24 (0.51), 284 (0.04); 1e-12 17 us, 30 (0.58), 34 (0.50).
@@ -16,18 +19,20 @@ Unequal motions cost what their own steps do (1.0).
 """
 
 import functools
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Mapping
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
+import jaxdyn
 from benchmarks import _peers
 from benchmarks._timing import Row, Times, at_error
-from jaxdyn import Scene, ensemble
-from jaxdyn.effects import PairGravity
-from jaxdyn.formulations.newton import FreePoints
+from benchmarks.problems import figure_eight, two_bodies
+from jaxdyn import ensemble
 from jaxdyn.scenes import three_body
 
 ERRORS = (1e-6, 1e-9, 1e-12)
@@ -37,12 +42,16 @@ _MANY = 10_000
 _SOME, _FEW = 2048, 512  # for us and heyoka; for diffrax, whose motions take ten times as long
 _PAIRS, _HARD = 4096, 20
 _ROUNDS, _QUICK_ROUNDS = 9, 2
+_PROCESSES = 3  # with one device, and with two
+_BARS = {"heyoka, 4 lanes": 0.6, "diffrax Dopri8, vmap": 0.1}
+_BOTH_CORES = 1 / 1.8
+_UNEQUAL = 1.3
 
 
 def run(quick: bool = False) -> list[Row]:
     """Times of every method that is installed; `quick` for a rough look."""
     rounds = _QUICK_ROUNDS if quick else _ROUNDS
-    return [*_work_precision(rounds), _cores(rounds), _unequal(rounds)]
+    return [*work_precision(rounds), _cores(rounds), _devices(rounds), unequal(rounds)]
 
 
 def starts(n: int) -> np.ndarray:
@@ -51,25 +60,25 @@ def starts(n: int) -> np.ndarray:
     return np.asarray(three_body().y0) + 1e-3 * noise
 
 
-def _work_precision(rounds: int) -> list[Row]:
-    scene, y0s = three_body(), starts(_SOME)
-    period = float(scene.t1)
+def work_precision(rounds: int, tolerances=_TOLERANCES, some=_SOME, few=_FEW) -> list[Row]:
+    """One motion of many at equal true error, for all methods that are installed."""
+    scene, y0s = three_body(), starts(some)
     methods: dict[str, Callable] = {
         "jaxdyn": lambda tol, y0s: ensemble.run(scene, y0s, rtol=tol, threads=1).y1,
         "diffrax Dopri8, vmap": functools.partial(_peers.diffrax_vmap, scene),
     }
+    problem = figure_eight()
     if _peers.importable("heyoka"):
         for lanes in (4, 8):
-            methods[f"heyoka, {lanes} lanes"] = functools.partial(
-                _peers.heyoka_batch, period, lanes
-            )
-        truth = _peers.heyoka_precise(period, y0s[:_CHECKED])
+            batch = functools.partial(_peers.heyoka_batch, problem, lanes)
+            methods[f"heyoka, {lanes} lanes"] = batch
+        truth = _peers.heyoka_precise(problem._replace(y0s=y0s[:_CHECKED]))
     else:
         truth = ensemble.run(scene, y0s[:_CHECKED], rtol=1e-15).y1
-    size = {name: _FEW if "vmap" in name else _SOME for name in methods}
+    size = {name: few if "vmap" in name else some for name in methods}
     runs, errors = {}, {}
     for name, method in methods.items():
-        for tol in _TOLERANCES:
+        for tol in tolerances:
             way = functools.partial(method, tol)
             errors[name, tol] = float(np.abs(way(y0s[:_CHECKED]) - truth).max())
             runs[name, tol] = functools.partial(way, y0s[: size[name]])
@@ -80,7 +89,8 @@ def _work_precision(rounds: int) -> list[Row]:
         t = at_error([errors[k] for k in keys], [times[k] for k in keys], error)
         return Times(*(x / size[name] for x in t))
 
-    return [Row(f"a motion: error {e:.0e}", {m: at(e, m) for m in methods}) for e in ERRORS]
+    bars = {name: bar for name, bar in _BARS.items() if name in methods}
+    return [Row(f"a motion: error {e:.0e}", {m: at(e, m) for m in methods}, bars) for e in ERRORS]
 
 
 def _cores(rounds: int) -> Row:
@@ -88,31 +98,55 @@ def _cores(rounds: int) -> Row:
     scene, y0s = three_body(), starts(_MANY)
     job = functools.partial(ensemble.run, scene, y0s, rtol=1e-12)
     ways = {"all cores": job, "one core": functools.partial(job, threads=1)}
-    return Row(f"{_MANY} motions: wall time", _times(ways, rounds, time.perf_counter))
+    bars = {"one core": _BOTH_CORES}
+    return Row(f"{_MANY} motions: wall time", _times(ways, rounds, time.perf_counter), bars)
 
 
-def _unequal(rounds: int) -> Row:
+def _devices(rounds: int) -> Row:
+    """Wall time of the whole ensemble on two devices of one process, and on one."""
+    seconds: dict[str, list[float]] = {"two devices": [], "one device": []}
+    for _ in range(_PROCESSES):
+        for name, n in zip(seconds, (2, 1), strict=True):
+            environment = os.environ | {"JAX_NUM_CPU_DEVICES": str(n)}
+            process = [sys.executable, "-m", "benchmarks.ensembles", str(rounds)]
+            done = subprocess.run(
+                process, env=environment, check=True, capture_output=True, text=True
+            )
+            seconds[name] += map(float, done.stdout.split())
+    times = {name: Times(min(s), float(np.median(s))) for name, s in seconds.items()}
+    return Row(f"{_MANY} motions on devices: wall time", times, {"one device": _BOTH_CORES})
+
+
+def on_devices(rounds: int) -> list[float]:
+    """Wall times [s] of the ensemble on all devices of this process."""
+    job = functools.partial(
+        ensemble.run, three_body(), starts(_MANY), rtol=1e-12, devices=jax.devices()
+    )
+    job()
+    seconds = []
+    for _ in range(rounds):
+        start = time.perf_counter()
+        job()
+        seconds.append(time.perf_counter() - start)
+    return seconds
+
+
+def unequal(rounds: int, pairs: int = _PAIRS) -> Row:
     """One ensemble of unequal motions, against the same steps in ensembles of equal ones."""
-    hard = np.arange(_PAIRS) % _HARD == 7
-    eccentric, plain = (np.asarray(_pair(e).y0) for e in (0.999, 0.3))
+    hard = np.arange(pairs) % _HARD == 7
+    eccentric, plain = (np.asarray(two_bodies(e).y0) for e in (0.999, 0.3))
     mixed = np.where(hard[:, None], eccentric, plain)
-    job = functools.partial(ensemble.run, _pair(0.3), rtol=1e-11, threads=1)
+    job = functools.partial(ensemble.run, two_bodies(0.3), rtol=1e-11, threads=1)
     runs = {
         "unequal": lambda: job(mixed),
-        "hard": lambda: job(np.tile(eccentric, (_PAIRS, 1))),
-        "easy": lambda: job(np.tile(plain, (_PAIRS, 1))),
+        "hard": lambda: job(np.tile(eccentric, (pairs, 1))),
+        "easy": lambda: job(np.tile(plain, (pairs, 1))),
     }
     times = _processor_times(runs, rounds)
     part = hard.mean()
     own = (part * h + (1 - part) * e for h, e in zip(times["hard"], times["easy"], strict=True))
-    return Row("unequal motions", {"jaxdyn": times["unequal"], "its own steps": Times(*own)})
-
-
-def _pair(e: float) -> Scene:
-    """Two bodies from their farthest points of ellipses of eccentricity e; period 2 pi."""
-    r, v = 1 + e, np.sqrt((1 - e) / (1 + e))
-    y0 = jnp.array([-r, 0.0, r, 0.0, 0.0, -v, 0.0, v]) / 2
-    return Scene(FreePoints([0.5, 0.5]), (PairGravity(1.0),), y0=y0, t1=2 * np.pi)
+    both = {"jaxdyn": times["unequal"], "its own steps": Times(*own)}
+    return Row("unequal motions", both, {"its own steps": _UNEQUAL})
 
 
 def _processor_times(runs: Mapping, rounds: int) -> dict:
@@ -130,3 +164,8 @@ def _times(runs: Mapping, rounds: int, clock: Callable[[], float]) -> dict:
             run()
             seconds[key].append(clock() - start)
     return {key: Times(min(s), float(np.median(s))) for key, s in seconds.items()}
+
+
+if __name__ == "__main__":
+    jaxdyn.configure()
+    print(*on_devices(int(sys.argv[1])))

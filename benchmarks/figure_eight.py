@@ -12,15 +12,14 @@ error 1e-6 38 us, heyoka 26 (1.5), Dopri8 179 (0.21), DOP853 3260; 1e-9 44 us, 5
 31 us.
 """
 
-import functools
 from collections.abc import Sequence
 
-import jax
 import numpy as np
 
 import jaxdyn
-from benchmarks import _peers
-from benchmarks._timing import Method, Row, work_precision
+from benchmarks._timing import Curves, Method, work_precision
+from benchmarks.problems import figure_eight
+from benchmarks.systems import SCIPY, compiled, peers
 from jaxdyn.scenes import three_body
 from jaxdyn.simulate import solve
 
@@ -28,7 +27,11 @@ from jaxdyn.simulate import solve
 ERRORS = (1e-6, 1e-9, 1e-12, 1e-14)
 #: Half decades, for every method.
 TOLERANCES = tuple(10.0**-e for e in np.arange(4.0, 16.5, 0.5))
-_SCIPY_TOLERANCES = (*(tol for tol in TOLERANCES if tol > 3e-14), 2.3e-14)  # its own limit
+BARS = {
+    "heyoka": (1.0, 0.7, 0.65, 0.6),
+    "diffrax Dopri8": (0.1,) * 4,
+    SCIPY: (0.02,) * 4,
+}
 _ROUNDS, _QUICK_ROUNDS = 400, 20
 
 #: (12,) the state after `EIGHT_PERIOD` of the motion that starts at `EIGHT`, both as rounded to
@@ -41,38 +44,24 @@ END += (-0.46620367104547072375, -0.432365733839738406252)
 END += (0.9324073707592801061078, 0.86473146042893535993)
 
 
-def run(quick: bool = False) -> list[Row]:
+def run(quick: bool = False) -> list[Curves]:
     """Times of every method that is installed; `quick` for a rough look."""
-    scene = three_body()
-    y0, period = np.asarray(scene.y0), float(scene.t1)
-    methods = ours(TOLERANCES)
-    if _peers.importable("heyoka"):
-        methods["heyoka"] = Method(functools.partial(_peers.heyoka, y0, period), TOLERANCES)
-    dopri8 = functools.partial(_peers.diffrax_dopri8, scene)
-    methods["diffrax Dopri8"] = Method(dopri8, TOLERANCES)
-    if _peers.importable("scipy", "numba"):
-        dop853 = functools.partial(_peers.scipy_dop853, y0, period)
-        methods["SciPy DOP853"] = Method(dop853, _SCIPY_TOLERANCES)
+    methods = ours(TOLERANCES) | peers(figure_eight(), TOLERANCES)
     rounds = _QUICK_ROUNDS if quick else _ROUNDS
-    return work_precision("figure-eight", methods, np.array(END), ERRORS, rounds)
+    truth = np.array([END])
+    return [work_precision("figure-eight", methods, truth, ERRORS, rounds, BARS)]
 
 
 def ours(tolerances: Sequence[float]) -> dict[str, Method]:
     """Our three ways."""
     scene = three_body()
     period, ts = float(scene.t1), np.array([scene.t1])
-
-    @jax.jit
-    def compiled(scene, y0, tol):
-        return solve(scene.starting(y0), period, rtol=tol).y1
-
-    y0 = np.asarray(scene.y0)
     ways = {
-        "jaxdyn": lambda tol: compiled(scene, y0, tol),
-        "jaxdyn solve": lambda tol: solve(scene, period, rtol=tol).y1,
-        "jaxdyn simulate": lambda tol: jaxdyn.simulate(scene, samples=ts, rtol=tol).ys[-1],
+        "jaxdyn solve": lambda tol: solve(scene, period, rtol=tol).y1[None],
+        "jaxdyn simulate": lambda tol: jaxdyn.simulate(scene, samples=ts, rtol=tol).ys,
     }
-    return {name: Method(_blocking(way), tolerances) for name, way in ways.items()}
+    methods = {"jaxdyn": compiled(figure_eight(), tolerances)}
+    return methods | {name: Method(_blocking(way), tolerances) for name, way in ways.items()}
 
 
 def _blocking(way):

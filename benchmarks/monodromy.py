@@ -10,18 +10,20 @@ Last numbers (2 shared cores, 2026-11), minima, error 1e-12: 0.60 ms, heyoka 2.4
 """
 
 import functools
+from collections.abc import Sequence
 
 import jax
 import numpy as np
 
 from benchmarks import _peers
-from benchmarks._timing import Method, Row, work_precision
-from jaxdyn.scenes import three_body
+from benchmarks._timing import Curves, Method, work_precision
+from benchmarks.problems import figure_eight
 from jaxdyn.simulate import solve
 from orbits.monodromy import monodromy
 
 #: Wanted true error.
 ERRORS = (1e-12,)
+BARS = {"heyoka": (0.25,)}
 TOLERANCES = tuple(10.0**-e for e in np.arange(10.0, 15.5, 0.5))
 #: heyoka's errors at these lie on both sides of the wanted one.
 _HEYOKA_TOLERANCES = (1e-11, 1e-12, 1e-13)
@@ -29,24 +31,31 @@ _REFERENCE_TOLERANCE = 1e-18
 _ROUNDS, _QUICK_ROUNDS = 300, 20
 
 
-def run(quick: bool = False) -> list[Row]:
+def run(quick: bool = False) -> list[Curves]:
     """Times of ours and of heyoka; nothing without heyoka, which gives the truth."""
     if not _peers.importable("heyoka"):
         return []
-    scene = three_body()
-    y0, period = np.asarray(scene.y0), float(scene.t1)
-    heyoka = functools.partial(_peers.heyoka_monodromy, y0, period)
+    heyoka = functools.partial(_peers.heyoka_monodromy, figure_eight())
     truth = heyoka(_REFERENCE_TOLERANCE, compact=True, precise=True)().astype(float)
-
-    @jax.jit
-    def compiled(scene, y0, tol):
-        return jax.jacfwd(lambda y: solve(scene.starting(y), period, rtol=tol).y1)(y0)
-
-    methods = {
-        "jaxdyn": lambda tol: lambda: np.asarray(compiled(scene, y0, tol)),
-        "jaxdyn monodromy": lambda tol: lambda: np.asarray(monodromy(scene, rtol=tol)),
-    }
-    methods = {name: Method(build, TOLERANCES) for name, build in methods.items()}
+    methods = ours(TOLERANCES)
     methods["heyoka"] = Method(functools.partial(heyoka, compact=quick), _HEYOKA_TOLERANCES)
     rounds = _QUICK_ROUNDS if quick else _ROUNDS
-    return work_precision("monodromy", methods, truth, ERRORS, rounds)
+    return [work_precision("monodromy", methods, truth, ERRORS, rounds, BARS)]
+
+
+def ours(tolerances: Sequence[float]) -> dict[str, Method]:
+    """Compiled into a program of the user's, and the public function."""
+    scene = figure_eight().scene
+
+    @jax.jit
+    def compiled(scene, tol):
+        def end(y):
+            return solve(scene.starting(y), scene.t1, rtol=tol).y1
+
+        return jax.jacfwd(end)(scene.y0)
+
+    methods = {
+        "jaxdyn": lambda tol: lambda: np.asarray(compiled(scene, tol)),
+        "jaxdyn monodromy": lambda tol: lambda: np.asarray(monodromy(scene, rtol=tol)),
+    }
+    return {name: Method(build, tolerances) for name, build in methods.items()}

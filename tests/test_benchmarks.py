@@ -2,10 +2,26 @@
 
 import numpy as np
 import pytest
+from helpers import gap
+from typer.testing import CliRunner
 
 from benchmarks import __main__ as command_line
-from benchmarks import figure_eight
+from benchmarks import (
+    calls,
+    compile_time,
+    device,
+    effects_cost,
+    ensembles,
+    figure_eight,
+    gradient,
+    monodromy,
+    picture,
+    problems,
+    systems,
+)
 from benchmarks._timing import Row, Times, at_error, interleaved, work_precision
+from jaxdyn.scenes import three_body
+from jaxdyn.simulate import solve
 
 EXACT = 1e-14  # relative, two formulas for one number
 
@@ -53,7 +69,7 @@ def test_our_three_ways_reach_the_true_end_and_give_rows():
         end = method.build(1e-13)()
         assert np.max(np.abs(end - np.array(figure_eight.END))) < 1e-12
     truth = np.array(figure_eight.END)
-    rows = work_precision("eight", methods, truth, (1e-6, 1e-12), rounds=1)
+    rows = work_precision("eight", methods, truth, (1e-6, 1e-12), rounds=1).rows
     assert [row.name.split(": ")[1] for row in rows] == [
         "build and first run",
         "error 1e-06",
@@ -67,3 +83,146 @@ def test_what_got_slower_is_said():
     before = command_line.as_json([Row("a", {"x": _same(1.0), "y": _same(1.0)})])
     assert command_line.slower(now, before) == ["a, x: 1.40 times as long"]
     assert command_line.slower(before, now) == []
+
+
+def _finite(rows):
+    return all(np.isfinite(times).all() for row in rows for times in row.times.values())
+
+
+@pytest.mark.parametrize("name", ["figure-eight", *problems.CONSERVATIVE, *problems.GENERAL])
+def test_formulas_and_scenes_are_the_same_equations(name):
+    kinds = {"figure-eight": problems.figure_eight} | problems.CONSERVATIVE | problems.GENERAL
+    problem = kinds[name]()
+    noise = np.random.default_rng(1).standard_normal(problem.y0s.shape[1])
+    y = problem.y0s[-1] + 0.1 * noise
+    assert gap(np.array(problem.formulas(np)(y)), problem.scene.rate(0.0, y)) < EXACT
+
+
+def _short(problem):
+    return problem._replace(scene=problem.scene.starting(problem.scene.y0, 1.0))
+
+
+def test_a_system_gives_a_row_for_each_error():
+    problem = _short(problems.van_der_pol())
+    curves = systems.curves("short", problem, 1, (1e-5, 1e-13), 1.6)
+    assert [row.name for row in curves.rows[1:]] == [
+        f"short: error {e:.0e}" for e in systems.ERRORS
+    ]
+    assert min(p.error for p in curves.points["jaxdyn"]) < 1e-12
+    assert curves.rows[1].bars["heyoka"] == 1.6
+
+
+def test_many_starts_are_one_run():
+    problem = problems.cannonball()
+    few = problem._replace(y0s=problem.y0s[::33])
+    ends = systems.compiled(few, (1e-12,)).build(1e-12)()
+    for y0, end in zip(few.y0s, ends, strict=True):
+        assert gap(end, solve(few.scene.starting(y0), few.t1, rtol=1e-12).y1) < 1e-13
+
+
+def test_the_gradient_is_that_of_the_loss():
+    scene = problems.sheet().scene
+    k, h = scene.effects[0].k, 1e-4
+
+    def loss(k):
+        return 0.5 * np.sum(np.square(gradient.end(k, scene, 1.0, 1e-13)))
+
+    numeric = (loss(k.at[3].add(h)) - loss(k.at[3].add(-h))) / (2 * h)
+    assert abs(gradient.gradient(k, scene, 1.0, 1e-13)[3] - numeric) < 1e-7  # h^2
+
+
+def test_the_slowest_vibration_repeats():
+    scene = problems.sheet().scene
+    period = gradient.slowest_period(scene)
+    assert 6.0 < period < 7.0
+    assert _finite(gradient.run(quick=True, periods=1, tolerances=(1e-6,)))
+
+
+def test_calls_take_no_step():
+    scene = three_body()
+    out = solve(scene, 0.0)
+    assert int(out.steps) == 0
+    assert (out.y1 == scene.y0).all()
+    assert _finite(calls.run(quick=True))
+
+
+def test_first_results_are_timed():
+    seconds = compile_time.first_results(["oscillator"])
+    assert list(seconds) == ["oscillator"]
+    assert min(seconds["oscillator"]) > 0
+
+
+def test_ensembles_give_rows():
+    rows = ensembles.work_precision(1, (1e-6, 1e-13), 64, 8)
+    assert _finite(rows)
+    assert _finite([ensembles.unequal(1, 40)])
+
+
+def test_motions_on_a_device_are_those_of_the_ensemble():
+    (row,) = device.run("cpu", 0.05, quick=True, lanes=(10,))
+    assert row.name.startswith("10 motions on cpu")
+    y1, steps = device.ends(three_body(), ensembles.starts(10))
+    alone = ensembles.ensemble.run(three_body(), ensembles.starts(10), rtol=1e-12)
+    assert gap(y1, alone.y1) < 1e-12
+    assert (np.asarray(steps) > 10).all()
+
+
+def test_operations_of_a_step_are_counted():
+    # 17 stages of three pairs with at least 15 operations each.
+    assert 17 * 3 * 15 < device.operations_of_a_step(three_body()) < 10_000
+
+
+def test_without_a_gpu_it_says_so():
+    with pytest.raises(ValueError, match="--device: expected a kind of device that JAX sees"):
+        device.run("no such thing", 34.0)
+    with pytest.raises(ValueError, match="--peak: expected above 0"):
+        device.run("cpu", 0.0)
+    with pytest.raises(ValueError, match="expected cpu for all but ensembles, got gpu"):
+        command_line.measure([command_line.Name.CALLS], "gpu", 34.0, quick=True)
+
+
+def test_misuse_is_exit_code_2():
+    app = command_line.typer.Typer()
+    app.command()(command_line.main)
+    result = CliRunner().invoke(app, ["ensembles", "--device", "nothing"])
+    assert result.exit_code == command_line.MISUSE
+    assert "expected a kind of device" in result.output
+
+
+def test_curves_are_stored_and_drawn(tmp_path):
+    problem = _short(problems.henon_heiles())
+    curves = systems.curves("short", problem, 1, (1e-5, 1e-13), 1.0)
+    stored = command_line.merged({"curves": {"old": {}}}, command_line.as_json([curves]))
+    assert set(stored["curves"]) == {"old", "short"}
+    assert len(stored["curves"]["short"]["jaxdyn"]) == 2
+    picture.draw(stored, tmp_path / "picture.png")
+    assert (tmp_path / "picture.png").stat().st_size > 1000
+
+
+def test_a_missed_bar_is_said():
+    times = {"ours": _same(2.0), "theirs": _same(1.0)}
+    assert command_line._wanted(Row("a", times, {"theirs": 3.0}), "theirs") == "3 kept"
+    assert command_line._wanted(Row("a", times, {"theirs": 1.5}), "theirs") == "1.5 missed"
+    assert command_line._wanted(Row("a", times), "theirs") == ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [n for n in command_line.Name if n != "systems"])
+def test_every_benchmark_runs(name):
+    found = command_line.measure([name], "cpu", 34.0, quick=True)
+    assert all(
+        min(t)[0] > 0 for each in found for row in each.rows for t in [[*row.times.values()]]
+    )
+
+
+@pytest.mark.slow
+def test_the_pendulums_by_hand_are_the_composed_ones():
+    composed = problems.double_pendulum().scene
+    by_hand = effects_cost.by_hand(composed)
+    assert gap(solve(by_hand, 2.0).y1, solve(composed, 2.0).y1) < 1e-8
+
+
+@pytest.mark.slow
+def test_the_monodromy_ways_agree():
+    one, two = (m.build(1e-13)() for m in monodromy.ours((1e-13,)).values())
+    assert gap(one, two) < 1e-9

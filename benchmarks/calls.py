@@ -1,0 +1,39 @@
+"""What passes besides the steps when a compiled solve is called?
+
+Run: ``python -m benchmarks calls``. The figure-eight over a span of length zero, which takes no
+step: compiled into a program of the user's, by `solve` from Python, and an empty program with the
+same arguments, which is what JAX itself takes.
+"""
+
+import jax
+import numpy as np
+
+from benchmarks._timing import Row, Times, interleaved
+from jaxdyn.scenes import three_body
+from jaxdyn.simulate import solve
+
+_BAR = 15e-6  # [s]
+_ROUNDS, _QUICK_ROUNDS = 2000, 20
+
+
+def run(quick: bool = False) -> list[Row]:
+    """Times of calls that take no step."""
+    scene = three_body()
+    nothing = np.zeros(())
+
+    @jax.jit
+    def compiled(scene, t1):
+        return solve(scene, t1).y1
+
+    @jax.jit
+    def empty(scene, t1):
+        return scene.y0 + t1
+
+    runs = {
+        "jaxdyn": lambda: np.asarray(compiled(scene, nothing)),
+        "jaxdyn solve": lambda: np.asarray(solve(scene, nothing).y1),
+        "empty program": lambda: np.asarray(empty(scene, nothing)),
+    }
+    times = interleaved(runs, _QUICK_ROUNDS if quick else _ROUNDS)
+    times["the bar"] = Times(_BAR, _BAR)
+    return [Row("a call", times, {"the bar": 1.0})]

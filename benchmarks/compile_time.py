@@ -1,0 +1,61 @@
+"""How long until the first result of a scene, and of its derivative?
+
+Run: ``python -m benchmarks compile-time``. Tracing, compiling and a very short first run, nothing
+kept from before: of the composed double and triple pendulum, and the slowest of the zoo.
+"""
+
+from collections.abc import Iterable
+
+import jax
+import numpy as np
+
+from benchmarks._timing import Row, Times, seconds_of
+from jaxdyn import catalogue
+from jaxdyn.simulate import solve
+
+_SPAN = 1e-3  # [s]
+_SOLVE_BAR, _DERIVATIVE_BAR = 5.0, 8.0  # [s]
+_SHOWN = ("double_pendulum", "triple_pendulum")
+
+
+def run(quick: bool = False) -> list[Row]:
+    """Seconds of the pendulums, and of the slowest scene; `quick` for the pendulums alone."""
+    names = _SHOWN if quick else catalogue.entries()
+    seconds = first_results(names)
+    rows = [_row(name, *seconds[name]) for name in _SHOWN]
+    if not quick:
+        for i, what in enumerate(("solve", "derivative")):
+            slowest = max(seconds, key=lambda name: seconds[name][i])
+            rows.append(_row(f"slowest {what}, {slowest}", *seconds[slowest]))
+    return [row for pair in rows for row in pair]
+
+
+def first_results(names: Iterable[str]) -> dict[str, tuple[float, float]]:
+    """Seconds until the end state and until its derivative in the start, by scene."""
+    zoo = catalogue.entries()
+    seconds = {}
+    for name in names:
+        scene = zoo[name].make()
+        jax.clear_caches()
+        solving = seconds_of(lambda scene=scene: np.asarray(solve(scene, _SPAN).y1))
+        derivative = jax.jit(
+            lambda scene: jax.jacfwd(lambda y0: solve(scene.starting(y0), _SPAN).y1)(scene.y0)
+        )
+        jax.clear_caches()
+        seconds[name] = (
+            solving,
+            seconds_of(lambda scene=scene, run=derivative: np.asarray(run(scene))),
+        )
+    return seconds
+
+
+def _row(name: str, solving: float, derivative: float) -> list[Row]:
+    bars = (("solve", solving, _SOLVE_BAR), ("derivative", derivative, _DERIVATIVE_BAR))
+    return [
+        Row(
+            f"{name}: first {what}",
+            {"jaxdyn": Times(seconds, seconds), "the bar": Times(bar, bar)},
+            {"the bar": 1.0},
+        )
+        for what, seconds, bar in bars
+    ]

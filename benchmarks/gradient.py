@@ -1,0 +1,69 @@
+"""What does the gradient of a loss cost, in plain solves?
+
+Run: ``python -m benchmarks gradient``. A sheet of nine points and 20 springs (36 numbers) over ten
+periods of its slowest vibration. The loss is half the square of the end state; its gradient with
+respect to the 20 stiffnesses is taken by `jax.grad`, at the tolerance of the plain solve.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from benchmarks._timing import Row, Times, interleaved, seconds_of
+from benchmarks.problems import sheet
+from jaxdyn.scene import Scene
+from jaxdyn.simulate import solve
+
+TOLERANCES = (1e-6, 1e-9, 1e-12)
+PERIODS = 10
+_BAR = 10.0
+_ROUNDS, _QUICK_ROUNDS = 50, 3
+_RIGID = 1e-6  # eigenvalues below it belong to motions as a whole
+
+
+def run(quick: bool = False, periods: int = PERIODS, tolerances=TOLERANCES) -> list[Row]:
+    """Times of the gradient and of plain solves."""
+    scene = sheet().scene
+    t1 = periods * slowest_period(scene)
+    ways = {"gradient": gradient, "plain solve": end}
+    compiling, runs = {}, {}
+    for name, way in ways.items():
+        program = jax.jit(way)
+        for tol in tolerances:
+            runs[name, tol] = lambda program=program, tol=tol: np.asarray(
+                program(scene.effects[0].k, scene, t1, tol)
+            )
+        seconds = seconds_of(runs[name, tolerances[0]])
+        compiling[name] = Times(seconds, seconds)
+    times = interleaved(runs, _QUICK_ROUNDS if quick else _ROUNDS)
+    rows = [Row("gradient of 20 numbers: first run", compiling)]
+    for tol in tolerances:
+        both = {name: times[name, tol] for name in ways}
+        rows.append(Row(f"gradient of 20 numbers: rtol {tol:.0e}", both, {"plain solve": _BAR}))
+    return rows
+
+
+def end(k, scene: Scene, t1, tol):
+    """(36,) the end state for stiffnesses k (20,)."""
+    springs = eqx.tree_at(lambda effect: effect.k, scene.effects[0], k)
+    return solve(Scene(scene.system, (springs,), y0=scene.y0), t1, rtol=tol).y1
+
+
+def gradient(k, scene: Scene, t1, tol):
+    """(20,) of half the square of the end state."""
+
+    def loss(k):
+        y1 = end(k, scene, t1, tol)
+        return 0.5 * jnp.sum(y1 * y1)
+
+    return jax.grad(loss)(k)
+
+
+def slowest_period(scene: Scene) -> float:
+    """Of the small vibrations of the sheet at rest [s]."""
+    rest = np.array([(i // 3, i % 3) for i in range(9)], float)
+    springs, m = scene.effects[0], scene.system.m
+    stiffness = jax.hessian(lambda r: springs.potential(0.0, r, m))(jnp.asarray(rest))
+    squares = np.linalg.eigvalsh(np.asarray(stiffness).reshape(rest.size, rest.size))
+    return float(2 * np.pi / np.sqrt(squares[squares > _RIGID].min()))

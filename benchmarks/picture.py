@@ -1,0 +1,59 @@
+"""Error against time of all methods, drawn from the stored run.
+
+Run: ``python -m benchmarks.picture``. Reads ``last_run.json`` and writes ``work_precision.png``,
+both beside this file; nothing is measured.
+"""
+
+import json
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+from matplotlib.lines import Line2D
+
+STORED = Path(__file__).with_name("last_run.json")
+PICTURE = Path(__file__).with_name("work_precision.png")
+_COLUMNS = 3
+_COLOURS = {
+    "jaxdyn": "C3",
+    "heyoka": "C0",
+    "diffrax Dopri8": "C2",
+    "diffrax Tsit5": "C8",
+    "SciPy DOP853": "C7",
+}
+
+
+def draw(stored: dict, path: Path) -> None:
+    """One panel a problem: least time over the true error, both logarithmic.
+
+    Args:
+      stored: what ``python -m benchmarks --json`` writes.
+      path: of the picture.
+    """
+    curves = stored["curves"]
+    rows = -(-len(curves) // _COLUMNS)
+    figure, axes = plt.subplots(
+        rows, _COLUMNS, figsize=(4.2 * _COLUMNS, 3.2 * rows), squeeze=False, layout="constrained"
+    )
+    for ax, (name, methods) in zip(axes.flat, curves.items(), strict=False):
+        for method, colour in _COLOURS.items():
+            points = sorted(methods.get(method, []))
+            if points:
+                errors, seconds = zip(*points, strict=True)
+                wide = 2.0 if method == "jaxdyn" else 1.0
+                ax.loglog(errors, [1e3 * s for s in seconds], ".-", color=colour, lw=wide)
+        ax.set(title=name, xlim=(1e-3, 1e-16))
+        ax.grid(alpha=0.3)
+    for ax in axes.flat[len(curves) :]:
+        ax.axis("off")
+    for ax in axes[-1]:
+        ax.set_xlabel("true error")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("time [ms]")
+    lines = [Line2D([], [], color=colour) for colour in _COLOURS.values()]
+    figure.legend(lines, list(_COLOURS), loc="outside lower center", ncols=len(_COLOURS))
+    figure.savefig(path, dpi=100)
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    draw(json.loads(STORED.read_text()), PICTURE)

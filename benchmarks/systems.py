@@ -1,0 +1,86 @@
+"""How long do other systems take, at equal true error?
+
+Run: ``python -m benchmarks systems``. Where no force depends on velocity: ten turns of a Kepler
+orbit with e = 0.9, a sheet of nine points and 20 springs, the potential of Henon and Heiles.
+Others: throws with quadratic drag, a double pendulum, a free rigid body, van der Pol's oscillator,
+in runs of a millisecond and more; heyoka is called once a throw, which costs it 2 us. One
+thread; errors are the largest at the end, relative to the largest number of the state, against
+heyoka in 80-bit floats. diffrax is given our scenes, the others the formulas in
+`benchmarks.problems`.
+"""
+
+import functools
+from collections.abc import Sequence
+
+import diffrax
+import jax
+import numpy as np
+
+from benchmarks import _peers
+from benchmarks._timing import Curves, Method, work_precision
+from benchmarks.problems import CONSERVATIVE, GENERAL, Problem
+from jaxdyn.simulate import solve
+
+#: Wanted true errors.
+ERRORS = (1e-6, 1e-9, 1e-12)
+#: Decades; heyoka needs up to ten seconds to build each of its integrators.
+TOLERANCES = tuple(float(f"1e-{e}") for e in range(4, 16))
+SCIPY = "SciPy DOP853"
+_SCIPY_FINEST = 3e-14  # below it refuses
+_TO_HEYOKA = {"conservative": 1.0, "general": 1.6}
+_TO_DIFFRAX, _TO_SCIPY = 0.2, 1.0
+_ROUNDS, _QUICK_ROUNDS = 100, 3
+
+
+def run(quick: bool = False) -> list[Curves]:
+    """Times of every method that is installed; `quick` for a rough look."""
+    rounds = _QUICK_ROUNDS if quick else _ROUNDS
+    kinds = {"conservative": CONSERVATIVE, "general": GENERAL}
+    return [
+        curves(name, make(), rounds, TOLERANCES, _TO_HEYOKA[kind])
+        for kind, problems in kinds.items()
+        for name, make in problems.items()
+    ]
+
+
+def curves(
+    name: str, problem: Problem, rounds: int, tolerances: Sequence[float], to_heyoka: float
+) -> Curves:
+    """Error against time of all methods for one problem."""
+    methods = {"jaxdyn": compiled(problem, tolerances)} | peers(problem, tolerances)
+    if _peers.importable("heyoka"):
+        truth = _peers.heyoka_precise(problem)
+    else:
+        truth = compiled(problem, tolerances).build(1e-15)()
+    bars = {"heyoka": to_heyoka, "diffrax Dopri8": _TO_DIFFRAX, "diffrax Tsit5": _TO_DIFFRAX}
+    bars[SCIPY] = _TO_SCIPY
+    bars = {method: (bar,) * len(ERRORS) for method, bar in bars.items()}
+    return work_precision(name, methods, truth, ERRORS, rounds, bars)
+
+
+def compiled(problem: Problem, tolerances: Sequence[float]) -> Method:
+    """Ours, compiled into a program of the user's."""
+    scene, y0s = problem.scene, problem.y0s
+
+    @jax.jit
+    def ends(scene, y0s, tol):
+        def end(y0):
+            return solve(scene.starting(y0), scene.t1, rtol=tol).y1
+
+        return _peers.one_by_one(end, y0s)
+
+    return Method(lambda tol: lambda: np.asarray(ends(scene, y0s, tol)), tolerances)
+
+
+def peers(problem: Problem, tolerances: Sequence[float]) -> dict[str, Method]:
+    """The others, those that are installed."""
+    methods = {}
+    if _peers.importable("heyoka"):
+        methods["heyoka"] = Method(functools.partial(_peers.heyoka, problem), tolerances)
+    for solver in (diffrax.Dopri8(), diffrax.Tsit5()):
+        build = functools.partial(_peers.diffrax_run, problem, solver)
+        methods[f"diffrax {type(solver).__name__}"] = Method(build, tolerances)
+    if _peers.importable("scipy", "numba"):
+        coarse = [tol for tol in tolerances if tol > _SCIPY_FINEST]
+        methods[SCIPY] = Method(functools.partial(_peers.scipy_dop853, problem), coarse)
+    return methods
