@@ -53,6 +53,7 @@ def test_the_problems_are_listed_with_what_answers_each(jaxdyn):
     assert "[italic]" not in out
 
 
+@pytest.mark.slow
 def test_a_car_brakes_to_rest_long_before_the_span_ends(jaxdyn, tmp_path):
     picture = tmp_path / "car.png"
     words = ("--set", "spin=0", "--t1", "60", "--samples", "5", "--plot", picture, "--json")
@@ -88,6 +89,7 @@ def test_a_cylinder_rolls_skids_and_flies(jaxdyn):
     assert lines[2][-1] == "2"
 
 
+@pytest.mark.slow
 def test_nothing_is_said_about_the_energy_of_what_has_none(jaxdyn, tmp_path):
     words = ("lorenz", "--t1", "1", "--samples", "30")
     movie = tmp_path / "lorenz.gif"

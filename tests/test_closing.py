@@ -33,6 +33,7 @@ def test_the_eight_by_reversal_is_the_eight_by_choreography(ring):
     assert orbits.closure(half) < SOLVED
 
 
+@pytest.mark.slow
 def test_the_eight_is_a_relative_orbit_that_does_not_turn(ring):
     orbit = orbits.find(scenes.three_body(), closing=orbits.relative())
     assert abs(orbit.angle) < SOLVED
@@ -61,6 +62,7 @@ def test_half_a_swing_gives_the_period():
     assert abs(orbit.period - swing_period(float(orbit.y0[0]))) < SOLVED
 
 
+@pytest.mark.slow
 def test_an_orbit_on_a_constraint_surface():
     orbit = orbits.find(scenes.pendulum(angle=1.0, formulation="constrained"), period=2.2)
     x, y = orbit.y0[:2]

@@ -37,6 +37,7 @@ def test_the_error_falls_with_the_order(method):
 
 
 @METHODS
+@pytest.mark.slow
 def test_the_tangent_map_is_that_of_the_steps_and_symplectic(method):
     scene = kepler(0.3)
     end = jax.jit(lambda y: _end(scene.starting(y), 5.0, 40, method))

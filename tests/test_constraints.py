@@ -93,6 +93,7 @@ def test_the_same_rod_twice_has_the_same_derivatives():
     assert gap(*jacobians) < SOLVED * 100
 
 
+@pytest.mark.slow
 def test_the_repeated_condition_may_repeat_only_on_the_constraints():
     g, angle = 2.0, 0.6
     y0 = [np.sin(angle), -np.cos(angle), 0.0, 0.0, 0.0, 0.0]
@@ -159,6 +160,7 @@ def test_contradictions_are_reported():
     assert "contradict each other" in Status.SINGULAR.message
 
 
+@pytest.mark.slow
 def test_conditioning_sees_through_a_ledger_and_refuses_what_has_no_constraints():
     bars = scenes.four_bar()
     plain = constraints.conditioning(bars, 0.0, bars.y0)

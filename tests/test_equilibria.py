@@ -65,6 +65,7 @@ def test_problem_13_c_number_of_equilibria_by_topology(numbers, count):
     assert (count - saddles) + _peaks(**numbers) - saddles == 1
 
 
+@pytest.mark.slow
 def test_problem_13_d_eigenvalues_against_simulated_decay():
     scene = two_springs(**DAMPED)
     found = equilibria(scene, [-3, -3], [3, 3])

@@ -79,6 +79,7 @@ def test_second_derivatives_follow_the_theorem_too():
     assert gap(hessian, 2 / G * np.array([[0.0, 1.0], [1.0, 0.0]])) < SOLVED
 
 
+@pytest.mark.slow
 def test_derivatives_in_level_and_times():
     def crossing(x):
         level, t0, t1 = x
@@ -181,6 +182,7 @@ def test_a_motion_that_starts_on_an_event_has_left_it():
     assert not until(BALL.starting([0.0, 0.0, 1.0, 0.0]), Reaches(1, 0.0), 2.0).happened
 
 
+@pytest.mark.slow
 def test_the_earliest_of_several_events_wins_in_any_order():
     wall, floor, roof = Reaches(0, 3.0, 1), FALLS, Reaches(1, 99.0)
     for events in ((wall, floor, roof), (roof, floor, wall), (floor, roof, wall)):
@@ -199,6 +201,7 @@ def test_without_an_event_the_span_ends():
     assert stop.status == Status.OK
 
 
+@pytest.mark.slow
 def test_a_failure_before_the_event_gives_no_numbers():
     fall = Scene(FreePoints([1.0, 1.0]), (PairGravity(),), y0=[-0.5, 0, 0.5, 0, 0, 0, 0, 0])
     # They collide at pi/4; nothing that comes later may be reported.

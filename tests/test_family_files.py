@@ -118,6 +118,7 @@ def test_a_picture_shows_stability_and_what_is_special(tmp_path):
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("length", "period")
 
 
+@pytest.mark.slow
 def test_the_command_continues_a_pendulum_in_its_length(tmp_path, monkeypatch, capsys):
     path = tmp_path / "family.json"
     words = ["--parameter", "length", "--period", "2.1", "--members", "3", "--step", "0.2"]

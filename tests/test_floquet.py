@@ -44,6 +44,7 @@ def _least_amplitude(frequency: float, rtol: float) -> float:
     return (low + high) / 2
 
 
+@pytest.mark.slow
 def test_the_edge_is_a_characteristic_value_and_tends_to_the_averaged_limit():
     excess = []
     for frequency in (40.0, 80.0):
@@ -55,6 +56,7 @@ def test_the_edge_is_a_characteristic_value_and_tends_to_the_averaged_limit():
     assert abs(excess[0] / excess[1] - 4) < 0.1  # relative correction q^2 7 / 64, q ~ 1 / w
 
 
+@pytest.mark.slow
 def test_the_matrix_is_that_of_the_linear_equation():
     numbers = {"length": 1.1, "g": 9.0, "uniform": False}
     scene, period = upright.Upright(jnp.asarray(1.1), jnp.asarray(9.0), False)(

@@ -55,6 +55,7 @@ def test_derivatives_of_the_nystrom_pair_in_its_parameters():
     assert gap(forward, central_difference(jax.jit(_three_bodies), x)) < DIFFED
 
 
+@pytest.mark.slow
 def test_second_derivatives():
     total = lambda x: jnp.sum(jnp.sin(_ball(x)))  # noqa: E731
     hessian = jax.jit(jax.hessian(total))(NUMBERS)

@@ -103,6 +103,7 @@ def test_projection_holds_constraints_for_a_thousand_time_units(drifts):
     assert max(drifts["projection"]) < 1e-12
 
 
+@pytest.mark.slow
 def test_raw_equations_drift_and_baumgarte_holds_them_within_step_errors(drifts):
     assert drifts["raw"][0] > 1e-6
     assert 1e-12 < drifts["baumgarte"][0] < 1e-2 * drifts["raw"][0]
@@ -165,6 +166,7 @@ def test_nothing_in_a_stepping_loop_keeps_it_from_being_folded(drift):
     assert "dot_general" not in used
 
 
+@pytest.mark.slow
 def test_energy_is_kept_by_every_formulation():
     for formulation in ("newton_euler", "lagrange", "constrained"):
         scene = pendula.double_pendulum(formulation=formulation)

@@ -36,6 +36,7 @@ def test_bodies_go_through_fifteen_encounters():
     assert np.max(np.abs(found / np.array(encounters.PYTHAGOREAN_OUTCOME) - 1)) < 1e-6
 
 
+@pytest.mark.slow
 def test_drag_does_as_in_plain_time():
     scene = BODIES + LinearDrag(0.05)
     slow = simulate_regularised(scene, 4.0, rtol=1e-13)
@@ -71,6 +72,7 @@ def test_the_energy_follows_a_force_that_depends_on_time():
     assert gap(slow.ys[-1], simulate(scene, rtol=1e-13).ys[-1]) < 100 * SOLVED
 
 
+@pytest.mark.slow
 def test_approaches_of_a_kepler_orbit_are_at_its_perihelion():
     # mu = 3, from the far point 1.5 at speed 0.3.
     size = 2 / 1.5 - 0.3**2 / 3

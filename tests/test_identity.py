@@ -29,6 +29,7 @@ def ring(n, m=1.0, shift=0.0):
 
 
 @pytest.mark.parametrize("n", [2, 3, 4])
+@pytest.mark.slow
 def test_a_turning_ring_is_a_choreography(n):
     scene, speed = ring(n)
     what = orbits.identify(orbit_of(scene))

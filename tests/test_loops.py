@@ -52,6 +52,7 @@ def _nearest(orbit, n):
     return high
 
 
+@pytest.mark.slow
 def test_every_orbit_of_a_spring_and_of_gravity_closes():
     spring = loops.closed(PowerLaw(4.0, 1.0), 1, 2)
     assert abs(spring.period - np.pi) < SOLVED
@@ -64,6 +65,7 @@ def test_every_orbit_of_a_spring_and_of_gravity_closes():
     assert loops.count(kepler) == (1, 1)
 
 
+@pytest.mark.slow
 def test_a_law_of_ones_own_and_a_second_integrator():
     # Twice round for two loops and a bit: between circle and line of this law.
     orbit = loops.closed(Yukawa(), 5, 4, r=1.5)

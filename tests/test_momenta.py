@@ -62,6 +62,7 @@ def test_problems_14_and_19_which_definition_holds_about_which_point(motion, c, 
         assert (balance.residual < small * balance.scale) == (name in true)
 
 
+@pytest.mark.slow
 def test_relative_holds_about_a_point_that_accelerates_from_a_coasting_g(motion):
     coasting = motion.scene.without(UniformGravity).without(LinearDrag)
     balances = momenta.moment_balance(simulate(coasting, 0.5, samples=7), towards_g)
@@ -134,6 +135,7 @@ def _pair(*external):
     return Scene(FreePoints([1.0, 3.0]), (Internal(5.0, 1.0, j=1), *external), y0=y0)
 
 
+@pytest.mark.slow
 def test_problem_18_b_always_and_c_not_always():
     # Uniform gravity works on all points as on G: the relative part has internal power only.
     alike = simulate(_pair(UniformGravity(2.0)), 1.0, samples=5)

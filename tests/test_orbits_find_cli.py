@@ -35,6 +35,7 @@ def orbits(capsys, monkeypatch):
     return run
 
 
+@pytest.mark.slow
 def test_a_pendulum_from_its_own_return_saved_and_verified(orbits, tmp_path):
     path, picture = tmp_path / "swing.json", tmp_path / "swing.png"
     words = ("find", "pendulum", "--set", "angle=2", "--set", "t1=6", "--json")

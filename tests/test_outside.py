@@ -60,6 +60,7 @@ def test_the_shortest_orbit_of_lorenz():
     assert abs(np.log(abs(product)) + (41 / 3) * orbit.period) < 1e-3  # the small one: 1e-9 of |M|
 
 
+@pytest.mark.slow
 def test_the_straight_mode_of_henon_and_heiles():
     scene = Scene(FreePoints(1.0), (HenonHeiles(),), y0=[0.0, 0.3, 0.0, 0.05], t1=6.4)
     orbit = orbits.find(scene)
@@ -73,6 +74,7 @@ def test_the_straight_mode_of_henon_and_heiles():
     assert (linear.unit, linear.verdict) == (2, "stable")  # along the flow and the energy
 
 
+@pytest.mark.slow
 def test_a_halo_orbit():
     # K. Howell, Celestial Mechanics 32 (1984) 53, table of the L1 family for mu = 0.04.
     mirror = orbits.Symmetry(None, (1, -1, 1, -1, 1, -1), reversing=True)

@@ -93,6 +93,7 @@ def after_two(v):
     return jnp.concatenate([t[None], y])
 
 
+@pytest.mark.slow
 def test_a_known_sequence_is_differentiable():
     v = jnp.array([1.0, 5.0])
     total = 2 / G * 1.5  # t = total vy, x = vx t, and vy is 1/4 of what it was

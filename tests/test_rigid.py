@@ -56,6 +56,7 @@ def same(a: Pose, b: Pose) -> float:
 
 
 @pytest.mark.parametrize("scenes", [FREE, PIVOTED])
+@pytest.mark.slow
 def test_four_ways_give_one_motion(scenes):
     @jax.jit
     def moving(scene):
@@ -245,6 +246,7 @@ def poses(flips):
     return {kind: energy.along(pose, motion) for kind, motion in flips.items()}
 
 
+@pytest.mark.slow
 def test_the_free_body_moves_as_jacobi_says(poses):
     expected, _ = jacobi(OMEGA0, (1, 2, 3), TIMES)
     assert gap(poses["quaternion"].omega_b, expected) < 1e-10

@@ -272,6 +272,7 @@ def test_exponential_is_smooth_at_zero():
     assert gap(about_y, skew(jnp.eye(3)[1])) == 0
 
 
+@pytest.mark.slow
 def test_logarithm_and_axis_angle_derivatives():
     # Off the rotations the matrix functions mean nothing: compose with the exponential.
     turn = jnp.array([0.9, -0.3, 1.4])

@@ -291,6 +291,7 @@ def test_a_disk_keeps_its_energy_and_its_contact(rolls):
     assert np.ptp(np.asarray(rolls[2]["theta"])) > 0.5
 
 
+@pytest.mark.slow
 def test_a_rolling_disk_stands_still_where_it_touches(rolls):
     motion = rolls[2]
     disk = motion.scene.system.mechanism

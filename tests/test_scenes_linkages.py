@@ -40,6 +40,7 @@ def test_dumbbell_spins_on_a_circle():
     assert gap(scene.system.constraint_forces(NOW, scene.y0, ())[0], -2.0) < EXACT * 10
 
 
+@pytest.mark.slow
 def test_parallelogram_swings_as_a_pendulum():
     # Coupler without rotation: (m1/3 + m2 + m3/3) l theta'' = -(m1/2 + m2 + m3/2) g sin(theta).
     numbers = {"m": (1.0, 2.0, 1.5), "l": (1.2, 2.0, 1.2), "ground": 2.0, "g": 3.0}
@@ -73,6 +74,7 @@ def test_links_that_cannot_close_are_refused():
         linkages.pinned_chain(formulation="lop")
 
 
+@pytest.mark.slow
 def test_pinned_chain_stays_closed():
     scene = linkages.pinned_chain(rates=(1.0, -1.0, 0.5, 0.0))
     motion = simulate(scene, samples=9, rtol=1e-12)
@@ -83,6 +85,7 @@ def test_pinned_chain_stays_closed():
 
 
 @pytest.mark.parametrize("g", [0.0, 1.0])
+@pytest.mark.slow
 def test_skate_at_the_end_of_a_chain_never_slides_sideways(g):
     scene = linkages.skate_chain(g=g)
     motion = simulate(scene, samples=9, rtol=1e-12)

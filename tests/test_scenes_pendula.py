@@ -96,6 +96,7 @@ def test_end_of_a_double_pendulum_accelerates_alike_by_three_routes():
         assert gap(kinematics.by_derivatives(position, q, v, a), polar) < EXACT * 50
 
 
+@pytest.mark.slow
 def test_n_pendulum_of_many_bars_keeps_its_energy():
     motion = simulate(pendula.n_pendulum(), 5.0, samples=9, rtol=1e-13)
     assert float(energy.drift(motion)) < SOLVED

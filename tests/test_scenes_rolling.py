@@ -49,6 +49,7 @@ def test_a_cylinder_on_a_cylinder_is_a_pendulum_with_two_thirds_of_gravity():
         assert abs(a[2] * SMALL - theta_2 * FAR) < 10 * EXACT
 
 
+@pytest.mark.slow
 def test_it_loses_contact_where_the_closed_form_says():
     stop = contact_lost(BALANCED, 5.0)
     # From rest at the top cos = 4/7; from another angle 4/7 of its cosine.
@@ -68,6 +69,7 @@ def test_the_friction_that_rolling_needs_grows_without_bound():
     assert friction_needed(BALANCED, on_top(np.arccos(4 / 7) - 1e-9, 0.0)) > 1e7
 
 
+@pytest.mark.slow
 def test_a_real_cylinder_slips_before_it_flies(fall):
     assert fall.names == ("roll", "slip_on", "fly")
     roll, slip, fly = fall.pieces

@@ -52,6 +52,7 @@ def test_a_swing_that_stays_below_has_no_edge():
     assert float(stop.t) == 5.0
 
 
+@pytest.mark.slow
 def test_the_time_of_the_edge_is_differentiable():
     def time(rate):
         return sideways_edge(sideways_pendulum(rate=rate), margin=0.3, rtol=1e-13).t

@@ -27,6 +27,7 @@ def motion(request):
     return simulate(request.param, samples=TIMES, rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_newton_euler_and_lagrange_agree(motion):
     scene = by_lagrange(motion.scene)
     assert gap(simulate(scene, samples=TIMES, rtol=1e-13).ys, motion.ys) < 1e-11

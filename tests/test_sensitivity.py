@@ -36,6 +36,7 @@ def test_the_period_of_a_pendulum_by_gravity(swing):
     assert abs(forward - exact) < 1e-10
 
 
+@pytest.mark.slow
 def test_a_cycles_start_and_multiplier_by_its_parameter():
     a = 0.3
     orbit = orbits.find(cycle(Bautin, a, [1.1, 0.0]))

@@ -137,6 +137,7 @@ def test_segments_give_the_same_orbit(cycle, segments):
     assert orbit.y0.shape == (2,)
 
 
+@pytest.mark.slow
 def test_segments_with_a_symmetry():
     ring = orbits.choreography(3)
     one, two = (orbits.find(scenes.three_body(), closing=ring, segments=n) for n in (1, 2))

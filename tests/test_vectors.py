@@ -189,6 +189,7 @@ def test_coplanar_rods_are_reported(ends):
     assert jnp.isnan(found.tensions).all()
 
 
+@pytest.mark.slow
 def test_derivatives_of_tensions():
     numbers = jnp.concatenate([X + 0.1, Y, Z - 0.2, 0.1 * X, jnp.array([1.0, 2.0, -0.5])])
 

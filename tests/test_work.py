@@ -74,6 +74,7 @@ def test_the_fastest_with_enough_digits_is_recommended():
     ],
     ids=lambda x: x.name if isinstance(x, work.Quantity) else "",
 )
+@pytest.mark.slow
 def test_other_quantities_get_better_with_the_tolerance(scene, quantity):
     found = work.work_precision(scene, 1.0, solvers=[solvers.VERNER9], quantity=quantity, **FEW)
     assert found.quantity == quantity.name

@@ -61,6 +61,7 @@ def test_rate_and_jacobian(scene):
     np.testing.assert_allclose(forward @ direction, difference, rtol=0, atol=1e-6 * size)
 
 
+@pytest.mark.slow
 def test_compiled_is_plain_and_a_batch_is_its_lanes(scene):
     t, y = jnp.asarray(0.1), scene.y0
     rate = compiled(scene, t, y)[0]
@@ -80,6 +81,7 @@ def test_finite_derivatives_at_rest(scene):
         assert np.isfinite(x).all()
 
 
+@pytest.mark.slow
 def test_there_and_back_again(scene, name):
     span = min(SPAN, float(scene.t1))
     out = solve(scene, span, rtol=1e-12)
