@@ -86,7 +86,7 @@ def test_a_real_cylinder_slips_before_it_flies(fall):
     assert (np.diff(heights) > 0).all()
 
 
-@pytest.mark.parametrize("name", ["fall", "hops"])
+@pytest.mark.parametrize("name", ["fall", pytest.param("hops", marks=pytest.mark.slow)])
 def test_every_chain_keeps_to_the_laws_of_contact(name, request):
     chain = request.getfixturevalue(name)
     mu = chain.pieces[0].scene.system.mu
@@ -113,6 +113,7 @@ def test_every_chain_keeps_to_the_laws_of_contact(name, request):
             assert (np.diff(total) < 1e-9).all()
 
 
+@pytest.mark.slow
 def test_on_a_ramp_it_slips_flies_lands_and_rolls_on(hops):
     assert hops.names[:6] == ("roll", "slip_on", "roll", "slip_back", "fly", "roll")
     # The landing: from a normal speed to none.
