@@ -176,7 +176,7 @@ def _result(name: str, motion: Trajectory | Chain) -> dict:
         "status": motion.status.name if in_phases else motion.status_code.name,
         "message": motion.message,
         "t": _finite(np.concatenate(ts)),
-        "labels": [f"{label} [{unit}]" for label, unit in pieces[0].scene.system.labels()],
+        "labels": [_label(*label) for label in pieces[0].scene.labels()],
         "y": _finite(np.concatenate(ys)),
         "phases": [
             {"name": phase, "t0": float(piece.ts[0]), "t1": float(piece.ts[-1])}
@@ -186,6 +186,10 @@ def _result(name: str, motion: Trajectory | Chain) -> dict:
         "steps": sum(int(piece.steps) for piece in pieces),
         "rejected": sum(int(piece.rejected) for piece in pieces),
     }
+
+
+def _label(name: str, unit: str) -> str:
+    return name if unit == "1" else f"{name} [{unit}]"
 
 
 def _arrived(motion: Trajectory | Chain) -> bool:

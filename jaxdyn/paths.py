@@ -19,7 +19,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn.effects import PairGravity
 from jaxdyn.phases import Chain
 from jaxdyn.scene import Scene
 from jaxdyn.simulate import Trajectory
@@ -225,10 +224,7 @@ def _bodies(r: np.ndarray, links, change: float) -> list[_Body]:
 
 def _axis_labels(piece: Trajectory, d: int) -> tuple[tuple[str, ...], str]:
     """(d,) names and units of the directions, and the unit of time; the state says which."""
-    effects = piece.scene.effects
-    if any(isinstance(effect, PairGravity) and effect.G == 1 for effect in effects):
-        return tuple("xyz"[:d]), ""
-    units = dict(piece.scene.system.labels())
+    units = dict(piece.scene.labels())
     named = [(x, units.get(x, units.get(x + "1", "m"))) for x in "xyz"[:d]]
     plain = all(unit == "1" for _, unit in named)
     return tuple(x if plain else f"{x} [{unit}]" for x, unit in named), "" if plain else " s"

@@ -105,7 +105,10 @@ def time_series(motion: Trajectory | Chain, names=None, path=None) -> Figure:
     if path is not None:
         path = checked_path(path, SUFFIXES)
     pieces = pieces_of(motion)
-    units = dict(pieces[0].scene.system.labels())
+    scene = pieces[0].scene
+    # Without units places and velocities are still drawn apart.
+    units = dict(scene.system.labels())
+    plain = all(unit == "1" for _, unit in scene.labels())
     names = list(units) if names is None else [_checks.choice("names", x, units) for x in names]
     if not names:
         raise _checks.fail("names", "one of " + ", ".join(units), "none")
@@ -120,9 +123,9 @@ def time_series(motion: Trajectory | Chain, names=None, path=None) -> Figure:
             dash = ("-", "--", ":")[i // len(PALETTE) % 3]
             ax.plot(ts, values[name], dash, color=PALETTE[i % len(PALETTE)], lw=1.6, label=name)
         ax.margins(x=0)
-        ax.set_ylabel(f"[{unit}]")
+        ax.set_ylabel("" if plain else f"[{unit}]")
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    panels[-1].set_xlabel("t [s]")
+    panels[-1].set_xlabel("t" if plain else "t [s]")
     panels[0].set_title(textwrap.fill(why_stopped(motion), _NOTE_WIDTH))
     return finished(figure, path)
 

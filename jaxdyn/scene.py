@@ -62,6 +62,11 @@ class Effect(eqx.Module):
         return None
 
     @property
+    def without_units(self) -> bool:
+        """Whether its numbers are those of a world without units, as G = 1; host only."""
+        return False
+
+    @property
     def acts(self) -> frozenset[str]:
         """What it acts on, by its methods: "force" for points, "generalized" for coordinates.
 
@@ -241,6 +246,13 @@ class Scene(eqx.Module):
     def starting(self, y0, t1=None) -> "Scene":
         """The same scene from another start, and over another span if given."""
         return dataclasses.replace(self, y0=y0, t1=self.t1 if t1 is None else t1)
+
+    def labels(self) -> tuple[tuple[str, str], ...]:
+        """(name, unit) of each entry of the state, "1" for all units where there are none."""
+        named = self.system.labels()
+        if any(effect.without_units for effect in self.effects):
+            return tuple((name, "1") for name, _ in named)
+        return named
 
     def check(self) -> None:
         """Raise ValueError if a number makes no sense; traced numbers pass."""

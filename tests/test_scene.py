@@ -297,3 +297,9 @@ def test_check_passes_what_is_traced():
     jax.jit(lambda m: Scene(FreePoints(m), y0=Y0).check())(-1.0)
     with pytest.raises(ValueError, match=r"^y0: expected shape"):
         jax.jit(lambda y: _ball().starting(y).check())(jnp.zeros(3))
+
+
+def test_where_gravity_has_no_units_the_state_has_none():
+    assert dict(scenes.three_body().labels())["x1"] == "1"
+    assert dict(scenes.two_body(G=6.674e-11).labels())["x1"] == "m"
+    assert scenes.cannonball().labels() == scenes.cannonball().system.labels()

@@ -43,6 +43,10 @@ class PairGravity(Effect):
     def __init__(self, G=1.0):
         self.G = jnp.asarray(G, dtype=float)
 
+    @property
+    def without_units(self):
+        return not _checks.is_traced(self.G) and bool(self.G == 1)
+
     def potential(self, t, r, m):
         del t
         i, j = np.triu_indices(r.shape[0], 1)
