@@ -225,6 +225,12 @@ def test_time_series_has_a_panel_a_unit(eight):
     np.testing.assert_array_equal(line.get_ydata(), eight["vy2"])
 
 
+def test_time_series_say_the_units():
+    figure = plots.time_series(simulate(scenes.cannonball(), 1.0, samples=3))
+    assert [ax.get_ylabel() for ax in figure.axes] == ["[m]", "[m/s]"]
+    assert figure.axes[-1].get_xlabel() == "t [s]"
+
+
 def test_time_series_of_some_entries(eight):
     (ax,) = plots.time_series(eight, ["x1", "y3"]).axes
     assert [line.get_label() for line in ax.lines] == ["x1", "y3"]
