@@ -31,7 +31,6 @@ from jaxdyn.phases import Exit, Phase
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.cylinders import CONTACTS, SLIPS, Cylinder
 
-_TOUCHING = CONTACTS[:3]
 _STICKS = 1e-9  # [1] slip over the speeds involved that is rounding
 
 
@@ -104,19 +103,41 @@ class Landed(eqx.Module):
 
 
 class Contact(eqx.Module):
-    """How a cylinder in contact goes on: the number of its phase among roll and both slips."""
+    """How a cylinder in contact goes on: the number of its phase among `CONTACTS`."""
 
     scene: Scene
 
     def __call__(self, t: Array, y: Array) -> Array:
-        """0 to roll, 1 to slip along t, 2 to slip back."""
+        """0 to roll, 1 to slip along t, 2 to slip back, 3 to fly where the surface would pull."""
         roll = self.scene.system
         slip = roll.slip(y)
         still = jnp.abs(slip) <= _STICKS * (jnp.abs(y[3]) + jnp.abs(y[4]) + roll.r * jnp.abs(y[5]))
         normal, friction = roll.reaction(t, y, self.scene.effects)
         way = jnp.where(still, -friction, slip)
         rolls = still & (jnp.abs(friction) <= roll.mu * normal)
-        return jnp.where(rolls, 0, jnp.where(way > 0, 1, 2))
+        on, back = (_unpressed(self.scene, name, t, y) for name in SLIPS)
+        lifts = jnp.where(
+            still, _unpressed(self.scene, "roll", t, y), jnp.where(slip > 0, on, back)
+        )
+        return jnp.where(lifts, 3, jnp.where(rolls, 0, jnp.where(way > 0, 1, 2)))
+
+
+class Loosens(eqx.Module):
+    """How rolling ends where the grip does: 1 to fly, where there is no normal force, 0 to slip."""
+
+    scene: Scene
+
+    def __call__(self, t: Array, y: Array) -> Array:
+        """The number of the phase."""
+        return jnp.where(_unpressed(self.scene, "roll", t, y), 1, 0)
+
+
+def _unpressed(scene: Scene, contact: str, t: Array, y: Array) -> Array:
+    """Whether () a surface would not push a cylinder in contact, but for rounding."""
+    system = scene.system.touching(contact)
+    points = system.points(t, y)
+    pulls = sum((jnp.sum(jnp.abs(e.force(t, *points))) for e in scene.effects), jnp.zeros(()))
+    return system.reaction(t, y, scene.effects)[0] <= _STICKS * pulls
 
 
 def cylinder_on_cylinder(*, m=1.0, r=0.5, fixed=1.0, mu=0.4, g=9.81, theta=0.1, t1=1.0) -> Scene:
@@ -191,11 +212,14 @@ def phases_of(scene: Scene) -> dict[str, Phase]:
 
     roll, fly = as_("roll"), as_("fly")
     goes_on = Contact(roll)
-    slips = tuple(Exit(Grip(roll, int(way)), name) for name, way in SLIPS.items())
+    loose = Loosens(roll)
+    slips = tuple(
+        Exit(Grip(roll, int(way)), (name, "fly"), choose=loose) for name, way in SLIPS.items()
+    )
     phases = {"roll": Phase(roll, slips)}
     for name, way in SLIPS.items():
         slip = as_(name)
-        caught = Exit(Caught(roll.system, int(way)), _TOUCHING, choose=goes_on)
+        caught = Exit(Caught(roll.system, int(way)), CONTACTS, choose=goes_on)
         phases[name] = Phase(slip, (caught, Exit(NormalForce(slip), "fly")))
-    lands = Exit(Touches(fly.system), _TOUCHING, Landed(fly.system), goes_on)
+    lands = Exit(Touches(fly.system), CONTACTS, Landed(fly.system), goes_on)
     return phases | {"fly": Phase(fly, (lands,))}
