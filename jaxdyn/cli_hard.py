@@ -29,16 +29,21 @@ def hard_command(
             table.add_row(case.name, escape(case.holds))
         console.print(table)
         return
-    passed = True
+    held, seconds = [], 0.0
     for case in chosen(names or ()):
         verdict = judge(case)
-        passed &= verdict.passed
+        held.append(verdict.passed)
+        seconds += verdict.seconds
         if as_object:
             for row in rows(verdict):
-                print(json.dumps(row))  # noqa: T201
+                print(json.dumps(row), flush=True)  # noqa: T201
         else:
             _print(verdict, console)
-    if not passed:
+    if as_object:
+        print(json.dumps(total(held, seconds)))  # noqa: T201
+    else:
+        console.print(f"{sum(held)} of {len(held)} cases hold ({seconds:.1f} s)")
+    if not all(held):
         raise typer.Exit(_FAILED)
 
 
@@ -55,6 +60,19 @@ def rows(verdict: Verdict) -> list[dict]:
         }
         for figure in verdict.figures
     ]
+
+
+def total(held: list[bool], seconds: float) -> dict:
+    """The record that ends a run: how many of the cases fail, in what time."""
+    failed = held.count(False)
+    return {
+        "name": "total",
+        "what": f"cases that fail, of {len(held)}",
+        "figure": failed,
+        "bound": 0,
+        "pass": failed == 0,
+        "seconds": round(seconds, 3),
+    }
 
 
 def _print(verdict: Verdict, console: Console) -> None:

@@ -13,14 +13,16 @@ import numpy as np
 
 from jaxdyn.effects import SinusoidalForce, Spring
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.linearize import linearize
 from jaxdyn.momenta import centre_of_mass
-from jaxdyn.scene import Scene
+from jaxdyn.scene import Scene, checked
 from jaxdyn.scenes.linkages import rod_on_line
 from jaxdyn.simulate import default_solver, simulate
 from jaxdyn.work import Quantity, work_precision
 
 _MASSES, _LENGTH, _FORCE, _FREQUENCY = (1.0, 2.0), 1.0, 1.0, 1.0
 _SAMPLES = 201
+_MANY = 1e3  # turns of a vibration that nobody wants to see one by one
 
 
 class Row(NamedTuple):
@@ -60,8 +62,9 @@ def compare(k=(1e2, 1e4, 1e6), *, t1=20.0, digits=9, rounds=10) -> tuple[Row, ..
     Returns:
       A row for each drift of `scenes.rod_on_line`, then one for each spring.
     """
-    joined = {f"rod, {drift}": _rod(drift, t1) for drift in ("projection", "baumgarte", "raw")}
-    joined |= {f"spring, k = {stiffness:g}": _spring(stiffness, t1) for stiffness in k}
+    drifts = ("projection", "baumgarte", "raw")
+    joined = {f"rod, {drift}": joined_by_rod(drift, t1=t1) for drift in drifts}
+    joined |= {f"spring, k = {stiffness:g}": joined_by_spring(stiffness, t1=t1) for stiffness in k}
     return tuple(_row(name, scene, t1, digits, rounds) for name, scene in joined.items())
 
 
@@ -73,16 +76,43 @@ def mass_centre(t):
     return start + swing * (_FREQUENCY * t - np.sin(_FREQUENCY * t))
 
 
-def _rod(drift: str, t1) -> Scene:
+def joined_by_rod(drift: str = "projection", *, t1=20.0) -> Scene:
+    """The two masses on a rod, one of them pushed; `compare` says with what drifts."""
     push = {"force": _FORCE, "frequency": _FREQUENCY}
     return rod_on_line(m=_MASSES, length=_LENGTH, drift=drift, t1=t1, **push)
 
 
-def _spring(k, t1) -> Scene:
+def joined_by_spring(k, *, t1=20.0) -> Scene:
+    """The two masses on a spring of stiffness k [N/m], one of them pushed."""
     push = SinusoidalForce([_FORCE], _FREQUENCY, on=(1,))
     y0 = [0.0, _LENGTH, 0.0, 0.0]
     system = FreePoints(jnp.asarray(_MASSES), 1)
     return Scene(system, (Spring(k, _LENGTH, i=0, j=1), push), y0=y0, t1=t1)
+
+
+def advice(scene: Scene, t1=None) -> str:
+    """What to take instead of links too stiff to be followed; empty if they can be; host only.
+
+    The fastest vibration at the start is that of the largest eigenvalue there. An explicit method
+    follows each of its turns, as much as they may not matter.
+
+    Args:
+      scene: system, effects, start.
+      t1: () end of the span [s]; the scene's own if left out.
+    Example:
+      >>> advice(joined_by_spring(1e12))[:67]
+      'The stiffest link vibrates at 1.22e+06 rad/s, 3.9e+06 times in the '
+    """
+    fastest = float(np.abs(np.asarray(linearize(checked(scene), scene.y0).eigenvalues)).max())
+    turns = fastest * abs(float(scene.t1 if t1 is None else t1)) / (2 * np.pi)
+    if turns < _MANY:
+        return ""
+    return (
+        f"The stiffest link vibrates at {fastest:.3g} rad/s, {turns:.2g} times in the span, and "
+        "the default method follows each. Where it stands for a rod, take the rod (scenes with "
+        "formulation='constrained'): it costs least, whatever the stiffness. Where it must stay, "
+        "pass solver=solvers.RADAU9 and rtol=1e-8: it leaves out vibrations too small to matter."
+    )
 
 
 def _row(name: str, scene: Scene, t1, digits, rounds) -> Row:

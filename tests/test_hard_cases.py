@@ -8,9 +8,19 @@ from helpers import EXACT
 
 from jaxdyn.hard import CASES, judge
 from jaxdyn.hard.bodies import flip_period
+from jaxdyn.hard.elliptic import complete
+from jaxdyn.hard.shaken import swing_period
+from jaxdyn.upright import averaged_limit
 
 #: Cases that compile little; the others are run with `-m slow`.
-QUICK = ("failing-lanes", "norms-at-zero", "zeno")
+QUICK = (
+    "dry-friction",
+    "failing-lanes",
+    "grazing",
+    "lift-off-and-landing",
+    "norms-at-zero",
+    "zeno",
+)
 LONG = sorted(set(CASES) - set(QUICK))
 
 
@@ -41,3 +51,28 @@ def test_the_period_of_the_flips_is_that_of_elliptic_functions(wobble):
         rate = mpmath.sqrt((3 * t2 - h2) / 6)
         period = 4 * mpmath.ellipk(k2) / rate
     assert math.isclose(flip_period(wobble), float(period), rel_tol=EXACT)
+
+
+@pytest.mark.parametrize("beside", [1.0, 1e-2, 1e-8])
+def test_the_fall_from_beside_upright_takes_an_elliptic_integral(beside):
+    with mpmath.workdps(40):
+        wanted = mpmath.ellipk(mpmath.cos(mpmath.mpf(beside) / 2) ** 2)
+    assert math.isclose(complete(math.sin(beside / 2)), float(wanted), rel_tol=EXACT)
+
+
+@pytest.mark.parametrize("angle", [0.01, 0.3, 0.6])
+def test_the_averaged_swing_has_the_period_of_its_energy(angle):
+    g, length, frequency = 9.81, 1.0, 1e4
+    speed = 1.5 * float(averaged_limit(frequency, uniform=False)) * frequency
+    with mpmath.workdps(30):
+
+        def energy(theta):
+            pull = (mpmath.mpf(speed) * mpmath.sin(theta) / (2 * length)) ** 2
+            return g / length * mpmath.cos(theta) + pull
+
+        def slow(u):  # theta = angle sin(u)
+            left = energy(mpmath.mpf(angle)) - energy(angle * mpmath.sin(u))
+            return angle * mpmath.cos(u) / mpmath.sqrt(2 * left)
+
+        period = 4 * mpmath.quad(slow, [0, mpmath.pi / 2], method="gauss-legendre")
+    assert math.isclose(swing_period(speed, angle), float(period), rel_tol=EXACT)

@@ -32,13 +32,18 @@ def jaxdyn(capsys, monkeypatch):
 def test_a_figure_out_of_its_bound_fails(jaxdyn, monkeypatch, value, passed, code):
     monkeypatch.setitem(collection.CASES, "sum", _sum(value))
     done, out, _ = jaxdyn("sum", "--json")
-    row = json.loads(out)
+    row, total = (json.loads(line) for line in out.splitlines())
     assert row.pop("seconds") >= 0
+    assert total.pop("seconds") >= 0
+    failed = int(not passed)
+    of = "cases that fail, of 1"
+    assert total == {"name": "total", "what": of, "figure": failed, "bound": 0, "pass": passed}
     figure = value if value == value else None
     assert row == {"name": "sum", "what": "error", "figure": figure, "bound": 1e-16, "pass": passed}
     assert done == code
     _, out, _ = jaxdyn("sum")
     assert ("holds" if passed else "too large") in out
+    assert f"{int(passed)} of 1 cases hold" in out
 
 
 def test_every_case_is_listed_with_what_must_hold(jaxdyn):

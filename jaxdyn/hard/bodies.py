@@ -15,6 +15,7 @@ from jaxtyping import Array
 from jaxdyn import energy
 from jaxdyn.formulations.rigid import pose
 from jaxdyn.hard.case import Case, Figure
+from jaxdyn.hard.elliptic import complete
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.bodies import free_body
 from jaxdyn.simulate import Trajectory, simulate
@@ -23,7 +24,6 @@ _RTOL = 1e-15
 _PERIODS = 10_000
 _SAMPLES = 1000
 _MOST = 5_000_000
-_MEANS = 12  # the mean doubles its digits each time, once it is near
 _MOMENTS = (1, 2, 3)
 
 
@@ -42,10 +42,7 @@ def flip_period(wobble: float) -> float:
     h2, t2 = a * i1 * i1 + b * i2 * i2, a * i1 + b * i2
     rest = 1 - (i3 - i2) * (h2 - t2 * i1) / ((i2 - i1) * (t2 * i3 - h2))
     rate = math.sqrt((i2 - i1) * (t2 * i3 - h2) / Fraction(i1 * i2 * i3))
-    mean, other = 1.0, math.sqrt(rest)
-    for _ in range(_MEANS):
-        mean, other = (mean + other) / 2, math.sqrt(mean * other)
-    return 2 * math.pi / mean / rate
+    return 4 * complete(math.sqrt(rest)) / rate
 
 
 def _flips(wobble: float) -> tuple[Figure, ...]:

@@ -3,10 +3,36 @@
 from collections.abc import Iterable
 
 from jaxdyn import _checks
-from jaxdyn.hard import bodies, contact, coordinates, drift, encounters, singular
+from jaxdyn.hard import (
+    bodies,
+    chaos,
+    contact,
+    coordinates,
+    drift,
+    encounters,
+    friction,
+    long,
+    separatrix,
+    shaken,
+    singular,
+    stiff,
+)
 from jaxdyn.hard.case import Case
 
-FAMILIES = (encounters, singular, drift, coordinates, contact, bodies)
+FAMILIES = (
+    encounters,
+    singular,
+    drift,
+    coordinates,
+    contact,
+    friction,
+    stiff,
+    shaken,
+    separatrix,
+    bodies,
+    chaos,
+    long,
+)
 CASES = {case.name: case for family in FAMILIES for case in family.CASES}
 
 

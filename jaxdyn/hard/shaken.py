@@ -1,0 +1,114 @@
+"""A pendulum on a base that shakes ten thousand times while it swings once (Kapitza's).
+
+Averaged over a shake (Landau, Lifshitz, Mechanics, section 30) it swings as if there were a spring
+that pulls it to the vertical, of stiffness m (A w)^2 / (2 L^2), besides gravity. That holds but for
+the square of A / L. What the shaking adds is -(A / L) sin(theta) cos(w t) on top of the slow angle.
+"""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn.floquet import monodromy
+from jaxdyn.hard.case import Case, Figure
+from jaxdyn.scene import Effect, Scene
+from jaxdyn.scenes.pendula import shaken_pendulum
+from jaxdyn.simulate import default_solver, simulate
+from jaxdyn.upright import averaged_limit
+
+_RTOL = 1e-12
+_G, _LENGTH, _FAST = 9.81, 1.0, 1e4
+_ABOVE = 1.5  # times the amplitude that holds upright
+_SLOW = math.sqrt(_G / _LENGTH * (_ABOVE**2 - 1))  # of small swings [rad/s]
+_SAMPLES = 201
+_NODES = 64
+
+
+class Uprighting(Effect):
+    """A spring of stiffness k [N/m] that pulls to the vertical through the origin."""
+
+    k: jax.Array
+    velocity_dependent = False
+
+    def potential(self, t, r, m):
+        del t, m
+        return 0.5 * self.k * jnp.sum(r[:, 0] ** 2)
+
+
+def shaken(amplitude: float, frequency: float, angle: float = 0.0) -> Scene:
+    """The pendulum, of a point mass on a massless stick, from an angle off upright."""
+    numbers = {"length": _LENGTH, "g": _G, "uniform": False}
+    return shaken_pendulum(amplitude=amplitude, frequency=frequency, angle=angle, **numbers)
+
+
+def swing_period(speed: float, angle: float) -> float:
+    """[s] of slow swings out to an angle, where the base shakes at speeds up to A w = speed.
+
+    With sin(theta) = sin(angle) sin(u) the energy leaves a smooth function of u, whose mean over a
+    quarter is found to rounding by the midpoint rule.
+    """
+    u = (np.arange(_NODES) + 0.5) * math.pi / (2 * _NODES)
+    cosine = np.sqrt(1 - (math.sin(angle) * np.sin(u)) ** 2)
+    held = (speed / (2 * _LENGTH)) ** 2 - _G / _LENGTH / (cosine + math.cos(angle))
+    return float(2 * math.pi * np.mean(1 / (cosine * np.sqrt(2 * held))))
+
+
+def _swings() -> tuple[Figure, ...]:
+    frequency = _FAST * _SLOW
+    amplitude = _ABOVE * float(averaged_limit(frequency, length=_LENGTH, g=_G, uniform=False))
+    start, ripple = 0.3, amplitude / _LENGTH
+    # The start is an outermost point of the ripple; the slow angle there is larger.
+    angle = start + ripple * math.sin(start)
+    period = swing_period(amplitude * frequency, angle)
+    shakes = np.round(np.linspace(0, 1.1 * period * frequency / (2 * math.pi), _SAMPLES))
+    ts = 2 * math.pi / frequency * shakes
+    fast = simulate(shaken(amplitude, frequency, start), ts[-1], samples=ts, rtol=_RTOL)
+    pull = Uprighting(jnp.asarray((amplitude * frequency / _LENGTH) ** 2 / 2))
+    slow = simulate(shaken(0.0, 1.0, angle) + pull, ts[-1], samples=ts, rtol=_RTOL)
+    theta = np.asarray(slow.ys[:, 0])
+    wanted = theta - ripple * np.sin(theta)
+    returned = simulate(slow.scene, period, samples=1, rtol=_RTOL).ys[-1]
+    stages = default_solver(fast.scene).stages
+    return (
+        Figure("angle, from the averaged one [rad]", _gap(fast.ys[:, 0], wanted), 1e-6),
+        Figure("A / L", ripple),
+        Figure("averaged swing, from its period", _gap(returned, slow.ys[0]), 1e-9),
+        Figure("shakes", float(shakes[-1])),
+        Figure("right-hand sides a shake", stages * int(fast.steps) / float(shakes[-1])),
+        Figure("right-hand sides averaged", default_solver(slow.scene).stages * int(slow.steps)),
+    )
+
+
+def _threshold() -> tuple[Figure, ...]:
+    """Upright holds where the trace of the monodromy matrix is below 2."""
+    frequency = _FAST * _SLOW
+    limit = float(averaged_limit(frequency, length=_LENGTH, g=_G, uniform=False))
+
+    @jax.jit
+    def excess(amplitude):
+        M = monodromy(shaken(amplitude, frequency), 2 * math.pi / frequency)
+        return jnp.trace(M) - 2
+
+    low, high = 0.9 * limit, 1.1 * limit
+    ends = float(excess(low)), float(excess(high))
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return (
+        Figure("amplitude that holds, from sqrt(2 g L) / w", abs(high / limit - 1), 1e-6),
+        Figure("stable below it", float(not ends[0] > 0), 0),
+        Figure("unstable above it", float(not ends[1] < 0), 0),
+        Figure("that amplitude [m]", high),
+    )
+
+
+def _gap(found, wanted) -> float:
+    return float(np.max(np.abs(np.asarray(found) - np.asarray(wanted))))
+
+
+CASES = (
+    Case("kapitza", "A base shakes 10 000 times a swing; the slow swing is right.", _swings),
+    Case("kapitza-threshold", "Upright becomes stable where averaging says.", _threshold),
+)

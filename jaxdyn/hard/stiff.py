@@ -1,0 +1,53 @@
+"""Springs as stiff as rods: two masses on a line, pushed, whose centre of mass is known.
+
+Explicit methods follow each vibration, of which there are sqrt(k) as many. A rod has none. An
+L-stable method leaves out those too small for its tolerance, and then costs the same for any k.
+"""
+
+from typing import Any
+
+from jaxdyn.hard.case import Case, Figure
+from jaxdyn.momenta import centre_of_mass
+from jaxdyn.rod_or_spring import advice, joined_by_rod, joined_by_spring, mass_centre
+from jaxdyn.scene import Scene
+from jaxdyn.simulate import simulate
+from jaxdyn.solvers import RADAU9
+
+_STIFFNESSES = (1e4, 1e6, 1e8, 1e10, 1e12)
+_FOLLOWED = (1e4, 1e6)
+_RTOL = 1e-8
+_T1 = 20.0
+_BOUND = 1e-9
+
+
+def _spring() -> tuple[Figure, ...]:
+    rod = _ran(joined_by_rod(), rtol=1e-10)
+    springs = [_ran(joined_by_spring(k), rtol=_RTOL, solver=RADAU9) for k in _STIFFNESSES]
+    followed = [_ran(joined_by_spring(k), rtol=1e-10) for k in _FOLLOWED]
+    told = [advice(joined_by_spring(k), _T1) for k in _STIFFNESSES]
+    steps = [spring[1] for spring in springs]
+    return (
+        Figure("mass centre of the rod [m]", rod[0], _BOUND),
+        Figure("of all springs by Radau [m]", max(spring[0] for spring in springs), _BOUND),
+        Figure("of those followed [m]", max(spring[0] for spring in followed), _BOUND),
+        Figure("steps at k = 1e12, over 1e8", steps[-1] / steps[2], 1.1),
+        *(Figure(f"steps at k = {k:g}", n) for k, n in zip(_STIFFNESSES, steps, strict=True)),
+        *(
+            Figure(f"steps followed, k = {k:g}", spring[1])
+            for k, spring in zip(_FOLLOWED, followed, strict=True)
+        ),
+        Figure("steps of the rod", rod[1]),
+        Figure("users not told, k = 1e6 on", sum(not words for words in told[1:]), 0),
+    )
+
+
+def _ran(scene: Scene, **how: Any) -> tuple[float, int]:
+    """Error of the mass centre at the end [m], and steps."""
+    motion = simulate(scene, _T1, samples=1, **how)
+    found = centre_of_mass(_T1, scene.system.points(_T1, motion.ys[-1]))[0]
+    return abs(float(found - mass_centre(_T1))), int(motion.steps + motion.rejected)
+
+
+CASES = (
+    Case("stiff-spring", "Springs of k = 1e4 to 1e12 against the rod they stand for.", _spring),
+)

@@ -1,0 +1,46 @@
+"""The time to which digits can be trusted: growth in closed form, times against references."""
+
+import math
+
+import numpy as np
+import pytest
+
+from jaxdyn import horizon, scenes
+from jaxdyn.hard import chaos
+from jaxdyn.solvers import VERNER9
+
+RTOL = 1e-10
+
+
+def test_growth_is_that_of_an_upright_pendulum():
+    # Beside upright differences grow like cosh t; sqrt(g / l) = 1.
+    upright = scenes.pendulum(g=1.0, angle=math.pi - 1e-4)
+    trust = horizon.trusted_time(upright, 7.0, digits=4, rtol=RTOL)
+    assert trust.t == 7.0
+    assert abs(trust.growth - 1.0) < 0.05
+
+
+@pytest.mark.parametrize("digits", [3, 6])
+def test_the_horizon_of_a_double_pendulum_is_where_its_digits_end(digits):
+    ts, _ = chaos.reference("double")
+    scene = scenes.double_pendulum()
+    trust = horizon.trusted_time(scene, ts[-1], samples=ts, rtol=RTOL, digits=digits)
+    true = chaos.true_time(scene, np.asarray(trust.estimate.ys), "double", digits)
+    assert 0 < true < ts[-1]
+    assert abs(trust.t - true) <= 0.1 * true + ts[1]
+    assert trust.most > trust.t
+    # The rule of thumb knows nothing of the start, which is slow to part.
+    assert 0.4 * true < trust.at(RTOL) < 2 * true
+
+
+def test_what_is_not_chaotic_is_trusted_to_its_end():
+    trust = horizon.trusted_time(scenes.oscillator(), digits=6, rtol=RTOL, solver=VERNER9)
+    assert trust.t == trust.most == float(scenes.oscillator().t1)
+    assert abs(trust.growth) < 0.1
+    assert trust.estimate.solver == VERNER9.name
+
+
+@pytest.mark.parametrize("digits", [0, 16, -3])
+def test_digits_that_no_double_has_are_refused(digits):
+    with pytest.raises(ValueError, match=r"^digits: expected between 1 and 15, got "):
+        horizon.trusted_time(scenes.oscillator(), digits=digits)
