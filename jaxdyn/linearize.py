@@ -160,7 +160,8 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
       >>> print(modes(oscillator(k=9.0, m=1.0), [0.0, 0.0]).frequencies)
       [3.]
     """
-    y = _checks.array("y", checked(scene).y0 if y is None else y, (len(scene.system.labels()),))
+    y = checked(scene).y0 if y is None else y
+    y = _checks.array("y", y, (len(scene.system.labels()),))
     if scene.system.canonical(jnp.zeros(()), y) is None:
         raise _checks.fail(
             "scene",

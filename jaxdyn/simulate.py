@@ -21,6 +21,12 @@ _STIFF = (
     "The scene is stiff: stability, not accuracy, ruled the steps of the explicit method. "
     "Pass solver='auto' or solvers.RADAU9."
 )
+_TOO_LONG = (
+    "Steps of fixed length are too long for parts of the motion: adaptive ones lead elsewhere. "
+    "Make dt smaller, or leave the solver out to have steps adapt."
+)
+_ELSEWHERE = 0.05  # of the way of a step: more is no step of this motion
+_CHECK_RTOL, _CHECK_STEPS = 1e-6, 10_000  # of the adaptive steps that tell
 MAX_STEPS = 1_000_000
 RTOL = 1e-10
 _RTOL_FLOOR, _RTOL_CEILING = 1e-16, 1e-2
@@ -40,6 +46,8 @@ class Trajectory(eqx.Module):
       status: () `Status` code.
       stiff: () whether stability, not accuracy, ruled the steps of an explicit method.
       error: how accurate it is and how that is known, where ``digits`` were asked for.
+      dt: () length of its steps with its sign, where it is fixed [s].
+      method: what took steps of fixed length.
     """
 
     scene: Scene
@@ -50,6 +58,8 @@ class Trajectory(eqx.Module):
     status: Array
     stiff: Array | bool = False
     error: ladder.Estimate | None = None
+    dt: Array | None = None
+    method: Method | None = eqx.field(static=True, default=None)
 
     @property
     def ok(self) -> bool:
@@ -70,6 +80,8 @@ class Trajectory(eqx.Module):
     def warning(self) -> str:
         """What is not wrong but could be better, and what to do; empty if nothing; host only."""
         parts = [_STIFF] if np.any(self.stiff) else []
+        single = self.method is not None and self.ok and np.ndim(self.ts) == 1
+        parts += [_TOO_LONG] if single and not np.all(_steps_agree(self)) else []
         parts += [self.error.shortfall] if self.error and self.error.shortfall else []
         return " ".join(parts)
 
@@ -150,7 +162,8 @@ def simulate(
     if throw:
         raise_unless_ok(result.status)
     counts = (result.steps, result.rejected, result.status, result.stiff)
-    return Trajectory(scene, ts, result.ys, *counts, error)
+    fixed = () if dt is None else ((t1 - t0) / jnp.maximum(result.steps, 1), solver)
+    return Trajectory(scene, ts, result.ys, *counts, error, *fixed)
 
 
 def solve(
@@ -258,6 +271,21 @@ def raise_unless_ok(status: Array) -> None:
     bad = np.asarray(status)[np.asarray(status) != Status.OK]
     if bad.size:
         raise IntegrationError(Status(int(bad.flat[0])).message)
+
+
+@eqx.filter_jit
+def _steps_agree(motion: Trajectory) -> Array:
+    """(s,) whether a step of fixed length from each sample leads where adaptive ones lead."""
+    field, h, method = motion.scene.field, motion.dt, motion.method
+    settings, nothing = Settings(default_solver(motion.scene), _CHECK_STEPS), jnp.zeros(0)
+
+    def agree(sample):
+        t, y = sample
+        there = field.project(t + h, y + method.step(field.rate, t, h, y, rolled=True)[0])
+        right = flow(field, y, t, t + h, nothing, jnp.full(2, _CHECK_RTOL), settings=settings).y1
+        return jnp.max(jnp.abs(there - right)) <= _ELSEWHERE * jnp.max(jnp.abs(right - y))
+
+    return jax.lax.map(agree, (motion.ts, motion.ys))
 
 
 _compiled = jax.jit(

@@ -122,3 +122,13 @@ def test_a_symplectic_solver_refuses_drag_and_names_the_remedy():
 def test_too_many_fixed_steps_are_a_status():
     motion = simulate(kepler(0.3), 5.0, solver=solvers.VERLET, dt=0.01, max_steps=9, throw=False)
     assert motion.status_code == Status.STEP_LIMIT
+
+
+@pytest.mark.parametrize("method", [solvers.GAUSS12, solvers.VERLET], ids=lambda m: m.name)
+def test_steps_far_too_long_are_warned_of(method):
+    # The equations of a step past the centre have a solution, which is none of the motion's.
+    motion = simulate(kepler(0.9), 100.0, solver=method, dt=25.0, samples=20)
+    assert motion.ok
+    assert drift(motion) > 0.1
+    assert "Make dt smaller" in motion.warning
+    assert simulate(kepler(0.3), 20.0, solver=method, dt=0.1, samples=20).warning == ""
