@@ -112,6 +112,7 @@ RANKS = {
     "jaxdyn/hard/bodies.py": 10,
     "jaxdyn/hard/contact.py": 10,
     "jaxdyn/hard/drift.py": 10,
+    "jaxdyn/hard/dependent.py": 10,
     "jaxdyn/hard/stiff.py": 10,
     "jaxdyn/hard/long.py": 10,
     "jaxdyn/hard/chaos.py": 10,
