@@ -38,6 +38,7 @@ _SMALLEST = 1e-3  # of the first step: where the family is given up
 _BISECTIONS = 40  # of a step, to find a special point in it
 _LONGEST = 10.0  # times the first step
 _CLOSE = 1e-9  # relative: where the bisection ends
+_ANYWHERE = (-np.inf, np.inf)
 _FLAT = 1e-9  # a period or parameter that changes less does not change
 
 
@@ -49,7 +50,8 @@ def continue_family(
     step: float = 0.05,
     members: int = 50,
     down: bool = False,
-    within: tuple[float, float] = (-np.inf, np.inf),
+    within: tuple[float, float] = _ANYWHERE,
+    energies: tuple[float, float] = _ANYWHERE,
     hold: Condition | tuple[Condition, ...] = (),
     segments: int | None = None,
     goal: float = GOAL,
@@ -67,7 +69,9 @@ def continue_family(
         times as long.
       members: how many at most.
       down: towards a smaller parameter (without one: a shorter period) at first.
-      within: bounds on the parameter (without one: on the period); the family ends there.
+      within: bounds on the parameter (without one: on the period); the family ends at the first
+        member beyond them.
+      energies: bounds on the energy of the members, likewise.
       hold: conditions all members satisfy besides closing, e.g. ``orbits.Energy(-1.0)``.
       segments: see `find`.
       goal: largest closing error of a member.
@@ -86,7 +90,9 @@ def continue_family(
       >>> bool((np.diff(family.periods) > 0).all())
       True
     """
-    _check(orbit, make, parameter, step, members, within)
+    _check(orbit, make, parameter, step, members)
+    _check_bounds("within", within)
+    _check_bounds("energies", energies)
     conditions = (hold,) if isinstance(hold, Condition) else tuple(hold)
     value = 0.0 if parameter is None else float(parameter)
     guess = np.append(np.asarray(orbit.y0), orbit.period)
@@ -100,7 +106,7 @@ def continue_family(
         raise fail("orbit", "a solution of the closing equations", "none", remedy)
     first = _member(surface, point, _outward(surface, point, -1.0 if down else 1.0))
     report(first)
-    return _walked(surface, first, step, members, within, report)
+    return _walked(surface, first, step, members, (within, energies), report)
 
 
 def switch(
@@ -141,7 +147,7 @@ def switch(
     return surface.orbit(found), _parameter(equations, found.x)
 
 
-def _check(orbit, make, parameter, step, members, within) -> None:
+def _check(orbit, make, parameter, step, members) -> None:
     if not orbit.ok:
         raise fail("orbit", "an orbit that closes", orbit.message, "find() one first.")
     if (make is None) != (parameter is None):
@@ -149,11 +155,15 @@ def _check(orbit, make, parameter, step, members, within) -> None:
     positive("step", step, "It is a length in the space of the unknowns.")
     if not (isinstance(members, int) and members >= 1):
         raise fail("members", "a whole number, at least 1", members)
-    if not (len(within) == 2 and within[0] < within[1]):
-        raise fail("within", "two bounds, the lower one first", within)
 
 
-def _walked(surface: Surface, first: Member, step, most, within, report) -> Family:
+def _check_bounds(name: str, bounds) -> None:
+    if not (len(bounds) == 2 and bounds[0] < bounds[1]):
+        raise fail(name, "two bounds, the lower one first", bounds)
+
+
+def _walked(surface: Surface, first: Member, step, most, bounds, report) -> Family:
+    within, energies = bounds
     members, special = [first], []
     shortest, longest = _SMALLEST * step, _LONGEST * step
     end = f"the number of members asked for, {most}"
@@ -171,6 +181,9 @@ def _walked(surface: Surface, first: Member, step, most, within, report) -> Fami
         report(member)
         if not within[0] <= _measure(surface, member.point) <= within[1]:
             end = f"the bounds {within}"
+            break
+        if not energies[0] <= member.energy <= energies[1]:
+            end = f"the bounds on the energy, {energies}"
             break
         if member.point.iterations <= _EASY:
             step = min(_GROW * step, longest)

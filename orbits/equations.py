@@ -128,6 +128,17 @@ class Equations(eqx.Module):
             t += span
         return self.pack(y0, between, angle, parameter, period)
 
+    def transitions(self, y0, period, rtol, parameter=0.0) -> np.ndarray:
+        """(segments, k, k) derivative of each segment's end by its start, along one motion."""
+        y, t, maps = jnp.asarray(y0, float), 0.0, []
+        for share in self.shares:
+            span = share * period / self.closing.parts
+            piece = Piece(*(jnp.asarray(z, float) for z in (y, t * self.driven, span, parameter)))
+            y, _, slopes = flow(self.scene, piece, rtol, make=self.make)
+            maps.append(np.asarray(slopes.start))
+            t += span
+        return np.stack(maps)
+
     def repeated(self, times: int) -> "Equations":
         """The equations of the same motions taken as many periods as one."""
         scene = self.scene.starting(self.scene.y0, times * self.scene.t1)

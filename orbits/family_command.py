@@ -45,7 +45,12 @@ def family_command(
     members: Annotated[int, typer.Option(help="How many orbits at most.")] = 50,
     step: Annotated[float, typer.Option(help="Length of the first step.")] = 0.05,
     down: Annotated[bool, typer.Option("--down", help="Towards smaller values first.")] = False,
-    within: Annotated[str | None, typer.Option(metavar="A,B", help="Bounds.")] = None,
+    within: Annotated[
+        str | None, typer.Option(metavar="A,B", help="Bounds on the number, or on the period.")
+    ] = None,
+    energies: Annotated[
+        str | None, typer.Option(metavar="A,B", help="Bounds on the energy.")
+    ] = None,
     plot: PlotOption = None,
     save_to: SaveOption = None,
     as_object: JsonOption = False,
@@ -53,7 +58,7 @@ def family_command(
     """The family of a scene's orbit: periods, stability, and what is special on the way."""
     console = Console(stderr=as_object, highlight=False, soft_wrap=True)
     check_files(plot, None, save_to)
-    bounds = _bounds(within)
+    bounds, levels = _bounds("--within", within), _bounds("--energies", energies)
     values = catalogue.numbers(name, catalogue.settings(settings or ()))
     scene = catalogue.entries()[name].make(**values)
     make, value = (None, None) if parameter is None else maker(name, values, parameter)
@@ -62,7 +67,14 @@ def family_command(
         console.print(f"[red]no orbit[/red]: {orbit.message}")
         raise typer.Exit(NOT_FOUND)
     found = continue_family(
-        orbit, make, value, step=step, members=members, down=down, within=bounds
+        orbit,
+        make,
+        value,
+        step=step,
+        members=members,
+        down=down,
+        within=bounds,
+        energies=levels,
     )
     family = listing(found, parameter)
     if not as_object:
@@ -119,13 +131,13 @@ def _rates(scene: Scene) -> Array:
     return jnp.stack([scene.rate(jnp.zeros(()), y0), scene.rate(_LATER, aside)])
 
 
-def _bounds(text: str | None) -> tuple[float, float]:
+def _bounds(option: str, text: str | None) -> tuple[float, float]:
     if text is None:
         return -np.inf, np.inf
     try:
         low, high = (float(part) for part in text.split(","))
     except ValueError:
-        raise fail("--within", "two numbers with a comma between", repr(text)) from None
+        raise fail(option, "two numbers with a comma between", repr(text)) from None
     return low, high
 
 

@@ -24,6 +24,8 @@ _DAMPING_START = 0.1  # of the residual; from 0.01 on, rough guesses end anywher
 _DAMPING_GROW, _DAMPING_SHRINK = 4.0, 0.25
 _DAMPING_MAX = 1e8
 _STALLED = 2  # steps without progress that mean the rounding level
+_SHORTER = 0.5  # of a step that was refused: less of a change is not worth a try
+_NEARLY = 1e-6  # a residual below which misfits of the linear model may be rounding
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,6 +48,14 @@ class Result:
     converged: bool
     at_bound: bool
     limit: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class _Refused:
+    """A step that was tried and not taken: its length, and what the linear model missed."""
+
+    step: float
+    misfit: float
 
 
 Equations = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -81,21 +91,35 @@ def solve(
     best, stalled, accepted = x, 0, 0
     best_residual = residual
     damping = _DAMPING_START
+    refused: _Refused | None = None
+    noisy = 0
     while accepted < max_iterations and _finite(residual, jacobian):
         step = _step(residual, jacobian, factors, x, lower, upper, damping * _norm(residual))
+        while refused and _norm(step) > _SHORTER * refused.step and damping <= _DAMPING_MAX:
+            damping *= _DAMPING_GROW
+            step = _step(residual, jacobian, factors, x, lower, upper, damping * _norm(residual))
         new = np.clip(x + step, lower, upper)
         new_residual, new_jacobian = equations(new)
         solved = _size(residual) <= goal
         falls = _norm(new_residual) < (2.0 if solved else 1.0) * _norm(residual)
         if not (falls and _finite(new_jacobian)):
             damping *= _DAMPING_GROW
+            misfit = _norm(new_residual - residual - jacobian @ (new - x))
             if solved or damping > _DAMPING_MAX or np.array_equal(new, x):
                 break
+            # What is not linear falls with the square of a step; rounding stays.
+            rounding = refused is not None and misfit > _SHORTER * refused.misfit
+            noisy = noisy + 1 if rounding and _size(residual) < _NEARLY else 0
+            if noisy >= _STALLED:
+                break
+            refused = _Refused(_norm(step), misfit)
             continue
+        refused, noisy = None, 0
         damping *= _DAMPING_SHRINK
         accepted += 1
         x, residual, jacobian = new, new_residual, new_jacobian
-        factors = _factors(jacobian)
+        if not solved:  # what is left is rounding: the Jacobian does not change any more
+            factors = _factors(jacobian)
         report(Iteration(accepted, _size(residual), x[-1], _norm(step)))
         if _size(residual) < 0.5 * _size(best_residual):
             stalled = 0

@@ -24,6 +24,8 @@ GOAL = 1e-12
 #: Growth of errors over a segment from which on more segments are taken: rounding of 1e-16,
 #: grown so much, is well below the goal.
 _GROWTH = 300.0
+#: The same where rounding of each moment on the way is followed, not that of the start alone.
+_GROWTH_INSIDE = 3000.0
 _SEGMENTS_MOST = 32
 _SEGMENTS_GIVEN = 256  # all of them are one matrix
 _SAMPLES = 4096  # of a motion, to see how fast it changes where
@@ -174,7 +176,7 @@ def _needed(equations: Equations, guess, rtol, parameter) -> int:
     # Powers of two: few numbers of segments, few compilations.
     for segments in (1, 2, 4, 8, 16):
         grown = [_largest(part) for part in np.split(maps, segments)]
-        if max(grown) <= _GROWTH:
+        if np.max(grown) <= _GROWTH_INSIDE:
             return segments
     return _SEGMENTS_MOST
 

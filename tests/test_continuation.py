@@ -46,6 +46,7 @@ def test_a_fold_is_nothing_special_and_is_found():
         assert abs(m.stability.nontrivial[0] - exact) < 1e-10
 
 
+@pytest.mark.slow
 def test_a_branch_point_and_the_branch_through_it(forks):
     (point,) = forks.special
     assert point.kind == Kind.BRANCH
@@ -61,6 +62,7 @@ def test_a_branch_point_and_the_branch_through_it(forks):
     assert {m.stability.verdict for m in branch.members} == {"stable"}
 
 
+@pytest.mark.slow
 def test_a_period_doubling_and_its_branch(doubled):
     (point,) = doubled.special
     assert point.kind == Kind.DOUBLING
@@ -72,6 +74,7 @@ def test_a_period_doubling_and_its_branch(doubled):
     assert orbits.minimal_period(orbit)[1] == 1
 
 
+@pytest.mark.slow
 def test_a_torus_point():
     found = family(Torus, -0.1, [1.0, 0.0, 0.0, 0.0], step=0.06, members=6)
     (point,) = found.special
@@ -95,6 +98,19 @@ def test_it_goes_down_and_stops_at_its_bounds():
     assert "bounds" in found.end
 
 
+def test_a_conservative_family_stops_at_a_bound_on_its_energy():
+    swing = orbits.find(scenes.pendulum(angle=0.5), period=2.0)
+    bounds = (-9.81, -7.0)
+    found = orbits.continue_family(swing, members=40, step=0.2, energies=bounds)
+    assert found.energies[-2] <= -7.0 < found.energies[-1]
+    assert found.end == "the bounds on the energy, (-9.81, -7.0)"
+    assert 2 < len(found.members) < 40
+    # At the bound itself: the last member brought back onto it, against the elliptic integral.
+    last = found.members[-1].orbit
+    there = orbits.find(last.scene, last.y0, last.period, hold=orbits.Energy(-7.0))
+    assert abs(there.period - 4 / np.sqrt(9.81) * ellipk(0.5 * (1 - 7.0 / 9.81))) < SOLVED
+
+
 def test_it_says_where_it_ends():
     swing = orbits.find(scenes.pendulum(angle=3.0), period=5.0)
     found = orbits.continue_family(swing, members=3)
@@ -112,6 +128,8 @@ def test_misuse(forks):
         orbits.continue_family(cycle_, make, -0.3, members=0)
     with pytest.raises(ValueError, match="within: expected two bounds"):
         orbits.continue_family(cycle_, make, -0.3, within=(1.0, 0.0))
+    with pytest.raises(ValueError, match="energies: expected two bounds"):
+        orbits.continue_family(cycle_, make, -0.3, energies=(1.0, 1.0))
     with pytest.raises(ValueError, match="a member of a family, got an isolated one"):
         orbits.continue_family(cycle_)
     with pytest.raises(ValueError, match=r"special: expected one of family\.special"):
