@@ -121,7 +121,9 @@ def flow(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
     Limits: derivatives in the tolerance are zero by definition.
     """
     run = functools.partial(_run, settings=settings)
-    return in_one_kernel(run, (field, y0, t0, t1, ts, tolerance), unknown=tolerance[0] > 0)
+    # One of these is known only as it runs; the tolerance is often written into the program.
+    unknown = jnp.isfinite(y0.ravel()[0] + t0 + t1 + tolerance[0])
+    return in_one_kernel(run, (field, y0, t0, t1, ts, tolerance), unknown=unknown)
 
 
 def _run(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
