@@ -14,8 +14,8 @@ from rich.table import Table
 from jaxdyn import _checks, catalogue, energy
 from jaxdyn._config import configure
 from jaxdyn.accuracy_command import accuracy_command
-from jaxdyn.cli_hard import hard_command
 from jaxdyn.course import PROBLEMS
+from jaxdyn.hard_command import hard_command
 from jaxdyn.paths import pieces_of
 from jaxdyn.phases import Chain
 from jaxdyn.simulate import RTOL, Trajectory

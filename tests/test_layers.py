@@ -107,7 +107,7 @@ RANKS = {
     "jaxdyn/hard/elliptic.py": 0,
     "jaxdyn/hard/encounters.py": 10,
     "jaxdyn/hard/collection.py": 11,
-    "jaxdyn/cli_hard.py": 12,
+    "jaxdyn/hard_command.py": 12,
     "jaxdyn/hard/singular.py": 10,
     "jaxdyn/hard/bodies.py": 10,
     "jaxdyn/hard/contact.py": 10,

@@ -28,6 +28,7 @@ def test_a_sequence_and_its_complement_never_lock_together(sequence):
     assert abs(abs(jnp.linalg.det(omega_w_from_euler(angles, other))) - 1) < 1e-14
 
 
+@pytest.mark.slow
 def test_a_pendulum_goes_over_the_top_by_x_and_y():
     angle = simulate(scenes.pendulum(rate=7.0), 1.5, samples=7, rtol=RTOL).ys[:, 0]
     chain = simulate_switching(scenes.sideways_pendulum(rate=7.0), 1.5, samples=3, rtol=RTOL)
