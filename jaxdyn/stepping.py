@@ -13,7 +13,6 @@ cost more stages than the method has).
 """
 
 import abc
-from collections.abc import Callable
 from typing import Any
 
 import diffrax
@@ -137,32 +136,12 @@ class StepControl(_Observing, diffrax.AbstractAdaptiveStepSizeController):
         return StepControl(self.rtol, self.atol, *self._turned(direction))
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
-        del dt0
-
-        @jax.jit  # traced once for both uses
-        def rate(t, y):
-            return func(terms, t, y, args)
-
-        tnext = t0 + self._first_step(rate, t0, y0, error_order)
+        # diffrax's choice of the first step (Hairer, Norsett, Wanner, II.4).
+        first = diffrax.PIDController(rtol=self.rtol, atol=self.atol, norm=self.norm)
+        tnext, _ = first.init(terms, t0, t1, y0, dt0, args, func, error_order)
         # A NaN rate gives a NaN step; the run must still end.
         tnext = jnp.where(jnp.isfinite(tnext), tnext, t1)
         return tnext, self._begin(t0, y0)
-
-    def _first_step(self, rate: Callable, t0: Array, y0: Array, error_order: int) -> Array:
-        """() from the sizes of y, y' and y'' at the start: Hairer, Norsett, Wanner, II.4.
-
-        diffrax has the same, but not for a run that may go backwards, which would begin with 0.01
-        in any unit of time.
-        """
-        scale, f0 = self._scale(y0, y0), rate(t0, y0)
-        d0, d1 = self.norm(y0 / scale), self.norm(f0 / scale)
-        small = (d0 < 1e-5) | (d1 < 1e-5)
-        h0 = jnp.where(small, 1e-6, 0.01 * d0 / jnp.where(small, 1.0, d1))
-        d2 = self.norm((rate(t0 + h0, y0 + h0 * f0) - f0) / scale) / h0
-        largest = jnp.maximum(d1, d2)
-        still = largest <= 1e-15
-        bent = (0.01 / jnp.where(still, 1.0, largest)) ** (1 / error_order)
-        return jnp.minimum(100 * h0, jnp.where(still, jnp.maximum(1e-6, 1e-3 * h0), bent))
 
     def adapt_step_size(self, t0, t1, y0, y1_candidate, args, y_error, error_order, state):
         del args
