@@ -24,6 +24,9 @@ _DAMPING_START = 0.1  # of the residual; from 0.01 on, rough guesses end anywher
 _DAMPING_GROW, _DAMPING_SHRINK = 4.0, 0.25
 _DAMPING_MAX = 1e8
 _STALLED = 2  # steps without progress that mean the rounding level
+_NOISY = (
+    4  # tries in which rounding shows, one shorter than the other: what it hides may still help
+)
 _SHORTER = 0.5  # of a step that was refused: less of a change is not worth a try
 _NEARLY = 1e-6  # a residual below which misfits of the linear model may be rounding
 
@@ -110,7 +113,7 @@ def solve(
             # What is not linear falls with the square of a step; rounding stays.
             rounding = refused is not None and misfit > _SHORTER * refused.misfit
             noisy = noisy + 1 if rounding and _size(residual) < _NEARLY else 0
-            if noisy >= _STALLED:
+            if noisy >= _NOISY:
                 break
             refused = _Refused(_norm(step), misfit)
             continue

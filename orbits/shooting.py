@@ -30,6 +30,7 @@ _SEGMENTS_MOST = 32
 _SEGMENTS_GIVEN = 256  # all of them are one matrix
 _SAMPLES = 4096  # of a motion, to see how fast it changes where
 _ROUNDINGS = 64.0  # of the unit, in the course of one segment
+_NOISE = 4.0  # times what a rounding of the unknowns changes is what none of them can avoid
 _NEARLY = 1e-6  # a residual at which Newton's method stalls only for rounding
 _ESCAPE = 100.0  # times the guess's size is a run-away
 _TRIVIAL = 0.02  # of the guessed period, or of its path length, is a trivial solution
@@ -281,5 +282,11 @@ def _at_floor(equations: Equations, result: newton.Result, rtol: float) -> bool:
     """Whether what is left is rounding, grown over the segments: no goal below it can be met."""
     if equations.segments < _SEGMENTS_MOST:
         return False
+    left, unit = np.abs(result.residual).max(), np.finfo(float).eps
     growth = np.linalg.norm(equations(result.x, rtol).transitions, axis=(1, 2)).max()
-    return bool(np.abs(result.residual).max() <= _ROUNDINGS * np.finfo(float).eps * growth)
+    if left <= _ROUNDINGS * unit * growth:
+        return True
+    # An encounter inside a segment magnifies more: what does a rounding of all numbers change?
+    signs = np.where(np.arange(len(result.x)) % 2, 1.0, -1.0)
+    moved = equations(result.x * (1 + unit * signs), rtol).residual
+    return bool(left <= _NOISE * np.abs(moved - result.residual).max())
