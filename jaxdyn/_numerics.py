@@ -174,9 +174,7 @@ def solve_spd(a: Array, b: Array) -> Array:
     def eliminate(k, x):
         row = _at(x, k)
         row = row / _at(row, k)
-        # Row k becomes the normalised row itself, all others lose their entry in column k.
-        weights = _at(x, k, axis=1) - (jnp.arange(n) == k)
-        return x - weights[:, None] * row[None, :]
+        return _cleared(x, k, row, jnp.arange(n) == k)
 
     return _each(n, eliminate, x)[:, n:].reshape(b.shape)
 
@@ -219,12 +217,19 @@ def solve_psd(a: Array, b: Array, least: Array) -> Reduced:
         keep = ~(pivot <= _at(least, k))
         row = jnp.where(keep, row / jnp.where(keep, pivot, 1.0), 0.0)
         here = jnp.arange(n) == k
-        weights = _at(x, k, axis=1) - here
-        return x - weights[:, None] * row[None, :], jnp.where(here, keep, kept)
+        return _cleared(x, k, row, here), jnp.where(here, keep, kept)
 
     x, kept = _each(n, eliminate, (x, jnp.ones(n, bool)))
     solved, combination = (jnp.where(kept[:, None], part, 0.0) for part in (x[:, n:], x[:, :n]))
     return Reduced(solved.reshape(b.shape), kept, combination)
+
+
+def _cleared(x: Array, k: Array | int, row: Array, here: Array) -> Array:
+    """x with the normalised row as its row k, and column k gone from all others.
+
+    To subtract (pivot - 1) rows from row k itself would lose the digits that a large pivot has.
+    """
+    return jnp.where(here[:, None], row[None, :], x - _at(x, k, axis=1)[:, None] * row[None, :])
 
 
 def _each(n: int, body: Callable, start: Any) -> Any:

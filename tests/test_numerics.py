@@ -138,3 +138,14 @@ def test_a_loop_of_elimination_leaves_dependent_rows_out_as_written_out_code_doe
     np.testing.assert_allclose(a @ found.x, a @ np.ones(5), rtol=1e-11, atol=1e-11)
     np.testing.assert_allclose(found.combination[:, 2], [1, -1, 0, 0, 0], atol=1e-12)
     np.testing.assert_allclose(found.combination[:, 4], [0, 0, 0, 2, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-12, 1.0, 1e12])
+def test_elimination_is_as_right_for_large_and_small_matrices(size):
+    # In units of other sizes the same equations have the same digits.
+    half = np.random.default_rng(4).normal(size=(3, 3))
+    a, b = half @ half.T + 3 * np.eye(3), np.array([1.0, -2.0, 0.5])
+    exact = np.linalg.solve(a, b)
+    loose = solve_psd(jnp.asarray(size * a), jnp.asarray(size * b), jnp.zeros(3))
+    for x in (solve_spd(jnp.asarray(size * a), jnp.asarray(size * b)), loose.x):
+        np.testing.assert_allclose(x, exact, rtol=2e-15)
