@@ -2,6 +2,9 @@
 
 Run: ``python -m benchmarks compile-time``. Tracing, compiling and a very short first run, nothing
 kept from before: of the composed double and triple pendulum, and the slowest of the zoo.
+
+Last numbers (2 cores, 2026-11): double pendulum 2.6 s and 2.3 s, triple pendulum 1.3 s and
+2.6 s.
 """
 
 from collections.abc import Iterable

@@ -12,10 +12,11 @@ same steps cost in ensembles of equal motions; the ratio tells what lanes waste 
 Both cores are used by two threads of one process, or by two devices of one, in fresh processes
 with one and two of them.
 
-Last numbers (2 cores with other work on them, 2026-11), medians, with ours over the other's in
-brackets: error 1e-6 9.5 us, heyoka with 8 lanes 13 (0.73), with 4 lanes 15 (0.62), diffrax 137
-(0.07); 1e-9 12 us, 20 (0.61), 24 (0.51), 284 (0.04); 1e-12 17 us, 30 (0.58), 34 (0.50).
-Unequal motions cost what their own steps do (1.0).
+Last numbers (2 cores with other work on them, 2026-11), minima, with ours over the other's in
+brackets: error 1e-6 7.4 us, heyoka with 8 lanes 9.9 (0.75), with 4 lanes 11.6 (0.64), diffrax 103
+(0.07); 1e-9 9.9 us, 13.5 (0.73), 15.0 (0.66), 205 (0.05); 1e-12 13.5 us, 17.4 (0.78), 18.7 (0.72).
+heyoka is given each pair of bodies once, see `benchmarks.figure_eight`. Two threads 1.85 times as
+fast as one, two devices 1.7 times. Unequal motions cost what their own steps do (1.0).
 """
 
 import functools
@@ -82,7 +83,7 @@ def work_precision(rounds: int, tolerances=_TOLERANCES, some=_SOME, few=_FEW) ->
             way = functools.partial(method, tol)
             errors[name, tol] = float(np.abs(way(y0s[:_CHECKED]) - truth).max())
             runs[name, tol] = functools.partial(way, y0s[: size[name]])
-    times = _processor_times(runs, rounds)
+    times = processor_times(runs, rounds)
 
     def at(error: float, name: str) -> Times:
         keys = [key for key in runs if key[0] == name]
@@ -142,14 +143,15 @@ def unequal(rounds: int, pairs: int = _PAIRS) -> Row:
         "hard": lambda: job(np.tile(eccentric, (pairs, 1))),
         "easy": lambda: job(np.tile(plain, (pairs, 1))),
     }
-    times = _processor_times(runs, rounds)
+    times = processor_times(runs, rounds)
     part = hard.mean()
     own = (part * h + (1 - part) * e for h, e in zip(times["hard"], times["easy"], strict=True))
     both = {"jaxdyn": times["unequal"], "its own steps": Times(*own)}
     return Row("unequal motions", both, {"its own steps": _UNEQUAL})
 
 
-def _processor_times(runs: Mapping, rounds: int) -> dict:
+def processor_times(runs: Mapping, rounds: int) -> dict:
+    """`Times` of each run by the processor's clock, all run in turn."""
     return _times(runs, rounds, time.process_time)
 
 

@@ -5,11 +5,13 @@ are the largest of the 12 at the end, against a solution with 36 digits. Three w
 compiled into a program of the user's (`jaxdyn`), and the public `solve` and `simulate` from
 Python with all they do around it.
 
-Last numbers (2 shared cores, 2026-11), medians, with ours over the other's in brackets:
-error 1e-6 38 us, heyoka 26 (1.5), Dopri8 179 (0.21), DOP853 3260; 1e-9 44 us, 52 (0.85),
-239 (0.19), 8480; 1e-12 59 us, 82 (0.71), 378 (0.16), 11470; 1e-14 73 us, 122 (0.60). About
-20 us of ours pass before the first step: arguments in, results out. `solve` from Python adds
-31 us.
+Last numbers (2 cores with other work on them, 2026-11), minima, with ours over the other's in
+brackets: error 1e-6 32 us, heyoka 20 (1.6), Dopri8 69 (0.46), DOP853 2700; 1e-9 38 us, 28
+(1.4), 86 (0.44), 5340; 1e-12 48 us, 37 (1.3), 155 (0.31); 1e-14 60 us, 47 (1.3). heyoka is given
+each pair of bodies once; with each pair written twice it takes 1.5 times as long, its own
+`model.nbody` 1.2 times. diffrax runs with loops folded by `jaxdyn.configure`, which makes it
+several times faster than it is by itself. 16 us of ours pass in a call that takes no step, see
+`benchmarks.calls`; `solve` from Python adds 80 us.
 """
 
 from collections.abc import Sequence
