@@ -160,8 +160,8 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
       >>> print(modes(oscillator(k=9.0, m=1.0), [0.0, 0.0]).frequencies)
       [3.]
     """
-    y = checked(scene).y0 if y is None else y
-    y = _checks.array("y", y, (len(scene.system.labels()),))
+    start = checked(scene).y0
+    y = _checks.array("y", start if y is None else y, start.shape)
     if scene.system.canonical(jnp.zeros(()), y) is None:
         raise _checks.fail(
             "scene",

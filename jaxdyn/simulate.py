@@ -309,7 +309,7 @@ def tolerances(rtol, atol) -> Array | np.ndarray:
         wanted = f"between {_RTOL_FLOOR} and {_RTOL_CEILING}"
         raise _checks.fail("rtol", wanted, rtol, relative + " Errors of steps add up.")
     atol = _number("atol", atol, "It is in units of the state.")
-    if not 0 < atol < np.inf:
+    if not np.finfo(float).tiny <= atol < np.inf:  # smaller ones are 0 to XLA
         raise _checks.fail("atol", "> 0", atol, "It is in units of the state.")
     return np.array([rtol, atol])
 

@@ -64,6 +64,8 @@ class _Refused:
 Equations = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
+# Residuals near the largest floats: their squares are infinite, and no step is better.
+@np.errstate(over="ignore", invalid="ignore")
 def solve(
     equations: Equations,
     x: np.ndarray,
