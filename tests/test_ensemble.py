@@ -328,7 +328,7 @@ class Counting(Watch):
         ({"threads": 0}, "threads: expected at least 1, got 0"),
         ({"devices": []}, "devices: expected at least one, got none"),
         ({"rtol": 2.0}, "rtol: expected between"),
-        ({"max_steps": 0}, "max_steps: expected at least 1"),
+        ({"max_steps": 0}, "max_steps: expected a whole number, at least 1"),
     ],
 )
 def test_misuse_is_refused(given, message):
