@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from jaxdyn import Scene, scenes, solvers
-from jaxdyn.effects import LinearDrag, PowerLaw, QuadraticDrag, Spring
+from jaxdyn.effects import LinearDrag, PowerLaw, QuadraticDrag, SinusoidalForce, Spring
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.hard.contact import bouncing
 from jaxdyn.phases import follow
+from jaxdyn.scenes.pendula import shaken_pendulum
+from jaxdyn.scenes.rolling import phases_of
 from jaxdyn.simulate import solve
 
 RTOL = 1e-13
@@ -170,3 +172,57 @@ def test_a_derivative_through_a_collision_is_nan_and_a_status():
     slope, status = jax.grad(place, has_aux=True)(-0.1)
     assert np.isnan(slope)
     assert status != 0
+
+
+@pytest.mark.slow
+def test_the_times_of_a_skid():
+    # Pushed by F sin(w t) it rolls until F sin(w t) = 3 mu m g; the slip then grows by
+    # F sin(w t) / m - 3 mu g and ends when its integral is 0 again.
+    push, w, g = 20.0, 3.0, 10.0
+
+    def times(mu):
+        scene = scenes.cylinder_on_ramp(d=0.0, inertia=0.5, slope=0.0, mu=mu, g=g, t1=1.2)
+        scene = scene + SinusoidalForce((push / 2, 0.0), w)  # on each of its two points
+        phases = phases_of(scene)
+        skids, _ = follow(phases, [("roll", 0)], scene.y0, 1.2, rtol=RTOL)
+        rolls, _ = follow(phases, [("roll", 0), ("slip_on", 0)], scene.y0, 1.2, rtol=RTOL)
+        return jnp.stack([skids, rolls])
+
+    with mpmath.workdps(30):
+
+        def skids(mu):
+            return mpmath.asin(3 * mu * g / push) / w
+
+        def rolls(mu):
+            def slip(t):
+                swing = mpmath.cos(w * skids(mu)) - mpmath.cos(w * t)
+                return push / w * swing - 3 * mu * g * (t - skids(mu))
+
+            return mpmath.findroot(slip, 0.9)
+
+        exact = [mpmath.diff(skids, 0.5), mpmath.diff(rolls, 0.5)]
+        at = [float(skids(0.5)), float(rolls(0.5))]
+    np.testing.assert_allclose(times(0.5), at, rtol=1e-10)
+    np.testing.assert_allclose(jax.jacfwd(times)(0.5), np.array(exact, float), rtol=1e-8)
+
+
+@pytest.mark.slow
+def test_a_base_that_shakes_fast():
+    def angle(amplitude):
+        scene = shaken_pendulum(
+            length=1.0, g=9.81, uniform=False, amplitude=amplitude, frequency=1e3, angle=0.3
+        )
+        return end(scene, 1.0)[0]
+
+    found = jax.jacfwd(angle)(5e-3)
+    np.testing.assert_allclose(found, differences(angle, 5e-3, 1e-5), rtol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["double_pendulum", "triple_pendulum"])
+def test_chaos_before_it_has_eaten_the_digits(name):
+    def state(g):
+        return end(getattr(scenes, name)(g=g), 4.0)
+
+    found = jax.jacfwd(state)(1.0)
+    np.testing.assert_allclose(found, differences(state, 1.0, 1e-3), rtol=1e-6, atol=1e-8)
