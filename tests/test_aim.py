@@ -116,6 +116,7 @@ def test_the_least_speed_without_drag():
     assert abs(best.angle - np.pi / 4) < SOLVED
 
 
+@pytest.mark.slow
 def test_linear_drag_has_the_angle_and_the_range_of_its_closed_form():
     speeds = np.logspace(-2, 3, 12)
     best = aim.farthest(windy(G, 0.0, (0.0, 0.0)), speeds)  # the terminal speed is 1
@@ -132,6 +133,7 @@ def test_linear_drag_has_the_angle_and_the_range_of_its_closed_form():
 
 
 @pytest.mark.parametrize("row", [60, 130, 199])
+@pytest.mark.slow
 def test_quadratic_drag_agrees_with_a_quadrature(many, row):
     angle, speed = float(many.angle[row]), SPEEDS[row]
     assert abs(many.x[row] / quadratic_range(angle, speed) - 1) < SOLVED

@@ -137,6 +137,7 @@ def test_the_gradient_is_that_of_the_loss():
     assert abs(gradient.gradient(k, scene, 1.0, 1e-13)[3] - numeric) < 1e-7  # h^2
 
 
+@pytest.mark.slow
 def test_the_slowest_vibration_repeats():
     scene = problems.sheet().scene
     rest = np.array([(i // 3, i % 3) for i in range(9)], float)
@@ -169,6 +170,7 @@ def test_first_results_are_timed():
     assert min(seconds["oscillator"]) > 0
 
 
+@pytest.mark.slow
 def test_ensembles_give_rows():
     rows = ensembles.work_precision(1, (1e-6, 1e-14), 64, 8)
     assert [row.name for row in rows] == [f"a motion: error {e:.0e}" for e in ensembles.ERRORS]
@@ -176,6 +178,7 @@ def test_ensembles_give_rows():
     assert _finite([ensembles.unequal(1, 40)])
 
 
+@pytest.mark.slow
 def test_motions_on_a_device_are_those_of_the_ensemble():
     (row,) = device.run("cpu", 0.05, quick=True, lanes=(10,))
     assert row.name.startswith("10 motions on cpu")

@@ -73,6 +73,7 @@ def parallelogram(angle, rate=0.0):
     return Scene(Constrained(chain), (UniformGravity(1.0),), y0=[*q, *v], t1=1.0)
 
 
+@pytest.mark.slow
 def test_a_repeated_rod_changes_nothing():
     plain, doubled = frame(SIDES), frame(ALL)
     doubled.check()
@@ -140,6 +141,7 @@ def test_a_motion_that_ends_in_a_dead_centre_is_reported():
     assert int(solve(beside.starting(flat.y0), 1e-9).status) == Status.SINGULAR
 
 
+@pytest.mark.slow
 def test_condition_grows_towards_the_dead_centre():
     beside = parallelogram(np.pi / 2)
     near = np.array([1e-1, 1e-2, 1e-3, 1e-5])

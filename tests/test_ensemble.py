@@ -157,6 +157,7 @@ def test_an_ellipse_returns_after_its_period():
     assert np.isnan(none.after).all()
 
 
+@pytest.mark.slow
 def test_the_closest_return_is_the_least_of_many_samples():
     scene, y0s = near_eight(4)
     best = return_of(scene, y0s, 14.0, later=1.0)

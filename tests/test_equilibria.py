@@ -98,6 +98,7 @@ def test_angles_are_counted_once():
     assert gap(np.sort(np.abs(np.cos(found.states[:, 0]))), [1.0, 1.0]) < 1e-14
 
 
+@pytest.mark.slow
 def test_a_circle_of_rest_points_is_reported_as_not_isolated():
     found = equilibria(spring_mass(g=0.0, length=0.5), [-1, -1], [1, 1], starts=64)
     assert len(found) > 10

@@ -21,6 +21,7 @@ def mathieu_stable(a, q):
 
 
 @pytest.mark.parametrize("uniform", [True, False])
+@pytest.mark.slow
 def test_problem_29_the_chart_is_mathieus(uniform):
     numbers = {"length": 1.2, "g": 5.0, "uniform": uniform}
     chart = upright.upright_chart(AMPLITUDES, FREQUENCIES, **numbers)
@@ -96,6 +97,7 @@ def test_without_shaking_it_falls_at_its_own_rate():
     assert str(found.verdict) == "unstable"
 
 
+@pytest.mark.slow
 def test_a_double_multiplier_decides_nothing():
     # An oscillator seen after half of its period: M = -1.
     found = floquet.multipliers(scenes.oscillator(x=0.0), np.pi)

@@ -48,6 +48,7 @@ def test_derivatives_in_every_number(ball_jacobian):
     assert gap(ball_jacobian, central_difference(jax.jit(_ball), NUMBERS)) < DIFFED
 
 
+@pytest.mark.slow
 def test_derivatives_of_the_nystrom_pair_in_its_parameters():
     x = jnp.array([1.0, 1.0, 1.2, 0.8])
     forward = jax.jit(jax.jacfwd(_three_bodies))(x)

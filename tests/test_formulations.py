@@ -143,6 +143,7 @@ def test_nearest_start_is_offered():
     assert gap(scene.system.nearest(NOW, stretched.y0), jnp.array([0.3, 1.3, 0, 0])) < EXACT
 
 
+@pytest.mark.slow
 def test_derivatives_of_a_tied_motion_are_those_of_the_free_one():
     def end(length, formulation):
         scene = pendula.pendulum(length=length, formulation=formulation)

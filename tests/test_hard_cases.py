@@ -14,10 +14,8 @@ from jaxdyn.upright import averaged_limit
 
 #: Cases that compile little; the others are run with `-m slow`.
 QUICK = (
-    "dry-friction",
     "failing-lanes",
     "grazing",
-    "lift-off-and-landing",
     "norms-at-zero",
     "zeno",
 )

@@ -30,6 +30,7 @@ def test_the_numbers_in_the_package_are_those_of_the_reference():
     assert gap(encounters.pythagorean_outcome(np.array(REFERENCE["state"], float)), wanted) < 1e-13
 
 
+@pytest.mark.slow
 def test_bodies_go_through_fifteen_encounters():
     motion = simulate_regularised(encounters.pythagorean(), rtol=1e-14)
     found = encounters.pythagorean_outcome(motion.ys[-1])
@@ -44,6 +45,7 @@ def test_drag_does_as_in_plain_time():
     assert gap(slow.ys[-1], simulate(scene, 4.0, rtol=1e-13).ys[-1]) < 100 * SOLVED
 
 
+@pytest.mark.slow
 def test_a_motion_runs_back_to_its_start():
     there = simulate_regularised(BODIES, rtol=1e-13)
     back = simulate_regularised(BODIES.starting(there.ys[-1]), 0.0, t0=6.0, rtol=1e-13)
@@ -97,6 +99,7 @@ def test_gradients_go_through_an_encounter():
     assert gap(plain, slow) < 1e-9 * float(jnp.max(jnp.abs(plain)))
 
 
+@pytest.mark.slow
 def test_a_collision_ends_in_a_status():
     head_on = BODIES.starting([-1.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0], 6.0)
     motion = simulate_regularised(head_on, throw=False, max_steps=20_000)

@@ -105,6 +105,7 @@ def test_the_time_of_the_third_bounce():
     np.testing.assert_allclose(by_up, 2 / g * (1 + keeps + keeps**2), rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_a_constrained_pendulum_has_the_derivatives_of_its_angle():
     def place(length, formulation):
         scene = scenes.pendulum(angle=2.0, length=length, formulation=formulation)

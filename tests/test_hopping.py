@@ -15,7 +15,7 @@ from jaxdyn import energy, events, phases, plots, scenes
 from jaxdyn.effects import UniformGravity
 from jaxdyn.scenes.rolling import NormalForce, phases_of
 from orbits import hopping
-from orbits.hybrid import Comes, _linearised
+from orbits.hybrid_search import Comes, _linearised, _passed
 
 G = 9.81
 LEVEL = scenes.cylinder_on_ramp(slope=0.0)
@@ -66,6 +66,7 @@ def test_the_hop_is_that_of_the_closed_form(turns):
     assert abs(hopping.advance(hop) - spin * reach * hop.period) < 10 * SOLVED
 
 
+@pytest.mark.slow
 def test_it_is_a_motion_of_nature(slides):
     scene = slides.legs[1].scene
     assert hopping.pull(slides) < SOLVED
@@ -94,6 +95,7 @@ def test_the_chain_of_phases_follows_it(slides):
     assert gap(flight.y[1:], slides.legs[2].scene.y0[1:]) < 1e-3
 
 
+@pytest.mark.slow
 def test_where_it_rolls_the_ground_has_to_pull(rolls, slides):
     a, spin = corner(1), math.sqrt(G / (0.5 * math.cos(corner(1))))
     stands = contact_time(lambda psi: 0.4 + 1.25 + math.cos(psi), a, spin)

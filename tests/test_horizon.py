@@ -21,6 +21,7 @@ def test_growth_is_that_of_an_upright_pendulum():
 
 
 @pytest.mark.parametrize("digits", [3, 6])
+@pytest.mark.slow
 def test_the_horizon_of_a_double_pendulum_is_where_its_digits_end(digits):
     ts, _ = chaos.reference("double")
     scene = scenes.double_pendulum()

@@ -19,6 +19,7 @@ class Yukawa(CentralForce):
 @pytest.mark.parametrize(
     ("n", "turns", "count"), [(-1.0, 2, 3), (-1.0, 3, 5), (3.0, 3, 7), (10.0, 1, 3), (-2.5, 3, 2)]
 )
+@pytest.mark.slow
 def test_the_orbit_with_so_many_loops_and_turns(n, turns, count):
     orbit = loops.closed(PowerLaw(1.0, n), turns, count)
     assert orbit.ok

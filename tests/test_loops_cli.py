@@ -36,6 +36,7 @@ def test_the_table_and_its_picture(loops, tmp_path):
     assert "only circles close" in found["message"]
 
 
+@pytest.mark.slow
 def test_one_orbit(loops, tmp_path):
     words = ("--n=-1", "--turns", 2, "--loops", 3)
     code, out, _ = loops(*words, "--plot", tmp_path / "three.png")

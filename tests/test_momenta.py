@@ -53,6 +53,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("c", "true"), CASES)
+@pytest.mark.slow
 def test_problems_14_and_19_which_definition_holds_about_which_point(motion, c, true):
     balances = momenta.moment_balance(motion, c)
     assert {name for name, balance in balances.items() if balance.holds} == true

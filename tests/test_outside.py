@@ -48,6 +48,7 @@ class Restricted(Field):
         return jnp.concatenate([v, turning - pull])
 
 
+@pytest.mark.slow
 def test_the_shortest_orbit_of_lorenz():
     # Two turns, AB; period by D. Viswanath, Physica D 190 (2004) 115.
     guess = [-13.763610682134, -19.578751942452, 27.0]

@@ -222,6 +222,7 @@ def test_any_words_on_the_command_line_are_an_answer_or_a_refusal(option, key, w
 
 @FEW
 @given(st.sampled_from(["--period", "--energy", "--segments", "--closing"]), WORDS)
+@pytest.mark.slow
 def test_any_words_after_orbits_find_are_an_answer_or_a_refusal(option, word):
     start = [] if option == "--period" else ["--period", "2.5"]
     if option == "--segments" and word == "2":

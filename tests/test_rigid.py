@@ -307,6 +307,7 @@ def test_a_free_axisymmetric_body_precesses_steadily_from_any_start():
 # ---- derivatives and compilation
 
 
+@pytest.mark.slow
 def test_derivatives_by_forward_and_reverse_mode_and_differences():
     def end(numbers):
         scene = free_body(numbers[:3], moments=numbers[3:])

@@ -62,6 +62,7 @@ def test_what_changes_no_motion(change, orbit):
     assert orbits.word(disguised(orbit, **change)) == orbits.word(orbit)
 
 
+@pytest.mark.slow
 def test_others_differ():
     first, second, third = (published(row) for row in ROWS[:3])
     assert not orbits.same(first, second)

@@ -384,6 +384,7 @@ def test_a_box_needs_three_sides(sides):
 
 
 @pytest.mark.parametrize("representation", ["quaternion", "matrix"])
+@pytest.mark.slow
 def test_an_antenna_traces_what_the_closed_form_of_a_steady_precession_says(representation):
     scene = satellite("B", representation=representation)
     motion = simulate(scene, 5.0, samples=7, rtol=1e-13)

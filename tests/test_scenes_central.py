@@ -124,6 +124,7 @@ def test_problem_11_b_an_orbit_that_closes_by_choice_of_its_radii():
     ("n", "turns", "loops"),
     [(-2.7, 2, 1), (-2.5, 3, 2), (-1.5, 3, 4), (-1.0, 2, 3), (0.0, 4, 7), (2.0, 5, 11)],
 )
+@pytest.mark.slow
 def test_problem_11_b_ii_fewest_loops_and_an_orbit_that_has_them(n, turns, loops):
     assert fewest_loops(n) == loops
     law, low, high = PowerLaw(1.0, n), 0.02, 0.99

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from helpers import EXACT, SOLVED, gap
 
 from jaxdyn import energy, simulate
@@ -48,6 +49,7 @@ def test_problem_16_c_the_rate_of_three_from_their_forces():
     assert abs(float(w) - 1.3079) < 1e-4
 
 
+@pytest.mark.slow
 def test_problem_16_d_it_turns_then_breaks_up_at_the_rate_of_its_instability():
     scene = three_body_circular()
     turn = 2 * np.pi / float(three_body_rate())
@@ -68,6 +70,7 @@ def test_problem_17_the_eight_closes_to_the_digits_printed():
     assert gap(motion.ys[-1], motion.scene.y0) < 1e-6
 
 
+@pytest.mark.slow
 def test_problem_17_c_and_d_small_changes_keep_the_eight_and_large_ones_break_it_up():
     change = np.random.default_rng(17).normal(size=(2, 3, 2))
     change -= change.mean(axis=1, keepdims=True)  # the centre of mass stays at rest

@@ -67,6 +67,7 @@ def test_double_pendulum_obeys_the_equations_of_the_books():
         assert gap(second, -m2 * g * l2 / 2 * jnp.sin(b)) < EXACT * 100
 
 
+@pytest.mark.slow
 def test_small_oscillations_of_two_equal_bars():
     # The known frequencies of the compound double pendulum: w^2 = 3 (1 -+ 2 / sqrt(7)) g / l.
     scene = pendula.double_pendulum(g=2.0)

@@ -167,6 +167,7 @@ def test_an_eccentric_one_follows_its_equation():
     [(RAMP, True), (cylinder_on_ramp(slope=0.4, d=0.7), False)],
     ids=["past the top", "before the top"],
 )
+@pytest.mark.slow
 def test_where_ideal_rolling_has_no_normal_force_it_still_needs_friction(scene, enters):
     stop = contact_lost(scene, 9.0)
     normal, friction = scene.system.reaction(0.0, stop.y, scene.effects)

@@ -58,6 +58,7 @@ def both():
     return searched()
 
 
+@pytest.mark.slow
 def test_both_cycles_are_found_with_their_exact_periods_and_multipliers(both):
     assert len(both) == 2
     np.testing.assert_allclose([f.period for f in both.finds], PERIODS, rtol=1e-11)

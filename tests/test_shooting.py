@@ -126,6 +126,7 @@ def test_stuart_landaus_cycle(parameters):
 
 
 @pytest.mark.parametrize("segments", [2, 4])
+@pytest.mark.slow
 def test_segments_give_the_same_orbit(cycle, segments):
     orbit = orbits.find(van_der_pol(), segments=segments)
     assert abs(orbit.period - cycle.period) < SOLVED

@@ -42,6 +42,7 @@ def test_a_pendulum_goes_over_the_top_by_x_and_y():
         assert abs(abs(piece.ys[-1, 0]) - np.sqrt(0.75)) < SOLVED
 
 
+@pytest.mark.slow
 def test_a_start_near_the_edge_is_exchanged_at_once():
     near = scenes.sideways_pendulum(angle=1.5, rate=1.0)
     chain = simulate_switching(near, 0.5, samples=2, rtol=RTOL)

@@ -56,6 +56,7 @@ def test_pinned_chain_moves_alike_in_angles_and_as_bodies():
     # The course's 30 time units for the double pendulum.
     [(pendula.double_pendulum, 30.0, 0.38), (pendula.triple_pendulum, 10.0, 0.89)],
 )
+@pytest.mark.slow
 def test_chaotic_pendulums_agree_to_what_their_growth_rate_allows(make, span, rate):
     scene = make()
     end = lambda y: solve(scene.starting(y), span, rtol=1e-13).y1  # noqa: E731

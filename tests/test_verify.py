@@ -47,6 +47,7 @@ def names(path) -> set[str]:
     return {mismatch.name for mismatch in files.verify(path)[1]}
 
 
+@pytest.mark.slow
 def test_a_saved_orbit_verifies(saved, eight):
     derived, mismatches = files.verify(saved)
     assert mismatches == []

@@ -24,7 +24,15 @@ MADE_BY_HAND = {"central_orbit", "particle"}
 SPAN = 0.5  # of time units, or the scene's own if shorter
 
 
-@pytest.fixture(scope="module", params=sorted(ENTRIES.keys() - MADE_BY_HAND))
+#: They take seconds to compile; the default run leaves them to the slow one.
+LARGE = {"car", "dumbbell", "four_bar", "pinned_chain", "rolling_disk", "skate_chain", "two_skates"}
+
+
+def _named(name):
+    return pytest.param(name, marks=pytest.mark.slow if name in LARGE else ())
+
+
+@pytest.fixture(scope="module", params=map(_named, sorted(ENTRIES.keys() - MADE_BY_HAND)))
 def name(request):
     return request.param
 
