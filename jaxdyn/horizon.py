@@ -36,7 +36,8 @@ class Trust:
       t: the last of the times looked at up to which all had the wanted digits [s]; NaN if not
         even the start has. A number that stays right ends at the end of the span.
       most: the same for the finest tolerance that doubles allow [s].
-      growth: rate at which nearby motions part, in the second half of the time to t [1/s].
+      growth: rate at which nearby motions part, in the second half of the time to t [1/s]; NaN
+        where there are fewer than two of the times looked at.
       digits: wanted.
       estimate: the errors that t rests on, at all times.
     """
@@ -48,8 +49,11 @@ class Trust:
     estimate: Estimate
 
     def at(self, rtol: float) -> float:
-        """Time [s] that growth alone lets a tolerance rtol have these digits: a rule of thumb."""
-        return math.log(10.0**-self.digits / rtol) / self.growth
+        """Time [s] that growth alone lets a tolerance rtol have these digits: a rule of thumb.
+
+        Infinite where nearby motions do not part.
+        """
+        return math.inf if self.growth <= 0 else math.log(10.0**-self.digits / rtol) / self.growth
 
 
 def trusted_time(
@@ -72,6 +76,8 @@ def trusted_time(
       samples: at how many times to look, or an array of times (s,).
       rtol: of the solution in question.
       solver: see `simulate`.
+    Returns:
+      The time, the same for the finest tolerance, the growth rate, and what they rest on.
     Raises:
       ValueError: no such digits, or see `simulate`.
       IntegrationError: the end was not reached.
@@ -106,11 +112,13 @@ def _tangents(scene: Scene, ts: Array, t0: Array, solver: Method) -> Array:
 def _growth(found: Estimate, tangents: np.ndarray, t: float) -> float:
     """Slope of the logarithm of the largest stretch over time, by least squares.
 
-    In the second half of the time up to t: at first the stretch shows how units compare.
+    In the second half of the time up to t: at first the stretch shows how units compare, and
+    long after it tangents may be too large for doubles.
     """
-    scale = np.asarray(found.scale)
-    stretch = np.log(np.linalg.norm(tangents * scale[None, None, :] / scale[:, None], 2, (1, 2)))
-    ts = np.asarray(found.ts)
-    end = t if math.isfinite(t) else ts[-1]
-    near = (ts <= end) & (ts >= (ts[0] + end) / 2)
-    return float(np.polyfit(ts[near], stretch[near], 1)[0]) if near.sum() > 1 else math.nan
+    scale, ts = np.asarray(found.scale), np.asarray(found.ts)
+    gone, end = np.abs(ts - ts[0]), abs(t - ts[0])
+    late = (gone <= end) & (2 * gone >= end)
+    if late.sum() < 2:
+        return math.nan
+    stretch = np.linalg.norm(tangents[late] * scale[None, None, :] / scale[:, None], 2, (1, 2))
+    return float(np.polyfit(gone[late], np.log(stretch), 1)[0])

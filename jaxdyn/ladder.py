@@ -108,7 +108,8 @@ class Estimate(eqx.Module):
 
     def until(self, digits: float) -> float:
         """Time up to which that many digits are right; NaN if not even at the start; host only."""
-        wrong = (np.asarray(self.error) / np.asarray(self.scale)).max(axis=1) > 10.0**-digits
+        # Not >, or a run that failed, whose errors are NaN, would be right to its end.
+        wrong = ~((np.asarray(self.error) / np.asarray(self.scale)).max(axis=1) <= 10.0**-digits)
         first = int(np.argmax(wrong)) if wrong.any() else len(wrong)
         return float(self.ts[first - 1]) if first else float("nan")
 

@@ -1,6 +1,7 @@
 """Estimates of errors against the errors themselves, where motions are known in closed form."""
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -107,6 +108,8 @@ def test_an_estimate_says_what_it_rests_on():
     assert found.digits == pytest.approx(-np.log10(found.relative))
     assert found.until(found.digits - 0.1) == 10.0
     assert np.isnan(found.until(30))
+    unknown = eqx.tree_at(lambda e: e.error, found, np.full_like(found.error, np.nan))
+    assert np.isnan(unknown.until(1))
     assert found.error.shape == found.ys.shape == (33, 2)
 
 

@@ -1,6 +1,8 @@
 """The time to which digits can be trusted: growth in closed form, times against references."""
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,6 +41,23 @@ def test_what_is_not_chaotic_is_trusted_to_its_end():
     assert trust.t == trust.most == float(scenes.oscillator().t1)
     assert abs(trust.growth) < 0.1
     assert trust.estimate.solver == VERNER9.name
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_growth_is_seen_where_tangents_overflow_later_and_backwards_in_time(way):
+    ts = np.linspace(0.0, 1000.0, 1001)
+    tangents = np.full((1001, 2, 2), np.inf)
+    tangents[:701] = np.exp(ts[:701])[:, None, None] * np.eye(2)
+    found: Any = SimpleNamespace(ts=way * ts, scale=np.ones(2))
+    assert abs(horizon._growth(found, tangents, way * 30.0) - 1.0) < 1e-12
+    assert math.isnan(horizon._growth(found, tangents, math.nan))
+
+
+@pytest.mark.parametrize("growth", [0.0, -0.1])
+def test_where_nearby_motions_do_not_part_no_tolerance_has_a_horizon(growth):
+    nothing: Any = None
+    assert horizon.Trust(1.0, 1.0, growth, 3.0, nothing).at(1e-8) == math.inf
+    assert math.isnan(horizon.Trust(1.0, 1.0, math.nan, 3.0, nothing).at(1e-8))
 
 
 @pytest.mark.parametrize("digits", [0, 16, -3])
