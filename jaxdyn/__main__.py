@@ -94,7 +94,8 @@ def run_command(
     console = Console(stderr=as_object, highlight=False, soft_wrap=True)
     _check_files(plot, animate)
     _checks.choice("solver", solver, ("auto", *_SOLVERS))
-    _checks.whole("samples", samples, most=_MOST_SAMPLES, remedy="jaxdyn.simulate takes more.")
+    remedy = f"It is at most {_MOST_SAMPLES} here; jaxdyn.simulate takes more."
+    _checks.whole("samples", samples, most=_MOST_SAMPLES, remedy=remedy)
     scene = catalogue.build(name, catalogue.settings(settings or ()))
     motion = catalogue.entries()[name].motion(
         scene, t1, samples=samples, rtol=rtol, solver=_SOLVERS.get(solver)

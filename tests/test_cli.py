@@ -123,6 +123,7 @@ MISUSE = [
     (["run", "cannonball", "--solver", "euler"], "solver: expected one of"),
     (["run", "car", "--solver", "dopri8"], "solver: expected auto for a motion in phases"),
     (["run", "cannonball", "--samples", "10000000"], "samples: expected at most 1000000"),
+    (["run", "cannonball", "--samples", "0"], "got 0. It is at most 1000000 here"),
 ]
 
 
