@@ -36,35 +36,35 @@ def aim_command(
         scene = scene + QuadraticDrag(drag, (wind, 0.0))
     if linear:
         scene = scene + LinearDrag(linear, (wind, 0.0))
+    # Each line as soon as it is known: compiling takes a while.
+    console = Console(stderr=as_object, highlight=False, soft_wrap=True)
     best = farthest(scene, speed)
-    hits = None if x is None else hit(scene, x, speed)
-    least = slowest(scene, x) if x is not None and x > 0 else None
+    console.print(_line("farthest", best))
+    hits = least = None
+    if x is not None:
+        hits = hit(scene, x, speed)
+        _print_hits(hits, console)
+        if x > 0:
+            least = slowest(scene, x)
+            console.print(_line("least speed", least))
     if plot:
         from orbits import charts
 
         charts.throws(scene, best, hits, plot)
+        console.print(f"drawn in {plot}")
     if as_object:
         found = {"farthest": _throw(best), "hits": _hits(hits)}
         print(json.dumps(found | {"slowest": least and _throw(least)}))  # noqa: T201
-    else:
-        _print(best, hits, least, plot)
     if not (best.ok if hits is None else hits.ok):
         raise typer.Exit(NOT_FOUND)
 
 
-def _print(best: Throws, hits: Hits | None, least: Throws | None, plot: Path | None) -> None:
-    console = Console(highlight=False, soft_wrap=True)
-    console.print(_line("farthest", best))
-    if hits is not None:
-        if not hits.ok:
-            console.print(f"[red]not hit[/red]: {hits.message}")
-        for angle, t in zip(hits.angles, hits.times, strict=True):
-            degrees = f"{math.degrees(angle):.10f} degrees"
-            console.print(f"hits {hits.x:.6g} m at {degrees} in {t:.6f} s")
-    if least is not None:
-        console.print(_line("least speed", least))
-    if plot:
-        console.print(f"drawn in {plot}")
+def _print_hits(hits: Hits, console: Console) -> None:
+    if not hits.ok:
+        console.print(f"[red]not hit[/red]: {hits.message}")
+    for angle, t in zip(hits.angles, hits.times, strict=True):
+        degrees = f"{math.degrees(angle):.10f} degrees"
+        console.print(f"hits {hits.x:.6g} m at {degrees} in {t:.6f} s")
 
 
 def _line(name: str, throw: Throws) -> str:

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from jaxdyn import Scene, catalogue
-from jaxdyn._checks import choice, fail
+from jaxdyn._checks import choice, fail, positive, whole
 from orbits import family_files, verify
 from orbits.command_options import (
     NOT_FOUND,
@@ -24,10 +24,12 @@ from orbits.command_options import (
     SceneArgument,
     SetOption,
     check_files,
+    progress,
 )
 from orbits.continuation import continue_family
+from orbits.family import Member
 from orbits.family_files import Entry, Listing, listing
-from orbits.find_command import searched
+from orbits.find_command import failure, searched
 
 _ASIDE, _LATER = 0.1, 0.3  # a state and a time where a drive or a damper acts, if any does
 
@@ -58,12 +60,19 @@ def family_command(
     """The family of a scene's orbit: periods, stability, and what is special on the way."""
     console = Console(stderr=as_object, highlight=False, soft_wrap=True)
     check_files(plot, None, save_to)
+    whole("--members", members)
+    positive("--step", step, "It is a length in the space of the unknowns.")
     bounds, levels = _bounds("--within", within), _bounds("--energies", energies)
     values = catalogue.numbers(name, catalogue.settings(settings or ()))
     scene = catalogue.entries()[name].make(**values)
     make, value = (None, None) if parameter is None else maker(name, values, parameter)
-    orbit = searched(scene, period) if from_orbit is None else verify.load(from_orbit)[0]
+    if from_orbit is None:
+        orbit = searched(scene, period, report=lambda step: console.print(progress(step)))
+    else:
+        orbit = verify.load(from_orbit)[0]
     if not orbit.ok:
+        if as_object:
+            print(json.dumps({"scene": name} | failure(orbit)))  # noqa: T201
         console.print(f"[red]no orbit[/red]: {orbit.message}")
         raise typer.Exit(NOT_FOUND)
     found = continue_family(
@@ -75,6 +84,7 @@ def family_command(
         down=down,
         within=bounds,
         energies=levels,
+        report=lambda member: console.print(_passed(member)),
     )
     family = listing(found, parameter)
     if not as_object:
@@ -138,7 +148,15 @@ def _bounds(option: str, text: str | None) -> tuple[float, float]:
         low, high = (float(part) for part in text.split(","))
     except ValueError:
         raise fail(option, "two numbers with a comma between", repr(text)) from None
+    if not low < high:
+        raise fail(option, "two bounds, the lower one first", repr(text))
     return low, high
+
+
+def _passed(member: Member) -> str:
+    """A line on a member as it is found, for those who wait."""
+    number = "" if np.isnan(member.parameter) else f"number {member.parameter:.10g}   "
+    return f"  {number}period {member.orbit.period:.12g}   {member.stability.verdict}"
 
 
 def _print(family: Listing, console: Console) -> None:

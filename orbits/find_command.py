@@ -65,7 +65,7 @@ def find_command(
     )
     if not orbit.ok:
         if as_object:
-            print(json.dumps(_failure(orbit)))  # noqa: T201
+            print(json.dumps(failure(orbit)))  # noqa: T201
         console.print(f"[red]no orbit[/red]: {orbit.message}")
         raise typer.Exit(NOT_FOUND)
     claims = report(orbit)
@@ -165,7 +165,8 @@ def _closings(scene: Scene, name: str) -> Sequence[closings.Closing]:
     return (closings.PLAIN,)
 
 
-def _failure(orbit: Orbit) -> dict:
+def failure(orbit: Orbit) -> dict:
+    """Why there is no orbit, and the best iterate, as a JSON object."""
     error = orbit.residual if math.isfinite(orbit.residual) else None
     best = {"period": orbit.period, "y0": [float(x) for x in orbit.y0], "largest_error": error}
     return {"outcome": orbit.outcome.name, "message": orbit.message, "best_iterate": best}

@@ -28,7 +28,8 @@ def _choreography(claim: Report) -> str:
 def _multipliers(claim: Report) -> str:
     shown = [complex(*z) for z in claim.multipliers[: len(claim.multiplier_bars)]]
     lines = [f"{z.real:+.7f}{z.imag:+.7f}i" if z.imag else f"{z.real:+.7f}" for z in shown]
-    return "\n".join([*lines, f"and {claim.unit_multipliers} times 1"])
+    ones = f"{claim.unit_multipliers} times 1"
+    return "\n".join([*lines, f"and {ones}" if lines else ones])
 
 
 def _optional(x: float | None, form: str) -> str:

@@ -6,13 +6,16 @@ import sys
 import jax
 import numpy as np
 import pytest
+from rich.console import Console
 from scipy.special import ellipk
 
 from jaxdyn import catalogue, records, scenes
-from orbits import PLAIN, files
+from orbits import PLAIN, family_files, files, find
 from orbits import __main__ as cli
 from orbits.identity import identify
+from orbits.printed import print_reports
 from orbits.problem import Orbit, Outcome
+from orbits.report import report
 
 
 def period_of(energy: float, length: float = 1.0) -> float:
@@ -86,6 +89,50 @@ def test_misuse_is_exit_code_2_and_one_line(orbits, words, message):
     assert err.count("\n") == 1
     assert message in err
     assert out == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--within", "5"], "--within: expected two numbers"),
+        (["--within", "5,1"], "--within: expected two bounds, the lower one first"),
+        (["--energies", "nan,1"], "--energies: expected two bounds, the lower one first"),
+        (["--step", "0"], "--step: expected > 0"),
+        (["--members", "0"], "--members: expected a whole number, at least 1"),
+    ],
+)
+def test_a_family_without_sense_is_refused_before_its_orbit_is_sought(orbits, words, message):
+    code, out, err = orbits("family", "pendulum", *words)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"error: {message}")
+
+
+def test_a_family_shows_each_member_as_it_is_found(orbits, tmp_path):
+    path = tmp_path / "family.json"
+    words = ("pendulum", "--set", "angle=2", "--period", "2.7", "--members", "2", "--json")
+    code, out, err = orbits("family", *words, "--save", path)
+    assert code == 0, err
+    assert len(json.loads(out)["members"]) == 2
+    lines = [
+        f"  period {member.orbit.period:.12g}   {member.verdict}"
+        for member in family_files.load(path).members
+    ]
+    assert "\n".join(lines) in err
+    assert "largest error" in err  # of the first orbit
+
+
+def test_no_family_is_one_json_object_too(orbits):
+    code, out, err = orbits("family", "cannonball", "--period", "1", "--json")
+    assert code == 1
+    assert json.loads(out)["message"] in err
+
+
+def test_multipliers_that_are_all_1_are_no_afterthought(capsys):
+    swing = find(scenes.pendulum(angle=2.0), period=2.7)
+    print_reports({"swing": report(swing)}, Console(width=100))
+    shown = capsys.readouterr().out
+    assert " 2 times 1 " in shown
+    assert "and 2 times 1" not in shown
 
 
 def orbit_of(scene) -> Orbit:
