@@ -11,6 +11,8 @@ import orbits
 from jaxdyn import energy, scenes
 from jaxdyn.simulate import solve
 from orbits import Orbit, Outcome
+from orbits.plane import IN_LINE
+from orbits.seeds import row
 from orbits.words import canonical, spelled
 
 ROWS = list(
@@ -117,3 +119,15 @@ def test_words():
         canonical("abc")
     with pytest.raises(ValueError, match="three free points in the plane"):
         orbits.word(orbits.find(scenes.pendulum(angle=1.0), period=2.2))
+
+
+@pytest.mark.slow
+def test_yin_yang_two_is_one_orbit_from_both_of_its_published_starts():
+    # So unstable that its second period is 1e-5 off its first.
+    starts = (0.416822143554688, 0.330333312988282, 55.789829), (0.417343, 0.3131, 54.2076)
+    one, other = (
+        orbits.find(scene, seed.y0, seed.period, closing=orbits.reversal(IN_LINE))
+        for scene, seed in (row(*start) for start in starts)
+    )
+    assert orbits.same(one, other)
+    assert orbits.same(other, one)
