@@ -165,7 +165,7 @@ def family(listed: Listing, path=None) -> Figure:
 
 
 def rosette(scene: Scene, path=None, title: str | None = None) -> Figure:
-    """A picture of a motion about a centre that does not close: it fills its ring.
+    """A picture of a motion about a centre and of its ring, which it fills unless it closes.
 
     Args:
       scene: what `orbits.loops.rosette` made; its span is drawn.

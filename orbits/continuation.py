@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import energy
-from jaxdyn._checks import fail, positive
+from jaxdyn._checks import fail, positive, whole
 from orbits.bifurcations import NUDGE, TESTS
 from orbits.conditions import Condition
 from orbits.equations import Equations, Make
@@ -153,8 +153,7 @@ def _check(orbit, make, parameter, step, members) -> None:
     if (make is None) != (parameter is None):
         raise fail("parameter", "make and its value for the orbit, or neither", "only one")
     positive("step", step, "It is a length in the space of the unknowns.")
-    if not (isinstance(members, int) and members >= 1):
-        raise fail("members", "a whole number, at least 1", members)
+    whole("members", members)
 
 
 def _check_bounds(name: str, bounds) -> None:

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene, events, scenes, simulate
-from jaxdyn._checks import array, fail, positive
+from jaxdyn._checks import array, fail, positive, whole
 from jaxdyn.effects import CentralForce
 from orbits.problem import Orbit, SearchError
 from orbits.roots import root
@@ -109,7 +109,7 @@ def closed(law: CentralForce, turns: int, loops: int, *, r=1.0, m=1.0) -> Orbit:
       >>> loops.count(orbit), orbit.residual < 1e-12
       ((2, 3), True)
     """
-    _whole(turns, loops)
+    _coprime(turns, loops)
     _law(law)
     r, m = (float(positive(name, array(name, x, ()))) for name, x in (("r", r), ("m", m)))
     scene, half = _started(law, _shape(law, turns / loops, r), r, m)
@@ -145,8 +145,7 @@ def rosette(law: CentralForce, ratio=0.4, *, r=1.0, m=1.0, loops: int = 40) -> S
     )
     if not ratio < 1:
         raise fail("ratio", "below 1", ratio, "A circle closes.")
-    if not (isinstance(loops, int | np.integer) and loops >= 1):
-        raise fail("loops", "a whole number, at least 1", repr(loops))
+    loops = whole("loops", loops)
     angle = np.asarray(_angles(law, jnp.asarray([ratio]), r)[0])
     if not np.isfinite(angle).all():
         raise SearchError(_no_shape(angle))
@@ -165,11 +164,8 @@ def count(orbit: Orbit) -> tuple[int, int]:
     return round(abs(turned[-1] - turned[0]) / (2 * np.pi)), tops
 
 
-def _whole(turns, loops) -> None:
-    for name, number in (("turns", turns), ("loops", loops)):
-        if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 1:
-            raise fail(name, "a whole number, at least 1", repr(number))
-    common = math.gcd(turns, loops)
+def _coprime(turns, loops) -> None:
+    common = math.gcd(whole("turns", turns), whole("loops", loops))
     if common > 1:
         remedy = f"It closes after {turns // common} turns already."
         raise fail("turns", f"no common factor with loops = {loops}", turns, remedy)

@@ -31,7 +31,7 @@ def loops_command(
     """Least number of loops against the exponent; with --turns and --loops one orbit.
 
     A picture of the first has the apsidal angle against the exponent; one of an orbit that does
-    not exist shows a rosette that fills its ring, and why nothing closes.
+    not exist shows what moves there instead, mostly a rosette that fills its ring, and why.
     """
     check_files(plot, None, None)
     exponents = _numbers(n)
@@ -61,6 +61,10 @@ def loops_command(
 
 
 def _table(exponents: list[float], plot: Path | None, as_object: bool) -> None:
+    moves = [n for n in exponents if n > -3]
+    if plot and len(moves) < 2:
+        remedy = "The picture goes from the smallest to the largest."
+        raise fail("--n", "two exponents above -3 for a picture", f"{len(moves)}", remedy)
     found = loops.least(exponents)
     if as_object:
         names = ("n", "loops", "turns", "circle", "line")
@@ -77,10 +81,6 @@ def _table(exponents: list[float], plot: Path | None, as_object: bool) -> None:
     if plot:
         from orbits import charts
 
-        moves = [n for n in exponents if n > -3]
-        if len(moves) < 2:
-            remedy = "The picture goes from the smallest to the largest."
-            raise fail("--n", "two exponents above -3 for a picture", f"{len(moves)}", remedy)
         charts.loops(plot, lowest=min(moves), highest=max(moves))
 
 
@@ -93,7 +93,7 @@ def _draw_failure(law, turns: int, count: int, why: str, plot: Path, console: Co
         console.print("there is nothing to draw: no motion stays between two radii")
         return
     charts.rosette(scene, plot, f"turns / loops = {turns} / {count} does not exist. {why}")
-    console.print(f"a rosette, which fills its ring, is drawn in {plot}")
+    console.print(f"what moves there instead is drawn in {plot}")
 
 
 def _print(
