@@ -44,7 +44,7 @@ from orbits.family import Family as Family
 from orbits.family import Kind as Kind
 from orbits.hybrid import Hybrid as Hybrid
 from orbits.hybrid import Leg as Leg
-from orbits.hybrid import find_chain as find_chain
+from orbits.hybrid_search import find_chain as find_chain
 from orbits.identity import Identity as Identity
 from orbits.identity import identify as identify
 from orbits.identity import normal_form as normal_form

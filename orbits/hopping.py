@@ -31,11 +31,12 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import fail
+from jaxdyn._checks import fail, whole
 from jaxdyn.events import Event
 from jaxdyn.scenes.cylinders import Cylinder
 from jaxdyn.scenes.rolling import Caught, NormalForce
-from orbits.hybrid import Hybrid, Leg, find_chain
+from orbits.hybrid import Hybrid, Leg
+from orbits.hybrid_search import find_chain
 
 _CORNER = 1.2  # [rad] guess of a
 
@@ -147,10 +148,10 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
     mirrors = Mirrored(first, 2 * first + math.pi)
     half = find_chain((Leg(fly, lands), Leg(contact, ())), y0, spans, closes=mirrors)
     down, rest = half.spans
-    whole = (Leg(fly, lands), Leg(contact, (leaves,)), Leg(fly, ()))
+    chain = (Leg(fly, lands), Leg(contact, (leaves,)), Leg(fly, ()))
     spans = [down, 2 * rest, down]
     around = Advanced(2 * (first + math.pi))
-    return find_chain(whole, half.y0, spans, closes=around, max_iterations=0)
+    return find_chain(chain, half.y0, spans, closes=around, max_iterations=0)
 
 
 def advance(hop: Hybrid) -> float:
@@ -182,9 +183,7 @@ def _checked(scene: Scene, turns) -> float:
         raise fail("slope", "0, level ground", float(system.slope), remedy)
     if not float(system.d) > 0:
         raise fail("d", "> 0", float(system.d), "A balanced cylinder rolls on without hopping.")
-    if not (isinstance(turns, int) and not isinstance(turns, bool) and turns >= 1):
-        remedy = "With none the flight would enter the ground."
-        raise fail("turns", "a whole number, at least 1", turns, remedy)
+    whole("turns", turns, remedy="With none the flight would enter the ground.")
     g = _gravity(scene)
     if not g > 0:
         raise fail("scene", "gravity that pulls down", f"g = {g:.6g}", "Add UniformGravity(9.81).")

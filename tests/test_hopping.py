@@ -15,7 +15,7 @@ from jaxdyn import energy, events, phases, plots, scenes
 from jaxdyn.effects import UniformGravity
 from jaxdyn.scenes.rolling import NormalForce, phases_of
 from orbits import hopping
-from orbits.hybrid_search import Comes, _linearised, _passed
+from orbits.hybrid_search import Comes, _linearised
 
 G = 9.81
 LEVEL = scenes.cylinder_on_ramp(slope=0.0)
@@ -176,6 +176,21 @@ def test_the_derivatives_of_a_chain_are_those_of_differences():
     assert gap(_linearised(legs, Comes(BALL), x, 1e-13)[1], np.stack(columns, -1)) < 1e-10
 
 
+def test_another_tolerance_compiles_nothing():
+    traced = []
+
+    def counted(t, y):
+        traced.append(t)
+        return _bounced(t, y)
+
+    legs = (orbits.Leg(BALL, (LANDS,), counted),)
+    x = np.array([0.1, 3.0, 0.2, 0.4, 0.7])
+    _linearised(legs, Comes(BALL), x, 1e-13)
+    count = len(traced)
+    _linearised(legs, Comes(BALL), x + 0.1, 1e-9)
+    assert len(traced) == count > 0
+
+
 def test_searches_that_fail_say_why():
     # Thrown up it never comes down to a floor that is too high.
     high = orbits.Leg(BALL, (events.Reaches(1, 9.0), events.Reaches(3, 5.0)), _bounced)
@@ -212,6 +227,20 @@ def test_searches_that_fail_say_why():
         (
             lambda: orbits.find_chain([orbits.Leg(BALL, ())], np.zeros(4), [1.0], goal=0.0),
             "goal: expected > 0",
+        ),
+        (
+            lambda: orbits.find_chain([orbits.Leg(BALL, ())], np.zeros(4), [1], max_iterations=-1),
+            "max_iterations: expected a whole number, at least 0",
+        ),
+        (
+            lambda: orbits.find_chain([orbits.Leg(BALL, LANDS)], np.zeros(4), [1.0]),
+            r"legs\[0\]\.ends: expected a tuple of events, got Reaches",
+        ),
+        (
+            lambda: orbits.find_chain(
+                [orbits.Leg(scenes.cannonball(m=-1.0), (LANDS,))], np.zeros(4), [1.0]
+            ),
+            "expected > 0",
         ),
     ],
 )
