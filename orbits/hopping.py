@@ -37,6 +37,7 @@ from jaxdyn.scenes.cylinders import Cylinder
 from jaxdyn.scenes.rolling import Caught, NormalForce
 from orbits.hybrid import Hybrid, Leg
 from orbits.hybrid_search import find_chain
+from orbits.shooting import GOAL
 
 _CORNER = 1.2  # [rad] guess of a
 
@@ -146,12 +147,15 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
     spans = np.array([up, math.pi - _CORNER]) / spin
     # The whole chain at once has the motion as a double root: at h'' = 0 unequal corners close too.
     mirrors = Mirrored(first, 2 * first + math.pi)
-    half = find_chain((Leg(fly, lands), Leg(contact, ())), y0, spans, closes=mirrors)
+    goal = GOAL * max(1.0, float(np.abs(y0).max()))  # of metres and radians alike
+    half = find_chain((Leg(fly, lands), Leg(contact, ())), y0, spans, closes=mirrors, goal=goal)
     down, rest = half.spans
     chain = (Leg(fly, lands), Leg(contact, (leaves,)), Leg(fly, ()))
     spans = [down, 2 * rest, down]
     around = Advanced(2 * (first + math.pi))
-    return find_chain(chain, half.y0, spans, closes=around, max_iterations=0)
+    # Once more around what is left of each half counts several times.
+    whole = 8 * goal
+    return find_chain(chain, half.y0, spans, closes=around, goal=whole, max_iterations=0)
 
 
 def advance(hop: Hybrid) -> float:

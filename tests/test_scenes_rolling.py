@@ -100,7 +100,7 @@ def test_every_chain_keeps_to_the_laws_of_contact(name, request):
         height = jax.vmap(system.height)(ys)
         if phase == "fly":
             assert gap(total, np.full(9, total[0])) < 1e-10
-            assert (height > -1e-12).all()
+            assert (height > -2e-12).all()  # a landing is seen 1e-12 of the radius deep
             continue
         both = [system.reaction(t, y, effects) for t, y in zip(ts, ys, strict=True)]
         normal, friction = np.asarray(both).T

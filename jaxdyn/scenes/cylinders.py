@@ -129,15 +129,15 @@ class Cylinder(System):
         del t
         if self.contact == "fly":
             return y
-        c = y[:2] - self.d * _axes(y[2])[0]
-        q = jnp.concatenate([y[:2] - self.height(y) * self._normal(c), y[2:3]])
-        rows, _ = self._conditions(jnp.concatenate([q, y[3:]]))
+        y = self._placed(y)
+        rows, _ = self._conditions(y)
         a, off = self._gram(rows), _dot(rows, y[3:])
         stop = -_both(a, off) if self.contact == "roll" else -off * np.eye(2)[0] / a[0, 0]
-        return jnp.concatenate([q, y[3:] + self._moved(rows, stop)])
+        return jnp.concatenate([y[:3], y[3:] + self._moved(rows, stop)])
 
     def landed(self, y: Array) -> Array:
         """(6,) the state after an impact that keeps no normal speed, with Coulomb's friction."""
+        y = self._placed(y)
         rows, _ = self._conditions(y)
         a, v = self._gram(rows), _dot(rows, y[3:])
         rolling = -_both(a, v)
@@ -164,6 +164,11 @@ class Cylinder(System):
         if not self.mu >= 0:
             raise _checks.fail("mu", ">= 0", float(self.mu))
         del t, y
+
+    def _placed(self, y: Array) -> Array:
+        """(6,) the same state with the cylinder on the surface."""
+        n = self._normal(y[:2] - self.d * _axes(y[2])[0])
+        return jnp.concatenate([y[:2] - self.height(y) * n, y[2:]])
 
     def _weights(self) -> Array:
         return jnp.stack([self.m, self.m, self.inertia])

@@ -31,6 +31,7 @@ from jaxdyn.phases import Exit, Phase
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.cylinders import CONTACTS, SLIPS, Cylinder
 
+_DEPTH = 1e-12  # of the radius that a landing is late
 _STICKS = 1e-9  # [1] slip over the speeds involved that is rounding
 
 
@@ -78,13 +79,17 @@ class Caught(Event):
 
 
 class Touches(Event):
-    """A flying cylinder comes down on the surface."""
+    """A flying cylinder comes down on the surface, and a trillionth of its radius further.
+
+    So it is clear of the event where a flight starts; a hop too short to be seen, of a cylinder
+    that the surface hardly pushes, would else go on below the surface.
+    """
 
     cylinder: Cylinder
 
     def value(self, t, y):
         del t
-        return self.cylinder.height(y)
+        return self.cylinder.height(y) + _DEPTH * self.cylinder.r
 
     @property
     def direction(self):
