@@ -57,7 +57,7 @@ def test_estimates_are_errors_in_all_scenes_with_closed_forms():
     assert_calibrated(calibration(accuracy.estimate, KNOWN, TOLERANCES))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("solver", [solvers.DOPRI8, TSIT5], ids=lambda s: s.name)
 def test_estimates_are_errors_of_other_solvers_too(solver):
     tolerances = TOLERANCES[:-2]

@@ -12,7 +12,7 @@ from jaxdyn.hard.elliptic import complete
 from jaxdyn.hard.shaken import swing_period
 from jaxdyn.upright import averaged_limit
 
-#: Cases that compile little; the others are run with `-m slow`.
+#: Cases that compile little; the others are run with `-m long`, or by `jaxdyn hard`.
 QUICK = (
     "failing-lanes",
     "grazing",
@@ -34,7 +34,7 @@ def test_a_quick_case_holds(name):
     _holds(name)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", LONG)
 def test_a_long_case_holds(name):
     _holds(name)

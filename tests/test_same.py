@@ -99,7 +99,7 @@ def test_words_are_those_published(row):
     assert orbits.word(published(row)) == canonical(row["word"])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row["name"])
 def test_every_published_row_has_its_word(row):
     closing = orbits.reversal(orbits.of_points([1, 0, 2], (-1, -1), reversing=True))
