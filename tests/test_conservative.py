@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from helpers import EXACT, central_difference, gap, kepler, kepler_state
 
-from jaxdyn import Status, simulate, solvers
+from jaxdyn import Status, scenes, simulate, solvers
 from jaxdyn.effects import LinearDrag
 from jaxdyn.energy import drift
 from jaxdyn.simulate import solve
@@ -132,3 +132,8 @@ def test_steps_far_too_long_are_warned_of(method):
     assert drift(motion) > 0.1
     assert "Make dt smaller" in motion.warning
     assert simulate(kepler(0.3), 20.0, solver=method, dt=0.1, samples=20).warning == ""
+
+
+def test_a_motion_at_rest_has_no_steps_too_long():
+    scene = scenes.pendulum().starting([np.pi, 0.0])  # upright but for rounding
+    assert simulate(scene, 1.0, solver=solvers.KAHAN_LI8, dt=0.1, samples=5).warning == ""
