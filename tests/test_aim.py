@@ -195,6 +195,7 @@ def windy(linear, quadratic, wind):
     [windy(0.0, 0.1, (30.0, 0.0)), windy(0.3, 0.0, (-8.0, 0.0)), windy(0.1, 0.05, (3.0, -1.0))],
     ids=["tail wind", "head wind", "both drags"],
 )
+@pytest.mark.slow
 def test_all_angles_are_found_in_wind(scene):
     dense = landings(scene, np.linspace(-9.0, 9.0, 512), 12.0, 1e-9).x
     for x in (15.0, 1.0, -0.2, -3.0):

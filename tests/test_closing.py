@@ -46,6 +46,7 @@ def test_the_eight_is_a_relative_orbit_that_does_not_turn(ring):
     assert gap(linear.nontrivial, whole.nontrivial) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_rosette_turns_by_twice_the_apsidal_angle():
     law = effects.PowerLaw(1.0, -1.0)
     scene = scenes.power_law(n=-1.0, speed=0.6)

@@ -124,6 +124,7 @@ def test_numbers_of_the_cylinder_do_not_matter_for_its_corner():
     assert abs(float(landing[5]) - math.sqrt(1.62 / (0.1 * math.cos(corner(1))))) < SOLVED
 
 
+@pytest.mark.slow
 def test_a_picture(slides, tmp_path):
     plots.trajectory(slides.chain(), tmp_path / "hop.png", title="A hop without loss")
     assert (tmp_path / "hop.png").stat().st_size > 10_000

@@ -144,6 +144,7 @@ def test_the_picture_has_both_limits_and_the_counts(tmp_path):
     assert (tmp_path / "loops.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_what_does_not_close_fills_its_ring(tmp_path):
     ring = simulate(loops.rosette(PowerLaw(1.0, -1.0), 0.6, r=2.0), samples=4000)
     r = np.hypot(np.asarray(ring["x"]), np.asarray(ring["y"]))

@@ -107,6 +107,7 @@ def test_a_family_without_sense_is_refused_before_its_orbit_is_sought(orbits, wo
     assert err.startswith(f"error: {message}")
 
 
+@pytest.mark.slow
 def test_a_family_shows_each_member_as_it_is_found(orbits, tmp_path):
     path = tmp_path / "family.json"
     words = ("pendulum", "--set", "angle=2", "--period", "2.7", "--members", "2", "--json")
@@ -127,6 +128,7 @@ def test_no_family_is_one_json_object_too(orbits):
     assert json.loads(out)["message"] in err
 
 
+@pytest.mark.slow
 def test_multipliers_that_are_all_1_are_no_afterthought(capsys):
     swing = find(scenes.pendulum(angle=2.0), period=2.7)
     print_reports({"swing": report(swing)}, Console(width=100))

@@ -305,6 +305,7 @@ def test_a_rolling_disk_stands_still_where_it_touches(rolls):
     assert gap(poses.v, v[:, :3]) == 0
 
 
+@pytest.mark.slow
 def test_steady_rolling_stays_steady(rolls):
     for motion in rolls[:2]:
         assert gap(motion["theta"], np.full(200, THETA)) < 1e-10

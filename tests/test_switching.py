@@ -53,6 +53,7 @@ def test_a_start_near_the_edge_is_exchanged_at_once():
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-12, 1e-3])
+@pytest.mark.slow
 def test_a_particle_on_a_spring_passes_the_origin_by_polar_coordinates(off):
     start = {"position": (1.0, off), "velocity": (-1.0, 0.1 * off)}
     chain = simulate_switching(scenes.polar_particle(Spring(4.0), **start), 5.0, rtol=RTOL)
