@@ -9,9 +9,10 @@ Last numbers (2 cores with other work on them, 2026-11), minima, with ours over 
 brackets: error 1e-6 32 us, heyoka 20 (1.6), Dopri8 69 (0.46), DOP853 2700; 1e-9 38 us, 28
 (1.4), 86 (0.44), 5340; 1e-12 48 us, 37 (1.3), 155 (0.31); 1e-14 60 us, 47 (1.3). heyoka is given
 each pair of bodies once; with each pair written twice it takes 1.5 times as long, its own
-`model.nbody` 1.2 times. diffrax runs with loops folded by `jaxdyn.configure`, which makes it
-several times faster than it is by itself. 16 us of ours pass in a call that takes no step, see
-`benchmarks.calls`; `solve` from Python adds 80 us.
+`model.nbody` 1.2 times. diffrax runs here with loops folded by `jaxdyn.configure`. As shipped,
+in a process of its own, its Dopri8 takes 460, 1000 and 2200 us to errors of 2e-7, 1e-10 and 1e-13:
+15, 25 and 40 times as long as ours. 16 us of ours pass in a call that takes no step, see
+`benchmarks.calls`; `solve` from Python adds 35 us.
 """
 
 from collections.abc import Sequence
@@ -59,7 +60,7 @@ def ours(tolerances: Sequence[float]) -> dict[str, Method]:
     scene = three_body()
     period, ts = float(scene.t1), np.array([scene.t1])
     ways = {
-        "jaxdyn solve": lambda tol: solve(scene, period, rtol=tol).y1[None],
+        "jaxdyn solve": lambda tol: np.asarray(solve(scene, period, rtol=tol).y1)[None],
         "jaxdyn simulate": lambda tol: jaxdyn.simulate(scene, samples=ts, rtol=tol).ys,
     }
     methods = {"jaxdyn": compiled(figure_eight(), tolerances)}
