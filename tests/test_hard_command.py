@@ -8,6 +8,7 @@ import pytest
 from jaxdyn import __main__ as cli
 from jaxdyn import hard
 from jaxdyn.hard import collection
+from jaxdyn.hard.case import absolute_error, relative_error
 
 
 def _sum(value):
@@ -56,6 +57,13 @@ def test_an_unknown_case_is_refused_and_the_nearest_suggested(jaxdyn):
     code, _, err = jaxdyn("pythagoras")
     assert code == 2
     assert "Did you mean 'pythagorean'?" in err
+
+
+def test_errors_of_other_shapes_are_within_no_bound():
+    assert absolute_error([1.0, 2.0], [1.0, 2.5]) == 0.5
+    assert relative_error([1.0, 2.0], [1.0, 2.5]) == pytest.approx(0.2, rel=1e-15)
+    for error in (absolute_error, relative_error):
+        assert not hard.Figure("times", error([1.0], [1.0, 1.0]), 1e-9).passed
 
 
 def test_names_are_unique():

@@ -5,9 +5,12 @@ closed form or numbers of high precision. It holds where every figure is within 
 within none.
 """
 
+import math
 import time
 from collections.abc import Callable
 from typing import NamedTuple
+
+import numpy as np
 
 
 class Figure(NamedTuple):
@@ -72,3 +75,15 @@ def judge(case: Case) -> Verdict:
     start = time.perf_counter()
     figures = case.measure()
     return Verdict(case, figures, time.perf_counter() - start)
+
+
+def absolute_error(found, wanted) -> float:
+    """Largest difference of two arrays; NaN where their shapes differ."""
+    found, wanted = np.asarray(found), np.asarray(wanted)
+    return float(np.max(np.abs(found - wanted))) if found.shape == wanted.shape else math.nan
+
+
+def relative_error(found, wanted) -> float:
+    """Largest difference of two arrays over what is wanted; NaN where their shapes differ."""
+    found, wanted = np.asarray(found), np.asarray(wanted)
+    return float(np.max(np.abs(found / wanted - 1))) if found.shape == wanted.shape else math.nan

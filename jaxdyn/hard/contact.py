@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn.events import Reaches
-from jaxdyn.hard.case import Case, Figure
+from jaxdyn.hard.case import Case, Figure, relative_error
 from jaxdyn.phases import END, Exit, Phase, run
 from jaxdyn.scenes.particles import cannonball
 from jaxdyn.scenes.wheels import braking, car
@@ -56,8 +56,8 @@ def _bounces() -> tuple[Figure, ...]:
     flights = 2 * _UP / _G * keeps ** np.arange(len(chain.times))
     zeno = 2 * _UP / _G / (1 - keeps)
     return (
-        Figure("times of the bounces", _apart(chain.times, np.cumsum(flights)), 1e-10),
-        Figure("end of infinitely many bounces", _apart(chain.t, zeno), 1e-8),
+        Figure("times of the bounces", relative_error(chain.times, np.cumsum(flights)), 1e-10),
+        Figure("end of infinitely many bounces", relative_error(chain.t, zeno), 1e-8),
         Figure("phases", len(chain.names), 100),
         Figure("no clear end", float(not chain.ended), 0),
         Figure("deepest under the floor [m]", float(max(-p.ys[:, 1].min() for p in chain.pieces))),
@@ -72,15 +72,11 @@ def _brake() -> tuple[Figure, ...]:
     # The end is taken at a millionth of the speed; a millionth of the time is left out.
     left = 1 - 1e-6
     return (
-        Figure("time of the stop", _apart(chain.t, left * speed / slows), 1e-10),
-        Figure("way of the stop", _apart(chain.y[0], speed**2 / (2 * slows)), 1e-10),
+        Figure("time of the stop", relative_error(chain.t, left * speed / slows), 1e-10),
+        Figure("way of the stop", relative_error(chain.y[0], speed**2 / (2 * slows)), 1e-10),
         Figure("speed after it [m/s]", float(jnp.max(jnp.abs(chain.y[3:]))), 0),
         Figure("phases", len(chain.names), 1),
     )
-
-
-def _apart(found, wanted) -> float:
-    return float(np.max(np.abs(np.asarray(found) / np.asarray(wanted) - 1)))
 
 
 CASES = (

@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxdyn import energy
 from jaxdyn.formulations import rigid
-from jaxdyn.hard.case import Case, Figure
+from jaxdyn.hard.case import Case, Figure, absolute_error
 from jaxdyn.phases import Chain
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.bodies import free_body, top
@@ -66,7 +66,7 @@ def _tumbling() -> tuple[Figure, ...]:
     return (
         Figure("apart from the quaternion", _apart(chain, other), _BOUND),
         Figure("exchanges of angles", len(chain.names) - 1, 60),
-        Figure("apart without exchanges", _gap(found, wanted)),
+        Figure("apart without exchanges", absolute_error(found, wanted)),
         Figure("steps with", sum(int(piece.steps) for piece in chain.pieces)),
         Figure("steps without", int(without.steps)),
     )
@@ -74,7 +74,7 @@ def _tumbling() -> tuple[Figure, ...]:
 
 def _apart(chain: Chain, other: Trajectory) -> float:
     found = rigid.pose(chain.pieces[-1].scene, chain.t, chain.y).R_wb
-    return _gap(found, rigid.pose(other.scene, chain.t, other.ys[-1]).R_wb)
+    return absolute_error(found, rigid.pose(other.scene, chain.t, other.ys[-1]).R_wb)
 
 
 def _over() -> tuple[Figure, ...]:
@@ -88,7 +88,9 @@ def _over() -> tuple[Figure, ...]:
         sideways_pendulum(rate=rate), t1, samples=1, rtol=_RTOL, max_steps=_FEW, throw=False
     )
     return (
-        Figure("apart from the angle [m]", _gap(chain.pieces[-1].r[-1, 0], wanted), _BOUND),
+        Figure(
+            "apart from the angle [m]", absolute_error(chain.pieces[-1].r[-1, 0], wanted), _BOUND
+        ),
         Figure("turns", turns),
         Figure("exchanges beyond four a turn", len(chain.names) - 1 - 4 * turns, 1.0),
         Figure("no status without exchanges", float(refused.status == Status.OK), 0),
@@ -102,7 +104,7 @@ def _origin() -> tuple[Figure, ...]:
     for off in offs:
         scene = polar_particle(position=(1.0, off), velocity=(-1.0, 0.0))
         chain = simulate_switching(scene, 2.0, samples=2, rtol=_RTOL)
-        found.append(_gap(chain.pieces[-1].r[-1, 0], [-1.0, off]))
+        found.append(absolute_error(chain.pieces[-1].r[-1, 0], [-1.0, off]))
     return (
         Figure("off a straight line [m]", max(found), _BOUND),
         Figure("steps past 1e-9 m without exchanges", _polar_steps(1e-9)),
@@ -112,10 +114,6 @@ def _origin() -> tuple[Figure, ...]:
 def _polar_steps(off: float) -> float:
     scene = polar_particle(position=(1.0, off), velocity=(-1.0, 0.0))
     return float(simulate(scene, 2.0, samples=1, rtol=_RTOL, throw=False).steps)
-
-
-def _gap(found, wanted) -> float:
-    return float(np.max(np.abs(np.asarray(found) - np.asarray(wanted))))
 
 
 CASES = (

@@ -16,7 +16,7 @@ from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.bars import Chain
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.rods import Rods
-from jaxdyn.hard.case import Case, Figure
+from jaxdyn.hard.case import Case, Figure, absolute_error
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.skates import Skated
 from jaxdyn.simulate import solve
@@ -48,7 +48,7 @@ def _skates() -> tuple[Figure, ...]:
     for between, followed in ((1e-2, True), (1e-4, True), (1e-6, False)):
         scene = skating(between)
         end = solve(scene, t1, rtol=_LOOSER, max_steps=100_000)
-        gap = _gap(end.y1[:3], wanted)
+        gap = absolute_error(end.y1[:3], wanted)
         report = constraints.conditioning(scene, 0.0, scene.y0)
         # Forces lose twice the digits of the condition: at 1e6 a status, or right all the same.
         refused = int(end.status) != Status.OK and math.isnan(gap)
@@ -76,7 +76,7 @@ def _rods() -> tuple[Figure, ...]:
     ends = [solve(scene, 2.0, rtol=_RTOL).y1 for scene in (plain, doubled)]
     report = constraints.conditioning(doubled, 0.0, doubled.y0)
     return (
-        Figure("apart from the frame without them [m]", _gap(*ends), 1e-9),
+        Figure("apart from the frame without them [m]", absolute_error(*ends), 1e-9),
         Figure("redundant rods not counted", abs(int(report.redundant) - 2), 0),
         Figure("condition of the others", float(report.condition)),
     )
@@ -105,10 +105,6 @@ def _dead() -> tuple[Figure, ...]:
         Figure("condition against 1 / angle", float(np.abs(grows / grows[-1] - 1).max()), 0.1),
         Figure("condition 1e-5 rad beside it", float(found.condition[-1])),
     )
-
-
-def _gap(found, wanted) -> float:
-    return float(np.max(np.abs(np.asarray(found) - np.asarray(wanted))))
 
 
 CASES = (

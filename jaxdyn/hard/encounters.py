@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import energy
-from jaxdyn.hard.case import Case, Figure
+from jaxdyn.hard.case import Case, Figure, relative_error
 from jaxdyn.regularised import closest_approaches, simulate_regularised
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.central import power_law
@@ -71,7 +71,7 @@ def _pythagorean() -> tuple[Figure, ...]:
     return (
         Figure("escape and binary", _error(motion.ys[-1]), 1e-6),
         Figure("energy error", float(energy.drift(motion)), 1e-10),
-        Figure("closest approaches", _apart(found, np.ravel(PYTHAGOREAN_APPROACHES)), 1e-6),
+        Figure("closest approaches", relative_error(found, np.ravel(PYTHAGOREAN_APPROACHES)), 1e-6),
         Figure("nearest two bodies come [m]", nearest[0].distance),
         Figure("steps", int(motion.steps)),
         Figure("escape and binary in plain time", _error(plain.ys[-1])),
@@ -79,11 +79,7 @@ def _pythagorean() -> tuple[Figure, ...]:
 
 
 def _error(y: Array) -> float:
-    return _apart(pythagorean_outcome(y), PYTHAGOREAN_OUTCOME)
-
-
-def _apart(found, wanted) -> float:
-    return float(np.max(np.abs(np.asarray(found) / np.asarray(wanted) - 1)))
+    return relative_error(pythagorean_outcome(y), PYTHAGOREAN_OUTCOME)
 
 
 def eccentric(gap: float) -> Scene:

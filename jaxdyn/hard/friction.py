@@ -14,7 +14,7 @@ from jaxtyping import Array
 
 from jaxdyn.effects import ConstantForce, SinusoidalForce, Spring, UniformGravity
 from jaxdyn.events import Reaches, until
-from jaxdyn.hard.case import Case, Figure
+from jaxdyn.hard.case import Case, Figure, relative_error
 from jaxdyn.phases import END, Exit, Phase, run, unchanged
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.particles import particle
@@ -59,8 +59,10 @@ def _dry() -> tuple[Figure, ...]:
     places = (-1.0) ** n * (start - 2 * n * friction / k)
     found = [piece.ys[-1, 0] for piece in chain.pieces]
     return (
-        Figure("times of the turns", _apart(chain.times, n * math.pi / math.sqrt(k)), _BOUND),
-        Figure("places of the turns", _apart(found, places), _BOUND),
+        Figure(
+            "times of the turns", relative_error(chain.times, n * math.pi / math.sqrt(k)), _BOUND
+        ),
+        Figure("places of the turns", relative_error(found, places), _BOUND),
         Figure("turns too many or too few", abs(len(chain.names) - len(n)), 0),
         Figure("no clear end", float(not chain.ended), 0),
     )
@@ -89,7 +91,9 @@ def _skids() -> tuple[Figure, ...]:
     wanted = np.ravel(_HALF * np.arange(_CYCLES)[:, None] + np.array([[skids, rolls]]))
     wanted = wanted[wanted < _CYCLES * _HALF]
     return (
-        Figure("times of the skids and their ends", _apart(chain.times[:-1], wanted), _BOUND),
+        Figure(
+            "times of the skids and their ends", relative_error(chain.times[:-1], wanted), _BOUND
+        ),
         Figure("phases", len(chain.names), 2 * _CYCLES + 1),
         Figure(
             "phases of the wrong kind", _wrong(chain, ("roll", "slip_on", "roll", "slip_back")), 0
@@ -113,7 +117,7 @@ def _hops() -> tuple[Figure, ...]:
     wanted = np.ravel(2 * _HALF * np.arange(_CYCLES // 2)[:, None] + np.array([[off, lands]]))
     wanted = wanted[wanted < t1]
     return (
-        Figure("times of take-off and landing", _apart(chain.times[:-1], wanted), _BOUND),
+        Figure("times of take-off and landing", relative_error(chain.times[:-1], wanted), _BOUND),
         Figure("phases", len(chain.names), _CYCLES + 1),
         Figure("phases of the wrong kind", _wrong(chain, ("roll", "fly")), 0),
         Figure("change of the speed along [m/s]", abs(float(chain.y[3]) - 1.0), 1e-12),
@@ -138,7 +142,7 @@ def _grazing() -> tuple[Figure, ...]:
         until(swing, Reaches(0, -1.0 + off), 40.0, rtol=_RTOL) for off in (1e-9, -1e-9)
     )
     return (
-        Figure("time of a touch 1e-9 m deep", _apart([touched.t], [when]), _BOUND),
+        Figure("time of a touch 1e-9 m deep", relative_error([touched.t], [when]), _BOUND),
         Figure("a touch 1e-9 m too high seen", float(_seen(ball, above)), 0),
         Figure("a touch 1e-12 m deep missed", float(not _seen(ball, 1.25 - 1e-12)), 0),
         Figure("a touch 1e-12 m too high seen", float(_seen(ball, 1.25 + 1e-12)), 0),
@@ -157,13 +161,6 @@ def _root(fn: Callable[[float], float], low: float, high: float) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if fn(middle) > 0 else (low, middle)
     return (low + high) / 2
-
-
-def _apart(found, wanted) -> float:
-    found, wanted = np.asarray(found), np.asarray(wanted)
-    if found.shape != wanted.shape:
-        return math.nan
-    return float(np.max(np.abs(found / wanted - 1)))
 
 
 CASES = (

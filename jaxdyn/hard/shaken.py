@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn.floquet import monodromy
-from jaxdyn.hard.case import Case, Figure
+from jaxdyn.hard.case import Case, Figure, absolute_error
 from jaxdyn.scene import Effect, Scene
 from jaxdyn.scenes.pendula import shaken_pendulum
 from jaxdyn.simulate import default_solver, simulate
@@ -72,9 +72,9 @@ def _swings() -> tuple[Figure, ...]:
     returned = simulate(slow.scene, period, samples=1, rtol=_RTOL).ys[-1]
     stages = default_solver(fast.scene).stages
     return (
-        Figure("angle, from the averaged one [rad]", _gap(fast.ys[:, 0], wanted), 1e-6),
+        Figure("angle, from the averaged one [rad]", absolute_error(fast.ys[:, 0], wanted), 1e-6),
         Figure("A / L", ripple),
-        Figure("averaged swing, from its period", _gap(returned, slow.ys[0]), 1e-9),
+        Figure("averaged swing, from its period", absolute_error(returned, slow.ys[0]), 1e-9),
         Figure("shakes", float(shakes[-1])),
         Figure("right-hand sides a shake", stages * int(fast.steps) / float(shakes[-1])),
         Figure("right-hand sides averaged", default_solver(slow.scene).stages * int(slow.steps)),
@@ -102,10 +102,6 @@ def _threshold() -> tuple[Figure, ...]:
         Figure("unstable above it", float(not ends[1] < 0), 0),
         Figure("that amplitude [m]", high),
     )
-
-
-def _gap(found, wanted) -> float:
-    return float(np.max(np.abs(np.asarray(found) - np.asarray(wanted))))
 
 
 CASES = (

@@ -10,7 +10,7 @@ import numpy as np
 from jaxdyn import ensemble
 from jaxdyn._numerics import safe_norm, safe_sqrt
 from jaxdyn.effects import DryFriction, QuadraticDrag, Spring
-from jaxdyn.hard.case import Case, Figure
+from jaxdyn.hard.case import Case, Figure, absolute_error, relative_error
 from jaxdyn.rotations import rotation_vector_from_wxyz, wxyz_from_rotation_vector
 from jaxdyn.scenes.nbody import two_body
 from jaxdyn.scenes.particles import cannonball, particle
@@ -57,8 +57,8 @@ def _fast() -> tuple[Figure, ...]:
     slopes = np.array([1 / (1 + v), 1 / (1 + v) ** 2])
     steps = solve(cannonball(speed=v, angle=0.0, g=0.0, drag=1.0), 1.0, rtol=_RTOL).steps
     return (
-        Figure("place and speed after 1 s", _apart(y[jnp.array([0, 2])], wanted), 1e-11),
-        Figure("gradient of the place", _apart(slope[:1], slopes[:1]), 1e-8),
+        Figure("place and speed after 1 s", relative_error(y[jnp.array([0, 2])], wanted), 1e-11),
+        Figure("gradient of the place", relative_error(slope[:1], slopes[:1]), 1e-8),
         Figure("gradient of the speed [1]", float(abs(slope[2] - slopes[1])), 1e-13),
         Figure("steps", int(steps)),
     )
@@ -82,9 +82,9 @@ def _rest() -> tuple[Figure, ...]:
     thrown = jax.jacfwd(end, argnums=1)(0.7, 0.0)
     differences = (end(0.7, h) - end(0.7, 0.0)) / h  # |v| has a corner: from the right
     return (
-        Figure("fall from rest", _apart(y[1:2], wanted[:1]), 1e-11),
-        Figure("its gradient in the drag", _apart(slope[1:2], wanted[1:]), 1e-8),
-        Figure("its gradient in the throw", _gap(thrown, differences), 3 * h),
+        Figure("fall from rest", relative_error(y[1:2], wanted[:1]), 1e-11),
+        Figure("its gradient in the drag", relative_error(slope[1:2], wanted[1:]), 1e-8),
+        Figure("its gradient in the throw", absolute_error(thrown, differences), 3 * h),
         Figure("slope of the drag at rest", float(jnp.max(jnp.abs(push))), 0.0),
         Figure("dry friction at rest [N]", float(jnp.max(jnp.abs(dry))), 0.0),
     )
@@ -101,8 +101,8 @@ def _anchor() -> tuple[Figure, ...]:
     y, slope = end(1.0), jax.jacrev(end)(1.0)
     force = jax.jacfwd(Spring(2.0, 0.5).force, argnums=1)(0.0, *jnp.zeros((2, 1, 2)), jnp.ones(1))
     return (
-        Figure("place and velocity [m]", _gap(y, [0.0, 0.0, -1.0, 0.0]), 1e-11),
-        Figure("gradient in the stiffness [m]", _gap(slope[:2], [-t1 / 2, 0.0]), 1e-9),
+        Figure("place and velocity [m]", absolute_error(y, [0.0, 0.0, -1.0, 0.0]), 1e-11),
+        Figure("gradient in the stiffness [m]", absolute_error(slope[:2], [-t1 / 2, 0.0]), 1e-9),
         Figure("not finite, with a rest length", float(jnp.sum(~jnp.isfinite(force))), 0),
     )
 
@@ -120,16 +120,8 @@ def _zeros() -> tuple[Figure, ...]:
     found = jnp.concatenate([jnp.stack([norm[0], *root]), norm[1], turn])
     return (
         Figure("length and root at 0, with gradients", float(jnp.max(jnp.abs(found))), 0.0),
-        Figure("log of exp at no turn: gradient", _gap(turns, np.eye(3)), 1e-15),
+        Figure("log of exp at no turn: gradient", absolute_error(turns, np.eye(3)), 1e-15),
     )
-
-
-def _apart(found, wanted) -> float:
-    return float(np.max(np.abs(np.asarray(found) / np.asarray(wanted) - 1)))
-
-
-def _gap(found, wanted) -> float:
-    return float(np.max(np.abs(np.asarray(found) - np.asarray(wanted))))
 
 
 CASES = (
