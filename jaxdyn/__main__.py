@@ -2,7 +2,6 @@
 
 import json
 import sys
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -14,8 +13,17 @@ from rich.table import Table
 from jaxdyn import _checks, catalogue, energy
 from jaxdyn._config import configure
 from jaxdyn.accuracy_command import accuracy_command
+from jaxdyn.command_options import (
+    AnimateOption,
+    JsonOption,
+    PlotOption,
+    SceneArgument,
+    SetOption,
+    SpanOption,
+)
 from jaxdyn.course import PROBLEMS
 from jaxdyn.hard_command import hard_command
+from jaxdyn.image_files import animation_path, picture_path
 from jaxdyn.paths import pieces_of
 from jaxdyn.phases import Chain
 from jaxdyn.simulate import RTOL, Trajectory
@@ -42,7 +50,7 @@ def _settings() -> None:
 
 @app.command("list")
 def list_command(
-    as_object: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    as_object: JsonOption = False,
     problems: Annotated[
         bool, typer.Option("--problems", help="The course's problems and what answers each.")
     ] = False,
@@ -78,21 +86,21 @@ def _list_problems(as_object: bool) -> None:
 
 @app.command("run")
 def run_command(
-    name: Annotated[str, typer.Argument(help="A scene of `jaxdyn list`.")],
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="One of its numbers.")
-    ] = None,
-    t1: Annotated[float | None, typer.Option(help="End of the span; the scene's own.")] = None,
+    name: SceneArgument,
+    settings: SetOption = None,
+    t1: SpanOption = None,
     samples: Annotated[int, typer.Option(help="How many times to sample, in each phase.")] = 400,
     rtol: Annotated[float, typer.Option(help="Relative tolerance of a step.")] = RTOL,
     solver: Annotated[str, typer.Option(help="auto, nystrom12, verner9 or dopri8.")] = "auto",
-    plot: Annotated[Path | None, typer.Option(help="Draw it (.png, .pdf, .svg).")] = None,
-    animate: Annotated[Path | None, typer.Option(help="Animate it (.gif, .mp4).")] = None,
-    as_object: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    plot: PlotOption = None,
+    animate: AnimateOption = None,
+    as_object: JsonOption = False,
 ) -> None:
     """Simulate a scene in all its phases, say how its energy changes, and draw it if asked."""
     console = Console(stderr=as_object, highlight=False, soft_wrap=True)
-    _check_files(plot, animate)
+    picture_path(plot)
+    if animate:
+        animation_path(animate)
     _checks.choice("solver", solver, ("auto", *_SOLVERS))
     remedy = f"It is at most {_MOST_SAMPLES} here; jaxdyn.simulate takes more."
     _checks.whole("samples", samples, most=_MOST_SAMPLES, remedy=remedy)
@@ -141,17 +149,6 @@ def main() -> None:
 def _refuse(message: str) -> None:
     print(f"error: {' '.join(message.split())}", file=sys.stderr)  # noqa: T201
     raise SystemExit(MISUSE) from None
-
-
-def _check_files(plot: Path | None, animate: Path | None) -> None:
-    """Refuse files that could not be written, before anything is simulated."""
-    if plot or animate:
-        from jaxdyn import animate as moving
-        from jaxdyn import plots
-
-        for path, suffixes in ((plot, plots.SUFFIXES), (animate, moving.SUFFIXES)):
-            if path:
-                plots.checked_path(path, suffixes)
 
 
 def _shown(default) -> str:

@@ -2,32 +2,30 @@
 
 import json
 import math
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 from rich.console import Console
 
-from jaxdyn import _checks, catalogue, plots
+from jaxdyn import _checks, catalogue
+from jaxdyn.command_options import JsonOption, PlotOption, SceneArgument, SetOption, SpanOption
+from jaxdyn.image_files import picture_path
 from jaxdyn.work import WorkPrecision, work_precision
 
 _SHOWN = (3, 6, 9, 12, 14)
 
 
 def accuracy_command(
-    name: Annotated[str, typer.Argument(help="A scene of `jaxdyn list`.")],
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="One of its numbers.")
-    ] = None,
-    t1: Annotated[float | None, typer.Option(help="End of the span; the scene's own.")] = None,
+    name: SceneArgument,
+    settings: SetOption = None,
+    t1: SpanOption = None,
     digits: Annotated[float, typer.Option(help="How many digits to recommend a solver for.")] = 9,
-    plot: Annotated[Path | None, typer.Option(help="Draw it (.png, .pdf, .svg).")] = None,
-    as_object: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    plot: PlotOption = None,
+    as_object: JsonOption = False,
 ) -> None:
     """Time that each digit of a scene costs, with a solver and a tolerance for those wanted."""
-    if plot:
-        plots.checked_path(plot, plots.SUFFIXES)
+    picture_path(plot)
     if not 0 < digits <= 16:
         raise _checks.fail("digits", "between 1 and 15", digits, "Doubles have not quite 16.")
     found = work_precision(catalogue.build(name, catalogue.settings(settings or ())), t1)

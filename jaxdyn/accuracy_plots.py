@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from jaxdyn import _checks, plots
+from jaxdyn.image_files import picture_path
 from jaxdyn.work import Curve, WorkPrecision
 
 _MARKERS = "osD^vPX"
@@ -28,8 +29,7 @@ def work(found: WorkPrecision, path=None, *, title: str | None = None) -> Figure
     Raises:
       ValueError: a file that cannot be written.
     """
-    if path is not None:
-        path = plots.checked_path(path, plots.SUFFIXES)
+    path = picture_path(path)
     figure = plots.blank(2 * _PANEL + 0.8, _PANEL + 1.0)
     left, right = _panels(figure, 2)
     for i, curve in enumerate(found.curves):
@@ -62,8 +62,7 @@ def judgement(found: Mapping[str, WorkPrecision], path=None) -> Figure:
     Raises:
       ValueError: no scene, or a file that cannot be written.
     """
-    if path is not None:
-        path = plots.checked_path(path, plots.SUFFIXES)
+    path = picture_path(path)
     if not found:
         raise _checks.fail("found", "at least one scene", "none")
     figure = plots.blank(_PANEL * len(found) + 0.8, _PANEL + 1.0)

@@ -17,11 +17,10 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from jaxdyn import _checks, plots
+from jaxdyn.image_files import animation_path
 from jaxdyn.paths import Paths, in_time, paths, places, segments
 from jaxdyn.phases import Chain
 from jaxdyn.simulate import Trajectory
-
-SUFFIXES = (".gif", ".mp4")
 
 _DPI = 100
 _SHADES = 24  # of a trail
@@ -51,7 +50,7 @@ def animate(
       ValueError: a file that cannot be written, no ffmpeg for .mp4, too few samples, numbers
         or links that make no sense, nothing to draw.
     """
-    path = plots.checked_path(path, SUFFIXES)
+    path = animation_path(path)
     _check_numbers(seconds, fps, trail)
     drawn = paths(motion, links)
     if len(drawn.ts) < 2:

@@ -12,6 +12,7 @@ from matplotlib.patches import Patch
 
 from jaxdyn import plots
 from jaxdyn.floquet import Chart
+from jaxdyn.image_files import picture_path
 
 _STABLE, _GROWING, _UNDECIDED = plots.PALETTE[0], plots.PALETTE[1], "#9a9a9a"
 _FAINT = "#fbe9de"
@@ -30,8 +31,7 @@ def stability(
     Raises:
       ValueError: a file that cannot be written.
     """
-    if path is not None:
-        path = plots.checked_path(path, plots.SUFFIXES)
+    path = picture_path(path)
     figure = plots.blank(6.8, 4.6)
     ax: Any = figure.add_subplot()
     grid = {"shading": "nearest", "rasterized": True}

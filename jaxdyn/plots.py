@@ -25,13 +25,13 @@ from matplotlib.lines import Line2D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from jaxdyn import _checks
+from jaxdyn.image_files import picture_path
 from jaxdyn.paths import Paths, in_time, paths, pieces_of, places, segments, why_stopped
 from jaxdyn.phases import Chain
 from jaxdyn.simulate import Trajectory
 
 #: Okabe and Ito (2008), Color Universal Design; their yellow is left out, too faint on white.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-SUFFIXES = (".png", ".pdf", ".svg")
 INK = "#404040"
 DPI = 150
 _GRID = "#e4e4e4"
@@ -69,8 +69,7 @@ def trajectory(motion: Trajectory | Chain, path=None, *, title: str | None = Non
       >>> figure.axes[0].get_xlabel()
       'x [m]'
     """
-    if path is not None:
-        path = checked_path(path, SUFFIXES)
+    path = picture_path(path)
     drawn = paths(motion)
     box = limits(places(drawn), drawn.equal)
     heading = [line for line in (title, textwrap.fill(drawn.stopped, _NOTE_WIDTH)) if line]
@@ -102,8 +101,7 @@ def time_series(motion: Trajectory | Chain, names=None, path=None) -> Figure:
     Raises:
       ValueError: an unknown label, or a file that cannot be written.
     """
-    if path is not None:
-        path = checked_path(path, SUFFIXES)
+    path = picture_path(path)
     pieces = pieces_of(motion)
     scene = pieces[0].scene
     # Without units places and velocities are still drawn apart.
@@ -236,18 +234,6 @@ def legend(figure: Figure, drawn: Paths, *marks: Line2D) -> None:
         handlelength=1.2,
         columnspacing=1.4,
     )
-
-
-def checked_path(path, suffixes: tuple[str, ...]) -> Path:
-    """The path of a file that can be written, refused if its kind or folder is unknown."""
-    path = Path(path)
-    if path.suffix.lower() not in suffixes:
-        raise _checks.fail("path", f"a file name ending in {', '.join(suffixes)}", f"'{path}'")
-    if not path.parent.is_dir():
-        raise _checks.fail(
-            "path", "a file in a folder that exists", f"'{path}'", "Make the folder first."
-        )
-    return path
 
 
 def finished(figure: Figure, path: Path | None) -> Figure:

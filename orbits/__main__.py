@@ -13,13 +13,11 @@ from rich.console import Console
 
 import jaxdyn
 from jaxdyn._checks import fail
+from jaxdyn.command_options import AnimateOption, JsonOption, PlotOption
 from jaxdyn.scenes import EIGHT_GUESS, EIGHT_GUESS_PERIOD
 from orbits.aim_command import aim_command
 from orbits.command_options import (
     NOT_FOUND,
-    AnimateOption,
-    JsonOption,
-    PlotOption,
     SaveOption,
     check_files,
     progress,

@@ -2,17 +2,17 @@
 
 import json
 import math
-from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
 from jaxdyn import scenes
+from jaxdyn.command_options import JsonOption, PlotOption
 from jaxdyn.effects import LinearDrag, QuadraticDrag
+from jaxdyn.image_files import picture_path
 from orbits.aim import Hits, Throws, farthest, hit, slowest
-
-NOT_FOUND = 1  # exit code: nothing is hit
+from orbits.command_options import NOT_FOUND
 
 
 def aim_command(
@@ -23,14 +23,11 @@ def aim_command(
     drag: Annotated[float, typer.Option(help="Quadratic drag [kg/m].")] = 0.0,
     linear: Annotated[float, typer.Option(help="Linear drag [kg/s].")] = 0.0,
     wind: Annotated[float, typer.Option(help="Wind along x [m/s].")] = 0.0,
-    plot: Annotated[Path | None, typer.Option(help="Draw the throws (.png, .pdf, .svg).")] = None,
-    as_object: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    plot: PlotOption = None,
+    as_object: JsonOption = False,
 ) -> None:
     """The angle that carries farthest; with --x all that hit, and the least speed that reaches."""
-    if plot:
-        from jaxdyn import plots
-
-        plots.checked_path(plot, plots.SUFFIXES)
+    picture_path(plot)
     scene = scenes.cannonball(m=mass, g=g)
     if drag:
         scene = scene + QuadraticDrag(drag, (wind, 0.0))

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from jaxdyn import Scene, plots, simulate
 from jaxdyn._checks import fail
+from jaxdyn.image_files import picture_path
 from orbits.aim import Hits, Throws
 from orbits.family import Kind
 from orbits.family_files import Listing
@@ -40,8 +41,7 @@ def throws(scene: Scene, best: Throws, hits: Hits | None = None, path=None) -> F
     Raises:
       ValueError: a file that cannot be written.
     """
-    if path is not None:
-        path = plots.checked_path(path, plots.SUFFIXES)
+    path = picture_path(path)
     figure = plots.blank(6.8, 6.2)
     paths: Any = figure.add_subplot(2, 1, 1)
     ranges: Any = figure.add_subplot(2, 1, 2)
@@ -87,8 +87,7 @@ def loops(path=None, *, lowest: float = -2.9, highest: float = 1000.0, most: int
     Raises:
       ValueError: exponents that make no sense, or a file that cannot be written.
     """
-    if path is not None:
-        path = plots.checked_path(path, plots.SUFFIXES)
+    path = picture_path(path)
     if not -3 < lowest < highest:
         raise fail("lowest", f"above -3 and below highest = {highest:g}", lowest)
     n = np.unique([*np.geomspace(lowest + 3, highest + 3, _SAMPLES) - 3, -2.0, -1.0, 1.0])
@@ -132,8 +131,7 @@ def family(listed: Listing, path=None) -> Figure:
     Raises:
       ValueError: a file that cannot be written.
     """
-    if path is not None:
-        path = plots.checked_path(path, plots.SUFFIXES)
+    path = picture_path(path)
     figure = plots.blank(6.8, 5.0)
     ax: Any = figure.add_subplot(1, 1, 1)
 
@@ -174,8 +172,7 @@ def rosette(scene: Scene, path=None, title: str | None = None) -> Figure:
     Raises:
       ValueError: a file that cannot be written.
     """
-    if path is not None:
-        path = plots.checked_path(path, plots.SUFFIXES)
+    path = picture_path(path)
     motion = simulate(scene, samples=_FILLING)
     x, y = np.asarray(motion["x"]), np.asarray(motion["y"])
     radii = np.hypot(x, y)

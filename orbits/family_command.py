@@ -15,14 +15,11 @@ from rich.table import Table
 
 from jaxdyn import Scene, catalogue
 from jaxdyn._checks import choice, fail, positive, whole
+from jaxdyn.command_options import JsonOption, PlotOption, SceneArgument, SetOption
 from orbits import family_files, verify
 from orbits.command_options import (
     NOT_FOUND,
-    JsonOption,
-    PlotOption,
     SaveOption,
-    SceneArgument,
-    SetOption,
     check_files,
     progress,
 )

@@ -11,16 +11,12 @@ from rich.console import Console
 import jaxdyn
 from jaxdyn import Scene, catalogue
 from jaxdyn._checks import choice, fail
+from jaxdyn.command_options import AnimateOption, JsonOption, PlotOption, SceneArgument, SetOption
 from jaxdyn.formulations.newton import FreePoints
 from orbits import closing as closings
 from orbits.command_options import (
     NOT_FOUND,
-    AnimateOption,
-    JsonOption,
-    PlotOption,
     SaveOption,
-    SceneArgument,
-    SetOption,
     check_files,
     progress,
 )

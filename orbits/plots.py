@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks, plots, simulate
+from jaxdyn.image_files import picture_path
 from jaxdyn.paths import paths
 
 _SAMPLES = 600
@@ -29,8 +30,7 @@ def orbit_picture(orbits: Sequence, path=None, titles: Sequence[str] | None = No
         cannot be written.
       IntegrationError: an orbit that cannot be followed over its period.
     """
-    if path is not None:
-        path = plots.checked_path(path, plots.SUFFIXES)
+    path = picture_path(path)
     titles = _checked_titles(orbits, titles)
     drawn = [paths(_one_period(orbit)) for orbit in orbits]
     if len({one.labels for one in drawn}) > 1:

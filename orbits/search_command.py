@@ -7,10 +7,10 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from orbits.command_options import NOT_FOUND, JsonOption
+from jaxdyn.command_options import JsonOption
+from orbits.command_options import NOT_FOUND
 from orbits.plane import Plane, search_plane
 
-_WORD = 24  # letters of a word that are shown
 _WORD = 24  # letters of a word that are shown
 TableOption = Annotated[Path | None, typer.Option("--table", help="Append to this .jsonl file.")]
 
