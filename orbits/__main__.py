@@ -1,7 +1,6 @@
 """The command line: `orbits figure-eight`, `find`, `family`, `search`, `verify`, `aim`, `loops`."""
 
 import json
-import math
 import sys
 import time
 from pathlib import Path
@@ -20,6 +19,9 @@ from orbits.command_options import (
     NOT_FOUND,
     SaveOption,
     check_files,
+    draw,
+    failure,
+    numbers,
     progress,
 )
 from orbits.evidence import digits
@@ -100,7 +102,8 @@ def figure_eight_command(
     if save_to:
         save(save_to, eight, claims["choreography"])
         console.print(f"saved to {save_to}")
-    _draw(plain, eight, plot, animate, console)
+    titles = ["closed plainly", "closed as a choreography"]
+    draw([plain, eight], titles, plot, animate, console)
     if as_object:  # last: a file that cannot be written leaves no result behind
         print(json.dumps(found))  # noqa: T201
 
@@ -161,10 +164,7 @@ class _Clock:
 def _numbers(name: str, text: str | None, default: list[float] | None) -> list[float] | None:
     if text is None:
         return default
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        raise fail(name, "numbers with commas between", repr(text)) from None
+    values = numbers(name, text)
     if default is not None and len(values) != len(default):
         raise fail(name, f"{len(default)} numbers", f"{len(values)}")
     return values
@@ -173,26 +173,9 @@ def _numbers(name: str, text: str | None, default: list[float] | None) -> list[f
 def _print_failure(plain: Orbit, eight: Orbit, clock: _Clock, as_object: bool, console) -> None:
     stage = "plain closing" if not plain.ok else "choreography"
     if as_object:
-        best = {"period": eight.period, "y0": [float(x) for x in eight.y0]}
-        best |= {"largest_error": eight.residual if math.isfinite(eight.residual) else None}
-        failure = {"outcome": eight.outcome.name, "stage": stage, "message": eight.message}
-        failure |= {"best_iterate": best, "seconds": clock.seconds()}
-        print(json.dumps(failure))  # noqa: T201
+        about = {"stage": stage, "seconds": clock.seconds()}
+        print(json.dumps(failure(eight) | about))  # noqa: T201
     console.print(f"[red]no orbit[/red] ({stage}): {eight.message}")
-
-
-def _draw(plain: Orbit, eight: Orbit, plot: Path | None, animate: Path | None, console) -> None:
-    if plot:
-        from orbits.plots import orbit_picture
-
-        titles = ["closed plainly", "closed as a choreography"]
-        orbit_picture([plain, eight], plot, titles)
-        console.print(f"drawn in {plot}")
-    if animate:
-        from jaxdyn.animate import animate as make_animation
-
-        make_animation(jaxdyn.simulate(eight.scene, samples=180), animate)
-        console.print(f"animated in {animate}")
 
 
 if __name__ == "__main__":

@@ -21,12 +21,14 @@ from orbits.command_options import (
     NOT_FOUND,
     SaveOption,
     check_files,
+    failure,
+    numbers,
     progress,
 )
 from orbits.continuation import continue_family
 from orbits.family import Member
 from orbits.family_files import Entry, Listing, listing
-from orbits.find_command import failure, searched
+from orbits.find_command import searched
 
 _ASIDE, _LATER = 0.1, 0.3  # a state and a time where a drive or a damper acts, if any does
 
@@ -141,13 +143,10 @@ def _rates(scene: Scene) -> Array:
 def _bounds(option: str, text: str | None) -> tuple[float, float]:
     if text is None:
         return -np.inf, np.inf
-    try:
-        low, high = (float(part) for part in text.split(","))
-    except ValueError:
-        raise fail(option, "two numbers with a comma between", repr(text)) from None
-    if not low < high:
+    bounds = numbers(option, text)
+    if not (len(bounds) == 2 and bounds[0] < bounds[1]):
         raise fail(option, "two bounds, the lower one first", repr(text))
-    return low, high
+    return bounds[0], bounds[1]
 
 
 def _passed(member: Member) -> str:

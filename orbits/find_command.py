@@ -1,14 +1,12 @@
 """The command `orbits find`: a periodic orbit of any scene of the catalogue."""
 
 import json
-import math
 from collections.abc import Callable, Sequence
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
-import jaxdyn
 from jaxdyn import Scene, catalogue
 from jaxdyn._checks import choice, fail
 from jaxdyn.command_options import AnimateOption, JsonOption, PlotOption, SceneArgument, SetOption
@@ -18,6 +16,8 @@ from orbits.command_options import (
     NOT_FOUND,
     SaveOption,
     check_files,
+    draw,
+    failure,
     progress,
 )
 from orbits.conditions import Energy
@@ -33,7 +33,6 @@ from orbits.symmetry import backwards
 from orbits.verify import save
 
 _TRIES = 3  # close returns that are tried
-_FRAMES = 180
 
 
 def find_command(
@@ -70,16 +69,8 @@ def find_command(
     if save_to:
         save(save_to, orbit, claims)
         console.print(f"saved to {save_to}")
-    if plot:
-        from orbits.plots import orbit_picture
-
-        orbit_picture([orbit], plot, [f"{name}, period {orbit.period:.9g}, {claims.verdict}"])
-        console.print(f"drawn in {plot}")
-    if animate:
-        from jaxdyn.animate import animate as make_animation
-
-        make_animation(jaxdyn.simulate(orbit.scene, samples=_FRAMES), animate)
-        console.print(f"animated in {animate}")
+    title = f"{name}, period {orbit.period:.9g}, {claims.verdict}"
+    draw([orbit], [title], plot, animate, console)
     if as_object:  # last: a file that cannot be written leaves no result behind
         print(json.dumps({"scene": name} | as_json(claims)))  # noqa: T201
 
@@ -159,10 +150,3 @@ def _closings(scene: Scene, name: str) -> Sequence[closings.Closing]:
     if name == "reversal":
         return (closings.reversal(backwards(len(scene.y0))),)
     return (closings.PLAIN,)
-
-
-def failure(orbit: Orbit) -> dict:
-    """Why there is no orbit, and the best iterate, as a JSON object."""
-    error = orbit.residual if math.isfinite(orbit.residual) else None
-    best = {"period": orbit.period, "y0": [float(x) for x in orbit.y0], "largest_error": error}
-    return {"outcome": orbit.outcome.name, "message": orbit.message, "best_iterate": best}

@@ -14,7 +14,7 @@ from jaxdyn._checks import fail
 from jaxdyn.command_options import JsonOption, PlotOption
 from jaxdyn.effects import PowerLaw
 from orbits import loops
-from orbits.command_options import NOT_FOUND, check_files
+from orbits.command_options import NOT_FOUND, check_files, draw, numbers
 from orbits.problem import Orbit, SearchError
 
 _EXPONENTS = "-2.9,-2.5,-2,-1.5,-1,0,0.5,1,2,3,5,10,100,1000"
@@ -35,7 +35,7 @@ def loops_command(
     not exist shows what moves there instead, mostly a rosette that fills its ring, and why.
     """
     check_files(plot, None, None)
-    exponents = _numbers(n)
+    exponents = numbers("--n", n)
     if turns is None and count is None:
         _table(exponents, plot, as_object)
         return
@@ -56,9 +56,9 @@ def loops_command(
         raise typer.Exit(NOT_FOUND) from None
     _print(orbit, turns, count, exponents[0], plot, console)
     if as_object:
-        numbers = {"n": exponents[0], "turns": turns, "loops": count, "period": orbit.period}
+        wanted = {"n": exponents[0], "turns": turns, "loops": count, "period": orbit.period}
         start = [float(x) for x in orbit.y0]
-        print(json.dumps({"ok": True, **numbers, "y0": start, "closure": orbit.residual}))  # noqa: T201
+        print(json.dumps({"ok": True, **wanted, "y0": start, "closure": orbit.residual}))  # noqa: T201
 
 
 def _table(exponents: list[float], plot: Path | None, as_object: bool) -> None:
@@ -105,18 +105,7 @@ def _print(
         f"{count} loops in {turns} turns: from r = {x:.12g} across at {speed:.12g}, "
         f"period {orbit.period:.12g}, closed to {orbit.residual:.1e}"
     )
-    if plot:
-        from orbits.plots import orbit_picture
-
-        orbit_picture([orbit], plot, [f"r^{n:g}: {count} loops in {turns} turns"])
-        console.print(f"drawn in {plot}")
-
-
-def _numbers(text: str) -> list[float]:
-    try:
-        return [float(part) for part in text.split(",")]
-    except ValueError:
-        raise fail("--n", "numbers with commas between", repr(text)) from None
+    draw([orbit], [f"r^{n:g}: {count} loops in {turns} turns"], plot, None, console)
 
 
 def _column(values: np.ndarray) -> list:
