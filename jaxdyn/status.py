@@ -7,51 +7,56 @@ limit) is one of these codes on the result, and the numbers it could not get are
 import enum
 
 
-class Status(enum.IntEnum):
+class Code(enum.IntEnum):
+    """How something ended: a whole number and a text.
+
+    Attributes:
+      message: what happened and what to do about it.
+    """
+
+    message: str
+
+    def __new__(cls, code: int, message: str):
+        """The member with this number and text."""
+        member = int.__new__(cls, code)
+        member._value_, member.message = code, message
+        return member
+
+
+class Status(Code):
     """Outcome of an integration; `Status.OK` is zero."""
 
-    OK = 0
-    STEP_LIMIT = 1
-    STEP_COLLAPSED = 2
-    NOT_FINITE = 3
-    SINGULAR = 4
-    STEP_TOO_LONG = 5
-
-    @property
-    def message(self) -> str:
-        """What happened and what to do about it."""
-        return _MESSAGES[self]
-
-
-_MESSAGES = {
-    Status.OK: "The integration reached its end.",
-    Status.STEP_LIMIT: (
+    OK = 0, "The integration reached its end."
+    STEP_LIMIT = (
+        1,
         "The integration stopped at its limit of steps. Raise max_steps, loosen rtol or "
-        "lengthen dt, shorten the span, or pass solver='auto' if the scene is stiff."
-    ),
-    Status.STEP_COLLAPSED: (
+        "lengthen dt, shorten the span, or pass solver='auto' if the scene is stiff.",
+    )
+    STEP_COLLAPSED = (
+        2,
         "The step size fell below the spacing of floating-point times: the motion runs into a "
         "singularity (a collision, a corner of a force) or rtol is below rounding. Stop "
         "earlier, loosen rtol, soften the force, or take regularised.simulate_regularised for "
-        "bodies that nearly collide."
-    ),
-    Status.NOT_FINITE: (
+        "bodies that nearly collide.",
+    )
+    NOT_FINITE = (
+        3,
         "The start, its rate, a time or a tolerance is NaN or infinite. Check the start and "
-        "the parameters: two bodies at one point, a division by zero."
-    ),
-    Status.STEP_TOO_LONG: (
-        "A step of fixed length ended in NaN or infinity, or its equations were not solved: it "
-        "is too long for the motion. Raise the number of steps (a smaller dt), or leave the "
-        "solver out to have steps adapt."
-    ),
-    Status.SINGULAR: (
+        "the parameters: two bodies at one point, a division by zero.",
+    )
+    SINGULAR = (
+        4,
         "The constraints stopped determining the motion: they lose rank in a pose (a linkage at "
         "a dead centre, where it may go on in more than one way), contradict each other, or do not "
-        "hold at the start. "
-        "Stop earlier, change a length, or take out a constraint; `constraints.conditioning` "
-        "shows where."
-    ),
-}
+        "hold at the start. Stop earlier, change a length, or take out a constraint; "
+        "`constraints.conditioning` shows where.",
+    )
+    STEP_TOO_LONG = (
+        5,
+        "A step of fixed length ended in NaN or infinity, or its equations were not solved: it "
+        "is too long for the motion. Raise the number of steps (a smaller dt), or leave the "
+        "solver out to have steps adapt.",
+    )
 
 
 class IntegrationError(RuntimeError):

@@ -1,63 +1,52 @@
 """What was found: an orbit, how well it closes, and how the search for it ended."""
 
-import enum
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
+from jaxdyn.status import Code
 from orbits.closing import Closing
 
 
-class Outcome(enum.IntEnum):
+class Outcome(Code):
     """How a search for an orbit ended."""
 
-    FOUND = 0
-    ITERATION_LIMIT = 1
-    NO_DESCENT = 2
-    COLLISION = 3
-    ESCAPE = 4
-    TRIVIAL = 5
-    BOUND = 6
-    STEP_LIMIT = 7
-
-    @property
-    def message(self) -> str:
-        """What happened and what to try."""
-        return _MESSAGES[self]
-
-
-_MESSAGES = {
-    Outcome.FOUND: "The orbit closes.",
-    Outcome.ITERATION_LIMIT: (
-        "The iteration was still under way at its limit. Raise max_iterations, or start nearer."
-    ),
-    Outcome.NO_DESCENT: (
+    FOUND = 0, "The orbit closes."
+    ITERATION_LIMIT = (
+        1,
+        "The iteration was still under way at its limit. Raise max_iterations, or start nearer.",
+    )
+    NO_DESCENT = (
+        2,
         "No step makes the closing error smaller: there is no orbit near this guess, or it is "
-        "too unstable for single shooting. Start nearer, or use more segments."
-    ),
-    Outcome.COLLISION: (
+        "too unstable for single shooting. Start nearer, or use more segments.",
+    )
+    COLLISION = (
+        3,
         "The motion from the guess runs into a singularity before it can close. Start elsewhere, "
-        "or set bounds that keep the bodies apart."
-    ),
-    Outcome.ESCAPE: (
+        "or set bounds that keep the bodies apart.",
+    )
+    ESCAPE = (
+        4,
         "The iteration ran away to a hundred times the size of the guess, where everything "
-        "closes because nothing moves. Set bounds near the guess."
-    ),
-    Outcome.TRIVIAL: (
+        "closes because nothing moves. Set bounds near the guess.",
+    )
+    TRIVIAL = (
+        5,
         "The iteration fell towards a trivial solution: a period of zero or a state of rest, "
-        "which closes always. Set a lower bound on the period."
-    ),
-    Outcome.BOUND: (
-        "The best point lies on the bounds and does not close. Widen them, or start elsewhere."
-    ),
-    Outcome.STEP_LIMIT: (
+        "which closes always. Set a lower bound on the period.",
+    )
+    BOUND = (
+        6,
+        "The best point lies on the bounds and does not close. Widen them, or start elsewhere.",
+    )
+    STEP_LIMIT = (
+        7,
         "The motion from the guess takes more steps than the integrator may. Look at it with "
-        "simulate(): is the period as long as it should be, and the scene not stiff?"
-    ),
-}
+        "simulate(): is the period as long as it should be, and the scene not stiff?",
+    )
 
 
 class SearchError(RuntimeError):

@@ -4,11 +4,10 @@ Angles are looked at as courses w = log tan(angle / 2), in which flat throws are
 other as steep ones; see `launch`.
 """
 
-import enum
-
 import numpy as np
 
 from jaxdyn import Scene
+from jaxdyn.status import Code
 from orbits.launch import Landings, followed, landings
 from orbits.roots import root
 
@@ -20,37 +19,26 @@ WIDER = 1e-3  # by which a bracket found with it is widened, so that it still ho
 SAME = 1e-7  # angles nearer than this, at a target as far as a throw can go, are one
 
 
-class Aim(enum.IntEnum):
+class Aim(Code):
     """How aiming ended."""
 
-    FOUND = 0
-    OUT_OF_REACH = 1
-    NO_RANGE = 2
-    LOST = 3
-    NO_CONVERGENCE = 4
-
-    @property
-    def message(self) -> str:
-        """What happened and what to do about it."""
-        return _MESSAGES[self]
-
-
-_MESSAGES = {
-    Aim.FOUND: "The aim is found.",
-    Aim.OUT_OF_REACH: "No throw lands there. Throw faster, or take a nearer target.",
-    Aim.NO_RANGE: (
+    FOUND = 0, "The aim is found."
+    OUT_OF_REACH = 1, "No throw lands there. Throw faster, or take a nearer target."
+    NO_RANGE = (
+        2,
         "No launch angle is the best one: throws go forwards the less the flatter they are, or "
-        "do not come down. Is the wind too strong for this speed?"
-    ),
-    Aim.LOST: (
+        "do not come down. Is the wind too strong for this speed?",
+    )
+    LOST = (
+        3,
         "Some throws could not be followed to the ground, and one of them may be better. The "
-        "drag is so strong that the fall is stiff: take a lower speed or less drag."
-    ),
-    Aim.NO_CONVERGENCE: (
+        "drag is so strong that the fall is stiff: take a lower speed or less drag.",
+    )
+    NO_CONVERGENCE = (
+        4,
         "The range is too rough a function of the angle to find its extremes. Is a force of the "
-        "scene discontinuous?"
-    ),
-}
+        "scene discontinuous?",
+    )
 
 
 def best_courses(scene: Scene, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
