@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import as_float
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.crossings import first_crossing, values
 from jaxdyn.flow import Settings, flow
@@ -75,7 +76,7 @@ class Reaches(Event):
     """An entry of the state reaches a level, e.g. ``Reaches(1, 0.0, -1)``: y falls to 0."""
 
     entry: int = eqx.field(static=True)
-    level: Array = eqx.field(converter=jnp.asarray, default=0.0)
+    level: Array = eqx.field(converter=as_float, default=0.0)
     way: int = eqx.field(static=True, default=0)
 
     def value(self, t, y):

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxdyn import _checks
+from jaxdyn._floats import as_float
 from jaxdyn._numerics import safe_sqrt, square_norm
 from jaxdyn.vectors import Vector, cross
 
@@ -30,14 +31,9 @@ _EQUAL = 1e-12
 class Body(eqx.Module):
     """Mass () [kg], centre of mass (3,) [m] and inertia (3, 3) [kg m^2] about that centre."""
 
-    mass: Array
-    centre: Vector
-    inertia: Matrix
-
-    def __init__(self, mass, centre, inertia):
-        self.mass = jnp.asarray(mass, dtype=float)
-        self.centre = jnp.asarray(centre, dtype=float)
-        self.inertia = jnp.asarray(inertia, dtype=float)
+    mass: Array = eqx.field(converter=as_float)
+    centre: Vector = eqx.field(converter=as_float)
+    inertia: Matrix = eqx.field(converter=as_float)
 
     def shifted(self, d) -> "Body":
         """The body moved by d (3,) [m]."""

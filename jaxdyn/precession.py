@@ -22,6 +22,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from jaxdyn._floats import floats
 from jaxdyn._numerics import safe_sqrt
 from jaxdyn.formulations.rigid import pose
 from jaxdyn.rotations import matrix_from_rotation_vector, wxyz_from_matrix
@@ -64,7 +65,7 @@ def precession_roots(theta, spin, *, I1, I3, K, total: bool = False) -> Precessi
       K: () moment of gravity over sin(theta) [N m].
       total: whether the spin is omega_3, not omega_s.
     """
-    theta, spin = jnp.asarray(theta, dtype=float), jnp.asarray(spin, dtype=float)
+    theta, spin = floats(theta, spin)
     cos = jnp.cos(theta)
     a = (I1 if total else I1 - I3) * cos
     rates = _real_roots(a, -I3 * spin, K, linear=jnp.abs(a) <= _NONE * (I1 + I3))

@@ -21,6 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import floats
 from jaxdyn.floquet import RTOL, Chart, chart
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.pendula import shaken_pendulum
@@ -63,7 +64,7 @@ def upright_chart(
     """
     _checks.positive("length", length, "Lengths are in m.")
     _checks.positive("frequencies", frequencies, "In rad/s.")
-    make = Upright(jnp.asarray(length, dtype=float), jnp.asarray(g, dtype=float), uniform)
+    make = Upright(*floats(length, g), uniform)
     return chart(make, amplitudes, frequencies, rtol=rtol)
 
 
@@ -80,7 +81,7 @@ def mathieu_numbers(
       uniform: a uniform stick; False for a point mass at the end of a massless one.
     """
     L = _reduced(length, uniform)
-    amplitude, frequency = (jnp.asarray(x, dtype=float) for x in (amplitude, frequency))
+    amplitude, frequency = floats(amplitude, frequency)
     return -4 * g / (L * frequency**2), 2 * amplitude / L
 
 

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxdyn._floats import as_float, floats
 from jaxdyn.scene import Field, Scene, System
 from jaxdyn.stepping import Watch
 
@@ -30,11 +31,7 @@ class Gap(eqx.Module):
     """
 
     system: System
-    weight: Array
-
-    def __init__(self, system: System, weight=1.0):
-        self.system = system
-        self.weight = jnp.asarray(weight, dtype=float)
+    weight: Array = eqx.field(converter=as_float, default=1.0)
 
     def __call__(self, y: Float[Array, " k"], start: Float[Array, " k"]) -> Array:
         """(m,) entries of the distance from start to y."""
@@ -91,7 +88,7 @@ class CloseReturn(Watch):
     ) -> "CloseReturn":
         """The watch for a scene; all entries of the state count alike if no gap is given."""
         gap = Gap(scene.system) if gap is None else gap
-        later, close, before = (jnp.asarray(x, dtype=float) for x in (later, close, before))
+        later, close, before = floats(later, close, before)
         return cls(scene.field, later, close, gap, before)
 
     def towards(self, direction):

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 from jaxdyn import Scene
 from jaxdyn import energy as energies
 from jaxdyn._checks import fail, finite
+from jaxdyn._floats import as_float
 
 
 class Condition(eqx.Module):
@@ -30,7 +31,7 @@ class Condition(eqx.Module):
 class Energy(Condition):
     """Kinetic plus potential energy is this [J]."""
 
-    level: Array = eqx.field(converter=jnp.asarray)
+    level: Array = eqx.field(converter=as_float)
 
     def value(self, scene, y0, period):
         del period
@@ -43,7 +44,7 @@ class Energy(Condition):
 class Period(Condition):
     """The full period is this [time of the scene]."""
 
-    length: Array = eqx.field(converter=jnp.asarray)
+    length: Array = eqx.field(converter=as_float)
 
     def value(self, scene, y0, period):
         del scene, y0
@@ -58,7 +59,7 @@ class Section(Condition):
     """The orbit starts where an entry of the state has this value: a phase condition."""
 
     entry: int = eqx.field(static=True)
-    level: Array = eqx.field(converter=jnp.asarray, default=0.0)
+    level: Array = eqx.field(converter=as_float, default=0.0)
 
     def value(self, scene, y0, period):
         del scene, period

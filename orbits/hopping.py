@@ -32,6 +32,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail, whole
+from jaxdyn._floats import as_float
 from jaxdyn.events import Event
 from jaxdyn.scenes.cylinders import Cylinder
 from jaxdyn.scenes.rolling import Caught, NormalForce
@@ -84,8 +85,8 @@ class Mirrored(eqx.Module):
       last: () turn at the end [rad].
     """
 
-    first: Array = eqx.field(converter=jnp.asarray)
-    last: Array = eqx.field(converter=jnp.asarray)
+    first: Array = eqx.field(converter=as_float)
+    last: Array = eqx.field(converter=as_float)
 
     def __call__(self, end: Array, start: Array) -> Array:
         """(3,) turn and climbing speed at the start, turn at the end."""
@@ -99,7 +100,7 @@ class Advanced(eqx.Module):
       turn: () in a period [rad].
     """
 
-    turn: Array = eqx.field(converter=jnp.asarray)
+    turn: Array = eqx.field(converter=as_float)
 
     def __call__(self, end: Array, start: Array) -> Array:
         """(5,) height, turn and velocities."""

@@ -14,6 +14,7 @@ ROOT = Path(__file__).parents[1]
 RANKS = {
     "jaxdyn/_checks.py": 0,
     "jaxdyn/_config.py": 0,
+    "jaxdyn/_floats.py": 0,
     "jaxdyn/_numerics.py": 0,
     "jaxdyn/status.py": 0,
     "jaxdyn/command_options.py": 0,

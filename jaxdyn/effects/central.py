@@ -6,12 +6,14 @@ energy, whose derivative it is. The other follows.
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import as_float
 from jaxdyn._numerics import safe_norm
 from jaxdyn.scene import Effect, Points
 
@@ -92,12 +94,8 @@ class PowerLaw(CentralForce):
     constant in the energy is infinite.
     """
 
-    k: Array
-    n: Array
-
-    def __init__(self, k=1.0, n=-2.0):
-        self.k = jnp.asarray(k, dtype=float)
-        self.n = jnp.asarray(n, dtype=float)
+    k: Array = eqx.field(converter=as_float, default=1.0)
+    n: Array = eqx.field(converter=as_float, default=-2.0)
 
     def attraction(self, r):
         return self.k * r**self.n

@@ -1,54 +1,45 @@
 """Resistance to motion: air that drags in proportion to speed or its square, dry friction."""
 
-from typing import ClassVar
-
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from jaxdyn._floats import as_float
 from jaxdyn._numerics import safe_norm, safe_sqrt, square_norm
 from jaxdyn.effects._parts import at_least_zero
 from jaxdyn.scene import Effect, Points
 
 
-class LinearDrag(Effect):
+class _Drag(Effect):
+    """What depends on the velocity through the air, v - wind."""
+
+    c: Array = eqx.field(converter=as_float)
+    wind: Array = eqx.field(converter=as_float, default=0.0)
+
+    def through(self, v: Array) -> Array:
+        """(n, d) velocities through the air [m/s]."""
+        return v - jnp.broadcast_to(self.wind, v.shape)
+
+    def check(self, points):
+        del points
+        at_least_zero("c", self.c, "A negative drag drives the motion.")
+
+
+class LinearDrag(_Drag):
     """Drag -c (v - wind) on each point; c [kg/s], wind (d,) [m/s] or 0."""
 
-    c: Array
-    wind: Array
-    velocity_dependent: ClassVar[bool] = True
-
-    def __init__(self, c, wind=0.0):
-        self.c = jnp.asarray(c, dtype=float)
-        self.wind = jnp.asarray(wind, dtype=float)
-
     def force(self, t, r, v, m):
         del t, r, m
-        return -self.c * (v - jnp.broadcast_to(self.wind, v.shape))
-
-    def check(self, points):
-        del points
-        at_least_zero("c", self.c, "A negative drag drives the motion.")
+        return -self.c * self.through(v)
 
 
-class QuadraticDrag(Effect):
+class QuadraticDrag(_Drag):
     """Drag -c |v - wind| (v - wind) on each point; c [kg/m], wind (d,) [m/s] or 0."""
 
-    c: Array
-    wind: Array
-    velocity_dependent: ClassVar[bool] = True
-
-    def __init__(self, c, wind=0.0):
-        self.c = jnp.asarray(c, dtype=float)
-        self.wind = jnp.asarray(wind, dtype=float)
-
     def force(self, t, r, v, m):
         del t, r, m
-        u = v - jnp.broadcast_to(self.wind, v.shape)
+        u = self.through(v)
         return -self.c * safe_norm(u)[:, None] * u
-
-    def check(self, points):
-        del points
-        at_least_zero("c", self.c, "A negative drag drives the motion.")
 
 
 class DryFriction(Effect):
@@ -65,17 +56,10 @@ class DryFriction(Effect):
     ever sticks.
     """
 
-    mu: Array
-    normal: Array
-    belt: Array
-    creep: Array
-    velocity_dependent: ClassVar[bool] = True
-
-    def __init__(self, mu, normal, belt=0.0, creep=0.0):
-        self.mu = jnp.asarray(mu, dtype=float)
-        self.normal = jnp.asarray(normal, dtype=float)
-        self.belt = jnp.asarray(belt, dtype=float)
-        self.creep = jnp.asarray(creep, dtype=float)
+    mu: Array = eqx.field(converter=as_float)
+    normal: Array = eqx.field(converter=as_float)
+    belt: Array = eqx.field(converter=as_float, default=0.0)
+    creep: Array = eqx.field(converter=as_float, default=0.0)
 
     def force(self, t, r, v, m):
         del t, r

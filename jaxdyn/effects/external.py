@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import as_float
 from jaxdyn.effects._parts import point_number
 from jaxdyn.scene import Effect, Points
 
@@ -19,13 +20,9 @@ from jaxdyn.scene import Effect, Points
 class ConstantForce(Effect):
     """The same force F (d,) [N] on each of the chosen points, all of them if None."""
 
-    F: Array
-    on: tuple[int, ...] | None = eqx.field(static=True)
+    F: Array = eqx.field(converter=as_float)
+    on: tuple[int, ...] | None = eqx.field(static=True, default=None)
     velocity_dependent: ClassVar[bool] = False
-
-    def __init__(self, F, on: tuple[int, ...] | None = None):
-        self.F = jnp.asarray(F, dtype=float)
-        self.on = on
 
     def potential(self, t, r, m):
         del t, m
@@ -42,15 +39,10 @@ class ConstantForce(Effect):
 class StepForce(Effect):
     """Nothing before time t_on [s], the force F (d,) [N] on the chosen points from then on."""
 
-    F: Array
-    t_on: Array
-    on: tuple[int, ...] | None = eqx.field(static=True)
+    F: Array = eqx.field(converter=as_float)
+    t_on: Array = eqx.field(converter=as_float, default=0.0)
+    on: tuple[int, ...] | None = eqx.field(static=True, default=None)
     velocity_dependent: ClassVar[bool] = False
-
-    def __init__(self, F, t_on=0.0, on: tuple[int, ...] | None = None):
-        self.F = jnp.asarray(F, dtype=float)
-        self.t_on = jnp.asarray(t_on, dtype=float)
-        self.on = on
 
     def force(self, t, r, v, m):
         del v, m
@@ -63,17 +55,11 @@ class StepForce(Effect):
 class SinusoidalForce(Effect):
     """F sin(omega t + phase) on the chosen points; F (d,) [N], omega [rad/s], phase [rad]."""
 
-    F: Array
-    omega: Array
-    phase: Array
-    on: tuple[int, ...] | None = eqx.field(static=True)
+    F: Array = eqx.field(converter=as_float)
+    omega: Array = eqx.field(converter=as_float)
+    phase: Array = eqx.field(converter=as_float, default=0.0)
+    on: tuple[int, ...] | None = eqx.field(static=True, default=None)
     velocity_dependent: ClassVar[bool] = False
-
-    def __init__(self, F, omega, phase=0.0, on: tuple[int, ...] | None = None):
-        self.F = jnp.asarray(F, dtype=float)
-        self.omega = jnp.asarray(omega, dtype=float)
-        self.phase = jnp.asarray(phase, dtype=float)
-        self.on = on
 
     def force(self, t, r, v, m):
         del v, m

@@ -2,11 +2,13 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import as_float
 from jaxdyn._numerics import square_norm
 from jaxdyn.scene import Effect, Points
 
@@ -18,11 +20,8 @@ _PAIRS_UNROLLED_BELOW = 9
 class UniformGravity(Effect):
     """The same acceleration g [m/s^2] for every mass, along the negative last axis."""
 
-    g: Array
+    g: Array = eqx.field(converter=as_float, default=9.81)
     velocity_dependent: ClassVar[bool] = False
-
-    def __init__(self, g=9.81):
-        self.g = jnp.asarray(g, dtype=float)
 
     def potential(self, t, r, m):
         del t
@@ -37,11 +36,8 @@ class UniformGravity(Effect):
 class PairGravity(Effect):
     """Newtonian attraction G m_i m_j / r_ij^2 between all points; G [m^3/(kg s^2)]."""
 
-    G: Array
+    G: Array = eqx.field(converter=as_float, default=1.0)
     velocity_dependent: ClassVar[bool] = False
-
-    def __init__(self, G=1.0):
-        self.G = jnp.asarray(G, dtype=float)
 
     @property
     def without_units(self):

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import as_float, floats
 from jaxdyn._numerics import safe_norm, square_norm
 from jaxdyn.effects._parts import at_least_zero, end_of, on_ends, point_number
 from jaxdyn.scene import Effect, Points
@@ -24,18 +25,12 @@ class Spring(Effect):
     (d,) [m], 0 for the origin, where j is None.
     """
 
-    k: Array
-    length: Array
-    anchor: Array
-    i: int = eqx.field(static=True)
-    j: int | None = eqx.field(static=True)
+    k: Array = eqx.field(converter=as_float)
+    length: Array = eqx.field(converter=as_float, default=0.0)
+    anchor: Array = eqx.field(converter=as_float, default=0.0, kw_only=True)
+    i: int = eqx.field(static=True, default=0, kw_only=True)
+    j: int | None = eqx.field(static=True, default=None, kw_only=True)
     velocity_dependent: ClassVar[bool] = False
-
-    def __init__(self, k, length=0.0, *, i: int = 0, j: int | None = None, anchor=0.0):
-        self.k = jnp.asarray(k, dtype=float)
-        self.length = jnp.asarray(length, dtype=float)
-        self.anchor = jnp.asarray(anchor, dtype=float)
-        self.i, self.j = i, j
 
     def potential(self, t, r, m):
         del t, m
@@ -59,16 +54,10 @@ class Dashpot(Effect):
     where j is None.
     """
 
-    c: Array
-    anchor: Array
-    i: int = eqx.field(static=True)
-    j: int | None = eqx.field(static=True)
-    velocity_dependent: ClassVar[bool] = True
-
-    def __init__(self, c, *, i: int = 0, j: int | None = None, anchor=0.0):
-        self.c = jnp.asarray(c, dtype=float)
-        self.anchor = jnp.asarray(anchor, dtype=float)
-        self.i, self.j = i, j
+    c: Array = eqx.field(converter=as_float)
+    anchor: Array = eqx.field(converter=as_float, default=0.0, kw_only=True)
+    i: int = eqx.field(static=True, default=0, kw_only=True)
+    j: int | None = eqx.field(static=True, default=None, kw_only=True)
 
     def force(self, t, r, v, m):
         del t, m
@@ -97,8 +86,7 @@ class SpringNetwork(Effect):
     def __init__(self, links: Sequence[tuple[int, int]], k, length=0.0):
         self.first = tuple(i for i, _ in links)
         self.second = tuple(j for _, j in links)
-        self.k = jnp.asarray(k, dtype=float)
-        self.length = jnp.asarray(length, dtype=float)
+        self.k, self.length = floats(k, length)
 
     def _springs(self, r: Array) -> tuple[Array, Array, Array]:
         e = len(self.first)

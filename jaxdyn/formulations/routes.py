@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import floats
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.lagrange import Lagrange
 from jaxdyn.formulations.mechanism import Mechanism
@@ -57,7 +58,7 @@ def route(
       ValueError: a formulation that this machine does not have.
     """
     _checks.choice("formulation", formulation, [*_FREE, *embeddings])
-    q, v = jnp.asarray(q, dtype=float), jnp.asarray(v, dtype=float)
+    q, v = floats(q, v)
     if formulation in _FREE:
         return _FREE[formulation](free), jnp.concatenate([q, v])
     mechanism, place = embeddings[formulation]
@@ -69,8 +70,3 @@ def route(
 def _placed(place: Callable, t: Array, q: Array, v: Array) -> Array:
     """(k,) the coordinates of an embedding and their rates; compiled as one program, not fifty."""
     return jnp.concatenate(jax.jvp(place, (t, q), (jnp.ones_like(t), v)))
-
-
-def floats(*numbers) -> tuple[Array, ...]:
-    """The numbers of a scene as float arrays."""
-    return tuple(jnp.asarray(x, dtype=float) for x in numbers)

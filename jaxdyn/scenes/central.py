@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import floats
 from jaxdyn.effects import CentralForce, PowerLaw
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.particles import particle
@@ -79,7 +80,7 @@ def apsidal_angle(law: CentralForce, r_min, r_max) -> Array:
       >>> print(round(float(apsidal_angle(PowerLaw(1.0, -2.0), 0.5, 1.0)), 12))
       3.14159265359
     """
-    r_min, r_max = jnp.asarray(r_min, dtype=float), jnp.asarray(r_max, dtype=float)
+    r_min, r_max = floats(r_min, r_max)
     if not _checks.is_traced((r_min, r_max)) and not bool((0 < r_min) & (r_min < r_max)):
         raise _checks.fail("r_max", f"above r_min = {r_min} > 0", r_max, "They are distances.")
     low, high = 1 / r_max, 1 / r_min

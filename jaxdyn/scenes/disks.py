@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.euler import matrix_from_euler, omega_b_from_euler
 from jaxdyn.formulations.constrained import Constrained
@@ -43,7 +44,7 @@ class Disk(Mechanism):
     rough: bool = eqx.field(static=True)
 
     def __init__(self, m, radius, I1, *, rough: bool = True):
-        self.m, self.radius, self.I1 = (jnp.asarray(x, dtype=float) for x in (m, radius, I1))
+        self.m, self.radius, self.I1 = floats(m, radius, I1)
         self.rough = rough
 
     def coordinates(self):
@@ -127,9 +128,7 @@ def rolling_disk(
     """
     I1 = m * radius**2 / 4 if I1 is None else I1
     disk = Disk(m, radius, I1, rough=rough)
-    theta, precession, lean_rate, spin, radius = (
-        jnp.asarray(x, dtype=float) for x in (theta, precession, lean_rate, spin, radius)
-    )
+    theta, precession, lean_rate, spin, radius = floats(theta, precession, lean_rate, spin, radius)
     zero = jnp.zeros(())
     angles, rates = [zero, theta, zero], [precession, lean_rate, spin]
     # Rolling along x at phi = 0; `Disk.rolling` and `Disk.tied` say so.

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import floats
 from jaxdyn._numerics import square_norm
 from jaxdyn.euler import SEQUENCES, matrix_from_euler
 from jaxdyn.formulations.prescribed import Path, Prescribed
@@ -119,7 +120,7 @@ def moved_shape(*, reach=(3.0, 1.5), frequency=1.0, spin=1.0, t1=2 * math.pi) ->
       t1: span [s].
     """
     numbers = _checks.array("reach", reach, (2,), "Across and up, in m."), frequency, spin
-    return _followed(MovedShape(*(jnp.asarray(x, dtype=float) for x in (HOUSE, *numbers))), t1)
+    return _followed(MovedShape(*floats(HOUSE, *numbers)), t1)
 
 
 def turned_box(

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.guided import Cycloid, Parabola, Plate, TiedParabola, Turntable
 from jaxdyn.formulations.routes import Embedding, route
@@ -41,7 +42,7 @@ def bead_on_parabola(
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
-    m, c = jnp.asarray(m, dtype=float), jnp.asarray(c, dtype=float)
+    m, c = floats(m, c)
     free = Parabola(m, c)
     embeddings = {"constrained": Embedding(TiedParabola(m, c), free.place)}
     system, y0 = route(formulation, free, [x], [speed], embeddings, drift)
@@ -66,7 +67,7 @@ def bead_on_cycloid(
       formulation: "newton_euler" or "lagrange".
       t1: span [s].
     """
-    free = Cycloid(jnp.asarray(m, dtype=float), jnp.asarray(c, dtype=float))
+    free = Cycloid(*floats(m, c))
     if not _checks.is_traced((c, s)) and c > 0 and not abs(2 * c * s) < 1:
         end = f"{1 / (2 * c):.6g}"
         raise _checks.fail("s", f"less than {end} m from the bottom, where the curve ends", s)
@@ -101,8 +102,9 @@ def turntable(
       formulation: "newton_euler" or "lagrange".
       t1: span [s].
     """
-    numbers = (jnp.asarray(x, dtype=float) for x in (m, m_table, inertia, d))
-    system, y0 = route(formulation, Turntable(*numbers), [0.0, 0.0], [rate, speed], {})
+    system, y0 = route(
+        formulation, Turntable(*floats(m, m_table, inertia, d)), [0.0, 0.0], [rate, speed], {}
+    )
     return Scene(system, (), y0=y0, t1=t1)
 
 
@@ -150,7 +152,7 @@ def plate(*, m=1.0, weld=2.0, centre=2.0, radius=1.0, t1=math.pi) -> Scene:
       radius: of the circles [m].
       t1: span [s].
     """
-    mechanism = Plate(*(jnp.asarray(x, dtype=float) for x in (m, weld, centre, radius)))
+    mechanism = Plate(*floats(m, weld, centre, radius))
     system, y0 = route("newton_euler", mechanism, [0.0], [0.0], {})
     return Scene(system, (), y0=y0, t1=t1)
 

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import floats
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Scene
@@ -49,8 +50,8 @@ def two_body(*, m1=1.0, m2=2.0, d=1.0, G=1.0, t1=None) -> Scene:
     zero = jnp.zeros(())
     x = (-m2 / total * d, zero, m1 / total * d, zero)
     v = (zero, -m2 / total * speed, zero, m1 / total * speed)
-    y0 = jnp.stack([jnp.asarray(number, dtype=float) for number in (*x, *v)])
-    masses = jnp.stack([jnp.asarray(m, dtype=float) for m in (m1, m2)])
+    y0 = jnp.stack(floats(*x, *v))
+    masses = jnp.stack(floats(m1, m2))
     t1 = period if t1 is None else jnp.asarray(t1)
     return Scene(FreePoints(masses), (PairGravity(G),), y0=y0, t1=t1)
 

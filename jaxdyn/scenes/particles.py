@@ -5,10 +5,12 @@ Also the Lorenz system of problem 3, which has no particle at all.
 
 import math
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import as_float, floats
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Effect, Points, Scene, System
@@ -63,10 +65,7 @@ class PolarParticle(System):
     origin itself has no omega there (NaN), one that passes near it has a short fast turn.
     """
 
-    m: Array
-
-    def __init__(self, m=1.0):
-        self.m = jnp.asarray(m, dtype=float)
+    m: Array = eqx.field(converter=as_float, default=1.0)
 
     @property
     def obeys(self):
@@ -117,7 +116,7 @@ def polar_particle(
       m: mass [kg].
       t1: span [s].
     """
-    y0 = polar_state(jnp.asarray(position, dtype=float), jnp.asarray(velocity, dtype=float))
+    y0 = polar_state(*floats(position, velocity))
     return Scene(PolarParticle(m), effects, y0=y0, t1=t1)
 
 
@@ -157,14 +156,9 @@ class Lorenz(System):
     x' = sigma (y - x),  y' = x (rho - z) - y,  z' = x y - beta z
     """
 
-    sigma: Array
-    rho: Array
-    beta: Array
-
-    def __init__(self, sigma=10.0, rho=28.0, beta=8 / 3):
-        self.sigma = jnp.asarray(sigma, dtype=float)
-        self.rho = jnp.asarray(rho, dtype=float)
-        self.beta = jnp.asarray(beta, dtype=float)
+    sigma: Array = eqx.field(converter=as_float, default=10.0)
+    rho: Array = eqx.field(converter=as_float, default=28.0)
+    beta: Array = eqx.field(converter=as_float, default=8 / 3)
 
     def labels(self):
         return ("x", "1"), ("y", "1"), ("z", "1")

@@ -10,9 +10,10 @@ import math
 import jax.numpy as jnp
 
 from jaxdyn import _checks
+from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.bars import Bodies, Chain
-from jaxdyn.formulations.routes import Embedding, floats, route
+from jaxdyn.formulations.routes import Embedding, route
 from jaxdyn.formulations.sticks import Cart, Stick, TiedCart, TiedStick
 from jaxdyn.scene import Scene
 
@@ -41,7 +42,7 @@ def pendulum(
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
-    m, length = jnp.asarray(m, dtype=float), jnp.asarray(length, dtype=float)
+    m, length = floats(m, length)
     free = Stick(m, length)
     embeddings = {"constrained": Embedding(TiedStick(m, length), free.end)}
     system, y0 = route(formulation, free, [angle], [rate], embeddings, drift)

@@ -25,6 +25,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.events import Event, Stop, until
 from jaxdyn.phases import Exit, Phase
@@ -157,7 +158,7 @@ def cylinder_on_cylinder(*, m=1.0, r=0.5, fixed=1.0, mu=0.4, g=9.81, theta=0.1, 
       theta: angle from the top at the start [rad].
       t1: span [s].
     """
-    numbers = (jnp.asarray(x, dtype=float) for x in (m, m * r * r / 2, r, 0.0, fixed, 0.0, mu))
+    numbers = floats(m, m * r * r / 2, r, 0.0, fixed, 0.0, mu)
     far = r + fixed
     y0 = (far * math.sin(theta), far * math.cos(theta), 0.0, 0.0, 0.0, 0.0)
     return Scene(Cylinder(*numbers, "roll", flat=False), (UniformGravity(g),), y0=y0, t1=t1)
@@ -181,7 +182,7 @@ def cylinder_on_ramp(
       spin: angular velocity at the start [rad/s].
       t1: span [s].
     """
-    numbers = (jnp.asarray(x, dtype=float) for x in (m, inertia, r, d, 1.0, slope, mu))
+    numbers = floats(m, inertia, r, d, 1.0, slope, mu)
     phi = slope + turn
     x, y = r * math.sin(slope) + d * math.sin(phi), r * math.cos(slope) + d * math.cos(phi)
     vx = spin * (r * math.cos(slope) + d * math.cos(phi))

@@ -6,9 +6,10 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.events import Event, Stop, until
-from jaxdyn.formulations.routes import floats, route
+from jaxdyn.formulations.routes import route
 from jaxdyn.formulations.sticks import Sideways
 from jaxdyn.scene import Scene
 from jaxdyn.simulate import RTOL

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import floats
 from jaxdyn._numerics import solve_spd
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.mechanism import Mechanism, MechanismSystem, planar_body
@@ -210,6 +211,6 @@ def elementary_motion(scene: Scene, ts: Array) -> Array:
 
 
 def _on_skates(m, inertia, at, headings, v: Array, t1) -> Scene:
-    m, inertia, at, headings = (jnp.asarray(x, dtype=float) for x in (m, inertia, at, headings))
+    m, inertia, at, headings = floats(m, inertia, at, headings)
     system = Constrained(Skated(m, inertia, at, headings))
     return Scene(system, y0=jnp.concatenate([jnp.zeros(3), v]), t1=t1)

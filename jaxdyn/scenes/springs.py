@@ -5,6 +5,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import floats
 from jaxdyn.effects import (
     Dashpot,
     LinearDrag,
@@ -203,8 +204,8 @@ def two_masses(*, m1=1.0, m2=2.0, k=100.0, length=1.0, force=1.0, t1=5.0) -> Sce
       t1: span [s].
     """
     effects = (Spring(k, length, i=0, j=1), *unless_zero(force, StepForce([force], on=(1,))))
-    y0 = jnp.stack([jnp.asarray(x, dtype=float) for x in (0.0, length, 0.0, 0.0)])
-    return Scene(FreePoints(jnp.stack([*map(jnp.asarray, (m1, m2))]), 1), effects, y0=y0, t1=t1)
+    y0 = jnp.stack(floats(0.0, length, 0.0, 0.0))
+    return Scene(FreePoints(jnp.stack(floats(m1, m2)), 1), effects, y0=y0, t1=t1)
 
 
 def two_masses_exact(t, *, m1=1.0, m2=2.0, k=100.0, length=1.0, force=1.0) -> Array:

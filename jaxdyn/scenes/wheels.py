@@ -28,6 +28,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import floats
 from jaxdyn._numerics import safe_norm, square_norm
 from jaxdyn.effects import unless_zero
 from jaxdyn.events import Event
@@ -128,12 +129,12 @@ def car(
     rear = -_checks.positive("to_rear", to_rear, between)
     _checks.choice("locked", locked, AXLES)
     slides, rolls = (front, rear) if locked == "front" else (rear, front)
-    m, inertia = jnp.asarray(m, dtype=float), jnp.asarray(inertia, dtype=float)
+    m, inertia = floats(m, inertia)
     body = Skated(m, inertia, jnp.stack([rolls, 0 * rolls])[None], jnp.zeros(1))
     # Balance of moments about the other axle.
     load = m * g * jnp.abs(rolls) / (front - rear)
     friction = LockedAxle(jnp.asarray(mu, dtype=float), load, slides)
-    v = jnp.stack([jnp.asarray(speed, dtype=float), -rolls * spin, jnp.asarray(spin, dtype=float)])
+    v = jnp.stack(floats(speed, -rolls * spin, spin))
     y0 = jnp.concatenate([jnp.zeros(3), v])
     return Scene(Constrained(body), unless_zero(mu, friction), y0=y0, t1=t1)
 
