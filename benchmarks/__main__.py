@@ -12,7 +12,6 @@ import os
 import platform
 from collections.abc import Sequence
 from datetime import date
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -35,42 +34,31 @@ from benchmarks import (
 )
 from benchmarks._timing import Curves, Row
 from benchmarks.picture import STORED
-from jaxdyn._checks import fail
+from jaxdyn._checks import choice, fail
 
 MISUSE = 2  # exit code: the input makes no sense
 #: A time that grew by more than this factor is reported.
 _SLOWER = 1.3
 
 
-class Name(StrEnum):
-    """The benchmarks."""
-
-    FIGURE_EIGHT = "figure-eight"
-    SYSTEMS = "systems"
-    MONODROMY = "monodromy"
-    GRADIENT = "gradient"
-    CALLS = "calls"
-    COMPILE_TIME = "compile-time"
-    EFFECTS_COST = "effects-cost"
-    ENSEMBLES = "ensembles"
-    COMMAND = "command"
-
-
-_RUN = {
-    Name.FIGURE_EIGHT: figure_eight.run,
-    Name.SYSTEMS: systems.run,
-    Name.MONODROMY: monodromy.run,
-    Name.GRADIENT: gradient.run,
-    Name.CALLS: calls.run,
-    Name.COMPILE_TIME: compile_time.run,
-    Name.EFFECTS_COST: effects_cost.run,
-    Name.ENSEMBLES: ensembles.run,
-    Name.COMMAND: command.run,
+#: The benchmarks by name.
+RUNS = {
+    "figure-eight": figure_eight.run,
+    "systems": systems.run,
+    "monodromy": monodromy.run,
+    "gradient": gradient.run,
+    "calls": calls.run,
+    "compile-time": compile_time.run,
+    "effects-cost": effects_cost.run,
+    "ensembles": ensembles.run,
+    "command": command.run,
 }
 
 
 def main(
-    names: Annotated[list[Name] | None, typer.Argument(help="Which; all if left out.")] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(help=f"Of {', '.join(RUNS)}; all if left out.")
+    ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Few rounds, for a rough look.")] = False,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the numbers.")] = None,
     kind: Annotated[str, typer.Option("--device", help="cpu, or gpu for ensembles.")] = "cpu",
@@ -82,7 +70,7 @@ def main(
     # No compile cache: the time of a first run is one of the questions.
     jaxdyn.configure(cache=False)
     try:
-        found = measure(names or list(Name), kind, peak, quick)
+        found = measure(names or list(RUNS), kind, peak, quick)
     except ValueError as misuse:
         typer.echo(misuse, err=True)
         raise typer.Exit(MISUSE) from None
@@ -103,11 +91,13 @@ def main(
         json_file.write_text(json.dumps(merged(before, result), indent=1) + "\n")
 
 
-def measure(names: list[Name], kind: str, peak: float, quick: bool) -> list[Row | Curves]:
+def measure(names: list[str], kind: str, peak: float, quick: bool) -> list[Row | Curves]:
     """What the benchmarks of these names find on a kind of device."""
+    for name in names:
+        choice("name", name, RUNS)
     if kind == "cpu":
-        return [each for name in names for each in _RUN[name](quick)]
-    if names != [Name.ENSEMBLES]:
+        return [each for name in names for each in RUNS[name](quick)]
+    if names != ["ensembles"]:
         raise fail("--device", "cpu for all but ensembles", kind, "Name ensembles alone.")
     return list(device.run(kind, peak, quick))
 

@@ -199,7 +199,7 @@ def test_without_a_gpu_it_says_so():
     with pytest.raises(ValueError, match="--peak: expected above 0"):
         device.run("cpu", 0.0)
     with pytest.raises(ValueError, match="expected cpu for all but ensembles, got gpu"):
-        command_line.measure([command_line.Name.CALLS], "gpu", 34.0, quick=True)
+        command_line.measure(["calls"], "gpu", 34.0, quick=True)
 
 
 def test_misuse_is_exit_code_2():
@@ -208,6 +208,9 @@ def test_misuse_is_exit_code_2():
     result = CliRunner().invoke(app, ["ensembles", "--device", "nothing"])
     assert result.exit_code == command_line.MISUSE
     assert "expected a kind of device" in result.output
+    result = CliRunner().invoke(app, ["ensemble"])
+    assert result.exit_code == command_line.MISUSE
+    assert "Did you mean 'ensembles'?" in result.output
 
 
 def test_a_missed_bar_is_said():
@@ -218,7 +221,7 @@ def test_a_missed_bar_is_said():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [n for n in command_line.Name if n != "systems"])
+@pytest.mark.parametrize("name", [n for n in command_line.RUNS if n != "systems"])
 def test_every_benchmark_runs(name):
     found = command_line.measure([name], "cpu", 34.0, quick=True)
     assert all(

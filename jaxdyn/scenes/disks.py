@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import floats
+from jaxdyn._floats import as_float, floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.euler import matrix_from_euler, omega_b_from_euler
 from jaxdyn.formulations.constrained import Constrained
@@ -38,14 +38,10 @@ class Disk(Mechanism):
       rough: whether it rolls without slip; else there is no friction.
     """
 
-    m: Array
-    radius: Array
-    I1: Array
-    rough: bool = eqx.field(static=True)
-
-    def __init__(self, m, radius, I1, *, rough: bool = True):
-        self.m, self.radius, self.I1 = floats(m, radius, I1)
-        self.rough = rough
+    m: Array = eqx.field(converter=as_float)
+    radius: Array = eqx.field(converter=as_float)
+    I1: Array = eqx.field(converter=as_float)
+    rough: bool = eqx.field(static=True, default=True, kw_only=True)
 
     def coordinates(self):
         lengths = (("x", "m"), ("y", "m"), ("z", "m"))
