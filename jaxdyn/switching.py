@@ -19,9 +19,9 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.events import Event, Reaches
+from jaxdyn.formulations.euler_body import EulerBody
 from jaxdyn.formulations.mechanism import MechanismSystem
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.formulations.rigid import EulerBody
 from jaxdyn.formulations.sticks import Sideways
 from jaxdyn.phases import MAX_PHASES, Chain, Exit, Phase, run
 from jaxdyn.scene import Scene, System, checked

@@ -69,6 +69,7 @@ RANKS = {
     "jaxdyn/formulations/newton_euler.py": 6,
     "jaxdyn/formulations/attitude.py": 5,
     "jaxdyn/formulations/rigid.py": 6,
+    "jaxdyn/formulations/euler_body.py": 7,
     "jaxdyn/formulations/rods.py": 6,
     "jaxdyn/formulations/sticks.py": 6,
     "jaxdyn/constraints.py": 7,

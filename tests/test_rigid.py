@@ -11,10 +11,10 @@ from jaxdyn import Effect, Scene, energy, simulate
 from jaxdyn.effects import LinearDrag, UniformGravity
 from jaxdyn.euler import matrix_from_euler
 from jaxdyn.formulations.attitude import Quaternion, RotationMatrix
+from jaxdyn.formulations.euler_body import EulerBody
 from jaxdyn.formulations.lagrange import Lagrange
 from jaxdyn.formulations.newton_euler import NewtonEuler
 from jaxdyn.formulations.rigid import (
-    EulerBody,
     Pose,
     RigidBody,
     inertia_matrix,

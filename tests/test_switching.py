@@ -10,6 +10,7 @@ from jaxdyn import Scene, phases, scenes, simulate
 from jaxdyn.effects import Spring
 from jaxdyn.euler import SEQUENCES, euler_from_matrix, matrix_from_euler, omega_w_from_euler
 from jaxdyn.formulations import rigid
+from jaxdyn.formulations.euler_body import EulerBody
 from jaxdyn.scenes.particles import particle
 from jaxdyn.switching import complement, coordinate_phases, simulate_switching
 
@@ -67,7 +68,7 @@ def test_a_particle_on_a_spring_passes_the_origin_by_polar_coordinates(off):
 def test_a_body_tumbles_through_the_locks_of_its_angles(sequence):
     turning = (0.3, 1.0, 0.2)
     scene = scenes.free_body(turning, representation="euler", sequence="YXZ")
-    body = rigid.EulerBody(scene.system.mechanism.matter, sequence)
+    body = EulerBody(scene.system.mechanism.matter, sequence)
     start = rigid.resting(matrix_from_euler(jnp.array([0.1, 0.8, 0.2]), sequence), turning)
     chain = simulate_switching(
         Scene(type(scene.system)(body), y0=body.state(start)), 20.0, rtol=RTOL

@@ -8,15 +8,13 @@ forces f_i give
 
 with s_i and the constant I in the body's axes. A body with a fixed pivot obeys the second
 equation alone, with s_i and I about the pivot. How it has turned, R_wb, is kept as a unit
-quaternion or as the matrix itself (`RigidBody`), or by Euler angles (`EulerBody`, a mechanism
-for `NewtonEuler` or `Lagrange`: no Euler equations in it, and a second route to the same motion).
-Euler angles have a pose where they lock; quaternions and matrices have none.
+quaternion or as the matrix itself, which lock in no pose; `EulerBody` has it by Euler angles.
 
 `pose` gives position, R_wb and angular velocity of any of them in both frames. The angular
 momentum in space is `energy.angular_momentum`.
 """
 
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -24,10 +22,8 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import solve_spd
-from jaxdyn.euler import SEQUENCES, euler_from_matrix, euler_rates_from_body, matrix_from_euler
-from jaxdyn.euler import omega_b_from_euler as omega_b_from_rates
 from jaxdyn.formulations.attitude import Attitude, Quaternion
-from jaxdyn.formulations.mechanism import Mechanism, MechanismSystem
+from jaxdyn.formulations.mechanism import MechanismSystem
 from jaxdyn.inertia import MaterialPoints
 from jaxdyn.scene import Effect, Points, Scene, System
 from jaxdyn.vectors import cross
@@ -35,7 +31,7 @@ from jaxdyn.vectors import cross
 #: How far a start's attitude may be from a unit quaternion or a rotation matrix.
 CONSISTENT = 1e-9
 
-_METRES = (("x", "m"), ("y", "m"), ("z", "m"))
+METRES = (("x", "m"), ("y", "m"), ("z", "m"))
 _SPEEDS = (("vx", "m/s"), ("vy", "m/s"), ("vz", "m/s"))
 _SPINS = tuple((f"omega{i}", "rad/s") for i in (1, 2, 3))
 
@@ -103,7 +99,7 @@ class RigidBody(System):
     def __init__(
         self, matter: MaterialPoints, attitude=None, *, pivoted: bool = False, edges: tuple = ()
     ):
-        self.matter = matter if pivoted else _about_centre(matter)
+        self.matter = matter if pivoted else about_centre(matter)
         self.attitude = Quaternion() if attitude is None else attitude
         self.pivoted = pivoted
         self.edges = edges
@@ -116,13 +112,13 @@ class RigidBody(System):
         turning = self.attitude.labels()
         if self.pivoted:
             return (*turning, *_SPINS)
-        return (*_METRES, *turning, *_SPEEDS, *_SPINS)
+        return (*METRES, *turning, *_SPEEDS, *_SPINS)
 
     def rate(self, t, y, effects):
         _, a, v, omega = self._parts(y)
         force, torque = self._loads(t, y, effects)
         inertia = inertia_matrix(self.matter)
-        torque = torque - cross(omega, _turned(inertia, omega))
+        torque = torque - cross(omega, turned(inertia, omega))
         turning = self.attitude.rate(a, omega), solve_spd(inertia, torque)
         if self.pivoted:
             return jnp.concatenate(turning)
@@ -132,7 +128,7 @@ class RigidBody(System):
         del t
         r, R, v, omega = self.pose(y)
         s, m = self.matter
-        return Points(r[None] + _turned(R, s), v[None] + _turned(R, _crossed(omega[None], s)), m)
+        return Points(r[None] + turned(R, s), v[None] + turned(R, _crossed(omega[None], s)), m)
 
     def coordinates(self, y):
         n = len(y) - (3 if self.pivoted else 6)
@@ -177,7 +173,7 @@ class RigidBody(System):
 
     def check(self, t, y):
         del t
-        _check_matter(self.matter)
+        check_matter(self.matter)
         if _checks.is_traced((self, y)):
             return
         a = self._parts(y)[1]
@@ -199,7 +195,7 @@ class RigidBody(System):
             R = self.attitude.matrix(a)
             r, velocity, m = self.points(t, y)
             forces = sum((e.force(t, r, velocity, m) for e in effects), jnp.zeros_like(r))
-            moments = _crossed(self.matter.r, _turned(R.T, forces))
+            moments = _crossed(self.matter.r, turned(R.T, forces))
             total = jnp.stack([jnp.sum(forces, axis=0), jnp.sum(moments, axis=0)])
             direct = (e.generalized(t, *self.coordinates(y)) for e in effects)
             for f in direct:
@@ -216,86 +212,6 @@ class RigidBody(System):
         return jnp.concatenate([a, omega] if self.pivoted else [r, a, v, omega])
 
 
-class EulerBody(Mechanism):
-    """A rigid body by Euler angles: q = [r, angles], or the angles alone about a pivot.
-
-    Attributes:
-      matter: its points in its own axes, from the pivot if it has one.
-      sequence: one of `euler.SEQUENCES`, e.g. "ZXZ"; choose one that does not lock on the way.
-      pivoted: whether the origin of its axes is fixed at the world's origin.
-      edges: what a drawing of it joins; see `System.links`.
-    """
-
-    matter: MaterialPoints
-    sequence: str = eqx.field(static=True)
-    pivoted: bool = eqx.field(static=True)
-    edges: tuple = eqx.field(static=True)
-    massless: ClassVar[bool] = True
-
-    def __init__(
-        self,
-        matter: MaterialPoints,
-        sequence: str = "ZXZ",
-        *,
-        pivoted: bool = False,
-        edges: tuple = (),
-    ):
-        self.matter = matter if pivoted else _about_centre(matter)
-        self.sequence = sequence
-        self.pivoted = pivoted
-        self.edges = edges
-
-    def coordinates(self):
-        angles = (("phi", "rad"), ("theta", "rad"), ("psi", "rad"))
-        return angles if self.pivoted else (*_METRES, *angles)
-
-    def masses(self):
-        return self.matter.m
-
-    def positions(self, t, q):
-        del t
-        r, angles = self._parts(q)
-        return r[None] + _turned(matrix_from_euler(angles, self.sequence), self.matter.r)
-
-    def links(self):
-        return self.edges
-
-    def pose(self, q: Array, v: Array) -> Pose:
-        """Position, attitude and angular velocity at coordinates and velocities (n,)."""
-        r, angles = self._parts(q)
-        velocity, rates = self._parts(v)
-        omega_b = _turned(omega_b_from_rates(angles, self.sequence), rates)
-        return Pose(r, matrix_from_euler(angles, self.sequence), velocity, omega_b)
-
-    def state(self, pose: Pose) -> Array:
-        """(2 n,) coordinates and velocities in a given pose.
-
-        Raises:
-          ValueError: a pose where the angles lock; where it is traced, the rates are NaN.
-        """
-        angles = euler_from_matrix(pose.R_wb, self.sequence).angles
-        rates = euler_rates_from_body(angles, pose.omega_b, self.sequence).rates
-        locked = not _checks.is_traced((rates, pose)) and bool(jnp.isnan(rates).any())
-        if locked and bool(jnp.isfinite(pose.omega_b).all()):
-            raise _checks.fail(
-                "sequence",
-                "Euler angles that do not lock in the pose at the start",
-                repr(self.sequence),
-                "Take another sequence (the second angle of XYZ locks at pi/2, that of ZXZ at 0), "
-                "or a quaternion.",
-            )
-        if self.pivoted:
-            return jnp.concatenate([angles, rates])
-        return jnp.concatenate([pose.r, angles, pose.v, rates])
-
-    def check(self):
-        _checks.choice("sequence", self.sequence, SEQUENCES)
-        _check_matter(self.matter)
-
-    def _parts(self, q: Array) -> tuple[Array, Array]:
-        return (jnp.zeros(3), q) if self.pivoted else (q[:3], q[3:])
-
-
 def inertia_matrix(matter: MaterialPoints) -> Array:
     """Inertia (3, 3) of points about the origin of their axes [kg m^2]."""
     r, m = matter
@@ -304,7 +220,8 @@ def inertia_matrix(matter: MaterialPoints) -> Array:
     return trace * jnp.eye(3) - products
 
 
-def _check_matter(matter: MaterialPoints) -> None:
+def check_matter(matter: MaterialPoints) -> None:
+    """Refuse points that are no rigid body: without mass, or all on one line."""
     # A single point may have no mass, or a negative one: a hole.
     _checks.positive("mass", jnp.sum(matter.m), "Masses are in kg.")
     if _checks.is_traced(matter):
@@ -319,12 +236,13 @@ def _check_matter(matter: MaterialPoints) -> None:
         )
 
 
-def _about_centre(matter: MaterialPoints) -> MaterialPoints:
+def about_centre(matter: MaterialPoints) -> MaterialPoints:
+    """The points with their centre of mass at the origin."""
     r, m = matter
     return MaterialPoints(r - jnp.sum(m[:, None] * r, axis=0)[None] / jnp.sum(m), m)
 
 
-def _turned(R: Array, s: Array) -> Array:
+def turned(R: Array, s: Array) -> Array:
     """R s for one s (3,) or many (p, 3); a sum for the reason at mechanism.weighted_gram."""
     return jnp.sum(R[(None,) * (s.ndim - 1)] * s[..., None, :], axis=-1)
 

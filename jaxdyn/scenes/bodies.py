@@ -19,8 +19,9 @@ from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.euler import matrix_from_euler, omega_b_from_euler
 from jaxdyn.formulations.attitude import Quaternion, RotationMatrix
+from jaxdyn.formulations.euler_body import EulerBody
 from jaxdyn.formulations.newton_euler import NewtonEuler
-from jaxdyn.formulations.rigid import EulerBody, Pose, RigidBody, resting
+from jaxdyn.formulations.rigid import Pose, RigidBody, resting
 from jaxdyn.inertia import Body, MaterialPoints, equimomental
 from jaxdyn.scene import Effect, Scene
 from jaxdyn.scenes.satellites import SATELLITES
