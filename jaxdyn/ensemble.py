@@ -1,30 +1,24 @@
 """Many motions of one scene: thousands to millions of starts or parameters, on every core.
 
-`run` cuts them into batches, hands the batches to one thread a core (a compiled program holds
-no lock of Python's) or to several devices, and puts the results together; `stream` does so for
-batches that come one by one and never holds more than a few of them. The program, see `lanes`,
-has one shape for any number of motions: it compiles once for a kind of scene.
+`run` cuts them into batches, hands the batches to threads or devices, see `batches`, and puts the
+results together; `stream` does so for batches that come one by one and never holds more than a few
+of them. The program, see `lanes`, has one shape for any number of motions: it compiles once for a
+kind of scene.
 """
 
-import functools
 import itertools
 import math
-import os
-from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
 import numpy as np
-from jax.experimental import multihost_utils
-from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from rich.progress import Progress
 
 from jaxdyn import _checks
-from jaxdyn.flow import Settings
-from jaxdyn.lanes import Ends, Motions, integrate
+from jaxdyn.batches import Job, cores, mesh_of
+from jaxdyn.lanes import Ends, Motions
 from jaxdyn.scene import Scene, checked
 from jaxdyn.simulate import MAX_STEPS, RTOL, checked_settings, tolerances
 from jaxdyn.solvers import Pair
@@ -33,7 +27,6 @@ from jaxdyn.stepping import Watch
 #: Rows of the compiled program's queue: some 60 rounds of its lanes, so that the last round,
 #: in which lanes run out of work, costs little.
 CHUNK = 2048
-_AXIS = "motions"
 
 
 def run(
@@ -148,101 +141,7 @@ def stream(
     return job.results(_motions(scene, y0s, t0, t1, None)[0] for y0s in batches)
 
 
-class _Job(NamedTuple):
-    """What all motions have in common."""
-
-    shared: Any
-    tolerance: np.ndarray
-    watch: Watch | None
-    settings: Settings
-    chunk: int
-    threads: int
-    mesh: Mesh | None
-
-    @property
-    def rows(self) -> int:
-        """Motions of one call of the program."""
-        return self.chunk * (1 if self.mesh is None else self.mesh.size)
-
-    def results(self, batches: Iterable[Motions]) -> Iterator[Ends]:
-        """The ends of batches, in their order."""
-        pool = ThreadPoolExecutor(self.threads)
-        waiting: deque = deque()
-        try:
-            for batch in batches:
-                waiting.append(pool.submit(self.ends, batch))
-                if len(waiting) > 2 * self.threads:
-                    yield waiting.popleft().result()
-            while waiting:
-                yield waiting.popleft().result()
-        finally:
-            # Also where the user stops listening.
-            pool.shutdown(cancel_futures=True)
-
-    def ends(self, batch: Motions) -> Ends:
-        """The ends of one batch, by one call of the program after another."""
-        n = len(batch.y0)
-        calls = [slice(i, i + self.rows) for i in range(0, n, self.rows)]
-        parts = [self._call(jax.tree.map(lambda x, s=s: x[s], batch)) for s in calls]
-        return jax.tree.map(lambda *parts: np.concatenate(parts), *parts)
-
-    def _call(self, batch: Motions) -> Ends:
-        common = (self.tolerance, self.watch)
-        if self.mesh is None:
-            n = len(batch.y0)
-            queue = jax.tree.map(self._padded, batch)
-            out = _alone(self.shared, queue, n, *common, settings=self.settings)
-            return jax.tree.map(lambda x: np.asarray(x)[:n], out)
-        return self._shared_out(batch, common, self.mesh)
-
-    def _shared_out(self, batch: Motions, common: tuple, mesh: Mesh) -> Ends:
-        """One call on all devices, each with an equal part of the batch in a queue of its own."""
-        sharding = NamedSharding(mesh, PartitionSpec(_AXIS))
-
-        def spread(x: np.ndarray) -> jax.Array:
-            rows = np.concatenate([self._padded(part) for part in np.array_split(x, mesh.size)])
-            return jax.make_array_from_callback(rows.shape, sharding, rows.__getitem__)
-
-        counts = np.array([len(part) for part in np.array_split(batch.y0, mesh.size)])
-        given = jax.make_array_from_callback(counts.shape, sharding, counts.__getitem__)
-        queues = jax.tree.map(spread, batch)
-        out = _on_devices(mesh, self.settings)(self.shared, queues, given, *common)
-        out = multihost_utils.process_allgather(out, tiled=True)
-        wanted = (np.arange(self.chunk)[None] < counts[:, None]).ravel()
-        return jax.tree.map(lambda x: np.asarray(x)[wanted], out)
-
-    def _padded(self, x: np.ndarray) -> np.ndarray:
-        return np.concatenate([x, np.zeros((self.chunk - len(x), *x.shape[1:]), x.dtype)])
-
-
-_alone = jax.jit(integrate, static_argnames="settings")
-
-
-@functools.cache
-def _on_devices(mesh: Mesh, settings: Settings):
-    """The program for a mesh: each device goes through its own queue and waits for no other."""
-
-    def one(shared, motions, count, tolerance, watch):
-        return integrate(shared, motions, count[0], tolerance, watch, settings=settings)
-
-    every, own = PartitionSpec(), PartitionSpec(_AXIS)
-    # Loops that begin with constants and go on with a device's own numbers fail its check.
-    return jax.jit(
-        jax.shard_map(
-            one, mesh=mesh, in_specs=(every, own, own, every, every), out_specs=own, check_vma=False
-        )
-    )
-
-
-def _cores() -> int:
-    """Programs that run at a time on the default device."""
-    if jax.default_backend() != "cpu":
-        return 1
-    # Not every system tells which cores the process may use.
-    return len(getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))(0))
-
-
-def _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, devices) -> _Job:
+def _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, devices) -> Job:
     if not isinstance(watch, Watch | None):
         raise _checks.fail("watch", "a Watch", repr(watch), "See jaxdyn.watches.")
     odd = [x for x in jax.tree.leaves(watch) if not eqx.is_array_like(x)]
@@ -251,15 +150,15 @@ def _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, de
             "watch", "modules with numbers", odd[0], "Make functions in it modules with __call__."
         )
     # Programs that speak to other devices or processes must run in one order everywhere.
-    threads = 1 if devices is not None else _cores() if threads is None else threads
+    threads = 1 if devices is not None else cores() if threads is None else threads
     for name, number in {"chunk": chunk, "threads": threads}.items():
         if number < 1:
             raise _checks.fail(name, "at least 1", number)
     if devices is not None and not len(devices):
         raise _checks.fail("devices", "at least one", "none", "jax.devices() lists them.")
-    mesh = None if devices is None else Mesh(np.array(devices), (_AXIS,))
+    mesh = None if devices is None else mesh_of(devices)
     settings = checked_settings(scene, solver, max_steps)
-    return _Job(shared, tolerances(rtol, atol), watch, settings, chunk, threads, mesh)
+    return Job(shared, tolerances(rtol, atol), watch, settings, chunk, threads, mesh)
 
 
 def _motions(scene: Scene, y0s, t0, t1, params: Scene | None) -> tuple[Motions, Any]:
