@@ -22,6 +22,7 @@ from orbits import aim as aim
 from orbits import hopping as hopping
 from orbits import loops as loops
 from orbits import seeds as seeds
+from orbits.alignment import Match as Match
 from orbits.chunk import Box as Box
 from orbits.chunk import Rows as Rows
 from orbits.closing import PLAIN as PLAIN
@@ -53,7 +54,6 @@ from orbits.plane import search_plane as search_plane
 from orbits.problem import Orbit as Orbit
 from orbits.problem import Outcome as Outcome
 from orbits.problem import SearchError as SearchError
-from orbits.same import Match as Match
 from orbits.same import match as match
 from orbits.same import minimal_period as minimal_period
 from orbits.same import same as same

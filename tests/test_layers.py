@@ -142,6 +142,7 @@ RANKS = {
     "orbits/evidence.py": 14,
     "orbits/figure_eight.py": 14,
     "orbits/identity.py": 14,
+    "orbits/alignment.py": 13,
     "orbits/same.py": 14,
     "orbits/words.py": 14,
     "orbits/monodromy.py": 13,
