@@ -33,14 +33,19 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import fail, whole
 from jaxdyn._floats import as_float
-from jaxdyn.events import Event
+from jaxdyn.events import Event, Reaches, until
 from jaxdyn.scenes.cylinders import Cylinder
 from jaxdyn.scenes.rolling import Caught, NormalForce
 from orbits.hybrid import Hybrid, Leg
 from orbits.hybrid_search import find_chain
-from orbits.shooting import GOAL
+from orbits.problem import SearchError
+from orbits.shooting import GOAL, RTOL
 
-_CORNER = 1.2  # [rad] guess of a
+_ROUNDS = 15  # of a fixed point
+_ROUNDED = (
+    "Rounding hides the hop: the inertia is below some 1e-8 of m d^2, or there are hundreds of "
+    "turns in the air. Take a larger inertia, or fewer turns."
+)
 
 
 class Rises(Event):
@@ -121,7 +126,7 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
       advances by `advance` a period, and turns turns + 1 times.
     Raises:
       ValueError: anything but an eccentric cylinder on level ground, or no turn.
-      SearchError: none was found.
+      SearchError: rounding hides it, at an inertia far below m d^2 or after hundreds of turns.
     Example:
       >>> from jaxdyn import scenes
       >>> from orbits import hopping
@@ -140,23 +145,46 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
     leaves = Rises(fly, 2)
     lands = (Height(given), Rises(fly, 1), leaves, Caught(given, 1))
     d, r, first = float(given.d), float(given.r), math.pi * turns
-    up = first + _CORNER
-    spin = math.sqrt(g * up / (d * math.sin(_CORNER)))
-    reach = r + d * math.cos(_CORNER)
+    a = _corner(turns)
+    up = first + a
+    spin = math.sqrt(g / (d * math.cos(a)))
+    reach = r + d * math.cos(a)
     top = reach + g * (up / spin) ** 2 / 2  # of G, in the middle of the flight
     y0 = np.array([0.0, top, first, spin * reach, 0.0, spin])
-    spans = np.array([up, math.pi - _CORNER]) / spin
+    corner = np.array([y0[3] * up / spin, reach, first + up, y0[3], -g * up / spin, spin])
+    # The contact is over in less than twice the time that it would take at the corner's spin.
+    lowest = Reaches(2, 2 * first + math.pi, 1)
+    stop = until(contact.starting(corner, 2 * (math.pi - a) / spin), lowest, rtol=RTOL)
+    if not stop.happened:
+        raise SearchError(_ROUNDED)
+    spans = np.array([up / spin, float(stop.t)])
     # The whole chain at once has the motion as a double root: at h'' = 0 unequal corners close too.
     mirrors = Mirrored(first, 2 * first + math.pi)
     goal = GOAL * max(1.0, float(np.abs(y0).max()))  # of metres and radians alike
-    half = find_chain((Leg(fly, lands), Leg(contact, ())), y0, spans, closes=mirrors, goal=goal)
+    half = _found((Leg(fly, lands), Leg(contact, ())), y0, spans, closes=mirrors, goal=goal)
     down, rest = half.spans
     chain = (Leg(fly, lands), Leg(contact, (leaves,)), Leg(fly, ()))
     spans = [down, 2 * rest, down]
     around = Advanced(2 * (first + math.pi))
     # Once more around what is left of each half counts several times.
     whole = 8 * goal
-    return find_chain(chain, half.y0, spans, closes=around, goal=whole, max_iterations=0)
+    return _found(chain, half.y0, spans, closes=around, goal=whole, max_iterations=0)
+
+
+def _found(*chain, **how) -> Hybrid:
+    """What `find_chain` finds; its guess is exact, so that only rounding can be in the way."""
+    found = find_chain(*chain, **how, throw=False)
+    if not found.ok:
+        raise SearchError(_ROUNDED)
+    return found
+
+
+def _corner(turns: int) -> float:
+    """a [rad] of tan a = pi n + a: each round is nearer by a factor of 17 or more."""
+    a = math.pi / 2
+    for _ in range(_ROUNDS):
+        a = math.atan(math.pi * turns + a)
+    return a
 
 
 def advance(hop: Hybrid) -> float:

@@ -125,6 +125,22 @@ def test_numbers_of_the_cylinder_do_not_matter_for_its_corner():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("inertia", [0.4, 1e-5])
+def test_a_cylinder_whose_mass_is_near_its_centre_hops_too(inertia):
+    hop = hopping.hop(scenes.cylinder_on_ramp(slope=0.0, m=100.0, r=10.0, d=3.0, inertia=inertia))
+    a = corner(1)
+    spin = math.sqrt(G / (3.0 * math.cos(a)))
+    stands = contact_time(lambda psi: inertia + 100 * (3 * math.sin(psi)) ** 2, a, spin, 3.0, 100.0)
+    assert hop.residual < 1e-11
+    assert abs(hop.spans[1] - stands) < 1e-10
+
+
+def test_a_hop_that_rounding_hides_is_none():
+    with pytest.raises(orbits.SearchError, match=r"inertia is below .* m d\^2.*Take a larger"):
+        hopping.hop(scenes.cylinder_on_ramp(slope=0.0, inertia=1e-13))
+
+
+@pytest.mark.slow
 def test_a_picture(slides, tmp_path):
     plots.trajectory(slides.chain(), tmp_path / "hop.png", title="A hop without loss")
     assert (tmp_path / "hop.png").stat().st_size > 10_000
