@@ -11,6 +11,7 @@ pi / (3 + n) where n < -1. At n = 1 and n = -2 both are the same, and all orbits
 """
 
 import math
+from fractions import Fraction
 
 import equinox as eqx
 import jax
@@ -28,6 +29,7 @@ from orbits.shooting import find
 _RATIOS = np.concatenate([np.geomspace(0.02, 0.2, 12), np.linspace(0.25, 0.97, 19)])
 _SAME = 1e-9  # angles over pi that differ by less are one: all shapes close
 _ANY = 15  # of the ratios, where all shapes close
+_SIMPLE = 100  # loops that are counted of an orbit of any shape
 _LOOKS = 16  # samples a step, to count turns
 
 
@@ -203,6 +205,12 @@ def _no_shape(found: np.ndarray) -> str:
             "steeper than r^-3, where only circles close. Take a weaker law."
         )
     low, high = known.min(), known.max()
+    if high - low < _SAME:
+        turns, loops = Fraction(float(low)).limit_denominator(_SIMPLE).as_integer_ratio()
+        return (
+            f"Under this law every motion between two radii closes, with turns / loops = {turns} / "
+            f"{loops}. Take these."
+        )
     return (
         f"From ratios of radii 0.02 to 0.97 the apsidal angle over pi goes from {low:.6g} to "
         f"{high:.6g} only; all of it are rosettes. Take turns / loops between these numbers."

@@ -84,6 +84,12 @@ def test_what_does_not_exist_says_why():
         loops.closed(PowerLaw(-1.0, -2.0), 1, 1)
 
 
+@pytest.mark.parametrize(("n", "only"), [(1.0, "1 / 2"), (-2.0, "1 / 1")])
+def test_where_every_orbit_closes_there_is_one_choice_of_turns_and_loops(n, only):
+    with pytest.raises(orbits.SearchError, match=f"every motion .* closes, .* = {only}. Take"):
+        loops.closed(PowerLaw(1.0, n), 2, 3)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
