@@ -1,7 +1,6 @@
 """The command line: `jaxdyn list`, `jaxdyn run SCENE`."""
 
 import json
-import sys
 from typing import Annotated
 
 import numpy as np
@@ -11,15 +10,16 @@ from rich.markup import escape
 from rich.table import Table
 
 from jaxdyn import _checks, catalogue, energy
-from jaxdyn._config import configure
 from jaxdyn.accuracy_command import accuracy_command
-from jaxdyn.command_options import (
+from jaxdyn.command_line import (
     AnimateOption,
     JsonOption,
     PlotOption,
     SceneArgument,
     SetOption,
     SpanOption,
+    application,
+    run,
 )
 from jaxdyn.course import PROBLEMS
 from jaxdyn.hard_command import hard_command
@@ -30,22 +30,10 @@ from jaxdyn.simulate import RTOL, Trajectory
 from jaxdyn.solvers import DOPRI8, NYSTROM12, VERNER9
 from jaxdyn.status import Status
 
-app = typer.Typer(
-    help="Simulate, draw and check the scenes of a course on dynamics.",
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
+app = application("Simulate, draw and check the scenes of a course on dynamics.")
 STOPPED = 1  # exit code: the motion did not reach its end
 _MOST_SAMPLES = 1_000_000  # all of which become text
-MISUSE = 2  # exit code: the input makes no sense
-#: What a wrong option or argument raises; typer exports only a kind of it.
-_Usage: type[Exception] = typer.BadParameter.__bases__[0]
 _SOLVERS = {"nystrom12": NYSTROM12, "verner9": VERNER9, "dopri8": DOPRI8}
-
-
-@app.callback()
-def _settings() -> None:
-    configure()
 
 
 @app.command("list")
@@ -129,26 +117,12 @@ def run_command(
 
 
 app.command("accuracy")(accuracy_command)
-
-
 app.command("hard")(hard_command)
 
 
 def main() -> None:
-    """Run the command line; one line and exit code 2 for input that makes no sense."""
-    try:
-        code = app(standalone_mode=False)
-    except _Usage as error:
-        _refuse(f"{error.format_message()} See --help.")
-    except ValueError as error:
-        _refuse(str(error))
-    else:
-        raise SystemExit(code or 0)
-
-
-def _refuse(message: str) -> None:
-    print(f"error: {' '.join(message.split())}", file=sys.stderr)  # noqa: T201
-    raise SystemExit(MISUSE) from None
+    """Run the command line."""
+    run(app)
 
 
 def _shown(default) -> str:

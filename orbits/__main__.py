@@ -1,7 +1,6 @@
 """The command line: `orbits figure-eight`, `find`, `family`, `search`, `verify`, `aim`, `loops`."""
 
 import json
-import sys
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,12 +9,11 @@ import jax
 import typer
 from rich.console import Console
 
-import jaxdyn
 from jaxdyn._checks import fail
-from jaxdyn.command_options import AnimateOption, JsonOption, PlotOption
+from jaxdyn.command_line import AnimateOption, JsonOption, PlotOption, application, run
 from jaxdyn.scenes import EIGHT_GUESS, EIGHT_GUESS_PERIOD
 from orbits.aim_command import aim_command
-from orbits.command_options import (
+from orbits.command_line import (
     NOT_FOUND,
     SaveOption,
     check_files,
@@ -35,13 +33,7 @@ from orbits.report import as_json, report
 from orbits.search_command import search_command
 from orbits.verify import load, save, verify
 
-app = typer.Typer(
-    help="Periodic orbits: find them, identify them, verify them.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
-MISUSE = 2  # exit code: the input makes no sense
+app = application("Periodic orbits: find them, identify them, verify them.")
 
 NumbersOption = Annotated[str | None, typer.Option(metavar="A,B,...")]
 
@@ -51,11 +43,6 @@ app.command("family")(family_command)
 app.command("aim")(aim_command)
 app.command("loops")(loops_command)
 app.command("search")(search_command)
-
-
-@app.callback()
-def _settings() -> None:
-    jaxdyn.configure()
 
 
 @app.command("figure-eight")
@@ -137,12 +124,8 @@ def verify_command(
 
 
 def main() -> None:
-    """Run the command line; one line and exit code 2 for input that makes no sense."""
-    try:
-        app()
-    except ValueError as error:
-        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)  # noqa: T201
-        raise SystemExit(MISUSE) from None
+    """Run the command line."""
+    run(app)
 
 
 class _Clock:

@@ -15,9 +15,9 @@ from rich.table import Table
 
 from jaxdyn import Scene, catalogue
 from jaxdyn._checks import choice, fail, positive, whole
-from jaxdyn.command_options import JsonOption, PlotOption, SceneArgument, SetOption
+from jaxdyn.command_line import JsonOption, PlotOption, SceneArgument, SetOption
 from orbits import family_files, verify
-from orbits.command_options import (
+from orbits.command_line import (
     NOT_FOUND,
     SaveOption,
     check_files,

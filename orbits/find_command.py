@@ -9,10 +9,10 @@ from rich.console import Console
 
 from jaxdyn import Scene, catalogue
 from jaxdyn._checks import choice, fail
-from jaxdyn.command_options import AnimateOption, JsonOption, PlotOption, SceneArgument, SetOption
+from jaxdyn.command_line import AnimateOption, JsonOption, PlotOption, SceneArgument, SetOption
 from jaxdyn.formulations.newton import FreePoints
 from orbits import closing as closings
-from orbits.command_options import (
+from orbits.command_line import (
     NOT_FOUND,
     SaveOption,
     check_files,

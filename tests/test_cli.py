@@ -119,7 +119,6 @@ MISUSE = [
     (["run", "cannonball", "--samples", "1.5"], "'--samples'"),
     (["run", "cannonball", "--period", "abc"], "--period"),
     (["run"], "Missing argument"),
-    ([], "Missing command"),
     (["run", "cannonball", "--solver", "euler"], "solver: expected one of"),
     (["run", "car", "--solver", "dopri8"], "solver: expected auto for a motion in phases"),
     (["run", "cannonball", "--samples", "10000000"], "samples: expected at most 1000000"),
@@ -151,6 +150,12 @@ def test_help_is_no_error(jaxdyn):
     code, out, _ = jaxdyn("--help")
     assert code == 0
     assert "list" in out
+
+
+def test_no_command_shows_the_help(jaxdyn):
+    code, out, err = jaxdyn()
+    assert (code, err) == (2, "")
+    assert "Simulate a scene in all its phases" in out
 
 
 def test_a_motion_that_stops_is_exit_code_1(jaxdyn):

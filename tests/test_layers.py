@@ -17,7 +17,7 @@ RANKS = {
     "jaxdyn/_floats.py": 0,
     "jaxdyn/_numerics.py": 0,
     "jaxdyn/status.py": 0,
-    "jaxdyn/command_options.py": 0,
+    "jaxdyn/command_line.py": 1,
     "jaxdyn/image_files.py": 1,
     "jaxdyn/indices.py": 1,
     "jaxdyn/kinematics.py": 1,
@@ -155,7 +155,7 @@ RANKS = {
     "orbits/continuation.py": 17,
     "orbits/report.py": 15,
     "orbits/printed.py": 16,
-    "orbits/command_options.py": 19,
+    "orbits/command_line.py": 19,
     "orbits/find_command.py": 20,
     "orbits/files.py": 14,
     "orbits/family_files.py": 16,
@@ -190,8 +190,8 @@ INSIDE = {
     ("orbits/aim_command.py", "orbits.charts"),
     ("orbits/loops_command.py", "orbits.charts"),
     ("orbits/family_command.py", "orbits.charts"),
-    ("orbits/command_options.py", "orbits.plots"),
-    ("orbits/command_options.py", "jaxdyn.animate"),
+    ("orbits/command_line.py", "orbits.plots"),
+    ("orbits/command_line.py", "jaxdyn.animate"),
 }
 
 FILES = sorted(

@@ -177,6 +177,7 @@ MISUSE = [
     (["--save", "."], "file: expected a file in a folder that exists"),
     (["--plot", "picture.bmp"], "path: expected a file name ending in .png, .pdf, .svg"),
     (["--animate", "movie.txt"], "path: expected a file name ending in .gif, .mp4"),
+    (["--perid", "6"], "No such option: --perid"),
 ]
 
 
@@ -215,3 +216,9 @@ def test_help_names_the_commands(orbits):
     assert run.code == 0
     assert "figure-eight" in run.out
     assert "verify" in run.out
+
+
+def test_no_command_shows_the_help(orbits):
+    run = orbits()
+    assert (run.code, run.err) == (2, "")
+    assert "Montgomery's figure-eight" in run.out
