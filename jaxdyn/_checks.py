@@ -91,11 +91,15 @@ def positive(name: str, x: Any, remedy: str = "") -> Array:
     return x
 
 
-def choice(name: str, x: str, choices: Iterable[str]) -> str:
-    """x, refused unless it is among the choices; the nearest one is suggested."""
+def choice(name: str, x: str, choices: Iterable[str], listed_by: str = "") -> str:
+    """x, refused unless it is among the choices; the nearest one is suggested.
+
+    Where they are too many for a line, `listed_by` is the command that lists them.
+    """
     choices = sorted(choices)
     if x not in choices:
         near = difflib.get_close_matches(str(x), choices, n=1)
         hint = f"Did you mean {near[0]!r}?" if near else ""
-        raise fail(name, "one of " + ", ".join(choices), repr(x), hint)
+        which = f"one that `{listed_by}` shows" if listed_by else "one of " + ", ".join(choices)
+        raise fail(name, which, repr(x), hint)
     return x

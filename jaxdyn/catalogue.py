@@ -104,7 +104,7 @@ def build(name: str, settings: Mapping[str, str]) -> Scene:
 def numbers(name: str, settings: Mapping[str, str]) -> dict[str, Any]:
     """The numbers that a scene is made with where some are set from text; arguments of `build`."""
     zoo = entries()
-    entry = zoo[_checks.choice("scene", name, zoo)]
+    entry = zoo[_checks.choice("scene", name, zoo, "jaxdyn list")]
     known = {parameter.name: parameter for parameter in entry.parameters}
     values = {}
     for key, text in settings.items():

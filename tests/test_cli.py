@@ -111,7 +111,11 @@ def test_a_picture_of_few_samples_leaves_the_output_small(jaxdyn, tmp_path):
 
 
 MISUSE = [
-    (["run", "cannonbal"], "Did you mean 'cannonball'?"),
+    (
+        ["run", "cannonbal"],
+        "error: scene: expected one that `jaxdyn list` shows, got 'cannonbal'. "
+        "Did you mean 'cannonball'?",
+    ),
     (["run", "cannonball", "--set", "mas=2"], "parameter of cannonball"),
     (["run", "cannonball", "--set", "m=x"], "m: expected a number"),
     (["run", "cannonball", "--t1", "abc"], "'--t1'"),

@@ -56,6 +56,7 @@ def test_every_case_is_listed_with_what_must_hold(jaxdyn):
 def test_an_unknown_case_is_refused_and_the_nearest_suggested(jaxdyn):
     code, _, err = jaxdyn("pythagoras")
     assert code == 2
+    assert "expected one that `jaxdyn hard --list` shows" in err
     assert "Did you mean 'pythagorean'?" in err
 
 

@@ -45,4 +45,4 @@ def chosen(names: Iterable[str]) -> tuple[Case, ...]:
       ValueError: no such case; the nearest is suggested.
     """
     names = tuple(names) or tuple(CASES)
-    return tuple(CASES[_checks.choice("case", name, CASES)] for name in names)
+    return tuple(CASES[_checks.choice("case", name, CASES, "jaxdyn hard --list")] for name in names)
