@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from jaxdyn import _checks, catalogue, energy
+from jaxdyn import _checks, catalogue
 from jaxdyn.accuracy_command import accuracy_command
 from jaxdyn.command_line import (
     AnimateOption,
@@ -22,6 +22,7 @@ from jaxdyn.command_line import (
     run,
 )
 from jaxdyn.course import PROBLEMS
+from jaxdyn.energy_change import energy_change
 from jaxdyn.hard_command import hard_command
 from jaxdyn.image_files import animation_path, picture_path
 from jaxdyn.paths import pieces_of
@@ -138,6 +139,7 @@ def _described(entry: catalogue.Entry) -> dict:
 
 def _result(name: str, motion: Trajectory | Chain) -> dict:
     pieces = pieces_of(motion)
+    change = energy_change(motion)
     in_phases = isinstance(motion, Chain)
     ts = [np.asarray(piece.ts) for piece in pieces]
     ys = [np.asarray(piece.ys) for piece in pieces]
@@ -154,7 +156,8 @@ def _result(name: str, motion: Trajectory | Chain) -> dict:
             {"name": phase, "t0": float(piece.ts[0]), "t1": float(piece.ts[-1])}
             for phase, piece in zip(motion.names if in_phases else (), pieces, strict=False)
         ],
-        "energy_drift": _energy_change(pieces),
+        "energy_drift": change and change.size,
+        "energy_changed_by": change and change.causes,
         "steps": sum(int(piece.steps) for piece in pieces),
         "rejected": sum(int(piece.rejected) for piece in pieces),
     }
@@ -172,19 +175,6 @@ def _arrived(motion: Trajectory | Chain) -> bool:
     return motion.ok
 
 
-def _energy_change(pieces: tuple[Trajectory, ...]) -> float | None:
-    """As `energy.drift`, over all pieces; None without energy, or where it is not known."""
-    if not pieces[0].r.shape[1] or len(pieces[0].ts) < 2:
-        return None
-    total, v = (
-        np.concatenate([energy.along(quantity, piece) for piece in pieces])
-        for quantity in (energy.energy, energy.potential)
-    )
-    size = np.max(np.abs(total - v) + np.abs(v))
-    change = np.max(np.abs(total - total[0])) / (size or 1.0)
-    return float(change) if np.isfinite(change) else None
-
-
 def _finite(values) -> list:
     values = np.asarray(values)
     return np.where(np.isfinite(values), values.astype(object), None).tolist()
@@ -198,9 +188,10 @@ def _print(result: dict, console: Console) -> None:
         console.print(f"  {escape(label):24} {shown}")
     for phase in result["phases"]:
         console.print(f"  {phase['name']:12} from {phase['t0']:.9g} to {phase['t1']:.9g}")
-    drift = result["energy_drift"]
+    drift, causes = result["energy_drift"], result["energy_changed_by"]
     if drift is not None:
-        console.print(f"change of energy, relative to its parts: {drift:.1e}")
+        why = f"; it is not conserved, because of {' and '.join(causes)}" if causes else ""
+        console.print(f"change of energy, relative to its parts: {drift:.1e}{why}")
     console.print(f"{result['steps']} steps, {result['rejected']} rejected")
 
 

@@ -100,6 +100,16 @@ def test_nothing_is_said_about_the_energy_of_what_has_none(jaxdyn, tmp_path):
     assert json.loads(jaxdyn("run", *words, "--json")[1])["energy_drift"] is None
 
 
+def test_what_changes_the_energy_is_named(jaxdyn):
+    code, out, _ = jaxdyn("run", "cannonball", "--set", "drag=0.1")
+    assert code == 0
+    assert "; it is not conserved, because of QuadraticDrag\n" in out
+    code, out, _ = jaxdyn("run", "cannonball")
+    assert re.search(r"relative to its parts: \d\.\de-1\d\n", out)
+    found = json.loads(jaxdyn("run", "cannonball", "--json")[1])
+    assert found["energy_changed_by"] == []
+
+
 def test_a_picture_of_few_samples_leaves_the_output_small(jaxdyn, tmp_path):
     picture = tmp_path / "ball.svg"
     code, out, _ = jaxdyn("run", "cannonball", "--samples", "3", "--json", "--plot", picture)

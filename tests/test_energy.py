@@ -7,9 +7,13 @@ import pytest
 from helpers import EXACT, SOLVED, kepler
 
 from jaxdyn import Scene, scenes, simulate
-from jaxdyn.effects import LinearDrag, PairGravity, UniformGravity
+from jaxdyn.effects import LinearDrag, PairGravity, Spring, UniformGravity
 from jaxdyn.energy import along, angular_momentum, drift, energy, integrals, momentum, potential
+from jaxdyn.energy_change import energy_change
+from jaxdyn.events import Reaches
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.phases import Exit, Phase, run
+from jaxdyn.scenes.rolling import phases_of
 
 T = jnp.zeros(())
 M = (2.0, 3.0)
@@ -90,6 +94,45 @@ def test_drift_is_rounding_without_drag_and_exact_with_it():
 def test_drift_of_what_never_moves_is_zero(effects):
     still = Scene(FreePoints(1.0, d=1), effects, y0=[3.0, 0.0])
     assert float(drift(simulate(still, 1.0))) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("moves", "causes"),
+    [
+        (kepler(0.6), ()),
+        (
+            Scene(FreePoints(1.0, d=1), (LinearDrag(1.0), Spring(1.0)), y0=[0.0, 2.0]),
+            ("LinearDrag",),
+        ),
+        (scenes.two_masses(), ("StepForce",)),
+        (scenes.shaken_pendulum(t1=0.1), ("the drive",)),
+    ],
+)
+def test_what_changes_the_energy_is_told_from_errors(moves, causes):
+    motion = simulate(moves)
+    found = energy_change(motion)
+    assert found.causes == causes
+    assert found.size == pytest.approx(float(drift(motion)), rel=EXACT)
+    assert (found.size > 1e-9) == bool(causes)
+
+
+def test_impacts_and_friction_in_contact_change_the_energy():
+    def bounce(t, y):
+        return y * jnp.array([1.0, 1.0, 1.0, -0.5])
+
+    falls = Phase(scenes.cannonball(), (Exit(Reaches(1, 0.0, -1), "fly", bounce),))
+    down = jnp.array([0.0, 1.0, 0.0, 0.0])
+    found = energy_change(run({"fly": falls}, "fly", down, 0.6, samples=5))
+    assert found.causes == ("impacts",)
+    assert abs(found.size - 0.75) < 1e-9  # the square of the speed that is kept is lacking
+    skids = scenes.cylinder_on_ramp(slope=0.0, d=0.0)
+    start = skids.y0.at[5].set(0.0)
+    assert energy_change(run(phases_of(skids), "slip_on", start, 0.01)).causes == ("slip_on",)
+
+
+def test_a_failed_motion_has_no_change_of_energy():
+    falling = kepler(0.0).starting([-0.5, 0, 0.5, 0, 0, 0, 0, 0])
+    assert energy_change(simulate(falling, throw=False)) is None
 
 
 def test_drift_of_a_motion_that_failed_is_nan():
