@@ -109,7 +109,6 @@ def integrate(
     watch: Watch | None,
     *,
     settings: Settings,
-    width: int = WIDTH,
 ) -> Ends:
     """The ends of the first `count` motions; the other rows mean nothing.
 
@@ -120,7 +119,6 @@ def integrate(
       tolerance: (2,) relative and absolute tolerance of one step.
       watch: what looks at each accepted step of each motion; None for nothing.
       settings: method and limit of steps.
-      width: lanes of the group.
     """
     work = _Work(shared, tolerance, watch, settings.pair, settings.max_steps)
     n = motions.y0.shape[0]
@@ -148,8 +146,8 @@ def integrate(
 
     # Lanes begin empty, as if they had ended; what they leave goes to a row after the last.
     lane = jax.eval_shape(begin, jnp.zeros((), int))
-    group = jax.tree.map(lambda s: jnp.zeros((*s.shape, width), s.dtype), lane)
-    group = group._replace(row=jnp.full(width, n), ended=jnp.ones(width, bool))
+    group = jax.tree.map(lambda s: jnp.zeros((*s.shape, WIDTH), s.dtype), lane)
+    group = group._replace(row=jnp.full(WIDTH, n), ended=jnp.ones(WIDTH, bool))
     ends = jax.eval_shape(work.end, lane)
     ends = jax.tree.map(lambda s: jnp.zeros((n + 1, *s.shape), s.dtype), ends)
     ends = jax.lax.while_loop(

@@ -71,10 +71,6 @@ class Solution(eqx.Module):
         """(p,) Floquet exponents [1/time]: log of the multipliers over the period; complex."""
         return jnp.log(self.multipliers()) / self.period
 
-    def rotation_numbers(self) -> Array:
-        """(p,) arguments of the multipliers in turns, in (-1/2, 1/2]."""
-        return jnp.angle(self.multipliers()) / (2 * jnp.pi)
-
 
 def solution(
     scene: Scene, orbit: Orbit, *, hold: Condition | tuple[Condition, ...] = ()

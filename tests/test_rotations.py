@@ -27,7 +27,6 @@ ANGLES = [0.0, 1e-15, 1e-9, 1e-4, 0.19, 0.21, 0.99, 1.01, 2.0, PI - 1e-4, PI - 1
 # One compilation for all tests and samples.
 ROTMAT = jax.jit(ro.matrix_from_axis_angle)
 MATRIX = jax.jit(ro.matrix_from_wxyz)
-WXYZ = jax.jit(ro.wxyz_from_matrix)
 MULTIPLY = jax.jit(ro.multiply_wxyz)
 EXP = jax.jit(ro.matrix_from_rotation_vector)
 LOG = jax.jit(ro.rotation_vector_from_matrix)
