@@ -1,5 +1,7 @@
 """Resistance to motion: air that drags in proportion to speed or its square, dry friction."""
 
+import abc
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -19,6 +21,9 @@ class _Drag(Effect):
     def through(self, v: Array) -> Array:
         """(n, d) velocities through the air [m/s]."""
         return v - jnp.broadcast_to(self.wind, v.shape)
+
+    @abc.abstractmethod
+    def force(self, t, r, v, m): ...
 
     def check(self, points):
         del points
