@@ -8,7 +8,7 @@ at a wanted error is read off its curve.
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -84,11 +84,12 @@ Run = Callable[[], np.ndarray]
 class Method(NamedTuple):
     """A way to solve a problem: from a tolerance to a run, and the tolerances to try.
 
-    What `build` and the first run do besides is compiling and is timed apart.
+    Where there are several solvers in it, a tolerance is a pair of solver and tolerance. What
+    `build` and the first run do besides is compiling and is timed apart.
     """
 
-    build: Callable[[float], Run]
-    tolerances: Sequence[float]
+    build: Callable[[Any], Run]
+    tolerances: Sequence[Any]
 
 
 def work_precision(

@@ -25,6 +25,7 @@ from benchmarks import _peers
 from benchmarks._timing import Curves, Method, work_precision
 from benchmarks.problems import CONSERVATIVE, GENERAL, Problem
 from jaxdyn.simulate import solve
+from jaxdyn.work import fit_solvers
 
 #: Wanted true errors.
 ERRORS = (1e-6, 1e-9, 1e-12)
@@ -52,7 +53,7 @@ def curves(
     name: str, problem: Problem, rounds: int, tolerances: Sequence[float], to_heyoka: float
 ) -> Curves:
     """Error against time of all methods for one problem."""
-    methods = {"jaxdyn": compiled(problem, tolerances)} | peers(problem, tolerances)
+    methods = {"jaxdyn": ours(problem, tolerances)} | peers(problem, tolerances)
     if _peers.importable("heyoka"):
         truth = _peers.heyoka_precise(problem)
     else:
@@ -63,14 +64,21 @@ def curves(
     return work_precision(name, methods, truth, ERRORS, rounds, bars)
 
 
-def compiled(problem: Problem, tolerances: Sequence[float]) -> Method:
-    """Ours, compiled into a program of the user's."""
+def ours(problem: Problem, tolerances: Sequence[float]) -> Method:
+    """Our solvers that fit the scene: of each error the fastest, as `jaxdyn accuracy` has it."""
+    runs = {solver: compiled(problem, tolerances, solver) for solver in fit_solvers(problem.scene)}
+    pairs = [(solver, tol) for solver in runs for tol in tolerances]
+    return Method(lambda pair: runs[pair[0]].build(pair[1]), pairs)
+
+
+def compiled(problem: Problem, tolerances: Sequence[float], solver=None) -> Method:
+    """One of ours, compiled into a program of the user's."""
     scene, y0s = problem.scene, problem.y0s
 
     @jax.jit
     def ends(scene, y0s, tol):
         def end(y0):
-            return solve(scene.starting(y0), scene.t1, rtol=tol).y1
+            return solve(scene.starting(y0), scene.t1, rtol=tol, solver=solver).y1
 
         return _peers.one_by_one(end, y0s)
 

@@ -188,6 +188,7 @@ def _flow_jvp(primals, tangents, *, settings):
     columns, directions, multiply = _columns(field, y0, f0, d_field, d_y0, d_t0)
     if columns.shape[-1]:
         start = jnp.concatenate([y0[..., None], columns], axis=-1)
+        settings = settings._replace(pair=settings.pair.for_tangents)
         out = flow(Variational(field, directions), start, t0, t1, ts, tolerance, settings=settings)
         y1, ys = out.y1[..., 0], out.ys[..., 0]
         d_y1, d_ys = multiply(out.y1[..., 1:]), multiply(out.ys[..., 1:])

@@ -21,7 +21,18 @@ from jaxdyn.events import Event, until
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.scene import Scene, checked
 from jaxdyn.simulate import default_solver, solve
-from jaxdyn.solvers import DOPRI8, RADAU5, RADAU9, VERNER9, Composition, Method, Pair
+from jaxdyn.solvers import (
+    DOPRI8,
+    RADAU5,
+    RADAU9,
+    TAYLOR12,
+    TAYLOR16,
+    VERNER9,
+    Composition,
+    Method,
+    Pair,
+    has_series,
+)
 from jaxdyn.timing import Times, at_error, interleaved
 
 TOLERANCES = tuple(float(f"1e-{n}") for n in range(3, 16))
@@ -175,11 +186,15 @@ class WorkPrecision(NamedTuple):
 
 
 def fit_solvers(scene: Scene, t1=None) -> tuple[Method, ...]:
-    """Solvers with a tolerance that are fit for a scene: implicit ones where it is stiff."""
+    """Solvers with a tolerance that are fit for a scene: implicit ones where it is stiff.
+
+    Taylor series are among them where the scene's formulas are short.
+    """
     t1 = scene.t1 if t1 is None else t1
     if bool(solve(scene, t1, rtol=_STIFF_AT).stiff):
         return RADAU9, RADAU5
-    return tuple(dict.fromkeys((default_solver(scene), VERNER9, DOPRI8)))
+    taylor = (TAYLOR12, TAYLOR16) if has_series(scene, scene.y0) else ()
+    return tuple(dict.fromkeys((default_solver(scene), VERNER9, DOPRI8, *taylor)))
 
 
 def work_precision(

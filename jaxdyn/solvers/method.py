@@ -54,6 +54,11 @@ class Method(abc.ABC):
     #: Whether it estimates its error, and so takes a tolerance, not a step.
     adaptive: ClassVar[bool]
 
+    @property
+    def for_tangents(self) -> "Method":
+        """The method for variational equations."""
+        return self
+
     @abc.abstractmethod
     def advance(self, field: Field, t: Array, h: Array, y: Array, rolled: bool) -> Advance:
         """Increment of y over [t, t + h], and all that is known of it.
