@@ -16,6 +16,7 @@ from jaxdyn.timing import Times as Times
 from jaxdyn.timing import at_error as at_error
 from jaxdyn.timing import interleaved as interleaved
 from jaxdyn.timing import seconds_of as seconds_of
+from jaxdyn.timing import worth_taking
 
 
 class Row(NamedTuple):
@@ -52,7 +53,7 @@ class Curves(NamedTuple):
     Attributes:
       name: of the problem.
       compiling: build and first run, by method.
-      points: by method.
+      points: by method, the runs that are more accurate than every faster one.
       wanted: true errors at which the methods are compared.
       bars: the largest wanted ratios of ours to a method's there, by method.
     """
@@ -125,8 +126,9 @@ def work_precision(
     # A run that fails has no error.
     runs = {key: run for key, run in runs.items() if np.isfinite(errors[key])}
     times = interleaved(runs, rounds)
-    points = {
-        method: [Point(errors[key], times[key]) for key in runs if key[0] == method]
-        for method in methods
-    }
+    points = {}
+    for method in methods:
+        keys = [key for key in runs if key[0] == method]
+        worth = worth_taking([errors[k] for k in keys], [times[k].minimum for k in keys])
+        points[method] = [Point(errors[keys[i]], times[keys[i]]) for i in worth]
     return Curves(name, compiling, points, wanted, bars or {})

@@ -47,21 +47,26 @@ def interleaved(runs: Mapping, rounds: int, slow: float = 1e-3) -> dict:
     return {key: Times(min(s), float(np.median(s))) for key, s in seconds.items()}
 
 
+def worth_taking(errors: Sequence[float], seconds: Sequence[float]) -> list[int]:
+    """Which runs are more accurate than every faster one, the most accurate first."""
+    found, least = [], np.inf
+    for i in np.lexsort((errors, seconds)).tolist():
+        if errors[i] < least:
+            found.append(i)
+            least = errors[i]
+    return found[::-1]
+
+
 def at_error(errors: Sequence[float], times: Sequence[Times], wanted: float) -> Times:
     """Times at a wanted error, from pairs of error and time at several tolerances.
 
-    Linear in the logarithms between the runs that are worth taking: those more accurate than
-    every faster one. The fastest serves for all larger errors too; NaN for smaller ones than any
-    run has.
+    Linear in the logarithms between the runs that are `worth_taking`. The fastest serves for all
+    larger errors too; NaN for smaller ones than any run has.
     """
 
     def interpolate(seconds) -> float:
-        worth, least = [], np.inf
-        for s, error in sorted(zip(seconds, errors, strict=True)):
-            if error < least:
-                worth.append((error, s))
-                least = error
-        x, y = np.log(np.array(worth[::-1])).T
+        worth = worth_taking(errors, seconds)
+        x, y = np.log([[errors[i], seconds[i]] for i in worth]).T
         return float(np.exp(np.interp(np.log(wanted), x, y, left=np.nan)))
 
     return Times(interpolate([t.minimum for t in times]), interpolate([t.median for t in times]))

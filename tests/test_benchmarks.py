@@ -22,6 +22,7 @@ from benchmarks import (
 from benchmarks._timing import Row, Times, at_error, interleaved, work_precision
 from jaxdyn.scenes import three_body
 from jaxdyn.simulate import solve
+from jaxdyn.work import fit_solvers
 
 EXACT = 1e-14  # relative, two formulas for one number
 
@@ -112,7 +113,8 @@ def test_curves_give_rows_and_are_stored_and_drawn(tmp_path):
     assert curves.rows[1].bars["heyoka"] == 1.6
     stored = command_line.merged({"curves": {"old": {}}}, command_line.as_json([curves]))
     assert set(stored["curves"]) == {"old", "short"}
-    assert len(stored["curves"]["short"]["jaxdyn"]) == 2
+    points = stored["curves"]["short"]["jaxdyn"]
+    assert 1 <= len(points) <= 2 * len(fit_solvers(problem.scene))
     picture.draw(stored, tmp_path / "picture.png")
     assert (tmp_path / "picture.png").stat().st_size > 1000
 
