@@ -18,6 +18,7 @@ class Node:
     """A number of the calculation.
 
     Attributes:
+      index: which one it is, in the order of making.
       op: "input" for what is integrated, "given" for what is known at run time, or an operation.
       args: what it is applied to: nodes and known numbers; of a sum, factors and terms in turn.
       moving: whether it changes within a step. Comparisons do not: they hold for a whole step.
@@ -25,10 +26,11 @@ class Node:
       partner: the node whose series this one's needs: of a sine the cosine.
     """
 
-    __slots__ = ("args", "moving", "op", "partner", "value")
+    __slots__ = ("args", "index", "moving", "op", "partner", "value")
 
-    def __init__(self, op: str, args: tuple, moving: bool, value: Array | None = None):
-        self.op, self.args, self.moving, self.value = op, args, moving, value
+    def __init__(self, index: int, op: str, args: tuple, moving: bool, value: Array | None = None):
+        self.index, self.op, self.args = index, op, args
+        self.moving, self.value = moving, value
         self.partner: Node | None = None
 
 
@@ -63,19 +65,19 @@ class Graph:
 
     def given(self, value: Array, moving: bool = False) -> Node:
         """A number known at run time only."""
-        return self._new(Node("input" if moving else "given", (), moving, value))
+        return self._new("input" if moving else "given", (), moving, value)
 
     def node(self, op: str, *args: Number | None) -> Node:
         """op(*args), the node there is already if there is one."""
-        key = op, *((id(a), Node) if isinstance(a, Node) else (a, type(a)) for a in args)
+        key = op, *((a.index, Node) if isinstance(a, Node) else (a, type(a)) for a in args)
         if key not in self._found:
             moving = op not in STEADY and any(isinstance(a, Node) and a.moving for a in args)
-            self._found[key] = self._new(Node(op, args, moving))
+            self._found[key] = self._new(op, args, moving)
         return self._found[key]
 
-    def _new(self, node: Node) -> Node:
-        self.nodes.append(node)
-        return node
+    def _new(self, op: str, args: tuple, moving: bool, value: Array | None = None) -> Node:
+        self.nodes.append(Node(len(self.nodes), op, args, moving, value))
+        return self.nodes[-1]
 
     def add(self, a: Number, b: Number) -> Number:
         """A sum; equal terms are collected."""
@@ -103,8 +105,11 @@ class Graph:
         c = self._steady("mul", c, d)
         if m is None or n is None:
             return self._scaled(c, n if m is None else m)
-        pair = self.node("square", m) if m is n else self.node("mul", *sorted((m, n), key=id))
-        return self._scaled(c, pair)
+        if m is n:
+            return self._scaled(c, self.node("square", m))
+        # In an order that is the same in each process, or the compile cache would not know it.
+        first, second = (m, n) if m.index < n.index else (n, m)
+        return self._scaled(c, self.node("mul", first, second))
 
     def div(self, a: Number, b: Number) -> Number:
         """A quotient, steady factors in front."""
