@@ -43,21 +43,25 @@ def heyoka_precise(problem: Problem) -> np.ndarray:
     return run().astype(float)
 
 
-def heyoka_monodromy(problem: Problem, tol: float, *, compact: bool) -> Run:
+def heyoka_monodromy(problem: Problem, tol: float, *, compact: bool, precise: bool = False) -> Run:
     """The derivative (k, k) of the end with respect to the start, by heyoka.
 
     Args:
       problem: of one start.
       tol: tolerance, of the state and the tangents together.
       compact: build in a second and run slower, instead of building for a minute.
+      precise: in 80-bit floats, for a reference.
     """
     import heyoka as hy
 
+    number = np.longdouble if precise else float
     k = problem.y0s.shape[1]
     equations = hy.var_ode_sys(_equations(problem.formulas, k), hy.var_args.vars, order=1)
-    start = np.concatenate([problem.y0s[0], np.eye(k).ravel()])
-    integrator = hy.taylor_adaptive(equations, start, tol=tol, compact_mode=compact)
-    run = _heyoka_run(integrator, start[None], problem.t1)
+    start = np.concatenate([problem.y0s[0], np.eye(k).ravel()]).astype(number)
+    integrator = hy.taylor_adaptive(
+        equations, start, tol=number(tol), compact_mode=compact, fp_type=number
+    )
+    run = _heyoka_run(integrator, start[None], number(problem.t1))
     return lambda: run()[0, k:].reshape(k, k)
 
 

@@ -22,7 +22,7 @@ import numpy as np
 import jaxdyn
 from benchmarks._timing import Curves, Method, work_precision
 from benchmarks.problems import figure_eight
-from benchmarks.systems import SCIPY, compiled, peers
+from benchmarks.systems import SCIPY, fastest, peers
 from jaxdyn.scenes import three_body
 from jaxdyn.simulate import solve
 
@@ -63,7 +63,7 @@ def ours(tolerances: Sequence[float]) -> dict[str, Method]:
         "jaxdyn solve": lambda tol: np.asarray(solve(scene, period, rtol=tol).y1)[None],
         "jaxdyn simulate": lambda tol: jaxdyn.simulate(scene, samples=ts, rtol=tol).ys,
     }
-    methods = {"jaxdyn": compiled(figure_eight(), tolerances)}
+    methods = {"jaxdyn": fastest(figure_eight(), tolerances)}
     return methods | {name: Method(_blocking(way), tolerances) for name, way in ways.items()}
 
 

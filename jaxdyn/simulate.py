@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, ladder
+from jaxdyn.fixed import FixedField
 from jaxdyn.flow import Flow, Settings, flow
 from jaxdyn.scene import Scene, checked
 from jaxdyn.solvers import NYSTROM12, RADAU9, VERNER9, Method
@@ -177,6 +178,7 @@ def solve(
     solver: Method | str | None = None,
     dt: float | None = None,
     max_steps: int = MAX_STEPS,
+    fixed: bool = False,
 ) -> Flow:
     """`simulate` without samples, checks and exceptions: what the orbit finder calls.
 
@@ -192,6 +194,8 @@ def solve(
       solver: see `simulate`.
       dt: see `simulate`.
       max_steps: when to give up.
+      fixed: make the scene's numbers, start and span apart, constants of the program: faster, but
+        new ones compile again, and there are no derivatives by them.
     Returns:
       The state at t1, those at ts, and a status; NaN where the run did not get to.
     Raises:
@@ -203,7 +207,8 @@ def solve(
         settings = settings._replace(stiff=RADAU9)
     numbers = (_floats(x) for x in (scene.y0, t0, t1, ts))
     tolerance = tolerances(rtol, atol) if dt is None else _fixed_step(dt)
-    return _compiled(scene.field, *numbers, tolerance, settings=settings)
+    field = FixedField(scene.field) if fixed else scene.field
+    return _compiled(field, *numbers, tolerance, settings=settings)
 
 
 def checked_settings(scene: Scene, solver: Method | None, max_steps: int, dt=None) -> Settings:

@@ -14,6 +14,7 @@ from jaxdyn.scene import Scene
 from jaxdyn.simulate import solve
 from jaxdyn.solvers import DOPRI8, TAYLOR12, TAYLOR16, VERNER9, Taylor
 from jaxdyn.solvers.formulas import NotElementary, formulas
+from jaxdyn.solvers.ordered import ordered
 from jaxdyn.solvers.recurrences import products, solution
 
 ORDER = 12
@@ -38,7 +39,8 @@ FUNCTIONS = {
 
 
 def series(rate, t, y, order=ORDER) -> np.ndarray:
-    found = solution(formulas(rate, jnp.asarray(t), jnp.asarray(y)), order)
+    found = formulas(rate, jnp.asarray(t), jnp.asarray(y))
+    found = solution(found, ordered(found.graph, found.rates), order)
     return np.array([[0.0 if x is None else float(x) for x in row] for row in found])
 
 
@@ -112,7 +114,20 @@ def test_equal_formulas_are_computed_once():
         return jnp.stack([2.0 * c * s, s * c * 3.0 + 0.0 * y[1] ** 3])
 
     found = formulas(rate, jnp.zeros(()), jnp.ones(2))
-    assert products(found) == 3  # cosine, sine, their product
+    assert products(ordered(found.graph, found.rates)) == 3  # cosine, sine, their product
+
+
+def test_products_that_cancel_and_squares_that_sum_to_one_are_gone():
+    def rate(t, y):
+        a, u = y
+        c, s = jnp.cos(a), jnp.sin(a)
+        same = (u * c) * (u * s) - (u * u) * (s * c)
+        return jnp.stack([same + u, s * (u * u * c + 0.5) - c * (u * u * s) + 3 * (c * c + s * s)])
+
+    found = formulas(rate, jnp.zeros(()), jnp.ones(2))
+    assert [node.op for node in ordered(found.graph, found.rates)].count("product") == 0
+    exact = np.array([1.0, 3.0 + 0.5 * np.sin(1.0)])
+    assert series(rate, 0.0, np.ones(2), order=1)[:, 1] == pytest.approx(exact)
 
 
 KEPT = {

@@ -1,9 +1,10 @@
 """Scalar formulas as a graph: each different number of a calculation once, in normal form.
 
 Numbers known when the program is compiled are Python numbers; others are nodes. What does not
-change within a step (masses, lengths) is told from what moves: products have their steady factors
-in front, sums collect equal terms. So the cosine and sine of one angle, or the same product of
-velocities under two different masses, are one node, however the rate was written.
+change within a step (masses, lengths) is told from what moves: a product is a steady factor in
+front of a list of moving ones, a sum collects equal products. So the same product of velocities,
+sines and cosines is one node, however the rate was written, and terms that cancel are gone.
+`ordered` makes products of two of them again, and shares those.
 """
 
 import functools
@@ -50,18 +51,19 @@ FUNCTIONS = {
 }
 #: Terms up to which sums are merged to find equal ones; longer ones stay as they are.
 _LONGEST_SUM = 8
+_MULTIPLIED_OUT = 3  # terms up to which sums of products are multiplied out
 _WRITTEN_OUT = 8  # powers up to which they are products
 
 
 class Graph:
-    """Nodes in the order in which they can be computed.
+    """The nodes of a calculation, and arithmetic with them.
 
     A product with a known 0 is 0, whatever the other factor: an infinity there is lost.
     """
 
     def __init__(self):
-        self.nodes: list[Node] = []
         self._found: dict[tuple, Node] = {}
+        self._count = 0
 
     def given(self, value: Array, moving: bool = False) -> Node:
         """A number known at run time only."""
@@ -76,20 +78,44 @@ class Graph:
         return self._found[key]
 
     def _new(self, op: str, args: tuple, moving: bool, value: Array | None = None) -> Node:
-        self.nodes.append(Node(len(self.nodes), op, args, moving, value))
-        return self.nodes[-1]
+        self._count += 1
+        return Node(self._count, op, args, moving, value)
+
+    def has(self, op: str, *args: Node) -> bool:
+        """Whether there is such a node."""
+        return (op, *((a.index, Node) for a in args)) in self._found
 
     def add(self, a: Number, b: Number) -> Number:
         """A sum; equal terms are collected."""
-        terms = _terms(a)
-        for m, c in _terms(b).items():
+        terms = self._terms(a)
+        for m, c in self._terms(b).items():
             terms[m] = self._steady("add", terms.get(m, 0.0), c)
         if len(terms) > _LONGEST_SUM and isinstance(a, Node) and isinstance(b, Node):
             terms = {a: 1.0, b: 1.0}
+        self._unite_squares(terms)
         left = [(c, m) for m, c in terms.items() if not _is(c, 0)]
         if len(left) < 2:
             return self._scaled(*(left[0] if left else (0.0, None)))
         return self.node("sum", *(x for term in left for x in term))
+
+    def _terms(self, a: Number) -> dict[Node | None, Number]:
+        """What moves in a sum and its steady factors; under None what does not move."""
+        c, m = _parts(a)
+        if m is None or m.op != "sum":
+            return {m: c}
+        parts = zip(m.args[::2], m.args[1::2], strict=True)
+        return {term: self._steady("mul", c, factor) for factor, term in parts}
+
+    def _unite_squares(self, terms: dict[Node | None, Number]) -> None:
+        """cos^2 + sin^2 = 1, where both have one factor."""
+        for m in list(terms):
+            if m is not None and m.op == "product" and len(m.args) == 2 and m.args[0].op == "sin":
+                sine, other = m.args
+                cosine = self.node("product", sine.partner, sine.partner)
+                if sine is other and cosine in terms and terms[cosine] == terms[m]:
+                    c = terms.pop(m)
+                    del terms[cosine]
+                    terms[None] = self._steady("add", terms.get(None, 0.0), c)
 
     def neg(self, a: Number) -> Number:
         """Minus a number."""
@@ -105,11 +131,16 @@ class Graph:
         c = self._steady("mul", c, d)
         if m is None or n is None:
             return self._scaled(c, n if m is None else m)
-        if m is n:
-            return self._scaled(c, self.node("square", m))
+        for one, other in ((m, n), (n, m)):
+            if _better_multiplied_out(one, other):
+                return self.mul(c, self._multiplied_out(one, other))
         # In an order that is the same in each process, or the compile cache would not know it.
-        first, second = (m, n) if m.index < n.index else (n, m)
-        return self._scaled(c, self.node("mul", first, second))
+        factors = sorted((*_factors(m), *_factors(n)), key=lambda node: node.index)
+        return self._scaled(c, self.node("product", *factors))
+
+    def _multiplied_out(self, terms: Node, factor: Node) -> Number:
+        parts = zip(terms.args[::2], terms.args[1::2], strict=True)
+        return functools.reduce(self.add, (self.mul(self._scaled(c, m), factor) for c, m in parts))
 
     def div(self, a: Number, b: Number) -> Number:
         """A quotient, steady factors in front."""
@@ -190,9 +221,17 @@ def _parts(a: Number) -> tuple[Number, Node | None]:
     return (a.args[0], a.args[1]) if a.op == "scale" else (1.0, a)
 
 
-def _terms(a: Number) -> dict[Node | None, Number]:
-    """What moves in a sum and its steady factors; under None what does not move."""
-    if isinstance(a, Node) and a.op == "sum":
-        return dict(zip(a.args[1::2], a.args[::2], strict=True))
-    c, m = _parts(a)
-    return {m: c}
+def _better_multiplied_out(terms: Node, factor: Node) -> bool:
+    """Where products are no more than before, or likely to be there already, or to cancel.
+
+    The last as in sin a (sin a u^2 + sin b w^2) + cos a (...), the forces of hinged bars.
+    """
+    if terms.op != "sum":
+        return False
+    moving = [m for m in terms.args[1::2] if m is not None]
+    simple = factor.op in ("sin", "cos", "input") and all(m.op == "product" for m in moving)
+    return len(moving) < 2 or (simple and len(moving) <= _MULTIPLIED_OUT)
+
+
+def _factors(m: Node) -> tuple:
+    return m.args if m.op == "product" else (m,)

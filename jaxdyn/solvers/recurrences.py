@@ -26,14 +26,19 @@ from jaxdyn.solvers.graph import STEADY, Node, Number
 Coefficient = Array | np.floating | None
 
 
-def solution(formulas: Formulas, order: int) -> list[list[Coefficient]]:
-    """Coefficients (order + 1 of each, lowest first) of the solution through the given state."""
+def solution(formulas: Formulas, nodes: list[Node], order: int) -> list[list[Coefficient]]:
+    """Coefficients of the solution through the given state.
+
+    Args:
+      formulas: of the rate.
+      nodes: those that are needed, `ordered`.
+      order: how many coefficients of each entry besides the first.
+    """
     series = _Series()
     one = jnp.ones_like(formulas.time.value)
     series.coefficients[formulas.time] = [formulas.time.value, one]
     for node in formulas.states:
         series.coefficients[node] = [node.value]
-    nodes = needed(formulas)
     for k in range(order):
         for node in nodes:
             if k == 0 or node.moving:
@@ -42,18 +47,6 @@ def solution(formulas: Formulas, order: int) -> list[list[Coefficient]]:
         for node, rate in zip(formulas.states, formulas.rates, strict=True):
             series.coefficients[node].append(_times(_inverse(k + 1), series.at(rate, k)))
     return [series.coefficients[node] for node in formulas.states]
-
-
-def needed(formulas: Formulas) -> list[Node]:
-    """Nodes that the rates depend on, inputs apart, in the order of computation."""
-    found: set[Node] = set()
-    waiting: list[Number | None] = [*formulas.rates]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, Node) and node not in found:
-            found.add(node)
-            waiting += [*node.args, node.partner]
-    return [node for node in formulas.graph.nodes if node in found and node.op != "input"]
 
 
 class _Series:
@@ -157,11 +150,8 @@ def _add(s: _Series, node: Node, k: int) -> Coefficient:
 
 
 def _mul(s: _Series, node: Node, k: int) -> Coefficient:
-    return s.product(*node.args, k, 0, k)
-
-
-def _square(s: _Series, node: Node, k: int) -> Coefficient:
-    return s.squared(node.args[0], k, 0)
+    a, b = node.args
+    return s.squared(a, k, 0) if a is b else s.product(a, b, k, 0, k)
 
 
 def _div(s: _Series, node: Node, k: int) -> Coefficient:
@@ -226,7 +216,7 @@ def _steady(op: Callable) -> Callable:
 
 _RULES: dict[str, Callable[[_Series, Node, int], Coefficient]] = {
     "given": lambda s, node, k: node.value,
-    **{"sum": _sum, "scale": _scale, "add": _add, "mul": _mul, "square": _square, "div": _div},
+    **{"sum": _sum, "scale": _scale, "add": _add, "mul": _mul, "product": _mul, "div": _div},
     **{"sqrt": _sqrt, "pow": _pow, "log": _log, "select": _select},
     "exp": _growing(lax.exp, lambda node: node),
     "sin": _growing(lax.sin, _partner),
@@ -240,14 +230,14 @@ _RULES: dict[str, Callable[[_Series, Node, int], Coefficient]] = {
 assert set(_RULES) >= STEADY
 
 #: Operations that take a sum of products at each order.
-_PRODUCTS = {"mul", "square", "div", "sqrt", "pow", "log", "exp", "sin", "cos", "tanh"}
+_PRODUCTS = {"product", "div", "sqrt", "pow", "log", "exp", "sin", "cos", "tanh"}
 
 
-def products(formulas: Formulas) -> int:
+def products(nodes: list[Node]) -> int:
     """How many sums of products each order takes: what it costs."""
-    return sum(node.moving and node.op in _PRODUCTS for node in needed(formulas))
+    return sum(node.moving and node.op in _PRODUCTS for node in nodes)
 
 
-def is_guarded(formulas: Formulas) -> bool:
+def is_guarded(nodes: list[Node]) -> bool:
     """Whether a formula has another case where something is exactly zero."""
-    return any(node.moving and node.op == "select" for node in needed(formulas))
+    return any(node.moving and node.op == "select" for node in nodes)

@@ -24,7 +24,9 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.solvers.formulas import Formulas, NotElementary, formulas
+from jaxdyn.solvers.graph import Node
 from jaxdyn.solvers.method import Advance, Field, Method
+from jaxdyn.solvers.ordered import ordered
 from jaxdyn.solvers.pairs import VERNER9
 from jaxdyn.solvers.recurrences import Coefficient, is_guarded, products, solution
 
@@ -78,10 +80,10 @@ class Taylor(Method):
 
     def advance(self, field: Field, t: Array, h: Array, y: Array, rolled: bool) -> Advance:
         del rolled
-        guarded = is_guarded(_formulas(field, t, y))
+        guarded = is_guarded(_formulas(field, t, y)[1])
 
         def step(t, h, y):
-            series = solution(_formulas(field, t, y), self.order)
+            series = solution(*_formulas(field, t, y), self.order)
             second = _slope if guarded else _last
             return _in_one_array([(_increment(c, h), second(c, h)) for c in series])
 
@@ -107,8 +109,8 @@ def has_series(system, y: Array) -> bool:
 
     def look(numbers, t, y):
         try:
-            found = products(formulas(eqx.combine(numbers, rest).rate, t, y))
-            answers.append(found <= _MOST_PRODUCTS)
+            found = formulas(eqx.combine(numbers, rest).rate, t, y)
+            answers.append(products(ordered(found.graph, found.rates)) <= _MOST_PRODUCTS)
         except NotElementary:
             answers.append(False)
 
@@ -116,7 +118,7 @@ def has_series(system, y: Array) -> bool:
     return answers[0]
 
 
-def _formulas(field: Field, t: Array, y: Array) -> Formulas:
+def _formulas(field: Field, t: Array, y: Array) -> tuple[Formulas, list[Node]]:
     wanted = "a scene with short formulas"
     if y.ndim > 1:
         raise _checks.fail("solver", "one for tangents", "a Taylor series", _OTHERWISE)
@@ -124,9 +126,10 @@ def _formulas(field: Field, t: Array, y: Array) -> Formulas:
         found = formulas(field, t, y)
     except NotElementary as error:
         raise _checks.fail("solver", wanted, f"one with {error}", _OTHERWISE) from None
-    if (n := products(found)) > _MOST_PRODUCTS:
+    nodes = ordered(found.graph, found.rates)
+    if (n := products(nodes)) > _MOST_PRODUCTS:
         raise _checks.fail("solver", wanted, f"one with {n} products", _OTHERWISE)
-    return found
+    return found, nodes
 
 
 def _increment(c: list[Coefficient], h: Array) -> Array:
