@@ -67,7 +67,7 @@ def test_slow_runs_take_part_in_fewer_rounds():
 def test_our_three_ways_reach_the_true_end_and_give_rows():
     methods = figure_eight.ours((1e-7, 1e-13))
     for method in methods.values():
-        end = method.build(1e-13)()
+        end = method.build(method.tolerances[1])()
         assert np.max(np.abs(end - np.array(figure_eight.END))) < 1e-12
     truth = np.array(figure_eight.END)
     rows = work_precision("eight", methods, truth, (1e-6, 1e-12), rounds=1).rows
