@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, ladder
+from jaxdyn.adjoint import adjoint_flow
 from jaxdyn.fixed import FixedField
 from jaxdyn.flow import Flow, Settings, flow
 from jaxdyn.scene import Scene, checked
@@ -179,6 +180,7 @@ def solve(
     dt: float | None = None,
     max_steps: int = MAX_STEPS,
     fixed: bool = False,
+    adjoint: bool = False,
 ) -> Flow:
     """`simulate` without samples, checks and exceptions: what the orbit finder calls.
 
@@ -196,6 +198,8 @@ def solve(
       max_steps: when to give up.
       fixed: make the scene's numbers, start and span apart, constants of the program: faster, but
         new ones compile again, and there are no derivatives by them.
+      adjoint: derivatives by the adjoint equations, backwards in time: for one loss a few solves,
+        whether it is by one number or by thousands. Reverse mode only, and once.
     Returns:
       The state at t1, those at ts, and a status; NaN where the run did not get to.
     Raises:
@@ -208,7 +212,8 @@ def solve(
     numbers = (_floats(x) for x in (scene.y0, t0, t1, ts))
     tolerance = tolerances(rtol, atol) if dt is None else _fixed_step(dt)
     field = FixedField(scene.field) if fixed else scene.field
-    return _compiled(field, *numbers, tolerance, settings=settings)
+    compiled = _compiled_adjoint if adjoint else _compiled
+    return compiled(field, *numbers, tolerance, settings=settings)
 
 
 def checked_settings(scene: Scene, solver: Method | None, max_steps: int, dt=None) -> Settings:
@@ -295,8 +300,11 @@ def _steps_agree(motion: Trajectory) -> Array:
     return jax.lax.map(agree, (motion.ts, motion.ys))
 
 
-_compiled = jax.jit(
-    lambda *args, settings: flow(*args, settings=settings), static_argnames="settings"
+_compiled, _compiled_adjoint = (
+    jax.jit(
+        lambda *args, settings, run=run: run(*args, settings=settings), static_argnames="settings"
+    )
+    for run in (flow, adjoint_flow)
 )
 
 
