@@ -20,8 +20,9 @@ from jaxdyn import _checks
 from jaxdyn.batches import Job, cores, mesh_of
 from jaxdyn.lanes import Ends, Motions
 from jaxdyn.scene import Scene, checked
-from jaxdyn.simulate import MAX_STEPS, RTOL, checked_settings, tolerances
+from jaxdyn.simulate import MAX_STEPS, RTOL, checked_settings
 from jaxdyn.solvers import Pair
+from jaxdyn.spans import tolerances
 from jaxdyn.stepping import Watch
 
 #: Rows of the compiled program's queue: some 60 rounds of its lanes, so that the last round,

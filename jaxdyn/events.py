@@ -22,8 +22,9 @@ from jaxdyn._numerics import in_one_kernel
 from jaxdyn.crossings import first_crossing, values
 from jaxdyn.flow import Settings, flow
 from jaxdyn.scene import Scene, checked
-from jaxdyn.simulate import MAX_STEPS, RTOL, checked_settings, tolerances
+from jaxdyn.simulate import MAX_STEPS, RTOL, checked_settings
 from jaxdyn.solvers import Pair
+from jaxdyn.spans import tolerances
 from jaxdyn.status import Status
 
 

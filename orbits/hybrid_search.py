@@ -18,7 +18,8 @@ from jaxtyping import Array
 from jaxdyn._checks import fail, positive, whole
 from jaxdyn.events import Event
 from jaxdyn.scene import Scene, checked
-from jaxdyn.simulate import solve, tolerances
+from jaxdyn.simulate import solve
+from jaxdyn.spans import tolerances
 from orbits import newton
 from orbits.given import driven
 from orbits.hybrid import Hybrid, Leg

@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, System
-from jaxdyn.simulate import solve, tolerances
+from jaxdyn.simulate import solve
+from jaxdyn.spans import tolerances
 from orbits.closing import Closing
 from orbits.problem import Orbit
 

@@ -19,7 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from jaxdyn import Scene, records
 from jaxdyn._checks import fail, positive, whole
-from jaxdyn.simulate import tolerances
+from jaxdyn.spans import tolerances
 from orbits.chunk import Plan, Sampler, unchanged, unlabelled, work
 from orbits.closing import PLAIN, Closing
 from orbits.given import checked

@@ -11,7 +11,8 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, Status
 from jaxdyn._checks import positive, whole
-from jaxdyn.simulate import solve, tolerances
+from jaxdyn.simulate import solve
+from jaxdyn.spans import tolerances
 from orbits import newton
 from orbits.closing import PLAIN, Closing
 from orbits.conditions import Condition
