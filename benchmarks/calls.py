@@ -4,7 +4,7 @@ Run: ``python -m benchmarks calls``. The figure-eight over a span of length zero
 step: compiled into a program of the user's, by `solve` from Python, and an empty program with the
 same arguments, which is what JAX itself takes.
 
-Last numbers (2 cores with other work on them, 2026-11), minima: 15.5 us compiled, 53 us by `solve`,
+Last numbers (2 cores with other work on them, 2026-11), minima: 15 us compiled, 54 us by `solve`,
 11 us for the empty program.
 """
 

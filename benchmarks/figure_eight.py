@@ -6,13 +6,13 @@ compiled into a program of the user's (`jaxdyn`), and the public `solve` and `si
 Python with all they do around it.
 
 Last numbers (2 cores with other work on them, 2026-11), minima, with ours over the other's in
-brackets: error 1e-6 32 us, heyoka 20 (1.6), Dopri8 69 (0.46), DOP853 2700; 1e-9 38 us, 28
-(1.4), 86 (0.44), 5340; 1e-12 48 us, 37 (1.3), 155 (0.31); 1e-14 60 us, 47 (1.3). heyoka is given
-each pair of bodies once; with each pair written twice it takes 1.5 times as long, its own
-`model.nbody` 1.2 times. diffrax runs here with loops folded by `jaxdyn.configure`. As shipped,
-in a process of its own, its Dopri8 takes 460, 1000 and 2200 us to errors of 2e-7, 1e-10 and 1e-13:
-15, 25 and 40 times as long as ours. 16 us of ours pass in a call that takes no step, see
-`benchmarks.calls`; `solve` from Python adds 35 us.
+brackets: error 1e-6 24 us, heyoka 20 (1.2), Dopri8 78 (0.31), DOP853 2720; 1e-9 30 us, 29 (1.05),
+100 (0.30), 5360; 1e-12 39.5 us, 39 (1.0), 176 (0.22); 1e-14 51 us, 49 (1.0). heyoka is given each
+pair of bodies once; with each pair written twice it takes 1.5 times as long, its own `model.nbody`
+1.2 times. diffrax runs here with loops folded by `jaxdyn.configure`. As shipped, in a process of
+its own, its Dopri8 takes 460, 1000 and 2200 us to errors of 2e-7, 1e-10 and 1e-13: 19, 32 and 55
+times as long as ours. 10 us of ours pass in a call that takes no step; `solve` from Python adds
+45 us.
 """
 
 from collections.abc import Sequence
