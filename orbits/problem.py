@@ -44,7 +44,8 @@ class Outcome(Code):
     )
     STEP_LIMIT = (
         7,
-        "The motion from the guess takes more steps than the integrator may. Look at it with "
+        "The motion from the guess takes more steps than the integrator may. In close encounters "
+        "rounding leaves fewer digits than asked for: pass rtol=1e-13. Else look at it with "
         "simulate(): is the period as long as it should be, and the scene not stiff?",
     )
 
