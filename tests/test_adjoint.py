@@ -49,6 +49,7 @@ def test_a_motion_that_forgets_its_start_has_a_gradient():
     assert jax.grad(end)(scene.y0)[2] == pytest.approx((1 - np.exp(-20)) / 10, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_many_losses_at_once_and_fixed_numbers():
     scene = scenes.oscillator()
 
@@ -63,6 +64,7 @@ def test_many_losses_at_once_and_fixed_numbers():
     assert np.abs(found - wanted).max() <= 1e-11
 
 
+@pytest.mark.slow
 def test_a_run_that_fails_has_no_gradient():
     scene = scenes.pendulum(angle=1.0)
 

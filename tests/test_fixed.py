@@ -18,12 +18,14 @@ def test_fixed_numbers_give_the_same_motion(solver):
     assert np.abs(free.y1 - fixed.y1).max() <= 1e-11
 
 
+@pytest.mark.slow
 def test_a_constrained_scene_has_fixed_numbers_too():
     scene = scenes.pendulum(angle=2.0, formulation="constrained")
     free, fixed = (solve(scene, 1.0, fixed=x).y1 for x in (False, True))
     assert np.abs(free - fixed).max() <= 1e-10
 
 
+@pytest.mark.slow
 def test_derivatives_by_the_start_and_the_time_are_there():
     scene = scenes.pendulum(angle=1.0)
 
