@@ -12,7 +12,7 @@ from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Scene
 from jaxdyn.simulate import solve
-from jaxdyn.solvers import DOPRI8, TAYLOR12, TAYLOR16, VERNER9, Taylor
+from jaxdyn.solvers import DOPRI8, TAYLOR12, TAYLOR16, TAYLOR20, VERNER9, Taylor
 from jaxdyn.solvers.formulas import NotElementary, formulas
 from jaxdyn.solvers.ordered import ordered
 from jaxdyn.solvers.recurrences import products, solution
@@ -99,13 +99,88 @@ def _nothing_twice(t, y):
     return 0.0 * y + 3 * y - y / 2 + called * 1.0 - (-y) + 0.0 / 3.0 + long - long * 0.5
 
 
-@pytest.mark.parametrize("rate", [_matrix, _moved, _looped, _chosen, _nothing_twice])
+def _truths(t, y):
+    zero, known = y == 0, jnp.array([True, False, True, False])
+    mixed = jnp.concatenate([zero[:2], known[2:]]).astype(float)
+    return jnp.where((y != 0.2) & known, y, 2 * y) * jnp.where(~zero | known, y, 1.0) + mixed
+
+
+def _empty(t, y):
+    # Sums of nothing, a loop of no rounds, a loop of numbers that are known.
+    products = jnp.outer(y, y[:0])
+    last, seen = lax.scan(lambda c, x: (c * x, c), y, jnp.zeros(0))
+    known = lax.fori_loop(0, 2000, lambda i, x: x + 0.5 * i, 0.0)
+    return products.sum(axis=1) + products.sum() + last + seen.sum(axis=0) + known * y
+
+
+def _edges(t, y):
+    cut = lax.pad(y[:3], 2.0 * t, ((-1, 0, 1),))
+    far = lax.dynamic_slice(jnp.concatenate([y, y * y]), (jnp.array(7),), (4,))
+    return cut + far + y.at[jnp.array([0, 9, -1, 2])].get(mode="clip")
+
+
+@pytest.mark.parametrize(
+    "rate", [_matrix, _moved, _looped, _chosen, _nothing_twice, _truths, _empty, _edges]
+)
 def test_arrays_taken_apart_have_the_same_rate_and_its_derivative(rate):
     t, y = jnp.asarray(0.3), jnp.array([0.2, -0.5, 0.7, 1.1])
     found = series(rate, t, y, order=4)
     f, df = jax.jvp(rate, (t, y), (jnp.ones(()), rate(t, y)))
     assert found[:, 1] == pytest.approx(np.asarray(f), rel=1e-13, abs=1e-14)
     assert 2 * found[:, 2] == pytest.approx(np.asarray(df), rel=1e-12, abs=1e-13)
+
+
+def test_differences_keep_their_digits():
+    # (y - 1)^2 is exact here; written out, all but four digits of it are rounding.
+    def rate(t, y):
+        x = y - 1.0
+        return x / (x[0] * x[0] + x[1] * x[1]) ** 1.5
+
+    t, y = jnp.asarray(0.3), jnp.array([1 + 1e-6, 1 - 2e-7])
+    f, df = jax.jvp(rate, (t, y), (jnp.ones(()), rate(t, y)))
+    found = series(rate, t, y, order=2)
+    assert found[:, 1] == pytest.approx(np.asarray(f), rel=1e-13)
+    assert 2 * found[:, 2] == pytest.approx(np.asarray(df), rel=1e-12)
+
+
+@pytest.mark.parametrize("n", [2, 9, 17])
+def test_whole_powers_have_their_series_at_zero(n):
+    found = series(lambda t, y: lax.integer_pow(t[None], n), 0.0, [0.0], order=20)[0]
+    assert found == pytest.approx(np.eye(21)[n + 1] / (n + 1), abs=1e-16)
+
+
+@jax.jit
+def _driven_by_a_whole_number(n, truth):
+    found = formulas(lambda t, y: y * n + truth, jnp.zeros(()), jnp.ones(1))
+    return solution(found, ordered(found.graph, found.rates), 2)[0]
+
+
+def test_whole_numbers_and_truths_known_at_run_time_are_numbers_too():
+    found = _driven_by_a_whole_number(jnp.array(3), jnp.array(True))
+    assert [float(x) for x in found] == [1.0, 4.0, 6.0]
+
+
+def _error_and_estimate(rate, h, y):
+    """Of one step of order 12, the first against 32 short ones of order 20."""
+    zero, h, y = jnp.zeros(()), jnp.asarray(h), jnp.asarray(y)
+    increment, found = TAYLOR12.advance(rate, zero, h, y, rolled=True)[:2]
+    end = y
+    for i in range(32):
+        end = end + TAYLOR20.advance(rate, i * h / 32, h / 32, end, rolled=True)[0]
+    return float(jnp.abs(y + increment - end).max()), float(jnp.abs(found).max())
+
+
+@pytest.mark.parametrize("n", [1, 3, 7])
+def test_terms_that_symmetry_makes_vanish_do_not_hide_the_error(n):
+    # With n = 7 neither x nor v has a term of order 11 or 12 about x = 0.
+    error, found = _error_and_estimate(lambda t, y: jnp.stack([y[1], -(y[0] ** n)]), 0.3, [0.0, 1])
+    assert error < 2 * found < 1e-8
+
+
+def test_a_case_of_known_numbers_is_no_part_of_the_series():
+    error, found = _error_and_estimate(lambda t, y: jnp.where(y == 0, 1.0, 2.0), 1.0, [0.0])
+    assert error > 0.9
+    assert found > 0.4
 
 
 def test_equal_formulas_are_computed_once():
@@ -250,9 +325,45 @@ def _places(t, y):
     return lax.dynamic_slice(y, (jnp.argmax(y),), (1,))
 
 
+def _places_beyond(t, y):
+    return y.at[jnp.array([3])].get(mode="fill", fill_value=0.0)
+
+
+def _three_cases(t, y):
+    return lax.select_n(jnp.array([2]), y, 2 * y, 3 * y)
+
+
+def _whole_division(t, y):
+    return (jnp.where(y == 0, 3, 5) // 2) * y
+
+
+def _fewer_bits(t, y):
+    return y.astype(jnp.float32).astype(float)
+
+
+def _fewer_bits_inside(t, y):
+    x = lax.dot(y[None], y[:, None], preferred_element_type=jnp.float32)
+    return x[0].astype(float)
+
+
+def _compared_truths(t, y):
+    return jnp.where((y == 0) == jnp.array([True]), y, 2 * y)
+
+
+def _long_loop(t, y):
+    return lax.fori_loop(0, 100_000, lambda i, x: x + y, y)
+
+
 @pytest.mark.parametrize(
     ("rate", "why"),
     [
+        (_places_beyond, "places that are not there"),
+        (_three_cases, "select_n"),
+        (_whole_division, "int"),
+        (_fewer_bits, "conversion to float32"),
+        (_fewer_bits_inside, "dot_general of float32"),
+        (_compared_truths, "eq of bool"),
+        (_long_loop, "a loop of 100000 rounds"),
         (_exp2, "exp2"),
         (_friction, "a condition on what moves"),
         (_unknown_loop, "while"),

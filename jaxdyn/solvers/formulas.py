@@ -48,7 +48,9 @@ _MOVES = {
     **{"dynamic_slice": 1, "gather": 1, "dynamic_update_slice": 2},
 }
 _SAME = {"stop_gradient", "copy", "copy_p", "optimization_barrier"}
-_CALLS = {"jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call", "checkpoint"}
+_CALLS = {"jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call"}
+#: Rounds up to which loops are written out: every one is traced anew.
+_LONGEST_LOOP = 1000
 
 
 def formulas(field: Callable, t: Array, y: Array) -> Formulas:
@@ -103,56 +105,72 @@ def _applied(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     if name in _CALLS:
         inner = params.get("jaxpr") or params["call_jaxpr"]
         return _run(graph, inner.jaxpr, [_taken(graph, c) for c in inner.consts], args)
-    if name == "scan":
-        return _written_out(graph, params, args)
     if not any(x.dtype == object for x in args):
-        return _known(eqn, args)
+        return _known(eqn.primitive, params, args)
+    if name == "scan":
+        return _written_out(graph, eqn, args)
     if name in _MOVES:
         return _moved(eqn, args)
     if name in _SAME:
         return args
     if name == "convert_element_type":
-        return [_converted(graph, args[0], np.dtype(params["new_dtype"]))]
+        kinds = eqn.invars[0].aval.dtype, np.dtype(params["new_dtype"])
+        return [_converted(graph, args[0], *kinds)]
+    _check_kinds(eqn)
     if name == "reduce_sum":
         return [_summed(graph, args[0], tuple(params["axes"]))]
     if name == "dot_general":
         return [_multiplied(graph, *args, *params["dimension_numbers"])]
-    return [_elementwise(_scalar(graph, name, params), args)]
+    return [_elementwise(_scalar(graph, name, params, len(args) - 1), args)]
 
 
-def _known(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
+def _check_kinds(eqn) -> None:
+    """Formulas are of 64-bit floats; truths are only combined, and chosen by."""
+    name = eqn.primitive.name
+    ours = eqn.invars[1:] if name == "select_n" else eqn.invars
+    wanted = bool if name in LOGIC else float
+    results = eqn.outvars if name == "dot_general" else []
+    for kind in {a.aval.dtype for a in (*ours, *results)}:
+        if kind != wanted:
+            raise NotElementary(f"{name} of {kind}")
+
+
+def _known(primitive, params: dict, args: list[np.ndarray]) -> list[np.ndarray]:
     with jax.ensure_compile_time_eval():
-        found = eqn.primitive.bind(*map(jnp.asarray, args), **eqn.params)
-    return [np.asarray(x) for x in (found if eqn.primitive.multiple_results else [found])]
+        found = primitive.bind(*map(jnp.asarray, args), **params)
+    return [np.asarray(x) for x in (found if primitive.multiple_results else [found])]
 
 
 def _moved(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     """What the operation does to the numbers of all entries, it does to the entries."""
-    n = _MOVES[eqn.primitive.name] or len(args)
+    name, params = eqn.primitive.name, dict(eqn.params)
+    n = _MOVES[name] or len(args)
     moved, places = args[:n], args[n:]
     if any(x.dtype == object for x in places):
-        raise NotElementary(f"{eqn.primitive.name} at places known at run time only")
+        raise NotElementary(f"{name} at places known at run time only")
+    if name == "gather":
+        params["fill_value"] = -1
     starts = itertools.accumulate((x.size for x in moved), initial=0)
     numbers = [n + np.arange(x.size).reshape(x.shape) for n, x in zip(starts, moved, strict=False)]
     pool = np.concatenate([x.astype(object).ravel() for x in moved])
-    return [np.asarray(pool[x], object) for x in _known(eqn, [*numbers, *places])]
+    found = _known(eqn.primitive, params, [*numbers, *places])
+    if any((x < 0).any() for x in found):
+        raise NotElementary(f"{name} at places that are not there")
+    return [np.asarray(pool[x], object) for x in found]
 
 
-def _converted(graph: Graph, x: np.ndarray, dtype: np.dtype) -> np.ndarray:
-    def number(a: Number) -> Number:
-        if not isinstance(a, Node):
-            return dtype.type(a).item()
-        truth = a.op in COMPARISONS or a.op in LOGIC
-        if dtype.kind != "f":
-            raise NotElementary(f"conversion to {dtype}")
-        return graph.select(a, 0.0, 1.0) if truth else a
-
-    return _elementwise(number, [x])
+def _converted(graph: Graph, x: np.ndarray, kind: np.dtype, wanted: np.dtype) -> np.ndarray:
+    if kind == wanted:
+        return x
+    if wanted != np.float64:
+        raise NotElementary(f"conversion to {wanted}")
+    return _elementwise(graph.real, [x])
 
 
 def _summed(graph: Graph, x: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
     kept = [i for i in range(x.ndim) if i not in axes]
-    rows = np.transpose(x, [*kept, *axes]).reshape([x.shape[i] for i in kept] + [-1])
+    shape = [*(x.shape[i] for i in kept), math.prod(x.shape[i] for i in axes)]
+    rows = np.transpose(x, [*kept, *axes]).reshape(shape)
     found = np.empty(rows.shape[:-1], object)
     for at in np.ndindex(found.shape):
         found[at] = functools.reduce(graph.add, rows[at], 0.0)
@@ -176,12 +194,17 @@ def _multiplied(graph: Graph, a, b, contracted, batched) -> np.ndarray:
     return found.reshape([*batch, *free_a, *free_b])
 
 
-def _written_out(graph: Graph, params: dict, args: list[np.ndarray]) -> list[np.ndarray]:
+def _written_out(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     """A loop of known length."""
+    params = eqn.params
     body, length = params["jaxpr"], params["length"]
     n, m = params["num_consts"], params["num_carry"]
     consts, carry, xs = args[:n], args[n : n + m], args[n + m :]
     inner = [_taken(graph, c) for c in body.consts]
+    if length > _LONGEST_LOOP:
+        raise NotElementary(f"a loop of {length} rounds")
+    if not length:
+        return [*carry, *(np.zeros(a.aval.shape, a.aval.dtype) for a in eqn.outvars[m:])]
     rows = []
     for i in range(length):
         at = length - 1 - i if params["reverse"] else i
@@ -194,7 +217,7 @@ def _written_out(graph: Graph, params: dict, args: list[np.ndarray]) -> list[np.
     return [*carry, *(np.stack(column) for column in zip(*rows, strict=True))]
 
 
-def _scalar(graph: Graph, name: str, params: dict) -> Callable:
+def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
     """The operation on numbers, for entries one by one."""
     if name in ("add", "add_any"):
         return graph.add
@@ -204,7 +227,7 @@ def _scalar(graph: Graph, name: str, params: dict) -> Callable:
         return functools.partial(graph.function, name)
     if name in COMPARISONS or name in LOGIC:
         return functools.partial(_condition, graph, name)
-    if name == "select_n":
+    if name == "select_n" and cases == 2:
         return graph.select
     if name == "square":
         return lambda a: graph.mul(a, a)

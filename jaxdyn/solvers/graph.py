@@ -44,7 +44,7 @@ COMPARISONS = {
 }
 LOGIC = {"and": operator.and_, "or": operator.or_, "not": operator.not_}
 #: Operations with a result that holds for a whole step.
-STEADY = frozenset({*COMPARISONS, *LOGIC})
+STEADY = frozenset({*COMPARISONS, *LOGIC, "real"})
 FUNCTIONS = {
     **{"sin": np.sin, "cos": np.cos, "exp": np.exp, "log": np.log, "sqrt": np.sqrt},
     **{"tanh": np.tanh},
@@ -52,7 +52,7 @@ FUNCTIONS = {
 #: Terms up to which sums are merged to find equal ones; longer ones stay as they are.
 _LONGEST_SUM = 8
 _MULTIPLIED_OUT = 3  # terms up to which sums of products are multiplied out
-_WRITTEN_OUT = 8  # powers up to which they are products
+_WRITTEN_OUT = 32  # powers up to which they are products, which are smooth at 0
 
 
 class Graph:
@@ -155,8 +155,9 @@ class Graph:
         if isinstance(n, Node):
             return self.node("pow", a, n)
         if not isinstance(a, Node):
-            return float(np.float64(a) ** n)
-        if n == int(n) and abs(n) <= _WRITTEN_OUT:
+            with np.errstate(all="ignore"):
+                return float(np.float64(a) ** n)
+        if float(n).is_integer() and abs(n) <= _WRITTEN_OUT:
             product = functools.reduce(self.mul, [a] * abs(int(n)), 1.0)
             return product if n >= 0 else self.div(1.0, product)
         return self.function("sqrt", a) if n == 0.5 else self.node("pow", a, float(n))
@@ -164,7 +165,8 @@ class Graph:
     def function(self, op: str, a: Number) -> Number:
         """An elementary function."""
         if not isinstance(a, Node):
-            return float(FUNCTIONS[op](a))
+            with np.errstate(all="ignore"):
+                return float(FUNCTIONS[op](a))
         if op in ("sin", "cos"):
             sine, cosine = self.node("sin", a), self.node("cos", a)
             sine.partner, cosine.partner = cosine, sine
@@ -187,6 +189,10 @@ class Graph:
         if not isinstance(which, Node):
             return yes if which else no
         return no if no is yes else self.node("select", which, no, yes)
+
+    def real(self, a: Number) -> Number:
+        """A truth or a whole number, neither of which moves, as a real number."""
+        return self.node("real", a) if isinstance(a, Node) else float(a)
 
     def _scaled(self, c: Number, m: Node | None) -> Number:
         if m is None or _is(c, 0):
@@ -222,15 +228,16 @@ def _parts(a: Number) -> tuple[Number, Node | None]:
 
 
 def _better_multiplied_out(terms: Node, factor: Node) -> bool:
-    """Where products are no more than before, or likely to be there already, or to cancel.
+    """Where products are likely to be there already, or to cancel.
 
-    The last as in sin a (sin a u^2 + sin b w^2) + cos a (...), the forces of hinged bars.
+    As in sin a (sin a u^2 + sin b w^2) + cos a (...), the forces of hinged bars. Never sums with
+    single numbers: (x - 1)^2 is exact near x = 1, of x^2 - 2 x + 1 only the rounding is left.
     """
     if terms.op != "sum":
         return False
     moving = [m for m in terms.args[1::2] if m is not None]
     simple = factor.op in ("sin", "cos", "input") and all(m.op == "product" for m in moving)
-    return len(moving) < 2 or (simple and len(moving) <= _MULTIPLIED_OUT)
+    return simple and len(moving) <= _MULTIPLIED_OUT
 
 
 def _factors(m: Node) -> tuple:

@@ -23,7 +23,7 @@ from jaxdyn.solvers.formulas import Formulas
 from jaxdyn.solvers.graph import STEADY, Node, Number
 
 #: A coefficient; None where it is known to be zero.
-Coefficient = Array | np.floating | None
+Coefficient = Array | np.floating | np.bool_ | None
 
 
 def solution(formulas: Formulas, nodes: list[Node], order: int) -> list[list[Coefficient]]:
@@ -64,7 +64,7 @@ class _Series:
     def at(self, a: Number, k: int) -> Coefficient:
         """Coefficient k of a node or of a known number."""
         if not isinstance(a, Node):
-            return np.float64(a) if k == 0 else None
+            return (np.bool_(a) if isinstance(a, bool) else np.float64(a)) if k == 0 else None
         found = self.coefficients[a]
         return found[k] if k < len(found) else None
 
@@ -226,6 +226,7 @@ _RULES: dict[str, Callable[[_Series, Node, int], Coefficient]] = {
     **{"ge": _steady(lax.ge), "eq": _steady(lax.eq), "ne": _steady(lax.ne)},
     **{"and": _steady(lax.bitwise_and), "or": _steady(lax.bitwise_or)},
     "not": _steady(lax.bitwise_not),
+    "real": _steady(lambda a: lax.convert_element_type(a, float)),
 }
 assert set(_RULES) >= STEADY
 
@@ -239,5 +240,6 @@ def products(nodes: list[Node]) -> int:
 
 
 def is_guarded(nodes: list[Node]) -> bool:
-    """Whether a formula has another case where something is exactly zero."""
-    return any(node.moving and node.op == "select" for node in nodes)
+    """Whether a formula has another case where something is exactly some number."""
+    moving = (any(isinstance(a, Node) and a.moving for a in node.args) for node in nodes)
+    return any(m and node.op in STEADY for m, node in zip(moving, nodes, strict=True))
