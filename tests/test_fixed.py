@@ -46,6 +46,20 @@ def test_equal_numbers_are_the_same_program_and_others_another():
     assert moon != FixedField(scenes.pendulum(g=9.81).field)
 
 
+def test_equal_numbers_of_any_kind_are_compiled_once():
+    traces = []
+
+    class Counted(FixedField):
+        def rate(self, t, y):
+            traces.append(1)
+            return super().rate(t, y)
+
+    end = jax.jit(lambda field, y: field.rate(jnp.zeros(()), y))
+    for g in (9, 9.0, np.float32(9), jnp.asarray(9)):
+        end(Counted(scenes.pendulum(g=g).field), jnp.ones(2))
+    assert len(traces) == 1
+
+
 def test_traced_numbers_are_refused():
     with pytest.raises(ValueError, match="fixed: expected a scene whose numbers are known"):
         jax.grad(lambda g: solve(scenes.pendulum(g=g), 1.0, fixed=True).y1[0])(9.81)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from jax import lax
 
-from jaxdyn import scenes, simulate
+from jaxdyn import ensemble, scenes, simulate
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Scene
@@ -297,6 +297,12 @@ def test_scenes_without_short_formulas_are_refused(make, why):
     with pytest.raises(ValueError, match=why) as caught:
         simulate(scene, 0.1, solver=TAYLOR12)
     assert "solvers.VERNER9" in str(caught.value)
+
+
+def test_motions_side_by_side_are_refused():
+    scene = scenes.pendulum()
+    with pytest.raises(ValueError, match="several motions at once, got a Taylor series"):
+        ensemble.run(scene, np.stack([scene.y0, scene.y0]), 0.1, solver=TAYLOR12)
 
 
 @pytest.mark.parametrize("order", [3, 41, 2.5, True])

@@ -124,7 +124,8 @@ def has_series(system, y: Array) -> bool:
 def _formulas(field: Field, t: Array, y: Array) -> tuple[Formulas, list[Node]]:
     wanted = "a scene with short formulas"
     if y.ndim > 1:
-        raise _checks.fail("solver", "one for tangents", "a Taylor series", _OTHERWISE)
+        several = "one that takes tangents or several motions at once"
+        raise _checks.fail("solver", several, "a Taylor series", _OTHERWISE)
     try:
         found = formulas(field, t, y)
     except NotElementary as error:
