@@ -5,9 +5,9 @@ formulas of the rate (`formulas`, `recurrences`). For a handful of numbers and m
 takes a third to two thirds of the time of a Runge-Kutta pair: an order costs in proportion to
 the order, and nothing is evaluated inside the step.
 
-The order that pays is about a number e-folds of the error, 1 - ln(rtol) / 2: 8 at rtol 1e-6, 16
-at 1e-13. Formulas with more than some 40 products compile for too long, and are refused, as are
-operations without a recurrence: loops of unknown length, hence most linear algebra.
+The order that pays is about 1 - ln(rtol) / 2: 8 at rtol 1e-6, 16 at 1e-13. Formulas with more
+than some 40 products compile for too long, and are refused, as are operations without a
+recurrence: loops of unknown length, hence most linear algebra.
 """
 
 import dataclasses
