@@ -89,7 +89,7 @@ class Reaches(Event):
         return self.way
 
     def check(self, k):
-        if not 0 <= self.entry < k:
+        if not isinstance(self.entry, int) or not 0 <= self.entry < k:
             raise _checks.fail("entry", f"an entry of the state, 0 to {k - 1}", self.entry)
         super().check(k)
 

@@ -94,7 +94,6 @@ def close_returns(
     windows: int,
     close: float,
     limit,
-    threads: int = 1,
 ) -> Guesses:
     """Where motions nearly close: the nearest miss within each window of the period.
 
@@ -107,7 +106,6 @@ def close_returns(
       windows: parts of that range, each of which has a guess of its own.
       close: largest miss of a guess, in the units of the state.
       limit: (k,) or () entries of the state beyond which a motion has escaped.
-      threads: of the ensemble.
     Returns:
       The guesses, in the order of the starts.
     """
@@ -123,9 +121,9 @@ def close_returns(
         edges[-1],
         rtol=_SCREENING,
         max_steps=MAX_STEPS,
+        threads=1,  # chunks of a search run side by side
         watch=watch,
         chunk=_ROWS,
-        threads=threads,
     )
     best = ends.seen[0].best
     index, window = np.nonzero(best.distance <= close)
@@ -137,18 +135,18 @@ def close_returns(
     )
 
 
-def refined(scene: Scene, closing: Closing, guesses: Guesses, *, threads: int = 1) -> Guesses:
+def refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
     """The guesses that Newton's method brings near an orbit, there."""
     blocks = [
-        _refined(scene, closing, guesses.take(slice(i, i + _BLOCK)), threads)
+        _refined(scene, closing, guesses.take(slice(i, i + _BLOCK)))
         for i in range(0, len(guesses.index), _BLOCK)
     ]
     return Guesses(*map(np.concatenate, zip(*blocks, strict=True))) if blocks else guesses
 
 
-def _refined(scene: Scene, closing: Closing, guesses: Guesses, threads: int) -> Guesses:
+def _refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
     n = len(guesses.index)
-    batch = _Batch(scene, closing, driven(scene), threads)
+    batch = _Batch(scene, closing, driven(scene))
     base = np.pad(guesses.y0s, ((0, _BLOCK - n), (0, 0)), constant_values=np.nan)
     periods = np.pad(guesses.periods, (0, _BLOCK - n), constant_values=np.nan)
     x = np.concatenate([base[:, closing.free(base.shape[1])], periods[:, None]], axis=1)
@@ -190,7 +188,6 @@ class _Batch(NamedTuple):
     scene: Scene
     closing: Closing
     fixed: bool  # the period
-    threads: int
 
     def starts(self, x: np.ndarray, base: np.ndarray) -> np.ndarray:
         """(b, k)."""
@@ -212,8 +209,8 @@ class _Batch(NamedTuple):
             np.repeat(x[:, -1], p + 1) / self.closing.parts,
             rtol=_REFINING,
             max_steps=MAX_STEPS,
+            threads=1,
             chunk=_ROWS,
-            threads=self.threads,
         ).y1
         missed, slope = (np.asarray(a) for a in _missed(self.scene, self.closing, ends, starts))
         missed, slope = missed.reshape(b, p + 1, -1), slope.reshape(b, p + 1, -1)

@@ -8,7 +8,6 @@ which chunk, when, or how often the search was broken off.
 import concurrent.futures as futures
 import dataclasses
 import itertools
-import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from jaxdyn import Scene, records
 from jaxdyn._checks import fail, positive, whole
+from jaxdyn.batches import cores
 from jaxdyn.spans import tolerances
 from orbits.chunk import Plan, Sampler, unchanged, unlabelled, work
 from orbits.closing import PLAIN, Closing
@@ -115,7 +115,7 @@ def search(
     _check(plan)
     file = File(path, _header(plan))
     own = executor is None
-    pool = futures.ThreadPoolExecutor(_cores()) if executor is None else executor
+    pool = futures.ThreadPoolExecutor(cores()) if executor is None else executor
     try:
         with _bar(progress) as bar:
             _run(plan, file, pool, bar)
@@ -166,10 +166,6 @@ def _sums(chunks: Iterable[Chunk]) -> dict[str, int]:
 def _bar(progress: bool) -> Progress:
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     return Progress(*columns, TextColumn("{task.fields[said]}"), disable=not progress)
-
-
-def _cores() -> int:
-    return len(getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))(0))
 
 
 def _check(plan: Plan) -> None:

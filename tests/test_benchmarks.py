@@ -64,6 +64,7 @@ def test_slow_runs_take_part_in_fewer_rounds():
     assert calls["slow"] - before < 8
 
 
+@pytest.mark.slow
 def test_our_three_ways_reach_the_true_end_and_give_rows():
     methods = figure_eight.ours((1e-7, 1e-13))
     for method in methods.values():
@@ -103,6 +104,7 @@ def _short(problem):
     return problem._replace(scene=problem.scene.starting(problem.scene.y0, 1.0))
 
 
+@pytest.mark.slow
 def test_curves_give_rows_and_are_stored_and_drawn(tmp_path):
     problem = _short(problems.henon_heiles())
     curves = systems.curves("short", problem, 1, (1e-5, 1e-13), 1.6)

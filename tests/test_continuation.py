@@ -83,6 +83,7 @@ def test_a_torus_point():
     assert abs(np.abs(np.angle(point.stability.nontrivial[0])) - 0.6 * np.pi) < 1e-8
 
 
+@pytest.mark.slow
 def test_a_conservative_family_needs_no_parameter():
     swing = orbits.find(scenes.pendulum(angle=0.5), period=2.0)
     found = orbits.continue_family(swing, members=12, step=0.2)

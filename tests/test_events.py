@@ -288,5 +288,7 @@ def test_an_entry_that_is_none_and_a_direction_that_is_none_are_refused():
     ball = scenes.cannonball()
     with pytest.raises(ValueError, match=r"entry: expected an entry of the state, 0 to 3, got 9"):
         until(ball, Reaches(9, 0.0, -1), 1.0)
+    with pytest.raises(ValueError, match="entry: expected an entry of the state, 0 to 3, got vy"):
+        until(ball, Reaches("vy", 0.0), 1.0)
     with pytest.raises(ValueError, match=r"direction: expected 1, -1, or 0 for both, got 5"):
         until(ball, Reaches(1, 0.0, 5), 1.0)

@@ -50,6 +50,7 @@ def contact_time(mass_at, a, spin, d=0.5, m=1.0):
     return 2 * quad(slowness, a, math.pi, epsabs=1e-14, epsrel=1e-14)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turns", [1, 2])
 def test_the_hop_is_that_of_the_closed_form(turns):
     hop = hopping.hop(LEVEL, turns=turns)

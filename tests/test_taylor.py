@@ -170,7 +170,7 @@ def _error_and_estimate(rate, h, y):
     return float(jnp.abs(y + increment - end).max()), float(jnp.abs(found).max())
 
 
-@pytest.mark.parametrize("n", [1, 3, 7])
+@pytest.mark.parametrize("n", [1, *(pytest.param(n, marks=pytest.mark.slow) for n in (3, 7))])
 def test_terms_that_symmetry_makes_vanish_do_not_hide_the_error(n):
     # With n = 7 neither x nor v has a term of order 11 or 12 about x = 0.
     error, found = _error_and_estimate(lambda t, y: jnp.stack([y[1], -(y[0] ** n)]), 0.3, [0.0, 1])
@@ -251,6 +251,7 @@ def test_from_rest_with_quadratic_drag_the_guard_of_the_root_is_no_part_of_the_s
     assert float(found.y1[3]) == pytest.approx(-np.sqrt(g / c) * np.tanh(np.sqrt(c * g)), rel=1e-10)
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_the_variational_equations():
     scene = scenes.pendulum(angle=1.0)
 
