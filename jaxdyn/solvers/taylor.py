@@ -6,8 +6,8 @@ takes a third to two thirds of the time of a Runge-Kutta pair: an order costs in
 the order, and nothing is evaluated inside the step.
 
 The order that pays is about 1 - ln(rtol) / 2: 8 at rtol 1e-6, 16 at 1e-13. Formulas with more
-than some 40 products compile for too long, and are refused, as are operations without a
-recurrence: loops of unknown length, hence most linear algebra.
+than 48 products compile for too long, and are refused, as are operations without a recurrence:
+loops of unknown length, hence most linear algebra.
 """
 
 import dataclasses
@@ -175,8 +175,8 @@ def _in_one_array(pairs: list[tuple[Array, Array]]) -> Array:
 
     A number that is used more than once is computed again for each result that it enters,
     thousands of times for the first coefficients; not so within the function of a single array.
-    There each entry may depend on up to 15 others, so entries are complex numbers, with two
-    results each (measured for three bodies: 0.8 us a step, against 11 us with 24 real entries).
+    There a number may enter up to 15 entries, so entries are complex numbers, with two results
+    each (measured for three bodies: 0.8 us a step, against 11 us with 24 real entries).
     """
     places = jnp.arange(len(pairs))
     found = jnp.zeros(len(pairs), complex)
