@@ -26,6 +26,7 @@ Gradients go through all of it, in every number, in forward and reverse mode:
 """
 
 from jaxdyn import accuracy as accuracy
+from jaxdyn import approaches as approaches
 from jaxdyn import effects as effects
 from jaxdyn import energy as energy
 from jaxdyn import ensemble as ensemble

@@ -233,6 +233,7 @@ def _verified(plan: Plan, sample: int, orbit: Orbit) -> Find | None:
         period=orbit.period,
         closing=0 if orbit.closing == plan.closing else 1,
         residual=float(orbit.residual),
+        s_period=orbit.s_period or 0.0,
         recheck=again,
         invariant=_invariant(orbit),
         verdict=linear.verdict,

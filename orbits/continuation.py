@@ -23,11 +23,11 @@ from jaxdyn import energy
 from jaxdyn._checks import fail, positive, whole
 from orbits.bifurcations import NUDGE, TESTS
 from orbits.conditions import Condition
+from orbits.cuts import cut
 from orbits.equations import Equations, Make
 from orbits.family import Family, Kind, Member
-from orbits.given import driven
 from orbits.problem import Orbit
-from orbits.shooting import GOAL, cut
+from orbits.shooting import GOAL
 from orbits.stability import stability
 from orbits.surface import Point, Surface
 
@@ -96,7 +96,7 @@ def continue_family(
     conditions = (hold,) if isinstance(hold, Condition) else tuple(hold)
     value = 0.0 if parameter is None else float(parameter)
     guess = np.append(np.asarray(orbit.y0), orbit.period)
-    start = Equations(orbit.scene, orbit.closing, conditions, make, driven=driven(orbit.scene))
+    start = Equations.of(orbit, conditions, make)
     equations = cut(start, guess, orbit.rtol, segments, orbit.angle, value)
     x = equations.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle, value)
     surface = Surface(equations, orbit.rtol, goal)

@@ -23,9 +23,11 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn.flow import Flow
-from jaxdyn.simulate import solve
 from orbits.closing import Closing
 from orbits.conditions import Condition
+from orbits.given import driven
+from orbits.motion import advanced
+from orbits.problem import Orbit
 
 #: Steps of one segment: an orbit with so many is none that could be found, and on its way
 #: towards a collision an iteration must not take minutes.
@@ -69,6 +71,7 @@ class Equations(eqx.Module):
       conditions: what else must hold.
       make: the scene of a family's parameter; None where there is no parameter.
       shares: of the time to integrate that each segment takes; their sum is 1.
+      s_spans: spans of logarithmic time of the segments; None in plain time.
       driven: whether the rate depends on time, so that segments start at their own times.
     """
 
@@ -77,7 +80,20 @@ class Equations(eqx.Module):
     conditions: tuple[Condition, ...] = ()
     make: Make | None = eqx.field(static=True, default=None)
     shares: tuple[float, ...] = (1.0,)
+    s_spans: tuple[float, ...] | None = None
     driven: bool = eqx.field(static=True, default=False)
+
+    @classmethod
+    def of(cls, orbit: Orbit, conditions: tuple[Condition, ...] = (), make: Make | None = None):
+        """The equations of a known orbit, in one segment."""
+        spans = None if orbit.s_period is None else (orbit.s_period / orbit.closing.parts,)
+        here = orbit.scene, orbit.closing, conditions, make
+        return cls(*here, s_spans=spans, driven=driven(orbit.scene))
+
+    @property
+    def s_period(self) -> float | None:
+        """The logarithmic time of a whole period; None in plain time."""
+        return None if self.s_spans is None else self.closing.parts * sum(self.s_spans)
 
     @property
     def segments(self) -> int:
@@ -120,10 +136,10 @@ class Equations(eqx.Module):
         scene = self.scene_at(jnp.asarray(parameter, float)).starting(y0)
         between, t = [], 0.0
         # One after the other: samples would be compiled anew for each number of them.
-        for share in self.shares[:-1]:
+        for share, s in zip(self.shares[:-1], self._spans, strict=False):
             t0 = t if self.driven else 0.0
             span = share * period / self.closing.parts
-            scene = scene.starting(solve(scene, t0 + span, t0=t0, rtol=rtol).y1)
+            scene = scene.starting(advanced(scene, span, s, t0=t0, rtol=rtol).y1)
             between.append(np.asarray(scene.y0))
             t += span
         return self.pack(y0, between, angle, parameter, period)
@@ -131,19 +147,25 @@ class Equations(eqx.Module):
     def transitions(self, y0, period, rtol, parameter=0.0) -> np.ndarray:
         """(segments, k, k) derivative of each segment's end by its start, along one motion."""
         y, t, maps = jnp.asarray(y0, float), 0.0, []
-        for share in self.shares:
+        for share, s in zip(self.shares, self._spans, strict=True):
             span = share * period / self.closing.parts
-            piece = Piece(*(jnp.asarray(z, float) for z in (y, t * self.driven, span, parameter)))
+            numbers = (y, t * self.driven, span, parameter, s)
+            piece = jax.tree.map(lambda z: jnp.asarray(z, float), Piece(*numbers))
             y, _, slopes = flow(self.scene, piece, rtol, make=self.make)
             maps.append(np.asarray(slopes.start))
             t += span
         return np.stack(maps)
 
+    @property
+    def _spans(self) -> tuple[float | None, ...]:
+        return (None,) * self.segments if self.s_spans is None else self.s_spans
+
     def repeated(self, times: int) -> "Equations":
         """The equations of the same motions taken as many periods as one."""
         scene = self.scene.starting(self.scene.y0, times * self.scene.t1)
         shares = tuple(share / times for share in self.shares) * times
-        return dataclasses.replace(self, scene=scene, shares=shares)
+        spans = None if self.s_spans is None else self.s_spans * times
+        return dataclasses.replace(self, scene=scene, shares=shares, s_spans=spans)
 
     def repeat(self, x: np.ndarray, times: int, rtol) -> np.ndarray:
         """x of the same motion for `repeated` equations."""
@@ -202,6 +224,7 @@ class Piece(NamedTuple):
     t0: Array
     span: Array
     parameter: Array
+    s: Array | None = None  # logarithmic time; nothing is differentiated by it
 
 
 @jax.jit
@@ -214,25 +237,26 @@ def pieces(equations: Equations, x: Array) -> Piece:
     times = (jnp.cumsum(spans) - spans) * equations.driven
     between = jax.vmap(scene.system.project)(times[1:], unknowns.between)
     starts = jnp.concatenate([first[None], between])
-    return Piece(starts, times, spans, jnp.full_like(spans, unknowns.parameter))
+    s = None if equations.s_spans is None else jnp.asarray(equations.s_spans, float)
+    return Piece(starts, times, spans, jnp.full_like(spans, unknowns.parameter), s)
 
 
 @functools.partial(jax.jit, static_argnames="make")
 def flow(scene: Scene, piece: Piece, rtol, *, make: Make | None):
     """A segment's end, its status, and the derivatives of the end."""
 
-    def end(piece: Piece):
-        found = _end(scene, make, piece, rtol)
+    def end(moved: Piece):
+        found = _end(scene, make, moved._replace(s=piece.s), rtol)
         return found.y1, (found.y1, found.status)
 
-    slopes, (y1, status) = jax.jacfwd(end, has_aux=True)(piece)
+    slopes, (y1, status) = jax.jacfwd(end, has_aux=True)(piece._replace(s=None))
     return y1, status, slopes
 
 
 def _end(scene: Scene, make: Make | None, piece: Piece, rtol) -> Flow:
     scene = made(scene, make, piece.parameter).starting(piece.start)
-    span = piece.t0 + piece.span
-    return solve(scene, span, t0=piece.t0, rtol=rtol, max_steps=MAX_STEPS)
+    how = {"t0": piece.t0, "rtol": rtol, "max_steps": MAX_STEPS}
+    return advanced(scene, piece.span, piece.s, **how)
 
 
 @jax.jit

@@ -9,12 +9,13 @@ import dataclasses
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxdyn import Status
-from jaxdyn.simulate import default_solver, solve
+from jaxdyn.simulate import default_solver
 from jaxdyn.solvers import DOPRI8, VERNER9
 from orbits.equations import Equations
-from orbits.given import driven
+from orbits.motion import advanced
 from orbits.newton import RANK_TOLERANCE
 from orbits.problem import Orbit, gap, part
 
@@ -42,15 +43,18 @@ def closure(orbit: Orbit, *, periods: int = 1, rtol: float | None = None, solver
 
     A relative orbit has turned by then; its start is turned by as much.
     """
-    flow = solve(
-        orbit.scene,
-        periods * orbit.period,
-        rtol=orbit.rtol if rtol is None else rtol,
-        solver=solver,
-    )
+    s = None if orbit.s_period is None else periods * orbit.s_period
+    rtol = orbit.rtol if rtol is None else rtol
+    flow = advanced(orbit.scene, periods * orbit.period, s, rtol=rtol, solver=solver)
     if int(flow.status) != Status.OK:
         return float("nan")
     return gap(orbit, flow.y1, periods)
+
+
+def at_part(orbit: Orbit, *, rtol: float, solver=None) -> Array:
+    """(k,) the state after the part of the period at which the closing condition holds."""
+    s = None if orbit.s_period is None else orbit.s_period / orbit.closing.parts
+    return advanced(orbit.scene, part(orbit), s, rtol=rtol, solver=solver).y1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,12 +85,12 @@ def digits(orbit: Orbit) -> Digits:
       True
     """
     y0 = np.asarray(orbit.y0)
-    equations = Equations(orbit.scene, orbit.closing, driven=driven(orbit.scene))
+    equations = Equations.of(orbit)
     x = equations.spread(y0, orbit.period, orbit.rtol, orbit.angle)
     jacobian = np.array(equations(x, orbit.rtol).jacobian)
     if equations.driven:
         jacobian[:, -1] = 0.0
-    end = solve(orbit.scene, part(orbit), rtol=TIGHT, solver=_other(orbit)).y1
+    end = at_part(orbit, rtol=TIGHT, solver=_other(orbit))
     angle = jnp.asarray(orbit.angle)
     miss = np.asarray(orbit.closing.miss(orbit.scene.system, end, jnp.asarray(y0), angle))
     move = np.abs(np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ miss)
@@ -100,7 +104,8 @@ def _digits(error: float) -> float:
 
 
 def _other(orbit: Orbit):
-    return DOPRI8 if default_solver(orbit.scene) is VERNER9 else VERNER9
+    plain = orbit.s_period is None
+    return VERNER9 if plain and default_solver(orbit.scene) is not VERNER9 else DOPRI8
 
 
 def recheck(orbit: Orbit) -> Recheck:

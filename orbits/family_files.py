@@ -13,7 +13,7 @@ from orbits.family import Family, Kind, Member
 from orbits.problem import Orbit
 
 FORMAT = "jaxdyn-family"
-VERSION = 2
+VERSION = 3
 _VERDICTS = ("stable", "unstable", "undecided")
 _KEYS = {"format", "version", "parameter", "end", "members", "special", "digest"}
 _ENTRY_KEYS = {"orbit", "parameter", "energy", "verdict", "kind"}

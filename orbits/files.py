@@ -15,7 +15,7 @@ from orbits.given import check_drive, driven
 from orbits.problem import Orbit, Outcome
 from orbits.symmetry import Symmetry
 
-KEYS = {"scene", "closing", "angle", "rtol"}
+KEYS = {"scene", "closing", "angle", "rtol", "s_period"}
 #: Base classes of what a scene is put together from.
 KINDS = (System, Effect, Mechanism, Attitude, MaterialPoints)
 DAMAGED = "The file was edited or is damaged."
@@ -32,6 +32,7 @@ def encode(orbit: Orbit) -> dict[str, Any]:
         "closing": records.encode(orbit.closing),
         "angle": float(orbit.angle),
         "rtol": float(orbit.rtol),
+        "s_period": orbit.s_period,
     }
 
 
@@ -44,14 +45,16 @@ def decode(record: dict[str, Any]) -> Orbit:
     try:
         scene = _scene(record["scene"])
         closing = _closing(record["closing"], scene)
-        angle, rtol = record["angle"], record["rtol"]
+        angle, rtol, s_period = record["angle"], record["rtol"], record["s_period"]
         numbers = isinstance(angle, float | int) and isinstance(rtol, float | int)
+        if not (s_period is None or (isinstance(s_period, float) and 0 < s_period < math.inf)):
+            raise fail("file", "a span of logarithmic time > 0, or null", s_period, DAMAGED)
         if not (numbers and 0 < rtol < 1 and float(scene.t1) > 0 and math.isfinite(angle)):
             raise fail("file", "a period > 0 and 0 < rtol < 1", "others", DAMAGED)
     except (KeyError, TypeError, AttributeError, IndexError) as error:
         got = f"{type(error).__name__} {error}"
         raise fail("file", "a complete orbit", got, DAMAGED) from error
-    return Orbit(scene, closing, math.nan, Outcome.FOUND, 0, float(rtol), float(angle))
+    return Orbit(scene, closing, math.nan, Outcome.FOUND, 0, float(rtol), float(angle), s_period)
 
 
 def _scene(record: Any) -> Scene:

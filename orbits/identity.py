@@ -21,7 +21,7 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import EIGHT
 from jaxdyn.simulate import solve
 from orbits.closing import choreography
-from orbits.problem import Orbit
+from orbits.problem import Orbit, moved
 
 #: Entries of y(T / n) may miss the choreography by this much of the orbit's size.
 CHOREOGRAPHY = 1e-9
@@ -160,14 +160,7 @@ def normal_form(orbit: Orbit) -> Orbit:
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     r, v = r @ turn.T, v @ turn.T
     y0 = min(_images(r, v), key=lambda y: float(np.linalg.norm(y - np.array(EIGHT))))
-    return Orbit(
-        plain.starting(y0, period),
-        orbit.closing,
-        orbit.residual,
-        orbit.outcome,
-        orbit.iterations,
-        orbit.rtol,
-    )
+    return moved(orbit, plain.starting(y0, period))
 
 
 def has_normal_form(orbit: Orbit) -> bool:

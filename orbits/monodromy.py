@@ -8,7 +8,7 @@ from jaxtyping import Array
 from jaxdyn import Scene, System
 from jaxdyn.simulate import solve
 from jaxdyn.spans import tolerances
-from orbits.closing import Closing
+from orbits.motion import advanced
 from orbits.problem import Orbit
 
 _TANGENT = 1e-6  # smaller singular values of a projection's slope are directions it removes
@@ -48,19 +48,17 @@ def returned(orbit: Orbit, rtol, basis: np.ndarray) -> np.ndarray:
     The displacement after a period is what `difference` says: -1 times a quaternion is the
     same attitude.
     """
-    return basis.T @ np.asarray(_returned(orbit, orbit.scene.t1, rtol)) @ basis
+    return basis.T @ np.asarray(returned_map(orbit, rtol)) @ basis
 
 
 @jax.jit
-def _returned(orbit: Orbit, period, rtol) -> Array:
-    return returned_map(orbit.scene, orbit.closing, orbit.angle, period, rtol)
-
-
-def returned_map(scene: Scene, closing: Closing, angle, period, rtol) -> Array:
+def returned_map(orbit: Orbit, rtol) -> Array:
     """(k, k) the monodromy matrix, turned back for a relative orbit; differentiable."""
+    scene, closing, angle = orbit.scene, orbit.closing, orbit.angle
 
     def end(y):
-        return scene.system.difference(solve(scene.starting(y), period, rtol=rtol).y1, target)
+        run = advanced(scene.starting(y), scene.t1, orbit.s_period, rtol=rtol)
+        return scene.system.difference(run.y1, target)
 
     # Only which side of a wrapped angle, or which sign of a quaternion, it is measured from.
     target = jax.lax.stop_gradient(closing.after(scene.system, scene.y0, angle, 1))

@@ -19,7 +19,7 @@ from jaxdyn._checks import positive
 from jaxdyn.scenes import three_body
 from orbits.chunk import Box
 from orbits.closing import reversal
-from orbits.problem import Orbit
+from orbits.problem import Orbit, moved
 from orbits.same import same
 from orbits.search import Found, search
 from orbits.seeds import row, rows
@@ -132,7 +132,7 @@ def in_plane(orbit: Orbit) -> Orbit:
     a = abs(v[0] @ along) * np.sqrt(size)
     b = abs(along[0] * v[0, 1] - along[1] * v[0, 0]) * np.sqrt(size)
     scene = orbit.scene.starting(jnp.asarray(rows(np.array([[a, b]]))[0]), orbit.period / size**1.5)
-    return Orbit(scene, orbit.closing, orbit.residual, orbit.outcome, orbit.iterations, orbit.rtol)
+    return moved(orbit, scene)
 
 
 def _names(found: Found) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
+from jaxdyn.regularised import logarithmic_span
 from jaxdyn.status import Code
 from orbits.closing import Closing
 
@@ -65,6 +66,8 @@ class Orbit(eqx.Module):
       iterations: Newton steps taken.
       rtol: tolerance of the integrations.
       angle: by which a relative orbit has turned after one part of its period [rad], else 0.
+      s_period: the period in logarithmic time (see `jaxdyn.regularised`) where close encounters
+        are followed in it, else None.
     """
 
     scene: Scene
@@ -74,6 +77,7 @@ class Orbit(eqx.Module):
     iterations: int
     rtol: float
     angle: float = 0.0
+    s_period: float | None = None
 
     @property
     def y0(self) -> Array:
@@ -94,6 +98,14 @@ class Orbit(eqx.Module):
     def message(self) -> str:
         """How the search ended and what to try."""
         return self.outcome.message
+
+
+def moved(orbit: Orbit, scene: Scene) -> Orbit:
+    """The same orbit elsewhere: turned, scaled, begun at another time, counted over fewer turns."""
+    s_period = None if orbit.s_period is None else float(logarithmic_span(scene, scene.t1))
+    return eqx.tree_at(
+        lambda o: (o.scene, o.s_period), orbit, (scene, s_period), is_leaf=lambda x: x is None
+    )
 
 
 def part(orbit: Orbit) -> float:

@@ -20,7 +20,7 @@ from orbits.alignment import (
     samples,
     turned_distance,
 )
-from orbits.problem import Orbit
+from orbits.problem import Orbit, moved
 
 #: `TOLERANCE` for orbits so unstable that their own periods differ by as much.
 _BLURRED = 1e-4
@@ -111,8 +111,7 @@ def match(a: Orbit, b: Orbit) -> Match | None:
 
 
 def _over(orbit: Orbit, period: float) -> Orbit:
-    scene = orbit.scene.starting(orbit.y0, period)
-    return Orbit(scene, orbit.closing, orbit.residual, orbit.outcome, 0, orbit.rtol, orbit.angle)
+    return moved(orbit, orbit.scene.starting(orbit.y0, period))
 
 
 def _match_states(a: Orbit, b: Orbit) -> Match:

@@ -19,13 +19,11 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from orbits import newton
-from orbits.closing import Closing
 from orbits.conditions import Condition
+from orbits.cuts import cut
 from orbits.equations import Equations, residual_at
-from orbits.given import driven
 from orbits.monodromy import returned_map, tangents
 from orbits.problem import Orbit
-from orbits.shooting import cut
 from orbits.stability import stability
 
 #: Cosine between an eigenvalue's left and right vectors below which it is defective.
@@ -63,7 +61,8 @@ class Solution(eqx.Module):
         """
         values, right, left = _eigenvectors(self.known)
         rtol = self.known.rtol
-        m = _monodromy(self.scene, self.known.closing, self.angle, rtol)
+        orbit = eqx.tree_at(lambda o: (o.scene, o.angle), self.known, (self.scene, self.angle))
+        m = returned_map(orbit, rtol)
         change = m - jax.lax.stop_gradient(m)
         return jnp.asarray(values) + jnp.sum(left * (change @ right).T, axis=1)
 
@@ -99,9 +98,8 @@ def solution(
     if not orbit.ok:
         raise fail("orbit", "an orbit that closes", orbit.message, "find() one first.")
     conditions = (hold,) if isinstance(hold, Condition) else tuple(hold)
-    known = Equations(orbit.scene, orbit.closing, conditions, driven=driven(orbit.scene))
     guess = np.append(np.asarray(orbit.y0), orbit.period)
-    known = cut(known, guess, orbit.rtol, None, orbit.angle)
+    known = cut(Equations.of(orbit, conditions), guess, orbit.rtol, None, orbit.angle)
     x = known.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle)
     inverse = _inverse(jax.lax.stop_gradient(known), x, orbit.rtol)
     # Equal values, but the traced numbers.
@@ -117,11 +115,6 @@ def _moved(equations: Equations, x, inverse, rtol) -> tuple[Array, Array, Array]
     x = x - inverse @ (miss - jax.lax.stop_gradient(miss))
     unknowns = equations.unpack(x)
     return equations.start(x), unknowns.period, unknowns.angle
-
-
-@jax.jit
-def _monodromy(scene: Scene, closing: Closing, angle, rtol) -> Array:
-    return returned_map(scene, closing, angle, scene.t1, rtol)
 
 
 def _inverse(equations: Equations, x: np.ndarray, rtol: float) -> np.ndarray:

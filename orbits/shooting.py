@@ -1,13 +1,11 @@
 """Find a periodic orbit near a guess: shooting with Newton's method."""
 
-import dataclasses
 import math
 from collections.abc import Callable, Sequence
 
-import jax
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from jaxdyn import Scene, Status
 from jaxdyn._checks import positive, whole
@@ -16,22 +14,17 @@ from jaxdyn.spans import tolerances
 from orbits import newton
 from orbits.closing import PLAIN, Closing
 from orbits.conditions import Condition
+from orbits.cuts import SEGMENTS_MOST, cut, needed, with_segments
 from orbits.equations import MAX_STEPS, Equations, size_and_speed
 from orbits.given import checked, driven
+from orbits.motion import attracts
 from orbits.problem import Orbit, Outcome, SearchError
 
 RTOL = 1e-14
 GOAL = 1e-12
-#: Growth of errors over a segment from which on more segments are taken: rounding of 1e-16,
-#: grown so much, is well below the goal.
-_GROWTH = 300.0
-#: The same where rounding of each moment on the way is followed, not that of the start alone.
-_GROWTH_INSIDE = 3000.0
-_SEGMENTS_MOST = 32
-_SEGMENTS_GIVEN = 256  # all of them are one matrix
-_SAMPLES = 4096  # of a motion, to see how fast it changes where
 _ROUNDINGS = 64.0  # of the unit, in the course of one segment
 _NOISE = 4.0  # times what a rounding of the unknowns changes is what none of them can avoid
+_CLEAN = 0.1  # of the goal: where bodies that attract are followed in plain time, more is rounding
 _NEARLY = 1e-6  # a residual at which Newton's method stalls only for rounding
 _ESCAPE = 100.0  # times the guess's size is a run-away
 _TRIVIAL = 0.02  # of the guessed period, or of its path length, is a trivial solution
@@ -97,13 +90,18 @@ def find(
     cuts = cut(equations, guess, rtol, segments, angle)
     x = cuts.spread(guess[:-1], guess[-1], rtol, angle)
     orbit = _solved(cuts, x, lower, upper, goal, rtol, max_iterations, report)
-    while segments is None and _at_rounding(orbit) and cuts.segments < _SEGMENTS_MOST:
+    while segments is None and cuts.segments < SEGMENTS_MOST and _rough(orbit, goal):
         # Near encounters inside a segment magnify rounding: shorter ones, from where it stalled.
-        needed = _needed(equations, guess, rtol, 0.0)
-        more = min(max(2 * cuts.segments, needed), _SEGMENTS_MOST)
-        cuts = _with_segments(equations, guess, rtol, more)
+        least = needed(equations, guess, rtol)
+        finer = with_segments(equations, guess, rtol, least)
+        if finer.segments <= cuts.segments and (finer.s_spans is None) == (cuts.s_spans is None):
+            finer = with_segments(equations, guess, rtol, min(2 * cuts.segments, SEGMENTS_MOST))
+        cuts = finer
         x = cuts.spread(orbit.y0, orbit.period, rtol, orbit.angle)
-        orbit = _solved(cuts, x, lower, upper, goal, rtol, max_iterations, report)
+        again = _solved(cuts, x, lower, upper, goal, rtol, max_iterations, report)
+        if orbit.ok and not again.residual < orbit.residual:
+            break
+        orbit = eqx.tree_at(lambda o: o.iterations, again, orbit.iterations + again.iterations)
     if throw and not orbit.ok:
         raise SearchError(orbit.message)
     return orbit
@@ -114,8 +112,12 @@ def _several(given) -> tuple:
     return tuple(given) if isinstance(given, list | tuple) else (given,)
 
 
-def _at_rounding(orbit: Orbit) -> bool:
-    return orbit.outcome == Outcome.NO_DESCENT and orbit.residual < _NEARLY
+def _rough(orbit: Orbit, goal: float) -> bool:
+    """Whether rounding is what is left, and may become less."""
+    if not orbit.ok:
+        return orbit.outcome == Outcome.NO_DESCENT and orbit.residual < _NEARLY
+    plain = orbit.s_period is None and orbit.residual > _CLEAN * goal
+    return plain and attracts(orbit.scene)
 
 
 def _solved(
@@ -157,65 +159,8 @@ def orbit_at(equations: Equations, x, residual: float, outcome: Outcome, iterati
     scene = equations.scene_at(unknowns.parameter)
     scene = scene.starting(equations.start(jnp.asarray(x)), unknowns.period)
     angle = float(unknowns.angle)
-    return Orbit(scene, equations.closing, residual, outcome, iterations, rtol, angle)
-
-
-def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, parameter=0.0):
-    """The equations with so many segments, or as many as the guess's growth calls for."""
-    if segments is None:
-        x = equations.spread(guess[:-1], guess[-1], rtol, angle, parameter)
-        growth = float(np.linalg.norm(np.asarray(equations(x, rtol).transitions)[0]))
-        large = _GROWTH < growth < math.inf
-        segments = _needed(equations, guess, rtol, parameter) if large else 1
-    segments = whole("segments", segments, most=_SEGMENTS_GIVEN)
-    return _with_segments(equations, guess, rtol, segments, parameter)
-
-
-def _needed(equations: Equations, guess, rtol, parameter) -> int:
-    """So many segments that rounding made anywhere in one grows little to its end."""
-    fine = _with_segments(equations, guess, rtol, _SEGMENTS_MOST, parameter)
-    maps = fine.transitions(guess[:-1], guess[-1], rtol, parameter)
-    # Powers of two: few numbers of segments, few compilations.
-    for segments in (1, 2, 4, 8, 16):
-        grown = [_largest(part) for part in np.split(maps, segments)]
-        if np.max(grown) <= _GROWTH_INSIDE:
-            return segments
-    return _SEGMENTS_MOST
-
-
-def _largest(maps: np.ndarray) -> float:
-    """The largest derivative of the end of consecutive pieces by a state on the way."""
-    total, largest = np.eye(maps.shape[-1]), 0.0
-    for one in maps[::-1]:
-        total = total @ one
-        largest = max(largest, float(np.linalg.norm(total)))
-    return largest
-
-
-def _with_segments(equations: Equations, guess, rtol, segments: int, parameter=0.0) -> Equations:
-    """Segments over which the motion's fastest changes grow alike: short near an encounter."""
-    if segments == 1:
-        return equations
-    part = guess[-1] / equations.closing.parts
-    ts = np.linspace(0.0, part, _SAMPLES)
-    scene = equations.scene_at(jnp.asarray(parameter, float)).starting(guess[:-1])
-    fastest = np.asarray(_fastest(scene, ts, solve(scene, part, ts=ts, rtol=rtol).ys)) + 1 / part
-    if not np.isfinite(fastest).all():
-        return dataclasses.replace(equations, shares=(1 / segments,) * segments)
-    grown = np.append(0.0, np.cumsum(0.5 * (fastest[1:] + fastest[:-1])))
-    ends = np.interp(np.linspace(0.0, grown[-1], segments + 1), grown, ts)
-    return dataclasses.replace(equations, shares=tuple((np.diff(ends) / part).tolist()))
-
-
-@jax.jit
-def _fastest(scene: Scene, ts: Array, ys: Array) -> Array:
-    """(s,) rates of change along a motion: about the largest eigenvalue of the rate's slope.
-
-    A root of a power's norm, since eigenvalues of thousands of matrices take longer than orbits.
-    """
-    slopes = jax.vmap(jax.jacfwd(scene.rate, argnums=1))(ts, ys)
-    fourth = jnp.linalg.matrix_power(slopes, 4)
-    return jnp.sqrt(jnp.sqrt(jnp.linalg.norm(fourth, axis=(1, 2))))
+    s_period = equations.s_period
+    return Orbit(scene, equations.closing, residual, outcome, iterations, rtol, angle, s_period)
 
 
 def _nearest(scene: Scene, closings: tuple[Closing, ...], rtol) -> tuple[Closing, float]:
@@ -281,7 +226,7 @@ def _outcome(
 
 def _at_floor(equations: Equations, result: newton.Result, rtol: float) -> bool:
     """Whether what is left is rounding, grown over the segments: no goal below it can be met."""
-    if equations.segments < _SEGMENTS_MOST:
+    if equations.segments < SEGMENTS_MOST:
         return False
     left, unit = np.abs(result.residual).max(), np.finfo(float).eps
     growth = np.linalg.norm(equations(result.x, rtol).transitions, axis=(1, 2)).max()

@@ -22,7 +22,7 @@ from orbits.problem import Orbit, Outcome
 from orbits.same import same
 
 FORMAT = "jaxdyn-search"
-VERSION = 2
+VERSION = 3
 MAX_BYTES = 2**30  # a larger file is no table of ours
 _REMEDY = "Give the path of a file that a search wrote."
 _ALIKE = 1e-6  # relative: invariants that differ by more are those of different orbits
@@ -39,6 +39,7 @@ class Find:
       period: its shortest period.
       closing: what was demanded of it: 0 for the search's condition, 1 for plain closing.
       residual: largest entry of what does not close.
+      s_period: the period in logarithmic time, where it is followed in it; else 0.
       recheck: its closing error over a period by another integrator, at a tighter tolerance.
       invariant: what no scale changes, T |E|^(3/2), where all forces are Newtonian attractions;
         elsewhere the period.
@@ -52,6 +53,7 @@ class Find:
     period: float
     closing: int
     residual: float
+    s_period: float
     recheck: float
     invariant: float
     verdict: str
@@ -72,7 +74,8 @@ class Find:
         """The same as an orbit of the scene that was searched."""
         closing = closings[self.closing]
         scene = scene.starting(np.array(self.y0), self.period)
-        return Orbit(scene, closing, self.residual, Outcome.FOUND, 0, rtol)
+        s_period = self.s_period or None
+        return Orbit(scene, closing, self.residual, Outcome.FOUND, 0, rtol, 0.0, s_period)
 
 
 @dataclasses.dataclass(frozen=True)

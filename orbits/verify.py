@@ -9,13 +9,13 @@ import numpy as np
 
 from jaxdyn import records
 from jaxdyn._checks import fail
-from jaxdyn.simulate import solve
 from orbits import files
-from orbits.problem import Orbit, part
+from orbits.evidence import at_part
+from orbits.problem import Orbit
 from orbits.report import Report, as_json, report
 
 FORMAT = "jaxdyn-orbit"
-VERSION = 3
+VERSION = 4
 #: A file's numbers and those derived again may differ by this, relative to their size.
 AGREEMENT = 1e-9
 #: Errors are rounding, not numbers: claimed and derived ones may differ by this factor.
@@ -91,7 +91,7 @@ def verify(path: str | Path) -> tuple[Report, list[Mismatch]]:
 
 def _not_closed(orbit: Orbit, derived: Report):
     """A file may be honest about a motion that is no orbit at all."""
-    end = solve(orbit.scene, part(orbit), rtol=orbit.rtol).y1
+    end = at_part(orbit, rtol=orbit.rtol)
     system, y0, angle = orbit.scene.system, jnp.asarray(orbit.y0), jnp.asarray(orbit.angle)
     miss = orbit.closing.miss(system, end, y0, angle)
     size = AGREEMENT * (1.0 + float(np.abs(orbit.y0).max()))

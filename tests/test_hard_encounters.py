@@ -13,7 +13,8 @@ from jaxdyn import Scene, scenes, simulate
 from jaxdyn.effects import LinearDrag, PairGravity, PowerLaw
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.hard import encounters
-from jaxdyn.regularised import closest_approaches, regularised, simulate_regularised
+from jaxdyn.approaches import closest_approaches
+from jaxdyn.regularised import regularised, simulate_regularised
 from jaxdyn.status import IntegrationError, Status
 
 REFERENCE = json.loads(

@@ -13,8 +13,9 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import energy
+from jaxdyn.approaches import closest_approaches
 from jaxdyn.hard.case import Case, Figure, relative_error
-from jaxdyn.regularised import closest_approaches, simulate_regularised
+from jaxdyn.regularised import simulate_regularised
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.central import power_law
 from jaxdyn.scenes.nbody import three_body

@@ -1,0 +1,76 @@
+"""Where a motion is after a span of time, and in which time it is followed there.
+
+Bodies that attract each other are followed in logarithmic time (`jaxdyn.regularised`) where an
+orbit calls for more than one segment. In plain time each close encounter multiplies the rounding
+of the state by what bends the paths there; a published three-body orbit whose multipliers are 1
+then closes to 1e-7, at 1e-12 in logarithmic time.
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene
+from jaxdyn.energy import potential
+from jaxdyn.flow import Flow
+from jaxdyn.regularised import regularised, solve_regularised
+from jaxdyn.simulate import MAX_STEPS, solve
+from jaxdyn.solvers import Method
+
+#: Logarithmic time runs too fast where the potential nearly vanishes: its least value must be at
+#: least this share of the median along the motion.
+_SHALLOW = 0.05
+
+
+def advanced(
+    scene: Scene,
+    span,
+    s=None,
+    *,
+    t0=0.0,
+    rtol: float,
+    solver: Method | None = None,
+    max_steps: int = MAX_STEPS,
+) -> Flow:
+    """The end of a motion after a span of time; differentiable in all numbers but s.
+
+    Args:
+      scene: what moves, at its start.
+      span: () time from t0 on.
+      s: () span of logarithmic time to follow first; None to stay in plain time.
+      t0: () start time.
+      rtol: tolerance of the integration.
+      solver: the default one if left out.
+      max_steps: when to give up.
+    """
+    how = {"t0": t0, "rtol": rtol, "solver": solver, "max_steps": max_steps}
+    if s is None:
+        return solve(scene, t0 + span, **how)
+    return solve_regularised(scene, t0 + span, jax.lax.stop_gradient(s), **how)
+
+
+def attracts(scene: Scene, ts: np.ndarray | None = None, ys: Array | None = None) -> bool:
+    """Whether bodies attract each other at the start, or along states ys (n, k) at times ts."""
+    if not scene.system.second_order:
+        return False
+    if ts is None or ys is None:
+        ts, ys = np.zeros(1), scene.y0[None]
+    depth = np.asarray(_depth(scene, ts, ys))
+    return bool(np.isfinite(depth).all() and depth.min() > _SHALLOW * np.median(depth))
+
+
+@jax.jit
+def _depth(scene: Scene, ts: Array, ys: Array) -> Array:
+    """(n,) minus the potential energy along a motion [J]."""
+    return -jax.vmap(lambda t, y: potential(scene, t, y))(ts, ys)
+
+
+@functools.partial(jax.jit, static_argnames="samples")
+def at_even_s(scene: Scene, s, rtol, *, samples: int) -> tuple[Array, Array]:
+    """(samples + 1,) when s has passed in equal parts, and minus the potential energy there [J]."""
+    run = solve(regularised(scene), s, ts=jnp.linspace(0.0, s, samples + 1), rtol=rtol)
+    ts = run.ys[:, -1]
+    return ts, _depth(scene, ts, run.ys[:, :-2])
