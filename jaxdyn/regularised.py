@@ -199,6 +199,7 @@ def logarithmic_span(
 
 
 def _until(slow: Scene, t0, t1, rtol, max_steps: int) -> Stop:
+    _checks.float64()  # else the far end is no number
     far = jnp.where(jnp.asarray(t1) > t0, _FAR, -_FAR)
     return until(slow, Reaches(len(slow.y0) - 1, t1), far, rtol=rtol, max_steps=max_steps)
 

@@ -46,13 +46,13 @@ def needed(equations: Equations, guess, rtol, parameter=0.0) -> int:
     maps = fine.transitions(guess[:-1], guess[-1], rtol, parameter)
     # Powers of two: few numbers of segments, few compilations.
     for segments in (1, 2, 4, 8, 16):
-        grown = [_largest(part) for part in np.split(maps, segments)]
+        grown = [largest(part) for part in np.split(maps, segments)]
         if np.max(grown) <= _GROWTH_INSIDE:
             return segments
     return SEGMENTS_MOST
 
 
-def _largest(maps: np.ndarray) -> float:
+def largest(maps: np.ndarray) -> float:
     """The largest derivative of the end of consecutive pieces by a state on the way."""
     total, largest = np.eye(maps.shape[-1]), 0.0
     for one in maps[::-1]:

@@ -31,7 +31,7 @@ from orbits.problem import Orbit
 
 #: Steps of one segment: an orbit with so many is none that could be found, and on its way
 #: towards a collision an iteration must not take minutes.
-MAX_STEPS = 50_000
+MAX_STEPS = 200_000
 #: From the number a family is named after to a scene; its start and span do not matter.
 Make = Callable[[Array], Scene]
 

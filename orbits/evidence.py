@@ -14,6 +14,8 @@ from jaxtyping import Array
 from jaxdyn import Status
 from jaxdyn.simulate import default_solver
 from jaxdyn.solvers import DOPRI8, VERNER9
+from orbits.closing import PLAIN
+from orbits.cuts import SEGMENTS_MOST, largest, with_segments
 from orbits.equations import Equations
 from orbits.motion import advanced
 from orbits.newton import RANK_TOLERANCE
@@ -55,6 +57,20 @@ def at_part(orbit: Orbit, *, rtol: float, solver=None) -> Array:
     """(k,) the state after the part of the period at which the closing condition holds."""
     s = None if orbit.s_period is None else orbit.s_period / orbit.closing.parts
     return advanced(orbit.scene, part(orbit), s, rtol=rtol, solver=solver).y1
+
+
+def growth(orbit: Orbit) -> float:
+    """How much larger a change of the state on the way may be at the end of the period.
+
+    The largest of the derivatives of the end by states at 32 times. Times the unit of rounding
+    it is about the closing error below which no integration in doubles gets.
+    """
+    y0, rtol = np.asarray(orbit.y0), orbit.rtol
+    whole = dataclasses.replace(Equations.of(orbit), closing=PLAIN)
+    if orbit.s_period is not None:
+        whole = dataclasses.replace(whole, s_spans=(orbit.s_period,))
+    fine = with_segments(whole, np.append(y0, orbit.period), rtol, SEGMENTS_MOST)
+    return largest(fine.transitions(y0, orbit.period, rtol))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -28,6 +28,7 @@ _NOISY = (
     4  # tries in which rounding shows, one shorter than the other: what it hides may still help
 )
 _SHORTER = 0.5  # of a step that was refused: less of a change is not worth a try
+_CRAWL = 0.1  # of the residual: where a whole Newton step near a solution leaves more, it rounds
 _NEARLY = 1e-6  # a residual below which misfits of the linear model may be rounding
 
 
@@ -126,13 +127,12 @@ def solve(
         if not solved:  # what is left is rounding: the Jacobian does not change any more
             factors = _factors(jacobian)
         report(Iteration(accepted, _size(residual), x[-1], _norm(step)))
-        if _size(residual) < 0.5 * _size(best_residual):
-            stalled = 0
-        else:
-            stalled += 1
+        progress = 0.5 if solved else _CRAWL
+        near = _size(residual) < _NEARLY
+        stalled = stalled + 1 if near and _size(residual) > progress * _size(best_residual) else 0
         if not solved or _size(residual) < _size(best_residual):
             best, best_residual = x, residual
-        if not keep_going(x) or (solved and stalled >= _STALLED) or not residual.any():
+        if not keep_going(x) or stalled >= _STALLED or not residual.any():
             break
     bounded = ((best <= lower) | (best >= upper)) & (lower < upper)  # not what is held fixed
     return Result(

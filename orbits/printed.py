@@ -1,5 +1,6 @@
 """The claims about orbits as a table for people: one column an orbit, one row a claim."""
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -19,6 +20,7 @@ def print_reports(claims: dict[str, Report], console: Console) -> None:
 
 
 _NONE = "-"
+_UNIT = float(np.finfo(float).eps)
 
 
 def _choreography(claim: Report) -> str:
@@ -47,6 +49,7 @@ _ROWS = (
     ("energy E", lambda c: _optional(c.energy, ".13f")),
     ("angular momentum", lambda c: _optional(c.angular_momentum, ".1e")),
     ("closing error", lambda c: f"{c.closure:.1e}"),
+    ("  rounding permits about", lambda c: f"{c.growth * _UNIT:.1e}"),
     ("  by a second method", lambda c: f"{c.recheck.closure:.1e} ({c.recheck.solver})"),
     ("  after several periods", lambda c: f"{c.return_error:.1e} ({c.periods_simulated})"),
     ("multipliers", _multipliers),

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from orbits.evidence import Recheck, closure, recheck
+from orbits.evidence import Recheck, closure, growth, recheck
 from orbits.identity import has_normal_form, identify, normal_form
 from orbits.problem import Orbit
 from orbits.same import minimal_period
@@ -37,6 +37,8 @@ class Report:
       period: full period.
       y0: (k,) start, in the order of the system's labels.
       closure: largest difference between the state after one period and the start.
+      growth: how much larger a change on the way may be at the end of the period; times the unit
+        of rounding it is the closure that doubles permit.
       minimal_period: the shortest time after which the motion comes back.
       choreography: whether all bodies follow one curve; None unless they are free points.
       permutation_error: how far it is from that; None where bodies differ.
@@ -61,6 +63,7 @@ class Report:
     period: float
     y0: list[float]
     closure: float
+    growth: float
     minimal_period: float
     choreography: bool | None
     permutation_error: float | None
@@ -94,6 +97,7 @@ def report(orbit: Orbit) -> Report:
         period=orbit.period,
         y0=_floats(orbit.y0),
         closure=closure(orbit),
+        growth=growth(orbit),
         minimal_period=minimal_period(orbit)[0],
         choreography=what.choreography,
         permutation_error=what.permutation_error if math.isfinite(what.permutation_error) else None,

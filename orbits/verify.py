@@ -23,6 +23,7 @@ _ERROR_FACTOR = 100.0
 _ERROR_FLOOR = 1e-12
 _ERRORS = (
     "closure",
+    "growth",
     "return_error",
     "symplectic_defect",
     "determinant_defect",

@@ -1,8 +1,5 @@
 """Closing conditions: by symmetry, by reversal, up to a turn, on constraints, with conditions."""
 
-import csv
-from pathlib import Path
-
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -12,7 +9,6 @@ from scipy.special import ellipk
 import orbits
 from jaxdyn import effects, energy, scenes
 from jaxdyn.simulate import solve
-from orbits.equations import Equations
 
 EULER = orbits.of_points([1, 0, 2], (-1, -1), reversing=True)
 
@@ -151,42 +147,3 @@ def test_two_reversals_need_their_parts():
     other = orbits.of_points([1, 0, 2], (1, -1), reversing=True)
     with pytest.raises(ValueError, match="parts: expected a number where two reversals differ"):
         orbits.reversal(EULER, other)
-
-
-def _published(row):
-    scene, seed = orbits.seeds.row(float(row["v1"]), float(row["v2"]), float(row["period"]))
-    return orbits.find(scene, seed.y0, seed.period, closing=orbits.reversal(EULER), throw=False)
-
-
-ROWS = list(
-    csv.DictReader((Path(__file__).parent / "published_three_body.csv").read_text().splitlines())
-)
-
-
-def test_segments_are_chosen_at_once_where_encounters_hide_the_growth(monkeypatch):
-    """From end to end errors hardly grow here, but from the encounters on they do."""
-    segments = []
-    integrate = Equations.__call__
-
-    def counted(self, x, rtol):
-        segments.append(self.segments)
-        return integrate(self, x, rtol)
-
-    monkeypatch.setattr(Equations, "__call__", counted)
-    orbit = _published(ROWS[3])
-    assert orbit.residual < SOLVED
-    assert orbit.iterations <= 6
-    assert len(set(segments)) == 2  # one, and as many as are needed
-    assert len(segments) <= 20
-
-
-@pytest.mark.slow  # half a minute of one core
-def test_published_rows_are_polished():
-    found = {row["name"]: _published(row) for row in ROWS}
-    failed = {name: orbit.outcome for name, orbit in found.items() if not orbit.ok}
-    # Bodies pass at a thousandth of their distance: rounding there leaves no steps of 1e-14.
-    assert set(failed) == {"I.B^ic_32", "II.C^ic_46"}
-    closed = [orbit for orbit in found.values() if orbit.ok and orbit.residual <= 1e-12]
-    assert len(closed) >= 38
-    assert max(orbit.residual for orbit in found.values() if orbit.ok) < 1e-8
-    assert np.mean([orbit.iterations <= 6 for orbit in closed]) > 0.9

@@ -61,7 +61,7 @@ def test_a_family_without_a_parameter_has_none_in_its_file(tmp_path):
 HOSTILE = [
     ((), lambda record: [], "expected format 'jaxdyn-family', got 'list'"),
     (("format",), lambda name: "jaxdyn-orbit", "expected format 'jaxdyn-family'"),
-    (("version",), lambda version: 99, "expected version 2, got 99"),
+    (("version",), lambda version: 99, "expected version 3, got 99"),
     (("more",), lambda _: 1, "expected the entries"),
     (("parameter",), lambda _: 3, "a parameter's name"),
     (("end",), lambda _: None, "a reason of the end"),

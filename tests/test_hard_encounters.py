@@ -10,10 +10,10 @@ import pytest
 from helpers import SOLVED, gap
 
 from jaxdyn import Scene, scenes, simulate
+from jaxdyn.approaches import closest_approaches
 from jaxdyn.effects import LinearDrag, PairGravity, PowerLaw
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.hard import encounters
-from jaxdyn.approaches import closest_approaches
 from jaxdyn.regularised import regularised, simulate_regularised
 from jaxdyn.status import IntegrationError, Status
 

@@ -13,7 +13,7 @@ from jaxdyn import records, scenes
 from orbits import family_files, files, table, verify
 from orbits.problem import Orbit, Outcome
 
-FIND = table.Find(0, (1.0, 0.0), 2.0, 0, 1e-16, 1e-15, 2.0, "stable", 1.0, "")
+FIND = table.Find(0, (1.0, 0.0), 2.0, 0, 1e-16, 0.0, 1e-15, 2.0, "stable", 1.0, "")
 CHUNKS = [table.Chunk(i, {"samples": 2, "orbits": 1}, (FIND,)) for i in range(3)]
 READERS = {
     "orbit": verify.load,
@@ -109,7 +109,7 @@ def test_a_table_cut_off_anywhere_keeps_its_whole_lines(searched):
 @pytest.mark.parametrize("line", [0, 1, 3])
 def test_a_table_with_an_edited_number_is_refused(searched, line):
     lines = searched.read_text().splitlines()
-    edited = lines[line].replace('"version": 2', '"version": 2.0').replace("2.0,", "2.5,")
+    edited = lines[line].replace('"version": 3', '"version": 2.0').replace("2.0,", "2.5,")
     assert edited != lines[line]
     searched.write_text("\n".join([*lines[:line], edited, *lines[line + 1 :]]) + "\n")
     for read in (table.read, lambda path: table.File(path, {"what": "nothing"})):

@@ -185,7 +185,7 @@ def test_rounding_of_another_machine_is_no_edit(edited):
     ("keys", "to", "message"),
     [
         (("format",), "other", "file: expected format 'jaxdyn-orbit', got 'other'"),
-        (("version",), 99, "file: expected version 3, got 99"),
+        (("version",), 99, "file: expected version 4, got 99"),
         (("claims",), [], "file: expected claims by name, got list"),
         (("rtol",), 0.0, "file: expected a period > 0 and 0 < rtol < 1, got others"),
         (("rtol",), 1e-30, "rtol: expected between 1e-16 and 0.01, got 1e-30"),
