@@ -90,7 +90,7 @@ def operations_of_a_step(scene: Scene) -> float:
     pair = default_solver(scene)
 
     def step(t, h, y):
-        return pair.step(scene.rate, t, h, y, rolled=False)
+        return pair.step(scene.rate, t, h, y, loops=0)
 
     zero = jnp.zeros(())
     analysis = jax.jit(step).lower(zero, zero, scene.y0).compile().cost_analysis()

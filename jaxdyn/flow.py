@@ -15,6 +15,7 @@ thousands (a neural force).
 """
 
 import functools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import diffrax
@@ -31,7 +32,7 @@ from jaxdyn.stepping import FixedSteps, StepControl, Watch, steps_of
 
 #: Operations of a rate from which on the loop over stages runs as fast as written-out stages
 #: and compiles ten times sooner (measured: three bodies 80, double pendulum 590).
-_UNROLLED_BELOW = 200
+UNROLLED_BELOW = 200
 
 
 class Settings(NamedTuple):
@@ -144,7 +145,8 @@ def march(field, y0, t0, t1, ts, tolerance, *, settings: Settings, watch: Watch 
     """`flow` without derivatives, and what a watch remembers of it at the end."""
     method = settings.pair
     direction = jnp.where(t1 > t0, 1.0, -1.0)  # as diffrax has it, also for t1 = t0
-    rolled = watch is not None or y0.ndim > 1 or _operations(field, t0, y0) > _UNROLLED_BELOW
+    wide = watch is not None or y0.ndim > 1
+    loops = int(wide or operations(field.rate, t0, y0) > UNROLLED_BELOW)
     # XLA sees one program for both signs of time; diffrax turns ts about with the rest.
     if method.adaptive:
         h, control = None, StepControl(tolerance[0], tolerance[1], ts=ts, watch=watch)
@@ -153,7 +155,7 @@ def march(field, y0, t0, t1, ts, tolerance, *, settings: Settings, watch: Watch 
         h, control = (t1 - t0) / n, FixedSteps(n, ts=ts, watch=watch)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(_rate),
-        Stepper(method, rolled, h, stop_if_stiff=settings.stiff is not None),
+        Stepper(method, loops, h, stop_if_stiff=settings.stiff is not None),
         t0,
         t1,
         None,
@@ -204,14 +206,14 @@ def _flow_jvp(primals, tangents, *, settings):
     return result, Flow(d_y1, d_ys, None, None, None, None)
 
 
-def _operations(field, t0: Array, y0: Array) -> int:
-    """Size of the program of one rate. States with tangents count as large: wide stages."""
+def operations(rate: Callable, t0: Array, y0: Array) -> int:
+    """Size of the program of one rate."""
 
     def count(jaxpr) -> int:
         inner = [v for eqn in jaxpr.eqns for v in eqn.params.values() if hasattr(v, "jaxpr")]
         return len(jaxpr.eqns) + sum(count(closed.jaxpr) for closed in inner)
 
-    return count(jax.make_jaxpr(field.rate)(t0, y0).jaxpr)
+    return count(jax.make_jaxpr(rate)(t0, y0).jaxpr)
 
 
 def _rate(t, y, field):
@@ -239,7 +241,7 @@ def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, method: Method) 
 
     def step(node):
         t, y, h = node
-        increment, _ = method.step(field.rate, t, h, y, rolled=True)
+        increment, _ = method.step(field.rate, t, h, y, loops=1)
         return field.project(t + h, y + increment)
 
     # One by one, as the steps themselves: side by side they take up to three times as long, in

@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._numerics import two_sum
-from jaxdyn.flow import Settings
+from jaxdyn.flow import UNROLLED_BELOW, Settings, operations
 from jaxdyn.scene import Field
 from jaxdyn.solvers import Pair
 from jaxdyn.status import Status
@@ -120,8 +120,11 @@ def integrate(
       watch: what looks at each accepted step of each motion; None for nothing.
       settings: method and limit of steps.
     """
-    work = _Work(shared, tolerance, watch, settings.pair, settings.max_steps)
     n = motions.y0.shape[0]
+    first = jax.tree.map(lambda x: x[0], motions)
+    rate = eqx.combine(first.numbers, shared).rate
+    loops = 2 if operations(rate, first.t0, first.y0) <= UNROLLED_BELOW else 1
+    work = _Work(shared, tolerance, watch, settings.pair, settings.max_steps, loops)
     put = jax.lax.dynamic_update_index_in_dim
 
     def begin(row) -> _Lane:
@@ -164,6 +167,7 @@ class _Work(eqx.Module):
     watch: Watch | None
     pair: Pair = eqx.field(static=True)
     max_steps: int = eqx.field(static=True)
+    loops: int = eqx.field(static=True)
 
     def begin(self, row: Array, motion: Motions) -> _Lane:
         """A lane before its first step."""
@@ -225,7 +229,7 @@ class _Work(eqx.Module):
             start[None],
             (end - start)[None],
             group.y,
-            rolled=True,
+            loops=self.loops,
         )
         y, carry = two_sum(group.y, group.carry, increment)
         y = every(project, end, y)

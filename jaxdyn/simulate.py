@@ -284,7 +284,7 @@ def _steps_agree(motion: Trajectory) -> Array:
 
     def agree(sample):
         t, y = sample
-        there = field.project(t + h, y + method.step(field.rate, t, h, y, rolled=True)[0])
+        there = field.project(t + h, y + method.step(field.rate, t, h, y, loops=1)[0])
         right = flow(field, y, t, t + h, nothing, jnp.full(2, _CHECK_RTOL), settings=settings).y1
         # Both may be rounding, at rest.
         least = _CHECK_RTOL * jnp.max(jnp.abs(right))

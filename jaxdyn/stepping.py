@@ -21,6 +21,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from jaxdyn._numerics import square_norm
+
 #: Of the step that would just meet the tolerance. At exponents of 9 to 11 even 0.75 asks for
 #: no more than a tenth of the error; 0.9, usual at order 5, gets 10 to 30 % of the steps
 #: rejected and costs 10 to 20 % more evaluations at equal true error (measured).
@@ -29,6 +31,7 @@ _SHRINK, _GROW = 0.2, 8.0  # limits of one change of step
 _FLOOR_ULPS = 8.0  # a step shorter than this many spacings of t means nothing any more
 _SHORTEST_ULPS = 1000.0  # the same for fixed steps
 _FLOOR = 1e-100  # [time] the same at t = 0, where the spacing is no guide
+_WRITTEN_OUT = 32  # entries of a state: so many products at most are written out in a norm
 
 
 class Nodes(eqx.Module):
@@ -111,6 +114,13 @@ class _Observing(eqx.Module):
         return (nodes, memory), result
 
 
+def _mean_square(y: Array) -> Array:
+    """Over the first axis; few entries written out, which a group of lanes does side by side."""
+    if len(y) > _WRITTEN_OUT:
+        return jnp.mean(y * y, axis=0)
+    return square_norm(jnp.moveaxis(y, 0, -1)) / len(y)
+
+
 class StepControl(_Observing, diffrax.AbstractAdaptiveStepSizeController):
     """Elementary error-per-step control: h <- 0.75 h (tolerance / error)^(1/p).
 
@@ -126,7 +136,7 @@ class StepControl(_Observing, diffrax.AbstractAdaptiveStepSizeController):
     ts: Array
     watch: Watch | None = None
     #: diffrax asks for these two names of every adaptive controller.
-    norm = staticmethod(lambda y: jnp.max(jnp.sqrt(jnp.mean(y * y, axis=0))))
+    norm = staticmethod(lambda y: jnp.max(jnp.sqrt(_mean_square(y))))
 
     def seen(self, state) -> tuple[Nodes, Any]:
         """The nodes of the samples and what the watch remembers, from the state at the end."""

@@ -58,7 +58,7 @@ def _marched(scene: Scene, t0: Array, t1: Array, steps: Array, method: Pair) -> 
 
     def step(i, y):
         t = t0 + i * h
-        increment, _ = method.step(scene.rate, t, h, y, rolled=False)
+        increment, _ = method.step(scene.rate, t, h, y, loops=0)
         return scene.field.project(t + h, y + increment)
 
     return jax.lax.fori_loop(0, steps, step, scene.y0)

@@ -7,6 +7,7 @@ then closes to 1e-7, at 1e-12 in logarithmic time.
 """
 
 import functools
+import math
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +17,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn.energy import potential
 from jaxdyn.flow import Flow
-from jaxdyn.regularised import regularised, solve_regularised
+from jaxdyn.regularised import logarithmic_span, regularised, solve_regularised
 from jaxdyn.simulate import MAX_STEPS, solve
 from jaxdyn.solvers import Method
 
@@ -60,6 +61,12 @@ def attracts(scene: Scene, ts: np.ndarray | None = None, ys: Array | None = None
         ts, ys = np.zeros(1), scene.y0[None]
     depth = np.asarray(_depth(scene, ts, ys))
     return bool(np.isfinite(depth).all() and depth.min() > _SHALLOW * np.median(depth))
+
+
+def logarithmic_period(scene: Scene) -> float | None:
+    """The logarithmic time that passes over a scene's span; None where it does not lead there."""
+    s = float(logarithmic_span(scene, scene.t1)) if attracts(scene) else math.nan
+    return s if math.isfinite(s) else None
 
 
 @jax.jit

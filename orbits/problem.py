@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn.regularised import logarithmic_span
 from jaxdyn.status import Code
 from orbits.closing import Closing
+from orbits.motion import logarithmic_period
 
 
 class Outcome(Code):
@@ -102,7 +102,7 @@ class Orbit(eqx.Module):
 
 def moved(orbit: Orbit, scene: Scene) -> Orbit:
     """The same orbit elsewhere: turned, scaled, begun at another time, counted over fewer turns."""
-    s_period = None if orbit.s_period is None else float(logarithmic_span(scene, scene.t1))
+    s_period = None if orbit.s_period is None else logarithmic_period(scene)
     return eqx.tree_at(
         lambda o: (o.scene, o.s_period), orbit, (scene, s_period), is_leaf=lambda x: x is None
     )

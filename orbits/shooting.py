@@ -17,7 +17,7 @@ from orbits.conditions import Condition
 from orbits.cuts import SEGMENTS_MOST, cut, needed, with_segments
 from orbits.equations import MAX_STEPS, Equations, size_and_speed
 from orbits.given import checked, driven
-from orbits.motion import attracts
+from orbits.motion import attracts, logarithmic_period
 from orbits.problem import Orbit, Outcome, SearchError
 
 RTOL = 1e-14
@@ -25,6 +25,8 @@ GOAL = 1e-12
 _ROUNDINGS = 64.0  # of the unit, in the course of one segment
 _NOISE = 4.0  # times what a rounding of the unknowns changes is what none of them can avoid
 _CLEAN = 0.1  # of the goal: where bodies that attract are followed in plain time, more is rounding
+_RECUTS = 6  # times at most that a motion is cut anew: as often as 1 doubles to the most, and once more
+_STALE = 0.01  # of its period in logarithmic time by which an orbit has left what was cut
 _NEARLY = 1e-6  # a residual at which Newton's method stalls only for rounding
 _ESCAPE = 100.0  # times the guess's size is a run-away
 _TRIVIAL = 0.02  # of the guessed period, or of its path length, is a trivial solution
@@ -90,16 +92,18 @@ def find(
     cuts = cut(equations, guess, rtol, segments, angle)
     x = cuts.spread(guess[:-1], guess[-1], rtol, angle)
     orbit = _solved(cuts, x, lower, upper, goal, rtol, max_iterations, report)
-    while segments is None and cuts.segments < SEGMENTS_MOST and _rough(orbit, goal):
+    for _ in range(0 if segments else _RECUTS):
+        if cuts.segments >= SEGMENTS_MOST or not _rough(orbit, cuts, goal):
+            break
         # Near encounters inside a segment magnify rounding: shorter ones, from where it stalled.
-        least = needed(equations, guess, rtol)
-        finer = with_segments(equations, guess, rtol, least)
-        if finer.segments <= cuts.segments and (finer.s_spans is None) == (cuts.s_spans is None):
-            finer = with_segments(equations, guess, rtol, min(2 * cuts.segments, SEGMENTS_MOST))
+        here = np.append(orbit.y0, orbit.period)
+        finer = with_segments(equations, here, rtol, needed(equations, here, rtol))
+        if finer.segments <= cuts.segments and not _elsewhere(finer.s_period, cuts.s_period):
+            finer = with_segments(equations, here, rtol, min(2 * cuts.segments, SEGMENTS_MOST))
         cuts = finer
         x = cuts.spread(orbit.y0, orbit.period, rtol, orbit.angle)
         again = _solved(cuts, x, lower, upper, goal, rtol, max_iterations, report)
-        if orbit.ok and not again.residual < orbit.residual:
+        if orbit.ok and not (again.ok and again.residual < orbit.residual):
             break
         orbit = eqx.tree_at(lambda o: o.iterations, again, orbit.iterations + again.iterations)
     if throw and not orbit.ok:
@@ -112,12 +116,20 @@ def _several(given) -> tuple:
     return tuple(given) if isinstance(given, list | tuple) else (given,)
 
 
-def _rough(orbit: Orbit, goal: float) -> bool:
+def _rough(orbit: Orbit, cuts: Equations, goal: float) -> bool:
     """Whether rounding is what is left, and may become less."""
     if not orbit.ok:
         return orbit.outcome == Outcome.NO_DESCENT and orbit.residual < _NEARLY
-    plain = orbit.s_period is None and orbit.residual > _CLEAN * goal
-    return plain and attracts(orbit.scene)
+    if orbit.residual <= _CLEAN * goal:
+        return False
+    if cuts.s_period is None:
+        return attracts(orbit.scene)
+    return _elsewhere(orbit.s_period, cuts.s_period)
+
+
+def _elsewhere(a: float | None, b: float | None) -> bool:
+    """Whether two spans of logarithmic time are those of different motions."""
+    return a is not b if a is None or b is None else abs(a / b - 1) > _STALE
 
 
 def _solved(
@@ -159,7 +171,8 @@ def orbit_at(equations: Equations, x, residual: float, outcome: Outcome, iterati
     scene = equations.scene_at(unknowns.parameter)
     scene = scene.starting(equations.start(jnp.asarray(x)), unknowns.period)
     angle = float(unknowns.angle)
-    s_period = equations.s_period
+    # Not that of the equations, which is the one of the motion that was cut.
+    s_period = None if equations.s_spans is None else logarithmic_period(scene)
     return Orbit(scene, equations.closing, residual, outcome, iterations, rtol, angle, s_period)
 
 

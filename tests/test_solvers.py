@@ -102,7 +102,7 @@ def test_global_error_falls_with_the_order(pair):
     @jax.jit
     def end(n):
         h = span / n
-        step = lambda i, y: y + pair.step(field, i * h, h, y, rolled=True)[0]  # noqa: E731
+        step = lambda i, y: y + pair.step(field, i * h, h, y, loops=1)[0]  # noqa: E731
         return jax.lax.fori_loop(0, n, step, kepler(e).y0)
 
     errors = [gap(end(n), kepler_state(e, span)) for n in counts]
@@ -113,10 +113,13 @@ def test_global_error_falls_with_the_order(pair):
 def test_rolled_and_unrolled_steps_are_one_step(pair):
     y = jnp.array([0.3, -0.2, 0.5, 1.1])
     for h in (0.4, -0.4):
-        loop = pair.step(_forced, 0.7, h, y, rolled=True)
-        code = pair.step(_forced, 0.7, h, y, rolled=False)
-        assert gap(loop[0], code[0]) < EXACT
-        assert gap(loop[1], code[1]) < EXACT
+        code = pair.advance(_forced, 0.7, h, y, loops=0)
+        for loops in (1, 2, 3):
+            loop = pair.advance(_forced, 0.7, h, y, loops=loops)
+            assert gap(loop.increment, code.increment) < EXACT
+            assert gap(loop.error, code.error) < EXACT
+            assert gap(loop.rest, code.rest) < 1e-3 * EXACT
+            assert abs(loop.speed - code.speed) < 1e-6 * abs(code.speed)  # of differences
 
 
 @PAIRS
@@ -138,7 +141,7 @@ def test_a_step_is_what_the_table_says(pair):
         estimate = np.concatenate([h * h * q_error, h * v_error])
     else:
         wanted, estimate = h * sums[0, 0], h * sums[1, 0]
-    increment, error = pair.step(_forced, t, h, jnp.asarray(y), rolled=False)
+    increment, error = pair.step(_forced, t, h, jnp.asarray(y), loops=0)
     assert gap(increment, wanted) < EXACT
     assert gap(error, estimate) < EXACT
 
@@ -147,8 +150,8 @@ def test_a_step_is_what_the_table_says(pair):
 def test_a_step_back_undoes_a_step(pair):
     y = jnp.array([0.3, -0.2, 0.5, 1.1])
     h = 0.1 if pair.order > 5 else 0.003
-    there = y + pair.step(_forced, 0.0, h, y, rolled=False)[0]
-    back = there + pair.step(_forced, h, -h, there, rolled=False)[0]
+    there = y + pair.step(_forced, 0.0, h, y, loops=0)[0]
+    back = there + pair.step(_forced, h, -h, there, loops=0)[0]
     assert gap(back, y) < EXACT
 
 
@@ -157,7 +160,7 @@ def test_from_diffrax_takes_the_steps_of_diffrax():
     term = diffrax.ODETerm(lambda t, y, args: _forced(t, y))
     state = solver.init(term, 0.7, 1.1, y, None)
     y1, error, *_ = solver.step(term, 0.7, 1.1, y, None, state, made_jump=False)
-    increment, estimate = from_diffrax(solver).step(_forced, 0.7, 0.4, y, rolled=False)
+    increment, estimate = from_diffrax(solver).step(_forced, 0.7, 0.4, y, loops=0)
     assert gap(y + increment, y1) < EXACT
     assert gap(abs(estimate), abs(error)) < EXACT
 

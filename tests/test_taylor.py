@@ -163,10 +163,10 @@ def test_whole_numbers_and_truths_known_at_run_time_are_numbers_too():
 def _error_and_estimate(rate, h, y):
     """Of one step of order 12, the first against 32 short ones of order 20."""
     zero, h, y = jnp.zeros(()), jnp.asarray(h), jnp.asarray(y)
-    increment, found = TAYLOR12.advance(rate, zero, h, y, rolled=True)[:2]
+    increment, found = TAYLOR12.advance(rate, zero, h, y, loops=1)[:2]
     end = y
     for i in range(32):
-        end = end + TAYLOR20.advance(rate, i * h / 32, h / 32, end, rolled=True)[0]
+        end = end + TAYLOR20.advance(rate, i * h / 32, h / 32, end, loops=1)[0]
     return float(jnp.abs(y + increment - end).max()), float(jnp.abs(found).max())
 
 

@@ -56,21 +56,21 @@ class Composition(Method):
         """Accelerations a step."""
         return len(self.kicks)
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array, rolled: bool) -> Advance:
+    def advance(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> Advance:
         half = y.shape[0] // 2
         q, v = y[:half], y[half:]
         one = runtime_one(h)
 
         def turn(time, kick, drift, dq, dv):
             # Increments are summed apart from the state, and so keep digits of their own.
-            x = q + dq if rolled else materialised(q + dq, one)
+            x = q + dq if loops else materialised(q + dq, one)
             a = field(t + time * h, jnp.concatenate([x, v]))[half:]
             dv = dv + (kick * h) * a
             return dq + (drift * h) * (v + dv), dv
 
         times = np.cumsum(self.drifts)[:-1]
         dq, dv = (self.drifts[0].item() * h) * v, jnp.zeros_like(v)
-        if rolled:
+        if loops:
             tables = [jnp.asarray(x) for x in (times, self.kicks, self.drifts[1:])]
 
             def body(i, sums):

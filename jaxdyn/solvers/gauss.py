@@ -84,8 +84,8 @@ class Gauss(Method):
         """Right-hand sides a round."""
         return len(self.c)
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array, rolled: bool) -> Advance:
-        del rolled
+    def advance(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> Advance:
+        del loops
         fields = jax.vmap(field, in_axes=(0, -1), out_axes=-1)  # stages last
         times, parts = t + h * self.c, (h * self.b).reshape(*[1] * y.ndim, self.stages)
         small = _UNSOLVED * jnp.max(jnp.abs(y))

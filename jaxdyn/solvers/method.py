@@ -60,7 +60,7 @@ class Method(abc.ABC):
         return self
 
     @abc.abstractmethod
-    def advance(self, field: Field, t: Array, h: Array, y: Array, rolled: bool) -> Advance:
+    def advance(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> Advance:
         """Increment of y over [t, t + h], and all that is known of it.
 
         Args:
@@ -68,10 +68,11 @@ class Method(abc.ABC):
           t: () start.
           h: () step, of either sign.
           y: (k, ...) state; [q, v] along the first axis where `nystrom`.
-          rolled: loop over the stages instead of writing them out.
+          loops: over stages, one loop after the other, each over the next part of them; 0 to
+            write them out. Those with a table of many stages run faster with two.
         """
 
-    def step(self, field: Field, t: Array, h: Array, y: Array, rolled: bool) -> tuple:
+    def step(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> tuple:
         """Increment of y over [t, t + h] and the estimate of its error; see `advance`."""
-        found = self.advance(field, t, h, y, rolled)
+        found = self.advance(field, t, h, y, loops)
         return found.increment, found.error

@@ -3,8 +3,9 @@
 A `Pair` is a table of coefficients. Two forms of one step, equal but for rounding:
 
 - unrolled: one expression a stage. Compiles to straight code, the fastest for one trajectory.
-- rolled: a loop over stages with a buffer. Compiles several times faster and runs faster where
-  each stage is wide, as for the variational equations with their many columns.
+- rolled: loops over stages with buffers. Compiles several times faster and runs faster where
+  each stage is wide, as for the variational equations with their many columns. One loop passes
+  over the whole buffer at each stage; of two the first passes over half of it.
 
 Coefficient tables are package data (``data/*.json``): decimal strings or fractions, rounded
 once to float64. Rounded tables break the order conditions in the 17th digit, at every step in
@@ -12,8 +13,10 @@ the same way, so that energies drift in proportion to time although each sum is 
 `_lacking` finds what the weights lack, and `Advance.rest` carries it.
 """
 
+import bisect
 import dataclasses
 import functools
+import itertools
 import json
 from collections.abc import Callable
 from fractions import Fraction
@@ -79,13 +82,13 @@ class Pair(Method):
         same = [(i, j) for j in range(self.stages) for i in range(j) if self.c[i] == self.c[j]]
         return same[-1] if same else None
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array, rolled: bool) -> Advance:
-        sums = self._rolled if rolled else self._unrolled
+    def advance(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> Advance:
+        sums = functools.partial(self._rolled, loops=loops) if loops else self._unrolled
         one = runtime_one(h)
 
         def keep(x):
-            # The loop over stages keeps its arrays by itself.
-            return x if rolled else materialised(x, one)
+            # The loops over stages keep their arrays by themselves.
+            return x if loops else materialised(x, one)
 
         if not self.nystrom:
 
@@ -97,11 +100,13 @@ class Pair(Method):
 
         half = y.shape[0] // 2
         q, v = y[:half], y[half:]
+        rest = jnp.zeros_like(v)
 
         def acceleration(c, shift):
             x = keep(q + (c * h) * v + (h * h) * shift)
-            # v takes no part in the acceleration; XLA drops what computes dq/dt.
-            return field(t + c * h, jnp.concatenate([x, v]))[half:]
+            # Velocities take no part in it, and XLA drops what computes dq/dt. In a loop it would
+            # copy them at each stage.
+            return field(t + c * h, jnp.concatenate([x, rest]))[half:]
 
         *found, q_rest, v_rest, ratio = sums(acceleration, q)
         dq, dv, q_error, v_error = (keep(x) for x in found)
@@ -130,25 +135,43 @@ class Pair(Method):
             ratio = _ratio(k[j] - k[i], shifts[j] - shifts[i], k[j])
         return [*(combine(row, k) for row in self._rows.tolist()), ratio]
 
-    def _rolled(self, slope: Callable, like: Array) -> list[Array]:
-        a, c = jnp.asarray(self.a), jnp.asarray(self.c)
+    def _rolled(self, slope: Callable, like: Array, loops: int) -> list[Array]:
+        c, done = jnp.asarray(self.c), []
+        edges = [self.stages * n // loops for n in range(loops + 1)]
+        spans = list(itertools.pairwise(edges))
 
-        def weighted(row, k):
+        def weighted(rows):
             # One row at a time: XLA turns a product with several rows into a custom fusion,
             # which would keep the whole stepping loop from being folded.
-            return (row[None] @ k.reshape(self.stages, -1)).reshape(like.shape)
+            terms = [row[None] @ k.reshape(len(k), -1) for row, k in rows]
+            return functools.reduce(jnp.add, terms).reshape(like.shape)
 
-        def stage(i, k):
-            shift = weighted(a[i], k)
-            return jax.lax.dynamic_update_index_in_dim(k, slope(c[i], shift), i, 0)
+        for begin, end in spans:
+            tables = [jnp.asarray(self.a[:, i:j]) for i, j in spans[: len(done) + 1]]
 
-        k = jnp.zeros((self.stages, *like.shape), like.dtype)
-        k = jax.lax.fori_loop(0, self.stages, stage, k)
+            def stage(i, k, begin=begin, tables=tables, done=tuple(done)):
+                shift = weighted([(a[i], part) for a, part in zip(tables, (*done, k), strict=True)])
+                put = jax.lax.dynamic_update_index_in_dim
+                return put(k, slope(c[i], shift), i - begin, 0)
+
+            k = jnp.zeros((end - begin, *like.shape), like.dtype)
+            done.append(jax.lax.fori_loop(begin, end, stage, k))
+
+        def combined(row):
+            return weighted([(row[i:j], k) for (i, j), k in zip(spans, done, strict=True)])
+
         ratio = jnp.zeros(())
         if self.twins:
+            k_i, k_j = (_row(done, edges, n) for n in self.twins)
             i, j = self.twins
-            ratio = _ratio(k[j] - k[i], weighted(self.a[j] - self.a[i], k), k[j])
-        return [*(weighted(row, k) for row in self._rows), ratio]
+            ratio = _ratio(k_j - k_i, combined(self.a[j] - self.a[i]), k_j)
+        return [*(combined(row) for row in self._rows), ratio]
+
+
+def _row(parts: list[Array], edges: list[int], i: int) -> Array:
+    """Row i of arrays that follow each other, the first rows of which are `edges`."""
+    part = bisect.bisect_right(edges, i) - 1
+    return parts[part][i - edges[part]]
 
 
 def _ratio(k: Array, shift: Array, whole: Array) -> Array:

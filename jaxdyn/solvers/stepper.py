@@ -28,13 +28,13 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
 
     Attributes:
       method: what steps.
-      rolled: see `Method.advance`.
+      loops: see `Method.advance`.
       h: () the step where it is fixed, exactly: a difference of times would be rounded.
       stop_if_stiff: end the run where it turns out to be stiff.
     """
 
     method: Method
-    rolled: bool
+    loops: int
     h: Array | None = None
     stop_if_stiff: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
@@ -63,7 +63,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         def field(t, y):
             return terms.vf(sign * t, y, args)
 
-        step = self.method.advance(field, sign * t0, h, y0, self.rolled)
+        step = self.method.advance(field, sign * t0, h, y0, self.loops)
         y1, carry = two_sum(y0, carry + step.rest, step.increment)
         y1 = args.project(sign * t1, y1)
         near = step.speed > _NEAR_THE_LIMIT * self.method.stable

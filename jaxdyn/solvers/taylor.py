@@ -81,8 +81,8 @@ class Taylor(Method):
         """Columns of tangents would be as many formulas again, each."""
         return VERNER9
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array, rolled: bool) -> Advance:
-        del rolled
+    def advance(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> Advance:
+        del loops
         guarded = is_guarded(_formulas(field, t, y)[1])
 
         def step(t, h, y):
