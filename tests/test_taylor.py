@@ -40,7 +40,7 @@ FUNCTIONS = {
 
 def series(rate, t, y, order=ORDER) -> np.ndarray:
     found = formulas(rate, jnp.asarray(t), jnp.asarray(y))
-    found = solution(found, ordered(found.graph, found.rates), order)
+    found = solution(found, ordered(found.graph, found.rates), order, jnp.ones(()))
     return np.array([[0.0 if x is None else float(x) for x in row] for row in found])
 
 
@@ -152,7 +152,7 @@ def test_whole_powers_have_their_series_at_zero(n):
 @jax.jit
 def _driven_by_a_whole_number(n, truth):
     found = formulas(lambda t, y: y * n + truth, jnp.zeros(()), jnp.ones(1))
-    return solution(found, ordered(found.graph, found.rates), 2)[0]
+    return solution(found, ordered(found.graph, found.rates), 2, jnp.ones(()))[0]
 
 
 def test_whole_numbers_and_truths_known_at_run_time_are_numbers_too():
