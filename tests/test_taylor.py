@@ -28,6 +28,18 @@ FUNCTIONS = {
     "quotient": (lambda t: (1 + t) / (2 + t * t), lambda t: (1 + t) / (2 + t * t)),
     "root": (lambda t: jnp.sqrt(1 + t * t), lambda t: mpmath.sqrt(1 + t * t)),
     "inverse root": (lambda t: lax.rsqrt(1 + t), lambda t: 1 / mpmath.sqrt(1 + t)),
+    "inverse cube": (
+        lambda t: 1 / ((1 + t * t) * jnp.sqrt(1 + t * t)),
+        lambda t: (1 + t * t) ** mpmath.mpf(-1.5),
+    ),
+    "inverse seventh": (
+        lambda t: 2.0 / (jnp.sqrt(1 + t * t) * (1 + t * t) ** 3),
+        lambda t: 2 * (1 + t * t) ** mpmath.mpf(-3.5),
+    ),
+    "two roots": (
+        lambda t: 1 / (jnp.sqrt(1 + t) * jnp.sqrt(2 + t)),
+        lambda t: 1 / (mpmath.sqrt(1 + t) * mpmath.sqrt(2 + t)),
+    ),
     "exponential": (lambda t: jnp.exp(-t * t), lambda t: mpmath.exp(-t * t)),
     "logarithm": (lambda t: jnp.log(1 + t * t), lambda t: mpmath.log(1 + t * t)),
     "sine": (lambda t: jnp.sin(t * t), lambda t: mpmath.sin(t * t)),
@@ -190,6 +202,24 @@ def test_equal_formulas_are_computed_once():
 
     found = formulas(rate, jnp.zeros(()), jnp.ones(2))
     assert products(ordered(found.graph, found.rates)) == 3  # cosine, sine, their product
+
+
+def test_an_inverse_cube_of_a_distance_is_one_power():
+    def rate(t, y):
+        r2 = y[0] * y[0] + y[1] * y[1]
+        return y / (r2 * jnp.sqrt(r2))
+
+    def weighted(t, y):
+        r2 = y[0] * y[0] + y[1] * y[1]
+        return (3.0 / (r2 * jnp.sqrt(r2))) * y
+
+    t, y = jnp.zeros(()), jnp.array([0.6, 0.8])
+    found = formulas(weighted, t, y)
+    ops = [node.op for node in ordered(found.graph, found.rates)]
+    assert ops.count("pow") == 1
+    assert {"sqrt", "div"}.isdisjoint(ops)
+    # The same series by roots and quotients, which this rate keeps.
+    assert series(weighted, t, y) == pytest.approx(series(lambda t, y: 3.0 * rate(t, y), t, y))
 
 
 def test_products_that_cancel_and_squares_that_sum_to_one_are_gone():

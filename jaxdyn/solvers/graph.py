@@ -148,6 +148,8 @@ class Graph:
         c = self._steady("div", c, d)
         if n is None:
             return self._scaled(c, m)
+        if m is None and (root := _root_factor(n)) is not None:
+            return self._scaled(c, self.node("pow", root.args[0], 0.5 - len(n.args)))
         return self._scaled(c, self.node("div", 1.0 if m is None else m, n))
 
     def power(self, a: Number, n: Number) -> Number:
@@ -238,6 +240,14 @@ def _better_multiplied_out(terms: Node, factor: Node) -> bool:
     moving = [m for m in terms.args[1::2] if m is not None]
     simple = factor.op in ("sin", "cos", "input") and all(m.op == "product" for m in moving)
     return simple and len(moving) <= _MULTIPLIED_OUT
+
+
+def _root_factor(m: Node) -> Node | None:
+    """The root in a product of powers of a number and its root, such as r^2 sqrt(r^2)."""
+    if m.op != "product" or [x.op for x in m.args].count("sqrt") != 1:
+        return None
+    (root,) = (x for x in m.args if x.op == "sqrt")
+    return root if all(x is root or x is root.args[0] for x in m.args) else None
 
 
 def _factors(m: Node) -> tuple:
