@@ -222,6 +222,21 @@ def test_an_inverse_cube_of_a_distance_is_one_power():
     assert series(weighted, t, y) == pytest.approx(series(lambda t, y: 3.0 * rate(t, y), t, y))
 
 
+def test_products_that_only_the_way_to_a_formula_had_are_not_taken_for_there():
+    # u^2 sin(b - a): the squares' and the angles' products, and two of these.
+    def rate(t, y):
+        a, b, u = y
+        turned = (u * jnp.sin(b)) * (u * jnp.cos(a)) - (u * jnp.cos(b)) * (u * jnp.sin(a))
+        return jnp.stack([u, u, turned])
+
+    y = np.array([0.3, 0.8, 1.5])
+    found = formulas(rate, jnp.zeros(()), jnp.asarray(y))
+    ops = [node.op for node in ordered(found.graph, found.rates)]
+    assert ops.count("product") == 5
+    exact = y[2] ** 2 * np.sin(y[1] - y[0])
+    assert series(rate, 0.0, y, order=1)[2, 1] == pytest.approx(exact, rel=1e-14)
+
+
 def test_products_that_cancel_and_squares_that_sum_to_one_are_gone():
     def rate(t, y):
         a, u = y

@@ -81,10 +81,6 @@ class Graph:
         self._count += 1
         return Node(self._count, op, args, moving, value)
 
-    def has(self, op: str, *args: Node) -> bool:
-        """Whether there is such a node."""
-        return (op, *((a.index, Node) for a in args)) in self._found
-
     def add(self, a: Number, b: Number) -> Number:
         """A sum; equal terms are collected."""
         terms = self._terms(a)
