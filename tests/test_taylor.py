@@ -12,7 +12,7 @@ from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Scene
 from jaxdyn.simulate import solve
-from jaxdyn.solvers import DOPRI8, TAYLOR12, TAYLOR16, TAYLOR20, VERNER9, Taylor
+from jaxdyn.solvers import DOPRI8, TAYLOR12, TAYLOR16, TAYLOR20, VERNER9, Taylor, has_series
 from jaxdyn.solvers.formulas import NotElementary, formulas
 from jaxdyn.solvers.ordered import ordered
 from jaxdyn.solvers.recurrences import products, solution
@@ -343,6 +343,26 @@ def test_scenes_without_short_formulas_are_refused(make, why):
     with pytest.raises(ValueError, match=why) as caught:
         simulate(scene, 0.1, solver=TAYLOR12)
     assert "solvers.VERNER9" in str(caught.value)
+
+
+def test_scenes_of_more_numbers_than_one_function_takes_are_not_among_the_short_ones():
+    three = scenes.three_body()
+    assert has_series(three, three.y0)
+    four = Scene(FreePoints(jnp.ones(4)), (PairGravity(1.0),), y0=np.arange(16.0), t1=0.1)
+    assert not has_series(four, four.y0)
+
+
+def test_a_rate_that_is_no_number_gives_no_number():
+    for y in (-1.0, 0.0):
+        found = TAYLOR12.advance(lambda t, y: jnp.log(y), *map(jnp.asarray, (0.0, 0.1, [y])), True)
+        assert not np.isfinite(found.increment).any()
+
+
+def test_a_step_of_no_length_changes_nothing():
+    zero, y = jnp.zeros(()), jnp.array([0.3, 0.8])
+    found = TAYLOR12.advance(lambda t, y: jnp.sin(t + y), zero, zero, y, True)
+    assert not np.any(found.increment)
+    assert not np.any(found.error)
 
 
 def test_motions_side_by_side_are_refused():
