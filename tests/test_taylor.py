@@ -12,7 +12,7 @@ from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Scene
 from jaxdyn.simulate import solve
-from jaxdyn.solvers import DOPRI8, TAYLOR12, TAYLOR16, TAYLOR20, VERNER9, Taylor
+from jaxdyn.solvers import DOPRI8, TAYLOR12, TAYLOR16, TAYLOR20, VERNER9, Taylor, has_series
 from jaxdyn.solvers.formulas import NotElementary, formulas
 from jaxdyn.solvers.ordered import ordered
 from jaxdyn.solvers.recurrences import products, solution
@@ -28,6 +28,18 @@ FUNCTIONS = {
     "quotient": (lambda t: (1 + t) / (2 + t * t), lambda t: (1 + t) / (2 + t * t)),
     "root": (lambda t: jnp.sqrt(1 + t * t), lambda t: mpmath.sqrt(1 + t * t)),
     "inverse root": (lambda t: lax.rsqrt(1 + t), lambda t: 1 / mpmath.sqrt(1 + t)),
+    "inverse cube": (
+        lambda t: 1 / ((1 + t * t) * jnp.sqrt(1 + t * t)),
+        lambda t: (1 + t * t) ** mpmath.mpf(-1.5),
+    ),
+    "inverse seventh": (
+        lambda t: 2.0 / (jnp.sqrt(1 + t * t) * (1 + t * t) ** 3),
+        lambda t: 2 * (1 + t * t) ** mpmath.mpf(-3.5),
+    ),
+    "two roots": (
+        lambda t: 1 / (jnp.sqrt(1 + t) * jnp.sqrt(2 + t)),
+        lambda t: 1 / (mpmath.sqrt(1 + t) * mpmath.sqrt(2 + t)),
+    ),
     "exponential": (lambda t: jnp.exp(-t * t), lambda t: mpmath.exp(-t * t)),
     "logarithm": (lambda t: jnp.log(1 + t * t), lambda t: mpmath.log(1 + t * t)),
     "sine": (lambda t: jnp.sin(t * t), lambda t: mpmath.sin(t * t)),
@@ -40,7 +52,7 @@ FUNCTIONS = {
 
 def series(rate, t, y, order=ORDER) -> np.ndarray:
     found = formulas(rate, jnp.asarray(t), jnp.asarray(y))
-    found = solution(found, ordered(found.graph, found.rates), order)
+    found = solution(found, ordered(found.graph, found.rates), order, jnp.ones(()))
     return np.array([[0.0 if x is None else float(x) for x in row] for row in found])
 
 
@@ -152,7 +164,7 @@ def test_whole_powers_have_their_series_at_zero(n):
 @jax.jit
 def _driven_by_a_whole_number(n, truth):
     found = formulas(lambda t, y: y * n + truth, jnp.zeros(()), jnp.ones(1))
-    return solution(found, ordered(found.graph, found.rates), 2)[0]
+    return solution(found, ordered(found.graph, found.rates), 2, jnp.ones(()))[0]
 
 
 def test_whole_numbers_and_truths_known_at_run_time_are_numbers_too():
@@ -190,6 +202,39 @@ def test_equal_formulas_are_computed_once():
 
     found = formulas(rate, jnp.zeros(()), jnp.ones(2))
     assert products(ordered(found.graph, found.rates)) == 3  # cosine, sine, their product
+
+
+def test_an_inverse_cube_of_a_distance_is_one_power():
+    def rate(t, y):
+        r2 = y[0] * y[0] + y[1] * y[1]
+        return y / (r2 * jnp.sqrt(r2))
+
+    def weighted(t, y):
+        r2 = y[0] * y[0] + y[1] * y[1]
+        return (3.0 / (r2 * jnp.sqrt(r2))) * y
+
+    t, y = jnp.zeros(()), jnp.array([0.6, 0.8])
+    found = formulas(weighted, t, y)
+    ops = [node.op for node in ordered(found.graph, found.rates)]
+    assert ops.count("pow") == 1
+    assert {"sqrt", "div"}.isdisjoint(ops)
+    # The same series by roots and quotients, which this rate keeps.
+    assert series(weighted, t, y) == pytest.approx(series(lambda t, y: 3.0 * rate(t, y), t, y))
+
+
+def test_products_that_only_the_way_to_a_formula_had_are_not_taken_for_there():
+    # u^2 sin(b - a): the squares' and the angles' products, and two of these.
+    def rate(t, y):
+        a, b, u = y
+        turned = (u * jnp.sin(b)) * (u * jnp.cos(a)) - (u * jnp.cos(b)) * (u * jnp.sin(a))
+        return jnp.stack([u, u, turned])
+
+    y = np.array([0.3, 0.8, 1.5])
+    found = formulas(rate, jnp.zeros(()), jnp.asarray(y))
+    ops = [node.op for node in ordered(found.graph, found.rates)]
+    assert ops.count("product") == 5
+    exact = y[2] ** 2 * np.sin(y[1] - y[0])
+    assert series(rate, 0.0, y, order=1)[2, 1] == pytest.approx(exact, rel=1e-14)
 
 
 def test_products_that_cancel_and_squares_that_sum_to_one_are_gone():
@@ -298,6 +343,26 @@ def test_scenes_without_short_formulas_are_refused(make, why):
     with pytest.raises(ValueError, match=why) as caught:
         simulate(scene, 0.1, solver=TAYLOR12)
     assert "solvers.VERNER9" in str(caught.value)
+
+
+def test_scenes_of_more_numbers_than_one_function_takes_are_not_among_the_short_ones():
+    three = scenes.three_body()
+    assert has_series(three, three.y0)
+    four = Scene(FreePoints(jnp.ones(4)), (PairGravity(1.0),), y0=np.arange(16.0), t1=0.1)
+    assert not has_series(four, four.y0)
+
+
+def test_a_rate_that_is_no_number_gives_no_number():
+    for y in (-1.0, 0.0):
+        found = TAYLOR12.advance(lambda t, y: jnp.log(y), *map(jnp.asarray, (0.0, 0.1, [y])), True)
+        assert not np.isfinite(found.increment).any()
+
+
+def test_a_step_of_no_length_changes_nothing():
+    zero, y = jnp.zeros(()), jnp.array([0.3, 0.8])
+    found = TAYLOR12.advance(lambda t, y: jnp.sin(t + y), zero, zero, y, True)
+    assert not np.any(found.increment)
+    assert not np.any(found.error)
 
 
 def test_motions_side_by_side_are_refused():

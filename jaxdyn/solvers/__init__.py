@@ -6,7 +6,7 @@
   depend on velocity. `VERLET`, `BLANES_MOAN6`, `KAHAN_LI8`, `SOFRONIOU_SPALETTA10`.
 - `Gauss`: symplectic and implicit, with a step; long conservative runs of other scenes.
   `GAUSS8`, `GAUSS12`.
-- `Taylor`: explicit, with a tolerance; scenes with short formulas, in a third to two thirds of the
+- `Taylor`: explicit, with a tolerance; scenes with short formulas, in a quarter to a half of the
   time of a pair. `TAYLOR8`, `TAYLOR12`, `TAYLOR16`, `TAYLOR20`.
 - `Radau`: L-stable and implicit, with a tolerance; stiff scenes. `RADAU5`, `RADAU9`.
 """

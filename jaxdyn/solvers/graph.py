@@ -81,10 +81,6 @@ class Graph:
         self._count += 1
         return Node(self._count, op, args, moving, value)
 
-    def has(self, op: str, *args: Node) -> bool:
-        """Whether there is such a node."""
-        return (op, *((a.index, Node) for a in args)) in self._found
-
     def add(self, a: Number, b: Number) -> Number:
         """A sum; equal terms are collected."""
         terms = self._terms(a)
@@ -148,6 +144,8 @@ class Graph:
         c = self._steady("div", c, d)
         if n is None:
             return self._scaled(c, m)
+        if m is None and (root := _root_factor(n)) is not None:
+            return self._scaled(c, self.node("pow", root.args[0], 0.5 - len(n.args)))
         return self._scaled(c, self.node("div", 1.0 if m is None else m, n))
 
     def power(self, a: Number, n: Number) -> Number:
@@ -238,6 +236,14 @@ def _better_multiplied_out(terms: Node, factor: Node) -> bool:
     moving = [m for m in terms.args[1::2] if m is not None]
     simple = factor.op in ("sin", "cos", "input") and all(m.op == "product" for m in moving)
     return simple and len(moving) <= _MULTIPLIED_OUT
+
+
+def _root_factor(m: Node) -> Node | None:
+    """The root in a product of powers of a number and its root, such as r^2 sqrt(r^2)."""
+    if m.op != "product" or [x.op for x in m.args].count("sqrt") != 1:
+        return None
+    (root,) = (x for x in m.args if x.op == "sqrt")
+    return root if all(x is root or x is root.args[0] for x in m.args) else None
 
 
 def _factors(m: Node) -> tuple:

@@ -36,17 +36,19 @@ def _needed(results: list[Number]) -> list[Node]:
 def _split(graph: Graph, products: list[Node]) -> None:
     """Take the pair that most products have out of all of them, again and again."""
     long = {node: list(node.args) for node in products if len(node.args) > 2}
+    there = {node.args for node in products}
     while long:
         counts = collections.Counter(
             pair for factors in long.values() for pair in set(itertools.combinations(factors, 2))
         )
 
         def cost(pair, counts=counts):
-            # Pairs that are there anyway cost nothing.
-            return not graph.has("product", *pair), -counts[pair], [a.index for a in pair]
+            # Pairs that are needed anyway cost nothing.
+            return pair not in there, -counts[pair], [a.index for a in pair]
 
         first, second = min(counts, key=cost)
         pair = graph.node("product", first, second)
+        there.add((first, second))
         for node, factors in long.items():
             while len(factors) > 2 and _both_in(first, second, factors):
                 factors.remove(first)
