@@ -21,6 +21,7 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import EIGHT
 from jaxdyn.simulate import solve
 from orbits.closing import choreography
+from orbits.motion import at_s
 from orbits.problem import Orbit, moved
 
 #: Entries of y(T / n) may miss the choreography by this much of the orbit's size.
@@ -88,8 +89,12 @@ def conserved(orbit: Orbit) -> tuple[float | None, float | None]:
     if not len(r):
         return None, None
     # Not evenly spaced: equal values at symmetric moments would pass for constant ones.
-    ts = orbit.period * np.linspace(0.0, 1.0, _MOMENTS) ** 1.5
-    ys = solve(scene, orbit.period, ts=ts, rtol=orbit.rtol).ys
+    moments = np.linspace(0.0, 1.0, _MOMENTS) ** 1.5
+    if orbit.s_period is None:
+        ts = orbit.period * moments
+        ys = solve(scene, orbit.period, ts=ts, rtol=orbit.rtol).ys
+    else:
+        ts, ys = at_s(scene, orbit.s_period * moments, orbit.rtol)
     along = jax.vmap(lambda t, y: _integrals(scene, t, y))
     energies, momenta = (np.asarray(pair) for pair in jax.jit(along)(jnp.asarray(ts), ys))
     in_plane = r.shape[1] > 1

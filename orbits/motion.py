@@ -6,7 +6,6 @@ of the state by what bends the paths there; a published three-body orbit whose m
 then closes to 1e-7, at 1e-12 in logarithmic time.
 """
 
-import functools
 import math
 
 import jax
@@ -75,9 +74,14 @@ def _depth(scene: Scene, ts: Array, ys: Array) -> Array:
     return -jax.vmap(lambda t, y: potential(scene, t, y))(ts, ys)
 
 
-@functools.partial(jax.jit, static_argnames="samples")
+@jax.jit
+def at_s(scene: Scene, s: Array, rtol) -> tuple[Array, Array]:
+    """(n,) when logarithmic times s (n,), the last one the end, have passed; (n, k) states then."""
+    run = solve(regularised(scene), s[-1], ts=s, rtol=rtol)
+    return run.ys[:, -1], run.ys[:, :-2]
+
+
 def at_even_s(scene: Scene, s, rtol, *, samples: int) -> tuple[Array, Array]:
     """(samples + 1,) when s has passed in equal parts, and minus the potential energy there [J]."""
-    run = solve(regularised(scene), s, ts=jnp.linspace(0.0, s, samples + 1), rtol=rtol)
-    ts = run.ys[:, -1]
-    return ts, _depth(scene, ts, run.ys[:, :-2])
+    ts, ys = at_s(scene, jnp.linspace(0.0, s, samples + 1), rtol)
+    return ts, _depth(scene, ts, ys)

@@ -130,7 +130,7 @@ def solve(
         progress = 0.5 if solved else _CRAWL
         near = _size(residual) < _NEARLY
         stalled = stalled + 1 if near and _size(residual) > progress * _size(best_residual) else 0
-        if not solved or _size(residual) < _size(best_residual):
+        if _size(best_residual) > goal or _size(residual) < _size(best_residual):
             best, best_residual = x, residual
         if not keep_going(x) or stalled >= _STALLED or not residual.any():
             break

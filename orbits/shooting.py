@@ -25,7 +25,7 @@ GOAL = 1e-12
 _ROUNDINGS = 64.0  # of the unit, in the course of one segment
 _NOISE = 4.0  # times what a rounding of the unknowns changes is what none of them can avoid
 _CLEAN = 0.1  # of the goal: where bodies that attract are followed in plain time, more is rounding
-_RECUTS = 6  # times at most that a motion is cut anew: as often as 1 doubles to the most, and once more
+_RECUTS = 6  # times at most that a motion is cut anew: more than double one to the most
 _STALE = 0.01  # of its period in logarithmic time by which an orbit has left what was cut
 _NEARLY = 1e-6  # a residual at which Newton's method stalls only for rounding
 _ESCAPE = 100.0  # times the guess's size is a run-away
@@ -95,8 +95,10 @@ def find(
     for _ in range(0 if segments else _RECUTS):
         if cuts.segments >= SEGMENTS_MOST or not _rough(orbit, cuts, goal):
             break
-        # Near encounters inside a segment magnify rounding: shorter ones, from where it stalled.
-        here = np.append(orbit.y0, orbit.period)
+        # Near encounters inside a segment magnify rounding: shorter ones, from where it stalled,
+        # and cut along the guess for as long as the orbit is near it.
+        left = cuts.s_period is not None and _elsewhere(orbit.s_period, cuts.s_period)
+        here = np.append(orbit.y0, orbit.period) if left else guess
         finer = with_segments(equations, here, rtol, needed(equations, here, rtol))
         if finer.segments <= cuts.segments and not _elsewhere(finer.s_period, cuts.s_period):
             finer = with_segments(equations, here, rtol, min(2 * cuts.segments, SEGMENTS_MOST))

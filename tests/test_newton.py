@@ -207,3 +207,17 @@ def test_an_exact_start_takes_no_step():
     assert result.converged
     assert len(steps) <= 2
     np.testing.assert_array_equal(result.x, [1.0, 0.0])
+
+
+def test_a_solution_is_not_lost_to_rounding():
+    """Values that rounding makes: the first is below the goal, the others above it."""
+    values = iter(1e-12 * np.array([[0.8, 0.8, 0.8, 0.8], [1.6, 1, 1, 1], [1.8, 0, 0, 0]]))
+
+    def equations(x):
+        return next(values, np.full(4, 1e-11)), np.eye(4)
+
+    free = {"lower": np.full(4, -np.inf), "upper": np.full(4, np.inf)}
+    result, steps = steps_of(equations, [1.0, 0.0, 0.0, 0.0], **free)
+    assert len(steps) == 3
+    assert result.converged
+    assert result.residual.max() == 0.8e-12
