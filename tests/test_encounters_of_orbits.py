@@ -65,6 +65,7 @@ def test_an_orbit_without_encounters_stays_in_plain_time():
     assert eight.residual < 1e-14
 
 
+@pytest.mark.slow
 def test_an_orbit_far_from_its_guess_is_cut_again_where_it_is():
     guess = 1.01 * np.asarray(kepler(0.9).y0)  # in logarithmic time, a tenth of the orbit
     far = orbits.find(kepler(0.9), guess, 6.2)
@@ -96,6 +97,7 @@ def test_its_multipliers_are_those_of_plain_time(close):
     assert slow.symplectic_defect < 1e-12
 
 
+@pytest.mark.slow
 def test_its_file_keeps_the_time_it_is_followed_in(close, tmp_path):
     verify.save(tmp_path / "orbit.json", close)
     loaded, claims = verify.load(tmp_path / "orbit.json")
@@ -217,6 +219,7 @@ def test_derivatives_are_those_of_plain_time():
     assert gap(slow[0], plain[0]) < 1e-9
 
 
+@pytest.mark.slow
 def test_an_end_that_is_not_reached_is_nan_with_a_status():
     run = ended(0.9, 5.0, max_steps=3)
     assert int(run.status) == Status.STEP_LIMIT

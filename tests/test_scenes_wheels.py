@@ -22,6 +22,7 @@ def stop(request):
     return request.param, scene, run(braking(scene), "slide", scene.y0, 60.0, samples=9)
 
 
+@pytest.mark.slow
 def test_straight_braking_is_uniform():
     for locked in AXLES:
         scene = car(locked=locked, spin=0.0)
