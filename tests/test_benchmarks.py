@@ -65,7 +65,6 @@ def test_slow_runs_take_part_in_fewer_rounds():
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_our_three_ways_reach_the_true_end_and_give_rows():
     methods = figure_eight.ours((1e-7, 1e-13))
     for method in methods.values():

@@ -117,7 +117,6 @@ def test_what_changes_the_energy_is_told_from_errors(moves, causes):
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_impacts_and_friction_in_contact_change_the_energy():
     def bounce(t, y):
         return y * jnp.array([1.0, 1.0, 1.0, -0.5])
