@@ -230,6 +230,7 @@ def test_too_far_for_any_speed():
     assert np.isnan([best.speed, best.angle, best.x, best.t]).all()
 
 
+@pytest.mark.slow
 def test_a_ball_that_the_wind_carries_off_has_no_range():
     scene = windy(0.0, 1.0, (0.0, 50.0))
     for found in (aim.farthest(scene, 1.0), aim.hit(scene, 1.0, 1.0)):
@@ -283,6 +284,7 @@ def _run(monkeypatch, capsys, *words):
     return code, *capsys.readouterr()
 
 
+@pytest.mark.slow
 def test_command_line(monkeypatch, capsys, tmp_path):
     picture = tmp_path / "throws.png"
     words = ("--speed", "50", "--drag", "0.01", "--x", "80")

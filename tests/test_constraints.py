@@ -118,6 +118,7 @@ def test_skates_on_a_common_normal_are_one():
     assert gap(solve(a, 3.0, rtol=1e-13).y1, solve(b, 3.0, rtol=1e-13).y1) < 10 * SOLVED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [0.0, 0.7])
 def test_a_dead_centre_at_the_start_is_reported(rate):
     flat = parallelogram(np.pi / 2, rate)

@@ -32,6 +32,7 @@ def doubled():
     return family(Moebius, -0.2, [1.0, 0.0, 0.0, 0.0], step=0.08, members=6)
 
 
+@pytest.mark.slow
 def test_a_fold_is_nothing_special_and_is_found():
     found = family(Bautin, -0.2, [0.85, 0.0], step=0.05, members=14, down=True)
     radii = np.array([np.linalg.norm(m.orbit.y0) for m in found.members])
@@ -93,6 +94,7 @@ def test_a_conservative_family_needs_no_parameter():
     assert (np.diff(found.energies) > 0).all()
 
 
+@pytest.mark.slow
 def test_it_goes_down_and_stops_at_its_bounds():
     found = family(Pitchfork, -0.3, [1.0, 0.0, 0.0], step=0.1, down=True, within=(-0.6, 0.0))
     assert found.parameters[-1] < -0.6 < found.parameters[-2]

@@ -54,6 +54,7 @@ def test_a_motion_runs_back_to_its_start():
     assert float(back.ts[-1]) == 0.0
 
 
+@pytest.mark.slow
 def test_the_end_is_at_the_wanted_time_and_samples_are_in_order():
     motion = simulate_regularised(BODIES, 5.0, t0=1.0)
     assert motion.ts[0] == 1.0

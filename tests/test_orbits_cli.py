@@ -91,6 +91,7 @@ def test_progress_goes_to_standard_error(finished):
     assert err.count("largest error") > 10
 
 
+@pytest.mark.slow
 def test_a_saved_file_verifies(finished, orbits):
     run = orbits("verify", finished[1])
     assert run.code == 0

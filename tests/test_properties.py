@@ -110,6 +110,7 @@ def sound(name, a, b, entries, t1):
         assert np.abs(back.ys[-1] - ys[0]).max() <= allowed * stretch**2 * size
 
 
+@pytest.mark.slow
 @FEW
 @given(QUICK, SIZES, SIZES, ENTRIES, st.floats(-5.0, 5.0))
 def test_a_motion_is_right_or_says_why_not(name, a, b, entries, t1):
@@ -145,6 +146,7 @@ def test_whatever_is_given_to_simulate_is_refused_or_run(t1, t0, rtol, limit):
             assert np.isnan(np.asarray(motion.ys)[-1]).all()
 
 
+@pytest.mark.slow
 @FEW
 @given(NAMES, SIZES, SIZES, ENTRIES)
 def test_a_linearisation_is_that_of_differences(name, a, b, entries):

@@ -54,6 +54,7 @@ def test_front_locked_goes_straight_and_rear_locked_turns_round(stop):
         assert np.cos(chain.y[2]) < 0
 
 
+@pytest.mark.slow
 def test_the_work_of_friction_is_the_change_of_energy(stop):
     locked, scene, _ = stop
     motion = simulate(ledger.with_work(scene, Effect), 2.0, samples=9, rtol=1e-13)

@@ -164,6 +164,7 @@ def test_48_fixed_xyz_is_body_zyx_and_has_this_matrix():
     assert gap(euler_from_matrix(product, "xyz").angles, angles) < EXACT
 
 
+@pytest.mark.slow
 def test_the_claims_of_problem_57():
     claims = {claim.name: claim for claim in satellite_claims()}
     assert [name for name, claim in claims.items() if not claim.holds] == ["A ii", "A iii d"]
