@@ -13,10 +13,10 @@ Both cores are used by two threads of one process, or by two devices of one, in 
 with one and two of them.
 
 Last numbers (2 cores with other work on them, 2026-11), minima, with ours over the other's in
-brackets: error 1e-6 7.4 us, heyoka with 8 lanes 9.9 (0.75), with 4 lanes 11.6 (0.64), diffrax 103
-(0.07); 1e-9 9.9 us, 13.5 (0.73), 15.0 (0.66), 205 (0.05); 1e-12 13.5 us, 17.4 (0.78), 18.7 (0.72).
-heyoka is given each pair of bodies once, see `benchmarks.figure_eight`. Two threads 1.85 times as
-fast as one, two devices 1.7 times. Unequal motions cost what their own steps do (1.0).
+brackets: error 1e-6 7.3 us, heyoka with 8 lanes 10.8 (0.67), with 4 lanes 11.7 (0.62), diffrax 210
+(0.03); 1e-9 9.6 us, 13.9 (0.69), 15.3 (0.63), 439 (0.02); 1e-12 12.3 us, 19.5 (0.63), 19.9 (0.62).
+heyoka is given each pair of bodies once, see `benchmarks.figure_eight`. Two threads 1.76 to
+1.85 times as fast as one, two devices 1.7 times. Unequal motions cost what their own steps do (1.0).
 """
 
 import functools
