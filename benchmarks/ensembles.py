@@ -16,7 +16,8 @@ Last numbers (2 cores with other work on them, 2026-11), minima, with ours over 
 brackets: error 1e-6 7.3 us, heyoka with 8 lanes 10.8 (0.67), with 4 lanes 11.7 (0.62), diffrax 210
 (0.03); 1e-9 9.6 us, 13.9 (0.69), 15.3 (0.63), 439 (0.02); 1e-12 12.3 us, 19.5 (0.63), 19.9 (0.62).
 heyoka is given each pair of bodies once, see `benchmarks.figure_eight`. Two threads 1.76 to
-1.85 times as fast as one, two devices 1.7 times. Unequal motions cost what their own steps do (1.0).
+1.85 times as fast as one, two devices 1.7 times. Unequal motions cost what their own steps do
+(1.0).
 """
 
 import functools
