@@ -70,6 +70,7 @@ def quadratic_range(angle, speed, k=DRAG, g=G):
     raise AssertionError
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.3, 10.0, 3e5])
 def test_without_drag_the_best_angle_is_45_degrees(speed):
     best = aim.farthest(scenes.cannonball(g=G), speed)

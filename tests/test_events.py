@@ -59,6 +59,7 @@ def test_a_throw_with_drag_lands_at_its_closed_form():
     assert gap(landing(P), [t, 3.0 * x, 3.0 * (1 - 0.5 * x), vy]) < SOLVED
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_the_closed_form():
     forward = jax.jacfwd(landing)(P)
     _, x, v = landing_by_hand(5.0, 0.5)

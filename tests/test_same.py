@@ -44,6 +44,7 @@ def orbit():
     return orbits.find(published(ROWS[1]).scene, closing=closing)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
     [
@@ -94,6 +95,7 @@ def test_periods_that_hold_the_motion_more_than_once():
     assert orbits.same(eight, thrice)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", ROWS[:3] + ROWS[21:23] + ROWS[31:33], ids=lambda row: row["name"])
 def test_words_are_those_published(row):
     assert orbits.word(published(row)) == canonical(row["word"])
