@@ -9,9 +9,9 @@ import dataclasses
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from jaxdyn import Status
+from jaxdyn.flow import Flow
 from jaxdyn.simulate import default_solver
 from jaxdyn.solvers import DOPRI8, VERNER9
 from orbits.closing import PLAIN
@@ -19,7 +19,7 @@ from orbits.cuts import SEGMENTS_MOST, largest, with_segments
 from orbits.equations import Equations
 from orbits.motion import advanced
 from orbits.newton import RANK_TOLERANCE
-from orbits.problem import Orbit, gap, part
+from orbits.problem import Orbit, gap
 
 #: Below this, steps are lost in rounding: the tightest tolerance that still helps.
 TIGHT = 1e-15
@@ -45,18 +45,16 @@ def closure(orbit: Orbit, *, periods: int = 1, rtol: float | None = None, solver
 
     A relative orbit has turned by then; its start is turned by as much.
     """
-    s = None if orbit.s_period is None else periods * orbit.s_period
-    rtol = orbit.rtol if rtol is None else rtol
-    flow = advanced(orbit.scene, periods * orbit.period, s, rtol=rtol, solver=solver)
+    flow = after(orbit, periods, rtol=orbit.rtol if rtol is None else rtol, solver=solver)
     if int(flow.status) != Status.OK:
         return float("nan")
     return gap(orbit, flow.y1, periods)
 
 
-def at_part(orbit: Orbit, *, rtol: float, solver=None) -> Array:
-    """(k,) the state after the part of the period at which the closing condition holds."""
-    s = None if orbit.s_period is None else orbit.s_period / orbit.closing.parts
-    return advanced(orbit.scene, part(orbit), s, rtol=rtol, solver=solver).y1
+def after(orbit: Orbit, periods: float, *, rtol: float, solver=None) -> Flow:
+    """The motion after some periods, or a part of one, in the time it is followed in."""
+    s = None if orbit.s_period is None else periods * orbit.s_period
+    return advanced(orbit.scene, periods * orbit.period, s, rtol=rtol, solver=solver)
 
 
 def growth(orbit: Orbit) -> float:
@@ -106,7 +104,7 @@ def digits(orbit: Orbit) -> Digits:
     jacobian = np.array(equations(x, orbit.rtol).jacobian)
     if equations.driven:
         jacobian[:, -1] = 0.0
-    end = at_part(orbit, rtol=TIGHT, solver=_other(orbit))
+    end = after(orbit, 1 / orbit.closing.parts, rtol=TIGHT, solver=_other(orbit)).y1
     angle = jnp.asarray(orbit.angle)
     miss = np.asarray(orbit.closing.miss(orbit.scene.system, end, jnp.asarray(y0), angle))
     move = np.abs(np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ miss)

@@ -1,9 +1,9 @@
 """Where a motion is after a span of time, and in which time it is followed there.
 
-Bodies that attract each other are followed in logarithmic time (`jaxdyn.regularised`) where an
-orbit calls for more than one segment. In plain time each close encounter multiplies the rounding
-of the state by what bends the paths there; a published three-body orbit whose multipliers are 1
-then closes to 1e-7, at 1e-12 in logarithmic time.
+Bodies that attract each other are followed in logarithmic time (`jaxdyn.regularised`) where errors
+grow much, or rounding is what is left of a search. In plain time each close encounter multiplies
+the rounding of the state by what bends the paths there; a published three-body orbit whose
+multipliers are 1 then closes to 1e-7, at 1e-12 in logarithmic time.
 """
 
 import math

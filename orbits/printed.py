@@ -49,7 +49,7 @@ _ROWS = (
     ("energy E", lambda c: _optional(c.energy, ".13f")),
     ("angular momentum", lambda c: _optional(c.angular_momentum, ".1e")),
     ("closing error", lambda c: f"{c.closure:.1e}"),
-    ("  rounding permits about", lambda c: f"{c.growth * _UNIT:.1e}"),
+    ("  rounding permits", lambda c: f"{c.growth * _UNIT:.1e}"),
     ("  by a second method", lambda c: f"{c.recheck.closure:.1e} ({c.recheck.solver})"),
     ("  after several periods", lambda c: f"{c.return_error:.1e} ({c.periods_simulated})"),
     ("multipliers", _multipliers),

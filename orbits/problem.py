@@ -108,11 +108,6 @@ def moved(orbit: Orbit, scene: Scene) -> Orbit:
     )
 
 
-def part(orbit: Orbit) -> float:
-    """The time after which the orbit's closing condition holds."""
-    return orbit.period / orbit.closing.parts
-
-
 def gap(orbit: Orbit, end: Array, periods: int = 1) -> float:
     """Largest entry of a state that should be the start after some whole periods, minus that."""
     system, y0 = orbit.scene.system, jnp.asarray(orbit.y0)

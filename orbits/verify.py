@@ -10,7 +10,7 @@ import numpy as np
 from jaxdyn import records
 from jaxdyn._checks import fail
 from orbits import files
-from orbits.evidence import at_part
+from orbits.evidence import after
 from orbits.problem import Orbit
 from orbits.report import Report, as_json, report
 
@@ -92,7 +92,7 @@ def verify(path: str | Path) -> tuple[Report, list[Mismatch]]:
 
 def _not_closed(orbit: Orbit, derived: Report):
     """A file may be honest about a motion that is no orbit at all."""
-    end = at_part(orbit, rtol=orbit.rtol)
+    end = after(orbit, 1 / orbit.closing.parts, rtol=orbit.rtol).y1
     system, y0, angle = orbit.scene.system, jnp.asarray(orbit.y0), jnp.asarray(orbit.angle)
     miss = orbit.closing.miss(system, end, y0, angle)
     size = AGREEMENT * (1.0 + float(np.abs(orbit.y0).max()))
