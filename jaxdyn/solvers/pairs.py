@@ -100,13 +100,13 @@ class Pair(Method):
 
         half = y.shape[0] // 2
         q, v = y[:half], y[half:]
-        rest = jnp.zeros_like(v)
+        still = jnp.zeros_like(v)
 
         def acceleration(c, shift):
             x = keep(q + (c * h) * v + (h * h) * shift)
             # Velocities take no part in it, and XLA drops what computes dq/dt. In a loop it would
             # copy them at each stage.
-            return field(t + c * h, jnp.concatenate([x, rest]))[half:]
+            return field(t + c * h, jnp.concatenate([x, still]))[half:]
 
         *found, q_rest, v_rest, ratio = sums(acceleration, q)
         dq, dv, q_error, v_error = (keep(x) for x in found)
