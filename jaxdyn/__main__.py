@@ -28,13 +28,16 @@ from jaxdyn.image_files import animation_path, picture_path
 from jaxdyn.paths import pieces_of
 from jaxdyn.phases import Chain
 from jaxdyn.simulate import RTOL, Trajectory
-from jaxdyn.solvers import DOPRI8, NYSTROM12, VERNER9
+from jaxdyn.solvers import DOPRI8, NYSTROM12, STOERMER14, STOERMER18, VERNER9
 from jaxdyn.status import Status
 
 app = application("Simulate, draw and check the scenes of a course on dynamics.")
 STOPPED = 1  # exit code: the motion did not reach its end
 _MOST_SAMPLES = 1_000_000  # all of which become text
-_SOLVERS = {"nystrom12": NYSTROM12, "verner9": VERNER9, "dopri8": DOPRI8}
+_SOLVERS = {
+    **{"nystrom12": NYSTROM12, "stoermer14": STOERMER14, "stoermer18": STOERMER18},
+    **{"verner9": VERNER9, "dopri8": DOPRI8},
+}
 
 
 @app.command("list")
@@ -80,7 +83,7 @@ def run_command(
     t1: SpanOption = None,
     samples: Annotated[int, typer.Option(help="How many times to sample, in each phase.")] = 400,
     rtol: Annotated[float, typer.Option(help="Relative tolerance of a step.")] = RTOL,
-    solver: Annotated[str, typer.Option(help="auto, nystrom12, verner9 or dopri8.")] = "auto",
+    solver: Annotated[str, typer.Option(help=f"auto, {', '.join(_SOLVERS)}.")] = "auto",
     plot: PlotOption = None,
     animate: AnimateOption = None,
     as_object: JsonOption = False,

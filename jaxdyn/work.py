@@ -25,12 +25,15 @@ from jaxdyn.solvers import (
     DOPRI8,
     RADAU5,
     RADAU9,
+    STOERMER14,
+    STOERMER18,
     TAYLOR12,
     TAYLOR16,
     VERNER9,
     Composition,
     Method,
     Pair,
+    Stoermer,
     has_series,
 )
 from jaxdyn.timing import Times, at_error, interleaved
@@ -188,13 +191,15 @@ class WorkPrecision(NamedTuple):
 def fit_solvers(scene: Scene, t1=None) -> tuple[Method, ...]:
     """Solvers with a tolerance that are fit for a scene: implicit ones where it is stiff.
 
-    Taylor series are among them where the scene's formulas are short.
+    Extrapolation is among them where forces forget velocities, Taylor series where the scene's
+    formulas are short.
     """
     t1 = scene.t1 if t1 is None else t1
     if bool(solve(scene, t1, rtol=_STIFF_AT).stiff):
         return RADAU9, RADAU5
+    extrapolated = (STOERMER14, STOERMER18) if scene.second_order else ()
     taylor = (TAYLOR12, TAYLOR16) if has_series(scene, scene.y0) else ()
-    return tuple(dict.fromkeys((default_solver(scene), VERNER9, DOPRI8, *taylor)))
+    return tuple(dict.fromkeys((default_solver(scene), VERNER9, DOPRI8, *extrapolated, *taylor)))
 
 
 def work_precision(
@@ -248,7 +253,7 @@ def work_precision(
     def rung(key) -> Rung:
         error = max(float(np.max(np.abs(values[key] - exact) / scale)), uncertainty)
         # The others iterate.
-        stages = key[0].stages if isinstance(key[0], Pair | Composition) else np.nan
+        stages = key[0].stages if isinstance(key[0], Pair | Composition | Stoermer) else np.nan
         tries = int(np.sum(counts[key]))
         return Rung(key[1], error, times[key], int(counts[key][0]), tries * stages)
 

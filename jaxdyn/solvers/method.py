@@ -8,9 +8,14 @@ import abc
 from collections.abc import Callable
 from typing import ClassVar, NamedTuple
 
+import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 Field = Callable[[Array, Array], Array]
+
+#: Slopes whose difference is below this part of them are equal but for rounding.
+_ROUNDING = 1e-13
 
 
 class Advance(NamedTuple):
@@ -76,3 +81,20 @@ class Method(abc.ABC):
         """Increment of y over [t, t + h] and the estimate of its error; see `advance`."""
         found = self.advance(field, t, h, y, loops)
         return found.increment, found.error
+
+
+def fastest(k: Array, shift: Array, whole: Array) -> Array:
+    """() |difference of two slopes| / |difference of what they were taken at|, in steps.
+
+    Differences below rounding say nothing; they count as small.
+    """
+    noise = _ROUNDING * jnp.max(jnp.abs(whole))
+    return jnp.max(jnp.abs(k)) / (jnp.max(jnp.abs(shift)) + noise)
+
+
+def grows_from(growth: Callable[[float], float]) -> float:
+    """The z up to which a method is stable; `growth` is that of a test equation's solution."""
+    for z in np.arange(0.05, 30.0, 0.05):
+        if growth(z) > 1 + 1e-3:
+            break
+    return float(z)

@@ -30,10 +30,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._numerics import materialised, runtime_one
-from jaxdyn.solvers.method import Advance, Field, Method
+from jaxdyn.solvers.method import Advance, Field, Method, fastest, grows_from
 
-#: Slopes whose difference is below this part of them are equal but for rounding.
-_ROUNDING = 1e-13
 _MENDED = 4  # stages whose weights get more digits
 
 
@@ -74,7 +72,7 @@ class Pair(Method):
     @functools.cached_property
     def stable(self) -> float:
         """The |h lambda| on the negative axis (Nystrom: the h omega) up to which it is stable."""
-        return _stability_limit(self)
+        return grows_from(functools.partial(_growth, self))
 
     @functools.cached_property
     def twins(self) -> tuple[int, int] | None:
@@ -132,7 +130,7 @@ class Pair(Method):
         ratio = jnp.zeros(())
         if self.twins:
             i, j = self.twins
-            ratio = _ratio(k[j] - k[i], shifts[j] - shifts[i], k[j])
+            ratio = fastest(k[j] - k[i], shifts[j] - shifts[i], k[j])
         return [*(combine(row, k) for row in self._rows.tolist()), ratio]
 
     def _rolled(self, slope: Callable, like: Array, loops: int) -> list[Array]:
@@ -164,7 +162,7 @@ class Pair(Method):
         if self.twins:
             k_i, k_j = (_row(done, edges, n) for n in self.twins)
             i, j = self.twins
-            ratio = _ratio(k_j - k_i, combined(self.a[j] - self.a[i]), k_j)
+            ratio = fastest(k_j - k_i, combined(self.a[j] - self.a[i]), k_j)
         return [*(combined(row) for row in self._rows), ratio]
 
 
@@ -172,15 +170,6 @@ def _row(parts: list[Array], edges: list[int], i: int) -> Array:
     """Row i of arrays that follow each other, the first rows of which are `edges`."""
     part = bisect.bisect_right(edges, i) - 1
     return parts[part][i - edges[part]]
-
-
-def _ratio(k: Array, shift: Array, whole: Array) -> Array:
-    """() |difference of two slopes| / |difference of what they were taken at|, in steps.
-
-    Differences below rounding say nothing; they count as small.
-    """
-    noise = _ROUNDING * jnp.max(jnp.abs(whole))
-    return jnp.max(jnp.abs(k)) / (jnp.max(jnp.abs(shift)) + noise)
 
 
 def _conditions(a: list, c: list, nystrom: bool, row: int) -> list[tuple[int, list, Fraction]]:
@@ -237,19 +226,14 @@ def _lacking(pair: Pair) -> np.ndarray:
     return np.array(rows)
 
 
-def _stability_limit(pair: Pair) -> float:
-    """Where the solution of the test equation first grows: y' = -z y, or q'' = -z^2 q."""
+def _growth(pair: Pair, z: float) -> float:
+    """By what a step of length 1 multiplies the solution of y' = -z y, or of q'' = -z^2 q."""
     eye, one = np.eye(pair.stages), np.ones(pair.stages)
-    for z in np.arange(0.05, 30.0, 0.05):
-        if pair.nystrom:
-            # k = -z^2 (q + c v + a k), for q = 1, v = 0 and for q = 0, v = 1.
-            k = np.linalg.solve(eye + z * z * pair.a, -z * z * np.stack([one, pair.c], axis=1))
-            growth = np.abs(np.linalg.eigvals([[1, 1], [0, 1]] + pair.weights[0] @ k)).max()
-        else:
-            growth = abs(1 - z * pair.weights[0, 0] @ np.linalg.solve(eye + z * pair.a, one))
-        if growth > 1 + 1e-3:
-            return float(z)
-    return float(z)
+    if not pair.nystrom:
+        return abs(1 - z * pair.weights[0, 0] @ np.linalg.solve(eye + z * pair.a, one))
+    # k = -z^2 (q + c v + a k), for q = 1, v = 0 and for q = 0, v = 1.
+    k = np.linalg.solve(eye + z * z * pair.a, -z * z * np.stack([one, pair.c], axis=1))
+    return np.abs(np.linalg.eigvals([[1, 1], [0, 1]] + pair.weights[0] @ k)).max()
 
 
 def from_diffrax(solver: diffrax.AbstractERK) -> Pair:

@@ -1,0 +1,230 @@
+"""Stoermer's method, extrapolated: few and long steps, where forces forget v.
+
+A step is crossed by the leapfrog in 1, 2, 3, ... substeps, and their ends are extrapolated to
+substeps of no length; each number of them raises the order by two (Hairer, Norsett, Wanner, II.9
+and II.14). That takes three times the evaluations of a Nystrom pair. But the columns, as they are
+called, do not wait for each other: four lanes take them in turn, side by side in the vectors of
+the processor, so that 53 evaluations take the time of 14. For a few bodies a step of order 14
+takes 0.6 of the time of a step of the pair of order 12, in about as many steps.
+
+Numbers of substeps that lie close together multiply rounding: 1 to 7 by 13, which is felt beyond
+12 digits; those of order 18, the last ones wide apart, by 3.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import ClassVar, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._numerics import materialised, runtime_one
+from jaxdyn.side_by_side import FEW, side_by_side
+from jaxdyn.solvers.method import Advance, Field, Method, fastest, grows_from
+from jaxdyn.solvers.pairs import NYSTROM12
+
+_LANES = 4  # doubles in a vector of most processors
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Stoermer(Method):
+    """The extrapolated leapfrog.
+
+    Limits: accelerations that do not depend on velocity; one motion at a time, not for ensembles.
+      With more than some 30 coordinates a pair is faster. Variational equations are integrated by
+      `NYSTROM12`.
+
+    Attributes:
+      counts: (n,) substeps of each column, rising, at least two.
+    """
+
+    counts: tuple[int, ...]
+    adaptive: ClassVar[bool] = True
+    nystrom: ClassVar[bool] = True
+
+    def __post_init__(self):
+        rising = all(a < b for a, b in zip((0, *self.counts), self.counts, strict=False))
+        if len(self.counts) < 2 or not rising:
+            raise _checks.fail("counts", "at least two rising numbers", self.counts)
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return f"Stoermer {self.order}"
+
+    @property
+    def order(self) -> int:
+        """Each column counts twice, since the leapfrog's error has even powers only."""
+        return 2 * len(self.counts)
+
+    @property
+    def error_order(self) -> int:
+        """The estimate is the difference from the extrapolation without one column."""
+        return self.order - 1
+
+    @property
+    def stages(self) -> int:
+        """Right-hand sides a step."""
+        return 1 + sum(self.counts)
+
+    @property
+    def for_tangents(self) -> Method:
+        """Columns of tangents fill the vectors of a processor by themselves."""
+        return NYSTROM12
+
+    @functools.cached_property
+    def stable(self) -> float:
+        """The h omega up to which it is stable."""
+        return grows_from(self._growth)
+
+    @functools.cached_property
+    def plan(self) -> "Plan":
+        """Which lane does what when."""
+        return _planned(self.counts)
+
+    def advance(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> Advance:
+        del loops  # over its substeps: written out, it compiles for longer and runs no faster
+        if y.ndim > 1:
+            one = "one that takes several motions at once"
+            raise _checks.fail("solver", one, self.name, "Leave the solver out.")
+        half = len(y) // 2
+        still = jnp.zeros(half)
+        few = half <= FEW
+
+        def parts(x):
+            # Entries one by one, where they are few: in one array they would be put together and
+            # taken apart again in each substep, with a branch for each.
+            return [x[i, None, None] for i in range(half)] if few else [x[:, None, None]]
+
+        def pull(t, *q):
+            force = field(t, jnp.concatenate([jnp.stack(q) if few else q[0], still]))[half:]
+            return list(force) if few else [force]
+
+        # It starts every column: computed once, not in each of its uses.
+        first = materialised(field(t, y)[half:], runtime_one(h))
+        q, v, first = parts(y[:half]), parts(y[half:]), parts(first)
+        plan = self.plan
+        table = jnp.asarray(plan.table)
+
+        def substep(k, carry):
+            row = lax.dynamic_index_in_dim(table, k, keepdims=False)
+            step, since, begins, slot = h * row[0], h * row[1], row[2] > 0, row[3, 0, 0].astype(int)
+            # The way besides v times the time, and the change of v, both since t.
+            (moved, faster, pulls), ends = carry
+            faster = [
+                jnp.where(begins, (0.5 * step) * f, u + step * a)
+                for f, u, a in zip(first, faster, pulls, strict=True)
+            ]
+            moved = [
+                jnp.where(begins, 0.0, x) + step * u for x, u in zip(moved, faster, strict=True)
+            ]
+            at = jnp.broadcast_to(t + since, since.shape)
+            there = [a + (since * b + x) for a, b, x in zip(q, v, moved, strict=True)]
+            pulls = side_by_side(pull, at, *there, axes=2, apart=True)
+            new = [*moved, *(u + (0.5 * step) * a for u, a in zip(faster, pulls, strict=True))]
+            # Later substeps overwrite it until columns end.
+            put = lax.dynamic_update_index_in_dim
+            ends = [put(x, end, slot, 0) for x, end in zip(ends, new, strict=True)]
+            return (moved, faster, pulls), ends
+
+        empty = [jnp.zeros((*x.shape[:-2], _LANES, 1)) for x in q]
+        slots = [jnp.zeros((len(plan.weights), *x.shape)) for x in empty]
+        start = (empty, empty, empty), [*slots, *slots]
+        (moved, _, pulls), ends = lax.fori_loop(0, len(plan.table), substep, start)
+        increment, error = (
+            jnp.concatenate([jnp.atleast_1d(_summed(plan.weights[:, row], x)) for x in ends])
+            for row in range(2)
+        )
+        increment = increment + jnp.concatenate([h * y[half:], still])
+        # The two columns with the most substeps end side by side, at nearly the same place.
+        places, forces = (
+            [jnp.concatenate([jnp.atleast_1d(x[..., j, 0]) for x in part]) for j in range(2)]
+            for part in (moved, [h * h * x for x in pulls])
+        )
+        ratio = fastest(forces[0] - forces[1], places[0] - places[1], forces[0])
+        return Advance(increment, error, speed=jnp.sqrt(ratio))
+
+    def _growth(self, z: float) -> float:
+        """By what a step of length 1 multiplies the largest motion of q'' = -z^2 q."""
+        end = np.zeros((2, 2))
+        for n, w in zip(self.counts, _weights(self.counts), strict=True):
+            q, v = np.eye(2)  # of both motions: from 1 at rest, and from 0 with velocity 1
+            for _ in range(n):
+                v = v - 0.5 / n * z * z * q
+                q = q + v / n
+                v = v - 0.5 / n * z * z * q
+            end += float(w) * np.stack([q, v])
+        return float(np.abs(np.linalg.eigvals(end)).max())
+
+
+def _summed(weights: np.ndarray, ends: Array) -> Array:
+    """Weighted sum; written out, since XLA on CPU allocates memory for each `jnp.sum`."""
+    terms = [w * x for w, x in zip(weights, ends, strict=True)]
+    total = functools.reduce(jnp.add, terms)
+    a, b, c, d = (total[..., j, 0] for j in range(_LANES))
+    return (a + b) + (c + d)
+
+
+class Plan(NamedTuple):
+    """What the lanes do, substep by substep.
+
+    Attributes:
+      table: (d, 4, lanes, 1) for each substep: its length in steps, 0 for a lane that waits; the
+        time at its end since the start of the step, in steps; 1 if it is the first of a column;
+        where its end is kept, one place for all up to an end of columns.
+      weights: (places, 2, lanes, 1) of the columns that end there, 0 for other lanes: in the
+        solution, and in the estimate of its error.
+    """
+
+    table: np.ndarray
+    weights: np.ndarray
+
+
+def _planned(counts: Sequence[int]) -> Plan:
+    """Columns in as few substeps as four lanes can, the longest of each lane last."""
+    lanes: list[list[int]] = [[] for _ in range(_LANES)]
+    for n in sorted(counts, reverse=True):
+        min(lanes, key=sum).insert(0, n)
+    depth = max(map(sum, lanes))
+    table = np.zeros((depth, 4, _LANES, 1))
+    length, since, first, place = (table[:, i] for i in range(4))
+    first[:] = 1.0
+    weights = np.zeros((depth + 1, 2, _LANES, 1))
+    solution = dict(zip(counts, _weights(counts), strict=True))
+    # Differences from the extrapolation without one column are all the same but for a factor, the
+    # square of its count: without an early one they are below the error, without a late one
+    # several roundings large whatever the step.
+    others = [n for n in counts if n != counts[len(counts) // 3]]
+    without = dict(zip(others, _weights(others), strict=True))
+    change = {n: w - without.get(n, 0) for n, w in solution.items()}
+    for j, lane in enumerate(lanes):
+        end = depth - sum(lane)
+        for n in lane:
+            begin, end = end, end + n
+            length[begin:end, j] = 1 / n
+            first[begin + 1 : end, j] = 0.0
+            since[begin:end, j, 0] = np.arange(1, n + 1) / n
+            weights[end, :, j, 0] = solution[n], change[n]
+    ends = np.flatnonzero(weights.any((1, 2, 3)))
+    place[:, 0, 0] = np.searchsorted(ends, np.arange(1, depth + 1))
+    return Plan(table, weights[ends])
+
+
+def _weights(counts: Sequence[int]) -> list[Fraction]:
+    """Of each column in the extrapolation to substeps of no length."""
+
+    def weight(n: int) -> Fraction:
+        factors = (Fraction(n * n, n * n - m * m) for m in counts if m != n)
+        return functools.reduce(lambda a, b: a * b, factors, Fraction(1))
+
+    return [weight(n) for n in counts]
+
+
+#: For errors of 1e-12 and above, and below.
+STOERMER14 = Stoermer((1, 2, 3, 4, 5, 6, 7))
+STOERMER18 = Stoermer((1, 2, 3, 4, 5, 6, 7, 11, 14))
