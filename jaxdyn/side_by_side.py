@@ -45,7 +45,7 @@ _MOVES = {
 }
 _CALLS = {"jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call"}
 #: Entries of an array up to which it is taken apart.
-FEW = 32
+FEW = 16
 
 
 def side_by_side(fn: Callable, *args: Any, axes: int = 1, apart: bool = False) -> Any:

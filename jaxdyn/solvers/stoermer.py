@@ -36,8 +36,9 @@ class Stoermer(Method):
     """The extrapolated leapfrog.
 
     Limits: accelerations that do not depend on velocity; one motion at a time, not for ensembles.
-      With more than some 30 coordinates a pair is faster. Variational equations are integrated by
-      `NYSTROM12`.
+      Where small differences of large coordinates decide, as in close encounters far from the
+      origin, its estimates feel rounding sooner than a pair's, and steps get short. Variational
+      equations are integrated by `NYSTROM12`.
 
     Attributes:
       counts: (n,) substeps of each column, rising, at least two.
@@ -106,14 +107,16 @@ class Stoermer(Method):
             return list(force) if few else [force]
 
         # It starts every column: computed once, not in each of its uses.
-        first = materialised(field(t, y)[half:], runtime_one(h))
+        one = runtime_one(h)
+        first = materialised(field(t, y)[half:], one)
         q, v, first = parts(y[:half]), parts(y[half:]), parts(first)
-        plan = self.plan
-        table = jnp.asarray(plan.table)
+        table, weights = (x if few else np.expand_dims(x, 2) for x in self.plan)
+        table = jnp.asarray(table)
 
         def substep(k, carry):
             row = lax.dynamic_index_in_dim(table, k, keepdims=False)
-            step, since, begins, slot = h * row[0], h * row[1], row[2] > 0, row[3, 0, 0].astype(int)
+            step, since, begins = h * row[0], h * row[1], row[2] > 0
+            slot = row[3].ravel()[0].astype(int)
             # The way besides v times the time, and the change of v, both since t.
             (moved, faster, pulls), ends = carry
             faster = [
@@ -123,7 +126,7 @@ class Stoermer(Method):
             moved = [
                 jnp.where(begins, 0.0, x) + step * u for x, u in zip(moved, faster, strict=True)
             ]
-            at = jnp.broadcast_to(t + since, since.shape)
+            at = (t + since).reshape(_LANES, 1)
             there = [a + (since * b + x) for a, b, x in zip(q, v, moved, strict=True)]
             pulls = side_by_side(pull, at, *there, axes=2, apart=True)
             new = [*moved, *(u + (0.5 * step) * a for u, a in zip(faster, pulls, strict=True))]
@@ -133,20 +136,22 @@ class Stoermer(Method):
             return (moved, faster, pulls), ends
 
         empty = [jnp.zeros((*x.shape[:-2], _LANES, 1)) for x in q]
-        slots = [jnp.zeros((len(plan.weights), *x.shape)) for x in empty]
-        start = (empty, empty, empty), [*slots, *slots]
-        (moved, _, pulls), ends = lax.fori_loop(0, len(plan.table), substep, start)
+        places = [jnp.zeros((len(weights), *x.shape)) for x in empty]
+        start = (empty, empty, empty), [*places, *places]
+        (moved, _, pulls), ends = lax.fori_loop(0, len(table), substep, start)
+        # Times one: else XLA cuts the array into constants, and asks for memory for each.
+        weights = jnp.asarray(weights) * one
         increment, error = (
-            jnp.concatenate([jnp.atleast_1d(_summed(plan.weights[:, row], x)) for x in ends])
+            jnp.concatenate([jnp.atleast_1d(_summed(weights[:, row], x)) for x in ends])
             for row in range(2)
         )
         increment = increment + jnp.concatenate([h * y[half:], still])
         # The two columns with the most substeps end side by side, at nearly the same place.
-        places, forces = (
+        there, forces = (
             [jnp.concatenate([jnp.atleast_1d(x[..., j, 0]) for x in part]) for j in range(2)]
             for part in (moved, [h * h * x for x in pulls])
         )
-        ratio = fastest(forces[0] - forces[1], places[0] - places[1], forces[0])
+        ratio = fastest(forces[0] - forces[1], there[0] - there[1], forces[0])
         return Advance(increment, error, speed=jnp.sqrt(ratio))
 
     def _growth(self, z: float) -> float:
@@ -162,7 +167,7 @@ class Stoermer(Method):
         return float(np.abs(np.linalg.eigvals(end)).max())
 
 
-def _summed(weights: np.ndarray, ends: Array) -> Array:
+def _summed(weights: Array, ends: Array) -> Array:
     """Weighted sum; written out, since XLA on CPU allocates memory for each `jnp.sum`."""
     terms = [w * x for w, x in zip(weights, ends, strict=True)]
     total = functools.reduce(jnp.add, terms)
