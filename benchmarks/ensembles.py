@@ -66,7 +66,7 @@ def work_precision(rounds: int, tolerances=_TOLERANCES, some=_SOME, few=_FEW) ->
     """One motion of many at equal true error, for all methods that are installed."""
     scene, y0s = three_body(), starts(some)
     methods: dict[str, Callable] = {
-        "jaxdyn": lambda tol, y0s: ensemble.run(scene, y0s, rtol=tol, threads=1).y1,
+        "jaxdyn": lambda tol, y0s: ensemble.run(scene, y0s, rtol=tol, threads=1, fixed=True).y1,
         "diffrax Dopri8, vmap": functools.partial(_peers.diffrax_vmap, scene),
     }
     problem = figure_eight()

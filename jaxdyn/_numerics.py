@@ -137,9 +137,11 @@ def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
       unknown: () true or false, as only the run will show; the result is the same.
     """
     fn = jax.jit(fn)  # traced once, for the shapes and for the loop
-    shapes = jax.eval_shape(fn, *args)
-    empty = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
     numbers, rest = eqx.partition(args, eqx.is_inexact_array)
+    # Also where a number was a Python one, whose weak type ends with the first sum.
+    numbers = jax.tree.map(lambda x: jax.lax.convert_element_type(x, x.dtype), numbers)
+    shapes = jax.eval_shape(fn, *eqx.combine(numbers, rest))
+    empty = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
 
     def body(carry):
         round_, _ = carry

@@ -18,6 +18,7 @@ from rich.progress import Progress
 
 from jaxdyn import _checks
 from jaxdyn.batches import Job, cores, mesh_of
+from jaxdyn.fixed import FixedField
 from jaxdyn.lanes import Ends, Motions
 from jaxdyn.scene import Scene, checked
 from jaxdyn.simulate import MAX_STEPS, RTOL, checked_settings
@@ -41,6 +42,7 @@ def run(
     atol: float | None = None,
     solver: Pair | None = None,
     max_steps: int = MAX_STEPS,
+    fixed: bool = False,
     watch: Watch | None = None,
     chunk: int = CHUNK,
     threads: int | None = None,
@@ -60,6 +62,8 @@ def run(
       atol: absolute tolerance of one step, in the units of the state; rtol if left out.
       solver: see `simulate`.
       max_steps: when to give up a motion.
+      fixed: make the scene's numbers, which all motions must share, constants of the program: a
+        few hundredths faster, but new ones compile again.
       watch: what to look for on the way, see `watches`; it may stop a motion.
       chunk: rows that are handed to a core or device at once.
       threads: batches that are under way at a time; by default one for each core of a CPU,
@@ -82,7 +86,7 @@ def run(
       >>> ensemble.run(scene, y0s, 1.0).y1.shape
       (5, 4)
     """
-    motions, shared = _motions(scene, y0s, t0, t1, params)
+    motions, shared = _motions(scene, y0s, t0, t1, params, fixed)
     n = len(motions.y0)
     job = _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, devices)
     # As many batches as keep all threads busy to the end.
@@ -109,6 +113,7 @@ def stream(
     atol: float | None = None,
     solver: Pair | None = None,
     max_steps: int = MAX_STEPS,
+    fixed: bool = False,
     watch: Watch | None = None,
     chunk: int = CHUNK,
     threads: int | None = None,
@@ -126,6 +131,7 @@ def stream(
       atol: absolute tolerance.
       solver: see `simulate`.
       max_steps: when to give up a motion.
+      fixed: make the scene's numbers constants of the program, see `solve`.
       watch: what to look for on the way.
       chunk: rows that are handed to a core or device at once.
       threads: batches that are under way at a time.
@@ -138,8 +144,9 @@ def stream(
       >>> [part.y1.shape for part in ensemble.stream(scene, starts, 1.0)]
       [(1, 4), (1, 4)]
     """
-    job = _job(scene, scene.field, rtol, atol, solver, max_steps, watch, chunk, threads, devices)
-    return job.results(_motions(scene, y0s, t0, t1, None)[0] for y0s in batches)
+    shared = FixedField(scene.field) if fixed else scene.field
+    job = _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, devices)
+    return job.results(_motions(scene, y0s, t0, t1, None, fixed)[0] for y0s in batches)
 
 
 def _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, devices) -> Job:
@@ -162,7 +169,7 @@ def _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, de
     return Job(shared, tolerances(rtol, atol), watch, settings, chunk, threads, mesh)
 
 
-def _motions(scene: Scene, y0s, t0, t1, params: Scene | None) -> tuple[Motions, Any]:
+def _motions(scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool) -> tuple[Motions, Any]:
     """The queue, and the field with None in place of what each motion has for itself."""
     _checks.float64()
     checked(scene)
@@ -177,6 +184,11 @@ def _motions(scene: Scene, y0s, t0, t1, params: Scene | None) -> tuple[Motions, 
     own = _own_numbers(scene, given, n)
     numbers, shared = eqx.partition(given.field, own.field)
     numbers = jax.tree.map(np.asarray, numbers)
+    if fixed:
+        if jax.tree.leaves(numbers):
+            remedy = "Leave fixed out, or params."
+            raise _checks.fail("fixed", "numbers that all motions share", "params", remedy)
+        numbers = shared = FixedField(shared)
     return Motions(starts, _times("t0", t0, n), _times("t1", t1, n), numbers), shared
 
 

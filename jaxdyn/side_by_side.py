@@ -136,7 +136,8 @@ class _Lanes:
             return self.run(eqn.params.get("jaxpr") or eqn.params["call_jaxpr"], args)
         if not any(isinstance(x, _Wide | _Apart) for x in args):
             return list(_bound(eqn, *args))
-        if max(math.prod(a.aval.shape) for a in (*eqn.invars, *eqn.outvars)) <= self.few:
+        sizes = [math.prod(a.aval.shape) for a in (*eqn.invars, *eqn.outvars)]
+        if 0 < min(sizes) and max(sizes) <= self.few:
             found = self._entry_by_entry(eqn, args)
             if found is not None:
                 return [_Apart(x) for x in found]
@@ -169,9 +170,10 @@ class _Lanes:
 
     def _scalar(self, eqn, entries: Sequence[Array]) -> Array:
         differ = any(x.ndim for x in entries)
-        if eqn.primitive.name == "div" and differ and not entries[1].ndim:
-            # As XLA has it with arrays: one division for all lanes.
-            return entries[0] * (1.0 / entries[1])
+        if eqn.primitive.name == "div" and entries[0].ndim and not entries[1].ndim:
+            if jnp.issubdtype(entries[1].dtype, jnp.inexact):
+                # As XLA has it with arrays: one division for all lanes.
+                return entries[0] * (1.0 / entries[1])
         return _bound(eqn, *(self._spread(x) if differ else x for x in entries))[0]
 
     def _whole(self, eqn, args: list[_Value]) -> Sequence[Array]:

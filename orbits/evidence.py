@@ -65,9 +65,13 @@ def growth(orbit: Orbit) -> float:
     """
     y0, rtol = np.asarray(orbit.y0), orbit.rtol
     whole = dataclasses.replace(Equations.of(orbit), closing=PLAIN)
-    if orbit.s_period is not None:
+    if orbit.s_period is None:
+        # No encounter is so close that the time of its middle matters.
+        even = (1 / SEGMENTS_MOST,) * SEGMENTS_MOST
+        fine = dataclasses.replace(whole, shares=even, s_spans=None)
+    else:
         whole = dataclasses.replace(whole, s_spans=(orbit.s_period,))
-    fine = with_segments(whole, np.append(y0, orbit.period), rtol, SEGMENTS_MOST)
+        fine = with_segments(whole, np.append(y0, orbit.period), rtol, SEGMENTS_MOST)
     return largest(fine.transitions(y0, orbit.period, rtol))
 
 

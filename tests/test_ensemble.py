@@ -92,6 +92,21 @@ def test_the_result_does_not_depend_on_order_or_split():
     assert gap(small.y1, out.y1) < SOLVED
 
 
+def test_fixed_numbers_give_the_same_motions():
+    scene, y0s = near_eight(N)
+    out = ensemble.run(scene, y0s, 2.0, rtol=RTOL)
+    fixed = ensemble.run(scene, y0s, 2.0, rtol=RTOL, fixed=True)
+    assert gap(fixed.y1, out.y1) < SOLVED
+    parts = ensemble.stream(scene, [y0s[:5], y0s[5:]], 2.0, rtol=RTOL, fixed=True)
+    assert gap(np.concatenate([part.y1 for part in parts]), fixed.y1) == 0.0
+
+
+def test_fixed_numbers_are_those_that_all_motions_share():
+    made = jax.vmap(lambda drag: scenes.cannonball(drag=drag))(jnp.array([0.1, 0.2]))
+    with pytest.raises(ValueError, match="fixed: expected numbers that all motions share"):
+        ensemble.run(scenes.cannonball(drag=0.1), params=made, t1=0.5, fixed=True)
+
+
 def test_any_number_of_the_scene_may_differ():
     drags = np.linspace(0.0, 0.3, N)
     scene = scenes.cannonball(drag=0.1)

@@ -109,6 +109,18 @@ def test_in_one_kernel_is_a_loop_that_the_compiler_keeps():
     assert " while(" in fn.lower(jnp.ones(3)).compile().as_text()
 
 
+def test_in_one_kernel_traces_a_function_once():
+    traced = []
+
+    def fn(x):
+        traced.append(x)
+        return 2 * x
+
+    # 0.5 has a weak type, which ends with the first sum.
+    jax.jit(lambda x: in_one_kernel(fn, (x,), jnp.array(True)))(0.5)
+    assert len(traced) == 1
+
+
 def test_in_one_kernel_lets_nan_through():
     x = jnp.array([jnp.nan, 1.0])
     np.testing.assert_array_equal(in_one_kernel(jnp.sqrt, (x,), x[0] > 0), x)

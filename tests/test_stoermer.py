@@ -133,7 +133,9 @@ def test_derivatives_are_those_of_the_pair():
 def test_many_at_once_by_vmap():
     scene = scenes.three_body()
     y0s = scene.y0[None] * jnp.array([1.0, 1.001])[:, None]
-    ends = jax.vmap(lambda y0: solve(scene.starting(y0), 2.0, rtol=1e-13, solver=STOERMER14).y1)(y0s)
+    ends = jax.vmap(lambda y0: solve(scene.starting(y0), 2.0, rtol=1e-13, solver=STOERMER14).y1)(
+        y0s
+    )
     for y0, end in zip(y0s, ends, strict=True):
         alone = solve(scene.starting(y0), 2.0, rtol=1e-13, solver=STOERMER14)
         assert gap(end, alone.y1) < SOLVED
