@@ -4,8 +4,7 @@ Run: ``python -m benchmarks command``. ``orbits figure-eight --json`` in a fresh
 with an empty compile cache, then with what the first one left there. The import of jaxdyn is
 compared with that of diffrax, on which it is built.
 
-Last numbers (2 shared cores, 2026-11), the machine busy with other work: cold 26 s,
-warm 5.5 s (least); import of jaxdyn 1.3 s, of diffrax 1.1 s.
+Last numbers (2 cores, 2026-11): cold 17 s, warm 8.6 s; import of jaxdyn 1.1 s, of diffrax 0.9 s.
 """
 
 import os

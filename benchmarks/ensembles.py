@@ -12,12 +12,11 @@ same steps cost in ensembles of equal motions; the ratio tells what lanes waste 
 Both cores are used by two threads of one process, or by two devices of one, in fresh processes
 with one and two of them.
 
-Last numbers (2 cores with other work on them, 2026-11), minima, with ours over the other's in
-brackets: error 1e-6 7.3 us, heyoka with 8 lanes 10.8 (0.67), with 4 lanes 11.7 (0.62), diffrax 210
-(0.03); 1e-9 9.6 us, 13.9 (0.69), 15.3 (0.63), 439 (0.02); 1e-12 12.3 us, 19.5 (0.63), 19.9 (0.62).
-heyoka is given each pair of bodies once, see `benchmarks.figure_eight`. Two threads 1.76 to
-1.85 times as fast as one, two devices 1.7 times. Unequal motions cost what their own steps do
-(1.0).
+Last numbers (2 cores, 2026-11), minima, with ours over the other's in brackets: error 1e-6 6.5
+us, heyoka with 8 lanes 9.5 (0.68), with 4 lanes 11.7 (0.55), diffrax 195 (0.03); 1e-9 8.5 us,
+13.4 (0.64), 14.9 (0.57), 405 (0.02); 1e-12 11.7 us, 17.3 (0.67), 18.6 (0.63). heyoka is given
+each pair of bodies once, see `benchmarks.figure_eight`. Two threads 1.8 to 1.85 times as fast as
+one, two devices 1.7 times. Unequal motions cost what their own steps do (1.0).
 """
 
 import functools

@@ -5,14 +5,14 @@ are the largest of the 12 at the end, against a solution with 36 digits. Three w
 compiled into a program of the user's (`jaxdyn`), and the public `solve` and `simulate` from
 Python with all they do around it.
 
-Last numbers (2 cores with other work on them, 2026-11), minima, with ours over the other's in
-brackets: error 1e-6 24 us, heyoka 20 (1.2), Dopri8 78 (0.31), DOP853 2720; 1e-9 30 us, 29 (1.05),
-100 (0.30), 5360; 1e-12 39.5 us, 39 (1.0), 176 (0.22); 1e-14 51 us, 49 (1.0). heyoka is given each
-pair of bodies once; with each pair written twice it takes 1.5 times as long, its own `model.nbody`
-1.2 times. diffrax runs here with loops folded by `jaxdyn.configure`. As shipped, in a process of
-its own, its Dopri8 takes 460, 1000 and 2200 us to errors of 2e-7, 1e-10 and 1e-13: 19, 32 and 55
-times as long as ours. 10 us of ours pass in a call that takes no step; `solve` from Python adds
-45 us.
+Last numbers (2 cores, 2026-11), minima, with ours over the other's in brackets: error 1e-6 17 us,
+heyoka 18 (0.93), Dopri8 78 (0.22), DOP853 2570; 1e-9 21 us, 26 (0.83), 107 (0.20), 5070; 1e-12 27
+us, 34.5 (0.78), 169 (0.16); 1e-14 35 us, 43 (0.80). Ours are by the extrapolated leapfrog; the
+Nystrom pair takes 1.0 to 1.3 times as long. heyoka is given each pair of bodies once; with each
+pair written twice it takes 1.5 times as long, its own `model.nbody` 1.2 times. diffrax runs here
+with loops folded by `jaxdyn.configure`. As shipped, in a process of its own, its Dopri8 takes
+460, 1000 and 2200 us to errors of 2e-7, 1e-10 and 1e-13: 27, 45 and 75 times as long as ours. 11
+us of ours pass in a call that takes no step; `solve` from Python adds 45 us.
 """
 
 from collections.abc import Sequence

@@ -25,11 +25,15 @@ _COLOURS = {
 def draw(stored: dict, path: Path) -> None:
     """One panel a problem: least time over the true error, both logarithmic.
 
+    Only problems that most methods were given: others have a question of their own.
+
     Args:
       stored: what ``python -m benchmarks --json`` writes.
       path: of the picture.
     """
-    curves = stored["curves"]
+    shown = {name: ways.keys() & _COLOURS.keys() for name, ways in stored["curves"].items()}
+    most = max(map(len, shown.values()))
+    curves = {name: stored["curves"][name] for name, ways in shown.items() if len(ways) == most}
     rows = -(-len(curves) // _COLUMNS)
     figure, axes = plt.subplots(
         rows, _COLUMNS, figsize=(4.2 * _COLUMNS, 3.2 * rows), squeeze=False, layout="constrained"
