@@ -24,6 +24,8 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array
 
+from jaxdyn import _checks
+
 #: Entry by entry, all arguments of one shape.
 _ELEMENTWISE = {
     *("add", "add_any", "sub", "mul", "div", "neg", "max", "min", "abs", "sign", "square"),
@@ -31,19 +33,20 @@ _ELEMENTWISE = {
     *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh"),
     *("eq", "ne", "lt", "le", "gt", "ge", "and", "or", "not", "xor", "is_finite"),
     *("select_n", "clamp", "floor", "ceil", "round", "rem", "nextafter"),
-    *("convert_element_type", "stop_gradient", "copy", "copy_p", "real", "imag", "complex"),
+    *("convert_element_type", "stop_gradient", "copy", "real", "imag", "complex"),
 }
 #: Along axes that they name, counted from the first.
 _ALONG_AXES = {
-    *("concatenate", "stack", "split", "squeeze", "rev", "cumsum", "cumprod", "cummax", "cummin"),
+    *("concatenate", "stack", "unstack", "split", "squeeze", "rev"),
+    *("cumsum", "cumprod", "cummax", "cummin"),
     *("reduce_sum", "reduce_max", "reduce_min", "reduce_prod", "reduce_and", "reduce_or"),
 }
 #: Only move entries about, of one array or of several.
 _MOVES = {
-    *("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice", "rev", "expand_dims"),
-    *("concatenate", "stack", "split"),
+    *("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice", "rev"),
+    *("concatenate", "stack", "unstack", "split"),
 }
-_CALLS = {"jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call"}
+_CALLS = {"jit", "closed_call", "custom_jvp_call", "custom_vjp_call"}
 #: Entries of an array up to which it is taken apart.
 FEW = 16
 
@@ -54,15 +57,27 @@ def side_by_side(fn: Callable, *args: Any, axes: int = 1, apart: bool = False) -
     Args:
       fn: a pure function of trees of arrays; what it looks at besides is the same for all.
       *args: trees of arrays (..., *lanes).
-      axes: how many of their axes are lanes. With a second one of length 1, XLA on CPU makes
-        vectors from 4 lanes on: it unrolls an innermost loop of up to some 25 rounds into
-        single numbers before it looks for vectors, so that otherwise 16 lanes are as slow as
-        one after the other.
-      apart: take small arrays apart.
-    Limits: custom rules for derivatives within fn are lost.
+      axes: how many of their axes are lanes. Where there are fewer than some 25, let a second
+        axis of length 1 follow: XLA on CPU unrolls a short innermost loop into single numbers
+        before it looks for vectors.
+      apart: take arrays of up to 16 entries apart.
+    Returns:
+      What fn returns, each array with the lanes as last axes.
+    Raises:
+      ValueError: the last axes of the arguments differ.
+    Limits: custom rules for derivatives within fn are lost. Taken apart, a quotient by a number
+      that all lanes share is a product with its inverse, which beyond 1e308 is 0.
+    Example:
+      >>> import jax.numpy as jnp
+      >>> from jaxdyn.side_by_side import side_by_side
+      >>> side_by_side(jnp.cross, jnp.eye(3), jnp.eye(3)[::-1]).shape
+      (3, 3)
     """
     flat, tree = jax.tree.flatten(args)
-    lanes = flat[0].shape[flat[0].ndim - axes :]
+    shapes = {x.shape[max(x.ndim - axes, 0) :] for x in flat}
+    if len(shapes) != 1 or len(lanes := shapes.pop()) != axes:
+        found = " and ".join(str(x.shape) for x in flat)
+        raise _checks.fail("args", f"arrays that share their last axes ({axes})", found)
     one = [jax.ShapeDtypeStruct(x.shape[: x.ndim - axes], x.dtype) for x in flat]
     closed, shape = jax.make_jaxpr(fn, return_shape=True)(*jax.tree.unflatten(tree, one))
     work = _Lanes(lanes, apart)
@@ -90,7 +105,7 @@ class _Lanes:
 
     def __init__(self, lanes: tuple[int, ...], apart: bool):
         self.lanes = lanes
-        self.few = FEW if apart else 0
+        self.most = FEW if apart else 0
 
     def run(self, closed, inputs: list[_Value]) -> list[_Value]:
         """What a program finds."""
@@ -122,7 +137,7 @@ class _Lanes:
     def _spread(self, entry) -> Array:
         return jnp.broadcast_to(entry, self.lanes)
 
-    def _apart(self, x: _Value) -> np.ndarray:
+    def _entries(self, x: _Value) -> np.ndarray:
         if isinstance(x, _Apart):
             return x.entries
         array = x.array if isinstance(x, _Wide) else x
@@ -137,7 +152,7 @@ class _Lanes:
         if not any(isinstance(x, _Wide | _Apart) for x in args):
             return list(_bound(eqn, *args))
         sizes = [math.prod(a.aval.shape) for a in (*eqn.invars, *eqn.outvars)]
-        if 0 < min(sizes) and max(sizes) <= self.few:
+        if 0 < min(sizes) and max(sizes) <= self.most:
             found = self._entry_by_entry(eqn, args)
             if found is not None:
                 return [_Apart(x) for x in found]
@@ -146,12 +161,12 @@ class _Lanes:
     def _entry_by_entry(self, eqn, args: list[_Value]) -> list[np.ndarray] | None:
         name = eqn.primitive.name
         if name in _ELEMENTWISE:
-            columns = np.broadcast_arrays(*map(self._apart, args))
+            columns = np.broadcast_arrays(*map(self._entries, args))
             rows = zip(*(x.flat for x in columns), strict=True)
             return [_objects([self._scalar(eqn, row) for row in rows], columns[0].shape)]
         if name in _MOVES:
             # What it does to the numbers of all entries, it does to the entries.
-            apart = [self._apart(x) for x in args]
+            apart = [self._entries(x) for x in args]
             starts = itertools.accumulate((x.size for x in apart), initial=0)
             with jax.ensure_compile_time_eval():
                 numbers = [
@@ -163,7 +178,7 @@ class _Lanes:
             return [_objects([pool[i] for i in x.flat], x.shape) for x in places]
         if name == "reduce_sum":
             axes, shape = eqn.params["axes"], eqn.outvars[0].aval.shape
-            first = np.moveaxis(self._apart(args[0]), axes, range(len(axes)))
+            first = np.moveaxis(self._entries(args[0]), axes, range(len(axes)))
             rows = first.reshape(-1, math.prod(shape)).T
             return [_objects([functools.reduce(operator.add, row) for row in rows], shape)]
         return None
@@ -202,10 +217,11 @@ class _Lanes:
 
     def _mapped(self, eqn, args: list[_Value]) -> list[Array]:
         """Any other operation, by `jax.vmap`, with all lanes in one axis."""
+        count = math.prod(self.lanes)
         differ = [isinstance(x, _Wide | _Apart) for x in args]
         arrays = [self.wide(x) if there else x for x, there in zip(args, differ, strict=True)]
         joined = [
-            x.reshape(*x.shape[: x.ndim - len(self.lanes)], -1) if there else x
+            x.reshape(*x.shape[: x.ndim - len(self.lanes)], count) if there else x
             for x, there in zip(arrays, differ, strict=True)
         ]
         axes = [-1 if there else None for there in differ]

@@ -16,7 +16,7 @@ RANKS = {
     "jaxdyn/_config.py": 0,
     "jaxdyn/_floats.py": 0,
     "jaxdyn/_numerics.py": 0,
-    "jaxdyn/side_by_side.py": 0,
+    "jaxdyn/side_by_side.py": 1,
     "jaxdyn/status.py": 0,
     "jaxdyn/command_line.py": 1,
     "jaxdyn/image_files.py": 1,

@@ -32,6 +32,8 @@ FUNCTIONS = {
     "reshape": lambda x, s: (x.reshape(2, 2).T @ x.reshape(2, 2)).ravel() * s,
     "stack": lambda x, s: jnp.stack([x[0] * s, x[2] - x[1], s, jnp.zeros(())])[::-1],
     "concatenate": lambda x, s: jnp.concatenate([x[1:], s[None] + x[:1]]),
+    "unstack": lambda x, s: jnp.stack(jnp.unstack(x)[::-1]) * s,
+    "sort": lambda x, s: jnp.sort(x) * s,
     "split": lambda x, s: jnp.concatenate(jnp.split(x, 2)[::-1]) * s,
     "transpose": lambda x, s: (x[:, None] * x[None, :] + s * jnp.eye(4)).T.sum(0),
     "broadcast": lambda x, s: jnp.broadcast_to(s, (4,)) + jnp.ones(4)[None, :].sum(0) * x,
@@ -99,3 +101,15 @@ def test_it_may_be_differentiated():
     expected = jax.jacfwd(lambda x: jax.vmap(jnp.sin, -1, -1)(x).sum())(x)
     found = jax.grad(lambda x: side_by_side(jnp.sin, x, apart=True).sum())(x)
     np.testing.assert_allclose(found, expected, rtol=1e-15)
+
+
+def test_nothing_at_all_is_no_mistake():
+    assert side_by_side(jnp.sort, jnp.zeros((0, 4))).shape == (0, 4)
+
+
+@pytest.mark.parametrize(
+    "args", [(), (jnp.zeros((3, 4)), jnp.zeros((3, 1))), (jnp.zeros(4), jnp.zeros(()))]
+)
+def test_arguments_without_common_lanes_are_refused(args):
+    with pytest.raises(ValueError, match="args: expected arrays that share their last axes"):
+        side_by_side(lambda *x: x, *args)

@@ -9,7 +9,7 @@ import pytest
 from helpers import SOLVED, gap
 
 from benchmarks.figure_eight import END
-from jaxdyn import Scene, ensemble, scenes, simulate
+from jaxdyn import Scene, ensemble, events, scenes, simulate
 from jaxdyn.effects import Spring, SpringNetwork
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.simulate import solve
@@ -183,10 +183,28 @@ def test_forces_that_depend_on_velocity_are_refused():
         simulate(scenes.cannonball(drag=0.1), solver=STOERMER18)
 
 
-def test_motions_side_by_side_are_refused():
+def test_in_an_ensemble_it_goes_the_same_way():
     scene = scenes.three_body()
-    with pytest.raises(ValueError, match="several motions at once, got Stoermer 14"):
-        ensemble.run(scene, np.stack([scene.y0] * 2), 0.1, solver=STOERMER14)
+    y0s = np.asarray(scene.y0) * np.array([[1.0], [1.001]])
+    out = ensemble.run(scene, y0s, 2.0, rtol=1e-13, solver=STOERMER14)
+    expected = ensemble.run(scene, y0s, 2.0, rtol=1e-13)
+    assert gap(out.y1, expected.y1) < SOLVED
+
+
+def test_events_are_found_with_it():
+    # cos t comes down to 0 at pi / 2.
+    scene = scenes.oscillator().starting(jnp.array([1.0, 0.0]))
+    stop = events.until(scene, events.Reaches(0, 0.0, -1), 9.0, rtol=1e-13, solver=STOERMER18)
+    assert abs(float(stop.t) - np.pi / 2) < 1e-13
+
+
+@pytest.mark.parametrize("amplitude", [1.0, 0.03])
+@pytest.mark.parametrize("method", BOTH, ids=lambda m: m.name)
+def test_long_steps_at_loose_tolerances_are_not_stiff(method, amplitude):
+    scene = scenes.oscillator()
+    scene = scene.starting(amplitude * scene.y0)
+    for rtol in (1e-3, 1e-5):
+        assert not bool(solve(scene, 3000.0, rtol=rtol, solver=method).stiff)
 
 
 @pytest.mark.parametrize("counts", [(1,), (2, 1), (1, 1), (0, 1), ()])

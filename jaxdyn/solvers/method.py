@@ -58,6 +58,9 @@ class Method(abc.ABC):
     stable: float
     #: Whether it estimates its error, and so takes a tolerance, not a step.
     adaptive: ClassVar[bool]
+    #: A step is limited by stability, not by accuracy, if it is longer than this part of the
+    #: stable one; where accuracy rules, steps stay shorter, also at rtol 1e-3 (tested).
+    alarm: ClassVar[float] = 0.7
 
     @property
     def for_tangents(self) -> "Method":

@@ -11,9 +11,6 @@ from jaxtyping import Array
 from jaxdyn._numerics import two_sum
 from jaxdyn.solvers.method import Method
 
-#: A step is limited by stability, not by accuracy, if it is longer than this part of the
-#: stable one; where accuracy rules, steps stay shorter, also at rtol 1e-3 (tested).
-_NEAR_THE_LIMIT = 0.7
 #: So many more steps of that kind than of others, and the motion is called stiff.
 _MANY = 50
 
@@ -66,7 +63,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         step = self.method.advance(field, sign * t0, h, y0, self.loops)
         y1, carry = two_sum(y0, carry + step.rest, step.increment)
         y1 = args.project(sign * t1, y1)
-        near = step.speed > _NEAR_THE_LIMIT * self.method.stable
+        near = step.speed > self.method.alarm * self.method.stable
         count = jnp.where(is_stiff(count), count, jnp.maximum(count + jnp.where(near, 1, -2), 0))
         result = diffrax.RESULTS.where(
             step.converged, diffrax.RESULTS.successful, diffrax.RESULTS.nonlinear_divergence
