@@ -188,6 +188,7 @@ def _motions(scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool) -> tu
         if jax.tree.leaves(numbers):
             remedy = "Leave fixed out, or params."
             raise _checks.fail("fixed", "numbers that all motions share", "params", remedy)
+        # A field without leaves: what each motion has for itself, and what all share, are alike.
         numbers = shared = FixedField(shared)
     return Motions(starts, _times("t0", t0, n), _times("t1", t1, n), numbers), shared
 

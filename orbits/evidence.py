@@ -66,7 +66,7 @@ def growth(orbit: Orbit) -> float:
     y0, rtol = np.asarray(orbit.y0), orbit.rtol
     whole = dataclasses.replace(Equations.of(orbit), closing=PLAIN)
     if orbit.s_period is None:
-        # No encounter is so close that the time of its middle matters.
+        # Its encounters, if any, are moderate: cut within one, the figure is somewhat larger.
         even = (1 / SEGMENTS_MOST,) * SEGMENTS_MOST
         fine = dataclasses.replace(whole, shares=even, s_spans=None)
     else:
