@@ -12,7 +12,8 @@ Nystrom pair takes 1.0 to 1.3 times as long. heyoka is given each pair of bodies
 pair written twice it takes 1.5 times as long, its own `model.nbody` 1.2 times. diffrax runs here
 with loops folded by `jaxdyn.configure`. As shipped, in a process of its own, its Dopri8 takes
 460, 1000 and 2200 us to errors of 2e-7, 1e-10 and 1e-13: 27, 45 and 75 times as long as ours. 11
-us of ours pass in a call that takes no step; `solve` from Python adds 45 us.
+us of ours pass in a call that takes no step, most of them in JAX: in one call of ten periods the
+ratios to heyoka are 0.49, 0.56 and 0.58; `solve` from Python adds 45 us.
 """
 
 from collections.abc import Sequence
