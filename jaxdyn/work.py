@@ -30,10 +30,7 @@ from jaxdyn.solvers import (
     TAYLOR12,
     TAYLOR16,
     VERNER9,
-    Composition,
     Method,
-    Pair,
-    Stoermer,
     has_series,
 )
 from jaxdyn.timing import Times, at_error, interleaved
@@ -252,10 +249,8 @@ def work_precision(
 
     def rung(key) -> Rung:
         error = max(float(np.max(np.abs(values[key] - exact) / scale)), uncertainty)
-        # The others iterate.
-        stages = key[0].stages if isinstance(key[0], Pair | Composition | Stoermer) else np.nan
         tries = int(np.sum(counts[key]))
-        return Rung(key[1], error, times[key], int(counts[key][0]), tries * stages)
+        return Rung(key[1], error, times[key], int(counts[key][0]), tries * key[0].evaluations)
 
     curves = [
         Curve(s.name, compiling[s], tuple(rung(key) for key in runs if key[0] is s))

@@ -70,14 +70,14 @@ def _swings() -> tuple[Figure, ...]:
     theta = np.asarray(slow.ys[:, 0])
     wanted = theta - ripple * np.sin(theta)
     returned = simulate(slow.scene, period, samples=1, rtol=_RTOL).ys[-1]
-    stages = default_solver(fast.scene).stages
+    each, slow_each = (default_solver(motion.scene).evaluations for motion in (fast, slow))
     return (
         Figure("angle, from the averaged one [rad]", absolute_error(fast.ys[:, 0], wanted), 1e-6),
         Figure("A / L", ripple),
         Figure("averaged swing, from its period", absolute_error(returned, slow.ys[0]), 1e-9),
         Figure("shakes", float(shakes[-1])),
-        Figure("right-hand sides a shake", stages * int(fast.steps) / float(shakes[-1])),
-        Figure("right-hand sides averaged", default_solver(slow.scene).stages * int(slow.steps)),
+        Figure("right-hand sides a shake", each * int(fast.steps) / float(shakes[-1])),
+        Figure("right-hand sides averaged", slow_each * int(slow.steps)),
     )
 
 

@@ -53,8 +53,13 @@ class Composition(Method):
 
     @property
     def stages(self) -> int:
-        """Accelerations a step."""
+        """Kicks a step."""
         return len(self.kicks)
+
+    @property
+    def evaluations(self) -> int:
+        """Accelerations a step."""
+        return self.stages
 
     def advance(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> Advance:
         half = y.shape[0] // 2

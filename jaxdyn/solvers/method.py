@@ -5,6 +5,7 @@ it elsewhere, so a new solver is one new file here.
 """
 
 import abc
+import math
 from collections.abc import Callable
 from typing import ClassVar, NamedTuple
 
@@ -61,6 +62,11 @@ class Method(abc.ABC):
     #: A step is limited by stability, not by accuracy, if it is longer than this part of the
     #: stable one; where accuracy rules, steps stay shorter, also at rtol 1e-3 (tested).
     alarm: ClassVar[float] = 0.7
+
+    @property
+    def evaluations(self) -> float:
+        """Right-hand sides a step; NaN where that is not one number, or none."""
+        return math.nan
 
     @property
     def for_tangents(self) -> "Method":

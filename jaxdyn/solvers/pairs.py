@@ -61,8 +61,13 @@ class Pair(Method):
 
     @property
     def stages(self) -> int:
-        """Right-hand sides a step."""
+        """Rows of the table."""
         return len(self.c)
+
+    @property
+    def evaluations(self) -> int:
+        """Right-hand sides a step."""
+        return self.stages
 
     @functools.cached_property
     def lacking(self) -> np.ndarray:

@@ -73,7 +73,7 @@ class Stoermer(Method):
         return self.order - 1
 
     @property
-    def stages(self) -> int:
+    def evaluations(self) -> int:
         """Right-hand sides a step."""
         return 1 + sum(self.counts)
 
