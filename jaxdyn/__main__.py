@@ -25,8 +25,7 @@ from jaxdyn.course import PROBLEMS
 from jaxdyn.energy_change import energy_change
 from jaxdyn.hard_command import hard_command
 from jaxdyn.image_files import animation_path, picture_path
-from jaxdyn.paths import pieces_of
-from jaxdyn.phases import Chain
+from jaxdyn.phases import Chain, pieces_of
 from jaxdyn.simulate import RTOL, Trajectory
 from jaxdyn.solvers import DOPRI8, NYSTROM12, STOERMER14, STOERMER18, VERNER9
 from jaxdyn.status import Status
@@ -106,14 +105,14 @@ def run_command(
     else:
         _print(result, console)
     if plot:
-        from jaxdyn.plots import trajectory
+        from jaxdyn import drawing
 
-        trajectory(motion, plot)
+        drawing.trajectory(motion, plot)
         console.print(f"drawn in {plot}")
     if animate:
-        from jaxdyn.animate import animate as make_animation
+        from jaxdyn import drawing
 
-        make_animation(motion, animate)
+        drawing.animate(motion, animate)
         console.print(f"animated in {animate}")
     if not _arrived(motion):
         console.print(f"[red]stopped[/red]: {motion.message}")

@@ -34,9 +34,9 @@ def accuracy_command(
     else:
         _print(name, found, digits, Console(highlight=False, soft_wrap=True))
     if plot:
-        from jaxdyn.accuracy_plots import work
+        from jaxdyn import drawing
 
-        work(found, plot, title=name)
+        drawing.work_precision(found, plot, title=name)
 
 
 def _recommended(found: WorkPrecision, digits: float) -> dict:

@@ -23,7 +23,7 @@ def _problem(title: str, names: str, answer: str) -> Problem:
 PROBLEMS: dict[int, Problem] = {
     1: _problem(
         "One particle, any forces",
-        "scenes.particle simulate plots.trajectory animate.animate",
+        "scenes.particle simulate drawing.trajectory drawing.animate",
         "Effects are added to a scene with +.",
     ),
     2: _problem(
@@ -35,10 +35,10 @@ PROBLEMS: dict[int, Problem] = {
         "Simple equations solved three ways, and how accurate that is",
         "scenes.oscillator scenes.pendulum scenes.lorenz steps.fixed_steps steps.halvings simulate "
         "accuracy.by_halving accuracy.estimate accuracy.by_second_method accuracy.by_tangents "
-        "work.work_precision accuracy_plots.judgement",
+        "work.work_precision drawing.judgement",
         "Halved steps tell error and order without the exact solution: 1 for Euler's method. "
         "Solvers judge one step; errors of steps add up: "
-        "accuracy_plots.judgement draws tolerance against error.",
+        "drawing.judgement draws tolerance against error.",
     ),
     4: _problem(
         "Cross product by geometry and by components",
@@ -57,7 +57,7 @@ PROBLEMS: dict[int, Problem] = {
     ),
     7: _problem(
         "A drawn shape moved and turned",
-        "scenes.moved_shape animate.animate",
+        "scenes.moved_shape drawing.animate",
         "A house on a figure of eight; all distances within it stay.",
     ),
     8: _problem(
@@ -181,7 +181,7 @@ PROBLEMS: dict[int, Problem] = {
     ),
     29: _problem(
         "Inverted pendulum on a shaking base",
-        "scenes.shaken_pendulum upright.upright_chart charts.stability floquet.multipliers "
+        "scenes.shaken_pendulum upright.upright_chart drawing.stability_chart floquet.multipliers "
         "upright.averaged_limit",
         "Upright is stable between Mathieu's a_0 and b_1: for fast shaking from "
         "(A w)^2 = 2 g L on, L = 2/3 of a uniform stick.",
@@ -285,7 +285,7 @@ PROBLEMS: dict[int, Problem] = {
     ),
     47: _problem(
         "A box turned about a line",
-        "scenes.turned_box scenes.box animate.animate",
+        "scenes.turned_box scenes.box drawing.animate",
         "120 degrees about (1, 1, 1) permutes the axes.",
     ),
     48: _problem(
@@ -295,7 +295,7 @@ PROBLEMS: dict[int, Problem] = {
     ),
     49: _problem(
         "A box animated by Euler angles",
-        "scenes.moved_box animate.animate",
+        "scenes.moved_box drawing.animate",
         "Three swings; two of them 0 show roll, pitch or yaw alone.",
     ),
     50: _problem(

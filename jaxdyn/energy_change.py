@@ -16,8 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn.energy import along, energy, potential
-from jaxdyn.paths import pieces_of
-from jaxdyn.phases import Chain
+from jaxdyn.phases import Chain, pieces_of
 from jaxdyn.scene import Scene
 from jaxdyn.simulate import Trajectory
 

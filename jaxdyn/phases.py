@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
@@ -195,6 +196,19 @@ def follow(
         if not _checks.is_traced(as_expected) and not as_expected:
             break  # a start of NaN would be refused
     return t, y
+
+
+def pieces_of(motion: Trajectory | Chain) -> tuple[Trajectory, ...]:
+    """The smooth pieces of a motion: those of its phases, or the motion itself."""
+    pieces = motion.pieces if isinstance(motion, Chain) else (motion,)
+    if any(np.ndim(piece.ys) != 2 for piece in pieces):
+        raise _checks.fail(
+            "motion",
+            "samples of one motion, shape (s, k)",
+            f"shape {np.shape(pieces[0].ys)}",
+            "Draw the motions of a batch one by one.",
+        )
+    return pieces
 
 
 def _check_names(phases: Mapping[str, Phase]) -> None:

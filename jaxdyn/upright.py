@@ -54,7 +54,7 @@ def upright_chart(
       uniform: a uniform stick; False for a point mass at the end of a massless one.
       rtol: relative tolerance of a step.
     Returns:
-      Verdicts, multipliers and growth rates (a, b); `charts.stability` draws them.
+      Verdicts, multipliers and growth rates (a, b); `drawing.stability_chart` draws them.
     Raises:
       ValueError: numbers that make no sense.
     Example:

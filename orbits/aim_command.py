@@ -45,9 +45,9 @@ def aim_command(
             least = slowest(scene, x)
             console.print(_line("least speed", least))
     if plot:
-        from orbits import charts
+        from orbits import drawing
 
-        charts.throws(scene, best, hits, plot)
+        drawing.throws(scene, best, hits, plot)
         console.print(f"drawn in {plot}")
     if as_object:
         found = {"farthest": _throw(best), "hits": _hits(hits)}

@@ -61,12 +61,12 @@ def draw(
 ) -> None:
     """A picture of orbits and an animation of the last one, where they are asked for."""
     if plot:
-        from orbits.plots import orbit_picture
+        from orbits import drawing
 
-        orbit_picture(orbits, plot, titles)
+        drawing.orbits(orbits, plot, titles)
         console.print(f"drawn in {plot}")
     if animate:
-        from jaxdyn.animate import animate as make_animation
+        from jaxdyn.drawing import animate as make_animation
 
         make_animation(simulate(orbits[-1].scene, samples=_FRAMES), animate)
         console.print(f"animated in {animate}")

@@ -92,9 +92,9 @@ def family_command(
         family_files.save(save_to, family)
         console.print(f"saved to {save_to}")
     if plot:
-        from orbits import charts
+        from orbits import drawing
 
-        charts.family(family, plot)
+        drawing.family(family, plot)
         console.print(f"drawn in {plot}")
     if as_object:
         print(json.dumps({"scene": name} | family_files.as_json(family)))  # noqa: T201

@@ -80,20 +80,20 @@ def _table(exponents: list[float], plot: Path | None, as_object: bool) -> None:
         console.print(table)
         console.print(found.message)
     if plot:
-        from orbits import charts
+        from orbits import drawing
 
-        charts.loops(plot, lowest=min(moves), highest=max(moves))
+        drawing.loops(plot, lowest=min(moves), highest=max(moves))
 
 
 def _draw_failure(law, turns: int, count: int, why: str, plot: Path, console: Console) -> None:
-    from orbits import charts
+    from orbits import drawing
 
     try:
         scene = loops.rosette(law)
     except SearchError:
         console.print("there is nothing to draw: no motion stays between two radii")
         return
-    charts.rosette(scene, plot, f"turns / loops = {turns} / {count} does not exist. {why}")
+    drawing.rosette(scene, plot, f"turns / loops = {turns} / {count} does not exist. {why}")
     console.print(f"what moves there instead is drawn in {plot}")
 
 

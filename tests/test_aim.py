@@ -14,7 +14,7 @@ from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity
 from jaxdyn.scenes.ballistics import best_angle
 from jaxdyn.simulate import solve
 from orbits import __main__ as cli
-from orbits import aim, charts
+from orbits import aim, drawing
 from orbits.launch import landings, launched
 
 SPEEDS = np.logspace(-2, 8, 200)
@@ -311,7 +311,7 @@ def test_command_line(monkeypatch, capsys, tmp_path):
 
 def test_the_picture_shows_every_throw(drag):
     best, hits = aim.farthest(drag, 50.0), aim.hit(drag, 80.0, 50.0)
-    figure = charts.throws(drag, best, hits)
+    figure = drawing.throws(drag, best, hits)
     paths, ranges = figure.axes
     labels = paths.get_legend_handles_labels()[1]
     assert len(labels) == 4

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import ellipk
 
 from jaxdyn import scenes
-from orbits import PLAIN, Kind, charts, family_files
+from orbits import PLAIN, Kind, drawing, family_files
 from orbits import __main__ as cli
 from orbits.family_command import maker
 from orbits.family_files import Entry, Listing
@@ -105,7 +105,7 @@ def test_a_truncated_file_is_refused(saved, share):
 
 
 def test_a_picture_shows_stability_and_what_is_special(tmp_path):
-    figure = charts.family(LISTED, tmp_path / "family.png")
+    figure = drawing.family(LISTED, tmp_path / "family.png")
     assert (tmp_path / "family.png").stat().st_size > 10_000
     (ax,) = figure.axes
     lines = {line.get_label(): line for line in ax.lines}

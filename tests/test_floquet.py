@@ -8,7 +8,7 @@ from helpers import SOLVED, gap
 from scipy.integrate import solve_ivp
 from scipy.special import mathieu_a, mathieu_b
 
-from jaxdyn import charts, floquet, scenes, upright
+from jaxdyn import drawing, floquet, scenes, upright
 from jaxdyn.effects import LinearDrag
 
 AMPLITUDES, FREQUENCIES = np.linspace(0.01, 0.9, 30), np.linspace(4.0, 80.0, 25)
@@ -161,7 +161,7 @@ def test_what_is_refused(call, message):
 def test_the_picture_shows_each_verdict(tmp_path):
     chart = upright.upright_chart([0.05, 0.1, 0.4], [20.0, 60.0])
     file = tmp_path / "chart.png"
-    figure = charts.stability(chart, file, names=("amplitude [m]", "frequency [rad/s]"))
+    figure = drawing.stability_chart(chart, file, names=("amplitude [m]", "frequency [rad/s]"))
     assert file.stat().st_size > 1000
     ax = figure.axes[0]
     assert ax.get_xlabel() == "frequency [rad/s]"
@@ -171,4 +171,4 @@ def test_the_picture_shows_each_verdict(tmp_path):
     assert not np.isfinite(undecided).any()
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["stable", "unstable"]
     with pytest.raises(ValueError, match="path: expected a file name ending in"):
-        charts.stability(chart, "chart.txt")
+        drawing.stability_chart(chart, "chart.txt")

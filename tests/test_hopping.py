@@ -12,7 +12,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import orbits
-from jaxdyn import energy, events, phases, plots, scenes
+from jaxdyn import drawing, energy, events, phases, scenes
 from jaxdyn.effects import UniformGravity
 from jaxdyn.scenes.rolling import NormalForce, phases_of
 from orbits import hopping
@@ -143,7 +143,7 @@ def test_a_hop_that_rounding_hides_is_none():
 
 @pytest.mark.slow
 def test_a_picture(slides, tmp_path):
-    plots.trajectory(slides.chain(), tmp_path / "hop.png", title="A hop without loss")
+    drawing.trajectory(slides.chain(), tmp_path / "hop.png", title="A hop without loss")
     assert (tmp_path / "hop.png").stat().st_size > 10_000
 
 

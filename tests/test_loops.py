@@ -8,7 +8,7 @@ from helpers import SOLVED
 import orbits
 from jaxdyn import scenes, simulate
 from jaxdyn.effects import CentralForce, PowerLaw
-from orbits import charts, loops
+from orbits import drawing, loops
 
 
 class Yukawa(CentralForce):
@@ -100,7 +100,7 @@ def test_where_every_orbit_closes_there_is_one_choice_of_turns_and_loops(n, only
         (lambda: loops.closed(PowerLaw(), 2, 3, r=-1.0), "r: expected > 0"),
         (lambda: loops.least([1.0, np.nan]), "n: expected finite numbers"),
         (lambda: loops.least("two"), "n: expected numbers"),
-        (lambda: charts.loops(lowest=-3.0), "lowest: expected above -3"),
+        (lambda: drawing.loops(lowest=-3.0), "lowest: expected above -3"),
     ],
 )
 def test_misuse_is_refused_with_the_remedy(call, message):
@@ -142,7 +142,7 @@ def test_the_angles_lie_between_their_limits(n):
 
 
 def test_the_picture_has_both_limits_and_the_counts(tmp_path):
-    figure = charts.loops(tmp_path / "loops.png")
+    figure = drawing.loops(tmp_path / "loops.png")
     angles, counts = figure.axes
     texts = {text.get_text() for text in angles.texts}
     assert {"gravity", "spring", "2/3", "1/3"} <= texts
@@ -159,7 +159,7 @@ def test_what_does_not_close_fills_its_ring(tmp_path):
     turned = np.unwrap(np.arctan2(np.asarray(ring["y"]), np.asarray(ring["x"])))
     angle = float(scenes.apsidal_angle(PowerLaw(1.0, -1.0), 0.6, 1.0))
     assert abs(turned[-1] - 80 * angle) < 1e-7
-    figure = charts.rosette(ring.scene, tmp_path / "ring.png", "why " * 40)
+    figure = drawing.rosette(ring.scene, tmp_path / "ring.png", "why " * 40)
     assert figure.axes[0].get_title().count("\n") == 2
     assert (tmp_path / "ring.png").stat().st_size > 20_000
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxdyn import __main__ as cli
-from jaxdyn import accuracy_plots, events, rod_or_spring, scenes, solvers, work
+from jaxdyn import drawing, events, rod_or_spring, scenes, solvers, work
 from jaxdyn.timing import Times
 
 TOLERANCES = (1e-4, 1e-8, 1e-12)
@@ -110,7 +110,7 @@ def test_a_stiff_scene_gets_implicit_solvers():
             lambda: work.work_precision(OSCILLATOR, quantity=work.CONSTRAINTS, **FEW),
             "scene: expected one with constraints",
         ),
-        (lambda: accuracy_plots.judgement({}), "found: expected at least one scene"),
+        (lambda: drawing.judgement({}), "found: expected at least one scene"),
     ],
 )
 def test_what_is_refused(call, message):
@@ -119,11 +119,11 @@ def test_what_is_refused(call, message):
 
 
 def test_pictures_are_drawn(damped, tmp_path):
-    accuracy_plots.work(damped, tmp_path / "work.png", title="damped")
-    figure = accuracy_plots.judgement({"one": damped, "two": damped}, tmp_path / "j.png")
+    drawing.work_precision(damped, tmp_path / "work.png", title="damped")
+    figure = drawing.judgement({"one": damped, "two": damped}, tmp_path / "j.png")
     assert [ax.get_title() for ax in figure.axes] == ["one", "two"]
     dopri8 = damped._replace(curves=damped.curves[1:])
-    figure = accuracy_plots.judgement({"both": damped, "one": dopri8})
+    figure = drawing.judgement({"both": damped, "one": dopri8})
     shades = [
         {line.get_label(): line.get_color() for line in ax.lines if line.get_label() == "Dopri8"}
         for ax in figure.axes

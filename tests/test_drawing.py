@@ -9,14 +9,15 @@ import pytest
 from matplotlib.animation import FFMpegWriter
 from PIL import Image
 
-from jaxdyn import Scene, Status, Trajectory, plots, scenes, simulate
-from jaxdyn.animate import animate
+from jaxdyn import Scene, Status, Trajectory, drawing, scenes, simulate
+from jaxdyn.drawing import animate, paths
+from jaxdyn.drawing.figures import PALETTE
+from jaxdyn.drawing.panels import colours, limits
 from jaxdyn.effects import UniformGravity
 from jaxdyn.events import Reaches
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.paths import paths
 from jaxdyn.phases import Exit, Phase, run
-from orbits.plots import orbit_picture
+from orbits.drawing import orbits as orbit_picture
 
 
 @pytest.fixture(scope="module")
@@ -93,14 +94,14 @@ def _legend(figure):
 
 
 def test_trajectory_draws_every_body_once_with_start_and_end(eight):
-    figure = plots.trajectory(eight, title="eight")
+    figure = drawing.trajectory(eight, title="eight")
     (ax,) = figure.axes
     assert len(_lines(ax, "o")) == 2 * 3
     (curves,) = ax.collections
     colours = {tuple(c) for c in curves.get_colors()}
     assert len(colours) == 3
     # The pieces of one colour are the path of one body, every sample of it.
-    first = matplotlib.colors.to_rgba(plots.PALETTE[0])
+    first = matplotlib.colors.to_rgba(PALETTE[0])
     own = [
         piece
         for piece, c in zip(curves.get_segments(), curves.get_colors(), strict=True)
@@ -115,7 +116,7 @@ def test_trajectory_draws_every_body_once_with_start_and_end(eight):
 
 
 def test_rods_are_drawn_where_they_start_and_later(pendulum):
-    figure = plots.trajectory(pendulum)
+    figure = drawing.trajectory(pendulum)
     (ax,) = figure.axes
     _, *later, first = ax.collections
     np.testing.assert_allclose(first.get_segments()[0], [[0, 0], pendulum.r[0, 0]], atol=1e-12)
@@ -128,7 +129,7 @@ def test_rods_are_drawn_where_they_start_and_later(pendulum):
 
 def test_a_narrow_picture_holds_its_legend():
     scene = Scene(FreePoints(np.ones(3)), y0=np.arange(12.0) * np.tile([0.01, 1.0], 6), t1=9.0)
-    figure = plots.trajectory(simulate(scene, samples=3))
+    figure = drawing.trajectory(simulate(scene, samples=3))
     figure.canvas.draw()
     assert figure.get_figwidth() < 4
     box, whole = figure.legends[0].get_window_extent(), figure.bbox
@@ -140,22 +141,22 @@ def test_a_narrow_picture_holds_its_legend():
 def test_many_bodies_have_a_colour_each():
     scene = Scene(FreePoints(np.ones(12)), y0=np.arange(48.0))
     drawn = paths(simulate(scene, samples=3))
-    colours = plots.colours(drawn)
-    assert len(set(colours)) == 12
+    shades = colours(drawn)
+    assert len(set(shades)) == 12
     # None so light that it is lost on white.
-    assert max(min(matplotlib.colors.to_rgb(c)) for c in colours) < 0.5
-    assert _legend(plots.trajectory(simulate(scene, samples=3))) == ["start", "end"]
+    assert max(min(matplotlib.colors.to_rgb(c)) for c in shades) < 0.5
+    assert _legend(drawing.trajectory(simulate(scene, samples=3))) == ["start", "end"]
 
 
 def test_a_chain_is_drawn_with_its_phases(bounce, tmp_path):
-    figure = plots.trajectory(bounce)
+    figure = drawing.trajectory(bounce)
     (ax,) = figure.axes
     (corner,) = _lines(ax, "D")
     np.testing.assert_allclose(corner.get_xydata()[0], bounce.pieces[1].r[0, 0], atol=1e-12)
     (end,) = [x for x in _lines(ax, "o") if x.get_markersize() == 12]
     np.testing.assert_allclose(end.get_xydata()[0], bounce.pieces[1].r[-1, 0], atol=1e-12)
     assert _legend(figure) == ["start", "next phase", "end"]
-    height = plots.time_series(bounce, ["y"]).axes[0].lines[0].get_xydata()
+    height = drawing.time_series(bounce, ["y"]).axes[0].lines[0].get_xydata()
     assert height.shape == (18, 2)
     assert (np.diff(height[:, 0]) >= 0).all()
     with Image.open(animate(bounce, tmp_path / "b.gif", seconds=0.2)) as gif:
@@ -163,7 +164,7 @@ def test_a_chain_is_drawn_with_its_phases(bounce, tmp_path):
 
 
 def test_a_plane_has_one_scale_and_everything_is_inside(ball):
-    (ax,) = plots.trajectory(ball).axes
+    (ax,) = drawing.trajectory(ball).axes
     assert ax.get_aspect() == 1
     for i, (low, high) in enumerate([ax.get_xlim(), ax.get_ylim()]):
         assert low < ball.r[:, 0, i].min()
@@ -172,7 +173,7 @@ def test_a_plane_has_one_scale_and_everything_is_inside(ball):
 
 
 def test_space_has_one_scale(throws):
-    (ax,) = plots.trajectory(throws[3]).axes
+    (ax,) = drawing.trajectory(throws[3]).axes
     assert ax.name == "3d"
     spans = [np.ptp(ends) for ends in (ax.get_xlim(), ax.get_ylim(), ax.get_zlim())]
     box = ax.get_box_aspect()
@@ -181,7 +182,7 @@ def test_space_has_one_scale(throws):
 
 
 def test_a_line_is_drawn_against_time(throws):
-    (ax,) = plots.trajectory(throws[1]).axes
+    (ax,) = drawing.trajectory(throws[1]).axes
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("t [s]", "x [m]")
     assert ax.get_aspect() == "auto"
     (end,) = [line for line in _lines(ax, "o") if line.get_xdata()[0] > 0]
@@ -189,25 +190,25 @@ def test_a_line_is_drawn_against_time(throws):
 
 
 def test_the_box_of_a_body_at_rest_is_a_box():
-    box = plots.limits(np.full((5, 1, 2), 3.0), True)
+    box = limits(np.full((5, 1, 2), 3.0), True)
     np.testing.assert_allclose(box.mean(axis=1), 3.0)
     assert (np.diff(box) > 1).all()
 
 
 def test_a_run_that_stopped_shows_where_and_why(stopped):
-    figure = plots.trajectory(stopped, title="eight")
+    figure = drawing.trajectory(stopped, title="eight")
     (ax,) = figure.axes
     crosses = [line.get_xydata()[0] for line in _lines(ax, "x")]
     np.testing.assert_array_equal(crosses, stopped.r[30])
     assert len(_lines(ax, "o")) == 3
     assert ax.get_title().startswith("eight\nThe integration stopped at its limit of steps (t = ")
     assert _legend(figure)[-1] == "stop"
-    assert "limit of steps" in plots.time_series(stopped).axes[0].get_title()
+    assert "limit of steps" in drawing.time_series(stopped).axes[0].get_title()
 
 
 def test_a_run_that_never_started_is_a_picture_that_says_so(ball, tmp_path):
     motion = _failed(ball, 0, Status.NOT_FINITE)
-    figure = plots.trajectory(motion, tmp_path / "nan.png")
+    figure = drawing.trajectory(motion, tmp_path / "nan.png")
     title = figure.axes[0].get_title().replace("\n", " ")
     assert "NaN or infinite" in title
     assert motion.message.startswith(title)
@@ -217,7 +218,7 @@ def test_a_run_that_never_started_is_a_picture_that_says_so(ball, tmp_path):
 
 
 def test_time_series_has_a_panel_a_unit(eight):
-    figure = plots.time_series(eight)
+    figure = drawing.time_series(eight)
     assert [ax.get_ylabel() for ax in figure.axes] == ["", ""]  # G = 1
     assert [len(ax.lines) for ax in figure.axes] == [6, 6]
     line = figure.axes[1].lines[3]
@@ -226,13 +227,13 @@ def test_time_series_has_a_panel_a_unit(eight):
 
 
 def test_time_series_say_the_units():
-    figure = plots.time_series(simulate(scenes.cannonball(), 1.0, samples=3))
+    figure = drawing.time_series(simulate(scenes.cannonball(), 1.0, samples=3))
     assert [ax.get_ylabel() for ax in figure.axes] == ["[m]", "[m/s]"]
     assert figure.axes[-1].get_xlabel() == "t [s]"
 
 
 def test_time_series_of_some_entries(eight):
-    (ax,) = plots.time_series(eight, ["x1", "y3"]).axes
+    (ax,) = drawing.time_series(eight, ["x1", "y3"]).axes
     assert [line.get_label() for line in ax.lines] == ["x1", "y3"]
 
 
@@ -241,27 +242,27 @@ def test_time_series_of_some_entries(eight):
 )
 def test_files_are_of_their_kind(ball, tmp_path, suffix, magic):
     path = tmp_path / f"ball{suffix}"
-    plots.trajectory(ball, path)
+    drawing.trajectory(ball, path)
     assert path.read_bytes().startswith(magic)
 
 
 def test_png_is_whole_and_not_blank(eight, tmp_path):
-    plots.time_series(eight, path=tmp_path / "series.png")
+    drawing.time_series(eight, path=tmp_path / "series.png")
     with Image.open(tmp_path / "series.png") as image:
         assert len(image.convert("RGB").getcolors(1 << 20)) > 10
 
 
 def test_settings_are_left_alone(throws):
     before = dict(matplotlib.rcParams)
-    plots.trajectory(throws[3])
+    drawing.trajectory(throws[3])
     assert dict(matplotlib.rcParams) == before
 
 
 def test_wrong_files_are_refused(ball, tmp_path):
     with pytest.raises(ValueError, match=r"path: expected a file name ending in .png, .pdf, .svg"):
-        plots.trajectory(ball, "ball.jpg")
+        drawing.trajectory(ball, "ball.jpg")
     with pytest.raises(ValueError, match=r"path: expected a file in a folder that exists"):
-        plots.time_series(ball, path=tmp_path / "none" / "ball.png")
+        drawing.time_series(ball, path=tmp_path / "none" / "ball.png")
     with pytest.raises(ValueError, match=r"path: expected a file name ending in .gif, .mp4"):
         animate(ball, tmp_path / "ball.png")
 
@@ -269,11 +270,11 @@ def test_wrong_files_are_refused(ball, tmp_path):
 def test_wrong_motions_and_names_are_refused(ball):
     batch = SimpleNamespace(ys=np.zeros((2, 5, 4)))
     with pytest.raises(ValueError, match=r"motion: expected samples of one motion"):
-        plots.trajectory(batch)
+        drawing.trajectory(batch)
     with pytest.raises(ValueError, match=r"names: expected one of .*Did you mean 'vx'"):
-        plots.time_series(ball, ["vxx"])
+        drawing.time_series(ball, ["vxx"])
     with pytest.raises(ValueError, match=r"names: expected one of .*, got none"):
-        plots.time_series(ball, [])
+        drawing.time_series(ball, [])
 
 
 @pytest.mark.parametrize("d", [1, 2, 3])
@@ -368,14 +369,14 @@ def test_orbits_stand_side_by_side_to_one_scale(tmp_path):
 
 
 def test_wrong_orbits_are_refused():
-    with pytest.raises(ValueError, match="orbits: expected at least one orbit"):
+    with pytest.raises(ValueError, match="found: expected at least one orbit"):
         orbit_picture([])
     with pytest.raises(ValueError, match="titles: expected one for each of 1 orbits, got 2"):
         orbit_picture([_orbit()], titles=["a", "b"])
     with pytest.raises(ValueError, match="path: expected a file name ending in"):
         orbit_picture([_orbit()], "orbit.bmp")
     solid = SimpleNamespace(scene=_up(3), y0=_up(3).y0, period=1.0)
-    with pytest.raises(ValueError, match="orbits: expected orbits in one space"):
+    with pytest.raises(ValueError, match="found: expected orbits in one space"):
         orbit_picture([_orbit(), solid])
     # Bodies at rest have no direction: no arrows, no division by zero.
     still = Scene(FreePoints(1.0, d=2), y0=np.zeros(4))

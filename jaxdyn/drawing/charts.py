@@ -1,7 +1,4 @@
-"""Pictures of stability charts: where motions are stable, and how fast others grow.
-
-Drawn like `plots`: with Matplotlib's objects, no window, the `Figure` returned.
-"""
+"""Pictures of stability charts: where motions are stable, and how fast others grow."""
 
 from typing import Any
 
@@ -10,15 +7,15 @@ from matplotlib.colors import LinearSegmentedColormap, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from jaxdyn import plots
+from jaxdyn.drawing.figures import PALETTE, blank, finished
 from jaxdyn.floquet import Chart
 from jaxdyn.image_files import picture_path
 
-_STABLE, _GROWING, _UNDECIDED = plots.PALETTE[0], plots.PALETTE[1], "#9a9a9a"
+_STABLE, _GROWING, _UNDECIDED = PALETTE[0], PALETTE[1], "#9a9a9a"
 _FAINT = "#fbe9de"
 
 
-def stability(
+def stability_chart(
     chart: Chart, path=None, *, names=("first", "second"), title: str | None = None
 ) -> Figure:
     """A picture of a chart: stable in blue, the rest the darker the faster differences grow.
@@ -32,7 +29,7 @@ def stability(
       ValueError: a file that cannot be written.
     """
     path = picture_path(path)
-    figure = plots.blank(6.8, 4.6)
+    figure = blank(6.8, 4.6)
     ax: Any = figure.add_subplot()
     grid = {"shading": "nearest", "rasterized": True}
     growing = np.where(chart.verdict == "unstable", chart.growth, np.nan)
@@ -49,4 +46,4 @@ def stability(
     shown = [("stable", _STABLE), ("unstable", _GROWING), ("undecided", _UNDECIDED)]
     handles = [Patch(color=c, label=name) for name, c in shown if (chart.verdict == name).any()]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
-    return plots.finished(figure, path)
+    return finished(figure, path)

@@ -5,9 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxdyn import _checks, plots, simulate
+from jaxdyn import _checks, simulate
+from jaxdyn.drawing.contents import paths
+from jaxdyn.drawing.figures import INK, blank, finished, mark
+from jaxdyn.drawing.panels import draw_paths, draw_starts, legend, limits, panel, size
 from jaxdyn.image_files import picture_path
-from jaxdyn.paths import paths
 
 _SAMPLES = 600
 _RTOL = 1e-10
@@ -16,13 +18,13 @@ _ARROW = 0.16  # longest arrow as a share of the widest direction
 _LINE = 0.22  # inches a line of the titles
 
 
-def orbit_picture(orbits: Sequence, path=None, titles: Sequence[str] | None = None) -> Figure:
+def orbits(found: Sequence, path=None, titles: Sequence[str] | None = None) -> Figure:
     """A row of pictures of orbits, each over one period and all to one scale.
 
     Dots mark where bodies start, arrows their velocities there, to one scale in a picture.
 
     Args:
-      orbits: things with a ``scene``, a start ``y0`` (k,) and a ``period`` () [s].
+      found: things with a ``scene``, a start ``y0`` (k,) and a ``period`` () [s].
       path: file to write, .png, .pdf or .svg.
       titles: what stands above each; may have several lines.
     Raises:
@@ -31,28 +33,28 @@ def orbit_picture(orbits: Sequence, path=None, titles: Sequence[str] | None = No
       IntegrationError: an orbit that cannot be followed over its period.
     """
     path = picture_path(path)
-    titles = _checked_titles(orbits, titles)
-    drawn = [paths(_one_period(orbit)) for orbit in orbits]
+    titles = _checked_titles(found, titles)
+    drawn = [paths(_one_period(orbit)) for orbit in found]
     if len({one.labels for one in drawn}) > 1:
-        raise _checks.fail("orbits", "orbits in one space", "orbits in several", "Draw them apart.")
+        raise _checks.fail("found", "orbits in one space", "orbits in several", "Draw them apart.")
     equal = drawn[0].equal
     places = np.concatenate([one.xyz.reshape(-1, len(one.labels)) for one in drawn])
     width = np.ptp(places, axis=0).max()
-    arrows = [_velocities(orbit, width) if equal else None for orbit in orbits]
+    arrows = [_velocities(orbit, width) if equal else None for orbit in found]
     tips = [sum(arrow) for arrow in arrows if arrow is not None]
-    box = plots.limits(np.concatenate([places, *tips]), equal)
+    box = limits(np.concatenate([places, *tips]), equal)
     figure = _row(len(drawn), box, equal, max(t.count("\n") + 1 for t in titles))
     for i, (arrow, one, title) in enumerate(zip(arrows, drawn, titles, strict=True)):
-        ax = plots.panel(figure, one, box, (1, len(drawn), i + 1))
+        ax = panel(figure, one, box, (1, len(drawn), i + 1))
         ax.set_title(title, fontsize=10)
-        plots.draw_paths(ax, one)
-        plots.draw_starts(ax, one)
+        draw_paths(ax, one)
+        draw_starts(ax, one)
         if arrow is not None:
             _draw_velocities(ax, *arrow)
     most = max(drawn, key=lambda one: len(one.traced))
-    velocity = plots.mark(r"$\rightarrow$", "velocity there")
-    plots.legend(figure, most, plots.mark("o", "start"), velocity)
-    return plots.finished(figure, path)
+    velocity = mark(r"$\rightarrow$", "velocity there")
+    legend(figure, most, mark("o", "start"), velocity)
+    return finished(figure, path)
 
 
 def _one_period(orbit):
@@ -60,22 +62,22 @@ def _one_period(orbit):
     return simulate(scene, samples=_SAMPLES, rtol=_RTOL)
 
 
-def _checked_titles(orbits: Sequence, titles) -> Sequence[str]:
-    if not len(orbits):
-        raise _checks.fail("orbits", "at least one orbit", "none")
+def _checked_titles(found: Sequence, titles) -> Sequence[str]:
+    if not len(found):
+        raise _checks.fail("found", "at least one orbit", "none")
     if titles is None:
-        return [""] * len(orbits)
-    if len(titles) != len(orbits):
-        raise _checks.fail("titles", f"one for each of {len(orbits)} orbits", len(titles))
+        return [""] * len(found)
+    if len(titles) != len(found):
+        raise _checks.fail("titles", f"one for each of {len(found)} orbits", len(titles))
     return titles
 
 
 def _row(count: int, box: np.ndarray, equal: bool, lines: int) -> Figure:
     """A figure for so many panels with titles of so many lines."""
-    width, height = plots.size(box, equal)
+    width, height = size(box, equal)
     scale = 1.0 if count == 1 or len(box) == 3 else _PANEL / width
     # The legend and the labels do not shrink with the panels.
-    return plots.blank(count * scale * width, scale * (height - 1) + 1 + _LINE * lines)
+    return blank(count * scale * width, scale * (height - 1) + 1 + _LINE * lines)
 
 
 def _velocities(orbit, width: float) -> tuple[np.ndarray, np.ndarray] | None:
@@ -98,4 +100,4 @@ def _draw_velocities(ax, r: np.ndarray, arrows: np.ndarray) -> None:
     }
     look = look if r.shape[1] == 2 else {"arrow_length_ratio": 0.3, "lw": 1.8}
     for place, arrow in zip(r, arrows, strict=True):
-        ax.quiver(*place[:, None], *arrow[:, None], color=plots.INK, **look)
+        ax.quiver(*place[:, None], *arrow[:, None], color=INK, **look)

@@ -16,9 +16,11 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
-from jaxdyn import _checks, plots
+from jaxdyn import _checks
+from jaxdyn.drawing.contents import Paths, in_time, paths, places, segments
+from jaxdyn.drawing.figures import INK, blank
+from jaxdyn.drawing.panels import colours, draw_lines, legend, limits, panel, size
 from jaxdyn.image_files import animation_path
-from jaxdyn.paths import Paths, in_time, paths, places, segments
 from jaxdyn.phases import Chain
 from jaxdyn.simulate import Trajectory
 
@@ -58,11 +60,11 @@ def animate(
             "motion", "at least 2 samples", len(drawn.ts), "Simulate with more, over a longer span."
         )
     count, writer = _timing(path, len(drawn.ts), float(seconds), float(fps))
-    box = plots.limits(places(drawn), drawn.equal)
-    stage = plots.blank(*plots.size(box, drawn.equal), dpi=_DPI, kind=_Stage)
-    ax = plots.panel(stage, drawn, box)
+    box = limits(places(drawn), drawn.equal)
+    stage = blank(*size(box, drawn.equal), dpi=_DPI, kind=_Stage)
+    ax = panel(stage, drawn, box)
     ax.set_title(f"{drawn.stopped}\n ", fontsize=9)  # the clock stands in the empty line
-    plots.legend(stage, drawn)
+    legend(stage, drawn)
     actors = _Actors(ax, drawn, trail)
     with writer.saving(stage, str(path), _DPI):
         stage.set_up(actors.all)
@@ -100,14 +102,14 @@ class _Actors:
 
     def __init__(self, ax, drawn: Paths, trail: float):
         self.drawn, self.trail = drawn, trail * (drawn.ts[-1] - drawn.ts[0])
-        own = plots.colours(drawn)
+        own = colours(drawn)
         fade = np.linspace(0.0, 1.0, _SHADES + 1)[1:]
         # Shades of white instead of transparency: overlapping ends would show as beads.
         shades = [1 - f * (1 - np.array(to_rgb(colour))) for f in fade for colour in own]
-        self.trails = plots.draw_lines(
+        self.trails = draw_lines(
             ax, [], colors=shades, linewidths=np.repeat(0.4 + 2.2 * fade, len(own))
         )
-        self.rods = plots.draw_lines(ax, [], colors=plots.INK, linewidths=1.8)
+        self.rods = draw_lines(ax, [], colors=INK, linewidths=1.8)
         self.dots = [
             ax.plot(*drawn.xyz[0, i][:, None], "o", color=colour, ms=10, mec="white")[0]
             for i, colour in zip(drawn.traced, own, strict=True)

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn.phases import Chain
+from jaxdyn.phases import Chain, pieces_of
 from jaxdyn.scene import Scene
 from jaxdyn.simulate import Trajectory
 
@@ -82,7 +82,7 @@ def paths(motion: Trajectory | Chain, links=None) -> Paths:
             "motion",
             "material points, or a state of at most 3 entries",
             f"no points and a state of {d}",
-            "Draw its entries against time with plots.time_series.",
+            "Draw its entries against time with drawing.time_series.",
         )
     ends = system.links() if links is None else links
     joined = tuple(tuple(_end(end, n, d) for end in _pair(link)) for link in ends)
@@ -95,19 +95,6 @@ def paths(motion: Trajectory | Chain, links=None) -> Paths:
     time = np.broadcast_to(ts[:, None, None], r.shape)
     labels = (f"t [{second.strip()}]" if second else "t", *symbols)
     return Paths(ts, np.concatenate([time, r], axis=2), labels, second, False, stopped, *last)
-
-
-def pieces_of(motion: Trajectory | Chain) -> tuple[Trajectory, ...]:
-    """The smooth pieces of a motion: those of its phases, or the motion itself."""
-    pieces = motion.pieces if isinstance(motion, Chain) else (motion,)
-    if any(np.ndim(piece.ys) != 2 for piece in pieces):
-        raise _checks.fail(
-            "motion",
-            "samples of one motion, shape (s, k)",
-            f"shape {np.shape(pieces[0].ys)}",
-            "Draw the motions of a batch one by one.",
-        )
-    return pieces
 
 
 def _reached(piece: Trajectory) -> int:

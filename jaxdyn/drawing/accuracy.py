@@ -1,7 +1,4 @@
-"""Pictures of what accuracy costs, and of how well solvers judge themselves (problem 3 e).
-
-Drawn like `plots`: with Matplotlib's objects, no window, the `Figure` returned.
-"""
+"""Pictures of what accuracy costs, and of how well solvers judge themselves (problem 3 e)."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,7 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from jaxdyn import _checks, plots
+from jaxdyn import _checks
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, style
 from jaxdyn.image_files import picture_path
 from jaxdyn.work import Curve, WorkPrecision
 
@@ -19,7 +17,7 @@ _PANEL = 3.4  # inches
 _WIDE = 60.0  # ratio of the ends of an axis from which on only powers of ten are named
 
 
-def work(found: WorkPrecision, path=None, *, title: str | None = None) -> Figure:
+def work_precision(found: WorkPrecision, path=None, *, title: str | None = None) -> Figure:
     """A picture of error against time, and against right-hand sides, one curve a solver.
 
     Args:
@@ -30,7 +28,7 @@ def work(found: WorkPrecision, path=None, *, title: str | None = None) -> Figure
       ValueError: a file that cannot be written.
     """
     path = picture_path(path)
-    figure = plots.blank(2 * _PANEL + 0.8, _PANEL + 1.0)
+    figure = blank(2 * _PANEL + 0.8, _PANEL + 1.0)
     left, right = _panels(figure, 2)
     for i, curve in enumerate(found.curves):
         errors = [rung.error for rung in curve.rungs]
@@ -46,7 +44,7 @@ def work(found: WorkPrecision, path=None, *, title: str | None = None) -> Figure
         ax.xaxis.set_minor_formatter(NullFormatter())
     figure.suptitle(title or "", fontsize=11)
     _legend(figure, left)
-    return plots.finished(figure, path)
+    return finished(figure, path)
 
 
 def judgement(found: Mapping[str, WorkPrecision], path=None) -> Figure:
@@ -65,7 +63,7 @@ def judgement(found: Mapping[str, WorkPrecision], path=None) -> Figure:
     path = picture_path(path)
     if not found:
         raise _checks.fail("found", "at least one scene", "none")
-    figure = plots.blank(_PANEL * len(found) + 0.8, _PANEL + 1.0)
+    figure = blank(_PANEL * len(found) + 0.8, _PANEL + 1.0)
     axes = _panels(figure, len(found))
     # A solver that does not fit every scene keeps its colour in all panels.
     solvers = list(dict.fromkeys(c.solver for one in found.values() for c in one.curves))
@@ -75,26 +73,23 @@ def judgement(found: Mapping[str, WorkPrecision], path=None) -> Figure:
             errors = [rung.error for rung in curve.rungs]
             ax.loglog(asked, errors, **_style(solvers.index(curve.solver), curve))
         ends = np.array(ax.get_xlim())
-        ax.loglog(ends, ends, "--", color=plots.INK, lw=1.0, zorder=1, label="error = tolerance")
+        ax.loglog(ends, ends, "--", color=INK, lw=1.0, zorder=1, label="error = tolerance")
         ax.set_xlim(*ends[::-1])
         ax.set(xlabel="tolerance asked for", title=name)
     axes[0].set_ylabel("relative error got")
     _legend(figure, *axes)
-    return plots.finished(figure, path)
+    return finished(figure, path)
 
 
 def _panels(figure: Figure, n: int) -> list[Any]:
     axes = figure.subplots(1, n, sharey=True, squeeze=False)[0]
     for ax in axes:
-        ax.grid(True, color="#e4e4e4", lw=0.6)
-        ax.set_axisbelow(True)
-        ax.spines[["top", "right"]].set_visible(False)
-        ax.tick_params(colors=plots.INK, labelsize=9)
+        style(ax)
     return list(axes)
 
 
 def _style(i: int, curve: Curve) -> dict:
-    shade = plots.PALETTE[i % len(plots.PALETTE)]
+    shade = PALETTE[i % len(PALETTE)]
     marker = _MARKERS[i % len(_MARKERS)]
     return {"color": shade, "marker": marker, "ms": 4.5, "lw": 1.5, "label": curve.solver}
 

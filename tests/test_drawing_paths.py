@@ -7,8 +7,8 @@ import pytest
 from helpers import EXACT, gap
 
 from jaxdyn import Scene, Trajectory, effects, ledger, scenes, simulate
+from jaxdyn.drawing.contents import CURVE, in_time, paths, segments
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.paths import CURVE, in_time, paths, segments
 
 
 def _motion(scene, ys):

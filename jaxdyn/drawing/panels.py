@@ -1,0 +1,119 @@
+"""Axes in which a motion is drawn to one scale, and what is drawn in them.
+
+Pictures and animations of motions, alone or in a row, are made of these parts.
+"""
+
+import itertools
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps, rc_context
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+from jaxdyn.drawing.contents import Paths
+from jaxdyn.drawing.figures import GRID, PALETTE, style
+
+WIDTH = 6.4  # inches
+_PIECES = 120  # of a path; see `draw_paths`
+_LEAST_SHARE = {2: 0.25, 3: 0.5}  # of the widest direction that a narrow one is given
+_MARGIN = 1.12  # of the box drawn to the box of the motion
+_ENTRY = 1.15  # inches an entry of the legend
+_SHADED = (0.0, 0.9)  # part of a colour map: its end is too faint on white
+
+
+def limits(xyz: np.ndarray, equal: bool) -> np.ndarray:
+    """Lower and upper ends (D, 2) of a box with some air around points (..., D)."""
+    flat = xyz.reshape(-1, xyz.shape[-1])
+    if not len(flat):
+        return np.tile([-1.0, 1.0], (flat.shape[1], 1))
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    middle, half = (low + high) / 2, (high - low) / 2
+    if equal:
+        half = np.maximum(half, _LEAST_SHARE[flat.shape[1]] * half.max())
+    # A body at rest has no extent; below a millionth of its place axes have no digits left.
+    half = np.where(half > 1e-6 * np.abs(middle), half, np.maximum(np.abs(middle), 1.0) / 2)
+    return middle[:, None] + _MARGIN * half[:, None] * np.array([-1.0, 1.0])
+
+
+def size(box: np.ndarray, equal: bool) -> tuple[float, float]:
+    """Width and height [in] of a figure that one panel of this box fills."""
+    if len(box) == 3:
+        return WIDTH, 0.85 * WIDTH
+    if not equal:
+        return WIDTH, 0.6 * WIDTH
+    across, up = np.diff(box)[:, 0]
+    room = WIDTH - 1.0  # without the labels of the axis
+    if up > across:
+        return max(1.0 + room * across / up, 3.4), room + 1.0
+    return WIDTH, 1.4 + room * up / across
+
+
+def panel(figure: Figure, drawn: Paths, box: np.ndarray, position=(1, 1, 1)):
+    """New axes with fixed limits (D, 2) at a position (rows, columns, index) of the figure."""
+    solid = len(box) == 3
+    # Solid axes take the look of their grid from nowhere else.
+    with rc_context({"grid.color": GRID, "grid.linewidth": 0.6}):
+        ax: Any = figure.add_subplot(*position, projection="3d" if solid else None)
+    for axis, ends, label in zip("xyz", box, drawn.labels, strict=False):
+        ax.set(**{f"{axis}lim": ends, f"{axis}label": label})
+    style(ax)
+    if solid:
+        ax.set_aspect("equal")
+        ax.set_box_aspect(np.diff(box)[:, 0], zoom=1.0)
+    else:
+        ax.set_aspect("equal" if drawn.equal else "auto")
+    return ax
+
+
+def draw_paths(ax, drawn: Paths) -> None:
+    """Draw the paths of the traced points, early parts above late ones.
+
+    Bodies that follow each other on one curve would hide each other if they were drawn one
+    after the other: only the last colour would be seen. Ordered by time, every part of the
+    curve has the colour of the body that was there first.
+    """
+    xyz = drawn.xyz
+    ends = np.unique(np.linspace(0, max(len(xyz) - 1, 0), _PIECES + 1).astype(int))
+    spans = list(itertools.pairwise(ends))[::-1]
+    pieces = [xyz[a : b + 1, i] for a, b in spans for i in drawn.traced]
+    shades = colours(drawn) * len(spans)
+    draw_lines(ax, pieces, colors=shades, linewidths=1.8, capstyle="round", joinstyle="round")
+
+
+def draw_starts(ax, drawn: Paths) -> None:
+    """Draw a dot where each path starts."""
+    for i, shade in zip(drawn.traced, colours(drawn), strict=True):
+        point = drawn.xyz[0, i]
+        ax.plot(*point[:, None], "o", color=shade, ms=8, mec="white", mew=0.8, zorder=4)
+
+
+def draw_lines(ax, pieces, **style):
+    """A collection of lines on flat or solid axes whose limits stay as they are."""
+    kind = Line3DCollection if ax.name == "3d" else LineCollection
+    return ax.add_collection(kind(pieces, **style), autolim=False)
+
+
+def colours(drawn: Paths) -> list:
+    """A colour for each path: the palette's, or shades in order where there are too few."""
+    n = len(drawn.traced)
+    if n <= len(PALETTE):
+        return list(PALETTE[:n])
+    return [tuple(shade) for shade in colormaps["viridis"](np.linspace(*_SHADED, n))]
+
+
+def legend(figure: Figure, drawn: Paths, *marks: Line2D) -> None:
+    """Name the marks below the figure, and the bodies where each is one free point."""
+    named = not drawn.links and 1 < len(drawn.traced) <= len(PALETTE)
+    shades = enumerate(colours(drawn) if named else ())
+    handles = [Line2D([], [], color=c, lw=2.5, label=f"body {i + 1}") for i, c in shades]
+    figure.legend(
+        handles=[*handles, *marks],
+        loc="outside lower center",
+        ncols=max(1, int(figure.get_figwidth() / _ENTRY)),
+        frameon=False,
+        handlelength=1.2,
+        columnspacing=1.4,
+    )

@@ -1,0 +1,58 @@
+"""A picture of a family of orbits: its periods, how stable they are, what is special on it."""
+
+import itertools
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, style
+from jaxdyn.image_files import picture_path
+from orbits.family import Kind
+from orbits.family_files import Listing
+
+_STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}
+_MARKS = {Kind.FOLD: "s", Kind.BRANCH: "D", Kind.DOUBLING: "^", Kind.TORUS: "*"}
+
+
+def family(listed: Listing, path=None) -> Figure:
+    """A picture of the periods of a family, against its parameter or the energy.
+
+    Stable stretches are solid, unstable ones dashed, those between two verdicts or without one
+    dotted; what is special is marked.
+
+    Args:
+      listed: what `family_files.listing` made or `family_files.load` read.
+      path: file to write, .png, .pdf or .svg.
+    Raises:
+      ValueError: a file that cannot be written.
+    """
+    path = picture_path(path)
+    figure = blank(6.8, 5.0)
+    ax: Any = figure.add_subplot(1, 1, 1)
+
+    def place(entry):
+        across = entry.energy if listed.parameter is None else entry.parameter
+        return across, entry.orbit.period
+
+    seen: set[str] = set()
+    for one, two in itertools.pairwise(listed.members):
+        verdict = one.verdict if one.verdict == two.verdict else "undecided"
+        label = "_" if verdict in seen else verdict
+        seen.add(verdict)
+        line = tuple(zip(place(one), place(two), strict=True))
+        ax.plot(*line, color=PALETTE[0], lw=1.8, ls=_STRETCHES[verdict], label=label)
+    passed = np.array([place(entry) for entry in listed.members])
+    ax.plot(*passed.T, ".", color=PALETTE[0], ms=4, label="_")
+    start = place(listed.members[0])
+    ax.plot(*start, "o", color=INK, ms=6, zorder=3, label="first")
+    for (kind, marker), colour in zip(_MARKS.items(), PALETTE[1:], strict=False):
+        there = np.array([place(entry) for entry in listed.special if entry.kind == kind])
+        if len(there):
+            ax.plot(*there.T, marker, color=colour, ms=8, mew=2, zorder=4, label=kind, ls="")
+    ax.set(xlabel=listed.parameter or "energy", ylabel="period")
+    style(ax)
+    figure.legend(
+        *ax.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False
+    )
+    return finished(figure, path)

@@ -1,0 +1,59 @@
+"""A picture of throws: those that hit or go farthest, and the range of all angles."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxdyn import Scene, simulate
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, style
+from jaxdyn.image_files import picture_path
+from orbits.aim import Hits, Throws
+from orbits.launch import angle_of, landings, launched
+
+_SAMPLES = 300
+_COURSES = np.linspace(-5.0, 5.0, 192)  # whole calls of the compiled program
+_LOOK = 1e-7
+
+
+def throws(scene: Scene, best: Throws, hits: Hits | None = None, path=None) -> Figure:
+    """A picture of the farthest throw and of those that hit, and of the range of all angles.
+
+    Args:
+      scene: what is thrown.
+      best: `aim.farthest` for one speed, or `aim.slowest`.
+      hits: `aim.hit` at the same speed.
+      path: file to write, .png, .pdf or .svg.
+    Raises:
+      ValueError: a file that cannot be written.
+    """
+    path = picture_path(path)
+    figure = blank(6.8, 6.2)
+    paths: Any = figure.add_subplot(2, 1, 1)
+    ranges: Any = figure.add_subplot(2, 1, 2)
+    speed = float(best.speed)
+    named = [("farthest", float(best.angle), float(best.t))] if best.ok else []
+    if hits is not None:
+        named += [("hit", *each) for each in zip(hits.angles, hits.times, strict=True)]
+    for i, (name, angle, t) in enumerate(named):
+        colour = PALETTE[i % len(PALETTE)]
+        label = f"{name}, {np.degrees(angle):.4g} degrees"
+        motion = simulate(launched(scene, angle, speed, t), samples=_SAMPLES)
+        place = motion.r[:, 0] - np.asarray(scene.y0)[None, :2]
+        paths.plot(place[:, 0], place[:, 1], color=colour, lw=1.8, label=label)
+        ranges.plot(np.degrees(angle), place[-1, 0], "o", color=colour, ms=7, zorder=3)
+    found = landings(scene, _COURSES, speed, _LOOK)
+    ranges.plot(np.degrees(angle_of(_COURSES)), found.x, color=INK, lw=1.2)
+    if hits is not None:
+        paths.plot(hits.x, 0.0, "x", color=INK, ms=10, mew=2.2, label="target")
+        ranges.axhline(hits.x, color=INK, lw=0.8, ls="--")
+    paths.axhline(0.0, color=INK, lw=0.8)
+    paths.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=f"speed {speed:.6g} m/s")
+    ranges.set(xlabel="launch angle [degrees]", ylabel="lands at x [m]", xlim=(0, 180))
+    ranges.set_xticks(range(0, 181, 30))
+    style(paths)
+    style(ranges)
+    figure.legend(
+        *paths.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False
+    )
+    return finished(figure, path)
