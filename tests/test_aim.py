@@ -13,8 +13,8 @@ from jaxdyn import scenes
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity
 from jaxdyn.scenes.ballistics import best_angle
 from jaxdyn.simulate import solve
-from orbits import __main__ as cli
 from orbits import aim, drawing
+from orbits.cli import app as cli
 from orbits.launch import landings, launched
 
 SPEEDS = np.logspace(-2, 8, 200)

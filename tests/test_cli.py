@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from jaxdyn import __main__ as cli
 from jaxdyn import catalogue
+from jaxdyn.cli import app as cli
 
 
 @pytest.fixture

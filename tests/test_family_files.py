@@ -10,8 +10,8 @@ from scipy.special import ellipk
 
 from jaxdyn import scenes
 from orbits import PLAIN, Kind, drawing, family_files
-from orbits import __main__ as cli
-from orbits.family_command import maker
+from orbits.cli import app as cli
+from orbits.cli.family import maker
 from orbits.family_files import Entry, Listing
 from orbits.problem import Orbit, Outcome
 

@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-from jaxdyn import __main__ as cli
 from jaxdyn import hard
+from jaxdyn.cli import app as cli
 from jaxdyn.hard import collection
 from jaxdyn.hard.case import absolute_error, relative_error
 

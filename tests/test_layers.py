@@ -18,7 +18,7 @@ RANKS = {
     "jaxdyn/_numerics.py": 0,
     "jaxdyn/side_by_side.py": 1,
     "jaxdyn/status.py": 0,
-    "jaxdyn/command_line.py": 1,
+    "jaxdyn/cli/shared.py": 1,
     "jaxdyn/image_files.py": 1,
     "jaxdyn/indices.py": 1,
     "jaxdyn/kinematics.py": 1,
@@ -65,7 +65,7 @@ RANKS = {
     "jaxdyn/timing.py": 0,
     "jaxdyn/work.py": 8,
     "jaxdyn/rod_or_spring.py": 10,
-    "jaxdyn/accuracy_command.py": 12,
+    "jaxdyn/cli/accuracy.py": 12,
     "jaxdyn/lanes.py": 5,
     "jaxdyn/watches.py": 4,
     "jaxdyn/batches.py": 7,
@@ -128,7 +128,7 @@ RANKS = {
     "jaxdyn/hard/elliptic.py": 0,
     "jaxdyn/hard/encounters.py": 11,
     "jaxdyn/hard/collection.py": 12,
-    "jaxdyn/hard_command.py": 13,
+    "jaxdyn/cli/hard.py": 13,
     "jaxdyn/hard/singular.py": 11,
     "jaxdyn/hard/bodies.py": 11,
     "jaxdyn/hard/contact.py": 11,
@@ -142,7 +142,10 @@ RANKS = {
     "jaxdyn/hard/friction.py": 11,
     "jaxdyn/hard/coordinates.py": 11,
     "jaxdyn/switching.py": 9,
-    "jaxdyn/__main__.py": 14,
+    "jaxdyn/cli/list.py": 12,
+    "jaxdyn/cli/run.py": 12,
+    "jaxdyn/cli/app.py": 14,
+    "jaxdyn/__main__.py": 15,
     "orbits/newton.py": 11,
     "orbits/symmetry.py": 11,
     "orbits/closing.py": 12,
@@ -171,12 +174,12 @@ RANKS = {
     "orbits/bifurcations.py": 19,
     "orbits/continuation.py": 20,
     "orbits/report.py": 17,
-    "orbits/printed.py": 18,
-    "orbits/command_line.py": 21,
-    "orbits/find_command.py": 22,
+    "orbits/cli/printed.py": 18,
+    "orbits/cli/shared.py": 21,
+    "orbits/cli/find.py": 22,
     "orbits/files.py": 15,
     "orbits/family_files.py": 19,
-    "orbits/family_command.py": 23,
+    "orbits/cli/family.py": 23,
     "orbits/verify.py": 19,
     "orbits/screen.py": 15,
     "orbits/seeds.py": 16,
@@ -184,7 +187,7 @@ RANKS = {
     "orbits/chunk.py": 17,
     "orbits/search.py": 18,
     "orbits/plane.py": 19,
-    "orbits/search_command.py": 22,
+    "orbits/cli/search.py": 22,
     "orbits/launch.py": 11,
     "orbits/roots.py": 11,
     "orbits/loops.py": 17,
@@ -194,22 +197,25 @@ RANKS = {
     "orbits/drawing/families.py": 20,
     "orbits/drawing/throwing.py": 20,
     "orbits/drawing/about_centres.py": 20,
-    "orbits/aim_command.py": 22,
-    "orbits/loops_command.py": 22,
-    "orbits/__main__.py": 24,
+    "orbits/cli/aim.py": 22,
+    "orbits/cli/loops.py": 22,
+    "orbits/cli/figure_eight.py": 22,
+    "orbits/cli/verify.py": 22,
+    "orbits/cli/app.py": 24,
+    "orbits/__main__.py": 25,
 }
 
 #: Imports inside functions: what the private question to JAX needs, and drawings, which only
 #: some runs of a command want and which take long to import.
 INSIDE = {
     ("jaxdyn/_config.py", "jax._src"),
-    ("jaxdyn/__main__.py", "jaxdyn.drawing"),
-    ("jaxdyn/accuracy_command.py", "jaxdyn.drawing"),
-    ("orbits/aim_command.py", "orbits.drawing"),
-    ("orbits/loops_command.py", "orbits.drawing"),
-    ("orbits/family_command.py", "orbits.drawing"),
-    ("orbits/command_line.py", "orbits.drawing"),
-    ("orbits/command_line.py", "jaxdyn.drawing"),
+    ("jaxdyn/cli/run.py", "jaxdyn.drawing"),
+    ("jaxdyn/cli/accuracy.py", "jaxdyn.drawing"),
+    ("orbits/cli/aim.py", "orbits.drawing"),
+    ("orbits/cli/loops.py", "orbits.drawing"),
+    ("orbits/cli/family.py", "orbits.drawing"),
+    ("orbits/cli/shared.py", "orbits.drawing"),
+    ("orbits/cli/shared.py", "jaxdyn.drawing"),
 }
 
 FILES = sorted(
@@ -282,7 +288,7 @@ def test_imports_stand_at_the_top(file):
 
 
 def test_commands_that_draw_nothing_load_no_drawing_library():
-    code = "import sys, jaxdyn.__main__, orbits.__main__; print('matplotlib' in sys.modules)"
+    code = "import sys, jaxdyn.cli.app, orbits.cli.app; print('matplotlib' in sys.modules)"
     assert run_python(code) == "False"
 
 

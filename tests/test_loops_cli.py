@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from orbits import __main__ as cli
+from orbits.cli import app as cli
 
 
 @pytest.fixture

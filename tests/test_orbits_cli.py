@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from jaxdyn import scenes
-from orbits import __main__ as cli
+from orbits.cli import app as cli
 
 KEYS = {
     *("period", "y0", "closure", "choreography", "permutation_error", "energy"),

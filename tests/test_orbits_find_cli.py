@@ -11,9 +11,9 @@ from scipy.special import ellipk
 
 from jaxdyn import catalogue, records, scenes
 from orbits import PLAIN, family_files, files, find
-from orbits import __main__ as cli
+from orbits.cli import app as cli
+from orbits.cli.printed import print_reports
 from orbits.identity import identify
-from orbits.printed import print_reports
 from orbits.problem import Orbit, Outcome
 from orbits.report import report
 

@@ -15,13 +15,13 @@ from typer.testing import CliRunner
 
 import orbits
 from jaxdyn import scenes
-from jaxdyn.__main__ import app as jaxdyn_app
+from jaxdyn.cli.app import app as jaxdyn_app
 from jaxdyn.energy import energy, potential
 from jaxdyn.equilibria import equilibria
 from jaxdyn.linearize import linearize
 from jaxdyn.simulate import simulate, solve
 from jaxdyn.solvers import DOPRI8
-from orbits.__main__ import app as orbits_app
+from orbits.cli.app import app as orbits_app
 
 #: Scenes that keep their energy, made of two numbers > 0.
 KEPT = {

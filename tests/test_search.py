@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import orbits
 from jaxdyn import ensemble, scenes, watches
 from orbits import plane, screen, seeds, table
-from orbits.__main__ import app
+from orbits.cli.app import app
 
 #: The module; as a name of the package it is the function.
 search = sys.modules["orbits.search"]

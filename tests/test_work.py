@@ -6,8 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from jaxdyn import __main__ as cli
 from jaxdyn import drawing, events, rod_or_spring, scenes, solvers, work
+from jaxdyn.cli import app as cli
 from jaxdyn.timing import Times
 
 TOLERANCES = (1e-4, 1e-8, 1e-12)

@@ -11,10 +11,10 @@ from rich.console import Console
 from rich.table import Table
 
 from jaxdyn._checks import fail
-from jaxdyn.command_line import JsonOption, PlotOption
+from jaxdyn.cli.shared import JsonOption, PlotOption
 from jaxdyn.effects import PowerLaw
 from orbits import loops
-from orbits.command_line import NOT_FOUND, check_files, draw, numbers
+from orbits.cli.shared import NOT_FOUND, check_files, draw, numbers
 from orbits.problem import Orbit, SearchError
 
 _EXPONENTS = "-2.9,-2.5,-2,-1.5,-1,0,0.5,1,2,3,5,10,100,1000"

@@ -15,9 +15,10 @@ from rich.table import Table
 
 from jaxdyn import Scene, catalogue
 from jaxdyn._checks import choice, fail, positive, whole
-from jaxdyn.command_line import JsonOption, PlotOption, SceneArgument, SetOption
+from jaxdyn.cli.shared import JsonOption, PlotOption, SceneArgument, SetOption
 from orbits import family_files, verify
-from orbits.command_line import (
+from orbits.cli.find import searched
+from orbits.cli.shared import (
     NOT_FOUND,
     SaveOption,
     check_files,
@@ -28,7 +29,6 @@ from orbits.command_line import (
 from orbits.continuation import continue_family
 from orbits.family import Member
 from orbits.family_files import Entry, Listing, listing
-from orbits.find_command import searched
 
 _ASIDE, _LATER = 0.1, 0.3  # a state and a time where a drive or a damper acts, if any does
 

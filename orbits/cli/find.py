@@ -9,10 +9,11 @@ from rich.console import Console
 
 from jaxdyn import Scene, catalogue
 from jaxdyn._checks import choice, fail
-from jaxdyn.command_line import AnimateOption, JsonOption, PlotOption, SceneArgument, SetOption
+from jaxdyn.cli.shared import AnimateOption, JsonOption, PlotOption, SceneArgument, SetOption
 from jaxdyn.formulations.newton import FreePoints
 from orbits import closing as closings
-from orbits.command_line import (
+from orbits.cli.printed import print_reports
+from orbits.cli.shared import (
     NOT_FOUND,
     SaveOption,
     check_files,
@@ -23,7 +24,6 @@ from orbits.command_line import (
 from orbits.conditions import Energy
 from orbits.given import driven
 from orbits.newton import Iteration
-from orbits.printed import print_reports
 from orbits.problem import Orbit
 from orbits.report import as_json, report
 from orbits.same import minimal_period

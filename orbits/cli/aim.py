@@ -8,11 +8,11 @@ import typer
 from rich.console import Console
 
 from jaxdyn import scenes
-from jaxdyn.command_line import JsonOption, PlotOption
+from jaxdyn.cli.shared import JsonOption, PlotOption
 from jaxdyn.effects import LinearDrag, QuadraticDrag
 from jaxdyn.image_files import picture_path
 from orbits.aim import Hits, Throws, farthest, hit, slowest
-from orbits.command_line import NOT_FOUND
+from orbits.cli.shared import NOT_FOUND
 
 
 def aim_command(

@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from jaxdyn import _checks, catalogue
-from jaxdyn.command_line import JsonOption, PlotOption, SceneArgument, SetOption, SpanOption
+from jaxdyn.cli.shared import JsonOption, PlotOption, SceneArgument, SetOption, SpanOption
 from jaxdyn.image_files import picture_path
 from jaxdyn.work import WorkPrecision, work_precision
 

@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from jaxdyn.command_line import JsonOption
-from orbits.command_line import NOT_FOUND
+from jaxdyn.cli.shared import JsonOption
+from orbits.cli.shared import NOT_FOUND
 from orbits.plane import Plane, search_plane
 
 _WORD = 24  # letters of a word that are shown
