@@ -86,10 +86,8 @@ class _Lookout(Watch):
 
     def _noise(self, t0: Array, y0: Array) -> Array:
         """(E,) how large a value may be where the state and the time are right to rounding."""
-        t = self.direction * t0
-        rows = jax.jacfwd(functools.partial(values, self.events), argnums=1)(t, y0)
-        moved = jnp.abs(y0) + jnp.abs(t0 * self.field.rate(t, y0))
-        return _ROUNDINGS * jnp.finfo(y0.dtype).eps * jnp.sum(jnp.abs(rows) * moved[None], axis=-1)
+        parts = _parts(self.field, self.events, self.direction * t0, y0)
+        return _off(parts, jnp.abs(y0), jnp.abs(t0))
 
     def see(self, keep, t0, y0, t1, y1, memory):
         del y1
@@ -270,6 +268,36 @@ def _polished(watch: _Lookout, seen: _Seen) -> tuple[Array, Array]:
     start = (0, low, high, 0.5 * (low + high), jnp.full_like(low, jnp.inf), like)
     _, _, _, h, _, y = jax.lax.while_loop(going, body, start)
     return jnp.where(found, h, jnp.inf), y
+
+
+class _Parts(NamedTuple):
+    """What the values are made of where the motion is at (t, y)."""
+
+    values: Array  # (E,)
+    rows: Array  # (E, k) sizes of the derivatives by the state
+    slopes: Array  # (E,) along the motion
+    speeds: Array  # (E,) sizes of what the slopes are sums of
+
+
+def _parts(field, events: tuple, t: Array, y: Array) -> _Parts:
+    rate, fn = field.rate(t, y), functools.partial(values, events)
+    by_time, rows = jax.jacfwd(fn, argnums=(0, 1))(t, y)
+    terms = jnp.concatenate([by_time[:, None], rows * rate[None]], axis=-1)
+    return _Parts(fn(t, y), jnp.abs(rows), jnp.sum(terms, -1), jnp.sum(jnp.abs(terms), -1))
+
+
+def _off(parts: _Parts, state: Array, time: Array) -> Array:
+    """(E,) how far values may be off where so large a state and time are right to rounding."""
+    moved = jnp.sum(parts.rows * state[None], -1) + time * parts.speeds
+    return _ROUNDINGS * jnp.finfo(state.dtype).eps * moved
+
+
+def coincident(field, events: tuple, y0: Array, t0: Array, t: Array, y: Array, direction) -> Array:
+    """(E,) whether each event happens at (t, y) of the motion from (t0, y0), but for rounding."""
+    parts = _parts(field, events, t, y)
+    here = jnp.abs(parts.values) <= _off(parts, jnp.abs(y0) + jnp.abs(y), jnp.abs(t0) + jnp.abs(t))
+    wanted = jnp.array([event.direction for event in events])
+    return here & ((wanted == 0) | (wanted * direction * parts.slopes > 0))
 
 
 def _spacing(h: Array, t0: Array) -> Array:

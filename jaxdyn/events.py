@@ -19,7 +19,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import in_one_kernel
-from jaxdyn.crossings import first_crossing, values
+from jaxdyn.crossings import coincident, first_crossing, values
 from jaxdyn.flow import Settings, flow
 from jaxdyn.scene import Scene, checked
 from jaxdyn.simulate import MAX_STEPS, RTOL, checked_settings
@@ -102,12 +102,15 @@ class Stop(eqx.Module):
       y: (k,) state then; NaN if the run failed.
       event: () index of the event, -1 for none.
       status: () `Status` code.
+      coincident: (E,) whether each of the events happens at this time, to rounding; several do
+        where a ball runs into a corner. `event` is one of them. All False if there was none.
     """
 
     t: Array
     y: Array
     event: Array
     status: Array
+    coincident: Array
 
     @property
     def happened(self) -> bool:
@@ -198,7 +201,7 @@ def _located_jvp(primals, tangents, *, settings):
     _, slope = jax.jvp(functools.partial(value, events), (stop.t, y), (jnp.ones_like(t0), f))
     without = jnp.zeros_like(t0) if d_t1 is None else d_t1
     dt = jnp.where(happened, -dg / jnp.where(happened, slope, 1.0), without)
-    return stop, Stop(dt, dy + f * dt, None, None)
+    return stop, Stop(dt, dy + f * dt, None, None, None)
 
 
 _compiled = eqx.filter_jit(_located)
@@ -209,4 +212,7 @@ def _search(field, events, y0, t0, t1, tolerance, *, settings: Settings) -> Stop
     fine, happened = found.status == Status.OK, jnp.isfinite(found.t)
     t = jnp.where(fine, jnp.where(happened, found.t, t1), jnp.nan)
     y = jnp.where(fine, jnp.where(happened, found.y, out), jnp.nan)
-    return Stop(t, y, jnp.where(happened & fine, found.event, -1), found.status)
+    event = jnp.where(happened & fine, found.event, -1)
+    same = coincident(field, events, y0, t0, t, y, jnp.where(t1 > t0, 1.0, -1.0))
+    same = (event >= 0) & (same | (jnp.arange(len(events)) == event))
+    return Stop(t, y, event, found.status, same)

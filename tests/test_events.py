@@ -194,9 +194,33 @@ def test_the_earliest_of_several_events_wins_in_any_order():
     assert until(BALL, (FALLS, near), 9.0).event == 1
 
 
+def billiard(distance, v, walls):
+    """Where a ball at velocity v (2,) meets two walls, each `distance` (2,) away from it."""
+    free = Scene(FreePoints(1.0, d=2), (UniformGravity(0.0),), y0=jnp.zeros(4), t1=99.0)
+    corner = jnp.asarray(walls, dtype=float)
+    start = jnp.concatenate([corner - jnp.asarray(distance), jnp.asarray(v, dtype=float)])
+    return until(free.starting(start), (Reaches(0, corner[0], 1), Reaches(1, corner[1], 1), FALLS))
+
+
+def test_events_at_one_time_are_all_reported():
+    rng = np.random.default_rng(5)
+    for v, walls in zip(rng.uniform(0.1, 3, (9, 2)), rng.uniform(-4, 4, (9, 2)), strict=True):
+        t = rng.uniform(0.1, 5)
+        corner = billiard(t * v, v, walls)
+        assert abs(corner.t - t) < SOLVED
+        np.testing.assert_array_equal(corner.coincident, [True, True, False])
+        # A wall that is 1e-11 s further away is not met at that time.
+        beside = billiard((t + np.array([0.0, 1e-11])) * v, v, walls)
+        assert beside.event == 0
+        np.testing.assert_array_equal(beside.coincident, [True, False, False])
+    # A ball that rolls along a wall only touches it.
+    assert not billiard([1.0, 0.0], [1.0, 0.0], [1.0, 1.0]).coincident[1]
+
+
 def test_without_an_event_the_span_ends():
     stop = until(BALL, Reaches(1, 99.0), 0.5)
     assert not stop.happened
+    assert not stop.coincident.any()
     assert stop.t == 0.5
     assert gap(stop.y[:2], [RISE * 0.5, RISE * 0.5 - G / 8]) < SOLVED
     assert stop.status == Status.OK
