@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _shapes
 
 
 class Points(NamedTuple):
@@ -262,31 +262,26 @@ class Scene(eqx.Module):
         _checks.array("y0", self.y0, (k,), f"One entry for each of {self._names()}.")
         for effect in self.effects:
             self._check_obeyed(effect)
-            self._check_coordinates(effect)
+        t, y = jnp.zeros(()), jnp.asarray(self.y0, float)
         if _checks.is_traced(self):
+            _check_shapes(self.field, t, y)
             return
-        t = jnp.zeros(())
-        self.system.check(t, self.y0)
-        points = _points(self.system, t, self.y0)
+        self.system.check(t, y)
+        points = _points(self.system, t, y)
         for effect in self.effects:
             effect.check(points)
-            self._check_velocity(effect, points)
+        for effect, depends in zip(self.effects, _probed(self.field, t, y), strict=True):
+            if depends:
+                # A wrong claim would give wrong trajectories silently.
+                raise _checks.fail(
+                    type(effect).__name__,
+                    "a velocity-independent force, as velocity_dependent = False says",
+                    "one that depends on velocities",
+                    "Set velocity_dependent = True in the class.",
+                )
 
     def _names(self) -> str:
         return ", ".join(name for name, _ in self.system.labels())
-
-    def _check_coordinates(self, effect: Effect) -> None:
-        if "generalized" not in effect.acts:
-            return
-        q, v = self.system.coordinates(jnp.asarray(self.y0, float))
-        forces = jax.eval_shape(effect.generalized, jnp.zeros(()), q, v)
-        if forces is not None and forces.shape != v.shape:
-            raise _checks.fail(
-                type(effect).__name__,
-                f"forces on the coordinates of shape {v.shape}",
-                f"{forces.shape}",
-                f"One for each velocity of {self._names()}.",
-            )
 
     def _check_obeyed(self, effect: Effect) -> None:
         if not isinstance(effect, Effect):
@@ -299,17 +294,6 @@ class Scene(eqx.Module):
                 f"what moves a {type(self.system).__name__}: {obeyed or 'no effects at all'}",
                 " and ".join(_ACTIONS[way] for way in sorted(ignored)),
                 "It would be left out silently. Leave it out, or take another formulation.",
-            )
-
-    @staticmethod
-    def _check_velocity(effect: Effect, points: Points) -> None:
-        # A wrong claim would give wrong trajectories silently.
-        if not effect.velocity_dependent and not _forgets_velocity(effect, points):
-            raise _checks.fail(
-                type(effect).__name__,
-                "a force without velocities, as velocity_dependent = False says",
-                "one that depends on them",
-                "Set velocity_dependent = True in the class.",
             )
 
 
@@ -327,18 +311,36 @@ def checked(scene: Any) -> Scene:
     return scene
 
 
+def _check_shapes(field: Field, t: Array, y: Array) -> None:
+    """Raise ValueError if what the system or an effect returns has the wrong shape."""
+    points = jax.eval_shape(field.system.points, t, y)
+    _shapes.check_points(field.system, t, y, points)
+    for effect in field.effects:
+        _shapes.check_effect(effect, field.system, t, y, points)
+    _shapes.check_rate(field.system, field.effects, t, y)
+
+
 @eqx.filter_jit
 def _points(system: System, t: Array, y: Array) -> Points:
-    return system.points(t, y)
+    points = system.points(t, y)
+    _shapes.check_points(system, t, y, points)
+    return points
 
 
 @eqx.filter_jit
-def _forgets_velocity(effect: Effect, points: Points) -> Array:
-    """Whether the force is the same for NaN velocities.
+def _probed(field: Field, t: Array, y: Array) -> tuple[Array | bool, ...]:
+    """Whether each force that claims to be velocity-independent changes for NaN velocities.
 
-    Unless the force forgets them it becomes NaN, or takes the other branch of a comparison.
-    Compiled, because a force step by step on the host takes milliseconds.
+    It then becomes NaN, or takes the other branch of a comparison. Compiled, because a force step
+    by step on the host takes milliseconds; shapes are checked as it is traced.
     """
-    r, v, m = points
-    probed, plain = (effect.force(jnp.zeros(()), r, u, m) for u in (v * jnp.nan, v))
-    return jnp.array_equal(probed, plain, equal_nan=True)
+    _check_shapes(field, t, y)
+    r, v, m = field.system.points(t, y)
+
+    def depends(effect: Effect) -> Array | bool:
+        if effect.velocity_dependent:
+            return False
+        probed, plain = (effect.force(t, r, u, m) for u in (v * jnp.nan, v))
+        return ~jnp.array_equal(probed, plain, equal_nan=True)
+
+    return tuple(depends(effect) for effect in field.effects)

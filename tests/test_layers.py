@@ -16,6 +16,7 @@ RANKS = {
     "jaxdyn/_config.py": 0,
     "jaxdyn/_floats.py": 0,
     "jaxdyn/_numerics.py": 0,
+    "jaxdyn/_shapes.py": 1,
     "jaxdyn/side_by_side.py": 1,
     "jaxdyn/status.py": 0,
     "jaxdyn/cli/shared.py": 1,

@@ -1,6 +1,6 @@
 """The waist: composing scenes, what is compiled for them, and what they refuse."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -180,8 +180,8 @@ def _claiming(law) -> Effect:
 )
 def test_a_false_claim_about_velocity_is_refused(law):
     message = (
-        r"^Claim: expected a force without velocities, as velocity_dependent = False says, "
-        r"got one that depends on them\. Set velocity_dependent = True in the class\.$"
+        r"^Claim: expected a velocity-independent force, as velocity_dependent = False says, "
+        r"got one that depends on velocities\. Set velocity_dependent = True in the class\.$"
     )
     with pytest.raises(ValueError, match=message):
         (_ball() + _claiming(law)).check()
@@ -280,9 +280,105 @@ class _Short(Effect):
 
 
 def test_forces_on_coordinates_of_another_shape_are_refused():
-    wrong = r"_Short: expected forces on the coordinates of shape \(2,\), got \(1,\)"
+    wrong = r"_Short\.generalized: expected shape \(2,\), got shape \(1,\)\. One for each velocity"
     with pytest.raises(ValueError, match=wrong):
         (scenes.double_pendulum() + _Short()).check()
+
+
+class _Returning(Effect):
+    """A force, a potential, or both, that return what they are given."""
+
+    f: Any = None
+    V: Any = None
+
+    @property
+    def acts(self):
+        return frozenset({"force"})
+
+    def force(self, t, r, v, m):
+        return super().force(t, r, v, m) if self.f is None else self.f
+
+    def potential(self, t, r, m):
+        return self.V
+
+
+@pytest.mark.parametrize(
+    ("effect", "message"),
+    [
+        (
+            _Returning(jnp.ones(2)),
+            r"force: expected shape \(3, 2\), got shape \(2,\)\. One row for",
+        ),
+        (_Returning(jnp.ones((3, 1))), r"force: expected shape \(3, 2\), got shape \(3, 1\)\."),
+        (_Returning(jnp.ones(())), r"force: expected shape \(3, 2\), got shape \(\)\."),
+        (_Returning([1.0, 2.0]), r"force: expected an array of shape \(3, 2\), got list\."),
+        (_Returning(jnp.ones((3, 2), complex)), r"force: expected real numbers, got an array of c"),
+        (
+            _Returning(V=jnp.ones(1)),
+            r"potential: expected shape \(\), got shape \(1,\)\. An energy",
+        ),
+        (_Returning(V=jnp.ones(3)), r"potential: expected shape \(\), got shape \(3,\)\."),
+    ],
+)
+def test_what_an_effect_returns_has_its_shape(effect, message):
+    scene = Scene(FreePoints(np.ones(3)), (effect,), y0=np.arange(12.0))
+    with pytest.raises(ValueError, match=rf"^_Returning\.{message}"):
+        scene.check()
+    with pytest.raises(ValueError, match=rf"^_Returning\.{message}"):
+        jax.jit(lambda y: scene.starting(y).check())(scene.y0)
+
+
+class _Odd(FreePoints):
+    """Three points, one of whose methods returns another shape."""
+
+    method: str = eqx.field(static=True)
+
+    def __init__(self, method: str):
+        super().__init__(np.ones(3))
+        self.method = method
+
+    def rate(self, t, y, effects):
+        return super().rate(t, y, effects)[: 1 if self.method == "rate" else None]
+
+    def kinetic(self, t, y):
+        return super().kinetic(t, y) * (jnp.ones(3) if self.method == "kinetic" else 1.0)
+
+    def difference(self, y1, y0):
+        return (y1 - y0)[: 1 if self.method == "difference" else None]
+
+    def points(self, t, y):
+        points = super().points(t, y)
+        if self.method == "points.r":
+            return points._replace(r=points.r.ravel())
+        if self.method == "points.v":
+            return points._replace(v=points.v[:1])
+        return points._replace(m=points.m[:1]) if self.method == "points.m" else points
+
+
+@pytest.mark.parametrize(
+    ("method", "message"),
+    [
+        (
+            "rate",
+            r"rate: expected shape \(12,\), got shape \(1,\)\. One for each entry of the state",
+        ),
+        ("difference", r"difference: expected shape \(12,\), got shape \(1,\)\. One for each"),
+        ("kinetic", r"kinetic: expected shape \(\), got shape \(3,\)\. An energy is one number"),
+        ("points.r", r"points: expected r of shape \(n, d\), got shape \(6,\)\. One row for each"),
+        (
+            "points.v",
+            r"points: expected v of shape \(3, 2\), got shape \(1, 2\)\. r has shape \(3, 2",
+        ),
+        (
+            "points.m",
+            r"points: expected m of shape \(3,\), got shape \(1,\)\. r has shape \(3, 2\): 3",
+        ),
+    ],
+)
+def test_what_a_system_returns_has_its_shape(method, message):
+    scene = Scene(_Odd(method), y0=np.arange(12.0))
+    with pytest.raises(ValueError, match=rf"^_Odd\.{message}"):
+        scene.check()
 
 
 def test_what_an_effect_acts_on_follows_from_what_it_overrides():

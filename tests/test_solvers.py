@@ -42,9 +42,13 @@ def test_verner9_has_order_9_and_an_estimate_of_order_8():
     assert min(method[-1], error[-1]) > 1e-7  # and no more than that
 
 
-@pytest.mark.parametrize("solver", [diffrax.Dopri8(), diffrax.Tsit5(), diffrax.Bosh3()])
-def test_pairs_from_diffrax_have_their_order(solver):
-    pair = from_diffrax(solver)
+#: Solvers of diffrax that have a table of an explicit method; all others are refused.
+EXPLICIT = ("Bosh3", "Dopri5", "Dopri8", "Heun", "Midpoint", "Ralston", "Tsit5")
+
+
+@pytest.mark.parametrize("name", EXPLICIT)
+def test_pairs_from_diffrax_have_their_order(name):
+    pair = from_diffrax(getattr(diffrax, name)())
     conditions = OrderConditions(pair.a.tolist())
     method = conditions.residuals(pair.weights[0, 0].tolist(), pair.order + 1)
     error = conditions.residuals(pair.weights[1, 0].tolist(), pair.error_order, of_error=True)
@@ -53,6 +57,65 @@ def test_pairs_from_diffrax_have_their_order(solver):
     assert max(method[:-1]) < 2 * EXACT
     assert max(error[:-1]) < 2 * EXACT
     assert min(method[-1], error[-1]) > 1e-6
+
+
+def _instance(kind: type):
+    """A solver of a class of diffrax; None where the class is a base of others."""
+    if kind.__name__.startswith("Abstract"):
+        return None
+    wraps = issubclass(kind, diffrax.AbstractWrappedSolver)
+    return kind(diffrax.Tsit5()) if wraps else kind()
+
+
+def test_every_other_solver_of_diffrax_is_refused():
+    classes = [x for x in vars(diffrax).values() if isinstance(x, type)]
+    kinds = [x for x in classes if issubclass(x, diffrax.AbstractSolver)]
+    solvers = {kind.__name__: _instance(kind) for kind in kinds}
+    refused = {n: s for n, s in solvers.items() if s is not None and n not in EXPLICIT}
+    assert len(refused) >= 25
+    for name, solver in refused.items():
+        wanted = f"^solver: expected an explicit Runge-Kutta solver of diffrax, got {name}, which "
+        with pytest.raises(ValueError, match=wanted):
+            from_diffrax(solver)
+
+
+class _Diagonal(diffrax.AbstractDIRK):
+    """A tableau of one's own: the implicit midpoint rule."""
+
+    tableau = diffrax.ButcherTableau(
+        c=np.zeros(1),
+        b_sol=np.array([1.0, 0.0]),
+        b_error=np.array([1.0, -1.0]),
+        a_lower=(np.array([0.0]),),
+        a_predictor=(np.array([1.0]),),
+        a_diagonal=np.array([0.5, 0.0]),
+        c1=0.5,
+    )
+    interpolation_cls = diffrax.LocalLinearInterpolation
+    root_finder = diffrax.VeryChord(1e-3, 1e-6)
+    root_find_max_steps = 10
+
+    def order(self, terms):
+        return 2
+
+
+@pytest.mark.parametrize(
+    ("solver", "message"),
+    [
+        (diffrax.Kvaerno5(), r"got Kvaerno5, which is implicit\. Take solvers\.RADAU9, which"),
+        (diffrax.ImplicitEuler(), r"got ImplicitEuler, which is implicit\. Take solvers\.RADAU9"),
+        (_Diagonal(), r"got _Diagonal, which is implicit\. Take solvers\.RADAU9"),
+        (diffrax.KenCarp4(), r"got KenCarp4, which splits the rate into .* Take solvers\.RADAU9"),
+        (diffrax.SRA1(), r"got SRA1, which has no Butcher tableau of an ODE\. Take one of jaxd"),
+        (diffrax.Tsit5, r"got Tsit5, which is none\. Pass an instance, such as diffrax\.Tsit5"),
+        (3, r"got int, which is none\. Pass an instance, such as diffrax\.Tsit5\(\)"),
+    ],
+    ids=lambda x: type(x).__name__,
+)
+def test_from_diffrax_says_what_to_take_instead(solver, message):
+    wanted = f"^solver: expected an explicit Runge-Kutta solver of diffrax, {message}"
+    with pytest.raises(ValueError, match=wanted):
+        from_diffrax(solver)
 
 
 def _nystrom_step_of_kepler(table: dict, h: mp.mpf, e: mp.mpf) -> tuple:

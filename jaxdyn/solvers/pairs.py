@@ -1,4 +1,4 @@
-"""Explicit pairs: Runge-Kutta for any vector field, Nystrom where forces forget v.
+"""Explicit pairs: Runge-Kutta for any vector field, Nystrom for velocity-independent forces.
 
 A `Pair` is a table of coefficients. Two forms of one step, equal but for rounding:
 
@@ -29,6 +29,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn import _checks
 from jaxdyn._numerics import materialised, runtime_one
 from jaxdyn.solvers.method import Advance, Field, Method, fastest, grows_from
 
@@ -242,17 +243,39 @@ def _growth(pair: Pair, z: float) -> float:
 
 
 def from_diffrax(solver: diffrax.AbstractERK) -> Pair:
-    """The pair of any explicit Runge-Kutta solver of diffrax, e.g. ``diffrax.Tsit5()``."""
-    table = solver.tableau
+    """The pair of an explicit Runge-Kutta solver of diffrax, e.g. ``diffrax.Tsit5()``.
+
+    Raises:
+      ValueError: any other solver, since a `Pair` holds one strictly lower triangular table.
+    """
+    table = getattr(solver, "tableau", None)
+    reason, remedy = _unsuitable(solver, table)
+    if reason:
+        got = solver if isinstance(solver, type) else type(solver)
+        name = f"{getattr(got, '__name__', got)}, {reason}"
+        raise _checks.fail("solver", "an explicit Runge-Kutta solver of diffrax", name, remedy)
     s = len(table.b_sol)
     a = np.zeros((s, s))
     for i, row in enumerate(table.a_lower):
         a[i + 1, : len(row)] = row
     weights = np.stack([table.b_sol, table.b_error])[:, None, :]
     order = solver.order(None)
-    assert order is not None
     c = np.concatenate([[0.0], table.c])
     return Pair(type(solver).__name__, order, order, c, a, weights, nystrom=False)
+
+
+def _unsuitable(solver, table) -> tuple[str, str]:
+    """Why a solver has no explicit table, and what to take instead; empty where it has one."""
+    stiff = "Take solvers.RADAU9, which is implicit, for stiff scenes."
+    if not isinstance(solver, diffrax.AbstractSolver):
+        return "which is none", "Pass an instance, such as diffrax.Tsit5()."
+    if isinstance(table, diffrax.MultiButcherTableau):
+        return "which splits the rate into an explicit and an implicit part", stiff
+    if isinstance(solver, diffrax.AbstractImplicitSolver) or getattr(table, "implicit", False):
+        return "which is implicit", stiff
+    if not isinstance(table, diffrax.ButcherTableau) or solver.order(None) is None:
+        return "which has no Butcher tableau of an ODE", "Take one of jaxdyn.solvers."
+    return "", ""
 
 
 def _load(file: str, name: str, order: int, error_order: int) -> Pair:

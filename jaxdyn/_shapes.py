@@ -1,0 +1,65 @@
+"""Whether what a system and its effects return has the shapes that formulations add up.
+
+An array of the wrong shape is often broadcast without a word: one force of shape (d,) on n points
+would act on each of them. Shapes are known as soon as a function is traced, so these checks take
+no values and run once for each kind of scene.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+
+
+def check_points(system: Any, t: Array, y: Array, points: Any) -> None:
+    """Raise ValueError unless a system's material points and kinetic energy have their shapes."""
+    name, r = f"{type(system).__name__}.points", jnp.shape(points.r)
+    if len(r) != 2:
+        raise _checks.fail(name, "r of shape (n, d)", f"shape {r}", "One row for each point.")
+    for part, x, wanted in (("v", points.v, r), ("m", points.m, r[:1])):
+        if jnp.shape(x) != wanted:
+            raise _checks.fail(
+                name,
+                f"{part} of shape {wanted}",
+                f"shape {jnp.shape(x)}",
+                f"r has shape {r}: {r[0]} points in {r[1]} dimensions.",
+            )
+    _check(f"{type(system).__name__}.kinetic", (), "An energy is one number.", system.kinetic, t, y)
+
+
+def check_rate(system: Any, effects: tuple, t: Array, y: Array) -> None:
+    """Raise ValueError unless a system's rate and its difference of states have the state's."""
+    name, remedy = type(system).__name__, "One for each entry of the state."
+    _check(f"{name}.rate", y.shape, remedy, lambda t, y: system.rate(t, y, effects), t, y)
+    _check(f"{name}.difference", y.shape, remedy, system.difference, y, y)
+
+
+def check_effect(effect: Any, system: Any, t: Array, y: Array, points: Any) -> None:
+    """Raise ValueError unless what an effect returns has its shape, where it returns anything."""
+    name, (r, v, m) = type(effect).__name__, points
+    if "generalized" in effect.acts:
+        q, rates = system.coordinates(y)
+        each = "One for each velocity of the system."
+        _check(f"{name}.generalized", rates.shape, each, effect.generalized, t, q, rates)
+    if "force" not in effect.acts:
+        return
+    _check(f"{name}.potential", (), "An energy is one number.", effect.potential, t, r, m)
+    each = "One row for each point; jnp.broadcast_to(f, r.shape) repeats one force."
+    _check(f"{name}.force", r.shape, each, effect.force, t, r, v, m)
+
+
+def _check(name: str, shape: tuple, remedy: str, function: Callable, *args) -> None:
+    found = jax.eval_shape(function, *args)
+    if found is None:
+        return
+    got = getattr(found, "shape", None)
+    if got is None:
+        raise _checks.fail(name, f"an array of shape {shape}", type(found).__name__, remedy)
+    if got != shape:
+        raise _checks.fail(name, f"shape {shape}", f"shape {got}", remedy)
+    if not (jnp.issubdtype(found.dtype, jnp.floating) or jnp.issubdtype(found.dtype, jnp.integer)):
+        raise _checks.fail(name, "real numbers", f"an array of {found.dtype}", remedy)
