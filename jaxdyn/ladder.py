@@ -275,8 +275,8 @@ def rounding(run: Run, scene: Scene, ys: np.ndarray, tolerance: np.ndarray) -> n
     for change in _CHANGES:
         moved = np.zeros_like(ys)
         for draw in range(_DRAWS):
-            changed = _changed(scene, change, np.random.default_rng(draw))
-            gap = np.abs(gaps(scene, np.asarray(run(changed, tolerance).ys), ys))
+            other = changed(scene, change, np.random.default_rng(draw))
+            gap = np.abs(gaps(scene, np.asarray(run(other, tolerance).ys), ys))
             moved = np.fmax(moved, gap)  # a changed scene that cannot be run says nothing
         left = np.maximum.accumulate(moved / scale > _LINEAR).any(axis=1, keepdims=True)
         moved = _ROUNDED * _EPS / change * moved
@@ -286,11 +286,15 @@ def rounding(run: Run, scene: Scene, ys: np.ndarray, tolerance: np.ndarray) -> n
     return np.where(left, scale, np.maximum(moved, least))
 
 
-def _changed(scene: Scene, change: float, rng: np.random.Generator) -> Scene:
+def changed(scene: Scene, change: float, rng: np.random.Generator) -> Scene:
+    """The scene with each of its numbers and its start changed by a part, up or down at random."""
+
     def nudge(x):
-        return jnp.asarray(x) * (1.0 + change * rng.choice([-1.0, 1.0], np.shape(x)))
+        factor = 1.0 + change * rng.choice([-1.0, 1.0], np.shape(x))
+        # A Python number keeps the kind of a single number, for which all is compiled.
+        return jnp.asarray(x) * (factor if np.ndim(x) else float(factor))
 
     numbers, rest = eqx.partition(scene.field, eqx.is_inexact_array)
     field = eqx.combine(jax.tree.map(nudge, numbers), rest)
-    changed = Scene(field.system, field.effects, y0=nudge(scene.y0), t1=scene.t1)
-    return changed.starting(changed.field.project(jnp.zeros(()), changed.y0))
+    other = Scene(field.system, field.effects, y0=nudge(scene.y0), t1=scene.t1)
+    return other.starting(other.field.project(jnp.zeros(()), other.y0))

@@ -63,6 +63,7 @@ RANKS = {
     "jaxdyn/simulate.py": 6,
     "jaxdyn/accuracy.py": 7,
     "jaxdyn/horizon.py": 8,
+    "jaxdyn/end_error.py": 9,
     "jaxdyn/timing.py": 0,
     "jaxdyn/work.py": 8,
     "jaxdyn/rod_or_spring.py": 10,
