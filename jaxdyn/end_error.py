@@ -116,6 +116,9 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
       ('-0.839071', '0.5440211')
     """
     scene, y = _end(motion)
+    if not np.isfinite(y).all():
+        nothing = np.full_like(y, np.nan)
+        return EndError(y, nothing, nothing, nothing)
     start = pieces_of(motion)[0].scene
     finer = max(rtol * RATIO, FINEST)
     changed = ladder.changed(start, _LAST_DIGIT, np.random.default_rng(_SEED))

@@ -53,6 +53,23 @@ def test_the_problems_are_listed_with_what_answers_each(jaxdyn):
     assert "[italic]" not in out
 
 
+def test_digits_that_chaos_has_eaten_are_not_printed(jaxdyn):
+    code, out, _ = jaxdyn("run", "lorenz", "--t1", "60", "--samples", "2")
+    assert code == 0
+    assert len(re.findall(r"^ [ xyz]+no digit left \(\+-[1-9]e\+01\)$", out, re.MULTILINE)) == 3
+    assert "No digit is certain: rounding alone moves this end by its own size." in out
+    code, out, _ = jaxdyn("run", "lorenz", "--t1", "20", "--samples", "2")
+    # By the Taylor integrator heyoka in 48 digits: 13.793199595, 12.951803936, 34.901608681.
+    assert re.findall(r"^  [xyz] +(.+)$", out, re.MULTILINE) == [
+        "13.7932",
+        "12.951804",
+        "34.901609",
+    ]
+    assert "8.7 digits are right, relative to the largest entry" in out
+    code, out, _ = jaxdyn("run", "lorenz", "--t1", "20", "--samples", "2", "--json")
+    assert all(1e-8 < error < 1e-7 for error in json.loads(out)["error"])
+
+
 @pytest.mark.slow
 def test_a_car_brakes_to_rest_long_before_the_span_ends(jaxdyn, tmp_path):
     picture = tmp_path / "car.png"

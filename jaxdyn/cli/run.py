@@ -17,9 +17,11 @@ from jaxdyn.cli.shared import (
     SetOption,
     SpanOption,
 )
+from jaxdyn.end_error import EndError, end_error
 from jaxdyn.energy_change import energy_change
 from jaxdyn.image_files import animation_path, picture_path
 from jaxdyn.phases import Chain, pieces_of
+from jaxdyn.scene import Scene
 from jaxdyn.simulate import RTOL, Trajectory
 from jaxdyn.solvers import DOPRI8, NYSTROM12, STOERMER14, STOERMER18, VERNER9
 from jaxdyn.status import Status
@@ -52,14 +54,18 @@ def run_command(
     remedy = f"It is at most {_MOST_SAMPLES} here; jaxdyn.simulate takes more."
     _checks.whole("samples", samples, most=_MOST_SAMPLES, remedy=remedy)
     scene = catalogue.build(name, catalogue.settings(settings or ()))
-    motion = catalogue.entries()[name].motion(
-        scene, t1, samples=samples, rtol=rtol, solver=_SOLVERS.get(solver)
-    )
-    result = _result(name, motion)
+
+    def made(scene: Scene, rtol: float) -> Trajectory | Chain:
+        how = {"samples": samples, "rtol": rtol, "solver": _SOLVERS.get(solver)}
+        return catalogue.entries()[name].motion(scene, t1, **how)
+
+    motion = made(scene, rtol)
+    end = end_error(motion, made, rtol=rtol)
+    result = _result(name, motion, end)
     if as_object:
         print(json.dumps(result))  # noqa: T201
     else:
-        _print(result, console)
+        _print(result, end, console)
     if plot:
         from jaxdyn import drawing
 
@@ -75,7 +81,7 @@ def run_command(
         raise typer.Exit(STOPPED)
 
 
-def _result(name: str, motion: Trajectory | Chain) -> dict:
+def _result(name: str, motion: Trajectory | Chain, end: EndError) -> dict:
     pieces = pieces_of(motion)
     change = energy_change(motion)
     in_phases = isinstance(motion, Chain)
@@ -90,6 +96,7 @@ def _result(name: str, motion: Trajectory | Chain) -> dict:
         "t": _finite(np.concatenate(ts)),
         "labels": [_label(*label) for label in pieces[0].scene.labels()],
         "y": _finite(np.concatenate(ys)),
+        "error": _finite(end.error),
         "phases": [
             {"name": phase, "t0": float(piece.ts[0]), "t1": float(piece.ts[-1])}
             for phase, piece in zip(motion.names if in_phases else (), pieces, strict=False)
@@ -118,12 +125,11 @@ def _finite(values) -> list:
     return np.where(np.isfinite(values), values.astype(object), None).tolist()
 
 
-def _print(result: dict, console: Console) -> None:
-    last = result["y"][-1]
+def _print(result: dict, end: EndError, console: Console) -> None:
     console.print(f"[bold]{result['scene']}[/bold] at t = {result['t'][-1]:g}:")
-    for label, value in zip(result["labels"], last, strict=True):
-        shown = "not reached" if value is None else format(value, ".12g")
+    for label, shown in zip(result["labels"], end.written(), strict=True):
         console.print(f"  {escape(label):24} {shown}")
+    console.print(end.message)
     for phase in result["phases"]:
         console.print(f"  {phase['name']:12} from {phase['t0']:.9g} to {phase['t1']:.9g}")
     drift, causes = result["energy_drift"], result["energy_changed_by"]
