@@ -2,9 +2,10 @@
 
 import jax
 import jax.numpy as jnp
+import mpmath
 import numpy as np
 import pytest
-from helpers import EXACT, SOLVED, gap
+from helpers import EXACT, SOLVED, central_difference, gap
 
 from jaxdyn import Status, energy, kinematics, simulate
 from jaxdyn.scenes import guides
@@ -83,13 +84,40 @@ def test_turntable_approaches_its_limit_angle(speed):
     assert gap(theta + left, guides.turntable_limit(speed=speed)) < 1e-10
 
 
-def test_turntable_turns_for_ever_with_the_mass_at_rest():
-    scene = guides.turntable(speed=0.0, rate=2.0)
-    assert gap(scene.rate(NOW, scene.y0), jnp.array([2.0, 0.0, 0.0, 0.0])) < EXACT
-    # Unstable: what rounding displaces grows by exp(2 t).
+@pytest.mark.parametrize("speed", [1.0, -0.3, 1e-4, 1e-8, 1e-100])
+def test_the_turntables_limit_is_an_elliptic_integral_at_any_speed(speed):
+    d, m, inertia, rate = 0.4, 1.5, 2.0, 1.3
+    a = inertia + m * d * d
+    h, e2 = a * rate + m * d * speed, a * rate**2 + m * speed**2 + 2 * m * d * speed * rate
+    with mpmath.workdps(30):
+        near = inertia * mpmath.mpf(speed) ** 2 / e2
+        first = mpmath.elliprf(0, near, inertia / m)
+        third = mpmath.elliprj(0, near, inertia / m, a / m)
+        exact = h / mpmath.sqrt(e2 * m) * (first - d * d / 3 * third)
+        exact -= mpmath.sign(speed) * m * d * mpmath.pi / 2 / mpmath.sqrt(m * a)
+    found = guides.turntable_limit(d=d, m=m, inertia=inertia, speed=speed, rate=rate)
+    assert abs(float(found) / float(exact) - 1) < EXACT
+
+
+def test_the_turntables_limit_is_differentiable():
+    def limit(x):
+        return guides.turntable_limit(d=x[0], speed=x[1], rate=x[2])
+
+    x = jnp.array([0.4, 0.1, 1.2])
+    assert gap(jax.grad(limit)(x), central_difference(limit, x)) < 1e-7  # h^4 / v^5
+
+
+def test_turntable_turns_for_ever_with_the_mass_at_rest_but_is_unstable():
+    m, inertia, d, rate = 1.3, 0.8, 0.6, 2.0
+    scene = guides.turntable(m=m, inertia=inertia, d=d, speed=0.0, rate=rate)
+    assert gap(scene.rate(NOW, scene.y0), jnp.array([rate, 0.0, 0.0, 0.0])) < EXACT
     motion = simulate(scene, 4.0, samples=9, rtol=1e-13)
-    assert gap(motion["theta"], 2.0 * motion.ts) < SOLVED * 10
-    assert not np.isfinite(guides.turntable_limit(speed=0.0))
+    assert gap(motion["theta"], rate * motion.ts) < SOLVED * 10
+    # The growth rate of the docstring.
+    growth = np.linalg.eigvals(jax.jacfwd(lambda y: scene.rate(NOW, y))(scene.y0)).real.max()
+    assert abs(growth / (rate * np.sqrt(1 + m * d * d / inertia)) - 1) < EXACT * 10
+    limits = [guides.turntable_limit(speed=0.0, rate=rate) for rate in (2.0, -2.0, 0.0)]
+    assert np.array_equal(limits, [np.inf, -np.inf, 0.0])
 
 
 def test_plate_turns_at_zero_angular_momentum():
@@ -100,6 +128,19 @@ def test_plate_turns_at_zero_angular_momentum():
     closed = -np.pi * (1 - 7 / np.sqrt(65))
     assert gap(motion["phi"][-1], closed) < SOLVED
     assert gap(guides.plate_turn(), closed) < EXACT
+
+
+@pytest.mark.parametrize("weld", [2.0, 1e-3, 1e-6])
+def test_the_plates_turn_is_that_of_a_quadrature_however_near_a_mass_comes_to_the_middle(weld):
+    with mpmath.workdps(30):
+        exact = mpmath.quad(
+            lambda t: (
+                -4 * (1 + mpmath.cos(t)) / (mpmath.mpf(weld) ** 2 + 4 + 4 + 8 * mpmath.cos(t))
+            ),
+            [0, *(mpmath.pi * (1 - mpmath.mpf(10) ** -i) for i in range(1, 8)), mpmath.pi],
+        )
+    found = guides.plate_turn(weld=weld, centre=2.0, radius=2.0)
+    assert abs(float(found) / float(2 * exact) - 1) < EXACT
 
 
 def test_numbers_that_make_no_sense_are_refused():

@@ -5,6 +5,7 @@ x points right and y up; the turntable and the plate lie flat and feel no gravit
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -16,7 +17,8 @@ from jaxdyn.formulations.guided import Cycloid, Parabola, Plate, TiedParabola, T
 from jaxdyn.formulations.routes import Embedding, route
 from jaxdyn.scene import Scene
 
-_NODES = 4096  # of the trapezoidal rule, which converges geometrically for periodic functions
+_NODES = 4096  # of the trapezoidal rule, which converges geometrically in log(s)
+_TAIL = 40.0  # what is left out at either end of it: e^-40 of the whole
 
 
 def bead_on_parabola(
@@ -90,7 +92,11 @@ def turntable(
 
     The mass starts at the point of the slot nearest to the centre, with the slot below it.
     With any speed along the slot the table turns by a finite angle in infinite time, see
-    `turntable_limit`; with none it turns for ever, but the least displacement grows.
+    `turntable_limit`. With none the mass stays there and the table turns for ever: an unstable
+    steady state, from which any displacement grows like exp(w t), w = rate sqrt(1 + m d^2 / I).
+
+    Limits: for speed = 0 rounding is such a displacement. A simulation leaves the steady state
+      after some 35 / w (16 s for the default numbers), in a direction that means nothing.
 
     Args:
       d: distance of the slot from the centre [m].
@@ -111,31 +117,47 @@ def turntable(
 def turntable_limit(*, d=0.5, m=1.0, inertia=1.0, speed=1.0, rate=1.0) -> Array:
     """() angle [rad] that the turntable of problem 34 approaches as time goes on.
 
-    With A = I + m d^2, angular momentum H and energy E the two conservation laws give
+    With A = I + m d^2, angular momentum H and energy E = (H^2 + m I v^2) / (2 A), v being the
+    speed at the start, the two conservation laws give
 
-        (ds/dt)^2 = (2 E (A + m s^2) - H^2) / (m (I + m s^2)),
+        (ds/dt)^2 = (I v^2 + 2 E s^2) / (I + m s^2),
         dtheta/ds = (H / (ds/dt) - m d) / (A + m s^2).
 
-    The right side of the first is positive and falls to no limit but 2 E / m, so s never turns
-    back and grows without bound; that of the second falls as 1 / s^2, so its integral over all
-    s is finite. With s = sqrt(A / m) tan(u) it is the integral of a smooth, periodic function.
+    The right side of the first is positive and tends to 2 E / m, so s never turns back and grows
+    without bound; that of the second falls like 1 / s^2, so its integral over all s is finite.
+    Its first part is an elliptic integral, whose integrand changes at s = v sqrt(I / (2 E)) and
+    at s = sqrt(A / m): as a function of log(s) it is smooth however far apart these are, which
+    they are for small speeds, where the angle grows like log(1 / v).
 
     Args:
       d: distance of the slot from the centre [m].
       m: sliding mass [kg].
       inertia: of the table about its centre, > 0 [kg m^2].
-      speed: of the mass along the slot at the start, not 0 [m/s].
+      speed: of the mass along the slot at the start [m/s].
       rate: of turning at the start [rad/s].
-    Limits: infinite or NaN at speed 0, where the mass stays and the table turns for ever.
+    Returns:
+      The angle, right to 1e-14 of its largest part; at speed 0 infinite, in the sense of the
+      rate, and 0 where nothing moves.
+    Example:
+      >>> round(float(turntable_limit(speed=1e-8)), 9)
+      17.32055798
     """
+    d, m, inertia, speed, rate = floats(d, m, inertia, speed, rate)
+    still = speed == 0
+    v = jnp.where(still, 1.0, jnp.abs(speed))
     a = inertia + m * d * d
-    h = a * rate + m * d * speed
-    e2 = a * rate**2 + m * speed**2 + 2 * m * d * speed * rate
-    u = jnp.asarray((np.arange(_NODES) + 0.5) * (np.pi / 2 / _NODES))
-    s2 = a / m * jnp.tan(u) ** 2
-    s_dot = jnp.sign(speed) * jnp.sqrt((e2 * (a + m * s2) - h * h) / (m * (inertia + m * s2)))
-    slope = h / s_dot - m * d
-    return jnp.sign(speed) * jnp.mean(slope) * (math.pi / 2) / jnp.sqrt(m * a)
+    h = a * rate + m * d * jnp.sign(speed) * v
+    fastest = jnp.sqrt((h * h + m * inertia * v * v) / a)  # sqrt(2 E), without cancellation
+    near = v * jnp.sqrt(inertia) / fastest
+    far = jnp.sqrt(a / m)
+    low = jax.lax.stop_gradient(jnp.log(jnp.minimum(near, far)) - _TAIL)
+    high = jax.lax.stop_gradient(jnp.log(jnp.maximum(near, far)) + _TAIL)
+    s = jnp.exp(low + (high - low) * jnp.asarray((np.arange(_NODES) + 0.5) / _NODES))
+    time = jnp.sqrt(inertia + m * s * s) / (fastest * jnp.hypot(near, s))  # dt / ds
+    turned = h * (high - low) * jnp.mean(s * time / (a + m * s * s))
+    limit = turned - jnp.sign(speed) * m * d * (math.pi / 2) / jnp.sqrt(m * a)
+    for_ever = jnp.where(rate == 0, 0.0, jnp.where(rate > 0, jnp.inf, -jnp.inf))
+    return jnp.where(still, for_ever, limit)
 
 
 def plate(*, m=1.0, weld=2.0, centre=2.0, radius=1.0, t1=math.pi) -> Scene:
@@ -161,12 +183,17 @@ def plate_turn(*, weld=2.0, centre=2.0, radius=1.0) -> Array:
     """() angle [rad] by which that plate has turned after one round, whatever its pace.
 
     No angular momentum: (|a|^2 + |r|^2) dphi + (x dy - y dx) = 0 for a welded mass at a and a
-    driven one at r = (x, y) on the plate, so phi is an integral over the path.
+    driven one at r = (x, y) on the plate, so phi is an integral over the path. With weld w,
+    centre c and radius b it is -pi (1 - cos(beta)), where beta is the angle of a triangle with
+    tan(beta) = 2 b w / (w^2 + c^2 - b^2).
+
+    Example:
+      >>> round(float(plate_turn(weld=2.0, centre=2.0, radius=1.0)), 12)  # -pi (1 - 7 / sqrt(65))
+      -0.413926376762
     """
-    angle = jnp.asarray(np.arange(_NODES) * (2 * np.pi / _NODES))
-    x, y = centre + radius * jnp.cos(angle), radius * jnp.sin(angle)
-    swept = x * radius * jnp.cos(angle) + y * radius * jnp.sin(angle)
-    return -2 * math.pi * jnp.mean(swept / (weld**2 + x * x + y * y))
+    weld, centre, radius = floats(weld, centre, radius)
+    beta = jnp.arctan2(2 * radius * weld, weld**2 + (centre - radius) * (centre + radius))
+    return -2 * math.pi * jnp.sin(0.5 * beta) ** 2
 
 
 def cycloid(c, s: Array) -> Array:
