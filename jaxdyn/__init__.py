@@ -15,9 +15,8 @@ True
 Gradients go through all of it, in every number, in forward and reverse mode:
 
 >>> import jax
->>> from jaxdyn.simulate import solve
 >>> def reach(c):
-...     return solve(scenes.cannonball() + effects.QuadraticDrag(c), 1.0).y1[0]
+...     return jaxdyn.solve(scenes.cannonball() + effects.QuadraticDrag(c), 1.0).y1[0]
 >>> round(float(jax.grad(reach)(0.1)), 6)
 -13.035798
 
@@ -25,22 +24,8 @@ Gradients go through all of it, in every number, in forward and reverse mode:
 `orbits` finds periodic motions of any of them.
 """
 
-from jaxdyn import accuracy as accuracy
-from jaxdyn import approaches as approaches
-from jaxdyn import effects as effects
-from jaxdyn import energy as energy
-from jaxdyn import ensemble as ensemble
-from jaxdyn import events as events
-from jaxdyn import regularised as regularised
-from jaxdyn import scenes as scenes
-from jaxdyn import solvers as solvers
-from jaxdyn import watches as watches
-from jaxdyn._config import configure as configure
-from jaxdyn.scene import Effect as Effect
-from jaxdyn.scene import Points as Points
-from jaxdyn.scene import Scene as Scene
-from jaxdyn.scene import System as System
-from jaxdyn.simulate import Trajectory as Trajectory
-from jaxdyn.simulate import simulate as simulate
-from jaxdyn.status import IntegrationError as IntegrationError
-from jaxdyn.status import Status as Status
+from jaxdyn import _lazy
+
+__version__ = "0.1.0"
+
+_lazy.attach(__name__)

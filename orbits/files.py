@@ -5,7 +5,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from jaxdyn import Effect, Scene, System, records
+from jaxdyn import Effect, Scene, System, effects, records, scenes
 from jaxdyn._checks import fail
 from jaxdyn.formulations.attitude import Attitude
 from jaxdyn.formulations.mechanism import Mechanism
@@ -16,6 +16,8 @@ from orbits.problem import Orbit, Outcome
 from orbits.symmetry import Symmetry
 
 KEYS = {"scene", "closing", "angle", "rtol", "s_period"}
+#: What defines the classes that a file may name: they are looked up among those that are loaded.
+LOADED = (effects, scenes)
 #: Base classes of what a scene is put together from.
 KINDS = (System, Effect, Mechanism, Attitude, MaterialPoints)
 DAMAGED = "The file was edited or is damaged."

@@ -15,7 +15,7 @@ from jaxdyn import scenes
 from jaxdyn.regularised import logarithmic_span, solve_regularised
 from jaxdyn.simulate import solve
 from jaxdyn.status import Status
-from orbits import evidence, verify
+from orbits import evidence
 from orbits.cuts import with_segments
 from orbits.equations import Equations
 from orbits.motion import logarithmic_period
@@ -99,16 +99,16 @@ def test_its_multipliers_are_those_of_plain_time(close):
 
 @pytest.mark.slow
 def test_its_file_keeps_the_time_it_is_followed_in(close, tmp_path):
-    verify.save(tmp_path / "orbit.json", close)
-    loaded, claims = verify.load(tmp_path / "orbit.json")
+    orbits.save(tmp_path / "orbit.json", close)
+    loaded, claims = orbits.load(tmp_path / "orbit.json")
     assert loaded.s_period == close.s_period
     assert orbits.closure(loaded) == orbits.closure(close) == claims["closure"]
-    assert verify.verify(tmp_path / "orbit.json")[1] == []
+    assert orbits.verify(tmp_path / "orbit.json")[1] == []
     record = json.loads((tmp_path / "orbit.json").read_text())
     for wrong in (0.0, -1.0, "long"):
         (tmp_path / "wrong.json").write_text(json.dumps(record | {"s_period": wrong}))
         with pytest.raises(ValueError, match="expected a span of logarithmic time > 0, or null"):
-            verify.load(tmp_path / "wrong.json")
+            orbits.load(tmp_path / "wrong.json")
 
 
 @pytest.mark.slow

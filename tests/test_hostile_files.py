@@ -10,13 +10,13 @@ import pytest
 
 import orbits
 from jaxdyn import records, scenes
-from orbits import family_files, files, table, verify
+from orbits import family_files, files, table
 from orbits.problem import Orbit, Outcome
 
 FIND = table.Find(0, (1.0, 0.0), 2.0, 0, 1e-16, 0.0, 1e-15, 2.0, "stable", 1.0, "")
 CHUNKS = [table.Chunk(i, {"samples": 2, "orbits": 1}, (FIND,)) for i in range(3)]
 READERS = {
-    "orbit": verify.load,
+    "orbit": orbits.load,
     "family": family_files.load,
     "search": table.read,
 }

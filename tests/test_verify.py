@@ -9,9 +9,9 @@ import pytest
 
 import orbits
 from jaxdyn import scenes
-from orbits import verify as files
 from orbits.problem import Orbit, Outcome
 from orbits.report import Report, as_json, report
+from orbits.verify import VERSION
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def eight():
 @pytest.fixture(scope="module")
 def saved(eight, tmp_path_factory):
     path = tmp_path_factory.mktemp("orbits") / "eight.json"
-    files.save(path, eight)
+    orbits.save(path, eight)
     return path
 
 
@@ -44,12 +44,12 @@ def edited(saved, tmp_path):
 
 
 def names(path) -> set[str]:
-    return {mismatch.name for mismatch in files.verify(path)[1]}
+    return {mismatch.name for mismatch in orbits.verify(path)[1]}
 
 
 @pytest.mark.slow
 def test_a_saved_orbit_verifies(saved, eight):
-    derived, mismatches = files.verify(saved)
+    derived, mismatches = orbits.verify(saved)
     assert mismatches == []
     assert isinstance(derived, Report)
     assert derived.period == eight.period
@@ -59,7 +59,7 @@ def test_a_saved_orbit_verifies(saved, eight):
 
 
 def test_the_file_is_read_back_to_the_bit(saved, eight):
-    orbit, claims = files.load(saved)
+    orbit, claims = orbits.load(saved)
     np.testing.assert_array_equal(orbit.y0, eight.y0)
     assert (orbit.period, orbit.rtol, orbit.closing) == (eight.period, eight.rtol, eight.closing)
     assert claims == as_json(report(eight))
@@ -68,8 +68,8 @@ def test_the_file_is_read_back_to_the_bit(saved, eight):
 def test_the_neighbour_with_its_real_pair_verifies(tmp_path):
     start, period = scenes.EIGHT_GUESS, scenes.EIGHT_GUESS_PERIOD
     neighbour = orbits.find(scenes.three_body(), start, period)
-    files.save(tmp_path / "neighbour.json", neighbour)
-    derived, mismatches = files.verify(tmp_path / "neighbour.json")
+    orbits.save(tmp_path / "neighbour.json", neighbour)
+    derived, mismatches = orbits.verify(tmp_path / "neighbour.json")
     assert mismatches == []
     assert derived.exponents[0] is None
 
@@ -174,7 +174,7 @@ def test_an_edited_closing_is_seen(edited):
 def test_a_file_that_is_honest_about_a_motion_that_is_no_orbit_fails(tmp_path):
     scene = scenes.three_body(t1=6.0)
     no_orbit = Orbit(scene, orbits.PLAIN, 0.0, Outcome.FOUND, 0, 1e-14)
-    files.save(tmp_path / "no.json", no_orbit)
+    orbits.save(tmp_path / "no.json", no_orbit)
     assert names(tmp_path / "no.json") == {"error of the plain closing"}
 
 
@@ -227,13 +227,13 @@ def test_files_that_make_no_sense(edited, keys, to, message):
 
     record_path = edited(*keys, to=put) if keys[-1] != "more" else _with_more(edited, keys)
     with pytest.raises(ValueError, match=re.escape(message)):
-        files.verify(record_path)
+        orbits.verify(record_path)
 
 
 def _with_more(edited, keys):
     if len(keys) > 1:
         return edited(keys[0], to=lambda at: at | {"more": 1})
-    path = edited("version", to=files.VERSION)
+    path = edited("version", to=VERSION)
     path.write_text(json.dumps(json.loads(path.read_text()) | {"more": 1}))
     return path
 
@@ -241,4 +241,4 @@ def _with_more(edited, keys):
 def test_a_motion_that_ends_in_a_collision_is_no_orbit(edited):
     fall = [-1.0, 0.0, 1.0, 0.0, 0.0, 9.0, *[0.0] * 6]
     with pytest.raises(ValueError, match="orbit: expected a motion that lasts for its period"):
-        files.verify(edited("scene", "y0", to=fall))
+        orbits.verify(edited("scene", "y0", to=fall))

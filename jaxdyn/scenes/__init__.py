@@ -1,5 +1,7 @@
 """The zoo: ready-made scenes, one file a family; `jaxdyn list` shows them with their numbers."""
 
+from jaxdyn.scenes import ballistics as ballistics
+from jaxdyn.scenes import satellites as satellites
 from jaxdyn.scenes.bodies import box as box
 from jaxdyn.scenes.bodies import feynman_plate as feynman_plate
 from jaxdyn.scenes.bodies import free_body as free_body

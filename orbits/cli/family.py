@@ -16,7 +16,7 @@ from rich.table import Table
 from jaxdyn import Scene, catalogue
 from jaxdyn._checks import choice, fail, positive, whole
 from jaxdyn.cli.shared import JsonOption, PlotOption, SceneArgument, SetOption
-from orbits import family_files, verify
+from orbits import family_files, load
 from orbits.cli.find import searched
 from orbits.cli.shared import (
     NOT_FOUND,
@@ -68,7 +68,7 @@ def family_command(
     if from_orbit is None:
         orbit = searched(scene, period, report=lambda step: console.print(progress(step)))
     else:
-        orbit = verify.load(from_orbit)[0]
+        orbit = load(from_orbit)[0]
     if not orbit.ok:
         if as_object:
             print(json.dumps({"scene": name} | failure(orbit)))  # noqa: T201

@@ -1,0 +1,56 @@
+"""The public names of jaxdyn: what type checkers see, and what `jaxdyn._lazy` imports."""
+
+from jaxdyn import accuracy as accuracy
+from jaxdyn import approaches as approaches
+from jaxdyn import balance as balance
+from jaxdyn import catalogue as catalogue
+from jaxdyn import constraints as constraints
+from jaxdyn import course as course
+from jaxdyn import drawing as drawing
+from jaxdyn import effects as effects
+from jaxdyn import energy as energy
+from jaxdyn import ensemble as ensemble
+from jaxdyn import equilibria as equilibria
+from jaxdyn import euler as euler
+from jaxdyn import events as events
+from jaxdyn import floquet as floquet
+from jaxdyn import formulations as formulations
+from jaxdyn import hard as hard
+from jaxdyn import horizon as horizon
+from jaxdyn import indices as indices
+from jaxdyn import inertia as inertia
+from jaxdyn import kinematics as kinematics
+from jaxdyn import ledger as ledger
+from jaxdyn import linearize as linearize
+from jaxdyn import momenta as momenta
+from jaxdyn import phases as phases
+from jaxdyn import precession as precession
+from jaxdyn import records as records
+from jaxdyn import regularised as regularised
+from jaxdyn import rod_or_spring as rod_or_spring
+from jaxdyn import rotations as rotations
+from jaxdyn import satellite_claims as satellite_claims
+from jaxdyn import scenes as scenes
+from jaxdyn import side_by_side as side_by_side
+from jaxdyn import sleeping_top as sleeping_top
+from jaxdyn import solvers as solvers
+from jaxdyn import steps as steps
+from jaxdyn import switching as switching
+from jaxdyn import upright as upright
+from jaxdyn import vectors as vectors
+from jaxdyn import watches as watches
+from jaxdyn import work as work
+from jaxdyn._config import configure as configure
+from jaxdyn.energy_change import energy_change as energy_change
+from jaxdyn.phases import Chain as Chain
+from jaxdyn.scene import Effect as Effect
+from jaxdyn.scene import Points as Points
+from jaxdyn.scene import Scene as Scene
+from jaxdyn.scene import System as System
+from jaxdyn.simulate import Trajectory as Trajectory
+from jaxdyn.simulate import simulate as simulate
+from jaxdyn.simulate import solve as solve
+from jaxdyn.status import IntegrationError as IntegrationError
+from jaxdyn.status import Status as Status
+
+__version__: str

@@ -1,0 +1,99 @@
+"""What a bare `import jaxdyn, orbits` offers: every name that is mentioned, whatever came first."""
+
+import ast
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from helpers import run_python
+
+import jaxdyn
+import orbits
+
+ROOT = Path(__file__).parents[1]
+#: Public functions whose modules have the same name.
+TWINS = [
+    f"{package.__name__}.{name}"
+    for package in (jaxdyn, orbits)
+    for name in package.__all__
+    if (ROOT / package.__name__ / f"{name}.py").exists() and callable(getattr(package, name))
+]
+
+
+def _texts():
+    """The README, and all docstrings and messages of both packages."""
+    yield (ROOT / "README.md").read_text()
+    for package in ("jaxdyn", "orbits"):
+        for file in (ROOT / package).rglob("*.py"):
+            for node in ast.walk(ast.parse(file.read_text())):
+                if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                    yield node.value
+
+
+def test_every_name_that_is_mentioned_resolves_after_a_bare_import():
+    pattern = re.compile(r"(?<![\w./-])(?:jaxdyn|orbits)(?:\.[A-Za-z]\w*)+(?![\w/-])")
+    names = sorted({name for text in _texts() for name in pattern.findall(text)})
+    # A module's own folder, file endings, and what begins a dotted module that runs.
+    names = [name for name in names if not name.endswith((".py", ".json"))]
+    assert len(names) > 40
+    assert {"jaxdyn.solve", "jaxdyn.horizon.trusted_time", "orbits.search"} <= set(names)
+    code = f"""
+import functools, jaxdyn, orbits
+for name in {names}:
+    package, *path = name.split(".")
+    functools.reduce(getattr, path, dict(jaxdyn=jaxdyn, orbits=orbits)[package])
+"""
+    run_python(code)
+
+
+def test_public_names_are_declared_and_nothing_else_is_shown():
+    for package in (jaxdyn, orbits):
+        for name in package.__all__:
+            assert getattr(package, name).__doc__, name
+        assert {x for x in dir(package) if not x.startswith("_")} == set(package.__all__)
+        with pytest.raises(AttributeError, match="has no attribute 'simulat'"):
+            _ = package.simulat
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_functions_are_not_shadowed_by_their_modules(order):
+    assert {"jaxdyn.simulate", "orbits.search", "orbits.verify", "orbits.same"} <= set(TWINS)
+    # A name of the module first; the module itself first; a module that imports it first.
+    first = {
+        0: [f"from {twin} import __doc__" for twin in TWINS],
+        1: [f"import {twin}" for twin in reversed(TWINS)],
+        2: ["import orbits.cli.app, jaxdyn.hard, orbits.plane"],
+    }[order]
+    asked = [f"assert callable({twin}), {twin!r}" for twin in TWINS]
+    run_python("\n".join(["import jaxdyn, orbits", *first, *asked]))
+
+
+def test_importing_the_packages_loads_nothing():
+    code = "import sys, jaxdyn, orbits; print({'jax', 'numpy', 'matplotlib'} & {*sys.modules})"
+    assert run_python(code) == "set()"
+
+
+def test_the_version_is_that_of_the_package():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    assert project["project"]["dynamic"] == ["version"]
+    assert project["tool"]["hatch"]["version"]["path"] == "jaxdyn/__init__.py"
+    assert orbits.__version__ == jaxdyn.__version__
+    assert re.fullmatch(r"\d+\.\d+\.\d+", jaxdyn.__version__)
+
+
+def test_orbit_files_name_only_classes_that_are_known_then():
+    # Classes are looked up among those that are loaded: with lazy packages too few could be.
+    code = """
+import importlib, pkgutil, orbits.verify
+from jaxdyn import records
+from orbits.files import KINDS
+def known(): return {f"{c.__module__}.{c.__name__}" for c in records._classes(KINDS).values()}
+before = known()
+import jaxdyn.scenes, jaxdyn.effects, jaxdyn.formulations
+for package in (jaxdyn.scenes, jaxdyn.effects, jaxdyn.formulations):
+    for module in pkgutil.iter_modules(package.__path__, package.__name__ + "."):
+        importlib.import_module(module.name)
+print(sorted(known() - before))
+"""
+    assert run_python(code) == "[]"
