@@ -26,6 +26,12 @@ def is_traced(x: Any) -> bool:
     return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(x))
 
 
+def untraced(name: str, x: Any, remedy: str) -> None:
+    """Refuse values that are being traced, for what has to look at them on the host."""
+    if is_traced(x):
+        raise fail(name, "numbers", "values traced by jit, grad or vmap", remedy)
+
+
 def float64(remedy: str = "Call jaxdyn.configure() first.") -> None:
     """Refuse to work in 32-bit floats."""
     if not jax.config.jax_enable_x64:

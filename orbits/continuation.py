@@ -20,9 +20,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import energy
-from jaxdyn._checks import fail, positive, whole
+from jaxdyn._checks import fail, positive, untraced, whole
 from orbits.bifurcations import NUDGE, TESTS
-from orbits.conditions import Condition
+from orbits.conditions import Hold, conditions
 from orbits.cuts import cut
 from orbits.equations import Equations, Make
 from orbits.family import Family, Kind, Member
@@ -52,7 +52,7 @@ def continue_family(
     down: bool = False,
     within: tuple[float, float] = _ANYWHERE,
     energies: tuple[float, float] = _ANYWHERE,
-    hold: Condition | tuple[Condition, ...] = (),
+    hold: Hold = (),
     segments: int | None = None,
     goal: float = GOAL,
     report: Callable[[Member], None] = lambda member: None,
@@ -72,7 +72,8 @@ def continue_family(
       within: bounds on the parameter (without one: on the period); the family ends at the first
         member beyond them.
       energies: bounds on the energy of the members, likewise.
-      hold: conditions all members satisfy besides closing, e.g. ``orbits.Energy(-1.0)``.
+      hold: conditions all members satisfy besides closing, e.g. ``orbits.Energy(-1.0)``, or
+        names of entries of the start that all have in common.
       segments: see `find`.
       goal: largest closing error of a member.
       report: called with each member as it is found.
@@ -90,13 +91,13 @@ def continue_family(
       >>> bool((np.diff(family.periods) > 0).all())
       True
     """
+    untraced("continue_family", (orbit, parameter), "Differentiate a member: orbits.solution.")
     _check(orbit, make, parameter, step, members)
     _check_bounds("within", within)
     _check_bounds("energies", energies)
-    conditions = (hold,) if isinstance(hold, Condition) else tuple(hold)
     value = 0.0 if parameter is None else float(parameter)
     guess = np.append(np.asarray(orbit.y0), orbit.period)
-    start = Equations.of(orbit, conditions, make)
+    start = Equations.of(orbit, conditions(orbit.scene, hold), make)
     equations = cut(start, guess, orbit.rtol, segments, orbit.angle, value)
     x = equations.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle, value)
     surface = Surface(equations, orbit.rtol, goal)

@@ -3,22 +3,30 @@
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import array, fail, positive
+from jaxdyn._checks import array, fail, positive, untraced
 from orbits.closing import PLAIN, Closing
-from orbits.conditions import Condition
+from orbits.conditions import Hold
+from orbits.conditions import conditions as conditions_of
 from orbits.symmetry import EXACT, rate
+
+_DIFFERENTIATE = (
+    "Find the orbit outside of the transformation; then differentiate orbits.solution(scene, orbit)"
+    " by any number of the scene."
+)
 
 
 def checked(
-    scene: Scene, y0=None, period=None, lower=None, upper=None, closings=(PLAIN,), conditions=()
+    scene: Scene, y0=None, period=None, lower=None, upper=None, closings=(PLAIN,), hold: Hold = ()
 ):
-    """The guess (k + 1,) within its bounds, and both bounds; arguments as for `find`.
+    """The guess (k + 1,) within its bounds, both bounds, and the conditions; see `find`.
 
     Raises:
-      ValueError: numbers that make no sense.
+      ValueError: invalid or traced arguments.
     """
     if not isinstance(scene, Scene):
         raise fail("scene", "a Scene", type(scene).__name__, "Call it: scenes.three_body().")
+    given = (scene, y0, period, lower, upper, hold)
+    untraced("find", given, _DIFFERENTIATE)
     scene = scene if y0 is None else scene.starting(y0)
     scene.check()
     k = len(scene.y0)
@@ -29,10 +37,6 @@ def checked(
             remedy = "orbits.PLAIN, orbits.choreography(3), orbits.relative() are some."
             raise fail("closing", "a Closing", repr(closing), remedy)
         closing.check(scene)
-    for condition in conditions:
-        if not isinstance(condition, Condition):
-            raise fail("hold", "a Condition", repr(condition), "orbits.Energy(-1.0) is one.")
-        condition.check(scene)
     period = positive("period", scene.t1 if period is None else period, "It is a time.")
     array("period", period, (), "It is one time.")
     guess = np.append(np.asarray(scene.y0), float(period))
@@ -50,7 +54,7 @@ def checked(
     if driven(scene):
         check_drive(scene, clipped[-1])
         low[-1] = high[-1] = clipped[-1]
-    return clipped, low, high
+    return clipped, low, high, conditions_of(scene.starting(clipped[:-1]), hold)
 
 
 def driven(scene: Scene) -> bool:

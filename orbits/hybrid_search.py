@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._checks import fail, positive, whole
+from jaxdyn._checks import fail, positive, untraced, whole
 from jaxdyn.events import Event
 from jaxdyn.scene import Scene, checked
 from jaxdyn.simulate import solve
@@ -85,6 +85,7 @@ def find_chain(
       2.0
     """
     legs = tuple(legs)
+    untraced("find_chain", (legs, y0, spans), "Find it outside of the transformation.")
     start, times = _checked(legs, y0, spans)
     positive("goal", goal, "It is the largest closing error of an orbit.")
     tolerances(rtol, None)  # refuses what is none; inside jit it could not

@@ -68,6 +68,7 @@ class Orbit(eqx.Module):
       angle: by which a relative orbit has turned after one part of its period [rad], else 0.
       s_period: the period in logarithmic time (see `jaxdyn.regularised`) where close encounters
         are followed in it, else None.
+      shift: largest change of an entry of the start from the guess that `find` was given.
     """
 
     scene: Scene
@@ -78,6 +79,7 @@ class Orbit(eqx.Module):
     rtol: float
     angle: float = 0.0
     s_period: float | None = None
+    shift: float = 0.0
 
     @property
     def y0(self) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from jaxdyn import Scene, records
-from jaxdyn._checks import fail, positive, whole
+from jaxdyn._checks import fail, positive, untraced, whole
 from jaxdyn.batches import cores
 from jaxdyn.spans import tolerances
 from orbits.chunk import Plan, Sampler, unchanged, unlabelled, work
@@ -108,6 +108,7 @@ def search(
       >>> [round(find.period, 6) for find in found.finds]
       [3.141593]
     """
+    untraced("search", scene, "Search outside of the transformation; see orbits.solution.")
     plan = Plan(
         *(scene, sampler, closing, samples, chunk, seed, float(shortest), float(longest)),
         *(windows, close, np.asarray(limit, float), normal, label, rtol),

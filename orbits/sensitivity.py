@@ -19,7 +19,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from orbits import newton
-from orbits.conditions import Condition
+from orbits.conditions import Hold, conditions
 from orbits.cuts import cut
 from orbits.equations import Equations, residual_at
 from orbits.monodromy import returned_map, tangents
@@ -71,9 +71,7 @@ class Solution(eqx.Module):
         return jnp.log(self.multipliers()) / self.period
 
 
-def solution(
-    scene: Scene, orbit: Orbit, *, hold: Condition | tuple[Condition, ...] = ()
-) -> Solution:
+def solution(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> Solution:
     """The orbit of a scene near a known one, for `jax.grad`, `jax.jvp` and the like.
 
     Args:
@@ -97,9 +95,10 @@ def solution(
     """
     if not orbit.ok:
         raise fail("orbit", "an orbit that closes", orbit.message, "find() one first.")
-    conditions = (hold,) if isinstance(hold, Condition) else tuple(hold)
     guess = np.append(np.asarray(orbit.y0), orbit.period)
-    known = cut(Equations.of(orbit, conditions), guess, orbit.rtol, None, orbit.angle)
+    known = cut(
+        Equations.of(orbit, conditions(orbit.scene, hold)), guess, orbit.rtol, None, orbit.angle
+    )
     x = known.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle)
     inverse = _inverse(jax.lax.stop_gradient(known), x, orbit.rtol)
     # Equal values, but the traced numbers.

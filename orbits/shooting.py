@@ -13,12 +13,13 @@ from jaxdyn.simulate import solve
 from jaxdyn.spans import tolerances
 from orbits import newton
 from orbits.closing import PLAIN, Closing
-from orbits.conditions import Condition
+from orbits.conditions import Hold
 from orbits.cuts import SEGMENTS_MOST, cut, needed, with_segments
 from orbits.equations import MAX_STEPS, Equations, size_and_speed
 from orbits.given import checked, driven
 from orbits.motion import attracts, logarithmic_period
 from orbits.problem import Orbit, Outcome, SearchError
+from orbits.retimed import retimed
 
 RTOL = 1e-14
 GOAL = 1e-12
@@ -40,7 +41,7 @@ def find(
     lower=None,
     upper=None,
     closing: Closing | Sequence[Closing] = PLAIN,
-    hold: Condition | Sequence[Condition] = (),
+    hold: Hold = (),
     segments: int | None = None,
     goal: float = GOAL,
     rtol: float = RTOL,
@@ -49,6 +50,9 @@ def find(
     throw: bool = True,
 ) -> Orbit:
     """The periodic orbit near a guess.
+
+    Of a family of orbits it is the member through the given start, if that closes after a time
+    near the guessed period; else one near it. `Orbit.shift` says how far the start has moved.
 
     Args:
       scene: what moves. Where its rate depends on time the period stays as it is guessed.
@@ -59,7 +63,8 @@ def find(
       upper: (k + 1,) upper bounds.
       closing: what must hold after which part of the period; of several, the one that the
         guess misses least.
-      hold: conditions on the orbit besides closing, e.g. ``orbits.Energy(-1.0)``.
+      hold: conditions on the orbit besides closing, e.g. ``orbits.Energy(-1.0)``, or names of
+        entries of the state that stay as they are guessed, e.g. ``"theta"``.
       segments: pieces integrated by themselves (multiple shooting); as many as the growth of
         errors along the guess calls for if left out.
       goal: largest closing error that counts as an orbit, or the rounding level of the most
@@ -71,9 +76,10 @@ def find(
     Returns:
       The orbit, or with ``throw=False`` the best iterate and the reason.
     Raises:
-      ValueError: numbers that make no sense.
+      ValueError: invalid arguments, or traced ones.
       SearchError: no orbit was found (``throw=True``).
-    Limits: host only, not inside jit; `solution` makes what was found differentiable.
+    Limits: host only, not inside jit, grad or vmap; `solution` makes what was found
+      differentiable.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
@@ -81,8 +87,8 @@ def find(
       >>> round(eight.period, 6)
       6.325914
     """
-    closings, conditions = _several(closing), _several(hold)
-    guess, lower, upper = checked(scene, y0, period, lower, upper, closings, conditions)
+    closings = tuple(closing) if isinstance(closing, list | tuple) else (closing,)
+    guess, lower, upper, conditions = checked(scene, y0, period, lower, upper, closings, hold)
     positive("goal", goal, "It is the largest closing error of an orbit.")
     tolerances(rtol, None)  # refuses what is none; inside jit it could not
     whole("max_iterations", max_iterations, least=0)
@@ -91,6 +97,7 @@ def find(
     equations = Equations(scene, closing, conditions, driven=driven(scene))
     cuts = cut(equations, guess, rtol, segments, angle)
     x = cuts.spread(guess[:-1], guess[-1], rtol, angle)
+    x = retimed(cuts, x, *cuts.bounds(lower, upper), goal, rtol)
     orbit = _solved(cuts, x, lower, upper, goal, rtol, max_iterations, report)
     for _ in range(0 if segments else _RECUTS):
         if cuts.segments >= SEGMENTS_MOST or not _rough(orbit, cuts, goal):
@@ -110,12 +117,8 @@ def find(
         orbit = eqx.tree_at(lambda o: o.iterations, again, orbit.iterations + again.iterations)
     if throw and not orbit.ok:
         raise SearchError(orbit.message)
-    return orbit
-
-
-def _several(given) -> tuple:
-    """One or more, as a tuple; what they are is checked later."""
-    return tuple(given) if isinstance(given, list | tuple) else (given,)
+    shift = np.abs(scene.system.difference(orbit.y0, scene.y0)).max()
+    return eqx.tree_at(lambda o: o.shift, orbit, float(shift))
 
 
 def _rough(orbit: Orbit, cuts: Equations, goal: float) -> bool:

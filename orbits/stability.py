@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import fail
+from jaxdyn._checks import fail, untraced
 from orbits import trivial
 from orbits.monodromy import returned, tangents
 from orbits.problem import Orbit
@@ -75,6 +75,7 @@ def stability(orbit: Orbit, *, rtol: float | None = None) -> Stability:
     Limits: linear stability only. "stable" for a conservative scene means all non-trivial
       multipliers lie on the unit circle and cannot leave it within their bars.
     """
+    untraced("stability", orbit, "Differentiate orbits.solution(scene, orbit).multipliers().")
     rtol = orbit.rtol if rtol is None else rtol
     scene, y0 = orbit.scene, np.asarray(orbit.y0)
     basis = tangents(scene, y0)

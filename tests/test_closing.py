@@ -104,6 +104,27 @@ def test_conditions_pick_one_of_a_family():
     assert abs(orbit.period - swing_period(1.5)) < SOLVED
 
 
+@pytest.mark.parametrize("hold", [(), "theta", ["theta_dot"], orbits.Section(0, 2.0)])
+@pytest.mark.parametrize("period", [2.3, 2.66, 3.0])
+def test_a_start_that_is_periodic_stays_and_only_the_guessed_period_moves(hold, period):
+    orbit = orbits.find(scenes.pendulum(angle=2.0), period=period, hold=hold)
+    assert gap(orbit.y0, [2.0, 0.0]) < SOLVED
+    assert orbit.shift < SOLVED
+    assert abs(orbit.period - swing_period(2.0)) < SOLVED
+
+
+def test_a_held_entry_stays_where_the_start_has_to_move():
+    held = ["theta", orbits.Energy(-5.0)]
+    orbit = orbits.find(scenes.pendulum(angle=1.0, rate=0.5), period=2.2, hold=held)
+    rate = np.sqrt(2 * (9.81 * np.cos(1.0) - 5.0))
+    assert gap(orbit.y0, [1.0, rate]) < SOLVED
+    assert abs(orbit.shift - (rate - 0.5)) < SOLVED
+    # Without a reason to stay both entries move.
+    free = orbits.find(scenes.pendulum(angle=1.0, rate=0.5), period=2.2, hold=orbits.Energy(-5.0))
+    assert abs(free.y0[0] - 1.0) > 1e-3
+    assert free.shift == np.abs(np.asarray(free.y0) - [1.0, 0.5]).max()
+
+
 def test_segments_are_chosen_by_growth():
     a, b, period = 0.5379557207, 0.3414578545, 26.918669616
     y0 = [-1, 0, 1, 0, 0, 0, a, b, a, b, -2 * a, -2 * b]
@@ -135,7 +156,8 @@ def test_misuse_of_closings(closing, message):
         (orbits.Energy(np.nan), "energy: expected finite numbers"),
         (orbits.Period(-1.0), "period: expected > 0"),
         (orbits.Section(12), "entry: expected an entry of the state, 0 to 11"),
-        ("energy", "hold: expected a Condition"),
+        ("energy", "hold: expected one of .*got 'energy'"),
+        (1.0, "hold: expected a Condition"),
     ],
 )
 def test_misuse_of_conditions(hold, message):

@@ -159,6 +159,7 @@ RANKS = {
     "orbits/problem.py": 13,
     "orbits/equations.py": 14,
     "orbits/cuts.py": 15,
+    "orbits/retimed.py": 15,
     "orbits/shooting.py": 16,
     "orbits/hybrid.py": 14,
     "orbits/hybrid_search.py": 17,

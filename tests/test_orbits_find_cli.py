@@ -47,7 +47,9 @@ def test_a_pendulum_from_its_own_return_saved_and_verified(orbits, tmp_path):
     found = json.loads(out)
     assert abs(found["period"] - period_of(found["energy"])) < 1e-12
     assert found["minimal_period"] == found["period"]
-    assert abs(found["energy"] + 9.81 * np.cos(2.0)) < 1e-2  # a neighbour in the family
+    # The member of the family that was set, not one beside it.
+    assert abs(found["energy"] + 9.81 * np.cos(2.0)) < 1e-12
+    assert found["start_moved"] < 1e-12
     nothing = ("choreography", "permutation_error", "word", "scale_free", "normal_form")
     assert [found[key] for key in (*nothing, "angular_momentum")] == [None] * 6
     assert found["closure"] < 1e-12
@@ -67,6 +69,16 @@ def test_no_orbit_is_exit_code_1_with_the_reason(orbits):
     assert answer["best_iterate"]["largest_error"] > 0
 
 
+@pytest.mark.slow
+def test_the_start_and_how_far_it_moved_are_shown(orbits):
+    words = ("pendulum", "--set", "angle=1", "--set", "rate=0.5", "--period", "2.2")
+    code, out, err = orbits("find", *words, "--hold", "theta", "--energy", "-5")
+    assert code == 0, err
+    rate = np.sqrt(2 * (9.81 * np.cos(1.0) - 5.0))
+    assert f"start: theta = 1, theta_dot = {rate:.12g}\n" in out
+    assert f"moved by {rate - 0.5:.1e} from where the search began" in out
+
+
 MISUSE = [
     (["pendullum"], "Did you mean"),
     (["pendulum", "--set", "angel=1"], "Did you mean"),
@@ -75,6 +87,7 @@ MISUSE = [
     (["pendulum", "--closing", "relative"], "Nothing turns its state"),
     (["pendulum", "--set", "rate=1", "--closing", "reversal"], "that the time reversal"),
     (["pendulum", "--period", "-1"], "period: expected > 0"),
+    (["pendulum", "--period", "2", "--hold", "angle"], "one of theta, theta_dot, got 'angle'"),
     (["shaken_pendulum"], "--period: expected one, a multiple of the drive's"),
     (["cannonball"], "does not nearly come back"),
     (["pendulum", "--save", "no/such/folder/x.json"], "a file in a folder that exists"),

@@ -76,6 +76,41 @@ def test_the_eight_by_a_mass_against_orbits_found_again():
     assert np.abs(slopes / differences - 1).max() < 1e-6
 
 
+def test_the_period_of_a_pendulum_at_a_held_angle_by_gravity():
+    swing = orbits.find(scenes.pendulum(angle=1.0), period=2.2)
+
+    def period(g):
+        scene = eqx.tree_at(lambda s: s.effects[0].g, swing.scene, g)
+        return orbits.solution(scene, swing, hold="theta").period
+
+    exact = -swing.period / (2 * 9.81)  # T ~ 1 / sqrt(g) at one amplitude
+    assert abs(jax.grad(period)(swing.scene.effects[0].g) - exact) < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("search", "remedy"),
+    [
+        (lambda s, o: orbits.find(s, period=2.2).period, "differentiate orbits.solution"),
+        (lambda s, o: orbits.search(s, None, 1, longest=3.0), "see orbits.solution"),
+        (lambda s, o: orbits.stability(_in(s, o)).nontrivial, "multipliers"),
+        (lambda s, o: orbits.continue_family(_in(s, o)).periods, "orbits.solution"),
+        (lambda s, o: orbits.find_chain([orbits.Leg(s, ())], s.y0, [1.0]), "Find it outside"),
+    ],
+    ids=["find", "search", "stability", "continue_family", "find_chain"],
+)
+@pytest.mark.parametrize("transform", [jax.grad, jax.jit])
+def test_searches_say_that_they_cannot_be_traced(swing, search, remedy, transform):
+    def traced(g):
+        return search(eqx.tree_at(lambda s: s.effects[0].g, swing.scene, g), swing)
+
+    with pytest.raises(ValueError, match=f"expected numbers, got values traced by.*{remedy}"):
+        transform(traced)(9.81)
+
+
+def _in(scene, orbit):
+    return eqx.tree_at(lambda o: o.scene, orbit, scene)
+
+
 def test_an_orbit_that_does_not_close_has_no_derivative(swing):
     bad = orbits.Orbit(swing.scene, swing.closing, 1.0, orbits.Outcome.BOUND, 1, 1e-14)
     with pytest.raises(ValueError, match="orbit: expected an orbit that closes"):

@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable, Sequence
 from typing import Annotated
 
+import equinox as eqx
 import typer
 from rich.console import Console
 
@@ -45,6 +46,10 @@ def find_command(
         str, typer.Option(help="plain, choreography, relative or reversal.")
     ] = "plain",
     energy: Annotated[float | None, typer.Option(help="Energy of the wanted orbit.")] = None,
+    hold: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Entry of the state that keeps its start; repeatable."),
+    ] = None,
     segments: Annotated[int | None, typer.Option(help="Pieces of the motion.")] = None,
     plot: PlotOption = None,
     animate: AnimateOption = None,
@@ -56,7 +61,8 @@ def find_command(
     check_files(plot, animate, save_to)
     scene = catalogue.build(name, catalogue.settings(settings or ()))
     orbit = searched(
-        scene, period, closing, energy, segments, lambda step: console.print(progress(step))
+        *(scene, period, closing, energy, hold or (), segments),
+        report=lambda step: console.print(progress(step)),
     )
     if not orbit.ok:
         if as_object:
@@ -66,13 +72,16 @@ def find_command(
     claims = report(orbit)
     if not as_object:
         print_reports({f"{name}, {orbit.closing.name}": claims}, console)
+    starts = zip(scene.labels(), orbit.y0, strict=True)
+    console.print("start: " + ", ".join(f"{label} = {float(y):.12g}" for (label, _), y in starts))
+    console.print(f"  moved by {orbit.shift:.1e} from where the search began")
     if save_to:
         save(save_to, orbit, claims)
         console.print(f"saved to {save_to}")
     title = f"{name}, period {orbit.period:.9g}, {claims.verdict}"
     draw([orbit], [title], plot, animate, console)
     if as_object:  # last: a file that cannot be written leaves no result behind
-        print(json.dumps({"scene": name} | as_json(claims)))  # noqa: T201
+        print(json.dumps({"scene": name, "start_moved": orbit.shift} | as_json(claims)))  # noqa: T201
 
 
 def searched(
@@ -80,6 +89,7 @@ def searched(
     period: float | None = None,
     closing: str = "plain",
     energy: float | None = None,
+    hold: Sequence[str] = (),
     segments: int | None = None,
     report: Callable[[Iteration], None] = lambda step: None,
 ) -> Orbit:
@@ -90,38 +100,35 @@ def searched(
       period: guess; left out, the closest returns of the scene's own motion are tried.
       closing: plain, choreography, relative or reversal.
       energy: of the wanted orbit; None for any.
+      hold: names of entries of the scene's start that the orbit's start keeps.
       segments: see `find`.
       report: see `find`.
     Raises:
       ValueError: a closing that the scene does not allow, or no close return to begin with.
     """
     several = _closings(scene, closing)
-    hold = () if energy is None else Energy(energy)
+    held = (*hold, *(() if energy is None else (Energy(energy),)))
+    how = {"closing": several, "hold": held, "segments": segments, "report": report}
 
     def near(y0, length) -> Orbit:
-        return find(
-            scene,
-            y0,
-            length,
-            closing=several,
-            hold=hold,
-            segments=segments,
-            report=report,
-            throw=False,
-        )
+        return find(scene, y0, length, throw=False, **how)
 
     if period is not None:
         return near(None, period)
-    orbit = None
-    for seed in _seeds(scene):
+    seeds = _seeds(scene)
+    # The scene's own start, where that is periodic as it is.
+    orbit = find(scene, None, seeds[0].period, max_iterations=0, throw=False, **how)
+    for seed in seeds if not orbit.ok else ():
         # A reversal needs a start that it keeps, which the scene's own may be.
-        orbit = near(None if closing == "reversal" else seed.y0, seed.period)
+        orbit = near(None if hold or closing == "reversal" else seed.y0, seed.period)
         if orbit.ok:
             break
-    assert orbit is not None
     shortest, times = minimal_period(orbit) if orbit.ok else (orbit.period, 1)
+    if times == 1:
+        return orbit
     # The closest return may be after several periods.
-    return near(orbit.y0, shortest) if times > 1 else orbit
+    again = near(orbit.y0, shortest)
+    return eqx.tree_at(lambda o: o.shift, again, orbit.shift + again.shift)
 
 
 def _seeds(scene: Scene) -> list[Seed]:
