@@ -26,8 +26,8 @@ from jaxdyn import _checks, ladder
 from jaxdyn.ladder import Estimate
 from jaxdyn.scene import Scene, checked
 from jaxdyn.simulate import RTOL, chosen_pair, simulate, solve
-from jaxdyn.solvers import DOPRI8, NYSTROM12, RADAU5, RADAU9, VERNER9, Method
-from jaxdyn.steps import EULER, fixed_steps
+from jaxdyn.solvers import DOPRI8, EULER, NYSTROM12, RADAU5, RADAU9, VERNER9, Method
+from jaxdyn.steps import fixed_steps
 
 _SAMPLES = 33
 #: The second opinion on a solver, of another family and as fit for the same scenes.

@@ -17,12 +17,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.scene import Scene
-from jaxdyn.solvers import Pair
-
-#: Euler's method, which estimates no error.
-EULER = Pair(
-    "Euler", 1, 1, np.zeros(1), np.zeros((1, 1)), np.array([[[1.0]], [[0.0]]]), nystrom=False
-)
+from jaxdyn.solvers import EULER, Pair
 
 
 def fixed_steps(scene: Scene, t1=None, *, steps=1000, t0=0.0, method: Pair = EULER) -> Array:
@@ -33,7 +28,7 @@ def fixed_steps(scene: Scene, t1=None, *, steps=1000, t0=0.0, method: Pair = EUL
       t1: () end time [s]; the scene's own span if left out.
       steps: () how many; a new number does not recompile.
       t0: () start time [s].
-      method: a `Pair`, whose error estimate is not used.
+      method: a `Pair`, whose error estimate is not used, such as `solvers.RK4`.
     Raises:
       ValueError: no step, or numbers that make no sense.
     Limits: nothing watches the error: too large a step gives wrong or infinite numbers.

@@ -93,7 +93,7 @@ def test_halved_steps_tell_the_error_of_symplectic_solvers(solver, dt):
     assert f"order {solver.order}" in found.basis
 
 
-@pytest.mark.parametrize(("method", "n"), [(steps.EULER, 2000), (TSIT5, 100)], ids=["euler", "5"])
+@pytest.mark.parametrize(("method", "n"), [(solvers.EULER, 2000), (TSIT5, 100)], ids=["euler", "5"])
 def test_problem_3_d_halved_steps_tell_the_error(method, n):
     case = KNOWN["damped oscillator"]
     found = accuracy.by_halving(case.scene, case.t1, steps=n, method=method)

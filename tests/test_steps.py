@@ -28,7 +28,7 @@ def test_problem_3_a_b_the_plain_loop_is_the_same():
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize(
     ("method", "first", "order"),
-    [(steps.EULER, 4096, 1), (solvers.from_diffrax(diffrax.Bosh3()), 256, 3)],
+    [(solvers.EULER, 4096, 1), (solvers.from_diffrax(diffrax.Bosh3()), 256, 3)],
     ids=["euler", "bosh3"],
 )
 def test_problem_3_d_estimated_errors_are_the_errors(name, method, first, order):

@@ -1,7 +1,7 @@
 """Solvers: what `simulate` may be given as ``solver``.
 
 - `Pair`: explicit, with a tolerance; the default. `NYSTROM12`, `VERNER9`, `DOPRI8`, and any of
-  diffrax's by `from_diffrax`.
+  diffrax's by `from_diffrax`. With a step instead, for comparison: `EULER`, and the classic `RK4`.
 - `Composition`: symplectic and explicit, with a step; long conservative runs without forces that
   depend on velocity. `VERLET`, `BLANES_MOAN6`, `KAHAN_LI8`, `SOFRONIOU_SPALETTA10`.
 - `Gauss`: symplectic and implicit, with a step; long conservative runs of other scenes.
@@ -24,7 +24,9 @@ from jaxdyn.solvers.gauss import Gauss as Gauss
 from jaxdyn.solvers.method import Advance as Advance
 from jaxdyn.solvers.method import Method as Method
 from jaxdyn.solvers.pairs import DOPRI8 as DOPRI8
+from jaxdyn.solvers.pairs import EULER as EULER
 from jaxdyn.solvers.pairs import NYSTROM12 as NYSTROM12
+from jaxdyn.solvers.pairs import RK4 as RK4
 from jaxdyn.solvers.pairs import VERNER9 as VERNER9
 from jaxdyn.solvers.pairs import Pair as Pair
 from jaxdyn.solvers.pairs import from_diffrax as from_diffrax

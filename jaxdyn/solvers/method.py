@@ -50,6 +50,7 @@ class Method(abc.ABC):
       error_order: exponent p of the error estimate's h^p.
       nystrom: whether it is only for accelerations that do not depend on velocity.
       stable: |h lambda| up to which an explicit method is stable; infinite for others.
+      adaptive: whether it estimates its error, and so takes a tolerance, not a step.
     """
 
     name: str
@@ -57,8 +58,7 @@ class Method(abc.ABC):
     error_order: int
     nystrom: bool
     stable: float
-    #: Whether it estimates its error, and so takes a tolerance, not a step.
-    adaptive: ClassVar[bool]
+    adaptive: bool
     #: A step is limited by stability, not by accuracy, if it is longer than this part of the
     #: stable one; where accuracy rules, steps stay shorter, also at rtol 1e-3 (tested).
     alarm: ClassVar[float] = 0.7

@@ -1,6 +1,7 @@
 """Explicit pairs: Runge-Kutta for any vector field, Nystrom for velocity-independent forces.
 
-A `Pair` is a table of coefficients. Two forms of one step, equal but for rounding:
+A `Pair` is a table of coefficients; one whose error weights are all zero (`EULER`, `RK4`)
+estimates no error and takes equal steps. Two forms of one step, equal but for rounding:
 
 - unrolled: one expression a stage. Compiles to straight code, the fastest for one trajectory.
 - rolled: loops over stages with buffers. Compiles several times faster and runs faster where
@@ -21,7 +22,6 @@ import json
 from collections.abc import Callable
 from fractions import Fraction
 from importlib import resources
-from typing import ClassVar
 
 import diffrax
 import jax
@@ -58,7 +58,11 @@ class Pair(Method):
     a: np.ndarray
     weights: np.ndarray
     nystrom: bool
-    adaptive: ClassVar[bool] = True
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether its table has error weights; without them the steps are equal."""
+        return bool(self.weights[1].any())
 
     @property
     def stages(self) -> int:
@@ -293,6 +297,20 @@ def _load(file: str, name: str, order: int, error_order: int) -> Pair:
     return Pair(name, order, error_order, np.array(numbers(table["c"])), a, weights, nystrom)
 
 
+#: Euler's method, explicit: one right-hand side a step, no error estimate.
+EULER = Pair(
+    "Euler", 1, 1, np.zeros(1), np.zeros((1, 1)), np.array([[[1.0]], [[0.0]]]), nystrom=False
+)
+#: The classic Runge-Kutta method of order 4 (Kutta 1901): four right-hand sides, no estimate.
+RK4 = Pair(
+    "RK4",
+    order=4,
+    error_order=4,
+    c=np.array([0.0, 0.5, 0.5, 1.0]),
+    a=np.diag([0.5, 0.5, 1.0], -1),
+    weights=np.array([[[1.0, 2.0, 2.0, 1.0]], [[0.0] * 4]]) / [[[6.0] * 4], [[1.0] * 4]],
+    nystrom=False,
+)
 #: Dormand, El-Mikkawy, Prince (1987), 17 stages, for accelerations that do not depend on v.
 NYSTROM12 = _load("rkn12_10_17.json", "Nystrom 12(10)", order=12, error_order=11)
 #: Verner (2010), the "robust" pair, 16 stages. At an error of 1e-12 it needs 0.8 of the
