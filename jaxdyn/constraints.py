@@ -1,5 +1,7 @@
-"""How well the constraints of a scene determine its motion: rank, redundancy, condition.
+"""The constraints of a scene: their forces, and how well they determine its motion.
 
+`tensions` has the forces along rods, `reactions` the force of all constraints on each point,
+`multipliers` what a constrained formulation solves for. `conditioning` says rank and redundancy.
 The conditions on the accelerations are G a = gamma (`formulations.constrained`). What counts are
 the singular values of G M^(-1/2): one is near 0 where a condition nearly follows from others, or
 nearly vanishes.
@@ -7,13 +9,16 @@ nearly vanishes.
 
 from typing import NamedTuple
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.formulations.constrained import DEPENDENT, Constrained
 from jaxdyn.ledger import Ledger
-from jaxdyn.scene import Field, Scene
+from jaxdyn.scene import Field, Scene, System
+from jaxdyn.simulate import Trajectory
 
 
 class Conditioning(NamedTuple):
@@ -35,6 +40,74 @@ class Conditioning(NamedTuple):
     determined: Array
 
 
+def multipliers(motion: Trajectory) -> Array:
+    """(s, c) Lagrange multipliers along a motion: of its ties, then of its rolling conditions.
+
+    Raises:
+      ValueError: a scene that is not in a constrained formulation.
+    """
+    return _multipliers(_constrained(motion.scene.system), motion)
+
+
+def tensions(motion: Trajectory) -> dict[str, Array]:
+    """(s,) tension of each rod along a motion [N], by its name; negative where it pushes.
+
+    Args:
+      motion: of a scene whose ties are lengths of rods, in a constrained formulation.
+    Raises:
+      ValueError: a scene without such ties.
+    Example:
+      >>> from jaxdyn import constraints, scenes, simulate
+      >>> hanging = scenes.pendulum(m=2.0, angle=0.0, formulation="constrained")
+      >>> round(float(constraints.tensions(simulate(hanging, 0.1, samples=2))["stick"][0]), 9)
+      19.62
+    """
+    system = _constrained(motion.scene.system)
+    names = system.mechanism.rods()
+    if not names:
+        name = type(system.mechanism).__name__
+        remedy = "`reactions` has the force of the constraints on each point."
+        raise _checks.fail("motion", "ties that are lengths of rods", name, remedy)
+    return dict(zip(names, -_multipliers(system, motion)[:, : len(names)].T, strict=True))
+
+
+@eqx.filter_jit
+def reactions(motion: Trajectory) -> Array:
+    """(s, n, d) force of the constraints on each material point along a motion [N].
+
+    What its mass times its acceleration exceeds the forces of the effects by: the pull of rods,
+    the push of wires and hinges. It holds for every formulation, also by free coordinates. The
+    points of rigid bodies stand for their mass, so there only the sum and the moment of these
+    forces have a meaning. Forces on coordinates (motors) count as reactions.
+    """
+    scene = motion.scene
+
+    def at(t, y):
+        t = jnp.asarray(t, float)
+        look = jax.jvp(scene.system.points, (t, y), (jnp.ones_like(t), scene.rate(t, y)))
+        (r, v, m), (_, a, _) = look
+        applied = sum((e.force(t, r, v, m) for e in scene.effects), jnp.zeros_like(r))
+        return m[:, None] * a - applied
+
+    return jax.vmap(at)(motion.ts, motion.ys)
+
+
+@eqx.filter_jit
+def _multipliers(system: Constrained, motion: Trajectory) -> Array:
+    k = len(system.labels())
+    forces = jax.vmap(lambda t, y: system.constraint_forces(t, y[:k], motion.scene.effects))
+    return forces(motion.ts, motion.ys)
+
+
+def _constrained(system: System) -> Constrained:
+    while isinstance(system, Ledger):
+        system = system.system
+    if not isinstance(system, Constrained):
+        name = type(system).__name__
+        raise _checks.fail("scene", "one with constraints", name, 'Try formulation="constrained".')
+    return system
+
+
 def conditioning(scene: Scene | Field, t, y: Array) -> Conditioning:
     """Rank and condition of a scene's constraints at a state; along a motion by `energy.along`.
 
@@ -52,13 +125,8 @@ def conditioning(scene: Scene | Field, t, y: Array) -> Conditioning:
       >>> print(constraints.conditioning(bars, 0.0, bars.y0).rank)
       8
     """
-    system = scene.system
-    while isinstance(system, Ledger):
-        y, system = y[: len(system.system.labels())], system.system
-    if not isinstance(system, Constrained):
-        name = type(system).__name__
-        raise _checks.fail("scene", "one with constraints", name, 'Try formulation="constrained".')
-    y = jnp.asarray(y, dtype=float)
+    system = _constrained(scene.system)
+    y = jnp.asarray(y, dtype=float)[: len(system.labels())]
     squares = jnp.linalg.eigvalsh(system.gram(t, y))
     independent = squares > DEPENDENT * squares[-1]
     rank = jnp.sum(independent)

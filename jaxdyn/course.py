@@ -104,7 +104,8 @@ PROBLEMS: dict[int, Problem] = {
         "Potential energies",
         "effects.UniformGravity effects.Spring effects.CentralForce effects.PowerLaw "
         "effects.PairGravity effects.ConstantForce energy.potential",
-        "A force or its potential is enough; the other one follows.",
+        "A potential is enough: the force is minus its gradient. A force alone is taken to have "
+        "no potential.",
     ),
     16: _problem(
         "Two and three bodies on circles",
@@ -139,8 +140,8 @@ PROBLEMS: dict[int, Problem] = {
         "Two masses and a rod, by differential-algebraic equations",
         "scenes.rod_on_line scenes.two_masses rod_or_spring.compare",
         "The rod is faster than a stiff spring; the mass centre is right by both. "
-        'drift="raw" shows the drift that is asked for; unequal speeds are refused, the nearest '
-        "consistent start is offered.",
+        "On a line the constraint is linear and does not drift; unequal speeds are refused, with "
+        'drift="raw" they part at their constant relative speed.',
     ),
     22: _problem(
         "Simple pendulum, many derivations",
@@ -150,9 +151,9 @@ PROBLEMS: dict[int, Problem] = {
     ),
     23: _problem(
         "Pendulum in cartesian coordinates",
-        "scenes.pendulum",
-        'formulation="constrained", drift="raw" drifts as the course wants to see; projection '
-        "does not.",
+        "scenes.pendulum constraints.tensions",
+        'formulation="constrained", drift="raw", tie="square" drifts as the course wants to see; '
+        "projection does not.",
     ),
     24: _problem(
         "Pendulum by its horizontal position",
@@ -161,7 +162,7 @@ PROBLEMS: dict[int, Problem] = {
     ),
     25: _problem(
         "Dumbbell by five differential-algebraic equations",
-        "scenes.dumbbell energy.integrals energy.drift",
+        "scenes.dumbbell constraints.tensions energy.integrals energy.drift",
         "Momentum, angular momentum, energy and length are kept; their errors are reported.",
     ),
     26: _problem(
@@ -182,7 +183,7 @@ PROBLEMS: dict[int, Problem] = {
     29: _problem(
         "Inverted pendulum on a shaking base",
         "scenes.shaken_pendulum upright.upright_chart drawing.stability_chart floquet.multipliers "
-        "upright.averaged_limit",
+        "upright.stability_edges upright.averaged_limit",
         "Upright is stable between Mathieu's a_0 and b_1: for fast shaking from "
         "(A w)^2 = 2 g L on, L = 2/3 of a uniform stick.",
     ),

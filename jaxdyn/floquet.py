@@ -23,12 +23,14 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._roots import root
 from jaxdyn.scene import Scene
 from jaxdyn.simulate import solve
 
 RTOL = 1e-12
 _COARSER = 100.0  # the second tolerance, as a multiple of the first
 _ROUNDING = 10 * np.finfo(float).eps  # relative to the largest entry of the matrix
+_CONSERVED = 1e-9  # [1] |det(M) - 1| of a motion without damping, from integration errors
 _CLOSED = 1e-6  # [1] gap of a motion that repeats, relative to its start
 
 
@@ -122,6 +124,61 @@ def chart(
     shape = len(first), len(second)
     found = _judged(*(np.asarray(x).reshape(*shape, *x.shape[1:]) for x in lanes))
     return Chart(*(getattr(found, f.name) for f in dataclasses.fields(Floquet)), first, second)
+
+
+def edges(
+    make: Callable[[Array, Array], tuple[Scene, Array]],
+    between: tuple[float, float],
+    second: float,
+    *,
+    looks: int = 200,
+    rtol: float = RTOL,
+) -> np.ndarray:
+    """(n,) numbers x in order at which the motion of a scene becomes stable or unstable.
+
+    Multipliers of a state of two entries cross the unit circle at +1 or -1, where 1 + det(M) is
+    tr(M) or -tr(M), or, with damping, as a pair, where det(M) = 1. A grid shows where these
+    conditions change sign; a bracketed secant method does the rest.
+
+    Args:
+      make: (x, y) -> scene and period; see `chart`.
+      between: least and largest x.
+      second: the value of y.
+      looks: points of the grid.
+      rtol: relative tolerance of a step.
+    Raises:
+      ValueError: a state of more than two entries, or fewer than two looks.
+    Limits: two edges closer than the grid, or one that is only touched, are missed; host only.
+    """
+    xs = np.linspace(*(float(x) for x in between), _checks.whole("looks", looks))
+    second = jnp.asarray(float(second))
+    corner, _ = make(jnp.asarray(xs[0]), second)
+    corner.check()
+    k = len(corner.y0)
+    if k != 2:
+        raise _checks.fail("scene", "a state of 2 entries", k, "Use `chart` for larger ones.")
+
+    def conditions(xs):
+        return np.array([_conditions(make, x, second, rtol) for x in xs])
+
+    values = conditions(xs)
+    i, which = np.nonzero(values[:-1] * values[1:] < 0)
+
+    def of_each(xs):
+        return conditions(xs)[np.arange(len(xs)), which], np.full(len(xs), np.nan)
+
+    found, _ = root(of_each, xs[i], xs[i + 1])
+    return np.sort(found)
+
+
+@eqx.filter_jit
+def _conditions(make, x: Array, second: Array, rtol) -> Array:
+    """(3,) what is zero where a multiplier crosses the unit circle."""
+    M, _ = _monodromy(*make(x, second), rtol)
+    trace, det = M[0, 0] + M[1, 1], M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
+    # Without damping det(M) is 1 but for rounding, which crosses nothing.
+    damped = jnp.where(jnp.abs(det - 1) < _CONSERVED, 1.0, det)
+    return jnp.stack([1 - trace + damped, 1 + trace + damped, damped - 1])
 
 
 @eqx.filter_jit

@@ -39,11 +39,15 @@ class Balance(NamedTuple):
     """Two sides of an equation along a motion.
 
     Attributes:
+      left: (s, ...) one side: moments, or powers, at the samples.
+      right: (s, ...) the other side: rates of change there.
       holds: () whether they agree to rounding at all samples.
       residual: () largest difference, in the equation's unit.
       scale: () largest of the terms that were summed up, the measure of that rounding.
     """
 
+    left: Array
+    right: Array
     holds: Array
     residual: Array
     scale: Array
@@ -137,6 +141,9 @@ def power_balances(motion: Trajectory, internal: type[Effect]) -> dict[str, Bala
     Args:
       motion: of free points.
       internal: the kind of effects that act between the points; all others are external.
+    Returns:
+      For each balance the power `left` [W], the rate of the energy `right` [W], and whether they
+      are equal.
     """
     scene = motion.scene
 
@@ -160,7 +167,7 @@ def power_balances(motion: Trajectory, internal: type[Effect]) -> dict[str, Bala
 
 def _balance(one: Array, other: Array, sizes: Array) -> Balance:
     residual, scale = jnp.max(jnp.abs(one - other)), jnp.max(sizes)
-    return Balance(residual <= _ROUNDING * scale, residual, scale)
+    return Balance(one, other, residual <= _ROUNDING * scale, residual, scale)
 
 
 def _along(scene: Scene | Field, t, y, quantity: Callable) -> tuple:

@@ -18,11 +18,12 @@ import math
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._floats import floats
-from jaxdyn.floquet import RTOL, Chart, chart
+from jaxdyn.floquet import RTOL, Chart, chart, edges
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.pendula import shaken_pendulum
 
@@ -66,6 +67,32 @@ def upright_chart(
     _checks.positive("frequencies", frequencies, "In rad/s.")
     make = Upright(*floats(length, g), uniform)
     return chart(make, amplitudes, frequencies, rtol=rtol)
+
+
+def stability_edges(frequency, *, up_to=None, length=1.0, g=9.81, uniform=True) -> np.ndarray:
+    """(n,) amplitudes [m] at which upright becomes stable, unstable, stable ..., in order.
+
+    The first is where shaking begins to hold the stick (Mathieu's a_0), the second where it throws
+    it off again (b_1).
+
+    Args:
+      frequency: of the base [rad/s].
+      up_to: largest amplitude to look at [m]; the length of the stick if left out.
+      length: of the stick [m].
+      g: gravity [m/s^2].
+      uniform: a uniform stick; False for a point mass at the end of a massless one.
+    Raises:
+      ValueError: a length or frequency that is not positive.
+    Limits: see `floquet.edges`.
+    Example:
+      >>> from jaxdyn import upright
+      >>> [f"{edge:.9f}" for edge in upright.stability_edges(60.0)]
+      ['0.060384794', '0.307253341']
+    """
+    _checks.positive("length", length, "Lengths are in m.")
+    _checks.positive("frequency", frequency, "In rad/s.")
+    make = Upright(*floats(length, g), uniform)
+    return edges(make, (0.0, length if up_to is None else up_to), frequency)
 
 
 def mathieu_numbers(

@@ -17,9 +17,9 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive
+from jaxdyn._roots import root
 from orbits.launch import angle_of, checked_throw, followed, landings
 from orbits.ranges import COURSES, LOOK, SAME, WIDER, Aim, best_courses, turns
-from orbits.roots import root
 
 #: Speeds tried by `slowest`, in units of sqrt(pull x distance).
 _SPEEDS = np.logspace(-3, 15, 55)

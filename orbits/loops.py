@@ -20,9 +20,9 @@ import numpy as np
 
 from jaxdyn import Scene, events, scenes, simulate
 from jaxdyn._checks import array, fail, positive, whole
+from jaxdyn._roots import root
 from jaxdyn.effects import CentralForce
 from orbits.problem import Orbit, SearchError
-from orbits.roots import root
 from orbits.shooting import find
 
 #: Ratios of the smallest to the largest distance that are tried, from lines to circles.

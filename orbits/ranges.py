@@ -7,9 +7,9 @@ other as steep ones; see `launch`.
 import numpy as np
 
 from jaxdyn import Scene
+from jaxdyn._roots import root
 from jaxdyn.status import Code
 from orbits.launch import Landings, followed, landings
-from orbits.roots import root
 
 #: Courses log tan(angle / 2) at which the range is looked at, forwards; the first is 2e-7 rad.
 _FLAT = np.array([16.0, 13.5, 11.5, 9.5, 7.5, 6.0, 4.8, 4.0, 3.3, 2.7, 2.2, 1.7, 1.3, 0.9, 0.5])

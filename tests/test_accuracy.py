@@ -9,7 +9,7 @@ import pytest
 from closed_forms import known
 from helpers import kepler
 
-from jaxdyn import accuracy, ladder, scenes, simulate, solvers, steps
+from jaxdyn import accuracy, ladder, scenes, simulate, solvers
 
 EPS = float(np.finfo(float).eps)
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)

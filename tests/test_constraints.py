@@ -187,3 +187,36 @@ def test_solve_psd_finds_a_solution_and_what_depends_on_what():
     assert gap(found.combination[:, 2], [2.0, -3.0, 0.0, 0.0, 0.0]) < 1e-11
     bad = solve_psd(a.at[0, 0].set(jnp.nan), b, jnp.zeros(5))
     assert np.isnan(bad.x).any()
+
+
+def test_the_tension_of_a_pendulum_is_that_of_its_angle():
+    numbers = {"m": 2.0, "length": 1.3, "angle": 1.0, "rate": 0.5}
+    free = simulate(scenes.pendulum(**numbers), 3.0, samples=7, rtol=1e-13)
+    tension = 2.0 * (9.81 * jnp.cos(free["theta"]) + 1.3 * free["theta_dot"] ** 2)
+    # The same force by free coordinates, as what the mass times acceleration has beside gravity.
+    assert gap(jnp.linalg.norm(constraints.reactions(free)[:, 0], axis=-1), tension) < SOLVED * 10
+    for tie in ("length", "square"):
+        tied = scenes.pendulum(**numbers, formulation="constrained", tie=tie)
+        motion = simulate(tied, 3.0, samples=7, rtol=1e-13)
+        assert gap(constraints.tensions(motion)["stick"], tension) < SOLVED * 100
+        assert gap(constraints.multipliers(motion)[:, 0], -tension) < SOLVED * 100
+
+
+def test_forces_of_motions_without_rods_are_refused():
+    bars = simulate(scenes.four_bar(), 0.1, samples=2)
+    with pytest.raises(ValueError, match=r"^motion: expected ties that are .* got Bodies\. `react"):
+        constraints.tensions(bars)
+    with pytest.raises(ValueError, match=r"^scene: expected one with constraints, got NewtonEuler"):
+        constraints.multipliers(simulate(scenes.pendulum(), 0.1, samples=2))
+
+
+def test_the_ties_of_textbooks_drift_differently():
+    how = {"formulation": "constrained", "drift": "raw"}
+    off = {}
+    for tie in ("length", "square"):
+        motion = simulate(scenes.pendulum(**how, tie=tie), 20.0, samples=2, rtol=1e-6)
+        off[tie] = float(jnp.hypot(motion["x"], motion["y"])[-1] - 1)
+        assert 1e-9 < abs(off[tie]) < 1e-3
+    assert abs(off["length"] / off["square"] - 1) > 0.01
+    with pytest.raises(ValueError, match=r"^tie: expected one of length, square, got 'squared'"):
+        scenes.pendulum(**how, tie="squared")

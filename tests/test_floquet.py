@@ -1,11 +1,14 @@
 """Floquet multipliers against Mathieu's characteristic values, SciPy's integrator and Liouville."""
 
+from functools import partial
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import SOLVED, gap
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 from jaxdyn import drawing, floquet, scenes, upright
@@ -33,28 +36,21 @@ def test_problem_29_the_chart_is_mathieus(uniform):
     assert np.array_equal(chart.growth > 1e-5, ~expected)
 
 
-def _least_amplitude(frequency: float, rtol: float) -> float:
-    """Where the chart turns stable, by narrowing its grid."""
-    low, high = 0.02, 0.2
-    for _ in range(5):
-        grid = np.linspace(low, high, 41)
-        stable = upright.upright_chart(grid, [frequency], rtol=rtol).verdict[:, 0] == "stable"
-        first = int(np.argmax(stable))
-        assert first > 0
-        low, high = grid[first - 1], grid[first]
-    return (low + high) / 2
+def _characteristic(curve, frequency: float) -> float:
+    """The amplitude of a stick of length 1 at which Mathieu's number a lies on a curve of q."""
+    a, least = (float(x) for x in upright.mathieu_numbers(1e-3, frequency))
+    return brentq(lambda q: curve(q) - a, least, 3.0, xtol=1e-15) / least * 1e-3
 
 
-@pytest.mark.slow
-def test_the_edge_is_a_characteristic_value_and_tends_to_the_averaged_limit():
+def test_the_edges_are_characteristic_values_and_tend_to_the_averaged_limit():
     excess = []
-    for frequency in (40.0, 80.0):
-        edge = _least_amplitude(frequency, 1e-12)
-        a, q = upright.mathieu_numbers(edge, frequency)
-        assert abs(mathieu_a(0, float(q)) - float(a)) < 1e-8
+    for frequency in (20.0, 40.0, 80.0):
+        edge, upper = upright.stability_edges(frequency)
+        assert abs(edge - _characteristic(partial(mathieu_a, 0), frequency)) < SOLVED
+        assert abs(upper - _characteristic(partial(mathieu_b, 1), frequency)) < SOLVED
         excess.append(edge / float(upright.averaged_limit(frequency)) - 1)
     assert excess[0] > 0
-    assert abs(excess[0] / excess[1] - 4) < 0.1  # relative correction q^2 7 / 64, q ~ 1 / w
+    assert abs(excess[1] / excess[2] - 4) < 0.1  # relative correction q^2 7 / 64, q ~ 1 / w
 
 
 @pytest.mark.slow
@@ -172,3 +168,12 @@ def test_the_picture_shows_each_verdict(tmp_path):
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["stable", "unstable"]
     with pytest.raises(ValueError, match="path: expected a file name ending in"):
         drawing.stability_chart(chart, "chart.txt")
+
+
+def test_edges_need_a_state_of_two_entries():
+    with pytest.raises(ValueError, match=r"^scene: expected a state of 2 entries, got 4\. Use `ch"):
+        floquet.edges(_double, (1.0, 2.0), 1.0)
+
+
+def _double(x, y):
+    return scenes.double_pendulum(g=x), y

@@ -149,6 +149,10 @@ def test_problem_18_b_always_and_c_not_always():
     assert balances["centre"].holds
     assert not balances["relative"].holds
     assert balances["relative"].residual > 0.1
+    # The powers themselves: 3, 1 N on the mass centre, which moves at v_G.
+    v_g = 0.25 * pushed.ys[:, 4:6] + 0.75 * pushed.ys[:, 6:8]
+    assert gap(balances["centre"].left, v_g @ jnp.array([3.0, 1.0])) < 10 * EXACT
+    assert gap(balances["centre"].left, balances["centre"].right) < 10 * EXACT
 
 
 def test_an_unknown_definition_is_refused(motion):

@@ -96,3 +96,14 @@ def test_skate_at_the_end_of_a_chain_never_slides_sideways(g):
     # The skate's force is square to its velocity: no work.
     assert float(energy.drift(motion)) < 1e-10
     assert float(jnp.abs(v[:, 3]).max()) > 0.1
+
+
+def test_problem_21_unequal_speeds_part_where_nothing_is_done_about_drift():
+    scene = linkages.rod_on_line(speed=(0.25, 1.0), drift="raw", force=2.0)
+    motion = simulate(scene, 10.0, samples=5)
+    assert gap(motion["x2"] - motion["x1"], 1.0 + 0.75 * motion.ts) < SOLVED
+    for drift in ("projection", "baumgarte"):
+        with pytest.raises(ValueError, match=r"a violation of 0 in place, 0\.75 in velocity\. The"):
+            simulate(linkages.rod_on_line(speed=(0.25, 1.0), drift=drift), 1.0)
+    with pytest.raises(ValueError, match=r"^formulation: expected one of constrained, got 'lagra"):
+        linkages.rod_on_line(speed=(0.0, 1.0), formulation="lagrange")

@@ -129,3 +129,16 @@ def test_numbers_that_do_not_fit_are_refused():
         pendula.n_pendulum(m=(1.0,), l=(1.0, 1.0), angles=(1.0,), rates=(0.0,)).check()
     with pytest.raises(ValueError, match=r"l: expected > 0, got -1.0"):
         pendula.double_pendulum(l=(1.0, -1.0)).check()
+
+
+def test_the_phase_of_a_shaking_base_shifts_time():
+    t, y = jnp.asarray(0.3), jnp.array([0.4, 0.1])
+    late = pendula.shaken_pendulum(frequency=20.0, phase=0.7)
+    now = pendula.shaken_pendulum(frequency=20.0)
+    assert gap(late.rate(t, y), now.rate(t + 0.7 / 20.0, y)) < EXACT * 1e3
+    numbers = {"frequency": 20.0, "phase": 0.7, "formulation": "constrained", "t1": 1.0}
+    base = simulate(pendula.shaken_pendulum(**numbers), samples=3, rtol=1e-13)
+    free = simulate(
+        pendula.shaken_pendulum(**numbers | {"formulation": "lagrange"}), samples=3, rtol=1e-13
+    )
+    assert gap(base.r, free.r) < SOLVED * 100

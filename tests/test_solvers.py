@@ -13,7 +13,8 @@ import pytest
 from helpers import EXACT, gap, kepler, kepler_state
 from references.order_conditions import DIGITS, OrderConditions, number
 
-from jaxdyn.solvers import NYSTROM12, VERNER9, from_diffrax
+from jaxdyn import scenes, simulate
+from jaxdyn.solvers import EULER, NYSTROM12, RK4, VERNER9, from_diffrax
 
 TSIT5 = from_diffrax(diffrax.Tsit5())
 PAIRS = pytest.mark.parametrize("pair", [NYSTROM12, VERNER9, TSIT5], ids=lambda p: p.name)
@@ -243,3 +244,16 @@ def test_pairs_are_told_apart_by_identity():
     pairs = [NYSTROM12, VERNER9, TSIT5, from_diffrax(diffrax.Tsit5())]
     assert all(a != b for a, b in itertools.combinations(pairs, 2))
     assert len(set(pairs)) == 4
+
+
+@pytest.mark.parametrize(("method", "order"), [(EULER, 1), (RK4, 4)], ids=["euler", "rk4"])
+def test_methods_without_an_error_estimate_take_equal_steps(method, order):
+    exact = np.array([np.cos(2.0), -np.sin(2.0)])
+    run = [
+        simulate(scenes.oscillator(), 2.0, solver=method, dt=2.0 / n, samples=2) for n in (64, 128)
+    ]
+    assert [int(motion.steps) for motion in run] == [64, 128]
+    errors = [gap(motion.ys[-1], exact) for motion in run]
+    assert abs(np.log2(errors[0] / errors[1]) - order) < 0.1
+    with pytest.raises(ValueError, match=r"^dt: expected a step, since those of .* are equal"):
+        simulate(scenes.oscillator(), 2.0, solver=method)

@@ -18,6 +18,9 @@ from jaxdyn import _checks
 from jaxdyn._numerics import materialised, runtime_one
 from jaxdyn.scene import Effect, Points, System
 
+#: What the tie of a rod may differentiate, as scenes name it; see `stretch`.
+TIES = ("length", "square")
+
 
 class Mechanism(eqx.Module):
     """Coordinates q (n,) and the material points they place."""
@@ -47,12 +50,34 @@ class Mechanism(eqx.Module):
         del t, q
         return None
 
+    def rods(self) -> tuple[str, ...]:
+        """Names of the rods whose lengths (`stretch`) are the first of the ties."""
+        return ()
+
     def links(self) -> tuple[tuple, ...]:
         """Pairs of ends that a drawing joins, as `System.links`."""
         return ()
 
     def check(self) -> None:
         """Raise ValueError for numbers that make no sense."""
+
+
+def stretch(square: Array, length: Array, squared: bool) -> Array:
+    """By how much a rod is too long [m], from the square of the distance of its ends.
+
+    As a tie of `Constrained` its multiplier is the force along the rod [N], positive where it
+    pushes. Both forms are zero together and agree to first order; they drift differently where
+    nothing is done about drift.
+
+    Args:
+      square: (...) squared distance of the ends [m^2].
+      length: (...) of the rod [m].
+      squared: (square - length^2) / (2 length), which is smooth everywhere and what textbooks
+        differentiate; else the distance less the length.
+    """
+    if squared:
+        return (square - length**2) / (2 * length)
+    return jnp.sqrt(square) - length
 
 
 def planar_body(centre: Array, angle: Array, gyration: Array) -> Array:

@@ -7,7 +7,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import square_norm
-from jaxdyn.formulations.mechanism import Mechanism
+from jaxdyn.formulations.mechanism import Mechanism, stretch
 
 _AXES = "xyz"
 
@@ -22,12 +22,14 @@ class Rods(Mechanism):
       length: (c,) of the rods [m].
       pairs: which points each rod joins.
       d: dimension of space.
+      squared: ties by squared lengths; see `mechanism.stretch`.
     """
 
     m: Array
     length: Array
     pairs: tuple[tuple[int, int], ...] = eqx.field(static=True)
     d: int = eqx.field(static=True, default=2)
+    squared: bool = eqx.field(static=True, default=False)
 
     def coordinates(self):
         points = range(1, self.m.shape[0] + 1)
@@ -43,7 +45,10 @@ class Rods(Mechanism):
     def tied(self, t, q):
         i, j = np.array(self.pairs).T
         r = self.positions(t, q)
-        return jnp.sqrt(square_norm(r[j] - r[i])) - self.length
+        return stretch(square_norm(r[j] - r[i]), self.length, self.squared)
+
+    def rods(self):
+        return tuple(f"rod {i + 1}-{j + 1}" for i, j in self.pairs)
 
     def links(self):
         return self.pairs

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.formulations.mechanism import Mechanism
+from jaxdyn.formulations.mechanism import Mechanism, stretch
 
 _FROM_ORIGIN = (((0.0, 0.0), 0),)  # a line from there to the point
 
@@ -24,6 +24,7 @@ class _OnHinge(Mechanism):
       l: () length [m].
       amplitude: () of the hinge [m]; None where it stands still.
       frequency: () of the hinge [rad/s]; None where it stands still.
+      phase: () of the hinge [rad], which is at -amplitude cos(frequency t + phase).
       uniform: a uniform stick; else a point mass at its end.
     """
 
@@ -31,6 +32,7 @@ class _OnHinge(Mechanism):
     l: Array  # noqa: E741 the course's name
     amplitude: Array | None = None
     frequency: Array | None = None
+    phase: Array | float = 0.0
     uniform: bool = eqx.field(static=True, default=False)
 
     @abc.abstractmethod
@@ -41,7 +43,7 @@ class _OnHinge(Mechanism):
         """(2,) where the hinge is."""
         if self.amplitude is None or self.frequency is None:
             return jnp.zeros(2)
-        y = -self.amplitude * jnp.cos(self.frequency * t)
+        y = -self.amplitude * jnp.cos(self.frequency * t + self.phase)
         return jnp.stack([jnp.zeros_like(y), y])
 
     def masses(self):
@@ -81,7 +83,13 @@ class Stick(_OnHinge):
 
 
 class TiedStick(_OnHinge):
-    """The same stick by x and y of its far end, with its length as the tie."""
+    """The same stick by x and y of its far end, with its length as the tie.
+
+    Attributes:
+      squared: a tie by the squared length; see `mechanism.stretch`.
+    """
+
+    squared: bool = eqx.field(static=True, default=False)
 
     def coordinates(self):
         return (("x", "m"), ("y", "m"))
@@ -92,7 +100,10 @@ class TiedStick(_OnHinge):
 
     def tied(self, t, q):
         x, y = q - self.base(t)
-        return (jnp.sqrt(x * x + y * y) - self.l)[None]
+        return stretch(x * x + y * y, self.l, self.squared)[None]
+
+    def rods(self):
+        return ("stick",)
 
 
 class Sideways(Mechanism):
@@ -177,4 +188,7 @@ class TiedCart(_OnCart):
     def tied(self, t, q):
         del t
         x = q[1] - q[0]
-        return (jnp.sqrt(x * x + q[2] * q[2]) - self.l)[None]
+        return stretch(x * x + q[2] * q[2], self.l, squared=False)[None]
+
+    def rods(self):
+        return ("stick",)

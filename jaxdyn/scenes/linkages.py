@@ -13,6 +13,7 @@ from jaxdyn.effects import SinusoidalForce, UniformGravity, unless_zero
 from jaxdyn.formulations.bars import Bodies, Chain, check_bars
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.fourbar import FourBar
+from jaxdyn.formulations.mechanism import TIES
 from jaxdyn.formulations.rods import Coupled, Dumbbell, Rods
 from jaxdyn.formulations.routes import Embedding, route
 from jaxdyn.scene import Scene
@@ -33,15 +34,16 @@ def rod_on_line(
 ) -> Scene:
     """Two masses on a line, joined by a rod, the second one pushed to and fro (problem 21).
 
-    The push is force sin(frequency t). Unequal speeds do not fit a rod: such a start
-    (``scene.starting``) is refused, and the nearest one offered.
+    The push is force sin(frequency t). Unequal speeds do not fit a rod: such a start is refused,
+    and the nearest one offered. With drift="raw" it runs, to show what happens: the equations
+    only ask for equal accelerations, so the masses part at their constant relative speed.
 
     Args:
       m: masses [kg].
       length: of the rod [m].
       force: on the second mass, largest value [N].
       frequency: of the force [rad/s].
-      speed: of both at the start [m/s].
+      speed: of both at the start [m/s]; for "constrained" also two different ones.
       formulation: "constrained" in both places, "newton_euler" and "lagrange" in the first.
       drift: for "constrained": "projection", "baumgarte" or "raw", which shows the drift.
       t1: span [s].
@@ -49,7 +51,11 @@ def rod_on_line(
     m, length = floats(m, length)
     free = Coupled(m, length)
     embeddings = {"constrained": Embedding(Rods(m, length[None], ((0, 1),), 1), free.place)}
-    system, y0 = route(formulation, free, [0.0], [speed], embeddings, drift)
+    v = jnp.asarray(speed, dtype=float)
+    system, y0 = route(formulation, free, [0.0], v.ravel()[:1], embeddings, drift)
+    if v.ndim:
+        _checks.choice("formulation", formulation, ("constrained",))
+        y0 = y0.at[2:].set(_checks.array("speed", v, (2,), "One for each mass, or one for both."))
     push = SinusoidalForce(jnp.asarray(force, dtype=float)[None], frequency, on=(1,))
     return Scene(system, (push,), y0=y0, t1=t1)
 
@@ -61,6 +67,7 @@ def dumbbell(
     speed=1.0,
     formulation="constrained",
     drift="projection",
+    tie="length",
     t1=20.0,
 ) -> Scene:
     """Two masses joined by a rod, spinning freely about their centre (problem 25).
@@ -72,11 +79,15 @@ def dumbbell(
       formulation: "constrained" in x and y of both masses (five equations with the rod's
         force), "newton_euler" and "lagrange" in centre and angle.
       drift: for "constrained": "projection", "baumgarte" or "raw".
+      tie: for "constrained": "length" differentiates the distance of the masses, "square" its
+        square, as the course does; without a cure ("raw") the two drift differently.
       t1: span [s].
     """
     m, length = floats(m, length)
     free = Dumbbell(m, length)
-    embeddings = {"constrained": Embedding(Rods(m, length[None], ((0, 1),)), free.place)}
+    squared = _checks.choice("tie", tie, TIES) == "square"
+    rods = Rods(m, length[None], ((0, 1),), squared=squared)
+    embeddings = {"constrained": Embedding(rods, free.place)}
     spin = 2 * speed / length
     system, y0 = route(formulation, free, [0.0, 0.0, 0.0], [0.0, 0.0, spin], embeddings, drift)
     return Scene(system, (), y0=y0, t1=t1)

@@ -13,6 +13,7 @@ from jaxdyn import _checks
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.bars import Bodies, Chain
+from jaxdyn.formulations.mechanism import TIES
 from jaxdyn.formulations.routes import Embedding, route
 from jaxdyn.formulations.sticks import Cart, Stick, TiedCart, TiedStick
 from jaxdyn.scene import Scene
@@ -27,6 +28,7 @@ def pendulum(
     rate=0.0,
     formulation="newton_euler",
     drift="projection",
+    tie="length",
     t1=10.0,
 ) -> Scene:
     """A point mass on a massless rod, by its angle or by x and y with the rod (problems 22, 23).
@@ -40,11 +42,14 @@ def pendulum(
       formulation: "newton_euler" and "lagrange" in the angle, "constrained" in x and y; the
         multiplier is then the force along the rod, positive where the rod pushes [N].
       drift: for "constrained": "projection", "baumgarte" or "raw".
+      tie: for "constrained": "length" differentiates the distance from the hinge, "square" its
+        square, as textbooks do; without a cure ("raw") the two drift differently.
       t1: span [s].
     """
     m, length = floats(m, length)
     free = Stick(m, length)
-    embeddings = {"constrained": Embedding(TiedStick(m, length), free.end)}
+    tied = TiedStick(m, length, squared=_checks.choice("tie", tie, TIES) == "square")
+    embeddings = {"constrained": Embedding(tied, free.end)}
     system, y0 = route(formulation, free, [angle], [rate], embeddings, drift)
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
@@ -56,6 +61,7 @@ def shaken_pendulum(
     g=9.81,
     amplitude=0.1,
     frequency=60.0,
+    phase=0.0,
     angle=0.2,
     rate=0.0,
     uniform=True,
@@ -65,10 +71,10 @@ def shaken_pendulum(
 ) -> Scene:
     """An upside-down pendulum on a base that shakes up and down (problem 29).
 
-    The base is at y = -amplitude cos(frequency t). Fast shaking, with (amplitude frequency)^2
+    The base is at y = -amplitude cos(frequency t + phase). Fast shaking, with (amplitude frequency)^2
     above 2 g L, holds the pendulum upright; L is the length of the point-mass pendulum with
     the same motion, 2/3 of the length of a uniform stick. `upright.upright_chart` maps where it
-    does, exactly.
+    does, `upright.stability_edges` has the exact limits.
 
     Args:
       length: of the stick [m].
@@ -76,6 +82,7 @@ def shaken_pendulum(
       g: gravity [m/s^2].
       amplitude: of the base [m].
       frequency: of the base [rad/s].
+      phase: of the base at t = 0 [rad].
       angle: at the start, from straight up, clockwise [rad].
       rate: of the angle at the start [rad/s].
       uniform: a uniform stick; False for a point mass at the end of a massless one.
@@ -84,7 +91,7 @@ def shaken_pendulum(
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
-    numbers = floats(m, length, amplitude, frequency)
+    numbers = floats(m, length, amplitude, frequency, phase)
     free = Stick(*numbers, inverted=True, uniform=uniform)
     embeddings = {"constrained": Embedding(TiedStick(*numbers, uniform=uniform), free.end)}
     system, y0 = route(formulation, free, [angle], [rate], embeddings, drift)
