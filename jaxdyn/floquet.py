@@ -151,15 +151,15 @@ def edges(
     Limits: two edges closer than the grid, or one that is only touched, are missed; host only.
     """
     xs = np.linspace(*(float(x) for x in between), _checks.whole("looks", looks))
-    second = jnp.asarray(float(second))
-    corner, _ = make(jnp.asarray(xs[0]), second)
+    y = jnp.asarray(float(second))
+    corner, _ = make(jnp.asarray(xs[0]), y)
     corner.check()
     k = len(corner.y0)
     if k != 2:
         raise _checks.fail("scene", "a state of 2 entries", k, "Use `chart` for larger ones.")
 
     def conditions(xs):
-        return np.array([_conditions(make, x, second, rtol) for x in xs])
+        return np.array([_conditions(make, x, y, rtol) for x in xs])
 
     values = conditions(xs)
     i, which = np.nonzero(values[:-1] * values[1:] < 0)
@@ -172,9 +172,9 @@ def edges(
 
 
 @eqx.filter_jit
-def _conditions(make, x: Array, second: Array, rtol) -> Array:
+def _conditions(make, x: Array, y: Array, rtol) -> Array:
     """(3,) what is zero where a multiplier crosses the unit circle."""
-    M, _ = _monodromy(*make(x, second), rtol)
+    M, _ = _monodromy(*make(x, y), rtol)
     trace, det = M[0, 0] + M[1, 1], M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
     # Without damping det(M) is 1 but for rounding, which crosses nothing.
     damped = jnp.where(jnp.abs(det - 1) < _CONSERVED, 1.0, det)

@@ -71,10 +71,10 @@ def shaken_pendulum(
 ) -> Scene:
     """An upside-down pendulum on a base that shakes up and down (problem 29).
 
-    The base is at y = -amplitude cos(frequency t + phase). Fast shaking, with (amplitude frequency)^2
-    above 2 g L, holds the pendulum upright; L is the length of the point-mass pendulum with
-    the same motion, 2/3 of the length of a uniform stick. `upright.upright_chart` maps where it
-    does, `upright.stability_edges` has the exact limits.
+    The base is at y = -amplitude cos(frequency t + phase). Fast shaking, with (amplitude
+    frequency)^2 above 2 g L, holds the pendulum upright; L is the length of the point-mass
+    pendulum with the same motion, 2/3 of the length of a uniform stick. `upright.upright_chart`
+    maps where it does, `upright.stability_edges` has the exact limits.
 
     Args:
       length: of the stick [m].
