@@ -40,14 +40,27 @@ def float64(remedy: str = "Call jaxdyn.configure() first.") -> None:
 
 def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Array:
     """The input as a finite float array of the wanted shape, where None allows any length."""
+    return finite(name, shaped(name, x, shape, remedy), remedy)
+
+
+def shaped(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Array:
+    """The input as a float array of the wanted shape, where None allows any length."""
     x = numbers(name, x, remedy)
-    fits = len(x.shape) == len(shape) and all(
-        w is None or s == w for s, w in zip(x.shape, shape, strict=True)
+    check_shape(name, x.shape, shape, remedy)
+    return x
+
+
+def check_shape(name: str, got: tuple, shape: tuple, remedy: str = "") -> None:
+    """Refuse a shape that is not the wanted one: None allows any length, a last ... any axes."""
+    front = shape[:-1] if shape[-1:] == (...,) else shape
+    compared = got[: len(front)] if front != shape else got
+    fits = len(compared) == len(front) and all(
+        w is None or s == w for s, w in zip(compared, front, strict=True)
     )
     if not fits:
-        wanted = str(tuple("any" if w is None else w for w in shape)).replace("'", "")
-        raise fail(name, f"shape {wanted}", f"shape {x.shape}", remedy)
-    return finite(name, x, remedy)
+        words = ["any" if w is None else "..." if w is ... else str(w) for w in shape]
+        wanted = ", ".join(words) + ("," if len(words) == 1 else "")
+        raise fail(name, f"shape ({wanted})", f"shape {got}", remedy)
 
 
 def numbers(name: str, x: Any, remedy: str = "") -> Array:

@@ -15,9 +15,10 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
+from jaxdyn._arguments import arrays
 from jaxdyn._numerics import square_norm
 from jaxdyn.inertia import Body
-from jaxdyn.vectors import Vector, cross, dot
+from jaxdyn.vectors import Scalar, Vector, cross, dot
 
 # Imbalance below this part of what mass and inertia of this size could cause is rounding.
 _BALANCED = 1e-12
@@ -39,7 +40,8 @@ class Bearings(NamedTuple):
     dynamically: Bool[Array, ""]
 
 
-def bearing_forces(body: Body, r_a: Vector, r_b: Vector, spin: Array) -> Bearings:
+@arrays
+def bearing_forces(body: Body, r_a: Vector, r_b: Vector, spin: Scalar) -> Bearings:
     """Forces on a body that spins at a constant rate about the line through two bearings.
 
     F = m omega x (omega x r) and M = omega x (I_a omega). Neither bearing takes a moment, and M

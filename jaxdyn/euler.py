@@ -15,9 +15,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxdyn import _checks
+from jaxdyn._arguments import arrays
 from jaxdyn._numerics import safe_norm
 from jaxdyn.indices import levi_civita
-from jaxdyn.rotations import Matrix, matrix_from_axis_angle
+from jaxdyn.rotations import Matrix, checked_rotation, matrix_from_axis_angle
 from jaxdyn.vectors import Vector, cross, dot
 
 Angles = Float[Array, "3"]
@@ -44,6 +45,7 @@ class EulerRates(NamedTuple):
     locked: Bool[Array, ""]
 
 
+@arrays
 def matrix_from_euler(angles: Angles, sequence: str) -> Matrix:
     """R_wb (3, 3) of three turns by angles (3,) in the given sequence.
 
@@ -57,13 +59,18 @@ def matrix_from_euler(angles: Angles, sequence: str) -> Matrix:
     return _product(_product(first, second), third)
 
 
+@arrays
 def euler_from_matrix(R_wb: Matrix, sequence: str) -> EulerAngles:
     """Angles that `matrix_from_euler` takes back to R_wb, to rounding also close to gimbal lock.
 
     The second angle is in [-pi/2, pi/2] for three different axes and in [0, pi] where the first
     comes again; the others are in [-pi, pi]. In gimbal lock the turn made about the outermost
     axis (the first of a sequence about the body's axes, the last about the world's) is set to 0.
+
+    Raises:
+      ValueError: R_wb is not a rotation; under traces the result is NaN then.
     """
+    R_wb = checked_rotation("R_wb", R_wb)
     i, j, k, again = _axes(sequence)
     sign = levi_civita()[i, j, k]
     # Tait-Bryan: column k is R_i R_j e_k; Euler: column i is R_i R_j e_i. Its part across e_i
@@ -84,6 +91,7 @@ def euler_from_matrix(R_wb: Matrix, sequence: str) -> EulerAngles:
     return EulerAngles(jnp.stack(angles if sequence.isupper() else angles[::-1]), locked)
 
 
+@arrays
 def omega_w_from_euler(angles: Angles, sequence: str) -> Matrix:
     """The matrix E (3, 3) with omega_w = E @ d(angles)/dt; its columns are the turns' axes."""
     outer, middle, _ = _turns(angles, sequence)
@@ -93,16 +101,19 @@ def omega_w_from_euler(angles: Angles, sequence: str) -> Matrix:
     return jnp.stack(axes if sequence.isupper() else axes[::-1], axis=1)
 
 
+@arrays
 def omega_b_from_euler(angles: Angles, sequence: str) -> Matrix:
     """The matrix E (3, 3) with omega_b = E @ d(angles)/dt."""
     return matrix_from_euler(angles, sequence).T @ omega_w_from_euler(angles, sequence)
 
 
+@arrays
 def euler_rates_from_world(angles: Angles, omega_w: Vector, sequence: str) -> EulerRates:
     """Rates of the angles at an angular velocity omega_w (3,) [rad/s]; NaN in gimbal lock."""
     return _solve(omega_w_from_euler(angles, sequence), omega_w)
 
 
+@arrays
 def euler_rates_from_body(angles: Angles, omega_b: Vector, sequence: str) -> EulerRates:
     """Rates of the angles at an angular velocity omega_b (3,) [rad/s]; NaN in gimbal lock."""
     return _solve(omega_b_from_euler(angles, sequence), omega_b)

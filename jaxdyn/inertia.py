@@ -17,9 +17,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxdyn import _checks
+from jaxdyn._arguments import arrays
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import safe_sqrt, square_norm
-from jaxdyn.vectors import Vector, cross
+from jaxdyn.rotations import checked_rotation
+from jaxdyn.vectors import Scalar, Vector, cross
 
 Matrix = Float[Array, "3 3"]
 
@@ -35,19 +37,25 @@ class Body(eqx.Module):
     centre: Vector = eqx.field(converter=as_float)
     inertia: Matrix = eqx.field(converter=as_float)
 
-    def shifted(self, d) -> "Body":
+    @arrays
+    def shifted(self, d: Vector) -> "Body":
         """The body moved by d (3,) [m]."""
-        return Body(self.mass, self.centre + jnp.asarray(d, dtype=float), self.inertia)
+        return Body(self.mass, self.centre + d, self.inertia)
 
-    def rotated(self, R) -> "Body":
-        """The body turned about the origin by the rotation matrix R (3, 3)."""
-        R = jnp.asarray(R, dtype=float)
+    @arrays
+    def rotated(self, R: Matrix) -> "Body":
+        """The body turned about the origin by the rotation matrix R (3, 3).
+
+        Raises:
+          ValueError: R is not a rotation; under traces the body is NaN then.
+        """
+        R = checked_rotation("R", R)
         return Body(self.mass, R @ self.centre, R @ self.inertia @ R.T)
 
-    def about(self, p) -> Matrix:
+    @arrays
+    def about(self, p: Vector) -> Matrix:
         """Inertia (3, 3) about a point p (3,) [m], by the theorem of parallel axes."""
-        d = self.centre - jnp.asarray(p, dtype=float)
-        return self.inertia + _steiner(self.mass, d)
+        return self.inertia + _steiner(self.mass, self.centre - p)
 
     def check(self) -> None:
         """Raise ValueError for a mass or inertia that no body has; traced numbers pass."""
@@ -83,23 +91,27 @@ def _steiner(m: Array, d: Vector) -> Matrix:
 # ---- shapes
 
 
-def point(mass, at=(0.0, 0.0, 0.0)) -> Body:
+@arrays
+def point(mass: Scalar, at: Vector = (0.0, 0.0, 0.0)) -> Body:
     """A material point at (3,) [m]."""
     return Body(mass, at, jnp.zeros((3, 3)))
 
 
-def box(mass, sides) -> Body:
+@arrays
+def box(mass: Scalar, sides: Vector) -> Body:
     """A box with sides (3,) [m] along x, y, z; a side of 0 makes it a plate, two a rod."""
-    squares = jnp.asarray(sides, dtype=float) ** 2
+    squares = sides**2
     return Body(mass, jnp.zeros(3), jnp.diag(jnp.sum(squares) - squares) * (mass / 12))
 
 
-def plate(mass, sides) -> Body:
+@arrays
+def plate(mass: Scalar, sides: Float[Array, "2"]) -> Body:
     """A thin rectangle in the x-y plane with sides (2,) [m]."""
-    return box(mass, jnp.append(jnp.asarray(sides, dtype=float), 0.0))
+    return box(mass, jnp.append(sides, 0.0))
 
 
-def sphere(mass, radius, inner=0.0) -> Body:
+@arrays
+def sphere(mass: Scalar, radius: Scalar, inner: Scalar = 0.0) -> Body:
     """A ball, hollow up to the radius inner [m]; a thin shell where both are equal.
 
     I = 2/5 m (R^5 - r^5) / (R^3 - r^3), with the common factor R - r taken out.
@@ -110,34 +122,42 @@ def sphere(mass, radius, inner=0.0) -> Body:
     return Body(mass, jnp.zeros(3), moment * jnp.eye(3))
 
 
-def cylinder(mass, radius, length, inner=0.0) -> Body:
+@arrays
+def cylinder(mass: Scalar, radius: Scalar, length: Scalar, inner: Scalar = 0.0) -> Body:
     """A cylinder along z, hollow up to the radius inner [m]; a pipe where both are equal."""
     along = mass * (radius**2 + inner**2) / 2
     across = along / 2 + mass * length**2 / 12
     return Body(mass, jnp.zeros(3), jnp.diag(jnp.asarray([across, across, along])))
 
 
-def disk(mass, radius, inner=0.0) -> Body:
+@arrays
+def disk(mass: Scalar, radius: Scalar, inner: Scalar = 0.0) -> Body:
     """A thin disk in the x-y plane with a hole of radius inner [m]; a ring where both are equal."""
     return cylinder(mass, radius, 0.0, inner)
 
 
-def rod(mass, length) -> Body:
+@arrays
+def rod(mass: Scalar, length: Scalar) -> Body:
     """A thin rod along z."""
     return cylinder(mass, 0.0, length)
 
 
-def box_of_density(density, sides) -> Body:
+@arrays
+def box_of_density(density: Scalar, sides: Vector) -> Body:
     """A `box` of a density [kg/m^3]."""
-    return box(density * jnp.prod(jnp.asarray(sides, dtype=float)), sides)
+    return box(density * jnp.prod(sides), sides)
 
 
-def sphere_of_density(density, radius, inner=0.0) -> Body:
+@arrays
+def sphere_of_density(density: Scalar, radius: Scalar, inner: Scalar = 0.0) -> Body:
     """A `sphere` of a density [kg/m^3]."""
     return sphere(density * 4 / 3 * jnp.pi * (radius**3 - inner**3), radius, inner)
 
 
-def cylinder_of_density(density, radius, length, inner=0.0) -> Body:
+@arrays
+def cylinder_of_density(
+    density: Scalar, radius: Scalar, length: Scalar, inner: Scalar = 0.0
+) -> Body:
     """A `cylinder` of a density [kg/m^3]."""
     mass = density * jnp.pi * (radius**2 - inner**2) * length
     return cylinder(mass, radius, length, inner)

@@ -8,10 +8,17 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Float
+
+from jaxdyn._arguments import arrays
+
+Scalar = Float[Array, ""]
+Plane = Float[Array, "2"]
+Each = Float[Array, "n"]
 
 
-def by_derivatives(position: Callable[[Array], Array], q: Array, v: Array, a: Array) -> Array:
+@arrays
+def by_derivatives(position: Callable[[Array], Array], q: Each, v: Each, a: Each) -> Array:
     """(d,) acceleration of a point by differentiating its position twice in time.
 
     Args:
@@ -27,8 +34,9 @@ def by_derivatives(position: Callable[[Array], Array], q: Array, v: Array, a: Ar
     return jax.jvp(velocity, (q, v), (v, a))[1]
 
 
+@arrays
 def five_terms(
-    origin: Array, omega: Array, alpha: Array, r: Array, v_rel: Array, a_rel: Array
+    origin: Plane, omega: Scalar, alpha: Scalar, r: Plane, v_rel: Plane, a_rel: Plane
 ) -> Array:
     """(2,) acceleration of a point that moves in a frame that moves and turns.
 
@@ -45,13 +53,15 @@ def five_terms(
     return origin + alpha * _turned(r) - omega**2 * r + 2 * omega * _turned(v_rel) + a_rel
 
 
-def end_position(l: Array, q: Array) -> Array:  # noqa: E741 the course's name
+@arrays
+def end_position(l: Each, q: Each) -> Array:  # noqa: E741 the course's name
     """(2,) end of a double pendulum, from its angles q (2,) from hanging down (problem 36)."""
     radial, _ = _polar_axes(q)
     return jnp.sum(l[:, None] * radial, axis=0)
 
 
-def end_acceleration(l: Array, q: Array, v: Array, a: Array) -> Array:  # noqa: E741
+@arrays
+def end_acceleration(l: Each, q: Each, v: Each, a: Each) -> Array:  # noqa: E741
     """(2,) acceleration of the end of a double pendulum from its absolute angles (problem 36).
 
     Each link adds its acceleration in polar coordinates, seen from a frame that moves with the
@@ -67,7 +77,8 @@ def end_acceleration(l: Array, q: Array, v: Array, a: Array) -> Array:  # noqa: 
     return jnp.sum((l * a)[:, None] * around - (l * v * v)[:, None] * radial, axis=0)
 
 
-def end_acceleration_relative(l: Array, q: Array, v: Array, a: Array) -> Array:  # noqa: E741
+@arrays
+def end_acceleration_relative(l: Each, q: Each, v: Each, a: Each) -> Array:  # noqa: E741
     """(2,) the same from theta_1 and phi = theta_2 - theta_1, by the five-term formula.
 
     In a frame glued to the first link the second one turns by phi alone.
@@ -85,7 +96,8 @@ def end_acceleration_relative(l: Array, q: Array, v: Array, a: Array) -> Array: 
     return five_terms(elbow, v[0], a[0], l[1] * radial, v_rel, a_rel)
 
 
-def slot_position(d: Array, q: Array) -> Array:
+@arrays
+def slot_position(d: Scalar, q: Plane) -> Array:
     """(2,) a mass in the slot of a turntable, from q = (theta, s) (problem 34 a i).
 
     The slot is level and the distance d below the centre at theta = 0; s counts along it from
@@ -95,7 +107,8 @@ def slot_position(d: Array, q: Array) -> Array:
     return q[1] * along - d * across
 
 
-def slot_acceleration(d: Array, q: Array, v: Array, a: Array) -> Array:
+@arrays
+def slot_acceleration(d: Scalar, q: Plane, v: Plane, a: Plane) -> Array:
     """(2,) acceleration of that mass by the rates of the slot's axes i', j' (34 a ii).
 
     From r = s i' - d j' with di'/dt = w j' and dj'/dt = -w i'.
@@ -105,7 +118,8 @@ def slot_acceleration(d: Array, q: Array, v: Array, a: Array) -> Array:
     return in_slot * along + (a[0] * q[1] + 2 * v[0] * v[1] + v[0] ** 2 * d) * across
 
 
-def slot_acceleration_five_terms(d: Array, q: Array, v: Array, a: Array) -> Array:
+@arrays
+def slot_acceleration_five_terms(d: Scalar, q: Plane, v: Plane, a: Plane) -> Array:
     """(2,) acceleration of that mass by the five-term formula (34 a iii)."""
     along, _ = _slot_axes(q[0])
     r = slot_position(d, q)

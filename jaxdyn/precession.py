@@ -22,11 +22,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from jaxdyn._arguments import arrays
 from jaxdyn._floats import floats
 from jaxdyn._numerics import safe_sqrt
 from jaxdyn.formulations.rigid import pose
-from jaxdyn.rotations import matrix_from_rotation_vector, wxyz_from_matrix
+from jaxdyn.rotations import Matrix, checked_rotation, matrix_from_rotation_vector, wxyz_from_matrix
 from jaxdyn.simulate import Trajectory
+from jaxdyn.vectors import Scalar, Vector
 
 # A leading coefficient below this part of what it is a difference of is zero: cos(pi / 2) in
 # floats is not.
@@ -82,7 +84,8 @@ def free_precession(theta, total, *, I1, I3) -> Precession:
     return Precession(rate, total - rate * jnp.cos(theta))
 
 
-def free_attitude(R0, omega_b0, t, *, I1, I3) -> Array:
+@arrays
+def free_attitude(R0: Matrix, omega_b0: Vector, t: Scalar, *, I1: Scalar, I3: Scalar) -> Matrix:
     """R_wb (3, 3) at time t of a free axisymmetric body from any start.
 
     exp(t H / I_1) R_0 exp(t omega_s e_3'), H the constant angular momentum in space and
@@ -94,7 +97,10 @@ def free_attitude(R0, omega_b0, t, *, I1, I3) -> Array:
       t: () time since [s].
       I1: () moment across the axis [kg m^2].
       I3: () moment about the axis, the body's third [kg m^2].
+    Raises:
+      ValueError: R0 is not a rotation.
     """
+    R0 = checked_rotation("R0", R0)
     H = R0 @ (jnp.stack([I1, I1, I3]) * omega_b0)
     axis = jnp.array([0.0, 0.0, 1.0])
     own = matrix_from_rotation_vector(t * (1 - I3 / I1) * omega_b0[2] * axis)

@@ -11,32 +11,40 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from jaxdyn._arguments import arrays
 from jaxdyn._numerics import safe_norm, square_norm
 from jaxdyn.indices import levi_civita
 
 # A product of differences of points is called zero below this many roundings of the points.
 _ROUNDINGS = 8 * np.finfo(float).eps
 
+Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
+# Components, of one vector or, along further axes, of many.
+Components = Float[Array, "3 ..."]
 
 
-def dot(a: Vector, b: Vector) -> Array:
+@arrays
+def dot(a: Components, b: Components) -> Array:
     """Scalar product (), written out: a `dot` call costs more than three products."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def cross(a: Vector, b: Vector) -> Vector:
+@arrays
+def cross(a: Components, b: Components) -> Components:
     """Cross product (3,) by components: (a2 b3 - a3 b2, a3 b1 - a1 b3, a1 b2 - a2 b1)."""
     return jnp.stack(
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     )
 
 
+@arrays
 def cross_by_indices(a: Vector, b: Vector) -> Vector:
     """Cross product (3,) as epsilon_ijk a_i b_j. `cross` is the one to use in programs."""
     return jnp.einsum("ijk,i,j->k", levi_civita(), a, b)
 
 
+@arrays
 def cross_by_geometry(a: Vector, b: Vector) -> Vector:
     """Cross product (3,) by its geometric meaning, without its components.
 
@@ -57,6 +65,7 @@ def cross_by_geometry(a: Vector, b: Vector) -> Vector:
     return length * (dot(projected, e1) * e2 - dot(projected, e2) * e1)
 
 
+@arrays
 def skew(a: Vector) -> Float[Array, "3 3"]:
     """The matrix S(a) with S(a) @ b = a x b; S_ij = -epsilon_ijk a_k."""
     zero = jnp.zeros_like(a[0])
@@ -64,12 +73,14 @@ def skew(a: Vector) -> Float[Array, "3 3"]:
     return jnp.stack([jnp.stack(row) for row in rows])
 
 
+@arrays
 def unskew(S: Float[Array, "3 3"]) -> Vector:
     """The vector a whose `skew` is the skew part (S - S^T) / 2 of a matrix."""
     return jnp.stack([S[2, 1] - S[1, 2], S[0, 2] - S[2, 0], S[1, 0] - S[0, 1]]) / 2
 
 
-def plane_rotation(theta: Array) -> Float[Array, "2 2"]:
+@arrays
+def plane_rotation(theta: Scalar) -> Float[Array, "2 2"]:
     """The matrix that turns vectors of the plane by the angle theta () [rad], x towards y."""
     c, s = jnp.cos(theta), jnp.sin(theta)
     return jnp.stack([jnp.stack([c, -s]), jnp.stack([s, c])])
@@ -88,6 +99,7 @@ class ClosestPoints(NamedTuple):
     parallel: Bool[Array, ""]
 
 
+@arrays
 def closest_points(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector) -> ClosestPoints:
     """Distance and closest points of two infinite lines, one through a and b, one through c and d.
 
@@ -128,6 +140,7 @@ def closest_points(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector) -> Closes
     return ClosestPoints(distance + nan, r_a + s * u + nan, r_c + t * v + nan, parallel)
 
 
+@arrays
 def signed_volume(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector) -> Array:
     """Volume () of a tetrahedron, positive where a, b, c turn counterclockwise seen from d.
 
@@ -137,6 +150,7 @@ def signed_volume(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector) -> Array:
     return dot(cross(r_b - r_a, r_c - r_a), r_d - r_a) / 6
 
 
+@arrays
 def tetrahedron_volume(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector) -> Array:
     """Volume () >= 0 of a tetrahedron; its derivative is 0 where the four points are coplanar."""
     return jnp.abs(signed_volume(r_a, r_b, r_c, r_d))
@@ -149,6 +163,7 @@ class RodTensions(NamedTuple):
     coplanar: Bool[Array, ""]
 
 
+@arrays
 def rod_tensions(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector, force: Vector) -> RodTensions:
     """Tensions in three massless rods from a, b and c that hold the joint d under a load.
 

@@ -18,6 +18,8 @@ from jaxdyn.euler import (
     omega_b_from_euler,
     omega_w_from_euler,
 )
+from jaxdyn.inertia import box
+from jaxdyn.precession import free_attitude
 from jaxdyn.vectors import skew, unskew
 
 RNG = np.random.default_rng(42)
@@ -317,3 +319,51 @@ def test_nothing_that_a_rate_may_call_sorts_scatters_or_needs_lapack():
         "triangular_solve",
     }
     assert not used & forbidden
+
+
+NO_ROTATIONS = {
+    "reflection": np.diag([-1.0, 1.0, 1.0]),
+    "inversion": -np.eye(3),
+    "stretched": np.diag([2.0, 1.0, 1.0]),
+    "scaled": 1.001 * np.eye(3),
+    "sheared": np.eye(3) + 1e-6 * np.eye(3, k=1),
+    "zero": np.zeros((3, 3)),
+}
+OF_ROTATIONS = {
+    "axis_angle_from_matrix": ro.axis_angle_from_matrix,
+    "rotation_vector_from_matrix": ro.rotation_vector_from_matrix,
+    "wxyz_from_matrix": ro.wxyz_from_matrix,
+    "tensor_in_world": lambda R: ro.tensor_in_world(R, jnp.eye(3)),
+    "tensor_in_body": lambda R: ro.tensor_in_body(R, jnp.eye(3)),
+    "euler_from_matrix": lambda R: euler_from_matrix(R, "ZYX"),
+    "free_attitude": lambda R: free_attitude(R, [1.0, 2.0, 3.0], 0.1, I1=1.0, I3=2.0),
+    "rotated": lambda R: box(1.0, [1.0, 2.0, 3.0]).rotated(R),
+}
+
+
+@pytest.mark.parametrize("name", OF_ROTATIONS)
+def test_a_matrix_that_is_no_rotation_is_refused(name):
+    function = OF_ROTATIONS[name]
+    traced = jax.jit(function)
+    for R in NO_ROTATIONS.values():
+        with pytest.raises(ValueError, match=r"^R(_wb|0)?: expected a rotation: .* off by "):
+            function(R)
+        leaves = [x for x in jax.tree.leaves(traced(R)) if x.dtype == float]
+        assert any(np.isnan(x).any() for x in leaves)
+    close = _rotated_by_rounding()
+    for x in (*jax.tree.leaves(function(close)), *jax.tree.leaves(traced(close))):
+        assert np.isfinite(np.asarray(x)).all()
+
+
+def _rotated_by_rounding():
+    """A rotation after a thousand products."""
+    R = Q = np.asarray(ROTMAT(jnp.array([1.0, 2.0, 3.0]), 0.7))
+    for _ in range(1000):
+        R = R @ Q
+    return R
+
+
+def test_no_quaternion_has_no_axis_and_no_rotation_vector():
+    assert np.isnan(ro.axis_angle_from_wxyz([0.0, 0.0, 0.0, 0.0]).angle)
+    assert np.isnan(ro.axis_angle_from_wxyz([0.0, 0.0, 0.0, 0.0]).axis).all()
+    assert np.isnan(ro.rotation_vector_from_wxyz([0.0, 0.0, 0.0, 0.0])).all()

@@ -121,9 +121,13 @@ def test_cart_and_pendulum_keep_horizontal_momentum():
 
 
 def test_numbers_that_do_not_fit_are_refused():
-    with pytest.raises(ValueError, match=r"angles: expected shape \(2,\), .* One angle for each"):
+    with pytest.raises(
+        ValueError, match=r"angles: expected shape \(2,\), .* One for each entry of m"
+    ):
         pendula.double_pendulum(angles=(1.0, 2.0, 3.0))
-    with pytest.raises(ValueError, match=r"rates: expected shape \(2,\), .* One rate for each"):
+    with pytest.raises(
+        ValueError, match=r"rates: expected shape \(2,\), .* One for each entry of m"
+    ):
         pendula.double_pendulum(rates=(1.0,))
     with pytest.raises(ValueError, match=r"l: expected shape .* One length for each mass"):
         pendula.n_pendulum(m=(1.0,), l=(1.0, 1.0), angles=(1.0,), rates=(0.0,)).check()

@@ -127,3 +127,35 @@ def test_impossible_bodies_are_refused():
         simulate(one_skate(inertia=-1.0))
     with pytest.raises(ValueError, match=r"mass: expected > 0"):
         simulate(one_skate(m=-1.0))
+
+
+@pytest.mark.parametrize(
+    ("at", "headings"),
+    [
+        (((1.0, 0.0), (-0.5, 0.3)), (0.4, -0.2)),
+        (((1.0, 0.0), (-1.0, 0.0)), (0.3, -0.3)),
+        (((0.5, 0.2), (-0.5, 0.2)), (0.4, 0.4)),  # straight on
+        (((0.3, 0.1), (-0.7, 0.2)), (2.5, -1.0)),
+    ],
+)
+def test_a_positive_speed_moves_the_first_skate_forwards(at, headings):
+    for speed in (2.0, -2.0):
+        scene = two_skates(at=at, headings=headings, speed=speed)
+        vx, vy, omega = scene.y0[3:]
+        (x, y), angle = at[0], headings[0]
+        along = (vx - omega * y) * np.cos(angle) + (vy + omega * x) * np.sin(angle)
+        assert along * speed > 0.1
+
+
+def test_one_skate_and_two_go_the_same_way():
+    # Both blades at the centre's height along x: two conditions that one skate at rest in spin has.
+    two = two_skates(at=((1.0, 0.0), (-1.0, 0.0)), headings=(0.0, 0.0), speed=2.0)
+    one = one_skate(speed=2.0, spin=0.0)
+    assert gap(two.y0, one.y0) < EXACT
+
+
+def test_a_body_that_turns_about_its_first_skate_moves_the_second_forwards():
+    # The normals meet at the first skate: it turns on the spot, and the second goes round it.
+    scene = two_skates(at=((0.0, 0.0), (1.0, 0.0)), headings=(0.3, np.pi / 2), speed=1.0)
+    assert scene.y0[5] > 0
+    assert two_skates(at=((0.0, 0.0), (1.0, 0.0)), headings=(0.3, -np.pi / 2)).y0[5] < 0

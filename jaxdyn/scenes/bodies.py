@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.euler import matrix_from_euler, omega_b_from_euler
@@ -66,6 +67,7 @@ def box_points(m, sides) -> MaterialPoints:
 # ---- free
 
 
+@like_defaults()
 def free_body(
     omega0=(0.01, 1.0, 0.0),
     *,
@@ -92,6 +94,7 @@ def free_body(
     return _scene(matter, JACK_ARMS, start, representation, sequence, t1=t1)
 
 
+@like_defaults()
 def box(
     omega0=(0.01, 1.0, 0.0),
     *,
@@ -115,6 +118,7 @@ def box(
     return _scene(matter, BOX_EDGES, start, representation, sequence, t1=t1)
 
 
+@like_defaults()
 def feynman_plate(
     tilt=0.05, *, spin=10.0, side=0.25, m=0.2, representation: str = "quaternion", t1=3.0
 ) -> Scene:
@@ -142,6 +146,7 @@ def feynman_plate(
     return _scene(matter, BOX_EDGES, start, representation, "ZXZ", t1=t1)
 
 
+@like_defaults()
 def satellite(
     name: str = "A", omega0=(0.3, 1.0, 0.2), *, representation: str = "quaternion", t1=60.0
 ) -> Scene:
@@ -171,6 +176,7 @@ def satellite(
 # ---- about a pivot
 
 
+@like_defaults()
 def top(
     theta=0.5,
     *,

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import CentralForce, PowerLaw
 from jaxdyn.scene import Scene
@@ -25,6 +26,7 @@ _NODES = 64
 _ANGLES = (np.arange(_NODES) + 0.5) * np.pi / _NODES
 
 
+@like_defaults()
 def central_orbit(law: CentralForce, *, r=1.0, speed=0.6, m=1.0, t1=20.0) -> Scene:
     """A particle under any central force, started across the x axis (problem 11).
 
@@ -39,6 +41,7 @@ def central_orbit(law: CentralForce, *, r=1.0, speed=0.6, m=1.0, t1=20.0) -> Sce
     return particle(law, position=position, velocity=velocity, m=m, t1=t1)
 
 
+@like_defaults()
 def power_law(*, k=1.0, n=-1.0, r=1.0, speed=0.6, m=1.0, t1=20.0) -> Scene:
     """A particle under the attraction k r^n, started across the x axis (problem 11).
 

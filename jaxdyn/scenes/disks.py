@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import as_float, floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.euler import matrix_from_euler, omega_b_from_euler
@@ -95,6 +96,7 @@ class Disk(Mechanism):
             _checks.positive(name, getattr(self, name), "In kg, m and kg m^2.")
 
 
+@like_defaults()
 def rolling_disk(
     theta=1.2,
     *,

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn._numerics import square_norm
 from jaxdyn.euler import SEQUENCES, matrix_from_euler
@@ -108,6 +109,7 @@ class MovedBox(Path):
         return BOX_EDGES
 
 
+@like_defaults()
 def moved_shape(*, reach=(3.0, 1.5), frequency=1.0, spin=1.0, t1=2 * math.pi) -> Scene:
     """A drawn house that moves along a figure of eight and turns (problem 7).
 
@@ -123,6 +125,7 @@ def moved_shape(*, reach=(3.0, 1.5), frequency=1.0, spin=1.0, t1=2 * math.pi) ->
     return _followed(MovedShape(*floats(HOUSE, *numbers)), t1)
 
 
+@like_defaults()
 def turned_box(
     *, axis=(1.0, 1.0, 1.0), sides=(3.0, 2.0, 1.0), rate=1.0, t1=2 * math.pi / 3
 ) -> Scene:
@@ -144,6 +147,7 @@ def turned_box(
     return _followed(TurnedBox(outline, axis, jnp.asarray(rate, dtype=float)), t1)
 
 
+@like_defaults()
 def moved_box(
     *,
     swings=(0.6, 0.9, 1.2),

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import SinusoidalForce, UniformGravity, unless_zero
 from jaxdyn.formulations.bars import Bodies, Chain, check_bars
@@ -21,6 +22,7 @@ from jaxdyn.scene import Scene
 _CLOSING = 8  # projections that bring a rough start onto its ties; each squares the error
 
 
+@like_defaults()
 def rod_on_line(
     *,
     m=(1.0, 1.0),
@@ -60,6 +62,7 @@ def rod_on_line(
     return Scene(system, (push,), y0=y0, t1=t1)
 
 
+@like_defaults()
 def dumbbell(
     *,
     m=(1.0, 1.0),
@@ -93,6 +96,7 @@ def dumbbell(
     return Scene(system, (), y0=y0, t1=t1)
 
 
+@like_defaults()
 def four_bar(
     *,
     m=(1.0, 1.0, 1.0),
@@ -135,6 +139,7 @@ def four_bar(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
+@like_defaults("m", "l", "angles", "rates")
 def pinned_chain(
     *,
     m=(1.0, 1.0, 1.0, 1.0),
@@ -177,6 +182,7 @@ def pinned_chain(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
+@like_defaults("m", "l", "angles", "rates")
 def skate_chain(
     *,
     m=(1.0, 1.0, 1.0),
@@ -224,8 +230,6 @@ def _check_crank(bars: FourBar, angle) -> None:
 def _closed(chain: Chain, angles, rates) -> Array:
     """(2 n,) the state on the chain's ties near a rough one."""
     q, v = floats(angles, rates)
-    _checks.array("angles", q, chain.m.shape, "One angle for each mass.")
-    _checks.array("rates", v, chain.m.shape, "One rate for each mass.")
     y, system = jnp.concatenate([q, v]), Constrained(chain)
     for _ in range(_CLOSING if chain.end is not None else 1):
         y = system.nearest(jnp.zeros(()), y)

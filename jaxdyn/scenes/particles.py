@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import as_float, floats
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints
@@ -17,6 +18,7 @@ from jaxdyn.scene import Effect, Points, Scene, System
 from jaxdyn.simulate import Trajectory
 
 
+@like_defaults()
 def particle(*effects: Effect, position=(0.0, 0.0), velocity=(1.0, 1.0), m=1.0, t1=1.0) -> Scene:
     """One particle with any forces in the plane or in space (problem 1).
 
@@ -32,6 +34,7 @@ def particle(*effects: Effect, position=(0.0, 0.0), velocity=(1.0, 1.0), m=1.0, 
     return Scene(FreePoints(m, d=len(position)), effects, y0=y0, t1=t1)
 
 
+@like_defaults()
 def cannonball(
     *, speed=10.0, angle=math.pi / 4, m=1.0, g=9.81, drag=0.0, linear=0.0, t1=1.0
 ) -> Scene:
@@ -104,6 +107,7 @@ class PolarParticle(System):
             )
 
 
+@like_defaults()
 def polar_particle(
     *effects: Effect, position=(1.0, 0.5), velocity=(-1.0, 0.0), m=1.0, t1=2.0
 ) -> Scene:
@@ -173,6 +177,7 @@ class Lorenz(System):
         return jnp.stack([self.sigma * (y - x), x * (self.rho - z) - y, x * y - self.beta * z])
 
 
+@like_defaults()
 def lorenz(*, sigma=10.0, rho=28.0, beta=8 / 3, y0=(1.0, 1.0, 1.0), t1=20.0) -> Scene:
     """The Lorenz system, chaotic at its usual numbers (problem 3).
 

@@ -9,7 +9,7 @@ import math
 
 import jax.numpy as jnp
 
-from jaxdyn import _checks
+from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.bars import Bodies, Chain
@@ -19,6 +19,7 @@ from jaxdyn.formulations.sticks import Cart, Stick, TiedCart, TiedStick
 from jaxdyn.scene import Scene
 
 
+@like_defaults()
 def pendulum(
     *,
     length=1.0,
@@ -54,6 +55,7 @@ def pendulum(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
+@like_defaults()
 def shaken_pendulum(
     *,
     length=1.0,
@@ -98,6 +100,7 @@ def shaken_pendulum(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
+@like_defaults()
 def double_pendulum(
     *,
     m=(1.0, 1.0),
@@ -128,6 +131,7 @@ def double_pendulum(
     return n_pendulum(**numbers, relative=relative, formulation=formulation, drift=drift)
 
 
+@like_defaults()
 def triple_pendulum(
     *,
     m=(1.0, 1.0, 1.0),
@@ -157,6 +161,7 @@ def triple_pendulum(
     return n_pendulum(**numbers, relative=relative, formulation=formulation, drift=drift)
 
 
+@like_defaults("m", "l", "angles", "rates")
 def n_pendulum(
     *,
     m=(1.0, 1.0, 1.0, 1.0),
@@ -183,8 +188,6 @@ def n_pendulum(
       t1: span [s].
     """
     m, l, q, v = floats(m, l, angles, rates)  # noqa: E741
-    _checks.array("angles", q, m.shape, "One angle for each mass.")
-    _checks.array("rates", v, m.shape, "One rate for each mass.")
     free = Chain(m, l, relative=relative)
     if relative:
         q, v = (jnp.diff(x, prepend=0.0) for x in (q, v))
@@ -193,6 +196,7 @@ def n_pendulum(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
+@like_defaults()
 def cart_pendulum(
     *,
     m=(1.0, 1.0),

@@ -25,6 +25,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.events import Event, Stop, until
@@ -146,6 +147,7 @@ def _unpressed(scene: Scene, contact: str, t: Array, y: Array) -> Array:
     return system.reaction(t, y, scene.effects)[0] <= _STICKS * pulls
 
 
+@like_defaults()
 def cylinder_on_cylinder(*, m=1.0, r=0.5, fixed=1.0, mu=0.4, g=9.81, theta=0.1, t1=1.0) -> Scene:
     """A uniform cylinder that rolls down a fixed one, from rest (problem 37).
 
@@ -164,6 +166,7 @@ def cylinder_on_cylinder(*, m=1.0, r=0.5, fixed=1.0, mu=0.4, g=9.81, theta=0.1, 
     return Scene(Cylinder(*numbers, "roll", flat=False), (UniformGravity(g),), y0=y0, t1=t1)
 
 
+@like_defaults()
 def cylinder_on_ramp(
     *, m=1.0, r=1.0, d=0.5, inertia=0.4, slope=0.2, mu=0.8, g=9.81, turn=0.0, spin=0.0, t1=3.0
 ) -> Scene:

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.events import Event, Stop, until
@@ -30,6 +31,7 @@ class Edge(Event):
         return -1
 
 
+@like_defaults()
 def sideways_pendulum(
     *,
     length=1.0,

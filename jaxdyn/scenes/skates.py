@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn._numerics import solve_spd
 from jaxdyn.formulations.constrained import Constrained
@@ -23,6 +24,8 @@ from jaxdyn.scene import Scene
 
 #: Skates nearer to a common normal than this are one condition twice [condition number].
 _WORST_CONDITION = 1e6
+#: A skate slower than this part of the other stands still but for rounding [1].
+_STILL = 1e-12
 
 
 class Skated(Mechanism):
@@ -110,6 +113,7 @@ class LagrangeSkates(MechanismSystem):
         return jnp.concatenate([v, jnp.sum(multipliers[:, None] * reach, axis=0)])
 
 
+@like_defaults()
 def one_skate(
     *, m=1.0, inertia=0.5, at=(0.0, 0.0), heading=0.0, speed=1.0, spin=1.0, t1=10.0
 ) -> Scene:
@@ -127,13 +131,13 @@ def one_skate(
       spin: angular velocity [rad/s].
       t1: span [s].
     """
-    at = _checks.array("at", at, (2,), "x and y of the one skate, in m.")
-    heading = _checks.array("heading", heading, (), "One angle, in rad.")
+    at, heading = floats(at, heading)
     (x, y), c, s = at, jnp.cos(heading), jnp.sin(heading)
     v = jnp.stack([speed * c + spin * y, speed * s - spin * x, jnp.asarray(spin)])
     return _on_skates(m, inertia, at[None], heading[None], v, t1)
 
 
+@like_defaults()
 def two_skates(
     *,
     m=1.0,
@@ -150,25 +154,38 @@ def two_skates(
       inertia: about the centre of mass [kg m^2].
       at: (2, 2) places of the skates from the centre of mass, which is at the origin [m].
       headings: (2,) directions of their blades [rad].
-      speed: root mean square speed of the body's mass [m/s]; the sign says which way.
+      speed: root mean square speed of the body's mass [m/s]; where it is positive, the first
+        skate moves forwards along its blade (the second, if the body turns about the first).
       t1: span [s].
     Raises:
       ValueError: when it is run, for skates on a common normal line.
     """
-    at = _checks.array("at", at, (2, 2), "x and y of each of the two skates, in m.")
-    headings = _checks.array("headings", headings, (2,), "One angle for each skate, in rad.")
+    at, headings = floats(at, headings)
     scene = _on_skates(m, inertia, at, headings, jnp.zeros(3), t1)
     twist = allowed_twist(scene.system.mechanism)
     return scene.starting(jnp.concatenate([jnp.zeros(3), speed * twist]))
 
 
 def allowed_twist(body: Skated) -> Array:
-    """(3,) the one (vx, vy, omega) in body axes that two skates allow, of mean square speed 1."""
+    """(3,) the one (vx, vy, omega) in body axes that two skates allow, of mean square speed 1.
+
+    The first skate moves forwards, or, where it stands still, the second.
+    """
     first, second = body.twists()
     twist = jnp.cross(first, second)
     size = jnp.sum(twist * twist * jnp.stack([1.0 + 0 * body.m, 1.0, body.inertia / body.m]))
     # Skates on a common normal have no such twist; `check` reports them, not a NaN.
-    return twist / jnp.sqrt(jnp.where(size == 0, 1.0, size))
+    twist = twist / jnp.sqrt(jnp.where(size == 0, 1.0, size))
+    ahead = _blade_speeds(body, twist)
+    still = jnp.abs(ahead[0]) <= _STILL * jnp.abs(ahead[1])
+    return jnp.where(jnp.where(still, ahead[1], ahead[0]) < 0, -twist, twist)
+
+
+def _blade_speeds(body: Skated, twist: Array) -> Array:
+    """(s,) velocity of each skate along its blade [m/s]."""
+    vx, vy, omega = twist
+    x, y = body.at[:, 0], body.at[:, 1]
+    return (vx - omega * y) * jnp.cos(body.headings) + (vy + omega * x) * jnp.sin(body.headings)
 
 
 def by_lagrange(scene: Scene) -> Scene:

@@ -28,6 +28,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn._numerics import safe_norm, square_norm
 from jaxdyn.effects import unless_zero
@@ -97,6 +98,7 @@ def sliding_velocity(ahead: Array, q: Array, v: Array) -> Array:
     return v[:2] + ahead * v[2] * jnp.stack([-jnp.sin(q[2]), jnp.cos(q[2])])
 
 
+@like_defaults()
 def car(
     *,
     locked="rear",

@@ -1,0 +1,105 @@
+"""Numbers that public functions are given: lists become arrays, and shapes are checked.
+
+Two decorators, because there are two ways in which a function says what it takes. A tool for
+vectors and matrices says it in its annotations; a scene of the zoo says it in its defaults.
+"""
+
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import jax
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+
+T = TypeVar("T")
+
+
+def arrays(function: Callable[..., T]) -> Callable[..., T]:
+    """The function with the arguments annotated as arrays made float arrays.
+
+    Numbers and (nested) lists do as well then. An annotation with axes, such as
+    ``Float[Array, "3"]``, also fixes the shape, but for axes that are named by a letter.
+
+    Example:
+      >>> from jaxtyping import Array, Float
+      >>> @arrays
+      ... def first(r: Float[Array, "3"]) -> Array:
+      ...     return r[0]
+      >>> float(first([1, 2, 3]))
+      1.0
+    """
+    signature = inspect.signature(function)
+    kinds = {p.name: p.annotation for p in signature.parameters.values()}
+    shapes = {name: _shape_of(kind) for name, kind in kinds.items() if _is_array(kind)}
+
+    @functools.wraps(function)
+    def converted(*args, **kwargs):
+        given = signature.bind(*args, **kwargs)
+        for name, x in given.arguments.items():
+            if name in shapes:
+                given.arguments[name] = _converted(name, x, shapes[name])
+        return function(*given.args, **given.kwargs)
+
+    return converted
+
+
+def like_defaults(*rows: str) -> Callable[[Callable[..., T]], Callable[..., T]]:
+    """A decorator that refuses numbers whose shape is not that of the parameter's default.
+
+    Args:
+      rows: parameters that may have another number of rows than their defaults, but all the same
+        number, that of the first one.
+    """
+
+    def decorated(function: Callable[..., T]) -> Callable[..., T]:
+        signature = inspect.signature(function)
+        defaults = {p.name: p.default for p in signature.parameters.values()}
+        shapes = {name: np.shape(x) for name, x in defaults.items() if _is_numeric(x)}
+
+        @functools.wraps(function)
+        def checked(*args, **kwargs):
+            values = defaults | signature.bind(*args, **kwargs).arguments
+            got = {name: _shape(name, values[name]) for name in shapes}
+            n = got[rows[0]][:1] if rows else ()
+            for name, shape in shapes.items():
+                many = name in rows
+                remedy = f"One for each entry of {rows[0]}." if many and name != rows[0] else ""
+                wanted = (*(n or (None,)), *shape[1:]) if many else shape
+                _checks.check_shape(name, got[name], wanted, remedy)
+            return function(*args, **kwargs)
+
+        return checked
+
+    return decorated
+
+
+def _is_array(annotation: Any) -> bool:
+    return Array in (annotation, getattr(annotation, "array_type", None))
+
+
+def _shape_of(annotation: Any) -> tuple | None:
+    """The shape that an annotation of jaxtyping names, as `_checks.check_shape` takes it."""
+    axes = getattr(annotation, "dim_str", None)
+    if axes is None:
+        return None
+    return tuple(... if x == "..." else int(x) if x.isdigit() else None for x in axes.split())
+
+
+def _converted(name: str, x: Any, shape: tuple | None) -> Array:
+    return _checks.numbers(name, x) if shape is None else _checks.shaped(name, x, shape)
+
+
+def _is_numeric(default: Any) -> bool:
+    """Whether a default is a number or (nested) numbers, not a choice or something else."""
+    leaves = jax.tree.leaves(default)
+    return bool(leaves) and all(
+        isinstance(x, int | float | np.ndarray) and not isinstance(x, bool) for x in leaves
+    )
+
+
+def _shape(name: str, x: Any) -> tuple[int, ...]:
+    return () if type(x) in (int, float) else _checks.numbers(name, x).shape
