@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.scene import Field, Scene
-from jaxdyn.simulate import Trajectory
+from jaxdyn.simulate import Trajectory, each_motion
 
 
 def potential(scene: Scene | Field, t, y: Array) -> Array:
@@ -59,20 +59,28 @@ def integrals(scene: Scene | Field, t, y: Array) -> dict[str, Array]:
 def along(quantity, motion: Trajectory) -> Array:
     """(s, ...) values of a quantity of this file along a motion, e.g. ``along(energy, motion)``.
 
+    Of a batch of motions (b, s, ...).
+
     Example:
       >>> from jaxdyn import energy, scenes, simulate
       >>> motion = simulate(scenes.cannonball(), 1.0)
       >>> energy.along(energy.momentum, motion).shape
       (200, 2)
     """
+    return _along(motion, quantity)
+
+
+@each_motion
+def _along(motion: Trajectory, quantity) -> Array:
     return jax.vmap(lambda t, y: quantity(motion.scene, t, y))(motion.ts, motion.ys)
 
 
+@each_motion
 def drift(motion: Trajectory) -> Array:
     """Largest change of the energy along a motion () [1], relative to its kinetic and potential.
 
     max_i |E(t_i) - E(t_0)| / max_i (|T(t_i)| + |V(t_i)|); effects without a potential, such
-    as drag, make it large, which is right.
+    as drag, make it large, which is right. (b,) of a batch.
 
     Raises:
       ValueError: fewer than two samples, which show no change.

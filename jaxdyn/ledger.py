@@ -79,19 +79,20 @@ def power(scene: Scene | Field, kind: str, t, y: Array) -> Array:
     Forces on points count with the points' velocities, forces on coordinates (motors) with
     the rates of the coordinates; 0 where the scene has no such effect.
     """
+    of_kind = (e for e in scene.effects if kind in (cls.__name__ for cls in type(e).__mro__))
+    return sum((power_of(scene, effect, t, y)[0] for effect in of_kind), jnp.zeros(()))
+
+
+def power_of(scene: Scene | Field, effect: Effect, t, y: Array) -> tuple[Array, Array]:
+    """Power () [W] of one effect, and () [W] the sum of the sizes of the terms it is a sum of."""
     r, v, m = scene.system.points(t, y)
-    total = jnp.zeros(())
-    for effect in scene.effects:
-        if kind not in (cls.__name__ for cls in type(effect).__mro__):
-            continue
-        total = total + jnp.sum(effect.force(t, r, v, m) * v)
-        if "generalized" not in effect.acts:
-            continue
+    terms = [effect.force(t, r, v, m) * v]
+    if "generalized" in effect.acts:
         q, q_dot = scene.system.coordinates(y)
         generalized = effect.generalized(t, q, q_dot)
-        if generalized is not None:
-            total = total + jnp.sum(generalized * q_dot)
-    return total
+        terms += [] if generalized is None else [generalized * q_dot]
+    power, size = (sum(jnp.sum(f(x)) for x in terms) for f in (jnp.asarray, jnp.abs))
+    return jnp.asarray(power), jnp.asarray(size)
 
 
 def with_work(scene: Scene, *kinds: type[Effect]) -> Scene:

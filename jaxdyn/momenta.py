@@ -28,7 +28,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.scene import Effect, Field, Points, Scene
-from jaxdyn.simulate import Trajectory
+from jaxdyn.simulate import Trajectory, each_motion
 
 DEFINITIONS = ("fixed", "absolute", "relative")
 MovingPoint = Callable[[Array, Points], Array]
@@ -91,6 +91,7 @@ def angular_momentum_rate(scene: Scene | Field, t, y, c: MovingPoint, definition
     ]
 
 
+@each_motion
 def moment_balance(motion: Trajectory, c: MovingPoint) -> dict[str, Balance]:
     """Whether M = dH/dt about c, for each definition, at the samples of a motion.
 
@@ -129,6 +130,7 @@ def kinetic_split(scene: Scene | Field, t, y) -> tuple[Array, Array]:
     return 0.5 * jnp.sum(m) * jnp.sum(v_g * v_g), 0.5 * jnp.sum(m[:, None] * (v - v_g[None]) ** 2)
 
 
+@each_motion
 @eqx.filter_jit
 def power_balances(motion: Trajectory, internal: type[Effect]) -> dict[str, Balance]:
     """Problem 18 b and c along a motion: which power changes which part of the energy.

@@ -9,13 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.events import Event, until
 from jaxdyn.scene import Scene
-from jaxdyn.simulate import RTOL, Trajectory, simulate
+from jaxdyn.simulate import RTOL, Trajectory, simulate, single
 from jaxdyn.status import Status
 
 MAX_PHASES = 200
@@ -200,15 +199,7 @@ def follow(
 
 def pieces_of(motion: Trajectory | Chain) -> tuple[Trajectory, ...]:
     """The smooth pieces of a motion: those of its phases, or the motion itself."""
-    pieces = motion.pieces if isinstance(motion, Chain) else (motion,)
-    if any(np.ndim(piece.ys) != 2 for piece in pieces):
-        raise _checks.fail(
-            "motion",
-            "samples of one motion, shape (s, k)",
-            f"shape {np.shape(pieces[0].ys)}",
-            "Draw the motions of a batch one by one.",
-        )
-    return pieces
+    return motion.pieces if isinstance(motion, Chain) else (single(motion),)
 
 
 def _check_names(phases: Mapping[str, Phase]) -> None:

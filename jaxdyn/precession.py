@@ -27,7 +27,7 @@ from jaxdyn._floats import floats
 from jaxdyn._numerics import safe_sqrt
 from jaxdyn.formulations.rigid import pose
 from jaxdyn.rotations import Matrix, checked_rotation, matrix_from_rotation_vector, wxyz_from_matrix
-from jaxdyn.simulate import Trajectory
+from jaxdyn.simulate import Trajectory, each_motion
 from jaxdyn.vectors import Scalar, Vector
 
 # A leading coefficient below this part of what it is a difference of is zero: cos(pi / 2) in
@@ -193,6 +193,7 @@ class WobbleAndSpin(NamedTuple):
     spin: Array
 
 
+@each_motion
 def wobble_and_spin(motion: Trajectory) -> WobbleAndSpin:
     """How fast the axis e_3' of a body goes round z, and how fast the body itself does.
 
@@ -209,6 +210,7 @@ def wobble_and_spin(motion: Trajectory) -> WobbleAndSpin:
     return WobbleAndSpin((wobble[-1] - wobble[0]) / span, (turn[-1] - turn[0]) / span)
 
 
+@each_motion
 def tilts(motion: Trajectory) -> Array:
     """(s,) angle of the body's axis e_3' to the vertical [rad]."""
     axis = _attitudes(motion)[..., 2]

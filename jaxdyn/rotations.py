@@ -192,9 +192,9 @@ def wxyz_from_axis_angle(n: Vector, theta: Scalar) -> Wxyz:
 @arrays
 def axis_angle_from_wxyz(q: Wxyz) -> AxisAngle:
     """Axis and angle, 0 to pi, of a quaternion of any length > 0; `axis_angle_from_matrix`."""
-    q = jnp.where(q[0] < 0, -q, q)
+    q = _upper(q)
     s = safe_norm(q[1:])
-    none = (s == 0) & (q[0] != 0)
+    none = s == 0
     z = jnp.array([0.0, 0.0, 1.0])
     axis = jnp.where(none, z, q[1:] / jnp.where(none, 1.0, s))
     return AxisAngle(axis, 2 * jnp.arctan2(s, q[0]))
@@ -209,8 +209,11 @@ def wxyz_from_rotation_vector(phi: Vector) -> Wxyz:
 
 @arrays
 def rotation_vector_from_wxyz(q: Wxyz) -> Vector:
-    """Shortest rotation vector (3,) of a quaternion of any length; smooth for angles below pi."""
-    q = jnp.where(q[0] < 0, -q, q)
+    """Shortest rotation vector (3,) of a quaternion; smooth for angles below pi.
+
+    The quaternion is of any length > 0; NaN for q = 0.
+    """
+    q = _upper(q)
     return 2 * atanc(square_norm(q[1:]), q[0]) * q[1:]
 
 
@@ -317,6 +320,11 @@ def checked_rotation(name: str, R: Matrix) -> Matrix:
 
 
 # ---- private
+
+
+def _upper(q: Wxyz) -> Wxyz:
+    """q or -q, the one whose scalar is not negative; NaN for q = 0, which is no rotation."""
+    return jnp.where(square_norm(q) == 0, jnp.nan, jnp.where(q[0] < 0, -q, q))
 
 
 def _pure(v: Vector) -> Wxyz:

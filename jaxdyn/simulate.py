@@ -5,6 +5,10 @@ the scene call for, compiles once for each kind of scene (new numbers never reco
 returns a `Trajectory`.
 """
 
+import functools
+from collections.abc import Callable
+from typing import TypeVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -32,10 +36,14 @@ _ELSEWHERE = 0.05  # of the way of a step: more is no step of this motion
 _CHECK_RTOL, _CHECK_STEPS = 1e-6, 10_000  # of the adaptive steps that tell
 MAX_STEPS = 1_000_000
 RTOL = 1e-10
+T = TypeVar("T")
 
 
 class Trajectory(eqx.Module):
-    """A motion of a scene at sampled times.
+    """A motion of a scene at sampled times, or a batch of them.
+
+    ``jax.vmap`` of a function that simulates returns a batch: every array, those of the scene
+    too, has the axes of the batch in front of its own.
 
     Attributes:
       scene: what moved.
@@ -80,20 +88,62 @@ class Trajectory(eqx.Module):
     def warning(self) -> str:
         """What is not wrong but could be better, and what to do; empty if nothing; host only."""
         parts = [_STIFF] if np.any(self.stiff) else []
-        single = self.method is not None and self.ok and np.ndim(self.ts) == 1
+        single = self.method is not None and self.ok and not self.lanes
         parts += [_TOO_LONG] if single and not np.all(_steps_agree(self)) else []
         parts += [self.error.shortfall] if self.error and self.error.shortfall else []
         return " ".join(parts)
 
+    @property
+    def lanes(self) -> tuple[int, ...]:
+        """The axes of a batch, (b,) or more; () for one motion."""
+        return np.shape(self.ts)[:-1]
+
+    def one(self, *index: int) -> "Trajectory":
+        """One motion of a batch."""
+        if len(index) != len(self.lanes):
+            wanted = f"{len(self.lanes)} numbers, one for each axis of the batch {self.lanes}"
+            raise _checks.fail("index", wanted, index)
+        return jax.tree.map(lambda x: x[index], self) if index else self
+
     def __getitem__(self, name: str) -> Array:
-        """(s,) values of one labelled entry of the state, e.g. ``motion["x"]``."""
-        names = [label for label, _ in self.scene.system.labels()]
-        return self.ys[:, names.index(_checks.choice("label", name, names))]
+        """(s,) values of one labelled entry of the state, e.g. ``motion["x"]``.
+
+        (b, s) of a batch.
+        """
+        system = self.one(*(0 for _ in self.lanes)).scene.system
+        names = [label for label, _ in system.labels()]
+        return self.ys[..., names.index(_checks.choice("label", name, names))]
 
     @property
     def r(self) -> Array:
-        """(s, n, d) positions of the material points [m]."""
-        return jax.vmap(lambda t, y: self.scene.system.points(t, y).r)(self.ts, self.ys)
+        """(s, n, d) positions of the material points [m]; (b, s, n, d) of a batch."""
+        return _positions(self)
+
+
+def each_motion(function: Callable[..., T]) -> Callable[..., T]:
+    """A function of a motion, made one of a batch too: results have the axes of the batch."""
+
+    @functools.wraps(function)
+    def of_each(motion: Trajectory, *args, **kwargs) -> T:
+        if not motion.lanes:
+            return function(motion, *args, **kwargs)
+        return eqx.filter_vmap(lambda one: of_each(one, *args, **kwargs))(motion)
+
+    return of_each
+
+
+def single(motion: Trajectory) -> Trajectory:
+    """The motion; raises ValueError for a batch, of which it takes one."""
+    if motion.lanes:
+        got = f"a batch of them, {motion.lanes}"
+        remedy = "Take one of a batch by its number: batch.one(0)."
+        raise _checks.fail("motion", "one motion", got, remedy)
+    return motion
+
+
+@each_motion
+def _positions(motion: Trajectory) -> Array:
+    return jax.vmap(lambda t, y: motion.scene.system.points(t, y).r)(motion.ts, motion.ys)
 
 
 def simulate(

@@ -127,11 +127,15 @@ NUMBERS = [
 ]
 
 
+#: Scenes of as many bars as there are masses, or of as many dimensions as a place has entries.
+MANY = {"n_pendulum", "pinned_chain", "skate_chain", "particle", "spring_mass", "hanging_spring"}
+
+
 @pytest.mark.parametrize(("make", "name", "default"), NUMBERS)
 def test_a_scene_takes_numbers_of_the_shape_of_its_defaults(make, name, default):
     one = np.asarray(default, float)
     wrong = [one[:0], one[0]] if one.ndim else [one[None], np.stack([one, one])]
-    if make.__name__ not in {"n_pendulum", "pinned_chain", "skate_chain"}:
+    if make.__name__ not in MANY:
         wrong += [one[:1], np.concatenate([one, one[-1:]])] if one.ndim else []
     for bad in wrong:
         with pytest.raises(ValueError, match=r"^\w+: expected shape \(.*, got shape \("):

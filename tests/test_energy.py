@@ -1,17 +1,20 @@
 """Energies and momenta against sums written out by hand."""
 
+from typing import ClassVar
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import EXACT, SOLVED, kepler
+from helpers import EXACT, SOLVED, gap, kepler
 
-from jaxdyn import Scene, scenes, simulate
+from jaxdyn import Effect, Scene, scenes, simulate
 from jaxdyn.effects import LinearDrag, PairGravity, Spring, UniformGravity
 from jaxdyn.energy import along, angular_momentum, drift, energy, integrals, momentum, potential
 from jaxdyn.energy_change import energy_change
 from jaxdyn.events import Reaches
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.ledger import with_work
 from jaxdyn.phases import Exit, Phase, run
 from jaxdyn.scenes.rolling import phases_of
 
@@ -114,6 +117,96 @@ def test_what_changes_the_energy_is_told_from_errors(moves, causes):
     assert found.causes == causes
     assert found.size == pytest.approx(float(drift(motion)), rel=EXACT)
     assert (found.size > 1e-9) == bool(causes)
+    assert len(found.works) == len(causes)
+
+
+class Magnetic(Effect):
+    """A force across the velocity, which does no work."""
+
+    def force(self, t, r, v, m):
+        return 3.0 * jnp.stack([v[:, 1], -v[:, 0]], axis=1)
+
+
+class Bare(Effect):
+    """A linear spring that does not give its potential."""
+
+    velocity_dependent: ClassVar[bool] = False
+
+    def force(self, t, r, v, m):
+        return -r
+
+
+class Moving(Effect):
+    """A spring whose anchor moves: a potential that depends on time."""
+
+    velocity_dependent: ClassVar[bool] = False
+
+    def potential(self, t, r, m):
+        return 0.5 * jnp.sum((r - jnp.sin(t)) ** 2)
+
+
+def _ball(*effects):
+    return Scene(FreePoints(2.0), effects, y0=[1.0, 0.0, 0.0, 1.5], t1=3.0)
+
+
+def test_a_force_that_does_no_work_changes_no_energy():
+    found = energy_change(simulate(_ball(Spring(1.0), Magnetic())))
+    assert (found.causes, found.works, found.without_potential) == ((), (), ())
+    assert "because" not in found.message
+
+
+def test_the_work_of_a_force_without_potential_is_measured():
+    motion = simulate(_ball(Bare(), Magnetic(), UniformGravity()))
+    found = energy_change(motion)
+    assert found.causes == found.without_potential == ("Bare",)
+    # The energy that is counted is all but that of the spring, r^2 / 2.
+    gained = (jnp.sum(motion.r[0] ** 2) - jnp.sum(motion.r[-1] ** 2)) / 2
+    whole, stored = along(energy, motion), along(potential, motion)
+    size = jnp.max(jnp.abs(whole - stored) + jnp.abs(stored))
+    assert gap(found.works[0], gained / size) < 1e-8
+    assert f"because of Bare (no potential known, work {found.works[0]:.1e})" in found.message
+
+
+def test_each_of_several_causes_has_its_work():
+    motion = simulate(_ball(LinearDrag(0.3), Moving(), Magnetic()))
+    found = energy_change(motion)
+    assert (found.causes, found.without_potential) == (("LinearDrag", "Moving"), ("LinearDrag",))
+    whole, stored = along(energy, motion), along(potential, motion)
+    size = jnp.max(jnp.abs(whole - stored) + jnp.abs(stored))
+    assert gap(sum(found.works), (whole[-1] - whole[0]) / size) < 1e-8
+    lost = simulate(with_work(motion.scene, LinearDrag))["work of LinearDrag"][-1]
+    assert gap(found.works[0], lost / size) < 1e-8
+
+
+def test_a_work_of_which_samples_say_too_little_is_not_known():
+    wiggles = simulate(_ball(Spring(1e4), LinearDrag(1.0)), samples=7)
+    found = energy_change(wiggles)
+    assert found.causes == ("LinearDrag",)
+    assert np.isnan(found.works[0])
+    assert "LinearDrag (no potential known, work not known)" in found.message
+
+
+def test_raw_constraints_drift_and_are_not_driven():
+    raw = scenes.pendulum(formulation="constrained", drift="raw", angle=2.0)
+    found = energy_change(simulate(raw, 30.0, rtol=1e-5))
+    assert found.causes == ("drift of the constraints",)
+    shaken = scenes.shaken_pendulum(t1=0.1, formulation="constrained")
+    assert energy_change(simulate(shaken)).causes == ("the drive",)
+
+
+class _Damped(FreePoints):
+    """Points with a damping of their own."""
+
+    second_order: ClassVar[bool] = False
+
+    def rate(self, t, y, effects):
+        return super().rate(t, y, effects) - 0.1 * y * (jnp.arange(len(y)) >= len(y) // 2)
+
+
+def test_what_a_system_loses_by_itself_is_said():
+    found = energy_change(simulate(Scene(_Damped(1.0), y0=[0.0, 0.0, 1.0, 1.0]), 1.0))
+    assert found.causes == ("the system itself",)
+    assert gap(found.works[0], np.exp(-0.2) - 1) < 1e-9
 
 
 @pytest.mark.slow

@@ -380,7 +380,7 @@ def test_a_hoop_has_its_moments():
 
 @pytest.mark.parametrize("sides", [(1.0, 2.0), 1.0, ((1.0, 2.0, 3.0),)])
 def test_a_box_needs_three_sides(sides):
-    with pytest.raises(ValueError, match=r"^sides: expected shape \(3,\), got .* Along x, y and z"):
+    with pytest.raises(ValueError, match=r"^sides: expected shape \(3,\), got shape \("):
         box(sides=sides)
 
 

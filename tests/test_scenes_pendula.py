@@ -121,15 +121,11 @@ def test_cart_and_pendulum_keep_horizontal_momentum():
 
 
 def test_numbers_that_do_not_fit_are_refused():
-    with pytest.raises(
-        ValueError, match=r"angles: expected shape \(2,\), .* One for each entry of m"
-    ):
+    with pytest.raises(ValueError, match=r"angles: expected shape \(2,\), got shape \(3,\)"):
         pendula.double_pendulum(angles=(1.0, 2.0, 3.0))
-    with pytest.raises(
-        ValueError, match=r"rates: expected shape \(2,\), .* One for each entry of m"
-    ):
+    with pytest.raises(ValueError, match=r"rates: expected shape \(2,\), got shape \(1,\)"):
         pendula.double_pendulum(rates=(1.0,))
-    with pytest.raises(ValueError, match=r"l: expected shape .* One length for each mass"):
+    with pytest.raises(ValueError, match=r"l: expected shape .* One for each entry of m"):
         pendula.n_pendulum(m=(1.0,), l=(1.0, 1.0), angles=(1.0,), rates=(0.0,)).check()
     with pytest.raises(ValueError, match=r"l: expected > 0, got -1.0"):
         pendula.double_pendulum(l=(1.0, -1.0)).check()

@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 from helpers import EXACT, SOLVED, gap, kepler, kepler_state
 
-from jaxdyn import Effect, IntegrationError, Scene, Status, scenes, simulate
-from jaxdyn.effects import PairGravity
+from jaxdyn import Effect, IntegrationError, Scene, Status, drawing, energy, scenes, simulate
+from jaxdyn.effects import PairGravity, UniformGravity
+from jaxdyn.energy_change import energy_change
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.phases import pieces_of
+from jaxdyn.scenes.particles import straightness
+from jaxdyn.scenes.springs import wildness
 from jaxdyn.simulate import default_solver, raise_unless_ok, solve
 from jaxdyn.solvers import NYSTROM12, VERNER9, from_diffrax
 
@@ -165,6 +169,74 @@ def test_a_batch_keeps_a_status_for_each_run():
     with pytest.raises(IntegrationError, match="singularity"):
         raise_unless_ok(batch.status)
     raise_unless_ok(batch.status[1:])
+
+
+ANGLES = jnp.array([0.5, 1.0])
+
+
+@pytest.fixture(scope="module")
+def swings():
+    """Pendulums from two angles, and each of two angles with each of three lengths."""
+
+    def swing(angle, length):
+        scene = scenes.pendulum(angle=angle, length=length, formulation="newton_euler")
+        return simulate(scene, 1.0, samples=5, rtol=1e-8)
+
+    row = jax.vmap(swing, in_axes=(None, 0))
+    return jax.vmap(swing, in_axes=(0, None))(ANGLES, 1.0), jax.vmap(row, in_axes=(0, None))(
+        ANGLES, jnp.array([0.5, 1.0, 2.0])
+    )
+
+
+@pytest.mark.parametrize(
+    "quantity",
+    [
+        lambda motion: motion["theta"],
+        lambda motion: motion.r,
+        lambda motion: energy.along(energy.energy, motion),
+        lambda motion: energy.along(energy.momentum, motion),
+        energy.drift,
+        straightness,
+    ],
+    ids=["label", "r", "energy", "momentum", "drift", "straightness"],
+)
+def test_a_batch_gives_what_each_of_its_motions_gives(swings, quantity):
+    batch, grid = swings
+    of_batch, of_grid = quantity(batch), quantity(grid)
+    assert (of_batch.shape[:1], of_grid.shape[:2]) == ((2,), (2, 3))
+    for i in range(2):
+        assert gap(of_batch[i], quantity(batch.one(i))) < EXACT
+        for j in range(3):
+            assert gap(of_grid[i, j], quantity(grid.one(i, j))) < EXACT
+
+
+def test_what_a_batch_says_of_itself(swings):
+    batch, grid = swings
+    assert (batch.lanes, grid.lanes, batch.one(1).lanes) == ((2,), (2, 3), ())
+    assert gap(batch["theta"][:, 0], ANGLES) == 0
+    assert gap(grid["theta"][:, 1, 0], ANGLES) == 0
+    assert (batch.status.shape, batch.ok, batch.warning) == ((2,), True, "")
+    assert batch.message == batch.status_code.message == Status.OK.message
+    with pytest.raises(ValueError, match=r"^label: expected one of theta, theta_dot, got 'phi'"):
+        batch["phi"]
+    with pytest.raises(ValueError, match=r"^index: expected 2 numbers, .* \(2, 3\), got \(1,\)\."):
+        grid.one(1)
+
+
+def test_a_batch_of_scenes_with_points_keeps_their_names():
+    def fall(m):
+        scene = Scene(FreePoints(m * jnp.ones(3)), (UniformGravity(),), y0=jnp.ones(12))
+        return simulate(scene, 0.1, samples=2)
+
+    batch = jax.vmap(fall)(jnp.arange(1.0, 6.0))
+    assert (batch["y3"].shape, batch.r.shape) == ((5, 2), (5, 2, 3, 2))
+
+
+@pytest.mark.parametrize("look", [pieces_of, energy_change, wildness, drawing.trajectory])
+def test_a_batch_where_one_motion_is_wanted_is_refused(swings, look):
+    message = r"^motion: expected one motion, got a batch of them, \(2,\)\. Take .*batch\.one\(0\)"
+    with pytest.raises(ValueError, match=message):
+        look(swings[0])
 
 
 def test_every_status_has_a_message_with_a_remedy():

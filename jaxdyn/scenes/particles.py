@@ -15,10 +15,10 @@ from jaxdyn._floats import as_float, floats
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Effect, Points, Scene, System
-from jaxdyn.simulate import Trajectory
+from jaxdyn.simulate import Trajectory, each_motion
 
 
-@like_defaults()
+@like_defaults("position", "velocity")
 def particle(*effects: Effect, position=(0.0, 0.0), velocity=(1.0, 1.0), m=1.0, t1=1.0) -> Scene:
     """One particle with any forces in the plane or in space (problem 1).
 
@@ -132,6 +132,7 @@ def polar_state(position: Array, velocity: Array) -> Array:
     return jnp.stack([r, jnp.arctan2(y, x), (x * vx + y * vy) / r, (x * vy - y * vx) / r2])
 
 
+@each_motion
 def straightness(motion: Trajectory) -> Array:
     """() [1] how far the path of the first point is from straight; 0 for a straight line.
 

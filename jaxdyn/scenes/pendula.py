@@ -9,6 +9,7 @@ import math
 
 import jax.numpy as jnp
 
+from jaxdyn import _checks
 from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity

@@ -20,6 +20,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.formulations.rigid import pose
 from jaxdyn.inertia import Body, box_of_density, sphere_of_density
+from jaxdyn.simulate import each_motion
 
 #: Tips of the two massless antennas, from (0, 0, 0) and from (0, 0, 0.5).
 ANTENNAS = ((3.0, 3.0, 3.0), (2.0, 2.0, 0.5))
@@ -45,6 +46,7 @@ def satellite_c(density=1.0) -> Body:
 SATELLITES = {"A": satellite_a, "B": satellite_b, "C": satellite_c}
 
 
+@each_motion
 def antenna_trace(motion, name: str = "A", tip=ANTENNAS[0]) -> Array:
     """(s, 3) path in space of the tip of an antenna on a satellite (problems 55, 58) [m].
 

@@ -18,7 +18,7 @@ from jaxdyn.effects import (
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.particles import particle
-from jaxdyn.simulate import Trajectory
+from jaxdyn.simulate import Trajectory, single
 
 _FEWEST = 5  # samples: with fewer every path is an ellipse
 _UNEVEN = 1e-9  # of a sample interval
@@ -40,7 +40,7 @@ def oscillator(*, k=1.0, m=1.0, c=0.0, x=1.0, v=0.0, t1=10.0) -> Scene:
     return particle(*effects, position=[x], velocity=[v], m=m, t1=t1)
 
 
-@like_defaults()
+@like_defaults("position", "velocity")
 def spring_mass(
     *,
     position=(1.0, 0.0),
@@ -66,7 +66,7 @@ def spring_mass(
     return particle(*effects, position=position, velocity=velocity, m=m, t1=t1)
 
 
-@like_defaults()
+@like_defaults("position", "velocity")
 def hanging_spring(
     *, position=(1.0, 0.0, 0.0), velocity=(0.0, 1.0, 2.0), k=10.0, m=1.0, g=9.81, t1=10.0
 ) -> Scene:
@@ -121,11 +121,11 @@ def wildness(motion: Trajectory) -> Array:
       motion: even samples over a period or more, some ten a period or more. Wiggles and wrong
         numerics both show; only the first stay when the tolerance is tightened.
     Raises:
-      ValueError: fewer than 5 samples, or uneven ones.
+      ValueError: fewer than 5 samples, uneven ones, or a batch of motions.
     Limits: NaN for a point that moves evenly on a line. Rounding shows at 1e-16 over the square
       of the turn from sample to sample.
     """
-    r = motion.r[:, 0]
+    r = single(motion).r[:, 0]
     if len(r) < _FEWEST or not _even(motion.ts):
         raise _checks.fail("motion", f"{_FEWEST} even samples or more", f"{len(r)} samples")
     bend = r[2:] - 2 * r[1:-1] + r[:-2]
