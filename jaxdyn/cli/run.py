@@ -103,6 +103,7 @@ def _result(name: str, motion: Trajectory | Chain, end: EndError) -> dict:
         ],
         "energy_drift": change and change.size,
         "energy_changed_by": change and change.causes,
+        "energy_message": change and change.message,
         "steps": sum(int(piece.steps) for piece in pieces),
         "rejected": sum(int(piece.rejected) for piece in pieces),
     }
@@ -132,8 +133,6 @@ def _print(result: dict, end: EndError, console: Console) -> None:
     console.print(end.message)
     for phase in result["phases"]:
         console.print(f"  {phase['name']:12} from {phase['t0']:.9g} to {phase['t1']:.9g}")
-    drift, causes = result["energy_drift"], result["energy_changed_by"]
-    if drift is not None:
-        why = f"; it is not conserved, because of {' and '.join(causes)}" if causes else ""
-        console.print(f"change of energy, relative to its parts: {drift:.1e}{why}")
+    if result["energy_message"]:
+        console.print(escape(result["energy_message"]))
     console.print(f"{result['steps']} steps, {result['rejected']} rejected")
