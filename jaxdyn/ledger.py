@@ -45,11 +45,8 @@ class Ledger(System):
     def coordinates(self, y):
         return self.system.coordinates(self._split(y)[0])
 
-    def links(self):
-        return self.system.links()
-
-    def outlines(self, t, y):
-        return self.system.outlines(t, self._split(y)[0])
+    def sketch(self, t, y):
+        return self.system.sketch(t, self._split(y)[0])
 
     def kinetic(self, t, y):
         return self.system.kinetic(t, self._split(y)[0])

@@ -54,8 +54,9 @@ class LogarithmicTime(System):
         del t
         return self.system.points(y[-1], y[:-2])
 
-    def links(self):
-        return self.system.links()
+    def sketch(self, t, y):
+        del t
+        return self.system.sketch(y[-1], y[:-2])
 
     def kinetic(self, t, y):
         del t

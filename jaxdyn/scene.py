@@ -22,6 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _shapes
+from jaxdyn.sketch import Shape
 
 
 class Points(NamedTuple):
@@ -60,6 +61,11 @@ class Effect(eqx.Module):
         """Forces (n,) on the coordinates themselves, e.g. a motor's torque; None by default."""
         del t, q, v
         return None
+
+    def sketch(self, t: Array, r: Array) -> tuple[Shape, ...]:
+        """What a drawing shows of the effect on points at r (n, d): a spring, an anchor."""
+        del t, r
+        return ()
 
     @property
     def without_units(self) -> bool:
@@ -105,15 +111,8 @@ class System(eqx.Module):
     def points(self, t: Array, y: Float[Array, " k"]) -> Points:
         """The material points: effects, energies and drawings look here."""
 
-    def links(self) -> tuple[tuple, ...]:
-        """Pairs of ends that a drawing joins by a line: rods, strings, edges of a body.
-
-        An end is the number of a material point, or the coordinates (d,) [m] of an anchor.
-        """
-        return ()
-
-    def outlines(self, t: Array, y: Float[Array, " k"]) -> tuple[Float[Array, "corners d"], ...]:
-        """Curves that a drawing shows with the links: the rim of a wheel, the ramp it is on [m]."""
+    def sketch(self, t: Array, y: Float[Array, " k"]) -> tuple[Shape, ...]:
+        """What a drawing shows besides the paths of the material points; see `sketch`."""
         del t, y
         return ()
 
@@ -223,6 +222,12 @@ class Scene(eqx.Module):
     def rate(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
         """The vector field dy/dt."""
         return self.field.rate(t, y)
+
+    def sketch(self, t: Array, y: Float[Array, " k"]) -> tuple[Shape, ...]:
+        """What a drawing shows of the system and of the effects; see `sketch`."""
+        r = self.system.points(t, y).r
+        on_points = (effect.sketch(t, r) for effect in self.effects)
+        return (*self.system.sketch(t, y), *(shape for shapes in on_points for shape in shapes))
 
     @property
     def second_order(self) -> bool:

@@ -157,7 +157,7 @@ def complement(sequence: str) -> str:
 
 def _sequences(scene: Scene, body: EulerBody, margin: Array) -> dict[str, Phase]:
     by = complement(body.sequence)
-    other = EulerBody(body.matter, by, pivoted=body.pivoted, edges=body.edges)
+    other = EulerBody(body.matter, by, pivoted=body.pivoted, drawn=body.drawn)
 
     def phase(old: EulerBody, new: EulerBody) -> Phase:
         return Phase(_by(scene, old), (Exit(Locks(old, margin), new.sequence, Retold(old, new)),))

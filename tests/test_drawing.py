@@ -7,6 +7,7 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib.animation import FFMpegWriter
+from matplotlib.collections import LineCollection
 from PIL import Image
 
 from jaxdyn import Scene, Status, Trajectory, drawing, scenes, simulate
@@ -89,6 +90,14 @@ def _lines(ax, marker):
     return [line for line in ax.lines if line.get_marker() == marker]
 
 
+def _strokes(ax):
+    return [x for x in ax.collections if isinstance(x, LineCollection)]
+
+
+def _is_pin(line):
+    return isinstance(line.get_marker(), matplotlib.path.Path)
+
+
 def _legend(figure):
     return [text.get_text() for text in figure.legends[0].get_texts()]
 
@@ -97,7 +106,7 @@ def test_trajectory_draws_every_body_once_with_start_and_end(eight):
     figure = drawing.trajectory(eight, title="eight")
     (ax,) = figure.axes
     assert len(_lines(ax, "o")) == 2 * 3
-    (curves,) = ax.collections
+    (curves,) = [x for x in _strokes(ax) if len(x.get_segments())]
     colours = {tuple(c) for c in curves.get_colors()}
     assert len(colours) == 3
     # The pieces of one colour are the path of one body, every sample of it.
@@ -118,13 +127,36 @@ def test_trajectory_draws_every_body_once_with_start_and_end(eight):
 def test_rods_are_drawn_where_they_start_and_later(pendulum):
     figure = drawing.trajectory(pendulum)
     (ax,) = figure.axes
-    _, *later, first = ax.collections
+    rods = [x for x in _strokes(ax) if len(x.get_segments()) == 1]
+    first, *later = sorted(rods, key=lambda x: -x.get_linewidth()[0])
     np.testing.assert_allclose(first.get_segments()[0], [[0, 0], pendulum.r[0, 0]], atol=1e-12)
     assert len(later) == 5
-    np.testing.assert_allclose(later[-1].get_segments()[0], [[0, 0], pendulum.r[-1, 0]], atol=1e-12)
+    ends = [x.get_segments()[0][1] for x in later]
+    np.testing.assert_allclose(ends[-1], pendulum.r[-1, 0], atol=1e-12)
     assert ax.get_ylim()[1] > 0  # room for the hinge
-    assert first.get_linewidth() > later[0].get_linewidth()
+    (hinge,) = [line for line in ax.lines if len(line.get_xdata()) and _is_pin(line)]
+    np.testing.assert_array_equal(hinge.get_xydata(), [[0, 0]])
+    assert hinge.get_marker().vertices[:, 1].max() > 0  # it hangs
     assert _legend(figure) == ["start", "end"]
+
+
+def test_springs_and_anchors_are_drawn():
+    (ax,) = drawing.trajectory(simulate(scenes.two_springs(), 0.1, samples=3)).axes
+    (pins,) = [line for line in ax.lines if _is_pin(line)]
+    np.testing.assert_array_equal(pins.get_xydata(), [[-1, 0], [1, 0]])
+    (springs,) = [x for x in _strokes(ax) if len(x.get_segments()) == 2]
+    for zigzag, anchor in zip(springs.get_segments(), pins.get_xydata(), strict=True):
+        assert len(zigzag) > 10
+        np.testing.assert_array_equal(zigzag[[0, -1]], [[0.2, -1.0], anchor])
+
+
+def test_a_motion_that_comes_back_is_shown_on_its_way():
+    (ax,) = drawing.trajectory(simulate(scenes.moved_box(), samples=60)).axes
+    ax.figure.draw_without_rendering()
+    boxes = [np.array(x._segments3d) for x in ax.collections if len(x._segments3d) == 12]
+    assert len(boxes) == 3
+    apart = [np.abs(one - other).max() for one, other in itertools.combinations(boxes, 2)]
+    assert min(apart) > 0.5
 
 
 def test_a_narrow_picture_holds_its_legend():
@@ -208,11 +240,11 @@ def test_a_run_that_stopped_shows_where_and_why(stopped):
 
 def test_a_run_that_never_started_is_a_picture_that_says_so(ball, tmp_path):
     motion = _failed(ball, 0, Status.NOT_FINITE)
-    figure = drawing.trajectory(motion, tmp_path / "nan.png")
+    figure = drawing.trajectory(motion, tmp_path / "nan.png", title="")
     title = figure.axes[0].get_title().replace("\n", " ")
     assert "NaN or infinite" in title
     assert motion.message.startswith(title)
-    assert len(figure.axes[0].lines) == 0
+    assert not any(len(line.get_xdata()) for line in figure.axes[0].lines)
     with pytest.raises(ValueError, match="motion: expected at least 2 samples, got 0"):
         animate(motion, tmp_path / "nan.gif")
 
@@ -279,7 +311,7 @@ def test_wrong_motions_and_names_are_refused(ball):
 
 @pytest.mark.parametrize("d", [1, 2, 3])
 def test_gif_has_the_asked_frames_and_length(throws, tmp_path, d):
-    path = animate(throws[d], tmp_path / "up.gif", seconds=1.0, fps=10, links=[([0.0] * d, 0)])
+    path = animate(throws[d], tmp_path / "up.gif", seconds=1.0, fps=10)
     with Image.open(path) as gif:
         assert gif.n_frames == 10
         frames, length = [], 0
@@ -328,10 +360,6 @@ def test_mp4(ball, tmp_path):
         ({"seconds": 0.0}, "seconds: expected > 0"),
         ({"fps": -1}, "fps: expected > 0"),
         ({"trail": 1.5}, "trail: expected a share between 0 and 1"),
-        ({"links": [0]}, "links: expected pairs of ends"),
-        ({"links": [(0, 1, 2)]}, "links: expected pairs of ends"),
-        ({"links": [(0, 1)]}, "links: expected a point's number, 0 to 0, got 1"),
-        ({"links": [(0, (1.0, 2.0, 3.0))]}, r"links: expected shape \(2,\), got shape"),
     ],
 )
 def test_wrong_numbers_are_refused(ball, tmp_path, numbers, message):

@@ -11,7 +11,6 @@ from jaxdyn import energy, inertia, precession, simulate, sleeping_top
 from jaxdyn.formulations.rigid import inertia_matrix, pose
 from jaxdyn.inertia import Body
 from jaxdyn.scenes.bodies import (
-    BOX_EDGES,
     JACK_ARMS,
     box,
     box_points,
@@ -24,6 +23,7 @@ from jaxdyn.scenes.bodies import (
 from jaxdyn.scenes.disks import Disk, rolling_disk
 from jaxdyn.scenes.satellites import (
     ANTENNAS,
+    BOX_EDGES,
     antenna_trace,
     satellite_a,
     satellite_b,

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from jaxdyn import _checks
-from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, style
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.image_files import picture_path
 from jaxdyn.work import Curve, WorkPrecision
 
@@ -43,7 +43,7 @@ def work_precision(found: WorkPrecision, path=None, *, title: str | None = None)
         ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         ax.xaxis.set_minor_formatter(NullFormatter())
     figure.suptitle(title or "", fontsize=11)
-    _legend(figure, left)
+    legend_below(figure, named(left))
     return finished(figure, path)
 
 
@@ -77,7 +77,7 @@ def judgement(found: Mapping[str, WorkPrecision], path=None) -> Figure:
         ax.set_xlim(*ends[::-1])
         ax.set(xlabel="tolerance asked for", title=name)
     axes[0].set_ylabel("relative error got")
-    _legend(figure, *axes)
+    legend_below(figure, named(*axes))
     return finished(figure, path)
 
 
@@ -92,10 +92,3 @@ def _style(i: int, curve: Curve) -> dict:
     shade = PALETTE[i % len(PALETTE)]
     marker = _MARKERS[i % len(_MARKERS)]
     return {"color": shade, "marker": marker, "ms": 4.5, "lw": 1.5, "label": curve.solver}
-
-
-def _legend(figure: Figure, *axes) -> None:
-    named = {}
-    for ax in axes:
-        named |= dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
-    figure.legend(handles=list(named.values()), loc="outside lower center", ncols=4, frameon=False)

@@ -17,9 +17,11 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from jaxdyn import _checks
-from jaxdyn.drawing.contents import Paths, in_time, paths, places, segments
-from jaxdyn.drawing.figures import INK, blank
-from jaxdyn.drawing.panels import colours, draw_lines, legend, limits, panel, size
+from jaxdyn.drawing.artists import Shapes
+from jaxdyn.drawing.contents import Paths, in_time, paths, places
+from jaxdyn.drawing.figures import blank, legend_below, path_entries
+from jaxdyn.drawing.panels import colours, draw_lines, limits, panel, size
+from jaxdyn.drawing.solid import fill
 from jaxdyn.image_files import animation_path
 from jaxdyn.phases import Chain
 from jaxdyn.simulate import Trajectory
@@ -36,7 +38,6 @@ def animate(
     seconds: float = 6.0,
     fps: float = 30,
     trail: float = 0.25,
-    links=None,
 ) -> Path:
     """The file of a moving picture of a motion, from its start to where its run ended.
 
@@ -46,15 +47,13 @@ def animate(
       seconds: how long it lasts [s].
       fps: frames a second; in a GIF rounded to whole hundredths of a second a frame.
       trail: length of the trails as a share of the whole motion, 0 to 1.
-      links: pairs of ends joined by a line, instead of those that the system has; see
-        `System.links`.
     Raises:
       ValueError: a file that cannot be written, no ffmpeg for .mp4, too few samples, numbers
-        or links that make no sense, nothing to draw.
+        that make no sense, nothing to draw.
     """
     path = animation_path(path)
     _check_numbers(seconds, fps, trail)
-    drawn = paths(motion, links)
+    drawn = paths(motion)
     if len(drawn.ts) < 2:
         raise _checks.fail(
             "motion", "at least 2 samples", len(drawn.ts), "Simulate with more, over a longer span."
@@ -64,8 +63,9 @@ def animate(
     stage = blank(*size(box, drawn.equal), dpi=_DPI, kind=_Stage)
     ax = panel(stage, drawn, box)
     ax.set_title(f"{drawn.stopped}\n ", fontsize=9)  # the clock stands in the empty line
-    legend(stage, drawn)
-    actors = _Actors(ax, drawn, trail)
+    legend_below(stage, path_entries(drawn.names, colours(drawn)))
+    fill(stage)
+    actors = _Actors(ax, drawn, box, trail)
     with writer.saving(stage, str(path), _DPI):
         stage.set_up(actors.all)
         for sample in in_time(drawn, count):
@@ -98,21 +98,20 @@ class _Stage(Figure):
 
 
 class _Actors:
-    """All that moves: trails, links, dots and the time, on axes of a figure."""
+    """All that moves: trails, shapes, dots and the time, on axes of a figure."""
 
-    def __init__(self, ax, drawn: Paths, trail: float):
+    def __init__(self, ax, drawn: Paths, box: np.ndarray, trail: float):
         self.drawn, self.trail = drawn, trail * (drawn.ts[-1] - drawn.ts[0])
         own = colours(drawn)
         fade = np.linspace(0.0, 1.0, _SHADES + 1)[1:]
         # Shades of white instead of transparency: overlapping ends would show as beads.
-        shades = [1 - f * (1 - np.array(to_rgb(colour))) for f in fade for colour in own]
-        self.trails = draw_lines(
-            ax, [], colors=shades, linewidths=np.repeat(0.4 + 2.2 * fade, len(own))
-        )
-        self.rods = draw_lines(ax, [], colors=INK, linewidths=1.8)
+        pale = [1 - f * (1 - np.array(to_rgb(colour))) for f in fade for colour in own]
+        widths = np.repeat(0.4 + 2.2 * fade, len(own))
+        self.trails = draw_lines(ax, [], colors=pale, linewidths=widths)
+        self.shapes = Shapes(ax, drawn, box)
         self.dots = [
-            ax.plot(*drawn.xyz[0, i][:, None], "o", color=colour, ms=10, mec="white")[0]
-            for i, colour in zip(drawn.traced, own, strict=True)
+            ax.plot(*point[:, None], "o", color=colour, ms=10, mec="white")[0]
+            for point, colour in zip(drawn.xyz[0], own, strict=True)
         ]
         self.clock = ax.annotate(
             "", (0, 1), xycoords="axes fraction", xytext=(2, 4), textcoords="offset points"
@@ -121,17 +120,18 @@ class _Actors:
     @property
     def all(self) -> list:
         """What to draw for a frame, from the back to the front."""
-        return [self.trails, self.rods, *self.dots, self.clock]
+        return [self.trails, *self.shapes.all, *self.dots, self.clock]
 
     def move(self, sample: int) -> None:
         """Put everything where it is at this sample."""
-        xyz, ts, traced = self.drawn.xyz, self.drawn.ts, list(self.drawn.traced)
+        xyz, ts = self.drawn.xyz, self.drawn.ts
         tail = int(np.argmax(np.abs(ts - ts[sample]) <= abs(self.trail)))
         ends = np.linspace(tail, sample, _SHADES + 1).astype(int)
         spans = list(itertools.pairwise(ends))
-        self.trails.set_segments([xyz[a : b + 1, i] for a, b in spans for i in traced])
-        self.rods.set_segments(segments(self.drawn, sample))
-        for dot, point in zip(self.dots, xyz[sample, traced], strict=True):
+        trails = [path[a : b + 1] for a, b in spans for path in np.moveaxis(xyz, 1, 0)]
+        self.trails.set_segments(trails)
+        self.shapes.show(sample)
+        for dot, point in zip(self.dots, xyz[sample], strict=True):
             (dot.set_data if len(point) == 2 else dot.set_data_3d)(*point[:, None])
         self.clock.set_text(f"t = {ts[sample]:.2f}{self.drawn.second}")
 

@@ -7,7 +7,7 @@ from matplotlib.colors import LinearSegmentedColormap, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from jaxdyn.drawing.figures import PALETTE, blank, finished
+from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below
 from jaxdyn.floquet import Chart
 from jaxdyn.image_files import picture_path
 
@@ -45,5 +45,5 @@ def stability_chart(
     ax.set(xlabel=names[1], ylabel=names[0], title=title or "")
     shown = [("stable", _STABLE), ("unstable", _GROWING), ("undecided", _UNDECIDED)]
     handles = [Patch(color=c, label=name) for name, c in shown if (chart.verdict == name).any()]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    legend_below(figure, handles)
     return finished(figure, path)

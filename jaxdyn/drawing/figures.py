@@ -4,9 +4,14 @@ Drawn with Matplotlib's objects, never with pyplot: no window opens, no global s
 nothing is left behind.
 """
 
+import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -19,10 +24,23 @@ GRID = "#e4e4e4"
 DPI = 150
 
 
+_SHADED = (0.0, 0.9)  # part of a colour map: its end is too faint on white
+
+
+class Picture(Figure):
+    """A figure that a notebook shows where it stands last in a cell, without any magic line."""
+
+    def _repr_png_(self) -> bytes:
+        """The picture as a PNG file: what IPython asks objects for."""
+        file = io.BytesIO()
+        self.savefig(file, format="png")
+        return file.getvalue()
+
+
 F = TypeVar("F", bound=Figure)
 
 
-def blank(width: float, height: float, *, dpi: int = DPI, kind: type[F] = Figure) -> F:
+def blank(width: float, height: float, *, dpi: int = DPI, kind: type[F] = Picture) -> F:
     """An empty figure of this size [in] and kind that needs no display."""
     layout = ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1)
     figure = kind(figsize=(width, height), dpi=dpi, layout=layout)
@@ -40,6 +58,43 @@ def finished(figure: Figure, path: Path | None) -> Figure:
 def mark(marker: str, label: str, **style) -> Line2D:
     """An entry of the legend that explains a marker."""
     return Line2D([], [], color=INK, ls="", marker=marker, ms=7, label=label, **style)
+
+
+def shades(count: int) -> list:
+    """So many colours: the palette's, or shades in order where there are too few."""
+    if count <= len(PALETTE):
+        return list(PALETTE[:count])
+    return [tuple(shade) for shade in colormaps["viridis"](np.linspace(*_SHADED, count))]
+
+
+def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
+    """A legend below the panels, in as many columns as the figure is wide enough for."""
+    for columns in range(len(handles), 0, -1):
+        legend = figure.legend(
+            handles=list(handles),
+            loc="outside lower center",
+            ncols=columns,
+            frameon=False,
+            handlelength=1.2,
+            columnspacing=1.4,
+        )
+        if columns == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            return
+        legend.remove()
+
+
+def path_entries(names: Sequence[str], colours: Sequence) -> list[Line2D]:
+    """Entries of the legend for paths by name; none where they are more than the palette."""
+    named = zip(names, colours, strict=True) if 0 < len(names) <= len(PALETTE) else ()
+    return [Line2D([], [], color=colour, lw=2.5, label=name) for name, colour in named]
+
+
+def named(*panels) -> list[Artist]:
+    """What the panels' entries of a legend stand for, each name once."""
+    found = {}
+    for ax in panels:
+        found |= dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+    return list(found.values())
 
 
 def style(ax) -> None:

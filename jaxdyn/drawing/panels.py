@@ -7,21 +7,18 @@ import itertools
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps, rc_context
+from matplotlib import rc_context
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from jaxdyn.drawing.contents import Paths
-from jaxdyn.drawing.figures import GRID, PALETTE, style
+from jaxdyn.drawing.figures import GRID, shades, style
 
 WIDTH = 6.4  # inches
 _PIECES = 120  # of a path; see `draw_paths`
 _LEAST_SHARE = {2: 0.25, 3: 0.5}  # of the widest direction that a narrow one is given
 _MARGIN = 1.12  # of the box drawn to the box of the motion
-_ENTRY = 1.15  # inches an entry of the legend
-_SHADED = (0.0, 0.9)  # part of a colour map: its end is too faint on white
 
 
 def limits(xyz: np.ndarray, equal: bool) -> np.ndarray:
@@ -68,8 +65,8 @@ def panel(figure: Figure, drawn: Paths, box: np.ndarray, position=(1, 1, 1)):
     return ax
 
 
-def draw_paths(ax, drawn: Paths) -> None:
-    """Draw the paths of the traced points, early parts above late ones.
+def draw_paths(ax, drawn: Paths, own: list) -> None:
+    """Draw the paths in their own colours, early parts above late ones.
 
     Bodies that follow each other on one curve would hide each other if they were drawn one
     after the other: only the last colour would be seen. Ordered by time, every part of the
@@ -78,15 +75,15 @@ def draw_paths(ax, drawn: Paths) -> None:
     xyz = drawn.xyz
     ends = np.unique(np.linspace(0, max(len(xyz) - 1, 0), _PIECES + 1).astype(int))
     spans = list(itertools.pairwise(ends))[::-1]
-    pieces = [xyz[a : b + 1, i] for a, b in spans for i in drawn.traced]
-    shades = colours(drawn) * len(spans)
-    draw_lines(ax, pieces, colors=shades, linewidths=1.8, capstyle="round", joinstyle="round")
+    pieces = [path[a : b + 1] for a, b in spans for path in np.moveaxis(xyz, 1, 0)]
+    draw_lines(
+        ax, pieces, colors=own * len(spans), linewidths=1.8, capstyle="round", joinstyle="round"
+    )
 
 
-def draw_starts(ax, drawn: Paths) -> None:
+def draw_starts(ax, drawn: Paths, own: list) -> None:
     """Draw a dot where each path starts."""
-    for i, shade in zip(drawn.traced, colours(drawn), strict=True):
-        point = drawn.xyz[0, i]
+    for point, shade in zip(drawn.xyz[0], own, strict=True):
         ax.plot(*point[:, None], "o", color=shade, ms=8, mec="white", mew=0.8, zorder=4)
 
 
@@ -97,23 +94,5 @@ def draw_lines(ax, pieces, **style):
 
 
 def colours(drawn: Paths) -> list:
-    """A colour for each path: the palette's, or shades in order where there are too few."""
-    n = len(drawn.traced)
-    if n <= len(PALETTE):
-        return list(PALETTE[:n])
-    return [tuple(shade) for shade in colormaps["viridis"](np.linspace(*_SHADED, n))]
-
-
-def legend(figure: Figure, drawn: Paths, *marks: Line2D) -> None:
-    """Name the marks below the figure, and the bodies where each is one free point."""
-    named = not drawn.links and 1 < len(drawn.traced) <= len(PALETTE)
-    shades = enumerate(colours(drawn) if named else ())
-    handles = [Line2D([], [], color=c, lw=2.5, label=f"body {i + 1}") for i, c in shades]
-    figure.legend(
-        handles=[*handles, *marks],
-        loc="outside lower center",
-        ncols=max(1, int(figure.get_figwidth() / _ENTRY)),
-        frameon=False,
-        handlelength=1.2,
-        columnspacing=1.4,
-    )
+    """A colour for each path."""
+    return shades(drawn.xyz.shape[1])

@@ -1,99 +1,145 @@
-"""A picture of a motion in space: the paths of its points, its rods and edges.
+"""A picture of a motion in space: the paths of its points, its bodies, rods and springs.
 
 Conventions: one colour a path, from Okabe and Ito's palette, which colour-blind readers can
 tell apart; a dot where it starts, a ring where it ends, a cross where a failed run stops, a
-diamond where a new phase begins. Rods and edges are dark at the start and grey at later times.
-Space is drawn to one scale in all directions; motion on a line is drawn against time.
+diamond where a new phase begins. Bodies and rods are dark at the start and grey at later times;
+springs, pins and anchors are drawn at the start. Space is drawn to one scale in all directions;
+motion on a line is drawn against time.
 """
 
 import textwrap
+from collections.abc import Sequence
 
+import numpy as np
 from matplotlib.figure import Figure
 
-from jaxdyn.drawing.contents import Paths, in_time, paths, places, segments
-from jaxdyn.drawing.figures import INK, blank, finished, mark
-from jaxdyn.drawing.panels import (
-    colours,
-    draw_lines,
-    draw_paths,
-    draw_starts,
-    legend,
-    limits,
-    panel,
-    size,
-)
+from jaxdyn import _checks
+from jaxdyn.drawing.artists import Shapes, draw_pose
+from jaxdyn.drawing.contents import Paths, in_time, paths, places
+from jaxdyn.drawing.figures import blank, finished, legend_below, mark, path_entries, shades
+from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, panel, size
+from jaxdyn.drawing.solid import fill
+from jaxdyn.drawing.titles import said
 from jaxdyn.image_files import picture_path
 from jaxdyn.phases import Chain
 from jaxdyn.simulate import Trajectory
 
-_POSES = {2: 5, 3: 2}  # of the rods at later times; in space more would hide each other
-_NOTE_WIDTH = 60  # characters
-_LINE = 0.25  # inches a line of the heading
+_POSES = {2: 5, 3: 2}  # of the bodies at later times; in space more would hide each other
+_CHARACTER = 0.082  # inches of a title
+_LINE = 0.17  # inches a line of the heading
 
 
-def trajectory(motion: Trajectory | Chain, path=None, *, title: str | None = None) -> Figure:
-    """A picture of the paths of a motion, and of the rods and edges that its system has.
+def trajectory(
+    motion: Trajectory | Chain | Sequence[Trajectory | Chain],
+    path=None,
+    *,
+    title: str | None = None,
+    names: Sequence[str] | None = None,
+) -> Figure:
+    """A picture of the paths of a motion or of several, with the bodies that move.
 
-    However few samples it has, its curves are smooth; see `paths`.
+    However few samples it has, its curves are smooth; see `curves`.
 
     Args:
       motion: what `simulate` or `phases.run` returned; with ``throw=False`` also one that
-        stopped early, which is then marked by crosses and a line in the title.
+        stopped early, which is then marked by crosses and a line in the title. Several are drawn
+        on the same axes, each in a colour.
       path: file to write, .png, .pdf or .svg.
-      title: what stands above it.
+      title: what stands above it; the scene with its numbers if left out, "" for nothing.
+      names: of several motions, for the legend.
     Returns:
-      The figure: a plane, a box (3-D) or x against t (1-D).
+      The figure: a plane, a box (3-D) or x against t (1-D). A notebook shows it.
     Raises:
-      ValueError: a file that cannot be written, a batch of motions, or nothing to draw.
+      ValueError: a file that cannot be written, a batch of motions, motions that do not fit on
+        the same axes, not one name for each, or nothing to draw.
     Example:
       >>> from jaxdyn import scenes, simulate
-      >>> figure = trajectory(simulate(scenes.cannonball()), title="A throw")
+      >>> throws = [simulate(scenes.cannonball(speed=v)) for v in (5.0, 10.0)]
+      >>> figure = trajectory(throws, names=["5 m/s", "10 m/s"])
       >>> figure.axes[0].get_xlabel()
       'x [m]'
     """
     path = picture_path(path)
-    drawn = paths(motion)
-    box = limits(places(drawn), drawn.equal)
-    heading = [line for line in (title, textwrap.fill(drawn.stopped, _NOTE_WIDTH)) if line]
-    width, height = size(box, drawn.equal)
-    figure = blank(width, height + _LINE * len(heading))
-    ax = panel(figure, drawn, box)
-    ax.set_title("\n".join(heading))
-    marks = [mark("o", "start")]
-    draw_paths(ax, drawn)
-    if len(drawn.xyz):
-        _draw_poses(ax, drawn)
-        draw_starts(ax, drawn)
-        _draw_corners(ax, drawn)
-        _draw_ends(ax, drawn)
-    if drawn.corners:
-        marks += [mark("D", "next phase", markersize=5)]
-    ring = mark("x", "stop") if drawn.stopped else mark("o", "end", markerfacecolor="white")
-    legend(figure, drawn, *marks, ring)
+    motions = list(motion) if isinstance(motion, list | tuple) else [motion]
+    drawn = [paths(one) for one in motions]
+    _check_together(drawn, names)
+    box = limits(np.concatenate([places(one) for one in drawn]), drawn[0].equal)
+    width, height = size(box, drawn[0].equal)
+    lines = [_title(motions) if title is None else title, *(one.stopped for one in drawn)]
+    heading = "\n".join(textwrap.fill(x, int(width / _CHARACTER)) for x in lines if x)
+    figure = blank(width, height + _LINE * heading.count("\n"))
+    ax = panel(figure, drawn[0], box)
+    ax.set_title(heading, fontsize=10)
+    several = shades(len(drawn))
+    for one, shade in zip(drawn, several, strict=True):
+        own = colours(one) if len(drawn) == 1 else [shade] * one.xyz.shape[1]
+        _draw(ax, one, own, box, poses=len(drawn) == 1)
+    if len(drawn) > 1:
+        entries = names or [f"motion {i + 1}" for i in range(len(drawn))]
+        handles = path_entries(entries, several)
+    else:
+        handles = path_entries(drawn[0].names, colours(drawn[0]))
+    legend_below(figure, [*handles, *_marks(drawn)])
+    fill(figure)
     return finished(figure, path)
 
 
-def _draw_poses(ax, drawn: Paths) -> None:
-    """Draw rods, edges and outlines at the start, and paler at later times."""
-    if not drawn.links and not drawn.outlines:
+def _draw(ax, drawn: Paths, own: list, box: np.ndarray, *, poses: bool) -> None:
+    """One motion in these colours."""
+    draw_paths(ax, drawn, own)
+    shapes = Shapes(ax, drawn, box)
+    if not len(drawn.xyz):
         return
-    later = in_time(drawn, _POSES[drawn.xyz.shape[-1]] + 1)[1:]
+    shapes.show(0)
+    if poses and drawn.shapes:
+        _draw_poses(ax, drawn)
+    draw_starts(ax, drawn, own)
+    for corner in drawn.corners:
+        _draw_points(ax, drawn.xyz[corner], own, "D", ms=5, mec="white", mew=0.6, zorder=3.5)
+    if drawn.stopped:
+        _draw_points(ax, drawn.xyz[-1], own, "x", ms=10, mew=2.2, zorder=5)
+    else:
+        _draw_points(ax, drawn.xyz[-1], own, "o", ms=12, mfc="white", mew=1.4, zorder=3)
+
+
+def _draw_points(ax, places: np.ndarray, own: list, marker: str, **look) -> None:
+    for point, shade in zip(places, own, strict=True):
+        ax.plot(*point[:, None], marker, color=shade, **look)
+
+
+def _draw_poses(ax, drawn: Paths) -> None:
+    """Draw bodies and rods, paler, at later times."""
+    poses = _POSES[drawn.xyz.shape[-1]]
+    # What comes back to its start is shown on the way instead.
+    closed = all(np.allclose(at[-1], at[0]) for _, at in drawn.shapes)
+    later = in_time(drawn, poses + 2)[1:-1] if closed else in_time(drawn, poses + 1)[1:]
     for k, sample in enumerate(later):
         grey = str(0.75 - 0.25 * k / len(later))
-        draw_lines(ax, segments(drawn, sample), colors=grey, linewidths=1.2, zorder=1)
-    draw_lines(ax, segments(drawn, 0), colors=INK, linewidths=2.0, zorder=2.5)
+        draw_pose(ax, drawn, sample, colors=grey, linewidths=1.1, zorder=1)
 
 
-def _draw_corners(ax, drawn: Paths) -> None:
-    for corner in drawn.corners:
-        for i, shade in zip(drawn.traced, colours(drawn), strict=True):
-            point = drawn.xyz[corner, i]
-            ax.plot(*point[:, None], "D", color=shade, ms=5, mec="white", mew=0.6, zorder=3.5)
+def _marks(drawn: list[Paths]) -> list:
+    """Entries of the legend for the marks on the paths."""
+    marks = [mark("o", "start")]
+    if any(one.corners for one in drawn):
+        marks.append(mark("D", "next phase", markersize=5))
+    if any(one.stopped for one in drawn):
+        marks.append(mark("x", "stop"))
+    if not all(one.stopped for one in drawn):
+        marks.append(mark("o", "end", markerfacecolor="white"))
+    return marks
 
 
-def _draw_ends(ax, drawn: Paths) -> None:
-    look = {"marker": "o", "ms": 12, "mfc": "white", "mew": 1.4, "zorder": 3}
-    if drawn.stopped:
-        look = {"marker": "x", "ms": 10, "mew": 2.2, "zorder": 5}
-    for i, shade in zip(drawn.traced, colours(drawn), strict=True):
-        ax.plot(*drawn.xyz[-1, i][:, None], color=shade, **look)
+def _title(motions: list) -> str:
+    """The scene and its numbers, where they are the same for all motions."""
+    found = {said(motion) for motion in motions}
+    return found.pop() if len(found) == 1 else ""
+
+
+def _check_together(drawn: list[Paths], names) -> None:
+    if not drawn:
+        raise _checks.fail("motion", "at least one motion", "none")
+    if len({one.labels for one in drawn}) > 1:
+        raise _checks.fail("motion", "motions in one space", "several", "Draw them apart.")
+    if names is not None and len(names) != len(drawn):
+        raise _checks.fail("names", f"one for each of {len(drawn)} motions", len(names))

@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
@@ -16,6 +17,7 @@ from jaxdyn._floats import as_float, floats
 from jaxdyn._numerics import safe_norm, square_norm
 from jaxdyn.effects._parts import at_least_zero, end_of, on_ends, point_number
 from jaxdyn.scene import Effect, Points
+from jaxdyn.sketch import Kind, Shape, pin
 
 
 class Spring(Effect):
@@ -41,6 +43,10 @@ class Spring(Effect):
         pull = _pull(self.k, self.length, r[self.i] - end_of(r, self.j, self.anchor))
         return on_ends(-pull, r.shape[0], self.i, self.j)
 
+    def sketch(self, t, r):
+        del t
+        return _sketch("spring", r, self.i, self.j, self.anchor)
+
     def check(self, points: Points) -> None:
         _check_ends(self.i, self.j, len(points.m))
         at_least_zero("length", self.length, "A rest length is in m.")
@@ -64,6 +70,10 @@ class Dashpot(Effect):
         along = _direction(r[self.i] - end_of(r, self.j, self.anchor))
         opening = jnp.sum(along * (v[self.i] - end_of(v, self.j, jnp.zeros(()))))
         return on_ends(-self.c * opening * along, r.shape[0], self.i, self.j)
+
+    def sketch(self, t, r):
+        del t
+        return _sketch("dashpot", r, self.i, self.j, self.anchor)
 
     def check(self, points: Points) -> None:
         _check_ends(self.i, self.j, len(points.m))
@@ -107,11 +117,23 @@ class SpringNetwork(Effect):
             total[i], total[j] = total[i] - pull, total[j] + pull
         return jnp.stack(total)
 
+    def sketch(self, t, r):
+        del t
+        ends = jnp.stack([r[np.asarray(ends, int)] for ends in (self.first, self.second)], axis=1)
+        return (Shape("spring", ends),)
+
     def check(self, points: Points) -> None:
         for i, j in zip(self.first, self.second, strict=True):
             _check_ends(i, j, len(points.m))
         at_least_zero("length", self.length, "A rest length is in m.")
         _checks.finite("k", self.k, "A stiffness is in N/m.")
+
+
+def _sketch(kind: Kind, r: Array, i: int, j: int | None, anchor: Array) -> tuple[Shape, ...]:
+    """A spring or dashpot from a point to another one, or to an anchor with its pin."""
+    far = end_of(r, j, anchor)
+    link = Shape(kind, jnp.stack([r[i], far]))
+    return (link,) if j is not None else (link, pin(far))
 
 
 def _energy(k: Array, length: Array, d: Array) -> Array:

@@ -13,7 +13,9 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._numerics import safe_norm
 from jaxdyn.formulations.mechanism import Mechanism
+from jaxdyn.sketch import Shape, frame, line, pin, rectangle, traces
 
 _END, _MIDDLE = 1 / 6, 4 / 6  # shares of a uniform bar's mass
 #: Bars nearer than this to stretched out cannot be told from it. [relative]
@@ -75,8 +77,9 @@ class Chain(Mechanism):
         velocities = jax.jacfwd(lambda q: self.joints(q)[-1])(q)
         return jnp.sum(across[:, None] * velocities, axis=0)[None, :]
 
-    def links(self):
-        return tuple((i, i + 1) for i in range(self.m.shape[0]))
+    def sketch(self, t, q):
+        del t
+        return bar_shapes(self.joints(q), self.end, skate=self.skate)
 
     def check(self):
         check_bars(self.m, self.l, self.end)
@@ -117,9 +120,10 @@ class Bodies(Mechanism):
             hinges = jnp.concatenate([hinges, (far[-1] - self.end)[None, :]])
         return hinges.ravel()
 
-    def links(self):
-        n = self.m.shape[0]
-        return tuple((i, n + i) for i in range(n))
+    def sketch(self, t, q):
+        del t
+        near, _, far = self._bars(q)
+        return bar_shapes(jnp.concatenate([near[:1], far]), self.end)
 
     def check(self):
         check_bars(self.m, self.l, self.end)
@@ -146,6 +150,20 @@ def row_masses(m: Array) -> Array:
     none = jnp.zeros(1)
     ends = _END * (jnp.concatenate([none, m]) + jnp.concatenate([m, none]))
     return jnp.concatenate([ends, _MIDDLE * m])
+
+
+def bar_shapes(joints: Array, end: Array | None, *, skate: bool = False) -> tuple[Shape, ...]:
+    """Bars through joints (n + 1, 2), the first of them pinned and the last one too, or free."""
+    inner = [f"hinge {i}" for i in range(1, len(joints) - 1)]
+    bars, first = line(*joints), pin(joints[0])
+    if end is not None:
+        return bars, first, pin(joints[-1]), *traces(joints[1:-1], inner)
+    free = traces(joints[1:], [*inner, "end"])
+    if not skate:
+        return bars, first, *free
+    along = joints[-1] - joints[-2]
+    blade = rectangle("solid", (0.3 * safe_norm(along), 0.05 * safe_norm(along)))
+    return bars, first, blade.placed(joints[-1], frame(along)), *free
 
 
 def check_bars(m: Array, l: Array, end: Array | None, span: str = "end") -> None:  # noqa: E741

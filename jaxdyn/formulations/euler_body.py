@@ -4,6 +4,7 @@ No Euler equations are in it, so it is a second route to the motions of `rigid.R
 angles have a pose where they lock.
 """
 
+from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
@@ -19,8 +20,9 @@ from jaxdyn.euler import (
     omega_b_from_euler,
 )
 from jaxdyn.formulations.mechanism import Mechanism
-from jaxdyn.formulations.rigid import METRES, Pose, about_centre, check_matter, turned
+from jaxdyn.formulations.rigid import METRES, Pose, about_centre, check_matter, first_point, turned
 from jaxdyn.inertia import MaterialPoints
+from jaxdyn.sketch import Shape
 
 
 class EulerBody(Mechanism):
@@ -30,13 +32,14 @@ class EulerBody(Mechanism):
       matter: its points in its own axes, from the pivot if it has one.
       sequence: one of `euler.SEQUENCES`, e.g. "ZXZ"; choose one that does not lock on the way.
       pivoted: whether the origin of its axes is fixed at the world's origin.
-      edges: what a drawing of it joins; see `System.links`.
+      drawn: what a drawing shows of it, in its own axes, from the places (p, 3) of its points:
+        a function of a module, since a lambda would compile anew; by default a path of the first.
     """
 
     matter: MaterialPoints
     sequence: str = eqx.field(static=True)
     pivoted: bool = eqx.field(static=True)
-    edges: tuple = eqx.field(static=True)
+    drawn: Callable[[Array], tuple[Shape, ...]] = eqx.field(static=True)
     massless: ClassVar[bool] = True
 
     def __init__(
@@ -45,12 +48,12 @@ class EulerBody(Mechanism):
         sequence: str = "ZXZ",
         *,
         pivoted: bool = False,
-        edges: tuple = (),
+        drawn=first_point,
     ):
         self.matter = matter if pivoted else about_centre(matter)
         self.sequence = sequence
         self.pivoted = pivoted
-        self.edges = edges
+        self.drawn = drawn
 
     def coordinates(self):
         angles = (("phi", "rad"), ("theta", "rad"), ("psi", "rad"))
@@ -64,8 +67,11 @@ class EulerBody(Mechanism):
         r, angles = self._parts(q)
         return r[None] + turned(matrix_from_euler(angles, self.sequence), self.matter.r)
 
-    def links(self):
-        return self.edges
+    def sketch(self, t, q):
+        del t
+        r, angles = self._parts(q)
+        R = matrix_from_euler(angles, self.sequence)
+        return tuple(shape.placed(r, R) for shape in self.drawn(self.matter.r))
 
     def pose(self, q: Array, v: Array) -> Pose:
         """Position, attitude and angular velocity at coordinates and velocities (n,)."""

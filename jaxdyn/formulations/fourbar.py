@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._numerics import square_norm
-from jaxdyn.formulations.bars import check_bars, row_masses, row_points
+from jaxdyn.formulations.bars import bar_shapes, check_bars, row_masses, row_points
 from jaxdyn.formulations.mechanism import Mechanism
 
 
@@ -50,8 +50,8 @@ class FourBar(Mechanism):
         middles = self.positions(t, q)[4:]
         return jnp.concatenate([middles, self.angles(t, q)[:, None]], axis=1).ravel()
 
-    def links(self):
-        return ((0, 1), (1, 2), (2, 3))
+    def sketch(self, t, q):
+        return bar_shapes(self.positions(t, q)[:4], self.end)
 
     def check(self):
         check_bars(self.m, self.l, self.end)

@@ -5,6 +5,9 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.formulations.mechanism import Mechanism, planar_body
+from jaxdyn.sketch import Shape, circle, line, lines, pin, traces
+
+_SLOT = 1.5  # half the length of a slot and the radius of its table, to its radius of gyration
 
 
 class Parabola(Mechanism):
@@ -102,8 +105,16 @@ class Turntable(Mechanism):
         table = planar_body(jnp.zeros(2), theta, jnp.sqrt(self.inertia / self.m_table))
         return jnp.concatenate([mass[None, :], table])
 
-    def links(self):
-        return ((1, 2),)
+    def sketch(self, t, q):
+        r = self.positions(t, q)
+        radius = jnp.sqrt(self.inertia / self.m_table)
+        c, n = jnp.cos(q[0]), jnp.sin(q[0])
+        along, middle = jnp.stack([c, n]), self.d * jnp.stack([n, -c])
+        # As long as the mass needs it.
+        half = jnp.maximum(_SLOT * radius, jnp.abs(q[1]))
+        slot = line(middle - half * along, middle + half * along)
+        rim = Shape("area", circle(jnp.zeros(2), _SLOT * radius))
+        return rim, slot, pin(jnp.zeros(2)), *traces(r[:1], ["mass"])
 
     def check(self):
         _checks.positive("inertia", self.inertia, "Inertias are in kg m^2.")
@@ -139,8 +150,13 @@ class Plate(Mechanism):
         fixed = self.weld * jnp.stack([-s, c])
         return jnp.stack([moving, -moving, fixed, -fixed])
 
-    def links(self):
-        return ((0, 1), (2, 3))
+    def sketch(self, t, q):
+        r = self.positions(t, q)
+        c, n = jnp.cos(q[0]), jnp.sin(q[0])
+        centre = self.centre * jnp.stack([c, n])
+        rings = (Shape("ground", circle(side * centre, self.radius)) for side in (1.0, -1.0))
+        names = ["driven 1", "driven 2", "fixed 1", "fixed 2"]
+        return *rings, lines(r, ((0, 1), (2, 3))), pin(jnp.zeros(2)), *traces(r, names)
 
     def check(self):
         _checks.positive("weld", self.weld, "Distances are in m.")

@@ -17,6 +17,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._numerics import materialised, runtime_one
 from jaxdyn.scene import Effect, Points, System
+from jaxdyn.sketch import Shape
 
 #: What the tie of a rod may differentiate, as scenes name it; see `stretch`.
 TIES = ("length", "square")
@@ -54,8 +55,9 @@ class Mechanism(eqx.Module):
         """Names of the rods whose lengths (`stretch`) are the first of the ties."""
         return ()
 
-    def links(self) -> tuple[tuple, ...]:
-        """Pairs of ends that a drawing joins, as `System.links`."""
+    def sketch(self, t: Array, q: Array) -> tuple[Shape, ...]:
+        """What a drawing shows besides the paths of the points, as `System.sketch`."""
+        del t, q
         return ()
 
     def check(self) -> None:
@@ -113,8 +115,8 @@ class MechanismSystem(System):
         r, velocity = moved(self.mechanism, t, q, v)
         return Points(r, velocity, self.mechanism.masses())
 
-    def links(self):
-        return self.mechanism.links()
+    def sketch(self, t, y):
+        return self.mechanism.sketch(t, jnp.split(y, 2)[0])
 
     def difference(self, y1, y0):
         n = len(self.mechanism.coordinates())

@@ -14,6 +14,7 @@ quaternion or as the matrix itself, which lock in no pose; `EulerBody` has it by
 momentum in space is `energy.angular_momentum`.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -26,6 +27,7 @@ from jaxdyn.formulations.attitude import Attitude, Quaternion
 from jaxdyn.formulations.mechanism import MechanismSystem
 from jaxdyn.inertia import MaterialPoints
 from jaxdyn.scene import Effect, Points, Scene, System
+from jaxdyn.sketch import Shape, traces
 from jaxdyn.vectors import cross
 
 #: How far a start's attitude may be from a unit quaternion or a rotation matrix.
@@ -58,6 +60,11 @@ class Pose(NamedTuple):
         return self.r + jnp.einsum("...ij,j->...i", self.R_wb, jnp.asarray(s, dtype=float))
 
 
+def first_point(r: Array) -> tuple[Shape, ...]:
+    """The path of the first of the points r (p, 3) of a body, and nothing else."""
+    return traces(r[:1], [""])
+
+
 def resting(R_wb=None, omega_b=(0.0, 0.0, 0.0)) -> Pose:
     """A pose at the origin that turns there: the usual start of a body or a top."""
     R_wb = jnp.eye(3) if R_wb is None else jnp.asarray(R_wb, dtype=float)
@@ -85,7 +92,8 @@ class RigidBody(System):
         centre of mass, and its points are kept from there.
       attitude: `attitude.Quaternion()` or `attitude.RotationMatrix()`.
       pivoted: whether the origin of its axes is fixed at the world's origin.
-      edges: what a drawing of it joins; see `System.links`.
+      drawn: what a drawing shows of it, in its own axes, from the places (p, 3) of its points:
+        a function of a module, since a lambda would compile anew; by default a path of the first.
 
     An effect's `generalized` is given q = [r, attitude], v = [v, omega_b] (without r and v about
     a pivot) and returns what does work on v: [force, torque in the body's axes].
@@ -94,15 +102,15 @@ class RigidBody(System):
     matter: MaterialPoints
     attitude: Attitude
     pivoted: bool = eqx.field(static=True)
-    edges: tuple = eqx.field(static=True)
+    drawn: Callable[[Array], tuple[Shape, ...]] = eqx.field(static=True)
 
     def __init__(
-        self, matter: MaterialPoints, attitude=None, *, pivoted: bool = False, edges: tuple = ()
+        self, matter: MaterialPoints, attitude=None, *, pivoted: bool = False, drawn=first_point
     ):
         self.matter = matter if pivoted else about_centre(matter)
         self.attitude = Quaternion() if attitude is None else attitude
         self.pivoted = pivoted
-        self.edges = edges
+        self.drawn = drawn
 
     @property
     def obeys(self):
@@ -134,8 +142,10 @@ class RigidBody(System):
         n = len(y) - (3 if self.pivoted else 6)
         return y[:n], y[n:]
 
-    def links(self):
-        return self.edges
+    def sketch(self, t, y):
+        del t
+        r, R, _, _ = self.pose(y)
+        return tuple(shape.placed(r, R) for shape in self.drawn(self.matter.r))
 
     def pose(self, y: Array) -> Pose:
         """Position, attitude and angular velocity at a state (k,)."""

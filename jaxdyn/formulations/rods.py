@@ -8,6 +8,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._numerics import square_norm
 from jaxdyn.formulations.mechanism import Mechanism, stretch
+from jaxdyn.sketch import line, lines
 
 _AXES = "xyz"
 
@@ -50,8 +51,8 @@ class Rods(Mechanism):
     def rods(self):
         return tuple(f"rod {i + 1}-{j + 1}" for i, j in self.pairs)
 
-    def links(self):
-        return self.pairs
+    def sketch(self, t, q):
+        return (lines(self.positions(t, q), self.pairs),)
 
     def check(self):
         _checks.positive("length", self.length, "Lengths are in m.")
@@ -79,8 +80,8 @@ class Dumbbell(Mechanism):
         first = q[:2] - self.m[1] / jnp.sum(self.m) * along
         return jnp.concatenate([first, first + along])
 
-    def links(self):
-        return ((0, 1),)
+    def sketch(self, t, q):
+        return (line(*self.positions(t, q)),)
 
     def check(self):
         _checks.positive("length", self.length, "Lengths are in m.")
@@ -106,8 +107,8 @@ class Coupled(Mechanism):
         del t
         return jnp.stack([q[0], q[0] + self.length])
 
-    def links(self):
-        return ((0, 1),)
+    def sketch(self, t, q):
+        return (line(*self.positions(t, q)),)
 
     def check(self):
         _checks.positive("length", self.length, "Lengths are in m.")

@@ -8,12 +8,14 @@ import abc
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.formulations.mechanism import Mechanism, stretch
+from jaxdyn.sketch import Shape, line, pin, rectangle, traces
 
-_FROM_ORIGIN = (((0.0, 0.0), 0),)  # a line from there to the point
+_ACROSS = np.array([1.0, 0.0])
 
 
 class _OnHinge(Mechanism):
@@ -55,11 +57,13 @@ class _OnHinge(Mechanism):
         base, end = self.base(t), self.end(t, q)
         return jnp.stack([base, 0.5 * (base + end), end]) if self.uniform else end[None, :]
 
-    def links(self):
-        if self.uniform:
-            return ((0, 2),)
-        # The hinge of a point mass is no material point; a drawing can join it while it rests.
-        return _FROM_ORIGIN if self.amplitude is None else ()
+    def sketch(self, t, q):
+        base, end = self.base(t), self.end(t, q)
+        mark = traces(end[None], [""])
+        if self.amplitude is None:
+            return line(base, end), pin(base), *mark
+        block = rectangle("area", (0.2 * self.l, 0.1 * self.l), (0.0, -0.05 * self.l))
+        return line(base, end), block.placed(base, jnp.eye(2)), *mark
 
     def check(self):
         _checks.positive("length", self.l, "Lengths are in m.")
@@ -132,8 +136,8 @@ class Sideways(Mechanism):
         both = [q[0], self.side * jnp.sqrt(self.l**2 - q[0] ** 2)]
         return jnp.stack(both[:: -1 if self.axis else 1])[None, :]
 
-    def links(self):
-        return _FROM_ORIGIN
+    def sketch(self, t, q):
+        return line(jnp.zeros(2), self.positions(t, q)[0]), pin(jnp.zeros(2))
 
     def check(self):
         _checks.positive("length", self.l, "Lengths are in m.")
@@ -156,8 +160,14 @@ class _OnCart(Mechanism):
         x, x2, y2 = self.loose(t, q)
         return jnp.stack([jnp.stack([x, jnp.zeros_like(x)]), jnp.stack([x2, y2])])
 
-    def links(self):
-        return ((0, 1),)
+    def sketch(self, t, q):
+        r = self.positions(t, q)
+        body = rectangle("area", (0.3 * self.l, 0.12 * self.l))
+        track = line(r[0] - 0.3 * self.l * _ACROSS, r[0] + 0.3 * self.l * _ACROSS)
+        low = jnp.stack([0 * self.l, -0.06 * self.l])
+        track = Shape("ground", track.at + low[None])
+        cart = body.placed(r[0], jnp.eye(2))
+        return track, cart, line(*r), *traces(r, ["cart", "mass"])
 
     def check(self):
         _checks.positive("length", self.l, "Lengths are in m.")

@@ -11,6 +11,8 @@ Where the course is open or misprinted:
 - 53: the first equation lacks the dot over omega, the third the dot over R.
 """
 
+from collections.abc import Callable
+
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -25,12 +27,12 @@ from jaxdyn.formulations.newton_euler import NewtonEuler
 from jaxdyn.formulations.rigid import Pose, RigidBody, resting
 from jaxdyn.inertia import Body, MaterialPoints, equimomental
 from jaxdyn.scene import Effect, Scene
-from jaxdyn.scenes.satellites import SATELLITES
+from jaxdyn.scenes.satellites import BOX_EDGES, CUBE, SATELLITES, SatelliteSketch
+from jaxdyn.sketch import Shape, arc, line, lines, traces
 
 REPRESENTATIONS = ("quaternion", "matrix", "euler")
 
-#: Pairs of points that a drawing joins, of `box_points`, and of `jack` and `equimomental`.
-BOX_EDGES = tuple((i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit)
+#: Pairs of points that a drawing joins, of `jack` and `equimomental`.
 JACK_ARMS = ((0, 1), (2, 3), (4, 5))
 
 
@@ -58,10 +60,31 @@ def box_points(m, sides) -> MaterialPoints:
     With a 24th of the mass in each corner and the rest, two thirds, in the middle they have the
     box's inertia, and are what a drawing should show.
     """
-    corner = jnp.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)]) - 0.5
+    corner = jnp.array(CUBE) - 0.5
     corners = corner * _checks.array("sides", sides, (3,), "Along x, y and z, in m.")[None]
     masses = m * jnp.concatenate([jnp.full(8, 1 / 24), jnp.full(1, 2 / 3)])
     return MaterialPoints(jnp.concatenate([corners, jnp.zeros((1, 3))]), masses)
+
+
+def box_sketch(r: Array) -> tuple[Shape, ...]:
+    """The edges of a box and the path of a corner, of its points r (8 or more, 3)."""
+    return lines(r, BOX_EDGES), *traces(r[:1], ["a corner"])
+
+
+def jack_sketch(r: Array) -> tuple[Shape, ...]:
+    """The three axes of a `jack` or of `equimomental` points r (6, 3), and the path of an end."""
+    return lines(r, JACK_ARMS), *traces(r[2:3], ["end of axis 2"])
+
+
+def top_sketch(r: Array) -> tuple[Shape, ...]:
+    """A top by the points r (6, 3) of its `jack`: its axis from the pivot, its rim, a cone."""
+    pivot, middle = jnp.zeros(3), jnp.mean(r[4:], axis=0)
+    across, up = (1.5 * (r[i] - middle) for i in (0, 2))
+    rim = arc(middle, across, up)
+    spokes = [jnp.stack([pivot, end, middle]) for end in rim[:: len(rim) // 4][:4]]
+    tip = 1.6 * middle
+    cone = Shape("line", jnp.stack(spokes))
+    return line(pivot, tip), Shape("line", rim), cone, *traces(tip[None], ["tip of the axis"])
 
 
 # ---- free
@@ -91,7 +114,7 @@ def free_body(
       t1: span [s].
     """
     matter, start = jack(m, moments), resting(None, omega0)
-    return _scene(matter, JACK_ARMS, start, representation, sequence, t1=t1)
+    return _scene(matter, jack_sketch, start, representation, sequence, t1=t1)
 
 
 @like_defaults()
@@ -115,7 +138,7 @@ def box(
       t1: span [s].
     """
     matter, start = box_points(m, sides), resting(None, omega0)
-    return _scene(matter, BOX_EDGES, start, representation, sequence, t1=t1)
+    return _scene(matter, box_sketch, start, representation, sequence, t1=t1)
 
 
 @like_defaults()
@@ -143,7 +166,7 @@ def feynman_plate(
     R_wb = matrix_from_euler(_vector(0.0, tilt, 0.0), "ZXZ")
     start = resting(R_wb, _vector(0.0, 2 * spin * jnp.tan(tilt), spin))
     matter = box_points(m, _vector(side, side, 0.0))
-    return _scene(matter, BOX_EDGES, start, representation, "ZXZ", t1=t1)
+    return _scene(matter, box_sketch, start, representation, "ZXZ", t1=t1)
 
 
 @like_defaults()
@@ -170,7 +193,7 @@ def satellite(
     """
     body = SATELLITES[_checks.choice("name", name, SATELLITES)]()
     matter, start = equimomental(body), resting(None, omega0)
-    return _scene(matter, JACK_ARMS, start, representation, "YXZ", t1=t1)
+    return _scene(matter, SatelliteSketch(name), start, representation, "YXZ", t1=t1)
 
 
 # ---- about a pivot
@@ -218,13 +241,12 @@ def top(
     start = resting(matrix_from_euler(angles, "ZXZ"), omega_b_from_euler(angles, "ZXZ") @ rates)
     matter = jack(m, _vector(I1, I1, I3), _vector(0.0, 0.0, d))
     gravity = (UniformGravity(g),)
-    edges = (*JACK_ARMS, ((0.0, 0.0, 0.0), 4))  # the axis, from the pivot
-    return _scene(matter, edges, start, representation, sequence, gravity, pivoted=True, t1=t1)
+    return _scene(matter, top_sketch, start, representation, sequence, gravity, pivoted=True, t1=t1)
 
 
 def _scene(
     matter: MaterialPoints,
-    edges: tuple,
+    drawn: Callable[[Array], tuple[Shape, ...]],
     start: Pose,
     representation: str,
     sequence: str,
@@ -235,10 +257,10 @@ def _scene(
 ) -> Scene:
     _checks.choice("representation", representation, REPRESENTATIONS)
     if representation == "euler":
-        mechanism = EulerBody(matter, sequence, pivoted=pivoted, edges=edges)
+        mechanism = EulerBody(matter, sequence, pivoted=pivoted, drawn=drawn)
         return Scene(NewtonEuler(mechanism), effects, y0=mechanism.state(start), t1=t1)
     attitude = Quaternion() if representation == "quaternion" else RotationMatrix()
-    body = RigidBody(matter, attitude, pivoted=pivoted, edges=edges)
+    body = RigidBody(matter, attitude, pivoted=pivoted, drawn=drawn)
     return Scene(body, effects, y0=body.state(start), t1=t1)
 
 

@@ -21,16 +21,12 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.scene import Points, System
+from jaxdyn.sketch import Shape, circle, line, traces
 
 #: What a contact may be; a slip is named by the way of the contact point along t.
 CONTACTS = ("roll", "slip_on", "slip_back", "fly")
 #: The sign of the slip in each.
 SLIPS = {"slip_on": 1.0, "slip_back": -1.0}
-
-
-_TURN = np.linspace(0.0, 2 * math.pi, 121)
-#: Corners of a drawn circle about the origin.
-_ROUND = np.stack([np.cos(_TURN), np.sin(_TURN)], axis=1)
 
 
 class _Contact(NamedTuple):
@@ -89,21 +85,20 @@ class Cylinder(System):
             r, jnp.stack([y[3:5] + swing, y[3:5] - swing]), jnp.stack([self.m, self.m]) / 2
         )
 
-    def links(self):
-        return ((0, 1),)
-
-    def outlines(self, t, y):
-        """The rim, the line from its centre to G, and the surface (a ramp: where it is near)."""
+    def sketch(self, t, y):
+        """The rim, a line from its centre by way of G to a mark on it, and the surface."""
         del t
         c = y[:2] - self.d * _axes(y[2])[0]
-        rim = c[None] + self.r * _ROUND
-        arm = jnp.stack([c, c + self.r * _axes(y[2])[0]])
+        mark = c + self.r * _axes(y[2])[0]
+        rim = Shape("area", circle(c, self.r))
+        paths = traces(jnp.stack([y[:2], mark]), ["centre of mass", "mark on the rim"])
         if not self.flat:
-            return rim, arm, self.fixed * _ROUND
+            return Shape("ground", circle(0 * c, self.fixed)), rim, line(c, mark), *paths
         n = self._normal(c)
         foot = c - jnp.sum(c * n) * n
         along = 2 * self.r * jnp.stack([n[1], -n[0]])
-        return rim, arm, jnp.stack([foot - along, foot + along])
+        ramp = Shape("ground", jnp.stack([foot - along, foot + along]))
+        return ramp, rim, line(c, mark), *paths
 
     def rate(self, t, y, effects):
         force = self._load(t, y, effects)

@@ -20,8 +20,10 @@ from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.formulations.rigid import Pose
 from jaxdyn.scene import Scene
+from jaxdyn.sketch import Shape, arc, lines, traces
 
 _SEQUENCE = "ZXZ"
+_SPOKES = ((0, 1), (2, 3))
 _RIM = ((1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0))
 
 
@@ -78,8 +80,15 @@ class Disk(Mechanism):
         along_y = [zero, one, zero, r * cos * s, r * sin * c, r * s]
         return jnp.stack([jnp.stack(along_x), jnp.stack(along_y)])
 
-    def links(self):
-        return ((0, 1), (1, 2), (2, 3), (3, 0))
+    def sketch(self, t, q):
+        """The rim with two spokes, the point in contact, and where it has been."""
+        del t
+        R = matrix_from_euler(q[3:], _SEQUENCE)
+        across, up = self.radius * R[:, 0], self.radius * R[:, 1]
+        rim = Shape("area", arc(q[:3], across, up))
+        spokes = lines(jnp.stack([q[:3] + across, q[:3] - across, q[:3] + up, q[:3] - up]), _SPOKES)
+        marks = jnp.stack([self.contact(q), q[:3]])
+        return rim, spokes, *traces(marks, ["contact with the ground", "centre"])
 
     def pose(self, q: Array, v: Array) -> Pose:
         """Position, attitude and angular velocity at coordinates and velocities (6,)."""

@@ -17,7 +17,8 @@ from jaxdyn.euler import SEQUENCES, matrix_from_euler
 from jaxdyn.formulations.prescribed import Path, Prescribed
 from jaxdyn.rotations import matrix_from_axis_angle
 from jaxdyn.scene import Scene
-from jaxdyn.scenes.bodies import BOX_EDGES, box_points
+from jaxdyn.scenes.bodies import box_points, box_sketch
+from jaxdyn.sketch import line, lines, traces
 from jaxdyn.vectors import plane_rotation
 
 #: A house of unit width about its middle: walls and roof, then the door; and its lines.
@@ -52,8 +53,8 @@ class MovedShape(Path):
         del t
         return q[None, :2] + self.outline @ plane_rotation(q[2]).T
 
-    def links(self):
-        return HOUSE_LINES
+    def sketch(self, t, q):
+        return lines(self.positions(t, q), HOUSE_LINES), *traces(q[None, :2], ["middle"])
 
 
 class TurnedBox(Path):
@@ -76,8 +77,9 @@ class TurnedBox(Path):
         del t
         return self.outline @ matrix_from_axis_angle(self.axis, q[0]).T
 
-    def links(self):
-        return (*BOX_EDGES, (8, 9))
+    def sketch(self, t, q):
+        r = self.positions(t, q)
+        return *box_sketch(r), line(*r[8:])
 
     def check(self):
         if not _checks.is_traced(self.axis) and not self.axis.any():
@@ -105,8 +107,8 @@ class MovedBox(Path):
         del t
         return self.outline @ matrix_from_euler(q, self.sequence).T
 
-    def links(self):
-        return BOX_EDGES
+    def sketch(self, t, q):
+        return box_sketch(self.positions(t, q))
 
 
 @like_defaults()

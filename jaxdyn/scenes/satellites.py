@@ -13,6 +13,8 @@ the course's claims:
 - 57 C.i holds: every direction is principal for C, since by symmetry its three moments are equal.
 """
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -21,25 +23,37 @@ from jaxdyn import _checks
 from jaxdyn.formulations.rigid import pose
 from jaxdyn.inertia import Body, box_of_density, sphere_of_density
 from jaxdyn.simulate import each_motion
+from jaxdyn.sketch import Shape, arc, lines, traces
 
 #: Tips of the two massless antennas, from (0, 0, 0) and from (0, 0, 0.5).
 ANTENNAS = ((3.0, 3.0, 3.0), (2.0, 2.0, 0.5))
 
 
+#: The faces of the cube with a ball, by their outward normals.
+FACES = {
+    "A": ((1, 0, 0), (0, 1, 0)),
+    "B": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    "C": ((1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0, -1, 0), (0, 0, -1)),
+}
+#: Corners of a cube or box, x counting fastest, and its edges as pairs of them.
+CUBE = tuple((i & 1, i >> 1 & 1, i >> 2 & 1) for i in range(8))
+BOX_EDGES = tuple((i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit)
+_ROOTS = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.5))  # of the antennas
+
+
 def satellite_a(density=1.0) -> Body:
     """Balls on the faces towards +x and +y."""
-    return _satellite(density, [(1, 0, 0), (0, 1, 0)])
+    return _satellite(density, FACES["A"])
 
 
 def satellite_b(density=1.0) -> Body:
     """Balls on the faces towards +x, +y and +z."""
-    return _satellite(density, [(1, 0, 0), (0, 1, 0), (0, 0, 1)])
+    return _satellite(density, FACES["B"])
 
 
 def satellite_c(density=1.0) -> Body:
     """Balls on all six faces."""
-    faces = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0, -1, 0), (0, 0, -1)]
-    return _satellite(density, faces)
+    return _satellite(density, FACES["C"])
 
 
 #: The bodies by the names that the course gives them.
@@ -65,8 +79,31 @@ def antenna_trace(motion, name: str = "A", tip=ANTENNAS[0]) -> Array:
     return jax.vmap(lambda t, y: pose(motion.scene, t, y).place(arm))(motion.ts, motion.ys)
 
 
-def _satellite(density, faces: list[tuple[int, int, int]]) -> Body:
+def _satellite(density, faces: tuple[tuple[int, int, int], ...]) -> Body:
     body = box_of_density(density, jnp.ones(3))
     for face in faces:
         body = body + sphere_of_density(density, 0.5).shifted(face)
     return body.shifted((0.5, 0.5, 0.5))
+
+
+@dataclasses.dataclass(frozen=True)
+class SatelliteSketch:
+    """What a drawing shows of a satellite: its cube, the balls on it, the antennas with paths."""
+
+    name: str
+
+    def __call__(self, r: Array) -> tuple[Shape, ...]:
+        """Shapes in the axes of the points r (6, 3), which are about the centre of mass."""
+        del r
+        centre = SATELLITES[self.name]().centre
+        x, y, z = jnp.eye(3) / 2
+        corners = jnp.asarray(CUBE, float)
+        shapes = [lines(corners, BOX_EDGES)]
+        for face in FACES[self.name]:
+            ball = jnp.full(3, 0.5) + jnp.asarray(face, float)
+            circles = [arc(ball, *axes) for axes in ((x, y), (y, z), (z, x))]
+            shapes.append(Shape("line", jnp.stack(circles)))
+        roots, tips = jnp.asarray(_ROOTS), jnp.asarray(ANTENNAS)
+        shapes.append(Shape("line", jnp.stack([roots, tips], axis=1)))
+        shapes += traces(tips, ["antenna 1", "antenna 2"])
+        return tuple(shape.placed(-centre, jnp.eye(3)) for shape in shapes)

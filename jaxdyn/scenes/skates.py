@@ -21,6 +21,7 @@ from jaxdyn._numerics import solve_spd
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.mechanism import Mechanism, MechanismSystem, planar_body
 from jaxdyn.scene import Scene
+from jaxdyn.sketch import Shape, circle, frame, line, rectangle, traces
 
 #: Skates nearer to a common normal than this are one condition twice [condition number].
 _WORST_CONDITION = 1e6
@@ -36,12 +37,15 @@ class Skated(Mechanism):
       inertia: () about the centre of mass [kg m^2].
       at: (s, 2) places of the skates from the centre of mass, in body axes [m].
       headings: (s,) directions of their blades in body axes [rad].
+      wheels: (2,) places of a car's front and rear axle along its body's x axis [m], which only
+        a drawing shows; None for blades.
     """
 
     m: Array
     inertia: Array
     at: Array
     headings: Array
+    wheels: Array | None = None
 
     def coordinates(self):
         return (("x", "m"), ("y", "m"), ("theta", "rad"))
@@ -58,8 +62,18 @@ class Skated(Mechanism):
         angle = q[2] + self.headings
         return jnp.stack([-jnp.sin(angle), jnp.cos(angle), self._arms()], axis=-1)
 
-    def links(self):
-        return ((0, 1),)
+    def sketch(self, t, q):
+        place, turn = q[:2], frame(jnp.stack([jnp.cos(q[2]), jnp.sin(q[2])]))
+        if self.wheels is not None:
+            return tuple(shape.placed(place, turn) for shape in _car(self.wheels))
+        size = jnp.sqrt(self.inertia / self.m)
+        shapes = [Shape("area", circle(jnp.zeros(2), 0.15 * size))]
+        for at, heading in zip(self.at, self.headings, strict=True):
+            blade = rectangle("solid", (0.6 * size, 0.08 * size))
+            way = frame(jnp.stack([jnp.cos(heading), jnp.sin(heading)]))
+            shapes += [line(jnp.zeros(2), at), blade.placed(at, way)]
+        shapes += traces(self.at, [f"skate {i + 1}" for i in range(len(self.at))])
+        return tuple(shape.placed(place, turn) for shape in shapes)
 
     def twists(self) -> Array:
         """(s, 3) the conditions in body axes: rows whose product with (vx, vy, omega) is zero."""
@@ -82,6 +96,22 @@ class Skated(Mechanism):
     def _arms(self) -> Array:
         x, y = self.at[:, 0], self.at[:, 1]
         return x * jnp.cos(self.headings) + y * jnp.sin(self.headings)
+
+
+def _car(axles: Array) -> tuple[Shape, ...]:
+    """A car seen from above, in its own axes, with its axles at two places (2,) along x."""
+    base = axles[0] - axles[1]
+    track, across = 0.55 * base, jnp.zeros(())
+    middles = jnp.stack([axles, jnp.stack([across, across])], axis=1)
+    body = rectangle("area", (1.5 * base, 0.65 * base), jnp.mean(middles, axis=0))
+    wheels = [
+        rectangle(
+            "solid", (0.25 * base, 0.08 * base), middle + jnp.stack([across, side * track / 2])
+        )
+        for middle in middles
+        for side in (1.0, -1.0)
+    ]
+    return body, *wheels, *traces(middles, ["front axle", "rear axle"])
 
 
 class LagrangeSkates(MechanismSystem):

@@ -132,7 +132,8 @@ def car(
     _checks.choice("locked", locked, AXLES)
     slides, rolls = (front, rear) if locked == "front" else (rear, front)
     m, inertia = floats(m, inertia)
-    body = Skated(m, inertia, jnp.stack([rolls, 0 * rolls])[None], jnp.zeros(1))
+    at, axles = jnp.stack([rolls, 0 * rolls])[None], jnp.stack([front, rear])
+    body = Skated(m, inertia, at, jnp.zeros(1), axles)
     # Balance of moments about the other axle.
     load = m * g * jnp.abs(rolls) / (front - rear)
     friction = LockedAxle(jnp.asarray(mu, dtype=float), load, slides)

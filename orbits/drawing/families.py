@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, style
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.image_files import picture_path
 from orbits.family import Kind
 from orbits.family_files import Listing
@@ -52,7 +52,5 @@ def family(listed: Listing, path=None) -> Figure:
             ax.plot(*there.T, marker, color=colour, ms=8, mew=2, zorder=4, label=kind, ls="")
     ax.set(xlabel=listed.parameter or "energy", ylabel="period")
     style(ax)
-    figure.legend(
-        *ax.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False
-    )
+    legend_below(figure, named(ax))
     return finished(figure, path)

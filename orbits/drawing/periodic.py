@@ -7,8 +7,9 @@ from matplotlib.figure import Figure
 
 from jaxdyn import _checks, simulate
 from jaxdyn.drawing.contents import paths
-from jaxdyn.drawing.figures import INK, blank, finished, mark
-from jaxdyn.drawing.panels import draw_paths, draw_starts, legend, limits, panel, size
+from jaxdyn.drawing.figures import INK, blank, finished, legend_below, mark, path_entries
+from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, panel, size
+from jaxdyn.drawing.solid import fill
 from jaxdyn.image_files import picture_path
 
 _SAMPLES = 600
@@ -47,13 +48,15 @@ def orbits(found: Sequence, path=None, titles: Sequence[str] | None = None) -> F
     for i, (arrow, one, title) in enumerate(zip(arrows, drawn, titles, strict=True)):
         ax = panel(figure, one, box, (1, len(drawn), i + 1))
         ax.set_title(title, fontsize=10)
-        draw_paths(ax, one)
-        draw_starts(ax, one)
+        draw_paths(ax, one, colours(one))
+        draw_starts(ax, one, colours(one))
         if arrow is not None:
             _draw_velocities(ax, *arrow)
-    most = max(drawn, key=lambda one: len(one.traced))
+    most = max(drawn, key=lambda one: one.xyz.shape[1])
     velocity = mark(r"$\rightarrow$", "velocity there")
-    legend(figure, most, mark("o", "start"), velocity)
+    entries = path_entries(most.names, colours(most))
+    legend_below(figure, [*entries, mark("o", "start"), velocity])
+    fill(figure)
     return finished(figure, path)
 
 

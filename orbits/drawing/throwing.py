@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import Scene, simulate
-from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, style
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, style
 from jaxdyn.image_files import picture_path
 from orbits.aim import Hits, Throws
 from orbits.launch import angle_of, landings, launched
@@ -53,7 +53,5 @@ def throws(scene: Scene, best: Throws, hits: Hits | None = None, path=None) -> F
     ranges.set_xticks(range(0, 181, 30))
     style(paths)
     style(ranges)
-    figure.legend(
-        *paths.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False
-    )
+    legend_below(figure, named(paths))
     return finished(figure, path)

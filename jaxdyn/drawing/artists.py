@@ -1,0 +1,72 @@
+"""What moves along a motion, as Matplotlib's artists: rods, springs, wheels, pins.
+
+Made once and put where they are at a sample: at the start for a picture, at each frame for an
+animation.
+"""
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.path import Path
+
+from jaxdyn.drawing.contents import Paths
+from jaxdyn.drawing.figures import INK
+from jaxdyn.drawing.panels import draw_lines
+from jaxdyn.drawing.strokes import grounds, strokes
+
+_SPRING = 0.022  # half width of a spring, to the widest side of the box
+_BODY = "#e6e9ee"
+_GROUND = "#8c8c8c"
+_PIN = 22  # points
+#: A triangle that stands on its tip, with the ground it is fixed to; the tip is where it is.
+_HUNG = np.array([[0.0, 0.0], [-0.6, 0.9], [-1.0, 0.9], [1.0, 0.9], [0.6, 0.9], [0.0, 0.0]])
+
+
+class Shapes:
+    """The artists of all shapes of a motion on flat or solid axes."""
+
+    def __init__(self, ax, drawn: Paths, box: np.ndarray):
+        self.drawn, self.width = drawn, _SPRING * np.diff(box).max()
+        draw_lines(ax, grounds(drawn), colors=_GROUND, linewidths=1.6, zorder=0.6)
+        fills = (("areas", _BODY, 1.4), ("solids", INK, 2.6)) if ax.name != "3d" else ()
+        self._filled = {kind: _closed(ax, colour, order) for kind, colour, order in fills}
+        self._lines = draw_lines(ax, [], colors=INK, linewidths=2.0, zorder=2.5)
+        self._springs = draw_lines(ax, [], colors=INK, linewidths=1.1, zorder=2.4)
+        marker = "s" if ax.name == "3d" else Path(_HUNG * (1.0 if self._hangs() else -1.0))
+        size = 6 if ax.name == "3d" else _PIN
+        nowhere = [[]] * len(box)
+        (self._pins,) = ax.plot(
+            *nowhere, ls="", marker=marker, ms=size, c=INK, mfc="white", zorder=2
+        )
+
+    @property
+    def all(self) -> list:
+        """What moves, from the back to the front."""
+        return [self._pins, *self._filled.values(), self._springs, self._lines]
+
+    def show(self, sample: int) -> None:
+        """Put everything where it is at a sample."""
+        now = strokes(self.drawn, sample, self.width)
+        for kind, artist in self._filled.items():
+            artist.set_verts(getattr(now, kind))
+        outlined = [] if self._filled else [*now.areas, *now.solids]
+        self._lines.set_segments([*now.lines, *outlined])
+        self._springs.set_segments(now.springs)
+        solid = now.pins.shape[1] == 3
+        (self._pins.set_data_3d if solid else self._pins.set_data)(*now.pins.T)
+
+    def _hangs(self) -> bool:
+        """Whether what the pins hold is below them."""
+        pins = [at[..., 1].mean() for kind, at in self.drawn.shapes if kind == "pin" and at.size]
+        return bool(pins) and np.mean(pins) >= self.drawn.xyz[..., 1].mean()
+
+
+def draw_pose(ax, drawn: Paths, sample: int, **style) -> None:
+    """Draw the outlines of bodies and rods at a sample; springs and pins only clutter."""
+    now = strokes(drawn, sample, 0.0)
+    draw_lines(ax, [*now.lines, *now.areas, *now.solids], **style)
+
+
+def _closed(ax, colour: str, order: float) -> PolyCollection:
+    """Closed polylines filled with a colour."""
+    filled = PolyCollection([], facecolors=colour, edgecolors=INK, linewidths=1.3, zorder=order)
+    return ax.add_collection(filled, autolim=False)

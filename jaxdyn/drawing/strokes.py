@@ -1,0 +1,95 @@
+"""The strokes of a drawing at one sample of a motion: polylines, by how they look.
+
+Plain arrays without a drawing library, so that pictures, animations and pages draw the same.
+Springs get their coils here, dashpots their cylinder; what is straight and lies under the motion
+reaches as far as that goes.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxdyn.drawing.contents import Paths
+
+_COILS = 9
+_LEAD = 0.12  # of a spring, straight at each end
+_ROUND = 12  # corners of a coil in space
+_BESIDE = 2.5  # widths that a dashpot is drawn beside its spring
+_CLOSED = ("area", "solid")
+
+
+class Strokes(NamedTuple):
+    """Polylines (k, D) by how they look; those of areas and solids are closed; pins (p, D)."""
+
+    lines: list[np.ndarray]
+    springs: list[np.ndarray]
+    areas: list[np.ndarray]
+    solids: list[np.ndarray]
+    pins: np.ndarray
+
+
+def strokes(drawn: Paths, sample: int, width: float) -> Strokes:
+    """What is drawn of the shapes at a sample, with springs of this half width [m]."""
+    of = {
+        kind: [line for k, at in drawn.shapes if k == kind for line in at[sample]]
+        for kind in ("line", "area", "solid", "spring", "dashpot", "pin")
+    }
+    springs = [coiled(ends, width) for ends in of["spring"]]
+    springs += [stroke for ends in of["dashpot"] for stroke in dashpot(ends, width)]
+    pins = np.concatenate([np.zeros((0, drawn.xyz.shape[-1])), *of["pin"]])
+    closed = ([np.concatenate([line, line[:1]]) for line in of[kind]] for kind in _CLOSED)
+    return Strokes(of["line"], springs, *closed, pins)
+
+
+def grounds(drawn: Paths) -> list[np.ndarray]:
+    """(k, D) what stays under a motion; straight pieces as far as they are ever seen."""
+    found = []
+    for kind, at in drawn.shapes:
+        for line in np.moveaxis(at, 1, 0) if kind == "ground" and len(at) else ():
+            along = line[0, -1] - line[0, 0]
+            corners = line.reshape(-1, line.shape[-1])
+            far = corners @ along
+            straight = line.shape[1] == 2
+            found.append(corners[[far.argmin(), far.argmax()]] if straight else line[0])
+    return found
+
+
+def coiled(ends: np.ndarray, width: float) -> np.ndarray:
+    """(k, D) a spring between ends (2, D): a zigzag in the plane, a helix in space.
+
+    Its coils are as many however long it is, so that one sees it stretch.
+    """
+    start, end = ends
+    across = _across(end - start) * width
+    if len(across) == 1:
+        share = np.linspace(_LEAD, 1 - _LEAD, 2 * _COILS + 1)
+        side = np.zeros(2 * _COILS + 1)
+        side[1:-1] = [(-1) ** i for i in range(2 * _COILS - 1)]
+        off = side[:, None] * across[0]
+    else:
+        share = np.linspace(_LEAD, 1 - _LEAD, _ROUND * _COILS + 1)
+        angle = 2 * np.pi * _COILS * np.linspace(0.0, 1.0, _ROUND * _COILS + 1)[:, None]
+        off = np.cos(angle) * across[0] + np.sin(angle) * across[1]
+    coils = start + share[:, None] * (end - start) + off
+    return np.concatenate([start[None], coils, end[None]])
+
+
+def dashpot(ends: np.ndarray, width: float) -> list[np.ndarray]:
+    """Polylines (k, D) of a dashpot between ends (2, D), beside the straight line between them."""
+    side = _across(ends[1] - ends[0])[0] * width
+    start, end = ends + _BESIDE * side
+    near, middle, far = (start + share * (end - start) for share in (0.4, 0.5, 0.62))
+    cup = np.stack([far + side, near + side, near - side, far - side])
+    rods = [np.stack([ends[0], start, near]), np.stack([middle, end, ends[1]])]
+    return [*rods, cup, np.stack([middle + side, middle - side])]
+
+
+def _across(along: np.ndarray) -> np.ndarray:
+    """(D - 1, D) unit vectors at right angles to a direction (D,); of none, to the first axis."""
+    length = np.linalg.norm(along)
+    along = along / length if length > 0 else np.eye(len(along))[0]
+    if len(along) == 2:
+        return np.array([[-along[1], along[0]]])
+    first = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(along, first)])

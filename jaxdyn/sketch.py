@@ -1,0 +1,93 @@
+"""The shapes that drawings are made of: what systems and effects say about their looks.
+
+A system's or an effect's ``sketch`` is a few of these, with corners that follow the state; how
+they are drawn, on paper, in space or in frames of an animation, is up to who draws them. A shape
+is a pytree: its corners are arrays, its kind and name fixed.
+
+    line     rods, strings, edges: one or several lines of corners
+    area     a closed figure, filled lightly: the body of a car
+    solid    a closed figure, filled with ink: wheels, blades
+    ground   what the motion rests on or is led by: a ramp, a track; straight ones are drawn as
+             far as the motion goes
+    spring   from end to end, one or several
+    dashpot  the same
+    pin      a hinge or an anchor on the ground
+    trace    a point that leaves a path; where a scene has any, only theirs are drawn
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn._numerics import safe_norm
+
+Kind = Literal["line", "area", "solid", "ground", "spring", "dashpot", "pin", "trace"]
+_CORNERS = 48  # of a drawn circle, a multiple of 4
+
+
+class Shape(eqx.Module):
+    """A shape of a kind with its corners (..., k, d) [m], and a name for the legend."""
+
+    kind: Kind = eqx.field(static=True)
+    at: Array
+    name: str = eqx.field(static=True, default="")
+
+    def placed(self, r: Array, R: Array) -> "Shape":
+        """The same shape, given in axes (d, d) whose columns are R and whose origin is r (d,)."""
+        return Shape(self.kind, r[(None,) * (self.at.ndim - 1)] + self.at @ R.T, self.name)
+
+
+def lines(r: Array, pairs: Sequence[tuple[int, int]]) -> Shape:
+    """Lines that join pairs of the points r (n, d)."""
+    return Shape("line", r[np.asarray(pairs, int).reshape(-1, 2)])
+
+
+def line(*ends: Array) -> Shape:
+    """A line through the places (d,) given."""
+    return Shape("line", jnp.stack(ends))
+
+
+def pin(*places: Array) -> Shape:
+    """A pin at each of the places (d,) given."""
+    return Shape("pin", jnp.stack(places)[:, None])
+
+
+def traces(r: Array, names: Sequence[str]) -> tuple[Shape, ...]:
+    """A path for each of the points r (n, d), by its name."""
+    return tuple(Shape("trace", r[i][None], name) for i, name in enumerate(names))
+
+
+def rectangle(kind: Kind, sides, centre=(0.0, 0.0)) -> Shape:
+    """A rectangle in the plane with sides (2,) along x and y [m]."""
+    half = jnp.stack([jnp.asarray(side, float) for side in sides]) / 2
+    corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    return Shape(kind, jnp.asarray(centre, float)[None] + half[None] * corners)
+
+
+def frame(along: Array) -> Array:
+    """(2, 2) axes in the plane, the first of them along a direction (2,)."""
+    x, y = along / safe_norm(along)
+    return jnp.stack([jnp.stack([x, -y]), jnp.stack([y, x])])
+
+
+def arc(centre: Array, across: Array, up: Array, turn: float = 1.0) -> Array:
+    """(k, d) corners of an arc about a centre, from centre + across by way of centre + up.
+
+    Args:
+      centre: (d,) [m].
+      across: (d,) a radius [m].
+      up: (d,) a radius at a right angle to it [m].
+      turn: how far it goes, as a share of the full circle.
+    """
+    angle = 2 * np.pi * np.linspace(0.0, turn, round(_CORNERS * turn) + 1)[:, None]
+    return centre[None] + np.cos(angle) * across[None] + np.sin(angle) * up[None]
+
+
+def circle(centre: Array, radius: Array) -> Array:
+    """(k, 2) corners of a circle in the plane."""
+    one = np.eye(2)
+    return arc(centre, radius * one[0], radius * one[1])
