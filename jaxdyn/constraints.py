@@ -125,6 +125,7 @@ def conditioning(scene: Scene | Field, t, y: Array) -> Conditioning:
       >>> print(constraints.conditioning(bars, 0.0, bars.y0).rank)
       8
     """
+    _checks.float64()
     system = _constrained(scene.system)
     y = jnp.asarray(y, dtype=float)[: len(system.labels())]
     squares = jnp.linalg.eigvalsh(system.gram(t, y))

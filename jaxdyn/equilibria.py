@@ -1,10 +1,10 @@
-"""All rest points of a scene in a box, each with its stability.
+"""The rest points of a scene in a box, each with its stability, and whether they are all.
 
-A rest point is a state with rate(y) = 0. The search starts Levenberg-Marquardt iterations from
-the points of a low-discrepancy grid in the box, all at once, keeps what passes as a root, and
-drops repetitions. It is a search: it finds every rest point whose basin of attraction one of
-the starts hits, and cannot prove that there is no other. `Equilibria.found_by` says how many
-starts led to each; where a count is 1 or 2, search again with more starts.
+A rest point is a state with rate(y) = 0 that satisfies the constraints. Interval bisection
+(`isolation`) proves where in the box there is exactly one and where there is none; from there,
+and from the points of a low-discrepancy grid, a search starts (`rest_search`). Repetitions are
+dropped, and the two results are compared (`completeness`): `Equilibria.complete` says whether
+the list is proved to be complete, `Equilibria.certainty` why, or why not.
 """
 
 import dataclasses
@@ -16,27 +16,32 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn.completeness import bisected, judged
 from jaxdyn.linearize import Linearization, linearize
-from jaxdyn.scene import Field, Scene, checked
+from jaxdyn.rest_search import Box, Ends, jumps, low_discrepancy, search
+from jaxdyn.scene import Field, Scene, System, checked
 
 _MOST_STARTS = 1_000_000  # which are worked on at once
-_STEPS = 80
-_DAMPING = 1e-3  # first damping of an iteration, relative to the largest entry of J^T J
-_LESS, _MORE = 0.2, 5.0  # damping after a step that helped, and after one that did not
-_CONVERGED = 1e-10  # relative: the last Newton step of a root over the size of the box
-_SAME = 1e-6  # relative: roots nearer than this are one
-_FLAT = 1e-9  # smallest over largest singular value of the Jacobian of a root that is isolated
+_SAME = 1e-6  # of the box: rest points nearer than this are one
+_ALONG = 1e-3  # of the box: how far along a curve of rest points another one is looked for
+_STEPS = 30  # of Newton's method to a rest point
+_NEWTON = 2  # steps from there: derivatives of the last are right up to the third
+_SETTLED = 1e-8  # relative: the last of these steps
+_SINGULAR = 1e-12  # smallest over largest singular value of a Jacobian that has no inverse
 
 
 @dataclasses.dataclass(frozen=True)
 class Equilibria:
-    """The rest points that a search found.
+    """The rest points that were found.
 
     Attributes:
       states: (e, k) rest points, ordered by their first coordinates.
       linearizations: what their eigenvalues say, in the same order.
-      isolated: (e,) False where the Jacobian is singular to rounding: the point may belong
-        to a curve of rest points, of which only samples are listed, or be about to split.
+      kinds: of each, "isolated"; "continuum" for one of a curve or surface of rest points, of
+        which only samples are listed; or "degenerate" where the Jacobian is singular to rounding
+        though no neighbour was found: it may be about to split or to vanish.
+      complete: whether it is proved that the box holds no other rest point.
+      certainty: why, or why not, in words.
       found_by: (e,) how many starts led to each.
       residuals: (e,) largest entry of the rate there.
       starts: how many starts there were.
@@ -45,7 +50,9 @@ class Equilibria:
 
     states: np.ndarray
     linearizations: tuple[Linearization, ...]
-    isolated: np.ndarray
+    kinds: tuple[str, ...]
+    complete: bool
+    certainty: str
     found_by: np.ndarray
     residuals: np.ndarray
     starts: int
@@ -66,55 +73,94 @@ def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024) -> Equilib
       t: () time [s] at which the scene is frozen.
       starts: how many points of the box the search starts from.
     Returns:
-      What was found: verified roots, no repetitions. There may be others.
+      Verified rest points without repetitions, and whether there may be others.
     Raises:
-      ValueError: a box that is none, or another number that makes no sense.
-    Limits: roots on which the rate is not smooth (a spring pressed to a point) are missed;
-      curves of rest points are sampled, see `Equilibria.isolated`.
+      ValueError: an empty box, numbers that are being traced (`rest_point` is differentiable),
+        or other invalid numbers.
+    Limits: completeness can be proved for rates made of elementary formulas, without
+      constraints, with few unknowns: about four. A point at which the rate is 0 but jumps is no
+      rest point; `certainty` names it. Angles that differ by whole turns are one.
     Example:
       >>> from jaxdyn.scenes.springs import two_springs
       >>> found = equilibria(two_springs(g=0.0), [-3, -3], [3, 3])
-      >>> len(found)
-      5
+      >>> len(found), found.complete
+      (5, True)
     """
-    low, high = _box(low, high, len(checked(scene).y0))
+    _refuse_traced(scene, low, high, t)
+    _checks.float64()
+    box = _box(low, high, len(checked(scene).y0))
     starts, t = _checks.whole("starts", starts, most=_MOST_STARTS), _checks.array("t", t, ())
-    grid = low + (high - low) * low_discrepancy(starts, len(low))
-    ys, steps, rates = (np.asarray(x) for x in _search(scene.field, jnp.asarray(grid), t))
-    size = np.max(high - low)
-    slack = _SAME * size
-    with np.errstate(invalid="ignore"):
-        inside = ((ys >= low - slack) & (ys <= high + slack)).all(axis=1)
-        kept = np.flatnonzero(inside & (steps <= _CONVERGED * size))
-    groups = _groups(scene, ys, kept[np.argsort(steps[kept], kind="stable")], slack)
-    best = sorted((group[0] for group in groups), key=lambda i: tuple(np.round(ys[i], 6)))
-    count = {group[0]: len(group) for group in groups}
-    linear = tuple(linearize(scene.field, ys[i], t) for i in best)
-    return Equilibria(
-        states=ys[best],
-        linearizations=linear,
-        isolated=np.array([_isolated(x.jacobian) for x in linear], dtype=bool),
-        found_by=np.array([count[i] for i in best], dtype=int),
-        residuals=np.abs(rates[best]).max(axis=1, initial=0.0),
-        starts=starts,
-        lost=starts - len(kept),
-    )
+    field = scene.field
+    proof = bisected(field, t, box)
+    box, middles = proof.box, proof.middles[:starts]
+    spread = box.states(low_discrepancy(starts - len(middles), len(box.free)))
+    ends = search(field, t, box, np.concatenate([middles, spread]))
+    kept = np.flatnonzero(ends.passed & box.holds(ends.ys, _SAME))
+    groups = _groups(ends, kept[np.argsort(ends.steps[kept], kind="stable")], box)
+    heads = ends.ys[[group[0] for group in groups]]
+    sharp = jumps(field, t, box, heads)
+    complete, certainty = judged(proof, field, t, heads[~sharp], heads[sharp])
+    smooth = [group for group, jump in zip(groups, sharp, strict=True) if not jump]
+    return _listed(scene, t, box, ends, _merged(scene, box, ends, smooth), (complete, certainty))
 
 
-def low_discrepancy(n: int, d: int) -> np.ndarray:
-    """(n, d) points that fill the unit cube evenly, always the same ones.
+def rest_point(scene: Scene, y, t=0.0) -> Array:
+    """The isolated rest point (k,) near a state, differentiable in the scene's numbers.
 
-    The additive sequence with the powers of 1/phi_d, where phi_d^(d+1) = phi_d + 1.
+    Newton's method from y, whose own derivatives do not count: those of the rest point follow
+    from the implicit function theorem, up to the third.
 
-    Reference: Roberts (2018), The unreasonable effectiveness of quasirandom sequences.
+    Args:
+      scene: any whose state has no redundant entries, under `jax.grad`, `jit` and `vmap` too.
+      y: (k,) state near the rest point, such as one that `equilibria` found.
+      t: () time [s] at which the scene is frozen.
+    Returns:
+      The rest point; NaN if there is none near y, or if the Jacobian is singular there, as on a
+      curve of rest points.
+    Example:
+      >>> import jax
+      >>> from jaxdyn.scenes.springs import spring_mass
+      >>> def sag(g):
+      ...     return -rest_point(spring_mass(k=10.0, length=0.5, g=g), [0.0, -1.5, 0, 0])[1]
+      >>> print(jax.grad(sag)(10.0))  # m / k
+      0.1
     """
-    phi = 2.0
-    for _ in range(60):
-        phi = (1 + phi) ** (1 / (d + 1))
-    return (0.5 + np.arange(1, n + 1)[:, None] * phi ** -np.arange(1.0, d + 1)[None, :]) % 1.0
+    field = checked(scene).field
+    _checks.float64()
+    y = _checks.array("y", y, scene.y0.shape)
+    return _rest_point(field, y, _checks.array("t", t, ()))
 
 
-def _box(low, high, k: int) -> tuple[np.ndarray, np.ndarray]:
+@eqx.filter_jit
+def _rest_point(field: Field, y: Array, t: Array) -> Array:
+    def newton(y):
+        rate, a = field.rate(t, y), jax.jacfwd(lambda y: field.rate(t, y))(y)
+        step = jnp.linalg.solve(a, rate)
+        return y - step, step, a
+
+    y = jax.lax.fori_loop(0, _STEPS, lambda _, y: newton(y)[0], jax.lax.stop_gradient(y))
+    y, step, a = newton(jax.lax.stop_gradient(y))
+    for _ in range(_NEWTON - 1):
+        y, step, a = newton(y)
+    a, step, size = jax.lax.stop_gradient((a, step, y))
+    values = jnp.linalg.svd(a / jnp.sum(jnp.abs(a), axis=1, keepdims=True), compute_uv=False)
+    settled = jnp.max(jnp.abs(step)) <= _SETTLED * (1 + jnp.max(jnp.abs(size)))
+    # A factor, not a choice: the derivative of a choice of NaN is 0.
+    return y * jnp.where(settled & (values[-1] > _SINGULAR * values[0]), 1.0, jnp.nan)
+
+
+def _refuse_traced(*numbers) -> None:
+    if _checks.is_traced(numbers):
+        raise _checks.fail(
+            "equilibria",
+            "known numbers",
+            "ones that are being traced",
+            "Find the rest points outside of jit, grad and vmap; `equilibria.rest_point(scene, y)` "
+            "carries their derivatives.",
+        )
+
+
+def _box(low, high, k: int) -> Box:
     low = np.asarray(_checks.array("low", low, (None,)))
     high = np.asarray(_checks.array("high", high, low.shape))
     if (low > high).any() or (low == high).all():
@@ -123,56 +169,71 @@ def _box(low, high, k: int) -> tuple[np.ndarray, np.ndarray]:
         low, high = (np.concatenate([x, np.zeros(len(x))]) for x in (low, high))
     if len(low) != k:
         raise _checks.fail("low", f"{k} entries, or {k // 2} for coordinates at rest", len(low))
-    return low, high
+    return Box(low, high)
 
 
-@eqx.filter_jit
-def _search(field: Field, grid: Array, t) -> tuple[Array, Array, Array]:
-    """(s, k) ends of the iterations, (s,) size of a further Newton step, (s, k) rates there."""
-
-    def rate(y):
-        return field.rate(t, y)
-
-    def improve(_, carry):
-        y, damping = carry
-        f, a = rate(y), jax.jacfwd(rate)(y)
-        gram = a.T @ a
-        weight = damping * (jnp.max(jnp.abs(gram)) + jnp.finfo(float).tiny)
-        step = jnp.linalg.solve(gram + weight * jnp.eye(len(y)), a.T @ f)
-        new = rate(y - step)
-        better = jnp.sum(new * new) < jnp.sum(f * f)  # False for NaN
-        return jnp.where(better, y - step, y), damping * jnp.where(better, _LESS, _MORE)
-
-    def end(y):
-        y, _ = jax.lax.fori_loop(0, _STEPS, improve, (y, jnp.asarray(_DAMPING)))
-        # The normal equations square the condition number; a plain Newton step does not. The
-        # shortest step: on a curve of rest points the matrix is singular.
-        f, a = rate(y), jax.jacfwd(rate)(y)
-        step = jnp.linalg.lstsq(a, f)[0]
-        new = rate(y - step)
-        better = jnp.sum(new * new) <= jnp.sum(f * f)
-        return jnp.where(better, y - step, y), jnp.linalg.norm(step), jnp.where(better, new, f)
-
-    return jax.vmap(end)(grid)
-
-
-def _groups(scene: Scene, ys: np.ndarray, order: np.ndarray, slack: float) -> list[list[int]]:
+def _groups(ends: Ends, order: np.ndarray, box: Box) -> list[list[int]]:
     """Indices in groups of equal states, the best of each first."""
     groups: list[list[int]] = []
-    if not len(order):
-        return groups
-    difference = jax.jit(jax.vmap(scene.system.difference, in_axes=(None, 0)))
+    units = box.units(ends.ys)
+    heads = np.zeros((len(order), units.shape[1]))
     for i in order:
-        if groups:
-            heads = jnp.asarray(ys[[g[0] for g in groups]])
-            apart = np.abs(np.asarray(difference(jnp.asarray(ys[i]), heads))).max(axis=1)
-            if apart.min() <= slack:
-                groups[int(apart.argmin())].append(int(i))
-                continue
-        groups.append([int(i)])
+        near = np.abs(heads[: len(groups)] - units[i]).max(axis=1, initial=0.0) <= _SAME
+        if near.any():
+            groups[int(np.argmax(near))].append(int(i))
+        else:
+            heads[len(groups)] = units[i]
+            groups.append([int(i)])
     return groups
 
 
-def _isolated(a: np.ndarray) -> bool:
-    values = np.linalg.svd(a, compute_uv=False)
-    return bool(values[-1] > _FLAT * values[0])
+def _merged(scene: Scene, box: Box, ends: Ends, groups: list[list[int]]) -> list[list[int]]:
+    """Groups that are one in the system's own measure, as angles a whole turn apart."""
+    if not groups:
+        return []
+    heads = jnp.asarray(ends.ys[[group[0] for group in groups]])
+    slack = _SAME * (box.high - box.low)
+    first: dict[int, list[int]] = {}
+    for n, group in enumerate(groups):
+        same = np.all(np.abs(_apart(scene.system, heads[n], heads)) <= slack, axis=1)
+        earlier = [m for m in first if same[m]]
+        if earlier:
+            first[earlier[0]] += group
+        else:
+            first[n] = list(group)
+    return list(first.values())
+
+
+@eqx.filter_jit
+def _apart(system: System, y: Array, heads: Array) -> Array:
+    return jax.vmap(system.difference, in_axes=(None, 0))(y, heads)
+
+
+def _kinds(field: Field, t: Array, box: Box, ends: Ends, best: list[int]) -> tuple[str, ...]:
+    flat = [i for i in best if ends.flat[i]]
+    kinds = dict.fromkeys(best, "isolated")
+    if flat:
+        # As many as in the first search, which then is not compiled anew.
+        beside = np.resize(ends.ys[flat] + _ALONG * ends.along[flat], ends.ys.shape)
+        found = search(field, t, box, beside)
+        gone = np.linalg.norm(box.units(found.ys[: len(flat)] - ends.ys[flat] + box.low), axis=1)
+        curve = found.passed[: len(flat)] & (gone > _ALONG / 2)
+        kinds |= {i: "continuum" if c else "degenerate" for i, c in zip(flat, curve, strict=True)}
+    return tuple(kinds.values())
+
+
+def _listed(scene: Scene, t, box: Box, ends: Ends, groups: list[list[int]], sure) -> Equilibria:
+    groups = sorted(groups, key=lambda group: tuple(np.round(ends.ys[group[0]], 6)))
+    best = [group[0] for group in groups]
+    count = [len(group) for group in groups]
+    return Equilibria(
+        states=ends.ys[best],
+        linearizations=tuple(linearize(scene.field, ends.ys[i], t) for i in best),
+        kinds=_kinds(scene.field, t, box, ends, best),
+        complete=sure[0],
+        certainty=sure[1],
+        found_by=np.array(count, dtype=int),
+        residuals=ends.rates[best],
+        starts=len(ends.ys),
+        lost=len(ends.ys) - sum(count),
+    )

@@ -19,7 +19,7 @@ from jaxdyn.scene import Field, Scene, checked
 
 _SAFETY = 10.0  # error bars are first-order estimates
 _SYMMETRIC = 1e-9  # relative asymmetry of a stiffness matrix that is rounding
-_AT_REST = 1e-6  # [1] acceleration of a rest point over what a unit displacement gives
+_AT_REST = 1e-6  # [1] forces at a rest point over those of a unit displacement; for speeds alike
 
 
 @eqx.filter_jit
@@ -66,6 +66,7 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
       'spiral'
     """
     scene = scene if isinstance(scene, Field) else checked(scene)
+    _checks.float64()
     y = _checks.array("y", y, (len(scene.system.labels()),))
     return classify(np.asarray(jacobian(scene, y, _checks.array("t", t, ()))))
 
@@ -161,6 +162,7 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
       [3.]
     """
     start = checked(scene).y0
+    _checks.float64()
     y = _checks.array("y", start if y is None else y, start.shape)
     if scene.system.canonical(jnp.zeros(()), y) is None:
         raise _checks.fail(
@@ -210,7 +212,9 @@ def _check_modes(y: np.ndarray, mass, stiffness, acceleration) -> None:
             "a stiffness matrix that is not symmetric",
             "`linearize` takes any forces.",
         )
-    if (y[n:] != 0).any() or np.abs(mass @ acceleration).max() > _AT_REST * size:
+    # Speeds against those which the energy of a unit displacement gives.
+    moves = y[n:] @ mass @ y[n:] > _AT_REST**2 * size
+    if moves or np.abs(mass @ acceleration).max() > _AT_REST * size:
         raise _checks.fail(
             "y",
             "a rest point",

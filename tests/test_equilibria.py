@@ -1,15 +1,22 @@
 """Rest points: all of those that are known, their number by topology, decay by simulation."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import gap
+from helpers import EXACT, gap
 from test_linearize import Arm
 
 from jaxdyn import Scene, simulate
 from jaxdyn.effects import UniformGravity
-from jaxdyn.equilibria import Equilibria, equilibria, low_discrepancy
+from jaxdyn.equilibria import Equilibria, equilibria, rest_point
+from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.newton_euler import NewtonEuler
-from jaxdyn.scenes.particles import lorenz
+from jaxdyn.linearize import modes
+from jaxdyn.rest_search import low_discrepancy
+from jaxdyn.scene import Effect
+from jaxdyn.scenes.particles import cannonball, lorenz
+from jaxdyn.scenes.pendula import pendulum
 from jaxdyn.scenes.springs import spring_mass, two_springs
 
 DAMPED = {"c_a": 0.3, "c_b": 0.2, "c_d": 0.1}
@@ -29,7 +36,8 @@ def test_weightless_mass_between_long_springs_has_five():
     assert gap(found.states[:, :2], expected) < 1e-14
     assert gap(found.states[:, 2:], np.zeros((5, 2))) < 1e-14
     assert [x.portrait for x in found.linearizations] == ["saddle", "centre"] * 2 + ["saddle"]
-    assert found.isolated.all()
+    assert set(found.kinds) == {"isolated"}
+    assert found.complete
     assert found.found_by.sum() + found.lost == found.starts == 1024
     assert found.residuals.max() < 1e-13
 
@@ -60,6 +68,7 @@ def test_problem_13_c_number_of_equilibria_by_topology(numbers, count):
     scene = two_springs(**numbers)
     found = equilibria(scene, [-8, -8 - numbers["g"] / 5], [8, 8])
     assert len(found) == count
+    assert found.complete
     # The energy grows to all sides, so minima and maxima less saddles are 1 (Morse).
     saddles = _saddles(found)
     assert (count - saddles) + _peaks(**numbers) - saddles == 1
@@ -99,10 +108,13 @@ def test_angles_are_counted_once():
 
 
 @pytest.mark.slow
-def test_a_circle_of_rest_points_is_reported_as_not_isolated():
+def test_a_circle_of_rest_points_is_reported_as_a_continuum():
     found = equilibria(spring_mass(g=0.0, length=0.5), [-1, -1], [1, 1], starts=64)
     assert len(found) > 10
-    assert not found.isolated.any()
+    assert set(found.kinds) == {"continuum"}
+    assert not found.complete
+    assert "boxes" in found.certainty
+    assert "along a curve of rest points" in found.certainty
     assert gap(np.hypot(*found.states[:, :2].T), np.full(len(found), 0.5)) < 1e-7
     assert all(x.portrait == "degenerate" for x in found.linearizations)
 
@@ -119,6 +131,171 @@ def test_low_discrepancy_points_fill_the_cube():
     cells = np.unique((points * 4).astype(int), axis=0)
     assert len(cells) == 64  # every one of 4^3 cells; random points miss some at n / cells = 8
     assert gap(low_discrepancy(1, 1), [[(0.5 + 2 / (1 + np.sqrt(5))) % 1]]) < 1e-14
+
+
+# (k_b, length_a, length_b, g), and the rest points that SciPy's `root` (hybr, tol 1e-13) finds
+# from 121 x 121 starts in the box. Anchors at (0, 0) and (0.8, 0.6), k_a = 1, length in m.
+OBLIQUE = [
+    (
+        (8.0, 2.0, 0.8, 1.0),
+        [
+            [-0.09453065133802983, -0.014723312633883146],
+            [0.18453329494735576, 0.30552355056509645],
+            [0.22251760279438743, 1.1117533562628241],
+            [0.37449022002823606, 1.2214250945666305],
+            [1.297303596773926, -0.2246458276765637],
+        ],
+    ),
+    (
+        (8.0, 5.0, 0.5, 1.0),
+        [
+            [-0.15346559885169533, -0.0731488270580656],
+            [0.7473073404383143, 0.5757983034029296],
+            [1.6734090823822967, 0.6445350862373178],
+        ],
+    ),
+    (
+        (0.5, 3.0, 3.0, 2.0),
+        [
+            [0.13085893705990403, 0.3085084278878568],
+            [0.32106733597787374, -4.1221904840601695],
+            [0.4205417376422519, 1.7627239375107666],
+            [0.5116090793020317, 0.6628476713146307],
+        ],
+    ),
+]
+
+
+def _oblique(k_b, length_a, length_b, g) -> Scene:
+    return two_springs(
+        anchor_a=(0.0, 0.0),
+        anchor_b=(0.8, 0.6),
+        k_a=1.0,
+        k_b=k_b,
+        length_a=length_a,
+        length_b=length_b,
+        c_a=0.1,
+        c_b=0.2,
+        c_d=0.05,
+        g=g,
+    )
+
+
+@pytest.mark.parametrize(("numbers", "expected"), OBLIQUE)
+def test_rest_points_with_small_basins_are_all_found(numbers, expected):
+    found = equilibria(_oblique(*numbers), [-10, -10], [10, 10])
+    assert found.states.shape == (len(expected), 4)
+    assert gap(found.states[:, :2], expected) < 1e-12
+    assert (found.states[:, 2:] == 0).all()
+    assert found.complete
+    assert found.certainty.startswith("complete: interval bisection excludes any other rest point")
+    assert "near (0, 0), (0.8, 0.6) the rate jumps" in found.certainty
+
+
+#: Weight [N] at which two rest points of (0.5, 3, 3) meet: F = 0 and det dF/dr = 0, solved for
+#: x, y and g in 40 digits with mpmath.
+FOLD = 2.670697096850409449875197
+
+
+def test_two_rest_points_that_are_about_to_vanish():
+    before, after = (
+        equilibria(_oblique(0.5, 3.0, 3.0, FOLD + beside), [-10, -10], [10, 10], starts=64)
+        for beside in (-1e-7, 1e-7)
+    )
+    assert (len(before), len(after)) == (3, 1)
+    assert before.complete
+    assert after.complete
+    near = before.states[np.abs(before.states[:, 1] - 1.02) < 0.01]
+    assert 1e-4 < np.ptp(near[:, 1]) < 1e-2
+    at = equilibria(_oblique(0.5, 3.0, 3.0, FOLD), [-10, -10], [10, 10], starts=64)
+    assert not at.complete
+    assert "near (0.4602, 1.02002) the Jacobian is singular" in at.certainty
+
+
+@pytest.mark.parametrize("scene", [cannonball(), two_springs(k_a=0.0, k_b=0.0, g=1.0)])
+def test_a_falling_body_rests_nowhere(scene):
+    found = equilibria(scene, [-3, -3], [3, 3])
+    assert len(found) == 0
+    assert found.complete
+    assert found.lost == 1024
+
+
+def test_a_place_where_the_rate_is_zero_but_jumps_is_no_rest_point():
+    # B where the search starts, and the spring to A at its rest length there: the other spring
+    # has no direction, so the rate is 0 just there.
+    start = 2 * low_discrepancy(1, 2)[0] - 1
+    scene = two_springs(g=0.0, anchor_b=start, length_a=np.hypot(start[0] + 1, start[1]))
+    found = equilibria(scene, [-1, -1], [1, 1], starts=64)
+    assert not (found.states[:, :2] == start).all(axis=1).any()
+    assert "the rate is 0 but jumps: this is no rest point" in found.certainty
+
+
+def test_modes_take_what_equilibria_returns():
+    scene = _oblique(8.0, 2.0, 0.8, 1.0)
+    state = equilibria(scene, [1.0, -1.0], [2.0, 1.0], starts=32).states[0]
+    assert (modes(scene, state).squares > 0).all()
+    moving = np.array([0.0, 0.0, 1.0, 0.0])
+    assert (modes(scene, state + 5e-174 * moving).squares > 0).all()
+    with pytest.raises(ValueError, match=r"^y: expected a rest point, got velocities \[0\.001, 0"):
+        modes(scene, state + 1e-3 * moving)
+
+
+def test_rest_points_with_constraints_satisfy_them_and_are_not_proved():
+    # Without the constraint, a mass on a rod could rest anywhere on the vertical.
+    found = equilibria(pendulum(formulation="constrained"), [-2, -2], [2, 2], starts=64)
+    assert gap(found.states, [[0, -1, 0, 0], [0, 1, 0, 0]]) < 1e-12
+    assert found.kinds == ("isolated", "isolated")
+    assert not found.complete
+    assert found.certainty.startswith("not certain: the rate is not made of formulas")
+
+
+class Flat(Effect):
+    """A force -k x^3 to the origin [N]: no stiffness there."""
+
+    velocity_dependent = False
+
+    def force(self, t, r, v, m):
+        return -(r**3)
+
+
+def test_a_rest_point_without_stiffness_is_degenerate():
+    scene = Scene(FreePoints([1.0], 1), (Flat(),), y0=[1.0, 0.0])
+    found = equilibria(scene, [-1.0], [2.0], starts=16)
+    assert found.kinds == ("degenerate",)
+    assert gap(found.states, [[0.0, 0.0]]) < 1e-8
+    assert not found.complete
+    assert "near (0) the Jacobian is singular" in found.certainty
+
+
+def test_a_rest_point_moves_with_the_numbers_of_the_scene():
+    def height(k):
+        return rest_point(spring_mass(k=k, length=0.5, g=9.0), [0.1, -1.0, 0.0, 0.0])[1]
+
+    # -length - m g / k
+    assert gap(height(10.0), -1.4) < EXACT
+    assert gap(jax.grad(height)(10.0), 0.09) < EXACT
+    assert gap(jax.jacfwd(jax.grad(height))(10.0), -0.018) < EXACT
+
+
+def test_rest_points_of_a_traced_scene_are_refused():
+    def least(g):
+        return equilibria(spring_mass(g=g), [-3, -3], [3, 3]).states.min()
+
+    message = (
+        r"^equilibria: expected known numbers, got ones .* `equilibria\.rest_point\(scene, y\)"
+    )
+    for attempt in (jax.grad(least), jax.jit(least)):
+        with pytest.raises(ValueError, match=message):
+            attempt(1.0)
+
+
+def test_no_isolated_rest_point_is_nan_and_so_is_its_derivative():
+    def place(length):
+        return rest_point(spring_mass(g=0.0, length=length), [0.5, 0.0, 0.0, 0.0])[0]
+
+    assert np.isnan(place(0.5))
+    assert np.isnan(jax.grad(place)(0.5))
+    assert np.isnan(rest_point(cannonball(), jnp.zeros(4))).all()
 
 
 BOXES = [

@@ -7,11 +7,14 @@ import pytest
 from helpers import DIFFED, EXACT, central_difference, gap
 
 from jaxdyn import Scene, linearize, simulate
+from jaxdyn.constraints import conditioning
 from jaxdyn.effects import SpringNetwork, UniformGravity
+from jaxdyn.equilibria import equilibria, rest_point
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.newton_euler import NewtonEuler
 from jaxdyn.scenes.particles import lorenz
+from jaxdyn.scenes.pendula import pendulum
 from jaxdyn.scenes.springs import oscillator, two_springs
 
 # (matrix, verdict, portrait)
@@ -138,6 +141,21 @@ def test_a_frequency_is_differentiable_in_the_numbers_of_the_scene():
 
     # w = sqrt(k / m)
     assert gap(jax.grad(frequency)(9.0), 0.5 / np.sqrt(9.0 * 4.0)) < EXACT
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: linearize.linearize(oscillator(), [0.0, 0.0]),
+        lambda: linearize.modes(oscillator(), [0.0, 0.0]),
+        lambda: equilibria(oscillator(), [-1.0], [1.0]),
+        lambda: rest_point(oscillator(), [0.0, 0.0]),
+        lambda: conditioning(pendulum(formulation="constrained"), 0.0, [0.0, -1.0, 0.0, 0.0]),
+    ],
+)
+def test_32_bit_floats_are_refused(call):
+    with jax.enable_x64(False), pytest.raises(ValueError, match=r"^floats: expected 64-bit floats"):
+        call()
 
 
 def test_what_has_no_modes_is_refused():

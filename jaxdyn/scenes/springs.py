@@ -159,11 +159,20 @@ def two_springs(
 ) -> Scene:
     """A mass on two springs with dashpots beside them, and air drag, y up (problem 13).
 
-    `equilibria.equilibria` finds its rest points (13 c). There is always one, and only one for
-    a heavy mass. There are at most five without weight: off the line of the anchors both
-    springs must be at rest length, which gives two, and on each of its three parts the forces,
-    which grow with x, cancel at most once. With weight no more than five were found either, in
-    1400 random sets of numbers; that is an observation.
+    `equilibria.equilibria` finds its rest points, and proves that it found all (13 c). How many
+    there are:
+
+    - None without springs, if there is weight; without weight the mass rests anywhere.
+    - At least one with a spring: the energy grows to all sides, and where it is least there is
+      a rest point, since that is never an anchor from which a spring pushes away. Just one for a
+      heavy mass.
+    - One spring alone without weight: a circle of them about its anchor, if it has a rest length.
+    - Two springs at different anchors without weight: at most five. Off the line of the anchors
+      both must be at rest length, which gives two; on each of its three parts the forces, which
+      grow with x, cancel at most once.
+    - Two springs and weight: one to five are known, five at (k_b, length_a, length_b, g) =
+      (8, 2, 0.8, 1) with k_a = 1 and anchors at (0, 0) and (0.8, 0.6). That there are never more
+      is not proved.
 
     Args:
       position: (2,) start [m].

@@ -65,6 +65,11 @@ class Graph:
         self._found: dict[tuple, Node] = {}
         self._count = 0
 
+    @property
+    def count(self) -> int:
+        """How many nodes were made."""
+        return self._count
+
     def given(self, value: Array, moving: bool = False) -> Node:
         """A number known at run time only."""
         return self._new("input" if moving else "given", (), moving, value)

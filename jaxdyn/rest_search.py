@@ -1,0 +1,167 @@
+"""A search for zeros of a rate in a box, from many starts at once.
+
+Levenberg-Marquardt iterations in units of the box, ended by a Newton step. An end passes as a
+zero only if that step is short and what is left of the rate is small against what the rate
+changes by over the box: a constant rate is no zero, however flat.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn.scene import Field
+
+_STEPS = 80
+_DAMPING = 1e-3  # first damping of an iteration, relative to the largest entry of J^T J
+_LESS, _MORE = 0.2, 5.0  # damping after a step that helped, and after one that did not
+_CONVERGED = 1e-10  # of the box: the last Newton step, and what the rate may lack of 0
+_FLAT = 1e-9  # smallest singular value of the Jacobian of an isolated zero, over its usual size
+_FAR, _NEAR = 1e-4, 1e-6  # of the box: where a rate that does not shrink towards a zero jumps
+_SHRINKS = 0.5
+
+
+class Box(NamedTuple):
+    """A box of states, low and high (k,); entries where both are equal are known."""
+
+    low: np.ndarray
+    high: np.ndarray
+
+    @property
+    def free(self) -> np.ndarray:
+        """(n,) the unknown entries."""
+        return np.flatnonzero(self.high > self.low)
+
+    @property
+    def axes(self) -> np.ndarray:
+        """(k, n) columns: the edges of the box."""
+        return np.diag(self.high - self.low)[:, self.free]
+
+    def states(self, units: np.ndarray) -> np.ndarray:
+        """(s, k) states of points (s, n) of the unit cube."""
+        return self.low + units @ self.axes.T
+
+    def units(self, ys: np.ndarray) -> np.ndarray:
+        """(s, n) points of the unit cube of states (s, k)."""
+        free = self.free
+        return (ys[:, free] - self.low[free]) / (self.high - self.low)[free]
+
+    def holds(self, ys: np.ndarray, slack: float) -> np.ndarray:
+        """(s,) which states lie inside, to a part of its size."""
+        margin = slack * (self.high - self.low)
+        with np.errstate(invalid="ignore"):
+            return np.all((ys >= self.low - margin) & (ys <= self.high + margin), axis=1)
+
+
+class Ends(NamedTuple):
+    """Where the iterations ended.
+
+    Attributes:
+      ys: (s, k) states.
+      steps: (s,) size of a further Newton step, in units of the box.
+      rates: (s,) largest entry of the rate.
+      passed: (s,) whether it is a zero that satisfies the constraints.
+      flat: (s,) whether the Jacobian is singular there.
+      along: (s, k) the direction in which it is least.
+    """
+
+    ys: np.ndarray
+    steps: np.ndarray
+    rates: np.ndarray
+    passed: np.ndarray
+    flat: np.ndarray
+    along: np.ndarray
+
+
+def search(field: Field, t: Array, box: Box, ys: np.ndarray) -> Ends:
+    """The ends of iterations from states (s, k) in a box."""
+    found = _search(field, t, jnp.asarray(box.axes), jnp.asarray(ys))
+    return Ends(*(np.asarray(x) for x in found))
+
+
+@eqx.filter_jit
+def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]:
+    def lacking(y):
+        """What must be 0: the rate, and the way to the constraints."""
+        return jnp.concatenate([field.rate(t, y), field.project(t, y) - y])
+
+    def seen(y):
+        n = axes.shape[1]
+        return lacking(y), jax.jacfwd(lambda x: lacking(y + axes @ x))(jnp.zeros(n))
+
+    def improve(_, carry):
+        y, damping = carry
+        f, a = seen(y)
+        gram = a.T @ a
+        weight = damping * (jnp.max(jnp.abs(gram)) + jnp.finfo(float).tiny)
+        new = y - axes @ jnp.linalg.solve(gram + weight * jnp.eye(len(gram)), a.T @ f)
+        better = jnp.sum(lacking(new) ** 2) < jnp.sum(f * f)  # False for NaN
+        return jnp.where(better, new, y), damping * jnp.where(better, _LESS, _MORE)
+
+    rows = jax.vmap(lambda y: jnp.sum(jnp.abs(seen(y)[1]), axis=1))(ys)
+    usual = jnp.nanmedian(jnp.where(jnp.isfinite(rows), rows, jnp.nan), axis=0)
+    usual = jnp.where(usual > 0, usual, 1.0)
+
+    def end(y):
+        y, _ = jax.lax.fori_loop(0, _STEPS, improve, (y, jnp.asarray(_DAMPING)))
+        # The normal equations square the condition number; a plain Newton step does not. The
+        # shortest step: on a curve of rest points the matrix is singular. Each row in units of
+        # what it changes by over the box.
+        f, a = seen(y)
+        rows = jnp.sum(jnp.abs(a), axis=1)
+        units = jnp.where(rows > 0, rows, 1.0)
+        u, s, vt = jnp.linalg.svd(a / units[:, None], full_matrices=False)
+        kept = s > _FLAT * s[0]
+        step = vt.T @ (jnp.where(kept, 1 / jnp.where(kept, s, 1.0), 0.0) * (u.T @ (f / units)))
+        new = y - axes @ step
+        better = jnp.sum(lacking(new) ** 2) <= jnp.sum(f * f)
+        y = jnp.where(better, new, y)
+        size, left = jnp.linalg.norm(step), jnp.abs(lacking(y))
+        passed = (size <= _CONVERGED) & jnp.all(left <= _CONVERGED * rows)
+        _, s, vt = jnp.linalg.svd(a / usual[:, None], full_matrices=False)
+        flat = s[-1] <= _FLAT * jnp.maximum(s[0], 1.0)
+        return y, size, jnp.max(left[: len(y)]), passed, flat, axes @ vt[-1]
+
+    return jax.vmap(end)(ys)
+
+
+def jumps(field: Field, t: Array, box: Box, ys: np.ndarray) -> np.ndarray:
+    """(s,) at which zeros (s, k) the rate is none in the limit, as where a spring has no length."""
+    n = len(box.free)
+    ways = np.concatenate([np.eye(n), -np.eye(n), np.ones((1, n)), -np.ones((1, n))]) @ box.axes.T
+    far, near = (
+        np.abs(rates(field, t, (ys[:, None] + part * ways).reshape(-1, ys.shape[1])))
+        .reshape(len(ys), len(ways), ys.shape[1])
+        .max(axis=1, initial=0.0)
+        for part in (_FAR, _NEAR)
+    )
+    return (near > _SHRINKS * far).any(axis=1)
+
+
+def rates(field: Field, t: Array, ys: np.ndarray) -> np.ndarray:
+    """(s, k) rates at states (s, k)."""
+    # A power of two of them: each other number would be compiled anew.
+    room = 1 << max(len(ys) - 1, 0).bit_length()
+    padded = np.concatenate([ys, np.zeros((room - len(ys), ys.shape[1]))])
+    return np.asarray(_rates(field, t, jnp.asarray(padded)))[: len(ys)]
+
+
+@eqx.filter_jit
+def _rates(field: Field, t: Array, ys: Array) -> Array:
+    return jax.vmap(lambda y: field.rate(t, y))(ys)
+
+
+def low_discrepancy(n: int, d: int) -> np.ndarray:
+    """(n, d) points that fill the unit cube evenly, always the same ones.
+
+    The additive sequence with the powers of 1/phi_d, where phi_d^(d+1) = phi_d + 1.
+
+    Reference: Roberts (2018), The unreasonable effectiveness of quasirandom sequences.
+    """
+    phi = 2.0
+    for _ in range(60):
+        phi = (1 + phi) ** (1 / (d + 1))
+    return (0.5 + np.arange(1, n + 1)[:, None] * phi ** -np.arange(1.0, d + 1)[None, :]) % 1.0
