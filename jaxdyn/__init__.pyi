@@ -2,6 +2,7 @@
 
 from jaxdyn import accuracy as accuracy
 from jaxdyn import approaches as approaches
+from jaxdyn import arithmetic as arithmetic
 from jaxdyn import balance as balance
 from jaxdyn import catalogue as catalogue
 from jaxdyn import constraints as constraints
@@ -36,11 +37,15 @@ from jaxdyn import sleeping_top as sleeping_top
 from jaxdyn import solvers as solvers
 from jaxdyn import steps as steps
 from jaxdyn import switching as switching
+from jaxdyn import tables as tables
+from jaxdyn import timing as timing
 from jaxdyn import upright as upright
 from jaxdyn import vectors as vectors
 from jaxdyn import watches as watches
 from jaxdyn import work as work
 from jaxdyn._config import configure as configure
+from jaxdyn.end_error import EndError as EndError
+from jaxdyn.end_error import end_error as end_error
 from jaxdyn.energy_change import energy_change as energy_change
 from jaxdyn.phases import Chain as Chain
 from jaxdyn.scene import Effect as Effect

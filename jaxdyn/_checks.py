@@ -4,8 +4,6 @@ Every message reads ``name: expected ..., got .... What to do.`` and is a ValueE
 that are being traced (inside jit, grad or vmap) have no number yet and pass.
 """
 
-import difflib
-from collections.abc import Iterable
 from typing import Any
 
 import jax
@@ -13,10 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-
-def fail(name: str, expected: str, got: Any, remedy: str = "") -> ValueError:
-    """The one way an error message of this project is put together."""
-    return ValueError(f"{name}: expected {expected}, got {got}.{' ' + remedy if remedy else ''}")
+from jaxdyn._misuse import choice as choice
+from jaxdyn._misuse import fail as fail
+from jaxdyn._misuse import whole as whole
 
 
 def is_traced(x: Any) -> bool:
@@ -72,15 +69,6 @@ def numbers(name: str, x: Any, remedy: str = "") -> Array:
         raise fail(name, "numbers", repr(x), remedy) from error
 
 
-def whole(name: str, x: Any, least: int = 1, most: int = 2**62, remedy: str = "") -> int:
-    """x, refused unless it is a whole number from least to most."""
-    if not isinstance(x, int | np.integer) or isinstance(x, bool) or x < least:
-        raise fail(name, f"a whole number, at least {least}", x, remedy)
-    if x > most:
-        raise fail(name, f"at most {most}", x, remedy)
-    return int(x)
-
-
 def _numeric(x: Any) -> None:
     # numpy would read the text "1" and the truth True as the number 1.
     for leaf in jax.tree.leaves(x):
@@ -107,18 +95,4 @@ def positive(name: str, x: Any, remedy: str = "") -> Array:
         values = np.asarray(x)
         if not (values > 0).all():
             raise fail(name, "> 0", values[~(values > 0)].ravel()[0], remedy)
-    return x
-
-
-def choice(name: str, x: str, choices: Iterable[str], listed_by: str = "") -> str:
-    """x, refused unless it is among the choices; the nearest one is suggested.
-
-    Where they are too many for a line, `listed_by` is the command that lists them.
-    """
-    choices = sorted(choices)
-    if x not in choices:
-        near = difflib.get_close_matches(str(x), choices, n=1)
-        hint = f"Did you mean {near[0]!r}?" if near else ""
-        which = f"one that `{listed_by}` shows" if listed_by else "one of " + ", ".join(choices)
-        raise fail(name, which, repr(x), hint)
     return x

@@ -12,10 +12,11 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from jaxdyn import _checks, scenes
+from jaxdyn.arithmetic import value
 from jaxdyn.phases import Chain, Phase, run
 from jaxdyn.scene import Scene
 from jaxdyn.simulate import RTOL, Trajectory, simulate
-from jaxdyn.solvers import Pair
+from jaxdyn.solvers import Method
 
 Phases = Mapping[str, Phase]
 
@@ -40,7 +41,14 @@ class Entry:
     parameters: tuple[Parameter, ...]
 
     def motion(
-        self, scene: Scene, t1=None, *, samples=200, rtol: float = RTOL, solver: Pair | None = None
+        self,
+        scene: Scene,
+        t1=None,
+        *,
+        samples=200,
+        rtol: float = RTOL,
+        solver: Method | str | None = None,
+        dt: float | None = None,
     ) -> Trajectory | Chain:
         """What becomes of a scene of this kind: one smooth motion, or a chain of phases.
 
@@ -49,16 +57,19 @@ class Entry:
           t1: end of the span [s]; the scene's own if left out.
           samples: how many, of each phase.
           rtol: see `simulate`.
-          solver: see `simulate`; a chain chooses its own.
+          solver: see `simulate`; a chain chooses its own, whether it is left to it or "auto".
+          dt: see `simulate`; none for a chain.
         Raises:
           ValueError: see `simulate` and `phases.run`.
         """
         phases = _CORNERS.get(self.name, _smooth)(scene)
         if not phases:
-            return simulate(scene, t1, samples=samples, rtol=rtol, solver=solver, throw=False)
-        if solver is not None:
+            how = {"samples": samples, "rtol": rtol, "solver": solver, "dt": dt}
+            return simulate(scene, t1, throw=False, **how)
+        if solver not in (None, "auto") or dt is not None:
+            got = f"dt = {dt}" if isinstance(solver, str | None) else solver.name
             raise _checks.fail(
-                "solver", "auto for a motion in phases", solver.name, "Each phase has its own."
+                "solver", "auto for a motion in phases", got, "Each phase has its own."
             )
         span = scene.t1 if t1 is None else t1
         return run(phases, next(iter(phases)), scene.y0, span, samples=samples, rtol=rtol)
@@ -158,7 +169,7 @@ def _value(key: str, text: str, default: Any) -> Any:
     if isinstance(default, bool):
         return _checks.choice(key, text.lower(), ("true", "false")) == "true"
     try:
-        numbers = [float(part) for part in text.split(",")]
+        numbers = [value(part) for part in text.split(",")]
     except ValueError:
         raise _checks.fail(key, "a number, or numbers with commas between", repr(text)) from None
     if isinstance(default, tuple):

@@ -42,11 +42,13 @@ class Settings(NamedTuple):
       pair: the method for plain solves and for the variational equations alike.
       max_steps: when to give up.
       stiff: the method that takes over where the run turns out to be stiff; None to go on.
+      stops: whether a run that turns out to be stiff ends there, its numbers NaN.
     """
 
     pair: Method
     max_steps: int
     stiff: Method | None = None
+    stops: bool = False
 
 
 class Flow(eqx.Module):
@@ -131,7 +133,7 @@ def _run(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
     args = (field, y0, t0, t1, ts, tolerance)
     if settings.stiff is None:
         return march(*args, settings=settings, watch=None)[0]
-    first = march(*args, settings=settings, watch=None)[0]
+    first = march(*args, settings=settings._replace(stops=True), watch=None)[0]
     implicit = settings._replace(pair=settings.stiff, stiff=None)
 
     def again():
@@ -155,7 +157,7 @@ def march(field, y0, t0, t1, ts, tolerance, *, settings: Settings, watch: Watch 
         h, control = (t1 - t0) / n, FixedSteps(n, ts=ts, watch=watch)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(_rate),
-        Stepper(method, loops, h, stop_if_stiff=settings.stiff is not None),
+        Stepper(method, loops, h, stop_if_stiff=settings.stops),
         t0,
         t1,
         None,

@@ -10,9 +10,7 @@ import hashlib
 import inspect
 import json
 import math
-import os
 import reprlib
-import tempfile
 import types
 import typing
 from pathlib import Path
@@ -24,6 +22,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import fail
+from jaxdyn.output_files import replace, unwritable, writable
 from jaxdyn.scene import Effect, Scene, System
 
 MAX_BYTES = 64 * 2**20  # a larger file is no record of ours
@@ -81,32 +80,15 @@ def decode(value: Any, what: str = "record", kinds: tuple[type, ...] = (System, 
 
 def write(path: str | Path, record: dict[str, Any]) -> None:
     """The record in a JSON file, atomically: a run killed on the way leaves the old file."""
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise fail("file", "a folder that exists", str(path.parent), "Make it first.")
+    path = writable(path, name="file")
     try:
         text = json.dumps(record, indent=1, allow_nan=False)
     except ValueError as error:
         raise fail("record", "finite numbers", f"others ({error})") from error
     try:
-        _replace(path, text + "\n")
+        replace(path, text + "\n")
     except OSError as error:
-        remedy = "Choose a file in a folder of yours."
-        raise fail("file", "a file to write", f"{path} ({error.strerror})", remedy) from error
-
-
-def _replace(path: Path, text: str) -> None:
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "w") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)  # mkstemp makes it private
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+        raise unwritable(path, error, "file") from error
 
 
 def read(path: str | Path, kind: str, version: int) -> dict[str, Any]:

@@ -52,7 +52,8 @@ class Trajectory(eqx.Module):
       steps: () accepted steps.
       rejected: () rejected steps.
       status: () `Status` code.
-      stiff: () whether stability, not accuracy, ruled the steps of an explicit method.
+      stiff: () whether stability, not accuracy, ruled the steps, which were those of an explicit
+        method to the end.
       error: how accurate it is and how that is known, where ``digits`` were asked for.
       dt: () length of its steps with its sign, where it is fixed [s].
       method: what took steps of fixed length.
@@ -211,7 +212,9 @@ def simulate(
         result, error = ladder.reached(run, scene, ts, digits, _name(scene, solver), throw)
     if throw:
         raise_unless_ok(result.status)
-    counts = (result.steps, result.rejected, result.status, result.stiff)
+    # Where an implicit method took over there is nothing left to say.
+    stiff = False if solver == "auto" else result.stiff
+    counts = (result.steps, result.rejected, result.status, stiff)
     fixed = () if dt is None else ((t1 - t0) / jnp.maximum(result.steps, 1), solver)
     return Trajectory(scene, ts, result.ys, *counts, error, *fixed)
 
@@ -255,13 +258,20 @@ def solve(
     """
     auto = isinstance(solver, str) and _checks.choice("solver", solver, ("auto",)) == "auto"
     settings = checked_settings(scene, None if auto else solver, max_steps, dt)
-    if auto:
-        settings = settings._replace(stiff=RADAU9)
-    numbers = (floats(x) for x in (scene.y0, t0, t1, ts))
+    numbers = tuple(floats(x) for x in (scene.y0, t0, t1, ts))
     tolerance = tolerances(rtol, atol) if dt is None else step_length(dt)
     field = FixedField(scene.field) if fixed else scene.field
-    compiled = _compiled_adjoint if adjoint else _compiled
-    return compiled(field, *numbers, tolerance, settings=settings)
+    run = functools.partial(_compiled_adjoint if adjoint else _compiled, field, *numbers, tolerance)
+    if not auto:
+        return run(settings=settings)
+    if _checks.is_traced((field, numbers, tolerance)):
+        return run(settings=settings._replace(stiff=RADAU9))
+    # On the host the implicit method is compiled, which takes as long again, only if it is needed.
+    first = run(settings=settings._replace(stops=True))
+    if not first.stiff:
+        return first
+    done = run(settings=settings._replace(pair=RADAU9))
+    return eqx.tree_at(lambda flow: flow.stiff, done, first.stiff)
 
 
 def checked_settings(scene: Scene, solver: Method | None, max_steps: int, dt=None) -> Settings:

@@ -1,14 +1,22 @@
-"""Fair times: interleaved runs, compared at equal error.
+"""Fair times: interleaved runs, compared at equal error, and what went into compiling.
 
 All methods of a question run in turn in one process, so that whatever else the machine does
 hits them alike; the minimum is what the method needs, the median what a user sees.
 """
 
+import functools
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import jax
 import numpy as np
+
+from jaxdyn._progress import each
+
+#: Durations that JAX reports: lowering, after which XLA compiles the program, and compiling.
+_COMPILING = "/jax/core/compile/"
+_BEGINS, _ENDS = "jaxpr_to_mlir_module_duration", "backend_compile_duration"
 
 
 class Times(NamedTuple):
@@ -16,6 +24,50 @@ class Times(NamedTuple):
 
     minimum: float
     median: float
+
+
+class Clock:
+    """Wall-clock time since it was made, and how much of it went into compiling.
+
+    JAX knows no end of listening, so that one listener serves all clocks of a process.
+    """
+
+    def __init__(self):
+        self._heard = _heard()
+        self._start, self._before = time.perf_counter(), self._heard.seconds
+
+    @property
+    def seconds(self) -> float:
+        """Since it was made [s]."""
+        return time.perf_counter() - self._start
+
+    @property
+    def compiling(self) -> float:
+        """Of these [s] that went into tracing and compiling."""
+        return self._heard.seconds - self._before
+
+    @property
+    def busy(self) -> bool:
+        """Whether a program is being compiled now."""
+        return self._heard.busy
+
+
+class _Heard:
+    """What JAX reported since the first clock of the process was made."""
+
+    def __init__(self):
+        self.seconds, self.busy = 0.0, False
+        jax.monitoring.register_event_duration_secs_listener(self._listen)
+
+    def _listen(self, event: str, duration_secs: float, **_: Any) -> None:
+        if event.startswith(_COMPILING):
+            self.seconds += duration_secs
+            self.busy = event.endswith(_BEGINS) or (self.busy and not event.endswith(_ENDS))
+
+
+@functools.cache
+def _heard() -> _Heard:
+    return _Heard()
 
 
 def seconds_of(run: Callable[[], object]) -> float:
@@ -37,7 +89,7 @@ def interleaved(runs: Mapping, rounds: int, slow: float = 1e-3) -> dict:
         run()
     every = {key: 1 + int(seconds_of(run) / slow) for key, run in runs.items()}
     seconds: dict = {key: [] for key in runs}
-    for i in range(rounds):
+    for i in each(range(rounds), "timing, round after round"):
         for key, run in runs.items():
             if i % every[key] == 0:
                 if every[key] == 1:

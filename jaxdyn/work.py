@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, energy, ladder
+from jaxdyn._progress import doing, each
 from jaxdyn.events import Event, until
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.scene import Scene, checked
@@ -236,10 +237,11 @@ def work_precision(
         grid = tolerances if solver.adaptive else [abs(t1) / n for n in steps]
         program = _program(scene, t1, solver, quantity.of)
         counter = _program(scene, t1, solver, _counts)
+        doing(f"preparing {solver.name}")
         start = time.perf_counter()
         program(grid[0])
         compiling[solver] = time.perf_counter() - start
-        for fineness in grid:
+        for fineness in each(grid, f"solving with {solver.name}"):
             value = program(fineness)
             if np.isfinite(value).all():
                 key = solver, fineness

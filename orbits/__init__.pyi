@@ -2,10 +2,15 @@
 
 from orbits import aim as aim
 from orbits import drawing as drawing
+from orbits import family as family
 from orbits import family_files as family_files
 from orbits import hopping as hopping
 from orbits import hybrid_search as hybrid_search
 from orbits import loops as loops
+from orbits import nearby as nearby
+from orbits import newton as newton
+from orbits import parameters as parameters
+from orbits import plane as plane
 from orbits import seeds as seeds
 from orbits.alignment import Match as Match
 from orbits.chunk import Box as Box
@@ -28,6 +33,7 @@ from orbits.evidence import digits as digits
 from orbits.evidence import recheck as recheck
 from orbits.family import Family as Family
 from orbits.family import Kind as Kind
+from orbits.figure_eight import figure_eight as figure_eight
 from orbits.hybrid import Hybrid as Hybrid
 from orbits.hybrid import Leg as Leg
 from orbits.hybrid_search import find_chain as find_chain
@@ -40,6 +46,7 @@ from orbits.problem import Orbit as Orbit
 from orbits.problem import Outcome as Outcome
 from orbits.problem import SearchError as SearchError
 from orbits.report import Report as Report
+from orbits.report import as_json as as_json
 from orbits.report import report as report
 from orbits.same import match as match
 from orbits.same import minimal_period as minimal_period

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxdyn._progress import doing
 from orbits.evidence import Recheck, closure, growth, recheck
 from orbits.identity import has_normal_form, identify, normal_form
 from orbits.problem import Orbit
@@ -86,12 +87,15 @@ class Report:
 
 def report(orbit: Orbit) -> Report:
     """All claims about an orbit, computed from its scene, start and period alone."""
+    doing("identifying the orbit")
     what = identify(orbit)
+    doing("testing its stability")
     linear = stability(orbit)
     form = None
     if has_normal_form(orbit):
         normal = normal_form(orbit)
         form = NormalForm(normal.period, _floats(normal.y0))
+    doing("simulating it again, by a second integrator too")
     return Report(
         outcome=orbit.outcome.name,
         period=orbit.period,

@@ -18,6 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from jaxdyn import Scene, records
 from jaxdyn._checks import fail, positive, untraced, whole
+from jaxdyn._progress import doing
 from jaxdyn.batches import cores
 from jaxdyn.spans import tolerances
 from orbits.chunk import Plan, Sampler, unchanged, unlabelled, work
@@ -143,6 +144,7 @@ def _run(plan: Plan, file: File, pool: futures.Executor, bar: Progress) -> None:
         seconds = max(bar.tasks[task].elapsed or 0.0, 1e-9)
         said = ", ".join(f"{n} {name}" for name, n in sums.items())
         bar.update(task, completed=len(file.chunks), said=f"{said} in {seconds:.0f} s")
+        doing(f"searching: {said}", len(file.chunks), plan.chunks)
 
     try:
         while True:

@@ -17,6 +17,7 @@ import numpy as np
 
 from jaxdyn import Scene, records
 from jaxdyn._checks import fail
+from jaxdyn.output_files import replace, writable
 from orbits.closing import Closing
 from orbits.problem import Orbit, Outcome
 from orbits.same import same
@@ -116,15 +117,13 @@ class File:
           what: is searched; a file of another search is refused.
         """
         self.chunks: dict[int, Chunk] = {}
-        self._path = None if path is None else Path(path)
+        self._path = None if path is None else writable(path)
         if self._path is None:
             return
-        if not self._path.parent.is_dir():
-            raise fail("path", "a folder that exists", str(self._path.parent), "Make it first.")
         header = {"format": FORMAT, "version": VERSION, **what}
         whole = _whole_lines(self._path)
         if not whole:
-            self._replace(_line(header))
+            replace(self._path, _line(header))
             return
         found, self.chunks = _parsed(self._path, whole)
         if found != json.loads(json.dumps(header)):
@@ -143,14 +142,6 @@ class File:
                 file.write(chunk.line().encode())
                 file.flush()
                 os.fsync(file.fileno())
-
-    def _replace(self, text: str) -> None:
-        part = self._path.with_name(self._path.name + ".part")
-        with open(part, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, self._path)
 
 
 def read(path: str | Path) -> tuple[dict[str, Any], list[Chunk]]:

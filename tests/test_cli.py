@@ -1,13 +1,22 @@
 """The command line of scenes: what it prints, draws and refuses, and its exit codes."""
 
 import json
+import os
 import re
+import subprocess
 import sys
 
+import numpy as np
 import pytest
+from helpers import run_python
 
-from jaxdyn import catalogue
+import jaxdyn as library
+from jaxdyn import catalogue, drawing, scenes, simulate, solvers
 from jaxdyn.cli import app as cli
+from jaxdyn.cli import run
+from jaxdyn.simulate import RTOL
+
+STIFF = scenes.two_springs(c_a=1e6)
 
 
 @pytest.fixture
@@ -39,6 +48,14 @@ def test_the_list_is_a_table(jaxdyn):
     assert code == 0
     assert "bead_on_cycloid" in out
     assert re.search(r"car +│ 32 ", out)
+
+
+def test_a_scene_can_be_listed_alone(jaxdyn):
+    code, out, _ = jaxdyn("list", "cannonball", "car")
+    assert code == 0
+    assert "launch speed [m/s]" in out
+    assert "pendulum" not in out
+    assert list(json.loads(jaxdyn("list", "cannonball", "--json")[1])) == ["cannonball"]
 
 
 def test_the_problems_are_listed_with_what_answers_each(jaxdyn):
@@ -151,7 +168,13 @@ MISUSE = [
     (["run", "cannonball", "--samples", "1.5"], "'--samples'"),
     (["run", "cannonball", "--period", "abc"], "--period"),
     (["run"], "Missing argument"),
-    (["run", "cannonball", "--solver", "euler"], "solver: expected one of"),
+    (["run", "cannonball", "--solver", "radau"], "got 'radau'. Did you mean 'radau9'?"),
+    (["run", "cannonball", "--solver", "verlet"], "dt: expected a step, since those of Verlet"),
+    (["run", "car", "--dt", "0.1"], "solver: expected auto for a motion in phases, got dt = 0.1"),
+    (["run", "cannonball", "--title", "A"], "--title: expected --plot with it"),
+    (["run", "cannonball", "--seconds", "2"], "--seconds: expected --animate with it"),
+    (["list", "canonball"], "scene: expected one that `jaxdyn list` shows, got 'canonball'"),
+    (["list", "--problems", "car"], "--problems: expected no scene beside it"),
     (["run", "car", "--solver", "dopri8"], "solver: expected auto for a motion in phases"),
     (["run", "cannonball", "--samples", "10000000"], "samples: expected at most 1000000"),
     (["run", "cannonball", "--samples", "0"], "got 0. It is at most 1000000 here"),
@@ -169,13 +192,126 @@ def test_misuse_is_one_line_and_exit_code_2(jaxdyn, words, message):
 
 
 @pytest.mark.parametrize(
-    ("option", "file"), [("--plot", "a.bmp"), ("--animate", "a.png"), ("--plot", "no/such/a.png")]
+    ("option", "file"),
+    [
+        *(("--plot", "a.bmp"), ("--animate", "a.png"), ("--plot", "no/such/a.png")),
+        *(("--plot", "/proc/a.png"), ("--animate", "/proc/a.gif"), ("--series", "/proc/a.svg")),
+        *(("--csv", "/proc/a.csv"), ("--csv", "a.txt")),
+    ],
 )
 def test_files_are_refused_before_anything_is_simulated(jaxdyn, monkeypatch, option, file):
     monkeypatch.setattr(catalogue.Entry, "motion", lambda *_, **__: pytest.fail("simulated"))
     code, _, err = jaxdyn("run", "cannonball", option, file)
     assert code == 2
     assert err.startswith("error: path: expected a file")
+
+
+def test_numbers_of_a_scene_may_be_arithmetic(jaxdyn):
+    words = ("run", "cannonball", "--samples", "2", "--json", "--set")
+    y = [json.loads(jaxdyn(*words, f"angle={angle}")[1])["y"] for angle in ("pi/6", "30*deg")]
+    assert y[0] == y[1]
+    assert y[0][0][3] == pytest.approx(5.0, rel=1e-15)
+    code, _, err = jaxdyn(*words, "angle=__import__('os')")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "angle: expected a number" in err
+
+
+def test_auto_is_that_of_the_library_and_warnings_are_printed(jaxdyn):
+    words = ("run", "two_springs", "--set", "c_a=1e6", "--t1", "1e-3", "--samples", "2")
+    code, out, _ = jaxdyn(*words, "--json")
+    found, wanted = json.loads(out), simulate(STIFF, 1e-3, samples=2, solver="auto")
+    assert (code, found["steps"], found["warning"]) == (0, int(wanted.steps), "")
+    assert np.array_equal(found["y"][-1], wanted.ys[-1])
+    code, out, _ = jaxdyn(*words, "--solver", "verner9")
+    assert code == 0
+    assert "warning: The scene is stiff" in out
+
+
+def test_every_solver_has_its_name(jaxdyn):
+    for name, solver in vars(solvers).items():
+        if isinstance(solver, solvers.Method):
+            assert run._method(name.lower()) is solver
+    assert run._method("auto") == "auto"
+    words = ("run", "oscillator", "--t1", "1", "--samples", "2", "--json")
+    found = json.loads(jaxdyn(*words, "--solver", "kahan_li8", "--dt", "0.1")[1])
+    assert found["steps"] == 10
+
+
+def test_the_default_tolerance_is_that_of_the_library():
+    assert run._RTOL == RTOL
+
+
+def test_a_run_becomes_files(jaxdyn, tmp_path):
+    picture, series, table = (tmp_path / name for name in ("a.svg", "b.svg", "c.csv"))
+    words = ("--plot", picture, "--title", "Title of it", "--series", series, "--csv", table)
+    code, out, _ = jaxdyn("run", "cannonball", "--samples", "3", *words)
+    assert code == 0
+    assert f"drawn in {picture}\ndrawn over time in {series}\nwritten to {table}\n" in out
+    assert "Title of it" in picture.read_text()
+    assert series.stat().st_size > 1000
+    assert table.read_text().startswith("t [s],x [m],")
+
+
+@pytest.mark.parametrize("as_json", [(), ("--json",)])
+def test_a_disk_that_fills_up_leaves_the_result_and_one_line(
+    jaxdyn, monkeypatch, tmp_path, as_json
+):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(drawing, "trajectory", full)
+    words = ("run", "cannonball", "--samples", "2", "--plot", tmp_path / "a.png", *as_json)
+    code, out, err = jaxdyn(*words)
+    assert code == 2
+    assert ("7.07106781187" if not as_json else '"status": "OK"') in out
+    assert err.startswith("error: path: expected a file that can be written, got")
+    assert "No space left" in err
+    assert err.count("\n") == 1
+
+
+def finished(*words, stdout=subprocess.PIPE):
+    """A run of the command line in a process of its own."""
+    words = [sys.executable, "-m", *words]
+    return subprocess.run(words, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False)
+
+
+def test_a_standard_output_that_is_full_is_one_line():
+    with open("/dev/full", "w") as full:
+        done = finished("jaxdyn", "list", "--json", stdout=full)
+    assert done.returncode == 2
+    assert done.stderr == "error: standard output: No space left on device.\n"
+
+
+def test_a_reader_that_leaves_is_no_error():
+    read, write = os.pipe()
+    os.close(read)
+    with open(write, "w") as closed:
+        done = finished("jaxdyn", "list", "--json", stdout=closed)
+    assert (done.returncode, done.stderr) == (1, "")
+
+
+@pytest.mark.parametrize("package", ["jaxdyn", "orbits"])
+def test_help_and_version_load_nothing_that_takes_long(package):
+    code = f"""
+import runpy, sys
+from {package}.cli.app import app
+commands = [command.name for command in app.registered_commands]
+assert len(commands) > 3
+for words in (["--version"], ["--help"], *([name, "--help"] for name in commands)):
+    sys.argv = ["{package}", *words]
+    try:
+        runpy.run_module("{package}", run_name="__main__")
+    except SystemExit as end:
+        assert end.code == 0, words
+    loaded = {{"jax", "numpy", "matplotlib", "diffrax"}} & {{*sys.modules}}
+    assert not loaded, (words, loaded)
+"""
+    out = run_python(code)
+    assert out.startswith(library.__version__)
+    assert "Examples:" in out
+    assert "<bool>" not in out
+    if package == "orbits":
+        assert all(unit in out for unit in ("[m/s]", "[m]", "[m/s^2]", "[kg/m]"))
 
 
 def test_help_is_no_error(jaxdyn):

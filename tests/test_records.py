@@ -131,7 +131,7 @@ def test_a_failed_write_leaves_the_old_file(path, monkeypatch, broken):
         message = "record: expected finite numbers, got others .*nan"
     else:
         bad = {"new": True}
-        message = "file: expected a file to write, got .*record.json .No space.*folder of yours"
+        message = "file: expected a file that can be written, got .*record.json. .No space"
 
         def full(handle):
             raise OSError(28, "No space left on device")
@@ -158,9 +158,11 @@ def test_an_interrupted_write_leaves_the_old_file(path, monkeypatch):
 
 
 def test_where_no_file_can_be_written(tmp_path):
-    with pytest.raises(ValueError, match=r"file: expected a folder that exists, got .*none"):
+    with pytest.raises(
+        ValueError, match=r"file: expected a file in a folder that exists, got .*none"
+    ):
         records.write(tmp_path / "none" / "x.json", {})
-    with pytest.raises(ValueError, match=r"file: expected a file to write, got .*directory"):
+    with pytest.raises(ValueError, match=r"file: expected a file, got .*, which is none"):
         records.write(tmp_path, {})
 
 

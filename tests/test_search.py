@@ -213,7 +213,7 @@ def test_an_eight_in_any_frame_is_the_planes_row():
         ({"windows": 0}, "windows: expected a whole number"),
         ({"chunk": 0}, "chunk: expected a whole number"),
         ({"close": 0.0}, "close: expected > 0"),
-        ({"path": "/nowhere/at/all"}, "path: expected a folder that exists"),
+        ({"path": "/nowhere/at/all"}, "path: expected a file in a folder that exists"),
     ],
 )
 def test_misuse(options, message):

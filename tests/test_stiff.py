@@ -8,7 +8,7 @@ import pytest
 from helpers import SOLVED, gap, kepler, kepler_state
 
 from jaxdyn import Points, Scene, Status, System, scenes, simulate, solvers
-from jaxdyn.simulate import solve
+from jaxdyn.simulate import _compiled, solve
 
 
 class _Line(System):
@@ -119,3 +119,15 @@ def test_auto_switches_where_it_is_stiff_and_only_there():
     plain = solve(kepler(0.3), 5.0, solver="auto", rtol=1e-10)
     assert not bool(plain.stiff)
     assert gap(plain.y1, solve(kepler(0.3), 5.0, rtol=1e-10).y1) < SOLVED
+
+
+def test_auto_has_nothing_to_advise_and_compiles_only_what_it_needs():
+    motion = simulate(CHASED, 2.0, samples=2, solver="auto", rtol=1e-8)
+    assert motion.warning == ""
+    assert gap(motion.ys[-1], CHASED_END) < 1e-7
+    programs = _compiled._cache_size()
+    solve(kepler(0.3), 5.0, solver="auto", rtol=1e-9, max_steps=1001)
+    assert _compiled._cache_size() == programs + 1
+    # In a trace all of it is one program, with the same numbers.
+    traced = jax.jit(lambda y: solve(CHASED.starting(y), 2.0, solver="auto", rtol=1e-8).y1)
+    assert gap(traced(CHASED.y0), motion.ys[-1]) < SOLVED

@@ -1,17 +1,22 @@
 """The command `jaxdyn accuracy`: what each digit of a scene costs."""
 
-import json
 import math
 from typing import Annotated
 
-import numpy as np
 import typer
-from rich.console import Console
 
-from jaxdyn import _checks, catalogue
-from jaxdyn.cli.shared import JsonOption, PlotOption, SceneArgument, SetOption, SpanOption
+import jaxdyn
+from jaxdyn._misuse import fail
+from jaxdyn.cli.screen import Screen, screen
+from jaxdyn.cli.shared import (
+    JsonOption,
+    PlotOption,
+    SceneArgument,
+    SetOption,
+    SpanOption,
+    TitleOption,
+)
 from jaxdyn.image_files import picture_path
-from jaxdyn.work import WorkPrecision, work_precision
 
 _SHOWN = (3, 6, 9, 12, 14)
 
@@ -22,51 +27,53 @@ def accuracy_command(
     t1: SpanOption = None,
     digits: Annotated[float, typer.Option(help="How many digits to recommend a solver for.")] = 9,
     plot: PlotOption = None,
+    title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
     """Time that each digit of a scene costs, with a solver and a tolerance for those wanted."""
     picture_path(plot)
     if not 0 < digits <= 16:
-        raise _checks.fail("digits", "between 1 and 15", digits, "Doubles have not quite 16.")
-    found = work_precision(catalogue.build(name, catalogue.settings(settings or ())), t1)
-    if as_object:
-        print(json.dumps({"scene": name} | found.as_dict() | _recommended(found, digits)))  # noqa: T201
-    else:
-        _print(name, found, digits, Console(highlight=False, soft_wrap=True))
-    if plot:
-        from jaxdyn import drawing
+        raise fail("digits", "between 1 and 15", digits, "Doubles have not quite 16.")
+    with screen(f"solving {name} as exactly as possible", as_object) as out:
+        scene = jaxdyn.catalogue.build(name, jaxdyn.catalogue.settings(settings or ()))
+        found = jaxdyn.work.work_precision(scene, t1)
+        if as_object:
+            out.result({"scene": name} | found.as_dict() | _recommended(found, digits))
+        else:
+            _print(name, found, digits, out)
+        if plot:
+            with out.writing(plot, "drawn in"):
+                jaxdyn.drawing.work_precision(found, plot, title=title or name)
 
-        drawing.work_precision(found, plot, title=name)
 
-
-def _recommended(found: WorkPrecision, digits: float) -> dict:
+def _recommended(found: "jaxdyn.work.WorkPrecision", digits: float) -> dict:
     choice = found.recommend(digits)
     return {"digits": digits, "recommended": choice and choice._asdict()}
 
 
-def _print(name: str, found: WorkPrecision, digits: float, console: Console) -> None:
-    console.print(f"[bold]{name}[/bold], {found.quantity}:")
+def _print(name: str, found: "jaxdyn.work.WorkPrecision", digits: float, out: Screen) -> None:
+    out.print(f"[bold]{name}[/bold], {found.quantity}:")
     for n in _SHOWN:
         times = {solver: t.median for solver, t in found.at(10.0**-n).items()}
         reached = {solver: s for solver, s in times.items() if not math.isnan(s)}
         if not reached:
-            console.print(f"  {n:2} digits: not reached")
+            out.print(f"  {n:2} digits: not reached")
             continue
         best = min(reached, key=reached.__getitem__)
         others = ", ".join(f"{s} {_time(x)}" for s, x in reached.items() if s != best)
         more = f"  ({others})" if others else ""
-        console.print(f"  {n:2} digits: {_time(reached[best])} by {best}{more}")
+        out.print(f"  {n:2} digits: {_time(reached[best])} by {best}{more}")
     compiling = ", ".join(f"{c.solver} {c.compiling:.1f} s" for c in found.curves)
-    console.print(f"  compiling, once: {compiling}")
+    out.print(f"  compiling, once: {compiling}")
     choice = found.recommend(digits)
     if choice:
-        console.print(
+        out.print(
             f"for {digits:g} digits: {choice.solver} at {choice.fineness:.0e}, which takes "
             f"{_time(choice.seconds)} and errs by {choice.error:.1e}"
         )
         return
-    best = min((r.error for c in found.curves for r in c.rungs), default=np.nan)
-    console.print(
+    best = min((r.error for c in found.curves for r in c.rungs), default=math.nan)
+    out.print(
         f"{digits:g} digits are out of reach: the best error is {best:.1e}. Shorten the span."
     )
 

@@ -1,18 +1,33 @@
-"""The command line `jaxdyn`: all its commands."""
+"""The command line `jaxdyn`: all its commands, with examples."""
 
-from jaxdyn.cli import shared
 from jaxdyn.cli.accuracy import accuracy_command
 from jaxdyn.cli.hard import hard_command
 from jaxdyn.cli.list import list_command
 from jaxdyn.cli.run import run_command
+from jaxdyn.cli.shared import add, application, run
 
-app = shared.application("Simulate, draw and check the scenes of a course on dynamics.")
-app.command("list")(list_command)
-app.command("run")(run_command)
-app.command("accuracy")(accuracy_command)
-app.command("hard")(hard_command)
+app = application("Simulate, draw and check the scenes of a course on dynamics.")
+add(
+    *(app, "list", list_command),
+    *("jaxdyn list", "jaxdyn list cannonball", "jaxdyn list --problems"),
+)
+add(
+    *(app, "run", run_command),
+    "jaxdyn run cannonball --set drag=0.05 --t1 2 --plot cannonball.png",
+    "jaxdyn run pendulum --set angle=2*pi/3 --series angle.png --csv angle.csv",
+    "jaxdyn run cylinder_on_cylinder --t1 2 --animate fall.gif --seconds 4",
+    "jaxdyn run three_body --solver stoermer14 --rtol 1e-13",
+)
+add(
+    *(app, "accuracy", accuracy_command),
+    "jaxdyn accuracy three_body --digits 12 --plot work.png",
+)
+add(
+    *(app, "hard", hard_command),
+    *("jaxdyn hard --list", "jaxdyn hard pythagorean"),
+)
 
 
 def main() -> None:
     """Run the command line."""
-    shared.run(app)
+    run(app)

@@ -1,15 +1,14 @@
 """The command `jaxdyn hard`: lists the hard cases, or runs them and says how they went."""
 
-import json
 import math
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from jaxdyn.hard import CASES, Verdict, chosen, judge
+import jaxdyn
+from jaxdyn.cli.screen import Screen, screen
 
 _FAILED = 1  # exit code: a figure is out of its bound
 
@@ -22,32 +21,34 @@ def hard_command(
     as_object: Annotated[bool, typer.Option("--json", help="One JSON object a figure.")] = False,
 ) -> None:
     """Run the cases that break naive codes: each with its figures, their bounds, a verdict."""
-    console = Console(highlight=False, soft_wrap=True)
-    if only_list:
-        table = Table("case", "what must hold")
-        for case in CASES.values():
-            table.add_row(case.name, escape(case.holds))
-        console.print(table)
-        return
-    held, seconds = [], 0.0
-    for case in chosen(names or ()):
-        verdict = judge(case)
-        held.append(verdict.passed)
-        seconds += verdict.seconds
+    with screen("looking the cases up", as_object) as out:
+        if only_list:
+            table = Table("case", "what must hold")
+            for case in jaxdyn.hard.CASES.values():
+                table.add_row(case.name, escape(case.holds))
+            out.print(table)
+            return
+        cases = jaxdyn.hard.chosen(names or ())
+        held, seconds = [], 0.0
+        for done, case in enumerate(cases):
+            out.doing(f"running {case.name}", done, len(cases))
+            verdict = jaxdyn.hard.judge(case)
+            held.append(verdict.passed)
+            seconds += verdict.seconds
+            if as_object:
+                for row in rows(verdict):
+                    out.result(row)
+            else:
+                _print(verdict, out)
         if as_object:
-            for row in rows(verdict):
-                print(json.dumps(row), flush=True)  # noqa: T201
+            out.result(total(held, seconds))
         else:
-            _print(verdict, console)
-    if as_object:
-        print(json.dumps(total(held, seconds)))  # noqa: T201
-    else:
-        console.print(f"{sum(held)} of {len(held)} cases hold ({seconds:.1f} s)")
-    if not all(held):
-        raise typer.Exit(_FAILED)
+            out.print(f"{sum(held)} of {len(held)} cases hold ({seconds:.1f} s)")
+        if not all(held):
+            raise typer.Exit(_FAILED)
 
 
-def rows(verdict: Verdict) -> list[dict]:
+def rows(verdict: "jaxdyn.hard.Verdict") -> list[dict]:
     """One record for each figure of a case; no bound and no pass where it is only told."""
     return [
         {
@@ -75,9 +76,9 @@ def total(held: list[bool], seconds: float) -> dict:
     }
 
 
-def _print(verdict: Verdict, console: Console) -> None:
+def _print(verdict: "jaxdyn.hard.Verdict", out: Screen) -> None:
     colour, word = ("green", "holds") if verdict.passed else ("red", "fails")
-    console.print(
+    out.print(
         f"[bold]{verdict.case.name}[/bold] [{colour}]{word}[/{colour}] "
         f"({verdict.seconds:.1f} s): {escape(verdict.case.holds)}"
     )
@@ -85,4 +86,4 @@ def _print(verdict: Verdict, console: Console) -> None:
         value = f"{figure.value:.6g}" if math.isfinite(figure.value) else "not reached"
         bound = "" if figure.bound is None else f"at most {figure.bound:g}"
         mark = "" if figure.passed else " [red]too large[/red]"
-        console.print(f"  {escape(figure.what):40} {value:>14}  {bound}{mark}")
+        out.print(f"  {escape(figure.what):40} {value:>14}  {bound}{mark}")

@@ -1,51 +1,64 @@
 """The command `jaxdyn list`: the scenes with their numbers, the course's problems."""
 
-import json
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from jaxdyn import catalogue
+import jaxdyn
+from jaxdyn._misuse import choice, fail
+from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import JsonOption
-from jaxdyn.course import PROBLEMS
 
 
 def list_command(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[SCENE]...", help="Which; all if none is named.")
+    ] = None,
     as_object: JsonOption = False,
     problems: Annotated[
         bool, typer.Option("--problems", help="The course's problems and what answers each.")
     ] = False,
 ) -> None:
     """Every scene with its course problems, its numbers, their defaults and units."""
-    if problems:
-        _list_problems(as_object)
-        return
-    zoo = catalogue.entries()
-    if as_object:
-        print(json.dumps({name: _described(entry) for name, entry in zoo.items()}))  # noqa: T201
-        return
+    if problems and names:
+        raise fail("--problems", "no scene beside it", names[0], "It lists problems.")
+    with screen("listing", as_object) as out:
+        if problems:
+            found = jaxdyn.course.PROBLEMS
+            if as_object:
+                out.result({n: problem._asdict() for n, problem in found.items()})
+            else:
+                out.print(_problems(found))
+            return
+        zoo = jaxdyn.catalogue.entries()
+        for name in names or ():
+            choice("scene", name, zoo, "jaxdyn list")
+        zoo = {name: zoo[name] for name in names or zoo}
+        if as_object:
+            out.result({name: _described(entry) for name, entry in zoo.items()})
+        else:
+            out.print(_scenes(zoo))
+
+
+def _scenes(zoo: "dict[str, jaxdyn.catalogue.Entry]") -> Table:
     table = Table("scene", "problems", "what it is, and its numbers")
     for name, entry in zoo.items():
         lines = [f"[bold]{escape(entry.summary)}[/bold]"]
         for p in entry.parameters:
             lines.append(escape(f"{p.name} = {_shown(p.default)}: {p.meaning}"))
         table.add_row(name, ", ".join(map(str, entry.problems)), "\n".join(lines), end_section=True)
-    Console(highlight=False).print(table)
+    return table
 
 
-def _list_problems(as_object: bool) -> None:
+def _problems(problems: "dict[int, jaxdyn.course.Problem]") -> Table:
     """The other way round: each problem with the public names that answer it."""
-    if as_object:
-        print(json.dumps({n: problem._asdict() for n, problem in PROBLEMS.items()}))  # noqa: T201
-        return
     table = Table("problem", "what it is about", "jaxdyn names that answer it, and the answer")
-    for n, problem in PROBLEMS.items():
+    for n, problem in problems.items():
         names = "\n".join([*problem.names, f"[italic]{escape(problem.answer)}[/italic]"])
         table.add_row(str(n), escape(problem.title), names, end_section=True)
-    Console(highlight=False).print(table)
+    return table
 
 
 def _shown(default) -> str:
@@ -54,6 +67,6 @@ def _shown(default) -> str:
     return f"{default:.6g}" if isinstance(default, float) else str(default)
 
 
-def _described(entry: catalogue.Entry) -> dict:
+def _described(entry: "jaxdyn.catalogue.Entry") -> dict:
     numbers = {p.name: {"default": p.default, "meaning": p.meaning} for p in entry.parameters}
     return {"summary": entry.summary, "problems": entry.problems, "parameters": numbers}

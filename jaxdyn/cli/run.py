@@ -1,37 +1,30 @@
 """The command `jaxdyn run`: simulates a scene, says how its energy changes, and draws it."""
 
-import json
+from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
-from rich.console import Console
 from rich.markup import escape
 
-from jaxdyn import _checks, catalogue
+import jaxdyn
+from jaxdyn._misuse import choice, fail, whole
+from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     AnimateOption,
     JsonOption,
     PlotOption,
     SceneArgument,
+    SecondsOption,
     SetOption,
     SpanOption,
+    TitleOption,
 )
-from jaxdyn.end_error import EndError, end_error
-from jaxdyn.energy_change import energy_change
 from jaxdyn.image_files import animation_path, picture_path
-from jaxdyn.phases import Chain, pieces_of
-from jaxdyn.scene import Scene
-from jaxdyn.simulate import RTOL, Trajectory
-from jaxdyn.solvers import DOPRI8, NYSTROM12, STOERMER14, STOERMER18, VERNER9
-from jaxdyn.status import Status
+from jaxdyn.output_files import writable
 
 STOPPED = 1  # exit code: the motion did not reach its end
 _MOST_SAMPLES = 1_000_000  # all of which become text
-_SOLVERS = {
-    **{"nystrom12": NYSTROM12, "stoermer14": STOERMER14, "stoermer18": STOERMER18},
-    **{"verner9": VERNER9, "dopri8": DOPRI8},
-}
+_RTOL = 1e-10  # that of jaxdyn.simulate, which help does not load
 
 
 def run_command(
@@ -39,100 +32,94 @@ def run_command(
     settings: SetOption = None,
     t1: SpanOption = None,
     samples: Annotated[int, typer.Option(help="How many times to sample, in each phase.")] = 400,
-    rtol: Annotated[float, typer.Option(help="Relative tolerance of a step.")] = RTOL,
-    solver: Annotated[str, typer.Option(help=f"auto, {', '.join(_SOLVERS)}.")] = "auto",
+    rtol: Annotated[float, typer.Option(help="Relative tolerance of a step.")] = _RTOL,
+    solver: Annotated[
+        str, typer.Option(help="auto, or one of jaxdyn.solvers, such as radau9.")
+    ] = "auto",
+    dt: Annotated[
+        float | None, typer.Option(help="Step [s] of a solver of equal steps, such as verlet.")
+    ] = None,
     plot: PlotOption = None,
+    series: Annotated[
+        Path | None, typer.Option(help="Draw its state over time (.png, .pdf, .svg).")
+    ] = None,
+    title: TitleOption = None,
     animate: AnimateOption = None,
+    seconds: SecondsOption = None,
+    csv: Annotated[Path | None, typer.Option(help="Write times and states (.csv).")] = None,
     as_object: JsonOption = False,
 ) -> None:
     """Simulate a scene in all its phases, say how its energy changes, and draw it if asked."""
-    console = Console(stderr=as_object, highlight=False, soft_wrap=True)
     picture_path(plot)
-    if animate:
+    picture_path(series)
+    if animate is not None:
         animation_path(animate)
-    _checks.choice("solver", solver, ("auto", *_SOLVERS))
+    if csv is not None:
+        writable(csv, (".csv",))
+    if title is not None and plot is None:
+        raise fail("--title", "--plot with it", "none", "It is the title of the picture.")
+    if seconds is not None and animate is None:
+        raise fail("--seconds", "--animate with it", "none", "It is how long that lasts.")
     remedy = f"It is at most {_MOST_SAMPLES} here; jaxdyn.simulate takes more."
-    _checks.whole("samples", samples, most=_MOST_SAMPLES, remedy=remedy)
-    scene = catalogue.build(name, catalogue.settings(settings or ()))
+    whole("samples", samples, most=_MOST_SAMPLES, remedy=remedy)
+    with screen(f"simulating {name}", as_object) as out:
+        how = {"samples": samples, "solver": _method(solver), "dt": dt}
+        motion, end = _motion(name, settings or (), t1, rtol, how, out)
+        record = {"scene": name} | jaxdyn.tables.record(motion, end)
+        if as_object:
+            out.result(record)
+        else:
+            _print(record, end, out)
+        if plot:
+            with out.writing(plot, "drawn in"):
+                jaxdyn.drawing.trajectory(motion, plot, title=title)
+        if series:
+            with out.writing(series, "drawn over time in"):
+                jaxdyn.drawing.time_series(motion, path=series)
+        if animate:
+            length = {} if seconds is None else {"seconds": seconds}
+            with out.writing(animate, "animated in"):
+                jaxdyn.drawing.animate(motion, animate, **length)
+        if csv:
+            with out.writing(csv, "written to"):
+                jaxdyn.tables.write_csv(csv, motion)
+        if not jaxdyn.tables.arrived(motion):
+            out.print(f"[red]stopped[/red]: {motion.message}")
+            raise typer.Exit(STOPPED)
 
-    def made(scene: Scene, rtol: float) -> Trajectory | Chain:
-        how = {"samples": samples, "rtol": rtol, "solver": _SOLVERS.get(solver)}
-        return catalogue.entries()[name].motion(scene, t1, **how)
+
+def _motion(name: str, settings, t1, rtol: float, how: dict, out: Screen):
+    """The motion, and how far its end is from the exact one."""
+    scene = jaxdyn.catalogue.build(name, jaxdyn.catalogue.settings(settings))
+    entry = jaxdyn.catalogue.entries()[name]
+
+    def made(scene: "jaxdyn.Scene", rtol: float) -> "jaxdyn.Trajectory | jaxdyn.Chain":
+        return entry.motion(scene, t1, rtol=rtol, **how)
 
     motion = made(scene, rtol)
-    end = end_error(motion, made, rtol=rtol)
-    result = _result(name, motion, end)
-    if as_object:
-        print(json.dumps(result))  # noqa: T201
-    else:
-        _print(result, end, console)
-    if plot:
-        from jaxdyn import drawing
-
-        drawing.trajectory(motion, plot)
-        console.print(f"drawn in {plot}")
-    if animate:
-        from jaxdyn import drawing
-
-        drawing.animate(motion, animate)
-        console.print(f"animated in {animate}")
-    if not _arrived(motion):
-        console.print(f"[red]stopped[/red]: {motion.message}")
-        raise typer.Exit(STOPPED)
+    out.doing(f"simulating {name} again, to count its certain digits")
+    return motion, jaxdyn.end_error(motion, made, rtol=rtol)
 
 
-def _result(name: str, motion: Trajectory | Chain, end: EndError) -> dict:
-    pieces = pieces_of(motion)
-    change = energy_change(motion)
-    in_phases = isinstance(motion, Chain)
-    ts = [np.asarray(piece.ts) for piece in pieces]
-    ys = [np.asarray(piece.ys) for piece in pieces]
-    if in_phases and motion.ended:  # where its last exit left it
-        ts, ys = [*ts, np.asarray(motion.t)[None]], [*ys, np.asarray(motion.y)[None]]
-    return {
-        "scene": name,
-        "status": motion.status.name if in_phases else motion.status_code.name,
-        "message": motion.message,
-        "t": _finite(np.concatenate(ts)),
-        "labels": [_label(*label) for label in pieces[0].scene.labels()],
-        "y": _finite(np.concatenate(ys)),
-        "error": _finite(end.error),
-        "phases": [
-            {"name": phase, "t0": float(piece.ts[0]), "t1": float(piece.ts[-1])}
-            for phase, piece in zip(motion.names if in_phases else (), pieces, strict=False)
-        ],
-        "energy_drift": change and change.size,
-        "energy_changed_by": change and change.causes,
-        "energy_message": change and change.message,
-        "steps": sum(int(piece.steps) for piece in pieces),
-        "rejected": sum(int(piece.rejected) for piece in pieces),
+def _method(name: str) -> "jaxdyn.solvers.Method | str":
+    named = {
+        key.lower(): method
+        for key, method in vars(jaxdyn.solvers).items()
+        if isinstance(method, jaxdyn.solvers.Method)
     }
+    choice("solver", name.lower(), ("auto", *named))
+    return named.get(name.lower(), "auto")
 
 
-def _label(name: str, unit: str) -> str:
-    return name if unit == "1" else f"{name} [{unit}]"
-
-
-def _arrived(motion: Trajectory | Chain) -> bool:
-    """Whether a motion got to the end of its span, or to an end of its own."""
-    if isinstance(motion, Chain):
-        done = motion.ended or motion.t >= motion.pieces[-1].scene.t1
-        return motion.status == Status.OK and bool(done)
-    return motion.ok
-
-
-def _finite(values) -> list:
-    values = np.asarray(values)
-    return np.where(np.isfinite(values), values.astype(object), None).tolist()
-
-
-def _print(result: dict, end: EndError, console: Console) -> None:
-    console.print(f"[bold]{result['scene']}[/bold] at t = {result['t'][-1]:g}:")
-    for label, shown in zip(result["labels"], end.written(), strict=True):
-        console.print(f"  {escape(label):24} {shown}")
-    console.print(end.message)
-    for phase in result["phases"]:
-        console.print(f"  {phase['name']:12} from {phase['t0']:.9g} to {phase['t1']:.9g}")
-    if result["energy_message"]:
-        console.print(escape(result["energy_message"]))
-    console.print(f"{result['steps']} steps, {result['rejected']} rejected")
+def _print(record: dict, end: "jaxdyn.EndError", out: Screen) -> None:
+    out.print(f"[bold]{record['scene']}[/bold] at t = {record['t'][-1]:g}:")
+    for label, shown in zip(record["labels"], end.written(), strict=True):
+        out.print(f"  {escape(label):24} {shown}")
+    out.print(end.message)
+    for phase in record["phases"]:
+        out.print(f"  {phase['name']:12} from {phase['t0']:.9g} to {phase['t1']:.9g}")
+    if record["energy_message"]:
+        out.print(escape(record["energy_message"]))
+    out.print(f"{record['steps']} steps, {record['rejected']} rejected")
+    if record["warning"]:
+        out.print(f"[yellow]warning[/yellow]: {escape(record['warning'])}")

@@ -1,51 +1,96 @@
-"""What the command lines of `jaxdyn` and `orbits` share: options, how they begin and end."""
+"""What the command lines of `jaxdyn` and `orbits` share: options, how they begin and end.
 
+Nothing here, nor in any file of a command, loads JAX, NumPy or Matplotlib: help and mistakes in
+the words of a command are answered at once. What a command needs it takes from the two packages,
+which load it then.
+"""
+
+import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from jaxdyn._config import configure
+import jaxdyn
 
 MISUSE = 2  # exit code: the input makes no sense
+INTERRUPTED = 130  # exit code: of Ctrl-C, as shells say it
+PIPE_CLOSED = 1  # exit code: nobody reads on; Typer has it
 #: What a wrong option or argument raises; typer exports only a kind of it.
 _Usage: type[Exception] = typer.BadParameter.__bases__[0]
 
 SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A scene of `jaxdyn list`.")]
 SetOption = Annotated[
-    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="One of its numbers.")
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="One of its numbers, such as angle=pi/2."),
 ]
 SpanOption = Annotated[float | None, typer.Option(help="End of the span; the scene's own.")]
 PlotOption = Annotated[Path | None, typer.Option(help="Draw it (.png, .pdf, .svg).")]
 AnimateOption = Annotated[Path | None, typer.Option(help="Animate it (.gif, .mp4).")]
+SecondsOption = Annotated[float | None, typer.Option(help="How long the animation lasts [s].")]
+TitleOption = Annotated[str | None, typer.Option(help="Title of the picture.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 
 
 def application(about: str) -> typer.Typer:
     """A command line without commands yet; called without one, it shows its help."""
-    app = typer.Typer(help=about, add_completion=False, pretty_exceptions_enable=False)
+    # Rich's markup would take a unit, [m/s], for one of its tags.
+    app = typer.Typer(help=about, rich_markup_mode=None, pretty_exceptions_enable=False)
     app.callback(invoke_without_command=True)(_begin)
     return app
 
 
-def _begin(context: typer.Context) -> None:
+def add(app: typer.Typer, name: str, command: Callable[..., None], *examples: str) -> None:
+    """Give a command line one more command, whose help ends with these examples."""
+    lines = "\n".join(f"  {example}" for example in examples)
+    # What follows a backspace is not wrapped.
+    app.command(name, epilog=f"\b\nExamples:\n{lines}")(command)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(jaxdyn.__version__)
+        raise typer.Exit
+
+
+def _begin(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say which it is.")
+    ] = False,
+) -> None:
+    del version
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
         raise typer.Exit(MISUSE)
-    configure()
 
 
 def run(app: typer.Typer) -> None:
     """Run a command line; one line and exit code 2 for input that makes no sense."""
     try:
         code = app(standalone_mode=False)
+        sys.stdout.flush()
     except _Usage as error:
         _refuse(f"{error.format_message()} See --help.")
     except ValueError as error:
         _refuse(str(error))
+    except typer.Abort:
+        raise SystemExit(INTERRUPTED) from None
+    except BrokenPipeError:
+        _let_go()
+        raise SystemExit(PIPE_CLOSED) from None
+    except OSError as error:
+        _let_go()
+        _refuse(f"{error.filename or 'standard output'}: {error.strerror or error}.")
     else:
         raise SystemExit(code or 0)
+
+
+def _let_go() -> None:
+    """Give standard output up: Python would try once more at its end, and complain."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _refuse(message: str) -> None:

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from jaxdyn import _checks
+from jaxdyn._progress import each
 from jaxdyn.drawing.artists import Shapes
 from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.figures import blank, legend_below, path_entries
@@ -68,7 +69,7 @@ def animate(
     actors = _Actors(ax, drawn, box, trail)
     with writer.saving(stage, str(path), _DPI):
         stage.set_up(actors.all)
-        for sample in in_time(drawn, count):
+        for sample in each(in_time(drawn, count), "drawing frames"):
             actors.move(sample)
             writer.grab_frame()
     return path

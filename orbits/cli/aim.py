@@ -1,17 +1,15 @@
 """The command `orbits aim`: a ball with drag, its best angle, and how to hit a target."""
 
-import json
 import math
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from jaxdyn import scenes
+import jaxdyn
+import orbits
+from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import JsonOption, PlotOption
-from jaxdyn.effects import LinearDrag, QuadraticDrag
 from jaxdyn.image_files import picture_path
-from orbits.aim import Hits, Throws, farthest, hit, slowest
 from orbits.cli.shared import NOT_FOUND
 
 
@@ -28,55 +26,55 @@ def aim_command(
 ) -> None:
     """The angle that carries farthest; with --x all that hit, and the least speed that reaches."""
     picture_path(plot)
-    scene = scenes.cannonball(m=mass, g=g)
-    if drag:
-        scene = scene + QuadraticDrag(drag, (wind, 0.0))
-    if linear:
-        scene = scene + LinearDrag(linear, (wind, 0.0))
-    # Each line as soon as it is known: compiling takes a while.
-    console = Console(stderr=as_object, highlight=False, soft_wrap=True)
-    best = farthest(scene, speed)
-    console.print(_line("farthest", best))
-    hits = least = None
-    if x is not None:
-        hits = hit(scene, x, speed)
-        _print_hits(hits, console)
-        if x > 0:
-            least = slowest(scene, x)
-            console.print(_line("least speed", least))
-    if plot:
-        from orbits import drawing
+    with screen("looking for the angle that carries farthest", as_object) as out:
+        scene = jaxdyn.scenes.cannonball(m=mass, g=g)
+        if drag:
+            scene = scene + jaxdyn.effects.QuadraticDrag(drag, (wind, 0.0))
+        if linear:
+            scene = scene + jaxdyn.effects.LinearDrag(linear, (wind, 0.0))
+        # Each line as soon as it is known: compiling takes a while.
+        best = orbits.aim.farthest(scene, speed)
+        out.print(_line("farthest", best))
+        hits = least = None
+        if x is not None:
+            out.doing(f"looking for the angles that hit {x:g} m")
+            hits = orbits.aim.hit(scene, x, speed)
+            _print_hits(hits, out)
+            if x > 0:
+                out.doing(f"looking for the least speed that reaches {x:g} m")
+                least = orbits.aim.slowest(scene, x)
+                out.print(_line("least speed", least))
+        if as_object:
+            found = {"farthest": _throw(best), "hits": _hits(hits)}
+            out.result(found | {"slowest": least and _throw(least)})
+        if plot:
+            with out.writing(plot, "drawn in"):
+                orbits.drawing.throws(scene, best, hits, plot)
+        if not (best.ok if hits is None else hits.ok):
+            raise typer.Exit(NOT_FOUND)
 
-        drawing.throws(scene, best, hits, plot)
-        console.print(f"drawn in {plot}")
-    if as_object:
-        found = {"farthest": _throw(best), "hits": _hits(hits)}
-        print(json.dumps(found | {"slowest": least and _throw(least)}))  # noqa: T201
-    if not (best.ok if hits is None else hits.ok):
-        raise typer.Exit(NOT_FOUND)
 
-
-def _print_hits(hits: Hits, console: Console) -> None:
+def _print_hits(hits: "orbits.aim.Hits", out: Screen) -> None:
     if not hits.ok:
-        console.print(f"[red]not hit[/red]: {hits.message}")
+        out.print(f"[red]not hit[/red]: {hits.message}")
     for angle, t in zip(hits.angles, hits.times, strict=True):
         degrees = f"{math.degrees(angle):.10f} degrees"
-        console.print(f"hits {hits.x:.6g} m at {degrees} in {t:.6f} s")
+        out.print(f"hits {hits.x:.6g} m at {degrees} in {t:.6f} s")
 
 
-def _line(name: str, throw: Throws) -> str:
+def _line(name: str, throw: "orbits.aim.Throws") -> str:
     if not throw.ok:
         return f"{name}: {throw.message}"
     angle = f"{math.degrees(throw.angle):.10f} degrees"
     return f"{name}: {throw.speed:.10g} m/s at {angle} lands at {throw.x:.10g} m in {throw.t:.6f} s"
 
 
-def _throw(throw: Throws) -> dict:
+def _throw(throw: "orbits.aim.Throws") -> dict:
     numbers = {name: _number(getattr(throw, name)) for name in ("speed", "angle", "x", "t")}
     return {"ok": throw.ok, "message": throw.message, **numbers}
 
 
-def _hits(hits: Hits | None) -> dict | None:
+def _hits(hits: "orbits.aim.Hits | None") -> dict | None:
     if hits is None:
         return None
     found = {"ok": hits.ok, "message": hits.message, "x": hits.x}

@@ -1,39 +1,15 @@
 """The command `orbits find`: a periodic orbit of any scene of the catalogue."""
 
-import json
-from collections.abc import Callable, Sequence
 from typing import Annotated
 
-import equinox as eqx
 import typer
-from rich.console import Console
 
-from jaxdyn import Scene, catalogue
-from jaxdyn._checks import choice, fail
+import jaxdyn
+import orbits
+from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import AnimateOption, JsonOption, PlotOption, SceneArgument, SetOption
-from jaxdyn.formulations.newton import FreePoints
-from orbits import closing as closings
 from orbits.cli.printed import print_reports
-from orbits.cli.shared import (
-    NOT_FOUND,
-    SaveOption,
-    check_files,
-    draw,
-    failure,
-    progress,
-)
-from orbits.conditions import Energy
-from orbits.given import driven
-from orbits.newton import Iteration
-from orbits.problem import Orbit
-from orbits.report import as_json, report
-from orbits.same import minimal_period
-from orbits.seeds import Seed, returns
-from orbits.shooting import find
-from orbits.symmetry import backwards
-from orbits.verify import save
-
-_TRIES = 3  # close returns that are tried
+from orbits.cli.shared import NOT_FOUND, SaveOption, check_files, draw, failure, printed
 
 
 def find_command(
@@ -57,103 +33,29 @@ def find_command(
     as_object: JsonOption = False,
 ) -> None:
     """A periodic orbit near a scene's own motion: what it is, and whether it is stable."""
-    console = Console(stderr=as_object, highlight=False, soft_wrap=True)
     check_files(plot, animate, save_to)
-    scene = catalogue.build(name, catalogue.settings(settings or ()))
-    orbit = searched(
-        *(scene, period, closing, energy, hold or (), segments),
-        report=lambda step: console.print(progress(step)),
-    )
-    if not orbit.ok:
+    with screen(f"looking for an orbit of {name}", as_object) as out:
+        scene = jaxdyn.catalogue.build(name, jaxdyn.catalogue.settings(settings or ()))
+        orbit = orbits.nearby.searched(
+            *(scene, period, closing, energy, hold or (), segments), report=printed(out)
+        )
+        if not orbit.ok:
+            if as_object:
+                out.result(failure(orbit))
+            out.print(f"[red]no orbit[/red]: {orbit.message}")
+            raise typer.Exit(NOT_FOUND)
+        out.doing(f"testing the orbit of {name}: stability, a second integrator")
+        claims = orbits.report(orbit)
         if as_object:
-            print(json.dumps(failure(orbit)))  # noqa: T201
-        console.print(f"[red]no orbit[/red]: {orbit.message}")
-        raise typer.Exit(NOT_FOUND)
-    claims = report(orbit)
-    if not as_object:
-        print_reports({f"{name}, {orbit.closing.name}": claims}, console)
-    starts = zip(scene.labels(), orbit.y0, strict=True)
-    console.print("start: " + ", ".join(f"{label} = {float(y):.12g}" for (label, _), y in starts))
-    console.print(f"  moved by {orbit.shift:.1e} from where the search began")
-    if save_to:
-        save(save_to, orbit, claims)
-        console.print(f"saved to {save_to}")
-    title = f"{name}, period {orbit.period:.9g}, {claims.verdict}"
-    draw([orbit], [title], plot, animate, console)
-    if as_object:  # last: a file that cannot be written leaves no result behind
-        print(json.dumps({"scene": name, "start_moved": orbit.shift} | as_json(claims)))  # noqa: T201
-
-
-def searched(
-    scene: Scene,
-    period: float | None = None,
-    closing: str = "plain",
-    energy: float | None = None,
-    hold: Sequence[str] = (),
-    segments: int | None = None,
-    report: Callable[[Iteration], None] = lambda step: None,
-) -> Orbit:
-    """The orbit near a scene's own start; the best iterate and the reason where there is none.
-
-    Args:
-      scene: what moves.
-      period: guess; left out, the closest returns of the scene's own motion are tried.
-      closing: plain, choreography, relative or reversal.
-      energy: of the wanted orbit; None for any.
-      hold: names of entries of the scene's start that the orbit's start keeps.
-      segments: see `find`.
-      report: see `find`.
-    Raises:
-      ValueError: a closing that the scene does not allow, or no close return to begin with.
-    """
-    several = _closings(scene, closing)
-    held = (*hold, *(() if energy is None else (Energy(energy),)))
-    how = {"closing": several, "hold": held, "segments": segments, "report": report}
-
-    def near(y0, length) -> Orbit:
-        return find(scene, y0, length, throw=False, **how)
-
-    if period is not None:
-        return near(None, period)
-    seeds = _seeds(scene)
-    # The scene's own start, where that is periodic as it is.
-    orbit = find(scene, None, seeds[0].period, max_iterations=0, throw=False, **how)
-    for seed in seeds if not orbit.ok else ():
-        # A reversal needs a start that it keeps, which the scene's own may be.
-        orbit = near(None if hold or closing == "reversal" else seed.y0, seed.period)
-        if orbit.ok:
-            break
-    shortest, times = minimal_period(orbit) if orbit.ok else (orbit.period, 1)
-    if times == 1:
-        return orbit
-    # The closest return may be after several periods.
-    again = near(orbit.y0, shortest)
-    return eqx.tree_at(lambda o: o.shift, again, orbit.shift + again.shift)
-
-
-def _seeds(scene: Scene) -> list[Seed]:
-    if driven(scene):
-        raise fail("--period", "one, a multiple of the drive's", "none", "The motion is driven.")
-    scene.check()
-    seeds = returns(scene, float(scene.t1), longest=float(scene.t1), most=_TRIES)
-    if not seeds:
-        remedy = "The scene's own motion does not nearly come back in its span."
-        raise fail("--period", "a guess of the period", "none", remedy)
-    return seeds
-
-
-def _closings(scene: Scene, name: str) -> Sequence[closings.Closing]:
-    choice("--closing", name, ("plain", "choreography", "relative", "reversal"))
-    system = scene.system
-    if name == "choreography":
-        if not isinstance(system, FreePoints):
-            raise fail("--closing", "one for this scene", name, "Only free points can follow it.")
-        return closings.choreography(len(system.m), system.d)
-    if name == "relative":
-        turns = [key for key in system.generators(scene.y0) if key.startswith("turn")]
-        if not turns:
-            raise fail("--closing", "one for this scene", name, "Nothing turns its state.")
-        return (closings.relative(turns[0]),)
-    if name == "reversal":
-        return (closings.reversal(backwards(len(scene.y0))),)
-    return (closings.PLAIN,)
+            record = {"scene": name, "start_moved": orbit.shift}
+            out.result(record | orbits.as_json(claims))
+        else:
+            print_reports({f"{name}, {orbit.closing.name}": claims}, out)
+        starts = zip(scene.labels(), orbit.y0, strict=True)
+        out.print("start: " + ", ".join(f"{label} = {float(y):.12g}" for (label, _), y in starts))
+        out.print(f"  moved by {orbit.shift:.1e} from where the search began")
+        if save_to:
+            with out.writing(save_to, "saved to"):
+                orbits.save(save_to, orbit, claims)
+        title = f"{name}, period {orbit.period:.9g}, {claims.verdict}"
+        draw([orbit], [title], plot, animate, out)

@@ -1,13 +1,14 @@
 """The claims about orbits as a table for people: one column an orbit, one row a claim."""
 
-import numpy as np
-from rich.console import Console
+import sys
+
 from rich.table import Table
 
-from orbits.report import Report
+import orbits
+from jaxdyn.cli.screen import Screen
 
 
-def print_reports(claims: dict[str, Report], console: Console) -> None:
+def print_reports(claims: dict[str, "orbits.Report"], out: Screen) -> None:
     """Print reports side by side, each under its name, without the rows that apply to none."""
     table = Table("")
     for name in claims:
@@ -16,18 +17,18 @@ def print_reports(claims: dict[str, Report], console: Console) -> None:
         cells = [text(claim) for claim in claims.values()]
         if any(cell not in ("", _NONE) for cell in cells):
             table.add_row(label, *cells)
-    console.print(table)
+    out.print(table)
 
 
 _NONE = "-"
-_UNIT = float(np.finfo(float).eps)
+_UNIT = sys.float_info.epsilon
 
 
-def _choreography(claim: Report) -> str:
+def _choreography(claim: "orbits.Report") -> str:
     return _NONE if claim.choreography is None else "yes" if claim.choreography else "NO"
 
 
-def _multipliers(claim: Report) -> str:
+def _multipliers(claim: "orbits.Report") -> str:
     shown = [complex(*z) for z in claim.multipliers[: len(claim.multiplier_bars)]]
     lines = [f"{z.real:+.7f}{z.imag:+.7f}i" if z.imag else f"{z.real:+.7f}" for z in shown]
     ones = f"{claim.unit_multipliers} times 1"

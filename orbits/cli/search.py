@@ -1,15 +1,15 @@
 """The command `orbits search`: periodic orbits of three equal bodies without angular momentum."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
+import orbits
+from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import JsonOption
+from jaxdyn.output_files import writable
 from orbits.cli.shared import NOT_FOUND
-from orbits.plane import Plane, search_plane
 
 _WORD = 24  # letters of a word that are shown
 TableOption = Annotated[Path | None, typer.Option("--table", help="Append to this .jsonl file.")]
@@ -27,16 +27,19 @@ def search_command(
     They start at (-1, 0), (1, 0) and (0, 0) with velocities (a, b), (a, b) and (-2a, -2b).
     With --table nothing is lost when the search is stopped, and the same command goes on.
     """
-    plane = search_plane(samples, longest=longest, seed=seed, path=table, progress=not as_object)
-    if as_object:
-        print(json.dumps({"families": plane.families(), "orbits": _rows(plane)}))  # noqa: T201
-    else:
-        _print(plane)
-    if not len(plane.found):
-        raise typer.Exit(NOT_FOUND)
+    if table is not None:
+        writable(table)
+    with screen("searching", as_object) as out:
+        plane = orbits.search_plane(samples, longest=longest, seed=seed, path=table)
+        if as_object:
+            out.result({"families": plane.families(), "orbits": _rows(plane)})
+        else:
+            _print(plane, out)
+        if not len(plane.found):
+            raise typer.Exit(NOT_FOUND)
 
 
-def _rows(plane: Plane) -> list[dict]:
+def _rows(plane: "orbits.plane.Plane") -> list[dict]:
     return [
         {
             "a": float(a),
@@ -53,11 +56,10 @@ def _rows(plane: Plane) -> list[dict]:
     ]
 
 
-def _print(plane: Plane) -> None:
-    console = Console(highlight=False, soft_wrap=True)
+def _print(plane: "orbits.plane.Plane", out: Screen) -> None:
     numbers = "{a:11.9f}  {b:11.9f}  {period:13.9f}  {scale_free:13.9f}  {verdict:9}"
-    console.print("a            b            period         T |E|^1.5      verdict    word, name")
+    out.print("a            b            period         T |E|^1.5      verdict    word, name")
     for row in sorted(_rows(plane), key=lambda row: row["scale_free"]):
         word = row["word"] if len(row["word"]) <= _WORD else f"{row['word'][:_WORD]}..."
-        console.print(f"{numbers.format(**row)}  {word}  {row['name'] or ''}")
-    console.print(f"{plane.families()} families")
+        out.print(f"{numbers.format(**row)}  {word}  {row['name'] or ''}")
+    out.print(f"{plane.families()} families")

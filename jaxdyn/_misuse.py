@@ -1,0 +1,38 @@
+"""How misuse is reported: checks that need neither JAX nor NumPy, which take long to load.
+
+A message reads ``name: expected ..., got .... What to do.`` and is a ValueError. `_checks` has
+the same functions, and those that look into arrays.
+"""
+
+import difflib
+import numbers
+from collections.abc import Iterable
+from typing import Any
+
+
+def fail(name: str, expected: str, got: Any, remedy: str = "") -> ValueError:
+    """The one way an error message of this project is put together."""
+    return ValueError(f"{name}: expected {expected}, got {got}.{' ' + remedy if remedy else ''}")
+
+
+def whole(name: str, x: Any, least: int = 1, most: int = 2**62, remedy: str = "") -> int:
+    """x, refused unless it is a whole number from least to most."""
+    if not isinstance(x, numbers.Integral) or isinstance(x, bool) or x < least:
+        raise fail(name, f"a whole number, at least {least}", x, remedy)
+    if x > most:
+        raise fail(name, f"at most {most}", x, remedy)
+    return int(x)
+
+
+def choice(name: str, x: str, choices: Iterable[str], listed_by: str = "") -> str:
+    """x, refused unless it is among the choices; the nearest one is suggested.
+
+    Where they are too many for a line, `listed_by` is the command that lists them.
+    """
+    choices = sorted(choices)
+    if x not in choices:
+        near = difflib.get_close_matches(str(x), choices, n=1)
+        hint = f"Did you mean {near[0]!r}?" if near else ""
+        which = f"one that `{listed_by}` shows" if listed_by else "one of " + ", ".join(choices)
+        raise fail(name, which, repr(x), hint)
+    return x

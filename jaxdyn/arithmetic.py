@@ -1,0 +1,62 @@
+"""Numbers as people write them: ``pi/2``, ``sqrt(2)``, ``30*deg``; nothing else is evaluated.
+
+There are numbers, + - * / ** and parentheses, the constants pi, e and deg (one degree in radians),
+and the functions sqrt, sin and cos. It is a parser of its own alphabet over Python's syntax tree:
+no names, calls or attributes of Python itself can be reached.
+"""
+
+import ast
+import math
+import operator
+
+from jaxdyn._misuse import fail
+
+CONSTANTS = {"pi": math.pi, "e": math.e, "deg": math.pi / 180}
+FUNCTIONS = {"sqrt": math.sqrt, "sin": math.sin, "cos": math.cos}
+_OPERATORS = {
+    **{ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul},
+    **{ast.Div: operator.truediv, ast.Pow: math.pow},
+    **{ast.UAdd: operator.pos, ast.USub: operator.neg},
+}
+_LONGEST = 200  # characters: more is no number that somebody writes, and nests too deep
+
+
+def value(text: str) -> float:
+    """The number that a text says.
+
+    Args:
+      text: a number, or arithmetic with numbers.
+    Raises:
+      ValueError: a text that says no finite number.
+    Example:
+      >>> value("pi/2"), value("-30*deg"), value("1e-3")
+      (1.5707963267948966, -0.5235987755982988, 0.001)
+    """
+    try:
+        return float(text)  # also what only floats can say: inf, nan
+    except ValueError:
+        pass
+    try:
+        if len(text) > _LONGEST:
+            raise ValueError("too long")
+        result = _value(ast.parse(text.strip(), mode="eval").body)
+    except (SyntaxError, ValueError, ArithmeticError, RecursionError, MemoryError) as error:
+        known = ", ".join([*CONSTANTS, *FUNCTIONS])
+        remedy = f"It may be arithmetic with {known}."
+        raise fail("number", "a number", repr(text), remedy) from error
+    return result
+
+
+def _value(node: ast.expr) -> float:
+    match node:
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            return float(number)
+        case ast.Name(id=name) if name in CONSTANTS:
+            return CONSTANTS[name]
+        case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
+            return _OPERATORS[type(op)](_value(operand))
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
+            return _OPERATORS[type(op)](_value(left), _value(right))
+        case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in FUNCTIONS:
+            return FUNCTIONS[name](_value(argument))
+    raise ValueError(ast.dump(node))

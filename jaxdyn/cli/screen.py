@@ -1,0 +1,141 @@
+"""What a command shows: its results, and what it is doing in the meantime.
+
+Results go to standard output. On a terminal a line with a spinner on standard error says what is
+being done and whether it is being compiled; work of which it is known how much is left has a bar,
+a rate and a time. Elsewhere, and with --json, there is no such line.
+"""
+
+import contextlib
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Task, TextColumn
+from rich.text import Text
+
+import jaxdyn
+from jaxdyn import _progress
+from jaxdyn.output_files import unwritable
+
+_REFRESHES = 5  # a second
+
+
+class Screen:
+    """Where a command prints; made by `screen`."""
+
+    def __init__(self, as_object: bool):
+        self.as_object = as_object
+        self._console = Console(stderr=as_object, highlight=False, soft_wrap=True)
+        # Not what rich takes for a terminal: colours may be forced on a file.
+        on_terminal = sys.stderr.isatty() and not Console(stderr=True).is_dumb_terminal
+        self._live = _line() if on_terminal and not as_object else None
+
+    def print(self, what) -> None:
+        """Text with markup, or a table, for people: on standard error where --json is on."""
+        with self._without_line():
+            self._console.print(what)
+
+    def result(self, record: dict) -> None:
+        """One JSON object on standard output, at once: what comes after may fail."""
+        with self._without_line():
+            print(json.dumps(record), flush=True)  # noqa: T201
+
+    def doing(self, what: str, done: int = 0, total: int | None = None) -> None:
+        """Say what is being done; with a total, how much of it."""
+        if self._live is None:
+            return
+        task = self._live.tasks[0]
+        if done == 0 or total != task.total:  # something else begins
+            self._live.reset(task.id, total=total)
+        self._live.update(task.id, completed=done, description=what)
+
+    @contextlib.contextmanager
+    def writing(self, path: Path, said: str) -> Iterator[None]:
+        """Around what writes a file: say so after it, and in one line if it cannot be written.
+
+        Raises:
+          ValueError: it could not be written after all, e.g. to a disk that is full by now.
+        """
+        self.doing(f"writing {path}")
+        try:
+            yield
+        except OSError as error:
+            raise unwritable(path, error) from error
+        self.print(f"{said} {path}")
+
+    @contextlib.contextmanager
+    def _without_line(self) -> Iterator[None]:
+        if self._live is None or not self._live.live.is_started:
+            yield
+            return
+        self._live.stop()
+        try:
+            yield
+        finally:
+            self._live.start()
+
+
+@contextlib.contextmanager
+def screen(what: str, as_object: bool = False) -> Iterator[Screen]:
+    """The screen of a command while it runs, with JAX loaded and set up.
+
+    Args:
+      what: it does, e.g. "simulating car".
+      as_object: whether its result is a JSON object.
+    """
+    shown = Screen(as_object)
+    shown.doing(what)
+    with shown._live or contextlib.nullcontext(), _progress.told(shown.doing):
+        jaxdyn.configure()
+        if shown._live is not None:
+            shown._live.clock = jaxdyn.timing.Clock()
+        yield shown
+
+
+class _Line(Progress):
+    """A line that is gone when its work is done."""
+
+    #: Knows whether JAX is compiling; none before JAX is loaded.
+    clock = None
+
+
+def _line() -> _Line:
+    line = _Line(
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        _Bar(),
+        console=Console(stderr=True),
+        transient=True,
+        refresh_per_second=_REFRESHES,
+        # Else what goes to standard output would come out on standard error.
+        redirect_stdout=False,
+        redirect_stderr=False,
+    )
+    line.columns = (*line.columns, _State(line))
+    line.add_task("", total=None)
+    return line
+
+
+class _Bar(BarColumn):
+    """A bar where it is known how much there is to do."""
+
+    def render(self, task: Task):
+        return super().render(task) if task.total else Text()
+
+
+class _State(ProgressColumn):
+    """How many parts are done, how fast and how long the rest takes; or how long it has taken."""
+
+    def __init__(self, line: _Line):
+        super().__init__()
+        self._line = line
+
+    def render(self, task: Task) -> Text:
+        compiling = "compiling, " if self._line.clock and self._line.clock.busy else ""
+        if not task.total or not task.speed:
+            return Text(f"{compiling}{task.elapsed or 0:.0f} s", style="dim")
+        left = f", {task.time_remaining:.0f} s left" if task.time_remaining is not None else ""
+        parts = f"{task.completed:.0f} of {task.total:.0f}, {task.speed:.3g} a second"
+        return Text(f"{compiling}{parts}{left}", style="dim")

@@ -1,0 +1,75 @@
+"""Files that are written: refused before the work where they cannot be, replaced atomically.
+
+Whoever writes a file calls `writable` before the work, so that a wrong folder, a read-only place
+or a full disk is not found out after it; `replace` brings text to the disk as a whole.
+"""
+
+import os
+import tempfile
+from pathlib import Path
+
+from jaxdyn._misuse import fail
+
+_PROBE = 4096  # bytes that must fit: a block of most file systems
+
+
+def writable(path: str | Path, suffixes: tuple[str, ...] = (), name: str = "path") -> Path:
+    """The path of a file that can be written.
+
+    Args:
+      path: of the file; one that exists is left as it is.
+      suffixes: allowed endings of its name; any if left out.
+      name: of the argument, for the message.
+    Raises:
+      ValueError: another ending, a folder that does not exist or cannot be written to, a path
+        that is no file, a full disk.
+    """
+    path = Path(path)
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise fail(name, f"a file name ending in {', '.join(suffixes)}", f"'{path}'")
+    try:
+        if not path.parent.is_dir():
+            raise fail(
+                name, "a file in a folder that exists", f"'{path}'", "Make the folder first."
+            )
+        if path.exists() and not path.is_file():
+            raise fail(name, "a file", f"'{path}', which is none", "Give it a name of its own.")
+        _try(path)
+    except OSError as error:
+        raise unwritable(path, error, name) from error
+    return path
+
+
+def unwritable(path: str | Path, error: OSError, name: str = "path") -> ValueError:
+    """The message where a file cannot be written, or could not be in the end."""
+    reason = error.strerror or type(error).__name__
+    return fail(name, "a file that can be written", f"'{path}' ({reason})", "Choose another place.")
+
+
+def replace(path: Path, text: str) -> None:
+    """Write a file as a whole: a run killed on the way, or a full disk, leaves the old one.
+
+    Raises:
+      OSError: it cannot be written.
+    """
+    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, 0o644)  # mkstemp makes it private
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def _try(path: Path) -> None:
+    """Do what writing the file will do, without leaving a trace."""
+    with tempfile.TemporaryFile(dir=path.parent) as file:
+        file.write(bytes(_PROBE))
+        file.flush()
+    if path.exists():
+        with open(path, "ab"):
+            pass
