@@ -14,6 +14,7 @@ from jaxdyn.upright import averaged_limit
 
 #: Cases that compile little; the others are run with `-m long`, or by `jaxdyn hard`.
 QUICK = (
+    "apsidal-angle",
     "failing-lanes",
     "grazing",
     "norms-at-zero",

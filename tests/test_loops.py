@@ -1,9 +1,10 @@
 """Closed orbits about a centre: counts, shapes and periods against closed forms."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import SOLVED
+from helpers import SOLVED, gap
 
 import orbits
 from jaxdyn import scenes, simulate
@@ -54,6 +55,41 @@ def _nearest(orbit, n):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("n", "turns", "count", "speed", "period"),
+    [
+        (-2.6, 2, 1, 0.43486087, 2.34159686),  # a nearest point at 0.005 of the farthest
+        (-2.25, 5, 4, 0.27201239, 9.08214802),
+        (-2.6, 7, 3, 0.14371752, 6.31669414),
+        (-1.5, 7, 10, 0.03673889, 23.60417853),
+    ],
+)
+def test_orbits_that_pass_near_the_centre_are_found_and_their_turns_counted(
+    n, turns, count, speed, period
+):
+    orbit = loops.closed(PowerLaw(1.0, n), turns, count)
+    assert orbit.residual <= 1e-12
+    assert gap(np.abs(orbit.y0), [1.0, 0.0, 0.0, speed]) < 1e-8
+    assert abs(orbit.period - period) < 1e-8
+    assert loops.count(orbit) == (turns, count)
+
+
+def test_an_orbit_that_exists_but_cannot_be_followed_says_so():
+    with pytest.raises(orbits.SearchError, match=r"exists: its smallest distance is 1.6.*e-16 of"):
+        loops.closed(PowerLaw(1.0, -2.9), 9, 1)
+    with pytest.raises(orbits.SearchError, match=r"exists, but not at ratios .*e-74"):
+        loops.closed(PowerLaw(1.0, -1.0), 501, 1000)
+
+
+@pytest.mark.slow
+def test_turns_that_are_no_whole_number_are_not_rounded():
+    ring = loops.rosette(PowerLaw(1.0, -1.0), 0.5, loops=3)
+    no_orbit = orbits.Orbit(ring, orbits.PLAIN, 0.0, orbits.Outcome.FOUND, 0, 1e-12)
+    with pytest.raises(orbits.SearchError, match="not a whole number"):
+        loops.count(no_orbit)
+
+
+@pytest.mark.slow
 def test_every_orbit_of_a_spring_and_of_gravity_closes():
     spring = loops.closed(PowerLaw(4.0, 1.0), 1, 2)
     assert abs(spring.period - np.pi) < SOLVED
@@ -76,9 +112,15 @@ def test_a_law_of_ones_own_and_a_second_integrator():
 
 
 def test_what_does_not_exist_says_why():
-    with pytest.raises(orbits.SearchError, match=r"goes from 0.5.* to 0.70.* only.*rosettes"):
+    with pytest.raises(orbits.SearchError, match=r"one way, from 0.70.* to 0.5 near lines.*roset"):
         loops.closed(PowerLaw(1.0, -1.0), 1, 1)
-    with pytest.raises(orbits.SearchError, match=r"steeper than r\^-3, where only circles close"):
+    # Neither limit is reached: 1 / 3 belongs to circles alone.
+    with pytest.raises(orbits.SearchError, match="reaches neither"):
+        loops.closed(PowerLaw(1.0, 6.0), 1, 3)
+    # Of a law whose limits nobody has proved only the shapes that were tried are known.
+    with pytest.raises(orbits.SearchError, match=r"At 6. ratios of radii from .*not excluded"):
+        loops.closed(Yukawa(), 1, 3, r=1.5)
+    with pytest.raises(orbits.SearchError, match=r"as steep as r\^-3, where only circles close"):
         loops.closed(PowerLaw(1.0, -4.0), 1, 2)
     with pytest.raises(orbits.SearchError, match="it repels"):
         loops.closed(PowerLaw(-1.0, -2.0), 1, 1)
@@ -97,6 +139,10 @@ def test_where_every_orbit_closes_there_is_one_choice_of_turns_and_loops(n, only
         (lambda: loops.closed(PowerLaw(), 1, 1.5), "loops: expected a whole number"),
         (lambda: loops.closed(PowerLaw(), 2, 4), "turns: expected no common factor .* 1 turns"),
         (lambda: loops.closed(1.0, 2, 3), "law: expected a CentralForce"),
+        (
+            lambda: jax.grad(lambda k: loops.closed(PowerLaw(k), 1, 1).period)(1.0),
+            "law: expected numbers, got values traced",
+        ),
         (lambda: loops.closed(PowerLaw(), 2, 3, r=-1.0), "r: expected > 0"),
         (lambda: loops.least([1.0, np.nan]), "n: expected finite numbers"),
         (lambda: loops.least("two"), "n: expected numbers"),

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from jaxdyn import _checks
 from jaxdyn.hard import (
     bodies,
+    centres,
     chaos,
     contact,
     coordinates,
@@ -34,6 +35,7 @@ FAMILIES = (
     shaken,
     separatrix,
     bodies,
+    centres,
     chaos,
     long,
 )

@@ -2,16 +2,19 @@
 
 from jaxdyn.scenes import ballistics as ballistics
 from jaxdyn.scenes import satellites as satellites
+from jaxdyn.scenes.apsidal import apsidal_angle as apsidal_angle
+from jaxdyn.scenes.apsidal import apsidal_limits as apsidal_limits
+from jaxdyn.scenes.apsidal import apsides as apsides
 from jaxdyn.scenes.bodies import box as box
 from jaxdyn.scenes.bodies import feynman_plate as feynman_plate
 from jaxdyn.scenes.bodies import free_body as free_body
 from jaxdyn.scenes.bodies import satellite as satellite
 from jaxdyn.scenes.bodies import top as top
-from jaxdyn.scenes.central import apsidal_angle as apsidal_angle
 from jaxdyn.scenes.central import central_orbit as central_orbit
 from jaxdyn.scenes.central import circular_speed as circular_speed
 from jaxdyn.scenes.central import fewest_loops as fewest_loops
 from jaxdyn.scenes.central import power_law as power_law
+from jaxdyn.scenes.central import swept_angle as swept_angle
 from jaxdyn.scenes.disks import rolling_disk as rolling_disk
 from jaxdyn.scenes.drawings import moved_box as moved_box
 from jaxdyn.scenes.drawings import moved_shape as moved_shape

@@ -2,28 +2,25 @@
 
 11 a: v^2 / r = f(r) / m, so circular orbits of all radii have one speed if f = k / r
 (`PowerLaw` with n = -1). 11 b: a motion between two radii always makes a regular rosette, never
-a chaotic one: it repeats after each loop, turned by twice the `apsidal_angle`. It closes if that
-angle is a rational part of pi. For nearly circular orbits under a power law it is
-pi / sqrt(3 + n), for n > -3; only n = 1 and n = -2 close at every radius (Bertrand). How many
-loops the simplest closed orbit has depends on n (11 b ii): `fewest_loops`.
+a chaotic one: it repeats after each loop, turned by twice the apsidal angle
+(`jaxdyn.scenes.apsidal`). It closes if that angle is a rational part of pi. For nearly circular
+orbits under a power law it is pi / sqrt(3 + n), for n > -3; only n = 1 and n = -2 close at every
+radius (Bertrand). How many loops the simplest closed orbit has depends on n (11 b ii):
+`fewest_loops`.
 """
 
 import math
 
-import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._arguments import like_defaults
-from jaxdyn._floats import floats
 from jaxdyn.effects import CentralForce, PowerLaw
-from jaxdyn.scene import Scene
+from jaxdyn.scene import Scene, System
+from jaxdyn.scenes.apsidal import apsidal_limits
 from jaxdyn.scenes.particles import particle
-
-_NODES = 64
-_ANGLES = (np.arange(_NODES) + 0.5) * np.pi / _NODES
+from jaxdyn.simulate import solve
 
 
 @like_defaults()
@@ -62,42 +59,46 @@ def circular_speed(law: CentralForce, r, m=1.0) -> Array:
     return jnp.sqrt(r * law.attraction(r) / m)
 
 
-def apsidal_angle(law: CentralForce, r_min, r_max) -> Array:
-    """() [rad] angle about the centre from the nearest to the farthest point of an orbit.
+def swept_angle(scene: Scene, t1=None, *, rtol: float = 1e-12) -> Array:
+    """() [rad] angle that a point in the plane has turned about the origin, all turns counted.
 
-    The integral of dtheta/dr from r_min to r_max in u = 1/r, by Gauss-Chebyshev quadrature
-    with 64 nodes, whose weight takes the square-root ends. The mass plays no part. An orbit
-    with angle pi p / q, in lowest terms, closes after p turns with q loops.
+    The angle is integrated with the motion, as a further entry of its state: samples of the
+    motion may miss a turn about a near centre, steps cannot.
 
     Args:
-      law: the force; its energy is what enters.
-      r_min: smallest distance [m].
-      r_max: largest distance [m], > r_min.
+      scene: one point in the plane and what acts on it.
+      t1: () end time [s]; the scene's own span if left out.
+      rtol: tolerance of the integration.
     Returns:
-      The angle; pi / 2 for a spring, pi for gravity, about pi / sqrt(3 + n) near a circle.
-      NaN where no orbit moves between these radii.
-    Limits: towards the circle its error grows like 1e-13 / (1 - r_min/r_max)^2, by
-      cancellation; for smooth laws it is right to 1e-11 down to ratios of about 0.05.
+      The angle, positive from x to y; NaN where the motion does not last.
     Example:
-      >>> from jaxdyn.effects import PowerLaw
-      >>> print(round(float(apsidal_angle(PowerLaw(1.0, -2.0), 0.5, 1.0)), 12))
-      3.14159265359
+      >>> round(float(swept_angle(power_law(n=-2.0, speed=0.01, t1=3.0))), 9)
+      6.293409842
     """
-    r_min, r_max = floats(r_min, r_max)
-    if not _checks.is_traced((r_min, r_max)) and not bool((0 < r_min) & (r_min < r_max)):
-        raise _checks.fail("r_max", f"above r_min = {r_min} > 0", r_max, "They are distances.")
-    low, high = 1 / r_max, 1 / r_min
+    y0 = jnp.append(_checks.array("y0", scene.y0, (4,), "One point in the plane."), 0.0)
+    swept = Scene(_Swept(scene.system), scene.effects, y0=y0, t1=scene.t1)
+    return solve(swept, scene.t1 if t1 is None else t1, rtol=rtol).y1[-1]
 
-    def energy(u):
-        return law.energy(1 / u)
 
-    # From energy and angular momentum at the two ends: L^2 / (2 m), and (du/dtheta)^2.
-    l2 = (energy(low) - energy(high)) / (high * high - low * low)
-    u = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(_ANGLES)
-    slope2 = (energy(low) - jax.vmap(energy)(u)) / l2 + low * low - u * u
-    # Without this a repulsion, where l2 < 0, would give the angle of the attraction.
-    slope2 = jnp.where(l2 > 0, slope2, jnp.nan)
-    return jnp.mean(jnp.sqrt((high - u) * (u - low) / slope2)) * jnp.pi
+class _Swept(System):
+    """A point in the plane with the angle that it has turned about the origin."""
+
+    system: System
+
+    @property
+    def obeys(self):
+        return self.system.obeys
+
+    def labels(self):
+        return (*self.system.labels(), ("angle", "rad"))
+
+    def points(self, t, y):
+        return self.system.points(t, y[:-1])
+
+    def rate(self, t, y, effects):
+        x1, x2, v1, v2 = y[:-1]
+        turning = (x1 * v2 - x2 * v1) / (x1 * x1 + x2 * x2)
+        return jnp.append(self.system.rate(t, y[:-1], effects), turning)
 
 
 def fewest_loops(n: float) -> int:
@@ -112,11 +113,11 @@ def fewest_loops(n: float) -> int:
       n: exponent, > -3; below no orbit moves between two radii.
     Raises:
       ValueError: no such exponent.
-    Limits: that the angle goes evenly from one end to the other is known by computation.
+    Limits: see `apsidal_limits`.
     """
     if not n > -3:
         raise _checks.fail("n", "above -3", n, "Steeper laws have no orbits between two radii.")
-    circle, line = 1 / math.sqrt(3 + n), (0.5 if n >= -1 else 1 / (3 + n))
+    circle, line = map(float, apsidal_limits(n))
     if circle == line:  # one angle for all: exactly 1/2 for a spring, 1 for gravity
         return round(1 / circle)
     low, high = sorted((circle, line))
