@@ -105,7 +105,7 @@ RANKS = {
     "jaxdyn/precession.py": 10,
     "jaxdyn/sleeping_top.py": 10,
     "jaxdyn/satellite_claims.py": 11,
-    "jaxdyn/scenes/apsidal.py": 3,
+    "jaxdyn/scenes/apsidal.py": 7,
     "jaxdyn/scenes/central.py": 8,
     "jaxdyn/scenes/nbody.py": 8,
     "jaxdyn/scenes/particles.py": 7,
