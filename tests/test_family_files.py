@@ -11,8 +11,8 @@ from scipy.special import ellipk
 from jaxdyn import scenes
 from orbits import PLAIN, Kind, drawing, family_files
 from orbits.cli import app as cli
-from orbits.cli.family import maker
 from orbits.family_files import Entry, Listing
+from orbits.parameters import maker
 from orbits.problem import Orbit, Outcome
 
 
