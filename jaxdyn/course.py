@@ -57,8 +57,8 @@ PROBLEMS: dict[int, Problem] = {
     ),
     7: _problem(
         "A drawn shape moved and turned",
-        "scenes.moved_shape drawing.animate",
-        "A house on a figure of eight; all distances within it stay.",
+        "scenes.moved_shape formulations.prescribed.Prescribed drawing.animate",
+        "A house on a figure of eight, or any drawing; all distances within it stay.",
     ),
     8: _problem(
         "Straight motion in polar coordinates",
@@ -68,12 +68,13 @@ PROBLEMS: dict[int, Problem] = {
     9: _problem(
         "Cannonball with linear drag",
         "scenes.cannonball scenes.ballistics.cannonball_linear_exact "
-        "scenes.ballistics.flight_time scenes.ballistics.best_angle",
+        "scenes.ballistics.flight_time scenes.ballistics.best_angle drawing.trajectory",
         "Fast shots tend to a triangle, and the best angle to 0, like log(u^2) / u.",
     ),
     10: _problem(
         "Mass on a spring of rest length zero, in space",
-        "scenes.hanging_spring scenes.springs.hanging_spring_exact scenes.springs.wildness",
+        "scenes.hanging_spring scenes.springs.hanging_spring_exact scenes.springs.wildness "
+        "drawing.projections",
         "Nothing wild is there: every motion is an ellipse with one period.",
     ),
     11: _problem(
@@ -199,7 +200,8 @@ PROBLEMS: dict[int, Problem] = {
     ),
     32: _problem(
         "Braking stability of a car",
-        "scenes.car scenes.wheels.braking scenes.wheels.turning_rate scenes.wheels.turning_left",
+        "scenes.car scenes.wheels.braking scenes.wheels.turning_rate scenes.wheels.turning_left "
+        "drawing.trajectory drawing.time_series",
         "Front wheels locked: stable. Rear wheels locked: turning grows while V^2 > mu g L.",
     ),
     33: _problem(
@@ -286,7 +288,7 @@ PROBLEMS: dict[int, Problem] = {
     ),
     47: _problem(
         "A box turned about a line",
-        "scenes.turned_box scenes.box drawing.animate",
+        "scenes.turned_box scenes.box formulations.prescribed.Prescribed drawing.animate",
         "120 degrees about (1, 1, 1) permutes the axes.",
     ),
     48: _problem(
@@ -296,8 +298,8 @@ PROBLEMS: dict[int, Problem] = {
     ),
     49: _problem(
         "A box animated by Euler angles",
-        "scenes.moved_box drawing.animate",
-        "Three swings; two of them 0 show roll, pitch or yaw alone.",
+        "scenes.moved_box formulations.prescribed.Prescribed drawing.animate",
+        "Three swings or any functions of time; two swings of 0 show roll, pitch or yaw alone.",
     ),
     50: _problem(
         "Angular momentum balance about G",
@@ -311,7 +313,7 @@ PROBLEMS: dict[int, Problem] = {
     ),
     52: _problem(
         "Euler equations in the body's axes",
-        "scenes.free_body formulations.rigid.pose energy.along",
+        "scenes.free_body formulations.rigid.pose energy.along drawing.time_series",
         "Spin about the middle axis is unstable, about the others stable.",
     ),
     53: _problem(

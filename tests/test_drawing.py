@@ -2,6 +2,7 @@ import itertools
 from types import SimpleNamespace
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import matplotlib
 import numpy as np
@@ -12,8 +13,12 @@ from PIL import Image
 
 from jaxdyn import Scene, Status, Trajectory, drawing, scenes, simulate
 from jaxdyn.drawing import animate, paths
+from jaxdyn.drawing.animation import _pace
+from jaxdyn.drawing.curves import CURVE
 from jaxdyn.drawing.figures import PALETTE
 from jaxdyn.drawing.panels import colours, limits
+from jaxdyn.drawing.solid import _taken
+from jaxdyn.drawing.titles import describe
 from jaxdyn.effects import UniformGravity
 from jaxdyn.events import Reaches
 from jaxdyn.formulations.newton import FreePoints
@@ -84,6 +89,12 @@ def _sampled(motion, index):
         motion.rejected,
         motion.status,
     )
+
+
+def _made_up(scene, ys):
+    """States that were not integrated."""
+    none = np.array(0)
+    return Trajectory(scene, jnp.linspace(0.0, 1.0, len(ys)), jnp.asarray(ys), none, none, none)
 
 
 def _lines(ax, marker):
@@ -188,9 +199,13 @@ def test_a_chain_is_drawn_with_its_phases(bounce, tmp_path):
     (end,) = [x for x in _lines(ax, "o") if x.get_markersize() == 12]
     np.testing.assert_allclose(end.get_xydata()[0], bounce.pieces[1].r[-1, 0], atol=1e-12)
     assert _legend(figure) == ["start", "next phase", "end"]
-    height = drawing.time_series(bounce, ["y"]).axes[0].lines[0].get_xydata()
-    assert height.shape == (18, 2)
+    landing, line = drawing.time_series(bounce, names=["y"]).axes[0].lines
+    assert landing.get_xdata()[0] == bounce.times[0]
+    height = line.get_xydata()
+    sampled = np.concatenate([piece.ts for piece in bounce.pieces])
+    assert len(height) > 1000
     assert (np.diff(height[:, 0]) >= 0).all()
+    assert set(sampled) <= set(height[:, 0])
     with Image.open(animate(bounce, tmp_path / "b.gif", seconds=0.2)) as gif:
         assert gif.n_frames == 7
 
@@ -255,7 +270,8 @@ def test_time_series_has_a_panel_a_unit(eight):
     assert [len(ax.lines) for ax in figure.axes] == [6, 6]
     line = figure.axes[1].lines[3]
     assert line.get_label() == "vy2"
-    np.testing.assert_array_equal(line.get_ydata(), eight["vy2"])
+    step = (len(line.get_ydata()) - 1) // (len(eight.ts) - 1)
+    np.testing.assert_array_equal(line.get_ydata()[::step], eight["vy2"])
 
 
 def test_time_series_say_the_units():
@@ -265,8 +281,93 @@ def test_time_series_say_the_units():
 
 
 def test_time_series_of_some_entries(eight):
-    (ax,) = drawing.time_series(eight, ["x1", "y3"]).axes
+    (ax,) = drawing.time_series(eight, names=["x1", "y3"]).axes
     assert [line.get_label() for line in ax.lines] == ["x1", "y3"]
+
+
+def test_time_series_say_what_they_are_of():
+    motion = simulate(scenes.cannonball(), 1.0, samples=3)
+    assert drawing.time_series(motion).axes[0].get_title() == TITLE
+    assert drawing.time_series(motion, title="a throw").axes[0].get_title() == "a throw"
+
+
+TITLE = "Free points (m = 1), uniform gravity (g = 9.81)"
+
+
+def test_a_picture_says_what_it_is_of(ball):
+    assert drawing.trajectory(ball).axes[0].get_title() == TITLE
+    assert drawing.trajectory(ball, title="").axes[0].get_title() == ""
+    assert describe(scenes.box()) == "Rigid body"
+    two = describe(scenes.double_pendulum(g=1.0))
+    assert two == "Chain (m = (1, 1), l = (1, 1)), uniform gravity (g = 1)"
+
+
+def test_a_long_title_is_folded_and_inside():
+    scene = scenes.two_springs(c_a=0.1, c_b=0.2, c_d=0.3)
+    figure = drawing.trajectory(_made_up(scene, scene.y0[None]))
+    figure.draw_without_rendering()
+    (ax,) = figure.axes
+    title, whole = ax.title.get_window_extent(), figure.bbox
+    assert ax.get_title().count("\n") >= 2
+    assert title.x0 >= 0
+    assert title.x1 <= whole.x1
+    assert title.y1 <= whole.y1
+
+
+def test_a_notebook_shows_the_picture(ball):
+    # IPython asks an object for its PNG file by this name.
+    for figure in (drawing.trajectory(ball), drawing.time_series(ball)):
+        assert figure._repr_png_().startswith(b"\x89PNG")
+
+
+def test_several_motions_are_drawn_on_the_same_axes():
+    throws = [simulate(scenes.cannonball(speed=v), samples=30) for v in (5.0, 12.0)]
+    figure = drawing.trajectory(throws, names=["slow", "fast"])
+    (ax,) = figure.axes
+    assert _legend(figure) == ["slow", "fast", "start", "end"]
+    assert ax.get_title() == TITLE
+    ends = [line.get_xydata()[0] for line in _lines(ax, "o") if line.get_markersize() == 12]
+    np.testing.assert_array_equal(ends, [motion.r[-1, 0] for motion in throws])
+    assert ax.get_xlim()[1] > float(throws[1].r[-1, 0, 0])
+    assert len({line.get_color() for line in _lines(ax, "o")}) == 2
+
+
+def test_motions_that_do_not_fit_together_are_refused(ball, throws):
+    with pytest.raises(ValueError, match="motion: expected motions in one space, got several"):
+        drawing.trajectory([ball, throws[3]])
+    with pytest.raises(ValueError, match="names: expected one for each of 1 motions, got 2"):
+        drawing.trajectory([ball], names=["a", "b"])
+    with pytest.raises(ValueError, match="motion: expected at least one motion, got none"):
+        drawing.trajectory([])
+
+
+@pytest.mark.parametrize("stretch", [(1, 1, 1), (1, 1, 0), (0, 0, 1), (5, 1, 1)])
+def test_solid_figures_fill_their_space(stretch):
+    scene = scenes.hanging_spring()
+    places = np.random.default_rng(3).uniform(size=(CURVE + 1, 6)) * np.tile(stretch, 2)
+    figure = drawing.trajectory(_made_up(scene, places))
+    figure.draw_without_rendering()
+    (ax,) = figure.axes
+    taken, whole = _taken(ax), figure.bbox
+    assert taken.x0 >= 0
+    assert taken.x1 <= whole.x1
+    assert taken.y0 >= figure.legends[0].get_window_extent().y1
+    assert taken.y1 <= ax.title.get_window_extent().y0
+    assert ax.title.get_window_extent().y1 <= whole.y1
+    # As wide as the figure, unless that made it too high.
+    assert taken.width > 0.9 * whole.width or taken.height > 1.1 * whole.width
+
+
+def test_projections_are_to_one_scale(throws):
+    figure = drawing.projections(throws[3])
+    figure.draw_without_rendering()
+    scales = [ax.get_window_extent().width / np.ptp(ax.get_xlim()) for ax in figure.axes]
+    np.testing.assert_allclose(scales, scales[0], rtol=0.02)
+    for ax, plane in zip(figure.axes, [(0, 2), (1, 2), (0, 1)], strict=True):
+        (start,) = _lines(ax, "o")
+        np.testing.assert_array_equal(start.get_xydata()[0], throws[3].r[0, 0, list(plane)])
+    with pytest.raises(ValueError, match="motion: expected a motion in space, got one in x"):
+        drawing.projections(throws[2])
 
 
 @pytest.mark.parametrize(
@@ -300,13 +401,14 @@ def test_wrong_files_are_refused(ball, tmp_path):
 
 
 def test_wrong_motions_and_names_are_refused(ball):
-    batch = SimpleNamespace(ys=np.zeros((2, 5, 4)))
-    with pytest.raises(ValueError, match=r"motion: expected samples of one motion"):
-        drawing.trajectory(batch)
+    batch = jax.tree.map(lambda x: jnp.stack([x, x]), ball)
+    for draw in (drawing.trajectory, drawing.time_series, drawing.projections):
+        with pytest.raises(ValueError, match="motion: expected one motion, got a batch"):
+            draw(batch)
     with pytest.raises(ValueError, match=r"names: expected one of .*Did you mean 'vx'"):
-        drawing.time_series(ball, ["vxx"])
+        drawing.time_series(ball, names=["vxx"])
     with pytest.raises(ValueError, match=r"names: expected one of .*, got none"):
-        drawing.time_series(ball, [])
+        drawing.time_series(ball, names=[])
 
 
 @pytest.mark.parametrize("d", [1, 2, 3])
@@ -325,6 +427,35 @@ def test_gif_has_the_asked_frames_and_length(throws, tmp_path, d):
     for old, new in itertools.pairwise(frames):
         assert (abs(new - old).max(axis=2) > 100).sum() > 20
         np.testing.assert_allclose(new[low:], old[low:], atol=40)
+
+
+@pytest.mark.parametrize(
+    ("span", "seconds", "note"),
+    [
+        (5.0, 5.0, ""),
+        (60.0, 12.0, "  (5 x faster)"),
+        (1e5, 10.0, "  (1e+04 x faster)"),
+        (0.3, 6.0, "  (20 x slower)"),
+        (1e-6, 5.0, "  (5e+06 x slower)"),
+    ],
+)
+def test_an_animation_runs_in_real_time_or_says_how_fast(span, seconds, note):
+    pace = _pace(span, None)
+    np.testing.assert_allclose(pace.seconds, seconds)
+    assert pace.note == note
+    assert _pace(span, span / 3).note == "  (3 x faster)"
+    assert _pace(span, span).note == ""
+
+
+def test_a_gif_takes_as_long_as_the_motion(throws, tmp_path):
+    path = animate(throws[2], tmp_path / "up.gif", fps=5)
+    with Image.open(path) as gif:
+        lengths = []
+        for i in range(gif.n_frames):
+            gif.seek(i)
+            lengths.append(gif.info["duration"])
+    span = float(throws[2].ts[-1])
+    assert sum(lengths) == pytest.approx(1000 * _pace(span, None).seconds, rel=0.05)
 
 
 def test_thirty_frames_a_second_keep_the_length(ball, tmp_path):

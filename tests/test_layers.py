@@ -134,6 +134,7 @@ RANKS = {
     "jaxdyn/drawing/panels.py": 10,
     "jaxdyn/drawing/space.py": 12,
     "jaxdyn/drawing/series.py": 12,
+    "jaxdyn/drawing/projections.py": 12,
     "jaxdyn/drawing/animation.py": 12,
     "jaxdyn/drawing/charts.py": 12,
     "jaxdyn/drawing/accuracy.py": 12,

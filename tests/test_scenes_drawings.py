@@ -7,6 +7,7 @@ from helpers import EXACT, SOLVED, gap
 
 from jaxdyn import simulate
 from jaxdyn.effects import UniformGravity
+from jaxdyn.euler import matrix_from_euler
 from jaxdyn.rotations import matrix_from_axis_angle
 from jaxdyn.scenes.drawings import HOUSE, HOUSE_LINES, moved_box, moved_shape, turned_box
 from jaxdyn.vectors import plane_rotation
@@ -58,6 +59,39 @@ def test_problem_49_roll_pitch_and_yaw_one_at_a_time(i):
     axis, angle = jnp.eye(3)[i], 1.1 * np.sin((i + 1) * 0.8)
     expected = motion.r[0] @ matrix_from_axis_angle(axis, angle).T
     assert gap(motion.r[-1], expected) < SOLVED * 10
+
+
+def _spun(t):
+    return 0.3 * t, jnp.sin(t), t**2
+
+
+def test_problem_49_three_functions_of_time():
+    motion = simulate(moved_box(angles=_spun, sequence="ZXZ"), 0.8, rtol=1e-12)
+    expected = motion.r[0] @ matrix_from_euler(jnp.stack(_spun(jnp.asarray(0.8))), "ZXZ").T
+    assert gap(motion.r[-1], expected) < SOLVED * 10
+
+
+def test_problem_7_any_drawing():
+    corners = np.array([[0.0, 1.0], [1.0, -1.0], [-1.0, -1.0]])
+    scene = moved_shape(corners=corners)
+    (drawn, _) = scene.sketch(0.0, scene.y0)
+    assert gap(drawn.at, corners[[[0, 1], [1, 2], [2, 0]]]) == 0
+    assert moved_shape(corners=corners, joined=[(0, 2)]).system.mechanism.joined == ((0, 2),)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: moved_shape(corners=[1.0, 2.0]), "corners: expected shape"),
+        (lambda: moved_shape(joined=[(0, 99)]), "joined: expected pairs of numbers from 0 to 8"),
+        (lambda: moved_shape(joined=[0, 1]), "joined: expected pairs"),
+        (lambda: moved_box(angles=3.0), "angles: expected a function of time, got 3.0"),
+        (lambda: moved_box(angles=lambda t: (t, t)), "returns three angles, got shape"),
+    ],
+)
+def test_drawings_that_cannot_be_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
 
 
 def test_problem_49_all_three_are_the_product_of_problem_48():

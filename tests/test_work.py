@@ -118,6 +118,14 @@ def test_what_is_refused(call, message):
         call()
 
 
+def _renamed(found):
+    """Six curves with long names."""
+    curves = found.curves * 3
+    names = (f"A solver with number {i}" for i in range(len(curves)))
+    renamed = (x._replace(solver=n) for x, n in zip(curves, names, strict=True))
+    return found._replace(curves=tuple(renamed))
+
+
 def test_pictures_are_drawn(damped, tmp_path):
     drawing.work_precision(damped, tmp_path / "work.png", title="damped")
     figure = drawing.judgement({"one": damped, "two": damped}, tmp_path / "j.png")
@@ -129,6 +137,13 @@ def test_pictures_are_drawn(damped, tmp_path):
         for ax in figure.axes
     ]
     assert shades[0] == shades[1] != {}
+    for width in (1, 3):
+        many = drawing.judgement({str(i): _renamed(damped) for i in range(width)})
+        many.draw_without_rendering()
+        box = many.legends[0].get_window_extent()
+        assert box.x0 >= 0
+        assert box.x1 <= many.bbox.x1
+        assert len(many.legends[0].get_texts()) == 7
     for file in ("work.png", "j.png"):
         assert (tmp_path / file).stat().st_size > 1000
 

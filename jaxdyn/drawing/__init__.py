@@ -20,5 +20,6 @@ from jaxdyn.drawing.animation import animate as animate
 from jaxdyn.drawing.charts import stability_chart as stability_chart
 from jaxdyn.drawing.contents import Paths as Paths
 from jaxdyn.drawing.contents import paths as paths
+from jaxdyn.drawing.projections import projections as projections
 from jaxdyn.drawing.series import time_series as time_series
 from jaxdyn.drawing.space import trajectory as trajectory

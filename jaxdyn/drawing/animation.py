@@ -1,4 +1,7 @@
-"""Moving pictures of a motion: bodies as dots with fading trails, at an even pace in model time.
+"""Moving pictures of a motion: its bodies, and dots with fading trails, at an even pace.
+
+A motion of some seconds is shown in real time, one that is too short or too long for that slower
+or faster by a round factor, which stands in the picture.
 
 A GIF needs nothing more, an MP4 needs the program ffmpeg. Frames are places on the fine curve
 that `paths` finds, never values between: a straight line between two of them is not on the path.
@@ -7,7 +10,9 @@ own way, the whole figure anew for each frame, takes several times as long.
 """
 
 import itertools
+import math
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.animation import FFMpegWriter, PillowWriter
@@ -29,6 +34,9 @@ from jaxdyn.simulate import Trajectory
 
 _DPI = 100
 _SHADES = 24  # of a trail
+_SHORT, _LONG = 2.0, 12.0  # s of a motion that is shown in real time
+_WATCHED = 4.0  # s at least that a shorter one is stretched to
+_SAME = 0.02  # of a pace
 _SHORTEST = 0.02  # s a frame of a GIF: viewers slow down those that ask for less
 
 
@@ -36,7 +44,7 @@ def animate(
     motion: Trajectory | Chain,
     path,
     *,
-    seconds: float = 6.0,
+    seconds: float | None = None,
     fps: float = 30,
     trail: float = 0.25,
 ) -> Path:
@@ -45,7 +53,8 @@ def animate(
     Args:
       motion: what `simulate` or `phases.run` returned.
       path: file to write, .gif or .mp4.
-      seconds: how long it lasts [s].
+      seconds: how long it lasts [s]; real time if left out, or a round part or multiple of it for
+        spans that are not from 2 to 12 s.
       fps: frames a second; in a GIF rounded to whole hundredths of a second a frame.
       trail: length of the trails as a share of the whole motion, 0 to 1.
     Raises:
@@ -59,14 +68,15 @@ def animate(
         raise _checks.fail(
             "motion", "at least 2 samples", len(drawn.ts), "Simulate with more, over a longer span."
         )
-    count, writer = _timing(path, len(drawn.ts), float(seconds), float(fps))
+    pace = _pace(abs(drawn.ts[-1] - drawn.ts[0]), seconds)
+    count, writer = _timing(path, len(drawn.ts), pace.seconds, float(fps))
     box = limits(places(drawn), drawn.equal)
     stage = blank(*size(box, drawn.equal), dpi=_DPI, kind=_Stage)
     ax = panel(stage, drawn, box)
     ax.set_title(f"{drawn.stopped}\n ", fontsize=9)  # the clock stands in the empty line
     legend_below(stage, path_entries(drawn.names, colours(drawn)))
     fill(stage)
-    actors = _Actors(ax, drawn, box, trail)
+    actors = _Actors(ax, drawn, box, trail, pace.note if drawn.second else "")
     with writer.saving(stage, str(path), _DPI):
         stage.set_up(actors.all)
         for sample in each(in_time(drawn, count), "drawing frames"):
@@ -101,8 +111,8 @@ class _Stage(Figure):
 class _Actors:
     """All that moves: trails, shapes, dots and the time, on axes of a figure."""
 
-    def __init__(self, ax, drawn: Paths, box: np.ndarray, trail: float):
-        self.drawn, self.trail = drawn, trail * (drawn.ts[-1] - drawn.ts[0])
+    def __init__(self, ax, drawn: Paths, box: np.ndarray, trail: float, note: str):
+        self.drawn, self.trail, self.note = drawn, trail * (drawn.ts[-1] - drawn.ts[0]), note
         own = colours(drawn)
         fade = np.linspace(0.0, 1.0, _SHADES + 1)[1:]
         # Shades of white instead of transparency: overlapping ends would show as beads.
@@ -114,6 +124,8 @@ class _Actors:
             ax.plot(*point[:, None], "o", color=colour, ms=10, mec="white")[0]
             for point, colour in zip(drawn.xyz[0], own, strict=True)
         ]
+        # As many places as tell apart a hundredth of the span.
+        self.places = max(0, 2 - math.floor(math.log10(abs(drawn.ts[-1] - drawn.ts[0]))))
         self.clock = ax.annotate(
             "", (0, 1), xycoords="axes fraction", xytext=(2, 4), textcoords="offset points"
         )
@@ -134,7 +146,35 @@ class _Actors:
         self.shapes.show(sample)
         for dot, point in zip(self.dots, xyz[sample], strict=True):
             (dot.set_data if len(point) == 2 else dot.set_data_3d)(*point[:, None])
-        self.clock.set_text(f"t = {ts[sample]:.2f}{self.drawn.second}")
+        self.clock.set_text(f"t = {ts[sample]:.{self.places}f}{self.drawn.second}{self.note}")
+
+
+class _Pace(NamedTuple):
+    """How long an animation lasts [s], and what stands beside its clock."""
+
+    seconds: float
+    note: str
+
+
+def _pace(span: float, seconds: float | None) -> _Pace:
+    """Real time where that can be watched, else a round factor of it; or the seconds wanted."""
+    if seconds is not None:
+        return _Pace(float(seconds), _factor(span / seconds))
+    if _SHORT <= span <= _LONG:
+        return _Pace(span, "")
+    rounds = np.array([1.0, 2.0, 5.0, 10.0])
+    least = span / _LONG if span > _LONG else _WATCHED / span
+    whole = 10.0 ** np.floor(np.log10(least))
+    times = float(whole * rounds[np.searchsorted(rounds, least / whole)])
+    faster = times if span > _LONG else 1 / times
+    return _Pace(span / faster, _factor(faster))
+
+
+def _factor(faster: float) -> str:
+    """How an animation's pace is to real time; empty where nobody sees a difference."""
+    if abs(faster - 1) < _SAME:
+        return ""
+    return f"  ({faster:.3g} x faster)" if faster > 1 else f"  ({1 / faster:.3g} x slower)"
 
 
 def _timing(path: Path, samples: int, seconds: float, fps: float):
@@ -159,7 +199,8 @@ def _timing(path: Path, samples: int, seconds: float, fps: float):
 
 
 def _check_numbers(seconds, fps, trail) -> None:
-    _checks.positive("seconds", seconds)
+    if seconds is not None:
+        _checks.positive("seconds", seconds)
     _checks.positive("fps", fps, "Frames a second.")
     if not 0 <= trail <= 1:
         raise _checks.fail("trail", "a share between 0 and 1", trail)

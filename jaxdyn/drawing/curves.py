@@ -50,17 +50,24 @@ def fine(piece: Trajectory, count: int, pieces: int) -> Part:
 
     A system without points is drawn by its state.
     """
-    scene, ts, ys = piece.scene, np.asarray(piece.ts[:count]), np.asarray(piece.ys[:count])
-    parts = -(-CURVE // (pieces * max(count - 1, 1)))
-    if parts > 1 and count > 1:
-        ts, ys = _between(ts, (ys, *map(np.asarray, _rates(scene, ts, ys))), parts)
+    scene = piece.scene
+    ts, ys = states(piece, count, pieces)
     points, *corners = (np.asarray(x) for x in _places(scene, ts, ys))
     return Part(ts, points, dict(zip(_outlines(scene), corners, strict=True)))
 
 
-def _between(ts: np.ndarray, states: tuple[np.ndarray, ...], parts: int):
+def states(piece: Trajectory, count: int, pieces: int) -> tuple[np.ndarray, np.ndarray]:
+    """Times (s,) and states (s, k) on that curve."""
+    ts, ys = np.asarray(piece.ts[:count]), np.asarray(piece.ys[:count])
+    parts = -(-CURVE // (pieces * max(count - 1, 1)))
+    if parts < 2 or count < 2:
+        return ts, ys
+    return _between(ts, (ys, *map(np.asarray, _rates(piece.scene, ts, ys))), parts)
+
+
+def _between(ts: np.ndarray, known: tuple[np.ndarray, ...], parts: int):
     """Times and states (s, k) on the curve, so many parts from sample to sample."""
-    y, v, a = states
+    y, v, a = known
     x = np.arange(parts) / parts
     times = ts[:-1, None] + np.diff(ts)[:, None] * x
     h = np.diff(ts)[:, None]

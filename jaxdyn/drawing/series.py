@@ -1,30 +1,38 @@
 """A picture of entries of the state against time."""
 
-import textwrap
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
 from jaxdyn.drawing.contents import why_stopped
-from jaxdyn.drawing.figures import PALETTE, blank, finished, style
+from jaxdyn.drawing.curves import reached, states
+from jaxdyn.drawing.figures import GRID, PALETTE, blank, finished, style
 from jaxdyn.drawing.panels import WIDTH
+from jaxdyn.drawing.titles import heading, said
 from jaxdyn.image_files import picture_path
 from jaxdyn.phases import Chain, pieces_of
 from jaxdyn.simulate import Trajectory
 
-_NOTE_WIDTH = 60  # characters
 
-
-def time_series(motion: Trajectory | Chain, names=None, path=None) -> Figure:
+def time_series(
+    motion: Trajectory | Chain,
+    path=None,
+    *,
+    names: Sequence[str] | None = None,
+    title: str | None = None,
+) -> Figure:
     """A picture of entries of the state against time, one panel a unit.
 
     Args:
-      motion: what `simulate` or `phases.run` returned.
-      names: labels of the entries to draw, e.g. ``["x", "vx"]``; all of them if left out.
+      motion: what `simulate` or `phases.run` returned. Its curves are smooth, see `curves`;
+        phases are parted by lines.
       path: file to write, .png, .pdf or .svg.
+      names: labels of the entries to draw, e.g. ``["x", "vx"]``; all of them if left out.
+      title: what stands above it; the scene with its numbers if left out, "" for nothing.
     Raises:
-      ValueError: an unknown label, or a file that cannot be written.
+      ValueError: an unknown label, a batch of motions, or a file that cannot be written.
     """
     path = picture_path(path)
     pieces = pieces_of(motion)
@@ -35,13 +43,17 @@ def time_series(motion: Trajectory | Chain, names=None, path=None) -> Figure:
     names = list(units) if names is None else [_checks.choice("names", x, units) for x in names]
     if not names:
         raise _checks.fail("names", "one of " + ", ".join(units), "none")
-    ts = np.concatenate([piece.ts for piece in pieces])
-    values = {name: np.concatenate([piece[name] for piece in pieces]) for name in names}
+    parts = [states(piece, reached(piece), len(pieces)) for piece in pieces]
+    ts, ys = (np.concatenate(both) for both in zip(*parts, strict=True))
+    values = dict(zip(units, ys.T, strict=True))
     shown = list(dict.fromkeys(units[name] for name in names))
+    lines = heading([said(motion) if title is None else title, why_stopped(motion)], WIDTH)
     figure = blank(WIDTH, 0.8 + 2.1 * len(shown))
     panels = figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0]
     for ax, unit in zip(panels, shown, strict=True):
         style(ax)
+        for begin in (part[0][0] for part in parts[1:] if len(part[0])):
+            ax.axvline(begin, color=GRID, lw=1.6, zorder=1)
         for i, name in enumerate(x for x in names if units[x] == unit):
             dash = ("-", "--", ":")[i // len(PALETTE) % 3]
             ax.plot(ts, values[name], dash, color=PALETTE[i % len(PALETTE)], lw=1.6, label=name)
@@ -49,5 +61,5 @@ def time_series(motion: Trajectory | Chain, names=None, path=None) -> Figure:
         ax.set_ylabel("" if plain else f"[{unit}]")
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     panels[-1].set_xlabel("t" if plain else "t [s]")
-    panels[0].set_title(textwrap.fill(why_stopped(motion), _NOTE_WIDTH))
+    panels[0].set_title(lines, fontsize=10)
     return finished(figure, path)

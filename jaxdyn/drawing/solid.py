@@ -30,28 +30,26 @@ def fill(figure: Figure) -> None:
     column = figure.bbox.width / len(solid)
     for _ in range(_ROUNDS):
         taken = [_taken(ax) for ax in solid]
+        squares = [ax.bbox.frozen() for ax in solid]
         wide = max(box.width for box in taken)
         high = max(box.height for box in taken)
         grow = min((column - 2 * pad) / wide, _HIGHEST * column / high)
         size = np.array([figure.bbox.width, below + grow * high + above])
         figure.set_size_inches(size / figure.dpi)
-        for i, (ax, box) in enumerate(zip(solid, taken, strict=True)):
+        for i, (ax, box, square) in enumerate(zip(solid, taken, squares, strict=True)):
             middle = np.array([(i + 0.5) * column, below + grow * high / 2])
-            _place(ax, box, middle, grow, size)
-            top = below + grow * high + pad - ax.bbox.y0
-            ax.set_title(ax.get_title(), fontsize=ax.title.get_fontsize(), y=top / ax.bbox.height)
+            side = grow * square.width
+            corner = middle - grow * (_middle(box) - _middle(square)) - side / 2
+            ax.set_position([*corner / size, *side / size])
+            # Solid axes put a title lower than they are told; its text does as it is told.
+            ax.set_title(ax.get_title(), fontsize=ax.title.get_fontsize(), y=1.0)
+            ax.title.set_y((below + grow * high + pad - corner[1]) / side)
         figure.draw_without_rendering()
 
 
-def _place(ax, taken: Bbox, middle: np.ndarray, grow: float, size: np.ndarray) -> None:
-    """Scale the axes and put the middle of what they take to a place (2,) [pixels]."""
-    square = ax.bbox
-    centre = np.array([square.x0 + square.x1, square.y0 + square.y1]) / 2
-    off = np.array([taken.x0 + taken.x1, taken.y0 + taken.y1]) / 2 - centre
-    side = grow * square.width
-    corner = middle - grow * off - side / 2
-    ax.set_position([*corner / size, *np.array([side, side]) / size])
-    ax.apply_aspect()
+def _middle(box: Bbox) -> np.ndarray:
+    """(2,) its middle."""
+    return np.array([box.x0 + box.x1, box.y0 + box.y1]) / 2
 
 
 def _taken(ax) -> Bbox:

@@ -7,7 +7,6 @@ springs, pins and anchors are drawn at the start. Space is drawn to one scale in
 motion on a line is drawn against time.
 """
 
-import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,13 +18,13 @@ from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.figures import blank, finished, legend_below, mark, path_entries, shades
 from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, panel, size
 from jaxdyn.drawing.solid import fill
-from jaxdyn.drawing.titles import said
+from jaxdyn.drawing.titles import heading, said
 from jaxdyn.image_files import picture_path
 from jaxdyn.phases import Chain
 from jaxdyn.simulate import Trajectory
 
 _POSES = {2: 5, 3: 2}  # of the bodies at later times; in space more would hide each other
-_CHARACTER = 0.082  # inches of a title
+_ABOVE = 12  # points, room for a pin
 _LINE = 0.17  # inches a line of the heading
 
 
@@ -66,10 +65,10 @@ def trajectory(
     box = limits(np.concatenate([places(one) for one in drawn]), drawn[0].equal)
     width, height = size(box, drawn[0].equal)
     lines = [_title(motions) if title is None else title, *(one.stopped for one in drawn)]
-    heading = "\n".join(textwrap.fill(x, int(width / _CHARACTER)) for x in lines if x)
-    figure = blank(width, height + _LINE * heading.count("\n"))
+    above = heading(lines, width)
+    figure = blank(width, height + _LINE * above.count("\n"))
     ax = panel(figure, drawn[0], box)
-    ax.set_title(heading, fontsize=10)
+    ax.set_title(above, fontsize=10, pad=_ABOVE)
     several = shades(len(drawn))
     for one, shade in zip(drawn, several, strict=True):
         own = colours(one) if len(drawn) == 1 else [shade] * one.xyz.shape[1]

@@ -2,6 +2,8 @@
 
 import dataclasses
 import re
+import textwrap
+from collections.abc import Sequence
 
 import equinox as eqx
 import numpy as np
@@ -10,12 +12,18 @@ from jaxdyn.phases import Chain, pieces_of
 from jaxdyn.scene import Scene
 from jaxdyn.simulate import Trajectory
 
+_CHARACTER = 0.078  # inches of a title in 10 points
 _MOST = 4  # entries of an array that are still written out
 
 
 def said(motion: Trajectory | Chain) -> str:
     """What moves and what acts on it, with their numbers."""
     return describe(pieces_of(motion)[0].scene)
+
+
+def heading(lines: Sequence[str], width: float) -> str:
+    """The lines that say something, folded for a figure of this width [in]."""
+    return "\n".join(textwrap.fill(line, int(width / _CHARACTER)) for line in lines if line)
 
 
 def describe(scene: Scene) -> str:

@@ -111,8 +111,8 @@ class Turntable(Mechanism):
         c, n = jnp.cos(q[0]), jnp.sin(q[0])
         along, middle = jnp.stack([c, n]), self.d * jnp.stack([n, -c])
         # As long as the mass needs it.
-        half = jnp.maximum(_SLOT * radius, jnp.abs(q[1]))
-        slot = line(middle - half * along, middle + half * along)
+        low, high = jnp.minimum(-_SLOT * radius, q[1]), jnp.maximum(_SLOT * radius, q[1])
+        slot = line(middle + low * along, middle + high * along)
         rim = Shape("area", circle(jnp.zeros(2), _SLOT * radius))
         return rim, slot, pin(jnp.zeros(2)), *traces(r[:1], ["mass"])
 

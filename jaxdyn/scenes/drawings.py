@@ -4,9 +4,13 @@ Nothing acts on them; where they are is given as a function of time.
 """
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
@@ -37,6 +41,7 @@ class MovedShape(Path):
     reach: Array
     frequency: Array
     spin: Array
+    joined: tuple[tuple[int, int], ...] = eqx.field(static=True)
 
     def coordinates(self):
         return (("x", "m"), ("y", "m"), ("theta", "rad"))
@@ -54,7 +59,7 @@ class MovedShape(Path):
         return q[None, :2] + self.outline @ plane_rotation(q[2]).T
 
     def sketch(self, t, q):
-        return lines(self.positions(t, q), HOUSE_LINES), *traces(q[None, :2], ["middle"])
+        return lines(self.positions(t, q), self.joined), *traces(q[None, :2], ["middle"])
 
 
 class TurnedBox(Path):
@@ -86,12 +91,32 @@ class TurnedBox(Path):
             raise _checks.fail("axis", "a direction", "0, 0, 0")
 
 
-class MovedBox(Path):
-    """A drawing (p, 3) [m] turned by three Euler angles that swing; see `moved_box`."""
+class Swings(eqx.Module):
+    """Three angles swing sin(frequency t) [rad]."""
 
-    outline: Array
     swings: Array
     frequencies: Array
+
+    def __call__(self, t: Array) -> Array:
+        """(3,) angles at time t."""
+        return self.swings * jnp.sin(self.frequencies * t)
+
+
+class Given(eqx.Module):
+    """Three angles by a function of time; as a module, since a scene is made of arrays."""
+
+    function: Callable[[Array], Any] = eqx.field(static=True)
+
+    def __call__(self, t: Array) -> Array:
+        """(3,) angles at time t."""
+        return jnp.stack([jnp.asarray(angle, float) for angle in self.function(t)])
+
+
+class MovedBox(Path):
+    """A drawing (p, 3) [m] turned by three Euler angles of time; see `moved_box`."""
+
+    outline: Array
+    angles: Swings | Given
     sequence: str = eqx.field(static=True)
 
     def coordinates(self):
@@ -101,7 +126,7 @@ class MovedBox(Path):
         return _equal(self.outline)
 
     def path(self, t):
-        return self.swings * jnp.sin(self.frequencies * t)
+        return self.angles(t)
 
     def positions(self, t, q):
         del t
@@ -112,7 +137,9 @@ class MovedBox(Path):
 
 
 @like_defaults()
-def moved_shape(*, reach=(3.0, 1.5), frequency=1.0, spin=1.0, t1=2 * math.pi) -> Scene:
+def moved_shape(
+    *, reach=(3.0, 1.5), frequency=1.0, spin=1.0, t1=2 * math.pi, corners=None, joined=None
+) -> Scene:
     """A drawn house that moves along a figure of eight and turns (problem 7).
 
     Its middle is at (a sin w t, b sin 2 w t), its angle is spin t.
@@ -122,9 +149,21 @@ def moved_shape(*, reach=(3.0, 1.5), frequency=1.0, spin=1.0, t1=2 * math.pi) ->
       frequency: w, of the path [rad/s].
       spin: of the house [rad/s].
       t1: span [s].
+      corners: (p, 2) of another drawing, about its middle [m]; the house if left out.
+      joined: pairs of corners that lines join; all around if left out.
+    Example:
+      >>> triangle = moved_shape(corners=[[0, 1], [1, -1], [-1, -1]])
+      >>> triangle.system.mechanism.joined
+      ((0, 1), (1, 2), (2, 0))
     """
+    if corners is None:
+        corners, joined = HOUSE, HOUSE_LINES if joined is None else joined
+    corners = _checks.array("corners", corners, (None, 2), "x and y of each, in m.")
+    p = len(corners)
+    around = tuple((i, (i + 1) % p) for i in range(p))
+    pairs = around if joined is None else _checked_pairs(joined, p)
     numbers = _checks.array("reach", reach, (2,), "Across and up, in m."), frequency, spin
-    return _followed(MovedShape(*floats(HOUSE, *numbers)), t1)
+    return _followed(MovedShape(*floats(corners, *numbers), pairs), t1)
 
 
 @like_defaults()
@@ -157,10 +196,12 @@ def moved_box(
     sides=(3.0, 2.0, 1.0),
     sequence: str = "xyz",
     t1=2 * math.pi,
+    angles: Callable[[Array], Any] | None = None,
 ) -> Scene:
     """A box turned by three Euler angles that are given functions of time (problem 49).
 
-    Each angle is swing sin(frequency t). Two swings of 0 show roll, pitch or yaw alone.
+    Each angle is swing sin(frequency t), or what `angles` says. Two swings of 0 show roll, pitch
+    or yaw alone.
 
     Args:
       swings: (3,) of the angles [rad].
@@ -168,13 +209,39 @@ def moved_box(
       sides: (3,) along x, y and z at the start [m].
       sequence: Euler angles; "xyz" are those of problem 48, about fixed x, then y, then z.
       t1: span [s].
+      angles: t -> (3,) any other angles [rad], in place of the swings, by functions of
+        jax.numpy; a named function, since each lambda compiles anew.
+    Example:
+      >>> import jax.numpy as jnp
+      >>> def faster_and_faster(t):
+      ...     return 0.1 * t**2, jnp.sin(t), 0.0 * t
+      >>> scene = moved_box(angles=faster_and_faster)
     """
     _checks.choice("sequence", sequence, SEQUENCES)
     remedy = "One for each angle."
     swings = _checks.array("swings", swings, (3,), remedy)
     frequencies = _checks.array("frequencies", frequencies, (3,), remedy)
     corners = box_points(1.0, sides).r[:8]
-    return _followed(MovedBox(corners, swings, frequencies, sequence), t1)
+    given = Swings(swings, frequencies) if angles is None else _given(angles)
+    return _followed(MovedBox(corners, given, sequence), t1)
+
+
+def _given(angles) -> Given:
+    if not callable(angles):
+        raise _checks.fail("angles", "a function of time", angles, "Such as lambda t: (t, t, t).")
+    shape = jax.eval_shape(Given(angles), jnp.zeros(())).shape
+    if shape != (3,):
+        raise _checks.fail("angles", "a function that returns three angles", f"shape {shape}")
+    return Given(angles)
+
+
+def _checked_pairs(pairs, count: int) -> tuple[tuple[int, int], ...]:
+    """Pairs of corners of so many."""
+    found = np.asarray(pairs)
+    whole = found.ndim == 2 and found.shape[1] == 2 and np.issubdtype(found.dtype, np.integer)
+    if not whole or found.min() < 0 or found.max() >= count:
+        raise _checks.fail("joined", f"pairs of numbers from 0 to {count - 1}", pairs)
+    return tuple((int(i), int(j)) for i, j in found)
 
 
 def _followed(path: Path, t1) -> Scene:

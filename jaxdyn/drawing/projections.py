@@ -1,0 +1,63 @@
+"""A picture of a motion in space from three sides: its projections on the coordinate planes."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxdyn import _checks
+from jaxdyn.drawing.contents import Paths, paths
+from jaxdyn.drawing.figures import blank, finished, legend_below, mark, path_entries, style
+from jaxdyn.drawing.panels import WIDTH, colours, draw_paths, draw_starts, limits
+from jaxdyn.drawing.titles import heading, said
+from jaxdyn.image_files import picture_path
+from jaxdyn.phases import Chain
+from jaxdyn.simulate import Trajectory
+
+#: Where the views stand, as a drawing office places them: from the front, the side and above.
+_VIEWS = {(0, 0): (0, 2), (0, 1): (1, 2), (1, 0): (0, 1)}
+_ROOM = 1.6  # inches for labels, title and legend
+
+
+def projections(motion: Trajectory | Chain, path=None, *, title: str | None = None) -> Figure:
+    """The paths of a motion in space, projected on the x-z, y-z and x-y planes to one scale.
+
+    Args:
+      motion: what `simulate` or `phases.run` returned.
+      path: file to write, .png, .pdf or .svg.
+      title: what stands above it; the scene with its numbers if left out, "" for nothing.
+    Raises:
+      ValueError: a motion that is not in space, a batch, or a file that cannot be written.
+    Example:
+      >>> from jaxdyn import scenes, simulate
+      >>> figure = projections(simulate(scenes.hanging_spring(), samples=20))
+      >>> [(ax.get_xlabel(), ax.get_ylabel()) for ax in figure.axes]
+      [('x [m]', 'z [m]'), ('y [m]', 'z [m]'), ('x [m]', 'y [m]')]
+    """
+    path = picture_path(path)
+    drawn = paths(motion)
+    if len(drawn.labels) != 3:
+        got = f"one in {', '.join(drawn.labels)}"
+        raise _checks.fail("motion", "a motion in space", got, "Take drawing.trajectory.")
+    box = limits(drawn.xyz, True)
+    sides = np.diff(box)[:, 0]
+    scale = (WIDTH - _ROOM) / (sides[0] + sides[1])
+    figure = blank(WIDTH, scale * (sides[1] + sides[2]) + _ROOM)
+    grid = figure.add_gridspec(2, 2, width_ratios=sides[:2], height_ratios=sides[2:0:-1])
+    for place, plane in _VIEWS.items():
+        ax: Any = figure.add_subplot(grid[place])
+        for axis, side in zip("xy", plane, strict=True):
+            ax.set(**{f"{axis}lim": box[side], f"{axis}label": drawn.labels[side]})
+        ax.set_aspect("equal")
+        style(ax)
+        _draw(ax, drawn._replace(xyz=drawn.xyz[..., plane]))
+    lines = [said(motion) if title is None else title, drawn.stopped]
+    figure.suptitle(heading(lines, WIDTH), fontsize=10)
+    legend_below(figure, [*path_entries(drawn.names, colours(drawn)), mark("o", "start")])
+    return finished(figure, path)
+
+
+def _draw(ax, drawn: Paths) -> None:
+    draw_paths(ax, drawn, colours(drawn))
+    if len(drawn.xyz):
+        draw_starts(ax, drawn, colours(drawn))
