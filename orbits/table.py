@@ -17,7 +17,7 @@ import numpy as np
 
 from jaxdyn import Scene, records
 from jaxdyn._checks import fail
-from jaxdyn.output_files import replace, writable
+from jaxdyn.output_files import replace, unwritable, writable
 from orbits.closing import Closing
 from orbits.problem import Orbit, Outcome
 from orbits.same import same
@@ -137,11 +137,15 @@ class File:
         if chunk.number in self.chunks:
             return
         self.chunks[chunk.number] = chunk
-        if self._path is not None:
+        if self._path is None:
+            return
+        try:
             with open(self._path, "ab") as file:
                 file.write(chunk.line().encode())
                 file.flush()
                 os.fsync(file.fileno())
+        except OSError as error:
+            raise unwritable(self._path, error) from error
 
 
 def read(path: str | Path) -> tuple[dict[str, Any], list[Chunk]]:

@@ -269,6 +269,15 @@ def test_a_disk_that_fills_up_leaves_the_result_and_one_line(
     assert err.count("\n") == 1
 
 
+def test_an_interrupted_run_is_no_traceback(jaxdyn, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(catalogue.Entry, "motion", interrupted)
+    code, _, err = jaxdyn("run", "cannonball")
+    assert (code, err.strip()) == (130, "")
+
+
 def finished(*words, stdout=subprocess.PIPE):
     """A run of the command line in a process of its own."""
     words = [sys.executable, "-m", *words]

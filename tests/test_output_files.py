@@ -69,6 +69,17 @@ def test_all_that_write_ask_before_the_work(motion):
             write()
 
 
+def test_a_table_whose_disk_fills_up_names_its_file(tmp_path, monkeypatch):
+    file = table.File(tmp_path / "t.jsonl", {})
+
+    def full(handle):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(ValueError, match=r"t.jsonl' \(No space left on device\)"):
+        file.add(table.Chunk(0, {}, ()))
+
+
 def test_a_file_is_replaced_as_a_whole_or_not_at_all(tmp_path, monkeypatch):
     path = tmp_path / "a.txt"
     output_files.replace(path, "new")

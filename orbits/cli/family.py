@@ -77,12 +77,7 @@ def family_command(
             out.result({"scene": name} | orbits.family_files.as_json(family))
         else:
             _print(family, out)
-        if save_to:
-            with out.writing(save_to, "saved to"):
-                orbits.family_files.save(save_to, family)
-        if plot:
-            with out.writing(plot, "drawn in"):
-                orbits.drawing.family(family, plot)
+        _write(family, save_to, plot, out)
 
 
 def _bounds(option: str, text: str | None) -> tuple[float, float]:
@@ -115,6 +110,17 @@ def _print(family: "orbits.family_files.Listing", out: Screen) -> None:
         table.add_row(*_row(entry)[-len(table.columns) :])
     out.print(table)
     out.print(f"{len(family.members)} orbits; the end: {family.end}")
+
+
+def _write(
+    family: "orbits.family_files.Listing", save_to: Path | None, plot: Path | None, out: Screen
+) -> None:
+    if save_to:
+        with out.writing(save_to, "saved to"):
+            orbits.family_files.save(save_to, family)
+    if plot:
+        with out.writing(plot, "drawn in"):
+            orbits.drawing.family(family, plot)
 
 
 def _row(entry: "orbits.family_files.Entry") -> tuple[str, ...]:
