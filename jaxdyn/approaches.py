@@ -12,6 +12,7 @@ from jaxdyn.events import Event, until
 from jaxdyn.regularised import followed
 from jaxdyn.scene import Scene, System
 from jaxdyn.simulate import MAX_STEPS, RTOL
+from jaxdyn.status import IntegrationError, Status
 
 
 class Approach(NamedTuple):
@@ -57,9 +58,15 @@ def closest_approaches(
         value = np.asarray(jax.vmap(event.value)(grid, run.ys))
         for k in np.flatnonzero((value[:-1] < 0) & (value[1:] >= 0)):
             near = until(slow.starting(run.ys[k]), event, grid[k + 1], t0=grid[k], rtol=rtol)
-            if near.happened:
-                gap, _ = event.between(near.t, near.y)
-                found.append(Approach(float(near.y[-1]), (i, j), float(jnp.linalg.norm(gap))))
+            status = Status(int(near.status))
+            if status != Status.OK:
+                raise IntegrationError(status.message)
+            t, y = near.t, near.y
+            if not near.happened:  # it is at one of the two samples, to rounding
+                at = k if -value[k] < value[k + 1] else k + 1
+                t, y = grid[at], run.ys[at]
+            gap, _ = event.between(t, y)
+            found.append(Approach(float(y[-1]), (i, j), float(jnp.linalg.norm(gap))))
     return sorted(found, key=lambda near: near.distance)
 
 

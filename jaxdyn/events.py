@@ -19,7 +19,8 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import in_one_kernel
-from jaxdyn.crossings import coincident, first_crossing, values
+from jaxdyn.crossings import first_crossing
+from jaxdyn.event_values import coincident, values
 from jaxdyn.flow import Settings, flow
 from jaxdyn.scene import Scene, checked
 from jaxdyn.simulate import MAX_STEPS, RTOL, checked_settings
@@ -99,7 +100,8 @@ class Stop(eqx.Module):
 
     Attributes:
       t: () time of the event, or the end of the span if there was none; NaN if the run failed.
-      y: (k,) state then; NaN if the run failed.
+      y: (k,) state then, not beyond the event except by less than a start can show; NaN if the
+        run failed.
       event: () index of the event, -1 for none.
       status: () `Status` code.
       coincident: (E,) whether each of the events happens at this time, to rounding; several do
@@ -131,6 +133,14 @@ def until(
 ) -> Stop:
     """The first event of a motion: when, and the state then.
 
+    An event happens at the first time after t0 at which its value has changed sign in the wanted
+    direction. A value that is within rounding of zero at the start (16 roundings of the state, and
+    of its change over t0 and the first step) is on the side that its slope points to: to leave an
+    event is not to meet it. If the value turns back at once it does meet it, however short that
+    flight: at t0, to rounding, if it is shorter than times resolve. If the slope is zero too, to
+    rounding, the event happens at t0 if the value then goes in the wanted direction, and does
+    not happen if that is 0.
+
     Args:
       scene: system, effects, start.
       events: what to look for.
@@ -142,10 +152,13 @@ def until(
       solver: see `simulate`.
       max_steps: see `simulate`.
     Raises:
-      ValueError: no event, or numbers that make no sense.
-    Limits: two crossings are missed if the value turns three times within a quarter of a step.
-      At a grazing contact derivatives are infinite. An event within rounding of the end of the
-      span may count as after it: end the span later.
+      ValueError: no event, or an argument out of its range.
+    Limits: two crossings in one step are found if the value is smooth and goes beyond zero by
+      more than 4 roundings of the state at the start. Missed are a value that looks smooth at
+      four places of a step and is not in between (a pulse much shorter than the step that is
+      exactly constant elsewhere), and what is left of a step after 4096 panels of a value that
+      turns near zero throughout. At a grazing contact derivatives are infinite. An event within
+      rounding of the end of the span may count as after it: end the span later.
     Example:
       >>> from jaxdyn import events, scenes
       >>> ball = scenes.cannonball(g=10.0, speed=10.0)

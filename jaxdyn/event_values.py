@@ -1,0 +1,107 @@
+"""Values of events where a motion is, their slopes along it, and how far rounding moves them."""
+
+import functools
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn.scene import Field
+from jaxdyn.solvers import Method
+
+#: Roundings of state and time that two events at one time may be apart.
+_TOGETHER = 64
+
+
+class Looked(NamedTuple):
+    """The E events where a motion is at (t, y), one entry each.
+
+    Attributes:
+      values: (E,) what crosses zero.
+      slopes: (E,) their slopes in time along the motion.
+      rounding: (E,) what one rounding of the state moves them by.
+      speeds: (E,) what one rounding of a unit of time moves them by; one rounding of a slope.
+      bends: (E,) one rounding of their second derivatives in time; 0 where there are none.
+    """
+
+    values: Array
+    slopes: Array
+    rounding: Array
+    speeds: Array
+    bends: Array
+
+
+def values(events: tuple, t: Array, y: Array) -> Array:
+    """(E,) values of all events."""
+    return jnp.stack([event.value(t, y) for event in events])
+
+
+def looked(field, events: tuple, t: Array, y: Array) -> Looked:
+    """The events of a motion at (t, y); `field` has ``rate(t, y)``."""
+    fn, eps = functools.partial(values, events), jnp.finfo(y.dtype).eps
+
+    def parts(t, y):
+        by_time, rows = jax.jacfwd(fn, argnums=(0, 1))(t, y)
+        return rows, jnp.concatenate([by_time[:, None], rows * field.rate(t, y)[None]], axis=-1)
+
+    (rows, terms), (_, bends) = jax.jvp(parts, (t, y), (jnp.ones_like(t), field.rate(t, y)))
+    bends = jnp.abs(jnp.sum(bends, -1))
+    return Looked(
+        values=fn(t, y),
+        slopes=jnp.sum(terms, -1),
+        rounding=eps * jnp.sum(jnp.abs(rows * y[None]), -1),
+        speeds=eps * jnp.sum(jnp.abs(terms), -1),
+        bends=eps * jnp.where(jnp.isfinite(bends), bends, 0.0),
+    )
+
+
+class Sight(eqx.Module):
+    """Events of a motion, seen at any time after a node, by one step of the method from there.
+
+    Attributes:
+      field: has ``rate(t, y)`` and ``project(t, y)``.
+      events: modules with ``value(t, y)`` and ``direction``.
+      method: what takes the step.
+    """
+
+    field: Field
+    events: tuple
+    method: Method = eqx.field(static=True)
+
+    def after(self, t: Array, y: Array, hs: Array) -> tuple[Array, Array, Array]:
+        """(s, E) values and slopes and (k, s) states, after one step of each length hs (s,)."""
+        # One step of a state with s columns: a batch of steps would scatter into its stages.
+        rates = jax.vmap(self.field.rate, in_axes=(0, -1), out_axes=-1)
+        ys = jnp.broadcast_to(y[:, None], (*y.shape, *hs.shape))
+        increment, _ = self.method.step(lambda t, y: rates(t[0], y), t, hs[None], ys, loops=1)
+        ts = t + hs
+        x = jax.vmap(self.field.project, in_axes=(0, -1), out_axes=-1)(ts, ys + increment)
+
+        def along(t, y, rate):
+            ahead = (jnp.ones_like(t), rate)
+            return jax.jvp(functools.partial(values, self.events), (t, y), ahead)
+
+        g, slope = jax.vmap(along, in_axes=(0, -1, -1))(ts, x, rates(ts, x))
+        return g, slope, x
+
+
+def coincident(field, events: tuple, y0: Array, t0: Array, t: Array, y: Array, direction) -> Array:
+    """(E,) whether each event happens at (t, y) of the motion from (t0, y0), to rounding.
+
+    Args:
+      field: has ``rate(t, y)``.
+      events: modules with ``value(t, y)`` and ``direction``.
+      y0: (k,) start.
+      t0: () start time.
+      t: () time of an event.
+      y: (k,) state then.
+      direction: () 1 forwards in time, -1 backwards.
+    """
+    here = looked(field, events, t, y)
+    start = looked(field, events, t0, y0)
+    time = jnp.abs(t0) + jnp.abs(t)
+    off = _TOGETHER * (here.rounding + start.rounding + time * here.speeds)
+    wanted = jnp.array([event.direction for event in events])
+    return (jnp.abs(here.values) <= off) & ((wanted == 0) | (wanted * direction * here.slopes > 0))
