@@ -422,6 +422,9 @@ def test_gif_has_the_asked_frames_and_length(throws, tmp_path, d):
             length += gif.info["duration"]
             frames.append(np.asarray(gif.convert("RGB"), dtype=int))
     assert length == 1000
+    high, wide, _ = frames[0].shape
+    clock = frames[0][: high // 12, : wide // 4]
+    assert (clock.max(axis=2) < 100).sum() > 20
     # Dots and clock move over a ground that stays: the labels below never change.
     low = frames[0].shape[0] * 9 // 10
     for old, new in itertools.pairwise(frames):

@@ -56,8 +56,9 @@ def run_command(
         animation_path(animate)
     if csv is not None:
         writable(csv, (".csv",))
-    if title is not None and plot is None:
-        raise fail("--title", "--plot with it", "none", "It is the title of the picture.")
+    if title is not None and plot is None and series is None:
+        wanted = "--plot or --series with it"
+        raise fail("--title", wanted, "none", "It is the title of the picture.")
     if seconds is not None and animate is None:
         raise fail("--seconds", "--animate with it", "none", "It is how long that lasts.")
     remedy = f"It is at most {_MOST_SAMPLES} here; jaxdyn.simulate takes more."
@@ -70,16 +71,17 @@ def run_command(
             out.result(record)
         else:
             _print(record, end, out)
+        if title is None and (plot or series):
+            title = f"{name}: {jaxdyn.drawing.caption(motion)}"
         if plot:
             with out.writing(plot, "drawn in"):
                 jaxdyn.drawing.trajectory(motion, plot, title=title)
         if series:
             with out.writing(series, "drawn over time in"):
-                jaxdyn.drawing.time_series(motion, path=series)
+                jaxdyn.drawing.time_series(motion, series, title=title)
         if animate:
-            length = {} if seconds is None else {"seconds": seconds}
             with out.writing(animate, "animated in"):
-                jaxdyn.drawing.animate(motion, animate, **length)
+                jaxdyn.drawing.animate(motion, animate, seconds=seconds)
         if csv:
             with out.writing(csv, "written to"):
                 jaxdyn.tables.write_csv(csv, motion)

@@ -23,3 +23,4 @@ from jaxdyn.drawing.contents import paths as paths
 from jaxdyn.drawing.projections import projections as projections
 from jaxdyn.drawing.series import time_series as time_series
 from jaxdyn.drawing.space import trajectory as trajectory
+from jaxdyn.drawing.titles import caption as caption

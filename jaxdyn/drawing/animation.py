@@ -33,6 +33,7 @@ from jaxdyn.phases import Chain
 from jaxdyn.simulate import Trajectory
 
 _DPI = 100
+_CORNER = 0.02  # of the figure: where the clock stands
 _SHADES = 24  # of a trail
 _SHORT, _LONG = 2.0, 12.0  # s of a motion that is shown in real time
 _WATCHED = 4.0  # s at least that a shorter one is stretched to
@@ -73,7 +74,7 @@ def animate(
     box = limits(places(drawn), drawn.equal)
     stage = blank(*size(box, drawn.equal), dpi=_DPI, kind=_Stage)
     ax = panel(stage, drawn, box)
-    ax.set_title(f"{drawn.stopped}\n ", fontsize=9)  # the clock stands in the empty line
+    ax.set_title(f" \n{drawn.stopped}", fontsize=9)  # the clock stands in the empty line
     legend_below(stage, path_entries(drawn.names, colours(drawn)))
     fill(stage)
     actors = _Actors(ax, drawn, box, trail, pace.note if drawn.second else "")
@@ -126,9 +127,8 @@ class _Actors:
         ]
         # As many places as tell apart a hundredth of the span.
         self.places = max(0, 2 - math.floor(math.log10(abs(drawn.ts[-1] - drawn.ts[0]))))
-        self.clock = ax.annotate(
-            "", (0, 1), xycoords="axes fraction", xytext=(2, 4), textcoords="offset points"
-        )
+        # In the corner of the figure: solid axes reach beyond it.
+        self.clock = ax.figure.text(_CORNER, 1 - _CORNER, "", va="top")
 
     @property
     def all(self) -> list:

@@ -18,7 +18,7 @@ from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.figures import blank, finished, legend_below, mark, path_entries, shades
 from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, panel, size
 from jaxdyn.drawing.solid import fill
-from jaxdyn.drawing.titles import heading, said
+from jaxdyn.drawing.titles import caption, heading
 from jaxdyn.image_files import picture_path
 from jaxdyn.phases import Chain
 from jaxdyn.simulate import Trajectory
@@ -131,7 +131,7 @@ def _marks(drawn: list[Paths]) -> list:
 
 def _title(motions: list) -> str:
     """The scene and its numbers, where they are the same for all motions."""
-    found = {said(motion) for motion in motions}
+    found = {caption(motion) for motion in motions}
     return found.pop() if len(found) == 1 else ""
 
 

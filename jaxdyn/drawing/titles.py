@@ -13,17 +13,20 @@ from jaxdyn.scene import Scene
 from jaxdyn.simulate import Trajectory
 
 _CHARACTER = 0.078  # inches of a title in 10 points
+_KEPT = "\0=\0"
 _MOST = 4  # entries of an array that are still written out
 
 
-def said(motion: Trajectory | Chain) -> str:
+def caption(motion: Trajectory | Chain) -> str:
     """What moves and what acts on it, with their numbers."""
     return describe(pieces_of(motion)[0].scene)
 
 
 def heading(lines: Sequence[str], width: float) -> str:
     """The lines that say something, folded for a figure of this width [in]."""
-    return "\n".join(textwrap.fill(line, int(width / _CHARACTER)) for line in lines if line)
+    kept = (line.replace(" = ", _KEPT) for line in lines if line)  # not parted at its ends
+    folded = "\n".join(textwrap.fill(line, int(width / _CHARACTER)) for line in kept)
+    return folded.replace(_KEPT, " = ")
 
 
 def describe(scene: Scene) -> str:
