@@ -15,6 +15,7 @@ is a pytree: its corners are arrays, its kind and name fixed.
     trace    a point that leaves a path; where a scene has any, only theirs are drawn
 """
 
+import abc
 from collections.abc import Sequence
 from typing import Literal
 
@@ -39,6 +40,14 @@ class Shape(eqx.Module):
     def placed(self, r: Array, R: Array) -> "Shape":
         """The same shape, given in axes (d, d) whose columns are R and whose origin is r (d,)."""
         return Shape(self.kind, r[(None,) * (self.at.ndim - 1)] + self.at @ R.T, self.name)
+
+
+class Looks(eqx.Module):
+    """What a drawing shows of a body; a module and no function, so that files can name it."""
+
+    @abc.abstractmethod
+    def __call__(self, r: Array) -> tuple[Shape, ...]:
+        """Shapes in the body's own axes, from the places r (p, 3) of its points there."""
 
 
 def lines(r: Array, pairs: Sequence[tuple[int, int]]) -> Shape:

@@ -10,6 +10,8 @@ from jaxdyn._checks import fail
 from jaxdyn.formulations.attitude import Attitude
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.inertia import MaterialPoints
+from jaxdyn.scenes.drawings import Angles
+from jaxdyn.sketch import Looks
 from orbits.closing import Closing
 from orbits.given import check_drive, driven
 from orbits.problem import Orbit, Outcome
@@ -19,7 +21,7 @@ KEYS = {"scene", "closing", "angle", "rtol", "s_period"}
 #: What defines the classes that a file may name: they are looked up among those that are loaded.
 LOADED = (effects, scenes)
 #: Base classes of what a scene is put together from.
-KINDS = (System, Effect, Mechanism, Attitude, MaterialPoints)
+KINDS = (System, Effect, Mechanism, Attitude, MaterialPoints, Looks, Angles)
 DAMAGED = "The file was edited or is damaged."
 
 

@@ -6,6 +6,7 @@ import equinox as eqx
 
 from jaxdyn import Scene
 from jaxdyn._checks import choice, fail
+from jaxdyn._progress import doing
 from jaxdyn.formulations.newton import FreePoints
 from orbits import closing as closings
 from orbits.conditions import Energy
@@ -71,6 +72,7 @@ def _seeds(scene: Scene) -> list[Seed]:
     if driven(scene):
         raise fail("--period", "one, a multiple of the drive's", "none", "The motion is driven.")
     scene.check()
+    doing("simulating the scene, to see when it nearly comes back")
     seeds = returns(scene, float(scene.t1), longest=float(scene.t1), most=_TRIES)
     if not seeds:
         remedy = "The scene's own motion does not nearly come back in its span."

@@ -149,7 +149,7 @@ def test_a_scene_is_a_tree_of_its_numbers():
         (Scene(FreePoints(0.0), y0=Y0), r"mass: expected > 0, got 0\.0\. Masses are in kg\.$"),
         (scenes.three_body(m=(1, -1, 1)), r"mass: expected > 0, got -1\.0"),
         (scenes.three_body(m=(1, np.nan, 1)), r"mass: expected finite numbers, got nan at"),
-        (scenes.three_body(m=(1, 1)), r"y0: expected shape \(8,\), got shape \(12,\)"),
+        (scenes.three_body().starting(Y0), r"y0: expected shape \(12,\), got shape \(4,\)"),
         (scenes.three_body(np.zeros(12)), r"y0: expected bodies at different points, got bodies"),
     ],
 )

@@ -4,7 +4,6 @@ No Euler equations are in it, so it is a second route to the motions of `rigid.R
 angles have a pose where they lock.
 """
 
-from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
@@ -20,9 +19,9 @@ from jaxdyn.euler import (
     omega_b_from_euler,
 )
 from jaxdyn.formulations.mechanism import Mechanism
-from jaxdyn.formulations.rigid import METRES, Pose, about_centre, check_matter, first_point, turned
+from jaxdyn.formulations.rigid import METRES, FirstPoint, Pose, about_centre, check_matter, turned
 from jaxdyn.inertia import MaterialPoints
-from jaxdyn.sketch import Shape
+from jaxdyn.sketch import Looks
 
 
 class EulerBody(Mechanism):
@@ -39,7 +38,7 @@ class EulerBody(Mechanism):
     matter: MaterialPoints
     sequence: str = eqx.field(static=True)
     pivoted: bool = eqx.field(static=True)
-    drawn: Callable[[Array], tuple[Shape, ...]] = eqx.field(static=True)
+    drawn: Looks
     massless: ClassVar[bool] = True
 
     def __init__(
@@ -48,12 +47,12 @@ class EulerBody(Mechanism):
         sequence: str = "ZXZ",
         *,
         pivoted: bool = False,
-        drawn=first_point,
+        drawn: Looks | None = None,
     ):
         self.matter = matter if pivoted else about_centre(matter)
         self.sequence = sequence
         self.pivoted = pivoted
-        self.drawn = drawn
+        self.drawn = FirstPoint() if drawn is None else drawn
 
     def coordinates(self):
         angles = (("phi", "rad"), ("theta", "rad"), ("psi", "rad"))

@@ -14,7 +14,6 @@ quaternion or as the matrix itself, which lock in no pose; `EulerBody` has it by
 momentum in space is `energy.angular_momentum`.
 """
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -27,7 +26,7 @@ from jaxdyn.formulations.attitude import Attitude, Quaternion
 from jaxdyn.formulations.mechanism import MechanismSystem
 from jaxdyn.inertia import MaterialPoints
 from jaxdyn.scene import Effect, Points, Scene, System
-from jaxdyn.sketch import Shape, traces
+from jaxdyn.sketch import Looks, Shape, traces
 from jaxdyn.vectors import cross
 
 #: How far a start's attitude may be from a unit quaternion or a rotation matrix.
@@ -60,9 +59,11 @@ class Pose(NamedTuple):
         return self.r + jnp.einsum("...ij,j->...i", self.R_wb, jnp.asarray(s, dtype=float))
 
 
-def first_point(r: Array) -> tuple[Shape, ...]:
-    """The path of the first of the points r (p, 3) of a body, and nothing else."""
-    return traces(r[:1], [""])
+class FirstPoint(Looks):
+    """The path of the first point of a body, and nothing else."""
+
+    def __call__(self, r: Array) -> tuple[Shape, ...]:
+        return traces(r[:1], [""])
 
 
 def resting(R_wb=None, omega_b=(0.0, 0.0, 0.0)) -> Pose:
@@ -92,8 +93,7 @@ class RigidBody(System):
         centre of mass, and its points are kept from there.
       attitude: `attitude.Quaternion()` or `attitude.RotationMatrix()`.
       pivoted: whether the origin of its axes is fixed at the world's origin.
-      drawn: what a drawing shows of it, in its own axes, from the places (p, 3) of its points:
-        a function of a module, since a lambda would compile anew; by default a path of the first.
+      drawn: what a drawing shows of it; by default the path of its first point.
 
     An effect's `generalized` is given q = [r, attitude], v = [v, omega_b] (without r and v about
     a pivot) and returns what does work on v: [force, torque in the body's axes].
@@ -102,15 +102,20 @@ class RigidBody(System):
     matter: MaterialPoints
     attitude: Attitude
     pivoted: bool = eqx.field(static=True)
-    drawn: Callable[[Array], tuple[Shape, ...]] = eqx.field(static=True)
+    drawn: Looks
 
     def __init__(
-        self, matter: MaterialPoints, attitude=None, *, pivoted: bool = False, drawn=first_point
+        self,
+        matter: MaterialPoints,
+        attitude=None,
+        *,
+        pivoted: bool = False,
+        drawn: Looks | None = None,
     ):
         self.matter = matter if pivoted else about_centre(matter)
         self.attitude = Quaternion() if attitude is None else attitude
         self.pivoted = pivoted
-        self.drawn = drawn
+        self.drawn = FirstPoint() if drawn is None else drawn
 
     @property
     def obeys(self):

@@ -11,8 +11,6 @@ Where the course is open or misprinted:
 - 53: the first equation lacks the dot over omega, the third the dot over R.
 """
 
-from collections.abc import Callable
-
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -28,7 +26,7 @@ from jaxdyn.formulations.rigid import Pose, RigidBody, resting
 from jaxdyn.inertia import Body, MaterialPoints, equimomental
 from jaxdyn.scene import Effect, Scene
 from jaxdyn.scenes.satellites import BOX_EDGES, CUBE, SATELLITES, SatelliteSketch
-from jaxdyn.sketch import Shape, arc, line, lines, traces
+from jaxdyn.sketch import Looks, Shape, arc, line, lines, traces
 
 REPRESENTATIONS = ("quaternion", "matrix", "euler")
 
@@ -66,25 +64,31 @@ def box_points(m, sides) -> MaterialPoints:
     return MaterialPoints(jnp.concatenate([corners, jnp.zeros((1, 3))]), masses)
 
 
-def box_sketch(r: Array) -> tuple[Shape, ...]:
+class BoxSketch(Looks):
     """The edges of a box and the path of a corner, of its points r (8 or more, 3)."""
-    return lines(r, BOX_EDGES), *traces(r[:1], ["a corner"])
+
+    def __call__(self, r: Array) -> tuple[Shape, ...]:
+        return lines(r, BOX_EDGES), *traces(r[:1], ["a corner"])
 
 
-def jack_sketch(r: Array) -> tuple[Shape, ...]:
+class JackSketch(Looks):
     """The three axes of a `jack` or of `equimomental` points r (6, 3), and the path of an end."""
-    return lines(r, JACK_ARMS), *traces(r[2:3], ["end of axis 2"])
+
+    def __call__(self, r: Array) -> tuple[Shape, ...]:
+        return lines(r, JACK_ARMS), *traces(r[2:3], ["end of axis 2"])
 
 
-def top_sketch(r: Array) -> tuple[Shape, ...]:
+class TopSketch(Looks):
     """A top by the points r (6, 3) of its `jack`: its axis from the pivot, its rim, a cone."""
-    pivot, middle = jnp.zeros(3), jnp.mean(r[4:], axis=0)
-    across, up = (1.5 * (r[i] - middle) for i in (0, 2))
-    rim = arc(middle, across, up)
-    spokes = [jnp.stack([pivot, end, middle]) for end in rim[:: len(rim) // 4][:4]]
-    tip = 1.6 * middle
-    cone = Shape("line", jnp.stack(spokes))
-    return line(pivot, tip), Shape("line", rim), cone, *traces(tip[None], ["tip of the axis"])
+
+    def __call__(self, r: Array) -> tuple[Shape, ...]:
+        pivot, middle = jnp.zeros(3), jnp.mean(r[4:], axis=0)
+        across, up = (1.5 * (r[i] - middle) for i in (0, 2))
+        rim = arc(middle, across, up)
+        spokes = [jnp.stack([pivot, end, middle]) for end in rim[:: len(rim) // 4][:4]]
+        tip = 1.6 * middle
+        cone = Shape("line", jnp.stack(spokes))
+        return line(pivot, tip), Shape("line", rim), cone, *traces(tip[None], ["tip of the axis"])
 
 
 # ---- free
@@ -114,7 +118,7 @@ def free_body(
       t1: span [s].
     """
     matter, start = jack(m, moments), resting(None, omega0)
-    return _scene(matter, jack_sketch, start, representation, sequence, t1=t1)
+    return _scene(matter, JackSketch(), start, representation, sequence, t1=t1)
 
 
 @like_defaults()
@@ -138,7 +142,7 @@ def box(
       t1: span [s].
     """
     matter, start = box_points(m, sides), resting(None, omega0)
-    return _scene(matter, box_sketch, start, representation, sequence, t1=t1)
+    return _scene(matter, BoxSketch(), start, representation, sequence, t1=t1)
 
 
 @like_defaults()
@@ -166,7 +170,7 @@ def feynman_plate(
     R_wb = matrix_from_euler(_vector(0.0, tilt, 0.0), "ZXZ")
     start = resting(R_wb, _vector(0.0, 2 * spin * jnp.tan(tilt), spin))
     matter = box_points(m, _vector(side, side, 0.0))
-    return _scene(matter, box_sketch, start, representation, "ZXZ", t1=t1)
+    return _scene(matter, BoxSketch(), start, representation, "ZXZ", t1=t1)
 
 
 @like_defaults()
@@ -241,12 +245,14 @@ def top(
     start = resting(matrix_from_euler(angles, "ZXZ"), omega_b_from_euler(angles, "ZXZ") @ rates)
     matter = jack(m, _vector(I1, I1, I3), _vector(0.0, 0.0, d))
     gravity = (UniformGravity(g),)
-    return _scene(matter, top_sketch, start, representation, sequence, gravity, pivoted=True, t1=t1)
+    return _scene(
+        matter, TopSketch(), start, representation, sequence, gravity, pivoted=True, t1=t1
+    )
 
 
 def _scene(
     matter: MaterialPoints,
-    drawn: Callable[[Array], tuple[Shape, ...]],
+    drawn: Looks,
     start: Pose,
     representation: str,
     sequence: str,

@@ -3,6 +3,7 @@
 Nothing acts on them; where they are is given as a function of time.
 """
 
+import abc
 import math
 from collections.abc import Callable
 from typing import Any
@@ -21,7 +22,7 @@ from jaxdyn.euler import SEQUENCES, matrix_from_euler
 from jaxdyn.formulations.prescribed import Path, Prescribed
 from jaxdyn.rotations import matrix_from_axis_angle
 from jaxdyn.scene import Scene
-from jaxdyn.scenes.bodies import box_points, box_sketch
+from jaxdyn.scenes.bodies import BoxSketch, box_points
 from jaxdyn.sketch import line, lines, traces
 from jaxdyn.vectors import plane_rotation
 
@@ -84,14 +85,22 @@ class TurnedBox(Path):
 
     def sketch(self, t, q):
         r = self.positions(t, q)
-        return *box_sketch(r), line(*r[8:])
+        return *BoxSketch()(r), line(*r[8:])
 
     def check(self):
         if not _checks.is_traced(self.axis) and not self.axis.any():
             raise _checks.fail("axis", "a direction", "0, 0, 0")
 
 
-class Swings(eqx.Module):
+class Angles(eqx.Module):
+    """Three angles as functions of time; a module, so that files can name it."""
+
+    @abc.abstractmethod
+    def __call__(self, t: Array) -> Array:
+        """(3,) angles at time t."""
+
+
+class Swings(Angles):
     """Three angles swing sin(frequency t) [rad]."""
 
     swings: Array
@@ -102,7 +111,7 @@ class Swings(eqx.Module):
         return self.swings * jnp.sin(self.frequencies * t)
 
 
-class Given(eqx.Module):
+class Given(Angles):
     """Three angles by a function of time; as a module, since a scene is made of arrays."""
 
     function: Callable[[Array], Any] = eqx.field(static=True)
@@ -116,7 +125,7 @@ class MovedBox(Path):
     """A drawing (p, 3) [m] turned by three Euler angles of time; see `moved_box`."""
 
     outline: Array
-    angles: Swings | Given
+    angles: Angles
     sequence: str = eqx.field(static=True)
 
     def coordinates(self):
@@ -133,7 +142,7 @@ class MovedBox(Path):
         return self.outline @ matrix_from_euler(q, self.sequence).T
 
     def sketch(self, t, q):
-        return box_sketch(self.positions(t, q))
+        return BoxSketch()(self.positions(t, q))
 
 
 @like_defaults()

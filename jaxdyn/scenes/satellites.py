@@ -13,8 +13,7 @@ the course's claims:
 - 57 C.i holds: every direction is principal for C, since by symmetry its three moments are equal.
 """
 
-import dataclasses
-
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -23,7 +22,7 @@ from jaxdyn import _checks
 from jaxdyn.formulations.rigid import pose
 from jaxdyn.inertia import Body, box_of_density, sphere_of_density
 from jaxdyn.simulate import each_motion
-from jaxdyn.sketch import Shape, arc, lines, traces
+from jaxdyn.sketch import Looks, Shape, arc, lines, traces
 
 #: Tips of the two massless antennas, from (0, 0, 0) and from (0, 0, 0.5).
 ANTENNAS = ((3.0, 3.0, 3.0), (2.0, 2.0, 0.5))
@@ -86,11 +85,10 @@ def _satellite(density, faces: tuple[tuple[int, int, int], ...]) -> Body:
     return body.shifted((0.5, 0.5, 0.5))
 
 
-@dataclasses.dataclass(frozen=True)
-class SatelliteSketch:
+class SatelliteSketch(Looks):
     """What a drawing shows of a satellite: its cube, the balls on it, the antennas with paths."""
 
-    name: str
+    name: str = eqx.field(static=True)
 
     def __call__(self, r: Array) -> tuple[Shape, ...]:
         """Shapes in the axes of the points r (6, 3), which are about the centre of mass."""
