@@ -35,6 +35,7 @@ from jaxdyn import scenes as scenes
 from jaxdyn import side_by_side as side_by_side
 from jaxdyn import sleeping_top as sleeping_top
 from jaxdyn import solvers as solvers
+from jaxdyn import steady as steady
 from jaxdyn import steps as steps
 from jaxdyn import switching as switching
 from jaxdyn import tables as tables

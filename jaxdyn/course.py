@@ -93,7 +93,9 @@ PROBLEMS: dict[int, Problem] = {
     13: _problem(
         "Mass on two springs: statics, dynamics, stability",
         "scenes.two_springs equilibria.equilibria linearize.linearize simulate",
-        "From one equilibrium to five; eigenvalues are the rates of simulated decay.",
+        "One to five equilibria are known with two springs and weight, each list proved to be "
+        "complete; without weight a single spring has a circle of them. Eigenvalues are the rates "
+        "of simulated decay.",
     ),
     14: _problem(
         "Rate of change of angular momentum of a particle",
@@ -354,21 +356,23 @@ PROBLEMS: dict[int, Problem] = {
     59: _problem(
         "Steady precession of a top",
         "precession.top_roots precession.precession_residual sleeping_top.critical_spin "
-        "sleeping_top.slowest_relative_spin scenes.top precession.tilts",
+        "sleeping_top.slowest_relative_spin scenes.top precession.tilts steady.linearize_steady",
         "A quadratic in omega_p; the slowest total spin upright is 2 sqrt(I m g d) / I_3, the "
         "relative one is another number. Tops also nutate.",
     ),
     60: _problem(
         "Steady precession of a disk on a plane",
         "precession.rolling_disk_circle precession.sliding_disk_roots "
-        "precession.frictionless_rolling_disk precession.disk_residuals scenes.rolling_disk",
+        "precession.frictionless_rolling_disk precession.disk_residuals scenes.rolling_disk "
+        "steady.linearize_steady",
         "Without slip, without friction, and both: omega_p^2 = m g r / (I sin(theta)), "
         "omega_3 = 0. The course calls the lean theta and phi.",
     ),
     61: _problem(
         "Spinning top in space",
         "scenes.top precession.top_roots sleeping_top.critical_spin "
-        "sleeping_top.critical_spin_by_linearisation sleeping_top.critical_spin_by_simulation",
+        "sleeping_top.critical_spin_by_linearisation sleeping_top.critical_spin_by_simulation "
+        "steady.linearize_steady",
         "Steady starts stay steady; the critical total spin is the limit of stability, three ways.",
     ),
 }

@@ -71,8 +71,8 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
     return classify(np.asarray(jacobian(scene, y, _checks.array("t", t, ()))))
 
 
-def classify(a) -> Linearization:
-    """`linearize` for a matrix (k, k) that is given."""
+def classify(a, doubt: float = 0.0) -> Linearization:
+    """`linearize` for a matrix (k, k) that is given, and the norm of its error besides rounding."""
     remedy = "The rate has no derivative there: bodies at one point, a number that is NaN?"
     a = np.asarray(_checks.array("jacobian", a, (None, None), remedy))
     if a.shape[0] != a.shape[1] or not a.size:
@@ -80,7 +80,7 @@ def classify(a) -> Linearization:
     values, right = np.linalg.eig(a)
     order = np.lexsort((np.imag(values), -np.real(values)))
     values, right = values[order], right[:, order]
-    bars = _bars(a, right)
+    bars = _bars(a, right, doubt)
     re, im = np.real(values), np.imag(values)
     up, down = re > bars, re < -bars
     turning = np.abs(im) > bars
@@ -103,14 +103,14 @@ def _portrait(up: np.ndarray, down: np.ndarray, turning: np.ndarray) -> str:
     return "spiral" if turning.all() else "node"
 
 
-def _bars(a: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """(k,) condition number of each eigenvalue times the rounding of the matrix.
+def _bars(a: np.ndarray, right: np.ndarray, doubt: float) -> np.ndarray:
+    """(k,) condition number of each eigenvalue times the error of the matrix.
 
     At most Elsner's bound, which holds for defective matrices too, whose condition numbers are
     infinite: a change E of A moves an eigenvalue by at most (2 |A|)^(1 - 1/k) |E|^(1/k).
     """
     size = np.linalg.norm(a, 2)
-    rounding = _SAFETY * np.finfo(float).eps * size
+    rounding = _SAFETY * (np.finfo(float).eps * size + doubt)
     elsner = (2 * size) ** (1 - 1 / len(a)) * rounding ** (1 / len(a))
     try:
         left = np.linalg.inv(right)

@@ -1,4 +1,6 @@
-"""Steady precession of spinning bodies, and whether upright spin is stable: problems 55 to 61.
+"""Steady precession of spinning bodies: problems 55 to 61.
+
+`steady.linearize_steady` says whether such a motion is stable, and how fast a body nutates.
 
 The axis e_3' of an axisymmetric body keeps an angle theta to the vertical k while
 

@@ -4,7 +4,7 @@ The slowest spin of an almost upright top in steady precession is 2 sqrt((I - I_
 relative to the frame that precesses, and 2 sqrt(I m g d) / I_3 in total, with I the moment across
 the axis about the pivot. The two are different motions, and the first spins faster in total.
 Stability is decided by the total: the course's guess from 59 b is right if the spin it speaks of
-is the total.
+is the total. `steady.linearize_steady` looks at any one spin, and at any steady motion.
 """
 
 from typing import Any

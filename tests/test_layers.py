@@ -61,6 +61,7 @@ RANKS = {
     "jaxdyn/completeness.py": 4,
     "jaxdyn/isolation.py": 3,
     "jaxdyn/rest_search.py": 3,
+    "jaxdyn/steady.py": 4,
     "jaxdyn/euler.py": 4,
     "jaxdyn/fixed.py": 3,
     "jaxdyn/spans.py": 3,

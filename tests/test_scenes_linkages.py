@@ -98,6 +98,19 @@ def test_skate_at_the_end_of_a_chain_never_slides_sideways(g):
     assert float(jnp.abs(v[:, 3]).max()) > 0.1
 
 
+@pytest.mark.parametrize("formulation", ["constrained", "loop", "newton_euler", "lagrange"])
+def test_a_linkage_at_its_change_point_is_refused_by_name(formulation):
+    for angle, rate in ((np.pi / 2, 0.0), (-np.pi / 2, 1.0)):
+        with pytest.raises(
+            ValueError, match=r"^angle: expected .* are not in line, got .*change poi"
+        ):
+            linkages.four_bar(
+                l=(1.0, 2.0, 1.0), ground=2.0, angle=angle, rate=rate, formulation=formulation
+            )
+    with pytest.raises(ValueError, match=r"^angle: expected .* reach the far hinge, got"):
+        linkages.four_bar(l=(2.0, 1.0, 1.5), ground=1.0, angle=-1.5, formulation=formulation)
+
+
 def test_problem_21_unequal_speeds_part_where_nothing_is_done_about_drift():
     scene = linkages.rod_on_line(speed=(0.25, 1.0), drift="raw", force=2.0)
     motion = simulate(scene, 10.0, samples=5)

@@ -45,6 +45,7 @@ DRIFTS = ("projection", "baumgarte", "raw")
 #: still leaves ten digits of the acceleration. [square of the sine]
 DEPENDENT = 1e-12
 _TURNING = 1e-5  # share of its size by which a dependent condition turns that counts as turning
+_LOCKED = 1e-15  # least eigenvalue of a mass matrix with diagonal 1 that is singular
 _CONTRADICTION = 1e-6  # relative violation that projection did not remove
 _PROJECTIONS = 2  # Newton steps; the first leaves the square of a step's error
 #: Share of the velocities that may violate the conditions at the start.
@@ -128,7 +129,15 @@ class Constrained(MechanismSystem):
         super().check(t, y)
         _checks.choice("drift", self.drift, DRIFTS)
         # Compiled: its second derivatives, step by step on the host, take seconds.
-        place, speed, lost = (float(x) for x in _violations(self, t, y))
+        place, speed, lost, pivot = (float(x) for x in _violations(self, t, y))
+        if pivot <= _LOCKED:
+            raise _checks.fail(
+                "y0",
+                "a pose from which every coordinate moves something",
+                "one where the mass matrix is singular",
+                "Some coordinates lock there, as Euler angles of a disk that lies flat or of a "
+                "body upright do; start beside it, or take other coordinates.",
+            )
         if self.drift != "raw" and max(place, speed) > CONSISTENT * (1.0 + float(jnp.abs(y).max())):
             raise _checks.fail(
                 "y0",
@@ -235,8 +244,14 @@ _nearest = jax.jit(Constrained._nearest)
 
 
 @eqx.filter_jit
-def _violations(system: Constrained, t: Array, y: Array) -> tuple[Array, Array, Array]:
-    """Largest violation in place and in velocity, and whether the motion is undetermined."""
+def _violations(system: Constrained, t: Array, y: Array) -> tuple[Array, ...]:
+    """Largest violation in place and in velocity, whether the motion is undetermined.
+
+    And the least eigenvalue of the mass matrix, in units in which its diagonal is 1.
+    """
     phi, rates = system.violation(t, y)
     place, speed = (jnp.max(jnp.abs(x), initial=0.0) for x in (phi, rates))
-    return place, speed, system.undetermined(t, y)
+    mass = mass_matrix(system.mechanism, t, jnp.split(y, 2)[0])
+    unit = 1 / jnp.sqrt(jnp.diag(mass))
+    pivot = jnp.linalg.eigvalsh(unit[:, None] * mass * unit[None, :])[0]
+    return place, speed, system.undetermined(t, y), jnp.where(jnp.isnan(pivot), 0.0, pivot)

@@ -56,14 +56,30 @@ class FourBar(Mechanism):
     def check(self):
         check_bars(self.m, self.l, self.end)
 
+    def reach(self, angle: Array) -> Array:
+        """() how far coupler and rocker are from one line, squared, at an angle of the crank [1].
+
+        Negative where they do not reach the far hinge.
+        """
+        return self._triangle(self.end - self._crank(angle))[1]
+
+    def _crank(self, angle: Array) -> Array:
+        return self.l[0] * jnp.stack([jnp.sin(angle), -jnp.cos(angle)])
+
     def _bars(self, q: Array) -> Array:
         """(3, 2) each bar as a vector."""
-        crank = self.l[0] * jnp.stack([jnp.sin(q[0]), -jnp.cos(q[0])])
+        crank = self._crank(q[0])
         line = self.end - crank
-        r2 = square_norm(line)
-        # Along and across the line, as shares of it: the law of cosines.
-        along = 0.5 * (1 + (self.l[1] ** 2 - self.l[2] ** 2) / r2)
-        across = jnp.sqrt(self.l[1] ** 2 / r2 - along * along)
+        along, squared = self._triangle(line)
         side = -1.0 if self.crossed else 1.0
-        coupler = along * line + side * across * jnp.stack([-line[1], line[0]])
+        coupler = along * line + side * jnp.sqrt(squared) * jnp.stack([-line[1], line[0]])
         return jnp.stack([crank, coupler, line - coupler])
+
+    def _triangle(self, line: Array) -> tuple[Array, Array]:
+        """Where the coupler ends along the line from the crank pin, and across it squared.
+
+        As shares of the line and of its square: the law of cosines.
+        """
+        r2 = square_norm(line)
+        along = 0.5 * (1 + (self.l[1] ** 2 - self.l[2] ** 2) / r2)
+        return along, self.l[1] ** 2 / r2 - along * along

@@ -20,6 +20,7 @@ from jaxdyn.formulations.routes import Embedding, route
 from jaxdyn.scene import Scene
 
 _CLOSING = 8  # projections that bring a rough start onto its ties; each squares the error
+_IN_LINE = 1e-14  # share of a triangle's side, squared: its height where it is flat
 
 
 @like_defaults()
@@ -216,14 +217,24 @@ def _as_given(t: Array, q: Array) -> Array:
 
 
 def _check_crank(bars: FourBar, angle) -> None:
-    """Refuse a crank from whose pin coupler and rocker do not reach the far hinge."""
-    place = bars.positions(jnp.zeros(()), jnp.asarray(angle, dtype=float)[None])
-    if not _checks.is_traced((bars, angle)) and bool(jnp.isnan(place).any()):
+    """Refuse a crank from whose pin coupler and rocker do not reach the far hinge, or just do."""
+    if _checks.is_traced((bars, angle)):
+        return
+    reach = float(bars.reach(jnp.asarray(angle, dtype=float)))
+    if reach < -_IN_LINE:
         raise _checks.fail(
             "angle",
             "an angle of the crank at which coupler and rocker reach the far hinge",
             angle,
             "Turn the crank, move the far hinge (ground), or change the lengths.",
+        )
+    if reach <= _IN_LINE:
+        raise _checks.fail(
+            "angle",
+            "an angle of the crank at which coupler and rocker are not in line",
+            angle,
+            "There the linkage is at a dead centre or, as a parallelogram, at its change point: "
+            "the crank does not determine how the other bars move. Start beside it.",
         )
 
 
