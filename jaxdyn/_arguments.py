@@ -7,7 +7,7 @@ vectors and matrices says it in its annotations; a scene of the zoo says it in i
 import functools
 import inspect
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import jax
 import numpy as np
@@ -16,6 +16,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 
 T = TypeVar("T")
+F = TypeVar("F", bound=Callable)
 
 
 def arrays(function: Callable[..., T]) -> Callable[..., T]:
@@ -47,18 +48,20 @@ def arrays(function: Callable[..., T]) -> Callable[..., T]:
     return converted
 
 
-def like_defaults(*rows: str) -> Callable[[Callable[..., T]], Callable[..., T]]:
+def like_defaults(*rows: str, but: tuple[str, ...] = ()) -> Callable[[F], F]:
     """A decorator that refuses numbers whose shape is not that of the parameter's default.
 
     Args:
       rows: parameters that may have another number of rows than their defaults, but all the same
         number, that of the first one.
+      but: parameters of more than one shape, which the function itself looks at.
     """
 
-    def decorated(function: Callable[..., T]) -> Callable[..., T]:
+    def decorated(function: F) -> F:
         signature = inspect.signature(function)
         defaults = {p.name: p.default for p in signature.parameters.values()}
-        shapes = {name: np.shape(x) for name, x in defaults.items() if _is_numeric(x)}
+        numbers = {name: x for name, x in defaults.items() if _is_numeric(x) and name not in but}
+        shapes = {name: np.shape(x) for name, x in numbers.items()}
 
         @functools.wraps(function)
         def checked(*args, **kwargs):
@@ -72,7 +75,7 @@ def like_defaults(*rows: str) -> Callable[[Callable[..., T]], Callable[..., T]]:
                 _checks.check_shape(name, got[name], wanted, remedy)
             return function(*args, **kwargs)
 
-        return checked
+        return cast(F, checked)
 
     return decorated
 

@@ -21,6 +21,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.flow import Flow, Settings, flow
+from jaxdyn.stepping import Limits
 
 _PIECES = 4  # of the way back, besides those between samples
 
@@ -80,7 +81,7 @@ class _Backwards(eqx.Module):
         return adjoint, z[half + k :]
 
 
-def adjoint_flow(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
+def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> Flow:
     """`flow` with the adjoint equations for its gradient; see there.
 
     Raises:
@@ -96,24 +97,24 @@ def adjoint_flow(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flo
     nodes = jnp.concatenate([ts, pieces])
     # In the order in which they are passed, and where the wanted times are among them.
     order = jnp.argsort(nodes * jnp.where(t1 > t0, 1.0, -1.0))
-    out = _with_nodes((field, y0, t0, t1, nodes[order]), tolerance, settings)
+    out = _with_nodes((field, y0, t0, t1, nodes[order]), limits, settings)
     return eqx.tree_at(lambda out: out.ys, out, out.ys[jnp.argsort(order)[: len(ts)]])
 
 
 @eqx.filter_custom_vjp
-def _with_nodes(given, tolerance, settings: Settings) -> Flow:
-    return flow(*given, tolerance, settings=settings)
+def _with_nodes(given, limits, settings: Settings) -> Flow:
+    return flow(*given, limits, settings=settings)
 
 
 @_with_nodes.def_fwd
-def _forwards(perturbed, given, tolerance, settings):
+def _forwards(perturbed, given, limits, settings):
     del perturbed
-    out = flow(*given, tolerance, settings=settings)
+    out = flow(*given, limits, settings=settings)
     return out, (out.y1, out.ys)
 
 
 @_with_nodes.def_bwd
-def _back(states, slopes, perturbed, given, tolerance, settings):
+def _back(states, slopes, perturbed, given, limits, settings):
     """Gradients by all that was given, from those by the states."""
     del perturbed
     field, y0, t0, t1, ts = given
@@ -129,7 +130,7 @@ def _back(states, slopes, perturbed, given, tolerance, settings):
         adjoint, mu = carry
         late, y, early, by_early = node
         start = system.packed(y, adjoint, mu)
-        end = flow(system, start, late, early, ts[:0], tolerance, settings=settings).y1
+        end = flow(system, start, late, early, ts[:0], limits, settings=settings).y1
         adjoint, mu = system.unpacked(end)
         return (adjoint + by_early, mu), None
 

@@ -18,7 +18,7 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from jaxdyn.flow import Settings
 from jaxdyn.lanes import Ends, Motions, integrate
-from jaxdyn.stepping import Watch
+from jaxdyn.stepping import Limits, Watch
 
 _AXIS = "motions"
 
@@ -33,16 +33,16 @@ class Job(NamedTuple):
 
     Attributes:
       shared: the field, with None in place of what each motion has for itself.
-      tolerance: (2,) relative and absolute.
+      limits: tolerances, and the most steps.
       watch: what to look for on the way.
-      settings: the method and its limits.
+      settings: the method.
       chunk: rows of the program's queue.
       threads: batches that are under way at a time.
       mesh: the devices that share each chunk; None for the default one alone.
     """
 
     shared: Any
-    tolerance: np.ndarray
+    limits: Limits
     watch: Watch | None
     settings: Settings
     chunk: int
@@ -77,7 +77,7 @@ class Job(NamedTuple):
         return jax.tree.map(lambda *parts: np.concatenate(parts), *parts)
 
     def _call(self, batch: Motions) -> Ends:
-        common = (self.tolerance, self.watch)
+        common = (self.limits, self.watch)
         if self.mesh is None:
             n = len(batch.y0)
             queue = jax.tree.map(self._padded, batch)
@@ -112,8 +112,8 @@ _alone = jax.jit(integrate, static_argnames="settings")
 def _on_devices(mesh: Mesh, settings: Settings):
     """The program for a mesh: each device goes through its own queue and waits for no other."""
 
-    def one(shared, motions, count, tolerance, watch):
-        return integrate(shared, motions, count[0], tolerance, watch, settings=settings)
+    def one(shared, motions, count, limits, watch):
+        return integrate(shared, motions, count[0], limits, watch, settings=settings)
 
     every, own = PartitionSpec(), PartitionSpec(_AXIS)
     # Loops that begin with constants and go on with a device's own numbers fail its check.

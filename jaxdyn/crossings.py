@@ -45,7 +45,7 @@ class Crossing(NamedTuple):
     status: Array
 
 
-def first_crossing(field, events, y0, t0, t1, tolerance, *, settings: Settings):
+def first_crossing(field, events, y0, t0, t1, limits, *, settings: Settings):
     """The state (k,) where the search ended, and the first crossing; no derivatives.
 
     Args:
@@ -54,12 +54,12 @@ def first_crossing(field, events, y0, t0, t1, tolerance, *, settings: Settings):
       y0: (k,) start.
       t0: () start time.
       t1: () end time, before or after t0.
-      tolerance: (2,) see `flow`.
+      limits: see `flow`.
       settings: see `flow`.
     """
     sight = Sight(field, events, settings.pair)
     watch = _Lookout(sight)
-    out, seen = march(field, y0, t0, t1, jnp.zeros(0), tolerance, settings=settings, watch=watch)
+    out, seen = march(field, y0, t0, t1, jnp.zeros(0), limits, settings=settings, watch=watch)
     hs, ys = polished(sight, seen.t0, seen.y0, seen.bracket)
     which = jnp.argmin(jnp.abs(hs))
     status = jnp.where(jnp.isnan(seen.end.side).any(), int(Status.NOT_FINITE), out.status)

@@ -23,7 +23,7 @@ from jaxdyn.lanes import Ends, Motions
 from jaxdyn.scene import Scene, checked
 from jaxdyn.simulate import MAX_STEPS, RTOL, checked_settings
 from jaxdyn.solvers import Pair
-from jaxdyn.spans import tolerances
+from jaxdyn.spans import limits
 from jaxdyn.stepping import Watch
 
 #: Rows of the compiled program's queue: some 60 rounds of its lanes, so that the last round,
@@ -165,8 +165,8 @@ def _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, de
     if devices is not None and not len(devices):
         raise _checks.fail("devices", "at least one", "none", "jax.devices() lists them.")
     mesh = None if devices is None else mesh_of(devices)
-    settings = checked_settings(scene, solver, max_steps)
-    return Job(shared, tolerances(rtol, atol), watch, settings, chunk, threads, mesh)
+    settings = checked_settings(scene, solver)
+    return Job(shared, limits(rtol, atol, max_steps), watch, settings, chunk, threads, mesh)
 
 
 def _motions(scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool) -> tuple[Motions, Any]:

@@ -25,7 +25,7 @@ from jaxdyn.flow import Settings, flow
 from jaxdyn.scene import Scene, checked
 from jaxdyn.simulate import MAX_STEPS, RTOL, checked_settings
 from jaxdyn.solvers import Pair
-from jaxdyn.spans import tolerances
+from jaxdyn.spans import limits
 from jaxdyn.status import Status
 
 
@@ -167,13 +167,13 @@ def until(
       1.414213562373
     """
     events = _events(events)
-    settings = checked_settings(checked(scene), solver, max_steps)
+    settings = checked_settings(checked(scene), solver)
     for event in events:
         event.check(len(scene.y0))
     t0 = _checks.array("t0", t0, ())
     t1 = _checks.array("t1", scene.t1 if t1 is None else t1, ())
-    tolerance = jnp.asarray(tolerances(rtol, atol))
-    return _compiled(scene.field, events, scene.y0, t0, t1, tolerance, settings=settings)
+    held_to = jax.tree.map(jnp.asarray, limits(rtol, atol, max_steps))
+    return _compiled(scene.field, events, scene.y0, t0, t1, held_to, settings=settings)
 
 
 def _events(events) -> tuple[Event, ...]:
@@ -188,21 +188,21 @@ def _events(events) -> tuple[Event, ...]:
 
 
 @eqx.filter_custom_jvp
-def _located(field, events, y0, t0, t1, tolerance, *, settings: Settings) -> Stop:
+def _located(field, events, y0, t0, t1, limits, *, settings: Settings) -> Stop:
     search = functools.partial(_search, settings=settings)
-    args = (field, events, y0, t0, t1, tolerance)
-    return in_one_kernel(search, args, unknown=tolerance[0] > 0)
+    args = (field, events, y0, t0, t1, limits)
+    return in_one_kernel(search, args, unknown=limits.tolerance[0] > 0)
 
 
 @_located.def_jvp
 def _located_jvp(primals, tangents, *, settings):
-    field, events, y0, t0, _, tolerance = primals
+    field, events, y0, t0, _, limits = primals
     d_field, d_events, d_y0, d_t0, d_t1, _ = tangents
     stop = _located(*primals, settings=settings)
     happened = stop.event >= 0
 
     def state(field, y0, t0):
-        return flow(field, y0, t0, stop.t, jnp.zeros(0), tolerance, settings=settings).y1
+        return flow(field, y0, t0, stop.t, jnp.zeros(0), limits, settings=settings).y1
 
     def value(events, t, y):
         return values(events, t, y)[stop.event]
@@ -220,8 +220,8 @@ def _located_jvp(primals, tangents, *, settings):
 _compiled = eqx.filter_jit(_located)
 
 
-def _search(field, events, y0, t0, t1, tolerance, *, settings: Settings) -> Stop:
-    out, found = first_crossing(field, events, y0, t0, t1, tolerance, settings=settings)
+def _search(field, events, y0, t0, t1, limits, *, settings: Settings) -> Stop:
+    out, found = first_crossing(field, events, y0, t0, t1, limits, settings=settings)
     fine, happened = found.status == Status.OK, jnp.isfinite(found.t)
     t = jnp.where(fine, jnp.where(happened, found.t, t1), jnp.nan)
     y = jnp.where(fine, jnp.where(happened, found.y, out), jnp.nan)

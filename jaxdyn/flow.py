@@ -28,7 +28,7 @@ from jaxtyping import Array, Float
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.solvers import Method, Stepper, is_stiff
 from jaxdyn.status import Status
-from jaxdyn.stepping import FixedSteps, StepControl, Watch, steps_of
+from jaxdyn.stepping import FixedSteps, Limits, StepControl, Watch, steps_of
 
 #: Operations of a rate from which on the loop over stages runs as fast as written-out stages
 #: and compiles ten times sooner (measured: three bodies 80, double pendulum 590).
@@ -40,13 +40,11 @@ class Settings(NamedTuple):
 
     Attributes:
       pair: the method for plain solves and for the variational equations alike.
-      max_steps: when to give up.
       stiff: the method that takes over where the run turns out to be stiff; None to go on.
       stops: whether a run that turns out to be stiff ends there, its numbers NaN.
     """
 
     pair: Method
-    max_steps: int
     stiff: Method | None = None
     stops: bool = False
 
@@ -108,7 +106,7 @@ class Variational(eqx.Module):
 
 
 @eqx.filter_custom_jvp
-def flow(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
+def flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> Flow:
     """States at t1 and at the times ts of the motion that starts at (t0, y0).
 
     Args:
@@ -118,19 +116,18 @@ def flow(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
       t0: () start time.
       t1: () end time, before or after t0.
       ts: (s,) times between t0 and t1 in the order they are passed.
-      tolerance: (2,) relative and absolute tolerance of one step; (1,) its length, where the
-        method takes equal steps.
-      settings: method and limits.
+      limits: tolerances or the length of a step, and the most steps.
+      settings: the methods.
     Limits: derivatives in the tolerance are zero by definition.
     """
     run = functools.partial(_run, settings=settings)
     # One of these is known only as it runs; the tolerance is often written into the program.
-    unknown = jnp.isfinite(y0.ravel()[0] + t0 + t1 + tolerance[0])
-    return in_one_kernel(run, (field, y0, t0, t1, ts, tolerance), unknown=unknown)
+    unknown = jnp.isfinite(y0.ravel()[0] + t0 + t1 + limits.tolerance[0])
+    return in_one_kernel(run, (field, y0, t0, t1, ts, limits), unknown=unknown)
 
 
-def _run(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
-    args = (field, y0, t0, t1, ts, tolerance)
+def _run(field, y0, t0, t1, ts, limits, *, settings: Settings) -> Flow:
+    args = (field, y0, t0, t1, ts, limits)
     if settings.stiff is None:
         return march(*args, settings=settings, watch=None)[0]
     first = march(*args, settings=settings._replace(stops=True), watch=None)[0]
@@ -143,18 +140,19 @@ def _run(field, y0, t0, t1, ts, tolerance, *, settings: Settings) -> Flow:
     return jax.lax.cond(first.stiff, again, lambda: first)
 
 
-def march(field, y0, t0, t1, ts, tolerance, *, settings: Settings, watch: Watch | None):
+def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | None):
     """`flow` without derivatives, and what a watch remembers of it at the end."""
+    tolerance, most = limits.tolerance, (limits.max_steps, t1)
     method = settings.pair
     direction = jnp.where(t1 > t0, 1.0, -1.0)  # as diffrax has it, also for t1 = t0
     wide = watch is not None or y0.ndim > 1
     loops = int(wide or operations(field.rate, t0, y0) > UNROLLED_BELOW)
     # XLA sees one program for both signs of time; diffrax turns ts about with the rest.
     if method.adaptive:
-        h, control = None, StepControl(tolerance[0], tolerance[1], ts=ts, watch=watch)
+        h, control = None, StepControl(tolerance[0], tolerance[1], ts, watch, most)
     else:
         n = steps_of(tolerance[0], t0, t1)
-        h, control = (t1 - t0) / n, FixedSteps(n, ts=ts, watch=watch)
+        h, control = (t1 - t0) / n, FixedSteps(n, ts, watch, most)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(_rate),
         Stepper(method, loops, h, stop_if_stiff=settings.stops),
@@ -165,7 +163,7 @@ def march(field, y0, t0, t1, ts, tolerance, *, settings: Settings, watch: Watch 
         args=field,
         stepsize_controller=control,
         saveat=diffrax.SaveAt(t1=True, controller_state=True, solver_state=True),
-        max_steps=settings.max_steps,
+        max_steps=None,  # the control counts: a limit of diffrax is compiled into the program
         adjoint=diffrax.ForwardMode(),
         throw=False,  # a throw is a host callback, which keeps programs out of the cache
     )
@@ -178,7 +176,7 @@ def march(field, y0, t0, t1, ts, tolerance, *, settings: Settings, watch: Watch 
         status = jnp.where(open_.any(), int(Status.SINGULAR), status)
     y1 = jnp.where(status == Status.OK, solution.ys[-1], jnp.nan)
     nodes, memory = control.seen(solution.controller_state)
-    ys = _from_nodes(field, direction * nodes.t, nodes.y, ts, method)
+    ys = _from_nodes(field, direction * nodes.t, nodes.y, ts, method, limits.samples)
     steps, rejected = (solution.stats[f"num_{x}_steps"] for x in ("accepted", "rejected"))
     stiff = is_stiff(solution.solver_state[1])
     return Flow(y1, ys, steps, rejected, status, stiff), memory
@@ -186,18 +184,18 @@ def march(field, y0, t0, t1, ts, tolerance, *, settings: Settings, watch: Watch 
 
 @flow.def_jvp
 def _flow_jvp(primals, tangents, *, settings):
-    field, y0, t0, t1, ts, tolerance = primals
+    field, y0, t0, t1, ts, limits = primals
     d_field, d_y0, d_t0, d_t1, d_ts, _ = tangents
     f0 = field.rate(t0, y0)
     columns, directions, multiply = _columns(field, y0, f0, d_field, d_y0, d_t0)
     if columns.shape[-1]:
         start = jnp.concatenate([y0[..., None], columns], axis=-1)
         settings = settings._replace(pair=settings.pair.for_tangents)
-        out = flow(Variational(field, directions), start, t0, t1, ts, tolerance, settings=settings)
+        out = flow(Variational(field, directions), start, t0, t1, ts, limits, settings=settings)
         y1, ys = out.y1[..., 0], out.ys[..., 0]
         d_y1, d_ys = multiply(out.y1[..., 1:]), multiply(out.ys[..., 1:])
     else:
-        out = flow(field, y0, t0, t1, ts, tolerance, settings=settings)
+        out = flow(field, y0, t0, t1, ts, limits, settings=settings)
         y1, ys, d_y1, d_ys = out.y1, out.ys, jnp.zeros_like(y0), jnp.zeros_like(out.ys)
     if d_t1 is not None:
         d_y1 = d_y1 + field.rate(t1, y1) * d_t1
@@ -237,8 +235,11 @@ def _status(result, given: tuple[Array, ...]) -> Array:
     return jnp.where(finite, status, int(Status.NOT_FINITE))
 
 
-def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, method: Method) -> Array:
-    """One step of the method itself from each node to the wanted time beyond it."""
+def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, method: Method, count) -> Array:
+    """One step of the method itself from each node to the wanted time beyond it.
+
+    Of the first `count` nodes only, where there is one; NaN stands for the others.
+    """
     if not len(ts):
         return node_y
 
@@ -249,7 +250,16 @@ def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, method: Method) 
 
     # One by one, as the steps themselves: side by side they take up to three times as long, in
     # a program that takes four times as long to compile (measured, linkages and three bodies).
-    return jax.lax.map(step, (node_t, node_y, ts - node_t))
+    nodes = (node_t, node_y, ts - node_t)
+    if count is None:
+        return jax.lax.map(step, nodes)
+    put = jax.lax.dynamic_update_index_in_dim
+    return jax.lax.fori_loop(
+        0,
+        count,
+        lambda i, ys: put(ys, step(jax.tree.map(lambda x: x[i], nodes)), i, 0),
+        jnp.full_like(node_y, jnp.nan),
+    )
 
 
 def _split_like(tree, like):

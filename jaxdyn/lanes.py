@@ -26,7 +26,7 @@ from jaxdyn.flow import UNROLLED_BELOW, Settings, operations
 from jaxdyn.scene import Field
 from jaxdyn.solvers import Pair
 from jaxdyn.status import Status
-from jaxdyn.stepping import StepControl, Watch
+from jaxdyn.stepping import Limits, StepControl, Watch
 
 #: Lanes of a group. A loop over 16 or fewer is unrolled by the compiler before it looks for
 #: vectors, and is slower by half; from 48 on the stages of a step leave the first cache.
@@ -105,7 +105,7 @@ def integrate(
     shared: Field,
     motions: Motions,
     count: Array,
-    tolerance: Array,
+    limits: Limits,
     watch: Watch | None,
     *,
     settings: Settings,
@@ -116,15 +116,15 @@ def integrate(
       shared: the field, with None where each motion has its own numbers.
       motions: the queue of n rows.
       count: () how many of the rows there are to do.
-      tolerance: (2,) relative and absolute tolerance of one step.
+      limits: (2,) relative and absolute tolerance of one step, and the most steps.
       watch: what looks at each accepted step of each motion; None for nothing.
-      settings: method and limit of steps.
+      settings: the method.
     """
     n = motions.y0.shape[0]
     first = jax.tree.map(lambda x: x[0], motions)
     rate = eqx.combine(first.numbers, shared).rate
     loops = 2 if operations(rate, first.t0, first.y0) <= UNROLLED_BELOW else 1
-    work = _Work(shared, tolerance, watch, settings.pair, settings.max_steps, loops)
+    work = _Work(shared, limits, watch, settings.pair, loops)
     put = jax.lax.dynamic_update_index_in_dim
 
     def begin(row) -> _Lane:
@@ -163,10 +163,9 @@ class _Work(eqx.Module):
     """How a motion begins, steps and ends."""
 
     shared: Field
-    tolerance: Array
+    limits: Limits
     watch: Watch | None
     pair: Pair = eqx.field(static=True)
-    max_steps: int = eqx.field(static=True)
     loops: int = eqx.field(static=True)
 
     def begin(self, row: Array, motion: Motions) -> _Lane:
@@ -246,7 +245,7 @@ class _Work(eqx.Module):
             result == diffrax.RESULTS.dt_min_reached,
             int(Status.STEP_COLLAPSED),
             jnp.where(
-                there | (steps + rejected < self.max_steps),
+                there | (steps + rejected < self.limits.max_steps),
                 int(Status.OK),
                 int(Status.STEP_LIMIT),
             ),
@@ -275,7 +274,7 @@ class _Work(eqx.Module):
         return Ends(y, t, lane.status, lane.steps, lane.rejected, seen)
 
     def _control(self, direction: Array) -> StepControl:
-        rtol, atol = self.tolerance
+        rtol, atol = self.limits.tolerance
         return StepControl(rtol, atol, jnp.zeros(0), self.watch).wrap(direction)
 
 

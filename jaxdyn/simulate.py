@@ -21,8 +21,9 @@ from jaxdyn.fixed import FixedField
 from jaxdyn.flow import Flow, Settings, flow
 from jaxdyn.scene import Scene, checked
 from jaxdyn.solvers import NYSTROM12, RADAU9, VERNER9, Method
-from jaxdyn.spans import floats, step_length, times, tolerances
+from jaxdyn.spans import floats, limits, times
 from jaxdyn.status import IntegrationError, Status
+from jaxdyn.stepping import Limits
 
 _STIFF = (
     "The scene is stiff: stability, not accuracy, ruled the steps of the explicit method. "
@@ -257,14 +258,28 @@ def solve(
       ValueError: a tolerance, a pair or a limit of steps that makes no sense.
     """
     auto = isinstance(solver, str) and _checks.choice("solver", solver, ("auto",)) == "auto"
-    settings = checked_settings(scene, None if auto else solver, max_steps, dt)
-    numbers = tuple(floats(x) for x in (scene.y0, t0, t1, ts))
-    tolerance = tolerances(rtol, atol) if dt is None else step_length(dt)
+    settings = checked_settings(scene, None if auto else solver, dt)
+    y0, t0, t1, ts = (floats(x) for x in (scene.y0, t0, t1, ts))
+    n, held_to = len(ts), limits(rtol, atol, max_steps, dt)
     field = FixedField(scene.field) if fixed else scene.field
-    run = functools.partial(_compiled_adjoint if adjoint else _compiled, field, *numbers, tolerance)
-    if not auto:
-        return run(settings=settings)
-    if _checks.is_traced((field, numbers, tolerance)):
+    traced = _checks.is_traced((field, y0, t0, t1, ts, held_to))
+    if n and not traced and not adjoint:
+        # NaN is never reached; derivatives would see it, and traces compile anew anyway.
+        ts = np.concatenate([ts, np.full(_filling(n), np.nan)])
+        held_to = held_to._replace(samples=np.asarray(n))
+    compiled = _compiled_adjoint if adjoint else _compiled
+    run = functools.partial(compiled, field, y0, t0, t1, ts, held_to)
+    out = _auto(run, settings, traced) if auto else run(settings=settings)
+    if len(ts) == n:
+        return out
+    # On the host: a slice by JAX would be one more program for each number of samples.
+    ys = jnp.asarray(np.asarray(out.ys)[:n])
+    return Flow(out.y1, ys, out.steps, out.rejected, out.status, out.stiff)
+
+
+def _auto(run: Callable[..., Flow], settings: Settings, traced: bool) -> Flow:
+    """A run that an implicit method begins anew where it turns out to be stiff."""
+    if traced:
         return run(settings=settings._replace(stiff=RADAU9))
     # On the host the implicit method is compiled, which takes as long again, only if it is needed.
     first = run(settings=settings._replace(stops=True))
@@ -274,10 +289,14 @@ def solve(
     return eqx.tree_at(lambda flow: flow.stiff, done, first.stiff)
 
 
-def checked_settings(scene: Scene, solver: Method | None, max_steps: int, dt=None) -> Settings:
-    """What a solve is compiled for, where 64-bit floats are on and the numbers make sense."""
+def _filling(n: int) -> int:
+    """By how many n is less than the next power of two."""
+    return (1 << (n - 1).bit_length()) - n
+
+
+def checked_settings(scene: Scene, solver: Method | None, dt=None) -> Settings:
+    """What a solve is compiled for, where 64-bit floats are on and the solver fits."""
     _checks.float64()
-    max_steps = _checks.whole("max_steps", max_steps)
     method = chosen_pair(scene, solver)
     if method.adaptive and dt is not None:
         raise _checks.fail(
@@ -293,7 +312,7 @@ def checked_settings(scene: Scene, solver: Method | None, max_steps: int, dt=Non
             "none",
             "Pass dt to simulate, say a hundredth of a period; events need an adaptive solver.",
         )
-    return Settings(method, max_steps)
+    return Settings(method)
 
 
 def default_solver(scene: Scene) -> Method:
@@ -340,12 +359,13 @@ def raise_unless_ok(status: Array) -> None:
 def _steps_agree(motion: Trajectory) -> Array:
     """(s,) whether a step of fixed length from each sample leads where adaptive ones lead."""
     field, h, method = motion.scene.field, motion.dt, motion.method
-    settings, nothing = Settings(default_solver(motion.scene), _CHECK_STEPS), jnp.zeros(0)
+    settings, nothing = Settings(default_solver(motion.scene)), jnp.zeros(0)
+    loose = Limits(jnp.full(2, _CHECK_RTOL), jnp.asarray(_CHECK_STEPS))
 
     def agree(sample):
         t, y = sample
         there = field.project(t + h, y + method.step(field.rate, t, h, y, loops=1)[0])
-        right = flow(field, y, t, t + h, nothing, jnp.full(2, _CHECK_RTOL), settings=settings).y1
+        right = flow(field, y, t, t + h, nothing, loose, settings=settings).y1
         # Both may be rounding, at rest.
         least = _CHECK_RTOL * jnp.max(jnp.abs(right))
         return jnp.max(jnp.abs(there - right)) <= _ELSEWHERE * jnp.max(jnp.abs(right - y)) + least

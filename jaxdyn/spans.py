@@ -6,6 +6,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.scene import Scene
+from jaxdyn.stepping import Limits
 
 _RTOL_FLOOR, _RTOL_CEILING = 1e-16, 1e-2
 _MOST_BYTES = 2**32  # of all samples
@@ -48,7 +49,12 @@ def times(scene: Scene, t0, t1, samples) -> tuple[Array, Array, Array]:
         if samples < 1:
             raise _checks.fail("samples", "at least 1, or an array of times", samples)
         _check_memory(scene, int(samples))
-        return t0, t1, jnp.linspace(t0, t1, samples) if samples > 1 else t1[None]
+        if samples == 1:
+            return t0, t1, t1[None]
+        if _checks.is_traced((t0, t1)):
+            return t0, t1, jnp.linspace(t0, t1, samples)
+        # One of JAX would be one more program for each number of samples.
+        return t0, t1, jnp.asarray(np.linspace(t0, t1, samples))
     ts = _checks.array("samples", samples, (None,), "An array of times, or how many.")
     _check_memory(scene, len(ts))
     if not _checks.is_traced((ts, t0, t1)):
@@ -74,6 +80,12 @@ def _check_memory(scene: Scene, samples: int) -> None:
             f"{samples}, which need {size / 2**30:.3g} GiB",
             "Take fewer, or simulate in pieces, each from where the last one ended.",
         )
+
+
+def limits(rtol, atol, max_steps: int, dt=None) -> Limits:
+    """What a solve is held to, checked: a step where there is one, else the tolerances."""
+    most = np.asarray(_checks.whole("max_steps", max_steps))
+    return Limits(tolerances(rtol, atol) if dt is None else step_length(dt), most)
 
 
 def step_length(dt) -> Array | np.ndarray:

@@ -13,7 +13,7 @@ cost more stages than the method has).
 """
 
 import abc
-from typing import Any
+from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -32,6 +32,22 @@ _FLOOR_ULPS = 8.0  # a step shorter than this many spacings of t means nothing a
 _SHORTEST_ULPS = 1000.0  # the same for fixed steps
 _FLOOR = 1e-100  # [time] the same at t = 0, where the spacing is no guide
 _WRITTEN_OUT = 32  # entries of a state: so many products at most are written out in a norm
+
+
+class Limits(NamedTuple):
+    """What a solve is held to, all of it numbers: new ones never compile again.
+
+    Attributes:
+      tolerance: (2,) relative and absolute tolerance of one step; (1,) its length, where the method
+        takes equal steps.
+      max_steps: () when to give up.
+      samples: () how many of the wanted times there are, where the others only fill the array up
+        to a length that is shared with other numbers of them; None where all are wanted.
+    """
+
+    tolerance: Array
+    max_steps: Array
+    samples: Array | None = None
 
 
 class Nodes(eqx.Module):
@@ -85,33 +101,44 @@ class Watch(eqx.Module):
 
 
 class _Observing(eqx.Module):
-    """What both ways of choosing steps share: nodes for the samples, and a watch.
+    """What both ways of choosing steps share: nodes for the samples, a watch, a limit of steps.
+
+    The limit is not diffrax's `max_steps`, which is a constant of the compiled program.
 
     Attributes:
       ts: (s,) wanted times in the direction of integration; (0,) for none.
       watch: what looks at the steps, if anything.
+      limit: () the most steps, and () the end of the span, before which they are too many; None
+        where steps are counted elsewhere.
     """
 
     ts: eqx.AbstractVar[Array]
     watch: eqx.AbstractVar[Watch | None]
+    limit: eqx.AbstractVar[tuple[Array, Array] | None]
 
-    def _turned(self, direction: Array) -> tuple[Array, Watch | None]:
+    def _turned(self, direction: Array) -> tuple[Array, Watch | None, Any]:
         watch = None if self.watch is None else self.watch.towards(direction)
-        return self.ts * direction, watch
+        limit = None if self.limit is None else (self.limit[0], self.limit[1] * direction)
+        return self.ts * direction, watch, limit
 
-    def _begin(self, t0: Array, y0: Array) -> tuple[Nodes, Any]:
+    def _begin(self, t0: Array, y0: Array) -> tuple[Nodes, Any, Array | None]:
         memory = None if self.watch is None else self.watch.start(t0, y0)
-        return Nodes.empty(self.ts, t0, y0), memory
+        steps = None if self.limit is None else jnp.zeros((), int)
+        return Nodes.empty(self.ts, t0, y0), memory, steps
 
-    def _observe(self, keep, t0, y0, t1, y1, seen: tuple[Nodes, Any], result) -> tuple:
-        """What is remembered after a step, and the result, also if the watch stops the run."""
-        nodes, memory = seen
+    def _observe(self, keep, t0, y0, t1, y1, seen: tuple, result) -> tuple:
+        """What is remembered after a step, and the result, also if the run is to stop."""
+        nodes, memory, steps = seen
         if len(self.ts):
             nodes = nodes.passed(self.ts, t0, y0, jnp.where(keep, t1, -jnp.inf))
         if self.watch is not None:
             memory, stop = self.watch.see(keep, t0, y0, t1, y1, memory)
             result = diffrax.RESULTS.where(stop, diffrax.RESULTS.event_occurred, result)
-        return (nodes, memory), result
+        if self.limit is not None:
+            (most, end), steps = self.limit, steps + 1
+            over = (steps >= most) & ~(keep & (t1 >= end)) & (result == diffrax.RESULTS.successful)
+            result = diffrax.RESULTS.where(over, diffrax.RESULTS.max_steps_reached, result)
+        return (nodes, memory, steps), result
 
 
 def _mean_square(y: Array) -> Array:
@@ -129,18 +156,20 @@ class StepControl(_Observing, diffrax.AbstractAdaptiveStepSizeController):
       atol: () absolute tolerance of one step.
       ts: (s,) wanted times in the direction of integration; (0,) for none.
       watch: what looks at the steps, if anything.
+      limit: see `_Observing`.
     """
 
     rtol: Array
     atol: Array
     ts: Array
     watch: Watch | None = None
+    limit: tuple[Array, Array] | None = None
     #: diffrax asks for these two names of every adaptive controller.
     norm = staticmethod(lambda y: jnp.max(jnp.sqrt(_mean_square(y))))
 
     def seen(self, state) -> tuple[Nodes, Any]:
         """The nodes of the samples and what the watch remembers, from the state at the end."""
-        return state
+        return state[:2]
 
     def wrap(self, direction):
         return StepControl(self.rtol, self.atol, *self._turned(direction))
@@ -188,15 +217,17 @@ class FixedSteps(_Observing, diffrax.AbstractStepSizeController):
       n: () how many.
       ts: (s,) wanted times in the direction of integration; (0,) for none.
       watch: what looks at the steps, if anything.
+      limit: see `_Observing`.
     """
 
     n: Array
     ts: Array
     watch: Watch | None = None
+    limit: tuple[Array, Array] | None = None
 
     def seen(self, state) -> tuple[Nodes, Any]:
         """The nodes of the samples and what the watch remembers, from the state at the end."""
-        return state[0]
+        return state[0][:2]
 
     def wrap(self, direction):
         return FixedSteps(self.n, *self._turned(direction))

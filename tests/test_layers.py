@@ -64,7 +64,7 @@ RANKS = {
     "jaxdyn/steady.py": 4,
     "jaxdyn/euler.py": 4,
     "jaxdyn/fixed.py": 3,
-    "jaxdyn/spans.py": 3,
+    "jaxdyn/spans.py": 4,
     "jaxdyn/flow.py": 4,
     "jaxdyn/inertia.py": 4,
     "jaxdyn/balance.py": 5,

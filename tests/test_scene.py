@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from helpers import EXACT, gap, kepler, primitives
 
-from jaxdyn import Effect, Scene, catalogue, scenes
+from jaxdyn import Effect, Scene, catalogue, scenes, simulate
 from jaxdyn._numerics import safe_norm
 from jaxdyn.effects import LinearDrag, PairGravity, QuadraticDrag, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
@@ -379,6 +379,15 @@ def test_what_a_system_returns_has_its_shape(method, message):
     scene = Scene(_Odd(method), y0=np.arange(12.0))
     with pytest.raises(ValueError, match=rf"^_Odd\.{message}"):
         scene.check()
+
+
+def test_more_effects_than_can_be_compiled_are_refused():
+    many = _ball(*(LinearDrag(0.1),) * 3000)
+    message = r"^effects: expected at most 500, got 3000\. .* Write one Effect for all of a kind"
+    with pytest.raises(ValueError, match=message):
+        many.check()
+    with pytest.raises(ValueError, match=message):
+        simulate(many)
 
 
 def test_what_an_effect_acts_on_follows_from_what_it_overrides():

@@ -12,12 +12,13 @@ from helpers import EXACT, SOLVED, gap, kepler, kepler_state
 from jaxdyn import Effect, IntegrationError, Scene, Status, drawing, energy, scenes, simulate
 from jaxdyn.effects import PairGravity, UniformGravity
 from jaxdyn.energy_change import energy_change
+from jaxdyn.events import Reaches, until
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.phases import pieces_of
 from jaxdyn.scenes.particles import straightness
 from jaxdyn.scenes.springs import wildness
 from jaxdyn.simulate import default_solver, raise_unless_ok, solve
-from jaxdyn.solvers import NYSTROM12, VERNER9, from_diffrax
+from jaxdyn.solvers import NYSTROM12, RK4, VERNER9, from_diffrax
 
 BALL = scenes.cannonball(drag=0.1)
 EIGHT = scenes.three_body()
@@ -378,6 +379,49 @@ def test_new_numbers_never_recompile():
     assert len(Counting.traces) == before
     solve(_counted(), 1.0, ts=[0.5, 0.6])  # another shape is another program
     assert len(Counting.traces) > before
+
+
+def test_limits_of_steps_and_numbers_of_samples_share_programs():
+    simulate(_counted(), samples=20, max_steps=50)
+    simulate(_counted(), samples=20, dt=0.1, solver=RK4)
+    until(_counted(), Reaches(0, 0.5), max_steps=50)
+    before = len(Counting.traces)
+    for n, most in ((17, 1000), (25, 40), (32, 10**9)):
+        motion = simulate(_counted(), samples=n, max_steps=most)
+        assert motion.ys.shape == (n, 4)
+        simulate(_counted(), samples=n, max_steps=most, dt=0.1, solver=RK4)
+        until(_counted(), Reaches(0, 0.5), max_steps=most)
+    assert len(Counting.traces) == before
+    simulate(_counted(), samples=33)
+    assert len(Counting.traces) > before
+
+
+@jax.jit
+def _alone(scene, t1, ts):
+    return solve(scene, t1, ts=ts, rtol=1e-11)
+
+
+@pytest.mark.parametrize("t1", [5.0, -5.0])
+def test_samples_that_fill_an_array_up_change_nothing(t1):
+    for n in (5, 8):
+        ts = np.linspace(0.0, t1, n)
+        filled = solve(kepler(0.3), t1, ts=ts, rtol=1e-11)
+        assert gap(filled.ys, _alone(kepler(0.3), t1, ts).ys) < EXACT
+        assert gap(filled.ys, [kepler_state(0.3, t) for t in ts]) < 1e-8
+        assert jnp.isfinite(filled.y1).all()
+
+
+@pytest.mark.parametrize("how", [{}, {"dt": 0.1, "solver": RK4}], ids=["adaptive", "fixed"])
+def test_the_limit_is_the_number_of_steps_that_may_be_taken(how):
+    scene = scenes.pendulum(angle=1.0)
+    needed = simulate(scene, 2.0, samples=3, **how)
+    count = int(needed.steps + needed.rejected)
+    just = simulate(scene, 2.0, samples=3, max_steps=count, **how)
+    assert gap(just.ys, needed.ys) == 0
+    short = simulate(scene, 2.0, samples=3, max_steps=count - 1, throw=False, **how)
+    assert short.status_code == Status.STEP_LIMIT
+    assert int(short.steps + short.rejected) == count - 1
+    assert jnp.isnan(short.ys[-1]).all()
 
 
 def test_new_numbers_never_recompile_derivatives():

@@ -23,7 +23,7 @@ _CLOSING = 8  # projections that bring a rough start onto its ties; each squares
 _IN_LINE = 1e-14  # share of a triangle's side, squared: its height where it is flat
 
 
-@like_defaults()
+@like_defaults(but=("speed",))
 def rod_on_line(
     *,
     m=(1.0, 1.0),
