@@ -12,9 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxdyn import Effect, Scene, records, scenes
+from jaxdyn import Effect, Scene, catalogue, records, scenes
 from jaxdyn.effects import LinearDrag, PairGravity, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
+from orbits.files import KINDS
 
 KIND, VERSION = "test-record", 3
 
@@ -265,3 +266,12 @@ def test_reading_runs_nothing_that_a_file_names(path, monkeypatch):
     monkeypatch.setattr(FreePoints, "__init__", lambda *args, **kwargs: called.append(args))
     assert isinstance(records.decode(record["scene"]), Scene)
     assert not called
+
+
+@pytest.mark.parametrize("name", catalogue.entries())
+def test_every_scene_comes_back_as_it_was(name):
+    scene = catalogue.build(name, {})
+    read = records.decode(json.loads(json.dumps(records.encode(scene))), "scene", KINDS)
+    assert jax.tree.structure(read) == jax.tree.structure(scene)
+    for one, other in zip(jax.tree.leaves(read), jax.tree.leaves(scene), strict=True):
+        np.testing.assert_array_equal(one, other)
