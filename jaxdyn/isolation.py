@@ -8,7 +8,7 @@ Krawczyk's operator
 maps the box X into its inside holds exactly one; where K misses X it holds none. Any other box is
 cut in two. What remains when boxes are tiny, or when they have become too many, is undecided: a
 zero at which the Jacobian is singular, a curve of zeros, or a place where the field has no
-derivative. Everything else is proved, since bounds allow for rounding (`solvers.enclosures`).
+derivative. Everything else is proved, since bounds allow for rounding (`solvers.intervals`).
 
 Reference: Krawczyk (1969), Computing 4, 187; Neumaier (1990), Interval Methods for Systems of
 Equations, chapter 5.
@@ -18,9 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxdyn.solvers.enclosures import Dual, Interval, add, enclosures, multiply
+from jaxdyn.solvers.enclosures import Dual, enclosures
 from jaxdyn.solvers.formulas import Formulas
 from jaxdyn.solvers.graph import Node
+from jaxdyn.solvers.intervals import Interval, add, multiply
 
 _SMALLEST = 1e-9  # of the box: the size at which a box is not cut any more
 _WORK = 4_000_000  # boxes times nodes of the calculation: one to two seconds

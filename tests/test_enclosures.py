@@ -8,8 +8,9 @@ import pytest
 
 from jaxdyn import scenes
 from jaxdyn.isolation import isolate
-from jaxdyn.solvers.enclosures import Dual, Interval, enclosures
+from jaxdyn.solvers.enclosures import Dual, enclosures
 from jaxdyn.solvers.formulas import NotElementary, formulas
+from jaxdyn.solvers.intervals import Interval
 
 
 def _bounds(field, lows, highs):

@@ -8,12 +8,13 @@ from helpers import EXACT, gap
 from test_linearize import Arm
 
 from jaxdyn import Scene, simulate
+from jaxdyn.completeness import bisected, judged
 from jaxdyn.effects import UniformGravity
 from jaxdyn.equilibria import Equilibria, equilibria, rest_point
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.newton_euler import NewtonEuler
 from jaxdyn.linearize import modes
-from jaxdyn.rest_search import low_discrepancy
+from jaxdyn.rest_search import Box, low_discrepancy
 from jaxdyn.scene import Effect
 from jaxdyn.scenes.particles import cannonball, lorenz
 from jaxdyn.scenes.pendula import pendulum
@@ -256,6 +257,16 @@ class Flat(Effect):
 
     def force(self, t, r, v, m):
         return -(r**3)
+
+
+def test_a_rest_point_that_exists_but_was_not_reached_is_told():
+    field, box = spring_mass().field, Box(np.array([-3.0, -3, 0, 0]), np.array([3.0, 3, 0, 0]))
+    proof = bisected(field, jnp.zeros(()), box)
+    found = equilibria(spring_mass(), [-3, -3], [3, 3], starts=64)
+    assert found.complete
+    complete, certainty = judged(proof, field, jnp.zeros(()), found.states[:-1], np.zeros((0, 4)))
+    assert not complete
+    assert "did not reach the rest point that exists near" in certainty
 
 
 def test_a_rest_point_without_stiffness_is_degenerate():

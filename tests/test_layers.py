@@ -40,6 +40,7 @@ RANKS = {
     "jaxdyn/solvers/compositions.py": 2,
     "jaxdyn/solvers/gauss.py": 2,
     "jaxdyn/solvers/enclosures.py": 2,
+    "jaxdyn/solvers/intervals.py": 0,
     "jaxdyn/solvers/formulas.py": 1,
     "jaxdyn/solvers/graph.py": 0,
     "jaxdyn/solvers/method.py": 1,
