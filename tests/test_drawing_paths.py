@@ -15,7 +15,7 @@ from jaxdyn.drawing.strokes import coiled, dashpot, grounds
 from jaxdyn.events import Reaches
 from jaxdyn.phases import END, Exit, Phase, run
 from jaxdyn.regularised import LogarithmicTime
-from jaxdyn.scenes.satellites import ANTENNAS, antenna_trace
+from jaxdyn.scenes.satellites import ANTENNAS, SatelliteSketch, antenna_trace
 
 
 def _motion(scene, ys):
@@ -250,3 +250,8 @@ def test_even_times_of_uneven_samples():
     assert gap(drawn.ts[at], np.linspace(0, 1, 5)) < 1.0 / 666
     backwards = paths(simulate(scenes.cannonball(), -1.0, samples=20))
     assert gap(backwards.ts[in_time(backwards, 3)], np.array([0.0, -0.5, -1.0])) < 1e-3
+
+
+def test_a_satellite_of_no_known_name_is_refused_where_it_is_drawn():
+    with pytest.raises(ValueError, match="name: expected one of A, B, C, got 'Z'"):
+        SatelliteSketch("Z")(np.zeros((6, 3)))

@@ -93,7 +93,7 @@ class SatelliteSketch(Looks):
     def __call__(self, r: Array) -> tuple[Shape, ...]:
         """Shapes in the axes of the points r (6, 3), which are about the centre of mass."""
         del r
-        centre = SATELLITES[self.name]().centre
+        centre = SATELLITES[_checks.choice("name", self.name, SATELLITES)]().centre
         x, y, z = jnp.eye(3) / 2
         corners = jnp.asarray(CUBE, float)
         shapes = [lines(corners, BOX_EDGES)]
