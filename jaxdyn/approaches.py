@@ -11,7 +11,7 @@ from jaxtyping import Array
 from jaxdyn.events import Event, until
 from jaxdyn.regularised import followed
 from jaxdyn.scene import Scene, System
-from jaxdyn.simulate import MAX_STEPS, RTOL
+from jaxdyn.simulate import MAX_STEPS, RTOL, explained
 from jaxdyn.status import IntegrationError, Status
 
 
@@ -60,7 +60,7 @@ def closest_approaches(
             near = until(slow.starting(run.ys[k]), event, grid[k + 1], t0=grid[k], rtol=rtol)
             status = Status(int(near.status))
             if status != Status.OK:
-                raise IntegrationError(status.message)
+                raise IntegrationError(explained(status, scene))
             t, y = near.t, near.y
             if not near.happened:  # it is at one of the two samples, to rounding
                 at = k if -value[k] < value[k + 1] else k + 1

@@ -30,6 +30,10 @@ class Ledger(System):
     def obeys(self):
         return self.system.obeys
 
+    @property
+    def singular(self):
+        return self.system.singular
+
     def labels(self):
         return (*self.system.labels(), *((f"work of {kind}", "J") for kind in self.kinds))
 

@@ -14,7 +14,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.events import Event, until
 from jaxdyn.scene import Scene
-from jaxdyn.simulate import RTOL, Trajectory, simulate, single
+from jaxdyn.simulate import RTOL, Trajectory, explained, simulate, single
 from jaxdyn.status import Status
 
 MAX_PHASES = 200
@@ -91,7 +91,7 @@ class Chain(eqx.Module):
     def message(self) -> str:
         """Why the motion stops here, and what to do about it."""
         if self.status != Status.OK:
-            return f"In phase {self.names[-1]}: {self.status.message}"
+            return f"In phase {self.names[-1]}: {explained(self.status, self.pieces[-1].scene)}"
         if self.ended:
             return f"Phase {self.names[-1]} led to the end."
         if self.t >= self.pieces[-1].scene.t1:

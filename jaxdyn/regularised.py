@@ -215,7 +215,7 @@ def followed(scene: Scene, t1, t0, samples: int, rtol, max_steps: int, throw: bo
         raise _checks.fail("t1", "a time other than t0", t1, "Nothing moves in no time.")
     stop = _until(slow, t0, t1, rtol, max_steps)
     if throw:
-        raise_unless_ok(stop.status)
+        raise_unless_ok(stop.status, scene)
 
     def over(y0, span) -> tuple[Array, Flow]:
         grid = jnp.linspace(0.0, span, samples)

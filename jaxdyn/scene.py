@@ -44,6 +44,9 @@ class Effect(eqx.Module):
     #: Whether the force depends on velocities. Where no effect of a scene does, the
     #: integrator takes a Nystrom pair, about twice as fast.
     velocity_dependent: ClassVar[bool] = True
+    #: Where the force has no value or no direction, and what to do about it: a sentence for the
+    #: message of a motion that ends there; empty for a force that is smooth everywhere.
+    singular: ClassVar[str] = ""
 
     def potential(self, t: Array, r: Array, m: Array) -> Array | None:
         """Potential energy () [J] of points at r (n, d); None where there is none."""
@@ -123,6 +126,11 @@ class System(eqx.Module):
         An effect that acts in another way would be left out silently; `Scene.check` refuses it.
         """
         return frozenset()
+
+    @property
+    def singular(self) -> str:
+        """Where the coordinates or equations end; see `Effect.singular`."""
+        return ""
 
     def coordinates(self, y: Float[Array, " k"]) -> tuple[Array, Array]:
         """q and the velocities v that an effect's `generalized` is given; its work is that on v."""
@@ -233,6 +241,12 @@ class Scene(eqx.Module):
     def second_order(self) -> bool:
         """True where y = [q, v] and the acceleration does not depend on v."""
         return self.system.second_order and not any(e.velocity_dependent for e in self.effects)
+
+    @property
+    def singular(self) -> str:
+        """Where its motions may run into a singularity: what its parts say of it."""
+        said = (part.singular for part in (self.system, *self.effects))
+        return " ".join(dict.fromkeys(text for text in said if text))
 
     def __add__(self, effect: Effect) -> "Scene":
         """The same scene with one more effect."""

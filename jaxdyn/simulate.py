@@ -79,7 +79,7 @@ class Trajectory(eqx.Module):
     @property
     def message(self) -> str:
         """What happened and what to do about it; host only."""
-        return self.status_code.message
+        return explained(self.status_code, self.scene)
 
     @property
     def status_code(self) -> Status:
@@ -212,7 +212,7 @@ def simulate(
             raise _checks.fail("digits", "no rtol, atol or dt beside them", "one", remedy)
         result, error = ladder.reached(run, scene, ts, digits, _name(scene, solver), throw)
     if throw:
-        raise_unless_ok(result.status)
+        raise_unless_ok(result.status, scene)
     # Where an implicit method took over there is nothing left to say.
     stiff = False if solver == "auto" else result.stiff
     counts = (result.steps, result.rejected, result.status, stiff)
@@ -346,13 +346,19 @@ def _name(scene: Scene, solver: Method | str | None) -> str:
     return solver if isinstance(solver, str) else chosen_pair(scene, solver).name
 
 
-def raise_unless_ok(status: Array) -> None:
+def explained(status: Status, scene: Scene) -> str:
+    """What a status means, and where it is of a singularity, which ones the scene has."""
+    singular = status in (Status.STEP_COLLAPSED, Status.NOT_FINITE)
+    return f"{status.message} {scene.singular}".strip() if singular else status.message
+
+
+def raise_unless_ok(status: Array, scene: Scene) -> None:
     """Raise IntegrationError for the first status in an array that is not OK; traces pass."""
     if _checks.is_traced(status):
         return
     bad = np.asarray(status)[np.asarray(status) != Status.OK]
     if bad.size:
-        raise IntegrationError(Status(int(bad.flat[0])).message)
+        raise IntegrationError(explained(Status(int(bad.flat[0])), scene))
 
 
 @eqx.filter_jit

@@ -35,14 +35,12 @@ class Status(Code):
     STEP_COLLAPSED = (
         2,
         "The step size fell below the spacing of floating-point times: the motion runs into a "
-        "singularity (a collision, a corner of a force) or rtol is below rounding. Stop "
-        "earlier, loosen rtol, soften the force, or take regularised.simulate_regularised for "
-        "bodies that nearly collide.",
+        "singularity, or rtol is below rounding. Stop earlier, or loosen rtol.",
     )
     NOT_FINITE = (
         3,
         "The start, its rate, a time or a tolerance is NaN or infinite. Check the start and "
-        "the parameters: two bodies at one point, a division by zero.",
+        "the parameters.",
     )
     SINGULAR = (
         4,

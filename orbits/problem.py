@@ -26,8 +26,8 @@ class Outcome(Code):
     )
     COLLISION = (
         3,
-        "The motion from the guess runs into a singularity before it can close. Start elsewhere, "
-        "or set bounds that keep the bodies apart.",
+        "The motion from the guess, or its derivative, runs into a singularity before it can "
+        "close. Start elsewhere, or set bounds that keep away from it.",
     )
     ESCAPE = (
         4,
@@ -99,7 +99,9 @@ class Orbit(eqx.Module):
     @property
     def message(self) -> str:
         """How the search ended and what to try."""
-        return self.outcome.message
+        if self.outcome != Outcome.COLLISION:
+            return self.outcome.message
+        return f"{self.outcome.message} {self.scene.singular}".strip()
 
 
 def moved(orbit: Orbit, scene: Scene) -> Orbit:

@@ -38,6 +38,9 @@ class CentralForce(Effect):
     """
 
     velocity_dependent: ClassVar[bool] = False
+    singular: ClassVar[str] = (
+        "A central force may be infinite at its centre, and has no direction there."
+    )
 
     def attraction(self, r: Array) -> Array:
         """f(r) () [N], positive towards the origin, at the distance r () [m]."""

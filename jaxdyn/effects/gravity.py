@@ -38,6 +38,10 @@ class PairGravity(Effect):
 
     G: Array = eqx.field(converter=as_float, default=1.0)
     velocity_dependent: ClassVar[bool] = False
+    singular: ClassVar[str] = (
+        "Bodies that meet attract each other infinitely: regularised.simulate_regularised follows "
+        "near collisions."
+    )
 
     @property
     def without_units(self):

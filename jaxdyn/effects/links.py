@@ -19,6 +19,8 @@ from jaxdyn.effects._parts import at_least_zero, end_of, on_ends, point_number
 from jaxdyn.scene import Effect, Points
 from jaxdyn.sketch import Kind, Shape, pin
 
+_NO_DIRECTION = "A spring or dashpot has no direction where its ends meet: its force jumps there."
+
 
 class Spring(Effect):
     """A linear spring with energy k (l - length)^2 / 2, l being the distance of its ends.
@@ -33,6 +35,7 @@ class Spring(Effect):
     i: int = eqx.field(static=True, default=0, kw_only=True)
     j: int | None = eqx.field(static=True, default=None, kw_only=True)
     velocity_dependent: ClassVar[bool] = False
+    singular: ClassVar[str] = _NO_DIRECTION
 
     def potential(self, t, r, m):
         del t, m
@@ -64,6 +67,7 @@ class Dashpot(Effect):
     anchor: Array = eqx.field(converter=as_float, default=0.0, kw_only=True)
     i: int = eqx.field(static=True, default=0, kw_only=True)
     j: int | None = eqx.field(static=True, default=None, kw_only=True)
+    singular: ClassVar[str] = _NO_DIRECTION
 
     def force(self, t, r, v, m):
         del t, m

@@ -40,6 +40,10 @@ class EulerBody(Mechanism):
     pivoted: bool = eqx.field(static=True)
     drawn: Looks
     massless: ClassVar[bool] = True
+    singular: ClassVar[str] = (
+        "Euler angles lock where their first and third axes are parallel: take another sequence, "
+        "or representation='quaternion'."
+    )
 
     def __init__(
         self,

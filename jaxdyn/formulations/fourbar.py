@@ -1,5 +1,7 @@
 """The four-bar linkage by its crank angle alone; `bars` has it as a chain and as bodies."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -28,6 +30,10 @@ class FourBar(Mechanism):
     l: Array  # noqa: E741 the course's name
     end: Array
     crossed: bool = eqx.field(static=True, default=False)
+    singular: ClassVar[str] = (
+        "Where coupler and rocker are in line, the crank does not say how they go on: "
+        "formulation='constrained' or 'loop' may pass that pose."
+    )
 
     def coordinates(self):
         return (("theta1", "rad"),)

@@ -1,5 +1,7 @@
 """Masses led by wires, slots and machinery, in the plane: the mechanisms of `scenes.guides`."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -57,6 +59,7 @@ class Cycloid(Mechanism):
 
     m: Array
     c: Array
+    singular: ClassVar[str] = "The wire ends upright, 1 / (2 c) along it from the bottom."
 
     def coordinates(self):
         return (("s", "m"),)

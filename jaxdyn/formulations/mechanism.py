@@ -28,6 +28,8 @@ class Mechanism(eqx.Module):
 
     #: Whether single points may be without mass, as two of those of a flat body are.
     massless: ClassVar[bool] = False
+    #: Where the coordinates end; see `Effect.singular`.
+    singular: ClassVar[str] = ""
 
     @abc.abstractmethod
     def coordinates(self) -> tuple[tuple[str, str], ...]:
@@ -105,6 +107,10 @@ class MechanismSystem(System):
     @property
     def obeys(self):
         return frozenset({"force", "generalized"})
+
+    @property
+    def singular(self):
+        return self.mechanism.singular
 
     def labels(self):
         q = self.mechanism.coordinates()

@@ -5,6 +5,7 @@ the length of the stick as the tie, whose multiplier is the force along it.
 """
 
 import abc
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -123,6 +124,10 @@ class Sideways(Mechanism):
     m: Array
     l: Array  # noqa: E741 the course's name
     axis: int = eqx.field(static=True, default=0)
+    singular: ClassVar[str] = (
+        "At the level of the hinge the coordinate does not say how the mass goes on: "
+        "scenes.sideways_edge says when it gets there, and scenes.pendulum goes on."
+    )
     side: Array | float = -1.0
 
     def coordinates(self):

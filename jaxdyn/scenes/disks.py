@@ -7,6 +7,9 @@ omega = omega_p k + (d theta/dt) e_x' + omega_s e_3' with e_x' the horizontal k 
 Its steady motions are `precession.rolling_disk_circle` and its neighbours.
 """
 
+import math
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -27,6 +30,9 @@ _SPOKES = ((0, 1), (2, 3))
 _RIM = ((1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0))
 
 
+_FLAT = 1e-12  # sine of the axis' angle to the vertical: less is rounding of pi
+
+
 class Disk(Mechanism):
     """A flat disk with moments I_1, I_1, 2 I_1, held on the plane z = 0 by its lowest point.
 
@@ -45,6 +51,7 @@ class Disk(Mechanism):
     radius: Array = eqx.field(converter=as_float)
     I1: Array = eqx.field(converter=as_float)
     rough: bool = eqx.field(static=True, default=True, kw_only=True)
+    singular: ClassVar[str] = "A disk that lies flat has no lowest point."
 
     def coordinates(self):
         lengths = (("x", "m"), ("y", "m"), ("z", "m"))
@@ -133,6 +140,9 @@ def rolling_disk(
       rough: rolls; else it slides, from a start where its centre moves only up or down.
       t1: span [s].
     """
+    if not _checks.is_traced(theta) and abs(math.sin(theta)) < _FLAT:
+        wanted = "a disk that does not lie flat, 0 < theta < pi"
+        raise _checks.fail("theta", wanted, theta, "A disk that lies flat has no lowest point.")
     I1 = m * radius**2 / 4 if I1 is None else I1
     disk = Disk(m, radius, I1, rough=rough)
     theta, precession, lean_rate, spin, radius = floats(theta, precession, lean_rate, spin, radius)
