@@ -79,7 +79,7 @@ def test_a_failure_ends_it_without_numbers():
     phases = {"fall": Phase(fall, (Exit(Reaches(0, 9.0), END),))}
     chain = run(phases, "fall", fall.y0, 2.0, samples=3)
     assert chain.status == Status.STEP_COLLAPSED
-    assert chain.message == f"In phase fall: {Status.STEP_COLLAPSED.message}"
+    assert chain.message == f"In phase fall: {Status.STEP_COLLAPSED.message} {fall.singular}"
     assert np.isnan(chain.t)
     assert np.isnan(chain.y).all()
     assert np.isnan(chain.pieces[0].ys[-1]).all()

@@ -17,7 +17,7 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.phases import pieces_of
 from jaxdyn.scenes.particles import straightness
 from jaxdyn.scenes.springs import wildness
-from jaxdyn.simulate import default_solver, raise_unless_ok, solve
+from jaxdyn.simulate import default_solver, explained, raise_unless_ok, solve
 from jaxdyn.solvers import NYSTROM12, RK4, VERNER9, from_diffrax
 
 BALL = scenes.cannonball(drag=0.1)
@@ -98,7 +98,7 @@ def test_the_method_follows_the_effects():
 def _ends(motion, status: Status, reached: int) -> None:
     assert int(motion.status) == status
     assert not motion.ok
-    assert motion.message == status.message
+    assert motion.message == explained(status, motion.scene)
     assert jnp.isfinite(motion.ys[:reached]).all()
     assert jnp.isnan(motion.ys[reached:]).all()
 
