@@ -174,6 +174,7 @@ def _module(value: dict, what: str, kinds: tuple[type, ...]) -> Any:
     cls = classes.get(name) if isinstance(name, str) else None
     if cls is None:
         raise fail(what, f"one of {', '.join(sorted(classes))}", reprlib.repr(name))
+    value = _defaults(cls) | value
     names = {*_named(cls)} or {f.name for f in dataclasses.fields(cls)}
     if names != value.keys() - {"type"}:
         wrong = sorted(names ^ (value.keys() - {"type"}))
@@ -190,6 +191,14 @@ def _module(value: dict, what: str, kinds: tuple[type, ...]) -> Any:
             item = _number_or(item, place, kinds)
         object.__setattr__(module, field.name, item)
     return module
+
+
+def _defaults(cls: type) -> dict[str, Any]:
+    """What fields that a class got after a file was written have in it."""
+    if _named(cls):
+        return {}
+    fields = [f for f in dataclasses.fields(cls) if f.default is not dataclasses.MISSING]
+    return {f.name: encode(f.default) for f in fields}
 
 
 def _named(cls: type) -> tuple[str, ...]:

@@ -206,6 +206,12 @@ def test_files_that_cannot_be_read(tmp_path, monkeypatch):
         records.read(large, KIND, VERSION)
 
 
+def test_a_field_that_is_newer_than_the_file_has_its_default():
+    record = records.encode(scenes.pendulum(formulation="constrained"))
+    del record["system"]["mechanism"]["squared"]
+    assert records.decode(record).system.mechanism.squared is False
+
+
 def changed(*keys, to):
     """The record of a three-body scene with one entry replaced."""
     record = json.loads(json.dumps(records.encode(scenes.three_body())))

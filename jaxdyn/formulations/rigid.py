@@ -102,7 +102,7 @@ class RigidBody(System):
     matter: MaterialPoints
     attitude: Attitude
     pivoted: bool = eqx.field(static=True)
-    drawn: Looks
+    drawn: Looks = FirstPoint()
 
     def __init__(
         self,
