@@ -64,6 +64,7 @@ def polished(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Arra
     rounding = looked(sight.field, sight.events, t0, y0).rounding
     first = jnp.where(found, bracket.low, 0.0)
     last = jnp.where(found, bracket.high, 0.0)
+    eps = jnp.finfo(y0.dtype).eps
     least = _CLOSEST * jnp.abs(last - first)
 
     def look(p: _Polish) -> _Polish:
@@ -74,17 +75,16 @@ def polished(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Arra
         before = (jnp.sign(g) == -towards) | leaves
         low, high = jnp.where(before, p.h, p.low), jnp.where(before, p.high, p.h)
         new = p.h - g / jnp.where(slope == 0, 1.0, slope)
-        change = jnp.abs(new - p.h)
-        good = ((new - low) * (new - high) < 0) & (slope != 0) & (2 * change <= p.last)
-        new = jnp.where(good, new, 0.5 * (low + high))
+        change = jnp.where(slope == 0, jnp.inf, jnp.abs(new - p.h))
         # Times after the node are finer than times: of bounces too short for them it finds the end.
-        steep = jnp.where(slope == 0, 1.0, jnp.abs(slope))
-        slack = jnp.maximum(0.5 * jnp.finfo(g.dtype).eps * jnp.abs(p.h), rounding / steep)
-        slack = jnp.maximum(slack, least)
-        arrived = p.arrived | (g == 0) | (jnp.abs(new - p.h) <= slack)
+        fine = jnp.maximum(2 * eps * jnp.abs(p.h), least)
+        exact = (jnp.abs(g) <= 2 * rounding) | (change <= fine) | (jnp.abs(high - low) <= fine)
+        arrived = p.arrived | exact
+        good = ((new - low) * (new - high) < 0) & (2 * change <= p.last)
+        new = jnp.where(good, new, 0.5 * (low + high))
         at_begin = jnp.abs(high - first) <= 16 * least
         done = arrived & ((g == 0) | (before != at_begin))
-        back = jnp.where(p.arrived, 2 * p.back, slack)
+        back = jnp.where(p.arrived, 2 * p.back, fine)
         nearer = jnp.where(at_begin, high, p.h + jnp.clip(low - p.h, -back, back))
         new = jnp.where(done, p.h, jnp.where(arrived, nearer, new))
         return _Polish(p.n + 1, low, high, new, jnp.abs(new - p.h), back, arrived, done, y)
