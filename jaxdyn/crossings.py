@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn.event_values import Sight, looked
+from jaxdyn.event_values import Sight, bends, looked
 from jaxdyn.flow import Settings, march
 from jaxdyn.polish import Bracket, polished
 from jaxdyn.status import Status
@@ -110,12 +110,13 @@ class _Lookout(Watch):
         return _Lookout(self.sight, direction)
 
     def start(self, t0, y0):
-        here = looked(self.sight.field, self.sight.events, self.direction * t0, y0)
+        at = self.sight.field, self.sight.events, self.direction * t0, y0
+        here = looked(*at)
         zero = jnp.zeros_like(here.values)
         end = _Look(jnp.ones_like(t0), here.values, here.slopes, zero)
         noise = here.rounding + jnp.abs(t0) * here.speeds
         begun = jnp.zeros((), bool)
-        return _Seen(end, t0, y0, Bracket.none(zero), noise, here.speeds, here.bends, begun)
+        return _Seen(end, t0, y0, Bracket.none(zero), noise, here.speeds, bends(*at), begun)
 
     def see(self, keep, t0, y0, t1, y1, memory):
         del y1

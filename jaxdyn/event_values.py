@@ -23,14 +23,12 @@ class Looked(NamedTuple):
       slopes: (E,) their slopes in time along the motion.
       rounding: (E,) what one rounding of the state moves them by.
       speeds: (E,) what one rounding of a unit of time moves them by; one rounding of a slope.
-      bends: (E,) one rounding of their second derivatives in time; 0 where there are none.
     """
 
     values: Array
     slopes: Array
     rounding: Array
     speeds: Array
-    bends: Array
 
 
 def values(events: tuple, t: Array, y: Array) -> Array:
@@ -40,21 +38,27 @@ def values(events: tuple, t: Array, y: Array) -> Array:
 
 def looked(field, events: tuple, t: Array, y: Array) -> Looked:
     """The events of a motion at (t, y); `field` has ``rate(t, y)``."""
-    fn, eps = functools.partial(values, events), jnp.finfo(y.dtype).eps
-
-    def parts(t, y):
-        by_time, rows = jax.jacfwd(fn, argnums=(0, 1))(t, y)
-        return rows, jnp.concatenate([by_time[:, None], rows * field.rate(t, y)[None]], axis=-1)
-
-    (rows, terms), (_, bends) = jax.jvp(parts, (t, y), (jnp.ones_like(t), field.rate(t, y)))
-    bends = jnp.abs(jnp.sum(bends, -1))
+    rows, terms = _terms(field, events, t, y)
+    eps = jnp.finfo(y.dtype).eps
     return Looked(
-        values=fn(t, y),
+        values=values(events, t, y),
         slopes=jnp.sum(terms, -1),
         rounding=eps * jnp.sum(jnp.abs(rows * y[None]), -1),
         speeds=eps * jnp.sum(jnp.abs(terms), -1),
-        bends=eps * jnp.where(jnp.isfinite(bends), bends, 0.0),
     )
+
+
+def bends(field, events: tuple, t: Array, y: Array) -> Array:
+    """(E,) one rounding of the second derivatives along the motion; 0 where there are none."""
+    ahead = (jnp.ones_like(t), field.rate(t, y))
+    _, second = jax.jvp(lambda t, y: _terms(field, events, t, y)[1].sum(-1), (t, y), ahead)
+    return jnp.finfo(y.dtype).eps * jnp.where(jnp.isfinite(second), jnp.abs(second), 0.0)
+
+
+def _terms(field, events: tuple, t: Array, y: Array) -> tuple[Array, Array]:
+    """(E, k) derivatives of the values by the state; (E, 1 + k) what their slopes are sums of."""
+    by_time, rows = jax.jacfwd(functools.partial(values, events), argnums=(0, 1))(t, y)
+    return rows, jnp.concatenate([by_time[:, None], rows * field.rate(t, y)[None]], axis=-1)
 
 
 class Sight(eqx.Module):
