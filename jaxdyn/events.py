@@ -100,8 +100,9 @@ class Stop(eqx.Module):
 
     Attributes:
       t: () time of the event, or the end of the span if there was none; NaN if the run failed.
-      y: (k,) state then, not beyond the event except by less than a start can show; NaN if the
-        run failed.
+      y: (k,) state then, on the event or a rounding before it, not beyond; where the motion
+        started on the event and meets it within 1e-30 of a step, it may be beyond by as little.
+        NaN if the run failed.
       event: () index of the event, -1 for none.
       status: () `Status` code.
       coincident: (E,) whether each of the events happens at this time, to rounding; several do
@@ -136,10 +137,10 @@ def until(
     An event happens at the first time after t0 at which its value has changed sign in the wanted
     direction. A value that is within rounding of zero at the start (16 roundings of the state, and
     of its change over t0 and the first step) is on the side that its slope points to: to leave an
-    event is not to meet it. If the value turns back at once it does meet it, however short that
-    flight: at t0, to rounding, if it is shorter than times resolve. If the slope is zero too, to
-    rounding, the event happens at t0 if the value then goes in the wanted direction, and does
-    not happen if that is 0.
+    event does not count as an event. If the value turns back, its return counts, however short
+    the flight: at t0, if the flight is shorter than the spacing of times. If the slope is within
+    rounding of zero as well, the event happens at t0 if the value then goes in the wanted
+    direction; if both directions are wanted, it does not happen.
 
     Args:
       scene: system, effects, start.
@@ -154,10 +155,10 @@ def until(
     Raises:
       ValueError: no event, or an argument out of its range.
     Limits: two crossings in one step are found if the value is smooth and goes beyond zero by
-      more than 4 roundings of the state at the start. Missed are a value that looks smooth at
-      four places of a step and is not in between (a pulse much shorter than the step that is
-      exactly constant elsewhere), and what is left of a step after 4096 panels of a value that
-      turns near zero throughout. At a grazing contact derivatives are infinite. An event within
+      more than 4 roundings of the state at the start. Missed can be a pulse much shorter than a
+      step in a value that is smooth elsewhere, since a step is looked at in five places unless
+      these leave room for a crossing; and dips later in a step in which the value turns near
+      zero thousands of times. At a grazing contact derivatives are infinite. An event within
       rounding of the end of the span may count as after it: end the span later.
     Example:
       >>> from jaxdyn import events, scenes

@@ -63,7 +63,8 @@ class CloseReturn(Watch):
 
     Between two steps the gap is the cubic with its values and slopes at both ends, which is
     right to some 1e-4 of its size at the steps of tight tolerances: good for a guess, which
-    `orbits` polishes. A motion that only leaves its start has no return: infinite, at NaN.
+    `orbits` polishes. A motion that only leaves its start has no return: infinite, at NaN. Two
+    returns within one step of the method count as one or none.
 
     Attributes:
       field: what moves the state.

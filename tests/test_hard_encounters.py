@@ -120,3 +120,14 @@ def test_what_makes_no_sense_is_refused():
         simulate_regularised(BODIES, samples=1)
     with pytest.raises(ValueError, match="t1: expected a time other than t0"):
         simulate_regularised(BODIES, 0.0)
+
+
+@pytest.mark.slow
+def test_an_approach_at_a_sample_is_not_lost():
+    # From the greatest distance over three periods, the second approach is the middle sample.
+    e, period = 0.6, 2 * np.pi / np.sqrt(3.0)
+    v = np.sqrt(3.0 * (1 - e) / (1 + e))
+    y0 = [-2 * (1 + e) / 3, 0, (1 + e) / 3, 0, 0, -2 * v / 3, 0, v / 3]
+    near = closest_approaches(scenes.two_body().starting(y0, 3 * period), samples=21)
+    np.testing.assert_allclose(sorted(x.t / period for x in near), [0.5, 1.5, 2.5], rtol=1e-9)
+    np.testing.assert_allclose([x.distance for x in near], 1 - e, rtol=1e-9)
