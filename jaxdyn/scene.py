@@ -285,7 +285,7 @@ class Scene(eqx.Module):
                 f"at most {_MOST_EFFECTS}",
                 len(self.effects),
                 "Each is compiled by itself. Write one Effect for all of a kind, whose numbers are "
-                "arrays with a row for each, and add them up in its force.",
+                "arrays with a row for each, as effects.SpringNetwork is.",
             )
         for effect in self.effects:
             self._check_obeyed(effect)

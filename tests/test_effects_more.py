@@ -18,6 +18,7 @@ from jaxdyn.effects import (
     LinearDrag,
     PairGravity,
     PowerLaw,
+    QuadraticDrag,
     SinusoidalForce,
     Spring,
     SpringNetwork,
@@ -223,6 +224,18 @@ REFUSED = [
     (SpringNetwork(((0, 5),), 1.0), "j: expected a point from 0 to 1, got 5."),
     (SpringNetwork(((0, 1),), 1.0, [-2.0]), "length: expected >= 0, got -2.0."),
     (SpringNetwork(((0, 1),), np.nan), "k: expected finite numbers, got nan."),
+    (Spring([1.0, 2.0, 3.0]), "k: expected shape (), got shape (3,). A stiffness is in N/m."),
+    (Spring(1.0, [1.0, 2.0]), "length: expected shape (), got shape (2,)."),
+    (Spring(1.0, anchor=[1.0]), "anchor: expected shape (3,), got shape (1,). One component"),
+    (Dashpot([1.0]), "c: expected shape (), got shape (1,). A damping coefficient"),
+    (SpringNetwork(((0, 1),), [1.0, 2.0]), "k: expected shape (1,), got shape (2,)."),
+    (SpringNetwork(((0, 1),), 1.0, [1.0, 2.0]), "length: expected shape (1,), got shape (2,)."),
+    (UniformGravity([9.8, 9.8, 9.8]), "g: expected shape (), got shape (3,). In m/s^2, against"),
+    (LinearDrag([0.1, 0.2, 0.3]), "c: expected shape (), got shape (3,). A negative drag"),
+    (QuadraticDrag(0.1, wind=[1.0]), "wind: expected shape (3,), got shape (1,). One component"),
+    (DryFriction([0.1, 0.2], 1.0), "mu: expected shape (), got shape (2,). The surface only"),
+    (DryFriction(0.1, [1.0, 1.0, 1.0]), "normal: expected shape (2,), got shape (3,)."),
+    (DryFriction(0.1, 1.0, belt=[1.0]), "belt: expected shape (3,), got shape (1,)."),
     (ConstantForce([1.0]), "F: expected shape (3,), got shape (1,). One component for each axis."),
     (StepForce([1.0, 2.0, 3.0], on=(7,)), "on: expected a point from 0 to 1, got 7."),
     (SinusoidalForce([1.0, 2.0], 1.0), "F: expected shape (3,), got shape (2,)."),
@@ -253,3 +266,16 @@ def test_a_central_force_without_a_law_is_refused():
     message = r"^Nothing: expected an `attraction` or an `energy`, got neither\. Override one\."
     with pytest.raises(ValueError, match=message):
         Nothing().force(T, R, V, M)
+
+
+def test_large_networks_of_springs_are_as_many_springs():
+    n, rng = 30, np.random.default_rng(5)
+    links = [(i, (i + 1 + k) % n) for i in range(n) for k in range(3)]  # more than written out
+    k, length = rng.uniform(1, 2, (2, len(links)))
+    r, v, m = rng.normal(size=(n, 3)), np.zeros((n, 3)), np.ones(n)
+    network = SpringNetwork(links, k, length)
+    singles = [Spring(k[e], length[e], i=i, j=j) for e, (i, j) in enumerate(links)]
+    force, energy = (network.force(T, r, v, m), network.potential(T, r, m))
+    assert gap(force, sum(one.force(T, r, v, m) for one in singles)) < 10 * EXACT
+    assert gap(energy, sum(one.potential(T, r, m) for one in singles)) < 100 * EXACT
+    assert gap(force, -jax.grad(network.potential, argnums=1)(T, r, m)) < 10 * EXACT

@@ -24,11 +24,19 @@ def unless_zero(coefficient: Any, effect: Effect) -> tuple[Effect, ...]:
     return () if absent else (effect,)
 
 
-def at_least_zero(name: str, x: Array, remedy: str) -> None:
-    """Refuse an effect's number that is negative, NaN or infinite."""
-    values = np.asarray(_checks.finite(name, x, remedy))
+def at_least_zero(name: str, x: Array, remedy: str, n: int | None = None) -> None:
+    """Refuse an effect's number that is negative, NaN or infinite; or, of n points, one each."""
+    each = n is not None and np.ndim(x) == 1
+    values = np.asarray(_checks.array(name, x, (n,) if each else (), remedy))
     if (values < 0).any():
         raise _checks.fail(name, ">= 0", values[values < 0].ravel()[0], remedy)
+
+
+def vector_or_zero(name: str, x: Array, d: int) -> None:
+    """Refuse what is neither a vector (d,) nor one number for all its components."""
+    if np.ndim(x):
+        _checks.array(name, x, (d,), "One component for each axis, or 0.")
+    _checks.finite(name, x)
 
 
 def point_number(name: str, i: int, n: int) -> None:

@@ -8,7 +8,7 @@ from jaxtyping import Array
 
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import safe_norm, safe_sqrt, square_norm
-from jaxdyn.effects._parts import at_least_zero
+from jaxdyn.effects._parts import at_least_zero, vector_or_zero
 from jaxdyn.scene import Effect, Points
 
 
@@ -26,8 +26,8 @@ class _Drag(Effect):
     def force(self, t, r, v, m): ...
 
     def check(self, points):
-        del points
         at_least_zero("c", self.c, "A negative drag drives the motion.")
+        vector_or_zero("wind", self.wind, points.r.shape[1])
 
 
 class LinearDrag(_Drag):
@@ -74,6 +74,7 @@ class DryFriction(Effect):
         return -(friction / jnp.where(speed == 0, 1.0, speed))[:, None] * u
 
     def check(self, points: Points) -> None:
-        del points
-        for name in ("mu", "normal", "creep"):
+        for name in ("mu", "creep"):
             at_least_zero(name, getattr(self, name), "The surface only pushes.")
+        at_least_zero("normal", self.normal, "The surface only pushes.", len(points.m))
+        vector_or_zero("belt", self.belt, points.r.shape[1])

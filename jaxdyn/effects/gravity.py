@@ -32,6 +32,10 @@ class UniformGravity(Effect):
         up = np.eye(r.shape[1])[-1]
         return (-self.g * m)[:, None] * up[None, :]
 
+    def check(self, points: Points) -> None:
+        del points
+        _checks.array("g", self.g, (), "In m/s^2, against the last axis.")
+
 
 class PairGravity(Effect):
     """Newtonian attraction G m_i m_j / r_ij^2 between all points; G [m^3/(kg s^2)]."""
@@ -80,12 +84,13 @@ class PairGravity(Effect):
     def check(self, points: Points) -> None:
         _checks.array("G", self.G, (), "One number for all pairs.")
         r = np.asarray(points.r)
-        for i in range(len(r)):
-            for j in range(i + 1, len(r)):
-                if (r[i] == r[j]).all():
-                    raise _checks.fail(
-                        "y0",
-                        "bodies at different points",
-                        f"bodies {i + 1} and {j + 1} both at {r[i].tolist()}",
-                        "Their attraction is infinite there; move one.",
-                    )
+        order = np.lexsort(r.T)  # equal places become neighbours
+        same = np.flatnonzero((np.diff(r[order], axis=0) == 0).all(axis=1))
+        if same.size:
+            i, j = sorted(order[same[0] : same[0] + 2].tolist())
+            raise _checks.fail(
+                "y0",
+                "bodies at different points",
+                f"bodies {i + 1} and {j + 1} both at {r[i].tolist()}",
+                "Their attraction is infinite there; move one.",
+            )

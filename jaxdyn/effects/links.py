@@ -15,7 +15,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._floats import as_float, floats
 from jaxdyn._numerics import safe_norm, square_norm
-from jaxdyn.effects._parts import at_least_zero, end_of, on_ends, point_number
+from jaxdyn.effects._parts import at_least_zero, end_of, on_ends, point_number, vector_or_zero
 from jaxdyn.scene import Effect, Points
 from jaxdyn.sketch import Kind, Shape, pin
 
@@ -52,8 +52,9 @@ class Spring(Effect):
 
     def check(self, points: Points) -> None:
         _check_ends(self.i, self.j, len(points.m))
+        vector_or_zero("anchor", self.anchor, points.r.shape[1])
         at_least_zero("length", self.length, "A rest length is in m.")
-        _checks.finite("k", self.k, "A stiffness is in N/m.")
+        _checks.array("k", self.k, (), "A stiffness is in N/m.")
 
 
 class Dashpot(Effect):
@@ -81,7 +82,15 @@ class Dashpot(Effect):
 
     def check(self, points: Points) -> None:
         _check_ends(self.i, self.j, len(points.m))
-        _checks.finite("c", self.c, "A damping coefficient is in kg/s.")
+        vector_or_zero("anchor", self.anchor, points.r.shape[1])
+        _checks.array("c", self.c, (), "A damping coefficient is in kg/s.")
+
+
+# Links up to which a network is slices and sums, one a link. A gather, whose reverse mode is a
+# scatter, or a sum over all points would keep a stepping loop with tangents from being folded and
+# vectorised (30 times slower). Each link takes 0.25 s to compile so, and a larger network is too
+# large to be folded.
+_WRITTEN_OUT = 64
 
 
 class SpringNetwork(Effect):
@@ -104,9 +113,10 @@ class SpringNetwork(Effect):
 
     def _springs(self, r: Array) -> tuple[Array, Array, Array]:
         e = len(self.first)
-        # Slices, not a gather, whose reverse mode is a scatter, nor sums over all points: those
-        # keep a stepping loop with tangents from being folded and vectorised (30 times slower).
-        d = jnp.stack([r[i] - r[j] for i, j in zip(self.first, self.second, strict=True)])
+        if e > _WRITTEN_OUT:
+            d = r[np.array(self.first)] - r[np.array(self.second)]
+        else:
+            d = jnp.stack([r[i] - r[j] for i, j in zip(self.first, self.second, strict=True)])
         return jnp.broadcast_to(self.k, (e,)), jnp.broadcast_to(self.length, (e,)), d
 
     def potential(self, t, r, m):
@@ -116,6 +126,9 @@ class SpringNetwork(Effect):
     def force(self, t, r, v, m):
         del t, v, m
         pulls = _pull(*self._springs(r))
+        if len(self.first) > _WRITTEN_OUT:
+            ends = np.array(self.first + self.second)
+            return jnp.zeros_like(r).at[ends].add(jnp.concatenate([-pulls, pulls]))
         total = [jnp.zeros_like(r[0])] * r.shape[0]
         for i, j, pull in zip(self.first, self.second, pulls, strict=True):
             total[i], total[j] = total[i] - pull, total[j] + pull
@@ -129,8 +142,9 @@ class SpringNetwork(Effect):
     def check(self, points: Points) -> None:
         for i, j in zip(self.first, self.second, strict=True):
             _check_ends(i, j, len(points.m))
-        at_least_zero("length", self.length, "A rest length is in m.")
-        _checks.finite("k", self.k, "A stiffness is in N/m.")
+        at_least_zero("length", self.length, "A rest length is in m.", len(self.first))
+        each = (len(self.first),) if self.k.ndim else ()
+        _checks.array("k", self.k, each, "A stiffness is in N/m.")
 
 
 def _sketch(kind: Kind, r: Array, i: int, j: int | None, anchor: Array) -> tuple[Shape, ...]:
