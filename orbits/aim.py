@@ -101,7 +101,7 @@ def hit(scene: Scene, x, speed) -> Hits:
       speed: () launch speed [m/s].
     Raises:
       ValueError: another kind of scene, or numbers that make no sense.
-    Limits: angles nearer to the ground than 2e-7 rad are not looked at; two extremes of the range
+    Limits: angles nearer to the ground than 1e-17 rad are not looked at; two extremes of the range
       between neighbours of the angles looked at (some 5 degrees apart) would be missed.
     Example:
       >>> from jaxdyn import scenes

@@ -1,10 +1,4 @@
-"""One throw: where it comes down, and how that changes with its angle and its speed.
-
-The scene is seen in a frame turned by the launch angle, in lengths and speeds of the throw's own
-size: all throws then start from the same numbers, and the angle and the speed are numbers of the
-field. Speeds are measured by one that falls as the drag slows the ball down, so 1e8 m/s costs
-little more than 10 m/s, and keeps its digits.
-"""
+"""One throw: where it comes down, and how that changes with its angle and its speed."""
 
 import equinox as eqx
 import jax
@@ -12,14 +6,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene, Status, System, events
-from jaxdyn._checks import fail
+from jaxdyn import Scene, Status, events
+from jaxdyn._checks import fail, untraced
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import checked
+from orbits.steady_fall import Fall, acceleration, fall_of, fallen
+from orbits.thrown import Down, Thrown, Units, direction, turned
 
 RTOL = 1e-13
 _PATIENCE = 100.0  # times v / g: flights longer than this count as endless
 _STEPS = 20_000  # at most; a flight that needs more is stiff
+_GRAIN = 16 * np.finfo(float).eps  # of the speed: its rounding, in any direction
 _CHUNK = 64  # throws a call of the compiled program; fewer are filled up
 
 
@@ -68,6 +65,7 @@ def checked_throw(scene: Scene) -> Scene:
     Raises:
       ValueError: another kind of scene.
     """
+    untraced("scene", scene, "Aim outside of jit, grad and vmap.")
     scene = checked(scene)
     system = scene.system
     if not (isinstance(system, FreePoints) and system.d == 2 and len(system.m) == 1):
@@ -93,91 +91,52 @@ def launched(scene: Scene, angle: float, speed: float, t1: float) -> Scene:
     return scene.starting(np.concatenate([np.asarray(scene.y0)[:2], velocity]), t1)
 
 
-class _Thrown(System):
-    """A point seen along its launch: state a, b, va, vb, forwards and to the left, all pure."""
-
-    system: FreePoints
-    origin: Array
-    angle: Array
-    speed: Array
-    units: tuple[Array, Array, Array]  # length; decay [1/s] and last share of the speed's unit
-
-    @property
-    def obeys(self):
-        return self.system.obeys
-
-    def labels(self):
-        return ("a", "1"), ("b", "1"), ("va", "1"), ("vb", "1")
-
-    def pace(self, t: Array) -> Array:
-        """The unit of speed as a share of the launch speed."""
-        _, decay, last = self.units
-        return last + (1 - last) / (1 + decay * t)
-
-    def state(self, t: Array, z: Array) -> Array:
-        """(4,) state of the point itself."""
-        return self.moved(t, z) + jnp.concatenate([self.origin, jnp.zeros(2)])
-
-    def moved(self, t: Array, z: Array) -> Array:
-        """(4,) the way it has come, and its velocity: short throws far from zero keep digits."""
-        unit = jnp.stack([self.units[0], self.speed * self.pace(t)])[:, None]
-        c, s = jnp.cos(self.angle), jnp.sin(self.angle)
-        forward, left = z.reshape(2, 2).T
-        turned = unit * jnp.stack([c * forward - s * left, s * forward + c * left], axis=1)
-        return turned.ravel()
-
-    def points(self, t, y):
-        return self.system.points(t, self.state(t, y))
-
-    def rate(self, t, y, effects):
-        length, decay, last = self.units
-        pace = self.pace(t)
-        unit = self.speed * pace
-        fading = (1 - last) * decay / (pace * (1 + decay * t) ** 2)
-        ax, ay = self.system.rate(t, self.state(t, y), effects)[2:] / unit
-        c, s = jnp.cos(self.angle), jnp.sin(self.angle)
-        along, across = c * ax + s * ay, c * ay - s * ax
-        gain = jnp.stack([along, across]) + fading * y[2:]
-        return jnp.concatenate([unit / length * y[2:], gain])
-
-
-class _Down(events.Event):
-    """Height over the launch falls to zero."""
-
-    angle: Array
-
-    def value(self, t, y):
-        del t
-        return jnp.sin(self.angle) * y[0] + jnp.cos(self.angle) * y[1]
-
-    @property
-    def direction(self):
-        return -1
-
-
-def _pull(scene: Scene, velocity=(0.0, 0.0)) -> Array:
-    """() size of the acceleration at the launch [m/s^2]."""
-    y = jnp.concatenate([scene.y0[:2], jnp.asarray(velocity, float)])
-    return jnp.linalg.norm(scene.rate(jnp.zeros(()), y)[2:])
+def _pull(scene: Scene) -> Array:
+    """() size of the acceleration of the point at rest [m/s^2]."""
+    return jnp.linalg.norm(acceleration(scene, jnp.zeros(2)))
 
 
 def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
-    angle, speed = angle_of(w), jnp.exp(log_speed)
-    g = _pull(scene)
-    slowing = _pull(scene, speed * jnp.stack([jnp.cos(angle), jnp.sin(angle)]))
-    # The path on which the first force would use up the speed, and the speed that a fall gives.
-    length = speed * speed / jnp.maximum(slowing, g)
-    last = jnp.minimum(jnp.sqrt(g * length) / speed, 1.0)
-    units = jax.lax.stop_gradient((length, speed / length, last))
-    system = _Thrown(scene.system, scene.y0[:2], angle, speed, units)
-    throw = Scene(system, scene.effects, y0=jnp.array([0.0, 0.0, 1.0, 0.0]))
-    longest = jax.lax.stop_gradient(_PATIENCE * speed / g)
-    down = _Down(angle)
+    speed = jnp.exp(log_speed)
+    fall, units = jax.lax.stop_gradient(_scales(scene, w, speed, rtol))
+    system = Thrown(scene.system, scene.y0[:2], w, units)
+    start = jnp.zeros(4).at[2].set(speed / units.speeds(jnp.zeros(()))[0])
+    patience = jax.lax.stop_gradient(_PATIENCE * speed / _pull(scene))
+    longest = jnp.where(jnp.isfinite(fall.settled), fall.settled, patience)
+    throw, down = Scene(system, scene.effects, y0=start), Down(w, units.lengths)
     stop = events.until(throw, down, longest, rtol=rtol, atol=rtol, max_steps=_STEPS)
-    end = system.moved(stop.t, stop.y)
-    happened = stop.event >= 0
-    x = jnp.where(happened, end[0], jnp.nan)
-    return x, (jnp.where(happened, stop.t, jnp.nan), end[2], end[3], stop.status)
+    landed = stop.event >= 0
+    r, v = system.moved(stop.t, stop.y)
+    end = fallen(scene, w, stop.t, r, v)
+    falls = ~landed & jnp.isfinite(fall.settled)
+    c, s = direction(w)
+
+    def at_last(here, there):
+        return jnp.where(landed, here, jnp.where(falls, there, jnp.nan))
+
+    t, x = at_last(stop.t, end.t), at_last(turned(r, c, s)[0], turned(end.r, c, s)[0])
+    vx, vy = at_last(turned(v, c, s), turned(end.v, c, s))
+    lost = falls & end.lost & (stop.status == Status.OK)
+    return x, (t, vx, vy, jnp.where(lost, jnp.int32(Status.STEP_LIMIT), stop.status))
+
+
+def _scales(scene: Scene, w: Array, speed: Array, rtol: Array) -> tuple[Fall, Units]:
+    """The fall at the end of a throw, and the sizes of its numbers when it comes down."""
+    g, (cosine, sine) = _pull(scene), direction(w)
+    launch = speed * jnp.stack([cosine, sine])
+    # The path on which the first force would use up the speed, or that of a flat throw.
+    slowing = jnp.linalg.norm(acceleration(scene, launch))
+    length = speed * speed / jnp.maximum(slowing, g)
+    fall = fall_of(scene, launch, length)
+    last = jnp.minimum(g * fall.memory, speed)
+    flat = jnp.minimum(length, speed * speed * sine / g)
+    units = Units(
+        lengths=flat * jnp.stack([jnp.ones_like(sine), sine]),
+        last=jnp.stack([last * sine, jnp.minimum(last, speed * sine)]),
+        grain=_GRAIN / rtol * speed * sine,
+        memory=fall.memory,
+    )
+    return fall, units
 
 
 @jax.jit

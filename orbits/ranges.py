@@ -11,8 +11,27 @@ from jaxdyn._roots import root
 from jaxdyn.status import Code
 from orbits.launch import Landings, followed, landings
 
-#: Courses log tan(angle / 2) at which the range is looked at, forwards; the first is 2e-7 rad.
-_FLAT = np.array([16.0, 13.5, 11.5, 9.5, 7.5, 6.0, 4.8, 4.0, 3.3, 2.7, 2.2, 1.7, 1.3, 0.9, 0.5])
+#: Courses log tan(angle / 2) at which the range is looked at, forwards; the first is 1e-17 rad.
+_FLAT = np.array(
+    [
+        *np.arange(40.0, 16.0, -3.0),
+        16.0,
+        13.5,
+        11.5,
+        9.5,
+        7.5,
+        6.0,
+        4.8,
+        4.0,
+        3.3,
+        2.7,
+        2.2,
+        1.7,
+        1.3,
+        0.9,
+        0.5,
+    ]
+)
 COURSES = np.concatenate([-_FLAT, [0.0], _FLAT[::-1]])
 LOOK = 1e-7  # tolerance of the first look
 WIDER = 1e-3  # by which a bracket found with it is widened, so that it still holds with RTOL

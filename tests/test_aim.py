@@ -4,12 +4,15 @@ import itertools
 import json
 import sys
 
+import jax
+import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
 from helpers import EXACT, SOLVED
 
-from jaxdyn import scenes
+from jaxdyn import Effect, events, scenes
+from jaxdyn._roots import root
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity
 from jaxdyn.scenes.ballistics import best_angle
 from jaxdyn.simulate import solve
@@ -117,24 +120,75 @@ def test_the_least_speed_without_drag():
     assert abs(best.angle - np.pi / 4) < SOLVED
 
 
-@pytest.mark.slow
 def test_linear_drag_has_the_angle_and_the_range_of_its_closed_form():
-    speeds = np.logspace(-2, 3, 12)
+    """At any speed in units of the terminal one: the angle falls from 45 degrees to 5e-11."""
+    speeds = np.array([1e-6, 1e-2, 1.0, 1e2, 1e5, 1e9, 1e12])
     best = aim.farthest(windy(G, 0.0, (0.0, 0.0)), speeds)  # the terminal speed is 1
     assert best.ok
     exact = np.array([best_angle(speed=v, m=1.0, g=G, linear=G) for v in speeds])
     assert np.abs(best.angle / exact - 1).max() < 1e-11
-    for angle, u, x in zip(exact, speeds, best.x, strict=True):
+    for angle, u, x, t in zip(exact, speeds, best.x, best.t, strict=True):
         # The time of flight s solves s = (1 + p) (1 - e^-s): Lambert's W.
-        p = mpmath.mpf(float(u * np.sin(angle)))
-        with mpmath.workdps(30):
+        with mpmath.workdps(40):
+            p = mpmath.mpf(float(u)) * mpmath.sin(mpmath.mpf(float(angle)))
             s = 1 + p + mpmath.lambertw(-(1 + p) * mpmath.exp(-1 - p)).real
             by_hand = u / G * np.cos(angle) * float(1 - mpmath.exp(-s))
         assert abs(x / by_hand - 1) < SOLVED
+        assert abs(t * G / float(s) - 1) < 1e-11
 
 
-@pytest.mark.parametrize("row", [60, 130, 199])
 @pytest.mark.slow
+@pytest.mark.parametrize("speed", [1e-6, 1.0, 1e3, 1e12])
+@pytest.mark.parametrize("wind", [(3.0, 0.0), (-0.5, 0.0), (30.0, 0.3)])
+def test_linear_drag_in_wind_has_its_closed_form(speed, wind):
+    best = aim.farthest(windy(G, 0.0, wind), speed)
+    assert best.ok
+    with mpmath.workdps(50):
+        across, up = (mpmath.mpf(x) for x in wind)
+
+        def flight(log_angle):
+            """Range and time in units of the relaxation time and the terminal speed in calm air."""
+            angle = mpmath.exp(log_angle)
+            vx, vy = speed * mpmath.cos(angle), speed * mpmath.sin(angle)
+            p = (vy - up + 1) / (1 - up)
+            s = p + mpmath.lambertw(-p * mpmath.exp(-p)).real
+            return across * s + (vx - across) * (1 - mpmath.exp(-s)), s
+
+        near = mpmath.log(mpmath.mpf(float(best.angle)))
+        top = mpmath.findroot(
+            lambda x: mpmath.diff(lambda x: flight(x)[0], x),
+            (near - mpmath.mpf("1e-6"), near + mpmath.mpf("1e-6")),
+            tol=1e-20,
+            verify=False,
+        )
+        x, s = flight(top)
+    assert abs(float(best.angle / mpmath.exp(top)) - 1) < 1e-9
+    assert abs(best.x * G / float(x) - 1) < SOLVED
+    assert abs(best.t * G / float(s) - 1) < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("drags", [(0.0, 1.0), (1.0, 1.0), (1.0, 1e-6), (0.0, 0.0)])
+def test_drags_at_speeds_from_1e_6_to_1e12(drags):
+    scene = windy(*drags, (0.0, 0.0))
+    speeds = np.logspace(-6, 12, 7)
+    best = aim.farthest(scene, speeds)
+    assert best.ok
+    for angle, u, x, t in zip(best.angle, speeds, best.x, best.t, strict=True):
+        # The plain scene from the origin, whose short throws keep their digits.
+        thrown = launched(scene.starting([0.0, 0.0, 0.0, 0.0]), angle, u, t)
+        end = np.asarray(solve(thrown, t, rtol=1e-13, atol=1e-40).y1)
+        assert np.abs(end[:2] - [x, 0.0]).max() < 1e-11 * x
+        # The best angle is the middle of a parabola.
+        beside = np.log(np.tan(angle / 2)) + np.array([-1e-2, 0.0, 1e-2])
+        less = landings(scene, beside, u).x / x - 1
+        assert abs(less[1]) < EXACT
+        assert less[0] < 0 > less[2] or min(less) > -1e-13
+        assert abs(less[0] - less[2]) < 0.03 * abs(less[0] + less[2]) + 1e-14
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("row", [60, 130, 199])
 def test_quadratic_drag_agrees_with_a_quadrature(many, row):
     angle, speed = float(many.angle[row]), SPEEDS[row]
     assert abs(many.x[row] / quadratic_range(angle, speed) - 1) < SOLVED
@@ -240,13 +294,55 @@ def test_a_ball_that_the_wind_carries_off_has_no_range():
         assert "Is the wind too strong" in found.message
 
 
+class Thinning(Effect):
+    """Linear drag in air that is thinner higher up."""
+
+    def force(self, t, r, v, m):
+        return -jnp.exp(-r[:, 1:] / 1e7) * v
+
+
 def test_a_stiff_fall_is_lost_not_wrong():
-    best = aim.farthest(windy(G, 0.0, (0.0, 0.0)), [10.0, 1e6])
+    """Where the drag changes on the way down, the fall is no straight line at one speed."""
+    best = aim.farthest(scenes.particle(UniformGravity(1.0), Thinning()), [10.0, 1e7])
     assert best.outcome.tolist() == [aim.Aim.FOUND, aim.Aim.LOST]
     assert np.isfinite(best.angle[0])
     assert np.isnan([best.angle[1], best.x[1]]).all()
     assert not best.ok
     assert "stiff" in best.message
+
+
+class Layer(Effect):
+    """Drag, and a wind that blows only in a thin layer of air."""
+
+    def force(self, t, r, v, m):
+        inside = jnp.exp(-(((r[:, 1:] - 300.0) / 10.0) ** 2))
+        return -(v - inside * jnp.array([[1.0, 0.0]]))
+
+
+def test_a_steady_fall_that_something_disturbs_is_not_taken_for_one():
+    scene = scenes.particle(UniformGravity(1.0), Layer())
+    steep = landings(scene, np.array([-0.1]), 1e3)
+    assert steep.status[0] != 0 or abs(steep.x[0] - steep_by_simulation(scene)) < 1e-9
+    assert steep.status[0] == 0 or np.isnan(steep.x[0])
+
+
+def steep_by_simulation(scene):
+    angle = float(2 * np.arctan(np.exp(-0.1)))
+    thrown = launched(scene, angle, 1e3, 2e3)
+    stop = events.until(thrown, events.Reaches(1, 0.0, -1), 2e3, rtol=1e-12)
+    return float(stop.y[0])
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e9])
+def test_a_zero_is_found_between_values_of_very_different_size(scale):
+    """A secant from end to end hardly leaves the smaller value: that is no convergence."""
+
+    def fn(x):
+        return scale * (np.exp(-40 * x) - np.exp(-28.0)), np.full(len(x), np.nan)
+
+    x, found = root(fn, np.array([0.0, 0.0, 0.5, 0.8]), np.array([1.0, 3.0, 0.9, 0.9]))
+    assert found.tolist() == [True, True, True, False]
+    assert np.abs(x[:3] - 0.7).max() < SOLVED
 
 
 def test_every_outcome_says_what_to_do():
@@ -264,6 +360,10 @@ def test_every_outcome_says_what_to_do():
         (lambda s: aim.farthest(s, []), "speed: expected one speed or a row"),
         (lambda s: aim.farthest(s, np.inf), "speed: expected finite numbers, got inf"),
         (lambda s: aim.slowest(s, -1.0), "x: expected > 0, got -1.0. Mirror"),
+        (
+            lambda s: jax.grad(lambda g: float(aim.farthest(scenes.cannonball(g=g), 1.0).x))(9.8),
+            "scene: expected numbers, got values traced",
+        ),
         (lambda s: aim.farthest(scenes.three_body(), 1.0), "scene: expected one point"),
         (lambda s: aim.farthest(scenes.pendulum(), 1.0), "scene: expected one point"),
         (lambda s: aim.farthest(scenes.cannonball, 1.0), "scene: expected a Scene"),
