@@ -179,12 +179,12 @@ def test_drags_at_speeds_from_1e_6_to_1e12(drags):
         thrown = launched(scene.starting([0.0, 0.0, 0.0, 0.0]), angle, u, t)
         end = np.asarray(solve(thrown, t, rtol=1e-13, atol=1e-40).y1)
         assert np.abs(end[:2] - [x, 0.0]).max() < 1e-11 * x
-        # The best angle is the middle of a parabola.
+        # The best angle is the middle of a parabola, up to its cubic term.
         beside = np.log(np.tan(angle / 2)) + np.array([-1e-2, 0.0, 1e-2])
         less = landings(scene, beside, u).x / x - 1
         assert abs(less[1]) < EXACT
         assert less[0] < 0 > less[2] or min(less) > -1e-13
-        assert abs(less[0] - less[2]) < 0.03 * abs(less[0] + less[2]) + 1e-14
+        assert abs(less[0] - less[2]) < 0.1 * abs(less[0] + less[2]) + 1e-14
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import Scene, simulate
-from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, style
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.image_files import picture_path
 from orbits.aim import Hits, Throws
 from orbits.launch import angle_of, landings, launched
@@ -32,10 +32,10 @@ def throws(scene: Scene, best: Throws, hits: Hits | None = None, path=None) -> F
     paths: Any = figure.add_subplot(2, 1, 1)
     ranges: Any = figure.add_subplot(2, 1, 2)
     speed = float(best.speed)
-    named = [("farthest", float(best.angle), float(best.t))] if best.ok else []
+    flights = [("farthest", float(best.angle), float(best.t))] if best.ok else []
     if hits is not None:
-        named += [("hit", *each) for each in zip(hits.angles, hits.times, strict=True)]
-    for i, (name, angle, t) in enumerate(named):
+        flights += [("hit", *each) for each in zip(hits.angles, hits.times, strict=True)]
+    for i, (name, angle, t) in enumerate(flights):
         colour = PALETTE[i % len(PALETTE)]
         label = f"{name}, {np.degrees(angle):.4g} degrees"
         motion = simulate(launched(scene, angle, speed, t), samples=_SAMPLES)
