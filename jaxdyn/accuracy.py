@@ -189,9 +189,10 @@ def by_halving(
     t1 = checked(scene).t1 if t1 is None else t1
     span = abs(float(t1) - float(t0))
 
-    def run(scene, h):
+    def run(scene, h, noise=None):
         n = round(span / h[0])
-        return _Ends(fixed_steps(scene, t1, steps=n, t0=t0, method=method)[None])
+        y1 = fixed_steps(scene, t1, steps=n, t0=t0, method=method, noise=noise)
+        return _Ends(y1[None])
 
     ts = jnp.asarray(t1, float)[None]
     return ladder.halved(run, scene, ts, span / steps, method.name)
@@ -206,10 +207,11 @@ def _runner(scene, t1, t0, samples, rtol, solver, dt=None) -> tuple[ladder.Run, 
     ts = simulate(scene, t1, t0=t0, samples=samples, rtol=rtol, solver=solver, dt=dt).ts
     end = scene.t1 if t1 is None else t1
 
-    def run(scene, fineness):
+    def run(scene, fineness, noise=None):
+        how = {"t0": t0, "ts": ts, "solver": solver, "noise": noise}
         if dt is not None:
-            return solve(scene, end, t0=t0, ts=ts, solver=solver, dt=fineness[0])
+            return solve(scene, end, dt=fineness[0], **how)
         rtol, atol = fineness
-        return solve(scene, end, t0=t0, ts=ts, rtol=rtol, atol=atol, solver=solver)
+        return solve(scene, end, rtol=rtol, atol=atol, **how)
 
     return run, ts

@@ -13,6 +13,9 @@ import dataclasses
 import math
 from collections.abc import Callable
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import ladder
@@ -121,13 +124,27 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
         return EndError(y, nothing, nothing, nothing)
     start = pieces_of(motion)[0].scene
     finer = max(rtol * RATIO, FINEST)
-    changed = ladder.changed(start, _LAST_DIGIT, np.random.default_rng(_SEED))
-    ends = [_same(motion, again(other, finer)) for other in (start, changed)]
+    other = changed(start, _LAST_DIGIT, np.random.default_rng(_SEED))
+    ends = [_same(motion, again(begin, finer)) for begin in (start, other)]
     gaps = ladder.gaps(scene, np.stack([y, y, ends[1]]), np.stack([*ends, ends[0]]))
     least = 0.5 * np.finfo(float).eps * np.abs(y)  # of writing a result down
     sizes = np.abs(gaps)
     rounding = np.maximum(sizes[2], least)
     return EndError(y, np.max(sizes, axis=0), rounding, ladder.scales(scene, y[None]))
+
+
+def changed(scene: Scene, change: float, rng: np.random.Generator) -> Scene:
+    """The scene with each of its numbers and its start changed by a part, up or down at random."""
+
+    def nudge(x):
+        factor = 1.0 + change * rng.choice([-1.0, 1.0], np.shape(x))
+        # A Python number keeps the kind of a single number, for which all is compiled.
+        return jnp.asarray(x) * (factor if np.ndim(x) else float(factor))
+
+    numbers, rest = eqx.partition(scene.field, eqx.is_inexact_array)
+    field = eqx.combine(jax.tree.map(nudge, numbers), rest)
+    other = Scene(field.system, field.effects, y0=nudge(scene.y0), t1=scene.t1)
+    return other.starting(other.field.project(jnp.zeros(()), other.y0))
 
 
 def _end(motion: Motion) -> tuple[Scene, np.ndarray]:

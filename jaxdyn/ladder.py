@@ -1,11 +1,12 @@
 """How far a solution is from the exact one: a finer solution beside it, and rounding.
 
 A solution at a tolerance differs from one at a thousandth of it by its own error, but for a
-thousandth. That is the whole estimate while the finer one is finer. Below that rounding rules,
-which all solutions share in part (the numbers of the scene are rounded once for all of them), so
-a difference may hide it. Its size is measured apart: the scene is solved again with all of its
-numbers changed a little, in their ninth digit, at random. What the states change by, scaled to
-the last digit, is what rounding does.
+thousandth. That is the whole estimate while the finer one is finer. Below that rounding rules, of
+which two solutions may have the same share, so that their difference hides it. Its size is
+measured apart: the motion is solved again with every step off a little, in the ninth digit, at
+random (see `rounding`). What the states change by, scaled to half of the last digit, is what
+rounding does, however it adds up on the way: on an orbit like the power 3/2 of the time, near an
+unstable motion exponentially.
 
 Here is the arithmetic, for anything that can be run at a tolerance; `accuracy` and
 `simulate(digits=...)` are its users.
@@ -18,31 +19,36 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn.rounding import Noise
 from jaxdyn.scene import Scene
 
-#: (scene, (2,) tolerance) -> what has `ys`, (s, k) states, NaN where not reached.
-Run = Callable[[Scene, np.ndarray], Any]
+#: (scene, (2,) tolerance, noise of each step if any) -> what has `ys`, (s, k) states, NaN where
+#: not reached.
+Run = Callable[..., Any]
 Names = tuple[str, str, str]
 
 #: How much finer the second solution is. It is wrong by about as much less.
 RATIO = 1e-3
 MOST_DIGITS = 15
 FINEST = 1e-16  # relative tolerance; below it steps only grow in number
+_OTHER = 3.0  # ratio of tolerances that are as good but take other steps
 _COARSER = 10.0  # where a tolerance is below what the scene allows
 _COARSEST = 1e-2
 _LEAST_ORDER = 0.5  # below it the steps are too large, or rounding is all there is
 _TRIES = 5  # of tolerances for a wanted number of digits
 _BELOW = 0.3  # of the wanted error to aim at, when a tolerance has missed it
-_CHANGES = (1e-9, 1e-13)  # of the numbers, relative, to see what rounding does
-_LINEAR = 1e-2  # of the scale: motions farther apart have left each other
-_ROUNDED = 0.2  # spacings of doubles that rounding changes each number by; see `rounding`
+_CHANGES = (1e-9, 1e-13, 1e-15)  # of each step, relative, to see what rounding does
+_LINEAR = 0.1  # of the scale: motions farther apart have left each other
+_MEDIAN = 0.6745  # of the size of a normal variable, in standard deviations
+_SURE = (
+    5.0  # spreads of two draws that a promised digit is away from rounding; 1 in 26 errs by more
+)
 _MORE = 1.3  # times the steps that a finer solution takes
-_DRAWS = 2  # of random signs; with one, two effects may cancel
+_DRAWS = 2  # of random changes; with one, the effects of two steps may cancel
 _EPS = float(np.finfo(float).eps)
 
 
@@ -86,8 +92,8 @@ class Estimate(eqx.Module):
 
     @property
     def most_digits(self) -> float:
-        """How many digits doubles can give this motion with any solver; host only."""
-        return _digits(np.max(np.asarray(self.rounding) / np.asarray(self.scale)))
+        """How many digits doubles are sure to give this motion with any solver; host only."""
+        return _digits(_SURE * np.max(np.asarray(self.rounding) / np.asarray(self.scale)))
 
     @property
     def basis(self) -> str:
@@ -98,18 +104,20 @@ class Estimate(eqx.Module):
     @property
     def shortfall(self) -> str:
         """What is missing to the digits asked for, and what to do; empty if nothing; host only."""
-        if self.wanted is None or not self.digits < self.wanted:
+        sure = min(self.digits, self.most_digits)
+        if self.wanted is None or not sure < self.wanted:
             return ""
         return (
-            f"{self.wanted:g} digits were asked for; over the whole span {self.digits:.1f} are "
-            f"right, up to t = {self.until(self.wanted):.6g} all of them. Rounding is amplified "
-            f"to where no solver gives more than {self.most_digits:.1f}: shorten the span."
+            f"{self.wanted:g} digits were asked for; over the whole span {sure:.1f} are sure, up "
+            f"to t = {self.until(self.wanted):.6g} all of them. Rounding is amplified to where no "
+            f"solver is sure to give more than {self.most_digits:.1f}: shorten the span."
         )
 
     def until(self, digits: float) -> float:
-        """Time up to which that many digits are right; NaN if not even at the start; host only."""
+        """Time up to which that many digits are sure; NaN if not even at the start; host only."""
+        off = np.maximum(self.error, _SURE * np.nan_to_num(self.rounding))
         # Not >, or a run that failed, whose errors are NaN, would be right to its end.
-        wrong = ~((np.asarray(self.error) / np.asarray(self.scale)).max(axis=1) <= 10.0**-digits)
+        wrong = ~((off / np.asarray(self.scale)).max(axis=1) <= 10.0**-digits)
         first = int(np.argmax(wrong)) if wrong.any() else len(wrong)
         return float(self.ts[first - 1]) if first else float("nan")
 
@@ -157,7 +165,9 @@ def measured(
     result = run(scene, tolerance)
     fine, finer = _finer(by, scene, tolerance, int(result.steps))
     floor = rounding(by, scene, fine, finer) if floor is None else floor
-    error = np.maximum(np.abs(gaps(scene, np.asarray(result.ys), fine)), floor)
+    ys, beside = np.asarray(result.ys), np.asarray(by(scene, _beside(finer)).ys)
+    off = gaps(scene, ys, fine) + np.nan_to_num(0.5 * gaps(scene, fine, beside))
+    error = _expected(np.abs(off), floor, ys, finer=2)
     pair = np.array([tolerance[0], finer[0]])
     return result, Estimate(ts, result.ys, error, floor, scales(scene, fine), pair, *names)
 
@@ -193,11 +203,13 @@ def reached(
         tolerance = np.array([rtol, rtol * size])
         names = ("tolerance ladder", solver, solver)
         result, found = measured(run, scene, ts, tolerance, names, floor=floor)
-        floor, least, missed = found.rounding, float(np.min(found.scale)), found.relative / wanted
+        floor, least = found.rounding, float(np.min(found.scale))
+        missed = float(np.max((found.error + _SURE * floor) / found.scale)) / wanted
+        short = found.most_digits < digits
         # Entries that are small in their unit need an absolute tolerance as small.
-        if not missed > 1 or (rtol <= FINEST and least >= size):
+        if not (missed > 1 or short) or (rtol <= FINEST and least >= size):
             break
-        if found.most_digits < digits:  # as long as possible, then
+        if short:  # as long as possible, then
             missed = max(missed, rtol / FINEST)
         size = min(size, least)
         rtol *= _BELOW / missed
@@ -227,15 +239,23 @@ def halved(run: Run, scene: Scene, ts: Array, h: float, name: str) -> Estimate:
         order = float(np.log2(moved[0] / moved[1]))
     falls = 1 - 4.0 ** -max(order, _LEAST_ORDER)
     floor = rounding(run, scene, ys[2], np.array([h / 4]))
-    error = np.maximum(np.abs(gaps(scene, ys[0], ys[2])) / falls, floor)
+    error = _expected(np.abs(gaps(scene, ys[0], ys[2])) / falls, floor, ys[0], finer=1)
     names = (f"step halving, order {order:.2g} seen", name, name)
     return Estimate(ts, ys[0], error, floor, scales(scene, ys[2]), np.array([h, h / 4]), *names)
 
 
 def _tightened(tolerance: np.ndarray) -> np.ndarray:
-    """A thousandth of the tolerance, its relative part not below the finest by a rounding."""
-    tighter = tolerance * max(RATIO, FINEST / tolerance[0])
-    return np.maximum(tighter, [FINEST, 0.0])
+    """A thousandth of the tolerance, its relative part not below the finest by a rounding.
+
+    At the finest one beside it.
+    """
+    ratio = max(RATIO, FINEST / tolerance[0])
+    return _beside(tolerance) if ratio > 0.5 else np.maximum(tolerance * ratio, [FINEST, 0.0])
+
+
+def _beside(tolerance: np.ndarray) -> np.ndarray:
+    """A third of the tolerance, or thrice the finest."""
+    return tolerance * (1 / _OTHER if tolerance[0] > _OTHER * FINEST else _OTHER)
 
 
 def _finer(
@@ -264,37 +284,39 @@ def _finer(
 def rounding(run: Run, scene: Scene, ys: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
     """(s, k) how far rounding moves the states `ys` that `run` finds at a tolerance.
 
-    The change of the states when each number of the scene is changed by a fifth of the spacing of
-    doubles, from two random changes that are large enough to be seen. The steps are summed with
-    compensation, so it is the rates that are rounded, each a little differently; with a fifth the
-    median of the scenes with exact solutions comes out right. Where motions with changes of 1e-13
-    leave each other no digit is certain: the scale itself from there on.
+    The root mean square of what random changes of each step move the states by, scaled from
+    changes that are large enough to be seen down to half a spacing of doubles: at each time from
+    the largest with which motions stay close. Where none do, no digit is certain: the scale itself.
     """
     scale = scales(scene, ys)
-    moved, left = np.zeros_like(ys), np.zeros((len(ys), 1), bool)
-    for change in _CHANGES:
-        moved = np.zeros_like(ys)
-        for draw in range(_DRAWS):
-            other = changed(scene, change, np.random.default_rng(draw))
-            gap = np.abs(gaps(scene, np.asarray(run(other, tolerance).ys), ys))
-            moved = np.fmax(moved, gap)  # a changed scene that cannot be run says nothing
-        left = np.maximum.accumulate(moved / scale > _LINEAR).any(axis=1, keepdims=True)
-        moved = _ROUNDED * _EPS / change * moved
-        if not left.any():
+    found = np.broadcast_to(scale, ys.shape).copy()
+    known = np.zeros(len(ys), bool)
+    for size in _CHANGES:
+        noises = [Noise(np.asarray(size), np.asarray(draw, np.uint64)) for draw in range(_DRAWS)]
+        moved = [gaps(scene, np.asarray(run(scene, tolerance, noise).ys), ys) for noise in noises]
+        spread = np.sqrt(np.mean(np.square(moved), axis=0))
+        close = np.logical_and.accumulate((spread / scale <= _LINEAR).all(axis=1))
+        new = close & ~known
+        found[new] = 0.5 * _EPS / size * spread[new]
+        known |= close
+        if known.all():
             break
-    least = 0.5 * np.abs(ys) * _EPS  # of writing a result down
-    return np.where(left, scale, np.maximum(moved, least))
+    return np.maximum(found, _written(ys))
 
 
-def changed(scene: Scene, change: float, rng: np.random.Generator) -> Scene:
-    """The scene with each of its numbers and its start changed by a part, up or down at random."""
+def _written(ys: np.ndarray) -> np.ndarray:
+    """(s, k) what writing a result down rounds it by."""
+    return 0.5 * _EPS * np.abs(ys)
 
-    def nudge(x):
-        factor = 1.0 + change * rng.choice([-1.0, 1.0], np.shape(x))
-        # A Python number keeps the kind of a single number, for which all is compiled.
-        return jnp.asarray(x) * (factor if np.ndim(x) else float(factor))
 
-    numbers, rest = eqx.partition(scene.field, eqx.is_inexact_array)
-    field = eqx.combine(jax.tree.map(nudge, numbers), rest)
-    other = Scene(field.system, field.effects, y0=nudge(scene.y0), t1=scene.t1)
-    return other.starting(other.field.project(jnp.zeros(()), other.y0))
+def _expected(gap: np.ndarray, floor: np.ndarray, ys: np.ndarray, finer: int) -> np.ndarray:
+    """(s, k) expected size of the error of states `ys` that are a gap from the mean of finer ones.
+
+    All have rounding errors of root mean square `floor`, the states in question that of the
+    tolerance besides, of a size that the gap shows. The error of the states is its share of the
+    gap, but for a normal deviation, of which the median counts.
+    """
+    wide = gap > np.sqrt(1 + 1 / finer) * floor
+    share = 1 - np.where(wide, (floor / np.where(wide, gap, 1.0)) ** 2 / finer, 1 / (finer + 1))
+    error = np.hypot(share * gap, _MEDIAN * np.sqrt(share / finer) * floor)
+    return np.maximum(error, _written(ys))

@@ -19,6 +19,7 @@ from jaxdyn import _checks, ladder
 from jaxdyn.adjoint import adjoint_flow
 from jaxdyn.fixed import FixedField
 from jaxdyn.flow import Flow, Settings, flow
+from jaxdyn.rounding import QUIET, Noise, RoundedField
 from jaxdyn.scene import Scene, checked
 from jaxdyn.solvers import NYSTROM12, RADAU9, VERNER9, Method
 from jaxdyn.spans import floats, limits, times
@@ -178,8 +179,9 @@ def simulate(
       dt: longest step [s] of a solver of fixed step, which has no use for rtol and atol; the
         span is divided into equal steps.
       digits: how many should be right at all samples, instead of rtol and atol: the tolerance
-        is found, and the estimate that it rests on is `Trajectory.error`. Costs at least four
-        solves more; host only.
+        is found, and the estimate that it rests on is `Trajectory.error`. Digits that rounding
+        may spoil are not promised. Takes 5 to 12 times as long as one solve, and no longer to
+        compile; host only.
       max_steps: when to give up.
       throw: raise on any status but OK; with False look at `Trajectory.status`.
     Returns:
@@ -198,10 +200,11 @@ def simulate(
     _checks.float64()
     t0, t1, ts = times(checked(scene), t0, t1, samples)
 
-    def run(scene, tolerance):
+    # With digits all runs are by one program, which is compiled once.
+    def run(scene, tolerance, noise=None if digits is None else QUIET):
         rtol, atol = tolerance
         how = {"rtol": rtol, "atol": atol, "solver": solver, "dt": dt, "max_steps": max_steps}
-        return solve(scene, t1, t0=t0, ts=ts, **how)
+        return solve(scene, t1, t0=t0, ts=ts, noise=noise, **how)
 
     error = None
     if digits is None:
@@ -233,6 +236,7 @@ def solve(
     max_steps: int = MAX_STEPS,
     fixed: bool = False,
     adjoint: bool = False,
+    noise: Noise | None = None,
 ) -> Flow:
     """`simulate` without samples, checks and exceptions: what the orbit finder calls.
 
@@ -252,16 +256,24 @@ def solve(
         new ones compile again, and there are no derivatives by them.
       adjoint: derivatives by the adjoint equations, backwards in time: for one loss a few solves,
         whether it is by one number or by thousands. Reverse mode only, and once.
+      noise: random changes in each step, to see what rounding does; see `rounding`.
     Returns:
       The state at t1, those at ts, and a status; NaN where the run did not get to.
     Raises:
       ValueError: a tolerance, a pair or a limit of steps that makes no sense.
+    Limits: derivatives are those of the motion found, and lose as many digits as that, and a few
+      more where it is sensitive. At rtol 1e-10 the derivative of three bodies by G is right to 11
+      digits after one period and to 9 after ten, that of the Lorenz system by rho to 10 digits at
+      t = 10 and to 6 at t = 20, where the state has 8; they gain a digit with each power of ten
+      of rtol. Central differences are worse: 7 to 10 digits, with the best of steps. (All held
+      to variational equations in 60 digits.)
     """
     auto = isinstance(solver, str) and _checks.choice("solver", solver, ("auto",)) == "auto"
     settings = checked_settings(scene, None if auto else solver, dt)
     y0, t0, t1, ts = (floats(x) for x in (scene.y0, t0, t1, ts))
     n, held_to = len(ts), limits(rtol, atol, max_steps, dt)
     field = FixedField(scene.field) if fixed else scene.field
+    field = field if noise is None else RoundedField(field, noise)
     traced = _checks.is_traced((field, y0, t0, t1, ts, held_to))
     if n and not traced and not adjoint:
         # NaN is never reached; derivatives would see it, and traces compile anew anyway.

@@ -16,11 +16,20 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn.rounding import Noise, RoundedField, begun
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import EULER, Pair
 
 
-def fixed_steps(scene: Scene, t1=None, *, steps=1000, t0=0.0, method: Pair = EULER) -> Array:
+def fixed_steps(
+    scene: Scene,
+    t1=None,
+    *,
+    steps=1000,
+    t0=0.0,
+    method: Pair = EULER,
+    noise: Noise | None = None,
+) -> Array:
     """(k,) state at t1 after a number of equal steps from the start of a scene.
 
     Args:
@@ -29,6 +38,7 @@ def fixed_steps(scene: Scene, t1=None, *, steps=1000, t0=0.0, method: Pair = EUL
       steps: () how many; a new number does not recompile.
       t0: () start time [s].
       method: a `Pair`, whose error estimate is not used, such as `solvers.RK4`.
+      noise: random changes in each step, to see what rounding does; see `rounding`.
     Raises:
       ValueError: no step, or numbers that make no sense.
     Limits: nothing watches the error: too large a step gives wrong or infinite numbers.
@@ -44,19 +54,22 @@ def fixed_steps(scene: Scene, t1=None, *, steps=1000, t0=0.0, method: Pair = EUL
         raise _checks.fail("steps", "at least 1", steps)
     t1 = scene.t1 if t1 is None else t1
     t0, t1 = (_checks.finite(n, jnp.asarray(t, float)) for n, t in (("t0", t0), ("t1", t1)))
-    return _marched(scene, t0, t1, jnp.asarray(steps, int), method)
+    field = scene.field if noise is None else RoundedField(scene.field, noise)
+    return _marched(field, scene.y0, t0, t1, jnp.asarray(steps, int), method)
 
 
 @eqx.filter_jit
-def _marched(scene: Scene, t0: Array, t1: Array, steps: Array, method: Pair) -> Array:
+def _marched(field, y0: Array, t0: Array, t1: Array, steps: Array, method: Pair) -> Array:
     h = (t1 - t0) / steps
 
     def step(i, y):
         t = t0 + i * h
-        increment, _ = method.step(scene.rate, t, h, y, loops=0)
-        return scene.field.project(t + h, y + increment)
+        now, start, near = begun(field, t, y)
+        increment, _ = method.step(now.rate, start, h, near, loops=0)
+        # Nothing compensates for the rounding of this sum.
+        return field.project(t + h, near + increment)
 
-    return jax.lax.fori_loop(0, steps, step, scene.y0)
+    return jax.lax.fori_loop(0, steps, step, y0)
 
 
 class Halvings(NamedTuple):

@@ -1,7 +1,12 @@
-"""Motions known in closed form, to 30 digits from the very numbers that a scene was given."""
+"""Motions known in closed form, to 30 digits from the very numbers that a scene was given.
 
+And two that are known from references/long_spans_reference.py.
+"""
+
+import json
 from collections.abc import Callable
-from typing import NamedTuple
+from pathlib import Path
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,7 +16,9 @@ from helpers import kepler
 from jaxtyping import Array
 from mpmath import mp, mpf
 
-from jaxdyn import Points, Scene, System, scenes
+from jaxdyn import Effect, Points, Scene, System, scenes
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.hard import long
 
 
 class Known(NamedTuple):
@@ -21,6 +28,12 @@ class Known(NamedTuple):
     t1: float
     exact: Callable[[np.ndarray], np.ndarray]
     entries: slice = slice(None)
+    times: np.ndarray | None = None
+
+    @property
+    def samples(self) -> np.ndarray:
+        """Times over the span at which its states are known."""
+        return np.linspace(0.0, self.t1, 9)[1:] if self.times is None else self.times
 
 
 def _rows(fn, y0) -> Callable[[np.ndarray], np.ndarray]:
@@ -184,6 +197,16 @@ def _flipping(t, *omega0):
     return [size * mp.ellipfun(kind, quarter + speed * t, m=k2) for size, kind in kinds]
 
 
+class HenonHeiles(Effect):
+    """The potential r^2 / 2 + x^2 y - y^3 / 3."""
+
+    velocity_dependent: ClassVar[bool] = False
+
+    def potential(self, t, r, m):
+        x, y = r[0]
+        return 0.5 * (x * x + y * y) + x * x * y - y**3 / 3
+
+
 class StuartLandau(System):
     """r' = r (1 - r^2), theta' = 2, in cartesian coordinates."""
 
@@ -236,4 +259,34 @@ def known() -> dict[str, Known]:
     add("skate", scenes.one_skate(), 10.0, _skated)
     add("flipping body", scenes.free_body(), 60.0, _flipping, slice(10, 13))
     add("limit cycle", Scene(StuartLandau(), y0=[0.3, 0.1]), 6.0, _to_the_circle)
+    return found
+
+
+#: Of periods that spans have more than whole ones: no sample is where velocities are 0.
+_MORE = 0.37
+_TURNS = (10, 100, 300, 1000)
+
+
+def long_spans() -> dict[str, Known]:
+    """Motions over many periods by name, the number of periods last."""
+    found = {}
+
+    def add(name, n, scene, period, state, entries=slice(None)):
+        t1 = float((n + _MORE) * period)
+        found[f"{name} x{n}"] = Known(scene, t1, _rows(state, scene.y0[entries]), entries)
+
+    for n in _TURNS:
+        for e in (0.1, 0.3, 0.5, 0.9, 0.99):
+            add(f"ellipse {e}", n, kepler(e), 2 * np.pi, _two_bodies(mpf(0.5), mpf(0.5), mpf(1)))
+        for e in (0.3, 0.99):
+            add(f"from far, {e}", n, long.kepler(e), 2 * np.pi, _ellipse(mpf(1)))
+        add("oscillator", n, scenes.oscillator(), 2 * np.pi, _harmonic(mpf(1), [mpf(0)]))
+        add("flipping body", n, scenes.free_body(), 40.0, _flipping, slice(10, 13))
+    file = Path(__file__).parent / "references" / "long_spans_reference.json"
+    for name, kept in json.loads(file.read_text()).items():
+        if name.startswith("henon"):
+            scene = Scene(FreePoints(1.0), (HenonHeiles(),), y0=kept["start"])
+            for t, row in zip(kept["ts"], kept["states"], strict=True):
+                rows, at = np.array([row]), np.array([t])
+                found[f"{name} {t:g}"] = Known(scene, t, lambda ts, r=rows: r, times=at)
     return found

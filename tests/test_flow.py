@@ -1,6 +1,8 @@
 """The flow map and its derivatives, by two modes, by differences and by their own laws."""
 
 import dataclasses
+import json
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -147,3 +149,31 @@ def test_compensated_summation_lowers_the_error_of_long_runs(pair, monkeypatch):
     monkeypatch.setattr(stepper, "two_sum", lambda total, carry, step: (total + step, carry))
     plain = root_mean_square(errors(dataclasses.replace(pair)))  # a new pair compiles anew
     assert compensated < 0.5 * plain
+
+
+_LONG = Path(__file__).parent / "references" / "long_spans_reference.json"
+#: At rtol 1e-10, of the largest entry, at the times of the reference: three times what was found.
+_OFF = {"lorenz": (2e-11, 5e-11, 6e-11, 5e-7), "eight": (1e-11, 2e-10, 8e-10)}
+
+
+def _end_by(name, start):
+    """(parameter, t, rtol) -> end, of the Lorenz system by rho or three bodies by G."""
+    make = {"lorenz": lambda p: scenes.lorenz(rho=p), "eight": lambda p: scenes.three_body(G=p)}
+    return lambda p, t, rtol: solve(make[name](p).starting(start), t, rtol=rtol).y1
+
+
+@pytest.mark.parametrize("name", _OFF)
+def test_derivatives_of_long_motions_are_right_and_differences_are_not(name):
+    kept = json.loads(_LONG.read_text())[name]
+    end = _end_by(name, jnp.array(kept["start"]))
+    p = kept["pars"][0]
+    by_parameter = jax.jit(lambda t, rtol: jax.jvp(lambda p: end(p, t, rtol), (p,), (1.0,))[1])
+    for t, row, most in zip(kept["ts"], kept["states"], _OFF[name], strict=True):
+        exact = np.array(row[len(row) // 2 :])
+        size = np.abs(exact).max()
+        assert gap(by_parameter(t, 1e-10), exact) < most * size
+        fine = gap(by_parameter(t, 1e-13), exact) / size
+        assert fine < 1e-2 * most
+        # With any step either the third derivative or the error of the ends spoils a difference.
+        coarse = [(end(p + h, t, 1e-13) - end(p - h, t, 1e-13)) / (2 * h) for h in (1e-4, 1e-6)]
+        assert min(gap(c, exact) for c in coarse) / size > 20 * fine

@@ -24,6 +24,7 @@ RANKS = {
     "jaxdyn/_numerics.py": 0,
     "jaxdyn/_arguments.py": 1,
     "jaxdyn/_shapes.py": 1,
+    "jaxdyn/rounding.py": 0,
     "jaxdyn/side_by_side.py": 1,
     "jaxdyn/_roots.py": 0,
     "jaxdyn/status.py": 0,

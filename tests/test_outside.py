@@ -1,15 +1,14 @@
 """Orbits from outside the course, which prove that nothing is special-cased."""
 
-from typing import ClassVar
-
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from closed_forms import HenonHeiles
 from helpers import SOLVED
 from scipy.special import ellipk
 
 import orbits
-from jaxdyn import Effect, Points, Scene, System, energy, scenes
+from jaxdyn import Points, Scene, System, energy, scenes
 from jaxdyn.formulations.newton import FreePoints
 
 
@@ -18,16 +17,6 @@ class Field(System):
 
     def points(self, t, y):
         return Points(y[None, :1], y[None, 1:2], jnp.ones(1))
-
-
-class HenonHeiles(Effect):
-    """The potential r^2 / 2 + x^2 y - y^3 / 3."""
-
-    velocity_dependent: ClassVar[bool] = False
-
-    def potential(self, t, r, m):
-        (x, y) = r[0]
-        return 0.5 * (x * x + y * y) + x * x * y - y**3 / 3
 
 
 class Restricted(Field):

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._numerics import two_sum
+from jaxdyn.rounding import begun
 from jaxdyn.solvers.method import Method
 
 #: So many more steps of that kind than of others, and the motion is called stiff.
@@ -56,11 +57,13 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         h = terms.contr(t0, t1) if self.h is None else self.h
         sign = jnp.where(h < 0, -1.0, 1.0)
 
+        now, start, y = begun(args, sign * t0, y0)
+
         @jax.jit  # traced once for all stages: half of the time until a first result
         def field(t, y):
-            return terms.vf(sign * t, y, args)
+            return terms.vf(sign * t, y, now)
 
-        step = self.method.advance(field, sign * t0, h, y0, self.loops)
+        step = self.method.advance(field, start, h, y, self.loops)
         y1, carry = two_sum(y0, carry + step.rest, step.increment)
         y1 = args.project(sign * t1, y1)
         near = step.speed > self.method.alarm * self.method.stable

@@ -1,0 +1,85 @@
+"""What rounding does to a motion, made large enough to be seen: a field that is off in each step.
+
+The sums of steps are compensated, so it is in finding an increment that digits are lost: a rate
+is that of a state, a time and numbers that are each off by a part of the spacing of doubles, in
+every step anew. A `RoundedField` is off by a wanted part instead, the same over the stages of a
+step, so that the method keeps its order and the choice of steps sees nothing of it. As long as
+motions stay close, what it does to them is in proportion to that part: changes of 1e-9 show what
+rounding of 1e-16 does. Not seen are terms of a rate that cancel whatever the state is: their
+rounding is that of the terms.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array
+
+#: Constants of the generator splitmix64 (Steele, Lea, Flood, 2014, OOPSLA, 453).
+_GOLDEN = 0x9E3779B97F4A7C15
+_MIX = ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB))
+_LAST_SHIFT, _SIGN_SHIFT = 31, 63
+
+
+class Noise(NamedTuple):
+    """How large the changes of a step are, relative, and which ones of all random ones."""
+
+    size: Array | float
+    seed: Array | int
+
+
+#: No changes: a run with it is that of the field itself, by the program of all other noises.
+QUIET = Noise(np.zeros(()), np.zeros((), np.uint64))
+
+
+class RoundedField(eqx.Module):
+    """A field whose steps begin with a state, a time and numbers that are a little off.
+
+    Attributes:
+      field: anything with ``rate``, ``project`` and ``undetermined``.
+      noise: how far off.
+    """
+
+    field: Any
+    noise: Noise
+
+    def rate(self, t: Array, y: Array) -> Array:
+        """The rate of the field itself."""
+        return self.field.rate(t, y)
+
+    def undetermined(self, t: Array, y: Array) -> Array | None:
+        """Whether () the constraints of the field leave its motion open."""
+        return self.field.undetermined(t, y)
+
+    def project(self, t: Array, y: Array) -> Array:
+        """The state (k,) where constraints put it from a little off: y itself without any."""
+        off = self.noise.size * _signs(self.noise.seed, t, y.size).reshape(y.shape) * y
+        return self.field.project(t, y + off) - off
+
+
+def begun(field: Any, t: Array, y: Array) -> tuple[Any, Array, Array]:
+    """The field, the time and the state with which the increment of a step from (t, y) is found.
+
+    They are themselves, but for a `RoundedField`.
+    """
+    if not isinstance(field, RoundedField):
+        return field, t, y
+    numbers, rest = eqx.partition(field.field, eqx.is_inexact_array)
+    flat, tree = ravel_pytree(numbers)
+    signs = _signs(field.noise.seed, t, 1 + y.size + flat.size)
+    factors = 1.0 + field.noise.size * signs
+    off = factors[1 : 1 + y.size].reshape(y.shape)
+    return eqx.combine(tree(flat * factors[1 + y.size :]), rest), t * factors[0], y * off
+
+
+def _signs(seed: Array | int, t: Array, n: int) -> Array:
+    """(n,) random signs +-1, by the bits of the time."""
+    z = jax.lax.bitcast_convert_type(t, jnp.uint64) + jnp.asarray(seed, jnp.uint64)
+    z = z * np.uint64(_GOLDEN) + jnp.arange(1, n + 1, dtype=jnp.uint64) * np.uint64(_GOLDEN)
+    for shift, factor in _MIX:
+        z = (z ^ (z >> np.uint64(shift))) * np.uint64(factor)
+    z = z ^ (z >> np.uint64(_LAST_SHIFT))
+    return 1.0 - 2.0 * (z >> np.uint64(_SIGN_SHIFT)).astype(float)
