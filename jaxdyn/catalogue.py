@@ -57,22 +57,19 @@ class Entry:
           t1: end of the span [s]; the scene's own if left out.
           samples: how many, of each phase.
           rtol: see `simulate`.
-          solver: see `simulate`; a chain chooses its own, whether it is left to it or "auto".
+          solver: see `simulate`; of a chain, "auto" leaves each phase to its own.
           dt: see `simulate`; none for a chain.
         Raises:
           ValueError: see `simulate` and `phases.run`.
         """
         phases = _CORNERS.get(self.name, _smooth)(scene)
+        how = {"samples": samples, "rtol": rtol, "solver": solver}
         if not phases:
-            how = {"samples": samples, "rtol": rtol, "solver": solver, "dt": dt}
-            return simulate(scene, t1, throw=False, **how)
-        if solver not in (None, "auto") or dt is not None:
-            got = f"dt = {dt}" if isinstance(solver, str | None) else solver.name
-            raise _checks.fail(
-                "solver", "auto for a motion in phases", got, "Each phase has its own."
-            )
-        span = scene.t1 if t1 is None else t1
-        return run(phases, next(iter(phases)), scene.y0, span, samples=samples, rtol=rtol)
+            return simulate(scene, t1, dt=dt, throw=False, **how)
+        if dt is not None:
+            raise _checks.fail("dt", "none for a motion in phases", dt, "Events adapt the steps.")
+        how["solver"] = None if solver == "auto" else solver
+        return run(phases, None, scene.y0, scene.t1 if t1 is None else t1, **how)
 
 
 def _smooth(scene: Scene) -> Phases:
@@ -84,7 +81,7 @@ def _braking(scene: Scene) -> Phases:
     return scenes.braking(scene) if scene.effects else {}  # without friction it never stops
 
 
-#: The phases of scenes whose motions have corners, the first one first.
+#: The phases of scenes whose motions have corners.
 _CORNERS: dict[str, Callable[[Scene], Phases]] = {
     "car": _braking,
     "cylinder_on_cylinder": scenes.phases_of,

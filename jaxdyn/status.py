@@ -30,7 +30,7 @@ class Status(Code):
     STEP_LIMIT = (
         1,
         "The integration stopped at its limit of steps. Raise max_steps, loosen rtol or "
-        "lengthen dt, shorten the span, or pass solver='auto' if the scene is stiff.",
+        "lengthen a fixed dt, shorten the span, or take solvers.RADAU9 if the scene is stiff.",
     )
     STEP_COLLAPSED = (
         2,
@@ -54,6 +54,19 @@ class Status(Code):
         "A step of fixed length ended in NaN or infinity, or its equations were not solved: it "
         "is too long for the motion. Raise the number of steps (a smaller dt), or leave the "
         "solver out to have steps adapt.",
+    )
+    BOUND_PASSED = (
+        6,
+        "The motion is on the far side of a bound of its phase (below a floor, pulled by a surface "
+        "that only pushes) and no exit was seen on the way. Give the phase an exit to rest if "
+        "it comes to rest there; else lower rtol, so that no crossing hides within a step.",
+    )
+    STUCK = (
+        7,
+        "Exits lead from phase to phase and no time passes. Where impacts get closer and closer, "
+        "as of a ball that comes to rest by bouncing, add an exit to rest; set one_sided=False on "
+        "an exit whose phase may begin beyond its event; else the contact laws have no solution "
+        "here.",
     )
 
 

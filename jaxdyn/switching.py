@@ -23,7 +23,8 @@ from jaxdyn.formulations.euler_body import EulerBody
 from jaxdyn.formulations.mechanism import MechanismSystem
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.sticks import Sideways
-from jaxdyn.phases import MAX_PHASES, Chain, Exit, Phase, run
+from jaxdyn.phase import Exit, Phase
+from jaxdyn.phases import MAX_PHASES, Chain, run
 from jaxdyn.scene import Scene, System, checked
 from jaxdyn.scenes.particles import PolarParticle, polar_state
 from jaxdyn.simulate import RTOL
@@ -66,13 +67,8 @@ def simulate_switching(
     """
     phases = coordinate_phases(scene, margin)
     t1 = float(scene.t1 if t1 is None else t1)
-    name, y = next(iter(phases)), scene.y0
-    for way in phases[name].exits:
-        if float(way.event.value(jnp.asarray(t0), y)) * way.event.direction >= 0:
-            name, y = way.names[0], way.change(jnp.asarray(t0), y)
-            break
     how = {"t0": t0, "samples": samples, "rtol": rtol, "max_phases": max_phases}
-    return run(phases, name, y, t1, **how)
+    return run(phases, next(iter(phases)), scene.y0, t1, **how)
 
 
 def coordinate_phases(scene: Scene, margin: float = MARGIN) -> dict[str, Phase]:

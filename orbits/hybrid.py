@@ -15,7 +15,8 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, Status, simulate
 from jaxdyn.events import Event
-from jaxdyn.phases import Chain, unchanged
+from jaxdyn.phase import unchanged
+from jaxdyn.phases import Chain
 from orbits.problem import Outcome
 
 _LOOKS = 400  # samples of a leg

@@ -4,13 +4,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import SOLVED, gap
+from helpers import EXACT, SOLVED, gap
 
 from jaxdyn import Scene, Status, scenes
-from jaxdyn.effects import PairGravity
-from jaxdyn.events import Reaches
+from jaxdyn.effects import PairGravity, Spring
+from jaxdyn.events import Reaches, When, until
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.phases import END, Exit, Phase, follow, run
+from jaxdyn.hard.contact import box
+from jaxdyn.phase import END, Exit, Phase
+from jaxdyn.phases import follow, run
+from jaxdyn.solvers import DOPRI8
 
 G, KEEPS = 10.0, 0.5
 
@@ -138,6 +141,178 @@ def test_what_comes_next_may_depend_on_the_state():
     assert abs(t - 1.6) < SOLVED
     t, _ = follow(FORK, [("fly", 0), ("fall", 0)], START, 9.0)
     assert np.isnan(t)
+
+
+# ---- Bounds: where a phase may begin
+
+
+def test_a_ball_at_rest_on_the_floor_does_not_fall_through_it():
+    chain = run(ENDLESS, "fly", START.at[3].set(0.0), 1.0, samples=3)
+    assert chain.status == Status.STUCK
+    assert chain.t < EXACT
+    assert abs(chain.y[1]) < EXACT
+
+
+def test_endless_bounces_end_above_the_floor():
+    """Not below it, with "The span ended.", once they are shorter than can be seen."""
+    chain = run(ENDLESS, "fly", START, 9.0, samples=5)
+    assert chain.status == Status.STUCK
+    assert not chain.ended
+    assert abs(chain.t - 2.0) < 10 * EXACT
+    assert abs(chain.y[1]) < EXACT
+    assert len(chain.pieces) > 45
+    assert min(piece.ys[:, 1].min() for piece in chain.pieces) > -10 * EXACT
+    assert chain.message.startswith("At t = 2, in phase fly: Exits lead from phase to phase and no")
+    assert "add an exit to rest" in chain.message
+
+
+def test_a_motion_beyond_a_bound_has_no_numbers(monkeypatch):
+    """Should a crossing ever be missed."""
+
+    def blind(scene, events, t1, *, t0, **how):
+        never = (Reaches(0, 1e9, 1),) * len(events)
+        return until(scene, never, t1, t0=t0, **how)
+
+    monkeypatch.setattr("jaxdyn.phases.until", blind)
+    chain = run(ENDLESS, "fly", START, 2.0, samples=5)
+    assert chain.status == Status.BOUND_PASSED
+    assert np.isnan(chain.t)
+    assert np.isnan(chain.y).all()
+    assert gap(chain.pieces[0].ys[:2, 1], [0.0, 5 * 0.5 - 5 * 0.25]) < SOLVED
+    assert np.isnan(chain.pieces[0].ys[3:]).all()
+    assert chain.message.startswith("In phase fly: The motion is on the far side of a bound of its")
+    assert chain.pieces[0].message == Status.BOUND_PASSED.message
+
+
+@pytest.mark.parametrize("one_sided", [True, False])
+def test_a_ball_stays_in_its_box_though_it_meets_the_corners(one_sided):
+    inside = box(one_sided)
+    y0 = jnp.array([0.5, 0.5, 1.0, 1.0])
+    chain = run(inside, "box", y0, 4.25, samples=2)
+    assert gap(chain.y, [0.75, 0.75, 1.0, 1.0]) < SOLVED
+    # Two exits at each of the corners (1, 1), (0, 0), (1, 1), (0, 0).
+    assert chain.path == (("box", 1), ("box", 3), ("box", 0), ("box", 2)) * 2
+    assert gap(chain.times, [0.5, 1.5, 2.5, 3.5, 4.25]) < SOLVED
+    t, y = follow(inside, chain.path[:4], y0, 4.0)
+    assert abs(t - 1.5) < SOLVED
+    assert gap(y, [0.0, 0.0, 1.0, 1.0]) < SOLVED
+    t, _ = follow(inside, [("box", 1), ("box", 2)], y0, 4.0)
+    assert np.isnan(t)
+
+
+def low(t, y):
+    """Positive under a height of one metre."""
+    del t
+    return 1.0 - y[1]
+
+
+# A ball that is slower in deep air: below one metre the exit of "high" does not hold, and back.
+STOREYS = {
+    "high": Phase(scenes.cannonball(g=G), (Exit(When(low, 1), "deep"),)),
+    "deep": Phase(scenes.cannonball(g=1.0), (Exit(When(low, -1), "high"), Exit(LANDS, END))),
+}
+
+
+def test_a_phase_begins_where_its_bounds_hold_else_its_exit_is_taken_at_once():
+    fall = jnp.array([0.0, 0.5, 0.0, 0.0])
+    for start in ("high", "deep", None):
+        chain = run(STOREYS, start, fall, 9.0, samples=2)
+        assert chain.names == ("deep",)
+        assert chain.path == ((("high", 0),) if start == "high" else ()) + (("deep", 1),)
+        assert abs(chain.t - 1.0) < SOLVED
+    t, _ = follow(STOREYS, [("high", 0), ("deep", 1)], fall, 9.0)
+    assert abs(t - 1.0) < SOLVED
+    t, _ = follow(STOREYS, [("deep", 1)], fall.at[1].set(1.5), 9.0)
+    assert np.isnan(t)  # it is not deep
+    # At the bound the way it goes decides.
+    up, down = (run(STOREYS, None, [0.0, 1.0, 0.0, v], 9.0, samples=2) for v in (1.0, -1.0))
+    assert up.names[0] == "high"
+    assert abs(up.times[0] - 2 / G) < SOLVED
+    assert down.names == ("deep",)
+
+
+def kicked(t, y):
+    """One more metre a second upwards."""
+    del t
+    return y + jnp.array([0.0, 0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("one_sided", [True, False])
+def test_a_kick_at_each_passage_is_no_bound(one_sided):
+    """A spring that is kicked where it passes its middle upwards: the motion goes on beyond."""
+    swing = scenes.particles.particle(Spring(1.0), position=(0.0, -1.0), velocity=(0.0, 0.0))
+    kick = Exit(Reaches(1, 0.0, 1), "swing", kicked, one_sided=one_sided)
+    chain = run({"swing": Phase(swing, (kick,))}, None, swing.y0, 20.0, samples=2)
+    if one_sided:
+        assert chain.status == Status.STUCK
+        assert "set one_sided=False on an exit whose phase may begin beyond" in chain.message
+        assert abs(chain.t - np.pi / 2) < SOLVED
+    else:
+        assert gap(chain.times, [np.pi / 2, 5 * np.pi / 2, 9 * np.pi / 2, 20.0]) < 10 * SOLVED
+        assert abs(np.hypot(*chain.y[jnp.array([1, 3])]) - 4.0) < 1e-9
+
+
+def test_an_end_at_the_start_is_a_motion_of_one_sample():
+    ends = {"fly": Phase(BALL, (Exit(Reaches(0, 1.0, 1), END),))}
+    chain = run(ends, "fly", START.at[0].set(2.0), 1.0)
+    assert chain.ended
+    assert chain.times == (0.0,)
+    assert gap(chain.pieces[0].ys, START.at[0].set(2.0)[None]) == 0
+
+
+def test_a_start_that_fits_no_phase_is_refused():
+    rolling = scenes.cylinder_on_ramp()
+    on_a_rail = {"roll": Phase(rolling, (Exit(Reaches(0, 9.0, 1), END),))}
+    high = rolling.y0.at[1].add(1.0)
+    with pytest.raises(ValueError, match=r"^y0: expected a state of roll, got .*Name the start\."):
+        run(on_a_rail, None, high, 1.0)
+    with pytest.raises(ValueError, match=r"^y0: expected a state of roll, got \[0\. 0\.\]"):
+        run(on_a_rail, None, [0.0, 0.0], 1.0)
+
+
+def time_to_fall(t, y):
+    """Until a ball at y[1] with the speed y[3] is on the floor."""
+    del t
+    return (y[3] + jnp.sqrt(y[3] ** 2 + 2 * G * y[1])) / G
+
+
+def fallen(t, y):
+    """The ball on the floor."""
+    after = time_to_fall(t, y)
+    return jnp.stack([y[0] + after * y[2], 0 * y[1], y[2], y[3] - G * after])
+
+
+def test_the_end_of_a_phase_may_be_in_closed_form():
+    last = Exit(Reaches(1, 0.5, -1), END, fallen, lasts=time_to_fall, one_sided=False)
+    shortcut = {"fly": Phase(BALL, (last,))}
+    chain = run(shortcut, "fly", START, 2.0, samples=3)
+    assert chain.ended
+    assert abs(chain.t - 1.0) < SOLVED
+    assert gap(chain.y, [1.0, 0.0, 1.0, -5.0]) < SOLVED
+    assert gap(follow(shortcut, [("fly", 0)], START, 2.0)[0], chain.t) == 0
+    # Where the span ends before it does, the phase goes on to there.
+    short = run(shortcut, "fly", START, 0.95, samples=3)
+    assert not short.ended
+    assert short.message == "The span ended."
+    assert gap(short.y, [0.95, 5 * 0.95 - 5 * 0.95**2, 1.0, 5 - G * 0.95]) < SOLVED
+    at_once = {"fly": Phase(BALL, (Exit(Reaches(1, 0.5, -1), END, fallen, lasts=time_to_fall),))}
+    chain = run(at_once, "fly", START, 2.0)
+    assert chain.path == (("fly", 0),)
+    assert abs(chain.t - 1.0) < SOLVED
+    short = run(at_once, "fly", START, 0.2, samples=3)
+    assert not short.ended
+    assert gap(short.y, [0.2, 0.8, 1.0, 3.0]) < SOLVED
+
+
+def test_tolerances_solver_and_limit_are_those_of_simulate():
+    chain = run(BOUNCING, "fly", START, 0.5, samples=2, max_steps=1)
+    assert chain.status == Status.STEP_LIMIT
+    assert "max_steps" in chain.message
+    assert "solver='auto'" not in chain.message  # which events do not take
+    loose = run(BOUNCING, "fly", START, 9.0, samples=2, atol=1e-3, rtol=1e-3, solver=DOPRI8)
+    assert abs(loose.t - 1.9) < SOLVED
+    with pytest.raises(ValueError, match="atol: expected > 0, got 0"):
+        run(BOUNCING, "fly", START, 9.0, atol=0.0)
 
 
 def test_misuse_is_refused():

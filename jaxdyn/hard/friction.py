@@ -15,7 +15,8 @@ from jaxtyping import Array
 from jaxdyn.effects import ConstantForce, SinusoidalForce, Spring, UniformGravity
 from jaxdyn.events import Reaches, until
 from jaxdyn.hard.case import Case, Figure, relative_error
-from jaxdyn.phases import END, Exit, Phase, run, unchanged
+from jaxdyn.phase import END, Exit, Phase
+from jaxdyn.phases import run
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.particles import particle
 from jaxdyn.scenes.pendula import pendulum
@@ -47,7 +48,7 @@ def rubbing(k: float, friction: float) -> dict[str, Phase]:
     phases = {}
     for way, name, other in ((1, "right", "left"), (-1, "left", "right")):
         scene = particle(Spring(k), ConstantForce((-way * friction, 0.0)))
-        stops = Exit(Reaches(2, 0.0, -way), (other, END), unchanged, held)
+        stops = Exit(Reaches(2, 0.0, -way), (other, END), choose=held)
         phases[name] = Phase(scene, (stops,))
     return phases
 

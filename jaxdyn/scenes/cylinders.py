@@ -29,6 +29,9 @@ CONTACTS = ("roll", "slip_on", "slip_back", "fly")
 SLIPS = {"slip_on": 1.0, "slip_back": -1.0}
 
 
+_INSIDE = 1e-9  # of the lengths involved: a cylinder deeper inside the surface is no start
+
+
 class _Contact(NamedTuple):
     """The conditions of contact, on velocities v (3,) and accelerations a (3,) of G.
 
@@ -158,7 +161,11 @@ class Cylinder(System):
             raise _checks.fail("slope", "below 90 degrees", float(self.slope), "It is in rad.")
         if not self.mu >= 0:
             raise _checks.fail("mu", ">= 0", float(self.mu))
-        del t, y
+        gap = float(self.height(y))
+        if gap < -_INSIDE * max(float(self.r), float(jnp.max(jnp.abs(y[:2])))):
+            surface = "the ramp" if self.flat else "the fixed cylinder"
+            raise _checks.fail("y0", f"a cylinder outside {surface}", f"one {-gap:.6g} m inside")
+        del t
 
     def _placed(self, y: Array) -> Array:
         """(6,) the same state with the cylinder on the surface."""

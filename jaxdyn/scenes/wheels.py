@@ -19,12 +19,22 @@ while V^2 > mu g L. From V0 to V it becomes
     omega = omega0 (V / V0)^(m L^2 / J) exp(m^2 s (V0^2 - V^2) / (2 mu N J)),
 
 for the rear wheels so by up to about exp(m L V0^2 / (2 mu g J)).
+
+How does it come to rest? With u = (V, w) the velocity of the locked wheels along and across the
+car, w = L omega, all but friction is of second order in a small u:
+
+    V' = -c V / |u|,    w' = -d w / |u|,    c = mu N / m,    d = mu N L^2 / J,
+
+so in the variable z with dt = |u| dz both fall exponentially, and |u|, V |u| and w |u| integrated
+over z are the time and the way that are left. Friction turns round where u passes 0, so the last
+bit of a stop is not left to an integrator: `braking` takes it from these integrals.
 """
 
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
@@ -34,11 +44,16 @@ from jaxdyn._numerics import safe_norm, square_norm
 from jaxdyn.effects import unless_zero
 from jaxdyn.events import Event
 from jaxdyn.formulations.constrained import Constrained
-from jaxdyn.phases import END, Exit, Phase
+from jaxdyn.phase import END, Exit, Phase
 from jaxdyn.scene import Effect, Points, Scene
 from jaxdyn.scenes.skates import Skated
 
 AXLES = ("front", "rear")
+
+# Double exponential quadrature from 0 to infinity of what falls at least as exp(-z).
+_STEPS = np.arange(-4.0, 4.3, 1 / 16)
+_Z = np.exp(_STEPS - np.exp(-_STEPS))
+_WEIGHTS = _Z * (1 + np.exp(-_STEPS)) / 16
 
 
 class LockedAxle(Effect):
@@ -84,13 +99,44 @@ class Slow(Event):
         return -1
 
 
-class Stopped(eqx.Module):
-    """The state with all velocities zero."""
+class _Rest(NamedTuple):
+    """How a slowly sliding car comes to rest."""
+
+    time: Array  # () that it takes [s]
+    way: Array  # (2,) of its centre of mass [m]
+    turn: Array  # () of the car [rad]
+
+
+class Halt(eqx.Module):
+    """The end of a slide: how long it lasts, and where the car stands then."""
+
+    scene: Scene
 
     def __call__(self, t: Array, y: Array) -> Array:
-        """The same place, at rest."""
+        """(6,) the state at rest."""
         del t
-        return jnp.concatenate([y[:3], jnp.zeros(3)])
+        rest = self._rest(y)
+        return jnp.concatenate([y[:2] + rest.way, y[2:3] + rest.turn, jnp.zeros(3)])
+
+    def lasts(self, t: Array, y: Array) -> Array:
+        """() time to rest [s]."""
+        del t
+        return self._rest(y).time
+
+    def _rest(self, y: Array) -> _Rest:
+        numbers, friction = _numbers(self.scene), _friction(self.scene)
+        e = jnp.stack([jnp.cos(y[2]), jnp.sin(y[2])])
+        n = jnp.stack([-e[1], e[0]])
+        along, across = jnp.sum(y[3:5] * e), numbers.base * y[5]
+        pull = friction.mu * friction.load
+        c, d = pull / numbers.m, pull * numbers.base**2 / numbers.j
+        slower = jnp.minimum(c, d)
+        u = jnp.stack([along * jnp.exp(-c / slower * _Z), across * jnp.exp(-d / slower * _Z)])
+        speed = safe_norm(u.T)
+        weights = _WEIGHTS / slower
+        ahead, turn = jnp.sum(weights * u[0] * speed), jnp.sum(weights * u[1] * speed)
+        turn = turn / numbers.base
+        return _Rest(jnp.sum(weights * speed), ahead * e - numbers.s * turn * n, turn)
 
 
 def sliding_velocity(ahead: Array, q: Array, v: Array) -> Array:
@@ -142,47 +188,73 @@ def car(
     return Scene(Constrained(body), unless_zero(mu, friction), y0=y0, t1=t1)
 
 
-def braking(scene: Scene, *, fraction=1e-6) -> dict[str, Phase]:
+def braking(scene: Scene) -> dict[str, Phase]:
     """The braking of a `car` down to rest, as a phase for `phases.run` (problem 32 b).
 
     ``run(braking(scene), "slide", scene.y0, 60.0)`` ends with the car at rest. The locked wheels
-    slide until the car stands: their speed is 0 only if it turns no more either. The phase ends
-    when that speed is the given fraction of what it was at the start; the rest of the way, of
-    the order of its square, is left out.
+    slide until the car stands: their speed is 0 only if it turns no more either. The last part of
+    the stop is in closed form, from a speed where what that neglects is below rounding.
 
     Args:
       scene: a `car` with friction.
-      fraction: of the initial sliding speed that counts as standing still.
     Raises:
       ValueError: a car without friction, which never stops.
     """
-    friction = next((e for e in scene.effects if isinstance(e, LockedAxle)), None)
+    friction, numbers = _friction(scene), _numbers(scene)
     if friction is None:
         raise _checks.fail("scene", "a car with a locked axle", "none", "Give it mu > 0.")
     start = safe_norm(sliding_velocity(friction.ahead, scene.y0[:3], scene.y0[3:]))
-    slow = Slow(friction.ahead, fraction * start)
-    return {"slide": Phase(scene, (Exit(slow, END, Stopped()),))}
+    # What is neglected is (u / whole)^2 of the last part, which is u / start of the stop.
+    whole = jnp.sqrt(friction.mu * friction.load / numbers.m * jnp.abs(numbers.base))
+    eps = jnp.finfo(start.dtype).eps
+    slow = Slow(friction.ahead, eps * whole + jnp.cbrt(eps * start * whole**2))
+    halt = Halt(scene)
+    return {"slide": Phase(scene, (Exit(slow, END, halt, lasts=halt.lasts),))}
 
 
 def turning_rate(scene: Scene, speed) -> Array:
     """Growth rate omega' / omega () [1/s] of a small turning at a speed [m/s] (problem 32 d).
 
-    Positive: unstable.
+    Positive: unstable. Without friction nothing damps it.
     """
-    body, (friction,) = scene.system.mechanism, scene.effects
-    s = body.at[0, 0]
-    base = s - friction.ahead
-    j = body.inertia + body.m * s * s
-    damping = friction.mu * friction.load * base * base / speed
-    return (body.m * s * speed - damping) / j
+    friction, numbers = _friction(scene), _numbers(scene)
+    push = numbers.m * numbers.s * speed
+    if friction is None:
+        return push / numbers.j
+    return (push - friction.mu * friction.load * numbers.base**2 / speed) / numbers.j
 
 
 def turning_left(scene: Scene, speed) -> Array:
-    """How much of a small turning is left () [1] when a car has slowed down to a speed [m/s]."""
-    body, (friction,) = scene.system.mechanism, scene.effects
-    s, start = body.at[0, 0], scene.y0[3]
-    j = body.inertia + body.m * s * s
-    fall = speed / start
-    power = body.m * (s - friction.ahead) ** 2 / j
+    """How much of a small turning is left () [1] when a car has slowed down to a speed [m/s].
+
+    Raises:
+      ValueError: a car without friction, which does not slow down.
+    """
+    friction, numbers = _friction(scene), _numbers(scene)
+    if friction is None:
+        raise _checks.fail("scene", "a car with a locked axle", "none", "Give it mu > 0.")
+    start = scene.y0[3]
+    power = numbers.m * numbers.base**2 / numbers.j
+    gain = numbers.m**2 * numbers.s * (start**2 - speed**2)
     grip = friction.mu * friction.load
-    return fall**power * jnp.exp(body.m**2 * s * (start**2 - speed**2) / (2 * grip * j))
+    return (speed / start) ** power * jnp.exp(gain / (2 * grip * numbers.j))
+
+
+class _Numbers(NamedTuple):
+    """Of a car: mass, inertia about the free axle, where that is and how far from the locked."""
+
+    m: Array
+    j: Array
+    s: Array  # of the free axle ahead of the centre of mass
+    base: Array  # of the locked axle ahead of the free one
+
+
+def _friction(scene: Scene) -> LockedAxle | None:
+    return next((e for e in scene.effects if isinstance(e, LockedAxle)), None)
+
+
+def _numbers(scene: Scene) -> _Numbers:
+    body, friction = scene.system.mechanism, _friction(scene)
+    s = body.at[0, 0]
+    base = jnp.zeros(()) if friction is None else friction.ahead - s
+    return _Numbers(body.m, body.inertia + body.m * s * s, s, base)
