@@ -127,6 +127,7 @@ def test_a_start_that_cannot_roll_slips_by_coulombs_law(start):
     assert (np.diff(heights) > 0).all()
 
 
+@pytest.mark.slow
 def test_without_friction_it_leaves_at_two_thirds(start):
     scene, _, chain = start
     if scene.system.mu == 0:
@@ -134,6 +135,7 @@ def test_without_friction_it_leaves_at_two_thirds(start):
         assert gap(chain.pieces[0].ys[:, 5], np.zeros(9)) == 0
 
 
+@pytest.mark.slow
 def test_the_first_phase_is_the_one_the_state_fits():
     scene = cylinder_on_ramp(d=0.0, inertia=0.5, slope=0.0, mu=0.3, spin=1.0)
     still = scene.y0
@@ -162,6 +164,7 @@ def test_the_first_phase_is_the_one_the_state_fits():
         run(phases, None, still.at[1].add(-0.1), 1e-4)
 
 
+@pytest.mark.slow
 def test_friction_that_is_just_enough_goes_either_way():
     """At the limit of the cone rolling and slipping are one motion, and rounding decides."""
     inertia, slope = 0.42, 0.044
@@ -177,6 +180,7 @@ def test_friction_that_is_just_enough_goes_either_way():
     assert len(chain.names) == 2 or chain.times[0] < 1e-6
 
 
+@pytest.mark.slow
 def test_a_slip_that_no_finite_force_goes_on_with_is_caught_at_once():
     """Painleve's paradox: slipping pulls it into the ground, flying drops it there; it jams."""
     scene = cylinder_on_ramp(d=0.9, inertia=0.01, slope=0.0, mu=3.0, turn=1.0)
@@ -195,6 +199,7 @@ def test_a_slip_that_no_finite_force_goes_on_with_is_caught_at_once():
     assert energy.energy(roll.scene, 0.0, roll.ys[0]) < energy.energy(scene, 0.0, slides)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.5, 1.0, 0.2])
 def test_any_inertia_scales_gravity_and_moves_the_end_of_contact(ratio):
     scene = cylinder_on_cylinder(inertia_ratio=ratio, m=2.0, r=0.3, theta=0.4)
