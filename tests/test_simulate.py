@@ -131,7 +131,7 @@ def test_too_many_steps_end_as_step_limit():
 
 @pytest.mark.parametrize("t1", [1.0, -1.0])
 def test_a_nan_parameter_ends_as_not_finite(t1):
-    scene = scenes.cannonball(g=np.nan)
+    scene = scenes.lorenz(rho=np.nan)
     motion = simulate(scene, t1, samples=[0.5 * t1], throw=False)
     _ends(motion, Status.NOT_FINITE, 0)
     with pytest.raises(IntegrationError, match="start, its rate, a time or a tolerance is NaN"):
@@ -245,7 +245,7 @@ def test_a_batch_where_one_motion_is_wanted_is_refused(swings, look):
 def test_every_status_has_a_message_with_a_remedy():
     assert len({status.message for status in Status}) == len(Status)
     for status in set(Status) - {Status.OK}:
-        assert any(verb in status.message for verb in ("Raise", "Stop", "Check"))
+        assert any(verb in status.message for verb in ("Raise", "Stop", "Check", "Give", "add "))
 
 
 # What is refused ---------------------------------------------------------------------------
