@@ -18,7 +18,7 @@ from jaxdyn import _checks
 from jaxdyn.formulations.constrained import DEPENDENT, Constrained
 from jaxdyn.ledger import Ledger
 from jaxdyn.scene import Field, Scene, System
-from jaxdyn.simulate import Trajectory
+from jaxdyn.simulate import Trajectory, each_motion
 
 
 class Conditioning(NamedTuple):
@@ -40,6 +40,7 @@ class Conditioning(NamedTuple):
     determined: Array
 
 
+@each_motion
 def multipliers(motion: Trajectory) -> Array:
     """(s, c) Lagrange multipliers along a motion: of its ties, then of its rolling conditions.
 
@@ -49,6 +50,7 @@ def multipliers(motion: Trajectory) -> Array:
     return _multipliers(_constrained(motion.scene.system), motion)
 
 
+@each_motion
 def tensions(motion: Trajectory) -> dict[str, Array]:
     """(s,) tension of each rod along a motion [N], by its name; negative where it pushes.
 
@@ -71,6 +73,7 @@ def tensions(motion: Trajectory) -> dict[str, Array]:
     return dict(zip(names, -_multipliers(system, motion)[:, : len(names)].T, strict=True))
 
 
+@each_motion
 @eqx.filter_jit
 def reactions(motion: Trajectory) -> Array:
     """(s, n, d) force of the constraints on each material point along a motion [N].

@@ -220,3 +220,16 @@ def test_the_ties_of_textbooks_drift_differently():
     assert abs(off["length"] / off["square"] - 1) > 0.01
     with pytest.raises(ValueError, match=r"^tie: expected one of length, square, got 'squared'"):
         scenes.pendulum(**how, tie="squared")
+
+
+def test_forces_of_a_batch_are_those_of_its_motions():
+    def swing(angle):
+        scene = scenes.pendulum(angle=angle, formulation="constrained")
+        return simulate(scene, 0.5, samples=3, rtol=1e-8)
+
+    batch = jax.vmap(swing)(jnp.array([0.2, 1.0]))
+    forces = [constraints.tensions, constraints.multipliers, constraints.reactions]
+    for look in forces:
+        of_batch, of_one = jax.tree.leaves(look(batch))[0], jax.tree.leaves(look(batch.one(1)))[0]
+        assert of_batch.shape == (2, *of_one.shape)
+        assert gap(of_batch[1], of_one) < 1e-13
