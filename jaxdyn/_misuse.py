@@ -17,9 +17,9 @@ def fail(name: str, expected: str, got: Any, remedy: str = "") -> ValueError:
 
 def whole(name: str, x: Any, least: int = 1, most: int = 2**62, remedy: str = "") -> int:
     """x, refused unless it is a whole number from least to most."""
-    if not isinstance(x, numbers.Integral) or isinstance(x, bool) or x < least:
+    if not isinstance(x, numbers.Integral) or isinstance(x, bool) or int(x) < least:
         raise fail(name, f"a whole number, at least {least}", x, remedy)
-    if x > most:
+    if int(x) > most:
         raise fail(name, f"at most {most}", x, remedy)
     return int(x)
 

@@ -22,7 +22,7 @@ ROWS = orbits.Rows([[1.0, 0.0]])
 COLLIDED = scenes.two_body().starting(np.zeros(8))
 
 
-class Unknown(Effect):
+class WithoutValue(Effect):
     """A field whose strength is not a number."""
 
     def potential(self, t, r, m):
@@ -67,14 +67,14 @@ REFUSED = [
     (lambda: linearize(SWING, [0.0, 0.0], np.nan), "t: expected finite numbers"),
     (lambda: linearize(SWING, [0.0]), "y: expected shape"),
     (
-        lambda: linearize(SWING + Unknown(), [0.0, 0.0]),
+        lambda: linearize(SWING + WithoutValue(), [0.0, 0.0]),
         "The rate has no derivative there",
     ),
     (lambda: linearize(scenes.pendulum(m=0.0), [0.0, 0.0]), "mass: expected > 0"),
     (lambda: linearize(COLLIDED, COLLIDED.y0), "y0: expected bodies at different points"),
     (lambda: modes(scenes.pendulum, [0.0, 0.0]), "scene: expected a Scene, got pendulum"),
     (
-        lambda: modes(SWING + Unknown(), [0.0, 0.0]),
+        lambda: modes(SWING + WithoutValue(), [0.0, 0.0]),
         "stiffness: expected finite numbers",
     ),
     (lambda: equilibria.equilibria(scenes.pendulum, [0], [1]), "scene: expected a Scene"),

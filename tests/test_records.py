@@ -228,7 +228,7 @@ def changed(*keys, to):
 @pytest.mark.parametrize(
     ("record", "message"),
     [
-        (changed("type", to="Unknown"), "record: expected one of .*Scene.*got 'Unknown'"),
+        (changed("type", to="NoSuchClass"), "record: expected one of .*Scene.*got 'NoSuchClass'"),
         (changed("type", to=dataclasses.MISSING), "record: expected one of .*, got None"),
         (changed("type", to=["Scene"]), "record: expected one of "),
         (changed("type", to="os.system"), "record: expected one of .*got 'os.system'"),
