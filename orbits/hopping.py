@@ -163,7 +163,13 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
     goal = GOAL * max(1.0, float(np.abs(y0).max()))  # of metres and radians alike
     half = _found((Leg(fly, lands), Leg(contact, ())), y0, spans, closes=mirrors, goal=goal)
     down, rest = half.spans
-    chain = (Leg(fly, lands), Leg(contact, (leaves,)), Leg(fly, ()))
+    above = (Height(given),)
+    presses = () if rolls else (NormalForce(contact),)
+    chain = (
+        Leg(fly, lands, bounds=above),
+        Leg(contact, (leaves,), bounds=presses),
+        Leg(fly, (), bounds=above),
+    )
     spans = [down, 2 * rest, down]
     around = Advanced(2 * (first + math.pi))
     # Once more around what is left of each half counts several times.

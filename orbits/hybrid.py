@@ -1,7 +1,8 @@
 """A periodic motion with corners: a closed chain of legs (roll, fly, ...), each smooth by itself.
 
 `find_chain` (orbits.hybrid_search) finds them. In its equations the times of the corners are
-unknowns, so a solution may pass the end of a leg before its time; `Hybrid.least` tells.
+unknowns, so a solution may pass the end of a leg before its time. The bounds of a leg say what
+must hold on the way, and a chain that does not keep to them is not said to be found.
 """
 
 import dataclasses
@@ -20,6 +21,7 @@ from jaxdyn.phases import Chain
 from orbits.problem import Outcome
 
 _LOOKS = 400  # samples of a leg
+_PASSED = 1e-9  # of the largest value of a bound on a leg: a value so far below 0 is no rounding
 
 
 class Leg(eqx.Module):
@@ -30,11 +32,13 @@ class Leg(eqx.Module):
       ends: what vanishes at the leg's end: its event, and what else is demanded there. Their
         time is that since the leg's start.
       change: (t, y) -> the state at the start of the next leg; a named function or a module.
+      bounds: what must not be negative on the way, such as a height or a normal force.
     """
 
     scene: Scene
     ends: tuple[Event, ...]
     change: Callable[[Array, Array], Array] = unchanged
+    bounds: tuple[Event, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,6 +101,20 @@ class Hybrid:
         A height in flight, say, or a normal force in contact: where it is below zero by more
         than rounding, the chain closes but is none that nature follows.
         """
+        return float(self._values(leg, event).min())
+
+    @property
+    def keeps_bounds(self) -> bool:
+        """Whether each leg is within its bounds, to rounding, at 400 times."""
+        values = [self._values(i, b) for i, leg in enumerate(self.legs) for b in leg.bounds]
+        return all(value.min() >= -_PASSED * np.abs(value).max() for value in values)
+
+    def _values(self, leg: int, event: Event) -> np.ndarray:
         scene = self.legs[leg].scene
         motion = simulate(scene, samples=_LOOKS, rtol=self.rtol)
-        return float(jax.vmap(event.value)(motion.ts, motion.ys).min())
+        return np.asarray(_along(event, motion.ts, motion.ys))
+
+
+@eqx.filter_jit
+def _along(event: Event, ts: Array, ys: Array) -> Array:
+    return jax.vmap(event.value)(ts, ys)

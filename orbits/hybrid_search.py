@@ -4,9 +4,10 @@ The unknowns are the start of the first leg and how long each leg lasts. What mu
 ends each leg, whatever else is demanded there, and what is left of the start at the end of the
 chain. Times are unknowns, not found by a search for events: a landing without relative speed
 grazes the ground, where the time of an event has no derivative, while these equations are regular.
-The price is that a solution may pass an end before its time; `Hybrid.least` tells.
+The price is that a solution may pass an end before its time; the bounds of a leg refuse that.
 """
 
+import dataclasses
 from collections.abc import Callable, Sequence
 
 import equinox as eqx
@@ -69,7 +70,7 @@ def find_chain(
     Raises:
       ValueError: numbers that make no sense.
       SearchError: none was found (``throw=True``).
-    Limits: host only. Nothing looks for ends that are passed earlier; see `Hybrid.least`.
+    Limits: host only. Nothing but the bounds of a leg looks for ends that are passed earlier.
     Example:
       A ball that bounces without loss, from its highest point to its highest point:
 
@@ -108,11 +109,13 @@ def find_chain(
     )
     starts = _linearised(legs, closes, result.x, rtol)[2]
     run = tuple(
-        Leg(leg.scene.starting(y, t), leg.ends, leg.change)
+        dataclasses.replace(leg, scene=leg.scene.starting(y, t))
         for leg, y, t in zip(legs, starts, result.x[k:], strict=True)
     )
     residual = float(np.abs(result.residual).max())
     found = Hybrid(run, residual, _outcome(result), result.iterations, rtol)
+    if found.ok and not found.keeps_bounds:
+        found = dataclasses.replace(found, outcome=Outcome.BOUND_PASSED)
     if throw and not found.ok:
         raise SearchError(found.message)
     return found
@@ -124,9 +127,10 @@ def _checked(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.ndarray]:
     for i, leg in enumerate(legs):
         if not isinstance(leg, Leg):
             raise fail(f"legs[{i}]", "a Leg", type(leg).__name__, "Make it: Leg(scene, ends).")
-        if not (isinstance(leg.ends, tuple) and all(isinstance(end, Event) for end in leg.ends)):
-            got = type(leg.ends).__name__
-            raise fail(f"legs[{i}].ends", "a tuple of events", got, "Write (event,) for one.")
+        for name, events in (("ends", leg.ends), ("bounds", leg.bounds)):
+            if not (isinstance(events, tuple) and all(isinstance(x, Event) for x in events)):
+                got = type(events).__name__
+                raise fail(f"legs[{i}].{name}", "a tuple of events", got, "Write (event,) for one.")
         if driven(checked(leg.scene)):
             remedy = "Legs begin at times of their own."
             raise fail(f"legs[{i}]", "a scene that does not depend on time", "a driven one", remedy)

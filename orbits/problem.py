@@ -49,6 +49,12 @@ class Outcome(Code):
         "rounding leaves fewer digits than asked for: pass rtol=1e-13. Else look at it with "
         "simulate(): is the period as long as it should be, and the scene not stiff?",
     )
+    BOUND_PASSED = (
+        8,
+        "The chain closes, but a leg is on the far side of one of its bounds on the way: it enters "
+        "the ground, or is pulled by what only pushes. Start elsewhere; `Hybrid.least` tells how "
+        "far, and without bounds on its legs it is found as it is.",
+    )
 
 
 class SearchError(RuntimeError):

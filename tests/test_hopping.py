@@ -187,6 +187,25 @@ def test_a_ball_that_bounces_without_loss():
     assert gap(chain.y, found.y0) < SOLVED
 
 
+def test_a_chain_that_passes_a_bound_is_not_found():
+    """The ball falls to 0; it keeps to a floor there or deeper, not to a higher one."""
+
+    def found(level):
+        floor = events.Reaches(1, level)
+        falls = orbits.Leg(BALL, (LANDS,), _bounced, bounds=(floor,))
+        rises = orbits.Leg(BALL, (TOP, events.Reaches(1, 5.0)))
+        guess = [0.3, 4.0, 0.0, 0.0], [0.7, 1.2]
+        return orbits.find_chain([falls, rises], *guess, throw=False), floor
+
+    assert found(-1.0)[0].ok
+    assert found(0.0)[0].ok
+    low, floor = found(0.5)
+    assert not low.ok
+    assert low.outcome == orbits.Outcome.BOUND_PASSED
+    assert "a leg is on the far side of one of its bounds on the way" in low.message
+    assert abs(low.least(0, floor) + 0.5) < SOLVED
+
+
 def test_the_derivatives_of_a_chain_are_those_of_differences():
     legs = (orbits.Leg(BALL, (LANDS,), _bounced), orbits.Leg(BALL, (TOP,)))
     x = np.array([0.1, 3.0, 0.2, 0.4, 0.7, 0.8])
@@ -259,6 +278,10 @@ def test_searches_that_fail_say_why():
         (
             lambda: orbits.find_chain([orbits.Leg(BALL, LANDS)], np.zeros(4), [1.0]),
             r"legs\[0\]\.ends: expected a tuple of events, got Reaches",
+        ),
+        (
+            lambda: orbits.find_chain([orbits.Leg(BALL, (), bounds=LANDS)], np.zeros(4), [1.0]),
+            r"legs\[0\]\.bounds: expected a tuple of events, got Reaches",
         ),
         (
             lambda: orbits.find_chain(
