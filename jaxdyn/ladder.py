@@ -107,10 +107,12 @@ class Estimate(eqx.Module):
         sure = min(self.digits, self.most_digits)
         if self.wanted is None or not sure < self.wanted:
             return ""
+        held = self.until(self.wanted)
+        where = "at no sample" if np.isnan(held) else f"up to t = {held:.6g}"
         return (
-            f"{self.wanted:g} digits were asked for; over the whole span {sure:.1f} are sure, up "
-            f"to t = {self.until(self.wanted):.6g} all of them. Rounding is amplified to where no "
-            f"solver is sure to give more than {self.most_digits:.1f}: shorten the span."
+            f"{self.wanted:g} digits were asked for; over the whole span {sure:.1f} are sure, all "
+            f"of them {where}. Rounding is amplified to where no solver is sure to give more than "
+            f"{self.most_digits:.1f}: shorten the span."
         )
 
     def until(self, digits: float) -> float:

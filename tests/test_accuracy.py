@@ -141,6 +141,7 @@ def test_digits_are_delivered(name, digits):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:12 digits were asked for")
 @pytest.mark.parametrize("name", LONG)
 def test_digits_of_long_spans_are_claimed_as_they_are(name):
     case = LONG[name]
@@ -184,6 +185,11 @@ def test_chaos_is_said_with_how_long_the_digits_hold():
     other = simulate(scenes.lorenz(), good, rtol=1e-15, samples=2, solver=solvers.DOPRI8)
     there = motion.ys[np.searchsorted(motion.ts, good)]
     assert np.abs(other.ys[-1] - there).max() < 5e-9 * motion.error.scale.max()
+
+
+def test_digits_that_not_even_the_first_sample_has_are_said_so():
+    with pytest.warns(UserWarning, match=r"all of them at no sample\. Rounding is amplified"):
+        simulate(scenes.lorenz(), 60.0, digits=9, samples=[40.0, 60.0])
 
 
 def test_more_digits_than_the_motion_has_are_refused():
