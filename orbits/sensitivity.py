@@ -83,7 +83,9 @@ def solution(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> Solution:
       of the scene (and of the conditions).
     Raises:
       ValueError: an orbit that does not close.
-    Limits: first derivatives; the values are those of `orbit` whatever the scene's.
+    Limits: first derivatives; the values are those of `orbit` whatever the scene's. They are right
+      to rounding times the growth of errors over the orbit: the period's of
+      the figure-eight by a mass to 1e-11, against differences of order 6.
     Example:
       >>> import equinox as eqx, orbits
       >>> from jaxdyn import scenes
