@@ -29,6 +29,7 @@ _NOISY = (
 )
 _SHORTER = 0.5  # of a step that was refused: less of a change is not worth a try
 _CRAWL = 0.1  # of the residual: where a whole Newton step near a solution leaves more, it rounds
+_WORTH = 0.3  # of the residual: where a step below the goal leaves more, it is mostly rounding
 _NEARLY = 1e-6  # a residual below which misfits of the linear model may be rounding
 
 
@@ -127,7 +128,7 @@ def solve(
         if not solved:  # what is left is rounding: the Jacobian does not change any more
             factors = _factors(jacobian)
         report(Iteration(accepted, _size(residual), x[-1], _norm(step)))
-        progress = 0.5 if solved else _CRAWL
+        progress = _WORTH if solved else _CRAWL
         near = _size(residual) < _NEARLY
         stalled = stalled + 1 if near and _size(residual) > progress * _size(best_residual) else 0
         if _size(best_residual) > goal or _size(residual) < _size(best_residual):

@@ -368,8 +368,13 @@ def test_upright_a_disk_rolls_straight_or_turns_on_the_spot():
 
 def test_a_disk_that_lies_flat_has_no_rate():
     # Its Euler angles lock there; the numbers must say so.
-    scene = rolling_disk(0.0)
-    assert not np.isfinite(scene.rate(0.0, scene.y0)).all()
+    scene = rolling_disk(0.5)
+    lean = [name for name, _ in scene.labels()].index("theta")
+    flat = scene.y0.at[lean].set(0.0)
+    assert np.isfinite(scene.rate(0.0, scene.y0)).all()
+    assert not np.isfinite(scene.rate(0.0, flat)).all()
+    with pytest.raises(ValueError, match=r"^theta: expected a disk that does not lie flat"):
+        rolling_disk(0.0)
 
 
 def test_a_hoop_has_its_moments():
