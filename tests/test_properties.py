@@ -9,7 +9,7 @@ import json
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
@@ -46,8 +46,15 @@ WILD = st.one_of(
     st.integers(-(10**30), 10**30),
     st.sampled_from([None, "1", "x", True, [], [1.0], 1j, np.nan, -0.0, 5e-324, 1.7e308]),
 )
-FEW = settings(max_examples=25, derandomize=True, deadline=None, database=None)
-MANY = settings(max_examples=250, derandomize=True, deadline=None, database=None)
+# How long a draw takes on a loaded machine decides nothing.
+FEW = settings(
+    max_examples=25,
+    derandomize=True,
+    deadline=None,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+MANY = settings(FEW, max_examples=250)
 STEPS = 3000
 CHAOTIC = 1e4  # neighbours that part so far: what is left to compare is nothing
 
