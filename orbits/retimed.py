@@ -14,6 +14,7 @@ _ALONG = 0.7  # of the residual: if the start's neighbours must make up for more
 _FAR = 2.0  # factor on the period from which on it is another orbit
 
 
+@np.errstate(over="ignore")  # an energy of 1e300 is wanted: no step is allowed, see the bounds
 def retimed(equations: Equations, x: np.ndarray, lower, upper, goal: float, rtol: float):
     """x with another period such that its start closes, or x itself if there is none near it.
 
