@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxdyn.timing import Times as Times
-from jaxdyn.timing import at_error as at_error
-from jaxdyn.timing import interleaved as interleaved
-from jaxdyn.timing import seconds_of as seconds_of
-from jaxdyn.timing import worth_taking
+from jaxdyn.accuracy.timing import Times as Times
+from jaxdyn.accuracy.timing import at_error as at_error
+from jaxdyn.accuracy.timing import interleaved as interleaved
+from jaxdyn.accuracy.timing import seconds_of as seconds_of
+from jaxdyn.accuracy.timing import worth_taking
 
 
 class Row(NamedTuple):

@@ -12,8 +12,8 @@ import jax
 import numpy as np
 
 from benchmarks._timing import Row, Times, interleaved
+from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes import three_body
-from jaxdyn.simulate import solve
 
 _BAR = 15e-6  # [s]
 _ROUNDS, _QUICK_ROUNDS = 2000, 20

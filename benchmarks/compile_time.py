@@ -13,8 +13,8 @@ import jax
 import numpy as np
 
 from benchmarks._timing import Row, Times, seconds_of
-from jaxdyn import catalogue
-from jaxdyn.simulate import solve
+from jaxdyn.integrate.simulation import solve
+from jaxdyn.scenes import catalogue
 
 _SPAN = 1e-3  # [s]
 _SOLVE_BAR, _DERIVATIVE_BAR = 5.0, 8.0  # [s]

@@ -20,9 +20,9 @@ import numpy as np
 from benchmarks._timing import Curves, Method, Row, Times, interleaved, work_precision
 from jaxdyn.effects import LinearDrag, PowerLaw, QuadraticDrag, Spring, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate.simulation import solve
 from jaxdyn.scene import Effect, Points, Scene, System
 from jaxdyn.scenes.pendula import double_pendulum, triple_pendulum
-from jaxdyn.simulate import solve
 from jaxdyn.solvers import VERNER9
 
 #: Wanted true errors of the pendulums.

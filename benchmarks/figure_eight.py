@@ -24,8 +24,8 @@ import jaxdyn
 from benchmarks._timing import Curves, Method, work_precision
 from benchmarks.problems import figure_eight
 from benchmarks.systems import SCIPY, fastest, peers
+from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes import three_body
-from jaxdyn.simulate import solve
 
 #: Wanted true errors.
 ERRORS = (1e-6, 1e-9, 1e-12, 1e-14)

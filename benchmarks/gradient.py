@@ -18,8 +18,8 @@ import numpy as np
 from benchmarks._timing import Row, Times, seconds_of
 from benchmarks.ensembles import processor_times
 from benchmarks.problems import sheet
+from jaxdyn.integrate.simulation import solve
 from jaxdyn.scene import Scene
-from jaxdyn.simulate import solve
 
 TOLERANCES = (1e-6, 1e-9, 1e-12)
 PERIODS = 10

@@ -26,8 +26,8 @@ import numpy as np
 from benchmarks import _peers
 from benchmarks._timing import Curves, Method, work_precision
 from benchmarks.problems import CONSERVATIVE, GENERAL, Problem
-from jaxdyn.simulate import solve
-from jaxdyn.work import fit_solvers
+from jaxdyn.accuracy.work_precision import fit_solvers
+from jaxdyn.integrate.simulation import solve
 
 #: Wanted true errors.
 ERRORS = (1e-6, 1e-9, 1e-12)

@@ -3,7 +3,8 @@
 A scene is what moves, what acts on it, and a start; it is composed with ``+``:
 
 >>> import jaxdyn
->>> from jaxdyn import effects, energy, scenes
+>>> from jaxdyn import effects, scenes
+>>> from jaxdyn.analysis import energy
 >>> jaxdyn.configure()                                     # 64-bit floats, fast loops, a cache
 >>> scene = scenes.cannonball(speed=20.0) + effects.QuadraticDrag(0.05)
 >>> motion = jaxdyn.simulate(scene, 2.0, rtol=1e-12)       # 200 samples, each as good as a step

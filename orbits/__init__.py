@@ -2,7 +2,8 @@
 
 A tour, from the rough guess of a textbook to Montgomery's figure-eight:
 
->>> import jaxdyn, orbits
+>>> import jaxdyn
+>>> import orbits
 >>> from jaxdyn import scenes
 >>> jaxdyn.configure()
 >>> scene = scenes.three_body()

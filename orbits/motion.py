@@ -1,9 +1,9 @@
 """Where a motion is after a span of time, and in which time it is followed there.
 
-Bodies that attract each other are followed in logarithmic time (`jaxdyn.regularised`) where errors
-grow much, or rounding is what is left of a search. In plain time each close encounter multiplies
-the rounding of the state by what bends the paths there; a published three-body orbit whose
-multipliers are 1 then closes to 1e-7, at 1e-12 in logarithmic time.
+Bodies that attract each other are followed in logarithmic time (`jaxdyn.analysis.regularised`)
+where errors grow much, or rounding is what is left of a search. In plain time each close encounter
+multiplies the rounding of the state by what bends the paths there; a published three-body orbit
+whose multipliers are 1 then closes to 1e-7, at 1e-12 in logarithmic time.
 """
 
 import math
@@ -14,10 +14,10 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn.energy import potential
-from jaxdyn.flow import Flow
-from jaxdyn.regularised import logarithmic_span, regularised, solve_regularised
-from jaxdyn.simulate import MAX_STEPS, solve
+from jaxdyn.analysis.energy import potential
+from jaxdyn.analysis.regularised import logarithmic_span, regularised, solve_regularised
+from jaxdyn.integrate.flow import Flow
+from jaxdyn.integrate.simulation import MAX_STEPS, solve
 from jaxdyn.solvers import Method
 
 #: Logarithmic time runs too fast where the potential nearly vanishes: its least value must be at

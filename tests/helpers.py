@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -10,8 +11,11 @@ from jax.extend.core import jaxprs_in_params
 
 from jaxdyn import Scene
 from jaxdyn.effects import PairGravity
+from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.formulations.newton import FreePoints
 
+#: Where tests, stored references and published tables are.
+TESTS = Path(__file__).parent
 #: Two formulas for one number: a few roundings apart, relative to numbers of order one.
 EXACT = 1e-14
 #: A solve at rtol 1e-13 or tighter over a span of order one: its steps' errors add up.
@@ -84,3 +88,16 @@ def primitives(fn, *args) -> list[str]:
 
     walk(jax.make_jaxpr(fn)(*args).jaxpr)
     return found
+
+
+class Arm(Mechanism):
+    """A pendulum of length 2 m and mass 3 kg; angle from below."""
+
+    def coordinates(self):
+        return (("theta", "rad"),)
+
+    def masses(self):
+        return jnp.array([3.0])
+
+    def positions(self, t, q):
+        return 2.0 * jnp.stack([jnp.sin(q[0]), -jnp.cos(q[0])])[None]

@@ -20,9 +20,9 @@ from benchmarks import (
     systems,
 )
 from benchmarks._timing import Row, Times, at_error, interleaved, work_precision
+from jaxdyn.accuracy.work_precision import fit_solvers
+from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes import three_body
-from jaxdyn.simulate import solve
-from jaxdyn.work import fit_solvers
 
 EXACT = 1e-14  # relative, two formulas for one number
 

@@ -8,7 +8,8 @@ from helpers import SOLVED
 from scipy.special import ellipk
 
 import orbits
-from jaxdyn import Points, Scene, System, energy, scenes
+from jaxdyn import Points, Scene, System, scenes
+from jaxdyn.analysis import energy
 from jaxdyn.formulations.newton import FreePoints
 
 
@@ -81,7 +82,7 @@ def test_a_halo_orbit():
 @pytest.mark.slow
 def test_normal_modes_of_a_double_pendulum_go_on_from_the_linear_ones():
     scene = scenes.double_pendulum()
-    modes = orbits.seeds.modes(scene, jnp.zeros(4), amplitude=0.05)
+    modes = orbits.discovery.seeds.modes(scene, jnp.zeros(4), amplitude=0.05)
     slow = max(modes, key=lambda guess: guess.period)
     orbit = orbits.find(scene, slow.y0, slow.period)
     family = orbits.continue_family(orbit, members=4, step=0.1)

@@ -15,11 +15,11 @@ from typer.testing import CliRunner
 
 import orbits
 from jaxdyn import scenes
+from jaxdyn.analysis.energy import energy, potential
+from jaxdyn.analysis.equilibria import equilibria
+from jaxdyn.analysis.linearize import linearize
 from jaxdyn.cli.app import app as jaxdyn_app
-from jaxdyn.energy import energy, potential
-from jaxdyn.equilibria import equilibria
-from jaxdyn.linearize import linearize
-from jaxdyn.simulate import simulate, solve
+from jaxdyn.integrate.simulation import simulate, solve
 from jaxdyn.solvers import DOPRI8
 from orbits.cli.app import app as orbits_app
 

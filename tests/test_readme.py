@@ -67,5 +67,5 @@ def test_every_file_of_the_map_exists():
         paths = re.findall(r"`([\w/]+\.py|[\w/]+/)`", row)
         folder = ""
         for path in paths:
-            folder = path.split("/")[0] if "/" in path else folder
+            folder = path.rpartition("/")[0] if "/" in path else folder
             assert (ROOT / (path if "/" in path else f"{folder}/{path}")).exists(), path

@@ -16,7 +16,7 @@ from jaxdyn.cli.shared import (
     SpanOption,
     TitleOption,
 )
-from jaxdyn.image_files import picture_path
+from jaxdyn.files.image_files import picture_path
 
 _SHOWN = (3, 6, 9, 12, 14)
 
@@ -35,8 +35,10 @@ def accuracy_command(
     if not 0 < digits <= 16:
         raise fail("digits", "between 1 and 15", digits, "Doubles have not quite 16.")
     with screen(f"solving {name} as exactly as possible", as_object) as out:
-        scene = jaxdyn.catalogue.build(name, jaxdyn.catalogue.settings(settings or ()))
-        found = jaxdyn.work.work_precision(scene, t1)
+        scene = jaxdyn.scenes.catalogue.build(
+            name, jaxdyn.scenes.catalogue.settings(settings or ())
+        )
+        found = jaxdyn.accuracy.work_precision.work_precision(scene, t1)
         if as_object:
             out.result({"scene": name} | found.as_dict() | _recommended(found, digits))
         else:
@@ -46,12 +48,14 @@ def accuracy_command(
                 jaxdyn.drawing.work_precision(found, plot, title=title or name)
 
 
-def _recommended(found: "jaxdyn.work.WorkPrecision", digits: float) -> dict:
+def _recommended(found: "jaxdyn.accuracy.work_precision.WorkPrecision", digits: float) -> dict:
     choice = found.recommend(digits)
     return {"digits": digits, "recommended": choice and choice._asdict()}
 
 
-def _print(name: str, found: "jaxdyn.work.WorkPrecision", digits: float, out: Screen) -> None:
+def _print(
+    name: str, found: "jaxdyn.accuracy.work_precision.WorkPrecision", digits: float, out: Screen
+) -> None:
     out.print(f"[bold]{name}[/bold], {found.quantity}:")
     for n in _SHOWN:
         times = {solver: t.median for solver, t in found.at(10.0**-n).items()}

@@ -26,13 +26,13 @@ def list_command(
         raise fail("--problems", "no scene beside it", names[0], "It lists problems.")
     with screen("listing", as_object) as out:
         if problems:
-            found = jaxdyn.course.PROBLEMS
+            found = jaxdyn.course.problems.PROBLEMS
             if as_object:
                 out.result({n: problem._asdict() for n, problem in found.items()})
             else:
                 out.print(_problems(found))
             return
-        zoo = jaxdyn.catalogue.entries()
+        zoo = jaxdyn.scenes.catalogue.entries()
         for name in names or ():
             choice("scene", name, zoo, "jaxdyn list")
         zoo = {name: zoo[name] for name in names or zoo}
@@ -42,7 +42,7 @@ def list_command(
             out.print(_scenes(zoo))
 
 
-def _scenes(zoo: "dict[str, jaxdyn.catalogue.Entry]") -> Table:
+def _scenes(zoo: "dict[str, jaxdyn.scenes.catalogue.Entry]") -> Table:
     table = Table("scene", "problems", "what it is, and its numbers")
     for name, entry in zoo.items():
         lines = [f"[bold]{escape(entry.summary)}[/bold]"]
@@ -52,7 +52,7 @@ def _scenes(zoo: "dict[str, jaxdyn.catalogue.Entry]") -> Table:
     return table
 
 
-def _problems(problems: "dict[int, jaxdyn.course.Problem]") -> Table:
+def _problems(problems: "dict[int, jaxdyn.course.problems.Problem]") -> Table:
     """The other way round: each problem with the public names that answer it."""
     table = Table("problem", "what it is about", "jaxdyn names that answer it, and the answer")
     for n, problem in problems.items():
@@ -67,6 +67,6 @@ def _shown(default) -> str:
     return f"{default:.6g}" if isinstance(default, float) else str(default)
 
 
-def _described(entry: "jaxdyn.catalogue.Entry") -> dict:
+def _described(entry: "jaxdyn.scenes.catalogue.Entry") -> dict:
     numbers = {p.name: {"default": p.default, "meaning": p.meaning} for p in entry.parameters}
     return {"summary": entry.summary, "problems": entry.problems, "parameters": numbers}

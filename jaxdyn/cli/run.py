@@ -19,8 +19,8 @@ from jaxdyn.cli.shared import (
     SpanOption,
     TitleOption,
 )
-from jaxdyn.image_files import animation_path, picture_path
-from jaxdyn.output_files import writable
+from jaxdyn.files.image_files import animation_path, picture_path
+from jaxdyn.files.output_files import writable
 
 STOPPED = 1  # exit code: the motion did not reach its end
 _MOST_SAMPLES = 1_000_000  # all of which become text
@@ -66,7 +66,7 @@ def run_command(
     with screen(f"simulating {name}", as_object) as out:
         how = {"samples": samples, "solver": _method(solver), "dt": dt}
         motion, end = _motion(name, settings or (), t1, rtol, how, out)
-        record = {"scene": name} | jaxdyn.tables.record(motion, end)
+        record = {"scene": name} | jaxdyn.files.tables.record(motion, end)
         if as_object:
             out.result(record)
         else:
@@ -84,23 +84,23 @@ def run_command(
                 jaxdyn.drawing.animate(motion, animate, seconds=seconds)
         if csv:
             with out.writing(csv, "written to"):
-                jaxdyn.tables.write_csv(csv, motion)
-        if not jaxdyn.tables.arrived(motion):
+                jaxdyn.files.tables.write_csv(csv, motion)
+        if not jaxdyn.files.tables.arrived(motion):
             out.print(f"[red]stopped[/red]: {motion.message}")
             raise typer.Exit(STOPPED)
 
 
 def _motion(name: str, settings, t1, rtol: float, how: dict, out: Screen):
     """The motion, and how far its end is from the exact one."""
-    scene = jaxdyn.catalogue.build(name, jaxdyn.catalogue.settings(settings))
-    entry = jaxdyn.catalogue.entries()[name]
+    scene = jaxdyn.scenes.catalogue.build(name, jaxdyn.scenes.catalogue.settings(settings))
+    entry = jaxdyn.scenes.catalogue.entries()[name]
 
     def made(scene: "jaxdyn.Scene", rtol: float) -> "jaxdyn.Trajectory | jaxdyn.Chain":
         return entry.motion(scene, t1, rtol=rtol, **how)
 
     motion = made(scene, rtol)
     out.doing(f"simulating {name} again, to count its certain digits")
-    return motion, jaxdyn.end_error(motion, made, rtol=rtol)
+    return motion, jaxdyn.accuracy.end_error(motion, made, rtol=rtol)
 
 
 def _method(name: str) -> "jaxdyn.solvers.Method | str":
@@ -113,7 +113,7 @@ def _method(name: str) -> "jaxdyn.solvers.Method | str":
     return named.get(name.lower(), "auto")
 
 
-def _print(record: dict, end: "jaxdyn.EndError", out: Screen) -> None:
+def _print(record: dict, end: "jaxdyn.accuracy.end_error.EndError", out: Screen) -> None:
     out.print(f"[bold]{record['scene']}[/bold] at t = {record['t'][-1]:g}:")
     for label, shown in zip(record["labels"], end.written(), strict=True):
         out.print(f"  {escape(label):24} {shown}")

@@ -17,7 +17,7 @@ from rich.text import Text
 
 import jaxdyn
 from jaxdyn import _progress
-from jaxdyn.output_files import unwritable
+from jaxdyn.files.output_files import unwritable
 
 _REFRESHES = 5  # a second
 
@@ -90,7 +90,7 @@ def screen(what: str, as_object: bool = False) -> Iterator[Screen]:
     with shown._live or contextlib.nullcontext(), _progress.told(shown.doing):
         jaxdyn.configure()
         if shown._live is not None:
-            shown._live.clock = jaxdyn.timing.Clock()
+            shown._live.clock = jaxdyn.accuracy.timing.Clock()
         yield shown
 
 

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from jaxdyn import _checks
+from jaxdyn.accuracy.work_precision import Curve, WorkPrecision
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
-from jaxdyn.image_files import picture_path
-from jaxdyn.work import Curve, WorkPrecision
+from jaxdyn.files.image_files import picture_path
 
 _MARKERS = "osD^vPX"
 _PANEL = 3.4  # inches

@@ -28,9 +28,9 @@ from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.figures import blank, legend_below, path_entries
 from jaxdyn.drawing.panels import colours, draw_lines, limits, panel, size
 from jaxdyn.drawing.solid import fill
-from jaxdyn.image_files import animation_path
-from jaxdyn.phases import Chain
-from jaxdyn.simulate import Trajectory
+from jaxdyn.files.image_files import animation_path
+from jaxdyn.integrate.phases import Chain
+from jaxdyn.integrate.simulation import Trajectory
 
 _DPI = 100
 _CORNER = 0.02  # of the figure: where the clock stands

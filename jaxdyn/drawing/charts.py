@@ -7,9 +7,9 @@ from matplotlib.colors import LinearSegmentedColormap, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from jaxdyn.analysis.floquet import Chart
 from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below
-from jaxdyn.floquet import Chart
-from jaxdyn.image_files import picture_path
+from jaxdyn.files.image_files import picture_path
 
 _STABLE, _GROWING, _UNDECIDED = PALETTE[0], PALETTE[1], "#9a9a9a"
 _FAINT = "#fbe9de"

@@ -15,8 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn.integrate.simulation import Trajectory
 from jaxdyn.scene import Scene
-from jaxdyn.simulate import Trajectory
 from jaxdyn.sketch import Kind
 
 CURVE = 2000  # samples of a curve that looks smooth at any size of a picture

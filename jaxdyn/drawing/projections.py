@@ -10,9 +10,9 @@ from jaxdyn.drawing.contents import Paths, paths
 from jaxdyn.drawing.figures import blank, finished, legend_below, mark, path_entries, style
 from jaxdyn.drawing.panels import WIDTH, colours, draw_paths, draw_starts, limits
 from jaxdyn.drawing.titles import caption, heading
-from jaxdyn.image_files import picture_path
-from jaxdyn.phases import Chain
-from jaxdyn.simulate import Trajectory
+from jaxdyn.files.image_files import picture_path
+from jaxdyn.integrate.phases import Chain
+from jaxdyn.integrate.simulation import Trajectory
 
 #: Where the views stand, as a drawing office places them: from the front, the side and above.
 _VIEWS = {(0, 0): (0, 2), (0, 1): (1, 2), (1, 0): (0, 1)}

@@ -11,9 +11,9 @@ from jaxdyn.drawing.curves import reached, states
 from jaxdyn.drawing.figures import GRID, PALETTE, blank, finished, style
 from jaxdyn.drawing.panels import WIDTH
 from jaxdyn.drawing.titles import caption, heading
-from jaxdyn.image_files import picture_path
-from jaxdyn.phases import Chain, pieces_of
-from jaxdyn.simulate import Trajectory
+from jaxdyn.files.image_files import picture_path
+from jaxdyn.integrate.phases import Chain, pieces_of
+from jaxdyn.integrate.simulation import Trajectory
 
 
 def time_series(

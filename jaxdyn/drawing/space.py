@@ -19,9 +19,9 @@ from jaxdyn.drawing.figures import blank, finished, legend_below, mark, path_ent
 from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, panel, size
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import caption, heading
-from jaxdyn.image_files import picture_path
-from jaxdyn.phases import Chain
-from jaxdyn.simulate import Trajectory
+from jaxdyn.files.image_files import picture_path
+from jaxdyn.integrate.phases import Chain
+from jaxdyn.integrate.simulation import Trajectory
 
 _POSES = {2: 5, 3: 2}  # of the bodies at later times; in space more would hide each other
 _ABOVE = 12  # points, room for a pin

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import equinox as eqx
 import numpy as np
 
-from jaxdyn.phases import Chain, pieces_of
+from jaxdyn.integrate.phases import Chain, pieces_of
+from jaxdyn.integrate.simulation import Trajectory
 from jaxdyn.scene import Scene
-from jaxdyn.simulate import Trajectory
 
 _CHARACTER = 0.078  # inches of a title in 10 points
 _KEPT = "\0=\0"

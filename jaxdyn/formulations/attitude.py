@@ -10,14 +10,14 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn.rotations import (
+from jaxdyn.geometry.rotations import (
     matrix_from_wxyz,
     normalise_wxyz,
     orthonormalise,
     wxyz_from_matrix,
     wxyz_rate_from_body,
 )
-from jaxdyn.vectors import skew
+from jaxdyn.geometry.vectors import skew
 
 _ROUNDS = 2  # of `orthonormalise`, for a matrix that has drifted for one step
 

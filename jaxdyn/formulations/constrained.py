@@ -31,13 +31,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import Reduced, solve_psd, solve_spd
-from jaxdyn.formulations.mechanism import (
-    Mechanism,
-    MechanismSystem,
-    balance,
-    mass_matrix,
-    row_sums,
-)
+from jaxdyn.formulations.mechanism import Mechanism, MechanismSystem, balance, mass_matrix, row_sums
 from jaxdyn.scene import Effect
 
 DRIFTS = ("projection", "baumgarte", "raw")

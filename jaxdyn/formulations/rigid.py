@@ -24,10 +24,10 @@ from jaxdyn import _checks
 from jaxdyn._numerics import solve_spd
 from jaxdyn.formulations.attitude import Attitude, Quaternion
 from jaxdyn.formulations.mechanism import MechanismSystem
-from jaxdyn.inertia import MaterialPoints
+from jaxdyn.geometry.inertia import MaterialPoints
+from jaxdyn.geometry.vectors import cross
 from jaxdyn.scene import Effect, Points, Scene, System
 from jaxdyn.sketch import Looks, Shape, traces
-from jaxdyn.vectors import cross
 
 #: How far a start's attitude may be from a unit quaternion or a rotation matrix.
 CONSISTENT = 1e-9

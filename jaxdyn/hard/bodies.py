@@ -12,13 +12,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import energy
+from jaxdyn.analysis import energy
 from jaxdyn.formulations.rigid import pose
 from jaxdyn.hard.case import Case, Figure
 from jaxdyn.hard.elliptic import complete
+from jaxdyn.integrate.simulation import Trajectory, simulate
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.bodies import free_body
-from jaxdyn.simulate import Trajectory, simulate
 
 _RTOL = 1e-15
 _PERIODS = 10_000

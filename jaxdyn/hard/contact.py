@@ -14,10 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn.events import Reaches
 from jaxdyn.hard.case import Case, Figure, relative_error
-from jaxdyn.phase import END, Exit, Phase
-from jaxdyn.phases import run
+from jaxdyn.integrate.events import Reaches
+from jaxdyn.integrate.phase import END, Exit, Phase
+from jaxdyn.integrate.phases import run
 from jaxdyn.scenes.particles import cannonball, particle
 from jaxdyn.scenes.rolling import cylinder_on_cylinder, phases_of
 from jaxdyn.scenes.wheels import braking, car

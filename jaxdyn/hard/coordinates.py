@@ -1,24 +1,25 @@
 """Coordinates that fail: Euler angles at their pole, x of a pendulum, polar ones at the origin.
 
-The motions that exchange them in time (`jaxdyn.switching`) are compared with others that never
-need to: quaternions, the pendulum's angle, a straight line. What happens without stands beside.
+The motions that exchange them in time (`jaxdyn.scenes.switching`) are compared with others that
+never need to: quaternions, the pendulum's angle, a straight line. What happens without stands
+beside.
 """
 
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import energy
+from jaxdyn.analysis import energy
 from jaxdyn.formulations import rigid
 from jaxdyn.hard.case import Case, Figure, absolute_error
-from jaxdyn.phases import Chain
+from jaxdyn.integrate.phases import Chain
+from jaxdyn.integrate.simulation import Trajectory, simulate
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.bodies import free_body, top
 from jaxdyn.scenes.particles import polar_particle
 from jaxdyn.scenes.pendula import pendulum
 from jaxdyn.scenes.sideways import sideways_edge, sideways_pendulum
-from jaxdyn.simulate import Trajectory, simulate
+from jaxdyn.scenes.switching import simulate_switching
 from jaxdyn.status import Status
-from jaxdyn.switching import simulate_switching
 
 _RTOL = 1e-13
 _BOUND = 1e-9

@@ -11,15 +11,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import constraints
+from jaxdyn.analysis import constraints
 from jaxdyn.effects import UniformGravity
-from jaxdyn.formulations.bars import Chain
 from jaxdyn.formulations.constrained import Constrained
-from jaxdyn.formulations.rods import Rods
 from jaxdyn.hard.case import Case, Figure, absolute_error
+from jaxdyn.integrate.simulation import solve
+from jaxdyn.mechanisms.bars import Chain
+from jaxdyn.mechanisms.rods import Rods
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.skates import Skated
-from jaxdyn.simulate import solve
 from jaxdyn.status import Status
 
 _RTOL, _LOOSER = 1e-13, 1e-11

@@ -10,12 +10,12 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 
-from jaxdyn import energy
+from jaxdyn.analysis import energy
 from jaxdyn.hard.case import Case, Figure
+from jaxdyn.integrate.simulation import Trajectory, simulate
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.linkages import dumbbell, four_bar
 from jaxdyn.scenes.pendula import pendulum, triple_pendulum
-from jaxdyn.simulate import Trajectory, simulate
 
 _HOUR = 3600.0
 _RTOL = 1e-6

@@ -2,7 +2,8 @@
 
 What the first is compared with was made in 48 digits by
 tests/references/pythagorean_reference.py, to whose file a test holds it; the orbits follow
-Kepler's laws. Both run in logarithmic time (`jaxdyn.regularised`), and in plain time beside it.
+Kepler's laws. Both run in logarithmic time (`jaxdyn.analysis.regularised`), and in plain time
+beside it.
 """
 
 import functools
@@ -12,14 +13,14 @@ from fractions import Fraction
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import energy
-from jaxdyn.approaches import closest_approaches
+from jaxdyn.analysis import energy
+from jaxdyn.analysis.approaches import closest_approaches
+from jaxdyn.analysis.regularised import simulate_regularised
 from jaxdyn.hard.case import Case, Figure, relative_error
-from jaxdyn.regularised import simulate_regularised
+from jaxdyn.integrate.simulation import simulate
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.central import power_law
 from jaxdyn.scenes.nbody import three_body
-from jaxdyn.simulate import simulate
 
 #: Of the Pythagorean problem at t = 70: semi-major axis and eccentricity of the binary of the
 #: bodies 2 and 3, speed at infinity and direction of body 1 as seen from it.

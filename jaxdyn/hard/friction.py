@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn.effects import ConstantForce, SinusoidalForce, Spring, UniformGravity
-from jaxdyn.events import Reaches, until
 from jaxdyn.hard.case import Case, Figure, relative_error
-from jaxdyn.phase import END, Exit, Phase
-from jaxdyn.phases import run
+from jaxdyn.integrate.events import Reaches, until
+from jaxdyn.integrate.phase import END, Exit, Phase
+from jaxdyn.integrate.phases import run
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.particles import particle
 from jaxdyn.scenes.pendula import pendulum

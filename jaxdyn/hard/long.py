@@ -12,14 +12,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from jaxdyn import energy
+from jaxdyn.analysis import energy
 from jaxdyn.hard.case import Case, Figure
 from jaxdyn.hard.elliptic import complete
+from jaxdyn.integrate.simulation import Trajectory, simulate
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.central import power_law
 from jaxdyn.scenes.nbody import EIGHT_PERIOD, three_body
 from jaxdyn.scenes.pendula import pendulum
-from jaxdyn.simulate import Trajectory, simulate
 from jaxdyn.solvers import GAUSS12, KAHAN_LI8, Method
 
 _PERIODS = 1_000_000

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from jaxdyn.equilibria import Equilibria, equilibria
+from jaxdyn.analysis.equilibria import Equilibria, equilibria
 from jaxdyn.hard.case import Case, Figure, absolute_error
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.particles import cannonball

@@ -10,13 +10,13 @@ import math
 
 import numpy as np
 
-from jaxdyn import energy
-from jaxdyn.events import Reaches, until
+from jaxdyn.analysis import energy
 from jaxdyn.hard.case import Case, Figure
 from jaxdyn.hard.elliptic import complete
+from jaxdyn.integrate.events import Reaches, until
+from jaxdyn.integrate.simulation import simulate
 from jaxdyn.scenes.bodies import free_body
 from jaxdyn.scenes.pendula import pendulum
-from jaxdyn.simulate import simulate
 
 _RTOL = 1e-15
 _GROWN = 12.0  # times log e that errors have grown at the end

@@ -11,12 +11,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn.floquet import monodromy
+from jaxdyn.analysis.floquet import monodromy
+from jaxdyn.course.upright import averaged_limit
 from jaxdyn.hard.case import Case, Figure, absolute_error
+from jaxdyn.integrate.simulation import default_solver, simulate
 from jaxdyn.scene import Effect, Scene
 from jaxdyn.scenes.pendula import shaken_pendulum
-from jaxdyn.simulate import default_solver, simulate
-from jaxdyn.upright import averaged_limit
 
 _RTOL = 1e-12
 _G, _LENGTH, _FAST = 9.81, 1.0, 1e4

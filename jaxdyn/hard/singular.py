@@ -10,11 +10,11 @@ import numpy as np
 from jaxdyn import ensemble
 from jaxdyn._numerics import safe_norm, safe_sqrt
 from jaxdyn.effects import DryFriction, QuadraticDrag, Spring
+from jaxdyn.geometry.rotations import rotation_vector_from_wxyz, wxyz_from_rotation_vector
 from jaxdyn.hard.case import Case, Figure, absolute_error, relative_error
-from jaxdyn.rotations import rotation_vector_from_wxyz, wxyz_from_rotation_vector
+from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes.nbody import two_body
 from jaxdyn.scenes.particles import cannonball, particle
-from jaxdyn.simulate import solve
 
 _RTOL = 1e-13
 _LANES = 64

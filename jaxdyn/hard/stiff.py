@@ -6,11 +6,11 @@ L-stable method leaves out those too small for its tolerance, and then costs the
 
 from typing import Any
 
+from jaxdyn.analysis.momenta import centre_of_mass
+from jaxdyn.course.rod_or_spring import advice, joined_by_rod, joined_by_spring, mass_centre
 from jaxdyn.hard.case import Case, Figure
-from jaxdyn.momenta import centre_of_mass
-from jaxdyn.rod_or_spring import advice, joined_by_rod, joined_by_spring, mass_centre
+from jaxdyn.integrate.simulation import simulate
 from jaxdyn.scene import Scene
-from jaxdyn.simulate import simulate
 from jaxdyn.solvers import RADAU9
 
 _STIFFNESSES = (1e4, 1e6, 1e8, 1e10, 1e12)

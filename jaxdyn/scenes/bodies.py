@@ -1,8 +1,8 @@
 """Rigid bodies that float or spin about a pivot: course problems 51 to 53, 55 to 59 and 61.
 
 Each scene can keep the attitude as a quaternion, as a matrix or by Euler angles, so that the
-three can be compared. What is steady or stable about their motions is in `jaxdyn.precession` and
-`jaxdyn.sleeping_top`.
+three can be compared. What is steady or stable about their motions is in
+`jaxdyn.analysis.precession` and `jaxdyn.course.sleeping_top`.
 
 Where the course is open or misprinted:
 
@@ -18,12 +18,12 @@ from jaxdyn import _checks
 from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
-from jaxdyn.euler import matrix_from_euler, omega_b_from_euler
 from jaxdyn.formulations.attitude import Quaternion, RotationMatrix
-from jaxdyn.formulations.euler_body import EulerBody
 from jaxdyn.formulations.newton_euler import NewtonEuler
 from jaxdyn.formulations.rigid import Pose, RigidBody, resting
-from jaxdyn.inertia import Body, MaterialPoints, equimomental
+from jaxdyn.geometry.euler import matrix_from_euler, omega_b_from_euler
+from jaxdyn.geometry.inertia import Body, MaterialPoints, equimomental
+from jaxdyn.mechanisms.euler_body import EulerBody
 from jaxdyn.scene import Effect, Scene
 from jaxdyn.scenes.satellites import BOX_EDGES, CUBE, SATELLITES, SatelliteSketch
 from jaxdyn.sketch import Looks, Shape, arc, line, lines, traces

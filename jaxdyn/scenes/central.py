@@ -17,10 +17,10 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._arguments import like_defaults
 from jaxdyn.effects import CentralForce, PowerLaw
+from jaxdyn.integrate.simulation import solve
 from jaxdyn.scene import Scene, System
 from jaxdyn.scenes.apsidal import apsidal_limits
 from jaxdyn.scenes.particles import particle
-from jaxdyn.simulate import solve
 
 
 @like_defaults()

@@ -18,10 +18,10 @@ from jaxdyn import _checks
 from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import as_float, floats
 from jaxdyn.effects import UniformGravity
-from jaxdyn.euler import matrix_from_euler, omega_b_from_euler
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.formulations.rigid import Pose
+from jaxdyn.geometry.euler import matrix_from_euler, omega_b_from_euler
 from jaxdyn.scene import Scene
 from jaxdyn.sketch import Shape, arc, lines, traces
 

@@ -18,13 +18,13 @@ from jaxdyn import _checks
 from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn._numerics import square_norm
-from jaxdyn.euler import SEQUENCES, matrix_from_euler
 from jaxdyn.formulations.prescribed import Path, Prescribed
-from jaxdyn.rotations import matrix_from_axis_angle
+from jaxdyn.geometry.euler import SEQUENCES, matrix_from_euler
+from jaxdyn.geometry.rotations import matrix_from_axis_angle
+from jaxdyn.geometry.vectors import plane_rotation
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.bodies import BoxSketch, box_points
 from jaxdyn.sketch import line, lines, traces
-from jaxdyn.vectors import plane_rotation
 
 #: A house of unit width about its middle: walls and roof, then the door; and its lines.
 HOUSE = ((-0.5, -0.6), (0.5, -0.6), (0.5, 0.2), (0.0, 0.7), (-0.5, 0.2))

@@ -14,8 +14,8 @@ from jaxdyn import _checks
 from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
-from jaxdyn.formulations.guided import Cycloid, Parabola, Plate, TiedParabola, Turntable
 from jaxdyn.formulations.routes import Embedding, route
+from jaxdyn.mechanisms.guided import Cycloid, Parabola, Plate, TiedParabola, Turntable
 from jaxdyn.scene import Scene
 
 _NODES = 4096  # of the trapezoidal rule, which converges geometrically in log(s)

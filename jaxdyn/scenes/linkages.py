@@ -11,12 +11,12 @@ from jaxdyn import _checks
 from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import SinusoidalForce, UniformGravity, unless_zero
-from jaxdyn.formulations.bars import Bodies, Chain, check_bars
 from jaxdyn.formulations.constrained import Constrained
-from jaxdyn.formulations.fourbar import FourBar
 from jaxdyn.formulations.mechanism import TIES
-from jaxdyn.formulations.rods import Coupled, Dumbbell, Rods
 from jaxdyn.formulations.routes import Embedding, route
+from jaxdyn.mechanisms.bars import Bodies, Chain, check_bars
+from jaxdyn.mechanisms.four_bar import FourBar
+from jaxdyn.mechanisms.rods import Coupled, Dumbbell, Rods
 from jaxdyn.scene import Scene
 
 _CLOSING = 8  # projections that bring a rough start onto its ties; each squares the error

@@ -14,8 +14,8 @@ from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import as_float, floats
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate.simulation import Trajectory, each_motion
 from jaxdyn.scene import Effect, Points, Scene, System
-from jaxdyn.simulate import Trajectory, each_motion
 
 
 @like_defaults("position", "velocity")

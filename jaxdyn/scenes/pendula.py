@@ -13,10 +13,10 @@ from jaxdyn import _checks
 from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
-from jaxdyn.formulations.bars import Bodies, Chain
 from jaxdyn.formulations.mechanism import TIES
 from jaxdyn.formulations.routes import Embedding, route
-from jaxdyn.formulations.sticks import Cart, Stick, TiedCart, TiedStick
+from jaxdyn.mechanisms.bars import Bodies, Chain
+from jaxdyn.mechanisms.sticks import Cart, Stick, TiedCart, TiedStick
 from jaxdyn.scene import Scene
 
 

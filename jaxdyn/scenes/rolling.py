@@ -34,10 +34,10 @@ from jaxtyping import Array
 from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
-from jaxdyn.events import Event, Stop, until
-from jaxdyn.phase import Exit, Phase
+from jaxdyn.integrate.events import Event, Stop, until
+from jaxdyn.integrate.phase import Exit, Phase
+from jaxdyn.mechanisms.cylinders import CONTACTS, SLIPS, Cylinder
 from jaxdyn.scene import Scene
-from jaxdyn.scenes.cylinders import CONTACTS, SLIPS, Cylinder
 
 
 class NormalForce(Event):

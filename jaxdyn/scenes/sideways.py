@@ -9,11 +9,11 @@ from jaxdyn import _checks
 from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
-from jaxdyn.events import Event, Stop, until
 from jaxdyn.formulations.routes import route
-from jaxdyn.formulations.sticks import Sideways
+from jaxdyn.integrate.events import Event, Stop, until
+from jaxdyn.integrate.simulation import RTOL
+from jaxdyn.mechanisms.sticks import Sideways
 from jaxdyn.scene import Scene
-from jaxdyn.simulate import RTOL
 
 
 class Edge(Event):

@@ -7,18 +7,11 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
-from jaxdyn.effects import (
-    Dashpot,
-    LinearDrag,
-    Spring,
-    StepForce,
-    UniformGravity,
-    unless_zero,
-)
+from jaxdyn.effects import Dashpot, LinearDrag, Spring, StepForce, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate.simulation import Trajectory, single
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.particles import particle
-from jaxdyn.simulate import Trajectory, single
 
 _FEWEST = 5  # samples: with fewer every path is an ellipse
 _UNEVEN = 1e-9  # of a sample interval

@@ -42,9 +42,9 @@ from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn._numerics import safe_norm, square_norm
 from jaxdyn.effects import unless_zero
-from jaxdyn.events import Event
 from jaxdyn.formulations.constrained import Constrained
-from jaxdyn.phase import END, Exit, Phase
+from jaxdyn.integrate.events import Event
+from jaxdyn.integrate.phase import END, Exit, Phase
 from jaxdyn.scene import Effect, Points, Scene
 from jaxdyn.scenes.skates import Skated
 

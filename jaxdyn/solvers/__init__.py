@@ -38,9 +38,9 @@ from jaxdyn.solvers.stepper import is_stiff as is_stiff
 from jaxdyn.solvers.stoermer import STOERMER14 as STOERMER14
 from jaxdyn.solvers.stoermer import STOERMER18 as STOERMER18
 from jaxdyn.solvers.stoermer import Stoermer as Stoermer
-from jaxdyn.solvers.taylor import TAYLOR8 as TAYLOR8
-from jaxdyn.solvers.taylor import TAYLOR12 as TAYLOR12
-from jaxdyn.solvers.taylor import TAYLOR16 as TAYLOR16
-from jaxdyn.solvers.taylor import TAYLOR20 as TAYLOR20
-from jaxdyn.solvers.taylor import Taylor as Taylor
-from jaxdyn.solvers.taylor import has_series as has_series
+from jaxdyn.solvers.taylor.method import TAYLOR8 as TAYLOR8
+from jaxdyn.solvers.taylor.method import TAYLOR12 as TAYLOR12
+from jaxdyn.solvers.taylor.method import TAYLOR16 as TAYLOR16
+from jaxdyn.solvers.taylor.method import TAYLOR20 as TAYLOR20
+from jaxdyn.solvers.taylor.method import Taylor as Taylor
+from jaxdyn.solvers.taylor.method import has_series as has_series

@@ -13,8 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxdyn.solvers.formulas import NotElementary
-from jaxdyn.solvers.graph import LOGIC, Node, Number
 from jaxdyn.solvers.intervals import (
     Interval,
     add,
@@ -29,6 +27,8 @@ from jaxdyn.solvers.intervals import (
     rising,
     whole_power,
 )
+from jaxdyn.solvers.taylor.formulas import NotElementary
+from jaxdyn.solvers.taylor.graph import LOGIC, Node, Number
 
 
 class Dual(NamedTuple):

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._numerics import two_sum
-from jaxdyn.rounding import begun
 from jaxdyn.solvers.method import Method
+from jaxdyn.solvers.rounding import begun
 
 #: So many more steps of that kind than of others, and the motion is called stiff.
 _MANY = 50

@@ -25,9 +25,9 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import materialised, runtime_one
-from jaxdyn.side_by_side import FEW, side_by_side
 from jaxdyn.solvers.method import Advance, Field, Method, fastest, grows_from
 from jaxdyn.solvers.pairs import NYSTROM12
+from jaxdyn.solvers.side_by_side import FEW, side_by_side
 
 _LANES = 4  # doubles in a vector of most processors
 

@@ -9,7 +9,7 @@ import jaxdyn
 import orbits
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import JsonOption, PlotOption
-from jaxdyn.image_files import picture_path
+from jaxdyn.files.image_files import picture_path
 from orbits.cli.shared import NOT_FOUND
 
 
@@ -33,16 +33,16 @@ def aim_command(
         if linear:
             scene = scene + jaxdyn.effects.LinearDrag(linear, (wind, 0.0))
         # Each line as soon as it is known: compiling takes a while.
-        best = orbits.aim.farthest(scene, speed)
+        best = orbits.targets.aim.farthest(scene, speed)
         out.print(_line("farthest", best))
         hits = least = None
         if x is not None:
             out.doing(f"looking for the angles that hit {x:g} m")
-            hits = orbits.aim.hit(scene, x, speed)
+            hits = orbits.targets.aim.hit(scene, x, speed)
             _print_hits(hits, out)
             if x > 0:
                 out.doing(f"looking for the least speed that reaches {x:g} m")
-                least = orbits.aim.slowest(scene, x)
+                least = orbits.targets.aim.slowest(scene, x)
                 out.print(_line("least speed", least))
         if as_object:
             found = {"farthest": _throw(best), "hits": _hits(hits)}
@@ -54,7 +54,7 @@ def aim_command(
             raise typer.Exit(NOT_FOUND)
 
 
-def _print_hits(hits: "orbits.aim.Hits", out: Screen) -> None:
+def _print_hits(hits: "orbits.targets.aim.Hits", out: Screen) -> None:
     if not hits.ok:
         out.print(f"[red]not hit[/red]: {hits.message}")
     for angle, t in zip(hits.angles, hits.times, strict=True):
@@ -62,19 +62,19 @@ def _print_hits(hits: "orbits.aim.Hits", out: Screen) -> None:
         out.print(f"hits {hits.x:.6g} m at {degrees} in {t:.6f} s")
 
 
-def _line(name: str, throw: "orbits.aim.Throws") -> str:
+def _line(name: str, throw: "orbits.targets.aim.Throws") -> str:
     if not throw.ok:
         return f"{name}: {throw.message}"
     angle = f"{math.degrees(throw.angle):.10f} degrees"
     return f"{name}: {throw.speed:.10g} m/s at {angle} lands at {throw.x:.10g} m in {throw.t:.6f} s"
 
 
-def _throw(throw: "orbits.aim.Throws") -> dict:
+def _throw(throw: "orbits.targets.aim.Throws") -> dict:
     numbers = {name: _number(getattr(throw, name)) for name in ("speed", "angle", "x", "t")}
     return {"ok": throw.ok, "message": throw.message, **numbers}
 
 
-def _hits(hits: "orbits.aim.Hits | None") -> dict | None:
+def _hits(hits: "orbits.targets.aim.Hits | None") -> dict | None:
     if hits is None:
         return None
     found = {"ok": hits.ok, "message": hits.message, "x": hits.x}

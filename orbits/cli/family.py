@@ -47,13 +47,15 @@ def family_command(
         raise fail("--step", "> 0", step, "It is a length in the space of the unknowns.")
     bounds, levels = _bounds("--within", within), _bounds("--energies", energies)
     with screen(f"looking for an orbit of {name}", as_object) as out:
-        values = jaxdyn.catalogue.numbers(name, jaxdyn.catalogue.settings(settings or ()))
-        scene = jaxdyn.catalogue.entries()[name].make(**values)
+        values = jaxdyn.scenes.catalogue.numbers(
+            name, jaxdyn.scenes.catalogue.settings(settings or ())
+        )
+        scene = jaxdyn.scenes.catalogue.entries()[name].make(**values)
         make, value = None, None
         if parameter is not None:
-            make, value = orbits.parameters.maker(name, values, parameter)
+            make, value = orbits.families.parameters.maker(name, values, parameter)
         if from_orbit is None:
-            orbit = orbits.nearby.searched(scene, period, report=printed(out))
+            orbit = orbits.discovery.nearby.searched(scene, period, report=printed(out))
         else:
             orbit = orbits.load(from_orbit)[0]
         if not orbit.ok:
@@ -72,9 +74,9 @@ def family_command(
             energies=levels,
             report=_followed(out, members),
         )
-        family = orbits.family_files.listing(found, parameter)
+        family = orbits.files.family_files.listing(found, parameter)
         if as_object:
-            out.result({"scene": name} | orbits.family_files.as_json(family))
+            out.result({"scene": name} | orbits.files.family_files.as_json(family))
         else:
             _print(family, out)
         _write(family, save_to, plot, out)
@@ -89,11 +91,11 @@ def _bounds(option: str, text: str | None) -> tuple[float, float]:
     return bounds[0], bounds[1]
 
 
-def _followed(out: Screen, most: int) -> Callable[["orbits.family.Member"], None]:
+def _followed(out: Screen, most: int) -> Callable[["orbits.families.family.Member"], None]:
     """What prints a line on a member as it is found, for those who wait."""
     passed = itertools.count(1)
 
-    def report(member: "orbits.family.Member") -> None:
+    def report(member: "orbits.families.family.Member") -> None:
         number = "" if math.isnan(member.parameter) else f"number {member.parameter:.10g}   "
         verdict = member.stability.verdict
         out.print(f"  {number}period {member.orbit.period:.12g}   {verdict}")
@@ -102,7 +104,7 @@ def _followed(out: Screen, most: int) -> Callable[["orbits.family.Member"], None
     return report
 
 
-def _print(family: "orbits.family_files.Listing", out: Screen) -> None:
+def _print(family: "orbits.files.family_files.Listing", out: Screen) -> None:
     # Without a parameter there is no first column.
     names = () if family.parameter is None else (family.parameter,)
     table = Table(*names, "period", "energy", "linear stability", "special")
@@ -113,16 +115,19 @@ def _print(family: "orbits.family_files.Listing", out: Screen) -> None:
 
 
 def _write(
-    family: "orbits.family_files.Listing", save_to: Path | None, plot: Path | None, out: Screen
+    family: "orbits.files.family_files.Listing",
+    save_to: Path | None,
+    plot: Path | None,
+    out: Screen,
 ) -> None:
     if save_to:
         with out.writing(save_to, "saved to"):
-            orbits.family_files.save(save_to, family)
+            orbits.files.family_files.save(save_to, family)
     if plot:
         with out.writing(plot, "drawn in"):
             orbits.drawing.family(family, plot)
 
 
-def _row(entry: "orbits.family_files.Entry") -> tuple[str, ...]:
+def _row(entry: "orbits.files.family_files.Entry") -> tuple[str, ...]:
     numbers = f"{entry.parameter:.10g}", f"{entry.orbit.period:.12g}", f"{entry.energy:.12g}"
     return *numbers, entry.verdict, entry.kind or ""

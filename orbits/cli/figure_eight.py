@@ -10,15 +10,7 @@ from jaxdyn._misuse import fail
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import AnimateOption, JsonOption, PlotOption
 from orbits.cli.printed import print_reports
-from orbits.cli.shared import (
-    NOT_FOUND,
-    SaveOption,
-    check_files,
-    draw,
-    failure,
-    numbers,
-    printed,
-)
+from orbits.cli.shared import NOT_FOUND, SaveOption, check_files, draw, failure, numbers, printed
 
 NumbersOption = Annotated[str | None, typer.Option(metavar="A,B,...")]
 
@@ -41,8 +33,8 @@ def figure_eight_command(
     """
     check_files(plot, animate, save_to)
     with screen("closing the motion of three bodies", as_object) as out:
-        clock = jaxdyn.timing.Clock()
-        plain, eight = orbits.figure_eight(
+        clock = jaxdyn.accuracy.timing.Clock()
+        plain, eight = orbits.discovery.figure_eight(
             _numbers("guess", guess, list(jaxdyn.scenes.EIGHT_GUESS)),
             jaxdyn.scenes.EIGHT_GUESS_PERIOD if period is None else period,
             m=_numbers("masses", masses, [1.0, 1.0, 1.0]),
@@ -60,9 +52,9 @@ def figure_eight_command(
         testing = "testing both: choreography, stability, a second integrator"
         out.print(f"[bold]{testing}[/bold]")
         out.doing(testing)
-        first = orbits.report(plain)
+        first = orbits.analysis.report(plain)
         neighbour = orbits.as_json(first) | {"seconds": _seconds(clock)}
-        claims = {"closed plainly": first, "choreography": orbits.report(eight)}
+        claims = {"closed plainly": first, "choreography": orbits.analysis.report(eight)}
         seconds = _seconds(clock)
         if as_object:
             found = orbits.as_json(claims["choreography"])
@@ -76,7 +68,7 @@ def figure_eight_command(
         draw([plain, eight], ["closed plainly", "closed as a choreography"], plot, animate, out)
 
 
-def _seconds(clock: "jaxdyn.timing.Clock") -> dict[str, float]:
+def _seconds(clock: "jaxdyn.accuracy.timing.Clock") -> dict[str, float]:
     compiling = clock.compiling
     return {"compile": round(compiling, 3), "solve": round(clock.seconds - compiling, 3)}
 

@@ -35,8 +35,10 @@ def find_command(
     """A periodic orbit near a scene's own motion: what it is, and whether it is stable."""
     check_files(plot, animate, save_to)
     with screen(f"looking for an orbit of {name}", as_object) as out:
-        scene = jaxdyn.catalogue.build(name, jaxdyn.catalogue.settings(settings or ()))
-        orbit = orbits.nearby.searched(
+        scene = jaxdyn.scenes.catalogue.build(
+            name, jaxdyn.scenes.catalogue.settings(settings or ())
+        )
+        orbit = orbits.discovery.nearby.searched(
             *(scene, period, closing, energy, hold or (), segments), report=printed(out)
         )
         if not orbit.ok:
@@ -45,7 +47,7 @@ def find_command(
             out.print(f"[red]no orbit[/red]: {orbit.message}")
             raise typer.Exit(NOT_FOUND)
         out.doing(f"testing the orbit of {name}: stability, a second integrator")
-        claims = orbits.report(orbit)
+        claims = orbits.analysis.report(orbit)
         if as_object:
             record = {"scene": name, "start_moved": orbit.shift}
             out.result(record | orbits.as_json(claims))

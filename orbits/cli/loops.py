@@ -12,7 +12,7 @@ import orbits
 from jaxdyn._misuse import fail
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import JsonOption, PlotOption
-from jaxdyn.image_files import picture_path
+from jaxdyn.files.image_files import picture_path
 from orbits.cli.shared import NOT_FOUND, draw, numbers
 
 _EXPONENTS = "-2.9,-2.5,-2,-1.5,-1,0,0.5,1,2,3,5,10,100,1000"
@@ -44,7 +44,7 @@ def loops_command(
     with screen(f"looking for an orbit with {count} loops in {turns} turns", as_object) as out:
         law = jaxdyn.effects.PowerLaw(1.0, exponents[0])
         try:
-            orbit = orbits.loops.closed(law, turns, count)
+            orbit = orbits.targets.loops.closed(law, turns, count)
         except orbits.SearchError as error:
             if as_object:
                 out.result({"ok": False, "message": str(error)})
@@ -70,7 +70,7 @@ def _table(exponents: list[float], plot: Path | None, as_object: bool) -> None:
         remedy = "The picture goes from the smallest to the largest."
         raise fail("--n", "two exponents above -3 for a picture", f"{len(moves)}", remedy)
     with screen("counting loops", as_object) as out:
-        found = orbits.loops.least(exponents)
+        found = orbits.targets.loops.least(exponents)
         if as_object:
             names = ("n", "loops", "turns", "circle", "line")
             columns = {name: _column(getattr(found, name)) for name in names}
@@ -90,7 +90,7 @@ def _table(exponents: list[float], plot: Path | None, as_object: bool) -> None:
 
 def _draw_failure(law, turns: int, count: int, why: str, plot: Path, out: Screen) -> None:
     try:
-        scene = orbits.loops.rosette(law)
+        scene = orbits.targets.loops.rosette(law)
     except orbits.SearchError:
         out.print("there is nothing to draw: no motion stays between two radii")
         return

@@ -8,7 +8,7 @@ import typer
 import orbits
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import JsonOption
-from jaxdyn.output_files import writable
+from jaxdyn.files.output_files import writable
 from orbits.cli.shared import NOT_FOUND
 
 _WORD = 24  # letters of a word that are shown
@@ -39,7 +39,7 @@ def search_command(
             raise typer.Exit(NOT_FOUND)
 
 
-def _rows(plane: "orbits.plane.Plane") -> list[dict]:
+def _rows(plane: "orbits.discovery.plane.Plane") -> list[dict]:
     return [
         {
             "a": float(a),
@@ -56,7 +56,7 @@ def _rows(plane: "orbits.plane.Plane") -> list[dict]:
     ]
 
 
-def _print(plane: "orbits.plane.Plane", out: Screen) -> None:
+def _print(plane: "orbits.discovery.plane.Plane", out: Screen) -> None:
     numbers = "{a:11.9f}  {b:11.9f}  {period:13.9f}  {scale_free:13.9f}  {verdict:9}"
     out.print("a            b            period         T |E|^1.5      verdict    word, name")
     for row in sorted(_rows(plane), key=lambda row: row["scale_free"]):

@@ -9,11 +9,11 @@ import typer
 
 import jaxdyn
 import orbits
-from jaxdyn import arithmetic
+from jaxdyn import _arithmetic as arithmetic
 from jaxdyn._misuse import fail
 from jaxdyn.cli.screen import Screen
-from jaxdyn.image_files import animation_path, picture_path
-from jaxdyn.output_files import writable
+from jaxdyn.files.image_files import animation_path, picture_path
+from jaxdyn.files.output_files import writable
 
 NOT_FOUND = 1  # exit code: no orbit was found
 _FRAMES = 180
@@ -30,10 +30,10 @@ def check_files(plot: Path | None, animate: Path | None, save_to: Path | None) -
         writable(save_to, name="file")
 
 
-def printed(screen: Screen) -> Callable[["orbits.newton.Iteration"], None]:
+def printed(screen: Screen) -> Callable[["orbits.shooting.newton.Iteration"], None]:
     """What prints a line on each step of Newton's method."""
 
-    def report(step: "orbits.newton.Iteration") -> None:
+    def report(step: "orbits.shooting.newton.Iteration") -> None:
         screen.print(
             f"  step {step.index:2d}   largest error {step.residual:9.2e}   "
             f"period {step.period:.12f}   moved {step.step:.1e}"

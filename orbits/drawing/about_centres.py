@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from jaxdyn import Scene, simulate
 from jaxdyn._checks import fail
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, style
-from jaxdyn.image_files import picture_path
-from orbits.loops import Least, least
+from jaxdyn.files.image_files import picture_path
+from orbits.targets.loops import Least, least
 
 _SAMPLES = 300
 _EXPONENTS = (-2.9, -2.5, -2.0, -1.0, 0.0, 1.0, 3.0, 6.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
@@ -73,7 +73,7 @@ def rosette(scene: Scene, path=None, title: str | None = None) -> Figure:
     """A picture of a motion about a centre and of its ring, which it fills unless it closes.
 
     Args:
-      scene: what `orbits.loops.rosette` made; its span is drawn.
+      scene: what `orbits.targets.loops.rosette` made; its span is drawn.
       path: file to write, .png, .pdf or .svg.
       title: the reason that stands above it.
     Raises:

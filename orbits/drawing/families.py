@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
-from jaxdyn.image_files import picture_path
-from orbits.family import Kind
-from orbits.family_files import Listing
+from jaxdyn.files.image_files import picture_path
+from orbits.families.family import Kind
+from orbits.files.family_files import Listing
 
 _STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}
 _MARKS = {Kind.FOLD: "s", Kind.BRANCH: "D", Kind.DOUBLING: "^", Kind.TORUS: "*"}

@@ -10,7 +10,7 @@ from jaxdyn.drawing.contents import paths
 from jaxdyn.drawing.figures import INK, blank, finished, legend_below, mark, path_entries
 from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, panel, size
 from jaxdyn.drawing.solid import fill
-from jaxdyn.image_files import picture_path
+from jaxdyn.files.image_files import picture_path
 
 _SAMPLES = 600
 _RTOL = 1e-10

@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 
 from jaxdyn import Scene, simulate
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
-from jaxdyn.image_files import picture_path
-from orbits.aim import Hits, Throws
-from orbits.launch import angle_of, landings, launched
+from jaxdyn.files.image_files import picture_path
+from orbits.targets.aim import Hits, Throws
+from orbits.targets.launch import angle_of, landings, launched
 
 _SAMPLES = 300
 _COURSES = np.linspace(-5.0, 5.0, 192)  # whole calls of the compiled program

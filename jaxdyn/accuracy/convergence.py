@@ -1,0 +1,126 @@
+"""Steps of one size, and what halving them tells: problem 3 a to d of the course.
+
+`fixed_steps` is the plain loop y <- y + h f(t, y), or any other explicit pair, without control of
+the error. `halvings` runs it with ever smaller steps. If the error falls like h^p, the solutions
+with steps h and h / 2 differ by (2^p - 1) times the error of the second, so differences of three
+tell p, and of two the error, without the exact solution.
+"""
+
+import itertools
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.scene import Scene
+from jaxdyn.solvers import EULER, Pair
+from jaxdyn.solvers.rounding import Noise, RoundedField, begun
+
+
+def fixed_steps(
+    scene: Scene,
+    t1=None,
+    *,
+    steps=1000,
+    t0=0.0,
+    method: Pair = EULER,
+    noise: Noise | None = None,
+) -> Array:
+    """(k,) state at t1 after a number of equal steps from the start of a scene.
+
+    Args:
+      scene: system, effects, start.
+      t1: () end time [s]; the scene's own span if left out.
+      steps: () how many; a new number does not recompile.
+      t0: () start time [s].
+      method: a `Pair`, whose error estimate is not used, such as `solvers.RK4`.
+      noise: random changes in each step, to see what rounding does; see `rounding`.
+    Raises:
+      ValueError: no step, or numbers that make no sense.
+    Limits: nothing watches the error: too large a step gives wrong or infinite numbers.
+    Example:
+      >>> from jaxdyn import scenes
+      >>> from jaxdyn.accuracy import convergence as steps
+      >>> rough = steps.fixed_steps(scenes.oscillator(), 1.0, steps=10)
+      >>> round(float(rough[0]), 4), round(float(jnp.cos(1.0)), 4)
+      (0.5708, 0.5403)
+    """
+    _checks.float64()
+    scene.check()
+    if not _checks.is_traced(steps) and steps < 1:
+        raise _checks.fail("steps", "at least 1", steps)
+    t1 = scene.t1 if t1 is None else t1
+    t0, t1 = (_checks.finite(n, jnp.asarray(t, float)) for n, t in (("t0", t0), ("t1", t1)))
+    field = scene.field if noise is None else RoundedField(scene.field, noise)
+    return _marched(field, scene.y0, t0, t1, jnp.asarray(steps, int), method)
+
+
+@eqx.filter_jit
+def _marched(field, y0: Array, t0: Array, t1: Array, steps: Array, method: Pair) -> Array:
+    h = (t1 - t0) / steps
+
+    def step(i, y):
+        t = t0 + i * h
+        now, start, near = begun(field, t, y)
+        increment, _ = method.step(now.rate, start, h, near, loops=0)
+        # Nothing compensates for the rounding of this sum.
+        return field.project(t + h, near + increment)
+
+    return jax.lax.fori_loop(0, steps, step, y0)
+
+
+class Halvings(NamedTuple):
+    """What ever smaller steps say; n rows, each with twice the steps of the one before.
+
+    Attributes:
+      steps: (n,) how many.
+      ys: (n, k) states at the end.
+      errors: (n,) estimated largest error of each; NaN for the first two, which cannot know p.
+      orders: (n,) observed order p from each and the two before; NaN for the first two.
+    """
+
+    steps: np.ndarray
+    ys: np.ndarray
+    errors: np.ndarray
+    orders: np.ndarray
+
+
+def halvings(
+    scene: Scene, t1=None, *, steps: int = 64, rows: int = 6, t0=0.0, method: Pair = EULER
+) -> Halvings:
+    """Solutions with ever smaller steps, and what they tell of their own errors; host only.
+
+    Args:
+      scene: system, effects, start.
+      t1: () end time [s]; the scene's own span if left out.
+      steps: of the first row.
+      rows: how many, at least 3.
+      t0: () start time [s].
+      method: a `Pair`.
+    Returns:
+      Steps, states, estimated errors, observed orders. An order far from the method's says that
+      the steps are too large, or that rounding is all there is: then trust no estimate.
+    Raises:
+      ValueError: fewer than 3 rows, or what `fixed_steps` refuses.
+    """
+    if rows < 3:
+        raise _checks.fail("rows", "at least 3", rows, "Three solutions tell an order.")
+    counts = steps * 2 ** np.arange(rows)
+    run = (fixed_steps(scene, t1, steps=int(n), t0=t0, method=method) for n in counts)
+    ys = np.stack([np.asarray(y) for y in run])
+    moved = np.array(
+        [
+            np.abs(scene.system.difference(jnp.asarray(b), jnp.asarray(a))).max()
+            for a, b in itertools.pairwise(ys)
+        ]
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = moved[:-1] / moved[1:]
+        unknown = np.full(2, np.nan)
+        orders = np.concatenate([unknown, np.log2(ratios)])
+        errors = np.concatenate([unknown, moved[1:] / (ratios - 1)])
+    return Halvings(counts, ys, np.where(errors >= 0, errors, np.nan), orders)

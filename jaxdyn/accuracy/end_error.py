@@ -1,0 +1,180 @@
+"""Which digits of a motion's last state are certain: for anything that can be run once more.
+
+A motion is run again at a thousandth of its tolerance, and a third time with all numbers of its
+scene changed in their last digit as well. Entry by entry, what the two move the end by is its
+error: the first shows what the tolerance misses, the difference of the two what rounding does.
+Where nearby motions part so far that nothing of an entry is left, no digit of it is written.
+
+It is the cheap test of the end of a motion, one smooth piece or a chain of phases; `accuracy`
+looks at all times of a smooth motion and measures rounding more carefully.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn.integrate import ladder
+from jaxdyn.integrate.ladder import FINEST, RATIO
+from jaxdyn.integrate.phases import Chain, pieces_of
+from jaxdyn.integrate.simulation import RTOL, Trajectory
+from jaxdyn.scene import Scene
+
+Motion = Trajectory | Chain
+#: (scene, rtol) -> the motion of that scene at that tolerance.
+Again = Callable[[Scene, float], Motion]
+
+#: A digit is written where it is worth at least so many estimated errors: an estimate is within
+#: this factor of the error (see `accuracy`).
+_SURE = 5.0
+_LAST_DIGIT = 2.0**-52  # relative change of the numbers
+_SEED = 0
+_MOST = 16  # significant digits of a double
+
+
+@dataclasses.dataclass(frozen=True)
+class EndError:
+    """How far the last state of a motion is from the exact one.
+
+    Attributes:
+      y: (k,) the state in question.
+      error: (k,) estimated absolute error of each entry, in its unit; NaN where it is not known.
+      rounding: (k,) the part of it that no tolerance removes.
+      scale: (k,) the largest entry of the same unit.
+    """
+
+    y: np.ndarray
+    error: np.ndarray
+    rounding: np.ndarray
+    scale: np.ndarray
+
+    @property
+    def digits(self) -> np.ndarray:
+        """(k,) how many significant digits of each entry are right; NaN where it is not known."""
+        return _digits(self.error, np.abs(self.y))
+
+    @property
+    def least(self) -> float:
+        """Digits that all entries have, relative to the largest of their unit."""
+        return float(np.min(_digits(self.error, self.scale)))
+
+    @property
+    def most(self) -> float:
+        """The same for the finest tolerance."""
+        return float(np.min(_digits(self.rounding, self.scale)))
+
+    @property
+    def message(self) -> str:
+        """How many digits are right and what would give more, in words."""
+        if math.isnan(self.least):
+            return (
+                "No digit is certain: run again at a tighter tolerance, the motion does not arrive "
+                "at this end, or not by the same phases."
+            )
+        if self.most < 1:
+            return (
+                "No digit is certain: rounding alone moves this end by its own size. Shorten the "
+                "span; jaxdyn.accuracy.horizon.trusted_time says up to when digits can be trusted."
+            )
+        found = f"{self.least:.1f} digits are right, relative to the largest entry of each unit"
+        if self.most - self.least < 1:
+            return f"{found}; no tolerance gives more."
+        return f"{found}; a smaller rtol gives up to {self.most:.1f}."
+
+    def written(self, most: int = 12) -> tuple[str, ...]:
+        """Each entry with the digits that are left, at most so many significant ones.
+
+        Example:
+          >>> y, error = np.array([3.14159265, -7.3, 1e-17]), np.array([2e-5, 15.0, 3e-17])
+          >>> EndError(y, error, error, np.ones(3)).written()
+          ('3.1416', 'no digit left (+-2e+01)', '0 (+-3e-17)')
+        """
+        rows = zip(self.y, self.error, self.scale, strict=True)
+        return tuple(_written(*map(float, row), most) for row in rows)
+
+
+def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
+    """How far the last state of a motion is from the exact one, entry by entry; host only.
+
+    Args:
+      motion: one motion, or a chain of phases.
+      again: runs a scene at a tolerance as this motion was run.
+      rtol: tolerance of the motion.
+    Returns:
+      The estimate. Its errors are NaN where the motion or one of the two others did not arrive,
+      or where these went through other phases: then nothing is known of any digit.
+    Raises:
+      ValueError: a batch of motions.
+    Limits: a chain is compared at its end alone, whatever phases are in between. An estimate from
+      two motions: an entry may by chance agree better than it deserves.
+    Example:
+      >>> from jaxdyn import scenes, simulate
+      >>> def again(scene, rtol):
+      ...     return simulate(scene, samples=2, rtol=rtol)
+      >>> end_error(again(scenes.oscillator(), 1e-6), again, rtol=1e-6).written()
+      ('-0.839071', '0.5440211')
+    """
+    scene, y = _end(motion)
+    if not np.isfinite(y).all():
+        nothing = np.full_like(y, np.nan)
+        return EndError(y, nothing, nothing, nothing)
+    start = pieces_of(motion)[0].scene
+    finer = max(rtol * RATIO, FINEST)
+    other = changed(start, _LAST_DIGIT, np.random.default_rng(_SEED))
+    ends = [_same(motion, again(begin, finer)) for begin in (start, other)]
+    gaps = ladder.gaps(scene, np.stack([y, y, ends[1]]), np.stack([*ends, ends[0]]))
+    least = 0.5 * np.finfo(float).eps * np.abs(y)  # of writing a result down
+    sizes = np.abs(gaps)
+    rounding = np.maximum(sizes[2], least)
+    return EndError(y, np.max(sizes, axis=0), rounding, ladder.scales(scene, y[None]))
+
+
+def changed(scene: Scene, change: float, rng: np.random.Generator) -> Scene:
+    """The scene with each of its numbers and its start changed by a part, up or down at random."""
+
+    def nudge(x):
+        factor = 1.0 + change * rng.choice([-1.0, 1.0], np.shape(x))
+        # A Python number keeps the kind of a single number, for which all is compiled.
+        return jnp.asarray(x) * (factor if np.ndim(x) else float(factor))
+
+    numbers, rest = eqx.partition(scene.field, eqx.is_inexact_array)
+    field = eqx.combine(jax.tree.map(nudge, numbers), rest)
+    other = Scene(field.system, field.effects, y0=nudge(scene.y0), t1=scene.t1)
+    return other.starting(other.field.project(jnp.zeros(()), other.y0))
+
+
+def _end(motion: Motion) -> tuple[Scene, np.ndarray]:
+    """The scene of the last piece and the state (k,) where it ended."""
+    piece = pieces_of(motion)[-1]
+    ended = isinstance(motion, Chain) and motion.ended
+    return piece.scene, np.asarray(motion.y if ended else piece.ys[-1])
+
+
+def _same(motion: Motion, other: Motion) -> np.ndarray:
+    """(k,) end of the other motion; NaN if it went through other phases."""
+    _, y = _end(motion)
+    names, others = (m.names if isinstance(m, Chain) else () for m in (motion, other))
+    return _end(other)[1] if names == others else np.full_like(y, np.nan)
+
+
+def _digits(error: np.ndarray, size: np.ndarray) -> np.ndarray:
+    least = np.finfo(float).eps * np.where(size > 0, size, 1.0)
+    return np.maximum(0.0, -np.log10(np.maximum(error, least) / np.where(size > 0, size, 1.0)))
+
+
+def _written(value: float, error: float, scale: float, most: int) -> str:
+    if not math.isfinite(value):
+        return "not reached"
+    if not math.isfinite(error):
+        return "unknown"
+    if error == 0:
+        return f"{value:.{most}g}"
+    large = math.floor(math.log10(abs(value))) if value else -math.inf
+    sure = large - math.ceil(math.log10(_SURE * error)) + 1
+    if sure > 0:
+        return f"{value:.{min(sure, most, _MOST)}g}"
+    return f"{'0' if _SURE * error < scale else 'no digit left'} (+-{error:.0e})"

@@ -1,0 +1,218 @@
+"""How accurate a solution is, without the exact one: problem 3 d and e of the course.
+
+Four ways that share little, each giving an `Estimate` with what it rests on:
+
+- `estimate`: the same solver at a thousandth of the tolerance. The default: cheap and sharp.
+- `by_second_method`: another solver at a thousandth of the tolerance. It would also see a fault
+  of the first one.
+- `by_tangents`: the error made in each piece of the span, carried to its end by the tangent map
+  and summed without letting them cancel. An upper bound, to first order in the errors.
+- `by_halving`: equal steps, their halves and quarters, with the order that these show.
+
+None knows what the equations leave out. All include what rounding does to the motion, see
+`ladder.rounding`; held to exact solutions, the first two are within a factor of 5 of the true
+error in 95 of 100 cases and more (tests/test_accuracy.py).
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.accuracy.convergence import fixed_steps
+from jaxdyn.integrate import ladder
+from jaxdyn.integrate.ladder import Estimate
+from jaxdyn.integrate.simulation import RTOL, chosen_pair, simulate, solve
+from jaxdyn.scene import Scene, checked
+from jaxdyn.solvers import DOPRI8, EULER, NYSTROM12, RADAU5, RADAU9, VERNER9, Method
+
+_SAMPLES = 33
+#: The second opinion on a solver, of another family and as fit for the same scenes.
+_OTHERS = {NYSTROM12: VERNER9, VERNER9: DOPRI8, RADAU5: RADAU9, RADAU9: RADAU5}
+
+
+def estimate(
+    scene: Scene,
+    t1=None,
+    *,
+    t0=0.0,
+    samples=_SAMPLES,
+    rtol: float = RTOL,
+    solver: Method | None = None,
+    dt: float | None = None,
+) -> Estimate:
+    """How far a solution at a tolerance is from the exact one, by a tolerance ladder; host only.
+
+    Args:
+      scene: system, effects, start.
+      t1: () end time [s]; the scene's own span if left out.
+      t0: () start time [s].
+      samples: at how many times to look, or an array of times (s,).
+      rtol: relative and absolute tolerance of the solution in question.
+      solver: see `simulate`.
+      dt: step [s] of a solver of fixed step, for which the estimate is by halving it.
+    Raises:
+      ValueError: see `simulate`.
+      IntegrationError: the end was not reached.
+    Example:
+      >>> from jaxdyn import accuracy, scenes
+      >>> loose = accuracy.estimate(scenes.oscillator(), rtol=1e-6)
+      >>> end = loose.ys[-1, 0]
+      >>> bool(loose.error.max() / 5 < abs(end - np.cos(10.0)) < 5 * loose.error.max())
+      True
+    """
+    name = chosen_pair(scene, solver).name
+    run, ts = _runner(scene, t1, t0, samples, rtol, solver, dt)
+    if dt is not None:
+        return ladder.halved(run, scene, ts, dt, name)
+    names = ("tolerance ladder", name, name)
+    return ladder.measured(run, scene, ts, np.array([rtol, rtol]), names)[1]
+
+
+def by_second_method(
+    scene: Scene,
+    t1=None,
+    *,
+    t0=0.0,
+    samples=_SAMPLES,
+    rtol: float = RTOL,
+    solver: Method | None = None,
+    second: Method | None = None,
+) -> Estimate:
+    """`estimate` with another solver as the finer one.
+
+    Args:
+      scene: see `estimate`.
+      t1: see `estimate`.
+      t0: see `estimate`.
+      samples: see `estimate`.
+      rtol: see `estimate`.
+      solver: see `simulate`.
+      second: the other solver; one of another family if left out.
+    Raises:
+      ValueError: the two are the same, or see `simulate`.
+    """
+    first = chosen_pair(scene, solver)
+    if second is None:
+        second = _OTHERS.get(first, VERNER9)
+    if second is first:
+        raise _checks.fail("second", "another solver", first.name, "Or call `estimate`.")
+    run, ts = _runner(scene, t1, t0, samples, rtol, solver)
+    by, _ = _runner(scene, t1, t0, samples, rtol, second)
+    names = ("second method", first.name, second.name)
+    return ladder.measured(run, scene, ts, np.array([rtol, rtol]), names, by)[1]
+
+
+def by_tangents(
+    scene: Scene,
+    t1=None,
+    *,
+    t0=0.0,
+    samples=_SAMPLES,
+    rtol: float = RTOL,
+    solver: Method | None = None,
+) -> Estimate:
+    """A bound of the error: the sum of all local errors, each carried on by the tangent map.
+
+    If l_n is what the solution misses in piece n (from solving that piece again from where the
+    solution began it, at a thousandth of the tolerance) and P_n the derivative of the end with
+    respect to the end of piece n, the error is the sum of P_n l_n, to first order. Here are the
+    sums of the |P_n l_n|.
+
+    Args:
+      scene: see `estimate`.
+      t1: see `estimate`.
+      t0: see `estimate`.
+      samples: the ends of the pieces.
+      rtol: see `estimate`.
+      solver: see `simulate`.
+    Raises:
+      ValueError: see `simulate`.
+    Limits: too large by how much local errors cancel, which over many turns of an oscillation is
+      a factor of 10 and more. Nothing of second order: where errors are no longer small, neither
+      is what is neglected.
+    """
+    run, ts = _runner(scene, t1, t0, samples, rtol, solver)
+    ys = np.asarray(run(scene, np.array([rtol, rtol])).ys)
+    starts_at = np.concatenate([[float(t0)], np.asarray(ts)[:-1]])
+    starts = np.concatenate([np.asarray(scene.y0)[None], ys[:-1]])
+    fine = max(rtol * ladder.RATIO, ladder.FINEST)
+    pair = chosen_pair(scene, solver)
+    ends, tangents = _pieces(scene, starts_at, starts, ts, np.asarray(fine), solver=pair)
+    local = ladder.gaps(scene, ys, np.asarray(ends))
+    carried = np.zeros((ys.shape[1], 0))
+    errors = []
+    for step, missed in zip(np.asarray(tangents), local, strict=True):
+        carried = np.concatenate([step @ carried, missed[:, None]], axis=1)
+        errors.append(np.abs(carried).sum(axis=1))
+    error, unknown = np.stack(errors), np.full_like(ys, np.nan)
+    names = ("local errors and the tangent map", pair.name, pair.name)
+    tolerances = np.array([rtol, fine])
+    return Estimate(ts, ys, error, unknown, ladder.scales(scene, ys), tolerances, *names)
+
+
+@eqx.filter_jit
+def _pieces(scene: Scene, t0s, starts, t1s, rtol, solver: Method):
+    """(s, k) ends of all pieces and (s, k, k) their derivatives in the starts."""
+
+    def end(y, t0, t1):
+        return solve(scene.starting(y), t1, t0=t0, rtol=rtol, solver=solver).y1
+
+    def piece(x):
+        t0, y, t1 = x
+        return end(y, t0, t1), jax.jacfwd(end)(y, t0, t1)
+
+    return jax.lax.map(piece, (t0s, starts, t1s))
+
+
+def by_halving(
+    scene: Scene, t1=None, *, steps: int = 1000, t0=0.0, method: Method = EULER
+) -> Estimate:
+    """How far a solution with equal steps is from the exact one at the end; host only.
+
+    As `estimate` with dt, but for any solver, e.g. Euler's method (problem 3 d).
+
+    Args:
+      scene: system, effects, start.
+      t1: () end time [s]; the scene's own span if left out.
+      steps: of the solution in question.
+      t0: () start time [s].
+      method: any solver, whose error estimate is not used.
+    Returns:
+      An estimate whose `fineness` are the steps [s].
+    Raises:
+      ValueError: see `fixed_steps`.
+    """
+    t1 = checked(scene).t1 if t1 is None else t1
+    span = abs(float(t1) - float(t0))
+
+    def run(scene, h, noise=None):
+        n = round(span / h[0])
+        y1 = fixed_steps(scene, t1, steps=n, t0=t0, method=method, noise=noise)
+        return _Ends(y1[None])
+
+    ts = jnp.asarray(t1, float)[None]
+    return ladder.halved(run, scene, ts, span / steps, method.name)
+
+
+class _Ends(NamedTuple):
+    ys: Array
+
+
+def _runner(scene, t1, t0, samples, rtol, solver, dt=None) -> tuple[ladder.Run, Array]:
+    """What `ladder` runs, and at what times; what `simulate` refuses is refused."""
+    ts = simulate(scene, t1, t0=t0, samples=samples, rtol=rtol, solver=solver, dt=dt).ts
+    end = scene.t1 if t1 is None else t1
+
+    def run(scene, fineness, noise=None):
+        how = {"t0": t0, "ts": ts, "solver": solver, "noise": noise}
+        if dt is not None:
+            return solve(scene, end, dt=fineness[0], **how)
+        rtol, atol = fineness
+        return solve(scene, end, rtol=rtol, atol=atol, **how)
+
+    return run, ts

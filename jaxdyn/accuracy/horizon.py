@@ -1,0 +1,126 @@
+"""How long a motion can be trusted: the time at which chaos has eaten its digits.
+
+Nearby motions of a chaotic scene part like exp(growth t). An error of a step, or of rounding, is
+amplified alike, so every tolerance has its horizon, and a thousand times tighter one moves that by
+no more than log(1000) / growth. Beyond it a solution is one of the motions that the scene may
+have, not that from its start.
+
+The time reported is measured, not foretold: it is where two solutions part by as much as the wanted
+digits, with what rounding does (`ladder`). The growth rate, from the tangent map, says what a
+tighter tolerance would bring.
+"""
+
+import dataclasses
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.accuracy import estimates
+from jaxdyn.integrate.ladder import MOST_DIGITS, Estimate
+from jaxdyn.integrate.simulation import RTOL, chosen_pair, solve
+from jaxdyn.scene import Scene
+from jaxdyn.solvers import Method
+
+_SAMPLES = 201
+
+
+@dataclasses.dataclass(frozen=True)
+class Trust:
+    """How long a solution can be trusted.
+
+    Attributes:
+      t: the last of the times looked at up to which all had the wanted digits [s]; NaN if not
+        even the start has. A number that stays right ends at the end of the span.
+      most: the same for the finest tolerance that doubles allow [s].
+      growth: rate at which nearby motions part, in the second half of the time to t [1/s]; NaN
+        where there are fewer than two of the times looked at.
+      digits: wanted.
+      estimate: the errors that t rests on, at all times.
+    """
+
+    t: float
+    most: float
+    growth: float
+    digits: float
+    estimate: Estimate
+
+    def at(self, rtol: float) -> float:
+        """Time [s] that growth alone lets a tolerance rtol have these digits: a rule of thumb.
+
+        Infinite where nearby motions do not part.
+        """
+        return math.inf if self.growth <= 0 else math.log(10.0**-self.digits / rtol) / self.growth
+
+
+def trusted_time(
+    scene: Scene,
+    t1=None,
+    *,
+    digits: float = 3.0,
+    t0: float = 0.0,
+    samples=_SAMPLES,
+    rtol: float = RTOL,
+    solver: Method | None = None,
+) -> Trust:
+    """Up to when a solution at a tolerance has so many digits, and how fast it loses them.
+
+    Args:
+      scene: system, effects, start.
+      t1: () end of the span [s]; the scene's own if left out.
+      digits: that should be right, relative to the largest entry of the same unit.
+      t0: () start time [s].
+      samples: at how many times to look, or an array of times (s,).
+      rtol: of the solution in question.
+      solver: see `simulate`.
+    Returns:
+      The time, the same for the finest tolerance, the growth rate, and what they rest on.
+    Raises:
+      ValueError: no such digits, or see `simulate`.
+      IntegrationError: the end was not reached.
+    Limits: an estimate. Held to motions in 60 digits and more, of double and triple pendulums and
+      three bodies, it is within a tenth of the true time (`jaxdyn hard`).
+    Reference: Lighthill (1986), Proc. R. Soc. A 407, 35.
+    Example:
+      >>> from jaxdyn.accuracy import horizon
+      >>> from jaxdyn import scenes
+      >>> swing = horizon.trusted_time(scenes.double_pendulum(t1=60.0), digits=3, rtol=1e-8)
+      >>> 20 < swing.t < 60
+      True
+    """
+    if not 0 < digits <= MOST_DIGITS:
+        raise _checks.fail("digits", f"between 1 and {MOST_DIGITS}", digits, "Doubles have 16.")
+    found = estimates.estimate(scene, t1, t0=t0, samples=samples, rtol=rtol, solver=solver)
+    t = found.until(digits)
+    most = eqx.tree_at(lambda e: e.error, found, found.rounding).until(digits)
+    tangents = _tangents(scene, found.ts, jnp.asarray(float(t0)), chosen_pair(scene, solver))
+    return Trust(t, most, _growth(found, np.asarray(tangents), t), digits, found)
+
+
+@eqx.filter_jit
+def _tangents(scene: Scene, ts: Array, t0: Array, solver: Method) -> Array:
+    """(s, k, k) derivatives of the states at ts with respect to the start."""
+
+    def states(y):
+        return solve(scene.starting(y), ts[-1], t0=t0, ts=ts, solver=solver).ys
+
+    return jax.jacfwd(states)(scene.y0)
+
+
+def _growth(found: Estimate, tangents: np.ndarray, t: float) -> float:
+    """Slope of the logarithm of the largest stretch over time, by least squares.
+
+    In the second half of the time up to t: at first the stretch shows how units compare, and
+    long after it tangents may be too large for doubles.
+    """
+    scale, ts = np.asarray(found.scale), np.asarray(found.ts)
+    gone, end = np.abs(ts - ts[0]), abs(t - ts[0])
+    late = (gone <= end) & (2 * gone >= end)
+    if late.sum() < 2:
+        return math.nan
+    stretch = np.linalg.norm(tangents[late] * scale[None, None, :] / scale[:, None], 2, (1, 2))
+    return float(np.polyfit(gone[late], np.log(stretch), 1)[0])

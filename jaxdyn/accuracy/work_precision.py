@@ -1,0 +1,304 @@
+"""What accuracy costs: error against time and against right-hand sides, for any scene.
+
+`work_precision` runs a scene with several solvers at many tolerances, and reports the time that
+a wanted error takes, compile time apart. Errors are those of the end state, or of any other
+quantity of the motion: `ENERGY_DRIFT`, `CONSTRAINTS`, `GRADIENT`, `event_time`, or a `Quantity`
+of one's own. Methods are compared at equal error, never at equal tolerance.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._progress import doing, each
+from jaxdyn.accuracy.timing import Times, at_error, interleaved
+from jaxdyn.analysis import energy
+from jaxdyn.formulations.constrained import Constrained
+from jaxdyn.integrate import ladder
+from jaxdyn.integrate.events import Event, until
+from jaxdyn.integrate.simulation import default_solver, solve
+from jaxdyn.scene import Scene, checked
+from jaxdyn.solvers import (
+    DOPRI8,
+    RADAU5,
+    RADAU9,
+    STOERMER14,
+    STOERMER18,
+    TAYLOR12,
+    TAYLOR16,
+    VERNER9,
+    Method,
+    has_series,
+)
+
+TOLERANCES = tuple(float(f"1e-{n}") for n in range(3, 16))
+#: Steps of a solver of fixed step over the span.
+STEPS = tuple(16 * 2**n for n in range(9))
+_REFERENCES = (1e-15, 1e-14, 1e-13)  # tolerances, the finest that works
+_SAMPLES = 17  # at which drift and violation are looked at
+_ROUNDS = 30
+_STIFF_AT = 1e-6  # tolerance at which stiffness is looked for
+
+
+class Quantity(NamedTuple):
+    """What a solver is to get right.
+
+    Attributes:
+      name: what tables call it.
+      of: (scene, t1, how) -> array, where how is the dictionary of `rtol` (or `dt`) and
+        `solver` that `solve` takes as keywords.
+      exact: its exact value, if that is known; else a fine solution serves.
+    """
+
+    name: str
+    of: Callable[[Scene, Array, dict], Array]
+    exact: float | None = None
+
+
+def _end(scene, t1, how):
+    return solve(scene, t1, **how).y1
+
+
+def _drift(scene, t1, how):
+    ts = jnp.linspace(0.0, t1, _SAMPLES)
+    ys = solve(scene, t1, ts=ts, **how).ys
+    total = jax.vmap(lambda t, y: energy.energy(scene, t, y))(ts, ys)
+    v = jax.vmap(lambda t, y: energy.potential(scene, t, y))(ts, ys)
+    return jnp.max(jnp.abs(total - total[0])) / jnp.max(jnp.abs(total - v) + jnp.abs(v))
+
+
+def _violation(scene, t1, how):
+    if not isinstance(scene.system, Constrained):
+        name = type(scene.system).__name__
+        raise _checks.fail("scene", "one with constraints", name, 'Try formulation="constrained".')
+    ts = jnp.linspace(0.0, t1, _SAMPLES)
+    ys = solve(scene, t1, ts=ts, **how).ys
+    place, _ = jax.vmap(scene.system.violation)(ts, ys)
+    return jnp.max(jnp.abs(place))
+
+
+def _gradient(scene, t1, how):
+    def loss(y0):
+        y1 = solve(scene.starting(y0), t1, **how).y1
+        return 0.5 * jnp.sum(y1 * y1)
+
+    return jax.grad(loss)(scene.y0)
+
+
+END = Quantity("end state", _end)
+ENERGY_DRIFT = Quantity("energy drift", _drift, 0.0)
+CONSTRAINTS = Quantity("constraint violation", _violation, 0.0)
+#: Of half the square of the end state, with respect to the start.
+GRADIENT = Quantity("gradient", _gradient)
+
+
+def event_time(event: Event) -> Quantity:
+    """When an event happens within the span; for solvers with a tolerance."""
+
+    def of(scene, t1, how):
+        return until(scene, event, t1, **how).t
+
+    return Quantity("event time", of)
+
+
+class Rung(NamedTuple):
+    """A run: tolerance or step, relative error, wall time, steps, right-hand sides (or NaN)."""
+
+    fineness: float
+    error: float
+    times: Times
+    steps: int
+    evaluations: float
+
+
+class Curve(NamedTuple):
+    """All runs of a solver, and how long the first one took besides [s]: compiling."""
+
+    solver: str
+    compiling: float
+    rungs: tuple[Rung, ...]
+
+
+class Choice(NamedTuple):
+    """A solver, its tolerance (or step), the error that it has then and the time [s] it takes."""
+
+    solver: str
+    fineness: float
+    error: float
+    seconds: float
+
+
+class WorkPrecision(NamedTuple):
+    """What accuracy costs.
+
+    Attributes:
+      quantity: what the errors are of.
+      uncertainty: relative error of what they are measured against; smaller ones are not shown.
+      curves: one a solver.
+    """
+
+    quantity: str
+    uncertainty: float
+    curves: tuple[Curve, ...]
+
+    def at(self, error: float) -> dict[str, Times]:
+        """Times of all solvers at a relative error; NaN where it is not reached."""
+        return {
+            c.solver: at_error([r.error for r in c.rungs], [r.times for r in c.rungs], error)
+            for c in self.curves
+        }
+
+    def recommend(self, digits: float) -> Choice | None:
+        """The fastest run with that many digits; None if there is none."""
+        fine = [
+            Choice(c.solver, r.fineness, r.error, r.times.median)
+            for c in self.curves
+            for r in c.rungs
+            if r.error <= 10.0**-digits
+        ]
+        return min(fine, key=lambda choice: choice.seconds, default=None)
+
+    def as_dict(self) -> dict:
+        """All of it for JSON."""
+        curves = [
+            {
+                "solver": c.solver,
+                "compiling": c.compiling,
+                "rungs": [
+                    {
+                        "fineness": r.fineness,
+                        "error": r.error,
+                        "median": r.times.median,
+                        "minimum": r.times.minimum,
+                        "steps": r.steps,
+                        "evaluations": None if np.isnan(r.evaluations) else r.evaluations,
+                    }
+                    for r in c.rungs
+                ],
+            }
+            for c in self.curves
+        ]
+        return {"quantity": self.quantity, "uncertainty": self.uncertainty, "curves": curves}
+
+
+def fit_solvers(scene: Scene, t1=None) -> tuple[Method, ...]:
+    """Solvers with a tolerance that are fit for a scene: implicit ones where it is stiff.
+
+    Extrapolation is among them where forces forget velocities, Taylor series where the scene's
+    formulas are short.
+    """
+    t1 = scene.t1 if t1 is None else t1
+    if bool(solve(scene, t1, rtol=_STIFF_AT).stiff):
+        return RADAU9, RADAU5
+    extrapolated = (STOERMER14, STOERMER18) if scene.second_order else ()
+    taylor = (TAYLOR12, TAYLOR16) if has_series(scene, scene.y0) else ()
+    return tuple(dict.fromkeys((default_solver(scene), VERNER9, DOPRI8, *extrapolated, *taylor)))
+
+
+def work_precision(
+    scene: Scene,
+    t1=None,
+    *,
+    solvers: Sequence[Method] | None = None,
+    tolerances: Sequence[float] = TOLERANCES,
+    steps: Sequence[int] = STEPS,
+    quantity: Quantity = END,
+    rounds: int = _ROUNDS,
+) -> WorkPrecision:
+    """Error against time and right-hand sides of several solvers; host only.
+
+    Args:
+      scene: system, effects, start.
+      t1: () end of the span [s]; the scene's own if left out.
+      solvers: which; those that are fit for the scene if left out.
+      tolerances: relative and absolute, of solvers with a tolerance.
+      steps: how many over the span, of solvers of fixed step.
+      quantity: what the errors are of. They are the largest over its entries, relative to the
+        largest entry (of a state: to the largest of the same unit) unless its exact value is known.
+      rounds: how often to run everything.
+    Returns:
+      The curves, without runs that failed.
+    Raises:
+      ValueError: no solver, or one that does not fit the scene.
+    Limits: a time is that of the compiled calculation with all that is around it, some 20 us.
+    """
+    t1 = float(checked(scene).t1 if t1 is None else t1)
+    solvers = fit_solvers(scene, t1) if solvers is None else tuple(solvers)
+    if not solvers:
+        raise _checks.fail("solvers", "at least one", "none")
+    exact, scale, uncertainty = _reference(scene, t1, quantity, solvers)
+    runs, compiling, values, counts = {}, {}, {}, {}
+    for solver in solvers:
+        grid = tolerances if solver.adaptive else [abs(t1) / n for n in steps]
+        program = _program(scene, t1, solver, quantity.of)
+        counter = _program(scene, t1, solver, _counts)
+        doing(f"preparing {solver.name}")
+        start = time.perf_counter()
+        program(grid[0])
+        compiling[solver] = time.perf_counter() - start
+        for fineness in each(grid, f"solving with {solver.name}"):
+            value = program(fineness)
+            if np.isfinite(value).all():
+                key = solver, fineness
+                runs[key] = lambda program=program, fineness=fineness: program(fineness)
+                values[key], counts[key] = value, counter(fineness)
+    times = interleaved(runs, rounds)
+
+    def rung(key) -> Rung:
+        error = max(float(np.max(np.abs(values[key] - exact) / scale)), uncertainty)
+        tries = int(np.sum(counts[key]))
+        return Rung(key[1], error, times[key], int(counts[key][0]), tries * key[0].evaluations)
+
+    curves = [
+        Curve(s.name, compiling[s], tuple(rung(key) for key in runs if key[0] is s))
+        for s in solvers
+    ]
+    return WorkPrecision(quantity.name, uncertainty, tuple(curves))
+
+
+def _program(scene: Scene, t1: float, solver: Method, of: Callable) -> Callable:
+    """From a tolerance or step to the value, compiled at the first call."""
+    numbers, rest = eqx.partition(scene, eqx.is_array)
+    key = "rtol" if solver.adaptive else "dt"
+
+    @jax.jit
+    def value(numbers, t1, fineness):
+        return of(eqx.combine(numbers, rest), t1, {key: fineness, "solver": solver})
+
+    return lambda fineness: np.asarray(value(numbers, t1, fineness))
+
+
+def _counts(scene, t1, how):
+    result = solve(scene, t1, **how)
+    return jnp.stack([result.steps, result.rejected])
+
+
+def _reference(scene, t1, quantity: Quantity, solvers) -> tuple:
+    """Exact value, scale of errors, and relative uncertainty of the value."""
+    if quantity.exact is not None:
+        return np.asarray(quantity.exact), 1.0, float(np.finfo(float).eps)
+    stiff = RADAU9 in solvers or RADAU5 in solvers
+    pair = (RADAU9, RADAU5) if stiff else (default_solver(scene), DOPRI8)
+    found = [_finest(_program(scene, t1, solver, quantity.of)) for solver in pair]
+    value = found[0]
+    if quantity is END:
+        scale = ladder.scales(scene, np.stack([np.asarray(scene.y0), value]))
+    else:
+        scale = np.max(np.abs(value)) or 1.0
+    apart = float(np.max(np.abs(value - found[1]) / scale))
+    return value, scale, max(apart, float(np.finfo(float).eps))
+
+
+def _finest(program) -> np.ndarray:
+    for tolerance in _REFERENCES:
+        value = program(tolerance)
+        if np.isfinite(value).all():
+            break
+    return value

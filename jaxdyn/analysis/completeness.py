@@ -1,0 +1,161 @@
+"""Whether the zeros that a search found in a box are all: a comparison with interval bisection.
+
+`bisected` gives the boxes that hold exactly one zero each, and those that it cannot decide.
+`judged` says whether each zero that is proved to exist was found, and what may be in the rest.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn.analysis.isolation import Isolation, isolate
+from jaxdyn.analysis.rest_search import Box, low_discrepancy, rates
+from jaxdyn.scene import Field
+from jaxdyn.solvers.taylor.formulas import Formulas, NotElementary, formulas
+
+_MARGIN = (
+    1e-6  # of the box: what the bisected box is larger by, or a zero on its side would be lost
+)
+_TINY = 1e-8  # of the box: undecided boxes of this size mark points
+_MERGED = 1e-6  # of the box: undecided boxes nearer than this mark one point
+_DIRECTIONS = 256
+_DISTANCES = (
+    1.0,
+    1e2,
+    1e4,
+)  # of the size of an undecided place: where the rate is sampled about it
+_NOWHERE = 1e-3  # of its size there: a rate that is larger at all samples has no zero
+
+
+class Proof(NamedTuple):
+    """What bisection says of the rest points in a box.
+
+    Attributes:
+      box: without the entries that must be 0 at rest.
+      found: the boxes that may hold rest points; None where nothing is known.
+      why_not: why nothing is known.
+    """
+
+    box: Box
+    found: Isolation | None
+    why_not: str = ""
+
+    @property
+    def middles(self) -> np.ndarray:
+        """(s, k) of the boxes with exactly one rest point each: where a search should start."""
+        boxes = self.found.single if self.found else np.zeros((0, len(self.box.low), 2))
+        return np.clip(boxes.mean(axis=2), self.box.low, self.box.high)
+
+
+def bisected(field: Field, t: Array, box: Box) -> Proof:
+    """What interval bisection says of the rest points of a field in a box."""
+    try:
+        found = formulas(lambda _, y: field.rate(t, y), t, jnp.asarray(box.low))
+        box = _at_rest(found, box)
+        margin = _MARGIN * (box.high - box.low)
+        return Proof(box, isolate(found, box.low - margin, box.high + margin))
+    except NotElementary as error:
+        return Proof(box, None, str(error))
+
+
+def _at_rest(found: Formulas, box: Box) -> Box:
+    """The box without entries that are rates of others, as velocities are: 0 at rest."""
+    zero = [node in found.rates for node in found.states]
+    zero = np.array(zero) & (box.low <= 0) & (box.high >= 0)
+    if zero[box.free].all():
+        return box
+    return Box(np.where(zero, 0.0, box.low), np.where(zero, 0.0, box.high))
+
+
+def judged(
+    proof: Proof, field: Field, t: Array, ys: np.ndarray, jumps: np.ndarray
+) -> tuple[bool, str]:
+    """Whether zeros (s, k) are all that a box holds, and why, or why not, in words.
+
+    Args:
+      proof: what bisection says.
+      field: the field.
+      t: () time.
+      ys: (s, k) the zeros that were found.
+      jumps: (j, k) places where the rate is 0, but has another limit.
+    """
+    box = proof.box
+    said = ""
+    if len(jumps):
+        said = f". At {_list(box, jumps)} the rate is 0 but jumps: this is no rest point"
+    doubt = _doubt(proof, field, t, ys)
+    if doubt:
+        return False, f"not certain: {doubt}{said}"
+    assert proof.found is not None
+    sharp = [box.states(middle) for middle, _ in _places(box, proof.found.open)]
+    if sharp:
+        said = f"; near {_list(box, sharp)} the rate jumps, and no sample is near 0{said}"
+    return True, f"complete: interval bisection excludes any other rest point in the box{said}"
+
+
+def _doubt(proof: Proof, field: Field, t: Array, ys: np.ndarray) -> str:
+    """Why there may be others, or fewer; "" if there is no doubt."""
+    box, found = proof.box, proof.found
+    if found is None:
+        return f"the rate is not made of formulas whose bounds are known ({proof.why_not})"
+    missed = [x.mean(axis=1) for x in found.single if not _within(ys, x).any()]
+    if missed:
+        return f"the search did not reach the rest point that exists near {_list(box, missed)}"
+    if found.size > _TINY:
+        return (
+            f"{len(found.open)} boxes, up to {found.size:.1g} of the whole in size, are "
+            "undecided, as along a curve of rest points or with many unknowns"
+        )
+    places = _places(box, found.open)
+    unclear = [middle for middle, size in places if not _nowhere_zero(field, t, box, middle, size)]
+    if unclear:
+        where = _list(box, [box.states(middle) for middle in unclear])
+        return (
+            f"near {where} the Jacobian is singular or the rate not smooth: there may be no rest "
+            "point, one, or several"
+        )
+    return ""
+
+
+def _within(ys: np.ndarray, box: np.ndarray) -> np.ndarray:
+    slack = box[:, 1] - box[:, 0]  # boxes are examined with a margin
+    return np.all((ys >= box[:, 0] - slack) & (ys <= box[:, 1] + slack), axis=1)
+
+
+def _list(box: Box, ys) -> str:
+    """Places in words, each once, to the digits in which undecided boxes are merged."""
+    size = (box.high - box.low)[box.free]
+    rounded = [size * np.round(y[box.free] / size / _MERGED) * _MERGED + 0.0 for y in ys]
+    named = [", ".join(f"{x:.6g}" for x in place) for place in rounded]
+    return ", ".join(f"({place})" for place in dict.fromkeys(named))
+
+
+def _places(box: Box, cells: np.ndarray) -> list[tuple[np.ndarray, float]]:
+    """Middle (n,) and radius of each group of neighbouring cells, in units of the box."""
+    groups: list[list[np.ndarray]] = []
+    for cell in cells:
+        ends = box.units(cell.T)
+        near = [g for g in groups if np.abs(g[0].mean(axis=0) - ends.mean(axis=0)).max() < _MERGED]
+        if near:
+            near[0].append(ends)
+        else:
+            groups.append([ends])
+    spans = [(np.min(g, axis=(0, 1)), np.max(g, axis=(0, 1))) for g in groups]
+    return [((low + high) / 2, float(np.max(high - low))) for low, high in spans]
+
+
+def _nowhere_zero(field: Field, t: Array, box: Box, middle: np.ndarray, radius: float) -> bool:
+    """Whether no sample of the rate about a place is near 0, compared with those farther off.
+
+    A rate that is smooth and 0 somewhere in it is smaller, the nearer the samples are.
+    """
+    ways = 2 * low_discrepancy(_DIRECTIONS, len(middle)) - 1
+    ways /= np.abs(ways).max(axis=1, keepdims=True)
+    points = np.stack([middle + far * radius * ways for far in _DISTANCES])
+    ys = box.states(points.reshape(-1, len(middle)))
+    found = np.abs(rates(field, t, ys)).reshape(len(_DISTANCES), len(ways), -1)
+    sizes = found[-1].max(axis=0)
+    moves = sizes > 0
+    return bool((found[:, :, moves] / sizes[moves]).max(axis=2).min() > _NOWHERE)

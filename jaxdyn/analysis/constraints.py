@@ -1,0 +1,141 @@
+"""The constraints of a scene: their forces, and how well they determine its motion.
+
+`tensions` has the forces along rods, `reactions` the force of all constraints on each point,
+`multipliers` what a constrained formulation solves for. `conditioning` says rank and redundancy.
+The conditions on the accelerations are G a = gamma (`formulations.constrained`). What counts are
+the singular values of G M^(-1/2): one is near 0 where a condition nearly follows from others, or
+nearly vanishes.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.analysis.ledger import Ledger
+from jaxdyn.formulations.constrained import DEPENDENT, Constrained
+from jaxdyn.integrate.simulation import Trajectory, each_motion
+from jaxdyn.scene import Field, Scene, System
+
+
+class Conditioning(NamedTuple):
+    """What is known of a scene's constraints at a state.
+
+    Attributes:
+      condition: () [1] largest over smallest singular value of the independent conditions. Of
+        the 16 digits of an acceleration it costs log10 of it, of a force in the constraints
+        twice that.
+      rank: () how many conditions are independent.
+      redundant: () how many more there are, which follow from them.
+      determined: () whether they determine the motion: no rank is lost in just this pose, and
+        they hold, which they do not where one contradicts another.
+    """
+
+    condition: Array
+    rank: Array
+    redundant: Array
+    determined: Array
+
+
+@each_motion
+def multipliers(motion: Trajectory) -> Array:
+    """(s, c) Lagrange multipliers along a motion: of its ties, then of its rolling conditions.
+
+    Raises:
+      ValueError: a scene that is not in a constrained formulation.
+    """
+    return _multipliers(_constrained(motion.scene.system), motion)
+
+
+@each_motion
+def tensions(motion: Trajectory) -> dict[str, Array]:
+    """(s,) tension of each rod along a motion [N], by its name; negative where it pushes.
+
+    Args:
+      motion: of a scene whose ties are lengths of rods, in a constrained formulation.
+    Raises:
+      ValueError: a scene without such ties.
+    Example:
+      >>> from jaxdyn.analysis import constraints
+      >>> from jaxdyn import scenes, simulate
+      >>> hanging = scenes.pendulum(m=2.0, angle=0.0, formulation="constrained")
+      >>> round(float(constraints.tensions(simulate(hanging, 0.1, samples=2))["stick"][0]), 9)
+      19.62
+    """
+    system = _constrained(motion.scene.system)
+    names = system.mechanism.rods()
+    if not names:
+        name = type(system.mechanism).__name__
+        remedy = "`reactions` has the force of the constraints on each point."
+        raise _checks.fail("motion", "ties that are lengths of rods", name, remedy)
+    return dict(zip(names, -_multipliers(system, motion)[:, : len(names)].T, strict=True))
+
+
+@each_motion
+@eqx.filter_jit
+def reactions(motion: Trajectory) -> Array:
+    """(s, n, d) force of the constraints on each material point along a motion [N].
+
+    What its mass times its acceleration exceeds the forces of the effects by: the pull of rods,
+    the push of wires and hinges. It holds for every formulation, also by free coordinates. The
+    points of rigid bodies stand for their mass, so there only the sum and the moment of these
+    forces have a meaning. Forces on coordinates (motors) count as reactions.
+    """
+    scene = motion.scene
+
+    def at(t, y):
+        t = jnp.asarray(t, float)
+        look = jax.jvp(scene.system.points, (t, y), (jnp.ones_like(t), scene.rate(t, y)))
+        (r, v, m), (_, a, _) = look
+        applied = sum((e.force(t, r, v, m) for e in scene.effects), jnp.zeros_like(r))
+        return m[:, None] * a - applied
+
+    return jax.vmap(at)(motion.ts, motion.ys)
+
+
+@eqx.filter_jit
+def _multipliers(system: Constrained, motion: Trajectory) -> Array:
+    k = len(system.labels())
+    forces = jax.vmap(lambda t, y: system.constraint_forces(t, y[:k], motion.scene.effects))
+    return forces(motion.ts, motion.ys)
+
+
+def _constrained(system: System) -> Constrained:
+    while isinstance(system, Ledger):
+        system = system.system
+    if not isinstance(system, Constrained):
+        name = type(system).__name__
+        raise _checks.fail("scene", "one with constraints", name, 'Try formulation="constrained".')
+    return system
+
+
+def conditioning(scene: Scene | Field, t, y: Array) -> Conditioning:
+    """Rank and condition of a scene's constraints at a state; along a motion by `energy.along`.
+
+    Args:
+      scene: one with constraints.
+      t: () time [s].
+      y: (k,) state.
+    Raises:
+      ValueError: a scene without constraints.
+    Limits: not for stepping loops (LAPACK). Conditions in different units make the condition
+      number depend on these.
+    Example:
+      >>> from jaxdyn.analysis import constraints
+      >>> from jaxdyn import scenes
+      >>> bars = scenes.four_bar()
+      >>> print(constraints.conditioning(bars, 0.0, bars.y0).rank)
+      8
+    """
+    _checks.float64()
+    system = _constrained(scene.system)
+    y = jnp.asarray(y, dtype=float)[: len(system.labels())]
+    squares = jnp.linalg.eigvalsh(system.gram(t, y))
+    independent = squares > DEPENDENT * squares[-1]
+    rank = jnp.sum(independent)
+    least = jnp.min(jnp.where(independent, squares, jnp.inf))
+    condition = jnp.sqrt(squares[-1] / least)
+    return Conditioning(condition, rank, len(squares) - rank, ~system.undetermined(t, y))

@@ -1,0 +1,197 @@
+"""How the energy changes along a motion in pieces, and what changes it.
+
+Each effect adds its power and the rate of its own potential to dE/dt: nothing, where the force is
+minus the gradient of that potential. What is left of dE/dt is what the system does by itself: a
+prescribed motion drives it, its contacts rub, or its constraints have drifted. Where all of this
+vanishes, a change of the energy is the integrator's error. Between two pieces it is an impact.
+"""
+
+import itertools
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn.analysis.energy import along, energy, potential
+from jaxdyn.analysis.ledger import power_of
+from jaxdyn.integrate.phases import Chain, pieces_of
+from jaxdyn.integrate.simulation import Trajectory
+from jaxdyn.scene import Effect, Scene
+
+_KEPT = 1e-9  # of the energy's size: the equations keep what they change by less in the span
+_ROUNDING = 1e-12  # of the terms of a power: less is their rounding
+_UNSURE = 0.1  # of a work: where halving the samples changes it by more it is not known
+
+
+class EnergyChange(NamedTuple):
+    """How much the energy of a motion changes.
+
+    Attributes:
+      size: the largest change [1], see `energy.drift`.
+      causes: what changes it: classes of effects, phases, "impacts", "the drive", "drift of the
+        constraints"; none where it is kept but for the integrator's error.
+      works: what each of them adds to the energy [1], relative as the size is; NaN where the
+        samples are too few to tell.
+      without_potential: those causes that give no potential: the energy counts none for them.
+    """
+
+    size: float
+    causes: tuple[str, ...]
+    works: tuple[float, ...]
+    without_potential: tuple[str, ...]
+
+    @property
+    def message(self) -> str:
+        """The change in a line, and what made it."""
+        change = f"change of energy, relative to its parts: {self.size:.1e}"
+        if not self.causes:
+            return change
+        parts = [
+            f"{cause} ({'no potential known, ' if cause in self.without_potential else ''}"
+            f"work {'not known' if np.isnan(work) else format(work, '.1e')})"
+            for cause, work in zip(self.causes, self.works, strict=True)
+        ]
+        return f"{change}; it is not conserved, because of {' and '.join(parts)}"
+
+
+# Motions near the largest floats: their energies are infinite, or not known.
+@np.errstate(over="ignore", invalid="ignore")
+def energy_change(motion: Trajectory | Chain) -> EnergyChange | None:
+    """The change of the energy over all pieces; None without energy, or where it is not known.
+
+    Example:
+      >>> from jaxdyn import scenes, simulate
+      >>> energy_change(simulate(scenes.cannonball(drag=0.1))).causes
+      ('QuadraticDrag',)
+    """
+    pieces = pieces_of(motion)
+    if not pieces[0].r.shape[1] or len(pieces[0].ts) < 2:
+        return None
+    totals, potentials = (
+        [np.asarray(along(quantity, piece)) for piece in pieces] for quantity in (energy, potential)
+    )
+    total, v = np.concatenate(totals), np.concatenate(potentials)
+    size = np.max(np.abs(total - v) + np.abs(v)) or 1.0
+    change = np.max(np.abs(total - total[0])) / size
+    if not np.isfinite(change):
+        return None
+    names = motion.names if isinstance(motion, Chain) else ("",)
+    works: dict[str, float] = {}
+    for i, (piece, part) in enumerate(zip(pieces, totals, strict=True)):
+        for cause, work in _works(piece, names[i], part[-1] - part[0], size).items():
+            works[cause] = works.get(cause, 0.0) + work / size
+    jumps = [two[0] - one[-1] for one, two in itertools.pairwise(totals)]
+    if any(abs(jump) > _KEPT * size for jump in jumps):
+        works["impacts"] = sum(jumps) / size
+    silent = {
+        type(effect).__name__
+        for piece in pieces
+        for effect in piece.scene.effects
+        if not _has_potential(piece.scene, effect)
+    }
+    unknown = tuple(cause for cause in works if cause in silent)
+    return EnergyChange(float(change), tuple(works), tuple(map(float, works.values())), unknown)
+
+
+def _works(piece: Trajectory, phase: str, change: float, size: float) -> dict[str, float]:
+    """What changes the energy in a piece by its equations, and by how much."""
+    found = jax.tree.map(np.asarray, _measured(piece.scene, piece.ts, piece.ys))
+    ts = np.asarray(piece.ts)
+
+    def acts(gain: np.ndarray, terms: np.ndarray) -> bool:
+        gain = np.where(np.abs(gain) > _ROUNDING * terms, gain, 0.0)
+        return bool(np.max(np.abs(gain)) * np.ptp(ts) > _KEPT * size)
+
+    kinds = {
+        name: _integral(ts, kind.power, kind.slope) + kind.potential[-1] - kind.potential[0]
+        for name, kind in found.kinds.items()
+    }
+    works = {name: kinds[name] for name, kind in found.kinds.items() if acts(kind.gain, kind.terms)}
+    if acts(found.rest, found.terms):
+        works[phase or _by_itself(piece, found.driven)] = change - sum(kinds.values())
+    return works
+
+
+def _by_itself(piece: Trajectory, driven: np.ndarray) -> str:
+    if driven:
+        return "the drive"
+    bound = piece.scene.system.undetermined(piece.ts[0], piece.ys[0]) is not None
+    return "drift of the constraints" if bound else "the system itself"
+
+
+def _has_potential(scene: Scene, effect: Effect) -> bool:
+    r, _, m = jax.eval_shape(scene.system.points, jnp.zeros(()), scene.y0)
+    return jax.eval_shape(effect.potential, jnp.zeros(()), r, m) is not None
+
+
+def _integral(ts: np.ndarray, f: np.ndarray, slope: np.ndarray) -> float:
+    """The integral of a function by its values and slopes; NaN where samples are too few."""
+
+    def hermite(ts, f, slope):
+        h = np.diff(ts)
+        return np.sum(h * (f[1:] + f[:-1]) / 2 - h * h * np.diff(slope) / 12)
+
+    # The same with every other sample, and the last one.
+    half = np.unique([*range(0, len(ts), 2), len(ts) - 1])
+    fine, coarse = hermite(ts, f, slope), hermite(ts[half], f[half], slope[half])
+    return fine if abs(fine - coarse) <= _UNSURE * abs(fine) else np.nan
+
+
+class _Kind(NamedTuple):
+    """Of the effects of one class at the samples, (s,) each."""
+
+    power: Array  # of their forces [W]
+    slope: Array  # its rate [W/s]
+    potential: Array  # [J]
+    gain: Array  # what they add to dE/dt [W]
+    terms: Array  # the size of the terms of which that is the sum [W]
+
+
+class _Measured(NamedTuple):
+    kinds: dict[str, _Kind]
+    rest: Array  # (s,) what no effect adds to dE/dt [W]
+    terms: Array  # (s,) the size of its terms [W]
+    driven: Array  # () whether the system depends on time by itself
+
+
+@eqx.filter_jit
+def _measured(scene: Scene, ts: Array, ys: Array) -> _Measured:
+    system = scene.system
+
+    def itself(t, y):
+        return system.rate(t, y, ()), system.points(t, y), system.kinetic(t, y)
+
+    def at(t, y):
+        flow = (jnp.ones_like(t), scene.rate(t, y))
+        kinds = {}
+        for effect in scene.effects:
+            name, kind = type(effect).__name__, _kind(scene, effect, t, y, flow)
+            kinds[name] = jax.tree.map(jnp.add, kinds[name], kind) if name in kinds else kind
+        whole = jax.jvp(lambda t, y: energy(scene, t, y), (t, y), flow)[1]
+        rest = whole - sum((kind.gain for kind in kinds.values()), jnp.zeros(()))
+        terms = jnp.abs(whole) + sum((kind.terms for kind in kinds.values()), jnp.zeros(()))
+        by_time = jax.jvp(lambda t: itself(t, y), (t,), (flow[0],))[1]
+        driven = jnp.stack([jnp.any(x != 0) for x in jax.tree.leaves(by_time)]).any()
+        return _Measured(kinds, rest, terms, driven)
+
+    found = jax.vmap(at)(ts, ys)
+    return found._replace(driven=found.driven.any())
+
+
+def _kind(scene: Scene, effect: Effect, t: Array, y: Array, flow: tuple[Array, Array]) -> _Kind:
+    """One effect at a time and state that change by `flow`."""
+
+    def potential(t, y):
+        r, _, m = scene.system.points(t, y)
+        value = effect.potential(t, r, m)
+        return jnp.zeros(()) if value is None else value
+
+    def power(t, y):
+        return power_of(scene, effect, t, y)
+
+    (work, terms), (slope, _) = jax.jvp(power, (t, y), flow)
+    stored, rate = jax.jvp(potential, (t, y), flow)
+    return _Kind(work, slope, stored, work + rate, terms + jnp.abs(rate))

@@ -1,0 +1,239 @@
+"""The rest points of a scene in a box, each with its stability, and whether they are all.
+
+A rest point is a state with rate(y) = 0 that satisfies the constraints. Interval bisection
+(`isolation`) proves where in the box there is exactly one and where there is none; from there,
+and from the points of a low-discrepancy grid, a search starts (`rest_search`). Repetitions are
+dropped, and the two results are compared (`completeness`): `Equilibria.complete` says whether
+the list is proved to be complete, `Equilibria.certainty` why, or why not.
+"""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.analysis.completeness import bisected, judged
+from jaxdyn.analysis.linearize import Linearization, linearize
+from jaxdyn.analysis.rest_search import Box, Ends, jumps, low_discrepancy, search
+from jaxdyn.scene import Field, Scene, System, checked
+
+_MOST_STARTS = 1_000_000  # which are worked on at once
+_SAME = 1e-6  # of the box: rest points nearer than this are one
+_ALONG = 1e-3  # of the box: how far along a curve of rest points another one is looked for
+_STEPS = 30  # of Newton's method to a rest point
+_NEWTON = 2  # steps from there: derivatives of the last are right up to the third
+_SETTLED = 1e-8  # relative: the last of these steps
+_SINGULAR = 1e-12  # smallest over largest singular value of a Jacobian that has no inverse
+
+
+@dataclasses.dataclass(frozen=True)
+class Equilibria:
+    """The rest points that were found.
+
+    Attributes:
+      states: (e, k) rest points, ordered by their first coordinates.
+      linearizations: what their eigenvalues say, in the same order.
+      kinds: of each, "isolated"; "continuum" for one of a curve or surface of rest points, of
+        which only samples are listed; or "degenerate" where the Jacobian is singular to rounding
+        though no neighbour was found: it may be about to split or to vanish.
+      complete: whether it is proved that the box holds no other rest point.
+      certainty: why, or why not, in words.
+      found_by: (e,) how many starts led to each.
+      residuals: (e,) largest entry of the rate there.
+      starts: how many starts there were.
+      lost: how many led to no rest point in the box.
+    """
+
+    states: np.ndarray
+    linearizations: tuple[Linearization, ...]
+    kinds: tuple[str, ...]
+    complete: bool
+    certainty: str
+    found_by: np.ndarray
+    residuals: np.ndarray
+    starts: int
+    lost: int
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+
+def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024) -> Equilibria:
+    """The rest points of a scene in a box, with their stability; host only.
+
+    Args:
+      scene: an autonomous scene, or one that is frozen at time t.
+      low: lower corner of the box, (k,) for all entries of the state; or (k/2,) for the
+        coordinates of a state [q, v], whose velocities are then 0.
+      high: upper corner, the same.
+      t: () time [s] at which the scene is frozen.
+      starts: how many points of the box the search starts from.
+    Returns:
+      Verified rest points without repetitions, and whether there may be others.
+    Raises:
+      ValueError: an empty box, numbers that are being traced (`rest_point` is differentiable),
+        or other invalid numbers.
+    Limits: completeness can be proved for rates made of elementary formulas, without
+      constraints, with few unknowns: about four. A point at which the rate is 0 but jumps is no
+      rest point; `certainty` names it. Angles that differ by whole turns are one.
+    Example:
+      >>> from jaxdyn.scenes.springs import two_springs
+      >>> found = equilibria(two_springs(g=0.0), [-3, -3], [3, 3])
+      >>> len(found), found.complete
+      (5, True)
+    """
+    _refuse_traced(scene, low, high, t)
+    _checks.float64()
+    box = _box(low, high, len(checked(scene).y0))
+    starts, t = _checks.whole("starts", starts, most=_MOST_STARTS), _checks.array("t", t, ())
+    field = scene.field
+    proof = bisected(field, t, box)
+    box, middles = proof.box, proof.middles[:starts]
+    spread = box.states(low_discrepancy(starts - len(middles), len(box.free)))
+    ends = search(field, t, box, np.concatenate([middles, spread]))
+    kept = np.flatnonzero(ends.passed & box.holds(ends.ys, _SAME))
+    groups = _groups(ends, kept[np.argsort(ends.steps[kept], kind="stable")], box)
+    heads = ends.ys[[group[0] for group in groups]]
+    sharp = jumps(field, t, box, heads)
+    complete, certainty = judged(proof, field, t, heads[~sharp], heads[sharp])
+    smooth = [group for group, jump in zip(groups, sharp, strict=True) if not jump]
+    return _listed(scene, t, box, ends, _merged(scene, box, ends, smooth), (complete, certainty))
+
+
+def rest_point(scene: Scene, y, t=0.0) -> Array:
+    """The isolated rest point (k,) near a state, differentiable in the scene's numbers.
+
+    Newton's method from y, whose own derivatives do not count: those of the rest point follow
+    from the implicit function theorem, up to the third.
+
+    Args:
+      scene: any whose state has no redundant entries, under `jax.grad`, `jit` and `vmap` too.
+      y: (k,) state near the rest point, such as one that `equilibria` found.
+      t: () time [s] at which the scene is frozen.
+    Returns:
+      The rest point; NaN if there is none near y, or if the Jacobian is singular there, as on a
+      curve of rest points.
+    Example:
+      >>> import jax
+      >>> from jaxdyn.scenes.springs import spring_mass
+      >>> def sag(g):
+      ...     return -rest_point(spring_mass(k=10.0, length=0.5, g=g), [0.0, -1.5, 0, 0])[1]
+      >>> print(jax.grad(sag)(10.0))  # m / k
+      0.1
+    """
+    field = checked(scene).field
+    _checks.float64()
+    y = _checks.array("y", y, scene.y0.shape)
+    return _rest_point(field, y, _checks.array("t", t, ()))
+
+
+@eqx.filter_jit
+def _rest_point(field: Field, y: Array, t: Array) -> Array:
+    def newton(y):
+        rate, a = field.rate(t, y), jax.jacfwd(lambda y: field.rate(t, y))(y)
+        step = jnp.linalg.solve(a, rate)
+        return y - step, step, a
+
+    y = jax.lax.fori_loop(0, _STEPS, lambda _, y: newton(y)[0], jax.lax.stop_gradient(y))
+    y, step, a = newton(jax.lax.stop_gradient(y))
+    for _ in range(_NEWTON - 1):
+        y, step, a = newton(y)
+    a, step, size = jax.lax.stop_gradient((a, step, y))
+    values = jnp.linalg.svd(a / jnp.sum(jnp.abs(a), axis=1, keepdims=True), compute_uv=False)
+    settled = jnp.max(jnp.abs(step)) <= _SETTLED * (1 + jnp.max(jnp.abs(size)))
+    # A factor, not a choice: the derivative of a choice of NaN is 0.
+    return y * jnp.where(settled & (values[-1] > _SINGULAR * values[0]), 1.0, jnp.nan)
+
+
+def _refuse_traced(*numbers) -> None:
+    if _checks.is_traced(numbers):
+        raise _checks.fail(
+            "equilibria",
+            "known numbers",
+            "ones that are being traced",
+            "Find the rest points outside of jit, grad and vmap; `equilibria.rest_point(scene, y)` "
+            "carries their derivatives.",
+        )
+
+
+def _box(low, high, k: int) -> Box:
+    low = np.asarray(_checks.array("low", low, (None,)))
+    high = np.asarray(_checks.array("high", high, low.shape))
+    if (low > high).any() or (low == high).all():
+        raise _checks.fail("high", f"above low = {low.tolist()}", high.tolist())
+    if 2 * len(low) == k:
+        low, high = (np.concatenate([x, np.zeros(len(x))]) for x in (low, high))
+    if len(low) != k:
+        raise _checks.fail("low", f"{k} entries, or {k // 2} for coordinates at rest", len(low))
+    return Box(low, high)
+
+
+def _groups(ends: Ends, order: np.ndarray, box: Box) -> list[list[int]]:
+    """Indices in groups of equal states, the best of each first."""
+    groups: list[list[int]] = []
+    units = box.units(ends.ys)
+    heads = np.zeros((len(order), units.shape[1]))
+    for i in order:
+        near = np.abs(heads[: len(groups)] - units[i]).max(axis=1, initial=0.0) <= _SAME
+        if near.any():
+            groups[int(np.argmax(near))].append(int(i))
+        else:
+            heads[len(groups)] = units[i]
+            groups.append([int(i)])
+    return groups
+
+
+def _merged(scene: Scene, box: Box, ends: Ends, groups: list[list[int]]) -> list[list[int]]:
+    """Groups that are one in the system's own measure, as angles a whole turn apart."""
+    if not groups:
+        return []
+    heads = jnp.asarray(ends.ys[[group[0] for group in groups]])
+    slack = _SAME * (box.high - box.low)
+    first: dict[int, list[int]] = {}
+    for n, group in enumerate(groups):
+        same = np.all(np.abs(_apart(scene.system, heads[n], heads)) <= slack, axis=1)
+        earlier = [m for m in first if same[m]]
+        if earlier:
+            first[earlier[0]] += group
+        else:
+            first[n] = list(group)
+    return list(first.values())
+
+
+@eqx.filter_jit
+def _apart(system: System, y: Array, heads: Array) -> Array:
+    return jax.vmap(system.difference, in_axes=(None, 0))(y, heads)
+
+
+def _kinds(field: Field, t: Array, box: Box, ends: Ends, best: list[int]) -> tuple[str, ...]:
+    flat = [i for i in best if ends.flat[i]]
+    kinds = dict.fromkeys(best, "isolated")
+    if flat:
+        # As many as in the first search, which then is not compiled anew.
+        beside = np.resize(ends.ys[flat] + _ALONG * ends.along[flat], ends.ys.shape)
+        found = search(field, t, box, beside)
+        gone = np.linalg.norm(box.units(found.ys[: len(flat)] - ends.ys[flat] + box.low), axis=1)
+        curve = found.passed[: len(flat)] & (gone > _ALONG / 2)
+        kinds |= {i: "continuum" if c else "degenerate" for i, c in zip(flat, curve, strict=True)}
+    return tuple(kinds.values())
+
+
+def _listed(scene: Scene, t, box: Box, ends: Ends, groups: list[list[int]], sure) -> Equilibria:
+    groups = sorted(groups, key=lambda group: tuple(np.round(ends.ys[group[0]], 6)))
+    best = [group[0] for group in groups]
+    count = [len(group) for group in groups]
+    return Equilibria(
+        states=ends.ys[best],
+        linearizations=tuple(linearize(scene.field, ends.ys[i], t) for i in best),
+        kinds=_kinds(scene.field, t, box, ends, best),
+        complete=sure[0],
+        certainty=sure[1],
+        found_by=np.array(count, dtype=int),
+        residuals=ends.rates[best],
+        starts=len(ends.ys),
+        lost=len(ends.ys) - sum(count),
+    )

@@ -1,0 +1,125 @@
+"""Work ledgers: the work of chosen effects, integrated beside the state.
+
+``with_work(scene, QuadraticDrag)`` is a scene whose state has one more entry, W with
+dW/dt = sum of f . v, starting from 0. It is a scene like any other; a scene without a ledger
+carries nothing. Since W is integrated as the state is, with the same steps and tolerance, work
+of all non-conservative effects = change of energy is a test of both.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.scene import Effect, Field, Scene, System
+
+
+class Ledger(System):
+    """A system whose state [y, W_1 .. W_w] carries the work of w kinds of effects.
+
+    Attributes:
+      system: what moves.
+      kinds: names of the effect classes whose work is summed, one entry each; subclasses
+        count. Names, not effects: so the numbers of an effect stay in one place, the scene.
+    """
+
+    system: System
+    kinds: tuple[str, ...] = eqx.field(static=True)
+
+    @property
+    def obeys(self):
+        return self.system.obeys
+
+    @property
+    def singular(self):
+        return self.system.singular
+
+    def labels(self):
+        return (*self.system.labels(), *((f"work of {kind}", "J") for kind in self.kinds))
+
+    def rate(self, t, y, effects):
+        inner, _ = self._split(y)
+        field = Field(self.system, effects)
+        works = [power(field, kind, t, inner) for kind in self.kinds]
+        return jnp.concatenate([field.rate(t, inner), jnp.stack(works)])
+
+    def points(self, t, y):
+        return self.system.points(t, self._split(y)[0])
+
+    def coordinates(self, y):
+        return self.system.coordinates(self._split(y)[0])
+
+    def sketch(self, t, y):
+        return self.system.sketch(t, self._split(y)[0])
+
+    def kinetic(self, t, y):
+        return self.system.kinetic(t, self._split(y)[0])
+
+    def difference(self, y1, y0):
+        (a, work1), (b, work0) = self._split(y1), self._split(y0)
+        return jnp.concatenate([self.system.difference(a, b), work1 - work0])
+
+    def project(self, t, y):
+        inner, work = self._split(y)
+        return jnp.concatenate([self.system.project(t, inner), work])
+
+    def undetermined(self, t, y):
+        return self.system.undetermined(t, self._split(y)[0])
+
+    def check(self, t, y):
+        self.system.check(t, self._split(y)[0])
+
+    def _split(self, y: Array) -> tuple[Array, Array]:
+        k = len(self.system.labels())
+        return y[:k], y[k:]
+
+
+def power(scene: Scene | Field, kind: str, t, y: Array) -> Array:
+    """Power () [W] of the scene's effects of one kind, by the name of their class.
+
+    Forces on points count with the points' velocities, forces on coordinates (motors) with
+    the rates of the coordinates; 0 where the scene has no such effect.
+    """
+    of_kind = (e for e in scene.effects if kind in (cls.__name__ for cls in type(e).__mro__))
+    return sum((power_of(scene, effect, t, y)[0] for effect in of_kind), jnp.zeros(()))
+
+
+def power_of(scene: Scene | Field, effect: Effect, t, y: Array) -> tuple[Array, Array]:
+    """Power () [W] of one effect, and () [W] the sum of the sizes of the terms it is a sum of."""
+    r, v, m = scene.system.points(t, y)
+    terms = [effect.force(t, r, v, m) * v]
+    if "generalized" in effect.acts:
+        q, q_dot = scene.system.coordinates(y)
+        generalized = effect.generalized(t, q, q_dot)
+        terms += [] if generalized is None else [generalized * q_dot]
+    power, size = (sum(jnp.sum(f(x)) for x in terms) for f in (jnp.asarray, jnp.abs))
+    return jnp.asarray(power), jnp.asarray(size)
+
+
+def with_work(scene: Scene, *kinds: type[Effect]) -> Scene:
+    """The same scene with the work of each kind of effect as a further entry of the state.
+
+    Args:
+      scene: any scene.
+      kinds: effect classes; `Effect` itself gives the work of all of them together.
+    Returns:
+      A scene with labels "work of QuadraticDrag" [J] and so on after its own.
+    Raises:
+      ValueError: no kind given, or one that the scene does not have.
+    Limits: the scene is no longer of second order, so a conservative one is integrated by
+      the Runge-Kutta instead of the Nystrom pair.
+    Example:
+      >>> from jaxdyn.analysis import ledger
+      >>> from jaxdyn import scenes, simulate
+      >>> from jaxdyn.effects import QuadraticDrag
+      >>> motion = simulate(ledger.with_work(scenes.cannonball(drag=0.1), QuadraticDrag))
+      >>> bool(motion["work of QuadraticDrag"][-1] < 0)
+      True
+    """
+    has = ", ".join(type(e).__name__ for e in scene.effects) or "none"
+    for kind in kinds or (type(None),):
+        if not any(isinstance(effect, kind) for effect in scene.effects):
+            raise _checks.fail("with_work", f"an effect of the scene ({has})", kind.__name__)
+    system = Ledger(scene.system, tuple(kind.__name__ for kind in kinds))
+    y0 = jnp.concatenate([scene.y0, jnp.zeros(len(kinds))])
+    return Scene(system, scene.effects, y0=y0, t1=scene.t1)

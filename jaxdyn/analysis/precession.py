@@ -1,0 +1,243 @@
+"""Steady precession of spinning bodies: problems 55 to 61.
+
+`steady.linearize_steady` says whether such a motion is stable, and how fast a body nutates.
+
+The axis e_3' of an axisymmetric body keeps an angle theta to the vertical k while
+
+    omega = omega_p k + omega_s e_3',    omega_3 = omega_s + omega_p cos(theta).
+
+omega_p is the precession, omega_s the spin relative to the frame that precesses, and omega_3 the
+total spin about the axis, which is the conserved one. Where gravity gives the moment
+K sin(theta) about the line of nodes k x e_3', balance of angular momentum leaves, for
+sin(theta) != 0,
+
+    I_1 cos(theta) omega_p^2 - I_3 omega_3 omega_p + K = 0,
+
+or the same with I_1 - I_3 and omega_s in place of I_1 and omega_3. K is 0 for a free body, m g d
+for a top (moments about the pivot), and -m g r cot(theta) for a disk on ice. These are not the
+most general motions of tops and disks, which also nutate, but they are of free bodies.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn._arguments import arrays
+from jaxdyn._floats import floats
+from jaxdyn._numerics import safe_sqrt
+from jaxdyn.formulations.rigid import pose
+from jaxdyn.geometry.rotations import (
+    Matrix,
+    checked_rotation,
+    matrix_from_rotation_vector,
+    wxyz_from_matrix,
+)
+from jaxdyn.geometry.vectors import Scalar, Vector
+from jaxdyn.integrate.simulation import Trajectory, each_motion
+
+# A leading coefficient below this part of what it is a difference of is zero: cos(pi / 2) in
+# floats is not.
+_NONE = 1e-15
+
+
+class Precession(NamedTuple):
+    """Precession omega_p, and spin omega_s relative to the frame that precesses [rad/s]."""
+
+    precession: Array
+    spin: Array
+
+
+# ---- relations
+
+
+def precession_residual(theta, motion: Precession, *, I1, I3, K) -> Array:
+    """Moment () [N m] that a steady precession lacks, over sin(theta); 0 where it is possible."""
+    cos = jnp.cos(theta)
+    total = motion.spin + motion.precession * cos
+    return I1 * cos * motion.precession**2 - I3 * total * motion.precession + K
+
+
+def precession_roots(theta, spin, *, I1, I3, K, total: bool = False) -> Precession:
+    """All steady precessions at a lean and a spin: (2,) the slow one, then the fast one.
+
+    NaN where there is none: both if the spin is too slow, the fast one where the equation is
+    linear (an axis at right angles to k with the total given, I_1 = I_3 with the relative spin).
+    Where both are one it comes twice, and its derivatives are infinite.
+
+    Args:
+      theta: () angle of the axis to the vertical [rad], not 0 or pi.
+      spin: () about the axis [rad/s].
+      I1: () moment across the axis [kg m^2], about the pivot if there is one.
+      I3: () moment about the axis [kg m^2].
+      K: () moment of gravity over sin(theta) [N m].
+      total: whether the spin is omega_3, not omega_s.
+    """
+    theta, spin = floats(theta, spin)
+    cos = jnp.cos(theta)
+    a = (I1 if total else I1 - I3) * cos
+    rates = _real_roots(a, -I3 * spin, K, linear=jnp.abs(a) <= _NONE * (I1 + I3))
+    return Precession(rates, jnp.where(jnp.isnan(rates), jnp.nan, spin) - total * rates * cos)
+
+
+def free_precession(theta, total, *, I1, I3) -> Precession:
+    """The steady precession of a free axisymmetric body about its angular momentum.
+
+    omega_p = I_3 omega_3 / (I_1 cos(theta)). For a flat plate, I_3 = 2 I_1, seen at a small angle
+    it is 2 omega_3: the plate wobbles twice as fast as it spins.
+    """
+    rate = I3 * total / (I1 * jnp.cos(theta))
+    return Precession(rate, total - rate * jnp.cos(theta))
+
+
+@arrays
+def free_attitude(R0: Matrix, omega_b0: Vector, t: Scalar, *, I1: Scalar, I3: Scalar) -> Matrix:
+    """R_wb (3, 3) at time t of a free axisymmetric body from any start.
+
+    exp(t H / I_1) R_0 exp(t omega_s e_3'), H the constant angular momentum in space and
+    omega_s = (1 - I_3 / I_1) omega_3. So every motion is a steady precession (problem 58).
+
+    Args:
+      R0: (3, 3) attitude at the start.
+      omega_b0: (3,) angular velocity at the start, in the body's axes [rad/s].
+      t: () time since [s].
+      I1: () moment across the axis [kg m^2].
+      I3: () moment about the axis, the body's third [kg m^2].
+    Raises:
+      ValueError: R0 is not a rotation.
+    """
+    R0 = checked_rotation("R0", R0)
+    H = R0 @ (jnp.stack([I1, I1, I3]) * omega_b0)
+    axis = jnp.array([0.0, 0.0, 1.0])
+    own = matrix_from_rotation_vector(t * (1 - I3 / I1) * omega_b0[2] * axis)
+    return matrix_from_rotation_vector(t * H / I1) @ R0 @ own
+
+
+def top_roots(theta, spin, *, m, d, I1, I3, g=9.81, total: bool = False) -> Precession:
+    """`precession_roots` of a top, whose moment I1 is about its centre of mass as in problem 59."""
+    return precession_roots(theta, spin, I1=I1 + m * d * d, I3=I3, K=m * g * d, total=total)
+
+
+class SteadyDisk(NamedTuple):
+    """Precession and spin [rad/s], and the radius R [m] of the circle of a disk's centre.
+
+    R is negative where the disk leans towards the middle of its circle, as a coin that rolls
+    does: the centre is at R times the horizontal direction uphill, k x e_x'.
+    """
+
+    precession: Array
+    spin: Array
+    R: Array
+
+
+class DiskResiduals(NamedTuple):
+    """What a motion of a disk at constant lean has too much of, each ().
+
+    The moment [N m] beyond what the forces at the contact give, 0 if the laws of mechanics allow
+    it; the slip [m/s], 0 for rolling; the friction [N] towards uphill, 0 on ice.
+    """
+
+    moment: Array
+    slip: Array
+    friction: Array
+
+
+def disk_residuals(theta, motion: SteadyDisk, *, m, radius, I1, g=9.81) -> DiskResiduals:
+    """The relations between lean, precession, spin and R in steady motions (problem 60)."""
+    rate, spin, R = motion
+    cos, sin = jnp.cos(theta), jnp.sin(theta)
+    total = spin + rate * cos
+    friction = -m * R * rate**2
+    given = radius * (sin * friction - m * g * cos)
+    moment = rate * sin * I1 * (2 * total - rate * cos) - given
+    return DiskResiduals(moment, radius * total - R * rate, friction)
+
+
+def rolling_disk_circle(theta, R, *, m, radius, I1, g=9.81) -> SteadyDisk:
+    """Problem 60 a: the steady rolling without slip at a lean, round a circle of radius R.
+
+    omega_p^2 = m g r cos(theta) / (sin(theta) (I_1 cos(theta) - (2 I_1 / r + m r) R)), and from the
+    lack of slip r omega_3 = R omega_p. The root with omega_p > 0; its mirror image turns all
+    rates about. NaN where there is none: a disk cannot lean outwards far from the middle.
+
+    Limits: two families are not of this form, upright (theta = pi/2): straight rolling at any
+    spin, and turning on the spot, R = 0, at any omega_p.
+    """
+    cos, sin = jnp.cos(theta), jnp.sin(theta)
+    square = m * g * radius * cos / (sin * (I1 * cos - (2 * I1 / radius + m * radius) * R))
+    rate = _real_sqrt(square)
+    return SteadyDisk(rate, rate * (R / radius - cos), R * jnp.ones_like(rate))
+
+
+def sliding_disk_roots(theta, spin, *, m, radius, I1, g=9.81) -> Precession:
+    """Problem 60 b: all steady motions without friction at a lean and a spin, (2,) as above.
+
+    The centre is at rest (or moves along at a constant velocity). Upright all with
+    spin * precession = 0 are steady.
+    """
+    K = -m * g * radius * jnp.cos(theta) / jnp.sin(theta)
+    return precession_roots(theta, spin, I1=I1, I3=2 * I1, K=K)
+
+
+def frictionless_rolling_disk(theta, *, m, radius, I1, g=9.81) -> SteadyDisk:
+    """Problem 60 c: the steady rolling that needs no friction, that of a coin before it rests.
+
+    omega_p = sqrt(m g r / (I_1 sin(theta))) and omega_3 = 0: the line from the centre to the point
+    of contact is the axis of rotation. Upright there is straight rolling too.
+    """
+    rate = jnp.sqrt(m * g * radius / (I1 * jnp.sin(theta)))
+    return SteadyDisk(rate, -rate * jnp.cos(theta), jnp.zeros_like(rate))
+
+
+# ---- what a motion shows
+
+
+class WobbleAndSpin(NamedTuple):
+    """Mean rates [rad/s]: of the body's axis about z, and of a drawing on the body about z."""
+
+    wobble: Array
+    spin: Array
+
+
+@each_motion
+def wobble_and_spin(motion: Trajectory) -> WobbleAndSpin:
+    """How fast the axis e_3' of a body goes round z, and how fast the body itself does.
+
+    The second is the turn about z of the whole attitude (its twist), phi + psi of ZXZ Euler
+    angles, which is smooth also where e_3' passes through z. Both are counted from the first
+    sample to the last, so samples must be less than half a turn apart. Upside down the twist
+    has no meaning.
+    """
+    R = _attitudes(motion)
+    wobble = jnp.unwrap(jnp.arctan2(R[:, 1, 2], R[:, 0, 2]))
+    q = jax.vmap(wxyz_from_matrix)(R)
+    turn = jnp.unwrap(2 * jnp.arctan2(q[:, 3], q[:, 0]))
+    span = motion.ts[-1] - motion.ts[0]
+    return WobbleAndSpin((wobble[-1] - wobble[0]) / span, (turn[-1] - turn[0]) / span)
+
+
+@each_motion
+def tilts(motion: Trajectory) -> Array:
+    """(s,) angle of the body's axis e_3' to the vertical [rad]."""
+    axis = _attitudes(motion)[..., 2]
+    return jnp.arctan2(safe_sqrt(axis[:, 0] ** 2 + axis[:, 1] ** 2), axis[:, 2])
+
+
+def _attitudes(motion: Trajectory) -> Array:
+    return jax.vmap(lambda t, y: pose(motion.scene, t, y).R_wb)(motion.ts, motion.ys)
+
+
+def _real_roots(a: Array, b: Array, c: Array, linear: Array) -> Array:
+    """(2,) real roots of a x^2 + b x + c, the smaller first, without cancellation; else NaN."""
+    discriminant = b * b - 4 * a * c
+    root = _real_sqrt(discriminant)
+    q = -(b + jnp.where(b < 0, -root, root)) / 2
+    one = jnp.where(q == 0, jnp.nan, c / jnp.where(q == 0, 1.0, q))
+    other = jnp.where(linear, jnp.nan, q / jnp.where(linear, 1.0, a))
+    return jnp.stack([one, other])
+
+
+def _real_sqrt(x: Array) -> Array:
+    """The root of x, NaN below 0 with a derivative of NaN there too."""
+    return jnp.sqrt(jnp.where(x < 0, jnp.nan, x))

@@ -1,0 +1,234 @@
+"""Close encounters: bodies that attract each other, in a time that slows down as they meet.
+
+With V < 0 the potential, U = -V, T the kinetic energy and E the total one, the motion is
+followed in s instead of t (logarithmic Hamiltonian, algorithmic regularisation):
+
+    dr/ds = v / (T - E)    dt/ds = 1 / (T - E)    dv/ds = F / (m U)    dE/ds = power / (T - E)
+
+Since U = T - E along a motion, this is ds = U dt: steps are even through an encounter however
+close. What makes it exact there is that E is carried along and that T - E stands beside U. What
+these equations keep is log((T - E) / U), so a rounding error of 1e-16 at an encounter, where U is
+1e6 times larger than E, is one of 1e-16 in the energy afterwards; in plain time it is one of
+1e-10. The price is the Nystrom pair, whose place the Runge-Kutta pair takes.
+
+Measured, Kepler over 1000 periods: at eccentricity 0.9 both are equally good and fast; at 0.999999
+the error is 3e-12 against 7e-7 at rtol 1e-13; at 1 - 1e-10 it is 2e-12 where plain time fails.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.analysis.energy import energy
+from jaxdyn.integrate.events import Reaches, Stop, until
+from jaxdyn.integrate.flow import Flow
+from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, Trajectory, raise_unless_ok, solve
+from jaxdyn.scene import Field, Scene, System, checked
+from jaxdyn.solvers import Method
+from jaxdyn.status import Status
+
+_FAR = 1e150  # a span of s that no motion gets to
+_ROUNDS = 2  # of Newton's method for s at the end, from some 1e-6 away
+_ATTRACTION = "an attraction: a potential below 0, as of gravity"
+
+
+class LogarithmicTime(System):
+    """A system whose state [q, v, E, t] carries its energy and its time along.
+
+    Attributes:
+      system: what moves; of second order, with a potential energy below 0.
+    """
+
+    system: System
+
+    @property
+    def obeys(self):
+        return self.system.obeys
+
+    def labels(self):
+        return (*self.system.labels(), ("E", "J"), ("t", "s"))
+
+    def points(self, t, y):
+        del t
+        return self.system.points(y[-1], y[:-2])
+
+    def sketch(self, t, y):
+        del t
+        return self.system.sketch(y[-1], y[:-2])
+
+    def kinetic(self, t, y):
+        del t
+        return self.system.kinetic(y[-1], y[:-2])
+
+    def difference(self, y1, y0):
+        return jnp.concatenate([self.system.difference(y1[:-2], y0[:-2]), y1[-2:] - y0[-2:]])
+
+    def rate(self, t, y, effects):
+        del t
+        inner, E, t = y[:-2], y[-2], y[-1]
+        r, v, m = self.system.points(t, inner)
+
+        def potential(t):
+            values = [effect.potential(t, r, m) for effect in effects]
+            return sum((V for V in values if V is not None), jnp.zeros(()))
+
+        V, power = jax.jvp(potential, (t,), (jnp.ones_like(t),))
+        for effect in effects:
+            if effect.potential(t, r, m) is None:
+                power = power + jnp.sum(effect.force(t, r, v, m) * v)
+        slowness = 1 / (self.system.kinetic(t, inner) - E)
+        q_dot, v_dot = jnp.split(Field(self.system, effects).rate(t, inner), 2)
+        ends = jnp.stack([power * slowness, slowness])
+        return jnp.concatenate([q_dot * slowness, v_dot / -V, ends])
+
+    def check(self, t, y):
+        del t
+        self.system.check(y[-1], y[:-2])
+
+
+def regularised(scene: Scene, t0=0.0) -> Scene:
+    """The same motion in logarithmic time: a scene of states [q, v, E, t].
+
+    Args:
+      scene: of second order but for its effects (free points), with a potential energy below 0:
+        gravity and other attractions, also softened, with any further forces.
+      t0: () start time [s].
+    Returns:
+      A scene whose time is s [J s]; its span is that of s for which U stays as at the start.
+    Raises:
+      ValueError: another kind of scene.
+    Limits: through a collision itself, where U is infinite, nothing goes; it ends in a status.
+    Reference: Mikkola, Tanikawa (1999), Celest. Mech. Dyn. Astron. 74, 287; Preto, Tremaine
+      (1999), Astron. J. 118, 2532.
+    Example:
+      >>> from jaxdyn import scenes
+      >>> [name for name, _ in regularised(scenes.two_body()).system.labels()][-2:]
+      ['E', 't']
+    """
+    checked(scene)
+    t0 = _checks.array("t0", t0, ())
+    if not scene.system.second_order:
+        name = type(scene.system).__name__
+        raise _checks.fail("scene", "free points", name, "Its close encounters are no collisions.")
+    E = energy(scene, t0, scene.y0)
+    U = scene.system.kinetic(t0, scene.y0) - E
+    if not _checks.is_traced(U) and not U > 0:
+        raise _checks.fail("scene", _ATTRACTION, f"{-float(U):.6g} J", "Simulate it in plain time.")
+    y0 = jnp.concatenate([scene.y0, jnp.stack([E, t0])])
+    return Scene(LogarithmicTime(scene.system), scene.effects, y0=y0, t1=U * scene.t1)
+
+
+def simulate_regularised(
+    scene: Scene,
+    t1=None,
+    *,
+    t0=0.0,
+    samples: int = 200,
+    rtol: float = RTOL,
+    max_steps: int = MAX_STEPS,
+    throw: bool = True,
+) -> Trajectory:
+    """As `simulate`, through close encounters; samples are even in s, so denser in encounters.
+
+    Args:
+      scene: see `regularised`.
+      t1: () end time [s], after or before t0; the scene's own span if left out.
+      t0: () start time [s].
+      samples: how many, at least 2; the trajectory's `ts` say when.
+      rtol: relative tolerance of one step.
+      max_steps: when to give up.
+      throw: see `simulate`.
+    Returns:
+      The motion of the scene as it was given, in its own time and states.
+    Raises:
+      ValueError: see `regularised` and `simulate`.
+      IntegrationError: the end was not reached.
+    Example:
+      >>> from jaxdyn.analysis import energy
+      >>> from jaxdyn import scenes
+      >>> fall = scenes.power_law(n=-2.0, speed=1e-4)  # passes the sun at 5e-9 m
+      >>> float(energy.drift(simulate_regularised(fall, 100.0, rtol=1e-13))) < 1e-13
+      True
+    """
+    _, _, run, status = followed(scene, t1, t0, samples, rtol, max_steps, throw)
+    return Trajectory(scene, run.ys[:, -1], run.ys[:, :-2], run.steps, run.rejected, status)
+
+
+def solve_regularised(
+    scene: Scene,
+    t1,
+    s,
+    *,
+    t0=0.0,
+    rtol: float = RTOL,
+    solver: Method | None = None,
+    max_steps: int = MAX_STEPS,
+) -> Flow:
+    """The end of a motion, most of the way in logarithmic time: what the orbit finder calls.
+
+    The span of s is held fixed, and what then is left to t1 is integrated in plain time: no
+    search for the end, and its derivatives cost no more than those of two solves.
+
+    Args:
+      scene: see `regularised`.
+      t1: () end time [s].
+      s: () span of logarithmic time [J s] that comes near t1; see `logarithmic_span`.
+      t0: () start time [s].
+      rtol: relative tolerance of one step.
+      solver: of the part in logarithmic time; the default one if left out.
+      max_steps: when to give up, in each part.
+    Returns:
+      The state at t1, the steps of both parts, and the status of the worse one.
+    """
+    slow = regularised(scene, t0)
+    run = solve(slow, s, rtol=rtol, solver=solver, max_steps=max_steps)
+    near = scene.starting(run.y1[:-2])
+    end = solve(near, t1, t0=run.y1[-1], rtol=rtol, max_steps=max_steps)
+    status = jnp.where(run.status == Status.OK, end.status, run.status)
+    counts = (run.steps + end.steps, run.rejected + end.rejected, status)
+    return Flow(jnp.where(status == Status.OK, end.y1, jnp.nan), end.ys, *counts, run.stiff)
+
+
+def logarithmic_span(
+    scene: Scene, t1, *, t0=0.0, rtol: float = 1e-10, max_steps: int = MAX_STEPS
+) -> Array:
+    """() the span of logarithmic time [J s] in which a motion comes near t1; NaN if it does not."""
+    slow = regularised(scene, t0)
+    stop = _until(slow, t0, t1, rtol, max_steps)
+    return jnp.where(stop.event >= 0, stop.t, jnp.nan)
+
+
+def _until(slow: Scene, t0, t1, rtol, max_steps: int) -> Stop:
+    _checks.float64()  # else the far end is no number
+    far = jnp.where(jnp.asarray(t1) > t0, _FAR, -_FAR)
+    return until(slow, Reaches(len(slow.y0) - 1, t1), far, rtol=rtol, max_steps=max_steps)
+
+
+def followed(scene: Scene, t1, t0, samples: int, rtol, max_steps: int, throw: bool):
+    """The scene in logarithmic time, a grid of s, the run over it that ends at t1, its status."""
+    slow = regularised(scene, t0)
+    t1 = _checks.array("t1", scene.t1 if t1 is None else t1, ())
+    if samples < 2:
+        raise _checks.fail("samples", "at least 2", samples, "The start and the end.")
+    if t1 == t0:
+        raise _checks.fail("t1", "a time other than t0", t1, "Nothing moves in no time.")
+    stop = _until(slow, t0, t1, rtol, max_steps)
+    if throw:
+        raise_unless_ok(stop.status, scene)
+
+    def over(y0, span) -> tuple[Array, Flow]:
+        grid = jnp.linspace(0.0, span, samples)
+        flow = solve(slow.starting(y0), span, ts=grid, rtol=rtol, max_steps=max_steps)
+        return grid, flow
+
+    grid, run = over(slow.y0, stop.t)
+    # The search rounds in another way, which encounters amplify: the last bit is gone after it.
+    last, length = run.y1, stop.t
+    for _ in range(_ROUNDS):
+        rest = (t1 - last[-1]) / slow.rate(length, last)[-1]
+        last, length = over(last, rest)[1].y1, length + rest
+    run = eqx.tree_at(lambda run: (run.y1, run.ys), run, (last, run.ys.at[-1].set(last)))
+    status = jnp.where(stop.status == Status.OK, run.status, stop.status)
+    return slow, grid.at[-1].set(length), run, status

@@ -1,0 +1,186 @@
+"""Stability of steady motions: precession, rolling round a circle, bodies that turn as one.
+
+A motion is steady if a symmetry of the scene carries it along: y(t) = exp(t xi) y(0), as a shift
+of angles or places does, or a turn about an axis. In a frame that goes with it, it is at rest, and
+near it
+
+    dx/dt = B x,    B = Df(y) - Dxi(y),    xi(y) = f(y).
+
+The symmetries are found, not asked for: all fields xi(y) = c + M y with Df xi = M f at states
+about y, and along the constraints. Displacements along a symmetry lead to the same motion
+elsewhere; those which B takes to 0, up to a symmetry, to another steady motion nearby. Neither
+says anything of stability, and both are left out: what remains are the eigenvalues of the motion
+in reduced coordinates.
+
+Reference: Marsden (1992), Lectures on Mechanics, chapters 4 and 5; Neimark, Fufaev (1972),
+Dynamics of Nonholonomic Systems, chapter 6.
+"""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.analysis.linearize import Linearization, classify
+from jaxdyn.scene import Field, Scene, checked
+
+_MOST = 40  # entries of a state: the symmetries are looked for among its square
+_SPREAD = 0.3  # of the size of the state: how far off it samples are taken
+_SYMMETRIC = 1e-10  # relative: what samples leave of Df xi - M f for a symmetry
+_STEADY = 1e-8  # relative: what the symmetries leave of the rate of a steady motion
+_TURNING = 1e-6  # relative to Df: real part of the eigenvalues of a symmetry that keeps sizes
+_NEUTRAL = 1e-8  # relative: what leads to another steady motion
+_PROJECTOR = 0.5  # singular values of a projector are 0, or 1 and more
+
+
+@dataclasses.dataclass(frozen=True)
+class SteadyMotion:
+    """What is known of the motions near a steady one.
+
+    Attributes:
+      reduced: eigenvalues, error bars and verdict, in reduced coordinates: without
+        displacements to the same motion elsewhere or to a steady one nearby. "stable" is said
+        of the family of steady motions: motions come back to one of them.
+      symmetries: how many directions lead to the same motion elsewhere.
+      family: how many lead to other steady motions nearby.
+    """
+
+    reduced: Linearization
+    symmetries: int
+    family: int
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """Angular frequencies [rad/s] of the oscillations about it, ascending."""
+        im = np.imag(self.reduced.eigenvalues)
+        return np.sort(im[im > self.reduced.bars])
+
+
+def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
+    """Eigenvalues of the motions near a steady motion, and what they decide; host only.
+
+    Args:
+      scene: autonomous, with symmetries that are affine in its state: angles that do not matter,
+        turns of vectors, quaternions and matrices, shifts.
+      y: (k,) state on the steady motion; the scene's start if left out.
+      t: () time [s] at which a scene is frozen that is not autonomous.
+    Raises:
+      ValueError: the motion through y is not steady, or there is nothing else beside it.
+    Limits: a conservative motion is "undecided" unless it is unstable: a "centre" is all that
+      linearisation can find. Where the steady motion can be seen as a turn about one axis or
+      another, as an upright top can, imaginary parts are those in one of the frames. Symmetries
+      of Euler angles are shifts only: "ZXZ" for precession about z.
+    Example:
+      >>> from jaxdyn.scenes.bodies import top
+      >>> fast, slow = (top(0.0, spin=spin, sequence="XYZ", representation="euler")
+      ...               for spin in (200.0, 50.0))
+      >>> linearize_steady(fast).reduced.portrait, linearize_steady(slow).reduced.verdict
+      ('centre', 'unstable')
+    """
+    _checks.float64()
+    start = checked(scene).y0
+    y = _checks.array("y", start if y is None else y, start.shape)
+    t = _checks.array("t", t, ())
+    if len(y) > _MOST:
+        raise _checks.fail("y", f"at most {_MOST} entries", len(y))
+    size = jnp.maximum(jnp.abs(y), 1.0)
+    f, a, tangent = (np.asarray(x) for x in _seen(scene.field, t, y, size))
+    _checks.finite("rate", jnp.asarray([f.sum(), a.sum()]), "The rate has no derivative there.")
+    tangent = _range(tangent)
+    # Twice, with other samples: the difference is the error.
+    frames = [_frame(scene.field, t, y, size, (f, a), seed) for seed in (1, 2)]
+    (generator, directions), (other, _) = frames
+    inside, b = tangent.T @ (a - generator) @ tangent, tangent.T @ directions
+    doubt = np.linalg.norm(tangent.T @ (generator - other) @ tangent, 2)
+    same = _range(b)
+    beside = _complement(same)
+    b = beside.T @ inside @ beside
+    family = _kernel(b, _NEUTRAL)
+    rest = _complement(family)
+    if not rest.shape[1]:
+        raise _checks.fail("y", "motions beside the steady ones", "none")
+    reduced = classify(rest.T @ b @ rest, doubt)
+    return SteadyMotion(reduced, same.shape[1], family.shape[1])
+
+
+@eqx.filter_jit
+def _seen(field: Field, t: Array, y: Array, size: Array) -> tuple[Array, Array, Array]:
+    """(k,) rate, (k, k) its derivative and (k, k) projector along the constraints, in sizes."""
+
+    def scaled(fn):
+        return lambda z: fn(t, y + size * z) / size
+
+    z = jnp.zeros_like(y)
+    rate, onto = scaled(field.rate), scaled(field.project)
+    return rate(z), jax.jacfwd(rate)(z), jax.jacfwd(onto)(z)
+
+
+@eqx.filter_jit
+def _sampled(field: Field, t: Array, y: Array, size: Array, zs: Array) -> tuple[Array, ...]:
+    """`_seen` at states (s, k) on the constraints near y + size z, and their z."""
+
+    def sample(z):
+        at = field.project(t, field.project(t, y + size * z))
+        return (at - y) / size, *_seen(field, t, at, size)
+
+    return jax.vmap(sample)(zs)
+
+
+def _frame(field: Field, t: Array, y: Array, size: Array, now: tuple, seed: int) -> tuple:
+    """(k, k) derivative of the symmetry that carries the motion, and (k, g) all directions."""
+    f, a = now
+    c, m = _symmetries(field, t, y, size, seed)
+    weights = np.linalg.lstsq(c.T, f, rcond=_SYMMETRIC)[0]
+    left = np.abs(f - c.T @ weights).max()
+    generator = np.tensordot(weights, m, axes=1)
+    grows = np.abs(np.linalg.eigvals(generator).real).max() > _TURNING * np.abs(a).max()
+    if left > _STEADY * np.abs(f).max() or grows:
+        share = left / np.abs(f).max()
+        raise _checks.fail(
+            "y",
+            "a state on a steady motion",
+            "one that grows" if grows else f"a rate that symmetries do not give, by {share:.2g}",
+            "See `precession.top_roots` and `precession.rolling_disk_circle`; of Euler angles only "
+            "shifts are symmetries, of quaternions all turns.",
+        )
+    return generator, c.T
+
+
+def _symmetries(field: Field, t: Array, y: Array, size: Array, seed: int):
+    """(g, k) values c at y and (g, k, k) derivatives M of the symmetries, in units of sizes."""
+    k = len(y)
+    zs = _SPREAD * np.random.default_rng(seed).uniform(-1, 1, size=(2 * (k + 2), k))
+    z, f, a, tangent = (np.asarray(x) for x in _sampled(field, t, y, size, jnp.asarray(zs)))
+    off = np.eye(k) - tangent
+    # Rows of M f - Df (c + M z) = 0 and of (1 - P) (c + M z) = 0 for the unknowns c and M.
+    moved = np.einsum("ip,sj->sipj", np.eye(k), f) - np.einsum("sip,sj->sipj", a, z)
+    bound = np.einsum("sip,sj->sipj", off, z)
+    parts = (-a, moved), (off, bound)
+    rows = [np.concatenate([x, w.reshape(len(z), k, -1)], axis=2) for x, w in parts]
+    rows = np.concatenate(rows).reshape(-1, k + k * k)
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    largest = np.abs(rows).max(axis=1, keepdims=True)
+    found = _kernel(rows / np.where(largest > _SYMMETRIC, largest, 1.0), _SYMMETRIC).T
+    return found[:, :k], found[:, k:].reshape(-1, k, k)
+
+
+def _kernel(a: np.ndarray, part: float) -> np.ndarray:
+    """(n, g) orthonormal columns that a matrix (m, n) takes to a small part of its size."""
+    _, s, vt = np.linalg.svd(a)
+    s = np.append(s, np.zeros(a.shape[1] - len(s)))
+    return vt[s <= part * s.max(initial=0.0)].T
+
+
+def _range(a: np.ndarray) -> np.ndarray:
+    """(n, r) orthonormal columns that span those of a projector, or of symmetries."""
+    u, s, _ = np.linalg.svd(a)
+    return u[:, : int(np.sum(s > _NEUTRAL * s.max(initial=0.0)))]
+
+
+def _complement(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal columns across orthonormal ones."""
+    return np.linalg.svd(columns, full_matrices=True)[0][:, columns.shape[1] :]

@@ -1,0 +1,133 @@
+"""Problem 21: two pushed masses, joined by a rod or by a stiff spring. Which computes faster?
+
+The rod needs differential-algebraic equations, the spring none, but its vibration has to be
+followed: its steps are shorter the stiffer it is, like 1 / sqrt(k). The centre of mass moves the
+same with both, x_G'' = F sin(w t) / (m1 + m2), which has a closed form to measure errors by.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn.accuracy.work_precision import Quantity, work_precision
+from jaxdyn.analysis.linearize import linearize
+from jaxdyn.analysis.momenta import centre_of_mass
+from jaxdyn.effects import SinusoidalForce, Spring
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate.simulation import default_solver, simulate
+from jaxdyn.scene import Scene, checked
+from jaxdyn.scenes.linkages import rod_on_line
+
+_MASSES, _LENGTH, _FORCE, _FREQUENCY = (1.0, 2.0), 1.0, 1.0, 1.0
+_SAMPLES = 201
+_MANY = 1e3  # turns of a vibration that nobody wants to see one by one
+
+
+class Row(NamedTuple):
+    """A way to join the masses, and what it takes to have the centre of mass to so many digits.
+
+    Attributes:
+      name: of the way.
+      rtol: the loosest tolerance with that many digits; NaN if there is none.
+      error: of the centre of mass at the end [m].
+      stretch: largest change of the distance between the masses at that tolerance [m].
+      seconds: median time of a run.
+      evaluations: of the right-hand side.
+    """
+
+    name: str
+    rtol: float
+    error: float
+    stretch: float
+    seconds: float
+    evaluations: float
+
+
+def compare(k=(1e2, 1e4, 1e6), *, t1=20.0, digits=9, rounds=10) -> tuple[Row, ...]:
+    """The rod, with each cure of its drift, and springs, at equal accuracy of the mass centre.
+
+    The rod is faster than any spring stiff enough to pass for one: a spring that is ten times
+    stiffer takes three times as long, and still stretches. It is not less accurate in the mass
+    centre: its two forces cancel in the sum, and its short steps make the mass centre right to
+    rounding, which the rod has at a tighter tolerance for less. On a line the constraint is linear
+    and does not drift even if nothing is done ("raw"); Baumgarte's cure disturbs it.
+
+    Args:
+      k: stiffnesses of the springs [N/m].
+      t1: span [s].
+      digits: decimal places that the mass centre [m] should have at the end.
+      rounds: how often each run is timed.
+    Returns:
+      A row for each drift of `scenes.rod_on_line`, then one for each spring.
+    """
+    drifts = ("projection", "baumgarte", "raw")
+    joined = {f"rod, {drift}": joined_by_rod(drift, t1=t1) for drift in drifts}
+    joined |= {f"spring, k = {stiffness:g}": joined_by_spring(stiffness, t1=t1) for stiffness in k}
+    return tuple(_row(name, scene, t1, digits, rounds) for name, scene in joined.items())
+
+
+def mass_centre(t):
+    """(...) [m] where the mass centre is at times t (...), in closed form."""
+    total = sum(_MASSES)
+    swing = _FORCE / (total * _FREQUENCY**2)
+    start = _MASSES[1] * _LENGTH / total
+    return start + swing * (_FREQUENCY * t - np.sin(_FREQUENCY * t))
+
+
+def joined_by_rod(drift: str = "projection", *, t1=20.0) -> Scene:
+    """The two masses on a rod, one of them pushed; `compare` says with what drifts."""
+    push = {"force": _FORCE, "frequency": _FREQUENCY}
+    return rod_on_line(m=_MASSES, length=_LENGTH, drift=drift, t1=t1, **push)
+
+
+def joined_by_spring(k, *, t1=20.0) -> Scene:
+    """The two masses on a spring of stiffness k [N/m], one of them pushed."""
+    push = SinusoidalForce([_FORCE], _FREQUENCY, on=(1,))
+    y0 = [0.0, _LENGTH, 0.0, 0.0]
+    system = FreePoints(jnp.asarray(_MASSES), 1)
+    return Scene(system, (Spring(k, _LENGTH, i=0, j=1), push), y0=y0, t1=t1)
+
+
+def advice(scene: Scene, t1=None) -> str:
+    """What to take instead of links too stiff to be followed; empty if they can be; host only.
+
+    The fastest vibration at the start is that of the largest eigenvalue there. An explicit method
+    follows each of its turns, as much as they may not matter.
+
+    Args:
+      scene: system, effects, start.
+      t1: () end of the span [s]; the scene's own if left out.
+    Example:
+      >>> advice(joined_by_spring(1e12))[:67]
+      'The stiffest link vibrates at 1.22e+06 rad/s, 3.9e+06 times in the '
+    """
+    fastest = float(np.abs(np.asarray(linearize(checked(scene), scene.y0).eigenvalues)).max())
+    turns = fastest * abs(float(scene.t1 if t1 is None else t1)) / (2 * np.pi)
+    if turns < _MANY:
+        return ""
+    return (
+        f"The stiffest link vibrates at {fastest:.3g} rad/s, {turns:.2g} times in the span, and "
+        "the default method follows each. Where it stands for a rod, take the rod (scenes with "
+        "formulation='constrained'): it costs least, whatever the stiffness. Where it must stay, "
+        "pass solver=solvers.RADAU9 and rtol=1e-8: it leaves out vibrations too small to matter."
+    )
+
+
+def _row(name: str, scene: Scene, t1, digits, rounds) -> Row:
+    def centre(scene, t1, how):
+        y1 = simulate(scene, t1, samples=1, throw=False, **how).ys[-1]
+        return centre_of_mass(t1, scene.system.points(t1, y1))[0]
+
+    wanted = Quantity("mass centre", centre, float(mass_centre(t1)))
+    solver = default_solver(scene)
+    found = work_precision(scene, t1, solvers=[solver], quantity=wanted, rounds=rounds)
+    choice = found.recommend(digits)
+    if choice is None:
+        return Row(name, *[float("nan")] * 5)
+    (rung,) = (r for r in found.curves[0].rungs if r.fineness == choice.fineness)
+    motion = simulate(scene, t1, samples=_SAMPLES, rtol=choice.fineness, solver=solver)
+    r = jax.vmap(lambda t, y: scene.system.points(t, y).r)(motion.ts, motion.ys)
+    stretch = float(jnp.max(jnp.abs(r[:, 1, 0] - r[:, 0, 0] - _LENGTH)))
+    return Row(name, choice.fineness, choice.error, stretch, choice.seconds, rung.evaluations)

@@ -1,0 +1,130 @@
+"""When a shaking base holds a pendulum upright: its chart, and what theory says (problem 29).
+
+Near upright, on a base at -A cos(w t),
+
+    theta'' = (g + A w^2 cos(w t)) theta / L,
+
+with L the length of the point pendulum that moves alike, 2/3 of a uniform stick. With
+tau = w t / 2 that is Mathieu's equation theta'' + (a - 2 q cos(2 tau)) theta = 0,
+
+    a = -4 g / (L w^2),    q = 2 A / L
+
+(the sign of q does not matter). It is stable between Mathieu's characteristic values a_0(q) and
+b_1(q), and in thin tongues between a_n(q) and b_(n+1)(q) at large amplitudes. Fast shaking of
+small amplitude, averaged over a period, is stable from (A w)^2 = 2 g L on (a_0 = -q^2 / 2).
+"""
+
+import math
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._floats import floats
+from jaxdyn.analysis.floquet import RTOL, Chart, chart, edges
+from jaxdyn.scene import Scene
+from jaxdyn.scenes.pendula import shaken_pendulum
+
+
+class Upright(eqx.Module):
+    """A stick that stands on a shaking base: (amplitude, frequency) -> scene and period."""
+
+    length: Array
+    g: Array
+    uniform: bool = eqx.field(static=True)
+
+    def __call__(self, amplitude: Array, frequency: Array) -> tuple[Scene, Array]:
+        """The scene at rest upright, and the period of its base."""
+        numbers = {"length": self.length, "g": self.g, "uniform": self.uniform}
+        scene = shaken_pendulum(angle=0.0, amplitude=amplitude, frequency=frequency, **numbers)
+        return scene, 2 * math.pi / frequency
+
+
+def upright_chart(
+    amplitudes, frequencies, *, length=1.0, g=9.81, uniform=True, rtol: float = RTOL
+) -> Chart:
+    """Where an upside-down pendulum on a shaking base is stable, by Floquet multipliers.
+
+    Args:
+      amplitudes: (a,) of the base [m].
+      frequencies: (b,) of the base, > 0 [rad/s].
+      length: of the stick [m].
+      g: gravity [m/s^2].
+      uniform: a uniform stick; False for a point mass at the end of a massless one.
+      rtol: relative tolerance of a step.
+    Returns:
+      Verdicts, multipliers and growth rates (a, b); `drawing.stability_chart` draws them.
+    Raises:
+      ValueError: numbers that make no sense.
+    Example:
+      >>> from jaxdyn.course import upright
+      >>> upright.upright_chart([0.05, 0.1], [20.0, 60.0]).verdict.tolist()
+      [['unstable', 'unstable'], ['unstable', 'stable']]
+    """
+    _checks.positive("length", length, "Lengths are in m.")
+    _checks.positive("frequencies", frequencies, "In rad/s.")
+    make = Upright(*floats(length, g), uniform)
+    return chart(make, amplitudes, frequencies, rtol=rtol)
+
+
+def stability_edges(frequency, *, up_to=None, length=1.0, g=9.81, uniform=True) -> np.ndarray:
+    """(n,) amplitudes [m] at which upright becomes stable, unstable, stable ..., in order.
+
+    The first is where shaking begins to hold the stick (Mathieu's a_0), the second where it throws
+    it off again (b_1).
+
+    Args:
+      frequency: of the base [rad/s].
+      up_to: largest amplitude to look at [m]; the length of the stick if left out.
+      length: of the stick [m].
+      g: gravity [m/s^2].
+      uniform: a uniform stick; False for a point mass at the end of a massless one.
+    Raises:
+      ValueError: a length or frequency that is not positive.
+    Limits: see `floquet.edges`.
+    Example:
+      >>> from jaxdyn.course import upright
+      >>> [f"{edge:.7f}" for edge in upright.stability_edges(60.0)]
+      ['0.0603848', '0.3072533']
+    """
+    _checks.positive("length", length, "Lengths are in m.")
+    _checks.positive("frequency", frequency, "In rad/s.")
+    make = Upright(*floats(length, g), uniform)
+    return edges(make, (0.0, length if up_to is None else up_to), frequency)
+
+
+def mathieu_numbers(
+    amplitude, frequency, *, length=1.0, g=9.81, uniform=True
+) -> tuple[Array, Array]:
+    """a and q () of Mathieu's equation for a stick that stands on a shaking base.
+
+    Args:
+      amplitude: of the base [m].
+      frequency: of the base [rad/s].
+      length: of the stick [m].
+      g: gravity [m/s^2].
+      uniform: a uniform stick; False for a point mass at the end of a massless one.
+    """
+    L = _reduced(length, uniform)
+    amplitude, frequency = floats(amplitude, frequency)
+    return -4 * g / (L * frequency**2), 2 * amplitude / L
+
+
+def averaged_limit(frequency, *, length=1.0, g=9.81, uniform=True) -> Array:
+    """() smallest amplitude [m] that holds upright, for shaking that is fast and small.
+
+    sqrt(2 g L) / w. The true one is larger by the order of its square over that of L.
+
+    Args:
+      frequency: of the base [rad/s].
+      length: of the stick [m].
+      g: gravity [m/s^2].
+      uniform: a uniform stick; False for a point mass at the end of a massless one.
+    """
+    return jnp.sqrt(2 * g * _reduced(length, uniform)) / jnp.asarray(frequency, dtype=float)
+
+
+def _reduced(length, uniform: bool) -> Array:
+    return jnp.asarray(length, dtype=float) * (2 / 3 if uniform else 1.0)

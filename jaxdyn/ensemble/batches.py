@@ -1,0 +1,132 @@
+"""Batches of motions, shared among threads and devices.
+
+A compiled program holds no lock of Python's, so one thread a core keeps all cores busy; several
+devices share each call of the program, each going through a queue of its own.
+"""
+
+import functools
+import os
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jax.experimental import multihost_utils
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+
+from jaxdyn.ensemble.lanes import Ends, Motions, integrate
+from jaxdyn.integrate.flow import Settings
+from jaxdyn.integrate.step_control import Limits, Watch
+
+_AXIS = "motions"
+
+
+def mesh_of(devices) -> Mesh:
+    """The devices as one row."""
+    return Mesh(np.array(devices), (_AXIS,))
+
+
+class Job(NamedTuple):
+    """What all motions have in common, and what goes through them.
+
+    Attributes:
+      shared: the field, with None in place of what each motion has for itself.
+      limits: tolerances, and the most steps.
+      watch: what to look for on the way.
+      settings: the method.
+      chunk: rows of the program's queue.
+      threads: batches that are under way at a time.
+      mesh: the devices that share each chunk; None for the default one alone.
+    """
+
+    shared: Any
+    limits: Limits
+    watch: Watch | None
+    settings: Settings
+    chunk: int
+    threads: int
+    mesh: Mesh | None
+
+    @property
+    def rows(self) -> int:
+        """Motions of one call of the program."""
+        return self.chunk * (1 if self.mesh is None else self.mesh.size)
+
+    def results(self, batches: Iterable[Motions]) -> Iterator[Ends]:
+        """The ends of batches, in their order."""
+        pool = ThreadPoolExecutor(self.threads)
+        waiting: deque = deque()
+        try:
+            for batch in batches:
+                waiting.append(pool.submit(self.ends, batch))
+                if len(waiting) > 2 * self.threads:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        finally:
+            # Also where the user stops listening.
+            pool.shutdown(cancel_futures=True)
+
+    def ends(self, batch: Motions) -> Ends:
+        """The ends of one batch, by one call of the program after another."""
+        n = len(batch.y0)
+        calls = [slice(i, i + self.rows) for i in range(0, n, self.rows)]
+        parts = [self._call(jax.tree.map(lambda x, s=s: x[s], batch)) for s in calls]
+        return jax.tree.map(lambda *parts: np.concatenate(parts), *parts)
+
+    def _call(self, batch: Motions) -> Ends:
+        common = (self.limits, self.watch)
+        if self.mesh is None:
+            n = len(batch.y0)
+            queue = jax.tree.map(self._padded, batch)
+            out = _alone(self.shared, queue, n, *common, settings=self.settings)
+            return jax.tree.map(lambda x: np.asarray(x)[:n], out)
+        return self._shared_out(batch, common, self.mesh)
+
+    def _shared_out(self, batch: Motions, common: tuple, mesh: Mesh) -> Ends:
+        """One call on all devices, each with an equal part of the batch in a queue of its own."""
+        sharding = NamedSharding(mesh, PartitionSpec(_AXIS))
+
+        def spread(x: np.ndarray) -> jax.Array:
+            rows = np.concatenate([self._padded(part) for part in np.array_split(x, mesh.size)])
+            return jax.make_array_from_callback(rows.shape, sharding, rows.__getitem__)
+
+        counts = np.array([len(part) for part in np.array_split(batch.y0, mesh.size)])
+        given = jax.make_array_from_callback(counts.shape, sharding, counts.__getitem__)
+        queues = jax.tree.map(spread, batch)
+        out = _on_devices(mesh, self.settings)(self.shared, queues, given, *common)
+        out = multihost_utils.process_allgather(out, tiled=True)
+        wanted = (np.arange(self.chunk)[None] < counts[:, None]).ravel()
+        return jax.tree.map(lambda x: np.asarray(x)[wanted], out)
+
+    def _padded(self, x: np.ndarray) -> np.ndarray:
+        return np.concatenate([x, np.zeros((self.chunk - len(x), *x.shape[1:]), x.dtype)])
+
+
+_alone = jax.jit(integrate, static_argnames="settings")
+
+
+@functools.cache
+def _on_devices(mesh: Mesh, settings: Settings):
+    """The program for a mesh: each device goes through its own queue and waits for no other."""
+
+    def one(shared, motions, count, limits, watch):
+        return integrate(shared, motions, count[0], limits, watch, settings=settings)
+
+    every, own = PartitionSpec(), PartitionSpec(_AXIS)
+    # Loops that begin with constants and go on with a device's own numbers fail its check.
+    return jax.jit(
+        jax.shard_map(
+            one, mesh=mesh, in_specs=(every, own, own, every, every), out_specs=own, check_vma=False
+        )
+    )
+
+
+def cores() -> int:
+    """Programs that run at a time on the default device."""
+    if jax.default_backend() != "cpu":
+        return 1
+    # Not every system tells which cores the process may use.
+    return len(getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))(0))

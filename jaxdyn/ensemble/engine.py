@@ -1,0 +1,220 @@
+"""Many motions of one scene: thousands to millions of starts or parameters, on every core.
+
+`run` cuts them into batches, hands the batches to threads or devices, see `batches`, and puts the
+results together; `stream` does so for batches that come one by one and never holds more than a few
+of them. The program, see `lanes`, has one shape for any number of motions: it compiles once for a
+kind of scene.
+"""
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+from rich.progress import Progress
+
+from jaxdyn import _checks
+from jaxdyn.ensemble.batches import Job, cores, mesh_of
+from jaxdyn.ensemble.lanes import Ends, Motions
+from jaxdyn.integrate.fixed import FixedField
+from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, checked_settings
+from jaxdyn.integrate.spans import limits
+from jaxdyn.integrate.step_control import Watch
+from jaxdyn.scene import Scene, checked
+from jaxdyn.solvers import Pair
+
+#: Rows of the compiled program's queue: some 60 rounds of its lanes, so that the last round,
+#: in which lanes run out of work, costs little.
+CHUNK = 2048
+
+
+def run(
+    scene: Scene,
+    y0s=None,
+    t1=None,
+    *,
+    params: Scene | None = None,
+    t0=0.0,
+    rtol: float = RTOL,
+    atol: float | None = None,
+    solver: Pair | None = None,
+    max_steps: int = MAX_STEPS,
+    fixed: bool = False,
+    watch: Watch | None = None,
+    chunk: int = CHUNK,
+    threads: int | None = None,
+    devices: Sequence | None = None,
+    progress: bool = False,
+) -> Ends:
+    """The ends of many motions of one scene, each with its own steps.
+
+    Args:
+      scene: what moves, with the numbers that all motions share.
+      y0s: (n, k) starts; those of `params` if left out.
+      t1: () or (n,) end times [s], after or before t0; the scenes' own spans if left out.
+      params: the scene again, where any number may have a first axis of n entries, one a
+        motion, e.g. ``jax.vmap(make_scene)(values)``.
+      t0: () or (n,) start times [s].
+      rtol: relative tolerance of one step.
+      atol: absolute tolerance of one step, in the units of the state; rtol if left out.
+      solver: see `simulate`.
+      max_steps: when to give up a motion.
+      fixed: make the scene's numbers, which all motions must share, constants of the program: a
+        few hundredths faster, but new ones compile again.
+      watch: what to look for on the way, see `watches`; it may stop a motion.
+      chunk: rows that are handed to a core or device at once.
+      threads: batches that are under way at a time; by default one for each core of a CPU,
+        and one for any other device.
+      devices: share each chunk among these `jax.Device`; they may belong to several processes of
+        `jax.distributed`, of which every one calls `run` alike and gets all results.
+      progress: show a bar.
+    Returns:
+      The `Ends`, in NumPy arrays. A motion that fails has a status and NaN; none raises, and
+      none slows down the others.
+    Raises:
+      ValueError: numbers that make no sense, shapes that do not fit.
+    Limits: explicit methods; no derivatives. What becomes of a motion does not depend on the
+      others, but in the last digits on the machine and JAX's version.
+    Example:
+      >>> import numpy as np
+      >>> from jaxdyn import ensemble, scenes
+      >>> scene = scenes.cannonball(drag=0.0)
+      >>> y0s = np.asarray(scene.y0) * np.linspace(1.0, 2.0, 5)[:, None]
+      >>> ensemble.run(scene, y0s, 1.0).y1.shape
+      (5, 4)
+    """
+    motions, shared = _motions(scene, y0s, t0, t1, params, fixed)
+    n = len(motions.y0)
+    job = _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, devices)
+    # As many batches as keep all threads busy to the end.
+    batches = job.threads * math.ceil(n / (job.threads * job.rows))
+    edges = np.linspace(0, n, batches + 1).astype(int)
+    slices = [slice(a, b) for a, b in itertools.pairwise(edges) if b > a]
+    parts = job.results(jax.tree.map(lambda x, s=s: x[s], motions) for s in slices)
+    done = []
+    with Progress(disable=not progress) as bar:
+        task = bar.add_task("motions", total=n)
+        for part in parts:
+            done.append(part)
+            bar.advance(task, len(part.status))
+    return jax.tree.map(lambda *parts: np.concatenate(parts), *done)
+
+
+def stream(
+    scene: Scene,
+    batches: Iterable,
+    t1=None,
+    *,
+    t0=0.0,
+    rtol: float = RTOL,
+    atol: float | None = None,
+    solver: Pair | None = None,
+    max_steps: int = MAX_STEPS,
+    fixed: bool = False,
+    watch: Watch | None = None,
+    chunk: int = CHUNK,
+    threads: int | None = None,
+    devices: Sequence | None = None,
+) -> Iterator[Ends]:
+    """The ends of batches of starts, in their order, as they are done; see `run`.
+
+    Args:
+      scene: as for `run`, like all that is not named here.
+      batches: of starts (m, k), made as they are wanted; a few are on their way at a time,
+        each on one core.
+      t1: () end time [s].
+      t0: () start time [s].
+      rtol: relative tolerance.
+      atol: absolute tolerance.
+      solver: see `simulate`.
+      max_steps: when to give up a motion.
+      fixed: make the scene's numbers constants of the program, see `solve`.
+      watch: what to look for on the way.
+      chunk: rows that are handed to a core or device at once.
+      threads: batches that are under way at a time.
+      devices: share each chunk among these.
+    Example:
+      >>> import numpy as np
+      >>> from jaxdyn import ensemble, scenes
+      >>> scene = scenes.cannonball(drag=0.0)
+      >>> starts = (np.asarray(scene.y0) * [[speed]] for speed in (1.0, 2.0))
+      >>> [part.y1.shape for part in ensemble.stream(scene, starts, 1.0)]
+      [(1, 4), (1, 4)]
+    """
+    shared = FixedField(scene.field) if fixed else scene.field
+    job = _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, devices)
+    return job.results(_motions(scene, y0s, t0, t1, None, fixed)[0] for y0s in batches)
+
+
+def _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, devices) -> Job:
+    if not isinstance(watch, Watch | None):
+        raise _checks.fail("watch", "a Watch", repr(watch), "See jaxdyn.ensemble.watches.")
+    odd = [x for x in jax.tree.leaves(watch) if not eqx.is_array_like(x)]
+    if odd:
+        raise _checks.fail(
+            "watch", "modules with numbers", odd[0], "Make functions in it modules with __call__."
+        )
+    # Programs that speak to other devices or processes must run in one order everywhere.
+    threads = 1 if devices is not None else cores() if threads is None else threads
+    for name, number in {"chunk": chunk, "threads": threads}.items():
+        if number < 1:
+            raise _checks.fail(name, "at least 1", number)
+    if devices is not None and not len(devices):
+        raise _checks.fail("devices", "at least one", "none", "jax.devices() lists them.")
+    mesh = None if devices is None else mesh_of(devices)
+    settings = checked_settings(scene, solver)
+    return Job(shared, limits(rtol, atol, max_steps), watch, settings, chunk, threads, mesh)
+
+
+def _motions(scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool) -> tuple[Motions, Any]:
+    """The queue, and the field with None in place of what each motion has for itself."""
+    _checks.float64()
+    checked(scene)
+    given = scene if params is None else params
+    starts = np.asarray(given.y0 if y0s is None else y0s, float)
+    k = len(scene.y0)
+    if starts.ndim != 2 or starts.shape[1] != k or not len(starts):
+        remedy = f"One row for each motion, with the {k} entries of the scene's state."
+        raise _checks.fail("y0s", f"shape (n, {k})", f"shape {starts.shape}", remedy)
+    n = len(starts)
+    t1 = given.t1 if t1 is None else t1
+    own = _own_numbers(scene, given, n)
+    numbers, shared = eqx.partition(given.field, own.field)
+    numbers = jax.tree.map(np.asarray, numbers)
+    if fixed:
+        if jax.tree.leaves(numbers):
+            remedy = "Leave fixed out, or params."
+            raise _checks.fail("fixed", "numbers that all motions share", "params", remedy)
+        # A field without leaves: what each motion has for itself, and what all share, are alike.
+        numbers = shared = FixedField(shared)
+    return Motions(starts, _times("t0", t0, n), _times("t1", t1, n), numbers), shared
+
+
+def _own_numbers(scene: Scene, given: Scene, n: int) -> Scene:
+    """A tree like the scene: whether each number has an entry for each motion."""
+    if jax.tree.structure(scene) != jax.tree.structure(given):
+        raise _checks.fail(
+            "params",
+            "a scene with the same system and effects",
+            "another kind of scene",
+            "Make it by jax.vmap of what made the scene, or equinox.tree_at.",
+        )
+
+    def own(path, x, many) -> bool:
+        one, all_ = np.shape(x), np.shape(many)
+        if all_ not in (one, (n, *one)):
+            name = f"params{jax.tree_util.keystr(path)}"
+            raise _checks.fail(name, f"shape {one} or {(n, *one)}", f"shape {all_}")
+        return all_ != one
+
+    return jax.tree_util.tree_map_with_path(own, scene, given)
+
+
+def _times(name: str, t, n: int) -> np.ndarray:
+    t = np.asarray(t, float)
+    if t.shape not in ((), (n,)):
+        raise _checks.fail(name, f"shape () or ({n},)", f"shape {t.shape}", "One for each motion.")
+    return np.array(np.broadcast_to(t, (n,)))

@@ -1,0 +1,283 @@
+"""Many motions on one core: some lanes side by side, each with its own steps.
+
+The rows of a queue, one motion each, pass through a group of `WIDTH` lanes. All lanes take one
+step of the method together, which fills the vectors of the processor (lanes are the last axis
+everywhere), but each has its own time, step and verdict of the step control, the one of
+`simulate`. As soon as a lane ends, well or not, what became of it is written to its row and
+the next of the queue takes its place: no lane waits for another.
+
+All of it, the change of lanes included, is one loop without scatters, which XLA on CPU folds
+into one function. No operation mixes lanes and the group always has the same width, so what
+becomes of a row does not depend on the rows around it.
+"""
+
+import functools
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn._numerics import two_sum
+from jaxdyn.integrate.flow import UNROLLED_BELOW, Settings, operations
+from jaxdyn.integrate.step_control import Limits, StepControl, Watch
+from jaxdyn.scene import Field
+from jaxdyn.solvers import Pair
+from jaxdyn.status import Status
+
+#: Lanes of a group. A loop over 16 or fewer is unrolled by the compiler before it looks for
+#: vectors, and is slower by half; from 48 on the stages of a step leave the first cache.
+WIDTH = 32
+_CLOSE_ULPS = 100.0  # an end nearer than this many spacings of t is reached with the step
+
+
+class Motions(NamedTuple):
+    """What to integrate, one motion a row.
+
+    Attributes:
+      y0: (n, k) starts.
+      t0: (n,) start times.
+      t1: (n,) end times, each before or after its start.
+      numbers: a tree like the field: (n, ...) where each motion has its own, None elsewhere.
+    """
+
+    y0: Array
+    t0: Array
+    t1: Array
+    numbers: Any
+
+
+class Ends(NamedTuple):
+    """What became of each motion.
+
+    Attributes:
+      y1: (n, k) states at the end; NaN unless the status is OK.
+      t: (n,) times reached: the end; before it where a watch, or the status, stopped the motion.
+      status: (n,) `Status` codes.
+      steps: (n,) accepted steps.
+      rejected: (n,) rejected steps.
+      seen: what the watch remembers, each array with n as first axis.
+    """
+
+    y1: Array
+    t: Array
+    status: Array
+    steps: Array
+    rejected: Array
+    seen: Any
+
+    @property
+    def ok(self) -> Array:
+        """(n,) whether each motion came to its end, or to where a watch stopped it."""
+        return self.status == Status.OK
+
+    @property
+    def message(self) -> str:
+        """How many motions ended how, and what to do about it; host only."""
+        codes, counts = np.unique(np.asarray(self.status), return_counts=True)
+        lines = zip(counts.tolist(), codes.tolist(), strict=True)
+        return "\n".join(f"{n} motions: {Status(code).message}" for n, code in lines)
+
+
+class _Lane(NamedTuple):
+    """A motion under way; in a group every array has the lanes as last axis."""
+
+    row: Array  # () its row of the queue
+    running: Array  # () it wants another step
+    ended: Array  # () it has ended and is not written down yet
+    direction: Array  # () 1 or -1; the times below are turned about where it is -1
+    t: Array  # () time
+    tnext: Array  # () end of the next step
+    t1: Array  # () end
+    y: Array  # (k,)
+    carry: Array  # (k,) what rounding left out of y
+    status: Array
+    steps: Array
+    rejected: Array
+    numbers: Any
+    control: Any  # what the step control remembers
+
+
+def integrate(
+    shared: Field,
+    motions: Motions,
+    count: Array,
+    limits: Limits,
+    watch: Watch | None,
+    *,
+    settings: Settings,
+) -> Ends:
+    """The ends of the first `count` motions; the other rows mean nothing.
+
+    Args:
+      shared: the field, with None where each motion has its own numbers.
+      motions: the queue of n rows.
+      count: () how many of the rows there are to do.
+      limits: (2,) relative and absolute tolerance of one step, and the most steps.
+      watch: what looks at each accepted step of each motion; None for nothing.
+      settings: the method.
+    """
+    n = motions.y0.shape[0]
+    first = jax.tree.map(lambda x: x[0], motions)
+    rate = eqx.combine(first.numbers, shared).rate
+    loops = 2 if operations(rate, first.t0, first.y0) <= UNROLLED_BELOW else 1
+    work = _Work(shared, limits, watch, settings.pair, loops)
+    put = jax.lax.dynamic_update_index_in_dim
+
+    def begin(row) -> _Lane:
+        last = jnp.minimum(row, n - 1)  # what idles when the queue is empty
+        motion = jax.tree.map(lambda x: jax.lax.dynamic_index_in_dim(x, last, 0, False), motions)
+        lane = work.begin(row, motion)
+        wanted = row < count
+        return lane._replace(running=wanted & lane.running, ended=wanted & ~lane.running)
+
+    def change(carry):
+        """One lane that has ended is written down and makes room."""
+        row, group, ends = carry
+        j = jnp.argmax(group.ended)
+        lane = jax.tree.map(lambda x: jax.lax.dynamic_index_in_dim(x, j, -1, False), group)
+        ends = jax.tree.map(lambda x, new: put(x, new, lane.row, 0), ends, work.end(lane))
+        group = jax.tree.map(lambda x, new: put(x, new, j, -1), group, begin(row))
+        return row + 1, group, ends
+
+    def body(carry):
+        row, group, ends = jax.lax.while_loop(lambda c: c[1].ended.any(), change, carry)
+        return row, work.step(group), ends
+
+    # Lanes begin empty, as if they had ended; what they leave goes to a row after the last.
+    lane = jax.eval_shape(begin, jnp.zeros((), int))
+    group = jax.tree.map(lambda s: jnp.zeros((*s.shape, WIDTH), s.dtype), lane)
+    group = group._replace(row=jnp.full(WIDTH, n), ended=jnp.ones(WIDTH, bool))
+    ends = jax.eval_shape(work.end, lane)
+    ends = jax.tree.map(lambda s: jnp.zeros((n + 1, *s.shape), s.dtype), ends)
+    ends = jax.lax.while_loop(
+        lambda c: (c[1].running | c[1].ended).any(), body, (jnp.zeros((), int), group, ends)
+    )[2]
+    return jax.tree.map(lambda x: x[:n], ends)
+
+
+class _Work(eqx.Module):
+    """How a motion begins, steps and ends."""
+
+    shared: Field
+    limits: Limits
+    watch: Watch | None
+    pair: Pair = eqx.field(static=True)
+    loops: int = eqx.field(static=True)
+
+    def begin(self, row: Array, motion: Motions) -> _Lane:
+        """A lane before its first step."""
+        y, t0, t1, numbers = motion
+        field = eqx.combine(numbers, self.shared)
+        direction = jnp.where(t1 > t0, 1.0, -1.0)
+
+        @jax.jit  # traced once for its three uses
+        def rate(t, y, args=None):
+            del args
+            return direction * field.rate(direction * t, y)
+
+        start, end = direction * t0, direction * t1
+        given = jnp.concatenate([y, rate(start, y), jnp.stack([t0, t1])])
+        ok = jnp.isfinite(given).all()
+        tnext, control = self._control(direction).init(
+            diffrax.ODETerm(rate),
+            start,
+            end,
+            y,
+            None,
+            None,
+            lambda term, *at: term.vf(*at),
+            self.pair.error_order,
+        )
+        nothing = jnp.zeros((), int)
+        return _Lane(
+            row=row,
+            running=ok & (start < end),
+            ended=~(ok & (start < end)),
+            direction=direction,
+            t=start,
+            tnext=_clipped(tnext, end),
+            t1=end,
+            y=y,
+            carry=jnp.zeros_like(y),
+            status=jnp.where(ok, int(Status.OK), int(Status.NOT_FINITE)),
+            steps=nothing,
+            rejected=nothing,
+            numbers=numbers,
+            control=control,
+        )
+
+    def step(self, group: _Lane) -> _Lane:
+        """The group after one step of each lane that runs."""
+
+        def rate(numbers, t, y):
+            return eqx.combine(numbers, self.shared).rate(t, y)
+
+        def project(numbers, t, y):
+            return eqx.combine(numbers, self.shared).project(t, y)
+
+        def every(fn, t, y):
+            return jax.vmap(fn, in_axes=-1, out_axes=-1)(group.numbers, t, y)
+
+        start, end = group.direction * group.t, group.direction * group.tnext
+        increment, error = self.pair.step(
+            jax.jit(lambda t, y: every(rate, t[0], y)),
+            start[None],
+            (end - start)[None],
+            group.y,
+            loops=self.loops,
+        )
+        y, carry = two_sum(group.y, group.carry, increment)
+        y = every(project, end, y)
+        return jax.vmap(self._judged, in_axes=-1, out_axes=-1)(group, y, carry, error)
+
+    def _judged(self, lane: _Lane, y: Array, carry: Array, error: Array) -> _Lane:
+        """The lane after a step to y, if the step control keeps it."""
+        keep, t, tnext, _, control, result = self._control(lane.direction).adapt_step_size(
+            lane.t, lane.tnext, lane.y, y, None, error, self.pair.error_order, lane.control
+        )
+        steps, rejected = lane.steps + keep, lane.rejected + ~keep
+        there = (t >= lane.t1) | (result == diffrax.RESULTS.event_occurred)
+        status = jnp.where(
+            result == diffrax.RESULTS.dt_min_reached,
+            int(Status.STEP_COLLAPSED),
+            jnp.where(
+                there | (steps + rejected < self.limits.max_steps),
+                int(Status.OK),
+                int(Status.STEP_LIMIT),
+            ),
+        )
+        over = there | (status != Status.OK)
+        new = lane._replace(
+            running=~over,
+            ended=over,
+            t=t,
+            tnext=_clipped(tnext, lane.t1),
+            y=jnp.where(keep, y, lane.y),
+            carry=jnp.where(keep, carry, lane.carry),
+            status=status,
+            steps=steps,
+            rejected=rejected,
+            control=control,
+        )
+        # A lane without a motion stays as it is: no NaN or infinity builds up in it.
+        return jax.tree.map(functools.partial(jnp.where, lane.running), new, lane)
+
+    def end(self, lane: _Lane) -> Ends:
+        """What is kept of a lane that has ended."""
+        y = jnp.where(lane.status == Status.OK, lane.y, jnp.nan)
+        seen = lane.control[1]  # beside the nodes of samples, of which there are none
+        t = lane.direction * lane.t
+        return Ends(y, t, lane.status, lane.steps, lane.rejected, seen)
+
+    def _control(self, direction: Array) -> StepControl:
+        rtol, atol = self.limits.tolerance
+        return StepControl(rtol, atol, jnp.zeros(0), self.watch).wrap(direction)
+
+
+def _clipped(tnext: Array, t1: Array) -> Array:
+    close = _CLOSE_ULPS * jnp.finfo(t1.dtype).eps * jnp.abs(t1)
+    return jnp.where(tnext > t1 - close, t1, tnext)

@@ -1,0 +1,18 @@
+"""Files of pictures and animations, refused before the work; to look at a name draws nothing."""
+
+from pathlib import Path
+
+from jaxdyn.files.output_files import writable
+
+_PICTURES = (".png", ".pdf", ".svg")
+_ANIMATIONS = (".gif", ".mp4")
+
+
+def picture_path(path) -> Path | None:
+    """The file of a picture, refused if it could not be written; None where none is wanted."""
+    return None if path is None else writable(path, _PICTURES)
+
+
+def animation_path(path) -> Path:
+    """The file of an animation, refused if it could not be written."""
+    return writable(path, _ANIMATIONS)

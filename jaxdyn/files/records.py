@@ -1,0 +1,258 @@
+"""Scenes as plain JSON, and back, without executing anything a file says.
+
+A module or named tuple becomes ``{"type": its class name, field: value, ...}``; arrays become
+nested lists of numbers. Reading looks the class up among those that are defined in the running
+program and fills in its fields; it never imports, calls or unpickles what a file names.
+"""
+
+import dataclasses
+import hashlib
+import inspect
+import json
+import math
+import reprlib
+import types
+import typing
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn._checks import fail
+from jaxdyn.files.output_files import replace, unwritable, writable
+from jaxdyn.scene import Effect, Scene, System
+
+MAX_BYTES = 64 * 2**20  # a larger file is no record of ours
+MAX_NUMBERS = 1_000_000  # of one array
+MAX_DEPTH = 32  # of modules in modules
+_DIGITS = 18
+
+
+def encode(value: Any) -> Any:
+    """A scene, system, effect or closing as numbers, strings, lists and dictionaries."""
+    if isinstance(value, eqx.Module):
+        fields = {f.name: encode(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        return {"type": type(value).__name__, **fields}
+    if isinstance(value, tuple) and _named(type(value)):
+        return {
+            "type": type(value).__name__,
+            **{f: encode(getattr(value, f)) for f in _named(type(value))},
+        }
+    if isinstance(value, Array | np.ndarray):
+        return np.asarray(value).tolist()
+    if isinstance(value, tuple | list):
+        return [encode(item) for item in value]
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    raise fail(
+        "record",
+        "numbers, strings and modules",
+        f"{type(value).__name__} {value!r}",
+        "A scene that holds a function cannot be written to a file; make it an Effect class.",
+    )
+
+
+def decode(value: Any, what: str = "record", kinds: tuple[type, ...] = (System, Effect)) -> Any:
+    """What `encode` was given; arrays as float arrays, lists of modules as tuples.
+
+    Args:
+      value: a part of a record.
+      what: its name in messages.
+      kinds: base classes of what it may name, besides scenes.
+    Raises:
+      ValueError: an unknown class, a missing or extra field, something that is no number.
+    """
+    if what.count(".") > MAX_DEPTH:
+        raise fail(what[:20] + "...", f"at most {MAX_DEPTH} modules in each other", "more")
+    if isinstance(value, dict):
+        return _module(value, what, kinds)
+    if isinstance(value, list):
+        if any(isinstance(item, dict) for item in value):
+            return tuple(decode(item, what, kinds) for item in value)
+        return _array(value, what)
+    if isinstance(value, float):
+        return _array(value, what)
+    return value
+
+
+def write(path: str | Path, record: dict[str, Any]) -> None:
+    """The record in a JSON file, atomically: a run killed on the way leaves the old file."""
+    path = writable(path, name="file")
+    try:
+        text = json.dumps(record, indent=1, allow_nan=False)
+    except ValueError as error:
+        raise fail("record", "finite numbers", f"others ({error})") from error
+    try:
+        replace(path, text + "\n")
+    except OSError as error:
+        raise unwritable(path, error, "file") from error
+
+
+def read(path: str | Path, kind: str, version: int) -> dict[str, Any]:
+    """The record in a JSON file, if it is of this kind and version."""
+    remedy = f"Give the path of a file that this program wrote as a {kind}."
+    record = parsed(content(path, MAX_BYTES, remedy), str(path), remedy)
+    if not isinstance(record, dict) or record.get("format") != kind:
+        got = record.get("format") if isinstance(record, dict) else type(record).__name__
+        raise fail("file", f"format {kind!r}", repr(got), remedy)
+    if record.get("version") != version:
+        raise fail(
+            "file", f"version {version}", repr(record.get("version")), "Make the file again."
+        )
+    return record
+
+
+def content(path: str | Path, most: int, remedy: str = "") -> bytes:
+    """What is in a file of at most so many bytes.
+
+    Raises:
+      ValueError: no such file, a larger one, or a device or a pipe, which may have no end.
+    """
+    path = Path(path)
+    try:
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise fail("file", "a file on a disk", f"{path}, a device or a pipe", remedy)
+        with open(path, "rb") as file:
+            data = file.read(most + 1)
+    except OSError as error:
+        raise fail("file", "a readable file", f"{path} ({error.strerror})", remedy) from error
+    if len(data) > most:
+        raise fail("file", f"at most {most} bytes", "more", remedy)
+    return data
+
+
+def parsed(data: bytes, what: str, remedy: str = "") -> Any:
+    """What JSON says: finite numbers, and integers that floats can hold.
+
+    Raises:
+      ValueError: something else.
+    """
+    try:
+        return json.loads(data.decode(), parse_constant=_no_constant, parse_int=_integer)
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise fail("file", "JSON", f"{what} ({error})", remedy) from error
+
+
+def digest(record: dict[str, Any]) -> str:
+    """16 hexadecimal digits that another record does not have: an edited one is noticed.
+
+    They tell damage and honest edits, not a forger, who can make new ones.
+    """
+    text = json.dumps(record, sort_keys=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _no_constant(name: str):
+    raise fail("file", "finite numbers", name, "The file was edited or is damaged.")
+
+
+def _integer(text: str) -> int:
+    # Floats cannot hold all larger ones, and Python takes quadratic time for very long ones.
+    if len(text) > _DIGITS:
+        raise fail("file", f"integers of at most {_DIGITS} digits", f"one of {len(text)}")
+    return int(text)
+
+
+def _classes(kinds: tuple[type, ...]) -> dict[str, type]:
+    """All concrete classes a record may name: scenes, and those of these kinds defined so far."""
+    found: dict[str, type] = {"Scene": Scene}
+    waiting = list(kinds)
+    while waiting:
+        cls = waiting.pop()
+        waiting += cls.__subclasses__()
+        if not inspect.isabstract(cls):
+            found[cls.__name__] = cls
+    return found
+
+
+def _module(value: dict, what: str, kinds: tuple[type, ...]) -> Any:
+    classes = _classes(kinds)
+    name = value.get("type")
+    cls = classes.get(name) if isinstance(name, str) else None
+    if cls is None:
+        raise fail(what, f"one of {', '.join(sorted(classes))}", reprlib.repr(name))
+    value = _defaults(cls) | value
+    names = {*_named(cls)} or {f.name for f in dataclasses.fields(cls)}
+    if names != value.keys() - {"type"}:
+        wrong = sorted(names ^ (value.keys() - {"type"}))
+        raise fail(what, f"the fields of {cls.__name__}", f"missing or extra {wrong}")
+    if _named(cls):
+        return cls(**{key: _number_or(value[key], f"{what}.{key}", kinds) for key in names})
+    # Not through the constructor, whose arguments are for people and may differ from the fields.
+    module, hints = object.__new__(cls), typing.get_type_hints(cls)
+    for field in dataclasses.fields(cls):
+        item, place = value[field.name], f"{what}.{field.name}"
+        if field.metadata.get("static", False):
+            item = _static(item, hints[field.name], place)
+        else:
+            item = _number_or(item, place, kinds)
+        object.__setattr__(module, field.name, item)
+    return module
+
+
+def _defaults(cls: type) -> dict[str, Any]:
+    """What fields that a class got after a file was written have in it."""
+    if _named(cls):
+        return {}
+    fields = [f for f in dataclasses.fields(cls) if f.default is not dataclasses.MISSING]
+    return {f.name: encode(f.default) for f in fields}
+
+
+def _named(cls: type) -> tuple[str, ...]:
+    """The fields of a class of named tuples; () for any other class."""
+    return getattr(cls, "_fields", ()) if issubclass(cls, tuple) else ()
+
+
+def _static(item: Any, hint: Any, what: str) -> Any:
+    """A static field, if it is of the type that its class wants."""
+    try:
+        item = _tuples(item)
+        fits = _fits(item, hint)
+    except RecursionError:
+        fits = False
+    if not fits:
+        raise fail(what, f"{getattr(hint, '__name__', hint)}", reprlib.repr(item))
+    return item
+
+
+def _tuples(item: Any) -> Any:
+    """Lists as tuples, all the way down: static fields must be hashable."""
+    return tuple(map(_tuples, item)) if isinstance(item, list) else item
+
+
+def _fits(item: Any, hint: Any) -> bool:
+    """Whether an item is of a type: bool, int, str, None, tuples and unions of these."""
+    kinds = typing.get_args(hint)
+    if isinstance(hint, types.UnionType):
+        return any(_fits(item, kind) for kind in kinds)
+    if not isinstance(item, tuple):
+        return type(item) is hint
+    if hint is tuple:
+        return all(_fits(x, tuple | int | float | str) for x in item)
+    if typing.get_origin(hint) is not tuple:
+        return False
+    if kinds[-1] is Ellipsis:
+        kinds = kinds[:1] * len(item)
+    return len(kinds) == len(item) and all(map(_fits, item, kinds))
+
+
+def _number_or(item: Any, what: str, kinds: tuple[type, ...]) -> Any:
+    if isinstance(item, int | float) and not isinstance(item, bool):
+        return _array(item, what)
+    return () if item == [] else decode(item, what, kinds)
+
+
+def _array(value: Any, what: str) -> Array:
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise fail(what, "an array of numbers", reprlib.repr(value)) from error
+    if array.size > MAX_NUMBERS:
+        raise fail(what, f"at most {MAX_NUMBERS} numbers", array.size)
+    if not np.isfinite(array).all():
+        bad = array[~np.isfinite(array)][0]
+        raise fail(what, "finite numbers", math.nan if np.isnan(bad) else bad)
+    return jnp.asarray(array)

@@ -1,0 +1,99 @@
+"""A motion as plain data: samples of all its pieces together, a record for JSON, a CSV file."""
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+
+from jaxdyn.accuracy.end_error import EndError
+from jaxdyn.analysis.energy_change import energy_change
+from jaxdyn.files.output_files import replace, writable
+from jaxdyn.integrate.phases import Chain, pieces_of
+from jaxdyn.integrate.simulation import Trajectory
+from jaxdyn.status import Status
+
+
+def samples(motion: Trajectory | Chain) -> tuple[np.ndarray, np.ndarray]:
+    """Times (s,) [s] and states (s, k) of all pieces, and of where the last exit left a chain."""
+    pieces = pieces_of(motion)
+    ts = [np.asarray(piece.ts) for piece in pieces]
+    ys = [np.asarray(piece.ys) for piece in pieces]
+    if isinstance(motion, Chain) and motion.ended:
+        ts, ys = [*ts, np.asarray(motion.t)[None]], [*ys, np.asarray(motion.y)[None]]
+    return np.concatenate(ts), np.concatenate(ys)
+
+
+def columns(motion: Trajectory | Chain) -> list[str]:
+    """Name and unit of each entry of the state, e.g. "vx [m/s]"."""
+    labels = pieces_of(motion)[0].scene.labels()
+    return [name if unit == "1" else f"{name} [{unit}]" for name, unit in labels]
+
+
+def arrived(motion: Trajectory | Chain) -> bool:
+    """Whether a motion got to the end of its span, or to an end of its own."""
+    if isinstance(motion, Chain):
+        done = motion.ended or motion.t >= motion.pieces[-1].scene.t1
+        return motion.status == Status.OK and bool(done)
+    return motion.ok
+
+
+def record(motion: Trajectory | Chain, end: EndError) -> dict:
+    """All of a motion for JSON: samples, phases, what is known of its error and of its energy.
+
+    Args:
+      motion: one motion, or a chain of phases.
+      end: what `end_error` says of it.
+    Raises:
+      ValueError: a batch of motions.
+    """
+    pieces = pieces_of(motion)
+    change = energy_change(motion)
+    in_phases = isinstance(motion, Chain)
+    ts, ys = samples(motion)
+    return {
+        "status": motion.status.name if in_phases else motion.status_code.name,
+        "message": motion.message,
+        "warning": " ".join(dict.fromkeys(p.warning for p in pieces if p.warning)),
+        "t": _finite(ts),
+        "labels": columns(motion),
+        "y": _finite(ys),
+        "error": _finite(end.error),
+        "phases": [
+            {"name": phase, "t0": float(piece.ts[0]), "t1": float(piece.ts[-1])}
+            for phase, piece in zip(motion.names if in_phases else (), pieces, strict=False)
+        ],
+        "energy_drift": change and change.size,
+        "energy_changed_by": change and change.causes,
+        "energy_message": change and change.message,
+        "steps": sum(int(piece.steps) for piece in pieces),
+        "rejected": sum(int(piece.rejected) for piece in pieces),
+    }
+
+
+def write_csv(path: str | Path, motion: Trajectory | Chain) -> Path:
+    """A file with a line for each sample: time and state, with all digits.
+
+    Its first line names the columns with their units; times that were not reached are empty.
+
+    Args:
+      path: of the .csv file.
+      motion: one motion, or a chain of phases.
+    Raises:
+      ValueError: a file that cannot be written, or a batch of motions.
+      OSError: it could not be written after all.
+    """
+    path = writable(path, (".csv",))
+    ts, ys = samples(motion)
+    unitless = all(unit == "1" for _, unit in pieces_of(motion)[0].scene.labels())
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["t" if unitless else "t [s]", *columns(motion)])
+    table.writerows(["" if x is None else x for x in row] for row in _finite(np.c_[ts, ys]))
+    replace(path, text.getvalue())
+    return path
+
+
+def _finite(values) -> list:
+    values = np.asarray(values)
+    return np.where(np.isfinite(values), values.astype(object), None).tolist()

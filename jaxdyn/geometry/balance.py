@@ -1,0 +1,70 @@
+"""Static and dynamic balance: what a body that spins about a fixed axis asks of its bearings.
+
+A body is balanced statically where its centre is on the axis, so that no net force is needed,
+and dynamically where the axis is a principal axis too, so that no moment is. Every body can spin
+in dynamic balance about its three principal axes through the centre, in both directions, and
+about no other lines if its moments differ.
+
+One bearing alone can carry the whole force of an unbalanced body between two: that needs
+products of inertia of zero about the loaded bearing, which masses on both sides of the axis
+at different distances from it have.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from jaxdyn._arguments import arrays
+from jaxdyn._numerics import square_norm
+from jaxdyn.geometry.inertia import Body
+from jaxdyn.geometry.vectors import Scalar, Vector, cross, dot
+
+# Imbalance below this part of what mass and inertia of this size could cause is rounding.
+_BALANCED = 1e-12
+
+
+class Bearings(NamedTuple):
+    """What two bearings must provide, beyond carrying other loads, for a steady spin.
+
+    The forces (3,) [N] at a and b on the body, their sum ``force`` (3,) [N] and their moment
+    (3,) [N m] about a, and whether () the body is balanced ``statically`` (no net force: the
+    centre is on the axis) and ``dynamically`` (no moment either: the axis is principal too).
+    """
+
+    at_a: Vector
+    at_b: Vector
+    force: Vector
+    moment: Vector
+    statically: Bool[Array, ""]
+    dynamically: Bool[Array, ""]
+
+
+@arrays
+def bearing_forces(body: Body, r_a: Vector, r_b: Vector, spin: Scalar) -> Bearings:
+    """Forces on a body that spins at a constant rate about the line through two bearings.
+
+    F = m omega x (omega x r) and M = omega x (I_a omega). Neither bearing takes a moment, and M
+    is normal to the axis, so F_b = M x n / length, and F_a is the rest.
+
+    Args:
+      body: placed where it is at the moment.
+      r_a: (3,) [m] the bearing from which positions and moments count.
+      r_b: (3,) [m] the other; the axis n points from a to b.
+      spin: () [rad/s] angular velocity about n.
+    """
+    along = r_b - r_a
+    length = jnp.sqrt(square_norm(along))
+    n = along / length
+    omega, d = spin * n, body.centre - r_a
+    inertia = body.about(r_a)
+    force = body.mass * cross(omega, cross(omega, d))
+    moment = cross(omega, inertia @ omega)
+    at_b = cross(moment, n) / length
+
+    size = jnp.trace(inertia)
+    eccentric = body.mass * square_norm(d - dot(n, d) * n)
+    statically = eccentric <= (_BALANCED**2) * size
+    tilted = square_norm(cross(n, inertia @ n))
+    dynamically = statically & (tilted <= (_BALANCED * size) ** 2)
+    return Bearings(force - at_b, at_b, force, moment, statically, dynamically)

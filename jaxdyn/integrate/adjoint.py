@@ -1,0 +1,148 @@
+"""Gradients of one loss by many numbers: the adjoint equations, backwards in time.
+
+The derivatives of `flow` cost one column for each perturbed number. For one loss the adjoint
+
+    d/dt lambda = -(df/dy)^T lambda,    d/dt mu = -(df/dp)^T lambda,
+
+integrated backwards beside the state, gives the derivatives by the start and by all numbers at
+once, for the price of a few solves, however many they are. The state is not trusted to find its
+way back, where damping makes it unstable: it starts anew at nodes on the way. Where forces
+forget velocities these equations do too, as those of [q, lambda_v, M] with dM/dt = mu, so the
+Nystrom pair integrates them. Reverse mode only, and once.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.integrate.flow import Flow, Settings, flow
+from jaxdyn.integrate.step_control import Limits
+
+_PIECES = 4  # of the way back, besides those between samples
+
+
+class _Backwards(eqx.Module):
+    """State, adjoint and integral of the gradient by the field's numbers, as one field.
+
+    Attributes:
+      field: of the scene.
+      nystrom: whether halves of the state are positions and velocities.
+    """
+
+    field: Any
+    nystrom: bool = eqx.field(static=True)
+    k: int = eqx.field(static=True)
+
+    def rate(self, t: Array, z: Array) -> Array:
+        """Of [y, lambda, mu], or of [q, lambda_v, M, v, -lambda_q, mu]."""
+        numbers, rest = eqx.partition(self.field, eqx.is_inexact_array)
+        k, half = self.k, len(z) // 2
+        if not self.nystrom:
+            y, adjoint = z[:k], z[k : 2 * k]
+            f, pull = jax.vjp(lambda p, y: eqx.combine(p, rest).rate(t, y), numbers, y)
+            by_numbers, by_state = pull(adjoint)
+            return jnp.concatenate([f, -by_state, -ravel_pytree(by_numbers)[0]])
+        q, adjoint, v = z[: k // 2], z[k // 2 : k], z[half : half + k // 2]
+
+        def acceleration(p, q):
+            return eqx.combine(p, rest).rate(t, jnp.concatenate([q, v]))[k // 2 :]
+
+        a, pull = jax.vjp(acceleration, numbers, q)
+        by_numbers, by_place = pull(adjoint)
+        return jnp.concatenate([z[half:], a, by_place, -ravel_pytree(by_numbers)[0]])
+
+    def project(self, t: Array, z: Array) -> Array:
+        """Nothing to project: scenes with constraints are refused."""
+        del t
+        return z
+
+    def undetermined(self, t: Array, z: Array) -> None:
+        """Nothing is."""
+        del t, z
+
+    def packed(self, y: Array, adjoint: Array, mu: Array) -> Array:
+        """All of it as one state."""
+        if not self.nystrom:
+            return jnp.concatenate([y, adjoint, mu])
+        (q, v), (by_q, by_v) = jnp.split(y, 2), jnp.split(adjoint, 2)
+        return jnp.concatenate([q, by_v, jnp.zeros_like(mu), v, -by_q, mu])
+
+    def unpacked(self, z: Array) -> tuple[Array, Array]:
+        """lambda and mu."""
+        k, half = self.k, len(z) // 2
+        if not self.nystrom:
+            return z[k : 2 * k], z[2 * k :]
+        adjoint = jnp.concatenate([-z[half + k // 2 : half + k], z[k // 2 : k]])
+        return adjoint, z[half + k :]
+
+
+def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> Flow:
+    """`flow` with the adjoint equations for its gradient; see there.
+
+    Raises:
+      ValueError: a scene with constraints, or a solver of fixed step.
+    """
+    remedy = "Leave adjoint=True out."
+    if field.undetermined(t0, y0) is not None:
+        raise _checks.fail("adjoint", "a scene without constraints", "one with some", remedy)
+    if not settings.pair.adaptive:
+        solver = settings.pair.name
+        raise _checks.fail("adjoint", "a solver with a tolerance", solver, remedy)
+    pieces = jnp.linspace(t0, t1, _PIECES + 1)[1:-1]
+    nodes = jnp.concatenate([ts, pieces])
+    # In the order in which they are passed, and where the wanted times are among them.
+    order = jnp.argsort(nodes * jnp.where(t1 > t0, 1.0, -1.0))
+    out = _with_nodes((field, y0, t0, t1, nodes[order]), limits, settings)
+    return eqx.tree_at(lambda out: out.ys, out, out.ys[jnp.argsort(order)[: len(ts)]])
+
+
+@eqx.filter_custom_vjp
+def _with_nodes(given, limits, settings: Settings) -> Flow:
+    return flow(*given, limits, settings=settings)
+
+
+@_with_nodes.def_fwd
+def _forwards(perturbed, given, limits, settings):
+    del perturbed
+    out = flow(*given, limits, settings=settings)
+    return out, (out.y1, out.ys)
+
+
+@_with_nodes.def_bwd
+def _back(states, slopes, perturbed, given, limits, settings):
+    """Gradients by all that was given, from those by the states."""
+    del perturbed
+    field, y0, t0, t1, ts = given
+    y1, ys = states
+    by_y1 = jnp.zeros_like(y1) if slopes.y1 is None else slopes.y1
+    by_ys = jnp.zeros_like(ys) if slopes.ys is None else slopes.ys
+    numbers, _ = eqx.partition(field, eqx.is_inexact_array)
+    flat, tree = ravel_pytree(numbers)
+    system = _Backwards(field, settings.pair.nystrom, len(y0))
+    settings = settings._replace(pair=settings.pair.for_tangents)
+
+    def piece(carry, node):
+        adjoint, mu = carry
+        late, y, early, by_early = node
+        start = system.packed(y, adjoint, mu)
+        end = flow(system, start, late, early, ts[:0], limits, settings=settings).y1
+        adjoint, mu = system.unpacked(end)
+        return (adjoint + by_early, mu), None
+
+    nodes = (
+        jnp.concatenate([ts, t1[None]]),
+        jnp.concatenate([ys, y1[None]]),
+        jnp.concatenate([t0[None], ts]),
+        jnp.concatenate([jnp.zeros_like(y0)[None], by_ys]),
+    )
+    start = by_y1, jnp.zeros(flat.shape, y0.dtype)  # a field without numbers has no float64
+    (by_y0, mu), _ = jax.lax.scan(piece, start, nodes, reverse=True)
+    by_t1 = jnp.sum(by_y1 * field.rate(t1, y1))
+    by_ts = jnp.sum(by_ys * jax.vmap(field.rate)(ts, ys), axis=-1)
+    by_t0 = -jnp.sum(by_y0 * field.rate(t0, y0))
+    return tree(mu), by_y0, by_t0, by_t1, by_ts

@@ -1,0 +1,198 @@
+"""Where functions of the state first cross zero along a motion: the search behind `events`.
+
+Every accepted step is looked at in a few places, reached by steps of the method itself (an
+interpolant would be good to 7 digits only), at values and at slopes. `stretches` says between
+which of these places a value may have crossed zero unseen; there the looks are repeated closer
+together, until the values tell, or no time is left between them. So a value that dips below zero
+and comes back within a step is found, to rounding. The time found is polished until it does not
+change any more.
+
+A value that is within rounding of zero at the start is on the side to which its slope takes it.
+So a motion that starts on an event (after a bounce, say) has left it, and does not meet it again
+before it comes back.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn.integrate.event_values import Sight, bends, looked
+from jaxdyn.integrate.flow import Settings, march
+from jaxdyn.integrate.polish import Bracket, polished
+from jaxdyn.integrate.step_control import Watch
+from jaxdyn.integrate.stretches import settled
+from jaxdyn.status import Status
+
+#: Parts of a step, or of a panel of it, at which events are looked at beside its begin. Not
+#: evenly, or a value with a period of a quarter of a step would look the same everywhere.
+_LOOKS = np.array([0.23, 0.49, 0.77, 1.0])
+_FINEST = 2.0**-24  # of a step: between looks so near each other values do not turn but by rounding
+_PANELS = 4096  # looked at in a step at most, where a value turns near zero all the time
+_GROWTH = 4.0  # of a panel after one that was settled
+_ON = 16  # roundings of state and time that the value at a start on an event may be off zero
+_NOISE = 4  # roundings of the state below which a later value has not changed its side
+
+
+class Crossing(NamedTuple):
+    """The first crossing: its time (infinite if there is none), the state, which, `Status`."""
+
+    t: Array
+    y: Array
+    event: Array
+    status: Array
+
+
+def first_crossing(field, events, y0, t0, t1, limits, *, settings: Settings):
+    """The state (k,) where the search ended, and the first crossing; no derivatives.
+
+    Args:
+      field: a module with ``rate(t, y)`` and ``project(t, y)``.
+      events: modules with ``value(t, y)`` and ``direction``.
+      y0: (k,) start.
+      t0: () start time.
+      t1: () end time, before or after t0.
+      limits: see `flow`.
+      settings: see `flow`.
+    """
+    sight = Sight(field, events, settings.pair)
+    watch = _Lookout(sight)
+    out, seen = march(field, y0, t0, t1, jnp.zeros(0), limits, settings=settings, watch=watch)
+    hs, ys = polished(sight, seen.t0, seen.y0, seen.bracket)
+    which = jnp.argmin(jnp.abs(hs))
+    status = jnp.where(jnp.isnan(seen.end.side).any(), int(Status.NOT_FINITE), out.status)
+    return out.y1, Crossing(seen.t0 + hs[which], ys[:, which], which, status)
+
+
+class _Look(NamedTuple):
+    """Events at one time, or at several along a first axis."""
+
+    part: Array  # () of the step
+    g: Array  # (E,) values
+    slope: Array  # (E,) in time
+    side: Array  # (E,) sign of the value, 0 where it is on zero and does not leave it
+
+
+class _Seen(NamedTuple):
+    """What the watch remembers; one entry for each of the E events."""
+
+    end: _Look  # at the last accepted node; NaN side once a value was NaN
+    t0: Array  # () last accepted node before the events found
+    y0: Array  # (k,)
+    bracket: Bracket
+    noise: Array  # (E,) values up to this are rounding
+    speeds: Array  # (E,) at the start, one rounding of a slope
+    bends: Array  # (E,) of a second derivative
+    begun: Array  # () whether a step was accepted
+
+
+class _Survey(NamedTuple):
+    """A step while it is looked at, panel by panel, each beginning where the last one ended."""
+
+    n: Array  # () panels so far
+    begin: _Look
+    end: Array  # () of the panel, as part of the step
+    bracket: Bracket  # in parts of the step
+
+
+class _Lookout(Watch):
+    sight: Sight
+    direction: Array | float = 1.0
+
+    @property
+    def wanted(self) -> Array:
+        """(E,) the sides to which crossings count, 0 for both."""
+        return jnp.array([float(event.direction) for event in self.sight.events])
+
+    def towards(self, direction):
+        return _Lookout(self.sight, direction)
+
+    def start(self, t0, y0):
+        at = self.sight.field, self.sight.events, self.direction * t0, y0
+        here = looked(*at)
+        zero = jnp.zeros_like(here.values)
+        end = _Look(jnp.ones_like(t0), here.values, here.slopes, zero)
+        noise = here.rounding + jnp.abs(t0) * here.speeds
+        begun = jnp.zeros((), bool)
+        return _Seen(end, t0, y0, Bracket.none(zero), noise, here.speeds, bends(*at), begun)
+
+    def see(self, keep, t0, y0, t1, y1, memory):
+        del y1
+        h = self.direction * (t1 - t0)
+        begin = self.direction * t0
+        side = jnp.where(memory.begun, memory.end.side, self._first_side(h, memory))
+        survey = self._surveyed(keep, begin, y0, h, memory, side)
+        low, high, towards = survey.bracket
+        bracket = Bracket(low * h, high * h, towards)
+        begun = jnp.ones((), bool)
+        seen = memory._replace(end=survey.begin, t0=begin, y0=y0, bracket=bracket, begun=begun)
+        memory = jax.tree.map(lambda new, old: jnp.where(keep, new, old), seen, memory)
+        return memory, memory.bracket.found.any() | jnp.isnan(memory.end.side).any()
+
+    def _first_side(self, h: Array, memory: _Seen) -> Array:
+        """(E,) on which side of each event the motion is just after its start.
+
+        Where it starts on the event the slope says so. Where the slope is zero as well, a
+        crossing in the wanted direction counts: a ball that bounces by less than rounding
+        falls through the floor otherwise. Without a wanted direction the motion has left.
+        """
+        g, slope = memory.end.g, self.direction * memory.end.slope
+        moved = memory.noise + jnp.abs(h) * memory.speeds + h * h * memory.bends
+        on = jnp.abs(g) <= _ON * moved
+        moving = jnp.abs(slope) > _ON * memory.speeds
+        return jnp.where(on, jnp.where(moving, jnp.sign(slope), -self.wanted), jnp.sign(g))
+
+    def _surveyed(self, keep, t: Array, y: Array, h: Array, memory: _Seen, side: Array) -> _Survey:
+        """The step after all its panels, or after the one in which something happens first."""
+        begin = memory.end._replace(part=jnp.zeros_like(t), side=side)
+        start = _Survey(jnp.zeros((), int), begin, jnp.ones_like(t), Bracket.none(side))
+        noise = _NOISE * memory.noise
+
+        def panel(survey: _Survey) -> _Survey:
+            looks = self._looks(t, y, h, survey.begin, survey.end, noise)
+            return _judged(survey, looks, h, noise, self.wanted)
+
+        def going(survey: _Survey) -> Array:
+            over = survey.bracket.found | jnp.isnan(survey.begin.side)
+            return keep & (survey.begin.part < 1) & ~over.any()
+
+        return jax.lax.while_loop(going, panel, start)
+
+    def _looks(self, t: Array, y: Array, h: Array, begin: _Look, end: Array, noise) -> _Look:
+        """The events at the begin of a panel and at the places within it and at its end."""
+        parts = begin.part + _LOOKS[:-1] * (end - begin.part)
+        parts = jnp.concatenate([begin.part[None], parts, end[None]])
+        g, slope, _ = self.sight.after(t, y, parts[1:] * h)
+        sides = [begin.side]
+        for value in g:
+            sides.append(jnp.where(jnp.abs(value) <= noise, sides[-1], jnp.sign(value)))
+        g, slope = (jnp.concatenate([a[None], b]) for a, b in ((begin.g, g), (begin.slope, slope)))
+        return _Look(parts, g, slope, jnp.stack(sides))
+
+
+def _judged(survey: _Survey, looks: _Look, h: Array, noise: Array, wanted: Array) -> _Survey:
+    """The next panel: what follows, or the first stretch of this one that has to be looked into."""
+    width = survey.end - survey.begin.part
+    exhausted = (width < _FINEST) | (survey.n >= _PANELS)
+    s = looks.side
+    known = settled(h * looks.part, looks.g, looks.slope, s, noise) | exhausted
+    across = (s[:-1] * s[1:] < 0) & ((wanted == 0)[None] | (wanted[None] == s[1:]))
+    unclear, n = _first(~known), len(_LOOKS)
+    hit = _first(across)
+    into, found = (unclear < n) & (unclear <= hit), hit < unclear
+    begin = jax.tree.map(lambda x: x[jnp.where(into, unclear, n)], looks)
+    # No sliver is left over at the end of the step.
+    following = jnp.where(survey.end + (_GROWTH + 1) * width < 1, survey.end + _GROWTH * width, 1.0)
+    end = jnp.where(into, looks.part[jnp.minimum(unclear, n - 1) + 1], following)
+    at = jnp.minimum(hit, n - 1)
+    here = found & across[at]
+    low, high = (jnp.where(here, looks.part[at + i], jnp.inf) for i in (0, 1))
+    return _Survey(survey.n + 1, begin, end, Bracket(low, high, s[at + 1]))
+
+
+def _first(flags: Array) -> Array:
+    """() the first row (n, E) with a flag, n if there is none."""
+    rows = flags.any(axis=1)
+    return jnp.where(rows.any(), jnp.argmax(rows), len(rows))

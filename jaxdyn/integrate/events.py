@@ -1,0 +1,233 @@
+"""When something happens: the first time a function of the state crosses zero.
+
+`until` follows a motion to the first of several events; `crossings` does the search.
+Derivatives, of any order, do not see the search: they follow the implicit function theorem,
+dt = -dg / (dg/dt), dy = (dy)_t + f dt.
+"""
+
+import abc
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._floats import as_float
+from jaxdyn._numerics import in_one_kernel
+from jaxdyn.integrate.crossings import first_crossing
+from jaxdyn.integrate.event_values import coincident, values
+from jaxdyn.integrate.flow import Settings, flow
+from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, checked_settings
+from jaxdyn.integrate.spans import limits
+from jaxdyn.scene import Scene, checked
+from jaxdyn.solvers import Pair
+from jaxdyn.status import Status
+
+
+class Event(eqx.Module):
+    """A function of time and state whose zero is looked for."""
+
+    @abc.abstractmethod
+    def value(self, t: Array, y: Array) -> Array:
+        """() the function; smooth and finite on both sides of its zero."""
+
+    @property
+    def direction(self) -> int:
+        """+1 for crossings upwards as the motion goes, -1 downwards, 0 both."""
+        return 0
+
+    def check(self, k: int) -> None:
+        """Raise ValueError if this is no event of a state of k entries."""
+        leaves, tree = jax.tree.flatten(self)
+        shape = _value_shape(tree, tuple(np.shape(leaf) for leaf in leaves), k)
+        if shape:
+            name = type(self).__name__
+            raise _checks.fail(name, "one number as its value", f"shape {shape}", "Split it.")
+        if self.direction not in (-1, 0, 1):
+            raise _checks.fail("direction", "1, -1, or 0 for both", self.direction)
+
+
+@functools.cache
+def _value_shape(tree, shapes: tuple, k: int) -> tuple[int, ...]:
+    """Shape of an event's value; kept, since to trace it takes as long as a short search."""
+    leaves = [jax.ShapeDtypeStruct(shape, float) for shape in (*shapes, (), (k,))]
+    event = jax.tree.unflatten(tree, leaves[:-2])
+    return jax.eval_shape(lambda event, t, y: event.value(t, y), event, *leaves[-2:]).shape
+
+
+class When(Event):
+    """The zeros of a named function ``fn(t, y)``; a lambda would be compiled anew each time."""
+
+    fn: Callable[[Array, Array], Array] = eqx.field(static=True)
+    way: int = eqx.field(static=True, default=0)
+
+    def value(self, t, y):
+        return self.fn(t, y)
+
+    @property
+    def direction(self):
+        return self.way
+
+
+class Reaches(Event):
+    """An entry of the state reaches a level, e.g. ``Reaches(1, 0.0, -1)``: y falls to 0."""
+
+    entry: int = eqx.field(static=True)
+    level: Array = eqx.field(converter=as_float, default=0.0)
+    way: int = eqx.field(static=True, default=0)
+
+    def value(self, t, y):
+        del t
+        return y[self.entry] - self.level
+
+    @property
+    def direction(self):
+        return self.way
+
+    def check(self, k):
+        if not isinstance(self.entry, int) or not 0 <= self.entry < k:
+            raise _checks.fail("entry", f"an entry of the state, 0 to {k - 1}", self.entry)
+        super().check(k)
+
+
+class Stop(eqx.Module):
+    """Where a motion was stopped.
+
+    Attributes:
+      t: () time of the event, or the end of the span if there was none; NaN if the run failed.
+      y: (k,) state then, on the event or a rounding before it, not beyond; where the motion
+        started on the event and meets it within 1e-30 of a step, it may be beyond by as little.
+        NaN if the run failed.
+      event: () index of the event, -1 for none.
+      status: () `Status` code.
+      coincident: (E,) whether each of the events happens at this time, to rounding; several do
+        where a ball runs into a corner. `event` is one of them. All False if there was none.
+    """
+
+    t: Array
+    y: Array
+    event: Array
+    status: Array
+    coincident: Array
+
+    @property
+    def happened(self) -> bool:
+        """Whether it was an event that ended the motion; host only."""
+        return bool(self.event >= 0)
+
+
+def until(
+    scene: Scene,
+    events: Event | tuple[Event, ...],
+    t1=None,
+    *,
+    t0=0.0,
+    rtol: float = RTOL,
+    atol: float | None = None,
+    solver: Pair | None = None,
+    max_steps: int = MAX_STEPS,
+) -> Stop:
+    """The first event of a motion: when, and the state then.
+
+    An event happens at the first time after t0 at which its value has changed sign in the wanted
+    direction. A value that is within rounding of zero at the start (16 roundings of the state, and
+    of its change over t0 and the first step) is on the side that its slope points to: to leave an
+    event does not count as an event. If the value turns back, its return counts, however short
+    the flight: at t0, if the flight is shorter than the spacing of times. If the slope is within
+    rounding of zero as well, the event happens at t0 if the value then goes in the wanted
+    direction; if both directions are wanted, it does not happen.
+
+    Args:
+      scene: system, effects, start.
+      events: what to look for.
+      t1: () end of the span [s], where the motion stops if nothing happened before; the
+        scene's own span if left out.
+      t0: () start time [s].
+      rtol: see `simulate`.
+      atol: see `simulate`.
+      solver: see `simulate`.
+      max_steps: see `simulate`.
+    Raises:
+      ValueError: no event, or an argument out of its range.
+    Limits: two crossings in one step are found if the value is smooth and goes beyond zero by
+      more than 4 roundings of the state at the start. Missed can be a pulse much shorter than a
+      step in a value that is smooth elsewhere, since a step is looked at in five places unless
+      these leave room for a crossing; and dips later in a step in which the value turns near
+      zero thousands of times. At a grazing contact derivatives are infinite. An event within
+      rounding of the end of the span may count as after it: end the span later.
+    Example:
+      >>> from jaxdyn.integrate import events
+      >>> from jaxdyn import scenes
+      >>> ball = scenes.cannonball(g=10.0, speed=10.0)
+      >>> stop = events.until(ball, events.Reaches(1, 0.0, -1), 9.0)
+      >>> round(float(stop.t), 12)
+      1.414213562373
+    """
+    events = _events(events)
+    settings = checked_settings(checked(scene), solver)
+    for event in events:
+        event.check(len(scene.y0))
+    t0 = _checks.array("t0", t0, ())
+    t1 = _checks.array("t1", scene.t1 if t1 is None else t1, ())
+    held_to = jax.tree.map(jnp.asarray, limits(rtol, atol, max_steps))
+    return _compiled(scene.field, events, scene.y0, t0, t1, held_to, settings=settings)
+
+
+def _events(events) -> tuple[Event, ...]:
+    given: Any = (events,) if isinstance(events, Event) or callable(events) else tuple(events)
+    if not given:
+        raise _checks.fail("events", "at least one", "none", "simulate() runs to a time.")
+    for event in given:
+        if not isinstance(event, Event):
+            got = getattr(event, "__name__", repr(event))
+            raise _checks.fail("events", "events", got, "Make one: When(fn), with a named fn.")
+    return given
+
+
+@eqx.filter_custom_jvp
+def _located(field, events, y0, t0, t1, limits, *, settings: Settings) -> Stop:
+    search = functools.partial(_search, settings=settings)
+    args = (field, events, y0, t0, t1, limits)
+    return in_one_kernel(search, args, unknown=limits.tolerance[0] > 0)
+
+
+@_located.def_jvp
+def _located_jvp(primals, tangents, *, settings):
+    field, events, y0, t0, _, limits = primals
+    d_field, d_events, d_y0, d_t0, d_t1, _ = tangents
+    stop = _located(*primals, settings=settings)
+    happened = stop.event >= 0
+
+    def state(field, y0, t0):
+        return flow(field, y0, t0, stop.t, jnp.zeros(0), limits, settings=settings).y1
+
+    def value(events, t, y):
+        return values(events, t, y)[stop.event]
+
+    y, dy = eqx.filter_jvp(state, (field, y0, t0), (d_field, d_y0, d_t0))
+    dy = jnp.zeros_like(y) if dy is None else dy
+    f = field.rate(stop.t, y)
+    _, dg = eqx.filter_jvp(value, (events, stop.t, y), (d_events, jnp.zeros_like(t0), dy))
+    _, slope = jax.jvp(functools.partial(value, events), (stop.t, y), (jnp.ones_like(t0), f))
+    without = jnp.zeros_like(t0) if d_t1 is None else d_t1
+    dt = jnp.where(happened, -dg / jnp.where(happened, slope, 1.0), without)
+    return stop, Stop(dt, dy + f * dt, None, None, None)
+
+
+_compiled = eqx.filter_jit(_located)
+
+
+def _search(field, events, y0, t0, t1, limits, *, settings: Settings) -> Stop:
+    out, found = first_crossing(field, events, y0, t0, t1, limits, settings=settings)
+    fine, happened = found.status == Status.OK, jnp.isfinite(found.t)
+    t = jnp.where(fine, jnp.where(happened, found.t, t1), jnp.nan)
+    y = jnp.where(fine, jnp.where(happened, found.y, out), jnp.nan)
+    event = jnp.where(happened & fine, found.event, -1)
+    same = coincident(field, events, y0, t0, t, y, jnp.where(t1 > t0, 1.0, -1.0))
+    same = (event >= 0) & (same | (jnp.arange(len(events)) == event))
+    return Stop(t, y, event, found.status, same)

@@ -1,0 +1,303 @@
+"""The map from a start to the states at later times, and its derivatives.
+
+`march` is the only caller of ``diffrax.diffeqsolve``. `flow` is built on it and differentiable
+any number of times, in forward and reverse mode, under jit and vmap, in the start, the times
+and every number of the scene. Its derivative is not taken through the stepping loop (that
+would differentiate the choice of steps, compile slowly, and allow only one mode) but by the
+variational equations
+
+    d/dt V = (df/dy) V + (df/dp) P,
+
+one column of V for each number that is perturbed, integrated beside the state with V in the
+error norm. The result is a matrix; forward and reverse mode both multiply by it. So a gradient
+costs about as much as a Jacobian: right for the tens of numbers a mechanics scene has, not for
+thousands (a neural force).
+"""
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxdyn._numerics import in_one_kernel
+from jaxdyn.integrate.step_control import FixedSteps, Limits, StepControl, Watch, steps_of
+from jaxdyn.solvers import Method, Stepper, is_stiff
+from jaxdyn.status import Status
+
+#: Operations of a rate from which on the loop over stages runs as fast as written-out stages
+#: and compiles ten times sooner (measured: three bodies 80, double pendulum 590).
+UNROLLED_BELOW = 200
+
+
+class Settings(NamedTuple):
+    """What is fixed when a solve is compiled.
+
+    Attributes:
+      pair: the method for plain solves and for the variational equations alike.
+      stiff: the method that takes over where the run turns out to be stiff; None to go on.
+      stops: whether a run that turns out to be stiff ends there, its numbers NaN.
+    """
+
+    pair: Method
+    stiff: Method | None = None
+    stops: bool = False
+
+
+class Flow(eqx.Module):
+    """States along a trajectory.
+
+    Attributes:
+      y1: (k,) state at the end; NaN if it was not reached.
+      ys: (s, k) states at the wanted times; NaN where not reached.
+      steps: () accepted steps.
+      rejected: () rejected steps.
+      status: () `Status` code.
+      stiff: () whether stability, not accuracy, ruled the steps of an explicit method.
+    """
+
+    y1: Array
+    ys: Array
+    steps: Array
+    rejected: Array
+    status: Array
+    stiff: Array
+
+
+class Variational(eqx.Module):
+    """A vector field with tangents: columns 1.. of the state are carried along with column 0.
+
+    Attributes:
+      field: anything with ``rate(t, y)``.
+      directions: tangents of the field's numbers, a tree like `field` with a last axis of one
+        entry a column, None where a number is not perturbed.
+    """
+
+    field: eqx.Module
+    directions: eqx.Module
+
+    def rate(self, t: Array, y: Float[Array, "k columns"]) -> Float[Array, "k columns"]:
+        """Rates of the state and of its tangents."""
+        moving, fixed = _split_like(self.field, self.directions)
+        f, jvp = jax.linearize(lambda p, x: eqx.combine(p, fixed).rate(t, x), moving, y[..., 0])
+        # Lanes last: one column a lane, contiguous in memory.
+        tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
+        return jnp.concatenate([f[..., None], tangents], axis=-1)
+
+    def undetermined(self, t: Array, y: Float[Array, "k columns"]) -> Array | None:
+        """Whether () the constraints leave the motion of the state open."""
+        return self.field.undetermined(t, y[..., 0])
+
+    def project(self, t: Array, y: Float[Array, "k columns"]) -> Float[Array, "k columns"]:
+        """The state on its constraints, and its tangents along them."""
+        moving, fixed = _split_like(self.field, self.directions)
+
+        def onto(p, x):
+            return eqx.combine(p, fixed).project(t, x)
+
+        x, jvp = jax.linearize(onto, moving, y[..., 0])
+        tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
+        return jnp.concatenate([x[..., None], tangents], axis=-1)
+
+
+@eqx.filter_custom_jvp
+def flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> Flow:
+    """States at t1 and at the times ts of the motion that starts at (t0, y0).
+
+    Args:
+      field: has ``rate``, ``project`` and ``undetermined`` of (t, y); a pytree of its numbers,
+        e.g. `Scene.field`.
+      y0: (k,) start; (k, columns) for a `Variational` field.
+      t0: () start time.
+      t1: () end time, before or after t0.
+      ts: (s,) times between t0 and t1 in the order they are passed.
+      limits: tolerances or the length of a step, and the most steps.
+      settings: the methods.
+    Limits: derivatives in the tolerance are zero by definition.
+    """
+    run = functools.partial(_run, settings=settings)
+    # One of these is known only as it runs; the tolerance is often written into the program.
+    unknown = jnp.isfinite(y0.ravel()[0] + t0 + t1 + limits.tolerance[0])
+    return in_one_kernel(run, (field, y0, t0, t1, ts, limits), unknown=unknown)
+
+
+def _run(field, y0, t0, t1, ts, limits, *, settings: Settings) -> Flow:
+    args = (field, y0, t0, t1, ts, limits)
+    if settings.stiff is None:
+        return march(*args, settings=settings, watch=None)[0]
+    first = march(*args, settings=settings._replace(stops=True), watch=None)[0]
+    implicit = settings._replace(pair=settings.stiff, stiff=None)
+
+    def again():
+        done = march(*args, settings=implicit, watch=None)[0]
+        return eqx.tree_at(lambda flow: flow.stiff, done, jnp.ones((), bool))
+
+    return jax.lax.cond(first.stiff, again, lambda: first)
+
+
+def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | None):
+    """`flow` without derivatives, and what a watch remembers of it at the end."""
+    tolerance, most = limits.tolerance, (limits.max_steps, t1)
+    method = settings.pair
+    direction = jnp.where(t1 > t0, 1.0, -1.0)  # as diffrax has it, also for t1 = t0
+    wide = watch is not None or y0.ndim > 1
+    loops = int(wide or operations(field.rate, t0, y0) > UNROLLED_BELOW)
+    # XLA sees one program for both signs of time; diffrax turns ts about with the rest.
+    if method.adaptive:
+        h, control = None, StepControl(tolerance[0], tolerance[1], ts, watch, most)
+    else:
+        n = steps_of(tolerance[0], t0, t1)
+        h, control = (t1 - t0) / n, FixedSteps(n, ts, watch, most)
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(_rate),
+        Stepper(method, loops, h, stop_if_stiff=settings.stops),
+        t0,
+        t1,
+        None,
+        y0,
+        args=field,
+        stepsize_controller=control,
+        saveat=diffrax.SaveAt(t1=True, controller_state=True, solver_state=True),
+        max_steps=None,  # the control counts: a limit of diffrax is compiled into the program
+        adjoint=diffrax.ForwardMode(),
+        throw=False,  # a throw is a host callback, which keeps programs out of the cache
+    )
+    # The logarithm is finite for positive tolerances only.
+    given = (y0, field.rate(t0, y0), t0, t1, jnp.log(tolerance))
+    status = _status(solution.result, given)
+    ends = jnp.stack([t0, direction * solution.ts[-1]]), jnp.stack([y0, solution.ys[-1]])
+    open_ = jax.lax.map(lambda end: field.undetermined(*end), ends)
+    if open_ is not None:
+        status = jnp.where(open_.any(), int(Status.SINGULAR), status)
+    y1 = jnp.where(status == Status.OK, solution.ys[-1], jnp.nan)
+    nodes, memory = control.seen(solution.controller_state)
+    ys = _from_nodes(field, direction * nodes.t, nodes.y, ts, method, limits.samples)
+    steps, rejected = (solution.stats[f"num_{x}_steps"] for x in ("accepted", "rejected"))
+    stiff = is_stiff(solution.solver_state[1])
+    return Flow(y1, ys, steps, rejected, status, stiff), memory
+
+
+@flow.def_jvp
+def _flow_jvp(primals, tangents, *, settings):
+    field, y0, t0, t1, ts, limits = primals
+    d_field, d_y0, d_t0, d_t1, d_ts, _ = tangents
+    f0 = field.rate(t0, y0)
+    columns, directions, multiply = _columns(field, y0, f0, d_field, d_y0, d_t0)
+    if columns.shape[-1]:
+        start = jnp.concatenate([y0[..., None], columns], axis=-1)
+        settings = settings._replace(pair=settings.pair.for_tangents)
+        out = flow(Variational(field, directions), start, t0, t1, ts, limits, settings=settings)
+        y1, ys = out.y1[..., 0], out.ys[..., 0]
+        d_y1, d_ys = multiply(out.y1[..., 1:]), multiply(out.ys[..., 1:])
+    else:
+        out = flow(field, y0, t0, t1, ts, limits, settings=settings)
+        y1, ys, d_y1, d_ys = out.y1, out.ys, jnp.zeros_like(y0), jnp.zeros_like(out.ys)
+    if d_t1 is not None:
+        d_y1 = d_y1 + field.rate(t1, y1) * d_t1
+    if d_ts is not None:
+        rates = jax.vmap(field.rate)(ts, ys)
+        d_ys = d_ys + rates * d_ts.reshape(-1, *[1] * y0.ndim)
+    result = Flow(y1, ys, out.steps, out.rejected, out.status, out.stiff)
+    return result, Flow(d_y1, d_ys, None, None, None, None)
+
+
+def operations(rate: Callable, t0: Array, y0: Array) -> int:
+    """Size of the program of one rate."""
+
+    def count(jaxpr) -> int:
+        inner = [v for eqn in jaxpr.eqns for v in eqn.params.values() if hasattr(v, "jaxpr")]
+        return len(jaxpr.eqns) + sum(count(closed.jaxpr) for closed in inner)
+
+    return count(jax.make_jaxpr(rate)(t0, y0).jaxpr)
+
+
+def _rate(t, y, field):
+    return field.rate(t, y)
+
+
+def _status(result, given: tuple[Array, ...]) -> Array:
+    meanings = (
+        (diffrax.RESULTS.max_steps_reached, Status.STEP_LIMIT),
+        (diffrax.RESULTS.dt_min_reached, Status.STEP_COLLAPSED),
+        (diffrax.RESULTS.nonlinear_divergence, Status.STEP_TOO_LONG),
+        (diffrax.RESULTS.stagnation, Status.STEP_LIMIT),  # stiff: `_run` begins anew
+    )
+    status = jnp.asarray(int(Status.OK))
+    for code, meaning in meanings:
+        status = jnp.where(result == code, int(meaning), status)
+    # One question for all: each costs XLA on CPU a quarter of a microsecond of memory management.
+    finite = jnp.isfinite(jnp.concatenate([x.ravel() for x in given])).all()
+    return jnp.where(finite, status, int(Status.NOT_FINITE))
+
+
+def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, method: Method, count) -> Array:
+    """One step of the method itself from each node to the wanted time beyond it.
+
+    Of the first `count` nodes only, where there is one; NaN stands for the others.
+    """
+    if not len(ts):
+        return node_y
+
+    def step(node):
+        t, y, h = node
+        increment, _ = method.step(field.rate, t, h, y, loops=1)
+        return field.project(t + h, y + increment)
+
+    # One by one, as the steps themselves: side by side they take up to three times as long, in
+    # a program that takes four times as long to compile (measured, linkages and three bodies).
+    nodes = (node_t, node_y, ts - node_t)
+    if count is None:
+        return jax.lax.map(step, nodes)
+    put = jax.lax.dynamic_update_index_in_dim
+    return jax.lax.fori_loop(
+        0,
+        count,
+        lambda i, ys: put(ys, step(jax.tree.map(lambda x: x[i], nodes)), i, 0),
+        jnp.full_like(node_y, jnp.nan),
+    )
+
+
+def _split_like(tree, like):
+    """tree in two: the leaves where `like` has one, and the rest."""
+    present = jax.tree.map(lambda x: x is not None, like, is_leaf=lambda x: x is None)
+    return eqx.partition(tree, present)
+
+
+def _columns(field, y0: Array, f0: Array, d_field, d_y0, d_t0):
+    """One column for each perturbed number: its start, its direction, and how to sum up.
+
+    Returns:
+      (*y0.shape, c) tangents of the state at t0; the directions of the field's numbers as a
+      tree like `field` with a last axis c; and the linear map from the columns at a later
+      time to the tangent there.
+    """
+    leaves, tree = jax.tree.flatten(d_field)
+    sizes = [leaf.size for leaf in leaves]
+    state = 0 if d_y0 is None else y0.size
+    start = 0 if d_t0 is None else 1
+    c = state + start + sum(sizes)
+
+    weights = [] if d_y0 is None else [d_y0.ravel()]
+    weights += [] if d_t0 is None else [d_t0.ravel()]
+    weights += [leaf.ravel() for leaf in leaves]
+
+    parts = [jnp.eye(y0.size, state).reshape(*y0.shape, state)]
+    # Starting later by dt is the same motion shifted: dy = -f dt at the old start.
+    parts += [-f0[..., None]] * start
+    parts += [jnp.zeros((*y0.shape, sum(sizes)))]
+
+    ends = state + start + np.cumsum([0, *sizes])
+    directions = [
+        jnp.eye(leaf.size, c, k=int(at)).reshape(*leaf.shape, c)
+        for leaf, at in zip(leaves, ends, strict=False)
+    ]
+
+    def multiply(v: Array) -> Array:
+        return v @ jnp.concatenate(weights)
+
+    return jnp.concatenate(parts, axis=-1), jax.tree.unflatten(tree, directions), multiply

@@ -1,0 +1,159 @@
+"""A phase of a motion with corners: its equations, its exits, and whether a state fits it.
+
+An exit whose event has a direction is also a bound: the phase lasts on the near side of the event
+(above the floor, while the surface pushes, within the friction there is). A state is beyond a
+bound where the value is on the far side, and also where the value is zero and its slope along the
+motion leads there: a ball at the floor with a downward velocity has to bounce, not to fly.
+
+Zero means rounding: what the value changes by when every number that it is made of (state, time,
+parameters) changes by a few units in the last place.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn.integrate.event_values import values
+from jaxdyn.integrate.events import Event
+from jaxdyn.scene import Field, Scene
+
+#: The name of the phase that ends a motion.
+END = "end"
+
+_ROUNDINGS = 64  # units in the last place of all numbers by which a value at zero may be off
+_ON = 1e-10  # of a state's largest entry: projection onto the surface moves it by no more
+
+
+def unchanged(t: Array, y: Array) -> Array:
+    """The state goes on as it is."""
+    del t
+    return y
+
+
+def no_time(t: Array, y: Array) -> Array:
+    """The change takes no time."""
+    del y
+    return jnp.zeros_like(t)
+
+
+class Fit(NamedTuple):
+    """How a state fits a phase with E exits.
+
+    Attributes:
+      on: () whether it is on the phase's constraint surface.
+      passed: (E,) whether it is on the far side of a bound.
+      leaving: (E,) whether it is at a bound, on its way to the far side.
+    """
+
+    on: Array
+    passed: Array
+    leaving: Array
+
+    @property
+    def beyond(self) -> Array:
+        """(E,) whether a bound does not hold."""
+        return self.passed | self.leaving
+
+
+class Exit(eqx.Module):
+    """How a phase ends.
+
+    Attributes:
+      event: when.
+      to: name of the next phase, or `END`; or several names.
+      change: (t, y) -> the state in the next phase; a named function or a module.
+      choose: (t, y) -> number of the next phase among `to`, from the state after the change. If
+        left out, the first of them that the state fits; `END` fits every state.
+      lasts: (t, y) -> () how long the change takes [s], where it is the end of the phase's own
+        motion in closed form; no time if left out.
+      one_sided: whether an event with a direction is a bound of the phase. With False the phase
+        may begin beyond it, and ends at the next crossing: the kick of a clock, say.
+    """
+
+    event: Event
+    to: str | tuple[str, ...] = eqx.field(static=True)
+    change: Callable[[Array, Array], Array] = unchanged
+    choose: Callable[[Array, Array], Array] | None = None
+    lasts: Callable[[Array, Array], Array] = no_time
+    one_sided: bool = eqx.field(static=True, default=True)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The phases it may lead to."""
+        return (self.to,) if isinstance(self.to, str) else self.to
+
+    @property
+    def side(self) -> int:
+        """The sign of the event's value within the phase; 0 if it is no bound."""
+        return -self.event.direction if self.one_sided else 0
+
+
+class Phase(eqx.Module):
+    """A stretch of smooth motion: its equations (the scene's start is not used) and its exits."""
+
+    scene: Scene
+    exits: tuple[Exit, ...]
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Those of its exits."""
+        return tuple(way.event for way in self.exits)
+
+    @property
+    def sides(self) -> tuple[int, ...]:
+        """Those of its exits."""
+        return tuple(way.side for way in self.exits)
+
+    def fit(self, t: Array, y: Array) -> Fit:
+        """How a state (k,) fits this phase at a time."""
+        return _fit(self.scene.field, self.events, self.sides, t, y)
+
+
+@eqx.filter_jit
+def _fit(field: Field, events: tuple[Event, ...], sides: tuple[int, ...], t: Array, y: Array):
+    bounds = [event for event, side in zip(events, sides, strict=True) if side]
+    passed = leaving = jnp.zeros(len(events), bool)
+    if bounds:
+        near = jnp.array([side for side in sides if side])
+        which = np.flatnonzero(sides)
+        beyond = _beyond(field, tuple(bounds), near, t, y)
+        passed, leaving = (jnp.zeros(len(events), bool).at[which].set(x) for x in beyond)
+    off = jnp.max(jnp.abs(field.project(t, y) - y))
+    return Fit(off <= _ON * jnp.max(jnp.abs(y)), passed, leaving)
+
+
+def _beyond(field: Field, bounds: tuple[Event, ...], near: Array, t: Array, y: Array):
+    """(E,) whether a state has passed each bound, and (E,) whether it is at it and leaving."""
+    rate = field.rate(t, y)
+
+    def slopes(t, y):
+        fn = functools.partial(values, bounds)
+        return jax.jvp(fn, (t, y), (jnp.ones_like(t), field.rate(t, y)))[1]
+
+    # The time of an event is known to rounding too, and the state with it.
+    size = jnp.append(jnp.abs(y) + jnp.abs(t * rate), jnp.abs(t))
+    by_time, by_state = jax.jacfwd(slopes, argnums=(0, 1))(t, y)
+    parts = [_parts(bound, t, y) for bound in bounds]
+    rows, others = (jnp.stack(part) for part in zip(*parts, strict=True))
+    noise = rows @ size + others
+    slope_noise = jnp.abs(jnp.append(by_state, by_time[:, None], axis=1)) @ size
+    slope_noise = slope_noise + rows @ jnp.append(jnp.abs(rate), 1.0)  # of what it is a sum of
+    rounding = _ROUNDINGS * jnp.finfo(y.dtype).eps
+    at, way = near * values(bounds, t, y), near * slopes(t, y)
+    return at < -rounding * noise, (
+        (jnp.abs(at) <= rounding * noise) & (way < -rounding * slope_noise)
+    )
+
+
+def _parts(bound: Event, t: Array, y: Array) -> tuple[Array, Array]:
+    """(k + 1,) sizes of a value's derivatives by state and time, () what parameters add to it."""
+    slopes = eqx.filter_grad(lambda b: b[0].value(*b[1:]))((bound, t, y))
+    floats = eqx.filter(bound, eqx.is_inexact_array)
+    moved = jax.tree.map(lambda slope, x: jnp.sum(jnp.abs(slope * x)), slopes[0], floats)
+    return jnp.abs(jnp.append(slopes[2], slopes[1])), sum(jax.tree.leaves(moved), jnp.zeros(()))

@@ -1,0 +1,293 @@
+"""Motions with corners: phases (roll, skid, fly, rest) chained by events into one motion.
+
+Smooth code never sees a contact or a stop. Each phase is a scene with its own equations, and
+exits: an event, the phase it leads to, and what happens to the state on the way (an impact, a
+change of coordinates). The chain is run on the host, one compiled search for each phase.
+
+A state that is beyond a bound of its phase leaves by that exit at once (see `phase`), so every
+phase is checked where it begins. Several exits at one time, as of a ball in a corner, are taken
+one after the other. Where several phases may follow, the first that the state fits does.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.integrate.events import until
+from jaxdyn.integrate.phase import END, Exit, Phase
+from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, Trajectory, explained, simulate, single
+from jaxdyn.scene import checked
+from jaxdyn.solvers import Pair
+from jaxdyn.status import Status
+
+MAX_PHASES = 200
+
+
+class Chain(eqx.Module):
+    """A motion in pieces.
+
+    Attributes:
+      names: name of the phase of each piece.
+      pieces: sampled motion of each piece; the last sample is at its event.
+      t: () time at the end.
+      y: (k,) state there, in the coordinates of the last phase after its exit's change.
+      ended: whether an exit led to `END`; if not, `message` says what else stopped it.
+      status: `Status`; t and y are NaN where a phase failed, and where the chain was `STUCK` they
+        are where it was.
+      path: (name of the phase, number of the exit taken) in order, for `follow`; phases left at
+        once, which have no piece, are among them.
+    """
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    pieces: tuple[Trajectory, ...]
+    t: Array
+    y: Array
+    ended: bool
+    status: Status = eqx.field(static=True)
+    path: tuple[tuple[str, int], ...] = eqx.field(static=True, default=())
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """When each piece ended."""
+        return tuple(float(piece.ts[-1]) for piece in self.pieces)
+
+    @property
+    def message(self) -> str:
+        """Why the motion stops here, and what to do about it."""
+        if self.status == Status.STUCK:
+            return f"At t = {float(self.t):.6g}, in phase {self.path[-1][0]}: {self.status.message}"
+        if self.status != Status.OK:
+            return f"In phase {self.names[-1]}: {explained(self.status, self.pieces[-1].scene)}"
+        if self.ended:
+            return f"Phase {self.path[-1][0]} led to the end."
+        if self.t >= self.pieces[-1].scene.t1:
+            return "The span ended."
+        return (
+            f"The limit of {len(self.pieces)} phases was reached at t = {float(self.t):.6g}. "
+            "Raise max_phases; where infinitely many phases pass in finite time, as for a ball "
+            "that comes to rest by bouncing, give the phase an exit to rest."
+        )
+
+
+def run(
+    phases: Mapping[str, Phase],
+    start: str | None,
+    y0,
+    t1: float,
+    *,
+    t0: float = 0.0,
+    samples: int = 100,
+    rtol: float = RTOL,
+    atol: float | None = None,
+    solver: Pair | None = None,
+    max_steps: int = MAX_STEPS,
+    max_phases: int = MAX_PHASES,
+) -> Chain:
+    """The motion from phase to phase until it ends, or the span or the phases run out.
+
+    Args:
+      phases: by name.
+      start: name of the first; None for the first of `phases` that y0 fits.
+      y0: (k,) state at its start.
+      t1: end of the span [s], after t0.
+      t0: start time [s].
+      samples: of each piece.
+      rtol: see `simulate`.
+      atol: see `simulate`.
+      solver: see `simulate`; by default each phase has its own.
+      max_steps: see `simulate`; of each phase.
+      max_phases: pieces at most: infinitely many bounces end in finite time.
+    Raises:
+      ValueError: a name that is no phase, a start that fits none, a span that does not go
+        forward, no phase allowed.
+    """
+    _check_names(phases)
+    if not _checks.array("t1", t1, ()) > _checks.array("t0", t0, ()):
+        raise _checks.fail("t1", f"a time after t0 = {t0}", t1, "Impacts do not run backwards.")
+    if max_phases < 1:
+        raise _checks.fail("max_phases", "at least 1", max_phases)
+    t, y = jnp.asarray(float(t0)), jnp.asarray(y0, dtype=float)
+    name = _start(phases, t, y) if start is None else _checks.choice("start", start, phases)
+    checked(phases[name].scene.starting(y, t1))
+    how = {"rtol": rtol, "atol": atol, "solver": solver, "max_steps": max_steps}
+    most = sum(len(phase.exits) for phase in phases.values())  # exits taken at one time
+    shortest = np.finfo(float).eps * (t1 - t0)  # [s] that no time is
+    names, pieces, path, idle, status = [], [], [], 0, Status.OK
+    while name != END and len(pieces) < max_phases and t < t1 and status == Status.OK:
+        here, leg = name, _leg(phases[name], t, y, t1, samples, how)
+        if leg.piece is not None:
+            names.append(name)
+            pieces.append(leg.piece)
+        idle = 0 if leg.t - t > shortest else idle + 1
+        t, y, status = leg.t, leg.y, leg.status if idle <= most else Status.STUCK
+        for number in leg.exits:
+            if name == here:  # else what also happened was an exit of a phase that is over
+                path.append((name, number))
+                t, y, name = _left(phases, here, number, t, y)
+        if not leg.exits:
+            break
+    if not pieces:  # a motion that ends where it starts has a picture, too
+        names = [path[0][0]]
+        pieces = [simulate(phases[names[0]].scene.starting(y0, t1), t0, t0=t0, samples=1, **how)]
+    return Chain(tuple(names), tuple(pieces), t, y, name == END, status, tuple(path))
+
+
+def _start(phases: Mapping[str, Phase], t: Array, y: Array) -> str:
+    """The phase that a motion starts in."""
+    alike = {k: phase for k, phase in phases.items() if y.shape == phase.scene.y0.shape}
+    number = int(_first_fit(list(alike.values()), t, y)) if alike else -1
+    if number < 0:
+        raise _checks.fail("y0", f"a state of {' or '.join(phases)}", y, "Name the start.")
+    return list(alike)[number]
+
+
+class _Leg(NamedTuple):
+    """What becomes of a state in a phase."""
+
+    piece: Trajectory | None  # None where it leaves at once
+    t: Array
+    y: Array
+    exits: tuple[int, ...]  # numbers of those it leaves by
+    status: Status
+
+
+def _leg(phase: Phase, t: Array, y: Array, t1, samples, how) -> _Leg:
+    """How a state leaves a phase, and the motion until then."""
+    scene = phase.scene.starting(y, t1)
+    beyond = np.asarray(phase.fit(t, y).beyond)
+    if beyond.any():
+        end, at, exits, status = t, y, (int(np.argmax(beyond)),), Status.OK
+    else:
+        stop = until(scene, phase.events, t1, t0=t, **how)
+        also = np.asarray(stop.coincident) & (np.asarray(phase.sides) == 0)
+        others = [int(i) for i in np.flatnonzero(also) if i != stop.event]
+        exits = (int(stop.event), *others) if stop.happened else ()
+        end, at, status = stop.t, stop.y, Status(int(stop.status))
+    taken = [*exits[:1]]
+    if taken and end + phase.exits[taken[0]].lasts(end, at) > t1:  # the span ends before it does
+        end, exits = jnp.asarray(t1, dtype=float), ()
+    elif taken and end <= t:
+        return _Leg(None, t, at, exits, status)
+    until_when = end if status == Status.OK else t1
+    piece = simulate(scene, until_when, t0=t, samples=samples, throw=False, **how)
+    if taken and not exits:
+        at = piece.ys[-1]
+    passed = np.asarray(phase.fit(end, at).passed)
+    if np.delete(passed, taken).any():
+        lost = jnp.full_like(y, jnp.nan)
+        return _Leg(_cut(phase, piece), lost[0], lost, (), Status.BOUND_PASSED)
+    return _Leg(piece, end, at, exits, status)
+
+
+def _cut(phase: Phase, piece: Trajectory) -> Trajectory:
+    """A piece without the samples from the first beyond a bound on."""
+    good = [not phase.fit(t, y).passed.any() for t, y in zip(piece.ts, piece.ys, strict=True)]
+    ys = jnp.where(np.logical_and.accumulate(good)[:, None], piece.ys, jnp.nan)
+    status = jnp.full_like(piece.status, Status.BOUND_PASSED)
+    return eqx.tree_at(lambda piece: (piece.ys, piece.status), piece, (ys, status))
+
+
+def _left(phases: Mapping[str, Phase], here: str, number: int, t: Array, y: Array):
+    """Time, state and name of the phase after an exit of the phase `here`."""
+    way = phases[here].exits[number]
+    t, y = t + way.lasts(t, y), way.change(t, y)
+    return t, y, way.names[int(_following(phases, here, way, t, y))]
+
+
+def _following(phases: Mapping[str, Phase], here: str, way: Exit, t: Array, y: Array):
+    """Number () of the phase that follows an exit of the phase `here`, among `way.names`."""
+    if way.choose is not None:
+        return way.choose(t, y)
+    if len(way.names) == 1:
+        return 0
+    left = np.array([name == here for name in way.names])
+    return _first_fit([phases.get(name) for name in way.names], t, y, left)
+
+
+def _first_fit(candidates: Sequence[Phase | None], t: Array, y: Array, left=False) -> Array:
+    """Number () of the first phase that a state fits, else of the first on whose surface it is.
+
+    None is the end, which every state fits. The phase that is left follows if no other fits: at
+    its bound it may fit as well, to rounding. -1 if there is none.
+    """
+    # A state that fits none, as of a ball just before it bounces, leaves again at once.
+    fits = [phase.fit(t, y) if phase else None for phase in candidates]
+    on = jnp.stack([fit.on if fit else jnp.asarray(True) for fit in fits])
+    within = jnp.stack([on[i] & ~fit.beyond.any() if fit else on[i] for i, fit in enumerate(fits)])
+    best = jnp.argmax(4 * (within & ~left) + 2 * within + on)  # the first of the largest
+    return jnp.where(on.any(), best, -1)
+
+
+def follow(
+    phases: Mapping[str, Phase], path: Sequence[tuple[str, int]], y0, t1, *, t0=0.0, rtol=RTOL
+) -> tuple[Array, Array]:
+    """Time and state after a known sequence of phases; differentiable, also under jit and vmap.
+
+    Args:
+      phases: by name.
+      path: (name of the phase, number of the exit taken) in order, such as `Chain.path`.
+      y0: (k,) start.
+      t1: end of the span [s].
+      t0: start time [s].
+      rtol: see `simulate`.
+    Returns:
+      () time and (k,) state after the last exit; NaN where another exit came first, or none,
+      or one that led elsewhere.
+    Raises:
+      ValueError: a name that is no phase, a number that is none of its exits.
+    """
+    _check_names(phases)
+    for name, number in path:
+        exits = len(phases[_checks.choice("path", name, phases)].exits)
+        if not 0 <= number < exits:
+            raise _checks.fail("path", f"an exit of {name} from 0 to {exits - 1}", number)
+    t, y = jnp.asarray(t0, dtype=float), jnp.asarray(y0, dtype=float)
+    before, others = None, False  # what else happened at the time of the last exit
+    for i, (name, number) in enumerate(path):
+        phase = phases[name]
+        way = phase.exits[number]
+        now = phase.fit(t, y).beyond | (others if name == before else False)
+        at_once = now.any()
+        stop = until(phase.scene.starting(y, t1), phase.events, t1, t0=t, rtol=rtol)
+        t, y = jnp.where(at_once, t, stop.t), jnp.where(at_once, y, stop.y)
+        as_expected = jnp.where(at_once, jnp.argmax(now), stop.event) == number
+        unbounded = (np.array(phase.sides) == 0) & (np.arange(len(phase.exits)) != number)
+        before, others = name, jnp.where(at_once, now, stop.coincident) & unbounded
+        t, y = t + way.lasts(t, y), way.change(t, y)
+        if i + 1 < len(path):
+            following = way.names.index(_checks.choice("path", path[i + 1][0], way.names))
+            as_expected = as_expected & (_following(phases, name, way, t, y) == following)
+        t, y = jnp.where(as_expected, t, jnp.nan), jnp.where(as_expected, y, jnp.nan)
+        if not _checks.is_traced(as_expected) and not as_expected:
+            break  # a start of NaN would be refused
+    return t, y
+
+
+def pieces_of(motion: Trajectory | Chain) -> tuple[Trajectory, ...]:
+    """The smooth pieces of a motion: those of its phases, or the motion itself."""
+    return motion.pieces if isinstance(motion, Chain) else (single(motion),)
+
+
+def _check_names(phases: Mapping[str, Phase]) -> None:
+    if not phases:
+        raise _checks.fail("phases", "at least one", "none", "Give them by name.")
+    if END in phases:
+        raise _checks.fail("phases", f"names other than {END!r}", END, "It ends a motion; rename.")
+    for name, phase in phases.items():
+        if not isinstance(phase, Phase):
+            raise _checks.fail(
+                f"phase {name}", "a Phase", type(phase).__name__, "Make it: Phase(scene, exits)."
+            )
+        if not isinstance(phase.exits, tuple):
+            got = type(phase.exits).__name__
+            raise _checks.fail(
+                f"exits of {name}", "a tuple", got, "Write (exit,) for a single one."
+            )
+        for way in phase.exits:
+            for to in way.names:
+                _checks.choice(f"exit of {name}", to, (*phases, END))

@@ -1,0 +1,100 @@
+"""The times of events, from brackets to the last digit."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn.integrate.event_values import Sight, looked
+
+_CLOSEST = 2.0**-80  # of a bracket: an event so near its begin happens there
+_LOOKS = 100  # steps of Newton's method or bisections at most; about five are usual
+
+
+class Bracket(NamedTuple):
+    """Between which times each of E events happens, and to which side.
+
+    Attributes:
+      low: (E,) the earlier time; infinite where nothing was found.
+      high: (E,) the later one.
+      towards: (E,) sign of the value after the crossing.
+    """
+
+    low: Array
+    high: Array
+    towards: Array
+
+    @classmethod
+    def none(cls, like: Array) -> "Bracket":
+        """Nothing was found."""
+        nothing = jnp.full_like(like, jnp.inf)
+        return cls(nothing, nothing, jnp.zeros_like(like))
+
+    @property
+    def found(self) -> Array:
+        """(E,) whether something was."""
+        return jnp.isfinite(self.low)
+
+
+class _Polish(NamedTuple):
+    """The events while their times are polished."""
+
+    n: Array  # () looks so far
+    low: Array  # (E,) bracket as time after the node
+    high: Array  # (E,)
+    h: Array  # (E,) where it is looked next, or was last where that is done
+    last: Array  # (E,) the last step of h
+    back: Array  # (E,) length of the last step back, once Newton's method has converged
+    arrived: Array  # (E,) whether it has
+    done: Array  # (E,)
+    y: Array  # (k, E) the states at the last look
+
+
+def polished(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Array, Array]:
+    """(E,) times after t0 at which events happen, inf if not, and the states (k, E) then.
+
+    Newton's method kept in its bracket, bisection where it does not halve its steps. The low end
+    may be where the motion began, with a value of rounding noise: so the side that is left is
+    known, not looked up there. In the end, rounding being what is left, it goes back to a state
+    that is not beyond the event: a ball that is let go below the floor, be it by one rounding,
+    may never come above it, and so never fall through.
+    """
+    found, towards = bracket.found, bracket.towards
+    rounding = looked(sight.field, sight.events, t0, y0).rounding
+    first = jnp.where(found, bracket.low, 0.0)
+    last = jnp.where(found, bracket.high, 0.0)
+    eps = jnp.finfo(y0.dtype).eps
+    least = _CLOSEST * jnp.abs(last - first)
+
+    def look(p: _Polish) -> _Polish:
+        g, slope, y = sight.after(t0, y0, p.h)
+        g, slope = jnp.diagonal(g), jnp.diagonal(slope)
+        # A start on the event may be beyond it by rounding, and leave it before it comes back.
+        leaves = (first == 0) & (slope * (p.high - p.low) * towards < 0)
+        before = (jnp.sign(g) == -towards) | leaves
+        low, high = jnp.where(before, p.h, p.low), jnp.where(before, p.high, p.h)
+        new = p.h - g / jnp.where(slope == 0, 1.0, slope)
+        change = jnp.where(slope == 0, jnp.inf, jnp.abs(new - p.h))
+        # Times after the node are finer than times: of bounces too short for them it finds the end.
+        fine = jnp.maximum(2 * eps * jnp.abs(p.h), least)
+        exact = (jnp.abs(g) <= 2 * rounding) | (change <= fine) | (jnp.abs(high - low) <= fine)
+        arrived = p.arrived | exact
+        good = ((new - low) * (new - high) < 0) & (2 * change <= p.last)
+        new = jnp.where(good, new, 0.5 * (low + high))
+        at_begin = jnp.abs(high - first) <= 16 * least
+        done = arrived & ((g == 0) | (before != at_begin))
+        back = jnp.where(p.arrived, 2 * p.back, fine)
+        nearer = jnp.where(at_begin, high, p.h + jnp.clip(low - p.h, -back, back))
+        new = jnp.where(done, p.h, jnp.where(arrived, nearer, new))
+        return _Polish(p.n + 1, low, high, new, jnp.abs(new - p.h), back, arrived, done, y)
+
+    def going(p: _Polish) -> Array:
+        return (p.n < _LOOKS) & (found & ~p.done).any()
+
+    h = 0.5 * (first + last)
+    far, no = jnp.full_like(h, jnp.inf), jnp.zeros_like(found)
+    y = jnp.broadcast_to(y0[:, None], (*y0.shape, *h.shape))
+    begin = _Polish(jnp.zeros((), int), first, last, h, far, far, no, no, y)
+    end = jax.lax.while_loop(going, look, begin)
+    return jnp.where(found, end.h, jnp.inf), end.y

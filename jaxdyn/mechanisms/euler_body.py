@@ -1,0 +1,112 @@
+"""A rigid body by Euler angles: a mechanism for `NewtonEuler` or `Lagrange`.
+
+No Euler equations are in it, so it is a second route to the motions of `rigid.RigidBody`. Its
+angles have a pose where they lock.
+"""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.formulations.mechanism import Mechanism
+from jaxdyn.formulations.rigid import METRES, FirstPoint, Pose, about_centre, check_matter, turned
+from jaxdyn.geometry.euler import (
+    SEQUENCES,
+    euler_from_matrix,
+    euler_rates_from_body,
+    matrix_from_euler,
+    omega_b_from_euler,
+)
+from jaxdyn.geometry.inertia import MaterialPoints
+from jaxdyn.sketch import Looks
+
+
+class EulerBody(Mechanism):
+    """A rigid body by Euler angles: q = [r, angles], or the angles alone about a pivot.
+
+    Attributes:
+      matter: its points in its own axes, from the pivot if it has one.
+      sequence: one of `euler.SEQUENCES`, e.g. "ZXZ"; choose one that does not lock on the way.
+      pivoted: whether the origin of its axes is fixed at the world's origin.
+      drawn: what a drawing shows of it, in its own axes, from the places (p, 3) of its points:
+        a function of a module, since a lambda would compile anew; by default a path of the first.
+    """
+
+    matter: MaterialPoints
+    sequence: str = eqx.field(static=True)
+    pivoted: bool = eqx.field(static=True)
+    drawn: Looks
+    massless: ClassVar[bool] = True
+    singular: ClassVar[str] = (
+        "Euler angles lock where their first and third axes are parallel: take another sequence, "
+        "or representation='quaternion'."
+    )
+
+    def __init__(
+        self,
+        matter: MaterialPoints,
+        sequence: str = "ZXZ",
+        *,
+        pivoted: bool = False,
+        drawn: Looks | None = None,
+    ):
+        self.matter = matter if pivoted else about_centre(matter)
+        self.sequence = sequence
+        self.pivoted = pivoted
+        self.drawn = FirstPoint() if drawn is None else drawn
+
+    def coordinates(self):
+        angles = (("phi", "rad"), ("theta", "rad"), ("psi", "rad"))
+        return angles if self.pivoted else (*METRES, *angles)
+
+    def masses(self):
+        return self.matter.m
+
+    def positions(self, t, q):
+        del t
+        r, angles = self._parts(q)
+        return r[None] + turned(matrix_from_euler(angles, self.sequence), self.matter.r)
+
+    def sketch(self, t, q):
+        del t
+        r, angles = self._parts(q)
+        R = matrix_from_euler(angles, self.sequence)
+        return tuple(shape.placed(r, R) for shape in self.drawn(self.matter.r))
+
+    def pose(self, q: Array, v: Array) -> Pose:
+        """Position, attitude and angular velocity at coordinates and velocities (n,)."""
+        r, angles = self._parts(q)
+        velocity, rates = self._parts(v)
+        omega_b = turned(omega_b_from_euler(angles, self.sequence), rates)
+        return Pose(r, matrix_from_euler(angles, self.sequence), velocity, omega_b)
+
+    def state(self, pose: Pose) -> Array:
+        """(2 n,) coordinates and velocities in a given pose.
+
+        Raises:
+          ValueError: a pose where the angles lock; where it is traced, the rates are NaN.
+        """
+        angles = euler_from_matrix(pose.R_wb, self.sequence).angles
+        rates = euler_rates_from_body(angles, pose.omega_b, self.sequence).rates
+        locked = not _checks.is_traced((rates, pose)) and bool(jnp.isnan(rates).any())
+        if locked and bool(jnp.isfinite(pose.omega_b).all()):
+            raise _checks.fail(
+                "sequence",
+                "Euler angles that do not lock in the pose at the start",
+                repr(self.sequence),
+                "Take another sequence (the second angle of XYZ locks at pi/2, that of ZXZ at 0), "
+                "or a quaternion.",
+            )
+        if self.pivoted:
+            return jnp.concatenate([angles, rates])
+        return jnp.concatenate([pose.r, angles, pose.v, rates])
+
+    def check(self):
+        _checks.choice("sequence", self.sequence, SEQUENCES)
+        check_matter(self.matter)
+
+    def _parts(self, q: Array) -> tuple[Array, Array]:
+        return (jnp.zeros(3), q) if self.pivoted else (q[:3], q[3:])

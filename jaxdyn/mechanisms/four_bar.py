@@ -1,0 +1,91 @@
+"""The four-bar linkage by its crank angle alone; `bars` has it as a chain and as bodies."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn._numerics import square_norm
+from jaxdyn.formulations.mechanism import Mechanism
+from jaxdyn.mechanisms.bars import bar_shapes, check_bars, row_masses, row_points
+
+
+class FourBar(Mechanism):
+    """Crank, coupler and rocker between hinges at the origin and at `end`, by the crank's angle.
+
+    Coupler and rocker close the triangle on the line from the crank pin to the far hinge. It
+    can be closed on either side of that line; a motion stays on its side. Where the triangle
+    cannot be closed (a crank that does not turn fully) the positions are NaN.
+
+    Attributes:
+      m: (3,) masses of the uniform bars [kg].
+      l: (3,) their lengths [m].
+      end: (2,) far hinge [m].
+      crossed: on which side of the line from pin to far hinge the coupler lies: False for its
+        left.
+    """
+
+    m: Array
+    l: Array  # noqa: E741 the course's name
+    end: Array
+    crossed: bool = eqx.field(static=True, default=False)
+    singular: ClassVar[str] = (
+        "Where coupler and rocker are in line, the crank does not say how they go on: "
+        "formulation='constrained' or 'loop' may pass that pose."
+    )
+
+    def coordinates(self):
+        return (("theta1", "rad"),)
+
+    def masses(self):
+        return row_masses(self.m)
+
+    def positions(self, t, q):
+        del t
+        return row_points(self._bars(q))
+
+    def angles(self, t: Array, q: Array) -> Array:
+        """(3,) angles of the bars from hanging down: the coordinates of a `Chain`."""
+        del t
+        x, y = self._bars(q).T
+        return jnp.arctan2(x, -y)
+
+    def bodies(self, t: Array, q: Array) -> Array:
+        """(9,) x, y and angle of each bar: the coordinates of `Bodies`."""
+        middles = self.positions(t, q)[4:]
+        return jnp.concatenate([middles, self.angles(t, q)[:, None]], axis=1).ravel()
+
+    def sketch(self, t, q):
+        return bar_shapes(self.positions(t, q)[:4], self.end)
+
+    def check(self):
+        check_bars(self.m, self.l, self.end)
+
+    def reach(self, angle: Array) -> Array:
+        """() how far coupler and rocker are from one line, squared, at an angle of the crank [1].
+
+        Negative where they do not reach the far hinge.
+        """
+        return self._triangle(self.end - self._crank(angle))[1]
+
+    def _crank(self, angle: Array) -> Array:
+        return self.l[0] * jnp.stack([jnp.sin(angle), -jnp.cos(angle)])
+
+    def _bars(self, q: Array) -> Array:
+        """(3, 2) each bar as a vector."""
+        crank = self._crank(q[0])
+        line = self.end - crank
+        along, squared = self._triangle(line)
+        side = -1.0 if self.crossed else 1.0
+        coupler = along * line + side * jnp.sqrt(squared) * jnp.stack([-line[1], line[0]])
+        return jnp.stack([crank, coupler, line - coupler])
+
+    def _triangle(self, line: Array) -> tuple[Array, Array]:
+        """Where the coupler ends along the line from the crank pin, and across it squared.
+
+        As shares of the line and of its square: the law of cosines.
+        """
+        r2 = square_norm(line)
+        along = 0.5 * (1 + (self.l[1] ** 2 - self.l[2] ** 2) / r2)
+        return along, self.l[1] ** 2 / r2 - along * along

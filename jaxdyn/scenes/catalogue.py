@@ -1,0 +1,177 @@
+"""All scenes by name: what there is, which numbers they take, and how to make one from text.
+
+A scene is a function of keyword numbers in `jaxdyn.scenes`; its docstring begins with what it
+is and the course problems it answers, and documents each number with its unit. Nothing else
+needs to be registered, but for a scene whose motion has corners: how it goes on in phases.
+"""
+
+import dataclasses
+import inspect
+import re
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from jaxdyn import _checks, scenes
+from jaxdyn._arithmetic import value
+from jaxdyn.integrate.phases import Chain, Phase, run
+from jaxdyn.integrate.simulation import RTOL, Trajectory, simulate
+from jaxdyn.scene import Scene
+from jaxdyn.solvers import Method
+
+Phases = Mapping[str, Phase]
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameter:
+    """A number that a scene takes."""
+
+    name: str
+    default: Any
+    meaning: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Entry:
+    """A scene: how it is made, what it is, which course problems it answers, its numbers."""
+
+    name: str
+    make: Callable[..., Scene]
+    summary: str
+    problems: tuple[int, ...]
+    parameters: tuple[Parameter, ...]
+
+    def motion(
+        self,
+        scene: Scene,
+        t1=None,
+        *,
+        samples=200,
+        rtol: float = RTOL,
+        solver: Method | str | None = None,
+        dt: float | None = None,
+    ) -> Trajectory | Chain:
+        """What becomes of a scene of this kind: one smooth motion, or a chain of phases.
+
+        Args:
+          scene: made by this entry, with numbers of any values.
+          t1: end of the span [s]; the scene's own if left out.
+          samples: how many, of each phase.
+          rtol: see `simulate`.
+          solver: see `simulate`; of a chain, "auto" leaves each phase to its own.
+          dt: see `simulate`; none for a chain.
+        Raises:
+          ValueError: see `simulate` and `phases.run`.
+        """
+        phases = _CORNERS.get(self.name, _smooth)(scene)
+        how = {"samples": samples, "rtol": rtol, "solver": solver}
+        if not phases:
+            return simulate(scene, t1, dt=dt, throw=False, **how)
+        if dt is not None:
+            raise _checks.fail("dt", "none for a motion in phases", dt, "Events adapt the steps.")
+        how["solver"] = None if solver == "auto" else solver
+        return run(phases, None, scene.y0, scene.t1 if t1 is None else t1, **how)
+
+
+def _smooth(scene: Scene) -> Phases:
+    del scene
+    return {}
+
+
+def _braking(scene: Scene) -> Phases:
+    return scenes.braking(scene) if scene.effects else {}  # without friction it never stops
+
+
+#: The phases of scenes whose motions have corners.
+_CORNERS: dict[str, Callable[[Scene], Phases]] = {
+    "car": _braking,
+    "cylinder_on_cylinder": scenes.phases_of,
+    "cylinder_on_ramp": scenes.phases_of,
+}
+
+
+def entries() -> dict[str, Entry]:
+    """Every scene of the zoo that numbers alone can make, by name."""
+    found = {}
+    for name, make in sorted(vars(scenes).items()):
+        if inspect.isfunction(make) and inspect.signature(make).return_annotation is Scene:
+            if not _needs_more(make):
+                found[name] = _entry(name, make)
+    return found
+
+
+def build(name: str, settings: Mapping[str, str]) -> Scene:
+    """The scene of this name with some of its numbers set from text, e.g. {"mass": "2"}.
+
+    Raises:
+      ValueError: no such scene or number (the nearest is suggested), or text that is no number.
+    """
+    values = numbers(name, settings)
+    return entries()[name].make(**values)
+
+
+def numbers(name: str, settings: Mapping[str, str]) -> dict[str, Any]:
+    """The numbers that a scene is made with where some are set from text; arguments of `build`."""
+    zoo = entries()
+    entry = zoo[_checks.choice("scene", name, zoo, "jaxdyn list")]
+    known = {parameter.name: parameter for parameter in entry.parameters}
+    values = {}
+    for key, text in settings.items():
+        parameter = known[_checks.choice(f"parameter of {name}", key, known)]
+        values[key] = _value(key, text, parameter.default)
+    return values
+
+
+def settings(texts: Iterable[str]) -> dict[str, str]:
+    """What `build` takes, from texts "NAME=VALUE" of a command line.
+
+    Raises:
+      ValueError: a text without "=".
+    """
+    found = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise _checks.fail("--set", "NAME=VALUE", repr(text))
+        found[name.strip()] = value.strip()
+    return found
+
+
+def _needs_more(make: Callable[..., Scene]) -> bool:
+    """Whether it cannot be made without, say, a law of force."""
+    parameters = inspect.signature(make).parameters.values()
+    return any(p.default is p.empty and p.kind is not p.VAR_POSITIONAL for p in parameters)
+
+
+def _entry(name: str, make: Callable[..., Scene]) -> Entry:
+    text = inspect.cleandoc(make.__doc__ or "")
+    first = text.splitlines()[0] if text else ""
+    cited = re.search(r"problems? ([\d, and]+)", first)
+    problems = tuple(int(n) for n in re.findall(r"\d+", cited.group(1))) if cited else ()
+    summary = re.sub(r"\s*\([^()]*problems? [^()]*\)", "", first).rstrip(".")
+    meanings = dict(re.findall(r"^\s+(\w+): (.+?)(?=^\s+\w+: |\n\s*\n|^\w|\Z)", text, _LINES))
+    parameters = tuple(
+        Parameter(p.name, p.default, " ".join(meanings.get(p.name, "").split()))
+        for p in inspect.signature(make).parameters.values()
+        if p.default is not p.empty  # an effect or a law of force is no number
+    )
+    return Entry(name, make, summary, problems, parameters)
+
+
+_LINES = re.MULTILINE | re.DOTALL
+
+
+def _value(key: str, text: str, default: Any) -> Any:
+    if isinstance(default, str):
+        return text
+    if isinstance(default, bool):
+        return _checks.choice(key, text.lower(), ("true", "false")) == "true"
+    try:
+        numbers = [value(part) for part in text.split(",")]
+    except ValueError:
+        raise _checks.fail(key, "a number, or numbers with commas between", repr(text)) from None
+    if isinstance(default, tuple):
+        return tuple(numbers)
+    if len(numbers) > 1:
+        raise _checks.fail(key, "one number", repr(text))
+    whole = isinstance(default, int) and numbers[0].is_integer()
+    return int(numbers[0]) if whole else numbers[0]

@@ -1,0 +1,265 @@
+"""A vector field as scalar formulas: what remains of its program when arrays are taken apart.
+
+A rate is written with arrays: stacked, sliced, multiplied with matrices that are mostly zeros.
+`formulas` runs through its jaxpr once with a `graph.Node` in the place of each number. Structure
+costs nothing then, and what is computed twice becomes one node. Loops of known length are written
+out. Other loops, linear algebra and callbacks have no place in such a graph: `NotElementary`.
+"""
+
+import functools
+import itertools
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.extend
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn.solvers.taylor.graph import COMPARISONS, FUNCTIONS, LOGIC, Graph, Node, Number
+
+
+class NotElementary(Exception):
+    """A rate uses an operation that has no Taylor series here; its name."""
+
+
+class Formulas(NamedTuple):
+    """The formulas of a rate.
+
+    Attributes:
+      graph: all of them.
+      time: the node of t.
+      states: (k) the nodes of y.
+      rates: (k) what dy/dt is.
+    """
+
+    graph: Graph
+    time: Node
+    states: list[Node]
+    rates: list[Number]
+
+
+#: Only move entries about, the first so many arguments; the others say where, and are known.
+_MOVES = {
+    **dict.fromkeys(("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice"), None),
+    **dict.fromkeys(("concatenate", "rev", "expand_dims", "split", "stack", "pad"), None),
+    **{"dynamic_slice": 1, "gather": 1, "dynamic_update_slice": 2},
+}
+_SAME = {"stop_gradient", "copy", "copy_p", "optimization_barrier"}
+_CALLS = {"jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call"}
+#: Rounds up to which loops are written out: every one is traced anew.
+_LONGEST_LOOP = 1000
+
+
+def formulas(field: Callable, t: Array, y: Array) -> Formulas:
+    """The formulas of a rate.
+
+    Args:
+      field: (t, y) -> dy/dt, whose other numbers may be known at run time only.
+      t: () time.
+      y: (k,) state.
+    Raises:
+      NotElementary: something in it has no place in such a graph.
+    """
+    closed = jax.make_jaxpr(field)(t, y)
+    graph = Graph()
+    time = graph.given(t, moving=True)
+    states = [graph.given(y[i], moving=True) for i in range(len(y))]
+    inputs = [_objects([time], ()), _objects(states, y.shape)]
+    (rates,) = _run(graph, closed.jaxpr, [_taken(graph, c) for c in closed.consts], inputs)
+    return Formulas(graph, time, states, rates.tolist())
+
+
+def _objects(items: list, shape: tuple[int, ...]) -> np.ndarray:
+    found = np.empty(len(items), object)
+    found[:] = items
+    return found.reshape(shape)
+
+
+def _taken(graph: Graph, x) -> np.ndarray:
+    """An array of known numbers as it is; of others, one node for each."""
+    if not isinstance(x, jax.core.Tracer):
+        return np.asarray(x)
+    flat = x.ravel()
+    return _objects([graph.given(flat[i]) for i in range(x.size)], x.shape)
+
+
+def _run(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.ndarray]:
+    values: dict[Any, np.ndarray] = dict(zip(jaxpr.constvars, consts, strict=True))
+    values |= dict(zip(jaxpr.invars, inputs, strict=True))
+
+    def read(atom):
+        return np.asarray(atom.val) if isinstance(atom, jax.extend.core.Literal) else values[atom]
+
+    for eqn in jaxpr.eqns:
+        found = _applied(graph, eqn, [read(a) for a in eqn.invars])
+        values |= dict(zip(eqn.outvars, found, strict=True))
+    return [read(a) for a in jaxpr.outvars]
+
+
+def _applied(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
+    """Results of one equation of a jaxpr."""
+    name, params = eqn.primitive.name, eqn.params
+    if name in _CALLS:
+        inner = params.get("jaxpr") or params["call_jaxpr"]
+        return _run(graph, inner.jaxpr, [_taken(graph, c) for c in inner.consts], args)
+    if not any(x.dtype == object for x in args):
+        return _known(eqn.primitive, params, args)
+    if name == "scan":
+        return _written_out(graph, eqn, args)
+    if name in _MOVES:
+        return _moved(eqn, args)
+    if name in _SAME:
+        return args
+    if name == "convert_element_type":
+        kinds = eqn.invars[0].aval.dtype, np.dtype(params["new_dtype"])
+        return [_converted(graph, args[0], *kinds)]
+    _check_kinds(eqn)
+    if name == "reduce_sum":
+        return [_summed(graph, args[0], tuple(params["axes"]))]
+    if name == "dot_general":
+        return [_multiplied(graph, *args, *params["dimension_numbers"])]
+    return [_elementwise(_scalar(graph, name, params, len(args) - 1), args)]
+
+
+def _check_kinds(eqn) -> None:
+    """Formulas are of 64-bit floats; truths are only combined, and chosen by."""
+    name = eqn.primitive.name
+    ours = eqn.invars[1:] if name == "select_n" else eqn.invars
+    wanted = bool if name in LOGIC else float
+    results = eqn.outvars if name == "dot_general" else []
+    for kind in {a.aval.dtype for a in (*ours, *results)}:
+        if kind != wanted:
+            raise NotElementary(f"{name} of {kind}")
+
+
+def _known(primitive, params: dict, args: list[np.ndarray]) -> list[np.ndarray]:
+    with jax.ensure_compile_time_eval():
+        found = primitive.bind(*map(jnp.asarray, args), **params)
+    return [np.asarray(x) for x in (found if primitive.multiple_results else [found])]
+
+
+def _moved(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
+    """What the operation does to the numbers of all entries, it does to the entries."""
+    name, params = eqn.primitive.name, dict(eqn.params)
+    n = _MOVES[name] or len(args)
+    moved, places = args[:n], args[n:]
+    if any(x.dtype == object for x in places):
+        raise NotElementary(f"{name} at places known at run time only")
+    if name == "gather":
+        params["fill_value"] = -1
+    starts = itertools.accumulate((x.size for x in moved), initial=0)
+    numbers = [n + np.arange(x.size).reshape(x.shape) for n, x in zip(starts, moved, strict=False)]
+    pool = np.concatenate([x.astype(object).ravel() for x in moved])
+    found = _known(eqn.primitive, params, [*numbers, *places])
+    if any((x < 0).any() for x in found):
+        raise NotElementary(f"{name} at places that are not there")
+    return [np.asarray(pool[x], object) for x in found]
+
+
+def _converted(graph: Graph, x: np.ndarray, kind: np.dtype, wanted: np.dtype) -> np.ndarray:
+    if kind == wanted:
+        return x
+    if wanted != np.float64:
+        raise NotElementary(f"conversion to {wanted}")
+    return _elementwise(graph.real, [x])
+
+
+def _summed(graph: Graph, x: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
+    kept = [i for i in range(x.ndim) if i not in axes]
+    shape = [*(x.shape[i] for i in kept), math.prod(x.shape[i] for i in axes)]
+    rows = np.transpose(x, [*kept, *axes]).reshape(shape)
+    found = np.empty(rows.shape[:-1], object)
+    for at in np.ndindex(found.shape):
+        found[at] = functools.reduce(graph.add, rows[at], 0.0)
+    return found
+
+
+def _multiplied(graph: Graph, a, b, contracted, batched) -> np.ndarray:
+    """Products of matrices: batch axes, then free ones of a, then free ones of b."""
+
+    def as_matrices(x, batch, last):
+        free = [i for i in range(x.ndim) if i not in (*batch, *last)]
+        parts = [[x.shape[i] for i in part] for part in (batch, free, last)]
+        moved = np.transpose(x.astype(object), [*batch, *free, *last])
+        return moved.reshape([math.prod(p) for p in parts]), parts
+
+    a, (batch, free_a, _) = as_matrices(a, batched[0], contracted[0])
+    b, (_, free_b, _) = as_matrices(b, batched[1], contracted[1])
+    found = np.empty((a.shape[0], a.shape[1], b.shape[1]), object)
+    for i, j, k in np.ndindex(found.shape):
+        found[i, j, k] = functools.reduce(graph.add, map(graph.mul, a[i, j], b[i, k]), 0.0)
+    return found.reshape([*batch, *free_a, *free_b])
+
+
+def _written_out(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
+    """A loop of known length."""
+    params = eqn.params
+    body, length = params["jaxpr"], params["length"]
+    n, m = params["num_consts"], params["num_carry"]
+    consts, carry, xs = args[:n], args[n : n + m], args[n + m :]
+    inner = [_taken(graph, c) for c in body.consts]
+    if length > _LONGEST_LOOP:
+        raise NotElementary(f"a loop of {length} rounds")
+    if not length:
+        return [*carry, *(np.zeros(a.aval.shape, a.aval.dtype) for a in eqn.outvars[m:])]
+    rows = []
+    for i in range(length):
+        at = length - 1 - i if params["reverse"] else i
+        row = [np.asarray(x[at]) for x in xs]
+        found = _run(graph, body.jaxpr, inner, [*consts, *carry, *row])
+        carry = found[:m]
+        rows.append(found[m:])
+    if params["reverse"]:
+        rows.reverse()
+    return [*carry, *(np.stack(column) for column in zip(*rows, strict=True))]
+
+
+def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
+    """The operation on numbers, for entries one by one."""
+    if name in ("add", "add_any"):
+        return graph.add
+    if name in ("sub", "mul", "div", "neg"):
+        return getattr(graph, name)
+    if name in FUNCTIONS:
+        return functools.partial(graph.function, name)
+    if name in COMPARISONS or name in LOGIC:
+        return functools.partial(_condition, graph, name)
+    if name == "select_n" and cases == 2:
+        return graph.select
+    if name == "square":
+        return lambda a: graph.mul(a, a)
+    if name == "rsqrt":
+        return lambda a: graph.div(1.0, graph.function("sqrt", a))
+    if name == "integer_pow":
+        return lambda a: graph.power(a, params["y"])
+    if name == "pow":
+        return functools.partial(_power, graph)
+    if name == "abs":
+        return lambda a: graph.select(_condition(graph, "lt", a, 0.0), a, graph.neg(a))
+    if name in ("max", "min"):
+        better = "gt" if name == "max" else "lt"
+        return lambda a, b: graph.select(_condition(graph, better, a, b), b, a)
+    raise NotElementary(name)
+
+
+def _condition(graph: Graph, op: str, *args: Number) -> Number:
+    """Of what moves only whether it is exactly some number: where it changes, no series helps."""
+    if op in COMPARISONS and op not in ("eq", "ne"):
+        if any(isinstance(a, Node) and a.moving for a in args):
+            raise NotElementary("a condition on what moves")
+    return graph.compare(op, *args)
+
+
+def _power(graph: Graph, a: Number, n: Number) -> Number:
+    if isinstance(n, Node) and n.moving:
+        raise NotElementary("a power with a moving exponent")
+    return graph.power(a, n)
+
+
+def _elementwise(op: Callable, args: list[np.ndarray]) -> np.ndarray:
+    shape = np.broadcast_shapes(*(x.shape for x in args))
+    columns = [np.broadcast_to(x, shape).ravel().tolist() for x in args]
+    return _objects(list(itertools.starmap(op, zip(*columns, strict=True))), shape)

@@ -1,0 +1,195 @@
+"""Two orbits of free points laid over each other, in time and in space.
+
+Samples of both over a period are compared in what no shift in time, turn, mirror, scale or name of
+a body changes, which gives the shift; the turn is then that of least squares.
+"""
+
+import dataclasses
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn._checks import fail
+from jaxdyn.effects import PairGravity
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate.simulation import solve
+from jaxdyn.scene import Scene
+from orbits.orbit import Orbit
+
+#: Largest distance of two orbits that count as the same one, relative to their size.
+TOLERANCE = 1e-6
+SAMPLES = 2048  # of one period
+_ROUNDS = 6  # Gauss-Newton steps on the shift in time
+_DIFFERENCE = 1e-7  # of the period, over which a slope in time is taken
+_CANDIDATES = 8  # shifts that are looked at closely
+_MOST_POINTS = 6  # 720 orders of bodies
+
+
+@dataclasses.dataclass(frozen=True)
+class Match:
+    """How one orbit is made the other.
+
+    Attributes:
+      distance: largest distance of the two afterwards, relative to their size.
+      shift: the time by which the second one is late.
+      backwards: whether it runs the other way.
+      order: which of its bodies are the first orbit's; () where there are none.
+      mirrored: whether it is a mirror image.
+      scale: its lengths over those of the first.
+    """
+
+    distance: float
+    shift: float
+    backwards: bool
+    order: tuple[int, ...]
+    mirrored: bool
+    scale: float
+
+
+def match_points(a: Orbit, b: Orbit) -> Match | None:
+    """How the second orbit of free points is best made the first; None where nothing can."""
+    first, second = (orbit.scene.system for orbit in (a, b))
+    assert isinstance(first, FreePoints)
+    assert isinstance(second, FreePoints)
+    if first.d != second.d or len(first.m) != len(second.m):
+        return None
+    n = len(first.m)
+    if n > _MOST_POINTS:
+        raise fail("orbit", f"at most {_MOST_POINTS} bodies", n)
+    scale = _scale(a, b)
+    if scale is None:
+        return None
+    masses = np.asarray(first.m), np.asarray(second.m)
+    here = centred(samples(a), masses[0])
+    best: Match | None = None
+    for backwards in (False, True):
+        slow = b.period / a.period
+        there = _scaled(centred(samples(b), masses[1]), 1 / scale, slow, backwards)
+        for index in _shifts(here, there, masses):
+            shift = _refined(b, here, index, 1 / scale, slow, backwards, masses)
+            late = centred(samples(b, shift), masses[1])
+            there_late = _scaled(late, 1 / scale, slow, backwards)
+            for order in _orders(*masses):
+                distance, mirrored = turned_distance(here, there_late[:, :, order])
+                if best is None or distance < best.distance:
+                    best = Match(distance, shift, backwards, order, mirrored, scale)
+    return best
+
+
+def _scale(a: Orbit, b: Orbit) -> float | None:
+    """Lengths of the second orbit over those of the first; None if their periods do not fit."""
+
+    def pulls(orbit):
+        return [type(effect) for effect in orbit.scene.effects] == [PairGravity]
+
+    if pulls(a) and pulls(b):
+        strengths = (float(o.scene.effects[0].G * o.scene.system.m.sum()) for o in (a, b))
+        one, two = strengths
+        return float((b.period / a.period) ** (2 / 3) * (two / one) ** (1 / 3))
+    return 1.0 if abs(a.period - b.period) <= TOLERANCE * a.period else None
+
+
+def centred(ys: np.ndarray, m: np.ndarray) -> np.ndarray:
+    """(s, 2, n, d) positions and velocities about the centre of mass."""
+    x = ys.reshape(len(ys), 2, len(m), -1)
+    return x - np.einsum("n,sand->sad", m / m.sum(), x)[:, :, None]
+
+
+def _scaled(x: np.ndarray, lengths: float, slow: float, backwards: bool) -> np.ndarray:
+    """In units where lengths are so much larger, and times so much shorter."""
+    x = x * np.array([lengths, lengths * slow])[:, None, None]
+    if not backwards:
+        return x
+    x = np.roll(x[::-1], 1, axis=0)
+    return x * np.array([1.0, -1.0])[:, None, None]
+
+
+def _signature(x: np.ndarray, m: np.ndarray) -> np.ndarray:
+    """(s, 3) what no turn, mirror or name changes, each of mean 0 and size 1."""
+    r, v = x[:, 0], x[:, 1]
+    moments = np.stack(
+        [
+            np.einsum("n,snd,snd->s", m, r, r),
+            np.einsum("n,snd,snd->s", m, r, v),
+            np.einsum("i,j,sij->s", m, m, np.linalg.norm(r[:, :, None] - r[:, None], axis=-1)),
+        ],
+        axis=1,
+    )
+    moments = moments - moments.mean(axis=0)
+    return moments / np.maximum(np.abs(moments).max(axis=0), 1e-300)
+
+
+def _shifts(here: np.ndarray, there: np.ndarray, masses) -> list[int]:
+    """The samples of the second orbit that fit the first one's start best."""
+    a, b = _signature(here, masses[0]), _signature(there, masses[1])
+    product = np.fft.rfft(a, axis=0).conj() * np.fft.rfft(b, axis=0)
+    fit = np.fft.irfft(product, n=len(a), axis=0).sum(axis=1)
+    peaks = np.flatnonzero((fit >= np.roll(fit, 1)) & (fit > np.roll(fit, -1)))
+    best = peaks[np.argsort(-fit[peaks])][:_CANDIDATES]
+    return [int(i) for i in best]
+
+
+def _refined(
+    b: Orbit, here, index: int, lengths: float, slow: float, backwards: bool, masses
+) -> float:
+    """The shift in time [of the second orbit] at which the two fit best."""
+    m = masses[1]
+    step = b.period / len(here)
+    # The sample with this index stands for this time of the second orbit.
+    shift = -index * step if backwards else index * step
+    goal = _signature(here, masses[0])
+    h = _DIFFERENCE * b.period
+
+    def seen(ys):
+        return _signature(_scaled(centred(ys, m), lengths, slow, backwards), m)
+
+    for _ in range(_ROUNDS):
+        ys = samples(b, shift)
+        rates = np.asarray(_rates(b.scene, ys))
+        # Not by waves through the samples: in a close encounter there are too few of them.
+        slope = (seen(ys + h * rates) - seen(ys - h * rates)) / (2 * h)
+        move = float(np.sum((goal - seen(ys)) * slope) / np.sum(slope * slope))
+        shift += move
+        if abs(move) < 1e-13 * b.period:
+            break
+    return shift % b.period
+
+
+@jax.jit
+def _rates(scene: Scene, ys) -> jax.Array:
+    return jax.vmap(lambda y: scene.rate(jnp.zeros(()), y))(ys)
+
+
+def _orders(one: np.ndarray, two: np.ndarray):
+    """All orders of the second orbit's bodies that put equal masses in the first ones' places."""
+    share, other = one / one.sum(), two / two.sum()
+    for order in itertools.permutations(range(len(one))):
+        if np.allclose(other[list(order)], share, rtol=1e-12):
+            yield order
+
+
+def turned_distance(here: np.ndarray, there: np.ndarray) -> tuple[float, bool]:
+    """Largest distance of positions after the best turn or mirrored turn, and which it was."""
+    d = here.shape[-1]
+    sizes = [float(np.abs(here[:, i]).max()) for i in range(2)]
+    p, q = (
+        np.concatenate([x[:, i].reshape(-1, d) / sizes[i] for i in range(2)]) for x in (here, there)
+    )
+    u, _, vt = np.linalg.svd(q.T @ p)
+    found = []
+    for mirrored in (False, True):
+        sign = np.sign(np.linalg.det(u @ vt)) * (-1.0 if mirrored else 1.0)
+        turn = u @ np.diag([*[1.0] * (d - 1), sign]) @ vt
+        found.append((float(np.abs(q @ turn - p).max()), mirrored))
+    return min(found)
+
+
+def samples(orbit: Orbit, shift: float = 0.0) -> np.ndarray:
+    """(SAMPLES, k) states over one period from a time on."""
+    scene = orbit.scene
+    if shift:
+        scene = scene.starting(solve(scene, shift, rtol=orbit.rtol).y1)
+    ts = np.arange(SAMPLES) * orbit.period / SAMPLES
+    return np.asarray(solve(scene, orbit.period, ts=ts, rtol=orbit.rtol).ys)

@@ -1,0 +1,132 @@
+"""Is it really an orbit? The closing error again, by another integrator and tolerance.
+
+The finder makes its own integrator's error part of the closing condition, so its residual says
+nothing about that error. Here the whole period is integrated by a method of another family at
+a tighter tolerance, and then several periods in a row.
+"""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import Status
+from jaxdyn.integrate.flow import Flow
+from jaxdyn.integrate.simulation import default_solver
+from jaxdyn.solvers import DOPRI8, VERNER9
+from orbits.closing.closings import PLAIN
+from orbits.motion import advanced
+from orbits.orbit import Orbit, gap
+from orbits.shooting.cuts import SEGMENTS_MOST, largest, with_segments
+from orbits.shooting.equations import Equations
+from orbits.shooting.newton import RANK_TOLERANCE
+
+#: Below this, steps are lost in rounding: the tightest tolerance that still helps.
+TIGHT = 1e-15
+
+
+@dataclasses.dataclass(frozen=True)
+class Recheck:
+    """A second opinion on an orbit.
+
+    Attributes:
+      solver: name of the other method.
+      tolerance: relative tolerance it ran at.
+      closure: largest entry of y(T) - y(0) by that method.
+    """
+
+    solver: str
+    tolerance: float
+    closure: float
+
+
+def closure(orbit: Orbit, *, periods: int = 1, rtol: float | None = None, solver=None) -> float:
+    """Largest entry by which the state misses the start after some periods; NaN if not reached.
+
+    A relative orbit has turned by then; its start is turned by as much.
+    """
+    flow = after(orbit, periods, rtol=orbit.rtol if rtol is None else rtol, solver=solver)
+    if int(flow.status) != Status.OK:
+        return float("nan")
+    return gap(orbit, flow.y1, periods)
+
+
+def after(orbit: Orbit, periods: float, *, rtol: float, solver=None) -> Flow:
+    """The motion after some periods, or a part of one, in the time it is followed in."""
+    s = None if orbit.s_period is None else periods * orbit.s_period
+    return advanced(orbit.scene, periods * orbit.period, s, rtol=rtol, solver=solver)
+
+
+def growth(orbit: Orbit) -> float:
+    """How much larger a change of the state on the way may be at the end of the period.
+
+    The largest of the derivatives of the end by states at 32 times. Times the unit of rounding
+    it is about the closing error below which no integration in doubles gets.
+    """
+    y0, rtol = np.asarray(orbit.y0), orbit.rtol
+    whole = dataclasses.replace(Equations.of(orbit), closing=PLAIN)
+    if orbit.s_period is None:
+        # Its encounters, if any, are moderate: cut within one, the figure is somewhat larger.
+        even = (1 / SEGMENTS_MOST,) * SEGMENTS_MOST
+        fine = dataclasses.replace(whole, shares=even, s_spans=None)
+    else:
+        whole = dataclasses.replace(whole, s_spans=(orbit.s_period,))
+        fine = with_segments(whole, np.append(y0, orbit.period), rtol, SEGMENTS_MOST)
+    return largest(fine.transitions(y0, orbit.period, rtol))
+
+
+@dataclasses.dataclass(frozen=True)
+class Digits:
+    """How many decimal digits of an orbit's numbers may be claimed.
+
+    Attributes:
+      y0: of the start, relative to its largest entry.
+      period: of the full period.
+    """
+
+    y0: float
+    period: float
+
+
+def digits(orbit: Orbit) -> Digits:
+    """The digits of an orbit that another integrator at a tighter tolerance leaves standing.
+
+    The closing error by that integrator, times the inverse of the closing equations' Jacobian,
+    is how far the orbit would move if it were found again with it. In a family of orbits that
+    is the distance to the family, whose members all close.
+
+    Example:
+      >>> import orbits
+      >>> from jaxdyn import scenes
+      >>> swing = orbits.find(scenes.oscillator(k=4.0), [1.0, 0.0], 3.0)
+      >>> orbits.digits(swing).period > 12
+      True
+    """
+    y0 = np.asarray(orbit.y0)
+    equations = Equations.of(orbit)
+    x = equations.spread(y0, orbit.period, orbit.rtol, orbit.angle)
+    jacobian = np.array(equations(x, orbit.rtol).jacobian)
+    if equations.driven:
+        jacobian[:, -1] = 0.0
+    end = after(orbit, 1 / orbit.closing.parts, rtol=TIGHT, solver=_other(orbit)).y1
+    angle = jnp.asarray(orbit.angle)
+    miss = np.asarray(orbit.closing.miss(orbit.scene.system, end, jnp.asarray(y0), angle))
+    move = np.abs(np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ miss)
+    start, period = move[:-1].max(initial=0.0) / np.abs(y0).max(), move[-1] / orbit.period
+    return Digits(_digits(start), _digits(period))
+
+
+def _digits(error: float) -> float:
+    """Decimal digits that an error of this relative size leaves, at most those of a double."""
+    return float(-np.log10(max(error, np.finfo(float).eps))) if np.isfinite(error) else 0.0
+
+
+def _other(orbit: Orbit):
+    plain = orbit.s_period is None
+    return VERNER9 if plain and default_solver(orbit.scene) is not VERNER9 else DOPRI8
+
+
+def recheck(orbit: Orbit) -> Recheck:
+    """The closing error of an orbit by another integrator at a tighter tolerance."""
+    other = _other(orbit)
+    return Recheck(other.name, TIGHT, closure(orbit, rtol=TIGHT, solver=other))

@@ -1,0 +1,216 @@
+"""What an orbit is: the numbers that identify it whatever its frame, phase and scale.
+
+Two closed orbits can look the same at a closing error of 1e-5 and be different orbits. What
+tells them apart is computed here: whether it is a choreography, its integrals, the scale-free
+period T |E|^(3/2) of Newtonian gravity, and, for three equal bodies near the figure-eight, a
+normal form in which equal orbits have equal digits.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene
+from jaxdyn._checks import fail
+from jaxdyn.analysis.energy import angular_momentum, energy, potential
+from jaxdyn.effects import PairGravity
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate.simulation import solve
+from jaxdyn.scenes import EIGHT
+from orbits.closing.closings import choreography
+from orbits.motion import at_s
+from orbits.orbit import Orbit, moved
+
+#: Entries of y(T / n) may miss the choreography by this much of the orbit's size.
+CHOREOGRAPHY = 1e-9
+#: What changes less than this along the orbit, relative to its parts, is conserved.
+KEPT = 1e-9
+_MOMENTS = 32  # of one period, to see what is conserved
+_SAMPLES = 720  # of one period, to bracket the passage nearest to the centre
+_PASSAGE_STEPS = 8  # Newton steps on the time of that passage
+
+
+@dataclasses.dataclass(frozen=True)
+class Identity:
+    """What an orbit is.
+
+    Attributes:
+      choreography: whether all bodies follow one curve, evenly spaced in time; None unless
+        several points move freely.
+      permutation_error: how far it is from one: the largest entry of y(T/n) minus the
+        relabelled start, the better of the two directions; NaN where bodies are not equal.
+      energy: kinetic plus potential; None where the motion does not keep it.
+      angular_momentum: about the origin, in the plane of x and y; None where the motion does
+        not keep it.
+      scale_free: T |E|^(3/2), the same for all scaled copies; None unless all forces are
+        Newtonian attractions.
+    """
+
+    choreography: bool | None
+    permutation_error: float
+    energy: float | None
+    angular_momentum: float | None
+    scale_free: float | None
+
+
+def identify(orbit: Orbit) -> Identity:
+    """The invariants of an orbit, as far as it has them.
+
+    Example:
+      >>> import orbits
+      >>> from jaxdyn import scenes
+      >>> eight = orbits.find(scenes.three_body(), closing=orbits.choreography(3))
+      >>> what = orbits.identify(eight)
+      >>> what.choreography, round(what.scale_free, 9)
+      (True, 9.237681251)
+    """
+    system = orbit.scene.system
+    several = isinstance(system, FreePoints) and len(system.m) > 1
+    gravity = {type(effect) for effect in orbit.scene.effects} == {PairGravity}
+    e, momentum = conserved(orbit)
+    error = permutation_error(orbit)
+    size = float(np.abs(np.asarray(orbit.y0)).max())
+    return Identity(
+        choreography=bool(error < CHOREOGRAPHY * size) if several else None,
+        permutation_error=error,
+        energy=e,
+        angular_momentum=momentum,
+        scale_free=orbit.period * abs(e) ** 1.5 if several and gravity and e is not None else None,
+    )
+
+
+def conserved(orbit: Orbit) -> tuple[float | None, float | None]:
+    """Energy, and angular momentum in the plane of x and y; None for what the motion changes."""
+    scene = orbit.scene
+    r = scene.system.points(jnp.zeros(()), jnp.asarray(orbit.y0)).r
+    if not len(r):
+        return None, None
+    # Not evenly spaced: equal values at symmetric moments would pass for constant ones.
+    moments = np.linspace(0.0, 1.0, _MOMENTS) ** 1.5
+    if orbit.s_period is None:
+        ts = orbit.period * moments
+        ys = solve(scene, orbit.period, ts=ts, rtol=orbit.rtol).ys
+    else:
+        ts, ys = at_s(scene, orbit.s_period * moments, orbit.rtol)
+    along = jax.vmap(lambda t, y: _integrals(scene, t, y))
+    energies, momenta = (np.asarray(pair) for pair in jax.jit(along)(jnp.asarray(ts), ys))
+    in_plane = r.shape[1] > 1
+    return _constant(*energies.T), _constant(*momenta.T) if in_plane else None
+
+
+def _integrals(scene: Scene, t: Array, y: Array) -> tuple[Array, Array]:
+    """Energy and angular momentum (2,), each with the size of the parts it is the sum of."""
+    r, v, m = scene.system.points(t, y)
+    e, v0 = energy(scene, t, y), potential(scene, t, y)
+    momentum = jnp.ravel(angular_momentum(scene, t, y))[-1]
+    arms = jnp.sum(m * jnp.linalg.norm(r, axis=1) * jnp.linalg.norm(v, axis=1))
+    return jnp.stack([e, jnp.abs(e - v0) + jnp.abs(v0)]), jnp.stack([momentum, arms])
+
+
+def _constant(values: np.ndarray, sizes: np.ndarray) -> float | None:
+    return float(values[0]) if np.ptp(values) <= KEPT * sizes.max() else None
+
+
+def permutation_error(orbit: Orbit) -> float:
+    """Largest entry by which y(T / n) misses the relabelled start; NaN if bodies differ."""
+    system = orbit.scene.system
+    if not isinstance(system, FreePoints) or np.ptp(system.m) != 0 or len(system.m) < 2:
+        return float("nan")
+    n = len(system.m)
+    end = solve(orbit.scene, orbit.period / n, rtol=orbit.rtol).y1
+    rings = choreography(n, system.d)
+    return min(float(jnp.abs(end - ring.symmetry.act(orbit.y0)).max()) for ring in rings)
+
+
+def normal_form(orbit: Orbit) -> Orbit:
+    """The same orbit in the frame, phase and scale of the printed figure-eight.
+
+    Three equal bodies in the plane, centre of mass at rest at the origin; the clock starts
+    where a body passes nearest to the centre, which becomes the third; the first is at
+    distance 1, in units of G m = 1; the third is on the x axis a quarter of a period later.
+    Of the mirror images and labels left, the one nearest to the printed start is taken
+    (course problem 17: first body at (-0.97000436, 0.24308753)).
+
+    Raises:
+      ValueError: anything but three equal bodies in the plane under their attraction alone.
+    """
+    if not has_normal_form(orbit):
+        raise fail(
+            "orbit",
+            "three equal bodies in the plane that attract each other",
+            "another scene",
+            "Only there is a normal form defined.",
+        )
+    scene = orbit.scene
+    centred = _centred(scene, np.asarray(orbit.y0))
+    t, body = _passage(scene.starting(centred), orbit.period)
+    y = _flow(scene, centred, t)
+    r, v = _points(y)
+    order = [(body + 1) % 3, (body + 2) % 3, body]
+    r, v = r[order], v[order]
+    scale = 1.0 / np.linalg.norm(r[0])
+    (gravity,), bodies = scene.effects, scene.system
+    assert isinstance(gravity, PairGravity)
+    assert isinstance(bodies, FreePoints)
+    gm = float(gravity.G * bodies.m[0])
+    # Lengths by s, and times by s^(3/2) / sqrt(G m) : Kepler's third law.
+    slow = scale**1.5 * np.sqrt(gm)
+    r, v, period = scale * r, scale * v / slow, slow * orbit.period
+    plain = Scene(FreePoints(np.ones(3), d=2), (PairGravity(1.0),), y0=np.zeros(12))
+    quarter, _ = _points(_flow(plain, np.concatenate([r.ravel(), v.ravel()]), period / 4))
+    angle = np.arctan2(quarter[2, 1], quarter[2, 0])
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    r, v = r @ turn.T, v @ turn.T
+    y0 = min(_images(r, v), key=lambda y: float(np.linalg.norm(y - np.array(EIGHT))))
+    return moved(orbit, plain.starting(y0, period))
+
+
+def has_normal_form(orbit: Orbit) -> bool:
+    """Whether `normal_form` applies: three equal bodies in the plane under gravity alone."""
+    scene = orbit.scene
+    return (
+        isinstance(scene.system, FreePoints)
+        and scene.system.d == 2
+        and len(scene.system.m) == 3
+        and np.ptp(scene.system.m) == 0
+        and [type(e) for e in scene.effects] == [PairGravity]
+    )
+
+
+def _points(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    r, v = y.reshape(2, 3, 2)
+    return r, v
+
+
+def _centred(scene: Scene, y: np.ndarray) -> np.ndarray:
+    r, v = _points(y)
+    return np.concatenate([(r - r.mean(axis=0)).ravel(), (v - v.mean(axis=0)).ravel()])
+
+
+def _flow(scene: Scene, y: np.ndarray, t: float) -> np.ndarray:
+    return np.asarray(solve(scene.starting(y), t, rtol=1e-14).y1)
+
+
+def _passage(scene: Scene, period: float) -> tuple[float, int]:
+    """When, and which body, passes nearest to the origin: r . v = 0 by Newton's method."""
+    ts = np.arange(_SAMPLES) * period / _SAMPLES
+    ys = np.asarray(solve(scene, period, ts=ts, rtol=1e-12).ys)
+    distance = np.linalg.norm(ys[:, :6].reshape(-1, 3, 2), axis=-1)
+    i, body = np.unravel_index(np.argmin(distance), distance.shape)
+    t = float(ts[i])
+    for _ in range(_PASSAGE_STEPS):
+        y = _flow(scene, np.asarray(scene.y0), t)
+        r, v = (x[body] for x in _points(y))
+        a = np.asarray(scene.rate(jnp.zeros(()), jnp.asarray(y)))[6:].reshape(3, 2)[body]
+        t -= float(r @ v / (v @ v + r @ a))
+    return t, int(body)
+
+
+def _images(r: np.ndarray, v: np.ndarray):
+    """All mirror images, half turns and labels of the first two bodies that keep the form."""
+    for labels in ([0, 1, 2], [1, 0, 2]):
+        for mirror in np.array([[1, 1], [-1, 1], [1, -1], [-1, -1]]):
+            yield np.concatenate([(r[labels] * mirror).ravel(), (v[labels] * mirror).ravel()])

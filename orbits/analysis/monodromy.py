@@ -1,0 +1,70 @@
+"""The monodromy matrix: how small displacements of an orbit's start have changed after a period."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene, System
+from jaxdyn.integrate.simulation import solve
+from jaxdyn.integrate.spans import tolerances
+from orbits.motion import advanced
+from orbits.orbit import Orbit
+
+_TANGENT = 1e-6  # smaller singular values of a projection's slope are directions it removes
+
+
+def monodromy(scene: Scene, y0=None, period=None, *, rtol: float = 1e-13) -> Array:
+    """Derivative (k, k) of the state after one period with respect to the start.
+
+    From the variational equations, with the tangents in the error norm.
+    """
+    scene = scene if y0 is None else scene.starting(y0)
+    tolerances(rtol, None)  # refuses what is none; inside jit it could not
+    return _monodromy(scene, scene.t1 if period is None else period, rtol)
+
+
+@jax.jit
+def _monodromy(scene: Scene, period, rtol) -> Array:
+    return jax.jacfwd(lambda y: solve(scene.starting(y), period, rtol=rtol).y1)(scene.y0)
+
+
+def tangents(scene: Scene, y0: np.ndarray) -> np.ndarray:
+    """Orthonormal basis (k, d) of the states near the start that satisfy the constraints."""
+    if type(scene.system).project is System.project:
+        return np.eye(len(y0))
+    u, s, _ = np.linalg.svd(np.asarray(_projection(scene, jnp.asarray(y0))))
+    return u[:, s > _TANGENT]
+
+
+@jax.jit
+def _projection(scene: Scene, y0: Array) -> Array:
+    return jax.jacfwd(scene.system.project, argnums=1)(jnp.zeros(()), y0)
+
+
+def returned(orbit: Orbit, rtol, basis: np.ndarray) -> np.ndarray:
+    """(d, d) the monodromy matrix in a basis of tangents, turned back for a relative orbit.
+
+    The displacement after a period is what `difference` says: -1 times a quaternion is the
+    same attitude.
+    """
+    return basis.T @ np.asarray(returned_map(orbit, rtol)) @ basis
+
+
+@jax.jit
+def returned_map(orbit: Orbit, rtol) -> Array:
+    """(k, k) the monodromy matrix, turned back for a relative orbit; differentiable."""
+    scene, closing, angle = orbit.scene, orbit.closing, orbit.angle
+
+    def end(y):
+        run = advanced(scene.starting(y), scene.t1, orbit.s_period, rtol=rtol)
+        return scene.system.difference(run.y1, target)
+
+    # Only which side of a wrapped angle, or which sign of a quaternion, it is measured from.
+    target = jax.lax.stop_gradient(closing.after(scene.system, scene.y0, angle, 1))
+    m = jax.jacfwd(end)(scene.y0)
+    if not closing.turns:
+        return m
+    # Not by solving: turned back, a turn is undone to rounding, and needs no other symmetry.
+    back = jax.jacfwd(lambda y: closing.after(scene.system, y, -angle, 1))(scene.y0)
+    return jnp.sum(back[:, :, None] * m[None], axis=1)

@@ -1,0 +1,140 @@
+"""Everything that is claimed of an orbit, in one record.
+
+The command line prints it, files keep it, and `orbits verify` derives it again from scratch.
+"""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from jaxdyn._progress import doing
+from orbits.analysis.evidence import Recheck, closure, growth, recheck
+from orbits.analysis.identity import has_normal_form, identify, normal_form
+from orbits.analysis.same import minimal_period
+from orbits.analysis.stability import stability
+from orbits.analysis.words import has_word, word
+from orbits.orbit import Orbit
+
+#: Periods simulated in a row to show that an orbit comes back.
+PERIODS = 5
+
+
+@dataclasses.dataclass(frozen=True)
+class NormalForm:
+    """Period and start of an orbit in the frame and scale of the printed eight."""
+
+    period: float
+    y0: list[float]
+
+
+@dataclasses.dataclass(frozen=True)
+class Report:
+    """The claims about one orbit; fields as in the JSON output.
+
+    Attributes:
+      outcome: "FOUND", or why it is not an orbit.
+      period: full period.
+      y0: (k,) start, in the order of the system's labels.
+      closure: largest difference between the state after one period and the start.
+      growth: how much larger a change on the way may be at the end of the period; times the unit
+        of rounding it is the closure that doubles permit.
+      minimal_period: the shortest time after which the motion comes back.
+      choreography: whether all bodies follow one curve; None unless they are free points.
+      permutation_error: how far it is from that; None where bodies differ.
+      word: the free-group word of three bodies in the plane; None for anything else.
+      energy: kinetic plus potential; None where it is not conserved.
+      angular_momentum: about the origin; None where it is not conserved.
+      scale_free: T |E|^(3/2); None unless all forces are Newtonian attractions.
+      multipliers: all Floquet multipliers as [re, im].
+      multiplier_bars: error bars of the non-trivial ones, which come first.
+      exponents: rotation numbers of the non-trivial pairs; None for a real pair.
+      unit_multipliers: how many are 1 by an integral or symmetry.
+      verdict: "stable", "unstable" or "undecided".
+      symplectic_defect: see `Stability`.
+      determinant_defect: see `Stability`.
+      periods_simulated: how many periods in a row `return_error` is after.
+      return_error: largest difference between the state then and the start.
+      recheck: the closure by another integrator at a tighter tolerance.
+      normal_form: None where there is none.
+    """
+
+    outcome: str
+    period: float
+    y0: list[float]
+    closure: float
+    growth: float
+    minimal_period: float
+    choreography: bool | None
+    permutation_error: float | None
+    word: str | None
+    energy: float | None
+    angular_momentum: float | None
+    scale_free: float | None
+    multipliers: list[list[float]]
+    multiplier_bars: list[float]
+    exponents: list[float | None]
+    unit_multipliers: int
+    verdict: str
+    symplectic_defect: float | None
+    determinant_defect: float | None
+    periods_simulated: int
+    return_error: float
+    recheck: Recheck
+    normal_form: NormalForm | None
+
+
+def report(orbit: Orbit) -> Report:
+    """All claims about an orbit, computed from its scene, start and period alone."""
+    doing("identifying the orbit")
+    what = identify(orbit)
+    doing("testing its stability")
+    linear = stability(orbit)
+    form = None
+    if has_normal_form(orbit):
+        normal = normal_form(orbit)
+        form = NormalForm(normal.period, _floats(normal.y0))
+    doing("simulating it again, by a second integrator too")
+    return Report(
+        outcome=orbit.outcome.name,
+        period=orbit.period,
+        y0=_floats(orbit.y0),
+        closure=closure(orbit),
+        growth=growth(orbit),
+        minimal_period=minimal_period(orbit)[0],
+        choreography=what.choreography,
+        permutation_error=what.permutation_error if math.isfinite(what.permutation_error) else None,
+        word=word(orbit) if has_word(orbit) else None,
+        energy=what.energy,
+        angular_momentum=what.angular_momentum,
+        scale_free=what.scale_free,
+        multipliers=[[float(z.real), float(z.imag)] for z in linear.multipliers],
+        multiplier_bars=_floats(linear.bars),
+        exponents=list(linear.exponents),
+        unit_multipliers=linear.unit,
+        verdict=linear.verdict,
+        symplectic_defect=linear.symplectic_defect,
+        determinant_defect=linear.determinant_defect,
+        periods_simulated=PERIODS,
+        return_error=closure(orbit, periods=PERIODS),
+        recheck=recheck(orbit),
+        normal_form=form,
+    )
+
+
+def as_json(claims: Report) -> dict[str, Any]:
+    """The claims as a JSON object; numbers that are not finite become null."""
+    return _finite(dataclasses.asdict(claims))
+
+
+def _floats(x) -> list[float]:
+    return [float(value) for value in np.asarray(x)]
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

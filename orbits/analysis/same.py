@@ -1,0 +1,132 @@
+"""Whether two orbits are the same motion.
+
+One may be seen at another time, turned, mirrored, relabelled, scaled, or run backwards: then one
+can be laid over the other (for free points by `alignment`), and what is left must be rounding.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn._checks import fail
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate.simulation import solve
+from orbits.analysis.alignment import (
+    SAMPLES,
+    TOLERANCE,
+    Match,
+    centred,
+    match_points,
+    samples,
+    turned_distance,
+)
+from orbits.orbit import Orbit, moved
+
+#: `TOLERANCE` for orbits so unstable that their own periods differ by as much.
+_BLURRED = 1e-4
+_MISSES = 4.0  # of those by which one orbit may be off the other
+_ROUNDS = 6  # Gauss-Newton steps on the shift in time
+_DIVISORS = 12  # periods are looked for down to this part
+
+
+def minimal_period(orbit: Orbit, tolerance: float = TOLERANCE) -> tuple[float, int]:
+    """The shortest time after which the motion comes back, and how often the period holds it.
+
+    Example:
+      >>> import orbits
+      >>> from jaxdyn import scenes
+      >>> twice = orbits.find(scenes.oscillator(k=4.0), [1.0, 0.0], 6.2)
+      >>> period, times = orbits.minimal_period(twice)
+      >>> round(period, 6), times
+      (3.141593, 2)
+    """
+    parts = np.arange(_DIVISORS, 0, -1)
+    system, y0 = orbit.scene.system, jnp.asarray(orbit.y0)
+    ts = orbit.period / parts
+    ys = solve(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol).ys
+    size = float(np.abs(y0).max())
+    for n, y in zip(parts, ys, strict=True):
+        if float(jnp.abs(system.difference(y, y0)).max()) <= tolerance * size:
+            return orbit.period / float(n), int(n)
+    return orbit.period, 1
+
+
+def same(a: Orbit, b: Orbit, tolerance: float = TOLERANCE) -> bool:
+    """Whether two orbits are the same up to everything that changes no motion.
+
+    Shift in time and sense of time; for free points also turns, mirrors and equal bodies'
+    names; where they only attract each other by Newton's law also scale.
+
+    Args:
+      a: an orbit.
+      b: another one.
+      tolerance: largest distance that counts as the same, relative to the orbits' size. Where
+        the second period of an orbit is off its first by more, since it is unstable, four times
+        that counts, up to 1e-4.
+    Example:
+      >>> import orbits
+      >>> from jaxdyn import scenes
+      >>> eight = orbits.find(scenes.three_body(), closing=orbits.choreography(3))
+      >>> orbits.same(eight, orbits.normal_form(eight))
+      True
+    """
+    found = match(a, b)
+    if found is None or found.distance > max(tolerance, _BLURRED):
+        return False
+    if found.distance <= tolerance:
+        return True
+    return found.distance <= _MISSES * max(_missed(a, 0.0), _missed(b, found.shift))
+
+
+def _missed(orbit: Orbit, shift: float) -> float:
+    """By how much the second period after a time is off the first, relative to the size."""
+    scene, period = orbit.scene, minimal_period(orbit)[0]
+    ts = shift + np.arange(2 * SAMPLES) * period / SAMPLES
+    ys = np.asarray(solve(scene, ts[-1], ts=ts, rtol=orbit.rtol).ys).reshape(2, SAMPLES, -1)
+    if isinstance(scene.system, FreePoints):
+        first, second = (centred(y, np.asarray(scene.system.m)) for y in ys)
+        return turned_distance(first, second)[0]
+    off = jax.vmap(scene.system.difference)(ys[1], ys[0])
+    return float(jnp.abs(off).max() / np.abs(ys[0]).max())
+
+
+def match(a: Orbit, b: Orbit) -> Match | None:
+    """How the second orbit is best made the first; None where nothing can make it.
+
+    Raises:
+      ValueError: an orbit that does not close.
+    """
+    for orbit in (a, b):
+        if not orbit.ok:
+            raise fail("orbit", "an orbit that closes", orbit.message)
+    if type(a.scene.system) is not type(b.scene.system) or a.y0.shape != b.y0.shape:
+        return None
+    (period_a, _), (period_b, _) = minimal_period(a), minimal_period(b)
+    a, b = _over(a, period_a), _over(b, period_b)
+    if isinstance(a.scene.system, FreePoints):
+        return match_points(a, b)
+    if abs(period_a - period_b) > TOLERANCE * period_a:
+        return None
+    return _match_states(a, b)
+
+
+def _over(orbit: Orbit, period: float) -> Orbit:
+    return moved(orbit, orbit.scene.starting(orbit.y0, period))
+
+
+def _match_states(a: Orbit, b: Orbit) -> Match:
+    """As `match_points` for other systems: the first start is looked for on the second orbit."""
+    system = a.scene.system
+    start = jnp.asarray(a.y0)
+    ts = np.arange(SAMPLES) * b.period / SAMPLES
+    ys = samples(b)
+    off = np.array([np.linalg.norm(system.difference(jnp.asarray(y), start)) for y in ys])
+    shift = float(ts[np.argmin(off)])
+    for _ in range(_ROUNDS):
+        y = solve(b.scene, shift, rtol=b.rtol).y1 if shift else jnp.asarray(b.y0)
+        rate = b.scene.rate(jnp.asarray(shift), y)
+        shift -= float(system.difference(y, start) @ rate / (rate @ rate))
+    y = solve(b.scene, shift, rtol=b.rtol).y1
+    size = float(np.abs(ys).max())
+    distance = float(jnp.abs(system.difference(y, start)).max()) / size
+    return Match(distance, shift % b.period, False, (), False, 1.0)

@@ -1,0 +1,148 @@
+"""How an orbit changes with the numbers of its scene: derivatives by the implicit functions.
+
+The closing equations F(x, scene) = 0 hold along the family of orbits that belongs to a change
+of the scene, so dx = -F_x^+ F_scene dscene: one solve with the Jacobian the finder has anyway,
+not a differentiation of its iterations. Of all orbits that close F_x^+ takes the nearest one,
+so where orbits come in families (conservative scenes) the derivative is that at fixed
+conditions: hold the energy, or the period, and it is a definite one.
+
+Multipliers are differentiated as simple eigenvalues, d lambda = w dM v / (w v). Those that are
+1 by an integral or a symmetry stay 1; nothing is differentiated through their defective block.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene
+from jaxdyn._checks import fail
+from orbits.analysis.monodromy import returned_map, tangents
+from orbits.analysis.stability import stability
+from orbits.closing.conditions import Hold, conditions
+from orbits.orbit import Orbit
+from orbits.shooting import newton
+from orbits.shooting.cuts import cut
+from orbits.shooting.equations import Equations, residual_at
+
+#: Cosine between an eigenvalue's left and right vectors below which it is defective.
+_MET = 1e-6
+
+
+class Solution(eqx.Module):
+    """An orbit as a differentiable function of its scene.
+
+    Attributes:
+      scene: what moves, with the start and the period of the orbit.
+      angle: () of a relative orbit.
+      known: the orbit it was made from.
+    """
+
+    scene: Scene
+    angle: Array
+    known: Orbit
+
+    @property
+    def y0(self) -> Array:
+        """(k,) start."""
+        return self.scene.y0
+
+    @property
+    def period(self) -> Array:
+        """() full period [time of the scene]."""
+        return self.scene.t1
+
+    def multipliers(self) -> Array:
+        """(p,) the non-trivial Floquet multipliers, complex.
+
+        Raises:
+          ValueError: one of them has met another one, where there is no derivative.
+        """
+        values, right, left = _eigenvectors(self.known)
+        rtol = self.known.rtol
+        orbit = eqx.tree_at(lambda o: (o.scene, o.angle), self.known, (self.scene, self.angle))
+        m = returned_map(orbit, rtol)
+        change = m - jax.lax.stop_gradient(m)
+        return jnp.asarray(values) + jnp.sum(left * (change @ right).T, axis=1)
+
+    def exponents(self) -> Array:
+        """(p,) Floquet exponents [1/time]: log of the multipliers over the period; complex."""
+        return jnp.log(self.multipliers()) / self.period
+
+
+def solution(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> Solution:
+    """The orbit of a scene near a known one, for `jax.grad`, `jax.jvp` and the like.
+
+    Args:
+      scene: the numbers to differentiate by; the orbit's own scene, or a traced copy of it.
+      orbit: what `find` returned.
+      hold: conditions, as for `find`; where orbits come in families they say which one.
+    Returns:
+      The orbit's numbers, equal to those found, with their first derivatives by every number
+      of the scene (and of the conditions).
+    Raises:
+      ValueError: an orbit that does not close.
+    Limits: first derivatives; the values are those of `orbit` whatever the scene's. They are right
+      to rounding times the growth of errors over the orbit: the period's of
+      the figure-eight by a mass to 1e-11, against differences of order 6.
+    Example:
+      >>> import equinox as eqx, orbits
+      >>> from jaxdyn import scenes
+      >>> swing = orbits.find(scenes.oscillator(k=4.0), [1.0, 0.0], 3.0)
+      >>> def period(scene):
+      ...     return orbits.solution(scene, swing, hold=orbits.Energy(2.0)).period
+      >>> round(float(eqx.filter_grad(period)(swing.scene).system.m[0]), 9)  # T = pi sqrt(m)
+      1.570796327
+    """
+    if not orbit.ok:
+        raise fail("orbit", "an orbit that closes", orbit.message, "find() one first.")
+    guess = np.append(np.asarray(orbit.y0), orbit.period)
+    known = cut(
+        Equations.of(orbit, conditions(orbit.scene, hold)), guess, orbit.rtol, None, orbit.angle
+    )
+    x = known.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle)
+    inverse = _inverse(jax.lax.stop_gradient(known), x, orbit.rtol)
+    # Equal values, but the traced numbers.
+    own = Scene(scene.system, scene.effects, y0=orbit.y0, t1=orbit.scene.t1)
+    moving = eqx.tree_at(lambda e: e.scene, known, own)
+    y0, period, angle = _moved(moving, x, inverse, orbit.rtol)
+    return Solution(own.starting(y0, period), angle, orbit)
+
+
+@jax.jit
+def _moved(equations: Equations, x, inverse, rtol) -> tuple[Array, Array, Array]:
+    miss = residual_at(equations, x, rtol)
+    x = x - inverse @ (miss - jax.lax.stop_gradient(miss))
+    unknowns = equations.unpack(x)
+    return equations.start(x), unknowns.period, unknowns.angle
+
+
+def _inverse(equations: Equations, x: np.ndarray, rtol: float) -> np.ndarray:
+    jacobian = np.asarray(equations(x, rtol).jacobian)
+    if equations.driven:
+        jacobian[:, -1] = 0.0  # the drive's period is not the orbit's to change
+    return np.linalg.pinv(jacobian, rcond=newton.RANK_TOLERANCE)
+
+
+def _eigenvectors(orbit: Orbit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Non-trivial multipliers (p,), right (k, p) and left (p, k) eigenvectors, left @ right = 1."""
+    linear = stability(orbit)
+    basis = tangents(orbit.scene, np.asarray(orbit.y0))
+    values, vectors = np.linalg.eig(linear.monodromy)
+    others, duals = np.linalg.eig(linear.monodromy.T)
+    right, left = [], []
+    for value in linear.nontrivial:
+        v = vectors[:, np.argmin(np.abs(values - value))]
+        w = duals[:, np.argmin(np.abs(others - value))]
+        size = w @ v
+        if abs(size) < _MET:
+            raise fail("orbit", "simple multipliers", f"two that meet near {value:.6g}")
+        right.append(basis @ v)
+        left.append(basis @ w / size)
+    p, k = len(right), len(basis)
+    return (
+        linear.nontrivial,
+        np.array(right, complex).reshape(p, k).T,
+        np.array(left, complex).reshape(p, k),
+    )

@@ -1,0 +1,162 @@
+"""The topology of a planar three-body orbit: how its triangles wind round the collisions.
+
+Up to position, size and turn, three bodies in the plane are a point of a sphere. Collinear
+configurations are its equator; on it lie the three collisions, which cut it into three arcs,
+one for each body in the middle. A motion without collisions is a loop on the sphere without
+those three points: a word in the free group of two letters, the same however the orbit is
+deformed.
+
+Passing down through the arc of body i and up through that of body j is g_i g_j^-1; with
+g_3 = 1, a = g_1 and b = g_2, and capitals for inverses, that spells the words of Suvakov and
+Dmitrasinovic (Physical Review Letters 110 (2013) 114301), up to where the loop is begun.
+"""
+
+import itertools
+
+import numpy as np
+
+from jaxdyn._checks import fail
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate.simulation import solve
+from orbits.orbit import Orbit
+
+_SAMPLES = 2048  # of one period at first
+_FEWEST = 256  # samples added at a time
+_SWING = 0.4  # [rad] largest turn of a side of the triangle between samples; a passage needs more
+_REFINEMENTS = 40  # halvings of an interval where the triangle turns faster
+
+
+def syzygies(orbit: Orbit) -> tuple[int, ...]:
+    """The body in the middle (1, 2, 3) at each collinear passage of a period, in order.
+
+    The first is one from positive to negative area (1, 2, 3 counterclockwise before it).
+
+    Raises:
+      ValueError: anything but three free points in the plane.
+    """
+    if not has_word(orbit):
+        raise fail("orbit", "three free points in the plane", "another system")
+    r = _sampled(orbit)
+    u, w = r[:, 1] - r[:, 0], r[:, 2] - r[:, 0]
+    area = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
+    up = area > 0
+    after = np.roll(up, -1)
+    passed = np.flatnonzero(up != after)
+    middles = [_middle(r[i], r[(i + 1) % len(r)], area[i], area[(i + 1) % len(r)]) for i in passed]
+    if len(passed) and not up[passed[0]]:
+        middles = middles[1:] + middles[:1]
+    return tuple(middles)
+
+
+def has_word(orbit: Orbit) -> bool:
+    """Whether `syzygies` and `word` apply: three free points in the plane."""
+    system = orbit.scene.system
+    return isinstance(system, FreePoints) and system.d == 2 and len(system.m) == 3
+
+
+def _sampled(orbit: Orbit) -> np.ndarray:
+    """(s, 3, 2) positions over a period, close enough to see each passage.
+
+    Raises:
+      ValueError: the triangle never stops turning between samples (a collision).
+    """
+    ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
+    for _ in range(_REFINEMENTS):
+        ys = np.asarray(solve(orbit.scene, orbit.period, ts=ts, rtol=1e-12).ys)
+        r, v = (ys[:, i : i + 6].reshape(-1, 3, 2) for i in (0, 6))
+        sides, changes = (np.roll(x, -1, axis=1) - x for x in (r, v))
+        # Not the angle between samples: near a collision a side turns by 2 pi, and seems still.
+        rates = (np.linalg.norm(changes, axis=-1) / np.linalg.norm(sides, axis=-1)).max(axis=1)
+        swings = np.diff(ts) * np.maximum(rates[1:], rates[:-1])
+        if (swings <= _SWING).all():
+            return r
+        # A power of two of new times, where it turns most: few lengths, few compilations.
+        count = 2 ** int(np.ceil(np.log2(max(_FEWEST, (swings > _SWING).sum()))))
+        most = np.sort(np.argsort(-swings)[:count])
+        ts = np.sort(np.concatenate([ts, 0.5 * (ts[most] + ts[most + 1])]))
+    raise fail("orbit", "a motion without collisions", "one whose triangle turns ever faster")
+
+
+def _middle(before, after, area_before, area_after) -> int:
+    share = area_before / (area_before - area_after)
+    r = before + share * (after - before)
+    # Seen from the one in the middle the others lie in opposite directions.
+    dots = [(r[(i + 1) % 3] - r[i]) @ (r[(i + 2) % 3] - r[i]) for i in range(3)]
+    return int(np.argmin(dots)) + 1
+
+
+def word(orbit: Orbit) -> str:
+    """The free-group word of a planar three-body orbit, cyclically reduced, its canonical form.
+
+    Orbits that differ by where the period begins, by which body is which, by a mirror or by
+    the sense of time have the same word.
+
+    Raises:
+      ValueError: anything but three free points in the plane.
+    Example:
+      >>> import orbits
+      >>> from jaxdyn import scenes
+      >>> orbits.word(orbits.find(scenes.three_body(), closing=orbits.choreography(3)))
+      'ABab'
+    """
+    return canonical(spelled(syzygies(orbit)))
+
+
+def spelled(middles: tuple[int, ...]) -> str:
+    """The word of a sequence of bodies in the middle, first of them passed downwards."""
+    down, up = {1: "a", 2: "b", 3: ""}, {1: "A", 2: "B", 3: ""}
+    return "".join((down if i % 2 == 0 else up)[body] for i, body in enumerate(middles))
+
+
+def canonical(letters: str) -> str:
+    """The first, in the alphabet, of all words that mean the same orbit.
+
+    Raises:
+      ValueError: letters other than a, b and their inverses A, B.
+    Example:
+      >>> canonical("BabA") == canonical("abAB")
+      True
+    """
+    if set(letters) - set("abAB"):
+        raise fail("word", "letters a, b, A, B", repr(letters))
+    reduced = _reduced(letters)
+    return min(
+        (
+            turned
+            for relabelled in _relabelled(reduced)
+            for sense in (relabelled, relabelled[::-1].swapcase())
+            for turned in _turns(sense)
+        ),
+        default="",
+    )
+
+
+def _reduced(letters: str) -> str:
+    """Neighbours that undo each other left out, also across the ends."""
+    kept: list[str] = []
+    for letter in letters:
+        if kept and kept[-1] == letter.swapcase():
+            kept.pop()
+        else:
+            kept.append(letter)
+    while len(kept) > 1 and kept[0] == kept[-1].swapcase():
+        kept = kept[1:-1]
+    return "".join(kept)
+
+
+def _turns(letters: str) -> list[str]:
+    return [letters[i:] + letters[:i] for i in range(max(1, len(letters)))]
+
+
+def _relabelled(letters: str) -> list[str]:
+    """The word with the bodies in any order, and of the mirror image."""
+    found = []
+    for order in itertools.permutations((1, 2, 3)):
+        # a = g_1 g_3^-1 and b = g_2 g_3^-1, spelled again with the bodies' new numbers.
+        one, two, three = order
+        meaning = {"a": spelled((one, three)), "b": spelled((two, three))}
+        meaning |= {k.upper(): v[::-1].swapcase() for k, v in meaning.items()}
+        again = _reduced("".join(meaning[letter] for letter in letters))
+        # A mirror image exchanges the two hemispheres: g becomes its inverse.
+        found += [again, again.swapcase()]
+    return found

@@ -1,0 +1,249 @@
+"""One unit of work of a search: from some samples of starts to verified orbits.
+
+The samples of a chunk are screened for close returns, their guesses are refined side by side,
+those that lead to different orbits are polished by `find`, and what closes is taken at its
+shortest period and verified by another integrator. What comes of a chunk depends on the plan
+and its number alone.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxdyn
+from jaxdyn import Scene
+from jaxdyn.analysis.energy import energy
+from jaxdyn.effects import PairGravity
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate.simulation import solve
+from orbits.analysis.evidence import recheck
+from orbits.analysis.same import minimal_period
+from orbits.analysis.stability import stability
+from orbits.closing.closings import PLAIN, Closing
+from orbits.discovery.journal import Chunk, Find
+from orbits.discovery.screening import Guesses, close_returns, refined
+from orbits.orbit import Orbit, Outcome
+from orbits.shooting.finding import find
+
+#: An orbit is verified if another integrator closes it to this part of its size.
+VERIFIED = 1e-7
+_GOAL = 1e-10  # of Newton's method, which goes on to rounding: for some orbits that is no lower
+_ITERATIONS = 15  # from a refined guess five do; what takes many is no orbit
+_TOGETHER = 1e-4  # relative: a refined guess as near to an orbit as this leads to it
+_SAMPLES = 1024  # of an orbit
+
+#: From the numbers of samples and a seed to their starts (n, k).
+Sampler = Callable[[np.ndarray, int], np.ndarray]
+
+
+@dataclasses.dataclass(frozen=True)
+class Box:
+    """Samples drawn evenly from a box, each from its own number and the seed.
+
+    Attributes:
+      low: (d,) lower corner.
+      high: (d,) upper corner.
+      make: from points of the box (n, d) to starts (n, k); a function of a module.
+    """
+
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    make: Callable[[np.ndarray], np.ndarray] = np.asarray
+
+    def __call__(self, numbers: np.ndarray, seed: int) -> np.ndarray:
+        """(n, k) starts."""
+        low, high = np.array(self.low, float), np.array(self.high, float)
+        random = [np.random.default_rng([seed, i]).random(len(low)) for i in numbers.tolist()]
+        return self.make(low + (high - low) * np.array(random))
+
+
+@dataclasses.dataclass(frozen=True)
+class Rows:
+    """Samples that are given, e.g. of a grid or a published table.
+
+    Attributes:
+      y0s: (n, k) starts.
+    """
+
+    y0s: np.ndarray
+
+    def __call__(self, numbers: np.ndarray, seed: int) -> np.ndarray:
+        """(n, k) starts."""
+        del seed
+        return np.asarray(self.y0s, float)[numbers]
+
+
+def unchanged(orbit: Orbit) -> Orbit:
+    """The orbit."""
+    return orbit
+
+
+def unlabelled(orbit: Orbit) -> str:
+    """No label."""
+    del orbit
+    return ""
+
+
+class Plan(NamedTuple):
+    """What to search, as it is sent to whoever works on a chunk: see `search`."""
+
+    scene: Scene
+    sampler: Sampler
+    closing: Closing
+    samples: int
+    chunk: int
+    seed: int
+    shortest: float
+    longest: float
+    windows: int
+    close: float
+    limit: np.ndarray
+    normal: Callable[[Orbit], Orbit]
+    label: Callable[[Orbit], str]
+    rtol: float
+
+    @property
+    def chunks(self) -> int:
+        """How many there are."""
+        return -(-self.samples // self.chunk)
+
+
+def work(plan: Plan, number: int) -> Chunk:
+    """What one chunk leads to; runs wherever an executor takes it."""
+    if not jax.config.jax_enable_x64:  # a fresh process
+        jaxdyn.configure()
+    plan = plan._replace(scene=jax.tree.map(jnp.asarray, plan.scene))
+    numbers = np.arange(number * plan.chunk, min((number + 1) * plan.chunk, plan.samples))
+    starts = plan.sampler(numbers, plan.seed)
+    guesses = close_returns(
+        plan.scene,
+        starts,
+        plan.closing,
+        shortest=plan.shortest,
+        longest=plan.longest,
+        windows=plan.windows,
+        close=plan.close,
+        limit=plan.limit,
+    )
+    near = refined(plan.scene, plan.closing, guesses)
+    tried: list[_Tried] = []
+    finds: list[Find] = []
+    # The shortest first: a guess of several periods is then known to be one.
+    for i in np.lexsort((near.index, near.periods)):
+        form = plan.normal(_guess(plan, near, i))
+        if near.periods[i] > plan.longest or any(earlier.leads(form) for earlier in tried):
+            continue
+        orbit = _polished(plan, near.y0s[i], near.periods[i])
+        tried.append(_Tried.of(form if orbit is None else orbit))
+        found = None if orbit is None else _verified(plan, int(numbers[near.index[i]]), orbit)
+        if found is not None:
+            finds.append(found)
+    counts = {
+        "samples": len(numbers),
+        "guesses": len(guesses.index),
+        "refined": len(near.index),
+        "polished": len(tried),
+        "orbits": len(finds),
+    }
+    return Chunk(number, counts, tuple(sorted(finds, key=lambda f: (f.sample, f.period))))
+
+
+class _Tried(NamedTuple):
+    """A guess that failed, or an orbit: its period and samples of it."""
+
+    period: float
+    ys: np.ndarray
+
+    @classmethod
+    def of(cls, orbit: Orbit) -> "_Tried":
+        if not orbit.ok:
+            return cls(orbit.period, np.asarray(orbit.y0)[None])
+        ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
+        ys = np.asarray(solve(orbit.scene, orbit.period, ts=ts, rtol=1e-10).ys)
+        return cls(orbit.period, np.append(ys, ys[:1], axis=0))
+
+    def leads(self, guess: Orbit) -> bool:
+        """Whether a guess lies on it, over some of its periods."""
+        times = guess.period / self.period
+        y, whole = np.asarray(guess.y0), max(1, round(times))
+        if abs(times - whole) > _TOGETHER * whole:
+            return False
+        return _distance(y, self.ys) <= _TOGETHER * np.abs(y).max()
+
+
+def _distance(y: np.ndarray, ys: np.ndarray) -> float:
+    """From a point (k,) to the line through points (s, k)."""
+    if len(ys) == 1:
+        return float(np.linalg.norm(y - ys[0]))
+    side, off = np.diff(ys, axis=0), y - ys[:-1]
+    along = np.einsum("sk,sk->s", side, off) / np.maximum(np.einsum("sk,sk->s", side, side), 1e-300)
+    nearest = off - np.clip(along, 0.0, 1.0)[:, None] * side
+    return float(np.linalg.norm(nearest, axis=1).min())
+
+
+def _guess(plan: Plan, guesses: Guesses, i: int) -> Orbit:
+    scene = plan.scene.starting(guesses.y0s[i], guesses.periods[i])
+    return Orbit(scene, plan.closing, guesses.gaps[i], Outcome.ITERATION_LIMIT, 0, plan.rtol)
+
+
+def _polished(plan: Plan, y0, period) -> Orbit | None:
+    """The orbit at a guess, in normal form and over its shortest period; None if there is none."""
+    orbit = _closed(plan, y0, period, plan.closing)
+    if orbit is None:
+        return None
+    period, times = minimal_period(orbit)
+    if times > 1:
+        again = (_closed(plan, orbit.y0, period, closing) for closing in (plan.closing, PLAIN))
+        orbit = next((shorter for shorter in again if shorter is not None), None)
+    if orbit is None:
+        return None
+    orbit = plan.normal(orbit)
+    return orbit if plan.shortest <= orbit.period <= plan.longest else None
+
+
+def _closed(plan: Plan, y0, period, closing: Closing) -> Orbit | None:
+    orbit = find(
+        *(plan.scene, y0, period),
+        closing=closing,
+        goal=_GOAL,
+        rtol=plan.rtol,
+        max_iterations=_ITERATIONS,
+        throw=False,
+    )
+    return orbit if orbit.ok else None
+
+
+def _verified(plan: Plan, sample: int, orbit: Orbit) -> Find | None:
+    y0 = np.asarray(orbit.y0)
+    again = recheck(orbit).closure
+    if not again <= VERIFIED * np.abs(y0).max():
+        return None
+    try:
+        linear = stability(orbit)
+        label = plan.label(orbit)
+    except ValueError:  # a motion that another tolerance ends before its period
+        return None
+    return Find(
+        sample=sample,
+        y0=tuple(y0.tolist()),
+        period=orbit.period,
+        closing=0 if orbit.closing == plan.closing else 1,
+        residual=float(orbit.residual),
+        s_period=orbit.s_period or 0.0,
+        recheck=again,
+        invariant=_invariant(orbit),
+        verdict=linear.verdict,
+        multiplier=float(np.abs(linear.multipliers).max()),
+        label=label,
+    )
+
+
+def _invariant(orbit: Orbit) -> float:
+    scene = orbit.scene
+    if isinstance(scene.system, FreePoints) and {type(e) for e in scene.effects} == {PairGravity}:
+        return orbit.period * abs(float(energy(scene, jnp.zeros(()), orbit.y0))) ** 1.5
+    return orbit.period

@@ -1,0 +1,218 @@
+"""The file of a search: what each chunk of work found, one line of JSON a chunk.
+
+The first line says what is searched; each other line is all that came of one chunk, written
+and brought to the disk at once. So a reader sees whole lines, a last line that was cut off
+counts for nothing, and a search goes on where its file ends, in whatever order chunks come.
+Each line ends with a digest of the rest: a file that was edited is refused.
+"""
+
+import dataclasses
+import json
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxdyn import Scene
+from jaxdyn._checks import fail
+from jaxdyn.files import records
+from jaxdyn.files.output_files import replace, unwritable, writable
+from orbits.analysis.same import same
+from orbits.closing.closings import Closing
+from orbits.orbit import Orbit, Outcome
+
+FORMAT = "jaxdyn-search"
+VERSION = 3
+MAX_BYTES = 2**30  # a larger file is no table of ours
+_REMEDY = "Give the path of a file that a search wrote."
+_ALIKE = 1e-6  # relative: invariants that differ by more are those of different orbits
+_ONE = 1e-8  # relative: starts as near as this are one
+
+
+@dataclasses.dataclass(frozen=True)
+class Find:
+    """A verified orbit that a search found.
+
+    Attributes:
+      sample: number of the sample that led to it.
+      y0: its start.
+      period: its shortest period.
+      closing: what was demanded of it: 0 for the search's condition, 1 for plain closing.
+      residual: largest entry of what does not close.
+      s_period: the period in logarithmic time, where it is followed in it; else 0.
+      recheck: its closing error over a period by another integrator, at a tighter tolerance.
+      invariant: what no scale changes, T |E|^(3/2), where all forces are Newtonian attractions;
+        elsewhere the period.
+      verdict: of its stability.
+      multiplier: size of its largest multiplier.
+      label: what the search was told to call it.
+    """
+
+    sample: int
+    y0: tuple[float, ...]
+    period: float
+    closing: int
+    residual: float
+    s_period: float
+    recheck: float
+    invariant: float
+    verdict: str
+    multiplier: float
+    label: str
+
+    @classmethod
+    def of(cls, record: dict[str, Any]) -> "Find":
+        """What `dataclasses.asdict` made a record of."""
+        y0 = tuple(record["y0"])
+        if not (all(_is(x, float) for x in y0) and record["closing"] in (0, 1)):
+            raise TypeError("a start of numbers and one of two closings")
+        if not all(_is(record[f.name], f.type) for f in dataclasses.fields(cls) if f.name != "y0"):
+            raise TypeError("numbers and words where they belong")
+        return cls(**{**record, "y0": y0})
+
+    def orbit(self, scene: Scene, closings: tuple[Closing, ...], rtol: float) -> Orbit:
+        """The same as an orbit of the scene that was searched."""
+        closing = closings[self.closing]
+        scene = scene.starting(np.array(self.y0), self.period)
+        s_period = self.s_period or None
+        return Orbit(scene, closing, self.residual, Outcome.FOUND, 0, rtol, 0.0, s_period)
+
+
+@dataclasses.dataclass(frozen=True)
+class Chunk:
+    """What came of one chunk of a search.
+
+    Attributes:
+      number: which one.
+      counts: samples, guesses and so on: how many there were at each stage.
+      finds: the orbits.
+    """
+
+    number: int
+    counts: dict[str, int]
+    finds: tuple[Find, ...]
+
+    def line(self) -> str:
+        """As a line of the file."""
+        return _line(dataclasses.asdict(self))
+
+    @classmethod
+    def of(cls, record: dict[str, Any]) -> "Chunk":
+        """What a line says."""
+        number, counts, finds = (record[key] for key in ("number", "counts", "finds"))
+        if not (_is(number, int) and all(_is(n, int) for n in counts.values())):
+            raise TypeError("numbers of chunks and samples")
+        return cls(number, counts, tuple(map(Find.of, finds)))
+
+
+class File:
+    """Chunks on their way into a file; without a path they are only kept in memory."""
+
+    def __init__(self, path: str | Path | None, what: dict[str, Any]):
+        """Begin a file, or go on with one of the same search.
+
+        Args:
+          path: of the file, or None.
+          what: is searched; a file of another search is refused.
+        """
+        self.chunks: dict[int, Chunk] = {}
+        self._path = None if path is None else writable(path)
+        if self._path is None:
+            return
+        header = {"format": FORMAT, "version": VERSION, **what}
+        whole = _whole_lines(self._path)
+        if not whole:
+            replace(self._path, _line(header))
+            return
+        found, self.chunks = _parsed(self._path, whole)
+        if found != json.loads(json.dumps(header)):
+            odd = sorted(k for k in {*found, *header} if found.get(k) != header.get(k))
+            remedy = "Give another path, or the arguments of the search that began this file."
+            raise fail("path", "a file of this search", f"one with another {odd[0]}", remedy)
+        os.truncate(self._path, len(whole))
+
+    def add(self, chunk: Chunk) -> None:
+        """One more chunk; one that is there already is left as it is."""
+        if chunk.number in self.chunks:
+            return
+        self.chunks[chunk.number] = chunk
+        if self._path is None:
+            return
+        try:
+            with open(self._path, "ab") as file:
+                file.write(chunk.line().encode())
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise unwritable(self._path, error) from error
+
+
+def read(path: str | Path) -> tuple[dict[str, Any], list[Chunk]]:
+    """What a file says is searched, and its chunks by number; also while the search goes on.
+
+    Raises:
+      ValueError: not such a file.
+    """
+    header, chunks = _parsed(Path(path), _whole_lines(Path(path)))
+    return header, [chunks[number] for number in sorted(chunks)]
+
+
+def _whole_lines(path: Path) -> bytes:
+    data = records.content(path, MAX_BYTES, _REMEDY) if path.exists() else b""
+    return data[: data.rfind(b"\n") + 1]
+
+
+def _line(record: dict[str, Any]) -> str:
+    digest = records.digest(record)
+    return json.dumps({**record, "digest": digest}, allow_nan=False) + "\n"
+
+
+def _record(line: bytes) -> dict[str, Any]:
+    """What a line says, without its digest."""
+    record = records.parsed(line, "a line of another kind")
+    if record.pop("digest") != records.digest(record):
+        raise KeyError("digest")
+    return record
+
+
+def _parsed(path: Path, data: bytes) -> tuple[dict[str, Any], dict[int, Chunk]]:
+    try:
+        header, *chunks = map(_record, data.splitlines())
+        if (header["format"], header["version"]) != (FORMAT, VERSION):
+            raise KeyError("format")
+        found = {chunk.number: chunk for chunk in reversed([Chunk.of(chunk) for chunk in chunks])}
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        wanted = f"a {FORMAT} file of version {VERSION}"
+        raise fail("path", wanted, f"{path}, which is another or was edited", _REMEDY) from error
+    return header, found
+
+
+def _is(value: Any, kind: type) -> bool:
+    """Whether a value of JSON is of a type; a whole number is a float too."""
+    kinds = (float, int) if kind is float else (kind,)
+    return type(value) in kinds
+
+
+def distinct(
+    finds: Iterable[Find], scene: Scene, closings: tuple[Closing, ...], rtol: float
+) -> list[Find]:
+    """The finds of which no earlier one is the same orbit, by invariant.
+
+    Invariants are compared first, then starts; `orbits.same` has the last word.
+    """
+    kept: list[Find] = []
+    for find in finds:
+        alike = [k for k in kept if abs(k.invariant - find.invariant) <= _ALIKE * k.invariant]
+        if any(_one_start(k, find) for k in alike):
+            continue
+        orbit = find.orbit(scene, closings, rtol) if alike else None
+        if not any(same(k.orbit(scene, closings, rtol), orbit) for k in alike):
+            kept.append(find)
+    return sorted(kept, key=lambda find: (find.invariant, find.sample))
+
+
+def _one_start(a: Find, b: Find) -> bool:
+    size = max(map(abs, a.y0))
+    return bool(np.abs(np.subtract(a.y0, b.y0)).max() <= _ONE * size)

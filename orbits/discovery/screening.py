@@ -1,0 +1,241 @@
+"""Guesses by the thousand: where motions come close to closing, and Newton's method on all.
+
+Motions are integrated side by side, at a loose tolerance, and what comes near to what a closing
+condition demands is a guess. A batched Newton's method with differences then brings all guesses
+near their orbits at once; those that a collision, an escape or a rest state ends, or that do
+not come nearer, are dropped. What is left is for `find`.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxdyn import Scene, System, ensemble
+from jaxdyn.ensemble.watches import CloseReturn, Together, Until
+from orbits.closing.closings import Closing
+from orbits.closing.given import driven
+
+#: Steps of a motion that is worth going on with; a near collision takes many times more.
+MAX_STEPS = 5000
+_SCREENING, _REFINING = 1e-9, 1e-11  # tolerances
+_ROWS = 512  # of the compiled program's queue
+_BLOCK = 64  # guesses of one batch of Newton's method: one shape, one compilation
+_ITERATIONS = 20
+_DIFFERENCE = 1e-6  # relative; the Jacobian is right to some 1e-4, which Newton does not mind
+_SOLVED = 1e-7  # a closing error at which differences help no more
+_NEAR = 1e-6  # the same from which on `find` converges and does not wander
+_RANK = 1e-7
+_DAMPING, _GROW, _SHRINK, _HOPELESS = 0.1, 4.0, 0.25, 1e4
+_TRIVIAL, _ESCAPE = 0.02, 100.0  # of the guess's period and path; times its size
+
+
+class Guesses(NamedTuple):
+    """Starts and periods of motions that nearly close.
+
+    Attributes:
+      index: (g,) which of the starts given each came from.
+      y0s: (g, k) starts.
+      periods: (g,) full periods.
+      gaps: (g,) by how much they miss the closing condition.
+    """
+
+    index: np.ndarray
+    y0s: np.ndarray
+    periods: np.ndarray
+    gaps: np.ndarray
+
+    def take(self, which) -> "Guesses":
+        """Some of them."""
+        return Guesses(*(x[which] for x in self))
+
+
+class Miss(eqx.Module):
+    """A gap for `CloseReturn`: what a closing condition leaves open.
+
+    Attributes:
+      system: what moves.
+      closing: the condition.
+    """
+
+    system: System
+    closing: Closing
+
+    def __call__(self, y: Float[Array, " k"], start: Float[Array, " k"]) -> Array:
+        """(m,) what does not close."""
+        return self.closing.miss(self.system, y, start, jnp.zeros(()))
+
+
+class Beyond(eqx.Module):
+    """Whether some entry of a state is larger than a limit.
+
+    Attributes:
+      limit: (k,) or () largest sizes; infinite where any will do.
+    """
+
+    limit: Array
+
+    def __call__(self, t: Array, y: Float[Array, " k"]) -> Array:
+        """() bool."""
+        del t
+        return (jnp.abs(y) > self.limit).any()
+
+
+def close_returns(
+    scene: Scene,
+    y0s,
+    closing: Closing,
+    *,
+    shortest: float,
+    longest: float,
+    windows: int,
+    close: float,
+    limit,
+) -> Guesses:
+    """Where motions nearly close: the nearest miss within each window of the period.
+
+    Args:
+      scene: what moves.
+      y0s: (n, k) starts.
+      closing: what must close, without an unknown turn.
+      shortest: period.
+      longest: period.
+      windows: parts of that range, each of which has a guess of its own.
+      close: largest miss of a guess, in the units of the state.
+      limit: (k,) or () entries of the state beyond which a motion has escaped.
+    Returns:
+      The guesses, in the order of the starts.
+    """
+    edges = np.linspace(shortest, longest, windows + 1) / closing.parts
+    gap = Miss(scene.system, closing)
+    watch = Together(
+        CloseReturn.of(scene, later=edges[:-1], before=edges[1:], gap=gap),
+        Until(Beyond(jnp.asarray(limit, float))),
+    )
+    ends = ensemble.run(
+        scene,
+        y0s,
+        edges[-1],
+        rtol=_SCREENING,
+        max_steps=MAX_STEPS,
+        threads=1,  # chunks of a search run side by side
+        watch=watch,
+        chunk=_ROWS,
+    )
+    best = ends.seen[0].best
+    index, window = np.nonzero(best.distance <= close)
+    return Guesses(
+        index,
+        np.asarray(y0s, float)[index],
+        closing.parts * best.after[index, window],
+        best.distance[index, window],
+    )
+
+
+def refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
+    """The guesses that Newton's method brings near an orbit, there."""
+    blocks = [
+        _refined(scene, closing, guesses.take(slice(i, i + _BLOCK)))
+        for i in range(0, len(guesses.index), _BLOCK)
+    ]
+    return Guesses(*map(np.concatenate, zip(*blocks, strict=True))) if blocks else guesses
+
+
+def _refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
+    n = len(guesses.index)
+    batch = _Batch(scene, closing, driven(scene))
+    base = np.pad(guesses.y0s, ((0, _BLOCK - n), (0, 0)), constant_values=np.nan)
+    periods = np.pad(guesses.periods, (0, _BLOCK - n), constant_values=np.nan)
+    x = np.concatenate([base[:, closing.free(base.shape[1])], periods[:, None]], axis=1)
+    path, size = batch.path(x, base), np.abs(base).max(axis=1)
+    f, jac = batch(x, base)
+    damping = np.full(_BLOCK, _DAMPING)
+    for _ in range(_ITERATIONS):
+        norm = np.linalg.norm(f, axis=1)
+        busy = np.isfinite(norm) & (np.abs(f).max(axis=1) > _SOLVED) & (damping < _HOPELESS)
+        if not busy.any():
+            break
+        new = np.full_like(x, np.nan)  # what has nothing more to do costs nothing
+        new[busy] = x[busy] + _steps(f[busy], jac[busy], (damping * norm)[busy])
+        new_f, new_jac = batch(new, base)
+        better = np.linalg.norm(new_f, axis=1) < norm
+        x[better], f[better], jac[better] = new[better], new_f[better], new_jac[better]
+        damping = np.where(better, _SHRINK, _GROW) * damping
+    gaps = np.abs(f).max(axis=1)
+    starts = batch.starts(x, base)
+    with np.errstate(invalid="ignore"):
+        good = (gaps <= _NEAR) & (np.abs(starts).max(axis=1) < _ESCAPE * size)
+        good &= (x[:, -1] > _TRIVIAL * periods) & (batch.path(x, base) > _TRIVIAL * path)
+    good = np.flatnonzero(good)
+    return Guesses(guesses.index[good], starts[good], x[good, -1], gaps[good])
+
+
+def _steps(f: np.ndarray, jac: np.ndarray, damping: np.ndarray) -> np.ndarray:
+    """(b, n) the shortest damped Newton steps, as in `newton`."""
+    bad = np.isnan(jac.sum(axis=(1, 2)))[:, None]
+    u, s, vt = np.linalg.svd(np.where(bad[:, None], 0.0, jac), full_matrices=False)
+    weight = np.where(s > _RANK * s[:, :1], s, 0.0) / (s * s + damping[:, None] ** 2)
+    step = -np.einsum("bij,bi,bki,bk->bj", vt, weight, u, f, optimize=True)
+    return np.where(bad, np.nan, step)
+
+
+class _Batch(NamedTuple):
+    """The closing equations of a block of guesses x = (free entries of the start, period)."""
+
+    scene: Scene
+    closing: Closing
+    fixed: bool  # the period
+
+    def starts(self, x: np.ndarray, base: np.ndarray) -> np.ndarray:
+        """(b, k)."""
+        return np.asarray(_starts(self.scene.system, self.closing, x[:, :-1], base))
+
+    def path(self, x: np.ndarray, base: np.ndarray) -> np.ndarray:
+        """(b,) length of the motion, did it go on as it begins."""
+        return np.asarray(_speeds(self.scene, self.starts(x, base))) * x[:, -1]
+
+    def __call__(self, x: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residual (b, m) and Jacobian (b, m, p + 1); NaN where there is none."""
+        b, p = x.shape[0], x.shape[1] - 1
+        h = _DIFFERENCE * np.maximum(np.abs(x[:, :-1]).max(axis=1), 1e-300)
+        moved = np.stack([x] + [x + h[:, None] * np.eye(p + 1)[i] for i in range(p)], axis=1)
+        starts = self.starts(moved.reshape(b * (p + 1), -1), np.repeat(base, p + 1, axis=0))
+        ends = ensemble.run(
+            self.scene,
+            starts,
+            np.repeat(x[:, -1], p + 1) / self.closing.parts,
+            rtol=_REFINING,
+            max_steps=MAX_STEPS,
+            threads=1,
+            chunk=_ROWS,
+        ).y1
+        missed, slope = (np.asarray(a) for a in _missed(self.scene, self.closing, ends, starts))
+        missed, slope = missed.reshape(b, p + 1, -1), slope.reshape(b, p + 1, -1)
+        columns = (missed[:, 1:] - missed[:, :1]) / h[:, None, None]
+        last = 0.0 * slope[:, :1] if self.fixed else slope[:, :1] / self.closing.parts
+        return missed[:, 0].copy(), np.swapaxes(np.concatenate([columns, last], axis=1), 1, 2)
+
+
+@eqx.filter_jit
+def _starts(system: System, closing: Closing, u: Array, base: Array) -> Array:
+    return jax.vmap(lambda u, base: closing.start(system, u, base))(u, base)
+
+
+@eqx.filter_jit
+def _speeds(scene: Scene, y0s: Array) -> Array:
+    return jax.vmap(lambda y: jnp.linalg.norm(scene.rate(jnp.zeros(()), y)))(y0s)
+
+
+@eqx.filter_jit
+def _missed(scene: Scene, closing: Closing, ends: Array, starts: Array) -> tuple[Array, Array]:
+    """What does not close, and its slope by the time at the end."""
+
+    def one(end, start):
+        rate = scene.rate(jnp.zeros(()), end)
+        miss = Miss(scene.system, closing)
+        return jax.jvp(lambda y: miss(y, start), (end,), (rate,))
+
+    return jax.vmap(one)(ends, starts)

@@ -1,0 +1,203 @@
+"""Discovery: from samples of starts to a table of distinct, verified orbits.
+
+The samples are numbered and cut into chunks, the units of work, see `chunk`. What becomes of a
+chunk depends on its number and the seed alone, so the table does not depend on who works on
+which chunk, when, or how often the search was broken off.
+"""
+
+import concurrent.futures as futures
+import dataclasses
+import itertools
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from jaxdyn import Scene
+from jaxdyn._checks import fail, positive, untraced, whole
+from jaxdyn._progress import doing
+from jaxdyn.ensemble.batches import cores
+from jaxdyn.files import records
+from jaxdyn.integrate.spans import tolerances
+from orbits.closing.closings import PLAIN, Closing
+from orbits.closing.given import checked
+from orbits.discovery.chunks import Plan, Sampler, unchanged, unlabelled, work
+from orbits.discovery.journal import Chunk, File, Find, distinct
+from orbits.orbit import Orbit
+from orbits.shooting.finding import RTOL
+
+_AHEAD = 64  # chunks that are handed to an executor before their turn
+
+
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """What a search found.
+
+    Attributes:
+      finds: distinct orbits, by invariant.
+      counts: how many samples, guesses and orbits there were at each stage.
+      plan: what was searched.
+    """
+
+    finds: list[Find]
+    counts: dict[str, int]
+    plan: Plan
+
+    def __len__(self) -> int:
+        return len(self.finds)
+
+    def orbits(self) -> list[Orbit]:
+        """They, to go on with."""
+        plan = self.plan
+        return [f.orbit(plan.scene, (plan.closing, PLAIN), plan.rtol) for f in self.finds]
+
+
+def search(
+    scene: Scene,
+    sampler: Sampler,
+    samples: int,
+    *,
+    longest: float,
+    shortest: float = 0.0,
+    closing: Closing = PLAIN,
+    windows: int = 8,
+    close: float = 0.3,
+    limit=np.inf,
+    normal: Callable[[Orbit], Orbit] = unchanged,
+    label: Callable[[Orbit], str] = unlabelled,
+    seed: int = 0,
+    chunk: int = 64,
+    rtol: float = RTOL,
+    path: str | Path | None = None,
+    executor: futures.Executor | None = None,
+    progress: bool = False,
+) -> Found:
+    """The distinct, verified orbits to which samples of starts lead.
+
+    Args:
+      scene: what moves.
+      sampler: numbers (n,) of samples and a seed -> their starts (n, k); `Box` and `Rows` are.
+      samples: how many to try.
+      longest: period that is looked for.
+      shortest: period that is looked for.
+      closing: what must close. A symmetric one is cheaper and finds more.
+      windows: parts of the range of periods, in each of which a sample's nearest return counts.
+      close: largest miss of a return that is a guess, in the units of the state.
+      limit: (k,) or () entries of the state beyond which a motion has escaped.
+      normal: an orbit -> the same orbit in the frame and scale that the table is to show.
+      label: an orbit -> what to call it.
+      seed: of the sampler.
+      chunk: samples that are worked on at once; the unit that a broken search repeats.
+      rtol: tolerance of the orbits' integrations.
+      path: of a file to which results are appended; a search that finds its own file goes on.
+      executor: whoever works: threads on all cores if left out; processes; other machines.
+        It is sent `work`, the plan and numbers, so functions in the plan belong to modules.
+      progress: show a bar.
+    Returns:
+      What was found; the same for one seed and size of chunk, however the work is split. On
+      Ctrl-C the chunks under way are finished and kept, then the interrupt goes on its way.
+    Raises:
+      ValueError: numbers that make no sense, or a file of another search.
+    Limits: a search proves nothing about what it has not found. The closing condition may not
+      have an unknown turn.
+    Example:
+      >>> import orbits
+      >>> from jaxdyn import scenes
+      >>> found = orbits.search(scenes.oscillator(k=4.0), orbits.Rows([[1.0, 0.0]]), 1, longest=5)
+      >>> [round(find.period, 6) for find in found.finds]
+      [3.141593]
+    """
+    untraced("search", scene, "Search outside of the transformation; see orbits.solution.")
+    plan = Plan(
+        *(scene, sampler, closing, samples, chunk, seed, float(shortest), float(longest)),
+        *(windows, close, np.asarray(limit, float), normal, label, rtol),
+    )
+    _check(plan)
+    file = File(path, _header(plan))
+    own = executor is None
+    pool = futures.ThreadPoolExecutor(cores()) if executor is None else executor
+    try:
+        with _bar(progress) as bar:
+            _run(plan, file, pool, bar)
+    finally:
+        if own:
+            pool.shutdown(cancel_futures=True)
+    chunks = [file.chunks[i] for i in range(plan.chunks)]
+    finds = distinct((f for c in chunks for f in c.finds), scene, (closing, PLAIN), rtol)
+    return Found(finds, _sums(chunks), plan)
+
+
+def _run(plan: Plan, file: File, pool: futures.Executor, bar: Progress) -> None:
+    """Work on the chunks that the file does not have yet."""
+    sent = plan._replace(scene=jax.tree.map(np.asarray, plan.scene))
+    todo = iter([i for i in range(plan.chunks) if i not in file.chunks])
+    task = bar.add_task("search", total=plan.chunks, completed=len(file.chunks), said="")
+    waiting: dict[futures.Future, int] = {}
+
+    def keep(done: Iterable[futures.Future]) -> None:
+        for future in sorted(done, key=waiting.__getitem__):
+            file.add(future.result())
+            del waiting[future]
+        sums = _sums(file.chunks.values())
+        seconds = max(bar.tasks[task].elapsed or 0.0, 1e-9)
+        said = ", ".join(f"{n} {name}" for name, n in sums.items())
+        bar.update(task, completed=len(file.chunks), said=f"{said} in {seconds:.0f} s")
+        doing(f"searching: {said}", len(file.chunks), plan.chunks)
+
+    try:
+        while True:
+            for i in itertools.islice(todo, _AHEAD - len(waiting)):
+                waiting[pool.submit(work, sent, i)] = i
+            if not waiting:
+                return
+            keep(futures.wait(waiting, return_when=futures.FIRST_COMPLETED).done)
+    except KeyboardInterrupt:
+        keep([future for future in waiting if not future.cancel()])
+        raise
+
+
+def _sums(chunks: Iterable[Chunk]) -> dict[str, int]:
+    sums: dict[str, int] = {}
+    for chunk in chunks:
+        for name, n in chunk.counts.items():
+            sums[name] = sums.get(name, 0) + n
+    return sums
+
+
+def _bar(progress: bool) -> Progress:
+    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, TextColumn("{task.fields[said]}"), disable=not progress)
+
+
+def _check(plan: Plan) -> None:
+    checked(plan.scene, closings=(plan.closing,), period=positive("longest", plan.longest))
+    if plan.closing.turns:
+        raise fail("closing", "one without an unknown turn", repr(plan.closing.name))
+    if not 0 <= plan.shortest < plan.longest:
+        raise fail("shortest", f"a period below longest = {plan.longest}", plan.shortest)
+    for name in ("samples", "chunk", "windows"):
+        whole(name, getattr(plan, name))
+    whole("seed", plan.seed, least=0, most=2**53)
+    tolerances(plan.rtol, None)
+    positive("close", plan.close, "It is the largest miss of a guess.")
+    positive("limit", np.minimum(plan.limit, np.finfo(float).max), "Beyond it motions are lost.")
+    starts = np.asarray(plan.sampler(np.arange(1), plan.seed))
+    k = len(plan.scene.y0)
+    if starts.shape != (1, k):
+        raise fail("sampler", f"starts of shape (n, {k})", f"shape {starts.shape}")
+
+
+def _header(plan: Plan) -> dict[str, Any]:
+    """What makes two searches the same one."""
+    names = ("samples", "chunk", "seed", "shortest", "longest", "windows", "close", "rtol")
+    encoded = {"scene": records.encode(plan.scene), "closing": records.encode(plan.closing)}
+    first = plan.sampler(np.arange(min(plan.samples, plan.chunk)), plan.seed)
+    return {
+        **encoded,
+        **{name: getattr(plan, name) for name in names},
+        "limit": [str(x) for x in np.ravel(plan.limit)],
+        "starts": np.asarray(first).tolist(),
+    }

@@ -1,0 +1,259 @@
+"""Guesses for free: where periodic orbits begin, without knowing one.
+
+Small oscillations about rest points, close returns of one long run, starts that a time
+reversal keeps, rows of published tables, and descent on the closing error. Each is a start and
+a period for `find`, or starts for `search`.
+"""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array
+
+from jaxdyn import Scene
+from jaxdyn._checks import array, fail, positive
+from jaxdyn.analysis.linearize import linearize
+from jaxdyn.integrate.simulation import solve
+from jaxdyn.scenes import three_body
+from orbits.closing.closings import PLAIN, Closing
+from orbits.closing.symmetry import Symmetry
+from orbits.discovery.screening import Miss
+
+_AT_REST = 1e-6  # rate of a rest point over what a unit displacement gives
+_SAMPLES_PER_TIME = 2048  # of a long run, at least
+_DESCENT_RTOL = 1e-10
+
+
+@dataclasses.dataclass(frozen=True)
+class Seed:
+    """A guess for `find`: ``orbits.find(scene, seed.y0, seed.period)``.
+
+    Attributes:
+      y0: (k,) start.
+      period: full period.
+    """
+
+    y0: np.ndarray
+    period: float
+
+
+def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
+    """Small oscillations about a rest point, one seed for each that neither grows nor decays.
+
+    By Lyapunov's centre theorem a conservative scene has a family of periodic orbits that
+    begins with each of them, unless another frequency is a multiple of its own.
+
+    Args:
+      scene: what moves.
+      y: (k,) a rest point, e.g. of `jaxdyn.analysis.equilibria`.
+      amplitude: largest entry of the displacement, in the units of the state.
+    Returns:
+      The seeds, the slowest first.
+    Raises:
+      ValueError: not a rest point.
+    Example:
+      >>> from jaxdyn import scenes
+      >>> from orbits.discovery import seeds
+      >>> [round(seed.period, 6) for seed in seeds.modes(scenes.oscillator(k=1.0), [0, 0], 0.1)]
+      [6.283185]
+    """
+    y = np.asarray(array("y", y, (len(scene.y0),)))
+    positive("amplitude", amplitude)
+    linear = linearize(scene, y)
+    rate = np.abs(np.asarray(scene.rate(jnp.zeros(()), jnp.asarray(y)))).max()
+    if not rate <= _AT_REST * max(1.0, np.abs(linear.jacobian).max()):
+        raise fail("y", "a rest point", f"a rate of {rate:.3g}", "`equilibria` finds them.")
+    values, vectors = np.linalg.eig(linear.jacobian)
+    bar = linear.bars.max()
+    turning = [i for i in range(len(values)) if values[i].imag > bar >= abs(values[i].real)]
+    seeds = []
+    for i in sorted(turning, key=lambda i: values[i].imag):
+        vector = vectors[:, i]
+        vector = vector * np.exp(-1j * np.angle(vector[np.argmax(np.abs(vector))]))
+        shape = vector.real / np.abs(vector.real).max()
+        seeds.append(Seed(y + amplitude * shape, float(2 * np.pi / values[i].imag)))
+    return seeds
+
+
+def returns(
+    scene: Scene,
+    span: float,
+    *,
+    longest: float,
+    closing: Closing = PLAIN,
+    shortest: float = 0.0,
+    most: int = 10,
+) -> list[Seed]:
+    """The closest returns of one long run to where it was before, the closest first.
+
+    A chaotic motion follows one unstable periodic orbit after the other for a while; where it
+    nearly closes, one is near.
+
+    Args:
+      scene: what moves; its own start begins the run.
+      span: of the run.
+      longest: period.
+      closing: what should close, without an unknown turn.
+      shortest: period.
+      most: how many seeds at most.
+    Returns:
+      Seeds at local minima of the miss over start and period, of samples.
+    Raises:
+      ValueError: times that make no sense.
+    """
+    _times(span, shortest, longest)
+    count = _SAMPLES_PER_TIME
+    ts = np.linspace(0.0, span, count)
+    run = solve(scene, span, ts=ts, rtol=1e-10)
+    low = max(1, int(np.ceil(shortest / closing.parts / ts[1])))
+    high = min(count - 1, int(longest / closing.parts / ts[1]))
+    if high <= low + 1:
+        raise fail("longest", f"at least {4 * ts[1] * closing.parts:.3g}", longest)
+    misses = np.asarray(_miss_table(Miss(scene.system, closing), run.ys, low, high))
+    around = np.pad(misses, 1, constant_values=np.inf)
+    rows, columns = misses.shape
+    shifts = [(i, j) for i in (0, 1, 2) for j in (0, 1, 2) if (i, j) != (1, 1)]
+    with np.errstate(invalid="ignore"):
+        least = np.all([misses <= around[i : i + rows, j : j + columns] for i, j in shifts], axis=0)
+    least &= np.isfinite(misses)
+    least[:, 0] = False  # leaving the start is no return
+    found = sorted(zip(*np.nonzero(least), strict=True), key=lambda ij: misses[ij])[:most]
+    ys = np.asarray(run.ys)
+    return [Seed(ys[i], float(ts[low + j] * closing.parts)) for i, j in found]
+
+
+@eqx.filter_jit
+def _miss_table(gap: Miss, ys: Array, low: int, high: int) -> Array:
+    """(s, high - low) norms of the miss of sample i + low + j from sample i."""
+    count = len(ys)
+
+    def row(i):
+        later = i + low + jnp.arange(high - low)
+        missed = jax.vmap(lambda y: gap(y, ys[i]))(ys[jnp.minimum(later, count - 1)])
+        return jnp.where(later < count, jnp.linalg.norm(missed, axis=-1), jnp.inf)
+
+    return jax.lax.map(row, jnp.arange(count))
+
+
+def line(reversal: Symmetry, low, high, shape) -> np.ndarray:
+    """(n, k) a grid of starts that a time reversal keeps: for closing by `reversal`.
+
+    Args:
+      reversal: the time reversal.
+      low: (k,) lower corner; entries that follow from others are overwritten.
+      high: (k,) upper corner.
+      shape: (k,) points along each entry; 1 takes the middle.
+    Example:
+      >>> import orbits
+      >>> orbits.discovery.seeds.line(orbits.backwards(2), [0.1, 0], [0.3, 0], [3, 1]).tolist()
+      [[0.1, 0.0], [0.2, 0.0], [0.3, 0.0]]
+    """
+    low, high = (np.asarray(array(name, x, (None,))) for name, x in (("low", low), ("high", high)))
+    if not len(low) == len(high) == len(shape):
+        raise fail("shape", f"{len(low)} entries, like low and high", f"{len(shape)}")
+    axes = [
+        np.linspace(a, b, n) if n > 1 else np.array([0.5 * (a + b)])
+        for a, b, n in zip(low, high, shape, strict=True)
+    ]
+    grid = np.stack([x.ravel() for x in np.meshgrid(*axes, indexing="ij")], axis=1)
+    kept = 0.5 * (grid + np.stack([np.asarray(reversal.act(jnp.asarray(y))) for y in grid]))
+    return np.unique(kept + 0.0, axis=0)
+
+
+def row(a: float, b: float, period: float) -> tuple[Scene, Seed]:
+    """A row of the tables of three equal bodies that start in line at rest about the middle one.
+
+    Positions (-1, 0), (1, 0), (0, 0); velocities (a, b), (a, b), (-2a, -2b); G = m = 1.
+
+    Returns:
+      The scene, which starts there, and the seed.
+    Reference: Suvakov, Dmitrasinovic (2013), Physical Review Letters 110, 114301.
+    Example:
+      >>> import orbits
+      >>> scene, seed = orbits.discovery.seeds.row(0.34711, 0.53273, 6.3259)      # the figure-eight
+      >>> round(orbits.find(scene, seed.y0, seed.period).period, 4)
+      6.3259
+    """
+    y0 = rows(np.array([[a, b]], float))[0]
+    return three_body(y0, t1=float(period)), Seed(y0, float(period))
+
+
+def rows(ab: np.ndarray) -> np.ndarray:
+    """(n, 12) the starts of `row` for many velocities (n, 2)."""
+    ab = np.asarray(ab, float)
+    r = np.broadcast_to(np.array([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0]), (len(ab), 6))
+    return np.concatenate([r, ab, ab, -2 * ab], axis=1)
+
+
+def descend(
+    scene: Scene,
+    seed: Seed,
+    *,
+    closing: Closing = PLAIN,
+    steps: int = 200,
+    rate: float = 0.01,
+) -> Seed:
+    """A rougher guess made better by descent on the squared closing error (optax, Adam).
+
+    Descent goes on where Newton's steps from a poor guess lead astray; it loses half of the
+    digits, so it only leads to where `find` begins.
+
+    Args:
+      scene: what moves.
+      seed: the guess.
+      closing: what must close.
+      steps: of descent.
+      rate: of learning: length of the first steps, in units of the state's and period's size.
+    Returns:
+      The best seed on the way; the given one where nothing is better.
+    Raises:
+      ValueError: numbers that make no sense.
+    """
+    positive("rate", rate)
+    if steps < 1:
+        raise fail("steps", "at least 1", steps)
+    if closing.turns:
+        raise fail("closing", "one without an unknown turn", repr(closing.name))
+    free = closing.free(len(scene.y0))
+    base = jnp.asarray(seed.y0, float)
+    size = float(np.abs(np.asarray(base)).max())
+    x = jnp.append(base[free] / size, 1.0)
+    scales = (jnp.asarray(size), jnp.asarray(float(seed.period)))
+    adam = optax.adam(rate)
+    state = adam.init(x)
+    least, best = np.inf, x
+    for _ in range(steps):
+        value, slope = _error(scene, closing, base, scales, x)
+        if not np.isfinite(float(value)):
+            break
+        if float(value) < least:
+            least, best = float(value), x
+        moves, state = adam.update(slope, state)
+        x = x + jnp.asarray(moves)
+    y0 = closing.start(scene.system, best[:-1] * scales[0], base)
+    return Seed(np.asarray(y0), float(best[-1] * scales[1]))
+
+
+@eqx.filter_jit
+def _error(scene: Scene, closing: Closing, base: Array, scales, x: Array) -> tuple[Array, Array]:
+    """Half the squared closing error and its gradient, by forward mode: few unknowns."""
+
+    def half_square(x):
+        y0 = closing.start(scene.system, x[:-1] * scales[0], base)
+        end = solve(scene.starting(y0), x[-1] * scales[1] / closing.parts, rtol=_DESCENT_RTOL).y1
+        missed = closing.miss(scene.system, end, y0, jnp.zeros(()))
+        half = 0.5 * jnp.sum(missed * missed)
+        return half, half
+
+    slope, value = jax.jacfwd(half_square, has_aux=True)(x)
+    return value, slope
+
+
+def _times(span, shortest, longest) -> None:
+    positive("span", span)
+    if not 0 <= shortest < longest <= span:
+        raise fail("longest", f"above shortest = {shortest}, at most span = {span}", longest)

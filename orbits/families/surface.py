@@ -1,0 +1,124 @@
+"""The surface of solutions of an orbit's closing equations: its directions, and steps on it.
+
+Near a regular orbit it has one direction along the family, and one for each way to move the
+orbit that changes nothing: along itself, and by each symmetry of the scene.
+"""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+
+from orbits.closing.symmetry import rate
+from orbits.orbit import Orbit, Outcome
+from orbits.shooting import newton, trivial
+from orbits.shooting.equations import Equations
+from orbits.shooting.finding import orbit_at
+
+_CORRECTIONS = 8  # Newton steps from a predicted point; more mean that the step was too long
+_KERNEL = 1e-6  # relative: singular values below are directions of the surface
+_BRANCH = 1e-3  # relative: at a branch point found by bisection one more falls below this
+
+
+@dataclasses.dataclass(frozen=True)
+class Point:
+    """A point of the surface.
+
+    Attributes:
+      x: (n,) unknowns.
+      jacobian: (m, n) of the closing equations there.
+      residual: largest entry of what does not close.
+      iterations: Newton steps that led there.
+    """
+
+    x: np.ndarray
+    jacobian: np.ndarray
+    residual: float
+    iterations: int
+
+
+class Surface:
+    """All solutions of closing equations, found to a goal at a tolerance."""
+
+    def __init__(self, equations: Equations, rtol: float, goal: float):
+        self.equations, self.rtol, self.goal = equations, rtol, goal
+
+    def nearest(self, x: np.ndarray, across: np.ndarray | None = None) -> Point | None:
+        """The solution nearest to x; with `across` (n,), the one as far along that as x is."""
+
+        def evaluated(at):
+            found = self.equations(at, self.rtol)
+            residual, jacobian = np.asarray(found.residual), np.asarray(found.jacobian)
+            if across is not None:
+                residual = np.append(residual, across @ (at - x))
+                jacobian = np.vstack([jacobian, across])
+            return residual, jacobian
+
+        low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
+        if self.equations.driven:
+            low[-1] = high[-1] = x[-1]
+        result = newton.solve(
+            evaluated, x, lower=low, upper=high, goal=self.goal, max_iterations=_CORRECTIONS
+        )
+        if not result.converged:
+            return None
+        jacobian = evaluated(result.x)[1]
+        rows = len(jacobian) - (across is not None)
+        residual = float(np.abs(result.residual).max(initial=0.0))
+        return Point(result.x, jacobian[:rows], residual, result.iterations)
+
+    def orbit(self, point: Point) -> Orbit:
+        """The orbit at a point."""
+        at = point.x, point.residual, Outcome.FOUND, point.iterations
+        return orbit_at(self.equations, *at, self.rtol)
+
+    def directions(self, point: Point) -> np.ndarray:
+        """(n, d) orthonormal: the ways along the surface that change the orbit."""
+        _, s, vt = np.linalg.svd(self._held(point.jacobian))
+        kernel = vt[int((s > _KERNEL * s[0]).sum()) :].T
+        known = self.neutral(point.x, point.jacobian)
+        u, s, _ = np.linalg.svd(kernel - known @ (known.T @ kernel), full_matrices=False)
+        return u[:, s > 0.5]  # each direction of the kernel is known or at right angles to that
+
+    def neutral(self, x: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+        """(n, r) orthonormal: the ways along the surface that do not change the orbit."""
+        equations, unknowns = self.equations, self.equations.unpack(x)
+        scene = equations.scene_at(unknowns.parameter)
+        scene = scene.starting(equations.start(x), unknowns.period)
+        columns = [np.zeros(len(x))]
+        for name in trivial.symmetries(scene):
+            states = [scene.y0, *jnp.asarray(unknowns.between)]
+            first, *between = (np.asarray(_field(scene, y, name=name)) for y in states)
+            column = equations.pack(first, between, 0.0, 0.0, 0.0)
+            size = np.linalg.norm(column)
+            # Not every symmetry of the scene is one of the closing condition.
+            if np.linalg.norm(jacobian @ column) <= _KERNEL * np.linalg.norm(jacobian) * size > 0:
+                columns.append(column / size)
+        u, s, _ = np.linalg.svd(np.array(columns).T, full_matrices=False)
+        return u[:, s > _KERNEL]
+
+    def aside(self, x: np.ndarray, along: np.ndarray) -> np.ndarray | None:
+        """(n,) the other way to go at a simple branch point; None where there is none.
+
+        Args:
+          x: (n,) the branch point.
+          along: (n,) the way of the branch that is known.
+        """
+        jacobian = np.asarray(self.equations(x, self.rtol).jacobian)
+        known = np.column_stack([self.neutral(x, jacobian), along / np.linalg.norm(along)])
+        _, s, vt = np.linalg.svd(
+            np.vstack([self._held(jacobian), np.linalg.norm(jacobian) * known.T])
+        )
+        return vt[-1] if s[-1] < _BRANCH * s[0] else None
+
+    def _held(self, jacobian: np.ndarray) -> np.ndarray:
+        """The Jacobian with the equation that a driven scene's period stays as it is."""
+        if not self.equations.driven:
+            return jacobian
+        row = np.zeros(jacobian.shape[1])
+        row[-1] = np.linalg.norm(jacobian)
+        return np.vstack([jacobian, row])
+
+
+def _field(scene, y, *, name: str):
+    return rate(scene, 0.0, y) if name == "flow" else trivial.directions(scene, y)[name]

@@ -1,0 +1,140 @@
+"""Families as lists: what tables, pictures and files need of them, without the equations."""
+
+import dataclasses
+import math
+import reprlib
+from pathlib import Path
+from typing import Any
+
+from jaxdyn._checks import fail
+from jaxdyn.files import records
+from orbits.families.family import Family, Kind, Member
+from orbits.files import orbit_files as files
+from orbits.orbit import Orbit
+
+FORMAT = "jaxdyn-family"
+VERSION = 3
+_VERDICTS = ("stable", "unstable", "undecided")
+_KEYS = {"format", "version", "parameter", "end", "members", "special", "digest"}
+_ENTRY_KEYS = {"orbit", "parameter", "energy", "verdict", "kind"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Entry:
+    """One orbit of a list.
+
+    Attributes:
+      orbit: the orbit.
+      parameter: the number the family is named after; NaN where there is none.
+      energy: kinetic plus potential at the start.
+      verdict: "stable", "unstable" or "undecided".
+      kind: what is special about it, if anything.
+    """
+
+    orbit: Orbit
+    parameter: float
+    energy: float
+    verdict: str
+    kind: Kind | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Listing:
+    """A family as a list.
+
+    Attributes:
+      parameter: name of the number that changes along it; None where only energy and period do.
+      members: orbits in the order in which they were passed.
+      special: what is special between them.
+      end: why it ends where it does.
+    """
+
+    parameter: str | None
+    members: tuple[Entry, ...]
+    special: tuple[Entry, ...]
+    end: str
+
+
+def listing(family: Family, parameter: str | None = None) -> Listing:
+    """A family as a list; `parameter` is the name of its parameter, if it has one."""
+    members, special = (tuple(map(_entry, many)) for many in (family.members, family.special))
+    return Listing(parameter, members, special, family.end)
+
+
+def save(path: str | Path, family: Listing) -> None:
+    """Write a family, atomically.
+
+    Args:
+      path: of the JSON file.
+      family: what `listing` made.
+    Raises:
+      ValueError: the folder does not exist, or a scene holds a function.
+    """
+    record = {"format": FORMAT, "version": VERSION} | as_json(family)
+    records.write(path, record | {"digest": records.digest(record)})
+
+
+def as_json(family: Listing) -> dict[str, Any]:
+    """The list as a JSON object; numbers that do not exist become null."""
+    return {
+        "parameter": family.parameter,
+        "end": family.end,
+        "members": [_record(entry) for entry in family.members],
+        "special": [_record(entry) for entry in family.special],
+    }
+
+
+def load(path: str | Path) -> Listing:
+    """The family in a file; each orbit can be reported on, and continued, like a new one.
+
+    Raises:
+      ValueError: not a readable family file of this version, or one that makes no sense.
+    """
+    record = records.read(path, FORMAT, VERSION)
+    if record.keys() != _KEYS:
+        raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), files.DAMAGED)
+    name, end = record["parameter"], record["end"]
+    if not (isinstance(end, str) and (name is None or isinstance(name, str))):
+        raise fail("file", "a parameter's name and a reason of the end", "others", files.DAMAGED)
+    members, special = (_entries(record[key], name) for key in ("members", "special"))
+    if not members:
+        raise fail("file", "at least one member", "none", files.DAMAGED)
+    claimed = record.pop("digest")
+    if claimed != records.digest(record):
+        raise fail("file", "what its digest stands for", "something else", files.DAMAGED)
+    return Listing(name, members, special, end)
+
+
+def _entry(member: Member) -> Entry:
+    verdict = member.stability.verdict
+    return Entry(member.orbit, member.parameter, member.energy, verdict, member.kind)
+
+
+def _record(entry: Entry) -> dict[str, Any]:
+    return {
+        "orbit": files.encode(entry.orbit),
+        "parameter": entry.parameter if math.isfinite(entry.parameter) else None,
+        "energy": entry.energy,
+        "verdict": entry.verdict,
+        "kind": entry.kind,
+    }
+
+
+def _entries(several: Any, parameter: str | None) -> tuple[Entry, ...]:
+    if not isinstance(several, list):
+        raise fail("file", "a list of orbits", type(several).__name__, files.DAMAGED)
+    return tuple(_decoded(record, parameter) for record in several)
+
+
+def _decoded(record: Any, parameter: str | None) -> Entry:
+    if not isinstance(record, dict) or record.keys() != _ENTRY_KEYS:
+        raise fail("file", f"orbits with {sorted(_ENTRY_KEYS)}", "others", files.DAMAGED)
+    value, energy, verdict, kind = (record[k] for k in ("parameter", "energy", "verdict", "kind"))
+    numbers = [energy] if parameter is None else [energy, value]
+    if not all(isinstance(x, int | float) and not isinstance(x, bool) for x in numbers):
+        raise fail("file", "numbers for energy and parameter", reprlib.repr(numbers), files.DAMAGED)
+    if verdict not in _VERDICTS or kind not in (None, *Kind):
+        raise fail("file", "a verdict and a kind", reprlib.repr((verdict, kind)), files.DAMAGED)
+    value = math.nan if parameter is None else float(value)
+    kind = None if kind is None else Kind(kind)
+    return Entry(files.decode(record["orbit"]), value, float(energy), verdict, kind)

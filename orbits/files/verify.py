@@ -1,0 +1,135 @@
+"""Orbit files: write one with its claims, read it, and derive every claim again from scratch."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn._checks import fail
+from jaxdyn.files import records
+from orbits.analysis.evidence import after
+from orbits.analysis.report import Report, as_json, report
+from orbits.files import orbit_files as files
+from orbits.orbit import Orbit
+
+FORMAT = "jaxdyn-orbit"
+VERSION = 4
+#: A file's numbers and those derived again may differ by this, relative to their size.
+AGREEMENT = 1e-9
+#: Errors are rounding, not numbers: claimed and derived ones may differ by this factor.
+_ERROR_FACTOR = 100.0
+_ERROR_FLOOR = 1e-12
+_ERRORS = (
+    "closure",
+    "growth",
+    "return_error",
+    "symplectic_defect",
+    "determinant_defect",
+    "recheck.closure",
+)
+_KEYS = {"format", "version", "claims"} | files.KEYS
+_NOT_COMPARED = ("multiplier_bars", "recheck.tolerance")
+
+
+@dataclasses.dataclass(frozen=True)
+class Mismatch:
+    """One claim of a file that does not hold."""
+
+    name: str
+    claimed: Any
+    derived: Any
+
+
+def save(path: str | Path, orbit: Orbit, claims: Report | None = None) -> None:
+    """Write an orbit with all that is claimed of it, atomically.
+
+    Args:
+      path: of the JSON file.
+      orbit: what `find` returned.
+      claims: its report; made here if left out.
+    Raises:
+      ValueError: the folder does not exist, or the scene holds a function.
+    """
+    claims = report(orbit) if claims is None else claims
+    records.write(
+        path,
+        {
+            "format": FORMAT,
+            "version": VERSION,
+            **files.encode(orbit),
+            "claims": as_json(claims),
+        },
+    )
+
+
+def load(path: str | Path) -> tuple[Orbit, dict[str, Any]]:
+    """The orbit in a file, and what the file claims of it.
+
+    Raises:
+      ValueError: not a readable orbit file of this version, or one that makes no sense.
+    """
+    record = records.read(path, FORMAT, VERSION)
+    if record.keys() != _KEYS:
+        raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), files.DAMAGED)
+    orbit, claims = files.decode(record), record["claims"]
+    if not isinstance(claims, dict):
+        raise fail("file", "claims by name", type(claims).__name__, files.DAMAGED)
+    return orbit, claims
+
+
+def verify(path: str | Path) -> tuple[Report, list[Mismatch]]:
+    """All claims of an orbit file derived again, and those that do not hold.
+
+    Raises:
+      ValueError: see `load`.
+    """
+    orbit, claims = load(path)
+    derived = report(orbit)
+    return derived, [*_not_closed(orbit, derived), *_compare(claims, as_json(derived))]
+
+
+def _not_closed(orbit: Orbit, derived: Report):
+    """A file may be honest about a motion that is no orbit at all."""
+    end = after(orbit, 1 / orbit.closing.parts, rtol=orbit.rtol).y1
+    system, y0, angle = orbit.scene.system, jnp.asarray(orbit.y0), jnp.asarray(orbit.angle)
+    miss = orbit.closing.miss(system, end, y0, angle)
+    size = AGREEMENT * (1.0 + float(np.abs(orbit.y0).max()))
+    for name, error in (
+        (orbit.closing.name, float(np.abs(miss).max())),
+        ("plain closing", derived.closure),
+    ):
+        if not error <= size:
+            yield Mismatch(f"error of the {name}", f"at most {size:.1e}", error)
+
+
+def _compare(claimed: Any, derived: Any, name: str = ""):
+    if isinstance(derived, dict):
+        if not isinstance(claimed, dict) or claimed.keys() != derived.keys():
+            yield Mismatch(name or "claims", _keys(claimed), _keys(derived))
+            return
+        for key, value in derived.items():
+            yield from _compare(claimed[key], value, f"{name}.{key}".lstrip("."))
+    elif name not in _NOT_COMPARED and not _agrees(name, claimed, derived):
+        yield Mismatch(name, claimed, derived)
+
+
+def _agrees(name: str, claimed: Any, derived: Any) -> bool:
+    if isinstance(derived, list):
+        same_length = isinstance(claimed, list) and len(claimed) == len(derived)
+        return same_length and all(map(_agrees, [name] * len(derived), claimed, derived))
+    if not (_is_number(claimed) and _is_number(derived)):
+        return type(claimed) is type(derived) and claimed == derived
+    if name in _ERRORS:
+        small, large = sorted((claimed, derived))
+        return 0 <= small and large <= max(_ERROR_FACTOR * small, _ERROR_FLOOR)
+    return abs(claimed - derived) <= AGREEMENT * (1.0 + abs(derived))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _keys(value: Any) -> Any:
+    return sorted(value) if isinstance(value, dict) else type(value).__name__

@@ -1,0 +1,229 @@
+"""The eccentric cylinder that rolls, hops and lands without any relative speed: problem 38.
+
+Such a motion loses nothing, so it goes on for ever, on level ground: down a slope every hop would
+gain energy. In the air the turning w is constant, so the contact point lands with no speed at all
+only where the flight is its own mirror image: from a turn -a of the centre of mass G from straight
+up to 2 pi n + a, n turns and a bit. Ballistics then gives w^2 d sin a = g (pi n + a).
+
+A ground that only pushes lets go where it need not push any more, and there the flight must not
+enter the ground: both only if the cylinder's height h leaves with h'' = 0. So
+
+    tan a = pi n + a,    w^2 = g / (d cos a),
+
+the same for all masses, radii and inertias: the landing grazes, with h''' alone left.
+
+Without friction that is a motion of nature, and `hop` finds it. With friction there is none,
+however much there is of it: rolling needs the force I alpha / (R + d cos a) at the corner, so
+contact ends in slip, and slip costs energy; only at the top is alpha = 0, and there a flight
+enters the ground. Where friction is replaced by a constraint (``rolls=True``) the ground has to
+pull near the corners: `pull` says how much. It is little where the inertia is far above m R^2.
+
+Reference for motions without collisions: A. Chatterjee et al., International Journal of Robotics
+Research 21 (2002) 621.
+"""
+
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene
+from jaxdyn._checks import fail, whole
+from jaxdyn._floats import as_float
+from jaxdyn.integrate.events import Event, Reaches, until
+from jaxdyn.mechanisms.cylinders import Cylinder
+from jaxdyn.scenes.rolling import Caught, NormalForce
+from orbits.hybrid.legs import Hybrid, Leg
+from orbits.hybrid.search import find_chain
+from orbits.orbit import SearchError
+from orbits.shooting.finding import GOAL, RTOL
+
+_ROUNDS = 15  # of a fixed point
+_ROUNDED = (
+    "Rounding hides the hop: the inertia is below some 1e-8 of m d^2, or there are hundreds of "
+    "turns in the air. Take a larger inertia, or fewer turns."
+)
+
+
+class Rises(Event):
+    """How fast a flying cylinder leaves the surface: a derivative of its height by time.
+
+    Attributes:
+      flying: the cylinder in flight.
+      order: 1 for the speed, 2 for the acceleration; left alone a cylinder in contact would leave
+        where that is positive.
+    """
+
+    flying: Scene
+    order: int = eqx.field(static=True)
+
+    def value(self, t, y):
+        def along(fn):
+            return lambda y: jax.jvp(fn, (y,), (self.flying.rate(t, y),))[1]
+
+        fn = self.flying.system.height
+        for _ in range(self.order):
+            fn = along(fn)
+        return fn(y)
+
+
+class Height(Event):
+    """The distance of a cylinder from the surface."""
+
+    cylinder: Cylinder
+
+    def value(self, t, y):
+        del t
+        return self.cylinder.height(y)
+
+
+class Mirrored(eqx.Module):
+    """What is left of a motion's mirrors: times about which it is its image, run backwards.
+
+    One is in the middle of a flight, where it starts, one in the middle of a contact.
+
+    Attributes:
+      first: () turn at the start [rad].
+      last: () turn at the end [rad].
+    """
+
+    first: Array = eqx.field(converter=as_float)
+    last: Array = eqx.field(converter=as_float)
+
+    def __call__(self, end: Array, start: Array) -> Array:
+        """(3,) turn and climbing speed at the start, turn at the end."""
+        return jnp.stack([start[2] - self.first, start[4], end[2] - self.last])
+
+
+class Advanced(eqx.Module):
+    """What is left of a start when all but the place on level ground and whole turns comes back.
+
+    Attributes:
+      turn: () in a period [rad].
+    """
+
+    turn: Array = eqx.field(converter=as_float)
+
+    def __call__(self, end: Array, start: Array) -> Array:
+        """(5,) height, turn and velocities."""
+        return (end - start)[1:].at[1].add(-self.turn)
+
+
+def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
+    """The motion of an eccentric cylinder that hops for ever: in contact, then in the air.
+
+    Args:
+      scene: ``scenes.cylinder_on_ramp(slope=0.0, ...)``; its start and friction are not used.
+      turns: whole turns in the air, at least 1.
+      rolls: a constraint without limits keeps it from slipping, also where the ground has to
+        pull; if not, there is no friction, and the cylinder slips on between landings at which
+        the contact point has no speed.
+    Returns:
+      The chain from the middle of a flight to the middle of the next: down, in contact, up. It
+      advances by `advance` a period, and turns turns + 1 times.
+    Raises:
+      ValueError: anything but an eccentric cylinder on level ground, or no turn.
+      SearchError: rounding hides it, at an inertia far below m d^2 or after hundreds of turns.
+    Example:
+      >>> from jaxdyn import scenes
+      >>> from orbits.hybrid import hopping
+      >>> found = hopping.hop(scenes.cylinder_on_ramp(slope=0.0))
+      >>> corner = float(found.legs[1].scene.y0[2]) - 2 * math.pi
+      >>> abs(math.tan(corner) - (math.pi + corner)) < 1e-9
+      True
+    """
+    g = _checked(scene, turns)
+    given = scene.system
+    slides = eqx.tree_at(lambda system: system.mu, given, 0.0 * given.mu).touching("slip_on")
+    contact, fly = (
+        Scene(system, scene.effects, y0=scene.y0, t1=scene.t1)
+        for system in (given.touching("roll") if rolls else slides, given.touching("fly"))
+    )
+    leaves = Rises(fly, 2)
+    lands = (Height(given), Rises(fly, 1), leaves, Caught(given, 1))
+    d, r, first = float(given.d), float(given.r), math.pi * turns
+    a = _corner(turns)
+    up = first + a
+    spin = math.sqrt(g / (d * math.cos(a)))
+    reach = r + d * math.cos(a)
+    top = reach + g * (up / spin) ** 2 / 2  # of G, in the middle of the flight
+    y0 = np.array([0.0, top, first, spin * reach, 0.0, spin])
+    corner = np.array([y0[3] * up / spin, reach, first + up, y0[3], -g * up / spin, spin])
+    # The contact is over in less than twice the time that it would take at the corner's spin.
+    lowest = Reaches(2, 2 * first + math.pi, 1)
+    stop = until(contact.starting(corner, 2 * (math.pi - a) / spin), lowest, rtol=RTOL)
+    if not stop.happened:
+        raise SearchError(_ROUNDED)
+    spans = np.array([up / spin, float(stop.t)])
+    # The whole chain at once has the motion as a double root: at h'' = 0 unequal corners close too.
+    mirrors = Mirrored(first, 2 * first + math.pi)
+    goal = GOAL * max(1.0, float(np.abs(y0).max()))  # of metres and radians alike
+    half = _found((Leg(fly, lands), Leg(contact, ())), y0, spans, closes=mirrors, goal=goal)
+    down, rest = half.spans
+    above = (Height(given),)
+    presses = () if rolls else (NormalForce(contact),)
+    chain = (
+        Leg(fly, lands, bounds=above),
+        Leg(contact, (leaves,), bounds=presses),
+        Leg(fly, (), bounds=above),
+    )
+    spans = [down, 2 * rest, down]
+    around = Advanced(2 * (first + math.pi))
+    # Once more around what is left of each half counts several times.
+    whole = 8 * goal
+    return _found(chain, half.y0, spans, closes=around, goal=whole, max_iterations=0)
+
+
+def _found(*chain, **how) -> Hybrid:
+    """What `find_chain` finds; its guess is exact, so that only rounding can be in the way."""
+    found = find_chain(*chain, **how, throw=False)
+    if not found.ok:
+        raise SearchError(_ROUNDED)
+    return found
+
+
+def _corner(turns: int) -> float:
+    """a [rad] of tan a = pi n + a: each round is nearer by a factor of 17 or more."""
+    a = math.pi / 2
+    for _ in range(_ROUNDS):
+        a = math.atan(math.pi * turns + a)
+    return a
+
+
+def advance(hop: Hybrid) -> float:
+    """How far a hop takes the cylinder along the ground in a period [m]."""
+    return float(hop.chain(2).pieces[-1].ys[-1, 0] - hop.y0[0])
+
+
+def pull(hop: Hybrid) -> float:
+    """How much the ground has to pull over the weight [1]; 0 where it only pushes."""
+    scene = hop.legs[1].scene
+    weight = float(scene.system.m) * _gravity(scene)
+    return max(0.0, -hop.least(1, NormalForce(scene)) / weight)
+
+
+def _gravity(scene: Scene) -> float:
+    fly = scene.system.touching("fly")
+    fall = fly.rate(jnp.zeros(()), scene.y0, scene.effects)
+    return -float(fall[4])
+
+
+def _checked(scene: Scene, turns) -> float:
+    system = scene.system
+    if not (isinstance(system, Cylinder) and system.flat):
+        got = type(system).__name__
+        raise fail("scene", "a cylinder on a ramp", got, "Make it: scenes.cylinder_on_ramp().")
+    scene.check()
+    if float(system.slope) != 0.0:
+        remedy = "Each hop down a slope gains energy, and without relative speed none is lost."
+        raise fail("slope", "0, level ground", float(system.slope), remedy)
+    if not float(system.d) > 0:
+        raise fail("d", "> 0", float(system.d), "A balanced cylinder rolls on without hopping.")
+    whole("turns", turns, remedy="With none the flight would enter the ground.")
+    g = _gravity(scene)
+    if not g > 0:
+        raise fail("scene", "gravity that pulls down", f"g = {g:.6g}", "Add UniformGravity(9.81).")
+    return g

@@ -1,0 +1,120 @@
+"""A periodic motion with corners: a closed chain of legs (roll, fly, ...), each smooth by itself.
+
+`find_chain` (orbits.hybrid.search) finds them. In its equations the times of the corners are
+unknowns, so a solution may pass the end of a leg before its time. The bounds of a leg say what
+must hold on the way, and a chain that does not keep to them is not said to be found.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene, Status, simulate
+from jaxdyn.integrate.events import Event
+from jaxdyn.integrate.phase import unchanged
+from jaxdyn.integrate.phases import Chain
+from orbits.orbit import Outcome
+
+_LOOKS = 400  # samples of a leg
+_PASSED = 1e-9  # of the largest value of a bound on a leg: a value so far below 0 is no rounding
+
+
+class Leg(eqx.Module):
+    """A smooth part of a periodic chain.
+
+    Attributes:
+      scene: what moves (its start and span are not used); its rate must not depend on time.
+      ends: what vanishes at the leg's end: its event, and what else is demanded there. Their
+        time is that since the leg's start.
+      change: (t, y) -> the state at the start of the next leg; a named function or a module.
+      bounds: what must not be negative on the way, such as a height or a normal force.
+    """
+
+    scene: Scene
+    ends: tuple[Event, ...]
+    change: Callable[[Array, Array], Array] = unchanged
+    bounds: tuple[Event, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class Hybrid:
+    """A periodic chain, how well it closes, and how the search for it ended.
+
+    Attributes:
+      legs: in order; their scenes have the start and the span of each.
+      residual: largest entry of what does not close.
+      outcome: `Outcome`; unless it is FOUND this is the best iterate.
+      iterations: Newton steps taken.
+      rtol: tolerance of the integrations.
+    """
+
+    legs: tuple[Leg, ...]
+    residual: float
+    outcome: Outcome
+    iterations: int
+    rtol: float
+
+    @property
+    def y0(self) -> Array:
+        """(k,) start of the first leg."""
+        return self.legs[0].scene.y0
+
+    @property
+    def spans(self) -> np.ndarray:
+        """(n,) how long each leg lasts [time of the scene]."""
+        return np.array([float(leg.scene.t1) for leg in self.legs])
+
+    @property
+    def period(self) -> float:
+        """All legs together [time of the scene]."""
+        return float(self.spans.sum())
+
+    @property
+    def ok(self) -> bool:
+        """Whether it closes."""
+        return self.outcome == Outcome.FOUND
+
+    @property
+    def message(self) -> str:
+        """How the search ended and what to try."""
+        return self.outcome.message
+
+    def chain(self, samples: int = 100) -> Chain:
+        """One period as a motion in pieces, to draw and to measure like any other."""
+        pieces, t = [], 0.0
+        for leg in self.legs:
+            end = t + float(leg.scene.t1)
+            pieces.append(simulate(leg.scene, end, t0=t, samples=samples, rtol=self.rtol))
+            t = end
+        names = tuple(f"leg {i + 1}" for i in range(len(pieces)))
+        last = self.legs[-1].change(jnp.asarray(t), pieces[-1].ys[-1])
+        return Chain(names, tuple(pieces), jnp.asarray(t), last, True, Status.OK)
+
+    def least(self, leg: int, event: Event) -> float:
+        """The least value of a function at 400 times of a leg: does it stay positive?
+
+        A height in flight, say, or a normal force in contact: where it is below zero by more
+        than rounding, the chain closes but is none that nature follows.
+        """
+        return float(self._values(leg, event).min())
+
+    @property
+    def keeps_bounds(self) -> bool:
+        """Whether each leg is within its bounds, to rounding, at 400 times."""
+        values = [self._values(i, b) for i, leg in enumerate(self.legs) for b in leg.bounds]
+        return all(value.min() >= -_PASSED * np.abs(value).max() for value in values)
+
+    def _values(self, leg: int, event: Event) -> np.ndarray:
+        scene = self.legs[leg].scene
+        motion = simulate(scene, samples=_LOOKS, rtol=self.rtol)
+        return np.asarray(_along(event, motion.ts, motion.ys))
+
+
+@eqx.filter_jit
+def _along(event: Event, ts: Array, ys: Array) -> Array:
+    return jax.vmap(event.value)(ts, ys)

@@ -1,0 +1,216 @@
+"""The search for periodic motions with corners: closed chains of legs, each smooth by itself.
+
+The unknowns are the start of the first leg and how long each leg lasts. What must vanish is what
+ends each leg, whatever else is demanded there, and what is left of the start at the end of the
+chain. Times are unknowns, not found by a search for events: a landing without relative speed
+grazes the ground, where the time of an event has no derivative, while these equations are regular.
+The price is that a solution may pass an end before its time; the bounds of a leg refuse that.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn._checks import fail, positive, untraced, whole
+from jaxdyn.integrate.events import Event
+from jaxdyn.integrate.simulation import solve
+from jaxdyn.integrate.spans import tolerances
+from jaxdyn.scene import Scene, checked
+from orbits.closing.given import driven
+from orbits.hybrid.legs import Hybrid, Leg
+from orbits.orbit import Outcome, SearchError
+from orbits.shooting import newton
+from orbits.shooting.finding import GOAL, RTOL
+
+_SHORTEST = 0.02  # of its guess: a leg that short is none
+
+
+class Comes(eqx.Module):
+    """What is left of a start (k,) at the end of the chain: all of it, as the system measures."""
+
+    scene: Scene
+
+    def __call__(self, end: Array, start: Array) -> Array:
+        """(m,) zero where the chain closes."""
+        return self.scene.system.difference(end, start)
+
+
+def find_chain(
+    legs: Sequence[Leg],
+    y0,
+    spans,
+    *,
+    closes: Callable[[Array, Array], Array] | None = None,
+    goal: float = GOAL,
+    rtol: float = RTOL,
+    max_iterations: int = 60,
+    report: Callable[[newton.Iteration], None] = lambda iteration: None,
+    throw: bool = True,
+) -> Hybrid:
+    """The periodic chain of legs near a guess.
+
+    Args:
+      legs: in order; the last one leads to the first.
+      y0: (k,) guess of the start of the first leg.
+      spans: (n,) guess of how long each leg lasts.
+      closes: (end, start) -> what must vanish, a module or a named function; that the state
+        comes back, if left out. One that leaves out a position finds motions that advance.
+      goal: largest closing error that counts.
+      rtol: tolerance of the integrations.
+      max_iterations: Newton steps at most.
+      report: called with an `Iteration` after each step; its period is the last leg's span.
+      throw: raise if none was found.
+    Returns:
+      The chain; of a family of them the one nearest to the guess.
+    Raises:
+      ValueError: numbers that make no sense.
+      SearchError: none was found (``throw=True``).
+    Limits: host only. Nothing but the bounds of a leg looks for ends that are passed earlier.
+    Example:
+      A ball that bounces without loss, from its highest point to its highest point:
+
+      >>> import jax.numpy as jnp, orbits
+      >>> from jaxdyn.integrate import events
+      >>> from jaxdyn import scenes
+      >>> def bounce(t, y):
+      ...     return y * jnp.array([1.0, 1.0, 1.0, -1.0])
+      >>> ball = scenes.cannonball(g=10.0)
+      >>> falls = orbits.Leg(ball, (events.Reaches(1, 0.0),), bounce)
+      >>> rises = orbits.Leg(ball, (events.Reaches(3, 0.0), events.Reaches(1, 5.0)))
+      >>> found = orbits.find_chain([falls, rises], [0.0, 4.0, 0.0, 0.0], [0.8, 0.9])
+      >>> round(found.period, 12)
+      2.0
+    """
+    legs = tuple(legs)
+    untraced("find_chain", (legs, y0, spans), "Find it outside of the transformation.")
+    start, times = _checked(legs, y0, spans)
+    positive("goal", goal, "It is the largest closing error of an orbit.")
+    tolerances(rtol, None)  # refuses what is none; inside jit it could not
+    whole("max_iterations", max_iterations, least=0)
+    closes = Comes(legs[0].scene) if closes is None else closes
+    k = len(start)
+
+    def evaluated(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return _linearised(legs, closes, x, rtol)[:2]
+
+    shortest = np.concatenate([np.full(k, -np.inf), _SHORTEST * times])
+    result = newton.solve(
+        evaluated,
+        np.concatenate([start, times]),
+        lower=shortest,
+        upper=np.full(k + len(legs), np.inf),
+        goal=goal,
+        max_iterations=max_iterations,
+        report=report,
+    )
+    starts = _linearised(legs, closes, result.x, rtol)[2]
+    run = tuple(
+        dataclasses.replace(leg, scene=leg.scene.starting(y, t))
+        for leg, y, t in zip(legs, starts, result.x[k:], strict=True)
+    )
+    residual = float(np.abs(result.residual).max())
+    found = Hybrid(run, residual, _outcome(result), result.iterations, rtol)
+    if found.ok and not found.keeps_bounds:
+        found = dataclasses.replace(found, outcome=Outcome.BOUND_PASSED)
+    if throw and not found.ok:
+        raise SearchError(found.message)
+    return found
+
+
+def _checked(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.ndarray]:
+    if not legs:
+        raise fail("legs", "at least one", "none", "A chain has legs.")
+    for i, leg in enumerate(legs):
+        if not isinstance(leg, Leg):
+            raise fail(f"legs[{i}]", "a Leg", type(leg).__name__, "Make it: Leg(scene, ends).")
+        for name, events in (("ends", leg.ends), ("bounds", leg.bounds)):
+            if not (isinstance(events, tuple) and all(isinstance(x, Event) for x in events)):
+                got = type(events).__name__
+                raise fail(f"legs[{i}].{name}", "a tuple of events", got, "Write (event,) for one.")
+        if driven(checked(leg.scene)):
+            remedy = "Legs begin at times of their own."
+            raise fail(f"legs[{i}]", "a scene that does not depend on time", "a driven one", remedy)
+    start = np.asarray(y0, float)
+    k = len(legs[0].scene.y0)
+    if start.shape != (k,) or not np.isfinite(start).all():
+        raise fail("y0", f"a state, {k} finite numbers", f"{y0}")
+    times = np.asarray(spans, float)
+    if times.shape != (len(legs),) or not (np.isfinite(times) & (times > 0)).all():
+        raise fail("spans", f"a time > 0 for each of {len(legs)} legs", f"{spans}")
+    return start, times
+
+
+def _linearised(legs, closes, x: np.ndarray, rtol) -> tuple[np.ndarray, np.ndarray, list]:
+    """(value, Jacobian) of what must vanish, and the starts of all legs.
+
+    Leg by leg on the host, so that each kind of leg is compiled once, however long the chain is.
+    """
+    k = len(x) - len(legs)
+    start, slope = map(np.asarray, _put(legs[0].scene, x[:k]))
+    first = slope @ np.eye(k, len(x))
+    y, along = start, first
+    starts, values, rows = [], [], []
+    rtol = np.asarray(rtol, float)  # a number that is no array would be compiled in
+    for i, leg in enumerate(legs):
+        starts.append(y)
+        (y, left), (by_start, by_span) = jax.tree.map(np.asarray, _passed(leg, y, x[k + i], rtol))
+        unit = np.eye(len(x))[k + i]
+        along, row = (a @ along + np.outer(b, unit) for a, b in zip(by_start, by_span, strict=True))
+        values.append(left)
+        rows.append(row)
+    left, (by_end, by_first) = jax.tree.map(np.asarray, _left(closes, y, start))
+    value = np.concatenate([*values, left])
+    return value, np.concatenate([*rows, by_end @ along + by_first @ first]), starts
+
+
+@eqx.filter_jit
+def _put(scene: Scene, y: Array) -> tuple[Array, Array]:
+    """The nearest start that the constraints allow, and its derivative."""
+
+    def put(y):
+        y = scene.system.project(jnp.zeros(()), y)
+        return y, y
+
+    slope, y = jax.jacfwd(put, has_aux=True)(y)
+    return y, slope
+
+
+@eqx.filter_jit
+def _passed(leg: Leg, y: Array, span, rtol):
+    """(start of the next leg, what is left of the ends), and both by the start and by the span."""
+
+    def passed(y, span):
+        end = solve(leg.scene.starting(y), span, rtol=rtol).y1
+        left = jnp.asarray([event.value(span, end) for event in leg.ends], float)
+        both = leg.change(span, end), left
+        return both, both
+
+    slopes, both = jax.jacfwd(passed, argnums=(0, 1), has_aux=True)(y, span)
+    return both, tuple(zip(*slopes, strict=True))
+
+
+@eqx.filter_jit
+def _left(closes, end: Array, start: Array):
+    """What is left of closing, and its derivatives by both states."""
+
+    def left(end, start):
+        value = closes(end, start)
+        return value, value
+
+    slopes, value = jax.jacfwd(left, argnums=(0, 1), has_aux=True)(end, start)
+    return value, slopes
+
+
+def _outcome(result: newton.Result) -> Outcome:
+    if not np.isfinite(result.residual).all():
+        return Outcome.COLLISION
+    if result.at_bound:
+        return Outcome.TRIVIAL
+    if result.converged:
+        return Outcome.FOUND
+    return Outcome.ITERATION_LIMIT if result.limit else Outcome.NO_DESCENT

@@ -1,0 +1,232 @@
+"""Aiming: which launch angles hit a target, which goes farthest, which speed is the least.
+
+Any throw of one point in the plane, whatever acts on it: `farthest` looks at the range over all
+angles, forwards and backwards, and polishes its best maximum; `hit` cuts all angles at the extremes
+of the range into pieces where it rises or falls, in each of which there is at most one angle that
+hits; `slowest` raises the speed until the farthest throw gets there. Times of landing, and the
+derivatives of where in angle and speed, are exact (see `jaxdyn.integrate.events`); there are no
+penalties.
+
+With quadratic drag c v^2 the best angle is 45 degrees for slow throws and tends to 0 as the speed v
+grows, very slowly: with L = log(v^2 c / (m g)) like s / L, where s itself grows like log L. In the
+limit the ball comes down at a right angle to its launch, as it does without drag. With linear
+drag the angle falls like log(u^2) / u instead (`jaxdyn.scenes.ballistics`).
+"""
+
+import equinox as eqx
+import numpy as np
+
+from jaxdyn import Scene
+from jaxdyn._checks import array, fail, positive
+from jaxdyn._roots import root
+from orbits.targets.launch import angle_of, checked_throw, followed, landings
+from orbits.targets.ranges import COURSES, LOOK, SAME, WIDER, Aim, best_courses, turns
+
+#: Speeds tried by `slowest`, in units of sqrt(pull x distance).
+_SPEEDS = np.logspace(-3, 15, 55)
+_BEFORE = 3  # speeds before one that gets there, since the angles looked at miss the best ones
+
+
+class Hits(eqx.Module):
+    """All throws that land at a point.
+
+    Attributes:
+      x: () the target, from the launch along the first axis [m].
+      speed: () launch speed [m/s].
+      angles: (n,) launch angles [rad], ascending; none if it is out of reach.
+      times: (n,) times of flight [s].
+      short: () by how much the nearest throw misses the target [m]; 0 if it is hit.
+      nearest: () launch angle of that throw [rad]; NaN if it is hit.
+      outcome: `Aim`.
+    """
+
+    x: float
+    speed: float
+    angles: np.ndarray
+    times: np.ndarray
+    short: float
+    nearest: float
+    outcome: Aim = eqx.field(static=True)
+
+    @property
+    def ok(self) -> bool:
+        """Whether the target is hit, and no angle is missing."""
+        return self.outcome == Aim.FOUND
+
+    @property
+    def message(self) -> str:
+        """What happened, in numbers, and what to do about it."""
+        if self.outcome != Aim.OUT_OF_REACH:
+            return self.outcome.message
+        nearest = f"The nearest, at {np.degrees(self.nearest):.6g} degrees, misses"
+        return f"{self.outcome.message} {nearest} by {self.short:.6g} m."
+
+
+class Throws(eqx.Module):
+    """The best throw for each of some speeds or targets; NaN where there is none.
+
+    Attributes:
+      speed: () or (n,) launch speed [m/s].
+      angle: () or (n,) launch angle [rad].
+      x: () or (n,) where it lands, from the launch along the first axis [m].
+      t: () or (n,) time of flight [s].
+      landing: () or (n,) angle below the first axis at which it comes down [rad].
+      outcome: () or (n,) `Aim` codes.
+    """
+
+    speed: np.ndarray
+    angle: np.ndarray
+    x: np.ndarray
+    t: np.ndarray
+    landing: np.ndarray
+    outcome: np.ndarray
+
+    @property
+    def ok(self) -> bool:
+        """Whether all of them are found."""
+        return bool((self.outcome == Aim.FOUND).all())
+
+    @property
+    def message(self) -> str:
+        """What happened, of many throws to the first that failed, and what to do about it."""
+        bad = np.ravel(self.outcome)[np.ravel(self.outcome) != Aim.FOUND]
+        return Aim(int(bad[0]) if bad.size else 0).message
+
+
+def hit(scene: Scene, x, speed) -> Hits:
+    """All launch angles between 0 and 180 degrees that hit a point at launch height.
+
+    Args:
+      scene: one point in the plane and what acts on it; its own velocity is not used.
+      x: () the target, from the launch along the first axis [m]; not 0 means not straight up.
+      speed: () launch speed [m/s].
+    Raises:
+      ValueError: another kind of scene, or numbers that make no sense.
+    Limits: angles nearer to the ground than 1e-17 rad are not looked at; two extremes of the range
+      between neighbours of the angles looked at (some 5 degrees apart) would be missed.
+    Example:
+      >>> from jaxdyn import scenes
+      >>> from orbits.targets import aim
+      >>> found = aim.hit(scenes.cannonball(g=10.0), 5.0, 10.0)
+      >>> [round(float(angle), 12) for angle in np.degrees(found.angles)]
+      [15.0, 75.0]
+    """
+    scene = checked_throw(scene)
+    x, speed = float(array("x", x, ())), float(positive("speed", array("speed", speed, ())))
+    look = landings(scene, COURSES, speed, LOOK)
+    extremes, fine = turns(scene, look, speed)
+    if not fine.all():
+        return _missed(x, speed, Aim.NO_CONVERGENCE)
+    ends = np.sort(np.concatenate([COURSES, extremes]))
+    ranges = landings(scene, ends, speed).x
+    known = np.isfinite(ranges)
+    if not known.any():
+        return _missed(x, speed, Aim.NO_RANGE if followed(look).any() else Aim.LOST)
+    cells = np.flatnonzero((ranges[:-1] - x) * (ranges[1:] - x) <= 0)
+
+    def over(w):
+        found = landings(scene, w, speed)
+        return found.x - x, found.dx[:, 0]
+
+    angles, times, outcome = np.zeros(0), np.zeros(0), Aim.FOUND
+    if len(cells):
+        w, fine = root(over, ends[cells], ends[cells + 1])
+        w = np.sort(w[fine])
+        w = w[np.diff(w, prepend=-np.inf) > SAME]  # one on the edge of two pieces is one
+        angles, times = angle_of(w), landings(scene, w, speed).t
+        outcome = outcome if fine.all() else Aim.NO_CONVERGENCE
+    if not followed(look).all():
+        outcome = Aim.LOST
+    elif not len(angles) and outcome == Aim.FOUND:
+        i = int(np.nanargmin(np.abs(ranges - x)))
+        return _missed(x, speed, Aim.OUT_OF_REACH, abs(ranges[i] - x), angle_of(ends[i]))
+    return Hits(x, speed, angles, times, 0.0 if len(angles) else np.nan, np.nan, outcome)
+
+
+def _missed(x: float, speed: float, outcome: Aim, short=np.nan, nearest=np.nan) -> Hits:
+    none = np.zeros(0)
+    return Hits(x, speed, none, none, float(short), float(nearest), outcome)
+
+
+def farthest(scene: Scene, speed) -> Throws:
+    """The launch angle that carries farthest along the first axis, for one speed or many.
+
+    Args:
+      scene: see `hit`.
+      speed: () or (n,) launch speeds [m/s].
+    Raises:
+      ValueError: see `hit`.
+    Limits: see `hit`. The angle of a maximum so flat that rounding hides it is right to 1e-8.
+    Example:
+      >>> from jaxdyn import scenes
+      >>> from orbits.targets import aim
+      >>> best = aim.farthest(scenes.cannonball(drag=0.01), [1e-2, 1e2, 1e4])
+      >>> np.round(np.degrees(best.angle), 3)
+      array([45.   , 32.554, 14.994])
+    """
+    scene = checked_throw(scene)
+    speeds = positive("speed", speed, "It is a speed; the angle gives the direction.")
+    shape = np.shape(speeds)
+    if len(shape) > 1 or 0 in shape:
+        raise fail("speed", "one speed or a row of them", f"shape {shape}")
+    w, outcome = best_courses(scene, np.ravel(np.asarray(speeds)))
+    throws = _throws(scene, w, np.ravel(np.asarray(speeds)), outcome)
+    return throws if shape else _single(throws)
+
+
+def slowest(scene: Scene, x) -> Throws:
+    """The least launch speed that gets at least as far as x, and its angle.
+
+    Args:
+      scene: see `hit`.
+      x: () distance along the first axis [m], > 0; mirror the scene for throws to the left.
+    Raises:
+      ValueError: see `hit`.
+    Limits: speeds from 1e-3 to 1e15 sqrt(g x) are looked at. See `hit`.
+    Example:
+      >>> from jaxdyn import scenes
+      >>> from orbits.targets import aim
+      >>> best = aim.slowest(scenes.cannonball(g=10.0, drag=0.5), 2.0)
+      >>> round(float(best.speed), 6), round(float(np.degrees(best.angle)), 4)
+      (7.176481, 37.8694)
+    """
+    scene = checked_throw(scene)
+    x = float(positive("x", array("x", x, ()), "Mirror the scene for throws to the left."))
+    rest = np.concatenate([np.asarray(scene.y0)[:2], np.zeros(2)])
+    pull = float(np.linalg.norm(scene.rate(np.zeros(()), rest)[2:]))
+    speeds = np.sqrt(pull * x) * _SPEEDS
+    looks = landings(scene, np.tile(COURSES, len(speeds)), np.repeat(speeds, len(COURSES)), LOOK)
+    reach = np.nanmax(
+        np.where(np.isnan(looks.x), -np.inf, looks.x).reshape(len(speeds), -1), axis=1
+    )
+    enough = int(np.argmax(reach >= x))
+    before = enough - _BEFORE
+    if reach[enough] < x or before < 0:
+        nothing = Aim.OUT_OF_REACH if reach[enough] < x else Aim.NO_RANGE
+        return _single(_throws(scene, np.full(1, np.nan), np.full(1, np.nan), np.array([nothing])))
+
+    def over(log_speed):
+        # At the best angle the range changes with the speed as if the angle did not (envelope).
+        w, _ = best_courses(scene, np.exp(log_speed))
+        found = landings(scene, w, np.exp(log_speed))
+        return found.x - x, found.dx[:, 1]
+
+    low, high = np.log(speeds[[before, enough]])[:, None]
+    log_speed, fine = root(over, low, high + WIDER)
+    w, outcome = best_courses(scene, np.exp(log_speed))
+    outcome = np.where(fine, outcome, Aim.NO_CONVERGENCE)
+    return _single(_throws(scene, w, np.exp(log_speed), outcome))
+
+
+def _throws(scene: Scene, w, speeds: np.ndarray, outcome: np.ndarray) -> Throws:
+    """The throws of so many courses, NaN unless they are found."""
+    found = outcome == Aim.FOUND
+    one = np.where(found, 1.0, np.nan)
+    # What is not found is thrown straight up for its place in the row.
+    end = landings(scene, np.where(found, w, 0.0), np.where(found, speeds, 1.0))
+    down = np.arctan2(-end.vy, end.vx)
+    return Throws(speeds, angle_of(w), one * end.x, one * end.t, one * down, outcome)
+
+
+def _single(throws: Throws) -> Throws:
+    return Throws(*(getattr(throws, name)[0] for name in Throws.__dataclass_fields__))

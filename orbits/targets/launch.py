@@ -1,0 +1,159 @@
+"""One throw: where it comes down, and how that changes with its angle and its speed."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene, Status
+from jaxdyn._checks import fail, untraced
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate import events
+from jaxdyn.scene import checked
+from orbits.targets.steady_fall import Fall, acceleration, fall_of, fallen
+from orbits.targets.thrown import Down, Thrown, Units, direction, turned
+
+RTOL = 1e-13
+_PATIENCE = 100.0  # times v / g: flights longer than this count as endless
+_STEPS = 20_000  # at most; a flight that needs more is stiff
+_GRAIN = 16 * np.finfo(float).eps  # of the speed: its rounding, in any direction
+_CHUNK = 64  # throws a call of the compiled program; fewer are filled up
+
+
+class Landings(eqx.Module):
+    """Where throws come down; one entry a throw, NaN where it does not.
+
+    Attributes:
+      x: (n,) distance from the launch along the first axis, at launch height [m].
+      t: (n,) time of flight [s].
+      dx: (n, 2) derivatives of x in the course w = log tan(angle / 2) and in log(speed) [m].
+      vx: (n,) velocity on landing [m/s].
+      vy: (n,) velocity on landing [m/s].
+      status: (n,) `jaxdyn.Status` codes of the integration.
+    """
+
+    x: np.ndarray
+    t: np.ndarray
+    dx: np.ndarray
+    vx: np.ndarray
+    vy: np.ndarray
+    status: np.ndarray
+
+
+def landings(scene: Scene, w, speed, rtol: float = RTOL) -> Landings:
+    """Where throws of so many courses and speeds land.
+
+    Args:
+      scene: see `checked_throw`.
+      w: (n,) courses log tan(angle / 2): -inf along the first axis, 0 straight up.
+      speed: (n,) launch speeds [m/s], > 0.
+      rtol: tolerance of the integrations.
+    """
+    w, log_speed = (np.array(x, float).ravel() for x in np.broadcast_arrays(w, np.log(speed)))
+    parts = []
+    for i in range(0, len(w), _CHUNK):
+        # One shape for any number of throws: one compilation.
+        rows = np.minimum(np.arange(i, i + _CHUNK), len(w) - 1)
+        part = _compiled(scene, w[rows], log_speed[rows], np.asarray(rtol))
+        parts.append(jax.tree.map(lambda x: np.asarray(x), part))
+    return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(w)], *parts)
+
+
+def checked_throw(scene: Scene) -> Scene:
+    """The scene, if it is a single point in the plane that something pulls back.
+
+    Raises:
+      ValueError: another kind of scene.
+    """
+    untraced("scene", scene, "Aim outside of jit, grad and vmap.")
+    scene = checked(scene)
+    system = scene.system
+    if not (isinstance(system, FreePoints) and system.d == 2 and len(system.m) == 1):
+        raise fail(
+            "scene",
+            "one point that is thrown in the plane",
+            type(system).__name__,
+            "scenes.cannonball() and scenes.particle(...) are such.",
+        )
+    if not float(_pull(scene)) > 0:
+        raise fail("scene", "a force on the point at rest", "none", "Add UniformGravity(9.81).")
+    return scene
+
+
+def angle_of(w):
+    """Launch angle [rad] of a course."""
+    return 2 * jnp.arctan(jnp.exp(w)) if isinstance(w, Array) else 2 * np.arctan(np.exp(w))
+
+
+def launched(scene: Scene, angle: float, speed: float, t1: float) -> Scene:
+    """The scene with its point thrown at an angle [rad] with a speed [m/s], over a span [s]."""
+    velocity = speed * np.array([np.cos(angle), np.sin(angle)])
+    return scene.starting(np.concatenate([np.asarray(scene.y0)[:2], velocity]), t1)
+
+
+def _pull(scene: Scene) -> Array:
+    """() size of the acceleration of the point at rest [m/s^2]."""
+    return jnp.linalg.norm(acceleration(scene, jnp.zeros(2)))
+
+
+def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
+    speed = jnp.exp(log_speed)
+    fall, units = jax.lax.stop_gradient(_scales(scene, w, speed, rtol))
+    system = Thrown(scene.system, scene.y0[:2], w, units)
+    start = jnp.zeros(4).at[2].set(speed / units.speeds(jnp.zeros(()))[0])
+    patience = jax.lax.stop_gradient(_PATIENCE * speed / _pull(scene))
+    longest = jnp.where(jnp.isfinite(fall.settled), fall.settled, patience)
+    throw, down = Scene(system, scene.effects, y0=start), Down(w, units.lengths)
+    stop = events.until(throw, down, longest, rtol=rtol, atol=rtol, max_steps=_STEPS)
+    landed = stop.event >= 0
+    r, v = system.moved(stop.t, stop.y)
+    end = fallen(scene, w, stop.t, r, v)
+    falls = ~landed & jnp.isfinite(fall.settled)
+    c, s = direction(w)
+
+    def at_last(here, there):
+        return jnp.where(landed, here, jnp.where(falls, there, jnp.nan))
+
+    t, x = at_last(stop.t, end.t), at_last(turned(r, c, s)[0], turned(end.r, c, s)[0])
+    vx, vy = at_last(turned(v, c, s), turned(end.v, c, s))
+    lost = falls & end.lost & (stop.status == Status.OK)
+    return x, (t, vx, vy, jnp.where(lost, jnp.int32(Status.STEP_LIMIT), stop.status))
+
+
+def _scales(scene: Scene, w: Array, speed: Array, rtol: Array) -> tuple[Fall, Units]:
+    """The fall at the end of a throw, and the sizes of its numbers when it comes down."""
+    g, (cosine, sine) = _pull(scene), direction(w)
+    launch = speed * jnp.stack([cosine, sine])
+    # The path on which the first force would use up the speed, or that of a flat throw.
+    slowing = jnp.linalg.norm(acceleration(scene, launch))
+    length = speed * speed / jnp.maximum(slowing, g)
+    fall = fall_of(scene, launch, length)
+    last = jnp.minimum(g * fall.memory, speed)
+    flat = jnp.minimum(length, speed * speed * sine / g)
+    units = Units(
+        lengths=flat * jnp.stack([jnp.ones_like(sine), sine]),
+        last=jnp.stack([last * sine, jnp.minimum(last, speed * sine)]),
+        grain=_GRAIN / rtol * speed * sine,
+        memory=fall.memory,
+    )
+    return fall, units
+
+
+@jax.jit
+def _compiled(scene: Scene, w: Array, log_speed: Array, rtol: Array) -> Landings:
+    def one(throw):
+        def x(p):
+            value, rest = _landing(scene, p[0], p[1], rtol)
+            return value, (value, *rest)
+
+        dx, (value, t, vx, vy, status) = jax.jacfwd(x, has_aux=True)(jnp.stack(throw))
+        return Landings(value, t, dx, vx, vy, status)
+
+    # One after the other: each takes its own steps, in one folded loop.
+    return jax.lax.map(one, (w, log_speed))
+
+
+def followed(found: Landings) -> np.ndarray:
+    """(n,) whether each throw could be followed, be it to the ground or for ever."""
+    return found.status == Status.OK

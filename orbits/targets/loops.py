@@ -1,0 +1,194 @@
+"""Closed orbits about a centre of force that are neither circles nor lines: course problem 11 b.
+
+A motion between two radii is a rosette: each loop, from the farthest point to the farthest point,
+is the last one turned by twice the apsidal angle. It closes after p turns with q loops where that
+angle is pi p / q. The shape of an orbit, the ratio of its radii, decides: `closed` looks for the
+ratio that gives p / q, and polishes the orbit by `find`. A search that fails has a regular rosette
+all the same, one that fills its ring. `least` says which closed orbit has the fewest loops.
+
+Which p / q a power law r^n has is known: those strictly between the limits of its apsidal angle
+(`jaxdyn.scenes.apsidal_limits`), once each. For other laws shapes are sampled.
+"""
+
+import math
+
+import equinox as eqx
+import numpy as np
+
+from jaxdyn import Scene, scenes, simulate
+from jaxdyn._checks import array, fail, positive, untraced, whole
+from jaxdyn.effects import CentralForce
+from orbits.orbit import Orbit, SearchError
+from orbits.shooting.finding import find
+from orbits.targets.shapes import NOWHERE, depth_of, over_pi
+
+_LOOKS = 16  # samples a step, to count loops
+_WHOLE = 0.01  # of a turn by which a closed orbit's turns may differ from a whole number
+
+
+class Least(eqx.Module):
+    """The closed orbits with the fewest loops, one for each exponent.
+
+    Attributes:
+      n: (m,) exponents of the attraction k r^n.
+      loops: (m,) least number of loops q; 0 where nothing but circles closes.
+      turns: (m,) turns p about the centre that it makes; of several the fewest.
+      circle: (m,) apsidal angle over pi near circles; NaN where nothing moves between two radii.
+      line: (m,) the same near lines.
+    """
+
+    n: np.ndarray
+    loops: np.ndarray
+    turns: np.ndarray
+    circle: np.ndarray
+    line: np.ndarray
+
+    @property
+    def message(self) -> str:
+        """For which exponents there is none, and why."""
+        none = self.n[self.loops == 0]
+        if not none.size:
+            return "Every exponent has closed orbits with loops."
+        return (
+            f"None for {none.size} exponents up to {none.max():g}: with n <= -3 no motion has both "
+            "a nearest and a farthest point, so only circles close. Take n > -3."
+        )
+
+
+def least(n) -> Least:
+    """The least number of loops of a closed orbit, no circle and no line, against the exponent.
+
+    Args:
+      n: () or (m,) exponents of the attraction k r^n.
+    Raises:
+      ValueError: exponents that are not finite numbers.
+    Limits: within 1e-7 of 1 or -2, where the number goes to infinity, it takes long.
+    Example:
+      >>> from orbits.targets import loops
+      >>> found = loops.least([-3.5, -2.0, -1.0, 1.0, 3.0, 10.0])
+      >>> found.loops.tolist(), found.turns.tolist()
+      ([0, 1, 3, 2, 7, 3], [0, 1, 2, 1, 3, 1])
+    """
+    n = np.atleast_1d(np.asarray(array("n", np.atleast_1d(n), (None,))))
+    moves = n > -3
+    circle, line = scenes.apsidal_limits(n)
+    count = np.array([scenes.fewest_loops(float(x)) if x > -3 else 0 for x in n])
+    low = np.where(moves, np.minimum(circle, line), 0.0)
+    # Strictly between the limits, but for the two laws where they are one.
+    turns = np.where(circle == line, np.round(count * low), np.floor(count * low) + 1)
+    return Least(n, count, np.where(moves, turns, 0).astype(int), circle, line)
+
+
+def closed(law: CentralForce, turns: int, loops: int, *, r=1.0, m=1.0) -> Orbit:
+    """The orbit with so many loops in so many turns about the centre, from its farthest point.
+
+    Args:
+      law: the force, e.g. ``PowerLaw(k, n)``, or a `CentralForce` of one's own.
+      turns: p, turns in a period.
+      loops: q, farthest points in a period; without a common factor with p.
+      r: distance of the farthest point [m].
+      m: mass [kg].
+    Returns:
+      The orbit, closed to 1e-12, or for very near passages to what rounding permits (`find`); of
+        several shapes the one nearest to a circle.
+    Raises:
+      ValueError: invalid arguments.
+      SearchError: no orbit closes like this, and which do. For a `PowerLaw` that is certain;
+        for another law the shapes that were tried are said.
+    Example:
+      >>> from jaxdyn.effects import PowerLaw
+      >>> from orbits.targets import loops
+      >>> orbit = loops.closed(PowerLaw(1.0, -1.0), 2, 3)
+      >>> loops.count(orbit), orbit.residual < 1e-12
+      ((2, 3), True)
+    """
+    _coprime(turns, loops)
+    _law(law)
+    r, m = (float(positive(name, array(name, x, ()))) for name, x in (("r", r), ("m", m)))
+    depth = depth_of(law, turns, loops, r)
+    scene, half = _started(law, depth, r, m)
+    orbit = find(scene, period=2 * loops * half, throw=False)
+    if not orbit.ok:
+        raise SearchError(
+            f"The orbit exists: its smallest distance is {math.exp(-depth):.3g} of the largest. "
+            f"But it could not be followed closely enough: {orbit.message}"
+        )
+    return orbit
+
+
+def rosette(law: CentralForce, ratio=0.4, *, r=1.0, m=1.0, loops: int = 40) -> Scene:
+    """A motion between two radii over many loops: where none closes, it fills its ring.
+
+    That is what a search which fails is left with.
+
+    Args:
+      law: the force.
+      ratio: of the smallest to the largest distance, between 0 and 1.
+      r: distance of the farthest point, where it starts [m].
+      m: mass [kg].
+      loops: in the scene's span.
+    Raises:
+      ValueError: numbers that make no sense.
+      SearchError: nothing moves between such radii under this law.
+    Example:
+      >>> from jaxdyn.effects import PowerLaw
+      >>> from orbits.targets import loops
+      >>> ring = simulate(loops.rosette(PowerLaw(1.0, -1.0), 0.5), samples=2000)
+      >>> r = np.hypot(ring["x"], ring["y"])
+      >>> round(float(r.min()), 4), round(float(r.max()), 4)
+      (0.5, 1.0)
+    """
+    _law(law)
+    ratio, r, m = (
+        float(positive(name, array(name, x, ())))
+        for name, x in (("ratio", ratio), ("r", r), ("m", m))
+    )
+    if not ratio < 1:
+        raise fail("ratio", "below 1", ratio, "A circle closes.")
+    loops = whole("loops", loops)
+    depth = -math.log(ratio)
+    if not np.isfinite(over_pi(law, np.array([depth]), r)).all():
+        raise SearchError(NOWHERE)
+    scene, half = _started(law, depth, r, m)
+    return scene.starting(scene.y0, 2 * loops * half)
+
+
+def count(orbit: Orbit) -> tuple[int, int]:
+    """Turns about the centre and farthest points of an orbit in a period, counted on its path.
+
+    The turns are the angle that is integrated with the motion (`jaxdyn.scenes.swept_angle`). A
+    motion between two radii goes outwards for half of its time, which no samples miss.
+
+    Raises:
+      SearchError: the turns are not a whole number, by more than errors explain.
+    """
+    turns = abs(float(scenes.swept_angle(orbit.scene, rtol=orbit.rtol))) / (2 * np.pi)
+    if not abs(turns - round(turns)) < _WHOLE:
+        raise SearchError(
+            f"The motion makes {turns:.9g} turns about the origin, not a whole number."
+        )
+    steps = int(simulate(orbit.scene, samples=1).steps)
+    x, y, vx, vy = np.asarray(simulate(orbit.scene, samples=_LOOKS * steps).ys).T
+    growing = (x * vx + y * vy > 0)[:-1]  # the last sample is the first one again
+    return round(turns), int(np.sum(growing & ~np.roll(growing, -1)))
+
+
+def _coprime(turns, loops) -> None:
+    common = math.gcd(whole("turns", turns), whole("loops", loops))
+    if common > 1:
+        remedy = f"It closes after {turns // common} turns already."
+        raise fail("turns", f"no common factor with loops = {loops}", turns, remedy)
+
+
+def _law(law) -> None:
+    untraced("law", law, "Find the orbit outside; then differentiate orbits.solution.")
+    if not isinstance(law, CentralForce):
+        raise fail("law", "a CentralForce", repr(law), "PowerLaw(1.0, -1.0) is one.")
+
+
+def _started(law: CentralForce, depth: float, r: float, m: float):
+    """The scene from its farthest point, and the time to the nearest one."""
+    way = scenes.apsides(law, depth, r, m)
+    speed = float(way.momentum) / (m * r)
+    half = float(way.time)
+    return scenes.central_orbit(law, r=r, speed=speed, m=m, t1=2 * half), half

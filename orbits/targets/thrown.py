@@ -1,0 +1,109 @@
+"""A point that is thrown, seen along its launch, in units that leave all its digits to it.
+
+Each number is measured in the size that it has when the throw comes down, be that 1e-20 of its size
+at the launch: a fast ball that the drag has stopped and a throw along the ground keep their digits,
+in their derivatives too.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import System
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate import events
+
+
+class Units(eqx.Module):
+    """What the numbers of a throw are measured in, along its launch and across.
+
+    A force that is given by its entries in x and y, and its derivatives, have rounding in every
+    direction that is a share of the speed; until the drag has taken that, no smaller speeds mean
+    anything.
+    """
+
+    lengths: Array  # (2,) [m]
+    last: Array  # (2,) speeds when it comes down [m/s]
+    grain: Array  # () speed at the launch that is rounding over the tolerance [m/s]
+    memory: Array  # () time in which the speed fades [s]
+
+    def speeds(self, t: Array) -> Array:
+        """(2,) units of speed [m/s]."""
+        return self.last + self._fading(t)
+
+    def speeds_rate(self, t: Array) -> Array:
+        """() rate of those units [m/s^2]."""
+        return -self._fading(t) / (2 * self.memory)
+
+    def _fading(self, t: Array) -> Array:
+        return self.grain * jnp.exp(-t / (2 * self.memory))
+
+
+class Thrown(System):
+    """A point seen along its launch: state a, b, va, vb, forwards and to the left, all pure."""
+
+    system: FreePoints
+    origin: Array
+    course: Array  # not the angle: tangents by it are as small as those of flat throws are
+    units: Units
+
+    @property
+    def obeys(self):
+        return self.system.obeys
+
+    def labels(self):
+        return ("a", "1"), ("b", "1"), ("va", "1"), ("vb", "1")
+
+    def state(self, t: Array, z: Array) -> Array:
+        """(4,) state of the point itself."""
+        r, v = self.moved(t, z)
+        c, s = direction(self.course)
+        return jnp.concatenate([turned(r, c, s) + self.origin, turned(v, c, s)])
+
+    def moved(self, t: Array, z: Array) -> tuple[Array, Array]:
+        """(2,) the way it has come, and (2,) its velocity, both along its launch and across."""
+        r, v = z.reshape(2, 2)
+        return r * self.units.lengths, v * self.units.speeds(t)
+
+    def points(self, t, y):
+        return self.system.points(t, self.state(t, y))
+
+    def rate(self, t, y, effects):
+        c, s = direction(self.course)
+        acceleration = turned(self.system.rate(t, self.state(t, y), effects)[2:], c, -s)
+        speeds = self.units.speeds(t)
+        gain = (acceleration - y[2:] * self.units.speeds_rate(t)) / speeds
+        return jnp.concatenate([y[2:] * speeds / self.units.lengths, gain])
+
+
+def direction(w: Array) -> tuple[Array, Array]:
+    """Cosine and sine of the launch angle of a course.
+
+    Not by tanh or expm1: their derivatives, as JAX takes them, cancel for flat throws.
+    """
+    forwards = w < 0
+    h = jnp.exp(jnp.where(forwards, w, -w))
+    cosine = (1 - h * h) / (1 + h * h)
+    return jnp.where(forwards, cosine, -cosine), 2 * h / (1 + h * h)
+
+
+def turned(vector: Array, c: Array, s: Array) -> Array:
+    """(2,) the vector turned by the angle with this cosine and sine."""
+    return jnp.stack([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
+
+
+class Down(events.Event):
+    """Height over the launch falls to zero."""
+
+    course: Array
+    lengths: Array
+
+    def value(self, t, y):
+        del t
+        forward, across = self.lengths / self.lengths[1]
+        c, s = direction(self.course)
+        return s * forward * y[0] + c * across * y[1]
+
+    @property
+    def direction(self):
+        return -1

@@ -1,0 +1,130 @@
+"""Digits of a last state that are certain, against motions known in many digits."""
+
+import jax
+import numpy as np
+import pytest
+
+from jaxdyn import scenes, simulate
+from jaxdyn.accuracy.end_error import EndError, changed, end_error
+from jaxdyn.hard import chaos
+from jaxdyn.integrate import ladder
+from jaxdyn.integrate.phases import Chain
+from jaxdyn.scenes import catalogue
+
+
+def runner(t1, **options):
+    def again(scene, rtol):
+        return simulate(scene, t1, samples=2, rtol=rtol, throw=False, **options)
+
+    return again
+
+
+def unwanted(scene, rtol):
+    raise AssertionError("nothing more can be learnt by running it again")
+
+
+def as_entry(name, **numbers):
+    """A scene of the zoo, and how `jaxdyn run` makes its motions."""
+    entry = catalogue.entries()[name]
+    return entry.make(**numbers), lambda scene, rtol: entry.motion(scene, samples=3, rtol=rtol)
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-10])
+def test_written_digits_of_a_chaotic_motion_are_right(rtol):
+    ts, exact = chaos.reference("double")
+    again = runner(ts[-1])
+    scene, left = scenes.double_pendulum(), []
+    for i in range(len(ts) // 8, len(ts), len(ts) // 8):
+        again = runner(ts[i])
+        found = end_error(again(scene, rtol), again, rtol=rtol)
+        true = np.abs(ladder.gaps(scene, found.y[None], exact[i][None]))[0]
+        known = found.error < 0.01 * found.scale
+        assert (true[known] < 5 * found.error[known] + 1e-15).all()
+        for text, value in zip(np.array(found.written())[known], exact[i][known], strict=True):
+            digits = len(text.strip("-").partition("e")[0].replace(".", "").lstrip("0"))
+            assert abs(float(text) - value) <= 1.01 * 10.0 ** (1 - digits) * abs(value)
+        left.append(found.least)
+    assert left[0] > 5
+    assert left[-1] < 1  # after 60 s nothing is left
+    assert "no digit left (+-" in found.written()[1]
+
+
+def test_no_digit_of_noise_is_written():
+    again = runner(60.0)
+    found = end_error(again(scenes.lorenz(), 1e-10), again)
+    assert all(text.startswith("no digit left (+-") for text in found.written())
+    assert found.least == found.most == 0.0
+    assert (found.digits == 0).all()
+    assert found.message.startswith("No digit is certain: rounding alone moves this end")
+
+
+def test_a_tighter_tolerance_is_known_to_help_or_not():
+    again = runner(20.0)
+    found = end_error(again(scenes.lorenz(), 1e-6), again, rtol=1e-6)
+    assert found.least < 6 < found.most
+    assert found.message.endswith(f"a smaller rtol gives up to {found.most:.1f}.")
+    finest = end_error(again(scenes.lorenz(), 1e-15), again, rtol=1e-15)
+    assert abs(finest.least - finest.most) < 1
+    assert finest.message.endswith("; no tolerance gives more.")
+    assert finest.least > found.least + 3
+
+
+def test_a_chain_of_phases_is_judged_at_its_end():
+    scene, again = as_entry("car")
+    found = end_error(again(scene, 1e-8), again, rtol=1e-8)
+    exact = again(scene, 1e-14)
+    assert isinstance(exact, Chain)
+    true = np.abs(found.y - np.asarray(exact.y if exact.ended else exact.pieces[-1].ys[-1]))
+    assert (true < 5 * found.error + 1e-14).all()
+    assert found.least > 6
+    assert true.max() > found.error.max() / 5
+
+
+def test_other_phases_leave_nothing_certain():
+    scene, again = as_entry("cylinder_on_cylinder")
+    motion = again(scene, 1e-10)
+    other = Chain(("fly",), motion.pieces[-1:], motion.t, motion.y, motion.ended, motion.status)
+    found = end_error(motion, lambda scene, rtol: other)
+    assert set(found.written()) == {"unknown"}
+    assert np.isnan(found.least)
+    assert "not by the same phases" in found.message
+    assert np.isnan(found.digits).all()
+
+
+def test_what_was_not_reached_is_not_written():
+    found = end_error(runner(1.0, max_steps=3)(scenes.lorenz(), 1e-10), unwanted)
+    assert set(found.written()) == {"not reached"}
+
+
+def test_a_batch_is_refused():
+    motion = simulate(scenes.oscillator(), samples=3)
+    batch = jax.vmap(lambda y: simulate(scenes.oscillator().starting(y), samples=3))(motion.ys)
+    with pytest.raises(ValueError, match="motion: expected one motion"):
+        end_error(batch, runner(1.0))
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (123.456789, 1e-4, "123.457"),
+        (9.99999, 1e-3, "10"),
+        (-1.5, 0.0, "-1.5"),
+        (1e-17, 3e-17, "0 (+-3e-17)"),
+        (1.5, 40.0, "no digit left (+-4e+01)"),
+        (1 / 3, 1e-18, "0.333333333333"),
+        (1.5, np.nan, "unknown"),
+        (0.0, 2.0, "no digit left (+-2e+00)"),
+        (0.0, 0.0, "0"),
+    ],
+)
+def test_digits_are_written_as_long_as_they_are_sure(value, error, text):
+    y, one = np.array([value]), np.ones(1)
+    assert EndError(y, error * one, error * one, one).written() == (text,)
+
+
+@pytest.mark.parametrize("name", ["car", "three_body", "cylinder_on_cylinder", "lorenz"])
+def test_a_changed_scene_runs_by_the_same_program(name):
+    scene = catalogue.entries()[name].make()
+    other = changed(scene, 1e-9, np.random.default_rng(0))
+    kinds, others = ([jax.typeof(x) for x in jax.tree.leaves(s.field)] for s in (scene, other))
+    assert [(k, k.weak_type) for k in kinds] == [(k, k.weak_type) for k in others]

@@ -1,0 +1,212 @@
+"""Estimates of errors against the errors themselves, where motions are known in closed form."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import squeezer
+from closed_forms import known, long_spans
+from helpers import kepler
+
+from jaxdyn import accuracy, scenes, simulate, solvers
+from jaxdyn.integrate import ladder
+
+EPS = float(np.finfo(float).eps)
+TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
+QUICK = ("damped oscillator", "ellipse 0.9", "flipping body")
+SOME = (*QUICK, "two masses", "cannonball, drag", "pushed rod", "straight line", "limit cycle")
+KNOWN = known()
+LONG = long_spans()
+SOME_LONG = ("ellipse 0.5 x100", "from far, 0.99 x100", "flipping body x10")
+TSIT5 = solvers.from_diffrax(diffrax.Tsit5())
+
+
+def quotient(case, found) -> float:
+    """Estimated over true error of the worst entry; true errors below a spacing count as one."""
+    ys, scale = np.asarray(found.ys), np.asarray(found.scale)
+    exact = np.zeros_like(ys)
+    exact[:, case.entries] = case.exact(np.asarray(found.ts))
+    missed = np.abs(ladder.gaps(case.scene, ys, exact)) / scale
+    true = max(float(missed[:, case.entries].max()), EPS)
+    return float((np.asarray(found.error) / scale)[:, case.entries].max()) / true
+
+
+def calibration(way, names, tolerances, cases=KNOWN, **options) -> np.ndarray:
+    """(names, tolerances) quotients, printed as a table."""
+    rows = []
+    for name in names:
+        case = cases[name]
+        given = {"samples": case.samples, **options}
+        found = [way(case.scene, case.t1, rtol=tol, **given) for tol in tolerances]
+        rows.append([quotient(case, e) for e in found])
+        print(f"{name:18}", *(f"{x:8.2g}" for x in rows[-1]))
+    return np.array(rows)
+
+
+def assert_calibrated(quotients):
+    """Within a factor of 5 in 95 of 100 cases, and never below a tenth."""
+    inside = np.sum((quotients > 1 / 5) & (quotients < 5))
+    assert inside >= np.floor(0.95 * quotients.size)
+    assert quotients.min() > 0.1
+
+
+def test_estimates_are_errors():
+    assert_calibrated(calibration(accuracy.estimate, QUICK, TOLERANCES[:-1]))
+
+
+@pytest.mark.slow
+def test_estimates_are_errors_in_all_scenes_with_closed_forms():
+    assert_calibrated(calibration(accuracy.estimate, KNOWN, TOLERANCES))
+
+
+def test_estimates_are_errors_on_some_long_spans():
+    assert_calibrated(calibration(accuracy.estimate, SOME_LONG, (1e-10, 1e-15), LONG))
+
+
+@pytest.mark.slow
+def test_estimates_are_errors_on_long_spans():
+    assert_calibrated(calibration(accuracy.estimate, LONG, (1e-9, 1e-12, 1e-14, 1e-15), LONG))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("solver", [solvers.DOPRI8, TSIT5], ids=lambda s: s.name)
+def test_estimates_are_errors_of_other_solvers_too(solver):
+    tolerances = TOLERANCES[:-2]
+    assert_calibrated(calibration(accuracy.estimate, SOME, tolerances, solver=solver))
+
+
+@pytest.mark.slow
+def test_a_second_method_says_the_same():
+    assert_calibrated(calibration(accuracy.by_second_method, SOME, TOLERANCES))
+
+
+def test_a_second_method_is_another_one():
+    case = KNOWN["damped oscillator"]
+    found = calibration(accuracy.by_second_method, ["damped oscillator"], TOLERANCES[:-1])
+    assert_calibrated(found)
+    with pytest.raises(ValueError, match="second: expected another solver, got Verner"):
+        accuracy.by_second_method(case.scene, second=solvers.VERNER9)
+
+
+def test_the_tangent_map_gives_a_bound():
+    quotients = calibration(accuracy.by_tangents, ["damped oscillator"], (1e-4, 1e-8, 1e-12))
+    assert quotients.min() > 0.9  # first order in the errors
+    assert quotients.max() < 20
+
+
+@pytest.mark.parametrize(
+    ("solver", "dt"), [(solvers.VERLET, 0.01), (solvers.KAHAN_LI8, 0.2)], ids=["verlet", "kahan-li"]
+)
+def test_halved_steps_tell_the_error_of_symplectic_solvers(solver, dt):
+    case = KNOWN["oscillator"]
+    found = accuracy.estimate(case.scene, case.t1, samples=5, solver=solver, dt=dt)
+    assert 0.5 < quotient(case, found) < 2
+    assert f"order {solver.order}" in found.basis
+
+
+@pytest.mark.parametrize(("method", "n"), [(solvers.EULER, 2000), (TSIT5, 100)], ids=["euler", "5"])
+def test_problem_3_d_halved_steps_tell_the_error(method, n):
+    case = KNOWN["damped oscillator"]
+    found = accuracy.by_halving(case.scene, case.t1, steps=n, method=method)
+    assert 0.5 < quotient(case, found) < 2
+    assert float(found.basis.split()[3]) == pytest.approx(method.order, abs=0.2)
+    assert found.fineness[0] == case.t1 / n
+
+
+def test_an_estimate_says_what_it_rests_on():
+    found = accuracy.estimate(scenes.oscillator(), rtol=1e-6)
+    assert found.basis.startswith("tolerance ladder: Nystrom 12(10) at 1.0e-06 against")
+    assert found.digits == pytest.approx(-np.log10(found.relative))
+    assert found.until(found.digits - 0.1) == 10.0
+    assert np.isnan(found.until(30))
+    unknown = eqx.tree_at(lambda e: e.error, found, np.full_like(found.error, np.nan))
+    assert np.isnan(unknown.until(1))
+    assert found.error.shape == found.ys.shape == (33, 2)
+
+
+# ---- so many digits, please
+
+
+@pytest.mark.parametrize(
+    ("name", "digits"), [("flipping body", 4), ("flipping body", 9), ("ellipse 0.9", 12)]
+)
+def test_digits_are_delivered(name, digits):
+    case = KNOWN[name]
+    motion = simulate(case.scene, case.t1, samples=8, digits=digits)
+    assert motion.error.digits >= digits
+    assert motion.warning == ""
+    missed = np.abs(np.asarray(motion.ys)[:, case.entries] - case.exact(np.asarray(motion.ts)))
+    assert missed.max() < 10.0**-digits
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:12 digits were asked for")
+@pytest.mark.parametrize("name", LONG)
+def test_digits_of_long_spans_are_claimed_as_they_are(name):
+    case = LONG[name]
+    motion = simulate(case.scene, case.t1, samples=case.samples, digits=12, throw=False)
+    assert 0.1 < quotient(case, motion.error)
+    assert motion.error.digits >= 12 or "12 digits were asked for" in motion.warning
+
+
+@pytest.mark.slow
+def test_digits_of_a_mechanism_are_delivered():
+    motion = simulate(squeezer.scene(), squeezer.T1, samples=2, digits=12)
+    missed = np.abs(np.asarray(motion.ys[-1]) - squeezer.END) / motion.error.scale
+    assert motion.error.digits >= 12
+    assert motion.error.relative / 5 < missed.max() < 5 * motion.error.relative
+    # What is printed with the problem is the state 1.0e-12 s later.
+    late = (np.array(squeezer.PRINTED) - squeezer.END[:3]) / squeezer.END[7:10]
+    assert np.ptp(late) < 1e-16
+    assert 1.00e-12 < late[0] < 1.01e-12
+
+
+@pytest.mark.long
+def test_the_reference_of_the_mechanism_is_that_of_extrapolation():
+    found = squeezer.extrapolated(150)
+    assert np.abs((found - squeezer.END) / np.repeat(squeezer.END[[1, 8]], 7)).max() < 1e-15
+
+
+def test_a_small_motion_gets_its_digits_too():
+    motion = simulate(scenes.oscillator(x=1e-7), samples=7, digits=10)
+    assert np.abs(motion["x"] - 1e-7 * np.cos(motion.ts)).max() < 1e-17
+
+
+def test_chaos_is_said_with_how_long_the_digits_hold():
+    with pytest.warns(
+        UserWarning, match="9 digits were asked for; over the whole span 0.0 are sure"
+    ):
+        motion = simulate(scenes.lorenz(), 60.0, digits=9, samples=61)
+    good = motion.error.until(9)
+    assert 15 < good < 40
+    assert motion.warning == motion.error.shortfall
+    # By another solver they hold as long as that, to the factor of 5 of any estimate.
+    other = simulate(scenes.lorenz(), good, rtol=1e-15, samples=2, solver=solvers.DOPRI8)
+    there = motion.ys[np.searchsorted(motion.ts, good)]
+    assert np.abs(other.ys[-1] - there).max() < 5e-9 * motion.error.scale.max()
+
+
+def test_digits_that_not_even_the_first_sample_has_are_said_so():
+    with pytest.warns(UserWarning, match=r"all of them at no sample\. Rounding is amplified"):
+        simulate(scenes.lorenz(), 60.0, digits=9, samples=[40.0, 60.0])
+
+
+def test_more_digits_than_the_motion_has_are_refused():
+    # The middle axis: a disturbance grows like e^(0.58 t) up to the flip.
+    with pytest.raises(ValueError, match=r"digits: expected at most 10.8 for this motion, got"):
+        simulate(scenes.free_body(), 60.0, digits=15, samples=8)
+
+
+@pytest.mark.parametrize("digits", [16, 0, -3])
+def test_more_digits_than_doubles_have_are_refused(digits):
+    with pytest.raises(ValueError, match=f"digits: expected between 1 and 15, got {digits}"):
+        simulate(kepler(0.3), digits=digits)
+
+
+def test_digits_go_with_no_tolerance_and_not_into_traces():
+    with pytest.raises(ValueError, match="digits: expected no rtol, atol or dt"):
+        simulate(kepler(0.3), digits=9, rtol=1e-3)
+    with pytest.raises(ValueError, match="Pass rtol inside jit"):
+        jax.jit(lambda t: simulate(kepler(0.3), t, digits=9).ys)(jnp.asarray(1.0))

@@ -1,0 +1,322 @@
+"""Rest points: all of those that are known, their number by topology, decay by simulation."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import EXACT, Arm, gap
+
+from jaxdyn import Scene, simulate
+from jaxdyn.analysis.completeness import bisected, judged
+from jaxdyn.analysis.equilibria import Equilibria, equilibria, rest_point
+from jaxdyn.analysis.linearize import modes
+from jaxdyn.analysis.rest_search import Box, low_discrepancy
+from jaxdyn.effects import UniformGravity
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.formulations.newton_euler import NewtonEuler
+from jaxdyn.scene import Effect
+from jaxdyn.scenes.particles import cannonball, lorenz
+from jaxdyn.scenes.pendula import pendulum
+from jaxdyn.scenes.springs import spring_mass, two_springs
+
+DAMPED = {"c_a": 0.3, "c_b": 0.2, "c_d": 0.1}
+
+
+def _saddles(found: Equilibria) -> int:
+    """How many have a stiffness matrix with one negative eigenvalue (masses are 1 kg)."""
+    return sum(np.linalg.det(x.jacobian[2:, :2]) < 0 for x in found.linearizations)
+
+
+def test_weightless_mass_between_long_springs_has_five():
+    found = equilibria(two_springs(g=0.0), [-3, -3], [3, 3])
+    # Both springs at rest length (two minima); on the line of the anchors, where the two
+    # forces cancel: midway, and where one is stretched by what the other is pressed.
+    height = np.sqrt(1.5**2 - 1)
+    expected = [[-1.5, 0], [0, -height], [0, 0], [0, height], [1.5, 0]]
+    assert gap(found.states[:, :2], expected) < 1e-14
+    assert gap(found.states[:, 2:], np.zeros((5, 2))) < 1e-14
+    assert [x.portrait for x in found.linearizations] == ["saddle", "centre"] * 2 + ["saddle"]
+    assert set(found.kinds) == {"isolated"}
+    assert found.complete
+    assert found.found_by.sum() + found.lost == found.starts == 1024
+    assert found.residuals.max() < 1e-13
+
+
+# (numbers besides k = 10, length = 1.5 and g, how many)
+NUMBERS = [
+    ({"g": 1.0}, 5),
+    ({"g": 1000.0}, 1),
+    ({"g": 0.0, "length_a": 0.0, "length_b": 0.0}, 1),
+    ({"g": 1.0, "length_b": 0.0}, 1),
+    ({"g": 1.0, "length_a": 3.0, "length_b": 0.0}, 2),
+    ({"g": 4.0, "k_b": 2.0, "length_b": 3.6}, 3),
+]
+
+
+def _peaks(g, k_a=10.0, k_b=10.0, length_a=1.5, length_b=1.5) -> int:
+    """At how many anchors the energy has a peak, sharp since the spring is pressed to a point.
+
+    It has one where k L, the force of that spring, beats all other forces, from any side.
+    """
+    at_a = k_a * length_a > np.hypot(k_b * (2 - length_b), g)
+    at_b = k_b * length_b > np.hypot(k_a * (2 - length_a), g)
+    return int(at_a) + int(at_b)
+
+
+@pytest.mark.parametrize(("numbers", "count"), NUMBERS)
+def test_problem_13_c_number_of_equilibria_by_topology(numbers, count):
+    scene = two_springs(**numbers)
+    found = equilibria(scene, [-8, -8 - numbers["g"] / 5], [8, 8])
+    assert len(found) == count
+    assert found.complete
+    # The energy grows to all sides, so minima and maxima less saddles are 1 (Morse).
+    saddles = _saddles(found)
+    assert (count - saddles) + _peaks(**numbers) - saddles == 1
+
+
+@pytest.mark.slow
+def test_problem_13_d_eigenvalues_against_simulated_decay():
+    scene = two_springs(**DAMPED)
+    found = equilibria(scene, [-3, -3], [3, 3])
+    verdicts = [x.verdict for x in found.linearizations]
+    assert verdicts == ["unstable", "stable", "unstable", "stable", "unstable"]
+    for state, linear in zip(found.states, found.linearizations, strict=True):
+        # Along the slowest, or the fastest growing, eigenvector.
+        value = linear.eigenvalues[0]
+        values, vectors = np.linalg.eig(linear.jacobian)
+        vector = vectors[:, np.argmax(values.real)]
+        size, span = 1e-8, 2.0
+        start = size * np.real(vector)
+        motion = simulate(scene.starting(state + start), span, samples=2, rtol=1e-13)
+        expected = size * np.real(np.exp(values[np.argmax(values.real)] * span) * vector)
+        scale = size * np.exp(value.real * span)
+        assert gap((motion.ys[-1] - state) / scale, expected / scale) < 1e-4
+
+
+def test_rest_points_of_lorenz():
+    found = equilibria(lorenz(), [-30, -30, -10], [30, 30, 60], starts=64)
+    w = np.sqrt(8 / 3 * 27)
+    assert gap(found.states, [[-w, -w, 27], [0, 0, 0], [w, w, 27]]) < 1e-12
+
+
+def test_angles_are_counted_once():
+    scene = Scene(NewtonEuler(Arm()), (UniformGravity(9.0),), y0=[0.0, 0.0])
+    found = equilibria(scene, [-10.0], [10.0], starts=64)
+    assert len(found) == 2
+    assert sorted(x.portrait for x in found.linearizations) == ["centre", "saddle"]
+    assert gap(np.sort(np.abs(np.cos(found.states[:, 0]))), [1.0, 1.0]) < 1e-14
+
+
+@pytest.mark.slow
+def test_a_circle_of_rest_points_is_reported_as_a_continuum():
+    found = equilibria(spring_mass(g=0.0, length=0.5), [-1, -1], [1, 1], starts=64)
+    assert len(found) > 10
+    assert set(found.kinds) == {"continuum"}
+    assert not found.complete
+    assert "boxes" in found.certainty
+    assert "along a curve of rest points" in found.certainty
+    assert gap(np.hypot(*found.states[:, :2].T), np.full(len(found), 0.5)) < 1e-7
+    assert all(x.portrait == "degenerate" for x in found.linearizations)
+
+
+def test_none_in_the_box_is_none():
+    found = equilibria(spring_mass(k=10.0, g=10.0), [5, 5], [6, 6], starts=16)
+    assert len(found) == 0
+    assert found.lost == 16
+
+
+def test_low_discrepancy_points_fill_the_cube():
+    points = low_discrepancy(512, 3)
+    assert ((points >= 0) & (points < 1)).all()
+    cells = np.unique((points * 4).astype(int), axis=0)
+    assert len(cells) == 64  # every one of 4^3 cells; random points miss some at n / cells = 8
+    assert gap(low_discrepancy(1, 1), [[(0.5 + 2 / (1 + np.sqrt(5))) % 1]]) < 1e-14
+
+
+# (k_b, length_a, length_b, g), and the rest points that SciPy's `root` (hybr, tol 1e-13) finds
+# from 121 x 121 starts in the box. Anchors at (0, 0) and (0.8, 0.6), k_a = 1, length in m.
+OBLIQUE = [
+    (
+        (8.0, 2.0, 0.8, 1.0),
+        [
+            [-0.09453065133802983, -0.014723312633883146],
+            [0.18453329494735576, 0.30552355056509645],
+            [0.22251760279438743, 1.1117533562628241],
+            [0.37449022002823606, 1.2214250945666305],
+            [1.297303596773926, -0.2246458276765637],
+        ],
+    ),
+    (
+        (8.0, 5.0, 0.5, 1.0),
+        [
+            [-0.15346559885169533, -0.0731488270580656],
+            [0.7473073404383143, 0.5757983034029296],
+            [1.6734090823822967, 0.6445350862373178],
+        ],
+    ),
+    (
+        (0.5, 3.0, 3.0, 2.0),
+        [
+            [0.13085893705990403, 0.3085084278878568],
+            [0.32106733597787374, -4.1221904840601695],
+            [0.4205417376422519, 1.7627239375107666],
+            [0.5116090793020317, 0.6628476713146307],
+        ],
+    ),
+]
+
+
+def _oblique(k_b, length_a, length_b, g) -> Scene:
+    return two_springs(
+        anchor_a=(0.0, 0.0),
+        anchor_b=(0.8, 0.6),
+        k_a=1.0,
+        k_b=k_b,
+        length_a=length_a,
+        length_b=length_b,
+        c_a=0.1,
+        c_b=0.2,
+        c_d=0.05,
+        g=g,
+    )
+
+
+@pytest.mark.parametrize(("numbers", "expected"), OBLIQUE)
+def test_rest_points_with_small_basins_are_all_found(numbers, expected):
+    found = equilibria(_oblique(*numbers), [-10, -10], [10, 10])
+    assert found.states.shape == (len(expected), 4)
+    assert gap(found.states[:, :2], expected) < 1e-12
+    assert (found.states[:, 2:] == 0).all()
+    assert found.complete
+    assert found.certainty.startswith("complete: interval bisection excludes any other rest point")
+    assert "near (0, 0), (0.8, 0.6) the rate jumps" in found.certainty
+
+
+#: Weight [N] at which two rest points of (0.5, 3, 3) meet: F = 0 and det dF/dr = 0, solved for
+#: x, y and g in 40 digits with mpmath.
+FOLD = 2.670697096850409449875197
+
+
+def test_two_rest_points_that_are_about_to_vanish():
+    before, after = (
+        equilibria(_oblique(0.5, 3.0, 3.0, FOLD + beside), [-10, -10], [10, 10], starts=64)
+        for beside in (-1e-7, 1e-7)
+    )
+    assert (len(before), len(after)) == (3, 1)
+    assert before.complete
+    assert after.complete
+    near = before.states[np.abs(before.states[:, 1] - 1.02) < 0.01]
+    assert 1e-4 < np.ptp(near[:, 1]) < 1e-2
+    at = equilibria(_oblique(0.5, 3.0, 3.0, FOLD), [-10, -10], [10, 10], starts=64)
+    assert not at.complete
+    assert "near (0.4602, 1.02002) the Jacobian is singular" in at.certainty
+
+
+@pytest.mark.parametrize("scene", [cannonball(), two_springs(k_a=0.0, k_b=0.0, g=1.0)])
+def test_a_falling_body_rests_nowhere(scene):
+    found = equilibria(scene, [-3, -3], [3, 3])
+    assert len(found) == 0
+    assert found.complete
+    assert found.lost == 1024
+
+
+def test_a_place_where_the_rate_is_zero_but_jumps_is_no_rest_point():
+    # B where the search starts, and the spring to A at its rest length there: the other spring
+    # has no direction, so the rate is 0 just there.
+    start = 2 * low_discrepancy(1, 2)[0] - 1
+    scene = two_springs(g=0.0, anchor_b=start, length_a=np.hypot(start[0] + 1, start[1]))
+    found = equilibria(scene, [-1, -1], [1, 1], starts=64)
+    assert not (found.states[:, :2] == start).all(axis=1).any()
+    assert "the rate is 0 but jumps: this is no rest point" in found.certainty
+
+
+def test_modes_take_what_equilibria_returns():
+    scene = _oblique(8.0, 2.0, 0.8, 1.0)
+    state = equilibria(scene, [1.0, -1.0], [2.0, 1.0], starts=32).states[0]
+    assert (modes(scene, state).squares > 0).all()
+    moving = np.array([0.0, 0.0, 1.0, 0.0])
+    assert (modes(scene, state + 5e-174 * moving).squares > 0).all()
+    with pytest.raises(ValueError, match=r"^y: expected a rest point, got velocities \[0\.001, 0"):
+        modes(scene, state + 1e-3 * moving)
+
+
+def test_rest_points_with_constraints_satisfy_them_and_are_not_proved():
+    # Without the constraint, a mass on a rod could rest anywhere on the vertical.
+    found = equilibria(pendulum(formulation="constrained"), [-2, -2], [2, 2], starts=64)
+    assert gap(found.states, [[0, -1, 0, 0], [0, 1, 0, 0]]) < 1e-12
+    assert found.kinds == ("isolated", "isolated")
+    assert not found.complete
+    assert found.certainty.startswith("not certain: the rate is not made of formulas")
+
+
+class Flat(Effect):
+    """A force -k x^3 to the origin [N]: no stiffness there."""
+
+    velocity_dependent = False
+
+    def force(self, t, r, v, m):
+        return -(r**3)
+
+
+def test_a_rest_point_that_exists_but_was_not_reached_is_told():
+    field, box = spring_mass().field, Box(np.array([-3.0, -3, 0, 0]), np.array([3.0, 3, 0, 0]))
+    proof = bisected(field, jnp.zeros(()), box)
+    found = equilibria(spring_mass(), [-3, -3], [3, 3], starts=64)
+    assert found.complete
+    complete, certainty = judged(proof, field, jnp.zeros(()), found.states[:-1], np.zeros((0, 4)))
+    assert not complete
+    assert "did not reach the rest point that exists near" in certainty
+
+
+def test_a_rest_point_without_stiffness_is_degenerate():
+    scene = Scene(FreePoints([1.0], 1), (Flat(),), y0=[1.0, 0.0])
+    found = equilibria(scene, [-1.0], [2.0], starts=16)
+    assert found.kinds == ("degenerate",)
+    assert gap(found.states, [[0.0, 0.0]]) < 1e-8
+    assert not found.complete
+    assert "near (0) the Jacobian is singular" in found.certainty
+
+
+def test_a_rest_point_moves_with_the_numbers_of_the_scene():
+    def height(k):
+        return rest_point(spring_mass(k=k, length=0.5, g=9.0), [0.1, -1.0, 0.0, 0.0])[1]
+
+    # -length - m g / k
+    assert gap(height(10.0), -1.4) < EXACT
+    assert gap(jax.grad(height)(10.0), 0.09) < EXACT
+    assert gap(jax.jacfwd(jax.grad(height))(10.0), -0.018) < EXACT
+
+
+def test_rest_points_of_a_traced_scene_are_refused():
+    def least(g):
+        return equilibria(spring_mass(g=g), [-3, -3], [3, 3]).states.min()
+
+    message = (
+        r"^equilibria: expected known numbers, got ones .* `equilibria\.rest_point\(scene, y\)"
+    )
+    for attempt in (jax.grad(least), jax.jit(least)):
+        with pytest.raises(ValueError, match=message):
+            attempt(1.0)
+
+
+def test_no_isolated_rest_point_is_nan_and_so_is_its_derivative():
+    def place(length):
+        return rest_point(spring_mass(g=0.0, length=length), [0.5, 0.0, 0.0, 0.0])[0]
+
+    assert np.isnan(place(0.5))
+    assert np.isnan(jax.grad(place)(0.5))
+    assert np.isnan(rest_point(cannonball(), jnp.zeros(4))).all()
+
+
+BOXES = [
+    ([0, 0], [1, -1], r"^high: expected above low = \[0\.0, 0\.0\], got \[1\.0, -1\.0\]"),
+    ([0, 0], [0, 0], r"^high: expected above low"),
+    ([0, 0, 0], [1, 1, 1], r"^low: expected 4 entries, or 2 for coordinates at rest, got 3\.$"),
+    ([0, 0], [1, 1, 1], r"^high: expected shape \(2,\), got shape \(3,\)"),
+]
+
+
+@pytest.mark.parametrize(("low", "high", "message"), BOXES)
+def test_a_box_that_is_none_is_refused(low, high, message):
+    with pytest.raises(ValueError, match=message):
+        equilibria(two_springs(), low, high)

@@ -1,0 +1,172 @@
+"""Jacobians, verdicts and modes against matrices and oscillators whose answers are known."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import DIFFED, EXACT, Arm, central_difference, gap
+
+from jaxdyn import Scene, simulate
+from jaxdyn.analysis import linearize
+from jaxdyn.analysis.constraints import conditioning
+from jaxdyn.analysis.equilibria import equilibria, rest_point
+from jaxdyn.effects import SpringNetwork, UniformGravity
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.formulations.newton_euler import NewtonEuler
+from jaxdyn.scenes.particles import lorenz
+from jaxdyn.scenes.pendula import pendulum
+from jaxdyn.scenes.springs import oscillator, two_springs
+
+# (matrix, verdict, portrait)
+MATRICES = [
+    ([[-1.0, 0.0], [0.0, -2.0]], "stable", "node"),
+    ([[1.0, 0.5], [0.0, 2.0]], "unstable", "node"),
+    ([[-0.1, 1.0], [-1.0, -0.1]], "stable", "spiral"),
+    ([[0.1, 1.0], [-1.0, 0.1]], "unstable", "spiral"),
+    ([[0.0, 1.0], [-4.0, 0.0]], "undecided", "centre"),
+    ([[1.0, 0.0], [0.0, -1.0]], "unstable", "saddle"),
+    ([[0.0, 1.0], [0.0, 0.0]], "undecided", "degenerate"),  # a free particle: defective
+    ([[0.0, 0.0], [0.0, 0.0]], "undecided", "degenerate"),
+    ([[0.0, 0.0], [0.0, -1.0]], "undecided", "degenerate"),
+    ([[-1.0, 0, 0], [0, -0.1, 2.0], [0, -2.0, -0.1]], "stable", "mixed"),
+    ([[-1e-17, 1.0], [-1.0, -1e-17]], "undecided", "centre"),  # damping below rounding
+    ([[-1e-12, 1.0], [-1.0, -1e-12]], "stable", "spiral"),  # and above
+]
+
+
+@pytest.mark.parametrize(("a", "verdict", "portrait"), MATRICES)
+def test_matrices_of_known_kind(a, verdict, portrait):
+    found = linearize.classify(a)
+    assert (found.verdict, found.portrait) == (verdict, portrait)
+
+
+def test_a_kind_is_that_of_the_matrix_in_any_coordinates():
+    rng = np.random.default_rng(4)
+    for a, verdict, portrait in MATRICES:
+        if portrait == "degenerate" or abs(np.max(np.linalg.eigvals(a).real)) == 1e-12:
+            continue  # in rounded coordinates these are other matrices
+        s = rng.normal(size=np.shape(a)) + 3 * np.eye(len(a))
+        found = linearize.classify(s @ np.array(a) @ np.linalg.inv(s))
+        assert (found.verdict, found.portrait) == (verdict, portrait)
+
+
+def test_error_bars_cover_the_split_of_a_defective_eigenvalue():
+    s = np.random.default_rng(5).normal(size=(3, 3))
+    a = s @ np.array([[2.0, 1, 0], [0, 2, 1], [0, 0, 2]]) @ np.linalg.inv(s)
+    found = linearize.classify(a)
+    off = np.abs(found.eigenvalues - 2.0)
+    assert (off < found.bars).all()
+    assert off.max() > 1e-7  # ... which is far above rounding
+
+
+@pytest.mark.parametrize("size", [1.0, 1e10, 1e20, 1e25])
+def test_error_bars_of_a_defective_matrix_are_finite_at_any_size(size):
+    bars = linearize.classify([[0.0, size], [0.0, 0.0]]).bars
+    elsner = np.sqrt(2 * size * 10 * np.finfo(float).eps * size)
+    assert gap(bars / elsner, np.ones(2)) < EXACT
+
+
+def test_the_jacobian_is_the_derivative_of_the_rate():
+    for scene in (two_springs(c_a=0.3, c_d=0.2), lorenz()):
+        difference = central_difference(lambda y, s=scene: s.rate(0.0, y), scene.y0)
+        assert gap(linearize.jacobian(scene, scene.y0), difference) < 100 * DIFFED
+
+
+def test_lorenz_origin_and_wings():
+    sigma, rho, beta = 10.0, 28.0, 8 / 3
+    origin = linearize.linearize(lorenz(), [0.0, 0.0, 0.0])
+    root = np.sqrt((sigma - 1) ** 2 + 4 * sigma * rho)
+    expected = [(-sigma - 1 + root) / 2, -beta, (-sigma - 1 - root) / 2]
+    assert gap(origin.eigenvalues.real, expected) < 100 * EXACT
+    assert origin.portrait == "saddle"
+    # The wings lose their stability at rho = sigma (sigma + beta + 3) / (sigma - beta - 1).
+    for factor, verdict in ((0.98, "stable"), (1.02, "unstable")):
+        rho = factor * sigma * (sigma + beta + 3) / (sigma - beta - 1)
+        w = np.sqrt(beta * (rho - 1))
+        assert linearize.linearize(lorenz(rho=rho), [w, w, rho - 1]).verdict == verdict
+
+
+def test_eigenvalue_of_a_damped_oscillator_against_its_decay():
+    scene = oscillator(k=4.0, m=2.0, c=0.4)
+    found = linearize.linearize(scene, [0.0, 0.0])
+    rate = 0.4 / (2 * 2.0)
+    assert gap(found.eigenvalues.real, [-rate, -rate]) < EXACT
+    period = 2 * np.pi / found.eigenvalues.imag.max()
+    motion = simulate(scene, period, samples=2, rtol=1e-13)
+    assert gap(motion.ys[-1], np.exp(-rate * period) * scene.y0) < 1e-12
+
+
+def _chain(n: int, k: float = 3.0, m: float = 2.0) -> Scene:
+    """n masses in a row on n - 1 springs of rest length 1."""
+    links = tuple((i, i + 1) for i in range(n - 1))
+    springs = SpringNetwork(links, k, 1.0)
+    y0 = np.concatenate([np.arange(float(n)), np.zeros(n)])
+    return Scene(FreePoints(np.full(n, m), 1), (springs,), y0=y0)
+
+
+def test_modes_of_a_free_chain():
+    n = 4
+    modes = linearize.modes(_chain(n))
+    expected = 4 * (3.0 / 2.0) * np.sin(np.arange(n) * np.pi / (2 * n)) ** 2
+    assert gap(modes.squares, expected) < 10 * EXACT
+    assert modes.frequencies[0] == 0  # it drifts away; not NaN, not 1e-8
+    assert gap(modes.shapes.T @ modes.mass @ modes.shapes, np.eye(n)) < 10 * EXACT
+    assert gap(modes.shapes[:, 0] / modes.shapes[0, 0], np.ones(n)) < 10 * EXACT
+
+
+def test_modes_of_a_pendulum_below_and_above():
+    scene = Scene(NewtonEuler(Arm()), (UniformGravity(9.0),), y0=[0.0, 0.0])
+    assert gap(linearize.modes(scene).squares, [4.5]) < EXACT
+    above = linearize.modes(scene, [jnp.pi, 0.0])
+    assert gap(above.squares, [-4.5]) < EXACT
+    assert np.isnan(above.frequencies).all()
+
+
+def test_a_frequency_is_differentiable_in_the_numbers_of_the_scene():
+    def frequency(k):
+        return linearize.modes(oscillator(k=k, m=4.0), jnp.zeros(2)).frequencies[0]
+
+    # w = sqrt(k / m)
+    assert gap(jax.grad(frequency)(9.0), 0.5 / np.sqrt(9.0 * 4.0)) < EXACT
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: linearize.linearize(oscillator(), [0.0, 0.0]),
+        lambda: linearize.modes(oscillator(), [0.0, 0.0]),
+        lambda: equilibria(oscillator(), [-1.0], [1.0]),
+        lambda: rest_point(oscillator(), [0.0, 0.0]),
+        lambda: conditioning(pendulum(formulation="constrained"), 0.0, [0.0, -1.0, 0.0, 0.0]),
+    ],
+)
+def test_32_bit_floats_are_refused(call):
+    with jax.enable_x64(False), pytest.raises(ValueError, match=r"^floats: expected 64-bit floats"):
+        call()
+
+
+def test_what_has_no_modes_is_refused():
+    with pytest.raises(
+        ValueError, match=r"^scene: expected a system with canonical momenta, got L"
+    ):
+        linearize.modes(lorenz())
+    message = r"^y: expected a rest point, got velocities \[1\.0\], accelerations \[-1\.0\]\. `equ"
+    with pytest.raises(ValueError, match=message):
+        linearize.modes(oscillator(), [1.0, 1.0])
+    swirl = _chain(2) + Swirl()
+    with pytest.raises(ValueError, match=r"^scene: expected conservative forces, got a stiffness "):
+        linearize.modes(swirl)
+    with pytest.raises(
+        ValueError, match=r"^jacobian: expected a square matrix, got shape \(2, 3\)"
+    ):
+        linearize.classify(np.ones((2, 3)))
+
+
+class Swirl(SpringNetwork):
+    """A force that is no gradient: each point is pushed by the position of the other."""
+
+    def __init__(self):
+        super().__init__(((0, 1),), 1.0)
+
+    def force(self, t, r, v, m):
+        return jnp.stack([r[1] - 1.0, 0.0 * r[0]])

@@ -1,0 +1,350 @@
+"""The command line of scenes: what it prints, draws and refuses, and its exit codes."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from helpers import run_python
+
+import jaxdyn as library
+from jaxdyn import drawing, scenes, simulate, solvers
+from jaxdyn.cli import app as cli
+from jaxdyn.cli import run
+from jaxdyn.integrate.simulation import RTOL
+from jaxdyn.scenes import catalogue
+
+STIFF = scenes.two_springs(c_a=1e6)
+
+
+@pytest.fixture
+def jaxdyn(capsys, monkeypatch):
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["jaxdyn", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        out, err = capsys.readouterr()
+        return end.value.code, out, err
+
+    return run
+
+
+def test_every_scene_names_its_problems_and_all_its_numbers(jaxdyn):
+    code, out, _ = jaxdyn("list", "--json")
+    assert code == 0
+    listed = json.loads(out)
+    assert listed.keys() == catalogue.entries().keys()
+    for name, entry in listed.items():
+        assert entry["problems"], f"{name} names no course problem"
+        for key, number in entry["parameters"].items():
+            assert number["meaning"], f"{name} does not say what {key} is"
+    assert listed["car"]["parameters"]["speed"]["meaning"].endswith("[m/s].")
+
+
+def test_the_list_is_a_table(jaxdyn):
+    code, out, _ = jaxdyn("list")
+    assert code == 0
+    assert "bead_on_cycloid" in out
+    assert re.search(r"car +│ 32 ", out)
+
+
+def test_a_scene_can_be_listed_alone(jaxdyn):
+    code, out, _ = jaxdyn("list", "cannonball", "car")
+    assert code == 0
+    assert "launch speed [m/s]" in out
+    assert "pendulum" not in out
+    assert list(json.loads(jaxdyn("list", "cannonball", "--json")[1])) == ["cannonball"]
+
+
+def test_the_problems_are_listed_with_what_answers_each(jaxdyn):
+    code, out, _ = jaxdyn("list", "--problems", "--json")
+    assert code == 0
+    listed = json.loads(out)
+    assert list(listed) == [str(n) for n in range(1, 62)]
+    assert "scenes.free_body" in listed["52"]["names"]
+    code, out, _ = jaxdyn("list", "--problems")
+    assert code == 0
+    assert len(re.findall(r"^│ *\d+ +│", out, re.MULTILINE)) == 61
+    assert "[italic]" not in out
+
+
+def test_digits_that_chaos_has_eaten_are_not_printed(jaxdyn):
+    code, out, _ = jaxdyn("run", "lorenz", "--t1", "60", "--samples", "2")
+    assert code == 0
+    assert len(re.findall(r"^ [ xyz]+no digit left \(\+-[1-9]e\+01\)$", out, re.MULTILINE)) == 3
+    assert "No digit is certain: rounding alone moves this end by its own size." in out
+    code, out, _ = jaxdyn("run", "lorenz", "--t1", "20", "--samples", "2")
+    # By the Taylor integrator heyoka in 48 digits: 13.793199595, 12.951803936, 34.901608681.
+    assert re.findall(r"^  [xyz] +(.+)$", out, re.MULTILINE) == [
+        "13.7932",
+        "12.951804",
+        "34.901609",
+    ]
+    assert "8.7 digits are right, relative to the largest entry" in out
+    code, out, _ = jaxdyn("run", "lorenz", "--t1", "20", "--samples", "2", "--json")
+    assert all(1e-8 < error < 1e-7 for error in json.loads(out)["error"])
+
+
+@pytest.mark.slow
+def test_a_car_brakes_to_rest_long_before_the_span_ends(jaxdyn, tmp_path):
+    picture = tmp_path / "car.png"
+    words = ("--set", "spin=0", "--t1", "60", "--samples", "5", "--plot", picture, "--json")
+    code, out, _ = jaxdyn("run", "car", *words)
+    assert code == 0
+    found = json.loads(out)
+    # The rear wheels carry 1.2 / 2.6 of the weight: v^2 / 2a, with what `braking` leaves out.
+    a = 0.7 * 9.81 * 1.2 / 2.6
+    assert abs(found["t"][-1] - 20.0 / a) < 1e-4
+    assert abs(found["y"][-1][0] - 200.0 / a) < 1e-8
+    assert found["y"][-1][3:] == [0.0, 0.0, 0.0]
+    assert [phase["name"] for phase in found["phases"]] == ["slide"]
+    assert found["message"] == "Phase slide led to the end."
+    assert abs(found["energy_drift"] - 1) < 1e-9
+    assert len(found["t"]) == len(found["y"]) == 6
+    assert picture.stat().st_size > 1000
+
+
+@pytest.mark.slow
+def test_a_car_without_friction_is_one_smooth_motion(jaxdyn):
+    code, out, _ = jaxdyn("run", "car", "--set", "mu=0", "--samples", "2", "--json")
+    assert code == 0
+    assert json.loads(out)["phases"] == []
+
+
+@pytest.mark.slow
+def test_a_cylinder_rolls_skids_and_flies(jaxdyn):
+    code, out, _ = jaxdyn("run", "cylinder_on_cylinder", "--t1", "2", "--samples", "3")
+    assert code == 0
+    lines = [line.split() for line in out.splitlines() if " from " in line]
+    assert [line[0] for line in lines] == ["roll", "slip_on", "fly"]
+    assert lines[0][-1] == lines[1][2]
+    assert lines[2][-1] == "2"
+
+
+@pytest.mark.slow
+def test_nothing_is_said_about_the_energy_of_what_has_none(jaxdyn, tmp_path):
+    words = ("lorenz", "--t1", "1", "--samples", "30")
+    movie = tmp_path / "lorenz.gif"
+    code, out, _ = jaxdyn("run", *words, "--animate", movie)
+    assert code == 0
+    assert "energy" not in out
+    assert movie.read_bytes().startswith(b"GIF89a")
+    assert json.loads(jaxdyn("run", *words, "--json")[1])["energy_drift"] is None
+
+
+def test_what_changes_the_energy_is_named(jaxdyn):
+    code, out, _ = jaxdyn("run", "cannonball", "--set", "drag=0.1")
+    assert code == 0
+    wanted = r"; it is not conserved, because of QuadraticDrag \(no potential known, work -.*\)\n"
+    assert re.search(wanted, out)
+    code, out, _ = jaxdyn("run", "cannonball")
+    assert re.search(r"relative to its parts: \d\.\de-1\d\n", out)
+    found = json.loads(jaxdyn("run", "cannonball", "--json")[1])
+    assert found["energy_changed_by"] == []
+
+
+def test_a_picture_of_few_samples_leaves_the_output_small(jaxdyn, tmp_path):
+    picture = tmp_path / "ball.svg"
+    code, out, _ = jaxdyn("run", "cannonball", "--samples", "3", "--json", "--plot", picture)
+    assert code == 0
+    found = json.loads(out)
+    assert len(found["t"]) == 3
+    assert abs(found["energy_drift"]) < 1e-12
+    assert picture.read_text().count("\nL ") > 1000
+
+
+MISUSE = [
+    (
+        ["run", "cannonbal"],
+        "error: scene: expected one that `jaxdyn list` shows, got 'cannonbal'. "
+        "Did you mean 'cannonball'?",
+    ),
+    (["run", "cannonball", "--set", "mas=2"], "parameter of cannonball"),
+    (["run", "cannonball", "--set", "m=x"], "m: expected a number"),
+    (["run", "cannonball", "--t1", "abc"], "'--t1'"),
+    (["run", "cannonball", "--rtol", "abc"], "'--rtol'"),
+    (["run", "cannonball", "--samples", "1.5"], "'--samples'"),
+    (["run", "cannonball", "--period", "abc"], "--period"),
+    (["run"], "Missing argument"),
+    (["run", "cannonball", "--solver", "radau"], "got 'radau'. Did you mean 'radau9'?"),
+    (["run", "cannonball", "--solver", "verlet"], "dt: expected a step, since those of Verlet"),
+    (["run", "car", "--dt", "0.1"], "dt: expected none for a motion in phases, got 0.1"),
+    (["run", "cannonball", "--title", "A"], "--title: expected --plot or --series with it"),
+    (["run", "cannonball", "--seconds", "2"], "--seconds: expected --animate with it"),
+    (["list", "canonball"], "scene: expected one that `jaxdyn list` shows, got 'canonball'"),
+    (["list", "--problems", "car"], "--problems: expected no scene beside it"),
+    (["run", "car", "--solver", "nystrom12"], "solver: expected one for any scene, got"),
+    (["run", "cannonball", "--samples", "10000000"], "samples: expected at most 1000000"),
+    (["run", "cannonball", "--samples", "0"], "got 0. It is at most 1000000 here"),
+]
+
+
+@pytest.mark.parametrize(("words", "message"), MISUSE)
+def test_misuse_is_one_line_and_exit_code_2(jaxdyn, words, message):
+    code, out, err = jaxdyn(*words)
+    assert code == 2
+    assert out == ""
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    assert message in err
+
+
+@pytest.mark.parametrize(
+    ("option", "file"),
+    [
+        *(("--plot", "a.bmp"), ("--animate", "a.png"), ("--plot", "no/such/a.png")),
+        *(("--plot", "/proc/a.png"), ("--animate", "/proc/a.gif"), ("--series", "/proc/a.svg")),
+        *(("--csv", "/proc/a.csv"), ("--csv", "a.txt")),
+    ],
+)
+def test_files_are_refused_before_anything_is_simulated(jaxdyn, monkeypatch, option, file):
+    monkeypatch.setattr(catalogue.Entry, "motion", lambda *_, **__: pytest.fail("simulated"))
+    code, _, err = jaxdyn("run", "cannonball", option, file)
+    assert code == 2
+    assert err.startswith("error: path: expected a file")
+
+
+def test_numbers_of_a_scene_may_be_arithmetic(jaxdyn):
+    words = ("run", "cannonball", "--samples", "2", "--json", "--set")
+    y = [json.loads(jaxdyn(*words, f"angle={angle}")[1])["y"] for angle in ("pi/6", "30*deg")]
+    assert y[0] == y[1]
+    assert y[0][0][3] == pytest.approx(5.0, rel=1e-15)
+    code, _, err = jaxdyn(*words, "angle=__import__('os')")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "angle: expected a number" in err
+
+
+def test_auto_is_that_of_the_library_and_warnings_are_printed(jaxdyn):
+    words = ("run", "two_springs", "--set", "c_a=1e6", "--t1", "1e-3", "--samples", "2")
+    code, out, _ = jaxdyn(*words, "--json")
+    found, wanted = json.loads(out), simulate(STIFF, 1e-3, samples=2, solver="auto")
+    assert (code, found["steps"], found["warning"]) == (0, int(wanted.steps), "")
+    assert np.array_equal(found["y"][-1], wanted.ys[-1])
+    code, out, _ = jaxdyn(*words, "--solver", "verner9")
+    assert code == 0
+    assert "warning: The scene is stiff" in out
+
+
+def test_every_solver_has_its_name(jaxdyn):
+    for name, solver in vars(solvers).items():
+        if isinstance(solver, solvers.Method):
+            assert run._method(name.lower()) is solver
+    assert run._method("auto") == "auto"
+    words = ("run", "oscillator", "--t1", "1", "--samples", "2", "--json")
+    found = json.loads(jaxdyn(*words, "--solver", "kahan_li8", "--dt", "0.1")[1])
+    assert found["steps"] == 10
+
+
+def test_the_default_tolerance_is_that_of_the_library():
+    assert run._RTOL == RTOL
+
+
+def test_a_run_becomes_files(jaxdyn, tmp_path):
+    picture, series, table = (tmp_path / name for name in ("a.svg", "b.svg", "c.csv"))
+    words = ("--plot", picture, "--title", "Title of it", "--series", series, "--csv", table)
+    code, out, _ = jaxdyn("run", "cannonball", "--samples", "3", *words)
+    assert code == 0
+    assert f"drawn in {picture}\ndrawn over time in {series}\nwritten to {table}\n" in out
+    assert "Title of it" in picture.read_text()
+    assert "Title of it" in series.read_text()
+    assert table.read_text().startswith("t [s],x [m],")
+
+
+def test_pictures_name_the_scene(jaxdyn, tmp_path):
+    picture = tmp_path / "a.svg"
+    assert jaxdyn("run", "cannonball", "--samples", "3", "--series", picture)[0] == 0
+    assert "cannonball: Free points (m = 1), uniform gravity (g = 9.81)" in picture.read_text()
+
+
+@pytest.mark.parametrize("as_json", [(), ("--json",)])
+def test_a_disk_that_fills_up_leaves_the_result_and_one_line(
+    jaxdyn, monkeypatch, tmp_path, as_json
+):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(drawing, "trajectory", full)
+    words = ("run", "cannonball", "--samples", "2", "--plot", tmp_path / "a.png", *as_json)
+    code, out, err = jaxdyn(*words)
+    assert code == 2
+    assert ("7.07106781187" if not as_json else '"status": "OK"') in out
+    assert err.startswith("error: path: expected a file that can be written, got")
+    assert "No space left" in err
+    assert err.count("\n") == 1
+
+
+def test_an_interrupted_run_is_no_traceback(jaxdyn, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(catalogue.Entry, "motion", interrupted)
+    code, _, err = jaxdyn("run", "cannonball")
+    assert (code, err.strip()) == (130, "")
+
+
+def finished(*words, stdout=subprocess.PIPE):
+    """A run of the command line in a process of its own."""
+    words = [sys.executable, "-m", *words]
+    return subprocess.run(words, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False)
+
+
+def test_a_standard_output_that_is_full_is_one_line():
+    with open("/dev/full", "w") as full:
+        done = finished("jaxdyn", "list", "--json", stdout=full)
+    assert done.returncode == 2
+    assert done.stderr == "error: standard output: No space left on device.\n"
+
+
+def test_a_reader_that_leaves_is_no_error():
+    read, write = os.pipe()
+    os.close(read)
+    with open(write, "w") as closed:
+        done = finished("jaxdyn", "list", "--json", stdout=closed)
+    assert (done.returncode, done.stderr) == (1, "")
+
+
+@pytest.mark.parametrize("package", ["jaxdyn", "orbits"])
+def test_help_and_version_load_nothing_that_takes_long(package):
+    code = f"""
+import runpy, sys
+from {package}.cli.app import app
+commands = [command.name for command in app.registered_commands]
+assert len(commands) > 3
+for words in (["--version"], ["--help"], *([name, "--help"] for name in commands)):
+    sys.argv = ["{package}", *words]
+    try:
+        runpy.run_module("{package}", run_name="__main__")
+    except SystemExit as end:
+        assert end.code == 0, words
+    loaded = {{"jax", "numpy", "matplotlib", "diffrax"}} & {{*sys.modules}}
+    assert not loaded, (words, loaded)
+"""
+    out = run_python(code)
+    assert out.startswith(library.__version__)
+    assert "Examples:" in out
+    assert "<bool>" not in out
+    if package == "orbits":
+        assert all(unit in out for unit in ("[m/s]", "[m]", "[m/s^2]", "[kg/m]"))
+
+
+def test_help_is_no_error(jaxdyn):
+    code, out, _ = jaxdyn("--help")
+    assert code == 0
+    assert "list" in out
+
+
+def test_no_command_shows_the_help(jaxdyn):
+    code, out, err = jaxdyn()
+    assert (code, err) == (2, "")
+    assert "Simulate a scene in all its phases" in out
+
+
+def test_a_motion_that_stops_is_exit_code_1(jaxdyn):
+    too_fast = ("--set", "speed=1e200", "--set", "drag=1", "--samples", "4")
+    code, out, _ = jaxdyn("run", "cannonball", *too_fast)
+    assert code == 1
+    assert "stopped" in out
+    assert "not reached" in out

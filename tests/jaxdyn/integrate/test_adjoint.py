@@ -1,0 +1,96 @@
+"""Gradients by the adjoint equations: those of the variational equations, and what is refused."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxdyn import scenes, solvers
+from jaxdyn.effects import LinearDrag
+from jaxdyn.integrate.simulation import solve
+
+RTOL = 1e-12
+SCENES = {
+    "pendulum": (lambda: scenes.pendulum(angle=1.0), 3.0),
+    "three bodies": (lambda: scenes.three_body(), 2.0),
+    "drag": (lambda: scenes.cannonball(drag=0.01, speed=50.0), 3.0),
+    "backwards": (lambda: scenes.oscillator(), -2.0),
+}
+
+
+def loss(numbers, t1, ts, rest, adjoint):
+    scene = eqx.combine(numbers, rest)
+    found = solve(scene, t1, ts=ts, rtol=RTOL, adjoint=adjoint)
+    return jnp.sum(jnp.sin(found.y1)) + 1e-3 * jnp.sum(found.ys**2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+def test_gradients_are_those_of_the_variational_equations(name):
+    make, t1 = SCENES[name]
+    numbers, rest = eqx.partition(make(), eqx.is_inexact_array)
+    ts = jnp.array([0.3, 0.9]) * np.sign(t1)
+    found, wanted = (
+        jax.grad(loss, argnums=(0, 1, 2))(numbers, t1, ts, rest, adjoint)
+        for adjoint in (True, False)
+    )
+    for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
+        assert np.abs(a - b).max() <= 1e-10 * max(1.0, np.abs(b).max())
+
+
+def test_a_motion_that_forgets_its_start_has_a_gradient():
+    # v' = -c v: backwards it would grow by e^20, but for the nodes on the way.
+    scene = scenes.cannonball(drag=0.0, speed=3.0) + LinearDrag(10.0)
+
+    def end(y0):
+        return solve(scene.starting(y0), 2.0, rtol=1e-10, adjoint=True).y1[0]
+
+    assert jax.grad(end)(scene.y0)[2] == pytest.approx((1 - np.exp(-20)) / 10, rel=1e-7)
+
+
+@pytest.mark.slow
+def test_many_losses_at_once_and_fixed_numbers():
+    scene = scenes.oscillator()
+
+    def end(y0, adjoint):
+        return solve(scene.starting(y0), 1.0, rtol=RTOL, fixed=True, adjoint=adjoint).y1[0]
+
+    def gradients(adjoint):
+        return jax.jit(jax.vmap(jax.grad(lambda y: end(y, adjoint))))(y0s)
+
+    y0s = jnp.stack([scene.y0, 2 * scene.y0])
+    found, wanted = gradients(True), gradients(False)
+    assert np.abs(found - wanted).max() <= 1e-11
+
+
+@pytest.mark.slow
+def test_a_run_that_fails_has_no_gradient():
+    scene = scenes.pendulum(angle=1.0)
+
+    def end(y0):
+        return solve(scene.starting(y0), 100.0, max_steps=3, adjoint=True).y1[0]
+
+    assert np.isnan(jax.grad(end)(scene.y0)).all()
+
+
+def test_forward_mode_is_refused():
+    scene = scenes.pendulum(angle=1.0)
+    with pytest.raises(TypeError, match="forward-mode"):
+        jax.jacfwd(lambda y: solve(scene.starting(y), 1.0, adjoint=True).y1)(scene.y0)
+
+
+@pytest.mark.parametrize(
+    ("make", "how", "why"),
+    [
+        (lambda: scenes.pendulum(formulation="constrained"), {}, "a scene without constraints"),
+        (
+            lambda: scenes.oscillator(),
+            {"solver": solvers.KAHAN_LI8, "dt": 0.1},
+            "a solver with a tolerance",
+        ),
+    ],
+)
+def test_what_has_no_adjoint_is_refused(make, how, why):
+    with pytest.raises(ValueError, match=f"adjoint: expected {why}"):
+        solve(make(), 1.0, adjoint=True, **how)

@@ -1,0 +1,68 @@
+"""Step control: steps follow the tolerance, samples find their nodes, singularities end it."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import gap, kepler, kepler_state
+
+from jaxdyn.integrate.simulation import solve
+from jaxdyn.integrate.step_control import Nodes, StepControl
+from jaxdyn.solvers import VERNER9
+
+
+@pytest.mark.parametrize("solver", [None, VERNER9], ids=["Nystrom", "Verner"])
+def test_the_error_follows_the_tolerance(solver):
+    exact = kepler_state(0.3, 5.0)
+    for rtol in (1e-6, 1e-9, 1e-12):
+        error = gap(solve(kepler(0.3), 5.0, rtol=rtol, solver=solver).y1, exact)
+        # Some ten steps, whose errors grow with the motion, at 0.75^11 = 0.04 of the
+        # tolerance each; much less would waste steps.
+        assert 1e-4 * rtol < error < 100 * rtol
+
+
+def test_the_absolute_tolerance_counts_where_the_state_is_small():
+    loose = solve(kepler(0.3), 5.0, rtol=1e-12, atol=1e-4)
+    tight = solve(kepler(0.3), 5.0, rtol=1e-12, atol=1e-12)
+    assert loose.steps < 0.7 * tight.steps
+
+
+def test_most_steps_are_accepted_on_an_eccentric_orbit():
+    out = solve(kepler(0.9), 20 * np.pi, rtol=1e-10)
+    assert gap(out.y1, kepler(0.9).y0) < 1e-6
+    assert out.rejected < 0.5 * out.steps  # the step changes by a factor of 30 each half turn
+
+
+def test_steps_do_not_depend_on_the_direction_or_the_origin_of_time():
+    scene = kepler(0.3)
+    mirrored = scene.starting(jnp.concatenate([scene.y0[:4], -scene.y0[4:]]))
+    there, back = solve(scene, 5.0, rtol=1e-12), solve(mirrored, -5.0, rtol=1e-12)
+    mirror = jnp.concatenate([jnp.ones(4), -jnp.ones(4)])
+    np.testing.assert_array_equal(back.y1 * mirror, there.y1)
+    assert (back.steps, back.rejected) == (there.steps, there.rejected)
+    later = solve(scene, 1005.0, t0=1000.0, rtol=1e-12)
+    assert abs(int(later.steps) - int(there.steps)) <= 1
+    assert gap(later.y1, there.y1) < 1e-11  # t has 13 digits behind the point there
+
+
+def test_tangents_are_measured_by_the_largest_entry_of_their_column():
+    control = StepControl(rtol=jnp.array(0.1), atol=jnp.array(1.0), ts=jnp.zeros(0))
+    y0 = jnp.array([[10.0, 100.0], [-20.0, 1.0]])
+    scale = control._scale(y0, jnp.zeros((2, 2)))
+    np.testing.assert_allclose(scale, [[2.0, 11.0], [3.0, 11.0]], rtol=1e-15)
+    np.testing.assert_allclose(control._scale(y0[:, 0], y0[:, 0]), [2.0, 3.0], rtol=1e-15)
+    # The worst column counts, by its mean square.
+    assert float(control.norm(jnp.array([[1.0, 0.0], [1.0, 3.0]]))) == np.sqrt(4.5)
+
+
+def test_nodes_note_the_start_of_the_step_that_passes_a_sample():
+    ts = jnp.array([0.0, 0.5, 0.6, 2.0, 9.0])
+    y = jnp.array([1.0, 2.0])
+    nodes = Nodes.empty(ts, jnp.array(0.0), y)
+    np.testing.assert_array_equal(nodes.t, [0.0, *[np.nan] * 4])  # the start is known
+    nodes = nodes.passed(ts, jnp.array(0.0), y, jnp.array(0.4))
+    assert nodes.next == 1
+    nodes = nodes.passed(ts, jnp.array(0.4), 2 * y, jnp.array(2.0))  # at the end counts
+    assert nodes.next == 4
+    nodes = nodes.passed(ts, jnp.array(2.0), 3 * y, jnp.array(-jnp.inf))  # a rejected step
+    np.testing.assert_array_equal(nodes.t, [0.0, 0.4, 0.4, 0.4, np.nan])
+    np.testing.assert_array_equal(nodes.y[:, 0], [1.0, 2.0, 2.0, 2.0, np.nan])

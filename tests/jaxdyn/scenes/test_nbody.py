@@ -1,0 +1,86 @@
+"""Two and three bodies on circles (problem 16), the figure-eight (problem 17)."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import EXACT, SOLVED, gap
+
+from jaxdyn import simulate
+from jaxdyn.analysis import energy
+from jaxdyn.scenes.nbody import (
+    EIGHT,
+    EIGHT_PERIOD,
+    three_body,
+    three_body_circular,
+    three_body_rate,
+    two_body,
+    two_body_period,
+)
+
+
+def test_problem_16_a_and_b_two_unequal_bodies():
+    numbers = {"m1": 1.5, "m2": 4.0, "d": 0.7, "G": 3.0}
+    scene = two_body(**numbers)
+    period = two_body_period(**numbers)
+    motion = simulate(scene, samples=[period / 4, period / 2, period], rtol=1e-13)
+    start = np.asarray(scene.y0).reshape(4, 2)
+    turned = np.stack([-start[:, 1], start[:, 0]], axis=-1).ravel()
+    assert gap(motion.ys, [turned, -start.ravel(), start.ravel()]) < 100 * SOLVED
+    r, _, m = scene.system.points(0.0, scene.y0)
+    assert gap(jnp.linalg.norm(r[1] - r[0]), 0.7) < EXACT
+    assert gap(m @ r, np.zeros(2)) < EXACT
+    assert gap(energy.momentum(scene, 0.0, scene.y0), np.zeros(2)) < 10 * EXACT
+
+
+def test_the_period_is_keplers_third_law():
+    assert gap(two_body_period(m1=3e-6, m2=1.0, G=4 * np.pi**2) * np.sqrt(1 + 3e-6), 1.0) < EXACT
+    slope = jax.grad(lambda d: jnp.log(two_body_period(d=d)))(2.0)
+    assert gap(slope * 2.0, 1.5) < EXACT
+
+
+def test_problem_16_c_the_rate_of_three_from_their_forces():
+    scene = three_body_circular()
+    w = three_body_rate()
+    r, v, _ = scene.system.points(0.0, scene.y0)
+    rate = scene.rate(0.0, scene.y0)
+    assert gap(jnp.linalg.norm(r, axis=1), np.full(3, 1.5)) < EXACT  # d = 3 is a diameter
+    assert gap(rate[6:].reshape(3, 2), -(w**2) * r) < 10 * EXACT
+    assert gap(rate[:6].reshape(3, 2), v) == 0
+    assert abs(float(w) - 1.3079) < 1e-4
+
+
+@pytest.mark.slow
+def test_problem_16_d_it_turns_then_breaks_up_at_the_rate_of_its_instability():
+    scene = three_body_circular()
+    turn = 2 * np.pi / float(three_body_rate())
+    ts = turn * np.array([1.0, 2.0, 3.0, 12.0])
+    motion = simulate(scene, ts[-1], samples=ts, rtol=1e-13)
+    off = np.max(np.abs(np.asarray(motion.ys - scene.y0[None])), axis=1)
+    assert off[0] < 1e-10
+    assert off[3] > 0.1
+    # A disturbance grows like e^(w t / sqrt(2)), by 85 a turn (Routh): the monodromy of a
+    # turn, without the directions that only drift, has that for its largest multiplier.
+    one = jax.jacfwd(lambda y: simulate(scene.starting(y), turn, samples=1, rtol=1e-12).ys[-1])
+    largest = np.max(np.abs(np.linalg.eigvals(np.asarray(one(scene.y0)))))
+    assert abs(largest / np.exp(2 * np.pi / np.sqrt(2)) - 1) < 1e-6
+
+
+def test_problem_17_the_eight_closes_to_the_digits_printed():
+    motion = simulate(three_body(), samples=1, rtol=1e-12)
+    assert gap(motion.ys[-1], motion.scene.y0) < 1e-6
+
+
+@pytest.mark.slow
+def test_problem_17_c_and_d_small_changes_keep_the_eight_and_large_ones_break_it_up():
+    change = np.random.default_rng(17).normal(size=(2, 3, 2))
+    change -= change.mean(axis=1, keepdims=True)  # the centre of mass stays at rest
+    change = change.ravel() / np.linalg.norm(change)
+    reach = {}
+    for size in (0.0, 1e-3, 0.2):
+        scene = three_body(np.asarray(EIGHT) + size * change)
+        motion = simulate(scene, 10 * EIGHT_PERIOD, samples=400, rtol=1e-12)
+        assert float(energy.drift(motion)) < 1e-10
+        reach[size] = float(np.abs(motion.r).max())
+    assert abs(reach[1e-3] - reach[0.0]) < 1e-3
+    assert reach[0.2] > 4 * reach[0.0]

@@ -1,0 +1,133 @@
+"""Stiff motions: Radau against closed forms and SciPy, stiffness noticed, the switch."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import SOLVED, gap, kepler, kepler_state
+
+from jaxdyn import Points, Scene, Status, System, scenes, simulate, solvers
+from jaxdyn.integrate.simulation import _compiled, solve
+
+
+class _Line(System):
+    """States without points of interest: numbers x y .. on a line."""
+
+    def points(self, t, y):
+        return Points(y[:1][None], y[1:2][None], jnp.ones(1))
+
+
+class Chased(_Line):
+    """x chases cos t at rate k, z chases y = e^-t at rate 1000: closed forms for any k."""
+
+    k: jax.Array = eqx.field(converter=jnp.asarray)
+
+    def labels(self):
+        return (("x", "m"), ("y", "m"), ("z", "m"))
+
+    def rate(self, t, y, effects):
+        fast = -self.k * (y[0] - jnp.cos(t)) - jnp.sin(t)
+        return jnp.stack([fast, -y[1], -1e3 * (y[2] - y[1]) - y[1]])
+
+
+class VanDerPol(_Line):
+    """x'' = mu ((1 - x^2) x' - x), as in Hairer and Wanner, IV.1 and IV.10."""
+
+    mu: jax.Array = eqx.field(converter=jnp.asarray)
+
+    def labels(self):
+        return (("x", "m"), ("v", "m/s"))
+
+    def rate(self, t, y, effects):
+        return jnp.stack([y[1], self.mu * ((1 - y[0] * y[0]) * y[1] - y[0])])
+
+
+CHASED = Scene(Chased(1e8), y0=[3.0, 1.0, 2.0])
+CHASED_END = np.array([np.cos(2.0), np.exp(-2.0), np.exp(-2.0)])
+#: x, v at t = 1 of mu = 1e6 from (2, -0.66): SciPy's Radau at rtol 1e-12, atol 1e-14.
+VAN_DER_POL = Scene(VanDerPol(1e6), y0=[2.0, -0.66])
+VAN_DER_POL_END = np.array([-1.8636460061388465, 0.7535432683993802])
+
+
+@pytest.mark.parametrize("method", [solvers.RADAU5, solvers.RADAU9], ids=lambda m: m.name)
+def test_the_error_falls_with_the_order(method):
+    span, e = 2.0, 0.3
+    field, n = kepler(e).rate, {5: 40, 9: 8}[method.order]
+
+    @jax.jit
+    def end(n):
+        h = span / n
+        step = lambda i, y: y + method.step(field, i * h, h, y, loops=1)[0]  # noqa: E731
+        return jax.lax.fori_loop(0, n, step, kepler(e).y0)
+
+    errors = [gap(end(k * n), kepler_state(e, span)) for k in (1, 2)]
+    assert errors[1] > 1e-14
+    assert np.log2(errors[0] / errors[1]) > method.order - 0.35
+
+
+@pytest.mark.parametrize("k", [1e2, 1e5, 1e8])
+def test_a_fast_part_costs_nothing_once_it_is_over(k):
+    out = solve(Scene(Chased(k), y0=[3.0, 1.0, 2.0]), 2.0, solver=solvers.RADAU9, rtol=1e-12)
+    assert gap(out.y1, CHASED_END) < SOLVED
+    assert int(out.steps) < 600
+
+
+def test_van_der_pol_through_its_jumps():
+    out = solve(VAN_DER_POL, 1.0, solver=solvers.RADAU9, rtol=1e-11)
+    assert gap(out.y1, VAN_DER_POL_END) < 1e-9
+
+
+def test_derivatives_of_a_stiff_motion():
+    # Where x ends does not depend on its start, y and z end in proportion to that of y.
+    end = lambda y: solve(CHASED.starting(y), 2.0, solver=solvers.RADAU9, rtol=1e-12).y1  # noqa: E731
+    wanted = np.zeros((3, 3))
+    wanted[1:, 1] = np.exp(-2.0)
+    assert gap(jax.jit(jax.jacfwd(end))(CHASED.y0), wanted) < SOLVED
+
+
+def test_stiffness_is_noticed_and_said():
+    motion = simulate(CHASED, 2e-4, samples=2, rtol=1e-6)
+    assert bool(motion.stiff)
+    assert motion.warning.startswith("The scene is stiff")
+    assert "solver='auto'" in motion.warning
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-6, 1e-13])
+@pytest.mark.parametrize(
+    "scene",
+    [kepler(0.9), scenes.cannonball(drag=0.3), scenes.three_body()],
+    ids=["kepler", "ball", "eight"],
+)
+def test_other_motions_are_not_called_stiff(scene, rtol):
+    motion = simulate(scene, 20.0, samples=2, rtol=rtol)
+    assert not bool(motion.stiff)
+    assert motion.warning == ""
+
+
+def test_a_fixed_step_too_long_for_its_equations_is_a_status():
+    motion = simulate(CHASED, 2.0, solver=solvers.GAUSS8, dt=0.1, throw=False)
+    assert motion.status_code == Status.STEP_TOO_LONG
+    assert jnp.isnan(motion.ys[1:]).all()
+
+
+def test_auto_switches_where_it_is_stiff_and_only_there():
+    out = solve(CHASED, 2.0, solver="auto", rtol=1e-10)
+    assert bool(out.stiff)
+    assert gap(out.y1, CHASED_END) < 1e-9
+    assert int(out.steps) < 600
+    plain = solve(kepler(0.3), 5.0, solver="auto", rtol=1e-10)
+    assert not bool(plain.stiff)
+    assert gap(plain.y1, solve(kepler(0.3), 5.0, rtol=1e-10).y1) < SOLVED
+
+
+def test_auto_has_nothing_to_advise_and_compiles_only_what_it_needs():
+    motion = simulate(CHASED, 2.0, samples=2, solver="auto", rtol=1e-8)
+    assert motion.warning == ""
+    assert gap(motion.ys[-1], CHASED_END) < 1e-7
+    programs = _compiled._cache_size()
+    solve(kepler(0.3), 5.0, ts=[1.0, 2.0], solver="auto", rtol=1e-9)
+    assert _compiled._cache_size() == programs + 1
+    # In a trace all of it is one program, with the same numbers.
+    traced = jax.jit(lambda y: solve(CHASED.starting(y), 2.0, solver="auto", rtol=1e-8).y1)
+    assert gap(traced(CHASED.y0), motion.ys[-1]) < SOLVED

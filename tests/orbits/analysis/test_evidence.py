@@ -1,0 +1,75 @@
+"""The second opinion: it sees what the finder's own residual cannot."""
+
+import math
+
+import numpy as np
+from helpers import SOLVED, gap, kepler, kepler_state
+
+import orbits
+from jaxdyn import scenes
+from jaxdyn.effects import LinearDrag
+from jaxdyn.solvers import DOPRI8
+from orbits.orbit import Orbit, Outcome
+
+
+def orbit_of(scene, rtol=1e-14):
+    return Orbit(scene, orbits.PLAIN, 0.0, Outcome.FOUND, 0, rtol)
+
+
+def test_closure_of_an_exact_orbit_is_rounding():
+    orbit = orbit_of(kepler(0.3))
+    assert orbits.closure(orbit) < SOLVED
+    assert orbits.closure(orbit, periods=5) < 10 * SOLVED
+    assert orbits.closure(orbit, solver=DOPRI8) < SOLVED
+
+
+def test_closure_of_no_orbit_is_the_distance_to_the_start():
+    scene = kepler(0.3)
+    t = 0.9 * 2 * np.pi
+    orbit = orbit_of(scene.starting(scene.y0, t))
+    exact = gap(kepler_state(0.3, t), kepler_state(0.3, 0.0))
+    assert abs(orbits.closure(orbit) - exact) < SOLVED
+    exact = gap(kepler_state(0.3, 3 * t), kepler_state(0.3, 0.0))
+    assert abs(orbits.closure(orbit, periods=3) - exact) < 10 * SOLVED
+
+
+def test_recheck_owes_nothing_to_the_orbits_own_tolerance_and_residual():
+    exact = orbit_of(kepler(0.6), rtol=1e-4)
+    assert orbits.closure(exact) > 1e-9  # by the loose integrator, which hides nothing here
+    assert orbits.recheck(exact).closure < SOLVED
+    late = 1e-8
+    scene = kepler(0.3)
+    wrong = orbit_of(scene.starting(scene.y0, scene.t1 + late))
+    assert wrong.residual == 0.0
+    speed = np.abs(scene.rate(0.0, scene.y0)).max()
+    assert abs(orbits.recheck(wrong).closure / (late * speed) - 1) < 1e-4
+
+
+def test_recheck_takes_another_method_and_tolerance():
+    second = orbits.recheck(orbit_of(kepler(0.3)))
+    assert (second.solver, second.tolerance) == ("Verner 9(8)", 1e-15)
+    assert second.closure < SOLVED
+    # With drag the finder itself uses that method.
+    second = orbits.recheck(orbit_of(kepler(0.3) + LinearDrag(0.1)))
+    assert second.solver == DOPRI8.name
+    assert second.closure > 0.01
+
+
+def test_a_motion_that_ends_has_no_closure():
+    falling = kepler(0.0).starting([-0.5, 0, 0.5, 0, 0, 0, 0, 0])
+    assert math.isnan(orbits.closure(orbit_of(falling)))
+    assert math.isnan(orbits.recheck(orbit_of(falling)).closure)
+
+
+def test_digits_are_those_of_a_known_period():
+    swing = orbits.find(scenes.oscillator(k=4.0), [1.0, 0.0], 3.0)
+    found = orbits.digits(swing)
+    assert 12 < found.period <= 16
+    assert 12 < found.y0 <= 16
+    # Four digits of the period are wrong here, and the start is on a circle whatever it is.
+    wrong = orbits.Orbit(swing.scene.starting(swing.y0, np.pi * 1.0001), *_rest(swing))
+    assert 3.5 < orbits.digits(wrong).period < 5
+
+
+def _rest(orbit):
+    return orbit.closing, orbit.residual, orbit.outcome, orbit.iterations, orbit.rtol

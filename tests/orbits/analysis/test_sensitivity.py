@@ -1,0 +1,121 @@
+"""Derivatives of orbits against closed forms and orbits found again."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from cycles import Bautin, cycle
+from helpers import gap
+from scipy.special import ellipe, ellipk
+
+import orbits
+from jaxdyn import scenes
+from jaxdyn.analysis import energy
+
+
+@pytest.fixture(scope="module")
+def swing():
+    return orbits.find(scenes.pendulum(angle=1.0), period=2.2)
+
+
+def test_the_period_of_a_pendulum_by_gravity(swing):
+    level = float(energy.energy(swing.scene, jnp.zeros(()), swing.y0))
+    hold = orbits.Energy(level)
+
+    def period(g):
+        scene = eqx.tree_at(lambda s: s.effects[0].g, swing.scene, g)
+        return orbits.solution(scene, swing, hold=hold).period
+
+    # T = 4 K(m) / sqrt(g) with m = (1 + E / g) / 2, and dK/dm = (E(m) / (1 - m) - K) / (2 m).
+    g = 9.81
+    m = 0.5 * (1 + level / g)
+    slope = (ellipe(m) / (1 - m) - ellipk(m)) / (2 * m)
+    exact = -2 * ellipk(m) / g**1.5 - 4 / np.sqrt(g) * slope * 0.5 * level / g**2
+    reverse, forward = (d(period)(swing.scene.effects[0].g) for d in (jax.grad, jax.jacfwd))
+    assert abs(reverse - exact) < 1e-10
+    assert abs(forward - exact) < 1e-10
+
+
+@pytest.mark.slow
+def test_a_cycles_start_and_multiplier_by_its_parameter():
+    a = 0.3
+    orbit = orbits.find(cycle(Bautin, a, [1.1, 0.0]))
+
+    def numbers(a):
+        found = orbits.solution(cycle(Bautin, a, orbit.y0), orbit)
+        return jnp.linalg.norm(found.y0), found.period, found.exponents()[0].real
+
+    # r^2 = (1 + sqrt(1 + 4 a)) / 2, so dr/da = 1 / (2 r sqrt(1 + 4 a)); exponent 2 r^2 - 4 r^4.
+    r = np.sqrt(0.5 * (1 + np.sqrt(1 + 4 * a)))
+    dr = 1 / (2 * r * np.sqrt(1 + 4 * a))
+    found = jax.jacfwd(numbers)(a)
+    assert gap(found, [dr, 0.0, (4 * r - 16 * r**3) * dr]) < 1e-9
+    assert gap(numbers(a), [r, 2 * np.pi, 2 * r**2 - 4 * r**4]) < 1e-10
+
+
+@pytest.mark.slow
+def test_the_eight_by_a_mass_against_orbits_found_again():
+    half = orbits.reversal(orbits.of_points([1, 0, 2], (-1, -1), reversing=True))
+    eight = orbits.find(scenes.three_body(m=(1.0, 1.0, 0.98)), closing=half)
+    hold = (orbits.Energy(float(energy.energy(eight.scene, jnp.zeros(()), eight.y0))),)
+
+    def scene(m3):
+        return scenes.three_body(eight.y0, m=jnp.stack([jnp.ones(()), jnp.ones(()), m3]))
+
+    def numbers(m3):
+        found = orbits.solution(scene(m3), eight, hold=hold)
+        return found.period, found.multipliers()[0].real
+
+    def again(m3):
+        found = orbits.find(scene(jnp.asarray(m3)), eight.y0, eight.period, closing=half, hold=hold)
+        return np.array([found.period, orbits.stability(found).nontrivial[0].real])
+
+    # Differences to order 6: which of the two is right, derivatives or differences, is seen only
+    # where the differences' own error is smaller than the gap.
+    h = 4e-4
+    steps = {i: again(0.98 + i * h) - again(0.98 - i * h) for i in (1, 2, 3)}
+    differences = (45 * steps[1] - 9 * steps[2] + steps[3]) / (60 * h)
+    slopes = np.array(jax.jacfwd(numbers)(jnp.asarray(0.98)))
+    assert np.abs(slopes / differences - 1).max() < 1e-9
+
+
+def test_the_period_of_a_pendulum_at_a_held_angle_by_gravity():
+    swing = orbits.find(scenes.pendulum(angle=1.0), period=2.2)
+
+    def period(g):
+        scene = eqx.tree_at(lambda s: s.effects[0].g, swing.scene, g)
+        return orbits.solution(scene, swing, hold="theta").period
+
+    exact = -swing.period / (2 * 9.81)  # T ~ 1 / sqrt(g) at one amplitude
+    assert abs(jax.grad(period)(swing.scene.effects[0].g) - exact) < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("search", "remedy"),
+    [
+        (lambda s, o: orbits.find(s, period=2.2).period, "differentiate orbits.solution"),
+        (lambda s, o: orbits.search(s, None, 1, longest=3.0), "see orbits.solution"),
+        (lambda s, o: orbits.stability(_in(s, o)).nontrivial, "multipliers"),
+        (lambda s, o: orbits.continue_family(_in(s, o)).periods, "orbits.solution"),
+        (lambda s, o: orbits.find_chain([orbits.Leg(s, ())], s.y0, [1.0]), "Find it outside"),
+    ],
+    ids=["find", "search", "stability", "continue_family", "find_chain"],
+)
+@pytest.mark.parametrize("transform", [jax.grad, jax.jit])
+def test_searches_say_that_they_cannot_be_traced(swing, search, remedy, transform):
+    def traced(g):
+        return search(eqx.tree_at(lambda s: s.effects[0].g, swing.scene, g), swing)
+
+    with pytest.raises(ValueError, match=f"expected numbers, got values traced by.*{remedy}"):
+        transform(traced)(9.81)
+
+
+def _in(scene, orbit):
+    return eqx.tree_at(lambda o: o.scene, orbit, scene)
+
+
+def test_an_orbit_that_does_not_close_has_no_derivative(swing):
+    bad = orbits.Orbit(swing.scene, swing.closing, 1.0, orbits.Outcome.BOUND, 1, 1e-14)
+    with pytest.raises(ValueError, match="orbit: expected an orbit that closes"):
+        orbits.solution(bad.scene, bad)

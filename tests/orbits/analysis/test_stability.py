@@ -1,0 +1,260 @@
+"""Multipliers against closed forms, unit ones counted, verdicts that admit what they cannot see."""
+
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import DIFFED, SOLVED, central_difference, gap, kepler
+
+import orbits
+from jaxdyn import Effect, Points, Scene, System
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate.simulation import solve
+from orbits.analysis.stability import _eigenvalues, _rotation_numbers, _verdict
+from orbits.orbit import Orbit, Outcome
+
+
+def orbit_of(scene, rtol=1e-13):
+    """An orbit known in closed form, without a search."""
+    return Orbit(scene, orbits.PLAIN, 0.0, Outcome.FOUND, 0, rtol)
+
+
+class Springs(Effect):
+    """The potential (k_x x^2 + k_y y^2) / 2 of one point of mass 1."""
+
+    k: jax.Array
+    velocity_dependent: ClassVar[bool] = False
+
+    def potential(self, t, r, m):
+        return 0.5 * jnp.sum(self.k * r[0] ** 2)
+
+
+def springs(k, y0=(1.0, 0.3, 0.2, 0.5), t1=2 * np.pi):
+    return Scene(FreePoints(1.0, d=2), (Springs(jnp.asarray(k)),), y0=y0, t1=t1)
+
+
+class StuartLandau(System):
+    """A cycle of radius sqrt(a), period 2 pi / (w + a b), in the first plane; decay c beside it."""
+
+    a: jax.Array
+    b: jax.Array
+    w: jax.Array
+    c: jax.Array
+
+    def labels(self):
+        return (("x", "1"), ("y", "1"), ("z", "1"))
+
+    def points(self, t, y):
+        return Points(y[None], jnp.zeros((1, 3)), jnp.ones(1))
+
+    def rate(self, t, y, effects):
+        r2 = y[0] ** 2 + y[1] ** 2
+        grow, turn = self.a - r2, self.w + self.b * r2
+        x, y, z = y
+        return jnp.stack([grow * x - turn * y, grow * y + turn * x, self.c * z])
+
+
+def stuart_landau(a, b, w, c):
+    system = StuartLandau(*map(jnp.asarray, (a, b, w, c)))
+    return Scene(system, y0=[np.sqrt(a), 0.0, 0.0], t1=2 * np.pi / (w + a * b))
+
+
+@pytest.mark.parametrize(("c", "verdict"), [(-0.02, "stable"), (0.03, "unstable")])
+def test_stuart_landau_has_its_exact_multipliers(c, verdict):
+    a, b, w = 0.3, 0.4, 1.1
+    scene = stuart_landau(a, b, w, c)
+    result = orbits.stability(orbit_of(scene))
+    # Radial perturbations decay at -2 a, those along z at c, those along the flow not at all.
+    exact = np.sort(np.exp(np.array([-2 * a, c]) * float(scene.t1)))[::-1]
+    assert gap(result.nontrivial, exact.astype(complex)) < SOLVED
+    assert (np.abs(result.nontrivial - exact) < result.bars).all()
+    assert (result.unit, result.reasons) == (1, ("flow",))
+    assert result.verdict == verdict
+    assert result.symplectic_defect is None
+    assert result.determinant_defect is None
+    assert result.exponents == (None,)  # two real multipliers, listed as one pair
+
+
+def test_a_shift_that_changes_nothing_is_found_without_being_declared():
+    result = orbits.stability(orbit_of(stuart_landau(0.3, 0.4, 1.1, 0.0)))
+    assert (result.unit, result.reasons) == (2, ("flow", "shift of z"))
+    assert result.verdict == "stable"
+
+
+def test_a_verdict_within_its_bars_is_undecided():
+    # exp(c T) is 1 up to less than its bar, and the shift of z no symmetry of the field.
+    result = orbits.stability(orbit_of(stuart_landau(0.3, 0.4, 1.1, 3e-12)), rtol=1e-9)
+    assert (result.unit, result.verdict) == (1, "undecided")
+
+
+def test_the_product_is_the_exponential_of_the_divergence():
+    class VanDerPol(System):
+        def labels(self):
+            return (("x", "1"), ("v", "1"))
+
+        def points(self, t, y):
+            return Points(y[None, :1], y[None, 1:], jnp.ones(1))
+
+        def rate(self, t, y, effects):
+            return jnp.stack([y[1], (1 - y[0] ** 2) * y[1] - y[0]])
+
+    period = 6.6632868593231301896996820305
+    scene = Scene(VanDerPol(), y0=[2.00861986087484313650940188, 0.0], t1=period)
+    result = orbits.stability(orbit_of(scene))
+    ts = jnp.arange(128) * period / 128
+    x = solve(scene, period, ts=ts, rtol=1e-14).ys[:, 0]
+    # The divergence 1 - x^2 is periodic and smooth: the plain mean is exact to rounding.
+    exact = np.exp(np.mean(1 - x * x) * period)
+    assert abs(result.nontrivial[0] - exact) < SOLVED
+    assert abs(np.linalg.det(result.monodromy) - exact) < SOLVED
+    assert result.verdict == "stable"
+
+
+@pytest.mark.parametrize("e", [0.2, 0.6])
+def test_all_multipliers_of_a_kepler_ellipse_are_one(e):
+    result = orbits.stability(orbit_of(kepler(e)))
+    assert result.unit == 8
+    assert len(result.nontrivial) == 0
+    assert (result.multipliers == 1).all()
+    assert result.exponents == ()
+    assert result.verdict == "stable"
+    assert result.symplectic_defect < SOLVED
+    # The eigenvalues themselves show it only to a root of the rounding: why they are split off.
+    assert np.abs(np.linalg.eigvals(result.monodromy) - 1).max() > 1e-9
+
+
+def test_a_circular_orbit_is_undecided():
+    # Turning it and moving along it are one direction, so two multipliers are left; both are 1.
+    result = orbits.stability(orbit_of(kepler(0.0)))
+    assert result.unit == 6
+    assert gap(result.nontrivial, np.ones(2, complex)) < 1e-6
+    assert result.verdict == "undecided"
+
+
+def test_an_oscillator_confirms_only_what_is_conserved():
+    # Every solution has period 2 pi, so M = 1 fits momenta, shifts and turns as well.
+    result = orbits.stability(orbit_of(springs([1.0, 4.0])))
+    assert gap(result.monodromy, np.eye(4)) < SOLVED
+    assert result.reasons == ("energy", "flow")
+    assert result.unit == 2
+    assert gap(result.nontrivial, np.ones(2, complex)) < SOLVED
+    assert result.verdict == "undecided"
+
+
+def test_a_round_oscillator_has_its_angular_momentum_too():
+    result = orbits.stability(orbit_of(springs([1.0, 1.0])))
+    assert set(result.reasons) == {"energy", "angular momentum", "flow", "turn in xy"}
+    assert len(result.nontrivial) == 0
+    assert result.verdict == "stable"
+
+
+@pytest.mark.parametrize(
+    ("k", "nu", "verdict"),
+    [
+        (1.3**2, 0.3, "stable"),
+        (0.8**2, 0.2, "stable"),
+        (1.5**2, 0.5, "undecided"),  # both at -1: they could leave the circle there
+        (-0.3, None, "unstable"),
+    ],
+)
+def test_motion_along_one_spring_and_the_other_beside_it(k, nu, verdict):
+    # Along x with frequency 1; a perturbation in y turns by 2 pi sqrt(k), or grows.
+    result = orbits.stability(orbit_of(springs([1.0, k], y0=[1.0, 0.0, 0.0, 0.0])))
+    assert result.unit == 2
+    assert result.verdict == verdict
+    if nu is None:
+        growth = np.exp(2 * np.pi * np.sqrt(-k))
+        exact = np.array([growth, 1 / growth])
+        assert np.abs(result.nontrivial - exact).max() < SOLVED * growth
+        assert result.exponents == (None,)
+    else:
+        angle = 2 * np.pi * nu
+        assert abs(np.sum(result.nontrivial) - 2 * np.cos(angle)) < SOLVED
+        if verdict == "stable":
+            assert abs(result.exponents[0] - nu) < SOLVED
+    assert result.symplectic_defect < SOLVED
+    assert result.determinant_defect < 1e-9
+
+
+def test_monodromy_is_the_derivative_of_the_flow():
+    scene = kepler(0.1)
+
+    def end(y):
+        return solve(scene.starting(y), 1.0, rtol=1e-14).y1
+
+    exact = orbits.monodromy(scene, period=1.0)
+    assert gap(exact, central_difference(end, scene.y0)) < DIFFED
+    assert gap(exact, orbits.monodromy(kepler(0.0), scene.y0, 1.0)) == 0
+
+
+def test_a_tolerance_too_loose_shows_in_the_bars_and_the_verdict():
+    scene = springs([1.0, 1.01**2], y0=[1.0, 0.0, 0.0, 0.0])
+    tight = orbits.stability(orbit_of(scene))
+    loose = orbits.stability(orbit_of(scene), rtol=1e-3)
+    assert tight.verdict == "stable"
+    assert loose.verdict == "undecided"
+    assert loose.bars.min() > 1e6 * tight.bars.max()
+    medium = orbits.stability(orbit_of(scene), rtol=1e-7)
+    assert medium.verdict == "stable"
+    assert abs(medium.nontrivial[0] - tight.nontrivial[0]) < medium.bars[0]
+
+
+def test_eigenvalues_that_meet_have_wide_bars():
+    error = 1e-12
+    apart, bars = _eigenvalues(np.diag([1.0, 2.0]), error)
+    assert gap(apart, np.array([2.0 + 0j, 1.0])) == 0
+    assert (bars < 2 * error).all()
+    block = np.array([[1.0, 1.0], [1e-14, 1.0]])
+    values, bars = _eigenvalues(block, error)
+    assert gap(values, np.array([1 + 1e-7 + 0j, 1 - 1e-7])) < 1e-9
+    # An error of 1e-12 in the corner moves them by 1e-6.
+    assert (bars > 1e-6).all()
+    assert (bars < 1e-5).all()
+
+
+CIRCLE = np.exp(2j * np.pi * np.array([0.1, -0.1, 0.3, -0.3]))
+
+
+@pytest.mark.parametrize(
+    ("values", "bar", "conservative", "verdict"),
+    [
+        (CIRCLE, 1e-10, True, "stable"),
+        (CIRCLE, 0.4, True, "undecided"),  # any two could have met
+        (CIRCLE, 1e-10, False, "undecided"),  # on the circle nothing holds them there
+        (0.9 * CIRCLE, 1e-10, False, "stable"),
+        (0.9 * CIRCLE, 0.05, False, "undecided"),
+        (1.1 * CIRCLE, 1e-10, False, "unstable"),
+        (1.1 * CIRCLE, 0.05, False, "undecided"),
+        (np.array([1 + 1e-6, 1 - 1e-6]), 1e-6, True, "undecided"),
+        (np.array([1 + 1e-6, 1 - 1e-6]), 1e-8, True, "unstable"),
+        (np.array([-1.0 + 0j, -1.0]), 1e-8, True, "undecided"),
+        (
+            np.exp(2j * np.pi * np.array([0.2, -0.2, 0.2 + 1e-10, -0.2 - 1e-10])),
+            1e-9,
+            True,
+            "undecided",
+        ),
+        (np.zeros(0), 1e-10, True, "stable"),
+    ],
+)
+def test_verdicts_keep_away_from_their_bars(values, bar, conservative, verdict):
+    assert _verdict(values, np.full(len(values), bar), conservative) == verdict
+
+
+def test_rotation_numbers_come_by_pairs():
+    values = np.array([2.0, CIRCLE[2], CIRCLE[3], 0.5, CIRCLE[0], CIRCLE[1]])
+    numbers = _rotation_numbers(values, np.full(6, 1e-10))
+    assert numbers[0] is None
+    np.testing.assert_allclose(numbers[1:], [0.1, 0.3], atol=1e-15)
+    assert _rotation_numbers(np.array([-2.0 + 0j, -0.5]), np.full(2, 1e-10)) == (None,)
+    # A quadruple off the circle: two pairs, their angles counted, one of them each.
+    quadruple = np.array([1.2, 1.2, 1 / 1.2, 1 / 1.2]) * CIRCLE[[0, 1, 0, 1]]
+    np.testing.assert_allclose(_rotation_numbers(quadruple, np.full(4, 1e-10)), [0.1, 0.1])
+
+
+def test_a_motion_that_ends_before_its_period_has_no_multipliers():
+    falling = kepler(0.0).starting([-0.5, 0, 0.5, 0, 0, 0, 0, 0])
+    with pytest.raises(ValueError, match="orbit: expected a motion that lasts for its period, got"):
+        orbits.stability(orbit_of(falling))

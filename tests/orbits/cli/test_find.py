@@ -1,0 +1,185 @@
+"""`orbits find`: any scene's orbit, what is claimed of it, and what it says where there is none."""
+
+import json
+import sys
+
+import jax
+import numpy as np
+import pytest
+from rich.console import Console
+from scipy.special import ellipk
+
+from jaxdyn import scenes
+from jaxdyn.files import records
+from jaxdyn.scenes import catalogue
+from orbits import PLAIN, find
+from orbits.analysis.identity import identify
+from orbits.analysis.report import report
+from orbits.cli import app as cli
+from orbits.cli.printed import print_reports
+from orbits.files import family_files
+from orbits.files import orbit_files as files
+from orbits.orbit import Orbit, Outcome
+
+
+def period_of(energy: float, length: float = 1.0) -> float:
+    """Of a pendulum of mass 1 with this energy: 4 sqrt(l / g) K(sin^2(largest angle / 2))."""
+    return 4 * np.sqrt(length / 9.81) * ellipk((1 + energy / (9.81 * length)) / 2)
+
+
+@pytest.fixture
+def orbits(capsys, monkeypatch):
+    """A function that runs the command line: (exit code, standard output, standard error)."""
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["orbits", *map(str, words)])
+        try:
+            cli.main()
+        except SystemExit as end:
+            return end.code or 0, *capsys.readouterr()
+        return 0, *capsys.readouterr()
+
+    return run
+
+
+@pytest.mark.slow
+def test_a_pendulum_from_its_own_return_saved_and_verified(orbits, tmp_path):
+    path, picture = tmp_path / "swing.json", tmp_path / "swing.png"
+    words = ("find", "pendulum", "--set", "angle=2", "--set", "t1=6", "--json")
+    code, out, err = orbits(*words, "--save", path, "--plot", picture)
+    assert code == 0, err
+    found = json.loads(out)
+    assert abs(found["period"] - period_of(found["energy"])) < 1e-12
+    assert found["minimal_period"] == found["period"]
+    # The member of the family that was set, not one beside it.
+    assert abs(found["energy"] + 9.81 * np.cos(2.0)) < 1e-12
+    assert found["start_moved"] < 1e-12
+    nothing = ("choreography", "permutation_error", "word", "scale_free", "normal_form")
+    assert [found[key] for key in (*nothing, "angular_momentum")] == [None] * 6
+    assert found["closure"] < 1e-12
+    assert picture.stat().st_size > 10_000
+    code, out, _ = orbits("verify", path)
+    assert code == 0
+    assert "every claim of the file holds" in out
+    assert "choreography" not in out  # rows that say nothing are left out
+
+
+def test_no_orbit_is_exit_code_1_with_the_reason(orbits):
+    code, out, err = orbits("find", "cannonball", "--period", "1", "--json")
+    assert code == 1
+    answer = json.loads(out)
+    assert answer["outcome"] != "FOUND"
+    assert answer["message"] in err
+    assert answer["best_iterate"]["largest_error"] > 0
+
+
+@pytest.mark.slow
+def test_the_start_and_how_far_it_moved_are_shown(orbits):
+    words = ("pendulum", "--set", "angle=1", "--set", "rate=0.5", "--period", "2.2")
+    code, out, err = orbits("find", *words, "--hold", "theta", "--energy", "-5")
+    assert code == 0, err
+    rate = np.sqrt(2 * (9.81 * np.cos(1.0) - 5.0))
+    assert f"start: theta = 1, theta_dot = {rate:.12g}\n" in out
+    assert f"moved by {rate - 0.5:.1e} from where the search began" in out
+
+
+MISUSE = [
+    (["pendullum"], "Did you mean"),
+    (["pendulum", "--set", "angel=1"], "Did you mean"),
+    (["pendulum", "--closing", "plane"], "Did you mean"),
+    (["pendulum", "--closing", "choreography"], "Only free points can follow it"),
+    (["pendulum", "--closing", "relative"], "Nothing turns its state"),
+    (["pendulum", "--set", "rate=1", "--closing", "reversal"], "that the time reversal"),
+    (["pendulum", "--period", "-1"], "period: expected > 0"),
+    (["pendulum", "--period", "2", "--hold", "angle"], "one of theta, theta_dot, got 'angle'"),
+    (["shaken_pendulum"], "--period: expected one, a multiple of the drive's"),
+    (["cannonball"], "does not nearly come back"),
+    (["pendulum", "--save", "no/such/folder/x.json"], "a file in a folder that exists"),
+]
+
+
+@pytest.mark.parametrize(("words", "message"), MISUSE)
+def test_misuse_is_exit_code_2_and_one_line(orbits, words, message):
+    code, out, err = orbits("find", *words)
+    assert code == 2
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    assert message in err
+    assert out == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--within", "5"], "--within: expected two bounds"),
+        (["--within", "1,x"], "--within: expected numbers with commas between"),
+        (["--within", "5,1"], "--within: expected two bounds, the lower one first"),
+        (["--energies", "nan,1"], "--energies: expected two bounds, the lower one first"),
+        (["--step", "0"], "--step: expected > 0"),
+        (["--members", "0"], "--members: expected a whole number, at least 1"),
+    ],
+)
+def test_a_family_without_sense_is_refused_before_its_orbit_is_sought(orbits, words, message):
+    code, out, err = orbits("family", "pendulum", *words)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"error: {message}")
+
+
+@pytest.mark.slow
+def test_a_family_shows_each_member_as_it_is_found(orbits, tmp_path):
+    path = tmp_path / "family.json"
+    words = ("pendulum", "--set", "angle=2", "--period", "2.7", "--members", "2", "--json")
+    code, out, err = orbits("family", *words, "--save", path)
+    assert code == 0, err
+    assert len(json.loads(out)["members"]) == 2
+    lines = [
+        f"  period {member.orbit.period:.12g}   {member.verdict}"
+        for member in family_files.load(path).members
+    ]
+    assert "\n".join(lines) in err
+    assert "largest error" in err  # of the first orbit
+
+
+def test_no_family_is_one_json_object_too(orbits):
+    code, out, err = orbits("family", "cannonball", "--period", "1", "--json")
+    assert code == 1
+    assert json.loads(out)["message"] in err
+
+
+@pytest.mark.slow
+def test_multipliers_that_are_all_1_are_no_afterthought(capsys):
+    swing = find(scenes.pendulum(angle=2.0), period=2.7)
+    print_reports({"swing": report(swing)}, Console(width=100))
+    shown = capsys.readouterr().out
+    assert " 2 times 1 " in shown
+    assert "and 2 times 1" not in shown
+
+
+def orbit_of(scene) -> Orbit:
+    return Orbit(scene, PLAIN, 0.0, Outcome.FOUND, 0, 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("scene", "energy"),
+    [
+        (scenes.oscillator(k=4.0), 2.0),  # k x^2 / 2
+        (scenes.oscillator(k=4.0, c=0.1), None),
+        (scenes.lorenz(t1=2.0), None),  # no material points at all
+    ],
+    ids=["conserved", "damped", "no points"],
+)
+def test_an_energy_is_claimed_only_where_it_is_kept(scene, energy):
+    what = identify(orbit_of(scene))
+    assert what.energy == energy
+    assert what.angular_momentum is None
+    assert what.choreography is None
+
+
+@pytest.mark.parametrize("name", catalogue.entries())
+def test_every_scene_can_be_kept_in_a_file(name):
+    scene = catalogue.entries()[name].make()
+    text = json.dumps(records.encode(scene))
+    read = records.decode(json.loads(text), "scene", files.KINDS)
+    assert jax.tree.structure(read) == jax.tree.structure(scene)
+    for one, two in zip(jax.tree.leaves(read), jax.tree.leaves(scene), strict=True):
+        np.testing.assert_array_equal(one, two)

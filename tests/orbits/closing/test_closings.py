@@ -1,0 +1,172 @@
+"""Closing conditions: by symmetry, by reversal, up to a turn, on constraints, with conditions."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import SOLVED, gap
+from scipy.special import ellipk
+
+import orbits
+from jaxdyn import effects, scenes
+from jaxdyn.analysis import energy
+from jaxdyn.integrate.simulation import solve
+
+EULER = orbits.of_points([1, 0, 2], (-1, -1), reversing=True)
+
+
+def swing_period(angle: float, g: float = 9.81) -> float:
+    """Period of a pendulum of length 1 that swings to an angle, by the elliptic integral."""
+    return 4 * ellipk(np.sin(angle / 2) ** 2) / np.sqrt(g)
+
+
+@pytest.fixture(scope="module")
+def ring():
+    return orbits.find(scenes.three_body(), closing=orbits.choreography(3))
+
+
+def test_the_eight_by_reversal_is_the_eight_by_choreography(ring):
+    half = orbits.find(scenes.three_body(), closing=orbits.reversal(EULER))
+    assert half.closing.parts == 2
+    assert len(half.closing.free(12)) == 6  # half of the unknowns
+    assert gap(half.y0[:6], EULER.act(half.y0)[:6]) == 0.0
+    a, b = (orbits.identify(orbit).scale_free for orbit in (half, ring))
+    assert abs(a - b) < SOLVED
+    assert orbits.closure(half) < SOLVED
+
+
+@pytest.mark.slow
+def test_the_eight_is_a_relative_orbit_that_does_not_turn(ring):
+    orbit = orbits.find(scenes.three_body(), closing=orbits.relative())
+    assert abs(orbit.angle) < SOLVED
+    assert abs(orbits.identify(orbit).scale_free - orbits.identify(ring).scale_free) < SOLVED
+    linear, whole = orbits.stability(orbit), orbits.stability(ring)
+    assert gap(linear.nontrivial, whole.nontrivial) < 1e-9
+
+
+@pytest.mark.slow
+def test_a_rosette_turns_by_twice_the_apsidal_angle():
+    law = effects.PowerLaw(1.0, -1.0)
+    scene = scenes.power_law(n=-1.0, speed=0.6)
+    orbit = orbits.find(scene, period=3.18, closing=orbits.relative())
+    ts = np.linspace(0.0, orbit.period, 4001)
+    r = np.linalg.norm(np.asarray(solve(orbit.scene, orbit.period, ts=ts).ys)[:, :2], axis=1)
+    # The radii on a grid; the angle is stationary in neither, so only to the grid's error.
+    exact = 2 * float(scenes.apsidal_angle(law, r.min(), r.max()))
+    assert abs((orbit.angle - exact + np.pi) % (2 * np.pi) - np.pi) < 1e-5
+    assert orbit.residual < SOLVED
+    assert orbits.closure(orbit, periods=3) < 10 * SOLVED
+
+
+def test_half_a_swing_gives_the_period():
+    closing = orbits.reversal(orbits.backwards(2))
+    orbit = orbits.find(scenes.pendulum(angle=1.2), period=2.3, closing=closing)
+    assert orbit.y0[1] == 0.0
+    assert abs(orbit.period - swing_period(float(orbit.y0[0]))) < SOLVED
+
+
+@pytest.mark.slow
+def test_an_orbit_on_a_constraint_surface():
+    orbit = orbits.find(scenes.pendulum(angle=1.0, formulation="constrained"), period=2.2)
+    x, y = orbit.y0[:2]
+    assert abs(np.hypot(x, y) - 1.0) < 1e-14
+    e = float(energy.energy(orbit.scene, jnp.zeros(()), orbit.y0))
+    assert abs(orbit.period - swing_period(np.arccos(-e / 9.81))) < SOLVED
+    linear = orbits.stability(orbit)
+    assert linear.multipliers.shape == (2,)  # two of four directions lie on the surface
+    assert linear.unit == 2
+
+
+def test_a_pendulum_that_goes_over_the_top_closes_after_a_turn():
+    orbit = orbits.find(scenes.pendulum(angle=0.0, rate=8.0), period=1.0)
+    w0 = float(orbit.y0[1])
+    m = 4 * 9.81 / w0**2  # at the bottom, angle 0: T = (4 / w0) K(4 g / w0^2)
+    angle = float(orbit.y0[0])
+    w0 = np.sqrt(w0**2 + 2 * 9.81 * (1 - np.cos(angle)))
+    m = 4 * 9.81 / w0**2
+    assert abs(orbit.period - 4 / w0 * ellipk(m)) < SOLVED
+
+
+@pytest.mark.parametrize("segments", [1, 3])
+def test_a_driven_orbit_in_segments(segments):
+    k, w, f = 4.0, 1.3, 0.7
+    scene = scenes.oscillator(k=k) + effects.SinusoidalForce([f], w)
+    orbit = orbits.find(scene, [0.1, 0.3], 2 * np.pi / w, segments=segments)
+    # x = f sin(w t) / (k - w^2), the only motion with the drive's period.
+    assert gap(orbit.y0, [0.0, f * w / (k - w * w)]) < SOLVED
+
+
+def test_conditions_pick_one_of_a_family():
+    orbit = orbits.find(scenes.pendulum(angle=1.0), period=2.2, hold=orbits.Period(2.5))
+    assert abs(orbit.period - 2.5) < SOLVED
+    e = -9.81 * np.cos(1.5)
+    held = [orbits.Energy(e), orbits.Section(1, 0.0)]
+    orbit = orbits.find(scenes.pendulum(angle=1.4), period=2.4, hold=held)
+    assert gap(np.abs(orbit.y0), [1.5, 0.0]) < SOLVED
+    assert abs(orbit.period - swing_period(1.5)) < SOLVED
+
+
+@pytest.mark.parametrize("hold", [(), "theta", ["theta_dot"], orbits.Section(0, 2.0)])
+@pytest.mark.parametrize("period", [2.3, 2.66, 3.0])
+def test_a_start_that_is_periodic_stays_and_only_the_guessed_period_moves(hold, period):
+    orbit = orbits.find(scenes.pendulum(angle=2.0), period=period, hold=hold)
+    assert gap(orbit.y0, [2.0, 0.0]) < SOLVED
+    assert orbit.shift < SOLVED
+    assert abs(orbit.period - swing_period(2.0)) < SOLVED
+
+
+def test_a_held_entry_stays_where_the_start_has_to_move():
+    held = ["theta", orbits.Energy(-5.0)]
+    orbit = orbits.find(scenes.pendulum(angle=1.0, rate=0.5), period=2.2, hold=held)
+    rate = np.sqrt(2 * (9.81 * np.cos(1.0) - 5.0))
+    assert gap(orbit.y0, [1.0, rate]) < SOLVED
+    assert abs(orbit.shift - (rate - 0.5)) < SOLVED
+    # Without a reason to stay both entries move.
+    free = orbits.find(scenes.pendulum(angle=1.0, rate=0.5), period=2.2, hold=orbits.Energy(-5.0))
+    assert abs(free.y0[0] - 1.0) > 1e-3
+    assert free.shift == np.abs(np.asarray(free.y0) - [1.0, 0.5]).max()
+
+
+def test_segments_are_chosen_by_growth():
+    a, b, period = 0.5379557207, 0.3414578545, 26.918669616
+    y0 = [-1, 0, 1, 0, 0, 0, a, b, a, b, -2 * a, -2 * b]
+    orbit = orbits.find(scenes.three_body(y0), None, period, closing=orbits.reversal(EULER))
+    assert orbit.residual < SOLVED
+    assert orbit.iterations <= 6  # from a published row of 10 digits
+    assert abs(orbit.period - period) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("closing", "message"),
+    [
+        (orbits.relative("turn in zz"), "turn: expected one of"),
+        (orbits.reversal(orbits.of_points([1, 0, 2], (1, 1))), "time reversals that undo"),
+        (orbits.Return(EULER), "a symmetry that keeps the sense of time"),
+        (orbits.reversal(orbits.backwards(12)), "a start that the time reversal of 'reversal'"),
+        (orbits.Return(orbits.Symmetry(None, (1, -1))), "closing: expected 12 signs"),
+        ("choreography", "closing: expected"),
+    ],
+)
+def test_misuse_of_closings(closing, message):
+    with pytest.raises(ValueError, match=message):
+        orbits.find(scenes.three_body(), closing=closing)
+
+
+@pytest.mark.parametrize(
+    ("hold", "message"),
+    [
+        (orbits.Energy(np.nan), "energy: expected finite numbers"),
+        (orbits.Period(-1.0), "period: expected > 0"),
+        (orbits.Section(12), "entry: expected an entry of the state, 0 to 11"),
+        ("energy", "hold: expected one of .*got 'energy'"),
+        (1.0, "hold: expected a Condition"),
+    ],
+)
+def test_misuse_of_conditions(hold, message):
+    with pytest.raises(ValueError, match=message):
+        orbits.find(scenes.three_body(), hold=[hold])
+
+
+def test_two_reversals_need_their_parts():
+    other = orbits.of_points([1, 0, 2], (1, -1), reversing=True)
+    with pytest.raises(ValueError, match="parts: expected a number where two reversals differ"):
+        orbits.reversal(EULER, other)

@@ -1,0 +1,84 @@
+"""A search that is killed at any moment goes on from its file and loses nothing."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from two_cycles import two_cycles
+
+import orbits
+from jaxdyn.files import records
+from orbits.discovery import journal as table
+
+SAMPLES = 6
+_SEARCH = """
+import sys, jaxdyn
+from concurrent.futures import ThreadPoolExecutor
+jaxdyn.configure()
+from test_killed import searched
+searched(path=sys.argv[1], executor=ThreadPoolExecutor(1))
+"""
+
+
+def searched(**options):
+    box = orbits.Box((0.6, 0.6), (1.6, 1.6))
+    return orbits.search(two_cycles(), box, SAMPLES, longest=3.5, windows=2, chunk=1, **options)
+
+
+def begun(path):
+    where = {"PYTHONPATH": ":".join([os.path.dirname(__file__), *sys.path])}
+    command = [sys.executable, "-c", _SEARCH, str(path)]
+    return subprocess.Popen(command, env=os.environ | where)
+
+
+def lines(path) -> int:
+    return path.read_bytes().count(b"\n") if path.exists() else 0
+
+
+@pytest.mark.slow
+def test_a_search_that_is_killed_again_and_again_ends_with_the_same_table(tmp_path):
+    path = tmp_path / "search.jsonl"
+    random = np.random.default_rng(3)
+    before = []
+    for wanted in (1, 2, 4):  # its first line, its first chunk, its third
+        run = begun(path)
+        while lines(path) < wanted and run.poll() is None:
+            time.sleep(0.005)
+        time.sleep(0.1 * random.random())
+        run.send_signal(signal.SIGKILL)
+        run.wait()
+        _, chunks = table.read(path)
+        assert all(chunk in chunks for chunk in before)
+        before = chunks
+    run = begun(path)
+    assert run.wait() == 0
+    whole = searched()
+    again = searched(path=path)
+    assert again.finds == whole.finds
+    assert again.counts == whole.counts
+    assert [chunk.number for chunk in table.read(path)[1]] == list(range(SAMPLES))
+    assert lines(path) == 1 + SAMPLES
+
+
+def test_a_write_that_is_killed_leaves_the_old_file_or_the_new_one(tmp_path):
+    path = tmp_path / "record.json"
+    code = (
+        "import sys\n"
+        "from jaxdyn import records\n"
+        "for i in range(10**9):\n"
+        "    record = {'format': 'x', 'version': 1, 'number': i, 'rest': [i] * 2000}\n"
+        "    records.write(sys.argv[1], record)\n"
+    )
+    command = [sys.executable, "-c", code, str(path)]
+    run = subprocess.Popen(command, env=os.environ | {"PYTHONPATH": ":".join(sys.path)})
+    while not path.exists() and run.poll() is None:
+        time.sleep(0.005)
+    time.sleep(0.2)
+    run.send_signal(signal.SIGKILL)
+    run.wait()
+    record = records.read(path, "x", 1)
+    assert record["rest"] == [record["number"]] * 2000

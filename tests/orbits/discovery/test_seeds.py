@@ -1,0 +1,89 @@
+"""Guesses for free: each leads to an orbit that is known by another route."""
+
+import numpy as np
+import pytest
+from two_cycles import two_cycles
+
+import orbits
+from jaxdyn import scenes
+from orbits.discovery import seeds
+
+
+def test_a_pendulums_mode_leads_to_its_swings():
+    scene = scenes.pendulum(length=1.0, g=1.0)
+    (seed,) = seeds.modes(scene, [0.0, 0.0], 0.3)
+    assert seed.period == pytest.approx(2 * np.pi, rel=1e-12)
+    np.testing.assert_allclose(np.abs(seed.y0), [0.3, 0.0], atol=1e-15)
+    orbit = orbits.find(scene, seed.y0, seed.period)
+    # 4 K(sin(A / 2)), by the arithmetic-geometric mean.
+    a, g = 1.0, np.cos(0.5 * amplitude(orbit))
+    for _ in range(6):
+        a, g = 0.5 * (a + g), np.sqrt(a * g)
+    assert orbit.period == pytest.approx(2 * np.pi / a, rel=1e-11)
+    assert amplitude(orbit) > 0.1
+
+
+def amplitude(orbit):
+    """Largest angle of a pendulum with g = l, from its energy."""
+    angle, speed = (float(x) for x in orbit.y0)
+    return float(np.arccos(np.cos(angle) - 0.5 * speed**2))
+
+
+def test_motions_that_grow_have_no_mode():
+    assert seeds.modes(scenes.pendulum(), [np.pi, 0.0], 0.1) == []
+    assert seeds.modes(scenes.oscillator(c=0.5), [0.0, 0.0], 0.1) == []
+    with pytest.raises(ValueError, match="y: expected a rest point"):
+        seeds.modes(scenes.pendulum(), [1.0, 0.0], 0.1)
+    with pytest.raises(ValueError, match="amplitude: expected > 0"):
+        seeds.modes(scenes.pendulum(), [0.0, 0.0], 0.0)
+
+
+def test_a_long_run_returns_to_the_cycle():
+    run = seeds.returns(two_cycles(), 20.0, longest=2.0, shortest=0.5)
+    assert 1 <= len(run) <= 10
+    orbit = orbits.find(two_cycles(), run[0].y0, run[0].period)
+    assert orbit.period == pytest.approx(2 * np.pi / 5, rel=1e-11)
+    with pytest.raises(ValueError, match="longest: expected above shortest"):
+        seeds.returns(two_cycles(), 1.0, longest=2.0)
+    with pytest.raises(ValueError, match="longest: expected at least"):
+        seeds.returns(two_cycles(), 1e4, longest=2.0)
+
+
+def test_starts_on_a_line_are_kept_by_the_reversal():
+    reversal = orbits.of_points([1, 0, 2], (-1, -1), reversing=True)
+    low, high = np.full(12, 0.1), np.full(12, 0.5)
+    low[:2], high[:2] = [-1.0, 0.0], [-1.0, 0.0]
+    shape = [1] * 6 + [3, 2] + [1] * 4
+    starts = seeds.line(reversal, low, high, shape)
+    assert starts.shape == (6, 12)
+    for y in starts:
+        np.testing.assert_allclose(np.asarray(reversal.act(y)), y, atol=1e-15)
+    with pytest.raises(ValueError, match="shape: expected 12 entries"):
+        seeds.line(reversal, low, high, [1])
+
+
+def test_a_published_row_is_the_eight():
+    scene, seed = seeds.row(0.3471168881, 0.5327249454, 6.3259139829)
+    orbit = orbits.find(scene, seed.y0, seed.period, closing=orbits.choreography(3))
+    # The eight's line of starts is also one where the third body is in the middle.
+    assert orbits.identify(orbit).choreography
+    np.testing.assert_allclose(orbit.y0, seed.y0, atol=1e-8)
+    np.testing.assert_array_equal(seeds.rows(np.array([[1.0, 2.0]]))[0, 6:], [1, 2, 1, 2, -2, -4])
+
+
+def test_descent_leads_to_where_newton_begins():
+    scene = two_cycles()
+    rough = seeds.Seed(np.array([1.6, 0.3]), 1.6)
+    before = orbits.find(scene, rough.y0, rough.period, max_iterations=1, throw=False).residual
+    better = seeds.descend(scene, rough, steps=300)
+    end = orbits.find(scene, better.y0, better.period)
+    assert end.period == pytest.approx(2 * np.pi / 5, rel=1e-11)
+    after = orbits.find(scene, better.y0, better.period, max_iterations=1, throw=False).residual
+    assert after < 0.5 * before
+    with pytest.raises(ValueError, match="steps: expected at least 1"):
+        seeds.descend(scene, rough, steps=0)
+    with pytest.raises(ValueError, match="rate: expected > 0"):
+        seeds.descend(scene, rough, rate=0.0)
+    turning = orbits.Return(turn="turn in xy")
+    with pytest.raises(ValueError, match="without an unknown turn"):
+        seeds.descend(scene, rough, closing=turning)

@@ -1,0 +1,175 @@
+"""Families as lists: kept in files to the bit, drawn, and made on the command line."""
+
+import json
+import math
+import sys
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+from jaxdyn import scenes
+from orbits import PLAIN, Kind, drawing
+from orbits.cli import app as cli
+from orbits.families.parameters import maker
+from orbits.files import family_files
+from orbits.files.family_files import Entry, Listing
+from orbits.orbit import Orbit, Outcome
+
+
+def entry(length: float, verdict: str, kind: Kind | None = None) -> Entry:
+    scene = scenes.pendulum(length=length, t1=2.0 * length)
+    orbit = Orbit(scene, PLAIN, math.nan, Outcome.FOUND, 0, 1e-13)
+    return Entry(orbit, length, -length, verdict, kind)
+
+
+VERDICTS = ("stable", "stable", "unstable", "unstable", "undecided")
+LISTED = Listing(
+    "length",
+    tuple(entry(1.0 + 0.1 * i, verdict) for i, verdict in enumerate(VERDICTS)),
+    (entry(1.15, "undecided", Kind.FOLD), entry(1.35, "undecided", Kind.DOUBLING)),
+    "the number of members asked for, 5",
+)
+
+
+@pytest.fixture
+def saved(tmp_path):
+    path = tmp_path / "family.json"
+    family_files.save(path, LISTED)
+    return path
+
+
+def test_a_family_is_read_back_to_the_bit(saved):
+    found = family_files.load(saved)
+    assert (found.parameter, found.end) == (LISTED.parameter, LISTED.end)
+    for one, two in ((found.members, LISTED.members), (found.special, LISTED.special)):
+        for a, b in zip(one, two, strict=True):
+            assert (a.parameter, a.energy, a.verdict, a.kind) == (
+                *(b.parameter, b.energy, b.verdict),
+                b.kind,
+            )
+            assert (a.orbit.period, a.orbit.rtol) == (b.orbit.period, b.orbit.rtol)
+            np.testing.assert_array_equal(a.orbit.y0, b.orbit.y0)
+
+
+def test_a_family_without_a_parameter_has_none_in_its_file(tmp_path):
+    one = Entry(LISTED.members[0].orbit, math.nan, -1.0, "stable")
+    family_files.save(tmp_path / "f.json", Listing(None, (one,), (), "its bounds"))
+    assert json.loads((tmp_path / "f.json").read_text())["members"][0]["parameter"] is None
+    assert math.isnan(family_files.load(tmp_path / "f.json").members[0].parameter)
+
+
+HOSTILE = [
+    ((), lambda record: [], "expected format 'jaxdyn-family', got 'list'"),
+    (("format",), lambda name: "jaxdyn-orbit", "expected format 'jaxdyn-family'"),
+    (("version",), lambda version: 99, "expected version 3, got 99"),
+    (("more",), lambda _: 1, "expected the entries"),
+    (("parameter",), lambda _: 3, "a parameter's name"),
+    (("end",), lambda _: None, "a reason of the end"),
+    (("members",), lambda _: [], "at least one member"),
+    (("members",), lambda _: {}, "a list of orbits"),
+    (("members", 0), lambda _: 7, "orbits with"),
+    (("members", 0, "parameter"), lambda _: None, "numbers for energy and parameter"),
+    (("members", 0, "energy"), lambda _: True, "numbers for energy and parameter"),
+    (("members", 0, "energy"), lambda _: "0", "numbers for energy and parameter"),
+    (("members", 0, "verdict"), lambda _: "fine", "a verdict and a kind"),
+    (("members", 0, "verdict"), lambda _: ["stable"], "a verdict and a kind"),
+    (("special", 0, "kind"), lambda _: "kink", "a verdict and a kind"),
+    (("special", 0, "kind"), lambda _: {}, "a verdict and a kind"),
+    (("members", 1, "orbit"), lambda _: [], "a complete orbit"),
+    (("members", 1, "orbit", "rtol"), lambda _: 2.0, "0 < rtol < 1"),
+    (("members", 1, "orbit", "angle"), lambda _: "nan", "0 < rtol < 1"),
+    (("members", 1, "orbit", "scene"), lambda _: {"type": "os"}, "expected one of"),
+    (("members", 1, "orbit", "scene", "y0"), lambda y: y[:1], "y0"),
+]
+
+
+@pytest.mark.parametrize(("keys", "to", "message"), HOSTILE)
+def test_a_file_that_makes_no_sense_is_refused(saved, keys, to, message):
+    record = {"root": json.loads(saved.read_text())}
+    *way, last = ("root", *keys)
+    at = record
+    for key in way:
+        at = at[key]
+    at[last] = to(at[last] if not isinstance(at, dict) or last in at else None)
+    saved.write_text(json.dumps(record["root"]))
+    with pytest.raises(ValueError, match=message.replace("(", r"\(")):
+        family_files.load(saved)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.99])
+def test_a_truncated_file_is_refused(saved, share):
+    text = saved.read_text()
+    saved.write_text(text[: int(share * len(text))])
+    with pytest.raises(ValueError, match="file: expected JSON"):
+        family_files.load(saved)
+
+
+def test_a_picture_shows_stability_and_what_is_special(tmp_path):
+    figure = drawing.family(LISTED, tmp_path / "family.png")
+    assert (tmp_path / "family.png").stat().st_size > 10_000
+    (ax,) = figure.axes
+    lines = {line.get_label(): line for line in ax.lines}
+    assert lines["stable"].get_linestyle() == "-"
+    assert lines["unstable"].get_linestyle() == "--"
+    assert lines["undecided"].get_linestyle() == ":"
+    np.testing.assert_array_equal(lines["stable"].get_ydata(), [2.0, 2.2])
+    np.testing.assert_array_equal(lines["fold"].get_xdata(), [1.15])
+    np.testing.assert_array_equal(lines["period doubling"].get_xdata(), [1.35])
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("length", "period")
+
+
+@pytest.mark.slow
+def test_the_command_continues_a_pendulum_in_its_length(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "family.json"
+    words = ["--parameter", "length", "--period", "2.1", "--members", "3", "--step", "0.2"]
+    monkeypatch.setattr(sys, "argv", ["orbits", "family", "pendulum", *words, "--save", str(path)])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert not end.value.code
+    assert "3 orbits" in capsys.readouterr().out
+    family = family_files.load(path)
+    assert family.parameter == "length"
+    assert np.diff([one.parameter for one in family.members]).min() > 0.05
+    for one in family.members:
+        length = one.parameter
+        squared = (1 + one.energy / (9.81 * length)) / 2  # sin^2 of half the largest angle
+        period = 4 * np.sqrt(length / 9.81) * ellipk(squared)
+        assert abs(one.orbit.period - period) < 1e-11
+        assert one.verdict == "stable"
+
+
+@pytest.mark.slow  # a chaotic scene is searched for a return, then eight orbits
+def test_the_symmetric_orbit_of_lorenz_loses_its_stability_at_a_branch_point(
+    tmp_path, monkeypatch, capsys
+):
+    # Sparrow (1982), The Lorenz Equations: a symmetric orbit above rho = 154.4, two below it.
+    picture = tmp_path / "lorenz.png"
+    words = ["--set", "rho=160", "--set", "t1=10", "--parameter", "rho", "--down", "--step", "1"]
+    words += ["--within", "150,161", "--json", "--plot", str(picture)]
+    monkeypatch.setattr(sys, "argv", ["orbits", "family", "lorenz", *words])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert not end.value.code
+    found = json.loads(capsys.readouterr().out)
+    (point,) = found["special"]
+    assert point["kind"] == Kind.BRANCH
+    assert 154.4 < point["parameter"] < 154.5
+    verdicts = {one["parameter"] > 154.5: one["verdict"] for one in found["members"]}
+    assert verdicts == {True: "stable", False: "unstable"}
+    assert picture.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "message"),
+    [
+        ("pendulum", "lenght", "Did you mean"),
+        ("pendulum", "formulation", "one number"),
+        ("spring_mass", "position", "one number"),
+        ("pendulum", "angle", "one that changes the forces"),
+        ("cylinder_on_ramp", "slope", "one that only changes numbers"),
+    ],
+)
+def test_a_number_that_cannot_be_continued_in_is_refused(name, parameter, message):
+    with pytest.raises(ValueError, match=message):
+        maker(name, {}, parameter)

@@ -1,0 +1,379 @@
+"""The finder on orbits known in closed form; every way a search can end; every misuse."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import SOLVED, gap, kepler, kepler_state
+
+import orbits
+from jaxdyn import Effect, Points, Scene, System, effects, scenes
+from jaxdyn.formulations.newton import FreePoints
+from orbits import Outcome
+from orbits.shooting import equations
+
+#: Period of van der Pol's oscillator for mu = 1 (Andersen and Geer 1982, and many digits since).
+VAN_DER_POL = 6.6632868593231301896996820305
+
+
+class Spring(Effect):
+    """The potential k r^2 / 2, as a user would write it: no force."""
+
+    k: jax.Array
+    velocity_dependent: ClassVar[bool] = False
+
+    def potential(self, t, r, m):
+        return 0.5 * self.k * jnp.sum(r * r)
+
+
+class Planar(System):
+    """A point of a phase plane, for the two oscillators below."""
+
+    def labels(self):
+        return (("x", "1"), ("v", "1"))
+
+    def points(self, t, y):
+        return Points(y[None, :1], y[None, 1:], jnp.ones(1))
+
+
+class VanDerPol(Planar):
+    mu: jax.Array
+
+    def rate(self, t, y, effects):
+        return jnp.stack([y[1], self.mu * (1 - y[0] ** 2) * y[1] - y[0]])
+
+
+class StuartLandau(Planar):
+    """dr/dt = r (a - r^2), dphi/dt = w + b r^2: a circle of radius sqrt(a)."""
+
+    a: jax.Array
+    b: jax.Array
+    w: jax.Array
+
+    def rate(self, t, y, effects):
+        r2 = jnp.sum(y * y)
+        grow, turn = self.a - r2, self.w + self.b * r2
+        return grow * y + turn * jnp.stack([-y[1], y[0]])
+
+
+def van_der_pol(mu=1.0):
+    return Scene(VanDerPol(jnp.asarray(mu)), y0=[2.0, 0.1], t1=6.5)
+
+
+def stuart_landau(a=0.3, b=0.4, w=1.1):
+    return Scene(StuartLandau(*map(jnp.asarray, (a, b, w))), y0=[0.6, 0.1], t1=5.5)
+
+
+class Along(System):
+    """A point on a line that always moves to the right, at the speed of its subclass."""
+
+    def labels(self):
+        return (("x", "1"),)
+
+    def points(self, t, y):
+        return Points(y[None], self.rate(t, y, ())[None], jnp.ones(1))
+
+
+class Never(Along):
+    def rate(self, t, y, effects):
+        return 1 + y * y
+
+
+class Ever(Along):
+    def rate(self, t, y, effects):
+        return jnp.exp(-y)
+
+
+def spring(y0=(1.0, 0.2), k=4.0, t1=3.0):
+    return Scene(FreePoints(1.0, d=1), (Spring(jnp.asarray(k)),), y0=y0, t1=t1)
+
+
+@pytest.fixture(scope="module")
+def cycle():
+    return orbits.find(van_der_pol())
+
+
+def test_a_kepler_ellipse_has_keplers_period():
+    rough = kepler_state(0.5, 0.0) * 1.01
+    orbit = orbits.find(kepler(0.5), rough, 6.2)
+    energy = orbits.identify(orbit).energy
+    # Reduced mass 1/4, G m1 m2 = 1/4: a = -1 / (8 E), and T = 2 pi a^(3/2) by Kepler's third law.
+    assert abs(orbit.period - 2 * np.pi * (-1 / (8 * energy)) ** 1.5) < SOLVED
+    assert gap(orbit.y0, rough) < 0.05
+    assert orbit.residual < SOLVED
+    assert orbits.closure(orbit) < SOLVED
+
+
+def test_a_spring_given_by_its_potential():
+    orbit = orbits.find(spring())
+    assert abs(orbit.period - np.pi) < SOLVED  # 2 pi / sqrt(k / m)
+    assert orbit.residual < SOLVED
+
+
+def test_van_der_pols_cycle(cycle):
+    assert abs(cycle.period - VAN_DER_POL) < SOLVED
+    assert cycle.residual < SOLVED
+
+
+@pytest.mark.parametrize("parameters", [(0.3, 0.4, 1.1), (0.5, -0.2, 1.3)])
+def test_stuart_landaus_cycle(parameters):
+    a, b, w = parameters
+    orbit = orbits.find(stuart_landau(*parameters))
+    assert abs(orbit.period - 2 * np.pi / (w + a * b)) < SOLVED
+    assert abs(np.linalg.norm(orbit.y0) - np.sqrt(a)) < SOLVED
+
+
+@pytest.mark.parametrize("segments", [2, 4])
+@pytest.mark.slow
+def test_segments_give_the_same_orbit(cycle, segments):
+    orbit = orbits.find(van_der_pol(), segments=segments)
+    assert abs(orbit.period - cycle.period) < SOLVED
+    assert orbits.closure(orbit) < SOLVED
+    # The phase is free; the cycle is one curve, so the amplitude on it is not.
+    assert (
+        abs(orbits.stability(orbit).nontrivial[0] - orbits.stability(cycle).nontrivial[0]) < 1e-10
+    )
+    assert orbit.y0.shape == (2,)
+
+
+@pytest.mark.slow
+def test_segments_with_a_symmetry():
+    ring = orbits.choreography(3)
+    one, two = (orbits.find(scenes.three_body(), closing=ring, segments=n) for n in (1, 2))
+    assert abs(one.period - two.period) < 1e-6  # the printed start, 8 digits, chooses the scale
+    a, b = orbits.identify(one).scale_free, orbits.identify(two).scale_free
+    assert abs(a - b) < SOLVED
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_direction_round_the_ring_is_the_guesses(order):
+    ring = orbits.choreography(3)[::order]
+    orbit = orbits.find(scenes.three_body(), closing=ring)
+    assert orbit.closing == orbits.choreography(3)[1]
+    y0 = jnp.asarray(scenes.EIGHT)
+    backwards = y0.at[6:].multiply(-1)
+    orbit = orbits.find(scenes.three_body(backwards), closing=ring)
+    assert orbit.closing == orbits.choreography(3)[0]
+
+
+def test_new_numbers_never_compile_again(cycle):
+    # A direct count: the one compiled function of the finder.
+    before = equations.flow._cache_size()
+    for mu, y0, period in ((1.0, [2.0, 0.0], 6.6), (0.9, [1.9, 0.1], 6.5), (1.1, [2, 0.2], 6.7)):
+        assert orbits.find(van_der_pol(mu), y0, period).ok
+    assert equations.flow._cache_size() == before
+
+
+def test_new_masses_never_compile_again():
+    orbits.find(scenes.three_body(), closing=orbits.choreography(3))
+    before = equations.flow._cache_size()
+    slow = np.sqrt(2.0)  # twice the mass: the same curve, faster
+    y0 = np.array(scenes.EIGHT) * np.repeat([1.0, slow], 6)
+    scene = scenes.three_body(y0, m=(2.0, 2.0, 2.0), t1=scenes.EIGHT_PERIOD / slow)
+    orbit = orbits.find(scene, closing=orbits.choreography(3)[1])
+    assert abs(orbit.period * slow - scenes.EIGHT_PERIOD) < 1e-6
+    assert equations.flow._cache_size() == before
+
+
+def test_bounds_hold_for_every_point_looked_at(monkeypatch):
+    seen, original = [], equations.Equations.__call__
+
+    def watched(self, x, rtol):
+        seen.append(x)
+        return original(self, x, rtol)
+
+    monkeypatch.setattr(equations.Equations, "__call__", watched)
+    low, high = np.array([1.0, -2.0, 6.0]), np.array([1.9, -0.5, 7.0])
+    orbit = orbits.find(van_der_pol(), [1.9, -0.5], lower=low, upper=high)
+    assert abs(orbit.period - VAN_DER_POL) < SOLVED
+    for x in (*seen, [*orbit.y0, orbit.period]):
+        assert (low <= x).all()
+        assert (x <= high).all()
+
+
+def test_a_fixed_entry_of_the_start_chooses_the_phase():
+    inf = np.inf
+    orbit = orbits.find(van_der_pol(), lower=[-inf, 0.0, 1.0], upper=[inf, 0.0, inf])
+    assert orbit.y0[1] == 0.0
+    assert abs(orbit.period - VAN_DER_POL) < SOLVED
+    assert abs(orbit.y0[0] - 2.00861986087484313650940188) < SOLVED  # the amplitude, mu = 1
+
+
+def test_progress_is_reported():
+    steps = []
+    orbit = orbits.find(van_der_pol(), report=steps.append)
+    assert [step.index for step in steps] == list(range(orbit.iterations + 1))
+    assert steps[0].step == 0.0
+    assert steps[0].period == 6.5
+    assert min(step.residual for step in steps) == orbit.residual
+
+
+ONE_SECOND = {"lower": [-np.inf, 1.0], "upper": [np.inf, 1.0]}
+ENDS = {
+    Outcome.ITERATION_LIMIT: (van_der_pol(), {"max_iterations": 2}),
+    # x(1) - x(0) is least, and not zero, in the middle.
+    Outcome.NO_DESCENT: (Scene(Never(), y0=[0.3]), ONE_SECOND),
+    Outcome.COLLISION: (kepler(0.0), {"y0": [-0.5, 0, 0.5, 0, 0, 0, 0, 0]}),
+    # x(1) - x(0) falls for ever as x grows.
+    Outcome.ESCAPE: (Scene(Ever(), y0=[0.01]), ONE_SECOND),
+    Outcome.TRIVIAL: (spring(), {"y0": [0.0, 0.0]}),
+    Outcome.BOUND: (van_der_pol(), {"lower": [1.9, -0.1, 6.0], "upper": [2.1, 0.2, 6.2]}),
+    # Ten million radians, where a step takes about one.
+    Outcome.STEP_LIMIT: (spring(k=1e12, t1=10.0), {}),
+}
+
+
+def test_every_outcome_has_its_case():
+    # BOUND_PASSED is an end of searches for chains; it has its case in test_hopping.
+    assert ENDS.keys() == set(Outcome) - {Outcome.FOUND, Outcome.BOUND_PASSED}
+
+
+@pytest.mark.parametrize("outcome", ENDS, ids=lambda outcome: outcome.name)
+def test_every_way_a_search_fails(outcome):
+    scene, options = ENDS[outcome]
+    orbit = orbits.find(scene, **options, throw=False)
+    assert orbit.outcome == outcome
+    assert not orbit.ok
+    hint = scene.singular if outcome == Outcome.COLLISION else ""
+    assert orbit.message == f"{outcome.message} {hint}".strip()
+    # The best iterate is there, and its error is not small.
+    assert np.isfinite(orbit.y0).all()
+    if outcome != Outcome.TRIVIAL:
+        assert not orbit.residual <= 1e-12
+    with pytest.raises(orbits.SearchError) as caught:
+        orbits.find(scene, **options)
+    assert str(caught.value) == orbit.message
+
+
+def test_messages_say_what_to_do():
+    words = {
+        Outcome.FOUND: "closes",
+        Outcome.ITERATION_LIMIT: "Raise max_iterations",
+        Outcome.NO_DESCENT: "more segments",
+        Outcome.COLLISION: "singularity",
+        Outcome.ESCAPE: "Set bounds",
+        Outcome.TRIVIAL: "lower bound on the period",
+        Outcome.BOUND: "Widen them",
+        Outcome.STEP_LIMIT: "simulate()",
+        Outcome.BOUND_PASSED: "Start elsewhere",
+    }
+    assert words.keys() == set(Outcome)
+    for outcome, word in words.items():
+        assert word in outcome.message
+
+
+@pytest.mark.parametrize("period", [0.05, 0.5, 2.0])
+def test_the_trivial_period_is_not_an_orbit(period):
+    orbit = orbits.find(spring(), None, period, throw=False)
+    assert orbit.outcome == Outcome.TRIVIAL or abs(orbit.period - np.pi) < SOLVED
+
+
+def test_an_equilibrium_is_not_an_orbit():
+    # With the period held at 3 only x = v = 0 closes.
+    held = {"lower": [-9, -9, 3.0], "upper": [9, 9, 3.0]}
+    assert orbits.find(van_der_pol(), **held, throw=False).outcome == Outcome.TRIVIAL
+
+
+def test_a_forced_motion_may_start_at_rest():
+    class Push(Effect):
+        velocity_dependent: ClassVar[bool] = False
+
+        def force(self, t, r, v, m):
+            return jnp.sin(t) * jnp.ones_like(r)
+
+    # x'' = -4 x + sin t: the periodic answer is sin(t) / 3, period 2 pi, imposed by bounds.
+    scene = spring([0.0, 0.0], k=4.5, t1=2 * np.pi) + Push()
+    period = 2 * np.pi
+    orbit = orbits.find(scene, lower=[-9, -9, period], upper=[9, 9, period])
+    assert gap(orbit.y0, jnp.array([0.0, 1 / 3.5])) < SOLVED
+
+
+MISUSE = [
+    ({"period": 0.0}, "period: expected > 0, got 0.0. It is a time."),
+    ({"period": -1.0}, "period: expected > 0, got -1.0"),
+    ({"period": np.nan}, "period: expected finite numbers, got nan"),
+    ({"period": [6.0, 7.0]}, r"period: expected shape \(\), got shape \(2,\)"),
+    ({"y0": [1.0]}, r"y0: expected shape \(2,\), got shape \(1,\)"),
+    ({"y0": [[1.0, 2.0]]}, r"y0: expected shape \(2,\), got shape \(1, 2\)"),
+    ({"y0": [1.0, np.nan]}, r"y0: expected finite numbers, got nan at index \[1\]"),
+    ({"y0": [np.inf, 1.0]}, r"y0: expected finite numbers, got inf at index \[0\]"),
+    ({"lower": [0.0, 0.0]}, r"lower: expected shape \(3,\), got shape \(2,\).*each of the 2"),
+    ({"upper": np.ones((3, 1))}, r"upper: expected shape \(3,\), got shape \(3, 1\)"),
+    ({"lower": [np.nan, 0, 1]}, "lower: expected numbers, got NaN. Use -inf or inf"),
+    (
+        {"lower": [0, 5, 1], "upper": [9, 4, 9]},
+        r"lower: expected <= upper = 4.0 at index 1, got 5.0. Swap them\?",
+    ),
+    ({"upper": [9, 9, 0.0]}, "upper: expected a positive last entry, for the period, got 0.0"),
+    ({"lower": [np.inf, 0, 1]}, "bounds: expected some finite numbers between them"),
+    ({"segments": 0}, "segments: expected a whole number, at least 1, got 0"),
+    ({"goal": 0.0}, "goal: expected > 0, got 0.0"),
+    ({"goal": np.nan}, "goal: expected finite numbers, got nan"),
+    ({"rtol": -1e-9}, "rtol: expected between 1e-16 and 0.01, got -1e-09"),
+    ({"closing": orbits.choreography(3)}, "closing: expected a rearrangement of the 2 entries"),
+    ({"closing": ()}, "closing: expected at least one closing condition, got none"),
+    (
+        {"closing": orbits.Return(parts=0)},
+        "closing: expected at least one part of a period, got 0",
+    ),
+    (
+        {"closing": orbits.Return(orbits.Symmetry((1, 0)))},
+        "closing: expected a symmetry of the scene, got one that",
+    ),
+]
+
+
+@pytest.mark.parametrize(("options", "message"), MISUSE)
+def test_misuse(options, message):
+    with pytest.raises(ValueError, match=message):
+        orbits.find(van_der_pol(), **options)
+
+
+@pytest.mark.parametrize(
+    ("scene", "message"),
+    [
+        (scenes.three_body(m=(1.0, 0.0, 1.0)), "mass: expected > 0, got 0.0. Masses are in kg."),
+        (scenes.three_body(m=(1.0, -2.0, 1.0)), "mass: expected > 0, got -2.0"),
+        (scenes.three_body(m=(1.0, np.nan, 1.0)), "mass: expected finite numbers, got nan"),
+        (scenes.three_body(G=np.nan), "G: expected finite numbers, got nan"),
+        (scenes.three_body(t1=-1.0), "period: expected > 0, got -1.0"),
+        (
+            scenes.three_body([1.0, 2, 0, 0, 1, 2] + [0.0] * 6),
+            r"bodies at different points, got bodies 1 and 3 both at \[1.0, 2.0\]",
+        ),
+    ],
+)
+def test_scenes_that_make_no_sense(scene, message):
+    with pytest.raises(ValueError, match=message):
+        orbits.find(scene)
+
+
+@pytest.mark.parametrize("m", [(1.0, 1.0, 1.001), (2.0, 1.0, 1.0)])
+def test_unequal_bodies_cannot_take_each_others_places(m):
+    with pytest.raises(ValueError, match=r"closing: expected a symmetry .*equal masses"):
+        orbits.find(scenes.three_body(m=m), closing=orbits.choreography(3))
+
+
+def test_32_bit_floats_are_refused():
+    with jax.enable_x64(False), pytest.raises(ValueError, match="floats: expected 64-bit floats"):
+        orbits.find(van_der_pol())
+
+
+def test_an_orbit_is_a_record_of_arrays(cycle):
+    leaves = jax.tree.leaves(eqx.filter(cycle, eqx.is_array))
+    assert all(leaf.dtype == float for leaf in leaves)
+    assert cycle.scene.system.mu == 1.0
+    assert (cycle.period, cycle.rtol) == (float(cycle.scene.t1), 1e-14)
+
+
+def test_a_driven_motion_needs_the_period_of_its_drive():
+    driven = scenes.oscillator(k=4.0) + effects.SinusoidalForce([1.0], 1.0)
+    with pytest.raises(ValueError, match=r"period: expected a multiple of the drive's"):
+        orbits.find(driven, [0.0, 0.3], 6.0)
+    found = orbits.find(driven, [0.0, 0.3], 2 * np.pi)
+    # All motions have the drive's period here, as the free ones turn twice in it (k = 4).
+    assert found.ok
+    assert found.period == 2 * np.pi
