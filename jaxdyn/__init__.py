@@ -25,8 +25,10 @@ Gradients go through all of it, in every number, in forward and reverse mode:
 `orbits` finds periodic motions of any of them.
 """
 
-from jaxdyn import _lazy
+import lazy_loader
 
 __version__ = "0.1.0"
 
-_lazy.attach(__name__)
+# `import jaxdyn` and the help of a command load neither JAX nor Matplotlib (SPEC 1 of Scientific
+# Python): public names are imported from where the stub beside this file says, when first used.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,33 +1,33 @@
-"""The public names of jaxdyn: what type checkers see, and what `jaxdyn._lazy` imports."""
+"""The public names of jaxdyn: for type checkers, and for imports when they are first used."""
 
-from jaxdyn import accuracy as accuracy
-from jaxdyn import analysis as analysis
-from jaxdyn import course as course
-from jaxdyn import drawing as drawing
-from jaxdyn import effects as effects
-from jaxdyn import ensemble as ensemble
-from jaxdyn import files as files
-from jaxdyn import formulations as formulations
-from jaxdyn import geometry as geometry
-from jaxdyn import hard as hard
-from jaxdyn import integrate as integrate
-from jaxdyn import mechanisms as mechanisms
-from jaxdyn import scenes as scenes
-from jaxdyn import solvers as solvers
-from jaxdyn._config import configure as configure
-from jaxdyn.analysis.equilibria import equilibria as equilibria
-from jaxdyn.analysis.linearize import linearize as linearize
-from jaxdyn.analysis.linearize import modes as modes
-from jaxdyn.integrate.events import until as until
-from jaxdyn.integrate.phases import Chain as Chain
-from jaxdyn.integrate.simulation import Trajectory as Trajectory
-from jaxdyn.integrate.simulation import simulate as simulate
-from jaxdyn.integrate.simulation import solve as solve
-from jaxdyn.scene import Effect as Effect
-from jaxdyn.scene import Points as Points
-from jaxdyn.scene import Scene as Scene
-from jaxdyn.scene import System as System
-from jaxdyn.status import IntegrationError as IntegrationError
-from jaxdyn.status import Status as Status
+from . import accuracy as accuracy
+from . import analysis as analysis
+from . import course as course
+from . import drawing as drawing
+from . import effects as effects
+from . import ensemble as ensemble
+from . import files as files
+from . import formulations as formulations
+from . import geometry as geometry
+from . import hard as hard
+from . import integrate as integrate
+from . import mechanisms as mechanisms
+from . import scenes as scenes
+from . import solvers as solvers
+from ._config import configure as configure
+from .analysis.equilibria import equilibria as equilibria
+from .analysis.linearize import linearize as linearize
+from .analysis.linearize import modes as modes
+from .integrate.events import until as until
+from .integrate.phases import Chain as Chain
+from .integrate.simulation import Trajectory as Trajectory
+from .integrate.simulation import simulate as simulate
+from .integrate.simulation import solve as solve
+from .scene import Effect as Effect
+from .scene import Points as Points
+from .scene import Scene as Scene
+from .scene import System as System
+from .status import IntegrationError as IntegrationError
+from .status import Status as Status
 
 __version__: str

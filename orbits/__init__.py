@@ -19,7 +19,8 @@ False
 6.325913983
 """
 
-from jaxdyn import __version__ as __version__
-from jaxdyn import _lazy
+import lazy_loader
 
-_lazy.attach(__name__)
+from jaxdyn import __version__ as __version__
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

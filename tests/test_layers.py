@@ -113,9 +113,11 @@ def _closure(folder: str) -> set[str]:
 
 #: Public names of the two packages, and the dotted names that they come from.
 HOMES = {
-    f"{package}.{name.rsplit('.', 1)[1]}": name
+    f"{package}.{alias.name}": ".".join(filter(None, (package, node.module, alias.name)))
     for package in ("jaxdyn", "orbits")
-    for name, _ in _imports(_parse(f"{package}/__init__.pyi"))
+    for node in _parse(f"{package}/__init__.pyi").body
+    if isinstance(node, ast.ImportFrom)
+    for alias in node.names
 }
 
 

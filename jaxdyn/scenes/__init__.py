@@ -1,7 +1,16 @@
-"""The zoo: ready-made scenes, one file a family; `jaxdyn list` shows them with their numbers."""
+"""The zoo: ready-made scenes, one file a family; `jaxdyn list` shows them with their numbers.
+
+`catalogue` is the list of them, `switching` exchanges coordinates that fail on the way. May
+import: `mechanisms`, `effects`, `integrate`.
+
+One more scene is a function ``name(mass=1.0, ...)`` in the file of its family that returns a
+`Scene`, one line below, and an entry of `catalogue` with the unit of each number.
+"""
 
 from jaxdyn.scenes import ballistics as ballistics
+from jaxdyn.scenes import catalogue as catalogue
 from jaxdyn.scenes import satellites as satellites
+from jaxdyn.scenes import switching as switching
 from jaxdyn.scenes.apsidal import apsidal_angle as apsidal_angle
 from jaxdyn.scenes.apsidal import apsidal_limits as apsidal_limits
 from jaxdyn.scenes.apsidal import apsides as apsides

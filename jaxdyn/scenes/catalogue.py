@@ -1,6 +1,6 @@
 """All scenes by name: what there is, which numbers they take, and how to make one from text.
 
-A scene is a function of keyword numbers in `jaxdyn.scenes`; its docstring begins with what it
+A scene is a function of keyword numbers in one of the families; its docstring begins with what it
 is and the course problems it answers, and documents each number with its unit. Nothing else
 needs to be registered, but for a scene whose motion has corners: how it goes on in phases.
 """
@@ -11,11 +11,29 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from jaxdyn import _checks, scenes
+from jaxdyn import _checks
 from jaxdyn._arithmetic import value
 from jaxdyn.integrate.phases import Chain, Phase, run
 from jaxdyn.integrate.simulation import RTOL, Trajectory, simulate
 from jaxdyn.scene import Scene
+from jaxdyn.scenes import (
+    ballistics,
+    bodies,
+    central,
+    disks,
+    drawings,
+    guides,
+    linkages,
+    nbody,
+    particles,
+    pendula,
+    rolling,
+    satellites,
+    sideways,
+    skates,
+    springs,
+    wheels,
+)
 from jaxdyn.solvers import Method
 
 Phases = Mapping[str, Phase]
@@ -78,25 +96,50 @@ def _smooth(scene: Scene) -> Phases:
 
 
 def _braking(scene: Scene) -> Phases:
-    return scenes.braking(scene) if scene.effects else {}  # without friction it never stops
+    return wheels.braking(scene) if scene.effects else {}  # without friction it never stops
 
+
+#: The files of ready-made scenes.
+_FAMILIES = (
+    ballistics,
+    bodies,
+    central,
+    disks,
+    drawings,
+    guides,
+    linkages,
+    nbody,
+    particles,
+    pendula,
+    rolling,
+    satellites,
+    sideways,
+    skates,
+    springs,
+    wheels,
+)
 
 #: The phases of scenes whose motions have corners.
 _CORNERS: dict[str, Callable[[Scene], Phases]] = {
     "car": _braking,
-    "cylinder_on_cylinder": scenes.phases_of,
-    "cylinder_on_ramp": scenes.phases_of,
+    "cylinder_on_cylinder": rolling.phases_of,
+    "cylinder_on_ramp": rolling.phases_of,
 }
 
 
 def entries() -> dict[str, Entry]:
     """Every scene of the zoo that numbers alone can make, by name."""
-    found = {}
-    for name, make in sorted(vars(scenes).items()):
-        if inspect.isfunction(make) and inspect.signature(make).return_annotation is Scene:
-            if not _needs_more(make):
-                found[name] = _entry(name, make)
-    return found
+    made = {name: make for family in _FAMILIES for name, make in vars(family).items()}
+    return {name: _entry(name, made[name]) for name in sorted(made) if _is_scene(made[name])}
+
+
+def _is_scene(make: Any) -> bool:
+    """Whether it is a public function of numbers alone that returns a scene."""
+    if not inspect.isfunction(make) or make.__name__.startswith("_"):
+        return False
+    parameters = inspect.signature(make).parameters.values()
+    needs_more = any(p.default is p.empty and p.kind is not p.VAR_POSITIONAL for p in parameters)
+    return not needs_more and inspect.signature(make).return_annotation is Scene
 
 
 def build(name: str, settings: Mapping[str, str]) -> Scene:
@@ -134,12 +177,6 @@ def settings(texts: Iterable[str]) -> dict[str, str]:
             raise _checks.fail("--set", "NAME=VALUE", repr(text))
         found[name.strip()] = value.strip()
     return found
-
-
-def _needs_more(make: Callable[..., Scene]) -> bool:
-    """Whether it cannot be made without, say, a law of force."""
-    parameters = inspect.signature(make).parameters.values()
-    return any(p.default is p.empty and p.kind is not p.VAR_POSITIONAL for p in parameters)
 
 
 def _entry(name: str, make: Callable[..., Scene]) -> Entry:

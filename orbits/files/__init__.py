@@ -4,3 +4,5 @@
 
 May import: `families`, `analysis` and what is below them.
 """
+
+from orbits.files import family_files as family_files
