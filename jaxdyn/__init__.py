@@ -27,7 +27,7 @@ Gradients go through all of it, in every number, in forward and reverse mode:
 
 import lazy_loader
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # `import jaxdyn` and the help of a command load neither JAX nor Matplotlib (SPEC 1 of Scientific
 # Python): public names are imported from where the stub beside this file says, when first used.

@@ -13,6 +13,7 @@ One more analysis is one file that takes a `Scene` or a `Trajectory`, and one li
 from jaxdyn.analysis import approaches as approaches
 from jaxdyn.analysis import constraints as constraints
 from jaxdyn.analysis import energy as energy
+from jaxdyn.analysis import energy_change as energy_change
 from jaxdyn.analysis import equilibria as equilibria
 from jaxdyn.analysis import floquet as floquet
 from jaxdyn.analysis import ledger as ledger
@@ -20,4 +21,4 @@ from jaxdyn.analysis import linearize as linearize
 from jaxdyn.analysis import momenta as momenta
 from jaxdyn.analysis import precession as precession
 from jaxdyn.analysis import regularised as regularised
-from jaxdyn.analysis.energy_change import energy_change as energy_change
+from jaxdyn.analysis import steady as steady
