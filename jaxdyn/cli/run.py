@@ -100,7 +100,7 @@ def _motion(name: str, settings, t1, rtol: float, how: dict, out: Screen):
 
     motion = made(scene, rtol)
     out.doing(f"simulating {name} again, to count its certain digits")
-    return motion, jaxdyn.accuracy.end_error(motion, made, rtol=rtol)
+    return motion, jaxdyn.end_error(motion, made, rtol=rtol)
 
 
 def _method(name: str) -> "jaxdyn.solvers.Method | str":
@@ -113,7 +113,7 @@ def _method(name: str) -> "jaxdyn.solvers.Method | str":
     return named.get(name.lower(), "auto")
 
 
-def _print(record: dict, end: "jaxdyn.accuracy.end_error.EndError", out: Screen) -> None:
+def _print(record: dict, end: "jaxdyn.EndError", out: Screen) -> None:
     out.print(f"[bold]{record['scene']}[/bold] at t = {record['t'][-1]:g}:")
     for label, shown in zip(record["labels"], end.written(), strict=True):
         out.print(f"  {escape(label):24} {shown}")

@@ -28,31 +28,34 @@ PROBLEMS: dict[int, Problem] = {
     ),
     2: _problem(
         "Vectors: lines, tetrahedra, rods",
-        "vectors.closest_points vectors.tetrahedron_volume vectors.rod_tensions",
+        "geometry.vectors.closest_points geometry.vectors.tetrahedron_volume "
+        "geometry.vectors.rod_tensions",
         "|n . (c - a)| / |n| with n = (b - a) x (d - c); parallel and coplanar cases are flagged.",
     ),
     3: _problem(
         "Simple equations solved three ways, and how accurate that is",
-        "scenes.oscillator scenes.pendulum scenes.lorenz steps.fixed_steps steps.halvings simulate "
-        "accuracy.by_halving accuracy.estimate accuracy.by_second_method accuracy.by_tangents "
-        "work.work_precision drawing.judgement",
+        "scenes.oscillator scenes.pendulum scenes.lorenz accuracy.convergence.fixed_steps "
+        "accuracy.convergence.halvings simulate accuracy.by_halving accuracy.estimate "
+        "accuracy.by_second_method accuracy.by_tangents accuracy.work_precision.work_precision "
+        "drawing.judgement",
         "Halved steps tell error and order without the exact solution: 1 for Euler's method. "
         "Solvers judge one step; errors of steps add up: "
         "drawing.judgement draws tolerance against error.",
     ),
     4: _problem(
         "Cross product by geometry and by components",
-        "vectors.cross vectors.cross_by_geometry vectors.cross_by_indices",
+        "geometry.vectors.cross geometry.vectors.cross_by_geometry "
+        "geometry.vectors.cross_by_indices",
         "The geometric definition distributes over sums, so the components follow.",
     ),
     5: _problem(
         "Reading: vectors, components, units",
-        "vectors indices",
+        "geometry.vectors geometry.indices",
         "Nothing to compute; these are the tools of the chapters named.",
     ),
     6: _problem(
         "Mass on a spring with rest length",
-        "scenes.spring_mass energy.drift",
+        "scenes.spring_mass analysis.energy.drift",
         "Every limiting case of 6 c holds: parabola, vertical, radial, ellipse, circle, plane.",
     ),
     7: _problem(
@@ -86,27 +89,27 @@ PROBLEMS: dict[int, Problem] = {
     ),
     12: _problem(
         "Cannonball with quadratic drag, and the work of the drag",
-        "scenes.cannonball ledger.with_work energy.energy",
+        "scenes.cannonball analysis.ledger.with_work analysis.energy.energy",
         "Work and change of energy differ by less as the tolerance shrinks. The course gives no "
         "coefficient: take 1 kg/m, and others.",
     ),
     13: _problem(
         "Mass on two springs: statics, dynamics, stability",
-        "scenes.two_springs equilibria.equilibria linearize.linearize simulate",
+        "scenes.two_springs equilibria linearize simulate",
         "One to five equilibria are known with two springs and weight, each list proved to be "
         "complete; without weight a single spring has a circle of them. Eigenvalues are the rates "
         "of simulated decay.",
     ),
     14: _problem(
         "Rate of change of angular momentum of a particle",
-        "momenta.moment_balance momenta.angular_momentum_about",
+        "analysis.momenta.moment_balance analysis.momenta.angular_momentum_about",
         "a holds always; b if C rests or moves along with P's velocity; c if C does not "
         "accelerate, or along PC.",
     ),
     15: _problem(
         "Potential energies",
         "effects.UniformGravity effects.Spring effects.CentralForce effects.PowerLaw "
-        "effects.PairGravity effects.ConstantForce energy.potential",
+        "effects.PairGravity effects.ConstantForce analysis.energy.potential",
         "A potential is enough: the force is minus its gradient. A force alone is taken to have "
         "no potential.",
     ),
@@ -124,24 +127,24 @@ PROBLEMS: dict[int, Problem] = {
     ),
     18: _problem(
         "Konig's theorem",
-        "momenta.kinetic_split momenta.power_balances",
+        "analysis.momenta.kinetic_split analysis.momenta.power_balances",
         "a: plus the energy relative to G. b: always. c: not always, external forces too do work "
         "relative to G.",
     ),
     19: _problem(
         "Rate of change of angular momentum of a system",
-        "momenta.moment_balance momenta.centre_of_mass",
+        "analysis.momenta.moment_balance analysis.momenta.centre_of_mass",
         "a always; b if C rests or moves parallel to G; c if C is G, does not accelerate, or "
         "accelerates along CG.",
     ),
     20: _problem(
         "Two masses, a spring and a step force",
-        "scenes.two_masses scenes.springs.two_masses_exact momenta.centre_of_mass",
+        "scenes.two_masses scenes.springs.two_masses_exact analysis.momenta.centre_of_mass",
         "F = m a_G whatever k; both masses keep within O(F / k) of a rigid rod's motion.",
     ),
     21: _problem(
         "Two masses and a rod, by differential-algebraic equations",
-        "scenes.rod_on_line scenes.two_masses rod_or_spring.compare",
+        "scenes.rod_on_line scenes.two_masses course.rod_or_spring.compare",
         "The rod is faster than a stiff spring; the mass centre is right by both. "
         "On a line the constraint is linear and does not drift; unequal speeds are refused, with "
         'drift="raw" they part at their constant relative speed.',
@@ -154,7 +157,7 @@ PROBLEMS: dict[int, Problem] = {
     ),
     23: _problem(
         "Pendulum in cartesian coordinates",
-        "scenes.pendulum constraints.tensions",
+        "scenes.pendulum analysis.constraints.tensions",
         'formulation="constrained", drift="raw", tie="square" drifts as the course wants to see; '
         "projection does not.",
     ),
@@ -165,7 +168,8 @@ PROBLEMS: dict[int, Problem] = {
     ),
     25: _problem(
         "Dumbbell by five differential-algebraic equations",
-        "scenes.dumbbell constraints.tensions energy.integrals energy.drift",
+        "scenes.dumbbell analysis.constraints.tensions analysis.energy.integrals "
+        "analysis.energy.drift",
         "Momentum, angular momentum, energy and length are kept; their errors are reported.",
     ),
     26: _problem(
@@ -175,7 +179,7 @@ PROBLEMS: dict[int, Problem] = {
     ),
     27: _problem(
         "Cannonball on target",
-        "scenes.cannonball events.until events.Reaches",
+        "scenes.cannonball until integrate.events.Reaches",
         "Where a shot lands, with derivatives. It continues 12, not 10.",
     ),
     28: _problem(
@@ -185,8 +189,9 @@ PROBLEMS: dict[int, Problem] = {
     ),
     29: _problem(
         "Inverted pendulum on a shaking base",
-        "scenes.shaken_pendulum upright.upright_chart drawing.stability_chart floquet.multipliers "
-        "upright.stability_edges upright.averaged_limit",
+        "scenes.shaken_pendulum course.upright.upright_chart drawing.stability_chart "
+        "analysis.floquet.multipliers course.upright.stability_edges "
+        "course.upright.averaged_limit",
         "Upright is stable between Mathieu's a_0 and b_1: for fast shaking from "
         "(A w)^2 = 2 g L on, L = 2/3 of a uniform stick.",
     ),
@@ -197,7 +202,7 @@ PROBLEMS: dict[int, Problem] = {
     ),
     31: _problem(
         "Double pendulum",
-        "scenes.double_pendulum scenes.n_pendulum energy.drift",
+        "scenes.double_pendulum scenes.n_pendulum analysis.energy.drift",
         "Newton-Euler, Lagrange and constrained equations agree to what chaos allows.",
     ),
     32: _problem(
@@ -213,32 +218,32 @@ PROBLEMS: dict[int, Problem] = {
     ),
     34: _problem(
         "Mass in a slot on a turntable",
-        "scenes.turntable scenes.turntable_limit kinematics.by_derivatives "
-        "kinematics.slot_acceleration kinematics.slot_acceleration_five_terms",
+        "scenes.turntable scenes.turntable_limit geometry.kinematics.by_derivatives "
+        "geometry.kinematics.slot_acceleration geometry.kinematics.slot_acceleration_five_terms",
         "The angle has a finite limit for any speed along the slot.",
     ),
     35: _problem(
         "Cart and pendulum",
-        "scenes.cart_pendulum energy.momentum",
+        "scenes.cart_pendulum analysis.energy.momentum",
         "Newton-Euler and Lagrange give one equation.",
     ),
     36: _problem(
         "Kinematics of the double pendulum",
-        "kinematics.end_acceleration kinematics.end_acceleration_relative "
-        "kinematics.by_derivatives kinematics.five_terms scenes.double_pendulum",
+        "geometry.kinematics.end_acceleration geometry.kinematics.end_acceleration_relative "
+        "geometry.kinematics.by_derivatives geometry.kinematics.five_terms scenes.double_pendulum",
         "Absolute angles in polar coordinates and relative angles by five terms agree.",
     ),
     37: _problem(
         "Cylinder rolling off a cylinder",
         "scenes.cylinder_on_cylinder scenes.rolling.contact_lost scenes.rolling.friction_needed "
-        "scenes.rolling.phases_of phases.run",
+        "scenes.rolling.phases_of integrate.phases.run",
         "An inverted pendulum with 2/3 g; contact ends at cos(theta) = 4/7, if friction is without "
         "bound. Any real one slips before.",
     ),
     38: _problem(
         "Eccentric cylinder on a ramp",
         "scenes.cylinder_on_ramp scenes.rolling.contact_lost scenes.rolling.friction_needed "
-        "scenes.rolling.phases_of phases.run",
+        "scenes.rolling.phases_of integrate.phases.run",
         "Where the normal force ends friction does not, and a flight from there may enter the "
         "ground; the chain of phases slips first. Hops without loss need level ground and no "
         "friction: the orbit finder has them.",
@@ -251,20 +256,22 @@ PROBLEMS: dict[int, Problem] = {
     ),
     40: _problem(
         "Practice with dyadics",
-        "rotations.tensor_in_world rotations.tensor_in_body rotations.matrix_between "
-        "rotations.orthonormalise",
+        "geometry.rotations.tensor_in_world geometry.rotations.tensor_in_body "
+        "geometry.rotations.matrix_between geometry.rotations.orthonormalise",
         "Reading; tensors and their components in two bases.",
     ),
     41: _problem(
         "Index notation",
-        "indices.check_indices indices.evaluate_indices indices.kronecker indices.levi_civita",
+        "geometry.indices.check_indices geometry.indices.evaluate_indices "
+        "geometry.indices.kronecker geometry.indices.levi_civita",
         "Each expression has its value, or the reason why it is nonsense. In the text read b_j for "
         "the last b_3, and b_j e_j for b_i e_j.",
     ),
     42: _problem(
         "Rotations: one vector, one tensor, two bases",
-        "rotations.matrix_between rotations.rotate rotations.tensor_in_body "
-        "rotations.tensor_in_world indices.evaluate_indices",
+        "geometry.rotations.matrix_between geometry.rotations.rotate "
+        "geometry.rotations.tensor_in_body geometry.rotations.tensor_in_world "
+        "geometry.indices.evaluate_indices",
         "r*_B = r whatever R is, R_B = R, and A = R in j.",
     ),
     43: _problem(
@@ -275,17 +282,19 @@ PROBLEMS: dict[int, Problem] = {
     ),
     44: _problem(
         "Euler's theorem on rotations",
-        "rotations.axis_angle_from_matrix",
+        "geometry.rotations.axis_angle_from_matrix",
         "A proof to read; every rotation matrix gets its axis and angle.",
     ),
     45: _problem(
         "Two quarter turns",
-        "rotations.rotate rotations.compose_axis_angle rotations.axis_angle_from_matrix",
+        "geometry.rotations.rotate geometry.rotations.compose_axis_angle "
+        "geometry.rotations.axis_angle_from_matrix",
         "120 degrees about (1, 1, 1): x to y, y to z, z to x.",
     ),
     46: _problem(
         "vecrot, rotmat, and back",
-        "rotations.rotate rotations.matrix_from_axis_angle rotations.axis_angle_from_matrix",
+        "geometry.rotations.rotate geometry.rotations.matrix_from_axis_angle "
+        "geometry.rotations.axis_angle_from_matrix",
         "Axis and angle come back to rounding, also at 0 and at pi.",
     ),
     47: _problem(
@@ -295,7 +304,7 @@ PROBLEMS: dict[int, Problem] = {
     ),
     48: _problem(
         "Euler angles",
-        "euler.matrix_from_euler euler.euler_from_matrix",
+        "geometry.euler.matrix_from_euler geometry.euler.euler_from_matrix",
         'Fixed "xyz" and body "ZYX" are one rotation, R_z R_y R_x.',
     ),
     49: _problem(
@@ -305,17 +314,17 @@ PROBLEMS: dict[int, Problem] = {
     ),
     50: _problem(
         "Angular momentum balance about G",
-        "momenta.moment_balance momenta.centre_of_mass",
+        "analysis.momenta.moment_balance analysis.momenta.centre_of_mass",
         "True about G however G accelerates.",
     ),
     51: _problem(
         "Euler equations in full",
-        "scenes.box scenes.free_body inertia.equivalent_box inertia.is_flat",
+        "scenes.box scenes.free_body geometry.inertia.equivalent_box geometry.inertia.is_flat",
         "Moments 1, 2, 3 are exactly a flat plate's: no thick box has them. It flips.",
     ),
     52: _problem(
         "Euler equations in the body's axes",
-        "scenes.free_body formulations.rigid.pose energy.along drawing.time_series",
+        "scenes.free_body formulations.rigid.pose analysis.energy.along drawing.time_series",
         "Spin about the middle axis is unstable, about the others stable.",
     ),
     53: _problem(
@@ -325,54 +334,56 @@ PROBLEMS: dict[int, Problem] = {
     ),
     54: _problem(
         "Static and dynamic balance",
-        "balance.bearing_forces inertia.principal inertia.point",
+        "geometry.balance.bearing_forces geometry.inertia.principal geometry.inertia.point",
         "Three axes, both ways, for an unsymmetric body; the plus sign is balanced; one bearing "
         "can carry everything.",
     ),
     55: _problem(
         "Three satellites",
         "scenes.satellite scenes.satellites.satellite_a scenes.satellites.satellite_b "
-        "scenes.satellites.satellite_c scenes.satellites.antenna_trace inertia.principal",
+        "scenes.satellites.satellite_c scenes.satellites.antenna_trace geometry.inertia.principal",
         "No two moments of A are equal (0.527, 0.795, 1.051): 55 iii is wrong, 57 A i is right.",
     ),
     56: _problem(
         "Feynman's plate",
-        "scenes.feynman_plate precession.wobble_and_spin precession.free_precession",
+        "scenes.feynman_plate analysis.precession.wobble_and_spin "
+        "analysis.precession.free_precession",
         "Two wobbles for one spin: the book has it the wrong way round.",
     ),
     57: _problem(
         "Claims about the satellites",
-        "satellite_claims.satellite_claims scenes.satellite inertia.principal "
-        "precession.free_attitude energy.angular_momentum",
+        "course.satellite_claims.satellite_claims scenes.satellite geometry.inertia.principal "
+        "analysis.precession.free_attitude analysis.energy.angular_momentum",
         "A ii is false (the smallest), and A iii: between the wobbles are motions that flip just "
         "once. B i to iii and C i, ii are true.",
     ),
     58: _problem(
         "Steady precession of axisymmetric bodies in space",
-        "precession.free_attitude precession.free_precession scenes.satellite "
+        "analysis.precession.free_attitude analysis.precession.free_precession scenes.satellite "
         "scenes.satellites.antenna_trace",
         "Yes: every free motion is one, exp(t H / I_1) R_0 exp(t omega_s e_3).",
     ),
     59: _problem(
         "Steady precession of a top",
-        "precession.top_roots precession.precession_residual sleeping_top.critical_spin "
-        "sleeping_top.slowest_relative_spin scenes.top precession.tilts steady.linearize_steady",
+        "analysis.precession.top_roots analysis.precession.precession_residual "
+        "course.sleeping_top.critical_spin course.sleeping_top.slowest_relative_spin scenes.top "
+        "analysis.precession.tilts analysis.steady.linearize_steady",
         "A quadratic in omega_p; the slowest total spin upright is 2 sqrt(I m g d) / I_3, the "
         "relative one is another number. Tops also nutate.",
     ),
     60: _problem(
         "Steady precession of a disk on a plane",
-        "precession.rolling_disk_circle precession.sliding_disk_roots "
-        "precession.frictionless_rolling_disk precession.disk_residuals scenes.rolling_disk "
-        "steady.linearize_steady",
+        "analysis.precession.rolling_disk_circle analysis.precession.sliding_disk_roots "
+        "analysis.precession.frictionless_rolling_disk analysis.precession.disk_residuals "
+        "scenes.rolling_disk analysis.steady.linearize_steady",
         "Without slip, without friction, and both: omega_p^2 = m g r / (I sin(theta)), "
         "omega_3 = 0. The course calls the lean theta and phi.",
     ),
     61: _problem(
         "Spinning top in space",
-        "scenes.top precession.top_roots sleeping_top.critical_spin "
-        "sleeping_top.critical_spin_by_linearisation sleeping_top.critical_spin_by_simulation "
-        "steady.linearize_steady",
+        "scenes.top analysis.precession.top_roots course.sleeping_top.critical_spin "
+        "course.sleeping_top.critical_spin_by_linearisation "
+        "course.sleeping_top.critical_spin_by_simulation analysis.steady.linearize_steady",
         "Steady starts stay steady; the critical total spin is the limit of stability, three ways.",
     ),
 }

@@ -1,5 +1,14 @@
 """What is written and read: paths checked before the work, scenes as JSON, motions as tables.
 
-May import: `analysis` and what is below it. Its `__init__` imports nothing, since command lines
-check paths before they load JAX.
+`output_files` and `image_files` check paths, `records` turns scenes into JSON and back, `tables`
+writes motions.
+
+May import: `analysis` and what is below it. Its files are imported when they are first used,
+since command lines check paths before they load JAX.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__, ["image_files", "output_files", "records", "tables"]
+)

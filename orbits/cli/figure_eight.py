@@ -34,7 +34,7 @@ def figure_eight_command(
     check_files(plot, animate, save_to)
     with screen("closing the motion of three bodies", as_object) as out:
         clock = jaxdyn.accuracy.timing.Clock()
-        plain, eight = orbits.discovery.figure_eight(
+        plain, eight = orbits.figure_eight(
             _numbers("guess", guess, list(jaxdyn.scenes.EIGHT_GUESS)),
             jaxdyn.scenes.EIGHT_GUESS_PERIOD if period is None else period,
             m=_numbers("masses", masses, [1.0, 1.0, 1.0]),
@@ -52,9 +52,9 @@ def figure_eight_command(
         testing = "testing both: choreography, stability, a second integrator"
         out.print(f"[bold]{testing}[/bold]")
         out.doing(testing)
-        first = orbits.analysis.report(plain)
+        first = orbits.report(plain)
         neighbour = orbits.as_json(first) | {"seconds": _seconds(clock)}
-        claims = {"closed plainly": first, "choreography": orbits.analysis.report(eight)}
+        claims = {"closed plainly": first, "choreography": orbits.report(eight)}
         seconds = _seconds(clock)
         if as_object:
             found = orbits.as_json(claims["choreography"])

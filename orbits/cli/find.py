@@ -47,7 +47,7 @@ def find_command(
             out.print(f"[red]no orbit[/red]: {orbit.message}")
             raise typer.Exit(NOT_FOUND)
         out.doing(f"testing the orbit of {name}: stability, a second integrator")
-        claims = orbits.analysis.report(orbit)
+        claims = orbits.report(orbit)
         if as_object:
             record = {"scene": name, "start_moved": orbit.shift}
             out.result(record | orbits.as_json(claims))

@@ -18,7 +18,7 @@ def verify_command(
 ) -> None:
     """Derive every claim of an orbit file again, from its scene, start and period alone."""
     with screen(f"deriving the claims of {file} again", as_object) as out:
-        derived, mismatches = orbits.files.verify(file)
+        derived, mismatches = orbits.verify(file)
         if as_object:
             wrong = [
                 {"name": m.name, "claimed": m.claimed, "derived": m.derived} for m in mismatches

@@ -7,5 +7,6 @@ equal bodies, `figure_eight` the path from a rough guess to Montgomery's eight.
 May import: `analysis` and what is below it.
 """
 
+from orbits.discovery import nearby as nearby
 from orbits.discovery import plane as plane
 from orbits.discovery import seeds as seeds

@@ -49,7 +49,7 @@ def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
 
     Args:
       scene: what moves.
-      y: (k,) a rest point, e.g. of `jaxdyn.analysis.equilibria`.
+      y: (k,) a rest point, e.g. of `jaxdyn.equilibria`.
       amplitude: largest entry of the displacement, in the units of the state.
     Returns:
       The seeds, the slowest first.

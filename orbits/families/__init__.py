@@ -5,3 +5,5 @@ period doublings and torus points, `surface` is the set of all orbits near one.
 
 May import: `analysis` and what is below it.
 """
+
+from orbits.families import parameters as parameters

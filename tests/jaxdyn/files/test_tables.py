@@ -5,8 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from jaxdyn import scenes, simulate
-from jaxdyn.accuracy import end_error
+from jaxdyn import end_error, scenes, simulate
 from jaxdyn.files import tables
 
 

@@ -2,13 +2,12 @@
 
 import dataclasses
 import json
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import DIFFED, EXACT, SOLVED, central_difference, gap, kepler
+from helpers import DIFFED, EXACT, SOLVED, TESTS, central_difference, gap, kepler
 
 from jaxdyn import Scene, scenes
 from jaxdyn.effects import QuadraticDrag, UniformGravity
@@ -151,7 +150,7 @@ def test_compensated_summation_lowers_the_error_of_long_runs(pair, monkeypatch):
     assert compensated < 0.5 * plain
 
 
-_LONG = Path(__file__).parent / "references" / "long_spans_reference.json"
+_LONG = TESTS / "references" / "long_spans_reference.json"
 #: At rtol 1e-10, of the largest entry, at the times of the reference: three times what was found.
 _OFF = {"lorenz": (2e-11, 5e-11, 6e-11, 5e-7), "eight": (1e-11, 2e-10, 8e-10)}
 

@@ -68,7 +68,7 @@ def test_a_write_that_is_killed_leaves_the_old_file_or_the_new_one(tmp_path):
     path = tmp_path / "record.json"
     code = (
         "import sys\n"
-        "from jaxdyn import records\n"
+        "from jaxdyn.files import records\n"
         "for i in range(10**9):\n"
         "    record = {'format': 'x', 'version': 1, 'number': i, 'rest': [i] * 2000}\n"
         "    records.write(sys.argv[1], record)\n"

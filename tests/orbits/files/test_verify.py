@@ -44,12 +44,12 @@ def edited(saved, tmp_path):
 
 
 def names(path) -> set[str]:
-    return {mismatch.name for mismatch in orbits.files.verify(path)[1]}
+    return {mismatch.name for mismatch in orbits.verify(path)[1]}
 
 
 @pytest.mark.slow
 def test_a_saved_orbit_verifies(saved, eight):
-    derived, mismatches = orbits.files.verify(saved)
+    derived, mismatches = orbits.verify(saved)
     assert mismatches == []
     assert isinstance(derived, Report)
     assert derived.period == eight.period
@@ -69,7 +69,7 @@ def test_the_neighbour_with_its_real_pair_verifies(tmp_path):
     start, period = scenes.EIGHT_GUESS, scenes.EIGHT_GUESS_PERIOD
     neighbour = orbits.find(scenes.three_body(), start, period)
     orbits.save(tmp_path / "neighbour.json", neighbour)
-    derived, mismatches = orbits.files.verify(tmp_path / "neighbour.json")
+    derived, mismatches = orbits.verify(tmp_path / "neighbour.json")
     assert mismatches == []
     assert derived.exponents[0] is None
 
@@ -227,7 +227,7 @@ def test_files_that_make_no_sense(edited, keys, to, message):
 
     record_path = edited(*keys, to=put) if keys[-1] != "more" else _with_more(edited, keys)
     with pytest.raises(ValueError, match=re.escape(message)):
-        orbits.files.verify(record_path)
+        orbits.verify(record_path)
 
 
 def _with_more(edited, keys):
@@ -241,4 +241,4 @@ def _with_more(edited, keys):
 def test_a_motion_that_ends_in_a_collision_is_no_orbit(edited):
     fall = [-1.0, 0.0, 1.0, 0.0, 0.0, 9.0, *[0.0] * 6]
     with pytest.raises(ValueError, match="orbit: expected a motion that lasts for its period"):
-        orbits.files.verify(edited("scene", "y0", to=fall))
+        orbits.verify(edited("scene", "y0", to=fall))

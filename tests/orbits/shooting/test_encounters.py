@@ -102,7 +102,7 @@ def test_its_file_keeps_the_time_it_is_followed_in(close, tmp_path):
     loaded, claims = orbits.load(tmp_path / "orbit.json")
     assert loaded.s_period == close.s_period
     assert orbits.closure(loaded) == orbits.closure(close) == claims["closure"]
-    assert orbits.files.verify(tmp_path / "orbit.json")[1] == []
+    assert orbits.verify(tmp_path / "orbit.json")[1] == []
     record = json.loads((tmp_path / "orbit.json").read_text())
     for wrong in (0.0, -1.0, "long"):
         (tmp_path / "wrong.json").write_text(json.dumps(record | {"s_period": wrong}))
