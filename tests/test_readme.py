@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+import jaxdyn
+
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
 BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
@@ -69,3 +71,27 @@ def test_every_file_of_the_map_exists():
         for path in paths:
             folder = path.rpartition("/")[0] if "/" in path else folder
             assert (ROOT / (path if "/" in path else f"{folder}/{path}")).exists(), path
+
+
+def test_the_citation_is_of_this_version():
+    cited = dict(re.findall(r"^  (\w+) += \{+(.+?)\}+,?$", README, re.MULTILINE))
+    assert cited["version"] == jaxdyn.__version__
+    assert f"(c) {cited['year']} {cited['author']}" in (ROOT / "LICENSE").read_text()
+
+
+def test_every_file_that_contributors_are_sent_to_exists():
+    guide = (ROOT / ".github" / "CONTRIBUTING.md").read_text()
+    paths = {*re.findall(r"`([\w./]+(?:\.\w+|/))`", guide)} - {"jaxdyn/x/", "orbits/x/"}
+    paths = {path for path in paths if "/x/" not in path and not path.startswith("jaxdyn.")}
+    assert len(paths) > 30
+    for path in paths:
+        # A file is named from the top, from its package, or in the row of its folder.
+        folders = (".", "jaxdyn", "orbits", "jaxdyn/*", "orbits/*")
+        assert any([*ROOT.glob(f"{folder}/{path}")] for folder in folders), path
+
+
+def test_the_packages_are_typed():
+    assert all((ROOT / package / "py.typed").exists() for package in ("jaxdyn", "orbits"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    assert "Typing :: Typed" in project["project"]["classifiers"]
+    assert project["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == ["jaxdyn", "orbits"]
