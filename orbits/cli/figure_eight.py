@@ -1,6 +1,6 @@
 """The command `orbits figure-eight`: the textbook's eight, and the neighbour that closes first."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,7 +12,9 @@ from jaxdyn.cli.shared import AnimateOption, JsonOption, PlotOption
 from orbits.cli.printed import print_reports
 from orbits.cli.shared import NOT_FOUND, SaveOption, check_files, draw, failure, numbers, printed
 
-NumbersOption = Annotated[str | None, typer.Option(metavar="A,B,...")]
+
+def _numbers_option(text: str) -> Any:
+    return typer.Option(metavar="A,B,...", help=text)
 
 
 def figure_eight_command(
@@ -20,11 +22,17 @@ def figure_eight_command(
     animate: AnimateOption = None,
     save_to: SaveOption = None,
     as_object: JsonOption = False,
-    guess: NumbersOption = None,
+    guess: Annotated[
+        str | None, _numbers_option("Guess of the start: x1,y1,x2,y2,x3,y3,vx1,vy1,...")
+    ] = None,
     period: Annotated[float | None, typer.Option(help="Guess of the period; about 8.")] = None,
-    masses: NumbersOption = None,
-    lower: NumbersOption = None,
-    upper: NumbersOption = None,
+    masses: Annotated[str | None, _numbers_option("The three masses; 1,1,1.")] = None,
+    lower: Annotated[
+        str | None, _numbers_option("Lower bounds of the start, then of the period.")
+    ] = None,
+    upper: Annotated[
+        str | None, _numbers_option("Upper bounds of the start, then of the period.")
+    ] = None,
 ) -> None:
     """Montgomery's figure-eight from a rough guess, and the neighbour that closes first.
 

@@ -8,9 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from helpers import run_python
 
-import jaxdyn as library
 from jaxdyn import drawing, scenes, simulate, solvers
 from jaxdyn.cli import app as cli
 from jaxdyn.cli import run
@@ -304,42 +302,6 @@ def test_a_reader_that_leaves_is_no_error():
     with open(write, "w") as closed:
         done = finished("jaxdyn", "list", "--json", stdout=closed)
     assert (done.returncode, done.stderr) == (1, "")
-
-
-@pytest.mark.parametrize("package", ["jaxdyn", "orbits"])
-def test_help_and_version_load_nothing_that_takes_long(package):
-    code = f"""
-import runpy, sys
-from {package}.cli.app import app
-commands = [command.name for command in app.registered_commands]
-assert len(commands) > 3
-for words in (["--version"], ["--help"], *([name, "--help"] for name in commands)):
-    sys.argv = ["{package}", *words]
-    try:
-        runpy.run_module("{package}", run_name="__main__")
-    except SystemExit as end:
-        assert end.code == 0, words
-    loaded = {{"jax", "numpy", "matplotlib", "diffrax"}} & {{*sys.modules}}
-    assert not loaded, (words, loaded)
-"""
-    out = run_python(code)
-    assert out.startswith(library.__version__)
-    assert "Examples:" in out
-    assert "<bool>" not in out
-    if package == "orbits":
-        assert all(unit in out for unit in ("[m/s]", "[m]", "[m/s^2]", "[kg/m]"))
-
-
-def test_help_is_no_error(jaxdyn):
-    code, out, _ = jaxdyn("--help")
-    assert code == 0
-    assert "list" in out
-
-
-def test_no_command_shows_the_help(jaxdyn):
-    code, out, err = jaxdyn()
-    assert (code, err) == (2, "")
-    assert "Simulate a scene in all its phases" in out
 
 
 def test_a_motion_that_stops_is_exit_code_1(jaxdyn):

@@ -212,16 +212,3 @@ def test_a_file_that_cannot_be_read_is_exit_code_2_and_one_line(orbits, tmp_path
     assert run.err.count("\n") == 1
     assert message in run.err
     assert run.out == ""
-
-
-def test_help_names_the_commands(orbits):
-    run = orbits("--help")
-    assert run.code == 0
-    assert "figure-eight" in run.out
-    assert "verify" in run.out
-
-
-def test_no_command_shows_the_help(orbits):
-    run = orbits()
-    assert (run.code, run.err) == (2, "")
-    assert "Montgomery's figure-eight" in run.out
