@@ -66,7 +66,7 @@ def _marched(field, y0: Array, t0: Array, t1: Array, steps: Array, method: Pair)
     def step(i, y):
         t = t0 + i * h
         now, start, near = begun(field, t, y)
-        increment, _ = method.step(now.rate, start, h, near, loops=0)
+        increment = method.advance(now.rate, start, h, near).increment
         # Nothing compensates for the rounding of this sum.
         return field.project(t + h, near + increment)
 

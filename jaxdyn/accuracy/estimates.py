@@ -26,7 +26,7 @@ from jaxdyn import _checks
 from jaxdyn.accuracy.convergence import fixed_steps
 from jaxdyn.integrate import ladder
 from jaxdyn.integrate.ladder import Estimate
-from jaxdyn.integrate.simulation import RTOL, chosen_pair, simulate, solve
+from jaxdyn.integrate.simulation import RTOL, chosen_method, simulate, solve
 from jaxdyn.scene import Scene, checked
 from jaxdyn.solvers import DOPRI8, EULER, NYSTROM12, RADAU5, RADAU9, VERNER9, Method
 
@@ -65,7 +65,7 @@ def estimate(
       >>> bool(loose.error.max() / 5 < abs(end - np.cos(10.0)) < 5 * loose.error.max())
       True
     """
-    name = chosen_pair(scene, solver).name
+    name = chosen_method(scene, solver).name
     run, ts = _runner(scene, t1, t0, samples, rtol, solver, dt)
     if dt is not None:
         return ladder.halved(run, scene, ts, dt, name)
@@ -96,7 +96,7 @@ def by_second_method(
     Raises:
       ValueError: the two are the same, or see `simulate`.
     """
-    first = chosen_pair(scene, solver)
+    first = chosen_method(scene, solver)
     if second is None:
         second = _OTHERS.get(first, VERNER9)
     if second is first:
@@ -141,7 +141,7 @@ def by_tangents(
     starts_at = np.concatenate([[float(t0)], np.asarray(ts)[:-1]])
     starts = np.concatenate([np.asarray(scene.y0)[None], ys[:-1]])
     fine = max(rtol * ladder.RATIO, ladder.FINEST)
-    pair = chosen_pair(scene, solver)
+    pair = chosen_method(scene, solver)
     ends, tangents = _pieces(scene, starts_at, starts, ts, np.asarray(fine), solver=pair)
     local = ladder.gaps(scene, ys, np.asarray(ends))
     carried = np.zeros((ys.shape[1], 0))

@@ -22,7 +22,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.accuracy import estimates
 from jaxdyn.integrate.ladder import MOST_DIGITS, Estimate
-from jaxdyn.integrate.simulation import RTOL, chosen_pair, solve
+from jaxdyn.integrate.simulation import RTOL, chosen_method, solve
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method
 
@@ -97,7 +97,7 @@ def trusted_time(
     found = estimates.estimate(scene, t1, t0=t0, samples=samples, rtol=rtol, solver=solver)
     t = found.until(digits)
     most = eqx.tree_at(lambda e: e.error, found, found.rounding).until(digits)
-    tangents = _tangents(scene, found.ts, jnp.asarray(float(t0)), chosen_pair(scene, solver))
+    tangents = _tangents(scene, found.ts, jnp.asarray(float(t0)), chosen_method(scene, solver))
     return Trust(t, most, _growth(found, np.asarray(tangents), t), digits, found)
 
 

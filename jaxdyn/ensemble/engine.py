@@ -24,7 +24,7 @@ from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, checked_settings
 from jaxdyn.integrate.spans import limits
 from jaxdyn.integrate.step_control import Watch
 from jaxdyn.scene import Scene, checked
-from jaxdyn.solvers import Pair
+from jaxdyn.solvers import Method
 
 #: Rows of the compiled program's queue: some 60 rounds of its lanes, so that the last round,
 #: in which lanes run out of work, costs little.
@@ -40,7 +40,7 @@ def run(
     t0=0.0,
     rtol: float = RTOL,
     atol: float | None = None,
-    solver: Pair | None = None,
+    solver: Method | None = None,
     max_steps: int = MAX_STEPS,
     fixed: bool = False,
     watch: Watch | None = None,
@@ -111,7 +111,7 @@ def stream(
     t0=0.0,
     rtol: float = RTOL,
     atol: float | None = None,
-    solver: Pair | None = None,
+    solver: Method | None = None,
     max_steps: int = MAX_STEPS,
     fixed: bool = False,
     watch: Watch | None = None,

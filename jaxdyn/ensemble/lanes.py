@@ -25,7 +25,7 @@ from jaxdyn._numerics import two_sum
 from jaxdyn.integrate.flow import UNROLLED_BELOW, Settings, operations
 from jaxdyn.integrate.step_control import Limits, StepControl, Watch
 from jaxdyn.scene import Field
-from jaxdyn.solvers import Pair
+from jaxdyn.solvers import Method
 from jaxdyn.status import Status
 
 #: Lanes of a group. A loop over 16 or fewer is unrolled by the compiler before it looks for
@@ -124,7 +124,7 @@ def integrate(
     first = jax.tree.map(lambda x: x[0], motions)
     rate = eqx.combine(first.numbers, shared).rate
     loops = 2 if operations(rate, first.t0, first.y0) <= UNROLLED_BELOW else 1
-    work = _Work(shared, limits, watch, settings.pair, loops)
+    work = _Work(shared, limits, watch, settings.method.in_loops(loops))
     put = jax.lax.dynamic_update_index_in_dim
 
     def begin(row) -> _Lane:
@@ -165,8 +165,7 @@ class _Work(eqx.Module):
     shared: Field
     limits: Limits
     watch: Watch | None
-    pair: Pair = eqx.field(static=True)
-    loops: int = eqx.field(static=True)
+    method: Method = eqx.field(static=True)
 
     def begin(self, row: Array, motion: Motions) -> _Lane:
         """A lane before its first step."""
@@ -190,7 +189,7 @@ class _Work(eqx.Module):
             None,
             None,
             lambda term, *at: term.vf(*at),
-            self.pair.error_order,
+            self.method.error_order,
         )
         nothing = jnp.zeros((), int)
         return _Lane(
@@ -223,21 +222,20 @@ class _Work(eqx.Module):
             return jax.vmap(fn, in_axes=-1, out_axes=-1)(group.numbers, t, y)
 
         start, end = group.direction * group.t, group.direction * group.tnext
-        increment, error = self.pair.step(
+        found = self.method.advance(
             jax.jit(lambda t, y: every(rate, t[0], y)),
             start[None],
             (end - start)[None],
             group.y,
-            loops=self.loops,
         )
-        y, carry = two_sum(group.y, group.carry, increment)
+        y, carry = two_sum(group.y, group.carry, found.increment)
         y = every(project, end, y)
-        return jax.vmap(self._judged, in_axes=-1, out_axes=-1)(group, y, carry, error)
+        return jax.vmap(self._judged, in_axes=-1, out_axes=-1)(group, y, carry, found.error)
 
     def _judged(self, lane: _Lane, y: Array, carry: Array, error: Array) -> _Lane:
         """The lane after a step to y, if the step control keeps it."""
         keep, t, tnext, _, control, result = self._control(lane.direction).adapt_step_size(
-            lane.t, lane.tnext, lane.y, y, None, error, self.pair.error_order, lane.control
+            lane.t, lane.tnext, lane.y, y, None, error, self.method.error_order, lane.control
         )
         steps, rejected = lane.steps + keep, lane.rejected + ~keep
         there = (t >= lane.t1) | (result == diffrax.RESULTS.event_occurred)

@@ -7,8 +7,8 @@ The derivatives of `flow` cost one column for each perturbed number. For one los
 integrated backwards beside the state, gives the derivatives by the start and by all numbers at
 once, for the price of a few solves, however many they are. The state is not trusted to find its
 way back, where damping makes it unstable: it starts anew at nodes on the way. Where forces
-forget velocities these equations do too, as those of [q, lambda_v, M] with dM/dt = mu, so the
-Nystrom pair integrates them. Reverse mode only, and once.
+do not depend on velocity, neither do these equations, as those of [q, lambda_v, M] with
+dM/dt = mu, so the Nystrom pair integrates them. Reverse mode only, and once.
 """
 
 from typing import Any
@@ -31,18 +31,18 @@ class _Backwards(eqx.Module):
 
     Attributes:
       field: of the scene.
-      nystrom: whether halves of the state are positions and velocities.
+      position_only: whether the method requires velocity-independent forces.
     """
 
     field: Any
-    nystrom: bool = eqx.field(static=True)
+    position_only: bool = eqx.field(static=True)
     k: int = eqx.field(static=True)
 
     def rate(self, t: Array, z: Array) -> Array:
         """Of [y, lambda, mu], or of [q, lambda_v, M, v, -lambda_q, mu]."""
         numbers, rest = eqx.partition(self.field, eqx.is_inexact_array)
         k, half = self.k, len(z) // 2
-        if not self.nystrom:
+        if not self.position_only:
             y, adjoint = z[:k], z[k : 2 * k]
             f, pull = jax.vjp(lambda p, y: eqx.combine(p, rest).rate(t, y), numbers, y)
             by_numbers, by_state = pull(adjoint)
@@ -67,7 +67,7 @@ class _Backwards(eqx.Module):
 
     def packed(self, y: Array, adjoint: Array, mu: Array) -> Array:
         """All of it as one state."""
-        if not self.nystrom:
+        if not self.position_only:
             return jnp.concatenate([y, adjoint, mu])
         (q, v), (by_q, by_v) = jnp.split(y, 2), jnp.split(adjoint, 2)
         return jnp.concatenate([q, by_v, jnp.zeros_like(mu), v, -by_q, mu])
@@ -75,7 +75,7 @@ class _Backwards(eqx.Module):
     def unpacked(self, z: Array) -> tuple[Array, Array]:
         """lambda and mu."""
         k, half = self.k, len(z) // 2
-        if not self.nystrom:
+        if not self.position_only:
             return z[k : 2 * k], z[2 * k :]
         adjoint = jnp.concatenate([-z[half + k // 2 : half + k], z[k // 2 : k]])
         return adjoint, z[half + k :]
@@ -90,8 +90,8 @@ def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -
     remedy = "Leave adjoint=True out."
     if field.undetermined(t0, y0) is not None:
         raise _checks.fail("adjoint", "a scene without constraints", "one with some", remedy)
-    if not settings.pair.adaptive:
-        solver = settings.pair.name
+    if not settings.method.adaptive:
+        solver = settings.method.name
         raise _checks.fail("adjoint", "a solver with a tolerance", solver, remedy)
     pieces = jnp.linspace(t0, t1, _PIECES + 1)[1:-1]
     nodes = jnp.concatenate([ts, pieces])
@@ -123,8 +123,8 @@ def _back(states, slopes, perturbed, given, limits, settings):
     by_ys = jnp.zeros_like(ys) if slopes.ys is None else slopes.ys
     numbers, _ = eqx.partition(field, eqx.is_inexact_array)
     flat, tree = ravel_pytree(numbers)
-    system = _Backwards(field, settings.pair.nystrom, len(y0))
-    settings = settings._replace(pair=settings.pair.for_tangents)
+    system = _Backwards(field, settings.method.position_only, len(y0))
+    settings = settings._replace(method=settings.method.for_tangents)
 
     def piece(carry, node):
         adjoint, mu = carry

@@ -57,7 +57,7 @@ def first_crossing(field, events, y0, t0, t1, limits, *, settings: Settings):
       limits: see `flow`.
       settings: see `flow`.
     """
-    sight = Sight(field, events, settings.pair)
+    sight = Sight(field, events, settings.method)
     watch = _Lookout(sight)
     out, seen = march(field, y0, t0, t1, jnp.zeros(0), limits, settings=settings, watch=watch)
     hs, ys = polished(sight, seen.t0, seen.y0, seen.bracket)

@@ -79,7 +79,8 @@ class Sight(eqx.Module):
         # One step of a state with s columns: a batch of steps would scatter into its stages.
         rates = jax.vmap(self.field.rate, in_axes=(0, -1), out_axes=-1)
         ys = jnp.broadcast_to(y[:, None], (*y.shape, *hs.shape))
-        increment, _ = self.method.step(lambda t, y: rates(t[0], y), t, hs[None], ys, loops=1)
+        method = self.method.in_loops(1)
+        increment = method.advance(lambda t, y: rates(t[0], y), t, hs[None], ys).increment
         ts = t + hs
         x = jax.vmap(self.field.project, in_axes=(0, -1), out_axes=-1)(ts, ys + increment)
 

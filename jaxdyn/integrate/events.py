@@ -25,7 +25,7 @@ from jaxdyn.integrate.flow import Settings, flow
 from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, checked_settings
 from jaxdyn.integrate.spans import limits
 from jaxdyn.scene import Scene, checked
-from jaxdyn.solvers import Pair
+from jaxdyn.solvers import Method
 from jaxdyn.status import Status
 
 
@@ -129,7 +129,7 @@ def until(
     t0=0.0,
     rtol: float = RTOL,
     atol: float | None = None,
-    solver: Pair | None = None,
+    solver: Method | None = None,
     max_steps: int = MAX_STEPS,
 ) -> Stop:
     """The first event of a motion: when, and the state then.

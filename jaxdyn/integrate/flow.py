@@ -39,12 +39,12 @@ class Settings(NamedTuple):
     """What is fixed when a solve is compiled.
 
     Attributes:
-      pair: the method for plain solves and for the variational equations alike.
+      method: for plain solves and for the variational equations alike.
       stiff: the method that takes over where the run turns out to be stiff; None to go on.
       stops: whether a run that turns out to be stiff ends there, its numbers NaN.
     """
 
-    pair: Method
+    method: Method
     stiff: Method | None = None
     stops: bool = False
 
@@ -131,7 +131,7 @@ def _run(field, y0, t0, t1, ts, limits, *, settings: Settings) -> Flow:
     if settings.stiff is None:
         return march(*args, settings=settings, watch=None)[0]
     first = march(*args, settings=settings._replace(stops=True), watch=None)[0]
-    implicit = settings._replace(pair=settings.stiff, stiff=None)
+    implicit = settings._replace(method=settings.stiff, stiff=None)
 
     def again():
         done = march(*args, settings=implicit, watch=None)[0]
@@ -143,10 +143,11 @@ def _run(field, y0, t0, t1, ts, limits, *, settings: Settings) -> Flow:
 def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | None):
     """`flow` without derivatives, and what a watch remembers of it at the end."""
     tolerance, most = limits.tolerance, (limits.max_steps, t1)
-    method = settings.pair
+    method = settings.method
     direction = jnp.where(t1 > t0, 1.0, -1.0)  # as diffrax has it, also for t1 = t0
     wide = watch is not None or y0.ndim > 1
-    loops = int(wide or operations(field.rate, t0, y0) > UNROLLED_BELOW)
+    if wide or operations(field.rate, t0, y0) > UNROLLED_BELOW:
+        method = method.in_loops(1)
     # XLA sees one program for both signs of time; diffrax turns ts about with the rest.
     if method.adaptive:
         h, control = None, StepControl(tolerance[0], tolerance[1], ts, watch, most)
@@ -155,7 +156,7 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
         h, control = (t1 - t0) / n, FixedSteps(n, ts, watch, most)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(_rate),
-        Stepper(method, loops, h, stop_if_stiff=settings.stops),
+        Stepper(method, h, stop_if_stiff=settings.stops),
         t0,
         t1,
         None,
@@ -190,7 +191,7 @@ def _flow_jvp(primals, tangents, *, settings):
     columns, directions, multiply = _columns(field, y0, f0, d_field, d_y0, d_t0)
     if columns.shape[-1]:
         start = jnp.concatenate([y0[..., None], columns], axis=-1)
-        settings = settings._replace(pair=settings.pair.for_tangents)
+        settings = settings._replace(method=settings.method.for_tangents)
         out = flow(Variational(field, directions), start, t0, t1, ts, limits, settings=settings)
         y1, ys = out.y1[..., 0], out.ys[..., 0]
         d_y1, d_ys = multiply(out.y1[..., 1:]), multiply(out.ys[..., 1:])
@@ -245,7 +246,7 @@ def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, method: Method, 
 
     def step(node):
         t, y, h = node
-        increment, _ = method.step(field.rate, t, h, y, loops=1)
+        increment = method.in_loops(1).advance(field.rate, t, h, y).increment
         return field.project(t + h, y + increment)
 
     # One by one, as the steps themselves: side by side they take up to three times as long, in

@@ -22,7 +22,7 @@ from jaxdyn.integrate.events import until
 from jaxdyn.integrate.phase import END, Exit, Phase
 from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, Trajectory, explained, simulate, single
 from jaxdyn.scene import checked
-from jaxdyn.solvers import Pair
+from jaxdyn.solvers import Method
 from jaxdyn.status import Status
 
 MAX_PHASES = 200
@@ -84,7 +84,7 @@ def run(
     samples: int = 100,
     rtol: float = RTOL,
     atol: float | None = None,
-    solver: Pair | None = None,
+    solver: Method | None = None,
     max_steps: int = MAX_STEPS,
     max_phases: int = MAX_PHASES,
 ) -> Chain:

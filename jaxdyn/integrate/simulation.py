@@ -241,7 +241,7 @@ def solve(
 ) -> Flow:
     """`simulate` without samples, checks and exceptions: what the orbit finder calls.
 
-    Compiled for each kind of scene and pair; inside jit, grad and vmap it is inlined.
+    Compiled for each kind of scene and method; inside jit, grad and vmap it is inlined.
 
     Args:
       scene: system, effects, start; not checked.
@@ -261,7 +261,7 @@ def solve(
     Returns:
       The state at t1, those at ts, and a status; NaN where the run did not get to.
     Raises:
-      ValueError: a tolerance, a pair or a limit of steps that makes no sense.
+      ValueError: a tolerance or limit of steps out of range, or a solver that does not fit.
     Limits: derivatives are those of the motion found, and lose as many digits as that, and a few
       more where it is sensitive. At rtol 1e-10 the derivative of three bodies by G is right to 11
       digits after one period and to 9 after ten, that of the Lorenz system by rho to 10 digits at
@@ -298,7 +298,7 @@ def _auto(run: Callable[..., Flow], settings: Settings, traced: bool) -> Flow:
     first = run(settings=settings._replace(stops=True))
     if not first.stiff:
         return first
-    done = run(settings=settings._replace(pair=RADAU9))
+    done = run(settings=settings._replace(method=RADAU9))
     return eqx.tree_at(lambda flow: flow.stiff, done, first.stiff)
 
 
@@ -310,7 +310,7 @@ def _filling(n: int) -> int:
 def checked_settings(scene: Scene, solver: Method | None, dt=None) -> Settings:
     """What a solve is compiled for, where 64-bit floats are on and the solver fits."""
     _checks.float64()
-    method = chosen_pair(scene, solver)
+    method = chosen_method(scene, solver)
     if method.adaptive and dt is not None:
         raise _checks.fail(
             "dt",
@@ -329,12 +329,12 @@ def checked_settings(scene: Scene, solver: Method | None, dt=None) -> Settings:
 
 
 def default_solver(scene: Scene) -> Method:
-    """The pair that a scene's effects call for."""
+    """The method that a scene's effects call for."""
     return NYSTROM12 if scene.second_order else VERNER9
 
 
-def chosen_pair(scene: Scene, solver: Method | None) -> Method:
-    """The pair asked for, if it fits the scene, or the default one."""
+def chosen_method(scene: Scene, solver: Method | None) -> Method:
+    """The method asked for, if it fits the scene, or the default one."""
     if solver is None:
         return default_solver(scene)
     if not isinstance(solver, Method):
@@ -344,19 +344,18 @@ def chosen_pair(scene: Scene, solver: Method | None) -> Method:
             type(solver).__name__,
             "solvers.from_diffrax takes any explicit Runge-Kutta solver of diffrax.",
         )
-    if solver.nystrom and not scene.second_order:
+    if solver.position_only and not scene.second_order:
         raise _checks.fail(
             "solver",
-            "one for any scene",
-            solver.name,
-            "It ignores velocities, on which accelerations of this scene may depend. Leave the "
-            "solver out, or take solvers.GAUSS12 for a long run that keeps energy.",
+            "one for forces that may depend on velocity",
+            f"{solver.name}, which requires velocity-independent forces",
+            "Leave the solver out, or take solvers.GAUSS12 for a long run that keeps energy.",
         )
     return solver
 
 
 def _name(scene: Scene, solver: Method | str | None) -> str:
-    return solver if isinstance(solver, str) else chosen_pair(scene, solver).name
+    return solver if isinstance(solver, str) else chosen_method(scene, solver).name
 
 
 def explained(status: Status, scene: Scene) -> str:
@@ -383,7 +382,7 @@ def _steps_agree(motion: Trajectory) -> Array:
 
     def agree(sample):
         t, y = sample
-        there = field.project(t + h, y + method.step(field.rate, t, h, y, loops=1)[0])
+        there = field.project(t + h, y + method.in_loops(1).advance(field.rate, t, h, y).increment)
         right = flow(field, y, t, t + h, nothing, loose, settings=settings).y1
         # Both may be rounding, at rest.
         least = _CHECK_RTOL * jnp.max(jnp.abs(right))

@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._numerics import materialised, runtime_one
-from jaxdyn.solvers.method import Advance, Field, Method
+from jaxdyn.solvers.method import Advance, Field, Method, in_loops
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -36,14 +36,16 @@ class Composition(Method):
       order: its order.
       drifts: (s + 1,) lengths of the drifts, in steps.
       kicks: (s,) lengths of the kicks, in steps.
+      loops: over the stages: one, or 0 where they are written out.
     """
 
     name: str
     order: int
     drifts: np.ndarray
     kicks: np.ndarray
+    loops: int = 0
     adaptive: ClassVar[bool] = False
-    nystrom: ClassVar[bool] = True
+    position_only: ClassVar[bool] = True
     stable: ClassVar[float] = np.inf
 
     @property
@@ -61,21 +63,26 @@ class Composition(Method):
         """Accelerations a step."""
         return self.stages
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> Advance:
+    def in_loops(self, n: int) -> "Composition":
+        """The same method with its stages in one loop, whatever n."""
+        del n
+        return in_loops(self, 1)
+
+    def advance(self, field: Field, t: Array, h: Array, y: Array) -> Advance:
         half = y.shape[0] // 2
         q, v = y[:half], y[half:]
         one = runtime_one(h)
 
         def turn(time, kick, drift, dq, dv):
             # Increments are summed apart from the state, and so keep digits of their own.
-            x = q + dq if loops else materialised(q + dq, one)
+            x = q + dq if self.loops else materialised(q + dq, one)
             a = field(t + time * h, jnp.concatenate([x, v]))[half:]
             dv = dv + (kick * h) * a
             return dq + (drift * h) * (v + dv), dv
 
         times = np.cumsum(self.drifts)[:-1]
         dq, dv = (self.drifts[0].item() * h) * v, jnp.zeros_like(v)
-        if loops:
+        if self.loops:
             tables = [jnp.asarray(x) for x in (times, self.kicks, self.drifts[1:])]
 
             def body(i, sums):

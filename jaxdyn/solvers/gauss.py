@@ -66,7 +66,7 @@ class Gauss(Method):
     b: np.ndarray
     mu: np.ndarray
     adaptive: ClassVar[bool] = False
-    nystrom: ClassVar[bool] = False
+    position_only: ClassVar[bool] = False
     stable: ClassVar[float] = np.inf
 
     @property
@@ -84,8 +84,7 @@ class Gauss(Method):
         """Right-hand sides a round."""
         return len(self.c)
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> Advance:
-        del loops
+    def advance(self, field: Field, t: Array, h: Array, y: Array) -> Advance:
         fields = jax.vmap(field, in_axes=(0, -1), out_axes=-1)  # stages last
         times, parts = t + h * self.c, (h * self.b).reshape(*[1] * y.ndim, self.stages)
         small = _UNSOLVED * jnp.max(jnp.abs(y))

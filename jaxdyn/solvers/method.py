@@ -5,9 +5,11 @@ it elsewhere, so a new solver is one new file here.
 """
 
 import abc
+import dataclasses
+import functools
 import math
 from collections.abc import Callable
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -48,7 +50,7 @@ class Method(abc.ABC):
       name: what reports call it.
       order: order of the solution that is carried on.
       error_order: exponent p of the error estimate's h^p.
-      nystrom: whether it is only for accelerations that do not depend on velocity.
+      position_only: whether it requires a state [q, v] and velocity-independent forces.
       stable: |h lambda| up to which an explicit method is stable; infinite for others.
       adaptive: whether it estimates its error, and so takes a tolerance, not a step.
     """
@@ -56,7 +58,7 @@ class Method(abc.ABC):
     name: str
     order: int
     error_order: int
-    nystrom: bool
+    position_only: bool
     stable: float
     adaptive: bool
     #: A step is limited by stability, not by accuracy, if it is longer than this part of the
@@ -73,23 +75,35 @@ class Method(abc.ABC):
         """The method for variational equations."""
         return self
 
+    def in_loops(self, n: int) -> "Method":
+        """The same method as a smaller program, with its stages in at most n successive loops.
+
+        A method that has only one form, such as one that iterates, returns itself. Equal calls
+        return the same object, so that nothing compiles twice. Tables of many stages run faster
+        in two loops than in one.
+        """
+        del n
+        return self
+
     @abc.abstractmethod
-    def advance(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> Advance:
+    def advance(self, field: Field, t: Array, h: Array, y: Array) -> Advance:
         """Increment of y over [t, t + h], and all that is known of it.
 
         Args:
           field: (t, y) -> dy/dt.
           t: () start.
           h: () step, of either sign.
-          y: (k, ...) state; [q, v] along the first axis where `nystrom`.
-          loops: over stages, one loop after the other, each over the next part of them; 0 to
-            write them out. Those with a table of many stages run faster with two.
+          y: (k, ...) state; [q, v] along the first axis where `position_only`.
         """
 
-    def step(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> tuple:
-        """Increment of y over [t, t + h] and the estimate of its error; see `advance`."""
-        found = self.advance(field, t, h, y, loops)
-        return found.increment, found.error
+
+M = TypeVar("M", bound=Method)
+
+
+@functools.cache
+def in_loops(method: M, n: int) -> M:
+    """A method that is a record with `loops`, with n of them."""
+    return dataclasses.replace(method, loops=n)
 
 
 def fastest(k: Array, shift: Array, whole: Array) -> Array:

@@ -31,7 +31,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import materialised, runtime_one
-from jaxdyn.solvers.method import Advance, Field, Method, fastest, grows_from
+from jaxdyn.solvers.method import Advance, Field, Method, fastest, grows_from, in_loops
 
 _MENDED = 4  # stages whose weights get more digits
 
@@ -48,7 +48,8 @@ class Pair(Method):
       a: (s, s) strictly lower triangular stage weights.
       weights: (2, w, s) rows of solution weights and of error weights; w = 1 for a
         Runge-Kutta pair, w = 2 (positions, velocities) for a Nystrom pair.
-      nystrom: whether the stages are accelerations of a second-order system.
+      position_only: whether the stages are accelerations of a second-order system.
+      loops: over the stages, one after the other; 0 where they are written out.
     """
 
     name: str
@@ -57,7 +58,8 @@ class Pair(Method):
     c: np.ndarray
     a: np.ndarray
     weights: np.ndarray
-    nystrom: bool
+    position_only: bool
+    loops: int = 0
 
     @property
     def adaptive(self) -> bool:
@@ -90,15 +92,19 @@ class Pair(Method):
         same = [(i, j) for j in range(self.stages) for i in range(j) if self.c[i] == self.c[j]]
         return same[-1] if same else None
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> Advance:
-        sums = functools.partial(self._rolled, loops=loops) if loops else self._unrolled
+    def in_loops(self, n: int) -> "Pair":
+        """The same method with its stages in n loops, or as many as it has stages."""
+        return in_loops(self, min(n, self.stages))
+
+    def advance(self, field: Field, t: Array, h: Array, y: Array) -> Advance:
+        sums = self._rolled if self.loops else self._unrolled
         one = runtime_one(h)
 
         def keep(x):
             # The loops over stages keep their arrays by themselves.
-            return x if loops else materialised(x, one)
+            return x if self.loops else materialised(x, one)
 
-        if not self.nystrom:
+        if not self.position_only:
 
             def slope(c, shift):
                 return field(t + c * h, keep(y + h * shift))
@@ -143,9 +149,9 @@ class Pair(Method):
             ratio = fastest(k[j] - k[i], shifts[j] - shifts[i], k[j])
         return [*(combine(row, k) for row in self._rows.tolist()), ratio]
 
-    def _rolled(self, slope: Callable, like: Array, loops: int) -> list[Array]:
+    def _rolled(self, slope: Callable, like: Array) -> list[Array]:
         c, done = jnp.asarray(self.c), []
-        edges = [self.stages * n // loops for n in range(loops + 1)]
+        edges = [self.stages * n // self.loops for n in range(self.loops + 1)]
         spans = list(itertools.pairwise(edges))
 
         def weighted(rows):
@@ -182,7 +188,9 @@ def _row(parts: list[Array], edges: list[int], i: int) -> Array:
     return parts[part][i - edges[part]]
 
 
-def _conditions(a: list, c: list, nystrom: bool, row: int) -> list[tuple[int, list, Fraction]]:
+def _conditions(
+    a: list, c: list, position_only: bool, row: int
+) -> list[tuple[int, list, Fraction]]:
     """(order, stage vector, value): the weights times the vector is the value; orders up to 4.
 
     Row 0 of a Nystrom pair weighs positions, row 1 velocities. Vectors are sums over rooted
@@ -197,7 +205,7 @@ def _conditions(a: list, c: list, nystrom: bool, row: int) -> list[tuple[int, li
         return [p * q for p, q in zip(x, y, strict=True)]
 
     g = applied(one)
-    if nystrom:
+    if position_only:
         trees = [(1, one, 1), (2, c, 2), (3, times(c, c), 3), (3, g, 6)]
         trees += [(4, times(c, times(c, c)), 4), (4, times(c, g), 8), (4, applied(c), 24)]
         if row == 0:  # one order later, weighted by what is left of the step
@@ -225,7 +233,7 @@ def _lacking(pair: Pair) -> np.ndarray:
         _, apart = np.unique(pair.c[used], return_index=True)
         spread = np.unique(np.linspace(0, len(apart) - 1, _MENDED).round().astype(int))
         few = used[apart[spread]]
-        conditions = [x for x in _conditions(a, c, pair.nystrom, i) if x[0] <= pair.order]
+        conditions = [x for x in _conditions(a, c, pair.position_only, i) if x[0] <= pair.order]
         exact = [Fraction(w) for w in weights.tolist()]
         defects = [value - sum(exact[j] * x[j] for j in used) for _, x, value in conditions]
         matrix = np.array([[float(x[j]) for j in few] for _, x, _ in conditions])
@@ -239,7 +247,7 @@ def _lacking(pair: Pair) -> np.ndarray:
 def _growth(pair: Pair, z: float) -> float:
     """By what a step of length 1 multiplies the solution of y' = -z y, or of q'' = -z^2 q."""
     eye, one = np.eye(pair.stages), np.ones(pair.stages)
-    if not pair.nystrom:
+    if not pair.position_only:
         return abs(1 - z * pair.weights[0, 0] @ np.linalg.solve(eye + z * pair.a, one))
     # k = -z^2 (q + c v + a k), for q = 1, v = 0 and for q = 0, v = 1.
     k = np.linalg.solve(eye + z * z * pair.a, -z * z * np.stack([one, pair.c], axis=1))
@@ -265,7 +273,15 @@ def from_diffrax(solver: diffrax.AbstractERK) -> Pair:
     weights = np.stack([table.b_sol, table.b_error])[:, None, :]
     order = solver.order(None)
     c = np.concatenate([[0.0], table.c])
-    return Pair(type(solver).__name__, order, order, c, a, weights, nystrom=False)
+    return Pair(
+        name=type(solver).__name__,
+        order=order,
+        error_order=order,
+        c=c,
+        a=a,
+        weights=weights,
+        position_only=False,
+    )
 
 
 def _unsuitable(solver, table) -> tuple[str, str]:
@@ -284,8 +300,8 @@ def _unsuitable(solver, table) -> tuple[str, str]:
 
 def _load(file: str, name: str, order: int, error_order: int) -> Pair:
     table = json.loads(resources.files("jaxdyn").joinpath("data").joinpath(file).read_text())
-    nystrom = "bp" in table
-    rows = ("b", "bp", "b_err", "bp_err") if nystrom else ("b", "b_err")
+    position_only = "bp" in table
+    rows = ("b", "bp", "b_err", "bp_err") if position_only else ("b", "b_err")
     s = len(table["c"])
 
     def numbers(strings: list[str]) -> list[float]:
@@ -294,22 +310,36 @@ def _load(file: str, name: str, order: int, error_order: int) -> Pair:
 
     a = np.array([numbers(row) for row in table["a"]])
     weights = np.array([numbers(table[row]) for row in rows]).reshape(2, -1, s)
-    return Pair(name, order, error_order, np.array(numbers(table["c"])), a, weights, nystrom)
+    return Pair(
+        name=name,
+        order=order,
+        error_order=error_order,
+        c=np.array(numbers(table["c"])),
+        a=a,
+        weights=weights,
+        position_only=position_only,
+    )
 
 
 #: Euler's method, explicit: one right-hand side a step, no error estimate.
 EULER = Pair(
-    "Euler", 1, 1, np.zeros(1), np.zeros((1, 1)), np.array([[[1.0]], [[0.0]]]), nystrom=False
+    name="Euler",
+    order=1,
+    error_order=1,
+    c=np.zeros(1),
+    a=np.zeros((1, 1)),
+    weights=np.array([[[1.0]], [[0.0]]]),
+    position_only=False,
 )
 #: The classic Runge-Kutta method of order 4 (Kutta 1901): four right-hand sides, no estimate.
 RK4 = Pair(
-    "RK4",
+    name="RK4",
     order=4,
     error_order=4,
     c=np.array([0.0, 0.5, 0.5, 1.0]),
     a=np.diag([0.5, 0.5, 1.0], -1),
     weights=np.array([[[1.0, 2.0, 2.0, 1.0]], [[0.0] * 4]]) / [[[6.0] * 4], [[1.0] * 4]],
-    nystrom=False,
+    position_only=False,
 )
 #: Dormand, El-Mikkawy, Prince (1987), 17 stages, for accelerations that do not depend on v.
 NYSTROM12 = _load("rkn12_10_17.json", "Nystrom 12(10)", order=12, error_order=11)

@@ -40,7 +40,7 @@ class Radau(Method):
     c: np.ndarray
     a: np.ndarray
     adaptive: ClassVar[bool] = True
-    nystrom: ClassVar[bool] = False
+    position_only: ClassVar[bool] = False
     stable: ClassVar[float] = np.inf
 
     @property
@@ -80,8 +80,7 @@ class Radau(Method):
         other = np.linalg.solve(self.c**powers, moments)
         return gamma, (other - self.a[-1]) @ np.linalg.inv(self.a)
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> Advance:
-        del loops
+    def advance(self, field: Field, t: Array, h: Array, y: Array) -> Advance:
         fields = jax.vmap(field, in_axes=(0, -1), out_axes=-1)  # stages last
         times = t + h * self.c
         values, to, back = self._apart

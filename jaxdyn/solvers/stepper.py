@@ -26,13 +26,11 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
 
     Attributes:
       method: what steps.
-      loops: see `Method.advance`.
       h: () the step where it is fixed, exactly: a difference of times would be rounded.
       stop_if_stiff: end the run where it turns out to be stiff.
     """
 
     method: Method
-    loops: int
     h: Array | None = None
     stop_if_stiff: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
@@ -63,7 +61,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         def field(t, y):
             return terms.vf(sign * t, y, now)
 
-        step = self.method.advance(field, start, h, y, self.loops)
+        step = self.method.advance(field, start, h, y)
         y1, carry = two_sum(y0, carry + step.rest, step.increment)
         y1 = args.project(sign * t1, y1)
         near = step.speed > self.method.alarm * self.method.stable

@@ -48,7 +48,7 @@ class Stoermer(Method):
 
     counts: tuple[int, ...]
     adaptive: ClassVar[bool] = True
-    nystrom: ClassVar[bool] = True
+    position_only: ClassVar[bool] = True
     #: At rtol 1e-2 accuracy leads to steps of 0.75 of the limit.
     alarm: ClassVar[float] = 0.9
 
@@ -92,8 +92,8 @@ class Stoermer(Method):
         """Which lane does what when."""
         return _planned(self.counts)
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> Advance:
-        del loops  # over its substeps: written out, it compiles for longer and runs no faster
+    def advance(self, field: Field, t: Array, h: Array, y: Array) -> Advance:
+        # One loop over the substeps: written out, they compile for longer and run no faster.
         half = len(y) // 2
         still = jnp.zeros_like(y[half:])
         # Entries one by one, where they are few: in one array they would be put together and

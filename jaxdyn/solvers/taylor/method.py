@@ -63,7 +63,7 @@ class Taylor(Method):
 
     order: int
     adaptive: ClassVar[bool] = True
-    nystrom: ClassVar[bool] = False
+    position_only: ClassVar[bool] = False
     stable: ClassVar[float] = np.inf
 
     def __post_init__(self):
@@ -84,8 +84,7 @@ class Taylor(Method):
         """Columns of tangents would be as many formulas again, each."""
         return VERNER9
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array, loops: int) -> Advance:
-        del loops
+    def advance(self, field: Field, t: Array, h: Array, y: Array) -> Advance:
         guarded = is_guarded(_formulas(field, t, y)[1])
 
         def step(t, h, y):

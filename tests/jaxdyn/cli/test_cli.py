@@ -174,7 +174,7 @@ MISUSE = [
     (["run", "cannonball", "--seconds", "2"], "--seconds: expected --animate with it"),
     (["list", "canonball"], "scene: expected one that `jaxdyn list` shows, got 'canonball'"),
     (["list", "--problems", "car"], "--problems: expected no scene beside it"),
-    (["run", "car", "--solver", "nystrom12"], "solver: expected one for any scene, got"),
+    (["run", "car", "--solver", "nystrom12"], "solver: expected one for forces that may"),
     (["run", "cannonball", "--samples", "10000000"], "samples: expected at most 1000000"),
     (["run", "cannonball", "--samples", "0"], "got 0. It is at most 1000000 here"),
 ]

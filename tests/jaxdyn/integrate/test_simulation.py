@@ -301,7 +301,8 @@ def test_every_status_has_a_message_with_a_remedy():
         ),
         (
             {"solver": NYSTROM12},
-            r"solver: expected one for any scene, got Nystrom 12\(10\)\. It ignores velocities",
+            r"solver: expected one for forces that may depend on velocity, got Nystrom 12\(10\), "
+            r"which requires velocity-independent forces\.",
         ),
     ],
 )

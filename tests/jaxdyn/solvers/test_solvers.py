@@ -13,10 +13,11 @@ import pytest
 from helpers import EXACT, gap, kepler, kepler_state
 from references.order_conditions import DIGITS, OrderConditions, number
 
-from jaxdyn import scenes, simulate
-from jaxdyn.solvers import EULER, NYSTROM12, RK4, VERNER9, from_diffrax
+from jaxdyn import scenes, simulate, solvers
+from jaxdyn.solvers import EULER, NYSTROM12, RK4, VERNER9, Method, from_diffrax
 
 TSIT5 = from_diffrax(diffrax.Tsit5())
+METHODS = [x for x in vars(solvers).values() if isinstance(x, Method)]
 PAIRS = pytest.mark.parametrize("pair", [NYSTROM12, VERNER9, TSIT5], ids=lambda p: p.name)
 
 
@@ -166,7 +167,7 @@ def test_global_error_falls_with_the_order(pair):
     @jax.jit
     def end(n):
         h = span / n
-        step = lambda i, y: y + pair.step(field, i * h, h, y, loops=1)[0]  # noqa: E731
+        step = lambda i, y: y + pair.in_loops(1).advance(field, i * h, h, y).increment  # noqa: E731
         return jax.lax.fori_loop(0, n, step, kepler(e).y0)
 
     errors = [gap(end(n), kepler_state(e, span)) for n in counts]
@@ -177,13 +178,34 @@ def test_global_error_falls_with_the_order(pair):
 def test_rolled_and_unrolled_steps_are_one_step(pair):
     y = jnp.array([0.3, -0.2, 0.5, 1.1])
     for h in (0.4, -0.4):
-        code = pair.advance(_forced, 0.7, h, y, loops=0)
+        code = pair.advance(_forced, 0.7, h, y)
         for loops in (1, 2, 3):
-            loop = pair.advance(_forced, 0.7, h, y, loops=loops)
+            loop = pair.in_loops(loops).advance(_forced, 0.7, h, y)
             assert gap(loop.increment, code.increment) < EXACT
             assert gap(loop.error, code.error) < EXACT
             assert gap(loop.rest, code.rest) < 1e-3 * EXACT
             assert abs(loop.speed - code.speed) < 1e-6 * abs(code.speed)  # of differences
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
+def test_every_method_keeps_the_contract(method):
+    assert method.order >= 1
+    assert method.error_order >= 1
+    assert method.stable > 0
+    # Few loops are asked for where a program is to be small: the step is the same.
+    y, (t, h) = jnp.array([0.3, -0.2, 0.5, 1.1]), jnp.array([0.7, 0.01])
+    found = jax.jit(lambda t, h, y: method.advance(_forced, t, h, y))(t, h, y)
+    for n in (1, 2):
+        small = method.in_loops(n)
+        assert small is method.in_loops(n)
+        assert small.position_only == method.position_only
+        if small is not method:
+            looped = jax.jit(lambda t, h, y, m=small: m.advance(_forced, t, h, y))(t, h, y)
+            assert gap(looped.increment, found.increment) < EXACT
+    # Drag, v' = -v, is solved to the order of the method, or not at all.
+    slowed = method.advance(lambda t, y: jnp.stack([y[1], -y[1]]), t, h, jnp.ones(2))
+    right = gap(slowed.increment[1], np.expm1(-h)) < max(EXACT, 0.1 * h**method.order)
+    assert right == (not method.position_only)
 
 
 @PAIRS
@@ -193,19 +215,19 @@ def test_a_step_is_what_the_table_says(pair):
     k = []
     for c, row in zip(pair.c, pair.a, strict=True):
         shift = sum((w * x for w, x in zip(row, k, strict=False)), np.zeros(4))
-        if pair.nystrom:
+        if pair.position_only:
             at = np.concatenate([q + c * h * v + h * h * shift[2:], v])
         else:
             at = y + h * shift
         k.append(np.asarray(_forced(t + c * h, jnp.asarray(at))))
     sums = np.einsum("pws,sk->pwk", pair.weights, np.stack(k))
-    if pair.nystrom:
+    if pair.position_only:
         (dq, dv), (q_error, v_error) = sums[..., 2:]
         wanted = np.concatenate([h * v + h * h * dq, h * dv])
         estimate = np.concatenate([h * h * q_error, h * v_error])
     else:
         wanted, estimate = h * sums[0, 0], h * sums[1, 0]
-    increment, error = pair.step(_forced, t, h, jnp.asarray(y), loops=0)
+    increment, error = pair.advance(_forced, t, h, jnp.asarray(y))[:2]
     assert gap(increment, wanted) < EXACT
     assert gap(error, estimate) < EXACT
 
@@ -214,8 +236,8 @@ def test_a_step_is_what_the_table_says(pair):
 def test_a_step_back_undoes_a_step(pair):
     y = jnp.array([0.3, -0.2, 0.5, 1.1])
     h = 0.1 if pair.order > 5 else 0.003
-    there = y + pair.step(_forced, 0.0, h, y, loops=0)[0]
-    back = there + pair.step(_forced, h, -h, there, loops=0)[0]
+    there = y + pair.advance(_forced, 0.0, h, y).increment
+    back = there + pair.advance(_forced, h, -h, there).increment
     assert gap(back, y) < EXACT
 
 
@@ -224,7 +246,7 @@ def test_from_diffrax_takes_the_steps_of_diffrax():
     term = diffrax.ODETerm(lambda t, y, args: _forced(t, y))
     state = solver.init(term, 0.7, 1.1, y, None)
     y1, error, *_ = solver.step(term, 0.7, 1.1, y, None, state, made_jump=False)
-    increment, estimate = from_diffrax(solver).step(_forced, 0.7, 0.4, y, loops=0)
+    increment, estimate = from_diffrax(solver).advance(_forced, 0.7, 0.4, y)[:2]
     assert gap(y + increment, y1) < EXACT
     assert gap(abs(estimate), abs(error)) < EXACT
 
@@ -234,9 +256,9 @@ def test_tables_are_explicit_and_consistent(pair):
     assert np.all(np.triu(pair.a) == 0)
     assert pair.stages == len(pair.c) == pair.a.shape[0] == pair.weights.shape[2]
     # Constant slope or acceleration: 1, or 1/2 for positions; the estimate sees no error.
-    exact = [0.5, 1.0] if pair.nystrom else [1.0]
+    exact = [0.5, 1.0] if pair.position_only else [1.0]
     assert gap(pair.weights.sum(axis=2), [exact, [0.0] * len(exact)]) < EXACT
-    shift = pair.c**2 / 2 if pair.nystrom else pair.c
+    shift = pair.c**2 / 2 if pair.position_only else pair.c
     assert gap(pair.a.sum(axis=1), shift) < 2 * EXACT
 
 

@@ -58,7 +58,7 @@ def test_the_error_falls_with_the_order(method):
     @jax.jit
     def end(n):
         h = span / n
-        step = lambda i, y: y + method.step(field, i * h, h, y, loops=1)[0]  # noqa: E731
+        step = lambda i, y: y + method.advance(field, i * h, h, y).increment  # noqa: E731
         return jax.lax.fori_loop(0, n, step, kepler(e).y0)
 
     errors = [gap(end(k * n), kepler_state(e, span)) for k in (1, 2)]

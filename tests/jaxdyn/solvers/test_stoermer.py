@@ -55,7 +55,7 @@ def test_the_order_is_twice_the_number_of_columns(counts, order):
     # A swing about a centre that is pulled on by a force known in time.
     @jax.jit
     def step(i, h, y):
-        return y + Stoermer(counts).advance(_pulled, i * h, h, y, 0).increment
+        return y + Stoermer(counts).advance(_pulled, i * h, h, y).increment
 
     ends = []
     for steps in (8, 16, 32):
@@ -83,7 +83,7 @@ def _pulled_end(t):
 def test_its_estimate_is_no_smaller_than_its_error(method):
     for h in (1.0, 1.5, 2.0):
         y = jnp.array([1.0, 0.3])
-        found = method.advance(_pulled, jnp.zeros(()), jnp.asarray(h), y, 0)
+        found = method.advance(_pulled, jnp.zeros(()), jnp.asarray(h), y)
         error = gap(y + found.increment, _pulled_end(h))
         assert error < 3 * float(jnp.abs(found.error).max()) + 1e-14
 
@@ -150,7 +150,7 @@ def test_many_at_once_by_vmap():
 def test_it_is_stable_up_to_the_limit_that_it_names(method):
     @jax.jit
     def matrix(h):
-        return jax.vmap(lambda y: y + method.advance(_free, 0.0 * h, h, y, 0).increment)(np.eye(2))
+        return jax.vmap(lambda y: y + method.advance(_free, 0.0 * h, h, y).increment)(np.eye(2))
 
     def growth(h):
         return np.abs(np.linalg.eigvals(matrix(jnp.asarray(h)))).max()
@@ -180,7 +180,7 @@ def test_a_stiff_motion_is_noticed():
 
 
 def test_forces_that_depend_on_velocity_are_refused():
-    with pytest.raises(ValueError, match="solver: expected one for any scene, got Stoermer 18"):
+    with pytest.raises(ValueError, match=r"solver: expected .* velocity, got Stoermer 18"):
         simulate(scenes.cannonball(drag=0.1), solver=STOERMER18)
 
 
@@ -220,6 +220,5 @@ def test_a_rate_that_is_no_number_gives_no_number():
         jnp.zeros(()),
         jnp.asarray(0.1),
         -jnp.ones(2),
-        0,
     )
     assert not np.isfinite(found.increment).any()
