@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene, System
+from jaxdyn import Scene, Status, System
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import tolerances
 from orbits.motion import advanced
@@ -42,29 +42,35 @@ def _projection(scene: Scene, y0: Array) -> Array:
     return jax.jacfwd(scene.system.project, argnums=1)(jnp.zeros(()), y0)
 
 
-def returned(orbit: Orbit, rtol, basis: np.ndarray) -> np.ndarray:
+def returned(orbit: Orbit, rtol, basis: np.ndarray) -> tuple[np.ndarray, Status]:
     """(d, d) the monodromy matrix in a basis of tangents, turned back for a relative orbit.
 
     The displacement after a period is what `difference` says: -1 times a quaternion is the
-    same attitude.
+    same attitude. The matrix is NaN unless the status of its integration is OK.
     """
-    return basis.T @ np.asarray(returned_map(orbit, rtol)) @ basis
+    m, status = returned_map(orbit, rtol)
+    m = basis.T @ np.asarray(m) @ basis
+    code = Status(int(status))
+    return m, code if np.isfinite(m).all() or code != Status.OK else Status.NOT_FINITE
 
 
 @jax.jit
-def returned_map(orbit: Orbit, rtol) -> Array:
-    """(k, k) the monodromy matrix, turned back for a relative orbit; differentiable."""
+def returned_map(orbit: Orbit, rtol) -> tuple[Array, Array]:
+    """(k, k) the monodromy matrix, turned back for a relative orbit, and its `Status` code.
+
+    The matrix is differentiable in the numbers of the orbit's scene.
+    """
     scene, closing, angle = orbit.scene, orbit.closing, orbit.angle
 
     def end(y):
         run = advanced(scene.starting(y), scene.t1, orbit.s_period, rtol=rtol)
-        return scene.system.difference(run.y1, target)
+        return scene.system.difference(run.y1, target), run.status
 
     # Only which side of a wrapped angle, or which sign of a quaternion, it is measured from.
     target = jax.lax.stop_gradient(closing.after(scene.system, scene.y0, angle, 1))
-    m = jax.jacfwd(end)(scene.y0)
+    m, status = jax.jacfwd(end, has_aux=True)(scene.y0)
     if not closing.turns:
-        return m
+        return m, status
     # Not by solving: turned back, a turn is undone to rounding, and needs no other symmetry.
     back = jax.jacfwd(lambda y: closing.after(scene.system, y, -angle, 1))(scene.y0)
-    return jnp.sum(back[:, :, None] * m[None], axis=1)
+    return jnp.sum(back[:, :, None] * m[None], axis=1), status

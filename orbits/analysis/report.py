@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from jaxdyn._progress import doing
+from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import Recheck, closure, growth, recheck
 from orbits.analysis.identity import has_normal_form, identify, normal_form
 from orbits.analysis.same import minimal_period
@@ -43,7 +44,8 @@ class Report:
       minimal_period: the shortest time after which the motion comes back.
       choreography: whether all bodies follow one curve; None unless they are free points.
       permutation_error: how far it is from that; None where bodies differ.
-      word: the free-group word of three bodies in the plane; None for anything else.
+      word: the free-group word of three bodies in the plane; None for anything else, and where
+        the motion runs into a collision.
       energy: kinetic plus potential; None where it is not conserved.
       angular_momentum: about the origin; None where it is not conserved.
       scale_free: T |E|^(3/2); None unless all forces are Newtonian attractions.
@@ -90,7 +92,7 @@ def report(orbit: Orbit) -> Report:
     doing("identifying the orbit")
     what = identify(orbit)
     doing("testing its stability")
-    linear = stability(orbit)
+    linear = stability(orbit, throw=False)
     form = None
     if has_normal_form(orbit):
         normal = normal_form(orbit)
@@ -105,7 +107,7 @@ def report(orbit: Orbit) -> Report:
         minimal_period=minimal_period(orbit)[0],
         choreography=what.choreography,
         permutation_error=what.permutation_error if math.isfinite(what.permutation_error) else None,
-        word=word(orbit) if has_word(orbit) else None,
+        word=_word(orbit),
         energy=what.energy,
         angular_momentum=what.angular_momentum,
         scale_free=what.scale_free,
@@ -121,6 +123,13 @@ def report(orbit: Orbit) -> Report:
         recheck=recheck(orbit),
         normal_form=form,
     )
+
+
+def _word(orbit: Orbit) -> str | None:
+    try:
+        return word(orbit) if has_word(orbit) else None
+    except IntegrationError:  # a collision: it has no topology
+        return None
 
 
 def as_json(claims: Report) -> dict[str, Any]:

@@ -19,15 +19,15 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from orbits.analysis.monodromy import returned_map, tangents
-from orbits.analysis.stability import stability
+from orbits.analysis.stability import Stability, stability
 from orbits.closing.conditions import Hold, conditions
 from orbits.orbit import Orbit
 from orbits.shooting import newton
 from orbits.shooting.cuts import cut
 from orbits.shooting.equations import Equations, residual_at
 
-#: Cosine between an eigenvalue's left and right vectors below which it is defective.
-_MET = 1e-6
+#: Multipliers nearer to each other than this many of their error bars may coincide.
+_APART = 3.0
 
 
 class Solution(eqx.Module):
@@ -56,13 +56,16 @@ class Solution(eqx.Module):
     def multipliers(self) -> Array:
         """(p,) the non-trivial Floquet multipliers, complex.
 
+        NaN for a multiplier that coincides with another one, where it has no derivative;
+        `orbits.stability` has its value.
+
         Raises:
-          ValueError: one of them has met another one, where there is no derivative.
+          IntegrationError: the variational equations cannot be integrated over the period.
         """
         values, right, left = _eigenvectors(self.known)
         rtol = self.known.rtol
         orbit = eqx.tree_at(lambda o: (o.scene, o.angle), self.known, (self.scene, self.angle))
-        m = returned_map(orbit, rtol)
+        m, _ = returned_map(orbit, rtol)
         change = m - jax.lax.stop_gradient(m)
         return jnp.asarray(values) + jnp.sum(left * (change @ right).T, axis=1)
 
@@ -126,23 +129,35 @@ def _inverse(equations: Equations, x: np.ndarray, rtol: float) -> np.ndarray:
 
 
 def _eigenvectors(orbit: Orbit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Non-trivial multipliers (p,), right (k, p) and left (p, k) eigenvectors, left @ right = 1."""
+    """Non-trivial multipliers (p,), right (k, p) and left (p, k) eigenvectors, left @ right = 1.
+
+    A multiplier that is not simple and its left eigenvector are NaN.
+    """
     linear = stability(orbit)
+    simple = _simple(linear)
     basis = tangents(orbit.scene, np.asarray(orbit.y0))
     values, vectors = np.linalg.eig(linear.monodromy)
     others, duals = np.linalg.eig(linear.monodromy.T)
-    right, left = [], []
-    for value in linear.nontrivial:
+    known, right, left = [], [], []
+    for value, alone in zip(linear.nontrivial, simple, strict=True):
         v = vectors[:, np.argmin(np.abs(values - value))]
         w = duals[:, np.argmin(np.abs(others - value))]
         size = w @ v
-        if abs(size) < _MET:
-            raise fail("orbit", "simple multipliers", f"two that meet near {value:.6g}")
+        known.append(value if alone else np.nan)
         right.append(basis @ v)
-        left.append(basis @ w / size)
+        left.append(basis @ w / size if alone else np.full(len(basis), np.nan))
     p, k = len(right), len(basis)
     return (
-        linear.nontrivial,
+        np.array(known, complex),
         np.array(right, complex).reshape(p, k).T,
         np.array(left, complex).reshape(p, k),
     )
+
+
+def _simple(linear: Stability) -> np.ndarray:
+    """(p,) whether a multiplier differs from all others, the unit ones included."""
+    others = np.append(linear.nontrivial, np.ones(min(linear.unit, 1)))
+    bars = np.append(linear.bars, np.zeros(min(linear.unit, 1)))
+    distance = np.abs(linear.nontrivial[:, None] - others)
+    apart = distance > _APART * (linear.bars[:, None] + bars)
+    return np.asarray((apart | np.eye(*apart.shape, dtype=bool)).all(axis=1))

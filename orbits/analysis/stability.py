@@ -20,8 +20,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import Scene
-from jaxdyn._checks import fail, untraced
+from jaxdyn import Scene, Status
+from jaxdyn._checks import untraced
+from jaxdyn.integrate.simulation import explained
+from jaxdyn.status import IntegrationError
 from orbits.analysis.monodromy import returned, tangents
 from orbits.orbit import Orbit
 from orbits.shooting import trivial
@@ -49,6 +51,8 @@ class Stability:
         canonical coordinates.
       determinant_defect: |det M - 1|, the same.
       monodromy: (d, d) the matrix M, in the basis `tangents`.
+      status: of the integration over the period; unless it is OK every number is NaN and the
+        verdict "undecided".
     """
 
     multipliers: np.ndarray
@@ -61,17 +65,31 @@ class Stability:
     symplectic_defect: float | None
     determinant_defect: float | None
     monodromy: np.ndarray
+    status: Status = Status.OK
+
+    @property
+    def ok(self) -> bool:
+        """Whether the motion was followed over its period."""
+        return self.status == Status.OK
+
+    @property
+    def message(self) -> str:
+        """How the integration over the period ended and what to try."""
+        return self.status.message
 
 
-def stability(orbit: Orbit, *, rtol: float | None = None) -> Stability:
+def stability(orbit: Orbit, *, rtol: float | None = None, throw: bool = True) -> Stability:
     """The multipliers of an orbit, with error bars and a verdict.
 
     Args:
       orbit: what `find` returned.
       rtol: tolerance of the variational equations; the orbit's own if left out. A second run
         at a hundred times that gives the error bars.
+      throw: raise if the motion cannot be followed over its period at one of the two tolerances
+        (a collision, the step limit); with False look at `Stability.status`.
     Raises:
-      ValueError: the motion ends (a collision) before the period is over.
+      ValueError: traced values.
+      IntegrationError: the motion cannot be followed over its period (``throw=True``).
     Limits: linear stability only. "stable" for a conservative scene means all non-trivial
       multipliers lie on the unit circle and cannot leave it within their bars.
     """
@@ -79,10 +97,13 @@ def stability(orbit: Orbit, *, rtol: float | None = None) -> Stability:
     rtol = orbit.rtol if rtol is None else rtol
     scene, y0 = orbit.scene, np.asarray(orbit.y0)
     basis = tangents(scene, y0)
-    m = returned(orbit, rtol, basis)
-    coarse = returned(orbit, min(_COARSER * rtol, _COARSEST), basis)
-    if not (np.isfinite(m).all() and np.isfinite(coarse).all()):
-        raise fail("orbit", "a motion that lasts for its period", "one that does not")
+    m, status = returned(orbit, rtol, basis)
+    coarse, coarse_status = returned(orbit, min(_COARSER * rtol, _COARSEST), basis)
+    status = max(status, coarse_status)
+    if status != Status.OK:
+        if throw:
+            raise IntegrationError(explained(status, scene))
+        return _unknown(len(m), status)
     kernel, reasons = trivial.kernel(scene, y0, m, basis)
     q, generators = trivial.complement(scene, m, kernel, basis)
     reduced = q.T @ m @ q
@@ -105,6 +126,24 @@ def stability(orbit: Orbit, *, rtol: float | None = None) -> Stability:
         symplectic_defect=symplectic,
         determinant_defect=None if symplectic is None else float(abs(np.linalg.det(m) - 1)),
         monodromy=m,
+    )
+
+
+def _unknown(d: int, status: Status) -> Stability:
+    """What is known where the motion was not followed over its period: nothing."""
+    nothing = np.full(d, np.nan)
+    return Stability(
+        multipliers=nothing.astype(complex),
+        nontrivial=nothing.astype(complex),
+        bars=nothing,
+        unit=0,
+        reasons=(),
+        exponents=(),
+        verdict="undecided",
+        symplectic_defect=None,
+        determinant_defect=None,
+        monodromy=np.full((d, d), np.nan),
+        status=status,
     )
 
 

@@ -17,7 +17,8 @@ import numpy as np
 
 from jaxdyn._checks import fail
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.simulation import solve
+from jaxdyn.integrate.simulation import explained, raise_unless_ok, solve
+from jaxdyn.status import IntegrationError, Status
 from orbits.orbit import Orbit
 
 _SAMPLES = 2048  # of one period at first
@@ -33,6 +34,7 @@ def syzygies(orbit: Orbit) -> tuple[int, ...]:
 
     Raises:
       ValueError: anything but three free points in the plane.
+      IntegrationError: the motion runs into a collision.
     """
     if not has_word(orbit):
         raise fail("orbit", "three free points in the plane", "another system")
@@ -58,11 +60,13 @@ def _sampled(orbit: Orbit) -> np.ndarray:
     """(s, 3, 2) positions over a period, close enough to see each passage.
 
     Raises:
-      ValueError: the triangle never stops turning between samples (a collision).
+      IntegrationError: the motion runs into a collision, where its triangle turns ever faster.
     """
     ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
     for _ in range(_REFINEMENTS):
-        ys = np.asarray(solve(orbit.scene, orbit.period, ts=ts, rtol=1e-12).ys)
+        flow = solve(orbit.scene, orbit.period, ts=ts, rtol=1e-12)
+        raise_unless_ok(flow.status, orbit.scene)
+        ys = np.asarray(flow.ys)
         r, v = (ys[:, i : i + 6].reshape(-1, 3, 2) for i in (0, 6))
         sides, changes = (np.roll(x, -1, axis=1) - x for x in (r, v))
         # Not the angle between samples: near a collision a side turns by 2 pi, and seems still.
@@ -74,7 +78,7 @@ def _sampled(orbit: Orbit) -> np.ndarray:
         count = 2 ** int(np.ceil(np.log2(max(_FEWEST, (swings > _SWING).sum()))))
         most = np.sort(np.argsort(-swings)[:count])
         ts = np.sort(np.concatenate([ts, 0.5 * (ts[most] + ts[most + 1])]))
-    raise fail("orbit", "a motion without collisions", "one whose triangle turns ever faster")
+    raise IntegrationError(explained(Status.STEP_COLLAPSED, orbit.scene))
 
 
 def _middle(before, after, area_before, area_after) -> int:
@@ -93,6 +97,7 @@ def word(orbit: Orbit) -> str:
 
     Raises:
       ValueError: anything but three free points in the plane.
+      IntegrationError: the motion runs into a collision.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes

@@ -20,6 +20,7 @@ from jaxdyn.analysis.energy import energy
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
+from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import recheck
 from orbits.analysis.same import minimal_period
 from orbits.analysis.stability import stability
@@ -222,10 +223,12 @@ def _verified(plan: Plan, sample: int, orbit: Orbit) -> Find | None:
     again = recheck(orbit).closure
     if not again <= VERIFIED * np.abs(y0).max():
         return None
+    linear = stability(orbit, throw=False)
+    if not linear.ok:
+        return None
     try:
-        linear = stability(orbit)
         label = plan.label(orbit)
-    except ValueError:  # a motion that another tolerance ends before its period
+    except IntegrationError:  # a collision so near that its tolerance does not get past it
         return None
     return Find(
         sample=sample,

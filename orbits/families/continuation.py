@@ -26,7 +26,7 @@ from orbits.closing.conditions import Hold, conditions
 from orbits.families.bifurcations import NUDGE, TESTS
 from orbits.families.family import Family, Kind, Member
 from orbits.families.surface import Point, Surface
-from orbits.orbit import Orbit
+from orbits.orbit import Orbit, SearchError
 from orbits.shooting.cuts import cut
 from orbits.shooting.equations import Equations, Make
 from orbits.shooting.finding import GOAL
@@ -40,6 +40,14 @@ _LONGEST = 10.0  # times the first step
 _CLOSE = 1e-9  # relative: where the bisection ends
 _ANYWHERE = (-np.inf, np.inf)
 _FLAT = 1e-9  # a period or parameter that changes less does not change
+_NOT_SIMPLE = (
+    "The closing equations leave one direction only at this point: it is no simple branch point. "
+    "At a torus point give times=q, where its multiplier is exp(2 pi i p / q)."
+)
+_NO_BRANCH = (
+    "No orbit is found so far along the second direction. The other branch may bend away from it: "
+    "try a smaller amplitude."
+)
 
 
 def continue_family(
@@ -107,6 +115,9 @@ def continue_family(
         raise fail("orbit", "a solution of the closing equations", "none", remedy)
     first = _member(surface, point, _outward(surface, point, -1.0 if down else 1.0))
     report(first)
+    if not first.stability.ok:
+        end = f"the first orbit, whose multipliers are unknown: {first.stability.message}"
+        return Family((first,), (), end, equations)
     return _walked(surface, first, step, members, (within, energies), report)
 
 
@@ -125,7 +136,9 @@ def switch(
     Returns:
       (orbit, parameter); NaN for the parameter where the family has none.
     Raises:
-      ValueError: no branch is found there.
+      ValueError: `special` is an ordinary member, or `times` > 1 where the family closes by a
+        symmetry.
+      SearchError: no other branch is found there.
     """
     if special.kind is None:
         raise fail("special", "one of family.special", "an ordinary member")
@@ -140,11 +153,10 @@ def switch(
     ahead = old.repeat(point.x + NUDGE * special.tangent, times, rtol)
     aside = surface.aside(x, ahead - x)
     if aside is None:
-        raise fail("special", "a simple branch point", "a point without a second direction")
+        raise SearchError(_NOT_SIMPLE)
     found = surface.nearest(x + amplitude * aside, across=aside)
     if found is None:
-        remedy = "Another branch may start more steeply; try a smaller one."
-        raise fail("amplitude", "one that leads to another branch", amplitude, remedy)
+        raise SearchError(_NO_BRANCH)
     return surface.orbit(found), _parameter(equations, found.x)
 
 
@@ -199,17 +211,26 @@ def _next(surface: Surface, last: Member, step: float, kind: Kind | None = None)
     tangent = _onward(surface, point, last.tangent)
     if tangent is None or tangent @ last.tangent < _TURN:
         return None
-    try:
-        return _member(surface, point, tangent, kind)
-    except ValueError:  # a motion that does not last for the period by the tighter integrator
-        return None
+    member = _member(surface, point, tangent, kind)
+    # Without multipliers nothing special would be seen on the way.
+    return member if member.stability.ok else None
 
 
-def _member(surface: Surface, point: Point, tangent: np.ndarray, kind: Kind | None = None):
+def _member(
+    surface: Surface, point: Point, tangent: np.ndarray, kind: Kind | None = None
+) -> Member:
     orbit = surface.orbit(point)
     total = float(energy.energy(orbit.scene, jnp.zeros(()), orbit.y0))
     parameter = _parameter(surface.equations, point.x)
-    return Member(orbit, parameter, total, stability(orbit), point, tangent, kind)
+    return Member(
+        orbit=orbit,
+        parameter=parameter,
+        energy=total,
+        stability=stability(orbit, throw=False),
+        point=point,
+        tangent=tangent,
+        kind=kind,
+    )
 
 
 def _parameter(equations: Equations, x: np.ndarray) -> float:

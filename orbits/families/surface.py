@@ -105,6 +105,8 @@ class Surface:
           along: (n,) the way of the branch that is known.
         """
         jacobian = np.asarray(self.equations(x, self.rtol).jacobian)
+        if not (np.isfinite(jacobian).all() and np.isfinite(along).all()):
+            return None
         known = np.column_stack([self.neutral(x, jacobian), along / np.linalg.norm(along)])
         _, s, vt = np.linalg.svd(
             np.vstack([self._held(jacobian), np.linalg.norm(jacobian) * known.T])

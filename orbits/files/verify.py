@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxdyn._checks import fail
 from jaxdyn.files import records
-from orbits.analysis.evidence import after
+from orbits.analysis.evidence import after, closure
 from orbits.analysis.report import Report, as_json, report
 from orbits.files import orbit_files as files
 from orbits.orbit import Orbit
@@ -83,9 +83,12 @@ def verify(path: str | Path) -> tuple[Report, list[Mismatch]]:
     """All claims of an orbit file derived again, and those that do not hold.
 
     Raises:
-      ValueError: see `load`.
+      ValueError: see `load`; or the motion of the file's orbit ends before its period.
     """
     orbit, claims = load(path)
+    if not np.isfinite(closure(orbit)):
+        got = "one that ends before it"
+        raise fail("file", "a motion that lasts for its period", got, files.DAMAGED)
     derived = report(orbit)
     return derived, [*_not_closed(orbit, derived), *_compare(claims, as_json(derived))]
 

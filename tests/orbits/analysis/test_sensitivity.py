@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from cycles import Bautin, cycle
-from helpers import gap
+from helpers import gap, kepler
 from scipy.special import ellipe, ellipk
 
 import orbits
@@ -119,3 +119,18 @@ def test_an_orbit_that_does_not_close_has_no_derivative(swing):
     bad = orbits.Orbit(swing.scene, swing.closing, 1.0, orbits.Outcome.BOUND, 1, 1e-14)
     with pytest.raises(ValueError, match="orbit: expected an orbit that closes"):
         orbits.solution(bad.scene, bad)
+
+
+def test_multipliers_that_coincide_are_nan():
+    # On a circle the two that no integral forces to be 1 are 1 too, in a defective block.
+    circle = orbits.Orbit(
+        scene=kepler(0.0),
+        closing=orbits.PLAIN,
+        residual=0.0,
+        outcome=orbits.Outcome.FOUND,
+        iterations=0,
+        rtol=1e-13,
+    )
+    found = orbits.Solution(circle.scene, jnp.zeros(()), circle).multipliers()
+    assert found.shape == (2,)
+    assert jnp.isnan(found).all()

@@ -61,6 +61,13 @@ def both():
     return searched()
 
 
+def test_a_label_that_does_not_fit_the_scene_surfaces():
+    with pytest.raises(ValueError, match="orbit: expected three free points in the plane"):
+        orbits.search(
+            *(scenes.oscillator(k=4.0), orbits.Rows([[1.0, 0.0]]), 1), longest=5, label=orbits.word
+        )
+
+
 @pytest.mark.slow
 def test_both_cycles_are_found_with_their_exact_periods_and_multipliers(both):
     assert len(both) == 2

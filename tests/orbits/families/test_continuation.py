@@ -1,5 +1,7 @@
 """Families against closed forms: folds, branch points, doublings, tori, conservative families."""
 
+import dataclasses
+
 import equinox as eqx
 import numpy as np
 import pytest
@@ -8,8 +10,9 @@ from helpers import SOLVED
 from scipy.special import ellipk
 
 import orbits
-from jaxdyn import scenes
+from jaxdyn import Status, scenes
 from orbits import Kind
+from orbits.families import continuation
 
 
 def maker(kind, y0):
@@ -118,6 +121,39 @@ def test_it_says_where_it_ends():
     swing = orbits.find(scenes.pendulum(angle=3.0), period=5.0)
     found = orbits.continue_family(swing, members=3)
     assert found.end == "the number of members asked for, 3"
+
+
+def test_a_member_without_multipliers_ends_the_family_and_misuse_surfaces(monkeypatch):
+    make = maker(Pitchfork, [1.0, 0.0, 0.0])
+    first = orbits.find(make(-0.3))
+    calls = []
+
+    def counted(orbit, **options):
+        calls.append(options)
+        if len(calls) > 1:
+            raise ValueError("effect: expected a potential, got none.")
+        return orbits.stability(orbit, **options)
+
+    monkeypatch.setattr(continuation, "stability", counted)
+    with pytest.raises(ValueError, match="effect: expected a potential"):
+        orbits.continue_family(first, make, -0.3, members=2)
+    assert len(calls) == 2
+
+    ended = Status.STEP_LIMIT
+
+    def unknown(orbit, **options):
+        calls.append(options)
+        linear = orbits.stability(orbit, **options)
+        return linear if len(calls) == 1 else dataclasses.replace(linear, status=ended)
+
+    monkeypatch.setattr(continuation, "stability", unknown)
+    calls.clear()
+    found = orbits.continue_family(first, make, -0.3, members=2)
+    assert len(found.members) == 1
+    assert found.end.startswith("no orbit is found beyond")
+    found = orbits.continue_family(first, make, -0.3, members=2)
+    assert len(found.members) == 1
+    assert found.end.endswith(ended.message)
 
 
 def test_misuse(forks):

@@ -240,5 +240,5 @@ def _with_more(edited, keys):
 
 def test_a_motion_that_ends_in_a_collision_is_no_orbit(edited):
     fall = [-1.0, 0.0, 1.0, 0.0, 0.0, 9.0, *[0.0] * 6]
-    with pytest.raises(ValueError, match="orbit: expected a motion that lasts for its period"):
+    with pytest.raises(ValueError, match="file: expected a motion that lasts for its period"):
         orbits.verify(edited("scene", "y0", to=fall))
