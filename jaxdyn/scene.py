@@ -209,18 +209,32 @@ class Field(NamedTuple):
 
 
 class Scene(eqx.Module):
-    """A system, the effects that act on it, its start y0 (k,) and a span t1 [s] worth seeing."""
+    """A system, the effects that act on it, its start y0 (k,) and a span t1 [s] worth seeing.
+
+    Its name stands above pictures. It is static, so functions that are compiled for a scene are
+    compiled once for each name.
+    """
 
     system: System
     effects: tuple[Effect, ...]
     y0: Array
     t1: Array
+    name: str = eqx.field(static=True, default="")
 
-    def __init__(self, system: System, effects: tuple[Effect, ...] = (), *, y0: Any, t1: Any = 1.0):
+    def __init__(
+        self,
+        system: System,
+        effects: tuple[Effect, ...] = (),
+        *,
+        y0: Any,
+        t1: Any = 1.0,
+        name: str = "",
+    ):
         self.system = system
         self.effects = tuple(effects)
         self.y0 = _checks.numbers("y0", y0)
         self.t1 = _checks.numbers("t1", t1)
+        self.name = name
 
     @property
     def field(self) -> Field:
@@ -275,6 +289,8 @@ class Scene(eqx.Module):
 
     def check(self) -> None:
         """Raise ValueError if a number makes no sense; traced numbers pass."""
+        if not isinstance(self.name, str):
+            raise _checks.fail("name", "text", repr(self.name))
         k = len(self.system.labels())
         if not k:
             raise _checks.fail("system", "something that moves", "a state without entries")

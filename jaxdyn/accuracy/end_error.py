@@ -143,7 +143,9 @@ def changed(scene: Scene, change: float, rng: np.random.Generator) -> Scene:
 
     numbers, rest = eqx.partition(scene.field, eqx.is_inexact_array)
     field = eqx.combine(jax.tree.map(nudge, numbers), rest)
-    other = Scene(field.system, field.effects, y0=nudge(scene.y0), t1=scene.t1)
+    other = dataclasses.replace(
+        scene, system=field.system, effects=field.effects, y0=nudge(scene.y0)
+    )
     return other.starting(other.field.project(jnp.zeros(()), other.y0))
 
 

@@ -6,6 +6,8 @@ carries nothing. Since W is integrated as the state is, with the same steps and 
 of all non-conservative effects = change of energy is a test of both.
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -122,4 +124,4 @@ def with_work(scene: Scene, *kinds: type[Effect]) -> Scene:
             raise _checks.fail("with_work", f"an effect of the scene ({has})", kind.__name__)
     system = Ledger(scene.system, tuple(kind.__name__ for kind in kinds))
     y0 = jnp.concatenate([scene.y0, jnp.zeros(len(kinds))])
-    return Scene(system, scene.effects, y0=y0, t1=scene.t1)
+    return dataclasses.replace(scene, system=system, y0=y0)

@@ -71,8 +71,6 @@ def run_command(
             out.result(record)
         else:
             _print(record, end, out)
-        if title is None and (plot or series):
-            title = f"{name}: {jaxdyn.drawing.caption(motion)}"
         if plot:
             with out.writing(plot, "drawn in"):
                 jaxdyn.drawing.trajectory(motion, plot, title=title)

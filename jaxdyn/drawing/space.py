@@ -64,7 +64,7 @@ def trajectory(
     _check_together(drawn, names)
     box = limits(np.concatenate([places(one) for one in drawn]), drawn[0].equal)
     width, height = size(box, drawn[0].equal)
-    lines = [_title(motions) if title is None else title, *(one.stopped for one in drawn)]
+    lines = [caption(*motions) if title is None else title, *(one.stopped for one in drawn)]
     above = heading(lines, width)
     figure = blank(width, height + _LINE * above.count("\n"))
     ax = panel(figure, drawn[0], box)
@@ -127,12 +127,6 @@ def _marks(drawn: list[Paths]) -> list:
     if not all(one.stopped for one in drawn):
         marks.append(mark("o", "end", markerfacecolor="white"))
     return marks
-
-
-def _title(motions: list) -> str:
-    """The scene and its numbers, where they are the same for all motions."""
-    found = {caption(motion) for motion in motions}
-    return found.pop() if len(found) == 1 else ""
 
 
 def _check_together(drawn: list[Paths], names) -> None:

@@ -4,10 +4,13 @@ import dataclasses
 import re
 import textwrap
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
 
+from jaxdyn.formulations.rigid import about_centre, inertia_matrix
+from jaxdyn.geometry.inertia import MaterialPoints
 from jaxdyn.integrate.phases import Chain, pieces_of
 from jaxdyn.integrate.simulation import Trajectory
 from jaxdyn.scene import Scene
@@ -15,11 +18,12 @@ from jaxdyn.scene import Scene
 _CHARACTER = 0.078  # inches of a title in 10 points
 _KEPT = "\0=\0"
 _MOST = 4  # entries of an array that are still written out
+_AT_ORIGIN = 1e-12  # of the size of a body: a centre so near is the origin
 
 
-def caption(motion: Trajectory | Chain) -> str:
-    """What moves and what acts on it, with their numbers."""
-    return describe(pieces_of(motion)[0].scene)
+def caption(*motions: Trajectory | Chain) -> str:
+    """What moves and what acts on it, with the numbers that all of the motions share."""
+    return describe(*(pieces_of(motion)[0].scene for motion in motions))
 
 
 def heading(lines: Sequence[str], width: float) -> str:
@@ -29,29 +33,84 @@ def heading(lines: Sequence[str], width: float) -> str:
     return folded.replace(_KEPT, " = ")
 
 
-def describe(scene: Scene) -> str:
-    """A scene in a line.
+def describe(*scenes: Scene) -> str:
+    """A line about a scene, or about what several scenes have in common.
 
     Example:
       >>> from jaxdyn import scenes
       >>> describe(scenes.pendulum(length=2.0))
-      'Stick (m = 1, l = 2), uniform gravity (g = 9.81)'
+      'pendulum (m = 1, l = 2), uniform gravity (g = 9.81)'
+      >>> describe(scenes.pendulum(length=2.0), scenes.pendulum(length=1.0))
+      'pendulum (m = 1), uniform gravity (g = 9.81)'
     """
+    systems, *effects = zip(*map(_parts, scenes), strict=False)
+    names = " and ".join(dict.fromkeys(part.words for part in systems))
+    shared = [_with_numbers(names, systems)]
+    for alike in effects:
+        if len({part.words for part in alike}) == 1:
+            shared.append(_with_numbers(alike[0].words, alike))
+    return ", ".join(shared)
+
+
+class _Part(NamedTuple):
+    """A system or an effect: what it is in words, and its numbers as text."""
+
+    words: str
+    numbers: dict[str, str]
+
+
+def _parts(scene: Scene) -> list[_Part]:
+    """The system, which the scene's name stands for if it has one, and the effects."""
     system = getattr(scene.system, "mechanism", scene.system)
-    return ", ".join([_part(system), *(_part(effect).lower() for effect in scene.effects)])
+    # A dollar sign would begin a formula.
+    name = scene.name.replace("$", r"\$") or _words(system).capitalize()
+    effects = [_Part(_words(effect), _numbers(effect)) for effect in scene.effects]
+    return [_Part(name, _numbers(system)), *effects]
 
 
-def _part(module: eqx.Module) -> str:
-    """The class of a part of a scene in words, with its numbers."""
-    words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(module).__name__.strip("_")).capitalize()
-    fields = [(field.name, getattr(module, field.name)) for field in dataclasses.fields(module)]
-    numbers = [
-        f"{name} = {_number(x)}" for name, x in fields if eqx.is_array(x) and x.size <= _MOST
+def _with_numbers(words: str, parts: Sequence[_Part]) -> str:
+    """The words with the numbers that are the same in all parts, as they are written."""
+    first, *others = parts
+    shared = [
+        f"{name} = {x}"
+        for name, x in first.numbers.items()
+        if all(part.numbers.get(name) == x for part in others)
     ]
-    return f"{words} ({', '.join(numbers)})" if numbers else words
+    return f"{words} ({', '.join(shared)})" if shared else words
 
 
-def _number(x) -> str:
+def _words(module: eqx.Module) -> str:
+    """The class of a part in words."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(module).__name__.strip("_")).lower()
+
+
+def _numbers(module: eqx.Module) -> dict[str, str]:
+    """The numbers of a part and of the modules in it, by name; long arrays are left out."""
+    found = {}
+    for field in dataclasses.fields(module):
+        x = getattr(module, field.name)
+        if isinstance(x, MaterialPoints):
+            found |= _inertia(x)
+        elif isinstance(x, eqx.Module):
+            found |= _numbers(x)
+        elif eqx.is_array(x) and x.size <= _MOST:
+            found[field.name] = _written(x)
+    return found
+
+
+def _inertia(matter: MaterialPoints) -> dict[str, str]:
+    """Mass, principal moments about the centre of mass, and that centre where it is not at 0."""
+    centred = about_centre(matter)
+    centre = np.asarray(matter.r - centred.r)[0]
+    found = {
+        "m": _written(np.sum(matter.m)),
+        "moments": _written(np.linalg.eigvalsh(inertia_matrix(centred))),
+    }
+    away = np.abs(centre).max() > _AT_ORIGIN * np.abs(matter.r).max()
+    return found | ({"centre": _written(centre)} if away else {})
+
+
+def _written(x) -> str:
     """A number or a few in four digits."""
-    values = ", ".join(f"{value:.4g}" for value in np.asarray(x).ravel())
-    return f"({values})" if x.size > 1 else values
+    values = ", ".join(f"{value:.4g}" for value in np.ravel(x))
+    return f"({values})" if np.size(x) > 1 else values

@@ -15,7 +15,6 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.attitude import Quaternion, RotationMatrix
@@ -25,6 +24,7 @@ from jaxdyn.geometry.euler import matrix_from_euler, omega_b_from_euler
 from jaxdyn.geometry.inertia import Body, MaterialPoints, equimomental
 from jaxdyn.mechanisms.euler_body import EulerBody
 from jaxdyn.scene import Effect, Scene
+from jaxdyn.scenes.ready_made import ready_made
 from jaxdyn.scenes.satellites import BOX_EDGES, CUBE, SATELLITES, SatelliteSketch
 from jaxdyn.sketch import Looks, Shape, arc, line, lines, traces
 
@@ -94,7 +94,7 @@ class TopSketch(Looks):
 # ---- free
 
 
-@like_defaults()
+@ready_made()
 def free_body(
     omega0=(0.01, 1.0, 0.0),
     *,
@@ -121,7 +121,7 @@ def free_body(
     return _scene(matter, JackSketch(), start, representation, sequence, t1=t1)
 
 
-@like_defaults()
+@ready_made()
 def box(
     omega0=(0.01, 1.0, 0.0),
     *,
@@ -145,7 +145,7 @@ def box(
     return _scene(matter, BoxSketch(), start, representation, sequence, t1=t1)
 
 
-@like_defaults()
+@ready_made()
 def feynman_plate(
     tilt=0.05, *, spin=10.0, side=0.25, m=0.2, representation: str = "quaternion", t1=3.0
 ) -> Scene:
@@ -173,7 +173,7 @@ def feynman_plate(
     return _scene(matter, BoxSketch(), start, representation, "ZXZ", t1=t1)
 
 
-@like_defaults()
+@ready_made()
 def satellite(
     name: str = "A", omega0=(0.3, 1.0, 0.2), *, representation: str = "quaternion", t1=60.0
 ) -> Scene:
@@ -203,7 +203,7 @@ def satellite(
 # ---- about a pivot
 
 
-@like_defaults()
+@ready_made()
 def top(
     theta=0.5,
     *,

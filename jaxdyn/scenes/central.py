@@ -9,21 +9,22 @@ radius (Bertrand). How many loops the simplest closed orbit has depends on n (11
 `fewest_loops`.
 """
 
+import dataclasses
 import math
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._arguments import like_defaults
 from jaxdyn.effects import CentralForce, PowerLaw
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scene import Scene, System
 from jaxdyn.scenes.apsidal import apsidal_limits
 from jaxdyn.scenes.particles import particle
+from jaxdyn.scenes.ready_made import ready_made
 
 
-@like_defaults()
+@ready_made()
 def central_orbit(law: CentralForce, *, r=1.0, speed=0.6, m=1.0, t1=20.0) -> Scene:
     """A particle under any central force, started across the x axis (problem 11).
 
@@ -38,7 +39,7 @@ def central_orbit(law: CentralForce, *, r=1.0, speed=0.6, m=1.0, t1=20.0) -> Sce
     return particle(law, position=position, velocity=velocity, m=m, t1=t1)
 
 
-@like_defaults()
+@ready_made()
 def power_law(*, k=1.0, n=-1.0, r=1.0, speed=0.6, m=1.0, t1=20.0) -> Scene:
     """A particle under the attraction k r^n, started across the x axis (problem 11).
 
@@ -76,7 +77,7 @@ def swept_angle(scene: Scene, t1=None, *, rtol: float = 1e-12) -> Array:
       6.293409842
     """
     y0 = jnp.append(_checks.array("y0", scene.y0, (4,), "One point in the plane."), 0.0)
-    swept = Scene(_Swept(scene.system), scene.effects, y0=y0, t1=scene.t1)
+    swept = dataclasses.replace(scene, system=_Swept(scene.system), y0=y0)
     return solve(swept, scene.t1 if t1 is None else t1, rtol=rtol).y1[-1]
 
 

@@ -15,7 +15,6 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import as_float, floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.constrained import Constrained
@@ -23,6 +22,7 @@ from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.formulations.rigid import Pose
 from jaxdyn.geometry.euler import matrix_from_euler, omega_b_from_euler
 from jaxdyn.scene import Scene
+from jaxdyn.scenes.ready_made import ready_made
 from jaxdyn.sketch import Shape, arc, lines, traces
 
 _SEQUENCE = "ZXZ"
@@ -112,7 +112,7 @@ class Disk(Mechanism):
             _checks.positive(name, getattr(self, name), "In kg, m and kg m^2.")
 
 
-@like_defaults()
+@ready_made()
 def rolling_disk(
     theta=1.2,
     *,

@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn._numerics import square_norm
 from jaxdyn.formulations.prescribed import Path, Prescribed
@@ -24,6 +23,7 @@ from jaxdyn.geometry.rotations import matrix_from_axis_angle
 from jaxdyn.geometry.vectors import plane_rotation
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.bodies import BoxSketch, box_points
+from jaxdyn.scenes.ready_made import ready_made
 from jaxdyn.sketch import line, lines, traces
 
 #: A house of unit width about its middle: walls and roof, then the door; and its lines.
@@ -145,7 +145,7 @@ class MovedBox(Path):
         return BoxSketch()(self.positions(t, q))
 
 
-@like_defaults()
+@ready_made()
 def moved_shape(
     *, reach=(3.0, 1.5), frequency=1.0, spin=1.0, t1=2 * math.pi, corners=None, joined=None
 ) -> Scene:
@@ -175,7 +175,7 @@ def moved_shape(
     return _followed(MovedShape(*floats(corners, *numbers), pairs), t1)
 
 
-@like_defaults()
+@ready_made()
 def turned_box(
     *, axis=(1.0, 1.0, 1.0), sides=(3.0, 2.0, 1.0), rate=1.0, t1=2 * math.pi / 3
 ) -> Scene:
@@ -197,7 +197,7 @@ def turned_box(
     return _followed(TurnedBox(outline, axis, jnp.asarray(rate, dtype=float)), t1)
 
 
-@like_defaults()
+@ready_made()
 def moved_box(
     *,
     swings=(0.6, 0.9, 1.2),

@@ -11,18 +11,18 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.routes import Embedding, route
 from jaxdyn.mechanisms.guided import Cycloid, Parabola, Plate, TiedParabola, Turntable
 from jaxdyn.scene import Scene
+from jaxdyn.scenes.ready_made import ready_made
 
 _NODES = 4096  # of the trapezoidal rule, which converges geometrically in log(s)
 _TAIL = 40.0  # what is left out at either end of it: e^-40 of the whole
 
 
-@like_defaults()
+@ready_made()
 def bead_on_parabola(
     *,
     c=1.0,
@@ -53,7 +53,7 @@ def bead_on_parabola(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
-@like_defaults()
+@ready_made()
 def bead_on_cycloid(
     *, c=0.125, m=1.0, g=9.81, s=1.0, speed=0.0, formulation="newton_euler", t1=10.0
 ) -> Scene:
@@ -80,7 +80,7 @@ def bead_on_cycloid(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
-@like_defaults()
+@ready_made()
 def turntable(
     *,
     d=0.5,
@@ -164,7 +164,7 @@ def turntable_limit(*, d=0.5, m=1.0, inertia=1.0, speed=1.0, rate=1.0) -> Array:
     return jnp.where(still, for_ever, limit)
 
 
-@like_defaults()
+@ready_made()
 def plate(*, m=1.0, weld=2.0, centre=2.0, radius=1.0, t1=math.pi) -> Scene:
     """A massless plate that turns because masses are moved on it, at no momentum (problem 26).
 

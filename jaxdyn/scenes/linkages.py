@@ -8,7 +8,6 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import SinusoidalForce, UniformGravity, unless_zero
 from jaxdyn.formulations.constrained import Constrained
@@ -18,12 +17,13 @@ from jaxdyn.mechanisms.bars import Bodies, Chain, check_bars
 from jaxdyn.mechanisms.four_bar import FourBar
 from jaxdyn.mechanisms.rods import Coupled, Dumbbell, Rods
 from jaxdyn.scene import Scene
+from jaxdyn.scenes.ready_made import ready_made
 
 _CLOSING = 8  # projections that bring a rough start onto its ties; each squares the error
 _IN_LINE = 1e-14  # share of a triangle's side, squared: its height where it is flat
 
 
-@like_defaults(but=("speed",))
+@ready_made(but=("speed",))
 def rod_on_line(
     *,
     m=(1.0, 1.0),
@@ -63,7 +63,7 @@ def rod_on_line(
     return Scene(system, (push,), y0=y0, t1=t1)
 
 
-@like_defaults()
+@ready_made()
 def dumbbell(
     *,
     m=(1.0, 1.0),
@@ -97,7 +97,7 @@ def dumbbell(
     return Scene(system, (), y0=y0, t1=t1)
 
 
-@like_defaults()
+@ready_made()
 def four_bar(
     *,
     m=(1.0, 1.0, 1.0),
@@ -140,7 +140,7 @@ def four_bar(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
-@like_defaults("m", "l", "angles", "rates")
+@ready_made("m", "l", "angles", "rates")
 def pinned_chain(
     *,
     m=(1.0, 1.0, 1.0, 1.0),
@@ -183,7 +183,7 @@ def pinned_chain(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
-@like_defaults("m", "l", "angles", "rates")
+@ready_made("m", "l", "angles", "rates")
 def skate_chain(
     *,
     m=(1.0, 1.0, 1.0),

@@ -4,11 +4,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Scene
+from jaxdyn.scenes.ready_made import ready_made
 
 #: Problem 28: a rough guess of a figure-eight, order x1 y1 x2 y2 x3 y3 vx1 vy1 ... [G = m = 1]
 EIGHT_GUESS = (-0.755, 0.355, 1.155, -0.0755, -0.4055, -0.3055)
@@ -23,7 +23,7 @@ EIGHT += (0.93240737, 0.86473146)
 EIGHT_PERIOD = 6.3259140
 
 
-@like_defaults()
+@ready_made()
 def three_body(y0=EIGHT, *, m=(1.0, 1.0, 1.0), G=1.0, t1=EIGHT_PERIOD) -> Scene:
     """Three bodies in a plane under Newtonian gravity (problems 17, 28).
 
@@ -36,7 +36,7 @@ def three_body(y0=EIGHT, *, m=(1.0, 1.0, 1.0), G=1.0, t1=EIGHT_PERIOD) -> Scene:
     return Scene(FreePoints(m, d=2), (PairGravity(G),), y0=jnp.asarray(y0), t1=t1)
 
 
-@like_defaults()
+@ready_made()
 def two_body(*, m1=1.0, m2=2.0, d=1.0, G=1.0, t1=None) -> Scene:
     """Two unequal bodies on circles about their centre of mass at the origin (problem 16 a, b).
 
@@ -68,7 +68,7 @@ def two_body_period(*, m1=1.0, m2=2.0, d=1.0, G=1.0) -> Array:
     return 2 * jnp.pi * jnp.sqrt(d**3 / (G * (m1 + m2)))
 
 
-@like_defaults()
+@ready_made()
 def three_body_circular(*, m=1.0, G=10.0, diameter=3.0, t1=None) -> Scene:
     """Three equal bodies on one circle about the origin, 120 degrees apart (problem 16 c, d).
 

@@ -10,15 +10,15 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import as_float, floats
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import Trajectory, each_motion
 from jaxdyn.scene import Effect, Points, Scene, System
+from jaxdyn.scenes.ready_made import ready_made
 
 
-@like_defaults("position", "velocity")
+@ready_made("position", "velocity")
 def particle(*effects: Effect, position=(0.0, 0.0), velocity=(1.0, 1.0), m=1.0, t1=1.0) -> Scene:
     """One particle with any forces in the plane or in space (problem 1).
 
@@ -34,7 +34,7 @@ def particle(*effects: Effect, position=(0.0, 0.0), velocity=(1.0, 1.0), m=1.0, 
     return Scene(FreePoints(m, d=len(position)), effects, y0=y0, t1=t1)
 
 
-@like_defaults()
+@ready_made()
 def cannonball(
     *, speed=10.0, angle=math.pi / 4, m=1.0, g=9.81, drag=0.0, linear=0.0, t1=1.0
 ) -> Scene:
@@ -107,7 +107,7 @@ class PolarParticle(System):
             )
 
 
-@like_defaults()
+@ready_made()
 def polar_particle(
     *effects: Effect, position=(1.0, 0.5), velocity=(-1.0, 0.0), m=1.0, t1=2.0
 ) -> Scene:
@@ -178,7 +178,7 @@ class Lorenz(System):
         return jnp.stack([self.sigma * (y - x), x * (self.rho - z) - y, x * y - self.beta * z])
 
 
-@like_defaults()
+@ready_made()
 def lorenz(*, sigma=10.0, rho=28.0, beta=8 / 3, y0=(1.0, 1.0, 1.0), t1=20.0) -> Scene:
     """The Lorenz system, chaotic at its usual numbers (problem 3).
 

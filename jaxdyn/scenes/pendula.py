@@ -10,7 +10,6 @@ import math
 import jax.numpy as jnp
 
 from jaxdyn import _checks
-from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.mechanism import TIES
@@ -18,9 +17,10 @@ from jaxdyn.formulations.routes import Embedding, route
 from jaxdyn.mechanisms.bars import Bodies, Chain
 from jaxdyn.mechanisms.sticks import Cart, Stick, TiedCart, TiedStick
 from jaxdyn.scene import Scene
+from jaxdyn.scenes.ready_made import ready_made
 
 
-@like_defaults()
+@ready_made()
 def pendulum(
     *,
     length=1.0,
@@ -56,7 +56,7 @@ def pendulum(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
-@like_defaults()
+@ready_made()
 def shaken_pendulum(
     *,
     length=1.0,
@@ -101,7 +101,7 @@ def shaken_pendulum(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
-@like_defaults()
+@ready_made()
 def double_pendulum(
     *,
     m=(1.0, 1.0),
@@ -132,7 +132,7 @@ def double_pendulum(
     return n_pendulum(**numbers, relative=relative, formulation=formulation, drift=drift)
 
 
-@like_defaults()
+@ready_made()
 def triple_pendulum(
     *,
     m=(1.0, 1.0, 1.0),
@@ -162,7 +162,7 @@ def triple_pendulum(
     return n_pendulum(**numbers, relative=relative, formulation=formulation, drift=drift)
 
 
-@like_defaults("m", "l", "angles", "rates")
+@ready_made("m", "l", "angles", "rates")
 def n_pendulum(
     *,
     m=(1.0, 1.0, 1.0, 1.0),
@@ -197,7 +197,7 @@ def n_pendulum(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
-@like_defaults()
+@ready_made()
 def cart_pendulum(
     *,
     m=(1.0, 1.0),

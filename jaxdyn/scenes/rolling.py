@@ -25,19 +25,20 @@ is the first that the state fits: friction within its cone, a normal force that 
 right way. Landings keep no normal speed.
 """
 
+import dataclasses
 import math
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.integrate.events import Event, Stop, until
 from jaxdyn.integrate.phase import Exit, Phase
 from jaxdyn.mechanisms.cylinders import CONTACTS, SLIPS, Cylinder
 from jaxdyn.scene import Scene
+from jaxdyn.scenes.ready_made import ready_made
 
 
 class NormalForce(Event):
@@ -108,7 +109,7 @@ class Landed(eqx.Module):
         return self.cylinder.landed(y)
 
 
-@like_defaults()
+@ready_made()
 def cylinder_on_cylinder(
     *, m=1.0, r=0.5, inertia_ratio=0.5, fixed=1.0, mu=0.4, g=9.81, theta=0.1, t1=1.0
 ) -> Scene:
@@ -130,7 +131,7 @@ def cylinder_on_cylinder(
     return Scene(Cylinder(*numbers, "roll", flat=False), (UniformGravity(g),), y0=y0, t1=t1)
 
 
-@like_defaults()
+@ready_made()
 def cylinder_on_ramp(
     *, m=1.0, r=1.0, d=0.5, inertia=0.4, slope=0.2, mu=0.8, g=9.81, turn=0.0, spin=0.0, t1=3.0
 ) -> Scene:
@@ -183,7 +184,7 @@ def phases_of(scene: Scene) -> dict[str, Phase]:
     """
 
     def as_(contact):
-        return Scene(scene.system.touching(contact), scene.effects, y0=scene.y0, t1=scene.t1)
+        return dataclasses.replace(scene, system=scene.system.touching(contact))
 
     roll, fly = as_("roll"), as_("fly")
     grips = tuple(Exit(Grip(roll, int(way)), CONTACTS) for way in SLIPS.values())

@@ -6,7 +6,6 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.routes import route
@@ -14,6 +13,7 @@ from jaxdyn.integrate.events import Event, Stop, until
 from jaxdyn.integrate.simulation import RTOL
 from jaxdyn.mechanisms.sticks import Sideways
 from jaxdyn.scene import Scene
+from jaxdyn.scenes.ready_made import ready_made
 
 
 class Edge(Event):
@@ -31,7 +31,7 @@ class Edge(Event):
         return -1
 
 
-@like_defaults()
+@ready_made()
 def sideways_pendulum(
     *,
     length=1.0,

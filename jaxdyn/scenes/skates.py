@@ -10,17 +10,19 @@ A body with a constant twist turns about the point where the two normals meet, o
 on if they are parallel: `elementary_motion`.
 """
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn._numerics import solve_spd
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.mechanism import Mechanism, MechanismSystem, planar_body
 from jaxdyn.scene import Scene
+from jaxdyn.scenes.ready_made import ready_made
 from jaxdyn.sketch import Shape, circle, frame, line, rectangle, traces
 
 #: Skates nearer to a common normal than this are one condition twice [condition number].
@@ -143,7 +145,7 @@ class LagrangeSkates(MechanismSystem):
         return jnp.concatenate([v, jnp.sum(multipliers[:, None] * reach, axis=0)])
 
 
-@like_defaults()
+@ready_made()
 def one_skate(
     *, m=1.0, inertia=0.5, at=(0.0, 0.0), heading=0.0, speed=1.0, spin=1.0, t1=10.0
 ) -> Scene:
@@ -167,7 +169,7 @@ def one_skate(
     return _on_skates(m, inertia, at[None], heading[None], v, t1)
 
 
-@like_defaults()
+@ready_made()
 def two_skates(
     *,
     m=1.0,
@@ -220,7 +222,7 @@ def _blade_speeds(body: Skated, twist: Array) -> Array:
 
 def by_lagrange(scene: Scene) -> Scene:
     """The same body and start by Lagrange's equations with multipliers (problem 39 c)."""
-    return Scene(LagrangeSkates(scene.system.mechanism), y0=scene.y0, t1=scene.t1)
+    return dataclasses.replace(scene, system=LagrangeSkates(scene.system.mechanism))
 
 
 def meeting_point(scene: Scene) -> Array:

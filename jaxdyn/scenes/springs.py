@@ -5,19 +5,19 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn.effects import Dashpot, LinearDrag, Spring, StepForce, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import Trajectory, single
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.particles import particle
+from jaxdyn.scenes.ready_made import ready_made
 
 _FEWEST = 5  # samples: with fewer every path is an ellipse
 _UNEVEN = 1e-9  # of a sample interval
 
 
-@like_defaults()
+@ready_made()
 def oscillator(*, k=1.0, m=1.0, c=0.0, x=1.0, v=0.0, t1=10.0) -> Scene:
     """The harmonic oscillator m x'' = -k x - c x' on a line (problem 3).
 
@@ -33,7 +33,7 @@ def oscillator(*, k=1.0, m=1.0, c=0.0, x=1.0, v=0.0, t1=10.0) -> Scene:
     return particle(*effects, position=[x], velocity=[v], m=m, t1=t1)
 
 
-@like_defaults("position", "velocity")
+@ready_made("position", "velocity")
 def spring_mass(
     *,
     position=(1.0, 0.0),
@@ -59,7 +59,7 @@ def spring_mass(
     return particle(*effects, position=position, velocity=velocity, m=m, t1=t1)
 
 
-@like_defaults("position", "velocity")
+@ready_made("position", "velocity")
 def hanging_spring(
     *, position=(1.0, 0.0, 0.0), velocity=(0.0, 1.0, 2.0), k=10.0, m=1.0, g=9.81, t1=10.0
 ) -> Scene:
@@ -132,7 +132,7 @@ def _even(ts: Array) -> bool:
     return bool(np.abs(steps - steps.mean()).max() <= _UNEVEN * np.abs(steps.mean()))
 
 
-@like_defaults()
+@ready_made()
 def two_springs(
     *,
     position=(0.2, -1.0),
@@ -194,7 +194,7 @@ def two_springs(
     return particle(*effects, position=position, velocity=velocity, m=m, t1=t1)
 
 
-@like_defaults()
+@ready_made()
 def two_masses(*, m1=1.0, m2=2.0, k=100.0, length=1.0, force=1.0, t1=5.0) -> Scene:
     """Two masses and a spring on a line, pushed by a step force on the second (problem 20).
 

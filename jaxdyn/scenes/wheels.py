@@ -38,7 +38,6 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._arguments import like_defaults
 from jaxdyn._floats import floats
 from jaxdyn._numerics import safe_norm, square_norm
 from jaxdyn.effects import unless_zero
@@ -46,6 +45,7 @@ from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import END, Exit, Phase
 from jaxdyn.scene import Effect, Points, Scene
+from jaxdyn.scenes.ready_made import ready_made
 from jaxdyn.scenes.skates import Skated
 
 AXLES = ("front", "rear")
@@ -144,7 +144,7 @@ def sliding_velocity(ahead: Array, q: Array, v: Array) -> Array:
     return v[:2] + ahead * v[2] * jnp.stack([-jnp.sin(q[2]), jnp.cos(q[2])])
 
 
-@like_defaults()
+@ready_made()
 def car(
     *,
     locked="rear",

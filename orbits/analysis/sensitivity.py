@@ -107,7 +107,7 @@ def solution(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> Solution:
     x = known.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle)
     inverse = _inverse(jax.lax.stop_gradient(known), x, orbit.rtol)
     # Equal values, but the traced numbers.
-    own = Scene(scene.system, scene.effects, y0=orbit.y0, t1=orbit.scene.t1)
+    own = scene.starting(orbit.y0, orbit.scene.t1)
     moving = eqx.tree_at(lambda e: e.scene, known, own)
     y0, period, angle = _moved(moving, x, inverse, orbit.rtol)
     return Solution(own.starting(y0, period), angle, orbit)

@@ -22,6 +22,7 @@ Reference for motions without collisions: A. Chatterjee et al., International Jo
 Research 21 (2002) 621.
 """
 
+import dataclasses
 import math
 
 import equinox as eqx
@@ -139,7 +140,7 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
     given = scene.system
     slides = eqx.tree_at(lambda system: system.mu, given, 0.0 * given.mu).touching("slip_on")
     contact, fly = (
-        Scene(system, scene.effects, y0=scene.y0, t1=scene.t1)
+        dataclasses.replace(scene, system=system)
         for system in (given.touching("roll") if rolls else slides, given.touching("fly"))
     )
     leaves = Rises(fly, 2)

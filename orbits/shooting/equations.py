@@ -205,8 +205,7 @@ def made(scene: Scene, make: Make | None, parameter) -> Scene:
     """The scene, or the one that is made of a parameter, with its start and span."""
     if make is None:
         return scene
-    new = make(parameter)
-    return Scene(new.system, new.effects, y0=scene.y0, t1=scene.t1)
+    return make(parameter).starting(scene.y0, scene.t1)
 
 
 @jax.jit

@@ -1,5 +1,7 @@
 """One throw: where it comes down, and how that changes with its angle and its speed."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -104,7 +106,8 @@ def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
     start = jnp.zeros(4).at[2].set(speed / units.speeds(jnp.zeros(()))[0])
     patience = jax.lax.stop_gradient(_PATIENCE * speed / _pull(scene))
     longest = jnp.where(jnp.isfinite(fall.settled), fall.settled, patience)
-    throw, down = Scene(system, scene.effects, y0=start), Down(w, units.lengths)
+    throw = dataclasses.replace(scene, system=system, y0=start)
+    down = Down(w, units.lengths)
     stop = events.until(throw, down, longest, rtol=rtol, atol=rtol, max_steps=_STEPS)
     landed = stop.event >= 0
     r, v = system.moved(stop.t, stop.y)

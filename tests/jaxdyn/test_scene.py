@@ -1,5 +1,6 @@
 """The waist: composing scenes, what is compiled for them, and what they refuse."""
 
+import dataclasses
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -11,6 +12,7 @@ from helpers import EXACT, gap, kepler, primitives
 
 from jaxdyn import Effect, Scene, scenes, simulate
 from jaxdyn._numerics import safe_norm
+from jaxdyn.accuracy.timing import Clock
 from jaxdyn.analysis.ledger import with_work
 from jaxdyn.effects import LinearDrag, PairGravity, QuadraticDrag, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
@@ -68,6 +70,24 @@ def test_starting_takes_another_start_and_span():
     assert (float(other.t1), float(scene.starting(Y0, 5).t1)) == (3.0, 5.0)
     assert other.effects == scene.effects
     assert other.y0.dtype == jnp.float64
+
+
+def test_a_scene_keeps_its_name():
+    ball = scenes.cannonball(drag=0.1)
+    assert ball.name == "cannonball"
+    others = (ball + UniformGravity(), ball.without(QuadraticDrag), ball.starting(2 * ball.y0))
+    assert {other.name for other in others} == {"cannonball"}
+    assert jax.jit(lambda scene: scene.starting(2 * scene.y0))(ball).name == "cannonball"
+    assert Scene(FreePoints(2.0), y0=Y0).name == ""
+
+
+def test_a_name_compiles_nothing_anew_to_simulate_and_is_not_mistaken():
+    one, other = (dataclasses.replace(_ball(UniformGravity()), name=name) for name in "ab")
+    motions = [simulate(one, 0.3, samples=3)]
+    clock = Clock()
+    motions.append(simulate(other, 0.3, samples=3))
+    assert clock.compiling == 0
+    assert [motion.scene.name for motion in motions] == ["a", "b"]
 
 
 def test_an_effect_taken_out_leaves_no_trace_in_the_program():

@@ -254,7 +254,7 @@ def test_a_run_becomes_files(jaxdyn, tmp_path):
 def test_pictures_name_the_scene(jaxdyn, tmp_path):
     picture = tmp_path / "a.svg"
     assert jaxdyn("run", "cannonball", "--samples", "3", "--series", picture)[0] == 0
-    assert "cannonball: Free points (m = 1), uniform gravity (g = 9.81)" in picture.read_text()
+    assert "cannonball (m = 1), uniform gravity (g = 9.81)" in picture.read_text()
 
 
 @pytest.mark.parametrize("as_json", [(), ("--json",)])

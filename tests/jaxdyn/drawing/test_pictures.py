@@ -18,7 +18,6 @@ from jaxdyn.drawing.curves import CURVE
 from jaxdyn.drawing.figures import PALETTE
 from jaxdyn.drawing.panels import colours, limits
 from jaxdyn.drawing.solid import _taken
-from jaxdyn.drawing.titles import describe
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.events import Reaches
@@ -291,15 +290,12 @@ def test_time_series_say_what_they_are_of():
     assert drawing.time_series(motion, title="a throw").axes[0].get_title() == "a throw"
 
 
-TITLE = "Free points (m = 1), uniform gravity (g = 9.81)"
+TITLE = "cannonball (m = 1), uniform gravity (g = 9.81)"
 
 
 def test_a_picture_says_what_it_is_of(ball):
     assert drawing.trajectory(ball).axes[0].get_title() == TITLE
     assert drawing.trajectory(ball, title="").axes[0].get_title() == ""
-    assert describe(scenes.box()) == "Rigid body"
-    two = describe(scenes.double_pendulum(g=1.0))
-    assert two == "Chain (m = (1, 1), l = (1, 1)), uniform gravity (g = 1)"
 
 
 def test_a_long_title_is_folded_and_inside():

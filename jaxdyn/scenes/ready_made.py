@@ -1,0 +1,35 @@
+"""What every function of a ready-made scene shares: its numbers are checked, its scene is named."""
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import TypeVar, cast
+
+from jaxdyn._arguments import like_defaults
+from jaxdyn.scene import Scene
+
+F = TypeVar("F", bound=Callable[..., Scene])
+
+
+def ready_made(*rows: str, but: tuple[str, ...] = ()) -> Callable[[F], F]:
+    """A decorator for a function that makes a scene, which then has the function's name.
+
+    Args:
+      rows: see `jaxdyn._arguments.like_defaults`, which checks the shapes of the numbers.
+      but: see there.
+    Example:
+      >>> from jaxdyn import scenes
+      >>> scenes.cannonball(speed=20.0).name
+      'cannonball'
+    """
+
+    def decorated(make: F) -> F:
+        checked = like_defaults(*rows, but=but)(make)
+
+        @functools.wraps(make)
+        def named(*args, **kwargs) -> Scene:
+            return dataclasses.replace(checked(*args, **kwargs), name=make.__name__)
+
+        return cast(F, named)
+
+    return decorated

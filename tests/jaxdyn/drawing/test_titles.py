@@ -1,0 +1,42 @@
+"""Titles: the scene's name and its numbers, or what several scenes share."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+from jaxdyn import Scene, drawing, scenes, simulate
+from jaxdyn.drawing.titles import describe
+from jaxdyn.effects import UniformGravity
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.scenes import catalogue
+
+
+def test_a_title_has_the_name_and_the_numbers():
+    assert describe(scenes.box()) == "box (m = 1, moments = (0.4167, 0.8333, 1.083))"
+    two = describe(scenes.double_pendulum(g=1.0))
+    assert two == "double_pendulum (m = (1, 1), l = (1, 1)), uniform gravity (g = 1)"
+    assert describe(scenes.three_body()).endswith("pair gravity (G = 1)")
+    unnamed = Scene(FreePoints(2.0), (UniformGravity(),), y0=np.zeros(4))
+    assert describe(unnamed) == "Free points (m = 2), uniform gravity (g = 9.81)"
+
+
+@pytest.mark.parametrize("name", catalogue.entries())
+def test_every_scene_has_its_name_and_numbers_in_its_title(name):
+    scene = catalogue.entries()[name].make()
+    assert re.match(rf"{name} \(\w+ = ", describe(scene))
+    assert describe(scene.starting(2 * scene.y0)) == describe(scene)
+
+
+def test_a_title_of_several_scenes_has_what_they_share():
+    slow, fast = scenes.shaken_pendulum(frequency=10.0), scenes.shaken_pendulum(frequency=20.0)
+    both = describe(slow, fast)
+    assert both.startswith("shaken_pendulum (m = 1, l = 1, amplitude = 0.1, phase = 0), uniform")
+    other = describe(scenes.pendulum(), scenes.double_pendulum(g=1.0), scenes.pendulum(m=2.0))
+    assert other == "pendulum and double_pendulum, uniform gravity"
+
+
+def test_a_name_is_no_formula():
+    scene = dataclasses.replace(scenes.cannonball(), name="$_^$")
+    drawing.trajectory(simulate(scene, samples=3))._repr_png_()
