@@ -18,9 +18,10 @@ from benchmarks._timing import Row, Times, interleaved
 from benchmarks.ensembles import starts
 from jaxdyn import ensemble
 from jaxdyn._checks import fail
-from jaxdyn.integrate.simulation import default_solver, solve
+from jaxdyn.integrate.simulation import solve
 from jaxdyn.scene import Scene
 from jaxdyn.scenes import three_body
+from jaxdyn.solvers import default_solver
 
 LANES = (100_000, 1_000_000, 10_000_000)
 PEAK = 34.0  # [TFLOP/s] of the H200 SXM

@@ -23,9 +23,9 @@ from .analysis.linearize import linearize as linearize
 from .analysis.linearize import modes as modes
 from .integrate.events import until as until
 from .integrate.phases import Chain as Chain
-from .integrate.simulation import Trajectory as Trajectory
 from .integrate.simulation import simulate as simulate
 from .integrate.simulation import solve as solve
+from .integrate.trajectory import Trajectory as Trajectory
 from .scene import Effect as Effect
 from .scene import Points as Points
 from .scene import Scene as Scene

@@ -18,7 +18,7 @@ from jaxdyn.analysis.energy import potential
 from jaxdyn.analysis.regularised import logarithmic_span, regularised, solve_regularised
 from jaxdyn.integrate.flow import Flow
 from jaxdyn.integrate.simulation import MAX_STEPS, solve
-from jaxdyn.solvers import Method
+from jaxdyn.solvers import Solver
 
 #: Logarithmic time runs too fast where the potential nearly vanishes: its least value must be at
 #: least this share of the median along the motion.
@@ -32,7 +32,7 @@ def advanced(
     *,
     t0=0.0,
     rtol: float,
-    solver: Method | None = None,
+    solver: Solver | None = None,
     max_steps: int = MAX_STEPS,
 ) -> Flow:
     """The end of a motion after a span of time; differentiable in all numbers but s.

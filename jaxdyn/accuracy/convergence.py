@@ -17,7 +17,8 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.scene import Scene
-from jaxdyn.solvers import EULER, Pair
+from jaxdyn.solvers import EULER, Method, Solver
+from jaxdyn.solvers.choice import method_of
 from jaxdyn.solvers.rounding import Noise, RoundedField, begun
 
 
@@ -27,7 +28,7 @@ def fixed_steps(
     *,
     steps=1000,
     t0=0.0,
-    method: Pair = EULER,
+    method: Solver = EULER,
     noise: Noise | None = None,
 ) -> Array:
     """(k,) state at t1 after a number of equal steps from the start of a scene.
@@ -37,7 +38,8 @@ def fixed_steps(
       t1: () end time [s]; the scene's own span if left out.
       steps: () how many; a new number does not recompile.
       t0: () start time [s].
-      method: a `Pair`, whose error estimate is not used, such as `solvers.RK4`.
+      method: a `Pair`, such as `solvers.RK4`, or an explicit solver of diffrax; its error estimate
+        is not used.
       noise: random changes in each step, to see what rounding does; see `rounding`.
     Raises:
       ValueError: no step, or numbers that make no sense.
@@ -56,11 +58,11 @@ def fixed_steps(
     t1 = scene.t1 if t1 is None else t1
     t0, t1 = (_checks.finite(n, jnp.asarray(t, float)) for n, t in (("t0", t0), ("t1", t1)))
     field = scene.field if noise is None else RoundedField(scene.field, noise)
-    return _marched(field, scene.y0, t0, t1, jnp.asarray(steps, int), method)
+    return _marched(field, scene.y0, t0, t1, jnp.asarray(steps, int), method_of(method))
 
 
 @eqx.filter_jit
-def _marched(field, y0: Array, t0: Array, t1: Array, steps: Array, method: Pair) -> Array:
+def _marched(field, y0: Array, t0: Array, t1: Array, steps: Array, method: Method) -> Array:
     h = (t1 - t0) / steps
 
     def step(i, y):
@@ -90,7 +92,7 @@ class Halvings(NamedTuple):
 
 
 def halvings(
-    scene: Scene, t1=None, *, steps: int = 64, rows: int = 6, t0=0.0, method: Pair = EULER
+    scene: Scene, t1=None, *, steps: int = 64, rows: int = 6, t0=0.0, method: Solver = EULER
 ) -> Halvings:
     """Solutions with ever smaller steps, and what they tell of their own errors; host only.
 
@@ -100,7 +102,7 @@ def halvings(
       steps: of the first row.
       rows: how many, at least 3.
       t0: () start time [s].
-      method: a `Pair`.
+      method: see `fixed_steps`.
     Returns:
       Steps, states, estimated errors, observed orders. An order far from the method's says that
       the steps are too large, or that rounding is all there is: then trust no estimate.

@@ -21,7 +21,8 @@ import numpy as np
 from jaxdyn.integrate import ladder
 from jaxdyn.integrate.ladder import FINEST, RATIO
 from jaxdyn.integrate.phases import Chain, pieces_of
-from jaxdyn.integrate.simulation import RTOL, Trajectory
+from jaxdyn.integrate.simulation import RTOL
+from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 
 Motion = Trajectory | Chain

@@ -26,9 +26,10 @@ from jaxdyn import _checks
 from jaxdyn.accuracy.convergence import fixed_steps
 from jaxdyn.integrate import ladder
 from jaxdyn.integrate.ladder import Estimate
-from jaxdyn.integrate.simulation import RTOL, chosen_method, simulate, solve
+from jaxdyn.integrate.simulation import RTOL, simulate, solve
 from jaxdyn.scene import Scene, checked
-from jaxdyn.solvers import DOPRI8, EULER, NYSTROM12, RADAU5, RADAU9, VERNER9, Method
+from jaxdyn.solvers import DOPRI8, EULER, NYSTROM12, RADAU5, RADAU9, VERNER9, Method, Solver
+from jaxdyn.solvers.choice import chosen_method, method_of
 
 _SAMPLES = 33
 #: The second opinion on a solver, of another family and as fit for the same scenes.
@@ -42,7 +43,7 @@ def estimate(
     t0=0.0,
     samples=_SAMPLES,
     rtol: float = RTOL,
-    solver: Method | None = None,
+    solver: Solver | None = None,
     dt: float | None = None,
 ) -> Estimate:
     """How far a solution at a tolerance is from the exact one, by a tolerance ladder; host only.
@@ -80,8 +81,8 @@ def by_second_method(
     t0=0.0,
     samples=_SAMPLES,
     rtol: float = RTOL,
-    solver: Method | None = None,
-    second: Method | None = None,
+    solver: Solver | None = None,
+    second: Solver | None = None,
 ) -> Estimate:
     """`estimate` with another solver as the finer one.
 
@@ -99,6 +100,7 @@ def by_second_method(
     first = chosen_method(scene, solver)
     if second is None:
         second = _OTHERS.get(first, VERNER9)
+    second = chosen_method(scene, second)
     if second is first:
         raise _checks.fail("second", "another solver", first.name, "Or call `estimate`.")
     run, ts = _runner(scene, t1, t0, samples, rtol, solver)
@@ -114,7 +116,7 @@ def by_tangents(
     t0=0.0,
     samples=_SAMPLES,
     rtol: float = RTOL,
-    solver: Method | None = None,
+    solver: Solver | None = None,
 ) -> Estimate:
     """A bound of the error: the sum of all local errors, each carried on by the tangent map.
 
@@ -170,7 +172,7 @@ def _pieces(scene: Scene, t0s, starts, t1s, rtol, solver: Method):
 
 
 def by_halving(
-    scene: Scene, t1=None, *, steps: int = 1000, t0=0.0, method: Method = EULER
+    scene: Scene, t1=None, *, steps: int = 1000, t0=0.0, method: Solver = EULER
 ) -> Estimate:
     """How far a solution with equal steps is from the exact one at the end; host only.
 
@@ -187,7 +189,7 @@ def by_halving(
     Raises:
       ValueError: see `fixed_steps`.
     """
-    t1 = checked(scene).t1 if t1 is None else t1
+    t1, method = checked(scene).t1 if t1 is None else t1, method_of(method)
     span = abs(float(t1) - float(t0))
 
     def run(scene, h, noise=None):

@@ -22,9 +22,10 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.accuracy import estimates
 from jaxdyn.integrate.ladder import MOST_DIGITS, Estimate
-from jaxdyn.integrate.simulation import RTOL, chosen_method, solve
+from jaxdyn.integrate.simulation import RTOL, solve
 from jaxdyn.scene import Scene
-from jaxdyn.solvers import Method
+from jaxdyn.solvers import Method, Solver
+from jaxdyn.solvers.choice import chosen_method
 
 _SAMPLES = 201
 
@@ -65,7 +66,7 @@ def trusted_time(
     t0: float = 0.0,
     samples=_SAMPLES,
     rtol: float = RTOL,
-    solver: Method | None = None,
+    solver: Solver | None = None,
 ) -> Trust:
     """Up to when a solution at a tolerance has so many digits, and how fast it loses them.
 

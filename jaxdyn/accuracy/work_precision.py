@@ -23,7 +23,7 @@ from jaxdyn.analysis import energy
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.integrate import ladder
 from jaxdyn.integrate.events import Event, until
-from jaxdyn.integrate.simulation import default_solver, solve
+from jaxdyn.integrate.simulation import solve
 from jaxdyn.scene import Scene, checked
 from jaxdyn.solvers import (
     DOPRI8,
@@ -35,8 +35,11 @@ from jaxdyn.solvers import (
     TAYLOR16,
     VERNER9,
     Method,
+    Solver,
+    default_solver,
     has_series,
 )
+from jaxdyn.solvers.choice import method_of
 
 TOLERANCES = tuple(float(f"1e-{n}") for n in range(3, 16))
 #: Steps of a solver of fixed step over the span.
@@ -206,7 +209,7 @@ def work_precision(
     scene: Scene,
     t1=None,
     *,
-    solvers: Sequence[Method] | None = None,
+    solvers: Sequence[Solver] | None = None,
     tolerances: Sequence[float] = TOLERANCES,
     steps: Sequence[int] = STEPS,
     quantity: Quantity = END,
@@ -230,7 +233,7 @@ def work_precision(
     Limits: a time is that of the compiled calculation with all that is around it, some 20 us.
     """
     t1 = float(checked(scene).t1 if t1 is None else t1)
-    solvers = fit_solvers(scene, t1) if solvers is None else tuple(solvers)
+    solvers = fit_solvers(scene, t1) if solvers is None else tuple(map(method_of, solvers))
     if not solvers:
         raise _checks.fail("solvers", "at least one", "none")
     exact, scale, uncertainty = _reference(scene, t1, quantity, solvers)

@@ -10,7 +10,8 @@ from jaxtyping import Array
 
 from jaxdyn.analysis.regularised import followed
 from jaxdyn.integrate.events import Event, until
-from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, explained
+from jaxdyn.integrate.simulation import MAX_STEPS, RTOL
+from jaxdyn.integrate.trajectory import explained
 from jaxdyn.scene import Scene, System
 from jaxdyn.status import IntegrationError, Status
 

@@ -17,7 +17,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.analysis.ledger import Ledger
 from jaxdyn.formulations.constrained import DEPENDENT, Constrained
-from jaxdyn.integrate.simulation import Trajectory, each_motion
+from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene, System
 
 

@@ -18,7 +18,7 @@ from jaxtyping import Array
 from jaxdyn.analysis.energy import along, energy, potential
 from jaxdyn.analysis.ledger import power_of
 from jaxdyn.integrate.phases import Chain, pieces_of
-from jaxdyn.integrate.simulation import Trajectory
+from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Effect, Scene
 
 _KEPT = 1e-9  # of the energy's size: the equations keep what they change by less in the span

@@ -35,7 +35,7 @@ from jaxdyn.geometry.rotations import (
     wxyz_from_matrix,
 )
 from jaxdyn.geometry.vectors import Scalar, Vector
-from jaxdyn.integrate.simulation import Trajectory, each_motion
+from jaxdyn.integrate.trajectory import Trajectory, each_motion
 
 # A leading coefficient below this part of what it is a difference of is zero: cos(pi / 2) in
 # floats is not.

@@ -26,9 +26,10 @@ from jaxdyn import _checks
 from jaxdyn.analysis.energy import energy
 from jaxdyn.integrate.events import Reaches, Stop, until
 from jaxdyn.integrate.flow import Flow
-from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, Trajectory, raise_unless_ok, solve
+from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, solve
+from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
 from jaxdyn.scene import Field, Scene, System, checked
-from jaxdyn.solvers import Method
+from jaxdyn.solvers import Solver
 from jaxdyn.status import Status
 
 _FAR = 1e150  # a span of s that no motion gets to
@@ -165,7 +166,7 @@ def solve_regularised(
     *,
     t0=0.0,
     rtol: float = RTOL,
-    solver: Method | None = None,
+    solver: Solver | None = None,
     max_steps: int = MAX_STEPS,
 ) -> Flow:
     """The end of a motion, most of the way in logarithmic time: what the orbit finder calls.

@@ -16,9 +16,10 @@ from jaxdyn.analysis.linearize import linearize
 from jaxdyn.analysis.momenta import centre_of_mass
 from jaxdyn.effects import SinusoidalForce, Spring
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.simulation import default_solver, simulate
+from jaxdyn.integrate.simulation import simulate
 from jaxdyn.scene import Scene, checked
 from jaxdyn.scenes.linkages import rod_on_line
+from jaxdyn.solvers import default_solver
 
 _MASSES, _LENGTH, _FORCE, _FREQUENCY = (1.0, 2.0), 1.0, 1.0, 1.0
 _SAMPLES = 201

@@ -17,7 +17,8 @@ from jaxdyn.analysis.precession import free_attitude
 from jaxdyn.formulations import rigid
 from jaxdyn.geometry.inertia import principal
 from jaxdyn.geometry.vectors import cross
-from jaxdyn.integrate.simulation import Trajectory, simulate
+from jaxdyn.integrate.simulation import simulate
+from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scenes import satellite
 from jaxdyn.scenes.satellites import SATELLITES
 

@@ -30,7 +30,7 @@ from jaxdyn.drawing.panels import colours, draw_lines, limits, panel, size
 from jaxdyn.drawing.solid import fill
 from jaxdyn.files.image_files import animation_path
 from jaxdyn.integrate.phases import Chain
-from jaxdyn.integrate.simulation import Trajectory
+from jaxdyn.integrate.trajectory import Trajectory
 
 _DPI = 100
 _CORNER = 0.02  # of the figure: where the clock stands

@@ -13,7 +13,7 @@ import numpy as np
 from jaxdyn import _checks
 from jaxdyn.drawing.curves import Outline, Part, fine, reached
 from jaxdyn.integrate.phases import Chain, pieces_of
-from jaxdyn.integrate.simulation import Trajectory
+from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.sketch import Kind
 
 _LOOKS = 100  # samples at which shapes are looked at for their room

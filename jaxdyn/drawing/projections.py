@@ -12,7 +12,7 @@ from jaxdyn.drawing.panels import WIDTH, colours, draw_paths, draw_starts, limit
 from jaxdyn.drawing.titles import caption, heading
 from jaxdyn.files.image_files import picture_path
 from jaxdyn.integrate.phases import Chain
-from jaxdyn.integrate.simulation import Trajectory
+from jaxdyn.integrate.trajectory import Trajectory
 
 #: Where the views stand, as a drawing office places them: from the front, the side and above.
 _VIEWS = {(0, 0): (0, 2), (0, 1): (1, 2), (1, 0): (0, 1)}

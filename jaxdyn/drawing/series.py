@@ -13,7 +13,7 @@ from jaxdyn.drawing.panels import WIDTH
 from jaxdyn.drawing.titles import caption, heading
 from jaxdyn.files.image_files import picture_path
 from jaxdyn.integrate.phases import Chain, pieces_of
-from jaxdyn.integrate.simulation import Trajectory
+from jaxdyn.integrate.trajectory import Trajectory
 
 
 def time_series(

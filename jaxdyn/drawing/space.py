@@ -21,7 +21,7 @@ from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import caption, heading
 from jaxdyn.files.image_files import picture_path
 from jaxdyn.integrate.phases import Chain
-from jaxdyn.integrate.simulation import Trajectory
+from jaxdyn.integrate.trajectory import Trajectory
 
 _POSES = {2: 5, 3: 2}  # of the bodies at later times; in space more would hide each other
 _ABOVE = 12  # points, room for a pin

@@ -12,7 +12,7 @@ import numpy as np
 from jaxdyn.formulations.rigid import about_centre, inertia_matrix
 from jaxdyn.geometry.inertia import MaterialPoints
 from jaxdyn.integrate.phases import Chain, pieces_of
-from jaxdyn.integrate.simulation import Trajectory
+from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 
 _CHARACTER = 0.078  # inches of a title in 10 points

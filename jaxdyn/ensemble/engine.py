@@ -20,11 +20,13 @@ from jaxdyn import _checks
 from jaxdyn.ensemble.batches import Job, cores, mesh_of
 from jaxdyn.ensemble.lanes import Ends, Motions
 from jaxdyn.integrate.fixed import FixedField
-from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, checked_settings
+from jaxdyn.integrate.flow import Settings
+from jaxdyn.integrate.simulation import MAX_STEPS, RTOL
 from jaxdyn.integrate.spans import limits
 from jaxdyn.integrate.step_control import Watch
 from jaxdyn.scene import Scene, checked
-from jaxdyn.solvers import Method
+from jaxdyn.solvers import Solver
+from jaxdyn.solvers.choice import checked_method
 
 #: Rows of the compiled program's queue: some 60 rounds of its lanes, so that the last round,
 #: in which lanes run out of work, costs little.
@@ -40,7 +42,7 @@ def run(
     t0=0.0,
     rtol: float = RTOL,
     atol: float | None = None,
-    solver: Method | None = None,
+    solver: Solver | None = None,
     max_steps: int = MAX_STEPS,
     fixed: bool = False,
     watch: Watch | None = None,
@@ -111,7 +113,7 @@ def stream(
     t0=0.0,
     rtol: float = RTOL,
     atol: float | None = None,
-    solver: Method | None = None,
+    solver: Solver | None = None,
     max_steps: int = MAX_STEPS,
     fixed: bool = False,
     watch: Watch | None = None,
@@ -165,7 +167,7 @@ def _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, de
     if devices is not None and not len(devices):
         raise _checks.fail("devices", "at least one", "none", "jax.devices() lists them.")
     mesh = None if devices is None else mesh_of(devices)
-    settings = checked_settings(scene, solver)
+    settings = Settings(checked_method(scene, solver))
     return Job(shared, limits(rtol, atol, max_steps), watch, settings, chunk, threads, mesh)
 
 

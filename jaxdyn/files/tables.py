@@ -10,7 +10,7 @@ from jaxdyn.accuracy.end_error import EndError
 from jaxdyn.analysis.energy_change import energy_change
 from jaxdyn.files.output_files import replace, writable
 from jaxdyn.integrate.phases import Chain, pieces_of
-from jaxdyn.integrate.simulation import Trajectory
+from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.status import Status
 
 

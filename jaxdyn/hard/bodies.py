@@ -16,7 +16,8 @@ from jaxdyn.analysis import energy
 from jaxdyn.formulations.rigid import pose
 from jaxdyn.hard.case import Case, Figure
 from jaxdyn.hard.elliptic import complete
-from jaxdyn.integrate.simulation import Trajectory, simulate
+from jaxdyn.integrate.simulation import simulate
+from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.bodies import free_body
 

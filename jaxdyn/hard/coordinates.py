@@ -12,7 +12,8 @@ from jaxdyn.analysis import energy
 from jaxdyn.formulations import rigid
 from jaxdyn.hard.case import Case, Figure, absolute_error
 from jaxdyn.integrate.phases import Chain
-from jaxdyn.integrate.simulation import Trajectory, simulate
+from jaxdyn.integrate.simulation import simulate
+from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.bodies import free_body, top
 from jaxdyn.scenes.particles import polar_particle

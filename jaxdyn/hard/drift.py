@@ -12,7 +12,8 @@ import jax.numpy as jnp
 
 from jaxdyn.analysis import energy
 from jaxdyn.hard.case import Case, Figure
-from jaxdyn.integrate.simulation import Trajectory, simulate
+from jaxdyn.integrate.simulation import simulate
+from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.linkages import dumbbell, four_bar
 from jaxdyn.scenes.pendula import pendulum, triple_pendulum

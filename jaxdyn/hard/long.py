@@ -15,7 +15,8 @@ import numpy as np
 from jaxdyn.analysis import energy
 from jaxdyn.hard.case import Case, Figure
 from jaxdyn.hard.elliptic import complete
-from jaxdyn.integrate.simulation import Trajectory, simulate
+from jaxdyn.integrate.simulation import simulate
+from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.central import power_law
 from jaxdyn.scenes.nbody import EIGHT_PERIOD, three_body

@@ -14,9 +14,10 @@ import numpy as np
 from jaxdyn.analysis.floquet import monodromy
 from jaxdyn.course.upright import averaged_limit
 from jaxdyn.hard.case import Case, Figure, absolute_error
-from jaxdyn.integrate.simulation import default_solver, simulate
+from jaxdyn.integrate.simulation import simulate
 from jaxdyn.scene import Effect, Scene
 from jaxdyn.scenes.pendula import shaken_pendulum
+from jaxdyn.solvers import default_solver
 
 _RTOL = 1e-12
 _G, _LENGTH, _FAST = 9.81, 1.0, 1e4

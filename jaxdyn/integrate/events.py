@@ -22,10 +22,11 @@ from jaxdyn._numerics import in_one_kernel
 from jaxdyn.integrate.crossings import first_crossing
 from jaxdyn.integrate.event_values import coincident, values
 from jaxdyn.integrate.flow import Settings, flow
-from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, checked_settings
+from jaxdyn.integrate.simulation import MAX_STEPS, RTOL
 from jaxdyn.integrate.spans import limits
 from jaxdyn.scene import Scene, checked
-from jaxdyn.solvers import Method
+from jaxdyn.solvers import Solver
+from jaxdyn.solvers.choice import checked_method
 from jaxdyn.status import Status
 
 
@@ -129,7 +130,7 @@ def until(
     t0=0.0,
     rtol: float = RTOL,
     atol: float | None = None,
-    solver: Method | None = None,
+    solver: Solver | None = None,
     max_steps: int = MAX_STEPS,
 ) -> Stop:
     """The first event of a motion: when, and the state then.
@@ -169,7 +170,7 @@ def until(
       1.414213562373
     """
     events = _events(events)
-    settings = checked_settings(checked(scene), solver)
+    settings = Settings(checked_method(checked(scene), solver))
     for event in events:
         event.check(len(scene.y0))
     t0 = _checks.array("t0", t0, ())

@@ -20,9 +20,10 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.integrate.events import until
 from jaxdyn.integrate.phase import END, Exit, Phase
-from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, Trajectory, explained, simulate, single
+from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, simulate
+from jaxdyn.integrate.trajectory import Trajectory, explained, single
 from jaxdyn.scene import checked
-from jaxdyn.solvers import Method
+from jaxdyn.solvers import Solver
 from jaxdyn.status import Status
 
 MAX_PHASES = 200
@@ -84,7 +85,7 @@ def run(
     samples: int = 100,
     rtol: float = RTOL,
     atol: float | None = None,
-    solver: Method | None = None,
+    solver: Solver | None = None,
     max_steps: int = MAX_STEPS,
     max_phases: int = MAX_PHASES,
 ) -> Chain:

@@ -14,7 +14,8 @@ from typing import Any
 from jaxdyn import _checks
 from jaxdyn._arithmetic import value
 from jaxdyn.integrate.phases import Chain, Phase, run
-from jaxdyn.integrate.simulation import RTOL, Trajectory, simulate
+from jaxdyn.integrate.simulation import RTOL, simulate
+from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 from jaxdyn.scenes import (
     ballistics,
@@ -34,7 +35,7 @@ from jaxdyn.scenes import (
     springs,
     wheels,
 )
-from jaxdyn.solvers import Method
+from jaxdyn.solvers import Solver
 
 Phases = Mapping[str, Phase]
 
@@ -65,7 +66,7 @@ class Entry:
         *,
         samples=200,
         rtol: float = RTOL,
-        solver: Method | str | None = None,
+        solver: Solver | str | None = None,
         dt: float | None = None,
     ) -> Trajectory | Chain:
         """What becomes of a scene of this kind: one smooth motion, or a chain of phases.

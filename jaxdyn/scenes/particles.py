@@ -13,7 +13,7 @@ from jaxdyn import _checks
 from jaxdyn._floats import as_float, floats
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.simulation import Trajectory, each_motion
+from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Effect, Points, Scene, System
 from jaxdyn.scenes.ready_made import ready_made
 

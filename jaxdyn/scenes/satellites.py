@@ -21,7 +21,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.formulations.rigid import pose
 from jaxdyn.geometry.inertia import Body, box_of_density, sphere_of_density
-from jaxdyn.integrate.simulation import each_motion
+from jaxdyn.integrate.trajectory import each_motion
 from jaxdyn.sketch import Looks, Shape, arc, lines, traces
 
 #: Tips of the two massless antennas, from (0, 0, 0) and from (0, 0, 0.5).

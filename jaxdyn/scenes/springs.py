@@ -8,7 +8,7 @@ from jaxdyn import _checks
 from jaxdyn._floats import floats
 from jaxdyn.effects import Dashpot, LinearDrag, Spring, StepForce, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.simulation import Trajectory, single
+from jaxdyn.integrate.trajectory import Trajectory, single
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.particles import particle
 from jaxdyn.scenes.ready_made import ready_made

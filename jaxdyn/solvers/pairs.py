@@ -23,13 +23,11 @@ from collections.abc import Callable
 from fractions import Fraction
 from importlib import resources
 
-import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
 from jaxdyn._numerics import materialised, runtime_one
 from jaxdyn.solvers.method import Advance, Field, Method, fastest, grows_from, in_loops
 
@@ -254,50 +252,6 @@ def _growth(pair: Pair, z: float) -> float:
     return np.abs(np.linalg.eigvals([[1, 1], [0, 1]] + pair.weights[0] @ k)).max()
 
 
-def from_diffrax(solver: diffrax.AbstractERK) -> Pair:
-    """The pair of an explicit Runge-Kutta solver of diffrax, e.g. ``diffrax.Tsit5()``.
-
-    Raises:
-      ValueError: any other solver, since a `Pair` holds one strictly lower triangular table.
-    """
-    table = getattr(solver, "tableau", None)
-    reason, remedy = _unsuitable(solver, table)
-    if reason:
-        got = solver if isinstance(solver, type) else type(solver)
-        name = f"{getattr(got, '__name__', got)}, {reason}"
-        raise _checks.fail("solver", "an explicit Runge-Kutta solver of diffrax", name, remedy)
-    s = len(table.b_sol)
-    a = np.zeros((s, s))
-    for i, row in enumerate(table.a_lower):
-        a[i + 1, : len(row)] = row
-    weights = np.stack([table.b_sol, table.b_error])[:, None, :]
-    order = solver.order(None)
-    c = np.concatenate([[0.0], table.c])
-    return Pair(
-        name=type(solver).__name__,
-        order=order,
-        error_order=order,
-        c=c,
-        a=a,
-        weights=weights,
-        position_only=False,
-    )
-
-
-def _unsuitable(solver, table) -> tuple[str, str]:
-    """Why a solver has no explicit table, and what to take instead; empty where it has one."""
-    stiff = "Take solvers.RADAU9, which is implicit, for stiff scenes."
-    if not isinstance(solver, diffrax.AbstractSolver):
-        return "which is none", "Pass an instance, such as diffrax.Tsit5()."
-    if isinstance(table, diffrax.MultiButcherTableau):
-        return "which splits the rate into an explicit and an implicit part", stiff
-    if isinstance(solver, diffrax.AbstractImplicitSolver) or getattr(table, "implicit", False):
-        return "which is implicit", stiff
-    if not isinstance(table, diffrax.ButcherTableau) or solver.order(None) is None:
-        return "which has no Butcher tableau of an ODE", "Take one of jaxdyn.solvers."
-    return "", ""
-
-
 def _load(file: str, name: str, order: int, error_order: int) -> Pair:
     table = json.loads(resources.files("jaxdyn").joinpath("data").joinpath(file).read_text())
     position_only = "bp" in table
@@ -347,5 +301,3 @@ NYSTROM12 = _load("rkn12_10_17.json", "Nystrom 12(10)", order=12, error_order=11
 #: evaluations of Dormand and Prince's 8(7); all its weights are positive. Coefficients by
 #: J. H. Verner, https://www.sfu.ca/~jverner/.
 VERNER9 = _load("verner9_8.json", "Verner 9(8)", order=9, error_order=9)
-#: Prince and Dormand (1981), 13 stages, as diffrax has it: the second opinion on the other two.
-DOPRI8 = from_diffrax(diffrax.Dopri8())

@@ -12,8 +12,7 @@ import numpy as np
 
 from jaxdyn import Status
 from jaxdyn.integrate.flow import Flow
-from jaxdyn.integrate.simulation import default_solver
-from jaxdyn.solvers import DOPRI8, VERNER9
+from jaxdyn.solvers import DOPRI8, VERNER9, default_solver
 from orbits.closing.closings import PLAIN
 from orbits.motion import advanced
 from orbits.orbit import Orbit, gap

@@ -22,7 +22,7 @@ import numpy as np
 
 from jaxdyn import Scene, Status
 from jaxdyn._checks import untraced
-from jaxdyn.integrate.simulation import explained
+from jaxdyn.integrate.trajectory import explained
 from jaxdyn.status import IntegrationError
 from orbits.analysis.monodromy import returned, tangents
 from orbits.orbit import Orbit

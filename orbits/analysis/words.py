@@ -17,7 +17,8 @@ import numpy as np
 
 from jaxdyn._checks import fail
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.simulation import explained, raise_unless_ok, solve
+from jaxdyn.integrate.simulation import solve
+from jaxdyn.integrate.trajectory import explained, raise_unless_ok
 from jaxdyn.status import IntegrationError, Status
 from orbits.orbit import Orbit
 

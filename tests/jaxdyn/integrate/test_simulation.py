@@ -16,10 +16,11 @@ from jaxdyn.effects import PairGravity, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.events import Reaches, until
 from jaxdyn.integrate.phases import pieces_of
-from jaxdyn.integrate.simulation import default_solver, explained, raise_unless_ok, solve
+from jaxdyn.integrate.simulation import solve
+from jaxdyn.integrate.trajectory import explained, raise_unless_ok
 from jaxdyn.scenes.particles import straightness
 from jaxdyn.scenes.springs import wildness
-from jaxdyn.solvers import NYSTROM12, RK4, VERNER9, from_diffrax
+from jaxdyn.solvers import NYSTROM12, RK4, VERNER9, default_solver, from_diffrax
 
 BALL = scenes.cannonball(drag=0.1)
 EIGHT = scenes.three_body()
@@ -296,8 +297,20 @@ def test_every_status_has_a_message_with_a_remedy():
         ({"t0": np.nan}, r"t0: expected finite numbers, got nan\.$"),
         ({"t0": "now"}, r"t0: expected numbers, got 'now'\.$"),
         (
-            {"solver": diffrax.Tsit5()},
-            r"solver: expected one of jaxdyn.solvers, got Tsit5\. solvers\.from_diffrax",
+            {"solver": "tsit5"},
+            r"solver: expected one of auto, got 'tsit5'\.",
+        ),
+        (
+            {"solver": 9},
+            r"solver: expected one of jaxdyn\.solvers, or an explicit solver of diffrax, got 9\.",
+        ),
+        (
+            {"solver": diffrax.Kvaerno5()},
+            r"solver: expected an explicit Runge-Kutta .*, got Kvaerno5, which is implicit\.",
+        ),
+        (
+            {"solver": diffrax.Tsit5},
+            r"solver: expected an explicit Runge-Kutta .*, got Tsit5, which is none\. Pass an ins",
         ),
         (
             {"solver": NYSTROM12},

@@ -1,0 +1,172 @@
+"""What a simulation returns: a motion at sampled times, or a batch of motions."""
+
+import functools
+from collections.abc import Callable
+from typing import TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.integrate import ladder
+from jaxdyn.integrate.flow import Settings, flow
+from jaxdyn.integrate.step_control import Limits
+from jaxdyn.scene import Scene
+from jaxdyn.solvers import Method, default_solver
+from jaxdyn.status import IntegrationError, Status
+
+_STIFF = (
+    "The scene is stiff: stability, not accuracy, ruled the steps of the explicit method. "
+    "Pass solver='auto' or solvers.RADAU9."
+)
+_TOO_LONG = (
+    "Steps of fixed length are too long for parts of the motion: adaptive ones lead elsewhere. "
+    "Make dt smaller, or leave the solver out to have steps adapt."
+)
+_ELSEWHERE = 0.05  # of the way of a step: more is no step of this motion
+_CHECK_RTOL, _CHECK_STEPS = 1e-6, 10_000  # of the adaptive steps that tell
+T = TypeVar("T")
+
+
+class Trajectory(eqx.Module):
+    """A motion of a scene at sampled times, or a batch of them.
+
+    ``jax.vmap`` of a function that simulates returns a batch: every array, those of the scene
+    too, has the axes of the batch in front of its own.
+
+    Attributes:
+      scene: what moved.
+      ts: (s,) sample times [s].
+      ys: (s, k) states there; NaN where the run did not get to.
+      steps: () accepted steps.
+      rejected: () rejected steps.
+      status: () `Status` code.
+      stiff: () whether stability, not accuracy, ruled the steps, which were those of an explicit
+        method to the end.
+      error: how accurate it is and how that is known, where ``digits`` were asked for.
+      dt: () length of its steps with its sign, where it is fixed [s].
+      method: what took steps of fixed length.
+    """
+
+    scene: Scene
+    ts: Array
+    ys: Array
+    steps: Array
+    rejected: Array
+    status: Array
+    stiff: Array | bool = False
+    error: ladder.Estimate | None = None
+    dt: Array | None = None
+    method: Method | None = eqx.field(static=True, default=None)
+
+    @property
+    def ok(self) -> bool:
+        """Whether the end was reached; host only."""
+        return bool((self.status == Status.OK).all())
+
+    @property
+    def message(self) -> str:
+        """What happened and what to do about it; host only."""
+        return explained(self.status_code, self.scene)
+
+    @property
+    def status_code(self) -> Status:
+        """The status as a `Status`, of a batch the worst; host only."""
+        return Status(int(np.max(self.status)))
+
+    @property
+    def warning(self) -> str:
+        """What is not wrong but could be better, and what to do; empty if nothing; host only."""
+        parts = [_STIFF] if np.any(self.stiff) else []
+        single = self.method is not None and self.ok and not self.lanes
+        parts += [_TOO_LONG] if single and not np.all(_steps_agree(self)) else []
+        parts += [self.error.shortfall] if self.error and self.error.shortfall else []
+        return " ".join(parts)
+
+    @property
+    def lanes(self) -> tuple[int, ...]:
+        """The axes of a batch, (b,) or more; () for one motion."""
+        return np.shape(self.ts)[:-1]
+
+    def one(self, *index: int) -> "Trajectory":
+        """One motion of a batch."""
+        if len(index) != len(self.lanes):
+            wanted = f"{len(self.lanes)} numbers, one for each axis of the batch {self.lanes}"
+            raise _checks.fail("index", wanted, index)
+        return jax.tree.map(lambda x: x[index], self) if index else self
+
+    def __getitem__(self, name: str) -> Array:
+        """(s,) values of one labelled entry of the state, e.g. ``motion["x"]``.
+
+        (b, s) of a batch.
+        """
+        system = self.one(*(0 for _ in self.lanes)).scene.system
+        names = [label for label, _ in system.labels()]
+        return self.ys[..., names.index(_checks.choice("label", name, names))]
+
+    @property
+    def r(self) -> Array:
+        """(s, n, d) positions of the material points [m]; (b, s, n, d) of a batch."""
+        return _positions(self)
+
+
+def each_motion(function: Callable[..., T]) -> Callable[..., T]:
+    """A function of a motion, made one of a batch too: results have the axes of the batch."""
+
+    @functools.wraps(function)
+    def of_each(motion: Trajectory, *args, **kwargs) -> T:
+        if not motion.lanes:
+            return function(motion, *args, **kwargs)
+        return eqx.filter_vmap(lambda one: of_each(one, *args, **kwargs))(motion)
+
+    return of_each
+
+
+def single(motion: Trajectory) -> Trajectory:
+    """The motion; raises ValueError for a batch, of which it takes one."""
+    if motion.lanes:
+        got = f"a batch of them, {motion.lanes}"
+        remedy = "Take one of a batch by its number: batch.one(0)."
+        raise _checks.fail("motion", "one motion", got, remedy)
+    return motion
+
+
+@each_motion
+def _positions(motion: Trajectory) -> Array:
+    return jax.vmap(lambda t, y: motion.scene.system.points(t, y).r)(motion.ts, motion.ys)
+
+
+def explained(status: Status, scene: Scene) -> str:
+    """What a status means, and where it is of a singularity, which ones the scene has."""
+    singular = status in (Status.STEP_COLLAPSED, Status.NOT_FINITE)
+    return f"{status.message} {scene.singular}".strip() if singular else status.message
+
+
+def raise_unless_ok(status: Array, scene: Scene) -> None:
+    """Raise IntegrationError for the first status in an array that is not OK; traces pass."""
+    if _checks.is_traced(status):
+        return
+    bad = np.asarray(status)[np.asarray(status) != Status.OK]
+    if bad.size:
+        raise IntegrationError(explained(Status(int(bad.flat[0])), scene))
+
+
+@eqx.filter_jit
+def _steps_agree(motion: Trajectory) -> Array:
+    """(s,) whether a step of fixed length from each sample leads where adaptive ones lead."""
+    field, h, method = motion.scene.field, motion.dt, motion.method
+    settings, nothing = Settings(default_solver(motion.scene)), jnp.zeros(0)
+    loose = Limits(jnp.full(2, _CHECK_RTOL), jnp.asarray(_CHECK_STEPS))
+
+    def agree(sample):
+        t, y = sample
+        there = field.project(t + h, y + method.in_loops(1).advance(field.rate, t, h, y).increment)
+        right = flow(field, y, t, t + h, nothing, loose, settings=settings).y1
+        # Both may be rounding, at rest.
+        least = _CHECK_RTOL * jnp.max(jnp.abs(right))
+        return jnp.max(jnp.abs(there - right)) <= _ELSEWHERE * jnp.max(jnp.abs(right - y)) + least
+
+    return jax.lax.map(agree, (motion.ts, motion.ys))

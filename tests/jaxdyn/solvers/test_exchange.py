@@ -1,0 +1,213 @@
+"""Solvers exchanged with diffrax: its tables as our methods, wherever a solver is taken."""
+
+from typing import ClassVar
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import EXACT, gap
+from references.order_conditions import OrderConditions
+
+from jaxdyn import Effect, Scene, ensemble, scenes, simulate, solve, until
+from jaxdyn.accuracy import convergence, estimates, horizon
+from jaxdyn.accuracy.work_precision import work_precision
+from jaxdyn.analysis.regularised import logarithmic_span, solve_regularised
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate import phases
+from jaxdyn.integrate.events import Reaches
+from jaxdyn.integrate.phase import END, Exit, Phase
+from jaxdyn.solvers import DOPRI8, EULER, from_diffrax
+from orbits.motion import advanced
+
+
+def _forced(t, y):
+    """Two oscillators, one of them forced."""
+    q, v = y[:2], y[2:]
+    return jnp.concatenate([v, -q * q * q + jnp.stack([jnp.cos(2 * t), 0 * t])])
+
+
+#: Solvers of diffrax that have a table of an explicit method; all others but Euler are refused.
+EXPLICIT = ("Bosh3", "Dopri5", "Dopri8", "Heun", "Midpoint", "Ralston", "Tsit5")
+
+
+@pytest.mark.parametrize("name", EXPLICIT)
+def test_pairs_from_diffrax_have_their_order(name):
+    pair = from_diffrax(getattr(diffrax, name)())
+    conditions = OrderConditions(pair.a.tolist())
+    method = conditions.residuals(pair.weights[0, 0].tolist(), pair.order + 1)
+    error = conditions.residuals(pair.weights[1, 0].tolist(), pair.error_order, of_error=True)
+    # The tables are float64, with entries up to about 30.
+    assert conditions.row_sums(pair.c.tolist()) < EXACT
+    assert max(method[:-1]) < 2 * EXACT
+    assert max(error[:-1]) < 2 * EXACT
+    assert min(method[-1], error[-1]) > 1e-6
+
+
+def _instance(kind: type):
+    """A solver of a class of diffrax; None where the class is a base of others."""
+    if kind.__name__.startswith("Abstract"):
+        return None
+    wraps = issubclass(kind, diffrax.AbstractWrappedSolver)
+    return kind(diffrax.Tsit5()) if wraps else kind()
+
+
+def test_every_other_solver_of_diffrax_is_refused():
+    classes = [x for x in vars(diffrax).values() if isinstance(x, type)]
+    kinds = [x for x in classes if issubclass(x, diffrax.AbstractSolver)]
+    solvers = {kind.__name__: _instance(kind) for kind in kinds}
+    refused = {n: s for n, s in solvers.items() if s is not None and n not in (*EXPLICIT, "Euler")}
+    assert len(refused) >= 24
+    for name, solver in refused.items():
+        wanted = f"^solver: expected an explicit Runge-Kutta solver of diffrax, got {name}, which "
+        with pytest.raises(ValueError, match=wanted):
+            from_diffrax(solver)
+
+
+class _Diagonal(diffrax.AbstractDIRK):
+    """A tableau of one's own: the implicit midpoint rule."""
+
+    tableau = diffrax.ButcherTableau(
+        c=np.zeros(1),
+        b_sol=np.array([1.0, 0.0]),
+        b_error=np.array([1.0, -1.0]),
+        a_lower=(np.array([0.0]),),
+        a_predictor=(np.array([1.0]),),
+        a_diagonal=np.array([0.5, 0.0]),
+        c1=0.5,
+    )
+    interpolation_cls = diffrax.LocalLinearInterpolation
+    root_finder = diffrax.VeryChord(1e-3, 1e-6)
+    root_find_max_steps = 10
+
+    def order(self, terms):
+        return 2
+
+
+@pytest.mark.parametrize(
+    ("solver", "message"),
+    [
+        (diffrax.Kvaerno5(), r"got Kvaerno5, which is implicit\. Take solvers\.RADAU9, which"),
+        (diffrax.ImplicitEuler(), r"got ImplicitEuler, which is implicit\. Take solvers\.RADAU9"),
+        (_Diagonal(), r"got _Diagonal, which is implicit\. Take solvers\.RADAU9"),
+        (diffrax.KenCarp4(), r"got KenCarp4, which splits the rate into .* Take solvers\.RADAU9"),
+        (diffrax.SRA1(), r"got SRA1, which has no Butcher tableau of an ODE\. Take one of jaxd"),
+        (diffrax.Tsit5, r"got Tsit5, which is none\. Pass an instance, such as diffrax\.Tsit5"),
+        (3, r"got int, which is none\. Pass an instance, such as diffrax\.Tsit5\(\)"),
+    ],
+    ids=lambda x: type(x).__name__,
+)
+def test_from_diffrax_says_what_to_take_instead(solver, message):
+    wanted = f"^solver: expected an explicit Runge-Kutta solver of diffrax, {message}"
+    with pytest.raises(ValueError, match=wanted):
+        from_diffrax(solver)
+
+
+def test_from_diffrax_takes_the_steps_of_diffrax():
+    solver, y = diffrax.Dopri8(), jnp.array([0.3, -0.2, 0.5, 1.1])
+    term = diffrax.ODETerm(lambda t, y, args: _forced(t, y))
+    state = solver.init(term, 0.7, 1.1, y, None)
+    y1, error, *_ = solver.step(term, 0.7, 1.1, y, None, state, made_jump=False)
+    increment, estimate = from_diffrax(solver).advance(_forced, 0.7, 0.4, y)[:2]
+    assert gap(y + increment, y1) < EXACT
+    assert gap(abs(estimate), abs(error)) < EXACT
+
+
+def test_equal_solvers_of_diffrax_are_one_method():
+    assert from_diffrax(diffrax.Dopri8()) is DOPRI8
+    assert from_diffrax(diffrax.Tsit5()) is from_diffrax(diffrax.Tsit5(scan_kind="lax"))
+    assert from_diffrax(diffrax.Tsit5()) is not from_diffrax(diffrax.Dopri5())
+    assert from_diffrax(diffrax.Euler()) is EULER
+
+
+class Counted(Effect):
+    """A drag that notes each trace of its force."""
+
+    traces: ClassVar[list] = []
+
+    def force(self, t, r, v, m):
+        self.traces.append(None)
+        return -0.1 * v
+
+
+COUNTED = Scene(FreePoints(1.0), (Counted(),), y0=[1.0, 0.0, -1.0, 1.0])
+
+
+def _phased(solver):
+    leg = Phase(COUNTED, (Exit(Reaches(0, 0.9, -1), END),))
+    return phases.run({"swing": leg}, "swing", COUNTED.y0, 1.0, samples=4, solver=solver).y
+
+
+#: Every call that takes a solver, as a function of it.
+CALLS = {
+    "simulate": lambda solver: simulate(COUNTED, samples=4, solver=solver).ys,
+    "solve": lambda solver: solve(COUNTED, 1.0, solver=solver).y1,
+    "until": lambda solver: until(COUNTED, Reaches(0, 0.9), solver=solver).t,
+    "phases": _phased,
+    "ensemble": lambda solver: (
+        ensemble.run(COUNTED, np.ones((2, 4)), solver=solver, chunk=2, threads=1).y1
+    ),
+    "stream": lambda solver: (
+        next(ensemble.stream(COUNTED, [np.ones((2, 4))], solver=solver, chunk=2, threads=1)).y1
+    ),
+    "fixed_steps": lambda solver: convergence.fixed_steps(COUNTED, steps=5, method=solver),
+    "advanced": lambda solver: advanced(COUNTED, 1.0, rtol=1e-9, solver=solver).y1,
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_solvers_of_diffrax_are_taken_wherever_a_solver_is(name):
+    call = CALLS[name]
+    ours = call(DOPRI8)
+    before = len(Counted.traces)
+    # A new instance at each call: neither it nor the first one compiles anything.
+    assert gap(call(diffrax.Dopri8()), ours) == 0
+    assert gap(call(diffrax.Dopri8()), ours) == 0
+    assert len(Counted.traces) == before
+    with pytest.raises(ValueError, match=r"^solver: .* got Kvaerno5, which is implicit"):
+        call(diffrax.Kvaerno5())
+
+
+def test_a_solver_of_diffrax_may_be_an_argument_of_a_compiled_function():
+    def end(angle, solver):
+        return solve(scenes.pendulum(angle=angle), 1.0, rtol=1e-10, solver=solver).y1
+
+    # It is taken apart and put together again.
+    assert gap(jax.jit(end)(1.0, diffrax.Tsit5()), end(1.0, diffrax.Tsit5())) < EXACT
+
+
+def test_a_step_is_asked_for_where_a_solver_of_diffrax_has_no_error_estimate():
+    with pytest.raises(ValueError, match=r"^dt: expected a step, since those of Euler are equal"):
+        simulate(COUNTED, solver=diffrax.Euler())
+    motion = simulate(COUNTED, samples=2, solver=diffrax.Euler(), dt=0.01)
+    assert motion.method is EULER
+    assert int(motion.steps) == 100
+
+
+@pytest.mark.slow
+def test_estimates_take_solvers_of_diffrax():
+    scene, tsit5 = scenes.pendulum(), diffrax.Tsit5()
+    found = estimates.estimate(scene, 1.0, samples=3, rtol=1e-6, solver=tsit5)
+    assert found.solver == "Tsit5"
+    both = estimates.by_second_method(
+        scene, 1.0, samples=3, rtol=1e-6, solver=tsit5, second=diffrax.Dopri5()
+    )
+    assert (both.solver, both.other) == ("Tsit5", "Dopri5")
+    with pytest.raises(ValueError, match=r"^second: expected another solver, got Tsit5"):
+        estimates.by_second_method(scene, 1.0, solver=tsit5, second=diffrax.Tsit5())
+    assert estimates.by_tangents(scene, 1.0, samples=3, solver=tsit5).solver == "Tsit5"
+    assert estimates.by_halving(scene, 1.0, steps=64, method=tsit5).solver == "Tsit5"
+    assert horizon.trusted_time(scene, 1.0, samples=3, solver=tsit5).t == 1.0
+    curves = work_precision(scene, 1.0, solvers=[tsit5], tolerances=[1e-5], rounds=1)
+    assert [curve.solver for curve in curves.curves] == ["Tsit5"]
+    digits = simulate(scene, 1.0, samples=3, solver=tsit5, digits=6)
+    assert digits.error.solver == "Tsit5"
+
+
+@pytest.mark.slow
+def test_logarithmic_time_takes_solvers_of_diffrax():
+    scene = scenes.two_body()
+    s = logarithmic_span(scene, 1.0)
+    ends = [solve_regularised(scene, 1.0, s, solver=x).y1 for x in (diffrax.Tsit5(), None)]
+    assert gap(*ends) < 1e-6
