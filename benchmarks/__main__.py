@@ -21,6 +21,7 @@ from rich.table import Table
 
 import jaxdyn
 from benchmarks import (
+    bodies,
     calls,
     command,
     compile_time,
@@ -45,6 +46,7 @@ _SLOWER = 1.3
 RUNS = {
     "figure-eight": figure_eight.run,
     "systems": systems.run,
+    "bodies": bodies.run,
     "monodromy": monodromy.run,
     "gradient": gradient.run,
     "calls": calls.run,

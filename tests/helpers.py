@@ -76,18 +76,23 @@ def kepler_state(e: float, t: float) -> np.ndarray:
     return np.concatenate([-r, r, -v, v]) / 2
 
 
-def primitives(fn, *args) -> list[str]:
-    """Names of the operations that fn is traced to, in order, those of inner programs too."""
+def operations(fn, *args) -> list:
+    """The equations that fn is traced to, in order, those of inner programs too."""
     found = []
 
     def walk(jaxpr):
         for eqn in jaxpr.eqns:
-            found.append(eqn.primitive.name)
+            found.append(eqn)
             for sub in jaxprs_in_params(eqn.params):
                 walk(sub)
 
     walk(jax.make_jaxpr(fn)(*args).jaxpr)
     return found
+
+
+def primitives(fn, *args) -> list[str]:
+    """Names of the operations that fn is traced to."""
+    return [eqn.primitive.name for eqn in operations(fn, *args)]
 
 
 class Arm(Mechanism):

@@ -10,11 +10,12 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import square_norm
+from jaxdyn.effects.pairs import sum_over_bodies
 from jaxdyn.scene import Effect, Points
 
-# From about this many bodies on, the broadcast (n, n, d) form of a pair force beats a program
-# with one scalar expression a pair, which is 3 to 4 times faster at n = 3 but grows as n^2.
-_PAIRS_UNROLLED_BELOW = 9
+# From about this many bodies on, `sum_over_bodies` beats a program with one scalar expression a
+# pair, which is 3 to 4 times faster at n = 3 but grows as n^2.
+_MANY = 9
 
 
 class UniformGravity(Effect):
@@ -53,15 +54,25 @@ class PairGravity(Effect):
 
     def potential(self, t, r, m):
         del t
-        i, j = np.triu_indices(r.shape[0], 1)
-        distance = jnp.sqrt(square_norm(r[j] - r[i]))
-        return -self.G * jnp.sum(m[i] * m[j] / distance)
+        if r.shape[0] < _MANY:
+            i, j = np.triu_indices(r.shape[0], 1)
+            return -self.G * jnp.sum(m[i] * m[j] / jnp.sqrt(square_norm(r[j] - r[i])))
+
+        def add(total, mass, d, r2):
+            del d
+            return total + mass / jnp.sqrt(r2)
+
+        return -0.5 * self.G * jnp.sum(m * sum_over_bodies(add, r, m, jnp.zeros_like(m)))
 
     def force(self, t, r, v, m):
         del t, v
-        if r.shape[0] < _PAIRS_UNROLLED_BELOW:
+        if r.shape[0] < _MANY:
             return self._force_by_pairs(r, m)
-        return self._force_broadcast(r, m)
+
+        def add(total, mass, d, r2):
+            return total + (mass / (r2 * jnp.sqrt(r2)))[None] * jnp.stack(d)
+
+        return ((self.G * m)[None] * sum_over_bodies(add, r, m, jnp.zeros_like(r.T))).T
 
     def _force_by_pairs(self, r, m):
         n = r.shape[0]
@@ -73,13 +84,6 @@ class PairGravity(Effect):
                 f = (self.G * m[i] * m[j] / (r2 * jnp.sqrt(r2))) * d
                 total[i], total[j] = total[i] + f, total[j] - f
         return jnp.stack(total)
-
-    def _force_broadcast(self, r, m):
-        d = r[None, :, :] - r[:, None, :]
-        # The unit matrix keeps the diagonal away from 0/0, also in derivatives.
-        r2 = square_norm(d) + jnp.eye(r.shape[0])
-        weight = self.G * m[:, None] * m[None, :] / (r2 * jnp.sqrt(r2))
-        return jnp.sum(weight[:, :, None] * d, axis=1)
 
     def check(self, points: Points) -> None:
         _checks.array("G", self.G, (), "One number for all pairs.")

@@ -48,7 +48,7 @@ _MOVES = {
     **{"dynamic_slice": 1, "gather": 1, "dynamic_update_slice": 2},
 }
 _SAME = {"stop_gradient", "copy", "copy_p", "optimization_barrier"}
-_CALLS = {"jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call"}
+_CALLS = {"jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call", "remat2"}
 #: Rounds up to which loops are written out: every one is traced anew.
 _LONGEST_LOOP = 1000
 
@@ -104,7 +104,8 @@ def _applied(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     name, params = eqn.primitive.name, eqn.params
     if name in _CALLS:
         inner = params.get("jaxpr") or params["call_jaxpr"]
-        return _run(graph, inner.jaxpr, [_taken(graph, c) for c in inner.consts], args)
+        consts = [_taken(graph, c) for c in getattr(inner, "consts", ())]
+        return _run(graph, getattr(inner, "jaxpr", inner), consts, args)
     if not any(x.dtype == object for x in args):
         return _known(eqn.primitive, params, args)
     if name == "scan":
