@@ -5,6 +5,7 @@ would act on each of them. Shapes are known as soon as a function is traced, so 
 no values and run once for each kind of scene.
 """
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -16,7 +17,7 @@ from jaxdyn import _checks
 
 
 def check_points(system: Any, t: Array, y: Array, points: Any) -> None:
-    """Raise ValueError unless a system's material points and kinetic energy have their shapes."""
+    """Raise ValueError unless a system's material points have their shapes."""
     name, r = f"{type(system).__name__}.points", jnp.shape(points.r)
     if len(r) != 2:
         raise _checks.fail(name, "r of shape (n, d)", f"shape {r}", "One row for each point.")
@@ -28,7 +29,21 @@ def check_points(system: Any, t: Array, y: Array, points: Any) -> None:
                 f"shape {jnp.shape(x)}",
                 f"r has shape {r}: {r[0]} points in {r[1]} dimensions.",
             )
-    _check(f"{type(system).__name__}.kinetic", (), "An energy is one number.", system.kinetic, t, y)
+
+
+def check_energies(system: Any, effects: tuple, t: Array, y: Array, points: Any) -> None:
+    """Raise ValueError unless a system's energies are numbers and its integrals have one axis."""
+    name, remedy = type(system).__name__, "An energy is one number."
+    if len(points.m):
+        _check(f"{name}.kinetic", (), remedy, system.kinetic, t, y)
+    terms = jax.eval_shape(lambda t, y: system.energies(t, y, effects), t, y)
+    for i in range(len(terms)):
+        one = functools.partial(lambda i, t, y: system.energies(t, y, effects)[i], i)
+        _check(f"{name}.energies", (), remedy, one, t, y)
+    for key, value in jax.eval_shape(system.integrals, t, y).items():
+        if value.ndim > 1:
+            got = f"shape {value.shape} of {key!r}"
+            raise _checks.fail(f"{name}.integrals", "numbers or vectors", got)
 
 
 def check_rate(system: Any, effects: tuple, t: Array, y: Array) -> None:

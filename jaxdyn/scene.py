@@ -1,9 +1,9 @@
 """The waist of the library: what moves, what acts on it, and the two together.
 
 A `System` knows its coordinates and how forces move them. An `Effect` acts on material
-points. A `Scene` is a system with its effects, a start and a span of time worth looking at;
-``scene.rate(t, y)`` is its vector field. Everything to the right of this file (integration,
-linearisation, orbits, pictures) sees only these three interfaces.
+points; both are defined in `jaxdyn.system`. A `Scene` is a system with its effects, a start and a
+span of time worth looking at; ``scene.rate(t, y)`` is its vector field. Everything to the right of
+this file (integration, linearisation, orbits, pictures) sees only these three interfaces.
 
 Conventions: the state ``y`` is one flat float64 array of shape ``(k,)``; where a system is of
 second order it is ``[q, v]`` with ``dq/dt = v``. All three are pytrees whose numbers are array
@@ -12,9 +12,8 @@ recompiles. Constructors check nothing, since they also run inside traces; entry
 ``scene.check()``.
 """
 
-import abc
 import dataclasses
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,167 +22,9 @@ from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _shapes
 from jaxdyn.sketch import Shape
-
-
-class Points(NamedTuple):
-    """Material points: positions r (n, d) [m], velocities v (n, d) [m/s], masses m (n,) [kg]."""
-
-    r: Array
-    v: Array
-    m: Array
-
-
-class Effect(eqx.Module):
-    """What acts on material points: a force, or a potential whose force is minus its gradient.
-
-    A new effect overrides `potential` or `force` (or both) and sets `velocity_dependent`;
-    everything else follows. An effect that a scene does not have is absent from the compiled
-    program, not multiplied by zero.
-    """
-
-    #: Whether the force depends on velocities. Where no effect of a scene does, the
-    #: integrator takes a Nystrom pair, about twice as fast.
-    velocity_dependent: ClassVar[bool] = True
-    #: Where the force has no value or no direction, and what to do about it: a sentence for the
-    #: message of a motion that ends there; empty for a force that is smooth everywhere.
-    singular: ClassVar[str] = ""
-
-    def potential(self, t: Array, r: Array, m: Array) -> Array | None:
-        """Potential energy () [J] of points at r (n, d); None where there is none."""
-        del t, r, m
-        return None
-
-    def force(self, t: Array, r: Array, v: Array, m: Array) -> Array:
-        """Forces (n, d) [N] on the points."""
-        del v
-        if self.acts == {"generalized"}:
-            return jnp.zeros_like(r)
-        return -jax.grad(self._potential, argnums=1)(t, r, m)
-
-    def generalized(self, t: Array, q: Array, v: Array) -> Array | None:
-        """Forces (n,) on the coordinates themselves, e.g. a motor's torque; None by default."""
-        del t, q, v
-        return None
-
-    def sketch(self, t: Array, r: Array) -> tuple[Shape, ...]:
-        """What a drawing shows of the effect on points at r (n, d): a spring, an anchor."""
-        del t, r
-        return ()
-
-    @property
-    def without_units(self) -> bool:
-        """Whether its numbers are those of a world without units, as G = 1; host only."""
-        return False
-
-    @property
-    def acts(self) -> frozenset[str]:
-        """What it acts on, by its methods: "force" for points, "generalized" for coordinates.
-
-        A potential is a force on points. It follows from what a class overrides.
-        """
-        cls = type(self)
-        on_points = cls.force is not Effect.force or cls.potential is not Effect.potential
-        on_coordinates = cls.generalized is not Effect.generalized
-        return frozenset(["force"] * on_points + ["generalized"] * on_coordinates)
-
-    def _potential(self, t: Array, r: Array, m: Array) -> Array:
-        value = self.potential(t, r, m)
-        if value is None:
-            raise _checks.fail(
-                type(self).__name__, "a `force` or a `potential`", "neither", "Override one."
-            )
-        return value
-
-    def check(self, points: Points) -> None:
-        """Raise ValueError for numbers that make no sense with these points."""
-        del points
-
-
-class System(eqx.Module):
-    """What moves: coordinates, and how forces on material points move them."""
-
-    @abc.abstractmethod
-    def labels(self) -> tuple[tuple[str, str], ...]:
-        """(name, unit) of each of the k entries of the state."""
-
-    @abc.abstractmethod
-    def rate(self, t: Array, y: Float[Array, " k"], effects: tuple[Effect, ...]) -> Array:
-        """Time derivative (k,) of the state."""
-
-    @abc.abstractmethod
-    def points(self, t: Array, y: Float[Array, " k"]) -> Points:
-        """The material points: effects, energies and drawings look here."""
-
-    def sketch(self, t: Array, y: Float[Array, " k"]) -> tuple[Shape, ...]:
-        """What a drawing shows besides the paths of the material points; see `sketch`."""
-        del t, y
-        return ()
-
-    @property
-    def obeys(self) -> frozenset[str]:
-        """Which methods of its effects `rate` uses: "force", "generalized", both, or none.
-
-        An effect that acts in another way would be left out silently; `Scene.check` refuses it.
-        """
-        return frozenset()
-
-    @property
-    def singular(self) -> str:
-        """Where the coordinates or equations end; see `Effect.singular`."""
-        return ""
-
-    def coordinates(self, y: Float[Array, " k"]) -> tuple[Array, Array]:
-        """q and the velocities v that an effect's `generalized` is given; its work is that on v."""
-        q, v = jnp.split(y, 2)
-        return q, v
-
-    @property
-    def second_order(self) -> bool:
-        """True where y = [q, v] with dq/dt = v, and dv/dt is free of v but for the effects."""
-        return False
-
-    def kinetic(self, t: Array, y: Float[Array, " k"]) -> Array:
-        """Kinetic energy () [J]."""
-        _, v, m = self.points(t, y)
-        return 0.5 * jnp.sum(m[:, None] * v * v)
-
-    def difference(self, y1: Array, y0: Array) -> Array:
-        """y1 - y0 (k,) as a small displacement; systems with angles wrap them."""
-        return y1 - y0
-
-    def project(self, t: Array, y: Array) -> Array:
-        """The nearest state that satisfies the system's constraints; applied after each step."""
-        del t
-        return y
-
-    def undetermined(self, t: Array, y: Array) -> Array | None:
-        """Whether () the constraints leave the motion open at a state; None without constraints.
-
-        Looked at where a motion starts and where it ends.
-        """
-        del t, y
-        return None
-
-    def canonical(self, t: Array, y: Array) -> Array | None:
-        """Canonical coordinates [q, p] (k,) of a state, None where there are none.
-
-        The orbit finder tests with them whether a monodromy matrix is symplectic.
-        """
-        del t, y
-        return None
-
-    def generators(self, y: Array) -> dict[str, Array]:
-        """Directions (k,) in which space could be moved about the system, by name.
-
-        Candidates for symmetries; whether a scene has one depends on its effects, and the
-        orbit finder tests it.
-        """
-        del y
-        return {}
-
-    def check(self, t: Array, y: Array) -> None:
-        """Raise ValueError for numbers that make no sense."""
-        del t, y
+from jaxdyn.system import Effect as Effect
+from jaxdyn.system import Points as Points
+from jaxdyn.system import System as System
 
 
 class Field(NamedTuple):
@@ -198,6 +39,13 @@ class Field(NamedTuple):
     def rate(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
         """The vector field dy/dt."""
         return self.system.rate(t, y, self.effects)
+
+    def points(self, t: Array, y: Float[Array, " k"]) -> Points:
+        """The material points; raises ValueError if the system has none."""
+        points = self.system.points(t, y)
+        if not len(points.m):
+            raise _checks.fail("scene", "one with material points", type(self.system).__name__)
+        return points
 
     def project(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
         """The nearest state that satisfies the system's constraints."""
@@ -244,6 +92,21 @@ class Scene(eqx.Module):
     def rate(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
         """The vector field dy/dt."""
         return self.field.rate(t, y)
+
+    def points(self, t: Array, y: Float[Array, " k"]) -> Points:
+        """The material points; raises ValueError if the system has none."""
+        return self.field.points(t, y)
+
+    @property
+    def has_points(self) -> bool:
+        """Whether the system has material points."""
+        return bool(jax.eval_shape(self.system.points, jnp.zeros(()), self.y0).m.shape[0])
+
+    @property
+    def has_energy(self) -> bool:
+        """Whether the system has an energy; see `System.energies`."""
+        zero = jnp.zeros(())
+        return bool(jax.eval_shape(lambda y: self.system.energies(zero, y, self.effects), self.y0))
 
     def sketch(self, t: Array, y: Float[Array, " k"]) -> tuple[Shape, ...]:
         """What a drawing shows of the system and of the effects; see `sketch`."""
@@ -313,15 +176,22 @@ class Scene(eqx.Module):
         points = _points(self.system, t, y)
         for effect in self.effects:
             effect.check(points)
+        # A wrong claim would give wrong trajectories silently.
         for effect, depends in zip(self.effects, _probed(self.field, t, y), strict=True):
             if depends:
-                # A wrong claim would give wrong trajectories silently.
                 raise _checks.fail(
                     type(effect).__name__,
                     "a velocity-independent force, as velocity_dependent = False says",
                     "one that depends on velocities",
                     "Set velocity_dependent = True in the class.",
                 )
+        if self.system.second_order and not _is_second_order(self.system, t, y):
+            raise _checks.fail(
+                type(self.system).__name__,
+                "a state [q, v] with dq/dt = v and dv/dt independent of v, as second_order says",
+                "another rate",
+                "Leave second_order out.",
+            )
 
     def _names(self) -> str:
         return ", ".join(name for name, _ in self.system.labels())
@@ -364,6 +234,7 @@ def _check_shapes(field: Field, t: Array, y: Array) -> None:
     _shapes.check_points(field.system, t, y, points)
     for effect in field.effects:
         _shapes.check_effect(effect, field.system, t, y, points)
+    _shapes.check_energies(field.system, field.effects, t, y, points)
     _shapes.check_rate(field.system, field.effects, t, y)
 
 
@@ -391,3 +262,15 @@ def _probed(field: Field, t: Array, y: Array) -> tuple[Array | bool, ...]:
         return ~jnp.array_equal(probed, plain, equal_nan=True)
 
     return tuple(depends(effect) for effect in field.effects)
+
+
+@eqx.filter_jit
+def _is_second_order(system: System, t: Array, y: Array) -> Array | bool:
+    """Whether dq/dt = v and dv/dt does not depend on v, found as in `_probed`."""
+    if len(y) % 2:
+        return False
+    q, v = jnp.split(y, 2)
+    v = v + jnp.arange(1.0, len(v) + 1)  # at rest any multiple of v would pass for it
+    rate, probed = (system.rate(t, jnp.concatenate([q, u]), ()) for u in (v, v * jnp.nan))
+    same = jnp.array_equal(rate[len(v) :], probed[len(v) :], equal_nan=True)
+    return same & jnp.array_equal(rate[: len(v)], v)

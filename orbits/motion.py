@@ -54,7 +54,7 @@ def advanced(
 
 def attracts(scene: Scene, ts: np.ndarray | None = None, ys: Array | None = None) -> bool:
     """Whether bodies attract each other at the start, or along states ys (n, k) at times ts."""
-    if not scene.system.second_order:
+    if not (scene.system.second_order and scene.has_points):
         return False
     if ts is None or ys is None:
         ts, ys = np.zeros(1), scene.y0[None]

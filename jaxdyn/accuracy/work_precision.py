@@ -72,9 +72,7 @@ def _end(scene, t1, how):
 def _drift(scene, t1, how):
     ts = jnp.linspace(0.0, t1, _SAMPLES)
     ys = solve(scene, t1, ts=ts, **how).ys
-    total = jax.vmap(lambda t, y: energy.energy(scene, t, y))(ts, ys)
-    v = jax.vmap(lambda t, y: energy.potential(scene, t, y))(ts, ys)
-    return jnp.max(jnp.abs(total - total[0])) / jnp.max(jnp.abs(total - v) + jnp.abs(v))
+    return energy.change(scene, ts, ys).relative
 
 
 def _violation(scene, t1, how):

@@ -1,8 +1,12 @@
 """Energies and momenta of a scene, at a state and along a motion.
 
-All look at the material points of the system, so they hold for any coordinates. What is
-conserved depends on the effects: `drift` measures it.
+Momenta look at the material points of the system, so they hold for any coordinates; so does the
+energy, unless the system knows one of its own (`System.energies`). What a scene does not have (an
+energy, material points) is refused by name. What is conserved depends on the effects: `drift`
+measures it.
 """
+
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,23 +15,32 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene
+from jaxdyn.system import potential_energy
+
+_NO_ENERGY = (
+    "It has no material points and gives no energy of its own; pass energy= to jaxdyn.ode, or "
+    "override System.energies."
+)
 
 
 def potential(scene: Scene | Field, t, y: Array) -> Array:
-    """Potential energy () [J]: the sum over the effects that have one."""
-    r, _, m = scene.system.points(t, y)
-    values = [effect.potential(t, r, m) for effect in scene.effects]
-    return sum((v for v in values if v is not None), jnp.zeros(()))
+    """Potential energy () [J] of the effects: the sum over those that have one."""
+    r, _, m = scene.points(t, y)
+    return potential_energy(scene.effects, t, r, m)
 
 
 def energy(scene: Scene | Field, t, y: Array) -> Array:
-    """Kinetic plus potential energy () [J]."""
-    return scene.system.kinetic(t, y) + potential(scene, t, y)
+    """Energy () [J]: kinetic plus potential, or what the system says it is.
+
+    Raises:
+      ValueError: a scene without an energy.
+    """
+    return sum(_terms(scene, t, y), jnp.zeros(()))
 
 
 def momentum(scene: Scene | Field, t, y: Array) -> Array:
     """Linear momentum (d,) [kg m/s] of all material points."""
-    _, v, m = scene.system.points(t, y)
+    _, v, m = scene.points(t, y)
     return jnp.sum(m[:, None] * v, axis=0)
 
 
@@ -36,7 +49,7 @@ def angular_momentum(scene: Scene | Field, t, y: Array) -> Array:
 
     Limits: zero-dimensional, () 0, for points on a line.
     """
-    r, v, m = scene.system.points(t, y)
+    r, v, m = scene.points(t, y)
     if r.shape[1] == 1:
         return jnp.zeros(())
     if r.shape[1] == 2:
@@ -45,15 +58,19 @@ def angular_momentum(scene: Scene | Field, t, y: Array) -> Array:
 
 
 def integrals(scene: Scene | Field, t, y: Array) -> dict[str, Array]:
-    """The candidates for conserved quantities, each () or (d,), by name.
+    """The candidates for conserved quantities, each () or (d,), by name; {} if there are none.
 
-    Which of them are conserved depends on the effects; nothing here says so.
+    Energy, momenta of material points, and what the system itself names (`System.integrals`),
+    each where the scene has it. Which of them are conserved depends on the effects; nothing here
+    says so.
     """
-    return {
-        "energy": energy(scene, t, y),
-        "momentum": momentum(scene, t, y),
-        "angular momentum": angular_momentum(scene, t, y),
-    }
+    found = {}
+    if scene.system.energies(t, y, scene.effects):
+        found["energy"] = energy(scene, t, y)
+    if len(scene.system.points(t, y).m):
+        found["momentum"] = momentum(scene, t, y)
+        found["angular momentum"] = angular_momentum(scene, t, y)
+    return found | scene.system.integrals(t, y)
 
 
 def along(quantity, motion: Trajectory) -> Array:
@@ -77,19 +94,72 @@ def _along(motion: Trajectory, quantity) -> Array:
 
 
 @each_motion
-def drift(motion: Trajectory) -> Array:
-    """Largest change of the energy along a motion () [1], relative to its kinetic and potential.
+def drift(motion: Trajectory, of: str = "energy") -> Array:
+    """Largest relative change of the energy, or of another integral, along a motion () [1].
 
-    max_i |E(t_i) - E(t_0)| / max_i (|T(t_i)| + |V(t_i)|); effects without a potential, such
-    as drag, make it large, which is right. (b,) of a batch.
+    max_i |E(t_i) - E(t_0)| over its size, max_i (|T(t_i)| + |V(t_i)|); effects without a
+    potential, such as drag, make it large, which is right. A quantity I whose terms are not known
+    has the size max_i (|I| + sum over the state's entries of |dI/dy_j (y_j(t_i) - y_j(t_0))|), the
+    terms of its change. (b,) of a batch.
 
+    Args:
+      motion: any motion of a scene.
+      of: which quantity; one of the names of `integrals`.
     Raises:
-      ValueError: fewer than two samples, which show no change.
+      ValueError: fewer than two samples, which show no change, or a quantity that the scene does
+        not have.
     """
     if len(motion.ts) < 2:
         raise _checks.fail("motion", "at least 2 samples", len(motion.ts), "Simulate with more.")
-    total = along(energy, motion)
-    v = along(potential, motion)
-    size = jnp.max(jnp.abs(total - v) + jnp.abs(v))
+    return change(motion.scene, motion.ts, motion.ys, of).relative
+
+
+class Change(NamedTuple):
+    """How much a quantity changes.
+
+    Attributes:
+      values: (s, ...) of the quantity.
+      size: () of the terms that it, or its change, is the sum of; 1 where they are all 0.
+      relative: () largest change from the first value, over the size.
+    """
+
+    values: Array
+    size: Array
+    relative: Array
+
+
+def change(scene: Scene, ts: Array, ys: Array, of: str = "energy") -> Change:
+    """How much a quantity of `integrals` changes over states ys (s, k) at times ts (s,)."""
+    if of == "energy":
+        terms = jnp.stack(jax.vmap(lambda t, y: _terms(scene, t, y))(ts, ys))
+        values, sizes = jnp.sum(terms, axis=0), jnp.sum(jnp.abs(terms), axis=0)
+        known = len(terms) > 1
+    else:
+        names = jax.eval_shape(lambda y: integrals(scene, jnp.zeros(()), y), scene.y0)
+        _checks.choice("of", of, names)
+        values = jax.vmap(lambda t, y: integrals(scene, t, y)[of])(ts, ys)
+        known = False
+    if not known:
+        sizes = jnp.abs(values) + _terms_of_change(scene, ts, ys, of)
+    size = jnp.max(sizes)
     # Where nothing moves and nothing acts the size is 0, and so is the change.
-    return jnp.max(jnp.abs(total - total[0])) / jnp.where(size == 0, 1.0, size)
+    size = jnp.where(size == 0, 1.0, size)
+    return Change(values, size, jnp.max(jnp.abs(values - values[:1])) / size)
+
+
+def _terms_of_change(scene: Scene, ts: Array, ys: Array, of: str) -> Array:
+    """(s, ...) sum of |dI/dy_j (y_j - y_j(t_0))|, to first order the terms of I - I(t_0)."""
+
+    def size(t, y):
+        slope = jax.jacfwd(lambda y: integrals(scene, t, y)[of])(y)
+        return jnp.sum(jnp.abs(slope * scene.system.difference(y, ys[0])), axis=-1)
+
+    return jax.vmap(size)(ts, ys)
+
+
+def _terms(scene: Scene | Field, t, y: Array) -> tuple[Array, ...]:
+    terms = scene.system.energies(t, y, scene.effects)
+    if not terms:
+        kind = type(scene.system).__name__
+        raise _checks.fail("scene", "one with an energy", kind, _NO_ENERGY)
+    return terms

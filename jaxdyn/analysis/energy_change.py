@@ -15,7 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn.analysis.energy import along, energy, potential
+from jaxdyn.analysis.energy import change as change_of
+from jaxdyn.analysis.energy import energy
 from jaxdyn.analysis.ledger import power_of
 from jaxdyn.integrate.phases import Chain, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
@@ -68,13 +69,11 @@ def energy_change(motion: Trajectory | Chain) -> EnergyChange | None:
       ('QuadraticDrag',)
     """
     pieces = pieces_of(motion)
-    if not pieces[0].r.shape[1] or len(pieces[0].ts) < 2:
+    if not pieces[0].scene.has_energy or len(pieces[0].ts) < 2:
         return None
-    totals, potentials = (
-        [np.asarray(along(quantity, piece)) for piece in pieces] for quantity in (energy, potential)
-    )
-    total, v = np.concatenate(totals), np.concatenate(potentials)
-    size = np.max(np.abs(total - v) + np.abs(v)) or 1.0
+    changes = [change_of(piece.scene, piece.ts, piece.ys) for piece in pieces]
+    totals = [np.asarray(one.values) for one in changes]
+    total, size = np.concatenate(totals), float(max(one.size for one in changes))
     change = np.max(np.abs(total - total[0])) / size
     if not np.isfinite(change):
         return None
@@ -162,7 +161,7 @@ def _measured(scene: Scene, ts: Array, ys: Array) -> _Measured:
     system = scene.system
 
     def itself(t, y):
-        return system.rate(t, y, ()), system.points(t, y), system.kinetic(t, y)
+        return system.rate(t, y, ()), system.points(t, y), system.energies(t, y, ())
 
     def at(t, y):
         flow = (jnp.ones_like(t), scene.rate(t, y))

@@ -57,6 +57,12 @@ class Ledger(System):
     def kinetic(self, t, y):
         return self.system.kinetic(t, self._split(y)[0])
 
+    def energies(self, t, y, effects):
+        return self.system.energies(t, self._split(y)[0], effects)
+
+    def integrals(self, t, y):
+        return self.system.integrals(t, self._split(y)[0])
+
     def difference(self, y1, y0):
         (a, work1), (b, work0) = self._split(y1), self._split(y0)
         return jnp.concatenate([self.system.difference(a, b), work1 - work0])

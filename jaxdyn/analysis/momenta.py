@@ -83,7 +83,7 @@ def moment_about(scene: Scene | Field, t, y, c: MovingPoint) -> Array:
 def angular_momentum_rate(scene: Scene | Field, t, y, c: MovingPoint, definition: str) -> Array:
     """dH/dt along the motion through (t, y), by autodiff [N m]."""
     t = jnp.asarray(t, float)
-    here = c(t, scene.system.points(t, y))
+    here = c(t, scene.points(t, y))
     # C' stays where C is at this moment.
     about = (lambda t, points: here) if definition == "fixed" else c
     return _along(scene, t, y, lambda t, y: angular_momentum_about(scene, t, y, about, definition))[
@@ -126,7 +126,7 @@ def kinetic_split(scene: Scene | Field, t, y) -> tuple[Array, Array]:
 
     m v_G^2 / 2 and the sum of m_i |v_i - v_G|^2 / 2.
     """
-    _, v, m = scene.system.points(t, y)
+    _, v, m = scene.points(t, y)
     v_g = jnp.sum(m[:, None] * v, axis=0) / jnp.sum(m)
     return 0.5 * jnp.sum(m) * jnp.sum(v_g * v_g), 0.5 * jnp.sum(m[:, None] * (v - v_g[None]) ** 2)
 
@@ -155,7 +155,7 @@ def power_balances(motion: Trajectory, internal: type[Effect]) -> dict[str, Bala
         return sum((e.force(t, *points) for e in chosen), jnp.zeros_like(points.r))
 
     def sides(t, y):
-        points = scene.system.points(t, y)
+        points = scene.points(t, y)
         inside, outside = forces(t, points, True), forces(t, points, False)
         v_g = jnp.sum(points.m[:, None] * points.v, axis=0) / jnp.sum(points.m)
         rates = _along(scene, t, y, lambda t, y: jnp.stack(kinetic_split(scene, t, y)))[1]
@@ -183,7 +183,7 @@ def _moving(scene: Scene | Field, t, y, c: MovingPoint) -> tuple[Points, Array, 
     """The points, their accelerations (n, d), and position and velocity (d,) of C."""
 
     def look(t, y):
-        points = scene.system.points(t, y)
+        points = scene.points(t, y)
         return points, c(t, points)
 
     (points, c_now), (rates, c_rate) = _along(scene, t, y, look)

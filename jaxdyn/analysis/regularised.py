@@ -31,6 +31,7 @@ from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
 from jaxdyn.scene import Field, Scene, System, checked
 from jaxdyn.solvers import Solver
 from jaxdyn.status import Status
+from jaxdyn.system import potential_energy
 
 _FAR = 1e150  # a span of s that no motion gets to
 _ROUNDS = 2  # of Newton's method for s at the end, from some 1e-6 away
@@ -65,6 +66,10 @@ class LogarithmicTime(System):
         del t
         return self.system.kinetic(y[-1], y[:-2])
 
+    def energies(self, t, y, effects):
+        del t
+        return self.system.energies(y[-1], y[:-2], effects)
+
     def difference(self, y1, y0):
         return jnp.concatenate([self.system.difference(y1[:-2], y0[:-2]), y1[-2:] - y0[-2:]])
 
@@ -73,11 +78,7 @@ class LogarithmicTime(System):
         inner, E, t = y[:-2], y[-2], y[-1]
         r, v, m = self.system.points(t, inner)
 
-        def potential(t):
-            values = [effect.potential(t, r, m) for effect in effects]
-            return sum((V for V in values if V is not None), jnp.zeros(()))
-
-        V, power = jax.jvp(potential, (t,), (jnp.ones_like(t),))
+        V, power = jax.jvp(lambda t: potential_energy(effects, t, r, m), (t,), (jnp.ones_like(t),))
         for effect in effects:
             if effect.potential(t, r, m) is None:
                 power = power + jnp.sum(effect.force(t, r, v, m) * v)
@@ -112,7 +113,7 @@ def regularised(scene: Scene, t0=0.0) -> Scene:
     """
     checked(scene)
     t0 = _checks.array("t0", t0, ())
-    if not scene.system.second_order:
+    if not (scene.system.second_order and scene.has_points):
         name = type(scene.system).__name__
         raise _checks.fail("scene", "free points", name, "Its close encounters are no collisions.")
     E = energy(scene, t0, scene.y0)

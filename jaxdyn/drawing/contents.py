@@ -94,7 +94,7 @@ def paths(motion: Trajectory | Chain) -> Paths:
         names=names if any(names) else (),
         labels=symbols,
         second=second,
-        equal=d > 1,
+        equal=d > 1 and not _is_phase_plane(pieces[0]),
         stopped=why_stopped(motion, second),
         shapes=tuple(shapes),
         corners=tuple(np.cumsum([len(part.ts) for part in parts])[:-1].tolist()),
@@ -142,9 +142,17 @@ def _against(ts: np.ndarray, places: np.ndarray) -> np.ndarray:
     return np.concatenate([time, places], axis=-1)
 
 
+def _is_phase_plane(piece: Trajectory) -> bool:
+    """Whether what is drawn is a state of two entries with different units."""
+    units = [unit for _, unit in piece.scene.labels()]
+    return not piece.scene.has_points and len(units) == 2 and units[0] != units[1]
+
+
 def _axis_labels(piece: Trajectory, d: int) -> tuple[tuple[str, ...], str]:
     """(d,) names and units of the directions, and the unit of time; the state says which."""
-    units = dict(piece.scene.labels())
+    labels = piece.scene.labels()
+    units = dict(labels)
     named = [(x, units.get(x, units.get(x + "1", "m"))) for x in "xyz"[:d]]
+    named = named if piece.scene.has_points else labels
     plain = all(unit == "1" for _, unit in named)
     return tuple(x if plain else f"{x} [{unit}]" for x, unit in named), "" if plain else " s"

@@ -20,6 +20,7 @@ from jaxdyn.formulations.mechanism import (
     pulled_back,
 )
 from jaxdyn.scene import Effect
+from jaxdyn.system import potential_energy
 
 
 class Lagrange(MechanismSystem):
@@ -32,8 +33,7 @@ class Lagrange(MechanismSystem):
         r, velocity = moved(self.mechanism, t, q, v)
         m = self.mechanism.masses()
         kinetic = 0.5 * jnp.sum(m[:, None] * velocity**2)
-        potentials = (effect.potential(t, r, m) for effect in effects)
-        return kinetic - sum((p for p in potentials if p is not None), jnp.zeros(()))
+        return kinetic - potential_energy(effects, t, r, m)
 
     def rate(self, t, y, effects):
         q, v = jnp.split(y, 2)

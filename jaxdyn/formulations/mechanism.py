@@ -124,13 +124,6 @@ class MechanismSystem(System):
     def sketch(self, t, y):
         return self.mechanism.sketch(t, jnp.split(y, 2)[0])
 
-    def difference(self, y1, y0):
-        n = len(self.mechanism.coordinates())
-        is_angle = jnp.array([unit == "rad" for _, unit in self.mechanism.coordinates()])
-        d = y1 - y0
-        wrapped = (d[:n] + jnp.pi) % (2 * jnp.pi) - jnp.pi
-        return jnp.concatenate([jnp.where(is_angle, wrapped, d[:n]), d[n:]])
-
     def check(self, t, y):
         del t, y
         self.mechanism.check()

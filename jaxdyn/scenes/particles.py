@@ -93,11 +93,6 @@ class PolarParticle(System):
         a_theta = (jnp.sum(force * e_theta) / self.m - 2 * vr * omega) / r
         return jnp.stack([vr, omega, a_r, a_theta])
 
-    def difference(self, y1, y0):
-        d = y1 - y0
-        turn = (d[1] + jnp.pi) % (2 * jnp.pi) - jnp.pi
-        return jnp.stack([d[0], turn, d[2], d[3]])
-
     def check(self, t, y):
         del t
         _checks.positive("mass", self.m, "Masses are in kg.")
@@ -167,10 +162,6 @@ class Lorenz(System):
 
     def labels(self):
         return ("x", "1"), ("y", "1"), ("z", "1")
-
-    def points(self, t, y):
-        del t, y
-        return Points(jnp.zeros((0, 3)), jnp.zeros((0, 3)), jnp.zeros(0))
 
     def rate(self, t, y, effects):
         del t, effects

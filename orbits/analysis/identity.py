@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
-from jaxdyn.analysis.energy import angular_momentum, energy, potential
+from jaxdyn.analysis.energy import angular_momentum, change
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
@@ -85,8 +85,7 @@ def identify(orbit: Orbit) -> Identity:
 def conserved(orbit: Orbit) -> tuple[float | None, float | None]:
     """Energy, and angular momentum in the plane of x and y; None for what the motion changes."""
     scene = orbit.scene
-    r = scene.system.points(jnp.zeros(()), jnp.asarray(orbit.y0)).r
-    if not len(r):
+    if not (scene.has_energy or scene.has_points):
         return None, None
     # Not evenly spaced: equal values at symmetric moments would pass for constant ones.
     moments = np.linspace(0.0, 1.0, _MOMENTS) ** 1.5
@@ -95,23 +94,40 @@ def conserved(orbit: Orbit) -> tuple[float | None, float | None]:
         ys = solve(scene, orbit.period, ts=ts, rtol=orbit.rtol).ys
     else:
         ts, ys = at_s(scene, orbit.s_period * moments, orbit.rtol)
-    along = jax.vmap(lambda t, y: _integrals(scene, t, y))
-    energies, momenta = (np.asarray(pair) for pair in jax.jit(along)(jnp.asarray(ts), ys))
-    in_plane = r.shape[1] > 1
-    return _constant(*energies.T), _constant(*momenta.T) if in_plane else None
+    e = _energy(scene, jnp.asarray(ts), ys) if scene.has_energy else None
+    return e, _momentum(scene, jnp.asarray(ts), ys) if scene.has_points else None
 
 
-def _integrals(scene: Scene, t: Array, y: Array) -> tuple[Array, Array]:
-    """Energy and angular momentum (2,), each with the size of the parts it is the sum of."""
-    r, v, m = scene.system.points(t, y)
-    e, v0 = energy(scene, t, y), potential(scene, t, y)
-    momentum = jnp.ravel(angular_momentum(scene, t, y))[-1]
-    arms = jnp.sum(m * jnp.linalg.norm(r, axis=1) * jnp.linalg.norm(v, axis=1))
-    return jnp.stack([e, jnp.abs(e - v0) + jnp.abs(v0)]), jnp.stack([momentum, arms])
+def _energy(scene: Scene, ts: Array, ys: Array) -> float | None:
+    values, size, _ = _changes(scene, ts, ys)
+    return _constant(np.asarray(values), float(size))
 
 
-def _constant(values: np.ndarray, sizes: np.ndarray) -> float | None:
-    return float(values[0]) if np.ptp(values) <= KEPT * sizes.max() else None
+def _momentum(scene: Scene, ts: Array, ys: Array) -> float | None:
+    """Angular momentum in the plane of x and y; None where it changes, or on a line."""
+    if jax.eval_shape(scene.points, ts[0], ys[0]).r.shape[1] == 1:
+        return None
+    momenta, sizes = _momenta(scene, ts, ys)
+    return _constant(np.asarray(momenta), float(sizes.max()))
+
+
+_changes = jax.jit(change)
+
+
+@jax.jit
+def _momenta(scene: Scene, ts: Array, ys: Array) -> tuple[Array, Array]:
+    """(s,) angular momentum in the plane, and (s,) the size of the terms it is the sum of."""
+
+    def at(t, y):
+        r, v, m = scene.points(t, y)
+        arms = jnp.sum(m * jnp.linalg.norm(r, axis=1) * jnp.linalg.norm(v, axis=1))
+        return jnp.ravel(angular_momentum(scene, t, y))[-1], arms
+
+    return jax.vmap(at)(ts, ys)
+
+
+def _constant(values: np.ndarray, size: float) -> float | None:
+    return float(values[0]) if np.ptp(values) <= KEPT * size else None
 
 
 def permutation_error(orbit: Orbit) -> float:

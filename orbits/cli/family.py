@@ -129,5 +129,6 @@ def _write(
 
 
 def _row(entry: "orbits.files.family_files.Entry") -> tuple[str, ...]:
-    numbers = f"{entry.parameter:.10g}", f"{entry.orbit.period:.12g}", f"{entry.energy:.12g}"
-    return *numbers, entry.verdict, entry.kind or ""
+    numbers = f"{entry.parameter:.10g}", f"{entry.orbit.period:.12g}"
+    energy = "" if math.isnan(entry.energy) else f"{entry.energy:.12g}"
+    return *numbers, energy, entry.verdict, entry.kind or ""

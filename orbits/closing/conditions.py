@@ -40,6 +40,7 @@ class Energy(Condition):
 
     def check(self, scene):
         finite("energy", self.level, "It is the energy of the wanted orbit.")
+        energies.energy(scene, jnp.zeros(()), scene.y0)  # refuses a scene without one
 
 
 class Period(Condition):

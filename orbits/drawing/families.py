@@ -1,11 +1,13 @@
 """A picture of a family of orbits: its periods, how stable they are, what is special on it."""
 
 import itertools
+import math
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from jaxdyn._checks import fail
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.files.image_files import picture_path
 from orbits.families.family import Kind
@@ -25,9 +27,12 @@ def family(listed: Listing, path=None) -> Figure:
       listed: what `family_files.listing` made or `family_files.load` read.
       path: file to write, .png, .pdf or .svg.
     Raises:
-      ValueError: a file that cannot be written.
+      ValueError: a file that cannot be written, or a family without a parameter whose scene has
+        no energy.
     """
     path = picture_path(path)
+    if listed.parameter is None and math.isnan(listed.members[0].energy):
+        raise fail("listed", "a family with a parameter or an energy", "one without both")
     figure = blank(6.8, 5.0)
     ax: Any = figure.add_subplot(1, 1, 1)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -84,9 +85,14 @@ def _row(count: int, box: np.ndarray, equal: bool, lines: int) -> Figure:
 
 
 def _velocities(orbit, width: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Places (n, d) where the bodies start, and their velocities there as long as an arrow is."""
-    start = orbit.scene.system.points(0.0, orbit.y0)
-    r, v = np.asarray(start.r), np.asarray(start.v)
+    """Places (n, d) where the bodies start, and their velocities there as long as an arrow is.
+
+    A scene without bodies is drawn by its state, whose velocity is the rate.
+    """
+    scene, t = orbit.scene, jnp.zeros(())
+    y0 = jnp.asarray(orbit.y0)
+    start = scene.points(t, y0)[:2] if scene.has_points else (y0[None], scene.rate(t, y0)[None])
+    r, v = map(np.asarray, start)
     fastest = np.linalg.norm(v, axis=1).max()
     return (r, v * (_ARROW * width / fastest)) if fastest > 0 else None
 

@@ -12,9 +12,12 @@ NUDGE = 1e-6
 
 
 def _fold(surface: Surface, member: Member) -> float:
+    """How the parameter, or else the energy, changes along the family."""
     if surface.equations.make is not None:
         return float(member.tangent[-2])
     scene, y0 = member.orbit.scene, member.orbit.y0
+    if not scene.has_energy:
+        return 1.0
     moved = surface.equations.start(jnp.asarray(member.point.x + NUDGE * member.tangent))
     zero = jnp.zeros(())
     change = energy.energy(scene, zero, moved) - energy.energy(scene, zero, y0)

@@ -103,6 +103,8 @@ def continue_family(
     _check(orbit, make, parameter, step, members)
     _check_bounds("within", within)
     _check_bounds("energies", energies)
+    if energies != _ANYWHERE and not orbit.scene.has_energy:
+        raise fail("energies", "none for a scene without an energy", energies, "Use `within`.")
     value = 0.0 if parameter is None else float(parameter)
     guess = np.append(np.asarray(orbit.y0), orbit.period)
     start = Equations.of(orbit, conditions(orbit.scene, hold), make)
@@ -194,7 +196,7 @@ def _walked(surface: Surface, first: Member, step, most, bounds, report) -> Fami
         if not within[0] <= _measure(surface, member.point) <= within[1]:
             end = f"the bounds {within}"
             break
-        if not energies[0] <= member.energy <= energies[1]:
+        if member.energy < energies[0] or member.energy > energies[1]:
             end = f"the bounds on the energy, {energies}"
             break
         if member.point.iterations <= _EASY:
@@ -220,7 +222,8 @@ def _member(
     surface: Surface, point: Point, tangent: np.ndarray, kind: Kind | None = None
 ) -> Member:
     orbit = surface.orbit(point)
-    total = float(energy.energy(orbit.scene, jnp.zeros(()), orbit.y0))
+    scene = orbit.scene
+    total = float(energy.energy(scene, jnp.zeros(()), orbit.y0)) if scene.has_energy else np.nan
     parameter = _parameter(surface.equations, point.x)
     return Member(
         orbit=orbit,

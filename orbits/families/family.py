@@ -27,7 +27,7 @@ class Member:
     Attributes:
       orbit: the orbit.
       parameter: the number the family is named after; NaN where there is none.
-      energy: kinetic plus potential.
+      energy: of the scene at the start; NaN where it has none.
       stability: multipliers and verdict.
       point: where it lies on the surface of solutions.
       tangent: unit vector along the family there.

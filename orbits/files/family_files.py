@@ -26,7 +26,7 @@ class Entry:
     Attributes:
       orbit: the orbit.
       parameter: the number the family is named after; NaN where there is none.
-      energy: kinetic plus potential at the start.
+      energy: of the scene at the start; NaN where it has none.
       verdict: "stable", "unstable" or "undecided".
       kind: what is special about it, if anything.
     """
@@ -113,11 +113,15 @@ def _entry(member: Member) -> Entry:
 def _record(entry: Entry) -> dict[str, Any]:
     return {
         "orbit": files.encode(entry.orbit),
-        "parameter": entry.parameter if math.isfinite(entry.parameter) else None,
-        "energy": entry.energy,
+        "parameter": _number(entry.parameter),
+        "energy": _number(entry.energy),
         "verdict": entry.verdict,
         "kind": entry.kind,
     }
+
+
+def _number(x: float) -> float | None:
+    return x if math.isfinite(x) else None
 
 
 def _entries(several: Any, parameter: str | None) -> tuple[Entry, ...]:
@@ -130,11 +134,13 @@ def _decoded(record: Any, parameter: str | None) -> Entry:
     if not isinstance(record, dict) or record.keys() != _ENTRY_KEYS:
         raise fail("file", f"orbits with {sorted(_ENTRY_KEYS)}", "others", files.DAMAGED)
     value, energy, verdict, kind = (record[k] for k in ("parameter", "energy", "verdict", "kind"))
-    numbers = [energy] if parameter is None else [energy, value]
+    orbit = files.decode(record["orbit"])
+    has_energy = orbit.scene.has_energy
+    numbers = [energy] * has_energy + [value] * (parameter is not None)
     if not all(isinstance(x, int | float) and not isinstance(x, bool) for x in numbers):
         raise fail("file", "numbers for energy and parameter", reprlib.repr(numbers), files.DAMAGED)
     if verdict not in _VERDICTS or kind not in (None, *Kind):
         raise fail("file", "a verdict and a kind", reprlib.repr((verdict, kind)), files.DAMAGED)
     value = math.nan if parameter is None else float(value)
     kind = None if kind is None else Kind(kind)
-    return Entry(files.decode(record["orbit"]), value, float(energy), verdict, kind)
+    return Entry(orbit, value, float(energy) if has_energy else math.nan, verdict, kind)

@@ -1,0 +1,209 @@
+"""What moves and what acts on it: the two interfaces that a scene is put together from.
+
+A `System` knows its coordinates and how they move; an `Effect` acts on material points, or on
+coordinates themselves. `jaxdyn.scene` says how they meet, and offers both.
+"""
+
+import abc
+from typing import ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxdyn import _checks
+from jaxdyn.sketch import Shape
+
+
+class Points(NamedTuple):
+    """Material points: positions r (n, d) [m], velocities v (n, d) [m/s], masses m (n,) [kg]."""
+
+    r: Array
+    v: Array
+    m: Array
+
+
+class Effect(eqx.Module):
+    """What acts on material points: a force, or a potential whose force is minus its gradient.
+
+    A new effect overrides `potential` or `force` (or both) and sets `velocity_dependent`;
+    everything else follows. An effect that a scene does not have is absent from the compiled
+    program, not multiplied by zero.
+    """
+
+    #: Whether the force depends on velocities. Where no effect of a scene does, the
+    #: integrator takes a Nystrom pair, about twice as fast.
+    velocity_dependent: ClassVar[bool] = True
+    #: Where the force has no value or no direction, and what to do about it: a sentence for the
+    #: message of a motion that ends there; empty for a force that is smooth everywhere.
+    singular: ClassVar[str] = ""
+
+    def potential(self, t: Array, r: Array, m: Array) -> Array | None:
+        """Potential energy () [J] of points at r (n, d); None where there is none."""
+        del t, r, m
+        return None
+
+    def force(self, t: Array, r: Array, v: Array, m: Array) -> Array:
+        """Forces (n, d) [N] on the points."""
+        del v
+        if self.acts == {"generalized"}:
+            return jnp.zeros_like(r)
+        return -jax.grad(self._potential, argnums=1)(t, r, m)
+
+    def generalized(self, t: Array, q: Array, v: Array) -> Array | None:
+        """Forces (n,) on the coordinates themselves, e.g. a motor's torque; None by default."""
+        del t, q, v
+        return None
+
+    def sketch(self, t: Array, r: Array) -> tuple[Shape, ...]:
+        """What a drawing shows of the effect on points at r (n, d): a spring, an anchor."""
+        del t, r
+        return ()
+
+    @property
+    def without_units(self) -> bool:
+        """Whether its numbers are those of a world without units, as G = 1; host only."""
+        return False
+
+    @property
+    def acts(self) -> frozenset[str]:
+        """What it acts on, by its methods: "force" for points, "generalized" for coordinates.
+
+        A potential is a force on points. It follows from what a class overrides.
+        """
+        cls = type(self)
+        on_points = cls.force is not Effect.force or cls.potential is not Effect.potential
+        on_coordinates = cls.generalized is not Effect.generalized
+        return frozenset(["force"] * on_points + ["generalized"] * on_coordinates)
+
+    def _potential(self, t: Array, r: Array, m: Array) -> Array:
+        value = self.potential(t, r, m)
+        if value is None:
+            raise _checks.fail(
+                type(self).__name__, "a `force` or a `potential`", "neither", "Override one."
+            )
+        return value
+
+    def check(self, points: Points) -> None:
+        """Raise ValueError for numbers that make no sense with these points."""
+        del points
+
+
+class System(eqx.Module):
+    """What moves: coordinates, and how forces on material points move them."""
+
+    @abc.abstractmethod
+    def labels(self) -> tuple[tuple[str, str], ...]:
+        """(name, unit) of each of the k entries of the state."""
+
+    @abc.abstractmethod
+    def rate(self, t: Array, y: Float[Array, " k"], effects: tuple[Effect, ...]) -> Array:
+        """Time derivative (k,) of the state."""
+
+    def points(self, t: Array, y: Float[Array, " k"]) -> Points:
+        """The material points: effects, energies and drawings look here; none by default."""
+        del t, y
+        return Points(jnp.zeros((0, 0)), jnp.zeros((0, 0)), jnp.zeros(0))
+
+    def sketch(self, t: Array, y: Float[Array, " k"]) -> tuple[Shape, ...]:
+        """What a drawing shows besides the paths of the material points; see `sketch`."""
+        del t, y
+        return ()
+
+    @property
+    def obeys(self) -> frozenset[str]:
+        """Which methods of its effects `rate` uses: "force", "generalized", both, or none.
+
+        An effect that acts in another way would be left out silently; `Scene.check` refuses it.
+        """
+        return frozenset()
+
+    @property
+    def singular(self) -> str:
+        """Where the coordinates or equations end; see `Effect.singular`."""
+        return ""
+
+    def coordinates(self, y: Float[Array, " k"]) -> tuple[Array, Array]:
+        """q and the velocities v that an effect's `generalized` is given; its work is that on v."""
+        q, v = jnp.split(y, 2)
+        return q, v
+
+    @property
+    def second_order(self) -> bool:
+        """True where y = [q, v] with dq/dt = v, and dv/dt is free of v but for the effects."""
+        return False
+
+    def kinetic(self, t: Array, y: Float[Array, " k"]) -> Array:
+        """Kinetic energy () [J] of the material points; a system without any must override it."""
+        _, v, m = self.points(t, y)
+        if not len(m):
+            remedy = "It has no material points; its `energies` say whether an energy is known."
+            raise _checks.fail("kinetic", "material points", type(self).__name__, remedy)
+        return 0.5 * jnp.sum(m[:, None] * v * v)
+
+    def energies(
+        self, t: Array, y: Float[Array, " k"], effects: tuple[Effect, ...]
+    ) -> tuple[Array, ...]:
+        """The terms () [J] whose sum is the energy; () for a system without an energy.
+
+        By default the kinetic energy of the material points and the potential energy of the
+        effects, if there are points.
+        """
+        r, _, m = self.points(t, y)
+        return (self.kinetic(t, y), potential_energy(effects, t, r, m)) if len(m) else ()
+
+    def integrals(self, t: Array, y: Float[Array, " k"]) -> dict[str, Array]:
+        """Further quantities, () or (d,) each, that motions may conserve, by name.
+
+        Energy and the momenta of material points are known without it.
+        """
+        del t, y
+        return {}
+
+    def difference(self, y1: Array, y0: Array) -> Array:
+        """y1 - y0 (k,) as a small displacement; entries with the unit "rad" wrap, as angles."""
+        d, angles = y1 - y0, [unit == "rad" for _, unit in self.labels()]
+        if not any(angles):
+            return d
+        return jnp.where(jnp.array(angles), (d + jnp.pi) % (2 * jnp.pi) - jnp.pi, d)
+
+    def project(self, t: Array, y: Array) -> Array:
+        """The nearest state that satisfies the system's constraints; applied after each step."""
+        del t
+        return y
+
+    def undetermined(self, t: Array, y: Array) -> Array | None:
+        """Whether () the constraints leave the motion open at a state; None without constraints.
+
+        Looked at where a motion starts and where it ends.
+        """
+        del t, y
+        return None
+
+    def canonical(self, t: Array, y: Array) -> Array | None:
+        """Canonical coordinates [q, p] (k,) of a state, None where there are none.
+
+        The orbit finder tests with them whether a monodromy matrix is symplectic.
+        """
+        del t, y
+        return None
+
+    def generators(self, y: Array) -> dict[str, Array]:
+        """Directions (k,) in which space could be moved about the system, by name.
+
+        Candidates for symmetries; whether a scene has one depends on its effects, and the
+        orbit finder tests it.
+        """
+        del y
+        return {}
+
+    def check(self, t: Array, y: Array) -> None:
+        """Raise ValueError for numbers that make no sense."""
+        del t, y
+
+
+def potential_energy(effects: tuple[Effect, ...], t: Array, r: Array, m: Array) -> Array:
+    """Sum () [J] of the potentials of the effects that have one, for points at r (n, d)."""
+    values = (effect.potential(t, r, m) for effect in effects)
+    return sum((v for v in values if v is not None), jnp.zeros(()))
