@@ -21,7 +21,7 @@ from benchmarks._timing import Curves, Method, Row, Times, interleaved, work_pre
 from jaxdyn.effects import LinearDrag, PowerLaw, QuadraticDrag, Spring, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
-from jaxdyn.scene import Effect, Points, Scene, System
+from jaxdyn.scene import Effect, Scene, System
 from jaxdyn.scenes.pendula import double_pendulum, triple_pendulum
 from jaxdyn.solvers import VERNER9
 
@@ -99,9 +99,6 @@ class _ByHand(System):
     g: jax.Array
 
     def labels(self):
-        raise NotImplementedError
-
-    def points(self, t, y) -> Points:
         raise NotImplementedError
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from jaxdyn import scenes
 from jaxdyn.effects import PairGravity, SpringNetwork
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.scene import Effect, Points, Scene, System
+from jaxdyn.scene import Effect, Scene, System
 
 
 class Problem(NamedTuple):
@@ -217,9 +217,6 @@ class _VanDerPol(System):
     def rate(self, t, y, effects):
         x, v = y
         return jnp.stack([v, self.mu * (1 - x * x) * v - x])
-
-    def points(self, t, y):
-        return Points(y[None, :1], y[None, 1:], jnp.ones(1))
 
 
 def van_der_pol() -> Problem:

@@ -16,7 +16,7 @@ from helpers import kepler
 from jaxtyping import Array
 from mpmath import mp, mpf
 
-from jaxdyn import Effect, Points, Scene, System, scenes
+from jaxdyn import Effect, Scene, System, scenes
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.hard import long
 
@@ -218,9 +218,6 @@ class StuartLandau(System):
     def rate(self, t, y, effects):
         grow = 1.0 - y @ y
         return grow * y + self.turn * jnp.stack([-y[1], y[0]])
-
-    def points(self, t, y):
-        return Points(jnp.zeros((0, 2)), jnp.zeros((0, 2)), jnp.zeros(0))
 
 
 def _to_the_circle(t, x, y):

@@ -3,11 +3,11 @@
 import jax
 import jax.numpy as jnp
 
-from jaxdyn import Points, Scene, System
+from jaxdyn import Scene, System
 
 
 class Plane(System):
-    """Entries named x1 ... without material points that matter."""
+    """Entries named x0, x1, ..., without material points."""
 
     a: jax.Array
 
@@ -17,9 +17,6 @@ class Plane(System):
 
     def labels(self):
         return tuple((f"x{i}", "1") for i in range(self.size))
-
-    def points(self, t, y):
-        return Points(y[None, :1], y[None, 1:2], jnp.ones(1))
 
 
 def _turning(y, grow):

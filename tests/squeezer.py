@@ -12,7 +12,7 @@ would at a time later by 1.0e-12 s.
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import Points, Scene, System
+from jaxdyn import Scene, System
 
 T1 = 0.03
 START = np.array(
@@ -143,9 +143,6 @@ class Squeezer(System):
 
     def rate(self, t, y, effects):
         return jnp.concatenate([y[7:], jnp.linalg.solve(*matrix(jnp, y))[:7]])
-
-    def points(self, t, y):
-        return Points(jnp.zeros((0, 2)), jnp.zeros((0, 2)), jnp.zeros(0))
 
 
 def scene() -> Scene:

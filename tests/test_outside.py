@@ -8,19 +8,12 @@ from helpers import SOLVED
 from scipy.special import ellipk
 
 import orbits
-from jaxdyn import Points, Scene, System, scenes
+from jaxdyn import Scene, System, scenes
 from jaxdyn.analysis import energy
 from jaxdyn.formulations.newton import FreePoints
 
 
-class Field(System):
-    """Entries without material points that matter."""
-
-    def points(self, t, y):
-        return Points(y[None, :1], y[None, 1:2], jnp.ones(1))
-
-
-class Restricted(Field):
+class Restricted(System):
     """The circular restricted three-body problem in its turning frame; masses 1 - mu and mu."""
 
     mu: float = 0.04

@@ -7,7 +7,6 @@ multiplier is e^(6 pi g), and a stable one at r = 2 of period 2 pi / 5 and e^(-4
 import jax.numpy as jnp
 
 from jaxdyn import Scene, System
-from jaxdyn.scene import Points
 
 G = 0.05
 
@@ -20,9 +19,6 @@ class TwoCycles(System):
         square = y @ y
         out = -G * (square - 1) * (square - 4)
         return out * y + (1 + square) * jnp.stack([-y[1], y[0]])
-
-    def points(self, t, y):
-        return Points(jnp.zeros((0, 2)), jnp.zeros((0, 2)), jnp.zeros(0))
 
 
 def two_cycles():

@@ -116,11 +116,11 @@ def _integrals(scene: Scene, y0: Array, nearby: tuple[Array, Array]):
     def leak(t, y):
         f = scene.rate(t, y)
         _, change = jax.jvp(lambda *at: _conserved(scene, *at), (t, y), (jnp.ones(()), f))
-        rows = jax.jacrev(lambda y: _conserved(scene, t, y))(y)
+        rows = jax.jacfwd(lambda y: _conserved(scene, t, y))(y)
         size = {name: jnp.linalg.norm(row, axis=-1) for name, row in rows.items()}
         return jax.tree.map(lambda c, s: jnp.abs(c) / (s * jnp.linalg.norm(f)), change, size)
 
-    rows = jax.jacrev(lambda y: _conserved(scene, jnp.zeros(()), y))(y0)
+    rows = jax.jacfwd(lambda y: _conserved(scene, jnp.zeros(()), y))(y0)
     return rows, _largest(jax.vmap(leak)(*nearby))
 
 

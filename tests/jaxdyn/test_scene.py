@@ -8,13 +8,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import EXACT, gap, kepler, primitives
+from helpers import EXACT, SOLVED, Arm, gap, kepler, primitives
 
-from jaxdyn import Effect, Scene, scenes, simulate
+from jaxdyn import Effect, Scene, System, scenes, simulate
 from jaxdyn._numerics import safe_norm
 from jaxdyn.accuracy.timing import Clock
 from jaxdyn.analysis.ledger import with_work
 from jaxdyn.effects import LinearDrag, PairGravity, QuadraticDrag, UniformGravity
+from jaxdyn.formulations.lagrange import Lagrange
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import catalogue, skates
 
@@ -363,6 +364,12 @@ class _Odd(FreePoints):
     def kinetic(self, t, y):
         return super().kinetic(t, y) * (jnp.ones(3) if self.method == "kinetic" else 1.0)
 
+    def energies(self, t, y, effects):
+        return (y[:2],) if self.method == "energies" else super().energies(t, y, effects)
+
+    def integrals(self, t, y):
+        return {"area": jnp.ones((2, 2))} if self.method == "integrals" else {}
+
     def difference(self, y1, y0):
         return (y1 - y0)[: 1 if self.method == "difference" else None]
 
@@ -384,6 +391,8 @@ class _Odd(FreePoints):
         ),
         ("difference", r"difference: expected shape \(12,\), got shape \(1,\)\. One for each"),
         ("kinetic", r"kinetic: expected shape \(\), got shape \(3,\)\. An energy is one number"),
+        ("energies", r"energies: expected shape \(\), got shape \(2,\)\. An energy is one number"),
+        ("integrals", r"integrals: expected numbers or vectors, got shape \(2, 2\) of 'area'"),
         ("points.r", r"points: expected r of shape \(n, d\), got shape \(6,\)\. One row for each"),
         (
             "points.v",
@@ -428,3 +437,40 @@ def test_where_gravity_has_no_units_the_state_has_none():
     assert dict(scenes.three_body().labels())["x1"] == "1"
     assert dict(scenes.two_body(G=6.674e-11).labels())["x1"] == "m"
     assert scenes.cannonball().labels() == scenes.cannonball().system.labels()
+
+
+class _Claims(System):
+    """A state [q, v] of two that claims to be of second order; `kind` says how it is not."""
+
+    kind: str = eqx.field(static=True)
+    second_order: ClassVar[bool] = True
+
+    def labels(self):
+        return (("q", "1"), ("v", "1"), ("w", "1"))[: 3 if self.kind == "three entries" else 2]
+
+    def rate(self, t, y, effects):
+        q, v = y[0], y[1]
+        if self.kind == "three entries":
+            return jnp.stack([v, -q, y[2]])
+        dq = 2 * v if self.kind == "twice the velocity" else v
+        dv = -0.1 * v - q if self.kind == "damping" else -q
+        return jnp.stack([dq, dv if self.kind != "a brake" else jnp.where(v > 0.5, -1.0, -q)])
+
+
+@pytest.mark.parametrize("kind", ["three entries", "twice the velocity", "damping", "a brake"])
+def test_a_system_that_is_not_of_second_order_cannot_claim_it(kind):
+    scene = Scene(_Claims(kind), y0=jnp.zeros(3 if kind == "three entries" else 2))
+    with pytest.raises(ValueError, match=r"^_Claims: expected a state \[q, v\] with dq/dt = v"):
+        scene.check()
+
+
+def test_a_system_of_second_order_may_claim_it():
+    scene = Scene(_Claims("none"), y0=[1.0, 0.0])
+    assert gap(simulate(scene, 1.0, rtol=1e-13).ys[-1], [np.cos(1.0), -np.sin(1.0)]) < SOLVED
+
+
+def test_entries_in_radians_wrap():
+    arm = Scene(Lagrange(Arm()), y0=[0.1, 0.0])
+    apart = arm.system.difference(jnp.array([6.3, 7.0]), jnp.array([0.1, 0.5]))
+    assert gap(apart, [6.2 - 2 * np.pi, 6.5]) < EXACT
+    assert gap(_Claims("none").difference(jnp.array([6.3, 7.0]), jnp.zeros(2)), [6.3, 7.0]) == 0

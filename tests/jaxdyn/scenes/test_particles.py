@@ -8,6 +8,8 @@ from helpers import EXACT, SOLVED, gap
 
 from jaxdyn import Scene, Trajectory, simulate
 from jaxdyn.analysis import energy, linearize
+from jaxdyn.analysis.energy_change import energy_change
+from jaxdyn.analysis.momenta import centre_of_mass, kinetic_split, moment_balance
 from jaxdyn.effects import LinearDrag, QuadraticDrag, Spring, UniformGravity
 from jaxdyn.scenes.ballistics import cannonball_linear_exact
 from jaxdyn.scenes.particles import (
@@ -114,11 +116,22 @@ def test_problem_3_lorenz_loses_volume_at_the_constant_rate_it_must():
     assert gap(rates[1], turned * rates[0]) == 0
 
 
-def test_lorenz_has_no_points_and_nothing_breaks():
+def test_lorenz_has_no_points_and_no_energy_and_says_so():
     motion = simulate(lorenz(), 1.0, samples=3)
-    assert motion.r.shape == (3, 0, 3)
-    for name, value in energy.integrals(motion.scene, 0.0, motion.scene.y0).items():
-        assert gap(value, np.zeros(() if name == "energy" else 3)) == 0
+    scene = motion.scene
+    assert motion.r.size == 0
+    assert energy.integrals(scene, 0.0, scene.y0) == {}
+    assert energy_change(motion) is None
+    for quantity in (energy.potential, energy.momentum, energy.angular_momentum, kinetic_split):
+        with pytest.raises(ValueError, match="scene: expected one with material points, got Loren"):
+            quantity(scene, 0.0, scene.y0)
+    for asked in (energy.drift, lambda motion: energy.energy(scene, 0.0, scene.y0)):
+        with pytest.raises(ValueError, match=r"one with an energy, got Lorenz.*pass energy="):
+            asked(motion)
+    with pytest.raises(ValueError, match="kinetic: expected material points, got Lorenz"):
+        scene.system.kinetic(0.0, scene.y0)
+    with pytest.raises(ValueError, match="material points"):
+        moment_balance(motion, centre_of_mass)
 
 
 def test_a_particle_differentiates_through_its_constructor():

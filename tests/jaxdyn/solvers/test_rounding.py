@@ -7,7 +7,7 @@ import pytest
 from closed_forms import known
 from helpers import EXACT, SOLVED, gap, kepler
 
-from jaxdyn import Points, Scene, System, accuracy, scenes
+from jaxdyn import Scene, System, accuracy, scenes
 from jaxdyn.accuracy.convergence import fixed_steps
 from jaxdyn.integrate import ladder
 from jaxdyn.integrate.simulation import solve
@@ -79,9 +79,6 @@ class Pushed(System):
 
     def rate(self, t, y, effects):
         return jnp.stack([y[1], jnp.cos(t)])
-
-    def points(self, t, y):
-        return Points(jnp.zeros((0, 1)), jnp.zeros((0, 1)), jnp.zeros(0))
 
 
 def test_the_rounding_of_large_times_is_seen():

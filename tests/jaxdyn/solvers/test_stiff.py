@@ -7,18 +7,11 @@ import numpy as np
 import pytest
 from helpers import SOLVED, gap, kepler, kepler_state
 
-from jaxdyn import Points, Scene, Status, System, scenes, simulate, solvers
+from jaxdyn import Scene, Status, System, scenes, simulate, solvers
 from jaxdyn.integrate.simulation import _compiled, solve
 
 
-class _Line(System):
-    """States without points of interest: numbers x y .. on a line."""
-
-    def points(self, t, y):
-        return Points(y[:1][None], y[1:2][None], jnp.ones(1))
-
-
-class Chased(_Line):
+class Chased(System):
     """x chases cos t at rate k, z chases y = e^-t at rate 1000: closed forms for any k."""
 
     k: jax.Array = eqx.field(converter=jnp.asarray)
@@ -31,7 +24,7 @@ class Chased(_Line):
         return jnp.stack([fast, -y[1], -1e3 * (y[2] - y[1]) - y[1]])
 
 
-class VanDerPol(_Line):
+class VanDerPol(System):
     """x'' = mu ((1 - x^2) x' - x), as in Hairer and Wanner, IV.1 and IV.10."""
 
     mu: jax.Array = eqx.field(converter=jnp.asarray)

@@ -9,7 +9,7 @@ import pytest
 from helpers import DIFFED, SOLVED, central_difference, gap, kepler
 
 import orbits
-from jaxdyn import Effect, IntegrationError, Points, Scene, Status, System
+from jaxdyn import Effect, IntegrationError, Scene, Status, System
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
 from orbits.analysis.stability import _eigenvalues, _rotation_numbers, _verdict
@@ -45,9 +45,6 @@ class StuartLandau(System):
 
     def labels(self):
         return (("x", "1"), ("y", "1"), ("z", "1"))
-
-    def points(self, t, y):
-        return Points(y[None], jnp.zeros((1, 3)), jnp.ones(1))
 
     def rate(self, t, y, effects):
         r2 = y[0] ** 2 + y[1] ** 2
@@ -93,9 +90,6 @@ def test_the_product_is_the_exponential_of_the_divergence():
     class VanDerPol(System):
         def labels(self):
             return (("x", "1"), ("v", "1"))
-
-        def points(self, t, y):
-            return Points(y[None, :1], y[None, 1:], jnp.ones(1))
 
         def rate(self, t, y, effects):
             return jnp.stack([y[1], (1 - y[0] ** 2) * y[1] - y[0]])

@@ -10,7 +10,7 @@ import pytest
 from helpers import SOLVED, gap, kepler, kepler_state
 
 import orbits
-from jaxdyn import Effect, Points, Scene, System, effects, scenes
+from jaxdyn import Effect, Scene, System, effects, scenes
 from jaxdyn.formulations.newton import FreePoints
 from orbits import Outcome
 from orbits.shooting import equations
@@ -34,9 +34,6 @@ class Planar(System):
 
     def labels(self):
         return (("x", "1"), ("v", "1"))
-
-    def points(self, t, y):
-        return Points(y[None, :1], y[None, 1:], jnp.ones(1))
 
 
 class VanDerPol(Planar):
@@ -72,9 +69,6 @@ class Along(System):
 
     def labels(self):
         return (("x", "1"),)
-
-    def points(self, t, y):
-        return Points(y[None], self.rate(t, y, ())[None], jnp.ones(1))
 
 
 class Never(Along):
