@@ -15,8 +15,8 @@ from jaxdyn.cli.shared import (
     SetOption,
     SpanOption,
     TitleOption,
+    check_title,
 )
-from jaxdyn.files.image_files import picture_path
 
 _SHOWN = (3, 6, 9, 12, 14)
 
@@ -31,7 +31,7 @@ def accuracy_command(
     as_object: JsonOption = False,
 ) -> None:
     """Time that each digit of a scene costs, with a solver and a tolerance for those wanted."""
-    picture_path(plot)
+    check_title(title, plot)
     if not 0 < digits <= 16:
         raise fail("digits", "between 1 and 15", digits, "Doubles have not quite 16.")
     with screen(f"solving {name} as exactly as possible", as_object) as out:

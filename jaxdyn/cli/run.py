@@ -8,6 +8,7 @@ from rich.markup import escape
 
 import jaxdyn
 from jaxdyn._misuse import choice, fail, whole
+from jaxdyn._words import counted
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     AnimateOption,
@@ -18,9 +19,11 @@ from jaxdyn.cli.shared import (
     SetOption,
     SpanOption,
     TitleOption,
+    check_title,
+    written,
 )
-from jaxdyn.files.image_files import animation_path, picture_path
-from jaxdyn.files.output_files import writable
+from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import table_path
 
 STOPPED = 1  # exit code: the motion did not reach its end
 _MOST_SAMPLES = 1_000_000  # all of which become text
@@ -41,24 +44,16 @@ def run_command(
     ] = None,
     plot: PlotOption = None,
     series: Annotated[
-        Path | None, typer.Option(help="Draw its state over time (.png, .pdf, .svg).")
+        Path | None, written(picture_path, "Draw its state over time (.png, .pdf, .svg).")
     ] = None,
     title: TitleOption = None,
     animate: AnimateOption = None,
     seconds: SecondsOption = None,
-    csv: Annotated[Path | None, typer.Option(help="Write times and states (.csv).")] = None,
+    csv: Annotated[Path | None, written(table_path, "Write times and states (.csv).")] = None,
     as_object: JsonOption = False,
 ) -> None:
     """Simulate a scene in all its phases, say how its energy changes, and draw it if asked."""
-    picture_path(plot)
-    picture_path(series)
-    if animate is not None:
-        animation_path(animate)
-    if csv is not None:
-        writable(csv, (".csv",))
-    if title is not None and plot is None and series is None:
-        wanted = "--plot or --series with it"
-        raise fail("--title", wanted, "none", "It is the title of the picture.")
+    check_title(title, plot, series, options="--plot or --series")
     if seconds is not None and animate is None:
         raise fail("--seconds", "--animate with it", "none", "It is how long that lasts.")
     remedy = f"It is at most {_MOST_SAMPLES} here; jaxdyn.simulate takes more."
@@ -120,6 +115,6 @@ def _print(record: dict, end: "jaxdyn.EndError", out: Screen) -> None:
         out.print(f"  {phase['name']:12} from {phase['t0']:.9g} to {phase['t1']:.9g}")
     if record["energy_message"]:
         out.print(escape(record["energy_message"]))
-    out.print(f"{record['steps']} steps, {record['rejected']} rejected")
+    out.print(f"{counted(record['steps'], 'step')}, {record['rejected']} rejected")
     if record["warning"]:
         out.print(f"[yellow]warning[/yellow]: {escape(record['warning'])}")

@@ -62,7 +62,7 @@ class Screen:
         try:
             yield
         except OSError as error:
-            raise unwritable(path, error) from error
+            raise unwritable(path, error, "file") from error
         self.print(f"{said} {path}")
 
     @contextlib.contextmanager

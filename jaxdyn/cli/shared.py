@@ -9,11 +9,13 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 import jaxdyn
+from jaxdyn._misuse import fail
+from jaxdyn.files.image_files import animation_path, picture_path
 
 MISUSE = 2  # exit code: the input makes no sense
 INTERRUPTED = 130  # exit code: of Ctrl-C, as shells say it
@@ -21,17 +23,35 @@ PIPE_CLOSED = 1  # exit code: nobody reads on; Typer has it
 #: What a wrong option or argument raises; typer exports only a kind of it.
 _Usage: type[Exception] = typer.BadParameter.__bases__[0]
 
+
+def written(check: Callable[[Path, str], object], about: str, *names: str) -> Any:
+    """An option for a file to write, which is checked under the option's name as words are read."""
+
+    def checked(option: typer.CallbackParam, path: Path | None) -> Path | None:
+        if path is not None:
+            check(path, option.opts[0])
+        return path
+
+    return typer.Option(*names, callback=checked, help=about)
+
+
 SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A scene of `jaxdyn list`.")]
 SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="One of its numbers, such as angle=pi/2."),
 ]
 SpanOption = Annotated[float | None, typer.Option(help="End of the span; the scene's own.")]
-PlotOption = Annotated[Path | None, typer.Option(help="Draw it (.png, .pdf, .svg).")]
-AnimateOption = Annotated[Path | None, typer.Option(help="Animate it (.gif, .mp4).")]
+PlotOption = Annotated[Path | None, written(picture_path, "Draw it (.png, .pdf, .svg).")]
+AnimateOption = Annotated[Path | None, written(animation_path, "Animate it (.gif, .mp4).")]
 SecondsOption = Annotated[float | None, typer.Option(help="How long the animation lasts [s].")]
 TitleOption = Annotated[str | None, typer.Option(help="Title of the picture.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
+
+
+def check_title(title: str | None, *pictures: Path | None, options: str = "--plot") -> None:
+    """Refuse a title without a picture that it could stand above."""
+    if title is not None and not any(pictures):
+        raise fail("--title", f"{options} with it", "none", "It is the title of the picture.")
 
 
 def application(about: str) -> typer.Typer:

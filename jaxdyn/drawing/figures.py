@@ -103,6 +103,7 @@ def style(ax) -> None:
     ax.set_axisbelow(True)
     ax.tick_params(colors=INK, labelsize=9)
     if ax.name == "3d":
+        ax.patch.set_visible(False)  # it reaches over the labels of the panel beside it
         for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
             axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
         ax.tick_params(labelsize=8)

@@ -9,7 +9,7 @@ from jaxdyn import _checks
 from jaxdyn.drawing.contents import Paths, paths
 from jaxdyn.drawing.figures import blank, finished, legend_below, mark, path_entries, style
 from jaxdyn.drawing.panels import WIDTH, colours, draw_paths, draw_starts, limits
-from jaxdyn.drawing.titles import caption, heading
+from jaxdyn.drawing.titles import heading, scenes_of
 from jaxdyn.files.image_files import picture_path
 from jaxdyn.integrate.phases import Chain
 from jaxdyn.integrate.trajectory import Trajectory
@@ -51,8 +51,7 @@ def projections(motion: Trajectory | Chain, path=None, *, title: str | None = No
         ax.set_aspect("equal")
         style(ax)
         _draw(ax, drawn._replace(xyz=drawn.xyz[..., plane]))
-    lines = [caption(motion) if title is None else title, drawn.stopped]
-    figure.suptitle(heading(lines, WIDTH), fontsize=10)
+    figure.suptitle(heading(title, scenes_of([motion]), WIDTH, drawn.stopped), fontsize=10)
     legend_below(figure, [*path_entries(drawn.names, colours(drawn)), mark("o", "start")])
     return finished(figure, path)
 

@@ -10,7 +10,7 @@ from jaxdyn.drawing.contents import why_stopped
 from jaxdyn.drawing.curves import reached, states
 from jaxdyn.drawing.figures import GRID, PALETTE, blank, finished, style
 from jaxdyn.drawing.panels import WIDTH
-from jaxdyn.drawing.titles import caption, heading
+from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
 from jaxdyn.integrate.phases import Chain, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
@@ -47,7 +47,7 @@ def time_series(
     ts, ys = (np.concatenate(both) for both in zip(*parts, strict=True))
     values = dict(zip(units, ys.T, strict=True))
     shown = list(dict.fromkeys(units[name] for name in names))
-    lines = heading([caption(motion) if title is None else title, why_stopped(motion)], WIDTH)
+    lines = heading(title, [scene], WIDTH, why_stopped(motion))
     figure = blank(WIDTH, 0.8 + 2.1 * len(shown))
     panels = figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0]
     for ax, unit in zip(panels, shown, strict=True):

@@ -27,6 +27,8 @@ def fill(figure: Figure) -> None:
     pad = _PAD * figure.dpi
     below = 2 * pad + sum(legend.get_window_extent().height for legend in figure.legends)
     above = 2 * pad + max(ax.title.get_window_extent().height for ax in solid)
+    # A title above all panels, if there is one.
+    above += sum(text.get_window_extent().height + pad for text in figure.texts)
     column = figure.bbox.width / len(solid)
     for _ in range(_ROUNDS):
         taken = [_taken(ax) for ax in solid]
@@ -36,6 +38,8 @@ def fill(figure: Figure) -> None:
         grow = min((column - 2 * pad) / wide, _HIGHEST * column / high)
         size = np.array([figure.bbox.width, below + grow * high + above])
         figure.set_size_inches(size / figure.dpi)
+        for text in figure.texts:
+            text.set_y(1 - pad / size[1])
         for i, (ax, box, square) in enumerate(zip(solid, taken, squares, strict=True)):
             middle = np.array([(i + 0.5) * column, below + grow * high / 2])
             side = grow * square.width

@@ -18,7 +18,7 @@ from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.figures import blank, finished, legend_below, mark, path_entries, shades
 from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, panel, size
 from jaxdyn.drawing.solid import fill
-from jaxdyn.drawing.titles import caption, heading
+from jaxdyn.drawing.titles import heading, scenes_of
 from jaxdyn.files.image_files import picture_path
 from jaxdyn.integrate.phases import Chain
 from jaxdyn.integrate.trajectory import Trajectory
@@ -64,8 +64,7 @@ def trajectory(
     _check_together(drawn, names)
     box = limits(np.concatenate([places(one) for one in drawn]), drawn[0].equal)
     width, height = size(box, drawn[0].equal)
-    lines = [caption(*motions) if title is None else title, *(one.stopped for one in drawn)]
-    above = heading(lines, width)
+    above = heading(title, scenes_of(motions), width, *(one.stopped for one in drawn))
     figure = blank(width, height + _LINE * above.count("\n"))
     ax = panel(figure, drawn[0], box)
     ax.set_title(above, fontsize=10, pad=_ABOVE)

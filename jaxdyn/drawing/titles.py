@@ -16,21 +16,40 @@ from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 
 _CHARACTER = 0.078  # inches of a title in 10 points
-_KEPT = "\0=\0"
+_SPACE = "\0"  # at which no line ends
+_ONE = re.compile(r"\w+ = \([^()]*\)|\w+ = ")
 _MOST = 4  # entries of an array that are still written out
 _AT_ORIGIN = 1e-12  # of the size of a body: a centre so near is the origin
 
 
 def caption(*motions: Trajectory | Chain) -> str:
     """What moves and what acts on it, with the numbers that all of the motions share."""
-    return describe(*(pieces_of(motion)[0].scene for motion in motions))
+    return describe(*scenes_of(motions))
 
 
-def heading(lines: Sequence[str], width: float) -> str:
-    """The lines that say something, folded for a figure of this width [in]."""
-    kept = (line.replace(" = ", _KEPT) for line in lines if line)  # not parted at its ends
+def scenes_of(motions: Sequence[Trajectory | Chain]) -> list[Scene]:
+    """The scene of each motion; of a chain that of its first phase."""
+    return [pieces_of(motion)[0].scene for motion in motions]
+
+
+def heading(title: str | None, scenes: Sequence[Scene], width: float, *lines: str) -> str:
+    """What stands above a picture: its title and further lines, folded to a width [in].
+
+    Args:
+      title: the scenes are described if it is None; "" for nothing.
+      scenes: what the picture is of.
+      width: of the figure [in].
+      lines: those that are not empty follow the title.
+    """
+    first = describe(*scenes) if title is None else title
+    # Neither a number and its name nor the numbers of an array are parted.
+    kept = (_ONE.sub(_unbroken, line) for line in (first, *lines) if line)
     folded = "\n".join(textwrap.fill(line, int(width / _CHARACTER)) for line in kept)
-    return folded.replace(_KEPT, " = ")
+    return folded.replace(_SPACE, " ")
+
+
+def _unbroken(found: re.Match) -> str:
+    return found.group().replace(" ", _SPACE)
 
 
 def describe(*scenes: Scene) -> str:

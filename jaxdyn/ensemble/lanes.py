@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._numerics import two_sum
+from jaxdyn._words import counted
 from jaxdyn.integrate.flow import UNROLLED_BELOW, Settings, operations
 from jaxdyn.integrate.step_control import Limits, StepControl, Watch
 from jaxdyn.scene import Field
@@ -79,7 +80,7 @@ class Ends(NamedTuple):
         """How many motions ended how, and what to do about it; host only."""
         codes, counts = np.unique(np.asarray(self.status), return_counts=True)
         lines = zip(counts.tolist(), codes.tolist(), strict=True)
-        return "\n".join(f"{n} motions: {Status(code).message}" for n, code in lines)
+        return "\n".join(f"{counted(n, 'motion')}: {Status(code).message}" for n, code in lines)
 
 
 class _Lane(NamedTuple):

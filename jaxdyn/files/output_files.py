@@ -13,13 +13,13 @@ from jaxdyn._misuse import fail
 _PROBE = 4096  # bytes that must fit: a block of most file systems
 
 
-def writable(path: str | Path, suffixes: tuple[str, ...] = (), name: str = "path") -> Path:
+def writable(path: str | Path, name: str = "path", suffixes: tuple[str, ...] = ()) -> Path:
     """The path of a file that can be written.
 
     Args:
       path: of the file; one that exists is left as it is.
+      name: of the argument or option, for the message.
       suffixes: allowed endings of its name; any if left out.
-      name: of the argument, for the message.
     Raises:
       ValueError: another ending, a folder that does not exist or cannot be written to, a path
         that is no file, a full disk.
@@ -38,6 +38,11 @@ def writable(path: str | Path, suffixes: tuple[str, ...] = (), name: str = "path
     except OSError as error:
         raise unwritable(path, error, name) from error
     return path
+
+
+def table_path(path: str | Path, name: str = "path") -> Path:
+    """The file of a table, refused if it could not be written."""
+    return writable(path, name, (".csv",))
 
 
 def unwritable(path: str | Path, error: OSError, name: str = "path") -> ValueError:

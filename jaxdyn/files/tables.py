@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxdyn.accuracy.end_error import EndError
 from jaxdyn.analysis.energy_change import energy_change
-from jaxdyn.files.output_files import replace, writable
+from jaxdyn.files.output_files import replace, table_path
 from jaxdyn.integrate.phases import Chain, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.status import Status
@@ -83,7 +83,7 @@ def write_csv(path: str | Path, motion: Trajectory | Chain) -> Path:
       ValueError: a file that cannot be written, or a batch of motions.
       OSError: it could not be written after all.
     """
-    path = writable(path, (".csv",))
+    path = table_path(path)
     ts, ys = samples(motion)
     unitless = all(unit == "1" for _, unit in pieces_of(motion)[0].scene.labels())
     text = io.StringIO()

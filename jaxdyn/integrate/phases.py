@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._words import counted
 from jaxdyn.integrate.events import until
 from jaxdyn.integrate.phase import END, Exit, Phase
 from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, simulate
@@ -68,8 +69,9 @@ class Chain(eqx.Module):
             return f"Phase {self.path[-1][0]} led to the end."
         if self.t >= self.pieces[-1].scene.t1:
             return "The span ended."
+        limit = counted(len(self.pieces), "phase")
         return (
-            f"The limit of {len(self.pieces)} phases was reached at t = {float(self.t):.6g}. "
+            f"The limit of {limit} was reached at t = {float(self.t):.6g}. "
             "Raise max_phases; where infinitely many phases pass in finite time, as for a ball "
             "that comes to rest by bouncing, give the phase an exit to rest."
         )

@@ -8,8 +8,7 @@ import typer
 import jaxdyn
 import orbits
 from jaxdyn.cli.screen import Screen, screen
-from jaxdyn.cli.shared import JsonOption, PlotOption
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title
 from orbits.cli.shared import NOT_FOUND
 
 
@@ -22,10 +21,11 @@ def aim_command(
     linear: Annotated[float, typer.Option(help="Linear drag [kg/s].")] = 0.0,
     wind: Annotated[float, typer.Option(help="Wind along x [m/s].")] = 0.0,
     plot: PlotOption = None,
+    title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
     """The angle that carries farthest; with --x all that hit, and the least speed that reaches."""
-    picture_path(plot)
+    check_title(title, plot)
     with screen("looking for the angle that carries farthest", as_object) as out:
         scene = jaxdyn.scenes.cannonball(m=mass, g=g)
         if drag:
@@ -49,7 +49,7 @@ def aim_command(
             out.result(found | {"slowest": least and _throw(least)})
         if plot:
             with out.writing(plot, "drawn in"):
-                orbits.drawing.throws(scene, best, hits, plot)
+                orbits.drawing.throws(scene, best, hits, plot, title=title)
         if not (best.ok if hits is None else hits.ok):
             raise typer.Exit(NOT_FOUND)
 

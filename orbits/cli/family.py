@@ -12,9 +12,17 @@ from rich.table import Table
 import jaxdyn
 import orbits
 from jaxdyn._misuse import fail, whole
+from jaxdyn._words import counted
 from jaxdyn.cli.screen import Screen, screen
-from jaxdyn.cli.shared import JsonOption, PlotOption, SceneArgument, SetOption
-from orbits.cli.shared import NOT_FOUND, SaveOption, check_files, failure, numbers, printed
+from jaxdyn.cli.shared import (
+    JsonOption,
+    PlotOption,
+    SceneArgument,
+    SetOption,
+    TitleOption,
+    check_title,
+)
+from orbits.cli.shared import NOT_FOUND, SaveOption, failure, numbers, printed
 
 
 def family_command(
@@ -37,11 +45,12 @@ def family_command(
         str | None, typer.Option(metavar="A,B", help="Bounds on the energy.")
     ] = None,
     plot: PlotOption = None,
+    title: TitleOption = None,
     save_to: SaveOption = None,
     as_object: JsonOption = False,
 ) -> None:
     """The family of a scene's orbit: periods, stability, and what is special on the way."""
-    check_files(plot, None, save_to)
+    check_title(title, plot)
     whole("--members", members)
     if not 0 < step < math.inf:
         raise fail("--step", "> 0", step, "It is a length in the space of the unknowns.")
@@ -79,7 +88,7 @@ def family_command(
             out.result({"scene": name} | orbits.files.family_files.as_json(family))
         else:
             _print(family, out)
-        _write(family, save_to, plot, out)
+        _write(family, save_to, plot, title, out)
 
 
 def _bounds(option: str, text: str | None) -> tuple[float, float]:
@@ -111,13 +120,14 @@ def _print(family: "orbits.files.family_files.Listing", out: Screen) -> None:
     for entry in (*family.members, *family.special):
         table.add_row(*_row(entry)[-len(table.columns) :])
     out.print(table)
-    out.print(f"{len(family.members)} orbits; the end: {family.end}")
+    out.print(f"{counted(len(family.members), 'orbit')}; the end: {family.end}")
 
 
 def _write(
     family: "orbits.files.family_files.Listing",
     save_to: Path | None,
     plot: Path | None,
+    title: str | None,
     out: Screen,
 ) -> None:
     if save_to:
@@ -125,7 +135,7 @@ def _write(
             orbits.files.family_files.save(save_to, family)
     if plot:
         with out.writing(plot, "drawn in"):
-            orbits.drawing.family(family, plot)
+            orbits.drawing.family(family, plot, title=title)
 
 
 def _row(entry: "orbits.files.family_files.Entry") -> tuple[str, ...]:

@@ -8,9 +8,9 @@ import jaxdyn
 import orbits
 from jaxdyn._misuse import fail
 from jaxdyn.cli.screen import screen
-from jaxdyn.cli.shared import AnimateOption, JsonOption, PlotOption
+from jaxdyn.cli.shared import AnimateOption, JsonOption, PlotOption, TitleOption, check_title
 from orbits.cli.printed import print_reports
-from orbits.cli.shared import NOT_FOUND, SaveOption, check_files, draw, failure, numbers, printed
+from orbits.cli.shared import NOT_FOUND, SaveOption, draw, failure, numbers, printed
 
 
 def _numbers_option(text: str) -> Any:
@@ -19,6 +19,7 @@ def _numbers_option(text: str) -> Any:
 
 def figure_eight_command(
     plot: PlotOption = None,
+    title: TitleOption = None,
     animate: AnimateOption = None,
     save_to: SaveOption = None,
     as_object: JsonOption = False,
@@ -39,7 +40,7 @@ def figure_eight_command(
     The guess has 12 numbers x1,y1,x2,y2,x3,y3,vx1,vy1,...; the bounds --lower and --upper
     have 13, the last for the period.
     """
-    check_files(plot, animate, save_to)
+    check_title(title, plot)
     with screen("closing the motion of three bodies", as_object) as out:
         clock = jaxdyn.accuracy.timing.Clock()
         plain, eight = orbits.figure_eight(
@@ -73,7 +74,14 @@ def figure_eight_command(
         if save_to:
             with out.writing(save_to, "saved to"):
                 orbits.save(save_to, eight, claims["choreography"])
-        draw([plain, eight], ["closed plainly", "closed as a choreography"], plot, animate, out)
+        draw(
+            [plain, eight],
+            ["closed plainly", "closed as a choreography"],
+            plot,
+            animate,
+            out,
+            title,
+        )
 
 
 def _seconds(clock: "jaxdyn.accuracy.timing.Clock") -> dict[str, float]:

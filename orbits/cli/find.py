@@ -7,9 +7,17 @@ import typer
 import jaxdyn
 import orbits
 from jaxdyn.cli.screen import screen
-from jaxdyn.cli.shared import AnimateOption, JsonOption, PlotOption, SceneArgument, SetOption
+from jaxdyn.cli.shared import (
+    AnimateOption,
+    JsonOption,
+    PlotOption,
+    SceneArgument,
+    SetOption,
+    TitleOption,
+    check_title,
+)
 from orbits.cli.printed import print_reports
-from orbits.cli.shared import NOT_FOUND, SaveOption, check_files, draw, failure, printed
+from orbits.cli.shared import NOT_FOUND, SaveOption, draw, failure, printed
 
 
 def find_command(
@@ -28,12 +36,13 @@ def find_command(
     ] = None,
     segments: Annotated[int | None, typer.Option(help="Pieces of the motion.")] = None,
     plot: PlotOption = None,
+    title: TitleOption = None,
     animate: AnimateOption = None,
     save_to: SaveOption = None,
     as_object: JsonOption = False,
 ) -> None:
     """A periodic orbit near a scene's own motion: what it is, and whether it is stable."""
-    check_files(plot, animate, save_to)
+    check_title(title, plot)
     with screen(f"looking for an orbit of {name}", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(
             name, jaxdyn.scenes.catalogue.settings(settings or ())
@@ -59,5 +68,5 @@ def find_command(
         if save_to:
             with out.writing(save_to, "saved to"):
                 orbits.save(save_to, orbit, claims)
-        title = f"{name}, period {orbit.period:.9g}, {claims.verdict}"
-        draw([orbit], [title], plot, animate, out)
+        found = f"period {orbit.period:.9g}, {claims.verdict}"
+        draw([orbit], [found], plot, animate, out, title)

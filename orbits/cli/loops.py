@@ -10,9 +10,9 @@ from rich.table import Table
 import jaxdyn
 import orbits
 from jaxdyn._misuse import fail
+from jaxdyn._words import counted
 from jaxdyn.cli.screen import Screen, screen
-from jaxdyn.cli.shared import JsonOption, PlotOption
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title
 from orbits.cli.shared import NOT_FOUND, draw, numbers
 
 _EXPONENTS = "-2.9,-2.5,-2,-1.5,-1,0,0.5,1,2,3,5,10,100,1000"
@@ -25,6 +25,7 @@ def loops_command(
     turns: Annotated[int | None, typer.Option(help="Find the orbit with so many turns ...")] = None,
     count: Annotated[int | None, typer.Option("--loops", help="... and so many loops.")] = None,
     plot: PlotOption = None,
+    title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
     """Least number of loops against the exponent; with --turns and --loops one orbit.
@@ -32,16 +33,17 @@ def loops_command(
     A picture of the first has the apsidal angle against the exponent; one of an orbit that does
     not exist shows what moves there instead, mostly a rosette that fills its ring, and why.
     """
-    picture_path(plot)
+    check_title(title, plot)
     exponents = numbers("--n", n)
     if turns is None and count is None:
-        _table(exponents, plot, as_object)
+        _table(exponents, plot, title, as_object)
         return
     if turns is None or count is None:
         raise fail("--turns and --loops", "both or neither", "one", "An orbit has p and q.")
     if len(exponents) != 1:
         raise fail("--n", "one exponent with --turns and --loops", n, "Give it: --n=-1.")
-    with screen(f"looking for an orbit with {count} loops in {turns} turns", as_object) as out:
+    wanted = f"{counted(count, 'loop')} in {counted(turns, 'turn')}"
+    with screen(f"looking for an orbit with {wanted}", as_object) as out:
         law = jaxdyn.effects.PowerLaw(1.0, exponents[0])
         try:
             orbit = orbits.targets.loops.closed(law, turns, count)
@@ -50,21 +52,22 @@ def loops_command(
                 out.result({"ok": False, "message": str(error)})
             out.print(f"[red]no orbit[/red]: {error}")
             if plot:
-                _draw_failure(law, turns, count, str(error), plot, out)
+                why = f"turns / loops = {turns} / {count} does not exist. {error}"
+                _draw_failure(law, plot, why if title is None else title, out)
             raise typer.Exit(NOT_FOUND) from None
         if as_object:
-            wanted = {"n": exponents[0], "turns": turns, "loops": count, "period": orbit.period}
+            found = {"n": exponents[0], "turns": turns, "loops": count, "period": orbit.period}
             start = [float(x) for x in orbit.y0]
-            out.result({"ok": True, **wanted, "y0": start, "closure": orbit.residual})
+            out.result({"ok": True, **found, "y0": start, "closure": orbit.residual})
         x, speed = float(orbit.y0[0]), math.hypot(*map(float, orbit.y0[2:]))
         out.print(
-            f"{count} loops in {turns} turns: from r = {x:.12g} across at {speed:.12g}, "
+            f"{wanted}: from r = {x:.12g} across at {speed:.12g}, "
             f"period {orbit.period:.12g}, closed to {orbit.residual:.1e}"
         )
-        draw([orbit], [f"r^{exponents[0]:g}: {count} loops in {turns} turns"], plot, None, out)
+        draw([orbit], [f"r^{exponents[0]:g}: {wanted}"], plot, None, out, title)
 
 
-def _table(exponents: list[float], plot: Path | None, as_object: bool) -> None:
+def _table(exponents: list[float], plot: Path | None, title: str | None, as_object: bool) -> None:
     moves = [n for n in exponents if n > -3]
     if plot and len(moves) < 2:
         remedy = "The picture goes from the smallest to the largest."
@@ -85,17 +88,16 @@ def _table(exponents: list[float], plot: Path | None, as_object: bool) -> None:
             out.print(found.message)
         if plot:
             with out.writing(plot, "drawn in"):
-                orbits.drawing.loops(plot, lowest=min(moves), highest=max(moves))
+                orbits.drawing.loops(plot, lowest=min(moves), highest=max(moves), title=title)
 
 
-def _draw_failure(law, turns: int, count: int, why: str, plot: Path, out: Screen) -> None:
+def _draw_failure(law, plot: Path, title: str, out: Screen) -> None:
     try:
         scene = orbits.targets.loops.rosette(law)
     except orbits.SearchError:
         out.print("there is nothing to draw: no motion stays between two radii")
         return
     with out.writing(plot, "what moves there instead is drawn in"):
-        title = f"turns / loops = {turns} / {count} does not exist. {why}"
         orbits.drawing.rosette(scene, plot, title)
 
 

@@ -6,13 +6,14 @@ from typing import Annotated
 import typer
 
 import orbits
+from jaxdyn._words import counted
 from jaxdyn.cli.screen import Screen, screen
-from jaxdyn.cli.shared import JsonOption
+from jaxdyn.cli.shared import JsonOption, written
 from jaxdyn.files.output_files import writable
 from orbits.cli.shared import NOT_FOUND
 
 _WORD = 24  # letters of a word that are shown
-TableOption = Annotated[Path | None, typer.Option("--table", help="Append to this .jsonl file.")]
+TableOption = Annotated[Path | None, written(writable, "Append to this .jsonl file.", "--table")]
 
 
 def search_command(
@@ -27,8 +28,6 @@ def search_command(
     They start at (-1, 0), (1, 0) and (0, 0) with velocities (a, b), (a, b) and (-2a, -2b).
     With --table nothing is lost when the search is stopped, and the same command goes on.
     """
-    if table is not None:
-        writable(table)
     with screen("searching", as_object) as out:
         plane = orbits.search_plane(samples, longest=longest, seed=seed, path=table)
         if as_object:
@@ -62,4 +61,4 @@ def _print(plane: "orbits.discovery.plane.Plane", out: Screen) -> None:
     for row in sorted(_rows(plane), key=lambda row: row["scale_free"]):
         word = row["word"] if len(row["word"]) <= _WORD else f"{row['word'][:_WORD]}..."
         out.print(f"{numbers.format(**row)}  {word}  {row['name'] or ''}")
-    out.print(f"{plane.families()} families")
+    out.print(counted(plane.families(), "family", "families"))

@@ -5,29 +5,18 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 import jaxdyn
 import orbits
 from jaxdyn import _arithmetic as arithmetic
 from jaxdyn._misuse import fail
 from jaxdyn.cli.screen import Screen
-from jaxdyn.files.image_files import animation_path, picture_path
+from jaxdyn.cli.shared import written
 from jaxdyn.files.output_files import writable
 
 NOT_FOUND = 1  # exit code: no orbit was found
 _FRAMES = 180
 
-SaveOption = Annotated[Path | None, typer.Option("--save", help="Write a file (.json).")]
-
-
-def check_files(plot: Path | None, animate: Path | None, save_to: Path | None) -> None:
-    """Refuse a file that cannot be written before the work, not after it."""
-    picture_path(plot)
-    if animate is not None:
-        animation_path(animate)
-    if save_to is not None:
-        writable(save_to, name="file")
+SaveOption = Annotated[Path | None, written(writable, "Write a file (.json).", "--save")]
 
 
 def printed(screen: Screen) -> Callable[["orbits.shooting.newton.Iteration"], None]:
@@ -63,11 +52,12 @@ def draw(
     plot: Path | None,
     animate: Path | None,
     screen: Screen,
+    title: str | None = None,
 ) -> None:
     """A picture of orbits and an animation of the last one, where they are asked for."""
     if plot:
         with screen.writing(plot, "drawn in"):
-            orbits.drawing.orbits(found, plot, titles)
+            orbits.drawing.orbits(found, plot, titles, title=title)
     if animate:
         with screen.writing(animate, "animated in"):
             motion = jaxdyn.simulate(found[-1].scene, samples=_FRAMES)

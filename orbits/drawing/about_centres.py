@@ -10,18 +10,28 @@ from matplotlib.figure import Figure
 from jaxdyn import Scene, simulate
 from jaxdyn._checks import fail
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, style
+from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
 from orbits.targets.loops import Least, least
 
 _SAMPLES = 300
 _EXPONENTS = (-2.9, -2.5, -2.0, -1.0, 0.0, 1.0, 3.0, 6.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 _FILLING = 12_000  # samples of a rosette of many loops
-_TITLE = 72  # characters of a line
+_TITLE = 80  # characters of a line
+_ABOUT = "Motions about a centre of force r^n: apsidal angle and least number of loops"
+_RING = 6.0  # inches, width of the picture of a rosette
 _WIDEST = 2.0  # apsidal angle over pi that is drawn
 _ROOM = 0.06  # of that angle between two labels
 
 
-def loops(path=None, *, lowest: float = -2.9, highest: float = 1000.0, most: int = 6) -> Figure:
+def loops(
+    path=None,
+    *,
+    lowest: float = -2.9,
+    highest: float = 1000.0,
+    most: int = 6,
+    title: str | None = None,
+) -> Figure:
     """A picture of the apsidal angle of power laws r^n, and of the least number of loops.
 
     Above, what orbits between circles and lines have, with the fractions turns / loops at which
@@ -33,6 +43,7 @@ def loops(path=None, *, lowest: float = -2.9, highest: float = 1000.0, most: int
       lowest: first exponent, > -3.
       highest: last exponent.
       most: loops of the fractions that are marked.
+      title: what stands above it; what it is about if left out, "" for nothing.
     Raises:
       ValueError: exponents that make no sense, or a file that cannot be written.
     """
@@ -54,6 +65,8 @@ def loops(path=None, *, lowest: float = -2.9, highest: float = 1000.0, most: int
             angles.plot(law, 1 / math.sqrt(law + 3), "o", color=INK, ms=6, zorder=3)
             look = {"textcoords": "offset points", "fontsize": 9}
             angles.annotate(name, (law, 1 / math.sqrt(law + 3)), (6, 6), **look)
+    shown = _ABOUT if title is None else title
+    angles.set_title(textwrap.fill(shown, _TITLE), fontsize=10)
     angles.set(ylabel="apsidal angle / pi", ylim=(0.0, _WIDEST))
     counts.plot(found.n, found.loops, ".", color=circle, ms=3)
     counts.set(xlabel="exponent n of the force r^n", ylabel="least number of loops", yscale="log")
@@ -75,7 +88,8 @@ def rosette(scene: Scene, path=None, title: str | None = None) -> Figure:
     Args:
       scene: what `orbits.targets.loops.rosette` made; its span is drawn.
       path: file to write, .png, .pdf or .svg.
-      title: the reason that stands above it.
+      title: what stands above it, such as why it does not close; the scene with its numbers if
+        left out, "" for nothing.
     Raises:
       ValueError: a file that cannot be written.
     """
@@ -83,7 +97,7 @@ def rosette(scene: Scene, path=None, title: str | None = None) -> Figure:
     motion = simulate(scene, samples=_FILLING)
     x, y = np.asarray(motion["x"]), np.asarray(motion["y"])
     radii = np.hypot(x, y)
-    figure = blank(6.0, 6.6)
+    figure = blank(_RING, 1.1 * _RING)
     ax: Any = figure.add_subplot(1, 1, 1)
     ax.plot(x, y, color=PALETTE[0], lw=0.7)
     turn = np.linspace(0.0, 2 * np.pi, _SAMPLES)
@@ -92,7 +106,7 @@ def rosette(scene: Scene, path=None, title: str | None = None) -> Figure:
     ax.plot(0.0, 0.0, "+", color=INK, ms=10, mew=2)
     ax.plot(x[0], y[0], "o", color=INK, ms=6, zorder=3)
     ax.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
-    ax.set_title(textwrap.fill(title or "", _TITLE), fontsize=10)
+    ax.set_title(heading(title, [scene], _RING), fontsize=10)
     style(ax)
     return finished(figure, path)
 

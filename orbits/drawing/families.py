@@ -9,15 +9,17 @@ from matplotlib.figure import Figure
 
 from jaxdyn._checks import fail
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
+from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
 from orbits.families.family import Kind
 from orbits.files.family_files import Listing
 
+_WIDTH = 6.8  # inches
 _STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}
 _MARKS = {Kind.FOLD: "s", Kind.BRANCH: "D", Kind.DOUBLING: "^", Kind.TORUS: "*"}
 
 
-def family(listed: Listing, path=None) -> Figure:
+def family(listed: Listing, path=None, *, title: str | None = None) -> Figure:
     """A picture of the periods of a family, against its parameter or the energy.
 
     Stable stretches are solid, unstable ones dashed, those between two verdicts or without one
@@ -26,6 +28,8 @@ def family(listed: Listing, path=None) -> Figure:
     Args:
       listed: what `family_files.listing` made or `family_files.load` read.
       path: file to write, .png, .pdf or .svg.
+      title: what stands above it; the scene with the numbers that all orbits share if left out,
+        "" for nothing.
     Raises:
       ValueError: a file that cannot be written, or a family without a parameter whose scene has
         no energy.
@@ -33,7 +37,7 @@ def family(listed: Listing, path=None) -> Figure:
     path = picture_path(path)
     if listed.parameter is None and math.isnan(listed.members[0].energy):
         raise fail("listed", "a family with a parameter or an energy", "one without both")
-    figure = blank(6.8, 5.0)
+    figure = blank(_WIDTH, 5.0)
     ax: Any = figure.add_subplot(1, 1, 1)
 
     def place(entry):
@@ -56,6 +60,8 @@ def family(listed: Listing, path=None) -> Figure:
         if len(there):
             ax.plot(*there.T, marker, color=colour, ms=8, mew=2, zorder=4, label=kind, ls="")
     ax.set(xlabel=listed.parameter or "energy", ylabel="period")
+    shown = heading(title, [entry.orbit.scene for entry in listed.members], _WIDTH)
+    ax.set_title(shown, fontsize=10)
     style(ax)
     legend_below(figure, named(ax))
     return finished(figure, path)

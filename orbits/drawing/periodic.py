@@ -11,6 +11,7 @@ from jaxdyn.drawing.contents import paths
 from jaxdyn.drawing.figures import INK, blank, finished, legend_below, mark, path_entries
 from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, panel, size
 from jaxdyn.drawing.solid import fill
+from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
 
 _SAMPLES = 600
@@ -20,7 +21,13 @@ _ARROW = 0.16  # longest arrow as a share of the widest direction
 _LINE = 0.22  # inches a line of the titles
 
 
-def orbits(found: Sequence, path=None, titles: Sequence[str] | None = None) -> Figure:
+def orbits(
+    found: Sequence,
+    path=None,
+    titles: Sequence[str] | None = None,
+    *,
+    title: str | None = None,
+) -> Figure:
     """A row of pictures of orbits, each over one period and all to one scale.
 
     Dots mark where bodies start, arrows their velocities there, to one scale in a picture.
@@ -29,6 +36,8 @@ def orbits(found: Sequence, path=None, titles: Sequence[str] | None = None) -> F
       found: things with a ``scene``, a start ``y0`` (k,) and a ``period`` () [s].
       path: file to write, .png, .pdf or .svg.
       titles: what stands above each; may have several lines.
+      title: what stands above all; the scene with the numbers that all orbits share if left out,
+        "" for nothing.
     Raises:
       ValueError: no orbits, not one title each, orbits in different dimensions, or a file that
         cannot be written.
@@ -45,10 +54,13 @@ def orbits(found: Sequence, path=None, titles: Sequence[str] | None = None) -> F
     arrows = [_velocities(orbit, width) if equal else None for orbit in found]
     tips = [sum(arrow) for arrow in arrows if arrow is not None]
     box = limits(np.concatenate([places, *tips]), equal)
-    figure = _row(len(drawn), box, equal, max(t.count("\n") + 1 for t in titles))
-    for i, (arrow, one, title) in enumerate(zip(arrows, drawn, titles, strict=True)):
+    width, height = _row(len(drawn), box, equal)
+    above = heading(title, [orbit.scene for orbit in found], width)
+    figure = blank(width, height + _LINE * (_lines(above) + max(map(_lines, titles))))
+    figure.suptitle(above, fontsize=10)
+    for i, (arrow, one, own) in enumerate(zip(arrows, drawn, titles, strict=True)):
         ax = panel(figure, one, box, (1, len(drawn), i + 1))
-        ax.set_title(title, fontsize=10)
+        ax.set_title(own, fontsize=10)
         draw_paths(ax, one, colours(one))
         draw_starts(ax, one, colours(one))
         if arrow is not None:
@@ -76,12 +88,16 @@ def _checked_titles(found: Sequence, titles) -> Sequence[str]:
     return titles
 
 
-def _row(count: int, box: np.ndarray, equal: bool, lines: int) -> Figure:
-    """A figure for so many panels with titles of so many lines."""
+def _lines(text: str) -> int:
+    return text.count("\n") + 1 if text else 0
+
+
+def _row(count: int, box: np.ndarray, equal: bool) -> tuple[float, float]:
+    """Width and height [in] of a figure for so many panels, without titles."""
     width, height = size(box, equal)
     scale = 1.0 if count == 1 or len(box) == 3 else _PANEL / width
     # The legend and the labels do not shrink with the panels.
-    return blank(count * scale * width, scale * (height - 1) + 1 + _LINE * lines)
+    return count * scale * width, scale * (height - 1) + 1
 
 
 def _velocities(orbit, width: float) -> tuple[np.ndarray, np.ndarray] | None:

@@ -7,16 +7,20 @@ from matplotlib.figure import Figure
 
 from jaxdyn import Scene, simulate
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
+from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
 from orbits.targets.aim import Hits, Throws
 from orbits.targets.launch import angle_of, landings, launched
 
+_WIDTH = 6.8  # inches
 _SAMPLES = 300
 _COURSES = np.linspace(-5.0, 5.0, 192)  # whole calls of the compiled program
 _LOOK = 1e-7
 
 
-def throws(scene: Scene, best: Throws, hits: Hits | None = None, path=None) -> Figure:
+def throws(
+    scene: Scene, best: Throws, hits: Hits | None = None, path=None, *, title: str | None = None
+) -> Figure:
     """A picture of the farthest throw and of those that hit, and of the range of all angles.
 
     Args:
@@ -24,11 +28,13 @@ def throws(scene: Scene, best: Throws, hits: Hits | None = None, path=None) -> F
       best: `aim.farthest` for one speed, or `aim.slowest`.
       hits: `aim.hit` at the same speed.
       path: file to write, .png, .pdf or .svg.
+      title: what stands above it; the scene with its numbers and the speed if left out, "" for
+        nothing.
     Raises:
       ValueError: a file that cannot be written.
     """
     path = picture_path(path)
-    figure = blank(6.8, 6.2)
+    figure = blank(_WIDTH, 6.2)
     paths: Any = figure.add_subplot(2, 1, 1)
     ranges: Any = figure.add_subplot(2, 1, 2)
     speed = float(best.speed)
@@ -48,7 +54,9 @@ def throws(scene: Scene, best: Throws, hits: Hits | None = None, path=None) -> F
         paths.plot(hits.x, 0.0, "x", color=INK, ms=10, mew=2.2, label="target")
         ranges.axhline(hits.x, color=INK, lw=0.8, ls="--")
     paths.axhline(0.0, color=INK, lw=0.8)
-    paths.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=f"speed {speed:.6g} m/s")
+    paths.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    shown = f"launch speed {speed:.6g} m/s" if title is None else ""
+    paths.set_title(heading(title, [scene], _WIDTH, shown), fontsize=10)
     ranges.set(xlabel="launch angle [degrees]", ylabel="lands at x [m]", xlim=(0, 180))
     ranges.set_xticks(range(0, 181, 30))
     style(paths)

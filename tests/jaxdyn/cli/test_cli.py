@@ -171,6 +171,7 @@ MISUSE = [
     (["run", "cannonball", "--solver", "verlet"], "dt: expected a step, since those of Verlet"),
     (["run", "car", "--dt", "0.1"], "dt: expected none for a motion in phases, got 0.1"),
     (["run", "cannonball", "--title", "A"], "--title: expected --plot or --series with it"),
+    (["accuracy", "cannonball", "--title", "A"], "--title: expected --plot with it"),
     (["run", "cannonball", "--seconds", "2"], "--seconds: expected --animate with it"),
     (["list", "canonball"], "scene: expected one that `jaxdyn list` shows, got 'canonball'"),
     (["list", "--problems", "car"], "--problems: expected no scene beside it"),
@@ -202,7 +203,7 @@ def test_files_are_refused_before_anything_is_simulated(jaxdyn, monkeypatch, opt
     monkeypatch.setattr(catalogue.Entry, "motion", lambda *_, **__: pytest.fail("simulated"))
     code, _, err = jaxdyn("run", "cannonball", option, file)
     assert code == 2
-    assert err.startswith("error: path: expected a file")
+    assert err.startswith(f"error: {option}: expected a file")
 
 
 def test_numbers_of_a_scene_may_be_arithmetic(jaxdyn):
@@ -269,7 +270,7 @@ def test_a_disk_that_fills_up_leaves_the_result_and_one_line(
     code, out, err = jaxdyn(*words)
     assert code == 2
     assert ("7.07106781187" if not as_json else '"status": "OK"') in out
-    assert err.startswith("error: path: expected a file that can be written, got")
+    assert err.startswith("error: file: expected a file that can be written, got")
     assert "No space left" in err
     assert err.count("\n") == 1
 

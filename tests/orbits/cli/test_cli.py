@@ -173,13 +173,14 @@ MISUSE = [
     (["--period", "nan"], "period: expected finite numbers, got nan"),
     (["--lower", ",".join(["0"] * 12)], "lower: expected shape (13,), got shape (12,)"),
     (["--lower", ",".join(["9"] * 13)], "lower: expected <= upper"),
-    (["--save", "no/such/folder/x.json"], "file: expected a file in a folder that exists"),
-    (["--plot", "no/such/folder/x.png"], "path: expected a file in a folder that exists"),
-    (["--save", "."], "file: expected a file, got '.', which is none"),
-    (["--save", "/proc/x.json"], "file: expected a file that can be written"),
-    (["--plot", "/proc/x.png"], "path: expected a file that can be written"),
-    (["--plot", "picture.bmp"], "path: expected a file name ending in .png, .pdf, .svg"),
-    (["--animate", "movie.txt"], "path: expected a file name ending in .gif, .mp4"),
+    (["--save", "no/such/folder/x.json"], "--save: expected a file in a folder that exists"),
+    (["--plot", "no/such/folder/x.png"], "--plot: expected a file in a folder that exists"),
+    (["--save", "."], "--save: expected a file, got '.', which is none"),
+    (["--save", "/proc/x.json"], "--save: expected a file that can be written"),
+    (["--plot", "/proc/x.png"], "--plot: expected a file that can be written"),
+    (["--plot", "picture.bmp"], "--plot: expected a file name ending in .png, .pdf, .svg"),
+    (["--animate", "movie.txt"], "--animate: expected a file name ending in .gif, .mp4"),
+    (["--title", "A"], "--title: expected --plot with it, got none"),
     (["--perid", "6"], "No such option: --perid"),
 ]
 
@@ -193,6 +194,18 @@ def test_misuse_is_exit_code_2_and_one_line(orbits, words, message, as_json):
     assert run.err.startswith("error: ")
     assert message in run.err
     assert run.out == ""
+
+
+@pytest.mark.parametrize(
+    "words", [["find", "pendulum"], ["family", "pendulum"], ["aim"], ["loops"], ["search"]]
+)
+def test_files_are_refused_by_their_option(orbits, words):
+    option = "--table" if words == ["search"] else "--plot"
+    run = orbits(*words, option, "no/such/folder/x.png")
+    assert run.code == 2
+    assert f"error: {option}: expected a file in a folder that exists" in run.err
+    if option == "--plot":
+        assert "--title: expected --plot with it" in orbits(*words, "--title", "A").err
 
 
 @pytest.mark.parametrize(

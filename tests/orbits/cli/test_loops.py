@@ -77,7 +77,7 @@ def test_an_orbit_that_does_not_exist_is_a_rosette(loops, tmp_path):
         (("--turns", "1", "--loops", "3"), "--n: expected one exponent with --turns and --loops"),
         (("--n=-1", "--turns", "2", "--loops", "4"), "turns: expected no common factor"),
         (("--n=-4,2", "--plot", "one.png"), "--n: expected two exponents above -3 for a picture"),
-        (("--plot", "a.bmp"), "path: expected a file name ending in"),
+        (("--plot", "a.bmp"), "--plot: expected a file name ending in"),
     ],
 )
 def test_misuse_is_exit_code_2_and_one_line(loops, words, message):
