@@ -1,4 +1,4 @@
-"""How misuse is reported: checks that need neither JAX nor NumPy, which take long to load.
+"""How misuse is reported, and other words for people, without JAX and NumPy, which load slowly.
 
 A message reads ``name: expected ..., got .... What to do.`` and is a ValueError. `_checks` has
 the same functions, and those that look into arrays.
@@ -36,3 +36,17 @@ def choice(name: str, x: str, choices: Iterable[str], listed_by: str = "") -> st
         which = f"one that `{listed_by}` shows" if listed_by else "one of " + ", ".join(choices)
         raise fail(name, which, repr(x), hint)
     return x
+
+
+def counted(n: int, noun: str, plural: str = "") -> str:
+    """A number with its noun, e.g. "1 loop" or "2 families".
+
+    Args:
+      n: how many.
+      noun: for one of them.
+      plural: for several; the noun with an s if left out.
+    Example:
+      >>> counted(1, "loop"), counted(0, "loop"), counted(2, "family", "families")
+      ('1 loop', '0 loops', '2 families')
+    """
+    return f"{n} {noun if n == 1 else plural or noun + 's'}"

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._words import counted
+from jaxdyn._misuse import counted
 from jaxdyn.integrate.events import until
 from jaxdyn.integrate.phase import END, Exit, Phase
 from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, simulate

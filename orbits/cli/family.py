@@ -11,8 +11,7 @@ from rich.table import Table
 
 import jaxdyn
 import orbits
-from jaxdyn._misuse import fail, whole
-from jaxdyn._words import counted
+from jaxdyn._misuse import counted, fail, whole
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,
