@@ -18,8 +18,8 @@ import numpy as np
 from benchmarks import _peers
 from benchmarks._timing import Curves, Method, work_precision
 from benchmarks.problems import figure_eight
+from jaxdyn.analysis.monodromy import monodromy
 from jaxdyn.integrate.simulation import solve
-from orbits.analysis.monodromy import monodromy
 
 #: Wanted true error.
 ERRORS = (1e-12,)

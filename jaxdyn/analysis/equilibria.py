@@ -1,10 +1,11 @@
 """The rest points of a scene in a box, each with its stability, and whether they are all.
 
 A rest point is a state with rate(y) = 0 that satisfies the constraints. Interval bisection
-(`isolation`) proves where in the box there is exactly one and where there is none; from there,
-and from the points of a low-discrepancy grid, a search starts (`rest_search`). Repetitions are
-dropped, and the two results are compared (`completeness`): `Equilibria.complete` says whether
-the list is proved to be complete, `Equilibria.certainty` why, or why not.
+(`rest_points.isolation`) proves where in the box there is exactly one and where there is none; from
+there, and from the points of a low-discrepancy grid, a search starts (`rest_points.search`).
+Repetitions are dropped, and the two results are compared (`rest_points.completeness`):
+`Equilibria.complete` says whether the list is proved to be complete, `Equilibria.certainty` why,
+or why not.
 """
 
 import dataclasses
@@ -16,9 +17,9 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.analysis.completeness import bisected, judged
 from jaxdyn.analysis.linearize import Linearization, linearize
-from jaxdyn.analysis.rest_search import Box, Ends, jumps, low_discrepancy, search
+from jaxdyn.analysis.rest_points.completeness import bisected, judged
+from jaxdyn.analysis.rest_points.search import Box, Ends, jumps, low_discrepancy, search
 from jaxdyn.scene import Field, Scene, System, checked
 
 _MOST_STARTS = 1_000_000  # which are worked on at once

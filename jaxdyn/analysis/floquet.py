@@ -5,16 +5,17 @@ A(t + T) = A(t), so x(T) = M x(0) with one matrix M, the monodromy matrix. Its e
 multipliers: differences grow where one lies outside of the unit circle. A driven scene at its
 equilibrium (a pendulum upright on a shaking base) is such a motion, with the period of its drive.
 
-Multipliers are computed numbers and carry an error bar: the change of M between two tolerances,
-times the condition number of the eigenvectors. A real multiplier within its bar of the circle
-decides nothing. A pair off the real line on the circle does, in a conservative scene: it can only
-leave the circle by meeting another one.
+Multipliers are computed numbers and carry an error bar (see `eigenvalues`), from the change of M
+between two tolerances. A real multiplier within its bar of the circle decides nothing. A pair off
+the real line on the circle does, in a conservative scene: it can only leave the circle by meeting
+another one.
 
 Not for orbits of autonomous scenes, where multipliers are 1 by force and come in defective pairs.
 """
 
 import dataclasses
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -24,12 +25,18 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._roots import root
-from jaxdyn.integrate.simulation import solve
+from jaxdyn.analysis.eigenvalues import map_eigenvalues, map_verdict
+from jaxdyn.analysis.monodromy import (
+    RTOL,
+    SYMPLECTIC,
+    coarser,
+    end_and_derivative,
+    symplectic_defect,
+    symplectic_form,
+    uncertainty,
+)
 from jaxdyn.scene import Scene
 
-RTOL = 1e-12
-_COARSER = 100.0  # the second tolerance, as a multiple of the first
-_ROUNDING = 10 * np.finfo(float).eps  # relative to the largest entry of the matrix
 _CONSERVED = 1e-9  # [1] |det(M) - 1| of a motion without damping, from integration errors
 _CLOSED = 1e-6  # [1] gap of a motion that repeats, relative to its start
 
@@ -40,7 +47,7 @@ class Floquet:
 
     Attributes:
       multipliers: (..., k) complex, the largest first; NaN where the run failed.
-      bars: (...) error bar of the multipliers.
+      bars: (..., k) error bar of each.
       growth: (...) rate log(max |multiplier|) / T of the fastest difference [1/s].
       verdict: (...) "stable", "unstable" or "undecided". Stable are those all inside of the
         circle, and in a conservative scene those on it, off the real line and apart.
@@ -62,19 +69,6 @@ class Chart(Floquet):
     second: np.ndarray
 
 
-def monodromy(scene: Scene, period, *, rtol: float = RTOL) -> Array:
-    """(k, k) derivative of the state after a period with respect to the start y0."""
-    return _monodromy(scene, period, rtol)[0]
-
-
-def _monodromy(scene: Scene, period, rtol) -> tuple[Array, Array]:
-    def end(y):
-        y1 = solve(scene.starting(y), period, rtol=rtol).y1
-        return y1, y1
-
-    return jax.jacfwd(end, has_aux=True)(scene.y0)
-
-
 def multipliers(scene: Scene, period, *, rtol: float = RTOL) -> Floquet:
     """The Floquet multipliers of the motion of a scene from its start; host only.
 
@@ -93,8 +87,8 @@ def multipliers(scene: Scene, period, *, rtol: float = RTOL) -> Floquet:
     """
     scene.check()
     _checks.positive("period", period, "Of the drive, in seconds.")
-    ways = _alone(scene, jnp.asarray(period, float), jnp.asarray(rtol))
-    return _judged(*(np.asarray(x) for x in ways))
+    found = _alone(scene, jnp.asarray(period, float), _tolerances(rtol))
+    return _judged(jax.tree.map(np.asarray, found), rtol)
 
 
 def chart(
@@ -121,10 +115,13 @@ def chart(
     corner.check()
     _checks.positive("period", period, "Of the drive, in seconds.")
     xs, ys = (jnp.asarray(x.ravel()) for x in np.meshgrid(first, second, indexing="ij"))
-    lanes = _grid(make, xs, ys, jnp.asarray(rtol))
     shape = len(first), len(second)
-    found = _judged(*(np.asarray(x).reshape(*shape, *x.shape[1:]) for x in lanes))
-    return Chart(*(getattr(found, f.name) for f in dataclasses.fields(Floquet)), first, second)
+    lanes = jax.tree.map(
+        lambda x: np.asarray(x).reshape(*shape, *x.shape[1:]),
+        _grid(make, xs, ys, _tolerances(rtol)),
+    )
+    found = {f.name: getattr(_judged(lanes, rtol), f.name) for f in dataclasses.fields(Floquet)}
+    return Chart(**found, first=first, second=second)
 
 
 def edges(
@@ -175,32 +172,59 @@ def edges(
 @eqx.filter_jit
 def _conditions(make, x: Array, y: Array, rtol) -> Array:
     """(3,) what is zero where a multiplier crosses the unit circle."""
-    M, _ = _monodromy(*make(x, y), rtol)
+    _, M = end_and_derivative(*make(x, y), rtol)
     trace, det = M[0, 0] + M[1, 1], M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
     # Without damping det(M) is 1 but for rounding, which crosses nothing.
     damped = jnp.where(jnp.abs(det - 1) < _CONSERVED, 1.0, det)
     return jnp.stack([1 - trace + damped, 1 + trace + damped, damped - 1])
 
 
-@eqx.filter_jit
-def _grid(make, xs: Array, ys: Array, rtol) -> tuple[Array, ...]:
-    return jax.vmap(lambda x, y: _both(*make(x, y), rtol))(xs, ys)
+class _Period(NamedTuple):
+    """What one period does.
+
+    Attributes:
+      monodromy: (k, k) the matrix M.
+      coarse: (k, k) the same at a coarser tolerance.
+      period: () [s].
+      gap: () how far the motion is from closing, relative to its start.
+      form: (k, k) what M keeps where the scene is conservative; None without one.
+    """
+
+    monodromy: Array
+    coarse: Array
+    period: Array
+    gap: Array
+    form: Array | None
+
+
+def _tolerances(rtol: float) -> tuple[Array, Array]:
+    return jnp.asarray(rtol), jnp.asarray(coarser(rtol))
 
 
 @eqx.filter_jit
-def _alone(scene: Scene, period: Array, rtol) -> tuple[Array, ...]:
-    return _both(scene, period, rtol)
+def _grid(make, xs: Array, ys: Array, rtols) -> _Period:
+    return jax.vmap(lambda x, y: _passed(*make(x, y), rtols))(xs, ys)
 
 
-def _both(scene: Scene, period: Array, rtol) -> tuple[Array, ...]:
-    """The matrix at two tolerances, the period, and how far the motion is from closing."""
-    M, end = _monodromy(scene, period, rtol)
-    coarser, _ = _monodromy(scene, period, _COARSER * rtol)
+@eqx.filter_jit
+def _alone(scene: Scene, period: Array, rtols) -> _Period:
+    return _passed(scene, period, rtols)
+
+
+def _passed(scene: Scene, period: Array, rtols) -> _Period:
+    (end, M), (_, coarse) = (end_and_derivative(scene, period, rtol) for rtol in rtols)
     gap = jnp.max(jnp.abs(scene.system.difference(end, scene.y0)))
-    return M, coarser, period, gap / (1.0 + jnp.max(jnp.abs(scene.y0)))
+    return _Period(
+        monodromy=M,
+        coarse=coarse,
+        period=period,
+        gap=gap / (1.0 + jnp.max(jnp.abs(scene.y0))),
+        form=symplectic_form(scene, scene.y0),
+    )
 
 
-def _judged(M: np.ndarray, coarser: np.ndarray, period: np.ndarray, gap: np.ndarray) -> Floquet:
+def _judged(found: _Period, rtol: float) -> Floquet:
+    M, coarse, period, gap, form = found
     if (gap > _CLOSED).any():
         raise _checks.fail(
             "y0",
@@ -208,38 +232,11 @@ def _judged(M: np.ndarray, coarser: np.ndarray, period: np.ndarray, gap: np.ndar
             f"one that misses its start by {np.nanmax(gap):.3g}",
             "Start at the equilibrium under the drive, and take the drive's period.",
         )
-    failed = np.asarray(~np.isfinite(M).all(axis=(-2, -1)))
-    safe = np.where(failed[..., None, None], 0.0, M)
-    values, vectors = np.linalg.eig(safe)
-    order = np.argsort(-np.abs(values), axis=-1, kind="stable")
-    values = np.take_along_axis(values, order, axis=-1)
-    bars = _bars(safe, np.where(failed[..., None, None], 0.0, coarser), vectors)
-    verdict = np.where(failed, "undecided", _verdict(values, bars))
-    values = np.where(failed[..., None], np.nan, values)
+    failed = np.asarray(~(np.isfinite(M) & np.isfinite(coarse)).all(axis=(-2, -1)))
+    safe, coarse = (np.where(failed[..., None, None], 0.0, x) for x in (M, coarse))
+    eigenvalues = map_eigenvalues(safe, uncertainty(safe, coarse, rtol))
+    conservative = False if form is None else symplectic_defect(safe, form) < SYMPLECTIC
+    verdict = np.where(failed, "undecided", map_verdict(eigenvalues, conservative))
+    values, bars = (np.where(failed[..., None], np.nan, x) for x in eigenvalues)
     growth = np.log(np.abs(values[..., 0])) / period
-    return Floquet(values, np.where(failed, np.nan, bars), growth, verdict, M)
-
-
-def _bars(M: np.ndarray, coarser: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """(...) how far an eigenvalue moves by the error of M: Bauer and Fike, at most Elsner.
-
-    The second, (2 |M|)^(1 - 1/k) |E|^(1/k), holds where eigenvectors are parallel.
-    """
-    k = M.shape[-1]
-    size = np.abs(M).max(axis=(-2, -1)) * k
-    error = np.abs(M - coarser).max(axis=(-2, -1)) * k + _ROUNDING * size
-    elsner = (2 * size) ** (1 - 1 / k) * error ** (1 / k)
-    spread = np.linalg.svd(vectors, compute_uv=False)
-    flat = spread[..., -1] == 0
-    condition = spread[..., 0] / np.where(flat, 1.0, spread[..., -1])
-    return np.where(flat, elsner, np.minimum(condition * error, elsner))
-
-
-def _verdict(values: np.ndarray, bars: np.ndarray) -> np.ndarray:
-    sizes, bar = np.abs(values), bars[..., None]
-    apart = np.abs(values[..., :, None] - values[..., None, :])
-    apart = np.where(np.eye(values.shape[-1], dtype=bool), np.inf, apart).min(axis=-1)
-    on_circle = (np.abs(sizes - 1) <= bar) & (np.abs(values.imag) > bar) & (apart > 2 * bar)
-    stable = ((sizes < 1 - bar) | on_circle).all(axis=-1)
-    unstable = (sizes > 1 + bar).any(axis=-1)
-    return np.where(unstable, "unstable", np.where(stable, "stable", "undecided"))
+    return Floquet(multipliers=values, bars=bars, growth=growth, verdict=verdict, monodromy=M)

@@ -15,9 +15,15 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn.analysis.eigenvalues import (
+    ROUNDING,
+    SAFETY,
+    Eigenvalues,
+    rate_eigenvalues,
+    rate_verdict,
+)
 from jaxdyn.scene import Field, Scene, checked
 
-_SAFETY = 10.0  # error bars are first-order estimates
 _SYMMETRIC = 1e-9  # relative asymmetry of a stiffness matrix that is rounding
 _AT_REST = 1e-6  # [1] forces at a rest point over those of a unit displacement; for speeds alike
 
@@ -77,21 +83,19 @@ def classify(a, doubt: float = 0.0) -> Linearization:
     a = np.asarray(_checks.array("jacobian", a, (None, None), remedy))
     if a.shape[0] != a.shape[1] or not a.size:
         raise _checks.fail("jacobian", "a square matrix", f"shape {a.shape}")
-    values, right = np.linalg.eig(a)
-    order = np.lexsort((np.imag(values), -np.real(values)))
-    values, right = values[order], right[:, order]
-    bars = _bars(a, right, doubt)
-    re, im = np.real(values), np.imag(values)
-    up, down = re > bars, re < -bars
-    turning = np.abs(im) > bars
-    if up.any():
-        verdict = "unstable"
-    else:
-        verdict = "stable" if down.all() else "undecided"
-    return Linearization(a, values, bars, verdict, _portrait(up, down, turning))
+    found = rate_eigenvalues(a, doubt)
+    return Linearization(
+        jacobian=a,
+        eigenvalues=found.values,
+        bars=found.bars,
+        verdict=str(rate_verdict(found)),
+        portrait=_portrait(found),
+    )
 
 
-def _portrait(up: np.ndarray, down: np.ndarray, turning: np.ndarray) -> str:
+def _portrait(found: Eigenvalues) -> str:
+    re, im = found.values.real, found.values.imag
+    up, down, turning = re > found.bars, re < -found.bars, np.abs(im) > found.bars
     if (~up & ~down & ~turning).any():
         return "degenerate"
     if up.any() and down.any():
@@ -101,25 +105,6 @@ def _portrait(up: np.ndarray, down: np.ndarray, turning: np.ndarray) -> str:
     if not (up | down).all() or turning.any() != turning.all():
         return "mixed"
     return "spiral" if turning.all() else "node"
-
-
-def _bars(a: np.ndarray, right: np.ndarray, doubt: float) -> np.ndarray:
-    """(k,) condition number of each eigenvalue times the error of the matrix.
-
-    At most Elsner's bound, which holds for defective matrices too, whose condition numbers are
-    infinite: a change E of A moves an eigenvalue by at most (2 |A|)^(1 - 1/k) |E|^(1/k).
-    """
-    size = np.linalg.norm(a, 2)
-    rounding = _SAFETY * (np.finfo(float).eps * size + doubt)
-    elsner = (2 * size) ** (1 - 1 / len(a)) * rounding ** (1 / len(a))
-    try:
-        left = np.linalg.inv(right)
-    except np.linalg.LinAlgError:  # exactly parallel eigenvectors
-        return np.full(len(a), elsner)
-    with np.errstate(over="ignore", invalid="ignore"):
-        condition = np.linalg.norm(left, axis=1) * np.linalg.norm(right, axis=0)
-        # Nearly parallel eigenvectors overflow to infinity or NaN: Elsner's bound then.
-        return np.fmin(rounding * condition, elsner)
 
 
 class Modes(NamedTuple):
@@ -179,7 +164,7 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
     half = jax.scipy.linalg.solve_triangular(lower, 0.5 * (stiffness + stiffness.T), lower=True)
     reduced = jax.scipy.linalg.solve_triangular(lower, half.T, lower=True)
     squares, vectors = jnp.linalg.eigh(0.5 * (reduced + reduced.T))
-    rounding = _SAFETY * len(squares) * jnp.finfo(float).eps * jnp.max(jnp.abs(squares))
+    rounding = SAFETY * ROUNDING * len(squares) * jnp.max(jnp.abs(squares))
     squares = jnp.where(jnp.abs(squares) <= rounding, 0.0, squares)
     shapes = jax.scipy.linalg.solve_triangular(lower.T, vectors, lower=False)
     return Modes(squares, shapes, mass, stiffness)

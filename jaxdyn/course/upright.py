@@ -23,7 +23,8 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._floats import floats
-from jaxdyn.analysis.floquet import RTOL, Chart, chart, edges
+from jaxdyn.analysis.floquet import Chart, chart, edges
+from jaxdyn.analysis.monodromy import RTOL
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.pendula import shaken_pendulum
 

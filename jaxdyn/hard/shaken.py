@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn.analysis.floquet import monodromy
+from jaxdyn.analysis.monodromy import monodromy
 from jaxdyn.course.upright import averaged_limit
 from jaxdyn.hard.case import Case, Figure, absolute_error
 from jaxdyn.integrate.simulation import simulate
@@ -89,7 +89,7 @@ def _threshold() -> tuple[Figure, ...]:
 
     @jax.jit
     def excess(amplitude):
-        M = monodromy(shaken(amplitude, frequency), 2 * math.pi / frequency)
+        M = monodromy(shaken(amplitude, frequency), period=2 * math.pi / frequency)
         return jnp.trace(M) - 2
 
     low, high = 0.9 * limit, 1.1 * limit

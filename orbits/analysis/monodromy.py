@@ -1,4 +1,4 @@
-"""The monodromy matrix: how small displacements of an orbit's start have changed after a period."""
+"""The monodromy matrix of an orbit, turned back where it is a relative one."""
 
 import jax
 import jax.numpy as jnp
@@ -6,27 +6,11 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status, System
-from jaxdyn.integrate.simulation import solve
-from jaxdyn.integrate.spans import tolerances
+from jaxdyn.analysis.monodromy import monodromy as monodromy
 from orbits.motion import advanced
 from orbits.orbit import Orbit
 
 _TANGENT = 1e-6  # smaller singular values of a projection's slope are directions it removes
-
-
-def monodromy(scene: Scene, y0=None, period=None, *, rtol: float = 1e-13) -> Array:
-    """Derivative (k, k) of the state after one period with respect to the start.
-
-    From the variational equations, with the tangents in the error norm.
-    """
-    scene = scene if y0 is None else scene.starting(y0)
-    tolerances(rtol, None)  # refuses what is none; inside jit it could not
-    return _monodromy(scene, scene.t1 if period is None else period, rtol)
-
-
-@jax.jit
-def _monodromy(scene: Scene, period, rtol) -> Array:
-    return jax.jacfwd(lambda y: solve(scene.starting(y), period, rtol=rtol).y1)(scene.y0)
 
 
 def tangents(scene: Scene, y0: np.ndarray) -> np.ndarray:

@@ -9,28 +9,30 @@ a plain look at |multiplier| > 1 tosses a coin there. We take them out as a bloc
 itself, and the symmetries' generators inside it, G, to themselves; what is left, M on N / G,
 has exactly the non-trivial multipliers for eigenvalues, well conditioned unless two of them meet.
 
-Each gets an error bar: the change of M between two tolerances (with its rounding level and the
-tolerance itself) times the condition number of the eigenvalue. The verdict is `undecided` where
-the bars say so.
+Each gets an error bar (see `jaxdyn.analysis.eigenvalues`), from the change of M between two
+tolerances and its rounding. The verdict is `undecided` where the bars say so.
 """
 
 import dataclasses
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import Scene, Status
+from jaxdyn import Status
 from jaxdyn._checks import untraced
+from jaxdyn.analysis.eigenvalues import ROUNDING, map_eigenvalues, map_verdict, norm
+from jaxdyn.analysis.monodromy import (
+    SYMPLECTIC,
+    coarser,
+    symplectic_defect,
+    symplectic_form,
+    uncertainty,
+)
 from jaxdyn.integrate.trajectory import explained
 from jaxdyn.status import IntegrationError
 from orbits.analysis.monodromy import returned, tangents
 from orbits.orbit import Orbit
 from orbits.shooting import trivial
-
-_COARSER = 100.0  # the second tolerance, as a multiple of the first
-_COARSEST = 0.1  # limit of the second tolerance
-_SAFETY = 3.0  # error bars are estimates; verdicts keep this factor away
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,7 +100,7 @@ def stability(orbit: Orbit, *, rtol: float | None = None, throw: bool = True) ->
     scene, y0 = orbit.scene, np.asarray(orbit.y0)
     basis = tangents(scene, y0)
     m, status = returned(orbit, rtol, basis)
-    coarse, coarse_status = returned(orbit, min(_COARSER * rtol, _COARSEST), basis)
+    coarse, coarse_status = returned(orbit, coarser(rtol), basis)
     status = max(status, coarse_status)
     if status != Status.OK:
         if throw:
@@ -107,13 +109,15 @@ def stability(orbit: Orbit, *, rtol: float | None = None, throw: bool = True) ->
     kernel, reasons = trivial.kernel(scene, y0, m, basis)
     q, generators = trivial.complement(scene, m, kernel, basis)
     reduced = q.T @ m @ q
-    error = float(np.linalg.norm(q.T @ (coarse - m) @ q, 2))
-    error += float(np.finfo(float).eps * np.linalg.norm(m, 2))
-    # Loose tolerances may lead to the same few steps and no difference at all.
-    error += rtol * float(np.linalg.norm(reduced))
-    nontrivial, bars = _eigenvalues(reduced, error)
-    symplectic = _symplectic_defect(scene, y0, m, basis)
-    conservative = symplectic is not None and symplectic < trivial.CONFIRMED
+    # Rounding is that of the whole matrix.
+    error = uncertainty(reduced, q.T @ coarse @ q, rtol) + ROUNDING * norm(m)
+    found = map_eigenvalues(reduced, error)
+    nontrivial, bars = found
+    form = symplectic_form(scene, jnp.asarray(y0))
+    symplectic = None
+    if form is not None:
+        symplectic = float(symplectic_defect(m, basis.T @ np.asarray(form) @ basis))
+    conservative = symplectic is not None and symplectic < SYMPLECTIC
     unit = len(m) - len(nontrivial)
     return Stability(
         multipliers=np.concatenate([nontrivial, np.ones(unit)]),
@@ -122,7 +126,7 @@ def stability(orbit: Orbit, *, rtol: float | None = None, throw: bool = True) ->
         unit=unit,
         reasons=(*reasons, *generators),
         exponents=_rotation_numbers(nontrivial, bars),
-        verdict=_verdict(nontrivial, bars, conservative),
+        verdict=str(map_verdict(found, conservative)),
         symplectic_defect=symplectic,
         determinant_defect=None if symplectic is None else float(abs(np.linalg.det(m) - 1)),
         monodromy=m,
@@ -147,22 +151,6 @@ def _unknown(d: int, status: Status) -> Stability:
     )
 
 
-def _eigenvalues(matrix: np.ndarray, error: float) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues, largest first, and how far an error of the matrix of this norm moves them."""
-    if not len(matrix):
-        return np.zeros(0, complex), np.zeros(0)
-    values, right = np.linalg.eig(matrix)
-    try:
-        left = np.linalg.inv(right)
-        condition = np.linalg.norm(left, axis=1) * np.linalg.norm(right, axis=0)
-    except np.linalg.LinAlgError:
-        condition = np.full(len(values), np.inf)
-    # First order in the error, or the square root of it where eigenvalues have met.
-    bars = np.minimum(condition * error, np.sqrt(error * np.linalg.norm(matrix, 2)) + error)
-    order = np.lexsort((-np.imag(values), -np.round(np.abs(values), 9)))
-    return values[order].astype(complex), bars[order]
-
-
 def _rotation_numbers(values: np.ndarray, bars: np.ndarray) -> tuple[float | None, ...]:
     """One entry a pair (lambda, 1 / lambda) or (lambda, conj lambda)."""
     left = list(range(len(values)))
@@ -178,32 +166,3 @@ def _rotation_numbers(values: np.ndarray, bars: np.ndarray) -> tuple[float | Non
             left.pop(int(np.argmin([abs(values[j] - partner) for j in left])))
         numbers.append(float(abs(np.angle(values[i])) / (2 * np.pi)) if is_complex else None)
     return tuple(sorted(numbers, key=lambda nu: (nu is not None, nu or 0.0)))
-
-
-def _verdict(values: np.ndarray, bars: np.ndarray, conservative: bool) -> str:
-    if (np.abs(values) - 1 > _SAFETY * bars).any():
-        return "unstable"
-    if not conservative:
-        return "stable" if (np.abs(values) - 1 < -_SAFETY * bars).all() else "undecided"
-    # In a conservative scene each multiplier off the circle has its mirror 1 / conj(lambda) at
-    # the same angle. One that is alone within its bar has none, so it is on the circle.
-    for i, value in enumerate(values):
-        others = np.abs(np.delete(values, i) - value)
-        if (others < _SAFETY * (bars[i] + np.delete(bars, i))).any():
-            return "undecided"
-        if min(abs(value - 1), abs(value + 1)) < _SAFETY * bars[i]:
-            return "undecided"
-    return "stable"
-
-
-def _symplectic_defect(
-    scene: Scene, y0: np.ndarray, m: np.ndarray, basis: np.ndarray
-) -> float | None:
-    system, t, start = scene.system, jnp.zeros(()), jnp.asarray(y0)
-    if system.canonical(t, start) is None or len(y0) % 2:
-        return None
-    c = np.asarray(jax.jacfwd(lambda y: system.canonical(t, y))(start))
-    n = len(y0) // 2
-    j = np.block([[np.zeros((n, n)), np.eye(n)], [-np.eye(n), np.zeros((n, n))]])
-    form = basis.T @ c.T @ j @ c @ basis
-    return float(np.abs(m.T @ form @ m - form).max() / max(1.0, np.linalg.norm(m, 2) ** 2))

@@ -38,7 +38,7 @@ def _outside(surface: Surface, member: Member) -> float:
     del surface
     values, bars = member.stability.nontrivial, member.stability.bars
     complexes = np.abs(values.imag) > bars
-    return -1.0 if (complexes & (np.abs(values) - 1 > 3 * bars)).any() else 1.0
+    return -1.0 if (complexes & (np.abs(values) - 1 > bars)).any() else 1.0
 
 
 TESTS = {

@@ -7,10 +7,10 @@ import pytest
 from helpers import EXACT, Arm, gap
 
 from jaxdyn import Scene, simulate
-from jaxdyn.analysis.completeness import bisected, judged
 from jaxdyn.analysis.equilibria import Equilibria, equilibria, rest_point
 from jaxdyn.analysis.linearize import modes
-from jaxdyn.analysis.rest_search import Box, low_discrepancy
+from jaxdyn.analysis.rest_points.completeness import bisected, judged
+from jaxdyn.analysis.rest_points.search import Box, low_discrepancy
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.newton_euler import NewtonEuler

@@ -9,6 +9,7 @@ from helpers import DIFFED, EXACT, Arm, central_difference, gap
 from jaxdyn import Scene, simulate
 from jaxdyn.analysis import linearize
 from jaxdyn.analysis.constraints import conditioning
+from jaxdyn.analysis.eigenvalues import ROUNDING, SAFETY
 from jaxdyn.analysis.equilibria import equilibria, rest_point
 from jaxdyn.effects import SpringNetwork, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
@@ -62,7 +63,7 @@ def test_error_bars_cover_the_split_of_a_defective_eigenvalue():
 @pytest.mark.parametrize("size", [1.0, 1e10, 1e20, 1e25])
 def test_error_bars_of_a_defective_matrix_are_finite_at_any_size(size):
     bars = linearize.classify([[0.0, size], [0.0, 0.0]]).bars
-    elsner = np.sqrt(2 * size * 10 * np.finfo(float).eps * size)
+    elsner = np.sqrt(2 * size * SAFETY * ROUNDING * size)
     assert gap(bars / elsner, np.ones(2)) < EXACT
 
 

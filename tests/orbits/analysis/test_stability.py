@@ -12,7 +12,7 @@ import orbits
 from jaxdyn import Effect, IntegrationError, Scene, Status, System
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
-from orbits.analysis.stability import _eigenvalues, _rotation_numbers, _verdict
+from orbits.analysis.stability import _rotation_numbers
 from orbits.orbit import Orbit, Outcome
 
 
@@ -195,46 +195,7 @@ def test_a_tolerance_too_loose_shows_in_the_bars_and_the_verdict():
     assert abs(medium.nontrivial[0] - tight.nontrivial[0]) < medium.bars[0]
 
 
-def test_eigenvalues_that_meet_have_wide_bars():
-    error = 1e-12
-    apart, bars = _eigenvalues(np.diag([1.0, 2.0]), error)
-    assert gap(apart, np.array([2.0 + 0j, 1.0])) == 0
-    assert (bars < 2 * error).all()
-    block = np.array([[1.0, 1.0], [1e-14, 1.0]])
-    values, bars = _eigenvalues(block, error)
-    assert gap(values, np.array([1 + 1e-7 + 0j, 1 - 1e-7])) < 1e-9
-    # An error of 1e-12 in the corner moves them by 1e-6.
-    assert (bars > 1e-6).all()
-    assert (bars < 1e-5).all()
-
-
 CIRCLE = np.exp(2j * np.pi * np.array([0.1, -0.1, 0.3, -0.3]))
-
-
-@pytest.mark.parametrize(
-    ("values", "bar", "conservative", "verdict"),
-    [
-        (CIRCLE, 1e-10, True, "stable"),
-        (CIRCLE, 0.4, True, "undecided"),  # any two could have met
-        (CIRCLE, 1e-10, False, "undecided"),  # on the circle nothing holds them there
-        (0.9 * CIRCLE, 1e-10, False, "stable"),
-        (0.9 * CIRCLE, 0.05, False, "undecided"),
-        (1.1 * CIRCLE, 1e-10, False, "unstable"),
-        (1.1 * CIRCLE, 0.05, False, "undecided"),
-        (np.array([1 + 1e-6, 1 - 1e-6]), 1e-6, True, "undecided"),
-        (np.array([1 + 1e-6, 1 - 1e-6]), 1e-8, True, "unstable"),
-        (np.array([-1.0 + 0j, -1.0]), 1e-8, True, "undecided"),
-        (
-            np.exp(2j * np.pi * np.array([0.2, -0.2, 0.2 + 1e-10, -0.2 - 1e-10])),
-            1e-9,
-            True,
-            "undecided",
-        ),
-        (np.zeros(0), 1e-10, True, "stable"),
-    ],
-)
-def test_verdicts_keep_away_from_their_bars(values, bar, conservative, verdict):
-    assert _verdict(values, np.full(len(values), bar), conservative) == verdict
 
 
 def test_rotation_numbers_come_by_pairs():

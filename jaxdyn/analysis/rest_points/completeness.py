@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn.analysis.isolation import Isolation, isolate
-from jaxdyn.analysis.rest_search import Box, low_discrepancy, rates
+from jaxdyn.analysis.rest_points.isolation import Isolation, isolate
+from jaxdyn.analysis.rest_points.search import Box, low_discrepancy, rates
 from jaxdyn.scene import Field
 from jaxdyn.solvers.taylor.formulas import Formulas, NotElementary, formulas
 

@@ -1,0 +1,114 @@
+"""Eigenvalues of perturbed matrices lie within their bars; verdicts wait until bars settle them."""
+
+import numpy as np
+import pytest
+from helpers import gap
+
+from jaxdyn.analysis.eigenvalues import (
+    SAFETY,
+    Eigenvalues,
+    eigenvalues,
+    map_eigenvalues,
+    map_verdict,
+    rate_eigenvalues,
+    rate_verdict,
+)
+
+
+def _farthest(found: np.ndarray, exact: np.ndarray) -> np.ndarray:
+    """(k,) how far each eigenvalue is from the nearest exact one."""
+    return np.abs(found[:, None] - exact[None]).min(axis=1)
+
+
+@pytest.mark.parametrize("size", [1e-12, 1e-9, 1e-6])
+def test_bars_cover_errors_of_the_size_that_is_stated(size):
+    rng = np.random.default_rng(1)
+    widest = 0.0
+    for k in (2, 3, 6):
+        jordan = np.eye(k) + np.diag(np.ones(k - 1), 1)
+        exact_ones = np.ones(k)
+        simple = np.diag(np.arange(1.0, k + 1))
+        for form, exact in ((jordan, exact_ones), (simple, np.diag(simple))):
+            s = rng.normal(size=(k, k)) + 2 * np.eye(k)
+            a = s @ form @ np.linalg.inv(s)
+            off = rng.normal(size=(k, k))
+            off *= size / np.linalg.norm(off, 2)
+            found = eigenvalues(a + off, size)
+            wrong = _farthest(found.values, exact)
+            assert (wrong < found.bars).all()
+            widest = max(widest, (found.bars / wrong).min())
+    assert widest > 1  # there were errors
+
+
+def test_a_stack_is_its_matrices():
+    rng = np.random.default_rng(2)
+    stack = rng.normal(size=(2, 3, 4, 4))
+    stack[1, 2] = np.diag(np.ones(3), 1)  # eigenvectors that are parallel
+    errors = 10.0 ** -rng.integers(6, 12, size=(2, 3))
+    for of in (eigenvalues, map_eigenvalues, rate_eigenvalues):
+        together = of(stack, errors)
+        for at in np.ndindex(2, 3):
+            alone = of(stack[at], errors[at])
+            assert gap(together.values[at], alone.values) < 1e-14
+            np.testing.assert_allclose(together.bars[at], alone.bars, rtol=1e-6)
+    assert np.isfinite(together.bars).all()
+
+
+def test_order_is_that_of_what_grows_fastest():
+    a = np.diag([-3.0, 1.0, 2.0])
+    assert rate_eigenvalues(a).values.real.tolist() == [2, 1, -3]
+    assert map_eigenvalues(a).values.real.tolist() == [-3, 2, 1]
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    assert map_eigenvalues(turn).values.imag.tolist() == [1, -1]
+
+
+@pytest.mark.parametrize(
+    ("values", "verdict"),
+    [([-1.0, -0.2], "stable"), ([-1.0, 0.05], "undecided"), ([-1.0, 0.2], "unstable")],
+)
+def test_rates_within_their_bars_decide_nothing(values, verdict):
+    found = Eigenvalues(np.array(values, complex), np.full(2, 0.1))
+    assert str(rate_verdict(found)) == verdict
+
+
+def test_eigenvalues_that_meet_have_wide_bars():
+    error = 1e-12
+    apart, bars = map_eigenvalues(np.diag([1.0, 2.0]), error)
+    assert gap(apart, np.array([2.0 + 0j, 1.0])) == 0
+    assert (bars < 2 * SAFETY * error).all()
+    block = np.array([[1.0, 1.0], [1e-14, 1.0]])
+    values, bars = map_eigenvalues(block, error)
+    assert gap(values, np.array([1 + 1e-7 + 0j, 1 - 1e-7])) < 1e-9
+    # An error of 1e-12 in the corner moves them by 1e-6.
+    assert (bars > 1e-6).all()
+    assert (bars < 1e-5).all()
+
+
+CIRCLE = np.exp(2j * np.pi * np.array([0.1, -0.1, 0.3, -0.3]))
+
+
+@pytest.mark.parametrize(
+    ("values", "bar", "conservative", "verdict"),
+    [
+        (CIRCLE, 1e-10, True, "stable"),
+        (CIRCLE, 0.4, True, "undecided"),  # any two could have met
+        (CIRCLE, 1e-10, False, "undecided"),  # on the circle nothing holds them there
+        (0.9 * CIRCLE, 1e-10, False, "stable"),
+        (0.9 * CIRCLE, 0.05, False, "undecided"),
+        (1.1 * CIRCLE, 1e-10, False, "unstable"),
+        (1.1 * CIRCLE, 0.05, False, "undecided"),
+        (np.array([1 + 1e-6, 1 - 1e-6]), 1e-6, True, "undecided"),
+        (np.array([1 + 1e-6, 1 - 1e-6]), 1e-8, True, "unstable"),
+        (np.array([-1.0 + 0j, -1.0]), 1e-8, True, "undecided"),
+        (
+            np.exp(2j * np.pi * np.array([0.2, -0.2, 0.2 + 1e-10, -0.2 - 1e-10])),
+            1e-9,
+            True,
+            "undecided",
+        ),
+        (np.zeros(0), 1e-10, True, "stable"),
+    ],
+)
+def test_verdicts_keep_away_from_their_bars(values, bar, conservative, verdict):
+    found = Eigenvalues(values, np.full(len(values), SAFETY * bar))
+    assert str(map_verdict(found, conservative)) == verdict
