@@ -10,7 +10,7 @@ import numpy as np
 from jax.extend.core import jaxprs_in_params
 
 from jaxdyn import Scene
-from jaxdyn.effects import PairGravity
+from jaxdyn.effects import CentralForce, PairGravity
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.formulations.newton import FreePoints
 
@@ -106,3 +106,17 @@ class Arm(Mechanism):
 
     def positions(self, t, q):
         return 2.0 * jnp.stack([jnp.sin(q[0]), -jnp.cos(q[0])])[None]
+
+
+class Yukawa(CentralForce):
+    """A central force given by its energy."""
+
+    def energy(self, r):
+        return -jnp.exp(-r) / r
+
+
+class Gauss(CentralForce):
+    """A central force given by its attraction."""
+
+    def attraction(self, r):
+        return r * jnp.exp(-r * r / 2)

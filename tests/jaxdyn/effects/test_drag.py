@@ -1,0 +1,40 @@
+"""Drag in still and moving air, and dry friction."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import EXACT, gap
+
+from jaxdyn.effects import DryFriction, LinearDrag, QuadraticDrag
+
+RNG = np.random.default_rng(3)
+T = jnp.asarray(0.3)
+R, V = (jnp.asarray(x) for x in RNG.normal(size=(2, 2, 3)))
+M = jnp.asarray([1.5, 0.5])
+DRAGS = [LinearDrag(0.3), LinearDrag(0.3, wind=[1.0, -2.0, 0.5]), QuadraticDrag(0.3)]
+DRAGS += [QuadraticDrag(0.3, wind=[1.0, -2.0, 0.5]), QuadraticDrag(0.3, wind=1.5)]
+
+
+@pytest.mark.parametrize("effect", DRAGS)
+def test_drag_opposes_the_velocity_through_the_air(effect):
+    u = np.asarray(V) - np.asarray(effect.wind)
+    speed = np.linalg.norm(u, axis=1, keepdims=True) if isinstance(effect, QuadraticDrag) else 1.0
+    assert gap(effect.force(T, R, V, M), -0.3 * speed * u) < EXACT
+
+
+def test_quadratic_drag_has_slope_zero_at_rest():
+    slope = jax.jacrev(QuadraticDrag(0.3).force, argnums=2)(T, R, 0 * V, M)
+    np.testing.assert_array_equal(slope, np.zeros((2, 3, 2, 3)))
+
+
+def test_dry_friction_is_coulombs_law_and_its_regularisation_is_as_near_as_it_says():
+    u = np.asarray(V) - np.array([1.0, 0, 0])
+    speed = np.linalg.norm(u, axis=1, keepdims=True)
+    law = -0.3 * np.array([[2.0], [4.0]]) * u / speed
+    belt, normal = jnp.array([1.0, 0.0, 0.0]), [2.0, 4.0]
+    assert gap(DryFriction(0.3, normal, belt).force(T, R, V, M), law) < EXACT
+    creep = 1e-3
+    smooth = DryFriction(0.3, normal, belt, creep).force(T, R, V, M)
+    off = np.max(np.abs(smooth / law - 1) / ((creep / speed) ** 2 / 2))
+    assert 0.99 < off <= 1.0

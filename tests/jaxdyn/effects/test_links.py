@@ -1,0 +1,57 @@
+"""Springs, dashpots and networks of springs."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from helpers import EXACT, gap
+
+from jaxdyn import Effect
+from jaxdyn.effects import Dashpot, PowerLaw, Spring, SpringNetwork
+
+RNG = np.random.default_rng(3)
+T = jnp.asarray(0.3)
+R, V = (jnp.asarray(x) for x in RNG.normal(size=(2, 2, 3)))
+M = jnp.asarray([1.5, 0.5])
+
+
+def test_a_spring_of_length_zero_is_linear_through_its_end():
+    spring, r, v, m = Spring(3.0), jnp.zeros((1, 2)), jnp.zeros((1, 2)), jnp.ones(1)
+    for force in (spring.force, lambda *a: Effect.force(spring, *a), PowerLaw(3.0, 1.0).force):
+        for jac in (jax.jacfwd, jax.jacrev):
+            slope = jax.jit(jac(force, argnums=1))(T, r, v, m)[0, :, 0]
+            assert gap(slope, -3.0 * np.eye(2)) == 0
+
+
+def test_spring_and_dashpot_pull_along_the_line_of_their_ends():
+    r = jnp.array([[0.0, 0.0], [3.0, 4.0]])
+    v = jnp.array([[1.0, 0.0], [1.0, 5.0]])
+    # stretched by 5 - 3 along (0.6, 0.8); opening at 5 * 0.8
+    assert gap(Spring(10.0, 3.0, i=0, j=1).force(T, r, v, M), [[12, 16], [-12, -16]]) < 10 * EXACT
+    assert gap(Dashpot(0.5, i=1, j=0).force(T, r, v, M), [[1.2, 1.6], [-1.2, -1.6]]) < EXACT
+    anchored = Dashpot(0.5, i=1, anchor=(3.0, 0.0)).force(T, r, v, M)
+    assert gap(anchored, [[0, 0], [0, -2.5]]) < EXACT
+
+
+def test_a_network_is_the_sum_of_its_springs():
+    r, v = jnp.asarray(RNG.normal(size=(2, 4, 3)))
+    m, k, length = jnp.ones(4), [1.0, 2.0, 3.0], [0.5, 0.0, 2.0]
+    links = ((0, 1), (3, 1), (2, 0))
+    network = SpringNetwork(links, k, length)
+    springs = [Spring(a, b, i=i, j=j) for a, b, (i, j) in zip(k, length, links, strict=True)]
+    assert gap(network.force(T, r, v, m), sum(s.force(T, r, v, m) for s in springs)) < 10 * EXACT
+    energies = [s.potential(T, r, m) for s in springs]
+    assert gap(network.potential(T, r, m), sum(energies)) < 10 * EXACT
+    assert gap(network.force(T, r, v, m).sum(axis=0), np.zeros(3)) < 10 * EXACT
+
+
+def test_large_networks_of_springs_are_as_many_springs():
+    n, rng = 30, np.random.default_rng(5)
+    links = [(i, (i + 1 + k) % n) for i in range(n) for k in range(3)]  # more than written out
+    k, length = rng.uniform(1, 2, (2, len(links)))
+    r, v, m = rng.normal(size=(n, 3)), np.zeros((n, 3)), np.ones(n)
+    network = SpringNetwork(links, k, length)
+    singles = [Spring(k[e], length[e], i=i, j=j) for e, (i, j) in enumerate(links)]
+    force, energy = (network.force(T, r, v, m), network.potential(T, r, m))
+    assert gap(force, sum(one.force(T, r, v, m) for one in singles)) < 10 * EXACT
+    assert gap(energy, sum(one.potential(T, r, m) for one in singles)) < 100 * EXACT
+    assert gap(force, -jax.grad(network.potential, argnums=1)(T, r, m)) < 10 * EXACT
