@@ -1,6 +1,7 @@
 """The architecture: which folder may import which, no cycles, imports at the top of files."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -142,6 +143,22 @@ def test_no_file_imports_itself_by_way_of_others():
 
 def test_folders_are_those_of_the_architecture():
     assert set(BELOW) == {_folder(file) for file in FILES}
+
+
+@pytest.mark.parametrize("folder", sorted(folder for folder in BELOW if "/" in folder))
+def test_folders_say_what_they_hold_and_may_import(folder):
+    text = ast.get_docstring(_parse(f"{folder}/__init__.py")) or ""
+    allowed = {below.removeprefix(f"{folder.split('/')[0]}/") for below in BELOW[folder]}
+    said = text[text.index("May import:") :].partition(".")[0]
+    if folder == "jaxdyn/course":
+        said = said.partition(";")[0]
+        assert "and `orbits`." in text
+    # Folders of `orbits` may import all of `jaxdyn`; it is said where there is nothing else.
+    assert set(re.findall(r"`(\w+)`", said)) == (allowed or {"jaxdyn"})
+    assert "\nOne more " in text
+    if folder not in COLLECTIONS:
+        modules = {Path(file).stem for file in FILES if file.rpartition("/")[0] == folder}
+        assert modules - {"__init__"} <= set(re.findall(r"`(\w+)`", text)), folder
 
 
 def test_no_folder_is_crowded():

@@ -1,8 +1,11 @@
 """What a bare `import jaxdyn, orbits` offers: every name that is mentioned, whatever came first."""
 
 import ast
+import importlib
+import inspect
 import re
 import tomllib
+import types
 from pathlib import Path
 
 import pytest
@@ -10,6 +13,7 @@ from helpers import run_python
 
 import jaxdyn
 import orbits
+from jaxdyn.solvers import Method
 
 ROOT = Path(__file__).parents[1]
 #: Public functions with the name of a module beside them, which would take their place.
@@ -54,6 +58,34 @@ def test_public_names_are_declared_and_nothing_else_is_shown():
         assert {x for x in dir(package) if not x.startswith("_")} == set(package.__all__)
         with pytest.raises(AttributeError, match="simulat"):
             _ = package.simulat
+
+
+@pytest.mark.parametrize(
+    "folder",
+    sorted(
+        f"{package}.{file.parent.name}"
+        for package in ("jaxdyn", "orbits")
+        for file in (ROOT / package).glob("*/__init__.py")
+    ),
+)
+def test_folders_declare_what_they_export(folder):
+    exported = importlib.import_module(folder)
+    file = Path(exported.__file__ or "")
+    imported = {
+        alias.name
+        for node in ast.walk(ast.parse(file.read_text()))
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    declared = getattr(exported, "__all__", [])
+    assert imported <= set(declared)
+    for name in declared:
+        found = getattr(exported, name)
+        assert not name.startswith("_")
+        if callable(found) or inspect.ismodule(found):
+            assert (found.__doc__ or "").strip(), name
+        else:  # data: ready solvers, printed starts, a type for annotations
+            assert isinstance(found, Method | tuple | float | dict | types.UnionType), name
 
 
 def test_no_function_is_shadowed_by_a_module():

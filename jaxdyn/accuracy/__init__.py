@@ -1,17 +1,26 @@
-"""How right a number is, what each digit costs, and how long digits last.
+"""How accurate a number is, what each digit costs, and how long digits last.
 
-`estimates` judges any solution without the exact one, `convergence` by equal steps and their
-halves, `end_error` tells the digits of a last state, `horizon` how long chaos leaves them,
-`work_precision` measures error against time.
+`estimates` bounds the error of any solution without knowing the exact one, `convergence` shows it
+for equal steps and their halves, `end_error` gives the certain digits of a last state, `horizon`
+the time for which chaos leaves any, `work_precision` the error against the time, which `timing`
+measures.
 
-May import: `analysis` and what is below it.
+May import: `analysis`.
+
+One more estimate is a function of a `Trajectory` in `estimates`, or a file of its own; and one line
+below.
 """
 
-from jaxdyn.accuracy import convergence as convergence
-from jaxdyn.accuracy import end_error as end_error
-from jaxdyn.accuracy import horizon as horizon
-from jaxdyn.accuracy import work_precision as work_precision
-from jaxdyn.accuracy.estimates import by_halving as by_halving
-from jaxdyn.accuracy.estimates import by_second_method as by_second_method
-from jaxdyn.accuracy.estimates import by_tangents as by_tangents
-from jaxdyn.accuracy.estimates import estimate as estimate
+from jaxdyn.accuracy import convergence, end_error, horizon, work_precision
+from jaxdyn.accuracy.estimates import by_halving, by_second_method, by_tangents, estimate
+
+__all__ = [
+    "by_halving",
+    "by_second_method",
+    "by_tangents",
+    "convergence",
+    "end_error",
+    "estimate",
+    "horizon",
+    "work_precision",
+]

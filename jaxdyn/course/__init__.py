@@ -1,11 +1,15 @@
-"""The course: which public names answer which of its 61 problems, and answers to single ones.
+"""The course: which public names answer which of its 61 problems.
 
-May import: everything but `cli`.
+`problems` is the table of them all. Problems whose answer is a study of its own: `rod_or_spring`
+(21), `upright` (29), `satellite_claims` (57), `sleeping_top` (59, 61).
+
+May import: `accuracy`, `scenes`; and `orbits`.
+
+One more answer is a name in the row of its problem in `problems`; a longer one is a file of its own
+and one line below.
 """
 
-from jaxdyn.course import rod_or_spring as rod_or_spring
-from jaxdyn.course import satellite_claims as satellite_claims
-from jaxdyn.course import sleeping_top as sleeping_top
-from jaxdyn.course import upright as upright
-from jaxdyn.course.problems import PROBLEMS as PROBLEMS
-from jaxdyn.course.problems import Problem as Problem
+from jaxdyn.course import rod_or_spring, satellite_claims, sleeping_top, upright
+from jaxdyn.course.problems import PROBLEMS, Problem
+
+__all__ = ["PROBLEMS", "Problem", "rod_or_spring", "satellite_claims", "sleeping_top", "upright"]

@@ -1,21 +1,39 @@
-"""What acts on material points, one file a family.
+"""Effects: what acts on material points, one file a family.
 
-Each class is one effect; scenes are composed from them by ``+``. Positions and velocities
-come as (n, d) arrays, masses as (n,); forces go back as (n, d). The numbers of an effect are
-array leaves; which points it acts on is fixed when it is made.
+`gravity` (uniform, and between pairs), `drag` (drag and dry friction), `central` (central forces),
+`links` (springs, dashpots, networks of springs), `external` (given functions of time). `pairs` sums
+over pairs of bodies, `_parts` checks what effects have in common.
+
+Positions and velocities are (n, d) arrays, masses (n,); forces are (n, d). The parameters of an
+effect are array leaves; the points that it acts on are fixed when it is made.
+
+May import: `jaxdyn`, that is the files beside the folders.
+
+One more effect is a subclass of `Effect` in the file of its family with a `potential` or a `force`,
+`velocity_dependent` set if the force does not depend on velocity, a `check` of its parameters, and
+one line below. It draws itself by `sketch`.
 """
 
-from jaxdyn.effects._parts import unless_zero as unless_zero
-from jaxdyn.effects.central import CentralForce as CentralForce
-from jaxdyn.effects.central import PowerLaw as PowerLaw
-from jaxdyn.effects.drag import DryFriction as DryFriction
-from jaxdyn.effects.drag import LinearDrag as LinearDrag
-from jaxdyn.effects.drag import QuadraticDrag as QuadraticDrag
-from jaxdyn.effects.external import ConstantForce as ConstantForce
-from jaxdyn.effects.external import SinusoidalForce as SinusoidalForce
-from jaxdyn.effects.external import StepForce as StepForce
-from jaxdyn.effects.gravity import PairGravity as PairGravity
-from jaxdyn.effects.gravity import UniformGravity as UniformGravity
-from jaxdyn.effects.links import Dashpot as Dashpot
-from jaxdyn.effects.links import Spring as Spring
-from jaxdyn.effects.links import SpringNetwork as SpringNetwork
+from jaxdyn.effects._parts import unless_zero
+from jaxdyn.effects.central import CentralForce, PowerLaw
+from jaxdyn.effects.drag import DryFriction, LinearDrag, QuadraticDrag
+from jaxdyn.effects.external import ConstantForce, SinusoidalForce, StepForce
+from jaxdyn.effects.gravity import PairGravity, UniformGravity
+from jaxdyn.effects.links import Dashpot, Spring, SpringNetwork
+
+__all__ = [
+    "CentralForce",
+    "ConstantForce",
+    "Dashpot",
+    "DryFriction",
+    "LinearDrag",
+    "PairGravity",
+    "PowerLaw",
+    "QuadraticDrag",
+    "SinusoidalForce",
+    "Spring",
+    "SpringNetwork",
+    "StepForce",
+    "UniformGravity",
+    "unless_zero",
+]

@@ -1,11 +1,15 @@
-"""Many motions at once, on all cores, each with its own steps; what is watched on the way.
+"""Many motions at once, on all cores, each with its own steps.
 
 `engine` has the calls (`run`, `stream`), `lanes` steps several motions side by side, `batches`
-divides the work, `watches` are what is measured or ends a motion early.
+divides the work among threads and devices, `watches` are what is measured on the way or ends a
+motion early.
 
-May import: `integrate`, `solvers`.
+May import: `integrate`.
+
+One more thing to watch is one more class in `watches`.
 """
 
-from jaxdyn.ensemble import watches as watches
-from jaxdyn.ensemble.engine import run as run
-from jaxdyn.ensemble.engine import stream as stream
+from jaxdyn.ensemble import watches
+from jaxdyn.ensemble.engine import run, stream
+
+__all__ = ["run", "stream", "watches"]

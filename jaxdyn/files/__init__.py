@@ -1,9 +1,11 @@
-"""What is written and read: paths checked before the work, scenes as JSON, motions as tables.
+"""What is written and read: paths, scenes as JSON, motions as tables.
 
-`output_files` and `image_files` check paths, `records` turns scenes into JSON and back, `tables`
-writes motions.
+`output_files` and `image_files` check paths before the work, `records` turns scenes into JSON and
+back, `tables` writes motions.
 
-May import: `analysis` and what is below it. Its files are imported when they are first used,
+May import: `accuracy`.
+
+One more format is one file, and its name below. The files are imported when they are first used,
 since command lines check paths before they load JAX.
 """
 

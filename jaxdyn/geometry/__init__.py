@@ -1,15 +1,15 @@
-"""Tools that need no scene: vectors, index notation, rotations, inertia, balancing, kinematics.
+"""Tools that need no scene: vectors, rotations, inertia, kinematics.
 
-May import: the private helpers of `jaxdyn` only.
+`vectors` (cross products, lines, tetrahedra), `indices` (index notation), `rotations` (matrices,
+quaternions, rotation vectors), `euler` (Euler angles), `inertia` (inertia matrices and principal
+axes), `balance` (static and dynamic balancing), `kinematics` (motion seen from moving frames).
 
-One more tool is a function in the file of its topic. It takes lists as well as arrays, works
-under jit, vmap and grad, and says in its docstring what happens in degenerate cases.
+May import: `jaxdyn`, that is the files beside the folders.
+
+One more tool is a function in the file of its topic. It takes lists as well as arrays (`@arrays`),
+works under jit, vmap and grad, and says in its docstring what happens in degenerate cases.
 """
 
-from jaxdyn.geometry import balance as balance
-from jaxdyn.geometry import euler as euler
-from jaxdyn.geometry import indices as indices
-from jaxdyn.geometry import inertia as inertia
-from jaxdyn.geometry import kinematics as kinematics
-from jaxdyn.geometry import rotations as rotations
-from jaxdyn.geometry import vectors as vectors
+from jaxdyn.geometry import balance, euler, indices, inertia, kinematics, rotations, vectors
+
+__all__ = ["balance", "euler", "indices", "inertia", "kinematics", "rotations", "vectors"]

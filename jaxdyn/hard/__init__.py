@@ -1,8 +1,14 @@
-"""Hard cases: scenes that break naive codes, each with figures of how well it goes and bounds."""
+"""Hard cases: scenes that break naive codes, each with figures and their bounds.
 
-from jaxdyn.hard.case import Case as Case
-from jaxdyn.hard.case import Figure as Figure
-from jaxdyn.hard.case import Verdict as Verdict
-from jaxdyn.hard.case import judge as judge
-from jaxdyn.hard.collection import CASES as CASES
-from jaxdyn.hard.collection import chosen as chosen
+`case` says what a case is, `collection` lists them all, `elliptic` has integrals that several use.
+
+May import: `course`, `ensemble`.
+
+One more case is one entry of `CASES` in the file of its topic: a name, what must hold, and a
+function that returns figures with their bounds. A new file is added to `FAMILIES` in `collection`.
+"""
+
+from jaxdyn.hard.case import Case, Figure, Verdict, judge
+from jaxdyn.hard.collection import CASES, chosen
+
+__all__ = ["CASES", "Case", "Figure", "Verdict", "chosen", "judge"]

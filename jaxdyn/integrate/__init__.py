@@ -1,12 +1,18 @@
 """From a start to samples: solving, step control, derivatives, events, phases.
 
-`simulation` is the front door (`jaxdyn.simulate`, `jaxdyn.solve`), `trajectory` what it returns,
-`flow` the compiled solve and its derivatives, `step_control` decides the step size, `crossings`
-finds events within a step, `events` and `phases` are the public calls for them, `ladder`
-estimates errors from several runs.
+`simulation` has `jaxdyn.simulate` and `jaxdyn.solve`, `trajectory` is what they return, `spans`
+checks what they are asked for. `flow` is the compiled solve with its derivatives in forward mode,
+`adjoint` those in reverse mode, `fixed` the solve with the parameters as constants, `step_control`
+the step size, `ladder` the error estimate from several runs. Events: `events` (the calls),
+`crossings` (within a step; `stretches` decides where one is possible), `event_values`, `polish` (to
+the last digit). Motions with corners: `phases` (the calls), `phase` (one phase).
 
-May import: `scene`, `solvers`. It sees a scene only as its rate, projection and labels.
+May import: `solvers`. A scene is seen only as its rate, its projection and its labels.
+
+One more kind of result is one more file beside `events`, which uses `flow` or `crossings` and the
+settings of `spans`; if users call it, one line below.
 """
 
-from jaxdyn.integrate import events as events
-from jaxdyn.integrate import phases as phases
+from jaxdyn.integrate import events, phases
+
+__all__ = ["events", "phases"]

@@ -1,16 +1,16 @@
-"""Machines made of the laws in `formulations`: bars, sticks, rods, linkages, wires, cylinders.
+"""Machines that obey the laws in `formulations`.
 
-May import: `geometry`, `formulations`.
+`bars` (hinged bars), `sticks` (one stick on a hinge or a cart), `rods` (points joined by massless
+rods), `four_bar` (the four-bar linkage), `guided` (masses on wires and in slots), `euler_body` (a
+rigid body by Euler angles), `cylinders` (a cylinder that rolls, slips or flies).
+
+May import: `formulations`.
 
 One more machine is one file with a `Mechanism` (coordinates, points, ties), which then runs in
-every formulation, or with a `System` of its own where no formulation fits. A ready-made scene of
-it goes to `scenes`.
+every formulation, or with a `System` of its own where no formulation fits; and one line below. A
+ready-made scene of it belongs in `scenes`.
 """
 
-from jaxdyn.mechanisms import bars as bars
-from jaxdyn.mechanisms import cylinders as cylinders
-from jaxdyn.mechanisms import euler_body as euler_body
-from jaxdyn.mechanisms import four_bar as four_bar
-from jaxdyn.mechanisms import guided as guided
-from jaxdyn.mechanisms import rods as rods
-from jaxdyn.mechanisms import sticks as sticks
+from jaxdyn.mechanisms import bars, cylinders, euler_body, four_bar, guided, rods, sticks
+
+__all__ = ["bars", "cylinders", "euler_body", "four_bar", "guided", "rods", "sticks"]

@@ -13,39 +13,67 @@
 - `Radau`: L-stable and implicit, with a tolerance; stiff scenes. `RADAU5`, `RADAU9`.
 - An explicit Runge-Kutta solver of diffrax, such as ``diffrax.Tsit5()``; see `from_diffrax`.
 
-`choice` decides which of them a scene gets. To add one, derive from `Method` in a new file.
+`choice` decides which of them a scene gets. What methods are made of: `method` (what each has to
+offer), `stepper` (one step as diffrax wants it), `pairs`, `compositions`, `gauss`, `radau`,
+`stoermer`, the folder `taylor`, and `exchange` (with diffrax); `side_by_side` steps several motions
+at once, `rounding` magnifies rounding errors. `intervals` and `enclosures` bound the values of
+formulas over boxes.
+
+May import: `jaxdyn`, that is the files beside the folders.
+
+One more solver is a subclass of `Method` in a file of its own; the class and its ready instances
+are exported below, and `jaxdyn run --solver` then takes them.
 """
 
-from jaxdyn.solvers.choice import Solver as Solver
-from jaxdyn.solvers.choice import default_solver as default_solver
-from jaxdyn.solvers.compositions import BLANES_MOAN6 as BLANES_MOAN6
-from jaxdyn.solvers.compositions import KAHAN_LI8 as KAHAN_LI8
-from jaxdyn.solvers.compositions import SOFRONIOU_SPALETTA10 as SOFRONIOU_SPALETTA10
-from jaxdyn.solvers.compositions import VERLET as VERLET
-from jaxdyn.solvers.compositions import Composition as Composition
-from jaxdyn.solvers.exchange import DOPRI8 as DOPRI8
-from jaxdyn.solvers.exchange import from_diffrax as from_diffrax
-from jaxdyn.solvers.gauss import GAUSS8 as GAUSS8
-from jaxdyn.solvers.gauss import GAUSS12 as GAUSS12
-from jaxdyn.solvers.gauss import Gauss as Gauss
-from jaxdyn.solvers.method import Advance as Advance
-from jaxdyn.solvers.method import Method as Method
-from jaxdyn.solvers.pairs import EULER as EULER
-from jaxdyn.solvers.pairs import NYSTROM12 as NYSTROM12
-from jaxdyn.solvers.pairs import RK4 as RK4
-from jaxdyn.solvers.pairs import VERNER9 as VERNER9
-from jaxdyn.solvers.pairs import Pair as Pair
-from jaxdyn.solvers.radau import RADAU5 as RADAU5
-from jaxdyn.solvers.radau import RADAU9 as RADAU9
-from jaxdyn.solvers.radau import Radau as Radau
-from jaxdyn.solvers.stepper import Stepper as Stepper
-from jaxdyn.solvers.stepper import is_stiff as is_stiff
-from jaxdyn.solvers.stoermer import STOERMER14 as STOERMER14
-from jaxdyn.solvers.stoermer import STOERMER18 as STOERMER18
-from jaxdyn.solvers.stoermer import Stoermer as Stoermer
-from jaxdyn.solvers.taylor.method import TAYLOR8 as TAYLOR8
-from jaxdyn.solvers.taylor.method import TAYLOR12 as TAYLOR12
-from jaxdyn.solvers.taylor.method import TAYLOR16 as TAYLOR16
-from jaxdyn.solvers.taylor.method import TAYLOR20 as TAYLOR20
-from jaxdyn.solvers.taylor.method import Taylor as Taylor
-from jaxdyn.solvers.taylor.method import has_series as has_series
+from jaxdyn.solvers.choice import Solver, default_solver
+from jaxdyn.solvers.compositions import (
+    BLANES_MOAN6,
+    KAHAN_LI8,
+    SOFRONIOU_SPALETTA10,
+    VERLET,
+    Composition,
+)
+from jaxdyn.solvers.exchange import DOPRI8, from_diffrax
+from jaxdyn.solvers.gauss import GAUSS8, GAUSS12, Gauss
+from jaxdyn.solvers.method import Advance, Method
+from jaxdyn.solvers.pairs import EULER, NYSTROM12, RK4, VERNER9, Pair
+from jaxdyn.solvers.radau import RADAU5, RADAU9, Radau
+from jaxdyn.solvers.stepper import Stepper, is_stiff
+from jaxdyn.solvers.stoermer import STOERMER14, STOERMER18, Stoermer
+from jaxdyn.solvers.taylor.method import TAYLOR8, TAYLOR12, TAYLOR16, TAYLOR20, Taylor, has_series
+
+__all__ = [
+    "BLANES_MOAN6",
+    "DOPRI8",
+    "EULER",
+    "GAUSS8",
+    "GAUSS12",
+    "KAHAN_LI8",
+    "NYSTROM12",
+    "RADAU5",
+    "RADAU9",
+    "RK4",
+    "SOFRONIOU_SPALETTA10",
+    "STOERMER14",
+    "STOERMER18",
+    "TAYLOR8",
+    "TAYLOR12",
+    "TAYLOR16",
+    "TAYLOR20",
+    "VERLET",
+    "VERNER9",
+    "Advance",
+    "Composition",
+    "Gauss",
+    "Method",
+    "Pair",
+    "Radau",
+    "Solver",
+    "Stepper",
+    "Stoermer",
+    "Taylor",
+    "default_solver",
+    "from_diffrax",
+    "has_series",
+    "is_stiff",
+]

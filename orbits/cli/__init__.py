@@ -1,1 +1,9 @@
-"""The command line of `orbits`: one file a command, put together in `app`; the top of it all."""
+"""The command line of `orbits`, one file a command.
+
+`find`, `family`, `aim`, `loops`, `search`, `figure_eight` and `verify` are the commands, which
+`app` puts together; `shared` is what they have in common, `printed` the table of claims.
+
+May import: `drawing`, `discovery`, `hybrid`. Nothing here loads JAX before a command needs it.
+
+One more command is a function in a file of its own, and a call of `add` with an example in `app`.
+"""

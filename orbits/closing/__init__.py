@@ -1,8 +1,11 @@
 """What must hold for a motion to be periodic: closings, symmetries, further conditions.
 
-`closings` are ways to close (plainly, as a choreography, up to a rotation, by reversal),
+`closings` are the ways to close (plainly, as a choreography, up to a rotation, by reversal),
 `symmetry` what they are made of, `conditions` fix what a closing leaves free (energy, period, an
-entry of the state), `given` checks what a caller gave.
+entry of the state), `given` checks the arguments of a search.
 
-May import: `jaxdyn`. One more closing is one class in `closings`.
+May import: `jaxdyn`.
+
+One more closing is a subclass of `Closing` in `closings`, or a function that makes one, and a line
+in ``orbits/__init__.pyi``.
 """

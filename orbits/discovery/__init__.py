@@ -1,12 +1,15 @@
 """Looking for orbits where none is known: guesses, screening, searches over many starts.
 
-`seeds` makes guesses, `screening` looks for close returns of many motions, `chunks` is the work
-of one batch, `search` the whole, `journal` its file of results, `plane` the search among three
-equal bodies, `figure_eight` the path from a rough guess to Montgomery's eight.
+`seeds` makes guesses, `nearby` finds the orbit near a scene's own motion, `screening` looks for
+close returns of many motions, `chunks` is the work of one batch, `search` the whole, `journal` its
+file of results, `plane` the search among three equal bodies, `figure_eight` the path from a rough
+guess to Montgomery's figure-eight.
 
-May import: `analysis` and what is below it.
+May import: `analysis`.
+
+One more search is one file that samples starts and calls `search`, as `plane` does.
 """
 
-from orbits.discovery import nearby as nearby
-from orbits.discovery import plane as plane
-from orbits.discovery import seeds as seeds
+from orbits.discovery import nearby, plane, seeds
+
+__all__ = ["nearby", "plane", "seeds"]

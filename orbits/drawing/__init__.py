@@ -1,11 +1,17 @@
 """Pictures of periodic orbits, of families of them, of throws and of closed loops.
 
-Lives here: one file for each kind of picture, made of the parts of `jaxdyn.drawing` and by its
-rules. It may import everything of `orbits` but the command line, and nothing imports it but that.
+`periodic` draws orbits, `families` families, `throwing` throws, `about_centres` closed loops; all
+are made of the parts of `jaxdyn.drawing` and follow its rules. Nothing but the command line imports
+this folder, since Matplotlib takes long to load.
+
+May import: `files`, `targets`.
+
+One more picture is one more file with one function, and one line below.
 """
 
-from orbits.drawing.about_centres import loops as loops
-from orbits.drawing.about_centres import rosette as rosette
-from orbits.drawing.families import family as family
-from orbits.drawing.periodic import orbits as orbits
-from orbits.drawing.throwing import throws as throws
+from orbits.drawing.about_centres import loops, rosette
+from orbits.drawing.families import family
+from orbits.drawing.periodic import orbits
+from orbits.drawing.throwing import throws
+
+__all__ = ["family", "loops", "orbits", "rosette", "throws"]

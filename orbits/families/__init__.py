@@ -1,9 +1,15 @@
-"""Families of orbits: continuation, and what is special on them.
+"""Families of orbits: continuation, and the special points on them.
 
-`continuation` walks, `family` holds the members, `bifurcations` finds folds, branch points,
-period doublings and torus points, `surface` is the set of all orbits near one.
+`continuation` follows a family, `family` holds its members, `bifurcations` finds folds, branch
+points, period doublings and torus points, `surface` is the set of all orbits near one,
+`parameters` a scene as a function of one of its parameters.
 
-May import: `analysis` and what is below it.
+May import: `analysis`.
+
+One more kind of special point is a `Kind` in `family` and a function in `bifurcations` that changes
+sign there.
 """
 
-from orbits.families import parameters as parameters
+from orbits.families import parameters
+
+__all__ = ["parameters"]

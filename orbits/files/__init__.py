@@ -1,8 +1,12 @@
 """Orbits and families as files, and their verification.
 
-`orbit_files` and `family_files` are the formats, `verify` writes, reads and re-derives.
+`orbit_files` and `family_files` are the formats, `verify` writes, reads and derives again.
 
-May import: `families`, `analysis` and what is below them.
+May import: `families`.
+
+One more format is one file that encodes to plain JSON and decodes it again.
 """
 
-from orbits.files import family_files as family_files
+from orbits.files import family_files
+
+__all__ = ["family_files"]

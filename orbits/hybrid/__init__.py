@@ -1,6 +1,13 @@
-"""Periodic motions with corners: legs joined by events, and the cylinder that hops for ever.
+"""Periodic motions with corners: smooth legs joined by events.
 
-May import: `shooting` and what is below it.
+`legs` says what such a motion is, `search` closes it, `hopping` is the eccentric cylinder that
+rolls and hops for ever.
+
+May import: `shooting`.
+
+One more such motion is one file that makes the `Leg`s of a `Hybrid`, as `hopping` does.
 """
 
-from orbits.hybrid import hopping as hopping
+from orbits.hybrid import hopping
+
+__all__ = ["hopping"]

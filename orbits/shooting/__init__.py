@@ -1,8 +1,11 @@
 """How the closing equations are solved: Newton's method, segments, logarithmic time.
 
-`finding` is the front door (`orbits.find`), `equations` states what must vanish, `newton` solves
-it, `cuts` divides a period into segments, `trivial` knows the directions in which multipliers
-must be 1.
+`finding` has `orbits.find`, `equations` the residual and its Jacobian, `newton` the method, `cuts`
+divides a period into segments, `trivial` knows the directions in which multipliers must be 1,
+`retimed` starts that need only a period.
 
-May import: `closing`, `orbit`, `motion`.
+May import: `orbits`, that is the files beside the folders.
+
+One more unknown of the equations is a field of theirs in `equations`; one more method of solution
+is a file beside `newton`.
 """

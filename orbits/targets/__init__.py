@@ -1,10 +1,14 @@
 """Throws at a target, and closed loops about a centre of force.
 
-`aim` is the front door of throws (`hit`, `farthest`, `slowest`), `launch` one throw, `ranges` how
-far it goes; `loops` closes orbits about a centre.
+`aim` answers questions about throws (`hit`, `farthest`, `slowest`); `launch` is one throw, `thrown`
+its equations along the launch, `ranges` the range over all angles, `steady_fall` the end of a long
+throw. `loops` closes orbits about a centre, `shapes` finds the ratio of their radii.
 
-May import: `shooting` and what is below it.
+May import: `shooting`.
+
+One more question is one function in `aim` or `loops`, or a file beside them.
 """
 
-from orbits.targets import aim as aim
-from orbits.targets import loops as loops
+from orbits.targets import aim, loops
+
+__all__ = ["aim", "loops"]
