@@ -120,11 +120,19 @@ class Rung(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """All runs of a solver, and how long the first one took besides [s]: compiling."""
+    """All runs of a solver.
+
+    Attributes:
+      solver: its name.
+      compiling: how long the first run took besides [s].
+      rungs: the runs.
+      adaptive: whether their fineness is a tolerance; else it is a step [s].
+    """
 
     solver: str
     compiling: float
     rungs: tuple[Rung, ...]
+    adaptive: bool
 
 
 class Choice(NamedTuple):
@@ -172,6 +180,7 @@ class WorkPrecision(NamedTuple):
             {
                 "solver": c.solver,
                 "compiling": c.compiling,
+                "adaptive": c.adaptive,
                 "rungs": [
                     {
                         "fineness": r.fineness,
@@ -258,7 +267,12 @@ def work_precision(
         return Rung(key[1], error, times[key], int(counts[key][0]), tries * key[0].evaluations)
 
     curves = [
-        Curve(s.name, compiling[s], tuple(rung(key) for key in runs if key[0] is s))
+        Curve(
+            solver=s.name,
+            compiling=compiling[s],
+            rungs=tuple(rung(key) for key in runs if key[0] is s),
+            adaptive=s.adaptive,
+        )
         for s in solvers
     ]
     return WorkPrecision(quantity.name, uncertainty, tuple(curves))

@@ -1,4 +1,4 @@
-"""Pictures of what accuracy costs, and of how well solvers judge themselves (problem 3 e)."""
+"""Pictures of what accuracy costs, and of how well solvers keep to their tolerance."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -21,7 +21,7 @@ def work_precision(found: WorkPrecision, path=None, *, title: str | None = None)
     """A picture of error against time, and against right-hand sides, one curve a solver.
 
     Args:
-      found: what `work.work_precision` returned.
+      found: what `work_precision.work_precision` returned.
       path: file to write, .png, .pdf or .svg.
       title: what stands above it.
     Raises:
@@ -48,35 +48,42 @@ def work_precision(found: WorkPrecision, path=None, *, title: str | None = None)
 
 
 def judgement(found: Mapping[str, WorkPrecision], path=None) -> Figure:
-    """A picture of the tolerance asked for against the error got: do solvers judge themselves well?
+    """A picture of the error obtained against the tolerance requested.
 
-    On the dashed line the error is the tolerance. A curve along it, at whatever distance, obeys:
-    ten times less tolerance gives ten times less error. A curve above it had errors of steps
-    that added up; a flat end is rounding.
+    On the dashed line the two are equal. A solver whose curve is parallel to it follows the
+    tolerance: a tenth of it gives a tenth of the error. Where a curve is above the line, errors
+    of steps accumulated; a flat end is rounding. Solvers of fixed step have no tolerance and are
+    left out.
 
     Args:
-      found: what `work.work_precision` returned, by the name of the scene.
+      found: what `work_precision.work_precision` returned, by the name of the scene.
       path: file to write, .png, .pdf or .svg.
     Raises:
-      ValueError: no scene, or a file that cannot be written.
+      ValueError: no scene, one without a solver that takes a tolerance, or a file that cannot be
+        written.
     """
     path = picture_path(path)
     if not found:
         raise _checks.fail("found", "at least one scene", "none")
+    curves = {name: [c for c in one.curves if c.adaptive] for name, one in found.items()}
+    for name, adaptive in curves.items():
+        if not adaptive:
+            remedy = "Solvers of fixed step have none; draw them with drawing.work_precision."
+            raise _checks.fail("found", "solvers with a tolerance", f"none for {name}", remedy)
     figure = blank(_PANEL * len(found) + 0.8, _PANEL + 1.0)
     axes = _panels(figure, len(found))
     # A solver that does not fit every scene keeps its colour in all panels.
-    solvers = list(dict.fromkeys(c.solver for one in found.values() for c in one.curves))
-    for ax, (name, one) in zip(axes, found.items(), strict=True):
-        for curve in one.curves:
+    solvers = list(dict.fromkeys(c.solver for each in curves.values() for c in each))
+    for ax, (name, each) in zip(axes, curves.items(), strict=True):
+        for curve in each:
             asked = [rung.fineness for rung in curve.rungs]
             errors = [rung.error for rung in curve.rungs]
             ax.loglog(asked, errors, **_style(solvers.index(curve.solver), curve))
         ends = np.array(ax.get_xlim())
         ax.loglog(ends, ends, "--", color=INK, lw=1.0, zorder=1, label="error = tolerance")
         ax.set_xlim(*ends[::-1])
-        ax.set(xlabel="tolerance asked for", title=name)
-    axes[0].set_ylabel("relative error got")
+        ax.set(xlabel="requested tolerance", title=name)
+    axes[0].set_ylabel("relative error")
     legend_below(figure, named(*axes))
     return finished(figure, path)
 

@@ -35,7 +35,7 @@ from jaxdyn.integrate.trajectory import Trajectory
 _DPI = 100
 _CORNER = 0.02  # of the figure: where the clock stands
 _SHADES = 24  # of a trail
-_SHORT, _LONG = 2.0, 12.0  # s of a motion that is shown in real time
+_SHORT, _LONG = 1.0, 10.0  # s of a motion that is shown in real time
 _WATCHED = 4.0  # s at least that a shorter one is stretched to
 _SAME = 0.02  # of a pace
 _SHORTEST = 0.02  # s a frame of a GIF: viewers slow down those that ask for less
@@ -54,8 +54,8 @@ def animate(
     Args:
       motion: what `simulate` or `phases.run` returned.
       path: file to write, .gif or .mp4.
-      seconds: how long it lasts [s]; real time if left out, or a round part or multiple of it for
-        spans that are not from 2 to 12 s.
+      seconds: how long it lasts [s]; if left out, as long as the motion where that takes 1 to
+        10 s, else a round part or multiple of that, which is written in the picture.
       fps: frames a second; in a GIF rounded to whole hundredths of a second a frame.
       trail: length of the trails as a share of the whole motion, 0 to 1.
     Raises:

@@ -29,7 +29,9 @@ class Shapes:
         draw_lines(ax, grounds(drawn), colors=_GROUND, linewidths=1.6, zorder=0.6)
         fills = (("areas", _BODY, 1.4), ("solids", INK, 2.6)) if ax.name != "3d" else ()
         self._filled = {kind: _closed(ax, colour, order) for kind, colour, order in fills}
-        self._lines = draw_lines(ax, [], colors=INK, linewidths=2.0, zorder=2.5)
+        # In space edges at the back are drawn too: thinner, or they would be a thicket.
+        width = 1.3 if ax.name == "3d" else 2.0
+        self._lines = draw_lines(ax, [], colors=INK, linewidths=width, zorder=2.5)
         self._springs = draw_lines(ax, [], colors=INK, linewidths=1.1, zorder=2.4)
         marker = "s" if ax.name == "3d" else Path(_HUNG * (1.0 if self._hangs() else -1.0))
         size = 6 if ax.name == "3d" else _PIN

@@ -24,6 +24,7 @@ from jaxdyn.integrate.phases import Chain
 from jaxdyn.integrate.trajectory import Trajectory
 
 _POSES = {2: 5, 3: 2}  # of the bodies at later times; in space more would hide each other
+_MOST_LINES = 16  # of a body in space: of one with more, several poses would be a tangle
 _ABOVE = 12  # points, room for a pin
 _LINE = 0.17  # inches a line of the heading
 
@@ -107,7 +108,10 @@ def _draw_points(ax, places: np.ndarray, own: list, marker: str, **look) -> None
 
 def _draw_poses(ax, drawn: Paths) -> None:
     """Draw bodies and rods, paler, at later times."""
-    poses = _POSES[drawn.xyz.shape[-1]]
+    size = drawn.xyz.shape[-1]
+    if size == 3 and sum(at.shape[1] for _, at in drawn.shapes) > _MOST_LINES:
+        return
+    poses = _POSES[size]
     # What comes back to its start is shown on the way instead.
     closed = all(np.allclose(at[-1], at[0]) for _, at in drawn.shapes)
     later = in_time(drawn, poses + 2)[1:-1] if closed else in_time(drawn, poses + 1)[1:]

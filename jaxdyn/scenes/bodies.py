@@ -175,7 +175,7 @@ def feynman_plate(
 
 @ready_made()
 def satellite(
-    name: str = "A", omega0=(0.3, 1.0, 0.2), *, representation: str = "quaternion", t1=60.0
+    name: str = "A", omega0=(0.3, 1.0, 0.2), *, representation: str = "quaternion", t1=20.0
 ) -> Scene:
     """Satellite A, B or C of problems 55, 57 and 58, its centre at rest at the origin.
 

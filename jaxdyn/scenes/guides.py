@@ -90,7 +90,7 @@ def turntable(
     speed=1.0,
     rate=1.0,
     formulation="newton_euler",
-    t1=20.0,
+    t1=3.0,
 ) -> Scene:
     """A mass in a straight slot of a turntable that turns freely (problem 34).
 

@@ -23,7 +23,7 @@ from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.mechanism import Mechanism, MechanismSystem, planar_body
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.ready_made import ready_made
-from jaxdyn.sketch import Shape, circle, frame, line, rectangle, traces
+from jaxdyn.sketch import Shape, frame, line, rectangle, traces
 
 #: Skates nearer to a common normal than this are one condition twice [condition number].
 _WORST_CONDITION = 1e6
@@ -69,7 +69,8 @@ class Skated(Mechanism):
         if self.wheels is not None:
             return tuple(shape.placed(place, turn) for shape in _car(self.wheels))
         size = jnp.sqrt(self.inertia / self.m)
-        shapes = [Shape("area", circle(jnp.zeros(2), 0.15 * size))]
+        # The centre of mass; a circle would look like the mark of an end.
+        shapes = [rectangle("area", (0.25 * size, 0.25 * size))]
         for at, heading in zip(self.at, self.headings, strict=True):
             blade = rectangle("solid", (0.6 * size, 0.08 * size))
             way = frame(jnp.stack([jnp.cos(heading), jnp.sin(heading)]))

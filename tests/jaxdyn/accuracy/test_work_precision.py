@@ -56,7 +56,7 @@ def curve(name, seconds, found):
         work.Rung(tol, e, Times(s, s), 1, 1.0)
         for tol, e, s in zip(TOLERANCES, found, seconds, strict=True)
     ]
-    return work.Curve(name, 1.0, tuple(rungs))
+    return work.Curve(name, 1.0, tuple(rungs), adaptive=True)
 
 
 def test_the_fastest_with_enough_digits_is_recommended():
@@ -90,10 +90,14 @@ def test_other_quantities_get_better_with_the_tolerance(scene, quantity):
     assert row[2] < 1e-11
 
 
+def _fixed():
+    steps = (100, 200, 400)
+    free = scenes.oscillator()
+    return work.work_precision(free, solvers=[solvers.VERLET], steps=steps, rounds=1)
+
+
 def test_solvers_of_fixed_step_have_their_curve():
-    found = work.work_precision(
-        scenes.oscillator(), solvers=[solvers.VERLET], steps=(100, 200, 400), rounds=1
-    )
+    found = _fixed()
     (row,) = errors(found)
     assert np.abs(np.log2(row[:-1] / row[1:]) - 2).max() < 0.1
     assert found.curves[0].rungs[1].fineness == 10.0 / 200
@@ -114,6 +118,7 @@ def test_a_stiff_scene_gets_implicit_solvers():
             "scene: expected one with constraints",
         ),
         (lambda: drawing.judgement({}), "found: expected at least one scene"),
+        (lambda: drawing.judgement({"a": _fixed()}), "found: expected solvers with a tolerance"),
     ],
 )
 def test_what_is_refused(call, message):
@@ -129,10 +134,18 @@ def _renamed(found):
     return found._replace(curves=tuple(renamed))
 
 
+def _legend(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
 def test_pictures_are_drawn(damped, tmp_path):
     drawing.work_precision(damped, tmp_path / "work.png", title="damped")
     figure = drawing.judgement({"one": damped, "two": damped}, tmp_path / "j.png")
     assert [ax.get_title() for ax in figure.axes] == ["one", "two"]
+    # A step is no tolerance.
+    both = damped._replace(curves=(*damped.curves, *_fixed().curves))
+    assert _legend(drawing.judgement({"one": both})) == _legend(figure)
+    assert "Verlet 2" in _legend(drawing.work_precision(both))
     dopri8 = damped._replace(curves=damped.curves[1:])
     figure = drawing.judgement({"both": damped, "one": dopri8})
     shades = [
@@ -179,7 +192,7 @@ def test_the_command_prints_what_digits_cost(monkeypatch, capsys, tmp_path):
         (("oscillator", "--digits", "20"), "digits: expected between 1 and 15"),
         (("oscillatr",), "Did you mean 'oscillator'?"),
         (("oscillator", "--set", "c"), "--set: expected NAME=VALUE"),
-        (("oscillator", "--plot", "x.txt"), "path: expected a file name ending in"),
+        (("oscillator", "--plot", "x.txt"), "--plot: expected a file name ending in"),
     ],
 )
 def test_the_command_refuses_in_one_line(monkeypatch, capsys, words, message):
