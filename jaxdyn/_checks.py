@@ -7,10 +7,10 @@ that are being traced (inside jit, grad or vmap) have no number yet and pass.
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn._floats import as_float
 from jaxdyn._misuse import choice as choice
 from jaxdyn._misuse import fail as fail
 from jaxdyn._misuse import whole as whole
@@ -63,8 +63,9 @@ def check_shape(name: str, got: tuple, shape: tuple, remedy: str = "") -> None:
 def numbers(name: str, x: Any, remedy: str = "") -> Array:
     """The input as a float array, of any shape and value."""
     try:
-        _numeric(x)
-        return jnp.asarray(x, dtype=float)
+        if type(x) is not float:
+            _numeric(x)
+        return as_float(x)
     except (TypeError, ValueError) as error:
         raise fail(name, "numbers", repr(x), remedy) from error
 
@@ -80,8 +81,8 @@ def finite(name: str, x: Array, remedy: str = "") -> Array:
     """The array, refused if any entry is NaN or infinite."""
     if not is_traced(x):
         values = np.asarray(x)
-        bad = ~np.isfinite(values)
-        if bad.any():
+        if not np.isfinite(values).all():
+            bad = ~np.isfinite(values)
             where = "" if values.ndim == 0 else f" at index {np.argwhere(bad)[0].tolist()}"
             raise fail(name, "finite numbers", f"{values[bad][0]}{where}", remedy)
     return x

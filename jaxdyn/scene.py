@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _shapes
@@ -154,10 +155,16 @@ class Scene(eqx.Module):
         """Raise ValueError if a number makes no sense; traced numbers pass."""
         if not isinstance(self.name, str):
             raise _checks.fail("name", "text", repr(self.name))
-        k = len(self.system.labels())
-        if not k:
+        # Methods are called through their classes: `system.check` would be a module of its own,
+        # which equinox takes 20 us to make, and a short motion takes 40.
+        system, cls = self.system, type(self.system)
+        named = cls.labels(system)
+        if not named:
             raise _checks.fail("system", "something that moves", "a state without entries")
-        _checks.array("y0", self.y0, (k,), f"One entry for each of {self._names()}.")
+        if np.shape(self.y0) != np.shape(named)[:1]:
+            names = ", ".join(name for name, _ in named)
+            _checks.array("y0", self.y0, (len(named),), f"One entry for each of {names}.")
+        _checks.array("y0", self.y0, (len(named),))
         if len(self.effects) > _MOST_EFFECTS:
             raise _checks.fail(
                 "effects",
@@ -167,46 +174,31 @@ class Scene(eqx.Module):
                 "arrays with a row for each, as effects.SpringNetwork is.",
             )
         for effect in self.effects:
-            self._check_obeyed(effect)
-        t, y = jnp.zeros(()), jnp.asarray(self.y0, float)
+            _check_obeyed(system, effect)
         if _checks.is_traced(self):
-            _check_shapes(self.field, t, y)
+            _check_shapes(self.field, jnp.zeros(()), jnp.asarray(self.y0, float))
             return
-        self.system.check(t, y)
-        points = _points(self.system, t, y)
+        t, y = np.zeros(()), np.asarray(self.y0, float)
+        cls.check(system, t, y)
+        points, depends, second_order = _looked_at(self.field, t, y)
+        points = Points(*map(np.asarray, points))
         for effect in self.effects:
-            effect.check(points)
+            type(effect).check(effect, points)
         # A wrong claim would give wrong trajectories silently.
-        for effect, depends in zip(self.effects, _probed(self.field, t, y), strict=True):
-            if depends:
+        for effect, wrong in zip(self.effects, depends, strict=True):
+            if wrong:
                 raise _checks.fail(
                     type(effect).__name__,
                     "a velocity-independent force, as velocity_dependent = False says",
                     "one that depends on velocities",
                     "Set velocity_dependent = True in the class.",
                 )
-        if self.system.second_order and not _is_second_order(self.system, t, y):
+        if system.second_order and not second_order:
             raise _checks.fail(
-                type(self.system).__name__,
+                cls.__name__,
                 "a state [q, v] with dq/dt = v and dv/dt independent of v, as second_order says",
                 "another rate",
                 "Leave second_order out.",
-            )
-
-    def _names(self) -> str:
-        return ", ".join(name for name, _ in self.system.labels())
-
-    def _check_obeyed(self, effect: Effect) -> None:
-        if not isinstance(effect, Effect):
-            raise _checks.fail("effects", "effects", repr(effect), "Make an Effect of it.")
-        ignored = effect.acts - self.system.obeys
-        if ignored:
-            obeyed = " and ".join(_ACTIONS[way] for way in sorted(self.system.obeys))
-            raise _checks.fail(
-                type(effect).__name__,
-                f"what moves a {type(self.system).__name__}: {obeyed or 'no effects at all'}",
-                " and ".join(_ACTIONS[way] for way in sorted(ignored)),
-                "It would be left out silently. Leave it out, or take another formulation.",
             )
 
 
@@ -218,13 +210,27 @@ _MOST_EFFECTS = 500
 _ACTIONS = {"force": "forces on points", "generalized": "forces on coordinates"}
 
 
+def _check_obeyed(system: System, effect: Effect) -> None:
+    if not isinstance(effect, Effect):
+        raise _checks.fail("effects", "effects", repr(effect), "Make an Effect of it.")
+    ignored = effect.acts - system.obeys
+    if ignored:
+        obeyed = " and ".join(_ACTIONS[way] for way in sorted(system.obeys))
+        raise _checks.fail(
+            type(effect).__name__,
+            f"what moves a {type(system).__name__}: {obeyed or 'no effects at all'}",
+            " and ".join(_ACTIONS[way] for way in sorted(ignored)),
+            "It would be left out silently. Leave it out, or take another formulation.",
+        )
+
+
 def checked(scene: Any) -> Scene:
     """The scene, if it is one and its numbers make sense: what entry points begin with."""
     if not isinstance(scene, Scene):
         name = getattr(scene, "__name__", None)
         remedy = f"Call it: {name}()." if callable(scene) and name else ""
         raise _checks.fail("scene", "a Scene", name or repr(scene), remedy)
-    scene.check()
+    Scene.check(scene)
     return scene
 
 
@@ -238,36 +244,34 @@ def _check_shapes(field: Field, t: Array, y: Array) -> None:
     _shapes.check_rate(field.system, field.effects, t, y)
 
 
-@eqx.filter_jit
-def _points(system: System, t: Array, y: Array) -> Points:
-    points = system.points(t, y)
-    _shapes.check_points(system, t, y, points)
-    return points
+@jax.jit
+def _looked_at(field: Field, t: Array, y: Array) -> tuple:
+    """The points at a state, whether each force depends on velocity, whether v is dq/dt.
 
-
-@eqx.filter_jit
-def _probed(field: Field, t: Array, y: Array) -> tuple[Array | bool, ...]:
-    """Whether each force that claims to be velocity-independent changes for NaN velocities.
-
-    It then becomes NaN, or takes the other branch of a comparison. Compiled, because a force step
-    by step on the host takes milliseconds; shapes are checked as it is traced.
+    One compiled call for all, since each takes as long as a short solve, and a force step by step
+    on the host milliseconds. Shapes are checked as it is traced.
     """
+    points = field.system.points(t, y)
     _check_shapes(field, t, y)
-    r, v, m = field.system.points(t, y)
-
-    def depends(effect: Effect) -> Array | bool:
-        if effect.velocity_dependent:
-            return False
-        probed, plain = (effect.force(t, r, u, m) for u in (v * jnp.nan, v))
-        return ~jnp.array_equal(probed, plain, equal_nan=True)
-
-    return tuple(depends(effect) for effect in field.effects)
+    depends = tuple(_depends_on_velocity(effect, t, points) for effect in field.effects)
+    return points, depends, _is_second_order(field.system, t, y)
 
 
-@eqx.filter_jit
+def _depends_on_velocity(effect: Effect, t: Array, points: Points) -> Array | bool:
+    """Whether a force that claims to be velocity-independent changes for NaN velocities.
+
+    It then becomes NaN, or takes the other branch of a comparison.
+    """
+    if effect.velocity_dependent:
+        return False
+    r, v, m = points
+    probed, plain = (effect.force(t, r, u, m) for u in (v * jnp.nan, v))
+    return ~jnp.array_equal(probed, plain, equal_nan=True)
+
+
 def _is_second_order(system: System, t: Array, y: Array) -> Array | bool:
-    """Whether dq/dt = v and dv/dt does not depend on v, found as in `_probed`."""
-    if len(y) % 2:
+    """Whether dq/dt = v and dv/dt does not depend on v, where that is claimed; found likewise."""
+    if len(y) % 2 or not system.second_order:
         return False
     q, v = jnp.split(y, 2)
     v = v + jnp.arange(1.0, len(v) + 1)  # at rest any multiple of v would pass for it

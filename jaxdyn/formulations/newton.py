@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import as_float
 from jaxdyn.scene import Points, System
 
 _AXES = "xyz"
@@ -22,7 +23,8 @@ class FreePoints(System):
     d: int = eqx.field(static=True)
 
     def __init__(self, m, d: int = 2):
-        self.m = jnp.atleast_1d(jnp.asarray(m, dtype=float))
+        m = as_float(m)
+        self.m = m if m.ndim else m[None]
         self.d = d
 
     @property

@@ -5,6 +5,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import as_float
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.scene import Scene
 
@@ -54,12 +55,12 @@ def times(scene: Scene, t0, t1, samples) -> tuple[Array, Array, Array]:
         if _checks.is_traced((t0, t1)):
             return t0, t1, jnp.linspace(t0, t1, samples)
         # One of JAX would be one more program for each number of samples.
-        return t0, t1, jnp.asarray(np.linspace(t0, t1, samples))
+        return t0, t1, as_float(np.linspace(np.asarray(t0), np.asarray(t1), samples))
     ts = _checks.array("samples", samples, (None,), "An array of times, or how many.")
     _check_memory(scene, len(ts))
     if not _checks.is_traced((ts, t0, t1)):
-        inside = np.concatenate([[t0], ts, [t1]])
-        if (np.diff(inside) * (1.0 if t1 >= t0 else -1.0) < 0).any():
+        inside = np.concatenate([np.asarray(x).reshape(-1) for x in (t0, ts, t1)])
+        if (np.diff(inside) * (1.0 if inside[-1] >= inside[0] else -1.0) < 0).any():
             raise _checks.fail(
                 "samples",
                 f"times in order from t0 = {t0} to t1 = {t1}",
