@@ -16,6 +16,8 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn.analysis.energy import potential
 from jaxdyn.analysis.regularised import logarithmic_span, regularised, solve_regularised
+from jaxdyn.effects import PairGravity
+from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.flow import Flow
 from jaxdyn.integrate.simulation import MAX_STEPS, solve
 from jaxdyn.solvers import Solver
@@ -60,6 +62,15 @@ def attracts(scene: Scene, ts: np.ndarray | None = None, ys: Array | None = None
         ts, ys = np.zeros(1), scene.y0[None]
     depth = np.asarray(_depth(scene, ts, ys))
     return bool(np.isfinite(depth).all() and depth.min() > _SHALLOW * np.median(depth))
+
+
+def gravitates(scene: Scene) -> bool:
+    """Whether free points move under their mutual attraction alone.
+
+    Kepler's third law then scales every motion: lengths by s, times by s^(3/2).
+    """
+    alone = [type(effect) for effect in scene.effects] == [PairGravity]
+    return alone and isinstance(scene.system, FreePoints)
 
 
 def logarithmic_period(scene: Scene) -> float | None:

@@ -15,8 +15,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.analysis.ledger import Ledger
 from jaxdyn.formulations.constrained import DEPENDENT, Constrained
+from jaxdyn.formulations.extended import Extended
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene, System
 
@@ -104,7 +104,7 @@ def _multipliers(system: Constrained, motion: Trajectory) -> Array:
 
 
 def _constrained(system: System) -> Constrained:
-    while isinstance(system, Ledger):
+    while isinstance(system, Extended):
         system = system.system
     if not isinstance(system, Constrained):
         name = type(system).__name__

@@ -13,10 +13,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.scene import Effect, Field, Scene, System
+from jaxdyn.formulations.extended import Extended
+from jaxdyn.scene import Effect, Field, Scene
 
 
-class Ledger(System):
+class Ledger(Extended):
     """A system whose state [y, W_1 .. W_w] carries the work of w kinds of effects.
 
     Attributes:
@@ -25,61 +26,16 @@ class Ledger(System):
         count. Names, not effects: so the numbers of an effect stay in one place, the scene.
     """
 
-    system: System
     kinds: tuple[str, ...] = eqx.field(static=True)
 
-    @property
-    def obeys(self):
-        return self.system.obeys
-
-    @property
-    def singular(self):
-        return self.system.singular
-
-    def labels(self):
-        return (*self.system.labels(), *((f"work of {kind}", "J") for kind in self.kinds))
+    def further(self):
+        return tuple((f"work of {kind}", "J") for kind in self.kinds)
 
     def rate(self, t, y, effects):
-        inner, _ = self._split(y)
+        inner, _ = self.parts(y)
         field = Field(self.system, effects)
         works = [power(field, kind, t, inner) for kind in self.kinds]
         return jnp.concatenate([field.rate(t, inner), jnp.stack(works)])
-
-    def points(self, t, y):
-        return self.system.points(t, self._split(y)[0])
-
-    def coordinates(self, y):
-        return self.system.coordinates(self._split(y)[0])
-
-    def sketch(self, t, y):
-        return self.system.sketch(t, self._split(y)[0])
-
-    def kinetic(self, t, y):
-        return self.system.kinetic(t, self._split(y)[0])
-
-    def energies(self, t, y, effects):
-        return self.system.energies(t, self._split(y)[0], effects)
-
-    def integrals(self, t, y):
-        return self.system.integrals(t, self._split(y)[0])
-
-    def difference(self, y1, y0):
-        (a, work1), (b, work0) = self._split(y1), self._split(y0)
-        return jnp.concatenate([self.system.difference(a, b), work1 - work0])
-
-    def project(self, t, y):
-        inner, work = self._split(y)
-        return jnp.concatenate([self.system.project(t, inner), work])
-
-    def undetermined(self, t, y):
-        return self.system.undetermined(t, self._split(y)[0])
-
-    def check(self, t, y):
-        self.system.check(t, self._split(y)[0])
-
-    def _split(self, y: Array) -> tuple[Array, Array]:
-        k = len(self.system.labels())
-        return y[:k], y[k:]
 
 
 def power(scene: Scene | Field, kind: str, t, y: Array) -> Array:

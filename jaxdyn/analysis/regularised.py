@@ -24,11 +24,12 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.analysis.energy import energy
+from jaxdyn.formulations.extended import Extended
 from jaxdyn.integrate.events import Reaches, Stop, until
 from jaxdyn.integrate.flow import Flow
 from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, solve
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
-from jaxdyn.scene import Field, Scene, System, checked
+from jaxdyn.scene import Field, Scene, checked
 from jaxdyn.solvers import Solver
 from jaxdyn.status import Status
 from jaxdyn.system import potential_energy
@@ -38,40 +39,19 @@ _ROUNDS = 2  # of Newton's method for s at the end, from some 1e-6 away
 _ATTRACTION = "an attraction: a potential below 0, as of gravity"
 
 
-class LogarithmicTime(System):
+class LogarithmicTime(Extended):
     """A system whose state [q, v, E, t] carries its energy and its time along.
 
     Attributes:
       system: what moves; of second order, with a potential energy below 0.
     """
 
-    system: System
+    def further(self):
+        return ("E", "J"), ("t", "s")
 
-    @property
-    def obeys(self):
-        return self.system.obeys
-
-    def labels(self):
-        return (*self.system.labels(), ("E", "J"), ("t", "s"))
-
-    def points(self, t, y):
+    def time(self, t, y):
         del t
-        return self.system.points(y[-1], y[:-2])
-
-    def sketch(self, t, y):
-        del t
-        return self.system.sketch(y[-1], y[:-2])
-
-    def kinetic(self, t, y):
-        del t
-        return self.system.kinetic(y[-1], y[:-2])
-
-    def energies(self, t, y, effects):
-        del t
-        return self.system.energies(y[-1], y[:-2], effects)
-
-    def difference(self, y1, y0):
-        return jnp.concatenate([self.system.difference(y1[:-2], y0[:-2]), y1[-2:] - y0[-2:]])
+        return y[-1]
 
     def rate(self, t, y, effects):
         del t
@@ -86,10 +66,6 @@ class LogarithmicTime(System):
         q_dot, v_dot = jnp.split(Field(self.system, effects).rate(t, inner), 2)
         ends = jnp.stack([power * slowness, slowness])
         return jnp.concatenate([q_dot * slowness, v_dot / -V, ends])
-
-    def check(self, t, y):
-        del t
-        self.system.check(y[-1], y[:-2])
 
 
 def regularised(scene: Scene, t0=0.0) -> Scene:

@@ -3,8 +3,8 @@
 `newton` (free points), `newton_euler` and `lagrange` (free coordinates), `constrained` (ties and
 rolling conditions, by Lagrange multipliers), `rigid` (a body in space; `attitude` is its
 orientation, a quaternion or a matrix), `prescribed` (a given motion). `mechanism` is what the
-formulations of machines share: coordinates and the points that they place. `routes` sets one
-machine up in several formulations.
+formulations of machines share: coordinates and the points that they place. `extended` is a system
+with further entries in its state. `routes` sets one machine up in several formulations.
 
 May import: `geometry`.
 
@@ -15,6 +15,7 @@ can be set up in it, a row of `_FREE` in `routes` offers it to all machines.
 from jaxdyn.formulations import (
     attitude,
     constrained,
+    extended,
     lagrange,
     mechanism,
     newton,
@@ -27,6 +28,7 @@ from jaxdyn.formulations import (
 __all__ = [
     "attitude",
     "constrained",
+    "extended",
     "lagrange",
     "mechanism",
     "newton",

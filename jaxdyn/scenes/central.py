@@ -17,8 +17,9 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.effects import CentralForce, PowerLaw
+from jaxdyn.formulations.extended import Extended
 from jaxdyn.integrate.simulation import solve
-from jaxdyn.scene import Scene, System
+from jaxdyn.scene import Scene
 from jaxdyn.scenes.apsidal import apsidal_limits
 from jaxdyn.scenes.particles import particle
 from jaxdyn.scenes.ready_made import ready_made
@@ -81,20 +82,11 @@ def swept_angle(scene: Scene, t1=None, *, rtol: float = 1e-12) -> Array:
     return solve(swept, scene.t1 if t1 is None else t1, rtol=rtol).y1[-1]
 
 
-class _Swept(System):
+class _Swept(Extended):
     """A point in the plane with the angle that it has turned about the origin."""
 
-    system: System
-
-    @property
-    def obeys(self):
-        return self.system.obeys
-
-    def labels(self):
-        return (*self.system.labels(), ("angle", "rad"))
-
-    def points(self, t, y):
-        return self.system.points(t, y[:-1])
+    def further(self):
+        return (("angle", "rad"),)
 
     def rate(self, t, y, effects):
         x1, x2, v1, v2 = y[:-1]

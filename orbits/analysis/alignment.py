@@ -12,10 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn._checks import fail
-from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scene import Scene
+from orbits.motion import gravitates
 from orbits.orbit import Orbit
 
 #: Largest distance of two orbits that count as the same one, relative to their size.
@@ -80,11 +80,7 @@ def match_points(a: Orbit, b: Orbit) -> Match | None:
 
 def _scale(a: Orbit, b: Orbit) -> float | None:
     """Lengths of the second orbit over those of the first; None if their periods do not fit."""
-
-    def pulls(orbit):
-        return [type(effect) for effect in orbit.scene.effects] == [PairGravity]
-
-    if pulls(a) and pulls(b):
+    if gravitates(a.scene) and gravitates(b.scene):
         strengths = (float(o.scene.effects[0].G * o.scene.system.m.sum()) for o in (a, b))
         one, two = strengths
         return float((b.period / a.period) ** (2 / 3) * (two / one) ** (1 / 3))

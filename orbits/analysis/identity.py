@@ -21,7 +21,7 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes import EIGHT
 from orbits.closing.closings import choreography
-from orbits.motion import at_s
+from orbits.motion import at_s, gravitates
 from orbits.orbit import Orbit, moved
 
 #: Entries of y(T / n) may miss the choreography by this much of the orbit's size.
@@ -69,7 +69,7 @@ def identify(orbit: Orbit) -> Identity:
     """
     system = orbit.scene.system
     several = isinstance(system, FreePoints) and len(system.m) > 1
-    gravity = {type(effect) for effect in orbit.scene.effects} == {PairGravity}
+    gravity = gravitates(orbit.scene)
     e, momentum = conserved(orbit)
     error = permutation_error(orbit)
     size = float(np.abs(np.asarray(orbit.y0)).max())
@@ -188,11 +188,10 @@ def has_normal_form(orbit: Orbit) -> bool:
     """Whether `normal_form` applies: three equal bodies in the plane under gravity alone."""
     scene = orbit.scene
     return (
-        isinstance(scene.system, FreePoints)
+        gravitates(scene)
         and scene.system.d == 2
         and len(scene.system.m) == 3
         and np.ptp(scene.system.m) == 0
-        and [type(e) for e in scene.effects] == [PairGravity]
     )
 
 

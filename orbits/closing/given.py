@@ -1,11 +1,13 @@
 """What a search for an orbit is given: the guess, its bounds, and the time its scene depends on."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive, untraced
 from orbits.closing.closings import PLAIN, Closing
-from orbits.closing.conditions import Hold
+from orbits.closing.conditions import Condition, Hold
 from orbits.closing.conditions import conditions as conditions_of
 from orbits.closing.symmetry import EXACT, rate
 
@@ -15,10 +17,28 @@ _DIFFERENTIATE = (
 )
 
 
-def checked(
+class Given(NamedTuple):
+    """What a search is given, checked.
+
+    Attributes:
+      guess: (k + 1,) start and period, within the bounds.
+      lower: (k + 1,) bounds; the period of a driven scene is held.
+      upper: (k + 1,)
+      conditions: that must hold besides closing.
+      driven: whether the rate depends on time.
+    """
+
+    guess: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    conditions: tuple[Condition, ...]
+    driven: bool
+
+
+def checked_guess(
     scene: Scene, y0=None, period=None, lower=None, upper=None, closings=(PLAIN,), hold: Hold = ()
-):
-    """The guess (k + 1,) within its bounds, both bounds, and the conditions; see `find`.
+) -> Given:
+    """What a search is given; see `find`.
 
     Raises:
       ValueError: invalid or traced arguments.
@@ -51,10 +71,17 @@ def checked(
     clipped = np.clip(guess, low, high)
     if not (np.isfinite(clipped).all() and clipped[-1] > 0):
         raise fail("bounds", "some finite numbers between them", f"{clipped} nearest to the guess")
-    if driven(scene):
+    drive = driven(scene)
+    if drive:
         check_drive(scene, clipped[-1])
         low[-1] = high[-1] = clipped[-1]
-    return clipped, low, high, conditions_of(scene.starting(clipped[:-1]), hold)
+    return Given(
+        guess=clipped,
+        lower=low,
+        upper=high,
+        conditions=conditions_of(scene.starting(clipped[:-1]), hold),
+        driven=drive,
+    )
 
 
 def driven(scene: Scene) -> bool:

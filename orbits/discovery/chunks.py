@@ -17,8 +17,6 @@ import numpy as np
 import jaxdyn
 from jaxdyn import Scene
 from jaxdyn.analysis.energy import energy
-from jaxdyn.effects import PairGravity
-from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import recheck
@@ -27,6 +25,7 @@ from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN, Closing
 from orbits.discovery.journal import Chunk, Find
 from orbits.discovery.screening import Guesses, close_returns, refined
+from orbits.motion import gravitates
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.finding import find
 
@@ -247,6 +246,6 @@ def _verified(plan: Plan, sample: int, orbit: Orbit) -> Find | None:
 
 def _invariant(orbit: Orbit) -> float:
     scene = orbit.scene
-    if isinstance(scene.system, FreePoints) and {type(e) for e in scene.effects} == {PairGravity}:
+    if gravitates(scene):
         return orbit.period * abs(float(energy(scene, jnp.zeros(()), orbit.y0))) ** 1.5
     return orbit.period

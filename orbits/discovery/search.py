@@ -23,7 +23,7 @@ from jaxdyn.ensemble.batches import cores
 from jaxdyn.files import records
 from jaxdyn.integrate.spans import tolerances
 from orbits.closing.closings import PLAIN, Closing
-from orbits.closing.given import checked
+from orbits.closing.given import checked_guess
 from orbits.discovery.chunks import Plan, Sampler, unchanged, unlabelled, work
 from orbits.discovery.journal import Chunk, File, Find, distinct
 from orbits.orbit import Orbit
@@ -173,7 +173,7 @@ def _bar(progress: bool) -> Progress:
 
 
 def _check(plan: Plan) -> None:
-    checked(plan.scene, closings=(plan.closing,), period=positive("longest", plan.longest))
+    checked_guess(plan.scene, closings=(plan.closing,), period=positive("longest", plan.longest))
     if plan.closing.turns:
         raise fail("closing", "one without an unknown turn", repr(plan.closing.name))
     if not 0 <= plan.shortest < plan.longest:

@@ -13,7 +13,7 @@ from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import tolerances
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Hold
-from orbits.closing.given import checked, driven
+from orbits.closing.given import checked_guess
 from orbits.motion import attracts, logarithmic_period
 from orbits.orbit import Orbit, Outcome, SearchError
 from orbits.shooting import newton
@@ -88,13 +88,14 @@ def find(
       6.325914
     """
     closings = tuple(closing) if isinstance(closing, list | tuple) else (closing,)
-    guess, lower, upper, conditions = checked(scene, y0, period, lower, upper, closings, hold)
+    given = checked_guess(scene, y0, period, lower, upper, closings, hold)
+    guess, lower, upper = given.guess, given.lower, given.upper
     positive("goal", goal, "It is the largest closing error of an orbit.")
     tolerances(rtol, None)  # refuses what is none; inside jit it could not
     whole("max_iterations", max_iterations, least=0)
     scene = scene.starting(guess[:-1], guess[-1])
     closing, angle = _nearest(scene, closings, rtol)
-    equations = Equations(scene, closing, conditions, driven=driven(scene))
+    equations = Equations(scene, closing, given.conditions, driven=given.driven)
     cuts = cut(equations, guess, rtol, segments, angle)
     x = cuts.spread(guess[:-1], guess[-1], rtol, angle)
     x = retimed(cuts, x, *cuts.bounds(lower, upper), goal, rtol)

@@ -10,11 +10,13 @@ from helpers import TESTS
 import orbits
 from jaxdyn import scenes
 from jaxdyn.analysis import energy
+from jaxdyn.effects import LinearDrag, PairGravity
 from jaxdyn.integrate.simulation import solve
 from orbits import Orbit, Outcome
 from orbits.analysis.words import canonical, spelled
 from orbits.discovery.plane import IN_LINE
 from orbits.discovery.seeds import row
+from orbits.motion import gravitates
 
 ROWS = list(csv.DictReader((TESTS / "published_three_body.csv").read_text().splitlines()))
 
@@ -132,3 +134,11 @@ def test_yin_yang_two_is_one_orbit_from_both_of_its_published_starts():
     )
     assert orbits.same(one, other)
     assert orbits.same(other, one)
+
+
+def test_only_bodies_under_their_own_gravity_alone_are_scaled_by_keplers_third_law():
+    scene = scenes.three_body()
+    assert gravitates(scene)
+    assert not gravitates(scene + LinearDrag(0.1))
+    assert not gravitates(scene + PairGravity(1.0))
+    assert not gravitates(scenes.oscillator())

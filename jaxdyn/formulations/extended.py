@@ -1,0 +1,100 @@
+"""A system with further entries in its state: work, time, an angle that is swept.
+
+Its state is [y, x]: y is the state of the system inside, x has entries that are integrated beside
+it. Everything that a scene asks of a system is answered by the one inside, at y; a new system of
+this kind says what its entries are called and how the whole state moves.
+"""
+
+import abc
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn.system import System
+
+
+class Extended(System):
+    """A system whose state [y, x] has further entries x behind those of another system.
+
+    Attributes:
+      system: the one inside, with the state y.
+    """
+
+    system: System
+
+    @abc.abstractmethod
+    def further(self) -> tuple[tuple[str, str], ...]:
+        """(name, unit) of each of the further entries."""
+
+    def time(self, t: Array, y: Array) -> Array:
+        """() time [s] of the system inside."""
+        del y
+        return t
+
+    def parts(self, y: Array) -> tuple[Array, Array]:
+        """The state inside and the further entries."""
+        k = len(self.system.labels())
+        return y[:k], y[k:]
+
+    def inside(self, t: Array, y: Array) -> tuple[Array, Array]:
+        """Time and state of the system inside."""
+        return self.time(t, y), self.parts(y)[0]
+
+    def labels(self):
+        return (*self.system.labels(), *self.further())
+
+    @property
+    def obeys(self):
+        return self.system.obeys
+
+    @property
+    def singular(self):
+        return self.system.singular
+
+    @property
+    def second_order(self):
+        return False  # the state is not [q, v] any more
+
+    def points(self, t, y):
+        return self.system.points(*self.inside(t, y))
+
+    def sketch(self, t, y):
+        return self.system.sketch(*self.inside(t, y))
+
+    def coordinates(self, y):
+        return self.system.coordinates(self.parts(y)[0])
+
+    def kinetic(self, t, y):
+        return self.system.kinetic(*self.inside(t, y))
+
+    def energies(self, t, y, effects):
+        return self.system.energies(*self.inside(t, y), effects)
+
+    def integrals(self, t, y):
+        return self.system.integrals(*self.inside(t, y))
+
+    def difference(self, y1, y0):
+        # Further entries count up from the start, angles beyond full turns: they do not wrap.
+        (a, x1), (b, x0) = self.parts(y1), self.parts(y0)
+        return jnp.concatenate([self.system.difference(a, b), x1 - x0])
+
+    def project(self, t, y):
+        if type(self.system).project is System.project:
+            return y
+        return jnp.concatenate([self.system.project(*self.inside(t, y)), self.parts(y)[1]])
+
+    def undetermined(self, t, y):
+        return self.system.undetermined(*self.inside(t, y))
+
+    def canonical(self, t, y):
+        del t, y  # the further entries have no momenta
+        return None
+
+    def generators(self, y):
+        inner, rest = self.parts(y)
+        still = jnp.zeros_like(rest)
+        moves = self.system.generators(inner)
+        return {name: jnp.concatenate([move, still]) for name, move in moves.items()}
+
+    def check(self, t, y):
+        self.system.check(*self.inside(t, y))
