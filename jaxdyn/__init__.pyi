@@ -21,6 +21,8 @@ from .analysis.energy_change import energy_change as energy_change
 from .analysis.equilibria import equilibria as equilibria
 from .analysis.linearize import linearize as linearize
 from .analysis.linearize import modes as modes
+from .formulations.lagrange import lagrangian as lagrangian
+from .formulations.ode import ode as ode
 from .integrate.events import until as until
 from .integrate.phases import Chain as Chain
 from .integrate.simulation import simulate as simulate

@@ -15,6 +15,13 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 
+_NEEDS_VALUES = (
+    jax.errors.TracerArrayConversionError,
+    jax.errors.TracerIntegerConversionError,
+    jax.errors.ConcretizationTypeError,
+)
+_TRACEABLE = "Use jax.numpy instead of numpy and math, and jnp.where instead of `if`."
+
 
 def check_points(system: Any, t: Array, y: Array, points: Any) -> None:
     """Raise ValueError unless a system's material points have their shapes."""
@@ -35,11 +42,11 @@ def check_energies(system: Any, effects: tuple, t: Array, y: Array, points: Any)
     """Raise ValueError unless a system's energies are numbers and its integrals have one axis."""
     name, remedy = type(system).__name__, "An energy is one number."
     if len(points.m):
-        _check(f"{name}.kinetic", (), remedy, system.kinetic, t, y)
+        check_value(f"{name}.kinetic", (), remedy, system.kinetic, t, y)
     terms = jax.eval_shape(lambda t, y: system.energies(t, y, effects), t, y)
     for i in range(len(terms)):
         one = functools.partial(lambda i, t, y: system.energies(t, y, effects)[i], i)
-        _check(f"{name}.energies", (), remedy, one, t, y)
+        check_value(f"{name}.energies", (), remedy, one, t, y)
     for key, value in jax.eval_shape(system.integrals, t, y).items():
         if value.ndim > 1:
             got = f"shape {value.shape} of {key!r}"
@@ -49,8 +56,8 @@ def check_energies(system: Any, effects: tuple, t: Array, y: Array, points: Any)
 def check_rate(system: Any, effects: tuple, t: Array, y: Array) -> None:
     """Raise ValueError unless a system's rate and its difference of states have the state's."""
     name, remedy = type(system).__name__, "One for each entry of the state."
-    _check(f"{name}.rate", y.shape, remedy, lambda t, y: system.rate(t, y, effects), t, y)
-    _check(f"{name}.difference", y.shape, remedy, system.difference, y, y)
+    check_value(f"{name}.rate", y.shape, remedy, lambda t, y: system.rate(t, y, effects), t, y)
+    check_value(f"{name}.difference", y.shape, remedy, system.difference, y, y)
 
 
 def check_effect(effect: Any, system: Any, t: Array, y: Array, points: Any) -> None:
@@ -59,16 +66,23 @@ def check_effect(effect: Any, system: Any, t: Array, y: Array, points: Any) -> N
     if "generalized" in effect.acts:
         q, rates = system.coordinates(y)
         each = "One for each velocity of the system."
-        _check(f"{name}.generalized", rates.shape, each, effect.generalized, t, q, rates)
+        check_value(f"{name}.generalized", rates.shape, each, effect.generalized, t, q, rates)
     if "force" not in effect.acts:
         return
-    _check(f"{name}.potential", (), "An energy is one number.", effect.potential, t, r, m)
+    check_value(f"{name}.potential", (), "An energy is one number.", effect.potential, t, r, m)
     each = "One row for each point; jnp.broadcast_to(f, r.shape) repeats one force."
-    _check(f"{name}.force", r.shape, each, effect.force, t, r, v, m)
+    check_value(f"{name}.force", r.shape, each, effect.force, t, r, v, m)
 
 
-def _check(name: str, shape: tuple, remedy: str, function: Callable, *args) -> None:
-    found = jax.eval_shape(function, *args)
+def check_value(
+    name: str, shape: tuple[int, ...], remedy: str, function: Callable, *args: Array
+) -> None:
+    """Raise ValueError unless a function of arrays returns real numbers of this shape, or None."""
+    try:
+        found = jax.eval_shape(function, *args)
+    except _NEEDS_VALUES as error:
+        got = f"one that needs their values ({type(error).__name__})"
+        raise _checks.fail(name, "a function of traced arrays", got, _TRACEABLE) from error
     if found is None:
         return
     got = getattr(found, "shape", None)

@@ -17,7 +17,10 @@ from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene
 from jaxdyn.system import potential_energy
 
-_NO_ENERGY = "It has no material points and gives no energy of its own; override System.energies."
+_NO_ENERGY = (
+    "It has no material points and gives no energy of its own: pass energy= to jaxdyn.ode, or "
+    "override System.energies."
+)
 
 
 def potential(scene: Scene | Field, t, y: Array) -> Array:

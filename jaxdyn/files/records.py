@@ -51,7 +51,8 @@ def encode(value: Any) -> Any:
         "record",
         "numbers, strings and modules",
         f"{type(value).__name__} {value!r}",
-        "A scene that holds a function cannot be written to a file; make it an Effect class.",
+        "A scene that holds a function cannot be written to a file; make a class of it in a "
+        "module: a System with the function as its method `rate`, or an Effect.",
     )
 
 

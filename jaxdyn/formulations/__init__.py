@@ -6,6 +6,9 @@ orientation, a quaternion or a matrix), `prescribed` (a given motion). `mechanis
 formulations of machines share: coordinates and the points that they place. `extended` is a system
 with further entries in its state. `routes` sets one machine up in several formulations.
 
+Equations of your own are `ode` (a rate; `jaxdyn.ode`) and the second half of `lagrange` (a
+Lagrangian; `jaxdyn.lagrangian`); `functions` checks the functions that both are given.
+
 May import: `geometry`.
 
 One more formulation is a `System` in a file of its own, and one line below; if every `Mechanism`
@@ -16,10 +19,12 @@ from jaxdyn.formulations import (
     attitude,
     constrained,
     extended,
+    functions,
     lagrange,
     mechanism,
     newton,
     newton_euler,
+    ode,
     prescribed,
     rigid,
     routes,
@@ -29,10 +34,12 @@ __all__ = [
     "attitude",
     "constrained",
     "extended",
+    "functions",
     "lagrange",
     "mechanism",
     "newton",
     "newton_euler",
+    "ode",
     "prescribed",
     "rigid",
     "routes",

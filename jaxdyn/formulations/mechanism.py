@@ -113,8 +113,7 @@ class MechanismSystem(System):
         return self.mechanism.singular
 
     def labels(self):
-        q = self.mechanism.coordinates()
-        return (*q, *((f"{name}_dot", f"{unit}/s") for name, unit in q))
+        return with_rates(self.mechanism.coordinates())
 
     def points(self, t, y):
         q, v = jnp.split(y, 2)
@@ -129,6 +128,12 @@ class MechanismSystem(System):
         self.mechanism.check()
         m = self.mechanism.masses()
         _checks.positive("mass", jnp.sum(m) if self.mechanism.massless else m, "Masses are in kg.")
+
+
+def with_rates(coordinates: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str], ...]:
+    """(name, unit) of coordinates, then of their rates; "1" for all where there are no units."""
+    plain = all(unit == "1" for _, unit in coordinates)
+    return (*coordinates, *((f"{x}_dot", "1" if plain else f"{unit}/s") for x, unit in coordinates))
 
 
 def moved(mechanism: Mechanism, t: Array, q: Array, v: Array) -> tuple[Array, Array]:

@@ -1,10 +1,10 @@
 """The directions in which an orbit's multipliers are forced to be 1.
 
 An integral I with gradient w has w M = w, a symmetry with generator g has M g = g. Candidates
-come from the system (momenta, energy, shifts, turns) and from the flow, and are confirmed in two
-ways: by these equations on the monodromy matrix M itself, and by the vector field f at points
-off the orbit, where w f = 0 and g commutes with f. (Where M happens to be the unit matrix, as
-for an oscillator, the first alone would confirm everything.)
+come from the scene (`analysis.energy.integrals`, shifts, turns) and from the flow, and are confirmed
+in two ways: by these equations on the monodromy matrix M itself, and by the vector field f at
+points off the orbit, where w f = 0 and g commutes with f. (Where M happens to be the unit matrix,
+as for an oscillator, the first alone would confirm everything.)
 """
 
 import jax
@@ -21,7 +21,10 @@ CONFIRMED = 1e-7
 _EXACT = 1e-12
 #: Relative: smaller singular values of a set of directions are rounding.
 RANK = 1e-7
-_NEARBY = 3, 0.1  # how many points off the orbit, and how far, relative to the start
+#: How far points off the orbit are, relative to each entry of the start. The nearer ones are there
+#: for scenes that are not defined everywhere (populations below 0): points with NaN are left out.
+_NEARBY = 0.1, 0.01, 0.001
+_LEAST_ENTRY = 0.01  # of the largest entry: smaller ones, 0 too, are moved as if they had this size
 
 
 def kernel(
@@ -80,11 +83,10 @@ def _rank(s: np.ndarray) -> int:
 
 def _nearby(scene: Scene, y0: np.ndarray) -> tuple[Array, Array]:
     """A few times (p,) and states (p, k) in general position near the start."""
-    count, far = _NEARBY
     random = np.random.default_rng(0)
-    noise = far * np.abs(y0).max(initial=0.0) * random.standard_normal((count, len(y0)))
-    ts = random.uniform(0.0, float(scene.t1), count)
-    ts = jnp.asarray(ts)
+    size = np.maximum(np.abs(y0), _LEAST_ENTRY * np.abs(y0).max(initial=0.0))
+    noise = np.outer(_NEARBY, size) * random.standard_normal((len(_NEARBY), len(y0)))
+    ts = jnp.asarray(random.uniform(0.0, float(scene.t1), len(_NEARBY)))
     return ts, jax.vmap(scene.system.project)(ts, jnp.asarray(y0 + noise))
 
 
@@ -147,4 +149,4 @@ def _symmetries(scene: Scene, y0: Array, nearby: tuple[Array, Array]):
 
 
 def _largest(leaks):
-    return jax.tree.map(lambda leak: leak.max(axis=0), leaks)
+    return jax.tree.map(lambda leak: jnp.nanmax(leak, axis=0), leaks)

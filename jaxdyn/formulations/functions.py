@@ -1,0 +1,107 @@
+"""Functions that a user writes as parts of a scene: how they are checked and called.
+
+A function is static: it belongs to the compiled program, which is used again as long as the same
+function is given. The numbers it depends on are passed to it as its last argument, `params`, so
+that new ones compile nothing and derivatives go through them.
+"""
+
+import inspect
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+
+_AGAIN = (
+    "Pass them as params: a function is compiled once, and what it takes from around it then stays."
+)
+
+
+def called(function: Callable, params: Any, *args: Array) -> Any:
+    """The function of these arguments and, where there are any, of the parameters."""
+    return function(*args) if params is None else function(*args, params)
+
+
+def checked_function(name: str, function: Any, params: Any, *args: str) -> Callable:
+    """The function, if it can be called with so many arguments and be part of a program."""
+    wanted = f"a function of ({', '.join((*args, 'params') if params is not None else args)})"
+    if not callable(function):
+        raise _checks.fail(name, wanted, repr(function))
+    try:
+        inspect.signature(function).bind(*args, *([] if params is None else [params]))
+    except TypeError as error:
+        remedy = "It gets `params` as its last argument if and only if params=... is given."
+        got = f"one of {inspect.signature(function)}"
+        raise _checks.fail(name, wanted, got, remedy) from error
+    except ValueError:  # of some built-in functions nothing is known
+        pass
+    try:
+        hash(function)
+    except TypeError as error:
+        raise _checks.fail(name, "a hashable function", repr(function), _AGAIN) from error
+    closure = (getattr(function, "__closure__", None) or ()), getattr(function, "keywords", {})
+    around = [cell.cell_contents for cell in closure[0] if _filled(cell)], closure[1]
+    if _checks.is_traced(jax.tree.leaves(around)):
+        raise _checks.fail(name, "no traced values from around it", "some", _AGAIN)
+    return function
+
+
+def _filled(cell: Any) -> bool:
+    """Whether a variable of a closure has a value yet."""
+    try:
+        return cell.cell_contents is not None
+    except ValueError:
+        return False
+
+
+def checked_params(params: Any) -> Any:
+    """The parameters with numbers as float arrays; None for none."""
+    remedy = "A pytree of numbers: a number, a tuple, a dictionary, a module of arrays."
+    if params is not None and not jax.tree.leaves(params):
+        raise _checks.fail("params", "numbers", f"none in {params!r}", "Leave it out.")
+    return jax.tree.map(lambda x: _checks.numbers("params", x, remedy), params)
+
+
+def finite_params(params: Any) -> None:
+    """Raise ValueError unless all parameters that are not traced are finite."""
+    for leaf in jax.tree.leaves(params):
+        _checks.finite("params", leaf)
+
+
+def vector(name: str, value: Any, like: Array) -> Array:
+    """What a function returned, a list of numbers too, as an array of floats like another one."""
+    if value is None:
+        raise _checks.fail(name, "an array or a list of numbers", "None", "Does it `return` them?")
+    if isinstance(value, list | tuple):
+        value = jnp.stack([jnp.asarray(x) for x in value])
+    # Complex numbers stay, to be refused: a conversion would drop their imaginary parts.
+    return value if jnp.iscomplexobj(value) else jnp.asarray(value, like.dtype)
+
+
+def named(
+    names: Sequence[str | tuple[str, str]] | None, letter: str, count: int
+) -> tuple[tuple[str, str], ...]:
+    """(name, unit) of each entry, "1" where no unit is given; y0, y1, ... if left out."""
+    if not count:
+        raise _checks.fail(f"{letter}0", "at least one entry", "none")
+    if names is None:
+        return tuple((f"{letter}{i}", "1") for i in range(count))
+    remedy = f"One name or (name, unit) for each of the {count} entries."
+    if isinstance(names, str) or not isinstance(names, Sequence):
+        raise _checks.fail("names", "a list", repr(names), remedy)
+    if len(names) != count:
+        raise _checks.fail("names", f"{count}", len(names), remedy)
+    pairs = tuple(_with_unit(x) for x in names)
+    if len({name for name, _ in pairs}) < count:
+        raise _checks.fail("names", "different ones", [name for name, _ in pairs])
+    return pairs
+
+
+def _with_unit(given: Any) -> tuple[str, str]:
+    match (given, "1") if isinstance(given, str) else given:
+        case (str(name), str(unit)) if name and unit:
+            return name, unit
+    raise _checks.fail("names", "a name or a pair (name, unit)", repr(given))

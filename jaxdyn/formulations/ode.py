@@ -1,0 +1,140 @@
+"""A scene from an ordinary differential equation dy/dt = rate(t, y, params).
+
+For equations that are not mechanics, or are written down already: the state is any array (k,),
+there are no material points, and an energy or other integrals only if they are given.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxdyn import _checks, _shapes
+from jaxdyn.formulations.functions import (
+    called,
+    checked_function,
+    checked_params,
+    finite_params,
+    named,
+    vector,
+)
+from jaxdyn.scene import Scene, System
+
+
+class Ode(System):
+    """A state (k,) whose rate is a function; see `ode`, which makes the scene.
+
+    Attributes:
+      function: (t, y, params) -> (k,), without params where they are None.
+      params: a pytree of numbers, or None.
+      names: (name, unit) of each of the k entries.
+      energy: (t, y, params) -> (), or None.
+      conserved: names and functions of further integrals.
+      second_order: whether the state is [q, v] with dq/dt = v and dv/dt independent of v.
+    """
+
+    function: Callable = eqx.field(static=True)
+    params: Any
+    names: tuple[tuple[str, str], ...] = eqx.field(static=True)
+    energy: Callable | None = eqx.field(static=True, default=None)
+    conserved: tuple[tuple[str, Callable], ...] = eqx.field(static=True, default=())
+    second_order: bool = eqx.field(static=True, default=False)
+
+    def labels(self):
+        return self.names
+
+    def rate(self, t, y, effects):
+        del effects
+        return vector("rate", called(self.function, self.params, t, y), y)
+
+    def energies(self, t, y, effects):
+        del effects
+        if self.energy is None:
+            return ()
+        return (vector("energy", called(self.energy, self.params, t, y), y),)
+
+    def integrals(self, t, y):
+        values = {name: called(function, self.params, t, y) for name, function in self.conserved}
+        return {name: vector(name, value, y) for name, value in values.items()}
+
+    def check(self, t, y):
+        del t, y
+        finite_params(self.params)
+
+
+def ode(
+    rate: Callable,
+    y0,
+    t1=1.0,
+    *,
+    names: Sequence[str | tuple[str, str]] | None = None,
+    params: Any = None,
+    energy: Callable | None = None,
+    integrals: Mapping[str, Callable] | None = None,
+    second_order: bool = False,
+) -> Scene:
+    """The scene of an ordinary differential equation dy/dt = rate(t, y, params).
+
+    Args:
+      rate: a function of time (), state (k,) and `params` that returns (k,), an array of
+        `jax.numpy` or a list of k numbers; of (t, y) alone where there are no parameters.
+      y0: (k,) start.
+      t1: () span worth seeing, the default of `simulate`; for `orbits.find` a guess of the period.
+      names: of the k entries, each a name or a pair (name, unit); y0, y1, ... if left out. An
+        entry with the unit "rad" is an angle: values that differ by 2 pi are the same.
+      params: any pytree of numbers: derivatives go through them, `jax.vmap` runs over them, and
+        new values do not compile again.
+      energy: a function of the arguments of `rate` that returns (). It need not be conserved:
+        `analysis.energy.drift` shows whether it is.
+      integrals: further quantities by name, functions like `energy` that return () or (d,). Those
+        that are conserved give an orbit its unit multipliers (`orbits.stability`).
+      second_order: True where y = [q, v] with dq/dt = v and dv/dt does not depend on v, which is
+        checked: then a Nystrom pair is the default, about twice as fast.
+    Returns:
+      A scene without material points, for everything that takes one.
+    Raises:
+      ValueError: `rate`, `energy` or an integral is no such function or returns another shape;
+        `y0`, `t1` or `params` are not finite numbers; `names` are not k different ones.
+    Limits: a program is compiled for each function, so define them once, not as a lambda in a
+      loop; numbers that they take from around them are constants. Such a scene cannot be written
+      to a file, since a function cannot.
+    Example:
+      >>> import jaxdyn
+      >>> from jaxdyn.analysis import energy
+      >>> def hunt(t, y, p):
+      ...     prey, predators = y
+      ...     return [prey * (p["birth"] - predators), predators * (prey - 1.0)]
+      >>> scene = jaxdyn.ode(hunt, [2.0, 1.0], 5.0, names=["prey", "predators"],
+      ...                    params={"birth": 1.5})
+      >>> round(float(jaxdyn.simulate(scene)["prey"][-1]), 6)
+      2.009126
+    """
+    y0, t1 = _checks.array("y0", y0, (None,)), _checks.array("t1", t1, ())
+    params = checked_params(params)
+    functions = {"rate": rate, **({} if energy is None else {"energy": energy})}
+    extra = _checked_integrals(integrals)
+    for name, function in (*functions.items(), *((f"integrals {k!r}", f) for k, f in extra)):
+        checked_function(name, function, params, "t", "y")
+    labels = named(names, "y", len(y0))
+    system = Ode(rate, params, labels, energy, extra, bool(second_order))
+    t, each = jnp.zeros(()), "One for each entry of y0."
+    _shapes.check_value("rate", y0.shape, each, lambda t, y: system.rate(t, y, ()), t, y0)
+    if energy is not None:
+        one = "An energy is one number."
+        _shapes.check_value("energy", (), one, lambda t, y: called(energy, params, t, y), t, y0)
+    scene = Scene(system, y0=y0, t1=t1)
+    if second_order and not _checks.is_traced(scene):
+        scene.check()  # `solve` would not, and a wrong claim gives wrong motions
+    return scene
+
+
+def _checked_integrals(integrals: Any) -> tuple[tuple[str, Callable], ...]:
+    if integrals is None:
+        return ()
+    if not isinstance(integrals, Mapping) or not all(isinstance(name, str) for name in integrals):
+        remedy = 'For example {"momentum": function}.'
+        raise _checks.fail("integrals", "functions by name", repr(integrals), remedy)
+    if "energy" in integrals:
+        raise _checks.fail("integrals", "other names", "'energy'", "Pass it as energy=.")
+    return tuple(integrals.items())
