@@ -10,14 +10,14 @@ import math
 from collections.abc import Callable
 from typing import ClassVar, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
+import jaxdyn
 from jaxdyn import scenes
 from jaxdyn.effects import PairGravity, SpringNetwork
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.scene import Effect, Scene, System
+from jaxdyn.scene import Effect, Scene
 
 
 class Problem(NamedTuple):
@@ -208,15 +208,9 @@ def rigid_body() -> Problem:
 _MU = 5.0
 
 
-class _VanDerPol(System):
-    mu: jax.Array
-
-    def labels(self):
-        return (("x", "1"), ("v", "1/s"))
-
-    def rate(self, t, y, effects):
-        x, v = y
-        return jnp.stack([v, self.mu * (1 - x * x) * v - x])
+def _van_der_pol(t, y, mu):
+    x, v = y
+    return [v, mu * (1 - x * x) * v - x]
 
 
 def van_der_pol() -> Problem:
@@ -228,7 +222,7 @@ def van_der_pol() -> Problem:
 
         return rate
 
-    scene = Scene(_VanDerPol(jnp.asarray(_MU)), (), y0=[2.0, 0.0], t1=350.0)
+    scene = jaxdyn.ode(_van_der_pol, [2.0, 0.0], 350.0, names=["x", "v"], params=_MU)
     return _from_start(scene, formulas)
 
 

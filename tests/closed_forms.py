@@ -8,15 +8,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
-import equinox as eqx
-import jax.numpy as jnp
 import mpmath
 import numpy as np
 from helpers import kepler
-from jaxtyping import Array
 from mpmath import mp, mpf
+from odes import stuart_landau
 
-from jaxdyn import Effect, Scene, System, scenes
+import jaxdyn
+from jaxdyn import Effect, Scene, scenes
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.hard import long
 
@@ -207,19 +206,6 @@ class HenonHeiles(Effect):
         return 0.5 * (x * x + y * y) + x * x * y - y**3 / 3
 
 
-class StuartLandau(System):
-    """r' = r (1 - r^2), theta' = 2, in cartesian coordinates."""
-
-    turn: Array = eqx.field(converter=jnp.asarray, default=2.0)
-
-    def labels(self):
-        return (("x", "1"), ("y", "1"))
-
-    def rate(self, t, y, effects):
-        grow = 1.0 - y @ y
-        return grow * y + self.turn * jnp.stack([-y[1], y[0]])
-
-
 def _to_the_circle(t, x, y):
     r2 = x * x + y * y
     size = mp.sqrt(1 / (r2 + (1 - r2) * mp.exp(-2 * t)))
@@ -255,7 +241,12 @@ def known() -> dict[str, Known]:
     add("straight line", scenes.polar_particle(), 2.0, _straight)
     add("skate", scenes.one_skate(), 10.0, _skated)
     add("flipping body", scenes.free_body(), 60.0, _flipping, slice(10, 13))
-    add("limit cycle", Scene(StuartLandau(), y0=[0.3, 0.1]), 6.0, _to_the_circle)
+    add(
+        "limit cycle",
+        jaxdyn.ode(stuart_landau, [0.3, 0.1], params=(1.0, 0.0, 2.0)),
+        6.0,
+        _to_the_circle,
+    )
     return found
 
 

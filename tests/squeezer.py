@@ -12,7 +12,7 @@ would at a time later by 1.0e-12 s.
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import Scene, System
+import jaxdyn
 
 T1 = 0.03
 START = np.array(
@@ -134,20 +134,16 @@ def matrix(xp, y):
     return xp.stack([xp.stack(row) for row in k]), xp.stack(b)
 
 
-class Squeezer(System):
+def rate(t, y):
     """The mechanism as an ordinary differential equation, without projection."""
-
-    def labels(self):
-        names = ("beta", "theta", "gamma", "phi", "delta", "omega", "epsilon")
-        return (*((n, "rad") for n in names), *((f"{n}_dot", "rad/s") for n in names))
-
-    def rate(self, t, y, effects):
-        return jnp.concatenate([y[7:], jnp.linalg.solve(*matrix(jnp, y))[:7]])
+    return jnp.concatenate([y[7:], jnp.linalg.solve(*matrix(jnp, y))[:7]])
 
 
-def scene() -> Scene:
+def scene() -> jaxdyn.Scene:
     """The squeezer at its start."""
-    return Scene(Squeezer(), y0=START, t1=T1)
+    angles = ("beta", "theta", "gamma", "phi", "delta", "omega", "epsilon")
+    names = [*((name, "rad") for name in angles), *((f"{name}_dot", "rad/s") for name in angles)]
+    return jaxdyn.ode(rate, START, T1, names=names)
 
 
 def _rate(y):

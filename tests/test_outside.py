@@ -2,33 +2,17 @@
 
 import jax.numpy as jnp
 import numpy as np
+import odes
 import pytest
 from closed_forms import HenonHeiles
 from helpers import SOLVED
 from scipy.special import ellipk
 
+import jaxdyn
 import orbits
-from jaxdyn import Scene, System, scenes
+from jaxdyn import Scene, scenes
 from jaxdyn.analysis import energy
 from jaxdyn.formulations.newton import FreePoints
-
-
-class Restricted(System):
-    """The circular restricted three-body problem in its turning frame; masses 1 - mu and mu."""
-
-    mu: float = 0.04
-
-    def labels(self):
-        return tuple((name, "1") for name in ("x", "y", "z", "vx", "vy", "vz"))
-
-    def rate(self, t, state, effects):
-        r, v = state[:3], state[3:]
-        one = r + jnp.array([self.mu, 0.0, 0.0])
-        two = r - jnp.array([1 - self.mu, 0.0, 0.0])
-        pull = (1 - self.mu) * one / jnp.sum(one * one) ** 1.5
-        pull = pull + self.mu * two / jnp.sum(two * two) ** 1.5
-        turning = jnp.stack([r[0] + 2 * v[1], r[1] - 2 * v[0], jnp.zeros(())])
-        return jnp.concatenate([v, turning - pull])
 
 
 @pytest.mark.slow
@@ -62,7 +46,7 @@ def test_the_straight_mode_of_henon_and_heiles():
 def test_a_halo_orbit():
     # K. Howell, Celestial Mechanics 32 (1984) 53, table of the L1 family for mu = 0.04.
     mirror = orbits.Symmetry(None, (1, -1, 1, -1, 1, -1), reversing=True)
-    scene = Scene(Restricted(), y0=[0.723, 0.0, 0.04, 0.0, 0.198, 0.0], t1=2.6)
+    scene = jaxdyn.ode(odes.restricted, [0.723, 0.0, 0.04, 0.0, 0.198, 0.0], 2.6, params=0.04)
     halo = orbits.find(scene, closing=orbits.reversal(mirror), hold=orbits.Section(2, 0.04))
     assert abs(float(halo.y0[0]) - 0.723268) < 1e-6
     assert abs(float(halo.y0[4]) - 0.198019) < 1e-6

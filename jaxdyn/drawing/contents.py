@@ -155,4 +155,4 @@ def _axis_labels(piece: Trajectory, d: int) -> tuple[tuple[str, ...], str]:
     named = [(x, units.get(x, units.get(x + "1", "m"))) for x in "xyz"[:d]]
     named = named if piece.scene.has_points else labels
     plain = all(unit == "1" for _, unit in named)
-    return tuple(x if plain else f"{x} [{unit}]" for x, unit in named), "" if plain else " s"
+    return tuple(x if unit == "1" else f"{x} [{unit}]" for x, unit in named), "" if plain else " s"

@@ -116,7 +116,7 @@ def search(
         *(windows, close, np.asarray(limit, float), normal, label, rtol),
     )
     _check(plan)
-    file = File(path, _header(plan))
+    file = File(path, {} if path is None else _header(plan))
     own = executor is None
     pool = futures.ThreadPoolExecutor(cores()) if executor is None else executor
     try:

@@ -1,10 +1,10 @@
 """The directions in which an orbit's multipliers are forced to be 1.
 
 An integral I with gradient w has w M = w, a symmetry with generator g has M g = g. Candidates
-come from the scene (`analysis.energy.integrals`, shifts, turns) and from the flow, and are confirmed
-in two ways: by these equations on the monodromy matrix M itself, and by the vector field f at
-points off the orbit, where w f = 0 and g commutes with f. (Where M happens to be the unit matrix,
-as for an oscillator, the first alone would confirm everything.)
+come from the scene (`analysis.energy.integrals`, shifts, turns) and from the flow, and are
+confirmed in two ways: by these equations on the monodromy matrix M itself, and by the vector field
+f at points off the orbit, where w f = 0 and g commutes with f. (Where M happens to be the unit
+matrix, as for an oscillator, the first alone would confirm everything.)
 """
 
 import jax

@@ -7,7 +7,8 @@ import pytest
 from closed_forms import known
 from helpers import EXACT, SOLVED, gap, kepler
 
-from jaxdyn import Scene, System, accuracy, scenes
+import jaxdyn
+from jaxdyn import accuracy, scenes
 from jaxdyn.accuracy.convergence import fixed_steps
 from jaxdyn.integrate import ladder
 from jaxdyn.integrate.simulation import solve
@@ -71,19 +72,14 @@ def test_half_a_spacing_of_noise_spreads_motions_as_rounding_does(name):
     assert 0.5 < spread / (0.5 * np.finfo(float).eps / 1e-9 * model) < 2.0
 
 
-class Pushed(System):
+def pushed(t, y):
     """x'' = cos t, by the time itself."""
-
-    def labels(self):
-        return ("x", "m"), ("v", "m/s")
-
-    def rate(self, t, y, effects):
-        return jnp.stack([y[1], jnp.cos(t)])
+    return [y[1], jnp.cos(t)]
 
 
 def test_the_rounding_of_large_times_is_seen():
     t0, span = 1e4, np.array([10.0, 20.0, 30.0])
-    scene = Scene(Pushed(), y0=[1.0, 0.0])
+    scene = jaxdyn.ode(pushed, [1.0, 0.0])
     found = accuracy.estimate(scene, t0 + 30, t0=t0, samples=t0 + span, rtol=1e-13)
     with mpmath.workdps(40):
         c, s = mpmath.cos(t0), mpmath.sin(t0)

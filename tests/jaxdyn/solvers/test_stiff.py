@@ -1,45 +1,31 @@
 """Stiff motions: Radau against closed forms and SciPy, stiffness noticed, the switch."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import SOLVED, gap, kepler, kepler_state
 
-from jaxdyn import Scene, Status, System, scenes, simulate, solvers
+import jaxdyn
+from jaxdyn import Status, scenes, simulate, solvers
 from jaxdyn.integrate.simulation import _compiled, solve
 
 
-class Chased(System):
+def chased(t, y, k):
     """x chases cos t at rate k, z chases y = e^-t at rate 1000: closed forms for any k."""
-
-    k: jax.Array = eqx.field(converter=jnp.asarray)
-
-    def labels(self):
-        return (("x", "m"), ("y", "m"), ("z", "m"))
-
-    def rate(self, t, y, effects):
-        fast = -self.k * (y[0] - jnp.cos(t)) - jnp.sin(t)
-        return jnp.stack([fast, -y[1], -1e3 * (y[2] - y[1]) - y[1]])
+    fast = -k * (y[0] - jnp.cos(t)) - jnp.sin(t)
+    return [fast, -y[1], -1e3 * (y[2] - y[1]) - y[1]]
 
 
-class VanDerPol(System):
+def van_der_pol(t, y, mu):
     """x'' = mu ((1 - x^2) x' - x), as in Hairer and Wanner, IV.1 and IV.10."""
-
-    mu: jax.Array = eqx.field(converter=jnp.asarray)
-
-    def labels(self):
-        return (("x", "m"), ("v", "m/s"))
-
-    def rate(self, t, y, effects):
-        return jnp.stack([y[1], self.mu * ((1 - y[0] * y[0]) * y[1] - y[0])])
+    return [y[1], mu * ((1 - y[0] * y[0]) * y[1] - y[0])]
 
 
-CHASED = Scene(Chased(1e8), y0=[3.0, 1.0, 2.0])
+CHASED = jaxdyn.ode(chased, [3.0, 1.0, 2.0], params=1e8)
 CHASED_END = np.array([np.cos(2.0), np.exp(-2.0), np.exp(-2.0)])
 #: x, v at t = 1 of mu = 1e6 from (2, -0.66): SciPy's Radau at rtol 1e-12, atol 1e-14.
-VAN_DER_POL = Scene(VanDerPol(1e6), y0=[2.0, -0.66])
+VAN_DER_POL = jaxdyn.ode(van_der_pol, [2.0, -0.66], params=1e6)
 VAN_DER_POL_END = np.array([-1.8636460061388465, 0.7535432683993802])
 
 
@@ -61,7 +47,9 @@ def test_the_error_falls_with_the_order(method):
 
 @pytest.mark.parametrize("k", [1e2, 1e5, 1e8])
 def test_a_fast_part_costs_nothing_once_it_is_over(k):
-    out = solve(Scene(Chased(k), y0=[3.0, 1.0, 2.0]), 2.0, solver=solvers.RADAU9, rtol=1e-12)
+    out = solve(
+        jaxdyn.ode(chased, [3.0, 1.0, 2.0], params=k), 2.0, solver=solvers.RADAU9, rtol=1e-12
+    )
     assert gap(out.y1, CHASED_END) < SOLVED
     assert int(out.steps) < 600
 

@@ -5,11 +5,13 @@ from typing import ClassVar
 import jax
 import jax.numpy as jnp
 import numpy as np
+import odes
 import pytest
 from helpers import DIFFED, SOLVED, central_difference, gap, kepler
 
+import jaxdyn
 import orbits
-from jaxdyn import Effect, IntegrationError, Scene, Status, System
+from jaxdyn import Effect, IntegrationError, Scene, Status
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
 from orbits.analysis.stability import _rotation_numbers
@@ -35,27 +37,10 @@ def springs(k, y0=(1.0, 0.3, 0.2, 0.5), t1=2 * np.pi):
     return Scene(FreePoints(1.0, d=2), (Springs(jnp.asarray(k)),), y0=y0, t1=t1)
 
 
-class StuartLandau(System):
-    """A cycle of radius sqrt(a), period 2 pi / (w + a b), in the first plane; decay c beside it."""
-
-    a: jax.Array
-    b: jax.Array
-    w: jax.Array
-    c: jax.Array
-
-    def labels(self):
-        return (("x", "1"), ("y", "1"), ("z", "1"))
-
-    def rate(self, t, y, effects):
-        r2 = y[0] ** 2 + y[1] ** 2
-        grow, turn = self.a - r2, self.w + self.b * r2
-        x, y, z = y
-        return jnp.stack([grow * x - turn * y, grow * y + turn * x, self.c * z])
-
-
 def stuart_landau(a, b, w, c):
-    system = StuartLandau(*map(jnp.asarray, (a, b, w, c)))
-    return Scene(system, y0=[np.sqrt(a), 0.0, 0.0], t1=2 * np.pi / (w + a * b))
+    period = 2 * np.pi / (w + a * b)
+    start = [np.sqrt(a), 0.0, 0.0]
+    return jaxdyn.ode(odes.stuart_landau, start, period, params=(a, b, w, c))
 
 
 @pytest.mark.parametrize(("c", "verdict"), [(-0.02, "stable"), (0.03, "unstable")])
@@ -76,7 +61,7 @@ def test_stuart_landau_has_its_exact_multipliers(c, verdict):
 
 def test_a_shift_that_changes_nothing_is_found_without_being_declared():
     result = orbits.stability(orbit_of(stuart_landau(0.3, 0.4, 1.1, 0.0)))
-    assert (result.unit, result.reasons) == (2, ("flow", "shift of z"))
+    assert (result.unit, result.reasons) == (2, ("flow", "shift of y2"))
     assert result.verdict == "stable"
 
 
@@ -87,15 +72,8 @@ def test_a_verdict_within_its_bars_is_undecided():
 
 
 def test_the_product_is_the_exponential_of_the_divergence():
-    class VanDerPol(System):
-        def labels(self):
-            return (("x", "1"), ("v", "1"))
-
-        def rate(self, t, y, effects):
-            return jnp.stack([y[1], (1 - y[0] ** 2) * y[1] - y[0]])
-
-    period = 6.6632868593231301896996820305
-    scene = Scene(VanDerPol(), y0=[2.00861986087484313650940188, 0.0], t1=period)
+    period, start = odes.VAN_DER_POL, [odes.VAN_DER_POL_X, 0.0]
+    scene = jaxdyn.ode(odes.van_der_pol, start, period, params=1.0)
     result = orbits.stability(orbit_of(scene))
     ts = jnp.arange(128) * period / 128
     x = solve(scene, period, ts=ts, rtol=1e-14).ys[:, 0]

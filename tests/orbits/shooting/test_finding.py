@@ -6,17 +6,16 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import odes
 import pytest
 from helpers import SOLVED, gap, kepler, kepler_state
 
+import jaxdyn
 import orbits
-from jaxdyn import Effect, Scene, System, effects, scenes
+from jaxdyn import Effect, Scene, effects, scenes
 from jaxdyn.formulations.newton import FreePoints
 from orbits import Outcome
 from orbits.shooting import equations
-
-#: Period of van der Pol's oscillator for mu = 1 (Andersen and Geer 1982, and many digits since).
-VAN_DER_POL = 6.6632868593231301896996820305
 
 
 class Spring(Effect):
@@ -29,56 +28,22 @@ class Spring(Effect):
         return 0.5 * self.k * jnp.sum(r * r)
 
 
-class Planar(System):
-    """A point of a phase plane, for the two oscillators below."""
-
-    def labels(self):
-        return (("x", "1"), ("v", "1"))
-
-
-class VanDerPol(Planar):
-    mu: jax.Array
-
-    def rate(self, t, y, effects):
-        return jnp.stack([y[1], self.mu * (1 - y[0] ** 2) * y[1] - y[0]])
-
-
-class StuartLandau(Planar):
-    """dr/dt = r (a - r^2), dphi/dt = w + b r^2: a circle of radius sqrt(a)."""
-
-    a: jax.Array
-    b: jax.Array
-    w: jax.Array
-
-    def rate(self, t, y, effects):
-        r2 = jnp.sum(y * y)
-        grow, turn = self.a - r2, self.w + self.b * r2
-        return grow * y + turn * jnp.stack([-y[1], y[0]])
-
-
 def van_der_pol(mu=1.0):
-    return Scene(VanDerPol(jnp.asarray(mu)), y0=[2.0, 0.1], t1=6.5)
+    return jaxdyn.ode(odes.van_der_pol, [2.0, 0.1], 6.5, params=mu, names=["x", "v"])
 
 
 def stuart_landau(a=0.3, b=0.4, w=1.1):
-    return Scene(StuartLandau(*map(jnp.asarray, (a, b, w))), y0=[0.6, 0.1], t1=5.5)
+    return jaxdyn.ode(odes.stuart_landau, [0.6, 0.1], 5.5, params=(a, b, w))
 
 
-class Along(System):
-    """A point on a line that always moves to the right, at the speed of its subclass."""
-
-    def labels(self):
-        return (("x", "1"),)
+def never(t, y):
+    """To the right, and never back; faster and faster."""
+    return 1 + y * y
 
 
-class Never(Along):
-    def rate(self, t, y, effects):
-        return 1 + y * y
-
-
-class Ever(Along):
-    def rate(self, t, y, effects):
-        return jnp.exp(-y)
+def ever(t, y):
+    """To the right, slower and slower."""
+    return jnp.exp(-y)
 
 
 def spring(y0=(1.0, 0.2), k=4.0, t1=3.0):
@@ -108,7 +73,7 @@ def test_a_spring_given_by_its_potential():
 
 
 def test_van_der_pols_cycle(cycle):
-    assert abs(cycle.period - VAN_DER_POL) < SOLVED
+    assert abs(cycle.period - odes.VAN_DER_POL) < SOLVED
     assert cycle.residual < SOLVED
 
 
@@ -182,7 +147,7 @@ def test_bounds_hold_for_every_point_looked_at(monkeypatch):
     monkeypatch.setattr(equations.Equations, "__call__", watched)
     low, high = np.array([1.0, -2.0, 6.0]), np.array([1.9, -0.5, 7.0])
     orbit = orbits.find(van_der_pol(), [1.9, -0.5], lower=low, upper=high)
-    assert abs(orbit.period - VAN_DER_POL) < SOLVED
+    assert abs(orbit.period - odes.VAN_DER_POL) < SOLVED
     for x in (*seen, [*orbit.y0, orbit.period]):
         assert (low <= x).all()
         assert (x <= high).all()
@@ -192,7 +157,7 @@ def test_a_fixed_entry_of_the_start_chooses_the_phase():
     inf = np.inf
     orbit = orbits.find(van_der_pol(), lower=[-inf, 0.0, 1.0], upper=[inf, 0.0, inf])
     assert orbit.y0[1] == 0.0
-    assert abs(orbit.period - VAN_DER_POL) < SOLVED
+    assert abs(orbit.period - odes.VAN_DER_POL) < SOLVED
     assert abs(orbit.y0[0] - 2.00861986087484313650940188) < SOLVED  # the amplitude, mu = 1
 
 
@@ -209,10 +174,10 @@ ONE_SECOND = {"lower": [-np.inf, 1.0], "upper": [np.inf, 1.0]}
 ENDS = {
     Outcome.ITERATION_LIMIT: (van_der_pol(), {"max_iterations": 2}),
     # x(1) - x(0) is least, and not zero, in the middle.
-    Outcome.NO_DESCENT: (Scene(Never(), y0=[0.3]), ONE_SECOND),
+    Outcome.NO_DESCENT: (jaxdyn.ode(never, [0.3]), ONE_SECOND),
     Outcome.COLLISION: (kepler(0.0), {"y0": [-0.5, 0, 0.5, 0, 0, 0, 0, 0]}),
     # x(1) - x(0) falls for ever as x grows.
-    Outcome.ESCAPE: (Scene(Ever(), y0=[0.01]), ONE_SECOND),
+    Outcome.ESCAPE: (jaxdyn.ode(ever, [0.01]), ONE_SECOND),
     Outcome.TRIVIAL: (spring(), {"y0": [0.0, 0.0]}),
     Outcome.BOUND: (van_der_pol(), {"lower": [1.9, -0.1, 6.0], "upper": [2.1, 0.2, 6.2]}),
     # Ten million radians, where a step takes about one.
@@ -359,7 +324,7 @@ def test_32_bit_floats_are_refused():
 def test_an_orbit_is_a_record_of_arrays(cycle):
     leaves = jax.tree.leaves(eqx.filter(cycle, eqx.is_array))
     assert all(leaf.dtype == float for leaf in leaves)
-    assert cycle.scene.system.mu == 1.0
+    assert cycle.scene.system.params == 1.0
     assert (cycle.period, cycle.rtol) == (float(cycle.scene.t1), 1e-14)
 
 

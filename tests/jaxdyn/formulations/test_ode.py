@@ -1,0 +1,267 @@
+"""Differential equations as scenes: held to closed forms, through all that takes a scene."""
+
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import odes
+import pytest
+from helpers import EXACT, SOLVED, gap
+
+import jaxdyn
+from jaxdyn import ensemble, scenes, simulate, solve
+from jaxdyn.analysis import energy
+from jaxdyn.analysis.linearize import modes
+from jaxdyn.drawing import contents, time_series
+from jaxdyn.files.tables import columns, write_csv
+from jaxdyn.integrate.events import Reaches
+from jaxdyn.solvers import NYSTROM12, VERNER9
+from jaxdyn.solvers.choice import default_solver
+
+TRACED = []
+
+
+def fade(t, y, p):
+    """y' = -k y, with a note of each time that it is traced."""
+    TRACED.append(1)
+    return -p["k"] * y
+
+
+def turn(t, y):
+    """q'' = -q."""
+    return [y[1], -y[0]]
+
+
+def half_square(t, y):
+    """The energy of `turn`."""
+    return 0.5 * (y[0] ** 2 + y[1] ** 2)
+
+
+FADING = jaxdyn.ode(fade, [2.0, 3.0], 1.5, params={"k": 0.7})
+TURNING = jaxdyn.ode(turn, [0.6, 0.8], 5.0, energy=half_square, names=["q", ("v", "1/s")])
+HUNT = jaxdyn.ode(
+    odes.populations,
+    [2.0, 1.0],
+    6.0,
+    names=["prey", "predators"],
+    params=(1.5, 1.0, 1.0, 0.8),
+    integrals={"level": odes.populations_integral},
+)
+
+
+def test_lorenz_is_the_scene_of_that_name():
+    params = {"sigma": 10.0, "rho": 28.0, "beta": 8 / 3}
+    scene, own = jaxdyn.ode(odes.lorenz, [1.0, 1.0, 1.0], 2.0, params=params), scenes.lorenz()
+    y = jnp.array([1.0, -2.0, 20.0])
+    assert gap(scene.rate(0.0, y), own.rate(0.0, y)) < EXACT * 100
+    assert gap(simulate(scene, rtol=1e-13).ys[-1], simulate(own, 2.0, rtol=1e-13).ys[-1]) < 1e-11
+
+
+def test_new_numbers_never_recompile():
+    solve(FADING, 1.0)
+    scenes_ = [jaxdyn.ode(fade, [1, 2], 3, params={"k": k}) for k in (0.1, np.float64(2), 3)]
+    before = len(TRACED)
+    ends = [solve(scene, 1.0).y1 for scene in scenes_]
+    assert len(TRACED) == before
+    assert gap(ends[2], np.exp(-3.0) * np.array([1.0, 2.0])) < 1e-9
+
+
+def test_derivatives_and_batches_go_through_the_parameters():
+    def end(k):
+        return solve(jaxdyn.ode(fade, FADING.y0, params={"k": k}), 1.5, rtol=1e-13).y1
+
+    ks = jnp.array([0.2, 0.7, 1.3])
+    wanted = np.exp(-1.5 * np.asarray(ks))[:, None] * np.array([2.0, 3.0])
+    assert gap(jax.vmap(end)(ks), wanted) < SOLVED
+    assert gap(jax.jacfwd(end)(ks[0]), -1.5 * wanted[0]) < SOLVED
+    assert gap(jax.jacrev(end)(ks[1]), -1.5 * wanted[1]) < SOLVED
+    motions = jax.vmap(lambda k: simulate(jaxdyn.ode(fade, FADING.y0, params={"k": k}), 1.5))(ks)
+    assert motions["y1"].shape == (3, 200)
+    assert gap(motions["y1"][:, -1], wanted[:, 1]) < 1e-9
+
+
+def test_parameters_are_any_pytree_of_numbers():
+    class Law(eqx.Module):
+        k: jax.Array
+        power: int = eqx.field(static=True)
+
+        def __call__(self, t, y):
+            return -self.k * y**self.power
+
+    def rate(t, y, law):
+        return law(t, y)
+
+    scene = jaxdyn.ode(rate, [1.0], params=Law(jnp.asarray(0.5), 2))
+    # y' = -k y^2
+    assert gap(solve(scene, 3.0, rtol=1e-13).y1, [1 / 2.5]) < SOLVED
+    none = jaxdyn.ode(partial(rate, law=Law(jnp.asarray(0.5), 2)), [1.0])
+    assert gap(solve(none, 3.0, rtol=1e-13).y1, [1 / 2.5]) < SOLVED
+
+
+def test_events_ensembles_and_backward_time():
+    half = jaxdyn.until(FADING, Reaches(0, 1.0), 9.0, rtol=1e-13)
+    assert abs(float(half.t) - np.log(2) / 0.7) < SOLVED
+    y0s = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
+    ends = ensemble.run(FADING, y0s, 1.5, rtol=1e-13)
+    assert gap(ends.y1, np.exp(-1.05) * y0s) < SOLVED
+    back = simulate(FADING, -1.0, rtol=1e-13)
+    assert gap(back.ys[-1], np.exp(0.7) * np.array([2.0, 3.0])) < SOLVED
+
+
+def test_rest_points_and_what_is_near_them():
+    # Prigogine and Lefever: a rest point at (a, b / a); unstable from b = 1 + a^2 on.
+    scene = jaxdyn.ode(odes.brusselator, [1.0, 1.0], params=(1.0, 2.5))
+    found = jaxdyn.equilibria(scene, [0.1, 0.1], [4.0, 4.0], starts=32)
+    assert gap(found.states, [[1.0, 2.5]]) < SOLVED
+    assert found.complete
+    (linear,) = found.linearizations
+    # The trace is b - 1 - a^2, the determinant a^2.
+    assert gap(np.sort_complex(linear.eigenvalues), np.sort_complex(np.roots([1, -0.5, 1]))) < EXACT
+    assert (linear.verdict, linear.portrait) == ("unstable", "spiral")
+    calm = jaxdyn.ode(odes.brusselator, [1.0, 1.0], params=(1.0, 1.5))
+    assert jaxdyn.linearize(calm, [1.0, 1.5]).verdict == "stable"
+    with pytest.raises(ValueError, match=r"canonical momenta, got Ode.*`linearize` takes any"):
+        modes(scene, [1.0, 2.5])
+
+
+def test_an_energy_and_integrals_are_checked_along_a_motion():
+    motion = simulate(TURNING, rtol=1e-13)
+    assert float(energy.energy(TURNING, 0.0, TURNING.y0)) == 0.5
+    assert gap(energy.along(energy.energy, motion), np.full(200, 0.5)) < SOLVED
+    assert float(energy.drift(motion)) < SOLVED
+    assert jaxdyn.energy_change(motion).causes == ()
+    hunt = simulate(HUNT, rtol=1e-13)
+    assert energy.integrals(HUNT, 0.0, HUNT.y0).keys() == {"level"}
+    assert float(energy.drift(hunt, "level")) < SOLVED
+    with pytest.raises(ValueError, match="one with an energy, got Ode"):
+        energy.drift(hunt)
+    with pytest.raises(ValueError, match=r"of: expected one of level, got 'lewel'\. Did you mean"):
+        energy.drift(hunt, "lewel")
+
+
+def test_an_energy_that_changes_is_said_to():
+    def damped(t, y):
+        return [y[1], -y[0] - 0.1 * y[1]]
+
+    def pushed(t, y):
+        return [y[1], jnp.cos(2 * t) - y[0]]
+
+    for rate, cause in ((damped, "the system itself"), (pushed, "the drive")):
+        change = jaxdyn.energy_change(simulate(jaxdyn.ode(rate, [1.0, 0.0], energy=half_square)))
+        assert change.causes == (cause,)
+        assert change.size > 0.01
+
+
+def test_a_drift_has_the_size_of_what_changes_where_the_energy_is_zero():
+    def swing(t, y):
+        return [y[1], -jnp.sin(y[0])]
+
+    def height(t, y):
+        return 0.5 * y[1] ** 2 - jnp.cos(y[0])
+
+    # From the horizontal the energy is 0: relative to that, rounding would be all of it.
+    scene = jaxdyn.ode(swing, [np.pi / 2, 0.0], 10.0, energy=height)
+    motion = simulate(scene, rtol=1e-13)
+    assert abs(float(energy.energy(scene, 0.0, scene.y0))) < 1e-16
+    assert float(energy.drift(motion)) < SOLVED
+    # Of the terms omega^2 / 2 and cos theta, which are 1 at most; and no less for another origin.
+    bad = eqx.tree_at(lambda m: m.ys, motion, motion.ys.at[100, 1].add(1e-3))
+    speed = abs(float(motion.ys[100, 1]))
+    assert 0.2e-3 * speed < float(energy.drift(bad)) < 2e-3 * speed
+
+
+def test_a_second_order_rate_takes_the_nystrom_pair():
+    claimed = jaxdyn.ode(turn, [0.6, 0.8], second_order=True)
+    assert default_solver(claimed) is NYSTROM12
+    assert default_solver(TURNING) is VERNER9
+    end = np.array([[np.cos(2), np.sin(2)], [-np.sin(2), np.cos(2)]]) @ [0.6, 0.8]
+    assert gap(solve(claimed, 2.0, rtol=1e-13).y1, end) < SOLVED
+
+
+def test_entries_in_radians_are_angles():
+    scene = jaxdyn.ode(turn, [0.0, 0.0], names=[("angle", "rad"), ("rate", "rad/s")])
+    apart = scene.system.difference(jnp.array([6.3, 6.3]), jnp.zeros(2))
+    assert gap(apart, [6.3 - 2 * np.pi, 6.3]) < EXACT
+    assert gap(TURNING.system.difference(jnp.array([6.3, 6.3]), jnp.zeros(2)), [6.3, 6.3]) == 0
+
+
+def test_a_state_is_drawn_and_written_by_its_names(tmp_path):
+    motion = simulate(TURNING, samples=20)
+    drawn = contents.paths(motion)
+    assert (drawn.labels, drawn.equal) == (("q", "v [1/s]"), False)
+    assert contents.paths(simulate(HUNT, samples=20)).labels == ("prey", "predators")
+    assert columns(motion) == ["q", "v [1/s]"]
+    assert write_csv(tmp_path / "turn.csv", motion).read_text().startswith("t [s],q,v [1/s]\n0.0,")
+    many = simulate(jaxdyn.ode(fade, np.ones(4), params={"k": 1.0}), samples=5)
+    with pytest.raises(ValueError, match=r"got no points and a state of 4\. Draw.*time_series"):
+        contents.paths(many)
+    assert len(time_series(many).axes) > 0
+    with pytest.raises(ValueError, match="scene: expected one with material points, got Ode"):
+        energy.momentum(HUNT, 0.0, HUNT.y0)
+
+
+def _in_closure(k):
+    return jaxdyn.ode(lambda t, y: -k * y, [1.0]).y0[0]
+
+
+class _Odd:
+    __hash__ = None
+
+    def __call__(self, t, y):
+        return y
+
+
+def plain(t, y):
+    return -y
+
+
+ode = jaxdyn.ode
+MISUSE = [
+    (lambda: ode(3, [1.0]), r"^rate: expected a function of \(t, y\), got 3"),
+    (lambda: ode(fade, [1.0]), r"rate: .* of \(t, y\), got one of \(t, y, p\)\. It gets `params`"),
+    (lambda: ode(plain, [1.0], params=2.0), r"function of \(t, y, params\), got one of \(t, y\)"),
+    (lambda: ode(_Odd(), [1.0]), "rate: expected a hashable function"),
+    (lambda: ode(lambda t, y: y[:1], [1.0, 2.0]), r"^rate: expected shape \(2,\), got shape \(1,"),
+    (lambda: ode(lambda t, y: None, [1.0]), r"^rate: .* got None\. Does it `return` them"),
+    (lambda: ode(lambda t, y: 1j * y, [1.0]), "^rate: expected real numbers, got an array of comp"),
+    (lambda: ode(lambda t, y: np.sin(y), [1.0]), "^rate: .* needs their values .* Use jax.numpy"),
+    (lambda: ode(lambda t, y: y if y[0] > 0 else -y, [1.0]), "^rate: .* jnp.where instead of `if`"),
+    (lambda: ode(plain, 1.0), r"^y0: expected shape \(any,\), got shape \(\)"),
+    (lambda: ode(plain, []), "^y0: expected at least one entry, got none"),
+    (lambda: ode(plain, [1.0, np.nan]), "^y0: expected finite numbers, got nan"),
+    (lambda: ode(plain, [1.0], np.inf), "^t1: expected finite numbers, got inf"),
+    (lambda: ode(plain, [1.0, 2.0], names=["a"]), "^names: expected 2, got 1"),
+    (lambda: ode(plain, [1.0, 2.0], names="ab"), "^names: expected a list, got 'ab'"),
+    (lambda: ode(plain, [1.0, 2.0], names=["a", "a"]), "^names: expected different ones"),
+    (
+        lambda: ode(plain, [1.0], names=[("a", 1)]),
+        r"^names: .* a pair \(name, unit\), got",
+    ),
+    (lambda: ode(fade, [1.0], params="k"), "^params: expected numbers, got 'k'"),
+    (lambda: ode(fade, [1.0], params={}), r"^params: expected numbers, got none in \{\}"),
+    (lambda: ode(fade, [1.0], params=jnp.sin), "^params: expected numbers"),
+    (lambda: simulate(ode(fade, [1.0], params={"k": np.nan})), "^params: expected finite numbers"),
+    (lambda: ode(plain, [1.0], energy=plain), r"^energy: expected shape \(\), got shape \(1,\)"),
+    (lambda: ode(plain, [1.0], energy=2), r"^energy: expected a function of \(t, y\), got 2"),
+    (lambda: ode(plain, [1.0], integrals=[plain]), "^integrals: expected functions by name"),
+    (lambda: ode(plain, [1.0], integrals={"a": fade}), "^integrals 'a': expected a function of"),
+    (lambda: ode(plain, [1.0], integrals={"energy": plain}), "other names, got 'energy'. Pass it"),
+    (
+        lambda: simulate(ode(plain, [1.0], integrals={"a": lambda t, y: jnp.ones((2, 2))})),
+        r"integrals: expected numbers or vectors, got shape \(2, 2\) of 'a'",
+    ),
+    (lambda: ode(plain, [1.0, 2.0], second_order=True), r"^Ode: expected a state \[q, v\] with dq"),
+    (lambda: jax.grad(_in_closure)(1.0), "^rate: expected no traced values from around it.*params"),
+    (
+        lambda: simulate(FADING + jaxdyn.effects.UniformGravity()),
+        "^UniformGravity: expected what moves a Ode: no effects at all, got forces on points",
+    ),
+]
+
+
+@pytest.mark.parametrize(("misuse", "message"), MISUSE)
+def test_misuse_is_refused(misuse, message):
+    with pytest.raises(ValueError, match=message):
+        misuse()

@@ -1,0 +1,87 @@
+"""Differential equations that are no mechanism, as functions for `jaxdyn.ode`."""
+
+import jax.numpy as jnp
+
+
+def van_der_pol(t, y, mu):
+    """x'' = mu (1 - x^2) x' - x."""
+    x, v = y
+    return [v, mu * (1 - x * x) * v - x]
+
+
+#: Period of its cycle for mu = 1, and where that passes v = 0.
+VAN_DER_POL = 6.6632868593231301896996820305
+VAN_DER_POL_X = 2.00861986087484313650940188
+
+
+def stuart_landau(t, y, p):
+    """r' = r (a - r^2), angle' = w + b r^2 in the plane; each entry after that decays, z' = c z.
+
+    A cycle of radius sqrt(a) and period 2 pi / (w + a b), whose multipliers are exp(-2 a T) and
+    exp(c T).
+    """
+    a, b, w, *decays = p
+    r2 = y[0] ** 2 + y[1] ** 2
+    grow, turn = a - r2, w + b * r2
+    plane = [grow * y[0] - turn * y[1], grow * y[1] + turn * y[0]]
+    return [*plane, *(c * z for c, z in zip(decays, y[2:], strict=True))]
+
+
+def lorenz(t, y, p):
+    """The equations of `scenes.lorenz`."""
+    u, v, w = y
+    return [p["sigma"] * (v - u), u * (p["rho"] - w) - v, u * v - p["beta"] * w]
+
+
+def brusselator(t, y, p):
+    """A rest point at (a, b / a); a cycle about it where b > 1 + a^2."""
+    a, b = p
+    u, v = y
+    return [a + u * u * v - (b + 1) * u, b * u - u * u * v]
+
+
+def populations(t, y, p):
+    """Lotka and Volterra's prey and predators."""
+    prey, predators = y
+    a, b, c, d = p
+    return [prey * (a - b * predators), predators * (d * prey - c)]
+
+
+def populations_integral(t, y, p):
+    """What they conserve."""
+    prey, predators = y
+    a, b, c, d = p
+    return d * prey - c * jnp.log(prey) + b * predators - a * jnp.log(predators)
+
+
+def restricted(t, y, mu):
+    """The circular restricted three-body problem in its turning frame, in the plane or in space.
+
+    Masses 1 - mu at x = -mu and mu at x = 1 - mu.
+    """
+    r, v = jnp.split(y, 2)
+    one, two = _from_both(r, mu)
+    pull = (1 - mu) * one / jnp.sum(one * one) ** 1.5 + mu * two / jnp.sum(two * two) ** 1.5
+    zero = jnp.zeros(len(r) - 2)
+    turning = jnp.concatenate([jnp.stack([r[0] + 2 * v[1], r[1] - 2 * v[0]]), zero])
+    return jnp.concatenate([v, turning - pull])
+
+
+def jacobi(t, y, mu):
+    """Jacobi's integral of the restricted problem."""
+    r, v = jnp.split(y, 2)
+    one, two = _from_both(r, mu)
+    near = (1 - mu) / jnp.sqrt(jnp.sum(one * one)) + mu / jnp.sqrt(jnp.sum(two * two))
+    return jnp.sum(r[:2] ** 2) + 2 * near - jnp.sum(v * v)
+
+
+def restricted_lagrangian(t, r, v, mu):
+    """The Lagrangian of the restricted problem in the plane."""
+    one, two = _from_both(r, mu)
+    near = (1 - mu) / jnp.sqrt(jnp.sum(one * one)) + mu / jnp.sqrt(jnp.sum(two * two))
+    return 0.5 * ((v[0] - r[1]) ** 2 + (v[1] + r[0]) ** 2) + near
+
+
+def _from_both(r, mu):
+    x = jnp.eye(len(r))[0]
+    return r + mu * x, r - (1 - mu) * x
