@@ -25,8 +25,8 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.accuracy.convergence import fixed_steps
 from jaxdyn.integrate import ladder
-from jaxdyn.integrate.ladder import Estimate
 from jaxdyn.integrate.simulation import RTOL, simulate, solve
+from jaxdyn.integrate.trajectory import Estimate
 from jaxdyn.scene import Scene, checked
 from jaxdyn.solvers import DOPRI8, EULER, NYSTROM12, RADAU5, RADAU9, VERNER9, Method, Solver
 from jaxdyn.solvers.choice import chosen_method, method_of

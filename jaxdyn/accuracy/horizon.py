@@ -21,8 +21,9 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.accuracy import estimates
-from jaxdyn.integrate.ladder import MOST_DIGITS, Estimate
+from jaxdyn.integrate.ladder import MOST_DIGITS
 from jaxdyn.integrate.simulation import RTOL, solve
+from jaxdyn.integrate.trajectory import Estimate
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, Solver
 from jaxdyn.solvers.choice import chosen_method

@@ -15,7 +15,7 @@ Here is the arithmetic, for anything that can be run at a tolerance; `accuracy` 
 import itertools
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn.integrate.trajectory import SURE, Estimate, digits_of
 from jaxdyn.scene import Scene
 from jaxdyn.solvers.rounding import Noise
 
@@ -44,88 +45,12 @@ _BELOW = 0.3  # of the wanted error to aim at, when a tolerance has missed it
 _CHANGES = (1e-9, 1e-13, 1e-15)  # of each step, relative, to see what rounding does
 _LINEAR = 0.1  # of the scale: motions farther apart have left each other
 _MEDIAN = 0.6745  # of the size of a normal variable, in standard deviations
-_SURE = (
-    5.0  # spreads of two draws that a promised digit is away from rounding; 1 in 26 errs by more
-)
 _MORE = 1.3  # times the steps that a finer solution takes
 _DRAWS = 2  # of random changes; with one, the effects of two steps may cancel
+_NEAR = 1.5  # digits from the limit, within which two draws do not tell on which side
+_DRAWS_AT_LIMIT = 6
+_AT_LIMIT = 1e-12  # tolerance whose finer solution is the one that the limit is measured on
 _EPS = float(np.finfo(float).eps)
-
-
-class Estimate(eqx.Module):
-    """How far a solution is from the exact one.
-
-    Attributes:
-      ts: (s,) times [s].
-      ys: (s, k) the solution that it is about.
-      error: (s, k) estimated absolute error of each entry, in its unit.
-      rounding: (s, k) the part of it that no tolerance removes; NaN where not looked for.
-      scale: (k,) what errors are measured by: the largest entry of the same unit. Angles are
-        taken modulo a turn.
-      kind: what the estimate rests on.
-      solver: name of the method of the solution.
-      other: name of the method of the second solution.
-      wanted: () digits that were asked for, if any were.
-      fineness: (2,) tolerances, or steps, of the solution and of the second one.
-    """
-
-    ts: Array
-    ys: Array
-    error: Array
-    rounding: Array
-    scale: Array
-    fineness: Array
-    kind: str = eqx.field(static=True)
-    solver: str = eqx.field(static=True)
-    other: str = eqx.field(static=True)
-    wanted: Array | float | None = None
-
-    @property
-    def relative(self) -> float:
-        """Largest error over all times and entries, by scale; NaN if a run failed; host only."""
-        return float(np.max(np.asarray(self.error) / np.asarray(self.scale)))
-
-    @property
-    def digits(self) -> float:
-        """How many digits are right everywhere, 0 if none; NaN if a run failed; host only."""
-        return _digits(self.relative)
-
-    @property
-    def most_digits(self) -> float:
-        """How many digits doubles are sure to give this motion with any solver; host only."""
-        return _digits(_SURE * np.max(np.asarray(self.rounding) / np.asarray(self.scale)))
-
-    @property
-    def basis(self) -> str:
-        """What the estimate rests on, in words; host only."""
-        mine, its = np.asarray(self.fineness)
-        return f"{self.kind}: {self.solver} at {mine:.1e} against {self.other} at {its:.1e}"
-
-    @property
-    def shortfall(self) -> str:
-        """What is missing to the digits asked for, and what to do; empty if nothing; host only."""
-        sure = min(self.digits, self.most_digits)
-        if self.wanted is None or not sure < self.wanted:
-            return ""
-        held = self.until(self.wanted)
-        where = "at no sample" if np.isnan(held) else f"up to t = {held:.6g}"
-        return (
-            f"{self.wanted:g} digits were asked for; over the whole span {sure:.1f} are sure, all "
-            f"of them {where}. Rounding is amplified to where no solver is sure to give more than "
-            f"{self.most_digits:.1f}: shorten the span."
-        )
-
-    def until(self, digits: float) -> float:
-        """Time up to which that many digits are sure; NaN if not even at the start; host only."""
-        off = np.maximum(self.error, _SURE * np.nan_to_num(self.rounding))
-        # Not >, or a run that failed, whose errors are NaN, would be right to its end.
-        wrong = ~((off / np.asarray(self.scale)).max(axis=1) <= 10.0**-digits)
-        first = int(np.argmax(wrong)) if wrong.any() else len(wrong)
-        return float(self.ts[first - 1]) if first else float("nan")
-
-
-def _digits(error) -> float:
-    return max(0.0, -float(np.log10(error))) if np.isfinite(error) else float("nan")
 
 
 def scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
@@ -150,7 +75,7 @@ def _differences(system, ys, others):
 
 
 def measured(
-    run: Run, scene: Scene, ts: Array, tolerance: np.ndarray, names: Names, by=None, floor=None
+    run: Run, scene: Scene, ts: Array, tolerance: np.ndarray, names: Names, by=None
 ) -> tuple[Any, Estimate]:
     """The solution at a tolerance, and how far it is from a finer one and from rounding.
 
@@ -161,17 +86,44 @@ def measured(
       tolerance: (2,) relative and absolute.
       names: of the estimate, of the solver, and of the finer one's solver.
       by: runs the finer one; `run` if left out.
-      floor: (s, k) the `rounding` of these states, where it is known.
     """
-    by = by or run
+    rungs = _rungs(run, by or run, scene, tolerance)
+    floor = rounding(by or run, scene, rungs.fine, rungs.finer)
+    return rungs.result, _estimated(rungs, scene, ts, floor, names)
+
+
+class _Rungs(NamedTuple):
+    """A solution at a tolerance, and two (s, k) beside it.
+
+    Attributes:
+      result: the solution.
+      fine: states of a finer one.
+      beside: states of one about as fine as that.
+      tolerance: (2,) of the solution.
+      finer: (2,) of the finer one.
+    """
+
+    result: Any
+    fine: np.ndarray
+    beside: np.ndarray
+    tolerance: np.ndarray
+    finer: np.ndarray
+
+
+def _rungs(run: Run, by: Run, scene: Scene, tolerance: np.ndarray) -> _Rungs:
     result = run(scene, tolerance)
     fine, finer = _finer(by, scene, tolerance, int(result.steps))
-    floor = rounding(by, scene, fine, finer) if floor is None else floor
-    ys, beside = np.asarray(result.ys), np.asarray(by(scene, _beside(finer)).ys)
-    off = gaps(scene, ys, fine) + np.nan_to_num(0.5 * gaps(scene, fine, beside))
+    beside = np.asarray(by(scene, _beside(finer)).ys)
+    return _Rungs(result, fine, beside, tolerance, finer)
+
+
+def _estimated(rungs: _Rungs, scene: Scene, ts: Array, floor: np.ndarray, names: Names) -> Estimate:
+    """The estimate that rests on them, where rounding moves the states by `floor` (s, k)."""
+    ys, fine = np.asarray(rungs.result.ys), rungs.fine
+    off = gaps(scene, ys, fine) + np.nan_to_num(0.5 * gaps(scene, fine, rungs.beside))
     error = _expected(np.abs(off), floor, ys, finer=2)
-    pair = np.array([tolerance[0], finer[0]])
-    return result, Estimate(ts, result.ys, error, floor, scales(scene, fine), pair, *names)
+    pair = np.array([rungs.tolerance[0], rungs.finer[0]])
+    return Estimate(ts, rungs.result.ys, error, floor, scales(scene, fine), pair, *names)
 
 
 def reached(
@@ -198,15 +150,17 @@ def reached(
             "digits", f"between 1 and {MOST_DIGITS}", digits, "Doubles have not quite 16."
         )
     wanted = 10.0**-digits
+    names = ("tolerance ladder", solver, solver)
     size, floor = 1.0, None
     rtol = min(wanted, _COARSEST)
     for _ in range(_TRIES):
         rtol = max(rtol, FINEST)
-        tolerance = np.array([rtol, rtol * size])
-        names = ("tolerance ladder", solver, solver)
-        result, found = measured(run, scene, ts, tolerance, names, floor=floor)
-        floor, least = found.rounding, float(np.min(found.scale))
-        missed = float(np.max((found.error + _SURE * floor) / found.scale)) / wanted
+        rungs = _rungs(run, run, scene, np.array([rtol, rtol * size]))
+        if floor is None:
+            floor = _limit(run, scene, rungs, digits)
+        result, found = rungs.result, _estimated(rungs, scene, ts, floor, names)
+        least = float(np.min(found.scale))
+        missed = float(np.max((found.error + SURE * floor) / found.scale)) / wanted
         short = found.most_digits < digits
         # Entries that are small in their unit need an absolute tolerance as small.
         if not (missed > 1 or short) or (rtol <= FINEST and least >= size):
@@ -283,7 +237,27 @@ def _finer(
     return (np.full_like(np.asarray(result.ys), np.nan), tolerance) if ys is None else (ys, used)
 
 
-def rounding(run: Run, scene: Scene, ys: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
+def _limit(run: Run, scene: Scene, rungs: _Rungs, digits: float) -> np.ndarray:
+    """(s, k) what rounding moves the states by; the same for all numbers of digits near the limit.
+
+    Two random changes show it to a factor of ten or so, and it depends somewhat on the steps.
+    Where that could decide whether so many digits are possible, it is measured by more of them and
+    at the same tolerance for every wanted number of digits, so that the limit is one number.
+    """
+    floor = rounding(run, scene, rungs.fine, rungs.finer)
+    scale = scales(scene, rungs.fine)
+    if digits_of(SURE * np.max(floor / scale)) > digits + _NEAR:
+        return floor
+    # A power of ten, since the scale of another solution differs in its last digits.
+    least = 10.0 ** np.floor(np.log10(np.min(scale)))
+    start = _AT_LIMIT * np.array([1.0, least])
+    fine, finer = _finer(run, scene, start, 0)
+    return rounding(run, scene, fine, finer, draws=_DRAWS_AT_LIMIT)
+
+
+def rounding(
+    run: Run, scene: Scene, ys: np.ndarray, tolerance: np.ndarray, draws: int = _DRAWS
+) -> np.ndarray:
     """(s, k) how far rounding moves the states `ys` that `run` finds at a tolerance.
 
     The root mean square of what random changes of each step move the states by, scaled from
@@ -294,7 +268,7 @@ def rounding(run: Run, scene: Scene, ys: np.ndarray, tolerance: np.ndarray) -> n
     found = np.broadcast_to(scale, ys.shape).copy()
     known = np.zeros(len(ys), bool)
     for size in _CHANGES:
-        noises = [Noise(np.asarray(size), np.asarray(draw, np.uint64)) for draw in range(_DRAWS)]
+        noises = [Noise(np.asarray(size), np.asarray(draw, np.uint64)) for draw in range(draws)]
         moved = [gaps(scene, np.asarray(run(scene, tolerance, noise).ys), ys) for noise in noises]
         spread = np.sqrt(np.mean(np.square(moved), axis=0))
         close = np.logical_and.accumulate((spread / scale <= _LINEAR).all(axis=1))

@@ -61,8 +61,8 @@ def simulate(
         span is divided into equal steps.
       digits: how many should be right at all samples, instead of rtol and atol: the tolerance
         is found, and the estimate that it rests on is `Trajectory.error`. Digits that rounding
-        may spoil are not promised. Takes 5 to 12 times as long as one solve, and no longer to
-        compile; host only.
+        may spoil are not promised. Takes 5 to 12 times as long as one solve, up to 20 times
+        where rounding leaves about as many digits, and no longer to compile; host only.
       max_steps: when to give up.
       throw: raise on any status but OK; with False look at `Trajectory.status`.
     Returns:

@@ -1,4 +1,4 @@
-"""What a simulation returns: a motion at sampled times, or a batch of motions."""
+"""What a simulation returns: a motion at sampled times, or a batch, and how accurate it is."""
 
 import functools
 from collections.abc import Callable
@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.integrate import ladder
 from jaxdyn.integrate.flow import Settings, flow
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.scene import Scene
@@ -28,7 +27,86 @@ _TOO_LONG = (
 )
 _ELSEWHERE = 0.05  # of the way of a step: more is no step of this motion
 _CHECK_RTOL, _CHECK_STEPS = 1e-6, 10_000  # of the adaptive steps that tell
+#: Spreads of two draws that a promised digit is away from rounding; 1 in 26 errs by more.
+SURE = 5.0
 T = TypeVar("T")
+
+
+class Estimate(eqx.Module):
+    """How far a solution is from the exact one.
+
+    Attributes:
+      ts: (s,) times [s].
+      ys: (s, k) the solution that it is about.
+      error: (s, k) estimated absolute error of each entry, in its unit.
+      rounding: (s, k) the part of it that no tolerance removes; NaN where not looked for.
+      scale: (k,) what errors are measured by: the largest entry of the same unit. Angles are
+        taken modulo a turn.
+      kind: what the estimate rests on.
+      solver: name of the method of the solution.
+      other: name of the method of the second solution.
+      wanted: () digits that were asked for, if any were.
+      fineness: (2,) tolerances, or steps, of the solution and of the second one.
+    """
+
+    ts: Array
+    ys: Array
+    error: Array
+    rounding: Array
+    scale: Array
+    fineness: Array
+    kind: str = eqx.field(static=True)
+    solver: str = eqx.field(static=True)
+    other: str = eqx.field(static=True)
+    wanted: Array | float | None = None
+
+    @property
+    def relative(self) -> float:
+        """Largest error over all times and entries, by scale; NaN if a run failed; host only."""
+        return float(np.max(np.asarray(self.error) / np.asarray(self.scale)))
+
+    @property
+    def digits(self) -> float:
+        """How many digits are right everywhere, 0 if none; NaN if a run failed; host only."""
+        return digits_of(self.relative)
+
+    @property
+    def most_digits(self) -> float:
+        """How many digits doubles are sure to give this motion with any solver; host only."""
+        return digits_of(SURE * np.max(np.asarray(self.rounding) / np.asarray(self.scale)))
+
+    @property
+    def basis(self) -> str:
+        """What the estimate rests on, in words; host only."""
+        mine, its = np.asarray(self.fineness)
+        return f"{self.kind}: {self.solver} at {mine:.1e} against {self.other} at {its:.1e}"
+
+    @property
+    def shortfall(self) -> str:
+        """What is missing to the digits asked for, and what to do; empty if nothing; host only."""
+        sure = min(self.digits, self.most_digits)
+        if self.wanted is None or not sure < self.wanted:
+            return ""
+        held = self.until(self.wanted)
+        where = "at no sample" if np.isnan(held) else f"up to t = {held:.6g}"
+        return (
+            f"{self.wanted:g} digits were asked for; over the whole span {sure:.1f} are sure, all "
+            f"of them {where}. Rounding is amplified to where no solver is sure to give more than "
+            f"{self.most_digits:.1f}: shorten the span."
+        )
+
+    def until(self, digits: float) -> float:
+        """Time up to which that many digits are sure; NaN if not even at the start; host only."""
+        off = np.maximum(self.error, SURE * np.nan_to_num(self.rounding))
+        # Not >, or a run that failed, whose errors are NaN, would be right to its end.
+        wrong = ~((off / np.asarray(self.scale)).max(axis=1) <= 10.0**-digits)
+        first = int(np.argmax(wrong)) if wrong.any() else len(wrong)
+        return float(self.ts[first - 1]) if first else float("nan")
+
+
+def digits_of(error) -> float:
+    """() how many digits a relative error leaves, 0 if none; NaN for one that is not finite."""
+    return max(0.0, -float(np.log10(error))) if np.isfinite(error) else float("nan")
 
 
 class Trajectory(eqx.Module):
@@ -58,7 +136,7 @@ class Trajectory(eqx.Module):
     rejected: Array
     status: Array
     stiff: Array | bool = False
-    error: ladder.Estimate | None = None
+    error: Estimate | None = None
     dt: Array | None = None
     method: Method | None = eqx.field(static=True, default=None)
 
