@@ -159,8 +159,8 @@ class Trajectory(eqx.Module):
     def warning(self) -> str:
         """What is not wrong but could be better, and what to do; empty if nothing; host only."""
         parts = [_STIFF] if np.any(self.stiff) else []
-        single = self.method is not None and self.ok and not self.lanes
-        parts += [_TOO_LONG] if single and not np.all(_steps_agree(self)) else []
+        checkable = self.method is not None and self.ok
+        parts += [_TOO_LONG] if checkable and not np.all(_steps_agree(self)) else []
         parts += [self.error.shortfall] if self.error and self.error.shortfall else []
         return " ".join(parts)
 
@@ -233,6 +233,7 @@ def raise_unless_ok(status: Array, scene: Scene) -> None:
 
 
 @eqx.filter_jit
+@each_motion
 def _steps_agree(motion: Trajectory) -> Array:
     """(s,) whether a step of fixed length from each sample leads where adaptive ones lead."""
     field, h, method = motion.scene.field, motion.dt, motion.method

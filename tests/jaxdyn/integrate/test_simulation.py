@@ -228,6 +228,56 @@ def test_what_a_batch_says_of_itself(swings):
         grid.one(1)
 
 
+#: Of the methods the one that compiles fastest.
+QUICK = {"solver": RK4, "dt": 0.1}
+#: Ways to a batch of pendulums: over the numbers of the scene, scenes, starts, ends of the span.
+BATCHES = {
+    "scenes": lambda of: jax.vmap(of)(jax.vmap(lambda x: scenes.pendulum(angle=x))(ANGLES)),
+    "scenes within jit": lambda of: jax.jit(jax.vmap(of))(
+        jax.vmap(lambda x: scenes.pendulum(angle=x))(ANGLES)
+    ),
+    "starts": lambda of: jax.vmap(lambda y: of(scenes.pendulum().starting(y)))(
+        jnp.stack([ANGLES, 0 * ANGLES], axis=1)
+    ),
+    "one after the other": lambda of: jax.lax.map(lambda x: of(scenes.pendulum(angle=x)), ANGLES),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", BATCHES)
+def test_all_ways_to_a_batch_give_its_motions(way):
+    def swing(scene):
+        return simulate(scene, 1.0, samples=5, **QUICK)
+
+    batch = BATCHES[way](swing)
+    assert (batch.lanes, batch["theta"].shape, batch.r.shape) == ((2,), (2, 5), (2, 5, 1, 2))
+    for i, angle in enumerate(ANGLES):
+        alone = swing(scenes.pendulum(angle=angle))
+        assert gap(batch.one(i).ys, alone.ys) < EXACT
+        assert gap(batch["theta"][i], alone["theta"]) < EXACT
+        assert abs(energy.drift(batch)[i] - energy.drift(alone)) < EXACT
+
+
+@pytest.mark.slow
+def test_a_batch_of_spans_has_times_of_its_own():
+    ends = jnp.array([0.5, -2.0])
+    batch = jax.vmap(lambda t1: simulate(scenes.pendulum(), t1, samples=5, **QUICK))(ends)
+    for i, end in enumerate(ends):
+        alone = simulate(scenes.pendulum(), end, samples=5, **QUICK)
+        assert gap(batch.ts[i], alone.ts) < EXACT
+        assert gap(batch["theta"][i], alone["theta"]) < EXACT
+
+
+@pytest.mark.slow
+def test_a_batch_with_too_long_steps_says_so():
+    def orbit(dt):
+        return simulate(kepler(0.9), 6.0, samples=9, solver=RK4, dt=dt)
+
+    batch = jax.vmap(orbit)(jnp.array([0.001, 0.3]))
+    assert "too long for parts of the motion" in batch.warning
+    assert (batch.one(0).warning, batch.one(1).warning) == ("", batch.warning)
+
+
 def test_a_batch_of_scenes_with_points_keeps_their_names():
     def fall(m):
         scene = Scene(FreePoints(m * jnp.ones(3)), (UniformGravity(),), y0=jnp.ones(12))
