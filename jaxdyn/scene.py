@@ -13,8 +13,9 @@ recompiles. Constructors check nothing, since they also run inside traces; entry
 """
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import Any
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -22,39 +23,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _shapes
+from jaxdyn.field import Field as Field
+from jaxdyn.field import VectorField
 from jaxdyn.sketch import Shape
 from jaxdyn.system import Effect as Effect
 from jaxdyn.system import Points as Points
 from jaxdyn.system import System as System
-
-
-class Field(NamedTuple):
-    """A system with its effects, without a start: what integrators and Jacobians need.
-
-    A tuple, not a module: it is made at each call of a solver, in a tenth of the time.
-    """
-
-    system: System
-    effects: tuple[Effect, ...]
-
-    def rate(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
-        """The vector field dy/dt."""
-        return self.system.rate(t, y, self.effects)
-
-    def points(self, t: Array, y: Float[Array, " k"]) -> Points:
-        """The material points; raises ValueError if the system has none."""
-        points = self.system.points(t, y)
-        if not len(points.m):
-            raise _checks.fail("scene", "one with material points", type(self.system).__name__)
-        return points
-
-    def project(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
-        """The nearest state that satisfies the system's constraints."""
-        return self.system.project(t, y)
-
-    def undetermined(self, t: Array, y: Array) -> Array | None:
-        """Whether () the constraints leave the motion open at a state (k,)."""
-        return self.system.undetermined(t, y)
 
 
 class Scene(eqx.Module):
@@ -93,6 +67,27 @@ class Scene(eqx.Module):
     def rate(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
         """The vector field dy/dt."""
         return self.field.rate(t, y)
+
+    @property
+    def vector_field(self) -> VectorField:
+        """`rate` as a function (t, y) of its own, for other libraries; see `VectorField`."""
+        self.check()
+        return VectorField(self.field)
+
+    def term(self) -> diffrax.ODETerm:
+        """The scene's rate as a term for ``diffrax.diffeqsolve``, which then finds its motion.
+
+        Its derivatives by the numbers of the scene are those of diffrax's adjoints. Projection
+        onto constraints has no part in it: they hold as well as the tolerance.
+
+        Example:
+          >>> from jaxdyn import scenes
+          >>> scene = scenes.oscillator()
+          >>> run = diffrax.diffeqsolve(scene.term(), diffrax.Tsit5(), 0.0, 1.0, 0.01, scene.y0)
+          >>> bool(abs(run.ys[0, 0] - jnp.cos(1.0)) < 1e-9)
+          True
+        """
+        return diffrax.ODETerm(self.vector_field)
 
     def points(self, t: Array, y: Float[Array, " k"]) -> Points:
         """The material points; raises ValueError if the system has none."""

@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._roots import root
+from jaxdyn.analysis._roots import root
 from jaxdyn.analysis.eigenvalues import map_eigenvalues, map_verdict
 from jaxdyn.analysis.monodromy import (
     RTOL,

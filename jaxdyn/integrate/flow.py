@@ -27,7 +27,8 @@ from jaxtyping import Array, Float
 
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.integrate.step_control import FixedSteps, Limits, StepControl, Watch, steps_of
-from jaxdyn.solvers import Method, Stepper, is_stiff
+from jaxdyn.solvers import Method
+from jaxdyn.solvers.stepper import Stepper, is_stiff
 from jaxdyn.status import Status
 
 #: Operations of a rate from which on the loop over stages runs as fast as written-out stages

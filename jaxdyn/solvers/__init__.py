@@ -33,12 +33,11 @@ from jaxdyn.solvers.compositions import (
     VERLET,
     Composition,
 )
-from jaxdyn.solvers.exchange import DOPRI8, from_diffrax
+from jaxdyn.solvers.exchange import DOPRI8, from_diffrax, to_diffrax
 from jaxdyn.solvers.gauss import GAUSS8, GAUSS12, Gauss
 from jaxdyn.solvers.method import Advance, Method
 from jaxdyn.solvers.pairs import EULER, NYSTROM12, RK4, VERNER9, Pair
 from jaxdyn.solvers.radau import RADAU5, RADAU9, Radau
-from jaxdyn.solvers.stepper import Stepper, is_stiff
 from jaxdyn.solvers.stoermer import STOERMER14, STOERMER18, Stoermer
 from jaxdyn.solvers.taylor.method import TAYLOR8, TAYLOR12, TAYLOR16, TAYLOR20, Taylor, has_series
 
@@ -69,11 +68,10 @@ __all__ = [
     "Pair",
     "Radau",
     "Solver",
-    "Stepper",
     "Stoermer",
     "Taylor",
     "default_solver",
     "from_diffrax",
     "has_series",
-    "is_stiff",
+    "to_diffrax",
 ]

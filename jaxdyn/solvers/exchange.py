@@ -1,11 +1,23 @@
-"""Solvers exchanged with diffrax: its explicit Runge-Kutta solvers as methods of ours."""
+"""Solvers exchanged with diffrax: its explicit Runge-Kutta solvers as methods, methods as its own.
+
+`from_diffrax` takes the table of a solver, `to_diffrax` makes a solver of any method. The dense
+output of such a solver is the Hermite polynomial of states within the step, each of them one step
+of the method from its left end, and of the slopes there, as many as its order asks for.
+"""
 
 import functools
+from typing import Any, ClassVar
 
 import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from jaxdyn import _checks
+from jaxdyn._numerics import two_sum
+from jaxdyn.solvers.method import Method
 from jaxdyn.solvers.pairs import EULER, Pair
 
 Rows = tuple[tuple[float, ...], ...]
@@ -80,6 +92,147 @@ def _unsuitable(solver, table) -> tuple[str, str]:
     if not isinstance(table, diffrax.ButcherTableau) or solver.order(None) is None:
         return "which has no Butcher tableau of an ODE", "Take one of jaxdyn.solvers."
     return "", ""
+
+
+class HermiteStep(diffrax.AbstractLocalInterpolation):
+    """The polynomial through states and slopes at nodes of a step.
+
+    Attributes:
+      t0: () begin of the step.
+      t1: () end of the step.
+      y0: (k,) state at its begin.
+      increments: (m, k) how far the states at the m nodes are from y0.
+      slopes: (m, k) rates there times the step.
+    """
+
+    t0: Array
+    t1: Array
+    y0: Array
+    increments: Float[Array, "m k"]
+    slopes: Float[Array, "m k"]
+
+    def evaluate(self, t0, t1=None, left=True) -> Array:
+        """(k,) state at t0, or its change from t0 to t1."""
+        del left
+        if t1 is not None:
+            return self.evaluate(t1) - self.evaluate(t0)
+        at = (t0 - self.t0) / (self.t1 - self.t0)
+        nodes = _nodes(len(self.slopes))
+        # Products, not powers of the time: coefficients of powers lose six digits at order 12.
+        away = at - jnp.asarray(nodes)
+        others = [np.delete(np.arange(len(nodes)), j) for j in range(len(nodes))]
+        base = [jnp.prod(away[i] / (nodes[j] - nodes[i])) for j, i in enumerate(others)]
+        tilt = [np.sum(1 / (nodes[j] - nodes[i])) for j, i in enumerate(others)]
+        square = jnp.stack(base) ** 2
+        values = (1 - 2 * away * np.array(tilt)) * square
+        return self.y0 + values @ self.increments + (away * square) @ self.slopes
+
+
+@functools.cache
+def _nodes(m: int) -> np.ndarray:
+    """(m,) parts of a step, from 0 to 1, denser at its ends so that the polynomial stays close."""
+    return 0.5 - 0.5 * np.cos(np.pi * np.arange(m) / (m - 1))
+
+
+class _Handed(diffrax.AbstractSolver):
+    """A method as a solver of diffrax; its state is what rounding left out of the last sum."""
+
+    method: Method = eqx.field(static=True)
+    term_structure: ClassVar = diffrax.ODETerm
+    interpolation_cls: ClassVar = HermiteStep
+
+    def order(self, terms):
+        del terms
+        return self.method.order
+
+    def error_order(self, terms):
+        del terms
+        return self.method.error_order
+
+    def init(self, terms, t0, t1, y0, args):
+        del t1
+        if not isinstance(y0, Array | np.ndarray) or y0.ndim != 1 or y0.dtype != float:
+            got = getattr(y0, "aval", type(y0).__name__)
+            raise _checks.fail("y0", "one array (k,) of 64-bit floats", got, "Join its parts.")
+        if not self.method.position_only:
+            return jnp.zeros_like(y0)
+        half, odd = divmod(y0.size, 2)
+        if odd:
+            raise _checks.fail("y0", "[q, v], as long as each other", f"{y0.size} entries")
+        blind = terms.vf(t0, y0.at[half:].set(jnp.nan), args)[half:]
+        rate = terms.vf(t0, y0, args)
+        fits = (rate[:half] == y0[half:]).all() & jnp.array_equal(rate[half:], blind)
+        remedy = "It requires dq/dt = v and dv/dt free of v; solvers.VERNER9 requires neither."
+        message = str(_checks.fail("solver", "one for any rate", self.method.name, remedy))
+        return eqx.error_if(jnp.zeros_like(y0), ~fits, message)
+
+    def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
+        del made_jump
+        # Backwards in time diffrax counts t upwards and turns the control about: h < 0.
+        h = terms.contr(t0, t1)
+        sign = jnp.where(h < 0, -1.0, 1.0)
+        method, start = self.method.in_loops(1), sign * t0
+
+        def field(t, y):
+            return terms.vf(sign * t, y, args)
+
+        found = method.advance(field, start, h, y0)
+        y1, carry = two_sum(y0, solver_state + found.rest, found.increment)
+
+        def within(part):
+            increment = method.advance(field, start, part * h, y0).increment
+            return increment, h * field(start + part * h, y0 + increment)
+
+        # Not computed where nothing is asked for between steps.
+        ends = jnp.zeros_like(y0), y1 - y0
+        begin, end = h * field(start, y0), h * field(start + h, y1)
+        nodes = _nodes(max(2, (self.method.order + 2) // 2))
+        increments, slopes = jax.lax.map(within, jnp.asarray(nodes[1:-1]))
+        dense = {
+            "y0": y0,
+            "increments": jnp.concatenate([ends[0][None], increments, ends[1][None]]),
+            "slopes": jnp.concatenate([begin[None], slopes, end[None]]),
+        }
+        result = diffrax.RESULTS.where(
+            jnp.asarray(found.converged),
+            diffrax.RESULTS.successful,
+            diffrax.RESULTS.nonlinear_divergence,
+        )
+        return y1, found.error if self.method.adaptive else None, dense, carry, result
+
+    def func(self, terms, t0, y0, args) -> Any:
+        return terms.vf(t0, y0, args)
+
+
+def to_diffrax(method: Method) -> diffrax.AbstractSolver:
+    """A method of `jaxdyn.solvers` as a solver for ``diffrax.diffeqsolve``.
+
+    Sums are compensated; between steps ``SaveAt(ts=...)`` and ``SaveAt(dense=True)`` are as right
+    as the steps.
+
+    Args:
+      method: any. One of fixed step takes ``diffrax.ConstantStepSize``; one for positions only,
+        such as `NYSTROM12`, requires a state [q, v] with dq/dt = v and dv/dt free of v; the solve
+        fails with a message if a look at its start shows another.
+    Raises:
+      ValueError: no method; in the solve, a state that is not one array (k,) of 64-bit floats.
+    Limits: samples cost: output between steps takes a few more steps within each, half as many as
+      the order of the method. Constraints of a scene hold as well as the tolerance, since nothing
+      projects states onto them. Methods that iterate (`Gauss`, `Radau`) have no reverse mode.
+    Example:
+      >>> import diffrax
+      >>> from jaxdyn.solvers import VERNER9
+      >>> term = diffrax.ODETerm(lambda t, y, args: -y)
+      >>> run = diffrax.diffeqsolve(
+      ...     term, to_diffrax(VERNER9), 0.0, 1.0, 0.1, jnp.ones(1),
+      ...     stepsize_controller=diffrax.PIDController(1e-12, 1e-12),
+      ... )
+      >>> abs(float(run.ys[0, 0]) - np.exp(-1)) < 1e-12
+      True
+    """
+    if not isinstance(method, Method):
+        raise _checks.fail("method", "one of jaxdyn.solvers", repr(method))
+    return _Handed(method)
 
 
 #: Prince and Dormand (1981), 13 stages, as diffrax has it: the second opinion on the others.

@@ -9,11 +9,13 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable
-from typing import ClassVar, NamedTuple, TypeVar
+from typing import ClassVar, NamedTuple, NoReturn, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
+
+from jaxdyn import _checks
 
 Field = Callable[[Array, Array], Array]
 
@@ -84,6 +86,12 @@ class Method(abc.ABC):
         """
         del n
         return self
+
+    @property
+    def term_structure(self) -> NoReturn:
+        """What diffrax asks of a solver first; raises ValueError that says how to hand it over."""
+        remedy = "Pass jaxdyn.solvers.to_diffrax(...) of it."
+        raise _checks.fail("solver", "a solver of diffrax", f"{self.name} of jaxdyn", remedy)
 
     @abc.abstractmethod
     def advance(self, field: Field, t: Array, h: Array, y: Array) -> Advance:

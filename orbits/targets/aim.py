@@ -18,7 +18,7 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive
-from jaxdyn._roots import root
+from jaxdyn.analysis._roots import root
 from orbits.targets.launch import angle_of, checked_throw, followed, landings
 from orbits.targets.ranges import COURSES, LOOK, SAME, WIDER, Aim, best_courses, turns
 

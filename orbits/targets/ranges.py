@@ -7,7 +7,7 @@ other as steep ones; see `launch`.
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._roots import root
+from jaxdyn.analysis._roots import root
 from jaxdyn.status import Code
 from orbits.targets.launch import Landings, followed, landings
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import scenes
-from jaxdyn._roots import root
+from jaxdyn.analysis._roots import root
 from jaxdyn.effects import CentralForce, PowerLaw
 from orbits.orbit import SearchError
 

@@ -1,4 +1,4 @@
-"""Solvers exchanged with diffrax: its tables as our methods, wherever a solver is taken."""
+"""Solvers exchanged with diffrax: its tables as our methods, our methods as its solvers."""
 
 from typing import ClassVar
 
@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import EXACT, gap
+from helpers import EXACT, gap, kepler, kepler_state
 from references.order_conditions import OrderConditions
 
 from jaxdyn import Effect, Scene, ensemble, scenes, simulate, solve, until
@@ -18,7 +18,20 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate import phases
 from jaxdyn.integrate.events import Reaches
 from jaxdyn.integrate.phase import END, Exit, Phase
-from jaxdyn.solvers import DOPRI8, EULER, from_diffrax
+from jaxdyn.solvers import (
+    DOPRI8,
+    EULER,
+    GAUSS12,
+    KAHAN_LI8,
+    NYSTROM12,
+    RADAU9,
+    RK4,
+    STOERMER14,
+    TAYLOR12,
+    VERNER9,
+    from_diffrax,
+    to_diffrax,
+)
 from orbits.motion import advanced
 
 
@@ -211,3 +224,98 @@ def test_logarithmic_time_takes_solvers_of_diffrax():
     s = logarithmic_span(scene, 1.0)
     ends = [solve_regularised(scene, 1.0, s, solver=x).y1 for x in (diffrax.Tsit5(), None)]
     assert gap(*ends) < 1e-6
+
+
+def _diffeqsolve(scene, method, t1=2.0, **how):
+    control = diffrax.PIDController(rtol=1e-12, atol=1e-12)
+    if not method.adaptive:
+        control = diffrax.ConstantStepSize()
+    dt = None if method.adaptive else 0.02
+    how = {"stepsize_controller": control, "max_steps": 512} | how
+    return diffrax.diffeqsolve(scene.term(), to_diffrax(method), 0.0, t1, dt, scene.y0, **how)
+
+
+#: Methods of all kinds, and the error of their motions of two bodies at a tolerance of 1e-12, or of
+#: their steps of 0.02.
+HANDED = [(VERNER9, 1e-11)]
+HANDED += [
+    pytest.param(method, error, marks=pytest.mark.slow)
+    for error, methods in {
+        1e-10: (STOERMER14, TAYLOR12),
+        1e-5: (RK4,),
+        1e-11: (NYSTROM12, GAUSS12, KAHAN_LI8, RADAU9, from_diffrax(diffrax.Tsit5())),
+    }.items()
+    for method in methods
+]
+
+
+@pytest.mark.parametrize(("method", "error"), HANDED, ids=lambda x: getattr(x, "name", ""))
+def test_between_steps_a_method_in_diffrax_is_as_right_as_its_steps(method, error):
+    ts = np.linspace(0.0, 2.0, 33)
+    exact = np.array([kepler_state(0.3, t) for t in ts])
+    subs = [diffrax.SubSaveAt(ts=ts), diffrax.SubSaveAt(steps=True)]
+    run = _diffeqsolve(kepler(0.3), method, saveat=diffrax.SaveAt(subs=subs, dense=True))
+    n, nodes = int(run.stats["num_accepted_steps"]), run.ys[1]
+    steps = gap(nodes[:n], [kepler_state(0.3, float(t)) for t in run.ts[1][:n]])
+    assert steps < error
+    # A line between the nodes would be off by 1e-4 and more.
+    assert gap(run.ys[0], exact) < 1.1 * steps + EXACT
+    assert gap(jax.vmap(run.evaluate)(jnp.asarray(ts)), exact) < 1.1 * steps + EXACT
+    change = run.evaluate(ts[3], ts[7])
+    assert gap(change, exact[7] - exact[3]) < 2.2 * steps + EXACT
+    rates = jax.vmap(kepler(0.3).rate)(jnp.asarray(ts), jnp.asarray(exact))
+    assert gap(jax.vmap(run.derivative)(jnp.asarray(ts)), rates) < 100 * steps + 100 * EXACT
+    # Where nothing is saved between steps, it is the same motion.
+    assert gap(_diffeqsolve(kepler(0.3), method).ys[-1], nodes[n - 1]) < EXACT
+
+
+@pytest.mark.slow
+def test_methods_in_diffrax_go_backwards_and_have_derivatives():
+    back = _diffeqsolve(kepler(0.3), VERNER9, t1=-2.0, saveat=diffrax.SaveAt(ts=[-0.7, -2.0]))
+    assert gap(back.ys, [kepler_state(0.3, t) for t in (-0.7, -2.0)]) < 1e-10
+
+    def end(angle):
+        run = _diffeqsolve(scenes.pendulum(angle=angle), VERNER9, saveat=diffrax.SaveAt(ts=[1.5]))
+        return run.ys[0, 0]
+
+    slope = jax.grad(lambda angle: solve(scenes.pendulum(angle=angle), 1.5).y1[0])(1.0)
+    assert abs(jax.grad(end)(1.0) - slope) < 1e-9
+
+
+def test_diffrax_is_told_how_to_take_a_method():
+    scene = kepler(0.3)
+    with pytest.raises(ValueError, match=r"got Verner 9\(8\) of jaxdyn\. Pass .*to_diffrax"):
+        diffrax.diffeqsolve(scene.term(), VERNER9, 0.0, 1.0, 0.1, scene.y0)
+    with pytest.raises(ValueError, match=r"^method: expected one of jaxdyn\.solvers, got Tsit5"):
+        to_diffrax(diffrax.Tsit5())
+    with pytest.raises(RuntimeError, match="does not provide error estimates"):
+        _diffeqsolve(scene, RK4, stepsize_controller=diffrax.PIDController(rtol=1e-6, atol=1e-6))
+
+
+@pytest.mark.parametrize(
+    "rate",
+    [
+        lambda t, y, args: jnp.concatenate([y[2:], -y[:2] - 0.1 * y[2:]]),
+        lambda t, y, args: jnp.concatenate([2 * y[2:], -y[:2]]),
+    ],
+    ids=["drag", "momenta"],
+)
+def test_a_method_for_positions_refuses_other_rates_in_diffrax(rate):
+    with pytest.raises(RuntimeError, match=r"got Nystrom 12\(10\)\. It requires dq/dt = v"):
+        diffrax.diffeqsolve(
+            diffrax.ODETerm(rate), to_diffrax(NYSTROM12), 0.0, 1.0, 0.1, jnp.arange(4.0)
+        )
+
+
+@pytest.mark.parametrize(
+    ("y0", "message"),
+    [
+        ((jnp.ones(2), jnp.ones(2)), r"got tuple\. Join its parts"),
+        (jnp.ones((2, 2)), r"got float64\[2,2\]"),
+    ],
+)
+def test_states_of_other_forms_are_refused_in_diffrax(y0, message):
+    term = diffrax.ODETerm(lambda t, y, args: y)
+    wanted = rf"^y0: expected one array \(k,\) of 64-bit floats, {message}"
+    with pytest.raises(ValueError, match=wanted):
+        diffrax.diffeqsolve(term, to_diffrax(VERNER9), 0.0, 1.0, 0.1, y0)

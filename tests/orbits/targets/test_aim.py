@@ -12,7 +12,7 @@ import pytest
 from helpers import EXACT, SOLVED
 
 from jaxdyn import Effect, scenes
-from jaxdyn._roots import root
+from jaxdyn.analysis._roots import root
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity
 from jaxdyn.integrate import events
 from jaxdyn.integrate.simulation import solve

@@ -1,0 +1,106 @@
+"""A system with its effects, without a start: the rate that integrators and others are given.
+
+`Field` is what the compiled code of this library takes; `VectorField` is the same as one function,
+as other libraries take it.
+"""
+
+import functools
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxdyn import _checks
+from jaxdyn.system import Effect, Points, System
+
+
+class Field(NamedTuple):
+    """A system with its effects, without a start: what integrators and Jacobians need.
+
+    A tuple, not a module: it is made at each call of a solver, in a tenth of the time.
+    """
+
+    system: System
+    effects: tuple[Effect, ...]
+
+    def rate(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
+        """The vector field dy/dt."""
+        return self.system.rate(t, y, self.effects)
+
+    def points(self, t: Array, y: Float[Array, " k"]) -> Points:
+        """The material points; raises ValueError if the system has none."""
+        points = self.system.points(t, y)
+        if not len(points.m):
+            raise _checks.fail("scene", "one with material points", type(self.system).__name__)
+        return points
+
+    def project(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
+        """The nearest state that satisfies the system's constraints."""
+        return self.system.project(t, y)
+
+    def undetermined(self, t: Array, y: Array) -> Array | None:
+        """Whether () the constraints leave the motion open at a state (k,)."""
+        return self.system.undetermined(t, y)
+
+
+class VectorField(eqx.Module):
+    """The rate of a scene as a function of its own: f(t, y), or f(t, y, args) for diffrax.
+
+    NumPy in gives NumPy out, so that ``scipy.integrate.solve_ivp(scene.vector_field, ...)`` works.
+    It is compiled once for each kind of scene, whatever its numbers, and may be compiled,
+    differentiated and vmapped as any function of JAX. Equal ones, as of one scene, have the same
+    hash, so that ``jax.jit(scene.vector_field)`` is compiled once.
+
+    Attributes:
+      field: what moves and what acts on it.
+
+    Example:
+      >>> from scipy.integrate import solve_ivp
+      >>> from jaxdyn import scenes
+      >>> scene = scenes.oscillator()
+      >>> run = solve_ivp(scene.vector_field, (0.0, 1.0), np.asarray(scene.y0), rtol=1e-10)
+      >>> abs(run.y[0, -1] - np.cos(1.0)) < 1e-6
+      True
+    """
+
+    field: Field
+
+    def __call__(self, t: Any, y: Any, args: Any = None) -> Any:
+        """Rates (k,) of the state y (k,) at time t; `args` are not looked at."""
+        del args
+        _checks.float64()
+        labels = self.field.system.labels()
+        _checks.check_shape("y", np.shape(y), (len(labels),), "One entry for each of the state.")
+        rate = _rate(self.field, _float(t), _float(y))
+        given = isinstance(y, np.ndarray) and not _checks.is_traced(rate)
+        return np.asarray(rate) if given else rate
+
+    def _values(self) -> Any:
+        """What two of them are compared by; None while a number of it is traced."""
+        leaves, tree = jax.tree.flatten(self.field)
+        if _checks.is_traced(leaves):
+            return None
+        arrays = [np.asarray(x) for x in leaves]
+        return tree, tuple((x.shape, x.dtype.str, x.tobytes()) for x in arrays)
+
+    def __hash__(self) -> int:
+        return hash(self._values() or id(self))
+
+    def __eq__(self, other: object) -> bool:
+        if self is other or not isinstance(other, VectorField):
+            return self is other
+        values = self._values()
+        return values is not None and values == other._values()
+
+
+def _float(x: Any) -> Array | np.ndarray:
+    # Of JAX only what is: a conversion there costs more than the rate.
+    return jnp.asarray(x, float) if isinstance(x, jax.Array) else np.asarray(x, float)
+
+
+@functools.partial(jax.jit, inline=True)
+def _rate(field: Field, t: Array, y: Array) -> Array:
+    return field.rate(t, y)
