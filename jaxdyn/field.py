@@ -62,7 +62,7 @@ class VectorField(eqx.Module):
       >>> from jaxdyn import scenes
       >>> scene = scenes.oscillator()
       >>> run = solve_ivp(scene.vector_field, (0.0, 1.0), np.asarray(scene.y0), rtol=1e-10)
-      >>> abs(run.y[0, -1] - np.cos(1.0)) < 1e-6
+      >>> bool(abs(run.y[0, -1] - np.cos(1.0)) < 1e-6)
       True
     """
 

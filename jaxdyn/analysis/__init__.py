@@ -5,6 +5,7 @@ it), `constraints` (forces of rods, rank of ties); `regularised` and `approaches
 encounters. Stability: `linearize`, `steady` (steady motions), `floquet` (driven scenes),
 `precession`; `eigenvalues` decides it, for orbits from the `monodromy` matrix. `equilibria` finds
 rest points; the folder `rest_points` searches for them and proves that there are no others.
+`_roots` finds zeros of functions of one number, each in its bracket.
 
 May import: `integrate`, `formulations`.
 
