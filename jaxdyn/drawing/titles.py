@@ -103,17 +103,20 @@ def _words(module: eqx.Module) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(module).__name__.strip("_")).lower()
 
 
-def _numbers(module: eqx.Module) -> dict[str, str]:
-    """The numbers of a part and of the modules in it, by name; long arrays are left out."""
+def _numbers(part: eqx.Module | dict) -> dict[str, str]:
+    """The numbers of a part and of what is in it, by name; long arrays are left out."""
+    if isinstance(part, dict):
+        named = [(str(key), x) for key, x in part.items()]
+    else:
+        named = [(field.name, getattr(part, field.name)) for field in dataclasses.fields(part)]
     found = {}
-    for field in dataclasses.fields(module):
-        x = getattr(module, field.name)
+    for name, x in named:
         if isinstance(x, MaterialPoints):
             found |= _inertia(x)
-        elif isinstance(x, eqx.Module):
+        elif isinstance(x, eqx.Module | dict):
             found |= _numbers(x)
         elif eqx.is_array(x) and x.size <= _MOST:
-            found[field.name] = _written(x)
+            found[name] = _written(x)
     return found
 
 

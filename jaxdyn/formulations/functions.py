@@ -57,6 +57,12 @@ def _filled(cell: Any) -> bool:
         return False
 
 
+def name_of(function: Callable) -> str:
+    """The name of a function in words; "" for one without."""
+    name = getattr(function, "__name__", "")
+    return "" if name == "<lambda>" else name.strip("_").replace("_", " ")
+
+
 def checked_params(params: Any) -> Any:
     """The parameters with numbers as float arrays; None for none."""
     remedy = "A pytree of numbers: a number, a tuple, a dictionary, a module of arrays."

@@ -29,6 +29,7 @@ from jaxdyn.formulations.functions import (
     checked_function,
     checked_params,
     finite_params,
+    name_of,
     named,
 )
 from jaxdyn.formulations.mechanism import (
@@ -205,7 +206,8 @@ def lagrangian(
         of = eqx.Partial(called, function, params)
         _shapes.check_value(name, (), one, of, *values)
     system = Lagrangian(functions, params, named(names, "q", len(q0)))
-    return Scene(system, y0=jnp.concatenate([q0, v0]), t1=t1)
+    name = name_of(functions[0]) if len(functions) == 1 else ""
+    return Scene(system, y0=jnp.concatenate([q0, v0]), t1=t1, name=name)
 
 
 def _accelerations(L: Callable, t: Array, q: Array, v: Array, force: Array) -> Array:

@@ -16,6 +16,7 @@ from jaxdyn.formulations.functions import (
     checked_function,
     checked_params,
     finite_params,
+    name_of,
     named,
     vector,
 )
@@ -123,7 +124,7 @@ def ode(
     if energy is not None:
         one = "An energy is one number."
         _shapes.check_value("energy", (), one, lambda t, y: called(energy, params, t, y), t, y0)
-    scene = Scene(system, y0=y0, t1=t1)
+    scene = Scene(system, y0=y0, t1=t1, name=name_of(rate))
     if second_order and not _checks.is_traced(scene):
         scene.check()  # `solve` would not, and a wrong claim gives wrong motions
     return scene

@@ -15,6 +15,7 @@ from jaxdyn import ensemble, scenes, simulate, solve
 from jaxdyn.analysis import energy
 from jaxdyn.analysis.linearize import modes
 from jaxdyn.drawing import contents, time_series
+from jaxdyn.drawing.titles import describe
 from jaxdyn.files.tables import columns, write_csv
 from jaxdyn.integrate.events import Reaches
 from jaxdyn.solvers import NYSTROM12, VERNER9
@@ -192,6 +193,7 @@ def test_a_state_is_drawn_and_written_by_its_names(tmp_path):
     drawn = contents.paths(motion)
     assert (drawn.labels, drawn.equal) == (("q", "v [1/s]"), False)
     assert contents.paths(simulate(HUNT, samples=20)).labels == ("prey", "predators")
+    assert (describe(HUNT), describe(FADING)) == ("populations", "fade (k = 0.7)")
     assert columns(motion) == ["q", "v [1/s]"]
     assert write_csv(tmp_path / "turn.csv", motion).read_text().startswith("t [s],q,v [1/s]\n0.0,")
     many = simulate(jaxdyn.ode(fade, np.ones(4), params={"k": 1.0}), samples=5)
