@@ -32,6 +32,7 @@ Again = Callable[[Scene, float], Motion]
 #: A digit is written where it is worth at least so many estimated errors: an estimate is within
 #: this factor of the error (see `accuracy`).
 _SURE = 5.0
+_NOTHING = 1e-3  # of its scale: an entry that is smaller than its error is 0 if that is below this
 _LAST_DIGIT = 2.0**-52  # relative change of the numbers
 _SEED = 0
 _MOST = 16  # significant digits of a double
@@ -45,7 +46,9 @@ class EndError:
       y: (k,) the state in question.
       error: (k,) estimated absolute error of each entry, in its unit; NaN where it is not known.
       rounding: (k,) the part of it that no tolerance removes.
-      scale: (k,) the largest entry of the same unit.
+      scale: (k,) what errors are measured by: the largest entry of the same unit in the motion;
+        of a rate at least what would change a quantity by its scale over the span, of an angle
+        at least 1 rad.
     """
 
     y: np.ndarray
@@ -60,7 +63,7 @@ class EndError:
 
     @property
     def least(self) -> float:
-        """Digits that all entries have, relative to the largest of their unit."""
+        """Digits that all entries have, relative to their scale."""
         return float(np.min(_digits(self.error, self.scale)))
 
     @property
@@ -81,7 +84,7 @@ class EndError:
                 "No digit is certain: rounding alone moves this end by its own size. Shorten the "
                 "span; jaxdyn.accuracy.horizon.trusted_time says up to when digits can be trusted."
             )
-        found = f"{self.least:.1f} digits are right, relative to the largest entry of each unit"
+        found = f"{self.least:.1f} digits are right, relative to the size of the motion"
         if self.most - self.least < 1:
             return f"{found}; no tolerance gives more."
         return f"{found}; a smaller rtol gives up to {self.most:.1f}."
@@ -90,9 +93,9 @@ class EndError:
         """Each entry with the digits that are left, at most so many significant ones.
 
         Example:
-          >>> y, error = np.array([3.14159265, -7.3, 1e-17]), np.array([2e-5, 15.0, 3e-17])
+          >>> y, error = np.array([3.14159265, -7.3, 1e-17]), np.array([2e-5, 15.0, 3e-12])
           >>> EndError(y, error, error, np.ones(3)).written()
-          ('3.1416', 'no digit left (+-2e+01)', '0 (+-3e-17)')
+          ('3.1416', 'no digit left (+-2e+01)', '0 (+-3e-12)')
         """
         rows = zip(self.y, self.error, self.scale, strict=True)
         return tuple(_written(*map(float, row), most) for row in rows)
@@ -131,7 +134,26 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
     least = 0.5 * np.finfo(float).eps * np.abs(y)  # of writing a result down
     sizes = np.abs(gaps)
     rounding = np.maximum(sizes[2], least)
-    return EndError(y, np.max(sizes, axis=0), rounding, ladder.scales(scene, y[None]))
+    return EndError(y, np.max(sizes, axis=0), rounding, _scales(motion, y))
+
+
+def _scales(motion: Motion, y: np.ndarray) -> np.ndarray:
+    """(k,) the scale of each entry, see `EndError`, from all samples of the motion and its end."""
+    pieces = pieces_of(motion)
+    labels = pieces[-1].scene.system.labels()
+    # Coordinates may have been exchanged on the way.
+    alike = [piece for piece in pieces if piece.scene.system.labels() == labels]
+    ys = np.concatenate([y[None], *(np.asarray(piece.ys) for piece in alike)])
+    sizes = np.abs(ladder.gaps(pieces[-1].scene, ys, np.zeros_like(ys))).max(axis=0)
+    units = [unit for _, unit in labels]
+    largest = {"rad": 1.0}
+    for unit, size in zip(units, sizes.tolist(), strict=True):
+        largest[unit] = max(largest.get(unit, 0.0), size)
+    span = abs(float(pieces[-1].ts[-1] - pieces[0].ts[0])) or math.inf
+    for unit in set(units):
+        if unit.endswith("/s"):
+            largest[unit] = max(largest[unit], largest.get(unit.removesuffix("/s"), 0.0) / span)
+    return np.array([largest[unit] or 1.0 for unit in units])
 
 
 def changed(scene: Scene, change: float, rng: np.random.Generator) -> Scene:
@@ -165,8 +187,9 @@ def _same(motion: Motion, other: Motion) -> np.ndarray:
 
 
 def _digits(error: np.ndarray, size: np.ndarray) -> np.ndarray:
-    least = np.finfo(float).eps * np.where(size > 0, size, 1.0)
-    return np.maximum(0.0, -np.log10(np.maximum(error, least) / np.where(size > 0, size, 1.0)))
+    size = np.where(size > 0, size, 1.0)
+    found = -np.log10(np.maximum(error / size, np.finfo(float).eps))
+    return np.where(_SURE * error < size, found, np.where(np.isnan(error), np.nan, 0.0))
 
 
 def _written(value: float, error: float, scale: float, most: int) -> str:
@@ -180,4 +203,4 @@ def _written(value: float, error: float, scale: float, most: int) -> str:
     sure = large - math.ceil(math.log10(_SURE * error)) + 1
     if sure > 0:
         return f"{value:.{min(sure, most, _MOST)}g}"
-    return f"{'0' if _SURE * error < scale else 'no digit left'} (+-{error:.0e})"
+    return f"{'0' if error < _NOTHING * scale else 'no digit left'} (+-{error:.0e})"

@@ -1,5 +1,7 @@
 """Digits of a last state that are certain, against motions known in many digits."""
 
+import re
+
 import jax
 import numpy as np
 import pytest
@@ -94,6 +96,25 @@ def test_other_phases_leave_nothing_certain():
 def test_what_was_not_reached_is_not_written():
     found = end_error(runner(1.0, max_steps=3)(scenes.lorenz(), 1e-10), unwanted)
     assert set(found.written()) == {"not reached"}
+
+
+def test_a_motion_at_rest_has_its_digits():
+    # Velocities that are nothing but rounding have no size by which digits could be lost.
+    scene, again = as_entry("four_bar", l=(2.0, 2.0, 2.0), angle=0.0)
+    found = end_error(again(scene, 1e-10), again)
+    labels = [name for name, _ in scene.labels()]
+    written = dict(zip(labels, found.written(), strict=True))
+    assert re.fullmatch(r"0( \(\+-\d+e-1\d\))?", written["x1_dot"])
+    assert found.least > 9
+
+
+def test_what_has_died_away_is_measured_by_what_it_was():
+    again = runner(100.0)
+    found = end_error(again(scenes.oscillator(c=1.0), 1e-6), again, rtol=1e-6)
+    np.testing.assert_allclose(found.scale, [1.0, 0.01], rtol=1e-5)
+    assert found.least > 6
+    small = scenes.oscillator(c=1.0).starting([1e-9, 0.0])
+    assert (end_error(again(small, 1e-6), again, rtol=1e-6).scale < 1.1e-9).all()
 
 
 def test_a_batch_is_refused():
