@@ -40,8 +40,8 @@ def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") ->
     return finite(name, shaped(name, x, shape, remedy), remedy)
 
 
-def shaped(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Array:
-    """The input as a float array of the wanted shape, where None allows any length."""
+def shaped(name: str, x: Any, shape: tuple, remedy: str = "") -> Array:
+    """The input as a float array of the wanted shape; see `check_shape`."""
     x = numbers(name, x, remedy)
     check_shape(name, x.shape, shape, remedy)
     return x

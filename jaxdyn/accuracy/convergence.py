@@ -63,7 +63,7 @@ def fixed_steps(
 
 @eqx.filter_jit
 def _marched(field, y0: Array, t0: Array, t1: Array, steps: Array, method: Method) -> Array:
-    h = (t1 - t0) / steps
+    h = (t1 - t0) / steps.astype(float)
 
     def step(i, y):
         t = t0 + i * h

@@ -6,7 +6,7 @@ energy, material points) is refused by name. What is conserved depends on the ef
 measures it.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -73,10 +73,10 @@ def integrals(scene: Scene | Field, t, y: Array) -> dict[str, Array]:
     return found | scene.system.integrals(t, y)
 
 
-def along(quantity, motion: Trajectory) -> Array:
+def along(quantity, motion: Trajectory) -> Any:
     """(s, ...) values of a quantity of this file along a motion, e.g. ``along(energy, motion)``.
 
-    Of a batch of motions (b, s, ...).
+    Of a batch of motions (b, s, ...); a record of them where the quantity is one, as a `Pose` is.
 
     Example:
       >>> from jaxdyn.analysis import energy
@@ -89,7 +89,7 @@ def along(quantity, motion: Trajectory) -> Array:
 
 
 @each_motion
-def _along(motion: Trajectory, quantity) -> Array:
+def _along(motion: Trajectory, quantity) -> Any:
     return jax.vmap(lambda t, y: quantity(motion.scene, t, y))(motion.ts, motion.ys)
 
 

@@ -78,7 +78,8 @@ def precession_roots(theta, spin, *, I1, I3, K, total: bool = False) -> Precessi
     cos = jnp.cos(theta)
     a = (I1 if total else I1 - I3) * cos
     rates = _real_roots(a, -I3 * spin, K, linear=jnp.abs(a) <= _NONE * (I1 + I3))
-    return Precession(rates, jnp.where(jnp.isnan(rates), jnp.nan, spin) - total * rates * cos)
+    along = jnp.where(total, rates * cos, 0.0)
+    return Precession(rates, jnp.where(jnp.isnan(rates), jnp.nan, spin) - along)
 
 
 def free_precession(theta, total, *, I1, I3) -> Precession:

@@ -30,10 +30,10 @@ def accuracy_command(
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """Time that each digit of a scene costs, with a solver and a tolerance for those wanted."""
+    """Time that each digit of a scene costs; a solver and a tolerance for the wanted digits."""
     check_title(title, plot)
-    if not 0 < digits <= 16:
-        raise fail("digits", "between 1 and 15", digits, "Doubles have not quite 16.")
+    if not 1 <= digits <= 15:
+        raise fail("digits", "between 1 and 15", digits, "64-bit floats have just under 16.")
     with screen(f"solving {name} as exactly as possible", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(
             name, jaxdyn.scenes.catalogue.settings(settings or ())

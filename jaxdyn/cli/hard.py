@@ -1,4 +1,4 @@
-"""The command `jaxdyn hard`: lists the hard cases, or runs them and says how they went."""
+"""The command `jaxdyn hard`: lists the hard cases, or runs them and prints their verdicts."""
 
 import math
 from typing import Annotated
@@ -10,7 +10,7 @@ from rich.table import Table
 import jaxdyn
 from jaxdyn.cli.screen import Screen, screen
 
-_FAILED = 1  # exit code: a figure is out of its bound
+_FAILED = 1  # exit code: a figure exceeds its bound
 
 
 def hard_command(
@@ -20,7 +20,7 @@ def hard_command(
     only_list: Annotated[bool, typer.Option("--list", help="Say what there is.")] = False,
     as_object: Annotated[bool, typer.Option("--json", help="One JSON object a figure.")] = False,
 ) -> None:
-    """Run the cases that break naive codes: each with its figures, their bounds, a verdict."""
+    """Run cases that break naive codes; print the figures of each, their bounds and a verdict."""
     with screen("looking the cases up", as_object) as out:
         if only_list:
             table = Table("case", "what must hold")
@@ -49,7 +49,7 @@ def hard_command(
 
 
 def rows(verdict: "jaxdyn.hard.Verdict") -> list[dict]:
-    """One record for each figure of a case; no bound and no pass where it is only told."""
+    """One record for each figure of a case; `bound` and `pass` are null for one without a bound."""
     return [
         {
             "name": verdict.case.name,
@@ -64,7 +64,7 @@ def rows(verdict: "jaxdyn.hard.Verdict") -> list[dict]:
 
 
 def total(held: list[bool], seconds: float) -> dict:
-    """The record that ends a run: how many of the cases fail, in what time."""
+    """The last record of a run: the number of cases that fail, and the time."""
     failed = held.count(False)
     return {
         "name": "total",

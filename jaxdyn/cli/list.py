@@ -1,4 +1,4 @@
-"""The command `jaxdyn list`: the scenes with their numbers, the course's problems."""
+"""The command `jaxdyn list`: the scenes with their parameters, or the problems of the course."""
 
 from typing import Annotated
 
@@ -21,7 +21,7 @@ def list_command(
         bool, typer.Option("--problems", help="The course's problems and what answers each.")
     ] = False,
 ) -> None:
-    """Every scene with its course problems, its numbers, their defaults and units."""
+    """List every scene with its course problems and its parameters, their defaults and units."""
     if problems and names:
         raise fail("--problems", "no scene beside it", names[0], "It lists problems.")
     with screen("listing", as_object) as out:
@@ -53,7 +53,7 @@ def _scenes(zoo: "dict[str, jaxdyn.scenes.catalogue.Entry]") -> Table:
 
 
 def _problems(problems: "dict[int, jaxdyn.course.problems.Problem]") -> Table:
-    """The other way round: each problem with the public names that answer it."""
+    """Each problem with the public names that answer it."""
     table = Table("problem", "what it is about", "jaxdyn names that answer it, and the answer")
     for n, problem in problems.items():
         names = "\n".join([*problem.names, f"[italic]{escape(problem.answer)}[/italic]"])

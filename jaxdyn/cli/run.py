@@ -1,4 +1,4 @@
-"""The command `jaxdyn run`: simulates a scene, says how its energy changes, and draws it."""
+"""The command `jaxdyn run`: simulates a scene, reports how its energy changes, and draws it."""
 
 from pathlib import Path
 from typing import Annotated
@@ -25,7 +25,7 @@ from jaxdyn.files.image_files import picture_path
 from jaxdyn.files.output_files import table_path
 
 STOPPED = 1  # exit code: the motion did not reach its end
-_MOST_SAMPLES = 1_000_000  # all of which become text
+_MOST_SAMPLES = 1_000_000  # each becomes text
 _RTOL = 1e-10  # that of jaxdyn.simulate, which help does not load
 
 
@@ -51,7 +51,7 @@ def run_command(
     csv: Annotated[Path | None, written(table_path, "Write times and states (.csv).")] = None,
     as_object: JsonOption = False,
 ) -> None:
-    """Simulate a scene in all its phases, say how its energy changes, and draw it if asked."""
+    """Simulate a scene in all its phases, report how its energy changes, and draw it if asked."""
     check_title(title, plot, series, options="--plot or --series")
     if seconds is not None and animate is None:
         raise fail("--seconds", "--animate with it", "none", "It is how long that lasts.")
@@ -83,7 +83,7 @@ def run_command(
 
 
 def _motion(name: str, settings, t1, rtol: float, how: dict, out: Screen):
-    """The motion, and how far its end is from the exact one."""
+    """The motion, and the estimated error of its end."""
     scene = jaxdyn.scenes.catalogue.build(name, jaxdyn.scenes.catalogue.settings(settings))
     entry = jaxdyn.scenes.catalogue.entries()[name]
 

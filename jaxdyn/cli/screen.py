@@ -1,8 +1,8 @@
-"""What a command shows: its results, and what it is doing in the meantime.
+"""The output of a command: its results, and its progress.
 
-Results go to standard output. On a terminal a line with a spinner on standard error says what is
-being done and whether it is being compiled; work of which it is known how much is left has a bar,
-a rate and a time. Elsewhere, and with --json, there is no such line.
+Results go to standard output. On a terminal, a line with a spinner on standard error shows
+the current task and whether it is compiling; a task of known length has a progress bar, a rate and
+the time left. There is no such line elsewhere, nor with --json.
 """
 
 import contextlib
@@ -23,40 +23,40 @@ _REFRESHES = 5  # a second
 
 
 class Screen:
-    """Where a command prints; made by `screen`."""
+    """The output of a command; made by `screen`."""
 
     def __init__(self, as_object: bool):
         self.as_object = as_object
         self._console = Console(stderr=as_object, highlight=False, soft_wrap=True)
-        # Not what rich takes for a terminal: colours may be forced on a file.
+        # Not what rich takes for a terminal: colours can be forced on a file.
         on_terminal = sys.stderr.isatty() and not Console(stderr=True).is_dumb_terminal
         self._live = _line() if on_terminal and not as_object else None
 
     def print(self, what) -> None:
-        """Text with markup, or a table, for people: on standard error where --json is on."""
+        """Print text with markup, or a table; on standard error with --json."""
         with self._without_line():
             self._console.print(what)
 
     def result(self, record: dict) -> None:
-        """One JSON object on standard output, at once: what comes after may fail."""
+        """Print one JSON object on standard output at once, since what follows may fail."""
         with self._without_line():
             print(json.dumps(record), flush=True)  # noqa: T201
 
     def doing(self, what: str, done: int = 0, total: int | None = None) -> None:
-        """Say what is being done; with a total, how much of it."""
+        """Show the current task and, with a total, how much of it is done."""
         if self._live is None:
             return
         task = self._live.tasks[0]
-        if done == 0 or total != task.total:  # something else begins
+        if done == 0 or total != task.total:  # a new task
             self._live.reset(task.id, total=total)
         self._live.update(task.id, completed=done, description=what)
 
     @contextlib.contextmanager
     def writing(self, path: Path, said: str) -> Iterator[None]:
-        """Around what writes a file: say so after it, and in one line if it cannot be written.
+        """Context of writing a file: report it afterwards, or raise an error of one line.
 
         Raises:
-          ValueError: it could not be written after all, e.g. to a disk that is full by now.
+          ValueError: `path` could not be written, e.g. because the disk is full by now.
         """
         self.doing(f"writing {path}")
         try:
@@ -79,10 +79,10 @@ class Screen:
 
 @contextlib.contextmanager
 def screen(what: str, as_object: bool = False) -> Iterator[Screen]:
-    """The screen of a command while it runs, with JAX loaded and set up.
+    """The screen of a running command, with JAX loaded and configured.
 
     Args:
-      what: it does, e.g. "simulating car".
+      what: the task, e.g. "simulating car".
       as_object: whether its result is a JSON object.
     """
     shown = Screen(as_object)
@@ -95,7 +95,7 @@ def screen(what: str, as_object: bool = False) -> Iterator[Screen]:
 
 
 class _Line(Progress):
-    """A line that is gone when its work is done."""
+    """A line that disappears when the work is done."""
 
     #: Knows whether JAX is compiling; none before JAX is loaded.
     clock = None
@@ -119,14 +119,14 @@ def _line() -> _Line:
 
 
 class _Bar(BarColumn):
-    """A bar where it is known how much there is to do."""
+    """A bar for tasks of known length."""
 
     def render(self, task: Task):
         return super().render(task) if task.total else Text()
 
 
 class _State(ProgressColumn):
-    """How many parts are done, how fast and how long the rest takes; or how long it has taken."""
+    """How much is done, at which rate, and the time left; or the time elapsed."""
 
     def __init__(self, line: _Line):
         super().__init__()

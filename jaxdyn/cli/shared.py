@@ -1,8 +1,7 @@
-"""What the command lines of `jaxdyn` and `orbits` share: options, how they begin and end.
+"""What the commands of `jaxdyn` and `orbits` share: options, start, exit codes.
 
-Nothing here, nor in any file of a command, loads JAX, NumPy or Matplotlib: help and mistakes in
-the words of a command are answered at once. What a command needs it takes from the two packages,
-which load it then.
+Neither this file nor that of a command loads JAX, NumPy or Matplotlib, so help and usage errors
+appear at once. A command takes what it needs from the two packages, which then load it.
 """
 
 import os
@@ -17,10 +16,10 @@ import jaxdyn
 from jaxdyn._misuse import fail
 from jaxdyn.files.image_files import animation_path, picture_path
 
-MISUSE = 2  # exit code: the input makes no sense
-INTERRUPTED = 130  # exit code: of Ctrl-C, as shells say it
-PIPE_CLOSED = 1  # exit code: nobody reads on; Typer has it
-#: What a wrong option or argument raises; typer exports only a kind of it.
+MISUSE = 2  # exit code: invalid input
+INTERRUPTED = 130  # exit code: Ctrl-C, as in shells
+PIPE_CLOSED = 1  # exit code: the reader has closed the pipe; that of Typer
+#: Raised for a wrong option or argument; typer exports only a subclass.
 _Usage: type[Exception] = typer.BadParameter.__bases__[0]
 
 
@@ -49,21 +48,21 @@ JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on sta
 
 
 def check_title(title: str | None, *pictures: Path | None, options: str = "--plot") -> None:
-    """Refuse a title without a picture that it could stand above."""
+    """Raise ValueError for a title without a picture."""
     if title is not None and not any(pictures):
         raise fail("--title", f"{options} with it", "none", "It is the title of the picture.")
 
 
 def application(about: str) -> typer.Typer:
-    """A command line without commands yet; called without one, it shows its help."""
-    # Rich's markup would take a unit, [m/s], for one of its tags.
+    """A command line without commands yet; without arguments it shows its help."""
+    # Rich's markup would take a unit such as [m/s] for a tag.
     app = typer.Typer(help=about, rich_markup_mode=None, pretty_exceptions_enable=False)
     app.callback(invoke_without_command=True)(_begin)
     return app
 
 
 def add(app: typer.Typer, name: str, command: Callable[..., None], *examples: str) -> None:
-    """Give a command line one more command, whose help ends with these examples."""
+    """Add a command, whose help ends with the given examples."""
     lines = "\n".join(f"  {example}" for example in examples)
     # What follows a backspace is not wrapped.
     app.command(name, epilog=f"\b\nExamples:\n{lines}")(command)
@@ -88,7 +87,7 @@ def _begin(
 
 
 def run(app: typer.Typer) -> None:
-    """Run a command line; one line and exit code 2 for input that makes no sense."""
+    """Run a command line; one line on standard error and exit code 2 for invalid input."""
     try:
         code = app(standalone_mode=False)
         sys.stdout.flush()
@@ -109,7 +108,7 @@ def run(app: typer.Typer) -> None:
 
 
 def _let_go() -> None:
-    """Give standard output up: Python would try once more at its end, and complain."""
+    """Detach standard output: Python would otherwise flush it at exit, and complain."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -1,4 +1,4 @@
-"""What effects share: which points they act on, and the checks of their numbers."""
+"""What effects share: the points that they act on, and the checks of their parameters."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from jaxdyn.scene import Effect
 
 
 def unless_zero(coefficient: Any, effect: Effect) -> tuple[Effect, ...]:
-    """The effect, as a tuple for a scene; an empty one if its coefficient is exactly 0.
+    """The effect as a tuple for a scene, or () if its coefficient is exactly 0.
 
     A scene without an effect compiles to a program without it. A traced coefficient keeps the
     effect, since its value is not known.
@@ -25,7 +25,7 @@ def unless_zero(coefficient: Any, effect: Effect) -> tuple[Effect, ...]:
 
 
 def at_least_zero(name: str, x: Array, remedy: str, n: int | None = None) -> None:
-    """Refuse an effect's number that is negative, NaN or infinite; or, of n points, one each."""
+    """Raise ValueError unless a parameter, or each of n, is finite and not negative."""
     each = n is not None and np.ndim(x) == 1
     values = np.asarray(_checks.array(name, x, (n,) if each else (), remedy))
     if (values < 0).any():
@@ -33,14 +33,14 @@ def at_least_zero(name: str, x: Array, remedy: str, n: int | None = None) -> Non
 
 
 def vector_or_zero(name: str, x: Array, d: int) -> None:
-    """Refuse what is neither a vector (d,) nor one number for all its components."""
+    """Raise ValueError unless x is a vector (d,) or one number for all its components."""
     if np.ndim(x):
         _checks.array(name, x, (d,), "One component for each axis, or 0.")
     _checks.finite(name, x)
 
 
 def point_number(name: str, i: int, n: int) -> None:
-    """Refuse the number of a point that is not among the n points of a system."""
+    """Raise ValueError unless i is the index of one of the n points of a system."""
     if not -n <= i < n:
         raise _checks.fail(name, f"a point from 0 to {n - 1}", i, "Points count from 0.")
 

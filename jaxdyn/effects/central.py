@@ -1,6 +1,6 @@
-"""Forces towards the origin that depend on the distance alone.
+"""Forces towards the origin that depend only on the distance.
 
-A law of one's own is a subclass of `CentralForce` with one method: the attraction f(r) or the
+A custom law is a subclass of `CentralForce` with one method: the attraction f(r) or the
 energy, whose derivative it is. The other follows.
 """
 
@@ -17,16 +17,15 @@ from jaxdyn._floats import as_float
 from jaxdyn._numerics import safe_norm
 from jaxdyn.scene import Effect, Points
 
-_BESIDE = 1e-150  # [m] from the origin: nearer than any motion, its square no underflow
+_BESIDE = 1e-150  # [m] from the origin: nearer than any motion comes; its square does not underflow
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
 class CentralForce(Effect):
     """Force -f(r) e_r on each point, r being its distance from the origin.
 
-    A subclass overrides `attraction`, or `energy`, or both. At the origin, where e_r has no
-    direction, the force is 0, with the slope -f'(0) that it has there, and NaN for a law that
-    is infinite there.
+    A subclass overrides `attraction`, or `energy`, or both. At the origin, where e_r is
+    undefined, the force is 0 with the slope -f'(0), or NaN for a law that is singular there.
 
     Example:
       >>> import jax.numpy as jnp
@@ -55,8 +54,8 @@ class CentralForce(Effect):
 
         By default the integral of f from 1 m to r, by a 64-point Gauss rule.
 
-        Limits: that rule is right to rounding for a smooth law, and for a power law with its
-        infinity at the origin from about r = 1/50 to 50 m; override it for more.
+        Limits: the rule is accurate to rounding for a smooth law, and for a singular power law
+          from about r = 1/50 to 50 m; override the method for a wider range.
         """
         half = 0.5 * (r - 1.0)
         return half * jnp.sum(_WEIGHTS * jax.vmap(self.attraction)(1.0 + half * (1.0 + _NODES)))
@@ -67,8 +66,8 @@ class CentralForce(Effect):
 
     def force(self, t, r, v, m):
         del t, v, m
-        # At the origin f(r) / r is taken beside it. A branch with its limit f'(0) would put NaN
-        # into all gradients of a law that is infinite there.
+        # At the origin f(r) / r is evaluated slightly beside it. A branch with its limit f'(0)
+        # would put NaN into all gradients of a law that is singular there.
         distance = safe_norm(r)
         centre = distance == 0
         safe = jnp.where(centre, _BESIDE, distance)
@@ -90,11 +89,11 @@ class CentralForce(Effect):
 class PowerLaw(CentralForce):
     """Attraction f(r) = k r^n towards the origin; k [N/m^n], any real exponent n.
 
-    Energy k r^(n+1) / (n+1), and k log r for n = -1. Gravity of a fixed sun is n = -2, a
-    spring of rest length 0 is n = 1, and for n = -1 all circular orbits have one speed.
+    Energy k r^(n+1) / (n+1), and k log r for n = -1. The gravity of a fixed sun has n = -2, a
+    spring of rest length 0 has n = 1, and for n = -1 all circular orbits have the same speed.
 
-    Limits: the energy's derivative in n is not meaningful at n = -1 itself, where the usual
-    constant in the energy is infinite.
+    Limits: the derivative of the energy by n is meaningless at n = -1 itself, where the constant in
+      the energy is infinite.
     """
 
     k: Array = eqx.field(converter=as_float, default=1.0)

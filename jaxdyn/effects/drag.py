@@ -1,4 +1,4 @@
-"""Resistance to motion: air that drags in proportion to speed or its square, dry friction."""
+"""Resistance to motion: drag proportional to speed or its square, and dry friction."""
 
 import abc
 
@@ -13,13 +13,13 @@ from jaxdyn.scene import Effect, Points
 
 
 class _Drag(Effect):
-    """What depends on the velocity through the air, v - wind."""
+    """A force that depends on the velocity relative to the air, v - wind."""
 
     c: Array = eqx.field(converter=as_float)
     wind: Array = eqx.field(converter=as_float, default=0.0)
 
     def through(self, v: Array) -> Array:
-        """(n, d) velocities through the air [m/s]."""
+        """(n, d) velocities relative to the air [m/s]."""
         return v - jnp.broadcast_to(self.wind, v.shape)
 
     @abc.abstractmethod
@@ -50,15 +50,14 @@ class QuadraticDrag(_Drag):
 class DryFriction(Effect):
     """Coulomb friction -mu N u / sqrt(|u|^2 + creep^2) on points that slide.
 
-    mu [1] and the normal force N [N], () or (n,) one a point; u = v - belt is the velocity
+    mu [1]; normal force N [N], () or (n,), one for each point; u = v - belt is the velocity
     over the surface, belt (d,) [m/s] or 0.
 
     Limits: with creep = 0, the default, this is the law of sliding: mu N against the motion,
-    and nothing at rest, where the true force is whatever keeps the point at rest. The
-    acceleration then jumps where u passes 0: end a motion there by an event and go on with a
-    phase of rest. A creep [m/s] > 0 is a named regularisation instead: smooth, for speeds well
-    above it right to (creep / u)^2 / 2, and below it the point creeps like in honey, so nothing
-    ever sticks.
+    and zero at rest, where the true force is the one that keeps the point at rest. The
+    acceleration then jumps where u passes 0: end a motion there by an event and continue with a
+    phase of rest. A creep [m/s] > 0 regularises the law: it is smooth, accurate to
+    (creep / u)^2 / 2 for speeds well above it, and viscous below it, so that nothing sticks.
     """
 
     mu: Array = eqx.field(converter=as_float)

@@ -1,7 +1,7 @@
-"""Forces from outside that are given as functions of time: constant, a step, a sine.
+"""External forces as given functions of time: constant, a step, a sine.
 
-They act on the chosen points alike. The time comes from the integrator, so a force that jumps
-costs a few rejected steps at the jump; a start at the jump itself costs nothing.
+They act equally on the chosen points. A force that jumps costs the integrator a few rejected steps
+at the jump, and none if the motion starts at the jump.
 """
 
 from typing import ClassVar
@@ -37,7 +37,7 @@ class ConstantForce(Effect):
 
 
 class StepForce(Effect):
-    """Nothing before time t_on [s], the force F (d,) [N] on the chosen points from then on."""
+    """Zero before time t_on [s], the force F (d,) [N] on the chosen points from then on."""
 
     F: Array = eqx.field(converter=as_float)
     t_on: Array = eqx.field(converter=as_float, default=0.0)

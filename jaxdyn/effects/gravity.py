@@ -1,4 +1,4 @@
-"""Gravity: the same downward pull for all, and the attraction of all points by each other."""
+"""Gravity: uniform, and the mutual attraction of all points."""
 
 from typing import ClassVar
 

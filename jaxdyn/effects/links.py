@@ -1,7 +1,7 @@
 """Springs and dashpots: between two points, or between a point and an anchor.
 
-Both act along the line between their ends. Where the ends meet it has no direction, and they
-give no force there, except that a spring of rest length 0 is linear, -k r, right through.
+Both act along the line between their ends. Where the ends coincide the line has no
+direction and the force is zero, except that a spring of rest length 0 is linear, -k r, throughout.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,9 @@ from jaxdyn.effects._parts import at_least_zero, end_of, on_ends, point_number, 
 from jaxdyn.scene import Effect, Points
 from jaxdyn.sketch import Kind, Shape, pin
 
-_NO_DIRECTION = "A spring or dashpot has no direction where its ends meet: its force jumps there."
+_NO_DIRECTION = (
+    "A spring or dashpot has no direction where its ends coincide: its force jumps there."
+)
 
 
 class Spring(Effect):
@@ -96,8 +98,8 @@ _WRITTEN_OUT = 64
 class SpringNetwork(Effect):
     """Linear springs along given pairs of points, as one effect.
 
-    Stiffness k [N/m] and rest length [m], each () or (e,) one a pair; `links` are the pairs,
-    e.g. ``((0, 1), (1, 2))``.
+    Stiffness k [N/m] and rest length [m], each () or (e,), one for each pair;
+    `links` are the pairs, e.g. ``((0, 1), (1, 2))``.
     """
 
     k: Array
@@ -155,7 +157,7 @@ def _sketch(kind: Kind, r: Array, i: int, j: int | None, anchor: Array) -> tuple
 
 
 def _energy(k: Array, length: Array, d: Array) -> Array:
-    # Multiplied out, so that rest length 0 has the right second derivative where the ends meet.
+    # Multiplied out, for the correct second derivative of rest length 0 where the ends coincide.
     return 0.5 * k * (square_norm(d) - 2 * length * safe_norm(d) + length * length)
 
 

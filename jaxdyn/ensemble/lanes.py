@@ -238,7 +238,8 @@ class _Work(eqx.Module):
         keep, t, tnext, _, control, result = self._control(lane.direction).adapt_step_size(
             lane.t, lane.tnext, lane.y, y, None, error, self.method.error_order, lane.control
         )
-        steps, rejected = lane.steps + keep, lane.rejected + ~keep
+        steps = lane.steps + keep.astype(int)
+        rejected = lane.rejected + (~keep).astype(int)
         there = (t >= lane.t1) | (result == diffrax.RESULTS.event_occurred)
         status = jnp.where(
             result == diffrax.RESULTS.dt_min_reached,

@@ -1,4 +1,4 @@
-"""Files of pictures and animations, refused before the work; to look at a name draws nothing."""
+"""Paths of pictures and animations, checked before the work; nothing here loads Matplotlib."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ _ANIMATIONS = (".gif", ".mp4")
 
 
 def picture_path(path, name: str = "path") -> Path | None:
-    """The file of a picture, refused if it could not be written; None where none is wanted.
+    """The path of a picture, checked to be writable; None if there is none.
 
     Args:
       path: of the file, or None.
@@ -19,5 +19,5 @@ def picture_path(path, name: str = "path") -> Path | None:
 
 
 def animation_path(path, name: str = "path") -> Path:
-    """The file of an animation, refused if it could not be written; see `picture_path`."""
+    """The path of an animation, checked to be writable; see `picture_path`."""
     return writable(path, name, _ANIMATIONS)

@@ -1,7 +1,7 @@
-"""Files that are written: refused before the work where they cannot be, replaced atomically.
+"""Output files: checked before the work, replaced atomically.
 
-Whoever writes a file calls `writable` before the work, so that a wrong folder, a read-only place
-or a full disk is not found out after it; `replace` brings text to the disk as a whole.
+Every function that writes a file calls `writable` before its work, so that a missing folder, a
+read-only one or a full disk is reported at once; `replace` writes text atomically.
 """
 
 import os
@@ -10,19 +10,19 @@ from pathlib import Path
 
 from jaxdyn._misuse import fail
 
-_PROBE = 4096  # bytes that must fit: a block of most file systems
+_PROBE = 4096  # bytes that must fit: one block of most file systems
 
 
 def writable(path: str | Path, name: str = "path", suffixes: tuple[str, ...] = ()) -> Path:
     """The path of a file that can be written.
 
     Args:
-      path: of the file; one that exists is left as it is.
+      path: of the file; an existing one is left unchanged.
       name: of the argument or option, for the message.
       suffixes: allowed endings of its name; any if left out.
     Raises:
-      ValueError: another ending, a folder that does not exist or cannot be written to, a path
-        that is no file, a full disk.
+      ValueError: `path` has another suffix, its folder does not exist or cannot be written to, it
+          is not a file, or the disk is full.
     """
     path = Path(path)
     if suffixes and path.suffix.lower() not in suffixes:
@@ -41,21 +41,21 @@ def writable(path: str | Path, name: str = "path", suffixes: tuple[str, ...] = (
 
 
 def table_path(path: str | Path, name: str = "path") -> Path:
-    """The file of a table, refused if it could not be written."""
+    """The path of a table (.csv), checked to be writable."""
     return writable(path, name, (".csv",))
 
 
 def unwritable(path: str | Path, error: OSError, name: str = "path") -> ValueError:
-    """The message where a file cannot be written, or could not be in the end."""
+    """The error to raise where a file cannot be written."""
     reason = error.strerror or type(error).__name__
     return fail(name, "a file that can be written", f"'{path}' ({reason})", "Choose another place.")
 
 
 def replace(path: Path, text: str) -> None:
-    """Write a file as a whole: a run killed on the way, or a full disk, leaves the old one.
+    """Write a file atomically: a killed process or a full disk leaves the old one.
 
     Raises:
-      OSError: it cannot be written.
+      OSError: `path` cannot be written.
     """
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
     try:
@@ -71,7 +71,7 @@ def replace(path: Path, text: str) -> None:
 
 
 def _try(path: Path) -> None:
-    """Do what writing the file will do, without leaving a trace."""
+    """Try what writing the file will do, without leaving a trace."""
     with tempfile.TemporaryFile(dir=path.parent) as file:
         file.write(bytes(_PROBE))
         file.flush()

@@ -1,4 +1,4 @@
-"""Scenes as plain JSON, and back, without executing anything a file says.
+"""Scenes as plain JSON, and back, without executing anything from a file.
 
 A module or named tuple becomes ``{"type": its class name, field: value, ...}``; arrays become
 nested lists of numbers. Reading looks the class up among those that are defined in the running
@@ -25,7 +25,7 @@ from jaxdyn._checks import fail
 from jaxdyn.files.output_files import replace, unwritable, writable
 from jaxdyn.scene import Effect, Scene, System
 
-MAX_BYTES = 64 * 2**20  # a larger file is no record of ours
+MAX_BYTES = 64 * 2**20  # a larger file is not one of these records
 MAX_NUMBERS = 1_000_000  # of one array
 MAX_DEPTH = 32  # of modules in modules
 _DIGITS = 18
@@ -60,11 +60,12 @@ def decode(value: Any, what: str = "record", kinds: tuple[type, ...] = (System, 
     """What `encode` was given; arrays as float arrays, lists of modules as tuples.
 
     Args:
-      value: a part of a record.
+      value: part of a record.
       what: its name in messages.
-      kinds: base classes of what it may name, besides scenes.
+      kinds: base classes of the classes that it may name, besides scenes.
     Raises:
-      ValueError: an unknown class, a missing or extra field, something that is no number.
+      ValueError: `value` names an unknown class, lacks a field or has an extra one, or holds
+          something that is not a number.
     """
     if what.count(".") > MAX_DEPTH:
         raise fail(what[:20] + "...", f"at most {MAX_DEPTH} modules in each other", "more")
@@ -80,7 +81,7 @@ def decode(value: Any, what: str = "record", kinds: tuple[type, ...] = (System, 
 
 
 def write(path: str | Path, record: dict[str, Any]) -> None:
-    """The record in a JSON file, atomically: a run killed on the way leaves the old file."""
+    """Write a record to a JSON file, atomically: a killed process leaves the old file."""
     path = writable(path, name="file")
     try:
         text = json.dumps(record, indent=1, allow_nan=False)
@@ -93,7 +94,7 @@ def write(path: str | Path, record: dict[str, Any]) -> None:
 
 
 def read(path: str | Path, kind: str, version: int) -> dict[str, Any]:
-    """The record in a JSON file, if it is of this kind and version."""
+    """The record in a JSON file of the given kind and version."""
     remedy = f"Give the path of a file that this program wrote as a {kind}."
     record = parsed(content(path, MAX_BYTES, remedy), str(path), remedy)
     if not isinstance(record, dict) or record.get("format") != kind:
@@ -107,10 +108,11 @@ def read(path: str | Path, kind: str, version: int) -> dict[str, Any]:
 
 
 def content(path: str | Path, most: int, remedy: str = "") -> bytes:
-    """What is in a file of at most so many bytes.
+    """The content of a file of at most `most` bytes.
 
     Raises:
-      ValueError: no such file, a larger one, or a device or a pipe, which may have no end.
+      ValueError: `path` is not a readable file, is larger, or is a device or a pipe, which may
+          have no end.
     """
     path = Path(path)
     try:
@@ -126,10 +128,10 @@ def content(path: str | Path, most: int, remedy: str = "") -> bytes:
 
 
 def parsed(data: bytes, what: str, remedy: str = "") -> Any:
-    """What JSON says: finite numbers, and integers that floats can hold.
+    """The value of JSON text with finite numbers only, and integers that floats can hold.
 
     Raises:
-      ValueError: something else.
+      ValueError: the text is anything else.
     """
     try:
         return json.loads(data.decode(), parse_constant=_no_constant, parse_int=_integer)
@@ -138,9 +140,9 @@ def parsed(data: bytes, what: str, remedy: str = "") -> Any:
 
 
 def digest(record: dict[str, Any]) -> str:
-    """16 hexadecimal digits that another record does not have: an edited one is noticed.
+    """A checksum of a record, 16 hexadecimal digits: an edited record has another one.
 
-    They tell damage and honest edits, not a forger, who can make new ones.
+    It detects damage and accidental edits, not forgery: anyone can compute a new one.
     """
     text = json.dumps(record, sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
@@ -151,14 +153,14 @@ def _no_constant(name: str):
 
 
 def _integer(text: str) -> int:
-    # Floats cannot hold all larger ones, and Python takes quadratic time for very long ones.
+    # Floats cannot hold larger ones, and Python takes quadratic time for very long ones.
     if len(text) > _DIGITS:
         raise fail("file", f"integers of at most {_DIGITS} digits", f"one of {len(text)}")
     return int(text)
 
 
 def _classes(kinds: tuple[type, ...]) -> dict[str, type]:
-    """All concrete classes a record may name: scenes, and those of these kinds defined so far."""
+    """All concrete classes that a record may name: scenes, and loaded ones of these kinds."""
     found: dict[str, type] = {"Scene": Scene}
     waiting = list(kinds)
     while waiting:
@@ -182,7 +184,7 @@ def _module(value: dict, what: str, kinds: tuple[type, ...]) -> Any:
         raise fail(what, f"the fields of {cls.__name__}", f"missing or extra {wrong}")
     if _named(cls):
         return cls(**{key: _number_or(value[key], f"{what}.{key}", kinds) for key in names})
-    # Not through the constructor, whose arguments are for people and may differ from the fields.
+    # Not by the constructor, whose arguments may differ from the fields.
     module, hints = object.__new__(cls), typing.get_type_hints(cls)
     for field in dataclasses.fields(cls):
         item, place = value[field.name], f"{what}.{field.name}"
@@ -195,7 +197,7 @@ def _module(value: dict, what: str, kinds: tuple[type, ...]) -> Any:
 
 
 def _defaults(cls: type) -> dict[str, Any]:
-    """What fields that a class got after a file was written have in it."""
+    """Values of the fields that a class has gained since a file was written: their defaults."""
     if _named(cls):
         return {}
     fields = [f for f in dataclasses.fields(cls) if f.default is not dataclasses.MISSING]
@@ -208,7 +210,7 @@ def _named(cls: type) -> tuple[str, ...]:
 
 
 def _static(item: Any, hint: Any, what: str) -> Any:
-    """A static field, if it is of the type that its class wants."""
+    """The value of a static field, checked against the annotation in its class."""
     try:
         item = _tuples(item)
         fits = _fits(item, hint)
@@ -220,12 +222,12 @@ def _static(item: Any, hint: Any, what: str) -> Any:
 
 
 def _tuples(item: Any) -> Any:
-    """Lists as tuples, all the way down: static fields must be hashable."""
+    """Nested lists as nested tuples: static fields must be hashable."""
     return tuple(map(_tuples, item)) if isinstance(item, list) else item
 
 
 def _fits(item: Any, hint: Any) -> bool:
-    """Whether an item is of a type: bool, int, str, None, tuples and unions of these."""
+    """Whether an item is of a type made of bool, int, str, None, tuples and unions."""
     kinds = typing.get_args(hint)
     if isinstance(hint, types.UnionType):
         return any(_fits(item, kind) for kind in kinds)

@@ -1,4 +1,4 @@
-"""A motion as plain data: samples of all its pieces together, a record for JSON, a CSV file."""
+"""A motion as plain data: the samples of all its phases, a record for JSON, a CSV file."""
 
 import csv
 import io
@@ -15,7 +15,7 @@ from jaxdyn.status import Status
 
 
 def samples(motion: Trajectory | Chain) -> tuple[np.ndarray, np.ndarray]:
-    """Times (s,) [s] and states (s, k) of all pieces, and of where the last exit left a chain."""
+    """Times (s,) [s] and states (s, k) of all phases, and after the last exit of a chain."""
     pieces = pieces_of(motion)
     ts = [np.asarray(piece.ts) for piece in pieces]
     ys = [np.asarray(piece.ys) for piece in pieces]
@@ -31,7 +31,7 @@ def columns(motion: Trajectory | Chain) -> list[str]:
 
 
 def arrived(motion: Trajectory | Chain) -> bool:
-    """Whether a motion got to the end of its span, or to an end of its own."""
+    """Whether a motion reached the end of its span, or a terminal event."""
     if isinstance(motion, Chain):
         done = motion.ended or motion.t >= motion.pieces[-1].scene.t1
         return motion.status == Status.OK and bool(done)
@@ -39,11 +39,11 @@ def arrived(motion: Trajectory | Chain) -> bool:
 
 
 def record(motion: Trajectory | Chain, end: EndError) -> dict:
-    """All of a motion for JSON: samples, phases, what is known of its error and of its energy.
+    """A motion as a record for JSON: samples, phases, error estimate, change of its energy.
 
     Args:
       motion: one motion, or a chain of phases.
-      end: what `end_error` says of it.
+      end: the result of `end_error` for it.
     Raises:
       ValueError: a batch of motions.
     """
@@ -72,16 +72,16 @@ def record(motion: Trajectory | Chain, end: EndError) -> dict:
 
 
 def write_csv(path: str | Path, motion: Trajectory | Chain) -> Path:
-    """A file with a line for each sample: time and state, with all digits.
+    """Write a CSV file with a line for each sample: time and state, with all digits.
 
-    Its first line names the columns with their units; times that were not reached are empty.
+    Its first line has the columns with their units; samples that were not reached are empty.
 
     Args:
       path: of the .csv file.
       motion: one motion, or a chain of phases.
     Raises:
-      ValueError: a file that cannot be written, or a batch of motions.
-      OSError: it could not be written after all.
+      ValueError: `path` cannot be written, or `motion` is a batch.
+      OSError: writing failed.
     """
     path = table_path(path)
     ts, ys = samples(motion)

@@ -1,7 +1,7 @@
-"""How a body's state says which way it has turned: as a quaternion or as a matrix.
+"""The orientation of a body in its state: a quaternion or a matrix.
 
-Neither has a pose where it locks, at the price of numbers that are not free: a unit length, or
-orthogonal columns. Steps keep them to the tolerance, projection after each step to rounding.
+Neither locks in any pose; in return their entries satisfy constraints (unit length, orthogonal
+columns). Steps preserve these to the tolerance, the projection after each step to rounding.
 """
 
 import abc
@@ -23,7 +23,7 @@ _ROUNDS = 2  # of `orthonormalise`, for a matrix that has drifted for one step
 
 
 class Attitude(eqx.Module):
-    """A way to write down how a body has turned, by n numbers a (n,)."""
+    """A representation of orientation by n numbers a (n,)."""
 
     @abc.abstractmethod
     def labels(self) -> tuple[tuple[str, str], ...]:
@@ -43,10 +43,10 @@ class Attitude(eqx.Module):
 
     @abc.abstractmethod
     def nearest(self, a: Array) -> Array:
-        """The nearest numbers (n,) that are a rotation."""
+        """The nearest n numbers (n,) that represent a rotation."""
 
     def aligned(self, a: Array, like: Array) -> Array:
-        """Of all numbers of the same rotation, those closest to others."""
+        """Of all representations of the same rotation, the one closest to another."""
         del like
         return a
 

@@ -1,27 +1,27 @@
-"""Constrained motion in more coordinates than freedoms: differential-algebraic equations.
+"""Constrained motion in more coordinates than degrees of freedom: a differential-algebraic system.
 
 Ties phi(t, q) = 0 (rods, hinges, guides, closed loops) and rolling conditions B(t, q) v = 0
 (skates, wheels) are both conditions G a = gamma on the accelerations, with G = [d phi/dq; B].
-Lagrange multipliers lambda, the forces of the constraints, make the accelerations obey them:
+With Lagrange multipliers lambda, the constraint forces, the accelerations satisfy them:
 
     M a = f + G^T lambda,    (G M^-1 G^T) lambda = gamma - G M^-1 f.
 
-Solved so, the constraints themselves drift: rounding and step errors in phi grow without bound.
-What is done about it is a choice (`drift`):
+The constraints themselves then drift: rounding and step errors in phi grow without bound. `drift`
+selects the remedy:
 
-- "projection" (default): after each step the state goes to the nearest one on the constraints,
-  in the metric of the kinetic energy. Satisfied to rounding, at the cost of one more solve.
-- "baumgarte": gamma is lowered by 2 a (d phi/dt) + a^2 phi, a damped pull back. The old recipe;
-  the rate a is a compromise between drift and stiffness.
-- "raw": nothing, so that the drift can be seen, also from a start off the constraints.
+- "projection" (default): after each step the state is projected to the nearest one on the
+  constraints, in the metric of the kinetic energy. They hold to rounding, for one more solve.
+- "baumgarte": gamma is lowered by 2 a (d phi/dt) + a^2 phi, a damped restoring term, where the
+  rate a is a compromise between drift and stiffness.
+- "raw": none, to observe the drift, also from a start off the constraints.
 
-Conditions may say the same twice (a rod too many). Then G M^-1 G^T is singular, yet the motion is
-as determined as without the repetition, and only how the force is shared is open. It is another
-thing where the conditions lose rank in single poses, as those of a parallelogram of bars do where
-it lies flat: there the motion can go on in more than one way, and the equations do not say in
-which. `undetermined` tells the two apart by derivatives: a combination c of the conditions with
-c G = 0 repeats others if it stays zero along all allowed motions, c (dG/dq u) w = 0 for all u and
-w with G u = G w = 0; else the pose is a crossing of motions.
+Conditions may be redundant (one rod too many). Then G M^-1 G^T is singular; the motion is still
+determined, and only the distribution of the constraint force is not. If the conditions lose rank
+only in single poses, as those of a parallelogram of bars do where it lies flat, the motion can
+continue in several ways and the equations do not determine which. `undetermined` distinguishes the
+two cases by derivatives: a combination c of the conditions with c G = 0 is redundant if it stays
+zero along all allowed motions, c (dG/dq u) w = 0 for all u and w with G u = G w = 0; otherwise
+several motions cross in this pose.
 """
 
 import equinox as eqx
@@ -35,14 +35,14 @@ from jaxdyn.formulations.mechanism import Mechanism, MechanismSystem, balance, m
 from jaxdyn.scene import Effect
 
 DRIFTS = ("projection", "baumgarte", "raw")
-#: A condition at less than this angle to the others depends on them: at 1e-6 rad rounding, 1e-16,
+#: A condition at a smaller angle to the others counts as dependent: at 1e-6 rad, rounding of 1e-16
 #: still leaves ten digits of the acceleration. [square of the sine]
 DEPENDENT = 1e-12
-_TURNING = 1e-5  # share of its size by which a dependent condition turns that counts as turning
-_LOCKED = 1e-15  # least eigenvalue of a mass matrix with diagonal 1 that is singular
-_CONTRADICTION = 1e-6  # relative violation that projection did not remove
+_TURNING = 1e-5  # relative change of a dependent condition that counts as a change
+_LOCKED = 1e-15  # least eigenvalue below which a mass matrix with unit diagonal counts as singular
+_CONTRADICTION = 1e-6  # relative violation left by the projection
 _PROJECTIONS = 2  # Newton steps; the first leaves the square of a step's error
-#: Share of the velocities that may violate the conditions at the start.
+#: Relative violation of the conditions by the velocities that is allowed at the start.
 CONSISTENT = 1e-9
 
 
@@ -68,14 +68,14 @@ class Constrained(MechanismSystem):
         return _accelerations(self, t, y, effects)[1]
 
     def gram(self, t: Array, y: Array) -> Array:
-        """(c + b, c + b) matrix G M^-1 G^T: accelerations off the conditions for unit forces."""
+        """(c + b, c + b) matrix G M^-1 G^T: accelerations of the conditions for unit forces."""
         q, v = jnp.split(y, 2)
         t = jnp.asarray(t, y.dtype)
         g = self._conditions(t, q, v)[2]
         return _times(g, solve_spd(mass_matrix(self.mechanism, t, q), g.T))
 
     def undetermined(self, t, y):
-        """Whether () the constraints leave the motion open at a state, or contradict each other."""
+        """Whether () the constraints at a state contradict, or do not determine the motion."""
         return _undetermined(self, t, y)
 
     def _undetermined(self, t: Array, y: Array) -> Array:
@@ -94,7 +94,7 @@ class Constrained(MechanismSystem):
         return contradiction | _crossing(found, turning, allowed)
 
     def violation(self, t: Array, y: Array) -> tuple[Array, Array]:
-        """(c,) how far the ties are from zero, and (c + b,) how fast they leave it."""
+        """Residuals (c,) of the ties, and (c + b,) of the conditions on the velocities."""
         q, v = jnp.split(y, 2)
         t = jnp.asarray(t, y.dtype)
         phi, rates, _, _ = self._conditions(t, q, v)
@@ -193,7 +193,7 @@ class Constrained(MechanismSystem):
         return solved[:, 0], solved[:, 1:]
 
     def _least(self, t: Array, q: Array, g: Array, error: Array) -> Array:
-        """(n,) the smallest change of q or v, in kinetic energy, that removes an error."""
+        """(n,) the change of q or v, smallest in kinetic energy, that removes an error."""
         if not g.shape[0]:
             return jnp.zeros_like(q)
         reach = solve_spd(mass_matrix(self.mechanism, t, q), g.T)
@@ -201,10 +201,10 @@ class Constrained(MechanismSystem):
 
 
 def _independent(g: Array, reach: Array, b: Array) -> Reduced:
-    """The multipliers (c, ...) that answer b, with those of dependent conditions left out."""
+    """The multipliers (c, ...) for right sides b, those of dependent conditions set to 0."""
     gram = _times(g, reach)
     size = jnp.sum(g * g, axis=1)
-    # A row that all but vanishes has the direction of its rounding.
+    # A row that nearly vanishes has the direction of its rounding errors.
     vanishes = size <= DEPENDENT * jnp.max(size, initial=0.0)
     return solve_psd(gram, b, jnp.where(vanishes, jnp.inf, DEPENDENT * jnp.diagonal(gram)))
 
@@ -215,10 +215,10 @@ def _times(g: Array, reach: Array) -> Array:
 
 
 def _crossing(found: Reduced, turning: Array, allowed: Array) -> Array:
-    """Whether () a dependent condition turns in allowed motions: more ways cross in this pose.
+    """Whether () a dependent condition changes in allowed motions: several of them cross here.
 
     Args:
-      found: which conditions depend on which.
+      found: the dependences among the conditions.
       turning: (c, n, n) derivatives of the rows of G in q.
       allowed: (n, n) a projector on the velocities that the conditions allow.
     """
@@ -239,9 +239,9 @@ _nearest = jax.jit(Constrained._nearest)
 
 @eqx.filter_jit
 def _violations(system: Constrained, t: Array, y: Array) -> tuple[Array, ...]:
-    """Largest violation in place and in velocity, whether the motion is undetermined.
+    """Largest violations in place and in velocity, and whether the motion is undetermined.
 
-    And the least eigenvalue of the mass matrix, in units in which its diagonal is 1.
+    Also the least eigenvalue of the mass matrix, scaled to a unit diagonal.
     """
     phi, rates = system.violation(t, y)
     place, speed = (jnp.max(jnp.abs(x), initial=0.0) for x in (phi, rates))

@@ -1,9 +1,9 @@
-"""A mechanism: coordinates, the material points they place, and what ties them.
+"""A mechanism: coordinates, the material points that they place, and the ties between these.
 
-One mechanism serves all formulations (newton_euler, lagrange, constrained), so that the same
-machine can be set up in several ways and the answers compared. A rigid body enters through
-material points that have its mass, centre and inertia (`planar_body`, `inertia.equimomental`):
-then kinetic energy, gravity and drawings all follow from where points are.
+One mechanism serves all formulations (newton_euler, lagrange, constrained), so the same machine can
+be set up in several ways and the results compared. A rigid body is represented by material points
+with its mass, centre and inertia (`planar_body`, `inertia.equimomental`); kinetic energy, gravity
+and drawings then follow from the positions of points alone.
 """
 
 import abc
@@ -19,16 +19,16 @@ from jaxdyn._numerics import materialised, runtime_one
 from jaxdyn.scene import Effect, Points, System
 from jaxdyn.sketch import Shape
 
-#: What the tie of a rod may differentiate, as scenes name it; see `stretch`.
+#: Forms of the tie of a rod, as scenes name them; see `stretch`.
 TIES = ("length", "square")
 
 
 class Mechanism(eqx.Module):
-    """Coordinates q (n,) and the material points they place."""
+    """Coordinates q (n,) and the material points that they place."""
 
-    #: Whether single points may be without mass, as two of those of a flat body are.
+    #: Whether single points may have no mass, as two of those of a flat body.
     massless: ClassVar[bool] = False
-    #: Where the coordinates end; see `Effect.singular`.
+    #: Where the coordinates are singular; see `Effect.singular`.
     singular: ClassVar[str] = ""
 
     @abc.abstractmethod
@@ -41,15 +41,15 @@ class Mechanism(eqx.Module):
 
     @abc.abstractmethod
     def positions(self, t: Array, q: Array) -> Array:
-        """(p, d) where the points are."""
+        """(p, d) positions of the points [m]."""
 
     def tied(self, t: Array, q: Array) -> Array | None:
-        """(c,) what must stay zero: lengths, closed loops, guides; None if nothing."""
+        """(c,) values that must stay zero: lengths, closed loops, guides; None without ties."""
         del t, q
         return None
 
     def rolling(self, t: Array, q: Array) -> Array | None:
-        """(b, n) rows whose product with the velocities must stay zero: skates, rolling wheels."""
+        """(b, n) rows whose products with the velocities must stay zero: skates, rolling wheels."""
         del t, q
         return None
 
@@ -63,21 +63,21 @@ class Mechanism(eqx.Module):
         return ()
 
     def check(self) -> None:
-        """Raise ValueError for numbers that make no sense."""
+        """Raise ValueError for invalid parameters, such as lengths that are not positive."""
 
 
 def stretch(square: Array, length: Array, squared: bool) -> Array:
-    """By how much a rod is too long [m], from the square of the distance of its ends.
+    """Elongation of a rod [m], from the squared distance of its ends.
 
     As a tie of `Constrained` its multiplier is the force along the rod [N], positive where it
-    pushes. Both forms are zero together and agree to first order; they drift differently where
-    nothing is done about drift.
+    pushes. Both forms vanish together and agree to first order; without projection they drift
+    differently.
 
     Args:
       square: (...) squared distance of the ends [m^2].
       length: (...) of the rod [m].
-      squared: (square - length^2) / (2 length), which is smooth everywhere and what textbooks
-        differentiate; else the distance less the length.
+      squared: (square - length^2) / (2 length), smooth everywhere and the form that textbooks
+        differentiate; otherwise the distance minus the length.
     """
     if squared:
         return (square - length**2) / (2 * length)
@@ -85,14 +85,14 @@ def stretch(square: Array, length: Array, squared: bool) -> Array:
 
 
 def planar_body(centre: Array, angle: Array, gyration: Array) -> Array:
-    """(2, 2) two points that stand for a rigid body in the plane, half of its mass each.
+    """(2, 2) two points, each with half the mass, equivalent to a rigid body in the plane.
 
-    At the distance of the radius of gyration on both sides of the centre they have the body's
-    mass, centre of mass and moment of inertia.
+    At the radius of gyration on both sides of the centre they have the mass, the centre of
+    mass and the moment of inertia of the body.
 
     Args:
       centre: (2,) centre of mass [m].
-      angle: () of the line they lie on, from the x axis [rad].
+      angle: () of the line through them, from the x axis [rad].
       gyration: () sqrt(inertia / mass) [m].
     """
     arm = gyration * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
@@ -148,7 +148,7 @@ def kinematic_jacobian(mechanism: Mechanism, t: Array, q: Array) -> Array:
 
 
 def mass_matrix(mechanism: Mechanism, t: Array, q: Array) -> Array:
-    """(n, n) matrix of the kinetic energy v^T M v / 2, for rates v and a map that stands still."""
+    """(n, n) matrix of the kinetic energy v^T M v / 2, for a map without explicit time."""
     j = kinematic_jacobian(mechanism, t, q)
     return weighted_gram(j, _weights(mechanism, j))
 
@@ -165,12 +165,12 @@ def balance(
     def velocities(t, q):
         return moved(mechanism, t, q, v)
 
-    # One derivative of the velocities gives c too; XLA shares what the two passes repeat.
+    # One derivative of the velocities gives c as well; XLA shares what both passes compute.
     (r, velocity), (_, c) = jax.jvp(velocities, (t, q), (jnp.ones_like(t), v))
     m = mechanism.masses()
     force = sum((e.force(t, r, velocity, m) for e in effects), -m[:, None] * c)
-    # Kept as an array, or a loop over stages would derive it anew for each entry of M: four to
-    # six times slower (measured; keeping the force too brings that back).
+    # Materialised, or a loop over stages would compute it again for each entry of M: four to
+    # six times slower (measured; materialising the force as well loses that again).
     j = materialised(kinematic_jacobian(mechanism, t, q), jax.lax.stop_gradient(runtime_one(t)))
     pulled = row_sums(j, force.ravel())
     mass = weighted_gram(j, _weights(mechanism, j))
@@ -184,7 +184,7 @@ def pulled_back(
     v: Array,
     effects: tuple[Effect, ...],
 ) -> Array:
-    """(n,) what the effects' forces on the points do to the coordinates."""
+    """(n,) generalised forces of the effects' forces on the points."""
     r, velocity = moved(mechanism, t, q, v)
     m = mechanism.masses()
     force = sum((e.force(t, r, velocity, m) for e in effects), jnp.zeros_like(r))
@@ -192,7 +192,7 @@ def pulled_back(
 
 
 def on_coordinates(t: Array, q: Array, v: Array, effects: tuple[Effect, ...]) -> Array:
-    """(n,) the sum of what acts on the coordinates directly."""
+    """(n,) sum of the forces that act on the coordinates directly."""
     forces = (effect.generalized(t, q, v) for effect in effects)
     return sum((f for f in forces if f is not None), jnp.zeros_like(q))
 
@@ -206,12 +206,12 @@ def weighted_gram(j: Array, weights: Array) -> Array:
     """(n, n) matrix J W J^T for rows J (n, s) and weights (s,).
 
     As a sum, not a matrix product: XLA turns some small products into custom fusions, which
-    would keep the stepping loop from being folded.
+    would prevent folding of the stepping loop.
     """
     return jnp.sum(j[:, None, :] * (weights[None, :] * j)[None, :, :], axis=-1)
 
 
 def _weights(mechanism: Mechanism, j: Array) -> Array:
-    """(p d,) the mass of its point for each component of a position."""
+    """(p d,) the mass of the point of each component of the positions."""
     m = mechanism.masses()
     return jnp.repeat(m, j.shape[1] // m.shape[0])

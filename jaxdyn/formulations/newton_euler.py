@@ -1,12 +1,12 @@
-"""Newton-Euler by the kinematic map: no reactions, no energies, only where points go.
+"""Newton-Euler equations from the kinematic map, without reactions and energies.
 
-With r = r(t, q), J = dr/dq and c = the accelerations the points have when q does not accelerate,
+With r = r(t, q), J = dr/dq and c the accelerations of the points for a = 0,
 d'Alembert's principle J^T (f - m (J a + c)) = 0 gives
 
     (J^T m J) a = J^T (f - m c) + Q.
 
-J and c come from one and two forward derivatives of the map, which is cheaper by far than the
-Hessian of a Lagrangian.
+J and c are first and second forward derivatives of the map, far cheaper than the Hessian of a
+Lagrangian.
 """
 
 import jax

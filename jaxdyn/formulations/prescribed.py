@@ -1,9 +1,8 @@
-"""Motions that are prescribed: coordinates given as functions of time, whatever the forces.
+"""Prescribed motions: coordinates given as functions of time, independent of forces.
 
-What is drawn and moved about, without dynamics (course problems 7, 47 and 49). The state is
-[q, v] as for any mechanism, dv/dt being the second derivative of the path, so the same
-integrators, samples and pictures serve; that the motion comes back to the path is a check of
-the integrator.
+For drawings that are moved without dynamics (course problems 7, 47 and 49). The state is [q, v] as
+for any mechanism, with dv/dt the second derivative of the path, so the same integrators, samples
+and pictures apply; the deviation from the path checks the integrator.
 """
 
 import abc
@@ -28,9 +27,9 @@ class Path(Mechanism):
 
 
 class Prescribed(MechanismSystem):
-    """A mechanism that follows its path: state [q, v]. Effects would change nothing.
+    """A mechanism that follows its path: state [q, v]. Effects have no influence.
 
-    A start off the path, or with another speed, moves on with that difference.
+    A start off the path, or with another velocity, keeps that difference.
     """
 
     mechanism: Path

@@ -1,14 +1,13 @@
-"""A rigid body in space: Newton's law for its centre, Euler's equations for its turning.
+"""A rigid body in space: Newton's law for its centre, Euler's equations for its rotation.
 
-The body is material points in its own axes (the six of `inertia.equimomental`, or any others
-that have its mass, centre and inertia), so effects act on it as on everything else, and their
-forces f_i give
+The body consists of material points in its own axes (the six of `inertia.equimomental`, or others
+with its mass, centre and inertia), so effects act on it as on any system, and their forces f_i give
 
     m dv/dt = sum f_i,    I domega_b/dt = sum s_i x (R^T f_i) - omega_b x (I omega_b),
 
-with s_i and the constant I in the body's axes. A body with a fixed pivot obeys the second
-equation alone, with s_i and I about the pivot. How it has turned, R_wb, is kept as a unit
-quaternion or as the matrix itself, which lock in no pose; `EulerBody` has it by Euler angles.
+with s_i and the constant I in the body's axes. For a body with a fixed pivot the second
+equation alone applies, with s_i and I about the pivot. The orientation R_wb is a unit quaternion or
+the matrix itself, which never lock; `EulerBody` uses Euler angles.
 
 `pose` gives position, R_wb and angular velocity of any of them in both frames. The angular
 momentum in space is `energy.angular_momentum`.
@@ -29,7 +28,7 @@ from jaxdyn.geometry.vectors import cross
 from jaxdyn.scene import Effect, Points, Scene, System
 from jaxdyn.sketch import Looks, Shape, traces
 
-#: How far a start's attitude may be from a unit quaternion or a rotation matrix.
+#: Largest deviation of the attitude of a start from a unit quaternion or a rotation matrix.
 CONSISTENT = 1e-9
 
 METRES = (("x", "m"), ("y", "m"), ("z", "m"))
@@ -38,9 +37,9 @@ _SPINS = tuple((f"omega{i}", "rad/s") for i in (1, 2, 3))
 
 
 class Pose(NamedTuple):
-    """Where a body is and how it moves; each may have a leading axis of samples.
+    """Position and velocity of a body; each field may have a leading axis of samples.
 
-    Its centre (or pivot) r and the velocity v of that, both (3,) in the world's axes [m, m/s];
+    The centre (or pivot) r and its velocity v, both (3,) in the world's axes [m, m/s];
     R_wb (3, 3), whose columns are the body's axes; omega_b (3,) in the body's axes [rad/s].
     """
 
@@ -55,19 +54,19 @@ class Pose(NamedTuple):
         return jnp.einsum("...ij,...j->...i", self.R_wb, self.omega_b)
 
     def place(self, s) -> Array:
-        """(3,) where the point of the body is that has components s (3,) in its axes [m]."""
+        """(3,) position [m] of the point with components s (3,) in the body's axes."""
         return self.r + jnp.einsum("...ij,j->...i", self.R_wb, jnp.asarray(s, dtype=float))
 
 
 class FirstPoint(Looks):
-    """The path of the first point of a body, and nothing else."""
+    """The path of the first point of a body, and no shape."""
 
     def __call__(self, r: Array) -> tuple[Shape, ...]:
         return traces(r[:1], [""])
 
 
 def resting(R_wb=None, omega_b=(0.0, 0.0, 0.0)) -> Pose:
-    """A pose at the origin that turns there: the usual start of a body or a top."""
+    """A pose at the origin without velocity of the origin: the usual start of a body or a top."""
     R_wb = jnp.eye(3) if R_wb is None else jnp.asarray(R_wb, dtype=float)
     return Pose(jnp.zeros(3), R_wb, jnp.zeros(3), jnp.asarray(omega_b, dtype=float))
 
@@ -89,14 +88,14 @@ class RigidBody(System):
     """A rigid body: state [r, attitude, v, omega_b], or [attitude, omega_b] about a pivot.
 
     Attributes:
-      matter: its points in its own axes, from the pivot if it has one. A free body's r is the
-        centre of mass, and its points are kept from there.
+      matter: its points in its own axes, from the pivot if it has one. The r of a free body
+        is its centre of mass, from which its points are stored.
       attitude: `attitude.Quaternion()` or `attitude.RotationMatrix()`.
       pivoted: whether the origin of its axes is fixed at the world's origin.
-      drawn: what a drawing shows of it; by default the path of its first point.
+      drawn: what a drawing shows; by default the path of its first point.
 
     An effect's `generalized` is given q = [r, attitude], v = [v, omega_b] (without r and v about
-    a pivot) and returns what does work on v: [force, torque in the body's axes].
+    a pivot) and returns the conjugate forces: [force, torque in the body's axes].
     """
 
     matter: MaterialPoints
@@ -236,7 +235,7 @@ def inertia_matrix(matter: MaterialPoints) -> Array:
 
 
 def check_matter(matter: MaterialPoints) -> None:
-    """Refuse points that are no rigid body: without mass, or all on one line."""
+    """Raise ValueError for points that are not a rigid body: without mass, or all on one line."""
     # A single point may have no mass, or a negative one: a hole.
     _checks.positive("mass", jnp.sum(matter.m), "Masses are in kg.")
     if _checks.is_traced(matter):

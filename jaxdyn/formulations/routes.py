@@ -1,9 +1,9 @@
-"""One machine, several formulations: the system and the start for the one that is asked for.
+"""One machine in several formulations: the system and the start for the chosen one.
 
-A machine is given once, by free coordinates. What else it can be described by (cartesian
-coordinates with rods, bodies with hinges, an open chain with a closing tie) is an `Embedding`:
-the mechanism with ties, and the map from the free coordinates to its own. The start follows by
-that map and its derivative, so all routes start in the same pose to rounding.
+A machine is given once, by free coordinates. Any other description (cartesian coordinates with
+rods, bodies with hinges, an open chain with a closing tie) is an `Embedding`: the mechanism with
+ties, and the map from the free coordinates to its own. The start follows from this map and its
+derivative, so all routes start in the same pose to rounding.
 """
 
 from collections.abc import Callable, Mapping
@@ -45,7 +45,7 @@ def route(
     embeddings: Mapping[str, Embedding],
     drift: str = "projection",
 ) -> tuple[System, Array]:
-    """The system of the formulation that is asked for, and its start at t = 0.
+    """The system of the chosen formulation, and its start at t = 0.
 
     Args:
       formulation: "newton_euler", "lagrange", or the name of an embedding.
@@ -53,9 +53,9 @@ def route(
       q: (n,) start in the free coordinates.
       v: (n,) their rates.
       embeddings: by name, e.g. {"constrained": ...}.
-      drift: what an embedding does about the drift of its ties; see `Constrained`.
+      drift: how an embedding treats the drift of its ties; see `Constrained`.
     Raises:
-      ValueError: a formulation that this machine does not have.
+      ValueError: `formulation` is not one of this machine.
     """
     _checks.choice("formulation", formulation, [*_FREE, *embeddings])
     q, v = floats(q, v)
@@ -68,5 +68,5 @@ def route(
 
 @eqx.filter_jit
 def _placed(place: Callable, t: Array, q: Array, v: Array) -> Array:
-    """(k,) the coordinates of an embedding and their rates; compiled as one program, not fifty."""
+    """(k,) the coordinates of an embedding and their rates; in one compiled program."""
     return jnp.concatenate(jax.jvp(place, (t, q), (jnp.ones_like(t), v)))

@@ -1,13 +1,13 @@
-"""Static and dynamic balance: what a body that spins about a fixed axis asks of its bearings.
+"""Static and dynamic balance: the bearing forces of a body that spins about a fixed axis.
 
-A body is balanced statically where its centre is on the axis, so that no net force is needed,
-and dynamically where the axis is a principal axis too, so that no moment is. Every body can spin
-in dynamic balance about its three principal axes through the centre, in both directions, and
-about no other lines if its moments differ.
+A body is statically balanced if its centre of mass is on the axis, so that no net force is needed,
+and dynamically balanced if the axis is also a principal axis, so that no moment is needed. Every
+body is dynamically balanced about its three principal axes through the centre of mass, in both
+directions, and about no other line if its principal moments differ.
 
-One bearing alone can carry the whole force of an unbalanced body between two: that needs
-products of inertia of zero about the loaded bearing, which masses on both sides of the axis
-at different distances from it have.
+One of two bearings can carry the whole force of an unbalanced body. That requires vanishing
+products of inertia about this bearing, which masses on both sides of the axis at different
+distances from it can have.
 """
 
 from typing import NamedTuple
@@ -20,12 +20,12 @@ from jaxdyn._numerics import square_norm
 from jaxdyn.geometry.inertia import Body
 from jaxdyn.geometry.vectors import Scalar, Vector, cross, dot
 
-# Imbalance below this part of what mass and inertia of this size could cause is rounding.
+# Imbalance below this fraction of the largest that the mass and inertia could cause is rounding.
 _BALANCED = 1e-12
 
 
 class Bearings(NamedTuple):
-    """What two bearings must provide, beyond carrying other loads, for a steady spin.
+    """Forces that two bearings provide for a steady spin, apart from other loads.
 
     The forces (3,) [N] at a and b on the body, their sum ``force`` (3,) [N] and their moment
     (3,) [N m] about a, and whether () the body is balanced ``statically`` (no net force: the
@@ -48,7 +48,7 @@ def bearing_forces(body: Body, r_a: Vector, r_b: Vector, spin: Scalar) -> Bearin
     is normal to the axis, so F_b = M x n / length, and F_a is the rest.
 
     Args:
-      body: placed where it is at the moment.
+      body: in its current position.
       r_a: (3,) [m] the bearing from which positions and moments count.
       r_b: (3,) [m] the other; the axis n points from a to b.
       spin: () [rad/s] angular velocity about n.

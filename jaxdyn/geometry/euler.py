@@ -1,6 +1,6 @@
 """Euler angles in all 12 sequences, about the body's axes or the world's.
 
-A sequence is three letters. Capitals, ``"ZYX"``, turn about the body's axes as they are by then
+A sequence is three letters. Capitals, ``"ZYX"``, turn about the body's current axes
 (intrinsic): R_wb = R_z(a0) R_y(a1) R_x(a2). Small letters, ``"zyx"``, turn about the world's
 fixed axes (extrinsic): R_wb = R_x(a2) R_y(a1) R_z(a0). Angles are (3,) [rad], in the order in
 which the turns are made. Conventions of the matrices are those of `jaxdyn.geometry.rotations`.
@@ -26,8 +26,8 @@ Angles = Float[Array, "3"]
 _BODY = tuple(a + b + c for a in "XYZ" for b in "XYZ" for c in "XYZ" if a != b and b != c)
 SEQUENCES = _BODY + tuple(sequence.lower() for sequence in _BODY)
 
-# Sine of the angle between the first and third axes below which they count as parallel: a matrix
-# that is right to rounding then says nothing about the angles one by one.
+# Sine of the angle between the first and third axes below which they count as parallel: rounding
+# of the matrix then leaves no digit of the individual angles.
 _LOCKED = 1e-13
 
 
@@ -61,10 +61,10 @@ def matrix_from_euler(angles: Angles, sequence: str) -> Matrix:
 
 @arrays
 def euler_from_matrix(R_wb: Matrix, sequence: str) -> EulerAngles:
-    """Angles that `matrix_from_euler` takes back to R_wb, to rounding also close to gimbal lock.
+    """Angles from which `matrix_from_euler` recovers R_wb to rounding, also close to gimbal lock.
 
     The second angle is in [-pi/2, pi/2] for three different axes and in [0, pi] where the first
-    comes again; the others are in [-pi, pi]. In gimbal lock the turn made about the outermost
+      axis recurs; the others are in [-pi, pi]. In gimbal lock the turn made about the outermost
     axis (the first of a sequence about the body's axes, the last about the world's) is set to 0.
 
     Raises:
@@ -120,7 +120,7 @@ def euler_rates_from_body(angles: Angles, omega_b: Vector, sequence: str) -> Eul
 
 
 def _axes(sequence: str) -> tuple[int, int, int, bool]:
-    """Outer and middle axis, the remaining or third one, and whether the outer comes again."""
+    """Outer and middle axis, the remaining or third one, and whether the outer one recurs."""
     _checks.choice("sequence", sequence, SEQUENCES)
     order = ["XYZ".index(letter) for letter in sequence.upper()]
     i, j, k = order if sequence.isupper() else order[::-1]

@@ -1,4 +1,4 @@
-"""Index notation under the summation convention: whether an expression makes sense, its value.
+"""Index notation under the summation convention: validity and value of an expression.
 
 An expression is written as on paper, one letter an index, for example ``c_i = A_ij b_j``,
 ``A_ii b_j + f_i g_i h_j = B_ii e_j`` or, without a left side, ``delta_ij delta_jk delta_ki``.
@@ -38,7 +38,7 @@ def levi_civita(d: int = 3) -> np.ndarray:
 
 
 class IndexCheck(NamedTuple):
-    """Whether an expression is sensible, its free indices, and the reason where it is not."""
+    """Whether an expression is valid (`sensible`), its free indices, and why it is not."""
 
     sensible: bool
     free: str
@@ -52,7 +52,7 @@ class _Term(NamedTuple):
 
 
 def check_indices(expression: str) -> IndexCheck:
-    """Whether an index expression makes sense under the summation convention, and why not.
+    """Whether an index expression is valid under the summation convention, and why not.
 
     Example:
       >>> check_indices("c_i = A_ij b_j").sensible
@@ -67,7 +67,7 @@ def check_indices(expression: str) -> IndexCheck:
 
 
 def evaluate_indices(expression: str, **arrays) -> Array:
-    """Value of the right side of a sensible index expression.
+    """Value of the right side of a valid index expression.
 
     Args:
       expression: see above; what its left side names is the result and is not given.
@@ -76,8 +76,8 @@ def evaluate_indices(expression: str, **arrays) -> Array:
       One axis for each free index, in the order in which the first term (the left side, where
       there is one) names them.
     Raises:
-      ValueError: the expression is not sensible, an array is missing or has another number of
-        axes than indices.
+      ValueError: `expression` is not valid, or an array is missing or has another number of axes
+          than indices.
     Example:
       >>> float(evaluate_indices("c = delta_ii"))
       3.0
@@ -105,7 +105,7 @@ def _value(term: _Term, free: str, given: dict[str, Array], d: int) -> Array:
 
 
 def _parsed(expression: str) -> tuple[list[_Term], str]:
-    # The terms of the right side and the free indices; ValueError where there is no sense.
+    # The terms of the right side and the free indices; ValueError if the expression is invalid.
     sides = expression.split("=")
     if len(sides) > 2:
         raise fail("expression", "at most one '='", repr(expression))

@@ -1,11 +1,11 @@
 """Mass, centre and inertia of rigid bodies: shapes, and bodies composed from them.
 
-A `Body` is what dynamics needs to know of a rigid body. Shapes are made about the origin, those
-with an axis along z; ``rotated`` and ``shifted`` put them in place, in this order, and ``+`` welds
-bodies together. The same function of density in place of mass ends in ``_of_density``.
+A `Body` is all that dynamics needs of a rigid body. Shapes are centred at the origin, with their
+axis, if any, along z; ``rotated`` and ``shifted`` put them in place, in this order, and ``+`` welds
+bodies together. Functions that take a density in place of a mass end in ``_of_density``.
 
-All is differentiable and free of LAPACK, but for the principal axes and what is found with them
-(`principal`, `is_flat`, `equivalent_box`), which belong outside of stepping loops.
+All functions are differentiable and free of LAPACK, except the principal axes and what uses them
+(`principal`, `is_flat`, `equivalent_box`), which must stay outside of stepping loops.
 """
 
 from typing import NamedTuple
@@ -25,8 +25,8 @@ from jaxdyn.geometry.vectors import Scalar, Vector, cross
 
 Matrix = Float[Array, "3 3"]
 
-# Moments of inertia that differ by less than this part of the largest count as equal, and a
-# body is flat or possible up to it: they come from sums that round.
+# Moments of inertia that differ by less than this fraction of the largest count as equal; the same
+# margin decides whether a body is flat or physically realisable, since moments are rounded sums.
 _EQUAL = 1e-12
 
 
@@ -58,7 +58,10 @@ class Body(eqx.Module):
         return self.inertia + _steiner(self.mass, self.centre - p)
 
     def check(self) -> None:
-        """Raise ValueError for a mass or inertia that no body has; traced numbers pass."""
+        """Raise ValueError unless the mass is positive and the inertia that of a real body.
+
+        Traced values are not checked.
+        """
         if _checks.is_traced(self):
             return
         _checks.positive("mass", self.mass, "Masses are in kg.")
@@ -74,7 +77,7 @@ class Body(eqx.Module):
             raise _checks.fail("inertia", wanted, moments.tolist(), remedy)
 
     def __add__(self, other: "Body") -> "Body":
-        """Both bodies welded together; a part of negative mass is a hole."""
+        """Both bodies welded together; a part with negative mass is a hole."""
         if not isinstance(other, Body):
             return NotImplemented
         mass = self.mass + other.mass
@@ -99,7 +102,7 @@ def point(mass: Scalar, at: Vector = (0.0, 0.0, 0.0)) -> Body:
 
 @arrays
 def box(mass: Scalar, sides: Vector) -> Body:
-    """A box with sides (3,) [m] along x, y, z; a side of 0 makes it a plate, two a rod."""
+    """A box with sides (3,) [m] along x, y, z; one zero side makes it a plate, two a rod."""
     squares = sides**2
     return Body(mass, jnp.zeros(3), jnp.diag(jnp.sum(squares) - squares) * (mass / 12))
 
@@ -176,18 +179,18 @@ class Principal(NamedTuple):
 def principal(body: Body) -> Principal:
     """Principal moments and right-handed principal axes about the centre.
 
-    Nothing is left to rounding: of the axes that equal moments (to 1e-12) leave free, those that
-    diagonalise diag(1, 2, 3) among them are taken, so a body with three equal moments has x, y
-    and z. Of the first and second axis the first component above 0.55 is positive.
+    Rounding decides nothing: where equal moments (to 1e-12) leave the axes free, those that
+    diagonalise diag(1, 2, 3) within their space are taken, so a body with three equal moments has
+    the axes x, y and z. Of the first and second axis the first component above 0.55 is positive.
 
-    Limits: not for stepping loops (LAPACK). The derivative of the axes is right where the
-    moments differ, and finite but without meaning where they do not.
+    Limits: not for stepping loops (LAPACK). The derivative of the axes is correct where the
+      moments differ, and finite but meaningless where they do not.
     """
     fixed = jax.lax.stop_gradient(body.inertia)
     size = jnp.where(jnp.trace(fixed) == 0, 1.0, jnp.trace(fixed))  # 0: a point
     guess, V = jnp.linalg.eigh(fixed)
     differ = jnp.diff(guess) > _EQUAL * size
-    group = jnp.concatenate([jnp.zeros(1), jnp.cumsum(differ)])
+    group = jnp.concatenate([jnp.zeros(1), jnp.cumsum(differ, dtype=float)])
     same = group[:, None] == group[None, :]
     # Added to the inertia this leaves its eigenspaces, tells groups apart in their order, and
     # splits each group; without it eigenvectors of equal moments have infinite derivatives.
@@ -215,8 +218,8 @@ def is_flat(body: Body) -> Bool[Array, ""]:
 def equivalent_box(body: Body) -> Vector:
     """Sides (3,) [m], along the principal axes, of the uniform box with the same inertia.
 
-    From I_1 = m (b^2 + c^2) / 12 and so on; the last side is 0 for a flat body, and sides that
-    no body can have are NaN.
+    From I_1 = m (b^2 + c^2) / 12 and so on; the last side is 0 for a flat body; an inertia that
+    no real body has gives NaN.
     """
     moments = jnp.linalg.eigvalsh(body.inertia)
     excess = jnp.sum(moments) - 2 * moments
@@ -240,9 +243,9 @@ def equimomental(body: Body) -> MaterialPoints:
     would have them on the principal axes of all bodies, but no derivative for a sphere.
 
     Raises:
-      ValueError: `Body.check`; where numbers are traced, impossible moments give NaN.
-    Limits: for an exactly flat body the points have derivatives only along changes that keep it
-      flat, and these are what is returned; `scenes.bodies.jack` is smooth there too.
+      ValueError: `body` is not physically realisable (see `Body.check`); NaN if it is traced.
+    Limits: for an exactly flat body the points are differentiable only along changes that keep it
+      flat, and those derivatives are returned; `scenes.bodies.jack` is smooth there too.
     """
     body.check()
     P = jnp.trace(body.inertia) / 2 * jnp.eye(3) - body.inertia

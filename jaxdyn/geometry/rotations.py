@@ -28,8 +28,8 @@ Matrix = Float[Array, "3 3"]
 Wxyz = Float[Array, "4"]
 
 
-# Of R^T R from 1, half the digits of a float: more is no drift of a motion, but a matrix that was
-# typed with few digits, scaled, or is no rotation.
+# Largest deviation of R^T R from 1, half the digits of a float. A larger one is not the drift of a
+# motion, but a matrix that was typed with few digits, scaled, or is not a rotation.
 _OFF = 1e-8
 
 
@@ -95,7 +95,7 @@ def matrix_from_rotation_vector(phi: Vector) -> Matrix:
 
 @arrays
 def rotation_vector_from_matrix(R: Matrix) -> Vector:
-    """The logarithm (3,) of a rotation, shortest of its kind; smooth for angles below pi.
+    """The shortest rotation vector (3,) of a rotation, its logarithm; smooth for angles below pi.
 
     Raises:
       ValueError: R is not a rotation; under traces the result is NaN then.
@@ -108,7 +108,7 @@ def rotation_vector_from_matrix(R: Matrix) -> Vector:
 
 @arrays
 def multiply_wxyz(p: Wxyz, q: Wxyz) -> Wxyz:
-    """The product p q (4,): the rotation q and after it p."""
+    """The product p q (4,): the rotation q followed by p."""
     pw, px, py, pz = p
     qw, qx, qy, qz = q
     return jnp.stack(
@@ -123,7 +123,7 @@ def multiply_wxyz(p: Wxyz, q: Wxyz) -> Wxyz:
 
 @arrays
 def conjugate_wxyz(q: Wxyz) -> Wxyz:
-    """The conjugate (4,): of a unit quaternion the rotation back."""
+    """The conjugate (4,); of a unit quaternion, the inverse rotation."""
     return jnp.stack([q[0], -q[1], -q[2], -q[3]])
 
 
@@ -300,10 +300,10 @@ def orthonormalise(A: Matrix, iterations: int = 10) -> Matrix:
 
 @arrays
 def checked_rotation(name: str, R: Matrix) -> Matrix:
-    """R, if it is a rotation: orthogonal, and of determinant 1.
+    """R, checked to be a rotation: orthogonal, with determinant 1.
 
     Raises:
-      ValueError: it is not; NaN in its place where its values are traced.
+      ValueError: R is not a rotation; if it is traced, the result is NaN instead.
     """
     columns = R.T @ R - jnp.eye(3)
     off = jnp.maximum(jnp.max(jnp.abs(columns)), jnp.abs(dot(R[0], cross(R[1], R[2])) - 1))

@@ -108,5 +108,5 @@ def coincident(field, events: tuple, y0: Array, t0: Array, t: Array, y: Array, d
     start = looked(field, events, t0, y0)
     time = jnp.abs(t0) + jnp.abs(t)
     off = _TOGETHER * (here.rounding + start.rounding + time * here.speeds)
-    wanted = jnp.array([event.direction for event in events])
+    wanted = jnp.array([event.direction for event in events], float)
     return (jnp.abs(here.values) <= off) & ((wanted == 0) | (wanted * direction * here.slopes > 0))

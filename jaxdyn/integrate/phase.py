@@ -120,7 +120,7 @@ def _fit(field: Field, events: tuple[Event, ...], sides: tuple[int, ...], t: Arr
     bounds = [event for event, side in zip(events, sides, strict=True) if side]
     passed = leaving = jnp.zeros(len(events), bool)
     if bounds:
-        near = jnp.array([side for side in sides if side])
+        near = jnp.array([side for side in sides if side], float)
         which = np.flatnonzero(sides)
         beyond = _beyond(field, tuple(bounds), near, t, y)
         passed, leaving = (jnp.zeros(len(events), bool).at[which].set(x) for x in beyond)

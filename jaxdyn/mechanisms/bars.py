@@ -1,9 +1,9 @@
-"""Uniform bars in the plane, hinged in a row: by their angles, and as bodies tied by hinges.
+"""Uniform bars in the plane, hinged in a row: by their angles, or as bodies tied by hinges.
 
-Angles are counted from hanging straight down, counterclockwise; x points right, y up, the
-first hinge is the origin. A uniform bar moves like three points: a sixth of its mass at each
-end and the rest at its middle (Simpson's rule, exact for the moment of inertia). So the points
-are the hinges and the middles, and a drawing that joins the hinges shows the bars.
+Angles are measured counterclockwise from hanging straight down; x points right, y up, the
+first hinge is the origin. A uniform bar is equivalent to three points: a sixth of its mass at each
+end and the rest at its middle (Simpson's rule, exact for the moment of inertia). The points
+are therefore the hinges and the middles, and a drawing that joins the hinges shows the bars.
 """
 
 import equinox as eqx
@@ -18,7 +18,7 @@ from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.sketch import Shape, frame, line, pin, rectangle, traces
 
 _END, _MIDDLE = 1 / 6, 4 / 6  # shares of a uniform bar's mass
-#: Bars nearer than this to stretched out cannot be told from it. [relative]
+#: Bars closer than this to being stretched out count as stretched. [relative]
 _STRETCHED = 1e-12
 
 
@@ -29,8 +29,8 @@ class Chain(Mechanism):
       m: (n,) masses [kg].
       l: (n,) lengths [m].
       end: (2,) where the far end is pinned [m]; None where it is free.
-      relative: each angle but the first is counted from the bar before it.
-      skate: the far end slides only along the last bar, as on a skate.
+      relative: whether each angle but the first is measured from the previous bar.
+      skate: whether the far end slides only along the last bar, as on a skate.
     """
 
     m: Array
@@ -140,8 +140,8 @@ def row_points(bars: Array) -> Array:
     """(2 n + 1, 2) the hinges, then the middles, of bars given as vectors (n, 2) in a row."""
     n = bars.shape[0]
     before = np.tri(n + 1, n, -1)
-    # Constant weights, not a running sum: few whole-array operations compile to code twice as
-    # fast as many scalar ones.
+    # Constant weights rather than a running sum: few operations on whole arrays compile to
+    # code twice as fast as that of many scalar ones.
     return _combined(np.concatenate([before, before[:n] + 0.5 * np.eye(n)]), bars)
 
 
@@ -153,7 +153,7 @@ def row_masses(m: Array) -> Array:
 
 
 def bar_shapes(joints: Array, end: Array | None, *, skate: bool = False) -> tuple[Shape, ...]:
-    """Bars through joints (n + 1, 2), the first of them pinned and the last one too, or free."""
+    """Bars through joints (n + 1, 2), pinned at the first and, unless it is free, at the last."""
     inner = [f"hinge {i}" for i in range(1, len(joints) - 1)]
     bars, first = line(*joints), pin(joints[0])
     if end is not None:
@@ -167,15 +167,15 @@ def bar_shapes(joints: Array, end: Array | None, *, skate: bool = False) -> tupl
 
 
 def check_bars(m: Array, l: Array, end: Array | None, span: str = "end") -> None:  # noqa: E741
-    """Refuse lengths that are not positive, not one for each mass, or cannot reach the end.
+    """Raise ValueError unless the lengths are positive, one for each mass, and reach the far end.
 
-    Bars that only just reach it are refused too: stretched out they cannot move.
+    Bars that only just reach it are refused as well, since they cannot move when stretched out.
 
     Args:
       m: (n,) masses [kg].
       l: (n,) lengths [m].
       end: (2,) where the far end is pinned [m]; None where it is free.
-      span: what the message calls the distance of that.
+      span: name of its distance in messages.
     """
     _checks.array("l", l, m.shape, "One length for each mass.")
     _checks.positive("l", l, "Lengths are in m.")

@@ -1,14 +1,14 @@
 """A cylinder that rolls, slips or flies, on a fixed cylinder or on a ramp: problems 37 and 38.
 
 A cylinder of radius r with its centre of mass G at a distance d from its centre C. In contact
-with a surface, C keeps its distance r from it: with n the surface's normal and t its tangent
-(the way a clockwise turning rolls), N the normal force and F the friction along t,
+with a surface, C stays at the distance r from it: with n the normal and t the tangent of the
+surface (in the direction of clockwise rolling), N the normal force and F the friction along t,
 
     m a_G = W + N n + F t,    I alpha = moment of both about G,
 
-and the surface allows accelerations as `_Contact` says. Rolling gives F and N, slipping N with
-F = -mu N sign(slip). One state [x, y, phi, velocities] of G serves all phases; `rolling` chains
-them.
+with accelerations that satisfy the conditions of `_Contact`. Rolling determines F and N, slipping N
+with F = -mu N sign(slip). All phases have the same state [x, y, phi, velocities] of G;
+`scenes.rolling` joins them.
 """
 
 import math
@@ -23,20 +23,20 @@ from jaxdyn import _checks
 from jaxdyn.scene import Points, System
 from jaxdyn.sketch import Shape, circle, line, traces
 
-#: What a contact may be; a slip is named by the way of the contact point along t.
+#: Kinds of contact; a slip is named by the direction of the contact point along t.
 CONTACTS = ("roll", "slip_on", "slip_back", "fly")
 #: The sign of the slip in each.
 SLIPS = {"slip_on": 1.0, "slip_back": -1.0}
 
 
-_INSIDE = 1e-9  # of the lengths involved: a cylinder deeper inside the surface is no start
+_INSIDE = 1e-9  # of the lengths involved: a start with a deeper overlap is refused
 
 
 class _Contact(NamedTuple):
     """The conditions of contact, on velocities v (3,) and accelerations a (3,) of G.
 
     rows (2, 3): rows @ v = (speed of C off the surface, slip of the contact point); contact
-    keeps the first at 0 and rolling both, so rows @ a = bends (2,).
+      keeps the first at 0, rolling both, hence rows @ a = bends (2,).
     """
 
     rows: Array
@@ -53,9 +53,9 @@ class Cylinder(System):
       inertia: () about G [kg m^2].
       r: () radius [m].
       d: () distance of G from C [m].
-      fixed: () radius of the cylinder about the origin that it is on [m]; unused on a ramp.
+      fixed: () radius of the fixed cylinder about the origin [m]; unused on a ramp.
       slope: () angle of a ramp through the origin, falling towards +x [rad]; unused elsewhere.
-      mu: () friction [1]; used by slips and impacts.
+      mu: () coefficient of friction [1]; used by slips and impacts.
       contact: one of `CONTACTS`.
       flat: whether it is on a ramp.
     """
@@ -89,7 +89,7 @@ class Cylinder(System):
         )
 
     def sketch(self, t, y):
-        """The rim, a line from its centre by way of G to a mark on it, and the surface."""
+        """The rim, a line from its centre through G to a mark on the rim, and the surface."""
         del t
         c = y[:2] - self.d * _axes(y[2])[0]
         mark = c + self.r * _axes(y[2])[0]
@@ -134,7 +134,7 @@ class Cylinder(System):
         return jnp.concatenate([y[:3], y[3:] + self._moved(rows, stop)])
 
     def landed(self, y: Array) -> Array:
-        """(6,) the state after an impact that keeps no normal speed, with Coulomb's friction."""
+        """(6,) the state after an inelastic impact with Coulomb friction."""
         y = self._placed(y)
         rows, _ = self._conditions(y)
         a, v = self._gram(rows), _dot(rows, y[3:])
@@ -168,7 +168,7 @@ class Cylinder(System):
         del t
 
     def _placed(self, y: Array) -> Array:
-        """(6,) the same state with the cylinder on the surface."""
+        """(6,) the same state with the cylinder placed on the surface."""
         n = self._normal(y[:2] - self.d * _axes(y[2])[0])
         return jnp.concatenate([y[:2] - self.height(y) * n, y[2:]])
 
@@ -201,7 +201,7 @@ class Cylinder(System):
         return _Contact(rows, bends)
 
     def _load(self, t, y, effects) -> Array:
-        """(3,) what the effects do: force and clockwise moment about G."""
+        """(3,) force and clockwise moment about G of the effects."""
         r, v, m = self.points(t, y)
         f = sum((effect.force(t, r, v, m) for effect in effects), jnp.zeros_like(r))
         lever = r - y[None, :2]
@@ -239,5 +239,5 @@ def _both(a: Array, b: Array) -> Array:
 
 
 def _axes(phi: Array) -> tuple[Array, Array]:
-    """(2,) the arm's direction, clockwise from the vertical, and its derivative in phi."""
+    """(2,) the arm's direction, clockwise from the vertical, and its derivative by phi."""
     return jnp.stack([jnp.sin(phi), jnp.cos(phi)]), jnp.stack([jnp.cos(phi), -jnp.sin(phi)])

@@ -1,7 +1,7 @@
 """A rigid body by Euler angles: a mechanism for `NewtonEuler` or `Lagrange`.
 
-No Euler equations are in it, so it is a second route to the motions of `rigid.RigidBody`. Its
-angles have a pose where they lock.
+It does not use Euler's equations, so it is a second route to the motions of `rigid.RigidBody`. Its
+angles lock in some poses.
 """
 
 from typing import ClassVar
@@ -29,10 +29,11 @@ class EulerBody(Mechanism):
 
     Attributes:
       matter: its points in its own axes, from the pivot if it has one.
-      sequence: one of `euler.SEQUENCES`, e.g. "ZXZ"; choose one that does not lock on the way.
+      sequence: one of `euler.SEQUENCES`, e.g. "ZXZ"; choose one that does not lock.
       pivoted: whether the origin of its axes is fixed at the world's origin.
-      drawn: what a drawing shows of it, in its own axes, from the places (p, 3) of its points:
-        a function of a module, since a lambda would compile anew; by default a path of the first.
+      drawn: function from the positions (p, 3) of its points, in its own axes, to what a drawing
+        shows; defined in a module, since each lambda compiles again. By default the path of
+        the first point is drawn.
     """
 
     matter: MaterialPoints
@@ -87,7 +88,7 @@ class EulerBody(Mechanism):
         """(2 n,) coordinates and velocities in a given pose.
 
         Raises:
-          ValueError: a pose where the angles lock; where it is traced, the rates are NaN.
+          ValueError: the angles lock in this pose; if it is traced, the rates are NaN.
         """
         angles = euler_from_matrix(pose.R_wb, self.sequence).angles
         rates = euler_rates_from_body(angles, pose.omega_b, self.sequence).rates

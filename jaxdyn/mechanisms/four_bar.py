@@ -1,4 +1,4 @@
-"""The four-bar linkage by its crank angle alone; `bars` has it as a chain and as bodies."""
+"""The four-bar linkage by its crank angle; `bars` has it as a chain and as bodies."""
 
 from typing import ClassVar
 
@@ -12,11 +12,11 @@ from jaxdyn.mechanisms.bars import bar_shapes, check_bars, row_masses, row_point
 
 
 class FourBar(Mechanism):
-    """Crank, coupler and rocker between hinges at the origin and at `end`, by the crank's angle.
+    """Crank, coupler and rocker between hinges at the origin and at `end`, by the crank angle.
 
     Coupler and rocker close the triangle on the line from the crank pin to the far hinge. It
-    can be closed on either side of that line; a motion stays on its side. Where the triangle
-    cannot be closed (a crank that does not turn fully) the positions are NaN.
+    can lie on either side of that line; a motion stays on its side. Where the triangle cannot
+    close (a crank that does not turn fully) the positions are NaN.
 
     Attributes:
       m: (3,) masses of the uniform bars [kg].
@@ -63,7 +63,7 @@ class FourBar(Mechanism):
         check_bars(self.m, self.l, self.end)
 
     def reach(self, angle: Array) -> Array:
-        """() how far coupler and rocker are from one line, squared, at an angle of the crank [1].
+        """() squared deviation of coupler and rocker from one line, at an angle of the crank [1].
 
         Negative where they do not reach the far hinge.
         """
@@ -82,9 +82,9 @@ class FourBar(Mechanism):
         return jnp.stack([crank, coupler, line - coupler])
 
     def _triangle(self, line: Array) -> tuple[Array, Array]:
-        """Where the coupler ends along the line from the crank pin, and across it squared.
+        """End of the coupler along the line from the crank pin, and its squared distance across.
 
-        As shares of the line and of its square: the law of cosines.
+        As fractions of the line and of its square, by the law of cosines.
         """
         r2 = square_norm(line)
         along = 0.5 * (1 + (self.l[1] ** 2 - self.l[2] ** 2) / r2)

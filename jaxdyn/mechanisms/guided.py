@@ -1,4 +1,4 @@
-"""Masses led by wires, slots and machinery, in the plane: the mechanisms of `scenes.guides`."""
+"""Masses guided by wires, slots and machinery, in the plane: the mechanisms of `scenes.guides`."""
 
 from typing import ClassVar
 
@@ -70,7 +70,7 @@ class Cycloid(Mechanism):
     def positions(self, t, q):
         del t
         s, slope = q[0], 2 * self.c * q[0]
-        # The integral of cos(arcsin(slope)) over s; arcsin ends where the curve does.
+        # The integral of cos(arcsin(slope)) over s; the curve ends where arcsin does.
         x = 0.5 * (s * jnp.sqrt(1 - slope * slope) + jnp.arcsin(slope) / (2 * self.c))
         return jnp.stack([x, self.c * s * s])[None, :]
 
@@ -113,7 +113,7 @@ class Turntable(Mechanism):
         radius = jnp.sqrt(self.inertia / self.m_table)
         c, n = jnp.cos(q[0]), jnp.sin(q[0])
         along, middle = jnp.stack([c, n]), self.d * jnp.stack([n, -c])
-        # As long as the mass needs it.
+        # As long as the position of the mass requires.
         low, high = jnp.minimum(-_SLOT * radius, q[1]), jnp.maximum(_SLOT * radius, q[1])
         slot = line(middle + low * along, middle + high * along)
         rim = Shape("area", circle(jnp.zeros(2), _SLOT * radius))
@@ -124,7 +124,7 @@ class Turntable(Mechanism):
 
 
 class Plate(Mechanism):
-    """Two masses fixed to a massless plate and two driven round on it, by the plate's angle.
+    """Two masses fixed to a massless plate and two driven on circles on it; by the plate's angle.
 
     Attributes:
       m: () each mass [kg].

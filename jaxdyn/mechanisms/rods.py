@@ -23,7 +23,7 @@ class Rods(Mechanism):
       length: (c,) of the rods [m].
       pairs: which points each rod joins.
       d: dimension of space.
-      squared: ties by squared lengths; see `mechanism.stretch`.
+      squared: whether the ties are on squared lengths; see `mechanism.stretch`.
     """
 
     m: Array
@@ -88,7 +88,7 @@ class Dumbbell(Mechanism):
 
 
 class Coupled(Mechanism):
-    """Two points on a rod along a line, by the place of the first."""
+    """Two points on a rod along a line, by the position of the first."""
 
     m: Array
     length: Array
@@ -103,7 +103,7 @@ class Coupled(Mechanism):
         return self.place(t, q)[:, None]
 
     def place(self, t: Array, q: Array) -> Array:
-        """(2,) places of both: the coordinates of `Rods`."""
+        """(2,) positions of both: the coordinates of `Rods`."""
         del t
         return jnp.stack([q[0], q[0] + self.length])
 

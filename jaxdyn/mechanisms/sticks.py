@@ -1,7 +1,7 @@
-"""One stick in the plane, on a fixed or shaking hinge or on a cart: by angles, and with a rod.
+"""One stick in the plane, on a fixed or shaking hinge or on a cart: by its angle, or with a tie.
 
-x points right, y up. Every machine comes twice: by free coordinates, and in cartesian ones with
-the length of the stick as the tie, whose multiplier is the force along it.
+x points right, y up. Each machine has two descriptions: free coordinates, and cartesian ones with
+the length of the stick as a tie, whose multiplier is the force along it.
 """
 
 import abc
@@ -25,10 +25,10 @@ class _OnHinge(Mechanism):
     Attributes:
       m: () mass [kg].
       l: () length [m].
-      amplitude: () of the hinge [m]; None where it stands still.
-      frequency: () of the hinge [rad/s]; None where it stands still.
-      phase: () of the hinge [rad], which is at -amplitude cos(frequency t + phase).
-      uniform: a uniform stick; else a point mass at its end.
+      amplitude: () of the hinge [m]; None if it is fixed.
+      frequency: () of the hinge [rad/s]; None if it is fixed.
+      phase: () of the hinge [rad], whose height is -amplitude cos(frequency t + phase).
+      uniform: whether the stick is uniform; otherwise its mass is a point at its end.
     """
 
     m: Array
@@ -54,7 +54,7 @@ class _OnHinge(Mechanism):
         return self.m * jnp.array([1 / 6, 4 / 6, 1 / 6]) if self.uniform else self.m[None]
 
     def positions(self, t, q):
-        # Points of a straight line stay on it, so the far end says where all of them are.
+        # The points stay on a straight line, so the far end determines all of them.
         base, end = self.base(t), self.end(t, q)
         return jnp.stack([base, 0.5 * (base + end), end]) if self.uniform else end[None, :]
 
@@ -71,10 +71,10 @@ class _OnHinge(Mechanism):
 
 
 class Stick(_OnHinge):
-    """A stick on a hinge, by its angle, hanging and counterclockwise.
+    """A stick on a hinge, by its angle, counterclockwise from hanging.
 
     Attributes:
-      inverted: the angle is from straight up, clockwise.
+      inverted: whether the angle is measured clockwise from straight up.
     """
 
     inverted: bool = eqx.field(static=True, default=False)
@@ -91,7 +91,7 @@ class TiedStick(_OnHinge):
     """The same stick by x and y of its far end, with its length as the tie.
 
     Attributes:
-      squared: a tie by the squared length; see `mechanism.stretch`.
+      squared: whether the tie is on the squared length; see `mechanism.stretch`.
     """
 
     squared: bool = eqx.field(static=True, default=False)
@@ -112,13 +112,13 @@ class TiedStick(_OnHinge):
 
 
 class Sideways(Mechanism):
-    """A point mass on a rod, by one of its cartesian coordinates: hanging, by its x.
+    """A point mass on a rod, by one of its cartesian coordinates, such as x while it hangs.
 
     Attributes:
       m: () mass [kg].
       l: () length [m].
       axis: of the coordinate, 0 for x and 1 for y.
-      side: () sign of the other one, which the coordinate does not tell.
+      side: () sign of the other coordinate, which is not determined by this one.
     """
 
     m: Array

@@ -141,7 +141,7 @@ def apsidal_angle(law: CentralForce, r_min, r_max) -> Array:
     return apsides(law, jnp.log1p((r_max - r_min) / r_min), r_max).angle
 
 
-def apsidal_limits(n) -> tuple[np.ndarray, np.ndarray]:
+def apsidal_limits(n) -> tuple[np.ndarray | np.floating, np.ndarray]:
     """Apsidal angles over pi under power laws r^n: near circles, and near lines.
 
     They are 1 / sqrt(3 + n), and 1/2 or, for n < -1, 1 / (3 + n). Between them the angle goes one

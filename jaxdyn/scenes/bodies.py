@@ -58,7 +58,7 @@ def box_points(m, sides) -> MaterialPoints:
     With a 24th of the mass in each corner and the rest, two thirds, in the middle they have the
     box's inertia, and are what a drawing should show.
     """
-    corner = jnp.array(CUBE) - 0.5
+    corner = jnp.array(CUBE, float) - 0.5
     corners = corner * _checks.array("sides", sides, (3,), "Along x, y and z, in m.")[None]
     masses = m * jnp.concatenate([jnp.full(8, 1 / 24), jnp.full(1, 2 / 3)])
     return MaterialPoints(jnp.concatenate([corners, jnp.zeros((1, 3))]), masses)

@@ -84,7 +84,7 @@ def three_body_circular(*, m=1.0, G=10.0, diameter=3.0, t1=None) -> Scene:
       t1: span [s]; three turns if left out.
     """
     w = three_body_rate(m=m, G=G, diameter=diameter)
-    angle = jnp.arange(3) * (2 * jnp.pi / 3)
+    angle = jnp.arange(3.0) * (2 * jnp.pi / 3)
     r = 0.5 * jnp.asarray(diameter, dtype=float) * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
     v = w * jnp.stack([-r[1], r[0]])
     y0 = jnp.concatenate([r.T.ravel(), v.T.ravel()])

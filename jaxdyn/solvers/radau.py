@@ -84,10 +84,11 @@ class Radau(Method):
         fields = jax.vmap(field, in_axes=(0, -1), out_axes=-1)  # stages last
         times = t + h * self.c
         values, to, back = self._apart
-        inverses = _inverses(jnp.asarray(values) * h, _jacobian(field, t, y))
+        inverses = _inverses(jnp.asarray(values) * h.astype(values.dtype), _jacobian(field, t, y))
 
         def solved(right):
             """(1 - h a x J)^-1 applied to right sides (k, ..., s)."""
+            right = right.astype(to.dtype)
             apart = [mixed(row[None], right)[..., 0] for row in to]
             moved = [_applied(m, x) for m, x in zip(inverses, apart, strict=True)]
             return jnp.stack([_summed(moved, row).real for row in back], axis=-1)
@@ -134,7 +135,10 @@ def _inverses(mus: Array, jacobian: Array) -> Array:
     k = jacobian.shape[0]
     eye = jnp.eye(k, dtype=mus.dtype)
     x = jnp.concatenate(
-        [eye[None] - mus[:, None, None] * jacobian[None], jnp.broadcast_to(eye, (len(mus), k, k))],
+        [
+            eye[None] - mus[:, None, None] * jacobian.astype(mus.dtype)[None],
+            jnp.broadcast_to(eye, (len(mus), k, k)),
+        ],
         axis=2,
     )
     rows = jnp.arange(k)
@@ -148,10 +152,11 @@ def _inverses(mus: Array, jacobian: Array) -> Array:
         pivot = jnp.sum(jnp.where(chosen, column, 0.0), axis=1)
         row = row / pivot[:, None]
         x = x - jnp.where(chosen, column - 1.0, column)[..., None] * row[:, None, :]
-        order = order + jnp.where(rows[None, :, None] == j, chosen[:, None, :], 0.0)
+        here = (rows[None, :, None] == j) & chosen[:, None, :]
+        order = order + here.astype(order.dtype)
         return x, order, free & ~chosen
 
-    start = (x, jnp.zeros((len(mus), k, k)), jnp.ones((len(mus), k), bool))
+    start = (x, jnp.zeros((len(mus), k, k), x.dtype), jnp.ones((len(mus), k), bool))
     x, order, _ = jax.lax.fori_loop(0, k, eliminate, start)
     # Row i of the inverse stands where column i found its pivot.
     return jnp.sum(order[..., None] * x[:, None, :, k:], axis=2)

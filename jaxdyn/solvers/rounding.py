@@ -69,6 +69,7 @@ def begun(field: Any, t: Array, y: Array) -> tuple[Any, Array, Array]:
         return field, t, y
     numbers, rest = eqx.partition(field.field, eqx.is_inexact_array)
     flat, tree = ravel_pytree(numbers)
+    flat = flat.astype(float)  # no numbers at all are those of 32 bits
     signs = _signs(field.noise.seed, t, 1 + y.size + flat.size)
     factors = 1.0 + field.noise.size * signs
     off = factors[1 : 1 + y.size].reshape(y.shape)

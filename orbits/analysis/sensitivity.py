@@ -66,7 +66,7 @@ class Solution(eqx.Module):
         rtol = self.known.rtol
         orbit = eqx.tree_at(lambda o: (o.scene, o.angle), self.known, (self.scene, self.angle))
         m, _ = returned_map(orbit, rtol)
-        change = m - jax.lax.stop_gradient(m)
+        change = (m - jax.lax.stop_gradient(m)).astype(right.dtype)
         return jnp.asarray(values) + jnp.sum(left * (change @ right).T, axis=1)
 
     def exponents(self) -> Array:

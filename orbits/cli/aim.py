@@ -1,4 +1,4 @@
-"""The command `orbits aim`: a ball with drag, its best angle, and how to hit a target."""
+"""The command `orbits aim`: the best launch angle of a ball with drag, and how to hit a target."""
 
 import math
 from typing import Annotated
@@ -24,7 +24,7 @@ def aim_command(
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """The angle that carries farthest; with --x all that hit, and the least speed that reaches."""
+    """The launch angle of the longest throw; with --x, those that hit, and the least speed."""
     check_title(title, plot)
     with screen("looking for the angle that carries farthest", as_object) as out:
         scene = jaxdyn.scenes.cannonball(m=mass, g=g)

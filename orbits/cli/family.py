@@ -1,4 +1,4 @@
-"""The command `orbits family`: how an orbit of a scene changes with one of its numbers."""
+"""The command `orbits family`: how an orbit changes with a parameter of its scene."""
 
 import itertools
 import math
@@ -48,7 +48,7 @@ def family_command(
     save_to: SaveOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """The family of a scene's orbit: periods, stability, and what is special on the way."""
+    """The family of a scene's orbit: periods, stability and special points."""
     check_title(title, plot)
     whole("--members", members)
     if not 0 < step < math.inf:
@@ -100,7 +100,7 @@ def _bounds(option: str, text: str | None) -> tuple[float, float]:
 
 
 def _followed(out: Screen, most: int) -> Callable[["orbits.families.family.Member"], None]:
-    """What prints a line on a member as it is found, for those who wait."""
+    """A callback that prints a line for each member as it is found."""
     passed = itertools.count(1)
 
     def report(member: "orbits.families.family.Member") -> None:

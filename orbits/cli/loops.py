@@ -1,4 +1,4 @@
-"""The command `orbits loops`: how many loops closed orbits about a centre have, and one of them."""
+"""The command `orbits loops`: closed orbits about a centre, by their numbers of loops and turns."""
 
 import math
 from pathlib import Path
@@ -29,8 +29,8 @@ def loops_command(
 ) -> None:
     """Least number of loops against the exponent; with --turns and --loops one orbit.
 
-    A picture of the first has the apsidal angle against the exponent; one of an orbit that does
-    not exist shows what moves there instead, mostly a rosette that fills its ring, and why.
+    Without these options, the picture shows the apsidal angle against the exponent. For an orbit
+    that does not exist it shows the actual motion, mostly a rosette that fills a ring, and why.
     """
     check_title(title, plot)
     exponents = numbers("--n", n)

@@ -1,4 +1,4 @@
-"""The claims about orbits as a table for people: one column an orbit, one row a claim."""
+"""The claims about orbits as a table: a column for each orbit, a row for each claim."""
 
 import sys
 
@@ -9,7 +9,7 @@ from jaxdyn.cli.screen import Screen
 
 
 def print_reports(claims: dict[str, "orbits.Report"], out: Screen) -> None:
-    """Print reports side by side, each under its name, without the rows that apply to none."""
+    """Print reports side by side, each under its name, without rows that apply to none."""
     table = Table("")
     for name in claims:
         table.add_column(name, overflow="fold")

@@ -12,7 +12,7 @@ from jaxdyn.cli.shared import JsonOption, written
 from jaxdyn.files.output_files import writable
 from orbits.cli.shared import NOT_FOUND
 
-_WORD = 24  # letters of a word that are shown
+_WORD = 24  # letters shown of a word
 TableOption = Annotated[Path | None, written(writable, "Append to this .jsonl file.", "--table")]
 
 
@@ -26,7 +26,7 @@ def search_command(
     """Search velocities (a, b) in [0, 1] x [0, 1] for orbits of three equal bodies.
 
     They start at (-1, 0), (1, 0) and (0, 0) with velocities (a, b), (a, b) and (-2a, -2b).
-    With --table nothing is lost when the search is stopped, and the same command goes on.
+    With --table an interrupted search loses nothing, and the same command resumes it.
     """
     with screen("searching", as_object) as out:
         plane = orbits.search_plane(samples, longest=longest, seed=seed, path=table)

@@ -1,4 +1,4 @@
-"""What the commands of `orbits` share: reading their words, progress, failures, files."""
+"""What the commands of `orbits` share: parsing, progress, failures, files."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -20,7 +20,7 @@ SaveOption = Annotated[Path | None, written(writable, "Write a file (.json).", "
 
 
 def printed(screen: Screen) -> Callable[["orbits.shooting.newton.Iteration"], None]:
-    """What prints a line on each step of Newton's method."""
+    """A callback that prints a line for each step of Newton's method."""
 
     def report(step: "orbits.shooting.newton.Iteration") -> None:
         screen.print(
@@ -54,7 +54,7 @@ def draw(
     screen: Screen,
     title: str | None = None,
 ) -> None:
-    """A picture of orbits and an animation of the last one, where they are asked for."""
+    """Draw orbits, and animate the last one, if asked for."""
     if plot:
         with screen.writing(plot, "drawn in"):
             orbits.drawing.orbits(found, plot, titles, title=title)

@@ -46,7 +46,7 @@ class Closing(eqx.Module):
     def start(self, system: System, u: Array, base: Array) -> Float[Array, " k"]:
         """The start with unknowns u (p,); base (k,) is a start of the same kind."""
         del base
-        return system.project(jnp.zeros(()), u)
+        return system.project(jnp.zeros(()), jnp.asarray(u))
 
     @abc.abstractmethod
     def miss(self, system: System, end: Array, y0: Array, angle: Array) -> Array:

@@ -14,6 +14,7 @@ drag the angle falls like log(u^2) / u instead (`jaxdyn.scenes.ballistics`).
 """
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene
@@ -192,8 +193,8 @@ def slowest(scene: Scene, x) -> Throws:
     """
     scene = checked_throw(scene)
     x = float(positive("x", array("x", x, ()), "Mirror the scene for throws to the left."))
-    rest = np.concatenate([np.asarray(scene.y0)[:2], np.zeros(2)])
-    pull = float(np.linalg.norm(scene.rate(np.zeros(()), rest)[2:]))
+    rest = jnp.concatenate([scene.y0[:2], jnp.zeros(2)])
+    pull = float(jnp.linalg.norm(scene.rate(jnp.zeros(()), rest)[2:]))
     speeds = np.sqrt(pull * x) * _SPEEDS
     looks = landings(scene, np.tile(COURSES, len(speeds)), np.repeat(speeds, len(COURSES)), LOOK)
     reach = np.nanmax(

@@ -208,7 +208,8 @@ class _Damped(FreePoints):
     second_order: ClassVar[bool] = False
 
     def rate(self, t, y, effects):
-        return super().rate(t, y, effects) - 0.1 * y * (jnp.arange(len(y)) >= len(y) // 2)
+        moving = jnp.arange(len(y)) >= len(y) // 2
+        return super().rate(t, y, effects) - jnp.where(moving, 0.1 * y, 0.0)
 
 
 def test_what_a_system_loses_by_itself_is_said():

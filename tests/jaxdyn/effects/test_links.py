@@ -48,7 +48,7 @@ def test_large_networks_of_springs_are_as_many_springs():
     n, rng = 30, np.random.default_rng(5)
     links = [(i, (i + 1 + k) % n) for i in range(n) for k in range(3)]  # more than written out
     k, length = rng.uniform(1, 2, (2, len(links)))
-    r, v, m = rng.normal(size=(n, 3)), np.zeros((n, 3)), np.ones(n)
+    r, v, m = jnp.asarray(rng.normal(size=(n, 3))), jnp.zeros((n, 3)), jnp.ones(n)
     network = SpringNetwork(links, k, length)
     singles = [Spring(k[e], length[e], i=i, j=j) for e, (i, j) in enumerate(links)]
     force, energy = (network.force(T, r, v, m), network.potential(T, r, m))

@@ -163,7 +163,9 @@ def test_whole_powers_have_their_series_at_zero(n):
 
 @jax.jit
 def _driven_by_a_whole_number(n, truth):
-    found = formulas(lambda t, y: y * n + truth, jnp.zeros(()), jnp.ones(1))
+    found = formulas(
+        lambda t, y: y * n.astype(float) + truth.astype(float), jnp.zeros(()), jnp.ones(1)
+    )
     return solution(found, ordered(found.graph, found.rates), 2, jnp.ones(()))[0]
 
 

@@ -75,7 +75,7 @@ def test_the_product_is_the_exponential_of_the_divergence():
     period, start = odes.VAN_DER_POL, [odes.VAN_DER_POL_X, 0.0]
     scene = jaxdyn.ode(odes.van_der_pol, start, period, params=1.0)
     result = orbits.stability(orbit_of(scene))
-    ts = jnp.arange(128) * period / 128
+    ts = jnp.arange(128.0) * period / 128
     x = solve(scene, period, ts=ts, rtol=1e-14).ys[:, 0]
     # The divergence 1 - x^2 is periodic and smooth: the plain mean is exact to rounding.
     exact = np.exp(np.mean(1 - x * x) * period)
