@@ -81,7 +81,7 @@ def test_digits_that_chaos_has_eaten_are_not_printed(jaxdyn):
         "12.951804",
         "34.901609",
     ]
-    assert "8.7 digits are right, relative to the largest entry" in out
+    assert "8.7 digits are right, relative to the size of the motion" in out
     code, out, _ = jaxdyn("run", "lorenz", "--t1", "20", "--samples", "2", "--json")
     assert all(1e-8 < error < 1e-7 for error in json.loads(out)["error"])
 
