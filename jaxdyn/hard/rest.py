@@ -1,4 +1,4 @@
-"""Rest points that a search misses: small basins, pairs about to vanish, and those that are none.
+"""Rest points that a search may miss, and places that are none.
 
 A mass on two springs under weight. The references come from elsewhere: SciPy's `root` from 121 x
 121 starts, and mpmath with 40 digits for the weight at which two rest points meet.
@@ -17,7 +17,7 @@ from jaxdyn.scenes.springs import spring_mass, two_springs
 _BOX = [-10.0, -10.0], [10.0, 10.0]
 _BOUND = 1e-12  # [m]
 #: (k_b, length_a, length_b, g), and where it rests [m].
-_OBLIQUE = (
+OBLIQUE = (
     (
         (8.0, 2.0, 0.8, 1.0),
         (
@@ -47,7 +47,7 @@ _OBLIQUE = (
     ),
 )
 #: Weights [N] of the last of these at which two rest points meet: F = 0 and det dF/dr = 0.
-_FOLDS = (1.83115044893896329429, 2.67069709685040944988)
+FOLDS = (1.83115044893896329429, 2.67069709685040944988)
 _BESIDE = 1e-7  # [N] from there; the two are some 1e-3 m apart
 
 
@@ -68,8 +68,8 @@ def oblique(k_b: float, length_a: float, length_b: float, g: float) -> Scene:
 
 
 def _small_basins() -> tuple[Figure, ...]:
-    found = [equilibria(oblique(*numbers), *_BOX) for numbers, _ in _OBLIQUE]
-    wanted = [np.array(points) for _, points in _OBLIQUE]
+    found = [equilibria(oblique(*numbers), *_BOX) for numbers, _ in OBLIQUE]
+    wanted = [np.array(points) for _, points in OBLIQUE]
     pairs = list(zip(found, wanted, strict=True))
     return (
         Figure("rest points missed", _off([len(w) - len(f) for f, w in pairs]), 0),
@@ -79,7 +79,7 @@ def _small_basins() -> tuple[Figure, ...]:
 
 
 def _folds() -> tuple[Figure, ...]:
-    weights = [fold + side * _BESIDE for fold in _FOLDS for side in (-1, 1)]
+    weights = [fold + side * _BESIDE for fold in FOLDS for side in (-1, 1)]
     found = [equilibria(oblique(0.5, 3.0, 3.0, g), *_BOX, starts=64) for g in weights]
     counts = [len(f) for f in found]
     gaps = [_nearest(f) for f in (found[1], found[2])]

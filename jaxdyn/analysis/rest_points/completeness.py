@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn._misuse import counted
 from jaxdyn.analysis.rest_points.isolation import Isolation, isolate
 from jaxdyn.analysis.rest_points.search import Box, low_discrepancy, rates
 from jaxdyn.scene import Field
@@ -84,14 +85,17 @@ def judged(
     box = proof.box
     said = ""
     if len(jumps):
-        said = f". At {_list(box, jumps)} the rate is 0 but jumps: this is no rest point"
+        said = f". Not listed: {_list(box, jumps)}, where the rate is 0 but discontinuous"
     doubt = _doubt(proof, field, t, ys)
     if doubt:
         return False, f"not certain: {doubt}{said}"
     assert proof.found is not None
     sharp = [box.states(middle) for middle, _ in _places(box, proof.found.open)]
     if sharp:
-        said = f"; near {_list(box, sharp)} the rate jumps, and no sample is near 0{said}"
+        said = (
+            f" but for the points {_list(box, sharp)}, where the rate is discontinuous; samples "
+            f"around them show no rest point{said}"
+        )
     return True, f"complete: interval bisection excludes any other rest point in the box{said}"
 
 
@@ -99,22 +103,23 @@ def _doubt(proof: Proof, field: Field, t: Array, ys: np.ndarray) -> str:
     """Why there may be others, or fewer; "" if there is no doubt."""
     box, found = proof.box, proof.found
     if found is None:
-        return f"the rate is not made of formulas whose bounds are known ({proof.why_not})"
+        return f"interval bisection does not know the bounds of the rate ({proof.why_not})"
     missed = [x.mean(axis=1) for x in found.single if not _within(ys, x).any()]
     if missed:
         return f"the search did not reach the rest point that exists near {_list(box, missed)}"
     if found.size > _TINY:
         return (
-            f"{len(found.open)} boxes, up to {found.size:.1g} of the whole in size, are "
-            "undecided, as along a curve of rest points or with many unknowns"
+            f"interval bisection could not decide {counted(len(found.open), 'box', 'boxes')} of up "
+            f"to {found.size:.1g} of the whole in size, as is usual along a curve of rest points "
+            "and with many unknowns"
         )
     places = _places(box, found.open)
     unclear = [middle for middle, size in places if not _nowhere_zero(field, t, box, middle, size)]
     if unclear:
         where = _list(box, [box.states(middle) for middle in unclear])
         return (
-            f"near {where} the Jacobian is singular or the rate not smooth: there may be no rest "
-            "point, one, or several"
+            f"near {where} the Jacobian is singular or the rate is not smooth: there may be no "
+            "rest point, one, or several"
         )
     return ""
 

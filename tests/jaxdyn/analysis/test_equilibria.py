@@ -14,6 +14,7 @@ from jaxdyn.analysis.rest_points.search import Box, low_discrepancy
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.newton_euler import NewtonEuler
+from jaxdyn.hard.rest import FOLDS, OBLIQUE, oblique
 from jaxdyn.scene import Effect
 from jaxdyn.scenes.particles import cannonball, lorenz
 from jaxdyn.scenes.pendula import pendulum
@@ -133,73 +134,22 @@ def test_low_discrepancy_points_fill_the_cube():
     assert gap(low_discrepancy(1, 1), [[(0.5 + 2 / (1 + np.sqrt(5))) % 1]]) < 1e-14
 
 
-# (k_b, length_a, length_b, g), and the rest points that SciPy's `root` (hybr, tol 1e-13) finds
-# from 121 x 121 starts in the box. Anchors at (0, 0) and (0.8, 0.6), k_a = 1, length in m.
-OBLIQUE = [
-    (
-        (8.0, 2.0, 0.8, 1.0),
-        [
-            [-0.09453065133802983, -0.014723312633883146],
-            [0.18453329494735576, 0.30552355056509645],
-            [0.22251760279438743, 1.1117533562628241],
-            [0.37449022002823606, 1.2214250945666305],
-            [1.297303596773926, -0.2246458276765637],
-        ],
-    ),
-    (
-        (8.0, 5.0, 0.5, 1.0),
-        [
-            [-0.15346559885169533, -0.0731488270580656],
-            [0.7473073404383143, 0.5757983034029296],
-            [1.6734090823822967, 0.6445350862373178],
-        ],
-    ),
-    (
-        (0.5, 3.0, 3.0, 2.0),
-        [
-            [0.13085893705990403, 0.3085084278878568],
-            [0.32106733597787374, -4.1221904840601695],
-            [0.4205417376422519, 1.7627239375107666],
-            [0.5116090793020317, 0.6628476713146307],
-        ],
-    ),
-]
-
-
-def _oblique(k_b, length_a, length_b, g) -> Scene:
-    return two_springs(
-        anchor_a=(0.0, 0.0),
-        anchor_b=(0.8, 0.6),
-        k_a=1.0,
-        k_b=k_b,
-        length_a=length_a,
-        length_b=length_b,
-        c_a=0.1,
-        c_b=0.2,
-        c_d=0.05,
-        g=g,
-    )
-
-
 @pytest.mark.parametrize(("numbers", "expected"), OBLIQUE)
 def test_rest_points_with_small_basins_are_all_found(numbers, expected):
-    found = equilibria(_oblique(*numbers), [-10, -10], [10, 10])
+    found = equilibria(oblique(*numbers), [-10, -10], [10, 10])
     assert found.states.shape == (len(expected), 4)
     assert gap(found.states[:, :2], expected) < 1e-12
     assert (found.states[:, 2:] == 0).all()
     assert found.complete
     assert found.certainty.startswith("complete: interval bisection excludes any other rest point")
-    assert "near (0, 0), (0.8, 0.6) the rate jumps" in found.certainty
-
-
-#: Weight [N] at which two rest points of (0.5, 3, 3) meet: F = 0 and det dF/dr = 0, solved for
-#: x, y and g in 40 digits with mpmath.
-FOLD = 2.670697096850409449875197
+    assert (
+        "but for the points (0, 0), (0.8, 0.6), where the rate is discontinuous" in found.certainty
+    )
 
 
 def test_two_rest_points_that_are_about_to_vanish():
     before, after = (
-        equilibria(_oblique(0.5, 3.0, 3.0, FOLD + beside), [-10, -10], [10, 10], starts=64)
+        equilibria(oblique(0.5, 3.0, 3.0, FOLDS[1] + beside), [-10, -10], [10, 10], starts=64)
         for beside in (-1e-7, 1e-7)
     )
     assert (len(before), len(after)) == (3, 1)
@@ -207,7 +157,7 @@ def test_two_rest_points_that_are_about_to_vanish():
     assert after.complete
     near = before.states[np.abs(before.states[:, 1] - 1.02) < 0.01]
     assert 1e-4 < np.ptp(near[:, 1]) < 1e-2
-    at = equilibria(_oblique(0.5, 3.0, 3.0, FOLD), [-10, -10], [10, 10], starts=64)
+    at = equilibria(oblique(0.5, 3.0, 3.0, FOLDS[1]), [-10, -10], [10, 10], starts=64)
     assert not at.complete
     assert "near (0.4602, 1.02002) the Jacobian is singular" in at.certainty
 
@@ -227,11 +177,11 @@ def test_a_place_where_the_rate_is_zero_but_jumps_is_no_rest_point():
     scene = two_springs(g=0.0, anchor_b=start, length_a=np.hypot(start[0] + 1, start[1]))
     found = equilibria(scene, [-1, -1], [1, 1], starts=64)
     assert not (found.states[:, :2] == start).all(axis=1).any()
-    assert "the rate is 0 but jumps: this is no rest point" in found.certainty
+    assert "where the rate is 0 but discontinuous" in found.certainty
 
 
 def test_modes_take_what_equilibria_returns():
-    scene = _oblique(8.0, 2.0, 0.8, 1.0)
+    scene = oblique(8.0, 2.0, 0.8, 1.0)
     state = equilibria(scene, [1.0, -1.0], [2.0, 1.0], starts=32).states[0]
     assert (modes(scene, state).squares > 0).all()
     moving = np.array([0.0, 0.0, 1.0, 0.0])
@@ -246,7 +196,9 @@ def test_rest_points_with_constraints_satisfy_them_and_are_not_proved():
     assert gap(found.states, [[0, -1, 0, 0], [0, 1, 0, 0]]) < 1e-12
     assert found.kinds == ("isolated", "isolated")
     assert not found.complete
-    assert found.certainty.startswith("not certain: the rate is not made of formulas")
+    assert found.certainty.startswith(
+        "not certain: interval bisection does not know the bounds of the rate"
+    )
 
 
 class Flat(Effect):
