@@ -101,15 +101,21 @@ def ode(
       loop; numbers that they take from around them are constants. Such a scene cannot be written
       to a file, since a function cannot.
     Example:
-      >>> import jaxdyn
+      >>> import jax.numpy as jnp, jaxdyn
       >>> from jaxdyn.analysis import energy
       >>> def hunt(t, y, p):
       ...     prey, predators = y
       ...     return [prey * (p["birth"] - predators), predators * (prey - 1.0)]
+      >>> def level(t, y, p):
+      ...     prey, predators = y
+      ...     return prey - jnp.log(prey) + predators - p["birth"] * jnp.log(predators)
       >>> scene = jaxdyn.ode(hunt, [2.0, 1.0], 5.0, names=["prey", "predators"],
-      ...                    params={"birth": 1.5})
-      >>> round(float(jaxdyn.simulate(scene)["prey"][-1]), 6)
-      2.009126
+      ...                    params={"birth": 1.5}, integrals={"level": level})
+      >>> motion = jaxdyn.simulate(scene, rtol=1e-12)
+      >>> round(float(motion["prey"][-1]), 6)
+      1.504716
+      >>> float(energy.drift(motion, "level")) < 1e-12
+      True
     """
     y0, t1 = _checks.array("y0", y0, (None,)), _checks.array("t1", t1, ())
     params = checked_params(params)

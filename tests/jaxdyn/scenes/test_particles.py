@@ -128,6 +128,8 @@ def test_lorenz_has_no_points_and_no_energy_and_says_so():
     for asked in (energy.drift, lambda motion: energy.energy(scene, 0.0, scene.y0)):
         with pytest.raises(ValueError, match=r"one with an energy, got Lorenz.*pass energy="):
             asked(motion)
+    with pytest.raises(ValueError, match="of: expected no name, since there is none, got 'momentu"):
+        energy.drift(motion, "momentum")
     with pytest.raises(ValueError, match="kinetic: expected material points, got Lorenz"):
         scene.system.kinetic(0.0, scene.y0)
     with pytest.raises(ValueError, match="material points"):
