@@ -20,7 +20,7 @@ F = TypeVar("F", bound=Callable)
 
 
 def arrays(function: Callable[..., T]) -> Callable[..., T]:
-    """The function with the arguments annotated as arrays made float arrays.
+    """The function with the arguments annotated as arrays made float arrays, of 64 bits only.
 
     Numbers and (nested) lists do as well then. An annotation with axes, such as
     ``Float[Array, "3"]``, also fixes the shape, but for axes that are named by a letter.
@@ -39,6 +39,7 @@ def arrays(function: Callable[..., T]) -> Callable[..., T]:
 
     @functools.wraps(function)
     def converted(*args, **kwargs):
+        _checks.float64()
         given = signature.bind(*args, **kwargs)
         for name, x in given.arguments.items():
             if name in shapes:

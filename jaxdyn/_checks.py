@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._floats import as_float
+from jaxdyn._floats import float64 as float64
 from jaxdyn._misuse import choice as choice
 from jaxdyn._misuse import fail as fail
 from jaxdyn._misuse import whole as whole
@@ -27,12 +28,6 @@ def untraced(name: str, x: Any, remedy: str) -> None:
     """Refuse values that are being traced, for what has to look at them on the host."""
     if is_traced(x):
         raise fail(name, "numbers", "values traced by jit, grad or vmap", remedy)
-
-
-def float64(remedy: str = "Call jaxdyn.configure() first.") -> None:
-    """Refuse to work in 32-bit floats."""
-    if not jax.config.jax_enable_x64:
-        raise fail("floats", "64-bit floats", "JAX's default of 32 bits", remedy)
 
 
 def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Array:
@@ -62,6 +57,7 @@ def check_shape(name: str, got: tuple, shape: tuple, remedy: str = "") -> None:
 
 def numbers(name: str, x: Any, remedy: str = "") -> Array:
     """The input as a float array, of any shape and value."""
+    float64()
     try:
         if type(x) is not float:
             _numeric(x)

@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import fail
+from jaxdyn._floats import as_float
 
 _FACTOR = re.compile(r"\s*\*?\s*(?:(\d+\.?\d*)|([A-Za-z]+)(?:_([a-z]+))?)\s*")
 
@@ -83,7 +84,7 @@ def evaluate_indices(expression: str, **arrays) -> Array:
       3.0
     """
     terms, free = _parsed(expression)
-    given = {name: jnp.asarray(a, dtype=float) for name, a in arrays.items()}
+    given = {name: as_float(a) for name, a in arrays.items()}
     d = next((n for a in given.values() for n in a.shape), 3)
     given = {"delta": jnp.asarray(kronecker(d)), "epsilon": jnp.asarray(levi_civita(d))} | given
     total = _value(terms[0], free, given, d)

@@ -176,6 +176,7 @@ class Principal(NamedTuple):
     axes: Matrix
 
 
+@arrays
 def principal(body: Body) -> Principal:
     """Principal moments and right-handed principal axes about the centre.
 
@@ -209,12 +210,14 @@ def _directed(axis: Vector) -> Vector:
     return jnp.where(leading < 0, -axis, axis)
 
 
+@arrays
 def is_flat(body: Body) -> Bool[Array, ""]:
     """Whether the mass lies in one plane: two moments add up to the third (to 1e-12)."""
     moments = jnp.linalg.eigvalsh(body.inertia)
     return moments[0] + moments[1] - moments[2] <= _EQUAL * moments[2]
 
 
+@arrays
 def equivalent_box(body: Body) -> Vector:
     """Sides (3,) [m], along the principal axes, of the uniform box with the same inertia.
 
@@ -234,6 +237,7 @@ class MaterialPoints(NamedTuple):
     m: Array
 
 
+@arrays
 def equimomental(body: Body) -> MaterialPoints:
     """Six material points, a sixth of the mass each, with the body's mass, centre and inertia.
 

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from helpers import gap
 
+from jaxdyn import effects, scenes
 from jaxdyn.analysis import precession
-from jaxdyn.geometry import balance, euler, inertia, kinematics, rotations, vectors
+from jaxdyn.geometry import balance, euler, indices, inertia, kinematics, rotations, vectors
 from jaxdyn.geometry.rotations import AxisAngle
 from jaxdyn.scene import Scene
 from jaxdyn.scenes import catalogue
 
+_CONFIGURE = r"^floats: expected 64-bit floats, got .*Call jaxdyn\.configure\(\) first\.$"
 RNG = np.random.default_rng(3)
 ROTATION = np.asarray(rotations.matrix_from_rotation_vector([0.3, -0.4, 0.5]))
 #: What stands for arguments that are not arrays, or more than any numbers, by name.
@@ -87,6 +89,25 @@ def test_lists_do_as_well_as_arrays(function):
     for one, other in zip(leaves, jax.tree.leaves(by_lists), strict=True):
         assert np.isfinite(np.asarray(one)).all()
         assert gap(np.asarray(one, float), np.asarray(other, float)) == 0
+
+
+@pytest.mark.parametrize("function", TOOLS, ids=lambda f: f.__qualname__)
+def test_floats_of_32_bits_are_refused(function):
+    lists = {name: _listed(x) for name, x in _examples(function).items()}
+    with jax.enable_x64(False), pytest.raises(ValueError, match=_CONFIGURE):
+        _called(function, lists)
+
+
+def test_nothing_is_made_of_32_bits():
+    # A scene that is made before configure() would keep what it lost.
+    makers = [scenes.cannonball, lambda: effects.UniformGravity(9.81), _index_sum]
+    for make in makers:
+        with jax.enable_x64(False), pytest.raises(ValueError, match=_CONFIGURE):
+            make()
+
+
+def _index_sum():
+    return indices.evaluate_indices("a_i b_i", a=[1.0, 2.0, 3.0], b=[1.0, 2.0, 3.0])
 
 
 def _wrong(x: np.ndarray, axes: str) -> list:
