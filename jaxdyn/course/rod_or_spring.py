@@ -1,8 +1,8 @@
-"""Problem 21: two pushed masses, joined by a rod or by a stiff spring. Which computes faster?
+"""Problem 21: two pushed masses, joined by a rod or by a stiff spring: which is faster to compute?
 
-The rod needs differential-algebraic equations, the spring none, but its vibration has to be
-followed: its steps are shorter the stiffer it is, like 1 / sqrt(k). The centre of mass moves the
-same with both, x_G'' = F sin(w t) / (m1 + m2), which has a closed form to measure errors by.
+The rod needs differential-algebraic equations. The spring does not, but its vibration has to be
+resolved, with steps proportional to 1 / sqrt(k). The centre of mass moves in the same way with
+both, x_G'' = F sin(w t) / (m1 + m2), and its closed form measures the errors.
 """
 
 from typing import NamedTuple
@@ -23,15 +23,15 @@ from jaxdyn.solvers import default_solver
 
 _MASSES, _LENGTH, _FORCE, _FREQUENCY = (1.0, 2.0), 1.0, 1.0, 1.0
 _SAMPLES = 201
-_MANY = 1e3  # turns of a vibration that nobody wants to see one by one
+_MANY = 1e3  # periods of a vibration beyond which it counts as too fast to be resolved
 
 
 class Row(NamedTuple):
-    """A way to join the masses, and what it takes to have the centre of mass to so many digits.
+    """The cost of a given accuracy of the centre of mass, for one way to join the masses.
 
     Attributes:
-      name: of the way.
-      rtol: the loosest tolerance with that many digits; NaN if there is none.
+      name: rod or spring.
+      rtol: the loosest tolerance that reaches the accuracy; NaN if there is none.
       error: of the centre of mass at the end [m].
       stretch: largest change of the distance between the masses at that tolerance [m].
       seconds: median time of a run.
@@ -47,18 +47,19 @@ class Row(NamedTuple):
 
 
 def compare(k=(1e2, 1e4, 1e6), *, t1=20.0, digits=9, rounds=10) -> tuple[Row, ...]:
-    """The rod, with each cure of its drift, and springs, at equal accuracy of the mass centre.
+    """Compare the rod, for each `drift`, and springs, at equal accuracy of the centre of mass.
 
-    The rod is faster than any spring stiff enough to pass for one: a spring that is ten times
-    stiffer takes three times as long, and still stretches. It is not less accurate in the mass
-    centre: its two forces cancel in the sum, and its short steps make the mass centre right to
-    rounding, which the rod has at a tighter tolerance for less. On a line the constraint is linear
-    and does not drift even if nothing is done ("raw"); Baumgarte's cure disturbs it.
+    The rod is faster than any spring stiff enough to replace it: a spring that is ten times stiffer
+    takes three times as long, and still stretches. The centre of mass is not less accurate with a
+    spring: its two forces cancel in the sum, and the short steps make the centre of mass accurate
+    to rounding, which the rod reaches at a tighter tolerance for less time. On a line the
+    constraint is linear and does not drift even without correction ("raw"); Baumgarte's method
+    perturbs it.
 
     Args:
       k: stiffnesses of the springs [N/m].
       t1: span [s].
-      digits: decimal places that the mass centre [m] should have at the end.
+      digits: correct decimal places of the centre of mass [m] at the end.
       rounds: how often each run is timed.
     Returns:
       A row for each drift of `scenes.rod_on_line`, then one for each spring.
@@ -70,7 +71,7 @@ def compare(k=(1e2, 1e4, 1e6), *, t1=20.0, digits=9, rounds=10) -> tuple[Row, ..
 
 
 def mass_centre(t):
-    """(...) [m] where the mass centre is at times t (...), in closed form."""
+    """(...) position of the centre of mass [m] at times t (...) [s], in closed form."""
     total = sum(_MASSES)
     swing = _FORCE / (total * _FREQUENCY**2)
     start = _MASSES[1] * _LENGTH / total
@@ -78,7 +79,7 @@ def mass_centre(t):
 
 
 def joined_by_rod(drift: str = "projection", *, t1=20.0) -> Scene:
-    """The two masses on a rod, one of them pushed; `compare` says with what drifts."""
+    """The two masses on a rod, one of them pushed; see `compare` for `drift`."""
     push = {"force": _FORCE, "frequency": _FREQUENCY}
     return rod_on_line(m=_MASSES, length=_LENGTH, drift=drift, t1=t1, **push)
 
@@ -92,10 +93,10 @@ def joined_by_spring(k, *, t1=20.0) -> Scene:
 
 
 def advice(scene: Scene, t1=None) -> str:
-    """What to take instead of links too stiff to be followed; empty if they can be; host only.
+    """What to use instead of links that are too stiff to be resolved, or ""; host only.
 
-    The fastest vibration at the start is that of the largest eigenvalue there. An explicit method
-    follows each of its turns, as much as they may not matter.
+    The largest eigenvalue at the start gives the fastest vibration. An explicit method has to
+    resolve every period of it, even if the vibration does not matter.
 
     Args:
       scene: system, effects, start.

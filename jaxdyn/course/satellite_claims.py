@@ -1,8 +1,8 @@
-"""Problem 57: each claim about the satellites A, B and C, true or false by computation.
+"""Problem 57: which claims about the satellites A, B and C are true, by computation.
 
-Motions are told apart by the angular momentum H as the body sees it: constant in length, it
-points along a principal axis for an exact rotation, stays on the side of one for a wobble, and
-goes from one side of the middle axis to the other for a flip.
+Motions are distinguished by the angular momentum H in the body's axes. Its length is constant; it
+points along a principal axis for a steady rotation, stays around one for a wobble, and passes from
+one side of the middle axis to the other for a flip.
 """
 
 from typing import NamedTuple
@@ -22,23 +22,23 @@ from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scenes import satellite
 from jaxdyn.scenes.satellites import SATELLITES
 
-_EQUAL = 1e-12  # [1] moments, axes and rates that differ by less are equal: roundings of sums
+_EQUAL = 1e-12  # [1] moments, axes and rates that differ by less count as equal: rounding of sums
 _FOLLOWS = 1e-9  # [1] two computations of one motion over the spans below, at rtol 1e-12
 _RTOL = 1e-12
-_TILT = 0.15  # [rad] of a wobbling start to its axis
-_SPAN = 60.0  # [s] dozens of turns at 1 rad/s
-_TURNS = ((0.3, 1.0, 0.2), (1.0, -0.4, 0.7), (-0.2, 0.1, 1.1))  # [rad/s] unlike each other
+_TILT = 0.15  # [rad] between a wobbling start and its axis
+_SPAN = 60.0  # [s] dozens of revolutions at 1 rad/s
+_TURNS = ((0.3, 1.0, 0.2), (1.0, -0.4, 0.7), (-0.2, 0.1, 1.1))  # [rad/s] all different
 
 
 class Claim(NamedTuple):
-    """A claim of problem 57 and what computation says.
+    """A claim of problem 57 and the result of the computation.
 
     Attributes:
-      name: as the course numbers it; parts of iii are iii a, b, c in their order.
+      name: its number in the course; the parts of iii are iii a, b, c in order.
       says: the claim in short.
       holds: whether it is true.
       figure: the number that decides it.
-      because: what that number is.
+      because: the meaning of that number.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Claim(NamedTuple):
 
 
 def satellite_claims() -> tuple[Claim, ...]:
-    """All claims of problem 57 with the figure that decides each.
+    """All claims of problem 57, each with the figure that decides it.
 
     Example:
       >>> [claim.name for claim in satellite_claims() if not claim.holds]
@@ -67,11 +67,11 @@ def _claims_on_a() -> tuple[Claim, ...]:
     wobbles = [_share_of_momentum("A", _near(axes, k), axes[:, k]) for k in (0, 2)]
     least = float(min(jnp.min(jnp.abs(share)) for share in wobbles))
     flips = _sides(_share_of_momentum("A", _near(axes, 1), axes[:, 1]))
-    # On the separatrix, 2 T I_2 = H^2, the motion leaves one side and never comes back from the
-    # other; from H across axis 2, half a span each way.
+    # On the separatrix, 2 T I_2 = H^2, the motion passes from one side to the other and never
+    # returns; simulated from H across axis 2, half a span in each direction.
     across = _separatrix(moments, axes)
     after, before = (_share_of_momentum("A", way * across, axes[:, 1], 25.0) for way in (1.0, -1.0))
-    # Turned back, the motion before has H reversed.
+    # Reversed in time, the earlier motion has H reversed.
     flip = float(after[-1] + before[-1]) / 2
     once = abs(flip) > 1 - 1e-4 and _sides(after) == _sides(before) == 0
     return (
@@ -194,13 +194,13 @@ def _motion(name: str, omega, t1=_SPAN) -> Trajectory:
 
 
 def _change_of_rate(name: str, spins: Array) -> float:
-    """Largest angular acceleration [rad/s^2] where the satellite spins so (n, 3) [rad/s]."""
+    """Largest angular acceleration [rad/s^2] at angular velocities (n, 3) [rad/s]."""
     scenes = (satellite(name, omega) for omega in spins)
     return float(max(jnp.max(jnp.abs(x.rate(0.0, x.y0)[-3:])) for x in scenes))
 
 
 def _near(axes: Array, k: int) -> Array:
-    """Angular velocity (3,) of 1 rad/s a little off principal axis k."""
+    """Angular velocity (3,) of 1 rad/s, slightly off principal axis k."""
     return jnp.cos(_TILT) * axes[:, k] + jnp.sin(_TILT) * axes[:, (k + 1) % 3]
 
 
@@ -221,13 +221,13 @@ def _share_of_momentum(name: str, omega: Array, axis: Array, t1=_SPAN) -> Array:
 
 
 def _sides(share: Array) -> int:
-    """How often a cosine goes from above 1/2 to below -1/2 or back: flips, not wobbles."""
+    """Number of flips: how often a cosine passes from above 1/2 to below -1/2 or back."""
     sides = np.sign(np.asarray(share)[np.abs(share) > 0.5])
     return int(np.count_nonzero(np.diff(sides)))
 
 
 def _off_precession(omega, moments: Array, axes: Array) -> float:
-    """Largest entry [1] by which B's attitude differs from the closed form's."""
+    """Largest difference [1] between the entries of B's attitude and of its closed form."""
     motion = _motion("B", omega)
     turned = energy.along(rigid.pose, motion).R_wb @ axes
 

@@ -1,10 +1,10 @@
-"""The slowest spin at which a top stays upright (sleeps), three ways: problems 59 b and 61.
+"""The slowest spin at which a top stays upright (sleeps), in three ways: problems 59 b and 61.
 
 The slowest spin of an almost upright top in steady precession is 2 sqrt((I - I_3) m g d) / I_3
-relative to the frame that precesses, and 2 sqrt(I m g d) / I_3 in total, with I the moment across
-the axis about the pivot. The two are different motions, and the first spins faster in total.
-Stability is decided by the total: the course's guess from 59 b is right if the spin it speaks of
-is the total. `steady.linearize_steady` looks at any one spin, and at any steady motion.
+relative to the precessing frame, and 2 sqrt(I m g d) / I_3 in total, with I the transverse moment
+about the pivot. These are different motions, and the first has the faster total spin. The total
+decides stability: the course's conjecture from 59 b is true if it means the total spin.
+`steady.linearize_steady` decides it for any given spin, and for any steady motion.
 """
 
 from typing import Any
@@ -21,7 +21,7 @@ from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes.bodies import top
 
 _UPRIGHT = np.array([0, 1, 3, 4])  # of the state: the two angles that tilt, and their rates
-_GROWS = 1e-7  # in units of the spin; double eigenvalues round to 1e-9
+_GROWS = 1e-7  # in units of the spin; double eigenvalues are accurate to 1e-9
 #: A sleeping top is released at the first of these tilts [rad] and has fallen at the second.
 _RELEASED, _FALLEN = 1e-5, 1e-2
 _LONG = 1500.0  # in units of 2 I_1 / (I_3 omega), the time of growth far below the critical spin
@@ -38,17 +38,17 @@ def critical_spin(*, m, d, I1, I3, g=9.81) -> Array:
 
 
 def slowest_relative_spin(*, m, d, I1, I3, g=9.81) -> Array:
-    """Slowest spin () [rad/s] relative to the frame, almost upright in steady precession.
+    """Slowest spin () [rad/s] relative to the precessing frame, almost upright.
 
-    2 sqrt((I - I_3) m g d) / I_3, with I about the pivot; 0 for I <= I_3, where each spin has its
-    precession. Not the limit of stability, which `critical_spin` is.
+    2 sqrt((I - I_3) m g d) / I_3, with I about the pivot; 0 for I <= I_3, where steady
+    precession exists at any spin. The limit of stability is `critical_spin`, not this.
     """
     excess = jnp.maximum(I1 + m * d * d - I3, 0.0)
     return 2 * safe_sqrt(excess * m * g * d) / I3
 
 
 def critical_spin_by_linearisation(**top_numbers) -> float:
-    """`critical_spin`, found as the spin where the eigenvalues upright turn real; host only.
+    """`critical_spin` as the spin where the eigenvalues of the upright top turn real; host only.
 
     Args:
       top_numbers: m, d, I1, I3, g of `scenes.bodies.top`.
@@ -56,8 +56,8 @@ def critical_spin_by_linearisation(**top_numbers) -> float:
     guess = float(critical_spin(**top_numbers))
 
     def unstable(spin):
-        # Upright, XYZ Euler angles are regular and the third, which goes on steadily, does not
-        # enter the rates: so this motion has eigenvalues as a rest point has.
+        # Upright, XYZ Euler angles are regular, and the third, which grows steadily, does not
+        # enter the rates: the motion has eigenvalues like a rest point.
         scene = top(0.0, spin=spin, representation="euler", sequence="XYZ", **top_numbers)
         a = jacobian(scene, scene.y0)[_UPRIGHT, :][:, _UPRIGHT]
         return classify(a).eigenvalues[0].real > _GROWS * spin
@@ -66,10 +66,10 @@ def critical_spin_by_linearisation(**top_numbers) -> float:
 
 
 def critical_spin_by_simulation(**top_numbers) -> float:
-    """`critical_spin` to a few parts in 1e5, by releasing tops a little off upright; host only.
+    """`critical_spin` to a few parts in 1e5, from tops released almost upright; host only.
 
     Below the critical spin such a top falls to cos(theta / 2) = spin / critical spin and rises
-    again, however small its tilt at the start; above, it stays where it was.
+    again, for any small initial tilt; above, it stays upright.
 
     Args:
       top_numbers: m, d, I1, I3, g of `scenes.bodies.top`.

@@ -1,10 +1,10 @@
-"""When a shaking base holds a pendulum upright: its chart, and what theory says (problem 29).
+"""When a shaking base stabilises an inverted pendulum: chart and theory (problem 29).
 
 Near upright, on a base at -A cos(w t),
 
     theta'' = (g + A w^2 cos(w t)) theta / L,
 
-with L the length of the point pendulum that moves alike, 2/3 of a uniform stick. With
+with L the length of the equivalent point pendulum, 2/3 of that of a uniform stick. With
 tau = w t / 2 that is Mathieu's equation theta'' + (a - 2 q cos(2 tau)) theta = 0,
 
     a = -4 g / (L w^2),    q = 2 A / L
@@ -30,7 +30,7 @@ from jaxdyn.scenes.pendula import shaken_pendulum
 
 
 class Upright(eqx.Module):
-    """A stick that stands on a shaking base: (amplitude, frequency) -> scene and period."""
+    """A stick upright on a shaking base: (amplitude, frequency) -> scene and period."""
 
     length: Array
     g: Array
@@ -46,19 +46,19 @@ class Upright(eqx.Module):
 def upright_chart(
     amplitudes, frequencies, *, length=1.0, g=9.81, uniform=True, rtol: float = RTOL
 ) -> Chart:
-    """Where an upside-down pendulum on a shaking base is stable, by Floquet multipliers.
+    """Stability of an inverted pendulum on a shaking base, by Floquet multipliers.
 
     Args:
       amplitudes: (a,) of the base [m].
       frequencies: (b,) of the base, > 0 [rad/s].
       length: of the stick [m].
       g: gravity [m/s^2].
-      uniform: a uniform stick; False for a point mass at the end of a massless one.
+      uniform: whether the stick is uniform; otherwise a point mass at its end.
       rtol: relative tolerance of a step.
     Returns:
       Verdicts, multipliers and growth rates (a, b); `drawing.stability_chart` draws them.
     Raises:
-      ValueError: numbers that make no sense.
+      ValueError: `length` or a frequency is not positive, or a number is not finite.
     Example:
       >>> from jaxdyn.course import upright
       >>> upright.upright_chart([0.05, 0.1], [20.0, 60.0]).verdict.tolist()
@@ -73,17 +73,17 @@ def upright_chart(
 def stability_edges(frequency, *, up_to=None, length=1.0, g=9.81, uniform=True) -> np.ndarray:
     """(n,) amplitudes [m] at which upright becomes stable, unstable, stable ..., in order.
 
-    The first is where shaking begins to hold the stick (Mathieu's a_0), the second where it throws
-    it off again (b_1).
+    The first is where the shaking begins to stabilise the stick (Mathieu's a_0), the second where
+    it destabilises it again (b_1).
 
     Args:
       frequency: of the base [rad/s].
-      up_to: largest amplitude to look at [m]; the length of the stick if left out.
+      up_to: largest amplitude considered [m]; the length of the stick by default.
       length: of the stick [m].
       g: gravity [m/s^2].
-      uniform: a uniform stick; False for a point mass at the end of a massless one.
+      uniform: whether the stick is uniform; otherwise a point mass at its end.
     Raises:
-      ValueError: a length or frequency that is not positive.
+      ValueError: `length` or `frequency` is not positive.
     Limits: see `floquet.edges`.
     Example:
       >>> from jaxdyn.course import upright
@@ -99,14 +99,14 @@ def stability_edges(frequency, *, up_to=None, length=1.0, g=9.81, uniform=True) 
 def mathieu_numbers(
     amplitude, frequency, *, length=1.0, g=9.81, uniform=True
 ) -> tuple[Array, Array]:
-    """a and q () of Mathieu's equation for a stick that stands on a shaking base.
+    """a and q () of Mathieu's equation for a stick upright on a shaking base.
 
     Args:
       amplitude: of the base [m].
       frequency: of the base [rad/s].
       length: of the stick [m].
       g: gravity [m/s^2].
-      uniform: a uniform stick; False for a point mass at the end of a massless one.
+      uniform: whether the stick is uniform; otherwise a point mass at its end.
     """
     L = _reduced(length, uniform)
     amplitude, frequency = floats(amplitude, frequency)
@@ -114,15 +114,15 @@ def mathieu_numbers(
 
 
 def averaged_limit(frequency, *, length=1.0, g=9.81, uniform=True) -> Array:
-    """() smallest amplitude [m] that holds upright, for shaking that is fast and small.
+    """() smallest stabilising amplitude [m], in the limit of fast shaking of small amplitude.
 
-    sqrt(2 g L) / w. The true one is larger by the order of its square over that of L.
+    sqrt(2 g L) / w. The true one is larger by a relative order of (A / L)^2.
 
     Args:
       frequency: of the base [rad/s].
       length: of the stick [m].
       g: gravity [m/s^2].
-      uniform: a uniform stick; False for a point mass at the end of a massless one.
+      uniform: whether the stick is uniform; otherwise a point mass at its end.
     """
     return jnp.sqrt(2 * g * _reduced(length, uniform)) / jnp.asarray(frequency, dtype=float)
 

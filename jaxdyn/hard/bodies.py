@@ -1,7 +1,7 @@
-"""Bodies that flip over for ever, and rotations that must stay rotations.
+"""Bodies that keep flipping over, and rotations that must remain rotations.
 
 The flips about the middle axis are compared with Jacobi's elliptic functions (Landau, Lifshitz,
-Mechanics, section 37), whose period needs no more than an arithmetic-geometric mean.
+Mechanics, section 37), whose period needs only an arithmetic-geometric mean.
 """
 
 import functools
@@ -29,7 +29,7 @@ _MOMENTS = (1, 2, 3)
 
 
 def flipping(wobble: float, representation: str = "quaternion") -> Scene:
-    """A body of moments 1, 2, 3 that spins at 1 rad/s about its middle axis, and a bit about 1."""
+    """A body of moments 1, 2, 3 spinning at 1 rad/s about its middle axis, and slightly about 1."""
     return free_body((wobble, 1.0, 0.0), representation=representation)
 
 
@@ -50,7 +50,7 @@ def _flips(wobble: float) -> tuple[Figure, ...]:
     period = flip_period(wobble)
     motion = _followed(flipping(wobble), _PERIODS * period)
     y = motion.ys[-1]
-    # omega_3 is 0 after whole periods; how much it is past that.
+    # omega_3 is 0 after whole periods; this is by how much the motion is past that.
     late = float(y[-1] / motion.scene.rate(motion.ts[-1], y)[-1])
     momentum = np.asarray(energy.along(energy.angular_momentum, motion))
     size = np.linalg.norm(momentum[0])
@@ -90,12 +90,12 @@ def _norm_error(motion: Trajectory) -> Array:
 CASES = (
     Case(
         "flips",
-        "A body flips about its middle axis 10 000 times as elliptic functions say.",
+        "A body flips about its middle axis 10 000 times, as elliptic functions predict.",
         functools.partial(_flips, 0.1),
     ),
     Case(
         "flips-near-separatrix",
-        "So does one that starts a hundredth beside the unstable spin.",
+        "A body that starts a hundredth beside the unstable spin flips likewise.",
         functools.partial(_flips, 0.01),
     ),
     Case(

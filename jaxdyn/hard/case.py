@@ -1,8 +1,7 @@
-"""What a hard case is: a scene that breaks naive codes, figures of how well it goes, bounds.
+"""A hard case: a scene that breaks naive codes, figures of merit, and their bounds.
 
-A case measures itself: it runs its scenes and compares them with what is known another way, a
-closed form or numbers of high precision. It holds where every figure is within its bound; NaN is
-within none.
+A case runs its scenes and compares them with an independent result, a closed form or numbers of
+high precision. It holds if every figure is within its bound; NaN never is.
 """
 
 import math
@@ -14,12 +13,12 @@ import numpy as np
 
 
 class Figure(NamedTuple):
-    """One number that a verdict rests on.
+    """A number that the verdict depends on.
 
     Attributes:
-      what: its meaning, with the unit in brackets; errors are relative where none is given.
-      value: what was found.
-      bound: the most that it may be; None for a number that is told, not judged.
+      what: its meaning, with the unit in brackets; errors without a unit are relative.
+      value: the number.
+      bound: its largest allowed value; None for a number that is only reported.
     """
 
     what: str
@@ -36,9 +35,9 @@ class Case(NamedTuple):
     """A hard case.
 
     Attributes:
-      name: what it is called.
+      name: as in `jaxdyn hard NAME`.
       holds: what must hold, in one sentence.
-      measure: runs it.
+      measure: function that runs it and returns its figures.
     """
 
     name: str
@@ -47,12 +46,12 @@ class Case(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """How a case went.
+    """The result of a case.
 
     Attributes:
-      case: which.
-      figures: what was found.
-      seconds: time it took, with compilation.
+      case: the case.
+      figures: its figures.
+      seconds: time with compilation [s].
     """
 
     case: Case
@@ -84,6 +83,6 @@ def absolute_error(found, wanted) -> float:
 
 
 def relative_error(found, wanted) -> float:
-    """Largest difference of two arrays over what is wanted; NaN where their shapes differ."""
+    """Largest relative difference of two arrays; NaN where their shapes differ."""
     found, wanted = np.asarray(found), np.asarray(wanted)
     return float(np.max(np.abs(found / wanted - 1))) if found.shape == wanted.shape else math.nan

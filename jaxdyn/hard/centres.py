@@ -1,8 +1,8 @@
-"""Loops about a centre of force with radii many powers of ten apart, and nearly circular ones.
+"""Loops about a centre of force: radii many powers of ten apart, and nearly circular orbits.
 
-Angles and times from the nearest to the farthest point against quadrature to 20 digits (the
-integral of dtheta/dr between the radii, by Gauss-Legendre rules of mpmath in the square root of
-the distance from either end), and turns that are counted on the motion against those angles.
+Angles and times between the nearest and the farthest point are compared with quadrature to 20
+digits (the integral of dtheta/dr between the radii, by Gauss-Legendre rules of mpmath in the square
+root of the distance from either end), and the turns counted on a motion with those angles.
 """
 
 import math
@@ -59,7 +59,7 @@ def _angles() -> tuple[Figure, ...]:
 
 
 def _turns() -> tuple[Figure, ...]:
-    """Three loops with a nearest point at 1e-4 of the farthest, where a turn takes a moment."""
+    """Three loops with radii in the ratio 1e-4, where a turn takes a very short time."""
     errors = []
     for n in (-2.6, -2.25, -1.0):
         way = apsides(PowerLaw(1.0, n), math.log(1e4))
@@ -71,7 +71,9 @@ def _turns() -> tuple[Figure, ...]:
 
 CASES = (
     Case(
-        "apsidal-angle", "Loops about a centre have the angle of their shape, any shape.", _angles
+        "apsidal-angle",
+        "Loops about a centre have the apsidal angle of their shape, for any shape.",
+        _angles,
     ),
-    Case("near-passages", "No turn about a near centre is lost.", _turns),
+    Case("near-passages", "No turn about a close centre is lost.", _turns),
 )

@@ -1,6 +1,6 @@
-"""Chaos: the time to which digits can be trusted, held to motions in high precision.
+"""Chaos: the time until which digits can be trusted, against motions in high precision.
 
-Those were made in 80 digits by tests/references/chaos_reference.py.
+These were computed with 80 digits by tests/references/chaos_reference.py.
 """
 
 import functools
@@ -21,7 +21,7 @@ from jaxdyn.scenes.pendula import double_pendulum, triple_pendulum
 _FILE = resources.files("jaxdyn").joinpath("data").joinpath("chaos_reference.json")
 _DIGITS = (3, 6)
 _TOLERANCES = (1e-10, 1e-13)
-_SHORT = 0.1  # of the true time that a report may be off
+_SHORT = 0.1  # allowed relative error of the reported time
 
 
 def perturbed_eight() -> Scene:
@@ -39,7 +39,7 @@ def reference(name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def true_time(scene: Scene, ys: np.ndarray, name: str, digits: float) -> float:
-    """[s] up to which states (s, k) at the reference's times have so many digits."""
+    """[s] up to which states (s, k) at the reference times have the given number of digits."""
     ts, exact = reference(name)
     off = np.abs(gaps(scene, ys, exact)) / scales(scene, exact)
     wrong = off.max(axis=1) > 10.0**-digits

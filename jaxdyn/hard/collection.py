@@ -43,10 +43,10 @@ CASES = {case.name: case for family in FAMILIES for case in family.CASES}
 
 
 def chosen(names: Iterable[str]) -> tuple[Case, ...]:
-    """The cases of these names, all if there are none.
+    """The cases with the given names, or all cases.
 
     Raises:
-      ValueError: no such case; the nearest is suggested.
+      ValueError: a name is not that of a case; the nearest is suggested.
     """
     names = tuple(names) or tuple(CASES)
     return tuple(CASES[_checks.choice("case", name, CASES, "jaxdyn hard --list")] for name in names)

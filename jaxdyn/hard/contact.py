@@ -1,12 +1,12 @@
 """Motions with corners: starts in contact, infinitely many bounces, a corner of a box, a stop.
 
 Compared with closed forms: the times of the bounces are a geometric series, and a car that brakes
-straight slows down evenly. A cylinder that slides down a fixed one, without turning so fast that
-it would roll, has at an angle theta the square u of its angular velocity about the fixed axis with
+in a straight line decelerates uniformly. For a cylinder that slides down a fixed one, too slow in
+spin to roll, the squared angular velocity u about the fixed axis at an angle theta satisfies
 
     du / dtheta = 2 mu u + 2 (g / L) (sin theta - mu cos theta),    N = m (g cos theta - L u),
 
-L the distance of the axes: a linear equation. Time and spin are integrals over theta.
+with L the distance of the axes: a linear equation. Time and spin are integrals over theta.
 """
 
 import equinox as eqx
@@ -25,11 +25,11 @@ from jaxdyn.status import Status
 
 _G = 10.0
 _UP = 5.0  # [m/s]
-_SLOW = 1e-8  # [m/s] below which a ball does not bounce any more
+_SLOW = 1e-8  # [m/s] below which a ball no longer bounces
 
 
 class Bounce(eqx.Module):
-    """The vertical speed turns round, a part of it is kept."""
+    """The vertical velocity is reversed and reduced."""
 
     keeps: Array
 
@@ -51,7 +51,7 @@ class Tired(eqx.Module):
 
 
 def bouncing(keeps: float) -> dict[str, Phase]:
-    """A ball that keeps a part of its speed at each bounce, and stays down in the end."""
+    """A ball that keeps a fraction of its speed at each bounce, and finally comes to rest."""
     lands = Reaches(1, 0.0, -1)
     rest = Tired(jnp.asarray(_SLOW))
     landing = Exit(lands, ("fly", END), Bounce(jnp.asarray(keeps)), rest)
@@ -76,7 +76,7 @@ def _brake() -> tuple[Figure, ...]:
     speed, mu, g = 20.0, 0.7, 9.81
     scene = car(locked="rear", spin=0.0, mu=mu, g=g, speed=speed)
     chain = run(braking(scene), "slide", scene.y0, 60.0, samples=2)
-    slows = mu * g * 1.2 / 2.6  # the part of the weight on the rear axle
+    slows = mu * g * 1.2 / 2.6  # fraction of the weight on the rear axle
     return (
         Figure("time of the stop", relative_error(chain.t, speed / slows), 1e-14),
         Figure("way of the stop", relative_error(chain.y[0], speed**2 / (2 * slows)), 1e-13),
@@ -86,7 +86,7 @@ def _brake() -> tuple[Figure, ...]:
 
 
 class Reflected(eqx.Module):
-    """One of the velocities (2,) turns round."""
+    """One of the velocities (2,) is reversed."""
 
     entry: int = eqx.field(static=True)
 
@@ -107,7 +107,7 @@ def box(one_sided: bool) -> dict[str, Phase]:
 
 
 def _corner() -> tuple[Figure, ...]:
-    """Along the diagonals of the square: each corner sends the ball back where it came from."""
+    """Along the diagonals of the square: each corner sends the ball back along its path."""
     figures = []
     for one_sided, walls in ((True, "bounds"), (False, "walls of two sides")):
         chain = run(box(one_sided), "box", [0.5, 0.5, 1.0, 1.0], 40.0, samples=2)
@@ -160,7 +160,7 @@ def _slides() -> tuple[Figure, ...]:
 
 
 def _leaving(mu: float, start: float, far: float, r: float) -> tuple[float, float, float]:
-    """Angle, time and spin where a solid cylinder that slides from rest leaves a fixed one."""
+    """Angle, time and spin where a solid cylinder, sliding from rest, leaves a fixed one."""
     scale = _G / far / (1 + 4 * mu * mu)
 
     def even(theta):
@@ -176,7 +176,7 @@ def _leaving(mu: float, start: float, far: float, r: float) -> tuple[float, floa
     for _ in range(60):
         middle = (low + high) / 2
         low, high = (middle, high) if push(middle) > 0 else (low, middle)
-    # theta = start + s^2 takes the root out of dtheta / sqrt(u).
+    # theta = start + s^2 removes the singularity of dtheta / sqrt(u).
     s = np.sqrt(low - start) * (1 + _NODES) / 2
     theta = start + s * s
     dt = _WEIGHTS * np.sqrt(low - start) * s / np.sqrt(square(theta))
@@ -186,11 +186,13 @@ def _leaving(mu: float, start: float, far: float, r: float) -> tuple[float, floa
 CASES = (
     Case(
         "contact-starts",
-        "A cylinder on a cylinder that cannot roll at its start slips, and flies.",
+        "A cylinder on a cylinder that cannot roll at its start slips, and then flies.",
         _slides,
     ),
     Case("corner", "A ball that runs into the corner of a box stays in it.", _corner),
-    Case("endless", "Bounces without a rest end with a status, above the floor.", _endless),
+    Case(
+        "endless", "Bounces without a phase of rest end with a status, above the floor.", _endless
+    ),
     Case("zeno", "A ball bounces infinitely often in finite time, and comes to rest.", _bounces),
-    Case("braking-to-rest", "A car slides until it stands, and stays there.", _brake),
+    Case("braking-to-rest", "A car slides until it stands still, and stays there.", _brake),
 )

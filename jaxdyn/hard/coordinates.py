@@ -1,8 +1,8 @@
-"""Coordinates that fail: Euler angles at their pole, x of a pendulum, polar ones at the origin.
+"""Coordinates that fail: Euler angles at a pole, x of a pendulum, polar ones at the origin.
 
-The motions that exchange them in time (`jaxdyn.scenes.switching`) are compared with others that
-never need to: quaternions, the pendulum's angle, a straight line. What happens without stands
-beside.
+Motions that switch coordinates in time (`jaxdyn.scenes.switching`) are compared with others that
+never need to: quaternions, the angle of the pendulum, a straight line. The result without switching
+is reported as well.
 """
 
 import jax.numpy as jnp
@@ -24,12 +24,12 @@ from jaxdyn.status import Status
 
 _RTOL = 1e-13
 _BOUND = 1e-9
-_FEW = 20_000  # steps that a motion by failing coordinates is given
-_SLOW = 0.5  # times the critical spin: upright is unstable, and passed
+_FEW = 20_000  # step limit of a motion in failing coordinates
+_SLOW = 0.5  # times the critical spin: upright is unstable, and the top passes it
 
 
 def upright_passing(representation: str = "quaternion") -> Scene:
-    """A top that passes upright exactly, again and again: its momenta about z and its axis agree.
+    """A top that repeatedly passes exactly upright: its momenta about z and its axis are equal.
 
     I sin^2(theta) phi' + I3 w3 cos(theta) = I3 w3; ZXZ angles lock there.
     """
@@ -80,7 +80,7 @@ def _apart(chain: Chain, other: Trajectory) -> float:
 
 
 def _over() -> tuple[Figure, ...]:
-    t1, rate = 10.0, 7.0  # over the top, nine times
+    t1, rate = 10.0, 7.0  # nine times over the top
     angle = simulate(pendulum(rate=rate), t1, samples=2, rtol=_RTOL).ys[-1, 0]
     chain = simulate_switching(sideways_pendulum(rate=rate), t1, samples=2, rtol=_RTOL)
     turns = float(angle / (2 * jnp.pi))
@@ -122,9 +122,11 @@ CASES = (
     Case(
         "euler-angles-at-the-pole", "A top by Euler angles passes upright, where they lock.", _pole
     ),
-    Case("gimbal-lock", "A body by Euler angles tumbles through all of their locks.", _tumbling),
-    Case("pendulum-by-x", "A pendulum by x and y in turn goes over the top.", _over),
+    Case("gimbal-lock", "A body by Euler angles tumbles through all gimbal locks.", _tumbling),
+    Case("pendulum-by-x", "A pendulum goes over the top, by x and y in turn.", _over),
     Case(
-        "polar-origin", "A particle by polar coordinates goes straight through the origin.", _origin
+        "polar-origin",
+        "A particle in polar coordinates passes straight through the origin.",
+        _origin,
     ),
 )

@@ -1,8 +1,7 @@
-"""Constraints that nearly, always, or in one pose follow from each other.
+"""Constraints that are nearly dependent, redundant, or dependent in a single pose.
 
-Two skates whose headings differ by a little turn the body about the point where their normals
-meet; rods that repeat others change nothing; in a dead centre a linkage may go on in two ways,
-and is refused.
+Two skates with slightly different headings turn the body about the point where their normals meet;
+redundant rods change nothing; at a dead centre a linkage may continue in two ways, and is refused.
 """
 
 import math
@@ -26,13 +25,13 @@ _RTOL, _LOOSER = 1e-13, 1e-11
 _SKATES = np.array([[0.2, 0.0], [0.2, 1.5]])
 _TURNING = 0.8  # [rad/s]
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-_SIDES = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2))  # as many as four points need
+_SIDES = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2))  # as many as four points require
 
 
 def skating(between: float) -> Scene:
     """A body on two skates, one above the other, with an angle between their headings [rad].
 
-    Their normals meet at the upper skate, about which it turns evenly.
+    Their normals meet at the upper skate, about which the body turns at a constant rate.
     """
     body = Skated(1.0, 0.5, jnp.asarray(_SKATES), jnp.array([0.0, between]))
     x, y = _SKATES[1]
@@ -50,7 +49,7 @@ def _skates() -> tuple[Figure, ...]:
         end = solve(scene, t1, rtol=_LOOSER, max_steps=100_000)
         gap = absolute_error(end.y1[:3], wanted)
         report = constraints.conditioning(scene, 0.0, scene.y0)
-        # Forces lose twice the digits of the condition: at 1e6 a status, or right all the same.
+        # Forces lose twice the digits of the condition: at 1e6 a status, or correct nevertheless.
         refused = int(end.status) != Status.OK and math.isnan(gap)
         place = 0.0 if refused and not followed else gap
         figures += [
@@ -108,7 +107,11 @@ def _dead() -> tuple[Figure, ...]:
 
 
 CASES = (
-    Case("skates-nearly-parallel", "Two skates with nearly one normal turn a body.", _skates),
-    Case("redundant-rods", "Rods that repeat others change nothing, and are counted.", _rods),
-    Case("dead-centre", "A linkage in its dead centre is refused, near it warned of.", _dead),
+    Case("skates-nearly-parallel", "Two skates with nearly the same normal turn a body.", _skates),
+    Case("redundant-rods", "Redundant rods change nothing, and are counted.", _rods),
+    Case(
+        "dead-centre",
+        "A linkage at a dead centre is refused; close to it there is a warning.",
+        _dead,
+    ),
 )

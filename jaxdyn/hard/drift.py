@@ -1,7 +1,7 @@
-"""Constraints over an hour: what projection, Baumgarte's method and nothing at all leave of them.
+"""Constraints over an hour: with projection, with Baumgarte's method, without correction.
 
-What a step may lose of the energy is the tolerance of a step: projection must not add to it. The
-same motion in coordinates that need no constraints stands beside it.
+The energy may change by the tolerance of a step in each step: projection must not add to that. The
+same motion in coordinates without constraints is reported for comparison.
 """
 
 import functools
@@ -24,7 +24,7 @@ _SAMPLES = 3601
 
 
 def violation(motion: Trajectory) -> float:
-    """The largest of all violations of a motion's constraints, in place and in velocity."""
+    """The largest violation of the constraints along a motion, in position and in velocity."""
     phi, rates = jax.vmap(motion.scene.system.violation)(motion.ts, motion.ys)
     return float(jnp.maximum(jnp.max(jnp.abs(phi)), jnp.max(jnp.abs(rates))))
 

@@ -1,8 +1,8 @@
-"""The complete elliptic integral of the first kind, in which periods are known in closed form."""
+"""The complete elliptic integral of the first kind, which gives periods in closed form."""
 
 import math
 
-_MEANS = 12  # the mean doubles its digits each time, once it is near
+_MEANS = 12  # the iteration doubles the correct digits each time once it is close
 
 
 def complete(other: float) -> float:

@@ -1,9 +1,9 @@
 """Bodies that nearly collide: the Pythagorean problem, and orbits of high eccentricity.
 
-What the first is compared with was made in 48 digits by
-tests/references/pythagorean_reference.py, to whose file a test holds it; the orbits follow
-Kepler's laws. Both run in logarithmic time (`jaxdyn.analysis.regularised`), and in plain time
-beside it.
+The reference of the first was computed with 48 digits by
+tests/references/pythagorean_reference.py; a test compares it with that file. The orbits follow
+Kepler's laws. Both run in logarithmic time (`jaxdyn.analysis.regularised`) and, for comparison, in
+plain time.
 """
 
 import functools
@@ -42,7 +42,7 @@ _PERIODS = 1000
 def pythagorean() -> Scene:
     """Masses 3, 4, 5 at rest at the corners of a 3-4-5 triangle, over 70 units of time.
 
-    After fifteen close encounters body 1 escapes and the other two stay together.
+    After fifteen close encounters body 1 escapes and the other two form a binary.
 
     Reference: Szebehely, Peters (1967), Astron. J. 72, 876.
     """
@@ -92,7 +92,7 @@ def eccentric(gap: float) -> Scene:
 def _eccentric(gap: float) -> tuple[Figure, ...]:
     scene = eccentric(gap)
     r, v = (Fraction(float(x)) for x in (scene.y0[0], scene.y0[3]))
-    size = float(2 / r - v * v)  # 1 / semi-axis of the start as it is rounded
+    size = float(2 / r - v * v)  # 1 / semi-axis of the rounded start
     period = 2 * math.pi * size**-1.5
     t1 = _PERIODS * period
     motion = simulate_regularised(scene, t1, samples=2, rtol=_RTOL)
@@ -110,7 +110,7 @@ def _eccentric(gap: float) -> tuple[Figure, ...]:
 
 
 def _off(y: Array, size: float) -> tuple[float, float]:
-    """How much a state near the far point is past it [s], and how far its apse has turned."""
+    """Time [s] by which a state near the far point is past it, and rotation of its apse [rad]."""
     r, v = np.asarray(y[:2]), np.asarray(y[2:])
     distance = np.hypot(*r)
     # At the far point r . v = 0; from there it changes at the rate v^2 - 1 / r.
@@ -136,7 +136,7 @@ CASES = (
     ),
     Case(
         "near-radial-fall",
-        "A body that falls past a sun at 5e-11 of its distance comes back the same 1000 times.",
+        "A body that falls past a sun at 5e-11 of its distance returns unchanged 1000 times.",
         functools.partial(_eccentric, 1e-10),
     ),
 )

@@ -1,7 +1,7 @@
-"""Contacts that hold and let go: dry friction, skids, hops, and a level that is only touched.
+"""Contacts that stick and slip: dry friction, skids, hops, and a level that is only touched.
 
 Compared with closed forms. All forces are sines or constants, so the motions between events are
-known; the times of the events are roots of one function of time each.
+known, and the time of each event is a root of one function of time.
 """
 
 import math
@@ -77,7 +77,7 @@ def _cylinder(t1: float, spin: float, **push) -> Scene:
 def _skids() -> tuple[Figure, ...]:
     """A cylinder pushed by F sin(w t) rolls until F sin(w t) = 3 mu m g.
 
-    Then its slip grows by F sin(w t) / m - 3 mu g, and comes to its end.
+    Then its slip grows at the rate F sin(w t) / m - 3 mu g, and later ends.
     """
     push, grip = 4 * _MU * _G, 3 * _MU * _G
     scene = _cylinder(_CYCLES * _HALF, 0.0, F=(push / 2, 0.0))  # on each of two points
@@ -103,7 +103,7 @@ def _skids() -> tuple[Figure, ...]:
 
 
 def _hops() -> tuple[Figure, ...]:
-    """A rolling cylinder pulled up by F sin(w t) lifts off where that is m g, and falls back."""
+    """A rolling cylinder pulled up by F sin(w t) lifts off where it equals m g, and falls back."""
     lift, t1 = 2 * _G, _CYCLES * _HALF
     scene = _cylinder(t1, 1.0, F=(0.0, lift / 2))
     chain = run(phases_of(scene), "roll", scene.y0, t1, samples=2, rtol=_RTOL)
@@ -130,7 +130,7 @@ def _wrong(chain, cycle: tuple[str, ...]) -> int:
 
 
 def _grazing() -> tuple[Figure, ...]:
-    """A ball with its highest point at 1.25 m, and a pendulum that swings out by 1 rad.
+    """A ball with its highest point at 1.25 m, and a pendulum with an amplitude of 1 rad.
 
     A height d below the highest point is passed sqrt(2 d / g) before it.
     """
@@ -157,7 +157,7 @@ def _seen(scene: Scene, height: float) -> bool:
 
 
 def _root(fn: Callable[[float], float], low: float, high: float) -> float:
-    """Where a function that falls through 0 between two places does."""
+    """The root between two points of a function that decreases through 0."""
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
         low, high = (middle, high) if fn(middle) > 0 else (low, middle)

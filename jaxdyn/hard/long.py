@@ -1,9 +1,8 @@
-"""A million periods: what is left of the energy.
+"""A million periods: the error of the energy.
 
-Symplectic methods of fixed step keep its error bounded: in the second half of the run it is no
-larger than in the first. Adaptive methods lose it step by step; where their steps are right to
-rounding and rounding is as good as random, the error grows like the square root of time
-(Brouwer, 1937, Astron. J. 46, 149).
+For symplectic methods of fixed step it is bounded: no larger in the second half of the run than in
+the first. With adaptive methods it grows; if their steps are accurate to rounding and the rounding
+errors are random, it grows like the square root of time (Brouwer, 1937, Astron. J. 46, 149).
 """
 
 import functools
@@ -37,7 +36,7 @@ def kepler(eccentricity: float) -> Scene:
 
 
 def swinging() -> Scene:
-    """A pendulum that swings out by 1 rad, with w = 1."""
+    """A pendulum with an amplitude of 1 rad and w = 1."""
     return pendulum(g=1.0, angle=1.0)
 
 
@@ -51,7 +50,7 @@ def _kept(
     make: Callable[[], Scene], period: float, solver: Method, steps: float
 ) -> tuple[Figure, ...]:
     span, dt = _PERIODS * period, period / steps
-    # Spread over the phases: at whole periods the error of a symplectic method hides.
+    # Spread over all phases: at whole periods the error of a symplectic method nearly vanishes.
     ts = span * (np.arange(_SAMPLES) + 0.5) / _SAMPLES + period * (
         np.arange(_SAMPLES) * _GOLDEN % 1
     )
@@ -60,7 +59,7 @@ def _kept(
     motion = simulate(make(), span, **how)
     errors = energy_errors(motion)
     early, late = errors[: _SAMPLES // 2].max(), errors[_SAMPLES // 2 :].max()
-    # Below 1e-12 both are rounding, and say nothing.
+    # Below 1e-12 both are rounding errors without meaning.
     return (
         Figure("energy error, second half over first", float(late / max(early, 1e-12)), 1.5),
         Figure("energy error", float(errors.max()), 1e-6),
@@ -87,7 +86,7 @@ def _grows() -> tuple[Figure, ...]:
     )
 
 
-# Steps a period that are no whole numbers: those would be in resonance with the motion.
+# Steps per period; whole numbers would be in resonance with the motion.
 _ORBIT = functools.partial(kepler, _ECCENTRICITY)
 CASES = (
     *(
@@ -104,7 +103,7 @@ CASES = (
     ),
     Case(
         "square-root-growth",
-        "By adaptive steps the energy error grows like the square root of time, and no faster.",
+        "With adaptive steps the energy error grows no faster than the square root of time.",
         _grows,
     ),
 )

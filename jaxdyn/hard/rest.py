@@ -1,7 +1,7 @@
-"""Rest points that a search may miss, and places that are none.
+"""Rest points that a search may miss, and false ones.
 
-A mass on two springs under weight. The references come from elsewhere: SciPy's `root` from 121 x
-121 starts, and mpmath with 40 digits for the weight at which two rest points meet.
+A mass on two springs under weight. The references are independent: SciPy's `root` from 121 x 121
+starts, and mpmath with 40 digits for the weight at which two rest points merge.
 """
 
 import math
@@ -16,7 +16,7 @@ from jaxdyn.scenes.springs import spring_mass, two_springs
 
 _BOX = [-10.0, -10.0], [10.0, 10.0]
 _BOUND = 1e-12  # [m]
-#: (k_b, length_a, length_b, g), and where it rests [m].
+#: (k_b, length_a, length_b, g), and its rest points [m].
 OBLIQUE = (
     (
         (8.0, 2.0, 0.8, 1.0),
@@ -46,9 +46,9 @@ OBLIQUE = (
         ),
     ),
 )
-#: Weights [N] of the last of these at which two rest points meet: F = 0 and det dF/dr = 0.
+#: Weights [N] of the last of these at which two rest points merge: F = 0 and det dF/dr = 0.
 FOLDS = (1.83115044893896329429, 2.67069709685040944988)
-_BESIDE = 1e-7  # [N] from there; the two are some 1e-3 m apart
+_BESIDE = 1e-7  # [N] from that weight; the two are then about 1e-3 m apart
 
 
 def oblique(k_b: float, length_a: float, length_b: float, g: float) -> Scene:
@@ -91,7 +91,7 @@ def _folds() -> tuple[Figure, ...]:
 
 
 def _none_and_many() -> tuple[Figure, ...]:
-    """Where nothing rests, and where a circle of points does."""
+    """A scene without rest points, and one with a circle of them."""
     falling = equilibria(cannonball(), [-3.0, -3.0], [3.0, 3.0])
     circle = equilibria(spring_mass(g=0.0, length=0.5), [-1.0, -1.0], [1.0, 1.0], starts=64)
     radii = np.hypot(*circle.states[:, :2].T)
@@ -120,10 +120,10 @@ def _nearest(found: Equilibria) -> float:
 
 CASES = (
     Case("rest-points", "All rest points are found, also those with small basins.", _small_basins),
-    Case("folds", "Rest points are counted right where two are about to vanish.", _folds),
+    Case("folds", "Rest points are counted correctly where two are about to vanish.", _folds),
     Case(
         "no-rest",
-        "A falling ball rests nowhere, a mass on a spring anywhere on a circle.",
+        "A falling ball has no rest point, a mass on a spring a circle of them.",
         _none_and_many,
     ),
 )

@@ -1,8 +1,8 @@
-"""Starts on a separatrix, between swings and turns, where errors grow like exp(w t).
+"""Starts on a separatrix, between swinging and rotating, where errors grow like exp(w t).
 
-Against closed forms: a pendulum that comes to stand upright, sin(theta / 2) = tanh(w t); a body
-that comes to spin about its middle axis, whose angular velocities go as sech and tanh (Landau,
-Lifshitz, Mechanics, section 37); and the time a pendulum takes to fall from next to upright, a
+Compared with closed forms: a pendulum that approaches upright, sin(theta / 2) = tanh(w t); a body
+whose spin approaches its middle axis, with angular velocities that are sech and tanh (Landau,
+Lifshitz, Mechanics, section 37); and the time in which a pendulum falls from almost upright, a
 complete elliptic integral.
 """
 
@@ -19,9 +19,9 @@ from jaxdyn.scenes.bodies import free_body
 from jaxdyn.scenes.pendula import pendulum
 
 _RTOL = 1e-15
-_GROWN = 12.0  # times log e that errors have grown at the end
+_GROWN = 12.0  # exponent of the growth of errors until the end
 _BESIDE = 1e-8  # [rad]
-_PI_LESS_DOUBLE = 1.2246467991473532e-16  # of pi and the double nearest to it
+_PI_LESS_DOUBLE = 1.2246467991473532e-16  # difference of pi and the nearest double
 _CONSERVED = 1e-12
 
 
@@ -73,7 +73,13 @@ def _middle_axis() -> tuple[Figure, ...]:
 
 
 CASES = (
-    Case("separatrix-pendulum", "A pendulum with just the energy comes to stand.", _upright),
-    Case("fall-from-upright", "A pendulum falls from 1e-8 beside upright in its time.", _falls),
-    Case("separatrix-body", "A body comes to spin about its unstable axis.", _middle_axis),
+    Case(
+        "separatrix-pendulum",
+        "A pendulum with exactly the energy of upright approaches it.",
+        _upright,
+    ),
+    Case(
+        "fall-from-upright", "A pendulum falls from 1e-8 beside upright in the exact time.", _falls
+    ),
+    Case("separatrix-body", "The spin of a body approaches the unstable axis.", _middle_axis),
 )

@@ -1,8 +1,8 @@
-"""A pendulum on a base that shakes ten thousand times while it swings once (Kapitza's).
+"""Kapitza's pendulum, on a base that shakes ten thousand times in one swing.
 
-Averaged over a shake (Landau, Lifshitz, Mechanics, section 30) it swings as if there were a spring
-that pulls it to the vertical, of stiffness m (A w)^2 / (2 L^2), besides gravity. That holds but for
-the square of A / L. What the shaking adds is -(A / L) sin(theta) cos(w t) on top of the slow angle.
+Averaged over a period of the base (Landau, Lifshitz, Mechanics, section 30) it moves as if a spring
+of stiffness m (A w)^2 / (2 L^2) pulled it to the vertical, besides gravity, up to relative errors
+of (A / L)^2. The shaking adds a ripple of -(A / L) sin(theta) cos(w t) to the slow angle.
 """
 
 import math
@@ -21,14 +21,14 @@ from jaxdyn.solvers import default_solver
 
 _RTOL = 1e-12
 _G, _LENGTH, _FAST = 9.81, 1.0, 1e4
-_ABOVE = 1.5  # times the amplitude that holds upright
+_ABOVE = 1.5  # times the smallest stabilising amplitude
 _SLOW = math.sqrt(_G / _LENGTH * (_ABOVE**2 - 1))  # of small swings [rad/s]
 _SAMPLES = 201
 _NODES = 64
 
 
 class Uprighting(Effect):
-    """A spring of stiffness k [N/m] that pulls to the vertical through the origin."""
+    """A spring of stiffness k [N/m] that pulls towards the vertical through the origin."""
 
     k: jax.Array
     velocity_dependent = False
@@ -45,10 +45,10 @@ def shaken(amplitude: float, frequency: float, angle: float = 0.0) -> Scene:
 
 
 def swing_period(speed: float, angle: float) -> float:
-    """[s] of slow swings out to an angle, where the base shakes at speeds up to A w = speed.
+    """Period [s] of slow swings up to an angle, for a base with the largest speed A w = speed.
 
-    With sin(theta) = sin(angle) sin(u) the energy leaves a smooth function of u, whose mean over a
-    quarter is found to rounding by the midpoint rule.
+    With sin(theta) = sin(angle) sin(u) the energy gives a smooth function of u, whose mean over a
+    quarter period the midpoint rule computes to rounding.
     """
     u = (np.arange(_NODES) + 0.5) * math.pi / (2 * _NODES)
     cosine = np.sqrt(1 - (math.sin(angle) * np.sin(u)) ** 2)
@@ -60,7 +60,7 @@ def _swings() -> tuple[Figure, ...]:
     frequency = _FAST * _SLOW
     amplitude = _ABOVE * float(averaged_limit(frequency, length=_LENGTH, g=_G, uniform=False))
     start, ripple = 0.3, amplitude / _LENGTH
-    # The start is an outermost point of the ripple; the slow angle there is larger.
+    # The start is an extremum of the ripple; the slow angle is larger there.
     angle = start + ripple * math.sin(start)
     period = swing_period(amplitude * frequency, angle)
     shakes = np.round(np.linspace(0, 1.1 * period * frequency / (2 * math.pi), _SAMPLES))
@@ -83,7 +83,7 @@ def _swings() -> tuple[Figure, ...]:
 
 
 def _threshold() -> tuple[Figure, ...]:
-    """Upright holds where the trace of the monodromy matrix is below 2."""
+    """Upright is stable where the trace of the monodromy matrix is below 2."""
     frequency = _FAST * _SLOW
     limit = float(averaged_limit(frequency, length=_LENGTH, g=_G, uniform=False))
 
@@ -106,6 +106,6 @@ def _threshold() -> tuple[Figure, ...]:
 
 
 CASES = (
-    Case("kapitza", "A base shakes 10 000 times a swing; the slow swing is right.", _swings),
-    Case("kapitza-threshold", "Upright becomes stable where averaging says.", _threshold),
+    Case("kapitza", "A base shakes 10 000 times in one swing; the slow swing is right.", _swings),
+    Case("kapitza-threshold", "Upright becomes stable where averaging predicts it.", _threshold),
 )

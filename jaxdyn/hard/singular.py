@@ -1,6 +1,6 @@
-"""Where formulas divide by zero: rest, anchors, turns by nothing, huge speeds; and failing lanes.
+"""Where formulas divide by zero: rest, anchors, zero rotations, huge speeds; and failing lanes.
 
-Compared with closed forms, written down here.
+Compared with closed forms in this file.
 """
 
 import jax
@@ -24,7 +24,7 @@ _COLLIDE, _INVALID, _ESCAPE = 3, 4, 5
 def _lanes() -> tuple[Figure, ...]:
     scene = two_body(m1=1.0, m2=1.0)
     starts = np.tile(scene.y0, (_LANES, 1)) * np.linspace(0.9, 1.0, _LANES)[:, None]
-    starts[_COLLIDE, 4:] = 0.0  # they fall upon each other
+    starts[_COLLIDE, 4:] = 0.0  # they collide
     starts[_INVALID, 2] = np.nan
     starts[_ESCAPE, 4:] *= 1e3
     good = np.delete(np.arange(_LANES), [_COLLIDE, _INVALID])
@@ -46,7 +46,7 @@ def _lanes() -> tuple[Figure, ...]:
 
 
 def _fast() -> tuple[Figure, ...]:
-    """Without gravity x = log(1 + v t), for c = m = 1."""
+    """Huge speeds: without gravity x = log(1 + v t), for c = m = 1."""
 
     def end(speed):
         return solve(cannonball(speed=speed, angle=0.0, g=0.0, drag=1.0), 1.0, rtol=_RTOL).y1
@@ -76,11 +76,11 @@ def _rest() -> tuple[Figure, ...]:
     y, slope = end(0.7, 0.0), jax.jacrev(end)(0.7, 0.0)
     wanted = fall(0.7), jax.grad(fall)(0.7)
     push = jax.jacfwd(QuadraticDrag(0.7).force, argnums=2)(0.0, *jnp.zeros((2, 1, 2)), jnp.ones(1))
-    # A dry contact at rest holds with 0 of itself, the rest is up to a phase; never NaN.
+    # A dry contact at rest gives no force of its own, which is left to a phase; never NaN.
     dry = DryFriction(0.5, 9.81).force(0.0, jnp.zeros((1, 2)), jnp.zeros((1, 2)), jnp.ones(1))
     h = 1e-4
     thrown = jax.jacfwd(end, argnums=1)(0.7, 0.0)
-    differences = (end(0.7, h) - end(0.7, 0.0)) / h  # |v| has a corner: from the right
+    differences = (end(0.7, h) - end(0.7, 0.0)) / h  # |v| has a kink: from the right
     return (
         Figure("fall from rest", relative_error(y[1:2], wanted[:1]), 1e-11),
         Figure("its gradient in the drag", relative_error(slope[1:2], wanted[1:]), 1e-8),
@@ -126,14 +126,22 @@ def _zeros() -> tuple[Figure, ...]:
 
 CASES = (
     Case(
-        "failing-lanes", "Lanes that fail have a status and NaN, and cost others nothing.", _lanes
+        "failing-lanes", "Failing lanes have a status and NaN, and cost the others nothing.", _lanes
     ),
     Case(
-        "fast-cannonball", "At 1e8 m/s, against quadratic drag, values and gradients hold.", _fast
+        "fast-cannonball",
+        "Values and gradients are right at 1e8 m/s against quadratic drag.",
+        _fast,
     ),
-    Case("drag-from-rest", "Values and gradients are right from rest, where |v| has none.", _rest),
     Case(
-        "through-the-anchor", "A spring goes through its anchor, where it points nowhere.", _anchor
+        "drag-from-rest",
+        "Values and gradients are right from rest, where |v| has no derivative.",
+        _rest,
+    ),
+    Case(
+        "through-the-anchor",
+        "A spring passes through its anchor, where its direction is undefined.",
+        _anchor,
     ),
     Case(
         "norms-at-zero", "Lengths, roots and angles at 0 are finite with their gradients.", _zeros

@@ -1,7 +1,7 @@
-"""Springs as stiff as rods: two masses on a line, pushed, whose centre of mass is known.
+"""Springs as stiff as rods: two pushed masses on a line, with a known centre of mass.
 
-Explicit methods follow each vibration, of which there are sqrt(k) as many. A rod has none. An
-L-stable method leaves out those too small for its tolerance, and then costs the same for any k.
+Explicit methods resolve every vibration, whose number grows like sqrt(k). A rod has none. An
+L-stable method damps those below its tolerance, and then costs the same for any k.
 """
 
 from typing import Any
@@ -42,12 +42,16 @@ def _spring() -> tuple[Figure, ...]:
 
 
 def _ran(scene: Scene, **how: Any) -> tuple[float, int]:
-    """Error of the mass centre at the end [m], and steps."""
+    """Error of the centre of mass at the end [m], and number of steps."""
     motion = simulate(scene, _T1, samples=1, **how)
     found = centre_of_mass(_T1, scene.system.points(_T1, motion.ys[-1]))[0]
     return abs(float(found - mass_centre(_T1))), int(motion.steps + motion.rejected)
 
 
 CASES = (
-    Case("stiff-spring", "Springs of k = 1e4 to 1e12 against the rod they stand for.", _spring),
+    Case(
+        "stiff-spring",
+        "Springs of k = 1e4 to 1e12 agree with the rod that they approximate.",
+        _spring,
+    ),
 )

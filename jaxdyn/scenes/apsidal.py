@@ -1,4 +1,4 @@
-"""From the nearest to the farthest point about a centre of force: the angle and the time it takes.
+"""From the nearest to the farthest point about a centre of force: angle and time.
 
 With the depth x = log(r / r_max), w = 1 / r^2 and energy and angular momentum L the same at both
 ends, the path of a point of mass m under the attraction f(r) is
@@ -8,9 +8,10 @@ ends, the path of a point of mass m under the attraction f(r) is
     P2 = integral of (w2 - s) (-H'(s)) ds from w to w2,    H(1 / r^2) = r^3 f(r),
 
 where w1 and w2 belong to r_max and r_min, and L^2 = m times the mean of H over w. All terms are
-positive where such motions exist (r^3 f grows with r), so that nothing cancels: near circles,
-where differences of energies would, as little as for radii many powers of ten apart. Angles of
-Chebyshev's kind, x = -log(r_max / r_min) cos^2(phi / 2), take the square roots at both ends away.
+positive where such motions exist (r^3 f increases with r), so nothing cancels: neither near
+circles, where differences of energies would, nor for radii many powers of ten apart. The
+substitution x = -log(r_max / r_min) cos^2(phi / 2), as in Chebyshev's rules, removes the square
+roots at both ends.
 """
 
 from typing import NamedTuple
@@ -50,7 +51,7 @@ _FROM_NODES = _TO_NODES[::-1, ::-1]  # to +1, by symmetry
 
 
 class Apsides(NamedTuple):
-    """What a motion between two radii does on its way from one to the other.
+    """A motion between two radii, from the nearest to the farthest point.
 
     Attributes:
       angle: () about the centre [rad].
@@ -67,13 +68,13 @@ def apsides(law: CentralForce, depth, r_max=1.0, m=1.0) -> Apsides:
     """Angle and time between the nearest and the farthest point of an orbit, by its shape.
 
     Args:
-      law: the force; its attraction and the derivative of that are what enters.
-      depth: () log(r_max / r_min), > 0: the shape. Near circles it keeps the digits that a ratio
-        of radii does not have.
+      law: the force; its attraction and the derivative of that are used.
+      depth: () log(r_max / r_min), > 0: the shape. Near circles it retains digits that a ratio of
+        radii has lost.
       r_max: largest distance [m].
       m: mass [kg].
     Returns:
-      The numbers, NaN where no orbit moves between these radii.
+      The numbers; NaN where no orbit exists between these radii.
     Limits: smooth laws; a power law r^n to 1e-13 for -3 < n < 1000 and depths from 1e-8 to 100.
     Example:
       >>> import math
@@ -92,8 +93,8 @@ def apsides(law: CentralForce, depth, r_max=1.0, m=1.0) -> Apsides:
     far, near = -jnp.expm1(-2 * above), jnp.expm1(2 * below)  # (w - w1) / w, (w2 - w) / w
     parts = near * _up_to_end(steepness * far) + far * _from_start(steepness * near)
     gain = 2 * _HALF * jnp.sum(r * f * dx @ _WEIGHTS)
-    # A repulsion has two signs wrong, which would give the angle of the attraction; and r^-3 has
-    # no steepness at all.
+    # With a repulsion two signs change, which would give the angle of the attraction; for r^-3
+    # the slope of r^3 f vanishes.
     root = jnp.sqrt(jnp.where((gain > 0) & (parts > 0), parts / gain, jnp.nan))
     momentum = r_max * jnp.sqrt(m * gain / jnp.expm1(2 * depth))
     angle = _HALF * jnp.sum(dx / root @ _WEIGHTS)
@@ -102,7 +103,7 @@ def apsides(law: CentralForce, depth, r_max=1.0, m=1.0) -> Apsides:
 
 
 def _from_start(values: Array) -> Array:
-    """(p, k) integrals over phi from 0 to each node of what has these values."""
+    """(p, k) integrals over phi from 0 to each node of a function with these values."""
     whole = jnp.cumsum(values @ _WEIGHTS)
     before = jnp.concatenate([jnp.zeros(1), whole[:-1]])
     return _HALF * (before[:, None] + values @ _TO_NODES.T)
@@ -118,7 +119,7 @@ def _up_to_end(values: Array) -> Array:
 def apsidal_angle(law: CentralForce, r_min, r_max) -> Array:
     """() [rad] angle about the centre from the nearest to the farthest point of an orbit.
 
-    The mass plays no part. An orbit with angle pi p / q, in lowest terms, closes after p turns
+    The mass has no influence. An orbit with angle pi p / q, in lowest terms, closes after p turns
     with q loops.
 
     Args:
@@ -127,7 +128,7 @@ def apsidal_angle(law: CentralForce, r_min, r_max) -> Array:
       r_max: largest distance [m], > r_min.
     Returns:
       The angle; pi / 2 for a spring, pi for gravity, about pi / sqrt(3 + n) near a circle.
-      NaN where no orbit moves between these radii.
+      NaN where no orbit exists between these radii.
     Limits: see `apsides`.
     Example:
       >>> from jaxdyn.effects import PowerLaw
@@ -144,15 +145,15 @@ def apsidal_angle(law: CentralForce, r_min, r_max) -> Array:
 def apsidal_limits(n) -> tuple[np.ndarray | np.floating, np.ndarray]:
     """Apsidal angles over pi under power laws r^n: near circles, and near lines.
 
-    They are 1 / sqrt(3 + n), and 1/2 or, for n < -1, 1 / (3 + n). Between them the angle goes one
-    way as the shape does from circle to line, so that each number strictly between the two
-    belongs to exactly one shape, and no other number to any. For n = 1 and n = -2 they are equal:
-    all orbits close (Bertrand).
+    They are 1 / sqrt(3 + n), and 1/2 or, for n < -1, 1 / (3 + n). Between them the
+    angle is a monotonic function of the shape, from circle to line, so each number strictly
+    between the two belongs to exactly one shape, and no other number to any. For n = 1 and n = -2
+    they are equal: all orbits close (Bertrand).
 
     Args:
       n: () or (m,) exponents.
     Returns:
-      Both limits, of the shape of n; NaN for n <= -3, where nothing moves between two radii.
+      Both limits, of the shape of n; NaN for n <= -3, where no orbit exists between two radii.
     Reference: R. Castelli (2015), The monotonicity of the apsidal angle in power-law potential
       systems, Journal of Mathematical Analysis and Applications 428, 653-676.
     """

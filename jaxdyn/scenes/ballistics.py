@@ -11,7 +11,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 
-_NEWTONS = 7  # from the starts below five reach rounding, derivatives want one more
+_NEWTONS = 7  # from the starts below five reach rounding; derivatives need one more
 
 
 def cannonball_linear_exact(
@@ -49,8 +49,8 @@ def flight_time(*, speed=10.0, angle=math.pi / 4, m=1.0, g=9.81, linear=1.0) -> 
     """() [s] until the ball with linear drag is back at the height of its launch (problem 9 d).
 
     With s = t / tau and p = u sin(angle) it is the positive root of s / (1 - e^-s) = 1 + p. The
-    left side is convex and increasing, so Newton's method from an upper bound of the root goes
-    down to it without fail, for any speed. For other drags `events.until` finds it.
+    left side is convex and increasing, so Newton's method from an upper bound of the root
+    converges monotonically for any speed. For other drags use `events.until`.
 
     Args:
       speed: launch speed [m/s].
@@ -61,7 +61,7 @@ def flight_time(*, speed=10.0, angle=math.pi / 4, m=1.0, g=9.81, linear=1.0) -> 
     Returns:
       The time; NaN for a ball that is thrown downwards.
     Raises:
-      ValueError: no gravity, or no drag.
+      ValueError: `g`, `linear` or `m` is not positive.
     Example:
       >>> round(float(flight_time(speed=20.0, angle=1.0)), 12)
       2.490505966538
@@ -73,7 +73,7 @@ def flight_time(*, speed=10.0, angle=math.pi / 4, m=1.0, g=9.81, linear=1.0) -> 
     s = jnp.minimum(2 * p, 1 + p)
     for _ in range(_NEWTONS):
         gone, rest = -jnp.expm1(-s), _exp_remainder(s)
-        # (s / gone - 1 - p) over its slope, both times gone^2.
+        # (s / gone - 1 - p) over its slope, both multiplied by gone^2.
         s = s - gone * (rest - p * gone) / (s * gone - rest)
     return jnp.where(up, tau * s, jnp.nan)
 
@@ -84,7 +84,7 @@ def best_angle(*, speed=10.0, m=1.0, g=9.81, linear=1.0) -> Array:
     The range tau v0 cos(angle) (1 - e^-s) is stationary where sin(angle) = u / (e^s - 1), and with
     the equation of `flight_time` that leaves u^2 = e^s (s - 1 + e^-s) for the time of flight
     s tau. Its logarithm is convex and increasing in log(s): Newton's method again. The angle is
-    45 degrees at u = 0; it falls with u and tends to 0, like log(u^2) / u.
+    45 degrees at u = 0; it decreases with u and tends to 0 like log(u^2) / u.
 
     Args:
       speed: launch speed [m/s].
@@ -92,7 +92,7 @@ def best_angle(*, speed=10.0, m=1.0, g=9.81, linear=1.0) -> Array:
       g: gravity [m/s^2], > 0.
       linear: coefficient of the drag [kg/s], > 0.
     Raises:
-      ValueError: no gravity, or no drag.
+      ValueError: `g`, `linear` or `m` is not positive.
     Example:
       >>> round(float(best_angle(speed=100.0)), 4)
       0.2735
@@ -108,7 +108,7 @@ def best_angle(*, speed=10.0, m=1.0, g=9.81, linear=1.0) -> Array:
 
 
 def _relaxation(m, g, linear) -> Array:
-    """m / c [s], of numbers that make sense."""
+    """The relaxation time m / c [s], from checked numbers."""
     _checks.positive("g", g, "Without gravity it never comes down.")
     _checks.positive("linear", linear, "Without drag the path is a parabola.")
     return _checks.positive("m", m, "Masses are in kg.") / linear

@@ -1,13 +1,13 @@
-"""Rigid bodies that float or spin about a pivot: course problems 51 to 53, 55 to 59 and 61.
+"""Rigid bodies that move freely or about a pivot: course problems 51 to 53, 55 to 59 and 61.
 
-Each scene can keep the attitude as a quaternion, as a matrix or by Euler angles, so that the
-three can be compared. What is steady or stable about their motions is in
-`jaxdyn.analysis.precession` and `jaxdyn.course.sleeping_top`.
+Each scene can represent the attitude by a quaternion, a matrix or Euler angles, so that the three
+can be compared. Steady motions and their stability are in `jaxdyn.analysis.precession` and
+`jaxdyn.course.sleeping_top`.
 
-Where the course is open or misprinted:
+Where the course is ambiguous or misprinted:
 
-- 51: a body with moments 1, 2 and 3 is exactly a flat plate, since 1 + 2 = 3; no box with a
-  thickness has them.
+- 51: moments 1, 2 and 3 are those of a flat plate, since 1 + 2 = 3; no box with a thickness has
+  them.
 - 53: the first equation lacks the dot over omega, the third the dot over R.
 """
 
@@ -37,12 +37,12 @@ JACK_ARMS = ((0, 1), (2, 3), (4, 5))
 def jack(m, moments, centre=(0.0, 0.0, 0.0)) -> MaterialPoints:
     """Six material points on the axes through a centre, with given principal moments (3,).
 
-    All at one distance from the centre, with masses linear in the moments. So everything is
-    smooth in them, also for a flat body, two of whose points have no mass; the points of
-    `equimomental` have equal masses, at distances that have no derivative there.
+    All are at the same distance from the centre, with masses linear in the moments. They are
+    therefore smooth functions of the moments, also for a flat body, two of whose points have no
+    mass. The points of `equimomental` have equal masses, at distances without a derivative there.
 
     Raises:
-      ValueError: moments that no body has.
+      ValueError: `moments` are not those of a body.
     """
     moments = jnp.asarray(moments, dtype=float)
     Body(m, centre, jnp.diag(moments)).check()
@@ -56,7 +56,7 @@ def box_points(m, sides) -> MaterialPoints:
     """Nine material points of a uniform box with sides (3,) [m]: its corners and its centre.
 
     With a 24th of the mass in each corner and the rest, two thirds, in the middle they have the
-    box's inertia, and are what a drawing should show.
+    inertia of the box, and are the points that a drawing should show.
     """
     corner = jnp.array(CUBE, float) - 0.5
     corners = corner * _checks.array("sides", sides, (3,), "Along x, y and z, in m.")[None]
@@ -106,7 +106,7 @@ def free_body(
 ) -> Scene:
     """A body that turns freely about its centre at rest (problems 51, 52, 53).
 
-    By default it spins about its middle axis and flips over again and again.
+    By default it spins about its middle axis and flips over repeatedly.
 
     Args:
       omega0: (3,) angular velocity at the start, when both frames agree [rad/s].
@@ -149,12 +149,12 @@ def box(
 def feynman_plate(
     tilt=0.05, *, spin=10.0, side=0.25, m=0.2, representation: str = "quaternion", t1=3.0
 ) -> Scene:
-    """A square plate thrown up spinning, wobbling a little (problem 56).
+    """A square plate thrown up with a spin and a small wobble (problem 56).
 
-    Its normal keeps the angle `tilt` to the vertical, along which its angular momentum is, and
-    goes round it once while the plate turns by half a turn: two wobbles for one spin, in the
-    limit of small tilts. Feynman's book (Surely You're Joking, 1985) tells it the other way
-    round, which is wrong. `precession.wobble_and_spin` measures it.
+    Its normal keeps the angle `tilt` to the vertical, the direction of its angular momentum, and
+    completes a turn about it while the plate makes half a turn: two wobbles for one spin, in the
+    limit of small tilts. Feynman's book (Surely You're Joking, 1985) has the ratio inverted.
+    `precession.wobble_and_spin` measures it.
 
     Args:
       tilt: angle of the normal to the angular momentum [rad].
@@ -179,9 +179,9 @@ def satellite(
 ) -> Scene:
     """Satellite A, B or C of problems 55, 57 and 58, its centre at rest at the origin.
 
-    What simulation says about the claims of 57 and 58 on motions:
+    Results of simulation for the claims of 57 and 58 on motions:
 
-    - A iii: all the motions named exist, but they are not all. Between wobbles about axis 1 and
+    - A iii: all the named motions exist, but there are others. Between wobbles about axis 1 and
       about axis 3 are motions that approach a spin about axis 2 and flip over just once.
     - B iii and 58: true, every motion of an axisymmetric body is a steady precession about its
       angular momentum (`precession.free_attitude`), and there is no wobble about another axis.
@@ -235,7 +235,7 @@ def top(
       I3: moment about the axis [kg m^2].
       g: gravity [m/s^2].
       representation: "quaternion", "matrix" or "euler".
-      sequence: Euler angles; ZXZ are phi, theta, psi and lock upright, where XYZ do not.
+      sequence: Euler angles; ZXZ are phi, theta, psi and lock upright; XYZ do not.
       t1: span [s].
     """
     I1 = _checks.positive("I1", I1, "The moment across the axis, in kg m^2.")

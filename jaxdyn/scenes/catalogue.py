@@ -1,8 +1,8 @@
-"""All scenes by name: what there is, which numbers they take, and how to make one from text.
+"""All scenes by name, with their parameters, and how to make one from text.
 
-A scene is a function of keyword numbers in one of the families; its docstring begins with what it
-is and the course problems it answers, and documents each number with its unit. Nothing else
-needs to be registered, but for a scene whose motion has corners: how it goes on in phases.
+A scene is a function of keyword parameters in one of the families; its docstring begins with a
+summary and the course problems that it answers, and documents each parameter with its unit. Nothing
+else needs to be registered, except the phases of a scene whose motion has corners.
 """
 
 import dataclasses
@@ -42,7 +42,7 @@ Phases = Mapping[str, Phase]
 
 @dataclasses.dataclass(frozen=True)
 class Parameter:
-    """A number that a scene takes."""
+    """A parameter of a scene."""
 
     name: str
     default: Any
@@ -51,7 +51,7 @@ class Parameter:
 
 @dataclasses.dataclass(frozen=True)
 class Entry:
-    """A scene: how it is made, what it is, which course problems it answers, its numbers."""
+    """A scene: its function, summary, course problems and parameters."""
 
     name: str
     make: Callable[..., Scene]
@@ -69,15 +69,15 @@ class Entry:
         solver: Solver | str | None = None,
         dt: float | None = None,
     ) -> Trajectory | Chain:
-        """What becomes of a scene of this kind: one smooth motion, or a chain of phases.
+        """The motion of a scene made by this entry: one smooth motion, or a chain of phases.
 
         Args:
-          scene: made by this entry, with numbers of any values.
-          t1: end of the span [s]; the scene's own if left out.
-          samples: how many, of each phase.
+          scene: made by this entry, with any parameters.
+          t1: end of the span [s]; the scene's own by default.
+          samples: number of samples of each phase.
           rtol: see `simulate`.
-          solver: see `simulate`; of a chain, "auto" leaves each phase to its own.
-          dt: see `simulate`; none for a chain.
+          solver: see `simulate`; in a chain, "auto" chooses one for each phase.
+          dt: see `simulate`; not for a chain.
         Raises:
           ValueError: see `simulate` and `phases.run`.
         """
@@ -129,13 +129,13 @@ _CORNERS: dict[str, Callable[[Scene], Phases]] = {
 
 
 def entries() -> dict[str, Entry]:
-    """Every scene of the zoo that numbers alone can make, by name."""
+    """Every ready-made scene whose parameters are numbers, by name."""
     made = {name: make for family in _FAMILIES for name, make in vars(family).items()}
     return {name: _entry(name, made[name]) for name in sorted(made) if _is_scene(made[name])}
 
 
 def _is_scene(make: Any) -> bool:
-    """Whether it is a public function of numbers alone that returns a scene."""
+    """Whether `make` is a public function of numbers with defaults that returns a scene."""
     if not inspect.isfunction(make) or make.__name__.startswith("_"):
         return False
     parameters = inspect.signature(make).parameters.values()
@@ -144,17 +144,18 @@ def _is_scene(make: Any) -> bool:
 
 
 def build(name: str, settings: Mapping[str, str]) -> Scene:
-    """The scene of this name with some of its numbers set from text, e.g. {"mass": "2"}.
+    """The scene of this name with some of its parameters set from text, e.g. {"mass": "2"}.
 
     Raises:
-      ValueError: no such scene or number (the nearest is suggested), or text that is no number.
+      ValueError: there is no such scene or parameter (the nearest is suggested), or a text is not
+        a number.
     """
     values = numbers(name, settings)
     return entries()[name].make(**values)
 
 
 def numbers(name: str, settings: Mapping[str, str]) -> dict[str, Any]:
-    """The numbers that a scene is made with where some are set from text; arguments of `build`."""
+    """The keyword arguments of a scene's function, from text; see `build`."""
     zoo = entries()
     entry = zoo[_checks.choice("scene", name, zoo, "jaxdyn list")]
     known = {parameter.name: parameter for parameter in entry.parameters}
@@ -166,10 +167,10 @@ def numbers(name: str, settings: Mapping[str, str]) -> dict[str, Any]:
 
 
 def settings(texts: Iterable[str]) -> dict[str, str]:
-    """What `build` takes, from texts "NAME=VALUE" of a command line.
+    """The settings for `build` from texts "NAME=VALUE" of a command line.
 
     Raises:
-      ValueError: a text without "=".
+      ValueError: a text has no "=".
     """
     found = {}
     for text in texts:
@@ -190,7 +191,7 @@ def _entry(name: str, make: Callable[..., Scene]) -> Entry:
     parameters = tuple(
         Parameter(p.name, p.default, " ".join(meanings.get(p.name, "").split()))
         for p in inspect.signature(make).parameters.values()
-        if p.default is not p.empty  # an effect or a law of force is no number
+        if p.default is not p.empty  # an effect or a force law is not a number
     )
     return Entry(name, make, summary, problems, parameters)
 

@@ -1,11 +1,11 @@
 """One particle under a central force, and its orbits: course problem 11.
 
-11 a: v^2 / r = f(r) / m, so circular orbits of all radii have one speed if f = k / r
-(`PowerLaw` with n = -1). 11 b: a motion between two radii always makes a regular rosette, never
-a chaotic one: it repeats after each loop, turned by twice the apsidal angle
-(`jaxdyn.scenes.apsidal`). It closes if that angle is a rational part of pi. For nearly circular
+11 a: v^2 / r = f(r) / m, so circular orbits of all radii have the same speed if f = k / r
+(`PowerLaw` with n = -1). 11 b: a motion between two radii is always a regular rosette, never
+chaotic: it repeats after each loop, rotated by twice the apsidal angle
+(`jaxdyn.scenes.apsidal`). It closes if that angle is a rational multiple of pi. For nearly circular
 orbits under a power law it is pi / sqrt(3 + n), for n > -3; only n = 1 and n = -2 close at every
-radius (Bertrand). How many loops the simplest closed orbit has depends on n (11 b ii):
+radius (Bertrand). The number of loops of the simplest closed orbit depends on n (11 b ii):
 `fewest_loops`.
 """
 
@@ -62,17 +62,17 @@ def circular_speed(law: CentralForce, r, m=1.0) -> Array:
 
 
 def swept_angle(scene: Scene, t1=None, *, rtol: float = 1e-12) -> Array:
-    """() [rad] angle that a point in the plane has turned about the origin, all turns counted.
+    """() [rad] angle by which a point in the plane has turned about the origin, with full turns.
 
-    The angle is integrated with the motion, as a further entry of its state: samples of the
-    motion may miss a turn about a near centre, steps cannot.
+    The angle is integrated with the motion, as a further entry of the state: samples of the motion
+    can miss a turn close to the centre, steps cannot.
 
     Args:
-      scene: one point in the plane and what acts on it.
+      scene: one point in the plane with its effects.
       t1: () end time [s]; the scene's own span if left out.
       rtol: tolerance of the integration.
     Returns:
-      The angle, positive from x to y; NaN where the motion does not last.
+      The angle, positive from x to y; NaN where the motion does not reach t1.
     Example:
       >>> round(float(swept_angle(power_law(n=-2.0, speed=0.01, t1=3.0))), 9)
       6.293409842
@@ -95,23 +95,23 @@ class _Swept(Extended):
 
 
 def fewest_loops(n: float) -> int:
-    """The least number of loops of a closed orbit, not a circle, under the attraction k r^n.
+    """Least number of loops of a closed orbit other than a circle under the attraction k r^n.
 
     From circles to straight lines the apsidal angle over pi goes from 1 / sqrt(3 + n) to 1 / 2, or
-    to 1 / (3 + n) for n < -1, and takes each value between. An orbit with p / q there, in lowest
-    terms, closes with q loops, so the least q is asked for (11 b ii): 1 for gravity, 2 for a
-    spring, 3 for n = -1, and more and more as n comes near to 1 or -2, but for these themselves.
+    to 1 / (3 + n) for n < -1, and takes every value between. An orbit with the value p / q, in
+    lowest terms, closes with q loops; the result is the least q (11 b ii): 1 for gravity, 2 for a
+    spring, 3 for n = -1, and ever more as n approaches 1 or -2, but not at these.
 
     Args:
-      n: exponent, > -3; below no orbit moves between two radii.
+      n: exponent, > -3; below no orbit exists between two radii.
     Raises:
-      ValueError: no such exponent.
+      ValueError: `n` is not above -3.
     Limits: see `apsidal_limits`.
     """
     if not n > -3:
         raise _checks.fail("n", "above -3", n, "Steeper laws have no orbits between two radii.")
     circle, line = map(float, apsidal_limits(n))
-    if circle == line:  # one angle for all: exactly 1/2 for a spring, 1 for gravity
+    if circle == line:  # the same for all orbits: exactly 1/2 for a spring, 1 for gravity
         return round(1 / circle)
     low, high = sorted((circle, line))
     loops = 1

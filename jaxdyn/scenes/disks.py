@@ -1,7 +1,7 @@
 """A disk that rolls or slides on a plane: course problem 60.
 
-The lean theta is the angle of the disk's axis e_3' to the vertical, pi/2 where the disk stands
-upright; the course calls it theta in the picture and phi in the question. The precession
+The lean theta is the angle between the disk's axis e_3' and the vertical, pi/2 for an upright disk;
+the course calls it theta in the picture and phi in the question. The precession
 omega_p is about the vertical, the spin omega_s (the course's "pitch rate") about e_3', so
 omega = omega_p k + (d theta/dt) e_x' + omega_s e_3' with e_x' the horizontal k x e_3'.
 Its steady motions are `precession.rolling_disk_circle` and its neighbours.
@@ -30,21 +30,21 @@ _SPOKES = ((0, 1), (2, 3))
 _RIM = ((1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0))
 
 
-_FLAT = 1e-12  # sine of the axis' angle to the vertical: less is rounding of pi
+_FLAT = 1e-12  # sine of the angle of the axis to the vertical: less is rounding of pi
 
 
 class Disk(Mechanism):
     """A flat disk with moments I_1, I_1, 2 I_1, held on the plane z = 0 by its lowest point.
 
-    The contact is two-sided, so a motion that would lift the disk shows as a negative normal
-    force: of `Constrained.constraint_forces` the first is that, then come, on a rough plane,
-    the x and y components of the friction.
+    The contact is bilateral, so a motion that would lift the disk has a negative normal force. That
+    is the first of `Constrained.constraint_forces`; on a rough plane the x and y components of
+    the friction follow.
 
     Attributes:
       m: () mass [kg].
       radius: () [m].
       I1: () moment about a diameter [kg m^2]: m r^2 / 4 for a uniform disk, m r^2 / 2 for a hoop.
-      rough: whether it rolls without slip; else there is no friction.
+      rough: whether it rolls without slip; otherwise there is no friction.
     """
 
     m: Array = eqx.field(converter=as_float)
@@ -72,7 +72,7 @@ class Disk(Mechanism):
         return (q[2] - self.radius * jnp.sin(q[4]))[None]
 
     def rolling(self, t, q):
-        """(2, 6) rows of the velocity of the disk's point in contact, along x and y.
+        """(2, 6) rows of the velocity of the disk's contact point, along x and y.
 
         It is v + omega x c with c = -r e_y', horizontally (omega_p cos(theta) + omega_s) r e_x'
         plus (d theta/dt) r sin(theta) along the horizontal k x e_x'.
@@ -88,7 +88,7 @@ class Disk(Mechanism):
         return jnp.stack([jnp.stack(along_x), jnp.stack(along_y)])
 
     def sketch(self, t, q):
-        """The rim with two spokes, the point in contact, and where it has been."""
+        """The rim with two spokes, the contact point and its path."""
         del t
         R = matrix_from_euler(q[3:], _SEQUENCE)
         across, up = self.radius * R[:, 0], self.radius * R[:, 1]
@@ -103,7 +103,7 @@ class Disk(Mechanism):
         return Pose(q[:3], matrix_from_euler(q[3:], _SEQUENCE), v[:3], omega_b)
 
     def contact(self, q: Array) -> Array:
-        """(3,) where the disk touches the plane."""
+        """(3,) the contact point."""
         uphill = matrix_from_euler(q[3:].at[2].set(0.0), _SEQUENCE)[:, 1]
         return q[:3] - self.radius * uphill
 
@@ -129,7 +129,7 @@ def rolling_disk(
     """A disk that rolls without slip, or slides without friction, on level ground (problem 60).
 
     Args:
-      theta: angle of the axis to the vertical, pi/2 upright [rad]; not 0, where it lies flat.
+      theta: angle of the axis to the vertical, pi/2 upright [rad]; not 0, flat on the plane.
       precession: rate about the vertical [rad/s].
       lean_rate: rate of theta [rad/s].
       spin: about the axis, relative to the frame that precesses [rad/s].
@@ -137,7 +137,7 @@ def rolling_disk(
       radius: [m].
       I1: moment about a diameter, half of that about the axis [kg m^2]; uniform if left out.
       g: gravity [m/s^2].
-      rough: rolls; else it slides, from a start where its centre moves only up or down.
+      rough: whether it rolls; otherwise it slides, and its centre starts with a vertical velocity.
       t1: span [s].
     """
     if not _checks.is_traced(theta) and abs(math.sin(theta)) < _FLAT:
@@ -148,7 +148,7 @@ def rolling_disk(
     theta, precession, lean_rate, spin, radius = floats(theta, precession, lean_rate, spin, radius)
     zero = jnp.zeros(())
     angles, rates = [zero, theta, zero], [precession, lean_rate, spin]
-    # Rolling along x at phi = 0; `Disk.rolling` and `Disk.tied` say so.
+    # Rolling along x at phi = 0, by `Disk.rolling` and `Disk.tied`.
     v = [-radius * (precession * jnp.cos(theta) + spin), -radius * jnp.sin(theta) * lean_rate]
     v = v if rough else [zero, zero]
     up = radius * jnp.sin(theta), radius * jnp.cos(theta) * lean_rate

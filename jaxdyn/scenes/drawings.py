@@ -1,6 +1,6 @@
 """Drawn shapes and boxes moved and turned without distortion: course problems 7, 47 and 49.
 
-Nothing acts on them; where they are is given as a function of time.
+Nothing acts on them; their positions are given functions of time.
 """
 
 import abc
@@ -32,11 +32,11 @@ HOUSE += ((-0.1, -0.6), (-0.1, -0.2), (0.1, -0.2), (0.1, -0.6))
 HOUSE_LINES = ((0, 1), (1, 2), (2, 3), (3, 4), (4, 0), (2, 4), (5, 6), (6, 7), (7, 8))
 
 _ANGLES = (("angle1", "rad"), ("angle2", "rad"), ("angle3", "rad"))
-_OVERSHOOT = 1.3  # of the drawn axis of a box, over the distance of its corners
+_OVERSHOOT = 1.3  # length of the drawn axis of a box over the distance of its corners
 
 
 class MovedShape(Path):
-    """A flat drawing (p, 2) [m] on a figure of eight, spun as it goes; see `moved_shape`."""
+    """A flat drawing (p, 2) [m] that moves along a figure of eight and turns; see `moved_shape`."""
 
     outline: Array
     reach: Array
@@ -93,7 +93,7 @@ class TurnedBox(Path):
 
 
 class Angles(eqx.Module):
-    """Three angles as functions of time; a module, so that files can name it."""
+    """Three angles as functions of time; a module, so that files can refer to it."""
 
     @abc.abstractmethod
     def __call__(self, t: Array) -> Array:
@@ -101,7 +101,7 @@ class Angles(eqx.Module):
 
 
 class Swings(Angles):
-    """Three angles swing sin(frequency t) [rad]."""
+    """Three angles, swing sin(frequency t) [rad]."""
 
     swings: Array
     frequencies: Array
@@ -158,8 +158,8 @@ def moved_shape(
       frequency: w, of the path [rad/s].
       spin: of the house [rad/s].
       t1: span [s].
-      corners: (p, 2) of another drawing, about its middle [m]; the house if left out.
-      joined: pairs of corners that lines join; all around if left out.
+      corners: (p, 2) of another drawing, about its middle [m]; the house by default.
+      joined: pairs of corners joined by lines; a closed outline by default.
     Example:
       >>> triangle = moved_shape(corners=[[0, 1], [1, -1], [-1, -1]])
       >>> triangle.system.mechanism.joined
@@ -179,7 +179,7 @@ def moved_shape(
 def turned_box(
     *, axis=(1.0, 1.0, 1.0), sides=(3.0, 2.0, 1.0), rate=1.0, t1=2 * math.pi / 3
 ) -> Scene:
-    """A box that turns evenly about a drawn axis through its middle (problem 47).
+    """A box that turns at a constant rate about a drawn axis through its middle (problem 47).
 
     By default by 120 degrees about (1, 1, 1), which takes x to y, y to z and z to x.
 
@@ -209,8 +209,8 @@ def moved_box(
 ) -> Scene:
     """A box turned by three Euler angles that are given functions of time (problem 49).
 
-    Each angle is swing sin(frequency t), or what `angles` says. Two swings of 0 show roll, pitch
-    or yaw alone.
+    Each angle is swing sin(frequency t), or given by `angles`. With two swings of 0 the box only
+    rolls, pitches or yaws.
 
     Args:
       swings: (3,) of the angles [rad].
@@ -218,8 +218,8 @@ def moved_box(
       sides: (3,) along x, y and z at the start [m].
       sequence: Euler angles; "xyz" are those of problem 48, about fixed x, then y, then z.
       t1: span [s].
-      angles: t -> (3,) any other angles [rad], in place of the swings, by functions of
-        jax.numpy; a named function, since each lambda compiles anew.
+      angles: t -> (3,) any other angles [rad] in place of the swings, by functions of
+        jax.numpy; a named function, since each lambda compiles again.
     Example:
       >>> import jax.numpy as jnp
       >>> def faster_and_faster(t):
@@ -245,7 +245,7 @@ def _given(angles) -> Given:
 
 
 def _checked_pairs(pairs, count: int) -> tuple[tuple[int, int], ...]:
-    """Pairs of corners of so many."""
+    """Pairs of corners, checked against their number."""
     found = np.asarray(pairs)
     whole = found.ndim == 2 and found.shape[1] == 2 and np.issubdtype(found.dtype, np.integer)
     if not whole or found.min() < 0 or found.max() >= count:
@@ -259,5 +259,5 @@ def _followed(path: Path, t1) -> Scene:
 
 
 def _equal(outline: Array) -> Array:
-    """(p,) masses of the points, without influence: one kilogram in all."""
+    """(p,) equal masses of the points, one kilogram in total; they have no influence."""
     return jnp.full(len(outline), 1 / len(outline))

@@ -1,6 +1,6 @@
 """Beads on wires, a mass in a slot, masses on a plate: course problems 26, 30, 33, 34.
 
-x points right and y up; the turntable and the plate lie flat and feel no gravity.
+x points right and y up; the turntable and the plate are horizontal, without gravity.
 """
 
 import math
@@ -19,7 +19,7 @@ from jaxdyn.scene import Scene
 from jaxdyn.scenes.ready_made import ready_made
 
 _NODES = 4096  # of the trapezoidal rule, which converges geometrically in log(s)
-_TAIL = 40.0  # what is left out at either end of it: e^-40 of the whole
+_TAIL = 40.0  # truncation at either end: e^-40 of the whole
 
 
 @ready_made()
@@ -57,11 +57,11 @@ def bead_on_parabola(
 def bead_on_cycloid(
     *, c=0.125, m=1.0, g=9.81, s=1.0, speed=0.0, formulation="newton_euler", t1=10.0
 ) -> Scene:
-    """A bead that slides on the curve y = c s^2, s being the length along it (problem 33 b).
+    """A bead that slides on the curve y = c s^2, with s the arc length (problem 33 b).
 
     The curve is a cycloid (`cycloid`); the motion is that of a harmonic oscillator with period
-    2 pi / sqrt(2 c g) at any amplitude. The curve stands upright at s = 1 / (2 c) and ends
-    there; a faster bead ends with a status.
+    2 pi / sqrt(2 c g) at any amplitude. The curve is vertical at s = 1 / (2 c) and ends
+    there; the motion of a faster bead ends with a status.
 
     Args:
       c: of the curve [1/m].
@@ -96,11 +96,11 @@ def turntable(
 
     The mass starts at the point of the slot nearest to the centre, with the slot below it.
     With any speed along the slot the table turns by a finite angle in infinite time, see
-    `turntable_limit`. With none the mass stays there and the table turns for ever: an unstable
+    `turntable_limit`. Without, the mass stays there and the table keeps turning: an unstable
     steady state, from which any displacement grows like exp(w t), w = rate sqrt(1 + m d^2 / I).
 
     Limits: for speed = 0 rounding is such a displacement. A simulation leaves the steady state
-      after some 35 / w (16 s for the default numbers), in a direction that means nothing.
+      after about 35 / w (16 s for the default parameters), in an arbitrary direction.
 
     Args:
       d: distance of the slot from the centre [m].
@@ -127,11 +127,11 @@ def turntable_limit(*, d=0.5, m=1.0, inertia=1.0, speed=1.0, rate=1.0) -> Array:
         (ds/dt)^2 = (I v^2 + 2 E s^2) / (I + m s^2),
         dtheta/ds = (H / (ds/dt) - m d) / (A + m s^2).
 
-    The right side of the first is positive and tends to 2 E / m, so s never turns back and grows
+    The right side of the first is positive and tends to 2 E / m, so s grows monotonically and
     without bound; that of the second falls like 1 / s^2, so its integral over all s is finite.
-    Its first part is an elliptic integral, whose integrand changes at s = v sqrt(I / (2 E)) and
-    at s = sqrt(A / m): as a function of log(s) it is smooth however far apart these are, which
-    they are for small speeds, where the angle grows like log(1 / v).
+    Its first part is an elliptic integral, whose integrand varies near s = v sqrt(I / (2 E)) and
+    s = sqrt(A / m). As a function of log(s) it is smooth however far apart these are; at small
+    speeds they are far apart, and the angle grows like log(1 / v).
 
     Args:
       d: distance of the slot from the centre [m].
@@ -140,7 +140,7 @@ def turntable_limit(*, d=0.5, m=1.0, inertia=1.0, speed=1.0, rate=1.0) -> Array:
       speed: of the mass along the slot at the start [m/s].
       rate: of turning at the start [rad/s].
     Returns:
-      The angle, right to 1e-14 of its largest part; at speed 0 infinite, in the sense of the
+      The angle, accurate to 1e-14 of its largest part; infinite at speed 0, with the sign of the
       rate, and 0 where nothing moves.
     Example:
       >>> round(float(turntable_limit(speed=1e-8)), 9)
@@ -166,11 +166,10 @@ def turntable_limit(*, d=0.5, m=1.0, inertia=1.0, speed=1.0, rate=1.0) -> Array:
 
 @ready_made()
 def plate(*, m=1.0, weld=2.0, centre=2.0, radius=1.0, t1=math.pi) -> Scene:
-    """A massless plate that turns because masses are moved on it, at no momentum (problem 26).
+    """A massless plate, turned by masses that move on it without angular momentum (problem 26).
 
-    Two masses are welded to it at y = +-weld. Two others are driven round circles about
-    x = +-centre, opposite to each other, by the angle (1 - cos t) pi: once round until t = pi,
-    and back again if the time goes on.
+    Two masses are welded to it at y = +-weld. Two others are driven on circles about x = +-centre,
+    opposite to each other, by the angle (1 - cos t) pi: one revolution until t = pi, then back.
 
     Args:
       m: each of the four masses [kg].
@@ -185,9 +184,9 @@ def plate(*, m=1.0, weld=2.0, centre=2.0, radius=1.0, t1=math.pi) -> Scene:
 
 
 def plate_turn(*, weld=2.0, centre=2.0, radius=1.0) -> Array:
-    """() angle [rad] by which that plate has turned after one round, whatever its pace.
+    """() angle [rad] by which that plate has turned after one revolution, at any speed.
 
-    No angular momentum: (|a|^2 + |r|^2) dphi + (x dy - y dx) = 0 for a welded mass at a and a
+    Without angular momentum, (|a|^2 + |r|^2) dphi + (x dy - y dx) = 0 for a welded mass at a and a
     driven one at r = (x, y) on the plate, so phi is an integral over the path. With weld w,
     centre c and radius b it is -pi (1 - cos(beta)), where beta is the angle of a triangle with
     tan(beta) = 2 b w / (w^2 + c^2 - b^2).
@@ -204,8 +203,8 @@ def plate_turn(*, weld=2.0, centre=2.0, radius=1.0) -> Array:
 def cycloid(c, s: Array) -> Array:
     """(..., 2) points of the curve y = c s^2 at lengths s (...) along it (problem 33 b).
 
-    A wheel of radius R = 1 / (8 c) rolling under the line y = 2 R, turned by phi where
-    s = 4 R sin(phi / 2), draws x = R (phi + sin phi), y = R (1 - cos phi).
+    A wheel of radius R = 1 / (8 c) that rolls under the line y = 2 R traces x = R (phi + sin phi),
+    y = R (1 - cos phi), with s = 4 R sin(phi / 2) at the angle phi of the wheel.
 
     Limits: NaN beyond abs(s) = 1 / (2 c), where the curve ends.
     """

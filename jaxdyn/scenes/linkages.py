@@ -1,7 +1,7 @@
 """Rods, linkages and closed loops: course problems 21, 25 and 43.
 
-x points right and y up. What is tied needs differential-algebraic equations; where free
-coordinates exist they are offered as well, to compare with.
+x points right and y up. Constraints need differential-algebraic equations; where free coordinates
+exist they are offered as well, for comparison.
 """
 
 import jax.numpy as jnp
@@ -19,8 +19,8 @@ from jaxdyn.mechanisms.rods import Coupled, Dumbbell, Rods
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.ready_made import ready_made
 
-_CLOSING = 8  # projections that bring a rough start onto its ties; each squares the error
-_IN_LINE = 1e-14  # share of a triangle's side, squared: its height where it is flat
+_CLOSING = 8  # projections of a rough start onto its ties; each squares the error
+_IN_LINE = 1e-14  # squared height over a side below which a triangle counts as flat
 
 
 @ready_made(but=("speed",))
@@ -35,18 +35,18 @@ def rod_on_line(
     drift="projection",
     t1=20.0,
 ) -> Scene:
-    """Two masses on a line, joined by a rod, the second one pushed to and fro (problem 21).
+    """Two masses on a line, joined by a rod, with an oscillating force on the second (problem 21).
 
-    The push is force sin(frequency t). Unequal speeds do not fit a rod: such a start is refused,
-    and the nearest one offered. With drift="raw" it runs, to show what happens: the equations
-    only ask for equal accelerations, so the masses part at their constant relative speed.
+    The force is force sin(frequency t). Unequal speeds are incompatible with a rod: such a start
+    is refused, and the nearest valid one suggested. With drift="raw" it is simulated: the
+    equations only require equal accelerations, so the masses separate at constant speed.
 
     Args:
       m: masses [kg].
       length: of the rod [m].
-      force: on the second mass, largest value [N].
+      force: amplitude of the force on the second mass [N].
       frequency: of the force [rad/s].
-      speed: of both at the start [m/s]; for "constrained" also two different ones.
+      speed: of both at the start [m/s]; for "constrained" also one for each.
       formulation: "constrained" in both places, "newton_euler" and "lagrange" in the first.
       drift: for "constrained": "projection", "baumgarte" or "raw", which shows the drift.
       t1: span [s].
@@ -84,7 +84,7 @@ def dumbbell(
         force), "newton_euler" and "lagrange" in centre and angle.
       drift: for "constrained": "projection", "baumgarte" or "raw".
       tie: for "constrained": "length" differentiates the distance of the masses, "square" its
-        square, as the course does; without a cure ("raw") the two drift differently.
+        square, as the course does; without correction ("raw") they drift differently.
       t1: span [s].
     """
     m, length = floats(m, length)
@@ -120,10 +120,11 @@ def four_bar(
       g: gravity [m/s^2].
       angle: of the crank at the start, from hanging down [rad].
       rate: of that angle at the start [rad/s].
-      crossed: the coupler lies on the other side of the line from its pin to the far hinge.
+      crossed: whether the coupler lies on the other side of the line from its pin to the far
+        hinge.
       formulation: "constrained" in x, y and angle of each bar with all hinges as ties; "loop"
         in the three angles with the far hinge as a tie; "newton_euler" and "lagrange" in the
-        crank's angle, which cannot pass a pose where coupler and rocker are in line.
+        crank angle, which is singular where coupler and rocker are in line.
       drift: for "constrained" and "loop": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
@@ -153,15 +154,15 @@ def pinned_chain(
     drift="projection",
     t1=10.0,
 ) -> Scene:
-    """Uniform bars in a row with both ends pinned, level with each other (problem 43).
+    """Uniform bars in a row with both ends pinned at the same height (problem 43).
 
     Args:
       m: masses [kg].
       l: lengths [m].
       span: distance of the far hinge, to the right of the first [m].
       g: gravity [m/s^2].
-      angles: roughly, from hanging down [rad]: the nearest pose that closes is taken.
-      rates: of the angles [rad/s]; the nearest that keep it closed are taken.
+      angles: approximate ones, from hanging down [rad]; the nearest pose that closes is taken.
+      rates: of the angles [rad/s]; the nearest rates that keep it closed are taken.
       formulation: "loop" in the angles with the far hinge as a tie, "constrained" in x, y and
         angle of each bar with all hinges as ties.
       drift: "projection", "baumgarte" or "raw".
@@ -173,8 +174,7 @@ def pinned_chain(
     chain = Chain(m, l, end)
     check_bars(m, l, end, "span")
     q, v = jnp.split(_closed(chain, angles, rates), 2)
-    # With its ends pinned the chain has no free coordinates; as an embedding of itself it
-    # takes its own.
+    # With both ends pinned the chain has no free coordinates; it is embedded in its own.
     embeddings = {
         "loop": Embedding(chain, _as_given),
         "constrained": Embedding(Bodies(m, l, end), chain.bodies),
@@ -199,9 +199,9 @@ def skate_chain(
     Args:
       m: masses [kg].
       l: lengths [m].
-      g: gravity along -y [m/s^2]; 0 for bars on ice, where it is left out.
+      g: gravity along -y [m/s^2]; 0 for bars on ice leaves the effect out.
       angles: at the start, from hanging down [rad].
-      rates: of the angles [rad/s]; the nearest that the skate allows are taken.
+      rates: of the angles [rad/s]; the nearest rates that the skate allows are taken.
       drift: "projection", "baumgarte" or "raw".
       t1: span [s].
     """
@@ -217,7 +217,7 @@ def _as_given(t: Array, q: Array) -> Array:
 
 
 def _check_crank(bars: FourBar, angle) -> None:
-    """Refuse a crank from whose pin coupler and rocker do not reach the far hinge, or just do."""
+    """Raise ValueError unless coupler and rocker reach the far hinge without being in line."""
     if _checks.is_traced((bars, angle)):
         return
     reach = float(bars.reach(jnp.asarray(angle, dtype=float)))
@@ -239,7 +239,7 @@ def _check_crank(bars: FourBar, angle) -> None:
 
 
 def _closed(chain: Chain, angles, rates) -> Array:
-    """(2 n,) the state on the chain's ties near a rough one."""
+    """(2 n,) the state nearest to a rough one that satisfies the ties of the chain."""
     q, v = floats(angles, rates)
     y, system = jnp.concatenate([q, v]), Constrained(chain)
     for _ in range(_CLOSING if chain.end is not None else 1):

@@ -1,4 +1,4 @@
-"""Bodies that attract each other by Newton's law: course problems 16, 17, 28."""
+"""Bodies under mutual Newtonian gravity: course problems 16, 17, 28."""
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -28,10 +28,10 @@ def three_body(y0=EIGHT, *, m=(1.0, 1.0, 1.0), G=1.0, t1=EIGHT_PERIOD) -> Scene:
     """Three bodies in a plane under Newtonian gravity (problems 17, 28).
 
     Args:
-      y0: (12,) x1 y1 x2 y2 x3 y3 vx1 vy1 vx2 vy2 vx3 vy3; the figure-eight if left out.
+      y0: (12,) x1 y1 x2 y2 x3 y3 vx1 vy1 vx2 vy2 vx3 vy3; the figure-eight by default.
       m: (3,) masses.
       G: gravitational constant.
-      t1: span; one period of the eight if left out.
+      t1: span; one period of the figure-eight by default.
     """
     return Scene(FreePoints(m, d=2), (PairGravity(G),), y0=jnp.asarray(y0), t1=t1)
 
@@ -45,7 +45,7 @@ def two_body(*, m1=1.0, m2=2.0, d=1.0, G=1.0, t1=None) -> Scene:
       m2: mass of the second [kg].
       d: their distance [m].
       G: gravitational constant [m^3/(kg s^2)].
-      t1: span [s]; one `two_body_period` if left out.
+      t1: span [s]; one `two_body_period` by default.
     """
     period = two_body_period(m1=m1, m2=m2, d=d, G=G)
     total = m1 + m2
@@ -72,16 +72,16 @@ def two_body_period(*, m1=1.0, m2=2.0, d=1.0, G=1.0) -> Array:
 def three_body_circular(*, m=1.0, G=10.0, diameter=3.0, t1=None) -> Scene:
     """Three equal bodies on one circle about the origin, 120 degrees apart (problem 16 c, d).
 
-    The problem's d = 3 is the diameter of the circle, not a distance of bodies.
+    The d = 3 of the problem is the diameter of the circle, not a distance between bodies.
 
-    Limits: this motion is unstable: a disturbance grows like e^(0.7 w t), 85 times in a turn,
-      so rounding breaks it up after seven or eight turns, in any solver. Right, not a bug.
+    Limits: this motion is unstable: a disturbance grows like e^(0.7 w t), 85 times in a turn, so
+      rounding breaks it up after seven or eight turns, with any solver.
 
     Args:
       m: mass of each [kg].
       G: gravitational constant [m^3/(kg s^2)].
       diameter: of the circle [m].
-      t1: span [s]; three turns if left out.
+      t1: span [s]; three turns by default.
     """
     w = three_body_rate(m=m, G=G, diameter=diameter)
     angle = jnp.arange(3.0) * (2 * jnp.pi / 3)
@@ -95,7 +95,7 @@ def three_body_circular(*, m=1.0, G=10.0, diameter=3.0, t1=None) -> Scene:
 def three_body_rate(*, m=1.0, G=10.0, diameter=3.0) -> Array:
     """() [rad/s] angular speed of the circular motion, sqrt(G m / (sqrt(3) R^3)) (problem 16 c).
 
-    The side of the triangle is R sqrt(3), and the two pulls G m^2 / (3 R^2) of the others add
+    The side of the triangle is R sqrt(3), and the forces G m^2 / (3 R^2) of the two others add
     up to sqrt(3) times one of them, towards the centre.
     """
     m, G, diameter = (

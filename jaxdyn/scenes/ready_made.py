@@ -1,4 +1,4 @@
-"""What every function of a ready-made scene shares: its numbers are checked, its scene is named."""
+"""What all functions of ready-made scenes share: checked parameters and a name."""
 
 import dataclasses
 import functools

@@ -1,28 +1,27 @@
-"""Cylinders rolling on a fixed cylinder and down a ramp, as far as they do: problems 37 and 38.
+"""Cylinders that roll on a fixed cylinder or down a ramp until they slip: problems 37 and 38.
 
-What the course asks, and what is wrong with it:
+The answers, and corrections to the course:
 
 - 37 a: yes, the equation is that of an inverted pendulum of length R + r with g scaled by 2/3:
-  (3/2)(R + r) theta'' = g sin theta. Energy and geometry leave theta alone, and rolling adds
-  half of the mass to the inertia. 37 b: contact is lost at cos theta = 4/7 (from rest at the
-  top). But the friction that rolling needs over the normal force is sin theta / (7 cos theta - 4):
-  rolling to that very end needs unbounded friction. With any finite one the cylinder slips first.
-  With an inertia k m r^2 instead of m r^2 / 2 it is 1 + k for 3/2, cos theta = 2 / (3 + k), and
-  k sin theta / ((3 + k) cos theta - 2). Without friction it does not turn, as if k were 0, and
-  leaves at cos theta = 2/3. From rest at a steeper angle, tan theta > (1 + k) mu / k, it slips
-  at once.
-- 38 c: where ideal rolling needs no normal force any more it still needs friction F, so taking
-  the surface away changes the motion there: the cylinder would leave the ramp with the
-  acceleration d sin(psi) (r + d cos(psi)) F / I, psi being the angle of G from straight out of
-  the ramp. With F < 0 (it holds the cylinder back) and G past the top, as for the default
-  numbers, that is downwards: a flight started there would enter the ground. With G before the
-  top it is upwards. With any finite friction slipping comes first, and lift-off, if it comes,
-  from the slip.
+  (3/2)(R + r) theta'' = g sin theta. Energy and geometry give an equation for theta alone, and
+  rolling adds half of the mass to the inertia. 37 b: contact is lost at cos theta = 4/7 (from rest
+  at the top). But the ratio of friction to normal force in rolling is sin theta / (7 cos theta -
+  4): rolling to that point needs unbounded friction. With a finite coefficient the cylinder slips
+  first. With an inertia k m r^2 instead of m r^2 / 2, 3/2 becomes 1 + k, contact ends at cos theta
+  = 2 / (3 + k), and the ratio is k sin theta / ((3 + k) cos theta - 2). Without friction it does
+  not turn, as if k were 0, and leaves at cos theta = 2/3. From rest at a steep angle, tan theta >
+  (1 + k) mu / k, it slips immediately.
+- 38 c: where the normal force of ideal rolling vanishes, the friction F does not, so removing the
+  surface changes the motion there: the cylinder would leave the ramp with the acceleration d
+  sin(psi) (r + d cos(psi)) F / I, with psi the angle of G from the normal of the ramp. With F < 0
+  (it holds the cylinder back) and G past the top, as for the default numbers, that is downwards: a
+  flight started there would enter the ground. With G before the top it is upwards. With a finite
+  coefficient of friction slipping comes first, and lift-off, if any, follows from the slip.
 
-`contact_lost` finds the ideal event, `phases_of` gives the real chain for `phases.run`:
-roll, slip (either way), fly, land, roll on. Which of them a motion begins with, and which follows,
-is the first that the state fits: friction within its cone, a normal force that pushes, a slip the
-right way. Landings keep no normal speed.
+`contact_lost` finds the ideal event, `phases_of` gives the real chain for `phases.run`: roll, slip
+(in either direction), fly, land, roll on. The first phase and each next one is the first that the
+state fits: friction within its cone, a normal force that pushes, a slip in its direction. Landings
+are inelastic.
 """
 
 import dataclasses
@@ -42,7 +41,7 @@ from jaxdyn.scenes.ready_made import ready_made
 
 
 class NormalForce(Event):
-    """The surface stops pushing: the normal force of a cylinder in contact falls to 0."""
+    """The normal force of a cylinder in contact falls to 0."""
 
     scene: Scene
 
@@ -55,7 +54,7 @@ class NormalForce(Event):
 
 
 class Grip(Event):
-    """Rolling needs more friction than mu N: against a slip along t (way 1) or back (-1)."""
+    """The friction of rolling reaches mu N, against a slip along t (way 1) or back (-1)."""
 
     scene: Scene
     way: int = eqx.field(static=True)
@@ -70,7 +69,7 @@ class Grip(Event):
 
 
 class Caught(Event):
-    """A slip along t (way 1) or back (-1) comes to its end."""
+    """A slip along t (way 1) or back (-1) ends."""
 
     cylinder: Cylinder
     way: int = eqx.field(static=True)
@@ -85,7 +84,7 @@ class Caught(Event):
 
 
 class Touches(Event):
-    """A flying cylinder comes down on the surface."""
+    """A flying cylinder reaches the surface."""
 
     cylinder: Cylinder
 
@@ -120,7 +119,7 @@ def cylinder_on_cylinder(
       r: radius of the rolling cylinder [m].
       inertia_ratio: its inertia about its axis over m r^2 [1]; 0.5 if solid, 1 if a thin tube.
       fixed: radius of the fixed cylinder, about the origin [m].
-      mu: friction, for `phases_of`; rolling itself does not ask for it.
+      mu: coefficient of friction [1], for `phases_of`; rolling itself does not depend on it.
       g: gravity [m/s^2].
       theta: angle from the top at the start [rad].
       t1: span [s].
@@ -143,10 +142,10 @@ def cylinder_on_ramp(
       d: distance of the centre of mass from the centre [m].
       inertia: about the centre of mass [kg m^2].
       slope: angle of the ramp below the horizontal, falling towards +x [rad].
-      mu: friction, for `phases_of`; rolling itself does not ask for it.
+      mu: coefficient of friction [1], for `phases_of`; rolling itself does not depend on it.
       g: gravity [m/s^2].
-      turn: angle of the centre of mass at the start, clockwise from straight out of the ramp
-        [rad]; 0 is over the centre, pi under it.
+      turn: angle of the centre of mass at the start, clockwise from the normal of the ramp
+        [rad]; 0 is above the centre, pi below it.
       spin: angular velocity at the start [rad/s].
       t1: span [s].
     """
@@ -160,7 +159,7 @@ def cylinder_on_ramp(
 
 
 def contact_lost(scene: Scene, t1=None) -> Stop:
-    """Where ideal rolling, with all the friction it needs, has no normal force left (37 b, 38 c).
+    """Where the normal force of ideal rolling, with unlimited friction, vanishes (37 b, 38 c).
 
     Args:
       scene: a rolling cylinder.
@@ -170,17 +169,17 @@ def contact_lost(scene: Scene, t1=None) -> Stop:
 
 
 def friction_needed(scene: Scene, y: Array) -> Array:
-    """() friction over normal force [1] that rolling needs in a state (problem 38 b)."""
+    """() ratio of friction to normal force [1] of rolling in a state (problem 38 b)."""
     normal, friction = scene.system.touching("roll").reaction(jnp.zeros(()), y, scene.effects)
     return jnp.abs(friction) / normal
 
 
 def phases_of(scene: Scene) -> dict[str, Phase]:
-    """Roll, slip (either way) or fly, with the friction the scene has, for `phases.run`.
+    """The phases roll, slip (in either direction) and fly of a scene, for `phases.run`.
 
     ``run(phases_of(scene), None, scene.y0, t1)`` starts with the first of them that the state
-    fits: it rolls if it does not slip and there is friction enough, else it slips, and it flies
-    where the surface would have to pull.
+    fits: it rolls if it does not slip and friction suffices, otherwise it slips; it flies where
+    the surface would have to pull.
     """
 
     def as_(contact):

@@ -1,7 +1,7 @@
 """The three satellites of problems 55 and 57: a unit cube with balls of radius 1/2 on its faces.
 
-All parts have density 1 and the cube has its corners at 0 and 1. What computation says about
-the course's claims:
+All parts have density 1 and the cube has its corners at 0 and 1. Results for the claims of
+the course:
 
 - 55 iii says that two principal moments of A are equal, and 57 A.i that all three differ. They
   differ: 0.527, 0.795 and 1.051.
@@ -64,7 +64,7 @@ def antenna_trace(motion, name: str = "A", tip=ANTENNAS[0]) -> Array:
     """(s, 3) path in space of the tip of an antenna on a satellite (problems 55, 58) [m].
 
     Args:
-      motion: of `scenes.satellite`, with the same name; its samples are the points of the path.
+      motion: of `scenes.satellite` with the same name; its samples are the points of the path.
       name: "A", "B" or "C".
       tip: (3,) in the axes of problem 55, from a corner of the cube [m]; one of `ANTENNAS`.
     Example:
@@ -86,12 +86,12 @@ def _satellite(density, faces: tuple[tuple[int, int, int], ...]) -> Body:
 
 
 class SatelliteSketch(Looks):
-    """What a drawing shows of a satellite: its cube, the balls on it, the antennas with paths."""
+    """Sketch of a satellite: its cube with the balls, the antennas and the paths of their tips."""
 
     name: str = eqx.field(static=True)
 
     def __call__(self, r: Array) -> tuple[Shape, ...]:
-        """Shapes in the axes of the points r (6, 3), which are about the centre of mass."""
+        """Shapes in the axes of the points r (6, 3), whose origin is the centre of mass."""
         del r
         centre = SATELLITES[_checks.choice("name", self.name, SATELLITES)]().centre
         x, y, z = jnp.eye(3) / 2

@@ -1,4 +1,4 @@
-"""A pendulum by an awkward coordinate, and the edge where that ends: course problem 24."""
+"""A pendulum by an unsuitable coordinate, and where that becomes singular: course problem 24."""
 
 import math
 
@@ -17,7 +17,7 @@ from jaxdyn.scenes.ready_made import ready_made
 
 
 class Edge(Event):
-    """The mass of a sideways pendulum rises to a part of its length [1] below the hinge."""
+    """The mass of a sideways pendulum rises to a depth below the hinge, over the length [1]."""
 
     length: Array
     margin: Array
@@ -42,12 +42,12 @@ def sideways_pendulum(
     formulation="newton_euler",
     t1=10.0,
 ) -> Scene:
-    """A pendulum by its horizontal position, an awkward coordinate (problem 24).
+    """A pendulum by its horizontal position, an unsuitable coordinate (problem 24).
 
-    The position, the course's y, is our x. It says where the mass is only while that hangs
-    below the hinge. A motion that swings up to the level of the hinge comes to abs(x) = length with
-    no speed, where the acceleration is 0 / 0 and the way on cannot be told from the way back: it
-    ends there with a status, not with numbers. `sideways_edge` reports when.
+    The position, y in the course, is x here. It determines the position of the mass only below the
+    hinge. A motion that swings up to the level of the hinge reaches abs(x) = length with zero rate,
+    where the acceleration is 0 / 0 and the continuation is not determined: it ends there with a
+    status and NaN. `sideways_edge` finds the time.
 
     Args:
       length: of the rod [m].
@@ -67,22 +67,22 @@ def sideways_pendulum(
 
 
 def sideways_edge(scene: Scene, t1=None, *, margin=1e-3, rtol: float = RTOL) -> Stop:
-    """When a `sideways_pendulum` comes to the edge of its coordinate, and the state then.
+    """Time and state where a `sideways_pendulum` reaches the edge of its coordinate.
 
-    The edge itself, abs(x) = length, is only touched, with an acceleration of 0 / 0. So the event
-    is a small depth below the hinge, of margin times length. Against the angle the time is right
-    to 1e-14 at a margin of 1e-3 and to 1e-13 at 1e-4 (rtol 1e-13, length 0.8 m).
+    The edge itself, abs(x) = length, is only touched, with an acceleration of 0 / 0. The event is
+    therefore a small depth below the hinge, margin times length. Compared with the angle, its time
+    is accurate to 1e-14 at a margin of 1e-3 and to 1e-13 at 1e-4 (rtol 1e-13, length 0.8 m).
 
     Args:
       scene: a `sideways_pendulum`.
       t1: () end of the span [s]; the scene's own if left out.
-      margin: of the depth below the hinge to the length [1], between 0 and 1.
+      margin: ratio of the depth below the hinge to the length [1], between 0 and 1.
       rtol: see `simulate`.
     Returns:
-      Where it stops: ``stop.event`` is -1 for a swing that stays below, and x > 0 or x < 0 at
-      the event says on which side.
+      The stop: ``stop.event`` is -1 for a swing that stays below; the sign of x at the event
+      gives the side.
     Raises:
-      ValueError: another scene, or a margin that is no part.
+      ValueError: `scene` is not a `sideways_pendulum`, or `margin` not between 0 and 1.
     Example:
       >>> from jaxdyn.scenes import sideways_edge, sideways_pendulum
       >>> [sideways_edge(sideways_pendulum(rate=r)).happened for r in (1.0, 6.0)]
@@ -92,6 +92,6 @@ def sideways_edge(scene: Scene, t1=None, *, margin=1e-3, rtol: float = RTOL) -> 
     if not isinstance(stick, Sideways):
         raise _checks.fail("scene", "a sideways_pendulum", type(scene.system).__name__)
     if not _checks.is_traced(margin) and not 0 < margin < 1:
-        raise _checks.fail("margin", "between 0 and 1", margin, "A part of the length.")
+        raise _checks.fail("margin", "between 0 and 1", margin, "It is a fraction of the length.")
     level = Edge(stick.l, jnp.asarray(margin, dtype=float))
     return until(scene, level, t1, rtol=rtol)

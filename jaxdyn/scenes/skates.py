@@ -1,13 +1,13 @@
 """A body on skates, sliding freely on a plane: course problem 39.
 
-Each skate lets its point of the body move along its blade and not across: one rolling condition,
-and one force across the blade. Two routes to the same motion: `Constrained` (the DAE of
+Each skate allows its point of the body to move along its blade but not across: one rolling
+condition, and one force across the blade. Two routes to the same motion: `Constrained` (the DAE of
 Newton-Euler) and `by_lagrange` (Lagrange's equations with the conditions derived by hand).
 
-What they find has a simple reason (39 d). The blades are fixed in the body, so the velocities
-that two skates allow, seen from the body, are the multiples of ONE twist; energy keeps its size.
-A body with a constant twist turns about the point where the two normals meet, or moves straight
-on if they are parallel: `elementary_motion`.
+The result has a simple reason (39 d). The blades are fixed in the body, so the velocities that two
+skates allow, in body axes, are the multiples of one twist, whose size the energy determines. A body
+with a constant twist turns about the point where the two normals meet, or moves in a straight line
+if they are parallel: `elementary_motion`.
 """
 
 import dataclasses
@@ -25,9 +25,9 @@ from jaxdyn.scene import Scene
 from jaxdyn.scenes.ready_made import ready_made
 from jaxdyn.sketch import Shape, frame, line, rectangle, traces
 
-#: Skates nearer to a common normal than this are one condition twice [condition number].
+#: Beyond this the skates count as having a common normal: a repeated condition [condition number].
 _WORST_CONDITION = 1e6
-#: A skate slower than this part of the other stands still but for rounding [1].
+#: Relative speed below which a skate counts as at rest beside the other [1].
 _STILL = 1e-12
 
 
@@ -37,10 +37,10 @@ class Skated(Mechanism):
     Attributes:
       m: () mass [kg].
       inertia: () about the centre of mass [kg m^2].
-      at: (s, 2) places of the skates from the centre of mass, in body axes [m].
+      at: (s, 2) positions of the skates from the centre of mass, in body axes [m].
       headings: (s,) directions of their blades in body axes [rad].
-      wheels: (2,) places of a car's front and rear axle along its body's x axis [m], which only
-        a drawing shows; None for blades.
+      wheels: (2,) positions of a car's front and rear axle along its x axis [m], for drawings
+        only; None for blades.
     """
 
     m: Array
@@ -102,7 +102,7 @@ class Skated(Mechanism):
 
 
 def _car(axles: Array) -> tuple[Shape, ...]:
-    """A car seen from above, in its own axes, with its axles at two places (2,) along x."""
+    """A car seen from above, in its own axes, with its axles at two positions (2,) along x."""
     base = axles[0] - axles[1]
     track, across = 0.55 * base, jnp.zeros(())
     middles = jnp.stack([axles, jnp.stack([across, across])], axis=1)
@@ -150,15 +150,15 @@ class LagrangeSkates(MechanismSystem):
 def one_skate(
     *, m=1.0, inertia=0.5, at=(0.0, 0.0), heading=0.0, speed=1.0, spin=1.0, t1=10.0
 ) -> Scene:
-    """A body on one skate, glided and spun (problem 39 a).
+    """A body on one skate, gliding and spinning (problem 39 a).
 
-    With the skate at the centre of mass it goes round a circle of radius speed / spin. With the
-    centre of mass ahead of or behind the blade it turns until it glides straight, centre ahead.
+    With the skate at the centre of mass it moves on a circle of radius speed / spin. Otherwise it
+    turns until it glides in a straight line, with the centre of mass ahead.
 
     Args:
       m: mass [kg].
       inertia: about the centre of mass [kg m^2].
-      at: (2,) place of the skate from the centre of mass, which is at the origin [m].
+      at: (2,) position of the skate from the centre of mass, which is at the origin [m].
       heading: direction of the blade [rad].
       speed: of the skate along its blade [m/s].
       spin: angular velocity [rad/s].
@@ -180,18 +180,18 @@ def two_skates(
     speed=1.0,
     t1=10.0,
 ) -> Scene:
-    """A body on two skates, moving as they allow (problem 39).
+    """A body on two skates, with the motion that they allow (problem 39).
 
     Args:
       m: mass [kg].
       inertia: about the centre of mass [kg m^2].
-      at: (2, 2) places of the skates from the centre of mass, which is at the origin [m].
+      at: (2, 2) positions of the skates from the centre of mass, which is at the origin [m].
       headings: (2,) directions of their blades [rad].
-      speed: root mean square speed of the body's mass [m/s]; where it is positive, the first
-        skate moves forwards along its blade (the second, if the body turns about the first).
+      speed: root mean square speed of the body's mass [m/s]; for a positive one the first skate
+        moves forwards along its blade (the second, if the body turns about the first).
       t1: span [s].
     Raises:
-      ValueError: when it is run, for skates on a common normal line.
+      ValueError: the skates have a common normal line; raised when the scene is run.
     """
     at, headings = floats(at, headings)
     scene = _on_skates(m, inertia, at, headings, jnp.zeros(3), t1)
@@ -200,9 +200,9 @@ def two_skates(
 
 
 def allowed_twist(body: Skated) -> Array:
-    """(3,) the one (vx, vy, omega) in body axes that two skates allow, of mean square speed 1.
+    """(3,) the twist (vx, vy, omega) in body axes that two skates allow, of mean square speed 1.
 
-    The first skate moves forwards, or, where it stands still, the second.
+    The first skate moves forwards or, if it is at rest, the second.
     """
     first, second = body.twists()
     twist = jnp.cross(first, second)
@@ -227,9 +227,9 @@ def by_lagrange(scene: Scene) -> Scene:
 
 
 def meeting_point(scene: Scene) -> Array:
-    """(2,) where the normals of two skates meet, at the start.
+    """(2,) the point where the normals of two skates meet, at the start.
 
-    Limits: for parallel ones not finite, or as far away as rounding puts it.
+    Limits: for parallel normals not finite, or as far away as rounding puts it.
     """
     x, y, theta, vx, vy, omega = scene.y0
     del theta
@@ -240,8 +240,8 @@ def elementary_motion(scene: Scene, ts: Array) -> Array:
     """(s, 6) states of a body on two skates without solving any equation (problem 39 d).
 
     Its twist is constant: with c = (1 - cos omega t) / omega and s = sin(omega t) / omega the
-    centre moves by (s vx - c vy, c vx + s vy). Both ratios have their limits at omega = 0,
-    so a straight line is no special case.
+    centre moves by (s vx - c vy, c vx + s vy). Both ratios have limits at omega = 0, so a
+    straight line needs no special treatment.
     """
     x, y, theta, vx, vy, omega = scene.y0
     ts = jnp.asarray(ts)

@@ -13,7 +13,7 @@ from jaxdyn.scene import Scene
 from jaxdyn.scenes.particles import particle
 from jaxdyn.scenes.ready_made import ready_made
 
-_FEWEST = 5  # samples: with fewer every path is an ellipse
+_FEWEST = 5  # samples: fewer always lie on an ellipse
 _UNEVEN = 1e-9  # of a sample interval
 
 
@@ -44,7 +44,7 @@ def spring_mass(
     g=9.81,
     t1=10.0,
 ) -> Scene:
-    """A mass on a spring that is pinned to the origin, in the plane or in space (problem 6).
+    """A mass on a spring pinned at the origin, in the plane or in space (problem 6).
 
     Args:
       position: (d,) start [m], d = 2 or 3; the last axis points up.
@@ -65,11 +65,11 @@ def hanging_spring(
 ) -> Scene:
     """A mass on a spring of rest length zero: every motion is an ellipse (problem 10).
 
-    In space z is up. The problem asks for the most wild motion. There is none: gravity only
-    shifts the centre, and all three directions share one frequency, so every motion is an ellipse
-    about the point m g / k below the pin, run through in the period 2 pi sqrt(m / k), from any
-    start: `hanging_spring_exact`. `wildness` measures how far a motion is from that: 0 here, and
-    not for a `spring_mass` with a rest length.
+    In space z is up. The problem asks for the wildest motion. There is none: gravity only shifts
+    the centre, and all directions have the same frequency, so from any start the motion is an
+    ellipse about the point m g / k below the pin, with period 2 pi sqrt(m / k):
+    `hanging_spring_exact`. `wildness` measures the deviation from that: 0 here, but not for a
+    `spring_mass` with a rest length.
 
     Args:
       position: (d,) start [m].
@@ -104,19 +104,20 @@ def hanging_spring_exact(scene: Scene, t) -> Array:
 
 
 def wildness(motion: Trajectory) -> Array:
-    """() [1] how far the path of the first point is from an ellipse; 0 for every ellipse.
+    """() [1] deviation of the path of the first point from an ellipse; 0 for every ellipse.
 
-    An ellipse run through harmonically, r = c + a cos(w t) + b sin(w t), has second differences of
-    even samples in proportion to r - c. This is the root mean square of what the best proportion
-    and c leave of them, over that of themselves about their mean (problem 10).
+    For harmonic motion on an ellipse, r = c + a cos(w t) + b sin(w t), the second differences of
+    equally spaced samples are proportional to r - c. The result is the root mean square of the
+    residual of the best fit of the factor and c, over that of the second differences about their
+    mean (problem 10).
 
     Args:
-      motion: even samples over a period or more, some ten a period or more. Wiggles and wrong
-        numerics both show; only the first stay when the tolerance is tightened.
+      motion: equally spaced samples over at least a period, at least about ten per period.
+        Numerical errors contribute too, but vanish as the tolerance is tightened.
     Raises:
-      ValueError: fewer than 5 samples, uneven ones, or a batch of motions.
-    Limits: NaN for a point that moves evenly on a line. Rounding shows at 1e-16 over the square
-      of the turn from sample to sample.
+      ValueError: `motion` has fewer than 5 samples, unequally spaced ones, or is a batch.
+    Limits: NaN for a point with constant velocity. Rounding contributes 1e-16 over the squared
+      phase between samples.
     """
     r = single(motion).r[:, 0]
     if len(r) < _FEWEST or not _even(motion.ts):
@@ -150,19 +151,18 @@ def two_springs(
     g=1.0,
     t1=10.0,
 ) -> Scene:
-    """A mass on two springs with dashpots beside them, and air drag, y up (problem 13).
+    """A mass on two springs with parallel dashpots, and air drag, y up (problem 13).
 
-    `equilibria.equilibria` finds its rest points, and proves that it found all (13 c). How many
-    there are:
+    `equilibria.equilibria` finds its rest points, with a proof that these are all (13 c). Their
+    number:
 
-    - None without springs, if there is weight; without weight the mass rests anywhere.
-    - At least one with a spring: the energy grows to all sides, and where it is least there is
-      a rest point, since that is never an anchor from which a spring pushes away. Just one for a
-      heavy mass.
-    - One spring alone without weight: a circle of them about its anchor, if it has a rest length.
+    - Without springs: none with weight; without weight every point.
+    - With a spring: at least one, since the energy grows in all directions, and its minimum is a
+      rest point, never an anchor from which a spring pushes away. Exactly one for a heavy mass.
+    - A single spring without weight: a circle about its anchor, if it has a rest length.
     - Two springs at different anchors without weight: at most five. Off the line of the anchors
-      both must be at rest length, which gives two; on each of its three parts the forces, which
-      grow with x, cancel at most once.
+      both must be at rest length, which gives two; on each of its three parts the force, which
+      increases with x, vanishes at most once.
     - Two springs and weight: one to five are known, five at (k_b, length_a, length_b, g) =
       (8, 2, 0.8, 1) with k_a = 1 and anchors at (0, 0) and (0.8, 0.6). That there are never more
       is not proved.
@@ -172,7 +172,7 @@ def two_springs(
       velocity: (2,) start [m/s].
       anchor_a: (2,) one anchor [m].
       anchor_b: (2,) the other [m].
-      k_a: stiffness to A [N/m]; exactly 0 leaves the spring out, as for all numbers below.
+      k_a: stiffness to A [N/m]; exactly 0 leaves the spring out, as for all coefficients below.
       k_b: stiffness to B [N/m].
       length_a: rest length to A [m].
       length_b: rest length to B [m].
@@ -198,8 +198,8 @@ def two_springs(
 def two_masses(*, m1=1.0, m2=2.0, k=100.0, length=1.0, force=1.0, t1=5.0) -> Scene:
     """Two masses and a spring on a line, pushed by a step force on the second (problem 20).
 
-    They start at rest at 0 and at the rest length. Always F = (m1 + m2) a_G: the spring's two
-    forces cancel in the sum, whatever k (20 b). They oscillate relative to G with the
+    They start at rest at 0 and at the rest length. For any k, F = (m1 + m2) a_G: the two forces
+    of the spring cancel in the sum (20 b). They oscillate relative to G with the
     frequency sqrt(k (m1 + m2) / (m1 m2)) and an amplitude proportional to 1/k, so for large k
     both move like G (20 c); see `two_masses_exact`.
 
@@ -219,8 +219,8 @@ def two_masses(*, m1=1.0, m2=2.0, k=100.0, length=1.0, force=1.0, t1=5.0) -> Sce
 def two_masses_exact(t, *, m1=1.0, m2=2.0, k=100.0, length=1.0, force=1.0) -> Array:
     """(..., 4) states x1, x2, v1, v2 of `two_masses` at times t (...), in closed form.
 
-    Both masses keep within F m2 / (k (m1 + m2)) (the first), F m1 ... (the second) times
-    2 m1 / (m1 + m2) of where a rigid rod would have them: the answer to 20 d.
+    The deviation from the motion with a rigid rod is at most F m2 / (k (m1 + m2)) for the first
+    mass and F m1 / (k (m1 + m2)) for the second, times 2 m1 / (m1 + m2): the answer to 20 d.
     """
     t = jnp.asarray(t, dtype=float)
     total = m1 + m2

@@ -1,14 +1,14 @@
-"""Coordinates that fail on the way, exchanged for others before they do.
+"""Coordinates that become singular during a motion, exchanged for others in time.
 
 - Euler angles lock where the second turn makes the first and third axes parallel. Two sequences
-  that differ in their third turn alone never lock together: where ZXZ does, ZXY is at its best.
-- A pendulum's x does not tell where it is at the level of its hinge, nor its y below and above
-  it. Four quarters, each by the coordinate that changes fast there, go all the way round.
-- Polar coordinates have no angle at the origin. Near it the particle is followed by x and y.
+  that differ only in their third turn never lock together: where ZXZ locks, ZXY is best.
+- The x of a pendulum is singular at the level of its hinge, its y below and above the hinge. Four
+  quarters, each with the coordinate that is regular there, cover the whole circle.
+- Polar coordinates have no angle at the origin. Near it the particle is described by x and y.
 
-Each is a chain of phases (`jaxdyn.integrate.phases`) whose events are the margin of a coordinate,
-so the time of every exchange is reported. A new coordinate becomes bad only after the motion has
-gone on by a part of a turn: no switching to and fro.
+Each is a chain of phases (`jaxdyn.integrate.phases`) whose events are margins of the coordinates,
+so the time of every exchange is reported. New coordinates remain good for a fraction of a turn, so
+there is no switching back and forth.
 """
 
 import dataclasses
@@ -30,7 +30,7 @@ from jaxdyn.scene import Scene, System, checked
 from jaxdyn.scenes.particles import PolarParticle, polar_state
 
 MARGIN = 0.5
-_OUT = 1.2  # times the distance at which x and y take over, polar coordinates come back
+_OUT = 1.2  # times the distance of the change to x and y at which polar coordinates return
 _QUARTERS = {(0, -1): "below", (0, 1): "above", (1, -1): "left", (1, 1): "right"}
 
 
@@ -44,21 +44,21 @@ def simulate_switching(
     margin: float = MARGIN,
     max_phases: int = MAX_PHASES,
 ) -> Chain:
-    """The motion of a scene whose coordinates may fail, in pieces by coordinates that do not.
+    """The motion of a scene whose coordinates may become singular, in pieces with regular ones.
 
     Args:
       scene: a body by Euler angles (`EulerBody`), a `sideways_pendulum`, or a `polar_particle`.
       t1: () end time [s], after t0; the scene's own span if left out.
       t0: () start time [s].
-      samples: of each piece.
+      samples: number of samples of each piece.
       rtol: see `simulate`.
       margin: see `coordinate_phases`.
-      max_phases: pieces at most.
+      max_phases: largest number of pieces.
     Returns:
-      The pieces, each with its own coordinates: ``rigid.pose`` and ``piece.r`` say the same of
-      all. `Chain.times` are those of the exchanges; the last piece has the last state.
+      The pieces, each in its own coordinates; ``rigid.pose`` and ``piece.r`` do not depend on
+      them. `Chain.times` are those of the exchanges; the last piece has the last state.
     Raises:
-      ValueError: another scene, or numbers that make no sense.
+      ValueError: `scene` is of another kind, `margin` is not between 0 and 0.7, or see `run`.
     Example:
       >>> from jaxdyn import scenes
       >>> past = simulate_switching(scenes.polar_particle(position=(1.0, 0.0)), 2.0)
@@ -72,16 +72,16 @@ def simulate_switching(
 
 
 def coordinate_phases(scene: Scene, margin: float = MARGIN) -> dict[str, Phase]:
-    """The coordinates that a motion may need, as phases for `phases.run`; the scene's own first.
+    """The coordinates for a motion as phases for `phases.run`, those of the scene first.
 
     Args:
       scene: see `simulate_switching`.
-      margin: of a coordinate when it is exchanged, between 0 and 0.7 [1]: the sine of the angle
+      margin: of the coordinates at an exchange, between 0 and 0.7 [1]: the sine of the angle
         between the first and third axes of Euler angles; the depth below (or height above, or
         distance beside) the hinge over the length; the distance from the origin over that at
         the start.
     Raises:
-      ValueError: another scene, or a margin that is none.
+      ValueError: `scene` is of another kind, or `margin` is not between 0 and 0.7.
     """
     system = checked(scene).system
     if not 0 < margin < 0.7:
@@ -124,7 +124,7 @@ class Locks(Event):
 
 
 class Retold(eqx.Module):
-    """The same pose by the angles of another sequence."""
+    """The same pose in the angles of another sequence."""
 
     old: EulerBody
     new: EulerBody
@@ -136,7 +136,7 @@ class Retold(eqx.Module):
 
 
 def complement(sequence: str) -> str:
-    """The sequence that is at its best where this one locks.
+    """The sequence that is best where this one locks.
 
     It differs in the third turn (about the body; about the world, in the first). The axis of the
     first turn, fixed in space, has the cosines c and c' to the body's axes of the two last turns.
@@ -169,7 +169,7 @@ def _by(scene: Scene, mechanism) -> Scene:
 
 
 class Along(eqx.Module):
-    """The same point by another of its cartesian coordinates."""
+    """The same point in another of its cartesian coordinates."""
 
     system: System
     axis: int = eqx.field(static=True)
@@ -184,7 +184,7 @@ def _quarters(scene: Scene, stick: Sideways, margin: float) -> dict[str, Phase]:
     level = stick.l * (1 - margin**2) ** 0.5
 
     def phase(axis: int, side: int) -> Phase:
-        # The side is a number, so that both sides share one compiled search.
+        # The side is a parameter, so that both sides share one compiled search.
         by = _by(scene, Sideways(stick.m, stick.l, axis, jnp.asarray(float(side))))
         across = Along(by.system, 1 - axis)
         ways = [
@@ -201,7 +201,7 @@ def _quarters(scene: Scene, stick: Sideways, margin: float) -> dict[str, Phase]:
 
 
 class Leaves(Event):
-    """A particle comes to a distance [m] from the origin, going out."""
+    """A particle reaches a distance [m] from the origin, outwards."""
 
     far: Array
 
@@ -215,7 +215,7 @@ class Leaves(Event):
 
 
 class ToCartesian(eqx.Module):
-    """A polar state by x and y."""
+    """A polar state in x and y."""
 
     particle: PolarParticle
 

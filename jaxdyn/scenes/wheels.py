@@ -1,33 +1,33 @@
 """A car that brakes with locked front or rear wheels, seen from above: course problem 32.
 
-The two wheels of an axle act as one on the centre line. The free axle rolls: no velocity across
-the car there, one rolling condition with one side force. The locked axle slides: friction
-mu N against its velocity, N its share of the weight (the centre of mass is at ground height, so
-braking does not move the load). Without friction both cars are the lecture's ideal one, a body
-on one skate.
+The two wheels of an axle act as one on the centre line. The free axle rolls: its velocity has no
+lateral component, one rolling condition with one side force. The locked axle slides: friction mu N
+against its velocity, N its share of the weight (the centre of mass is at ground height, so braking
+does not shift the load). Without friction both cars are the ideal one of the lecture, a body on one
+skate.
 
 Is it stable (32 d)? Let V be the speed of the free axle, at s ahead of the centre of mass, and
-omega the turning; L is the wheelbase and J = I + m s^2. For small turning
+omega the yaw rate; L is the wheelbase and J = I + m s^2. For small omega
 
     J omega' = (m s V - mu N L^2 / V) omega,    m V' = -mu N,
 
-the first part from the free axle, which leads if s > 0 and trails if s < 0, the second from the
-friction, which always damps. With the front wheels locked the rear rolls, s < 0: any turning
-dies out, the car is stable, at any speed. With the rear wheels locked s > 0 and turning grows
-while V^2 > mu g L. From V0 to V it becomes
+the first term from the free axle, which leads if s > 0 and trails if s < 0, the second from the
+friction, which always damps. With locked front wheels the rear rolls, s < 0: omega decays, and the
+car is stable at any speed. With locked rear wheels s > 0, and omega grows while V^2 > mu g L. From
+V0 to V it becomes
 
     omega = omega0 (V / V0)^(m L^2 / J) exp(m^2 s (V0^2 - V^2) / (2 mu N J)),
 
-for the rear wheels so by up to about exp(m L V0^2 / (2 mu g J)).
+for the rear wheels by a factor of up to about exp(m L V0^2 / (2 mu g J)).
 
 How does it come to rest? With u = (V, w) the velocity of the locked wheels along and across the
-car, w = L omega, all but friction is of second order in a small u:
+car, w = L omega, everything but friction is of second order in a small u:
 
     V' = -c V / |u|,    w' = -d w / |u|,    c = mu N / m,    d = mu N L^2 / J,
 
-so in the variable z with dt = |u| dz both fall exponentially, and |u|, V |u| and w |u| integrated
-over z are the time and the way that are left. Friction turns round where u passes 0, so the last
-bit of a stop is not left to an integrator: `braking` takes it from these integrals.
+so in the variable z with dt = |u| dz both decay exponentially, and the integrals of |u|, V |u| and
+w |u| over z are the remaining time and distances. Friction is reversed where u passes 0, so the
+last part of a stop is not integrated: `braking` takes it from these integrals.
 """
 
 from typing import ClassVar, NamedTuple
@@ -50,7 +50,7 @@ from jaxdyn.scenes.skates import Skated
 
 AXLES = ("front", "rear")
 
-# Double exponential quadrature from 0 to infinity of what falls at least as exp(-z).
+# Double exponential quadrature from 0 to infinity of functions that decay at least like exp(-z).
 _STEPS = np.arange(-4.0, 4.3, 1 / 16)
 _Z = np.exp(_STEPS - np.exp(-_STEPS))
 _WEIGHTS = _Z * (1 + np.exp(-_STEPS)) / 16
@@ -61,8 +61,8 @@ class LockedAxle(Effect):
 
     mu [1], load N () [N]. Acts on the coordinates (x, y, theta) of a planar body.
 
-    Limits: 0 at rest, where the true force is whatever keeps the car there; end the motion by
-    an event before.
+    Limits: 0 at rest, where the true force keeps the car there; end the motion by an event
+      before.
     """
 
     mu: Array
@@ -102,13 +102,13 @@ class Slow(Event):
 class _Rest(NamedTuple):
     """How a slowly sliding car comes to rest."""
 
-    time: Array  # () that it takes [s]
+    time: Array  # () duration [s]
     way: Array  # (2,) of its centre of mass [m]
     turn: Array  # () of the car [rad]
 
 
 class Halt(eqx.Module):
-    """The end of a slide: how long it lasts, and where the car stands then."""
+    """The end of a slide: its duration, and the final position of the car."""
 
     scene: Scene
 
@@ -158,7 +158,7 @@ def car(
     spin=0.01,
     t1=2.0,
 ) -> Scene:
-    """A car whose front or rear wheels are locked, going along x (problem 32).
+    """A car with locked front or rear wheels that moves along x (problem 32).
 
     Args:
       locked: "front" or "rear".
@@ -167,10 +167,10 @@ def car(
       m: mass [kg].
       inertia: about the centre of mass [kg m^2].
       mu: coefficient of friction of the locked wheels; exactly 0 leaves the friction out.
-      g: gravity, which presses the wheels on the ground [m/s^2].
+      g: gravity, which presses the wheels onto the ground [m/s^2].
       speed: of the free axle [m/s].
-      spin: initial turning, a disturbance [rad/s].
-      t1: span [s]; it must end before the car stands still, see `braking`.
+      spin: initial yaw rate, a disturbance [rad/s].
+      t1: span [s]; it must end before the car is at rest, see `braking`.
     """
     between = "The centre of mass is between the axles."
     front = _checks.positive("to_front", to_front, between)
@@ -192,13 +192,13 @@ def braking(scene: Scene) -> dict[str, Phase]:
     """The braking of a `car` down to rest, as a phase for `phases.run` (problem 32 b).
 
     ``run(braking(scene), "slide", scene.y0, 60.0)`` ends with the car at rest. The locked wheels
-    slide until the car stands: their speed is 0 only if it turns no more either. The last part of
+    slide until the car stands: their speed is 0 only if it does not turn any more. The last part of
     the stop is in closed form, from a speed where what that neglects is below rounding.
 
     Args:
       scene: a `car` with friction.
     Raises:
-      ValueError: a car without friction, which never stops.
+      ValueError: the car has no friction, and never stops.
     """
     friction, numbers = _friction(scene), _numbers(scene)
     if friction is None:
@@ -213,9 +213,9 @@ def braking(scene: Scene) -> dict[str, Phase]:
 
 
 def turning_rate(scene: Scene, speed) -> Array:
-    """Growth rate omega' / omega () [1/s] of a small turning at a speed [m/s] (problem 32 d).
+    """Growth rate omega' / omega () [1/s] of a small yaw rate at a speed [m/s] (problem 32 d).
 
-    Positive: unstable. Without friction nothing damps it.
+    Unstable if positive. Without friction nothing damps it.
     """
     friction, numbers = _friction(scene), _numbers(scene)
     push = numbers.m * numbers.s * speed
@@ -225,10 +225,10 @@ def turning_rate(scene: Scene, speed) -> Array:
 
 
 def turning_left(scene: Scene, speed) -> Array:
-    """How much of a small turning is left () [1] when a car has slowed down to a speed [m/s].
+    """Remaining fraction () [1] of a small yaw rate when a car has slowed down to a speed [m/s].
 
     Raises:
-      ValueError: a car without friction, which does not slow down.
+      ValueError: the car has no friction, and does not slow down.
     """
     friction, numbers = _friction(scene), _numbers(scene)
     if friction is None:
@@ -241,7 +241,7 @@ def turning_left(scene: Scene, speed) -> Array:
 
 
 class _Numbers(NamedTuple):
-    """Of a car: mass, inertia about the free axle, where that is and how far from the locked."""
+    """A car: mass, inertia about the free axle, position of that and distance to the locked one."""
 
     m: Array
     j: Array
