@@ -81,10 +81,14 @@ def vector(name: str, value: Any, like: Array) -> Array:
     """What a function returned, a list of numbers too, as an array of floats like another one."""
     if value is None:
         raise _checks.fail(name, "an array or a list of numbers", "None", "Does it `return` them?")
+
+    def converted(x: Any) -> Any:
+        # Complex numbers stay, to be refused: a conversion would drop their imaginary parts.
+        return x if jnp.iscomplexobj(x) else jnp.asarray(x, like.dtype)
+
     if isinstance(value, list | tuple):
-        value = jnp.stack([jnp.asarray(x) for x in value])
-    # Complex numbers stay, to be refused: a conversion would drop their imaginary parts.
-    return value if jnp.iscomplexobj(value) else jnp.asarray(value, like.dtype)
+        value = jnp.stack([jnp.asarray(converted(x)) for x in value])
+    return converted(value)
 
 
 def named(

@@ -9,6 +9,7 @@ import pytest
 from scipy.special import ellipk
 
 from jaxdyn import scenes
+from jaxdyn.files import records
 from orbits import PLAIN, Kind, drawing
 from orbits.cli import app as cli
 from orbits.families.parameters import maker
@@ -57,6 +58,19 @@ def test_a_family_without_a_parameter_has_none_in_its_file(tmp_path):
     family_files.save(tmp_path / "f.json", Listing(None, (one,), (), "its bounds"))
     assert json.loads((tmp_path / "f.json").read_text())["members"][0]["parameter"] is None
     assert math.isnan(family_files.load(tmp_path / "f.json").members[0].parameter)
+
+
+@pytest.mark.parametrize("written", [None, 0.0])  # 0 is what older files hold
+def test_a_scene_without_an_energy_has_none_in_its_file(tmp_path, written):
+    path = tmp_path / "family.json"
+    orbit = Orbit(scenes.lorenz(), PLAIN, math.nan, Outcome.FOUND, 0, 1e-13)
+    family_files.save(path, Listing("rho", (Entry(orbit, 28.0, math.nan, "stable"),), (), "end"))
+    record = json.loads(path.read_text())
+    assert record["members"][0]["energy"] is None
+    record["members"][0]["energy"] = written
+    record.pop("digest")
+    path.write_text(json.dumps(record | {"digest": records.digest(record)}))
+    assert math.isnan(family_files.load(path).members[0].energy)
 
 
 HOSTILE = [
