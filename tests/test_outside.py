@@ -139,7 +139,9 @@ def test_an_energy_that_is_given_picks_a_member():
     orbit = orbits.find(scene, hold=orbits.Energy(2.5))
     level = float(odes.populations_integral(0.0, orbit.y0, HUNT))
     assert abs(level - 2.5) < SOLVED
-    assert abs(orbits.identify(orbit).energy - 2.5) < SOLVED
+    known = orbits.identify(orbit).energy
+    assert known is not None
+    assert abs(known - 2.5) < SOLVED
 
 
 def _variational(t, state, mu):
@@ -181,6 +183,7 @@ def test_the_restricted_problem_has_the_unit_multipliers_of_jacobis_integral():
     linear = orbits.stability(orbit_of(same))
     assert (linear.unit, linear.reasons) == (2, ("energy", "flow"))
     assert linear.verdict == "stable"
+    assert linear.symplectic_defect is not None
     assert linear.symplectic_defect < SOLVED
     assert gap(np.sort_complex(linear.nontrivial), values) < 1e-9
 
