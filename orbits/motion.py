@@ -1,9 +1,9 @@
-"""Where a motion is after a span of time, and in which time it is followed there.
+"""The state after a span of time, integrated in plain or in logarithmic time.
 
-Bodies that attract each other are followed in logarithmic time (`jaxdyn.analysis.regularised`)
-where errors grow much, or rounding is what is left of a search. In plain time each close encounter
-multiplies the rounding of the state by what bends the paths there; a published three-body orbit
-whose multipliers are 1 then closes to 1e-7, at 1e-12 in logarithmic time.
+Bodies that attract each other are integrated in logarithmic time (`jaxdyn.analysis.regularised`)
+where errors grow strongly, or where rounding keeps a search from its goal. In plain time each close
+encounter amplifies the rounding of the state: a published three-body orbit whose multipliers are 1
+closes to 1e-7 in plain time, and to 1e-12 in logarithmic time.
 """
 
 import math
@@ -22,9 +22,9 @@ from jaxdyn.integrate.flow import Flow
 from jaxdyn.integrate.simulation import MAX_STEPS, solve
 from jaxdyn.solvers import Solver
 
-#: Logarithmic time runs too fast where the potential nearly vanishes: its least value must be at
-#: least this share of the median along the motion.
-_SHALLOW = 0.05
+#: The smallest depth of the potential along a motion, as a share of the median, with which
+#: logarithmic time is used: it diverges where the potential vanishes.
+_LEAST_DEPTH = 0.05
 
 
 def advanced(
@@ -40,13 +40,13 @@ def advanced(
     """The end of a motion after a span of time; differentiable in all numbers but s.
 
     Args:
-      scene: what moves, at its start.
-      span: () time from t0 on.
-      s: () span of logarithmic time to follow first; None to stay in plain time.
+      scene: the scene; the motion begins at its start.
+      span: () length of the motion [time of the scene].
+      s: () span of logarithmic time to integrate over first; None for plain time.
       t0: () start time.
-      rtol: tolerance of the integration.
-      solver: the default one if left out.
-      max_steps: when to give up.
+      rtol: relative tolerance of the integration, between 0 and 1.
+      solver: integration method; default that of `jaxdyn.solve`.
+      max_steps: largest number of steps, at least 1.
     """
     how = {"t0": t0, "rtol": rtol, "solver": solver, "max_steps": max_steps}
     if s is None:
@@ -55,13 +55,13 @@ def advanced(
 
 
 def attracts(scene: Scene, ts: np.ndarray | None = None, ys: Array | None = None) -> bool:
-    """Whether bodies attract each other at the start, or along states ys (n, k) at times ts."""
+    """Whether bodies attract each other at the start, or at states ys (n, k) at times ts (n,)."""
     if not (scene.system.second_order and scene.has_points):
         return False
     if ts is None or ys is None:
         ts, ys = np.zeros(1), scene.y0[None]
     depth = np.asarray(_depth(scene, ts, ys))
-    return bool(np.isfinite(depth).all() and depth.min() > _SHALLOW * np.median(depth))
+    return bool(np.isfinite(depth).all() and depth.min() > _LEAST_DEPTH * np.median(depth))
 
 
 def gravitates(scene: Scene) -> bool:
@@ -74,25 +74,25 @@ def gravitates(scene: Scene) -> bool:
 
 
 def logarithmic_period(scene: Scene) -> float | None:
-    """The logarithmic time that passes over a scene's span; None where it does not lead there."""
+    """The span of logarithmic time of a scene's motion; None where that cannot be used."""
     s = float(logarithmic_span(scene, scene.t1)) if attracts(scene) else math.nan
     return s if math.isfinite(s) else None
 
 
 @jax.jit
 def _depth(scene: Scene, ts: Array, ys: Array) -> Array:
-    """(n,) minus the potential energy along a motion [J]."""
+    """(n,) minus the potential energy at states ys (n, k) at times ts (n,) [J]."""
     return -jax.vmap(lambda t, y: potential(scene, t, y))(ts, ys)
 
 
 @jax.jit
 def at_s(scene: Scene, s: Array, rtol) -> tuple[Array, Array]:
-    """(n,) when logarithmic times s (n,), the last one the end, have passed; (n, k) states then."""
-    run = solve(regularised(scene), s[-1], ts=s, rtol=rtol)
-    return run.ys[:, -1], run.ys[:, :-2]
+    """(n,) times and (n, k) states at logarithmic times s (n,), of which the last is the end."""
+    flow = solve(regularised(scene), s[-1], ts=s, rtol=rtol)
+    return flow.ys[:, -1], flow.ys[:, :-2]
 
 
 def at_even_s(scene: Scene, s, rtol, *, samples: int) -> tuple[Array, Array]:
-    """(samples + 1,) when s has passed in equal parts, and minus the potential energy there [J]."""
+    """Times, and minus the potential energy [J], at equal parts of s; (samples + 1,) each."""
     ts, ys = at_s(scene, jnp.linspace(0.0, s, samples + 1), rtol)
     return ts, _depth(scene, ts, ys)

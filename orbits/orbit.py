@@ -110,7 +110,7 @@ class Orbit(eqx.Module):
         return f"{self.outcome.message} {self.scene.singular}".strip()
 
 
-def moved(orbit: Orbit, scene: Scene) -> Orbit:
+def relocated(orbit: Orbit, scene: Scene) -> Orbit:
     """The same orbit elsewhere: turned, scaled, begun at another time, counted over fewer turns."""
     s_period = None if orbit.s_period is None else logarithmic_period(scene)
     return eqx.tree_at(

@@ -1,7 +1,8 @@
 """Output files: checked before the work, replaced atomically.
 
 Every function that writes a file calls `writable` before its work, so that a missing folder, a
-read-only one or a full disk is reported at once; `replace` writes text atomically.
+read-only one or a full disk is reported at once; `replace` writes text atomically, `append` adds
+text that is on the disk when it returns.
 """
 
 import os
@@ -68,6 +69,18 @@ def replace(path: Path, text: str) -> None:
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+
+
+def append(path: Path, text: str) -> None:
+    """Write text at the end of a file, and have it on the disk before returning.
+
+    Raises:
+      OSError: it cannot be written.
+    """
+    with open(path, "a", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def _try(path: Path) -> None:

@@ -6,6 +6,7 @@ a body changes, which gives the shift; the turn is then that of least squares.
 
 import dataclasses
 import itertools
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -65,16 +66,22 @@ def match_points(a: Orbit, b: Orbit) -> Match | None:
     here = centred(samples(a), masses[0])
     best: Match | None = None
     for backwards in (False, True):
-        slow = b.period / a.period
-        there = _scaled(centred(samples(b), masses[1]), 1 / scale, slow, backwards)
+        units = _Units(lengths=1 / scale, slow=b.period / a.period, backwards=backwards)
+        there = units.of(centred(samples(b), masses[1]))
         for index in _shifts(here, there, masses):
-            shift = _refined(b, here, index, 1 / scale, slow, backwards, masses)
-            late = centred(samples(b, shift), masses[1])
-            there_late = _scaled(late, 1 / scale, slow, backwards)
+            shift = _refined(b, here, index, units, masses)
+            there_late = units.of(centred(samples(b, shift), masses[1]))
             for order in _orders(*masses):
                 distance, mirrored = turned_distance(here, there_late[:, :, order])
                 if best is None or distance < best.distance:
-                    best = Match(distance, shift, backwards, order, mirrored, scale)
+                    best = Match(
+                        distance=distance,
+                        shift=shift,
+                        backwards=backwards,
+                        order=order,
+                        mirrored=mirrored,
+                        scale=scale,
+                    )
     return best
 
 
@@ -93,13 +100,26 @@ def centred(ys: np.ndarray, m: np.ndarray) -> np.ndarray:
     return x - np.einsum("n,sand->sad", m / m.sum(), x)[:, :, None]
 
 
-def _scaled(x: np.ndarray, lengths: float, slow: float, backwards: bool) -> np.ndarray:
-    """In units where lengths are so much larger, and times so much shorter."""
-    x = x * np.array([lengths, lengths * slow])[:, None, None]
-    if not backwards:
-        return x
-    x = np.roll(x[::-1], 1, axis=0)
-    return x * np.array([1.0, -1.0])[:, None, None]
+class _Units(NamedTuple):
+    """Units, and a sense of time, in which the second orbit is compared with the first.
+
+    Attributes:
+      lengths: factor on its lengths.
+      slow: its period over that of the first.
+      backwards: whether it is run backwards.
+    """
+
+    lengths: float
+    slow: float
+    backwards: bool
+
+    def of(self, x: np.ndarray) -> np.ndarray:
+        """(s, 2, n, d) positions and velocities in these units."""
+        x = x * np.array([self.lengths, self.lengths * self.slow])[:, None, None]
+        if not self.backwards:
+            return x
+        x = np.roll(x[::-1], 1, axis=0)
+        return x * np.array([1.0, -1.0])[:, None, None]
 
 
 def _signature(x: np.ndarray, m: np.ndarray) -> np.ndarray:
@@ -127,19 +147,17 @@ def _shifts(here: np.ndarray, there: np.ndarray, masses) -> list[int]:
     return [int(i) for i in best]
 
 
-def _refined(
-    b: Orbit, here, index: int, lengths: float, slow: float, backwards: bool, masses
-) -> float:
-    """The shift in time [of the second orbit] at which the two fit best."""
+def _refined(b: Orbit, here, index: int, units: _Units, masses) -> float:
+    """The time of the second orbit at which it fits the start of the first best."""
     m = masses[1]
     step = b.period / len(here)
     # The sample with this index stands for this time of the second orbit.
-    shift = -index * step if backwards else index * step
+    shift = -index * step if units.backwards else index * step
     goal = _signature(here, masses[0])
     h = _DIFFERENCE * b.period
 
     def seen(ys):
-        return _signature(_scaled(centred(ys, m), lengths, slow, backwards), m)
+        return _signature(units.of(centred(ys, m)), m)
 
     for _ in range(_ROUNDS):
         ys = samples(b, shift)

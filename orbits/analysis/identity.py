@@ -22,7 +22,7 @@ from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes import EIGHT
 from orbits.closing.closings import choreography
 from orbits.motion import at_s, gravitates
-from orbits.orbit import Orbit, moved
+from orbits.orbit import Orbit, relocated
 
 #: Entries of y(T / n) may miss the choreography by this much of the orbit's size.
 CHOREOGRAPHY = 1e-9
@@ -163,7 +163,7 @@ def normal_form(orbit: Orbit) -> Orbit:
     scene = orbit.scene
     centred = _centred(scene, np.asarray(orbit.y0))
     t, body = _passage(scene.starting(centred), orbit.period)
-    y = _flow(scene, centred, t)
+    y = _state_after(scene, centred, t)
     r, v = _points(y)
     order = [(body + 1) % 3, (body + 2) % 3, body]
     r, v = r[order], v[order]
@@ -175,13 +175,13 @@ def normal_form(orbit: Orbit) -> Orbit:
     # Lengths by s, and times by s^(3/2) / sqrt(G m) : Kepler's third law.
     slow = scale**1.5 * np.sqrt(gm)
     r, v, period = scale * r, scale * v / slow, slow * orbit.period
-    plain = Scene(FreePoints(np.ones(3), d=2), (PairGravity(1.0),), y0=np.zeros(12))
-    quarter, _ = _points(_flow(plain, np.concatenate([r.ravel(), v.ravel()]), period / 4))
+    plain = Scene(system=FreePoints(np.ones(3), d=2), effects=(PairGravity(1.0),), y0=np.zeros(12))
+    quarter, _ = _points(_state_after(plain, np.concatenate([r.ravel(), v.ravel()]), period / 4))
     angle = np.arctan2(quarter[2, 1], quarter[2, 0])
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     r, v = r @ turn.T, v @ turn.T
     y0 = min(_images(r, v), key=lambda y: float(np.linalg.norm(y - np.array(EIGHT))))
-    return moved(orbit, plain.starting(y0, period))
+    return relocated(orbit, plain.starting(y0, period))
 
 
 def has_normal_form(orbit: Orbit) -> bool:
@@ -205,7 +205,7 @@ def _centred(scene: Scene, y: np.ndarray) -> np.ndarray:
     return np.concatenate([(r - r.mean(axis=0)).ravel(), (v - v.mean(axis=0)).ravel()])
 
 
-def _flow(scene: Scene, y: np.ndarray, t: float) -> np.ndarray:
+def _state_after(scene: Scene, y: np.ndarray, t: float) -> np.ndarray:
     return np.asarray(solve(scene.starting(y), t, rtol=1e-14).y1)
 
 
@@ -217,7 +217,7 @@ def _passage(scene: Scene, period: float) -> tuple[float, int]:
     i, body = np.unravel_index(np.argmin(distance), distance.shape)
     t = float(ts[i])
     for _ in range(_PASSAGE_STEPS):
-        y = _flow(scene, np.asarray(scene.y0), t)
+        y = _state_after(scene, np.asarray(scene.y0), t)
         r, v = (x[body] for x in _points(y))
         a = np.asarray(scene.rate(jnp.zeros(()), jnp.asarray(y)))[6:].reshape(3, 2)[body]
         t -= float(r @ v / (v @ v + r @ a))

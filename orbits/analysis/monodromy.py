@@ -47,8 +47,8 @@ def returned_map(orbit: Orbit, rtol) -> tuple[Array, Array]:
     scene, closing, angle = orbit.scene, orbit.closing, orbit.angle
 
     def end(y):
-        run = advanced(scene.starting(y), scene.t1, orbit.s_period, rtol=rtol)
-        return scene.system.difference(run.y1, target), run.status
+        flow = advanced(scene.starting(y), scene.t1, orbit.s_period, rtol=rtol)
+        return scene.system.difference(flow.y1, target), flow.status
 
     # Only which side of a wrapped angle, or which sign of a quaternion, it is measured from.
     target = jax.lax.stop_gradient(closing.after(scene.system, scene.y0, angle, 1))

@@ -20,7 +20,7 @@ from orbits.analysis.alignment import (
     samples,
     turned_distance,
 )
-from orbits.orbit import Orbit, moved
+from orbits.orbit import Orbit, relocated
 
 #: `TOLERANCE` for orbits so unstable that their own periods differ by as much.
 _BLURRED = 1e-4
@@ -111,7 +111,7 @@ def match(a: Orbit, b: Orbit) -> Match | None:
 
 
 def _over(orbit: Orbit, period: float) -> Orbit:
-    return moved(orbit, orbit.scene.starting(orbit.y0, period))
+    return relocated(orbit, orbit.scene.starting(orbit.y0, period))
 
 
 def _match_states(a: Orbit, b: Orbit) -> Match:
@@ -129,4 +129,11 @@ def _match_states(a: Orbit, b: Orbit) -> Match:
     y = solve(b.scene, shift, rtol=b.rtol).y1
     size = float(np.abs(ys).max())
     distance = float(jnp.abs(system.difference(y, start)).max()) / size
-    return Match(distance, shift % b.period, False, (), False, 1.0)
+    return Match(
+        distance=distance,
+        shift=shift % b.period,
+        backwards=False,
+        order=(),
+        mirrored=False,
+        scale=1.0,
+    )

@@ -109,12 +109,13 @@ def solution(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> Solution:
     # Equal values, but the traced numbers.
     own = scene.starting(orbit.y0, orbit.scene.t1)
     moving = eqx.tree_at(lambda e: e.scene, known, own)
-    y0, period, angle = _moved(moving, x, inverse, orbit.rtol)
+    y0, period, angle = _implicit(moving, x, inverse, orbit.rtol)
     return Solution(own.starting(y0, period), angle, orbit)
 
 
 @jax.jit
-def _moved(equations: Equations, x, inverse, rtol) -> tuple[Array, Array, Array]:
+def _implicit(equations: Equations, x, inverse, rtol) -> tuple[Array, Array, Array]:
+    """Start, period and angle at x, with their derivatives by the implicit function theorem."""
     miss = residual_at(equations, x, rtol)
     x = x - inverse @ (miss - jax.lax.stop_gradient(miss))
     unknowns = equations.unpack(x)

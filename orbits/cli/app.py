@@ -11,23 +11,35 @@ from orbits.cli.verify import verify_command
 
 app = application("Periodic orbits: find them, identify them, verify them.")
 add(
-    *(app, "find", find_command),
+    app,
+    "find",
+    find_command,
     "orbits find pendulum --set angle=2 --plot swing.png --save swing.json",
     "orbits find three_body --closing choreography",
 )
 add(
-    *(app, "family", family_command),
+    app,
+    "family",
+    family_command,
     "orbits family pendulum --set angle=1 --plot swings.png",
     "orbits family lorenz --set rho=160 --set t1=10 --parameter rho --down --within 140,161",
 )
-add(*(app, "aim", aim_command), "orbits aim --speed 50 --drag 0.01 --x 80 --plot throws.png")
+add(app, "aim", aim_command, "orbits aim --speed 50 --drag 0.01 --x 80 --plot throws.png")
 add(
-    *(app, "loops", loops_command),
-    *("orbits loops --plot loops.png", "orbits loops --n=-1 --turns 2 --loops 3 --plot one.png"),
+    app,
+    "loops",
+    loops_command,
+    "orbits loops --plot loops.png",
+    "orbits loops --n=-1 --turns 2 --loops 3 --plot one.png",
 )
-add(*(app, "search", search_command), "orbits search --samples 2048 --table plane.jsonl")
-add(*(app, "figure-eight", figure_eight_command), "orbits figure-eight --plot figure-eight.png")
-add(*(app, "verify", verify_command), "orbits verify swing.json")
+add(app, "search", search_command, "orbits search --samples 2048 --table plane.jsonl")
+add(
+    app,
+    "figure-eight",
+    figure_eight_command,
+    "orbits figure-eight --plot figure-eight.png",
+)
+add(app, "verify", verify_command, "orbits verify swing.json")
 
 
 def main() -> None:

@@ -21,7 +21,7 @@ from jaxdyn.cli.shared import (
     TitleOption,
     check_title,
 )
-from orbits.cli.shared import NOT_FOUND, SaveOption, failure, numbers, printed
+from orbits.cli.shared import SaveOption, not_found, numbers, printed
 
 
 def family_command(
@@ -58,19 +58,12 @@ def family_command(
         values = jaxdyn.scenes.catalogue.numbers(
             name, jaxdyn.scenes.catalogue.settings(settings or ())
         )
-        scene = jaxdyn.scenes.catalogue.entries()[name].make(**values)
         make, value = None, None
         if parameter is not None:
             make, value = orbits.families.parameters.maker(name, values, parameter)
-        if from_orbit is None:
-            orbit = orbits.discovery.nearby.searched(scene, period, report=printed(out))
-        else:
-            orbit = orbits.load(from_orbit)[0]
+        orbit = _first(name, values, period, from_orbit, out)
         if not orbit.ok:
-            if as_object:
-                out.result({"scene": name} | failure(orbit))
-            out.print(f"[red]no orbit[/red]: {orbit.message}")
-            raise typer.Exit(NOT_FOUND)
+            raise not_found(orbit, {"scene": name}, as_object, out)
         found = orbits.continue_family(
             orbit,
             make,
@@ -88,6 +81,16 @@ def family_command(
         else:
             _print(family, out)
         _write(family, save_to, plot, title, out)
+
+
+def _first(
+    name: str, values: dict, period: float | None, from_orbit: Path | None, out: Screen
+) -> "orbits.Orbit":
+    """The orbit with which the family begins."""
+    if from_orbit is not None:
+        return orbits.load(from_orbit)[0]
+    scene = jaxdyn.scenes.catalogue.entries()[name].make(**values)
+    return orbits.discovery.nearby.searched(scene, period, report=printed(out))
 
 
 def _bounds(option: str, text: str | None) -> tuple[float, float]:

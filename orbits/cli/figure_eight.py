@@ -10,7 +10,7 @@ from jaxdyn._misuse import fail
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import AnimateOption, JsonOption, PlotOption, TitleOption, check_title
 from orbits.cli.printed import print_reports
-from orbits.cli.shared import NOT_FOUND, SaveOption, draw, failure, numbers, printed
+from orbits.cli.shared import SaveOption, draw, not_found, numbers, printed
 
 
 def _numbers_option(text: str) -> Any:
@@ -54,10 +54,8 @@ def figure_eight_command(
         )
         if not eight.ok:
             stage = "plain closing" if not plain.ok else "choreography"
-            if as_object:
-                out.result(failure(eight) | {"stage": stage, "seconds": _seconds(clock)})
-            out.print(f"[red]no orbit[/red] ({stage}): {eight.message}")
-            raise typer.Exit(NOT_FOUND)
+            more = {"stage": stage, "seconds": _seconds(clock)}
+            raise not_found(eight, more, as_object, out, stage)
         testing = "testing both: choreography, stability, a second integrator"
         out.print(f"[bold]{testing}[/bold]")
         out.doing(testing)

@@ -17,7 +17,7 @@ from jaxdyn.cli.shared import (
     check_title,
 )
 from orbits.cli.printed import print_reports
-from orbits.cli.shared import NOT_FOUND, SaveOption, draw, failure, printed
+from orbits.cli.shared import SaveOption, draw, not_found, printed
 
 
 def find_command(
@@ -48,13 +48,16 @@ def find_command(
             name, jaxdyn.scenes.catalogue.settings(settings or ())
         )
         orbit = orbits.discovery.nearby.searched(
-            *(scene, period, closing, energy, hold or (), segments), report=printed(out)
+            scene,
+            period,
+            closing=closing,
+            energy=energy,
+            hold=hold or (),
+            segments=segments,
+            report=printed(out),
         )
         if not orbit.ok:
-            if as_object:
-                out.result(failure(orbit))
-            out.print(f"[red]no orbit[/red]: {orbit.message}")
-            raise typer.Exit(NOT_FOUND)
+            raise not_found(orbit, {}, as_object, out)
         out.doing(f"testing the orbit of {name}: stability, a second integrator")
         claims = orbits.report(orbit)
         if as_object:

@@ -5,6 +5,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
+import typer
+
 import jaxdyn
 import orbits
 from jaxdyn import _arithmetic as arithmetic
@@ -39,7 +41,17 @@ def numbers(option: str, text: str) -> list[float]:
         raise fail(option, "numbers with commas between", repr(text)) from None
 
 
-def failure(orbit: "orbits.Orbit") -> dict:
+def not_found(
+    orbit: "orbits.Orbit", more: dict, as_object: bool, screen: Screen, stage: str = ""
+) -> typer.Exit:
+    """Say why there is no orbit, as a JSON object with some more entries if wanted; the exit."""
+    if as_object:
+        screen.result(_failure(orbit) | more)
+    screen.print(f"[red]no orbit[/red]{stage and f' ({stage})'}: {orbit.message}")
+    return typer.Exit(NOT_FOUND)
+
+
+def _failure(orbit: "orbits.Orbit") -> dict:
     """Why there is no orbit, and the best iterate, as a JSON object."""
     error = orbit.residual if math.isfinite(orbit.residual) else None
     best = {"period": orbit.period, "y0": [float(x) for x in orbit.y0], "largest_error": error}

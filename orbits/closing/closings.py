@@ -1,10 +1,10 @@
-"""What must close: which state has to come where after which part of the period.
+"""Closing conditions: the state that a motion must reach after a part of its period.
 
-The demand decides how far one must integrate and how many numbers are unknown. Plainly,
-y(T) = y(0). With a symmetry g of the scene it may be enough that y(T / n) = g y(0): a
-choreography of three bodies costs a third of a period. If the motion starts on the set that a
-time reversal keeps and meets such a set again, it retraces itself: half of a period, and half
-of the unknowns. Up to a rotation by an unknown angle it is a relative periodic orbit.
+The condition decides how long a motion is integrated and how many numbers are unknown. Plain
+closing is y(T) = y(0). With a symmetry g of the scene, y(T / n) = g y(0) may be sufficient: a
+choreography of three bodies needs a third of a period. A motion that starts on the fixed set of a
+time reversal and meets such a set again retraces its path: half of a period, and half of the
+unknowns. A motion that closes up to a rotation by an unknown angle is a relative periodic orbit.
 """
 
 import abc
@@ -19,16 +19,19 @@ from jaxdyn import Scene, System
 from jaxdyn._checks import choice, fail
 from orbits.closing.symmetry import EXACT, IDENTITY, Symmetry, of_points
 
-_ANGLES = 64  # tried for the first guess of the angle of a relative orbit
-_TURN_STEPS, _TURN_TERMS = 16, 16  # a turn by 2 pi is then right to rounding: 0.4^16 / 16! < 1e-19
+#: Angles tried for the first guess of the angle of a relative orbit.
+_ANGLES_TRIED = 64
+#: Steps and terms of the series of a rotation; one by 2 pi is then right to rounding:
+#: 0.4^16 / 16! < 1e-19.
+_ROTATION_STEPS, _ROTATION_TERMS = 16, 16
 
 
 class Closing(eqx.Module):
     """What must hold after one part of the period for the motion to be periodic.
 
     Attributes:
-      parts: how many of these parts make a period.
-      name: what reports call it.
+      parts: number of such parts in a period.
+      name: name in reports.
     """
 
     parts: eqx.AbstractVar[int]
@@ -40,30 +43,30 @@ class Closing(eqx.Module):
         return False
 
     def free(self, k: int) -> np.ndarray:
-        """(p,) the entries of the start that are unknown; the others follow from them."""
+        """(p,) indices of the entries of the start that are unknown; they determine the others."""
         return np.arange(k)
 
     def start(self, system: System, u: Array, base: Array) -> Float[Array, " k"]:
-        """The start with unknowns u (p,); base (k,) is a start of the same kind."""
+        """The start with unknowns u (p,); base (k,) is another start that the closing allows."""
         del base
         return system.project(jnp.zeros(()), jnp.asarray(u))
 
     @abc.abstractmethod
     def miss(self, system: System, end: Array, y0: Array, angle: Array) -> Array:
-        """What is left of the demand when a part of the motion leads from y0 to end."""
+        """(m,) the closing error of a part of the motion that leads from y0 to end."""
 
     def after(self, system: System, y0: Array, angle: float, periods: int) -> Array:
-        """(k,) where the start has come after some whole periods."""
+        """(k,) the state after a number of whole periods from the start y0."""
         del system, angle, periods
         return y0
 
     def angle(self, system: System, end: Array, y0: Array) -> float:
-        """The best guess of the angle for a part of the motion from y0 to end."""
+        """Best guess of the angle [rad] for a part of the motion that leads from y0 to end."""
         del system, end, y0
         return 0.0
 
     def check(self, scene: Scene) -> None:
-        """Raise ValueError if this cannot be a closing condition of the scene."""
+        """Raise ValueError if the condition does not apply to the scene."""
         del scene
         if not (isinstance(self.parts, int) and self.parts >= 1):
             raise fail("closing", "at least one part of a period", self.parts)
@@ -73,10 +76,11 @@ class Return(Closing):
     """y(T / parts) = g y(0), up to a rotation by an unknown angle if `turn` names one.
 
     Attributes:
-      symmetry: g.
-      parts: see `Closing`; g applied so often is the identity.
+      symmetry: the symmetry g.
+      parts: see `Closing`; g applied so many times is the identity.
       name: see `Closing`.
-      turn: name of the system's generator of the rotation, e.g. "turn in xy"; None for none.
+      turn: name of the system's generator of the rotation, e.g. "turn in xy"; None for plain
+        closing.
     """
 
     symmetry: Symmetry = IDENTITY
@@ -89,7 +93,7 @@ class Return(Closing):
         return self.turn is not None
 
     def act(self, system: System, y: Array, angle) -> Array:
-        """g y, turned by the angle [rad]."""
+        """(k,) g y, rotated by the angle [rad]."""
         y = self.symmetry.act(y)
         return y if self.turn is None else _turned(system, self.turn, y, angle)
 
@@ -97,7 +101,7 @@ class Return(Closing):
         return system.difference(end, self.act(system, y0, angle))
 
     def after(self, system, y0, angle, periods):
-        # g has come back to the identity after each period; only the turns add up.
+        # After a period the powers of g are back at the identity; only the rotations add up.
         if self.turn is not None:
             for _ in range(self.parts * periods):
                 y0 = _turned(system, self.turn, y0, angle)
@@ -106,7 +110,7 @@ class Return(Closing):
     def angle(self, system, end, y0):
         if self.turn is None:
             return 0.0
-        tries = np.linspace(-np.pi, np.pi, _ANGLES, endpoint=False)
+        tries = np.linspace(-np.pi, np.pi, _ANGLES_TRIED, endpoint=False)
         missed = jax.vmap(lambda angle: self.miss(system, end, y0, angle))(jnp.asarray(tries))
         return float(tries[np.argmin(np.linalg.norm(np.asarray(missed), axis=1))])
 
@@ -114,22 +118,22 @@ class Return(Closing):
         super().check(scene)
         self.symmetry.check(scene)
         if self.symmetry.reversing:
-            raise fail("closing", "a symmetry that keeps the sense of time", "a reversing one")
+            raise fail("closing", "a symmetry that keeps the direction of time", "a reversing one")
         if self.turn is not None:
             choice("turn", self.turn, scene.system.generators(scene.y0))
             _check_affine(scene, self.turn)
 
 
 class Reversal(Closing):
-    """The motion starts where one time reversal keeps the state, and comes where another does.
+    """The motion starts on the fixed set of a time reversal and reaches that of another.
 
-    From there it retraces its way, mirrored. If both reversals are the same one, that is half
-    of a period. Otherwise one after the other is a symmetry g, and the period is twice as many
-    parts as it takes g to come back to the identity.
+    From there it retraces its path, mirrored. If both reversals are the same, that is half of a
+    period. Otherwise their product is a symmetry g, and a period has twice as many parts as the
+    order of g.
 
     Attributes:
-      here: the reversal that keeps the start.
-      there: the reversal that keeps the state after a part.
+      here: time reversal whose fixed set contains the start.
+      there: time reversal whose fixed set contains the state after a part.
       parts: see `Closing`.
       name: see `Closing`.
     """
@@ -147,7 +151,7 @@ class Reversal(Closing):
     def start(self, system, u, base):
         y = base.at[self.free(len(base))].set(u)
         places, signs = _table(self.here, len(base))
-        # Of two entries that change places the later one follows the earlier one.
+        # Of two entries that are exchanged the later one follows from the earlier one.
         follows = np.flatnonzero(places < np.arange(len(base)))
         y = y.at[follows].set(signs[follows] * y[places[follows]])
         return system.project(jnp.zeros(()), y)
@@ -166,53 +170,64 @@ class Reversal(Closing):
             places, signs = _table(symmetry, len(scene.y0))
             twice = np.array_equal(places[places], np.arange(len(places)))
             if not (symmetry.reversing and twice and (signs == signs[places]).all()):
-                raise fail("closing", "time reversals that undo themselves", "another symmetry")
+                raise fail("closing", "time reversals of order 2", "another symmetry")
         off = scene.system.difference(self.here.act(scene.y0), scene.y0)
         if not float(jnp.abs(off).max()) <= EXACT * (1.0 + float(jnp.abs(scene.y0).max())):
             raise fail(
                 "y0",
-                f"a start that the time reversal of {self.name!r} keeps",
-                f"one it moves by {float(jnp.abs(off).max()):.3g}",
-                "Give the nearest one that it keeps: (y0 + closing.here.act(y0)) / 2.",
+                f"a start in the fixed set of the time reversal of {self.name!r}",
+                f"one that it changes by {float(jnp.abs(off).max()):.3g}",
+                "Give the nearest one in the set: (y0 + closing.here.act(y0)) / 2.",
             )
 
 
+#: The state after a period is the start.
 PLAIN = Return()
 
 
 def choreography(n: int = 3, d: int = 2) -> tuple[Return, Return]:
-    """All n bodies on one curve: after T / n each is where the next one was.
+    """The closings of n bodies on one curve: after T / n each is where the next one was.
 
-    There are two directions round the ring; `find` takes the one its guess is nearer to.
+    The bodies may follow each other in two orders; `find` takes the one that its guess misses
+    less.
 
     Args:
-      n: number of free points.
-      d: dimensions of space.
+      n: number of free points, at least 1.
+      d: dimension of space.
     """
     bodies = np.arange(n)
-    forth, back = (of_points((bodies + step) % n, (1,) * d) for step in (1, -1))
+    there, back = (of_points((bodies + step) % n, (1,) * d) for step in (1, -1))
     name = f"choreography of {n}"
-    return Return(forth, n, name), Return(back, n, name)
+    return (
+        Return(symmetry=there, parts=n, name=name),
+        Return(symmetry=back, parts=n, name=name),
+    )
 
 
 def relative(turn: str = "turn in xy", symmetry: Symmetry = IDENTITY, parts: int = 1) -> Return:
-    """The motion comes back turned by an unknown angle: periodic in a rotating frame.
+    """The closing of relative orbits, which are periodic in a rotating frame.
+
+    After a part of the period the state is the symmetric image of the start, rotated by an unknown
+    angle.
 
     Args:
-      turn: name of the generator of the rotation among ``system.generators``.
-      symmetry: what it comes back to, apart from the turn.
-      parts: after which part of the period.
+      turn: name of the generator of the rotation in ``system.generators``.
+      symmetry: the symmetry.
+      parts: number of such parts in a period, at least 1.
     """
-    return Return(symmetry, parts, "relative closing", turn)
+    return Return(symmetry=symmetry, parts=parts, name="relative closing", turn=turn)
 
 
 def reversal(here: Symmetry, there: Symmetry | None = None, parts: int | None = None) -> Reversal:
-    """The motion starts, and turns back, where time reversals keep the state.
+    """The closing of motions that meet the fixed sets of time reversals, and retrace their path.
 
     Args:
-      here: the reversal that keeps the start.
-      there: the one that keeps the state after a part of the period; the same if left out.
-      parts: how many such parts make a period; 2 for the same reversal.
+      here: time reversal whose fixed set contains the start.
+      there: the one whose fixed set contains the state after a part of the period; default
+        `here`.
+      parts: number of such parts in a period; default 2, for equal reversals.
+    Raises:
+      ValueError: two different reversals without `parts`.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
@@ -225,7 +240,7 @@ def reversal(here: Symmetry, there: Symmetry | None = None, parts: int | None = 
     there = here if there is None else there
     if parts is None and there != here:
         raise fail("parts", "a number where two reversals differ", "none", "2 x the order of both.")
-    return Reversal(here, there, 2 if parts is None else parts)
+    return Reversal(here=here, there=there, parts=2 if parts is None else parts)
 
 
 def _table(symmetry: Symmetry, k: int) -> tuple[np.ndarray, np.ndarray]:
@@ -234,12 +249,12 @@ def _table(symmetry: Symmetry, k: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _turned(system: System, turn: str, y: Array, angle) -> Array:
-    """The state moved along a generator g(y) = A y + b by an angle: an exponential, by series.
+    """The flow of a generator g(y) = A y + b over an angle: a matrix exponential, by its series.
 
-    jax.scipy.linalg.expm does the same and takes seconds to compile.
+    jax.scipy.linalg.expm computes the same and takes seconds to compile.
     """
     origin = system.generators(jnp.zeros_like(y))[turn]
-    step = angle / _TURN_STEPS
+    step = angle / _ROTATION_STEPS
 
     def terms(n, term_and_sum):
         term, total = term_and_sum
@@ -249,9 +264,9 @@ def _turned(system: System, turn: str, y: Array, angle) -> Array:
         return term, total + term
 
     def once(_, y):
-        return jax.lax.fori_loop(1, _TURN_TERMS, terms, (y, y))[1]
+        return jax.lax.fori_loop(1, _ROTATION_TERMS, terms, (y, y))[1]
 
-    return jax.lax.fori_loop(0, _TURN_STEPS, once, y)
+    return jax.lax.fori_loop(0, _ROTATION_STEPS, once, y)
 
 
 def _check_affine(scene: Scene, turn: str) -> None:
@@ -259,8 +274,7 @@ def _check_affine(scene: Scene, turn: str) -> None:
         return scene.system.generators(y)[turn]
 
     y, zero = scene.y0, jnp.zeros_like(scene.y0)
-    straight = 2 * generator(y) - generator(zero)
-    if not float(jnp.abs(generator(2 * y) - straight).max()) <= EXACT * (
-        1 + float(jnp.abs(y).max())
-    ):
+    extrapolated = 2 * generator(y) - generator(zero)
+    size = 1 + float(jnp.abs(y).max())
+    if not float(jnp.abs(generator(2 * y) - extrapolated).max()) <= EXACT * size:
         raise fail("turn", "a generator linear in the state", f"{turn!r}", "Use other coordinates.")

@@ -1,7 +1,8 @@
-"""What an orbit must satisfy besides closing: a given energy, a given section, anything smooth.
+"""Conditions on an orbit besides closing: a given energy, period, entry of the start, and others.
 
-Periodic orbits of conservative scenes come in families, and a condition picks one of a family.
-Without it `find` takes the member through the given start, if that is periodic, else one near it.
+Periodic orbits of conservative scenes form families, of which a condition selects a member.
+Without one `find` returns the member through the given start, if that is periodic, else one near
+it.
 """
 
 import abc
@@ -18,19 +19,19 @@ from jaxdyn.analysis import energy as energies
 
 
 class Condition(eqx.Module):
-    """One equation on an orbit; zero where it holds."""
+    """One smooth equation on an orbit."""
 
     @abc.abstractmethod
     def value(self, scene: Scene, y0: Float[Array, " k"], period: Array) -> Array:
-        """() by how much the condition fails."""
+        """() the error of the condition, zero where it holds."""
 
     def check(self, scene: Scene) -> None:
-        """Raise ValueError if the condition makes no sense for the scene."""
+        """Raise ValueError if the condition does not apply to the scene."""
         del scene
 
 
 class Energy(Condition):
-    """Kinetic plus potential energy is this [J]."""
+    """The energy has this value [J]."""
 
     level: Array = eqx.field(converter=as_float)
 
@@ -44,7 +45,7 @@ class Energy(Condition):
 
 
 class Period(Condition):
-    """The full period is this [time of the scene]."""
+    """The full period has this value [time of the scene]."""
 
     length: Array = eqx.field(converter=as_float)
 
@@ -60,8 +61,8 @@ class Period(Condition):
 class Section(Condition):
     """The orbit starts where an entry of the state has this value: a phase condition.
 
-    Where orbits come in families each of them may pass there, at other values of the other
-    entries: hold these too, or the energy, for a definite member.
+    All members of a family may pass there, with different values of the other entries: hold
+    these too, or the energy, to select one member.
     """
 
     entry: int = eqx.field(static=True)
@@ -77,15 +78,16 @@ class Section(Condition):
             raise fail("entry", f"an entry of the state, 0 to {k - 1}", self.entry)
 
 
-#: What `find` and the like accept: conditions, or names of entries of the start that stay.
+#: What `find` and others accept: conditions, or names of entries of the start that are held.
 Hold = Condition | str | Sequence[Condition | str]
 
 
 def conditions(scene: Scene, hold: Hold) -> tuple[Condition, ...]:
-    """The conditions that are meant; a name stands for that entry of the scene's start.
+    """The conditions in `hold`; the name of an entry stands for its value at the scene's start.
 
     Raises:
-      ValueError: neither a condition nor the name of an entry, or one that does not fit the scene.
+      ValueError: an element is neither a Condition nor the name of an entry of the state, or
+        does not apply to the scene.
     """
     names = [label for label, _ in scene.system.labels()]
     given = tuple(hold) if isinstance(hold, list | tuple) else (hold,)

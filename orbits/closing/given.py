@@ -1,87 +1,127 @@
-"""What a search for an orbit is given: the guess, its bounds, and the time its scene depends on."""
+"""The arguments of a search for an orbit, validated: a guess, bounds, closings, conditions."""
 
-from typing import NamedTuple
+import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import array, fail, positive, untraced
+from jaxdyn._checks import array, fail, positive, shaped, untraced
 from orbits.closing.closings import PLAIN, Closing
-from orbits.closing.conditions import Condition, Hold
-from orbits.closing.conditions import conditions as conditions_of
+from orbits.closing.conditions import Condition, Hold, conditions
 from orbits.closing.symmetry import EXACT, rate
 
 _DIFFERENTIATE = (
     "Find the orbit outside of the transformation; then differentiate orbits.solution(scene, orbit)"
     " by any number of the scene."
 )
+#: Times, as fractions of the span, at which the rates of a scene are compared: no simple fractions
+#: of each other, so that no drive has the same phase at all of them.
+_TIMES = (0.0, 0.13, 0.37, 0.71)
 
 
-class Given(NamedTuple):
-    """What a search is given, checked.
+@dataclasses.dataclass(frozen=True)
+class Problem:
+    """A validated problem for `orbits.find`.
 
     Attributes:
-      guess: (k + 1,) start and period, within the bounds.
-      lower: (k + 1,) bounds; the period of a driven scene is held.
-      upper: (k + 1,)
-      conditions: that must hold besides closing.
-      driven: whether the rate depends on time.
+      scene: the scene; it starts at the guess and spans the guessed period.
+      closings: closing conditions; the orbit satisfies the one that the guess misses least.
+      conditions: what must hold besides closing.
+      lower: (k + 1,) lower bounds of the start and the period.
+      upper: (k + 1,) upper bounds; equal to the lower ones for entries that are held fixed.
+      driven: whether the rate depends on time; the period is then held fixed.
     """
 
-    guess: np.ndarray
+    scene: Scene
+    closings: tuple[Closing, ...]
+    conditions: tuple[Condition, ...]
     lower: np.ndarray
     upper: np.ndarray
-    conditions: tuple[Condition, ...]
     driven: bool
 
+    @property
+    def guess(self) -> np.ndarray:
+        """(k + 1,) guess of the start and the period, within the bounds."""
+        return np.append(np.asarray(self.scene.y0), float(self.scene.t1))
 
-def checked_guess(
-    scene: Scene, y0=None, period=None, lower=None, upper=None, closings=(PLAIN,), hold: Hold = ()
-) -> Given:
-    """What a search is given; see `find`.
+
+def posed(
+    scene: Scene,
+    *,
+    y0=None,
+    period=None,
+    lower=None,
+    upper=None,
+    closing: Closing | Sequence[Closing] = PLAIN,
+    hold: Hold = (),
+) -> Problem:
+    """The problem that the arguments of `orbits.find` pose.
 
     Raises:
-      ValueError: invalid or traced arguments.
+      ValueError: `scene` is not a Scene; an argument is traced, has another shape or is not
+        finite; `period` is not positive, or not a multiple of the drive's; no number lies between
+        `lower` and `upper`; a closing condition or a condition does not apply to the scene.
     """
     if not isinstance(scene, Scene):
         raise fail("scene", "a Scene", type(scene).__name__, "Call it: scenes.three_body().")
-    given = (scene, y0, period, lower, upper, hold)
-    untraced("find", given, _DIFFERENTIATE)
+    untraced("find", (scene, y0, period, lower, upper, hold), _DIFFERENTIATE)
     scene = scene if y0 is None else scene.starting(y0)
     scene.check()
-    k = len(scene.y0)
-    if not closings:
-        raise fail("closing", "at least one closing condition", "none")
-    for closing in closings:
-        if not isinstance(closing, Closing):
-            remedy = "orbits.PLAIN, orbits.choreography(3), orbits.relative() are some."
-            raise fail("closing", "a Closing", repr(closing), remedy)
-        closing.check(scene)
+    closings = _closings(scene, closing)
     period = positive("period", scene.t1 if period is None else period, "It is a time.")
     array("period", period, (), "It is one time.")
-    guess = np.append(np.asarray(scene.y0), float(period))
-    remedy = f"One entry for each of the {k} of the start, then one for the period."
-    low = np.full(k + 1, -np.inf) if lower is None else _bound("lower", lower, k, remedy)
-    high = np.full(k + 1, np.inf) if upper is None else _bound("upper", upper, k, remedy)
+    low, high = _bounds(len(scene.y0), lower, upper)
+    guess = np.clip(np.append(np.asarray(scene.y0), float(period)), low, high)
+    if not (np.isfinite(guess).all() and guess[-1] > 0):
+        raise fail("bounds", "some finite numbers between them", f"{guess} nearest to the guess")
+    depends_on_time = driven(scene)
+    if depends_on_time:
+        check_drive(scene, guess[-1])
+        low[-1] = high[-1] = guess[-1]
+    scene = scene.starting(guess[:-1], guess[-1])
+    return Problem(
+        scene=scene,
+        closings=closings,
+        conditions=conditions(scene, hold),
+        lower=low,
+        upper=high,
+        driven=depends_on_time,
+    )
+
+
+def _closings(scene: Scene, closing: Closing | Sequence[Closing]) -> tuple[Closing, ...]:
+    several = closing if isinstance(closing, list | tuple) else (closing,)
+    if not several:
+        raise fail("closing", "at least one closing condition", "none")
+    closings = []
+    for one in several:
+        if not isinstance(one, Closing):
+            remedy = "orbits.PLAIN, orbits.choreography(3), orbits.relative() are some."
+            raise fail("closing", "a Closing", repr(one), remedy)
+        one.check(scene)
+        closings.append(one)
+    return tuple(closings)
+
+
+def _bounds(k: int, lower, upper) -> tuple[np.ndarray, np.ndarray]:
+    low, high = _bound("lower", lower, k, -np.inf), _bound("upper", upper, k, np.inf)
     if (low > high).any():
         i = int(np.argmax(low > high))
         raise fail("lower", f"<= upper = {high[i]} at index {i}", low[i], "Swap them?")
     if not high[-1] > 0:
         raise fail("upper", "a positive last entry, for the period", high[-1])
-    clipped = np.clip(guess, low, high)
-    if not (np.isfinite(clipped).all() and clipped[-1] > 0):
-        raise fail("bounds", "some finite numbers between them", f"{clipped} nearest to the guess")
-    drive = driven(scene)
-    if drive:
-        check_drive(scene, clipped[-1])
-        low[-1] = high[-1] = clipped[-1]
-    return Given(
-        guess=clipped,
-        lower=low,
-        upper=high,
-        conditions=conditions_of(scene.starting(clipped[:-1]), hold),
-        driven=drive,
-    )
+    return low, high
+
+
+def _bound(name: str, value, k: int, without: float) -> np.ndarray:
+    if value is None:
+        return np.full(k + 1, without)
+    remedy = f"One entry for each of the {k} of the start, then one for the period."
+    bound = np.array(shaped(name, value, (k + 1,), remedy))
+    if np.isnan(bound).any():
+        raise fail(name, "numbers", "NaN", "Use -inf or inf where there is no bound.")
+    return bound
 
 
 def driven(scene: Scene) -> bool:
@@ -91,9 +131,9 @@ def driven(scene: Scene) -> bool:
 
 
 def check_drive(scene: Scene, period: float) -> None:
-    """Raise ValueError unless the drive comes back after the period.
+    """Raise ValueError unless the rate repeats after the period.
 
-    Where the rate depends on time, the state's coming back is not enough.
+    Where the rate depends on time, an orbit must close in the phase of the drive too.
     """
     now, later = _rates(scene, 0.0), _rates(scene, period)
     size = max(float(np.abs(rate).max()) for rate in now)
@@ -107,17 +147,5 @@ def check_drive(scene: Scene, period: float) -> None:
 
 
 def _rates(scene: Scene, later: float) -> list[np.ndarray]:
-    ts = later + float(scene.t1) * np.array([0.0, 0.13, 0.37, 0.71])
+    ts = later + float(scene.t1) * np.array(_TIMES)
     return [np.asarray(rate(scene, t, scene.y0)) for t in ts]
-
-
-def _bound(name, value, k, remedy):
-    try:
-        value = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise fail(name, "numbers", repr(value), remedy) from error
-    if value.shape != (k + 1,):
-        raise fail(name, f"shape ({k + 1},)", f"shape {value.shape}", remedy)
-    if np.isnan(value).any():
-        raise fail(name, "numbers", "NaN", "Use -inf or inf where there is no bound.")
-    return value

@@ -1,7 +1,7 @@
-"""Symmetries of a scene that rearrange the entries of its state and change their signs.
+"""Symmetries of a scene that permute the entries of its state and change their signs.
 
-Relabelling equal bodies, mirrors, half turns and running time backwards all do no more than
-that. A rotation by any other angle is not among them: see `closing.relative`.
+These include relabelling equal bodies, reflections, half turns and time reversals, but no rotation
+by another angle: see `orbits.relative`.
 """
 
 import equinox as eqx
@@ -13,13 +13,13 @@ from jaxtyping import Array, Float
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 
-#: Relative: how exactly a symmetry keeps the vector field.
+#: Largest relative error by which a symmetry may fail to preserve the vector field.
 EXACT = 1e-9
 
 
 @jax.jit
 def rate(scene: Scene, t, y: Float[Array, " k"]) -> Float[Array, " k"]:
-    """The scene's vector field, compiled: step by step on the host it takes milliseconds."""
+    """The scene's vector field, compiled; operation by operation it takes milliseconds."""
     return scene.rate(t, y)
 
 
@@ -27,9 +27,9 @@ class Symmetry(eqx.Module):
     """y -> g y with entry i of g y being ``signs[i]`` times entry ``places[i]`` of y.
 
     Attributes:
-      places: (k,) where each entry comes from; None keeps all where they are.
-      signs: (k,) +1 or -1; None keeps all signs.
-      reversing: whether it is a symmetry of motions run backwards.
+      places: (k,) index of the entry that each entry comes from; None for the identity.
+      signs: (k,) +1 or -1 for each entry; None for all +1.
+      reversing: whether it maps motions to motions run backwards.
     """
 
     places: tuple[int, ...] | None = eqx.field(static=True, default=None)
@@ -37,7 +37,7 @@ class Symmetry(eqx.Module):
     reversing: bool = eqx.field(static=True, default=False)
 
     def act(self, y: Float[Array, " k"]) -> Float[Array, " k"]:
-        """The symmetry applied to a state (or to a rate, up to the sign of time)."""
+        """(k,) the symmetry applied to a state, or to a rate up to the direction of time."""
         y = y if self.places is None else y[np.array(self.places)]
         return y if self.signs is None else y * np.array(self.signs, float)
 
@@ -47,7 +47,7 @@ class Symmetry(eqx.Module):
         if self.places is not None and sorted(self.places) != list(range(k)):
             raise fail(
                 "closing",
-                f"a rearrangement of the {k} entries of the state",
+                f"a permutation of the {k} entries of the state",
                 f"one of {len(self.places)} places",
                 "choreography(n, d) makes one for n free points in d dimensions.",
             )
@@ -56,7 +56,7 @@ class Symmetry(eqx.Module):
         self._check_rate(scene)
 
     def _check_rate(self, scene: Scene) -> None:
-        # Without the symmetry the motion after the first part is another one: it would not close.
+        # Otherwise the motion after the first part would not be an image of the first part.
         if self == IDENTITY:
             return
         t, y = 0.0, scene.y0
@@ -67,8 +67,8 @@ class Symmetry(eqx.Module):
                 "closing",
                 "a symmetry of the scene",
                 "one that changes its forces",
-                "Bodies that take each other's places need equal masses, and nothing that "
-                "depends on the sign of a velocity is the same backwards.",
+                "Bodies that are exchanged need equal masses, and forces that depend on the sign "
+                "of a velocity have no time reversal.",
             )
 
 
@@ -76,14 +76,14 @@ IDENTITY = Symmetry()
 
 
 def of_points(order, axes=(1, 1), *, reversing: bool = False) -> Symmetry:
-    """A symmetry of free points: relabelled, mirrored along some axes, maybe backwards in time.
+    """A symmetry of free points: a relabelling, reflections of axes, optionally a time reversal.
 
     Args:
-      order: (n,) the point that each takes the place of.
+      order: (n,) index of the point whose place each point takes.
       axes: (d,) +1 or -1 for each axis of space.
-      reversing: run time backwards: velocities change sign once more.
+      reversing: whether time is reversed, which changes the signs of the velocities once more.
     Example:
-      >>> of_points([1, 0, 2], (-1, -1), reversing=True).signs     # the line of Euler's starts
+      >>> of_points([1, 0, 2], (-1, -1), reversing=True).signs     # keeps Euler's collinear starts
       (-1, -1, -1, -1, -1, -1, 1, 1, 1, 1, 1, 1)
     """
     order, axes = np.asarray(order), np.asarray(axes)
@@ -98,6 +98,6 @@ def of_points(order, axes=(1, 1), *, reversing: bool = False) -> Symmetry:
 
 
 def backwards(k: int) -> Symmetry:
-    """Time run backwards for a state [q, v] of k entries: velocities change sign."""
+    """The time reversal of a state [q, v] of k entries, which changes the signs of v."""
     half = k // 2
     return Symmetry(None, (1,) * half + (-1,) * half, reversing=True)

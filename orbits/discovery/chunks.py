@@ -187,7 +187,14 @@ def _distance(y: np.ndarray, ys: np.ndarray) -> float:
 
 def _guess(plan: Plan, guesses: Guesses, i: int) -> Orbit:
     scene = plan.scene.starting(guesses.y0s[i], guesses.periods[i])
-    return Orbit(scene, plan.closing, guesses.gaps[i], Outcome.ITERATION_LIMIT, 0, plan.rtol)
+    return Orbit(
+        scene=scene,
+        closing=plan.closing,
+        residual=guesses.gaps[i],
+        outcome=Outcome.ITERATION_LIMIT,
+        iterations=0,
+        rtol=plan.rtol,
+    )
 
 
 def _polished(plan: Plan, y0, period) -> Orbit | None:
@@ -207,7 +214,9 @@ def _polished(plan: Plan, y0, period) -> Orbit | None:
 
 def _closed(plan: Plan, y0, period, closing: Closing) -> Orbit | None:
     orbit = find(
-        *(plan.scene, y0, period),
+        plan.scene,
+        y0,
+        period,
         closing=closing,
         goal=_GOAL,
         rtol=plan.rtol,

@@ -18,7 +18,7 @@ import numpy as np
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn.files import records
-from jaxdyn.files.output_files import replace, unwritable, writable
+from jaxdyn.files.output_files import append, replace, unwritable, writable
 from orbits.analysis.same import same
 from orbits.closing.closings import Closing
 from orbits.orbit import Orbit, Outcome
@@ -77,7 +77,15 @@ class Find:
         closing = closings[self.closing]
         scene = scene.starting(np.array(self.y0), self.period)
         s_period = self.s_period or None
-        return Orbit(scene, closing, self.residual, Outcome.FOUND, 0, rtol, 0.0, s_period)
+        return Orbit(
+            scene=scene,
+            closing=closing,
+            residual=self.residual,
+            outcome=Outcome.FOUND,
+            iterations=0,
+            rtol=rtol,
+            s_period=s_period,
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -141,10 +149,7 @@ class File:
         if self._path is None:
             return
         try:
-            with open(self._path, "ab") as file:
-                file.write(chunk.line().encode())
-                file.flush()
-                os.fsync(file.fileno())
+            append(self._path, chunk.line())
         except OSError as error:
             raise unwritable(self._path, error) from error
 

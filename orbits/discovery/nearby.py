@@ -24,6 +24,7 @@ _TRIES = 3  # close returns that are tried
 def searched(
     scene: Scene,
     period: float | None = None,
+    *,
     closing: str = "plain",
     energy: float | None = None,
     hold: Sequence[str] = (),

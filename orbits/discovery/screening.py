@@ -50,7 +50,7 @@ class Guesses(NamedTuple):
 
     def take(self, which) -> "Guesses":
         """Some of them."""
-        return Guesses(*(x[which] for x in self))
+        return jax.tree.map(lambda column: column[which], self)
 
 
 class Miss(eqx.Module):
@@ -128,10 +128,10 @@ def close_returns(
     best = ends.seen[0].best
     index, window = np.nonzero(best.distance <= close)
     return Guesses(
-        index,
-        np.asarray(y0s, float)[index],
-        closing.parts * best.after[index, window],
-        best.distance[index, window],
+        index=index,
+        y0s=np.asarray(y0s, float)[index],
+        periods=closing.parts * best.after[index, window],
+        gaps=best.distance[index, window],
     )
 
 
@@ -141,7 +141,7 @@ def refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
         _refined(scene, closing, guesses.take(slice(i, i + _BLOCK)))
         for i in range(0, len(guesses.index), _BLOCK)
     ]
-    return Guesses(*map(np.concatenate, zip(*blocks, strict=True))) if blocks else guesses
+    return jax.tree.map(lambda *columns: np.concatenate(columns), *blocks) if blocks else guesses
 
 
 def _refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
@@ -170,7 +170,9 @@ def _refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
         good = (gaps <= _NEAR) & (np.abs(starts).max(axis=1) < _ESCAPE * size)
         good &= (x[:, -1] > _TRIVIAL * periods) & (batch.path(x, base) > _TRIVIAL * path)
     good = np.flatnonzero(good)
-    return Guesses(guesses.index[good], starts[good], x[good, -1], gaps[good])
+    return Guesses(
+        index=guesses.index[good], y0s=starts[good], periods=x[good, -1], gaps=gaps[good]
+    )
 
 
 def _steps(f: np.ndarray, jac: np.ndarray, damping: np.ndarray) -> np.ndarray:
@@ -201,8 +203,8 @@ class _Batch(NamedTuple):
         """Residual (b, m) and Jacobian (b, m, p + 1); NaN where there is none."""
         b, p = x.shape[0], x.shape[1] - 1
         h = _DIFFERENCE * np.maximum(np.abs(x[:, :-1]).max(axis=1), 1e-300)
-        moved = np.stack([x] + [x + h[:, None] * np.eye(p + 1)[i] for i in range(p)], axis=1)
-        starts = self.starts(moved.reshape(b * (p + 1), -1), np.repeat(base, p + 1, axis=0))
+        shifted = np.stack([x] + [x + h[:, None] * np.eye(p + 1)[i] for i in range(p)], axis=1)
+        starts = self.starts(shifted.reshape(b * (p + 1), -1), np.repeat(base, p + 1, axis=0))
         ends = ensemble.run(
             self.scene,
             starts,

@@ -23,7 +23,7 @@ from jaxdyn.ensemble.batches import cores
 from jaxdyn.files import records
 from jaxdyn.integrate.spans import tolerances
 from orbits.closing.closings import PLAIN, Closing
-from orbits.closing.given import checked_guess
+from orbits.closing.given import posed
 from orbits.discovery.chunks import Plan, Sampler, unchanged, unlabelled, work
 from orbits.discovery.journal import Chunk, File, Find, distinct
 from orbits.orbit import Orbit
@@ -112,8 +112,20 @@ def search(
     """
     untraced("search", scene, "Search outside of the transformation; see orbits.solution.")
     plan = Plan(
-        *(scene, sampler, closing, samples, chunk, seed, float(shortest), float(longest)),
-        *(windows, close, np.asarray(limit, float), normal, label, rtol),
+        scene=scene,
+        sampler=sampler,
+        closing=closing,
+        samples=samples,
+        chunk=chunk,
+        seed=seed,
+        shortest=float(shortest),
+        longest=float(longest),
+        windows=windows,
+        close=close,
+        limit=np.asarray(limit, float),
+        normal=normal,
+        label=label,
+        rtol=rtol,
     )
     _check(plan)
     file = File(path, {} if path is None else _header(plan))
@@ -121,7 +133,7 @@ def search(
     pool = futures.ThreadPoolExecutor(cores()) if executor is None else executor
     try:
         with _bar(progress) as bar:
-            _run(plan, file, pool, bar)
+            _work_through(plan, file, pool, bar)
     finally:
         if own:
             pool.shutdown(cancel_futures=True)
@@ -130,7 +142,7 @@ def search(
     return Found(finds, _sums(chunks), plan)
 
 
-def _run(plan: Plan, file: File, pool: futures.Executor, bar: Progress) -> None:
+def _work_through(plan: Plan, file: File, pool: futures.Executor, bar: Progress) -> None:
     """Work on the chunks that the file does not have yet."""
     sent = plan._replace(scene=jax.tree.map(np.asarray, plan.scene))
     todo = iter([i for i in range(plan.chunks) if i not in file.chunks])
@@ -173,7 +185,7 @@ def _bar(progress: bool) -> Progress:
 
 
 def _check(plan: Plan) -> None:
-    checked_guess(plan.scene, closings=(plan.closing,), period=positive("longest", plan.longest))
+    posed(plan.scene, closing=plan.closing, period=positive("longest", plan.longest))
     if plan.closing.turns:
         raise fail("closing", "one without an unknown turn", repr(plan.closing.name))
     if not 0 <= plan.shortest < plan.longest:

@@ -108,12 +108,12 @@ def returns(
     _times(span, shortest, longest)
     count = _SAMPLES_PER_TIME
     ts = np.linspace(0.0, span, count)
-    run = solve(scene, span, ts=ts, rtol=1e-10)
+    flow = solve(scene, span, ts=ts, rtol=1e-10)
     low = max(1, int(np.ceil(shortest / closing.parts / ts[1])))
     high = min(count - 1, int(longest / closing.parts / ts[1]))
     if high <= low + 1:
         raise fail("longest", f"at least {4 * ts[1] * closing.parts:.3g}", longest)
-    misses = np.asarray(_miss_table(Miss(scene.system, closing), run.ys, low, high))
+    misses = np.asarray(_miss_table(Miss(scene.system, closing), flow.ys, low, high))
     around = np.pad(misses, 1, constant_values=np.inf)
     rows, columns = misses.shape
     shifts = [(i, j) for i in (0, 1, 2) for j in (0, 1, 2) if (i, j) != (1, 1)]
@@ -122,7 +122,7 @@ def returns(
     least &= np.isfinite(misses)
     least[:, 0] = False  # leaving the start is no return
     found = sorted(zip(*np.nonzero(least), strict=True), key=lambda ij: misses[ij])[:most]
-    ys = np.asarray(run.ys)
+    ys = np.asarray(flow.ys)
     return [Seed(ys[i], float(ts[low + j] * closing.parts)) for i, j in found]
 
 

@@ -18,9 +18,9 @@ def _fold(surface: Surface, member: Member) -> float:
     scene, y0 = member.orbit.scene, member.orbit.y0
     if not scene.has_energy:
         return 1.0
-    moved = surface.equations.start(jnp.asarray(member.point.x + NUDGE * member.tangent))
+    ahead = surface.equations.start(jnp.asarray(member.point.x + NUDGE * member.tangent))
     zero = jnp.zeros(())
-    change = energy.energy(scene, zero, moved) - energy.energy(scene, zero, y0)
+    change = energy.energy(scene, zero, ahead) - energy.energy(scene, zero, y0)
     size = NUDGE * (1.0 + abs(member.energy))
     return float(change) if abs(change) > NUDGE * size else 0.0
 

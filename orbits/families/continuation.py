@@ -28,8 +28,9 @@ from orbits.families.family import Family, Kind, Member
 from orbits.families.surface import Point, Surface
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.cuts import cut
-from orbits.shooting.equations import Equations, Make
+from orbits.shooting.equations import Equations
 from orbits.shooting.finding import GOAL
+from orbits.shooting.pieces import Make
 
 _EASY = 4  # so few Newton steps mean that the next step may be longer
 _GROW, _SHRINK = 1.5, 0.5
@@ -119,7 +120,7 @@ def continue_family(
     report(first)
     if not first.stability.ok:
         end = f"the first orbit, whose multipliers are unknown: {first.stability.message}"
-        return Family((first,), (), end, equations)
+        return Family(members=(first,), special=(), end=end, equations=equations)
     return _walked(surface, first, step, members, (within, energies), report)
 
 
@@ -201,7 +202,9 @@ def _walked(surface: Surface, first: Member, step, most, bounds, report) -> Fami
             break
         if member.point.iterations <= _EASY:
             step = min(_GROW * step, longest)
-    return Family(tuple(members), tuple(special), end, surface.equations)
+    return Family(
+        members=tuple(members), special=tuple(special), end=end, equations=surface.equations
+    )
 
 
 def _next(surface: Surface, last: Member, step: float, kind: Kind | None = None) -> Member | None:

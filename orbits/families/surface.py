@@ -65,12 +65,23 @@ class Surface:
         jacobian = evaluated(result.x)[1]
         rows = len(jacobian) - (across is not None)
         residual = float(np.abs(result.residual).max(initial=0.0))
-        return Point(result.x, jacobian[:rows], residual, result.iterations)
+        return Point(
+            x=result.x,
+            jacobian=jacobian[:rows],
+            residual=residual,
+            iterations=result.iterations,
+        )
 
     def orbit(self, point: Point) -> Orbit:
         """The orbit at a point."""
-        at = point.x, point.residual, Outcome.FOUND, point.iterations
-        return orbit_at(self.equations, *at, self.rtol)
+        return orbit_at(
+            self.equations,
+            point.x,
+            residual=point.residual,
+            outcome=Outcome.FOUND,
+            iterations=point.iterations,
+            rtol=self.rtol,
+        )
 
     def directions(self, point: Point) -> np.ndarray:
         """(n, d) orthonormal: the ways along the surface that change the orbit."""

@@ -58,7 +58,7 @@ class Listing:
 def listing(family: Family, parameter: str | None = None) -> Listing:
     """A family as a list; `parameter` is the name of its parameter, if it has one."""
     members, special = (tuple(map(_entry, many)) for many in (family.members, family.special))
-    return Listing(parameter, members, special, family.end)
+    return Listing(parameter=parameter, members=members, special=special, end=family.end)
 
 
 def save(path: str | Path, family: Listing) -> None:
@@ -102,12 +102,17 @@ def load(path: str | Path) -> Listing:
     claimed = record.pop("digest")
     if claimed != records.digest(record):
         raise fail("file", "what its digest stands for", "something else", files.DAMAGED)
-    return Listing(name, members, special, end)
+    return Listing(parameter=name, members=members, special=special, end=end)
 
 
 def _entry(member: Member) -> Entry:
-    verdict = member.stability.verdict
-    return Entry(member.orbit, member.parameter, member.energy, verdict, member.kind)
+    return Entry(
+        orbit=member.orbit,
+        parameter=member.parameter,
+        energy=member.energy,
+        verdict=member.stability.verdict,
+        kind=member.kind,
+    )
 
 
 def _record(entry: Entry) -> dict[str, Any]:
@@ -141,6 +146,10 @@ def _decoded(record: Any, parameter: str | None) -> Entry:
         raise fail("file", "numbers for energy and parameter", reprlib.repr(numbers), files.DAMAGED)
     if verdict not in _VERDICTS or kind not in (None, *Kind):
         raise fail("file", "a verdict and a kind", reprlib.repr((verdict, kind)), files.DAMAGED)
-    value = math.nan if parameter is None else float(value)
-    kind = None if kind is None else Kind(kind)
-    return Entry(orbit, value, float(energy) if has_energy else math.nan, verdict, kind)
+    return Entry(
+        orbit=orbit,
+        parameter=math.nan if parameter is None else float(value),
+        energy=float(energy) if has_energy else math.nan,
+        verdict=verdict,
+        kind=None if kind is None else Kind(kind),
+    )

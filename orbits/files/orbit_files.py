@@ -59,7 +59,16 @@ def decode(record: dict[str, Any]) -> Orbit:
     except (KeyError, TypeError, AttributeError, IndexError) as error:
         got = f"{type(error).__name__} {error}"
         raise fail("file", "a complete orbit", got, DAMAGED) from error
-    return Orbit(scene, closing, math.nan, Outcome.FOUND, 0, float(rtol), float(angle), s_period)
+    return Orbit(
+        scene=scene,
+        closing=closing,
+        residual=math.nan,
+        outcome=Outcome.FOUND,
+        iterations=0,
+        rtol=float(rtol),
+        angle=float(angle),
+        s_period=s_period,
+    )
 
 
 def _scene(record: Any) -> Scene:

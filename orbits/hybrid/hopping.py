@@ -136,7 +136,7 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
       >>> abs(math.tan(corner) - (math.pi + corner)) < 1e-9
       True
     """
-    g = _checked(scene, turns)
+    g = _checked_gravity(scene, turns)
     given = scene.system
     slides = eqx.tree_at(lambda system: system.mu, given, 0.0 * given.mu).touching("slip_on")
     contact, fly = (
@@ -162,14 +162,15 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
     # The whole chain at once has the motion as a double root: at h'' = 0 unequal corners close too.
     mirrors = Mirrored(first, 2 * first + math.pi)
     goal = GOAL * max(1.0, float(np.abs(y0).max()))  # of metres and radians alike
-    half = _found((Leg(fly, lands), Leg(contact, ())), y0, spans, closes=mirrors, goal=goal)
+    legs = (Leg(scene=fly, ends=lands), Leg(scene=contact, ends=()))
+    half = _found(legs, y0, spans, closes=mirrors, goal=goal)
     down, rest = half.spans
     above = (Height(given),)
     presses = () if rolls else (NormalForce(contact),)
     chain = (
-        Leg(fly, lands, bounds=above),
-        Leg(contact, (leaves,), bounds=presses),
-        Leg(fly, (), bounds=above),
+        Leg(scene=fly, ends=lands, bounds=above),
+        Leg(scene=contact, ends=(leaves,), bounds=presses),
+        Leg(scene=fly, ends=(), bounds=above),
     )
     spans = [down, 2 * rest, down]
     around = Advanced(2 * (first + math.pi))
@@ -212,7 +213,8 @@ def _gravity(scene: Scene) -> float:
     return -float(fall[4])
 
 
-def _checked(scene: Scene, turns) -> float:
+def _checked_gravity(scene: Scene, turns) -> float:
+    """The acceleration of gravity [m/s^2], with the scene and the number of turns checked."""
     system = scene.system
     if not (isinstance(system, Cylinder) and system.flat):
         got = type(system).__name__

@@ -93,7 +93,14 @@ class Hybrid:
             t = end
         names = tuple(f"leg {i + 1}" for i in range(len(pieces)))
         last = self.legs[-1].change(jnp.asarray(t), pieces[-1].ys[-1])
-        return Chain(names, tuple(pieces), jnp.asarray(t), last, True, Status.OK)
+        return Chain(
+            names=names,
+            pieces=tuple(pieces),
+            t=jnp.asarray(t),
+            y=last,
+            ended=True,
+            status=Status.OK,
+        )
 
     def least(self, leg: int, event: Event) -> float:
         """The least value of a function at 400 times of a leg: does it stay positive?

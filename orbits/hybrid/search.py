@@ -88,7 +88,7 @@ def find_chain(
     """
     legs = tuple(legs)
     untraced("find_chain", (legs, y0, spans), "Find it outside of the transformation.")
-    start, times = _checked(legs, y0, spans)
+    start, times = _start_and_times(legs, y0, spans)
     positive("goal", goal, "It is the largest closing error of an orbit.")
     tolerances(rtol, None)  # refuses what is none; inside jit it could not
     whole("max_iterations", max_iterations, least=0)
@@ -109,12 +109,17 @@ def find_chain(
         report=report,
     )
     starts = _linearised(legs, closes, result.x, rtol)[2]
-    run = tuple(
+    placed = tuple(
         dataclasses.replace(leg, scene=leg.scene.starting(y, t))
         for leg, y, t in zip(legs, starts, result.x[k:], strict=True)
     )
-    residual = float(np.abs(result.residual).max())
-    found = Hybrid(run, residual, _outcome(result), result.iterations, rtol)
+    found = Hybrid(
+        legs=placed,
+        residual=float(np.abs(result.residual).max()),
+        outcome=_outcome(result),
+        iterations=result.iterations,
+        rtol=rtol,
+    )
     if found.ok and not found.keeps_bounds:
         found = dataclasses.replace(found, outcome=Outcome.BOUND_PASSED)
     if throw and not found.ok:
@@ -122,7 +127,7 @@ def find_chain(
     return found
 
 
-def _checked(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.ndarray]:
+def _start_and_times(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.ndarray]:
     if not legs:
         raise fail("legs", "at least one", "none", "A chain has legs.")
     for i, leg in enumerate(legs):

@@ -1,4 +1,4 @@
-"""Into how many segments a motion is cut for multiple shooting, and where."""
+"""The segments of multiple shooting: how many there are, and where a motion is cut."""
 
 import dataclasses
 import math
@@ -15,45 +15,47 @@ from jaxdyn.integrate.simulation import solve
 from orbits.motion import at_even_s, attracts
 from orbits.shooting.equations import Equations
 
-#: Growth of errors over a segment from which on more segments are taken: rounding of 1e-16,
-#: grown so much, is well below the goal.
-_GROWTH = 300.0
-#: The same where rounding of each moment on the way is followed, not that of the start alone.
-_GROWTH_INSIDE = 3000.0
+#: Largest growth of errors of the start over a motion in one segment: rounding of 1e-16 is still
+#: well below the goal then.
+_GROWTH_MOST = 300.0
+#: Largest growth of errors, made anywhere in a segment, to its end.
+_GROWTH_INSIDE_MOST = 3000.0
+#: Most segments that are chosen automatically.
 SEGMENTS_MOST = 32
-_SEGMENTS_GIVEN = 256  # all of them are one matrix
-_SAMPLES = 4096  # of a motion, to see how fast it changes where
-_EVEN_RTOL = 1e-10  # of the times at which segments begin
+#: Most segments that a caller may ask for: the unknowns of all of them are one matrix.
+_SEGMENTS_GIVEN_MOST = 256
+_SAMPLES = 4096  # of a motion, to see where it changes how fast
+_CUT_RTOL = 1e-10  # tolerance of the times at which segments begin
 
 
 def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, parameter=0.0):
-    """The equations with so many segments, or as many as the guess's growth calls for."""
+    """The equations in a number of segments; None for as many as the growth of errors requires."""
     if segments is None:
         x = equations.spread(guess[:-1], guess[-1], rtol, angle, parameter)
         growth = float(np.linalg.norm(np.asarray(equations(x, rtol).transitions)[0]))
-        # Not a number: a collision, or encounters that take too many steps of plain time.
-        if growth <= _GROWTH or not (math.isfinite(growth) or attracts(equations.scene)):
+        # NaN: a collision, or encounters that take too many steps in plain time.
+        if growth <= _GROWTH_MOST or not (math.isfinite(growth) or attracts(equations.scene)):
             return equations
         segments = needed(equations, guess, rtol, parameter)
-    elif whole("segments", segments, most=_SEGMENTS_GIVEN) == 1:
+    elif whole("segments", segments, most=_SEGMENTS_GIVEN_MOST) == 1:
         return equations
     return with_segments(equations, guess, rtol, segments, parameter)
 
 
 def needed(equations: Equations, guess, rtol, parameter=0.0) -> int:
-    """So many segments that rounding made anywhere in one grows little to its end."""
+    """Number of segments with which rounding made anywhere in one grows little to its end."""
     fine = with_segments(equations, guess, rtol, SEGMENTS_MOST, parameter)
     maps = fine.transitions(guess[:-1], guess[-1], rtol, parameter)
-    # Powers of two: few numbers of segments, few compilations.
+    # Powers of two: each number of segments is compiled once.
     for segments in (1, 2, 4, 8, 16):
         grown = [largest(part) for part in np.split(maps, segments)]
-        if np.max(grown) <= _GROWTH_INSIDE:
+        if np.max(grown) <= _GROWTH_INSIDE_MOST:
             return segments
     return SEGMENTS_MOST
 
 
 def largest(maps: np.ndarray) -> float:
-    """The largest derivative of the end of consecutive pieces by a state on the way."""
+    """Largest norm of the derivatives of the end by the starts of consecutive pieces (n, k, k)."""
     total, largest = np.eye(maps.shape[-1]), 0.0
     for one in maps[::-1]:
         total = total @ one
@@ -62,10 +64,10 @@ def largest(maps: np.ndarray) -> float:
 
 
 def with_segments(equations: Equations, guess, rtol, segments: int, parameter=0.0) -> Equations:
-    """The equations with so many segments, short near encounters.
+    """The equations in a number of segments, which are shorter where the motion changes faster.
 
-    They are about even in logarithmic time, where bodies attract each other; else the motion's
-    fastest changes grow alike over each.
+    They are about equal in logarithmic time where bodies attract each other; elsewhere the fastest
+    rate of change has about the same integral over each.
     """
     part = guess[-1] / equations.closing.parts
     ts = np.linspace(0.0, part, _SAMPLES)
@@ -85,12 +87,12 @@ def with_segments(equations: Equations, guess, rtol, segments: int, parameter=0.
 
 
 def _between_encounters(equations: Equations, scene: Scene, s: float, segments: int) -> Equations:
-    """About even in logarithmic time, and cut where bodies are far apart.
+    """About equal segments in logarithmic time, with cuts where bodies are far apart.
 
-    Within an encounter velocities are large and matter little, so that the closing equations of
-    a cut there have lost their digits.
+    In an encounter velocities are large and ill-conditioned, so that the joints of a cut there
+    would lose digits.
     """
-    ts, depth = (np.asarray(z) for z in at_even_s(scene, s, _EVEN_RTOL, samples=_SAMPLES))
+    ts, depth = (np.asarray(z) for z in at_even_s(scene, s, _CUT_RTOL, samples=_SAMPLES))
     middles = np.arange(1, segments) * _SAMPLES / segments
     half = 0.5 * _SAMPLES / segments
     windows = [np.arange(math.ceil(m - half), math.ceil(m + half)) for m in middles]
@@ -102,9 +104,9 @@ def _between_encounters(equations: Equations, scene: Scene, s: float, segments: 
 
 @jax.jit
 def _fastest(scene: Scene, ts: Array, ys: Array) -> Array:
-    """(s,) rates of change along a motion: about the largest eigenvalue of the rate's slope.
+    """(s,) rates of change along a motion, about the largest eigenvalue of the rate's Jacobian.
 
-    A root of a power's norm, since eigenvalues of thousands of matrices take longer than orbits.
+    From the norm of its fourth power, which is much cheaper than eigenvalues.
     """
     slopes = jax.vmap(jax.jacfwd(scene.rate, argnums=1))(ts, ys)
     fourth = jnp.linalg.matrix_power(slopes, 4)

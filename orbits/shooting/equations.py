@@ -1,17 +1,17 @@
-"""The closing equations of an orbit and their Jacobian: what Newton's method is given.
+"""The closing equations of an orbit and their Jacobian, as functions of one vector x of unknowns.
 
-The unknowns are the start (those entries of it that the closing condition leaves free) and
-the period; with several segments also the states in between, each integrated by itself, so
-that an unstable orbit's errors do not grow over a whole period; the angle of a relative orbit;
-the parameter of a family. They lie in one vector x, the period last.
+The unknowns are the start (the entries of it that the closing condition leaves free) and the
+period; with several segments also the states between them, each of which is integrated by itself,
+so that errors of an unstable orbit do not grow over a whole period; the angle of a relative orbit;
+the parameter of a family. They form the vector x, with the period as its last entry.
 
-Each segment is integrated once with its variational equations. What closes is then a cheap
-function of the ends and of x, whose Jacobian autodiff takes with the ends made linear in x.
+Each segment is integrated once with its variational equations. The residual is then a cheap
+function of the ends and of x; automatic differentiation takes its Jacobian with the ends made
+linear in x.
 """
 
 import dataclasses
 import functools
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -22,22 +22,16 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn.integrate.flow import Flow
 from orbits.closing.closings import Closing
 from orbits.closing.conditions import Condition
 from orbits.closing.given import driven
 from orbits.motion import advanced
 from orbits.orbit import Orbit
-
-#: Steps of one segment: an orbit with so many is none that could be found, and on its way
-#: towards a collision an iteration must not take minutes.
-MAX_STEPS = 200_000
-#: From the number a family is named after to a scene; its start and span do not matter.
-Make = Callable[[Array], Scene]
+from orbits.shooting.pieces import Make, Piece, end_of, linearised_end, scene_of
 
 
 class Unknowns(NamedTuple):
-    """The parts of x."""
+    """The unknowns, by name."""
 
     start: Array  # (p,) free entries of the start
     between: Array  # (segments - 1, k)
@@ -50,10 +44,10 @@ class Evaluation(NamedTuple):
     """The closing equations at a point x.
 
     Attributes:
-      residual: (m,) what does not close.
-      jacobian: (m, len(x)).
-      transitions: (segments, k, k) derivative of each segment's end by its start.
-      status: () `Status` code of the integrations, the worst.
+      residual: (m,) zero at an orbit.
+      jacobian: (m, n) its derivatives by x (n,).
+      transitions: (segments, k, k) derivatives of each segment's end by its start.
+      status: () the worst `Status` code of the integrations.
     """
 
     residual: Array
@@ -66,13 +60,13 @@ class Equations(eqx.Module):
     """Closing equations of a scene: x -> residual and Jacobian.
 
     Attributes:
-      scene: what moves; its start is a start of the kind that the closing condition demands.
-      closing: what must close.
-      conditions: what else must hold.
-      make: the scene of a family's parameter; None where there is no parameter.
-      shares: of the time to integrate that each segment takes; their sum is 1.
-      s_spans: spans of logarithmic time of the segments; None in plain time.
-      driven: whether the rate depends on time, so that segments start at their own times.
+      scene: the scene; its start satisfies what the closing condition demands of a start.
+      closing: the closing condition.
+      conditions: what must hold besides closing.
+      make: from the parameter of a family to its scene; None where there is no parameter.
+      shares: (segments,) fractions of the time to integrate; their sum is 1.
+      s_spans: (segments,) spans of logarithmic time; None in plain time.
+      driven: whether the rate depends on time, so that each segment starts at its own time.
     """
 
     scene: Scene
@@ -87,8 +81,14 @@ class Equations(eqx.Module):
     def of(cls, orbit: Orbit, conditions: tuple[Condition, ...] = (), make: Make | None = None):
         """The equations of a known orbit, in one segment."""
         spans = None if orbit.s_period is None else (orbit.s_period / orbit.closing.parts,)
-        here = orbit.scene, orbit.closing, conditions, make
-        return cls(*here, s_spans=spans, driven=driven(orbit.scene))
+        return cls(
+            scene=orbit.scene,
+            closing=orbit.closing,
+            conditions=conditions,
+            make=make,
+            s_spans=spans,
+            driven=driven(orbit.scene),
+        )
 
     @property
     def s_period(self) -> float | None:
@@ -97,61 +97,61 @@ class Equations(eqx.Module):
 
     @property
     def segments(self) -> int:
-        """How many pieces are integrated by themselves."""
+        """How many segments there are."""
         return len(self.shares)
 
     def unpack(self, x: Array | np.ndarray) -> Unknowns:
-        """x taken apart."""
+        """The unknowns that x consists of."""
         k = len(self.scene.y0)
         p = len(self.closing.free(k))
         middle = p + (self.segments - 1) * k
         angle, parameter = self.closing.turns, self.make is not None
         zero = 0.0 * x[-1]
         return Unknowns(
-            x[:p],
-            x[p:middle].reshape(self.segments - 1, k),
-            x[middle] if angle else zero,
-            x[middle + angle] if parameter else zero,
-            x[-1],
+            start=x[:p],
+            between=x[p:middle].reshape(self.segments - 1, k),
+            angle=x[middle] if angle else zero,
+            parameter=x[middle + angle] if parameter else zero,
+            period=x[-1],
         )
 
     def pack(self, y0, between, angle, parameter, period) -> np.ndarray:
-        """The unknowns as one vector."""
+        """x (n,) of these unknowns; the entries of y0 (k,) that are not free are not used."""
         start = np.asarray(y0)[self.closing.free(len(self.scene.y0))]
         more = [angle] * self.closing.turns + [parameter] * (self.make is not None)
         return np.concatenate([start, np.ravel(between), more, [period]]).astype(float)
 
     def scene_at(self, parameter) -> Scene:
-        """The scene with this parameter of the family."""
-        return made(self.scene, self.make, parameter)
+        """The scene at a parameter of the family."""
+        return scene_of(self.scene, self.make, parameter)
 
     def start(self, x) -> Array:
-        """(k,) the start that x stands for."""
+        """(k,) the start at x."""
         unknowns = self.unpack(x)
         system = self.scene_at(unknowns.parameter).system
         return self.closing.start(system, unknowns.start, self.scene.y0)
 
     def spread(self, y0, period, rtol, angle=0.0, parameter=0.0) -> np.ndarray:
-        """x of a motion: the states in between are those that it passes."""
+        """x of a motion; the states between segments are those that it passes."""
         scene = self.scene_at(jnp.asarray(parameter, float)).starting(y0)
         between, t = [], 0.0
-        # One after the other: samples would be compiled anew for each number of them.
+        # One after the other: a program for all samples would be compiled anew for each number.
         for share, s in zip(self.shares[:-1], self._spans, strict=False):
             t0 = t if self.driven else 0.0
             span = share * period / self.closing.parts
             scene = scene.starting(advanced(scene, span, s, t0=t0, rtol=rtol).y1)
             between.append(np.asarray(scene.y0))
             t += span
-        return self.pack(y0, between, angle, parameter, period)
+        return self.pack(y0, between, angle=angle, parameter=parameter, period=period)
 
     def transitions(self, y0, period, rtol, parameter=0.0) -> np.ndarray:
         """(segments, k, k) derivative of each segment's end by its start, along one motion."""
         y, t, maps = jnp.asarray(y0, float), 0.0, []
         for share, s in zip(self.shares, self._spans, strict=True):
             span = share * period / self.closing.parts
-            numbers = (y, t * self.driven, span, parameter, s)
-            piece = jax.tree.map(lambda z: jnp.asarray(z, float), Piece(*numbers))
-            y, _, slopes = flow(self.scene, piece, rtol, make=self.make)
+            piece = Piece(start=y, t0=t * self.driven, span=span, parameter=parameter, s=s)
+            piece = jax.tree.map(lambda z: jnp.asarray(z, float), piece)
+            y, _, slopes = linearised_end(self.scene, piece, rtol, make=self.make)
             maps.append(np.asarray(slopes.start))
             t += span
         return np.stack(maps)
@@ -161,7 +161,7 @@ class Equations(eqx.Module):
         return (None,) * self.segments if self.s_spans is None else self.s_spans
 
     def repeated(self, times: int) -> "Equations":
-        """The equations of the same motions taken as many periods as one."""
+        """The equations of the same motions, with so many periods counted as one."""
         scene = self.scene.starting(self.scene.y0, times * self.scene.t1)
         shares = tuple(share / times for share in self.shares) * times
         spans = None if self.s_spans is None else self.s_spans * times
@@ -172,63 +172,50 @@ class Equations(eqx.Module):
         unknowns = self.unpack(x)
         angle, period = (times * float(n) for n in (unknowns.angle, unknowns.period))
         parameter = float(unknowns.parameter)
-        return self.repeated(times).spread(self.start(x), period, rtol, angle, parameter)
+        return self.repeated(times).spread(
+            self.start(x), period, rtol, angle=angle, parameter=parameter
+        )
 
     def bounds(self, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds (k + 1,) on the start and the period as bounds on x; the rest is free."""
+        """Bounds on x from those (k + 1,) on the start and the period; the rest is unbounded."""
 
         def on_x(b: np.ndarray, free: float) -> np.ndarray:
             between = np.full((self.segments - 1, len(b) - 1), free)
-            return self.pack(b[:-1], between, free, free, b[-1])
+            return self.pack(b[:-1], between, angle=free, parameter=free, period=b[-1])
 
         return on_x(lower, -np.inf), on_x(upper, np.inf)
 
     def __call__(self, x: np.ndarray, rtol: float) -> Evaluation:
-        """Residual and Jacobian at x; NaN where a segment does not last."""
-        if not x[-1] > 0:  # no integration backwards, nor for no time
+        """Residual and Jacobian at x; NaN where the motion of a segment ends early."""
+        if not x[-1] > 0:  # a period is positive
             x = np.where(np.arange(len(x)) == len(x) - 1, np.nan, x)
         here = jax.tree.map(np.asarray, pieces(self, x))
-        # One compiled program for any number of segments; threads put them on all cores.
+        # One compiled program for any number of segments, run in threads on all cores.
         each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(self.segments)]
-        integrate = functools.partial(flow, self.scene, rtol=rtol, make=self.make)
-        if self.segments == 1:  # starting a thread takes as long as a few plain integrations
+        integrate = functools.partial(linearised_end, self.scene, rtol=rtol, make=self.make)
+        if self.segments == 1:  # to start a thread takes as long as a few integrations
             found = [integrate(each[0])]
         else:
             with ThreadPoolExecutor(self.segments) as threads:
                 found = list(threads.map(integrate, each))
         ends, status, slopes = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
         residual, jacobian = linearised(self, x, here, ends, slopes)
-        return Evaluation(residual, jacobian, slopes.start, status.max())
-
-
-def made(scene: Scene, make: Make | None, parameter) -> Scene:
-    """The scene, or the one that is made of a parameter, with its start and span."""
-    if make is None:
-        return scene
-    return make(parameter).starting(scene.y0, scene.t1)
+        return Evaluation(
+            residual=residual, jacobian=jacobian, transitions=slopes.start, status=status.max()
+        )
 
 
 @jax.jit
 def size_and_speed(equations: Equations, x: Array) -> tuple[Array, Array]:
-    """Largest entry of the start that x stands for, and the norm of the rate there."""
+    """Largest entry of the start at x, and the norm of the rate there."""
     y0 = equations.start(x)
     scene = equations.scene_at(equations.unpack(x).parameter)
     return jnp.abs(y0).max(), jnp.linalg.norm(scene.rate(jnp.zeros(()), y0))
 
 
-class Piece(NamedTuple):
-    """What a segment's end depends on; with a first axis of segments where there are several."""
-
-    start: Array
-    t0: Array
-    span: Array
-    parameter: Array
-    s: Array | None = None  # logarithmic time; nothing is differentiated by it
-
-
 @jax.jit
 def pieces(equations: Equations, x: Array) -> Piece:
-    """The segments that x stands for."""
+    """The segments at x."""
     unknowns = equations.unpack(x)
     scene = equations.scene_at(unknowns.parameter)
     spans = unknowns.period / equations.closing.parts * jnp.asarray(equations.shares)
@@ -237,25 +224,8 @@ def pieces(equations: Equations, x: Array) -> Piece:
     between = jax.vmap(scene.system.project)(times[1:], unknowns.between)
     starts = jnp.concatenate([first[None], between])
     s = None if equations.s_spans is None else jnp.asarray(equations.s_spans, float)
-    return Piece(starts, times, spans, jnp.full_like(spans, unknowns.parameter), s)
-
-
-@functools.partial(jax.jit, static_argnames="make")
-def flow(scene: Scene, piece: Piece, rtol, *, make: Make | None):
-    """A segment's end, its status, and the derivatives of the end."""
-
-    def end(moved: Piece):
-        found = _end(scene, make, moved._replace(s=piece.s), rtol)
-        return found.y1, (found.y1, found.status)
-
-    slopes, (y1, status) = jax.jacfwd(end, has_aux=True)(piece._replace(s=None))
-    return y1, status, slopes
-
-
-def _end(scene: Scene, make: Make | None, piece: Piece, rtol) -> Flow:
-    scene = made(scene, make, piece.parameter).starting(piece.start)
-    how = {"t0": piece.t0, "rtol": rtol, "max_steps": MAX_STEPS}
-    return advanced(scene, piece.span, piece.s, **how)
+    parameters = jnp.full_like(spans, unknowns.parameter)
+    return Piece(start=starts, t0=times, span=spans, parameter=parameters, s=s)
 
 
 @jax.jit
@@ -264,10 +234,10 @@ def linearised(equations: Equations, x: Array, here: Piece, ends: Array, slopes:
 
     def residual(x):
         change = jax.tree.map(jnp.subtract, pieces(equations, x), here)
-        moved = jnp.sum(slopes.start * change.start[:, None, :], axis=-1)
-        moved = moved + slopes.span * change.span[:, None] + slopes.t0 * change.t0[:, None]
-        moved = moved + slopes.parameter * change.parameter[:, None]
-        errors = _errors(equations, x, here.start + change.start, ends + moved)
+        by_x = jnp.sum(slopes.start * change.start[:, None, :], axis=-1)
+        by_x = by_x + slopes.span * change.span[:, None] + slopes.t0 * change.t0[:, None]
+        by_x = by_x + slopes.parameter * change.parameter[:, None]
+        errors = _errors(equations, x, here.start + change.start, ends + by_x)
         return errors, errors
 
     jacobian, value = jax.jacfwd(residual, has_aux=True)(x)
@@ -275,10 +245,10 @@ def linearised(equations: Equations, x: Array, here: Piece, ends: Array, slopes:
 
 
 def residual_at(equations: Equations, x: Array, rtol) -> Array:
-    """What does not close at x alone, differentiable in every number of the equations."""
+    """(m,) the residual at x, differentiable in every number of the equations."""
     here = pieces(equations, x)
     each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(equations.segments)]
-    ends = [_end(equations.scene, equations.make, piece, rtol).y1 for piece in each]
+    ends = [end_of(equations.scene, equations.make, piece, rtol).y1 for piece in each]
     return _errors(equations, x, here.start, jnp.stack(ends))
 
 
@@ -287,7 +257,7 @@ def _errors(equations: Equations, x: Array, starts: Array, ends: Array) -> Array
     scene = equations.scene_at(unknowns.parameter)
     system, closing = scene.system, equations.closing
     joints = jax.vmap(system.difference)(ends[:-1], starts[1:])
-    # Where bodies pass fast and near each other the rounding of a joint is that of its state.
+    # In a fast close encounter the rounding of a joint is relative to the size of its state.
     sizes = jax.lax.stop_gradient(jnp.maximum(jnp.abs(ends[:-1]).max(axis=1), 1.0))
     joints = (joints / sizes[:, None]).ravel()
     last = closing.miss(system, ends[-1], starts[0], unknowns.angle)

@@ -1,5 +1,6 @@
 """Find a periodic orbit near a guess: shooting with Newton's method."""
 
+import dataclasses
 import math
 from collections.abc import Callable, Sequence
 
@@ -7,30 +8,48 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import Scene, Status
+from jaxdyn import Scene
 from jaxdyn._checks import positive, whole
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import tolerances
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Hold
-from orbits.closing.given import checked_guess
+from orbits.closing.given import Problem, posed
 from orbits.motion import attracts, logarithmic_period
 from orbits.orbit import Orbit, Outcome, SearchError
 from orbits.shooting import newton
 from orbits.shooting.cuts import SEGMENTS_MOST, cut, needed, with_segments
-from orbits.shooting.equations import MAX_STEPS, Equations, size_and_speed
+from orbits.shooting.equations import Equations
+from orbits.shooting.outcomes import Trouble, outcome_of
 from orbits.shooting.retimed import retimed
 
 RTOL = 1e-14
 GOAL = 1e-12
-_ROUNDINGS = 64.0  # of the unit, in the course of one segment
-_NOISE = 4.0  # times what a rounding of the unknowns changes is what none of them can avoid
-_CLEAN = 0.1  # of the goal: where bodies that attract are followed in plain time, more is rounding
-_RECUTS = 6  # times at most that a motion is cut anew: more than double one to the most
-_STALE = 0.01  # of its period in logarithmic time by which an orbit has left what was cut
-_NEARLY = 1e-6  # a residual at which Newton's method stalls only for rounding
-_ESCAPE = 100.0  # times the guess's size is a run-away
-_TRIVIAL = 0.02  # of the guessed period, or of its path length, is a trivial solution
+#: Of the goal: where bodies attract each other and are followed in plain time, a residual above it
+#: is rounding that a finer cut makes smaller.
+_CLEAN_SHARE = 0.1
+#: Times that a motion is cut anew at most: more than doublings from one segment to the most.
+_RECUTS_MOST = 6
+#: Largest relative difference of two spans of logarithmic time of the same motion.
+_SPAN_MISMATCH = 0.01
+#: Residual below which Newton's method stalls for no other reason than rounding.
+_ROUNDING_STALLS = 1e-6
+
+
+@dataclasses.dataclass(frozen=True)
+class Effort:
+    """How accurately and for how long an orbit is looked for; see `find`."""
+
+    goal: float
+    rtol: float
+    max_iterations: int
+    report: Callable[[newton.Iteration], None]
+
+    def check(self) -> None:
+        """Raise ValueError unless goal > 0, 0 < rtol < 1 and max_iterations >= 0."""
+        positive("goal", self.goal, "It is the largest closing error of an orbit.")
+        tolerances(self.rtol, None)  # jitted code cannot raise
+        whole("max_iterations", self.max_iterations, least=0)
 
 
 def find(
@@ -87,103 +106,136 @@ def find(
       >>> round(eight.period, 6)
       6.325914
     """
-    closings = tuple(closing) if isinstance(closing, list | tuple) else (closing,)
-    given = checked_guess(scene, y0, period, lower, upper, closings, hold)
-    guess, lower, upper = given.guess, given.lower, given.upper
-    positive("goal", goal, "It is the largest closing error of an orbit.")
-    tolerances(rtol, None)  # refuses what is none; inside jit it could not
-    whole("max_iterations", max_iterations, least=0)
-    scene = scene.starting(guess[:-1], guess[-1])
-    closing, angle = _nearest(scene, closings, rtol)
-    equations = Equations(scene, closing, given.conditions, driven=given.driven)
-    cuts = cut(equations, guess, rtol, segments, angle)
-    x = cuts.spread(guess[:-1], guess[-1], rtol, angle)
-    x = retimed(cuts, x, *cuts.bounds(lower, upper), goal, rtol)
-    orbit = _solved(cuts, x, lower, upper, goal, rtol, max_iterations, report)
-    for _ in range(0 if segments else _RECUTS):
-        if cuts.segments >= SEGMENTS_MOST or not _rough(orbit, cuts, goal):
-            break
-        # Near encounters inside a segment magnify rounding: shorter ones, from where it stalled,
-        # and cut along the guess for as long as the orbit is near it.
-        left = cuts.s_period is not None and _elsewhere(orbit.s_period, cuts.s_period)
-        here = np.append(orbit.y0, orbit.period) if left else guess
-        finer = with_segments(equations, here, rtol, needed(equations, here, rtol))
-        if finer.segments <= cuts.segments and not _elsewhere(finer.s_period, cuts.s_period):
-            finer = with_segments(equations, here, rtol, min(2 * cuts.segments, SEGMENTS_MOST))
-        cuts = finer
-        x = cuts.spread(orbit.y0, orbit.period, rtol, orbit.angle)
-        again = _solved(cuts, x, lower, upper, goal, rtol, max_iterations, report)
-        if orbit.ok and not (again.ok and again.residual < orbit.residual):
-            break
-        orbit = eqx.tree_at(lambda o: o.iterations, again, orbit.iterations + again.iterations)
+    problem = posed(
+        scene, y0=y0, period=period, lower=lower, upper=upper, closing=closing, hold=hold
+    )
+    effort = Effort(goal=goal, rtol=rtol, max_iterations=max_iterations, report=report)
+    effort.check()
+    nearest, angle = _nearest(problem, rtol)
+    equations = Equations(
+        scene=problem.scene,
+        closing=nearest,
+        conditions=problem.conditions,
+        driven=problem.driven,
+    )
+    orbit = _closed(problem, equations, angle, segments, effort)
     if throw and not orbit.ok:
         raise SearchError(orbit.message)
-    shift = np.abs(scene.system.difference(orbit.y0, scene.y0)).max()
+    shift = np.abs(scene.system.difference(orbit.y0, problem.scene.y0)).max()
     return eqx.tree_at(lambda o: o.shift, orbit, float(shift))
 
 
-def _rough(orbit: Orbit, cuts: Equations, goal: float) -> bool:
-    """Whether rounding is what is left, and may become less."""
+def _closed(
+    problem: Problem, equations: Equations, angle: float, segments: int | None, effort: Effort
+) -> Orbit:
+    """The orbit near the guess, in as many segments as rounding calls for."""
+    guess, rtol = problem.guess, effort.rtol
+    cuts = cut(equations, guess, rtol, segments, angle)
+    x = cuts.spread(guess[:-1], guess[-1], rtol, angle=angle)
+    lower, upper = cuts.bounds(problem.lower, problem.upper)
+    x = retimed(cuts, x, lower=lower, upper=upper, goal=effort.goal, rtol=rtol)
+    orbit = _solved(cuts, x, problem, effort)
+    for _ in range(0 if segments else _RECUTS_MOST):
+        if cuts.segments >= SEGMENTS_MOST or not _gains_from_cutting(orbit, cuts, effort.goal):
+            break
+        cuts = _finer(equations, cuts, guess, orbit, rtol)
+        x = cuts.spread(orbit.y0, orbit.period, rtol, angle=orbit.angle)
+        again = _solved(cuts, x, problem, effort)
+        if orbit.ok and not (again.ok and again.residual < orbit.residual):
+            break
+        orbit = eqx.tree_at(lambda o: o.iterations, again, orbit.iterations + again.iterations)
+    return orbit
+
+
+def _finer(
+    equations: Equations, cuts: Equations, guess: np.ndarray, orbit: Orbit, rtol: float
+) -> Equations:
+    """More segments: near encounters inside a segment amplify rounding.
+
+    They are cut along the guess as long as the orbit is near it, else along the orbit.
+    """
+    left = cuts.s_period is not None and _other_motion(orbit.s_period, cuts.s_period)
+    here = np.append(orbit.y0, orbit.period) if left else guess
+    finer = with_segments(equations, here, rtol, needed(equations, here, rtol))
+    if finer.segments <= cuts.segments and not _other_motion(finer.s_period, cuts.s_period):
+        finer = with_segments(equations, here, rtol, min(2 * cuts.segments, SEGMENTS_MOST))
+    return finer
+
+
+def _gains_from_cutting(orbit: Orbit, cuts: Equations, goal: float) -> bool:
+    """Whether the residual is rounding that more segments may make smaller."""
     if not orbit.ok:
-        return orbit.outcome == Outcome.NO_DESCENT and orbit.residual < _NEARLY
-    if orbit.residual <= _CLEAN * goal:
+        return orbit.outcome == Outcome.NO_DESCENT and orbit.residual < _ROUNDING_STALLS
+    if orbit.residual <= _CLEAN_SHARE * goal:
         return False
     if cuts.s_period is None:
         return attracts(orbit.scene)
-    return _elsewhere(orbit.s_period, cuts.s_period)
+    return _other_motion(orbit.s_period, cuts.s_period)
 
 
-def _elsewhere(a: float | None, b: float | None) -> bool:
+def _other_motion(a: float | None, b: float | None) -> bool:
     """Whether two spans of logarithmic time are those of different motions."""
-    return a is not b if a is None or b is None else abs(a / b - 1) > _STALE
+    return a is not b if a is None or b is None else abs(a / b - 1) > _SPAN_MISMATCH
 
 
-def _solved(
-    equations: Equations,
-    x: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    goal: float,
-    rtol: float,
-    max_iterations: int,
-    report: Callable[[newton.Iteration], None],
-) -> Orbit:
-    """Newton's method on closing equations from a point x on."""
-    low, high = equations.bounds(lower, upper)
-    trouble = _Trouble(equations, x)
+def _solved(equations: Equations, x: np.ndarray, problem: Problem, effort: Effort) -> Orbit:
+    """Newton's method on the closing equations, from a point x on."""
+    lower, upper = equations.bounds(problem.lower, problem.upper)
+    trouble = Trouble(equations, x)
 
     def evaluated(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found = equations(x, rtol)
+        found = equations(x, effort.rtol)
         return np.asarray(found.residual), np.asarray(found.jacobian)
 
     result = newton.solve(
         evaluated,
         x,
-        lower=low,
-        upper=high,
-        goal=goal,
-        max_iterations=max_iterations,
+        lower=lower,
+        upper=upper,
+        goal=effort.goal,
+        max_iterations=effort.max_iterations,
         keep_going=lambda x: trouble(x) is None,
-        report=report,
+        report=effort.report,
     )
-    outcome = _outcome(equations, result, trouble, rtol)
-    residual = float(np.max(np.abs(result.residual)))
-    return orbit_at(equations, result.x, residual, outcome, result.iterations, rtol)
+    return orbit_at(
+        equations,
+        result.x,
+        residual=float(np.max(np.abs(result.residual))),
+        outcome=outcome_of(equations, result, trouble, effort.rtol),
+        iterations=result.iterations,
+        rtol=effort.rtol,
+    )
 
 
-def orbit_at(equations: Equations, x, residual: float, outcome: Outcome, iterations: int, rtol):
-    """The orbit that x stands for."""
+def orbit_at(
+    equations: Equations,
+    x: np.ndarray,
+    *,
+    residual: float,
+    outcome: Outcome,
+    iterations: int,
+    rtol: float,
+) -> Orbit:
+    """The orbit at a point x of the unknowns."""
     unknowns = equations.unpack(x)
     scene = equations.scene_at(unknowns.parameter)
     scene = scene.starting(equations.start(jnp.asarray(x)), unknowns.period)
-    angle = float(unknowns.angle)
-    # Not that of the equations, which is the one of the motion that was cut.
-    s_period = None if equations.s_spans is None else logarithmic_period(scene)
-    return Orbit(scene, equations.closing, residual, outcome, iterations, rtol, angle, s_period)
+    return Orbit(
+        scene=scene,
+        closing=equations.closing,
+        residual=residual,
+        outcome=outcome,
+        iterations=iterations,
+        rtol=rtol,
+        angle=float(unknowns.angle),
+        # Not the span of the equations, which is that of the motion that was cut.
+        s_period=None if equations.s_spans is None else logarithmic_period(scene),
+    )
 
 
-def _nearest(scene: Scene, closings: tuple[Closing, ...], rtol) -> tuple[Closing, float]:
+def _nearest(problem: Problem, rtol) -> tuple[Closing, float]:
     """The closing that the guess misses least, and its best angle."""
+    scene, closings = problem.scene, problem.closings
     if len(closings) == 1 and not closings[0].turns:
         return closings[0], 0.0
     best = (math.inf, closings[0], 0.0)
@@ -195,63 +247,3 @@ def _nearest(scene: Scene, closings: tuple[Closing, ...], rtol) -> tuple[Closing
         if error < best[0]:
             best = (error, closing, angle)
     return best[1:]
-
-
-class _Trouble:
-    """Whether an iterate is on its way to a solution that is none."""
-
-    def __init__(self, equations: Equations, guess: np.ndarray):
-        self.equations = equations
-        self.period = guess[-1]
-        self.size, self.path = self._size_and_path(guess)
-
-    def __call__(self, x: np.ndarray) -> Outcome | None:
-        size, path = self._size_and_path(x)
-        # A guess of zeros has no size to compare with.
-        if size > _ESCAPE * self.size > 0:
-            return Outcome.ESCAPE
-        if self.equations.driven:  # the period is the drive's, and rest is an orbit like others
-            return None
-        if x[-1] < _TRIVIAL * self.period or path <= _TRIVIAL * self.path:
-            return Outcome.TRIVIAL
-        return None
-
-    def _size_and_path(self, x: np.ndarray) -> tuple[float, float]:
-        size, speed = size_and_speed(self.equations, x)
-        return float(size), float(speed) * x[-1]
-
-
-def _outcome(
-    equations: Equations, result: newton.Result, trouble: _Trouble, rtol: float
-) -> Outcome:
-    if not np.isfinite(result.residual).all():
-        # Without tangents, which blow up sooner and hide why the motion itself ends.
-        x = equations.unpack(result.x)
-        scene = equations.scene_at(x.parameter).starting(equations.start(result.x))
-        part = x.period / equations.closing.parts
-        status = solve(scene, part, rtol=rtol, max_steps=MAX_STEPS).status
-        return Outcome.STEP_LIMIT if int(status) == Status.STEP_LIMIT else Outcome.COLLISION
-    outcome = trouble(result.x)
-    if outcome is not None:
-        return outcome
-    if result.converged:
-        return Outcome.FOUND
-    if result.at_bound:
-        return Outcome.BOUND
-    if result.limit:
-        return Outcome.ITERATION_LIMIT
-    return Outcome.FOUND if _at_floor(equations, result, rtol) else Outcome.NO_DESCENT
-
-
-def _at_floor(equations: Equations, result: newton.Result, rtol: float) -> bool:
-    """Whether what is left is rounding, grown over the segments: no goal below it can be met."""
-    if equations.segments < SEGMENTS_MOST:
-        return False
-    left, unit = np.abs(result.residual).max(), np.finfo(float).eps
-    growth = np.linalg.norm(equations(result.x, rtol).transitions, axis=(1, 2)).max()
-    if left <= _ROUNDINGS * unit * growth:
-        return True
-    # An encounter inside a segment magnifies more: what does a rounding of all numbers change?
-    signs = np.where(np.arange(len(result.x)) % 2, 1.0, -1.0)
-    moved = equations(result.x * (1 + unit * signs), rtol).residual
-    return bool(left <= _NOISE * np.abs(moved - result.residual).max())

@@ -1,36 +1,47 @@
 """Newton's method for residuals whose Jacobian is rank deficient by nature, within bounds.
 
-Closing conditions have a kernel: an orbit may be shifted in time, moved, turned, scaled, and
-still closes. Of all steps that solve the linearised equations we take the shortest (by singular
-values, dropping those that are rounding), so the iteration ends near where it began, and damp
-it so that the residual falls: full steps from a rough guess wander off to other orbits or to
-the trivial one.
+The solutions of closing conditions are not isolated: an orbit may be shifted in time, translated,
+turned or scaled, and still closes. Of all steps that solve the linearised equations the shortest
+is taken (from a singular value decomposition without the singular values that are rounding), so
+that the iteration ends near where it began. Steps are damped so that the norm of the residual
+decreases: full steps from a rough guess lead to other orbits or to trivial ones.
 
-The last stage is always Newton on the vector of residuals. Descent on its square loses half of
-the digits: at a closing error of 1e-8 the square is at the rounding level already.
+The last stage is always Newton's method on the residual itself. Descent on its square loses half
+of the digits: at a closing error of 1e-8 the square is at the rounding level already.
 """
 
 import dataclasses
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
-#: Singular values below this share of the largest are the kernel, where the residual is not
-#: small. The smallest true one of the figure-eight is 1e-3 of the largest, those of unstable
-#: orbits cut into segments are far smaller; those of the kernel fall with the residual.
+#: Singular values below this share of the largest span the kernel, unless the residual is small.
+#: The smallest true one of the figure-eight is 1e-3 of the largest, those of unstable orbits cut
+#: into segments are far smaller; those of the kernel decrease with the residual.
 RANK_TOLERANCE = 1e-7
-_RANK_FLOOR = 1e-11  # the kernel's singular values are rounding at last
-_DAMPING_START = 0.1  # of the residual; from 0.01 on, rough guesses end anywhere
+#: Relative: the same at the end of the iteration, where singular values of the kernel are rounding.
+_RANK_TOLERANCE_LEAST = 1e-11
+#: First damping, in units of the residual's norm; with 0.01 rough guesses end on distant orbits.
+_DAMPING_START = 0.1
 _DAMPING_GROW, _DAMPING_SHRINK = 4.0, 0.25
 _DAMPING_MAX = 1e8
-_STALLED = 2  # steps without progress that mean the rounding level
-_NOISY = (
-    4  # tries in which rounding shows, one shorter than the other: what it hides may still help
-)
-_SHORTER = 0.5  # of a step that was refused: less of a change is not worth a try
-_CRAWL = 0.1  # of the residual: where a whole Newton step near a solution leaves more, it rounds
-_WORTH = 0.3  # of the residual: where a step below the goal leaves more, it is mostly rounding
-_NEARLY = 1e-6  # a residual below which misfits of the linear model may be rounding
+#: Consecutive steps without progress after which the residual counts as rounding.
+_STALLED_STEPS = 2
+#: Consecutive refused steps, each at most half as long as the one before, whose misfits show
+#: rounding: fewer would end iterations that rounding only slows down.
+_NOISY_STEPS = 4
+#: A step is at most this fraction of the refused step before it; longer ones would fail as well.
+_SHORTER = 0.5
+#: A step near a solution that leaves a larger share of the residual than this makes no progress.
+_SHARE_LEFT = 0.1
+#: The same below the goal, where part of what is left is rounding.
+_SHARE_LEFT_SOLVED = 0.3
+#: Below this residual, misfits of the linear model may be rounding.
+_ROUNDING_SHOWS = 1e-6
+
+#: x (n,) -> residual (m,) and Jacobian (m, n); NaN where there is no value.
+Residual = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,21 +66,31 @@ class Result:
     limit: bool
 
 
-@dataclasses.dataclass(frozen=True)
-class _Refused:
-    """A step that was tried and not taken: its length, and what the linear model missed."""
+class _Point(NamedTuple):
+    """An iterate; `factors` may be those of an earlier one."""
+
+    x: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+    factors: tuple[np.ndarray, np.ndarray, np.ndarray] | None
+
+
+class _Refused(NamedTuple):
+    """A step that was tried and refused: its length, and the misfit of the linear model."""
 
     step: float
     misfit: float
 
 
-Equations = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+class _Bounds(NamedTuple):
+    lower: np.ndarray
+    upper: np.ndarray
 
 
-# Residuals near the largest floats: their squares are infinite, and no step is better.
+# Squares of residuals near the largest floats overflow to infinity, and no step is accepted.
 @np.errstate(over="ignore", invalid="ignore")
 def solve(
-    equations: Equations,
+    equations: Residual,
     x: np.ndarray,
     *,
     lower: np.ndarray,
@@ -82,72 +103,87 @@ def solve(
     """The point near x, within the bounds, where the residual is smallest.
 
     Args:
-      equations: x -> residual (m,) and Jacobian (m, n); NaN where there is no value.
+      equations: the residual and its Jacobian.
       x: (n,) start; the last entry is the period, for the report.
       lower: (n,) lower bounds.
       upper: (n,) upper bounds.
-      goal: largest entry of the residual that counts as solved. The iteration goes on below
-        it while that still helps, to the rounding level.
-      max_iterations: steps at most, refused ones not counted.
-      keep_going: false stops the iteration at an accepted point (a run-away).
+      goal: largest entry of the residual of a solution. The iteration continues below it, down
+        to the rounding level, as long as it makes progress.
+      max_iterations: largest number of accepted steps.
+      keep_going: called with each accepted point; False ends the iteration.
       report: called after each accepted step.
     """
+    bounds = _Bounds(lower, upper)
     residual, jacobian = equations(x)
-    factors = _factors(jacobian)
-    report(Iteration(0, _size(residual), x[-1], 0.0))
-    best, stalled, accepted = x, 0, 0
-    best_residual = residual
-    damping = _DAMPING_START
-    refused: _Refused | None = None
-    noisy = 0
-    while accepted < max_iterations and _finite(residual, jacobian):
-        step = _step(residual, jacobian, factors, x, lower, upper, damping * _norm(residual))
-        while refused and _norm(step) > _SHORTER * refused.step and damping <= _DAMPING_MAX:
+    point = _Point(x=x, residual=residual, jacobian=jacobian, factors=_factors(jacobian))
+    report(Iteration(index=0, residual=_size(residual), period=x[-1], step=0.0))
+    best, stalled, accepted = point, 0, 0
+    damping, refused, noisy = _DAMPING_START, None, 0
+    while accepted < max_iterations and _finite(point.residual, point.jacobian):
+        step, damping = _damped(point, bounds, damping, refused)
+        new = np.clip(point.x + step, lower, upper)
+        residual, jacobian = equations(new)
+        solved = _size(point.residual) <= goal
+        falls = _norm(residual) < (2.0 if solved else 1.0) * _norm(point.residual)
+        if not (falls and _finite(jacobian)):
             damping *= _DAMPING_GROW
-            step = _step(residual, jacobian, factors, x, lower, upper, damping * _norm(residual))
-        new = np.clip(x + step, lower, upper)
-        new_residual, new_jacobian = equations(new)
-        solved = _size(residual) <= goal
-        falls = _norm(new_residual) < (2.0 if solved else 1.0) * _norm(residual)
-        if not (falls and _finite(new_jacobian)):
-            damping *= _DAMPING_GROW
-            misfit = _norm(new_residual - residual - jacobian @ (new - x))
-            if solved or damping > _DAMPING_MAX or np.array_equal(new, x):
+            if solved or damping > _DAMPING_MAX or np.array_equal(new, point.x):
                 break
-            # What is not linear falls with the square of a step; rounding stays.
+            misfit = _norm(residual - point.residual - point.jacobian @ (new - point.x))
+            # The nonlinear part decreases with the square of the step; rounding does not.
             rounding = refused is not None and misfit > _SHORTER * refused.misfit
-            noisy = noisy + 1 if rounding and _size(residual) < _NEARLY else 0
-            if noisy >= _NOISY:
+            noisy = noisy + 1 if rounding and _size(point.residual) < _ROUNDING_SHOWS else 0
+            if noisy >= _NOISY_STEPS:
                 break
             refused = _Refused(_norm(step), misfit)
             continue
         refused, noisy = None, 0
         damping *= _DAMPING_SHRINK
         accepted += 1
-        x, residual, jacobian = new, new_residual, new_jacobian
-        if not solved:  # what is left is rounding: the Jacobian does not change any more
-            factors = _factors(jacobian)
-        report(Iteration(accepted, _size(residual), x[-1], _norm(step)))
-        progress = _WORTH if solved else _CRAWL
-        near = _size(residual) < _NEARLY
-        stalled = stalled + 1 if near and _size(residual) > progress * _size(best_residual) else 0
-        if _size(best_residual) > goal or _size(residual) < _size(best_residual):
-            best, best_residual = x, residual
-        if not keep_going(x) or stalled >= _STALLED or not residual.any():
+        # At a solution the Jacobian changes no more.
+        factors = point.factors if solved else _factors(jacobian)
+        point = _Point(x=new, residual=residual, jacobian=jacobian, factors=factors)
+        size, least = _size(residual), _size(best.residual)
+        report(Iteration(index=accepted, residual=size, period=new[-1], step=_norm(step)))
+        progress = size <= (_SHARE_LEFT_SOLVED if solved else _SHARE_LEFT) * least
+        stalled = 0 if progress or size >= _ROUNDING_SHOWS else stalled + 1
+        if least > goal or size < least:
+            best = point
+        if not keep_going(new) or stalled >= _STALLED_STEPS or not residual.any():
             break
-    bounded = ((best <= lower) | (best >= upper)) & (lower < upper)  # not what is held fixed
+    return _result(best, bounds, goal, accepted, max_iterations)
+
+
+def _result(best: _Point, bounds: _Bounds, goal: float, accepted: int, most: int) -> Result:
+    lower, upper = bounds
+    # Entries that are held fixed do not count.
+    at_bound = ((best.x <= lower) | (best.x >= upper)) & (lower < upper)
     return Result(
-        best,
-        best_residual,
-        accepted,
-        converged=bool(_size(best_residual) <= goal),
-        at_bound=bool(bounded.any()),
-        limit=accepted >= max_iterations,
+        x=best.x,
+        residual=best.residual,
+        iterations=accepted,
+        converged=bool(_size(best.residual) <= goal),
+        at_bound=bool(at_bound.any()),
+        limit=accepted >= most,
     )
 
 
-def _step(residual, jacobian, factors, x, lower, upper, damping) -> np.ndarray:
-    """The shortest damped step; unknowns that it would push beyond a bound stay there."""
+def _damped(
+    point: _Point, bounds: _Bounds, damping: float, refused: _Refused | None
+) -> tuple[np.ndarray, float]:
+    """The damped step, clearly shorter than the one refused before it, and its damping."""
+    step = _step(point, bounds, damping)
+    while refused and _norm(step) > _SHORTER * refused.step and damping <= _DAMPING_MAX:
+        damping *= _DAMPING_GROW
+        step = _step(point, bounds, damping)
+    return step, damping
+
+
+def _step(point: _Point, bounds: _Bounds, damping: float) -> np.ndarray:
+    """The shortest damped step; unknowns that it would push beyond a bound end on the bound."""
+    x, residual, jacobian, factors = point
+    lower, upper = bounds
+    damping = damping * _norm(residual)
     free = np.ones(len(x), dtype=bool)
     step = np.zeros(len(x))
     for _ in range(len(x)):
@@ -167,13 +203,13 @@ def _step(residual, jacobian, factors, x, lower, upper, damping) -> np.ndarray:
 
 
 def _factors(jacobian: np.ndarray):
-    """Singular value decomposition, once for all the dampings that are tried; None for NaN."""
+    """Singular value decomposition, once for all dampings that are tried; None for NaN."""
     return np.linalg.svd(jacobian, full_matrices=False) if _finite(jacobian) else None
 
 
 def _shortest(residual, factors, damping) -> np.ndarray:
     u, s, vt = factors
-    tolerance = np.clip(10 * _norm(residual), _RANK_FLOOR, RANK_TOLERANCE)
+    tolerance = np.clip(10 * _norm(residual), _RANK_TOLERANCE_LEAST, RANK_TOLERANCE)
     kept = s > tolerance * s[0] if s.size else np.zeros(0, bool)
     s, u, vt = s[kept], u[:, kept], vt[kept]
     return -vt.T @ (s / (s * s + damping * damping) * (u.T @ residual))

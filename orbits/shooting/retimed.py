@@ -1,39 +1,49 @@
-"""A start that is periodic as it is: only the period is wanted.
+"""Guesses whose start is periodic already, so that only the period has to be found.
 
-Of the many members of a family Newton's method finds one near the guess; an error of the guessed
-period alone makes it move the start as well. Where the given start closes for some period near
-the guess, that is the orbit that was meant.
+Of the members of a family Newton's method finds one near the guess, and an error of the guessed
+period alone makes it change the start as well. Where the given start closes after a time near the
+guessed period, that orbit is the one that is wanted.
 """
 
 import numpy as np
 
 from orbits.shooting.equations import Equations
 
-_STEPS = 10  # at most; convergence is quadratic
-_ALONG = 0.7  # of the residual: if the start's neighbours must make up for more, it is not periodic
-_FAR = 2.0  # factor on the period from which on it is another orbit
+_STEPS_MOST = 10  # convergence is quadratic
+#: Share of the residual that may be left after a step of the period alone: more means that the
+#: start is not periodic.
+_SHARE_LEFT_MOST = 0.7
+_PERIOD_FACTOR_MOST = 2.0  # between the periods found and guessed
 
 
-@np.errstate(over="ignore")  # an energy of 1e300 is wanted: no step is allowed, see the bounds
-def retimed(equations: Equations, x: np.ndarray, lower, upper, goal: float, rtol: float):
-    """x with another period such that its start closes, or x itself if there is none near it.
+@np.errstate(over="ignore")  # of extreme conditions, e.g. an energy of 1e300; then x is returned
+def retimed(
+    equations: Equations,
+    x: np.ndarray,
+    *,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    goal: float,
+    rtol: float,
+) -> np.ndarray:
+    """x with the period after which its start closes, or x itself if there is none near it.
 
-    All but the start may change: with the period the states between segments and the angle of a
-    relative orbit. A start that is not periodic costs one integration, in which the residual is
-    seen not to lie along what may change.
+    Everything but the start may change: the period, the states between segments, the angle of a
+    relative orbit. A start that is not periodic costs one integration, after which the linearised
+    equations have no solution in these unknowns.
 
     Args:
-      equations: what must close, conditions included.
+      equations: the closing equations.
       x: (n,) the guess.
-      lower: (n,) bounds of x.
-      upper: (n,) bounds of x.
+      lower: (n,) lower bounds of x.
+      upper: (n,) upper bounds of x.
       goal: largest entry of the residual of an orbit.
       rtol: tolerance of the integrations.
     """
     free = np.arange(len(x)) >= len(equations.closing.free(len(equations.scene.y0)))
     free[-1] = not equations.driven
     new = x
-    for _ in range(_STEPS if free.any() else 0):
+    for _ in range(_STEPS_MOST if free.any() else 0):
         residual, jacobian, *_ = equations(new, rtol)
         if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
             break
@@ -41,10 +51,14 @@ def retimed(equations: Equations, x: np.ndarray, lower, upper, goal: float, rtol
             return new
         slopes = np.asarray(jacobian)[:, free]
         step = np.linalg.lstsq(slopes, -np.asarray(residual), rcond=None)[0]
-        if np.linalg.norm(residual + slopes @ step) > _ALONG * np.linalg.norm(residual):
+        if np.linalg.norm(residual + slopes @ step) > _SHARE_LEFT_MOST * np.linalg.norm(residual):
             break
         new = new.copy()
         new[free] += step
-        if not ((lower <= new) & (new <= upper)).all() or not 1 / _FAR < new[-1] / x[-1] < _FAR:
+        if not ((lower <= new) & (new <= upper)).all() or not _near(new[-1] / x[-1]):
             break
     return x
+
+
+def _near(factor: float) -> bool:
+    return 1 / _PERIOD_FACTOR_MOST < factor < _PERIOD_FACTOR_MOST

@@ -1,10 +1,10 @@
 """The directions in which an orbit's multipliers are forced to be 1.
 
-An integral I with gradient w has w M = w, a symmetry with generator g has M g = g. Candidates
-come from the scene (`analysis.energy.integrals`, shifts, turns) and from the flow, and are
-confirmed in two ways: by these equations on the monodromy matrix M itself, and by the vector field
-f at points off the orbit, where w f = 0 and g commutes with f. (Where M happens to be the unit
-matrix, as for an oscillator, the first alone would confirm everything.)
+An integral I with gradient w satisfies w M = w, a symmetry with generator g satisfies M g = g.
+Candidates come from the scene (`analysis.energy.integrals`, translations, rotations) and from the
+flow, and are confirmed in two ways: by these equations on the monodromy matrix M itself, and by the
+vector field f at points off the orbit, where w f = 0 and g commutes with f. (Where M is the unit
+matrix, as for an oscillator, the first test alone would confirm every candidate.)
 """
 
 import jax
@@ -15,22 +15,23 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn.analysis.energy import integrals
 
-#: A candidate integral or symmetry is confirmed if M keeps it to this relative error.
+#: Relative error to which M must preserve a candidate that is confirmed.
 CONFIRMED = 1e-7
-#: The vector field must keep it to this, off the orbit: rounding, as no integration is in it.
+#: The same for the vector field, off the orbit: rounding only, as nothing is integrated.
 _EXACT = 1e-12
-#: Relative: smaller singular values of a set of directions are rounding.
+#: Singular values of a set of directions below this share of the largest are rounding.
 RANK = 1e-7
-#: How far points off the orbit are, relative to each entry of the start. The nearer ones are there
-#: for scenes that are not defined everywhere (populations below 0): points with NaN are left out.
-_NEARBY = 0.1, 0.01, 0.001
-_LEAST_ENTRY = 0.01  # of the largest entry: smaller ones, 0 too, are moved as if they had this size
+#: Distances of the points off the orbit, relative to each entry of the start. The nearer ones serve
+#: scenes that are not defined everywhere (negative populations): points with NaN are left out.
+_DISTANCES_OFF = 0.1, 0.01, 0.001
+#: Of the largest entry of the start: the least size that an entry counts as.
+_LEAST_ENTRY = 0.01
 
 
 def kernel(
     scene: Scene, y0: np.ndarray, m: np.ndarray, basis: np.ndarray
 ) -> tuple[np.ndarray, list[str]]:
-    """Orthonormal basis (d, n) of the common kernel of the confirmed integrals' gradients."""
+    """Orthonormal basis (d, n) of the kernel of the confirmed integrals' gradients; their names."""
     rows, leaks = _integrals(scene, jnp.asarray(y0), _nearby(scene, y0))
     gradients, names = [np.zeros(len(m))], []
     for name, several in rows.items():
@@ -44,15 +45,15 @@ def kernel(
 
 
 def complement(scene: Scene, m: np.ndarray, kernel: np.ndarray, basis: np.ndarray):
-    """Orthonormal basis (d, p) of what is left of the kernel beside the confirmed symmetries."""
+    """Orthonormal basis (d, p) of the kernel without the confirmed symmetries; their names."""
     inside, names = [np.zeros(len(m))], []
     for name, g in symmetries(scene).items():
         g = basis.T @ g
         if _kept(m @ g - g, g, m):
             inside.append(g / np.linalg.norm(g))
             names.append(name)
-    # A symmetry may change an integral (a turn changes a momentum that is not zero): only the
-    # combinations that stay on the level set are directions of it.
+    # A symmetry may change an integral (a rotation changes a non-zero momentum): only the
+    # combinations that are tangent to the level set count.
     g = np.array(inside).T
     off = g - kernel @ (kernel.T @ g)
     _, s, vt = np.linalg.svd(off)
@@ -64,7 +65,7 @@ def complement(scene: Scene, m: np.ndarray, kernel: np.ndarray, basis: np.ndarra
 def symmetries(scene: Scene) -> dict[str, np.ndarray]:
     """Directions (k,) at the scene's start that commute with the vector field, the flow's first.
 
-    They are only judged by the vector field; a drive that depends on time breaks the flow's.
+    They are tested on the vector field alone. If it depends on time, the flow is not among them.
     """
     candidates, leaks = _symmetries(scene, scene.y0, _nearby(scene, np.asarray(scene.y0)))
     return {
@@ -82,16 +83,17 @@ def _rank(s: np.ndarray) -> int:
 
 
 def _nearby(scene: Scene, y0: np.ndarray) -> tuple[Array, Array]:
-    """A few times (p,) and states (p, k) in general position near the start."""
+    """Times (p,) and states (p, k) in general position near the start."""
     random = np.random.default_rng(0)
     size = np.maximum(np.abs(y0), _LEAST_ENTRY * np.abs(y0).max(initial=0.0))
-    noise = np.outer(_NEARBY, size) * random.standard_normal((len(_NEARBY), len(y0)))
-    ts = jnp.asarray(random.uniform(0.0, float(scene.t1), len(_NEARBY)))
+    count = len(_DISTANCES_OFF)
+    noise = np.outer(_DISTANCES_OFF, size) * random.standard_normal((count, len(y0)))
+    ts = jnp.asarray(random.uniform(0.0, float(scene.t1), count))
     return ts, jax.vmap(scene.system.project)(ts, jnp.asarray(y0 + noise))
 
 
 def _conserved(scene: Scene, t, y: Array) -> dict[str, Array]:
-    """Candidates for integrals: energy, momenta, and what is conjugate to each coordinate."""
+    """Candidates for integrals: energy, momenta, and the momentum conjugate to each coordinate."""
     found = integrals(scene, t, y)
     canonical = scene.system.canonical(t, y)
     if canonical is not None:
@@ -101,18 +103,18 @@ def _conserved(scene: Scene, t, y: Array) -> dict[str, Array]:
 
 
 def directions(scene: Scene, y: Array) -> dict[str, Array]:
-    """Candidates for symmetries: those of space about the system, and a shift of each entry."""
+    """Candidates for symmetries: those of space, and a shift of each entry of the state."""
     shifts = jnp.eye(len(y))
     names = (name for name, _ in scene.system.labels())
-    moved = {f"shift of {name}": shifts[i] for i, name in enumerate(names)}
-    return moved | scene.system.generators(y)
+    candidates = {f"shift of {name}": shifts[i] for i, name in enumerate(names)}
+    return candidates | scene.system.generators(y)
 
 
 @jax.jit
 def _integrals(scene: Scene, y0: Array, nearby: tuple[Array, Array]):
-    """Gradients at the start of the candidates for integrals, and how fast they change nearby.
+    """Gradients of the candidates for integrals at the start, and their rates of change nearby.
 
-    The change is relative to gradient times rate: 0 for an integral, up to 1 for anything else.
+    The rates are relative to gradient times vector field: 0 for an integral, at most 1.
     """
 
     def leak(t, y):
@@ -128,9 +130,9 @@ def _integrals(scene: Scene, y0: Array, nearby: tuple[Array, Array]):
 
 @jax.jit
 def _symmetries(scene: Scene, y0: Array, nearby: tuple[Array, Array]):
-    """Candidates for directions of symmetry at the start, and how far they fail to be nearby.
+    """Candidates for directions of symmetry at the start, and their commutators nearby.
 
-    That is the commutator with the vector field, relative to the sizes of its two terms.
+    The commutators with the vector field are relative to the sizes of their two terms.
     """
 
     def leak(t, y):

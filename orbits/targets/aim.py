@@ -14,6 +14,7 @@ drag the angle falls like log(u^2) / u instead (`jaxdyn.scenes.ballistics`).
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -141,12 +142,27 @@ def hit(scene: Scene, x, speed) -> Hits:
     elif not len(angles) and outcome == Aim.FOUND:
         i = int(np.nanargmin(np.abs(ranges - x)))
         return _missed(x, speed, Aim.OUT_OF_REACH, abs(ranges[i] - x), angle_of(ends[i]))
-    return Hits(x, speed, angles, times, 0.0 if len(angles) else np.nan, np.nan, outcome)
+    return Hits(
+        x=x,
+        speed=speed,
+        angles=angles,
+        times=times,
+        short=0.0 if len(angles) else np.nan,
+        nearest=np.nan,
+        outcome=outcome,
+    )
 
 
 def _missed(x: float, speed: float, outcome: Aim, short=np.nan, nearest=np.nan) -> Hits:
-    none = np.zeros(0)
-    return Hits(x, speed, none, none, float(short), float(nearest), outcome)
+    return Hits(
+        x=x,
+        speed=speed,
+        angles=np.zeros(0),
+        times=np.zeros(0),
+        short=float(short),
+        nearest=float(nearest),
+        outcome=outcome,
+    )
 
 
 def farthest(scene: Scene, speed) -> Throws:
@@ -226,8 +242,15 @@ def _throws(scene: Scene, w, speeds: np.ndarray, outcome: np.ndarray) -> Throws:
     # What is not found is thrown straight up for its place in the row.
     end = landings(scene, np.where(found, w, 0.0), np.where(found, speeds, 1.0))
     down = np.arctan2(-end.vy, end.vx)
-    return Throws(speeds, angle_of(w), one * end.x, one * end.t, one * down, outcome)
+    return Throws(
+        speed=speeds,
+        angle=angle_of(w),
+        x=one * end.x,
+        t=one * end.t,
+        landing=one * down,
+        outcome=outcome,
+    )
 
 
 def _single(throws: Throws) -> Throws:
-    return Throws(*(getattr(throws, name)[0] for name in Throws.__dataclass_fields__))
+    return jax.tree.map(lambda column: column[0], throws)

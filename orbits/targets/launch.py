@@ -102,7 +102,7 @@ def _pull(scene: Scene) -> Array:
 def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
     speed = jnp.exp(log_speed)
     fall, units = jax.lax.stop_gradient(_scales(scene, w, speed, rtol))
-    system = Thrown(scene.system, scene.y0[:2], w, units)
+    system = Thrown(system=scene.system, origin=scene.y0[:2], course=w, units=units)
     start = jnp.zeros(4).at[2].set(speed / units.speeds(jnp.zeros(()))[0])
     patience = jax.lax.stop_gradient(_PATIENCE * speed / _pull(scene))
     longest = jnp.where(jnp.isfinite(fall.settled), fall.settled, patience)
@@ -110,7 +110,7 @@ def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
     down = Down(w, units.lengths)
     stop = events.until(throw, down, longest, rtol=rtol, atol=rtol, max_steps=_STEPS)
     landed = stop.event >= 0
-    r, v = system.moved(stop.t, stop.y)
+    r, v = system.position_and_velocity(stop.t, stop.y)
     end = fallen(scene, w, stop.t, r, v)
     falls = ~landed & jnp.isfinite(fall.settled)
     c, s = direction(w)
@@ -151,7 +151,7 @@ def _compiled(scene: Scene, w: Array, log_speed: Array, rtol: Array) -> Landings
             return value, (value, *rest)
 
         dx, (value, t, vx, vy, status) = jax.jacfwd(x, has_aux=True)(jnp.stack(throw))
-        return Landings(value, t, dx, vx, vy, status)
+        return Landings(x=value, t=t, dx=dx, vx=vx, vy=vy, status=status)
 
     # One after the other: each takes its own steps, in one folded loop.
     return jax.lax.map(one, (w, log_speed))

@@ -76,7 +76,13 @@ def least(n) -> Least:
     low = np.where(moves, np.minimum(circle, line), 0.0)
     # Strictly between the limits, but for the two laws where they are one.
     turns = np.where(circle == line, np.round(count * low), np.floor(count * low) + 1)
-    return Least(n, count, np.where(moves, turns, 0).astype(int), circle, line)
+    return Least(
+        n=n,
+        loops=count,
+        turns=np.where(moves, turns, 0).astype(int),
+        circle=circle,
+        line=line,
+    )
 
 
 def closed(law: CentralForce, turns: int, loops: int, *, r=1.0, m=1.0) -> Orbit:

@@ -95,7 +95,7 @@ def fallen(scene: Scene, w: Array, t: Array, r: Array, v: Array) -> End:
     lost = ~(jnp.linalg.norm(off) <= size)
     lost = lost | ~(jnp.abs(gains).max() <= _STEADY * jnp.linalg.norm(slope @ steady))
     left = jnp.where(comes & ~lost, left, jnp.nan)
-    return End(t + left, r + steady * left, steady + 0.0 * left, lost)
+    return End(t=t + left, r=r + steady * left, v=steady + 0.0 * left, lost=lost)
 
 
 def acceleration(scene: Scene, velocity: Array, place=0.0, t=0.0) -> Array:

@@ -56,11 +56,11 @@ class Thrown(System):
 
     def state(self, t: Array, z: Array) -> Array:
         """(4,) state of the point itself."""
-        r, v = self.moved(t, z)
+        r, v = self.position_and_velocity(t, z)
         c, s = direction(self.course)
         return jnp.concatenate([turned(r, c, s) + self.origin, turned(v, c, s)])
 
-    def moved(self, t: Array, z: Array) -> tuple[Array, Array]:
+    def position_and_velocity(self, t: Array, z: Array) -> tuple[Array, Array]:
         """(2,) the way it has come, and (2,) its velocity, both along its launch and across."""
         r, v = z.reshape(2, 2)
         return r * self.units.lengths, v * self.units.speeds(t)

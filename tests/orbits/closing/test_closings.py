@@ -140,8 +140,11 @@ def test_segments_are_chosen_by_growth():
     [
         (orbits.relative("turn in zz"), "turn: expected one of"),
         (orbits.reversal(orbits.of_points([1, 0, 2], (1, 1))), "time reversals that undo"),
-        (orbits.Return(EULER), "a symmetry that keeps the sense of time"),
-        (orbits.reversal(orbits.backwards(12)), "a start that the time reversal of 'reversal'"),
+        (orbits.Return(EULER), "a symmetry that keeps the direction of time"),
+        (
+            orbits.reversal(orbits.backwards(12)),
+            "a start in the fixed set of the time reversal of 'reversal'",
+        ),
         (orbits.Return(orbits.Symmetry(None, (1, -1))), "closing: expected 12 signs"),
         ("choreography", "closing: expected"),
     ],

@@ -213,7 +213,7 @@ def test_rounding_of_another_machine_is_no_edit(edited):
         (("closing", "parts"), 0, "closing: expected at least one part of a period, got 0"),
         (("closing", "parts"), 2.5, "closing.parts: expected int, got 2.5"),
         (("closing", "name"), ["x"], "closing.name: expected str"),
-        (("closing", "symmetry", "places"), [0] * 12, "closing: expected a rearrangement"),
+        (("closing", "symmetry", "places"), [0] * 12, "closing: expected a permutation"),
         (("closing", "symmetry", "places"), ["a"], "closing.symmetry.places: expected tuple"),
         (("closing", "symmetry", "signs"), [2] * 12, "closing: expected 12 signs"),
         (("closing", "symmetry"), None, "file: expected a complete orbit"),

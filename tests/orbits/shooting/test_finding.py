@@ -15,7 +15,7 @@ import orbits
 from jaxdyn import Effect, Scene, effects, scenes
 from jaxdyn.formulations.newton import FreePoints
 from orbits import Outcome
-from orbits.shooting import equations
+from orbits.shooting import equations, pieces
 
 
 class Spring(Effect):
@@ -120,21 +120,21 @@ def test_the_direction_round_the_ring_is_the_guesses(order):
 
 def test_new_numbers_never_compile_again(cycle):
     # A direct count: the one compiled function of the finder.
-    before = equations.flow._cache_size()
+    before = pieces.linearised_end._cache_size()
     for mu, y0, period in ((1.0, [2.0, 0.0], 6.6), (0.9, [1.9, 0.1], 6.5), (1.1, [2, 0.2], 6.7)):
         assert orbits.find(van_der_pol(mu), y0, period).ok
-    assert equations.flow._cache_size() == before
+    assert pieces.linearised_end._cache_size() == before
 
 
 def test_new_masses_never_compile_again():
     orbits.find(scenes.three_body(), closing=orbits.choreography(3))
-    before = equations.flow._cache_size()
+    before = pieces.linearised_end._cache_size()
     slow = np.sqrt(2.0)  # twice the mass: the same curve, faster
     y0 = np.array(scenes.EIGHT) * np.repeat([1.0, slow], 6)
     scene = scenes.three_body(y0, m=(2.0, 2.0, 2.0), t1=scenes.EIGHT_PERIOD / slow)
     orbit = orbits.find(scene, closing=orbits.choreography(3)[1])
     assert abs(orbit.period * slow - scenes.EIGHT_PERIOD) < 1e-6
-    assert equations.flow._cache_size() == before
+    assert pieces.linearised_end._cache_size() == before
 
 
 def test_bounds_hold_for_every_point_looked_at(monkeypatch):
@@ -272,7 +272,7 @@ MISUSE = [
     ({"goal": 0.0}, "goal: expected > 0, got 0.0"),
     ({"goal": np.nan}, "goal: expected finite numbers, got nan"),
     ({"rtol": -1e-9}, "rtol: expected between 1e-16 and 0.01, got -1e-09"),
-    ({"closing": orbits.choreography(3)}, "closing: expected a rearrangement of the 2 entries"),
+    ({"closing": orbits.choreography(3)}, "closing: expected a permutation of the 2 entries"),
     ({"closing": ()}, "closing: expected at least one closing condition, got none"),
     (
         {"closing": orbits.Return(parts=0)},

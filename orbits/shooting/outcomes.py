@@ -1,0 +1,81 @@
+"""How an iteration ended: at an orbit, at a trivial solution, at the rounding level, or early."""
+
+import numpy as np
+
+from jaxdyn import Status
+from jaxdyn.integrate.simulation import solve
+from orbits.orbit import Outcome
+from orbits.shooting.cuts import SEGMENTS_MOST
+from orbits.shooting.equations import Equations, size_and_speed
+from orbits.shooting.newton import Result
+from orbits.shooting.pieces import MAX_STEPS
+
+#: Roundings made over one segment, in units of the machine epsilon.
+_SEGMENT_ROUNDINGS = 64.0
+#: A residual up to this many times what rounding all unknowns changes cannot be made smaller.
+_ROUNDING_FACTOR = 4.0
+#: A start this many times larger than the guess's: everything closes where nothing moves.
+_ESCAPE_FACTOR = 100.0
+#: Of the guessed period, and of the path covered in it: shorter is a trivial solution.
+_TRIVIAL_SHARE = 0.02
+
+
+class Trouble:
+    """Tells whether an iterate approaches a trivial solution or diverges."""
+
+    def __init__(self, equations: Equations, guess: np.ndarray):
+        """Compare iterates with the unknowns (n,) of a guess."""
+        self.equations = equations
+        self.period = guess[-1]
+        self.size, self.path = self._size_and_path(guess)
+
+    def __call__(self, x: np.ndarray) -> Outcome | None:
+        """The outcome of an iteration that ends at x; None where nothing is wrong with x."""
+        size, path = self._size_and_path(x)
+        # A guess of zeros has no size to compare with.
+        if size > _ESCAPE_FACTOR * self.size > 0:
+            return Outcome.ESCAPE
+        if self.equations.driven:  # its period is that of the drive, and rest is a regular orbit
+            return None
+        if x[-1] < _TRIVIAL_SHARE * self.period or path <= _TRIVIAL_SHARE * self.path:
+            return Outcome.TRIVIAL
+        return None
+
+    def _size_and_path(self, x: np.ndarray) -> tuple[float, float]:
+        size, speed = size_and_speed(self.equations, x)
+        return float(size), float(speed) * x[-1]
+
+
+def outcome_of(equations: Equations, result: Result, trouble: Trouble, rtol: float) -> Outcome:
+    """How Newton's method on the closing equations ended."""
+    if not np.isfinite(result.residual).all():
+        # Without tangents: those overflow earlier, which hides why the motion itself ends.
+        x = equations.unpack(result.x)
+        scene = equations.scene_at(x.parameter).starting(equations.start(result.x))
+        part = x.period / equations.closing.parts
+        status = solve(scene, part, rtol=rtol, max_steps=MAX_STEPS).status
+        return Outcome.STEP_LIMIT if int(status) == Status.STEP_LIMIT else Outcome.COLLISION
+    outcome = trouble(result.x)
+    if outcome is not None:
+        return outcome
+    if result.converged:
+        return Outcome.FOUND
+    if result.at_bound:
+        return Outcome.BOUND
+    if result.limit:
+        return Outcome.ITERATION_LIMIT
+    return Outcome.FOUND if _at_rounding(equations, result, rtol) else Outcome.NO_DESCENT
+
+
+def _at_rounding(equations: Equations, result: Result, rtol: float) -> bool:
+    """Whether the residual is rounding, grown over the segments: no smaller goal can be met."""
+    if equations.segments < SEGMENTS_MOST:
+        return False
+    left, unit = np.abs(result.residual).max(), np.finfo(float).eps
+    growth = np.linalg.norm(equations(result.x, rtol).transitions, axis=(1, 2)).max()
+    if left <= _SEGMENT_ROUNDINGS * unit * growth:
+        return True
+    # An encounter inside a segment amplifies more: compare with what rounding x changes.
+    signs = np.where(np.arange(len(result.x)) % 2, 1.0, -1.0)
+    rounded = equations(result.x * (1 + unit * signs), rtol).residual
+    return bool(left <= _ROUNDING_FACTOR * np.abs(rounded - result.residual).max())

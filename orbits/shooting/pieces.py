@@ -1,0 +1,52 @@
+"""The segments of a motion, each integrated by itself with its variational equations."""
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+from jaxtyping import Array
+
+from jaxdyn import Scene
+from jaxdyn.integrate.flow import Flow
+from orbits.motion import advanced
+
+#: Steps of one segment at most: no orbit that can be found takes more, and an iteration on its way
+#: towards a collision must not take minutes.
+MAX_STEPS = 200_000
+#: From the parameter of a family to a scene, whose start and span are not used.
+Make = Callable[[Array], Scene]
+
+
+class Piece(NamedTuple):
+    """What a segment's end depends on; with a first axis of segments where there are several."""
+
+    start: Array
+    t0: Array
+    span: Array
+    parameter: Array
+    s: Array | None = None  # logarithmic time; nothing is differentiated by it
+
+
+def scene_of(scene: Scene, make: Make | None, parameter) -> Scene:
+    """The scene, or the one that `make` makes of the parameter, with its start and span."""
+    return scene if make is None else make(parameter).starting(scene.y0, scene.t1)
+
+
+def end_of(scene: Scene, make: Make | None, piece: Piece, rtol) -> Flow:
+    """A segment's end, without the derivatives."""
+    scene = scene_of(scene, make, piece.parameter).starting(piece.start)
+    how = {"t0": piece.t0, "rtol": rtol, "max_steps": MAX_STEPS}
+    return advanced(scene, piece.span, piece.s, **how)
+
+
+@functools.partial(jax.jit, static_argnames="make")
+def linearised_end(scene: Scene, piece: Piece, rtol, *, make: Make | None):
+    """A segment's end (k,), its status, and the derivatives of the end by each field (a Piece)."""
+
+    def end(at: Piece):
+        found = end_of(scene, make, at._replace(s=piece.s), rtol)
+        return found.y1, (found.y1, found.status)
+
+    slopes, (y1, status) = jax.jacfwd(end, has_aux=True)(piece._replace(s=None))
+    return y1, status, slopes
