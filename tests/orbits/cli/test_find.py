@@ -89,7 +89,7 @@ MISUSE = [
     (["pendulum", "--closing", "plane"], "Did you mean"),
     (["pendulum", "--closing", "choreography"], "Only free points can follow it"),
     (["pendulum", "--closing", "relative"], "Nothing turns its state"),
-    (["pendulum", "--set", "rate=1", "--closing", "reversal"], "that the time reversal"),
+    (["pendulum", "--set", "rate=1", "--closing", "reversal"], "of the time reversal"),
     (["pendulum", "--period", "-1"], "period: expected > 0"),
     (["pendulum", "--period", "2", "--hold", "angle"], "one of theta, theta_dot, got 'angle'"),
     (["shaken_pendulum"], "--period: expected one, a multiple of the drive's"),

@@ -139,7 +139,7 @@ def test_segments_are_chosen_by_growth():
     ("closing", "message"),
     [
         (orbits.relative("turn in zz"), "turn: expected one of"),
-        (orbits.reversal(orbits.of_points([1, 0, 2], (1, 1))), "time reversals that undo"),
+        (orbits.reversal(orbits.of_points([1, 0, 2], (1, 1))), "time reversals of order 2"),
         (orbits.Return(EULER), "a symmetry that keeps the direction of time"),
         (
             orbits.reversal(orbits.backwards(12)),
