@@ -125,4 +125,6 @@ def halvings(
         unknown = np.full(2, np.nan)
         orders = np.concatenate([unknown, np.log2(ratios)])
         errors = np.concatenate([unknown, moved[1:] / (ratios - 1)])
-    return Halvings(counts, ys, np.where(errors >= 0, errors, np.nan), orders)
+    return Halvings(
+        steps=counts, ys=ys, errors=np.where(errors >= 0, errors, np.nan), orders=orders
+    )

@@ -125,7 +125,7 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
     scene, y = _end(motion)
     if not np.isfinite(y).all():
         nothing = np.full_like(y, np.nan)
-        return EndError(y, nothing, nothing, nothing)
+        return EndError(y=y, error=nothing, rounding=nothing, scale=nothing)
     start = pieces_of(motion)[0].scene
     finer = max(rtol * RATIO, FINEST)
     other = changed(start, _LAST_DIGIT, np.random.default_rng(_SEED))
@@ -134,7 +134,8 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
     least = 0.5 * np.finfo(float).eps * np.abs(y)  # of writing a result down
     sizes = np.abs(gaps)
     rounding = np.maximum(sizes[2], least)
-    return EndError(y, np.max(sizes, axis=0), rounding, _scales(motion, y))
+    error, scale = np.max(sizes, axis=0), _scales(motion, y)
+    return EndError(y=y, error=error, rounding=rounding, scale=scale)
 
 
 def _scales(motion: Motion, y: np.ndarray) -> np.ndarray:

@@ -100,7 +100,13 @@ def trusted_time(
     t = found.until(digits)
     most = eqx.tree_at(lambda e: e.error, found, found.rounding).until(digits)
     tangents = _tangents(scene, found.ts, jnp.asarray(float(t0)), chosen_method(scene, solver))
-    return Trust(t, most, _growth(found, np.asarray(tangents), t), digits, found)
+    return Trust(
+        t=t,
+        most=most,
+        growth=_growth(found, np.asarray(tangents), t),
+        digits=digits,
+        estimate=found,
+    )
 
 
 @eqx.filter_jit

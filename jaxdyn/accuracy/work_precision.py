@@ -167,7 +167,7 @@ class WorkPrecision(NamedTuple):
     def recommend(self, digits: float) -> Choice | None:
         """The fastest run with that many digits; None if there is none."""
         fine = [
-            Choice(c.solver, r.fineness, r.error, r.times.median)
+            Choice(solver=c.solver, fineness=r.fineness, error=r.error, seconds=r.times.median)
             for c in self.curves
             for r in c.rungs
             if r.error <= 10.0**-digits
@@ -264,7 +264,13 @@ def work_precision(
     def rung(key) -> Rung:
         error = max(float(np.max(np.abs(values[key] - exact) / scale)), uncertainty)
         tries = int(np.sum(counts[key]))
-        return Rung(key[1], error, times[key], int(counts[key][0]), tries * key[0].evaluations)
+        return Rung(
+            fineness=key[1],
+            error=error,
+            times=times[key],
+            steps=int(counts[key][0]),
+            evaluations=tries * key[0].evaluations,
+        )
 
     curves = [
         Curve(

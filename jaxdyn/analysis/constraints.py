@@ -138,4 +138,9 @@ def conditioning(scene: Scene | Field, t, y: Array) -> Conditioning:
     rank = jnp.sum(independent)
     least = jnp.min(jnp.where(independent, squares, jnp.inf))
     condition = jnp.sqrt(squares[-1] / least)
-    return Conditioning(condition, rank, len(squares) - rank, ~system.undetermined(t, y))
+    return Conditioning(
+        condition=condition,
+        rank=rank,
+        redundant=len(squares) - rank,
+        determined=~system.undetermined(t, y),
+    )

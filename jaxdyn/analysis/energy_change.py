@@ -92,7 +92,12 @@ def energy_change(motion: Trajectory | Chain) -> EnergyChange | None:
         if not _has_potential(piece.scene, effect)
     }
     unknown = tuple(cause for cause in works if cause in silent)
-    return EnergyChange(float(change), tuple(works), tuple(map(float, works.values())), unknown)
+    return EnergyChange(
+        size=float(change),
+        causes=tuple(works),
+        works=tuple(map(float, works.values())),
+        without_potential=unknown,
+    )
 
 
 def _works(piece: Trajectory, phase: str, change: float, size: float) -> dict[str, float]:
@@ -174,7 +179,7 @@ def _measured(scene: Scene, ts: Array, ys: Array) -> _Measured:
         terms = jnp.abs(whole) + sum((kind.terms for kind in kinds.values()), jnp.zeros(()))
         by_time = jax.jvp(lambda t: itself(t, y), (t,), (flow[0],))[1]
         driven = jnp.stack([jnp.any(x != 0) for x in jax.tree.leaves(by_time)]).any()
-        return _Measured(kinds, rest, terms, driven)
+        return _Measured(kinds=kinds, rest=rest, terms=terms, driven=driven)
 
     found = jax.vmap(at)(ts, ys)
     return found._replace(driven=found.driven.any())
@@ -193,4 +198,6 @@ def _kind(scene: Scene, effect: Effect, t: Array, y: Array, flow: tuple[Array, A
 
     (work, terms), (slope, _) = jax.jvp(power, (t, y), flow)
     stored, rate = jax.jvp(potential, (t, y), flow)
-    return _Kind(work, slope, stored, work + rate, terms + jnp.abs(rate))
+    return _Kind(
+        power=work, slope=slope, potential=stored, gain=work + rate, terms=terms + jnp.abs(rate)
+    )

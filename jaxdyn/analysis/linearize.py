@@ -167,7 +167,7 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
     rounding = SAFETY * ROUNDING * len(squares) * jnp.max(jnp.abs(squares))
     squares = jnp.where(jnp.abs(squares) <= rounding, 0.0, squares)
     shapes = jax.scipy.linalg.solve_triangular(lower.T, vectors, lower=False)
-    return Modes(squares, shapes, mass, stiffness)
+    return Modes(squares=squares, shapes=shapes, mass=mass, stiffness=stiffness)
 
 
 @eqx.filter_jit

@@ -170,7 +170,9 @@ def power_balances(motion: Trajectory, internal: type[Effect]) -> dict[str, Bala
 
 def _balance(one: Array, other: Array, sizes: Array) -> Balance:
     residual, scale = jnp.max(jnp.abs(one - other)), jnp.max(sizes)
-    return Balance(one, other, residual <= _ROUNDING * scale, residual, scale)
+    return Balance(
+        left=one, right=other, holds=residual <= _ROUNDING * scale, residual=residual, scale=scale
+    )
 
 
 def _along(scene: Scene | Field, t, y, quantity: Callable) -> tuple:

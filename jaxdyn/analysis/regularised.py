@@ -133,7 +133,14 @@ def simulate_regularised(
       True
     """
     _, _, run, status = followed(scene, t1, t0, samples, rtol, max_steps, throw)
-    return Trajectory(scene, run.ys[:, -1], run.ys[:, :-2], run.steps, run.rejected, status)
+    return Trajectory(
+        scene=scene,
+        ts=run.ys[:, -1],
+        ys=run.ys[:, :-2],
+        steps=run.steps,
+        rejected=run.rejected,
+        status=status,
+    )
 
 
 def solve_regularised(

@@ -132,4 +132,11 @@ def _row(name: str, scene: Scene, t1, digits, rounds) -> Row:
     motion = simulate(scene, t1, samples=_SAMPLES, rtol=choice.fineness, solver=solver)
     r = jax.vmap(lambda t, y: scene.system.points(t, y).r)(motion.ts, motion.ys)
     stretch = float(jnp.max(jnp.abs(r[:, 1, 0] - r[:, 0, 0] - _LENGTH)))
-    return Row(name, choice.fineness, choice.error, stretch, choice.seconds, rung.evaluations)
+    return Row(
+        name=name,
+        rtol=choice.fineness,
+        error=choice.error,
+        stretch=stretch,
+        seconds=choice.seconds,
+        evaluations=rung.evaluations,
+    )

@@ -77,7 +77,9 @@ def animate(
     ax.set_title(f" \n{drawn.stopped}", fontsize=9)  # the clock stands in the empty line
     legend_below(stage, path_entries(drawn.names, colours(drawn)))
     fill(stage)
-    actors = _Actors(ax, drawn, box, trail, pace.note if drawn.second else "")
+    actors = _Actors(
+        ax=ax, drawn=drawn, box=box, trail=trail, note=pace.note if drawn.second else ""
+    )
     with writer.saving(stage, str(path), _DPI):
         stage.set_up(actors.all)
         for sample in each(in_time(drawn, count), "drawing frames"):

@@ -89,7 +89,9 @@ def _outlines(scene: Scene) -> list[Outline]:
     for shape in eqx.filter_eval_shape(scene.sketch, jnp.zeros(()), jnp.asarray(scene.y0)):
         *several, k, _ = shape.at.shape
         same = sum(other.kind == shape.kind and other.name == shape.name for other in found)
-        found.append(Outline(shape.kind, shape.name, (math.prod(several), k), same))
+        found.append(
+            Outline(kind=shape.kind, name=shape.name, corners=(math.prod(several), k), number=same)
+        )
     return found
 
 

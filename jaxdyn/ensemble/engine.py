@@ -168,7 +168,15 @@ def _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, de
         raise _checks.fail("devices", "at least one", "none", "jax.devices() lists them.")
     mesh = None if devices is None else mesh_of(devices)
     settings = Settings(checked_method(scene, solver))
-    return Job(shared, limits(rtol, atol, max_steps), watch, settings, chunk, threads, mesh)
+    return Job(
+        shared=shared,
+        limits=limits(rtol, atol, max_steps),
+        watch=watch,
+        settings=settings,
+        chunk=chunk,
+        threads=threads,
+        mesh=mesh,
+    )
 
 
 def _motions(scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool) -> tuple[Motions, Any]:
@@ -192,7 +200,9 @@ def _motions(scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool) -> tu
             raise _checks.fail("fixed", "numbers that all motions share", "params", remedy)
         # A field without leaves: what each motion has for itself, and what all share, are alike.
         numbers = shared = FixedField(shared)
-    return Motions(starts, _times("t0", t0, n), _times("t1", t1, n), numbers), shared
+    return Motions(
+        y0=starts, t0=_times("t0", t0, n), t1=_times("t1", t1, n), numbers=numbers
+    ), shared
 
 
 def _own_numbers(scene: Scene, given: Scene, n: int) -> Scene:

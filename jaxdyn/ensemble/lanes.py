@@ -125,7 +125,7 @@ def integrate(
     first = jax.tree.map(lambda x: x[0], motions)
     rate = eqx.combine(first.numbers, shared).rate
     loops = 2 if operations(rate, first.t0, first.y0) <= UNROLLED_BELOW else 1
-    work = _Work(shared, limits, watch, settings.method.in_loops(loops))
+    work = _Work(shared=shared, limits=limits, watch=watch, method=settings.method.in_loops(loops))
     put = jax.lax.dynamic_update_index_in_dim
 
     def begin(row) -> _Lane:
@@ -271,11 +271,13 @@ class _Work(eqx.Module):
         y = jnp.where(lane.status == Status.OK, lane.y, jnp.nan)
         seen = lane.control[1]  # beside the nodes of samples, of which there are none
         t = lane.direction * lane.t
-        return Ends(y, t, lane.status, lane.steps, lane.rejected, seen)
+        return Ends(
+            y1=y, t=t, status=lane.status, steps=lane.steps, rejected=lane.rejected, seen=seen
+        )
 
     def _control(self, direction: Array) -> StepControl:
         rtol, atol = self.limits.tolerance
-        return StepControl(rtol, atol, jnp.zeros(0), self.watch).wrap(direction)
+        return StepControl(ts=rtol, watch=atol, limit=jnp.zeros(0), rtol=self.watch).wrap(direction)
 
 
 def _clipped(tnext: Array, t1: Array) -> Array:

@@ -93,7 +93,14 @@ class CloseReturn(Watch):
         return cls(scene.field, later, close, gap, before)
 
     def towards(self, direction):
-        return CloseReturn(self.field, self.later, self.close, self.gap, self.before, direction)
+        return CloseReturn(
+            field=self.field,
+            later=self.later,
+            close=self.close,
+            gap=self.gap,
+            before=self.before,
+            direction=direction,
+        )
 
     def start(self, t0, y0):
         shape = jnp.broadcast_shapes(self.later.shape, self.before.shape)
@@ -114,7 +121,9 @@ class CloseReturn(Watch):
             jnp.where(better, distance, best.distance), jnp.where(better, after, best.after)
         )
         gap, slope = jnp.where(keep, gap, memory.gap), jnp.where(keep, slope, memory.slope)
-        return _Returning(best, memory.t0, memory.start, gap, slope), jnp.zeros_like(keep)
+        return _Returning(
+            best=best, t0=memory.t0, start=memory.start, gap=gap, slope=slope
+        ), jnp.zeros_like(keep)
 
     def _looked(self, t: Array, y: Array, start: Array) -> tuple[Array, Array]:
         """(m,) the gap and its slope in the direction of the run, where t is turned about."""

@@ -68,7 +68,9 @@ class FirstPoint(Looks):
 def resting(R_wb=None, omega_b=(0.0, 0.0, 0.0)) -> Pose:
     """A pose at the origin without velocity of the origin: the usual start of a body or a top."""
     R_wb = jnp.eye(3) if R_wb is None else jnp.asarray(R_wb, dtype=float)
-    return Pose(jnp.zeros(3), R_wb, jnp.zeros(3), jnp.asarray(omega_b, dtype=float))
+    return Pose(
+        r=jnp.zeros(3), R_wb=R_wb, v=jnp.zeros(3), omega_b=jnp.asarray(omega_b, dtype=float)
+    )
 
 
 def pose(scene: Scene, t: Array, y: Array) -> Pose:
@@ -154,7 +156,7 @@ class RigidBody(System):
     def pose(self, y: Array) -> Pose:
         """Position, attitude and angular velocity at a state (k,)."""
         r, a, v, omega = self._parts(y)
-        return Pose(r, self.attitude.matrix(a), v, omega)
+        return Pose(r=r, R_wb=self.attitude.matrix(a), v=v, omega_b=omega)
 
     def state(self, pose: Pose) -> Array:
         """(k,) the state in a given pose."""

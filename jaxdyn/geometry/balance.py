@@ -67,4 +67,11 @@ def bearing_forces(body: Body, r_a: Vector, r_b: Vector, spin: Scalar) -> Bearin
     statically = eccentric <= (_BALANCED**2) * size
     tilted = square_norm(cross(n, inertia @ n))
     dynamically = statically & (tilted <= (_BALANCED * size) ** 2)
-    return Bearings(force - at_b, at_b, force, moment, statically, dynamically)
+    return Bearings(
+        at_a=force - at_b,
+        at_b=at_b,
+        force=force,
+        moment=moment,
+        statically=statically,
+        dynamically=dynamically,
+    )

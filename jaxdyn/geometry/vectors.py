@@ -137,7 +137,9 @@ def closest_points(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector) -> Closes
     t = jnp.where(parallel, 0.0, dot(cross(w, u), n) / nn)
     distance = jnp.where(parallel, safe_norm(w - foot * u), jnp.abs(dot(w, n)) / jnp.sqrt(nn))
     nan = jnp.where(no_line, jnp.nan, 0.0)
-    return ClosestPoints(distance + nan, r_a + s * u + nan, r_c + t * v + nan, parallel)
+    return ClosestPoints(
+        distance=distance + nan, on_ab=r_a + s * u + nan, on_cd=r_c + t * v + nan, parallel=parallel
+    )
 
 
 @arrays

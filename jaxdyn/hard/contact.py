@@ -54,7 +54,7 @@ def bouncing(keeps: float) -> dict[str, Phase]:
     """A ball that keeps a fraction of its speed at each bounce, and finally comes to rest."""
     lands = Reaches(1, 0.0, -1)
     rest = Tired(jnp.asarray(_SLOW))
-    landing = Exit(lands, ("fly", END), Bounce(jnp.asarray(keeps)), rest)
+    landing = Exit(event=lands, to=("fly", END), change=Bounce(jnp.asarray(keeps)), choose=rest)
     return {"fly": Phase(cannonball(g=_G), (landing,))}
 
 

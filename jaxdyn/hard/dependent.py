@@ -33,7 +33,7 @@ def skating(between: float) -> Scene:
 
     Their normals meet at the upper skate, about which the body turns at a constant rate.
     """
-    body = Skated(1.0, 0.5, jnp.asarray(_SKATES), jnp.array([0.0, between]))
+    body = Skated(m=1.0, inertia=0.5, at=jnp.asarray(_SKATES), headings=jnp.array([0.0, between]))
     x, y = _SKATES[1]
     return Scene(Constrained(body), y0=[0, 0, 0, _TURNING * y, -_TURNING * x, _TURNING], t1=2.0)
 

@@ -63,7 +63,7 @@ def first_crossing(field, events, y0, t0, t1, limits, *, settings: Settings):
     hs, ys = polished(sight, seen.t0, seen.y0, seen.bracket)
     which = jnp.argmin(jnp.abs(hs))
     status = jnp.where(jnp.isnan(seen.end.side).any(), int(Status.NOT_FINITE), out.status)
-    return out.y1, Crossing(seen.t0 + hs[which], ys[:, which], which, status)
+    return out.y1, Crossing(t=seen.t0 + hs[which], y=ys[:, which], event=which, status=status)
 
 
 class _Look(NamedTuple):
@@ -113,10 +113,19 @@ class _Lookout(Watch):
         at = self.sight.field, self.sight.events, self.direction * t0, y0
         here = looked(*at)
         zero = jnp.zeros_like(here.values)
-        end = _Look(jnp.ones_like(t0), here.values, here.slopes, zero)
+        end = _Look(part=jnp.ones_like(t0), g=here.values, slope=here.slopes, side=zero)
         noise = here.rounding + jnp.abs(t0) * here.speeds
         begun = jnp.zeros((), bool)
-        return _Seen(end, t0, y0, Bracket.none(zero), noise, here.speeds, bends(*at), begun)
+        return _Seen(
+            end=end,
+            t0=t0,
+            y0=y0,
+            bracket=Bracket.none(zero),
+            noise=noise,
+            speeds=here.speeds,
+            bends=bends(*at),
+            begun=begun,
+        )
 
     def see(self, keep, t0, y0, t1, y1, memory):
         del y1
@@ -147,7 +156,9 @@ class _Lookout(Watch):
     def _surveyed(self, keep, t: Array, y: Array, h: Array, memory: _Seen, side: Array) -> _Survey:
         """The step after all its panels, or after the one in which something happens first."""
         begin = memory.end._replace(part=jnp.zeros_like(t), side=side)
-        start = _Survey(jnp.zeros((), int), begin, jnp.ones_like(t), Bracket.none(side))
+        start = _Survey(
+            n=jnp.zeros((), int), begin=begin, end=jnp.ones_like(t), bracket=Bracket.none(side)
+        )
         noise = _NOISE * memory.noise
 
         def panel(survey: _Survey) -> _Survey:
@@ -169,7 +180,7 @@ class _Lookout(Watch):
         for value in g:
             sides.append(jnp.where(jnp.abs(value) <= noise, sides[-1], jnp.sign(value)))
         g, slope = (jnp.concatenate([a[None], b]) for a, b in ((begin.g, g), (begin.slope, slope)))
-        return _Look(parts, g, slope, jnp.stack(sides))
+        return _Look(part=parts, g=g, slope=slope, side=jnp.stack(sides))
 
 
 def _judged(survey: _Survey, looks: _Look, h: Array, noise: Array, wanted: Array) -> _Survey:
@@ -189,7 +200,7 @@ def _judged(survey: _Survey, looks: _Look, h: Array, noise: Array, wanted: Array
     at = jnp.minimum(hit, n - 1)
     here = found & across[at]
     low, high = (jnp.where(here, looks.part[at + i], jnp.inf) for i in (0, 1))
-    return _Survey(survey.n + 1, begin, end, Bracket(low, high, s[at + 1]))
+    return _Survey(n=survey.n + 1, begin=begin, end=end, bracket=Bracket(low, high, s[at + 1]))
 
 
 def _first(flags: Array) -> Array:

@@ -217,7 +217,7 @@ def _located_jvp(primals, tangents, *, settings):
     _, slope = jax.jvp(functools.partial(value, events), (stop.t, y), (jnp.ones_like(t0), f))
     without = jnp.zeros_like(t0) if d_t1 is None else d_t1
     dt = jnp.where(happened, -dg / jnp.where(happened, slope, 1.0), without)
-    return stop, Stop(dt, dy + f * dt, None, None, None)
+    return stop, Stop(t=dt, y=dy + f * dt, event=None, status=None, coincident=None)
 
 
 _compiled = eqx.filter_jit(_located)
@@ -231,4 +231,4 @@ def _search(field, events, y0, t0, t1, limits, *, settings: Settings) -> Stop:
     event = jnp.where(happened & fine, found.event, -1)
     same = coincident(field, events, y0, t0, t, y, jnp.where(t1 > t0, 1.0, -1.0))
     same = (event >= 0) & (same | (jnp.arange(len(events)) == event))
-    return Stop(t, y, event, found.status, same)
+    return Stop(t=t, y=y, event=event, status=found.status, coincident=same)

@@ -151,10 +151,13 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
         method = method.in_loops(1)
     # XLA sees one program for both signs of time; diffrax turns ts about with the rest.
     if method.adaptive:
-        h, control = None, StepControl(tolerance[0], tolerance[1], ts, watch, most)
+        h, control = (
+            None,
+            StepControl(ts=tolerance[0], watch=tolerance[1], limit=ts, rtol=watch, atol=most),
+        )
     else:
         n = steps_of(tolerance[0], t0, t1)
-        h, control = (t1 - t0) / n, FixedSteps(n, ts, watch, most)
+        h, control = (t1 - t0) / n, FixedSteps(ts=n, watch=ts, limit=watch, n=most)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(_rate),
         Stepper(method, h, stop_if_stiff=settings.stops),
@@ -181,7 +184,7 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
     ys = _from_nodes(field, direction * nodes.t, nodes.y, ts, method, limits.samples)
     steps, rejected = (solution.stats[f"num_{x}_steps"] for x in ("accepted", "rejected"))
     stiff = is_stiff(solution.solver_state[1])
-    return Flow(y1, ys, steps, rejected, status, stiff), memory
+    return Flow(y1=y1, ys=ys, steps=steps, rejected=rejected, status=status, stiff=stiff), memory
 
 
 @flow.def_jvp
@@ -204,8 +207,10 @@ def _flow_jvp(primals, tangents, *, settings):
     if d_ts is not None:
         rates = jax.vmap(field.rate)(ts, ys)
         d_ys = d_ys + rates * d_ts.reshape(-1, *[1] * y0.ndim)
-    result = Flow(y1, ys, out.steps, out.rejected, out.status, out.stiff)
-    return result, Flow(d_y1, d_ys, None, None, None, None)
+    result = Flow(
+        y1=y1, ys=ys, steps=out.steps, rejected=out.rejected, status=out.status, stiff=out.stiff
+    )
+    return result, Flow(y1=d_y1, ys=d_ys, steps=None, rejected=None, status=None, stiff=None)
 
 
 def operations(rate: Callable, t0: Array, y0: Array) -> int:

@@ -137,7 +137,15 @@ def run(
     if not pieces:  # a motion that ends where it starts has a picture, too
         names = [path[0][0]]
         pieces = [simulate(phases[names[0]].scene.starting(y0, t1), t0, t0=t0, samples=1, **how)]
-    return Chain(tuple(names), tuple(pieces), t, y, name == END, status, tuple(path))
+    return Chain(
+        names=tuple(names),
+        pieces=tuple(pieces),
+        t=t,
+        y=y,
+        ended=name == END,
+        status=status,
+        path=tuple(path),
+    )
 
 
 def _start(phases: Mapping[str, Phase], t: Array, y: Array) -> str:
@@ -175,7 +183,7 @@ def _leg(phase: Phase, t: Array, y: Array, t1, samples, how) -> _Leg:
     if taken and end + phase.exits[taken[0]].lasts(end, at) > t1:  # the span ends before it does
         end, exits = jnp.asarray(t1, dtype=float), ()
     elif taken and end <= t:
-        return _Leg(None, t, at, exits, status)
+        return _Leg(piece=None, t=t, y=at, exits=exits, status=status)
     until_when = end if status == Status.OK else t1
     piece = simulate(scene, until_when, t0=t, samples=samples, throw=False, **how)
     if taken and not exits:
@@ -183,8 +191,10 @@ def _leg(phase: Phase, t: Array, y: Array, t1, samples, how) -> _Leg:
     passed = np.asarray(phase.fit(end, at).passed)
     if np.delete(passed, taken).any():
         lost = jnp.full_like(y, jnp.nan)
-        return _Leg(_cut(phase, piece), lost[0], lost, (), Status.BOUND_PASSED)
-    return _Leg(piece, end, at, exits, status)
+        return _Leg(
+            piece=_cut(phase, piece), t=lost[0], y=lost, exits=(), status=Status.BOUND_PASSED
+        )
+    return _Leg(piece=piece, t=end, y=at, exits=exits, status=status)
 
 
 def _cut(phase: Phase, piece: Trajectory) -> Trajectory:

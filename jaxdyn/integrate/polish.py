@@ -87,7 +87,17 @@ def polished(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Arra
         back = jnp.where(p.arrived, 2 * p.back, fine)
         nearer = jnp.where(at_begin, high, p.h + jnp.clip(low - p.h, -back, back))
         new = jnp.where(done, p.h, jnp.where(arrived, nearer, new))
-        return _Polish(p.n + 1, low, high, new, jnp.abs(new - p.h), back, arrived, done, y)
+        return _Polish(
+            n=p.n + 1,
+            low=low,
+            high=high,
+            h=new,
+            last=jnp.abs(new - p.h),
+            back=back,
+            arrived=arrived,
+            done=done,
+            y=y,
+        )
 
     def going(p: _Polish) -> Array:
         return (p.n < _LOOKS) & (found & ~p.done).any()
@@ -95,6 +105,16 @@ def polished(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Arra
     h = 0.5 * (first + last)
     far, no = jnp.full_like(h, jnp.inf), jnp.zeros_like(found)
     y = jnp.broadcast_to(y0[:, None], (*y0.shape, *h.shape))
-    begin = _Polish(jnp.zeros((), int), first, last, h, far, far, no, no, y)
+    begin = _Polish(
+        n=jnp.zeros((), int),
+        low=first,
+        high=last,
+        h=h,
+        last=far,
+        back=far,
+        arrived=no,
+        done=no,
+        y=y,
+    )
     end = jax.lax.while_loop(going, look, begin)
     return jnp.where(found, end.h, jnp.inf), end.y

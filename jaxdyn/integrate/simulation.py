@@ -168,7 +168,9 @@ def solve(
         return out
     # On the host: a slice by JAX would be one more program for each number of samples.
     ys = jnp.asarray(np.asarray(out.ys)[:n])
-    return Flow(out.y1, ys, out.steps, out.rejected, out.status, out.stiff)
+    return Flow(
+        y1=out.y1, ys=ys, steps=out.steps, rejected=out.rejected, status=out.status, stiff=out.stiff
+    )
 
 
 def _auto(run: Callable[..., Flow], settings: Settings, traced: bool) -> Flow:

@@ -82,7 +82,7 @@ class EulerBody(Mechanism):
         r, angles = self._parts(q)
         velocity, rates = self._parts(v)
         omega_b = turned(omega_b_from_euler(angles, self.sequence), rates)
-        return Pose(r, matrix_from_euler(angles, self.sequence), velocity, omega_b)
+        return Pose(r=r, R_wb=matrix_from_euler(angles, self.sequence), v=velocity, omega_b=omega_b)
 
     def state(self, pose: Pose) -> Array:
         """(2 n,) coordinates and velocities in a given pose.

@@ -193,7 +193,7 @@ def _entry(name: str, make: Callable[..., Scene]) -> Entry:
         for p in inspect.signature(make).parameters.values()
         if p.default is not p.empty  # an effect or a force law is not a number
     )
-    return Entry(name, make, summary, problems, parameters)
+    return Entry(name=name, make=make, summary=summary, problems=problems, parameters=parameters)
 
 
 _LINES = re.MULTILINE | re.DOTALL

@@ -100,7 +100,7 @@ class Disk(Mechanism):
     def pose(self, q: Array, v: Array) -> Pose:
         """Position, attitude and angular velocity at coordinates and velocities (6,)."""
         omega_b = omega_b_from_euler(q[3:], _SEQUENCE) @ v[3:]
-        return Pose(q[:3], matrix_from_euler(q[3:], _SEQUENCE), v[:3], omega_b)
+        return Pose(r=q[:3], R_wb=matrix_from_euler(q[3:], _SEQUENCE), v=v[:3], omega_b=omega_b)
 
     def contact(self, q: Array) -> Array:
         """(3,) the contact point."""

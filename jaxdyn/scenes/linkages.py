@@ -53,7 +53,9 @@ def rod_on_line(
     """
     m, length = floats(m, length)
     free = Coupled(m, length)
-    embeddings = {"constrained": Embedding(Rods(m, length[None], ((0, 1),), 1), free.place)}
+    embeddings = {
+        "constrained": Embedding(Rods(m=m, length=length[None], pairs=((0, 1),), d=1), free.place)
+    }
     v = jnp.asarray(speed, dtype=float)
     system, y0 = route(formulation, free, [0.0], v.ravel()[:1], embeddings, drift)
     if v.ndim:
@@ -130,7 +132,7 @@ def four_bar(
     """
     m, l, ground = floats(m, l, ground)  # noqa: E741
     end = jnp.stack([ground, jnp.zeros_like(ground)])
-    free = FourBar(m, l, end, crossed)
+    free = FourBar(m=m, l=l, end=end, crossed=crossed)
     check_bars(m, l, end, "ground")
     _check_crank(free, angle)
     embeddings = {

@@ -262,5 +262,5 @@ def elementary_motion(scene: Scene, ts: Array) -> Array:
 
 def _on_skates(m, inertia, at, headings, v: Array, t1) -> Scene:
     m, inertia, at, headings = floats(m, inertia, at, headings)
-    system = Constrained(Skated(m, inertia, at, headings))
+    system = Constrained(Skated(m=m, inertia=inertia, at=at, headings=headings))
     return Scene(system, y0=jnp.concatenate([jnp.zeros(3), v]), t1=t1)

@@ -185,7 +185,7 @@ def _quarters(scene: Scene, stick: Sideways, margin: float) -> dict[str, Phase]:
 
     def phase(axis: int, side: int) -> Phase:
         # The side is a parameter, so that both sides share one compiled search.
-        by = _by(scene, Sideways(stick.m, stick.l, axis, jnp.asarray(float(side))))
+        by = _by(scene, Sideways(m=stick.m, l=stick.l, axis=axis, side=jnp.asarray(float(side))))
         across = Along(by.system, 1 - axis)
         ways = [
             Exit(Reaches(0, way * level, way), _QUARTERS[1 - axis, way], across) for way in (-1, 1)

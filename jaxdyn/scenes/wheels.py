@@ -179,7 +179,7 @@ def car(
     slides, rolls = (front, rear) if locked == "front" else (rear, front)
     m, inertia = floats(m, inertia)
     at, axles = jnp.stack([rolls, 0 * rolls])[None], jnp.stack([front, rear])
-    body = Skated(m, inertia, at, jnp.zeros(1), axles)
+    body = Skated(m=m, inertia=inertia, at=at, headings=jnp.zeros(1), wheels=axles)
     # Balance of moments about the other axle.
     load = m * g * jnp.abs(rolls) / (front - rear)
     friction = LockedAxle(jnp.asarray(mu, dtype=float), load, slides)
@@ -257,4 +257,4 @@ def _numbers(scene: Scene) -> _Numbers:
     body, friction = scene.system.mechanism, _friction(scene)
     s = body.at[0, 0]
     base = jnp.zeros(()) if friction is None else friction.ahead - s
-    return _Numbers(body.m, body.inertia + body.m * s * s, s, base)
+    return _Numbers(m=body.m, j=body.inertia + body.m * s * s, s=s, base=base)

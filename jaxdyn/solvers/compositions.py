@@ -111,16 +111,18 @@ def _of_verlet(name: str, order: int, steps: tuple[float, ...]) -> Composition:
     """Verlet steps of these lengths one after the other, and back; the middle one follows."""
     kicks = _palindrome(steps, 2 * len(steps) + 1)
     drifts = [(a + b) / 2 for a, b in zip([0.0, *kicks], [*kicks, 0.0], strict=True)]
-    return Composition(name, order, np.array(drifts), np.array(kicks))
+    return Composition(
+        name=name, order=order, error_order=np.array(drifts), position_only=np.array(kicks)
+    )
 
 
 #: Stormer and Verlet, 1 acceleration a step: cheap where a few digits do.
 VERLET = _of_verlet("Verlet 2", 2, ())
 #: Blanes, Moan (2002), J. Comput. Appl. Math. 142, 313, the Nystrom method SRKN 14a.
 BLANES_MOAN6 = Composition(
-    "Blanes-Moan 6",
-    6,
-    np.array(
+    name="Blanes-Moan 6",
+    order=6,
+    error_order=np.array(
         _palindrome(
             (
                 *(0.0378593198406116, 0.102635633102435, -0.0258678882665587, 0.314241403071447),
@@ -129,7 +131,7 @@ BLANES_MOAN6 = Composition(
             15,
         )
     ),
-    np.array(
+    position_only=np.array(
         _palindrome(
             (
                 *(0.09171915262446165, 0.183983170005006, -0.05653436583288827),

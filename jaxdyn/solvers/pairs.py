@@ -108,7 +108,9 @@ class Pair(Method):
                 return field(t + c * h, keep(y + h * shift))
 
             increment, error, rest, ratio = sums(slope, y)
-            return Advance(h * keep(increment), h * keep(error), h * rest, ratio)
+            return Advance(
+                increment=h * keep(increment), error=h * keep(error), rest=h * rest, speed=ratio
+            )
 
         half = y.shape[0] // 2
         q, v = y[:half], y[half:]
@@ -125,7 +127,7 @@ class Pair(Method):
         increment = jnp.concatenate([h * v + (h * h) * dq, h * dv])
         error = jnp.concatenate([(h * h) * q_error, h * v_error])
         rest = jnp.concatenate([(h * h) * q_rest, h * v_rest])
-        return Advance(increment, error, rest, jnp.sqrt(ratio))
+        return Advance(increment=increment, error=error, rest=rest, speed=jnp.sqrt(ratio))
 
     @property
     def _rows(self) -> np.ndarray:

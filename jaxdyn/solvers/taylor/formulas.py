@@ -69,7 +69,7 @@ def formulas(field: Callable, t: Array, y: Array) -> Formulas:
     states = [graph.given(y[i], moving=True) for i in range(len(y))]
     inputs = [_objects([time], ()), _objects(states, y.shape)]
     (rates,) = _run(graph, closed.jaxpr, [_taken(graph, c) for c in closed.consts], inputs)
-    return Formulas(graph, time, states, rates.tolist())
+    return Formulas(graph=graph, time=time, states=states, rates=rates.tolist())
 
 
 def _objects(items: list, shape: tuple[int, ...]) -> np.ndarray:

@@ -84,7 +84,7 @@ class Graph:
 
     def _new(self, op: str, args: tuple, moving: bool, value: Array | None = None) -> Node:
         self._count += 1
-        return Node(self._count, op, args, moving, value)
+        return Node(index=self._count, op=op, args=args, moving=moving, value=value)
 
     def add(self, a: Number, b: Number) -> Number:
         """A sum; equal terms are collected."""
