@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn.integrate.spans import span
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import EULER, Method, Solver
 from jaxdyn.solvers.choice import method_of
@@ -52,11 +53,9 @@ def fixed_steps(
       (0.5708, 0.5403)
     """
     _checks.float64()
-    scene.check()
+    t0, t1 = span(scene, t1, t0)
     if not _checks.is_traced(steps) and steps < 1:
         raise _checks.fail("steps", "at least 1", steps)
-    t1 = scene.t1 if t1 is None else t1
-    t0, t1 = (_checks.finite(n, jnp.asarray(t, float)) for n, t in (("t0", t0), ("t1", t1)))
     field = scene.field if noise is None else RoundedField(scene.field, noise)
     return _marched(field, scene.y0, t0, t1, jnp.asarray(steps, int), method_of(method))
 

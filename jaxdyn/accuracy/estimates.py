@@ -18,16 +18,16 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.accuracy.convergence import fixed_steps
 from jaxdyn.integrate import ladder
-from jaxdyn.integrate.simulation import RTOL, simulate, solve
+from jaxdyn.integrate.simulation import simulate, solve
+from jaxdyn.integrate.spans import RTOL, SolverOptions, span
 from jaxdyn.integrate.trajectory import Estimate
-from jaxdyn.scene import Scene, checked
+from jaxdyn.scene import Scene
 from jaxdyn.solvers import DOPRI8, EULER, NYSTROM12, RADAU5, RADAU9, VERNER9, Method, Solver
 from jaxdyn.solvers.choice import chosen_method, method_of
 
@@ -67,7 +67,8 @@ def estimate(
       True
     """
     name = chosen_method(scene, solver).name
-    run, ts = _runner(scene, t1, t0, samples, rtol, solver, dt)
+    options = SolverOptions(rtol=rtol, solver=solver)
+    run, ts = _runner(scene, t1, t0, samples, options, dt=dt)
     if dt is not None:
         return ladder.halved(run, scene, ts, dt, name)
     names = ("tolerance ladder", name, name)
@@ -103,10 +104,11 @@ def by_second_method(
     second = chosen_method(scene, second)
     if second is first:
         raise _checks.fail("second", "another solver", first.name, "Or call `estimate`.")
-    run, ts = _runner(scene, t1, t0, samples, rtol, solver)
-    by, _ = _runner(scene, t1, t0, samples, rtol, second)
+    options = SolverOptions(rtol=rtol, solver=first)
+    run, ts = _runner(scene, t1, t0, samples, options)
+    by, _ = _runner(scene, t1, t0, samples, options._replace(solver=second))
     names = ("second method", first.name, second.name)
-    return ladder.measured(run, scene, ts, np.array([rtol, rtol]), names, by)[1]
+    return ladder.measured(run, scene, ts, np.array([rtol, rtol]), names, by=by)[1]
 
 
 def by_tangents(
@@ -138,23 +140,30 @@ def by_tangents(
       a factor of 10 and more. Nothing of second order: where errors are no longer small, neither
       is what is neglected.
     """
-    run, ts = _runner(scene, t1, t0, samples, rtol, solver)
+    run, ts = _runner(scene, t1, t0, samples, SolverOptions(rtol=rtol, solver=solver))
     ys = np.asarray(run(scene, np.array([rtol, rtol])).ys)
     starts_at = np.concatenate([[float(t0)], np.asarray(ts)[:-1]])
     starts = np.concatenate([np.asarray(scene.y0)[None], ys[:-1]])
     fine = max(rtol * ladder.RATIO, ladder.FINEST)
-    pair = chosen_method(scene, solver)
-    ends, tangents = _pieces(scene, starts_at, starts, ts, np.asarray(fine), solver=pair)
+    method = chosen_method(scene, solver)
+    ends, tangents = _pieces(scene, starts_at, starts, ts, np.asarray(fine), solver=method)
     local = ladder.gaps(scene, ys, np.asarray(ends))
     carried = np.zeros((ys.shape[1], 0))
     errors = []
     for step, missed in zip(np.asarray(tangents), local, strict=True):
         carried = np.concatenate([step @ carried, missed[:, None]], axis=1)
         errors.append(np.abs(carried).sum(axis=1))
-    error, unknown = np.stack(errors), np.full_like(ys, np.nan)
-    names = ("local errors and the tangent map", pair.name, pair.name)
-    tolerances = np.array([rtol, fine])
-    return Estimate(ts, ys, error, unknown, ladder.scales(scene, ys), tolerances, *names)
+    return Estimate(
+        ts=ts,
+        ys=ys,
+        error=np.stack(errors),
+        rounding=np.full_like(ys, np.nan),
+        scale=ladder.scales(scene, ys),
+        fineness=np.array([rtol, fine]),
+        kind="local errors and the tangent map",
+        solver=method.name,
+        other=method.name,
+    )
 
 
 @eqx.filter_jit
@@ -189,32 +198,34 @@ def by_halving(
     Raises:
       ValueError: see `fixed_steps`.
     """
-    t1, method = checked(scene).t1 if t1 is None else t1, method_of(method)
-    span = abs(float(t1) - float(t0))
+    (t0, t1), method = span(scene, t1, t0), method_of(method)
+    length = abs(float(t1) - float(t0))
 
     def run(scene, h, noise=None):
-        n = round(span / h[0])
+        n = round(length / h[0])
         y1 = fixed_steps(scene, t1, steps=n, t0=t0, method=method, noise=noise)
         return _Ends(y1[None])
 
-    ts = jnp.asarray(t1, float)[None]
-    return ladder.halved(run, scene, ts, span / steps, method.name)
+    ts = t1[None]
+    return ladder.halved(run, scene, ts, length / steps, method.name)
 
 
 class _Ends(NamedTuple):
     ys: Array
 
 
-def _runner(scene, t1, t0, samples, rtol, solver, dt=None) -> tuple[ladder.Run, Array]:
+def _runner(
+    scene: Scene, t1, t0, samples, options: SolverOptions, *, dt=None
+) -> tuple[ladder.Run, Array]:
     """What `ladder` runs, and at what times; what `simulate` refuses is refused."""
-    ts = simulate(scene, t1, t0=t0, samples=samples, rtol=rtol, solver=solver, dt=dt).ts
-    end = scene.t1 if t1 is None else t1
+    ts = simulate(scene, t1, t0=t0, samples=samples, dt=dt, **options._asdict()).ts
+    t0, end = span(scene, t1, t0)
 
     def run(scene, fineness, noise=None):
-        how = {"t0": t0, "ts": ts, "solver": solver, "noise": noise}
         if dt is not None:
-            return solve(scene, end, dt=fineness[0], **how)
-        rtol, atol = fineness
-        return solve(scene, end, rtol=rtol, atol=atol, **how)
+            at = options._asdict() | {"dt": fineness[0]}
+        else:
+            at = options._replace(rtol=fineness[0], atol=fineness[1])._asdict()
+        return solve(scene, end, t0=t0, ts=ts, noise=noise, **at)
 
     return run, ts

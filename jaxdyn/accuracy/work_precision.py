@@ -24,7 +24,8 @@ from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.integrate import ladder
 from jaxdyn.integrate.events import Event, until
 from jaxdyn.integrate.simulation import solve
-from jaxdyn.scene import Scene, checked
+from jaxdyn.integrate.spans import span
+from jaxdyn.scene import Scene
 from jaxdyn.solvers import (
     DOPRI8,
     RADAU5,
@@ -204,7 +205,7 @@ def fit_solvers(scene: Scene, t1=None) -> tuple[Method, ...]:
     Extrapolation is among them where forces forget velocities, Taylor series where the scene's
     formulas are short.
     """
-    t1 = scene.t1 if t1 is None else t1
+    _, t1 = span(scene, t1)
     if bool(solve(scene, t1, rtol=_STIFF_AT).stiff):
         return RADAU9, RADAU5
     extrapolated = (STOERMER14, STOERMER18) if scene.second_order else ()
@@ -239,7 +240,7 @@ def work_precision(
       ValueError: no solver, or one that does not fit the scene.
     Limits: a time is that of the compiled calculation with all that is around it, some 20 us.
     """
-    t1 = float(checked(scene).t1 if t1 is None else t1)
+    t1 = float(span(scene, t1)[1])
     solvers = fit_solvers(scene, t1) if solvers is None else tuple(map(method_of, solvers))
     if not solvers:
         raise _checks.fail("solvers", "at least one", "none")

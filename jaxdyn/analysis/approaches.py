@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from jaxdyn.analysis.regularised import followed
 from jaxdyn.integrate.events import Event, until
-from jaxdyn.integrate.simulation import MAX_STEPS, RTOL
+from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions
 from jaxdyn.integrate.trajectory import explained
 from jaxdyn.scene import Scene, System
 from jaxdyn.status import IntegrationError, Status
@@ -51,7 +51,8 @@ def closest_approaches(
       >>> [round(near.distance, 6) for near in closest_approaches(bodies)]
       [0.034527, 0.034527]
     """
-    slow, grid, run, _ = followed(scene, t1, t0, samples, rtol, max_steps, throw=True)
+    options = SolverOptions(rtol=rtol, max_steps=max_steps)
+    slow, grid, run, _ = followed(scene, t1, t0, samples, options, throw=True)
     n = scene.system.points(run.ys[0, -1], run.ys[0, :-2]).m.shape[0]
     found = []
     for i, j in itertools.combinations(range(n), 2):

@@ -27,7 +27,8 @@ from jaxdyn.analysis.energy import energy
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.integrate.events import Reaches, Stop, until
 from jaxdyn.integrate.flow import Flow
-from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, solve
+from jaxdyn.integrate.simulation import solve
+from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, span
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
 from jaxdyn.scene import Field, Scene, checked
 from jaxdyn.solvers import Solver
@@ -132,7 +133,8 @@ def simulate_regularised(
       >>> float(energy.drift(simulate_regularised(fall, 100.0, rtol=1e-13))) < 1e-13
       True
     """
-    _, _, run, status = followed(scene, t1, t0, samples, rtol, max_steps, throw)
+    options = SolverOptions(rtol=rtol, max_steps=max_steps)
+    _, _, run, status = followed(scene, t1, t0, samples, options, throw=throw)
     return Trajectory(
         scene=scene,
         ts=run.ys[:, -1],
@@ -174,8 +176,14 @@ def solve_regularised(
     near = scene.starting(run.y1[:-2])
     end = solve(near, t1, t0=run.y1[-1], rtol=rtol, max_steps=max_steps)
     status = jnp.where(run.status == Status.OK, end.status, run.status)
-    counts = (run.steps + end.steps, run.rejected + end.rejected, status)
-    return Flow(jnp.where(status == Status.OK, end.y1, jnp.nan), end.ys, *counts, run.stiff)
+    return Flow(
+        y1=jnp.where(status == Status.OK, end.y1, jnp.nan),
+        ys=end.ys,
+        steps=run.steps + end.steps,
+        rejected=run.rejected + end.rejected,
+        status=status,
+        stiff=run.stiff,
+    )
 
 
 def logarithmic_span(
@@ -183,31 +191,31 @@ def logarithmic_span(
 ) -> Array:
     """() the span of logarithmic time [J s] in which a motion comes near t1; NaN if it does not."""
     slow = regularised(scene, t0)
-    stop = _until(slow, t0, t1, rtol, max_steps)
+    stop = _until(slow, t0, t1, SolverOptions(rtol=rtol, max_steps=max_steps))
     return jnp.where(stop.event >= 0, stop.t, jnp.nan)
 
 
-def _until(slow: Scene, t0, t1, rtol, max_steps: int) -> Stop:
+def _until(slow: Scene, t0, t1, options: SolverOptions) -> Stop:
     _checks.float64()  # else the far end is no number
     far = jnp.where(jnp.asarray(t1) > t0, _FAR, -_FAR)
-    return until(slow, Reaches(len(slow.y0) - 1, t1), far, rtol=rtol, max_steps=max_steps)
+    return until(slow, Reaches(len(slow.y0) - 1, t1), far, **options._asdict())
 
 
-def followed(scene: Scene, t1, t0, samples: int, rtol, max_steps: int, throw: bool):
+def followed(scene: Scene, t1, t0, samples: int, options: SolverOptions, *, throw: bool):
     """The scene in logarithmic time, a grid of s, the run over it that ends at t1, its status."""
+    t0, t1 = span(scene, t1, t0)
     slow = regularised(scene, t0)
-    t1 = _checks.array("t1", scene.t1 if t1 is None else t1, ())
     if samples < 2:
         raise _checks.fail("samples", "at least 2", samples, "The start and the end.")
     if t1 == t0:
         raise _checks.fail("t1", "a time other than t0", t1, "Nothing moves in no time.")
-    stop = _until(slow, t0, t1, rtol, max_steps)
+    stop = _until(slow, t0, t1, options)
     if throw:
         raise_unless_ok(stop.status, scene)
 
-    def over(y0, span) -> tuple[Array, Flow]:
-        grid = jnp.linspace(0.0, span, samples)
-        flow = solve(slow.starting(y0), span, ts=grid, rtol=rtol, max_steps=max_steps)
+    def over(y0, length) -> tuple[Array, Flow]:
+        grid = jnp.linspace(0.0, length, samples)
+        flow = solve(slow.starting(y0), length, ts=grid, **options._asdict())
         return grid, flow
 
     grid, run = over(slow.y0, stop.t)

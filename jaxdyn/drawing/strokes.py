@@ -15,7 +15,6 @@ _COILS = 9
 _LEAD = 0.12  # of a spring, straight at each end
 _ROUND = 12  # corners of a coil in space
 _BESIDE = 2.5  # widths that a dashpot is drawn beside its spring
-_CLOSED = ("area", "solid")
 
 
 class Strokes(NamedTuple):
@@ -37,8 +36,10 @@ def strokes(drawn: Paths, sample: int, width: float) -> Strokes:
     springs = [coiled(ends, width) for ends in of["spring"]]
     springs += [stroke for ends in of["dashpot"] for stroke in dashpot(ends, width)]
     pins = np.concatenate([np.zeros((0, drawn.xyz.shape[-1])), *of["pin"]])
-    closed = ([np.concatenate([line, line[:1]]) for line in of[kind]] for kind in _CLOSED)
-    return Strokes(of["line"], springs, *closed, pins)
+    areas, solids = (
+        [np.concatenate([line, line[:1]]) for line in of[kind]] for kind in ("area", "solid")
+    )
+    return Strokes(lines=of["line"], springs=springs, areas=areas, solids=solids, pins=pins)
 
 
 def grounds(drawn: Paths) -> list[np.ndarray]:

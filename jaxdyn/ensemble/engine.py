@@ -21,8 +21,7 @@ from jaxdyn.ensemble.batches import Job, cores, mesh_of
 from jaxdyn.ensemble.lanes import Ends, Motions
 from jaxdyn.integrate.fixed import FixedField
 from jaxdyn.integrate.flow import Settings
-from jaxdyn.integrate.simulation import MAX_STEPS, RTOL
-from jaxdyn.integrate.spans import limits
+from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits
 from jaxdyn.integrate.step_control import Watch
 from jaxdyn.scene import Scene, checked
 from jaxdyn.solvers import Solver
@@ -90,7 +89,9 @@ def run(
     """
     motions, shared = _motions(scene, y0s, t0, t1, params, fixed)
     n = len(motions.y0)
-    job = _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, devices)
+    options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
+    shares = {"chunk": chunk, "threads": threads, "devices": devices}
+    job = _job(scene, shared, options, watch=watch, **shares)
     # As many batches as keep all threads busy to the end.
     batches = job.threads * math.ceil(n / (job.threads * job.rows))
     edges = np.linspace(0, n, batches + 1).astype(int)
@@ -147,11 +148,15 @@ def stream(
       [(1, 4), (1, 4)]
     """
     shared = FixedField(scene.field) if fixed else scene.field
-    job = _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, devices)
+    options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
+    shares = {"chunk": chunk, "threads": threads, "devices": devices}
+    job = _job(scene, shared, options, watch=watch, **shares)
     return job.results(_motions(scene, y0s, t0, t1, None, fixed)[0] for y0s in batches)
 
 
-def _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, devices) -> Job:
+def _job(
+    scene: Scene, shared, options: SolverOptions, *, watch, chunk: int, threads, devices
+) -> Job:
     if not isinstance(watch, Watch | None):
         raise _checks.fail("watch", "a Watch", repr(watch), "See jaxdyn.ensemble.watches.")
     odd = [x for x in jax.tree.leaves(watch) if not eqx.is_array_like(x)]
@@ -167,10 +172,10 @@ def _job(scene, shared, rtol, atol, solver, max_steps, watch, chunk, threads, de
     if devices is not None and not len(devices):
         raise _checks.fail("devices", "at least one", "none", "jax.devices() lists them.")
     mesh = None if devices is None else mesh_of(devices)
-    settings = Settings(checked_method(scene, solver))
+    settings = Settings(checked_method(scene, options.solver))
     return Job(
         shared=shared,
-        limits=limits(rtol, atol, max_steps),
+        limits=limits(options),
         watch=watch,
         settings=settings,
         chunk=chunk,

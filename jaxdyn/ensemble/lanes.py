@@ -277,7 +277,7 @@ class _Work(eqx.Module):
 
     def _control(self, direction: Array) -> StepControl:
         rtol, atol = self.limits.tolerance
-        return StepControl(ts=rtol, watch=atol, limit=jnp.zeros(0), rtol=self.watch).wrap(direction)
+        return StepControl(rtol=rtol, atol=atol, ts=jnp.zeros(0), watch=self.watch).wrap(direction)
 
 
 def _clipped(tnext: Array, t1: Array) -> Array:

@@ -105,7 +105,8 @@ class CloseReturn(Watch):
     def start(self, t0, y0):
         shape = jnp.broadcast_shapes(self.later.shape, self.before.shape)
         best = Return(jnp.full(shape, jnp.inf), jnp.full(shape, jnp.nan))
-        return _Returning(best, t0, y0, *self._looked(t0, y0, y0))
+        gap, slope = self._looked(t0, y0, y0)
+        return _Returning(best=best, t0=t0, start=y0, gap=gap, slope=slope)
 
     def see(self, keep, t0, y0, t1, y1, memory):
         del y0

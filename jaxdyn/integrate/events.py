@@ -22,9 +22,8 @@ from jaxdyn._numerics import in_one_kernel
 from jaxdyn.integrate.crossings import first_crossing
 from jaxdyn.integrate.event_values import coincident, values
 from jaxdyn.integrate.flow import Settings, flow
-from jaxdyn.integrate.simulation import MAX_STEPS, RTOL
-from jaxdyn.integrate.spans import limits
-from jaxdyn.scene import Scene, checked
+from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
+from jaxdyn.scene import Scene
 from jaxdyn.solvers import Solver
 from jaxdyn.solvers.choice import checked_method
 from jaxdyn.status import Status
@@ -170,12 +169,12 @@ def until(
       1.414213562373
     """
     events = _events(events)
-    settings = Settings(checked_method(checked(scene), solver))
+    t0, t1 = span(scene, t1, t0)
+    settings = Settings(checked_method(scene, solver))
     for event in events:
         event.check(len(scene.y0))
-    t0 = _checks.array("t0", t0, ())
-    t1 = _checks.array("t1", scene.t1 if t1 is None else t1, ())
-    held_to = jax.tree.map(jnp.asarray, limits(rtol, atol, max_steps))
+    options = SolverOptions(rtol=rtol, atol=atol, max_steps=max_steps)
+    held_to = jax.tree.map(jnp.asarray, limits(options))
     return _compiled(scene.field, events, scene.y0, t0, t1, held_to, settings=settings)
 
 

@@ -151,13 +151,11 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
         method = method.in_loops(1)
     # XLA sees one program for both signs of time; diffrax turns ts about with the rest.
     if method.adaptive:
-        h, control = (
-            None,
-            StepControl(ts=tolerance[0], watch=tolerance[1], limit=ts, rtol=watch, atol=most),
-        )
+        rtol, atol = tolerance[0], tolerance[1]
+        h, control = None, StepControl(rtol=rtol, atol=atol, ts=ts, watch=watch, limit=most)
     else:
         n = steps_of(tolerance[0], t0, t1)
-        h, control = (t1 - t0) / n, FixedSteps(ts=n, watch=ts, limit=watch, n=most)
+        h, control = (t1 - t0) / n, FixedSteps(n=n, ts=ts, watch=watch, limit=most)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(_rate),
         Stepper(method, h, stop_if_stiff=settings.stops),

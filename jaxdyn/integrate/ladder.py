@@ -114,7 +114,7 @@ def _rungs(run: Run, by: Run, scene: Scene, tolerance: np.ndarray) -> _Rungs:
     result = run(scene, tolerance)
     fine, finer = _finer(by, scene, tolerance, int(result.steps))
     beside = np.asarray(by(scene, _beside(finer)).ys)
-    return _Rungs(result, fine, beside, tolerance, finer)
+    return _Rungs(result=result, fine=fine, beside=beside, tolerance=tolerance, finer=finer)
 
 
 def _estimated(rungs: _Rungs, scene: Scene, ts: Array, floor: np.ndarray, names: Names) -> Estimate:
@@ -122,8 +122,18 @@ def _estimated(rungs: _Rungs, scene: Scene, ts: Array, floor: np.ndarray, names:
     ys, fine = np.asarray(rungs.result.ys), rungs.fine
     off = gaps(scene, ys, fine) + np.nan_to_num(0.5 * gaps(scene, fine, rungs.beside))
     error = _expected(np.abs(off), floor, ys, finer=2)
-    pair = np.array([rungs.tolerance[0], rungs.finer[0]])
-    return Estimate(ts, rungs.result.ys, error, floor, scales(scene, fine), pair, *names)
+    kind, solver, other = names
+    return Estimate(
+        ts=ts,
+        ys=rungs.result.ys,
+        error=error,
+        rounding=floor,
+        scale=scales(scene, fine),
+        fineness=np.array([rungs.tolerance[0], rungs.finer[0]]),
+        kind=kind,
+        solver=solver,
+        other=other,
+    )
 
 
 def reached(
@@ -196,8 +206,17 @@ def halved(run: Run, scene: Scene, ts: Array, h: float, name: str) -> Estimate:
     falls = 1 - 4.0 ** -max(order, _LEAST_ORDER)
     floor = rounding(run, scene, ys[2], np.array([h / 4]))
     error = _expected(np.abs(gaps(scene, ys[0], ys[2])) / falls, floor, ys[0], finer=1)
-    names = (f"step halving, order {order:.2g} seen", name, name)
-    return Estimate(ts, ys[0], error, floor, scales(scene, ys[2]), np.array([h, h / 4]), *names)
+    return Estimate(
+        ts=ts,
+        ys=ys[0],
+        error=error,
+        rounding=floor,
+        scale=scales(scene, ys[2]),
+        fineness=np.array([h, h / 4]),
+        kind=f"step halving, order {order:.2g} seen",
+        solver=name,
+        other=name,
+    )
 
 
 def _tightened(tolerance: np.ndarray) -> np.ndarray:

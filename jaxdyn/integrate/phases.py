@@ -21,7 +21,8 @@ from jaxdyn import _checks
 from jaxdyn._misuse import counted
 from jaxdyn.integrate.events import until
 from jaxdyn.integrate.phase import END, Exit, Phase
-from jaxdyn.integrate.simulation import MAX_STEPS, RTOL, simulate
+from jaxdyn.integrate.simulation import simulate
+from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions
 from jaxdyn.integrate.trajectory import Trajectory, explained, single
 from jaxdyn.scene import checked
 from jaxdyn.solvers import Solver
@@ -117,12 +118,12 @@ def run(
     t, y = jnp.asarray(float(t0)), jnp.asarray(y0, dtype=float)
     name = _start(phases, t, y) if start is None else _checks.choice("start", start, phases)
     checked(phases[name].scene.starting(y, t1))
-    how = {"rtol": rtol, "atol": atol, "solver": solver, "max_steps": max_steps}
+    options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     most = sum(len(phase.exits) for phase in phases.values())  # exits taken at one time
     shortest = np.finfo(float).eps * (t1 - t0)  # [s] that no time is
     names, pieces, path, idle, status = [], [], [], 0, Status.OK
     while name != END and len(pieces) < max_phases and t < t1 and status == Status.OK:
-        here, leg = name, _leg(phases[name], t, y, t1, samples, how)
+        here, leg = name, _leg(phases[name], t, y, t1, samples, options)
         if leg.piece is not None:
             names.append(name)
             pieces.append(leg.piece)
@@ -136,7 +137,8 @@ def run(
             break
     if not pieces:  # a motion that ends where it starts has a picture, too
         names = [path[0][0]]
-        pieces = [simulate(phases[names[0]].scene.starting(y0, t1), t0, t0=t0, samples=1, **how)]
+        scene = phases[names[0]].scene.starting(y0, t1)
+        pieces = [simulate(scene, t0, t0=t0, samples=1, **options._asdict())]
     return Chain(
         names=tuple(names),
         pieces=tuple(pieces),
@@ -167,14 +169,14 @@ class _Leg(NamedTuple):
     status: Status
 
 
-def _leg(phase: Phase, t: Array, y: Array, t1, samples, how) -> _Leg:
+def _leg(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions) -> _Leg:
     """How a state leaves a phase, and the motion until then."""
     scene = phase.scene.starting(y, t1)
     beyond = np.asarray(phase.fit(t, y).beyond)
     if beyond.any():
         end, at, exits, status = t, y, (int(np.argmax(beyond)),), Status.OK
     else:
-        stop = until(scene, phase.events, t1, t0=t, **how)
+        stop = until(scene, phase.events, t1, t0=t, **options._asdict())
         also = np.asarray(stop.coincident) & (np.asarray(phase.sides) == 0)
         others = [int(i) for i in np.flatnonzero(also) if i != stop.event]
         exits = (int(stop.event), *others) if stop.happened else ()
@@ -185,7 +187,8 @@ def _leg(phase: Phase, t: Array, y: Array, t1, samples, how) -> _Leg:
     elif taken and end <= t:
         return _Leg(piece=None, t=t, y=at, exits=exits, status=status)
     until_when = end if status == Status.OK else t1
-    piece = simulate(scene, until_when, t0=t, samples=samples, throw=False, **how)
+    kept = {"samples": samples, "throw": False}
+    piece = simulate(scene, until_when, t0=t, **kept, **options._asdict())
     if taken and not exits:
         at = piece.ys[-1]
     passed = np.asarray(phase.fit(end, at).passed)

@@ -18,15 +18,14 @@ from jaxdyn.integrate import ladder
 from jaxdyn.integrate.adjoint import adjoint_flow
 from jaxdyn.integrate.fixed import FixedField
 from jaxdyn.integrate.flow import Flow, Settings, flow
-from jaxdyn.integrate.spans import floats, limits, times
+from jaxdyn.integrate.spans import MAX_STEPS as MAX_STEPS
+from jaxdyn.integrate.spans import RTOL as RTOL
+from jaxdyn.integrate.spans import SolverOptions, floats, limits, sampled_span
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
-from jaxdyn.scene import Scene, checked
+from jaxdyn.scene import Scene
 from jaxdyn.solvers import RADAU9, Solver
 from jaxdyn.solvers.choice import checked_method, chosen_method, method_of
 from jaxdyn.solvers.rounding import QUIET, Noise, RoundedField
-
-MAX_STEPS = 1_000_000
-RTOL = 1e-10
 
 
 def simulate(
@@ -79,13 +78,13 @@ def simulate(
       True
     """
     _checks.float64()
-    t0, t1, ts = times(checked(scene), t0, t1, samples)
+    t0, t1, ts = sampled_span(scene, t1, t0, samples)
 
     # With digits all runs are by one program, which is compiled once.
     def run(scene, tolerance, noise=None if digits is None else QUIET):
         rtol, atol = tolerance
-        how = {"rtol": rtol, "atol": atol, "solver": solver, "dt": dt, "max_steps": max_steps}
-        return solve(scene, t1, t0=t0, ts=ts, noise=noise, **how)
+        options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
+        return solve(scene, t1, t0=t0, ts=ts, dt=dt, noise=noise, **options._asdict())
 
     error = None
     if digits is None:
@@ -98,11 +97,19 @@ def simulate(
         result, error = ladder.reached(run, scene, ts, digits, name, throw)
     if throw:
         raise_unless_ok(result.status, scene)
-    # Where an implicit method took over there is nothing left to say.
-    stiff = False if solver == "auto" else result.stiff
-    counts = (result.steps, result.rejected, result.status, stiff)
-    fixed = () if dt is None else ((t1 - t0) / jnp.maximum(result.steps, 1), method_of(solver))
-    return Trajectory(scene, ts, result.ys, *counts, error, *fixed)
+    return Trajectory(
+        scene=scene,
+        ts=ts,
+        ys=result.ys,
+        steps=result.steps,
+        rejected=result.rejected,
+        status=result.status,
+        # Where an implicit method took over there is nothing left to say.
+        stiff=False if solver == "auto" else result.stiff,
+        error=error,
+        dt=None if dt is None else (t1 - t0) / jnp.maximum(result.steps, 1),
+        method=None if dt is None else method_of(solver),
+    )
 
 
 def solve(
@@ -153,7 +160,8 @@ def solve(
     auto = isinstance(solver, str) and _checks.choice("solver", solver, ("auto",)) == "auto"
     settings = Settings(checked_method(scene, None if auto else solver, dt))
     y0, t0, t1, ts = (floats(x) for x in (scene.y0, t0, t1, ts))
-    n, held_to = len(ts), limits(rtol, atol, max_steps, dt)
+    options = SolverOptions(rtol=rtol, atol=atol, max_steps=max_steps)
+    n, held_to = len(ts), limits(options, dt)
     field = FixedField(scene.field) if fixed else scene.field
     field = field if noise is None else RoundedField(field, noise)
     traced = _checks.is_traced((field, y0, t0, t1, ts, held_to))

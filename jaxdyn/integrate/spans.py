@@ -1,5 +1,7 @@
 """What a run is asked for: tolerances or a step, a span and its samples, checked on the host."""
 
+from typing import Any, NamedTuple
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -7,11 +9,24 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
 from jaxdyn.integrate.step_control import Limits
-from jaxdyn.scene import Scene
+from jaxdyn.scene import Scene, checked
+from jaxdyn.solvers import Solver
 
+#: Default of the relative tolerance of a step, and of their number.
+RTOL = 1e-10
+MAX_STEPS = 1_000_000
 _RTOL_FLOOR, _RTOL_CEILING = 1e-16, 1e-2
 _MOST_BYTES = 2**32  # of all samples
 _COPIES = 4  # of them that a run holds at once: nodes, states and what moves between (measured)
+
+
+class SolverOptions(NamedTuple):
+    """What public functions take as keywords for every run, together; see `simulate`."""
+
+    rtol: Any = RTOL
+    atol: Any = None
+    solver: Solver | str | None = None
+    max_steps: int = MAX_STEPS
 
 
 def floats(x) -> Array | np.ndarray:
@@ -42,10 +57,18 @@ def _number(name: str, x, remedy: str) -> float:
     return float(x)
 
 
-def times(scene: Scene, t0, t1, samples) -> tuple[Array, Array, Array]:
-    """Start (), end () and samples (s,) of a span, checked."""
-    t0 = _checks.array("t0", t0, ())
-    t1 = _checks.array("t1", scene.t1 if t1 is None else t1, ())
+def span(scene: Scene, t1=None, t0=0.0) -> tuple[Array, Array]:
+    """Start () and end () of a motion of a scene, all three checked.
+
+    The end is the scene's own where it is None.
+    """
+    own = checked(scene).t1
+    return _checks.array("t0", t0, ()), _checks.array("t1", own if t1 is None else t1, ())
+
+
+def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
+    """`span` with the times (s,) of samples: given as such, or as their number."""
+    t0, t1 = span(scene, t1, t0)
     if isinstance(samples, int | np.integer) and not isinstance(samples, bool):
         if samples < 1:
             raise _checks.fail("samples", "at least 1, or an array of times", samples)
@@ -83,10 +106,11 @@ def _check_memory(scene: Scene, samples: int) -> None:
         )
 
 
-def limits(rtol, atol, max_steps: int, dt=None) -> Limits:
+def limits(options: SolverOptions, dt=None) -> Limits:
     """What a solve is held to, checked: a step where there is one, else the tolerances."""
-    most = np.asarray(_checks.whole("max_steps", max_steps))
-    return Limits(tolerances(rtol, atol) if dt is None else step_length(dt), most)
+    most = np.asarray(_checks.whole("max_steps", options.max_steps))
+    held_to = tolerances(options.rtol, options.atol) if dt is None else step_length(dt)
+    return Limits(held_to, most)
 
 
 def step_length(dt) -> Array | np.ndarray:

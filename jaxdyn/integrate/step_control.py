@@ -13,6 +13,7 @@ cost more stages than the method has).
 """
 
 import abc
+import dataclasses
 from typing import Any, NamedTuple
 
 import diffrax
@@ -116,10 +117,10 @@ class _Observing(eqx.Module):
     watch: eqx.AbstractVar[Watch | None]
     limit: eqx.AbstractVar[tuple[Array, Array] | None]
 
-    def _turned(self, direction: Array) -> tuple[Array, Watch | None, Any]:
+    def wrap(self, direction):
         watch = None if self.watch is None else self.watch.towards(direction)
         limit = None if self.limit is None else (self.limit[0], self.limit[1] * direction)
-        return self.ts * direction, watch, limit
+        return dataclasses.replace(self, ts=self.ts * direction, watch=watch, limit=limit)
 
     def _begin(self, t0: Array, y0: Array) -> tuple[Nodes, Any, Array | None]:
         memory = None if self.watch is None else self.watch.start(t0, y0)
@@ -170,9 +171,6 @@ class StepControl(_Observing, diffrax.AbstractAdaptiveStepSizeController):
     def seen(self, state) -> tuple[Nodes, Any]:
         """The nodes of the samples and what the watch remembers, from the state at the end."""
         return state[:2]
-
-    def wrap(self, direction):
-        return StepControl(self.rtol, self.atol, *self._turned(direction))
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
         # diffrax's choice of the first step (Hairer, Norsett, Wanner, II.4).
@@ -228,9 +226,6 @@ class FixedSteps(_Observing, diffrax.AbstractStepSizeController):
     def seen(self, state) -> tuple[Nodes, Any]:
         """The nodes of the samples and what the watch remembers, from the state at the end."""
         return state[0][:2]
-
-    def wrap(self, direction):
-        return FixedSteps(self.n, *self._turned(direction))
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
         del terms, dt0, args, func, error_order

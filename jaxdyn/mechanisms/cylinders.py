@@ -11,6 +11,7 @@ with F = -mu N sign(slip). All phases have the same state [x, y, phi, velocities
 `scenes.rolling` joins them.
 """
 
+import dataclasses
 import math
 from typing import NamedTuple
 
@@ -147,8 +148,7 @@ class Cylinder(System):
 
     def touching(self, contact: str) -> "Cylinder":
         """The same cylinder with another contact."""
-        numbers = (self.m, self.inertia, self.r, self.d, self.fixed, self.slope, self.mu)
-        return Cylinder(*numbers, contact, self.flat)
+        return dataclasses.replace(self, contact=contact)
 
     def check(self, t, y):
         _checks.positive("mass", self.m, "Masses are in kg.")

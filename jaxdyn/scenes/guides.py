@@ -112,9 +112,9 @@ def turntable(
       formulation: "newton_euler" or "lagrange".
       t1: span [s].
     """
-    system, y0 = route(
-        formulation, Turntable(*floats(m, m_table, inertia, d)), [0.0, 0.0], [rate, speed], {}
-    )
+    m, m_table, inertia, d = floats(m, m_table, inertia, d)
+    free = Turntable(m=m, m_table=m_table, inertia=inertia, d=d)
+    system, y0 = route(formulation, free, [0.0, 0.0], [rate, speed], {})
     return Scene(system, (), y0=y0, t1=t1)
 
 
@@ -178,7 +178,8 @@ def plate(*, m=1.0, weld=2.0, centre=2.0, radius=1.0, t1=math.pi) -> Scene:
       radius: of the circles [m].
       t1: span [s].
     """
-    mechanism = Plate(*floats(m, weld, centre, radius))
+    m, weld, centre, radius = floats(m, weld, centre, radius)
+    mechanism = Plate(m=m, weld=weld, centre=centre, radius=radius)
     system, y0 = route("newton_euler", mechanism, [0.0], [0.0], {})
     return Scene(system, (), y0=y0, t1=t1)
 

@@ -31,7 +31,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn._floats import floats
+from jaxdyn._floats import as_float
 from jaxdyn.effects import UniformGravity
 from jaxdyn.integrate.events import Event, Stop, until
 from jaxdyn.integrate.phase import Exit, Phase
@@ -124,10 +124,20 @@ def cylinder_on_cylinder(
       theta: angle from the top at the start [rad].
       t1: span [s].
     """
-    numbers = floats(m, inertia_ratio * m * r * r, r, 0.0, fixed, 0.0, mu)
+    cylinder = Cylinder(
+        m=as_float(m),
+        inertia=as_float(inertia_ratio * m * r * r),
+        r=as_float(r),
+        d=as_float(0.0),
+        fixed=as_float(fixed),
+        slope=as_float(0.0),
+        mu=as_float(mu),
+        contact="roll",
+        flat=False,
+    )
     far = r + fixed
     y0 = (far * math.sin(theta), far * math.cos(theta), 0.0, 0.0, 0.0, 0.0)
-    return Scene(Cylinder(*numbers, "roll", flat=False), (UniformGravity(g),), y0=y0, t1=t1)
+    return Scene(cylinder, (UniformGravity(g),), y0=y0, t1=t1)
 
 
 @ready_made()
@@ -149,13 +159,23 @@ def cylinder_on_ramp(
       spin: angular velocity at the start [rad/s].
       t1: span [s].
     """
-    numbers = floats(m, inertia, r, d, 1.0, slope, mu)
+    cylinder = Cylinder(
+        m=as_float(m),
+        inertia=as_float(inertia),
+        r=as_float(r),
+        d=as_float(d),
+        fixed=as_float(1.0),
+        slope=as_float(slope),
+        mu=as_float(mu),
+        contact="roll",
+        flat=True,
+    )
     phi = slope + turn
     x, y = r * math.sin(slope) + d * math.sin(phi), r * math.cos(slope) + d * math.cos(phi)
     vx = spin * (r * math.cos(slope) + d * math.cos(phi))
     vy = -spin * (r * math.sin(slope) + d * math.sin(phi))
     y0 = (x, y, phi, vx, vy, spin)
-    return Scene(Cylinder(*numbers, "roll", flat=True), (UniformGravity(g),), y0=y0, t1=t1)
+    return Scene(cylinder, (UniformGravity(g),), y0=y0, t1=t1)
 
 
 def contact_lost(scene: Scene, t1=None) -> Stop:

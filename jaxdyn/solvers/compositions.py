@@ -111,9 +111,7 @@ def _of_verlet(name: str, order: int, steps: tuple[float, ...]) -> Composition:
     """Verlet steps of these lengths one after the other, and back; the middle one follows."""
     kicks = _palindrome(steps, 2 * len(steps) + 1)
     drifts = [(a + b) / 2 for a, b in zip([0.0, *kicks], [*kicks, 0.0], strict=True)]
-    return Composition(
-        name=name, order=order, error_order=np.array(drifts), position_only=np.array(kicks)
-    )
+    return Composition(name=name, order=order, drifts=np.array(drifts), kicks=np.array(kicks))
 
 
 #: Stormer and Verlet, 1 acceleration a step: cheap where a few digits do.
@@ -122,7 +120,7 @@ VERLET = _of_verlet("Verlet 2", 2, ())
 BLANES_MOAN6 = Composition(
     name="Blanes-Moan 6",
     order=6,
-    error_order=np.array(
+    drifts=np.array(
         _palindrome(
             (
                 *(0.0378593198406116, 0.102635633102435, -0.0258678882665587, 0.314241403071447),
@@ -131,7 +129,7 @@ BLANES_MOAN6 = Composition(
             15,
         )
     ),
-    position_only=np.array(
+    kicks=np.array(
         _palindrome(
             (
                 *(0.09171915262446165, 0.183983170005006, -0.05653436583288827),

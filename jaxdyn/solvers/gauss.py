@@ -115,7 +115,7 @@ def _gauss(name: str, s: int) -> Gauss:
     # Of each pair the larger: one minus it is exact.
     mu = np.where(mu >= mu.T, mu, 1.0 - mu.T)
     np.fill_diagonal(mu, 0.5)
-    return Gauss(name=name, order=c, error_order=b, position_only=mu)
+    return Gauss(name=name, c=c, b=b, mu=mu)
 
 
 #: Four stages, order 8.
