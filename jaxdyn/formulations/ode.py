@@ -124,7 +124,14 @@ def ode(
     for name, function in (*functions.items(), *((f"integrals {k!r}", f) for k, f in extra)):
         checked_function(name, function, params, "t", "y")
     labels = named(names, "y", len(y0))
-    system = Ode(rate, params, labels, energy, extra, bool(second_order))
+    system = Ode(
+        function=rate,
+        params=params,
+        names=labels,
+        energy=energy,
+        conserved=extra,
+        second_order=bool(second_order),
+    )
     t, each = jnp.zeros(()), "One for each entry of y0."
     _shapes.check_value("rate", y0.shape, each, lambda t, y: system.rate(t, y, ()), t, y0)
     if energy is not None:

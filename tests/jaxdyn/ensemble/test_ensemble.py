@@ -137,7 +137,7 @@ def test_what_fails_has_a_status_and_nan_and_leaves_the_others_alone():
     assert np.isnan(out.y1[bad]).all()
     assert out.t[3] == pytest.approx(np.pi / 4, rel=1e-6)  # free fall from rest at distance 1
     assert (out.y1[~bad] == out.y1[0]).all()
-    assert "1 motions: The step size fell" in out.message
+    assert "1 motion: The step size fell" in out.message
     assert f"{N - 2} motions: The integration reached" in out.message
     few = ensemble.run(scene, y0s[:2], 2.0, rtol=RTOL, max_steps=3)
     np.testing.assert_array_equal(few.status, [Status.STEP_LIMIT] * 2)
