@@ -8,8 +8,9 @@ no names, calls or attributes of Python itself can be reached.
 import ast
 import math
 import operator
+from typing import Any
 
-from jaxdyn._misuse import fail
+from jaxdyn._misuse import choice, fail
 
 CONSTANTS = {"pi": math.pi, "e": math.e, "deg": math.pi / 180}
 FUNCTIONS = {"sqrt": math.sqrt, "sin": math.sin, "cos": math.cos}
@@ -45,6 +46,35 @@ def value(text: str) -> float:
         remedy = f"It may be arithmetic with {known}."
         raise fail("number", "a number", repr(text), remedy) from error
     return result
+
+
+def setting(name: str, text: str, default: Any) -> Any:
+    """The value of a parameter that a text says, of the kind of its default.
+
+    Args:
+      name: of the parameter, for the message.
+      text: a number, numbers with commas between, a truth or a word.
+      default: of the parameter.
+    Raises:
+      ValueError: the text is of another kind.
+    Example:
+      >>> setting("sides", "1,2,pi/2", (3.0, 2.0, 1.0)), setting("n", "4", 1)
+      ((1.0, 2.0, 1.5707963267948966), 4)
+    """
+    if isinstance(default, str):
+        return text
+    if isinstance(default, bool):
+        return choice(name, text.lower(), ("true", "false")) == "true"
+    try:
+        numbers = [value(part) for part in text.split(",")]
+    except ValueError:
+        raise fail(name, "a number, or numbers with commas between", repr(text)) from None
+    if isinstance(default, tuple):
+        return tuple(numbers)
+    if len(numbers) > 1:
+        raise fail(name, "one number", repr(text))
+    whole = isinstance(default, int) and numbers[0].is_integer()
+    return int(numbers[0]) if whole else numbers[0]
 
 
 def _value(node: ast.expr) -> float:

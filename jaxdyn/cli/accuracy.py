@@ -17,6 +17,7 @@ from jaxdyn.cli.shared import (
     TitleOption,
     check_title,
 )
+from jaxdyn.cli.words import scene_settings
 
 _SHOWN = (3, 6, 9, 12, 14)
 
@@ -34,10 +35,9 @@ def accuracy_command(
     check_title(title, plot)
     if not 1 <= digits <= 15:
         raise fail("digits", "between 1 and 15", digits, "64-bit floats have just under 16.")
+    chosen = scene_settings(name, settings)
     with screen(f"solving {name} as exactly as possible", as_object) as out:
-        scene = jaxdyn.scenes.catalogue.build(
-            name, jaxdyn.scenes.catalogue.settings(settings or ())
-        )
+        scene = jaxdyn.scenes.catalogue.build(name, chosen)
         found = jaxdyn.accuracy.work_precision.work_precision(scene, t1)
         if as_object:
             out.result({"scene": name} | found.as_dict() | _recommended(found, digits))

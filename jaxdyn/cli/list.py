@@ -10,6 +10,7 @@ import jaxdyn
 from jaxdyn._misuse import choice, fail
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import JsonOption
+from jaxdyn.cli.words import scenes
 
 
 def list_command(
@@ -24,6 +25,8 @@ def list_command(
     """List every scene with its course problems and its parameters, their defaults and units."""
     if problems and names:
         raise fail("--problems", "no scene beside it", names[0], "It lists problems.")
+    for name in names or ():
+        choice("scene", name, scenes(), "jaxdyn list")
     with screen("listing", as_object) as out:
         if problems:
             found = jaxdyn.course.problems.PROBLEMS
@@ -33,8 +36,6 @@ def list_command(
                 out.print(_problems(found))
             return
         zoo = jaxdyn.scenes.catalogue.entries()
-        for name in names or ():
-            choice("scene", name, zoo, "jaxdyn list")
         zoo = {name: zoo[name] for name in names or zoo}
         if as_object:
             out.result({name: _described(entry) for name, entry in zoo.items()})

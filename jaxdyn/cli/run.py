@@ -21,6 +21,7 @@ from jaxdyn.cli.shared import (
     check_title,
     written,
 )
+from jaxdyn.cli.words import scene_settings, solver_names
 from jaxdyn.files.image_files import picture_path
 from jaxdyn.files.output_files import table_path
 
@@ -57,9 +58,11 @@ def run_command(
         raise fail("--seconds", "--animate with it", "none", "It is how long that lasts.")
     remedy = f"It is at most {_MOST_SAMPLES} here; jaxdyn.simulate takes more."
     whole("samples", samples, most=_MOST_SAMPLES, remedy=remedy)
+    chosen = scene_settings(name, settings)
+    solver = choice("solver", solver.lower(), ("auto", *solver_names()))
     with screen(f"simulating {name}", as_object) as out:
         how = {"samples": samples, "solver": _method(solver), "dt": dt}
-        motion, end = _motion(name, settings or (), t1, rtol, how, out)
+        motion, end = _motion(name, chosen, t1, rtol, how, out)
         record = {"scene": name} | jaxdyn.files.tables.record(motion, end)
         if as_object:
             out.result(record)
@@ -84,7 +87,7 @@ def run_command(
 
 def _motion(name: str, settings, t1, rtol: float, how: dict, out: Screen):
     """The motion, and the estimated error of its end."""
-    scene = jaxdyn.scenes.catalogue.build(name, jaxdyn.scenes.catalogue.settings(settings))
+    scene = jaxdyn.scenes.catalogue.build(name, settings)
     entry = jaxdyn.scenes.catalogue.entries()[name]
 
     def made(scene: "jaxdyn.Scene", rtol: float) -> "jaxdyn.Trajectory | jaxdyn.Chain":
@@ -96,13 +99,8 @@ def _motion(name: str, settings, t1, rtol: float, how: dict, out: Screen):
 
 
 def _method(name: str) -> "jaxdyn.solvers.Method | str":
-    named = {
-        key.lower(): method
-        for key, method in vars(jaxdyn.solvers).items()
-        if isinstance(method, jaxdyn.solvers.Method)
-    }
-    choice("solver", name.lower(), ("auto", *named))
-    return named.get(name.lower(), "auto")
+    """The method of a name in small letters, or "auto"."""
+    return name if name == "auto" else getattr(jaxdyn.solvers, name.upper())
 
 
 def _print(record: dict, end: "jaxdyn.EndError", out: Screen) -> None:

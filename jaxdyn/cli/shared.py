@@ -15,6 +15,7 @@ import typer
 import jaxdyn
 from jaxdyn._misuse import fail
 from jaxdyn.files.image_files import animation_path, picture_path
+from jaxdyn.files.input_files import MAX_BYTES, content
 
 MISUSE = 2  # exit code: invalid input
 INTERRUPTED = 130  # exit code: Ctrl-C, as in shells
@@ -32,6 +33,13 @@ def written(check: Callable[[Path, str], object], about: str, *names: str) -> An
         return path
 
     return typer.Option(*names, callback=checked, help=about)
+
+
+def read(option: typer.CallbackParam, path: Path | None) -> Path | None:
+    """The callback of an option or argument for a file to read: refused if it cannot be."""
+    if path is not None:
+        content(path, MAX_BYTES, "Give the path of a file that --save wrote.", option.opts[0])
+    return path
 
 
 SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A scene of `jaxdyn list`.")]

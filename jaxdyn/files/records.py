@@ -22,13 +22,12 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import fail
+from jaxdyn.files.input_files import MAX_BYTES, content, parsed
 from jaxdyn.files.output_files import replace, unwritable, writable
 from jaxdyn.scene import Effect, Scene, System
 
-MAX_BYTES = 64 * 2**20  # a larger file is not one of these records
 MAX_NUMBERS = 1_000_000  # of one array
 MAX_DEPTH = 32  # of modules in modules
-_DIGITS = 18
 
 
 def encode(value: Any) -> Any:
@@ -107,38 +106,6 @@ def read(path: str | Path, kind: str, version: int) -> dict[str, Any]:
     return record
 
 
-def content(path: str | Path, most: int, remedy: str = "") -> bytes:
-    """The content of a file of at most `most` bytes.
-
-    Raises:
-      ValueError: `path` is not a readable file, is larger, or is a device or a pipe, which may
-          have no end.
-    """
-    path = Path(path)
-    try:
-        if path.exists() and not (path.is_file() or path.is_dir()):
-            raise fail("file", "a file on a disk", f"{path}, a device or a pipe", remedy)
-        with open(path, "rb") as file:
-            data = file.read(most + 1)
-    except OSError as error:
-        raise fail("file", "a readable file", f"{path} ({error.strerror})", remedy) from error
-    if len(data) > most:
-        raise fail("file", f"at most {most} bytes", "more", remedy)
-    return data
-
-
-def parsed(data: bytes, what: str, remedy: str = "") -> Any:
-    """The value of JSON text with finite numbers only, and integers that floats can hold.
-
-    Raises:
-      ValueError: the text is anything else.
-    """
-    try:
-        return json.loads(data.decode(), parse_constant=_no_constant, parse_int=_integer)
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise fail("file", "JSON", f"{what} ({error})", remedy) from error
-
-
 def digest(record: dict[str, Any]) -> str:
     """A checksum of a record, 16 hexadecimal digits: an edited record has another one.
 
@@ -146,17 +113,6 @@ def digest(record: dict[str, Any]) -> str:
     """
     text = json.dumps(record, sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def _no_constant(name: str):
-    raise fail("file", "finite numbers", name, "The file was edited or is damaged.")
-
-
-def _integer(text: str) -> int:
-    # Floats cannot hold larger ones, and Python takes quadratic time for very long ones.
-    if len(text) > _DIGITS:
-        raise fail("file", f"integers of at most {_DIGITS} digits", f"one of {len(text)}")
-    return int(text)
 
 
 def _classes(kinds: tuple[type, ...]) -> dict[str, type]:

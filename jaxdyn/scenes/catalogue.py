@@ -8,11 +8,11 @@ else needs to be registered, except the phases of a scene whose motion has corne
 import dataclasses
 import inspect
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from jaxdyn import _checks
-from jaxdyn._arithmetic import value
+from jaxdyn._arithmetic import setting
 from jaxdyn.integrate.phases import Chain, Phase, run
 from jaxdyn.integrate.simulation import RTOL, simulate
 from jaxdyn.integrate.trajectory import Trajectory
@@ -162,23 +162,8 @@ def numbers(name: str, settings: Mapping[str, str]) -> dict[str, Any]:
     values = {}
     for key, text in settings.items():
         parameter = known[_checks.choice(f"parameter of {name}", key, known)]
-        values[key] = _value(key, text, parameter.default)
+        values[key] = setting(key, text, parameter.default)
     return values
-
-
-def settings(texts: Iterable[str]) -> dict[str, str]:
-    """The settings for `build` from texts "NAME=VALUE" of a command line.
-
-    Raises:
-      ValueError: a text has no "=".
-    """
-    found = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not equals:
-            raise _checks.fail("--set", "NAME=VALUE", repr(text))
-        found[name.strip()] = value.strip()
-    return found
 
 
 def _entry(name: str, make: Callable[..., Scene]) -> Entry:
@@ -197,20 +182,3 @@ def _entry(name: str, make: Callable[..., Scene]) -> Entry:
 
 
 _LINES = re.MULTILINE | re.DOTALL
-
-
-def _value(key: str, text: str, default: Any) -> Any:
-    if isinstance(default, str):
-        return text
-    if isinstance(default, bool):
-        return _checks.choice(key, text.lower(), ("true", "false")) == "true"
-    try:
-        numbers = [value(part) for part in text.split(",")]
-    except ValueError:
-        raise _checks.fail(key, "a number, or numbers with commas between", repr(text)) from None
-    if isinstance(default, tuple):
-        return tuple(numbers)
-    if len(numbers) > 1:
-        raise _checks.fail(key, "one number", repr(text))
-    whole = isinstance(default, int) and numbers[0].is_integer()
-    return int(numbers[0]) if whole else numbers[0]

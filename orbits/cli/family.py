@@ -11,7 +11,7 @@ from rich.table import Table
 
 import jaxdyn
 import orbits
-from jaxdyn._misuse import counted, fail, whole
+from jaxdyn._misuse import choice, counted, fail, whole
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -20,7 +20,9 @@ from jaxdyn.cli.shared import (
     SetOption,
     TitleOption,
     check_title,
+    read,
 )
+from jaxdyn.cli.words import scene_settings, scenes
 from orbits.cli.shared import SaveOption, not_found, numbers, printed
 
 
@@ -31,7 +33,7 @@ def family_command(
         str | None, typer.Option(help="The number that changes; the energy if left out.")
     ] = None,
     from_orbit: Annotated[
-        Path | None, typer.Option(help="Begin with the orbit in this file.")
+        Path | None, typer.Option(help="Begin with the orbit in this file.", callback=read)
     ] = None,
     period: Annotated[float | None, typer.Option(help="Guess for the first orbit.")] = None,
     members: Annotated[int, typer.Option(help="How many orbits at most.")] = 50,
@@ -54,10 +56,11 @@ def family_command(
     if not 0 < step < math.inf:
         raise fail("--step", "> 0", step, "It is a length in the space of the unknowns.")
     bounds, levels = _bounds("--within", within), _bounds("--energies", energies)
+    chosen = scene_settings(name, settings)
+    if parameter is not None:
+        choice("--parameter", parameter, scenes()[name])
     with screen(f"looking for an orbit of {name}", as_object) as out:
-        values = jaxdyn.scenes.catalogue.numbers(
-            name, jaxdyn.scenes.catalogue.settings(settings or ())
-        )
+        values = jaxdyn.scenes.catalogue.numbers(name, chosen)
         make, value = None, None
         if parameter is not None:
             make, value = orbits.families.parameters.maker(name, values, parameter)

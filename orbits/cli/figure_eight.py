@@ -41,14 +41,17 @@ def figure_eight_command(
     have 13, the last for the period.
     """
     check_title(title, plot)
+    start = _numbers("--guess", guess, 12)
+    lows, highs = _numbers("--lower", lower, 13), _numbers("--upper", upper, 13)
+    m = _numbers("--masses", masses, 3) or [1.0, 1.0, 1.0]
     with screen("closing the motion of three bodies", as_object) as out:
         clock = jaxdyn.accuracy.timing.Clock()
         plain, eight = orbits.figure_eight(
-            _numbers("guess", guess, list(jaxdyn.scenes.EIGHT_GUESS)),
+            start or list(jaxdyn.scenes.EIGHT_GUESS),
             jaxdyn.scenes.EIGHT_GUESS_PERIOD if period is None else period,
-            m=_numbers("masses", masses, [1.0, 1.0, 1.0]),
-            lower=_numbers("lower", lower, None),
-            upper=_numbers("upper", upper, None),
+            m=m,
+            lower=lows,
+            upper=highs,
             say=lambda text: out.print(f"[bold]{text}[/bold]"),
             report=printed(out),
         )
@@ -87,10 +90,11 @@ def _seconds(clock: "jaxdyn.accuracy.timing.Clock") -> dict[str, float]:
     return {"compile": round(compiling, 3), "solve": round(clock.seconds - compiling, 3)}
 
 
-def _numbers(name: str, text: str | None, default: list[float] | None) -> list[float] | None:
+def _numbers(option: str, text: str | None, count: int) -> list[float] | None:
+    """So many numbers in A,B,...; None without text."""
     if text is None:
-        return default
-    values = numbers(name, text)
-    if default is not None and len(values) != len(default):
-        raise fail(name, f"{len(default)} numbers", f"{len(values)}")
+        return None
+    values = numbers(option, text)
+    if len(values) != count:
+        raise fail(option, f"{count} numbers", len(values))
     return values

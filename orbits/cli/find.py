@@ -16,6 +16,7 @@ from jaxdyn.cli.shared import (
     TitleOption,
     check_title,
 )
+from jaxdyn.cli.words import scene_settings
 from orbits.cli.printed import print_reports
 from orbits.cli.shared import SaveOption, draw, not_found, printed
 
@@ -43,10 +44,9 @@ def find_command(
 ) -> None:
     """A periodic orbit near a scene's own motion: what it is, and whether it is stable."""
     check_title(title, plot)
+    chosen = scene_settings(name, settings)
     with screen(f"looking for an orbit of {name}", as_object) as out:
-        scene = jaxdyn.scenes.catalogue.build(
-            name, jaxdyn.scenes.catalogue.settings(settings or ())
-        )
+        scene = jaxdyn.scenes.catalogue.build(name, chosen)
         orbit = orbits.discovery.nearby.searched(
             scene,
             period,

@@ -8,12 +8,12 @@ import typer
 import orbits
 from jaxdyn._misuse import fail
 from jaxdyn.cli.screen import screen
-from jaxdyn.cli.shared import JsonOption
+from jaxdyn.cli.shared import JsonOption, read
 from orbits.cli.printed import print_reports
 
 
 def verify_command(
-    file: Annotated[Path, typer.Argument(help="An orbit file written by --save.")],
+    file: Annotated[Path, typer.Argument(help="An orbit file written by --save.", callback=read)],
     as_object: JsonOption = False,
 ) -> None:
     """Derive every claim of an orbit file again, from its scene, start and period alone."""

@@ -18,6 +18,7 @@ import numpy as np
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn.files import records
+from jaxdyn.files.input_files import content, parsed
 from jaxdyn.files.output_files import append, replace, unwritable, writable
 from orbits.analysis.same import same
 from orbits.closing.closings import Closing
@@ -165,7 +166,7 @@ def read(path: str | Path) -> tuple[dict[str, Any], list[Chunk]]:
 
 
 def _whole_lines(path: Path) -> bytes:
-    data = records.content(path, MAX_BYTES, _REMEDY) if path.exists() else b""
+    data = content(path, MAX_BYTES, _REMEDY) if path.exists() else b""
     return data[: data.rfind(b"\n") + 1]
 
 
@@ -176,7 +177,7 @@ def _line(record: dict[str, Any]) -> str:
 
 def _record(line: bytes) -> dict[str, Any]:
     """What a line says, without its digest."""
-    record = records.parsed(line, "a line of another kind")
+    record = parsed(line, "a line of another kind")
     if record.pop("digest") != records.digest(record):
         raise KeyError("digest")
     return record

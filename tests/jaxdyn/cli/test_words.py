@@ -1,0 +1,65 @@
+"""Words of commands are checked without JAX, and know what the catalogue knows."""
+
+import pytest
+from helpers import run_python
+
+from jaxdyn import solvers
+from jaxdyn.cli import words
+from jaxdyn.scenes import catalogue
+
+
+def test_the_text_of_the_scenes_says_what_the_catalogue_says():
+    zoo = catalogue.entries()
+    found = words.scenes()
+    assert found.keys() == zoo.keys()
+    for name, known in found.items():
+        defaults = {p.name: p.default for p in zoo[name].parameters}
+        assert known.keys() == defaults.keys()
+        for key, default in known.items():
+            assert default is words._UNKNOWN or default == defaults[key]
+
+
+def test_every_ready_solver_has_its_name():
+    ready = {key.lower() for key, x in vars(solvers).items() if isinstance(x, solvers.Method)}
+    assert set(words.solver_names()) == ready
+
+
+def test_settings_are_read_by_name():
+    assert words.scene_settings("pendulum", ["angle = pi/2", "m=2"]) == {"angle": "pi/2", "m": "2"}
+    assert words.scene_settings("three_body", None) == {}
+    with pytest.raises(ValueError, match=r"^--set: expected NAME=VALUE, got 'm'"):
+        words.scene_settings("pendulum", ["m"])
+
+
+#: Mistakes that are seen before JAX is loaded, and the message of each.
+MISTAKES = {
+    "jaxdyn run nosuch": "scene: expected one that",
+    "jaxdyn run pendulum --set nosuch=1": "parameter of pendulum: expected one of",
+    "jaxdyn run pendulum --set m=x": "m: expected a number",
+    "jaxdyn run pendulum --solver nosuch": "solver: expected one of auto",
+    "jaxdyn run pendulum --plot a.xyz": "--plot: expected a file name",
+    "jaxdyn accuracy nosuch": "scene: expected one that",
+    "jaxdyn list nosuch": "scene: expected one that",
+    "orbits find nosuch": "scene: expected one that",
+    "orbits family pendulum --parameter nosuch": "--parameter: expected one of",
+    "orbits family pendulum --from-orbit nosuch.json": "--from-orbit: expected a readable file",
+    "orbits verify nosuch.json": "file: expected a readable file",
+    "orbits figure-eight --guess 1": "--guess: expected 12 numbers, got 1",
+    "orbits loops --n=x": "--n: expected numbers",
+}
+
+
+def test_mistakes_are_told_before_jax_is_loaded():
+    code = f"""
+import contextlib, io, sys
+import jaxdyn.cli.app, orbits.cli.app
+for words, message in {MISTAKES!r}.items():
+    sys.argv = words.split()
+    main = (jaxdyn if sys.argv[0] == "jaxdyn" else orbits).cli.app.main
+    said = io.StringIO()
+    with contextlib.redirect_stderr(said), contextlib.suppress(SystemExit):
+        main()
+    assert said.getvalue().startswith("error: " + message), (words, said.getvalue())
+    assert not {{"jax", "numpy"}} & sys.modules.keys(), words
+"""
+    run_python(code)
