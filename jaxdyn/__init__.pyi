@@ -24,7 +24,7 @@ from .analysis.linearize import modes as modes
 from .formulations.lagrange import lagrangian as lagrangian
 from .formulations.ode import ode as ode
 from .integrate.events import until as until
-from .integrate.phases import Chain as Chain
+from .integrate.phases import HybridTrajectory as HybridTrajectory
 from .integrate.simulation import simulate as simulate
 from .integrate.simulation import solve as solve
 from .integrate.trajectory import Trajectory as Trajectory

@@ -219,7 +219,7 @@ def _check_obeyed(system: System, effect: Effect) -> None:
         )
 
 
-def checked(scene: Any) -> Scene:
+def checked_scene(scene: Any) -> Scene:
     """The scene, if it is one and its numbers make sense: what entry points begin with."""
     if not isinstance(scene, Scene):
         name = getattr(scene, "__name__", None)

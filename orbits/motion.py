@@ -18,7 +18,7 @@ from jaxdyn.analysis.energy import potential
 from jaxdyn.analysis.regularised import logarithmic_span, regularised, solve_regularised
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.flow import Flow
+from jaxdyn.integrate.flow import SolveResult
 from jaxdyn.integrate.simulation import MAX_STEPS, solve
 from jaxdyn.solvers import Solver
 
@@ -36,7 +36,7 @@ def advanced(
     rtol: float,
     solver: Solver | None = None,
     max_steps: int = MAX_STEPS,
-) -> Flow:
+) -> SolveResult:
     """The end of a motion after a span of time; differentiable in all numbers but s.
 
     Args:

@@ -20,12 +20,12 @@ import numpy as np
 
 from jaxdyn.integrate import ladder
 from jaxdyn.integrate.ladder import FINEST, RATIO
-from jaxdyn.integrate.phases import Chain, pieces_of
+from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.simulation import RTOL
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 
-Motion = Trajectory | Chain
+Motion = Trajectory | HybridTrajectory
 #: (scene, rtol) -> the motion of that scene at that tolerance.
 Again = Callable[[Scene, float], Motion]
 
@@ -176,14 +176,14 @@ def changed(scene: Scene, change: float, rng: np.random.Generator) -> Scene:
 def _end(motion: Motion) -> tuple[Scene, np.ndarray]:
     """The scene of the last piece and the state (k,) where it ended."""
     piece = pieces_of(motion)[-1]
-    ended = isinstance(motion, Chain) and motion.ended
+    ended = isinstance(motion, HybridTrajectory) and motion.ended
     return piece.scene, np.asarray(motion.y if ended else piece.ys[-1])
 
 
 def _same(motion: Motion, other: Motion) -> np.ndarray:
     """(k,) end of the other motion; NaN if it went through other phases."""
     _, y = _end(motion)
-    names, others = (m.names if isinstance(m, Chain) else () for m in (motion, other))
+    names, others = (m.names if isinstance(m, HybridTrajectory) else () for m in (motion, other))
     return _end(other)[1] if names == others else np.full_like(y, np.nan)
 
 

@@ -18,7 +18,7 @@ from jaxtyping import Array
 from jaxdyn.analysis.energy import change as change_of
 from jaxdyn.analysis.energy import energy
 from jaxdyn.analysis.ledger import power_of
-from jaxdyn.integrate.phases import Chain, pieces_of
+from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Effect, Scene
 
@@ -60,7 +60,7 @@ class EnergyChange(NamedTuple):
 
 # Motions near the largest floats: their energies are infinite, or not known.
 @np.errstate(over="ignore", invalid="ignore")
-def energy_change(motion: Trajectory | Chain) -> EnergyChange | None:
+def energy_change(motion: Trajectory | HybridTrajectory) -> EnergyChange | None:
     """The change of the energy over all pieces; None without energy, or where it is not known.
 
     Example:
@@ -77,7 +77,7 @@ def energy_change(motion: Trajectory | Chain) -> EnergyChange | None:
     change = np.max(np.abs(total - total[0])) / size
     if not np.isfinite(change):
         return None
-    names = motion.names if isinstance(motion, Chain) else ("",)
+    names = motion.names if isinstance(motion, HybridTrajectory) else ("",)
     works: dict[str, float] = {}
     for i, (piece, part) in enumerate(zip(pieces, totals, strict=True)):
         for cause, work in _works(piece, names[i], part[-1] - part[0], size).items():

@@ -20,7 +20,7 @@ from jaxdyn import _checks
 from jaxdyn.analysis.linearize import Linearization, linearize
 from jaxdyn.analysis.rest_points.completeness import bisected, judged
 from jaxdyn.analysis.rest_points.search import Box, Ends, jumps, low_discrepancy, search
-from jaxdyn.scene import Field, Scene, System, checked
+from jaxdyn.scene import Field, Scene, System, checked_scene
 
 _MOST_STARTS = 1_000_000  # which are worked on at once
 _SAME = 1e-6  # of the box: rest points nearer than this are one
@@ -89,7 +89,7 @@ def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024) -> Equilib
     """
     _refuse_traced(scene, low, high, t)
     _checks.float64()
-    box = _box(low, high, len(checked(scene).y0))
+    box = _box(low, high, len(checked_scene(scene).y0))
     starts, t = _checks.whole("starts", starts, most=_MOST_STARTS), _checks.array("t", t, ())
     field = scene.field
     proof = bisected(field, t, box)
@@ -126,7 +126,7 @@ def rest_point(scene: Scene, y, t=0.0) -> Array:
       >>> print(jax.grad(sag)(10.0))  # m / k
       0.1
     """
-    field = checked(scene).field
+    field = checked_scene(scene).field
     _checks.float64()
     y = _checks.array("y", y, scene.y0.shape)
     return _rest_point(field, y, _checks.array("t", t, ()))

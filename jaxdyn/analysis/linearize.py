@@ -22,7 +22,7 @@ from jaxdyn.analysis.eigenvalues import (
     rate_eigenvalues,
     rate_verdict,
 )
-from jaxdyn.scene import Field, Scene, checked
+from jaxdyn.scene import Field, Scene, checked_scene
 
 _SYMMETRIC = 1e-9  # relative asymmetry of a stiffness matrix that is rounding
 _AT_REST = 1e-6  # [1] forces at a rest point over those of a unit displacement; for speeds alike
@@ -71,7 +71,7 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
       >>> linearize(oscillator(c=0.1), [0.0, 0.0]).portrait
       'spiral'
     """
-    scene = scene if isinstance(scene, Field) else checked(scene)
+    scene = scene if isinstance(scene, Field) else checked_scene(scene)
     _checks.float64()
     y = _checks.array("y", y, (len(scene.system.labels()),))
     return classify(np.asarray(jacobian(scene, y, _checks.array("t", t, ()))))
@@ -146,7 +146,7 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
       >>> print(modes(oscillator(k=9.0, m=1.0), [0.0, 0.0]).frequencies)
       [3.]
     """
-    start = checked(scene).y0
+    start = checked_scene(scene).y0
     _checks.float64()
     y = _checks.array("y", start if y is None else y, start.shape)
     if scene.system.canonical(jnp.zeros(()), y) is None:

@@ -26,11 +26,11 @@ from jaxdyn import _checks
 from jaxdyn.analysis.energy import energy
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.integrate.events import Reaches, Stop, until
-from jaxdyn.integrate.flow import Flow
+from jaxdyn.integrate.flow import SolveResult
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, span
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
-from jaxdyn.scene import Field, Scene, checked
+from jaxdyn.scene import Field, Scene, checked_scene
 from jaxdyn.solvers import Solver
 from jaxdyn.status import Status
 from jaxdyn.system import potential_energy
@@ -88,7 +88,7 @@ def regularised(scene: Scene, t0=0.0) -> Scene:
       >>> [name for name, _ in regularised(scenes.two_body()).system.labels()][-2:]
       ['E', 't']
     """
-    checked(scene)
+    checked_scene(scene)
     t0 = _checks.array("t0", t0, ())
     if not (scene.system.second_order and scene.has_points):
         name = type(scene.system).__name__
@@ -154,7 +154,7 @@ def solve_regularised(
     rtol: float = RTOL,
     solver: Solver | None = None,
     max_steps: int = MAX_STEPS,
-) -> Flow:
+) -> SolveResult:
     """The end of a motion, most of the way in logarithmic time: what the orbit finder calls.
 
     The span of s is held fixed, and what then is left to t1 is integrated in plain time: no
@@ -176,7 +176,7 @@ def solve_regularised(
     near = scene.starting(run.y1[:-2])
     end = solve(near, t1, t0=run.y1[-1], rtol=rtol, max_steps=max_steps)
     status = jnp.where(run.status == Status.OK, end.status, run.status)
-    return Flow(
+    return SolveResult(
         y1=jnp.where(status == Status.OK, end.y1, jnp.nan),
         ys=end.ys,
         steps=run.steps + end.steps,
@@ -213,7 +213,7 @@ def followed(scene: Scene, t1, t0, samples: int, options: SolverOptions, *, thro
     if throw:
         raise_unless_ok(stop.status, scene)
 
-    def over(y0, length) -> tuple[Array, Flow]:
+    def over(y0, length) -> tuple[Array, SolveResult]:
         grid = jnp.linspace(0.0, length, samples)
         flow = solve(slow.starting(y0), length, ts=grid, **options._asdict())
         return grid, flow

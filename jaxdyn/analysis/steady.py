@@ -26,7 +26,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.analysis.linearize import Linearization, classify
-from jaxdyn.scene import Field, Scene, checked
+from jaxdyn.scene import Field, Scene, checked_scene
 
 _MOST = 40  # entries of a state: the symmetries are looked for among its square
 _SPREAD = 0.3  # of the size of the state: how far off it samples are taken
@@ -82,7 +82,7 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
       ('centre', 'unstable')
     """
     _checks.float64()
-    start = checked(scene).y0
+    start = checked_scene(scene).y0
     y = _checks.array("y", start if y is None else y, start.shape)
     t = _checks.array("t", t, ())
     if len(y) > _MOST:

@@ -4,7 +4,7 @@ from jaxdyn.cli.accuracy import accuracy_command
 from jaxdyn.cli.hard import hard_command
 from jaxdyn.cli.list import list_command
 from jaxdyn.cli.run import run_command
-from jaxdyn.cli.shared import add, application, run
+from jaxdyn.cli.shared import add, application, start
 
 app = application("Simulate, draw and check the scenes of a course on dynamics.")
 add(
@@ -30,4 +30,4 @@ add(
 
 def main() -> None:
     """Run the command line."""
-    run(app)
+    start(app)

@@ -90,7 +90,7 @@ def _motion(name: str, settings, t1, rtol: float, how: dict, out: Screen):
     scene = jaxdyn.scenes.catalogue.build(name, settings)
     entry = jaxdyn.scenes.catalogue.entries()[name]
 
-    def made(scene: "jaxdyn.Scene", rtol: float) -> "jaxdyn.Trajectory | jaxdyn.Chain":
+    def made(scene: "jaxdyn.Scene", rtol: float) -> "jaxdyn.Trajectory | jaxdyn.HybridTrajectory":
         return entry.motion(scene, t1, rtol=rtol, **how)
 
     motion = made(scene, rtol)

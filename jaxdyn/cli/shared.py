@@ -94,7 +94,7 @@ def _begin(
         raise typer.Exit(MISUSE)
 
 
-def run(app: typer.Typer) -> None:
+def start(app: typer.Typer) -> None:
     """Run a command line; one line on standard error and exit code 2 for invalid input."""
     try:
         code = app(standalone_mode=False)

@@ -29,7 +29,7 @@ from jaxdyn.drawing.figures import blank, legend_below, path_entries
 from jaxdyn.drawing.panels import colours, draw_lines, limits, panel, size
 from jaxdyn.drawing.solid import fill
 from jaxdyn.files.image_files import animation_path
-from jaxdyn.integrate.phases import Chain
+from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 
 _DPI = 100
@@ -42,7 +42,7 @@ _SHORTEST = 0.02  # s a frame of a GIF: viewers slow down those that ask for les
 
 
 def animate(
-    motion: Trajectory | Chain,
+    motion: Trajectory | HybridTrajectory,
     path,
     *,
     seconds: float | None = None,
@@ -52,7 +52,7 @@ def animate(
     """The file of a moving picture of a motion, from its start to where its run ended.
 
     Args:
-      motion: what `simulate` or `phases.run` returned.
+      motion: what `simulate` or `simulate_phases` returned.
       path: file to write, .gif or .mp4.
       seconds: how long it lasts [s]; if left out, as long as the motion where that takes 1 to
         10 s, else a round part or multiple of that, which is written in the picture.

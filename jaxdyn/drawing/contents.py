@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn.drawing.curves import Outline, Part, fine, reached
-from jaxdyn.integrate.phases import Chain, pieces_of
+from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.sketch import Kind
 
@@ -53,7 +53,7 @@ class Paths(NamedTuple):
     corners: tuple[int, ...]
 
 
-def paths(motion: Trajectory | Chain) -> Paths:
+def paths(motion: Trajectory | HybridTrajectory) -> Paths:
     """What there is to draw of a motion, a chain of phases or a part of a run that stopped.
 
     Points move in a plane, in space or on a line; a state of two or three entries without
@@ -61,7 +61,7 @@ def paths(motion: Trajectory | Chain) -> Paths:
     those of all points.
 
     Args:
-      motion: what `simulate` or `phases.run` returned.
+      motion: what `simulate` or `simulate_phases` returned.
     Raises:
       ValueError: a batch of motions, or nothing to draw.
     """
@@ -101,7 +101,7 @@ def paths(motion: Trajectory | Chain) -> Paths:
     )
 
 
-def why_stopped(motion: Trajectory | Chain, second: str = " s") -> str:
+def why_stopped(motion: Trajectory | HybridTrajectory, second: str = " s") -> str:
     """A line that says why and when a run stopped early; empty if it did not."""
     last = pieces_of(motion)[-1]
     good = reached(last)

@@ -11,7 +11,7 @@ from jaxdyn.drawing.figures import blank, finished, legend_below, mark, path_ent
 from jaxdyn.drawing.panels import WIDTH, colours, draw_paths, draw_starts, limits
 from jaxdyn.drawing.titles import heading, scenes_of
 from jaxdyn.files.image_files import picture_path
-from jaxdyn.integrate.phases import Chain
+from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 
 #: Where the views stand, as a drawing office places them: from the front, the side and above.
@@ -19,11 +19,13 @@ _VIEWS = {(0, 0): (0, 2), (0, 1): (1, 2), (1, 0): (0, 1)}
 _ROOM = 1.6  # inches for labels, title and legend
 
 
-def projections(motion: Trajectory | Chain, path=None, *, title: str | None = None) -> Figure:
+def projections(
+    motion: Trajectory | HybridTrajectory, path=None, *, title: str | None = None
+) -> Figure:
     """The paths of a motion in space, projected on the x-z, y-z and x-y planes to one scale.
 
     Args:
-      motion: what `simulate` or `phases.run` returned.
+      motion: what `simulate` or `simulate_phases` returned.
       path: file to write, .png, .pdf or .svg.
       title: what stands above it; the scene with its numbers if left out, "" for nothing.
     Raises:

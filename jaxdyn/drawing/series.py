@@ -12,12 +12,12 @@ from jaxdyn.drawing.figures import GRID, PALETTE, blank, finished, style
 from jaxdyn.drawing.panels import WIDTH
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
-from jaxdyn.integrate.phases import Chain, pieces_of
+from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 
 
 def time_series(
-    motion: Trajectory | Chain,
+    motion: Trajectory | HybridTrajectory,
     path=None,
     *,
     names: Sequence[str] | None = None,
@@ -26,7 +26,7 @@ def time_series(
     """A picture of entries of the state against time, one panel a unit.
 
     Args:
-      motion: what `simulate` or `phases.run` returned. Its curves are smooth, see `curves`;
+      motion: what `simulate` or `simulate_phases` returned. Its curves are smooth, see `curves`;
         phases are parted by lines.
       path: file to write, .png, .pdf or .svg.
       names: labels of the entries to draw, e.g. ``["x", "vx"]``; all of them if left out.

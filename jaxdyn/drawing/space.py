@@ -20,7 +20,7 @@ from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, pane
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading, scenes_of
 from jaxdyn.files.image_files import picture_path
-from jaxdyn.integrate.phases import Chain
+from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 
 _POSES = {2: 5, 3: 2}  # of the bodies at later times; in space more would hide each other
@@ -30,7 +30,7 @@ _LINE = 0.17  # inches a line of the heading
 
 
 def trajectory(
-    motion: Trajectory | Chain | Sequence[Trajectory | Chain],
+    motion: Trajectory | HybridTrajectory | Sequence[Trajectory | HybridTrajectory],
     path=None,
     *,
     title: str | None = None,
@@ -41,7 +41,7 @@ def trajectory(
     However few samples it has, its curves are smooth; see `curves`.
 
     Args:
-      motion: what `simulate` or `phases.run` returned; with ``throw=False`` also one that
+      motion: what `simulate` or `simulate_phases` returned; with ``throw=False`` also one that
         stopped early, which is then marked by crosses and a line in the title. Several are drawn
         on the same axes, each in a colour.
       path: file to write, .png, .pdf or .svg.

@@ -11,7 +11,7 @@ import numpy as np
 
 from jaxdyn.formulations.rigid import about_centre, inertia_matrix
 from jaxdyn.geometry.inertia import MaterialPoints
-from jaxdyn.integrate.phases import Chain, pieces_of
+from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 
@@ -22,12 +22,12 @@ _MOST = 4  # entries of an array that are still written out
 _AT_ORIGIN = 1e-12  # of the size of a body: a centre so near is the origin
 
 
-def caption(*motions: Trajectory | Chain) -> str:
+def caption(*motions: Trajectory | HybridTrajectory) -> str:
     """What moves and what acts on it, with the numbers that all of the motions share."""
     return describe(*scenes_of(motions))
 
 
-def scenes_of(motions: Sequence[Trajectory | Chain]) -> list[Scene]:
+def scenes_of(motions: Sequence[Trajectory | HybridTrajectory]) -> list[Scene]:
     """The scene of each motion; of a chain that of its first phase."""
     return [pieces_of(motion)[0].scene for motion in motions]
 

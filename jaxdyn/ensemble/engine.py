@@ -23,7 +23,7 @@ from jaxdyn.integrate.fixed import FixedField
 from jaxdyn.integrate.flow import Settings
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits
 from jaxdyn.integrate.step_control import Watch
-from jaxdyn.scene import Scene, checked
+from jaxdyn.scene import Scene, checked_scene
 from jaxdyn.solvers import Solver
 from jaxdyn.solvers.choice import checked_method
 
@@ -187,7 +187,7 @@ def _job(
 def _motions(scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool) -> tuple[Motions, Any]:
     """The queue, and the field with None in place of what each motion has for itself."""
     _checks.float64()
-    checked(scene)
+    checked_scene(scene)
     given = scene if params is None else params
     starts = np.asarray(given.y0 if y0s is None else y0s, float)
     k = len(scene.y0)

@@ -38,7 +38,7 @@ class Gap(eqx.Module):
         return self.weight * self.system.difference(y, start)
 
 
-class Return(NamedTuple):
+class ClosestReturn(NamedTuple):
     """The closest return so far, one for each window of time.
 
     Attributes:
@@ -51,7 +51,7 @@ class Return(NamedTuple):
 
 
 class _Returning(NamedTuple):
-    best: Return
+    best: ClosestReturn
     t0: Array  # () start time
     start: Array  # (k,) start
     gap: Array  # (m,) gap at the last node, and its slope
@@ -104,7 +104,7 @@ class CloseReturn(Watch):
 
     def start(self, t0, y0):
         shape = jnp.broadcast_shapes(self.later.shape, self.before.shape)
-        best = Return(jnp.full(shape, jnp.inf), jnp.full(shape, jnp.nan))
+        best = ClosestReturn(jnp.full(shape, jnp.inf), jnp.full(shape, jnp.nan))
         gap, slope = self._looked(t0, y0, y0)
         return _Returning(best=best, t0=t0, start=y0, gap=gap, slope=slope)
 
@@ -118,7 +118,7 @@ class CloseReturn(Watch):
         after = t0 + s * h - memory.t0
         better = keep & (distance < best.distance) & (after >= self.later) & (after < self.before)
         better = better & (best.distance > self.close)
-        best = Return(
+        best = ClosestReturn(
             jnp.where(better, distance, best.distance), jnp.where(better, after, best.after)
         )
         gap, slope = jnp.where(keep, gap, memory.gap), jnp.where(keep, slope, memory.slope)

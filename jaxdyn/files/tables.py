@@ -9,36 +9,36 @@ import numpy as np
 from jaxdyn.accuracy.end_error import EndError
 from jaxdyn.analysis.energy_change import energy_change
 from jaxdyn.files.output_files import replace, table_path
-from jaxdyn.integrate.phases import Chain, pieces_of
+from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.status import Status
 
 
-def samples(motion: Trajectory | Chain) -> tuple[np.ndarray, np.ndarray]:
+def samples(motion: Trajectory | HybridTrajectory) -> tuple[np.ndarray, np.ndarray]:
     """Times (s,) [s] and states (s, k) of all phases, and after the last exit of a chain."""
     pieces = pieces_of(motion)
     ts = [np.asarray(piece.ts) for piece in pieces]
     ys = [np.asarray(piece.ys) for piece in pieces]
-    if isinstance(motion, Chain) and motion.ended:
+    if isinstance(motion, HybridTrajectory) and motion.ended:
         ts, ys = [*ts, np.asarray(motion.t)[None]], [*ys, np.asarray(motion.y)[None]]
     return np.concatenate(ts), np.concatenate(ys)
 
 
-def columns(motion: Trajectory | Chain) -> list[str]:
+def columns(motion: Trajectory | HybridTrajectory) -> list[str]:
     """Name and unit of each entry of the state, e.g. "vx [m/s]"."""
     labels = pieces_of(motion)[0].scene.labels()
     return [name if unit == "1" else f"{name} [{unit}]" for name, unit in labels]
 
 
-def arrived(motion: Trajectory | Chain) -> bool:
+def arrived(motion: Trajectory | HybridTrajectory) -> bool:
     """Whether a motion reached the end of its span, or a terminal event."""
-    if isinstance(motion, Chain):
+    if isinstance(motion, HybridTrajectory):
         done = motion.ended or motion.t >= motion.pieces[-1].scene.t1
         return motion.status == Status.OK and bool(done)
     return motion.ok
 
 
-def record(motion: Trajectory | Chain, end: EndError) -> dict:
+def record(motion: Trajectory | HybridTrajectory, end: EndError) -> dict:
     """A motion as a record for JSON: samples, phases, error estimate, change of its energy.
 
     Args:
@@ -49,7 +49,7 @@ def record(motion: Trajectory | Chain, end: EndError) -> dict:
     """
     pieces = pieces_of(motion)
     change = energy_change(motion)
-    in_phases = isinstance(motion, Chain)
+    in_phases = isinstance(motion, HybridTrajectory)
     ts, ys = samples(motion)
     return {
         "status": motion.status.name if in_phases else motion.status_code.name,
@@ -71,7 +71,7 @@ def record(motion: Trajectory | Chain, end: EndError) -> dict:
     }
 
 
-def write_csv(path: str | Path, motion: Trajectory | Chain) -> Path:
+def write_csv(path: str | Path, motion: Trajectory | HybridTrajectory) -> Path:
     """Write a CSV file with a line for each sample: time and state, with all digits.
 
     Its first line has the columns with their units; samples that were not reached are empty.

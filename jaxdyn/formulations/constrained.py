@@ -31,7 +31,13 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import Reduced, solve_psd, solve_spd
-from jaxdyn.formulations.mechanism import Mechanism, MechanismSystem, balance, mass_matrix, row_sums
+from jaxdyn.formulations.mechanism import (
+    Mechanism,
+    MechanismSystem,
+    mass_and_force,
+    mass_matrix,
+    row_sums,
+)
 from jaxdyn.scene import Effect
 
 DRIFTS = ("projection", "baumgarte", "raw")
@@ -154,7 +160,7 @@ class Constrained(MechanismSystem):
         if self.drift == "baumgarte":
             position = jnp.concatenate([phi, jnp.zeros_like(rates[phi.shape[0] :])])
             gamma = gamma - 2 * self.pull * rates - self.pull**2 * position
-        mass, force = balance(self.mechanism, t, q, v, effects)
+        mass, force = mass_and_force(self.mechanism, t, q, v, effects)
         free, reach = self._free(mass, force, g)
         wanted = gamma - row_sums(g, free)
         multipliers = _independent(g, reach, wanted).x

@@ -35,8 +35,8 @@ from jaxdyn.formulations.functions import (
 from jaxdyn.formulations.mechanism import (
     Mechanism,
     MechanismSystem,
-    moved,
     on_coordinates,
+    positions_and_velocities,
     pulled_back,
     with_rates,
 )
@@ -57,7 +57,7 @@ class Lagrange(MechanismSystem):
 
     def lagrangian(self, t: Array, q: Array, v: Array, effects: tuple[Effect, ...]) -> Array:
         """Kinetic minus potential energy () [J]."""
-        r, velocity = moved(self.mechanism, t, q, v)
+        r, velocity = positions_and_velocities(self.mechanism, t, q, v)
         m = self.mechanism.masses()
         kinetic = 0.5 * jnp.sum(m[:, None] * velocity**2)
         return kinetic - potential_energy(effects, t, r, m)

@@ -117,7 +117,7 @@ class MechanismSystem(System):
 
     def points(self, t, y):
         q, v = jnp.split(y, 2)
-        r, velocity = moved(self.mechanism, t, q, v)
+        r, velocity = positions_and_velocities(self.mechanism, t, q, v)
         return Points(r, velocity, self.mechanism.masses())
 
     def sketch(self, t, y):
@@ -136,7 +136,9 @@ def with_rates(coordinates: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str
     return (*coordinates, *((f"{x}_dot", "1" if plain else f"{unit}/s") for x, unit in coordinates))
 
 
-def moved(mechanism: Mechanism, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+def positions_and_velocities(
+    mechanism: Mechanism, t: Array, q: Array, v: Array
+) -> tuple[Array, Array]:
     """(p, d) positions and velocities of the points."""
     return jax.jvp(mechanism.positions, (t, q), (jnp.ones_like(t), v))
 
@@ -153,7 +155,7 @@ def mass_matrix(mechanism: Mechanism, t: Array, q: Array) -> Array:
     return weighted_gram(j, _weights(mechanism, j))
 
 
-def balance(
+def mass_and_force(
     mechanism: Mechanism,
     t: Array,
     q: Array,
@@ -163,7 +165,7 @@ def balance(
     """M (n, n) and f (n,) of the equations of motion M a = f; `newton_euler` derives them."""
 
     def velocities(t, q):
-        return moved(mechanism, t, q, v)
+        return positions_and_velocities(mechanism, t, q, v)
 
     # One derivative of the velocities gives c as well; XLA shares what both passes compute.
     (r, velocity), (_, c) = jax.jvp(velocities, (t, q), (jnp.ones_like(t), v))
@@ -185,7 +187,7 @@ def pulled_back(
     effects: tuple[Effect, ...],
 ) -> Array:
     """(n,) generalised forces of the effects' forces on the points."""
-    r, velocity = moved(mechanism, t, q, v)
+    r, velocity = positions_and_velocities(mechanism, t, q, v)
     m = mechanism.masses()
     force = sum((e.force(t, r, velocity, m) for e in effects), jnp.zeros_like(r))
     return row_sums(kinematic_jacobian(mechanism, t, q), force.ravel())

@@ -13,7 +13,12 @@ import jax
 import jax.numpy as jnp
 
 from jaxdyn._numerics import solve_spd
-from jaxdyn.formulations.mechanism import Mechanism, MechanismSystem, balance, moved
+from jaxdyn.formulations.mechanism import (
+    Mechanism,
+    MechanismSystem,
+    mass_and_force,
+    positions_and_velocities,
+)
 
 
 class NewtonEuler(MechanismSystem):
@@ -23,14 +28,14 @@ class NewtonEuler(MechanismSystem):
 
     def rate(self, t, y, effects):
         q, v = jnp.split(y, 2)
-        mass, force = balance(self.mechanism, jnp.asarray(t, y.dtype), q, v, effects)
+        mass, force = mass_and_force(self.mechanism, jnp.asarray(t, y.dtype), q, v, effects)
         return jnp.concatenate([v, solve_spd(mass, force)])
 
     def canonical(self, t, y):
         q, v = jnp.split(y, 2)
 
         def kinetic(v):
-            velocity = moved(self.mechanism, jnp.asarray(t, y.dtype), q, v)[1]
+            velocity = positions_and_velocities(self.mechanism, jnp.asarray(t, y.dtype), q, v)[1]
             return 0.5 * jnp.sum(self.mechanism.masses()[:, None] * velocity**2)
 
         return jnp.concatenate([q, jax.grad(kinetic)(v)])

@@ -17,7 +17,7 @@ from jaxtyping import Array
 from jaxdyn.hard.case import Case, Figure, relative_error
 from jaxdyn.integrate.events import Reaches
 from jaxdyn.integrate.phase import END, Exit, Phase
-from jaxdyn.integrate.phases import run
+from jaxdyn.integrate.phases import simulate_phases
 from jaxdyn.scenes.particles import cannonball, particle
 from jaxdyn.scenes.rolling import cylinder_on_cylinder, phases_of
 from jaxdyn.scenes.wheels import braking, car
@@ -60,7 +60,7 @@ def bouncing(keeps: float) -> dict[str, Phase]:
 
 def _bounces() -> tuple[Figure, ...]:
     keeps = 0.8
-    chain = run(bouncing(keeps), "fly", [0.0, 0.0, 1.0, _UP], 1e3, samples=2)
+    chain = simulate_phases(bouncing(keeps), "fly", [0.0, 0.0, 1.0, _UP], 1e3, samples=2)
     flights = 2 * _UP / _G * keeps ** np.arange(len(chain.times))
     zeno = 2 * _UP / _G / (1 - keeps)
     return (
@@ -75,7 +75,7 @@ def _bounces() -> tuple[Figure, ...]:
 def _brake() -> tuple[Figure, ...]:
     speed, mu, g = 20.0, 0.7, 9.81
     scene = car(locked="rear", spin=0.0, mu=mu, g=g, speed=speed)
-    chain = run(braking(scene), "slide", scene.y0, 60.0, samples=2)
+    chain = simulate_phases(braking(scene), "slide", scene.y0, 60.0, samples=2)
     slows = mu * g * 1.2 / 2.6  # fraction of the weight on the rear axle
     return (
         Figure("time of the stop", relative_error(chain.t, speed / slows), 1e-14),
@@ -110,7 +110,7 @@ def _corner() -> tuple[Figure, ...]:
     """Along the diagonals of the square: each corner sends the ball back along its path."""
     figures = []
     for one_sided, walls in ((True, "bounds"), (False, "walls of two sides")):
-        chain = run(box(one_sided), "box", [0.5, 0.5, 1.0, 1.0], 40.0, samples=2)
+        chain = simulate_phases(box(one_sided), "box", [0.5, 0.5, 1.0, 1.0], 40.0, samples=2)
         ends = np.stack([piece.ys[-1, :2] for piece in chain.pieces])
         back = float(jnp.max(jnp.abs(chain.y - jnp.array([0.5, 0.5, 1.0, 1.0]))))
         figures += [
@@ -127,7 +127,7 @@ def _endless() -> tuple[Figure, ...]:
     keeps = 0.5
     landing = Exit(Reaches(1, 0.0, -1), "fly", Bounce(jnp.asarray(keeps)))
     phases = {"fly": Phase(cannonball(g=_G), (landing,))}
-    chain = run(phases, "fly", [0.0, 0.0, 1.0, _UP], 9.0, samples=2)
+    chain = simulate_phases(phases, "fly", [0.0, 0.0, 1.0, _UP], 9.0, samples=2)
     zeno = 2 * _UP / _G / (1 - keeps)
     return (
         Figure("end of infinitely many bounces", relative_error(chain.t, zeno), 1e-14),
@@ -145,7 +145,7 @@ def _slides() -> tuple[Figure, ...]:
     figures = []
     for mu, start in _SLIDES:
         scene = cylinder_on_cylinder(mu=mu, theta=start, g=_G, t1=2.0)
-        chain = run(phases_of(scene), None, scene.y0, 2.0, samples=2, rtol=1e-13)
+        chain = simulate_phases(phases_of(scene), None, scene.y0, 2.0, samples=2, rtol=1e-13)
         wrong = chain.names[:2] != ("slip_on", "fly")
         x, y = chain.pieces[0].ys[-1, :2]
         found = (jnp.arctan2(x, y), chain.times[0], chain.pieces[0].ys[-1, 5])

@@ -11,7 +11,7 @@ import numpy as np
 from jaxdyn.analysis import energy
 from jaxdyn.formulations import rigid
 from jaxdyn.hard.case import Case, Figure, absolute_error
-from jaxdyn.integrate.phases import Chain
+from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
@@ -74,7 +74,7 @@ def _tumbling() -> tuple[Figure, ...]:
     )
 
 
-def _apart(chain: Chain, other: Trajectory) -> float:
+def _apart(chain: HybridTrajectory, other: Trajectory) -> float:
     found = rigid.pose(chain.pieces[-1].scene, chain.t, chain.y).R_wb
     return absolute_error(found, rigid.pose(other.scene, chain.t, other.ys[-1]).R_wb)
 

@@ -16,7 +16,7 @@ from jaxdyn.effects import ConstantForce, SinusoidalForce, Spring, UniformGravit
 from jaxdyn.hard.case import Case, Figure, relative_error
 from jaxdyn.integrate.events import Reaches, until
 from jaxdyn.integrate.phase import END, Exit, Phase
-from jaxdyn.integrate.phases import run
+from jaxdyn.integrate.phases import simulate_phases
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.particles import particle
 from jaxdyn.scenes.pendula import pendulum
@@ -55,7 +55,9 @@ def rubbing(k: float, friction: float) -> dict[str, Phase]:
 
 def _dry() -> tuple[Figure, ...]:
     k, friction, start = 9.0, 1.0, 2.5
-    chain = run(rubbing(k, friction), "left", [start, 0.0, 0.0, 0.0], 100.0, samples=2, rtol=_RTOL)
+    chain = simulate_phases(
+        rubbing(k, friction), "left", [start, 0.0, 0.0, 0.0], 100.0, samples=2, rtol=_RTOL
+    )
     n = np.arange(1, 1 + math.ceil((start * k / friction - 1) / 2))
     places = (-1.0) ** n * (start - 2 * n * friction / k)
     found = [piece.ys[-1, 0] for piece in chain.pieces]
@@ -81,7 +83,9 @@ def _skids() -> tuple[Figure, ...]:
     """
     push, grip = 4 * _MU * _G, 3 * _MU * _G
     scene = _cylinder(_CYCLES * _HALF, 0.0, F=(push / 2, 0.0))  # on each of two points
-    chain = run(phases_of(scene), "roll", scene.y0, float(scene.t1), samples=2, rtol=_RTOL)
+    chain = simulate_phases(
+        phases_of(scene), "roll", scene.y0, float(scene.t1), samples=2, rtol=_RTOL
+    )
     skids = math.asin(grip / push) / _FREQUENCY
 
     def slip(t):
@@ -106,7 +110,7 @@ def _hops() -> tuple[Figure, ...]:
     """A rolling cylinder pulled up by F sin(w t) lifts off where it equals m g, and falls back."""
     lift, t1 = 2 * _G, _CYCLES * _HALF
     scene = _cylinder(t1, 1.0, F=(0.0, lift / 2))
-    chain = run(phases_of(scene), "roll", scene.y0, t1, samples=2, rtol=_RTOL)
+    chain = simulate_phases(phases_of(scene), "roll", scene.y0, t1, samples=2, rtol=_RTOL)
     off = math.asin(_G / lift) / _FREQUENCY
 
     def height(t):

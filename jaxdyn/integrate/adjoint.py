@@ -20,7 +20,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.integrate.flow import Flow, Settings, flow
+from jaxdyn.integrate.flow import Settings, SolveResult, flow
 from jaxdyn.integrate.step_control import Limits
 
 _PIECES = 4  # of the way back, besides those between samples
@@ -81,7 +81,7 @@ class _Backwards(eqx.Module):
         return adjoint, z[half + k :]
 
 
-def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> Flow:
+def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> SolveResult:
     """`flow` with the adjoint equations for its gradient; see there.
 
     Raises:
@@ -102,7 +102,7 @@ def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -
 
 
 @eqx.filter_custom_vjp
-def _with_nodes(given, limits, settings: Settings) -> Flow:
+def _with_nodes(given, limits, settings: Settings) -> SolveResult:
     return flow(*given, limits, settings=settings)
 
 

@@ -50,7 +50,7 @@ class Settings(NamedTuple):
     stops: bool = False
 
 
-class Flow(eqx.Module):
+class SolveResult(eqx.Module):
     """States along a trajectory.
 
     Attributes:
@@ -107,7 +107,7 @@ class Variational(eqx.Module):
 
 
 @eqx.filter_custom_jvp
-def flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> Flow:
+def flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> SolveResult:
     """States at t1 and at the times ts of the motion that starts at (t0, y0).
 
     Args:
@@ -121,13 +121,13 @@ def flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> Flow:
       settings: the methods.
     Limits: derivatives in the tolerance are zero by definition.
     """
-    run = functools.partial(_run, settings=settings)
+    run = functools.partial(_solved, settings=settings)
     # One of these is known only as it runs; the tolerance is often written into the program.
     unknown = jnp.isfinite(y0.ravel()[0] + t0 + t1 + limits.tolerance[0])
     return in_one_kernel(run, (field, y0, t0, t1, ts, limits), unknown=unknown)
 
 
-def _run(field, y0, t0, t1, ts, limits, *, settings: Settings) -> Flow:
+def _solved(field, y0, t0, t1, ts, limits, *, settings: Settings) -> SolveResult:
     args = (field, y0, t0, t1, ts, limits)
     if settings.stiff is None:
         return march(*args, settings=settings, watch=None)[0]
@@ -182,7 +182,9 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
     ys = _from_nodes(field, direction * nodes.t, nodes.y, ts, method, limits.samples)
     steps, rejected = (solution.stats[f"num_{x}_steps"] for x in ("accepted", "rejected"))
     stiff = is_stiff(solution.solver_state[1])
-    return Flow(y1=y1, ys=ys, steps=steps, rejected=rejected, status=status, stiff=stiff), memory
+    return SolveResult(
+        y1=y1, ys=ys, steps=steps, rejected=rejected, status=status, stiff=stiff
+    ), memory
 
 
 @flow.def_jvp
@@ -205,10 +207,10 @@ def _flow_jvp(primals, tangents, *, settings):
     if d_ts is not None:
         rates = jax.vmap(field.rate)(ts, ys)
         d_ys = d_ys + rates * d_ts.reshape(-1, *[1] * y0.ndim)
-    result = Flow(
+    result = SolveResult(
         y1=y1, ys=ys, steps=out.steps, rejected=out.rejected, status=out.status, stiff=out.stiff
     )
-    return result, Flow(y1=d_y1, ys=d_ys, steps=None, rejected=None, status=None, stiff=None)
+    return result, SolveResult(y1=d_y1, ys=d_ys, steps=None, rejected=None, status=None, stiff=None)
 
 
 def operations(rate: Callable, t0: Array, y0: Array) -> int:
@@ -230,7 +232,7 @@ def _status(result, given: tuple[Array, ...]) -> Array:
         (diffrax.RESULTS.max_steps_reached, Status.STEP_LIMIT),
         (diffrax.RESULTS.dt_min_reached, Status.STEP_COLLAPSED),
         (diffrax.RESULTS.nonlinear_divergence, Status.STEP_TOO_LONG),
-        (diffrax.RESULTS.stagnation, Status.STEP_LIMIT),  # stiff: `_run` begins anew
+        (diffrax.RESULTS.stagnation, Status.STEP_LIMIT),  # stiff: `_solved` begins anew
     )
     status = jnp.asarray(int(Status.OK))
     for code, meaning in meanings:

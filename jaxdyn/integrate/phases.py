@@ -24,14 +24,14 @@ from jaxdyn.integrate.phase import END, Exit, Phase
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions
 from jaxdyn.integrate.trajectory import Trajectory, explained, single
-from jaxdyn.scene import checked
+from jaxdyn.scene import checked_scene
 from jaxdyn.solvers import Solver
 from jaxdyn.status import Status
 
 MAX_PHASES = 200
 
 
-class Chain(eqx.Module):
+class HybridTrajectory(eqx.Module):
     """A motion in pieces.
 
     Attributes:
@@ -78,7 +78,7 @@ class Chain(eqx.Module):
         )
 
 
-def run(
+def simulate_phases(
     phases: Mapping[str, Phase],
     start: str | None,
     y0,
@@ -91,7 +91,7 @@ def run(
     solver: Solver | None = None,
     max_steps: int = MAX_STEPS,
     max_phases: int = MAX_PHASES,
-) -> Chain:
+) -> HybridTrajectory:
     """The motion from phase to phase until it ends, or the span or the phases run out.
 
     Args:
@@ -117,7 +117,7 @@ def run(
         raise _checks.fail("max_phases", "at least 1", max_phases)
     t, y = jnp.asarray(float(t0)), jnp.asarray(y0, dtype=float)
     name = _start(phases, t, y) if start is None else _checks.choice("start", start, phases)
-    checked(phases[name].scene.starting(y, t1))
+    checked_scene(phases[name].scene.starting(y, t1))
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     most = sum(len(phase.exits) for phase in phases.values())  # exits taken at one time
     shortest = np.finfo(float).eps * (t1 - t0)  # [s] that no time is
@@ -139,7 +139,7 @@ def run(
         names = [path[0][0]]
         scene = phases[names[0]].scene.starting(y0, t1)
         pieces = [simulate(scene, t0, t0=t0, samples=1, **options._asdict())]
-    return Chain(
+    return HybridTrajectory(
         names=tuple(names),
         pieces=tuple(pieces),
         t=t,
@@ -247,7 +247,7 @@ def follow(
 
     Args:
       phases: by name.
-      path: (name of the phase, number of the exit taken) in order, such as `Chain.path`.
+      path: (name of the phase, number of the exit taken) in order, such as `HybridTrajectory.path`.
       y0: (k,) start.
       t1: end of the span [s].
       t0: start time [s].
@@ -285,9 +285,9 @@ def follow(
     return t, y
 
 
-def pieces_of(motion: Trajectory | Chain) -> tuple[Trajectory, ...]:
+def pieces_of(motion: Trajectory | HybridTrajectory) -> tuple[Trajectory, ...]:
     """The smooth pieces of a motion: those of its phases, or the motion itself."""
-    return motion.pieces if isinstance(motion, Chain) else (single(motion),)
+    return motion.pieces if isinstance(motion, HybridTrajectory) else (single(motion),)
 
 
 def _check_names(phases: Mapping[str, Phase]) -> None:

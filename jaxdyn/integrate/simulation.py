@@ -17,10 +17,10 @@ from jaxdyn import _checks
 from jaxdyn.integrate import ladder
 from jaxdyn.integrate.adjoint import adjoint_flow
 from jaxdyn.integrate.fixed import FixedField
-from jaxdyn.integrate.flow import Flow, Settings, flow
+from jaxdyn.integrate.flow import Settings, SolveResult, flow
 from jaxdyn.integrate.spans import MAX_STEPS as MAX_STEPS
 from jaxdyn.integrate.spans import RTOL as RTOL
-from jaxdyn.integrate.spans import SolverOptions, floats, limits, sampled_span
+from jaxdyn.integrate.spans import SolverOptions, host_floats, limits, sampled_span
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import RADAU9, Solver
@@ -126,7 +126,7 @@ def solve(
     fixed: bool = False,
     adjoint: bool = False,
     noise: Noise | None = None,
-) -> Flow:
+) -> SolveResult:
     """`simulate` without samples, checks and exceptions: what the orbit finder calls.
 
     Compiled for each kind of scene and method; inside jit, grad and vmap it is inlined.
@@ -159,7 +159,7 @@ def solve(
     """
     auto = isinstance(solver, str) and _checks.choice("solver", solver, ("auto",)) == "auto"
     settings = Settings(checked_method(scene, None if auto else solver, dt))
-    y0, t0, t1, ts = (floats(x) for x in (scene.y0, t0, t1, ts))
+    y0, t0, t1, ts = (host_floats(x) for x in (scene.y0, t0, t1, ts))
     options = SolverOptions(rtol=rtol, atol=atol, max_steps=max_steps)
     n, held_to = len(ts), limits(options, dt)
     field = FixedField(scene.field) if fixed else scene.field
@@ -176,12 +176,12 @@ def solve(
         return out
     # On the host: a slice by JAX would be one more program for each number of samples.
     ys = jnp.asarray(np.asarray(out.ys)[:n])
-    return Flow(
+    return SolveResult(
         y1=out.y1, ys=ys, steps=out.steps, rejected=out.rejected, status=out.status, stiff=out.stiff
     )
 
 
-def _auto(run: Callable[..., Flow], settings: Settings, traced: bool) -> Flow:
+def _auto(run: Callable[..., SolveResult], settings: Settings, traced: bool) -> SolveResult:
     """A run that an implicit method begins anew where it turns out to be stiff."""
     if traced:
         return run(settings=settings._replace(stiff=RADAU9))

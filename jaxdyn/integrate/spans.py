@@ -9,7 +9,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
 from jaxdyn.integrate.step_control import Limits
-from jaxdyn.scene import Scene, checked
+from jaxdyn.scene import Scene, checked_scene
 from jaxdyn.solvers import Solver
 
 #: Default of the relative tolerance of a step, and of their number.
@@ -29,7 +29,7 @@ class SolverOptions(NamedTuple):
     max_steps: int = MAX_STEPS
 
 
-def floats(x) -> Array | np.ndarray:
+def host_floats(x) -> Array | np.ndarray:
     """x in 64-bit floats, on the host if it has a value."""
     # NumPy where there is a value: a jnp operation on the host costs as much as a short solve.
     return jnp.asarray(x, float) if _checks.is_traced(x) else np.asarray(x, float)
@@ -39,7 +39,7 @@ def tolerances(rtol, atol) -> Array | np.ndarray:
     """(2,) relative and absolute tolerance, checked."""
     atol = rtol if atol is None else atol
     if _checks.is_traced((rtol, atol)):
-        return jnp.stack([floats(rtol), floats(atol)])
+        return jnp.stack([host_floats(rtol), host_floats(atol)])
     relative = "It is the relative error of one step."
     rtol = _number("rtol", rtol, relative)
     if not _RTOL_FLOOR <= rtol <= _RTOL_CEILING:
@@ -62,7 +62,7 @@ def span(scene: Scene, t1=None, t0=0.0) -> tuple[Array, Array]:
 
     The end is the scene's own where it is None.
     """
-    own = checked(scene).t1
+    own = checked_scene(scene).t1
     return _checks.array("t0", t0, ()), _checks.array("t1", own if t1 is None else t1, ())
 
 
@@ -116,4 +116,4 @@ def limits(options: SolverOptions, dt=None) -> Limits:
 def step_length(dt) -> Array | np.ndarray:
     """(1,) a step of fixed length, checked."""
     remedy = "It is the length of a step, also backwards in time."
-    return floats(_checks.positive("dt", _checks.array("dt", dt, (), remedy), remedy))[None]
+    return host_floats(_checks.positive("dt", _checks.array("dt", dt, (), remedy), remedy))[None]

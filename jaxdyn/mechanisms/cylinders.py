@@ -106,7 +106,7 @@ class Cylinder(System):
 
     def rate(self, t, y, effects):
         force = self._load(t, y, effects)
-        push = self._moved(self._conditions(y).rows, self._reaction(y, force))
+        push = self._velocity_change(self._conditions(y).rows, self._reaction(y, force))
         return jnp.concatenate([y[3:], force / self._weights() + push])
 
     def reaction(self, t: Array, y: Array, effects=()) -> Array:
@@ -132,7 +132,7 @@ class Cylinder(System):
         rows, _ = self._conditions(y)
         a, off = self._gram(rows), _dot(rows, y[3:])
         stop = -_both(a, off) if self.contact == "roll" else -off * np.eye(2)[0] / a[0, 0]
-        return jnp.concatenate([y[:3], y[3:] + self._moved(rows, stop)])
+        return jnp.concatenate([y[:3], y[3:] + self._velocity_change(rows, stop)])
 
     def landed(self, y: Array) -> Array:
         """(6,) the state after an inelastic impact with Coulomb friction."""
@@ -144,7 +144,7 @@ class Cylinder(System):
         slipping = -v[0] / (a[0, 0] - way * self.mu * a[0, 1])
         sticks = jnp.abs(rolling[1]) <= self.mu * rolling[0]
         impulse = jnp.where(sticks, rolling, slipping * jnp.stack([1.0 + 0 * way, -way * self.mu]))
-        return jnp.concatenate([y[:3], y[3:] + self._moved(rows, impulse)])
+        return jnp.concatenate([y[:3], y[3:] + self._velocity_change(rows, impulse)])
 
     def touching(self, contact: str) -> "Cylinder":
         """The same cylinder with another contact."""
@@ -212,7 +212,7 @@ class Cylinder(System):
         """(2, 2) velocities of the two conditions for unit impulses along them."""
         return jnp.sum(rows[:, None, :] * (rows / self._weights()[None, :])[None, :, :], axis=-1)
 
-    def _moved(self, rows: Array, impulse: Array) -> Array:
+    def _velocity_change(self, rows: Array, impulse: Array) -> Array:
         """(3,) change of the velocities by impulses along n and t."""
         return jnp.sum(impulse[:, None] * rows, axis=0) / self._weights()
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from jaxdyn import _checks
 from jaxdyn._arithmetic import setting
-from jaxdyn.integrate.phases import Chain, Phase, run
+from jaxdyn.integrate.phases import HybridTrajectory, Phase, simulate_phases
 from jaxdyn.integrate.simulation import RTOL, simulate
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
@@ -68,7 +68,7 @@ class Entry:
         rtol: float = RTOL,
         solver: Solver | str | None = None,
         dt: float | None = None,
-    ) -> Trajectory | Chain:
+    ) -> Trajectory | HybridTrajectory:
         """The motion of a scene made by this entry: one smooth motion, or a chain of phases.
 
         Args:
@@ -79,7 +79,7 @@ class Entry:
           solver: see `simulate`; in a chain, "auto" chooses one for each phase.
           dt: see `simulate`; not for a chain.
         Raises:
-          ValueError: see `simulate` and `phases.run`.
+          ValueError: see `simulate` and `simulate_phases`.
         """
         phases = _CORNERS.get(self.name, _smooth)(scene)
         how = {"samples": samples, "rtol": rtol, "solver": solver}
@@ -88,7 +88,7 @@ class Entry:
         if dt is not None:
             raise _checks.fail("dt", "none for a motion in phases", dt, "Events adapt the steps.")
         how["solver"] = None if solver == "auto" else solver
-        return run(phases, None, scene.y0, scene.t1 if t1 is None else t1, **how)
+        return simulate_phases(phases, None, scene.y0, scene.t1 if t1 is None else t1, **how)
 
 
 def _smooth(scene: Scene) -> Phases:

@@ -22,11 +22,11 @@ from jaxdyn.formulations.mechanism import MechanismSystem
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.events import Event, Reaches
 from jaxdyn.integrate.phase import Exit, Phase
-from jaxdyn.integrate.phases import MAX_PHASES, Chain, run
+from jaxdyn.integrate.phases import MAX_PHASES, HybridTrajectory, simulate_phases
 from jaxdyn.integrate.simulation import RTOL
 from jaxdyn.mechanisms.euler_body import EulerBody
 from jaxdyn.mechanisms.sticks import Sideways
-from jaxdyn.scene import Scene, System, checked
+from jaxdyn.scene import Scene, System, checked_scene
 from jaxdyn.scenes.particles import PolarParticle, polar_state
 
 MARGIN = 0.5
@@ -43,7 +43,7 @@ def simulate_switching(
     rtol: float = RTOL,
     margin: float = MARGIN,
     max_phases: int = MAX_PHASES,
-) -> Chain:
+) -> HybridTrajectory:
     """The motion of a scene whose coordinates may become singular, in pieces with regular ones.
 
     Args:
@@ -56,7 +56,7 @@ def simulate_switching(
       max_phases: largest number of pieces.
     Returns:
       The pieces, each in its own coordinates; ``rigid.pose`` and ``piece.r`` do not depend on
-      them. `Chain.times` are those of the exchanges; the last piece has the last state.
+      them. `HybridTrajectory.times` are those of the exchanges; the last piece has the last state.
     Raises:
       ValueError: `scene` is of another kind, `margin` is not between 0 and 0.7, or see `run`.
     Example:
@@ -68,11 +68,11 @@ def simulate_switching(
     phases = coordinate_phases(scene, margin)
     t1 = float(scene.t1 if t1 is None else t1)
     how = {"t0": t0, "samples": samples, "rtol": rtol, "max_phases": max_phases}
-    return run(phases, next(iter(phases)), scene.y0, t1, **how)
+    return simulate_phases(phases, next(iter(phases)), scene.y0, t1, **how)
 
 
 def coordinate_phases(scene: Scene, margin: float = MARGIN) -> dict[str, Phase]:
-    """The coordinates for a motion as phases for `phases.run`, those of the scene first.
+    """The coordinates for a motion as phases for `simulate_phases`, those of the scene first.
 
     Args:
       scene: see `simulate_switching`.
@@ -83,7 +83,7 @@ def coordinate_phases(scene: Scene, margin: float = MARGIN) -> dict[str, Phase]:
     Raises:
       ValueError: `scene` is of another kind, or `margin` is not between 0 and 0.7.
     """
-    system = checked(scene).system
+    system = checked_scene(scene).system
     if not 0 < margin < 0.7:
         remedy = "Above, the new coordinates could be as near to their end as the old ones."
         raise _checks.fail("margin", "between 0 and 0.7", margin, remedy)
@@ -98,7 +98,8 @@ def coordinate_phases(scene: Scene, margin: float = MARGIN) -> dict[str, Phase]:
         "scene",
         "a body by Euler angles, a sideways_pendulum or a polar_particle",
         type(mechanism or system).__name__,
-        "Other coordinates do not fail, or are not known here; phases.run chains any.",
+        "Other coordinates do not fail, or are not known here; integrate.phases.simulate_phases "
+        "takes any phases.",
     )
 
 

@@ -189,11 +189,12 @@ def car(
 
 
 def braking(scene: Scene) -> dict[str, Phase]:
-    """The braking of a `car` down to rest, as a phase for `phases.run` (problem 32 b).
+    """The braking of a `car` down to rest, as a phase for `simulate_phases` (problem 32 b).
 
-    ``run(braking(scene), "slide", scene.y0, 60.0)`` ends with the car at rest. The locked wheels
-    slide until the car stands: their speed is 0 only if it does not turn any more. The last part of
-    the stop is in closed form, from a speed where what that neglects is below rounding.
+    ``simulate_phases(braking(scene), "slide", scene.y0, 60.0)`` ends with the car at rest. The
+    locked wheels slide until the car stands: their speed is 0 only if it does not turn any more.
+    The last part of the stop is in closed form, from a speed where what that neglects is below
+    rounding.
 
     Args:
       scene: a `car` with friction.

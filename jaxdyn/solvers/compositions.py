@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._numerics import materialised, runtime_one
-from jaxdyn.solvers.method import Advance, Field, Method, in_loops
+from jaxdyn.solvers.method import Advance, Method, Rate, in_loops
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Composition(Method):
         del n
         return in_loops(self, 1)
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array) -> Advance:
+    def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
         half = y.shape[0] // 2
         q, v = y[:half], y[half:]
         one = runtime_one(h)

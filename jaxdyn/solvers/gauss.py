@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn.solvers.method import Advance, Field, Method
+from jaxdyn.solvers.method import Advance, Method, Rate
 
 _ROUNDS = 100  # of the iteration at most; a step for which that is not enough is too long
 #: Iterations end when they change nothing or less than rounding; this much is no solution.
@@ -84,7 +84,7 @@ class Gauss(Method):
         """Right-hand sides a round."""
         return len(self.c)
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array) -> Advance:
+    def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
         fields = jax.vmap(field, in_axes=(0, -1), out_axes=-1)  # stages last
         times, parts = t + h * self.c, (h * self.b).reshape(*[1] * y.ndim, self.stages)
         small = _UNSOLVED * jnp.max(jnp.abs(y))

@@ -17,7 +17,8 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 
-Field = Callable[[Array, Array], Array]
+#: A rate (t, y) -> dy/dt.
+Rate = Callable[[Array, Array], Array]
 
 #: Slopes whose difference is below this part of them are equal but for rounding.
 _ROUNDING = 1e-13
@@ -94,7 +95,7 @@ class Method(abc.ABC):
         raise _checks.fail("solver", "a solver of diffrax", f"{self.name} of jaxdyn", remedy)
 
     @abc.abstractmethod
-    def advance(self, field: Field, t: Array, h: Array, y: Array) -> Advance:
+    def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
         """Increment of y over [t, t + h], and all that is known of it.
 
         Args:

@@ -29,7 +29,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._numerics import materialised, runtime_one
-from jaxdyn.solvers.method import Advance, Field, Method, fastest, grows_from, in_loops
+from jaxdyn.solvers.method import Advance, Method, Rate, fastest, grows_from, in_loops
 
 _MENDED = 4  # stages whose weights get more digits
 
@@ -94,7 +94,7 @@ class Pair(Method):
         """The same method with its stages in n loops, or as many as it has stages."""
         return in_loops(self, min(n, self.stages))
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array) -> Advance:
+    def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
         sums = self._rolled if self.loops else self._unrolled
         one = runtime_one(h)
 

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn.solvers.gauss import collocation, mixed
-from jaxdyn.solvers.method import Advance, Field, Method
+from jaxdyn.solvers.method import Advance, Method, Rate
 
 _ROUNDS = 25  # of Newton's iteration at most
 _ROUNDING = 1e-15  # relative change that is nothing any more
@@ -80,7 +80,7 @@ class Radau(Method):
         other = np.linalg.solve(self.c**powers, moments)
         return gamma, (other - self.a[-1]) @ np.linalg.inv(self.a)
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array) -> Advance:
+    def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
         fields = jax.vmap(field, in_axes=(0, -1), out_axes=-1)  # stages last
         times = t + h * self.c
         values, to, back = self._apart
@@ -114,7 +114,7 @@ class Radau(Method):
         return Advance(z[..., -1], jnp.abs(error) + jnp.abs(last))
 
 
-def _jacobian(field: Field, t: Array, y: Array) -> Array:
+def _jacobian(field: Rate, t: Array, y: Array) -> Array:
     """(k, k) of the state; where columns of tangents come with it, of the state among them."""
     place = [(0, 0, 0)] + [(0, n - 1, 0) for n in y.shape[1:]]
 

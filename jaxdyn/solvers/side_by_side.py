@@ -81,7 +81,7 @@ def side_by_side(fn: Callable, *args: Any, axes: int = 1, apart: bool = False) -
     one = [jax.ShapeDtypeStruct(x.shape[: x.ndim - axes], x.dtype) for x in flat]
     closed, shape = jax.make_jaxpr(fn, return_shape=True)(*jax.tree.unflatten(tree, one))
     work = _Lanes(lanes, apart)
-    found = work.run(closed, [_Wide(x) for x in flat])
+    found = work.interpret(closed, [_Wide(x) for x in flat])
     return jax.tree.unflatten(jax.tree.structure(shape), [work.wide(x) for x in found])
 
 
@@ -107,7 +107,7 @@ class _Lanes:
         self.lanes = lanes
         self.most = FEW if apart else 0
 
-    def run(self, closed, inputs: list[_Value]) -> list[_Value]:
+    def interpret(self, closed, inputs: list[_Value]) -> list[_Value]:
         """What a program finds."""
         jaxpr = closed.jaxpr
         values: dict[Any, _Value] = dict(zip(jaxpr.constvars, closed.consts, strict=True))
@@ -148,7 +148,7 @@ class _Lanes:
         """Results of one equation of a program."""
         name = eqn.primitive.name
         if name in _CALLS:
-            return self.run(eqn.params.get("jaxpr") or eqn.params["call_jaxpr"], args)
+            return self.interpret(eqn.params.get("jaxpr") or eqn.params["call_jaxpr"], args)
         if not any(isinstance(x, _Wide | _Apart) for x in args):
             return list(_bound(eqn, *args))
         sizes = [math.prod(a.aval.shape) for a in (*eqn.invars, *eqn.outvars)]

@@ -25,7 +25,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import materialised, runtime_one
-from jaxdyn.solvers.method import Advance, Field, Method, fastest, grows_from
+from jaxdyn.solvers.method import Advance, Method, Rate, fastest, grows_from
 from jaxdyn.solvers.pairs import NYSTROM12
 from jaxdyn.solvers.side_by_side import FEW, side_by_side
 
@@ -92,7 +92,7 @@ class Stoermer(Method):
         """Which lane does what when."""
         return _planned(self.counts)
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array) -> Advance:
+    def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
         # One loop over the substeps: written out, they compile for longer and run no faster.
         half = len(y) // 2
         still = jnp.zeros_like(y[half:])

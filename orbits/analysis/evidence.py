@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Status
-from jaxdyn.integrate.flow import Flow
+from jaxdyn.integrate.flow import SolveResult
 from jaxdyn.solvers import DOPRI8, VERNER9, default_solver
 from orbits.closing.closings import PLAIN
 from orbits.motion import advanced
@@ -50,7 +50,7 @@ def closure(orbit: Orbit, *, periods: int = 1, rtol: float | None = None, solver
     return gap(orbit, flow.y1, periods)
 
 
-def after(orbit: Orbit, periods: float, *, rtol: float, solver=None) -> Flow:
+def after(orbit: Orbit, periods: float, *, rtol: float, solver=None) -> SolveResult:
     """The motion after some periods, or a part of one, in the time it is followed in."""
     s = None if orbit.s_period is None else periods * orbit.s_period
     return advanced(orbit.scene, periods * orbit.period, s, rtol=rtol, solver=solver)

@@ -1,6 +1,6 @@
 """The command line `orbits`: all its commands, with examples."""
 
-from jaxdyn.cli.shared import add, application, run
+from jaxdyn.cli.shared import add, application, start
 from orbits.cli.aim import aim_command
 from orbits.cli.family import family_command
 from orbits.cli.figure_eight import figure_eight_command
@@ -44,4 +44,4 @@ add(app, "verify", verify_command, "orbits verify swing.json")
 
 def main() -> None:
     """Run the command line."""
-    run(app)
+    start(app)

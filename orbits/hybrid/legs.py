@@ -17,7 +17,7 @@ from jaxtyping import Array
 from jaxdyn import Scene, Status, simulate
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import unchanged
-from jaxdyn.integrate.phases import Chain
+from jaxdyn.integrate.phases import HybridTrajectory
 from orbits.orbit import Outcome
 
 _LOOKS = 400  # samples of a leg
@@ -84,7 +84,7 @@ class Hybrid:
         """How the search ended and what to try."""
         return self.outcome.message
 
-    def chain(self, samples: int = 100) -> Chain:
+    def chain(self, samples: int = 100) -> HybridTrajectory:
         """One period as a motion in pieces, to draw and to measure like any other."""
         pieces, t = [], 0.0
         for leg in self.legs:
@@ -93,7 +93,7 @@ class Hybrid:
             t = end
         names = tuple(f"leg {i + 1}" for i in range(len(pieces)))
         last = self.legs[-1].change(jnp.asarray(t), pieces[-1].ys[-1])
-        return Chain(
+        return HybridTrajectory(
             names=names,
             pieces=tuple(pieces),
             t=jnp.asarray(t),

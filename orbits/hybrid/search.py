@@ -20,7 +20,7 @@ from jaxdyn._checks import fail, positive, untraced, whole
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import tolerances
-from jaxdyn.scene import Scene, checked
+from jaxdyn.scene import Scene, checked_scene
 from orbits.closing.given import driven
 from orbits.hybrid.legs import Hybrid, Leg
 from orbits.orbit import Outcome, SearchError
@@ -137,7 +137,7 @@ def _start_and_times(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.n
             if not (isinstance(events, tuple) and all(isinstance(x, Event) for x in events)):
                 got = type(events).__name__
                 raise fail(f"legs[{i}].{name}", "a tuple of events", got, "Write (event,) for one.")
-        if driven(checked(leg.scene)):
+        if driven(checked_scene(leg.scene)):
             remedy = "Legs begin at times of their own."
             raise fail(f"legs[{i}]", "a scene that does not depend on time", "a driven one", remedy)
     start = np.asarray(y0, float)

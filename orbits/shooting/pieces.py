@@ -8,7 +8,7 @@ import jax
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn.integrate.flow import Flow
+from jaxdyn.integrate.flow import SolveResult
 from orbits.motion import advanced
 
 #: Steps of one segment at most: no orbit that can be found takes more, and an iteration on its way
@@ -33,7 +33,7 @@ def scene_of(scene: Scene, make: Make | None, parameter) -> Scene:
     return scene if make is None else make(parameter).starting(scene.y0, scene.t1)
 
 
-def end_of(scene: Scene, make: Make | None, piece: Piece, rtol) -> Flow:
+def end_of(scene: Scene, make: Make | None, piece: Piece, rtol) -> SolveResult:
     """A segment's end, without the derivatives."""
     scene = scene_of(scene, make, piece.parameter).starting(piece.start)
     how = {"t0": piece.t0, "rtol": rtol, "max_steps": MAX_STEPS}

@@ -12,7 +12,7 @@ from jaxdyn import Scene, Status
 from jaxdyn._checks import fail, untraced
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate import events
-from jaxdyn.scene import checked
+from jaxdyn.scene import checked_scene
 from orbits.targets.steady_fall import Fall, acceleration, fall_of, fallen
 from orbits.targets.thrown import Down, Thrown, Units, direction, turned
 
@@ -69,7 +69,7 @@ def checked_throw(scene: Scene) -> Scene:
       ValueError: another kind of scene.
     """
     untraced("scene", scene, "Aim outside of jit, grad and vmap.")
-    scene = checked(scene)
+    scene = checked_scene(scene)
     system = scene.system
     if not (isinstance(system, FreePoints) and system.d == 2 and len(system.m) == 1):
         raise fail(

@@ -53,7 +53,7 @@ def isolate(formulas: Formulas, low: np.ndarray, high: np.ndarray) -> Isolation:
     Raises:
       NotElementary: an operation without bounds.
     """
-    field = _Field(formulas, low, high)
+    field = _Equations(formulas, low, high)
     size = (high - low)[field.free]
     lows, highs = low[field.free, None], high[field.free, None]
     single, left, budget = [], [], _WORK // formulas.graph.count
@@ -80,7 +80,7 @@ def _halved(lows: np.ndarray, highs: np.ndarray, size: np.ndarray) -> tuple:
     return np.concatenate([lows, lower], axis=1), np.concatenate([upper, highs], axis=1)
 
 
-class _Field:
+class _Equations:
     """The equations rate = 0 in the unknown entries of the state."""
 
     def __init__(self, formulas: Formulas, low: np.ndarray, high: np.ndarray):

@@ -68,7 +68,7 @@ def formulas(field: Callable, t: Array, y: Array) -> Formulas:
     time = graph.given(t, moving=True)
     states = [graph.given(y[i], moving=True) for i in range(len(y))]
     inputs = [_objects([time], ()), _objects(states, y.shape)]
-    (rates,) = _run(graph, closed.jaxpr, [_taken(graph, c) for c in closed.consts], inputs)
+    (rates,) = _interpreted(graph, closed.jaxpr, [_taken(graph, c) for c in closed.consts], inputs)
     return Formulas(graph=graph, time=time, states=states, rates=rates.tolist())
 
 
@@ -86,7 +86,7 @@ def _taken(graph: Graph, x) -> np.ndarray:
     return _objects([graph.given(flat[i]) for i in range(x.size)], x.shape)
 
 
-def _run(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.ndarray]:
+def _interpreted(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.ndarray]:
     values: dict[Any, np.ndarray] = dict(zip(jaxpr.constvars, consts, strict=True))
     values |= dict(zip(jaxpr.invars, inputs, strict=True))
 
@@ -105,13 +105,13 @@ def _applied(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     if name in _CALLS:
         inner = params.get("jaxpr") or params["call_jaxpr"]
         consts = [_taken(graph, c) for c in getattr(inner, "consts", ())]
-        return _run(graph, getattr(inner, "jaxpr", inner), consts, args)
+        return _interpreted(graph, getattr(inner, "jaxpr", inner), consts, args)
     if not any(x.dtype == object for x in args):
         return _known(eqn.primitive, params, args)
     if name == "scan":
         return _written_out(graph, eqn, args)
     if name in _MOVES:
-        return _moved(eqn, args)
+        return _rearranged(eqn, args)
     if name in _SAME:
         return args
     if name == "convert_element_type":
@@ -142,7 +142,7 @@ def _known(primitive, params: dict, args: list[np.ndarray]) -> list[np.ndarray]:
     return [np.asarray(x) for x in (found if primitive.multiple_results else [found])]
 
 
-def _moved(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
+def _rearranged(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     """What the operation does to the numbers of all entries, it does to the entries."""
     name, params = eqn.primitive.name, dict(eqn.params)
     n = _MOVES[name] or len(args)
@@ -210,7 +210,7 @@ def _written_out(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     for i in range(length):
         at = length - 1 - i if params["reverse"] else i
         row = [np.asarray(x[at]) for x in xs]
-        found = _run(graph, body.jaxpr, inner, [*consts, *carry, *row])
+        found = _interpreted(graph, body.jaxpr, inner, [*consts, *carry, *row])
         carry = found[:m]
         rows.append(found[m:])
     if params["reverse"]:

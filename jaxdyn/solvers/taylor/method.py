@@ -23,7 +23,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import in_one_kernel
-from jaxdyn.solvers.method import Advance, Field, Method
+from jaxdyn.solvers.method import Advance, Method, Rate
 from jaxdyn.solvers.pairs import VERNER9
 from jaxdyn.solvers.taylor.formulas import Formulas, NotElementary, formulas
 from jaxdyn.solvers.taylor.graph import Node
@@ -84,7 +84,7 @@ class Taylor(Method):
         """Columns of tangents would be as many formulas again, each."""
         return VERNER9
 
-    def advance(self, field: Field, t: Array, h: Array, y: Array) -> Advance:
+    def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
         guarded = is_guarded(_formulas(field, t, y)[1])
 
         def step(t, h, y):
@@ -124,7 +124,7 @@ def has_series(system, y: Array) -> bool:
     return answers[0]
 
 
-def _formulas(field: Field, t: Array, y: Array) -> tuple[Formulas, list[Node]]:
+def _formulas(field: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node]]:
     wanted = "a scene with short formulas"
     if y.ndim > 1:
         several = "one that takes tangents or several motions at once"

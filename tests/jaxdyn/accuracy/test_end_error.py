@@ -10,7 +10,7 @@ from jaxdyn import scenes, simulate
 from jaxdyn.accuracy.end_error import EndError, changed, end_error
 from jaxdyn.hard import chaos
 from jaxdyn.integrate import ladder
-from jaxdyn.integrate.phases import Chain
+from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.scenes import catalogue
 
 
@@ -75,7 +75,7 @@ def test_a_chain_of_phases_is_judged_at_its_end():
     scene, again = as_entry("car")
     found = end_error(again(scene, 1e-8), again, rtol=1e-8)
     exact = again(scene, 1e-14)
-    assert isinstance(exact, Chain)
+    assert isinstance(exact, HybridTrajectory)
     true = np.abs(found.y - np.asarray(exact.y if exact.ended else exact.pieces[-1].ys[-1]))
     assert (true < 5 * found.error + 1e-14).all()
     assert found.least > 6
@@ -85,7 +85,9 @@ def test_a_chain_of_phases_is_judged_at_its_end():
 def test_other_phases_leave_nothing_certain():
     scene, again = as_entry("cylinder_on_cylinder")
     motion = again(scene, 1e-10)
-    other = Chain(("fly",), motion.pieces[-1:], motion.t, motion.y, motion.ended, motion.status)
+    other = HybridTrajectory(
+        ("fly",), motion.pieces[-1:], motion.t, motion.y, motion.ended, motion.status
+    )
     found = end_error(motion, lambda scene, rtol: other)
     assert set(found.written()) == {"unknown"}
     assert np.isnan(found.least)

@@ -23,7 +23,7 @@ from jaxdyn.analysis.ledger import with_work
 from jaxdyn.effects import LinearDrag, PairGravity, Spring, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.events import Reaches
-from jaxdyn.integrate.phases import Exit, Phase, run
+from jaxdyn.integrate.phases import Exit, Phase, simulate_phases
 from jaxdyn.scenes.rolling import phases_of
 
 T = jnp.zeros(())
@@ -225,12 +225,12 @@ def test_impacts_and_friction_in_contact_change_the_energy():
 
     falls = Phase(scenes.cannonball(), (Exit(Reaches(1, 0.0, -1), "fly", bounce),))
     down = jnp.array([0.0, 1.0, 0.0, 0.0])
-    found = energy_change(run({"fly": falls}, "fly", down, 0.6, samples=5))
+    found = energy_change(simulate_phases({"fly": falls}, "fly", down, 0.6, samples=5))
     assert found.causes == ("impacts",)
     assert abs(found.size - 0.75) < 1e-9  # the square of the speed that is kept is lacking
     skids = scenes.cylinder_on_ramp(slope=0.0, d=0.0)
     thrown = skids.y0.at[3].set(1.0)  # without spin: it cannot roll
-    motion = run(phases_of(skids), None, thrown, 0.01)
+    motion = simulate_phases(phases_of(skids), None, thrown, 0.01)
     assert len(motion.names) == 1
     assert motion.names[0].startswith("slip")
     assert energy_change(motion).causes == motion.names

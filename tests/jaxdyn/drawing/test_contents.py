@@ -15,7 +15,7 @@ from jaxdyn.drawing.contents import in_time, paths
 from jaxdyn.drawing.curves import CURVE
 from jaxdyn.drawing.strokes import coiled, dashpot, grounds
 from jaxdyn.integrate.events import Reaches
-from jaxdyn.integrate.phases import END, Exit, Phase, run
+from jaxdyn.integrate.phases import END, Exit, Phase, simulate_phases
 from jaxdyn.scenes.satellites import ANTENNAS, SatelliteSketch, antenna_trace
 
 
@@ -221,7 +221,7 @@ def test_what_acts_in_one_phase_only_is_left_out():
         "held": Phase(pulled, (Exit(Reaches(0, 0.5, -1), "free"),)),
         "free": Phase(gone, (Exit(Reaches(0, -9.0, -1), END),)),
     }
-    chain = run(phases, "held", pulled.y0, 1.0, samples=5)
+    chain = simulate_phases(phases, "held", pulled.y0, 1.0, samples=5)
     drawn = paths(chain)
     assert drawn.shapes == ()
     assert len(drawn.corners) == 1

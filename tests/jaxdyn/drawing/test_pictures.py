@@ -21,7 +21,7 @@ from jaxdyn.drawing.solid import _taken
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.events import Reaches
-from jaxdyn.integrate.phases import Exit, Phase, run
+from jaxdyn.integrate.phases import Exit, Phase, simulate_phases
 from orbits.drawing import orbits as orbit_picture
 
 
@@ -60,7 +60,7 @@ def bounce():
     """A ball thrown up that bounces once."""
     ball = scenes.cannonball()
     lands = Exit(Reaches(1, 0.0, -1), "fly", Bounced())
-    return run({"fly": Phase(ball, (lands,))}, "fly", ball.y0, 2.0, samples=9)
+    return simulate_phases({"fly": Phase(ball, (lands,))}, "fly", ball.y0, 2.0, samples=9)
 
 
 class Bounced(eqx.Module):

@@ -12,7 +12,7 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.hard.contact import box
 from jaxdyn.integrate.events import Reaches, When, until
 from jaxdyn.integrate.phase import END, Exit, Phase
-from jaxdyn.integrate.phases import follow, run
+from jaxdyn.integrate.phases import follow, simulate_phases
 from jaxdyn.solvers import DOPRI8
 
 G, KEEPS = 10.0, 0.5
@@ -38,7 +38,7 @@ def landings(n, vy=5.0):
 
 @pytest.fixture(scope="module")
 def bounces():
-    return run(ENDLESS, "fly", START, 9.0, max_phases=20, samples=5)
+    return simulate_phases(ENDLESS, "fly", START, 9.0, max_phases=20, samples=5)
 
 
 def test_a_ball_bounces_at_the_closed_form(bounces):
@@ -60,7 +60,7 @@ def test_infinitely_many_bounces_end_at_the_limit_of_phases(bounces):
 
 
 def test_the_earliest_exit_ends_the_motion():
-    chain = run(BOUNCING, "fly", START, 9.0, samples=3)
+    chain = simulate_phases(BOUNCING, "fly", START, 9.0, samples=3)
     # x = t reaches 1.9 between the landings at 1.875 and 1.9375.
     assert abs(chain.t - 1.9) < SOLVED
     assert len(chain.pieces) == 5
@@ -70,7 +70,7 @@ def test_the_earliest_exit_ends_the_motion():
 
 
 def test_the_span_ends_a_motion():
-    chain = run(BOUNCING, "fly", START, 1.2, samples=3)
+    chain = simulate_phases(BOUNCING, "fly", START, 1.2, samples=3)
     assert chain.t == 1.2
     assert not chain.ended
     assert chain.message == "The span ended."
@@ -80,7 +80,7 @@ def test_the_span_ends_a_motion():
 def test_a_failure_ends_it_without_numbers():
     fall = Scene(FreePoints([1.0, 1.0]), (PairGravity(),), y0=[-0.5, 0, 0.5, 0, 0, 0, 0, 0])
     phases = {"fall": Phase(fall, (Exit(Reaches(0, 9.0), END),))}
-    chain = run(phases, "fall", fall.y0, 2.0, samples=3)
+    chain = simulate_phases(phases, "fall", fall.y0, 2.0, samples=3)
     assert chain.status == Status.STEP_COLLAPSED
     assert chain.message == f"In phase fall: {Status.STEP_COLLAPSED.message} {fall.singular}"
     assert np.isnan(chain.t)
@@ -131,7 +131,9 @@ FORK = {
 
 def test_what_comes_next_may_depend_on_the_state():
     # After half a second the height is vy / 2 - g / 8.
-    high, low = (run(FORK, "fly", START.at[3].set(v), 9.0, samples=2) for v in (8.0, 5.0))
+    high, low = (
+        simulate_phases(FORK, "fly", START.at[3].set(v), 9.0, samples=2) for v in (8.0, 5.0)
+    )
     assert high.names == ("fly", "fall")
     assert abs(high.t - 1.6) < SOLVED
     assert low.names == ("fly",)
@@ -147,7 +149,7 @@ def test_what_comes_next_may_depend_on_the_state():
 
 
 def test_a_ball_at_rest_on_the_floor_does_not_fall_through_it():
-    chain = run(ENDLESS, "fly", START.at[3].set(0.0), 1.0, samples=3)
+    chain = simulate_phases(ENDLESS, "fly", START.at[3].set(0.0), 1.0, samples=3)
     assert chain.status == Status.STUCK
     assert chain.t < EXACT
     assert abs(chain.y[1]) < EXACT
@@ -155,7 +157,7 @@ def test_a_ball_at_rest_on_the_floor_does_not_fall_through_it():
 
 def test_endless_bounces_end_above_the_floor():
     """Not below it, with "The span ended.", once they are shorter than can be seen."""
-    chain = run(ENDLESS, "fly", START, 9.0, samples=5)
+    chain = simulate_phases(ENDLESS, "fly", START, 9.0, samples=5)
     assert chain.status == Status.STUCK
     assert not chain.ended
     assert abs(chain.t - 2.0) < 10 * EXACT
@@ -174,7 +176,7 @@ def test_a_motion_beyond_a_bound_has_no_numbers(monkeypatch):
         return until(scene, never, t1, t0=t0, **how)
 
     monkeypatch.setattr("jaxdyn.integrate.phases.until", blind)
-    chain = run(ENDLESS, "fly", START, 2.0, samples=5)
+    chain = simulate_phases(ENDLESS, "fly", START, 2.0, samples=5)
     assert chain.status == Status.BOUND_PASSED
     assert np.isnan(chain.t)
     assert np.isnan(chain.y).all()
@@ -188,7 +190,7 @@ def test_a_motion_beyond_a_bound_has_no_numbers(monkeypatch):
 def test_a_ball_stays_in_its_box_though_it_meets_the_corners(one_sided):
     inside = box(one_sided)
     y0 = jnp.array([0.5, 0.5, 1.0, 1.0])
-    chain = run(inside, "box", y0, 4.25, samples=2)
+    chain = simulate_phases(inside, "box", y0, 4.25, samples=2)
     assert gap(chain.y, [0.75, 0.75, 1.0, 1.0]) < SOLVED
     # Two exits at each of the corners (1, 1), (0, 0), (1, 1), (0, 0).
     assert chain.path == (("box", 1), ("box", 3), ("box", 0), ("box", 2)) * 2
@@ -216,7 +218,7 @@ STOREYS = {
 def test_a_phase_begins_where_its_bounds_hold_else_its_exit_is_taken_at_once():
     fall = jnp.array([0.0, 0.5, 0.0, 0.0])
     for start in ("high", "deep", None):
-        chain = run(STOREYS, start, fall, 9.0, samples=2)
+        chain = simulate_phases(STOREYS, start, fall, 9.0, samples=2)
         assert chain.names == ("deep",)
         assert chain.path == ((("high", 0),) if start == "high" else ()) + (("deep", 1),)
         assert abs(chain.t - 1.0) < SOLVED
@@ -225,7 +227,9 @@ def test_a_phase_begins_where_its_bounds_hold_else_its_exit_is_taken_at_once():
     t, _ = follow(STOREYS, [("deep", 1)], fall.at[1].set(1.5), 9.0)
     assert np.isnan(t)  # it is not deep
     # At the bound the way it goes decides.
-    up, down = (run(STOREYS, None, [0.0, 1.0, 0.0, v], 9.0, samples=2) for v in (1.0, -1.0))
+    up, down = (
+        simulate_phases(STOREYS, None, [0.0, 1.0, 0.0, v], 9.0, samples=2) for v in (1.0, -1.0)
+    )
     assert up.names[0] == "high"
     assert abs(up.times[0] - 2 / G) < SOLVED
     assert down.names == ("deep",)
@@ -242,7 +246,7 @@ def test_a_kick_at_each_passage_is_no_bound(one_sided):
     """A spring that is kicked where it passes its middle upwards: the motion goes on beyond."""
     swing = scenes.particles.particle(Spring(1.0), position=(0.0, -1.0), velocity=(0.0, 0.0))
     kick = Exit(Reaches(1, 0.0, 1), "swing", kicked, one_sided=one_sided)
-    chain = run({"swing": Phase(swing, (kick,))}, None, swing.y0, 20.0, samples=2)
+    chain = simulate_phases({"swing": Phase(swing, (kick,))}, None, swing.y0, 20.0, samples=2)
     if one_sided:
         assert chain.status == Status.STUCK
         assert "set one_sided=False on an exit whose phase may begin beyond" in chain.message
@@ -254,7 +258,7 @@ def test_a_kick_at_each_passage_is_no_bound(one_sided):
 
 def test_an_end_at_the_start_is_a_motion_of_one_sample():
     ends = {"fly": Phase(BALL, (Exit(Reaches(0, 1.0, 1), END),))}
-    chain = run(ends, "fly", START.at[0].set(2.0), 1.0)
+    chain = simulate_phases(ends, "fly", START.at[0].set(2.0), 1.0)
     assert chain.ended
     assert chain.times == (0.0,)
     assert gap(chain.pieces[0].ys, START.at[0].set(2.0)[None]) == 0
@@ -265,9 +269,9 @@ def test_a_start_that_fits_no_phase_is_refused():
     on_a_rail = {"roll": Phase(rolling, (Exit(Reaches(0, 9.0, 1), END),))}
     high = rolling.y0.at[1].add(1.0)
     with pytest.raises(ValueError, match=r"^y0: expected a state of roll, got .*Name the start\."):
-        run(on_a_rail, None, high, 1.0)
+        simulate_phases(on_a_rail, None, high, 1.0)
     with pytest.raises(ValueError, match=r"^y0: expected a state of roll, got \[0\. 0\.\]"):
-        run(on_a_rail, None, [0.0, 0.0], 1.0)
+        simulate_phases(on_a_rail, None, [0.0, 0.0], 1.0)
 
 
 def time_to_fall(t, y):
@@ -285,56 +289,58 @@ def fallen(t, y):
 def test_the_end_of_a_phase_may_be_in_closed_form():
     last = Exit(Reaches(1, 0.5, -1), END, fallen, lasts=time_to_fall, one_sided=False)
     shortcut = {"fly": Phase(BALL, (last,))}
-    chain = run(shortcut, "fly", START, 2.0, samples=3)
+    chain = simulate_phases(shortcut, "fly", START, 2.0, samples=3)
     assert chain.ended
     assert abs(chain.t - 1.0) < SOLVED
     assert gap(chain.y, [1.0, 0.0, 1.0, -5.0]) < SOLVED
     assert gap(follow(shortcut, [("fly", 0)], START, 2.0)[0], chain.t) == 0
     # Where the span ends before it does, the phase goes on to there.
-    short = run(shortcut, "fly", START, 0.95, samples=3)
+    short = simulate_phases(shortcut, "fly", START, 0.95, samples=3)
     assert not short.ended
     assert short.message == "The span ended."
     assert gap(short.y, [0.95, 5 * 0.95 - 5 * 0.95**2, 1.0, 5 - G * 0.95]) < SOLVED
     at_once = {"fly": Phase(BALL, (Exit(Reaches(1, 0.5, -1), END, fallen, lasts=time_to_fall),))}
-    chain = run(at_once, "fly", START, 2.0)
+    chain = simulate_phases(at_once, "fly", START, 2.0)
     assert chain.path == (("fly", 0),)
     assert abs(chain.t - 1.0) < SOLVED
-    short = run(at_once, "fly", START, 0.2, samples=3)
+    short = simulate_phases(at_once, "fly", START, 0.2, samples=3)
     assert not short.ended
     assert gap(short.y, [0.2, 0.8, 1.0, 3.0]) < SOLVED
 
 
 def test_tolerances_solver_and_limit_are_those_of_simulate():
-    chain = run(BOUNCING, "fly", START, 0.5, samples=2, max_steps=1)
+    chain = simulate_phases(BOUNCING, "fly", START, 0.5, samples=2, max_steps=1)
     assert chain.status == Status.STEP_LIMIT
     assert "max_steps" in chain.message
     assert "solver='auto'" not in chain.message  # which events do not take
-    loose = run(BOUNCING, "fly", START, 9.0, samples=2, atol=1e-3, rtol=1e-3, solver=DOPRI8)
+    loose = simulate_phases(
+        BOUNCING, "fly", START, 9.0, samples=2, atol=1e-3, rtol=1e-3, solver=DOPRI8
+    )
     assert abs(loose.t - 1.9) < SOLVED
     with pytest.raises(ValueError, match="atol: expected > 0, got 0"):
-        run(BOUNCING, "fly", START, 9.0, atol=0.0)
+        simulate_phases(BOUNCING, "fly", START, 9.0, atol=0.0)
 
 
 def test_misuse_is_refused():
     with pytest.raises(ValueError, match=r"start: expected one of fly, got 'flyy'\. Did you"):
-        run(BOUNCING, "flyy", START, 1.0)
+        simulate_phases(BOUNCING, "flyy", START, 1.0)
     with pytest.raises(ValueError, match=r"t1: expected a time after t0 = 1\.0, got 1\.0"):
-        run(BOUNCING, "fly", START, 1.0, t0=1.0)
+        simulate_phases(BOUNCING, "fly", START, 1.0, t0=1.0)
     with pytest.raises(ValueError, match="max_phases: expected at least 1, got 0"):
-        run(BOUNCING, "fly", START, 1.0, max_phases=0)
+        simulate_phases(BOUNCING, "fly", START, 1.0, max_phases=0)
     with pytest.raises(ValueError, match=r"^phases: expected at least one, got none\."):
-        run({}, "fly", START, 1.0)
+        simulate_phases({}, "fly", START, 1.0)
     with pytest.raises(ValueError, match=r"^phases: expected names other than 'end', got end\."):
-        run(BOUNCING | {END: BOUNCING["fly"]}, "fly", START, 1.0)
+        simulate_phases(BOUNCING | {END: BOUNCING["fly"]}, "fly", START, 1.0)
     with pytest.raises(ValueError, match=r"^exits of fly: expected a tuple, got Exit\. Write \(ex"):
-        run({"fly": Phase(BALL, Exit(LANDS, END))}, "fly", START, 1.0)
+        simulate_phases({"fly": Phase(BALL, Exit(LANDS, END))}, "fly", START, 1.0)
     with pytest.raises(ValueError, match=r"^phase fly: expected a Phase, got Scene\. Make it"):
-        run({"fly": BALL}, "fly", START, 1.0)
+        simulate_phases({"fly": BALL}, "fly", START, 1.0)
     with pytest.raises(ValueError, match=r"^t1: expected numbers, got '1'\."):
-        run(BOUNCING, "fly", START, "1")
+        simulate_phases(BOUNCING, "fly", START, "1")
     astray = {"fly": Phase(BALL, (Exit(LANDS, "rol"),)), "roll": BOUNCING["fly"]}
     with pytest.raises(ValueError, match="exit of fly: expected one of end, fly, roll, got 'rol'"):
-        run(astray, "fly", START, 1.0)
+        simulate_phases(astray, "fly", START, 1.0)
     with pytest.raises(ValueError, match="path: expected one of fly, got 'roll'"):
         follow(BOUNCING, [("roll", 0)], START, 1.0)
     with pytest.raises(ValueError, match="path: expected an exit of fly from 0 to 1, got 2"):

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from jaxdyn import Scene, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.effects import UniformGravity
-from jaxdyn.integrate.phases import run
+from jaxdyn.integrate.phases import simulate_phases
 from jaxdyn.scenes.rolling import (
     contact_lost,
     cylinder_on_cylinder,
@@ -35,12 +35,12 @@ def on_top(theta, start):
 
 @pytest.fixture(scope="module")
 def fall():
-    return run(phases_of(BALANCED), "roll", BALANCED.y0, 1.5, samples=9)
+    return simulate_phases(phases_of(BALANCED), "roll", BALANCED.y0, 1.5, samples=9)
 
 
 @pytest.fixture(scope="module")
 def hops():
-    return run(phases_of(RAMP), "roll", RAMP.y0, 7.0, samples=9)
+    return simulate_phases(phases_of(RAMP), "roll", RAMP.y0, 7.0, samples=9)
 
 
 STARTS = {  # the scene, and the phases it has to go through
@@ -56,7 +56,11 @@ STARTS = {  # the scene, and the phases it has to go through
 def start(request):
     """A start that cannot roll, and what becomes of it."""
     scene, names = STARTS[request.param]
-    return scene, names, run(phases_of(scene), None, scene.y0, 1.5, samples=9, rtol=1e-13)
+    return (
+        scene,
+        names,
+        simulate_phases(phases_of(scene), None, scene.y0, 1.5, samples=9, rtol=1e-13),
+    )
 
 
 def coulomb(scene, t1):
@@ -148,21 +152,21 @@ def test_the_first_phase_is_the_one_the_state_fits():
     }
     phases = phases_of(scene)
     for name, y0 in fits.items():
-        chain = run(phases, None, y0, 1e-4, samples=2)
+        chain = simulate_phases(phases, None, y0, 1e-4, samples=2)
         assert chain.names == (name,)
         assert chain.path == ()
     # Coming down on the ground it has an impact first, and rolls or slips on.
-    lands = run(phases, None, still.at[4].set(-1.0), 1e-4, samples=2)
+    lands = simulate_phases(phases, None, still.at[4].set(-1.0), 1e-4, samples=2)
     assert lands.path == (("fly", 0),)
     assert lands.names == ("roll",)
     assert lands.y[4] == 0
     # Without gravity to press it down a rolling cylinder that is pulled up flies.
     lifted = Scene(scene.system, (UniformGravity(-1.0),), y0=still, t1=scene.t1)
-    assert run(phases_of(lifted), "roll", still, 1e-4, samples=2).names == ("fly",)
+    assert simulate_phases(phases_of(lifted), "roll", still, 1e-4, samples=2).names == ("fly",)
     with pytest.raises(
         ValueError, match=r"y0: expected a cylinder outside the ramp, got one 0\.1 m"
     ):
-        run(phases, None, still.at[1].add(-0.1), 1e-4)
+        simulate_phases(phases, None, still.at[1].add(-0.1), 1e-4)
 
 
 @pytest.mark.slow
@@ -171,12 +175,12 @@ def test_friction_that_is_just_enough_goes_either_way():
     inertia, slope = 0.42, 0.044
     just = np.tan(slope) / (1 + 1 / inertia)
     scene = cylinder_on_ramp(d=0.0, inertia=inertia, slope=slope, mu=just)
-    chain = run(phases_of(scene), None, scene.y0, 2.0, samples=2)
+    chain = simulate_phases(phases_of(scene), None, scene.y0, 2.0, samples=2)
     assert chain.message == "The span ended."
     assert abs(chain.y[2] - scene.y0[2] - G * np.sin(slope) / (1 + inertia) * 2) < 1e-10
     # On a cylinder it needs more as soon as it moves.
     scene = cylinder_on_cylinder(theta=0.858, mu=np.tan(0.858) / 3)
-    chain = run(phases_of(scene), "roll", scene.y0, 2.0, samples=2)
+    chain = simulate_phases(phases_of(scene), "roll", scene.y0, 2.0, samples=2)
     assert chain.names[-2:] == ("slip_on", "fly")
     assert len(chain.names) == 2 or chain.times[0] < 1e-6
 
@@ -186,7 +190,7 @@ def test_a_slip_that_no_finite_force_goes_on_with_is_caught_at_once():
     """Painleve's paradox: slipping pulls it into the ground, flying drops it there; it jams."""
     scene = cylinder_on_ramp(d=0.9, inertia=0.01, slope=0.0, mu=3.0, turn=1.0)
     slides = scene.y0.at[3].set(-1.0)
-    chain = run(phases_of(scene), None, slides, 0.01, samples=2)
+    chain = simulate_phases(phases_of(scene), None, slides, 0.01, samples=2)
     assert chain.path[0] == ("fly", 0)
     roll = chain.pieces[chain.names.index("roll")]
     assert abs(roll.scene.system.slip(roll.ys[0])) < SOLVED

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from jaxdyn import Effect, simulate
 from jaxdyn.analysis import energy, ledger
-from jaxdyn.integrate.phases import run
+from jaxdyn.integrate.phases import simulate_phases
 from jaxdyn.scenes.skates import one_skate
 from jaxdyn.scenes.wheels import AXLES, braking, car, sliding_velocity, turning_left, turning_rate
 
@@ -21,7 +21,7 @@ SHARE = {"front": 1.4 / 2.6, "rear": 1.2 / 2.6}  # of the weight on the locked a
 def stop(request):
     """A car turning by a degree a second, to rest."""
     scene = car(locked=request.param, spin=0.02)
-    return request.param, scene, run(braking(scene), "slide", scene.y0, 60.0, samples=9)
+    return request.param, scene, simulate_phases(braking(scene), "slide", scene.y0, 60.0, samples=9)
 
 
 @pytest.mark.slow
@@ -29,7 +29,7 @@ def test_straight_braking_is_uniform():
     for locked in AXLES:
         scene = car(locked=locked, spin=0.0)
         a = MU * G * SHARE[locked]
-        chain = run(braking(scene), "slide", scene.y0, 60.0, samples=9)
+        chain = simulate_phases(braking(scene), "slide", scene.y0, 60.0, samples=9)
         assert chain.ended
         assert abs(chain.t - V / a) < 10 * EXACT
         assert gap(chain.y, [V * V / (2 * a), 0, 0, 0, 0, 0]) < SOLVED
@@ -72,14 +72,14 @@ def test_time_and_place_of_rest_are_right_to_the_tolerance(locked, speed, spin):
     """However the car turns: not early by a part of the way, and with no integration into rest."""
     scene = car(locked=locked, speed=speed, spin=spin)
     how = {"rtol": 1e-13, "atol": 1e-13 * speed, "samples": 2, "max_steps": 300}
-    chain = run(braking(scene), "slide", scene.y0, 60.0, **how)
+    chain = simulate_phases(braking(scene), "slide", scene.y0, 60.0, **how)
     assert chain.ended
     assert gap(np.append(chain.t, chain.y[:3]), rest(locked, speed, spin)) < SOLVED * max(1, speed)
 
 
 def test_a_car_at_rest_has_stopped():
     scene = car(speed=0.0, spin=0.0)
-    chain = run(braking(scene), None, scene.y0, 60.0, samples=2)
+    chain = simulate_phases(braking(scene), None, scene.y0, 60.0, samples=2)
     assert chain.ended
     assert chain.t == 0
     assert gap(chain.y, np.zeros(6)) == 0

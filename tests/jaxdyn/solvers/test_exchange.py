@@ -149,7 +149,9 @@ COUNTED = Scene(FreePoints(1.0), (Counted(),), y0=[1.0, 0.0, -1.0, 1.0])
 
 def _phased(solver):
     leg = Phase(COUNTED, (Exit(Reaches(0, 0.9, -1), END),))
-    return phases.run({"swing": leg}, "swing", COUNTED.y0, 1.0, samples=4, solver=solver).y
+    return phases.simulate_phases(
+        {"swing": leg}, "swing", COUNTED.y0, 1.0, samples=4, solver=solver
+    ).y
 
 
 #: Every call that takes a solver, as a function of it.

@@ -90,11 +90,11 @@ def test_it_is_a_motion_of_nature(slides):
 
 @pytest.mark.slow
 def test_the_chain_of_phases_follows_it(slides):
-    """`phases.run` finds its own corners, with landings that keep no normal speed."""
+    """`simulate_phases` finds its own corners, with landings that keep no normal speed."""
     real = phases_of(slides.legs[1].scene)
     for lower in (0.0, 1e-12, 1e-9, 1e-7):
         start = jnp.asarray(slides.y0).at[1].add(-lower)
-        flight = phases.run(real, "fly", start, slides.spans[:2].sum(), samples=50)
+        flight = phases.simulate_phases(real, "fly", start, slides.spans[:2].sum(), samples=50)
         # The landing grazes: it is early by as much as the cube root, and little is lost.
         assert flight.names[0] == "fly"
         assert abs(flight.times[0] - slides.spans[0]) < 1e-3 + 2 * np.cbrt(lower)
