@@ -175,10 +175,13 @@ class Scene(eqx.Module):
             return
         t, y = np.zeros(()), np.asarray(self.y0, float)
         cls.check(system, t, y)
-        points, depends, second_order = _looked_at(self.field, t, y)
-        points = Points(*map(np.asarray, points))
-        for effect in self.effects:
-            type(effect).check(effect, points)
+        try:
+            points, depends, second_order = _looked_at(self.field, t, y)
+        except ValueError:
+            # A shape is wrong; if a number of an effect made it so, the effect names it.
+            _check_effects(self.effects, cls.points(system, t, y))
+            raise
+        _check_effects(self.effects, points)
         # A wrong claim would give wrong trajectories silently.
         for effect, wrong in zip(self.effects, depends, strict=True):
             if wrong:
@@ -203,6 +206,12 @@ _MOST_EFFECTS = 500
 
 #: What an effect's methods do, in words.
 _ACTIONS = {"force": "forces on points", "generalized": "forces on coordinates"}
+
+
+def _check_effects(effects: tuple[Effect, ...], points: Points) -> None:
+    points = Points(*map(np.asarray, points))
+    for effect in effects:
+        type(effect).check(effect, points)
 
 
 def _check_obeyed(system: System, effect: Effect) -> None:
