@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxdyn import _checks, _shapes
+from jaxdyn import _checks, _shapes, _text
 from jaxdyn.field import Field as Field
 from jaxdyn.field import VectorField
 from jaxdyn.sketch import Shape
@@ -58,6 +58,21 @@ class Scene(eqx.Module):
         self.y0 = _checks.numbers("y0", y0)
         self.t1 = _checks.numbers("t1", t1)
         self.name = name
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        lanes = self.y0.shape[:-1]
+        one = jax.tree.map(lambda x: x[(0,) * len(lanes)], self) if lanes else self
+        labels = one.labels()
+        second = _text.second(labels)
+        rows = [
+            ("batch", f"of shape {lanes}" if lanes else ""),
+            ("system", _text.record(self.system, bool(second))),
+            ("effects", ", ".join(_text.record(effect, bool(second)) for effect in self.effects)),
+            ("start", _text.brief(self.y0) if lanes else _text.entries(labels, self.y0)),
+            ("span", _text.brief(self.t1, second)),
+        ]
+        return _text.table(f"Scene {self.name}".rstrip(), rows)
 
     @property
     def field(self) -> Field:

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn.sketch import Shape
 
 
@@ -77,6 +77,10 @@ class Effect(eqx.Module):
         on_coordinates = cls.generalized is not Effect.generalized
         return frozenset(["force"] * on_points + ["generalized"] * on_coordinates)
 
+    @_text.never_raising
+    def __repr__(self) -> str:
+        return _text.record(self)
+
     def _potential(self, t: Array, r: Array, m: Array) -> Array:
         value = self.potential(t, r, m)
         if value is None:
@@ -92,6 +96,10 @@ class Effect(eqx.Module):
 
 class System(eqx.Module):
     """What moves: coordinates, and how forces on material points move them."""
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        return _text.record(self)
 
     @abc.abstractmethod
     def labels(self) -> tuple[tuple[str, str], ...]:

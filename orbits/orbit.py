@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene
+from jaxdyn import Scene, _text
+from jaxdyn._misuse import counted
 from jaxdyn.status import Code
 from orbits.closing.closings import Closing
 from orbits.motion import logarithmic_period
@@ -86,6 +87,20 @@ class Orbit(eqx.Module):
     angle: float = 0.0
     s_period: float | None = None
     shift: float = 0.0
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        labels = self.scene.labels()
+        closes = f"{self.closing.name}, to {_text.brief(self.residual)}"
+        steps = f"after {counted(self.iterations, 'step')} at rtol {_text.brief(self.rtol)}"
+        rows = [
+            ("period", _text.brief(self.scene.t1, _text.second(labels), digits=14)),
+            ("closing", f"{closes} {steps}"),
+            ("turned", _text.brief(self.angle, "rad") if self.closing.turns else ""),
+            ("outcome", f"{self.outcome.name}: {self.message}"),
+            ("start", _text.entries(labels, self.y0)),
+        ]
+        return _text.table(f"Orbit of {_text.called(self.scene)}", rows)
 
     @property
     def y0(self) -> Array:

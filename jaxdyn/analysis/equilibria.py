@@ -16,7 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
+from jaxdyn._misuse import counted
 from jaxdyn.analysis.linearize import Linearization, linearize
 from jaxdyn.analysis.rest_points.completeness import bisected, judged
 from jaxdyn.analysis.rest_points.search import Box, Ends, jumps, low_discrepancy, search
@@ -58,6 +59,16 @@ class Equilibria:
     residuals: np.ndarray
     starts: int
     lost: int
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        described = zip(self.states, self.kinds, self.linearizations, strict=True)
+        rows = [
+            (f"{i + 1}", f"{_text.brief(state)}: {kind}, {near.verdict}, {near.portrait}")
+            for i, (state, kind, near) in enumerate(described)
+        ]
+        rows = [*_text.cut(rows), ("complete", f"{self.complete}: {self.certainty}")]
+        return _text.table(f"Equilibria: {counted(len(self), 'rest point')}", rows)
 
     def __len__(self) -> int:
         return len(self.states)

@@ -23,7 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn.analysis._roots import root
 from jaxdyn.analysis.eigenvalues import map_eigenvalues, map_verdict
 from jaxdyn.analysis.monodromy import (
@@ -59,6 +59,8 @@ class Floquet:
     growth: np.ndarray
     verdict: np.ndarray
     monodromy: np.ndarray
+
+    __repr__ = _text.fields
 
 
 @dataclasses.dataclass(frozen=True)

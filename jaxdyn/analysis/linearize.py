@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn.analysis.eigenvalues import (
     ROUNDING,
     SAFETY,
@@ -53,6 +53,8 @@ class Linearization:
     bars: np.ndarray
     verdict: str
     portrait: str
+
+    __repr__ = _text.fields
 
 
 def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
@@ -123,6 +125,8 @@ class Modes(NamedTuple):
     shapes: Array
     mass: Array
     stiffness: Array
+
+    __repr__ = _text.fields
 
     @property
     def frequencies(self) -> Array:

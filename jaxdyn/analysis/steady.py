@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn.analysis.linearize import Linearization, classify
 from jaxdyn.scene import Field, Scene, checked_scene
 
@@ -52,6 +52,8 @@ class SteadyMotion:
     reduced: Linearization
     symmetries: int
     family: int
+
+    __repr__ = _text.fields
 
     @property
     def frequencies(self) -> np.ndarray:

@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn import _text
 from jaxdyn._misuse import counted
 from jaxdyn._numerics import two_sum
 from jaxdyn.integrate.flow import UNROLLED_BELOW, Settings, operations
@@ -69,6 +70,8 @@ class Ends(NamedTuple):
     steps: Array
     rejected: Array
     seen: Any
+
+    __repr__ = _text.fields
 
     @property
     def ok(self) -> Array:

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.integrate.crossings import first_crossing
@@ -114,6 +114,8 @@ class Stop(eqx.Module):
     event: Array
     status: Array
     coincident: Array
+
+    __repr__ = _text.fields
 
     @property
     def happened(self) -> bool:

@@ -25,6 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxdyn import _text
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.integrate.step_control import FixedSteps, Limits, StepControl, Watch, steps_of
 from jaxdyn.solvers import Method
@@ -68,6 +69,8 @@ class SolveResult(eqx.Module):
     rejected: Array
     status: Array
     stiff: Array
+
+    __repr__ = _text.fields
 
 
 class Variational(eqx.Module):

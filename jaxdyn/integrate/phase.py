@@ -19,9 +19,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn import _text
+from jaxdyn._misuse import counted
 from jaxdyn.integrate.event_values import values
 from jaxdyn.integrate.events import Event
+from jaxdyn.integrate.trajectory import Trajectory, explained
 from jaxdyn.scene import Field, Scene
+from jaxdyn.status import Status
 
 #: The name of the phase that ends a motion.
 END = "end"
@@ -157,3 +161,68 @@ def _parts(bound: Event, t: Array, y: Array) -> tuple[Array, Array]:
     floats = eqx.filter(bound, eqx.is_inexact_array)
     moved = jax.tree.map(lambda slope, x: jnp.sum(jnp.abs(slope * x)), slopes[0], floats)
     return jnp.abs(jnp.append(slopes[2], slopes[1])), sum(jax.tree.leaves(moved), jnp.zeros(()))
+
+
+class Chain(eqx.Module):
+    """A motion in pieces.
+
+    Attributes:
+      names: name of the phase of each piece.
+      pieces: sampled motion of each piece; the last sample is at its event.
+      t: () time at the end.
+      y: (k,) state there, in the coordinates of the last phase after its exit's change.
+      ended: whether an exit led to `END`; if not, `message` says what else stopped it.
+      status: `Status`; t and y are NaN where a phase failed, and where the chain was `STUCK` they
+        are where it was.
+      path: (name of the phase, number of the exit taken) in order, for `follow`; phases left at
+        once, which have no piece, are among them.
+    """
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    pieces: tuple[Trajectory, ...]
+    t: Array
+    y: Array
+    ended: bool
+    status: Status = eqx.field(static=True)
+    path: tuple[tuple[str, int], ...] = eqx.field(static=True, default=())
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        scene = self.pieces[-1].scene
+        labels = scene.labels()
+        second = _text.second(labels)
+        rows = [
+            (name, f"{_text.brief(piece.ts[0])} to {_text.brief(piece.ts[-1], second)}")
+            for name, piece in zip(self.names, self.pieces, strict=True)
+        ]
+        return _text.table(
+            f"Chain of {counted(len(self.pieces), 'phase')}",
+            [
+                *_text.cut(rows),
+                ("status", f"{self.status.name}: {self.message}"),
+                ("end", _text.entries(labels, self.y)),
+            ],
+        )
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """When each piece ended."""
+        return tuple(float(piece.ts[-1]) for piece in self.pieces)
+
+    @property
+    def message(self) -> str:
+        """Why the motion stops here, and what to do about it."""
+        if self.status == Status.STUCK:
+            return f"At t = {float(self.t):.6g}, in phase {self.path[-1][0]}: {self.status.message}"
+        if self.status != Status.OK:
+            return f"In phase {self.names[-1]}: {explained(self.status, self.pieces[-1].scene)}"
+        if self.ended:
+            return f"Phase {self.path[-1][0]} led to the end."
+        if self.t >= self.pieces[-1].scene.t1:
+            return "The span ended."
+        limit = counted(len(self.pieces), "phase")
+        return (
+            f"The limit of {limit} was reached at t = {float(self.t):.6g}. "
+            "Raise max_phases; where infinitely many phases pass in finite time, as for a ball "
+            "that comes to rest by bouncing, give the phase an exit to rest."
+        )

@@ -18,19 +18,24 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._misuse import counted
 from jaxdyn.integrate.events import until
-from jaxdyn.integrate.phase import END, Exit, Phase
+from jaxdyn.integrate.phase import END, Chain, Exit, Phase
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions
+<<<<<<< HEAD
 from jaxdyn.integrate.trajectory import Trajectory, explained, single
 from jaxdyn.scene import checked_scene
+=======
+from jaxdyn.integrate.trajectory import Trajectory, single
+from jaxdyn.scene import checked
+>>>>>>> 4fe90c7 (Printed scenes, motions and results show their numbers)
 from jaxdyn.solvers import Solver
 from jaxdyn.status import Status
 
 MAX_PHASES = 200
 
 
+<<<<<<< HEAD
 class HybridTrajectory(eqx.Module):
     """A motion in pieces.
 
@@ -79,6 +84,9 @@ class HybridTrajectory(eqx.Module):
 
 
 def simulate_phases(
+=======
+def run(
+>>>>>>> 4fe90c7 (Printed scenes, motions and results show their numbers)
     phases: Mapping[str, Phase],
     start: str | None,
     y0,

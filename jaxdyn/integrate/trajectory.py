@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn.integrate.flow import Settings, flow
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.scene import Scene
@@ -59,6 +59,12 @@ class Estimate(eqx.Module):
     solver: str = eqx.field(static=True)
     other: str = eqx.field(static=True)
     wanted: Array | float | None = None
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        digits = f"{self.digits:.1f} at {len(self.ts)} times, at most {self.most_digits:.1f}"
+        rows = [("digits", digits), ("basis", self.basis), ("shortfall", self.shortfall)]
+        return _text.table("Estimate", rows)
 
     @property
     def relative(self) -> float:
@@ -139,6 +145,32 @@ class Trajectory(eqx.Module):
     error: Estimate | None = None
     dt: Array | None = None
     method: Method | None = eqx.field(static=True, default=None)
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        lanes, one = self.lanes, self.one(*(0 for _ in self.lanes))
+        labels, n = one.scene.labels(), self.ts.shape[-1]
+        head = f"Trajectory of {_text.called(one.scene)}"
+        batch = ("batch", f"of shape {lanes}" if lanes else "")
+        if _checks.is_traced((self.ts, self.ys, self.status)):
+            return _text.table(head, [batch, ("samples", f"{n}, traced")])
+        begin, end = (_text.extent(np.asarray(self.ts)[..., i]) for i in (0, -1))
+        status = f"{self.status_code.name}: {self.message}"
+        if lanes:
+            right = f"{np.sum(np.asarray(self.status) == Status.OK)} of {np.size(self.status)} OK"
+            status = right if self.ok else f"{right}, the worst {status}"
+        rows = [
+            batch,
+            ("span", f"{begin} to {end} {_text.second(labels)}".rstrip()),
+            ("samples", str(n)),
+            (
+                "steps",
+                f"{_text.extent(self.steps)} accepted, {_text.extent(self.rejected)} rejected",
+            ),
+            ("status", status),
+            ("end", "" if lanes else _text.entries(labels, np.asarray(self.ys)[-1])),
+        ]
+        return _text.table(head, rows)
 
     @property
     def ok(self) -> bool:

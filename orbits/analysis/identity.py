@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene
+from jaxdyn import Scene, _text
 from jaxdyn._checks import fail
 from jaxdyn.analysis.energy import angular_momentum, change
 from jaxdyn.effects import PairGravity
@@ -54,6 +54,8 @@ class Identity:
     energy: float | None
     angular_momentum: float | None
     scale_free: float | None
+
+    __repr__ = _text.fields
 
 
 def identify(orbit: Orbit) -> Identity:

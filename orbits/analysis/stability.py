@@ -18,7 +18,7 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import Status
+from jaxdyn import Status, _text
 from jaxdyn._checks import untraced
 from jaxdyn.analysis.eigenvalues import ROUNDING, map_eigenvalues, map_verdict, norm
 from jaxdyn.analysis.monodromy import (
@@ -68,6 +68,17 @@ class Stability:
     determinant_defect: float | None
     monodromy: np.ndarray
     status: Status = Status.OK
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        known = [nu for nu in self.exponents if nu is not None]
+        rows = [
+            ("multipliers", _text.with_bars(self.nontrivial, self.bars)),
+            ("equal to 1", f"{self.unit}: {', '.join(self.reasons)}" if self.unit else ""),
+            ("rotation", ", ".join(f"{nu:.9g}" for nu in known)),
+            ("status", "" if self.ok else f"{self.status.name}: {self.message}"),
+        ]
+        return _text.table(f"Stability: {self.verdict}", rows)
 
     @property
     def ok(self) -> bool:

@@ -16,8 +16,9 @@ import jax
 import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from jaxdyn import Scene
+from jaxdyn import Scene, _text
 from jaxdyn._checks import fail, positive, untraced, whole
+from jaxdyn._misuse import counted
 from jaxdyn._progress import doing
 from jaxdyn.ensemble.batches import cores
 from jaxdyn.files import records
@@ -45,6 +46,16 @@ class Found:
     finds: list[Find]
     counts: dict[str, int]
     plan: Plan
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        rows = [
+            (find.label or f"{i + 1}", f"period {_text.brief(find.period)}, {find.verdict}")
+            for i, find in enumerate(self.finds)
+        ]
+        counts = ("counts", ", ".join(f"{n} {name}" for name, n in self.counts.items()))
+        head = f"Found: {counted(len(rows), 'orbit')} of {_text.called(self.plan.scene)}"
+        return _text.table(head, [counts, *_text.cut(rows)])
 
     def __len__(self) -> int:
         return len(self.finds)

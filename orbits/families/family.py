@@ -1,10 +1,14 @@
 """What a family of periodic orbits is: its members, and what is special between them."""
 
+import collections
 import dataclasses
 import enum
+import math
 
 import numpy as np
 
+from jaxdyn import _text
+from jaxdyn._misuse import counted
 from orbits.analysis.stability import Stability
 from orbits.families.surface import Point
 from orbits.orbit import Orbit
@@ -59,6 +63,21 @@ class Family:
     end: str
     equations: Equations
 
+    @_text.never_raising
+    def __repr__(self) -> str:
+        scene = self.members[0].orbit.scene
+        verdicts = collections.Counter(member.stability.verdict for member in self.members)
+        ranges = {"parameter": self.parameters, "period": self.periods, "energy": self.energies}
+        special = [f"{m.kind} at {_place(m)}" for m in self.special]
+        rows = [
+            *((name, _from_to(x)) for name, x in ranges.items()),
+            ("stability", ", ".join(f"{n} {verdict}" for verdict, n in verdicts.items())),
+            ("special", ", ".join(special)),
+            ("end", self.end),
+        ]
+        what = f"{counted(len(self.members), 'orbit')} of {_text.called(scene)}"
+        return _text.table(f"Family of {what}", rows)
+
     @property
     def parameters(self) -> np.ndarray:
         """(n,) of the members."""
@@ -73,3 +92,17 @@ class Family:
     def energies(self) -> np.ndarray:
         """(n,) of the members."""
         return np.array([member.energy for member in self.members])
+
+
+def _from_to(x: np.ndarray) -> str:
+    """From the first to the last of the members; empty where there is no such number."""
+    ends = (_text.brief(float(x[0])), _text.brief(float(x[-1])))
+    return "" if np.isnan(x).all() else " to ".join(dict.fromkeys(ends))
+
+
+def _place(member: Member) -> str:
+    """Where on its family a member is: its parameter, or its energy, or its period."""
+    numbers = {"parameter": member.parameter, "energy": member.energy}
+    known = {name: x for name, x in numbers.items() if not math.isnan(x)}
+    name, x = next(iter({**known, "period": member.orbit.period}.items()))
+    return f"{name} {_text.brief(x)}"

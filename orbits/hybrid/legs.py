@@ -14,7 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene, Status, simulate
+from jaxdyn import Scene, Status, _text, simulate
+from jaxdyn._misuse import counted
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import unchanged
 from jaxdyn.integrate.phases import HybridTrajectory
@@ -58,6 +59,19 @@ class Hybrid:
     outcome: Outcome
     iterations: int
     rtol: float
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        scene = self.legs[0].scene
+        labels = scene.labels()
+        steps = f"after {counted(self.iterations, 'step')} at rtol {_text.brief(self.rtol)}"
+        rows = [
+            ("period", _text.brief(self.period, _text.second(labels), digits=14)),
+            ("closing", f"to {_text.brief(self.residual)} {steps}"),
+            ("outcome", f"{self.outcome.name}: {self.message}"),
+            ("start", _text.entries(labels, self.y0)),
+        ]
+        return _text.table(f"Periodic chain of {counted(len(self.legs), 'leg')}", rows)
 
     @property
     def y0(self) -> Array:

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import Scene
+from jaxdyn import Scene, _text
 from jaxdyn._checks import array, fail, positive
 from jaxdyn.analysis._roots import root
 from orbits.targets.launch import angle_of, checked_throw, followed, landings
@@ -49,6 +49,8 @@ class Hits(eqx.Module):
     short: float
     nearest: float
     outcome: Aim = eqx.field(static=True)
+
+    __repr__ = _text.fields
 
     @property
     def ok(self) -> bool:
@@ -82,6 +84,8 @@ class Throws(eqx.Module):
     t: np.ndarray
     landing: np.ndarray
     outcome: np.ndarray
+
+    __repr__ = _text.fields
 
     @property
     def ok(self) -> bool:

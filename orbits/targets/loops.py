@@ -15,7 +15,7 @@ import math
 import equinox as eqx
 import numpy as np
 
-from jaxdyn import Scene, scenes, simulate
+from jaxdyn import Scene, _text, scenes, simulate
 from jaxdyn._checks import array, fail, positive, untraced, whole
 from jaxdyn.effects import CentralForce
 from orbits.orbit import Orbit, SearchError
@@ -42,6 +42,8 @@ class Least(eqx.Module):
     turns: np.ndarray
     circle: np.ndarray
     line: np.ndarray
+
+    __repr__ = _text.fields
 
     @property
     def message(self) -> str:
