@@ -10,7 +10,7 @@ import math
 import operator
 from typing import Any
 
-from jaxdyn._misuse import choice, fail
+from jaxdyn._text import choice, fail
 
 CONSTANTS = {"pi": math.pi, "e": math.e, "deg": math.pi / 180}
 FUNCTIONS = {"sqrt": math.sqrt, "sin": math.sin, "cos": math.cos}

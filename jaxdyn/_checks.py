@@ -12,9 +12,9 @@ from jaxtyping import Array
 
 from jaxdyn._floats import as_float
 from jaxdyn._floats import float64 as float64
-from jaxdyn._misuse import choice as choice
-from jaxdyn._misuse import fail as fail
-from jaxdyn._misuse import whole as whole
+from jaxdyn._text import choice as choice
+from jaxdyn._text import fail as fail
+from jaxdyn._text import whole as whole
 
 
 def is_traced(x: Any) -> bool:

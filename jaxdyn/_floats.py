@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._misuse import fail
+from jaxdyn._text import fail
 
 #: Puts what NumPy holds on the device, in a fifth of the time of `jnp.asarray` (5 us of 29).
 _placed = jax.jit(lambda x: x)

@@ -36,6 +36,15 @@ class Scene(eqx.Module):
 
     Its name stands above pictures. It is static, so functions that are compiled for a scene are
     compiled once for each name.
+
+    Example:
+      >>> from jaxdyn import scenes
+      >>> print(scenes.oscillator(k=2.0))
+      Scene oscillator
+        system   FreePoints(m = (1,) kg, d = 1)
+        effects  Spring(k = 2 N/m, length = 0 m, anchor = 0)
+        start    x = 1 m, vx = 0 m/s
+        span     10 s
     """
 
     system: System

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, _text
-from jaxdyn._misuse import counted
+from jaxdyn._text import counted
 from jaxdyn.status import Code
 from orbits.closing.closings import Closing
 from orbits.motion import logarithmic_period
@@ -76,6 +76,15 @@ class Orbit(eqx.Module):
       s_period: the period in logarithmic time (see `jaxdyn.analysis.regularised`) where close
         encounters are followed in it, else None.
       shift: largest change of an entry of the start from the guess that `find` was given.
+
+    Example:
+      >>> import orbits
+      >>> from jaxdyn import scenes
+      >>> orbit = orbits.find(scenes.oscillator(), period=6.0)
+      >>> print(str(orbit).partition(", to ")[0])  # how well it closes is rounding
+      Orbit of oscillator
+        period   6.2831853071796 s
+        closing  plain closing
     """
 
     scene: Scene

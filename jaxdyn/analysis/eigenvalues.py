@@ -15,7 +15,8 @@ Reference: Stewart, Sun (1990), Matrix Perturbation Theory, chapter IV; Elsner (
 Algebra Appl. 71, 77.
 """
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -124,3 +125,25 @@ def _adjoint(matrix: np.ndarray) -> np.ndarray:
 def norm(matrix: np.ndarray) -> np.ndarray:
     """(...) 2-norm of matrices (..., k, k); 0 of one without entries."""
     return np.linalg.svd(matrix, compute_uv=False).max(axis=-1, initial=0.0)
+
+
+def with_bars(values: Any, bars: Any) -> str:
+    """Numbers with their error bars, in as many digits as these leave, at most twelve.
+
+    Example:
+      >>> with_bars([0.123456789], [2e-4]), with_bars([1 + 2j], [1e-9])
+      ('0.1235 (+-2e-04)', '1+2j (+-1e-09)')
+    """
+    return ", ".join(
+        f"{_certain(x, bar)} (+-{bar:.0e})" for x, bar in zip(values, bars, strict=True)
+    )
+
+
+def _certain(x: Any, bar: float) -> str:
+    """A number without the digits that are below its error bar."""
+    size = abs(x)
+    if not (math.isfinite(size) and math.isfinite(bar)):
+        return f"{x:.6g}"
+    # One digit more than is certain, so that rounding here does not show.
+    places = math.log10(size / bar) + 1 if bar and size else 12
+    return f"{x:.{min(12, max(1, math.ceil(places)))}g}"

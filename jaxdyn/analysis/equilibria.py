@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._misuse import counted
+from jaxdyn._text import counted
 from jaxdyn.analysis.linearize import Linearization, linearize
 from jaxdyn.analysis.rest_points.completeness import bisected, judged
 from jaxdyn.analysis.rest_points.search import Box, Ends, jumps, low_discrepancy, search
@@ -67,7 +67,7 @@ class Equilibria:
             (f"{i + 1}", f"{_text.brief(state)}: {kind}, {near.verdict}, {near.portrait}")
             for i, (state, kind, near) in enumerate(described)
         ]
-        rows = [*_text.cut(rows), ("complete", f"{self.complete}: {self.certainty}")]
+        rows = [*_text.cut(rows), ("certainty", self.certainty)]
         return _text.table(f"Equilibria: {counted(len(self), 'rest point')}", rows)
 
     def __len__(self) -> int:

@@ -21,6 +21,7 @@ from jaxdyn.analysis.eigenvalues import (
     Eigenvalues,
     rate_eigenvalues,
     rate_verdict,
+    with_bars,
 )
 from jaxdyn.scene import Field, Scene, checked_scene
 
@@ -46,6 +47,12 @@ class Linearization:
         (one surely positive), or "undecided".
       portrait: "node", "spiral", "saddle" or "centre"; "mixed" where there are motions of
         more than one of these, "degenerate" where an eigenvalue may be 0.
+
+    Example:
+      >>> from jaxdyn import linearize, scenes
+      >>> print(linearize(scenes.pendulum(g=4.0), jnp.zeros(2)))
+      Linearization: undecided, centre
+        eigenvalues  0-2j (+-1e-14), 0+2j (+-1e-14)
     """
 
     jacobian: np.ndarray
@@ -54,7 +61,10 @@ class Linearization:
     verdict: str
     portrait: str
 
-    __repr__ = _text.fields
+    @_text.never_raising
+    def __repr__(self) -> str:
+        rows = [("eigenvalues", with_bars(self.eigenvalues, self.bars))]
+        return _text.table(f"Linearization: {self.verdict}, {self.portrait}", rows)
 
 
 def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 import jaxdyn
-from jaxdyn._misuse import fail
+from jaxdyn._text import fail
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,

@@ -7,7 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import jaxdyn
-from jaxdyn._misuse import choice, fail
+from jaxdyn._text import choice, fail
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import JsonOption
 from jaxdyn.cli.words import scenes

@@ -7,7 +7,7 @@ import typer
 from rich.markup import escape
 
 import jaxdyn
-from jaxdyn._misuse import choice, counted, fail, whole
+from jaxdyn._text import choice, counted, fail, whole
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     AnimateOption,

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 import jaxdyn
-from jaxdyn._misuse import fail
+from jaxdyn._text import fail
 from jaxdyn.files.image_files import animation_path, picture_path
 from jaxdyn.files.input_files import MAX_BYTES, content
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from jaxdyn._arithmetic import setting
-from jaxdyn._misuse import choice, fail
+from jaxdyn._text import choice, fail
 
 _PACKAGE = Path(__file__).parents[1]
 _UNKNOWN = object()  # a default that only running the file would tell

@@ -22,8 +22,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn._misuse import counted
 from jaxdyn._numerics import two_sum
+from jaxdyn._text import counted
 from jaxdyn.integrate.flow import UNROLLED_BELOW, Settings, operations
 from jaxdyn.integrate.step_control import Limits, StepControl, Watch
 from jaxdyn.scene import Field

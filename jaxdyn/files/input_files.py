@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from jaxdyn._misuse import fail
+from jaxdyn._text import fail
 
 MAX_BYTES = 64 * 2**20  # a larger file is not one of these records
 _DIGITS = 18

@@ -9,7 +9,7 @@ import os
 import tempfile
 from pathlib import Path
 
-from jaxdyn._misuse import fail
+from jaxdyn._text import fail
 
 _PROBE = 4096  # bytes that must fit: one block of most file systems
 

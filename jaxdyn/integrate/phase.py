@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn._misuse import counted
+from jaxdyn._text import counted
 from jaxdyn.integrate.event_values import values
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.trajectory import Trajectory, explained

@@ -133,6 +133,16 @@ class Trajectory(eqx.Module):
       error: how accurate it is and how that is known, where ``digits`` were asked for.
       dt: () length of its steps with its sign, where it is fixed [s].
       method: what took steps of fixed length.
+
+    Example:
+      >>> from jaxdyn import scenes, simulate
+      >>> print(simulate(scenes.oscillator(), 1.0, samples=5))
+      Trajectory of oscillator
+        span     0 to 1 s
+        samples  5
+        steps    4 accepted, 0 rejected
+        status   OK: The integration reached its end.
+        end      x = 0.540302 m, vx = -0.841471 m/s
     """
 
     scene: Scene

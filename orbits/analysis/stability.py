@@ -20,7 +20,7 @@ import numpy as np
 
 from jaxdyn import Status, _text
 from jaxdyn._checks import untraced
-from jaxdyn.analysis.eigenvalues import ROUNDING, map_eigenvalues, map_verdict, norm
+from jaxdyn.analysis.eigenvalues import ROUNDING, map_eigenvalues, map_verdict, norm, with_bars
 from jaxdyn.analysis.monodromy import (
     SYMPLECTIC,
     coarser,
@@ -73,7 +73,7 @@ class Stability:
     def __repr__(self) -> str:
         known = [nu for nu in self.exponents if nu is not None]
         rows = [
-            ("multipliers", _text.with_bars(self.nontrivial, self.bars)),
+            ("multipliers", with_bars(self.nontrivial, self.bars)),
             ("equal to 1", f"{self.unit}: {', '.join(self.reasons)}" if self.unit else ""),
             ("rotation", ", ".join(f"{nu:.9g}" for nu in known)),
             ("status", "" if self.ok else f"{self.status.name}: {self.message}"),

@@ -11,7 +11,7 @@ from rich.table import Table
 
 import jaxdyn
 import orbits
-from jaxdyn._misuse import choice, counted, fail, whole
+from jaxdyn._text import choice, counted, fail, whole
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,

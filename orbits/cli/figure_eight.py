@@ -6,7 +6,7 @@ import typer
 
 import jaxdyn
 import orbits
-from jaxdyn._misuse import fail
+from jaxdyn._text import fail
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import AnimateOption, JsonOption, PlotOption, TitleOption, check_title
 from orbits.cli.printed import print_reports

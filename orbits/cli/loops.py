@@ -9,7 +9,7 @@ from rich.table import Table
 
 import jaxdyn
 import orbits
-from jaxdyn._misuse import counted, fail
+from jaxdyn._text import counted, fail
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title
 from orbits.cli.shared import NOT_FOUND, draw, numbers

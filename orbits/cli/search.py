@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 import orbits
-from jaxdyn._misuse import counted
+from jaxdyn._text import counted
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import JsonOption, written
 from jaxdyn.files.output_files import writable

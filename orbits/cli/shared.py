@@ -10,7 +10,7 @@ import typer
 import jaxdyn
 import orbits
 from jaxdyn import _arithmetic as arithmetic
-from jaxdyn._misuse import fail
+from jaxdyn._text import fail
 from jaxdyn.cli.screen import Screen
 from jaxdyn.cli.shared import written
 from jaxdyn.files.output_files import writable

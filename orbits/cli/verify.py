@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 import orbits
-from jaxdyn._misuse import fail
+from jaxdyn._text import fail
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import JsonOption, read
 from orbits.cli.printed import print_reports

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from jaxdyn import _text
-from jaxdyn._misuse import counted
+from jaxdyn._text import counted
 from orbits.analysis.stability import Stability
 from orbits.families.surface import Point
 from orbits.orbit import Orbit

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _text, simulate
-from jaxdyn._misuse import counted
+from jaxdyn._text import counted
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import unchanged
 from jaxdyn.integrate.phases import HybridTrajectory

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._misuse import counted
+from jaxdyn._text import counted
 from jaxdyn.analysis.rest_points.isolation import Isolation, isolate
 from jaxdyn.analysis.rest_points.search import Box, low_discrepancy, rates
 from jaxdyn.scene import Field

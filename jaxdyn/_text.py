@@ -1,0 +1,281 @@
+"""Text for people: messages about misuse, numbers with their units, records as tables.
+
+A message reads ``name: expected ..., got .... What to do.`` and is a ValueError; `_checks` has
+these functions too, and those that look into arrays. What describes an object never raises: arrays
+that are long, or whose values are being traced, are shown by their shape. Neither JAX nor NumPy,
+which load slowly, is imported for any of it.
+"""
+
+import dataclasses
+import difflib
+import enum
+import functools
+import math
+import numbers
+import re
+import sys
+import textwrap
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+_MOST_NUMBERS = 6  # of an array that are written out
+_MOST_ENTRIES = 12  # of a state that are written out
+_MOST_ROWS = 8  # of what a result lists
+_WIDTH = 100  # characters of a line
+
+
+def fail(name: str, expected: str, got: Any, remedy: str = "") -> ValueError:
+    """The one way an error message of this project is put together."""
+    return ValueError(f"{name}: expected {expected}, got {got}.{' ' + remedy if remedy else ''}")
+
+
+def whole(name: str, x: Any, least: int = 1, most: int = 2**62, remedy: str = "") -> int:
+    """x, refused unless it is a whole number from least to most."""
+    if not isinstance(x, numbers.Integral) or isinstance(x, bool) or int(x) < least:
+        raise fail(name, f"a whole number, at least {least}", x, remedy)
+    if int(x) > most:
+        raise fail(name, f"at most {most}", x, remedy)
+    return int(x)
+
+
+def choice(name: str, x: str, choices: Iterable[str], listed_by: str = "") -> str:
+    """x, refused unless it is among the choices; the nearest one is suggested.
+
+    Where they are too many for a line, `listed_by` is the command that lists them.
+    """
+    choices = sorted(choices)
+    if x not in choices:
+        near = difflib.get_close_matches(str(x), choices, n=1)
+        hint = f"Did you mean {near[0]!r}?" if near else ""
+        which = f"one of {', '.join(choices)}" if choices else "no name, since there is none"
+        which = f"one that `{listed_by}` shows" if listed_by else which
+        raise fail(name, which, repr(x), hint)
+    return x
+
+
+def counted(n: int, noun: str, plural: str = "") -> str:
+    """A number with its noun, e.g. "1 loop" or "2 families".
+
+    Args:
+      n: how many.
+      noun: for one of them.
+      plural: for several; the noun with an s if left out.
+    Example:
+      >>> counted(1, "loop"), counted(0, "loop"), counted(2, "family", "families")
+      ('1 loop', '0 loops', '2 families')
+    """
+    return f"{n} {noun if n == 1 else plural or noun + 's'}"
+
+
+def never_raising(written: Callable[[T], str]) -> Callable[[T], str]:
+    """A `__repr__` that falls back on that of Equinox, with types and shapes.
+
+    It is called for what error messages show, on modules whose arrays are anything: traced,
+    deleted, taken out.
+    """
+
+    @functools.wraps(written)
+    def safe(x: T) -> str:
+        try:
+            return written(x)
+        except Exception:
+            # Loaded where there is a module of it to be shown; imported it would slow down help.
+            return sys.modules["equinox"].tree_pformat(x)
+
+    return safe
+
+
+def brief(x: Any, unit: str = "", digits: int = 6) -> str:
+    """A number, or a few, in so many digits with their unit; of more their shape.
+
+    Example:
+      >>> brief(0.1), brief(9.81, "m/s^2")
+      ('0.1', '9.81 m/s^2')
+      >>> import numpy as np
+      >>> brief(np.array([1.0, 2.5]), "kg"), brief(np.ones((100, 2)))
+      ('(1, 2.5) kg', 'shape (100, 2)')
+    """
+    shape = getattr(x, "shape", None)
+    if shape is None:
+        plain = x.name if isinstance(x, enum.Enum) else str(x)
+        text = _figure(x, digits) if isinstance(x, float | complex) else plain
+    else:
+        values = _values(x) if math.prod(shape) <= _MOST_NUMBERS else None
+        if values is None:
+            return f"shape {tuple(shape)}" if shape else "traced"
+        text = _nested(values, digits)
+    return f"{text} {unit}" if unit and unit != "1" else text
+
+
+def _values(x: Any) -> Any:
+    """The numbers of an array as lists; None where there are none to be had."""
+    try:
+        return x.tolist()
+    except (AttributeError, TypeError, RuntimeError):  # a shape alone, traced, deleted
+        return None
+
+
+def _nested(values: Any, digits: int) -> str:
+    if isinstance(values, list):
+        return _listed(_nested(x, digits) for x in values)
+    return _figure(values, digits) if isinstance(values, float | complex) else str(values)
+
+
+def _figure(x: float | complex, digits: int) -> str:
+    return format(x + 0.0, f".{digits}g")  # not -0
+
+
+def _listed(parts: Iterable[str]) -> str:
+    parts = list(parts)
+    return "(" + ", ".join(parts) + ("," if len(parts) == 1 else "") + ")"
+
+
+def extent(*arrays: Any, unit: str = "") -> str:
+    """The least and the largest of all numbers of some arrays, or the one that they all are.
+
+    Example:
+      >>> import numpy as np
+      >>> extent(np.zeros(3), np.array([1.0, 2.0]), unit="s"), extent(np.array(5))
+      ('0 to 2 s', '5')
+    """
+    flat = [_values(x) for x in arrays]
+    if None in flat:
+        return "traced"
+    while isinstance(flat[0], list):
+        flat = [x for row in flat for x in row]
+    known = [x for x in flat if x == x] or flat
+    low, high = brief(min(known)), brief(max(known))
+    return brief(max(known), unit) if low == high else f"{low} to {brief(max(known), unit)}"
+
+
+def entries(labels: Sequence[tuple[str, str]], y: Any) -> str:
+    """The entries of a state (k,) by name, with units; of a long one the first.
+
+    Example:
+      >>> import numpy as np
+      >>> entries([("x", "m"), ("vx", "m/s")], np.array([1.0, -0.5]))
+      'x = 1 m, vx = -0.5 m/s'
+    """
+    values = _values(y) if getattr(y, "shape", ()) == (len(labels),) else None
+    if values is None:
+        return brief(y)
+    rows = zip(labels, values, strict=True)
+    written = [f"{name} = {brief(float(x), unit)}" for (name, unit), x in rows]
+    more = len(written) - _MOST_ENTRIES
+    return ", ".join([*written[:_MOST_ENTRIES], *([f"and {more} more"] if more > 0 else [])])
+
+
+def called(scene: Any) -> str:
+    """The name of a scene, or of its system."""
+    return scene.name or type(scene.system).__name__
+
+
+def second(labels: Sequence[tuple[str, str]]) -> str:
+    """The unit of time beside a state with such labels: "s", or "" in a world without units."""
+    return "s" if any(unit != "1" for _, unit in labels) else ""
+
+
+def record(x: Any, units: bool = True) -> str:
+    """A module by its class with its numbers, those in it too, and units where its text has them.
+
+    Example:
+      >>> from jaxdyn import effects
+      >>> record(effects.UniformGravity(9.81)), record(effects.UniformGravity(9.81), units=False)
+      ('UniformGravity(g = 9.81 m/s^2)', 'UniformGravity(g = 9.81)')
+    """
+    parts = []
+    for field in dataclasses.fields(x):
+        inner = getattr(x, field.name, None)
+        # Choices that are as they are by default, and what is not set, say nothing.
+        if inner is None or (field.metadata.get("static") and inner == field.default):
+            continue
+        unit = _unit(type(x), field.name) if units else ""
+        parts.append(f"{field.name} = {_part(inner, unit, units)}")
+    return f"{type(x).__name__.strip('_')}({', '.join(parts)})"
+
+
+def _part(x: Any, unit: str, units: bool) -> str:
+    if dataclasses.is_dataclass(x):
+        return record(x, units)
+    if isinstance(x, tuple) and hasattr(x, "_fields"):
+        named = x._asdict().items()
+        inner = ", ".join(f"{name} = {_part(one, '', units)}" for name, one in named)
+        return f"{type(x).__name__}({inner})"
+    if isinstance(x, dict):
+        return "{" + ", ".join(f"{key}: {_part(x[key], unit, units)}" for key in x) + "}"
+    if isinstance(x, tuple | list):
+        return _listed(_part(one, unit, units) for one in x)
+    return getattr(x, "__name__", None) or brief(x, unit)
+
+
+#: Units as docstrings write them: of names, powers, products and quotients.
+_TOKEN = r"(?:kg|m|s|N|J|W|rad|Hz)"
+_UNIT = rf"\[((?:1|{_TOKEN})(?:[ /*^()\d-]|{_TOKEN})*)\]"
+
+
+@functools.cache
+def _unit(kind: type, name: str) -> str:
+    """The unit that follows the name of a field in the text of a class, or ends its line there."""
+    here = rf"(?<![\w^*/]){name}(?: \([^()]*\))? {_UNIT}"
+    line = rf"^ +{name}: [^\n]*{_UNIT}"
+    for cls in kind.__mro__:
+        text = cls.__dict__.get("__doc__") or ""
+        found = re.search(here, text) or re.search(line, text, re.MULTILINE)
+        if found:
+            return found[1]
+    return ""
+
+
+#: Spaces at which no line ends: about an equals sign, and before and within units.
+_TOGETHER = re.compile(rf" (?==)|(?<==) |(?<=[\w)]) (?={_TOKEN}(?:[/^* ,)]|$))")
+
+
+def fields(self: Any) -> str:
+    """A record of results as a table of its fields: the `__repr__` of their classes."""
+    return _fields(self)
+
+
+@never_raising
+def _fields(x: Any) -> str:
+    kind = type(x)
+    names = x._fields if isinstance(x, tuple) else [field.name for field in dataclasses.fields(x)]
+    rows = [(name, _part(getattr(x, name), _unit(kind, name), True)) for name in names]
+    if isinstance(getattr(kind, "message", None), property):
+        rows.append(("message", x.message))
+    return table(kind.__name__, [row for row in rows if row[1] != "None"])
+
+
+def cut(rows: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Rows of a table; of many the first and the last, and how many there are between."""
+    between = len(rows) - _MOST_ROWS
+    if between <= 0:
+        return list(rows)
+    half = _MOST_ROWS // 2
+    return [*rows[:half], ("...", f"{between} more"), *rows[-half:]]
+
+
+def table(head: str, rows: Iterable[tuple[str, str]]) -> str:
+    """A line and rows below it, each a word and what it says; empty rows are left out.
+
+    Example:
+      >>> print(table("Two balls", [("mass", "1 kg"), ("colour", ""), ("radius", "0.1 m")]))
+      Two balls
+        mass    1 kg
+        radius  0.1 m
+    """
+    kept = [(name, text) for name, text in rows if text]
+    width = max((len(name) for name, _ in kept), default=0) + 4
+    lines = [
+        textwrap.fill(
+            _TOGETHER.sub("\0", text),
+            _WIDTH,
+            initial_indent=f"  {name}".ljust(width),
+            subsequent_indent=" " * width,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        for name, text in kept
+    ]
+    return "\n".join([head, *lines]).replace("\0", " ")
