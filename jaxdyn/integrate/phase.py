@@ -163,7 +163,7 @@ def _parts(bound: Event, t: Array, y: Array) -> tuple[Array, Array]:
     return jnp.abs(jnp.append(slopes[2], slopes[1])), sum(jax.tree.leaves(moved), jnp.zeros(()))
 
 
-class Chain(eqx.Module):
+class HybridTrajectory(eqx.Module):
     """A motion in pieces.
 
     Attributes:
@@ -196,7 +196,7 @@ class Chain(eqx.Module):
             for name, piece in zip(self.names, self.pieces, strict=True)
         ]
         return _text.table(
-            f"Chain of {counted(len(self.pieces), 'phase')}",
+            f"HybridTrajectory of {counted(len(self.pieces), 'phase')}",
             [
                 *_text.cut(rows),
                 ("status", f"{self.status.name}: {self.message}"),

@@ -19,74 +19,18 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.integrate.events import until
-from jaxdyn.integrate.phase import END, Chain, Exit, Phase
+from jaxdyn.integrate.phase import END, Exit, HybridTrajectory, Phase
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions
-<<<<<<< HEAD
-from jaxdyn.integrate.trajectory import Trajectory, explained, single
-from jaxdyn.scene import checked_scene
-=======
 from jaxdyn.integrate.trajectory import Trajectory, single
-from jaxdyn.scene import checked
->>>>>>> 4fe90c7 (Printed scenes, motions and results show their numbers)
+from jaxdyn.scene import checked_scene
 from jaxdyn.solvers import Solver
 from jaxdyn.status import Status
 
 MAX_PHASES = 200
 
 
-<<<<<<< HEAD
-class HybridTrajectory(eqx.Module):
-    """A motion in pieces.
-
-    Attributes:
-      names: name of the phase of each piece.
-      pieces: sampled motion of each piece; the last sample is at its event.
-      t: () time at the end.
-      y: (k,) state there, in the coordinates of the last phase after its exit's change.
-      ended: whether an exit led to `END`; if not, `message` says what else stopped it.
-      status: `Status`; t and y are NaN where a phase failed, and where the chain was `STUCK` they
-        are where it was.
-      path: (name of the phase, number of the exit taken) in order, for `follow`; phases left at
-        once, which have no piece, are among them.
-    """
-
-    names: tuple[str, ...] = eqx.field(static=True)
-    pieces: tuple[Trajectory, ...]
-    t: Array
-    y: Array
-    ended: bool
-    status: Status = eqx.field(static=True)
-    path: tuple[tuple[str, int], ...] = eqx.field(static=True, default=())
-
-    @property
-    def times(self) -> tuple[float, ...]:
-        """When each piece ended."""
-        return tuple(float(piece.ts[-1]) for piece in self.pieces)
-
-    @property
-    def message(self) -> str:
-        """Why the motion stops here, and what to do about it."""
-        if self.status == Status.STUCK:
-            return f"At t = {float(self.t):.6g}, in phase {self.path[-1][0]}: {self.status.message}"
-        if self.status != Status.OK:
-            return f"In phase {self.names[-1]}: {explained(self.status, self.pieces[-1].scene)}"
-        if self.ended:
-            return f"Phase {self.path[-1][0]} led to the end."
-        if self.t >= self.pieces[-1].scene.t1:
-            return "The span ended."
-        limit = counted(len(self.pieces), "phase")
-        return (
-            f"The limit of {limit} was reached at t = {float(self.t):.6g}. "
-            "Raise max_phases; where infinitely many phases pass in finite time, as for a ball "
-            "that comes to rest by bouncing, give the phase an exit to rest."
-        )
-
-
 def simulate_phases(
-=======
-def run(
->>>>>>> 4fe90c7 (Printed scenes, motions and results show their numbers)
     phases: Mapping[str, Phase],
     start: str | None,
     y0,

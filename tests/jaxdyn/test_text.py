@@ -14,8 +14,8 @@ import jaxdyn
 from jaxdyn import Scene, _text, effects, ensemble, scenes, simulate, solve, until
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.events import Reaches
-from jaxdyn.integrate.phase import END, Chain, Exit, Phase
-from jaxdyn.integrate.phases import run
+from jaxdyn.integrate.phase import END, Exit, HybridTrajectory, Phase
+from jaxdyn.integrate.phases import simulate_phases
 from jaxdyn.scenes.catalogue import entries
 from jaxdyn.solvers import RK4
 
@@ -118,14 +118,14 @@ def test_what_has_no_numbers_is_shown_by_its_shapes():
 
 def test_a_chain_is_shown_by_its_phases():
     leg = Phase(scenes.cannonball(angle=1.0), (Exit(Reaches(1, 0.0, -1), END),))
-    chain = run({"fly": leg}, "fly", leg.scene.y0, 9.0, samples=3)
+    chain = simulate_phases({"fly": leg}, "fly", leg.scene.y0, 9.0, samples=3)
     head, fly, status, *end = lines(chain)
-    assert (head, fly) == ("Chain of 1 phase", f"  fly     0 to {20 * np.sin(1.0) / 9.81:.6g} s")
+    assert (head, fly) == ("HybridTrajectory of 1 phase", f"  fly     0 to {20 * np.sin(1.0) / 9.81:.6g} s")
     assert status == "  status  OK: Phase fly led to the end."
     assert "".join(end).startswith(f"  end     x = {200 * np.sin(1) * np.cos(1) / 9.81:.6g} m, y")
-    many = Chain(chain.names * 20, chain.pieces * 20, chain.t, chain.y, True, chain.status, ())
+    many = HybridTrajectory(chain.names * 20, chain.pieces * 20, chain.t, chain.y, True, chain.status, ())
     # Its path is empty, so that nothing can be said of its end; it is shown all the same.
-    assert "Chain" in repr(many)
+    assert "HybridTrajectory" in repr(many)
     shown = lines(dataclasses.replace(many, path=chain.path))
     assert (len(shown), shown[5]) == (12, "  ...     12 more")
 
@@ -133,7 +133,7 @@ def test_a_chain_is_shown_by_its_phases():
 def test_results_are_shown_by_their_fields():
     scene = scenes.pendulum(g=4.0)
     flow = solve(scene, 1.0, solver=RK4, dt=0.5)
-    assert lines(flow)[0] == "Flow"
+    assert lines(flow)[0] == "SolveResult"
     assert "  steps     2" in lines(flow)
     stop = until(scenes.oscillator(), Reaches(0, 0.5))
     assert "  t           1.0472" in lines(stop)
