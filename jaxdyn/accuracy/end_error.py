@@ -31,11 +31,13 @@ Again = Callable[[Scene, float], Motion]
 
 #: A digit is written where it is worth at least so many estimated errors: an estimate is within
 #: this factor of the error (see `accuracy`).
-_SURE = 5.0
-_NOTHING = 1e-3  # of its scale: an entry that is smaller than its error is 0 if that is below this
+_ESTIMATE_FACTOR = 5.0
+_ZERO_BELOW = (
+    1e-3  # of its scale: an entry that is smaller than its error is 0 if that is below this
+)
 _LAST_DIGIT = 2.0**-52  # relative change of the numbers
 _SEED = 0
-_MOST = 16  # significant digits of a double
+_DOUBLE_DIGITS = 16  # significant digits of a double
 
 
 @dataclasses.dataclass(frozen=True)
@@ -190,7 +192,7 @@ def _same(motion: Motion, other: Motion) -> np.ndarray:
 def _digits(error: np.ndarray, size: np.ndarray) -> np.ndarray:
     size = np.where(size > 0, size, 1.0)
     found = -np.log10(np.maximum(error / size, np.finfo(float).eps))
-    return np.where(_SURE * error < size, found, np.where(np.isnan(error), np.nan, 0.0))
+    return np.where(_ESTIMATE_FACTOR * error < size, found, np.where(np.isnan(error), np.nan, 0.0))
 
 
 def _written(value: float, error: float, scale: float, most: int) -> str:
@@ -201,7 +203,7 @@ def _written(value: float, error: float, scale: float, most: int) -> str:
     if error == 0:
         return f"{value:.{most}g}"
     large = math.floor(math.log10(abs(value))) if value else -math.inf
-    sure = large - math.ceil(math.log10(_SURE * error)) + 1
+    sure = large - math.ceil(math.log10(_ESTIMATE_FACTOR * error)) + 1
     if sure > 0:
-        return f"{value:.{min(sure, most, _MOST)}g}"
-    return f"{'0' if error < _NOTHING * scale else 'no digit left'} (+-{error:.0e})"
+        return f"{value:.{min(sure, most, _DOUBLE_DIGITS)}g}"
+    return f"{'0' if error < _ZERO_BELOW * scale else 'no digit left'} (+-{error:.0e})"

@@ -33,7 +33,7 @@ from jaxdyn.solvers.choice import chosen_method, method_of
 
 _SAMPLES = 33
 #: The second opinion on a solver, of another family and as fit for the same scenes.
-_OTHERS = {NYSTROM12: VERNER9, VERNER9: DOPRI8, RADAU5: RADAU9, RADAU9: RADAU5}
+_SECOND_METHODS = {NYSTROM12: VERNER9, VERNER9: DOPRI8, RADAU5: RADAU9, RADAU9: RADAU5}
 
 
 def estimate(
@@ -100,7 +100,7 @@ def by_second_method(
     """
     first = chosen_method(scene, solver)
     if second is None:
-        second = _OTHERS.get(first, VERNER9)
+        second = _SECOND_METHODS.get(first, VERNER9)
     second = chosen_method(scene, second)
     if second is first:
         raise _checks.fail("second", "another solver", first.name, "Or call `estimate`.")

@@ -15,7 +15,7 @@ import numpy as np
 from jaxdyn._progress import each
 
 #: Durations that JAX reports: lowering, after which XLA compiles the program, and compiling.
-_COMPILING = "/jax/core/compile/"
+_COMPILE_EVENTS = "/jax/core/compile/"
 _BEGINS, _ENDS = "jaxpr_to_mlir_module_duration", "backend_compile_duration"
 
 
@@ -60,7 +60,7 @@ class _Heard:
         jax.monitoring.register_event_duration_secs_listener(self._listen)
 
     def _listen(self, event: str, duration_secs: float, **_: Any) -> None:
-        if event.startswith(_COMPILING):
+        if event.startswith(_COMPILE_EVENTS):
             self.seconds += duration_secs
             self.busy = event.endswith(_BEGINS) or (self.busy and not event.endswith(_ENDS))
 

@@ -45,10 +45,10 @@ from jaxdyn.solvers.choice import method_of
 TOLERANCES = tuple(float(f"1e-{n}") for n in range(3, 16))
 #: Steps of a solver of fixed step over the span.
 STEPS = tuple(16 * 2**n for n in range(9))
-_REFERENCES = (1e-15, 1e-14, 1e-13)  # tolerances, the finest that works
+_REFERENCE_RTOLS = (1e-15, 1e-14, 1e-13)  # tolerances, the finest that works
 _SAMPLES = 17  # at which drift and violation are looked at
 _ROUNDS = 30
-_STIFF_AT = 1e-6  # tolerance at which stiffness is looked for
+_STIFFNESS_RTOL = 1e-6  # tolerance at which stiffness is looked for
 
 
 class Quantity(NamedTuple):
@@ -206,7 +206,7 @@ def fit_solvers(scene: Scene, t1=None) -> tuple[Method, ...]:
     formulas are short.
     """
     _, t1 = span(scene, t1)
-    if bool(solve(scene, t1, rtol=_STIFF_AT).stiff):
+    if bool(solve(scene, t1, rtol=_STIFFNESS_RTOL).stiff):
         return RADAU9, RADAU5
     extrapolated = (STOERMER14, STOERMER18) if scene.second_order else ()
     taylor = (TAYLOR12, TAYLOR16) if has_series(scene, scene.y0) else ()
@@ -319,7 +319,7 @@ def _reference(scene, t1, quantity: Quantity, solvers) -> tuple:
 
 
 def _finest(program) -> np.ndarray:
-    for tolerance in _REFERENCES:
+    for tolerance in _REFERENCE_RTOLS:
         value = program(tolerance)
         if np.isfinite(value).all():
             break

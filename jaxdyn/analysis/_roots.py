@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-_CLOSE = 1e-9  # a step this small leaves an error of rounding: convergence is superlinear
-_LOCAL = 1e-3  # a secant over more than this says nothing about the slope at its ends
+_LAST_STEP = 1e-9  # a step this small leaves an error of rounding: convergence is superlinear
+_LONGEST_SECANT = 1e-3  # a secant over more than this says nothing about the slope at its ends
 _ITERATIONS = 40
 
 
@@ -32,13 +32,13 @@ def root(
             secant = (value - old_value) / (x - old_x)
             new = x - value / np.where(np.isnan(slope), secant, slope)
         # Where the values at both ends differ by powers of ten, a secant hardly leaves the smaller.
-        local = ~np.isnan(slope) | (np.abs(x - old_x) <= _LOCAL * (1 + np.abs(x)))
-        close = np.abs(new - x) <= _CLOSE * (1 + np.abs(x))
+        local = ~np.isnan(slope) | (np.abs(x - old_x) <= _LONGEST_SECANT * (1 + np.abs(x)))
+        close = np.abs(new - x) <= _LAST_STEP * (1 + np.abs(x))
         quick = (np.abs(value) <= 0.5 * np.abs(old_value)) & (new >= low) & (new <= high)
         quick = quick & (local | ~close)
         new = np.where(quick, new, 0.5 * (low + high))
         new = np.where(settled | (value == 0), x, new)
-        settled = settled | (np.abs(new - x) <= _CLOSE * (1 + np.abs(x)))
+        settled = settled | (np.abs(new - x) <= _LAST_STEP * (1 + np.abs(x)))
         old_x, old_value, x = x, value, new
         value, slope = fn(x)
         left = below * value > 0

@@ -22,9 +22,11 @@ from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Effect, Scene
 
-_KEPT = 1e-9  # of the energy's size: the equations keep what they change by less in the span
+_MAX_CHANGE_OF_CONSERVED = (
+    1e-9  # of the energy's size: the equations keep what they change by less in the span
+)
 _ROUNDING = 1e-12  # of the terms of a power: less is their rounding
-_UNSURE = 0.1  # of a work: where halving the samples changes it by more it is not known
+_MAX_SAMPLING_ERROR = 0.1  # of a work: where halving the samples changes it by more it is not known
 
 
 class EnergyChange(NamedTuple):
@@ -83,7 +85,7 @@ def energy_change(motion: Trajectory | HybridTrajectory) -> EnergyChange | None:
         for cause, work in _works(piece, names[i], part[-1] - part[0], size).items():
             works[cause] = works.get(cause, 0.0) + work / size
     jumps = [two[0] - one[-1] for one, two in itertools.pairwise(totals)]
-    if any(abs(jump) > _KEPT * size for jump in jumps):
+    if any(abs(jump) > _MAX_CHANGE_OF_CONSERVED * size for jump in jumps):
         works["impacts"] = sum(jumps) / size
     silent = {
         type(effect).__name__
@@ -107,7 +109,7 @@ def _works(piece: Trajectory, phase: str, change: float, size: float) -> dict[st
 
     def acts(gain: np.ndarray, terms: np.ndarray) -> bool:
         gain = np.where(np.abs(gain) > _ROUNDING * terms, gain, 0.0)
-        return bool(np.max(np.abs(gain)) * np.ptp(ts) > _KEPT * size)
+        return bool(np.max(np.abs(gain)) * np.ptp(ts) > _MAX_CHANGE_OF_CONSERVED * size)
 
     kinds = {
         name: _integral(ts, kind.power, kind.slope) + kind.potential[-1] - kind.potential[0]
@@ -141,7 +143,7 @@ def _integral(ts: np.ndarray, f: np.ndarray, slope: np.ndarray) -> float:
     # The same with every other sample, and the last one.
     half = np.unique([*range(0, len(ts), 2), len(ts) - 1])
     fine, coarse = hermite(ts, f, slope), hermite(ts[half], f[half], slope[half])
-    return fine if abs(fine - coarse) <= _UNSURE * abs(fine) else np.nan
+    return fine if abs(fine - coarse) <= _MAX_SAMPLING_ERROR * abs(fine) else np.nan
 
 
 class _Kind(NamedTuple):

@@ -24,11 +24,13 @@ from jaxdyn.analysis.rest_points.search import Box, Ends, jumps, low_discrepancy
 from jaxdyn.scene import Field, Scene, System, checked_scene
 
 _MOST_STARTS = 1_000_000  # which are worked on at once
-_SAME = 1e-6  # of the box: rest points nearer than this are one
-_ALONG = 1e-3  # of the box: how far along a curve of rest points another one is looked for
-_STEPS = 30  # of Newton's method to a rest point
-_NEWTON = 2  # steps from there: derivatives of the last are right up to the third
-_SETTLED = 1e-8  # relative: the last of these steps
+_MERGE_DISTANCE = 1e-6  # of the box: rest points nearer than this are one
+_STEP_ALONG_CURVE = (
+    1e-3  # of the box: how far along a curve of rest points another one is looked for
+)
+_NEWTON_STEPS = 30  # of Newton's method to a rest point
+_POLISHING_STEPS = 2  # steps from there: derivatives of the last are right up to the third
+_MAX_LAST_STEP = 1e-8  # relative: the last of these steps
 _SINGULAR = 1e-12  # smallest over largest singular value of a Jacobian that has no inverse
 
 
@@ -107,7 +109,7 @@ def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024) -> Equilib
     box, middles = proof.box, proof.middles[:starts]
     spread = box.states(low_discrepancy(starts - len(middles), len(box.free)))
     ends = search(field, t, box, np.concatenate([middles, spread]))
-    kept = np.flatnonzero(ends.passed & box.holds(ends.ys, _SAME))
+    kept = np.flatnonzero(ends.passed & box.holds(ends.ys, _MERGE_DISTANCE))
     groups = _groups(ends, kept[np.argsort(ends.steps[kept], kind="stable")], box)
     heads = ends.ys[[group[0] for group in groups]]
     sharp = jumps(field, t, box, heads)
@@ -150,13 +152,13 @@ def _rest_point(field: Field, y: Array, t: Array) -> Array:
         step = jnp.linalg.solve(a, rate)
         return y - step, step, a
 
-    y = jax.lax.fori_loop(0, _STEPS, lambda _, y: newton(y)[0], jax.lax.stop_gradient(y))
+    y = jax.lax.fori_loop(0, _NEWTON_STEPS, lambda _, y: newton(y)[0], jax.lax.stop_gradient(y))
     y, step, a = newton(jax.lax.stop_gradient(y))
-    for _ in range(_NEWTON - 1):
+    for _ in range(_POLISHING_STEPS - 1):
         y, step, a = newton(y)
     a, step, size = jax.lax.stop_gradient((a, step, y))
     values = jnp.linalg.svd(a / jnp.sum(jnp.abs(a), axis=1, keepdims=True), compute_uv=False)
-    settled = jnp.max(jnp.abs(step)) <= _SETTLED * (1 + jnp.max(jnp.abs(size)))
+    settled = jnp.max(jnp.abs(step)) <= _MAX_LAST_STEP * (1 + jnp.max(jnp.abs(size)))
     # A factor, not a choice: the derivative of a choice of NaN is 0.
     return y * jnp.where(settled & (values[-1] > _SINGULAR * values[0]), 1.0, jnp.nan)
 
@@ -190,7 +192,7 @@ def _groups(ends: Ends, order: np.ndarray, box: Box) -> list[list[int]]:
     units = box.units(ends.ys)
     heads = np.zeros((len(order), units.shape[1]))
     for i in order:
-        near = np.abs(heads[: len(groups)] - units[i]).max(axis=1, initial=0.0) <= _SAME
+        near = np.abs(heads[: len(groups)] - units[i]).max(axis=1, initial=0.0) <= _MERGE_DISTANCE
         if near.any():
             groups[int(np.argmax(near))].append(int(i))
         else:
@@ -204,7 +206,7 @@ def _merged(scene: Scene, box: Box, ends: Ends, groups: list[list[int]]) -> list
     if not groups:
         return []
     heads = jnp.asarray(ends.ys[[group[0] for group in groups]])
-    slack = _SAME * (box.high - box.low)
+    slack = _MERGE_DISTANCE * (box.high - box.low)
     first: dict[int, list[int]] = {}
     for n, group in enumerate(groups):
         same = np.all(np.abs(_apart(scene.system, heads[n], heads)) <= slack, axis=1)
@@ -226,10 +228,10 @@ def _kinds(field: Field, t: Array, box: Box, ends: Ends, best: list[int]) -> tup
     kinds = dict.fromkeys(best, "isolated")
     if flat:
         # As many as in the first search, which then is not compiled anew.
-        beside = np.resize(ends.ys[flat] + _ALONG * ends.along[flat], ends.ys.shape)
+        beside = np.resize(ends.ys[flat] + _STEP_ALONG_CURVE * ends.along[flat], ends.ys.shape)
         found = search(field, t, box, beside)
         gone = np.linalg.norm(box.units(found.ys[: len(flat)] - ends.ys[flat] + box.low), axis=1)
-        curve = found.passed[: len(flat)] & (gone > _ALONG / 2)
+        curve = found.passed[: len(flat)] & (gone > _STEP_ALONG_CURVE / 2)
         kinds |= {i: "continuum" if c else "degenerate" for i, c in zip(flat, curve, strict=True)}
     return tuple(kinds.values())
 

@@ -37,8 +37,10 @@ from jaxdyn.analysis.monodromy import (
 )
 from jaxdyn.scene import Scene
 
-_CONSERVED = 1e-9  # [1] |det(M) - 1| of a motion without damping, from integration errors
-_CLOSED = 1e-6  # [1] gap of a motion that repeats, relative to its start
+_MAX_DETERMINANT_ERROR = (
+    1e-9  # [1] |det(M) - 1| of a motion without damping, from integration errors
+)
+_MAX_GAP = 1e-6  # [1] gap of a motion that repeats, relative to its start
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,7 +179,7 @@ def _conditions(make, x: Array, y: Array, rtol) -> Array:
     _, M = end_and_derivative(*make(x, y), rtol)
     trace, det = M[0, 0] + M[1, 1], M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
     # Without damping det(M) is 1 but for rounding, which crosses nothing.
-    damped = jnp.where(jnp.abs(det - 1) < _CONSERVED, 1.0, det)
+    damped = jnp.where(jnp.abs(det - 1) < _MAX_DETERMINANT_ERROR, 1.0, det)
     return jnp.stack([1 - trace + damped, 1 + trace + damped, damped - 1])
 
 
@@ -227,7 +229,7 @@ def _passed(scene: Scene, period: Array, rtols) -> _Period:
 
 def _judged(found: _Period, rtol: float) -> Floquet:
     M, coarse, period, gap, form = found
-    if (gap > _CLOSED).any():
+    if (gap > _MAX_GAP).any():
         raise _checks.fail(
             "y0",
             "a motion that is back after the period",

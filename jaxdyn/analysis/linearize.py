@@ -25,8 +25,10 @@ from jaxdyn.analysis.eigenvalues import (
 )
 from jaxdyn.scene import Field, Scene, checked_scene
 
-_SYMMETRIC = 1e-9  # relative asymmetry of a stiffness matrix that is rounding
-_AT_REST = 1e-6  # [1] forces at a rest point over those of a unit displacement; for speeds alike
+_MAX_ASYMMETRY = 1e-9  # relative asymmetry of a stiffness matrix that is rounding
+_MAX_REST_FORCE = (
+    1e-6  # [1] forces at a rest point over those of a unit displacement; for speeds alike
+)
 
 
 @eqx.filter_jit
@@ -204,7 +206,7 @@ def _check_modes(y: np.ndarray, mass, stiffness, acceleration) -> None:
     n = len(mass)
     size = np.abs(stiffness).max()
     _checks.finite("stiffness", stiffness, "A number of the scene is NaN, or it is singular at y.")
-    if np.abs(stiffness - stiffness.T).max() > _SYMMETRIC * size:
+    if np.abs(stiffness - stiffness.T).max() > _MAX_ASYMMETRY * size:
         raise _checks.fail(
             "scene",
             "conservative forces",
@@ -212,8 +214,8 @@ def _check_modes(y: np.ndarray, mass, stiffness, acceleration) -> None:
             "`linearize` takes any forces.",
         )
     # Speeds against those which the energy of a unit displacement gives.
-    moves = y[n:] @ mass @ y[n:] > _AT_REST**2 * size
-    if moves or np.abs(mass @ acceleration).max() > _AT_REST * size:
+    moves = y[n:] @ mass @ y[n:] > _MAX_REST_FORCE**2 * size
+    if moves or np.abs(mass @ acceleration).max() > _MAX_REST_FORCE * size:
         raise _checks.fail(
             "y",
             "a rest point",

@@ -39,7 +39,7 @@ from jaxdyn.integrate.trajectory import Trajectory, each_motion
 
 # A leading coefficient below this part of what it is a difference of is zero: cos(pi / 2) in
 # floats is not.
-_NONE = 1e-15
+_MIN_RELATIVE_COEFFICIENT = 1e-15
 
 
 class Precession(NamedTuple):
@@ -77,7 +77,9 @@ def precession_roots(theta, spin, *, I1, I3, K, total: bool = False) -> Precessi
     theta, spin = floats(theta, spin)
     cos = jnp.cos(theta)
     a = (I1 if total else I1 - I3) * cos
-    rates = _real_roots(a, -I3 * spin, K, linear=jnp.abs(a) <= _NONE * (I1 + I3))
+    rates = _real_roots(
+        a, -I3 * spin, K, linear=jnp.abs(a) <= _MIN_RELATIVE_COEFFICIENT * (I1 + I3)
+    )
     along = jnp.where(total, rates * cos, 0.0)
     return Precession(rates, jnp.where(jnp.isnan(rates), jnp.nan, spin) - along)
 

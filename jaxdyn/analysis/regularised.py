@@ -35,8 +35,8 @@ from jaxdyn.solvers import Solver
 from jaxdyn.status import Status
 from jaxdyn.system import potential_energy
 
-_FAR = 1e150  # a span of s that no motion gets to
-_ROUNDS = 2  # of Newton's method for s at the end, from some 1e-6 away
+_UNREACHABLE_SPAN = 1e150  # a span of s that no motion gets to
+_NEWTON_STEPS = 2  # of Newton's method for s at the end, from some 1e-6 away
 _ATTRACTION = "an attraction: a potential below 0, as of gravity"
 
 
@@ -197,7 +197,7 @@ def logarithmic_span(
 
 def _until(slow: Scene, t0, t1, options: SolverOptions) -> Stop:
     _checks.float64()  # else the far end is no number
-    far = jnp.where(jnp.asarray(t1) > t0, _FAR, -_FAR)
+    far = jnp.where(jnp.asarray(t1) > t0, _UNREACHABLE_SPAN, -_UNREACHABLE_SPAN)
     return until(slow, Reaches(len(slow.y0) - 1, t1), far, **options._asdict())
 
 
@@ -221,7 +221,7 @@ def followed(scene: Scene, t1, t0, samples: int, options: SolverOptions, *, thro
     grid, run = over(slow.y0, stop.t)
     # The search rounds in another way, which encounters amplify: the last bit is gone after it.
     last, length = run.y1, stop.t
-    for _ in range(_ROUNDS):
+    for _ in range(_NEWTON_STEPS):
         rest = (t1 - last[-1]) / slow.rate(length, last)[-1]
         last, length = over(last, rest)[1].y1, length + rest
     run = eqx.tree_at(lambda run: (run.y1, run.ys), run, (last, run.ys.at[-1].set(last)))

@@ -28,12 +28,12 @@ from jaxdyn import _checks, _text
 from jaxdyn.analysis.linearize import Linearization, classify
 from jaxdyn.scene import Field, Scene, checked_scene
 
-_MOST = 40  # entries of a state: the symmetries are looked for among its square
-_SPREAD = 0.3  # of the size of the state: how far off it samples are taken
-_SYMMETRIC = 1e-10  # relative: what samples leave of Df xi - M f for a symmetry
-_STEADY = 1e-8  # relative: what the symmetries leave of the rate of a steady motion
-_TURNING = 1e-6  # relative to Df: real part of the eigenvalues of a symmetry that keeps sizes
-_NEUTRAL = 1e-8  # relative: what leads to another steady motion
+_MAX_ENTRIES = 40  # entries of a state: the symmetries are looked for among its square
+_SAMPLE_DISTANCE = 0.3  # of the size of the state: how far off it samples are taken
+_MAX_SYMMETRY_DEFECT = 1e-10  # relative: what samples leave of Df xi - M f for a symmetry
+_MAX_RATE_LEFT = 1e-8  # relative: what the symmetries leave of the rate of a steady motion
+_MAX_GROWTH = 1e-6  # relative to Df: real part of the eigenvalues of a symmetry that keeps sizes
+_RANK_TOLERANCE = 1e-8  # relative: what leads to another steady motion
 _PROJECTOR = 0.5  # singular values of a projector are 0, or 1 and more
 
 
@@ -87,8 +87,8 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
     start = checked_scene(scene).y0
     y = _checks.array("y", start if y is None else y, start.shape)
     t = _checks.array("t", t, ())
-    if len(y) > _MOST:
-        raise _checks.fail("y", f"at most {_MOST} entries", len(y))
+    if len(y) > _MAX_ENTRIES:
+        raise _checks.fail("y", f"at most {_MAX_ENTRIES} entries", len(y))
     size = jnp.maximum(jnp.abs(y), 1.0)
     f, a, tangent = (np.asarray(x) for x in _seen(scene.field, t, y, size))
     _checks.finite("rate", jnp.asarray([f.sum(), a.sum()]), "The rate has no derivative there.")
@@ -101,7 +101,7 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
     same = _range(b)
     beside = _complement(same)
     b = beside.T @ inside @ beside
-    family = _kernel(b, _NEUTRAL)
+    family = _kernel(b, _RANK_TOLERANCE)
     rest = _complement(family)
     if not rest.shape[1]:
         raise _checks.fail("y", "motions beside the steady ones", "none")
@@ -136,11 +136,11 @@ def _frame(field: Field, t: Array, y: Array, size: Array, now: tuple, seed: int)
     """(k, k) derivative of the symmetry that carries the motion, and (k, g) all directions."""
     f, a = now
     c, m = _symmetries(field, t, y, size, seed)
-    weights = np.linalg.lstsq(c.T, f, rcond=_SYMMETRIC)[0]
+    weights = np.linalg.lstsq(c.T, f, rcond=_MAX_SYMMETRY_DEFECT)[0]
     left = np.abs(f - c.T @ weights).max()
     generator = np.tensordot(weights, m, axes=1)
-    grows = np.abs(np.linalg.eigvals(generator).real).max() > _TURNING * np.abs(a).max()
-    if left > _STEADY * np.abs(f).max() or grows:
+    grows = np.abs(np.linalg.eigvals(generator).real).max() > _MAX_GROWTH * np.abs(a).max()
+    if left > _MAX_RATE_LEFT * np.abs(f).max() or grows:
         share = left / np.abs(f).max()
         raise _checks.fail(
             "y",
@@ -155,7 +155,7 @@ def _frame(field: Field, t: Array, y: Array, size: Array, now: tuple, seed: int)
 def _symmetries(field: Field, t: Array, y: Array, size: Array, seed: int):
     """(g, k) values c at y and (g, k, k) derivatives M of the symmetries, in units of sizes."""
     k = len(y)
-    zs = _SPREAD * np.random.default_rng(seed).uniform(-1, 1, size=(2 * (k + 2), k))
+    zs = _SAMPLE_DISTANCE * np.random.default_rng(seed).uniform(-1, 1, size=(2 * (k + 2), k))
     z, f, a, tangent = (np.asarray(x) for x in _sampled(field, t, y, size, jnp.asarray(zs)))
     off = np.eye(k) - tangent
     # Rows of M f - Df (c + M z) = 0 and of (1 - P) (c + M z) = 0 for the unknowns c and M.
@@ -166,7 +166,9 @@ def _symmetries(field: Field, t: Array, y: Array, size: Array, seed: int):
     rows = np.concatenate(rows).reshape(-1, k + k * k)
     rows = rows[np.isfinite(rows).all(axis=1)]
     largest = np.abs(rows).max(axis=1, keepdims=True)
-    found = _kernel(rows / np.where(largest > _SYMMETRIC, largest, 1.0), _SYMMETRIC).T
+    found = _kernel(
+        rows / np.where(largest > _MAX_SYMMETRY_DEFECT, largest, 1.0), _MAX_SYMMETRY_DEFECT
+    ).T
     return found[:, :k], found[:, k:].reshape(-1, k, k)
 
 
@@ -180,7 +182,7 @@ def _kernel(a: np.ndarray, part: float) -> np.ndarray:
 def _range(a: np.ndarray) -> np.ndarray:
     """(n, r) orthonormal columns that span those of a projector, or of symmetries."""
     u, s, _ = np.linalg.svd(a)
-    return u[:, : int(np.sum(s > _NEUTRAL * s.max(initial=0.0)))]
+    return u[:, : int(np.sum(s > _RANK_TOLERANCE * s.max(initial=0.0)))]
 
 
 def _complement(columns: np.ndarray) -> np.ndarray:

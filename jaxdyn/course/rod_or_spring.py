@@ -23,7 +23,7 @@ from jaxdyn.solvers import default_solver
 
 _MASSES, _LENGTH, _FORCE, _FREQUENCY = (1.0, 2.0), 1.0, 1.0, 1.0
 _SAMPLES = 201
-_MANY = 1e3  # periods of a vibration beyond which it counts as too fast to be resolved
+_MAX_VIBRATIONS = 1e3  # periods of a vibration beyond which it counts as too fast to be resolved
 
 
 class Row(NamedTuple):
@@ -107,7 +107,7 @@ def advice(scene: Scene, t1=None) -> str:
     """
     fastest = float(np.abs(np.asarray(linearize(checked_scene(scene), scene.y0).eigenvalues)).max())
     turns = fastest * abs(float(scene.t1 if t1 is None else t1)) / (2 * np.pi)
-    if turns < _MANY:
+    if turns < _MAX_VIBRATIONS:
         return ""
     return (
         f"The stiffest link vibrates at {fastest:.3g} rad/s, {turns:.2g} times in the span, and "

@@ -23,11 +23,11 @@ from jaxdyn.scenes import satellite
 from jaxdyn.scenes.satellites import SATELLITES
 
 _EQUAL = 1e-12  # [1] moments, axes and rates that differ by less count as equal: rounding of sums
-_FOLLOWS = 1e-9  # [1] two computations of one motion over the spans below, at rtol 1e-12
+_SAME_MOTION = 1e-9  # [1] two computations of one motion over the spans below, at rtol 1e-12
 _RTOL = 1e-12
 _TILT = 0.15  # [rad] between a wobbling start and its axis
 _SPAN = 60.0  # [s] dozens of revolutions at 1 rad/s
-_TURNS = ((0.3, 1.0, 0.2), (1.0, -0.4, 0.7), (-0.2, 0.1, 1.1))  # [rad/s] all different
+_SPINS = ((0.3, 1.0, 0.2), (1.0, -0.4, 0.7), (-0.2, 0.1, 1.1))  # [rad/s] all different
 
 
 class Claim(NamedTuple):
@@ -129,8 +129,8 @@ def _claims_on_b() -> tuple[Claim, ...]:
     mixed = across @ jnp.array([[1.0, 2.0], [1.0, -0.5]])
     every = jnp.stack([axis, *across.T, *mixed.T])
     exact = _change_of_rate("B", every)
-    missed = float(max(_off_precession(omega, moments, axes) for omega in _TURNS))
-    tilted = [_share_of_momentum("B", jnp.array(omega), axis) for omega in _TURNS]
+    missed = float(max(_off_precession(omega, moments, axes) for omega in _SPINS))
+    tilted = [_share_of_momentum("B", jnp.array(omega), axis) for omega in _SPINS]
     change = float(max(jnp.ptp(share) for share in tilted))
     return (
         Claim(
@@ -157,14 +157,14 @@ def _claims_on_b() -> tuple[Claim, ...]:
         Claim(
             name="B iii b",
             says="steady precession about H",
-            holds=missed <= _FOLLOWS,
+            holds=missed <= _SAME_MOTION,
             figure=missed,
             because="largest difference of the attitude to exp(t H / I_1) R_0 exp(t omega_s e_3)",
         ),
         Claim(
             name="B iii c",
             says="no other motions",
-            holds=change <= _FOLLOWS,
+            holds=change <= _SAME_MOTION,
             figure=change,
             because="largest change of the cosine of the axis to H, unlike starts; the closed form "
             "of iii b holds for all",
@@ -175,7 +175,7 @@ def _claims_on_b() -> tuple[Claim, ...]:
 def _claims_on_c() -> tuple[Claim, ...]:
     moments, _ = principal(SATELLITES["C"]())
     gap = float(jnp.abs(moments[2] - moments[0]) / moments[2])
-    turning = [energy.along(rigid.pose, _motion("C", omega)).omega_w for omega in _TURNS]
+    turning = [energy.along(rigid.pose, _motion("C", omega)).omega_w for omega in _SPINS]
     change = float(max(jnp.max(jnp.ptp(omega, axis=0)) for omega in turning))
     return (
         Claim(
@@ -188,7 +188,7 @@ def _claims_on_c() -> tuple[Claim, ...]:
         Claim(
             name="C ii",
             says="the angular velocity is constant, there is no precession",
-            holds=change <= _FOLLOWS,
+            holds=change <= _SAME_MOTION,
             figure=change,
             because="its largest change in 60 s [rad/s]",
         ),

@@ -20,12 +20,14 @@ from jaxdyn.formulations.rigid import inertia_matrix
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes.bodies import top
 
-_UPRIGHT = np.array([0, 1, 3, 4])  # of the state: the two angles that tilt, and their rates
-_GROWS = 1e-7  # in units of the spin; double eigenvalues are accurate to 1e-9
+_TILT_ENTRIES = np.array([0, 1, 3, 4])  # of the state: the two angles that tilt, and their rates
+_MIN_GROWTH = 1e-7  # in units of the spin; double eigenvalues are accurate to 1e-9
 #: A sleeping top is released at the first of these tilts [rad] and has fallen at the second.
 _RELEASED, _FALLEN = 1e-5, 1e-2
-_LONG = 1500.0  # in units of 2 I_1 / (I_3 omega), the time of growth far below the critical spin
-_WATCHED = 4000
+_WATCHED_SPAN = (
+    1500.0  # in units of 2 I_1 / (I_3 omega), the time of growth far below the critical spin
+)
+_WATCHED_SAMPLES = 4000
 
 
 def critical_spin(*, m, d, I1, I3, g=9.81) -> Array:
@@ -59,8 +61,8 @@ def critical_spin_by_linearisation(**top_numbers) -> float:
         # Upright, XYZ Euler angles are regular, and the third, which grows steadily, does not
         # enter the rates: the motion has eigenvalues like a rest point.
         scene = top(0.0, spin=spin, representation="euler", sequence="XYZ", **top_numbers)
-        a = jacobian(scene, scene.y0)[_UPRIGHT, :][:, _UPRIGHT]
-        return classify(a).eigenvalues[0].real > _GROWS * spin
+        a = jacobian(scene, scene.y0)[_TILT_ENTRIES, :][:, _TILT_ENTRIES]
+        return classify(a).eigenvalues[0].real > _MIN_GROWTH * spin
 
     return _threshold(unstable, guess, 45)
 
@@ -78,8 +80,8 @@ def critical_spin_by_simulation(**top_numbers) -> float:
     scene = top(_RELEASED, spin=guess, **top_numbers)
     body: Any = scene.system
     inertia = inertia_matrix(body.matter)
-    t1 = _LONG * 2 * inertia[0, 0] / (inertia[2, 2] * guess)
-    ts = jnp.linspace(0.0, t1, _WATCHED)
+    t1 = _WATCHED_SPAN * 2 * inertia[0, 0] / (inertia[2, 2] * guess)
+    ts = jnp.linspace(0.0, t1, _WATCHED_SAMPLES)
 
     @jax.jit
     def unstable(spin):

@@ -19,7 +19,7 @@ from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 from jaxdyn.sketch import Kind
 
-CURVE = 2000  # samples of a curve that looks smooth at any size of a picture
+CURVE_SAMPLES = 2000  # samples of a curve that looks smooth at any size of a picture
 
 
 class Outline(NamedTuple):
@@ -59,7 +59,7 @@ def fine(piece: Trajectory, count: int, pieces: int) -> Part:
 def states(piece: Trajectory, count: int, pieces: int) -> tuple[np.ndarray, np.ndarray]:
     """Times (s,) and states (s, k) on that curve."""
     ts, ys = np.asarray(piece.ts[:count]), np.asarray(piece.ys[:count])
-    parts = -(-CURVE // (pieces * max(count - 1, 1)))
+    parts = -(-CURVE_SAMPLES // (pieces * max(count - 1, 1)))
     if parts < 2 or count < 2:
         return ts, ys
     return _between(ts, (ys, *map(np.asarray, _rates(piece.scene, ts, ys))), parts)

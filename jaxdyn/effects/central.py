@@ -17,7 +17,9 @@ from jaxdyn._floats import as_float
 from jaxdyn._numerics import safe_norm
 from jaxdyn.scene import Effect, Points
 
-_BESIDE = 1e-150  # [m] from the origin: nearer than any motion comes; its square does not underflow
+_MIN_DISTANCE = (
+    1e-150  # [m] from the origin: nearer than any motion comes; its square does not underflow
+)
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
@@ -70,7 +72,7 @@ class CentralForce(Effect):
         # would put NaN into all gradients of a law that is singular there.
         distance = safe_norm(r)
         centre = distance == 0
-        safe = jnp.where(centre, _BESIDE, distance)
+        safe = jnp.where(centre, _MIN_DISTANCE, distance)
         infinite = ~jnp.isfinite(self.attraction(jnp.zeros((), r.dtype)))
         weight = jax.vmap(self.attraction)(safe) / safe
         return -jnp.where(centre & infinite, jnp.nan, weight)[:, None] * r

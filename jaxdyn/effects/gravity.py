@@ -15,7 +15,7 @@ from jaxdyn.scene import Effect, Points
 
 # From about this many bodies on, `sum_over_bodies` beats a program with one scalar expression a
 # pair, which is 3 to 4 times faster at n = 3 but grows as n^2.
-_MANY = 9
+_ROWS_FROM = 9
 
 
 class UniformGravity(Effect):
@@ -54,7 +54,7 @@ class PairGravity(Effect):
 
     def potential(self, t, r, m):
         del t
-        if r.shape[0] < _MANY:
+        if r.shape[0] < _ROWS_FROM:
             i, j = np.triu_indices(r.shape[0], 1)
             return -self.G * jnp.sum(m[i] * m[j] / jnp.sqrt(square_norm(r[j] - r[i])))
 
@@ -66,7 +66,7 @@ class PairGravity(Effect):
 
     def force(self, t, r, v, m):
         del t, v
-        if r.shape[0] < _MANY:
+        if r.shape[0] < _ROWS_FROM:
             return self._force_by_pairs(r, m)
 
         def add(total, mass, d, r2):

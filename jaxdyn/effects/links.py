@@ -92,7 +92,7 @@ class Dashpot(Effect):
 # scatter, or a sum over all points would keep a stepping loop with tangents from being folded and
 # vectorised (30 times slower). Each link takes 0.25 s to compile so, and a larger network is too
 # large to be folded.
-_WRITTEN_OUT = 64
+_MAX_WRITTEN_OUT = 64
 
 
 class SpringNetwork(Effect):
@@ -115,7 +115,7 @@ class SpringNetwork(Effect):
 
     def _springs(self, r: Array) -> tuple[Array, Array, Array]:
         e = len(self.first)
-        if e > _WRITTEN_OUT:
+        if e > _MAX_WRITTEN_OUT:
             d = r[np.array(self.first)] - r[np.array(self.second)]
         else:
             d = jnp.stack([r[i] - r[j] for i, j in zip(self.first, self.second, strict=True)])
@@ -128,7 +128,7 @@ class SpringNetwork(Effect):
     def force(self, t, r, v, m):
         del t, v, m
         pulls = _pull(*self._springs(r))
-        if len(self.first) > _WRITTEN_OUT:
+        if len(self.first) > _MAX_WRITTEN_OUT:
             ends = np.array(self.first + self.second)
             return jnp.zeros_like(r).at[ends].add(jnp.concatenate([-pulls, pulls]))
         total = [jnp.zeros_like(r[0])] * r.shape[0]

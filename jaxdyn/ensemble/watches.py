@@ -16,7 +16,7 @@ from jaxdyn._floats import as_float, floats
 from jaxdyn.integrate.step_control import Watch
 from jaxdyn.scene import Field, Scene, System
 
-_NEWTON = 4  # steps of Newton's method for the least distance within a step
+_NEWTON_STEPS = 4  # steps of Newton's method for the least distance within a step
 
 
 class Gap(eqx.Module):
@@ -167,7 +167,7 @@ class _Cubic(NamedTuple):
             return low, high, jnp.where((new >= low) & (new <= high), new, 0.5 * (low + high))
 
         first = before / jnp.where(inside, before - after, 1.0)
-        s = jax.lax.fori_loop(0, _NEWTON, newton, (zero, one, first))[2]
+        s = jax.lax.fori_loop(0, _NEWTON_STEPS, newton, (zero, one, first))[2]
         return s, jnp.where(inside, jnp.sqrt(2 * self.at(s)[0]), jnp.inf)
 
 

@@ -19,7 +19,7 @@ from jaxdyn.geometry.rotations import (
 )
 from jaxdyn.geometry.vectors import skew
 
-_ROUNDS = 2  # of `orthonormalise`, for a matrix that has drifted for one step
+_NEWTON_STEPS = 2  # of `orthonormalise`, for a matrix that has drifted for one step
 
 
 class Attitude(eqx.Module):
@@ -90,4 +90,4 @@ class RotationMatrix(Attitude):
         return jnp.sum(a.reshape(3, 3, 1) * skew(omega_b)[None, :, :], axis=1).ravel()
 
     def nearest(self, a):
-        return orthonormalise(a.reshape(3, 3), _ROUNDS).ravel()
+        return orthonormalise(a.reshape(3, 3), _NEWTON_STEPS).ravel()

@@ -44,10 +44,12 @@ DRIFTS = ("projection", "baumgarte", "raw")
 #: A condition at a smaller angle to the others counts as dependent: at 1e-6 rad, rounding of 1e-16
 #: still leaves ten digits of the acceleration. [square of the sine]
 DEPENDENT = 1e-12
-_TURNING = 1e-5  # relative change of a dependent condition that counts as a change
-_LOCKED = 1e-15  # least eigenvalue below which a mass matrix with unit diagonal counts as singular
-_CONTRADICTION = 1e-6  # relative violation left by the projection
-_PROJECTIONS = 2  # Newton steps; the first leaves the square of a step's error
+_MIN_CONDITION_CHANGE = 1e-5  # relative change of a dependent condition that counts as a change
+_MIN_EIGENVALUE = (
+    1e-15  # least eigenvalue below which a mass matrix with unit diagonal counts as singular
+)
+_MAX_VIOLATION = 1e-6  # relative violation left by the projection
+_PROJECTION_STEPS = 2  # Newton steps; the first leaves the square of a step's error
 #: Relative violation of the conditions by the velocities that is allowed at the start.
 CONSISTENT = 1e-9
 
@@ -94,7 +96,7 @@ class Constrained(MechanismSystem):
         found = _independent(g, reach, g)
         off = jnp.max(jnp.abs(phi), initial=0.0) / (1 + jnp.max(jnp.abs(q)))
         fast = jnp.max(jnp.abs(rates)) / (1 + jnp.max(jnp.abs(v)))
-        contradiction = (self.drift == "projection") & (jnp.maximum(off, fast) > _CONTRADICTION)
+        contradiction = (self.drift == "projection") & (jnp.maximum(off, fast) > _MAX_VIOLATION)
         turning = jax.jacfwd(lambda q: self._conditions(t, q, v)[2])(q)
         allowed = jnp.eye(q.shape[0]) - _times(reach, found.x)
         return contradiction | _crossing(found, turning, allowed)
@@ -121,7 +123,7 @@ class Constrained(MechanismSystem):
             phi, _, g, _ = self._conditions(t, q, v)
             return q - self._least(t, q, g[: phi.shape[0]], phi)
 
-        q = jax.lax.fori_loop(0, _PROJECTIONS, onto, q)
+        q = jax.lax.fori_loop(0, _PROJECTION_STEPS, onto, q)
         _, rates, g, _ = self._conditions(t, q, v)
         return jnp.concatenate([q, v - self._least(t, q, g, rates)])
 
@@ -130,7 +132,7 @@ class Constrained(MechanismSystem):
         _checks.choice("drift", self.drift, DRIFTS)
         # Compiled: its second derivatives, step by step on the host, take seconds.
         place, speed, lost, pivot = (float(x) for x in _violations(self, t, y))
-        if pivot <= _LOCKED:
+        if pivot <= _MIN_EIGENVALUE:
             raise _checks.fail(
                 "y0",
                 "a pose from which every coordinate moves something",
@@ -234,7 +236,9 @@ def _crossing(found: Reduced, turning: Array, allowed: Array) -> Array:
     size = jnp.sum(jnp.abs(null)[:, :, None, None] * jnp.abs(turning)[None], axis=1)
     for _ in range(2):  # along both of its directions
         bends = jnp.sum(bends[:, :, :, None] * allowed[None, None], axis=2).swapaxes(1, 2)
-    return jnp.any(jnp.max(jnp.abs(bends), axis=(1, 2)) > _TURNING * jnp.max(size, axis=(1, 2)))
+    return jnp.any(
+        jnp.max(jnp.abs(bends), axis=(1, 2)) > _MIN_CONDITION_CHANGE * jnp.max(size, axis=(1, 2))
+    )
 
 
 # Traced once for the stages, the start, the samples and the ends of a solve.

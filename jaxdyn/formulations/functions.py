@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 
-_AGAIN = (
+_PASS_AS_PARAMS = (
     "Pass them as params: a function is compiled once, and what it takes from around it then stays."
 )
 
@@ -41,11 +41,11 @@ def checked_function(name: str, function: Any, params: Any, *args: str) -> Calla
     try:
         hash(function)
     except TypeError as error:
-        raise _checks.fail(name, "a hashable function", repr(function), _AGAIN) from error
+        raise _checks.fail(name, "a hashable function", repr(function), _PASS_AS_PARAMS) from error
     closure = (getattr(function, "__closure__", None) or ()), getattr(function, "keywords", {})
     around = [cell.cell_contents for cell in closure[0] if _filled(cell)], closure[1]
     if _checks.is_traced(jax.tree.leaves(around)):
-        raise _checks.fail(name, "no traced values from around it", "some", _AGAIN)
+        raise _checks.fail(name, "no traced values from around it", "some", _PASS_AS_PARAMS)
     return function
 
 

@@ -21,7 +21,7 @@ from jaxdyn.geometry.inertia import Body
 from jaxdyn.geometry.vectors import Scalar, Vector, cross, dot
 
 # Imbalance below this fraction of the largest that the mass and inertia could cause is rounding.
-_BALANCED = 1e-12
+_MIN_IMBALANCE = 1e-12
 
 
 class Bearings(NamedTuple):
@@ -64,9 +64,9 @@ def bearing_forces(body: Body, r_a: Vector, r_b: Vector, spin: Scalar) -> Bearin
 
     size = jnp.trace(inertia)
     eccentric = body.mass * square_norm(d - dot(n, d) * n)
-    statically = eccentric <= (_BALANCED**2) * size
+    statically = eccentric <= (_MIN_IMBALANCE**2) * size
     tilted = square_norm(cross(n, inertia @ n))
-    dynamically = statically & (tilted <= (_BALANCED * size) ** 2)
+    dynamically = statically & (tilted <= (_MIN_IMBALANCE * size) ** 2)
     return Bearings(
         at_a=force - at_b,
         at_b=at_b,

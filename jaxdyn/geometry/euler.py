@@ -28,7 +28,7 @@ SEQUENCES = _BODY + tuple(sequence.lower() for sequence in _BODY)
 
 # Sine of the angle between the first and third axes below which they count as parallel: rounding
 # of the matrix then leaves no digit of the individual angles.
-_LOCKED = 1e-13
+_MIN_SINE = 1e-13
 
 
 class EulerAngles(NamedTuple):
@@ -76,7 +76,7 @@ def euler_from_matrix(R_wb: Matrix, sequence: str) -> EulerAngles:
     # Tait-Bryan: column k is R_i R_j e_k; Euler: column i is R_i R_j e_i. Its part across e_i
     # shows the outer angle.
     y, x = (R_wb[j, i], -sign * R_wb[k, i]) if again else (-sign * R_wb[j, k], R_wb[k, k])
-    locked = safe_norm(jnp.stack([y, x])) < _LOCKED
+    locked = safe_norm(jnp.stack([y, x])) < _MIN_SINE
     outer = jnp.arctan2(jnp.where(locked, 0.0, y), jnp.where(locked, 1.0, x))
     # The rest from the matrix with that turn undone: unlike the textbook's formulas, which take
     # each angle from R alone, no error of the outer angle is left in the product.
@@ -151,6 +151,6 @@ def _solve(E: Matrix, omega: Vector) -> EulerRates:
     a, b, c = E.T
     normals = cross(b, c), cross(c, a), cross(a, b)
     det = dot(a, normals[0])
-    locked = jnp.abs(det) < _LOCKED
+    locked = jnp.abs(det) < _MIN_SINE
     rates = jnp.stack([dot(n, omega) for n in normals]) / jnp.where(locked, 1.0, det)
     return EulerRates(jnp.where(locked, jnp.nan, rates), locked)

@@ -30,7 +30,7 @@ Wxyz = Float[Array, "4"]
 
 # Largest deviation of R^T R from 1, half the digits of a float. A larger one is not the drift of a
 # motion, but a matrix that was typed with few digits, scaled, or is not a rotation.
-_OFF = 1e-8
+_MAX_ORTHOGONALITY_DEFECT = 1e-8
 
 
 class AxisAngle(NamedTuple):
@@ -308,8 +308,8 @@ def checked_rotation(name: str, R: Matrix) -> Matrix:
     columns = R.T @ R - jnp.eye(3)
     off = jnp.maximum(jnp.max(jnp.abs(columns)), jnp.abs(dot(R[0], cross(R[1], R[2])) - 1))
     if _checks.is_traced(R):
-        return jnp.where(off <= _OFF, R, jnp.nan)
-    if off > _OFF:
+        return jnp.where(off <= _MAX_ORTHOGONALITY_DEFECT, R, jnp.nan)
+    if off > _MAX_ORTHOGONALITY_DEFECT:
         raise _checks.fail(
             name,
             "a rotation: orthogonal columns of length 1, determinant 1",

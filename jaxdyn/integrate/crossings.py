@@ -28,12 +28,16 @@ from jaxdyn.status import Status
 
 #: Parts of a step, or of a panel of it, at which events are looked at beside its begin. Not
 #: evenly, or a value with a period of a quarter of a step would look the same everywhere.
-_LOOKS = np.array([0.23, 0.49, 0.77, 1.0])
-_FINEST = 2.0**-24  # of a step: between looks so near each other values do not turn but by rounding
-_PANELS = 4096  # looked at in a step at most, where a value turns near zero all the time
-_GROWTH = 4.0  # of a panel after one that was settled
-_ON = 16  # roundings of state and time that the value at a start on an event may be off zero
-_NOISE = 4  # roundings of the state below which a later value has not changed its side
+_LOOK_PLACES = np.array([0.23, 0.49, 0.77, 1.0])
+_MIN_PANEL = (
+    2.0**-24
+)  # of a step: between looks so near each other values do not turn but by rounding
+_MAX_PANELS = 4096  # looked at in a step at most, where a value turns near zero all the time
+_PANEL_GROWTH = 4.0  # of a panel after one that was settled
+_START_ROUNDINGS = (
+    16  # roundings of state and time that the value at a start on an event may be off zero
+)
+_SIDE_ROUNDINGS = 4  # roundings of the state below which a later value has not changed its side
 
 
 class Crossing(NamedTuple):
@@ -149,8 +153,8 @@ class _Lookout(Watch):
         """
         g, slope = memory.end.g, self.direction * memory.end.slope
         moved = memory.noise + jnp.abs(h) * memory.speeds + h * h * memory.bends
-        on = jnp.abs(g) <= _ON * moved
-        moving = jnp.abs(slope) > _ON * memory.speeds
+        on = jnp.abs(g) <= _START_ROUNDINGS * moved
+        moving = jnp.abs(slope) > _START_ROUNDINGS * memory.speeds
         return jnp.where(on, jnp.where(moving, jnp.sign(slope), -self.wanted), jnp.sign(g))
 
     def _surveyed(self, keep, t: Array, y: Array, h: Array, memory: _Seen, side: Array) -> _Survey:
@@ -159,7 +163,7 @@ class _Lookout(Watch):
         start = _Survey(
             n=jnp.zeros((), int), begin=begin, end=jnp.ones_like(t), bracket=Bracket.none(side)
         )
-        noise = _NOISE * memory.noise
+        noise = _SIDE_ROUNDINGS * memory.noise
 
         def panel(survey: _Survey) -> _Survey:
             looks = self._looks(t, y, h, survey.begin, survey.end, noise)
@@ -173,7 +177,7 @@ class _Lookout(Watch):
 
     def _looks(self, t: Array, y: Array, h: Array, begin: _Look, end: Array, noise) -> _Look:
         """The events at the begin of a panel and at the places within it and at its end."""
-        parts = begin.part + _LOOKS[:-1] * (end - begin.part)
+        parts = begin.part + _LOOK_PLACES[:-1] * (end - begin.part)
         parts = jnp.concatenate([begin.part[None], parts, end[None]])
         g, slope, _ = self.sight.after(t, y, parts[1:] * h)
         sides = [begin.side]
@@ -186,16 +190,18 @@ class _Lookout(Watch):
 def _judged(survey: _Survey, looks: _Look, h: Array, noise: Array, wanted: Array) -> _Survey:
     """The next panel: what follows, or the first stretch of this one that has to be looked into."""
     width = survey.end - survey.begin.part
-    exhausted = (width < _FINEST) | (survey.n >= _PANELS)
+    exhausted = (width < _MIN_PANEL) | (survey.n >= _MAX_PANELS)
     s = looks.side
     known = settled(h * looks.part, looks.g, looks.slope, s, noise) | exhausted
     across = (s[:-1] * s[1:] < 0) & ((wanted == 0)[None] | (wanted[None] == s[1:]))
-    unclear, n = _first(~known), len(_LOOKS)
+    unclear, n = _first(~known), len(_LOOK_PLACES)
     hit = _first(across)
     into, found = (unclear < n) & (unclear <= hit), hit < unclear
     begin = jax.tree.map(lambda x: x[jnp.where(into, unclear, n)], looks)
     # No sliver is left over at the end of the step.
-    following = jnp.where(survey.end + (_GROWTH + 1) * width < 1, survey.end + _GROWTH * width, 1.0)
+    following = jnp.where(
+        survey.end + (_PANEL_GROWTH + 1) * width < 1, survey.end + _PANEL_GROWTH * width, 1.0
+    )
     end = jnp.where(into, looks.part[jnp.minimum(unclear, n - 1) + 1], following)
     at = jnp.minimum(hit, n - 1)
     here = found & across[at]

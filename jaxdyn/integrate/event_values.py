@@ -12,7 +12,7 @@ from jaxdyn.scene import Field
 from jaxdyn.solvers import Method
 
 #: Roundings of state and time that two events at one time may be apart.
-_TOGETHER = 64
+_COINCIDENCE_ROUNDINGS = 64
 
 
 class Looked(NamedTuple):
@@ -107,6 +107,6 @@ def coincident(field, events: tuple, y0: Array, t0: Array, t: Array, y: Array, d
     here = looked(field, events, t, y)
     start = looked(field, events, t0, y0)
     time = jnp.abs(t0) + jnp.abs(t)
-    off = _TOGETHER * (here.rounding + start.rounding + time * here.speeds)
+    off = _COINCIDENCE_ROUNDINGS * (here.rounding + start.rounding + time * here.speeds)
     wanted = jnp.array([event.direction for event in events], float)
     return (jnp.abs(here.values) <= off) & ((wanted == 0) | (wanted * direction * here.slopes > 0))

@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.integrate.trajectory import SURE, Estimate, digits_of
+from jaxdyn.integrate.trajectory import ROUNDING_MARGIN, Estimate, digits_of
 from jaxdyn.scene import Scene
 from jaxdyn.solvers.rounding import Noise
 
@@ -36,20 +36,20 @@ Names = tuple[str, str, str]
 RATIO = 1e-3
 MOST_DIGITS = 15
 FINEST = 1e-16  # relative tolerance; below it steps only grow in number
-_OTHER = 3.0  # ratio of tolerances that are as good but take other steps
-_COARSER = 10.0  # where a tolerance is below what the scene allows
-_COARSEST = 1e-2
-_LEAST_ORDER = 0.5  # below it the steps are too large, or rounding is all there is
-_TRIES = 5  # of tolerances for a wanted number of digits
-_BELOW = 0.3  # of the wanted error to aim at, when a tolerance has missed it
-_CHANGES = (1e-9, 1e-13, 1e-15)  # of each step, relative, to see what rounding does
-_LINEAR = 0.1  # of the scale: motions farther apart have left each other
-_MEDIAN = 0.6745  # of the size of a normal variable, in standard deviations
-_MORE = 1.3  # times the steps that a finer solution takes
+_BESIDE_RATIO = 3.0  # ratio of tolerances that are as good but take other steps
+_COARSENING = 10.0  # where a tolerance is below what the scene allows
+_MAX_RTOL = 1e-2
+_MIN_ORDER = 0.5  # below it the steps are too large, or rounding is all there is
+_MAX_TRIES = 5  # of tolerances for a wanted number of digits
+_AIM_RATIO = 0.3  # of the wanted error to aim at, when a tolerance has missed it
+_PERTURBATIONS = (1e-9, 1e-13, 1e-15)  # of each step, relative, to see what rounding does
+_MAX_LINEAR_GAP = 0.1  # of the scale: motions farther apart have left each other
+_NORMAL_MEDIAN = 0.6745  # of the size of a normal variable, in standard deviations
+_STEPS_RATIO = 1.3  # times the steps that a finer solution takes
 _DRAWS = 2  # of random changes; with one, the effects of two steps may cancel
-_NEAR = 1.5  # digits from the limit, within which two draws do not tell on which side
+_NEAR_LIMIT_DIGITS = 1.5  # digits from the limit, within which two draws do not tell on which side
 _DRAWS_AT_LIMIT = 6
-_AT_LIMIT = 1e-12  # tolerance whose finer solution is the one that the limit is measured on
+_LIMIT_RTOL = 1e-12  # tolerance whose finer solution is the one that the limit is measured on
 _EPS = float(np.finfo(float).eps)
 
 
@@ -162,15 +162,15 @@ def reached(
     wanted = 10.0**-digits
     names = ("tolerance ladder", solver, solver)
     size, floor = 1.0, None
-    rtol = min(wanted, _COARSEST)
-    for _ in range(_TRIES):
+    rtol = min(wanted, _MAX_RTOL)
+    for _ in range(_MAX_TRIES):
         rtol = max(rtol, FINEST)
         rungs = _rungs(run, run, scene, np.array([rtol, rtol * size]))
         if floor is None:
             floor = _limit(run, scene, rungs, digits)
         result, found = rungs.result, _estimated(rungs, scene, ts, floor, names)
         least = float(np.min(found.scale))
-        missed = float(np.max((found.error + SURE * floor) / found.scale)) / wanted
+        missed = float(np.max((found.error + ROUNDING_MARGIN * floor) / found.scale)) / wanted
         short = found.most_digits < digits
         # Entries that are small in their unit need an absolute tolerance as small.
         if not (missed > 1 or short) or (rtol <= FINEST and least >= size):
@@ -178,7 +178,7 @@ def reached(
         if short:  # as long as possible, then
             missed = max(missed, rtol / FINEST)
         size = min(size, least)
-        rtol *= _BELOW / missed
+        rtol *= _AIM_RATIO / missed
     found = eqx.tree_at(lambda e: e.wanted, found, digits, is_leaf=lambda x: x is None)
     if found.shortfall:
         if refuse and 1 <= found.most_digits < digits:
@@ -203,7 +203,7 @@ def halved(run: Run, scene: Scene, ts: Array, h: float, name: str) -> Estimate:
     moved = [np.abs(gaps(scene, a, b)).max() for a, b in itertools.pairwise(ys)]
     with np.errstate(divide="ignore", invalid="ignore"):
         order = float(np.log2(moved[0] / moved[1]))
-    falls = 1 - 4.0 ** -max(order, _LEAST_ORDER)
+    falls = 1 - 4.0 ** -max(order, _MIN_ORDER)
     floor = rounding(run, scene, ys[2], np.array([h / 4]))
     error = _expected(np.abs(gaps(scene, ys[0], ys[2])) / falls, floor, ys[0], finer=1)
     return Estimate(
@@ -230,7 +230,9 @@ def _tightened(tolerance: np.ndarray) -> np.ndarray:
 
 def _beside(tolerance: np.ndarray) -> np.ndarray:
     """A third of the tolerance, or thrice the finest."""
-    return tolerance * (1 / _OTHER if tolerance[0] > _OTHER * FINEST else _OTHER)
+    return tolerance * (
+        1 / _BESIDE_RATIO if tolerance[0] > _BESIDE_RATIO * FINEST else _BESIDE_RATIO
+    )
 
 
 def _finer(
@@ -245,12 +247,12 @@ def _finer(
     while True:
         result = run(scene, fine)
         if not np.isfinite(np.asarray(result.ys)).all():
-            if ys is not None or fine[0] * _COARSER > tolerance[0]:
+            if ys is not None or fine[0] * _COARSENING > tolerance[0]:
                 break
-            fine = fine * _COARSER
+            fine = fine * _COARSENING
             continue
         ys, used = np.asarray(result.ys), fine
-        if result.steps >= _MORE * steps or fine[0] <= FINEST * _COARSER:
+        if result.steps >= _STEPS_RATIO * steps or fine[0] <= FINEST * _COARSENING:
             return ys, used
         fine = _tightened(fine)
     return (np.full_like(np.asarray(result.ys), np.nan), tolerance) if ys is None else (ys, used)
@@ -265,11 +267,11 @@ def _limit(run: Run, scene: Scene, rungs: _Rungs, digits: float) -> np.ndarray:
     """
     floor = rounding(run, scene, rungs.fine, rungs.finer)
     scale = scales(scene, rungs.fine)
-    if digits_of(SURE * np.max(floor / scale)) > digits + _NEAR:
+    if digits_of(ROUNDING_MARGIN * np.max(floor / scale)) > digits + _NEAR_LIMIT_DIGITS:
         return floor
     # A power of ten, since the scale of another solution differs in its last digits.
     least = 10.0 ** np.floor(np.log10(np.min(scale)))
-    start = _AT_LIMIT * np.array([1.0, least])
+    start = _LIMIT_RTOL * np.array([1.0, least])
     fine, finer = _finer(run, scene, start, 0)
     return rounding(run, scene, fine, finer, draws=_DRAWS_AT_LIMIT)
 
@@ -286,11 +288,11 @@ def rounding(
     scale = scales(scene, ys)
     found = np.broadcast_to(scale, ys.shape).copy()
     known = np.zeros(len(ys), bool)
-    for size in _CHANGES:
+    for size in _PERTURBATIONS:
         noises = [Noise(np.asarray(size), np.asarray(draw, np.uint64)) for draw in range(draws)]
         moved = [gaps(scene, np.asarray(run(scene, tolerance, noise).ys), ys) for noise in noises]
         spread = np.sqrt(np.mean(np.square(moved), axis=0))
-        close = np.logical_and.accumulate((spread / scale <= _LINEAR).all(axis=1))
+        close = np.logical_and.accumulate((spread / scale <= _MAX_LINEAR_GAP).all(axis=1))
         new = close & ~known
         found[new] = 0.5 * _EPS / size * spread[new]
         known |= close
@@ -313,5 +315,5 @@ def _expected(gap: np.ndarray, floor: np.ndarray, ys: np.ndarray, finer: int) ->
     """
     wide = gap > np.sqrt(1 + 1 / finer) * floor
     share = 1 - np.where(wide, (floor / np.where(wide, gap, 1.0)) ** 2 / finer, 1 / (finer + 1))
-    error = np.hypot(share * gap, _MEDIAN * np.sqrt(share / finer) * floor)
+    error = np.hypot(share * gap, _NORMAL_MEDIAN * np.sqrt(share / finer) * floor)
     return np.maximum(error, _written(ys))

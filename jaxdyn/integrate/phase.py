@@ -31,7 +31,9 @@ from jaxdyn.status import Status
 END = "end"
 
 _ROUNDINGS = 64  # units in the last place of all numbers by which a value at zero may be off
-_ON = 1e-10  # of a state's largest entry: projection onto the surface moves it by no more
+_MAX_PROJECTION = (
+    1e-10  # of a state's largest entry: projection onto the surface moves it by no more
+)
 
 
 def unchanged(t: Array, y: Array) -> Array:
@@ -129,7 +131,7 @@ def _fit(field: Field, events: tuple[Event, ...], sides: tuple[int, ...], t: Arr
         beyond = _beyond(field, tuple(bounds), near, t, y)
         passed, leaving = (jnp.zeros(len(events), bool).at[which].set(x) for x in beyond)
     off = jnp.max(jnp.abs(field.project(t, y) - y))
-    return Fit(off <= _ON * jnp.max(jnp.abs(y)), passed, leaving)
+    return Fit(off <= _MAX_PROJECTION * jnp.max(jnp.abs(y)), passed, leaving)
 
 
 def _beyond(field: Field, bounds: tuple[Event, ...], near: Array, t: Array, y: Array):

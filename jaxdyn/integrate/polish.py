@@ -8,8 +8,8 @@ from jaxtyping import Array
 
 from jaxdyn.integrate.event_values import Sight, looked
 
-_CLOSEST = 2.0**-80  # of a bracket: an event so near its begin happens there
-_LOOKS = 100  # steps of Newton's method or bisections at most; about five are usual
+_MIN_BRACKET_PART = 2.0**-80  # of a bracket: an event so near its begin happens there
+_MAX_LOOKS = 100  # steps of Newton's method or bisections at most; about five are usual
 
 
 class Bracket(NamedTuple):
@@ -65,7 +65,7 @@ def polished(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Arra
     first = jnp.where(found, bracket.low, 0.0)
     last = jnp.where(found, bracket.high, 0.0)
     eps = jnp.finfo(y0.dtype).eps
-    least = _CLOSEST * jnp.abs(last - first)
+    least = _MIN_BRACKET_PART * jnp.abs(last - first)
 
     def look(p: _Polish) -> _Polish:
         g, slope, y = sight.after(t0, y0, p.h)
@@ -100,7 +100,7 @@ def polished(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Arra
         )
 
     def going(p: _Polish) -> Array:
-        return (p.n < _LOOKS) & (found & ~p.done).any()
+        return (p.n < _MAX_LOOKS) & (found & ~p.done).any()
 
     h = 0.5 * (first + last)
     far, no = jnp.full_like(h, jnp.inf), jnp.zeros_like(found)

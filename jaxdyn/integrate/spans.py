@@ -16,8 +16,10 @@ from jaxdyn.solvers import Solver
 RTOL = 1e-10
 MAX_STEPS = 1_000_000
 _RTOL_FLOOR, _RTOL_CEILING = 1e-16, 1e-2
-_MOST_BYTES = 2**32  # of all samples
-_COPIES = 4  # of them that a run holds at once: nodes, states and what moves between (measured)
+_MAX_BYTES = 2**32  # of all samples
+_COPIES_IN_MEMORY = (
+    4  # of them that a run holds at once: nodes, states and what moves between (measured)
+)
 
 
 class SolverOptions(NamedTuple):
@@ -95,9 +97,9 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
 
 def _check_memory(scene: Scene, samples: int) -> None:
     """Refuse more samples than fit: of each, a few copies of its time and state."""
-    size = 8 * samples * (len(scene.y0) + 1) * _COPIES
-    if size > _MOST_BYTES:
-        most = _MOST_BYTES * samples // size
+    size = 8 * samples * (len(scene.y0) + 1) * _COPIES_IN_MEMORY
+    if size > _MAX_BYTES:
+        most = _MAX_BYTES * samples // size
         raise _checks.fail(
             "samples",
             f"at most {most:.2g} of them",

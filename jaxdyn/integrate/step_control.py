@@ -29,9 +29,9 @@ from jaxdyn._numerics import square_norm
 #: rejected and costs 10 to 20 % more evaluations at equal true error (measured).
 _SAFETY = 0.75
 _SHRINK, _GROW = 0.2, 8.0  # limits of one change of step
-_FLOOR_ULPS = 8.0  # a step shorter than this many spacings of t means nothing any more
-_SHORTEST_ULPS = 1000.0  # the same for fixed steps
-_FLOOR = 1e-100  # [time] the same at t = 0, where the spacing is no guide
+_MIN_STEP_ULPS = 8.0  # a step shorter than this many spacings of t means nothing any more
+_MIN_FIXED_STEP_ULPS = 1000.0  # the same for fixed steps
+_MIN_STEP = 1e-100  # [time] the same at t = 0, where the spacing is no guide
 _WRITTEN_OUT = 32  # entries of a state: so many products at most are written out in a norm
 
 
@@ -189,7 +189,7 @@ class StepControl(_Observing, diffrax.AbstractAdaptiveStepSizeController):
         factor = _SAFETY * jnp.maximum(error, 1e-30) ** (-1.0 / error_order)
         h_next = h * jnp.clip(factor, _SHRINK, jnp.where(keep, _GROW, _SAFETY))
         spacing = jnp.finfo(h.dtype).eps * jnp.abs(t0)
-        collapsed = ~keep & (h_next <= _FLOOR_ULPS * spacing + _FLOOR)
+        collapsed = ~keep & (h_next <= _MIN_STEP_ULPS * spacing + _MIN_STEP)
         start = jnp.where(keep, t1, t0)
         result = diffrax.RESULTS.where(
             collapsed, diffrax.RESULTS.dt_min_reached, diffrax.RESULTS.successful
@@ -238,7 +238,7 @@ class FixedSteps(_Observing, diffrax.AbstractStepSizeController):
         seen, (begin, h, done) = state
         fine = jnp.isfinite(y1_candidate).all()
         # diffrax takes the last hundred spacings before the end for the end.
-        collapsed = h < _SHORTEST_ULPS * jnp.finfo(h.dtype).eps * jnp.abs(t1)
+        collapsed = h < _MIN_FIXED_STEP_ULPS * jnp.finfo(h.dtype).eps * jnp.abs(t1)
         result = diffrax.RESULTS.where(
             fine, diffrax.RESULTS.successful, diffrax.RESULTS.nonlinear_divergence
         )

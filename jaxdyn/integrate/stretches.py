@@ -13,7 +13,9 @@ from jaxtyping import Array
 
 #: Fourth derivatives may be so many times larger than the estimate from neighbouring cubics.
 _SAFETY = 4.0
-_CUBIC = 384.0  # error of a cubic with values and slopes at both ends: f'''' w^4 / 384 at most
+_CUBIC_ERROR_DIVISOR = (
+    384.0  # error of a cubic with values and slopes at both ends: f'''' w^4 / 384 at most
+)
 
 
 def settled(times: Array, g: Array, slope: Array, sides: Array, noise: Array) -> Array:
@@ -45,4 +47,4 @@ def _doubt(width: Array, d0: Array, d1: Array, rise: Array) -> Array:
     third = (6 * (d0 + d1) - 12 * rise) / width**3
     between = 0.5 * (width[1:] + width[:-1])
     fourth = jnp.max(jnp.abs(jnp.diff(third, axis=0) / between), axis=0)
-    return _SAFETY / _CUBIC * fourth[None] * width**4
+    return _SAFETY / _CUBIC_ERROR_DIVISOR * fourth[None] * width**4

@@ -17,18 +17,18 @@ from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, default_solver
 from jaxdyn.status import IntegrationError, Status
 
-_STIFF = (
+_STIFF_WARNING = (
     "The scene is stiff: stability, not accuracy, ruled the steps of the explicit method. "
     "Pass solver='auto' or solvers.RADAU9."
 )
-_TOO_LONG = (
+_LONG_STEPS_WARNING = (
     "Steps of fixed length are too long for parts of the motion: adaptive ones lead elsewhere. "
     "Make dt smaller, or leave the solver out to have steps adapt."
 )
-_ELSEWHERE = 0.05  # of the way of a step: more is no step of this motion
+_MAX_STEP_MISMATCH = 0.05  # of the way of a step: more is no step of this motion
 _CHECK_RTOL, _CHECK_STEPS = 1e-6, 10_000  # of the adaptive steps that tell
 #: Spreads of two draws that a promised digit is away from rounding; 1 in 26 errs by more.
-SURE = 5.0
+ROUNDING_MARGIN = 5.0
 T = TypeVar("T")
 
 
@@ -79,7 +79,9 @@ class Estimate(eqx.Module):
     @property
     def most_digits(self) -> float:
         """How many digits doubles are sure to give this motion with any solver; host only."""
-        return digits_of(SURE * np.max(np.asarray(self.rounding) / np.asarray(self.scale)))
+        return digits_of(
+            ROUNDING_MARGIN * np.max(np.asarray(self.rounding) / np.asarray(self.scale))
+        )
 
     @property
     def basis(self) -> str:
@@ -103,7 +105,7 @@ class Estimate(eqx.Module):
 
     def until(self, digits: float) -> float:
         """Time up to which that many digits are sure; NaN if not even at the start; host only."""
-        off = np.maximum(self.error, SURE * np.nan_to_num(self.rounding))
+        off = np.maximum(self.error, ROUNDING_MARGIN * np.nan_to_num(self.rounding))
         # Not >, or a run that failed, whose errors are NaN, would be right to its end.
         wrong = ~((off / np.asarray(self.scale)).max(axis=1) <= 10.0**-digits)
         first = int(np.argmax(wrong)) if wrong.any() else len(wrong)
@@ -200,9 +202,9 @@ class Trajectory(eqx.Module):
     @property
     def warning(self) -> str:
         """What is not wrong but could be better, and what to do; empty if nothing; host only."""
-        parts = [_STIFF] if np.any(self.stiff) else []
+        parts = [_STIFF_WARNING] if np.any(self.stiff) else []
         checkable = self.method is not None and self.ok
-        parts += [_TOO_LONG] if checkable and not np.all(_steps_agree(self)) else []
+        parts += [_LONG_STEPS_WARNING] if checkable and not np.all(_steps_agree(self)) else []
         parts += [self.error.shortfall] if self.error and self.error.shortfall else []
         return " ".join(parts)
 
@@ -288,6 +290,9 @@ def _steps_agree(motion: Trajectory) -> Array:
         right = flow(field, y, t, t + h, nothing, loose, settings=settings).y1
         # Both may be rounding, at rest.
         least = _CHECK_RTOL * jnp.max(jnp.abs(right))
-        return jnp.max(jnp.abs(there - right)) <= _ELSEWHERE * jnp.max(jnp.abs(right - y)) + least
+        return (
+            jnp.max(jnp.abs(there - right))
+            <= _MAX_STEP_MISMATCH * jnp.max(jnp.abs(right - y)) + least
+        )
 
     return jax.lax.map(agree, (motion.ts, motion.ys))

@@ -19,7 +19,7 @@ from jaxdyn.sketch import Shape, frame, line, pin, rectangle, traces
 
 _END, _MIDDLE = 1 / 6, 4 / 6  # shares of a uniform bar's mass
 #: Bars closer than this to being stretched out count as stretched. [relative]
-_STRETCHED = 1e-12
+_MIN_SLACK = 1e-12
 
 
 class Chain(Mechanism):
@@ -184,7 +184,7 @@ def check_bars(m: Array, l: Array, end: Array | None, span: str = "end") -> None
     sides = np.append(np.asarray(l), np.hypot(*np.asarray(end)))
     longest = sides.max()
     _checks.finite(span, end, "It is the distance of the far hinge, in m.")
-    if longest >= (sides.sum() - longest) * (1 - _STRETCHED):
+    if longest >= (sides.sum() - longest) * (1 - _MIN_SLACK):
         raise _checks.fail(
             span if longest == sides[-1] else "l",
             "links that can close",

@@ -30,7 +30,7 @@ CONTACTS = ("roll", "slip_on", "slip_back", "fly")
 SLIPS = {"slip_on": 1.0, "slip_back": -1.0}
 
 
-_INSIDE = 1e-9  # of the lengths involved: a start with a deeper overlap is refused
+_MAX_OVERLAP = 1e-9  # of the lengths involved: a start with a deeper overlap is refused
 
 
 class _Contact(NamedTuple):
@@ -162,7 +162,7 @@ class Cylinder(System):
         if not self.mu >= 0:
             raise _checks.fail("mu", ">= 0", float(self.mu))
         gap = float(self.height(y))
-        if gap < -_INSIDE * max(float(self.r), float(jnp.max(jnp.abs(y[:2])))):
+        if gap < -_MAX_OVERLAP * max(float(self.r), float(jnp.max(jnp.abs(y[:2])))):
             surface = "the ramp" if self.flat else "the fixed cylinder"
             raise _checks.fail("y0", f"a cylinder outside {surface}", f"one {-gap:.6g} m inside")
         del t

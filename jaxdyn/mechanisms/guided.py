@@ -9,7 +9,9 @@ from jaxdyn import _checks
 from jaxdyn.formulations.mechanism import Mechanism, planar_body
 from jaxdyn.sketch import Shape, circle, line, lines, pin, traces
 
-_SLOT = 1.5  # half the length of a slot and the radius of its table, to its radius of gyration
+_SLOT_RATIO = (
+    1.5  # half the length of a slot and the radius of its table, to its radius of gyration
+)
 
 
 class Parabola(Mechanism):
@@ -114,9 +116,12 @@ class Turntable(Mechanism):
         c, n = jnp.cos(q[0]), jnp.sin(q[0])
         along, middle = jnp.stack([c, n]), self.d * jnp.stack([n, -c])
         # As long as the position of the mass requires.
-        low, high = jnp.minimum(-_SLOT * radius, q[1]), jnp.maximum(_SLOT * radius, q[1])
+        low, high = (
+            jnp.minimum(-_SLOT_RATIO * radius, q[1]),
+            jnp.maximum(_SLOT_RATIO * radius, q[1]),
+        )
         slot = line(middle + low * along, middle + high * along)
-        rim = Shape("area", circle(jnp.zeros(2), _SLOT * radius))
+        rim = Shape("area", circle(jnp.zeros(2), _SLOT_RATIO * radius))
         return rim, slot, pin(jnp.zeros(2)), *traces(r[:1], ["mass"])
 
     def check(self):

@@ -11,7 +11,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 
-_NEWTONS = 7  # from the starts below five reach rounding; derivatives need one more
+_NEWTON_STEPS = 7  # from the starts below five reach rounding; derivatives need one more
 
 
 def cannonball_linear_exact(
@@ -71,7 +71,7 @@ def flight_time(*, speed=10.0, angle=math.pi / 4, m=1.0, g=9.81, linear=1.0) -> 
     up = p > 0
     p = jnp.where(up, p, 1.0)
     s = jnp.minimum(2 * p, 1 + p)
-    for _ in range(_NEWTONS):
+    for _ in range(_NEWTON_STEPS):
         gone, rest = -jnp.expm1(-s), _exp_remainder(s)
         # (s / gone - 1 - p) over its slope, both multiplied by gone^2.
         s = s - gone * (rest - p * gone) / (s * gone - rest)
@@ -100,7 +100,7 @@ def best_angle(*, speed=10.0, m=1.0, g=9.81, linear=1.0) -> Array:
     tau = _relaxation(m, g, linear)
     u = jnp.asarray(speed, dtype=float) / (g * tau)
     s = jnp.minimum(jnp.sqrt(2.0) * u, 1 + jnp.log1p(u * u))
-    for _ in range(_NEWTONS):
+    for _ in range(_NEWTON_STEPS):
         rest = _exp_remainder(s)
         excess = s + jnp.log(rest / (u * u))
         s = s * jnp.exp(-excess / (s - s * jnp.expm1(-s) / rest))

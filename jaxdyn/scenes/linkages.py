@@ -19,7 +19,7 @@ from jaxdyn.mechanisms.rods import Coupled, Dumbbell, Rods
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.ready_made import ready_made
 
-_CLOSING = 8  # projections of a rough start onto its ties; each squares the error
+_CLOSING_PROJECTIONS = 8  # projections of a rough start onto its ties; each squares the error
 _IN_LINE = 1e-14  # squared height over a side below which a triangle counts as flat
 
 
@@ -244,6 +244,6 @@ def _closed(chain: Chain, angles, rates) -> Array:
     """(2 n,) the state nearest to a rough one that satisfies the ties of the chain."""
     q, v = floats(angles, rates)
     y, system = jnp.concatenate([q, v]), Constrained(chain)
-    for _ in range(_CLOSING if chain.end is not None else 1):
+    for _ in range(_CLOSING_PROJECTIONS if chain.end is not None else 1):
         y = system.nearest(jnp.zeros(()), y)
     return y

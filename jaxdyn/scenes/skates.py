@@ -28,7 +28,7 @@ from jaxdyn.sketch import Shape, frame, line, rectangle, traces
 #: Beyond this the skates count as having a common normal: a repeated condition [condition number].
 _WORST_CONDITION = 1e6
 #: Relative speed below which a skate counts as at rest beside the other [1].
-_STILL = 1e-12
+_MIN_SPEED = 1e-12
 
 
 class Skated(Mechanism):
@@ -210,7 +210,7 @@ def allowed_twist(body: Skated) -> Array:
     # Skates on a common normal have no such twist; `check` reports them, not a NaN.
     twist = twist / jnp.sqrt(jnp.where(size == 0, 1.0, size))
     ahead = _blade_speeds(body, twist)
-    still = jnp.abs(ahead[0]) <= _STILL * jnp.abs(ahead[1])
+    still = jnp.abs(ahead[0]) <= _MIN_SPEED * jnp.abs(ahead[1])
     return jnp.where(jnp.where(still, ahead[1], ahead[0]) < 0, -twist, twist)
 
 

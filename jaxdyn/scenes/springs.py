@@ -13,8 +13,8 @@ from jaxdyn.scene import Scene
 from jaxdyn.scenes.particles import particle
 from jaxdyn.scenes.ready_made import ready_made
 
-_FEWEST = 5  # samples: fewer always lie on an ellipse
-_UNEVEN = 1e-9  # of a sample interval
+_MIN_SAMPLES = 5  # samples: fewer always lie on an ellipse
+_MAX_UNEVENNESS = 1e-9  # of a sample interval
 
 
 @ready_made()
@@ -120,8 +120,8 @@ def wildness(motion: Trajectory) -> Array:
       phase between samples.
     """
     r = single(motion).r[:, 0]
-    if len(r) < _FEWEST or not _even(motion.ts):
-        raise _checks.fail("motion", f"{_FEWEST} even samples or more", f"{len(r)} samples")
+    if len(r) < _MIN_SAMPLES or not _even(motion.ts):
+        raise _checks.fail("motion", f"{_MIN_SAMPLES} even samples or more", f"{len(r)} samples")
     bend = r[2:] - 2 * r[1:-1] + r[:-2]
     place, bend = (x - jnp.mean(x, axis=0, keepdims=True) for x in (r[1:-1], bend))
     left = bend - jnp.sum(bend * place) / jnp.sum(place * place) * place
@@ -130,7 +130,7 @@ def wildness(motion: Trajectory) -> Array:
 
 def _even(ts: Array) -> bool:
     steps = np.diff(np.asarray(ts))
-    return bool(np.abs(steps - steps.mean()).max() <= _UNEVEN * np.abs(steps.mean()))
+    return bool(np.abs(steps - steps.mean()).max() <= _MAX_UNEVENNESS * np.abs(steps.mean()))
 
 
 @ready_made()

@@ -30,7 +30,7 @@ from jaxdyn.scene import Scene, System, checked_scene
 from jaxdyn.scenes.particles import PolarParticle, polar_state
 
 MARGIN = 0.5
-_OUT = 1.2  # times the distance of the change to x and y at which polar coordinates return
+_RETURN_RATIO = 1.2  # times the distance of the change to x and y at which polar coordinates return
 _QUARTERS = {(0, -1): "below", (0, 1): "above", (1, -1): "left", (1, 1): "right"}
 
 
@@ -236,5 +236,5 @@ def _around_the_origin(scene: Scene, near: Array) -> dict[str, Phase]:
     particle = scene.system
     plane = dataclasses.replace(scene, system=FreePoints(particle.m))
     enters = Exit(Reaches(0, near, -1), "cartesian", ToCartesian(particle))
-    leaves = Exit(Leaves(_OUT * near), "polar", to_polar)
+    leaves = Exit(Leaves(_RETURN_RATIO * near), "polar", to_polar)
     return {"polar": Phase(scene, (enters,)), "cartesian": Phase(plane, (leaves,))}

@@ -24,9 +24,9 @@ from jaxtyping import Array
 
 from jaxdyn.solvers.method import Advance, Method, Rate
 
-_ROUNDS = 100  # of the iteration at most; a step for which that is not enough is too long
+_MAX_ITERATIONS = 100  # of the iteration at most; a step for which that is not enough is too long
 #: Iterations end when they change nothing or less than rounding; this much is no solution.
-_UNSOLVED = 1e-10
+_MAX_LAST_CHANGE = 1e-10
 
 
 def collocation(c: np.ndarray) -> np.ndarray:
@@ -87,14 +87,18 @@ class Gauss(Method):
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
         fields = jax.vmap(field, in_axes=(0, -1), out_axes=-1)  # stages last
         times, parts = t + h * self.c, (h * self.b).reshape(*[1] * y.ndim, self.stages)
-        small = _UNSOLVED * jnp.max(jnp.abs(y))
+        small = _MAX_LAST_CHANGE * jnp.max(jnp.abs(y))
 
         def slopes(shift):
             return parts * fields(times, y[..., None] + shift)
 
         def go_on(carry):
             n, _, change, before = carry
-            return (n < _ROUNDS) & (change > 0) & ((n < 3) | (change < before) | ~(change <= small))
+            return (
+                (n < _MAX_ITERATIONS)
+                & (change > 0)
+                & ((n < 3) | (change < before) | ~(change <= small))
+            )
 
         def again(carry):
             n, shift, change, _ = carry

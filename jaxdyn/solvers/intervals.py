@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 ROUNDING = 2.0**-52  # relative: of one operation, and of the product that widens
-FUNCTION = 2.0**-50  # relative: of an elementary function, 4 units in the last place
+FUNCTION_ROUNDING = 2.0**-50  # relative: of an elementary function, 4 units in the last place
 
 
 class Interval(NamedTuple):
@@ -70,7 +70,7 @@ def whole_power(a: Interval, n: int) -> Interval:
     if n % 2 == 0:
         low, high = np.minimum(low, high), np.maximum(low, high)
         low = np.where((a.low < 0) & (a.high > 0), 0.0, low)
-    return _widened(low, high, n * FUNCTION)
+    return _widened(low, high, n * FUNCTION_ROUNDING)
 
 
 def hull(a: Interval, b: Interval) -> Interval:
@@ -80,16 +80,16 @@ def hull(a: Interval, b: Interval) -> Interval:
 
 def rising(fn: Callable, a: Interval) -> Interval:
     """Bounds of a function that rises; where it has no value, none are known."""
-    return _widened(fn(a.low), fn(a.high), FUNCTION)
+    return _widened(fn(a.low), fn(a.high), FUNCTION_ROUNDING)
 
 
 def cosine(a: Interval, shift: float) -> Interval:
     """Bounds of cos(a - shift pi), shift 0 or 1/2: 1 at even multiples of pi, -1 at odd ones."""
     ends = [np.cos(x) if shift == 0 else np.sin(x) for x in a]
-    low, high = _widened(np.minimum(*ends), np.maximum(*ends), FUNCTION)
+    low, high = _widened(np.minimum(*ends), np.maximum(*ends), FUNCTION_ROUNDING)
     # In turns, widened: a multiple of pi too many only makes bounds wider.
-    first, last = _widened(a.low / np.pi - shift, a.high / np.pi - shift, 8 * FUNCTION)
-    first, last = first - FUNCTION, last + FUNCTION
+    first, last = _widened(a.low / np.pi - shift, a.high / np.pi - shift, 8 * FUNCTION_ROUNDING)
+    first, last = first - FUNCTION_ROUNDING, last + FUNCTION_ROUNDING
     high = np.where(2 * np.floor(last / 2) >= first, 1.0, high)
     low = np.where(2 * np.floor((last - 1) / 2) + 1 >= first, -1.0, low)
     unknown = ~(np.isfinite(first) & np.isfinite(last))
@@ -111,4 +111,4 @@ def real_power(a: Interval, n: float) -> Interval:
     low, high = np.minimum(*ends), np.maximum(*ends)
     unknown = a.low < 0
     low, high = np.where(unknown, -np.inf, low), np.where(unknown, np.inf, high)
-    return _widened(low, high, FUNCTION)
+    return _widened(low, high, FUNCTION_ROUNDING)

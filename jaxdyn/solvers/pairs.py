@@ -31,7 +31,7 @@ from jaxtyping import Array
 from jaxdyn._numerics import materialised, runtime_one
 from jaxdyn.solvers.method import Advance, Method, Rate, fastest, grows_from, in_loops
 
-_MENDED = 4  # stages whose weights get more digits
+_CORRECTED_STAGES = 4  # stages whose weights get more digits
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -231,7 +231,7 @@ def _lacking(pair: Pair) -> np.ndarray:
     for i, weights in enumerate(pair.weights[0]):
         used = np.flatnonzero(weights)
         _, apart = np.unique(pair.c[used], return_index=True)
-        spread = np.unique(np.linspace(0, len(apart) - 1, _MENDED).round().astype(int))
+        spread = np.unique(np.linspace(0, len(apart) - 1, _CORRECTED_STAGES).round().astype(int))
         few = used[apart[spread]]
         conditions = [x for x in _conditions(a, c, pair.position_only, i) if x[0] <= pair.order]
         exact = [Fraction(w) for w in weights.tolist()]

@@ -21,8 +21,8 @@ from jaxtyping import Array
 from jaxdyn.solvers.gauss import collocation, mixed
 from jaxdyn.solvers.method import Advance, Method, Rate
 
-_ROUNDS = 25  # of Newton's iteration at most
-_ROUNDING = 1e-15  # relative change that is nothing any more
+_MAX_ITERATIONS = 25  # of Newton's iteration at most
+_CONVERGED = 1e-15  # relative change that is nothing any more
 _TINY = 1e-200
 
 
@@ -103,7 +103,7 @@ class Radau(Method):
 
         def go_on(carry):
             n, _, _, change, before = carry
-            return (n < _ROUNDS) & (change > _ROUNDING) & ((n < 3) | (change < before))
+            return (n < _MAX_ITERATIONS) & (change > _CONVERGED) & ((n < 3) | (change < before))
 
         far = jnp.full((), jnp.inf, y.dtype)
         z = jnp.zeros((*y.shape, self.stages), y.dtype)

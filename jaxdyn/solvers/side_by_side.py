@@ -48,7 +48,7 @@ _MOVES = {
 }
 _CALLS = {"jit", "closed_call", "custom_jvp_call", "custom_vjp_call"}
 #: Entries of an array up to which it is taken apart.
-FEW = 16
+MAX_APART = 16
 
 
 def side_by_side(fn: Callable, *args: Any, axes: int = 1, apart: bool = False) -> Any:
@@ -105,7 +105,7 @@ class _Lanes:
 
     def __init__(self, lanes: tuple[int, ...], apart: bool):
         self.lanes = lanes
-        self.most = FEW if apart else 0
+        self.most = MAX_APART if apart else 0
 
     def interpret(self, closed, inputs: list[_Value]) -> list[_Value]:
         """What a program finds."""

@@ -13,7 +13,7 @@ from jaxdyn.solvers.method import Method
 from jaxdyn.solvers.rounding import begun
 
 #: So many more steps of that kind than of others, and the motion is called stiff.
-_MANY = 50
+_STIFF_COUNT = 50
 
 
 class Stepper(diffrax.AbstractAdaptiveSolver):
@@ -79,4 +79,4 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
 
 def is_stiff(count: Array) -> Array:
     """() whether a count of steps limited by stability makes a motion stiff."""
-    return count >= _MANY
+    return count >= _STIFF_COUNT

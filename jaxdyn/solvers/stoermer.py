@@ -27,7 +27,7 @@ from jaxdyn import _checks
 from jaxdyn._numerics import materialised, runtime_one
 from jaxdyn.solvers.method import Advance, Method, Rate, fastest, grows_from
 from jaxdyn.solvers.pairs import NYSTROM12
-from jaxdyn.solvers.side_by_side import FEW, side_by_side
+from jaxdyn.solvers.side_by_side import MAX_APART, side_by_side
 
 _LANES = 4  # doubles in a vector of most processors
 
@@ -98,7 +98,7 @@ class Stoermer(Method):
         still = jnp.zeros_like(y[half:])
         # Entries one by one, where they are few: in one array they would be put together and
         # taken apart again in each substep, with a branch for each.
-        few = y.ndim == 1 and half <= FEW
+        few = y.ndim == 1 and half <= MAX_APART
         rank = 0 if few else y.ndim  # of a part, lanes apart
 
         def parts(x):

@@ -19,15 +19,15 @@ from jaxdyn.solvers.taylor.formulas import Formulas, NotElementary, formulas
 _MARGIN = (
     1e-6  # of the box: what the bisected box is larger by, or a zero on its side would be lost
 )
-_TINY = 1e-8  # of the box: undecided boxes of this size mark points
-_MERGED = 1e-6  # of the box: undecided boxes nearer than this mark one point
+_POINT_SIZE = 1e-8  # of the box: undecided boxes of this size mark points
+_MERGE_DISTANCE = 1e-6  # of the box: undecided boxes nearer than this mark one point
 _DIRECTIONS = 256
 _DISTANCES = (
     1.0,
     1e2,
     1e4,
 )  # of the size of an undecided place: where the rate is sampled about it
-_NOWHERE = 1e-3  # of its size there: a rate that is larger at all samples has no zero
+_MIN_RATE_WITHOUT_ZERO = 1e-3  # of its size there: a rate that is larger at all samples has no zero
 
 
 class Proof(NamedTuple):
@@ -107,7 +107,7 @@ def _doubt(proof: Proof, field: Field, t: Array, ys: np.ndarray) -> str:
     missed = [x.mean(axis=1) for x in found.single if not _within(ys, x).any()]
     if missed:
         return f"the search did not reach the rest point that exists near {_list(box, missed)}"
-    if found.size > _TINY:
+    if found.size > _POINT_SIZE:
         return (
             f"interval bisection could not decide {counted(len(found.open), 'box', 'boxes')} of up "
             f"to {found.size:.1g} of the whole in size, as is usual along a curve of rest points "
@@ -132,7 +132,9 @@ def _within(ys: np.ndarray, box: np.ndarray) -> np.ndarray:
 def _list(box: Box, ys) -> str:
     """Places in words, each once, to the digits in which undecided boxes are merged."""
     size = (box.high - box.low)[box.free]
-    rounded = [size * np.round(y[box.free] / size / _MERGED) * _MERGED + 0.0 for y in ys]
+    rounded = [
+        size * np.round(y[box.free] / size / _MERGE_DISTANCE) * _MERGE_DISTANCE + 0.0 for y in ys
+    ]
     named = [", ".join(f"{x:.6g}" for x in place) for place in rounded]
     return ", ".join(f"({place})" for place in dict.fromkeys(named))
 
@@ -142,7 +144,11 @@ def _places(box: Box, cells: np.ndarray) -> list[tuple[np.ndarray, float]]:
     groups: list[list[np.ndarray]] = []
     for cell in cells:
         ends = box.units(cell.T)
-        near = [g for g in groups if np.abs(g[0].mean(axis=0) - ends.mean(axis=0)).max() < _MERGED]
+        near = [
+            g
+            for g in groups
+            if np.abs(g[0].mean(axis=0) - ends.mean(axis=0)).max() < _MERGE_DISTANCE
+        ]
         if near:
             near[0].append(ends)
         else:
@@ -163,4 +169,4 @@ def _nowhere_zero(field: Field, t: Array, box: Box, middle: np.ndarray, radius: 
     found = np.abs(rates(field, t, ys)).reshape(len(_DISTANCES), len(ways), -1)
     sizes = found[-1].max(axis=0)
     moves = sizes > 0
-    return bool((found[:, :, moves] / sizes[moves]).max(axis=2).min() > _NOWHERE)
+    return bool((found[:, :, moves] / sizes[moves]).max(axis=2).min() > _MIN_RATE_WITHOUT_ZERO)

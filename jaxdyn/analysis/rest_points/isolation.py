@@ -23,8 +23,8 @@ from jaxdyn.solvers.intervals import Interval, add, multiply
 from jaxdyn.solvers.taylor.formulas import Formulas
 from jaxdyn.solvers.taylor.graph import Node
 
-_SMALLEST = 1e-9  # of the box: the size at which a box is not cut any more
-_WORK = 4_000_000  # boxes times nodes of the calculation: one to two seconds
+_MIN_BOX = 1e-9  # of the box: the size at which a box is not cut any more
+_MAX_WORK = 4_000_000  # boxes times nodes of the calculation: one to two seconds
 _OVERLAP = 1.1  # boxes are examined with a margin, or a zero on a common side would be in neither
 _ROUNDING = 1e-14  # of sums of a few products, relative to their terms
 
@@ -56,11 +56,11 @@ def isolate(formulas: Formulas, low: np.ndarray, high: np.ndarray) -> Isolation:
     field = _Equations(formulas, low, high)
     size = (high - low)[field.free]
     lows, highs = low[field.free, None], high[field.free, None]
-    single, left, budget = [], [], _WORK // formulas.graph.count
+    single, left, budget = [], [], _MAX_WORK // formulas.graph.count
     while lows.shape[1]:
         budget -= lows.shape[1]
         none, one = field.examine(lows, highs)
-        small = ((highs - lows) <= _SMALLEST * size[:, None]).all(axis=0)
+        small = ((highs - lows) <= _MIN_BOX * size[:, None]).all(axis=0)
         small |= budget < 0
         single.append(np.stack([lows, highs])[:, :, one])
         left.append(np.stack([lows, highs])[:, :, small & ~none & ~one])

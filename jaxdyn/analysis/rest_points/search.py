@@ -15,13 +15,15 @@ from jaxtyping import Array
 
 from jaxdyn.scene import Field
 
-_STEPS = 80
+_ITERATIONS = 80
 _DAMPING = 1e-3  # first damping of an iteration, relative to the largest entry of J^T J
 _LESS, _MORE = 0.2, 5.0  # damping after a step that helped, and after one that did not
 _CONVERGED = 1e-10  # of the box: the last Newton step, and what the rate may lack of 0
-_FLAT = 1e-9  # smallest singular value of the Jacobian of an isolated zero, over its usual size
+_MIN_SINGULAR_VALUE = (
+    1e-9  # smallest singular value of the Jacobian of an isolated zero, over its usual size
+)
 _FAR, _NEAR = 1e-4, 1e-6  # of the box: where a rate that does not shrink towards a zero jumps
-_SHRINKS = 0.5
+_MAX_RATIO_NEAR_ZERO = 0.5
 
 
 class Box(NamedTuple):
@@ -106,7 +108,7 @@ def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]
     usual = jnp.where(usual > 0, usual, 1.0)
 
     def end(y):
-        y, _ = jax.lax.fori_loop(0, _STEPS, improve, (y, jnp.asarray(_DAMPING)))
+        y, _ = jax.lax.fori_loop(0, _ITERATIONS, improve, (y, jnp.asarray(_DAMPING)))
         # The normal equations square the condition number; a plain Newton step does not. The
         # shortest step: on a curve of rest points the matrix is singular. Each row in units of
         # what it changes by over the box.
@@ -114,7 +116,7 @@ def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]
         rows = jnp.sum(jnp.abs(a), axis=1)
         units = jnp.where(rows > 0, rows, 1.0)
         u, s, vt = jnp.linalg.svd(a / units[:, None], full_matrices=False)
-        kept = s > _FLAT * s[0]
+        kept = s > _MIN_SINGULAR_VALUE * s[0]
         step = vt.T @ (jnp.where(kept, 1 / jnp.where(kept, s, 1.0), 0.0) * (u.T @ (f / units)))
         new = y - axes @ step
         better = jnp.sum(lacking(new) ** 2) <= jnp.sum(f * f)
@@ -122,7 +124,7 @@ def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]
         size, left = jnp.linalg.norm(step), jnp.abs(lacking(y))
         passed = (size <= _CONVERGED) & jnp.all(left <= _CONVERGED * rows)
         _, s, vt = jnp.linalg.svd(a / usual[:, None], full_matrices=False)
-        flat = s[-1] <= _FLAT * jnp.maximum(s[0], 1.0)
+        flat = s[-1] <= _MIN_SINGULAR_VALUE * jnp.maximum(s[0], 1.0)
         return y, size, jnp.max(left[: len(y)]), passed, flat, axes @ vt[-1]
 
     return jax.vmap(end)(ys)
@@ -138,7 +140,7 @@ def jumps(field: Field, t: Array, box: Box, ys: np.ndarray) -> np.ndarray:
         .max(axis=1, initial=0.0)
         for part in (_FAR, _NEAR)
     )
-    return (near > _SHRINKS * far).any(axis=1)
+    return (near > _MAX_RATIO_NEAR_ZERO * far).any(axis=1)
 
 
 def rates(field: Field, t: Array, ys: np.ndarray) -> np.ndarray:

@@ -37,15 +37,15 @@ _MOST_PRODUCTS = 48
 _MOST_NUMBERS = 15
 _LOWEST, _HIGHEST = 4, 40  # orders
 #: Part of the difference of slopes at the end of a step that is the error, where there is a jump.
-_DEFECT = 0.5
+_DEFECT_WEIGHT = 0.5
 #: Of the last term but one, in case that symmetry makes the last one vanish. Successive terms
 #: shrink by about this much at the steps that tolerances lead to.
-_LAST_BUT_ONE = 0.1
+_LAST_BUT_ONE_WEIGHT = 0.1
 #: Of each term before that one, in case that both vanish: less than terms shrink by, or these
 #: would rule the steps of motions without such a symmetry (0.05 does, at rtol 1e-14).
-_FALLING = 0.03
-_FIRST = 4  # terms that are large beside the later ones
-_OTHERWISE = "Leave the solver out, or take solvers.VERNER9, which needs no formulas."
+_TERM_RATIO = 0.03
+_LARGE_TERMS = 4  # terms that are large beside the later ones
+_REMEDY = "Leave the solver out, or take solvers.VERNER9, which needs no formulas."
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ class Taylor(Method):
         increment, found = both.real, both.imag
         if guarded:
             # At a start from rest the series is that of the guard's other case, all of it wrong.
-            found = _DEFECT * jnp.abs(h * field(t + h, y + increment) - found)
+            found = _DEFECT_WEIGHT * jnp.abs(h * field(t + h, y + increment) - found)
         return Advance(increment, found)
 
 
@@ -128,20 +128,20 @@ def _formulas(field: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node]]:
     wanted = "a scene with short formulas"
     if y.ndim > 1:
         several = "one that takes tangents or several motions at once"
-        raise _checks.fail("solver", several, "a Taylor series", _OTHERWISE)
+        raise _checks.fail("solver", several, "a Taylor series", _REMEDY)
     try:
         found = formulas(field, t, y)
     except NotElementary as error:
-        raise _checks.fail("solver", wanted, f"one with {error}", _OTHERWISE) from None
+        raise _checks.fail("solver", wanted, f"one with {error}", _REMEDY) from None
     nodes = ordered(found.graph, found.rates)
     if (n := products(nodes)) > _MOST_PRODUCTS:
-        raise _checks.fail("solver", wanted, f"one with {n} products", _OTHERWISE)
+        raise _checks.fail("solver", wanted, f"one with {n} products", _REMEDY)
     return found, nodes
 
 
 def _increment(c: list[Coefficient], h: Array) -> Array:
     """The sum of all terms, the large ones last; the small ones as they become known."""
-    terms = [x for x in (*c[_FIRST + 1 :], *c[_FIRST:0:-1]) if x is not None]
+    terms = [x for x in (*c[_LARGE_TERMS + 1 :], *c[_LARGE_TERMS:0:-1]) if x is not None]
     return functools.reduce(jnp.add, terms, jnp.zeros_like(h))
 
 
@@ -160,7 +160,7 @@ def _last(c: list[Coefficient], h: Array) -> Array:
     found = jnp.zeros_like(h)
     for k in range(order // 2 + 1, order + 1):
         before = order - 1 - k
-        weight = 1.0 if before < 0 else _LAST_BUT_ONE * _FALLING**before
+        weight = 1.0 if before < 0 else _LAST_BUT_ONE_WEIGHT * _TERM_RATIO**before
         if c[k] is not None:
             term = weight * jnp.abs(c[k])
             found = _larger(found, term) if before > 0 else found + term

@@ -250,8 +250,8 @@ _RULES: dict[str, Callable[[_Series, Node, int], Coefficient]] = {
 assert set(_RULES) >= STEADY
 
 #: How many sums of products an operation takes at each order.
-_ONE = ("product", "div", "sqrt", "log", "exp", "sin", "cos", "tanh")
-_PRODUCTS = dict.fromkeys(_ONE, 1) | {"pow": 2}
+_ONE_PRODUCT_EACH = ("product", "div", "sqrt", "log", "exp", "sin", "cos", "tanh")
+_PRODUCTS = dict.fromkeys(_ONE_PRODUCT_EACH, 1) | {"pow": 2}
 
 
 def products(nodes: list[Node]) -> int:

@@ -12,7 +12,7 @@ from jaxdyn import Trajectory, effects, scenes, simulate
 from jaxdyn.analysis import ledger
 from jaxdyn.analysis.regularised import LogarithmicTime
 from jaxdyn.drawing.contents import in_time, paths
-from jaxdyn.drawing.curves import CURVE
+from jaxdyn.drawing.curves import CURVE_SAMPLES
 from jaxdyn.drawing.strokes import coiled, dashpot, grounds
 from jaxdyn.integrate.events import Reaches
 from jaxdyn.integrate.phases import END, Exit, Phase, simulate_phases
@@ -49,7 +49,7 @@ def _circle(samples):
 def test_the_curve_between_few_samples_is_the_motion(samples, missed):
     motion = _circle(samples)
     drawn = paths(motion)
-    assert CURVE <= len(drawn.ts) < CURVE + samples
+    assert CURVE_SAMPLES <= len(drawn.ts) < CURVE_SAMPLES + samples
     exact = np.stack([np.cos(drawn.ts), np.sin(drawn.ts), 0 * drawn.ts], axis=1)
     assert gap(drawn.xyz[:, 0], exact) < missed
     every = (len(drawn.ts) - 1) // (samples - 1)
@@ -58,7 +58,7 @@ def test_the_curve_between_few_samples_is_the_motion(samples, missed):
 
 
 def test_as_many_samples_as_a_curve_needs_stay_as_they_are():
-    motion = _circle(CURVE + 1)
+    motion = _circle(CURVE_SAMPLES + 1)
     assert gap(paths(motion).xyz, motion.r) == 0
 
 
@@ -133,7 +133,7 @@ def test_the_parts_of_a_car_are_where_they_are():
 @pytest.mark.parametrize("representation", ["quaternion", "matrix", "euler"])
 def test_antennas_are_drawn_where_their_tips_are(representation):
     scene = scenes.satellite("B", representation=representation, t1=3.0)
-    motion = simulate(scene, samples=CURVE + 1)
+    motion = simulate(scene, samples=CURVE_SAMPLES + 1)
     for i, tip in enumerate(ANTENNAS):
         assert gap(paths(motion).xyz[:, i], antenna_trace(motion, "B", tip)) < 100 * EXACT
 

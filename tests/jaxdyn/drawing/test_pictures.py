@@ -14,7 +14,7 @@ from PIL import Image
 from jaxdyn import Scene, Status, Trajectory, drawing, scenes, simulate
 from jaxdyn.drawing import animate, paths
 from jaxdyn.drawing.animation import _pace
-from jaxdyn.drawing.curves import CURVE
+from jaxdyn.drawing.curves import CURVE_SAMPLES
 from jaxdyn.drawing.figures import PALETTE
 from jaxdyn.drawing.panels import colours, limits
 from jaxdyn.drawing.solid import _taken
@@ -362,7 +362,7 @@ def test_motions_that_do_not_fit_together_are_refused(ball, throws):
 @pytest.mark.parametrize("stretch", [(1, 1, 1), (1, 1, 0), (0, 0, 1), (5, 1, 1)])
 def test_solid_figures_fill_their_space(stretch):
     scene = scenes.hanging_spring()
-    places = np.random.default_rng(3).uniform(size=(CURVE + 1, 6)) * np.tile(stretch, 2)
+    places = np.random.default_rng(3).uniform(size=(CURVE_SAMPLES + 1, 6)) * np.tile(stretch, 2)
     figure = drawing.trajectory(_made_up(scene, places))
     figure.draw_without_rendering()
     (ax,) = figure.axes

@@ -7,7 +7,7 @@ import pytest
 from jax import lax
 
 from jaxdyn.scenes import catalogue
-from jaxdyn.solvers.side_by_side import FEW, side_by_side
+from jaxdyn.solvers.side_by_side import MAX_APART, side_by_side
 
 _MATRIX = np.arange(12.0).reshape(4, 3) - 5.0
 
@@ -56,7 +56,7 @@ FUNCTIONS = {
     "steps": lambda x, s: lax.scan(lambda c, y: (c + y, c * s), 0.0 * s, x)[1],
     "quotient": lambda x, s: x / (1.0 + x * x) / np.float64(3.0) + s / jnp.arange(1.0, 5.0),
     "steady": lambda x, s: jnp.linspace(0.0, 1.0, 4) * 2.0,
-    "large": lambda x, s: (x[:, None] * jnp.arange(float(FEW))[None])[:, 3] + s,
+    "large": lambda x, s: (x[:, None] * jnp.arange(float(MAX_APART))[None])[:, 3] + s,
 }
 
 
