@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from helpers import EXACT, SOLVED, central_difference, gap
 from jax.scipy.linalg import expm
+from scipy.integrate import quad
 
-from jaxdyn import simulate
+from jaxdyn import Status, simulate
 from jaxdyn.analysis import energy, precession
 from jaxdyn.course import sleeping_top
 from jaxdyn.formulations.rigid import inertia_matrix, pose
@@ -367,6 +368,27 @@ def test_upright_a_disk_rolls_straight_or_turns_on_the_spot():
     on_the_spot = precession.SteadyDisk(3.0, 0.0, 0.0)
     for residual in precession.disk_residuals(upright, on_the_spot, **DISK):
         assert abs(residual) < SOLVED
+
+
+@pytest.mark.parametrize("theta", [1.2, 2.0])
+def test_a_disk_that_falls_flat_ends_there_above_the_ground(theta):
+    scene = rolling_disk(theta, precession=0.0, spin=0.0)
+    motion = simulate(scene, 1.0, samples=500, throw=False)
+    assert motion.status_code == Status.STEP_COLLAPSED
+    assert motion.message.endswith("or start with more precession or spin.")
+    assert motion.steps < 100
+    z = np.asarray(motion["z"])
+    good = np.isfinite(z)
+    assert (z[good] > 0).all()
+    # It turns about its fixed contact point: J theta'^2 / 2 = m g r (sin start - sin theta). With
+    # theta = start - s^2 the integral of the time has no singularity.
+    start, J, mgr = min(theta, np.pi - theta), 0.0625 + 0.25, 9.81 * 0.5
+
+    def slowness(s):
+        return 2 * s / np.sqrt(2 * mgr / J * (np.sin(start) - np.sin(start - s * s)))
+
+    flat = quad(slowness, 0.0, np.sqrt(start))[0]
+    assert 0 < flat - float(motion.ts[good][-1]) < 0.003  # between two samples
 
 
 def test_a_disk_that_lies_flat_has_no_rate():
