@@ -53,8 +53,8 @@ class Outcome(Code):
     BOUND_PASSED = (
         8,
         "The chain closes, but a leg is on the far side of one of its bounds on the way: it enters "
-        "the ground, or is pulled by what only pushes. Start elsewhere; `Hybrid.least` tells how "
-        "far, and without bounds on its legs it is found as it is.",
+        "the ground, or is pulled by what only pushes. Start elsewhere; without bounds on its legs "
+        "the chain is found as it is.",
     )
 
 

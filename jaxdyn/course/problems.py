@@ -208,7 +208,7 @@ PROBLEMS: dict[int, Problem] = {
     ),
     32: _problem(
         "Braking stability of a car",
-        "scenes.car scenes.wheels.braking scenes.wheels.turning_rate scenes.wheels.turning_left "
+        "scenes.car scenes.wheels.braking scenes.turning_rate scenes.wheels.turning_left "
         "drawing.trajectory drawing.time_series",
         "Front wheels locked: stable. Rear wheels locked: turning grows while V^2 > mu g L.",
     ),

@@ -122,6 +122,17 @@ class Stop(eqx.Module):
         """Whether it was an event that ended the motion; host only."""
         return bool(self.event >= 0)
 
+    @property
+    def message(self) -> str:
+        """What ended the motion, and when; host only."""
+        if self.status != Status.OK:
+            return Status(int(self.status)).message
+        if not self.happened:
+            return f"No event happened up to the end of the span, t = {float(self.t):.6g}."
+        others = [str(i) for i in np.flatnonzero(self.coincident) if i != self.event]
+        also = f", with {', '.join(others)} at the same time" if others else ""
+        return f"Event {int(self.event)} happened at t = {float(self.t):.6g}{also}."
+
 
 def until(
     scene: Scene,

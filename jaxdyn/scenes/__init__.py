@@ -59,7 +59,7 @@ from jaxdyn.scenes.rolling import (
 from jaxdyn.scenes.sideways import sideways_edge, sideways_pendulum
 from jaxdyn.scenes.skates import one_skate, two_skates
 from jaxdyn.scenes.springs import hanging_spring, oscillator, spring_mass, two_masses, two_springs
-from jaxdyn.scenes.wheels import braking, car
+from jaxdyn.scenes.wheels import braking, car, turning_rate
 
 __all__ = [
     "EIGHT",
@@ -122,6 +122,7 @@ __all__ = [
     "top",
     "triple_pendulum",
     "turned_box",
+    "turning_rate",
     "turntable",
     "turntable_limit",
     "two_body",

@@ -95,8 +95,23 @@ class Hybrid:
 
     @property
     def message(self) -> str:
-        """How the search ended and what to try."""
-        return self.outcome.message
+        """How the search ended, where in the chain, and what to try."""
+        return f"{self.outcome.message} {self._where()}".strip()
+
+    def _where(self) -> str:
+        """Which part of the chain an outcome is about; empty where it is about all of it."""
+        if self.outcome == Outcome.BOUND_PASSED:
+            least = [f"{bound} goes down to {value:.3g}" for bound, value in self._passed()]
+            return f"On the way {', '.join(least)}."
+        if self.outcome == Outcome.TRIVIAL:
+            shortest = int(np.argmin(self.spans))
+            return f"legs[{shortest}] has shrunk to a span of {self.spans[shortest]:.3g}."
+        if self.outcome == Outcome.COLLISION:
+            for i, leg in enumerate(self.legs):
+                motion = simulate(leg.scene, samples=2, rtol=self.rtol, throw=False)
+                if not motion.ok:
+                    return f"legs[{i}]: {motion.message}"
+        return ""
 
     def chain(self, samples: int = 100) -> HybridTrajectory:
         """One period as a motion in pieces, to draw and to measure like any other."""
@@ -127,8 +142,17 @@ class Hybrid:
     @property
     def keeps_bounds(self) -> bool:
         """Whether each leg is within its bounds, to rounding, at 400 times."""
-        values = [self._values(i, b) for i, leg in enumerate(self.legs) for b in leg.bounds]
-        return all(value.min() >= -_PASSED * np.abs(value).max() for value in values)
+        return not self._passed()
+
+    def _passed(self) -> list[tuple[str, float]]:
+        """The bounds that are passed by more than rounding, each with its least value."""
+        found = []
+        for i, leg in enumerate(self.legs):
+            for j, bound in enumerate(leg.bounds):
+                values = self._values(i, bound)
+                if not values.min() >= -_PASSED * np.abs(values).max():
+                    found.append((f"legs[{i}].bounds[{j}]", float(values.min())))
+        return found
 
     def _values(self, leg: int, event: Event) -> np.ndarray:
         scene = self.legs[leg].scene

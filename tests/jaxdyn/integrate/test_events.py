@@ -48,6 +48,11 @@ P = jnp.array([3.0, 5.0, 0.5])
 def test_a_throw_lands_at_its_closed_form():
     stop = until(BALL, FALLS, 9.0)
     assert stop.happened
+    assert stop.message == "Event 0 happened at t = 1.41421."
+    early = until(BALL, FALLS, 0.5)
+    assert early.message == "No event happened up to the end of the span, t = 0.5."
+    failed = until(BALL, FALLS, 9.0, max_steps=1)
+    assert failed.message == Status.STEP_LIMIT.message
     assert stop.event == 0
     assert stop.status == Status.OK
     assert abs(stop.t - 2 * RISE / G) < EXACT
@@ -209,6 +214,7 @@ def test_events_at_one_time_are_all_reported():
         corner = billiard(t * v, v, walls)
         assert abs(corner.t - t) < SOLVED
         np.testing.assert_array_equal(corner.coincident, [True, True, False])
+        assert corner.message.endswith(" at the same time.")
         # A wall that is 1e-11 s further away is not met at that time.
         beside = billiard((t + np.array([0.0, 1e-11])) * v, v, walls)
         assert beside.event == 0

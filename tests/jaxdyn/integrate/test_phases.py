@@ -7,6 +7,7 @@ import pytest
 from helpers import EXACT, SOLVED, gap
 
 from jaxdyn import Scene, Status, scenes
+from jaxdyn._progress import told
 from jaxdyn.effects import PairGravity, Spring
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.hard.contact import box
@@ -48,6 +49,13 @@ def test_a_ball_bounces_at_the_closed_form(bounces):
         assert after.ts[0] == before.ts[-1]
         assert gap(after.ys[0], bounce(0.0, before.ys[-1])) < SOLVED
         assert np.isfinite(after.ys).all()
+
+
+def test_each_phase_is_announced():
+    said = []
+    with told(lambda what, done, total: said.append(what)):
+        run(ENDLESS, "fly", START, 9.0, max_phases=2, samples=5)
+    assert said == ["phase fly from t = 0", "phase fly from t = 1"]
 
 
 def test_infinitely_many_bounces_end_at_the_limit_of_phases(bounces):

@@ -205,6 +205,7 @@ def test_a_chain_that_passes_a_bound_is_not_found():
     assert not low.ok
     assert low.outcome == orbits.Outcome.BOUND_PASSED
     assert "a leg is on the far side of one of its bounds on the way" in low.message
+    assert low.message.endswith("On the way legs[0].bounds[0] goes down to -0.5.")
     assert abs(low.least(0, floor) + 0.5) < SOLVED
 
 
@@ -242,6 +243,15 @@ def test_searches_that_fail_say_why():
     found = orbits.find_chain([high], [0.0, 1.0, 0.0, 1.0], [0.5], throw=False)
     assert not found.ok
     assert found.outcome in (orbits.Outcome.NO_DESCENT, orbits.Outcome.TRIVIAL)
+    falls = orbits.Leg(scenes.power_law(n=-2.0), (events.Reaches(3, 0.0),), _bounced)
+    into = orbits.find_chain([falls], [1.0, 0.0, 0.0, 0.0], [2.0], throw=False)
+    assert into.outcome == orbits.Outcome.COLLISION
+    assert "legs[0]: The step size fell below" in into.message
+    ends = (LANDS, events.Reaches(3, -1e-3))
+    short = orbits.Leg(BALL, ends, _bounced)
+    none = orbits.find_chain([short], [0.0, 1.0, 0.0, 0.0], [0.5], throw=False)
+    assert none.outcome == orbits.Outcome.TRIVIAL
+    assert none.message.endswith("legs[0] has shrunk to a span of 0.01.")
     with pytest.raises(orbits.SearchError, match=r"No step makes|trivial"):
         orbits.find_chain([high], [0.0, 1.0, 0.0, 1.0], [0.5])
     one = orbits.find_chain(
