@@ -54,7 +54,7 @@ def test_a_ball_bounces_at_the_closed_form(bounces):
 def test_each_phase_is_announced():
     said = []
     with told(lambda what, done, total: said.append(what)):
-        run(ENDLESS, "fly", START, 9.0, max_phases=2, samples=5)
+        simulate_phases(ENDLESS, "fly", START, 9.0, max_phases=2, samples=5)
     assert said == ["phase fly from t = 0", "phase fly from t = 1"]
 
 
