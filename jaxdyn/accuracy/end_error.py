@@ -100,7 +100,7 @@ class EndError:
           ('3.1416', 'no digit left (+-2e+01)', '0 (+-3e-12)')
         """
         rows = zip(self.y, self.error, self.scale, strict=True)
-        return tuple(_written(*map(float, row), most) for row in rows)
+        return tuple(_written(float(y), float(e), float(scale), most) for y, e, scale in rows)
 
 
 def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:

@@ -152,7 +152,8 @@ def edges(
       ValueError: a state of more than two entries, or fewer than two looks.
     Limits: two edges closer than the grid, or one that is only touched, are missed; host only.
     """
-    xs = np.linspace(*(float(x) for x in between), _checks.whole("looks", looks))
+    low, high = between
+    xs = np.linspace(float(low), float(high), _checks.whole("looks", looks))
     y = jnp.asarray(float(second))
     corner, _ = make(jnp.asarray(xs[0]), y)
     corner.check()
@@ -207,7 +208,11 @@ def _tolerances(rtol: float) -> tuple[Array, Array]:
 
 @eqx.filter_jit
 def _grid(make, xs: Array, ys: Array, rtols) -> _Period:
-    return jax.vmap(lambda x, y: _passed(*make(x, y), rtols))(xs, ys)
+    def passed(x, y):
+        scene, period = make(x, y)
+        return _passed(scene, period, rtols)
+
+    return jax.vmap(passed)(xs, ys)
 
 
 @eqx.filter_jit

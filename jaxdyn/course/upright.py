@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import floats
+from jaxdyn._floats import as_float, floats
 from jaxdyn.analysis.floquet import Chart, chart, edges
 from jaxdyn.analysis.monodromy import RTOL
 from jaxdyn.scene import Scene
@@ -66,7 +66,7 @@ def upright_chart(
     """
     _checks.positive("length", length, "Lengths are in m.")
     _checks.positive("frequencies", frequencies, "In rad/s.")
-    make = Upright(*floats(length, g), uniform)
+    make = Upright(as_float(length), as_float(g), uniform)
     return chart(make, amplitudes, frequencies, rtol=rtol)
 
 
@@ -92,7 +92,7 @@ def stability_edges(frequency, *, up_to=None, length=1.0, g=9.81, uniform=True) 
     """
     _checks.positive("length", length, "Lengths are in m.")
     _checks.positive("frequency", frequency, "In rad/s.")
-    make = Upright(*floats(length, g), uniform)
+    make = Upright(as_float(length), as_float(g), uniform)
     return edges(make, (0.0, length if up_to is None else up_to), frequency)
 
 

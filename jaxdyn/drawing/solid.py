@@ -59,8 +59,8 @@ def _middle(box: Bbox) -> np.ndarray:
 def _taken(ax) -> Bbox:
     """What the box and its labels take [pixels]."""
     renderer = ax.figure.canvas.get_renderer()
-    ends = np.array(list(itertools.product(ax.get_xlim(), ax.get_ylim(), ax.get_zlim()))).T
-    x, y, _ = proj3d.proj_transform(*ends, ax.get_proj())
+    xs, ys, zs = np.array(list(itertools.product(ax.get_xlim(), ax.get_ylim(), ax.get_zlim()))).T
+    x, y, _ = proj3d.proj_transform(xs, ys, zs, ax.get_proj())
     corners = ax.transData.transform(np.stack([x, y], axis=1))
     labels = [axis.get_tightbbox(renderer) for axis in (ax.xaxis, ax.yaxis, ax.zaxis)]
     box = Bbox([corners.min(axis=0), corners.max(axis=0)])

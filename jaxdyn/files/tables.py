@@ -95,5 +95,6 @@ def write_csv(path: str | Path, motion: Trajectory | HybridTrajectory) -> Path:
 
 
 def _finite(values) -> list:
-    values = np.asarray(values)
-    return np.where(np.isfinite(values), values.astype(object), None).tolist()
+    found = np.asarray(values).astype(object)
+    found[~np.isfinite(values)] = None
+    return found.tolist()

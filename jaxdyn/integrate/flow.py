@@ -176,15 +176,19 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
     # The logarithm is finite for positive tolerances only.
     given = (y0, field.rate(t0, y0), t0, t1, jnp.log(tolerance))
     status = _status(solution.result, given)
-    ends = jnp.stack([t0, direction * solution.ts[-1]]), jnp.stack([y0, solution.ys[-1]])
+    ts_end, ys_end, state = solution.ts, solution.ys, solution.solver_state
+    assert ts_end is not None  # all three are saved, see above
+    assert ys_end is not None
+    assert state is not None
+    ends = jnp.stack([t0, direction * ts_end[-1]]), jnp.stack([y0, ys_end[-1]])
     open_ = jax.lax.map(lambda end: field.undetermined(*end), ends)
     if open_ is not None:
         status = jnp.where(open_.any(), int(Status.SINGULAR), status)
-    y1 = jnp.where(status == Status.OK, solution.ys[-1], jnp.nan)
+    y1 = jnp.where(status == Status.OK, ys_end[-1], jnp.nan)
     nodes, memory = control.seen(solution.controller_state)
     ys = _from_nodes(field, direction * nodes.t, nodes.y, ts, method, limits.samples)
     steps, rejected = (solution.stats[f"num_{x}_steps"] for x in ("accepted", "rejected"))
-    stiff = is_stiff(solution.solver_state[1])
+    stiff = is_stiff(state[1])
     return SolveResult(
         y1=y1, ys=ys, steps=steps, rejected=rejected, status=status, stiff=stiff
     ), memory

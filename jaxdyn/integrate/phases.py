@@ -189,7 +189,7 @@ def _first_fit(candidates: Sequence[Phase | None], t: Array, y: Array, left=Fals
     fits = [phase.fit(t, y) if phase else None for phase in candidates]
     on = jnp.stack([fit.on if fit else jnp.asarray(True) for fit in fits])
     within = jnp.stack([on[i] & ~fit.beyond.any() if fit else on[i] for i, fit in enumerate(fits)])
-    ranks = [x.astype(int) for x in (within & ~left, within, on)]
+    ranks = [x.astype(int) for x in (within & ~np.asarray(left), within, on)]
     best = jnp.argmax(4 * ranks[0] + 2 * ranks[1] + ranks[2])  # the first of the largest
     return jnp.where(on.any(), best, -1)
 

@@ -78,9 +78,9 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
         if samples == 1:
             return t0, t1, t1[None]
         if _checks.is_traced((t0, t1)):
-            return t0, t1, jnp.linspace(t0, t1, samples)
+            return t0, t1, jnp.linspace(t0, t1, int(samples))
         # One of JAX would be one more program for each number of samples.
-        return t0, t1, as_float(np.linspace(np.asarray(t0), np.asarray(t1), samples))
+        return t0, t1, as_float(np.linspace(float(t0), float(t1), int(samples)))
     ts = _checks.array("samples", samples, (None,), "An array of times, or how many.")
     _check_memory(scene, len(ts))
     if not _checks.is_traced((ts, t0, t1)):

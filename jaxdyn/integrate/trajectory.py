@@ -281,6 +281,8 @@ def raise_unless_ok(status: Array, scene: Scene) -> None:
 def _steps_agree(motion: Trajectory) -> Array:
     """(s,) whether a step of fixed length from each sample leads where adaptive ones lead."""
     field, h, method = motion.scene.field, motion.dt, motion.method
+    assert h is not None  # the method is one of fixed step
+    assert method is not None
     settings, nothing = Settings(default_solver(motion.scene)), jnp.zeros(0)
     loose = Limits(jnp.full(2, _CHECK_RTOL), jnp.asarray(_CHECK_STEPS))
 

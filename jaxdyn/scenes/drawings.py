@@ -171,8 +171,9 @@ def moved_shape(
     p = len(corners)
     around = tuple((i, (i + 1) % p) for i in range(p))
     pairs = around if joined is None else _checked_pairs(joined, p)
-    numbers = _checks.array("reach", reach, (2,), "Across and up, in m."), frequency, spin
-    return _followed(MovedShape(*floats(corners, *numbers), pairs), t1)
+    reach = _checks.array("reach", reach, (2,), "Across and up, in m.")
+    outline, reach, frequency, spin = floats(corners, reach, frequency, spin)
+    return _followed(MovedShape(outline, reach, frequency, spin, pairs), t1)
 
 
 @ready_made()

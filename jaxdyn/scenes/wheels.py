@@ -125,6 +125,7 @@ class Halt(eqx.Module):
 
     def _rest(self, y: Array) -> _Rest:
         numbers, friction = _numbers(self.scene), _friction(self.scene)
+        assert friction is not None  # `braking` has refused a car without
         e = jnp.stack([jnp.cos(y[2]), jnp.sin(y[2])])
         n = jnp.stack([-e[1], e[0]])
         along, across = jnp.sum(y[3:5] * e), numbers.base * y[5]

@@ -210,8 +210,8 @@ def _select(node: Node, bound: Bound) -> Dual:
 _RULES: dict[str, Callable[[Node, Bound], Dual]] = {
     **{
         "sum": _sum,
-        "scale": lambda node, bound: _scaled(*node.args, bound),
-        "add": lambda node, bound: _plus(*map(bound, node.args)),
+        "scale": lambda node, bound: _scaled(node.args[0], node.args[1], bound),
+        "add": lambda node, bound: _plus(bound(node.args[0]), bound(node.args[1])),
     },
     **{"product": _product, "mul": _product, "div": _division, "sqrt": _root, "pow": _power},
     **{"sin": _sine, "cos": _cos, "exp": _exp, "log": _log, "tanh": _tanh},

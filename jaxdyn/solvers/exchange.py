@@ -43,7 +43,7 @@ def from_diffrax(solver: diffrax.AbstractSolver) -> Pair:
     if type(solver) is diffrax.Euler:  # the one explicit solver there that has no table
         return EULER
     reason, remedy = _unsuitable(solver, table)
-    if reason:
+    if reason or table is None:
         got = solver if isinstance(solver, type) else type(solver)
         name = f"{getattr(got, '__name__', got)}, {reason}"
         raise _checks.fail("solver", "an explicit Runge-Kutta solver of diffrax", name, remedy)

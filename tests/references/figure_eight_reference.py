@@ -261,6 +261,18 @@ def describe_pair(t):
 
 
 # ------------------------------------------------------------------ Newton's methods
+def _residual_row(r: list, d: list) -> list:
+    """Change of the three conditions under the change d of the state at T/4."""
+    e = [_vec(d, i) for i in range(6)]
+    r12, e12 = _sub(r[0], r[1]), _sub(e[0], e[1])
+    v12, f12 = _sub(r[3], r[4]), _sub(e[3], e[4])
+    return [
+        _dot(e[2], r12) + _dot(r[2], e12),
+        _dot(e[2], r[5]) + _dot(r[2], e[5]),
+        _cross(e[2], v12) + _cross(r[2], f12),
+    ]
+
+
 def symmetric_newton(flow, rough, digits):
     """Normal form (see the module's docstring): returns y0 and T."""
     vx, vy, period = (mp.mpf(v) for v in rough)
@@ -273,17 +285,6 @@ def symmetric_newton(flow, rough, digits):
         if size < mp.mpf(10) ** (3 - digits):
             break
 
-        def residual_row(d, r=r, jac=jac):
-            """Change of the three conditions under the change d of the state at T/4."""
-            e = [_vec(d, i) for i in range(6)]
-            r12, e12 = _sub(r[0], r[1]), _sub(e[0], e[1])
-            v12, f12 = _sub(r[3], r[4]), _sub(e[3], e[4])
-            return [
-                _dot(e[2], r12) + _dot(r[2], e12),
-                _dot(e[2], r[5]) + _dot(r[2], e[5]),
-                _cross(e[2], v12) + _cross(r[2], f12),
-            ]
-
         # symmetric triangle; apex moving across the axis; base moving along it, mirrored
         res = [
             _dot(r[2], _sub(r[0], r[1])),
@@ -293,7 +294,7 @@ def symmetric_newton(flow, rough, digits):
         d_vx = [row[6] + row[8] - 2 * row[10] for row in jac]
         d_vy = [row[7] + row[9] - 2 * row[11] for row in jac]
         d_t = [v / 4 for v in rhs(y)]
-        a = mp.matrix([residual_row(d) for d in (d_vx, d_vy, d_t)]).T
+        a = mp.matrix([_residual_row(r, d) for d in (d_vx, d_vy, d_t)]).T
         step = mp.lu_solve(a, -mp.matrix(res))
         vx, vy, period = vx + step[0], vy + step[1], period + step[2]
         size = max(abs(v) for v in step)

@@ -100,7 +100,7 @@ def test_bodies_add_like_integrals():
     hollow = ine.sphere_of_density(1.0, 1.0) + ine.sphere_of_density(-1.0, 0.5)
     assert _same(hollow, ine.sphere_of_density(1.0, 1.0, inner=0.5))
     with pytest.raises(TypeError):
-        a + 1.0
+        _ = a + 1.0
 
 
 def test_check_refuses_what_no_body_has():

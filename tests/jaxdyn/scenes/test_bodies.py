@@ -160,7 +160,7 @@ def test_precession_roots_are_all_there_are(theta, spin, n, total):
     if n == 2:
         assert gap(np.sort(roots.precession), np.sort(expected)) < SOLVED * 100
         assert abs(roots.precession[0]) <= abs(roots.precession[1])
-    given = roots.spin + total * roots.precession * np.cos(theta)
+    given = roots.spin + float(total) * roots.precession * np.cos(theta)
     assert np.abs(np.asarray(given)[found] - spin).max(initial=0) < SOLVED * 100
 
 
