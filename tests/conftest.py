@@ -1,4 +1,4 @@
-"""Strict modes for every test: float64, no silent rank promotion, the compile cache."""
+"""Strict modes for every test: float64, no silent promotion, checked shapes; the compile cache."""
 
 import gc
 import os
@@ -6,15 +6,20 @@ import os
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 import jax
+import jaxtyping
 import pytest
 
-import jaxdyn
+# Before the packages are imported.
+jaxtyping.install_import_hook(["jaxdyn", "orbits"], "shapes.checked")
+
+import jaxdyn  # noqa: E402
 
 # They make the stored references with packages that the tests do not need.
 collect_ignore = ["references"]
 
 jaxdyn.configure()
 jax.config.update("jax_numpy_rank_promotion", "raise")
+jax.config.update("jax_numpy_dtype_promotion", "strict")
 
 
 # Compiling makes millions of objects that stay: looking through them all again and again would

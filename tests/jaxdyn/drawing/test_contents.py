@@ -153,7 +153,7 @@ def test_a_drawing_of_a_ledger_and_of_logarithmic_time_is_that_of_their_system()
         assert gap(one.at, other.at) == 0
     bound = scenes.spring_mass(position=(1.0, 0.0), g=0.0)
     system = LogarithmicTime(bound.system)
-    assert system.sketch(0.0, np.append(bound.y0, [0.0, 0.0])) == ()
+    assert system.sketch(jnp.zeros(()), jnp.append(bound.y0, jnp.zeros(2))) == ()
 
 
 @pytest.mark.parametrize("name", ["cylinder_on_cylinder", "cylinder_on_ramp"])
