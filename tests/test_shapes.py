@@ -24,6 +24,6 @@ def test_functions_keep_their_names_and_take_lists():
 
 def test_nothing_is_promoted_in_silence():
     with pytest.raises(jax.dtypes.TypePromotionError):
-        jnp.ones(2) * jnp.arange(2)
+        _ = jnp.ones(2) * jnp.arange(2)
     with pytest.raises(ValueError, match="rank"):
-        jnp.ones(2) * jnp.ones((2, 2))
+        _ = jnp.ones(2) * jnp.ones((2, 2))

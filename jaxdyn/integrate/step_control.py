@@ -14,7 +14,8 @@ cost more stages than the method has).
 
 import abc
 import dataclasses
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -166,7 +167,7 @@ class StepControl(_Observing, diffrax.AbstractAdaptiveStepSizeController):
     watch: Watch | None = None
     limit: tuple[Array, Array] | None = None
     #: diffrax asks for these two names of every adaptive controller.
-    norm = staticmethod(lambda y: jnp.max(jnp.sqrt(_mean_square(y))))
+    norm: ClassVar[Callable] = staticmethod(lambda y: jnp.max(jnp.sqrt(_mean_square(y))))
 
     def seen(self, state) -> tuple[Nodes, Any]:
         """The nodes of the samples and what the watch remembers, from the state at the end."""
