@@ -57,6 +57,13 @@ class Outcome(Code):
         "the chain is found as it is.",
     )
 
+    DESCENT_ENDED = (
+        9,
+        "The descent from the rough guess ended far from an orbit, at a local minimum of the "
+        "closing error or in a collision, and Newton's method did not converge from there. Start "
+        "elsewhere, or set bounds on the start and the period.",
+    )
+
 
 class SearchError(RuntimeError):
     """Raised where the caller asked for an orbit or an exception (``throw=True``)."""

@@ -27,7 +27,7 @@ from orbits.closing.conditions import Condition
 from orbits.closing.given import driven
 from orbits.motion import advanced
 from orbits.orbit import Orbit
-from orbits.shooting.pieces import Make, Piece, end_of, linearised_end, scene_of
+from orbits.shooting.pieces import MAX_STEPS, Make, Piece, end_of, linearised_end, scene_of
 
 
 class Unknowns(NamedTuple):
@@ -185,14 +185,15 @@ class Equations(eqx.Module):
 
         return on_x(lower, -np.inf), on_x(upper, np.inf)
 
-    def __call__(self, x: np.ndarray, rtol: float) -> Evaluation:
+    def __call__(self, x: np.ndarray, rtol: float, max_steps: int = MAX_STEPS) -> Evaluation:
         """Residual and Jacobian at x; NaN where the motion of a segment ends early."""
         if not x[-1] > 0:  # a period is positive
             x = np.where(np.arange(len(x)) == len(x) - 1, np.nan, x)
         here = jax.tree.map(np.asarray, pieces(self, x))
         # One compiled program for any number of segments, run in threads on all cores.
         each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(self.segments)]
-        integrate = functools.partial(linearised_end, self.scene, rtol=rtol, make=self.make)
+        how = {"rtol": rtol, "max_steps": max_steps, "make": self.make}
+        integrate = functools.partial(linearised_end, self.scene, **how)
         if self.segments == 1:  # to start a thread takes as long as a few integrations
             found = [integrate(each[0])]
         else:

@@ -19,6 +19,7 @@ from orbits.motion import attracts, logarithmic_period
 from orbits.orbit import Orbit, Outcome, SearchError
 from orbits.shooting import newton
 from orbits.shooting.cuts import SEGMENTS_MOST, cut, needed, with_segments
+from orbits.shooting.descent import descended
 from orbits.shooting.equations import Equations
 from orbits.shooting.outcomes import Trouble, outcome_of
 from orbits.shooting.retimed import retimed
@@ -64,6 +65,7 @@ def find(
     segments: int | None = None,
     goal: float = GOAL,
     rtol: float = RTOL,
+    rough: bool = False,
     max_iterations: int = 60,
     report: Callable[[newton.Iteration], None] = lambda iteration: None,
     throw: bool = True,
@@ -89,8 +91,9 @@ def find(
       goal: largest closing error that counts as an orbit, or the rounding level of the most
         finely cut motion, if that is larger; `Orbit.residual` says which it was.
       rtol: tolerance of the integrations.
+      rough: descend on the closing error (optax, Adam) from the guess before Newton's method.
       max_iterations: Newton steps at most.
-      report: called with an `Iteration` after each step.
+      report: called with an `Iteration` after each step, those of the descent too.
       throw: raise if no orbit was found; with False look at `Orbit.outcome`.
     Returns:
       The orbit, or with ``throw=False`` the best iterate and the reason.
@@ -118,7 +121,10 @@ def find(
         conditions=problem.conditions,
         driven=problem.driven,
     )
-    orbit = _closed(problem, equations, angle, segments, effort)
+    if rough:
+        orbit = _closed_from_afar(problem, equations, angle, segments, effort)
+    else:
+        orbit = _closed(problem, equations, angle, segments, effort)
     if throw and not orbit.ok:
         raise SearchError(orbit.message)
     shift = np.abs(scene.system.difference(orbit.y0, problem.scene.y0)).max()
@@ -145,6 +151,38 @@ def _closed(
             break
         orbit = eqx.tree_at(lambda o: o.iterations, again, orbit.iterations + again.iterations)
     return orbit
+
+
+def _closed_from_afar(
+    problem: Problem, equations: Equations, angle: float, segments: int | None, effort: Effort
+) -> Orbit:
+    """The orbit near the point to which descent leads from the guess."""
+    guess = problem.guess
+    lower, upper = equations.bounds(problem.lower, problem.upper)
+    descent = descended(
+        equations,
+        equations.spread(guess[:-1], guess[-1], effort.rtol, angle=angle),
+        lower=lower,
+        upper=upper,
+        report=effort.report,
+    )
+    if not descent.near:
+        return orbit_at(
+            equations,
+            descent.x,
+            residual=descent.residual,
+            outcome=Outcome.DESCENT_ENDED,
+            iterations=0,
+            rtol=effort.rtol,
+        )
+    unknowns = equations.unpack(descent.x)
+    scene = problem.scene.starting(equations.start(descent.x), unknowns.period)
+    problem = dataclasses.replace(problem, scene=scene)
+    equations = dataclasses.replace(equations, scene=scene)
+    orbit = _closed(problem, equations, float(unknowns.angle), segments, effort)
+    if orbit.ok or descent.arrived:
+        return orbit
+    return dataclasses.replace(orbit, outcome=Outcome.DESCENT_ENDED)
 
 
 def _finer(

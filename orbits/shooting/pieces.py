@@ -33,19 +33,23 @@ def scene_of(scene: Scene, make: Make | None, parameter) -> Scene:
     return scene if make is None else make(parameter).starting(scene.y0, scene.t1)
 
 
-def end_of(scene: Scene, make: Make | None, piece: Piece, rtol) -> SolveResult:
+def end_of(
+    scene: Scene, make: Make | None, piece: Piece, rtol, max_steps: int = MAX_STEPS
+) -> SolveResult:
     """A segment's end, without the derivatives."""
     scene = scene_of(scene, make, piece.parameter).starting(piece.start)
-    how = {"t0": piece.t0, "rtol": rtol, "max_steps": MAX_STEPS}
+    how = {"t0": piece.t0, "rtol": rtol, "max_steps": max_steps}
     return advanced(scene, piece.span, piece.s, **how)
 
 
 @functools.partial(jax.jit, static_argnames="make")
-def linearised_end(scene: Scene, piece: Piece, rtol, *, make: Make | None):
+def linearised_end(
+    scene: Scene, piece: Piece, rtol, max_steps: int = MAX_STEPS, *, make: Make | None
+):
     """A segment's end (k,), its status, and the derivatives of the end by each field (a Piece)."""
 
     def end(at: Piece):
-        found = end_of(scene, make, at._replace(s=piece.s), rtol)
+        found = end_of(scene, make, at._replace(s=piece.s), rtol, max_steps)
         return found.y1, (found.y1, found.status)
 
     slopes, (y1, status) = jax.jacfwd(end, has_aux=True)(piece._replace(s=None))

@@ -1,0 +1,153 @@
+"""Descent on the closing error, from a rough guess to where Newton's method converges.
+
+Newton's method, however damped, stops at local minima of the closing error |F|, and from a rough
+guess it often ends at a trivial solution (a period of zero, a state of rest), which closes too.
+Here the error is measured against the path L = T |f(y0)| that the motion covers,
+
+    e(x) = |F(x)| (1 / L(x) + 1 / L(x_guess)),
+
+which does not vanish where nothing moves, nor gains by a longer period. It is minimised by Adam
+(optax), whose momentum passes through shallow minima, with the exact gradient J^T F, from the same
+variational equations as Newton's Jacobian J. Descent loses half of the digits, so it only leads to
+where Newton's method begins.
+
+In several segments descent reaches small errors more often, but mostly at motions whose segments do
+not join: it works in one.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array
+
+from jaxdyn.integrate.simulation import solve
+from orbits.shooting.equations import Equations
+from orbits.shooting.newton import Iteration
+
+_STEPS_MOST = 500
+#: Length of the first steps, in units of the size of each unknown.
+_RATE = 0.02
+#: Error at which the descent ends, since Newton's method converges from there almost always.
+_ARRIVED = 1e-3
+#: Error up to which Newton's method may converge; from beyond it mostly runs into collisions.
+_NEAR = 0.1
+#: Steps in which the least error must decrease by a factor, or the descent has stalled.
+_PATIENCE, _PROGRESS = 100, 0.9
+_RTOL = 1e-8
+_MAX_STEPS = 5000  # of one motion: more mean that it is close to a collision
+_SAMPLES = 64  # of the guessed motion, for the sizes of the entries of the state
+_SMALL = 0.01  # of the largest entry: the smallest size that an entry is given
+
+_ADAM = optax.adam(optax.cosine_decay_schedule(_RATE, _STEPS_MOST))
+
+
+@dataclasses.dataclass(frozen=True)
+class Descent:
+    """Where a descent ended.
+
+    Attributes:
+      x: (n,) unknowns with the smallest error.
+      residual: () largest entry of the closing error there.
+      near: whether the error is so small that Newton's method may converge.
+      arrived: whether it is so small that Newton's method converges almost always.
+    """
+
+    x: np.ndarray
+    residual: float
+    near: bool
+    arrived: bool
+
+
+def descended(
+    equations: Equations,
+    x: np.ndarray,
+    *,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    report: Callable[[Iteration], None],
+) -> Descent:
+    """The point to which descent on the closing error leads.
+
+    Args:
+      equations: what must close, in one segment, conditions included.
+      x: (n,) the guess.
+      lower: (n,) bounds of x.
+      upper: (n,) bounds of x.
+      report: called with each step.
+    """
+    sizes = _sizes(equations, x)
+    path, _ = _path(equations, x)
+    state = _ADAM.init(jnp.asarray(x))
+    best, best_residual, least, step = x, np.nan, np.inf, 0.0
+    mark, marked = np.inf, 0
+    for index in range(_STEPS_MOST):
+        found = equations(x, _RTOL, _MAX_STEPS)
+        residual, jacobian = np.asarray(found.residual), np.asarray(found.jacobian)
+        error, gradient = _error(equations, x, residual, jacobian, float(path))
+        if not (np.isfinite(error) and np.isfinite(gradient).all()):  # a collision: no way on
+            break
+        largest = float(np.abs(residual).max(initial=0.0))
+        report(Iteration(index=index, residual=largest, period=float(x[-1]), step=step))
+        if error < least:
+            best, best_residual, least = x, largest, error
+        if least < _PROGRESS * mark:
+            mark, marked = least, index
+        if error <= _ARRIVED or index - marked >= _PATIENCE:
+            break
+        moves, state = _adam_moves(jnp.asarray(gradient * sizes), state)
+        new = np.clip(x + np.asarray(moves) * sizes, lower, upper)
+        step, x = float(np.linalg.norm(new - x)), new
+    return Descent(
+        x=best,
+        residual=best_residual,
+        near=bool(least <= _NEAR),
+        arrived=bool(least <= _ARRIVED),
+    )
+
+
+def _error(
+    equations: Equations, x: np.ndarray, residual: np.ndarray, jacobian: np.ndarray, path: float
+) -> tuple[float, np.ndarray]:
+    """e(x) and its gradient (n,)."""
+    here, by_x = (np.asarray(z) for z in _path(equations, x))
+    norm = float(np.linalg.norm(residual))
+    per_path = 1 / float(here) + 1 / path
+    gradient = residual @ jacobian / max(norm, 1e-300) * per_path - norm * by_x / float(here) ** 2
+    return norm * per_path, gradient
+
+
+@jax.jit
+@jax.value_and_grad
+def _path_of_x(x: Array, equations: Equations) -> Array:
+    scene = equations.scene_at(equations.unpack(x).parameter)
+    rate = scene.rate(jnp.zeros(()), equations.start(x))
+    return x[-1] * jnp.linalg.norm(rate)
+
+
+def _path(equations: Equations, x: np.ndarray) -> tuple[Array, Array]:
+    """() path that would be covered at the rate of the start, and its gradient (n,)."""
+    return _path_of_x(jnp.asarray(x), equations)
+
+
+@jax.jit
+def _adam_moves(gradient: Array, state) -> tuple[Array, optax.OptState]:
+    moves, state = _ADAM.update(gradient, state)
+    return jnp.asarray(moves), state
+
+
+def _sizes(equations: Equations, x: np.ndarray) -> np.ndarray:
+    """(n,) the size of each unknown: that of its entry of the state along the guessed motion."""
+    unknowns = equations.unpack(x)
+    scene = equations.scene_at(unknowns.parameter).starting(equations.start(x))
+    part = float(unknowns.period) / equations.closing.parts
+    ys = np.asarray(solve(scene, part, ts=np.linspace(0.0, part, _SAMPLES), rtol=_RTOL).ys)
+    reached = ys[np.isfinite(ys).all(axis=1)]
+    size = np.abs(np.append(reached, np.asarray(scene.y0)[None], axis=0)).max(axis=0)
+    size = np.maximum(size, _SMALL * size.max())
+    size = np.where(size > 0, size, 1.0)
+    none = np.zeros((0, len(size)))
+    return equations.pack(size, none, angle=1.0, parameter=1.0, period=x[-1])
