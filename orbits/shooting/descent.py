@@ -35,7 +35,8 @@ _RATE = 0.02
 _ARRIVED = 1e-3
 #: Error up to which Newton's method may converge; from beyond it mostly runs into collisions.
 _NEAR = 0.1
-#: Steps in which the least error must decrease by a factor, or the descent has stalled.
+#: Steps in which the least error must decrease by a factor while it is not near; else the descent
+#: has stalled. Near an orbit it oscillates first, and the schedule of shorter steps ends that.
 _PATIENCE, _PROGRESS = 100, 0.9
 _RTOL = 1e-8
 _MAX_STEPS = 5000  # of one motion: more mean that it is close to a collision
@@ -96,7 +97,7 @@ def descended(
             best, best_residual, least = x, largest, error
         if least < _PROGRESS * mark:
             mark, marked = least, index
-        if error <= _ARRIVED or index - marked >= _PATIENCE:
+        if error <= _ARRIVED or (least > _NEAR and index - marked >= _PATIENCE):
             break
         moves, state = _adam_moves(jnp.asarray(gradient * sizes), state)
         new = np.clip(x + np.asarray(moves) * sizes, lower, upper)

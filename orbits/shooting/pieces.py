@@ -42,9 +42,9 @@ def end_of(
     return advanced(scene, piece.span, piece.s, **how)
 
 
-@functools.partial(jax.jit, static_argnames="make")
+@functools.partial(jax.jit, static_argnames=("make", "max_steps"))
 def linearised_end(
-    scene: Scene, piece: Piece, rtol, max_steps: int = MAX_STEPS, *, make: Make | None
+    scene: Scene, piece: Piece, rtol, *, max_steps: int = MAX_STEPS, make: Make | None
 ):
     """A segment's end (k,), its status, and the derivatives of the end by each field (a Piece)."""
 
