@@ -336,3 +336,18 @@ def test_a_driven_motion_needs_the_period_of_its_drive():
     # All motions have the drive's period here, as the free ones turn twice in it (k = 4).
     assert found.ok
     assert found.period == 2 * np.pi
+
+
+def test_a_rough_guess_is_led_to_an_orbit_by_descent():
+    # Newton's method alone shrinks this period to zero, where everything closes.
+    scene, start, period = scenes.pendulum(angle=2.0), [-2.3, 1.9], 6.0
+    steps = []
+    found = orbits.find(scene, start, period, rough=True, report=steps.append)
+    assert found.residual < 1e-12
+    assert len(steps) > found.iterations + 1
+    level = float(energy.energy(scene, jnp.zeros(()), found.y0))
+    exact = 4 / np.sqrt(9.81) * ellipk(0.5 * (1 + level / 9.81))
+    turns = found.period / exact
+    assert abs(turns - round(turns)) < 1e-9
+    held = orbits.find(scene, start, period, rough=True, hold="theta")
+    assert float(held.y0[0]) == pytest.approx(start[0], abs=1e-12)
