@@ -7,7 +7,8 @@ formulations of machines share: coordinates and the points that they place. `ext
 with further entries in its state. `routes` sets one machine up in several formulations.
 
 Equations of your own are `ode` (a rate; `jaxdyn.ode`) and the second half of `lagrange` (a
-Lagrangian; `jaxdyn.lagrangian`); `functions` checks the functions that both are given.
+Lagrangian; `jaxdyn.lagrangian`). `functions` checks the functions that both are given,
+`surroundings` the numbers around them.
 
 May import: `geometry`.
 
@@ -28,6 +29,7 @@ from jaxdyn.formulations import (
     prescribed,
     rigid,
     routes,
+    surroundings,
 )
 
 __all__ = [
@@ -43,4 +45,5 @@ __all__ = [
     "prescribed",
     "rigid",
     "routes",
+    "surroundings",
 ]

@@ -14,10 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-
-_PASS_AS_PARAMS = (
-    "Pass them as params: a function is compiled once, and what it takes from around it then stays."
-)
+from jaxdyn.formulations.surroundings import AGAIN
 
 
 def called(function: Callable, params: Any, *args: Array) -> Any:
@@ -41,20 +38,8 @@ def checked_function(name: str, function: Any, params: Any, *args: str) -> Calla
     try:
         hash(function)
     except TypeError as error:
-        raise _checks.fail(name, "a hashable function", repr(function), _PASS_AS_PARAMS) from error
-    closure = (getattr(function, "__closure__", None) or ()), getattr(function, "keywords", {})
-    around = [cell.cell_contents for cell in closure[0] if _filled(cell)], closure[1]
-    if _checks.is_traced(jax.tree.leaves(around)):
-        raise _checks.fail(name, "no traced values from around it", "some", _PASS_AS_PARAMS)
+        raise _checks.fail(name, "a hashable function", repr(function), AGAIN) from error
     return function
-
-
-def _filled(cell: Any) -> bool:
-    """Whether a variable of a closure has a value yet."""
-    try:
-        return cell.cell_contents is not None
-    except ValueError:
-        return False
 
 
 def name_of(function: Callable) -> str:

@@ -20,6 +20,11 @@ from jaxdyn.formulations.functions import (
     named,
     vector,
 )
+from jaxdyn.formulations.surroundings import (
+    Surroundings,
+    check_surroundings,
+    surroundings,
+)
 from jaxdyn.scene import Scene, System
 
 
@@ -32,6 +37,7 @@ class Ode(System):
       names: (name, unit) of each of the k entries.
       energy: (t, y, params) -> (), or None.
       conserved: names and functions of further integrals.
+      around: what the functions take from around them; see `surroundings`.
       second_order: whether the state is [q, v] with dq/dt = v and dv/dt independent of v.
     """
 
@@ -40,6 +46,7 @@ class Ode(System):
     names: tuple[tuple[str, str], ...] = eqx.field(static=True)
     energy: Callable | None = eqx.field(static=True, default=None)
     conserved: tuple[tuple[str, Callable], ...] = eqx.field(static=True, default=())
+    around: Surroundings = eqx.field(static=True, default=())
     second_order: bool = eqx.field(static=True, default=False)
 
     def labels(self):
@@ -62,6 +69,11 @@ class Ode(System):
     def check(self, t, y):
         del t, y
         finite_params(self.params)
+        check_surroundings("rate", self.around, *self._functions())
+
+    def _functions(self) -> tuple[Callable, ...]:
+        more = () if self.energy is None else (self.energy,)
+        return (self.function, *more, *(function for _, function in self.conserved))
 
 
 def ode(
@@ -98,7 +110,8 @@ def ode(
       ValueError: `rate`, `energy` or an integral is no such function or returns another shape;
         `y0`, `t1` or `params` are not finite numbers; `names` are not k different ones.
     Limits: a program is compiled for each function, so define them once, not as a lambda in a
-      loop; numbers that they take from around them are constants. Such a scene cannot be written
+      loop; numbers that they take from around them are constants, and the scene is refused once
+      they have changed. Such a scene cannot be written
       to a file, since a function cannot.
     Example:
       >>> import jax.numpy as jnp, jaxdyn
@@ -119,17 +132,18 @@ def ode(
     """
     y0, t1 = _checks.array("y0", y0, (None,)), _checks.array("t1", t1, ())
     params = checked_params(params)
-    functions = {"rate": rate, **({} if energy is None else {"energy": energy})}
     extra = _checked_integrals(integrals)
-    for name, function in (*functions.items(), *((f"integrals {k!r}", f) for k, f in extra)):
+    functions = {"rate": rate} | ({} if energy is None else {"energy": energy})
+    functions |= {f"integrals {key!r}": function for key, function in extra}
+    for name, function in functions.items():
         checked_function(name, function, params, "t", "y")
-    labels = named(names, "y", len(y0))
     system = Ode(
         function=rate,
         params=params,
-        names=labels,
+        names=named(names, "y", len(y0)),
         energy=energy,
         conserved=extra,
+        around=surroundings("rate", *functions.values()),
         second_order=bool(second_order),
     )
     t, each = jnp.zeros(()), "One for each entry of y0."

@@ -186,6 +186,15 @@ def test_names_and_units():
     assert scene.labels() == tuple((name, "1") for name in names)
 
 
+def test_numbers_from_around_a_lagrangian_are_not_stale():
+    mass = np.array(2.0)
+    scene = jaxdyn.lagrangian(lambda t, q, v: 0.5 * mass * v[0] ** 2, [0.0], [1.0])
+    scene.check()
+    mass[()] = 3.0
+    with pytest.raises(ValueError, match="^L: .* another value of 'mass'. Make the scene again"):
+        scene.check()
+
+
 def lowered(t, q, v):
     return -jnp.sum(v * v)
 
