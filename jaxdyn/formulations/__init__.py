@@ -8,7 +8,7 @@ with further entries in its state. `routes` sets one machine up in several formu
 
 Equations of your own are `ode` (a rate; `jaxdyn.ode`) and the second half of `lagrange` (a
 Lagrangian; `jaxdyn.lagrangian`). `functions` checks the functions that both are given,
-`surroundings` the numbers around them.
+`captured` remembers the numbers that these take from globals and closures.
 
 May import: `geometry`.
 
@@ -18,6 +18,7 @@ can be set up in it, a row of `_FREE` in `routes` offers it to all machines.
 
 from jaxdyn.formulations import (
     attitude,
+    captured,
     constrained,
     extended,
     functions,
@@ -29,11 +30,11 @@ from jaxdyn.formulations import (
     prescribed,
     rigid,
     routes,
-    surroundings,
 )
 
 __all__ = [
     "attitude",
+    "captured",
     "constrained",
     "extended",
     "functions",
@@ -45,5 +46,4 @@ __all__ = [
     "prescribed",
     "rigid",
     "routes",
-    "surroundings",
 ]

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.formulations.surroundings import AGAIN
+from jaxdyn.formulations.captured import PASS_AS_PARAMS
 
 
 def called(function: Callable, params: Any, *args: Array) -> Any:
@@ -38,7 +38,7 @@ def checked_function(name: str, function: Any, params: Any, *args: str) -> Calla
     try:
         hash(function)
     except TypeError as error:
-        raise _checks.fail(name, "a hashable function", repr(function), AGAIN) from error
+        raise _checks.fail(name, "a hashable function", repr(function), PASS_AS_PARAMS) from error
     return function
 
 

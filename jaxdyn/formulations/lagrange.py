@@ -24,6 +24,11 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _shapes
 from jaxdyn._numerics import solve_spd
+from jaxdyn.formulations.captured import (
+    Captured,
+    captured,
+    check_captured,
+)
 from jaxdyn.formulations.functions import (
     called,
     checked_function,
@@ -39,11 +44,6 @@ from jaxdyn.formulations.mechanism import (
     positions_and_velocities,
     pulled_back,
     with_rates,
-)
-from jaxdyn.formulations.surroundings import (
-    Surroundings,
-    check_surroundings,
-    surroundings,
 )
 from jaxdyn.scene import Effect, Scene, System
 from jaxdyn.system import potential_energy
@@ -103,13 +103,13 @@ class Lagrangian(System):
         where they are None.
       params: a pytree of numbers, or None.
       names: (name, unit) of each of the n coordinates.
-      around: see `Ode`.
+      captured: see `Ode`.
     """
 
     functions: tuple[Callable, ...] = eqx.field(static=True)
     params: Any
     names: tuple[tuple[str, str], ...] = eqx.field(static=True)
-    around: Surroundings = eqx.field(static=True, default=())
+    captured: Captured = eqx.field(static=True, default=())
 
     @property
     def obeys(self):
@@ -145,7 +145,7 @@ class Lagrangian(System):
 
     def check(self, t, y):
         finite_params(self.params)
-        check_surroundings("L", self.around, *self.functions)
+        check_captured("L", self.captured, *self.functions)
         values = np.linalg.eigvalsh(_mass(self, t, y))
         if not values[0] > _SINGULAR * values[-1]:
             raise _checks.fail(
@@ -213,8 +213,8 @@ def lagrangian(
         values = (t, q0, v0)[: len(args)]
         of = eqx.Partial(called, function, params)
         _shapes.check_value(name, (), one, of, *values)
-    around = surroundings("L", *functions)
-    system = Lagrangian(functions, params, named(names, "q", len(q0)), around)
+    numbers = captured("L", *functions)
+    system = Lagrangian(functions, params, named(names, "q", len(q0)), numbers)
     name = name_of(functions[0]) if len(functions) == 1 else ""
     return Scene(system, y0=jnp.concatenate([q0, v0]), t1=t1, name=name)
 

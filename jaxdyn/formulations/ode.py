@@ -11,6 +11,11 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxdyn import _checks, _shapes
+from jaxdyn.formulations.captured import (
+    Captured,
+    captured,
+    check_captured,
+)
 from jaxdyn.formulations.functions import (
     called,
     checked_function,
@@ -19,11 +24,6 @@ from jaxdyn.formulations.functions import (
     name_of,
     named,
     vector,
-)
-from jaxdyn.formulations.surroundings import (
-    Surroundings,
-    check_surroundings,
-    surroundings,
 )
 from jaxdyn.scene import Scene, System
 
@@ -37,7 +37,7 @@ class Ode(System):
       names: (name, unit) of each of the k entries.
       energy: (t, y, params) -> (), or None.
       conserved: names and functions of further integrals.
-      around: what the functions take from around them; see `surroundings`.
+      captured: the values that the functions capture; see `captured.captured`.
       second_order: whether the state is [q, v] with dq/dt = v and dv/dt independent of v.
     """
 
@@ -46,7 +46,7 @@ class Ode(System):
     names: tuple[tuple[str, str], ...] = eqx.field(static=True)
     energy: Callable | None = eqx.field(static=True, default=None)
     conserved: tuple[tuple[str, Callable], ...] = eqx.field(static=True, default=())
-    around: Surroundings = eqx.field(static=True, default=())
+    captured: Captured = eqx.field(static=True, default=())
     second_order: bool = eqx.field(static=True, default=False)
 
     def labels(self):
@@ -69,7 +69,7 @@ class Ode(System):
     def check(self, t, y):
         del t, y
         finite_params(self.params)
-        check_surroundings("rate", self.around, *self._functions())
+        check_captured("rate", self.captured, *self._functions())
 
     def _functions(self) -> tuple[Callable, ...]:
         more = () if self.energy is None else (self.energy,)
@@ -110,7 +110,7 @@ def ode(
       ValueError: `rate`, `energy` or an integral is no such function or returns another shape;
         `y0`, `t1` or `params` are not finite numbers; `names` are not k different ones.
     Limits: a program is compiled for each function, so define them once, not as a lambda in a
-      loop; numbers that they take from around them are constants, and the scene is refused once
+      loop; numbers that they capture are constants, and the scene is refused once
       they have changed. Such a scene cannot be written
       to a file, since a function cannot.
     Example:
@@ -143,7 +143,7 @@ def ode(
         names=named(names, "y", len(y0)),
         energy=energy,
         conserved=extra,
-        around=surroundings("rate", *functions.values()),
+        captured=captured("rate", *functions.values()),
         second_order=bool(second_order),
     )
     t, each = jnp.zeros(()), "One for each entry of y0."

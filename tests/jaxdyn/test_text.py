@@ -120,10 +120,15 @@ def test_a_chain_is_shown_by_its_phases():
     leg = Phase(scenes.cannonball(angle=1.0), (Exit(Reaches(1, 0.0, -1), END),))
     chain = simulate_phases({"fly": leg}, "fly", leg.scene.y0, 9.0, samples=3)
     head, fly, status, *end = lines(chain)
-    assert (head, fly) == ("HybridTrajectory of 1 phase", f"  fly     0 to {20 * np.sin(1.0) / 9.81:.6g} s")
+    assert (head, fly) == (
+        "HybridTrajectory of 1 phase",
+        f"  fly     0 to {20 * np.sin(1.0) / 9.81:.6g} s",
+    )
     assert status == "  status  OK: Phase fly led to the end."
     assert "".join(end).startswith(f"  end     x = {200 * np.sin(1) * np.cos(1) / 9.81:.6g} m, y")
-    many = HybridTrajectory(chain.names * 20, chain.pieces * 20, chain.t, chain.y, True, chain.status, ())
+    many = HybridTrajectory(
+        chain.names * 20, chain.pieces * 20, chain.t, chain.y, True, chain.status, ()
+    )
     # Its path is empty, so that nothing can be said of its end; it is shown all the same.
     assert "HybridTrajectory" in repr(many)
     shown = lines(dataclasses.replace(many, path=chain.path))

@@ -304,7 +304,10 @@ MISUSE = [
         r"integrals: expected numbers or vectors, got shape \(2, 2\) of 'a'",
     ),
     (lambda: ode(plain, [1.0, 2.0], second_order=True), r"^Ode: expected a state \[q, v\] with dq"),
-    (lambda: jax.grad(_in_closure)(1.0), "^rate: expected no traced values from around it.*params"),
+    (
+        lambda: jax.grad(_in_closure)(1.0),
+        "^rate: expected no captured values that are traced.*params",
+    ),
     (
         lambda: simulate(FADING + jaxdyn.effects.UniformGravity()),
         "^UniformGravity: expected what moves a Ode: no effects at all, got forces on points",

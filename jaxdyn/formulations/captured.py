@@ -1,12 +1,11 @@
-"""Numbers that a function takes from around it: global variables, and those of a closure.
+"""Values that a function captures: global variables it reads, and the variables of its closure.
 
-In a compiled program they are constants. If one changes afterwards, as in a notebook, the program
-that was compiled for the function goes on with the old one and its results are wrong without a
-word. So a scene remembers them: one that is made again is compiled again, one that is used again is
-refused.
+In a compiled program they are constants. If one changes afterwards, as in a notebook, a program
+compiled before would silently go on with the old value. So a scene remembers a digest of what its
+functions captured: a scene that is made again is compiled again, an old one is refused.
 
-What is looked at are numbers, arrays and tuples or modules of them, those of functions of the same
-module that it calls too; not lists and dictionaries, in which a function may also count.
+Numbers, arrays and pytrees of them are remembered, also those of functions of the same module that
+the function calls. Lists and dictionaries are not: a function may count in them.
 """
 
 import dis
@@ -24,15 +23,15 @@ from jaxtyping import Array
 from jaxdyn import _checks
 
 #: Names of numbers and digests of their values.
-Surroundings = tuple[tuple[str, bytes], ...]
-AGAIN = (
-    "Pass them as params: a function is compiled once, and what it takes from around it then stays."
+Captured = tuple[tuple[str, bytes], ...]
+PASS_AS_PARAMS = (
+    "Pass them as params: a function is compiled once, with the values it captured then."
 )
 _NUMBERS = bool | int | float | complex | np.ndarray | np.number | Array
 
 
-def surroundings(name: str, *functions: Callable) -> Surroundings:
-    """The numbers that functions take from around them, hashable: a static part of a scene.
+def captured(name: str, *functions: Callable) -> Captured:
+    """Digests of the numbers that functions capture, hashable: a static part of a scene.
 
     Args:
       name: what messages call the functions.
@@ -53,23 +52,26 @@ def surroundings(name: str, *functions: Callable) -> Surroundings:
             elif isinstance(value, list | dict):
                 continue
             elif _checks.is_traced(value):
-                raise _checks.fail(name, "no traced values from around it", repr(key), AGAIN)
+                raise _checks.fail(
+                    name, "no captured values that are traced", repr(key), PASS_AS_PARAMS
+                )
             elif numbers := [x for x in jax.tree.leaves(value) if isinstance(x, _NUMBERS)]:
-                found[key] = _digest(numbers)
+                # Two functions may capture different values under one name.
+                found[key] = found.get(key, b"") + _digest(numbers)
     return tuple(sorted(found.items()))
 
 
-def check_surroundings(name: str, then: Surroundings, *functions: Callable) -> None:
-    """Raise ValueError if a number around the functions is not what it was then."""
-    changed = {repr(key) for key, _ in set(then) ^ set(surroundings(name, *functions))}
+def check_captured(name: str, then: Captured, *functions: Callable) -> None:
+    """Raise ValueError if a captured number is not what it was then."""
+    changed = {repr(key) for key, _ in set(then) ^ set(captured(name, *functions))}
     if changed:
         got = f"another value of {', '.join(sorted(changed))}"
         remedy = "Make the scene again, or pass what changes as params."
-        raise _checks.fail(name, "the numbers around it as they were", got, remedy)
+        raise _checks.fail(name, "captured numbers that have not changed", got, remedy)
 
 
 def _read_by(function: Any) -> dict[str, Any]:
-    """What a function reads that it is not given, by name."""
+    """What a function reads besides its arguments, by name."""
     if isinstance(function, functools.partial):
         given = {str(i): x for i, x in enumerate(function.args)} | function.keywords
         return {"the function inside": function.func, **given}
@@ -90,7 +92,7 @@ def _read_by(function: Any) -> dict[str, Any]:
 
 @functools.cache
 def _read(code: types.CodeType) -> frozenset[str]:
-    """Names from around a program that it reads and does not set, as a counter would be."""
+    """Names of outer variables that a function reads and does not set, as it would a counter."""
     lines = [(line.opname, line.argval) for line in dis.get_instructions(code)]
     read = {name for op, name in lines if op in ("LOAD_GLOBAL", "LOAD_DEREF")}
     kept = {name for op, name in lines if op in ("STORE_GLOBAL", "STORE_DEREF")}
@@ -107,7 +109,7 @@ def _full(cell: types.CellType) -> bool:
 
 
 def _digest(numbers: list) -> bytes:
-    """16 bytes that other numbers do not have."""
+    """16 bytes that differ for other numbers."""
     digest = hashlib.blake2b(digest_size=16)
     for x in map(np.asarray, numbers):
         digest.update(f"{x.shape}{x.dtype}".encode() + x.tobytes())
