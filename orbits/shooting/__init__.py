@@ -1,7 +1,8 @@
 """How the closing equations are solved: Newton's method, segments, logarithmic time.
 
 `finding` has `orbits.find`; `equations` has the residual and its Jacobian, of the segments that
-`pieces` integrates; `newton` is the method and `outcomes` says how it ended; `cuts` divides a
+`pieces` integrates; `descent` leads a rough guess to where Newton's method converges; `newton` is
+the method and `outcomes` says how it ended; `cuts` divides a
 period into segments; `retimed` handles starts that need only another period; `trivial` finds the
 directions in which multipliers must be 1.
 

@@ -217,7 +217,7 @@ class Lopsided(Effect):
     """A uniform field that pulls unequally, so that a symmetric body feels it too."""
 
     def potential(self, t, r, m):
-        return jnp.sum(r * (1.0 + jnp.arange(r.size)).reshape(r.shape))
+        return jnp.sum(r * (1.0 + jnp.arange(r.size, dtype=float)).reshape(r.shape))
 
 
 class Torque(Effect):
@@ -253,7 +253,7 @@ def test_an_effect_changes_the_motion_or_is_refused(name):
     if name == "two_skates":
         systems.append(skates.by_lagrange(scene).system)
     # Not at rest, or a drag does nothing; a state that obeys the ties is not asked for.
-    y = scene.y0 + 0.1 * (1 + jnp.arange(len(scene.y0)) % 3)
+    y = scene.y0 + 0.1 * (1.0 + np.arange(len(scene.y0)) % 3)
     for system in systems:
         bare = Scene(system, scene.effects, y0=y)
         for load in LOADS:
