@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 
@@ -27,7 +26,7 @@ def safe_sqrt(x: Array) -> Array:
     return jnp.where(zero, 0.0, jnp.sqrt(jnp.where(zero, 1.0, x)))
 
 
-def square_norm(x: Float[Array | np.ndarray, "*b d"]) -> Float[Array | np.ndarray, "*b"]:
+def square_norm(x: Float[Array, "*b d"]) -> Float[Array, "*b"]:
     """Sum of squares over the last axis, written out: a `dot` call costs more than 2-3 products."""
     total = x[..., 0] * x[..., 0]
     for i in range(1, x.shape[-1]):
@@ -35,7 +34,7 @@ def square_norm(x: Float[Array | np.ndarray, "*b d"]) -> Float[Array | np.ndarra
     return total
 
 
-def safe_norm(x: Float[Array | np.ndarray, "*b d"]) -> Float[Array | np.ndarray, "*b"]:
+def safe_norm(x: Float[Array, "*b d"]) -> Float[Array, "*b"]:
     """Euclidean length over the last axis with gradient 0, not NaN, at the origin."""
     return safe_sqrt(square_norm(x))
 

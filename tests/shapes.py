@@ -1,24 +1,45 @@
 """Checks the shapes that annotations name, such as Float[Array, "n d"], whenever the tests call.
 
 `conftest` installs it by jaxtyping's import hook. Annotations without a shape are left to pyright:
-many tests give arguments of a wrong type on purpose, to read the message.
+many tests give arguments of a wrong type on purpose, to read the message. NumPy arrays pass where
+the shape is right, as they do in the library.
 """
 
+import functools
+import operator
 from collections.abc import Callable
-from typing import Any, get_args
+from types import UnionType
+from typing import Any, Union, get_args, get_origin
 
+import numpy as np
 from beartype import beartype
-from jaxtyping import AbstractArray
+from jaxtyping import AbstractArray, Array
 
 
 def checked(function: Callable) -> Callable:
     """The function, checking the arguments and results whose annotations name a shape."""
     hints = getattr(function, "__annotations__", {})
-    function.__annotations__ = {name: hint for name, hint in hints.items() if _has_shape(hint)}
-    return beartype(function) if function.__annotations__ else function
+    hints = {name: _with_numpy(hint) for name, hint in hints.items() if _has_shape(hint)}
+    function.__annotations__ = hints
+    return beartype(function) if hints else function
 
 
 def _has_shape(hint: Any) -> bool:
-    if isinstance(hint, type) and issubclass(hint, AbstractArray):
-        return True
-    return any(map(_has_shape, get_args(hint)))
+    return _is_array(hint) or any(map(_has_shape, get_args(hint)))
+
+
+def _is_array(hint: Any) -> bool:
+    return isinstance(hint, type) and issubclass(hint, AbstractArray)
+
+
+def _with_numpy(hint: Any) -> Any:
+    """The annotation with NumPy arrays allowed wherever JAX arrays of the same shape are."""
+    if _is_array(hint):
+        return (
+            hint.dtype[Array | np.ndarray | np.generic, hint.dim_str]
+            if hint.array_type is Array
+            else hint
+        )
+    if get_origin(hint) in (Union, UnionType):
+        return functools.reduce(operator.or_, map(_with_numpy, get_args(hint)))
+    return hint

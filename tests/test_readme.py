@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import jaxdyn
+from orbits.targets import aim
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -35,12 +36,18 @@ def output(tmp_path_factory):
 
 def test_the_orbits_of_the_readme_are_what_it_says(output):
     text, _ = output
-    neighbour, eight = text.strip().splitlines()
-    assert "choreography=False" in neighbour
-    assert neighbour.endswith("unstable")
-    assert "choreography=True" in eight
-    assert "9.23768125072" in eight
+    _, neighbour, eight = re.split(r"^Identity$", text, flags=re.MULTILINE)
+    assert re.search(r"choreography +False", neighbour)
+    assert neighbour.strip().endswith("unstable")
+    assert re.search(r"choreography +True", eight)
+    assert re.search(r"scale_free +9\.23768$", eight, re.MULTILINE)
     assert "0.0084227247" in eight
+
+
+def test_adam_of_the_readme_finds_the_longest_range(output):
+    farthest = aim.farthest(jaxdyn.scenes.cannonball(drag=0.01), [50.0])
+    angle, reached = farthest.angle[0], farthest.x[0]
+    assert f"{angle:.6f} rad, {reached:.6f} m" in output[0]
 
 
 def test_the_picture_of_the_readme_is_drawn(output):

@@ -136,7 +136,8 @@ def _path(equations: Equations, x: np.ndarray) -> tuple[Array, Array]:
 
 @jax.jit
 def _adam_moves(gradient: Array, state) -> tuple[Array, optax.OptState]:
-    moves, state = _ADAM.update(gradient, state)
+    with jax.numpy_dtype_promotion("standard"):  # optax multiplies floats by an integer count
+        moves, state = _ADAM.update(gradient, state)
     return jnp.asarray(moves), state
 
 

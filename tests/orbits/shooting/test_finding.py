@@ -184,6 +184,7 @@ ENDS = {
     Outcome.BOUND: (van_der_pol(), {"lower": [1.9, -0.1, 6.0], "upper": [2.1, 0.2, 6.2]}),
     # Ten million radians, where a step takes about one.
     Outcome.STEP_LIMIT: (spring(k=1e12, t1=10.0), {}),
+    Outcome.DESCENT_ENDED: (jaxdyn.ode(never, [0.3]), {**ONE_SECOND, "rough": True}),
 }
 
 
@@ -220,6 +221,7 @@ def test_messages_say_what_to_do():
         Outcome.BOUND: "Widen them",
         Outcome.STEP_LIMIT: "simulate()",
         Outcome.BOUND_PASSED: "Start elsewhere",
+        Outcome.DESCENT_ENDED: "Start elsewhere",
     }
     assert words.keys() == set(Outcome)
     for outcome, word in words.items():
