@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn.integrate import ladder
+from jaxdyn.integrate.gaps import gaps
 from jaxdyn.integrate.ladder import FINEST, RATIO
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.simulation import RTOL
@@ -132,9 +132,9 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
     finer = max(rtol * RATIO, FINEST)
     other = changed(start, _LAST_DIGIT, np.random.default_rng(_SEED))
     ends = [_same(motion, again(begin, finer)) for begin in (start, other)]
-    gaps = ladder.gaps(scene, np.stack([y, y, ends[1]]), np.stack([*ends, ends[0]]))
+    apart = gaps(scene, np.stack([y, y, ends[1]]), np.stack([*ends, ends[0]]))
     least = 0.5 * np.finfo(float).eps * np.abs(y)  # of writing a result down
-    sizes = np.abs(gaps)
+    sizes = np.abs(apart)
     rounding = np.maximum(sizes[2], least)
     error, scale = np.max(sizes, axis=0), _scales(motion, y)
     return EndError(y=y, error=error, rounding=rounding, scale=scale)
@@ -147,7 +147,7 @@ def _scales(motion: Motion, y: np.ndarray) -> np.ndarray:
     # Coordinates may have been exchanged on the way.
     alike = [piece for piece in pieces if piece.scene.system.labels() == labels]
     ys = np.concatenate([y[None], *(np.asarray(piece.ys) for piece in alike)])
-    sizes = np.abs(ladder.gaps(pieces[-1].scene, ys, np.zeros_like(ys))).max(axis=0)
+    sizes = np.abs(gaps(pieces[-1].scene, ys, np.zeros_like(ys))).max(axis=0)
     units = [unit for _, unit in labels]
     largest = {"rad": 1.0}
     for unit, size in zip(units, sizes.tolist(), strict=True):

@@ -10,8 +10,8 @@ Four ways that share little, each giving an `Estimate` with what it rests on:
 - `by_halving`: equal steps, their halves and quarters, with the order that these show.
 
 None knows what the equations leave out. All include what rounding does to the motion, see
-`ladder.rounding`; held to exact solutions, the first two are within a factor of 5 of the true
-error in 95 of 100 cases and more (tests/test_accuracy.py).
+`rounding_error.rounding`; held to exact solutions, the first two are within a factor of 5 of the
+true error in 95 of 100 cases and more (tests/jaxdyn/accuracy/test_estimates.py).
 """
 
 from typing import NamedTuple
@@ -24,6 +24,8 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.accuracy.convergence import fixed_steps
 from jaxdyn.integrate import ladder
+from jaxdyn.integrate.gaps import gaps, scales
+from jaxdyn.integrate.rounding_error import Run
 from jaxdyn.integrate.simulation import simulate, solve
 from jaxdyn.integrate.spans import RTOL, SolverOptions, span
 from jaxdyn.integrate.trajectory import Estimate
@@ -147,7 +149,7 @@ def by_tangents(
     fine = max(rtol * ladder.RATIO, ladder.FINEST)
     method = chosen_method(scene, solver)
     ends, tangents = _pieces(scene, starts_at, starts, ts, np.asarray(fine), solver=method)
-    local = ladder.gaps(scene, ys, np.asarray(ends))
+    local = gaps(scene, ys, np.asarray(ends))
     carried = np.zeros((ys.shape[1], 0))
     errors = []
     for step, missed in zip(np.asarray(tangents), local, strict=True):
@@ -158,7 +160,7 @@ def by_tangents(
         ys=ys,
         error=np.stack(errors),
         rounding=np.full_like(ys, np.nan),
-        scale=ladder.scales(scene, ys),
+        scale=scales(scene, ys),
         fineness=np.array([rtol, fine]),
         kind="local errors and the tangent map",
         solver=method.name,
@@ -214,9 +216,7 @@ class _Ends(NamedTuple):
     ys: Array
 
 
-def _runner(
-    scene: Scene, t1, t0, samples, options: SolverOptions, *, dt=None
-) -> tuple[ladder.Run, Array]:
+def _runner(scene: Scene, t1, t0, samples, options: SolverOptions, *, dt=None) -> tuple[Run, Array]:
     """What `ladder` runs, and at what times; what `simulate` refuses is refused."""
     ts = simulate(scene, t1, t0=t0, samples=samples, dt=dt, **options._asdict()).ts
     t0, end = span(scene, t1, t0)

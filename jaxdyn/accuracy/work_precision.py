@@ -21,8 +21,8 @@ from jaxdyn._progress import doing, each
 from jaxdyn.accuracy.timing import Times, at_error, interleaved
 from jaxdyn.analysis import energy
 from jaxdyn.formulations.constrained import Constrained
-from jaxdyn.integrate import ladder
 from jaxdyn.integrate.events import Event, until
+from jaxdyn.integrate.gaps import scales
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import span
 from jaxdyn.scene import Scene
@@ -311,7 +311,7 @@ def _reference(scene, t1, quantity: Quantity, solvers) -> tuple:
     found = [_finest(_program(scene, t1, solver, quantity.of)) for solver in pair]
     value = found[0]
     if quantity is END:
-        scale = ladder.scales(scene, np.stack([np.asarray(scene.y0), value]))
+        scale = scales(scene, np.stack([np.asarray(scene.y0), value]))
     else:
         scale = np.max(np.abs(value)) or 1.0
     apart = float(np.max(np.abs(value - found[1]) / scale))

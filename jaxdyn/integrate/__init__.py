@@ -2,15 +2,16 @@
 
 `simulation` has `jaxdyn.simulate` and `jaxdyn.solve`, `trajectory` is what they return, `spans`
 checks what they are asked for. `flow` is the compiled solve with its derivatives in forward mode,
-`adjoint` those in reverse mode, `fixed` the solve with the parameters as constants, `step_control`
-the step size, `ladder` the error estimate from several runs. Events: `events` (the calls),
-`crossings` (within a step; `stretches` decides where one is possible), `event_values`, `polish` (to
-the last digit). Motions with corners: `phases` (the calls), `phase` (one phase).
+`variational` the tangents that it carries along, `adjoint` derivatives in reverse mode, `fixed` the
+solve with the parameters as constants, `step_control` the step size. `ladder` estimates the error
+from several runs, with the differences of `gaps` and the rounding that `rounding_error` finds.
+Events: `events` (the calls) and the folder `event_search` (where in a step they are). Motions with
+corners: `phases` (the calls), `phase` (one phase).
 
 May import: `solvers`. A scene is seen only as its rate, its projection and its labels.
 
-One more kind of result is one more file beside `events`, which uses `flow` or `crossings` and the
-settings of `spans`; if users call it, one line below.
+One more kind of result is one more file beside `events`, which uses `flow` or `event_search` and
+the settings of `spans`; if users call it, one line below.
 """
 
 from jaxdyn.integrate import events, phases

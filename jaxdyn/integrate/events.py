@@ -1,6 +1,6 @@
 """When something happens: the first time a function of the state crosses zero.
 
-`until` follows a motion to the first of several events; `crossings` does the search.
+`until` follows a motion to the first of several events; the folder `event_search` finds when.
 Derivatives, of any order, do not see the search: they follow the implicit function theorem,
 dt = -dg / (dg/dt), dy = (dy)_t + f dt.
 """
@@ -19,8 +19,8 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import in_one_kernel
-from jaxdyn.integrate.crossings import first_crossing
-from jaxdyn.integrate.event_values import coincident, values
+from jaxdyn.integrate.event_search.crossings import first_crossing
+from jaxdyn.integrate.event_search.event_values import coincident, values
 from jaxdyn.integrate.flow import Settings, flow
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
 from jaxdyn.scene import Scene

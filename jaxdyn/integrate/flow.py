@@ -4,11 +4,7 @@
 any number of times, in forward and reverse mode, under jit and vmap, in the start, the times
 and every number of the scene. Its derivative is not taken through the stepping loop (that
 would differentiate the choice of steps, compile slowly, and allow only one mode) but by the
-variational equations
-
-    d/dt V = (df/dy) V + (df/dp) P,
-
-one column of V for each number that is perturbed, integrated beside the state with V in the
+variational equations (`Variational`), integrated beside the state with the tangents in the
 error norm. The result is a matrix; forward and reverse mode both multiply by it. So a gradient
 costs about as much as a Jacobian: right for the tens of numbers a mechanics scene has, not for
 thousands (a neural force).
@@ -22,12 +18,12 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from jaxdyn import _text
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.integrate.step_control import FixedSteps, Limits, StepControl, Watch, steps_of
+from jaxdyn.integrate.variational import Variational, tangent_columns
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.stepper import Stepper, is_stiff
 from jaxdyn.status import Status
@@ -71,42 +67,6 @@ class SolveResult(eqx.Module):
     stiff: Array
 
     __repr__ = _text.fields
-
-
-class Variational(eqx.Module):
-    """A vector field with tangents: columns 1.. of the state are carried along with column 0.
-
-    Attributes:
-      field: anything with ``rate(t, y)``.
-      directions: tangents of the field's numbers, a tree like `field` with a last axis of one
-        entry a column, None where a number is not perturbed.
-    """
-
-    field: eqx.Module
-    directions: eqx.Module
-
-    def rate(self, t: Array, y: Float[Array, "k columns"]) -> Float[Array, "k columns"]:
-        """Rates of the state and of its tangents."""
-        moving, fixed = _split_like(self.field, self.directions)
-        f, jvp = jax.linearize(lambda p, x: eqx.combine(p, fixed).rate(t, x), moving, y[..., 0])
-        # Lanes last: one column a lane, contiguous in memory.
-        tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
-        return jnp.concatenate([f[..., None], tangents], axis=-1)
-
-    def undetermined(self, t: Array, y: Float[Array, "k columns"]) -> Array | None:
-        """Whether () the constraints leave the motion of the state open."""
-        return self.field.undetermined(t, y[..., 0])
-
-    def project(self, t: Array, y: Float[Array, "k columns"]) -> Float[Array, "k columns"]:
-        """The state on its constraints, and its tangents along them."""
-        moving, fixed = _split_like(self.field, self.directions)
-
-        def onto(p, x):
-            return eqx.combine(p, fixed).project(t, x)
-
-        x, jvp = jax.linearize(onto, moving, y[..., 0])
-        tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
-        return jnp.concatenate([x[..., None], tangents], axis=-1)
 
 
 @eqx.filter_custom_jvp
@@ -199,7 +159,7 @@ def _flow_jvp(primals, tangents, *, settings):
     field, y0, t0, t1, ts, limits = primals
     d_field, d_y0, d_t0, d_t1, d_ts, _ = tangents
     f0 = field.rate(t0, y0)
-    columns, directions, multiply = _columns(field, y0, f0, d_field, d_y0, d_t0)
+    columns, directions, multiply = tangent_columns(field, y0, f0, d_field, d_y0, d_t0)
     if columns.shape[-1]:
         start = jnp.concatenate([y0[..., None], columns], axis=-1)
         settings = settings._replace(method=settings.method.for_tangents)
@@ -274,44 +234,3 @@ def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, method: Method, 
         lambda i, ys: put(ys, step(jax.tree.map(lambda x: x[i], nodes)), i, 0),
         jnp.full_like(node_y, jnp.nan),
     )
-
-
-def _split_like(tree, like):
-    """tree in two: the leaves where `like` has one, and the rest."""
-    present = jax.tree.map(lambda x: x is not None, like, is_leaf=lambda x: x is None)
-    return eqx.partition(tree, present)
-
-
-def _columns(field, y0: Array, f0: Array, d_field, d_y0, d_t0):
-    """One column for each perturbed number: its start, its direction, and how to sum up.
-
-    Returns:
-      (*y0.shape, c) tangents of the state at t0; the directions of the field's numbers as a
-      tree like `field` with a last axis c; and the linear map from the columns at a later
-      time to the tangent there.
-    """
-    leaves, tree = jax.tree.flatten(d_field)
-    sizes = [leaf.size for leaf in leaves]
-    state = 0 if d_y0 is None else y0.size
-    start = 0 if d_t0 is None else 1
-    c = state + start + sum(sizes)
-
-    weights = [] if d_y0 is None else [d_y0.ravel()]
-    weights += [] if d_t0 is None else [d_t0.ravel()]
-    weights += [leaf.ravel() for leaf in leaves]
-
-    parts = [jnp.eye(y0.size, state).reshape(*y0.shape, state)]
-    # Starting later by dt is the same motion shifted: dy = -f dt at the old start.
-    parts += [-f0[..., None]] * start
-    parts += [jnp.zeros((*y0.shape, sum(sizes)))]
-
-    ends = state + start + np.cumsum([0, *sizes])
-    directions = [
-        jnp.eye(leaf.size, c, k=int(at)).reshape(*leaf.shape, c)
-        for leaf, at in zip(leaves, ends, strict=False)
-    ]
-
-    def multiply(v: Array) -> Array:
-        return v @ jnp.concatenate(weights)
-
-    return jnp.concatenate(parts, axis=-1), jax.tree.unflatten(tree, directions), multiply

@@ -3,10 +3,7 @@
 A solution at a tolerance differs from one at a thousandth of it by its own error, but for a
 thousandth. That is the whole estimate while the finer one is finer. Below that rounding rules, of
 which two solutions may have the same share, so that their difference hides it. Its size is
-measured apart: the motion is solved again with every step off a little, in the ninth digit, at
-random (see `rounding`). What the states change by, scaled to half of the last digit, is what
-rounding does, however it adds up on the way: on an orbit like the power 3/2 of the time, near an
-unstable motion exponentially.
+measured apart, by `rounding_error`.
 
 Here is the arithmetic, for anything that can be run at a tolerance; `accuracy` and
 `simulate(digits=...)` are its users.
@@ -14,22 +11,18 @@ Here is the arithmetic, for anything that can be run at a tolerance; `accuracy` 
 
 import itertools
 import warnings
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn.integrate.gaps import gaps, scales
+from jaxdyn.integrate.rounding_error import Run, of_writing, rounding
 from jaxdyn.integrate.trajectory import ROUNDING_MARGIN, Estimate, digits_of
 from jaxdyn.scene import Scene
-from jaxdyn.solvers.rounding import Noise
 
-#: (scene, (2,) tolerance, noise of each step if any) -> what has `ys`, (s, k) states, NaN where
-#: not reached.
-Run = Callable[..., Any]
 Names = tuple[str, str, str]
 
 #: How much finer the second solution is. It is wrong by about as much less.
@@ -42,36 +35,11 @@ _MAX_RTOL = 1e-2
 _MIN_ORDER = 0.5  # below it the steps are too large, or rounding is all there is
 _MAX_TRIES = 5  # of tolerances for a wanted number of digits
 _AIM_RATIO = 0.3  # of the wanted error to aim at, when a tolerance has missed it
-_PERTURBATIONS = (1e-9, 1e-13, 1e-15)  # of each step, relative, to see what rounding does
-_MAX_LINEAR_GAP = 0.1  # of the scale: motions farther apart have left each other
 _NORMAL_MEDIAN = 0.6745  # of the size of a normal variable, in standard deviations
 _STEPS_RATIO = 1.3  # times the steps that a finer solution takes
-_DRAWS = 2  # of random changes; with one, the effects of two steps may cancel
 _NEAR_LIMIT_DIGITS = 1.5  # digits from the limit, within which two draws do not tell on which side
 _DRAWS_AT_LIMIT = 6
 _LIMIT_RTOL = 1e-12  # tolerance whose finer solution is the one that the limit is measured on
-_EPS = float(np.finfo(float).eps)
-
-
-def scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
-    """(k,) largest size, over times (s, k), of the entries with the same unit; 1 if all are 0."""
-    sizes = np.abs(gaps(scene, ys, np.zeros_like(ys))).max(axis=0)
-    units = [unit for _, unit in scene.system.labels()]
-    of_unit = [max(s for s, u in zip(sizes, units, strict=True) if u == unit) for unit in units]
-    return np.where(np.array(of_unit) == 0, 1.0, of_unit)
-
-
-def gaps(scene: Scene, ys: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(s, k) differences of states as the system takes them."""
-    plain = ys - others
-    wrapped = np.asarray(_differences(scene.system, ys, others))
-    # Wrapping an angle rounds it by 4e-16; where nothing is wrapped the plain one is exact.
-    return np.where(np.abs(plain) <= 1.0, plain, wrapped)
-
-
-@eqx.filter_jit
-def _differences(system, ys, others):
-    return jax.vmap(system.difference)(ys, others)
 
 
 def measured(
@@ -276,36 +244,6 @@ def _limit(run: Run, scene: Scene, rungs: _Rungs, digits: float) -> np.ndarray:
     return rounding(run, scene, fine, finer, draws=_DRAWS_AT_LIMIT)
 
 
-def rounding(
-    run: Run, scene: Scene, ys: np.ndarray, tolerance: np.ndarray, draws: int = _DRAWS
-) -> np.ndarray:
-    """(s, k) how far rounding moves the states `ys` that `run` finds at a tolerance.
-
-    The root mean square of what random changes of each step move the states by, scaled from
-    changes that are large enough to be seen down to half a spacing of doubles: at each time from
-    the largest with which motions stay close. Where none do, no digit is certain: the scale itself.
-    """
-    scale = scales(scene, ys)
-    found = np.broadcast_to(scale, ys.shape).copy()
-    known = np.zeros(len(ys), bool)
-    for size in _PERTURBATIONS:
-        noises = [Noise(np.asarray(size), np.asarray(draw, np.uint64)) for draw in range(draws)]
-        moved = [gaps(scene, np.asarray(run(scene, tolerance, noise).ys), ys) for noise in noises]
-        spread = np.sqrt(np.mean(np.square(moved), axis=0))
-        close = np.logical_and.accumulate((spread / scale <= _MAX_LINEAR_GAP).all(axis=1))
-        new = close & ~known
-        found[new] = 0.5 * _EPS / size * spread[new]
-        known |= close
-        if known.all():
-            break
-    return np.maximum(found, _written(ys))
-
-
-def _written(ys: np.ndarray) -> np.ndarray:
-    """(s, k) what writing a result down rounds it by."""
-    return 0.5 * _EPS * np.abs(ys)
-
-
 def _expected(gap: np.ndarray, floor: np.ndarray, ys: np.ndarray, finer: int) -> np.ndarray:
     """(s, k) expected size of the error of states `ys` that are a gap from the mean of finer ones.
 
@@ -316,4 +254,4 @@ def _expected(gap: np.ndarray, floor: np.ndarray, ys: np.ndarray, finer: int) ->
     wide = gap > np.sqrt(1 + 1 / finer) * floor
     share = 1 - np.where(wide, (floor / np.where(wide, gap, 1.0)) ** 2 / finer, 1 / (finer + 1))
     error = np.hypot(share * gap, _NORMAL_MEDIAN * np.sqrt(share / finer) * floor)
-    return np.maximum(error, _written(ys))
+    return np.maximum(error, of_writing(ys))

@@ -21,7 +21,7 @@ from jaxtyping import Array
 
 from jaxdyn import _text
 from jaxdyn._text import counted
-from jaxdyn.integrate.event_values import values
+from jaxdyn.integrate.event_search.event_values import values
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.trajectory import Trajectory, explained
 from jaxdyn.scene import Field, Scene

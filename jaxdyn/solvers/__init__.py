@@ -14,10 +14,10 @@
 - An explicit Runge-Kutta solver of diffrax, such as ``diffrax.Tsit5()``; see `from_diffrax`.
 
 `choice` decides which of them a scene gets. What methods are made of: `method` (what each has to
-offer), `stepper` (one step as diffrax wants it), `pairs`, `compositions`, `gauss`, `radau`,
-`stoermer`, the folder `taylor`, and `exchange` (with diffrax); `side_by_side` steps several motions
-at once, `rounding` magnifies rounding errors. `intervals` and `enclosures` bound the values of
-formulas over boxes.
+offer), `stepper` (one step as diffrax wants it), `pairs`, `order_conditions` (what rounded tables
+lack), `compositions`, `gauss`, `radau`, `stoermer`, the folder `taylor`, and `exchange` (with
+diffrax); `side_by_side` steps several motions at once, `rounding` magnifies rounding errors.
+`intervals` and `enclosures` bound the values of formulas over boxes.
 
 May import: `jaxdyn`, that is the files beside the folders.
 

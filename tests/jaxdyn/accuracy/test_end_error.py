@@ -9,7 +9,7 @@ import pytest
 from jaxdyn import scenes, simulate
 from jaxdyn.accuracy.end_error import EndError, changed, end_error
 from jaxdyn.hard import chaos
-from jaxdyn.integrate import ladder
+from jaxdyn.integrate.gaps import gaps
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.scenes import catalogue
 
@@ -39,7 +39,7 @@ def test_written_digits_of_a_chaotic_motion_are_right(rtol):
     for i in range(len(ts) // 8, len(ts), len(ts) // 8):
         again = runner(ts[i])
         found = end_error(again(scene, rtol), again, rtol=rtol)
-        true = np.abs(ladder.gaps(scene, found.y[None], exact[i][None]))[0]
+        true = np.abs(gaps(scene, found.y[None], exact[i][None]))[0]
         known = found.error < 0.01 * found.scale
         assert (true[known] < 5 * found.error[known] + 1e-15).all()
         for text, value in zip(np.array(found.written())[known], exact[i][known], strict=True):

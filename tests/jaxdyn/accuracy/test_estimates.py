@@ -11,7 +11,7 @@ from closed_forms import known, long_spans
 from helpers import kepler
 
 from jaxdyn import accuracy, scenes, simulate, solvers
-from jaxdyn.integrate import ladder
+from jaxdyn.integrate.gaps import gaps
 
 EPS = float(np.finfo(float).eps)
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
@@ -28,7 +28,7 @@ def quotient(case, found) -> float:
     ys, scale = np.asarray(found.ys), np.asarray(found.scale)
     exact = np.zeros_like(ys)
     exact[:, case.entries] = case.exact(np.asarray(found.ts))
-    missed = np.abs(ladder.gaps(case.scene, ys, exact)) / scale
+    missed = np.abs(gaps(case.scene, ys, exact)) / scale
     true = max(float(missed[:, case.entries].max()), EPS)
     return float((np.asarray(found.error) / scale)[:, case.entries].max()) / true
 

@@ -12,8 +12,8 @@ from scipy import optimize
 from jaxdyn import Scene, Status, scenes, solvers
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate.event_search.stretches import settled
 from jaxdyn.integrate.events import Event, Reaches, until
-from jaxdyn.integrate.stretches import settled
 from jaxdyn.scene import Effect
 
 G = 10.0

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn.integrate.event_values import Sight, looked
+from jaxdyn.integrate.event_search.event_values import Sight, looked
 
 _MIN_BRACKET_PART = 2.0**-80  # of a bracket: an event so near its begin happens there
 _MAX_LOOKS = 100  # steps of Newton's method or bisections at most; about five are usual

@@ -19,11 +19,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn.integrate.event_values import Sight, bends, looked
+from jaxdyn.integrate.event_search.event_values import Sight, bends, looked
+from jaxdyn.integrate.event_search.polish import Bracket, polished
+from jaxdyn.integrate.event_search.stretches import settled
 from jaxdyn.integrate.flow import Settings, march
-from jaxdyn.integrate.polish import Bracket, polished
 from jaxdyn.integrate.step_control import Watch
-from jaxdyn.integrate.stretches import settled
 from jaxdyn.status import Status
 
 #: Parts of a step, or of a panel of it, at which events are looked at beside its begin. Not

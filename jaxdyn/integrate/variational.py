@@ -1,0 +1,89 @@
+"""The variational equations: tangents that are carried along with a motion.
+
+    d/dt V = (df/dy) V + (df/dp) P
+
+with one column of V for each number that is perturbed.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+
+class Variational(eqx.Module):
+    """A vector field with tangents: columns 1.. of the state are carried along with column 0.
+
+    Attributes:
+      field: anything with ``rate(t, y)``.
+      directions: tangents of the field's numbers, a tree like `field` with a last axis of one
+        entry a column, None where a number is not perturbed.
+    """
+
+    field: eqx.Module
+    directions: eqx.Module
+
+    def rate(self, t: Array, y: Float[Array, "k columns"]) -> Float[Array, "k columns"]:
+        """Rates of the state and of its tangents."""
+        moving, fixed = _split_like(self.field, self.directions)
+        f, jvp = jax.linearize(lambda p, x: eqx.combine(p, fixed).rate(t, x), moving, y[..., 0])
+        # Lanes last: one column a lane, contiguous in memory.
+        tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
+        return jnp.concatenate([f[..., None], tangents], axis=-1)
+
+    def undetermined(self, t: Array, y: Float[Array, "k columns"]) -> Array | None:
+        """Whether () the constraints leave the motion of the state open."""
+        return self.field.undetermined(t, y[..., 0])
+
+    def project(self, t: Array, y: Float[Array, "k columns"]) -> Float[Array, "k columns"]:
+        """The state on its constraints, and its tangents along them."""
+        moving, fixed = _split_like(self.field, self.directions)
+
+        def onto(p, x):
+            return eqx.combine(p, fixed).project(t, x)
+
+        x, jvp = jax.linearize(onto, moving, y[..., 0])
+        tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
+        return jnp.concatenate([x[..., None], tangents], axis=-1)
+
+
+def tangent_columns(field, y0: Array, f0: Array, d_field, d_y0, d_t0):
+    """One column for each perturbed number: its start, its direction, and how to sum up.
+
+    Returns:
+      (*y0.shape, c) tangents of the state at t0; the directions of the field's numbers as a
+      tree like `field` with a last axis c; and the linear map from the columns at a later
+      time to the tangent there.
+    """
+    leaves, tree = jax.tree.flatten(d_field)
+    sizes = [leaf.size for leaf in leaves]
+    state = 0 if d_y0 is None else y0.size
+    start = 0 if d_t0 is None else 1
+    c = state + start + sum(sizes)
+
+    weights = [] if d_y0 is None else [d_y0.ravel()]
+    weights += [] if d_t0 is None else [d_t0.ravel()]
+    weights += [leaf.ravel() for leaf in leaves]
+
+    parts = [jnp.eye(y0.size, state).reshape(*y0.shape, state)]
+    # Starting later by dt is the same motion shifted: dy = -f dt at the old start.
+    parts += [-f0[..., None]] * start
+    parts += [jnp.zeros((*y0.shape, sum(sizes)))]
+
+    ends = state + start + np.cumsum([0, *sizes])
+    directions = [
+        jnp.eye(leaf.size, c, k=int(at)).reshape(*leaf.shape, c)
+        for leaf, at in zip(leaves, ends, strict=False)
+    ]
+
+    def multiply(v: Array) -> Array:
+        return v @ jnp.concatenate(weights)
+
+    return jnp.concatenate(parts, axis=-1), jax.tree.unflatten(tree, directions), multiply
+
+
+def _split_like(tree, like):
+    """tree in two: the leaves where `like` has one, and the rest."""
+    present = jax.tree.map(lambda x: x is not None, like, is_leaf=lambda x: x is None)
+    return eqx.partition(tree, present)
