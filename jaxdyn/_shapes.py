@@ -23,6 +23,16 @@ _NEEDS_VALUES = (
 _TRACEABLE = "Use jax.numpy instead of numpy and math, and jnp.where instead of `if`."
 
 
+def check_field(field: Any, t: Array, y: Array) -> None:
+    """Raise ValueError if what the system or an effect returns has the wrong shape."""
+    points = jax.eval_shape(field.system.points, t, y)
+    check_points(field.system, t, y, points)
+    for effect in field.effects:
+        check_effect(effect, field.system, t, y, points)
+    check_energies(field.system, field.effects, t, y, points)
+    check_rate(field.system, field.effects, t, y)
+
+
 def check_points(system: Any, t: Array, y: Array, points: Any) -> None:
     """Raise ValueError unless a system's material points have their shapes."""
     name, r = f"{type(system).__name__}.points", jnp.shape(points.r)

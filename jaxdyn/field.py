@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _shapes
 from jaxdyn.system import Effect, Points, System
 
 
@@ -104,3 +104,39 @@ def _float(x: Any) -> Array | np.ndarray:
 @functools.partial(jax.jit, inline=True)
 def _rate(field: Field, t: Array, y: Array) -> Array:
     return field.rate(t, y)
+
+
+@jax.jit
+def looked_at(field: Field, t: Array, y: Array) -> tuple:
+    """The points at a state, whether each force depends on velocity, whether v is dq/dt.
+
+    One compiled call for all, since each takes as long as a short solve, and a force step by step
+    on the host milliseconds. Shapes are checked as it is traced.
+    """
+    points = field.system.points(t, y)
+    _shapes.check_field(field, t, y)
+    depends = tuple(_depends_on_velocity(effect, t, points) for effect in field.effects)
+    return points, depends, _is_second_order(field.system, t, y)
+
+
+def _depends_on_velocity(effect: Effect, t: Array, points: Points) -> Array | bool:
+    """Whether a force that claims to be velocity-independent changes for NaN velocities.
+
+    It then becomes NaN, or takes the other branch of a comparison.
+    """
+    if effect.velocity_dependent:
+        return False
+    r, v, m = points
+    probed, plain = (effect.force(t, r, u, m) for u in (v * jnp.nan, v))
+    return ~jnp.array_equal(probed, plain, equal_nan=True)
+
+
+def _is_second_order(system: System, t: Array, y: Array) -> Array | bool:
+    """Whether dq/dt = v and dv/dt does not depend on v, where that is claimed; found likewise."""
+    if len(y) % 2 or not system.second_order:
+        return False
+    q, v = jnp.split(y, 2)
+    v = v + jnp.arange(1.0, len(v) + 1)  # at rest any multiple of v would pass for it
+    rate, probed = (system.rate(t, jnp.concatenate([q, u]), ()) for u in (v, v * jnp.nan))
+    same = jnp.array_equal(rate[len(v) :], probed[len(v) :], equal_nan=True)
+    return same & jnp.array_equal(rate[: len(v)], v)

@@ -24,7 +24,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _shapes, _text
 from jaxdyn.field import Field as Field
-from jaxdyn.field import VectorField
+from jaxdyn.field import VectorField, looked_at
 from jaxdyn.sketch import Shape
 from jaxdyn.system import Effect as Effect
 from jaxdyn.system import Points as Points
@@ -195,12 +195,12 @@ class Scene(eqx.Module):
         for effect in self.effects:
             _check_obeyed(system, effect)
         if _checks.is_traced(self):
-            _check_shapes(self.field, jnp.zeros(()), jnp.asarray(self.y0, float))
+            _shapes.check_field(self.field, jnp.zeros(()), jnp.asarray(self.y0, float))
             return
         t, y = np.zeros(()), np.asarray(self.y0, float)
         cls.check(system, t, y)
         try:
-            points, depends, second_order = _looked_at(self.field, t, y)
+            points, depends, second_order = looked_at(self.field, t, y)
         except ValueError:
             # A shape is wrong; if a number of an effect made it so, the effect names it.
             _check_effects(self.effects, cls.points(system, t, y))
@@ -260,49 +260,3 @@ def checked_scene(scene: Any) -> Scene:
         raise _checks.fail("scene", "a Scene", name or repr(scene), remedy)
     Scene.check(scene)
     return scene
-
-
-def _check_shapes(field: Field, t: Array, y: Array) -> None:
-    """Raise ValueError if what the system or an effect returns has the wrong shape."""
-    points = jax.eval_shape(field.system.points, t, y)
-    _shapes.check_points(field.system, t, y, points)
-    for effect in field.effects:
-        _shapes.check_effect(effect, field.system, t, y, points)
-    _shapes.check_energies(field.system, field.effects, t, y, points)
-    _shapes.check_rate(field.system, field.effects, t, y)
-
-
-@jax.jit
-def _looked_at(field: Field, t: Array, y: Array) -> tuple:
-    """The points at a state, whether each force depends on velocity, whether v is dq/dt.
-
-    One compiled call for all, since each takes as long as a short solve, and a force step by step
-    on the host milliseconds. Shapes are checked as it is traced.
-    """
-    points = field.system.points(t, y)
-    _check_shapes(field, t, y)
-    depends = tuple(_depends_on_velocity(effect, t, points) for effect in field.effects)
-    return points, depends, _is_second_order(field.system, t, y)
-
-
-def _depends_on_velocity(effect: Effect, t: Array, points: Points) -> Array | bool:
-    """Whether a force that claims to be velocity-independent changes for NaN velocities.
-
-    It then becomes NaN, or takes the other branch of a comparison.
-    """
-    if effect.velocity_dependent:
-        return False
-    r, v, m = points
-    probed, plain = (effect.force(t, r, u, m) for u in (v * jnp.nan, v))
-    return ~jnp.array_equal(probed, plain, equal_nan=True)
-
-
-def _is_second_order(system: System, t: Array, y: Array) -> Array | bool:
-    """Whether dq/dt = v and dv/dt does not depend on v, where that is claimed; found likewise."""
-    if len(y) % 2 or not system.second_order:
-        return False
-    q, v = jnp.split(y, 2)
-    v = v + jnp.arange(1.0, len(v) + 1)  # at rest any multiple of v would pass for it
-    rate, probed = (system.rate(t, jnp.concatenate([q, u]), ()) for u in (v, v * jnp.nan))
-    same = jnp.array_equal(rate[len(v) :], probed[len(v) :], equal_nan=True)
-    return same & jnp.array_equal(rate[: len(v)], v)

@@ -28,9 +28,9 @@ from jaxdyn._arguments import arrays
 from jaxdyn._floats import floats
 from jaxdyn._numerics import safe_sqrt
 from jaxdyn.formulations.rigid import pose
+from jaxdyn.geometry.frames import checked_rotation
 from jaxdyn.geometry.rotations import (
     Matrix,
-    checked_rotation,
     matrix_from_rotation_vector,
     wxyz_from_matrix,
 )

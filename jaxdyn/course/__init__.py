@@ -1,7 +1,7 @@
 """The course: which public names answer which of its 61 problems.
 
-`problems` is the table of them all. Problems whose answer is a study of its own: `rod_or_spring`
-(21), `upright` (29), `satellite_claims` (57), `sleeping_top` (59, 61).
+The folder `problems` has the table of them all. Problems whose answer is a study of its own:
+`rod_or_spring` (21), `upright` (29), `satellite_claims` (57), `sleeping_top` (59, 61).
 
 May import: `accuracy`, `scenes`; and `orbits`.
 

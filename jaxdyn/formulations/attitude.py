@@ -10,10 +10,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from jaxdyn.geometry.frames import orthonormalise
 from jaxdyn.geometry.rotations import (
     matrix_from_wxyz,
     normalise_wxyz,
-    orthonormalise,
     wxyz_from_matrix,
     wxyz_rate_from_body,
 )

@@ -1,8 +1,9 @@
 """Tools that need no scene: vectors, rotations, inertia, kinematics.
 
-`vectors` (cross products, lines, tetrahedra), `indices` (index notation), `rotations` (matrices,
-quaternions, rotation vectors), `euler` (Euler angles), `inertia` (inertia matrices and principal
-axes), `balance` (static and dynamic balancing), `kinematics` (motion seen from moving frames).
+`vectors` (cross products, lines, tetrahedra), `indices` (index notation), `rotations` (axis and
+angle, rotation vectors, quaternions, and their matrices), `frames` (components in two bases, what
+makes a matrix a rotation), `euler` (Euler angles), `inertia` (inertia matrices and principal axes),
+`balance` (static and dynamic balancing), `kinematics` (motion seen from moving frames).
 
 May import: `jaxdyn`, that is the files beside the folders.
 
@@ -10,6 +11,6 @@ One more tool is a function in the file of its topic. It takes lists as well as 
 works under jit, vmap and grad, and says in its docstring what happens in degenerate cases.
 """
 
-from jaxdyn.geometry import balance, euler, indices, inertia, kinematics, rotations, vectors
+from jaxdyn.geometry import balance, euler, frames, indices, inertia, kinematics, rotations, vectors
 
-__all__ = ["balance", "euler", "indices", "inertia", "kinematics", "rotations", "vectors"]
+__all__ = ["balance", "euler", "frames", "indices", "inertia", "kinematics", "rotations", "vectors"]

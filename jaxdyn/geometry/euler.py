@@ -17,8 +17,9 @@ from jaxtyping import Array, Bool, Float
 from jaxdyn import _checks
 from jaxdyn._arguments import arrays
 from jaxdyn._numerics import safe_norm
+from jaxdyn.geometry.frames import Matrix, checked_rotation
 from jaxdyn.geometry.indices import levi_civita
-from jaxdyn.geometry.rotations import Matrix, checked_rotation, matrix_from_axis_angle
+from jaxdyn.geometry.rotations import matrix_from_axis_angle
 from jaxdyn.geometry.vectors import Vector, cross, dot
 
 Angles = Float[Array, "3"]

@@ -20,7 +20,7 @@ from jaxdyn import _checks
 from jaxdyn._arguments import arrays
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import safe_sqrt, square_norm
-from jaxdyn.geometry.rotations import checked_rotation
+from jaxdyn.geometry.frames import checked_rotation
 from jaxdyn.geometry.vectors import Scalar, Vector, cross
 
 Matrix = Float[Array, "3 3"]

@@ -8,7 +8,8 @@ product ``R2 @ R1`` or ``multiply_wxyz(q2, q1)``. Angles are in rad.
 
 Every function is for one object and ``jax.vmap`` makes it one for many; all are free of LAPACK.
 Derivatives are right to any order wherever the result is smooth (for `matrix_from_rotation_vector`
-everywhere) and finite elsewhere. Euler angles are in `jaxdyn.geometry.euler`.
+everywhere) and finite elsewhere. Euler angles are in `jaxdyn.geometry.euler`, components of vectors
+and tensors in two bases in `jaxdyn.geometry.frames`.
 
 Reference: Sola (2017), Quaternion kinematics for the error-state Kalman filter.
 """
@@ -16,21 +17,14 @@ Reference: Sola (2017), Quaternion kinematics for the error-state Kalman filter.
 from typing import NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from jaxdyn import _checks
 from jaxdyn._arguments import arrays
 from jaxdyn._numerics import atanc, cos_of_root, safe_norm, sinc_of_root, square_norm
+from jaxdyn.geometry.frames import Matrix, checked_rotation
 from jaxdyn.geometry.vectors import Scalar, Vector, cross, dot, skew
 
-Matrix = Float[Array, "3 3"]
 Wxyz = Float[Array, "4"]
-
-
-# Largest deviation of R^T R from 1, half the digits of a float. A larger one is not the drift of a
-# motion, but a matrix that was typed with few digits, scaled, or is not a rotation.
-_MAX_ORTHOGONALITY_DEFECT = 1e-8
 
 
 class AxisAngle(NamedTuple):
@@ -244,81 +238,6 @@ def matrix_rate_from_world(R_wb: Matrix, omega_w: Vector) -> Matrix:
     return skew(omega_w) @ R_wb
 
 
-# ---- frames
-
-
-@arrays
-def matrix_between(axes: Matrix, turned: Matrix) -> Matrix:
-    """R_ij = e_i . e'_j (3, 3), for two bases given by their unit vectors, one a row.
-
-    R takes components in the turned basis to components in the first; as an operator, in
-    components of either basis, it takes each e_i to e'_i.
-    """
-    return axes @ turned.T
-
-
-@arrays
-def tensor_in_world(R_wb: Matrix, A_b: Matrix) -> Matrix:
-    """Components R A R^T (3, 3) in the world's axes of a tensor given in the body's.
-
-    Raises:
-      ValueError: R_wb is not a rotation; under traces the result is NaN then.
-    """
-    R_wb = checked_rotation("R_wb", R_wb)
-    return R_wb @ A_b @ R_wb.T
-
-
-@arrays
-def tensor_in_body(R_wb: Matrix, A_w: Matrix) -> Matrix:
-    """Components R^T A R (3, 3) in the body's axes of a tensor given in the world's.
-
-    Raises:
-      ValueError: R_wb is not a rotation; under traces the result is NaN then.
-    """
-    R_wb = checked_rotation("R_wb", R_wb)
-    return R_wb.T @ A_w @ R_wb
-
-
-@arrays
-def orthonormalise(A: Matrix, iterations: int = 10) -> Matrix:
-    """The rotation (3, 3) nearest to a matrix, its polar factor; NaN unless det A > 0.
-
-    Newton's iteration X <- (s X + X^-T / s) / 2, the inverse by cofactors and s such that both
-    terms are of one size: 10 rounds do for any matrix that is not singular to rounding, 2 for
-    one that has drifted off by less than 1e-4. Preferred to orthonormalising row after row,
-    which depends on their order, and to singular values, which need LAPACK.
-
-    Reference: Higham (1986), Computing the polar decomposition.
-    """
-    X = jnp.where(_inverse_transpose(A)[1] > 0, A, jnp.nan)
-    for _ in range(iterations):
-        Y, _ = _inverse_transpose(X)
-        s = jnp.sqrt(jnp.sqrt(jnp.sum(Y * Y) / jnp.sum(X * X)))
-        X = (s * X + Y / s) / 2
-    return X
-
-
-@arrays
-def checked_rotation(name: str, R: Matrix) -> Matrix:
-    """R, checked to be a rotation: orthogonal, with determinant 1.
-
-    Raises:
-      ValueError: R is not a rotation; if it is traced, the result is NaN instead.
-    """
-    columns = R.T @ R - jnp.eye(3)
-    off = jnp.maximum(jnp.max(jnp.abs(columns)), jnp.abs(dot(R[0], cross(R[1], R[2])) - 1))
-    if _checks.is_traced(R):
-        return jnp.where(off <= _MAX_ORTHOGONALITY_DEFECT, R, jnp.nan)
-    if off > _MAX_ORTHOGONALITY_DEFECT:
-        raise _checks.fail(
-            name,
-            "a rotation: orthogonal columns of length 1, determinant 1",
-            f"{np.asarray(R).tolist()}, off by {float(off):.2g}",
-            "rotations.orthonormalise finds the nearest rotation to a matrix that is nearly one.",
-        )
-    return R
-
-
 # ---- private
 
 
@@ -329,9 +248,3 @@ def _upper(q: Wxyz) -> Wxyz:
 
 def _pure(v: Vector) -> Wxyz:
     return jnp.concatenate([jnp.zeros_like(v[:1]), v])
-
-
-def _inverse_transpose(X: Matrix) -> tuple[Matrix, Array]:
-    cofactors = jnp.stack([cross(X[1], X[2]), cross(X[2], X[0]), cross(X[0], X[1])])
-    det = dot(X[0], cofactors[0])
-    return cofactors / det, det

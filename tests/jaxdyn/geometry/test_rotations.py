@@ -9,6 +9,7 @@ import pytest
 from helpers import DIFFED, EXACT, central_difference, gap, primitives
 
 from jaxdyn.analysis.precession import free_attitude
+from jaxdyn.geometry import frames
 from jaxdyn.geometry import rotations as ro
 from jaxdyn.geometry.euler import (
     SEQUENCES,
@@ -239,7 +240,7 @@ def test_unknown_sequences_are_refused():
 
 
 def test_orthonormalise_is_the_polar_factor():
-    nearest = jax.jit(ro.orthonormalise)
+    nearest = jax.jit(frames.orthonormalise)
     for scale in (1e-12, 1e-3, 1.0):
         R = np.asarray(EXP(RNG.normal(size=3)))
         A = R + scale * 0.3 * RNG.normal(size=(3, 3))
@@ -250,7 +251,7 @@ def test_orthonormalise_is_the_polar_factor():
     u, _, vt = np.linalg.svd(stretched)
     assert gap(nearest(stretched), u @ vt) < 1e-12  # condition number 1e6
     drifted = R * (1 + 1e-5)
-    assert gap(ro.orthonormalise(drifted, iterations=2), R) < 10 * EXACT
+    assert gap(frames.orthonormalise(drifted, iterations=2), R) < 10 * EXACT
     for bad in (-np.eye(3), np.zeros((3, 3)), np.diag([1.0, 1.0, 0.0])):
         assert jnp.isnan(nearest(bad)).all()
 
@@ -305,7 +306,7 @@ def test_nothing_that_a_rate_may_call_sorts_scatters_or_needs_lapack():
         angles = euler_from_matrix(R, "ZXZ").angles
         rates = euler_rates_from_body(angles, omega, "ZXZ").rates
         turn = ro.rotation_vector_from_wxyz(q)
-        return ro.wxyz_rate_from_body(q, omega), rates, turn, ro.orthonormalise(A)
+        return ro.wxyz_rate_from_body(q, omega), rates, turn, frames.orthonormalise(A)
 
     used = set(primitives(jax.jit(rate), jnp.ones(4), jnp.ones(3), jnp.eye(3)))
     forbidden = {
@@ -333,8 +334,8 @@ OF_ROTATIONS = {
     "axis_angle_from_matrix": ro.axis_angle_from_matrix,
     "rotation_vector_from_matrix": ro.rotation_vector_from_matrix,
     "wxyz_from_matrix": ro.wxyz_from_matrix,
-    "tensor_in_world": lambda R: ro.tensor_in_world(R, jnp.eye(3)),
-    "tensor_in_body": lambda R: ro.tensor_in_body(R, jnp.eye(3)),
+    "tensor_in_world": lambda R: frames.tensor_in_world(R, jnp.eye(3)),
+    "tensor_in_body": lambda R: frames.tensor_in_body(R, jnp.eye(3)),
     "euler_from_matrix": lambda R: euler_from_matrix(R, "ZYX"),
     "free_attitude": lambda R: free_attitude(R, [1.0, 2.0, 3.0], 0.1, I1=1.0, I3=2.0),
     "rotated": lambda R: box(1.0, [1.0, 2.0, 3.0]).rotated(R),

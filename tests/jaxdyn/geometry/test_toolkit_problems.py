@@ -8,17 +8,15 @@ from helpers import EXACT, gap
 
 from jaxdyn.course.satellite_claims import satellite_claims
 from jaxdyn.geometry.euler import euler_from_matrix, matrix_from_euler
+from jaxdyn.geometry.frames import matrix_between, tensor_in_body, tensor_in_world
 from jaxdyn.geometry.indices import evaluate_indices, levi_civita
 from jaxdyn.geometry.inertia import principal
 from jaxdyn.geometry.rotations import (
     AxisAngle,
     axis_angle_from_matrix,
     compose_axis_angle,
-    matrix_between,
     matrix_from_axis_angle,
     rotate,
-    tensor_in_body,
-    tensor_in_world,
 )
 from jaxdyn.geometry.vectors import cross, cross_by_geometry, skew
 from jaxdyn.scenes.satellites import SATELLITES
