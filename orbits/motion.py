@@ -48,10 +48,11 @@ def advanced(
       solver: integration method; default that of `jaxdyn.solve`.
       max_steps: largest number of steps, at least 1.
     """
-    how = {"t0": t0, "rtol": rtol, "solver": solver, "max_steps": max_steps}
+    t1 = t0 + span
     if s is None:
-        return solve(scene, t0 + span, **how)
-    return solve_regularised(scene, t0 + span, jax.lax.stop_gradient(s), **how)
+        return solve(scene, t1, t0=t0, rtol=rtol, solver=solver, max_steps=max_steps)
+    s = jax.lax.stop_gradient(s)
+    return solve_regularised(scene, t1, s, t0=t0, rtol=rtol, solver=solver, max_steps=max_steps)
 
 
 def attracts(scene: Scene, ts: np.ndarray | None = None, ys: Array | None = None) -> bool:

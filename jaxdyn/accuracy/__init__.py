@@ -2,8 +2,8 @@
 
 `estimates` bounds the error of any solution without knowing the exact one, `convergence` shows it
 for equal steps and their halves, `end_error` gives the certain digits of a last state, `horizon`
-the time for which chaos leaves any, `work_precision` the error against the time, which `timing`
-measures.
+the time for which chaos leaves any, `work_precision` the error of any of the `quantities` against
+the time, which `timing` measures.
 
 May import: `analysis`.
 
@@ -11,7 +11,7 @@ One more estimate is a function of a `Trajectory` in `estimates`, or a file of i
 below.
 """
 
-from jaxdyn.accuracy import convergence, end_error, horizon, work_precision
+from jaxdyn.accuracy import convergence, end_error, horizon, quantities, work_precision
 from jaxdyn.accuracy.estimates import by_halving, by_second_method, by_tangents, estimate
 
 __all__ = [
@@ -22,5 +22,6 @@ __all__ = [
     "end_error",
     "estimate",
     "horizon",
+    "quantities",
     "work_precision",
 ]

@@ -2,8 +2,8 @@
 
 `work_precision` runs a scene with several solvers at many tolerances, and reports the time that
 a wanted error takes, compile time apart. Errors are those of the end state, or of any other
-quantity of the motion: `ENERGY_DRIFT`, `CONSTRAINTS`, `GRADIENT`, `event_time`, or a `Quantity`
-of one's own. Methods are compared at equal error, never at equal tolerance.
+quantity of the motion, see `quantities`. Methods are compared at equal error, never at equal
+tolerance.
 """
 
 import time
@@ -14,17 +14,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._progress import doing, each
+from jaxdyn.accuracy.quantities import END, Quantity
 from jaxdyn.accuracy.timing import Times, at_error, interleaved
-from jaxdyn.analysis import energy
-from jaxdyn.formulations.constrained import Constrained
-from jaxdyn.integrate.events import Event, until
 from jaxdyn.integrate.gaps import scales
 from jaxdyn.integrate.simulation import solve
-from jaxdyn.integrate.spans import span
+from jaxdyn.integrate.spans import RTOL, span
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import (
     DOPRI8,
@@ -46,68 +43,8 @@ TOLERANCES = tuple(float(f"1e-{n}") for n in range(3, 16))
 #: Steps of a solver of fixed step over the span.
 STEPS = tuple(16 * 2**n for n in range(9))
 _REFERENCE_RTOLS = (1e-15, 1e-14, 1e-13)  # tolerances, the finest that works
-_SAMPLES = 17  # at which drift and violation are looked at
 _ROUNDS = 30
 _STIFFNESS_RTOL = 1e-6  # tolerance at which stiffness is looked for
-
-
-class Quantity(NamedTuple):
-    """What a solver is to get right.
-
-    Attributes:
-      name: what tables call it.
-      of: (scene, t1, how) -> array, where how is the dictionary of `rtol` (or `dt`) and
-        `solver` that `solve` takes as keywords.
-      exact: its exact value, if that is known; else a fine solution serves.
-    """
-
-    name: str
-    of: Callable[[Scene, Array, dict], Array]
-    exact: float | None = None
-
-
-def _end(scene, t1, how):
-    return solve(scene, t1, **how).y1
-
-
-def _drift(scene, t1, how):
-    ts = jnp.linspace(0.0, t1, _SAMPLES)
-    ys = solve(scene, t1, ts=ts, **how).ys
-    return energy.change(scene, ts, ys).relative
-
-
-def _violation(scene, t1, how):
-    if not isinstance(scene.system, Constrained):
-        name = type(scene.system).__name__
-        raise _checks.fail("scene", "one with constraints", name, 'Try formulation="constrained".')
-    ts = jnp.linspace(0.0, t1, _SAMPLES)
-    ys = solve(scene, t1, ts=ts, **how).ys
-    place, _ = jax.vmap(scene.system.violation)(ts, ys)
-    return jnp.max(jnp.abs(place))
-
-
-def _gradient(scene, t1, how):
-    def loss(y0):
-        y1 = solve(scene.starting(y0), t1, **how).y1
-        return 0.5 * jnp.sum(y1 * y1)
-
-    return jax.grad(loss)(scene.y0)
-
-
-END = Quantity("end state", _end)
-ENERGY_DRIFT = Quantity("energy drift", _drift, 0.0)
-CONSTRAINTS = Quantity("constraint violation", _violation, 0.0)
-#: Of half the square of the end state, with respect to the start.
-GRADIENT = Quantity("gradient", _gradient)
-
-
-def event_time(event: Event) -> Quantity:
-    """When an event happens within the span; for solvers with a tolerance."""
-
-    def of(scene, t1, how):
-        return until(scene, event, t1, **how).t
-
-    return Quantity("event time", of)
 
 
 class Rung(NamedTuple):
@@ -288,17 +225,17 @@ def work_precision(
 def _program(scene: Scene, t1: float, solver: Method, of: Callable) -> Callable:
     """From a tolerance or step to the value, compiled at the first call."""
     numbers, rest = eqx.partition(scene, eqx.is_array)
-    key = "rtol" if solver.adaptive else "dt"
 
     @jax.jit
     def value(numbers, t1, fineness):
-        return of(eqx.combine(numbers, rest), t1, {key: fineness, "solver": solver})
+        rtol, dt = (fineness, None) if solver.adaptive else (RTOL, fineness)
+        return of(eqx.combine(numbers, rest), t1, solver=solver, rtol=rtol, dt=dt)
 
     return lambda fineness: np.asarray(value(numbers, t1, fineness))
 
 
-def _counts(scene, t1, how):
-    result = solve(scene, t1, **how)
+def _counts(scene, t1, *, solver, rtol, dt):
+    result = solve(scene, t1, solver=solver, rtol=rtol, dt=dt)
     return jnp.stack([result.steps, result.rejected])
 
 

@@ -61,8 +61,16 @@ def run_command(
     chosen = scene_settings(name, settings)
     solver = choice("solver", solver.lower(), ("auto", *solver_names()))
     with screen(f"simulating {name}", as_object) as out:
-        how = {"samples": samples, "solver": _method(solver), "dt": dt}
-        motion, end = _motion(name, chosen, t1, rtol, how, out)
+        scene = jaxdyn.scenes.catalogue.build(name, chosen)
+        entry = jaxdyn.scenes.catalogue.entries()[name]
+        method = _method(solver)
+
+        def made(scene: "jaxdyn.Scene", rtol: float) -> "jaxdyn.accuracy.end_error.Motion":
+            return entry.motion(scene, t1, samples=samples, rtol=rtol, solver=method, dt=dt)
+
+        motion = made(scene, rtol)
+        out.doing(f"simulating {name} again, to count its certain digits")
+        end = jaxdyn.end_error(motion, made, rtol=rtol)
         record = {"scene": name} | jaxdyn.files.tables.record(motion, end)
         if as_object:
             out.result(record)
@@ -83,19 +91,6 @@ def run_command(
         if not jaxdyn.files.tables.arrived(motion):
             out.print(f"[red]stopped[/red]: {motion.message}")
             raise typer.Exit(STOPPED)
-
-
-def _motion(name: str, settings, t1, rtol: float, how: dict, out: Screen):
-    """The motion, and the estimated error of its end."""
-    scene = jaxdyn.scenes.catalogue.build(name, settings)
-    entry = jaxdyn.scenes.catalogue.entries()[name]
-
-    def made(scene: "jaxdyn.Scene", rtol: float) -> "jaxdyn.Trajectory | jaxdyn.HybridTrajectory":
-        return entry.motion(scene, t1, rtol=rtol, **how)
-
-    motion = made(scene, rtol)
-    out.doing(f"simulating {name} again, to count its certain digits")
-    return motion, jaxdyn.end_error(motion, made, rtol=rtol)
 
 
 def _method(name: str) -> "jaxdyn.solvers.Method | str":

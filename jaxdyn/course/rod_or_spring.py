@@ -11,12 +11,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn.accuracy.work_precision import Quantity, work_precision
+from jaxdyn.accuracy.quantities import Quantity
+from jaxdyn.accuracy.work_precision import work_precision
 from jaxdyn.analysis.linearize import linearize
 from jaxdyn.analysis.momenta import centre_of_mass
 from jaxdyn.effects import SinusoidalForce, Spring
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.simulation import simulate
+from jaxdyn.integrate.simulation import simulate, solve
 from jaxdyn.scene import Scene, checked_scene
 from jaxdyn.scenes.linkages import rod_on_line
 from jaxdyn.solvers import default_solver
@@ -118,8 +119,8 @@ def advice(scene: Scene, t1=None) -> str:
 
 
 def _row(name: str, scene: Scene, t1, digits, rounds) -> Row:
-    def centre(scene, t1, how):
-        y1 = simulate(scene, t1, samples=1, throw=False, **how).ys[-1]
+    def centre(scene, t1, *, solver, rtol, dt):
+        y1 = solve(scene, t1, solver=solver, rtol=rtol, dt=dt).y1
         return centre_of_mass(t1, scene.system.points(t1, y1))[0]
 
     wanted = Quantity("mass centre", centre, float(mass_centre(t1)))

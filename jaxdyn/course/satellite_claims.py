@@ -67,13 +67,7 @@ def _claims_on_a() -> tuple[Claim, ...]:
     wobbles = [_share_of_momentum("A", _near(axes, k), axes[:, k]) for k in (0, 2)]
     least = float(min(jnp.min(jnp.abs(share)) for share in wobbles))
     flips = _sides(_share_of_momentum("A", _near(axes, 1), axes[:, 1]))
-    # On the separatrix, 2 T I_2 = H^2, the motion passes from one side to the other and never
-    # returns; simulated from H across axis 2, half a span in each direction.
-    across = _separatrix(moments, axes)
-    after, before = (_share_of_momentum("A", way * across, axes[:, 1], 25.0) for way in (1.0, -1.0))
-    # Reversed in time, the earlier motion has H reversed.
-    flip = float(after[-1] + before[-1]) / 2
-    once = abs(flip) > 1 - 1e-4 and _sides(after) == _sides(before) == 0
+    flip, once = _single_flip(moments, axes)
     return (
         Claim(
             name="A i",
@@ -216,6 +210,19 @@ def _separatrix(moments: Array, axes: Array) -> Array:
     # From I_1 (I_1 - I_2) w_1^2 + I_3 (I_3 - I_2) w_3^2 = 0.
     w = jnp.stack([jnp.sqrt(third * (third - second)), jnp.sqrt(first * (second - first))])
     return (axes[:, ::2] @ w) / jnp.sqrt(w @ w)
+
+
+def _single_flip(moments: Array, axes: Array) -> tuple[float, bool]:
+    """Cosine of axis 2 to H after a motion of A on the separatrix, and whether it flips just once.
+
+    On the separatrix, 2 T I_2 = H^2, the motion passes from one side to the other and never
+    returns; simulated from H across axis 2, half a span in each direction.
+    """
+    across = _separatrix(moments, axes)
+    after, before = (_share_of_momentum("A", way * across, axes[:, 1], 25.0) for way in (1.0, -1.0))
+    # Reversed in time, the earlier motion has H reversed.
+    flip = float(after[-1] + before[-1]) / 2
+    return flip, abs(flip) > 1 - 1e-4 and _sides(after) == _sides(before) == 0
 
 
 def _share_of_momentum(name: str, omega: Array, axis: Array, t1=_SPAN) -> Array:

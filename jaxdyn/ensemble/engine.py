@@ -90,8 +90,7 @@ def run(
     motions, shared = _motions(scene, y0s, t0, t1, params, fixed)
     n = len(motions.y0)
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
-    shares = {"chunk": chunk, "threads": threads, "devices": devices}
-    job = _job(scene, shared, options, watch=watch, **shares)
+    job = _job(scene, shared, options, watch=watch, chunk=chunk, threads=threads, devices=devices)
     # As many batches as keep all threads busy to the end.
     batches = job.threads * math.ceil(n / (job.threads * job.rows))
     edges = np.linspace(0, n, batches + 1).astype(int)
@@ -149,8 +148,7 @@ def stream(
     """
     shared = FixedField(scene.field) if fixed else scene.field
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
-    shares = {"chunk": chunk, "threads": threads, "devices": devices}
-    job = _job(scene, shared, options, watch=watch, **shares)
+    job = _job(scene, shared, options, watch=watch, chunk=chunk, threads=threads, devices=devices)
     return job.results(_motions(scene, y0s, t0, t1, None, fixed)[0] for y0s in batches)
 
 

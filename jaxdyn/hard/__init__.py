@@ -1,11 +1,13 @@
 """Hard cases: scenes that break naive codes, each with figures and their bounds.
 
-`case` says what a case is, `collection` lists them all, `elliptic` has integrals that several use.
+`case` says what a case is, the folder `cases` has them, `collection` lists them all, `elliptic` has
+integrals that several use.
 
 May import: `course`, `ensemble`.
 
-One more case is one entry of `CASES` in the file of its topic: a name, what must hold, and a
-function that returns figures with their bounds. A new file is added to `FAMILIES` in `collection`.
+One more case is one entry of `CASES` in the file of its topic in `cases`: a name, what must hold,
+and a function that returns figures with their bounds. A new file is added to `FAMILIES` in
+`collection`.
 """
 
 from jaxdyn.hard.case import Case, Figure, Verdict, judge

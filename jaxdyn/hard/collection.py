@@ -3,7 +3,8 @@
 from collections.abc import Iterable
 
 from jaxdyn import _checks
-from jaxdyn.hard import (
+from jaxdyn.hard.case import Case
+from jaxdyn.hard.cases import (
     bodies,
     centres,
     chaos,
@@ -20,7 +21,6 @@ from jaxdyn.hard import (
     singular,
     stiff,
 )
-from jaxdyn.hard.case import Case
 
 FAMILIES = (
     encounters,

@@ -82,13 +82,14 @@ class Entry:
           ValueError: see `simulate` and `simulate_phases`.
         """
         phases = _CORNERS.get(self.name, _smooth)(scene)
-        how = {"samples": samples, "rtol": rtol, "solver": solver}
         if not phases:
-            return simulate(scene, t1, dt=dt, throw=False, **how)
+            return simulate(
+                scene, t1, samples=samples, rtol=rtol, solver=solver, dt=dt, throw=False
+            )
         if dt is not None:
             raise _checks.fail("dt", "none for a motion in phases", dt, "Events adapt the steps.")
-        how["solver"] = None if solver == "auto" else solver
-        return simulate_phases(phases, None, scene.y0, scene.t1 if t1 is None else t1, **how)
+        t1, each = scene.t1 if t1 is None else t1, None if solver == "auto" else solver
+        return simulate_phases(phases, None, scene.y0, t1, samples=samples, rtol=rtol, solver=each)
 
 
 def _smooth(scene: Scene) -> Phases:

@@ -67,8 +67,10 @@ def simulate_switching(
     """
     phases = coordinate_phases(scene, margin)
     t1 = float(scene.t1 if t1 is None else t1)
-    how = {"t0": t0, "samples": samples, "rtol": rtol, "max_phases": max_phases}
-    return simulate_phases(phases, next(iter(phases)), scene.y0, t1, **how)
+    first = next(iter(phases))
+    return simulate_phases(
+        phases, first, scene.y0, t1, t0=t0, samples=samples, rtol=rtol, max_phases=max_phases
+    )
 
 
 def coordinate_phases(scene: Scene, margin: float = MARGIN) -> dict[str, Phase]:

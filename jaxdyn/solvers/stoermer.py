@@ -149,17 +149,7 @@ class Stoermer(Method):
         (moved, _, pulls), ends = lax.fori_loop(0, len(table), substep, begin)
         # Times one: else XLA cuts the array into constants, and asks for memory for each.
         weights = jnp.asarray(weights) * one
-        increment, error = (
-            _joined([_summed(weights[:, row], x) for x in ends], y.shape) for row in range(2)
-        )
-        increment = increment + jnp.concatenate([h * y[half:], still])
-        # The two columns with the most substeps end side by side, at nearly the same place.
-        there, forces = (
-            [_joined([x[..., j, 0] for x in part], still.shape) for j in range(2)]
-            for part in (moved, pulls)
-        )
-        ratio = fastest(h * h * (forces[0] - forces[1]), there[0] - there[1], h * h * forces[0])
-        return Advance(increment, error, speed=jnp.sqrt(ratio))
+        return _extrapolated(h, y, ends, weights, moved=moved, pulls=pulls)
 
     def _growth(self, z: float) -> float:
         """By what a step of length 1 multiplies the largest motion of q'' = -z^2 q."""
@@ -172,6 +162,24 @@ class Stoermer(Method):
                 v = v - 0.5 / n * z * z * q
             end += float(w) * np.stack([q, v])
         return float(np.abs(np.linalg.eigvals(end)).max())
+
+
+def _extrapolated(
+    h: Array, y: Array, ends: list[Array], weights: Array, *, moved: list[Array], pulls: list[Array]
+) -> Advance:
+    """The step from the ends of its columns, and from the last places and forces of the lanes."""
+    still = jnp.zeros_like(y[len(y) // 2 :])
+    increment, error = (
+        _joined([_summed(weights[:, row], x) for x in ends], y.shape) for row in range(2)
+    )
+    increment = increment + jnp.concatenate([h * y[len(y) // 2 :], still])
+    # The two columns with the most substeps end side by side, at nearly the same place.
+    there, forces = (
+        [_joined([x[..., j, 0] for x in part], still.shape) for j in range(2)]
+        for part in (moved, pulls)
+    )
+    ratio = fastest(h * h * (forces[0] - forces[1]), there[0] - there[1], h * h * forces[0])
+    return Advance(increment, error, speed=jnp.sqrt(ratio))
 
 
 def _summed(weights: Array, ends: Array) -> Array:

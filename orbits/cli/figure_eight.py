@@ -7,7 +7,7 @@ import typer
 import jaxdyn
 import orbits
 from jaxdyn._text import fail
-from jaxdyn.cli.screen import screen
+from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import AnimateOption, JsonOption, PlotOption, TitleOption, check_title
 from orbits.cli.printed import print_reports
 from orbits.cli.shared import SaveOption, draw, not_found, numbers, printed
@@ -65,13 +65,12 @@ def figure_eight_command(
         first = orbits.report(plain)
         neighbour = orbits.as_json(first) | {"seconds": _seconds(clock)}
         claims = {"closed plainly": first, "choreography": orbits.report(eight)}
-        seconds = _seconds(clock)
         if as_object:
             found = orbits.as_json(claims["choreography"])
-            out.result(found | {"seconds": seconds, "neighbour": neighbour})
+            out.result(found | {"seconds": _seconds(clock), "neighbour": neighbour})
         else:
             print_reports(claims, out)
-            out.print(f"compiling {seconds['compile']:.1f} s, the rest {seconds['solve']:.1f} s")
+            _print_seconds(clock, out)
         if save_to:
             with out.writing(save_to, "saved to"):
                 orbits.save(save_to, eight, claims["choreography"])
@@ -88,6 +87,11 @@ def figure_eight_command(
 def _seconds(clock: "jaxdyn.accuracy.timing.Clock") -> dict[str, float]:
     compiling = clock.compiling
     return {"compile": round(compiling, 3), "solve": round(clock.seconds - compiling, 3)}
+
+
+def _print_seconds(clock: "jaxdyn.accuracy.timing.Clock", out: Screen) -> None:
+    seconds = _seconds(clock)
+    out.print(f"compiling {seconds['compile']:.1f} s, the rest {seconds['solve']:.1f} s")
 
 
 def _numbers(option: str, text: str | None, count: int) -> list[float] | None:

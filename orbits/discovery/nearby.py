@@ -1,5 +1,6 @@
 """The periodic orbit near a scene's own start, from a guess of its period or from close returns."""
 
+import functools
 from collections.abc import Callable, Sequence
 
 import equinox as eqx
@@ -46,16 +47,14 @@ def searched(
     """
     several = _closings(scene, closing)
     held = (*hold, *(() if energy is None else (Energy(energy),)))
-    how = {"closing": several, "hold": held, "segments": segments, "report": report}
-
-    def near(y0, length) -> Orbit:
-        return find(scene, y0, length, throw=False, **how)
-
+    near = functools.partial(
+        find, scene, closing=several, hold=held, segments=segments, report=report, throw=False
+    )
     if period is not None:
         return near(None, period)
     seeds = _seeds(scene)
     # The scene's own start, where that is periodic as it is.
-    orbit = find(scene, None, seeds[0].period, max_iterations=0, throw=False, **how)
+    orbit = near(None, seeds[0].period, max_iterations=0)
     for seed in seeds if not orbit.ok else ():
         # A reversal needs a start that it keeps, which the scene's own may be.
         orbit = near(None if hold or closing == "reversal" else seed.y0, seed.period)

@@ -163,7 +163,7 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
     mirrors = Mirrored(first, 2 * first + math.pi)
     goal = GOAL * max(1.0, float(np.abs(y0).max()))  # of metres and radians alike
     legs = (Leg(scene=fly, ends=lands), Leg(scene=contact, ends=()))
-    half = _found(legs, y0, spans, closes=mirrors, goal=goal)
+    half = _checked(find_chain(legs, y0, spans, closes=mirrors, goal=goal, throw=False))
     down, rest = half.spans
     above = (Height(given),)
     presses = () if rolls else (NormalForce(contact),)
@@ -176,12 +176,13 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
     around = Advanced(2 * (first + math.pi))
     # Once more around what is left of each half counts several times.
     whole = 8 * goal
-    return _found(chain, half.y0, spans, closes=around, goal=whole, max_iterations=0)
+    return _checked(
+        find_chain(chain, half.y0, spans, closes=around, goal=whole, max_iterations=0, throw=False)
+    )
 
 
-def _found(*chain, **how) -> Hybrid:
-    """What `find_chain` finds; its guess is exact, so that only rounding can be in the way."""
-    found = find_chain(*chain, **how, throw=False)
+def _checked(found: Hybrid) -> Hybrid:
+    """A motion from an exact guess, so that only rounding can be in the way."""
     if not found.ok:
         raise SearchError(_ROUNDED)
     return found

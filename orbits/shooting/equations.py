@@ -192,8 +192,9 @@ class Equations(eqx.Module):
         here = jax.tree.map(np.asarray, pieces(self, x))
         # One compiled program for any number of segments, run in threads on all cores.
         each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(self.segments)]
-        how = {"rtol": rtol, "max_steps": max_steps, "make": self.make}
-        integrate = functools.partial(linearised_end, self.scene, **how)
+        integrate = functools.partial(
+            linearised_end, self.scene, rtol=rtol, max_steps=max_steps, make=self.make
+        )
         if self.segments == 1:  # to start a thread takes as long as a few integrations
             found = [integrate(each[0])]
         else:

@@ -38,8 +38,7 @@ def end_of(
 ) -> SolveResult:
     """A segment's end, without the derivatives."""
     scene = scene_of(scene, make, piece.parameter).starting(piece.start)
-    how = {"t0": piece.t0, "rtol": rtol, "max_steps": max_steps}
-    return advanced(scene, piece.span, piece.s, **how)
+    return advanced(scene, piece.span, piece.s, t0=piece.t0, rtol=rtol, max_steps=max_steps)
 
 
 @functools.partial(jax.jit, static_argnames=("make", "max_steps"))

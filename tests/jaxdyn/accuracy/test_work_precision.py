@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from jaxdyn import drawing, scenes, solvers
+from jaxdyn.accuracy import quantities
 from jaxdyn.accuracy import work_precision as work
 from jaxdyn.accuracy.timing import Times
 from jaxdyn.cli import app as cli
@@ -36,7 +37,7 @@ def test_errors_of_the_end_are_true_errors(damped):
     assert [curve.solver for curve in damped.curves] == FIT
     assert np.all(errors(damped)[:, 0] > 1e3 * errors(damped)[:, 1])
     assert damped.uncertainty < 1e-13
-    from_end = work.END.of(OSCILLATOR, 10.0, {"rtol": 1e-8, "solver": solvers.VERNER9})
+    from_end = quantities.END.of(OSCILLATOR, 10.0, solver=solvers.VERNER9, rtol=1e-8, dt=None)
     true = abs(float(from_end[0]) - exact)
     assert true <= 1.01 * errors(damped)[0, 1]
 
@@ -74,12 +75,12 @@ def test_the_fastest_with_enough_digits_is_recommended():
 @pytest.mark.parametrize(
     ("scene", "quantity"),
     [
-        (scenes.pendulum(), work.ENERGY_DRIFT),
-        (scenes.pendulum(), work.GRADIENT),
-        (scenes.pendulum(), work.event_time(events.Reaches(0, 0.0))),
-        (scenes.pendulum(formulation="constrained", drift="raw"), work.CONSTRAINTS),
+        (scenes.pendulum(), quantities.ENERGY_DRIFT),
+        (scenes.pendulum(), quantities.GRADIENT),
+        (scenes.pendulum(), quantities.event_time(events.Reaches(0, 0.0))),
+        (scenes.pendulum(formulation="constrained", drift="raw"), quantities.CONSTRAINTS),
     ],
-    ids=lambda x: x.name if isinstance(x, work.Quantity) else "",
+    ids=lambda x: x.name if isinstance(x, quantities.Quantity) else "",
 )
 @pytest.mark.slow
 def test_other_quantities_get_better_with_the_tolerance(scene, quantity):
@@ -114,7 +115,7 @@ def test_a_stiff_scene_gets_implicit_solvers():
     [
         (lambda: work.work_precision(OSCILLATOR, solvers=[]), "solvers: expected at least one"),
         (
-            lambda: work.work_precision(OSCILLATOR, quantity=work.CONSTRAINTS, **FEW),
+            lambda: work.work_precision(OSCILLATOR, quantity=quantities.CONSTRAINTS, **FEW),
             "scene: expected one with constraints",
         ),
         (lambda: drawing.judgement({}), "found: expected at least one scene"),

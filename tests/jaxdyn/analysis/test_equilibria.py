@@ -14,7 +14,7 @@ from jaxdyn.analysis.rest_points.search import Box, low_discrepancy
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.newton_euler import NewtonEuler
-from jaxdyn.hard.rest import FOLDS, OBLIQUE, oblique
+from jaxdyn.hard.cases.rest import FOLDS, OBLIQUE, oblique
 from jaxdyn.scene import Effect
 from jaxdyn.scenes.particles import cannonball, lorenz
 from jaxdyn.scenes.pendula import pendulum

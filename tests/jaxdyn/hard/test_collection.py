@@ -8,9 +8,9 @@ from helpers import EXACT
 
 from jaxdyn.course.upright import averaged_limit
 from jaxdyn.hard import CASES, judge
-from jaxdyn.hard.bodies import flip_period
+from jaxdyn.hard.cases.bodies import flip_period
+from jaxdyn.hard.cases.shaken import swing_period
 from jaxdyn.hard.elliptic import complete
-from jaxdyn.hard.shaken import swing_period
 
 #: Cases that compile little; the others are run with `-m long`, or by `jaxdyn hard`.
 QUICK = (

@@ -9,7 +9,7 @@ import pytest
 from jaxdyn import Scene, scenes, solvers
 from jaxdyn.effects import LinearDrag, PowerLaw, QuadraticDrag, SinusoidalForce, Spring
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.hard.contact import bouncing
+from jaxdyn.hard.cases.contact import bouncing
 from jaxdyn.integrate.phases import follow
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes.pendula import shaken_pendulum

@@ -10,7 +10,7 @@ from jaxdyn import Scene, Status, scenes
 from jaxdyn._progress import told
 from jaxdyn.effects import PairGravity, Spring
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.hard.contact import box
+from jaxdyn.hard.cases.contact import box
 from jaxdyn.integrate.events import Reaches, When, until
 from jaxdyn.integrate.phase import END, Exit, Phase
 from jaxdyn.integrate.phases import follow, simulate_phases

@@ -12,7 +12,7 @@ from helpers import EXACT, SOLVED, gap
 from jaxdyn import simulate
 from jaxdyn.analysis import energy
 from jaxdyn.effects import CentralForce, PowerLaw
-from jaxdyn.hard.centres import _KNOWN
+from jaxdyn.hard.cases.centres import _KNOWN
 from jaxdyn.integrate import events
 from jaxdyn.scenes.apsidal import apsidal_angle, apsidal_limits, apsides
 from jaxdyn.scenes.central import (

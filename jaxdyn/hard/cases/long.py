@@ -55,8 +55,8 @@ def _kept(
         np.arange(_SAMPLES) * _GOLDEN % 1
     )
     ts = np.concatenate([[0.0], ts[:-1]])
-    how = {"samples": ts, "solver": solver, "dt": dt, "max_steps": int(2 * steps * _PERIODS)}
-    motion = simulate(make(), span, **how)
+    most = int(2 * steps * _PERIODS)
+    motion = simulate(make(), span, samples=ts, solver=solver, dt=dt, max_steps=most)
     errors = energy_errors(motion)
     early, late = errors[: _SAMPLES // 2].max(), errors[_SAMPLES // 2 :].max()
     # Below 1e-12 both are rounding errors without meaning.

@@ -4,14 +4,12 @@ Explicit methods resolve every vibration, whose number grows like sqrt(k). A rod
 L-stable method damps those below its tolerance, and then costs the same for any k.
 """
 
-from typing import Any
-
 from jaxdyn.analysis.momenta import centre_of_mass
 from jaxdyn.course.rod_or_spring import advice, joined_by_rod, joined_by_spring, mass_centre
 from jaxdyn.hard.case import Case, Figure
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.scene import Scene
-from jaxdyn.solvers import RADAU9
+from jaxdyn.solvers import RADAU9, Method
 
 _STIFFNESSES = (1e4, 1e6, 1e8, 1e10, 1e12)
 _FOLLOWED = (1e4, 1e6)
@@ -41,9 +39,9 @@ def _spring() -> tuple[Figure, ...]:
     )
 
 
-def _ran(scene: Scene, **how: Any) -> tuple[float, int]:
+def _ran(scene: Scene, *, rtol: float, solver: Method | None = None) -> tuple[float, int]:
     """Error of the centre of mass at the end [m], and number of steps."""
-    motion = simulate(scene, _T1, samples=1, **how)
+    motion = simulate(scene, _T1, samples=1, rtol=rtol, solver=solver)
     found = centre_of_mass(_T1, scene.system.points(_T1, motion.ys[-1]))[0]
     return abs(float(found - mass_centre(_T1))), int(motion.steps + motion.rejected)
 

@@ -1,0 +1,1 @@
+"""The hard cases, a file for each topic; each offers its own as ``CASES``."""
