@@ -35,7 +35,8 @@ from jaxdyn.analysis.monodromy import (
     symplectic_form,
     uncertainty,
 )
-from jaxdyn.scene import Scene
+from jaxdyn.integrate.spans import tolerances
+from jaxdyn.scene import Scene, checked_scene
 
 _MAX_DETERMINANT_ERROR = (
     1e-9  # [1] |det(M) - 1| of a motion without damping, from integration errors
@@ -81,7 +82,7 @@ def multipliers(scene: Scene, period, *, rtol: float = RTOL) -> Floquet:
       period: () of the drive [s].
       rtol: relative tolerance of a step.
     Raises:
-      ValueError: a period that is not positive, or a motion that does not repeat.
+      ValueError: `period` is not positive, `rtol` is out of range, or the motion does not repeat.
     Example:
       >>> from jaxdyn.analysis import floquet
       >>> from jaxdyn import scenes
@@ -89,7 +90,7 @@ def multipliers(scene: Scene, period, *, rtol: float = RTOL) -> Floquet:
       >>> str(floquet.multipliers(stick, 2 * 3.141592653589793 / 60.0).verdict)
       'stable'
     """
-    scene.check()
+    checked_scene(scene)
     _checks.positive("period", period, "Of the drive, in seconds.")
     found = _alone(scene, jnp.asarray(period, float), _tolerances(rtol))
     return _judged(jax.tree.map(np.asarray, found), rtol)
@@ -107,7 +108,7 @@ def chart(
       second: (b,) values of y.
       rtol: relative tolerance of a step.
     Raises:
-      ValueError: no numbers, or a motion that does not repeat.
+      ValueError: no numbers, `rtol` out of range, or a motion that does not repeat.
     """
     first, second = (
         np.asarray(_checks.array(name, x, (None,)))
@@ -116,7 +117,7 @@ def chart(
     if not len(first) or not len(second):
         raise _checks.fail("grid", "at least one number each way", f"{len(first)} x {len(second)}")
     corner, period = make(jnp.asarray(first[0]), jnp.asarray(second[0]))
-    corner.check()
+    checked_scene(corner)
     _checks.positive("period", period, "Of the drive, in seconds.")
     xs, ys = (jnp.asarray(x.ravel()) for x in np.meshgrid(first, second, indexing="ij"))
     shape = len(first), len(second)
@@ -149,14 +150,15 @@ def edges(
       looks: points of the grid.
       rtol: relative tolerance of a step.
     Raises:
-      ValueError: a state of more than two entries, or fewer than two looks.
+      ValueError: a state of more than two entries, fewer than two looks, or `rtol` out of range.
     Limits: two edges closer than the grid, or one that is only touched, are missed; host only.
     """
     low, high = between
     xs = np.linspace(float(low), float(high), _checks.whole("looks", looks))
     y = jnp.asarray(float(second))
     corner, _ = make(jnp.asarray(xs[0]), y)
-    corner.check()
+    checked_scene(corner)
+    tolerances(rtol, None)
     k = len(corner.y0)
     if k != 2:
         raise _checks.fail("scene", "a state of 2 entries", k, "Use `chart` for larger ones.")
@@ -203,6 +205,7 @@ class _Period(NamedTuple):
 
 
 def _tolerances(rtol: float) -> tuple[Array, Array]:
+    tolerances(rtol, None)  # checked here: inside of jit it could not be
     return jnp.asarray(rtol), jnp.asarray(coarser(rtol))
 
 

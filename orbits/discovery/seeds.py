@@ -1,8 +1,8 @@
 """Guesses for free: where periodic orbits begin, without knowing one.
 
 Small oscillations about rest points, close returns of one long run, starts that a time
-reversal keeps, rows of published tables, and descent on the closing error. Each is a start and
-a period for `find`, or starts for `search`.
+reversal keeps, and rows of published tables. Each is a start and a period for `find`, or starts
+for `search`.
 """
 
 import dataclasses
@@ -11,7 +11,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
 from jaxtyping import Array
 
 from jaxdyn import Scene
@@ -25,7 +24,6 @@ from orbits.discovery.screening import Miss
 
 _AT_REST = 1e-6  # rate of a rest point over what a unit displacement gives
 _SAMPLES_PER_TIME = 2048  # of a long run, at least
-_DESCENT_RTOL = 1e-10
 
 
 @dataclasses.dataclass(frozen=True)
@@ -187,70 +185,6 @@ def rows(ab: np.ndarray) -> np.ndarray:
     ab = np.asarray(ab, float)
     r = np.broadcast_to(np.array([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0]), (len(ab), 6))
     return np.concatenate([r, ab, ab, -2 * ab], axis=1)
-
-
-def descend(
-    scene: Scene,
-    seed: Seed,
-    *,
-    closing: Closing = PLAIN,
-    steps: int = 200,
-    rate: float = 0.01,
-) -> Seed:
-    """A rougher guess made better by descent on the squared closing error (optax, Adam).
-
-    Descent goes on where Newton's steps from a poor guess lead astray; it loses half of the
-    digits, so it only leads to where `find` begins.
-
-    Args:
-      scene: what moves.
-      seed: the guess.
-      closing: what must close.
-      steps: of descent.
-      rate: of learning: length of the first steps, in units of the state's and period's size.
-    Returns:
-      The best seed on the way; the given one where nothing is better.
-    Raises:
-      ValueError: numbers that make no sense.
-    """
-    positive("rate", rate)
-    if steps < 1:
-        raise fail("steps", "at least 1", steps)
-    if closing.turns:
-        raise fail("closing", "one without an unknown turn", repr(closing.name))
-    free = closing.free(len(scene.y0))
-    base = jnp.asarray(seed.y0, float)
-    size = float(np.abs(np.asarray(base)).max())
-    x = jnp.append(base[free] / size, 1.0)
-    scales = (jnp.asarray(size), jnp.asarray(float(seed.period)))
-    adam = optax.adam(rate)
-    state = adam.init(x)
-    least, best = np.inf, x
-    for _ in range(steps):
-        value, slope = _error(scene, closing, base, scales, x)
-        if not np.isfinite(float(value)):
-            break
-        if float(value) < least:
-            least, best = float(value), x
-        moves, state = adam.update(slope, state)
-        x = x + jnp.asarray(moves)
-    y0 = closing.start(scene.system, best[:-1] * scales[0], base)
-    return Seed(np.asarray(y0), float(best[-1] * scales[1]))
-
-
-@eqx.filter_jit
-def _error(scene: Scene, closing: Closing, base: Array, scales, x: Array) -> tuple[Array, Array]:
-    """Half the squared closing error and its gradient, by forward mode: few unknowns."""
-
-    def half_square(x):
-        y0 = closing.start(scene.system, x[:-1] * scales[0], base)
-        end = solve(scene.starting(y0), x[-1] * scales[1] / closing.parts, rtol=_DESCENT_RTOL).y1
-        missed = closing.miss(scene.system, end, y0, jnp.zeros(()))
-        half = 0.5 * jnp.sum(missed * missed)
-        return half, half
-
-    slope, value = jax.jacfwd(half_square, has_aux=True)(x)
-    return value, slope
 
 
 def _times(span, shortest, longest) -> None:

@@ -142,6 +142,15 @@ def test_new_numbers_do_not_compile_again():
         (lambda: upright.upright_chart([0.1], [1.0], length=-1.0), "length: expected > 0"),
         (lambda: upright.upright_chart([], [1.0]), "grid: expected at least one number each way"),
         (lambda: upright.upright_chart(0.1, [1.0]), "first: expected shape"),
+        (lambda: floquet.multipliers(scenes.oscillator, 1.0), "scene: expected a Scene"),
+        (
+            lambda: floquet.multipliers(scenes.oscillator(), 1.0, rtol=0.5),
+            "rtol: expected between",
+        ),
+        (
+            lambda: floquet.edges(_double, (1.0, 2.0), 1.0, rtol=-1.0),
+            "rtol: expected between",
+        ),
         (
             lambda: floquet.multipliers(scenes.oscillator(), -1.0),
             "period: expected > 0",

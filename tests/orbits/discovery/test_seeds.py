@@ -1,6 +1,5 @@
 """Guesses for free: each leads to an orbit that is known by another route."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -71,22 +70,3 @@ def test_a_published_row_is_the_eight():
     assert orbits.identify(orbit).choreography
     np.testing.assert_allclose(orbit.y0, seed.y0, atol=1e-8)
     np.testing.assert_array_equal(seeds.rows(np.array([[1.0, 2.0]]))[0, 6:], [1, 2, 1, 2, -2, -4])
-
-
-def test_descent_leads_to_where_newton_begins():
-    scene = two_cycles()
-    rough = seeds.Seed(np.array([1.6, 0.3]), 1.6)
-    before = orbits.find(scene, rough.y0, rough.period, max_iterations=1, throw=False).residual
-    with jax.numpy_dtype_promotion("standard"):  # optax divides by powers of an int32 counter
-        better = seeds.descend(scene, rough, steps=300)
-    end = orbits.find(scene, better.y0, better.period)
-    assert end.period == pytest.approx(2 * np.pi / 5, rel=1e-11)
-    after = orbits.find(scene, better.y0, better.period, max_iterations=1, throw=False).residual
-    assert after < 0.5 * before
-    with pytest.raises(ValueError, match="steps: expected at least 1"):
-        seeds.descend(scene, rough, steps=0)
-    with pytest.raises(ValueError, match="rate: expected > 0"):
-        seeds.descend(scene, rough, rate=0.0)
-    turning = orbits.Return(turn="turn in xy")
-    with pytest.raises(ValueError, match="without an unknown turn"):
-        seeds.descend(scene, rough, closing=turning)

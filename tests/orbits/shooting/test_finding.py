@@ -10,6 +10,7 @@ import odes
 import pytest
 from helpers import SOLVED, gap, kepler, kepler_state
 from scipy.special import ellipk
+from two_cycles import two_cycles
 
 import jaxdyn
 import orbits
@@ -355,3 +356,11 @@ def test_a_rough_guess_is_led_to_an_orbit_by_descent():
     assert abs(turns - round(turns)) < 1e-9
     held = orbits.find(scene, start, period, rough=True, hold="theta")
     assert float(held.y0[0]) == pytest.approx(start[0], abs=1e-12)
+
+
+def test_descent_leads_to_where_newtons_method_begins():
+    steps = []
+    found = orbits.find(two_cycles(), [1.6, 0.3], 1.6, rough=True, report=steps.append)
+    assert found.period == pytest.approx(2 * np.pi / 5, rel=1e-11)
+    descent = steps[: len(steps) - found.iterations]
+    assert descent[-1].residual < 0.01 * descent[0].residual
