@@ -19,7 +19,10 @@ from jaxdyn._text import whole as whole
 
 def is_traced(x: Any) -> bool:
     """True while x is inside a jax transformation and has no value to look at."""
-    if isinstance(x, float | int | np.ndarray):
+    if isinstance(x, jax.core.Tracer):
+        return True
+    # The usual cases, in a tenth of the time that a search through a pytree takes.
+    if isinstance(x, float | int | np.ndarray | jax.Array):
         return False
     return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(x))
 
@@ -33,6 +36,19 @@ def untraced(name: str, x: Any, remedy: str) -> None:
 def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Array:
     """The input as a finite float array of the wanted shape, where None allows any length."""
     return finite(name, shaped(name, x, shape, remedy), remedy)
+
+
+def host_array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Any:
+    """`array` of NumPy where x has a value: for what is looked at on the host once more."""
+    if is_traced(x):
+        return array(name, x, shape, remedy)
+    try:
+        _numeric(x)
+        x = np.asarray(x, float)
+    except (TypeError, ValueError) as error:
+        raise fail(name, "numbers", repr(x), remedy) from error
+    check_shape(name, x.shape, shape, remedy)
+    return finite(name, x, remedy)
 
 
 def shaped(name: str, x: Any, shape: tuple, remedy: str = "") -> Array:
@@ -59,14 +75,16 @@ def numbers(name: str, x: Any, remedy: str = "") -> Array:
     """The input as a float array, of any shape and value."""
     float64()
     try:
-        if type(x) is not float:
-            _numeric(x)
+        _numeric(x)
         return as_float(x)
     except (TypeError, ValueError) as error:
         raise fail(name, "numbers", repr(x), remedy) from error
 
 
 def _numeric(x: Any) -> None:
+    """Raise TypeError for what is no number."""
+    if type(x) is float or getattr(x, "dtype", None) == np.float64:
+        return
     # numpy would read the text "1" and the truth True as the number 1.
     for leaf in jax.tree.leaves(x):
         if isinstance(leaf, str | bool) or getattr(leaf, "dtype", np.dtype(float)).kind in "bUSO":

@@ -13,6 +13,7 @@ recompiles. Constructors check nothing, since they also run inside traces; entry
 """
 
 import dataclasses
+import weakref
 from typing import Any
 
 import diffrax
@@ -258,5 +259,16 @@ def checked_scene(scene: Any) -> Scene:
         name = getattr(scene, "__name__", None)
         remedy = f"Call it: {name}()." if callable(scene) and name else ""
         raise _checks.fail("scene", "a Scene", name or repr(scene), remedy)
-    Scene.check(scene)
+    if _passed.get(id(scene)) is not scene:
+        Scene.check(scene)
+        if all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(scene)):
+            if not _checks.is_traced(scene):
+                _passed[id(scene)] = scene
+    else:
+        # What a system may find changed: a number that one of its functions has captured.
+        type(scene.system).check(scene.system, np.zeros(()), scene.y0)
     return scene
+
+
+#: Scenes that have passed their check, by their id. They cannot change, as their numbers cannot.
+_passed: weakref.WeakValueDictionary[int, Scene] = weakref.WeakValueDictionary()

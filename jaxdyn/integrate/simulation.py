@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
+from jaxdyn._floats import as_float
 from jaxdyn.integrate import ladder
 from jaxdyn.integrate.adjoint import adjoint_flow
 from jaxdyn.integrate.fixed import FixedField
@@ -175,7 +176,7 @@ def solve(
     if len(ts) == n:
         return out
     # On the host: a slice by JAX would be one more program for each number of samples.
-    ys = jnp.asarray(np.asarray(out.ys)[:n])
+    ys = as_float(np.asarray(out.ys)[:n])
     return SolveResult(
         y1=out.y1, ys=ys, steps=out.steps, rejected=out.rejected, status=out.status, stiff=out.stiff
     )

@@ -62,10 +62,11 @@ def _number(name: str, x, remedy: str) -> float:
 def span(scene: Scene, t1=None, t0=0.0) -> tuple[Array, Array]:
     """Start () and end () of a motion of a scene, all three checked.
 
-    The end is the scene's own where it is None.
+    The end is the scene's own where it is None. Both are of NumPy unless they are traced.
     """
     own = checked_scene(scene).t1
-    return _checks.array("t0", t0, ()), _checks.array("t1", own if t1 is None else t1, ())
+    t1 = own if t1 is None else t1
+    return _checks.host_array("t0", t0, ()), _checks.host_array("t1", t1, ())
 
 
 def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
@@ -76,15 +77,15 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
             raise _checks.fail("samples", "at least 1, or an array of times", samples)
         _check_memory(scene, int(samples))
         if samples == 1:
-            return t0, t1, t1[None]
+            return t0, t1, as_float(t1[None])
         if _checks.is_traced((t0, t1)):
             return t0, t1, jnp.linspace(t0, t1, int(samples))
         # One of JAX would be one more program for each number of samples.
         return t0, t1, as_float(np.linspace(float(t0), float(t1), int(samples)))
-    ts = _checks.array("samples", samples, (None,), "An array of times, or how many.")
+    ts = _checks.host_array("samples", samples, (None,), "An array of times, or how many.")
     _check_memory(scene, len(ts))
     if not _checks.is_traced((ts, t0, t1)):
-        inside = np.concatenate([np.asarray(x).reshape(-1) for x in (t0, ts, t1)])
+        inside = np.concatenate([t0[None], ts, t1[None]])
         if (np.diff(inside) * (1.0 if inside[-1] >= inside[0] else -1.0) < 0).any():
             raise _checks.fail(
                 "samples",
@@ -92,7 +93,7 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
                 f"{np.asarray(ts)}",
                 "Sort them, or move t0 or t1.",
             )
-    return t0, t1, ts
+    return t0, t1, as_float(ts)
 
 
 def _check_memory(scene: Scene, samples: int) -> None:

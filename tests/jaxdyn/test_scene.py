@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from helpers import EXACT, SOLVED, Arm, gap, kepler, primitives
 
+import jaxdyn
 from jaxdyn import Effect, Scene, System, scenes, simulate
 from jaxdyn._numerics import safe_norm
 from jaxdyn.accuracy.timing import Clock
@@ -474,3 +475,21 @@ def test_entries_in_radians_wrap():
     apart = arm.system.difference(jnp.array([6.3, 7.0]), jnp.array([0.1, 0.5]))
     assert gap(apart, [6.2 - 2 * np.pi, 6.5]) < EXACT
     assert gap(_Claims("none").difference(jnp.array([6.3, 7.0]), jnp.zeros(2)), [6.3, 7.0]) == 0
+
+
+def test_a_scene_that_passed_is_not_checked_again_but_another_is(monkeypatch):
+    checked = []
+    check = Scene.check
+    monkeypatch.setattr(Scene, "check", lambda scene: (checked.append(scene), check(scene)))
+    scene = scenes.cannonball()
+    for _ in range(3):
+        jaxdyn.simulate(scene, 0.1)
+    assert len(checked) == 1
+    with pytest.raises(ValueError, match="mass"):
+        jaxdyn.simulate(eqx.tree_at(lambda s: s.system.m, scene, -scene.system.m), 0.1)
+    # An array of NumPy may change in place.
+    mutable = eqx.tree_at(lambda s: s.y0, scene, np.array(scene.y0))
+    jaxdyn.simulate(mutable, 0.1)
+    mutable.y0[0] = np.nan
+    with pytest.raises(ValueError, match="y0"):
+        jaxdyn.simulate(mutable, 0.1)
