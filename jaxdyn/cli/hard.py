@@ -8,6 +8,8 @@ from rich.markup import escape
 from rich.table import Table
 
 import jaxdyn
+from jaxdyn._text import choice
+from jaxdyn.cli import words
 from jaxdyn.cli.screen import Screen, screen
 
 _FAILED = 1  # exit code: a figure exceeds its bound
@@ -21,6 +23,8 @@ def hard_command(
     as_object: Annotated[bool, typer.Option("--json", help="One JSON object a figure.")] = False,
 ) -> None:
     """Run cases that break naive codes; print the figures of each, their bounds and a verdict."""
+    for name in names or ():
+        choice("case", name, words.hard_cases(), "jaxdyn hard --list")
     with screen("looking the cases up", as_object) as out:
         if only_list:
             table = Table("case", "what must hold")

@@ -100,7 +100,7 @@ def start(app: typer.Typer) -> None:
         code = app(standalone_mode=False)
         sys.stdout.flush()
     except _Usage as error:
-        _refuse(f"{error.format_message()} See --help.")
+        _refuse(f"{error.format_message().rstrip('.')}. See --help.")
     except ValueError as error:
         _refuse(str(error))
     except typer.Abort:

@@ -73,6 +73,20 @@ def solver_names() -> tuple[str, ...]:
     return tuple(name.lower() for name in ast.literal_eval(listed) if name.isupper())
 
 
+def hard_cases() -> set[str]:
+    """The names of the hard cases: the first argument, always a literal, of each `Case`."""
+    nodes = (
+        node
+        for path in (_PACKAGE / "hard").glob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    )
+    return {
+        ast.literal_eval(node.args[0])
+        for node in nodes
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "Case"
+    }
+
+
 def _literal(node: ast.expr) -> object:
     try:
         return ast.literal_eval(node)

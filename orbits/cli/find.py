@@ -1,11 +1,13 @@
 """The command `orbits find`: a periodic orbit of any scene of the catalogue."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
 
 import jaxdyn
 import orbits
+from jaxdyn._text import choice, fail
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import (
     AnimateOption,
@@ -20,6 +22,8 @@ from jaxdyn.cli.words import scene_settings
 from orbits.cli.printed import print_reports
 from orbits.cli.shared import SaveOption, draw, not_found, printed
 
+_CLOSINGS = ("plain", "choreography", "relative", "reversal")
+
 
 def find_command(
     name: SceneArgument,
@@ -28,7 +32,7 @@ def find_command(
         float | None, typer.Option(help="Guess; from a close return if left out.")
     ] = None,
     closing: Annotated[
-        str, typer.Option(help="plain, choreography, relative or reversal.")
+        str, typer.Option(metavar="NAME", help=f"{', '.join(_CLOSINGS[:-1])} or {_CLOSINGS[-1]}.")
     ] = "plain",
     energy: Annotated[float | None, typer.Option(help="Energy of the wanted orbit.")] = None,
     hold: Annotated[
@@ -36,6 +40,9 @@ def find_command(
         typer.Option(metavar="NAME", help="Entry of the state that keeps its start; repeatable."),
     ] = None,
     segments: Annotated[int | None, typer.Option(help="Pieces of the motion.")] = None,
+    rough: Annotated[
+        bool, typer.Option("--rough", help="Descend from a rough guess before Newton's method.")
+    ] = False,
     plot: PlotOption = None,
     title: TitleOption = None,
     animate: AnimateOption = None,
@@ -44,16 +51,18 @@ def find_command(
 ) -> None:
     """A periodic orbit near a scene's own motion: what it is, and whether it is stable."""
     check_title(title, plot)
+    choice("--closing", closing, _CLOSINGS)
     chosen = scene_settings(name, settings)
     with screen(f"looking for an orbit of {name}", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(name, chosen)
         orbit = orbits.discovery.nearby.searched(
             scene,
             period,
-            closing=closing,
+            closing=_closings(scene, closing),
             energy=energy,
             hold=hold or (),
             segments=segments,
+            rough=rough,
             report=printed(out),
         )
         if not orbit.ok:
@@ -73,3 +82,20 @@ def find_command(
                 orbits.save(save_to, orbit, claims)
         found = f"period {orbit.period:.9g}, {claims.verdict}"
         draw([orbit], [found], plot, animate, out, title)
+
+
+def _closings(scene: "jaxdyn.Scene", name: str) -> "orbits.Closing | Sequence[orbits.Closing]":
+    """What `--closing` says of a scene; a choreography has several, of which one is chosen."""
+    system = scene.system
+    if name == "choreography":
+        if not isinstance(system, jaxdyn.formulations.newton.FreePoints):
+            raise fail("--closing", "one for this scene", name, "Only free points can follow it.")
+        return orbits.choreography(len(system.m), system.d)
+    if name == "relative":
+        turns = [key for key in system.generators(scene.y0) if key.startswith("turn")]
+        if not turns:
+            raise fail("--closing", "one for this scene", name, "Nothing turns its state.")
+        return orbits.relative(turns[0])
+    if name == "reversal":
+        return orbits.reversal(orbits.backwards(len(scene.y0)))
+    return orbits.PLAIN

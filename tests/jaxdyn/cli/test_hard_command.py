@@ -7,6 +7,7 @@ import pytest
 
 from jaxdyn import hard
 from jaxdyn.cli import app as cli
+from jaxdyn.cli import words
 from jaxdyn.hard import collection
 from jaxdyn.hard.case import absolute_error, relative_error
 
@@ -17,8 +18,8 @@ def _sum(value):
 
 @pytest.fixture
 def jaxdyn(capsys, monkeypatch):
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["jaxdyn", "hard", *words])
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["jaxdyn", "hard", *arguments])
         with pytest.raises(SystemExit) as end:
             cli.main()
         out, err = capsys.readouterr()
@@ -32,6 +33,7 @@ def jaxdyn(capsys, monkeypatch):
 )
 def test_a_figure_out_of_its_bound_fails(jaxdyn, monkeypatch, value, passed, code):
     monkeypatch.setitem(collection.CASES, "sum", _sum(value))
+    monkeypatch.setattr(words, "hard_cases", lambda: {"sum"})
     done, out, _ = jaxdyn("sum", "--json")
     row, total = (json.loads(line) for line in out.splitlines())
     assert row.pop("seconds") >= 0

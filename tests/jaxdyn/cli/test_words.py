@@ -3,7 +3,7 @@
 import pytest
 from helpers import run_python
 
-from jaxdyn import solvers
+from jaxdyn import hard, solvers
 from jaxdyn.cli import words
 from jaxdyn.scenes import catalogue
 
@@ -24,6 +24,10 @@ def test_every_ready_solver_has_its_name():
     assert set(words.solver_names()) == ready
 
 
+def test_every_hard_case_has_its_name():
+    assert words.hard_cases() == set(hard.CASES)
+
+
 def test_settings_are_read_by_name():
     assert words.scene_settings("pendulum", ["angle = pi/2", "m=2"]) == {"angle": "pi/2", "m": "2"}
     assert words.scene_settings("three_body", None) == {}
@@ -40,7 +44,11 @@ MISTAKES = {
     "jaxdyn run pendulum --plot a.xyz": "--plot: expected a file name",
     "jaxdyn accuracy nosuch": "scene: expected one that",
     "jaxdyn list nosuch": "scene: expected one that",
+    "jaxdyn hard nosuch": "case: expected one that `jaxdyn hard --list` shows, got 'nosuch'.",
+    "jaxdyn run pendulum --t1 x": "Invalid value for '--t1': Input should be a valid number, "
+    "unable to parse string as a number. See --help.\n",
     "orbits find nosuch": "scene: expected one that",
+    "orbits find pendulum --closing nosuch": "--closing: expected one of choreography, plain",
     "orbits family pendulum --parameter nosuch": "--parameter: expected one of",
     "orbits family pendulum --from-orbit nosuch.json": "--from-orbit: expected a readable file",
     "orbits verify nosuch.json": "file: expected a readable file",
