@@ -1,0 +1,170 @@
+"""What functions capture is remembered wherever it is kept; what they count in is not."""
+
+import dataclasses
+import functools
+import types
+
+import numpy as np
+import pytest
+
+import jaxdyn
+from jaxdyn.formulations.captured import captured
+
+STIFFNESS = 2.0
+COUNTED = {"calls": 0}
+
+
+def _law(y):
+    return -STIFFNESS * y
+
+
+def _in_a_dictionary():
+    kept = {"k": 2.0}
+    return lambda t, y: [y[1], -kept["k"] * y[0]], lambda: kept.update(k=5.0)
+
+
+def _in_nested_lists():
+    kept = [[1.0, 2.0]]
+    return lambda t, y: [y[1], -kept[0][1] * y[0]], lambda: kept[0].append(5.0)
+
+
+def _in_an_array():
+    kept = np.array([2.0])
+    return lambda t, y: [y[1], -kept[0] * y[0]], lambda: kept.fill(5.0)
+
+
+def _in_an_object():
+    kept = types.SimpleNamespace(spring=types.SimpleNamespace(k=2.0))
+    return lambda t, y: [y[1], -kept.spring.k * y[0]], lambda: setattr(kept.spring, "k", 5.0)
+
+
+def _in_a_class():
+    class Kept:
+        k = 2.0
+
+    return lambda t, y: [y[1], -Kept.k * y[0]], lambda: setattr(Kept, "k", 5.0)
+
+
+def _in_a_module():
+    kept = types.ModuleType("kept")
+    kept.k = 2.0
+    return lambda t, y: [y[1], -kept.k * y[0]], lambda: setattr(kept, "k", 5.0)
+
+
+@dataclasses.dataclass(slots=True, eq=False)
+class Slotted:
+    k: float
+
+
+def _in_a_slot():
+    kept = Slotted(2.0)
+    return lambda t, y: [y[1], -kept.k * y[0]], lambda: setattr(kept, "k", 5.0)
+
+
+class Spring:
+    def __init__(self):
+        self.k = 2.0
+
+    @property
+    def twice(self):
+        return 2 * self.k
+
+    def pull(self, y):
+        return -self.twice * y
+
+    def rate(self, t, y):
+        return [y[1], self.pull(y[0])]
+
+    __call__ = rate
+
+
+def _in_the_owner_of_a_method():
+    kept = Spring()
+    return kept.rate, lambda: setattr(kept, "k", 5.0)
+
+
+def _in_an_object_that_is_called():
+    kept = Spring()
+    return kept, lambda: setattr(kept, "k", 5.0)
+
+
+def _in_a_default():
+    def rate(t, y, k=[2.0]):  # noqa: B006
+        return [y[1], -k[0] * y[0]]
+
+    return rate, lambda: rate.__defaults__[0].append(5.0)
+
+
+def _in_a_partial_function():
+    kept = [2.0]
+    return functools.partial(lambda k, t, y: [y[1], -k[0] * y[0]], kept), lambda: kept.append(5.0)
+
+
+PLACES = [
+    _in_a_dictionary,
+    _in_nested_lists,
+    _in_an_array,
+    _in_an_object,
+    _in_a_class,
+    _in_a_module,
+    _in_a_slot,
+    _in_the_owner_of_a_method,
+    _in_an_object_that_is_called,
+    _in_a_default,
+    _in_a_partial_function,
+]
+
+
+@pytest.mark.parametrize("place", PLACES, ids=lambda place: place.__name__)
+def test_a_number_is_remembered_wherever_it_is_kept(place):
+    function, change = place()
+    before = captured("rate", function)
+    assert captured("rate", function) == before
+    change()
+    assert captured("rate", function) != before
+
+
+def test_a_number_of_a_function_that_is_called_is_remembered(monkeypatch):
+    def rate(t, y):
+        return [y[1], _law(y[0])]
+
+    before = captured("rate", rate)
+    monkeypatch.setitem(globals(), "STIFFNESS", 5.0)
+    assert captured("rate", rate) != before
+
+
+def test_what_a_function_counts_in_is_left_out():
+    calls, times, owner = [0.0], {"sum": 0.0}, Spring()
+
+    def rate(t, y):
+        calls.append(1.0)
+        COUNTED["calls"] += 1
+        times["sum"] = times["sum"] + 1.0
+        owner.calls = 1.0
+        return [y[1], -owner.k * y[0]]
+
+    before = captured("rate", rate)
+    rate(0.0, [1.0, 0.0])
+    assert captured("rate", rate) == before
+
+
+def test_a_scene_never_goes_on_with_an_old_value():
+    spring = Spring()
+    stiffness = {"k": 2.0}
+
+    def rate(t, y):
+        return [y[1], -stiffness["k"] * y[0]]
+
+    for function, change in (
+        (spring.rate, lambda: setattr(spring, "k", 5.0)),
+        (rate, lambda: stiffness.update(k=10.0)),
+    ):
+        scene = jaxdyn.ode(function, [1.0, 0.0], 1.0)
+        jaxdyn.simulate(scene, samples=2)
+        change()
+        with pytest.raises(
+            ValueError, match=r"captured numbers that have not changed, got another"
+        ):
+            jaxdyn.simulate(scene, samples=2)
+        again = jaxdyn.simulate(jaxdyn.ode(function, [1.0, 0.0], 1.0), samples=2)
+        assert abs(float(again["y0"][-1]) - np.cos(np.sqrt(10.0))) < 1e-8
