@@ -90,7 +90,6 @@ def test_a_rough_guess_is_led_to_an_orbit_by_descent(orbits):
     for rough in ((), ("--rough",)):
         code, out, err = orbits("find", *guess, *rough)
         assert code == 0, err
-        assert "the orbit" not in err
         steps[rough] = out.count("largest error")
     assert steps["--rough",] > steps[()] + 2
 
