@@ -77,7 +77,7 @@ def hard_cases() -> set[str]:
     """The names of the hard cases: the first argument, always a literal, of each `Case`."""
     nodes = (
         node
-        for path in (_PACKAGE / "hard").glob("*.py")
+        for path in (_PACKAGE / "hard").rglob("*.py")
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
     )
     return {

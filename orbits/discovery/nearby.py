@@ -50,7 +50,6 @@ def searched(
     near = functools.partial(
         find, scene, closing=several, hold=held, segments=segments, report=report, throw=False
     )
-
     if period is not None:
         return near(None, period, rough=rough)
     seeds = _seeds(scene)
