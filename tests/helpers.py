@@ -2,11 +2,13 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from jax.extend.core import jaxprs_in_params
 
 from jaxdyn import Scene
@@ -41,6 +43,15 @@ def gap(a, b) -> float:
     a, b = np.asarray(a), np.asarray(b)
     assert a.shape == b.shape
     return float(np.max(np.abs(a - b)))
+
+
+def refusal(call: Callable[[], object]) -> str:
+    """What a call is refused with, in one line."""
+    with pytest.raises(ValueError, match="expected") as refused:
+        call()
+    text = str(refused.value)
+    assert "\n" not in text
+    return text
 
 
 def run_python(code: str, **env: str) -> str:

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import EXACT, SOLVED, Arm, gap, kepler, primitives
+from helpers import EXACT, SOLVED, Arm, gap, kepler, primitives, refusal
 
 import jaxdyn
 from jaxdyn import Effect, Scene, System, scenes, simulate
@@ -19,6 +19,7 @@ from jaxdyn.effects import LinearDrag, PairGravity, QuadraticDrag, UniformGravit
 from jaxdyn.formulations.lagrange import Lagrange
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import catalogue, skates
+from orbits.orbit import Outcome
 
 Y0 = [0.0, 0.0, 3.0, 4.0]
 
@@ -493,3 +494,34 @@ def test_a_scene_that_passed_is_not_checked_again_but_another_is(monkeypatch):
     mutable.y0[0] = np.nan
     with pytest.raises(ValueError, match="y0"):
         jaxdyn.simulate(mutable, 0.1)
+
+
+def test_a_spring_through_its_pin_is_no_collision_of_bodies():
+    scene = scenes.spring_mass(position=(0.5, 0.0), g=0.0, length=0.2)
+    assert scene.singular.startswith("A spring or dashpot has no direction where its ends coincide")
+    assert "bod" not in Outcome.COLLISION.message
+    assert (scenes.cannonball().singular, scenes.pendulum().singular) == ("", "")
+    assert with_work(scenes.cannonball(drag=1.0), QuadraticDrag).singular == ""
+
+
+def no_bodies(*effects):
+    return Scene(FreePoints([]), effects, y0=[])
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: simulate(no_bodies()), "system: expected something that moves"),
+        (lambda: simulate(no_bodies(PairGravity())), "system: expected something that moves"),
+        (lambda: Scene(FreePoints([1.0]), y0=[0, 0, 1j, 2]), "y0: expected numbers"),
+        (lambda: Scene(FreePoints([1.0]), y0="a"), "y0: expected numbers, got 'a'"),
+        (lambda: Scene(FreePoints([1.0]), y0=None), "y0: expected numbers, got None"),
+    ],
+)
+def test_an_invalid_scene_is_refused_by_name(call, message):
+    assert message in refusal(call)
+
+
+def test_nothing_acts_and_the_points_go_straight_on():
+    motion = simulate(Scene(FreePoints([1.0, 2.0]), y0=[0, 0, 1, 1, 1, 2, -3, 0.5]), 2.0, samples=3)
+    np.testing.assert_allclose(motion.ys[-1], [2, 4, -5, 2, 1, 2, -3, 0.5], rtol=1e-15)

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import EXACT, Arm, gap
+from helpers import EXACT, Arm, gap, refusal
 
 from jaxdyn import Scene, simulate
 from jaxdyn.analysis.equilibria import Equilibria, equilibria, rest_point
@@ -272,3 +272,25 @@ BOXES = [
 def test_a_box_that_is_none_is_refused(low, high, message):
     with pytest.raises(ValueError, match=message):
         equilibria(two_springs(), low, high)
+
+
+def rest(**options):
+    return equilibria(pendulum(), [-1.0, 0.0], [1.0, 1.0], **options)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: equilibria(Scene(FreePoints([]), (), y0=[]), [], []),
+            "system: expected something that moves",
+        ),
+        (lambda: equilibria(pendulum, [0], [1]), "scene: expected a Scene"),
+        (lambda: rest(starts=0), "starts: expected a whole number, at least 1, got 0"),
+        (lambda: rest(starts=1.5), "starts: expected a whole number, at least 1, got 1.5"),
+        (lambda: rest(starts=10**12), "starts: expected at most 1000000, got 1000000000000"),
+        (lambda: rest(t=np.nan), "t: expected finite numbers"),
+    ],
+)
+def test_invalid_arguments_are_refused_by_name(call, message):
+    assert message in refusal(call)

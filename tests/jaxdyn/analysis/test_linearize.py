@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import DIFFED, EXACT, Arm, central_difference, gap
+from helpers import DIFFED, EXACT, Arm, central_difference, gap, refusal
 
-from jaxdyn import Scene, simulate
+from jaxdyn import Effect, Scene, simulate
 from jaxdyn.analysis import linearize
 from jaxdyn.analysis.constraints import conditioning
 from jaxdyn.analysis.eigenvalues import ROUNDING, SAFETY
@@ -14,6 +14,7 @@ from jaxdyn.analysis.equilibria import equilibria, rest_point
 from jaxdyn.effects import SpringNetwork, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.newton_euler import NewtonEuler
+from jaxdyn.scenes.nbody import two_body
 from jaxdyn.scenes.particles import lorenz
 from jaxdyn.scenes.pendula import pendulum
 from jaxdyn.scenes.springs import oscillator, two_springs
@@ -171,3 +172,47 @@ class Swirl(SpringNetwork):
 
     def force(self, t, r, v, m):
         return jnp.stack([r[1] - 1.0, 0.0 * r[0]])
+
+
+SWING = pendulum()
+COLLIDED = two_body().starting(np.zeros(8))
+NO_BODIES = Scene(FreePoints([]), (), y0=[])
+
+
+class WithoutValue(Effect):
+    """A field whose strength is not a number."""
+
+    def potential(self, t, r, m):
+        return np.nan * (r * r).sum()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: linearize.linearize(NO_BODIES, []), "system: expected something that moves"),
+        (
+            lambda: linearize.linearize(pendulum, [0.0, 0.0]),
+            "scene: expected a Scene, got pendulum",
+        ),
+        (lambda: linearize.linearize(SWING, [np.nan, 0.0]), "y: expected finite numbers"),
+        (lambda: linearize.linearize(SWING, [0.0, 0.0], "now"), "t: expected numbers, got 'now'"),
+        (lambda: linearize.linearize(SWING, [0.0, 0.0], np.nan), "t: expected finite numbers"),
+        (lambda: linearize.linearize(SWING, [0.0]), "y: expected shape"),
+        (
+            lambda: linearize.linearize(SWING + WithoutValue(), [0.0, 0.0]),
+            "The rate has no derivative there",
+        ),
+        (lambda: linearize.linearize(pendulum(m=0.0), [0.0, 0.0]), "mass: expected > 0"),
+        (
+            lambda: linearize.linearize(COLLIDED, COLLIDED.y0),
+            "y0: expected bodies at different points",
+        ),
+        (lambda: linearize.modes(pendulum, [0.0, 0.0]), "scene: expected a Scene, got pendulum"),
+        (
+            lambda: linearize.modes(SWING + WithoutValue(), [0.0, 0.0]),
+            "stiffness: expected finite numbers",
+        ),
+    ],
+)
+def test_what_cannot_be_linearised_is_refused_by_name(call, message):
+    assert message in refusal(call)

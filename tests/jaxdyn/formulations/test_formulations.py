@@ -121,16 +121,6 @@ def test_multiplier_is_the_tension_of_the_rod():
         assert gap(force, -tension) < EXACT * 20
 
 
-def test_hinge_forces_carry_the_weight_of_hanging_bars():
-    scene = pendula.double_pendulum(m=(1.0, 3.0), g=2.0, angles=(0.0, 0.0))
-    tied = pendula.double_pendulum(
-        m=(1.0, 3.0), g=2.0, angles=(0.0, 0.0), formulation="constrained"
-    )
-    forces = tied.system.constraint_forces(NOW, tied.y0, tied.effects)
-    assert gap(forces, jnp.array([0.0, 8.0, 0.0, 6.0])) < EXACT * 10
-    assert gap(scene.rate(NOW, scene.y0), jnp.zeros(4)) < EXACT
-
-
 def test_nearest_start_is_offered():
     scene = linkages.rod_on_line(m=(1.0, 3.0))
     bad = scene.starting([0.0, 1.0, 1.0, 0.0])

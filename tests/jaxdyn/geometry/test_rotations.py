@@ -368,3 +368,76 @@ def test_no_quaternion_has_no_axis_and_no_rotation_vector():
     assert np.isnan(ro.axis_angle_from_wxyz([0.0, 0.0, 0.0, 0.0]).angle)
     assert np.isnan(ro.axis_angle_from_wxyz([0.0, 0.0, 0.0, 0.0]).axis).all()
     assert np.isnan(ro.rotation_vector_from_wxyz([0.0, 0.0, 0.0, 0.0])).all()
+
+
+X, Y, Z = E = jnp.eye(3)
+QUARTER = np.pi / 2
+
+
+# ---- problem 45: a quarter turn about y, then one about x
+
+
+def test_problem_45_two_quarter_turns():
+    turned = [ro.rotate(X, QUARTER, ro.rotate(Y, QUARTER, e)) for e in E]
+    assert gap(jnp.stack(turned), jnp.stack([Y, Z, X])) < EXACT  # x to y, y to z, z to x
+    net = jnp.stack(turned, axis=1)
+    v = jnp.array([0.2, -0.5, 3.0])
+    assert gap(net @ v, [v[2], v[0], v[1]]) < EXACT
+    for axis, angle in (
+        ro.axis_angle_from_matrix(net),
+        ro.compose_axis_angle(ro.AxisAngle(Y, QUARTER), ro.AxisAngle(X, QUARTER)),
+    ):
+        assert gap(angle, 2 * np.pi / 3) < EXACT
+        assert gap(axis, np.ones(3) / np.sqrt(3)) < EXACT
+
+
+# ---- problem 46: vecrot, rotmat and back
+
+
+@pytest.mark.parametrize(
+    ("n", "theta", "images"),
+    [(X, QUARTER, (X, Z, -Y)), (Z, QUARTER, (Y, -X, Z)), (jnp.ones(3), 2 * np.pi / 3, (Y, Z, X))],
+)
+def test_problem_46_special_rotations_there_and_back(n, theta, images):
+    matrix = ro.matrix_from_axis_angle(n, theta)
+    for e, image in zip(E, images, strict=True):
+        assert gap(ro.rotate(n, theta, e), image) < EXACT
+        assert gap(matrix @ e, image) < EXACT
+    axis, angle = ro.axis_angle_from_matrix(matrix)
+    assert gap(angle, theta) < EXACT
+    assert gap(axis, n / jnp.linalg.norm(n)) < EXACT
+    assert gap(ro.matrix_from_axis_angle(axis, angle), matrix) < EXACT
+
+
+def test_problem_46_odd_examples():
+    # More than half a turn comes back as less than half about the other end of the axis.
+    axis, angle = ro.axis_angle_from_matrix(
+        ro.matrix_from_axis_angle(jnp.array([3.0, 0, 4.0]), 5.0)
+    )
+    assert gap(axis, [-0.6, 0.0, -0.8]) < EXACT
+    assert gap(angle, 2 * np.pi - 5.0) < EXACT
+    flip = jnp.diag(jnp.array([-1.0, 1.0, -1.0]))
+    assert gap(ro.axis_angle_from_matrix(flip).axis, Y) == 0
+    assert gap(ro.axis_angle_from_matrix(flip).angle, np.pi) == 0
+
+
+# ---- problem 48: R = Rz Ry Rx
+
+
+def test_problem_48_fixed_xyz_is_body_zyx_and_has_this_matrix():
+    x, y, z = angles = jnp.array([0.3, -0.7, 1.9])
+    (cx, cy, cz), (sx, sy, sz) = np.cos(angles), np.sin(angles)
+    net = [
+        [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
+        [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
+        [-sy, cy * sx, cy * cx],
+    ]
+    product = (
+        ro.matrix_from_axis_angle(Z, z)
+        @ ro.matrix_from_axis_angle(Y, y)
+        @ ro.matrix_from_axis_angle(X, x)
+    )
+    assert gap(product, np.array(net)) < EXACT
+    assert gap(matrix_from_euler(angles, "xyz"), product) < EXACT
+    assert gap(matrix_from_euler(angles[::-1], "ZYX"), product) < EXACT
+    assert gap(euler_from_matrix(product, "xyz").angles, angles) < EXACT

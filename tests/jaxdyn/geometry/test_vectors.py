@@ -311,3 +311,19 @@ def test_wrong_arrays_are_refused():
         evaluate_indices("A_ij b_j", A=A, b=B)
     with pytest.raises(ValueError, match=r"b: expected shape \(3,\), got shape \(2,\)"):
         evaluate_indices("A_ij b_j", A=A, b=np.ones(2))
+
+
+def test_problem_4_geometry_gives_components():
+    basis = jnp.eye(3)
+    a, b = jnp.asarray(RNG.normal(size=(2, 3)))
+    c = cross_by_geometry(a, b)
+    angle = np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b))
+    length = np.linalg.norm(a) * np.linalg.norm(b) * np.sin(angle)
+    assert gap(np.linalg.norm(c), length) < 10 * EXACT
+    assert abs(a @ c) < 10 * EXACT
+    assert abs(b @ c) < 10 * EXACT
+    assert np.linalg.det(np.stack([a, b, c])) > 0  # the right hand
+    by_rule = sum(
+        a[i] * b[j] * cross_by_geometry(basis[i], basis[j]) for i in range(3) for j in range(3)
+    )
+    assert gap(by_rule, cross(a, b)) < 10 * EXACT

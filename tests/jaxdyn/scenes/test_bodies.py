@@ -1,14 +1,16 @@
 """Scenes of rigid bodies, tops and disks; steady precession against the motions themselves."""
 
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import EXACT, SOLVED, central_difference, gap
+from helpers import EXACT, SOLVED, central_difference, gap, refusal
 from jax.scipy.linalg import expm
 from scipy.integrate import quad
 
-from jaxdyn import Status, simulate
+from jaxdyn import Status, scenes, simulate
 from jaxdyn.analysis import energy, precession
 from jaxdyn.course import sleeping_top
 from jaxdyn.formulations.rigid import inertia_matrix, pose
@@ -433,3 +435,32 @@ def test_an_antenna_traces_what_the_closed_form_of_a_steady_precession_says(repr
         np.testing.assert_allclose(r, turn[0] @ turn[1] @ arm, rtol=0, atol=1e-11)
     with pytest.raises(ValueError, match="name: expected one of A, B, C"):
         antenna_trace(motion, "D")
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: scenes.top(0.0, representation="euler"),
+            "sequence: expected Euler angles that do",
+        ),
+        (
+            lambda: scenes.free_body(representation="euler", sequence="ZXZ"),
+            "sequence: expected Euler angles that do not lock in the pose at the start, got 'ZXZ'",
+        ),
+        (lambda: scenes.top(I1=0.0), "I1: expected > 0, got 0.0"),
+        (lambda: scenes.top(I3=0.0), "I3: expected > 0, got 0.0"),
+        (
+            lambda: scenes.rolling_disk(0.0),
+            "theta: expected a disk that does not lie flat, 0 < theta",
+        ),
+        (lambda: scenes.rolling_disk(math.pi), "theta: expected a disk that does not lie flat"),
+    ],
+)
+def test_an_invalid_start_is_refused_by_name(make, message):
+    assert refusal(make).startswith(message)
+
+
+def test_traced_angles_that_lock_are_nan():
+    locked = jax.jit(lambda theta: scenes.top(theta, representation="euler").y0)(0.0)
+    assert np.isnan(locked).any()

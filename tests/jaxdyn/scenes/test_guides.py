@@ -1,13 +1,15 @@
 """Beads, slots and plates against closed forms, quadrature and limits."""
 
+import math
+
 import jax
 import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
-from helpers import EXACT, SOLVED, central_difference, gap
+from helpers import EXACT, SOLVED, central_difference, gap, refusal
 
-from jaxdyn import Status, simulate
+from jaxdyn import Status, scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.geometry import kinematics
 from jaxdyn.scenes import guides
@@ -153,3 +155,21 @@ def test_numbers_that_make_no_sense_are_refused():
     ):
         with pytest.raises(ValueError, match=f"{name}: expected > 0"):
             simulate(scene)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: scenes.bead_on_cycloid(s=9.0, c=0.25),
+            "s: expected less than 2 m from the bottom",
+        ),
+        (lambda: scenes.bead_on_cycloid(s=math.nan), "s: expected less than"),
+    ],
+)
+def test_an_invalid_start_is_refused_by_name(make, message):
+    assert refusal(make).startswith(message)
+
+
+def test_a_start_just_inside_of_the_cycloid_is_taken():
+    assert simulate(scenes.bead_on_cycloid(s=1.99, c=0.25), 0.1).ok

@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import EXACT, SOLVED, gap
+from helpers import EXACT, SOLVED, gap, refusal
 
-from jaxdyn import simulate
+from jaxdyn import scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.scenes.nbody import (
     EIGHT,
@@ -84,3 +84,22 @@ def test_problem_17_c_and_d_small_changes_keep_the_eight_and_large_ones_break_it
         reach[size] = float(np.abs(motion.r).max())
     assert abs(reach[1e-3] - reach[0.0]) < 1e-3
     assert reach[0.2] > 4 * reach[0.0]
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: scenes.two_body(d=-1.0), "d: expected > 0, got -1.0"),
+        (lambda: scenes.two_body(m1=-5.0), "m1: expected > 0, got -5.0"),
+        (lambda: scenes.two_body(G=0.0), "G: expected > 0, got 0.0"),
+        (lambda: scenes.three_body_circular(diameter=0.0), "diameter: expected > 0, got 0.0"),
+        (lambda: scenes.three_body_circular(m=-1.0), "m: expected > 0, got -1.0"),
+    ],
+)
+def test_an_invalid_start_is_refused_by_name(make, message):
+    assert refusal(make).startswith(message)
+
+
+def test_a_traced_distance_passes_the_checks():
+    slope = jax.grad(lambda d: scenes.two_body(d=d).t1)(1.0)
+    np.testing.assert_allclose(slope, 1.5 * scenes.two_body().t1, rtol=1e-14)

@@ -69,25 +69,6 @@ def test_double_pendulum_obeys_the_equations_of_the_books():
         assert gap(second, -m2 * g * l2 / 2 * jnp.sin(b)) < EXACT * 100
 
 
-@pytest.mark.slow
-def test_small_oscillations_of_two_equal_bars():
-    # The known frequencies of the compound double pendulum: w^2 = 3 (1 -+ 2 / sqrt(7)) g / l.
-    scene = pendula.double_pendulum(g=2.0)
-    stiffness = jax.jacfwd(scene.rate, argnums=1)(NOW, jnp.zeros(4))[2:, :2]
-    squares = np.sort(-np.linalg.eigvals(stiffness).real)
-    assert gap(squares, 6.0 * (1 + np.array([-2, 2]) / np.sqrt(7))) < EXACT * 100
-
-
-def test_relative_angles_describe_the_same_motion():
-    states = {"angles": (0.5, 1.4), "rates": (0.3, -0.8)}
-    absolute = pendula.double_pendulum(**states)
-    relative = pendula.double_pendulum(**states, relative=True)
-    q = simulate(absolute, 3.0, samples=9, rtol=1e-13)
-    p = simulate(relative, 3.0, samples=9, rtol=1e-13)
-    assert gap(q["theta1"], p["phi1"]) < SOLVED * 10
-    assert gap(q["theta2"] - q["theta1"], p["phi2"]) < SOLVED * 10
-
-
 def test_end_of_a_double_pendulum_accelerates_alike_by_three_routes():
     l = jnp.array([1.3, 0.6])  # noqa: E741
     for row in jax.random.normal(jax.random.key(3), (5, 6)):
@@ -97,12 +78,6 @@ def test_end_of_a_double_pendulum_accelerates_alike_by_three_routes():
         assert gap(kinematics.end_acceleration_relative(l, *relative), polar) < EXACT * 50
         position = lambda q: kinematics.end_position(l, q)  # noqa: E731
         assert gap(kinematics.by_derivatives(position, q, v, a), polar) < EXACT * 50
-
-
-@pytest.mark.slow
-def test_n_pendulum_of_many_bars_keeps_its_energy():
-    motion = simulate(pendula.n_pendulum(), 5.0, samples=9, rtol=1e-13)
-    assert float(energy.drift(motion)) < SOLVED
 
 
 def test_cart_and_pendulum_obey_the_equations_of_newton_and_euler():

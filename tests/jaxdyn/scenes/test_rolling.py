@@ -7,7 +7,7 @@ import pytest
 from helpers import EXACT, SOLVED, gap
 from scipy.integrate import solve_ivp
 
-from jaxdyn import Scene, simulate
+from jaxdyn import Scene
 from jaxdyn.analysis import energy
 from jaxdyn.effects import UniformGravity
 from jaxdyn.integrate.phases import simulate_phases
@@ -372,24 +372,3 @@ def test_where_ideal_rolling_has_no_normal_force_it_still_needs_friction(scene, 
     assert abs(jnp.linalg.norm(centre - start) - rolled) < 1e-9
     change = energy.energy(scene, 0.0, stop.y) - energy.energy(scene, 0.0, scene.y0)
     assert abs(change) < 1e-9
-
-
-@pytest.mark.parametrize(
-    ("kwargs", "message"),
-    [
-        ({"d": 1.0}, r"d: expected from 0 to below the radius, got 1\.0"),
-        ({"slope": 1.6}, r"slope: expected below 90 degrees, got 1\.6"),
-        ({"mu": -0.1}, r"mu: expected >= 0, got -0\.1"),
-        ({"m": 0.0}, r"mass: expected > 0, got 0\.0"),
-        ({"inertia": -1.0}, r"inertia: expected > 0, got -1\.0"),
-        ({"r": -1.0}, r"r: expected > 0, got -1\.0"),
-    ],
-)
-def test_impossible_cylinders_are_refused(kwargs, message):
-    with pytest.raises(ValueError, match=message):
-        simulate(cylinder_on_ramp(**kwargs))
-
-
-def test_an_impossible_support_is_refused():
-    with pytest.raises(ValueError, match=r"fixed: expected > 0, got 0\.0"):
-        simulate(cylinder_on_cylinder(fixed=0.0))

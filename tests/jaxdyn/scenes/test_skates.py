@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import EXACT, SOLVED, gap
+from helpers import EXACT, SOLVED, gap, refusal
 
-from jaxdyn import simulate
+from jaxdyn import scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.scenes.skates import (
     by_lagrange,
@@ -160,3 +160,17 @@ def test_a_body_that_turns_about_its_first_skate_moves_the_second_forwards():
     scene = two_skates(at=((0.0, 0.0), (1.0, 0.0)), headings=(0.3, np.pi / 2), speed=1.0)
     assert scene.y0[5] > 0
     assert two_skates(at=((0.0, 0.0), (1.0, 0.0)), headings=(0.3, -np.pi / 2)).y0[5] < 0
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: scenes.one_skate(at=1.0), r"at: expected shape (2,), got shape ()"),
+        (lambda: scenes.one_skate(at=((1.0, 0.0), (2.0, 0.0))), "at: expected shape (2,)"),
+        (lambda: scenes.one_skate(heading=(1.0, 2.0)), "heading: expected shape ()"),
+        (lambda: scenes.two_skates(at=(1.0, 0.0)), "at: expected shape (2, 2)"),
+        (lambda: scenes.two_skates(headings=(1.0,)), "headings: expected shape (2,)"),
+    ],
+)
+def test_an_invalid_start_is_refused_by_name(make, message):
+    assert refusal(make).startswith(message)

@@ -4,10 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import EXACT, SOLVED, gap
+from helpers import EXACT, SOLVED, gap, refusal
 from scipy.integrate import solve_ivp
 
-from jaxdyn import Effect, simulate
+from jaxdyn import Effect, scenes, simulate
 from jaxdyn.analysis import energy, ledger
 from jaxdyn.integrate.phases import simulate_phases
 from jaxdyn.scenes.skates import one_skate
@@ -193,3 +193,14 @@ def test_a_state_at_rest_has_finite_rates_and_gradients():
     rest = jnp.zeros(6)
     assert gap(scene.rate(0.0, rest), rest) == 0
     assert np.isfinite(jax.jacrev(lambda y: scene.rate(0.0, y))(rest)).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: scenes.car(to_front=-1.4), "to_front: expected > 0, got -1.4"),
+        (lambda: scenes.car(to_rear=0.0), "to_rear: expected > 0, got 0.0"),
+    ],
+)
+def test_an_invalid_start_is_refused_by_name(make, message):
+    assert refusal(make).startswith(message)

@@ -137,3 +137,12 @@ def test_steps_far_too_long_are_warned_of(method):
 def test_a_motion_at_rest_has_no_steps_too_long():
     scene = scenes.pendulum().starting([np.pi, 0.0])  # upright but for rounding
     assert simulate(scene, 1.0, solver=solvers.GAUSS12, dt=0.1, samples=5).warning == ""
+
+
+def test_a_million_steps_of_an_oscillator():
+    oscillator = scenes.oscillator(k=4.0)
+    motion = simulate(oscillator, 1e4, samples=2, solver=solvers.GAUSS8, dt=0.01)
+    assert int(motion.steps) == 1_000_000
+    x, v = oscillator.y0
+    c, s = np.cos(2e4), np.sin(2e4)
+    assert gap(motion.ys[-1], [x * c + v * s / 2, v * c - 2 * x * s]) < 1e-9

@@ -10,6 +10,7 @@ import time
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import refusal
 from two_cycles import G, two_cycles
 from typer.testing import CliRunner
 
@@ -314,3 +315,26 @@ def test_the_command_finds_the_eight_and_goes_on_from_its_table(tmp_path):
     eight = next(orbit for orbit in found["orbits"] if orbit["name"] == "figure-eight")
     assert abs(eight["scale_free"] - 9.2376812507246) < 1e-9
     assert (eight["word"], eight["verdict"]) == ("ABab", "stable")
+
+
+def searched_row(**options):
+    options = {"sampler": orbits.Rows([[1.0, 0.0]]), "samples": 1, "longest": 5.0} | options
+    return orbits.search(scenes.oscillator(k=4.0), **options)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: searched_row(samples=1.5),
+            "samples: expected a whole number, at least 1, got 1.5",
+        ),
+        (lambda: searched_row(seed=-1), "seed: expected a whole number, at least 0, got -1"),
+        (lambda: searched_row(seed=2**60), "seed: expected at most 9007199254740992"),
+        (lambda: searched_row(rtol=np.nan), "rtol: expected between"),
+        (lambda: searched_row(limit=np.nan), "limit: expected finite numbers"),
+        (lambda: orbits.search_plane(1, longest=np.nan), "longest: expected finite numbers"),
+    ],
+)
+def test_invalid_arguments_are_refused_by_name(call, message):
+    assert message in refusal(call)

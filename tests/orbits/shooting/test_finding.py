@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import odes
 import pytest
-from helpers import SOLVED, gap, kepler, kepler_state
+from helpers import SOLVED, gap, kepler, kepler_state, refusal
 from scipy.special import ellipk
 from two_cycles import two_cycles
 
@@ -364,3 +364,32 @@ def test_descent_leads_to_where_newtons_method_begins():
     assert found.period == pytest.approx(2 * np.pi / 5, rel=1e-11)
     descent = steps[: len(steps) - found.iterations]
     assert descent[-1].residual < 0.01 * descent[0].residual
+
+
+def swing(**options):
+    return orbits.find(scenes.pendulum(), **({"y0": [1.0, 0.0], "period": 2.0} | options))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: orbits.find(Scene(FreePoints([]), (), y0=[])),
+            "system: expected something that moves",
+        ),
+        (lambda: swing(segments=10**6), "segments: expected at most 256, got 1000000"),
+        (lambda: swing(segments=True), "segments: expected a whole number, at least 1, got True"),
+        (
+            lambda: swing(max_iterations=np.nan),
+            "max_iterations: expected a whole number, at least 0",
+        ),
+        (lambda: swing(max_iterations=-1), "max_iterations: expected a whole number, at least 0"),
+        (lambda: swing(period="a"), "period: expected numbers, got 'a'"),
+        (lambda: swing(period=True), "period: expected numbers, got True"),
+        (lambda: swing(y0="a"), "y0: expected numbers, got 'a'"),
+        (lambda: swing(hold=3.0), "hold: expected a Condition, got 3.0"),
+        (lambda: swing(closing="plain"), "closing: expected a Closing, got 'plain'"),
+    ],
+)
+def test_invalid_arguments_are_refused_by_name(call, message):
+    assert message in refusal(call)

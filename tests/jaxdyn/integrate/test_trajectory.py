@@ -1,0 +1,35 @@
+"""What a trajectory says of its end."""
+
+import re
+
+import pytest
+
+from jaxdyn import IntegrationError, Status, scenes, simulate
+
+ENDS = [
+    (lambda: scenes.sideways_pendulum(rate=6.0), r"level of the hinge .* scenes\.sideways_edge"),
+    (lambda: scenes.power_law(speed=0.0, n=-2.0), r"A central force may be infinite at its centre"),
+    (lambda: scenes.bead_on_cycloid(speed=9.0), r"The wire ends upright"),
+    (lambda: scenes.top(1e-9, representation="euler"), r"Euler angles lock .* another sequence"),
+    (
+        lambda: scenes.four_bar(l=(1.0, 2.0, 2.0), ground=4.5, rate=5.0, formulation="lagrange"),
+        r"coupler and rocker are in line",
+    ),
+    (
+        lambda: scenes.two_body().starting([0.0, 0, 1, 0, 0, 0, 0, 0]),
+        r"Bodies that meet .* regularised\.simulate_regularised",
+    ),
+]
+
+
+@pytest.mark.parametrize(("make", "says"), ENDS, ids=[says[:20] for _, says in ENDS])
+def test_a_motion_that_ends_in_a_singularity_says_which_ones_its_scene_has(make, says):
+    scene = make()
+    motion = simulate(scene, 5.0, samples=2, rtol=1e-8, throw=False)
+    assert motion.status_code in (Status.STEP_COLLAPSED, Status.NOT_FINITE)
+    assert motion.message.startswith(motion.status_code.message)
+    assert re.search(says, motion.message)
+    others = [other for _, other in ENDS if other != says]
+    assert not any(re.search(other, motion.message) for other in others)
+    with pytest.raises(IntegrationError, match=says):
+        simulate(scene, 5.0, samples=2, rtol=1e-8)
