@@ -6,9 +6,14 @@ else needs to be registered, except the phases of a scene whose motion has corne
 """
 
 import dataclasses
+import functools
+import importlib
 import inspect
+import pkgutil
 import re
 from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from jaxdyn import _checks
@@ -17,24 +22,7 @@ from jaxdyn.integrate.phases import HybridTrajectory, Phase, simulate_phases
 from jaxdyn.integrate.simulation import RTOL, simulate
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
-from jaxdyn.scenes import (
-    ballistics,
-    bodies,
-    central,
-    disks,
-    drawings,
-    guides,
-    linkages,
-    nbody,
-    particles,
-    pendula,
-    rolling,
-    satellites,
-    sideways,
-    skates,
-    springs,
-    wheels,
-)
+from jaxdyn.scenes import rolling, wheels
 from jaxdyn.solvers import Solver
 
 Phases = Mapping[str, Phase]
@@ -101,26 +89,6 @@ def _braking(scene: Scene) -> Phases:
     return wheels.braking(scene) if scene.effects else {}  # without friction it never stops
 
 
-#: The files of ready-made scenes.
-_FAMILIES = (
-    ballistics,
-    bodies,
-    central,
-    disks,
-    drawings,
-    guides,
-    linkages,
-    nbody,
-    particles,
-    pendula,
-    rolling,
-    satellites,
-    sideways,
-    skates,
-    springs,
-    wheels,
-)
-
 #: The phases of scenes whose motions have corners.
 _CORNERS: dict[str, Callable[[Scene], Phases]] = {
     "car": _braking,
@@ -131,8 +99,16 @@ _CORNERS: dict[str, Callable[[Scene], Phases]] = {
 
 def entries() -> dict[str, Entry]:
     """Every ready-made scene whose parameters are numbers, by name."""
-    made = {name: make for family in _FAMILIES for name, make in vars(family).items()}
+    made = {name: make for family in _families() for name, make in vars(family).items()}
     return {name: _entry(name, made[name]) for name in sorted(made) if _is_scene(made[name])}
+
+
+@functools.cache
+def _families() -> tuple[ModuleType, ...]:
+    """The files beside this one, each a family of scenes or what they share."""
+    package = __name__.rpartition(".")[0]
+    names = sorted(info.name for info in pkgutil.iter_modules([str(Path(__file__).parent)]))
+    return tuple(importlib.import_module(f"{package}.{name}") for name in names)
 
 
 def _is_scene(make: Any) -> bool:
