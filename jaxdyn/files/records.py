@@ -28,6 +28,9 @@ from jaxdyn.scene import Effect, Scene, System
 
 MAX_NUMBERS = 1_000_000  # of one array
 MAX_DEPTH = 32  # of modules in modules
+_ANOTHER = (
+    "Import the module that defines the class; if another version wrote the file, make it again."
+)
 
 
 def encode(value: Any) -> Any:
@@ -132,12 +135,12 @@ def _module(value: dict, what: str, kinds: tuple[type, ...]) -> Any:
     name = value.get("type")
     cls = classes.get(name) if isinstance(name, str) else None
     if cls is None:
-        raise fail(what, f"one of {', '.join(sorted(classes))}", reprlib.repr(name))
+        raise fail(what, "the name of a class that is imported", reprlib.repr(name), _ANOTHER)
     value = _defaults(cls) | value
     names = {*_named(cls)} or {f.name for f in dataclasses.fields(cls)}
     if names != value.keys() - {"type"}:
         wrong = sorted(names ^ (value.keys() - {"type"}))
-        raise fail(what, f"the fields of {cls.__name__}", f"missing or extra {wrong}")
+        raise fail(what, f"the fields of {cls.__name__}", f"missing or extra {wrong}", _ANOTHER)
     if _named(cls):
         return cls(**{key: _number_or(value[key], f"{what}.{key}", kinds) for key in names})
     # Not by the constructor, whose arguments may differ from the fields.

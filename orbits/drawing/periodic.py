@@ -18,6 +18,7 @@ _SAMPLES = 600
 _RTOL = 1e-10
 _PANEL = 4.6  # inches wide
 _ARROW = 0.16  # longest arrow as a share of the widest direction
+_AT_REST = 1e-9  # speed at a start that counts as none, in widths of the picture a period
 _LINE = 0.22  # inches a line of the titles
 
 
@@ -66,9 +67,11 @@ def orbits(
         if arrow is not None:
             _draw_velocities(ax, *arrow)
     most = max(drawn, key=lambda one: one.xyz.shape[1])
-    velocity = mark(r"$\rightarrow$", "velocity there")
+    marks = [mark("o", "start")]
+    if any(arrow is not None for arrow in arrows):
+        marks.append(mark(r"$\rightarrow$", "velocity there"))
     entries = path_entries(most.names, colours(most))
-    legend_below(figure, [*entries, mark("o", "start"), velocity])
+    legend_below(figure, [*entries, *marks])
     fill(figure)
     return finished(figure, path)
 
@@ -110,7 +113,9 @@ def _velocities(orbit, width: float) -> tuple[np.ndarray, np.ndarray] | None:
     start = scene.points(t, y0)[:2] if scene.has_points else (y0[None], scene.rate(t, y0)[None])
     r, v = map(np.asarray, start)
     fastest = np.linalg.norm(v, axis=1).max()
-    return (r, v * (_ARROW * width / fastest)) if fastest > 0 else None
+    # What rounding leaves of a start at rest has no direction.
+    moves = fastest > _AT_REST * width / float(orbit.period)
+    return (r, v * (_ARROW * width / fastest)) if moves else None
 
 
 def _draw_velocities(ax, r: np.ndarray, arrows: np.ndarray) -> None:

@@ -23,7 +23,7 @@ KEYS = {"scene", "closing", "angle", "rtol", "s_period"}
 LOADED = (effects, scenes)
 #: Base classes of what a scene is put together from.
 KINDS = (System, Effect, Mechanism, Attitude, MaterialPoints, Looks, Angles)
-DAMAGED = "The file was edited or is damaged."
+DAMAGED = "The file was edited or damaged, or another version wrote it: make it again."
 
 
 def encode(orbit: Orbit) -> dict[str, Any]:

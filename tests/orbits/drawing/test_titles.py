@@ -67,3 +67,11 @@ def test_panels_in_space_hide_neither_their_titles_nor_each_other():
         assert ax.title.get_window_extent().y1 <= above.get_window_extent().y0
         assert not ax.patch.get_visible()
     assert above.get_window_extent().y1 <= figure.bbox.y1
+
+
+@pytest.mark.parametrize(("rate", "marks"), [(1.0, ["velocity there"]), (-3e-28, []), (0.0, [])])
+def test_the_legend_names_velocities_where_they_are_drawn(rate, marks):
+    figure = drawing.orbits([_orbit(scenes.pendulum(rate=rate))])
+    named = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert named == ["start", *marks]
+    assert bool(marks) == any(hasattr(x, "U") for x in figure.axes[0].collections)

@@ -93,7 +93,7 @@ HOSTILE = [
     (("members", 1, "orbit"), lambda _: [], "a complete orbit"),
     (("members", 1, "orbit", "rtol"), lambda _: 2.0, "0 < rtol < 1"),
     (("members", 1, "orbit", "angle"), lambda _: "nan", "0 < rtol < 1"),
-    (("members", 1, "orbit", "scene"), lambda _: {"type": "os"}, "expected one of"),
+    (("members", 1, "orbit", "scene"), lambda _: {"type": "os"}, "expected the name of a class"),
     (("members", 1, "orbit", "scene", "y0"), lambda y: y[:1], "y0"),
 ]
 
