@@ -1,14 +1,14 @@
 """From a start to samples: solving, step control, derivatives, events, phases.
 
 `simulation` has `jaxdyn.simulate` and `jaxdyn.solve`, `trajectory` is what they return, `spans`
-checks what they are asked for. `flow` is the compiled solve with its derivatives in forward mode,
+checks their arguments. `flow` is the compiled solve with its derivatives in forward mode,
 `variational` the tangents that it carries along, `adjoint` derivatives in reverse mode, `fixed` the
 solve with the parameters as constants, `step_control` the step size. `ladder` estimates the error
 from several runs, with the differences of `gaps` and the rounding that `rounding_error` finds.
 Events: `events` (the calls) and the folder `event_search` (where in a step they are). Motions with
 corners: `phases` (the calls), `phase` (one phase).
 
-May import: `solvers`. A scene is seen only as its rate, its projection and its labels.
+May import: `solvers`. A scene is used only through its rate, its projection and its labels.
 
 One more kind of result is one more file beside `events`, which uses `flow` or `event_search` and
 the settings of `spans`; if users call it, one line below.

@@ -1,14 +1,14 @@
-"""Gradients of one loss by many numbers: the adjoint equations, backwards in time.
+"""Gradients of one loss with respect to many numbers: the adjoint equations, backwards in time.
 
 The derivatives of `flow` cost one column for each perturbed number. For one loss the adjoint
 
     d/dt lambda = -(df/dy)^T lambda,    d/dt mu = -(df/dp)^T lambda,
 
-integrated backwards beside the state, gives the derivatives by the start and by all numbers at
-once, for the price of a few solves, however many they are. The state is not trusted to find its
-way back, where damping makes it unstable: it starts anew at nodes on the way. Where forces
-do not depend on velocity, neither do these equations, as those of [q, lambda_v, M] with
-dM/dt = mu, so the Nystrom pair integrates them. Reverse mode only, and once.
+integrated backwards together with the state, gives the derivatives with respect to the start and
+all numbers at once, at the cost of a few solves whatever their number. The state is not simply
+integrated backwards, which is unstable for damped motion: it restarts from stored nodes. Where
+forces do not depend on velocity, neither do these equations, written for [q, lambda_v, M] with
+dM/dt = mu, so the Nystrom pair integrates them. Reverse mode and first derivatives only.
 """
 
 from typing import Any
@@ -23,14 +23,14 @@ from jaxdyn import _checks
 from jaxdyn.integrate.flow import Settings, SolveResult, flow
 from jaxdyn.integrate.step_control import Limits
 
-_PIECES = 4  # of the way back, besides those between samples
+_PIECES = 4  # of the backward integration, besides those between samples
 
 
 class _Backwards(eqx.Module):
-    """State, adjoint and integral of the gradient by the field's numbers, as one field.
+    """State, adjoint and gradient with respect to the field's numbers, as one field.
 
     Attributes:
-      field: of the scene.
+      field: the scene's field.
       position_only: whether the method requires velocity-independent forces.
     """
 
@@ -39,7 +39,7 @@ class _Backwards(eqx.Module):
     k: int = eqx.field(static=True)
 
     def rate(self, t: Array, z: Array) -> Array:
-        """Of [y, lambda, mu], or of [q, lambda_v, M, v, -lambda_q, mu]."""
+        """Rate of [y, lambda, mu], or of [q, lambda_v, M, v, -lambda_q, mu]."""
         numbers, rest = eqx.partition(self.field, eqx.is_inexact_array)
         k, half = self.k, len(z) // 2
         if not self.position_only:
@@ -62,11 +62,11 @@ class _Backwards(eqx.Module):
         return z
 
     def undetermined(self, t: Array, z: Array) -> None:
-        """Nothing is."""
+        """None: no constraints."""
         del t, z
 
     def packed(self, y: Array, adjoint: Array, mu: Array) -> Array:
-        """All of it as one state."""
+        """State, adjoint and gradient as one vector."""
         if not self.position_only:
             return jnp.concatenate([y, adjoint, mu])
         (q, v), (by_q, by_v) = jnp.split(y, 2), jnp.split(adjoint, 2)
@@ -82,10 +82,10 @@ class _Backwards(eqx.Module):
 
 
 def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> SolveResult:
-    """`flow` with the adjoint equations for its gradient; see there.
+    """`flow` with the adjoint equations for its gradient; see `flow` for the arguments.
 
     Raises:
-      ValueError: a scene with constraints, or a solver of fixed step.
+      ValueError: the scene has constraints, or the solver has a fixed step.
     """
     remedy = "Leave adjoint=True out."
     if field.undetermined(t0, y0) is not None:
@@ -95,7 +95,7 @@ def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -
         raise _checks.fail("adjoint", "a solver with a tolerance", solver, remedy)
     pieces = jnp.linspace(t0, t1, _PIECES + 1)[1:-1]
     nodes = jnp.concatenate([ts, pieces])
-    # In the order in which they are passed, and where the wanted times are among them.
+    # In the order of integration; the second argsort recovers the requested times.
     order = jnp.argsort(nodes * jnp.where(t1 > t0, 1.0, -1.0))
     out = _with_nodes((field, y0, t0, t1, nodes[order]), limits, settings)
     return eqx.tree_at(lambda out: out.ys, out, out.ys[jnp.argsort(order)[: len(ts)]])
@@ -115,7 +115,7 @@ def _forwards(perturbed, given, limits, settings):
 
 @_with_nodes.def_bwd
 def _back(states, slopes, perturbed, given, limits, settings):
-    """Gradients by all that was given, from those by the states."""
+    """Gradients with respect to all inputs, from those with respect to the states."""
     del perturbed
     field, y0, t0, t1, ts = given
     y1, ys = states

@@ -1,8 +1,8 @@
 """When something happens: the first time a function of the state crosses zero.
 
 `until` follows a motion to the first of several events; the folder `event_search` finds when.
-Derivatives, of any order, do not see the search: they follow the implicit function theorem,
-dt = -dg / (dg/dt), dy = (dy)_t + f dt.
+Derivatives, of any order, do not pass through the search: they follow the implicit function
+theorem, dt = -dg / (dg/dt), dy = (dy)_t + f dt.
 """
 
 import abc
@@ -30,7 +30,7 @@ from jaxdyn.status import Status
 
 
 class Event(eqx.Module):
-    """A function of time and state whose zero is looked for."""
+    """A function of time and state whose zero is the event."""
 
     @abc.abstractmethod
     def value(self, t: Array, y: Array) -> Array:
@@ -38,7 +38,7 @@ class Event(eqx.Module):
 
     @property
     def direction(self) -> int:
-        """+1 for crossings upwards as the motion goes, -1 downwards, 0 both."""
+        """+1 for upward crossings along the motion, -1 for downward ones, 0 for both."""
         return 0
 
     def check(self, k: int) -> None:
@@ -54,14 +54,14 @@ class Event(eqx.Module):
 
 @functools.cache
 def _value_shape(tree, shapes: tuple, k: int) -> tuple[int, ...]:
-    """Shape of an event's value; kept, since to trace it takes as long as a short search."""
+    """Shape of an event's value; cached, since tracing it takes as long as a short search."""
     leaves = [jax.ShapeDtypeStruct(shape, float) for shape in (*shapes, (), (k,))]
     event = jax.tree.unflatten(tree, leaves[:-2])
     return jax.eval_shape(lambda event, t, y: event.value(t, y), event, *leaves[-2:]).shape
 
 
 class When(Event):
-    """The zeros of a named function ``fn(t, y)``; a lambda would be compiled anew each time."""
+    """The zeros of a named function ``fn(t, y)``; a lambda would recompile at each call."""
 
     fn: Callable[[Array, Array], Array] = eqx.field(static=True)
     way: int = eqx.field(static=True, default=0)
@@ -101,7 +101,7 @@ class Stop(eqx.Module):
     Attributes:
       t: () time of the event, or the end of the span if there was none; NaN if the run failed.
       y: (k,) state then, on the event or a rounding before it, not beyond; where the motion
-        started on the event and meets it within 1e-30 of a step, it may be beyond by as little.
+        started on the event and meets it within 1e-30 of a step, possibly beyond it by as much.
         NaN if the run failed.
       event: () index of the event, -1 for none.
       status: () `Status` code.
@@ -148,31 +148,31 @@ def until(
     """The first event of a motion: when, and the state then.
 
     An event happens at the first time after t0 at which its value has changed sign in the wanted
-    direction. A value that is within rounding of zero at the start (16 roundings of the state, and
-    of its change over t0 and the first step) is on the side that its slope points to: to leave an
-    event does not count as an event. If the value turns back, its return counts, however short
-    the flight: at t0, if the flight is shorter than the spacing of times. If the slope is within
-    rounding of zero as well, the event happens at t0 if the value then goes in the wanted
-    direction; if both directions are wanted, it does not happen.
+    direction. A value within rounding of zero at the start (16 roundings of the state, and of its
+    change over t0 and the first step) is on the side to which its slope points: leaving an event
+    does not count as an event. If the value turns back, its return counts, however soon: at t0,
+    if it takes less than the spacing of floating-point times. If the slope is within rounding of
+    zero as well, the event happens at t0 if the value then goes in the wanted direction; if both
+    directions are wanted, it does not happen.
 
     Args:
       scene: system, effects, start.
-      events: what to look for.
+      events: one or several to search for.
       t1: () end of the span [s], where the motion stops if nothing happened before; the
-        scene's own span if left out.
+        scene's own span by default.
       t0: () start time [s].
       rtol: see `simulate`.
       atol: see `simulate`.
       solver: see `simulate`.
       max_steps: see `simulate`.
     Raises:
-      ValueError: no event, or an argument out of its range.
+      ValueError: no event is given, or `t1`, `t0`, `rtol`, `atol` or `max_steps` is out of range.
     Limits: two crossings in one step are found if the value is smooth and goes beyond zero by
-      more than 4 roundings of the state at the start. Missed can be a pulse much shorter than a
-      step in a value that is smooth elsewhere, since a step is looked at in five places unless
-      these leave room for a crossing; and dips later in a step in which the value turns near
+      more than 4 roundings of the state at the start. A pulse much shorter than a step, in a
+      value that is smooth elsewhere, may be missed, since a step is sampled at five places unless
+      these leave room for a crossing; so may dips late in a step in which the value turns near
       zero thousands of times. At a grazing contact derivatives are infinite. An event within
-      rounding of the end of the span may count as after it: end the span later.
+      rounding of the end of the span may count as after it: choose a later end.
     Example:
       >>> from jaxdyn.integrate import events
       >>> from jaxdyn import scenes
@@ -198,7 +198,7 @@ def _events(events) -> tuple[Event, ...]:
     for event in given:
         if not isinstance(event, Event):
             got = getattr(event, "__name__", repr(event))
-            raise _checks.fail("events", "events", got, "Make one: When(fn), with a named fn.")
+            raise _checks.fail("events", "events", got, "Write When(fn), with a named fn.")
     return given
 
 

@@ -1,8 +1,8 @@
 """A vector field whose numbers are constants of the program.
 
-XLA then folds what they make known, and Taylor series drop the formulas that they make zero: a
-solve takes as little as two thirds of its time. New numbers compile again, and there are no
-derivatives by them. The start, the times and the tolerance stay free.
+XLA then folds constants, and Taylor series drop terms that are zero: a solve takes as little as
+two thirds of the time. New numbers recompile, and there are no derivatives with respect to them.
+The start, the times and the tolerance remain arguments.
 """
 
 from typing import Any
@@ -18,7 +18,7 @@ from jaxdyn.scene import Field
 
 
 class FixedField(eqx.Module):
-    """A field without array leaves; equal ones are the same to jit.
+    """A field without array leaves; equal ones share a compiled program.
 
     Attributes:
       numbers: bytes, shape and kind of each number.
@@ -30,8 +30,8 @@ class FixedField(eqx.Module):
 
     def __init__(self, field: Field):
         if _checks.is_traced(field):
-            remedy = "Leave it out inside of jit and grad by the scene's numbers."
-            raise _checks.fail("fixed", "a scene whose numbers are known", "traced ones", remedy)
+            remedy = "Leave it out where jit or grad traces the scene's numbers."
+            raise _checks.fail("fixed", "a scene with concrete numbers", "traced ones", remedy)
         leaves, self.rest = jax.tree.flatten(field)
         arrays = map(np.asarray, leaves)
         self.numbers = tuple((x.tobytes(), x.shape, x.dtype.str) for x in arrays)
@@ -54,5 +54,5 @@ class FixedField(eqx.Module):
         return self._field.project(t, y)
 
     def undetermined(self, t: Array, y: Array) -> Array | None:
-        """Whether () the constraints leave the motion open at a state."""
+        """Whether () the constraints leave the acceleration undetermined at a state."""
         return self._field.undetermined(t, y)

@@ -6,7 +6,7 @@ and every number of the scene. Its derivative is not taken through the stepping 
 would differentiate the choice of steps, compile slowly, and allow only one mode) but by the
 variational equations (`Variational`), integrated beside the state with the tangents in the
 error norm. The result is a matrix; forward and reverse mode both multiply by it. So a gradient
-costs about as much as a Jacobian: right for the tens of numbers a mechanics scene has, not for
+costs about as much as a Jacobian: right for the tens of numbers of a mechanics scene, not for
 thousands (a neural force).
 """
 
@@ -28,18 +28,18 @@ from jaxdyn.solvers import Method
 from jaxdyn.solvers.stepper import Stepper, is_stiff
 from jaxdyn.status import Status
 
-#: Operations of a rate from which on the loop over stages runs as fast as written-out stages
-#: and compiles ten times sooner (measured: three bodies 80, double pendulum 590).
+#: Operations of a rate above which a loop over stages runs as fast as unrolled stages and
+#: compiles ten times sooner (measured: three bodies 80, double pendulum 590).
 UNROLLED_BELOW = 200
 
 
 class Settings(NamedTuple):
-    """What is fixed when a solve is compiled.
+    """What a solve is compiled for.
 
     Attributes:
       method: for plain solves and for the variational equations alike.
-      stiff: the method that takes over where the run turns out to be stiff; None to go on.
-      stops: whether a run that turns out to be stiff ends there, its numbers NaN.
+      stiff: the method that takes over if the run turns out to be stiff; None to go on.
+      stops: whether a run that turns out to be stiff ends there, with NaN as its result.
     """
 
     method: Method
@@ -56,7 +56,7 @@ class SolveResult(eqx.Module):
       steps: () accepted steps.
       rejected: () rejected steps.
       status: () `Status` code.
-      stiff: () whether stability, not accuracy, ruled the steps of an explicit method.
+      stiff: () whether stability, not accuracy, limited the steps of an explicit method.
     """
 
     y1: Array
@@ -80,12 +80,12 @@ def flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> SolveR
       t0: () start time.
       t1: () end time, before or after t0.
       ts: (s,) times between t0 and t1 in the order they are passed.
-      limits: tolerances or the length of a step, and the most steps.
+      limits: tolerances or step length, and the maximum number of steps.
       settings: the methods.
-    Limits: derivatives in the tolerance are zero by definition.
+    Limits: derivatives with respect to the tolerance are zero by definition.
     """
     run = functools.partial(_solved, settings=settings)
-    # One of these is known only as it runs; the tolerance is often written into the program.
+    # Some of these are known only at run time; the tolerance is often a constant.
     unknown = jnp.isfinite(y0.ravel()[0] + t0 + t1 + limits.tolerance[0])
     return in_one_kernel(run, (field, y0, t0, t1, ts, limits), unknown=unknown)
 
@@ -105,14 +105,14 @@ def _solved(field, y0, t0, t1, ts, limits, *, settings: Settings) -> SolveResult
 
 
 def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | None):
-    """`flow` without derivatives, and what a watch remembers of it at the end."""
+    """`flow` without derivatives, and the final memory of a watch."""
     tolerance, most = limits.tolerance, (limits.max_steps, t1)
     method = settings.method
-    direction = jnp.where(t1 > t0, 1.0, -1.0)  # as diffrax has it, also for t1 = t0
+    direction = jnp.where(t1 > t0, 1.0, -1.0)  # as in diffrax, also for t1 = t0
     wide = watch is not None or y0.ndim > 1
     if wide or operations(field.rate, t0, y0) > UNROLLED_BELOW:
         method = method.in_loops(1)
-    # XLA sees one program for both signs of time; diffrax turns ts about with the rest.
+    # One program for both directions of time; diffrax negates ts with the rest.
     if method.adaptive:
         rtol, atol = tolerance[0], tolerance[1]
         h, control = None, StepControl(rtol=rtol, atol=atol, ts=ts, watch=watch, limit=most)
@@ -129,7 +129,7 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
         args=field,
         stepsize_controller=control,
         saveat=diffrax.SaveAt(t1=True, controller_state=True, solver_state=True),
-        max_steps=None,  # the control counts: a limit of diffrax is compiled into the program
+        max_steps=None,  # counted by the controller: diffrax compiles its limit in
         adjoint=diffrax.ForwardMode(),
         throw=False,  # a throw is a host callback, which keeps programs out of the cache
     )
@@ -181,7 +181,7 @@ def _flow_jvp(primals, tangents, *, settings):
 
 
 def operations(rate: Callable, t0: Array, y0: Array) -> int:
-    """Size of the program of one rate."""
+    """Number of operations of one rate evaluation."""
 
     def count(jaxpr) -> int:
         inner = [v for eqn in jaxpr.eqns for v in eqn.params.values() if hasattr(v, "jaxpr")]
@@ -199,12 +199,12 @@ def _status(result, given: tuple[Array, ...]) -> Array:
         (diffrax.RESULTS.max_steps_reached, Status.STEP_LIMIT),
         (diffrax.RESULTS.dt_min_reached, Status.STEP_COLLAPSED),
         (diffrax.RESULTS.nonlinear_divergence, Status.STEP_TOO_LONG),
-        (diffrax.RESULTS.stagnation, Status.STEP_LIMIT),  # stiff: `_solved` begins anew
+        (diffrax.RESULTS.stagnation, Status.STEP_LIMIT),  # stiff: `_solved` restarts
     )
     status = jnp.asarray(int(Status.OK))
     for code, meaning in meanings:
         status = jnp.where(result == code, int(meaning), status)
-    # One question for all: each costs XLA on CPU a quarter of a microsecond of memory management.
+    # One test for all: each costs XLA on CPU a quarter of a microsecond of memory management.
     finite = jnp.isfinite(jnp.concatenate([x.ravel() for x in given])).all()
     return jnp.where(finite, status, int(Status.NOT_FINITE))
 
@@ -212,7 +212,7 @@ def _status(result, given: tuple[Array, ...]) -> Array:
 def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, method: Method, count) -> Array:
     """One step of the method itself from each node to the wanted time beyond it.
 
-    Of the first `count` nodes only, where there is one; NaN stands for the others.
+    Only for the first `count` nodes, if `count` is given; the others are NaN.
     """
     if not len(ts):
         return node_y
@@ -222,8 +222,8 @@ def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, method: Method, 
         increment = method.in_loops(1).advance(field.rate, t, h, y).increment
         return field.project(t + h, y + increment)
 
-    # One by one, as the steps themselves: side by side they take up to three times as long, in
-    # a program that takes four times as long to compile (measured, linkages and three bodies).
+    # Sequentially, like the steps themselves: vmapped they take up to three times as long, in a
+    # program that takes four times as long to compile (measured, linkages and three bodies).
     nodes = (node_t, node_y, ts - node_t)
     if count is None:
         return jax.lax.map(step, nodes)

@@ -8,7 +8,7 @@ from jaxdyn.scene import Scene
 
 
 def scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
-    """(k,) largest size, over times (s, k), of the entries with the same unit; 1 if all are 0."""
+    """(k,) largest magnitude over times of the entries with the same unit; 1 if all are 0."""
     sizes = np.abs(gaps(scene, ys, np.zeros_like(ys))).max(axis=0)
     units = [unit for _, unit in scene.system.labels()]
     of_unit = [max(s for s, u in zip(sizes, units, strict=True) if u == unit) for unit in units]
@@ -16,7 +16,7 @@ def scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
 
 
 def gaps(scene: Scene, ys: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(s, k) differences of states as the system takes them."""
+    """(s, k) differences of states in the system's sense, angles modulo a turn."""
     plain = ys - others
     wrapped = np.asarray(_differences(scene.system, ys, others))
     # Wrapping an angle rounds it by 4e-16; where nothing is wrapped the plain one is exact.

@@ -5,8 +5,8 @@ thousandth. That is the whole estimate while the finer one is finer. Below that 
 which two solutions may have the same share, so that their difference hides it. Its size is
 measured apart, by `rounding_error`.
 
-Here is the arithmetic, for anything that can be run at a tolerance; `accuracy` and
-`simulate(digits=...)` are its users.
+This file has the arithmetic, for anything that can be run at a tolerance; it is used by
+`accuracy` and `simulate(digits=...)`.
 """
 
 import itertools
@@ -25,12 +25,12 @@ from jaxdyn.scene import Scene
 
 Names = tuple[str, str, str]
 
-#: How much finer the second solution is. It is wrong by about as much less.
+#: Ratio of the tolerances of the two solutions; their errors are in about the same ratio.
 RATIO = 1e-3
 MOST_DIGITS = 15
-FINEST = 1e-16  # relative tolerance; below it steps only grow in number
-_BESIDE_RATIO = 3.0  # ratio of tolerances that are as good but take other steps
-_COARSENING = 10.0  # where a tolerance is below what the scene allows
+FINEST = 1e-16  # relative tolerance; a smaller one only adds steps
+_BESIDE_RATIO = 3.0  # ratio of tolerances of equal quality but different steps
+_COARSENING = 10.0  # factor, where a tolerance is below what the scene allows
 _MAX_RTOL = 1e-2
 _MIN_ORDER = 0.5  # below it the steps are too large, or rounding is all there is
 _MAX_TRIES = 5  # of tolerances for a wanted number of digits
@@ -45,15 +45,15 @@ _LIMIT_RTOL = 1e-12  # tolerance whose finer solution is the one that the limit 
 def measured(
     run: Run, scene: Scene, ts: Array, tolerance: np.ndarray, names: Names, by=None
 ) -> tuple[Any, Estimate]:
-    """The solution at a tolerance, and how far it is from a finer one and from rounding.
+    """The solution at a tolerance, and its error estimated from a finer one and from rounding.
 
     Args:
       run: solves a scene at a tolerance.
       scene: system, effects, start.
-      ts: (s,) times of the states that it finds [s].
+      ts: (s,) times of the computed states [s].
       tolerance: (2,) relative and absolute.
-      names: of the estimate, of the solver, and of the finer one's solver.
-      by: runs the finer one; `run` if left out.
+      names: of the estimate, of the solver, and of the finer solution's solver.
+      by: runs the finer solution; `run` by default.
     """
     rungs = _rungs(run, by or run, scene, tolerance)
     floor = rounding(by or run, scene, rungs.fine, rungs.finer)
@@ -61,12 +61,12 @@ def measured(
 
 
 class _Rungs(NamedTuple):
-    """A solution at a tolerance, and two (s, k) beside it.
+    """A solution at a tolerance, and two (s, k) to compare it with.
 
     Attributes:
       result: the solution.
       fine: states of a finer one.
-      beside: states of one about as fine as that.
+      beside: states of another one, about as fine.
       tolerance: (2,) of the solution.
       finer: (2,) of the finer one.
     """
@@ -86,7 +86,7 @@ def _rungs(run: Run, by: Run, scene: Scene, tolerance: np.ndarray) -> _Rungs:
 
 
 def _estimated(rungs: _Rungs, scene: Scene, ts: Array, floor: np.ndarray, names: Names) -> Estimate:
-    """The estimate that rests on them, where rounding moves the states by `floor` (s, k)."""
+    """The estimate from these solutions, where rounding moves the states by `floor` (s, k)."""
     ys, fine = np.asarray(rungs.result.ys), rungs.fine
     off = gaps(scene, ys, fine) + np.nan_to_num(0.5 * gaps(scene, fine, rungs.beside))
     error = _expected(np.abs(off), floor, ys, finer=2)
@@ -107,19 +107,20 @@ def _estimated(rungs: _Rungs, scene: Scene, ts: Array, floor: np.ndarray, names:
 def reached(
     run: Run, scene: Scene, ts: Array, digits: float, solver: str, refuse: bool
 ) -> tuple[Any, Estimate]:
-    """The solution with that many digits at all times, or the best, and its estimate.
+    """The solution with this many digits at all times, or the best, and its estimate.
 
-    The tolerance starts at the wanted error and is tightened by as much as the estimate misses it.
+    The tolerance starts at the requested error and is tightened by the estimated miss.
 
     Args:
       run: solves a scene at a tolerance.
       scene: system, effects, start.
-      ts: (s,) times of the states that it finds [s].
-      digits: wanted.
-      solver: what the method is called.
+      ts: (s,) times of the computed states [s].
+      digits: requested.
+      solver: name of the method.
       refuse: raise where fewer digits, but some, are possible.
     Raises:
-      ValueError: more digits than doubles can give.
+      ValueError: `digits` is not between 1 and `MOST_DIGITS`, or, with `refuse`, more than the
+        motion allows.
     """
     if _checks.is_traced((scene, ts, digits)):
         raise _checks.fail("digits", "numbers", "a traced value", "Pass rtol inside jit and grad.")
@@ -140,10 +141,10 @@ def reached(
         least = float(np.min(found.scale))
         missed = float(np.max((found.error + ROUNDING_MARGIN * floor) / found.scale)) / wanted
         short = found.most_digits < digits
-        # Entries that are small in their unit need an absolute tolerance as small.
+        # Entries that are small in their unit need an equally small absolute tolerance.
         if not (missed > 1 or short) or (rtol <= FINEST and least >= size):
             break
-        if short:  # as long as possible, then
+        if short:  # accurate for as long as possible, then
             missed = max(missed, rtol / FINEST)
         size = min(size, least)
         rtol *= _AIM_RATIO / missed
@@ -155,14 +156,14 @@ def reached(
                 "digits",
                 f"at most {most:g} for this motion",
                 digits,
-                "Rounding alone moves it by more than that. Ask for fewer, or shorten the span.",
+                "Rounding alone moves it by more. Ask for fewer, or shorten the span.",
             )
         warnings.warn(found.shortfall, stacklevel=3)
     return result, found
 
 
 def halved(run: Run, scene: Scene, ts: Array, h: float, name: str) -> Estimate:
-    """How far a solution with equal steps h is from the exact one, from h / 2 and h / 4.
+    """The error of a solution with equal steps h, estimated from h / 2 and h / 4.
 
     Differences of the three show the order p; the first and the last differ by (1 - 4^-p) times
     the error of the first.
@@ -181,23 +182,23 @@ def halved(run: Run, scene: Scene, ts: Array, h: float, name: str) -> Estimate:
         rounding=floor,
         scale=scales(scene, ys[2]),
         fineness=np.array([h, h / 4]),
-        kind=f"step halving, order {order:.2g} seen",
+        kind=f"step halving, observed order {order:.2g}",
         solver=name,
         other=name,
     )
 
 
 def _tightened(tolerance: np.ndarray) -> np.ndarray:
-    """A thousandth of the tolerance, its relative part not below the finest by a rounding.
+    """A thousandth of the tolerance, its relative part not below the finest.
 
-    At the finest one beside it.
+    At the finest one it is changed by a rounding, so that the steps differ.
     """
     ratio = max(RATIO, FINEST / tolerance[0])
     return _beside(tolerance) if ratio > 0.5 else np.maximum(tolerance * ratio, [FINEST, 0.0])
 
 
 def _beside(tolerance: np.ndarray) -> np.ndarray:
-    """A third of the tolerance, or thrice the finest."""
+    """A third of the tolerance, or three times the finest."""
     return tolerance * (
         1 / _BESIDE_RATIO if tolerance[0] > _BESIDE_RATIO * FINEST else _BESIDE_RATIO
     )
@@ -208,8 +209,8 @@ def _finer(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(s, k) a solution finer than one of that many steps, NaN if none is, and its tolerance.
 
-    A thousandth of the tolerance, or less where that takes hardly more steps, as it does where
-    the span is shorter than the first step; or more where it is too little for the scene.
+    A thousandth of the tolerance; less where that takes hardly more steps, as when the span is
+    shorter than the first step; more where it is too small for the scene.
     """
     ys, fine = None, _tightened(tolerance)
     while True:
@@ -227,11 +228,11 @@ def _finer(
 
 
 def _limit(run: Run, scene: Scene, rungs: _Rungs, digits: float) -> np.ndarray:
-    """(s, k) what rounding moves the states by; the same for all numbers of digits near the limit.
+    """(s, k) the effect of rounding on the states; one value for all `digits` near the limit.
 
-    Two random changes show it to a factor of ten or so, and it depends somewhat on the steps.
-    Where that could decide whether so many digits are possible, it is measured by more of them and
-    at the same tolerance for every wanted number of digits, so that the limit is one number.
+    Two random perturbations determine it to a factor of ten or so, and it depends somewhat on the
+    steps. Where that could decide whether the digits are possible, it is measured with more draws
+    and at the same tolerance for every number of digits, so that the limit is one number.
     """
     floor = rounding(run, scene, rungs.fine, rungs.finer)
     scale = scales(scene, rungs.fine)
@@ -247,9 +248,9 @@ def _limit(run: Run, scene: Scene, rungs: _Rungs, digits: float) -> np.ndarray:
 def _expected(gap: np.ndarray, floor: np.ndarray, ys: np.ndarray, finer: int) -> np.ndarray:
     """(s, k) expected size of the error of states `ys` that are a gap from the mean of finer ones.
 
-    All have rounding errors of root mean square `floor`, the states in question that of the
-    tolerance besides, of a size that the gap shows. The error of the states is its share of the
-    gap, but for a normal deviation, of which the median counts.
+    All have rounding errors of root mean square `floor`; the states `ys` also have the error of
+    their tolerance, whose size follows from the gap. The error of the states is their share of
+    the gap plus a normal deviation, of which the median is taken.
     """
     wide = gap > np.sqrt(1 + 1 / finer) * floor
     share = 1 - np.where(wide, (floor / np.where(wide, gap, 1.0)) ** 2 / finer, 1 / (finer + 1))

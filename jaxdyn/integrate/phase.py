@@ -1,11 +1,11 @@
-"""A phase of a motion with corners: its equations, its exits, and whether a state fits it.
+"""A phase of a piecewise-smooth motion: its equations, exits, and whether a state fits it.
 
 An exit whose event has a direction is also a bound: the phase lasts on the near side of the event
-(above the floor, while the surface pushes, within the friction there is). A state is beyond a
+(above the floor, while the contact force pushes, within the friction limit). A state is beyond a
 bound where the value is on the far side, and also where the value is zero and its slope along the
 motion leads there: a ball at the floor with a downward velocity has to bounce, not to fly.
 
-Zero means rounding: what the value changes by when every number that it is made of (state, time,
+Zero means to rounding: the change of the value when every number that enters it (state, time,
 parameters) changes by a few units in the last place.
 """
 
@@ -30,14 +30,14 @@ from jaxdyn.status import Status
 #: The name of the phase that ends a motion.
 END = "end"
 
-_ROUNDINGS = 64  # units in the last place of all numbers by which a value at zero may be off
+_ROUNDINGS = 64  # units in the last place of all inputs within which a value counts as zero
 _MAX_PROJECTION = (
-    1e-10  # of a state's largest entry: projection onto the surface moves it by no more
+    1e-10  # of a state's largest entry: a state on the surface is moved by no more in projection
 )
 
 
 def unchanged(t: Array, y: Array) -> Array:
-    """The state goes on as it is."""
+    """The state is unchanged."""
     del t
     return y
 
@@ -71,13 +71,13 @@ class Exit(eqx.Module):
     """How a phase ends.
 
     Attributes:
-      event: when.
+      event: the event that ends it.
       to: name of the next phase, or `END`; or several names.
       change: (t, y) -> the state in the next phase; a named function or a module.
-      choose: (t, y) -> number of the next phase among `to`, from the state after the change. If
-        left out, the first of them that the state fits; `END` fits every state.
-      lasts: (t, y) -> () how long the change takes [s], where it is the end of the phase's own
-        motion in closed form; no time if left out.
+      choose: (t, y) -> index of the next phase in `to`, from the state after the change. By
+        default the first of them that the state fits; `END` fits every state.
+      lasts: (t, y) -> () duration of the change [s], where the phase's own motion ends in closed
+        form; 0 by default.
       one_sided: whether an event with a direction is a bound of the phase. With False the phase
         may begin beyond it, and ends at the next crossing: the kick of a clock, say.
     """
@@ -91,7 +91,7 @@ class Exit(eqx.Module):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The phases it may lead to."""
+        """Names of the phases that may follow."""
         return (self.to,) if isinstance(self.to, str) else self.to
 
     @property
@@ -108,12 +108,12 @@ class Phase(eqx.Module):
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """Those of its exits."""
+        """The events of its exits."""
         return tuple(way.event for way in self.exits)
 
     @property
     def sides(self) -> tuple[int, ...]:
-        """Those of its exits."""
+        """The sides of its exits."""
         return tuple(way.side for way in self.exits)
 
     def fit(self, t: Array, y: Array) -> Fit:
@@ -135,21 +135,21 @@ def _fit(field: Field, events: tuple[Event, ...], sides: tuple[int, ...], t: Arr
 
 
 def _beyond(field: Field, bounds: tuple[Event, ...], near: Array, t: Array, y: Array):
-    """(E,) whether a state has passed each bound, and (E,) whether it is at it and leaving."""
+    """(E,) whether a state has passed each bound, and (E,) whether it is leaving there."""
     rate = field.rate(t, y)
 
     def slopes(t, y):
         fn = functools.partial(values, bounds)
         return jax.jvp(fn, (t, y), (jnp.ones_like(t), field.rate(t, y)))[1]
 
-    # The time of an event is known to rounding too, and the state with it.
+    # The time of an event is known only to rounding, and so is the state.
     size = jnp.append(jnp.abs(y) + jnp.abs(t * rate), jnp.abs(t))
     by_time, by_state = jax.jacfwd(slopes, argnums=(0, 1))(t, y)
     parts = [_parts(bound, t, y) for bound in bounds]
     rows, others = (jnp.stack(part) for part in zip(*parts, strict=True))
     noise = rows @ size + others
     slope_noise = jnp.abs(jnp.append(by_state, by_time[:, None], axis=1)) @ size
-    slope_noise = slope_noise + rows @ jnp.append(jnp.abs(rate), 1.0)  # of what it is a sum of
+    slope_noise = slope_noise + rows @ jnp.append(jnp.abs(rate), 1.0)  # of its terms
     rounding = _ROUNDINGS * jnp.finfo(y.dtype).eps
     at, way = near * values(bounds, t, y), near * slopes(t, y)
     return at < -rounding * noise, (
@@ -158,7 +158,7 @@ def _beyond(field: Field, bounds: tuple[Event, ...], near: Array, t: Array, y: A
 
 
 def _parts(bound: Event, t: Array, y: Array) -> tuple[Array, Array]:
-    """(k + 1,) sizes of a value's derivatives by state and time, () what parameters add to it."""
+    """(k + 1,) magnitudes of a value's derivatives by state and time, () by parameters."""
     slopes = eqx.filter_grad(lambda b: b[0].value(*b[1:]))((bound, t, y))
     floats = eqx.filter(bound, eqx.is_inexact_array)
     moved = jax.tree.map(lambda slope, x: jnp.sum(jnp.abs(slope * x)), slopes[0], floats)
@@ -171,13 +171,13 @@ class HybridTrajectory(eqx.Module):
     Attributes:
       names: name of the phase of each piece.
       pieces: sampled motion of each piece; the last sample is at its event.
-      t: () time at the end.
+      t: () end time [s].
       y: (k,) state there, in the coordinates of the last phase after its exit's change.
       ended: whether an exit led to `END`; if not, `message` says what else stopped it.
-      status: `Status`; t and y are NaN where a phase failed, and where the chain was `STUCK` they
-        are where it was.
-      path: (name of the phase, number of the exit taken) in order, for `follow`; phases left at
-        once, which have no piece, are among them.
+      status: `Status`; t and y are NaN where a phase failed; where the chain was `STUCK` they
+        are its last time and state.
+      path: (name of the phase, index of the exit taken) in order, for `follow`; phases left at
+        once, which have no piece, are included.
     """
 
     names: tuple[str, ...] = eqx.field(static=True)
@@ -208,7 +208,7 @@ class HybridTrajectory(eqx.Module):
 
     @property
     def times(self) -> tuple[float, ...]:
-        """When each piece ended."""
+        """End time of each piece [s]."""
         return tuple(float(piece.ts[-1]) for piece in self.pieces)
 
     @property
@@ -226,5 +226,5 @@ class HybridTrajectory(eqx.Module):
         return (
             f"The limit of {limit} was reached at t = {float(self.t):.6g}. "
             "Raise max_phases; where infinitely many phases pass in finite time, as for a ball "
-            "that comes to rest by bouncing, give the phase an exit to rest."
+            "that comes to rest by bouncing, add an exit to a phase of rest."
         )

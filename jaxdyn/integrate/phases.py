@@ -1,12 +1,12 @@
-"""Motions with corners: phases (roll, skid, fly, rest) chained by events into one motion.
+"""Piecewise-smooth motions: phases (roll, skid, fly, rest) chained by events.
 
 Smooth code never sees a contact or a stop. Each phase is a scene with its own equations, and
-exits: an event, the phase it leads to, and what happens to the state on the way (an impact, a
-change of coordinates). The chain is run on the host, one compiled search for each phase.
+exits: an event, the next phase, and a map of the state (an impact, a change of coordinates). The
+chain is run on the host, one compiled search per phase.
 
 A state that is beyond a bound of its phase leaves by that exit at once (see `phase`), so every
-phase is checked where it begins. Several exits at one time, as of a ball in a corner, are taken
-one after the other. Where several phases may follow, the first that the state fits does.
+phase is checked where it begins. Several simultaneous exits, as of a ball in a corner, are taken
+one after the other. Where several phases may follow, the first that the state fits is taken.
 """
 
 from collections.abc import Mapping, Sequence
@@ -45,7 +45,7 @@ def simulate_phases(
     max_steps: int = MAX_STEPS,
     max_phases: int = MAX_PHASES,
 ) -> HybridTrajectory:
-    """The motion from phase to phase until it ends, or the span or the phases run out.
+    """The motion from phase to phase until it ends, or `t1` or `max_phases` is reached.
 
     Args:
       phases: by name.
@@ -53,15 +53,15 @@ def simulate_phases(
       y0: (k,) state at its start.
       t1: end of the span [s], after t0.
       t0: start time [s].
-      samples: of each piece.
+      samples: number of samples of each piece.
       rtol: see `simulate`.
       atol: see `simulate`.
       solver: see `simulate`; by default each phase has its own.
-      max_steps: see `simulate`; of each phase.
-      max_phases: pieces at most: infinitely many bounces end in finite time.
+      max_steps: see `simulate`; per phase.
+      max_phases: largest number of pieces: infinitely many bounces may take finite time.
     Raises:
-      ValueError: a name that is no phase, a start that fits none, a span that does not go
-        forward, no phase allowed.
+      ValueError: a phase name is unknown, y0 fits no phase, `t1` is not after `t0`, or
+        `max_phases` is less than 1.
     """
     _check_names(phases)
     if not _checks.array("t1", t1, ()) > _checks.array("t0", t0, ()):
@@ -72,8 +72,8 @@ def simulate_phases(
     name = _start(phases, t, y) if start is None else _checks.choice("start", start, phases)
     checked_scene(phases[name].scene.starting(y, t1))
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
-    most = sum(len(phase.exits) for phase in phases.values())  # exits taken at one time
-    shortest = np.finfo(float).eps * (t1 - t0)  # [s] that no time is
+    most = sum(len(phase.exits) for phase in phases.values())  # exits that may be taken at one time
+    shortest = np.finfo(float).eps * (t1 - t0)  # [s] below which two times are equal
     names, pieces, path, idle, status = [], [], [], 0, Status.OK
     while name != END and len(pieces) < max_phases and t < t1 and status == Status.OK:
         doing(f"phase {name} from t = {float(t):.4g}")
@@ -84,12 +84,12 @@ def simulate_phases(
         idle = 0 if leg.t - t > shortest else idle + 1
         t, y, status = leg.t, leg.y, leg.status if idle <= most else Status.STUCK
         for number in leg.exits:
-            if name == here:  # else what also happened was an exit of a phase that is over
+            if name == here:  # else the other event was an exit of a phase already left
                 path.append((name, number))
                 t, y, name = _left(phases, here, number, t, y)
         if not leg.exits:
             break
-    if not pieces:  # a motion that ends where it starts has a picture, too
+    if not pieces:  # a motion that ends where it starts can be drawn, too
         names = [path[0][0]]
         scene = phases[names[0]].scene.starting(y0, t1)
         pieces = [simulate(scene, t0, t0=t0, samples=1, **options._asdict())]
@@ -114,7 +114,7 @@ def _start(phases: Mapping[str, Phase], t: Array, y: Array) -> str:
 
 
 class _Leg(NamedTuple):
-    """What becomes of a state in a phase."""
+    """The evolution of a state in a phase."""
 
     piece: Trajectory | None  # None where it leaves at once
     t: Array
@@ -136,7 +136,7 @@ def _leg(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions) 
         exits = (int(stop.event), *others) if stop.happened else ()
         end, at, status = stop.t, stop.y, Status(int(stop.status))
     taken = [*exits[:1]]
-    if taken and end + phase.exits[taken[0]].lasts(end, at) > t1:  # the span ends before it does
+    if taken and end + phase.exits[taken[0]].lasts(end, at) > t1:  # the span ends first
         end, exits = jnp.asarray(t1, dtype=float), ()
     elif taken and end <= t:
         return _Leg(piece=None, t=t, y=at, exits=exits, status=status)
@@ -155,7 +155,7 @@ def _leg(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions) 
 
 
 def _cut(phase: Phase, piece: Trajectory) -> Trajectory:
-    """A piece without the samples from the first beyond a bound on."""
+    """A piece up to its last sample before the first beyond a bound."""
     good = [not phase.fit(t, y).passed.any() for t, y in zip(piece.ts, piece.ys, strict=True)]
     ys = jnp.where(np.logical_and.accumulate(good)[:, None], piece.ys, jnp.nan)
     status = jnp.full_like(piece.status, Status.BOUND_PASSED)
@@ -170,7 +170,7 @@ def _left(phases: Mapping[str, Phase], here: str, number: int, t: Array, y: Arra
 
 
 def _following(phases: Mapping[str, Phase], here: str, way: Exit, t: Array, y: Array):
-    """Number () of the phase that follows an exit of the phase `here`, among `way.names`."""
+    """Index () of the phase that follows an exit of the phase `here`, among `way.names`."""
     if way.choose is not None:
         return way.choose(t, y)
     if len(way.names) == 1:
@@ -180,17 +180,17 @@ def _following(phases: Mapping[str, Phase], here: str, way: Exit, t: Array, y: A
 
 
 def _first_fit(candidates: Sequence[Phase | None], t: Array, y: Array, left=False) -> Array:
-    """Number () of the first phase that a state fits, else of the first on whose surface it is.
+    """Index () of the first phase that a state fits, else of the first on whose surface it is.
 
-    None is the end, which every state fits. The phase that is left follows if no other fits: at
-    its bound it may fit as well, to rounding. -1 if there is none.
+    None is the end, which every state fits. The phase being left follows only if no other fits:
+    at its bound it may fit as well, to rounding. -1 if there is none.
     """
-    # A state that fits none, as of a ball just before it bounces, leaves again at once.
+    # A state that fits none, as of a ball just before it bounces, leaves its phase at once.
     fits = [phase.fit(t, y) if phase else None for phase in candidates]
     on = jnp.stack([fit.on if fit else jnp.asarray(True) for fit in fits])
     within = jnp.stack([on[i] & ~fit.beyond.any() if fit else on[i] for i, fit in enumerate(fits)])
     ranks = [x.astype(int) for x in (within & ~np.asarray(left), within, on)]
-    best = jnp.argmax(4 * ranks[0] + 2 * ranks[1] + ranks[2])  # the first of the largest
+    best = jnp.argmax(4 * ranks[0] + 2 * ranks[1] + ranks[2])  # the first maximum
     return jnp.where(on.any(), best, -1)
 
 
@@ -201,16 +201,16 @@ def follow(
 
     Args:
       phases: by name.
-      path: (name of the phase, number of the exit taken) in order, such as `HybridTrajectory.path`.
+      path: (name of the phase, index of the exit taken) in order, such as `HybridTrajectory.path`.
       y0: (k,) start.
       t1: end of the span [s].
       t0: start time [s].
       rtol: see `simulate`.
     Returns:
       () time and (k,) state after the last exit; NaN where another exit came first, or none,
-      or one that led elsewhere.
+      or one that led to another phase.
     Raises:
-      ValueError: a name that is no phase, a number that is none of its exits.
+      ValueError: `path` names an unknown phase, or an index that is not one of its exits.
     """
     _check_names(phases)
     for name, number in path:
@@ -218,7 +218,7 @@ def follow(
         if not 0 <= number < exits:
             raise _checks.fail("path", f"an exit of {name} from 0 to {exits - 1}", number)
     t, y = jnp.asarray(t0, dtype=float), jnp.asarray(y0, dtype=float)
-    before, others = None, False  # what else happened at the time of the last exit
+    before, others = None, False  # events simultaneous with the last exit
     for i, (name, number) in enumerate(path):
         phase = phases[name]
         way = phase.exits[number]
@@ -235,7 +235,7 @@ def follow(
             as_expected = as_expected & (_following(phases, name, way, t, y) == following)
         t, y = jnp.where(as_expected, t, jnp.nan), jnp.where(as_expected, y, jnp.nan)
         if not _checks.is_traced(as_expected) and not as_expected:
-            break  # a start of NaN would be refused
+            break  # a start of NaN would raise
     return t, y
 
 
@@ -248,11 +248,11 @@ def _check_names(phases: Mapping[str, Phase]) -> None:
     if not phases:
         raise _checks.fail("phases", "at least one", "none", "Give them by name.")
     if END in phases:
-        raise _checks.fail("phases", f"names other than {END!r}", END, "It ends a motion; rename.")
+        raise _checks.fail("phases", f"names other than {END!r}", END, "Rename the phase.")
     for name, phase in phases.items():
         if not isinstance(phase, Phase):
             raise _checks.fail(
-                f"phase {name}", "a Phase", type(phase).__name__, "Make it: Phase(scene, exits)."
+                f"phase {name}", "a Phase", type(phase).__name__, "Write Phase(scene, exits)."
             )
         if not isinstance(phase.exits, tuple):
             got = type(phase.exits).__name__

@@ -15,7 +15,7 @@ from jaxdyn.integrate.gaps import gaps, scales
 from jaxdyn.scene import Scene
 from jaxdyn.solvers.rounding import Noise
 
-#: (scene, (2,) tolerance, noise of each step if any) -> what has `ys`, (s, k) states, NaN where
+#: (scene, (2,) tolerance, noise of each step) -> a result with `ys`, (s, k) states, NaN where
 #: not reached.
 Run = Callable[..., Any]
 
@@ -28,11 +28,12 @@ _EPS = float(np.finfo(float).eps)
 def rounding(
     run: Run, scene: Scene, ys: np.ndarray, tolerance: np.ndarray, draws: int = _DRAWS
 ) -> np.ndarray:
-    """(s, k) how far rounding moves the states `ys` that `run` finds at a tolerance.
+    """(s, k) the effect of rounding on the states `ys` that `run` finds at a tolerance.
 
-    The root mean square of what random changes of each step move the states by, scaled from
-    changes that are large enough to be seen down to half a spacing of doubles: at each time from
-    the largest with which motions stay close. Where none do, no digit is certain: the scale itself.
+    The root mean square of the changes of the states by random perturbations of each step, scaled
+    from perturbations large enough to be measured down to half a spacing of doubles: at each time
+    from the largest with which motions stay close. Where none do, no digit is certain and the
+    scale itself is returned.
     """
     scale = scales(scene, ys)
     found = np.broadcast_to(scale, ys.shape).copy()
@@ -51,5 +52,5 @@ def rounding(
 
 
 def of_writing(ys: np.ndarray) -> np.ndarray:
-    """(s, k) what writing a result down rounds it by."""
+    """(s, k) the rounding error of storing a result."""
     return 0.5 * _EPS * np.abs(ys)

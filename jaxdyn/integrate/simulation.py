@@ -1,8 +1,8 @@
-"""Simulate a scene: from a start and a span to states at wanted times.
+"""Simulate a scene: from a start and a span to states at requested times.
 
-`simulate` checks what it was given on the host, chooses the method from what the effects of
-the scene call for, compiles once for each kind of scene (new numbers never recompile) and
-returns a `Trajectory`.
+`simulate` checks its arguments on the host, chooses the method that suits the effects of the
+scene, compiles once for each kind of scene (new numbers never recompile) and returns a
+`Trajectory`.
 """
 
 import functools
@@ -47,28 +47,29 @@ def simulate(
 
     Args:
       scene: system, effects, start.
-      t1: () end time [s], after or before t0; the scene's own span if left out.
+      t1: () end time [s], after or before t0; the scene's own span by default.
       t0: () start time [s].
-      samples: how many times, evenly spaced from t0 to t1, or an array of wanted times (s,)
-        in the order they are passed.
+      samples: number of times, evenly spaced from t0 to t1, or an array of times (s,) in the
+        order of integration.
       rtol: relative tolerance of one step.
-      atol: absolute tolerance of one step, in the units of the state; rtol if left out.
+      atol: absolute tolerance of one step, in the units of the state; rtol by default.
       solver: one of `jaxdyn.solvers`, or an explicit Runge-Kutta solver of diffrax, such as
         ``diffrax.Tsit5()``; by default the Nystrom pair of order 12 where no force
         depends on velocity, else the best Runge-Kutta pair. "auto" takes the default and,
-        where the scene turns out to be stiff, an implicit method from the start again.
-      dt: longest step [s] of a solver of fixed step, which has no use for rtol and atol; the
+        if the scene turns out to be stiff, restarts with an implicit method.
+      dt: longest step [s] of a solver of fixed step, which does not use rtol and atol; the
         span is divided into equal steps.
-      digits: how many should be right at all samples, instead of rtol and atol: the tolerance
-        is found, and the estimate that it rests on is `Trajectory.error`. Digits that rounding
-        may spoil are not promised. Takes 5 to 12 times as long as one solve, up to 20 times
-        where rounding leaves about as many digits, and no longer to compile; host only.
-      max_steps: when to give up.
+      digits: correct digits requested at all samples, instead of rtol and atol: the tolerance
+        is found, and the estimate behind it is `Trajectory.error`. Digits that rounding may
+        spoil are not promised. Takes 5 to 12 times as long as one solve, up to 20 times where
+        rounding leaves about as many digits, with the same compile time; host only.
+      max_steps: largest number of steps.
       throw: raise on any status but OK; with False look at `Trajectory.status`.
     Returns:
       The sampled motion.
     Raises:
-      ValueError: numbers that make no sense.
+      ValueError: `t0` or `t1` is not finite, a tolerance, `dt`, `digits`, `samples` or
+        `max_steps` is out of range, or the solver does not suit the scene.
       IntegrationError: the end was not reached (``throw=True``, outside of traces).
     Limits: by default explicit methods; a stiff scene takes very many steps, and
       `Trajectory.warning` says so.
@@ -81,7 +82,7 @@ def simulate(
     _checks.float64()
     t0, t1, ts = sampled_span(scene, t1, t0, samples)
 
-    # With digits all runs are by one program, which is compiled once.
+    # With digits all runs share one compiled program.
     def run(scene, tolerance, noise=None if digits is None else QUIET):
         rtol, atol = tolerance
         options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
@@ -92,8 +93,8 @@ def simulate(
         result = run(scene, (rtol, atol))
     else:
         if dt is not None or atol is not None or rtol != RTOL:
-            remedy = "They find the tolerance themselves."
-            raise _checks.fail("digits", "no rtol, atol or dt beside them", "one", remedy)
+            remedy = "The tolerances are found from digits."
+            raise _checks.fail("digits", "no rtol, atol or dt with it", "one", remedy)
         name = solver if isinstance(solver, str) else chosen_method(scene, solver).name
         result, error = ladder.reached(run, scene, ts, digits, name, throw)
     if throw:
@@ -105,7 +106,7 @@ def simulate(
         steps=result.steps,
         rejected=result.rejected,
         status=result.status,
-        # Where an implicit method took over there is nothing left to say.
+        # No warning where an implicit method took over.
         stiff=False if solver == "auto" else result.stiff,
         error=error,
         dt=None if dt is None else (t1 - t0) / jnp.maximum(result.steps, 1),
@@ -128,7 +129,7 @@ def solve(
     adjoint: bool = False,
     noise: Noise | None = None,
 ) -> SolveResult:
-    """`simulate` without samples, checks and exceptions: what the orbit finder calls.
+    """`simulate` without samples, checks and exceptions: for use inside other programs.
 
     Compiled for each kind of scene and method; inside jit, grad and vmap it is inlined.
 
@@ -136,27 +137,27 @@ def solve(
       scene: system, effects, start; not checked.
       t1: () end time [s], after or before t0.
       t0: () start time [s].
-      ts: (s,) wanted times [s] between t0 and t1, in the order they are passed.
+      ts: (s,) requested times [s] between t0 and t1, in the order of integration.
       rtol: relative tolerance of one step.
-      atol: absolute tolerance of one step; rtol if left out.
+      atol: absolute tolerance of one step; rtol by default.
       solver: see `simulate`.
       dt: see `simulate`.
-      max_steps: when to give up.
-      fixed: make the scene's numbers, start and span apart, constants of the program: faster, but
-        new ones compile again, and there are no derivatives by them.
-      adjoint: derivatives by the adjoint equations, backwards in time: for one loss a few solves,
-        whether it is by one number or by thousands. Reverse mode only, and once.
-      noise: random changes in each step, to see what rounding does; see `rounding`.
+      max_steps: largest number of steps.
+      fixed: make the scene's numbers, except start and span, constants of the program: faster, but
+        new ones recompile, and there are no derivatives with respect to them.
+      adjoint: derivatives by the adjoint equations, backwards in time: for one loss the cost of a
+        few solves, for one number or thousands. Reverse mode and first derivatives only.
+      noise: random perturbation of each step, to measure the effect of rounding; see `rounding`.
     Returns:
-      The state at t1, those at ts, and a status; NaN where the run did not get to.
+      The state at t1, those at ts, and a status; NaN where not reached.
     Raises:
-      ValueError: a tolerance or limit of steps out of range, or a solver that does not fit.
-    Limits: derivatives are those of the motion found, and lose as many digits as that, and a few
-      more where it is sensitive. At rtol 1e-10 the derivative of three bodies by G is right to 11
+      ValueError: a tolerance, `dt` or `max_steps` is out of range, or the solver does not suit.
+    Limits: derivatives are those of the computed motion, and lose as many digits, and a few more
+      where it is sensitive. At rtol 1e-10 the derivative of three bodies by G is right to 11
       digits after one period and to 9 after ten, that of the Lorenz system by rho to 10 digits at
       t = 10 and to 6 at t = 20, where the state has 8; they gain a digit with each power of ten
-      of rtol. Central differences are worse: 7 to 10 digits, with the best of steps. (All held
-      to variational equations in 60 digits.)
+      of rtol. Central differences are worse: 7 to 10 digits, with the best step. (All compared
+      with variational equations in 60 digits.)
     """
     auto = isinstance(solver, str) and _checks.choice("solver", solver, ("auto",)) == "auto"
     settings = Settings(checked_method(scene, None if auto else solver, dt))
@@ -167,7 +168,7 @@ def solve(
     field = field if noise is None else RoundedField(field, noise)
     traced = _checks.is_traced((field, y0, t0, t1, ts, held_to))
     if n and not traced and not adjoint:
-        # NaN is never reached; derivatives would see it, and traces compile anew anyway.
+        # NaN is never reached; derivatives would see it, and traces recompile anyway.
         ts = np.concatenate([ts, np.full(_filling(n), np.nan)])
         held_to = held_to._replace(samples=np.asarray(n))
     compiled = _compiled_adjoint if adjoint else _compiled
@@ -175,7 +176,7 @@ def solve(
     out = _auto(run, settings, traced) if auto else run(settings=settings)
     if len(ts) == n:
         return out
-    # On the host: a slice by JAX would be one more program for each number of samples.
+    # On the host: a slice in JAX would compile for each number of samples.
     ys = as_float(np.asarray(out.ys)[:n])
     return SolveResult(
         y1=out.y1, ys=ys, steps=out.steps, rejected=out.rejected, status=out.status, stiff=out.stiff
@@ -183,10 +184,10 @@ def solve(
 
 
 def _auto(run: Callable[..., SolveResult], settings: Settings, traced: bool) -> SolveResult:
-    """A run that an implicit method begins anew where it turns out to be stiff."""
+    """A run that restarts with an implicit method if it turns out to be stiff."""
     if traced:
         return run(settings=settings._replace(stiff=RADAU9))
-    # On the host the implicit method is compiled, which takes as long again, only if it is needed.
+    # On the host the implicit method is compiled, which doubles the time, only if needed.
     first = run(settings=settings._replace(stops=True))
     if not first.stiff:
         return first
@@ -195,7 +196,7 @@ def _auto(run: Callable[..., SolveResult], settings: Settings, traced: bool) -> 
 
 
 def _filling(n: int) -> int:
-    """By how many n is less than the next power of two."""
+    """How much n is less than the next power of two."""
     return (1 << (n - 1).bit_length()) - n
 
 

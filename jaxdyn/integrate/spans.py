@@ -1,4 +1,4 @@
-"""What a run is asked for: tolerances or a step, a span and its samples, checked on the host."""
+"""Checks on the host of tolerances, steps, the span and its samples."""
 
 from typing import Any, NamedTuple
 
@@ -17,13 +17,11 @@ RTOL = 1e-10
 MAX_STEPS = 1_000_000
 _RTOL_FLOOR, _RTOL_CEILING = 1e-16, 1e-2
 _MAX_BYTES = 2**32  # of all samples
-_COPIES_IN_MEMORY = (
-    4  # of them that a run holds at once: nodes, states and what moves between (measured)
-)
+_COPIES_IN_MEMORY = 4  # of them that a run holds at once: nodes, states and temporaries (measured)
 
 
 class SolverOptions(NamedTuple):
-    """What public functions take as keywords for every run, together; see `simulate`."""
+    """The solver keywords of public functions, as one record; see `simulate`."""
 
     rtol: Any = RTOL
     atol: Any = None
@@ -33,7 +31,7 @@ class SolverOptions(NamedTuple):
 
 def host_floats(x) -> Array | np.ndarray:
     """x in 64-bit floats, on the host if it has a value."""
-    # NumPy where there is a value: a jnp operation on the host costs as much as a short solve.
+    # NumPy for concrete values: a jnp operation on the host costs as much as a short solve.
     return jnp.asarray(x, float) if _checks.is_traced(x) else np.asarray(x, float)
 
 
@@ -48,7 +46,7 @@ def tolerances(rtol, atol) -> Array | np.ndarray:
         wanted = f"between {_RTOL_FLOOR} and {_RTOL_CEILING}"
         raise _checks.fail("rtol", wanted, rtol, relative + " Errors of steps add up.")
     atol = _number("atol", atol, "It is in units of the state.")
-    if not np.finfo(float).tiny <= atol < np.inf:  # smaller ones are 0 to XLA
+    if not np.finfo(float).tiny <= atol < np.inf:  # XLA flushes smaller ones to 0
         raise _checks.fail("atol", "> 0", atol, "It is in units of the state.")
     return np.array([rtol, atol])
 
@@ -70,7 +68,7 @@ def span(scene: Scene, t1=None, t0=0.0) -> tuple[Array, Array]:
 
 
 def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
-    """`span` with the times (s,) of samples: given as such, or as their number."""
+    """`span` with the times (s,) of samples: given as an array or as a number."""
     t0, t1 = span(scene, t1, t0)
     if isinstance(samples, int | np.integer) and not isinstance(samples, bool):
         if samples < 1:
@@ -80,7 +78,7 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
             return t0, t1, as_float(t1[None])
         if _checks.is_traced((t0, t1)):
             return t0, t1, jnp.linspace(t0, t1, int(samples))
-        # One of JAX would be one more program for each number of samples.
+        # In JAX it would compile for each number of samples.
         return t0, t1, as_float(np.linspace(float(t0), float(t1), int(samples)))
     ts = _checks.host_array("samples", samples, (None,), "An array of times, or how many.")
     _check_memory(scene, len(ts))
@@ -97,7 +95,7 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
 
 
 def _check_memory(scene: Scene, samples: int) -> None:
-    """Refuse more samples than fit: of each, a few copies of its time and state."""
+    """Raise if the samples do not fit in memory: a few copies of each time and state."""
     size = 8 * samples * (len(scene.y0) + 1) * _COPIES_IN_MEMORY
     if size > _MAX_BYTES:
         most = _MAX_BYTES * samples // size
@@ -110,7 +108,7 @@ def _check_memory(scene: Scene, samples: int) -> None:
 
 
 def limits(options: SolverOptions, dt=None) -> Limits:
-    """What a solve is held to, checked: a step where there is one, else the tolerances."""
+    """The limits of a solve, checked: the step if `dt` is given, else the tolerances."""
     most = np.asarray(_checks.whole("max_steps", options.max_steps))
     held_to = tolerances(options.rtol, options.atol) if dt is None else step_length(dt)
     return Limits(held_to, most)

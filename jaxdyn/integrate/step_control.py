@@ -1,15 +1,14 @@
-"""How long each step is, and which steps the outside sees: the step control and its observer.
+"""Step-size control, and the observer of accepted steps.
 
-diffrax drives the loop; this controller decides. Compared with diffrax's own PIDController it
-may also shorten the step after an accepted one (10 to 35 % of the steps on an eccentric orbit
-are rejected otherwise), it measures the variational columns of a state each by its own size,
-and it gives up with a status, instead of trying for ever, when the step falls below the
-spacing of floating-point times.
+diffrax drives the loop; this controller decides. Unlike diffrax's own PIDController it may also
+shorten the step after an accepted one (otherwise 10 to 35 % of the steps on an eccentric orbit are
+rejected), it measures each variational column of a state by its own size, and it ends with a
+status, instead of trying for ever, when the step falls below the spacing of floating-point times.
 
-Samples between steps are not interpolated. The observer only notes from which accepted node
-each wanted time can be reached; `flow` then takes one more step from that node, of the
-same method, so samples are as accurate as the steps (an interpolant of matching order would
-cost more stages than the method has).
+Samples between steps are not interpolated. The observer only notes from which accepted node each
+requested time can be reached; `flow` then takes one more step of the same method from that node,
+so samples are as accurate as the steps (an interpolant of matching order would need more stages
+than the method has).
 """
 
 import abc
@@ -25,26 +24,26 @@ from jaxtyping import Array
 
 from jaxdyn._numerics import square_norm
 
-#: Of the step that would just meet the tolerance. At exponents of 9 to 11 even 0.75 asks for
-#: no more than a tenth of the error; 0.9, usual at order 5, gets 10 to 30 % of the steps
+#: Fraction of the step that would just meet the tolerance. At exponents of 9 to 11 even 0.75 aims
+#: at no more than a tenth of the error; 0.9, usual at order 5, gets 10 to 30 % of the steps
 #: rejected and costs 10 to 20 % more evaluations at equal true error (measured).
 _SAFETY = 0.75
 _SHRINK, _GROW = 0.2, 8.0  # limits of one change of step
-_MIN_STEP_ULPS = 8.0  # a step shorter than this many spacings of t means nothing any more
-_MIN_FIXED_STEP_ULPS = 1000.0  # the same for fixed steps
-_MIN_STEP = 1e-100  # [time] the same at t = 0, where the spacing is no guide
-_WRITTEN_OUT = 32  # entries of a state: so many products at most are written out in a norm
+_MIN_STEP_ULPS = 8.0  # a step shorter than this many spacings of t is meaningless
+_MIN_FIXED_STEP_ULPS = 1000.0  # likewise for fixed steps
+_MIN_STEP = 1e-100  # [time] likewise at t = 0, where the spacing says nothing
+_WRITTEN_OUT = 32  # entries of a state: at most this many products are unrolled in a norm
 
 
 class Limits(NamedTuple):
-    """What a solve is held to, all of it numbers: new ones never compile again.
+    """The limits of a solve, as arrays: new values never recompile.
 
     Attributes:
       tolerance: (2,) relative and absolute tolerance of one step; (1,) its length, where the method
         takes equal steps.
-      max_steps: () when to give up.
-      samples: () how many of the wanted times there are, where the others only fill the array up
-        to a length that is shared with other numbers of them; None where all are wanted.
+      max_steps: () largest number of steps.
+      samples: () how many of the requested times count, where the others only pad the array to
+        a length shared by other numbers of samples; None where all count.
     """
 
     tolerance: Array
@@ -61,7 +60,7 @@ class Nodes(eqx.Module):
 
     @classmethod
     def empty(cls, ts: Array, t0: Array, y0: Array) -> "Nodes":
-        """Only samples at the start are reached (a run from t0 to t0 takes no step).
+        """Nodes at which only samples at the start are reached (a run from t0 to t0 takes no step).
 
         The others are NaN, so that a run that fails leaves no finite wrong numbers.
         """
@@ -87,31 +86,31 @@ class Nodes(eqx.Module):
 
 
 class Watch(eqx.Module):
-    """Something that looks at each accepted step and may stop the run; see `events`."""
+    """An observer of accepted steps that may stop the run; see `events`."""
 
     @abc.abstractmethod
     def towards(self, direction: Array) -> "Watch":
-        """The same for a run in this direction of time: the t it will be shown is +-t."""
+        """The same for a run in this direction of time: `see` gets direction * t."""
 
     @abc.abstractmethod
     def start(self, t0: Array, y0: Array) -> Any:
-        """What it remembers at the start."""
+        """Its memory at the start."""
 
     @abc.abstractmethod
     def see(self, keep: Array, t0: Array, y0: Array, t1: Array, y1: Array, memory: Any) -> tuple:
-        """What it remembers after a step, and whether to stop; a step not kept changes nothing."""
+        """Its memory after a step, and whether to stop; a rejected step changes nothing."""
 
 
 class _Observing(eqx.Module):
-    """What both ways of choosing steps share: nodes for the samples, a watch, a limit of steps.
+    """What adaptive and fixed steps share: nodes of the samples, a watch, a step limit.
 
     The limit is not diffrax's `max_steps`, which is a constant of the compiled program.
 
     Attributes:
-      ts: (s,) wanted times in the direction of integration; (0,) for none.
-      watch: what looks at the steps, if anything.
-      limit: () the most steps, and () the end of the span, before which they are too many; None
-        where steps are counted elsewhere.
+      ts: (s,) requested times in the direction of integration; (0,) for none.
+      watch: the observer of the steps, if any.
+      limit: () maximum number of steps, and () the end of the span that must be reached within
+        it; None where steps are counted elsewhere.
     """
 
     ts: eqx.AbstractVar[Array]
@@ -129,7 +128,7 @@ class _Observing(eqx.Module):
         return Nodes.empty(self.ts, t0, y0), memory, steps
 
     def _observe(self, keep, t0, y0, t1, y1, seen: tuple, result) -> tuple:
-        """What is remembered after a step, and the result, also if the run is to stop."""
+        """The memory after a step, and the result, which also says whether to stop."""
         nodes, memory, steps = seen
         if len(self.ts):
             nodes = nodes.passed(self.ts, t0, y0, jnp.where(keep, t1, -jnp.inf))
@@ -144,7 +143,7 @@ class _Observing(eqx.Module):
 
 
 def _mean_square(y: Array) -> Array:
-    """Over the first axis; few entries written out, which a group of lanes does side by side."""
+    """Over the first axis; few entries are unrolled, so that a batch is vectorised."""
     if len(y) > _WRITTEN_OUT:
         return jnp.mean(y * y, axis=0)
     return square_norm(jnp.moveaxis(y, 0, -1)) / len(y)
@@ -156,8 +155,8 @@ class StepControl(_Observing, diffrax.AbstractAdaptiveStepSizeController):
     Attributes:
       rtol: () relative tolerance of one step.
       atol: () absolute tolerance of one step.
-      ts: (s,) wanted times in the direction of integration; (0,) for none.
-      watch: what looks at the steps, if anything.
+      ts: (s,) requested times in the direction of integration; (0,) for none.
+      watch: the observer of the steps, if any.
       limit: see `_Observing`.
     """
 
@@ -170,7 +169,7 @@ class StepControl(_Observing, diffrax.AbstractAdaptiveStepSizeController):
     norm: ClassVar[Callable] = staticmethod(lambda y: jnp.max(jnp.sqrt(_mean_square(y))))
 
     def seen(self, state) -> tuple[Nodes, Any]:
-        """The nodes of the samples and what the watch remembers, from the state at the end."""
+        """The nodes of the samples and the memory of the watch, from the final state."""
         return state[:2]
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
@@ -203,7 +202,7 @@ class StepControl(_Observing, diffrax.AbstractAdaptiveStepSizeController):
         size = jnp.maximum(jnp.abs(y0), jnp.abs(y1))
         if y0.ndim > 1:
             # Column 0 is the state, the others are tangents. A small entry of a tangent need
-            # not be right to more digits than its column: take the column's largest entry.
+            # not have more correct digits than its column: use the column's largest entry.
             tangents = jnp.broadcast_to(jnp.max(size, axis=0), size.shape)
             size = jnp.concatenate([size[..., :1], tangents[..., 1:]], axis=-1)
         return self.atol + self.rtol * size
@@ -214,8 +213,8 @@ class FixedSteps(_Observing, diffrax.AbstractStepSizeController):
 
     Attributes:
       n: () how many.
-      ts: (s,) wanted times in the direction of integration; (0,) for none.
-      watch: what looks at the steps, if anything.
+      ts: (s,) requested times in the direction of integration; (0,) for none.
+      watch: the observer of the steps, if any.
       limit: see `_Observing`.
     """
 
@@ -225,7 +224,7 @@ class FixedSteps(_Observing, diffrax.AbstractStepSizeController):
     limit: tuple[Array, Array] | None = None
 
     def seen(self, state) -> tuple[Nodes, Any]:
-        """The nodes of the samples and what the watch remembers, from the state at the end."""
+        """The nodes of the samples and the memory of the watch, from the final state."""
         return state[0][:2]
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
@@ -238,7 +237,7 @@ class FixedSteps(_Observing, diffrax.AbstractStepSizeController):
         del args, y_error, error_order
         seen, (begin, h, done) = state
         fine = jnp.isfinite(y1_candidate).all()
-        # diffrax takes the last hundred spacings before the end for the end.
+        # diffrax treats the last hundred spacings before the end as the end.
         collapsed = h < _MIN_FIXED_STEP_ULPS * jnp.finfo(h.dtype).eps * jnp.abs(t1)
         result = diffrax.RESULTS.where(
             fine, diffrax.RESULTS.successful, diffrax.RESULTS.nonlinear_divergence
@@ -250,5 +249,5 @@ class FixedSteps(_Observing, diffrax.AbstractStepSizeController):
 
 
 def steps_of(dt: Array, t0: Array, t1: Array) -> Array:
-    """() the number of equal steps from t0 to t1, none longer than dt, but for rounding."""
+    """() the number of equal steps from t0 to t1, none longer than dt, up to rounding."""
     return jnp.maximum(jnp.ceil(jnp.abs(t1 - t0) / dt * (1 - 1e-12)), 1.0)

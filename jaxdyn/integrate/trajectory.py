@@ -18,16 +18,16 @@ from jaxdyn.solvers import Method, default_solver
 from jaxdyn.status import IntegrationError, Status
 
 _STIFF_WARNING = (
-    "The scene is stiff: stability, not accuracy, ruled the steps of the explicit method. "
+    "The scene is stiff: stability, not accuracy, limited the steps of the explicit method. "
     "Pass solver='auto' or solvers.RADAU9."
 )
 _LONG_STEPS_WARNING = (
-    "Steps of fixed length are too long for parts of the motion: adaptive ones lead elsewhere. "
-    "Make dt smaller, or leave the solver out to have steps adapt."
+    "Steps of fixed length are too long for parts of the motion: adaptive steps disagree. "
+    "Make dt smaller, or leave out the solver to use adaptive steps."
 )
-_MAX_STEP_MISMATCH = 0.05  # of the way of a step: more is no step of this motion
-_CHECK_RTOL, _CHECK_STEPS = 1e-6, 10_000  # of the adaptive steps that tell
-#: Spreads of two draws that a promised digit is away from rounding; 1 in 26 errs by more.
+_MAX_STEP_MISMATCH = 0.05  # of a step's displacement: with more the step is meaningless
+_CHECK_RTOL, _CHECK_STEPS = 1e-6, 10_000  # of the adaptive steps compared with
+#: Distance of a promised digit from rounding, in spreads of two draws; 1 in 26 errs by more.
 ROUNDING_MARGIN = 5.0
 T = TypeVar("T")
 
@@ -37,15 +37,15 @@ class Estimate(eqx.Module):
 
     Attributes:
       ts: (s,) times [s].
-      ys: (s, k) the solution that it is about.
+      ys: (s, k) the solution.
       error: (s, k) estimated absolute error of each entry, in its unit.
-      rounding: (s, k) the part of it that no tolerance removes; NaN where not looked for.
-      scale: (k,) what errors are measured by: the largest entry of the same unit. Angles are
+      rounding: (s, k) the part of it that no tolerance removes; NaN where not measured.
+      scale: (k,) the measure of errors: the largest entry of the same unit. Angles are
         taken modulo a turn.
-      kind: what the estimate rests on.
+      kind: the kind of estimate.
       solver: name of the method of the solution.
       other: name of the method of the second solution.
-      wanted: () digits that were asked for, if any were.
+      wanted: () digits requested, if any.
       fineness: (2,) tolerances, or steps, of the solution and of the second one.
     """
 
@@ -68,43 +68,43 @@ class Estimate(eqx.Module):
 
     @property
     def relative(self) -> float:
-        """Largest error over all times and entries, by scale; NaN if a run failed; host only."""
+        """Largest error relative to the scale; NaN if a run failed; host only."""
         return float(np.max(np.asarray(self.error) / np.asarray(self.scale)))
 
     @property
     def digits(self) -> float:
-        """How many digits are right everywhere, 0 if none; NaN if a run failed; host only."""
+        """Correct digits at all times, 0 if none; NaN if a run failed; host only."""
         return digits_of(self.relative)
 
     @property
     def most_digits(self) -> float:
-        """How many digits doubles are sure to give this motion with any solver; host only."""
+        """Digits certain in double precision with any solver; host only."""
         return digits_of(
             ROUNDING_MARGIN * np.max(np.asarray(self.rounding) / np.asarray(self.scale))
         )
 
     @property
     def basis(self) -> str:
-        """What the estimate rests on, in words; host only."""
+        """The basis of the estimate, as text; host only."""
         mine, its = np.asarray(self.fineness)
         return f"{self.kind}: {self.solver} at {mine:.1e} against {self.other} at {its:.1e}"
 
     @property
     def shortfall(self) -> str:
-        """What is missing to the digits asked for, and what to do; empty if nothing; host only."""
+        """Why requested digits were not reached, and the remedy; empty if they were; host only."""
         sure = min(self.digits, self.most_digits)
         if self.wanted is None or not sure < self.wanted:
             return ""
         held = self.until(self.wanted)
         where = "at no sample" if np.isnan(held) else f"up to t = {held:.6g}"
         return (
-            f"{self.wanted:g} digits were asked for; over the whole span {sure:.1f} are sure, all "
-            f"of them {where}. Rounding is amplified to where no solver is sure to give more than "
-            f"{self.most_digits:.1f}: shorten the span."
+            f"{self.wanted:g} digits were requested; over the whole span {sure:.1f} are certain, "
+            f"all of them {where}. Rounding, amplified, limits any solver to "
+            f"{self.most_digits:.1f} certain digits: shorten the span."
         )
 
     def until(self, digits: float) -> float:
-        """Time up to which that many digits are sure; NaN if not even at the start; host only."""
+        """Time up to which this many digits are certain; NaN if at no time; host only."""
         off = np.maximum(self.error, ROUNDING_MARGIN * np.nan_to_num(self.rounding))
         # Not >, or a run that failed, whose errors are NaN, would be right to its end.
         wrong = ~((off / np.asarray(self.scale)).max(axis=1) <= 10.0**-digits)
@@ -113,28 +113,27 @@ class Estimate(eqx.Module):
 
 
 def digits_of(error) -> float:
-    """() how many digits a relative error leaves, 0 if none; NaN for one that is not finite."""
+    """() correct digits at a relative error, 0 if none; NaN for an error that is not finite."""
     return max(0.0, -float(np.log10(error))) if np.isfinite(error) else float("nan")
 
 
 class Trajectory(eqx.Module):
     """A motion of a scene at sampled times, or a batch of them.
 
-    ``jax.vmap`` of a function that simulates returns a batch: every array, those of the scene
-    too, has the axes of the batch in front of its own.
+    ``jax.vmap`` of a function that simulates returns a batch: every array, including those of the
+    scene, has the batch axes in front of its own.
 
     Attributes:
-      scene: what moved.
+      scene: the scene that was simulated.
       ts: (s,) sample times [s].
-      ys: (s, k) states there; NaN where the run did not get to.
+      ys: (s, k) states there; NaN where not reached.
       steps: () accepted steps.
       rejected: () rejected steps.
       status: () `Status` code.
-      stiff: () whether stability, not accuracy, ruled the steps, which were those of an explicit
-        method to the end.
-      error: how accurate it is and how that is known, where ``digits`` were asked for.
-      dt: () length of its steps with its sign, where it is fixed [s].
-      method: what took steps of fixed length.
+      stiff: () whether stability, not accuracy, limited the steps of an explicit method.
+      error: the accuracy estimate, if ``digits`` were requested.
+      dt: () signed length of its steps, where it is fixed [s].
+      method: the method, where its steps have fixed length.
 
     Example:
       >>> from jaxdyn import scenes, simulate
@@ -196,12 +195,12 @@ class Trajectory(eqx.Module):
 
     @property
     def status_code(self) -> Status:
-        """The status as a `Status`, of a batch the worst; host only."""
+        """The status as a `Status`, the worst of a batch; host only."""
         return Status(int(np.max(self.status)))
 
     @property
     def warning(self) -> str:
-        """What is not wrong but could be better, and what to do; empty if nothing; host only."""
+        """Warnings and their remedies; empty if there are none; host only."""
         parts = [_STIFF_WARNING] if np.any(self.stiff) else []
         checkable = self.method is not None and self.ok
         parts += [_LONG_STEPS_WARNING] if checkable and not np.all(_steps_agree(self)) else []
@@ -221,7 +220,7 @@ class Trajectory(eqx.Module):
         return jax.tree.map(lambda x: x[index], self) if index else self
 
     def __getitem__(self, name: str) -> Array:
-        """(s,) values of one labelled entry of the state, e.g. ``motion["x"]``.
+        """(s,) values of a labelled entry of the state, e.g. ``motion["x"]``.
 
         (b, s) of a batch.
         """
@@ -236,7 +235,7 @@ class Trajectory(eqx.Module):
 
 
 def each_motion(function: Callable[..., T]) -> Callable[..., T]:
-    """A function of a motion, made one of a batch too: results have the axes of the batch."""
+    """Decorate a function of a motion to accept batches; results get the batch axes."""
 
     @functools.wraps(function)
     def of_each(motion: Trajectory, *args, **kwargs) -> T:
@@ -248,10 +247,10 @@ def each_motion(function: Callable[..., T]) -> Callable[..., T]:
 
 
 def single(motion: Trajectory) -> Trajectory:
-    """The motion; raises ValueError for a batch, of which it takes one."""
+    """The motion; raises ValueError for a batch."""
     if motion.lanes:
         got = f"a batch of them, {motion.lanes}"
-        remedy = "Take one of a batch by its number: batch.one(0)."
+        remedy = "Take one motion of the batch: batch.one(0)."
         raise _checks.fail("motion", "one motion", got, remedy)
     return motion
 
@@ -262,13 +261,13 @@ def _positions(motion: Trajectory) -> Array:
 
 
 def explained(status: Status, scene: Scene) -> str:
-    """What a status means, and where it is of a singularity, which ones the scene has."""
+    """What a status means; for a singularity, also the singularities of the scene."""
     singular = status in (Status.STEP_COLLAPSED, Status.NOT_FINITE)
     return f"{status.message} {scene.singular}".strip() if singular else status.message
 
 
 def raise_unless_ok(status: Array, scene: Scene) -> None:
-    """Raise IntegrationError for the first status in an array that is not OK; traces pass."""
+    """Raise IntegrationError for the first status that is not OK; traced values pass."""
     if _checks.is_traced(status):
         return
     bad = np.asarray(status)[np.asarray(status) != Status.OK]
@@ -279,7 +278,7 @@ def raise_unless_ok(status: Array, scene: Scene) -> None:
 @eqx.filter_jit
 @each_motion
 def _steps_agree(motion: Trajectory) -> Array:
-    """(s,) whether a step of fixed length from each sample leads where adaptive ones lead."""
+    """(s,) whether a step of fixed length from each sample agrees with adaptive ones."""
     field, h, method = motion.scene.field, motion.dt, motion.method
     assert h is not None  # the method is one of fixed step
     assert method is not None

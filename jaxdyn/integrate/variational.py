@@ -13,12 +13,12 @@ from jaxtyping import Array, Float
 
 
 class Variational(eqx.Module):
-    """A vector field with tangents: columns 1.. of the state are carried along with column 0.
+    """A vector field with tangents: column 0 is the state, the others are tangents.
 
     Attributes:
       field: anything with ``rate(t, y)``.
       directions: tangents of the field's numbers, a tree like `field` with a last axis of one
-        entry a column, None where a number is not perturbed.
+        entry per column, None where a number is not perturbed.
     """
 
     field: eqx.Module
@@ -28,12 +28,12 @@ class Variational(eqx.Module):
         """Rates of the state and of its tangents."""
         moving, fixed = _split_like(self.field, self.directions)
         f, jvp = jax.linearize(lambda p, x: eqx.combine(p, fixed).rate(t, x), moving, y[..., 0])
-        # Lanes last: one column a lane, contiguous in memory.
+        # Batch axis last: columns are contiguous in memory.
         tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
         return jnp.concatenate([f[..., None], tangents], axis=-1)
 
     def undetermined(self, t: Array, y: Float[Array, "k columns"]) -> Array | None:
-        """Whether () the constraints leave the motion of the state open."""
+        """Whether () the constraints leave the acceleration undetermined at the state."""
         return self.field.undetermined(t, y[..., 0])
 
     def project(self, t: Array, y: Float[Array, "k columns"]) -> Float[Array, "k columns"]:
@@ -49,7 +49,7 @@ class Variational(eqx.Module):
 
 
 def tangent_columns(field, y0: Array, f0: Array, d_field, d_y0, d_t0):
-    """One column for each perturbed number: its start, its direction, and how to sum up.
+    """One column for each perturbed number: its start, its direction, and how to combine them.
 
     Returns:
       (*y0.shape, c) tangents of the state at t0; the directions of the field's numbers as a
@@ -84,6 +84,6 @@ def tangent_columns(field, y0: Array, f0: Array, d_field, d_y0, d_t0):
 
 
 def _split_like(tree, like):
-    """tree in two: the leaves where `like` has one, and the rest."""
+    """tree split in two: the leaves where `like` has one, and the rest."""
     present = jax.tree.map(lambda x: x is not None, like, is_leaf=lambda x: x is None)
     return eqx.partition(tree, present)

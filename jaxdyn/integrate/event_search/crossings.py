@@ -1,15 +1,14 @@
 """Where functions of the state first cross zero along a motion: the search behind `events`.
 
-Every accepted step is looked at in a few places, reached by steps of the method itself (an
-interpolant would be good to 7 digits only), at values and at slopes. `stretches` says between
-which of these places a value may have crossed zero unseen; there the looks are repeated closer
-together, until the values tell, or no time is left between them. So a value that dips below zero
-and comes back within a step is found, to rounding. The time found is polished until it does not
-change any more.
+Every accepted step is sampled at a few places, reached by steps of the method itself (an
+interpolant would be accurate to 7 digits only), for values and slopes. `stretches` decides
+between which of these places a value may have crossed zero unseen; there the sampling is refined
+until the values decide, or the spacing reaches its minimum. So a value that dips below zero and
+comes back within a step is found, to rounding. The time found is polished to full precision.
 
-A value that is within rounding of zero at the start is on the side to which its slope takes it.
-So a motion that starts on an event (after a bounce, say) has left it, and does not meet it again
-before it comes back.
+A value that is within rounding of zero at the start is on the side to which its slope points. So
+a motion that starts on an event (after a bounce, say) has left it, and does not meet it again
+until it returns.
 """
 
 from typing import NamedTuple
@@ -26,22 +25,22 @@ from jaxdyn.integrate.flow import Settings, march
 from jaxdyn.integrate.step_control import Watch
 from jaxdyn.status import Status
 
-#: Parts of a step, or of a panel of it, at which events are looked at beside its begin. Not
-#: evenly, or a value with a period of a quarter of a step would look the same everywhere.
+#: Parts of a step, or of a panel of it, at which events are sampled besides its beginning. Not
+#: evenly spaced, or a value with a period of a quarter of a step would look the same everywhere.
 _LOOK_PLACES = np.array([0.23, 0.49, 0.77, 1.0])
 _MIN_PANEL = (
     2.0**-24
-)  # of a step: between looks so near each other values do not turn but by rounding
-_MAX_PANELS = 4096  # looked at in a step at most, where a value turns near zero all the time
-_PANEL_GROWTH = 4.0  # of a panel after one that was settled
+)  # of a step: between samples this close a value has no extremum except by rounding
+_MAX_PANELS = 4096  # in a step at most, for a value that oscillates near zero
+_PANEL_GROWTH = 4.0  # of the panel length after a settled panel
 _START_ROUNDINGS = (
-    16  # roundings of state and time that the value at a start on an event may be off zero
+    16  # roundings of state and time by which a value at a start on an event may miss zero
 )
 _SIDE_ROUNDINGS = 4  # roundings of the state below which a later value has not changed its side
 
 
 class Crossing(NamedTuple):
-    """The first crossing: its time (infinite if there is none), the state, which, `Status`."""
+    """The first crossing: time (infinite if there is none), state, event index, `Status`."""
 
     t: Array
     y: Array
@@ -76,7 +75,7 @@ class _Look(NamedTuple):
     part: Array  # () of the step
     g: Array  # (E,) values
     slope: Array  # (E,) in time
-    side: Array  # (E,) sign of the value, 0 where it is on zero and does not leave it
+    side: Array  # (E,) sign of the value, 0 where it stays at zero
 
 
 class _Seen(NamedTuple):
@@ -88,12 +87,12 @@ class _Seen(NamedTuple):
     bracket: Bracket
     noise: Array  # (E,) values up to this are rounding
     speeds: Array  # (E,) at the start, one rounding of a slope
-    bends: Array  # (E,) of a second derivative
-    begun: Array  # () whether a step was accepted
+    bends: Array  # (E,) one rounding of a second derivative
+    begun: Array  # () whether a step has been accepted
 
 
 class _Survey(NamedTuple):
-    """A step while it is looked at, panel by panel, each beginning where the last one ended."""
+    """A step while it is searched panel by panel, each beginning where the last one ended."""
 
     n: Array  # () panels so far
     begin: _Look
@@ -107,7 +106,7 @@ class _Lookout(Watch):
 
     @property
     def wanted(self) -> Array:
-        """(E,) the sides to which crossings count, 0 for both."""
+        """(E,) the signs after the crossings that count, 0 for both."""
         return jnp.array([float(event.direction) for event in self.sight.events])
 
     def towards(self, direction):
@@ -145,11 +144,11 @@ class _Lookout(Watch):
         return memory, memory.bracket.found.any() | jnp.isnan(memory.end.side).any()
 
     def _first_side(self, h: Array, memory: _Seen) -> Array:
-        """(E,) on which side of each event the motion is just after its start.
+        """(E,) the side of each event the motion is just after its start.
 
-        Where it starts on the event the slope says so. Where the slope is zero as well, a
-        crossing in the wanted direction counts: a ball that bounces by less than rounding
-        falls through the floor otherwise. Without a wanted direction the motion has left.
+        If the motion starts on an event, the slope decides. Where the slope is zero as well, a
+        crossing in the wanted direction counts: otherwise a ball that bounces by less than
+        rounding would fall through the floor. Without a wanted direction the motion has left.
         """
         g, slope = memory.end.g, self.direction * memory.end.slope
         moved = memory.noise + jnp.abs(h) * memory.speeds + h * h * memory.bends
@@ -176,7 +175,7 @@ class _Lookout(Watch):
         return jax.lax.while_loop(going, panel, start)
 
     def _looks(self, t: Array, y: Array, h: Array, begin: _Look, end: Array, noise) -> _Look:
-        """The events at the begin of a panel and at the places within it and at its end."""
+        """The events at the beginning of a panel, at the places within it and at its end."""
         parts = begin.part + _LOOK_PLACES[:-1] * (end - begin.part)
         parts = jnp.concatenate([begin.part[None], parts, end[None]])
         g, slope, _ = self.sight.after(t, y, parts[1:] * h)
@@ -188,7 +187,7 @@ class _Lookout(Watch):
 
 
 def _judged(survey: _Survey, looks: _Look, h: Array, noise: Array, wanted: Array) -> _Survey:
-    """The next panel: what follows, or the first stretch of this one that has to be looked into."""
+    """The next panel, or the first stretch of this one that has to be refined."""
     width = survey.end - survey.begin.part
     exhausted = (width < _MIN_PANEL) | (survey.n >= _MAX_PANELS)
     s = looks.side
@@ -210,6 +209,6 @@ def _judged(survey: _Survey, looks: _Look, h: Array, noise: Array, wanted: Array
 
 
 def _first(flags: Array) -> Array:
-    """() the first row (n, E) with a flag, n if there is none."""
+    """() index of the first row of (n, E) flags with a flag set, n if there is none."""
     rows = flags.any(axis=1)
     return jnp.where(rows.any(), jnp.argmax(rows), len(rows))

@@ -1,4 +1,4 @@
-"""Values of events where a motion is, their slopes along it, and how far rounding moves them."""
+"""Values of events along a motion, their slopes, and their rounding errors."""
 
 import functools
 from typing import NamedTuple
@@ -11,18 +11,18 @@ from jaxtyping import Array
 from jaxdyn.scene import Field
 from jaxdyn.solvers import Method
 
-#: Roundings of state and time that two events at one time may be apart.
+#: Roundings of state and time within which two events count as simultaneous.
 _COINCIDENCE_ROUNDINGS = 64
 
 
 class Looked(NamedTuple):
-    """The E events where a motion is at (t, y), one entry each.
+    """The E events at a point (t, y) of a motion, one entry each.
 
     Attributes:
       values: (E,) what crosses zero.
       slopes: (E,) their slopes in time along the motion.
-      rounding: (E,) what one rounding of the state moves them by.
-      speeds: (E,) what one rounding of a unit of time moves them by; one rounding of a slope.
+      rounding: (E,) their change by one rounding of the state.
+      speeds: (E,) their change by one rounding of a unit of time; one rounding of a slope.
     """
 
     values: Array
@@ -49,25 +49,25 @@ def looked(field, events: tuple, t: Array, y: Array) -> Looked:
 
 
 def bends(field, events: tuple, t: Array, y: Array) -> Array:
-    """(E,) one rounding of the second derivatives along the motion; 0 where there are none."""
+    """(E,) one rounding of the second derivatives along the motion; 0 where they do not exist."""
     ahead = (jnp.ones_like(t), field.rate(t, y))
     _, second = jax.jvp(lambda t, y: _terms(field, events, t, y)[1].sum(-1), (t, y), ahead)
     return jnp.finfo(y.dtype).eps * jnp.where(jnp.isfinite(second), jnp.abs(second), 0.0)
 
 
 def _terms(field, events: tuple, t: Array, y: Array) -> tuple[Array, Array]:
-    """(E, k) derivatives of the values by the state; (E, 1 + k) what their slopes are sums of."""
+    """(E, k) derivatives of the values by the state; (E, 1 + k) the terms of their slopes."""
     by_time, rows = jax.jacfwd(functools.partial(values, events), argnums=(0, 1))(t, y)
     return rows, jnp.concatenate([by_time[:, None], rows * field.rate(t, y)[None]], axis=-1)
 
 
 class Sight(eqx.Module):
-    """Events of a motion, seen at any time after a node, by one step of the method from there.
+    """Events of a motion at any time after a node, by one step of the method from there.
 
     Attributes:
       field: has ``rate(t, y)`` and ``project(t, y)``.
       events: modules with ``value(t, y)`` and ``direction``.
-      method: what takes the step.
+      method: the method that takes the step.
     """
 
     field: Field
@@ -76,7 +76,7 @@ class Sight(eqx.Module):
 
     def after(self, t: Array, y: Array, hs: Array) -> tuple[Array, Array, Array]:
         """(s, E) values and slopes and (k, s) states, after one step of each length hs (s,)."""
-        # One step of a state with s columns: a batch of steps would scatter into its stages.
+        # One step of a state with s columns: vmapped steps would scatter into their stages.
         rates = jax.vmap(self.field.rate, in_axes=(0, -1), out_axes=-1)
         ys = jnp.broadcast_to(y[:, None], (*y.shape, *hs.shape))
         method = self.method.in_loops(1)

@@ -1,4 +1,4 @@
-"""The times of events, from brackets to the last digit."""
+"""The times of events, from brackets to full precision."""
 
 from typing import NamedTuple
 
@@ -8,12 +8,12 @@ from jaxtyping import Array
 
 from jaxdyn.integrate.event_search.event_values import Sight, looked
 
-_MIN_BRACKET_PART = 2.0**-80  # of a bracket: an event so near its begin happens there
-_MAX_LOOKS = 100  # steps of Newton's method or bisections at most; about five are usual
+_MIN_BRACKET_PART = 2.0**-80  # of a bracket: an event this close to its beginning happens there
+_MAX_LOOKS = 100  # Newton steps or bisections at most; about five are usual
 
 
 class Bracket(NamedTuple):
-    """Between which times each of E events happens, and to which side.
+    """Times that enclose each of E events, and the sign after it.
 
     Attributes:
       low: (E,) the earlier time; infinite where nothing was found.
@@ -38,12 +38,12 @@ class Bracket(NamedTuple):
 
 
 class _Polish(NamedTuple):
-    """The events while their times are polished."""
+    """The state of the polishing iteration."""
 
-    n: Array  # () looks so far
+    n: Array  # () evaluations so far
     low: Array  # (E,) bracket as time after the node
     high: Array  # (E,)
-    h: Array  # (E,) where it is looked next, or was last where that is done
+    h: Array  # (E,) time of the next evaluation, or of the last one where done
     last: Array  # (E,) the last step of h
     back: Array  # (E,) length of the last step back, once Newton's method has converged
     arrived: Array  # (E,) whether it has
@@ -54,11 +54,11 @@ class _Polish(NamedTuple):
 def polished(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Array, Array]:
     """(E,) times after t0 at which events happen, inf if not, and the states (k, E) then.
 
-    Newton's method kept in its bracket, bisection where it does not halve its steps. The low end
-    may be where the motion began, with a value of rounding noise: so the side that is left is
-    known, not looked up there. In the end, rounding being what is left, it goes back to a state
-    that is not beyond the event: a ball that is let go below the floor, be it by one rounding,
-    may never come above it, and so never fall through.
+    Newton's method safeguarded by its bracket: bisection where its steps are not halved. The low
+    end may be the start of the motion, with a value of rounding noise, so the sign there is known
+    from the bracket, not evaluated. In the end, when only rounding remains, it steps back to a
+    state that is not beyond the event: a ball released below the floor, even by one rounding, may
+    never come above it, and would fall through.
     """
     found, towards = bracket.found, bracket.towards
     rounding = looked(sight.field, sight.events, t0, y0).rounding
@@ -70,13 +70,13 @@ def polished(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Arra
     def look(p: _Polish) -> _Polish:
         g, slope, y = sight.after(t0, y0, p.h)
         g, slope = jnp.diagonal(g), jnp.diagonal(slope)
-        # A start on the event may be beyond it by rounding, and leave it before it comes back.
+        # A start on the event may be beyond it by rounding, and leave before it returns.
         leaves = (first == 0) & (slope * (p.high - p.low) * towards < 0)
         before = (jnp.sign(g) == -towards) | leaves
         low, high = jnp.where(before, p.h, p.low), jnp.where(before, p.high, p.h)
         new = p.h - g / jnp.where(slope == 0, 1.0, slope)
         change = jnp.where(slope == 0, jnp.inf, jnp.abs(new - p.h))
-        # Times after the node are finer than times: of bounces too short for them it finds the end.
+        # Times relative to the node are finer than absolute ones: short bounces are resolved.
         fine = jnp.maximum(2 * eps * jnp.abs(p.h), least)
         exact = (jnp.abs(g) <= 2 * rounding) | (change <= fine) | (jnp.abs(high - low) <= fine)
         arrived = p.arrived | exact

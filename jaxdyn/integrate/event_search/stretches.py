@@ -1,17 +1,17 @@
-"""Whether a smooth function can cross zero between the places where it was looked at.
+"""Whether a smooth function can cross zero between sample points.
 
-Between two neighbouring looks the function is the cubic with its values and slopes there, but for
-f'''' w^4 / 384 with w the width of the stretch. How large f'''' is follows from how the third
-derivatives of neighbouring cubics differ. A cubic lies in the hull of its four Bernstein
+Between two neighbouring samples the function is the cubic with its values and slopes there, up to
+f'''' w^4 / 384 with w the width of the stretch. The size of f'''' follows from the differences of
+the third derivatives of neighbouring cubics. A cubic lies in the hull of its four Bernstein
 coefficients, and its slope in that of their differences. So a stretch is settled if the
-coefficients stay clear of zero by more than the doubt, or if they only rise, or only fall, so
-that the values at the ends tell all. Other stretches have to be looked at more closely.
+coefficients stay clear of zero by more than the doubt, or are monotone, so that the values at the
+ends decide. Other stretches have to be sampled more closely.
 """
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
-#: Fourth derivatives may be so many times larger than the estimate from neighbouring cubics.
+#: Factor by which fourth derivatives may exceed the estimate from neighbouring cubics.
 _SAFETY = 4.0
 _CUBIC_ERROR_DIVISOR = (
     384.0  # error of a cubic with values and slopes at both ends: f'''' w^4 / 384 at most
@@ -19,15 +19,15 @@ _CUBIC_ERROR_DIVISOR = (
 
 
 def settled(times: Array, g: Array, slope: Array, sides: Array, noise: Array) -> Array:
-    """(s - 1, E) whether each of E functions crosses zero between two looks as its sides say.
+    """(s - 1, E) whether each of E functions crosses zero between samples only as its sides say.
 
     Args:
-      times: (s,) of the looks, rising or falling; s > 2.
+      times: (s,) of the samples, increasing or decreasing; s > 2.
       g: (s, E) values.
       slope: (s, E) slopes in time.
-      sides: (s, E) signs of the values, and of those within rounding what they were before.
+      sides: (s, E) signs of the values; where a value is within rounding of zero, the sign before.
       noise: (E,) values up to this are rounding.
-    Limits: functions whose values and slopes look smooth at all places and are not in between.
+    Limits: wrong for functions whose samples look smooth but which are not smooth in between.
     """
     width = jnp.diff(times)[:, None]
     d0, d1, rise = width * slope[:-1], width * slope[1:], g[1:] - g[:-1]
@@ -43,7 +43,7 @@ def settled(times: Array, g: Array, slope: Array, sides: Array, noise: Array) ->
 
 
 def _doubt(width: Array, d0: Array, d1: Array, rise: Array) -> Array:
-    """(s - 1, E) how far the functions may be off their cubics."""
+    """(s - 1, E) bound on the distance of the functions from their cubics."""
     third = (6 * (d0 + d1) - 12 * rise) / width**3
     between = 0.5 * (width[1:] + width[:-1])
     fourth = jnp.max(jnp.abs(jnp.diff(third, axis=0) / between), axis=0)

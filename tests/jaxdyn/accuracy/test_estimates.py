@@ -142,13 +142,13 @@ def test_digits_are_delivered(name, digits):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:12 digits were asked for")
+@pytest.mark.filterwarnings("ignore:12 digits were requested")
 @pytest.mark.parametrize("name", LONG)
 def test_digits_of_long_spans_are_claimed_as_they_are(name):
     case = LONG[name]
     motion = simulate(case.scene, case.t1, samples=case.samples, digits=12, throw=False)
     assert 0.1 < quotient(case, motion.error)
-    assert motion.error.digits >= 12 or "12 digits were asked for" in motion.warning
+    assert motion.error.digits >= 12 or "12 digits were requested" in motion.warning
 
 
 @pytest.mark.slow
@@ -176,7 +176,7 @@ def test_a_small_motion_gets_its_digits_too():
 
 def test_chaos_is_said_with_how_long_the_digits_hold():
     with pytest.warns(
-        UserWarning, match="9 digits were asked for; over the whole span 0.0 are sure"
+        UserWarning, match="9 digits were requested; over the whole span 0.0 are certain"
     ):
         motion = simulate(scenes.lorenz(), 60.0, digits=9, samples=61)
     good = motion.error.until(9)
@@ -189,7 +189,7 @@ def test_chaos_is_said_with_how_long_the_digits_hold():
 
 
 def test_digits_that_not_even_the_first_sample_has_are_said_so():
-    with pytest.warns(UserWarning, match=r"all of them at no sample\. Rounding is amplified"):
+    with pytest.warns(UserWarning, match=r"all of them at no sample\. Rounding, amplified"):
         simulate(scenes.lorenz(), 60.0, digits=9, samples=[40.0, 60.0])
 
 

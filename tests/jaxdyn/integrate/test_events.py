@@ -293,7 +293,7 @@ def test_the_search_calls_no_library_and_sorts_nothing():
 def test_no_event_is_refused():
     with pytest.raises(ValueError, match="events: expected at least one, got none"):
         until(BALL, ())
-    message = r"^events: expected events, got height\. Make one: When\(fn\), with a named fn\.$"
+    message = r"^events: expected events, got height\. Write When\(fn\), with a named fn\.$"
     for given in (height, (FALLS, height)):
         with pytest.raises(ValueError, match=message):
             until(BALL, given)

@@ -61,5 +61,5 @@ def test_equal_numbers_of_any_kind_are_compiled_once():
 
 
 def test_traced_numbers_are_refused():
-    with pytest.raises(ValueError, match="fixed: expected a scene whose numbers are known"):
+    with pytest.raises(ValueError, match="fixed: expected a scene with concrete numbers"):
         jax.grad(lambda g: solve(scenes.pendulum(g=g), 1.0, fixed=True).y1[0])(9.81)

@@ -64,7 +64,7 @@ def test_infinitely_many_bounces_end_at_the_limit_of_phases(bounces):
     assert not bounces.ended
     assert bounces.status == Status.OK
     assert "The limit of 20 phases was reached at t = 2." in bounces.message
-    assert "give the phase an exit to rest" in bounces.message
+    assert "add an exit to a phase of rest" in bounces.message
 
 
 def test_the_earliest_exit_ends_the_motion():
@@ -342,7 +342,7 @@ def test_misuse_is_refused():
         simulate_phases(BOUNCING | {END: BOUNCING["fly"]}, "fly", START, 1.0)
     with pytest.raises(ValueError, match=r"^exits of fly: expected a tuple, got Exit\. Write \(ex"):
         simulate_phases({"fly": Phase(BALL, Exit(LANDS, END))}, "fly", START, 1.0)
-    with pytest.raises(ValueError, match=r"^phase fly: expected a Phase, got Scene\. Make it"):
+    with pytest.raises(ValueError, match=r"^phase fly: expected a Phase, got Scene\. Write"):
         simulate_phases({"fly": BALL}, "fly", START, 1.0)
     with pytest.raises(ValueError, match=r"^t1: expected numbers, got '1'\."):
         simulate_phases(BOUNCING, "fly", START, "1")

@@ -316,7 +316,7 @@ def test_every_status_has_a_message_with_a_remedy():
         ({"samples": 0}, r"samples: expected at least 1, or an array of times, got 0\.$"),
         (
             {"samples": True},
-            r"samples: expected numbers, got True\. An array of times, or how many",
+            r"samples: expected numbers, got True\. Pass an array of times, or",
         ),
         (
             {"samples": 10**8},
@@ -340,7 +340,7 @@ def test_every_status_has_a_message_with_a_remedy():
         ({"samples": [np.nan]}, r"samples: expected finite numbers, got nan at index \[0\]"),
         (
             {"samples": "all"},
-            r"samples: expected numbers, got 'all'\. An array of times, or how many",
+            r"samples: expected numbers, got 'all'\. Pass an array of times, or",
         ),
         ({"t1": np.inf}, r"t1: expected finite numbers, got inf\.$"),
         ({"t1": [1.0]}, r"t1: expected shape \(\), got shape \(1,\)\.$"),
