@@ -1,11 +1,11 @@
-"""Questions about a scene or a motion: what is conserved, where it rests, what is stable.
+"""Questions about a scene or a motion: conserved quantities, rest points, stability.
 
 Along a motion: `energy`, `momenta`, `ledger` (work of each effect), `energy_change` (what changes
-it), `constraints` (forces of rods, rank of ties); `regularised` and `approaches` follow close
+it), `constraints` (tensions, reactions, rank); `regularised` and `approaches` follow close
 encounters. Stability: `linearize`, `steady` (steady motions), `floquet` (driven scenes),
 `precession`; `eigenvalues` decides it, for orbits from the `monodromy` matrix. `equilibria` finds
 rest points; the folder `rest_points` searches for them and proves that there are no others.
-`_roots` finds zeros of functions of one number, each in its bracket.
+`_roots` finds zeros of functions of one variable, each in its bracket.
 
 May import: `integrate`, `formulations`.
 

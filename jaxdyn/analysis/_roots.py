@@ -1,10 +1,10 @@
-"""Zeros of many functions of one number at once, each kept in its bracket."""
+"""Zeros of many functions of one variable at once, each kept in its bracket."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-_LAST_STEP = 1e-9  # a step this small leaves an error of rounding: convergence is superlinear
+_LAST_STEP = 1e-9  # after a step this small only rounding remains: convergence is superlinear
 _LONGEST_SECANT = 1e-3  # a secant over more than this says nothing about the slope at its ends
 _ITERATIONS = 40
 
@@ -14,8 +14,8 @@ def root(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(n,) zeros of functions between low (n,) and high (n,), and whether each was found.
 
-    Newton's method kept in the bracket; where there is no slope (NaN) the secant through the last
-    two points. Where that leaves the bracket, or does not halve the value, the bracket is halved.
+    Newton's method safeguarded by the bracket; where the slope is NaN, the secant through the last
+    two points. Where that leaves the bracket, or does not halve the value, bisection.
 
     Args:
       fn: (n,) points -> (n,) values and (n,) slopes.
@@ -31,7 +31,7 @@ def root(
         with np.errstate(divide="ignore", invalid="ignore"):
             secant = (value - old_value) / (x - old_x)
             new = x - value / np.where(np.isnan(slope), secant, slope)
-        # Where the values at both ends differ by powers of ten, a secant hardly leaves the smaller.
+        # If the values at the ends differ by orders of magnitude, a secant step hardly moves.
         local = ~np.isnan(slope) | (np.abs(x - old_x) <= _LONGEST_SECANT * (1 + np.abs(x)))
         close = np.abs(new - x) <= _LAST_STEP * (1 + np.abs(x))
         quick = (np.abs(value) <= 0.5 * np.abs(old_value)) & (new >= low) & (new <= high)

@@ -1,4 +1,4 @@
-"""When, and how near, bodies that attract each other pass."""
+"""Times and distances of closest approach of bodies that attract each other."""
 
 import itertools
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from jaxdyn.status import IntegrationError, Status
 
 
 class Approach(NamedTuple):
-    """Two points at their nearest: when [s], which two (counted from 0), how near [m]."""
+    """A closest approach of two points: time [s], their indices, distance [m]."""
 
     t: float
     pair: tuple[int, int]
@@ -33,15 +33,15 @@ def closest_approaches(
     rtol: float = RTOL,
     max_steps: int = MAX_STEPS,
 ) -> list[Approach]:
-    """Every time that two bodies of a motion stop to come nearer, the nearest first.
+    """Local minima of the distances between the bodies of a motion, the smallest first.
 
     Args:
       scene: see `regularised`.
-      t1: () end time [s], after t0; the scene's own span if left out.
+      t1: () end time [s], after t0; the scene's own span by default.
       t0: () start time [s].
-      samples: two approaches of the same two between two samples are taken for none.
+      samples: number of samples; two approaches of the same pair between two samples are missed.
       rtol: relative tolerance of one step.
-      max_steps: when to give up.
+      max_steps: largest number of steps.
     Raises:
       ValueError: see `simulate_regularised`.
       IntegrationError: the end was not reached.
@@ -73,10 +73,10 @@ def closest_approaches(
 
 
 class _Parting(Event):
-    """The distance of two points begins to grow."""
+    """The distance of two points starts to increase."""
 
     system: System
-    weights: Array  # (n,) -1 and 1 for the two: numbers, so that all pairs are one program
+    weights: Array  # (n,) -1 and 1 for the two: an array, so that all pairs share one program
 
     def between(self, t, y) -> tuple[Array, Array]:
         """(d,) from one to the other, and its rate."""

@@ -1,9 +1,9 @@
-"""The constraints of a scene: their forces, and how well they determine its motion.
+"""The constraints of a scene: their forces, rank and conditioning.
 
 `tensions` has the forces along rods, `reactions` the force of all constraints on each point,
-`multipliers` what a constrained formulation solves for. `conditioning` says rank and redundancy.
-The conditions on the accelerations are G a = gamma (`formulations.constrained`). What counts are
-the singular values of G M^(-1/2): one is near 0 where a condition nearly follows from others, or
+`multipliers` the unknowns of a constrained formulation, `conditioning` rank and redundancy. The
+conditions on the accelerations are G a = gamma (`formulations.constrained`). Their conditioning is
+that of G M^(-1/2): a singular value is near 0 where a condition nearly follows from others, or
 nearly vanishes.
 """
 
@@ -22,16 +22,15 @@ from jaxdyn.scene import Field, Scene, System
 
 
 class Conditioning(NamedTuple):
-    """What is known of a scene's constraints at a state.
+    """Rank and condition of a scene's constraints at a state.
 
     Attributes:
-      condition: () [1] largest over smallest singular value of the independent conditions. Of
-        the 16 digits of an acceleration it costs log10 of it, of a force in the constraints
-        twice that.
-      rank: () how many conditions are independent.
-      redundant: () how many more there are, which follow from them.
-      determined: () whether they determine the motion: no rank is lost in just this pose, and
-        they hold, which they do not where one contradicts another.
+      condition: () [1] largest over smallest singular value of the independent conditions.
+        Accelerations lose log10 of it of their 16 digits, constraint forces twice that.
+      rank: () number of independent conditions.
+      redundant: () number of further ones, which follow from them.
+      determined: () whether they determine the motion: the rank is not lost in just this pose,
+        and they are consistent.
     """
 
     condition: Array
@@ -45,7 +44,7 @@ def multipliers(motion: Trajectory) -> Array:
     """(s, c) Lagrange multipliers along a motion: of its ties, then of its rolling conditions.
 
     Raises:
-      ValueError: a scene that is not in a constrained formulation.
+      ValueError: the scene is not in a constrained formulation.
     """
     return _multipliers(_constrained(motion.scene.system), motion)
 
@@ -57,7 +56,7 @@ def tensions(motion: Trajectory) -> dict[str, Array]:
     Args:
       motion: of a scene whose ties are lengths of rods, in a constrained formulation.
     Raises:
-      ValueError: a scene without such ties.
+      ValueError: the scene has no such ties.
     Example:
       >>> from jaxdyn.analysis import constraints
       >>> from jaxdyn import scenes, simulate
@@ -79,10 +78,10 @@ def tensions(motion: Trajectory) -> dict[str, Array]:
 def reactions(motion: Trajectory) -> Array:
     """(s, n, d) force of the constraints on each material point along a motion [N].
 
-    What its mass times its acceleration exceeds the forces of the effects by: the pull of rods,
-    the push of wires and hinges. It holds for every formulation, also by free coordinates. The
-    points of rigid bodies stand for their mass, so there only the sum and the moment of these
-    forces have a meaning. Forces on coordinates (motors) count as reactions.
+    The mass times the acceleration minus the forces of the effects: the pull of rods, the push of
+    wires and hinges. It holds for every formulation, also in minimal coordinates. The points of
+    rigid bodies represent their mass, so for them only the sum and the moment of these forces
+    are meaningful. Forces on coordinates (motors) count as reactions.
     """
     scene = motion.scene
 
@@ -120,7 +119,7 @@ def conditioning(scene: Scene | Field, t, y: Array) -> Conditioning:
       t: () time [s].
       y: (k,) state.
     Raises:
-      ValueError: a scene without constraints.
+      ValueError: the scene has no constraints.
     Limits: not for stepping loops (LAPACK). Conditions in different units make the condition
       number depend on these.
     Example:

@@ -1,8 +1,8 @@
-"""Eigenvalues of a computed matrix, each with an error bar, and what they decide.
+"""Eigenvalues of a computed matrix, each with an error bar, and the verdict on stability.
 
 An error E of a matrix A moves an eigenvalue by at most cond |E| to first order, with cond the
-condition number of that eigenvalue, |left vector| |right vector| over their product. Where
-eigenvalues meet, cond is infinite; Elsner's bound
+condition number of that eigenvalue, |left vector| |right vector| over their product. For multiple
+eigenvalues cond is infinite; Elsner's bound
 
     (2 |A|)^(1 - 1/k) |E|^(1/k)
 
@@ -20,17 +20,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-#: Bars are those of an error so many times the estimate: it is known to about its size only.
+#: Safety factor on the estimated error, which is only an order of magnitude.
 SAFETY = 3.0
 #: Error of a matrix by rounding, relative to its norm. Jacobians of the ready-made scenes, in
 #: forward and reverse mode, differ by up to 3 units of rounding (measured).
 ROUNDING = 4 * np.finfo(float).eps
-#: Sizes of multipliers that agree to so many places are ordered by their angle.
+#: Multipliers whose absolute values agree to this many places are ordered by their angle.
 _PLACES = 9
 
 
 class Eigenvalues(NamedTuple):
-    """Of a matrix, or of a stack of them.
+    """The eigenvalues of a matrix, or of a stack of them.
 
     Attributes:
       values: (..., k) complex.
@@ -66,7 +66,7 @@ def eigenvalues(matrix, error=0.0) -> Eigenvalues:
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         left = (_adjoint(vh) / s[..., None, :]) @ _adjoint(u)
         condition = np.linalg.norm(left, axis=-1) * np.linalg.norm(right, axis=-2)
-        # Parallel eigenvectors make it infinite or NaN: Elsner's bound then.
+        # Infinite or NaN for parallel eigenvectors: Elsner's bound then.
         bars = np.fmin(condition * wrong, elsner)
     return Eigenvalues(values.astype(complex), bars)
 
@@ -85,23 +85,23 @@ def map_eigenvalues(monodromy, error=0.0) -> Eigenvalues:
 
 
 def rate_verdict(found: Eigenvalues) -> np.ndarray:
-    """(...) "stable" where all real parts are surely < 0, "unstable" where one is surely > 0.
+    """(...) "stable" where all real parts are certainly < 0, "unstable" where one is > 0.
 
-    "undecided" elsewhere, as at a centre.
+    "undecided" otherwise, as at a centre.
     """
     return _verdict(found.values.real, found.bars)
 
 
 def map_verdict(found: Eigenvalues, conservative) -> np.ndarray:
-    """(...) "stable" where no difference grows, "unstable" where one surely does.
+    """(...) "stable" where no perturbation grows, "unstable" where one certainly does.
 
-    "undecided" elsewhere.
+    "undecided" otherwise.
 
     Args:
       found: of the map over one period.
       conservative: (...) whether the map is symplectic. Each multiplier off the unit circle then
-        has its mirror image 1 / conj(lambda) at the same angle; so one that is alone within its
-        bar, and not real, is on the circle and stays there.
+        has a partner 1 / conj(lambda) at the same angle; so one that is alone within its bar, and
+        not real, is on the circle and stays there.
     """
     values, bars = found
     growing = _verdict(np.abs(values) - 1, bars)
@@ -128,7 +128,7 @@ def norm(matrix: np.ndarray) -> np.ndarray:
 
 
 def with_bars(values: Any, bars: Any) -> str:
-    """Numbers with their error bars, in as many digits as these leave, at most twelve.
+    """Numbers with their error bars, in the digits that these leave, at most twelve.
 
     Example:
       >>> with_bars([0.123456789], [2e-4]), with_bars([1 + 2j], [1e-9])
@@ -144,6 +144,6 @@ def _certain(x: Any, bar: float) -> str:
     size = abs(x)
     if not (math.isfinite(size) and math.isfinite(bar)):
         return f"{x:.6g}"
-    # One digit more than is certain, so that rounding here does not show.
+    # One digit more than is certain, to hide the rounding of the output.
     places = math.log10(size / bar) + 1 if bar and size else 12
     return f"{x:.{min(12, max(1, math.ceil(places)))}g}"

@@ -1,8 +1,8 @@
 """Energies and momenta of a scene, at a state and along a motion.
 
-Momenta look at the material points of the system, so they hold for any coordinates; so does the
-energy, unless the system knows one of its own (`System.energies`). What a scene does not have (an
-energy, material points) is refused by name. What is conserved depends on the effects: `drift`
+Momenta are computed from the material points of the system, so they hold for any coordinates; so
+is the energy, unless the system defines its own (`System.energies`). A missing quantity (an
+energy, material points) is refused by name. What is conserved depends on the effects; `drift`
 measures it.
 """
 
@@ -18,7 +18,7 @@ from jaxdyn.scene import Field, Scene
 from jaxdyn.system import potential_energy
 
 _NO_ENERGY = (
-    "It has no material points and gives no energy of its own: pass energy= to jaxdyn.ode, or "
+    "It has no material points and defines no energy: pass energy= to jaxdyn.ode, or "
     "override System.energies."
 )
 
@@ -30,10 +30,10 @@ def potential(scene: Scene | Field, t, y: Array) -> Array:
 
 
 def energy(scene: Scene | Field, t, y: Array) -> Array:
-    """Energy () [J]: kinetic plus potential, or what the system says it is.
+    """Energy () [J]: kinetic plus potential, or as the system defines it.
 
     Raises:
-      ValueError: a scene without an energy.
+      ValueError: the scene has no energy.
     """
     return sum(_terms(scene, t, y), jnp.zeros(()))
 
@@ -47,7 +47,7 @@ def momentum(scene: Scene | Field, t, y: Array) -> Array:
 def angular_momentum(scene: Scene | Field, t, y: Array) -> Array:
     """Angular momentum about the origin [kg m^2/s]: () in the plane, (3,) in space.
 
-    Limits: zero-dimensional, () 0, for points on a line.
+    Limits: a scalar 0 for points on a line.
     """
     r, v, m = scene.points(t, y)
     if r.shape[1] == 1:
@@ -60,9 +60,9 @@ def angular_momentum(scene: Scene | Field, t, y: Array) -> Array:
 def integrals(scene: Scene | Field, t, y: Array) -> dict[str, Array]:
     """The candidates for conserved quantities, each () or (d,), by name; {} if there are none.
 
-    Energy, momenta of material points, and what the system itself names (`System.integrals`),
-    each where the scene has it. Which of them are conserved depends on the effects; nothing here
-    says so.
+    Energy, momenta of material points, and the integrals that the system names
+    (`System.integrals`), each where the scene has it. Which of them are conserved depends on the
+    effects and is not decided here.
     """
     found = {}
     if scene.system.energies(t, y, scene.effects):
@@ -97,17 +97,16 @@ def _along(motion: Trajectory, quantity) -> Any:
 def drift(motion: Trajectory, of: str = "energy") -> Array:
     """Largest relative change of the energy, or of another integral, along a motion () [1].
 
-    max_i |E(t_i) - E(t_0)| over its size, max_i (|T(t_i)| + |V(t_i)|); effects without a
-    potential, such as drag, make it large, which is right. A quantity I whose terms are not known
-    has the size max_i (|I| + sum over the state's entries of |dI/dy_j (y_j(t_i) - y_j(t_0))|), the
-    terms of its change. (b,) of a batch.
+    max_i |E(t_i) - E(t_0)| over its size, max_i (|T(t_i)| + |V(t_i)|); it is rightly large with
+    effects without a potential, such as drag. A quantity I whose terms are not known has the
+    size max_i (|I| + sum over the state's entries of |dI/dy_j (y_j(t_i) - y_j(t_0))|), the terms
+    of its change. (b,) of a batch.
 
     Args:
       motion: any motion of a scene.
-      of: which quantity; one of the names of `integrals`.
+      of: name of the quantity, one of `integrals`.
     Raises:
-      ValueError: fewer than two samples, which show no change, or a quantity that the scene does
-        not have.
+      ValueError: the motion has fewer than two samples, or `of` is not one of `integrals`.
     """
     if len(motion.ts) < 2:
         raise _checks.fail("motion", "at least 2 samples", len(motion.ts), "Simulate with more.")
@@ -115,11 +114,11 @@ def drift(motion: Trajectory, of: str = "energy") -> Array:
 
 
 class Change(NamedTuple):
-    """How much a quantity changes.
+    """The change of a quantity.
 
     Attributes:
       values: (s, ...) of the quantity.
-      size: () of the terms that it, or its change, is the sum of; 1 where they are all 0.
+      size: () magnitude of the terms of it, or of its change; 1 where they are all 0.
       relative: () largest change from the first value, over the size.
     """
 
@@ -129,7 +128,7 @@ class Change(NamedTuple):
 
 
 def change(scene: Scene, ts: Array, ys: Array, of: str = "energy") -> Change:
-    """How much a quantity of `integrals` changes over states ys (s, k) at times ts (s,)."""
+    """The change of a quantity of `integrals` over states ys (s, k) at times ts (s,)."""
     if of == "energy":
         terms = jnp.stack(jax.vmap(lambda t, y: _terms(scene, t, y))(ts, ys))
         values, sizes = jnp.sum(terms, axis=0), jnp.sum(jnp.abs(terms), axis=0)
@@ -142,7 +141,7 @@ def change(scene: Scene, ts: Array, ys: Array, of: str = "energy") -> Change:
     if not known:
         sizes = jnp.abs(values) + _terms_of_change(scene, ts, ys, of)
     size = jnp.max(sizes)
-    # Where nothing moves and nothing acts the size is 0, and so is the change.
+    # At rest without forces the size is 0, and so is the change.
     size = jnp.where(size == 0, 1.0, size)
     return Change(values, size, jnp.max(jnp.abs(values - values[:1])) / size)
 

@@ -1,7 +1,7 @@
-"""How the energy changes along a motion in pieces, and what changes it.
+"""The change of energy along a motion in pieces, and its causes.
 
 Each effect adds its power and the rate of its own potential to dE/dt: nothing, where the force is
-minus the gradient of that potential. What is left of dE/dt is what the system does by itself: a
+minus the gradient of that potential. The remainder of dE/dt is due to the system itself: a
 prescribed motion drives it, its contacts rub, or its constraints have drifted. Where all of this
 vanishes, a change of the energy is the integrator's error. Between two pieces it is an impact.
 """
@@ -23,22 +23,22 @@ from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Effect, Scene
 
 _MAX_CHANGE_OF_CONSERVED = (
-    1e-9  # of the energy's size: the equations keep what they change by less in the span
+    1e-9  # of the energy's size: smaller changes by the equations count as none
 )
-_ROUNDING = 1e-12  # of the terms of a power: less is their rounding
-_MAX_SAMPLING_ERROR = 0.1  # of a work: where halving the samples changes it by more it is not known
+_ROUNDING = 1e-12  # of the terms of a power: smaller powers are rounding
+_MAX_SAMPLING_ERROR = 0.1  # of a work: unknown if halving the samples changes it by more
 
 
 class EnergyChange(NamedTuple):
-    """How much the energy of a motion changes.
+    """The change of the energy of a motion.
 
     Attributes:
       size: the largest change [1], see `energy.drift`.
       causes: what changes it: classes of effects, phases, "impacts", "the drive", "drift of the
-        constraints"; none where it is kept but for the integrator's error.
-      works: what each of them adds to the energy [1], relative as the size is; NaN where the
-        samples are too few to tell.
-      without_potential: those causes that give no potential: the energy counts none for them.
+        constraints"; none where it is conserved up to the integrator's error.
+      works: the energy [1] that each of them adds, relative as the size is; NaN where the
+        samples are too few.
+      without_potential: the causes without a potential: the energy includes none for them.
     """
 
     size: float
@@ -48,7 +48,7 @@ class EnergyChange(NamedTuple):
 
     @property
     def message(self) -> str:
-        """The change in a line, and what made it."""
+        """The change and its causes, in one line."""
         change = f"change of energy, relative to its parts: {self.size:.1e}"
         if not self.causes:
             return change
@@ -60,10 +60,10 @@ class EnergyChange(NamedTuple):
         return f"{change}; it is not conserved, because of {' and '.join(parts)}"
 
 
-# Motions near the largest floats: their energies are infinite, or not known.
+# Motions near the largest floats: their energies are infinite or unknown.
 @np.errstate(over="ignore", invalid="ignore")
 def energy_change(motion: Trajectory | HybridTrajectory) -> EnergyChange | None:
-    """The change of the energy over all pieces; None without energy, or where it is not known.
+    """The change of the energy over all pieces; None without an energy, or where it is unknown.
 
     Example:
       >>> from jaxdyn import scenes, simulate
@@ -103,7 +103,7 @@ def energy_change(motion: Trajectory | HybridTrajectory) -> EnergyChange | None:
 
 
 def _works(piece: Trajectory, phase: str, change: float, size: float) -> dict[str, float]:
-    """What changes the energy in a piece by its equations, and by how much."""
+    """The work of each cause in a piece, by its equations."""
     found = jax.tree.map(np.asarray, _measured(piece.scene, piece.ts, piece.ys))
     ts = np.asarray(piece.ts)
 
@@ -147,20 +147,20 @@ def _integral(ts: np.ndarray, f: np.ndarray, slope: np.ndarray) -> float:
 
 
 class _Kind(NamedTuple):
-    """Of the effects of one class at the samples, (s,) each."""
+    """The effects of one class at the samples, (s,) each."""
 
     power: Array  # of their forces [W]
     slope: Array  # its rate [W/s]
     potential: Array  # [J]
-    gain: Array  # what they add to dE/dt [W]
-    terms: Array  # the size of the terms of which that is the sum [W]
+    gain: Array  # their part of dE/dt [W]
+    terms: Array  # magnitude of the terms of that sum [W]
 
 
 class _Measured(NamedTuple):
     kinds: dict[str, _Kind]
-    rest: Array  # (s,) what no effect adds to dE/dt [W]
-    terms: Array  # (s,) the size of its terms [W]
-    driven: Array  # () whether the system depends on time by itself
+    rest: Array  # (s,) the part of dE/dt of no effect [W]
+    terms: Array  # (s,) magnitude of its terms [W]
+    driven: Array  # () whether the system depends on time explicitly
 
 
 @eqx.filter_jit

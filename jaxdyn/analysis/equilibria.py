@@ -1,9 +1,9 @@
-"""The rest points of a scene in a box, each with its stability, and whether they are all.
+"""The rest points of a scene in a box, each with its stability, and whether the list is complete.
 
 A rest point is a state with rate(y) = 0 that satisfies the constraints. Interval bisection
-(`rest_points.isolation`) proves where in the box there is exactly one and where there is none; from
-there, and from the points of a low-discrepancy grid, a search starts (`rest_points.search`).
-Repetitions are dropped, and the two results are compared (`rest_points.completeness`):
+(`rest_points.isolation`) proves where in the box there is exactly one and where there is none; a
+search (`rest_points.search`) starts from there and from the points of a low-discrepancy grid.
+Duplicates are dropped, and the two results are compared (`rest_points.completeness`):
 `Equilibria.complete` says whether the list is proved to be complete, `Equilibria.certainty` why,
 or why not.
 """
@@ -23,33 +23,33 @@ from jaxdyn.analysis.rest_points.completeness import bisected, judged
 from jaxdyn.analysis.rest_points.search import Box, Ends, jumps, low_discrepancy, search
 from jaxdyn.scene import Field, Scene, System, checked_scene
 
-_MOST_STARTS = 1_000_000  # which are worked on at once
-_MERGE_DISTANCE = 1e-6  # of the box: rest points nearer than this are one
+_MOST_STARTS = 1_000_000  # processed at once
+_MERGE_DISTANCE = 1e-6  # of the box: rest points nearer than this are merged
 _STEP_ALONG_CURVE = (
-    1e-3  # of the box: how far along a curve of rest points another one is looked for
+    1e-3  # of the box: distance at which a curve of rest points is probed for another one
 )
 _NEWTON_STEPS = 30  # of Newton's method to a rest point
-_POLISHING_STEPS = 2  # steps from there: derivatives of the last are right up to the third
+_POLISHING_STEPS = 2  # further steps: they make derivatives correct up to the third
 _MAX_LAST_STEP = 1e-8  # relative: the last of these steps
 _SINGULAR = 1e-12  # smallest over largest singular value of a Jacobian that has no inverse
 
 
 @dataclasses.dataclass(frozen=True)
 class Equilibria:
-    """The rest points that were found.
+    """The rest points of a scene in a box.
 
     Attributes:
       states: (e, k) rest points, ordered by their first coordinates.
-      linearizations: what their eigenvalues say, in the same order.
+      linearizations: the linearization at each, in the same order.
       kinds: of each, "isolated"; "continuum" for one of a curve or surface of rest points, of
         which only samples are listed; or "degenerate" where the Jacobian is singular to rounding
         though no neighbour was found: it may be about to split or to vanish.
       complete: whether it is proved that the box holds no other rest point.
-      certainty: why, or why not, in words.
-      found_by: (e,) how many starts led to each.
+      certainty: why, or why not, as text.
+      found_by: (e,) number of starts that led to each.
       residuals: (e,) largest entry of the rate there.
-      starts: how many starts there were.
-      lost: how many led to no rest point in the box.
+      starts: number of starts.
+      lost: number of starts that led to no rest point in the box.
     """
 
     states: np.ndarray
@@ -82,18 +82,18 @@ def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024) -> Equilib
     Args:
       scene: an autonomous scene, or one that is frozen at time t.
       low: lower corner of the box, (k,) for all entries of the state; or (k/2,) for the
-        coordinates of a state [q, v], whose velocities are then 0.
-      high: upper corner, the same.
+        coordinates of a state [q, v], with velocities of 0.
+      high: upper corner, of the same shape.
       t: () time [s] at which the scene is frozen.
-      starts: how many points of the box the search starts from.
+      starts: number of starting points of the search.
     Returns:
-      Verified rest points without repetitions, and whether there may be others.
+      Verified rest points without duplicates, and whether there may be others.
     Raises:
-      ValueError: an empty box, numbers that are being traced (`rest_point` is differentiable),
-        or other invalid numbers.
+      ValueError: `high` is not above `low`, their shape does not fit the state, `starts` or `t`
+        is out of range, or numbers are traced (`rest_point` is differentiable).
     Limits: completeness can be proved for rates made of elementary formulas, without
-      constraints, with few unknowns: about four. A point at which the rate is 0 but jumps is no
-      rest point; `certainty` names it. Angles that differ by whole turns are one.
+      constraints, with about four unknowns at most. A point at which the rate is 0 but
+      discontinuous is no rest point; `certainty` names it. Angles are taken modulo a turn.
     Example:
       >>> from jaxdyn.scenes.springs import two_springs
       >>> found = equilibria(two_springs(g=0.0), [-3, -3], [3, 3])
@@ -121,8 +121,8 @@ def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024) -> Equilib
 def rest_point(scene: Scene, y, t=0.0) -> Array:
     """The isolated rest point (k,) near a state, differentiable in the scene's numbers.
 
-    Newton's method from y, whose own derivatives do not count: those of the rest point follow
-    from the implicit function theorem, up to the third.
+    Newton's method from y. It is not differentiated: derivatives of the rest point, up to the
+    third, follow from the implicit function theorem.
 
     Args:
       scene: any whose state has no redundant entries, under `jax.grad`, `jit` and `vmap` too.
@@ -159,7 +159,7 @@ def _rest_point(field: Field, y: Array, t: Array) -> Array:
     a, step, size = jax.lax.stop_gradient((a, step, y))
     values = jnp.linalg.svd(a / jnp.sum(jnp.abs(a), axis=1, keepdims=True), compute_uv=False)
     settled = jnp.max(jnp.abs(step)) <= _MAX_LAST_STEP * (1 + jnp.max(jnp.abs(size)))
-    # A factor, not a choice: the derivative of a choice of NaN is 0.
+    # A factor, not jnp.where: the derivative of where with a NaN branch is 0.
     return y * jnp.where(settled & (values[-1] > _SINGULAR * values[0]), 1.0, jnp.nan)
 
 
@@ -168,7 +168,7 @@ def _refuse_traced(*numbers) -> None:
         raise _checks.fail(
             "equilibria",
             "known numbers",
-            "ones that are being traced",
+            "traced ones",
             "Find the rest points outside of jit, grad and vmap; `equilibria.rest_point(scene, y)` "
             "carries their derivatives.",
         )
@@ -187,7 +187,7 @@ def _box(low, high, k: int) -> Box:
 
 
 def _groups(ends: Ends, order: np.ndarray, box: Box) -> list[list[int]]:
-    """Indices in groups of equal states, the best of each first."""
+    """Indices in groups of equal states, each with its best first."""
     groups: list[list[int]] = []
     units = box.units(ends.ys)
     heads = np.zeros((len(order), units.shape[1]))
@@ -202,7 +202,7 @@ def _groups(ends: Ends, order: np.ndarray, box: Box) -> list[list[int]]:
 
 
 def _merged(scene: Scene, box: Box, ends: Ends, groups: list[list[int]]) -> list[list[int]]:
-    """Groups that are one in the system's own measure, as angles a whole turn apart."""
+    """Groups merged by the system's own measure, as for angles a whole turn apart."""
     if not groups:
         return []
     heads = jnp.asarray(ends.ys[[group[0] for group in groups]])
@@ -227,7 +227,7 @@ def _kinds(field: Field, t: Array, box: Box, ends: Ends, best: list[int]) -> tup
     flat = [i for i in best if ends.flat[i]]
     kinds = dict.fromkeys(best, "isolated")
     if flat:
-        # As many as in the first search, which then is not compiled anew.
+        # As many as in the first search, which is then not recompiled.
         beside = np.resize(ends.ys[flat] + _STEP_ALONG_CURVE * ends.along[flat], ends.ys.shape)
         found = search(field, t, box, beside)
         gone = np.linalg.norm(box.units(found.ys[: len(flat)] - ends.ys[flat] + box.low), axis=1)

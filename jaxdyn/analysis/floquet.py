@@ -1,16 +1,16 @@
-"""Whether a motion that repeats is stable: Floquet multipliers of driven scenes, and charts.
+"""Stability of periodic motions: Floquet multipliers of driven scenes, and stability charts.
 
-Near a motion that repeats after the period T, small differences x obey dx/dt = A(t) x with
-A(t + T) = A(t), so x(T) = M x(0) with one matrix M, the monodromy matrix. Its eigenvalues are the
-multipliers: differences grow where one lies outside of the unit circle. A driven scene at its
-equilibrium (a pendulum upright on a shaking base) is such a motion, with the period of its drive.
+Near a motion of period T, small perturbations x obey dx/dt = A(t) x with A(t + T) = A(t), so
+x(T) = M x(0) with the monodromy matrix M. Its eigenvalues are the multipliers: perturbations grow
+if one lies outside the unit circle. A driven scene at its equilibrium (a pendulum upright on a
+shaking base) is such a motion, with the period of its drive.
 
 Multipliers are computed numbers and carry an error bar (see `eigenvalues`), from the change of M
-between two tolerances. A real multiplier within its bar of the circle decides nothing. A pair off
-the real line on the circle does, in a conservative scene: it can only leave the circle by meeting
-another one.
+between two tolerances. A real multiplier within its bar of the circle decides nothing. A complex
+pair on the circle does, in a conservative scene: it can leave the circle only by meeting another
+pair.
 
-Not for orbits of autonomous scenes, where multipliers are 1 by force and come in defective pairs.
+Not for orbits of autonomous scenes, which always have multipliers 1, in defective pairs.
 """
 
 import dataclasses
@@ -41,7 +41,7 @@ from jaxdyn.scene import Scene, checked_scene
 _MAX_DETERMINANT_ERROR = (
     1e-9  # [1] |det(M) - 1| of a motion without damping, from integration errors
 )
-_MAX_GAP = 1e-6  # [1] gap of a motion that repeats, relative to its start
+_MAX_GAP = 1e-6  # [1] closing error of a periodic motion, relative to its start
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,11 +49,11 @@ class Floquet:
     """The multipliers of one motion, or of a grid of them; leading axes are the grid's.
 
     Attributes:
-      multipliers: (..., k) complex, the largest first; NaN where the run failed.
+      multipliers: (..., k) complex, largest first; NaN where the run failed.
       bars: (..., k) error bar of each.
-      growth: (...) rate log(max |multiplier|) / T of the fastest difference [1/s].
-      verdict: (...) "stable", "unstable" or "undecided". Stable are those all inside of the
-        circle, and in a conservative scene those on it, off the real line and apart.
+      growth: (...) rate log(max |multiplier|) / T of the fastest-growing perturbation [1/s].
+      verdict: (...) "stable", "unstable" or "undecided". Stable means all inside the circle, or,
+        in a conservative scene, on it, not real and distinct.
       monodromy: (..., k, k) the matrix M.
     """
 
@@ -68,7 +68,7 @@ class Floquet:
 
 @dataclasses.dataclass(frozen=True)
 class Chart(Floquet):
-    """Multipliers over a grid of two numbers: first (a,) along rows, second (b,) along columns."""
+    """Multipliers over a grid of two parameters: first (a,) by row, second (b,) by column."""
 
     first: np.ndarray
     second: np.ndarray
@@ -78,8 +78,8 @@ def multipliers(scene: Scene, period, *, rtol: float = RTOL) -> Floquet:
     """The Floquet multipliers of the motion of a scene from its start; host only.
 
     Args:
-      scene: one whose start lies on a motion that repeats, e.g. its equilibrium under a drive.
-      period: () of the drive [s].
+      scene: one whose start lies on a periodic motion, e.g. its equilibrium under a drive.
+      period: () period of the drive [s].
       rtol: relative tolerance of a step.
     Raises:
       ValueError: `period` is not positive, `rtol` is out of range, or the motion does not repeat.
@@ -99,11 +99,11 @@ def multipliers(scene: Scene, period, *, rtol: float = RTOL) -> Floquet:
 def chart(
     make: Callable[[Array, Array], tuple[Scene, Array]], first, second, *, rtol: float = RTOL
 ) -> Chart:
-    """The multipliers over a grid of two numbers, in one compiled batch; host only.
+    """The multipliers over a grid of two parameters, in one compiled batch; host only.
 
     Args:
-      make: (x, y) -> the scene at these numbers, started on its motion that repeats, and its
-        period; a named function, or a module whose numbers may change without recompiling.
+      make: (x, y) -> the scene at these values, started on its periodic motion, and its period;
+        a named function, or a module whose numbers may change without recompiling.
       first: (a,) values of x.
       second: (b,) values of y.
       rtol: relative tolerance of a step.
@@ -137,17 +137,17 @@ def edges(
     looks: int = 200,
     rtol: float = RTOL,
 ) -> np.ndarray:
-    """(n,) numbers x in order at which the motion of a scene becomes stable or unstable.
+    """(n,) values of x, ascending, at which the motion of a scene becomes stable or unstable.
 
     Multipliers of a state of two entries cross the unit circle at +1 or -1, where 1 + det(M) is
     tr(M) or -tr(M), or, with damping, as a pair, where det(M) = 1. A grid shows where these
-    conditions change sign; a bracketed secant method does the rest.
+    conditions change sign; a bracketed secant method refines them.
 
     Args:
       make: (x, y) -> scene and period; see `chart`.
-      between: least and largest x.
+      between: smallest and largest x.
       second: the value of y.
-      looks: points of the grid.
+      looks: number of grid points.
       rtol: relative tolerance of a step.
     Raises:
       ValueError: a state of more than two entries, fewer than two looks, or `rtol` out of range.
@@ -178,23 +178,23 @@ def edges(
 
 @eqx.filter_jit
 def _conditions(make, x: Array, y: Array, rtol) -> Array:
-    """(3,) what is zero where a multiplier crosses the unit circle."""
+    """(3,) functions that vanish where a multiplier crosses the unit circle."""
     _, M = end_and_derivative(*make(x, y), rtol)
     trace, det = M[0, 0] + M[1, 1], M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
-    # Without damping det(M) is 1 but for rounding, which crosses nothing.
+    # Without damping det(M) is 1 up to rounding, which is no crossing.
     damped = jnp.where(jnp.abs(det - 1) < _MAX_DETERMINANT_ERROR, 1.0, det)
     return jnp.stack([1 - trace + damped, 1 + trace + damped, damped - 1])
 
 
 class _Period(NamedTuple):
-    """What one period does.
+    """The linear map of one period.
 
     Attributes:
       monodromy: (k, k) the matrix M.
-      coarse: (k, k) the same at a coarser tolerance.
+      coarse: (k, k) M at a coarser tolerance.
       period: () [s].
-      gap: () how far the motion is from closing, relative to its start.
-      form: (k, k) what M keeps where the scene is conservative; None without one.
+      gap: () closing error of the motion, relative to its start.
+      form: (k, k) symplectic form that M preserves if the scene is conservative, or None.
     """
 
     monodromy: Array
@@ -205,7 +205,7 @@ class _Period(NamedTuple):
 
 
 def _tolerances(rtol: float) -> tuple[Array, Array]:
-    tolerances(rtol, None)  # checked here: inside of jit it could not be
+    tolerances(rtol, None)  # checked here: inside jit it cannot be
     return jnp.asarray(rtol), jnp.asarray(coarser(rtol))
 
 
@@ -240,9 +240,9 @@ def _judged(found: _Period, rtol: float) -> Floquet:
     if (gap > _MAX_GAP).any():
         raise _checks.fail(
             "y0",
-            "a motion that is back after the period",
+            "a motion that repeats after the period",
             f"one that misses its start by {np.nanmax(gap):.3g}",
-            "Start at the equilibrium under the drive, and take the drive's period.",
+            "Start at the equilibrium under the drive, and pass the drive's period.",
         )
     failed = np.asarray(~(np.isfinite(M) & np.isfinite(coarse)).all(axis=(-2, -1)))
     safe, coarse = (np.where(failed[..., None, None], 0.0, x) for x in (M, coarse))

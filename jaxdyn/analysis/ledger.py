@@ -1,9 +1,9 @@
-"""Work ledgers: the work of chosen effects, integrated beside the state.
+"""Work ledgers: the work of chosen effects, integrated with the state.
 
 ``with_work(scene, QuadraticDrag)`` is a scene whose state has one more entry, W with
 dW/dt = sum of f . v, starting from 0. It is a scene like any other; a scene without a ledger
-carries nothing. Since W is integrated as the state is, with the same steps and tolerance, work
-of all non-conservative effects = change of energy is a test of both.
+has no overhead. Since W is integrated with the same steps and tolerance as the state, work of all
+non-conservative effects = change of energy is a test of both.
 """
 
 import dataclasses
@@ -21,9 +21,9 @@ class Ledger(Extended):
     """A system whose state [y, W_1 .. W_w] carries the work of w kinds of effects.
 
     Attributes:
-      system: what moves.
-      kinds: names of the effect classes whose work is summed, one entry each; subclasses
-        count. Names, not effects: so the numbers of an effect stay in one place, the scene.
+      system: the system without the ledger.
+      kinds: names of the effect classes whose work is summed, one entry each, with their
+        subclasses. Names, not effects, so that an effect's numbers live only in the scene.
     """
 
     kinds: tuple[str, ...] = eqx.field(static=True)
@@ -49,7 +49,7 @@ def power(scene: Scene | Field, kind: str, t, y: Array) -> Array:
 
 
 def power_of(scene: Scene | Field, effect: Effect, t, y: Array) -> tuple[Array, Array]:
-    """Power () [W] of one effect, and () [W] the sum of the sizes of the terms it is a sum of."""
+    """Power () [W] of one effect, and () [W] the sum of the magnitudes of its terms."""
     r, v, m = scene.system.points(t, y)
     terms = [effect.force(t, r, v, m) * v]
     if "generalized" in effect.acts:
@@ -61,17 +61,17 @@ def power_of(scene: Scene | Field, effect: Effect, t, y: Array) -> tuple[Array, 
 
 
 def with_work(scene: Scene, *kinds: type[Effect]) -> Scene:
-    """The same scene with the work of each kind of effect as a further entry of the state.
+    """The same scene with the work of each kind of effect as a further state entry.
 
     Args:
       scene: any scene.
-      kinds: effect classes; `Effect` itself gives the work of all of them together.
+      kinds: effect classes; `Effect` gives the total work of all effects.
     Returns:
       A scene with labels "work of QuadraticDrag" [J] and so on after its own.
     Raises:
-      ValueError: no kind given, or one that the scene does not have.
+      ValueError: no kind is given, or the scene has no effect of one of them.
     Limits: the scene is no longer of second order, so a conservative one is integrated by
-      the Runge-Kutta instead of the Nystrom pair.
+      the Runge-Kutta pair instead of the Nystrom pair.
     Example:
       >>> from jaxdyn.analysis import ledger
       >>> from jaxdyn import scenes, simulate

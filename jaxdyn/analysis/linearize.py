@@ -1,8 +1,8 @@
-"""What a scene does near a state: Jacobian, eigenvalues and what they decide, linear modes.
+"""Linearisation of a scene at a state: Jacobian, eigenvalues, verdict, linear modes.
 
 Near a rest point y = y* + x the motion is dx/dt = A x, with A the Jacobian of the vector field.
 Eigenvalues are computed numbers, so each gets an error bar, and a real part within its bar of 0
-decides nothing: the verdict then is "undecided", as the theory of linearisation says it must.
+decides nothing: the verdict is then "undecided".
 """
 
 import dataclasses
@@ -25,9 +25,9 @@ from jaxdyn.analysis.eigenvalues import (
 )
 from jaxdyn.scene import Field, Scene, checked_scene
 
-_MAX_ASYMMETRY = 1e-9  # relative asymmetry of a stiffness matrix that is rounding
+_MAX_ASYMMETRY = 1e-9  # relative asymmetry of a stiffness matrix by rounding
 _MAX_REST_FORCE = (
-    1e-6  # [1] forces at a rest point over those of a unit displacement; for speeds alike
+    1e-6  # [1] forces at a rest point over those of a unit displacement; likewise speeds
 )
 
 
@@ -39,16 +39,16 @@ def jacobian(scene: Scene | Field, y: Array, t=0.0) -> Array:
 
 @dataclasses.dataclass(frozen=True)
 class Linearization:
-    """What the eigenvalues of a Jacobian say.
+    """The eigenvalues of a Jacobian and their verdict.
 
     Attributes:
       jacobian: (k, k) the matrix.
       eigenvalues: (k,) complex, largest real part first [1/s].
-      bars: (k,) error bar of each, from the rounding of the matrix.
-      verdict: "stable" (all real parts surely negative: nearby motions come back), "unstable"
-        (one surely positive), or "undecided".
-      portrait: "node", "spiral", "saddle" or "centre"; "mixed" where there are motions of
-        more than one of these, "degenerate" where an eigenvalue may be 0.
+      bars: (k,) error bar of each, from rounding of the matrix.
+      verdict: "stable" (all real parts certainly negative: perturbations decay), "unstable"
+        (one certainly positive), or "undecided".
+      portrait: "node", "spiral", "saddle" or "centre"; "mixed" for a combination of these,
+        "degenerate" where an eigenvalue may be 0.
 
     Example:
       >>> from jaxdyn import linearize, scenes
@@ -70,16 +70,16 @@ class Linearization:
 
 
 def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
-    """The eigenvalues of a scene at a state, with error bars and what they decide; host only.
+    """The eigenvalues of a scene at a state, with error bars and a verdict; host only.
 
     Args:
-      scene: any scene, autonomous for the verdict to mean anything.
-      y: (k,) state, a rest point for the verdict to mean anything.
+      scene: any scene; the verdict is meaningful for autonomous ones.
+      y: (k,) state; the verdict is meaningful at rest points.
       t: () time [s].
     Raises:
-      ValueError: numbers that make no sense, or a state where the rate has no derivative.
-    Limits: a centre of a conservative scene is "undecided": linearisation cannot tell. A
-      rest point that is a minimum of the potential energy is stable all the same.
+      ValueError: `y` or `t` is not finite or has a wrong shape, or the rate has no derivative.
+    Limits: a centre of a conservative scene is "undecided": linearisation cannot decide. A
+      rest point that is a minimum of the potential energy is stable nevertheless.
     Example:
       >>> from jaxdyn.scenes.springs import oscillator
       >>> linearize(oscillator(c=0.1), [0.0, 0.0]).portrait
@@ -92,8 +92,8 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
 
 
 def classify(a, doubt: float = 0.0) -> Linearization:
-    """`linearize` for a matrix (k, k) that is given, and the norm of its error besides rounding."""
-    remedy = "The rate has no derivative there: bodies at one point, a number that is NaN?"
+    """`linearize` of a given matrix (k, k), `doubt` the norm of its error besides rounding."""
+    remedy = "The rate has no derivative there: coincident bodies, a NaN?"
     a = np.asarray(_checks.array("jacobian", a, (None, None), remedy))
     if a.shape[0] != a.shape[1] or not a.size:
         raise _checks.fail("jacobian", "a square matrix", f"shape {a.shape}")
@@ -126,7 +126,7 @@ class Modes(NamedTuple):
 
     Attributes:
       squares: (n,) squares of the angular frequencies [rad^2/s^2], ascending; negative for a
-        motion that runs away, exactly 0 where it is rounding.
+        unstable mode, exactly 0 where it is within rounding of 0.
       shapes: (n, n) columns: the displacement of the coordinates in each mode, normalised to
         1 = x^T M x.
       mass: (n, n) mass matrix M.
@@ -142,7 +142,7 @@ class Modes(NamedTuple):
 
     @property
     def frequencies(self) -> Array:
-        """(n,) angular frequencies [rad/s]; NaN for a mode that runs away."""
+        """(n,) angular frequencies [rad/s]; NaN for an unstable mode."""
         return jnp.sqrt(self.squares)
 
 
@@ -151,12 +151,12 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
 
     Args:
       scene: one whose state is [q, v] and that has canonical momenta, from which M is read.
-      y: (k,) rest point; the scene's start if left out.
+      y: (k,) rest point; the scene's start by default.
     Raises:
-      ValueError: no such scene, not at rest, or forces that are not conservative.
-    Limits: differentiable in the scene's numbers; in the shapes only where no two frequencies
-      are equal. Damping and other velocity-dependent forces are not looked at: `linearize`
-      sees them.
+      ValueError: the system has no canonical momenta, y is not a rest point, or the forces are
+        not conservative.
+    Limits: differentiable in the scene's numbers; the shapes only where all frequencies are
+      distinct. Damping and other velocity-dependent forces are ignored: use `linearize`.
     Example:
       >>> from jaxdyn.scenes.springs import oscillator
       >>> print(modes(oscillator(k=9.0, m=1.0), [0.0, 0.0]).frequencies)
@@ -175,7 +175,7 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
     mass, stiffness, acceleration = _matrices(scene, y)
     if not _checks.is_traced((scene, y)):
         _check_modes(np.asarray(y), *(np.asarray(x) for x in (mass, stiffness, acceleration)))
-    # M = L L^T turns it into an ordinary symmetric problem, whose derivatives jax knows.
+    # M = L L^T reduces it to a standard symmetric problem, which jax can differentiate.
     lower = jnp.linalg.cholesky(mass)
     half = jax.scipy.linalg.solve_triangular(lower, 0.5 * (stiffness + stiffness.T), lower=True)
     reduced = jax.scipy.linalg.solve_triangular(lower, half.T, lower=True)
@@ -213,7 +213,7 @@ def _check_modes(y: np.ndarray, mass, stiffness, acceleration) -> None:
             "a stiffness matrix that is not symmetric",
             "`linearize` takes any forces.",
         )
-    # Speeds against those which the energy of a unit displacement gives.
+    # Speeds relative to those with the energy of a unit displacement.
     moves = y[n:] @ mass @ y[n:] > _MAX_REST_FORCE**2 * size
     if moves or np.abs(mass @ acceleration).max() > _MAX_REST_FORCE * size:
         raise _checks.fail(

@@ -32,7 +32,7 @@ from jaxdyn.scene import Effect, Field, Points, Scene
 
 DEFINITIONS = ("fixed", "absolute", "relative")
 MovingPoint = Callable[[Array, Points], Array]
-_ROUNDING = 1e-11  # relative: sums of products of this many roundings still count as equal
+_ROUNDING = 1e-11  # relative: sides that differ by less count as equal
 
 
 class Balance(NamedTuple):
@@ -43,7 +43,7 @@ class Balance(NamedTuple):
       right: (s, ...) the other side: rates of change there.
       holds: () whether they agree to rounding at all samples.
       residual: () largest difference, in the equation's unit.
-      scale: () largest of the terms that were summed up, the measure of that rounding.
+      scale: () largest of the terms summed, the reference for rounding.
     """
 
     left: Array
@@ -54,7 +54,7 @@ class Balance(NamedTuple):
 
 
 def centre_of_mass(t, points: Points) -> Array:
-    """(d,) the centre of mass G; a moving point."""
+    """(d,) the centre of mass G, as a moving point."""
     del t
     r, _, m = points
     return jnp.sum(m[:, None] * r, axis=0) / jnp.sum(m)
@@ -84,7 +84,7 @@ def angular_momentum_rate(scene: Scene | Field, t, y, c: MovingPoint, definition
     """dH/dt along the motion through (t, y), by autodiff [N m]."""
     t = jnp.asarray(t, float)
     here = c(t, scene.points(t, y))
-    # C' stays where C is at this moment.
+    # C' is fixed at the present position of C.
     about = (lambda t, points: here) if definition == "fixed" else c
     return _along(scene, t, y, lambda t, y: angular_momentum_about(scene, t, y, about, definition))[
         1

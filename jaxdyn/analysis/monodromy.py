@@ -1,4 +1,4 @@
-"""The monodromy matrix: how a small displacement of a start has changed after a period."""
+"""The monodromy matrix: the linear map of perturbations over one period."""
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import tolerances
 from jaxdyn.scene import Scene
 
-#: Relative tolerance of a step, where none is given.
+#: Default relative tolerance of a step.
 RTOL = 1e-13
 _COARSER = 100.0  # the second tolerance, as a multiple of the first
 _COARSEST = 0.1  # limit of the second tolerance
@@ -24,12 +24,12 @@ def monodromy(scene: Scene, y0=None, period=None, *, rtol: float = RTOL) -> Arra
     From the variational equations, with the tangents in the error norm.
 
     Args:
-      scene: what moves.
-      y0: (k,) start; the scene's own if left out.
-      period: () [s]; the scene's span if left out.
+      scene: system, effects, start.
+      y0: (k,) start; the scene's own by default.
+      period: () [s]; the scene's span by default.
       rtol: relative tolerance of a step.
     Raises:
-      ValueError: a tolerance out of range.
+      ValueError: `rtol` is out of range.
     Example:
       >>> import math
       >>> from jaxdyn import scenes
@@ -39,13 +39,13 @@ def monodromy(scene: Scene, y0=None, period=None, *, rtol: float = RTOL) -> Arra
       [-1.0, -1.0]
     """
     scene = scene if y0 is None else scene.starting(y0)
-    tolerances(rtol, None)  # checked here: inside of jit it could not be
+    tolerances(rtol, None)  # checked here: inside jit it cannot be
     return end_and_derivative(scene, scene.t1 if period is None else period, rtol)[1]
 
 
 @jax.jit
 def end_and_derivative(scene: Scene, period, rtol) -> tuple[Array, Array]:
-    """(k,) the state after a period and (k, k) its derivative by the start."""
+    """(k,) the state after a period and (k, k) its derivative with respect to the start."""
 
     def end(y):
         y1 = solve(scene.starting(y), period, rtol=rtol).y1
@@ -56,22 +56,22 @@ def end_and_derivative(scene: Scene, period, rtol) -> tuple[Array, Array]:
 
 
 def coarser(rtol: float) -> float:
-    """A second tolerance; the difference between runs at both tells the error of the first."""
+    """A second tolerance; the difference of the two runs estimates the error of the first."""
     return min(_COARSER * float(rtol), _COARSEST)
 
 
 def uncertainty(fine: np.ndarray, coarse: np.ndarray, rtol) -> np.ndarray:
-    """(...) estimated norm of the errors of matrices (..., k, k), by runs at `coarser(rtol)`.
+    """(...) estimated norm of the errors of matrices (..., k, k), from runs at `coarser(rtol)`.
 
     Limits: on nine scenes and at tolerances from 1e-13 to 1e-4 it was 8 to 2000 times the error
       (measured against runs at 3e-15).
     """
-    # Loose tolerances may lead to the same few steps and no difference at all.
+    # Loose tolerances may give the same few steps and no difference.
     return norm(coarse - fine) + rtol * np.linalg.norm(fine, axis=(-2, -1))
 
 
 def symplectic_form(scene: Scene, y0: Array) -> Array | None:
-    """(k, k) antisymmetric matrix that a conservative scene's maps keep, at its time 0.
+    """(k, k) symplectic form that a conservative scene's maps preserve, at its time 0.
 
     None where there are no canonical coordinates.
     """

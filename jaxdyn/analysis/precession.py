@@ -7,15 +7,15 @@ The axis e_3' of an axisymmetric body keeps an angle theta to the vertical k whi
     omega = omega_p k + omega_s e_3',    omega_3 = omega_s + omega_p cos(theta).
 
 omega_p is the precession, omega_s the spin relative to the frame that precesses, and omega_3 the
-total spin about the axis, which is the conserved one. Where gravity gives the moment
+total spin about the axis, which is conserved. Where gravity gives the moment
 K sin(theta) about the line of nodes k x e_3', balance of angular momentum leaves, for
 sin(theta) != 0,
 
     I_1 cos(theta) omega_p^2 - I_3 omega_3 omega_p + K = 0,
 
 or the same with I_1 - I_3 and omega_s in place of I_1 and omega_3. K is 0 for a free body, m g d
-for a top (moments about the pivot), and -m g r cot(theta) for a disk on ice. These are not the
-most general motions of tops and disks, which also nutate, but they are of free bodies.
+for a top (moments about the pivot), and -m g r cot(theta) for a disk on ice. Tops and disks also
+have more general motions, with nutation; free bodies have no others.
 """
 
 from typing import NamedTuple
@@ -37,13 +37,12 @@ from jaxdyn.geometry.rotations import (
 from jaxdyn.geometry.vectors import Scalar, Vector
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 
-# A leading coefficient below this part of what it is a difference of is zero: cos(pi / 2) in
-# floats is not.
+# A leading coefficient smaller than this part of its terms is zero: cos(pi / 2) in floats is not.
 _MIN_RELATIVE_COEFFICIENT = 1e-15
 
 
 class Precession(NamedTuple):
-    """Precession omega_p, and spin omega_s relative to the frame that precesses [rad/s]."""
+    """Precession omega_p, and spin omega_s relative to the precessing frame [rad/s]."""
 
     precession: Array
     spin: Array
@@ -64,7 +63,7 @@ def precession_roots(theta, spin, *, I1, I3, K, total: bool = False) -> Precessi
 
     NaN where there is none: both if the spin is too slow, the fast one where the equation is
     linear (an axis at right angles to k with the total given, I_1 = I_3 with the relative spin).
-    Where both are one it comes twice, and its derivatives are infinite.
+    A double root is returned twice, and its derivatives are infinite.
 
     Args:
       theta: () angle of the axis to the vertical [rad], not 0 or pi.
@@ -104,7 +103,7 @@ def free_attitude(R0: Matrix, omega_b0: Vector, t: Scalar, *, I1: Scalar, I3: Sc
     Args:
       R0: (3, 3) attitude at the start.
       omega_b0: (3,) angular velocity at the start, in the body's axes [rad/s].
-      t: () time since [s].
+      t: () time since the start [s].
       I1: () moment across the axis [kg m^2].
       I3: () moment about the axis, the body's third [kg m^2].
     Raises:
@@ -135,10 +134,10 @@ class SteadyDisk(NamedTuple):
 
 
 class DiskResiduals(NamedTuple):
-    """What a motion of a disk at constant lean has too much of, each ().
+    """Residuals of a motion of a disk at constant lean, each ().
 
-    The moment [N m] beyond what the forces at the contact give, 0 if the laws of mechanics allow
-    it; the slip [m/s], 0 for rolling; the friction [N] towards uphill, 0 on ice.
+    The moment [N m] that the contact forces do not supply, 0 if the motion satisfies the laws of
+    mechanics; the slip [m/s], 0 for rolling; the friction [N] towards uphill, 0 on ice.
     """
 
     moment: Array
@@ -161,8 +160,8 @@ def rolling_disk_circle(theta, R, *, m, radius, I1, g=9.81) -> SteadyDisk:
     """Problem 60 a: the steady rolling without slip at a lean, round a circle of radius R.
 
     omega_p^2 = m g r cos(theta) / (sin(theta) (I_1 cos(theta) - (2 I_1 / r + m r) R)), and from the
-    lack of slip r omega_3 = R omega_p. The root with omega_p > 0; its mirror image turns all
-    rates about. NaN where there is none: a disk cannot lean outwards far from the middle.
+    lack of slip r omega_3 = R omega_p. The root with omega_p > 0; the mirror image has all rates
+    reversed. NaN where there is none: a disk cannot lean outwards far from the middle.
 
     Limits: two families are not of this form, upright (theta = pi/2): straight rolling at any
     spin, and turning on the spot, R = 0, at any omega_p.
@@ -184,7 +183,7 @@ def sliding_disk_roots(theta, spin, *, m, radius, I1, g=9.81) -> Precession:
 
 
 def frictionless_rolling_disk(theta, *, m, radius, I1, g=9.81) -> SteadyDisk:
-    """Problem 60 c: the steady rolling that needs no friction, that of a coin before it rests.
+    """Problem 60 c: steady rolling without friction, that of a coin just before it comes to rest.
 
     omega_p = sqrt(m g r / (I_1 sin(theta))) and omega_3 = 0: the line from the centre to the point
     of contact is the axis of rotation. Upright there is straight rolling too.
@@ -193,11 +192,11 @@ def frictionless_rolling_disk(theta, *, m, radius, I1, g=9.81) -> SteadyDisk:
     return SteadyDisk(rate, -rate * jnp.cos(theta), jnp.zeros_like(rate))
 
 
-# ---- what a motion shows
+# ---- rates of a simulated motion
 
 
 class WobbleAndSpin(NamedTuple):
-    """Mean rates [rad/s]: of the body's axis about z, and of a drawing on the body about z."""
+    """Mean rates [rad/s]: of the body's axis about z, and of a mark on the body about z."""
 
     wobble: Array
     spin: Array
@@ -205,12 +204,12 @@ class WobbleAndSpin(NamedTuple):
 
 @each_motion
 def wobble_and_spin(motion: Trajectory) -> WobbleAndSpin:
-    """How fast the axis e_3' of a body goes round z, and how fast the body itself does.
+    """Mean rates of the axis e_3' of a body about z, and of the body itself.
 
     The second is the turn about z of the whole attitude (its twist), phi + psi of ZXZ Euler
     angles, which is smooth also where e_3' passes through z. Both are counted from the first
     sample to the last, so samples must be less than half a turn apart. Upside down the twist
-    has no meaning.
+    is undefined.
     """
     R = _attitudes(motion)
     wobble = jnp.unwrap(jnp.arctan2(R[:, 1, 2], R[:, 0, 2]))
@@ -242,5 +241,5 @@ def _real_roots(a: Array, b: Array, c: Array, linear: Array) -> Array:
 
 
 def _real_sqrt(x: Array) -> Array:
-    """The root of x, NaN below 0 with a derivative of NaN there too."""
+    """The root of x; below 0 both it and its derivative are NaN."""
     return jnp.sqrt(jnp.where(x < 0, jnp.nan, x))

@@ -1,15 +1,15 @@
-"""Close encounters: bodies that attract each other, in a time that slows down as they meet.
+"""Close encounters of bodies that attract each other, in a regularising time.
 
 With V < 0 the potential, U = -V, T the kinetic energy and E the total one, the motion is
 followed in s instead of t (logarithmic Hamiltonian, algorithmic regularisation):
 
     dr/ds = v / (T - E)    dt/ds = 1 / (T - E)    dv/ds = F / (m U)    dE/ds = power / (T - E)
 
-Since U = T - E along a motion, this is ds = U dt: steps are even through an encounter however
-close. What makes it exact there is that E is carried along and that T - E stands beside U. What
-these equations keep is log((T - E) / U), so a rounding error of 1e-16 at an encounter, where U is
-1e6 times larger than E, is one of 1e-16 in the energy afterwards; in plain time it is one of
-1e-10. The price is the Nystrom pair, whose place the Runge-Kutta pair takes.
+Since U = T - E along a motion, this is ds = U dt: steps are of even length through an encounter
+however close. The equations conserve log((T - E) / U), since E is a state entry and T - E and U are
+computed separately. So a rounding error of 1e-16 at an encounter, where U is 1e6 times larger
+than E, causes one of 1e-16 in the energy afterwards; in plain time it causes one of 1e-10. The
+price is that the Runge-Kutta pair replaces the Nystrom pair.
 
 Measured, Kepler over 1000 periods: at eccentricity 0.9 both are equally good and fast; at 0.999999
 the error is 3e-12 against 7e-7 at rtol 1e-13; at 1 - 1e-10 it is 2e-12 where plain time fails.
@@ -35,16 +35,16 @@ from jaxdyn.solvers import Solver
 from jaxdyn.status import Status
 from jaxdyn.system import potential_energy
 
-_UNREACHABLE_SPAN = 1e150  # a span of s that no motion gets to
+_UNREACHABLE_SPAN = 1e150  # a span of s that no motion reaches
 _NEWTON_STEPS = 2  # of Newton's method for s at the end, from some 1e-6 away
 _ATTRACTION = "an attraction: a potential below 0, as of gravity"
 
 
 class LogarithmicTime(Extended):
-    """A system whose state [q, v, E, t] carries its energy and its time along.
+    """A system with its energy and time as state entries: [q, v, E, t].
 
     Attributes:
-      system: what moves; of second order, with a potential energy below 0.
+      system: the system in plain time; of second order, with a potential energy below 0.
     """
 
     def further(self):
@@ -73,14 +73,14 @@ def regularised(scene: Scene, t0=0.0) -> Scene:
     """The same motion in logarithmic time: a scene of states [q, v, E, t].
 
     Args:
-      scene: of second order but for its effects (free points), with a potential energy below 0:
-        gravity and other attractions, also softened, with any further forces.
+      scene: of second order except for its effects (free points), with a potential energy below
+        0: gravity and other attractions, also softened, with any further forces.
       t0: () start time [s].
     Returns:
-      A scene whose time is s [J s]; its span is that of s for which U stays as at the start.
+      A scene whose time is s [J s]; its span is that of s for constant U.
     Raises:
-      ValueError: another kind of scene.
-    Limits: through a collision itself, where U is infinite, nothing goes; it ends in a status.
+      ValueError: the points are not free, or the potential energy at the start is not below 0.
+    Limits: a motion cannot pass a collision, where U is infinite; it ends with a status.
     Reference: Mikkola, Tanikawa (1999), Celest. Mech. Dyn. Astron. 74, 287; Preto, Tremaine
       (1999), Astron. J. 118, 2532.
     Example:
@@ -92,7 +92,7 @@ def regularised(scene: Scene, t0=0.0) -> Scene:
     t0 = _checks.array("t0", t0, ())
     if not (scene.system.second_order and scene.has_points):
         name = type(scene.system).__name__
-        raise _checks.fail("scene", "free points", name, "Its close encounters are no collisions.")
+        raise _checks.fail("scene", "free points", name, "Only free points collide.")
     E = energy(scene, t0, scene.y0)
     U = scene.system.kinetic(t0, scene.y0) - E
     if not _checks.is_traced(U) and not U > 0:
@@ -111,18 +111,18 @@ def simulate_regularised(
     max_steps: int = MAX_STEPS,
     throw: bool = True,
 ) -> Trajectory:
-    """As `simulate`, through close encounters; samples are even in s, so denser in encounters.
+    """As `simulate`, through close encounters; samples are evenly spaced in s, not in t.
 
     Args:
       scene: see `regularised`.
-      t1: () end time [s], after or before t0; the scene's own span if left out.
+      t1: () end time [s], after or before t0; the scene's own span by default.
       t0: () start time [s].
-      samples: how many, at least 2; the trajectory's `ts` say when.
+      samples: number of samples, at least 2; their times are the trajectory's `ts`.
       rtol: relative tolerance of one step.
-      max_steps: when to give up.
+      max_steps: largest number of steps.
       throw: see `simulate`.
     Returns:
-      The motion of the scene as it was given, in its own time and states.
+      The motion of the given scene, in its own time and states.
     Raises:
       ValueError: see `regularised` and `simulate`.
       IntegrationError: the end was not reached.
@@ -155,10 +155,10 @@ def solve_regularised(
     solver: Solver | None = None,
     max_steps: int = MAX_STEPS,
 ) -> SolveResult:
-    """The end of a motion, most of the way in logarithmic time: what the orbit finder calls.
+    """The end of a motion, integrated in logarithmic time up to near t1.
 
-    The span of s is held fixed, and what then is left to t1 is integrated in plain time: no
-    search for the end, and its derivatives cost no more than those of two solves.
+    The span of s is fixed, and the remainder to t1 is integrated in plain time: no search for
+    the end, and derivatives cost no more than those of two solves.
 
     Args:
       scene: see `regularised`.
@@ -166,8 +166,8 @@ def solve_regularised(
       s: () span of logarithmic time [J s] that comes near t1; see `logarithmic_span`.
       t0: () start time [s].
       rtol: relative tolerance of one step.
-      solver: of the part in logarithmic time; the default one if left out.
-      max_steps: when to give up, in each part.
+      solver: of the part in logarithmic time; the default one if None.
+      max_steps: largest number of steps of each part.
     Returns:
       The state at t1, the steps of both parts, and the status of the worse one.
     """
@@ -196,7 +196,7 @@ def logarithmic_span(
 
 
 def _until(slow: Scene, t0, t1, options: SolverOptions) -> Stop:
-    _checks.float64()  # else the far end is no number
+    _checks.float64()  # else the far end overflows
     far = jnp.where(jnp.asarray(t1) > t0, _UNREACHABLE_SPAN, -_UNREACHABLE_SPAN)
     return until(slow, Reaches(len(slow.y0) - 1, t1), far, **options._asdict())
 
@@ -206,9 +206,9 @@ def followed(scene: Scene, t1, t0, samples: int, options: SolverOptions, *, thro
     t0, t1 = span(scene, t1, t0)
     slow = regularised(scene, t0)
     if samples < 2:
-        raise _checks.fail("samples", "at least 2", samples, "The start and the end.")
+        raise _checks.fail("samples", "at least 2", samples, "They include start and end.")
     if t1 == t0:
-        raise _checks.fail("t1", "a time other than t0", t1, "Nothing moves in no time.")
+        raise _checks.fail("t1", "a time other than t0", t1, "The span is empty.")
     stop = _until(slow, t0, t1, options)
     if throw:
         raise_unless_ok(stop.status, scene)
@@ -219,7 +219,7 @@ def followed(scene: Scene, t1, t0, samples: int, options: SolverOptions, *, thro
         return grid, flow
 
     grid, run = over(slow.y0, stop.t)
-    # The search rounds in another way, which encounters amplify: the last bit is gone after it.
+    # The search rounds differently, which encounters amplify: the last bit is lost.
     last, length = run.y1, stop.t
     for _ in range(_NEWTON_STEPS):
         rest = (t1 - last[-1]) / slow.rate(length, last)[-1]

@@ -1,16 +1,15 @@
-"""Stability of steady motions: precession, rolling round a circle, bodies that turn as one.
+"""Stability of steady motions: precession, rolling round a circle, relative equilibria.
 
-A motion is steady if a symmetry of the scene carries it along: y(t) = exp(t xi) y(0), as a shift
-of angles or places does, or a turn about an axis. In a frame that goes with it, it is at rest, and
+A motion is steady if it follows a symmetry of the scene: y(t) = exp(t xi) y(0), as a shift of
+angles or places does, or a turn about an axis. In a frame that moves along it is at rest, and
 near it
 
     dx/dt = B x,    B = Df(y) - Dxi(y),    xi(y) = f(y).
 
-The symmetries are found, not asked for: all fields xi(y) = c + M y with Df xi = M f at states
-about y, and along the constraints. Displacements along a symmetry lead to the same motion
-elsewhere; those which B takes to 0, up to a symmetry, to another steady motion nearby. Neither
-says anything of stability, and both are left out: what remains are the eigenvalues of the motion
-in reduced coordinates.
+The symmetries are found automatically: all fields xi(y) = c + M y with Df xi = M f at states near
+y, tangent to the constraints. Displacements along a symmetry lead to the same motion elsewhere;
+those that B maps to 0, up to a symmetry, to another steady motion nearby. Neither concerns
+stability, and both are left out: the remaining eigenvalues are those in reduced coordinates.
 
 Reference: Marsden (1992), Lectures on Mechanics, chapters 4 and 5; Neimark, Fufaev (1972),
 Dynamics of Nonholonomic Systems, chapter 6.
@@ -28,25 +27,25 @@ from jaxdyn import _checks, _text
 from jaxdyn.analysis.linearize import Linearization, classify
 from jaxdyn.scene import Field, Scene, checked_scene
 
-_MAX_ENTRIES = 40  # entries of a state: the symmetries are looked for among its square
-_SAMPLE_DISTANCE = 0.3  # of the size of the state: how far off it samples are taken
-_MAX_SYMMETRY_DEFECT = 1e-10  # relative: what samples leave of Df xi - M f for a symmetry
-_MAX_RATE_LEFT = 1e-8  # relative: what the symmetries leave of the rate of a steady motion
-_MAX_GROWTH = 1e-6  # relative to Df: real part of the eigenvalues of a symmetry that keeps sizes
-_RANK_TOLERANCE = 1e-8  # relative: what leads to another steady motion
+_MAX_ENTRIES = 40  # entries of a state: the symmetries have its square as unknowns
+_SAMPLE_DISTANCE = 0.3  # of the size of the state: distance of the samples
+_MAX_SYMMETRY_DEFECT = 1e-10  # relative: residual of Df xi - M f at the samples, for a symmetry
+_MAX_RATE_LEFT = 1e-8  # relative: part of the rate of a steady motion outside the symmetries
+_MAX_GROWTH = 1e-6  # relative to Df: real part of the eigenvalues of a norm-preserving symmetry
+_RANK_TOLERANCE = 1e-8  # relative: singular value of a direction to another steady motion
 _PROJECTOR = 0.5  # singular values of a projector are 0, or 1 and more
 
 
 @dataclasses.dataclass(frozen=True)
 class SteadyMotion:
-    """What is known of the motions near a steady one.
+    """The linearised motions near a steady motion.
 
     Attributes:
       reduced: eigenvalues, error bars and verdict, in reduced coordinates: without
-        displacements to the same motion elsewhere or to a steady one nearby. "stable" is said
-        of the family of steady motions: motions come back to one of them.
-      symmetries: how many directions lead to the same motion elsewhere.
-      family: how many lead to other steady motions nearby.
+        displacements to the same motion elsewhere or to a steady one nearby. "stable" refers to
+        the family of steady motions: perturbed motions return to one of them.
+      symmetries: number of directions that lead to the same motion elsewhere.
+      family: number of directions that lead to other steady motions nearby.
     """
 
     reduced: Linearization
@@ -63,19 +62,19 @@ class SteadyMotion:
 
 
 def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
-    """Eigenvalues of the motions near a steady motion, and what they decide; host only.
+    """Eigenvalues of the motions near a steady motion, and the verdict; host only.
 
     Args:
-      scene: autonomous, with symmetries that are affine in its state: angles that do not matter,
-        turns of vectors, quaternions and matrices, shifts.
-      y: (k,) state on the steady motion; the scene's start if left out.
-      t: () time [s] at which a scene is frozen that is not autonomous.
+      scene: autonomous, with symmetries that are affine in its state: cyclic angles, turns of
+        vectors, quaternions and matrices, shifts.
+      y: (k,) state on the steady motion; the scene's start by default.
+      t: () time [s] at which a non-autonomous scene is frozen.
     Raises:
-      ValueError: the motion through y is not steady, or there is nothing else beside it.
-    Limits: a conservative motion is "undecided" unless it is unstable: a "centre" is all that
-      linearisation can find. Where the steady motion can be seen as a turn about one axis or
-      another, as an upright top can, imaginary parts are those in one of the frames. Symmetries
-      of Euler angles are shifts only: "ZXZ" for precession about z.
+      ValueError: the motion through y is not steady, or all nearby motions are steady.
+    Limits: a conservative motion is "undecided" unless it is unstable: linearisation can find
+      at most a "centre". Where the steady motion is a turn about one axis or another, as for an
+      upright top, imaginary parts are those in one of the frames. Symmetries of Euler angles are
+      shifts only: "ZXZ" for precession about z.
     Example:
       >>> from jaxdyn.scenes.bodies import top
       >>> fast, slow = (top(0.0, spin=spin, sequence="XYZ", representation="euler")
@@ -93,7 +92,7 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
     f, a, tangent = (np.asarray(x) for x in _seen(scene.field, t, y, size))
     _checks.finite("rate", jnp.asarray([f.sum(), a.sum()]), "The rate has no derivative there.")
     tangent = _range(tangent)
-    # Twice, with other samples: the difference is the error.
+    # Twice, with different samples: the difference estimates the error.
     frames = [_frame(scene.field, t, y, size, (f, a), seed) for seed in (1, 2)]
     (generator, directions), (other, _) = frames
     inside, b = tangent.T @ (a - generator) @ tangent, tangent.T @ directions
@@ -104,14 +103,14 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
     family = _kernel(b, _RANK_TOLERANCE)
     rest = _complement(family)
     if not rest.shape[1]:
-        raise _checks.fail("y", "motions beside the steady ones", "none")
+        raise _checks.fail("y", "a steady motion with others nearby", "none")
     reduced = classify(rest.T @ b @ rest, doubt)
     return SteadyMotion(reduced, same.shape[1], family.shape[1])
 
 
 @eqx.filter_jit
 def _seen(field: Field, t: Array, y: Array, size: Array) -> tuple[Array, Array, Array]:
-    """(k,) rate, (k, k) its derivative and (k, k) projector along the constraints, in sizes."""
+    """(k,) rate, (k, k) its derivative and (k, k) projector along constraints, scaled by `size`."""
 
     def scaled(fn):
         return lambda z: fn(t, y + size * z) / size
@@ -145,7 +144,7 @@ def _frame(field: Field, t: Array, y: Array, size: Array, now: tuple, seed: int)
         raise _checks.fail(
             "y",
             "a state on a steady motion",
-            "one that grows" if grows else f"a rate that symmetries do not give, by {share:.2g}",
+            "one that grows" if grows else f"a rate off the symmetries by {share:.2g}",
             "See `precession.top_roots` and `precession.rolling_disk_circle`; of Euler angles only "
             "shifts are symmetries, of quaternions all turns.",
         )
@@ -173,7 +172,7 @@ def _symmetries(field: Field, t: Array, y: Array, size: Array, seed: int):
 
 
 def _kernel(a: np.ndarray, part: float) -> np.ndarray:
-    """(n, g) orthonormal columns that a matrix (m, n) takes to a small part of its size."""
+    """(n, g) orthonormal columns that a matrix (m, n) maps to a small part of its norm."""
     _, s, vt = np.linalg.svd(a)
     s = np.append(s, np.zeros(a.shape[1] - len(s)))
     return vt[s <= part * s.max(initial=0.0)].T
@@ -186,5 +185,5 @@ def _range(a: np.ndarray) -> np.ndarray:
 
 
 def _complement(columns: np.ndarray) -> np.ndarray:
-    """Orthonormal columns across orthonormal ones."""
+    """Orthonormal columns orthogonal to given ones."""
     return np.linalg.svd(columns, full_matrices=True)[0][:, columns.shape[1] :]

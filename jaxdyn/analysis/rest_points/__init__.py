@@ -1,6 +1,6 @@
 """Rest points of a scene: the search for them, and the proof that there are no others.
 
 `search` finds them by Levenberg-Marquardt iterations from many starts, `isolation` encloses zeros
-in boxes by interval arithmetic, `completeness` says whether all of them are found, or why that is
-not known. `jaxdyn.analysis.equilibria` is the function that users call.
+in boxes by interval arithmetic, `completeness` says whether all of them were found, or why that is
+unknown. `jaxdyn.analysis.equilibria` is the function that users call.
 """

@@ -1,7 +1,7 @@
-"""Whether the zeros that a search found in a box are all: a comparison with interval bisection.
+"""Whether a search found all zeros in a box: a comparison with interval bisection.
 
 `bisected` gives the boxes that hold exactly one zero each, and those that it cannot decide.
-`judged` says whether each zero that is proved to exist was found, and what may be in the rest.
+`judged` says whether each zero that is proved to exist was found, and what the others may hold.
 """
 
 from typing import NamedTuple
@@ -16,9 +16,7 @@ from jaxdyn.analysis.rest_points.search import Box, low_discrepancy, rates
 from jaxdyn.scene import Field
 from jaxdyn.solvers.taylor.formulas import Formulas, NotElementary, formulas
 
-_MARGIN = (
-    1e-6  # of the box: what the bisected box is larger by, or a zero on its side would be lost
-)
+_MARGIN = 1e-6  # of the box: margin of the bisected box, or a zero on its boundary would be lost
 _POINT_SIZE = 1e-8  # of the box: undecided boxes of this size mark points
 _MERGE_DISTANCE = 1e-6  # of the box: undecided boxes nearer than this mark one point
 _DIRECTIONS = 256
@@ -27,16 +25,18 @@ _DISTANCES = (
     1e2,
     1e4,
 )  # of the size of an undecided place: where the rate is sampled about it
-_MIN_RATE_WITHOUT_ZERO = 1e-3  # of its size there: a rate that is larger at all samples has no zero
+_MIN_RATE_WITHOUT_ZERO = (
+    1e-3  # of its size there: a rate larger than this at all samples has no zero
+)
 
 
 class Proof(NamedTuple):
-    """What bisection says of the rest points in a box.
+    """The result of interval bisection on a box.
 
     Attributes:
       box: without the entries that must be 0 at rest.
       found: the boxes that may hold rest points; None where nothing is known.
-      why_not: why nothing is known.
+      why_not: the reason why nothing is known.
     """
 
     box: Box
@@ -51,7 +51,7 @@ class Proof(NamedTuple):
 
 
 def bisected(field: Field, t: Array, box: Box) -> Proof:
-    """What interval bisection says of the rest points of a field in a box."""
+    """Interval bisection for the rest points of a field in a box."""
     try:
         found = formulas(lambda _, y: field.rate(t, y), t, jnp.asarray(box.low))
         box = _at_rest(found, box)
@@ -62,7 +62,7 @@ def bisected(field: Field, t: Array, box: Box) -> Proof:
 
 
 def _at_rest(found: Formulas, box: Box) -> Box:
-    """The box without entries that are rates of others, as velocities are: 0 at rest."""
+    """The box without entries that are rates of others, such as velocities, which are 0."""
     zero = [node in found.rates for node in found.states]
     zero = np.array(zero) & (box.low <= 0) & (box.high >= 0)
     if zero[box.free].all():
@@ -73,14 +73,14 @@ def _at_rest(found: Formulas, box: Box) -> Box:
 def judged(
     proof: Proof, field: Field, t: Array, ys: np.ndarray, jumps: np.ndarray
 ) -> tuple[bool, str]:
-    """Whether zeros (s, k) are all that a box holds, and why, or why not, in words.
+    """Whether zeros (s, k) are all in a box, and why, or why not, as text.
 
     Args:
-      proof: what bisection says.
+      proof: the result of bisection.
       field: the field.
       t: () time.
       ys: (s, k) the zeros that were found.
-      jumps: (j, k) places where the rate is 0, but has another limit.
+      jumps: (j, k) points where the rate is 0 but discontinuous.
     """
     box = proof.box
     said = ""
@@ -93,17 +93,17 @@ def judged(
     sharp = [box.states(middle) for middle, _ in _places(box, proof.found.open)]
     if sharp:
         said = (
-            f" but for the points {_list(box, sharp)}, where the rate is discontinuous; samples "
+            f" except the points {_list(box, sharp)}, where the rate is discontinuous; samples "
             f"around them show no rest point{said}"
         )
     return True, f"complete: interval bisection excludes any other rest point in the box{said}"
 
 
 def _doubt(proof: Proof, field: Field, t: Array, ys: np.ndarray) -> str:
-    """Why there may be others, or fewer; "" if there is no doubt."""
+    """Why there may be more, or fewer; "" if there is no doubt."""
     box, found = proof.box, proof.found
     if found is None:
-        return f"interval bisection does not know the bounds of the rate ({proof.why_not})"
+        return f"interval bisection has no bounds for the rate ({proof.why_not})"
     missed = [x.mean(axis=1) for x in found.single if not _within(ys, x).any()]
     if missed:
         return f"the search did not reach the rest point that exists near {_list(box, missed)}"
@@ -130,7 +130,7 @@ def _within(ys: np.ndarray, box: np.ndarray) -> np.ndarray:
 
 
 def _list(box: Box, ys) -> str:
-    """Places in words, each once, to the digits in which undecided boxes are merged."""
+    """Distinct places as text, rounded to the distance at which boxes are merged."""
     size = (box.high - box.low)[box.free]
     rounded = [
         size * np.round(y[box.free] / size / _MERGE_DISTANCE) * _MERGE_DISTANCE + 0.0 for y in ys
@@ -158,9 +158,9 @@ def _places(box: Box, cells: np.ndarray) -> list[tuple[np.ndarray, float]]:
 
 
 def _nowhere_zero(field: Field, t: Array, box: Box, middle: np.ndarray, radius: float) -> bool:
-    """Whether no sample of the rate about a place is near 0, compared with those farther off.
+    """Whether no sample of the rate about a place is near 0, compared with farther samples.
 
-    A rate that is smooth and 0 somewhere in it is smaller, the nearer the samples are.
+    A rate that is smooth and has a zero there decreases as the samples approach it.
     """
     ways = 2 * low_discrepancy(_DIRECTIONS, len(middle)) - 1
     ways /= np.abs(ways).max(axis=1, keepdims=True)

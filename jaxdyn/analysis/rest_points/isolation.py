@@ -6,9 +6,9 @@ Krawczyk's operator
     K = c - Y f(c) + (1 - Y J(X)) (X - c),    Y about the inverse of J in the middle c of X,
 
 maps the box X into its inside holds exactly one; where K misses X it holds none. Any other box is
-cut in two. What remains when boxes are tiny, or when they have become too many, is undecided: a
-zero at which the Jacobian is singular, a curve of zeros, or a place where the field has no
-derivative. Everything else is proved, since bounds allow for rounding (`solvers.intervals`).
+bisected. What remains when boxes are tiny, or too many, is undecided: a zero at which the Jacobian
+is singular, a curve of zeros, or a place where the field has no derivative. Everything else is
+proved, since bounds allow for rounding (`solvers.intervals`).
 
 Reference: Krawczyk (1969), Computing 4, 187; Neumaier (1990), Interval Methods for Systems of
 Equations, chapter 5.
@@ -23,19 +23,19 @@ from jaxdyn.solvers.intervals import Interval, add, multiply
 from jaxdyn.solvers.taylor.formulas import Formulas
 from jaxdyn.solvers.taylor.graph import Node
 
-_MIN_BOX = 1e-9  # of the box: the size at which a box is not cut any more
-_MAX_WORK = 4_000_000  # boxes times nodes of the calculation: one to two seconds
-_OVERLAP = 1.1  # boxes are examined with a margin, or a zero on a common side would be in neither
+_MIN_BOX = 1e-9  # of the box: smaller boxes are not bisected
+_MAX_WORK = 4_000_000  # boxes times operations: one to two seconds
+_OVERLAP = 1.1  # boxes are examined with a margin, or a zero on a common side would be missed
 _ROUNDING = 1e-14  # of sums of a few products, relative to their terms
 
 
 class Isolation(NamedTuple):
-    """What is known of the zeros of a field in a box, as boxes (number, k, 2) within it.
+    """Enclosures of the zeros of a field in a box, as boxes (number, k, 2) within it.
 
     Attributes:
       single: boxes with exactly one zero each, which may overlap.
       open: boxes in which there may be zeros.
-      size: how large the undecided boxes are, relative to the whole.
+      size: size of the undecided boxes, relative to the whole.
     """
 
     single: np.ndarray
@@ -47,9 +47,9 @@ def isolate(formulas: Formulas, low: np.ndarray, high: np.ndarray) -> Isolation:
     """All boxes that may hold a zero of a rate.
 
     Args:
-      formulas: of the rate; made outside of any trace.
+      formulas: elementary operations of the rate; made outside of any trace.
       low: (k,) lower corner of the box.
-      high: (k,) upper corner, equal to the lower one for entries that are known.
+      high: (k,) upper corner, equal to the lower one for known entries.
     Raises:
       NotElementary: an operation without bounds.
     """
@@ -110,7 +110,7 @@ class _Equations:
         return _stacked([x.value for x in found]), _stacked([x.slope for x in found])
 
     def examine(self, lows: np.ndarray, highs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(cells,) which boxes surely hold no zero, and which exactly one."""
+        """(cells,) which boxes provably hold no zero, and which exactly one."""
         centre = (lows + highs) / 2
         radius = _OVERLAP * (highs - lows) / 2
         value, slope = self._bounds(Interval(centre - radius, centre + radius))

@@ -1,8 +1,8 @@
 """A search for zeros of a rate in a box, from many starts at once.
 
-Levenberg-Marquardt iterations in units of the box, ended by a Newton step. An end passes as a
-zero only if that step is short and what is left of the rate is small against what the rate
-changes by over the box: a constant rate is no zero, however flat.
+Levenberg-Marquardt iterations in units of the box, ended by a Newton step. An end counts as a
+zero only if that step is short and the rate there is small against its change over the box: a
+constant rate has no zero, however small it is.
 """
 
 from typing import NamedTuple
@@ -17,12 +17,12 @@ from jaxdyn.scene import Field
 
 _ITERATIONS = 80
 _DAMPING = 1e-3  # first damping of an iteration, relative to the largest entry of J^T J
-_LESS, _MORE = 0.2, 5.0  # damping after a step that helped, and after one that did not
-_CONVERGED = 1e-10  # of the box: the last Newton step, and what the rate may lack of 0
+_LESS, _MORE = 0.2, 5.0  # factors of the damping after a successful step, and after a failed one
+_CONVERGED = 1e-10  # of the box: the last Newton step, and the rate over its change
 _MIN_SINGULAR_VALUE = (
     1e-9  # smallest singular value of the Jacobian of an isolated zero, over its usual size
 )
-_FAR, _NEAR = 1e-4, 1e-6  # of the box: where a rate that does not shrink towards a zero jumps
+_FAR, _NEAR = 1e-4, 1e-6  # of the box: distances at which a rate is compared to detect a jump
 _MAX_RATIO_NEAR_ZERO = 0.5
 
 
@@ -87,7 +87,7 @@ def search(field: Field, t: Array, box: Box, ys: np.ndarray) -> Ends:
 @eqx.filter_jit
 def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]:
     def lacking(y):
-        """What must be 0: the rate, and the way to the constraints."""
+        """The residual: the rate, and the distance to the constraints."""
         return jnp.concatenate([field.rate(t, y), field.project(t, y) - y])
 
     def seen(y):
@@ -110,8 +110,8 @@ def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]
     def end(y):
         y, _ = jax.lax.fori_loop(0, _ITERATIONS, improve, (y, jnp.asarray(_DAMPING)))
         # The normal equations square the condition number; a plain Newton step does not. The
-        # shortest step: on a curve of rest points the matrix is singular. Each row in units of
-        # what it changes by over the box.
+        # minimum-norm step: on a curve of rest points the matrix is singular. Each row in units of
+        # its change over the box.
         f, a = seen(y)
         rows = jnp.sum(jnp.abs(a), axis=1)
         units = jnp.where(rows > 0, rows, 1.0)
@@ -131,7 +131,7 @@ def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]
 
 
 def jumps(field: Field, t: Array, box: Box, ys: np.ndarray) -> np.ndarray:
-    """(s,) at which zeros (s, k) the rate is none in the limit, as where a spring has no length."""
+    """(s,) at which zeros (s, k) the rate is discontinuous, as where a spring has no length."""
     n = len(box.free)
     ways = np.concatenate([np.eye(n), -np.eye(n), np.ones((1, n)), -np.ones((1, n))]) @ box.axes.T
     far, near = (
@@ -145,7 +145,7 @@ def jumps(field: Field, t: Array, box: Box, ys: np.ndarray) -> np.ndarray:
 
 def rates(field: Field, t: Array, ys: np.ndarray) -> np.ndarray:
     """(s, k) rates at states (s, k)."""
-    # A power of two of them: each other number would be compiled anew.
+    # Padded to a power of two: each other number would recompile.
     room = 1 << max(len(ys) - 1, 0).bit_length()
     padded = np.concatenate([ys, np.zeros((room - len(ys), ys.shape[1]))])
     return np.asarray(_rates(field, t, jnp.asarray(padded)))[: len(ys)]
@@ -157,7 +157,7 @@ def _rates(field: Field, t: Array, ys: Array) -> Array:
 
 
 def low_discrepancy(n: int, d: int) -> np.ndarray:
-    """(n, d) points that fill the unit cube evenly, always the same ones.
+    """(n, d) points that fill the unit cube evenly; deterministic.
 
     The additive sequence with the powers of 1/phi_d, where phi_d^(d+1) = phi_d + 1.
 

@@ -143,7 +143,7 @@ def test_rest_points_with_small_basins_are_all_found(numbers, expected):
     assert found.complete
     assert found.certainty.startswith("complete: interval bisection excludes any other rest point")
     assert (
-        "but for the points (0, 0), (0.8, 0.6), where the rate is discontinuous" in found.certainty
+        "except the points (0, 0), (0.8, 0.6), where the rate is discontinuous" in found.certainty
     )
 
 
@@ -196,9 +196,7 @@ def test_rest_points_with_constraints_satisfy_them_and_are_not_proved():
     assert gap(found.states, [[0, -1, 0, 0], [0, 1, 0, 0]]) < 1e-12
     assert found.kinds == ("isolated", "isolated")
     assert not found.complete
-    assert found.certainty.startswith(
-        "not certain: interval bisection does not know the bounds of the rate"
-    )
+    assert found.certainty.startswith("not certain: interval bisection has no bounds for the rate")
 
 
 class Flat(Effect):

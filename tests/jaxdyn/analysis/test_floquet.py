@@ -157,7 +157,7 @@ def test_new_numbers_do_not_compile_again():
         ),
         (
             lambda: floquet.multipliers(scenes.oscillator(), 1.0),
-            "y0: expected a motion that is back after the period",
+            "y0: expected a motion that repeats after the period",
         ),
     ],
 )

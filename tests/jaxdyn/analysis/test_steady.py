@@ -155,7 +155,9 @@ def test_what_is_not_steady_is_refused():
     ):
         linearize_steady(growing)
     drifting = Scene(FreePoints([1.0], 1), (), y0=[0.0, 1.0])
-    with pytest.raises(ValueError, match=r"^y: expected motions beside the steady ones, got none"):
+    with pytest.raises(
+        ValueError, match=r"^y: expected a steady motion with others nearby, got none"
+    ):
         linearize_steady(drifting)
     many = Scene(FreePoints(jnp.ones(11), 2), (), y0=np.arange(44.0))
     with pytest.raises(ValueError, match=r"^y: expected at most 40 entries, got 44\."):
