@@ -1,4 +1,4 @@
-"""How accurate a number is, what each digit costs, and how long digits last.
+"""How accurate a number is, what each digit costs, and for how long digits are correct.
 
 `estimates` bounds the error of any solution without knowing the exact one, `convergence` shows it
 for equal steps and their halves, `end_error` gives the certain digits of a last state, `horizon`
@@ -7,8 +7,8 @@ the time, which `timing` measures.
 
 May import: `analysis`.
 
-One more estimate is a function of a `Trajectory` in `estimates`, or a file of its own; and one line
-below.
+One more estimate is a function of a `Trajectory` in `estimates`, or a file of its own, and one
+line below.
 """
 
 from jaxdyn.accuracy import convergence, end_error, horizon, quantities, work_precision

@@ -1,9 +1,9 @@
-"""Steps of one size, and what halving them tells: problem 3 a to d of the course.
+"""Equal steps and step halving: problem 3 a to d of the course.
 
-`fixed_steps` is the plain loop y <- y + h f(t, y), or any other explicit pair, without control of
-the error. `halvings` runs it with ever smaller steps. If the error falls like h^p, the solutions
-with steps h and h / 2 differ by (2^p - 1) times the error of the second, so differences of three
-tell p, and of two the error, without the exact solution.
+`fixed_steps` is the plain loop y <- y + h f(t, y), or any other explicit pair, without error
+control. `halvings` runs it with successively halved steps. If the error falls like h^p, the
+solutions with steps h and h / 2 differ by (2^p - 1) times the error of the second, so three
+solutions give p, and two the error, without the exact solution.
 """
 
 import itertools
@@ -32,19 +32,19 @@ def fixed_steps(
     method: Solver = EULER,
     noise: Noise | None = None,
 ) -> Array:
-    """(k,) state at t1 after a number of equal steps from the start of a scene.
+    """(k,) state at t1 after equal steps from the start of a scene.
 
     Args:
       scene: system, effects, start.
-      t1: () end time [s]; the scene's own span if left out.
-      steps: () how many; a new number does not recompile.
+      t1: () end time [s]; the scene's own span by default.
+      steps: () number of steps; a new number does not recompile.
       t0: () start time [s].
       method: a `Pair`, such as `solvers.RK4`, or an explicit solver of diffrax; its error estimate
         is not used.
-      noise: random changes in each step, to see what rounding does; see `rounding`.
+      noise: random perturbation of each step, to measure the effect of rounding; see `rounding`.
     Raises:
-      ValueError: no step, or numbers that make no sense.
-    Limits: nothing watches the error: too large a step gives wrong or infinite numbers.
+      ValueError: `steps` is less than 1, or `t0`, `t1` or `method` is invalid.
+    Limits: the error is not controlled: too large a step gives wrong or infinite numbers.
     Example:
       >>> from jaxdyn import scenes
       >>> from jaxdyn.accuracy import convergence as steps
@@ -68,19 +68,19 @@ def _marched(field, y0: Array, t0: Array, t1: Array, steps: Array, method: Metho
         t = t0 + i * h
         now, start, near = begun(field, t, y)
         increment = method.advance(now.rate, start, h, near).increment
-        # Nothing compensates for the rounding of this sum.
+        # This sum is not compensated.
         return field.project(t + h, near + increment)
 
     return jax.lax.fori_loop(0, steps, step, y0)
 
 
 class Halvings(NamedTuple):
-    """What ever smaller steps say; n rows, each with twice the steps of the one before.
+    """Solutions with successively halved steps, in n rows.
 
     Attributes:
-      steps: (n,) how many.
+      steps: (n,) number of steps.
       ys: (n, k) states at the end.
-      errors: (n,) estimated largest error of each; NaN for the first two, which cannot know p.
+      errors: (n,) estimated largest error of each; NaN for the first two, where p is unknown.
       orders: (n,) observed order p from each and the two before; NaN for the first two.
     """
 
@@ -93,23 +93,23 @@ class Halvings(NamedTuple):
 def halvings(
     scene: Scene, t1=None, *, steps: int = 64, rows: int = 6, t0=0.0, method: Solver = EULER
 ) -> Halvings:
-    """Solutions with ever smaller steps, and what they tell of their own errors; host only.
+    """Solutions with successively halved steps, and estimates of their errors; host only.
 
     Args:
       scene: system, effects, start.
-      t1: () end time [s]; the scene's own span if left out.
-      steps: of the first row.
-      rows: how many, at least 3.
+      t1: () end time [s]; the scene's own span by default.
+      steps: number of steps of the first row.
+      rows: number of rows, at least 3.
       t0: () start time [s].
       method: see `fixed_steps`.
     Returns:
-      Steps, states, estimated errors, observed orders. An order far from the method's says that
-      the steps are too large, or that rounding is all there is: then trust no estimate.
+      Steps, states, estimated errors, observed orders. An order far from the method's means that
+      the steps are too large, or that rounding dominates: then no estimate is reliable.
     Raises:
-      ValueError: fewer than 3 rows, or what `fixed_steps` refuses.
+      ValueError: `rows` is less than 3, or see `fixed_steps`.
     """
     if rows < 3:
-        raise _checks.fail("rows", "at least 3", rows, "Three solutions tell an order.")
+        raise _checks.fail("rows", "at least 3", rows, "An order needs three solutions.")
     counts = steps * 2 ** np.arange(rows)
     run = (fixed_steps(scene, t1, steps=int(n), t0=t0, method=method) for n in counts)
     ys = np.stack([np.asarray(y) for y in run])

@@ -1,12 +1,12 @@
-"""Which digits of a motion's last state are certain: for anything that can be run once more.
+"""The certain digits of a motion's final state: for anything that can be run again.
 
 A motion is run again at a thousandth of its tolerance, and a third time with all numbers of its
-scene changed in their last digit as well. Entry by entry, what the two move the end by is its
-error: the first shows what the tolerance misses, the difference of the two what rounding does.
-Where nearby motions part so far that nothing of an entry is left, no digit of it is written.
+scene also changed in their last digit. The changes of each entry of the end estimate its error:
+the first shows the error of the tolerance, the difference of the two that of rounding. Where
+nearby motions diverge so far that an entry has no certain digit, none is written.
 
 It is the cheap test of the end of a motion, one smooth piece or a chain of phases; `accuracy`
-looks at all times of a smooth motion and measures rounding more carefully.
+covers all times of a smooth motion and measures rounding more carefully.
 """
 
 import dataclasses
@@ -29,11 +29,11 @@ Motion = Trajectory | HybridTrajectory
 #: (scene, rtol) -> the motion of that scene at that tolerance.
 Again = Callable[[Scene, float], Motion]
 
-#: A digit is written where it is worth at least so many estimated errors: an estimate is within
+#: A digit is written if it is worth at least this many estimated errors: an estimate is within
 #: this factor of the error (see `accuracy`).
 _ESTIMATE_FACTOR = 5.0
 _ZERO_BELOW = (
-    1e-3  # of its scale: an entry that is smaller than its error is 0 if that is below this
+    1e-3  # of its scale: an entry smaller than its error is written as 0 if the error is below this
 )
 _LAST_DIGIT = 2.0**-52  # relative change of the numbers
 _SEED = 0
@@ -42,15 +42,15 @@ _DOUBLE_DIGITS = 16  # significant digits of a double
 
 @dataclasses.dataclass(frozen=True)
 class EndError:
-    """How far the last state of a motion is from the exact one.
+    """The estimated error of the final state of a motion.
 
     Attributes:
-      y: (k,) the state in question.
-      error: (k,) estimated absolute error of each entry, in its unit; NaN where it is not known.
+      y: (k,) the final state.
+      error: (k,) estimated absolute error of each entry, in its unit; NaN where unknown.
       rounding: (k,) the part of it that no tolerance removes.
-      scale: (k,) what errors are measured by: the largest entry of the same unit in the motion;
-        of a rate at least what would change a quantity by its scale over the span, of an angle
-        at least 1 rad.
+      scale: (k,) the reference of errors: the largest entry of the same unit in the motion; for a
+        rate at least what would change a quantity by its scale over the span, for an angle at
+        least 1 rad.
     """
 
     y: np.ndarray
@@ -60,26 +60,26 @@ class EndError:
 
     @property
     def digits(self) -> np.ndarray:
-        """(k,) how many significant digits of each entry are right; NaN where it is not known."""
+        """(k,) correct significant digits of each entry; NaN where unknown."""
         return _digits(self.error, np.abs(self.y))
 
     @property
     def least(self) -> float:
-        """Digits that all entries have, relative to their scale."""
+        """Correct digits of all entries, relative to their scale."""
         return float(np.min(_digits(self.error, self.scale)))
 
     @property
     def most(self) -> float:
-        """The same for the finest tolerance."""
+        """As `least`, at the finest tolerance."""
         return float(np.min(_digits(self.rounding, self.scale)))
 
     @property
     def message(self) -> str:
-        """How many digits are right and what would give more, in words."""
+        """The number of correct digits and how to get more, as text."""
         if math.isnan(self.least):
             return (
-                "No digit is certain: run again at a tighter tolerance, the motion does not arrive "
-                "at this end, or not by the same phases."
+                "No digit is certain: run again at a tighter tolerance, the motion does not reach "
+                "this end, or not through the same phases."
             )
         if self.most < 1:
             return (
@@ -92,7 +92,7 @@ class EndError:
         return f"{found}; a smaller rtol gives up to {self.most:.1f}."
 
     def written(self, most: int = 12) -> tuple[str, ...]:
-        """Each entry with the digits that are left, at most so many significant ones.
+        """Each entry with its certain digits, at most `most` significant ones.
 
         Example:
           >>> y, error = np.array([3.14159265, -7.3, 1e-17]), np.array([2e-5, 15.0, 3e-12])
@@ -104,19 +104,19 @@ class EndError:
 
 
 def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
-    """How far the last state of a motion is from the exact one, entry by entry; host only.
+    """The error of the final state of a motion, entry by entry; host only.
 
     Args:
       motion: one motion, or a chain of phases.
-      again: runs a scene at a tolerance as this motion was run.
+      again: runs a scene at a tolerance in the way this motion was run.
       rtol: tolerance of the motion.
     Returns:
-      The estimate. Its errors are NaN where the motion or one of the two others did not arrive,
-      or where these went through other phases: then nothing is known of any digit.
+      The estimate. Its errors are NaN where the motion or one of the two others did not reach the
+      end, or where these went through other phases: then no digit is known to be correct.
     Raises:
-      ValueError: a batch of motions.
-    Limits: a chain is compared at its end alone, whatever phases are in between. An estimate from
-      two motions: an entry may by chance agree better than it deserves.
+      ValueError: `motion` is a batch.
+    Limits: a chain is compared at its end alone, whatever phases are in between. With only two
+      other motions, an entry may agree better by chance than its error warrants.
     Example:
       >>> from jaxdyn import scenes, simulate
       >>> def again(scene, rtol):
@@ -133,7 +133,7 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
     other = changed(start, _LAST_DIGIT, np.random.default_rng(_SEED))
     ends = [_same(motion, again(begin, finer)) for begin in (start, other)]
     apart = gaps(scene, np.stack([y, y, ends[1]]), np.stack([*ends, ends[0]]))
-    least = 0.5 * np.finfo(float).eps * np.abs(y)  # of writing a result down
+    least = 0.5 * np.finfo(float).eps * np.abs(y)  # rounding of the stored result
     sizes = np.abs(apart)
     rounding = np.maximum(sizes[2], least)
     error, scale = np.max(sizes, axis=0), _scales(motion, y)
@@ -160,11 +160,11 @@ def _scales(motion: Motion, y: np.ndarray) -> np.ndarray:
 
 
 def changed(scene: Scene, change: float, rng: np.random.Generator) -> Scene:
-    """The scene with each of its numbers and its start changed by a part, up or down at random."""
+    """The scene with all its numbers and its start changed by a factor, up or down at random."""
 
     def nudge(x):
         factor = 1.0 + change * rng.choice([-1.0, 1.0], np.shape(x))
-        # A Python number keeps the kind of a single number, for which all is compiled.
+        # A Python number stays a scalar, for which the program is compiled.
         return jnp.asarray(x) * (factor if np.ndim(x) else float(factor))
 
     numbers, rest = eqx.partition(scene.field, eqx.is_inexact_array)

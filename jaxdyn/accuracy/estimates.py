@@ -1,13 +1,13 @@
 """How accurate a solution is, without the exact one: problem 3 d and e of the course.
 
-Four ways that share little, each giving an `Estimate` with what it rests on:
+Four independent ways, each giving an `Estimate` with its basis:
 
 - `estimate`: the same solver at a thousandth of the tolerance. The default: cheap and sharp.
-- `by_second_method`: another solver at a thousandth of the tolerance. It would also see a fault
-  of the first one.
-- `by_tangents`: the error made in each piece of the span, carried to its end by the tangent map
-  and summed without letting them cancel. An upper bound, to first order in the errors.
-- `by_halving`: equal steps, their halves and quarters, with the order that these show.
+- `by_second_method`: another solver at a thousandth of the tolerance. It would also detect a
+  fault of the first one.
+- `by_tangents`: the error made in each piece of the span, propagated to its end by the tangent
+  map and summed without cancellation. An upper bound, to first order in the errors.
+- `by_halving`: equal steps, their halves and quarters, with the observed order.
 
 None knows what the equations leave out. All include what rounding does to the motion, see
 `rounding_error.rounding`; held to exact solutions, the first two are within a factor of 5 of the
@@ -34,7 +34,7 @@ from jaxdyn.solvers import DOPRI8, EULER, NYSTROM12, RADAU5, RADAU9, VERNER9, Me
 from jaxdyn.solvers.choice import chosen_method, method_of
 
 _SAMPLES = 33
-#: The second opinion on a solver, of another family and as fit for the same scenes.
+#: The second method for each solver: of another family, and suited to the same scenes.
 _SECOND_METHODS = {NYSTROM12: VERNER9, VERNER9: DOPRI8, RADAU5: RADAU9, RADAU9: RADAU5}
 
 
@@ -48,16 +48,16 @@ def estimate(
     solver: Solver | None = None,
     dt: float | None = None,
 ) -> Estimate:
-    """How far a solution at a tolerance is from the exact one, by a tolerance ladder; host only.
+    """The error of a solution at a tolerance, by a tolerance ladder; host only.
 
     Args:
       scene: system, effects, start.
-      t1: () end time [s]; the scene's own span if left out.
+      t1: () end time [s]; the scene's own span by default.
       t0: () start time [s].
-      samples: at how many times to look, or an array of times (s,).
-      rtol: relative and absolute tolerance of the solution in question.
+      samples: number of times, or an array of times (s,).
+      rtol: relative and absolute tolerance of the solution.
       solver: see `simulate`.
-      dt: step [s] of a solver of fixed step, for which the estimate is by halving it.
+      dt: step [s] of a solver of fixed step; the estimate is then by step halving.
     Raises:
       ValueError: see `simulate`.
       IntegrationError: the end was not reached.
@@ -96,9 +96,9 @@ def by_second_method(
       samples: see `estimate`.
       rtol: see `estimate`.
       solver: see `simulate`.
-      second: the other solver; one of another family if left out.
+      second: the other solver; one of another family by default.
     Raises:
-      ValueError: the two are the same, or see `simulate`.
+      ValueError: `second` is the same as `solver`, or see `simulate`.
     """
     first = chosen_method(scene, solver)
     if second is None:
@@ -122,12 +122,11 @@ def by_tangents(
     rtol: float = RTOL,
     solver: Solver | None = None,
 ) -> Estimate:
-    """A bound of the error: the sum of all local errors, each carried on by the tangent map.
+    """A bound of the error: the sum of all local errors, each propagated by the tangent map.
 
-    If l_n is what the solution misses in piece n (from solving that piece again from where the
-    solution began it, at a thousandth of the tolerance) and P_n the derivative of the end with
-    respect to the end of piece n, the error is the sum of P_n l_n, to first order. Here are the
-    sums of the |P_n l_n|.
+    If l_n is the error made in piece n (from solving that piece again, from the same start at a
+    thousandth of the tolerance) and P_n the derivative of the end with respect to the end of piece
+    n, the error is the sum of P_n l_n, to first order. This is the sum of the |P_n l_n|.
 
     Args:
       scene: see `estimate`.
@@ -138,9 +137,9 @@ def by_tangents(
       solver: see `simulate`.
     Raises:
       ValueError: see `simulate`.
-    Limits: too large by how much local errors cancel, which over many turns of an oscillation is
-      a factor of 10 and more. Nothing of second order: where errors are no longer small, neither
-      is what is neglected.
+    Limits: too large by the cancellation of local errors, which over many periods of an
+      oscillation is a factor of 10 and more. First order only: where errors are not small,
+      neither are the neglected terms.
     """
     run, ts = _runner(scene, t1, t0, samples, SolverOptions(rtol=rtol, solver=solver))
     ys = np.asarray(run(scene, np.array([rtol, rtol])).ys)
@@ -185,14 +184,14 @@ def _pieces(scene: Scene, t0s, starts, t1s, rtol, solver: Method):
 def by_halving(
     scene: Scene, t1=None, *, steps: int = 1000, t0=0.0, method: Solver = EULER
 ) -> Estimate:
-    """How far a solution with equal steps is from the exact one at the end; host only.
+    """The error of a solution with equal steps at the end; host only.
 
     As `estimate` with dt, but for any solver, e.g. Euler's method (problem 3 d).
 
     Args:
       scene: system, effects, start.
-      t1: () end time [s]; the scene's own span if left out.
-      steps: of the solution in question.
+      t1: () end time [s]; the scene's own span by default.
+      steps: number of steps of the solution.
       t0: () start time [s].
       method: any solver, whose error estimate is not used.
     Returns:
@@ -217,7 +216,7 @@ class _Ends(NamedTuple):
 
 
 def _runner(scene: Scene, t1, t0, samples, options: SolverOptions, *, dt=None) -> tuple[Run, Array]:
-    """What `ladder` runs, and at what times; what `simulate` refuses is refused."""
+    """The run for `ladder` and its times; arguments are checked as by `simulate`."""
     ts = simulate(scene, t1, t0=t0, samples=samples, dt=dt, **options._asdict()).ts
     t0, end = span(scene, t1, t0)
 

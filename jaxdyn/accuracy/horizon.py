@@ -1,13 +1,13 @@
-"""How long a motion can be trusted: the time at which chaos has eaten its digits.
+"""How long a motion can be trusted: the predictability horizon of chaotic motions.
 
-Nearby motions of a chaotic scene part like exp(growth t). An error of a step, or of rounding, is
-amplified alike, so every tolerance has its horizon, and a thousand times tighter one moves that by
-no more than log(1000) / growth. Beyond it a solution is one of the motions that the scene may
-have, not that from its start.
+Nearby motions of a chaotic scene diverge like exp(growth t). An error of a step, or of rounding, is
+amplified alike, so every tolerance has its horizon, and a thousand times tighter one moves it by
+no more than log(1000) / growth. Beyond it a solution is one of the motions of the scene, but not
+the one from its start.
 
-The time reported is measured, not foretold: it is where two solutions part by as much as the wanted
-digits, with what rounding does (`ladder`). The growth rate, from the tangent map, says what a
-tighter tolerance would bring.
+The time reported is measured, not predicted: it is where two solutions differ in the requested
+digits, including the effect of rounding (`ladder`). The growth rate, from the tangent map, tells
+what a tighter tolerance would bring.
 """
 
 import dataclasses
@@ -36,13 +36,13 @@ class Trust:
     """How long a solution can be trusted.
 
     Attributes:
-      t: the last of the times looked at up to which all had the wanted digits [s]; NaN if not
-        even the start has. A number that stays right ends at the end of the span.
+      t: the last sample time up to which all samples have the requested digits [s]; NaN if not
+        even the start has. Where digits are not lost it is the end of the span.
       most: the same for the finest tolerance that doubles allow [s].
-      growth: rate at which nearby motions part, in the second half of the time to t [1/s]; NaN
-        where there are fewer than two of the times looked at.
-      digits: wanted.
-      estimate: the errors that t rests on, at all times.
+      growth: rate at which nearby motions diverge, in the second half of the time to t [1/s]; NaN
+        where there are fewer than two samples.
+      digits: the requested digits.
+      estimate: the errors that t is based on, at all times.
     """
 
     t: float
@@ -52,9 +52,9 @@ class Trust:
     estimate: Estimate
 
     def at(self, rtol: float) -> float:
-        """Time [s] that growth alone lets a tolerance rtol have these digits: a rule of thumb.
+        """Time [s] for which a tolerance rtol has these digits, by growth alone: a rule of thumb.
 
-        Infinite where nearby motions do not part.
+        Infinite where nearby motions do not diverge.
         """
         return math.inf if self.growth <= 0 else math.log(10.0**-self.digits / rtol) / self.growth
 
@@ -69,22 +69,22 @@ def trusted_time(
     rtol: float = RTOL,
     solver: Solver | None = None,
 ) -> Trust:
-    """Up to when a solution at a tolerance has so many digits, and how fast it loses them.
+    """Time up to which a solution at a tolerance has the requested digits, and how they are lost.
 
     Args:
       scene: system, effects, start.
-      t1: () end of the span [s]; the scene's own if left out.
-      digits: that should be right, relative to the largest entry of the same unit.
+      t1: () end of the span [s]; the scene's own by default.
+      digits: requested correct digits, relative to the largest entry of the same unit.
       t0: () start time [s].
-      samples: at how many times to look, or an array of times (s,).
-      rtol: of the solution in question.
+      samples: number of times, or an array of times (s,).
+      rtol: tolerance of the solution.
       solver: see `simulate`.
     Returns:
-      The time, the same for the finest tolerance, the growth rate, and what they rest on.
+      The time, the same for the finest tolerance, the growth rate, and their basis.
     Raises:
-      ValueError: no such digits, or see `simulate`.
+      ValueError: `digits` is not between 1 and `MOST_DIGITS`, or see `simulate`.
       IntegrationError: the end was not reached.
-    Limits: an estimate. Held to motions in 60 digits and more, of double and triple pendulums and
+    Limits: an estimate. Compared with motions in 60 digits, of double and triple pendulums and
       three bodies, it is within a tenth of the true time (`jaxdyn hard`).
     Reference: Lighthill (1986), Proc. R. Soc. A 407, 35.
     Example:
@@ -122,8 +122,8 @@ def _tangents(scene: Scene, ts: Array, t0: Array, solver: Method) -> Array:
 def _growth(found: Estimate, tangents: np.ndarray, t: float) -> float:
     """Slope of the logarithm of the largest stretch over time, by least squares.
 
-    In the second half of the time up to t: at first the stretch shows how units compare, and
-    long after it tangents may be too large for doubles.
+    In the second half of the time up to t: at first the stretch depends on the units, and long
+    after t tangents may overflow.
     """
     scale, ts = np.asarray(found.scale), np.asarray(found.ts)
     gone, end = np.abs(ts - ts[0]), abs(t - ts[0])

@@ -15,17 +15,17 @@ from jaxdyn.integrate.simulation import solve
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method
 
-_SAMPLES = 17  # at which drift and violation are looked at
+_SAMPLES = 17  # at which drift and violation are evaluated
 
 
 class Quantity(NamedTuple):
-    """What a solver is to get right.
+    """A quantity whose error is measured.
 
     Attributes:
-      name: what tables call it.
+      name: its name in tables.
       of: (scene, t1, *, solver, rtol, dt) -> array, where the keywords are those of `solve`: a
         solver with a tolerance gets no dt, one of fixed step has no use for rtol.
-      exact: its exact value, if that is known; else a fine solution serves.
+      exact: its exact value, if known; else a fine solution is the reference.
     """
 
     name: str
@@ -69,7 +69,7 @@ GRADIENT = Quantity("gradient", _gradient)
 
 
 def event_time(event: Event) -> Quantity:
-    """When an event happens within the span; for solvers with a tolerance."""
+    """The time of an event within the span; for solvers with a tolerance."""
 
     def of(scene: Scene, t1: Array, *, solver: Method, rtol: Any, dt: Any) -> Array:
         del dt  # `until` refuses solvers of fixed step

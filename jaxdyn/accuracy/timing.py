@@ -1,7 +1,7 @@
-"""Fair times: interleaved runs, compared at equal error, and what went into compiling.
+"""Fair timing: interleaved runs, compared at equal error, with compile time separate.
 
-All methods of a question run in turn in one process, so that whatever else the machine does
-hits them alike; the minimum is what the method needs, the median what a user sees.
+All methods of a question run in turn in one process, so that other load on the machine affects
+them alike; the minimum is what the method needs, the median what a user sees.
 """
 
 import functools
@@ -14,7 +14,7 @@ import numpy as np
 
 from jaxdyn._progress import each
 
-#: Durations that JAX reports: lowering, after which XLA compiles the program, and compiling.
+#: Durations that JAX reports: lowering, which precedes XLA's compilation, and compiling.
 _COMPILE_EVENTS = "/jax/core/compile/"
 _BEGINS, _ENDS = "jaxpr_to_mlir_module_duration", "backend_compile_duration"
 
@@ -27,9 +27,9 @@ class Times(NamedTuple):
 
 
 class Clock:
-    """Wall-clock time since it was made, and how much of it went into compiling.
+    """Wall-clock time since it was made, and the part of it spent compiling.
 
-    JAX knows no end of listening, so that one listener serves all clocks of a process.
+    JAX listeners cannot be removed, so one listener serves all clocks of a process.
     """
 
     def __init__(self):
@@ -38,12 +38,12 @@ class Clock:
 
     @property
     def seconds(self) -> float:
-        """Since it was made [s]."""
+        """Time since it was made [s]."""
         return time.perf_counter() - self._start
 
     @property
     def compiling(self) -> float:
-        """Of these [s] that went into tracing and compiling."""
+        """Part of `seconds` spent tracing and compiling [s]."""
         return self._heard.seconds - self._before
 
     @property
@@ -53,7 +53,7 @@ class Clock:
 
 
 class _Heard:
-    """What JAX reported since the first clock of the process was made."""
+    """JAX's reports since the first clock of the process was made."""
 
     def __init__(self):
         self.seconds, self.busy = 0.0, False
@@ -81,8 +81,8 @@ def interleaved(runs: Mapping, rounds: int, slow: float = 1e-3) -> dict:
     """`Times` of each run, under its key.
 
     Args:
-      runs: callables without arguments that return when their result is there.
-      rounds: how often to go through all of them.
+      runs: callables without arguments that return when their result is ready.
+      rounds: number of rounds.
       slow: [s] a run that takes n times as long takes part in every n-th round only.
     """
     for run in runs.values():
@@ -100,7 +100,7 @@ def interleaved(runs: Mapping, rounds: int, slow: float = 1e-3) -> dict:
 
 
 def worth_taking(errors: Sequence[float], seconds: Sequence[float]) -> list[int]:
-    """Which runs are more accurate than every faster one, the most accurate first."""
+    """Runs that are more accurate than every faster one, the most accurate first."""
     found, least = [], np.inf
     for i in np.lexsort((errors, seconds)).tolist():
         if errors[i] < least:
@@ -110,10 +110,10 @@ def worth_taking(errors: Sequence[float], seconds: Sequence[float]) -> list[int]
 
 
 def at_error(errors: Sequence[float], times: Sequence[Times], wanted: float) -> Times:
-    """Times at a wanted error, from pairs of error and time at several tolerances.
+    """Times at a given error, from pairs of error and time at several tolerances.
 
-    Linear in the logarithms between the runs that are `worth_taking`. The fastest serves for all
-    larger errors too; NaN for smaller ones than any run has.
+    Linear in the logarithms between the runs that are `worth_taking`. For larger errors it is the
+    fastest of them; NaN for smaller errors than any run has.
     """
 
     def interpolate(seconds) -> float:

@@ -1,7 +1,7 @@
 """What accuracy costs: error against time and against right-hand sides, for any scene.
 
 `work_precision` runs a scene with several solvers at many tolerances, and reports the time that
-a wanted error takes, compile time apart. Errors are those of the end state, or of any other
+a given error takes, compile time apart. Errors are those of the end state, or of any other
 quantity of the motion, see `quantities`. Methods are compared at equal error, never at equal
 tolerance.
 """
@@ -44,7 +44,7 @@ TOLERANCES = tuple(float(f"1e-{n}") for n in range(3, 16))
 STEPS = tuple(16 * 2**n for n in range(9))
 _REFERENCE_RTOLS = (1e-15, 1e-14, 1e-13)  # tolerances, the finest that works
 _ROUNDS = 30
-_STIFFNESS_RTOL = 1e-6  # tolerance at which stiffness is looked for
+_STIFFNESS_RTOL = 1e-6  # tolerance at which stiffness is tested
 
 
 class Rung(NamedTuple):
@@ -62,7 +62,7 @@ class Curve(NamedTuple):
 
     Attributes:
       solver: its name.
-      compiling: how long the first run took besides [s].
+      compiling: compile time of the first run [s].
       rungs: the runs.
       adaptive: whether their fineness is a tolerance; else it is a step [s].
     """
@@ -83,12 +83,12 @@ class Choice(NamedTuple):
 
 
 class WorkPrecision(NamedTuple):
-    """What accuracy costs.
+    """Error against time of several solvers.
 
     Attributes:
-      quantity: what the errors are of.
-      uncertainty: relative error of what they are measured against; smaller ones are not shown.
-      curves: one a solver.
+      quantity: name of the quantity whose errors are shown.
+      uncertainty: relative error of the reference; smaller errors are not shown.
+      curves: one per solver.
     """
 
     quantity: str
@@ -103,7 +103,7 @@ class WorkPrecision(NamedTuple):
         }
 
     def recommend(self, digits: float) -> Choice | None:
-        """The fastest run with that many digits; None if there is none."""
+        """The fastest run with this many digits; None if there is none."""
         fine = [
             Choice(solver=c.solver, fineness=r.fineness, error=r.error, seconds=r.times.median)
             for c in self.curves
@@ -113,7 +113,7 @@ class WorkPrecision(NamedTuple):
         return min(fine, key=lambda choice: choice.seconds, default=None)
 
     def as_dict(self) -> dict:
-        """All of it for JSON."""
+        """All of it, ready for JSON."""
         curves = [
             {
                 "solver": c.solver,
@@ -137,9 +137,10 @@ class WorkPrecision(NamedTuple):
 
 
 def fit_solvers(scene: Scene, t1=None) -> tuple[Method, ...]:
-    """Solvers with a tolerance that are fit for a scene: implicit ones where it is stiff.
+    """Solvers with a tolerance that suit a scene: implicit ones where it is stiff.
 
-    Extrapolation is among them where forces forget velocities, Taylor series where the scene's
+    Extrapolation is included for velocity-independent forces, Taylor series where the scene's
+    formulas are short.
     formulas are short.
     """
     _, t1 = span(scene, t1)
@@ -164,18 +165,18 @@ def work_precision(
 
     Args:
       scene: system, effects, start.
-      t1: () end of the span [s]; the scene's own if left out.
-      solvers: which; those that are fit for the scene if left out.
+      t1: () end of the span [s]; the scene's own by default.
+      solvers: those that suit the scene by default.
       tolerances: relative and absolute, of solvers with a tolerance.
-      steps: how many over the span, of solvers of fixed step.
+      steps: numbers of steps over the span, of solvers of fixed step.
       quantity: what the errors are of. They are the largest over its entries, relative to the
         largest entry (of a state: to the largest of the same unit) unless its exact value is known.
-      rounds: how often to run everything.
+      rounds: how many times to run everything.
     Returns:
       The curves, without runs that failed.
     Raises:
-      ValueError: no solver, or one that does not fit the scene.
-    Limits: a time is that of the compiled calculation with all that is around it, some 20 us.
+      ValueError: `solvers` is empty, or one of them does not suit the scene.
+    Limits: a time is that of the compiled calculation with its call overhead of some 20 us.
     """
     t1 = float(span(scene, t1)[1])
     solvers = fit_solvers(scene, t1) if solvers is None else tuple(map(method_of, solvers))
@@ -223,7 +224,7 @@ def work_precision(
 
 
 def _program(scene: Scene, t1: float, solver: Method, of: Callable) -> Callable:
-    """From a tolerance or step to the value, compiled at the first call."""
+    """A function of tolerance or step to the value, compiled at the first call."""
     numbers, rest = eqx.partition(scene, eqx.is_array)
 
     @jax.jit

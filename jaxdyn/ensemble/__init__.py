@@ -1,12 +1,12 @@
 """Many motions at once, on all cores, each with its own steps.
 
 `engine` has the calls (`run`, `stream`), `lanes` steps several motions side by side, `batches`
-divides the work among threads and devices, `watches` are what is measured on the way or ends a
-motion early.
+divides the work among threads and devices, `watches` are observers that measure on the way or end
+a motion early.
 
 May import: `integrate`.
 
-One more thing to watch is one more class in `watches`.
+One more observer is one more class in `watches`.
 """
 
 from jaxdyn.ensemble import watches

@@ -1,7 +1,7 @@
 """Batches of motions, shared among threads and devices.
 
-A compiled program holds no lock of Python's, so one thread a core keeps all cores busy; several
-devices share each call of the program, each going through a queue of its own.
+A compiled program releases the GIL, so one thread per core keeps all cores busy; several devices
+share each call of the program, each with a queue of its own.
 """
 
 import functools
@@ -29,15 +29,15 @@ def mesh_of(devices) -> Mesh:
 
 
 class Job(NamedTuple):
-    """What all motions have in common, and what goes through them.
+    """The common data of all motions, and how they are run.
 
     Attributes:
       shared: the field, with None in place of what each motion has for itself.
-      limits: tolerances, and the most steps.
-      watch: what to look for on the way.
+      limits: tolerances, and the maximum number of steps.
+      watch: the observer.
       settings: the method.
       chunk: rows of the program's queue.
-      threads: batches that are under way at a time.
+      threads: number of batches in flight.
       mesh: the devices that share each chunk; None for the default one alone.
     """
 
@@ -66,11 +66,11 @@ class Job(NamedTuple):
             while waiting:
                 yield waiting.popleft().result()
         finally:
-            # Also where the user stops listening.
+            # Also where the caller abandons the iterator.
             pool.shutdown(cancel_futures=True)
 
     def ends(self, batch: Motions) -> Ends:
-        """The ends of one batch, by one call of the program after another."""
+        """The ends of one batch, by successive calls of the program."""
         n = len(batch.y0)
         calls = [slice(i, i + self.rows) for i in range(0, n, self.rows)]
         parts = [self._call(jax.tree.map(lambda x, s=s: x[s], batch)) for s in calls]
@@ -116,7 +116,7 @@ def _on_devices(mesh: Mesh, settings: Settings):
         return integrate(shared, motions, count[0], limits, watch, settings=settings)
 
     every, own = PartitionSpec(), PartitionSpec(_AXIS)
-    # Loops that begin with constants and go on with a device's own numbers fail its check.
+    # The check rejects loops that start from constants and continue with per-device values.
     return jax.jit(
         jax.shard_map(
             one, mesh=mesh, in_specs=(every, own, own, every, every), out_specs=own, check_vma=False
@@ -125,8 +125,8 @@ def _on_devices(mesh: Mesh, settings: Settings):
 
 
 def cores() -> int:
-    """Programs that run at a time on the default device."""
+    """Number of programs that run concurrently on the default device."""
     if jax.default_backend() != "cpu":
         return 1
-    # Not every system tells which cores the process may use.
+    # Not every system reports which cores the process may use.
     return len(getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))(0))

@@ -1,9 +1,9 @@
 """Many motions of one scene: thousands to millions of starts or parameters, on every core.
 
-`run` cuts them into batches, hands the batches to threads or devices, see `batches`, and puts the
-results together; `stream` does so for batches that come one by one and never holds more than a few
-of them. The program, see `lanes`, has one shape for any number of motions: it compiles once for a
-kind of scene.
+`run` splits them into batches, distributes the batches over threads or devices, see `batches`, and
+collects the results; `stream` does so for batches that come one by one and never holds more than
+a few of them. The program, see `lanes`, has one shape for any number of motions: it compiles once
+per kind of scene.
 """
 
 import itertools
@@ -53,32 +53,33 @@ def run(
     """The ends of many motions of one scene, each with its own steps.
 
     Args:
-      scene: what moves, with the numbers that all motions share.
-      y0s: (n, k) starts; those of `params` if left out.
-      t1: () or (n,) end times [s], after or before t0; the scenes' own spans if left out.
-      params: the scene again, where any number may have a first axis of n entries, one a
+      scene: the scene, with the numbers that all motions share.
+      y0s: (n, k) starts; by default those of `params`.
+      t1: () or (n,) end times [s], after or before t0; the scenes' own spans by default.
+      params: the scene again, where any number may have a first axis of n entries, one per
         motion, e.g. ``jax.vmap(make_scene)(values)``.
       t0: () or (n,) start times [s].
       rtol: relative tolerance of one step.
-      atol: absolute tolerance of one step, in the units of the state; rtol if left out.
+      atol: absolute tolerance of one step, in the units of the state; rtol by default.
       solver: see `simulate`.
-      max_steps: when to give up a motion.
+      max_steps: largest number of steps of a motion.
       fixed: make the scene's numbers, which all motions must share, constants of the program: a
-        few hundredths faster, but new ones compile again.
-      watch: what to look for on the way, see `watches`; it may stop a motion.
-      chunk: rows that are handed to a core or device at once.
-      threads: batches that are under way at a time; by default one for each core of a CPU,
-        and one for any other device.
+        few per cent faster, but new ones recompile.
+      watch: an observer, see `watches`; it may stop a motion.
+      chunk: rows passed to a core or device at once.
+      threads: number of batches in flight; by default one for each core of a CPU, and one for
+        any other device.
       devices: share each chunk among these `jax.Device`; they may belong to several processes of
-        `jax.distributed`, of which every one calls `run` alike and gets all results.
+        `jax.distributed`, each of which makes the same call of `run` and gets all results.
       progress: show a bar.
     Returns:
       The `Ends`, in NumPy arrays. A motion that fails has a status and NaN; none raises, and
       none slows down the others.
     Raises:
-      ValueError: numbers that make no sense, shapes that do not fit.
-    Limits: explicit methods; no derivatives. What becomes of a motion does not depend on the
-      others, but in the last digits on the machine and JAX's version.
+      ValueError: `y0s`, `params`, `t0` or `t1` has a wrong shape, or a tolerance, `max_steps`,
+        `chunk` or `threads` is out of range.
+    Limits: explicit methods; no derivatives. The result of a motion does not depend on the others,
+      but its last digits depend on the machine and on JAX's version.
     Example:
       >>> import numpy as np
       >>> from jaxdyn import ensemble, scenes
@@ -91,7 +92,7 @@ def run(
     n = len(motions.y0)
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     job = _job(scene, shared, options, watch=watch, chunk=chunk, threads=threads, devices=devices)
-    # As many batches as keep all threads busy to the end.
+    # Enough batches to keep all threads busy to the end.
     batches = job.threads * math.ceil(n / (job.threads * job.rows))
     edges = np.linspace(0, n, batches + 1).astype(int)
     slices = [slice(a, b) for a, b in itertools.pairwise(edges) if b > a]
@@ -121,22 +122,21 @@ def stream(
     threads: int | None = None,
     devices: Sequence | None = None,
 ) -> Iterator[Ends]:
-    """The ends of batches of starts, in their order, as they are done; see `run`.
+    """The ends of batches of starts, in order, as they finish; see `run`.
 
     Args:
-      scene: as for `run`, like all that is not named here.
-      batches: of starts (m, k), made as they are wanted; a few are on their way at a time,
-        each on one core.
+      scene: as for `run`, like all that is not described here.
+      batches: of starts (m, k), consumed lazily; a few are in flight at a time, each on one core.
       t1: () end time [s].
       t0: () start time [s].
       rtol: relative tolerance.
       atol: absolute tolerance.
       solver: see `simulate`.
-      max_steps: when to give up a motion.
+      max_steps: largest number of steps of a motion.
       fixed: make the scene's numbers constants of the program, see `solve`.
-      watch: what to look for on the way.
-      chunk: rows that are handed to a core or device at once.
-      threads: batches that are under way at a time.
+      watch: an observer.
+      chunk: rows passed to a core or device at once.
+      threads: number of batches in flight.
       devices: share each chunk among these.
     Example:
       >>> import numpy as np
@@ -162,7 +162,7 @@ def _job(
         raise _checks.fail(
             "watch", "modules with numbers", odd[0], "Make functions in it modules with __call__."
         )
-    # Programs that speak to other devices or processes must run in one order everywhere.
+    # Programs that communicate across devices or processes must run in one order everywhere.
     threads = 1 if devices is not None else cores() if threads is None else threads
     for name, number in {"chunk": chunk, "threads": threads}.items():
         if number < 1:
@@ -190,7 +190,7 @@ def _motions(scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool) -> tu
     starts = np.asarray(given.y0 if y0s is None else y0s, float)
     k = len(scene.y0)
     if starts.ndim != 2 or starts.shape[1] != k or not len(starts):
-        remedy = f"One row for each motion, with the {k} entries of the scene's state."
+        remedy = f"Pass one row for each motion, with the {k} entries of the scene's state."
         raise _checks.fail("y0s", f"shape (n, {k})", f"shape {starts.shape}", remedy)
     n = len(starts)
     t1 = given.t1 if t1 is None else t1
@@ -201,7 +201,7 @@ def _motions(scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool) -> tu
         if jax.tree.leaves(numbers):
             remedy = "Leave fixed out, or params."
             raise _checks.fail("fixed", "numbers that all motions share", "params", remedy)
-        # A field without leaves: what each motion has for itself, and what all share, are alike.
+        # A field without leaves: the shared part and each motion's own are the same.
         numbers = shared = FixedField(shared)
     return Motions(
         y0=starts, t0=_times("t0", t0, n), t1=_times("t1", t1, n), numbers=numbers
@@ -215,7 +215,7 @@ def _own_numbers(scene: Scene, given: Scene, n: int) -> Scene:
             "params",
             "a scene with the same system and effects",
             "another kind of scene",
-            "Make it by jax.vmap of what made the scene, or equinox.tree_at.",
+            "Make it by jax.vmap of the function that made the scene, or equinox.tree_at.",
         )
 
     def own(path, x, many) -> bool:
@@ -231,5 +231,7 @@ def _own_numbers(scene: Scene, given: Scene, n: int) -> Scene:
 def _times(name: str, t, n: int) -> np.ndarray:
     t = np.asarray(t, float)
     if t.shape not in ((), (n,)):
-        raise _checks.fail(name, f"shape () or ({n},)", f"shape {t.shape}", "One for each motion.")
+        raise _checks.fail(
+            name, f"shape () or ({n},)", f"shape {t.shape}", "Pass one for each motion."
+        )
     return np.array(np.broadcast_to(t, (n,)))

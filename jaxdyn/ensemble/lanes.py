@@ -1,14 +1,14 @@
-"""Many motions on one core: some lanes side by side, each with its own steps.
+"""Many motions on one core: lanes side by side, each with its own steps.
 
 The rows of a queue, one motion each, pass through a group of `WIDTH` lanes. All lanes take one
-step of the method together, which fills the vectors of the processor (lanes are the last axis
-everywhere), but each has its own time, step and verdict of the step control, the one of
-`simulate`. As soon as a lane ends, well or not, what became of it is written to its row and
-the next of the queue takes its place: no lane waits for another.
+step of the method together, which vectorises (lanes are the last axis everywhere), but each has
+its own time, step and verdict of the step control, the one of `simulate`. As soon as a lane ends,
+successfully or not, its result is written to its row and the next of the queue takes its place:
+no lane waits for another.
 
-All of it, the change of lanes included, is one loop without scatters, which XLA on CPU folds
-into one function. No operation mixes lanes and the group always has the same width, so what
-becomes of a row does not depend on the rows around it.
+All of it, the change of lanes included, is one loop without scatters, which XLA on CPU fuses
+into one function. No operation mixes lanes and the group always has the same width, so the result
+of a row does not depend on the rows around it.
 """
 
 import functools
@@ -30,14 +30,14 @@ from jaxdyn.scene import Field
 from jaxdyn.solvers import Method
 from jaxdyn.status import Status
 
-#: Lanes of a group. A loop over 16 or fewer is unrolled by the compiler before it looks for
-#: vectors, and is slower by half; from 48 on the stages of a step leave the first cache.
+#: Lanes of a group. A loop over 16 or fewer is unrolled by the compiler before vectorisation, and
+#: is slower by half; from 48 on the stages of a step exceed the first-level cache.
 WIDTH = 32
-_CLOSE_ULPS = 100.0  # an end nearer than this many spacings of t is reached with the step
+_CLOSE_ULPS = 100.0  # an end closer than this many spacings of t is reached by the step
 
 
 class Motions(NamedTuple):
-    """What to integrate, one motion a row.
+    """The motions to integrate, one per row.
 
     Attributes:
       y0: (n, k) starts.
@@ -53,7 +53,7 @@ class Motions(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """What became of each motion.
+    """The results, one per motion.
 
     Attributes:
       y1: (n, k) states at the end; NaN unless the status is OK.
@@ -75,29 +75,29 @@ class Ends(NamedTuple):
 
     @property
     def ok(self) -> Array:
-        """(n,) whether each motion came to its end, or to where a watch stopped it."""
+        """(n,) whether each motion reached its end, or was stopped by a watch."""
         return self.status == Status.OK
 
     @property
     def message(self) -> str:
-        """How many motions ended how, and what to do about it; host only."""
+        """Number of motions with each status, and the remedies; host only."""
         codes, counts = np.unique(np.asarray(self.status), return_counts=True)
         lines = zip(counts.tolist(), codes.tolist(), strict=True)
         return "\n".join(f"{counted(n, 'motion')}: {Status(code).message}" for n, code in lines)
 
 
 class _Lane(NamedTuple):
-    """A motion under way; in a group every array has the lanes as last axis."""
+    """A motion in progress; in a group every array has the lanes as last axis."""
 
     row: Array  # () its row of the queue
-    running: Array  # () it wants another step
-    ended: Array  # () it has ended and is not written down yet
-    direction: Array  # () 1 or -1; the times below are turned about where it is -1
+    running: Array  # () whether it takes another step
+    ended: Array  # () whether it has ended and is not written yet
+    direction: Array  # () 1 or -1; the times below are negated where it is -1
     t: Array  # () time
     tnext: Array  # () end of the next step
     t1: Array  # () end
     y: Array  # (k,)
-    carry: Array  # (k,) what rounding left out of y
+    carry: Array  # (k,) rounding error of y, for the compensated sum
     status: Array
     steps: Array
     rejected: Array
@@ -114,14 +114,14 @@ def integrate(
     *,
     settings: Settings,
 ) -> Ends:
-    """The ends of the first `count` motions; the other rows mean nothing.
+    """The ends of the first `count` motions; the other rows are undefined.
 
     Args:
       shared: the field, with None where each motion has its own numbers.
       motions: the queue of n rows.
-      count: () how many of the rows there are to do.
-      limits: (2,) relative and absolute tolerance of one step, and the most steps.
-      watch: what looks at each accepted step of each motion; None for nothing.
+      count: () number of valid rows.
+      limits: (2,) relative and absolute tolerance of one step, and the maximum number of steps.
+      watch: the observer of accepted steps of each motion, or None.
       settings: the method.
     """
     n = motions.y0.shape[0]
@@ -132,14 +132,14 @@ def integrate(
     put = jax.lax.dynamic_update_index_in_dim
 
     def begin(row) -> _Lane:
-        last = jnp.minimum(row, n - 1)  # what idles when the queue is empty
+        last = jnp.minimum(row, n - 1)  # a valid row for idle lanes
         motion = jax.tree.map(lambda x: jax.lax.dynamic_index_in_dim(x, last, 0, False), motions)
         lane = work.begin(row, motion)
         wanted = row < count
         return lane._replace(running=wanted & lane.running, ended=wanted & ~lane.running)
 
     def change(carry):
-        """One lane that has ended is written down and makes room."""
+        """Write the result of one ended lane and start the next motion in it."""
         row, group, ends = carry
         j = jnp.argmax(group.ended)
         lane = jax.tree.map(lambda x: jax.lax.dynamic_index_in_dim(x, j, -1, False), group)
@@ -151,7 +151,7 @@ def integrate(
         row, group, ends = jax.lax.while_loop(lambda c: c[1].ended.any(), change, carry)
         return row, work.step(group), ends
 
-    # Lanes begin empty, as if they had ended; what they leave goes to a row after the last.
+    # Lanes start empty, as if they had ended; their results go to a row after the last.
     lane = jax.eval_shape(begin, jnp.zeros((), int))
     group = jax.tree.map(lambda s: jnp.zeros((*s.shape, WIDTH), s.dtype), lane)
     group = group._replace(row=jnp.full(WIDTH, n), ended=jnp.ones(WIDTH, bool))
@@ -237,7 +237,7 @@ class _Work(eqx.Module):
         return jax.vmap(self._judged, in_axes=-1, out_axes=-1)(group, y, carry, found.error)
 
     def _judged(self, lane: _Lane, y: Array, carry: Array, error: Array) -> _Lane:
-        """The lane after a step to y, if the step control keeps it."""
+        """The lane after a step to y, if the step control accepts it."""
         keep, t, tnext, _, control, result = self._control(lane.direction).adapt_step_size(
             lane.t, lane.tnext, lane.y, y, None, error, self.method.error_order, lane.control
         )
@@ -266,13 +266,13 @@ class _Work(eqx.Module):
             rejected=rejected,
             control=control,
         )
-        # A lane without a motion stays as it is: no NaN or infinity builds up in it.
+        # An idle lane stays unchanged: no NaN or infinity builds up in it.
         return jax.tree.map(functools.partial(jnp.where, lane.running), new, lane)
 
     def end(self, lane: _Lane) -> Ends:
-        """What is kept of a lane that has ended."""
+        """The result of a lane that has ended."""
         y = jnp.where(lane.status == Status.OK, lane.y, jnp.nan)
-        seen = lane.control[1]  # beside the nodes of samples, of which there are none
+        seen = lane.control[1]  # the first entry is the sample nodes, of which there are none
         t = lane.direction * lane.t
         return Ends(
             y1=y, t=t, status=lane.status, steps=lane.steps, rejected=lane.rejected, seen=seen

@@ -1,7 +1,7 @@
-"""What to look for while motions run: close returns, a stop, several things at once.
+"""Observers of running motions: close returns, a stopping condition, several together.
 
-A `Watch` sees every accepted step of a motion and reduces them to a few numbers, so that
-nothing of a long run has to be stored. These are for `ensemble.run`; `events` has its own.
+A `Watch` sees every accepted step of a motion and reduces them to a few numbers, so that a long
+run need not be stored. These are for `ensemble.run`; `events` has its own.
 """
 
 from collections.abc import Callable
@@ -20,13 +20,13 @@ _NEWTON_STEPS = 4  # steps of Newton's method for the least distance within a st
 
 
 class Gap(eqx.Module):
-    """How far a state is from another: `System.difference`, entries weighted.
+    """Distance of two states: `System.difference`, entries weighted.
 
-    Another module with the same call serves where returns count modulo something: a turn, a
+    Use another module with the same call where returns count modulo something: a turn, a
     permutation of bodies.
 
     Attributes:
-      system: what moves.
+      system: the system of the states.
       weight: (k,) or () factors of the entries, e.g. 1 / scale; 0 leaves one out.
     """
 
@@ -62,18 +62,18 @@ class CloseReturn(Watch):
     """The closest return to the start: the least of the local minima of |gap|.
 
     Between two steps the gap is the cubic with its values and slopes at both ends, which is
-    right to some 1e-4 of its size at the steps of tight tolerances: good for a guess, which
-    `orbits` polishes. A motion that only leaves its start has no return: infinite, at NaN. Two
-    returns within one step of the method count as one or none.
+    accurate to some 1e-4 of its size at the steps of tight tolerances: enough for an initial
+    guess. A motion that only leaves its start has no return: infinite, at NaN. Two returns
+    within one step of the method count as one or none.
 
     Attributes:
-      field: what moves the state.
-      later: () or (w,) time after the start from which on returns count; of several windows of
-        time each has its own closest return, so that a near one does not hide the others.
-      close: () the first return as close as this is taken. Without, a periodic motion may be
-        found to return after several periods, all being equally close but for rounding.
-      gap: `Gap` or a module of one's own, (y, start) -> (m,).
-      before: () or (w,) time after the start from which on they do not count any more.
+      field: the field of the motion.
+      later: () or (w,) time after the start from which on returns count; each of several windows
+        has its own closest return, so that a near one does not hide the others.
+      close: () the first return as close as this is taken. Without it, a periodic motion may be
+        found to return after several periods, all being equally close up to rounding.
+      gap: `Gap` or a custom module, (y, start) -> (m,).
+      before: () or (w,) time after the start until which returns count.
     """
 
     field: Field
@@ -87,7 +87,7 @@ class CloseReturn(Watch):
     def of(
         cls, scene: Scene, later=0.0, close=0.0, gap: Callable | None = None, before=jnp.inf
     ) -> "CloseReturn":
-        """The watch for a scene; all entries of the state count alike if no gap is given."""
+        """The watch for a scene; all entries of the state have equal weight by default."""
         gap = Gap(scene.system) if gap is None else gap
         later, close, before = floats(later, close, before)
         return cls(scene.field, later, close, gap, before)
@@ -127,7 +127,7 @@ class CloseReturn(Watch):
         ), jnp.zeros_like(keep)
 
     def _looked(self, t: Array, y: Array, start: Array) -> tuple[Array, Array]:
-        """(m,) the gap and its slope in the direction of the run, where t is turned about."""
+        """(m,) the gap and its slope in the direction of the run, where t is negated."""
         rate = self.direction * self.field.rate(self.direction * t, y)
         return jax.jvp(lambda y: self.gap(y, start), (y,), (rate,))
 
@@ -174,8 +174,8 @@ class _Cubic(NamedTuple):
 class Until(Watch):
     """Ends a motion with the first accepted step at whose end the condition holds.
 
-    For what is not worth going on with (an escape, a near collision); where the moment itself
-    is wanted, `events` finds it.
+    For motions not worth continuing (an escape, a near collision); for the time of the event
+    itself use `events`.
 
     Attributes:
       condition: a module, (t, y) -> () bool.
@@ -199,7 +199,7 @@ class Until(Watch):
 
 
 class Together(Watch):
-    """Several watches of one motion; what is remembered is the tuple of what each remembers."""
+    """Several watches of one motion; the memory is the tuple of their memories."""
 
     watches: tuple[Watch, ...]
 

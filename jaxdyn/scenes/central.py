@@ -69,7 +69,7 @@ def swept_angle(scene: Scene, t1=None, *, rtol: float = 1e-12) -> Array:
 
     Args:
       scene: one point in the plane with its effects.
-      t1: () end time [s]; the scene's own span if left out.
+      t1: () end time [s]; the scene's own span by default.
       rtol: tolerance of the integration.
     Returns:
       The angle, positive from x to y; NaN where the motion does not reach t1.

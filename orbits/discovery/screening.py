@@ -57,7 +57,7 @@ class Miss(eqx.Module):
     """A gap for `CloseReturn`: what a closing condition leaves open.
 
     Attributes:
-      system: what moves.
+      system: the system of the states.
       closing: the condition.
     """
 
