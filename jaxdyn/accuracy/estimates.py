@@ -9,9 +9,9 @@ Four independent ways, each giving an `Estimate` with its basis:
   map and summed without cancellation. An upper bound, to first order in the errors.
 - `by_halving`: equal steps, their halves and quarters, with the observed order.
 
-None knows what the equations leave out. All include what rounding does to the motion, see
-`rounding_error.rounding`; held to exact solutions, the first two are within a factor of 5 of the
-true error in 95 of 100 cases and more (tests/jaxdyn/accuracy/test_estimates.py).
+None detects errors of the equations. All include the effect of rounding, see
+`rounding_error.rounding`; compared with exact solutions, the first two are within a factor of 5 of
+the true error in at least 95 of 100 cases (tests/jaxdyn/accuracy/test_estimates.py).
 """
 
 from typing import NamedTuple

@@ -84,8 +84,8 @@ def trusted_time(
     Raises:
       ValueError: `digits` is not between 1 and `MOST_DIGITS`, or see `simulate`.
       IntegrationError: the end was not reached.
-    Limits: an estimate. Compared with motions in 60 digits, of double and triple pendulums and
-      three bodies, it is within a tenth of the true time (`jaxdyn hard`).
+    Limits: an estimate. Compared with motions in 60 digits and more, of double and triple
+      pendulums and three bodies, it is within a tenth of the true time (`jaxdyn hard`).
     Reference: Lighthill (1986), Proc. R. Soc. A 407, 35.
     Example:
       >>> from jaxdyn.accuracy import horizon

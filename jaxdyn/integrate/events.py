@@ -1,6 +1,6 @@
 """When something happens: the first time a function of the state crosses zero.
 
-`until` follows a motion to the first of several events; the folder `event_search` finds when.
+`until` follows a motion to the first of several events, found by the folder `event_search`.
 Derivatives, of any order, do not pass through the search: they follow the implicit function
 theorem, dt = -dg / (dg/dt), dy = (dy)_t + f dt.
 """

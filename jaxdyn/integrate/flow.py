@@ -4,7 +4,7 @@
 any number of times, in forward and reverse mode, under jit and vmap, in the start, the times
 and every number of the scene. Its derivative is not taken through the stepping loop (that
 would differentiate the choice of steps, compile slowly, and allow only one mode) but by the
-variational equations (`Variational`), integrated beside the state with the tangents in the
+variational equations (`Variational`), integrated together with the state, the tangents in the
 error norm. The result is a matrix; forward and reverse mode both multiply by it. So a gradient
 costs about as much as a Jacobian: right for the tens of numbers of a mechanics scene, not for
 thousands (a neural force).

@@ -1,9 +1,9 @@
 """How far a solution is from the exact one: a finer solution beside it, and rounding.
 
-A solution at a tolerance differs from one at a thousandth of it by its own error, but for a
-thousandth. That is the whole estimate while the finer one is finer. Below that rounding rules, of
-which two solutions may have the same share, so that their difference hides it. Its size is
-measured apart, by `rounding_error`.
+A solution at a tolerance differs from one at a thousandth of it by its own error, up to a
+thousandth. That is the whole estimate while the second one is more accurate. Once rounding
+dominates, both solutions may share the same rounding error, so that their difference hides it.
+It is measured separately, by `rounding_error`.
 
 This file has the arithmetic, for anything that can be run at a tolerance; it is used by
 `accuracy` and `simulate(digits=...)`.
@@ -32,12 +32,12 @@ FINEST = 1e-16  # relative tolerance; a smaller one only adds steps
 _BESIDE_RATIO = 3.0  # ratio of tolerances of equal quality but different steps
 _COARSENING = 10.0  # factor, where a tolerance is below what the scene allows
 _MAX_RTOL = 1e-2
-_MIN_ORDER = 0.5  # below it the steps are too large, or rounding is all there is
-_MAX_TRIES = 5  # of tolerances for a wanted number of digits
-_AIM_RATIO = 0.3  # of the wanted error to aim at, when a tolerance has missed it
-_NORMAL_MEDIAN = 0.6745  # of the size of a normal variable, in standard deviations
+_MIN_ORDER = 0.5  # below it the steps are too large, or rounding dominates
+_MAX_TRIES = 5  # of tolerances, to reach the requested digits
+_AIM_RATIO = 0.3  # of the requested error to aim at after a tolerance has missed it
+_NORMAL_MEDIAN = 0.6745  # of the magnitude of a normal variable, in standard deviations
 _STEPS_RATIO = 1.3  # times the steps that a finer solution takes
-_NEAR_LIMIT_DIGITS = 1.5  # digits from the limit, within which two draws do not tell on which side
+_NEAR_LIMIT_DIGITS = 1.5  # digits from the limit within which two draws do not decide
 _DRAWS_AT_LIMIT = 6
 _LIMIT_RTOL = 1e-12  # tolerance whose finer solution is the one that the limit is measured on
 

@@ -1,9 +1,9 @@
-"""What rounding does to a motion: solved again with every step perturbed a little, at random.
+"""The effect of rounding on a motion: it is solved again with random perturbations of each step.
 
-Two solutions may have the same share of rounding, so that their difference hides it. What the
-states change by when every step is off in the ninth digit, scaled to half of the last digit, is
-what rounding does, however it adds up on the way: on an orbit like the power 3/2 of the time, near
-an unstable motion exponentially.
+Two solutions may share the same rounding error, so that their difference hides it. The change of
+the states by relative perturbations in the ninth digit, scaled to half of the last digit, is the
+effect of rounding, however it accumulates: on an orbit like the power 3/2 of the time, near an
+unstable motion exponentially.
 """
 
 from collections.abc import Callable
@@ -19,9 +19,9 @@ from jaxdyn.solvers.rounding import Noise
 #: not reached.
 Run = Callable[..., Any]
 
-_PERTURBATIONS = (1e-9, 1e-13, 1e-15)  # of each step, relative, to see what rounding does
-_MAX_LINEAR_GAP = 0.1  # of the scale: motions farther apart have left each other
-_DRAWS = 2  # of random changes; with one, the effects of two steps may cancel
+_PERTURBATIONS = (1e-9, 1e-13, 1e-15)  # of each step, relative, to measure the effect of rounding
+_MAX_LINEAR_GAP = 0.1  # of the scale: motions farther apart do not differ linearly
+_DRAWS = 2  # of random perturbations; with one, the effects of two steps may cancel
 _EPS = float(np.finfo(float).eps)
 
 

@@ -1,8 +1,8 @@
-"""The variational equations: tangents that are carried along with a motion.
+"""The variational equations: tangents integrated together with a motion.
 
     d/dt V = (df/dy) V + (df/dp) P
 
-with one column of V for each number that is perturbed.
+with one column of V for each perturbed number.
 """
 
 import equinox as eqx
