@@ -7,7 +7,7 @@ over pairs of bodies, `_parts` checks what effects have in common.
 Positions and velocities are (n, d) arrays, masses (n,); forces are (n, d). The parameters of an
 effect are array leaves; the points that it acts on are fixed when it is made.
 
-May import: `jaxdyn`, that is the files beside the folders.
+May import: `jaxdyn`, that is the files at the top level.
 
 One more effect is a subclass of `Effect` in the file of its family with a `potential` or a `force`,
 `velocity_dependent` set if the force does not depend on velocity, a `check` of its parameters, and

@@ -5,7 +5,7 @@ angle, rotation vectors, quaternions, and their matrices), `frames` (components 
 makes a matrix a rotation), `euler` (Euler angles), `inertia` (inertia matrices and principal axes),
 `balance` (static and dynamic balancing), `kinematics` (motion seen from moving frames).
 
-May import: `jaxdyn`, that is the files beside the folders.
+May import: `jaxdyn`, that is the files at the top level.
 
 One more tool is a function in the file of its topic. It takes lists as well as arrays (`@arrays`),
 works under jit, vmap and grad, and says in its docstring what happens in degenerate cases.

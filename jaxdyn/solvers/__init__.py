@@ -1,4 +1,4 @@
-"""Solvers: what `simulate` may be given as ``solver``.
+"""Solvers: the values of the argument ``solver`` of `simulate`.
 
 - `Pair`: explicit, with a tolerance; the default. `NYSTROM12`, `VERNER9`, `DOPRI8`. With a step
   instead, for comparison: `EULER`, and the classic `RK4`.
@@ -13,15 +13,15 @@
 - `Radau`: L-stable and implicit, with a tolerance; stiff scenes. `RADAU5`, `RADAU9`.
 - An explicit Runge-Kutta solver of diffrax, such as ``diffrax.Tsit5()``; see `from_diffrax`.
 
-`choice` decides which of them a scene gets. What methods are made of: `method` (what each has to
-offer), `stepper` (one step as diffrax wants it), `pairs`, `order_conditions` (what rounded tables
-lack), `compositions`, `gauss`, `radau`, `stoermer`, the folder `taylor`, and `exchange` (with
-diffrax); `side_by_side` steps several motions at once, `rounding` magnifies rounding errors.
-`intervals` and `enclosures` bound the values of formulas over boxes.
+`choice` selects the one for a scene. Contents: `method` (the interface), `stepper` (one step as
+diffrax calls it), `pairs`, `order_conditions` (corrections of rounded tables), `compositions`,
+`gauss`, `radau`, `stoermer`, the folder `taylor`, and `exchange` (with diffrax); `side_by_side`
+steps several motions at once, `rounding` magnifies rounding errors. `intervals` and `enclosures`
+bound the values of formulas over boxes.
 
-May import: `jaxdyn`, that is the files beside the folders.
+May import: `jaxdyn`, that is the files at the top level.
 
-One more solver is a subclass of `Method` in a file of its own; the class and its ready instances
+One more solver is a subclass of `Method` in a file of its own; the class and its instances
 are exported below, and `jaxdyn run --solver` then takes them.
 """
 

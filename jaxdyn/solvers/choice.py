@@ -1,4 +1,4 @@
-"""Which method a scene is solved with: the one asked for, checked, or the one that fits best."""
+"""The method for a scene: the requested one, checked, or the default."""
 
 import diffrax
 
@@ -8,7 +8,7 @@ from jaxdyn.solvers.exchange import from_diffrax
 from jaxdyn.solvers.method import Method
 from jaxdyn.solvers.pairs import NYSTROM12, VERNER9
 
-#: What functions take as ``solver``.
+#: Type of the argument ``solver``.
 Solver = Method | diffrax.AbstractSolver
 
 
@@ -16,7 +16,7 @@ def method_of(solver: Solver) -> Method:
     """The method that a `solver` argument stands for.
 
     Raises:
-      ValueError: an implicit solver of diffrax, or no solver at all.
+      ValueError: `solver` is an implicit solver of diffrax, or not a solver.
     """
     if isinstance(solver, Method):
         return solver
@@ -29,15 +29,15 @@ def method_of(solver: Solver) -> Method:
 
 
 def default_solver(scene: Scene) -> Method:
-    """The method that a scene's effects call for."""
+    """The method that suits a scene's effects."""
     return NYSTROM12 if scene.second_order else VERNER9
 
 
 def chosen_method(scene: Scene, solver: Solver | None) -> Method:
-    """The method asked for, if it fits the scene, or the default one.
+    """The requested method, if it suits the scene, or the default one.
 
     Raises:
-      ValueError: a method for velocity-independent forces only, and a scene with others.
+      ValueError: `solver` requires velocity-independent forces, and the scene has others.
     """
     if solver is None:
         return default_solver(scene)
@@ -47,16 +47,16 @@ def chosen_method(scene: Scene, solver: Solver | None) -> Method:
             "solver",
             "one for forces that may depend on velocity",
             f"{method.name}, which requires velocity-independent forces",
-            "Leave the solver out, or take solvers.GAUSS12 for a long run that keeps energy.",
+            "Leave the solver out, or use solvers.GAUSS12 for a long run that conserves energy.",
         )
     return method
 
 
 def checked_method(scene: Scene, solver: Solver | None, dt=None) -> Method:
-    """`chosen_method`, where 64-bit floats are on and there is a step `dt` exactly if it needs one.
+    """`chosen_method`, with checks: 64-bit floats are on, and `dt` is given exactly if needed.
 
     Raises:
-      ValueError: 32-bit floats, a step for an adaptive method, or none for one of fixed step.
+      ValueError: 64-bit floats are off, or `dt` is given to an adaptive method or missing.
     """
     _checks.float64()
     method = chosen_method(scene, solver)
@@ -65,7 +65,7 @@ def checked_method(scene: Scene, solver: Solver | None, dt=None) -> Method:
             "dt",
             f"none, since {method.name} chooses its steps by rtol",
             dt,
-            "Leave it out, or take a solver of fixed step, such as solvers.KAHAN_LI8.",
+            "Leave it out, or use a solver of fixed step, such as solvers.KAHAN_LI8.",
         )
     if not method.adaptive and dt is None:
         raise _checks.fail(

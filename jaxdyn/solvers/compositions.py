@@ -1,17 +1,17 @@
 """Symplectic compositions: fixed steps of drifts and kicks, for long conservative runs.
 
 Where the acceleration does not depend on velocity, y = [q, v] moves exactly under each half of
-q' = v, v' = a(t, q) alone: a drift q += h v, a kick v += h a. A `Composition` takes turns,
+q' = v, v' = a(t, q) alone: a drift q += h v, a kick v += h a. A `Composition` alternates them,
 
     drift d_0, kick k_1, drift d_1, ... kick k_s, drift d_s   (sums of d and of k: 1),
 
-and is itself the exact motion of a nearby conservative scene: energies do not drift but swing by
-an amount of order h^p, for as long as the run lasts. It is symmetric, so a step back undoes it.
+and is itself the exact motion of a nearby conservative scene: energies do not drift but oscillate
+with an amplitude of order h^p, however long the run. It is symmetric, so a step back undoes it.
 Each drift and kick is a shear whatever its coefficients, so rounded ones still give a symplectic
 map, and its variational equations, stepped by the same method, give that map's exact tangents.
 
-For how long a run pays: an adaptive pair of order 12 is cheaper for equal error of the state;
-a composition keeps energy, and with it the shape of an orbit, over 1e5 periods and more.
+When to use it: an adaptive pair of order 12 is cheaper for equal error of the state; a composition
+conserves energy, and with it the shape of an orbit, over 1e5 periods and more.
 """
 
 import dataclasses
@@ -32,11 +32,11 @@ class Composition(Method):
     """A symmetric composition of drifts and kicks; it takes a step, not a tolerance.
 
     Attributes:
-      name: what reports call it.
+      name: its name in reports.
       order: its order.
       drifts: (s + 1,) lengths of the drifts, in steps.
       kicks: (s,) lengths of the kicks, in steps.
-      loops: over the stages: one, or 0 where they are written out.
+      loops: number of loops over the stages: one, or 0 where they are unrolled.
     """
 
     name: str
@@ -50,17 +50,17 @@ class Composition(Method):
 
     @property
     def error_order(self) -> int:
-        """No error is estimated; diffrax asks."""
+        """No error is estimated; required by diffrax."""
         return self.order
 
     @property
     def stages(self) -> int:
-        """Kicks a step."""
+        """Kicks per step."""
         return len(self.kicks)
 
     @property
     def evaluations(self) -> int:
-        """Accelerations a step."""
+        """Accelerations per step."""
         return self.stages
 
     def in_loops(self, n: int) -> "Composition":
@@ -74,7 +74,7 @@ class Composition(Method):
         one = runtime_one(h)
 
         def turn(time, kick, drift, dq, dv):
-            # Increments are summed apart from the state, and so keep digits of their own.
+            # Increments are summed separately from the state, to keep their low-order digits.
             x = q + dq if self.loops else materialised(q + dq, one)
             a = field(t + time * h, jnp.concatenate([x, v]))[half:]
             dv = dv + (kick * h) * a
@@ -98,7 +98,7 @@ class Composition(Method):
 
 
 def _palindrome(half: tuple[float, ...], n: int) -> list[float]:
-    """n numbers that add up to 1 and read the same both ways, from the first of them.
+    """A palindrome of n numbers with sum 1, from its first numbers.
 
     With n odd the one in the middle follows from the sum, with n even the two there.
     """
@@ -108,13 +108,13 @@ def _palindrome(half: tuple[float, ...], n: int) -> list[float]:
 
 
 def _of_verlet(name: str, order: int, steps: tuple[float, ...]) -> Composition:
-    """Verlet steps of these lengths one after the other, and back; the middle one follows."""
+    """A palindrome of Verlet steps of these lengths; the middle one follows."""
     kicks = _palindrome(steps, 2 * len(steps) + 1)
     drifts = [(a + b) / 2 for a, b in zip([0.0, *kicks], [*kicks, 0.0], strict=True)]
     return Composition(name=name, order=order, drifts=np.array(drifts), kicks=np.array(kicks))
 
 
-#: Stormer and Verlet, 1 acceleration a step: cheap where a few digits do.
+#: Stormer and Verlet, 1 acceleration per step: cheap where a few digits suffice.
 VERLET = _of_verlet("Verlet 2", 2, ())
 #: Blanes, Moan (2002), J. Comput. Appl. Math. 142, 313, the Nystrom method SRKN 14a.
 BLANES_MOAN6 = Composition(

@@ -1,11 +1,11 @@
 """Bounds of a calculation and of its derivatives over boxes, by interval arithmetic.
 
-Each number of a `graph.Graph` becomes a pair (low, high) between which it surely is while the
-unknowns run through a box, and so does each of its derivatives (`intervals`). All boxes are worked
-on at once, in NumPy.
+Each number of a `graph.Graph` becomes a pair (low, high) that encloses it while the unknowns run
+through a box, and so does each of its derivatives (`intervals`). All boxes are processed at once,
+in NumPy.
 
-Bounds may be wide: x - x over [0, 1] is [-1, 1], since nothing is known of how its terms are
-related. They shrink in proportion to the box.
+Bounds may be wide: x - x over [0, 1] is [-1, 1], since correlations between terms are ignored.
+They shrink in proportion to the box.
 """
 
 from collections.abc import Callable, Sequence
@@ -44,7 +44,7 @@ def enclosures(rates: Sequence[Number], inputs: dict[Node, Dual], cells: int) ->
     Args:
       rates: the numbers.
       inputs: bounds of the nodes they depend on, (cells,) and (n, cells).
-      cells: how many boxes there are.
+      cells: number of boxes.
     Raises:
       NotElementary: an operation without bounds.
     """
@@ -65,7 +65,7 @@ def enclosures(rates: Sequence[Number], inputs: dict[Node, Dual], cells: int) ->
 
 
 def _in_order(rates: Sequence[Number], known: dict[Node, Dual]) -> list[Node]:
-    """The nodes that the numbers need, each after those it is made of."""
+    """The nodes that the numbers need, each after its operands."""
     seen: set[Node] = set()
     todo = [x for x in rates if isinstance(x, Node)]
     while todo:
@@ -90,7 +90,7 @@ def _along(slope: Interval, factor: Interval) -> Interval:
 
 
 def _through(value: Interval, slope: Interval, of: Dual) -> Dual:
-    """A function with this value and slope at a number."""
+    """The chain rule: a function with this value and slope at a number."""
     return Dual(value, _along(of.slope, slope))
 
 
@@ -200,7 +200,7 @@ def _select(node: Node, bound: Bound) -> Dual:
             )
         )
 
-    # Where the choice may change within a box, the number may jump: no derivative is known.
+    # Where the choice may change within a box, the number may jump: no derivative exists.
     slope = chosen(no.slope, yes.slope)
     open_ = ~(never | always)
     slope = Interval(np.where(open_, -np.inf, slope.low), np.where(open_, np.inf, slope.high))

@@ -1,8 +1,8 @@
-"""Solvers exchanged with diffrax: its explicit Runge-Kutta solvers as methods, methods as its own.
+"""Exchange with diffrax: its explicit Runge-Kutta solvers as methods, methods as its solvers.
 
 `from_diffrax` takes the table of a solver, `to_diffrax` makes a solver of any method. The dense
-output of such a solver is the Hermite polynomial of states within the step, each of them one step
-of the method from its left end, and of the slopes there, as many as its order asks for.
+output of such a solver is the Hermite polynomial through states within the step, each of them one
+step of the method from its left end, and the slopes there, as many as its order needs.
 """
 
 import functools
@@ -26,14 +26,15 @@ Rows = tuple[tuple[float, ...], ...]
 def from_diffrax(solver: diffrax.AbstractSolver) -> Pair:
     """The pair of an explicit Runge-Kutta solver of diffrax, e.g. ``diffrax.Tsit5()``.
 
-    Equal solvers give the same pair, so a program compiled with it is found again. Functions that
-    take a ``solver`` call this themselves.
+    Equal solvers give the same pair, so compiled programs are reused. Functions with an argument
+    ``solver`` call this themselves.
 
     Args:
-      solver: an instance. Only its table is taken: diffrax's interpolation and its reuse of the
-        last stage have no part in it.
+      solver: an instance. Only its table is used, not diffrax's interpolation or its reuse of the
+        last stage.
     Raises:
-      ValueError: any other solver, since a `Pair` holds one strictly lower triangular table.
+      ValueError: `solver` is not explicit Runge-Kutta: a `Pair` has one strictly lower triangular
+        table.
     Example:
       >>> import diffrax
       >>> from_diffrax(diffrax.Tsit5()) is from_diffrax(diffrax.Tsit5())
@@ -47,7 +48,7 @@ def from_diffrax(solver: diffrax.AbstractSolver) -> Pair:
         got = solver if isinstance(solver, type) else type(solver)
         name = f"{getattr(got, '__name__', got)}, {reason}"
         raise _checks.fail("solver", "an explicit Runge-Kutta solver of diffrax", name, remedy)
-    # Not the solver itself: one with arrays among its fields has no hash.
+    # Not the solver itself: with arrays among its fields it has no hash.
     rows = tuple(_row(x) for x in (table.c, table.b_sol, table.b_error, *table.a_lower))
     return _pair(type(solver).__name__, solver.order(diffrax.ODETerm(_nothing)), rows)
 
@@ -82,15 +83,15 @@ def _nothing(t, y, args):
 
 def _unsuitable(solver, table) -> tuple[str, str]:
     """Why a solver has no explicit table, and what to take instead; empty where it has one."""
-    stiff = "Take solvers.RADAU9, which is implicit, for stiff scenes."
+    stiff = "Use solvers.RADAU9, which is implicit, for stiff scenes."
     if not isinstance(solver, diffrax.AbstractSolver):
-        return "which is none", "Pass an instance, such as diffrax.Tsit5()."
+        return "which is not a solver", "Pass an instance, such as diffrax.Tsit5()."
     if isinstance(table, diffrax.MultiButcherTableau):
         return "which splits the rate into an explicit and an implicit part", stiff
     if isinstance(solver, diffrax.AbstractImplicitSolver) or getattr(table, "implicit", False):
         return "which is implicit", stiff
     if not isinstance(table, diffrax.ButcherTableau) or solver.order(None) is None:
-        return "which has no Butcher tableau of an ODE", "Take one of jaxdyn.solvers."
+        return "which has no Butcher tableau of an ODE", "Use one of jaxdyn.solvers."
     return "", ""
 
 
@@ -98,11 +99,11 @@ class HermiteStep(diffrax.AbstractLocalInterpolation):
     """The polynomial through states and slopes at nodes of a step.
 
     Attributes:
-      t0: () begin of the step.
+      t0: () beginning of the step.
       t1: () end of the step.
-      y0: (k,) state at its begin.
-      increments: (m, k) how far the states at the m nodes are from y0.
-      slopes: (m, k) rates there times the step.
+      y0: (k,) state at its beginning.
+      increments: (m, k) differences of the states at the m nodes from y0.
+      slopes: (m, k) slopes there times the step.
     """
 
     t0: Array
@@ -130,12 +131,12 @@ class HermiteStep(diffrax.AbstractLocalInterpolation):
 
 @functools.cache
 def _nodes(m: int) -> np.ndarray:
-    """(m,) parts of a step, from 0 to 1, denser at its ends so that the polynomial stays close."""
+    """(m,) nodes of a step, from 0 to 1, denser at its ends to avoid oscillations."""
     return 0.5 - 0.5 * np.cos(np.pi * np.arange(m) / (m - 1))
 
 
 class _Handed(diffrax.AbstractSolver):
-    """A method as a solver of diffrax; its state is what rounding left out of the last sum."""
+    """A method as a solver of diffrax; its state is the rounding error of the last sum."""
 
     method: Method = eqx.field(static=True)
     term_structure: ClassVar = diffrax.ODETerm
@@ -158,7 +159,7 @@ class _Handed(diffrax.AbstractSolver):
             return jnp.zeros_like(y0)
         half, odd = divmod(y0.size, 2)
         if odd:
-            raise _checks.fail("y0", "[q, v], as long as each other", f"{y0.size} entries")
+            raise _checks.fail("y0", "[q, v] of equal lengths", f"{y0.size} entries")
         blind = terms.vf(t0, y0.at[half:].set(jnp.nan), args)[half:]
         rate = terms.vf(t0, y0, args)
         fits = (rate[:half] == y0[half:]).all() & jnp.array_equal(rate[half:], blind)
@@ -168,7 +169,7 @@ class _Handed(diffrax.AbstractSolver):
 
     def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
         del made_jump
-        # Backwards in time diffrax counts t upwards and turns the control about: h < 0.
+        # Backwards in time diffrax increases t and negates the control: h < 0.
         h = terms.contr(t0, t1)
         sign = jnp.where(h < 0, -1.0, 1.0)
         method, start = self.method.in_loops(1), sign * t0
@@ -183,7 +184,7 @@ class _Handed(diffrax.AbstractSolver):
             increment = method.advance(field, start, part * h, y0).increment
             return increment, h * field(start + part * h, y0 + increment)
 
-        # Not computed where nothing is asked for between steps.
+        # Not computed where no output between steps is requested.
         ends = jnp.zeros_like(y0), y1 - y0
         begin, end = h * field(start, y0), h * field(start + h, y1)
         nodes = _nodes(max(2, (self.method.order + 2) // 2))
@@ -207,18 +208,20 @@ class _Handed(diffrax.AbstractSolver):
 def to_diffrax(method: Method) -> diffrax.AbstractSolver:
     """A method of `jaxdyn.solvers` as a solver for ``diffrax.diffeqsolve``.
 
-    Sums are compensated; between steps ``SaveAt(ts=...)`` and ``SaveAt(dense=True)`` are as right
-    as the steps.
+    Sums are compensated; ``SaveAt(ts=...)`` and ``SaveAt(dense=True)`` are as accurate as the
+    steps.
 
     Args:
-      method: any. One of fixed step takes ``diffrax.ConstantStepSize``; one for positions only,
-        such as `NYSTROM12`, requires a state [q, v] with dq/dt = v and dv/dt free of v; the solve
-        fails with a message if a look at its start shows another.
+      method: any. One of fixed step takes ``diffrax.ConstantStepSize``; one that requires
+        velocity-independent forces, such as `NYSTROM12`, requires a state [q, v] with dq/dt = v
+        and dv/dt independent of v; the solve fails with a message if a test at its start shows
+        otherwise.
     Raises:
-      ValueError: no method; in the solve, a state that is not one array (k,) of 64-bit floats.
-    Limits: samples cost: output between steps takes a few more steps within each, half as many as
-      the order of the method. Constraints of a scene hold as well as the tolerance, since nothing
-      projects states onto them. Methods that iterate (`Gauss`, `Radau`) have no reverse mode.
+      ValueError: `method` is not a method; in the solve, the state is not one array (k,) of 64-bit
+        floats.
+    Limits: dense output costs a few more steps within each, half as many as the order of the
+      method. Constraints of a scene hold only to the tolerance, since states are not projected
+      onto them. Methods that iterate (`Gauss`, `Radau`) have no reverse mode.
     Example:
       >>> import diffrax
       >>> from jaxdyn.solvers import VERNER9
@@ -235,5 +238,5 @@ def to_diffrax(method: Method) -> diffrax.AbstractSolver:
     return _Handed(method)
 
 
-#: Prince and Dormand (1981), 13 stages, as diffrax has it: the second opinion on the others.
+#: Prince and Dormand (1981), 13 stages, as in diffrax: the second method for error estimates.
 DOPRI8 = from_diffrax(diffrax.Dopri8())

@@ -1,17 +1,17 @@
-"""Gauss-Legendre collocation: symplectic for any conservative scene, also where forces see v.
+"""Gauss-Legendre collocation: symplectic also for velocity-dependent forces.
 
 s stages at the Gauss nodes give order 2 s. The step is implicit; with L_i = h b_i f(Y_i),
 
     Y_i = y + sum_j mu_ij L_j,    y1 = y + sum_j L_j,    mu_ij + mu_ji = 1,
 
-and the last property, which makes the method symplectic and keeps every quadratic invariant,
+and the last property, which makes the method symplectic and conserves every quadratic invariant,
 holds exactly for the rounded mu_ij here (Antonana, Makazaga, Murua 2017, Numer. Algorithms 76,
-861). The equations are solved by fixed-point iteration until rounding stops it, so that what is
-left is rounding and not a bias (Hairer, McLachlan, Razakarivony 2008, BIT 48, 231).
+861). The equations are solved by fixed-point iteration until rounding stops it, so that the
+remaining error is rounding and not a bias (Hairer, McLachlan, Razakarivony 2008, BIT 48, 231).
 
 Symplectic in coordinates that are canonical, or canonical after a linear map: q and v of free
 points with magnetic or gyroscopic forces. Where the mass matrix depends on q, and for projected
-constraints, the map is still symmetric: reversible motions keep their energy for long.
+constraints, the map is still symmetric: energies of reversible motions do not drift.
 """
 
 import dataclasses
@@ -24,8 +24,8 @@ from jaxtyping import Array
 
 from jaxdyn.solvers.method import Advance, Method, Rate
 
-_MAX_ITERATIONS = 100  # of the iteration at most; a step for which that is not enough is too long
-#: Iterations end when they change nothing or less than rounding; this much is no solution.
+_MAX_ITERATIONS = 100  # at most; a step that needs more is too long
+#: Iterations end at changes below rounding; a change as large as this is no convergence.
 _MAX_LAST_CHANGE = 1e-10
 
 
@@ -45,7 +45,7 @@ def collocation(c: np.ndarray) -> np.ndarray:
 def mixed(matrix: np.ndarray, x: Array) -> Array:
     """(..., r): a matrix (r, s) applied to the last axis of x (..., s).
 
-    A sum written out: a product of matrices would keep the stepping loop from being folded.
+    An unrolled sum: a product of matrices would prevent fusion of the stepping loop.
     """
     return jnp.sum(x[..., None, :] * matrix.reshape(*[1] * (x.ndim - 1), *matrix.shape), axis=-1)
 
@@ -55,7 +55,7 @@ class Gauss(Method):
     """Gauss-Legendre collocation with fixed steps.
 
     Attributes:
-      name: what reports call it.
+      name: its name in reports.
       c: (s,) nodes.
       b: (s,) weights.
       mu: (s, s) stage weights a_ij / b_j.
@@ -76,12 +76,12 @@ class Gauss(Method):
 
     @property
     def error_order(self) -> int:
-        """No error is estimated; diffrax asks."""
+        """No error is estimated; required by diffrax."""
         return self.order
 
     @property
     def stages(self) -> int:
-        """Right-hand sides a round."""
+        """Right-hand sides per iteration."""
         return len(self.c)
 
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
@@ -116,7 +116,7 @@ def _gauss(name: str, s: int) -> Gauss:
     x, w = np.polynomial.legendre.leggauss(s)
     c, b = (x + 1) / 2, w / 2
     mu = collocation(c) / b
-    # Of each pair the larger: one minus it is exact.
+    # The larger of each pair: one minus it is exact.
     mu = np.where(mu >= mu.T, mu, 1.0 - mu.T)
     np.fill_diagonal(mu, 0.5)
     return Gauss(name=name, c=c, b=b, mu=mu)

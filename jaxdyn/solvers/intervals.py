@@ -1,8 +1,8 @@
-"""Interval arithmetic: pairs of numbers between which another surely is, whatever rounding does.
+"""Interval arithmetic: rigorous bounds of numbers, including rounding.
 
 Every result is widened by its rounding, so the bounds hold for real numbers; underflow alone is
-not accounted for. An infinite bound stands for numbers that are all finite, so 0 times it is 0. A
-division by an interval that contains 0 gives the whole line, and so does whatever is not known.
+not accounted for. An infinite bound encloses finite numbers only, so 0 times it is 0. A division
+by an interval that contains 0 gives the whole line, and so does any unknown result.
 
 Reference: Moore, Kearfott, Cloud (2009), Introduction to Interval Analysis.
 """
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-ROUNDING = 2.0**-52  # relative: of one operation, and of the product that widens
+ROUNDING = 2.0**-52  # relative: of one operation, and of the product that widens its result
 FUNCTION_ROUNDING = 2.0**-50  # relative: of an elementary function, 4 units in the last place
 
 
@@ -29,7 +29,7 @@ def point(x: np.ndarray) -> Interval:
 
 
 def _widened(low: np.ndarray, high: np.ndarray, by: float = ROUNDING) -> Interval:
-    """Bounds with what rounding may have done to them; NaN, as of infinity by 0, is no bound."""
+    """Bounds widened by rounding; NaN, as of infinity times 0, becomes no bound."""
     low, high = low - by * np.abs(low), high + by * np.abs(high)
     return Interval(np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high))
 
@@ -46,7 +46,7 @@ def negative(a: Interval) -> Interval:
 
 def multiply(a: Interval, b: Interval) -> Interval:
     """Bounds of a product."""
-    # 0 times infinity is 0 here: an infinite bound stands for numbers, all of them finite.
+    # 0 times infinity is 0 here: an infinite bound encloses finite numbers only.
     corners = [np.where((x == 0) | (y == 0), 0.0, x * y) for x in a for y in b]
     low = np.minimum(np.minimum(corners[0], corners[1]), np.minimum(corners[2], corners[3]))
     high = np.maximum(np.maximum(corners[0], corners[1]), np.maximum(corners[2], corners[3]))
@@ -57,7 +57,7 @@ def inverse(a: Interval) -> Interval:
     """Bounds of 1 / a, the whole line where a may have either sign."""
     inside = (a.low <= 0) & (a.high >= 0)
     low, high = np.where(inside, -np.inf, 1 / a.high), np.where(inside, np.inf, 1 / a.low)
-    # One-sided where 0 is a bound, as of a distance.
+    # One-sided where 0 is a bound, as for a distance.
     high = np.where((a.low > 0) | (a.high < 0), high, np.inf)
     low = np.where((a.low == 0) & (a.high > 0), 1 / a.high, low)
     high = np.where((a.high == 0) & (a.low < 0), 1 / a.low, high)
@@ -79,7 +79,7 @@ def hull(a: Interval, b: Interval) -> Interval:
 
 
 def rising(fn: Callable, a: Interval) -> Interval:
-    """Bounds of a function that rises; where it has no value, none are known."""
+    """Bounds of an increasing function; none where it is undefined."""
     return _widened(fn(a.low), fn(a.high), FUNCTION_ROUNDING)
 
 
@@ -87,7 +87,7 @@ def cosine(a: Interval, shift: float) -> Interval:
     """Bounds of cos(a - shift pi), shift 0 or 1/2: 1 at even multiples of pi, -1 at odd ones."""
     ends = [np.cos(x) if shift == 0 else np.sin(x) for x in a]
     low, high = _widened(np.minimum(*ends), np.maximum(*ends), FUNCTION_ROUNDING)
-    # In turns, widened: a multiple of pi too many only makes bounds wider.
+    # In turns, widened: an extra multiple of pi only makes bounds wider.
     first, last = _widened(a.low / np.pi - shift, a.high / np.pi - shift, 8 * FUNCTION_ROUNDING)
     first, last = first - FUNCTION_ROUNDING, last + FUNCTION_ROUNDING
     high = np.where(2 * np.floor(last / 2) >= first, 1.0, high)
@@ -106,7 +106,7 @@ def by_number(factor: float, a: Interval) -> Interval:
 
 
 def real_power(a: Interval, n: float) -> Interval:
-    """Of a number that is not negative; of one that may be nothing is known."""
+    """Bounds of a^n for a not negative; the whole line where a may be negative."""
     ends = a.low**n, a.high**n
     low, high = np.minimum(*ends), np.maximum(*ends)
     unknown = a.low < 0

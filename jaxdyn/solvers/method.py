@@ -1,7 +1,7 @@
-"""What every solver is: a name, an order, and one pure function from a state to its increment.
+"""The interface of solvers: a name, an order, and a pure function of a state to its increment.
 
-`Method.advance` is all that a solver has to offer. Steps, samples and event times are built from
-it elsewhere, so a new solver is one new file here.
+`Method.advance` is all that a solver has to define. Steps, samples and event times are built on it
+elsewhere, so a new solver is one new file here.
 """
 
 import abc
@@ -20,20 +20,20 @@ from jaxdyn import _checks
 #: A rate (t, y) -> dy/dt.
 Rate = Callable[[Array, Array], Array]
 
-#: Slopes whose difference is below this part of them are equal but for rounding.
+#: Slopes with a smaller relative difference are equal up to rounding.
 _ROUNDING = 1e-13
 
 
 class Advance(NamedTuple):
-    """What one step found.
+    """The result of one step.
 
     Attributes:
       increment: (k, ...) change of the state.
       error: (k, ...) estimate of its error; zero for a method of fixed step.
-      rest: (k, ...) what the increment lacks because its coefficients are rounded: too small
-        to be added to it, but the compensated sum over many steps keeps it.
-      speed: () how fast the fastest part of the motion is in units of the step, |h lambda|;
-        zero where the method does not look.
+      rest: (k, ...) correction for the rounding of the coefficients: too small to be added to
+        the increment, but the compensated sum over many steps retains it.
+      speed: () |h lambda| of the fastest part of the motion; zero where the method does not
+        estimate it.
       converged: () whether implicit equations were solved.
     """
 
@@ -47,11 +47,11 @@ class Advance(NamedTuple):
 class Method(abc.ABC):
     """A one-step method.
 
-    Compared and hashed by identity, so that it is a cheap static argument of jit.
+    Compared and hashed by identity: a cheap static argument of jit.
 
     Attributes:
-      name: what reports call it.
-      order: order of the solution that is carried on.
+      name: its name in reports.
+      order: order of the solution that is propagated.
       error_order: exponent p of the error estimate's h^p.
       position_only: whether it requires a state [q, v] and velocity-independent forces.
       stable: |h lambda| up to which an explicit method is stable; infinite for others.
@@ -65,12 +65,12 @@ class Method(abc.ABC):
     stable: float
     adaptive: bool
     #: A step is limited by stability, not by accuracy, if it is longer than this part of the
-    #: stable one; where accuracy rules, steps stay shorter, also at rtol 1e-3 (tested).
+    #: stable one; where accuracy limits steps, they stay shorter, also at rtol 1e-3 (tested).
     alarm: ClassVar[float] = 0.7
 
     @property
     def evaluations(self) -> float:
-        """Right-hand sides a step; NaN where that is not one number, or none."""
+        """Right-hand sides per step; NaN where that varies or is unknown."""
         return math.nan
 
     @property
@@ -81,22 +81,22 @@ class Method(abc.ABC):
     def in_loops(self, n: int) -> "Method":
         """The same method as a smaller program, with its stages in at most n successive loops.
 
-        A method that has only one form, such as one that iterates, returns itself. Equal calls
-        return the same object, so that nothing compiles twice. Tables of many stages run faster
-        in two loops than in one.
+        A method with only one form, such as an iterative one, returns itself. Equal calls return
+        the same object, so that nothing compiles twice. Tables of many stages run faster in two
+        loops than in one.
         """
         del n
         return self
 
     @property
     def term_structure(self) -> NoReturn:
-        """What diffrax asks of a solver first; raises ValueError that says how to hand it over."""
-        remedy = "Pass jaxdyn.solvers.to_diffrax(...) of it."
+        """The first attribute that diffrax reads; raises a ValueError that names `to_diffrax`."""
+        remedy = "Pass jaxdyn.solvers.to_diffrax(solver)."
         raise _checks.fail("solver", "a solver of diffrax", f"{self.name} of jaxdyn", remedy)
 
     @abc.abstractmethod
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
-        """Increment of y over [t, t + h], and all that is known of it.
+        """Increment of y over [t, t + h], with its error estimate.
 
         Args:
           field: (t, y) -> dy/dt.
@@ -116,16 +116,16 @@ def in_loops(method: M, n: int) -> M:
 
 
 def fastest(k: Array, shift: Array, whole: Array) -> Array:
-    """() |difference of two slopes| / |difference of what they were taken at|, in steps.
+    """() |difference of two slopes| / |difference of their arguments|, per step.
 
-    Differences below rounding say nothing; they count as small.
+    Differences below rounding are not significant and count as small.
     """
     noise = _ROUNDING * jnp.max(jnp.abs(whole))
     return jnp.max(jnp.abs(k)) / (jnp.max(jnp.abs(shift)) + noise)
 
 
 def grows_from(growth: Callable[[float], float]) -> float:
-    """The z up to which a method is stable; `growth` is that of a test equation's solution."""
+    """The z up to which a method is stable; `growth` is the factor of a test equation."""
     for z in np.arange(0.05, 30.0, 0.05):
         if growth(z) > 1 + 1e-3:
             break

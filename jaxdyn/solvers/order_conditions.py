@@ -1,21 +1,21 @@
-"""What rounded weights of a Runge-Kutta or Nystrom table lack of the order conditions.
+"""Corrections of the rounded weights of Runge-Kutta and Nystrom tables.
 
 Rounded tables break the order conditions in the 17th digit, at every step in the same way, so that
 energies drift in proportion to time although each sum is compensated. A change of a few weights
-restores them; `Advance.rest` carries what it adds to a step.
+restores them; `Advance.rest` carries its effect on a step.
 """
 
 from fractions import Fraction
 
 import numpy as np
 
-_CORRECTED_STAGES = 4  # stages whose weights get more digits
+_CORRECTED_STAGES = 4  # stages whose weights are corrected
 
 
 def lacking(
     c: np.ndarray, a: np.ndarray, weights: np.ndarray, order: int, *, position_only: bool
 ) -> np.ndarray:
-    """(w, s) a change of few of the weights that mends what rounding broke.
+    """(w, s) a correction of a few weights that restores the order conditions.
 
     Defects of the order conditions are found in rational arithmetic; they are so small that
     the change need only be right to a few digits. The vectors of the conditions are nearly
@@ -60,7 +60,7 @@ def _conditions(
     if position_only:
         trees = [(1, one, 1), (2, c, 2), (3, times(c, c), 3), (3, g, 6)]
         trees += [(4, times(c, times(c, c)), 4), (4, times(c, g), 8), (4, applied(c), 24)]
-        if row == 0:  # one order later, weighted by what is left of the step
+        if row == 0:  # one order later, weighted by the remainder of the step
             left = (2, 6, 12, 24)
             trees = [(n + 1, x, w) for (n, x, _), w in zip(trees[:4], left, strict=True)]
     else:

@@ -1,16 +1,17 @@
 """Explicit pairs: Runge-Kutta for any vector field, Nystrom for velocity-independent forces.
 
 A `Pair` is a table of coefficients; one whose error weights are all zero (`EULER`, `RK4`)
-estimates no error and takes equal steps. Two forms of one step, equal but for rounding:
+estimates no error and takes equal steps. Two forms of one step, equal up to rounding:
 
-- unrolled: one expression a stage. Compiles to straight code, the fastest for one trajectory.
+- unrolled: one expression per stage. Compiles to straight-line code, the fastest for one
+  trajectory.
 - rolled: loops over stages with buffers. Compiles several times faster and runs faster where
   each stage is wide, as for the variational equations with their many columns. One loop passes
   over the whole buffer at each stage; of two the first passes over half of it.
 
 Coefficient tables are package data (``data/*.json``): decimal strings or fractions, rounded
-once to float64. `order_conditions` finds what that takes from the weights, and `Advance.rest`
-carries it.
+once to float64. `order_conditions` corrects the rounding of the weights, and `Advance.rest` carries
+the correction.
 """
 
 import bisect
@@ -37,15 +38,15 @@ class Pair(Method):
     """An embedded pair of explicit one-step methods.
 
     Attributes:
-      name: what reports call it.
-      order: order of the solution that is carried on.
+      name: its name in reports.
+      order: order of the solution that is propagated.
       error_order: exponent p of the error estimate's h^p.
       c: (s,) nodes.
       a: (s, s) strictly lower triangular stage weights.
       weights: (2, w, s) rows of solution weights and of error weights; w = 1 for a
         Runge-Kutta pair, w = 2 (positions, velocities) for a Nystrom pair.
       position_only: whether the stages are accelerations of a second-order system.
-      loops: over the stages, one after the other; 0 where they are written out.
+      loops: number of successive loops over the stages; 0 where they are unrolled.
     """
 
     name: str
@@ -64,17 +65,17 @@ class Pair(Method):
 
     @property
     def stages(self) -> int:
-        """Rows of the table."""
+        """Number of stages."""
         return len(self.c)
 
     @property
     def evaluations(self) -> int:
-        """Right-hand sides a step."""
+        """Right-hand sides per step."""
         return self.stages
 
     @functools.cached_property
     def lacking(self) -> np.ndarray:
-        """(w, s) what the solution weights lack because the table is rounded."""
+        """(w, s) the correction of the rounded solution weights."""
         return lacking(
             self.c, self.a, self.weights[0], self.order, position_only=self.position_only
         )
@@ -86,7 +87,7 @@ class Pair(Method):
 
     @functools.cached_property
     def twins(self) -> tuple[int, int] | None:
-        """The last two stages at one time: their difference shows the fastest rate there is."""
+        """The last two stages at equal times: their difference estimates the fastest rate."""
         same = [(i, j) for j in range(self.stages) for i in range(j) if self.c[i] == self.c[j]]
         return same[-1] if same else None
 
@@ -99,7 +100,7 @@ class Pair(Method):
         one = runtime_one(h)
 
         def keep(x):
-            # The loops over stages keep their arrays by themselves.
+            # The loops over stages keep their arrays anyway.
             return x if self.loops else materialised(x, one)
 
         if not self.position_only:
@@ -118,8 +119,8 @@ class Pair(Method):
 
         def acceleration(c, shift):
             x = keep(q + (c * h) * v + (h * h) * shift)
-            # Velocities take no part in it, and XLA drops what computes dq/dt. In a loop it would
-            # copy them at each stage.
+            # Accelerations do not depend on velocities, and XLA drops what computes dq/dt. In a
+            # loop it would copy them at each stage.
             return field(t + c * h, jnp.concatenate([x, still]))[half:]
 
         *found, q_rest, v_rest, ratio = sums(acceleration, q)
@@ -131,7 +132,7 @@ class Pair(Method):
 
     @property
     def _rows(self) -> np.ndarray:
-        """(3 w, s) weights of the solution, of the error, and of what the solution lacks."""
+        """(3 w, s) weights of the solution, of the error, and of the correction."""
         return np.concatenate([*self.weights, self.lacking])
 
     def _unrolled(self, slope: Callable, like: Array) -> list[Array]:
@@ -156,7 +157,7 @@ class Pair(Method):
 
         def weighted(rows):
             # One row at a time: XLA turns a product with several rows into a custom fusion,
-            # which would keep the whole stepping loop from being folded.
+            # which would prevent fusion of the stepping loop.
             terms = [row[None] @ k.reshape(len(k), -1) for row, k in rows]
             return functools.reduce(jnp.add, terms).reshape(like.shape)
 
@@ -183,13 +184,13 @@ class Pair(Method):
 
 
 def _row(parts: list[Array], edges: list[int], i: int) -> Array:
-    """Row i of arrays that follow each other, the first rows of which are `edges`."""
+    """Row i of concatenated arrays whose first rows are `edges`."""
     part = bisect.bisect_right(edges, i) - 1
     return parts[part][i - edges[part]]
 
 
 def _growth(pair: Pair, z: float) -> float:
-    """By what a step of length 1 multiplies the solution of y' = -z y, or of q'' = -z^2 q."""
+    """Growth factor of a step of length 1 for the solution of y' = -z y, or of q'' = -z^2 q."""
     eye, one = np.eye(pair.stages), np.ones(pair.stages)
     if not pair.position_only:
         return abs(1 - z * pair.weights[0, 0] @ np.linalg.solve(eye + z * pair.a, one))
@@ -221,7 +222,7 @@ def _load(file: str, name: str, order: int, error_order: int) -> Pair:
     )
 
 
-#: Euler's method, explicit: one right-hand side a step, no error estimate.
+#: Euler's method, explicit: one right-hand side per step, no error estimate.
 EULER = Pair(
     name="Euler",
     order=1,

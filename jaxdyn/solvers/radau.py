@@ -1,12 +1,12 @@
 """Radau IIA collocation: an L-stable implicit pair for stiff scenes.
 
 s stages at the Radau nodes give order 2 s - 1; parts of the motion that are much faster than a
-step are damped away instead of limiting it (Hairer, Wanner, Solving Ordinary Differential
-Equations II, IV.8). With Z_i = Y_i - y the equations Z = h A F(y + Z) are solved by simplified
-Newton iterations: one Jacobian a step, and the eigenvectors of A take the system of s k unknowns
-apart into (s + 1) / 2 of k unknowns, one real and the others complex, inverted without LAPACK.
-Iterations go on until rounding stops them; what the last one still changed counts as error, so a
-step that does not converge is rejected like one that is too long.
+step are damped instead of limiting it (Hairer, Wanner, Solving Ordinary Differential Equations II,
+IV.8). With Z_i = Y_i - y the equations Z = h A F(y + Z) are solved by simplified Newton
+iterations: one Jacobian per step, and the eigenvectors of A split the system of s k unknowns into
+(s + 1) / 2 of k unknowns, one real and the others complex, inverted without LAPACK. Iterations
+continue until rounding stops them; the last change counts as error, so a step that does not
+converge is rejected like one that is too long.
 """
 
 import dataclasses
@@ -21,8 +21,8 @@ from jaxtyping import Array
 from jaxdyn.solvers.gauss import collocation, mixed
 from jaxdyn.solvers.method import Advance, Method, Rate
 
-_MAX_ITERATIONS = 25  # of Newton's iteration at most
-_CONVERGED = 1e-15  # relative change that is nothing any more
+_MAX_ITERATIONS = 25  # Newton iterations at most
+_CONVERGED = 1e-15  # relative change below which an iteration has converged
 _TINY = 1e-200
 
 
@@ -31,7 +31,7 @@ class Radau(Method):
     """Radau IIA collocation with an embedded formula for its error.
 
     Attributes:
-      name: what reports call it.
+      name: its name in reports.
       c: (s,) nodes, the last of them 1.
       a: (s, s) stage weights; the last row is that of the solution.
     """
@@ -45,7 +45,7 @@ class Radau(Method):
 
     @property
     def order(self) -> int:
-        """Of the solution."""
+        """Order of the solution."""
         return 2 * self.stages - 1
 
     @property
@@ -55,14 +55,14 @@ class Radau(Method):
 
     @property
     def stages(self) -> int:
-        """Right-hand sides a Newton iteration."""
+        """Right-hand sides per Newton iteration."""
         return len(self.c)
 
     @functools.cached_property
     def _apart(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(m,) eigenvalues of a, real one first, (m, s) maps to and (s, m) from their systems.
 
-        One of each complex pair; the real part of twice its share is the share of both.
+        One of each complex pair; twice its real part is the contribution of both.
         """
         values, vectors = np.linalg.eig(self.a)
         inverse = np.linalg.inv(vectors)
@@ -115,11 +115,11 @@ class Radau(Method):
 
 
 def _jacobian(field: Rate, t: Array, y: Array) -> Array:
-    """(k, k) of the state; where columns of tangents come with it, of the state among them."""
+    """(k, k) Jacobian of the state, also where tangents are integrated with it."""
     place = [(0, 0, 0)] + [(0, n - 1, 0) for n in y.shape[1:]]
 
     def rate(x):
-        # The state stands in the first column, whose rate knows nothing of the others.
+        # The state is the first column, whose rate does not depend on the others.
         whole = jax.lax.pad(x.reshape(-1, *[1] * (y.ndim - 1)), jnp.zeros((), x.dtype), place)
         return field(t, whole).reshape(y.shape[0], -1)[:, 0]
 
@@ -129,8 +129,8 @@ def _jacobian(field: Rate, t: Array, y: Array) -> Array:
 def _inverses(mus: Array, jacobian: Array) -> Array:
     """(m, k, k) inverses of 1 - mu J, by Gauss-Jordan elimination with pivoting.
 
-    Rows are not swapped but chosen: that needs no scatter, which would keep the stepping loop
-    from being folded. A singular matrix gives NaN, and the step is rejected.
+    Rows are not swapped but selected: that needs no scatter, which would prevent fusion of the
+    stepping loop. A singular matrix gives NaN, and the step is rejected.
     """
     k = jacobian.shape[0]
     eye = jnp.eye(k, dtype=mus.dtype)
@@ -158,7 +158,7 @@ def _inverses(mus: Array, jacobian: Array) -> Array:
 
     start = (x, jnp.zeros((len(mus), k, k), x.dtype), jnp.ones((len(mus), k), bool))
     x, order, _ = jax.lax.fori_loop(0, k, eliminate, start)
-    # Row i of the inverse stands where column i found its pivot.
+    # Row i of the inverse is at the pivot row of column i.
     return jnp.sum(order[..., None] * x[:, None, :, k:], axis=2)
 
 
@@ -167,7 +167,7 @@ def _summed(parts: list[Array], row: np.ndarray) -> Array:
 
 
 def _applied(matrix: Array, x: Array) -> Array:
-    """A matrix (k, k) times x (k, ...), as a sum: a call would keep the loop from folding."""
+    """A matrix (k, k) times x (k, ...), as a sum: a call would prevent fusion of the loop."""
     return jnp.sum(matrix.reshape(*matrix.shape, *[1] * (x.ndim - 1)) * x[None], axis=1)
 
 
@@ -179,7 +179,7 @@ def _radau(name: str, s: int) -> Radau:
     return Radau(name, c, collocation(c))
 
 
-#: Three stages, order 5: the second opinion on the other.
+#: Three stages, order 5: the second method for error estimates.
 RADAU5 = _radau("Radau 5", 3)
 #: Five stages, order 9, for stiff scenes.
 RADAU9 = _radau("Radau 9", 5)

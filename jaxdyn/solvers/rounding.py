@@ -1,12 +1,11 @@
-"""What rounding does to a motion, made large enough to be seen: a field that is off in each step.
+"""The effect of rounding on a motion, magnified: a field with random perturbations of each step.
 
-The sums of steps are compensated, so it is in finding an increment that digits are lost: a rate
-is that of a state, a time and numbers that are each off by a part of the spacing of doubles, in
-every step anew. A `RoundedField` is off by a wanted part instead, the same over the stages of a
-step, so that the method keeps its order and the choice of steps sees nothing of it. As long as
-motions stay close, what it does to them is in proportion to that part: changes of 1e-9 show what
-rounding of 1e-16 does. Not seen are terms of a rate that cancel whatever the state is: their
-rounding is that of the terms.
+The sums of steps are compensated, so digits are lost in finding an increment: a rate is evaluated
+at a state, a time and numbers that are each rounded, in every step anew. A `RoundedField` perturbs
+them by a given relative amount instead, constant over the stages of a step, so that the method
+keeps its order and the choice of steps is not affected. As long as motions stay close, the effect
+is proportional to that amount: perturbations of 1e-9 show the effect of rounding of 1e-16. Terms
+of a rate that cancel for every state are not covered: their rounding is that of the terms.
 """
 
 from typing import Any, NamedTuple
@@ -25,22 +24,22 @@ _LAST_SHIFT, _SIGN_SHIFT = 31, 63
 
 
 class Noise(NamedTuple):
-    """How large the changes of a step are, relative, and which ones of all random ones."""
+    """Relative size of the perturbations of a step, and the seed."""
 
     size: Array | float
     seed: Array | int
 
 
-#: No changes: a run with it is that of the field itself, by the program of all other noises.
+#: No perturbation: the field itself, with the same compiled program as other noise.
 QUIET = Noise(np.zeros(()), np.zeros((), np.uint64))
 
 
 class RoundedField(eqx.Module):
-    """A field whose steps begin with a state, a time and numbers that are a little off.
+    """A field whose steps start from a slightly perturbed state, time and numbers.
 
     Attributes:
       field: anything with ``rate``, ``project`` and ``undetermined``.
-      noise: how far off.
+      noise: the perturbations.
     """
 
     field: Any
@@ -51,11 +50,11 @@ class RoundedField(eqx.Module):
         return self.field.rate(t, y)
 
     def undetermined(self, t: Array, y: Array) -> Array | None:
-        """Whether () the constraints of the field leave its motion open."""
+        """Whether () the constraints leave the acceleration undetermined."""
         return self.field.undetermined(t, y)
 
     def project(self, t: Array, y: Array) -> Array:
-        """The state (k,) where constraints put it from a little off: y itself without any."""
+        """A perturbed state (k,), projected onto the constraints; y itself without any."""
         off = self.noise.size * _signs(self.noise.seed, t, y.size).reshape(y.shape) * y
         return self.field.project(t, y + off) - off
 
@@ -63,13 +62,13 @@ class RoundedField(eqx.Module):
 def begun(field: Any, t: Array, y: Array) -> tuple[Any, Array, Array]:
     """The field, the time and the state with which the increment of a step from (t, y) is found.
 
-    They are themselves, but for a `RoundedField`.
+    They are unchanged unless the field is a `RoundedField`.
     """
     if not isinstance(field, RoundedField):
         return field, t, y
     numbers, rest = eqx.partition(field.field, eqx.is_inexact_array)
     flat, tree = ravel_pytree(numbers)
-    flat = flat.astype(float)  # no numbers at all are those of 32 bits
+    flat = flat.astype(float)  # an empty array is float32 by default
     signs = _signs(field.noise.seed, t, 1 + y.size + flat.size)
     factors = 1.0 + field.noise.size * signs
     off = factors[1 : 1 + y.size].reshape(y.shape)
@@ -77,7 +76,7 @@ def begun(field: Any, t: Array, y: Array) -> tuple[Any, Array, Array]:
 
 
 def _signs(seed: Array | int, t: Array, n: int) -> Array:
-    """(n,) random signs +-1, by the bits of the time."""
+    """(n,) random signs +-1, from the bits of the time."""
     z = jax.lax.bitcast_convert_type(t, jnp.uint64) + jnp.asarray(seed, jnp.uint64)
     z = z * np.uint64(_GOLDEN) + jnp.arange(1, n + 1, dtype=jnp.uint64) * np.uint64(_GOLDEN)
     for shift, factor in _MIX:

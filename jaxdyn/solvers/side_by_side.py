@@ -1,13 +1,13 @@
-"""A function for many arguments at once, along last axes: vectors of the processor, without copies.
+"""A function vectorised along the last axes of its arguments, without transposes.
 
 ``jax.vmap`` moves the new axis to the front at each reshape, stack and contraction. A step of
 many motions is then full of transposes, and its inner loops run over the two or three entries of
 a vector instead of over the motions: 1.3 to 2 times as long (measured, three bodies). Here the
 axis stays last, at each operation of the function's program.
 
-Small arrays may be taken apart besides, one program for each entry. Then nothing is left of all
-that only puts arrays together and takes them apart, which XLA on CPU writes with a branch for
-each entry that it copies.
+Small arrays may also be split into scalars, one program for each entry. This removes all
+operations that only assemble and split arrays, which XLA on CPU compiles to a branch for each
+entry that it copies.
 """
 
 import functools
@@ -26,7 +26,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 
-#: Entry by entry, all arguments of one shape.
+#: Elementwise operations, all arguments of one shape.
 _ELEMENTWISE = {
     *("add", "add_any", "sub", "mul", "div", "neg", "max", "min", "abs", "sign", "square"),
     *("pow", "integer_pow", "sqrt", "rsqrt", "cbrt", "exp", "exp2", "log", "log1p", "expm1"),
@@ -35,19 +35,19 @@ _ELEMENTWISE = {
     *("select_n", "clamp", "floor", "ceil", "round", "rem", "nextafter"),
     *("convert_element_type", "stop_gradient", "copy", "real", "imag", "complex"),
 }
-#: Along axes that they name, counted from the first.
+#: Operations along named axes, counted from the first.
 _ALONG_AXES = {
     *("concatenate", "stack", "unstack", "split", "squeeze", "rev"),
     *("cumsum", "cumprod", "cummax", "cummin"),
     *("reduce_sum", "reduce_max", "reduce_min", "reduce_prod", "reduce_and", "reduce_or"),
 }
-#: Only move entries about, of one array or of several.
+#: Operations that only rearrange entries.
 _MOVES = {
     *("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice", "rev"),
     *("concatenate", "stack", "unstack", "split"),
 }
 _CALLS = {"jit", "closed_call", "custom_jvp_call", "custom_vjp_call"}
-#: Entries of an array up to which it is taken apart.
+#: Largest number of entries of an array that is split.
 MAX_APART = 16
 
 
@@ -55,18 +55,17 @@ def side_by_side(fn: Callable, *args: Any, axes: int = 1, apart: bool = False) -
     """fn of each entry of the last axes of all arguments, with results along the same axes.
 
     Args:
-      fn: a pure function of trees of arrays; what it looks at besides is the same for all.
+      fn: a pure function of trees of arrays; values it captures are shared by all lanes.
       *args: trees of arrays (..., *lanes).
-      axes: how many of their axes are lanes. Where there are fewer than some 25, let a second
-        axis of length 1 follow: XLA on CPU unrolls a short innermost loop into single numbers
-        before it looks for vectors.
-      apart: take arrays of up to 16 entries apart.
+      axes: number of lane axes. Where there are fewer than some 25 lanes, add a second axis of
+        length 1: XLA on CPU unrolls a short innermost loop into scalars before it vectorises.
+      apart: split arrays of up to 16 entries into scalars.
     Returns:
-      What fn returns, each array with the lanes as last axes.
+      The result of fn, each array with the lanes as last axes.
     Raises:
       ValueError: the last axes of the arguments differ.
-    Limits: custom rules for derivatives within fn are lost. Taken apart, a quotient by a number
-      that all lanes share is a product with its inverse, which beyond 1e308 is 0.
+    Limits: custom derivative rules within fn are lost. When arrays are split, a quotient by a
+      number shared by all lanes is a product with its inverse, which beyond 1e308 is 0.
     Example:
       >>> import jax.numpy as jnp
       >>> from jaxdyn.solvers.side_by_side import side_by_side
@@ -86,7 +85,7 @@ def side_by_side(fn: Callable, *args: Any, axes: int = 1, apart: bool = False) -
 
 
 class _Wide(NamedTuple):
-    """An array (..., *lanes). Arrays without lanes are the same for all."""
+    """An array (..., *lanes). Arrays without lanes are shared by all."""
 
     array: Array
 
@@ -101,14 +100,14 @@ _Value = Array | _Wide | _Apart
 
 
 class _Lanes:
-    """What each operation does along the lanes."""
+    """The interpreter of operations along lanes."""
 
     def __init__(self, lanes: tuple[int, ...], apart: bool):
         self.lanes = lanes
         self.most = MAX_APART if apart else 0
 
     def interpret(self, closed, inputs: list[_Value]) -> list[_Value]:
-        """What a program finds."""
+        """The results of a program."""
         jaxpr = closed.jaxpr
         values: dict[Any, _Value] = dict(zip(jaxpr.constvars, closed.consts, strict=True))
         values |= dict(zip(jaxpr.invars, inputs, strict=True))
@@ -165,7 +164,7 @@ class _Lanes:
             rows = zip(*(x.flat for x in columns), strict=True)
             return [_objects([self._scalar(eqn, row) for row in rows], columns[0].shape)]
         if name in _MOVES:
-            # What it does to the numbers of all entries, it does to the entries.
+            # It is applied to the indices of all entries, to see where each goes.
             apart = [self._entries(x) for x in args]
             starts = itertools.accumulate((x.size for x in apart), initial=0)
             with jax.ensure_compile_time_eval():
@@ -187,14 +186,14 @@ class _Lanes:
         differ = any(x.ndim for x in entries)
         if eqn.primitive.name == "div" and entries[0].ndim and not entries[1].ndim:
             if jnp.issubdtype(entries[1].dtype, jnp.inexact):
-                # As XLA has it with arrays: one division for all lanes.
+                # As in XLA for arrays: one division for all lanes.
                 return entries[0] * (1.0 / entries[1])
         return _bound(eqn, *(self._spread(x) if differ else x for x in entries))[0]
 
     def _whole(self, eqn, args: list[_Value]) -> Sequence[Array]:
         name, params, n = eqn.primitive.name, eqn.params, len(self.lanes)
         if name in _ELEMENTWISE:
-            # Also the conditions and bounds that one number may stand for.
+            # Including conditions and bounds, which may be scalars.
             shape = (*eqn.outvars[0].aval.shape, *self.lanes)
             return _bound(eqn, *(jnp.broadcast_to(self.wide(x), shape) for x in args))
         if name in _ALONG_AXES:

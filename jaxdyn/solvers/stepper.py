@@ -1,4 +1,4 @@
-"""A method as diffrax wants it, with compensated summation, projection, and a look at stiffness."""
+"""A method as a diffrax solver, with compensated summation, projection and stiffness detection."""
 
 from typing import ClassVar
 
@@ -12,22 +12,22 @@ from jaxdyn._numerics import two_sum
 from jaxdyn.solvers.method import Method
 from jaxdyn.solvers.rounding import begun
 
-#: So many more steps of that kind than of others, and the motion is called stiff.
+#: Net stability-limited steps before a run is flagged stiff.
 _STIFF_COUNT = 50
 
 
 class Stepper(diffrax.AbstractAdaptiveSolver):
     """A method as a diffrax solver.
 
-    The solver's state is what rounding left out of the last sum; it is added to the next
-    increment, so the rounding error of N steps grows like one step's, not like sqrt(N) to N.
-    After each step the field projects the state onto its constraints (most have none). Beside
-    it the state counts steps that stability limits; see `is_stiff`.
+    The solver's state is the rounding error of the last sum; it is added to the next increment,
+    so the rounding error of N steps grows like one step's, not like sqrt(N) to N. After each step
+    the field projects the state onto its constraints (most have none). The state also counts
+    steps that stability limits; see `is_stiff`.
 
     Attributes:
-      method: what steps.
+      method: the method.
       h: () the step where it is fixed, exactly: a difference of times would be rounded.
-      stop_if_stiff: end the run where it turns out to be stiff.
+      stop_if_stiff: whether to end a run that turns out to be stiff.
     """
 
     method: Method
@@ -51,7 +51,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
     def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
         del made_jump
         carry, count = solver_state
-        # Backwards in time diffrax counts t upwards and turns the control about: h < 0.
+        # Backwards in time diffrax increases t and negates the control: h < 0.
         h = terms.contr(t0, t1) if self.h is None else self.h
         sign = jnp.where(h < 0, -1.0, 1.0)
 

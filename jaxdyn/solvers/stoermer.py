@@ -1,15 +1,14 @@
-"""Stoermer's method, extrapolated: few and long steps, where forces forget v.
+"""Stoermer's method with extrapolation: few long steps, for velocity-independent forces.
 
-A step is crossed by the leapfrog in 1, 2, 3, ... substeps, and their ends are extrapolated to
-substeps of no length; each number of them raises the order by two (Hairer, Norsett, Wanner, II.9
-and II.14). That takes two to three times the evaluations of a Nystrom pair. But the columns, as
-they are called, do not wait for each other: four lanes take them in turn, side by side in the
-vectors of the processor, so that 28 evaluations take the time of 7, and 53 that of 14. For a few
-bodies a step of order 14 takes 0.6 of the time of a step of the pair of order 12, in about as many
-steps.
+A step is integrated by the leapfrog in 1, 2, 3, ... substeps, and the results are extrapolated to
+substeps of length zero; each such column raises the order by two (Hairer, Norsett, Wanner, II.9
+and II.14). That takes two to three times the evaluations of a Nystrom pair. But the columns are
+independent: four lanes take them in turn, vectorised, so that 28 evaluations take the time of 7,
+and 53 that of 14. For a few bodies a step of order 14 takes 0.6 of the time of a step of the pair
+of order 12, in about as many steps.
 
-Numbers of substeps that lie close together multiply rounding, that of each substep being its own:
-1 to 7 by 13, which is felt beyond 12 digits; those of order 18, the last ones wide apart, by 3.
+Nearly equal numbers of substeps amplify rounding, which differs between substeps: 1 to 7 by 13,
+which matters beyond 12 digits; those of order 18, the last ones far apart, by 3.
 """
 
 import dataclasses
@@ -36,14 +35,13 @@ _LANES = 4  # doubles in a vector of most processors
 class Stoermer(Method):
     """The extrapolated leapfrog.
 
-    Limits: accelerations that do not depend on velocity. In ensembles, whose motions fill the
-      vectors of a processor by themselves, a pair is twice as fast. Where small differences of
-      large coordinates decide, as in close encounters far from the origin, its estimates feel
-      rounding sooner than a pair's, and steps get short. Variational equations are integrated by
-      `NYSTROM12`.
+    Limits: velocity-independent accelerations. In ensembles, which are vectorised over motions, a
+      pair is twice as fast. Where small differences of large coordinates matter, as in close
+      encounters far from the origin, its error estimates are affected by rounding sooner than a
+      pair's, and steps get short. Variational equations are integrated by `NYSTROM12`.
 
     Attributes:
-      counts: (n,) substeps of each column, rising, at least two.
+      counts: (n,) substeps of each column, increasing, at least two.
     """
 
     counts: tuple[int, ...]
@@ -55,31 +53,31 @@ class Stoermer(Method):
     def __post_init__(self):
         rising = all(a < b for a, b in zip((0, *self.counts), self.counts, strict=False))
         if len(self.counts) < 2 or not rising:
-            raise _checks.fail("counts", "at least two rising numbers", self.counts)
+            raise _checks.fail("counts", "at least two increasing numbers", self.counts)
 
     @property
     def name(self) -> str:
-        """What reports call it."""
+        """Its name in reports."""
         return f"Stoermer {self.order}"
 
     @property
     def order(self) -> int:
-        """Each column counts twice, since the leapfrog's error has even powers only."""
+        """Twice the number of columns, since the leapfrog's error has even powers only."""
         return 2 * len(self.counts)
 
     @property
     def error_order(self) -> int:
-        """The estimate is the difference from the extrapolation without one column."""
+        """That of the extrapolation without one column, which gives the estimate."""
         return self.order - 1
 
     @property
     def evaluations(self) -> int:
-        """Right-hand sides a step."""
+        """Right-hand sides per step."""
         return 1 + sum(self.counts)
 
     @property
     def for_tangents(self) -> Method:
-        """Columns of tangents fill the vectors of a processor by themselves."""
+        """`NYSTROM12`: columns of tangents are vectorised anyway."""
         return NYSTROM12
 
     @functools.cached_property
@@ -89,15 +87,15 @@ class Stoermer(Method):
 
     @functools.cached_property
     def plan(self) -> "Plan":
-        """Which lane does what when."""
+        """The schedule of the lanes."""
         return _planned(self.counts)
 
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
-        # One loop over the substeps: written out, they compile for longer and run no faster.
+        # One loop over the substeps: unrolled, they compile longer and run no faster.
         half = len(y) // 2
         still = jnp.zeros_like(y[half:])
-        # Entries one by one, where they are few: in one array they would be put together and
-        # taken apart again in each substep, with a branch for each.
+        # Few entries are kept as scalars: in one array they would be assembled and split again
+        # in each substep, with a branch for each.
         few = y.ndim == 1 and half <= MAX_APART
         rank = 0 if few else y.ndim  # of a part, lanes apart
 
@@ -125,7 +123,7 @@ class Stoermer(Method):
             row = lax.dynamic_index_in_dim(table, k, keepdims=False)
             step, since, begins = length * row[0], length * row[1], row[2] > 0
             slot = row[3].ravel()[0].astype(int)
-            # The way besides v times the time, and the change of v, both since t.
+            # The displacement beyond v times the time, and the change of v, both since t.
             (moved, faster, pulls), ends = carry
             faster = [
                 jnp.where(begins, (0.5 * step) * f, u + step * a)
@@ -152,7 +150,7 @@ class Stoermer(Method):
         return _extrapolated(h, y, ends, weights, moved=moved, pulls=pulls)
 
     def _growth(self, z: float) -> float:
-        """By what a step of length 1 multiplies the largest motion of q'' = -z^2 q."""
+        """Growth factor of a step of length 1 for q'' = -z^2 q."""
         end = np.zeros((2, 2))
         for n, w in zip(self.counts, _weights(self.counts), strict=True):
             q, v = np.eye(2)  # of both motions: from 1 at rest, and from 0 with velocity 1
@@ -183,7 +181,7 @@ def _extrapolated(
 
 
 def _summed(weights: Array, ends: Array) -> Array:
-    """Weighted sum; written out, since XLA on CPU allocates memory for each `jnp.sum`."""
+    """Weighted sum; unrolled, since XLA on CPU allocates memory for each `jnp.sum`."""
     terms = [w * x for w, x in zip(weights, ends, strict=True)]
     total = functools.reduce(jnp.add, terms)
     a, b, c, d = (total[..., j, 0] for j in range(_LANES))
@@ -196,12 +194,12 @@ def _joined(parts: list[Array], shape: tuple[int, ...]) -> Array:
 
 
 class Plan(NamedTuple):
-    """What the lanes do, substep by substep.
+    """The schedule of the lanes, substep by substep.
 
     Attributes:
-      table: (d, 4, lanes, 1) for each substep: its length in steps, 0 for a lane that waits; the
+      table: (d, 4, lanes, 1) for each substep: its length in steps, 0 for an idle lane; the
         time at its end since the start of the step, in steps; 1 if it is the first of a column;
-        where its end is kept, one place for all up to an end of columns.
+        the index where its end is stored, shared until columns end.
       weights: (places, 2, lanes, 1) of the columns that end there, 0 for other lanes: in the
         solution, and in the estimate of its error.
     """
@@ -211,7 +209,7 @@ class Plan(NamedTuple):
 
 
 def _planned(counts: Sequence[int]) -> Plan:
-    """Columns in as few substeps as four lanes can, the longest of each lane last."""
+    """Columns in the fewest substeps of four lanes, the longest of each lane last."""
     lanes: list[list[int]] = [[] for _ in range(_LANES)]
     for n in sorted(counts, reverse=True):
         min(lanes, key=sum).insert(0, n)
@@ -221,7 +219,7 @@ def _planned(counts: Sequence[int]) -> Plan:
     first[:] = 1.0
     weights = np.zeros((depth + 1, 2, _LANES, 1))
     solution = dict(zip(counts, _weights(counts), strict=True))
-    # Differences from the extrapolation without one column are all the same but for a factor, the
+    # Differences from the extrapolation without one column are all equal up to a factor, the
     # square of its count: without an early one they are below the error, without a late one
     # several roundings large whatever the step.
     others = [n for n in counts if n != counts[len(counts) // 3]]
@@ -241,7 +239,7 @@ def _planned(counts: Sequence[int]) -> Plan:
 
 
 def _weights(counts: Sequence[int]) -> list[Fraction]:
-    """Of each column in the extrapolation to substeps of no length."""
+    """Weights of the columns in the extrapolation to substeps of length zero."""
 
     def weight(n: int) -> Fraction:
         factors = (Fraction(n * n, n * n - m * m) for m in counts if m != n)

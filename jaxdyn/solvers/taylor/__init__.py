@@ -1,8 +1,7 @@
 """Taylor series of the solution, from the formulas of a rate.
 
-`formulas` takes a rate apart into scalars, which `graph` holds in normal form and `ordered` puts
-into an order of computation; `recurrences` are the terms of each elementary function, and
-`method` is the solver.
+`formulas` splits a rate into scalars, which `graph` holds in normal form and `ordered` sorts for
+computation; `recurrences` has the terms of each elementary function, and `method` is the solver.
 
 One more elementary function is a row of `FUNCTIONS` in `graph` and a rule in `recurrences`.
 """

@@ -1,9 +1,9 @@
-"""A vector field as scalar formulas: what remains of its program when arrays are taken apart.
+"""A vector field as scalar formulas, from its program with all arrays split.
 
 A rate is written with arrays: stacked, sliced, multiplied with matrices that are mostly zeros.
-`formulas` runs through its jaxpr once with a `graph.Node` in the place of each number. Structure
-costs nothing then, and what is computed twice becomes one node. Loops of known length are written
-out. Other loops, linear algebra and callbacks have no place in such a graph: `NotElementary`.
+`formulas` runs through its jaxpr once with a `graph.Node` in place of each number. Array operations
+then cost nothing, and repeated computations become one node. Loops of known length are unrolled.
+Other loops, linear algebra and callbacks cannot be represented: `NotElementary`.
 """
 
 import functools
@@ -22,7 +22,7 @@ from jaxdyn.solvers.taylor.graph import COMPARISONS, FUNCTIONS, LOGIC, Graph, No
 
 
 class NotElementary(Exception):
-    """A rate uses an operation that has no Taylor series here; its name."""
+    """Raised for a rate with an operation that has no Taylor series here; names it."""
 
 
 class Formulas(NamedTuple):
@@ -32,7 +32,7 @@ class Formulas(NamedTuple):
       graph: all of them.
       time: the node of t.
       states: (k) the nodes of y.
-      rates: (k) what dy/dt is.
+      rates: (k) the nodes of dy/dt.
     """
 
     graph: Graph
@@ -41,7 +41,7 @@ class Formulas(NamedTuple):
     rates: list[Number]
 
 
-#: Only move entries about, the first so many arguments; the others say where, and are known.
+#: Operations that only rearrange their first arguments; the others are known indices.
 _MOVES = {
     **dict.fromkeys(("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice"), None),
     **dict.fromkeys(("concatenate", "rev", "expand_dims", "split", "stack", "pad"), None),
@@ -49,7 +49,7 @@ _MOVES = {
 }
 _SAME = {"stop_gradient", "copy", "copy_p", "optimization_barrier"}
 _CALLS = {"jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call", "remat2"}
-#: Rounds up to which loops are written out: every one is traced anew.
+#: Rounds up to which loops are unrolled: each is traced separately.
 _LONGEST_LOOP = 1000
 
 
@@ -57,11 +57,11 @@ def formulas(field: Callable, t: Array, y: Array) -> Formulas:
     """The formulas of a rate.
 
     Args:
-      field: (t, y) -> dy/dt, whose other numbers may be known at run time only.
+      field: (t, y) -> dy/dt, whose other numbers may be known only at run time.
       t: () time.
       y: (k,) state.
     Raises:
-      NotElementary: something in it has no place in such a graph.
+      NotElementary: an operation of the field cannot be represented.
     """
     closed = jax.make_jaxpr(field)(t, y)
     graph = Graph()
@@ -126,7 +126,7 @@ def _applied(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def _check_kinds(eqn) -> None:
-    """Formulas are of 64-bit floats; truths are only combined, and chosen by."""
+    """Formulas are of 64-bit floats; booleans are only combined, or select."""
     name = eqn.primitive.name
     ours = eqn.invars[1:] if name == "select_n" else eqn.invars
     wanted = bool if name in LOGIC else float
@@ -143,12 +143,12 @@ def _known(primitive, params: dict, args: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def _rearranged(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
-    """What the operation does to the numbers of all entries, it does to the entries."""
+    """The operation is applied to the indices of all entries, to see where each goes."""
     name, params = eqn.primitive.name, dict(eqn.params)
     n = _MOVES[name] or len(args)
     moved, places = args[:n], args[n:]
     if any(x.dtype == object for x in places):
-        raise NotElementary(f"{name} at places known at run time only")
+        raise NotElementary(f"{name} at indices known only at run time")
     if name == "gather":
         params["fill_value"] = -1
     starts = itertools.accumulate((x.size for x in moved), initial=0)
@@ -156,7 +156,7 @@ def _rearranged(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     pool = np.concatenate([x.astype(object).ravel() for x in moved])
     found = _known(eqn.primitive, params, [*numbers, *places])
     if any((x < 0).any() for x in found):
-        raise NotElementary(f"{name} at places that are not there")
+        raise NotElementary(f"{name} at indices out of bounds")
     return [np.asarray(pool[x], object) for x in found]
 
 
@@ -247,10 +247,10 @@ def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
 
 
 def _condition(graph: Graph, op: str, *args: Number) -> Number:
-    """Of what moves only whether it is exactly some number: where it changes, no series helps."""
+    """A condition; on moving numbers only equality, since others may change within a step."""
     if op in COMPARISONS and op not in ("eq", "ne"):
         if any(isinstance(a, Node) and a.moving for a in args):
-            raise NotElementary("a condition on what moves")
+            raise NotElementary("a condition on moving numbers")
     return graph.compare(op, *args)
 
 

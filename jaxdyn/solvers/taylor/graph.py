@@ -1,10 +1,10 @@
-"""Scalar formulas as a graph: each different number of a calculation once, in normal form.
+"""Scalar formulas as a graph: each distinct number of a calculation once, in normal form.
 
-Numbers known when the program is compiled are Python numbers; others are nodes. What does not
-change within a step (masses, lengths) is told from what moves: a product is a steady factor in
+Numbers known when the program is compiled are Python numbers; others are nodes. Numbers constant
+within a step (masses, lengths) are distinguished from moving ones: a product is a steady factor in
 front of a list of moving ones, a sum collects equal products. So the same product of velocities,
-sines and cosines is one node, however the rate was written, and terms that cancel are gone.
-`ordered` makes products of two of them again, and shares those.
+sines and cosines is one node, however the rate was written, and terms that cancel vanish.
+`ordered` splits them into products of two factors again, and shares those.
 """
 
 import functools
@@ -19,12 +19,12 @@ class Node:
     """A number of the calculation.
 
     Attributes:
-      index: which one it is, in the order of making.
+      index: its number in order of creation.
       op: "input" for what is integrated, "given" for what is known at run time, or an operation.
-      args: what it is applied to: nodes and known numbers; of a sum, factors and terms in turn.
+      args: its operands: nodes and known numbers; of a sum, factors and terms in turn.
       moving: whether it changes within a step. Comparisons do not: they hold for a whole step.
       value: () the number itself, where it is given.
-      partner: the node whose series this one's needs: of a sine the cosine.
+      partner: the node whose series it needs: of a sine the cosine.
     """
 
     __slots__ = ("args", "index", "moving", "op", "partner", "value")
@@ -51,8 +51,8 @@ FUNCTIONS = {
 }
 #: Terms up to which sums are merged to find equal ones; longer ones stay as they are.
 _LONGEST_SUM = 8
-_MULTIPLIED_OUT = 3  # terms up to which sums of products are multiplied out
-_WRITTEN_OUT = 32  # powers up to which they are products, which are smooth at 0
+_MULTIPLIED_OUT = 3  # terms up to which products of sums are expanded
+_WRITTEN_OUT = 32  # largest power written as a product, which is smooth at 0
 
 
 class Graph:
@@ -67,15 +67,15 @@ class Graph:
 
     @property
     def count(self) -> int:
-        """How many nodes were made."""
+        """Number of nodes."""
         return self._count
 
     def given(self, value: Array, moving: bool = False) -> Node:
-        """A number known at run time only."""
+        """A number known only at run time."""
         return self._new("input" if moving else "given", (), moving, value)
 
     def node(self, op: str, *args: Number | None) -> Node:
-        """op(*args), the node there is already if there is one."""
+        """op(*args), an existing node if there is one."""
         key = op, *((a.index, Node) if isinstance(a, Node) else (a, type(a)) for a in args)
         if key not in self._found:
             moving = op not in STEADY and any(isinstance(a, Node) and a.moving for a in args)
@@ -100,7 +100,7 @@ class Graph:
         return self.node("sum", *(x for term in left for x in term))
 
     def _terms(self, a: Number) -> dict[Node | None, Number]:
-        """What moves in a sum and its steady factors; under None what does not move."""
+        """Moving terms of a sum and their steady factors; the steady part is under None."""
         c, m = _parts(a)
         if m is None or m.op != "sum":
             return {m: c}
@@ -135,7 +135,7 @@ class Graph:
         for one, other in ((m, n), (n, m)):
             if _better_multiplied_out(one, other):
                 return self.mul(c, self._multiplied_out(one, other))
-        # In an order that is the same in each process, or the compile cache would not know it.
+        # In an order that is the same in each process, for the compile cache.
         factors = sorted((*_factors(m), *_factors(n)), key=lambda node: node.index)
         return self._scaled(c, self.node("product", *factors))
 
@@ -154,7 +154,7 @@ class Graph:
         return self._scaled(c, self.node("div", 1.0 if m is None else m, n))
 
     def power(self, a: Number, n: Number) -> Number:
-        """a to the power of n, which does not move."""
+        """a to the power of a steady n."""
         if isinstance(n, Node):
             return self.node("pow", a, n)
         if not isinstance(a, Node):
@@ -182,7 +182,7 @@ class Graph:
         return node
 
     def compare(self, op: str, *args: Number) -> Number:
-        """A comparison, or a logical operation on some."""
+        """A comparison, or a logical operation on comparisons."""
         if any(isinstance(a, Node) for a in args):
             return self.node(op, *args)
         return (COMPARISONS | LOGIC)[op](*args)
@@ -194,7 +194,7 @@ class Graph:
         return no if no is yes else self.node("select", which, no, yes)
 
     def real(self, a: Number) -> Number:
-        """A truth or a whole number, neither of which moves, as a real number."""
+        """A boolean or an integer, both steady, as a real number."""
         return self.node("real", a) if isinstance(a, Node) else float(a)
 
     def _scaled(self, c: Number, m: Node | None) -> Number:
@@ -203,7 +203,7 @@ class Graph:
         return m if _is(c, 1) else self.node("scale", c, m)
 
     def _steady(self, op: str, a: Number, b: Number) -> Number:
-        """A sum, product or quotient of what does not move."""
+        """A sum, product or quotient of steady numbers."""
         if not isinstance(a, Node) and not isinstance(b, Node):
             with np.errstate(all="ignore"):
                 return float(_ARITHMETIC[op](np.float64(a), np.float64(b)))
@@ -224,17 +224,17 @@ def _is(a: Number, x: int) -> bool:
 
 
 def _parts(a: Number) -> tuple[Number, Node | None]:
-    """A number as what is steady times what moves, if anything does."""
+    """A number as a steady factor times a moving node, if any."""
     if not isinstance(a, Node) or not a.moving:
         return a, None
     return (a.args[0], a.args[1]) if a.op == "scale" else (1.0, a)
 
 
 def _better_multiplied_out(terms: Node, factor: Node) -> bool:
-    """Where products are likely to be there already, or to cancel.
+    """Whether expanded products are likely to exist already, or to cancel.
 
     As in sin a (sin a u^2 + sin b w^2) + cos a (...), the forces of hinged bars. Never sums with
-    single numbers: (x - 1)^2 is exact near x = 1, of x^2 - 2 x + 1 only the rounding is left.
+    single numbers: (x - 1)^2 is exact near x = 1, while x^2 - 2 x + 1 is all rounding.
     """
     if terms.op != "sum":
         return False

@@ -2,11 +2,11 @@
 
 A step sums the series of the solution about its start, whose coefficients follow from the
 formulas of the rate (`formulas`, `recurrences`). For a handful of numbers and many digits that
-takes a quarter to a half of the time of a Runge-Kutta pair: an order costs in proportion to
-the order, and nothing is evaluated inside the step.
+takes a quarter to a half of the time of a Runge-Kutta pair: the cost of an order is proportional
+to the order, and nothing is evaluated inside the step.
 
-The order that pays is about 1 - ln(rtol) / 2: 8 at rtol 1e-6, 16 at 1e-13. Formulas with more
-than 48 products compile for too long, and are refused, as are operations without a recurrence:
+The optimal order is about 1 - ln(rtol) / 2: 8 at rtol 1e-6, 16 at 1e-13. Formulas with more
+than 48 products compile too long, and are refused, as are operations without a recurrence:
 loops of unknown length, hence most linear algebra.
 """
 
@@ -31,21 +31,21 @@ from jaxdyn.solvers.taylor.ordered import ordered
 from jaxdyn.solvers.taylor.recurrences import Coefficient, is_guarded, products, solution
 
 #: Sums of products at each order; with more of them programs compile for ten seconds and longer,
-#: outgrow the processor's cache of instructions, and run no faster than a pair.
+#: exceed the processor's instruction cache, and run no faster than a pair.
 _MOST_PRODUCTS = 48
-#: Numbers of a state; with more of them a step takes ten times as long, see `_in_one_array`.
+#: Entries of a state; with more of them a step takes ten times as long, see `_in_one_array`.
 _MOST_NUMBERS = 15
 _LOWEST, _HIGHEST = 4, 40  # orders
-#: Part of the difference of slopes at the end of a step that is the error, where there is a jump.
+#: Error of a step across a jump, as a part of the difference of slopes at its end.
 _DEFECT_WEIGHT = 0.5
-#: Of the last term but one, in case that symmetry makes the last one vanish. Successive terms
-#: shrink by about this much at the steps that tolerances lead to.
+#: Weight of the last term but one, in case the last one vanishes by symmetry. Successive terms
+#: decrease by about this factor at the steps that tolerances lead to.
 _LAST_BUT_ONE_WEIGHT = 0.1
-#: Of each term before that one, in case that both vanish: less than terms shrink by, or these
-#: would rule the steps of motions without such a symmetry (0.05 does, at rtol 1e-14).
+#: Weight of each earlier term, in case both vanish: less than the factor between terms, or these
+#: would limit the steps of motions without such a symmetry (0.05 does, at rtol 1e-14).
 _TERM_RATIO = 0.03
 _LARGE_TERMS = 4  # terms that are large beside the later ones
-_REMEDY = "Leave the solver out, or take solvers.VERNER9, which needs no formulas."
+_REMEDY = "Leave the solver out, or use solvers.VERNER9, which needs no formulas."
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -54,11 +54,11 @@ class Taylor(Method):
 
     Limits: elementary functions of a state of one axis, without loops of unknown length, hence
       without most linear algebra, and without conditions such as absolute values and friction
-      that turns about; at most 48 products of moving numbers. With more than 15 numbers it is
-      slow. It does not look for stiffness. Variational equations are integrated by `VERNER9`.
+      that reverses; at most 48 products of moving numbers. With more than 15 numbers it is
+      slow. It does not detect stiffness. Variational equations are integrated by `VERNER9`.
 
     Attributes:
-      order: number of terms beside the start, 4 to 40.
+      order: number of terms besides the start, 4 to 40.
     """
 
     order: int
@@ -71,7 +71,7 @@ class Taylor(Method):
 
     @property
     def name(self) -> str:
-        """What reports call it."""
+        """Its name in reports."""
         return f"Taylor {self.order}"
 
     @property
@@ -81,7 +81,7 @@ class Taylor(Method):
 
     @property
     def for_tangents(self) -> Method:
-        """Columns of tangents would be as many formulas again, each."""
+        """`VERNER9`: each column of tangents would need as many formulas again."""
         return VERNER9
 
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
@@ -92,11 +92,11 @@ class Taylor(Method):
             second = _slope if guarded else _last
             return _in_one_array([(_increment(c, h), second(c, h)) for c in series], h)
 
-        # Cut off from the rest: whatever else looks at the result would be given its own copy.
+        # Isolated: XLA would duplicate the step for each other use of the result.
         both = in_one_kernel(step, (t, h, y), unknown=jnp.isfinite(h))
         increment, found = both.real, both.imag
         if guarded:
-            # At a start from rest the series is that of the guard's other case, all of it wrong.
+            # At a start from rest the series is that of the guard's other case, and wrong.
             found = _DEFECT_WEIGHT * jnp.abs(h * field(t + h, y + increment) - found)
         return Advance(increment, found)
 
@@ -105,8 +105,8 @@ def has_series(system, y: Array) -> bool:
     """Whether a rate's formulas are short and elementary enough for `Taylor`; host only.
 
     Args:
-      system: has ``rate(t, y)``; a pytree of its numbers, e.g. a scene. Formulas are those that a
-        compiled solve has, where these numbers are not known.
+      system: has ``rate(t, y)``; a pytree of its numbers, e.g. a scene. Formulas are those of a
+        compiled solve, where these numbers are not known.
       y: (k,) a state.
     """
     numbers, rest = eqx.partition(system, eqx.is_array)
@@ -140,19 +140,19 @@ def _formulas(field: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node]]:
 
 
 def _increment(c: list[Coefficient], h: Array) -> Array:
-    """The sum of all terms, the large ones last; the small ones as they become known."""
+    """The sum of all terms: first the small ones as they become known, then the large ones."""
     terms = [x for x in (*c[_LARGE_TERMS + 1 :], *c[_LARGE_TERMS:0:-1]) if x is not None]
     return functools.reduce(jnp.add, terms, jnp.zeros_like(h))
 
 
 def _slope(c: list[Coefficient], h: Array) -> Array:
-    """At the end of the step, times the step."""
+    """The slope at the end of the step, times the step."""
     terms = [np.float64(k) * x for k, x in enumerate(c) if k and x is not None]
     return functools.reduce(jnp.add, reversed(terms), jnp.zeros_like(h))
 
 
 def _last(c: list[Coefficient], h: Array) -> Array:
-    """Size of the last two terms, or what those before let expect, where symmetry hides them.
+    """Size of the last two terms, extrapolated from earlier ones where symmetry hides them.
 
     Terms of the second half count, since x'' = -x^7 from x = 0 has every eighth one only.
     """
@@ -172,16 +172,16 @@ def _larger(a: Array, b: Array) -> Array:
 
 
 def _in_one_array(pairs: list[tuple[Array, Array]], h: Array) -> Array:
-    """All results in one array, so that XLA makes one function of the whole step.
+    """All results in one array, so that XLA compiles the whole step to one function.
 
-    A number that is used more than once is computed again for each result that it enters,
-    thousands of times for the first coefficients; not so within the function of a single array.
-    There a number may enter up to 15 entries, so entries are complex numbers, with two results
-    each (measured for three bodies: 0.5 us a step, against 11 us with 24 real entries).
+    A number that is used more than once is recomputed for each result that it enters, thousands
+    of times for the first coefficients; not so within the function of a single array. There a
+    number may enter up to 15 entries, so entries are complex numbers, with two results each
+    (measured for three bodies: 0.5 us a step, against 11 us with 24 real entries).
     """
     places = jnp.arange(len(pairs))
     # A zero that XLA does not see, but LLVM does: what is compared with it stays within the
-    # function, where the loop over places is written out (else a third of a step's time).
+    # function, where the loop over entries is unrolled (else a third of a step's time).
     zero = lax.shift_right_logical(lax.bitcast_convert_type(h, int) & 1, 1)
     found = jnp.zeros(len(pairs), complex)
     for i, (first, second) in enumerate(pairs):

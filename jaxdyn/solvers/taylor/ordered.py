@@ -7,9 +7,9 @@ from jaxdyn.solvers.taylor.graph import Graph, Node, Number
 
 
 def ordered(graph: Graph, results: list[Number]) -> list[Node]:
-    """Nodes that the results depend on, inputs apart, each after what it is applied to.
+    """Nodes that the results depend on, except inputs, each after its operands.
 
-    Products of several numbers are products of two afterwards.
+    Products of several factors are split into products of two.
     """
     _split(graph, [node for node in _needed(results) if node.op == "product"])
     return [node for node in _needed(results) if node.op != "input"]
@@ -25,7 +25,7 @@ def _needed(results: list[Number]) -> list[Node]:
             continue
         if seen:
             found[node] = None
-            # Sines and cosines need each other, but of the order before.
+            # Sines and cosines need each other, at the order before.
             waiting.append((node.partner, False))
         else:
             waiting.appendleft((node, True))
@@ -34,7 +34,7 @@ def _needed(results: list[Number]) -> list[Node]:
 
 
 def _split(graph: Graph, products: list[Node]) -> None:
-    """Take the pair that most products have out of all of them, again and again."""
+    """Factor the pair that most products share out of all of them, repeatedly."""
     long = {node: list(node.args) for node in products if len(node.args) > 2}
     there = {node.args for node in products}
     while long:

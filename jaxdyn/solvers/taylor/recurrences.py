@@ -6,11 +6,11 @@ satisfies a differential equation with such products in it, which gives its recu
 products cost n N^2 / 2 multiplications for N orders, however deeply they are nested. Time is in
 units of the step, so that coefficients are terms already: no powers of the step are needed.
 
-All is written out in scalars: a loop over orders would be shorter, but each of its rounds is a
-handful of operations, and launching them takes ten times as long as doing them (measured).
-Divisions are by numbers of order zero only, as products with their inverses: XLA computes a
-division once and keeps it, and whatever else is used more than once it would compute again for
-each use, unless all of it ends in one array (see `taylor`).
+All is unrolled into scalars: a loop over orders would be shorter, but each round is a handful of
+operations, and launching them takes ten times as long as doing them (measured). Divisions are by
+numbers of order zero only, as products with their inverses: XLA computes a division once and keeps
+it, while it would recompute other shared results for each use, unless all of it ends in one array
+(see `method`).
 """
 
 import functools
@@ -35,9 +35,9 @@ def solution(
     """Terms of the solution through the given state, a step later.
 
     Args:
-      formulas: of the rate.
-      nodes: those that are needed, `ordered`.
-      order: how many terms of each entry besides the first.
+      formulas: those of the rate.
+      nodes: the required nodes, `ordered`.
+      order: number of terms of each entry besides the first.
       h: () the step.
     """
     series = _Series(order, h)
@@ -58,12 +58,12 @@ class _Series:
     """The coefficients found so far, and what is computed from them once.
 
     Attributes:
-      coefficients: of each node, lowest order first; none for orders that it does not have.
+      coefficients: of each node, lowest order first.
     """
 
     def __init__(self, order: int, h: Array):
-        # Numbers in arrays: of (2 a) (3 b) the compiler makes 6 (a b), one product more for each
-        # that 2 a is a factor of (measured: 1.6 times as many for a rigid body).
+        # Numbers in arrays: from (2 a) (3 b) the compiler makes 6 (a b), one product more for each
+        # use of 2 a as a factor (measured: 1.6 times as many for a rigid body).
         inverses = 1.0 / np.arange(1, order + 1)
         self._parts = jnp.unstack(inverses * runtime_one(h))
         self._steps = jnp.unstack(inverses * h)
@@ -107,8 +107,8 @@ class _Series:
         return self._total(self.slope, a, b, k, range(1, last + 1))
 
     def _total(self, of: Callable, a: Number, b: Number, k: int, places: range) -> Coefficient:
-        # What is known first comes first. A product and its sum are one operation of the
-        # processor, which a sum in pairs of pairs would not be.
+        # Known terms come first. A product and its sum are one operation of the processor,
+        # unlike in a pairwise sum.
         known = sorted(places, key=lambda j: max(j, k - j))
         products = (_times(of(a, j), self.at(b, k - j)) for j in known)
         return functools.reduce(_plus, products, None)
@@ -192,7 +192,7 @@ def _pow(s: _Series, node: Node, k: int) -> Coefficient:
 
 def _power(a: Array, n: Coefficient) -> Array:
     if isinstance(n, np.floating) and n + 0.5 in (-1.0, -2.0, -3.0):
-        # Faster than the power, and right to more digits.
+        # Faster than the power, and more accurate.
         return lax.div(np.float64(1.0), lax.mul(lax.integer_pow(a, int(-n - 0.5)), lax.sqrt(a)))
     return lax.pow(a, jnp.asarray(n))
 
@@ -206,7 +206,7 @@ def _log(s: _Series, node: Node, k: int) -> Coefficient:
 
 
 def _growing(value: Callable, factor: Callable[[Node], Node], sign: float = 1.0) -> Callable:
-    """Of a function whose derivative is another node: w' = a' times that node."""
+    """Rule of a function whose derivative is another node: w' = a' times that node."""
 
     def rule(s: _Series, node: Node, k: int) -> Coefficient:
         (a,) = node.args
@@ -249,17 +249,17 @@ _RULES: dict[str, Callable[[_Series, Node, int], Coefficient]] = {
 }
 assert set(_RULES) >= STEADY
 
-#: How many sums of products an operation takes at each order.
+#: Number of sums of products of an operation at each order.
 _ONE_PRODUCT_EACH = ("product", "div", "sqrt", "log", "exp", "sin", "cos", "tanh")
 _PRODUCTS = dict.fromkeys(_ONE_PRODUCT_EACH, 1) | {"pow": 2}
 
 
 def products(nodes: list[Node]) -> int:
-    """How many sums of products each order takes: what it costs."""
+    """Number of sums of products of each order: its cost."""
     return sum(_PRODUCTS.get(node.op, 0) for node in nodes if node.moving)
 
 
 def is_guarded(nodes: list[Node]) -> bool:
-    """Whether a formula has another case where something is exactly some number."""
+    """Whether a formula has another case where a quantity equals some number exactly."""
     moving = (any(isinstance(a, Node) and a.moving for a in node.args) for node in nodes)
     return any(m and node.op in STEADY for m, node in zip(moving, nodes, strict=True))

@@ -101,13 +101,16 @@ class _Diagonal(diffrax.AbstractDIRK):
 @pytest.mark.parametrize(
     ("solver", "message"),
     [
-        (diffrax.Kvaerno5(), r"got Kvaerno5, which is implicit\. Take solvers\.RADAU9, which"),
-        (diffrax.ImplicitEuler(), r"got ImplicitEuler, which is implicit\. Take solvers\.RADAU9"),
-        (_Diagonal(), r"got _Diagonal, which is implicit\. Take solvers\.RADAU9"),
-        (diffrax.KenCarp4(), r"got KenCarp4, which splits the rate into .* Take solvers\.RADAU9"),
-        (diffrax.SRA1(), r"got SRA1, which has no Butcher tableau of an ODE\. Take one of jaxd"),
-        (diffrax.Tsit5, r"got Tsit5, which is none\. Pass an instance, such as diffrax\.Tsit5"),
-        (3, r"got int, which is none\. Pass an instance, such as diffrax\.Tsit5\(\)"),
+        (diffrax.Kvaerno5(), r"got Kvaerno5, which is implicit\. Use solvers\.RADAU9, which"),
+        (diffrax.ImplicitEuler(), r"got ImplicitEuler, which is implicit\. Use solvers\.RADAU9"),
+        (_Diagonal(), r"got _Diagonal, which is implicit\. Use solvers\.RADAU9"),
+        (diffrax.KenCarp4(), r"got KenCarp4, which splits the rate into .* Use solvers\.RADAU9"),
+        (diffrax.SRA1(), r"got SRA1, which has no Butcher tableau of an ODE\. Use one of jaxd"),
+        (
+            diffrax.Tsit5,
+            r"got Tsit5, which is not a solver\. Pass an instance, such as diffrax\.Tsit5",
+        ),
+        (3, r"got int, which is not a solver\. Pass an instance, such as diffrax\.Tsit5\(\)"),
     ],
     ids=lambda x: type(x).__name__,
 )

@@ -210,7 +210,7 @@ def test_long_steps_at_loose_tolerances_are_not_stiff(method, amplitude):
 
 @pytest.mark.parametrize("counts", [(1,), (2, 1), (1, 1), (0, 1), ()])
 def test_counts_that_do_not_rise_are_refused(counts):
-    with pytest.raises(ValueError, match="counts: expected at least two rising numbers"):
+    with pytest.raises(ValueError, match="counts: expected at least two increasing numbers"):
         Stoermer(counts)
 
 

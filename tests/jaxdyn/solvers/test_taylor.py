@@ -431,7 +431,7 @@ def _long_loop(t, y):
 @pytest.mark.parametrize(
     ("rate", "why"),
     [
-        (_places_beyond, "places that are not there"),
+        (_places_beyond, "indices out of bounds"),
         (_three_cases, "select_n"),
         (_whole_division, "int"),
         (_fewer_bits, "conversion to float32"),
@@ -439,7 +439,7 @@ def _long_loop(t, y):
         (_compared_truths, "eq of bool"),
         (_long_loop, "a loop of 100000 rounds"),
         (_exp2, "exp2"),
-        (_friction, "a condition on what moves"),
+        (_friction, "a condition on moving numbers"),
         (_unknown_loop, "while"),
         (_moving_exponent, "a moving exponent"),
         (_places, "argmax"),
