@@ -1,14 +1,14 @@
-"""Pictures and animations of motions, and of what was found out about them.
+"""Pictures and animations of motions and of results about them.
 
 Every function of a picture returns the `Figure`, and writes it where a path is given (.png, .pdf
-or .svg); `animate` writes a .gif or .mp4. A file that cannot be written is refused before the
-work.
+or .svg); `animate` writes a .gif or .mp4. A path that cannot be written raises before the work
+starts.
 
 Pictures: `space` and `projections` (paths), `series` (over time), `accuracy`, `charts` (stability),
-`animation`. Their parts: `contents` (what there is to draw of a motion), `figures` (the look of all
+`animation`. Their parts: `contents` (what is drawn of a motion), `figures` (the look of all
 pictures), `panels` (axes for motions), `solid` (axes in space), `curves`, `strokes`, `artists`,
-`titles`. Nothing but the command lines and `orbits.drawing` imports this folder, since Matplotlib
-takes long to load; ``import jaxdyn`` does not load it.
+`titles`. Only the command lines and `orbits.drawing` import this folder, since Matplotlib is slow
+to load; ``import jaxdyn`` does not load it.
 
 May import: `files`, `scenes`.
 

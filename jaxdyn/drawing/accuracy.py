@@ -1,4 +1,4 @@
-"""Pictures of what accuracy costs, and of how well solvers keep to their tolerance."""
+"""Pictures of the cost of accuracy, and of error against tolerance."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,18 +14,18 @@ from jaxdyn.files.image_files import picture_path
 
 _MARKERS = "osD^vPX"
 _PANEL = 3.4  # inches
-_WIDE = 60.0  # ratio of the ends of an axis from which on only powers of ten are named
+_WIDE = 60.0  # ratio of the ends of an axis above which only powers of ten are labelled
 
 
 def work_precision(found: WorkPrecision, path=None, *, title: str | None = None) -> Figure:
-    """A picture of error against time, and against right-hand sides, one curve a solver.
+    """A picture of error against time, and against right-hand sides, one curve per solver.
 
     Args:
       found: what `work_precision.work_precision` returned.
       path: file to write, .png, .pdf or .svg.
-      title: what stands above it.
+      title: its title.
     Raises:
-      ValueError: a file that cannot be written.
+      ValueError: `path` cannot be written.
     """
     path = picture_path(path)
     figure = blank(2 * _PANEL + 0.8, _PANEL + 1.0)
@@ -59,7 +59,7 @@ def judgement(found: Mapping[str, WorkPrecision], path=None) -> Figure:
       found: what `work_precision.work_precision` returned, by the name of the scene.
       path: file to write, .png, .pdf or .svg.
     Raises:
-      ValueError: no scene, one without a solver that takes a tolerance, or a file that cannot be
+      ValueError: `found` is empty, a scene has no solver with a tolerance, or `path` cannot be
         written.
     """
     path = picture_path(path)
@@ -68,11 +68,11 @@ def judgement(found: Mapping[str, WorkPrecision], path=None) -> Figure:
     curves = {name: [c for c in one.curves if c.adaptive] for name, one in found.items()}
     for name, adaptive in curves.items():
         if not adaptive:
-            remedy = "Solvers of fixed step have none; draw them with drawing.work_precision."
+            remedy = "Draw solvers of fixed step with drawing.work_precision."
             raise _checks.fail("found", "solvers with a tolerance", f"none for {name}", remedy)
     figure = blank(_PANEL * len(found) + 0.8, _PANEL + 1.0)
     axes = _panels(figure, len(found))
-    # A solver that does not fit every scene keeps its colour in all panels.
+    # A solver that does not suit every scene keeps its colour in all panels.
     solvers = list(dict.fromkeys(c.solver for each in curves.values() for c in each))
     for ax, (name, each) in zip(axes, curves.items(), strict=True):
         for curve in each:

@@ -1,12 +1,12 @@
-"""Moving pictures of a motion: its bodies, and dots with fading trails, at an even pace.
+"""Animations of a motion: its bodies, and dots with fading trails, at a constant pace.
 
-A motion of some seconds is shown in real time, one that is too short or too long for that slower
-or faster by a round factor, which stands in the picture.
+A motion of a few seconds is shown in real time, a shorter or longer one slower or faster by a
+round factor, which is shown in the picture.
 
-A GIF needs nothing more, an MP4 needs the program ffmpeg. Frames are places on the fine curve
-that `paths` finds, never values between: a straight line between two of them is not on the path.
-What does not move (axes, grid, labels) is drawn once and copied under every frame: Matplotlib's
-own way, the whole figure anew for each frame, takes several times as long.
+A GIF needs nothing more, an MP4 needs the program ffmpeg. Frames show states of the fine curve
+that `paths` finds, never interpolated between: a straight line between two of them is not on the
+path. What does not move (axes, grid, labels) is drawn once and copied under every frame:
+Matplotlib's own way, redrawing the figure for each frame, takes several times as long.
 """
 
 import itertools
@@ -33,12 +33,12 @@ from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 
 _DPI = 100
-_CORNER = 0.02  # of the figure: where the clock stands
+_CORNER = 0.02  # of the figure: position of the clock
 _SHADES = 24  # of a trail
-_SHORT, _LONG = 1.0, 10.0  # s of a motion that is shown in real time
-_WATCHED = 4.0  # s at least that a shorter one is stretched to
+_SHORT, _LONG = 1.0, 10.0  # [s] of a motion that is shown in real time
+_WATCHED = 4.0  # [s] shortest duration of the others
 _SAME = 0.02  # of a pace
-_SHORTEST = 0.02  # s a frame of a GIF: viewers slow down those that ask for less
+_SHORTEST = 0.02  # [s] per frame of a GIF: viewers slow down shorter ones
 
 
 def animate(
@@ -49,18 +49,18 @@ def animate(
     fps: float = 30,
     trail: float = 0.25,
 ) -> Path:
-    """The file of a moving picture of a motion, from its start to where its run ended.
+    """Write an animation of a motion, from its start to where its run ended; return the path.
 
     Args:
       motion: what `simulate` or `simulate_phases` returned.
       path: file to write, .gif or .mp4.
-      seconds: how long it lasts [s]; if left out, as long as the motion where that takes 1 to
-        10 s, else a round part or multiple of that, which is written in the picture.
-      fps: frames a second; in a GIF rounded to whole hundredths of a second a frame.
+      seconds: its duration [s]; by default that of the motion where it is 1 to 10 s, else a round
+        part or multiple of it, which is shown in the picture.
+      fps: frames per second; in a GIF rounded to whole hundredths of a second per frame.
       trail: length of the trails as a share of the whole motion, 0 to 1.
     Raises:
-      ValueError: a file that cannot be written, no ffmpeg for .mp4, too few samples, numbers
-        that make no sense, nothing to draw.
+      ValueError: `path` cannot be written, ffmpeg is missing for .mp4, the motion has fewer than
+        two samples or nothing to draw, or `seconds`, `fps` or `trail` is out of range.
     """
     path = animation_path(path)
     _check_numbers(seconds, fps, trail)
@@ -74,7 +74,7 @@ def animate(
     box = limits(places(drawn), drawn.equal)
     stage = blank(*size(box, drawn.equal), dpi=_DPI, kind=_Stage)
     ax = panel(stage, drawn, box)
-    ax.set_title(f" \n{drawn.stopped}", fontsize=9)  # the clock stands in the empty line
+    ax.set_title(f" \n{drawn.stopped}", fontsize=9)  # the empty line has room for the clock
     legend_below(stage, path_entries(drawn.names, colours(drawn)))
     fill(stage)
     actors = _Actors(
@@ -89,10 +89,10 @@ def animate(
 
 
 class _Stage(Figure):
-    """A figure that is drawn once; then to save it is to draw its actors on the same ground."""
+    """A figure whose background is drawn once; saving it draws its actors on top."""
 
     def set_up(self, actors) -> None:
-        """Draw what does not move. The writer is ready by now: it may change the size."""
+        """Draw the background, after the writer was set up: it may change the size."""
         self.actors = actors
         for actor in actors:
             actor.set_animated(True)
@@ -101,7 +101,7 @@ class _Stage(Figure):
         self.ground = self.agg.copy_from_bbox(self.bbox)
 
     def savefig(self, fname, **kwargs) -> None:
-        """Write one frame as bytes; writers say format and dpi, which are those of the stage."""
+        """Write one frame as bytes; format and dpi are those of the stage."""
         del kwargs
         self.agg.restore_region(self.ground)
         for actor in self.actors:
@@ -112,7 +112,7 @@ class _Stage(Figure):
 
 
 class _Actors:
-    """All that moves: trails, shapes, dots and the time, on axes of a figure."""
+    """The moving artists: trails, shapes, dots and the time, on axes of a figure."""
 
     def __init__(self, ax, drawn: Paths, box: np.ndarray, trail: float, note: str):
         self.drawn, self.trail, self.note = drawn, trail * (drawn.ts[-1] - drawn.ts[0]), note
@@ -127,18 +127,18 @@ class _Actors:
             ax.plot(*point[:, None], "o", color=colour, ms=10, mec="white")[0]
             for point, colour in zip(drawn.xyz[0], own, strict=True)
         ]
-        # As many places as tell apart a hundredth of the span.
+        # Enough decimal places to resolve a hundredth of the span.
         self.places = max(0, 2 - math.floor(math.log10(abs(drawn.ts[-1] - drawn.ts[0]))))
         # In the corner of the figure: solid axes reach beyond it.
         self.clock = ax.figure.text(_CORNER, 1 - _CORNER, "", va="top")
 
     @property
     def all(self) -> list:
-        """What to draw for a frame, from the back to the front."""
+        """The artists of a frame, from back to front."""
         return [self.trails, *self.shapes.all, *self.dots, self.clock]
 
     def move(self, sample: int) -> None:
-        """Put everything where it is at this sample."""
+        """Move everything to its position at this sample."""
         xyz, ts = self.drawn.xyz, self.drawn.ts
         tail = int(np.argmax(np.abs(ts - ts[sample]) <= abs(self.trail)))
         ends = np.linspace(tail, sample, _SHADES + 1).astype(int)
@@ -152,14 +152,14 @@ class _Actors:
 
 
 class _Pace(NamedTuple):
-    """How long an animation lasts [s], and what stands beside its clock."""
+    """The duration of an animation [s], and the text beside its clock."""
 
     seconds: float
     note: str
 
 
 def _pace(span: float, seconds: float | None) -> _Pace:
-    """Real time where that can be watched, else a round factor of it; or the seconds wanted."""
+    """Real time if neither too short nor too long, else a round factor of it; or as given."""
     if seconds is not None:
         return _Pace(float(seconds), _factor(span / seconds))
     if _SHORT <= span <= _LONG:
@@ -173,14 +173,14 @@ def _pace(span: float, seconds: float | None) -> _Pace:
 
 
 def _factor(faster: float) -> str:
-    """How an animation's pace is to real time; empty where nobody sees a difference."""
+    """The pace relative to real time, as text; empty if the difference is invisible."""
     if abs(faster - 1) < _SAME:
         return ""
     return f"  ({faster:.3g} x faster)" if faster > 1 else f"  ({1 / faster:.3g} x slower)"
 
 
 def _timing(path: Path, samples: int, seconds: float, fps: float):
-    """How many frames there are, and the writer that shows them for so many seconds."""
+    """The number of frames, and the writer that shows them for the given time."""
     count = max(2, min(samples, round(seconds * fps)))
     if path.suffix.lower() == ".mp4":
         if not FFMpegWriter.isAvailable():
@@ -192,7 +192,7 @@ def _timing(path: Path, samples: int, seconds: float, fps: float):
             )
         writer = FFMpegWriter(fps=count / seconds)  # pyright: ignore[reportArgumentType]
     else:
-        # A GIF counts whole hundredths of a second; as many frames as then fill the time.
+        # GIF frames last whole hundredths of a second; enough frames to fill the time.
         frame = max(_SHORTEST, round(seconds / count, 2))
         count = max(2, min(samples, round(seconds / frame)))
         # The writer cuts off 1000/fps [ms], so 29.999 would become 29 and then 20.
@@ -203,6 +203,6 @@ def _timing(path: Path, samples: int, seconds: float, fps: float):
 def _check_numbers(seconds, fps, trail) -> None:
     if seconds is not None:
         _checks.positive("seconds", seconds)
-    _checks.positive("fps", fps, "Frames a second.")
+    _checks.positive("fps", fps, "It is in frames per second.")
     if not 0 <= trail <= 1:
         raise _checks.fail("trail", "a share between 0 and 1", trail)

@@ -1,7 +1,6 @@
-"""What moves along a motion, as Matplotlib's artists: rods, springs, wheels, pins.
+"""The moving shapes of a motion as Matplotlib artists: rods, springs, wheels, pins.
 
-Made once and put where they are at a sample: at the start for a picture, at each frame for an
-animation.
+Created once and moved to a sample: the start for a picture, each frame for an animation.
 """
 
 import numpy as np
@@ -17,7 +16,7 @@ _SPRING = 0.022  # half width of a spring, to the widest side of the box
 _BODY = "#e6e9ee"
 _GROUND = "#8c8c8c"
 _PIN = 22  # points
-#: A triangle that stands on its tip, with the ground it is fixed to; the tip is where it is.
+#: A triangle with its tip at the pin's position, and the ground it is fixed to.
 _HUNG = np.array([[0.0, 0.0], [-0.6, 0.9], [-1.0, 0.9], [1.0, 0.9], [0.6, 0.9], [0.0, 0.0]])
 
 
@@ -29,7 +28,7 @@ class Shapes:
         draw_lines(ax, grounds(drawn), colors=_GROUND, linewidths=1.6, zorder=0.6)
         fills = (("areas", _BODY, 1.4), ("solids", INK, 2.6)) if ax.name != "3d" else ()
         self._filled = {kind: _closed(ax, colour, order) for kind, colour, order in fills}
-        # In space edges at the back are drawn too: thinner, or they would be a thicket.
+        # In space edges at the back are drawn too, thinner to avoid clutter.
         width = 1.3 if ax.name == "3d" else 2.0
         self._lines = draw_lines(ax, [], colors=INK, linewidths=width, zorder=2.5)
         self._springs = draw_lines(ax, [], colors=INK, linewidths=1.1, zorder=2.4)
@@ -42,11 +41,11 @@ class Shapes:
 
     @property
     def all(self) -> list:
-        """What moves, from the back to the front."""
+        """The moving artists, from back to front."""
         return [self._pins, *self._filled.values(), self._springs, self._lines]
 
     def show(self, sample: int) -> None:
-        """Put everything where it is at a sample."""
+        """Move everything to its position at a sample."""
         now = strokes(self.drawn, sample, self.width)
         for kind, artist in self._filled.items():
             artist.set_verts(getattr(now, kind))
@@ -57,13 +56,13 @@ class Shapes:
         (self._pins.set_data_3d if solid else self._pins.set_data)(*now.pins.T)
 
     def _hangs(self) -> bool:
-        """Whether what the pins hold is below them."""
+        """Whether the parts held by the pins are below them."""
         pins = [at[..., 1].mean() for kind, at in self.drawn.shapes if kind == "pin" and at.size]
         return bool(pins) and np.mean(pins) >= self.drawn.xyz[..., 1].mean()
 
 
 def draw_pose(ax, drawn: Paths, sample: int, **style) -> None:
-    """Draw the outlines of bodies and rods at a sample; springs and pins only clutter."""
+    """Draw the outlines of bodies and rods at a sample, without springs and pins."""
     now = strokes(drawn, sample, 0.0)
     draw_lines(ax, [*now.lines, *now.areas, *now.solids], **style)
 

@@ -1,4 +1,4 @@
-"""Pictures of stability charts: where motions are stable, and how fast others grow."""
+"""Pictures of stability charts: where motions are stable, and the growth rates elsewhere."""
 
 from typing import Any
 
@@ -18,15 +18,15 @@ _FAINT = "#fbe9de"
 def stability_chart(
     chart: Chart, path=None, *, names=("first", "second"), title: str | None = None
 ) -> Figure:
-    """A picture of a chart: stable in blue, the rest the darker the faster differences grow.
+    """A picture of a chart: stable in blue, the rest darker with the growth rate.
 
     Args:
       chart: what `floquet.chart` or `upright.upright_chart` returned, at least 2 x 2.
       path: file to write, .png, .pdf or .svg.
-      names: what its two numbers are, with their units; the first goes up, the second across.
-      title: what stands above it.
+      names: its two parameters, with their units; the first goes up, the second across.
+      title: its title.
     Raises:
-      ValueError: a file that cannot be written.
+      ValueError: `path` cannot be written.
     """
     path = picture_path(path)
     figure = blank(6.8, 4.6)

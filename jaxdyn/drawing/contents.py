@@ -1,7 +1,7 @@
-"""What there is to draw of a motion: paths of points, and shapes that move along.
+"""The contents of a picture of a motion: paths of points, and moving shapes.
 
-Plain arrays, whatever draws them: pictures and animations here, a page in a browser. What a scene
-looks like it says itself, by `System.sketch` and `Effect.sketch`.
+Plain arrays for any drawing library: pictures and animations here, a page in a browser. The look
+of a scene is defined by `System.sketch` and `Effect.sketch`.
 """
 
 import re
@@ -16,7 +16,7 @@ from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.sketch import Kind
 
-_LOOKS = 100  # samples at which shapes are looked at for their room
+_LOOKS = 100  # samples at which the extent of shapes is evaluated
 
 
 class Moving(NamedTuple):
@@ -27,19 +27,19 @@ class Moving(NamedTuple):
 
 
 class Paths(NamedTuple):
-    """What a picture needs of a motion.
+    """The data for a picture of a motion.
 
     Attributes:
-      ts: (s,) times, of the part that the run got to.
-      xyz: (s, n, D) paths drawn, each in a colour of its own, D = 2 or 3; (time, x) for motion on
+      ts: (s,) times up to which the run got.
+      xyz: (s, n, D) paths drawn, each in its own colour, D = 2 or 3; (time, x) for motion on
         a line.
-      names: (n,) of the paths; empty where there is nothing to tell apart.
-      labels: (D,) what the axes say.
-      second: the unit of time as it stands behind a number: " s", or nothing where G = 1.
+      names: (n,) of the paths; empty for a single one.
+      labels: (D,) of the axes.
+      second: the unit of time after a number: " s", or nothing where G = 1.
       equal: whether all axes have one scale.
       stopped: why the run stopped early; empty if it did not.
-      shapes: what moves along; on axes of two scales only lines.
-      corners: numbers of the samples where a later phase of a chain begins.
+      shapes: the moving shapes; only lines on axes of two scales.
+      corners: indices of the samples where a later phase of a chain begins.
     """
 
     ts: np.ndarray
@@ -54,7 +54,7 @@ class Paths(NamedTuple):
 
 
 def paths(motion: Trajectory | HybridTrajectory) -> Paths:
-    """What there is to draw of a motion, a chain of phases or a part of a run that stopped.
+    """The contents of a picture of a motion, a chain of phases or part of a run that stopped.
 
     Points move in a plane, in space or on a line; a state of two or three entries without
     points is drawn itself. The paths are those that the scene's sketch names (its traces), or
@@ -63,7 +63,7 @@ def paths(motion: Trajectory | HybridTrajectory) -> Paths:
     Args:
       motion: what `simulate` or `simulate_phases` returned.
     Raises:
-      ValueError: a batch of motions, or nothing to draw.
+      ValueError: `motion` is a batch, or has nothing to draw.
     """
     pieces = pieces_of(motion)
     good = [reached(piece) for piece in pieces]
@@ -112,7 +112,7 @@ def why_stopped(motion: Trajectory | HybridTrajectory, second: str = " s") -> st
 
 
 def places(drawn: Paths) -> np.ndarray:
-    """(p, D) all that a picture must have room for: the paths and the shapes along them."""
+    """(p, D) all points that must fit in the picture: the paths and the shapes."""
     size = drawn.xyz.shape[-1]
     thin = slice(None, None, max(1, len(drawn.ts) // _LOOKS))
     corners = [at[thin].reshape(-1, size) for _, at in drawn.shapes]
@@ -120,7 +120,7 @@ def places(drawn: Paths) -> np.ndarray:
 
 
 def in_time(drawn: Paths, count: int) -> np.ndarray:
-    """(count,) numbers of samples nearest to evenly spaced times."""
+    """(count,) indices of the samples nearest to evenly spaced times."""
     wanted = np.linspace(drawn.ts[0], drawn.ts[-1], count)
     way = 1.0 if drawn.ts[-1] >= drawn.ts[0] else -1.0
     after = np.clip(np.searchsorted(way * drawn.ts, way * wanted), 1, len(drawn.ts) - 1)
@@ -129,7 +129,7 @@ def in_time(drawn: Paths, count: int) -> np.ndarray:
 
 
 def _common(parts: Sequence[Part]) -> list[tuple[Outline, np.ndarray]]:
-    """The outlines (s, m, k, d) that all parts have: phases may differ in what acts in them."""
+    """The outlines (s, m, k, d) common to all parts: phases may have different effects."""
     kept = [
         outline for outline in parts[0].outlines if all(outline in part.outlines for part in parts)
     ]
@@ -143,13 +143,13 @@ def _against(ts: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 
 def _is_phase_plane(piece: Trajectory) -> bool:
-    """Whether what is drawn is a state of two entries with different units."""
+    """Whether the drawing is of a state of two entries with different units."""
     units = [unit for _, unit in piece.scene.labels()]
     return not piece.scene.has_points and len(units) == 2 and units[0] != units[1]
 
 
 def _axis_labels(piece: Trajectory, d: int) -> tuple[tuple[str, ...], str]:
-    """(d,) names and units of the directions, and the unit of time; the state says which."""
+    """(d,) names and units of the directions, and the unit of time, from the state's labels."""
     labels = piece.scene.labels()
     units = dict(labels)
     named = [(x, units.get(x, units.get(x + "1", "m"))) for x in "xyz"[:d]]

@@ -1,9 +1,9 @@
-"""Smooth curves through the samples of a motion, however few they are.
+"""Smooth curves through the samples of a motion, even if they are few.
 
-Between two samples the state is the polynomial of degree 5 with the values, rates and rates of the
-rates that the scene has at both, and points are where that puts them. Of a point that circles at a
-steady rate it misses by 3e-5 of the radius with 6 samples a turn, by 2e-3 with 3; a motion with
-fewer needs more samples to be seen at all.
+Between two samples the state is the polynomial of degree 5 with the values, rates and second
+derivatives of both, and points follow from it. For uniform circular motion the error is 3e-5 of
+the radius with 6 samples per turn and 2e-3 with 3; with fewer, more samples are needed for a
+meaningful picture.
 """
 
 import math
@@ -23,7 +23,7 @@ CURVE_SAMPLES = 2000  # samples of a curve that looks smooth at any size of a pi
 
 
 class Outline(NamedTuple):
-    """What tells a shape of a scene from the others: kind, name, corners (m, k), which of those."""
+    """The identity of a shape of a scene: kind, name, corners (m, k), which of those."""
 
     kind: Kind
     name: str
@@ -40,13 +40,13 @@ class Part(NamedTuple):
 
 
 def reached(piece: Trajectory) -> int:
-    """How many samples a run got to."""
+    """The number of samples that a run reached."""
     good = np.isfinite(np.asarray(piece.ys)).all(axis=1)
     return len(good) if good.all() else int(np.argmin(good))
 
 
 def fine(piece: Trajectory, count: int, pieces: int) -> Part:
-    """The curve through the first `count` samples of one of so many pieces.
+    """The curve through the first `count` samples of one of `pieces` pieces.
 
     A system without points is drawn by its state.
     """
@@ -66,14 +66,14 @@ def states(piece: Trajectory, count: int, pieces: int) -> tuple[np.ndarray, np.n
 
 
 def _between(ts: np.ndarray, known: tuple[np.ndarray, ...], parts: int):
-    """Times and states (s, k) on the curve, so many parts from sample to sample."""
+    """Times and states (s, k) on the curve, with `parts` parts from sample to sample."""
     y, v, a = known
     x = np.arange(parts) / parts
     times = ts[:-1, None] + np.diff(ts)[:, None] * x
     h = np.diff(ts)[:, None]
     start, bend, step = h * v[:-1], h**2 * a[:-1] / 2, np.diff(y, axis=0)
     miss = step - start - bend, h * v[1:] - start - 2 * bend, h**2 * a[1:] / 2 - bend
-    # The polynomial of degree 5: what degree 2 misses at the end, in place and derivatives.
+    # The polynomial of degree 5: from the errors of degree 2 at the end, to second order.
     cubic = 10 * miss[0] - 4 * miss[1] + miss[2]
     quartic = -15 * miss[0] + 7 * miss[1] - 2 * miss[2]
     quintic = 6 * miss[0] - 3 * miss[1] + miss[2]

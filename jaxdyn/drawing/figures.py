@@ -1,7 +1,6 @@
-"""What all pictures share: an empty figure, the palette, the look of axes, a written file.
+"""Common parts of all pictures: an empty figure, the palette, the look of axes, output.
 
-Drawn with Matplotlib's objects, never with pyplot: no window opens, no global state changes,
-nothing is left behind.
+Uses Matplotlib's objects, never pyplot: no window opens and no global state changes.
 """
 
 import io
@@ -17,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
-#: Okabe and Ito (2008), Color Universal Design; their yellow is left out, too faint on white.
+#: Okabe and Ito (2008), Color Universal Design; without their yellow, too faint on white.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 INK = "#404040"
 GRID = "#e4e4e4"
@@ -28,10 +27,10 @@ _SHADED = (0.0, 0.9)  # part of a colour map: its end is too faint on white
 
 
 class Picture(Figure):
-    """A figure that a notebook shows where it stands last in a cell, without any magic line."""
+    """A figure that a notebook shows as the last value of a cell, without a magic line."""
 
     def _repr_png_(self) -> bytes:
-        """The picture as a PNG file: what IPython asks objects for."""
+        """The picture as a PNG file: called by IPython."""
         file = io.BytesIO()
         self.savefig(file, format="png")
         return file.getvalue()
@@ -61,7 +60,7 @@ def mark(marker: str, label: str, **style) -> Line2D:
 
 
 def shades(count: int) -> list:
-    """So many colours: the palette's, or shades in order where there are too few."""
+    """`count` colours: the palette's, or ordered shades where there are too few."""
     if count <= len(PALETTE):
         return list(PALETTE[:count])
     return [tuple(shade) for shade in colormaps["viridis"](np.linspace(*_SHADED, count))]
@@ -90,7 +89,7 @@ def path_entries(names: Sequence[str], colours: Sequence) -> list[Line2D]:
 
 
 def named(*panels) -> list[Artist]:
-    """What the panels' entries of a legend stand for, each name once."""
+    """The legend entries of the panels, each name once."""
     found = {}
     for ax in panels:
         found |= dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
@@ -103,7 +102,7 @@ def style(ax) -> None:
     ax.set_axisbelow(True)
     ax.tick_params(colors=INK, labelsize=9)
     if ax.name == "3d":
-        ax.patch.set_visible(False)  # it reaches over the labels of the panel beside it
+        ax.patch.set_visible(False)  # it would cover the labels of the next panel
         for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
             axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
         ax.tick_params(labelsize=8)

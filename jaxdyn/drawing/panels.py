@@ -1,4 +1,4 @@
-"""Axes in which a motion is drawn to one scale, and what is drawn in them.
+"""Axes in which a motion is drawn to one scale, and their paths.
 
 Pictures and animations of motions, alone or in a row, are made of these parts.
 """
@@ -17,12 +17,12 @@ from jaxdyn.drawing.figures import GRID, shades, style
 
 WIDTH = 6.4  # inches
 _PIECES = 120  # of a path; see `draw_paths`
-_LEAST_SHARE = {2: 0.25, 3: 0.5}  # of the widest direction that a narrow one is given
+_LEAST_SHARE = {2: 0.25, 3: 0.5}  # of the widest direction: least width of a narrow one
 _MARGIN = 1.12  # of the box drawn to the box of the motion
 
 
 def limits(xyz: np.ndarray, equal: bool) -> np.ndarray:
-    """Lower and upper ends (D, 2) of a box with some air around points (..., D)."""
+    """Lower and upper ends (D, 2) of a box around points (..., D), with a margin."""
     flat = xyz.reshape(-1, xyz.shape[-1])
     if not len(flat):
         return np.tile([-1.0, 1.0], (flat.shape[1], 1))
@@ -30,7 +30,7 @@ def limits(xyz: np.ndarray, equal: bool) -> np.ndarray:
     middle, half = (low + high) / 2, (high - low) / 2
     if equal:
         half = np.maximum(half, _LEAST_SHARE[flat.shape[1]] * half.max())
-    # A body at rest has no extent; below a millionth of its place axes have no digits left.
+    # A body at rest has no extent; axes cannot resolve a millionth of its position.
     half = np.where(half > 1e-6 * np.abs(middle), half, np.maximum(np.abs(middle), 1.0) / 2)
     return middle[:, None] + _MARGIN * half[:, None] * np.array([-1.0, 1.0])
 
@@ -51,7 +51,7 @@ def size(box: np.ndarray, equal: bool) -> tuple[float, float]:
 def panel(figure: Figure, drawn: Paths, box: np.ndarray, position=(1, 1, 1)):
     """New axes with fixed limits (D, 2) at a position (rows, columns, index) of the figure."""
     solid = len(box) == 3
-    # Solid axes take the look of their grid from nowhere else.
+    # The grid of solid axes has no other setting.
     with rc_context({"grid.color": GRID, "grid.linewidth": 0.6}):
         ax: Any = figure.add_subplot(*position, projection="3d" if solid else None)
     for axis, ends, label in zip("xyz", box, drawn.labels, strict=False):
@@ -69,7 +69,7 @@ def draw_paths(ax, drawn: Paths, own: list) -> None:
     """Draw the paths in their own colours, early parts above late ones.
 
     Bodies that follow each other on one curve would hide each other if they were drawn one
-    after the other: only the last colour would be seen. Ordered by time, every part of the
+    after the other: only the last colour would be visible. Ordered by time, every part of the
     curve has the colour of the body that was there first.
     """
     xyz = drawn.xyz

@@ -14,7 +14,7 @@ from jaxdyn.files.image_files import picture_path
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 
-#: Where the views stand, as a drawing office places them: from the front, the side and above.
+#: Positions of the views, as in engineering drawings: from the front, the side and above.
 _VIEWS = {(0, 0): (0, 2), (0, 1): (1, 2), (1, 0): (0, 1)}
 _ROOM = 1.6  # inches for labels, title and legend
 
@@ -27,9 +27,9 @@ def projections(
     Args:
       motion: what `simulate` or `simulate_phases` returned.
       path: file to write, .png, .pdf or .svg.
-      title: what stands above it; the scene with its numbers if left out, "" for nothing.
+      title: its title; the scene with its numbers by default, "" for none.
     Raises:
-      ValueError: a motion that is not in space, a batch, or a file that cannot be written.
+      ValueError: `motion` is not in space or is a batch, or `path` cannot be written.
     Example:
       >>> from jaxdyn import scenes, simulate
       >>> figure = projections(simulate(scenes.hanging_spring(), samples=20))
@@ -40,7 +40,7 @@ def projections(
     drawn = paths(motion)
     if len(drawn.labels) != 3:
         got = f"one in {', '.join(drawn.labels)}"
-        raise _checks.fail("motion", "a motion in space", got, "Take drawing.trajectory.")
+        raise _checks.fail("motion", "a motion in space", got, "Use drawing.trajectory.")
     box = limits(drawn.xyz, True)
     sides = np.diff(box)[:, 0]
     scale = (WIDTH - _ROOM) / (sides[0] + sides[1])

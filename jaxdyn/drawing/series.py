@@ -23,21 +23,21 @@ def time_series(
     names: Sequence[str] | None = None,
     title: str | None = None,
 ) -> Figure:
-    """A picture of entries of the state against time, one panel a unit.
+    """A picture of entries of the state against time, one panel per unit.
 
     Args:
       motion: what `simulate` or `simulate_phases` returned. Its curves are smooth, see `curves`;
-        phases are parted by lines.
+        phases are separated by lines.
       path: file to write, .png, .pdf or .svg.
-      names: labels of the entries to draw, e.g. ``["x", "vx"]``; all of them if left out.
-      title: what stands above it; the scene with its numbers if left out, "" for nothing.
+      names: labels of the entries to draw, e.g. ``["x", "vx"]``; all of them by default.
+      title: its title; the scene with its numbers by default, "" for none.
     Raises:
-      ValueError: an unknown label, a batch of motions, or a file that cannot be written.
+      ValueError: `names` has an unknown label, `motion` is a batch, or `path` cannot be written.
     """
     path = picture_path(path)
     pieces = pieces_of(motion)
     scene = pieces[0].scene
-    # Without units places and velocities are still drawn apart.
+    # Without units positions and velocities still get separate panels.
     units = dict(scene.system.labels())
     plain = all(unit == "1" for _, unit in scene.labels())
     names = list(units) if names is None else [_checks.choice("names", x, units) for x in names]

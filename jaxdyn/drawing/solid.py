@@ -1,8 +1,8 @@
-"""Solid axes as large as their figure allows; Matplotlib leaves room for every way to turn a box.
+"""Solid axes as large as their figure allows; Matplotlib leaves room for every orientation.
 
-What a box with its ticks and labels takes is measured, scaled up to the width of its column, and
-the figure made as high as that needs. The parts that are not scaled with it (labels) settle within
-a few rounds.
+The extent of a box with its ticks and labels is measured, scaled up to the width of its column,
+and the figure gets the required height. Labels do not scale; their positions converge within a few
+rounds.
 """
 
 import itertools
@@ -18,7 +18,7 @@ _HIGHEST = 1.2  # height of a panel over its width
 
 
 def fill(figure: Figure) -> None:
-    """Make the solid axes of a figure, all in one row, fill it; others are left as they are."""
+    """Make the solid axes of a figure, all in one row, fill it; others are unchanged."""
     solid = [ax for ax in figure.axes if ax.name == "3d"]
     if not solid:
         return
@@ -45,19 +45,19 @@ def fill(figure: Figure) -> None:
             side = grow * square.width
             corner = middle - grow * (_middle(box) - _middle(square)) - side / 2
             ax.set_position([*corner / size, *side / size])
-            # Solid axes put a title lower than they are told; its text does as it is told.
+            # Solid axes ignore the position of a title; that of its text is respected.
             ax.set_title(ax.get_title(), fontsize=ax.title.get_fontsize(), y=1.0)
             ax.title.set_y((below + grow * high + pad - corner[1]) / side)
         figure.draw_without_rendering()
 
 
 def _middle(box: Bbox) -> np.ndarray:
-    """(2,) its middle."""
+    """(2,) centre of a box."""
     return np.array([box.x0 + box.x1, box.y0 + box.y1]) / 2
 
 
 def _taken(ax) -> Bbox:
-    """What the box and its labels take [pixels]."""
+    """Extent of the box and its labels [pixels]."""
     renderer = ax.figure.canvas.get_renderer()
     xs, ys, zs = np.array(list(itertools.product(ax.get_xlim(), ax.get_ylim(), ax.get_zlim()))).T
     x, y, _ = proj3d.proj_transform(xs, ys, zs, ax.get_proj())

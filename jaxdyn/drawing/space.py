@@ -1,7 +1,7 @@
 """A picture of a motion in space: the paths of its points, its bodies, rods and springs.
 
-Conventions: one colour a path, from Okabe and Ito's palette, which colour-blind readers can
-tell apart; a dot where it starts, a ring where it ends, a cross where a failed run stops, a
+Conventions: one colour per path, from Okabe and Ito's palette, which colour-blind readers can
+distinguish; a dot where it starts, a ring where it ends, a cross where a failed run stops, a
 diamond where a new phase begins. Bodies and rods are dark at the start and grey at later times;
 springs, pins and anchors are drawn at the start. Space is drawn to one scale in all directions;
 motion on a line is drawn against time.
@@ -23,10 +23,10 @@ from jaxdyn.files.image_files import picture_path
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 
-_POSES = {2: 5, 3: 2}  # of the bodies at later times; in space more would hide each other
-_MOST_LINES = 16  # of a body in space: of one with more, several poses would be a tangle
+_POSES = {2: 5, 3: 2}  # of the bodies at later times; in space more would overlap
+_MOST_LINES = 16  # of a body in space: with more, only one pose is drawn
 _ABOVE = 12  # points, room for a pin
-_LINE = 0.17  # inches a line of the heading
+_LINE = 0.17  # [inches] per line of the heading
 
 
 def trajectory(
@@ -36,22 +36,22 @@ def trajectory(
     title: str | None = None,
     names: Sequence[str] | None = None,
 ) -> Figure:
-    """A picture of the paths of a motion or of several, with the bodies that move.
+    """A picture of the paths of a motion or of several, with the moving bodies.
 
-    However few samples it has, its curves are smooth; see `curves`.
+    Curves are smooth even with few samples; see `curves`.
 
     Args:
       motion: what `simulate` or `simulate_phases` returned; with ``throw=False`` also one that
-        stopped early, which is then marked by crosses and a line in the title. Several are drawn
-        on the same axes, each in a colour.
+        stopped early, which is marked by crosses and a line in the title. Several are drawn on
+        the same axes, each in its own colour.
       path: file to write, .png, .pdf or .svg.
-      title: what stands above it; the scene with its numbers if left out, "" for nothing.
+      title: its title; the scene with its numbers by default, "" for none.
       names: of several motions, for the legend.
     Returns:
       The figure: a plane, a box (3-D) or x against t (1-D). A notebook shows it.
     Raises:
-      ValueError: a file that cannot be written, a batch of motions, motions that do not fit on
-        the same axes, not one name for each, or nothing to draw.
+      ValueError: `path` cannot be written, `motion` is a batch, has nothing to draw, or several
+        do not fit on the same axes, or `names` has not one name for each.
     Example:
       >>> from jaxdyn import scenes, simulate
       >>> throws = [simulate(scenes.cannonball(speed=v)) for v in (5.0, 10.0)]
@@ -112,7 +112,7 @@ def _draw_poses(ax, drawn: Paths) -> None:
     if size == 3 and sum(at.shape[1] for _, at in drawn.shapes) > _MOST_LINES:
         return
     poses = _POSES[size]
-    # What comes back to its start is shown on the way instead.
+    # A motion that returns to its start is shown at times in between instead.
     closed = all(np.allclose(at[-1], at[0]) for _, at in drawn.shapes)
     later = in_time(drawn, poses + 2)[1:-1] if closed else in_time(drawn, poses + 1)[1:]
     for k, sample in enumerate(later):
@@ -136,6 +136,6 @@ def _check_together(drawn: list[Paths], names) -> None:
     if not drawn:
         raise _checks.fail("motion", "at least one motion", "none")
     if len({one.labels for one in drawn}) > 1:
-        raise _checks.fail("motion", "motions in one space", "several", "Draw them apart.")
+        raise _checks.fail("motion", "motions in one space", "several", "Draw them separately.")
     if names is not None and len(names) != len(drawn):
         raise _checks.fail("names", f"one for each of {len(drawn)} motions", len(names))

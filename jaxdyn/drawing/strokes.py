@@ -1,8 +1,8 @@
-"""The strokes of a drawing at one sample of a motion: polylines, by how they look.
+"""The strokes of a drawing at one sample of a motion: polylines, by style.
 
 Plain arrays without a drawing library, so that pictures, animations and pages draw the same.
-Springs get their coils here, dashpots their cylinder; what is straight and lies under the motion
-reaches as far as that goes.
+Springs get their coils here, dashpots their cylinder; straight ground lines extend as far as the
+motion above them.
 """
 
 from typing import NamedTuple
@@ -14,11 +14,11 @@ from jaxdyn.drawing.contents import Paths
 _COILS = 9
 _LEAD = 0.12  # of a spring, straight at each end
 _ROUND = 12  # corners of a coil in space
-_BESIDE = 2.5  # widths that a dashpot is drawn beside its spring
+_BESIDE = 2.5  # offset of a dashpot from its spring, in widths
 
 
 class Strokes(NamedTuple):
-    """Polylines (k, D) by how they look; those of areas and solids are closed; pins (p, D)."""
+    """Polylines (k, D) by style; those of areas and solids are closed; pins (p, D)."""
 
     lines: list[np.ndarray]
     springs: list[np.ndarray]
@@ -28,7 +28,7 @@ class Strokes(NamedTuple):
 
 
 def strokes(drawn: Paths, sample: int, width: float) -> Strokes:
-    """What is drawn of the shapes at a sample, with springs of this half width [m]."""
+    """The strokes of the shapes at a sample, with springs of this half width [m]."""
     of = {
         kind: [line for k, at in drawn.shapes if k == kind for line in at[sample]]
         for kind in ("line", "area", "solid", "spring", "dashpot", "pin")
@@ -43,7 +43,7 @@ def strokes(drawn: Paths, sample: int, width: float) -> Strokes:
 
 
 def grounds(drawn: Paths) -> list[np.ndarray]:
-    """(k, D) what stays under a motion; straight pieces as far as they are ever seen."""
+    """(k, D) fixed ground lines; straight ones extend over the whole motion."""
     found = []
     for kind, at in drawn.shapes:
         for line in np.moveaxis(at, 1, 0) if kind == "ground" and len(at) else ():
@@ -58,7 +58,7 @@ def grounds(drawn: Paths) -> list[np.ndarray]:
 def coiled(ends: np.ndarray, width: float) -> np.ndarray:
     """(k, D) a spring between ends (2, D): a zigzag in the plane, a helix in space.
 
-    Its coils are as many however long it is, so that one sees it stretch.
+    The number of coils does not depend on its length, so that stretching is visible.
     """
     start, end = ends
     across = _across(end - start) * width
@@ -86,7 +86,7 @@ def dashpot(ends: np.ndarray, width: float) -> list[np.ndarray]:
 
 
 def _across(along: np.ndarray) -> np.ndarray:
-    """(D - 1, D) unit vectors at right angles to a direction (D,); of none, to the first axis."""
+    """(D - 1, D) unit vectors normal to a direction (D,), or to the first axis if it is zero."""
     length = np.linalg.norm(along)
     along = along / length if length > 0 else np.eye(len(along))[0]
     if len(along) == 2:

@@ -1,4 +1,4 @@
-"""What stands above a picture where nothing else is asked for: the scene and its numbers."""
+"""Default titles of pictures: the scene and its numbers."""
 
 import dataclasses
 import re
@@ -16,14 +16,14 @@ from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 
 _CHARACTER = 0.078  # inches of a title in 10 points
-_SPACE = "\0"  # at which no line ends
+_SPACE = "\0"  # at which lines are not broken
 _ONE = re.compile(r"\w+ = \([^()]*\)|\w+ = ")
-_MOST = 4  # entries of an array that are still written out
-_AT_ORIGIN = 1e-12  # of the size of a body: a centre so near is the origin
+_MOST = 4  # entries of an array that is written in full
+_AT_ORIGIN = 1e-12  # of the size of a body: a centre this close is at the origin
 
 
 def caption(*motions: Trajectory | HybridTrajectory) -> str:
-    """What moves and what acts on it, with the numbers that all of the motions share."""
+    """The system and the effects, with the numbers that all motions share."""
     return describe(*scenes_of(motions))
 
 
@@ -33,16 +33,16 @@ def scenes_of(motions: Sequence[Trajectory | HybridTrajectory]) -> list[Scene]:
 
 
 def heading(title: str | None, scenes: Sequence[Scene], width: float, *lines: str) -> str:
-    """What stands above a picture: its title and further lines, folded to a width [in].
+    """The heading of a picture: its title and further lines, wrapped to a width [in].
 
     Args:
       title: the scenes are described if it is None; "" for nothing.
-      scenes: what the picture is of.
+      scenes: the scenes in the picture.
       width: of the figure [in].
       lines: those that are not empty follow the title.
     """
     first = describe(*scenes) if title is None else title
-    # Neither a number and its name nor the numbers of an array are parted.
+    # No break between a number and its name or within an array.
     kept = (_ONE.sub(_unbroken, line) for line in (first, *lines) if line)
     folded = "\n".join(textwrap.fill(line, int(width / _CHARACTER)) for line in kept)
     return folded.replace(_SPACE, " ")
@@ -53,7 +53,7 @@ def _unbroken(found: re.Match) -> str:
 
 
 def describe(*scenes: Scene) -> str:
-    """A line about a scene, or about what several scenes have in common.
+    """A one-line description of a scene, or of what several scenes have in common.
 
     Example:
       >>> from jaxdyn import scenes
@@ -72,23 +72,23 @@ def describe(*scenes: Scene) -> str:
 
 
 class _Part(NamedTuple):
-    """A system or an effect: what it is in words, and its numbers as text."""
+    """A system or an effect: its name, and its numbers as text."""
 
     words: str
     numbers: dict[str, str]
 
 
 def _parts(scene: Scene) -> list[_Part]:
-    """The system, which the scene's name stands for if it has one, and the effects."""
+    """The system, called by the scene's name if it has one, and the effects."""
     system = getattr(scene.system, "mechanism", scene.system)
-    # A dollar sign would begin a formula.
+    # A dollar sign would start a formula.
     name = scene.name.replace("$", r"\$") or _words(system).capitalize()
     effects = [_Part(_words(effect), _numbers(effect)) for effect in scene.effects]
     return [_Part(name, _numbers(system)), *effects]
 
 
 def _with_numbers(words: str, parts: Sequence[_Part]) -> str:
-    """The words with the numbers that are the same in all parts, as they are written."""
+    """The words with the numbers that are the same in all parts."""
     first, *others = parts
     shared = [
         f"{name} = {x}"
@@ -99,12 +99,12 @@ def _with_numbers(words: str, parts: Sequence[_Part]) -> str:
 
 
 def _words(module: eqx.Module) -> str:
-    """The class of a part in words."""
+    """The class name of a part as words."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(module).__name__.strip("_")).lower()
 
 
 def _numbers(part: eqx.Module | dict) -> dict[str, str]:
-    """The numbers of a part and of what is in it, by name; long arrays are left out."""
+    """The numbers of a part and of its fields, by name; long arrays are omitted."""
     if isinstance(part, dict):
         named = [(str(key), x) for key, x in part.items()]
     else:
@@ -133,6 +133,6 @@ def _inertia(matter: MaterialPoints) -> dict[str, str]:
 
 
 def _written(x) -> str:
-    """A number or a few in four digits."""
+    """One or a few numbers in four digits."""
     values = ", ".join(f"{value:.4g}" for value in np.ravel(x))
     return f"({values})" if np.size(x) > 1 else values
