@@ -1,19 +1,19 @@
 """jaxdyn: differentiable dynamics in JAX.
 
-A scene is what moves, what acts on it, and a start; it is composed with ``+``:
+A scene is a system, the effects that act on it, and a start; effects are added with ``+``:
 
 >>> import jaxdyn
 >>> from jaxdyn import effects, scenes
 >>> from jaxdyn.analysis import energy
 >>> jaxdyn.configure()                                     # 64-bit floats, fast loops, a cache
 >>> scene = scenes.cannonball(speed=20.0) + effects.QuadraticDrag(0.05)
->>> motion = jaxdyn.simulate(scene, 2.0, rtol=1e-12)       # 200 samples, each as good as a step
+>>> motion = jaxdyn.simulate(scene, 2.0, rtol=1e-12)       # 200 samples, as accurate as steps
 >>> round(float(motion["x"][-1]), 6)
 16.532414
 >>> float(energy.drift(jaxdyn.simulate(scene.without(effects.QuadraticDrag), 2.0))) < 1e-14
 True
 
-Gradients go through all of it, in every number, in forward and reverse mode:
+Everything is differentiable in every number, in forward and reverse mode:
 
 >>> import jax
 >>> def reach(c):
@@ -22,7 +22,7 @@ Gradients go through all of it, in every number, in forward and reverse mode:
 -13.035798
 
 `jaxdyn list` on the command line shows the scenes, `jaxdyn run NAME` runs one. The package
-`orbits` finds periodic motions of any of them.
+`orbits` finds periodic orbits of any of them.
 """
 
 import lazy_loader
@@ -30,5 +30,5 @@ import lazy_loader
 __version__ = "0.2.0"
 
 # `import jaxdyn` and the help of a command load neither JAX nor Matplotlib (SPEC 1 of Scientific
-# Python): public names are imported from where the stub beside this file says, when first used.
+# Python): public names are imported at first use, from the modules named in the stub beside this.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

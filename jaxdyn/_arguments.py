@@ -1,7 +1,7 @@
-"""Numbers that public functions are given: lists become arrays, and shapes are checked.
+"""Numeric arguments of public functions: lists become arrays, and shapes are checked.
 
-Two decorators, because there are two ways in which a function says what it takes. A tool for
-vectors and matrices says it in its annotations; a scene of the zoo says it in its defaults.
+Two decorators, for the two ways in which a function declares its arguments: tools for vectors and
+matrices by annotations, functions that make a scene by defaults.
 """
 
 import functools
@@ -20,10 +20,10 @@ F = TypeVar("F", bound=Callable)
 
 
 def arrays(function: Callable[..., T]) -> Callable[..., T]:
-    """The function with the arguments annotated as arrays made float arrays, of 64 bits only.
+    """The function with arguments annotated as arrays converted to 64-bit float arrays.
 
-    Numbers and (nested) lists do as well then. An annotation with axes, such as
-    ``Float[Array, "3"]``, also fixes the shape, but for axes that are named by a letter.
+    Numbers and (nested) lists are accepted too. An annotation with axes, such as
+    ``Float[Array, "3"]``, also fixes the shape, except for axes named by a letter.
 
     Example:
       >>> from jaxtyping import Array, Float
@@ -50,12 +50,12 @@ def arrays(function: Callable[..., T]) -> Callable[..., T]:
 
 
 def like_defaults(*rows: str, but: tuple[str, ...] = ()) -> Callable[[F], F]:
-    """A decorator that refuses numbers whose shape is not that of the parameter's default.
+    """A decorator that raises if the shape of a number is not that of the parameter's default.
 
     Args:
-      rows: parameters that may have another number of rows than their defaults, but all the same
-        number, that of the first one.
-      but: parameters of more than one shape, which the function itself looks at.
+      rows: parameters that may have a different number of rows than their defaults, but all the
+        same number, that of the first one.
+      but: parameters with more than one valid shape, which the function itself checks.
     """
 
     def decorated(function: F) -> F:
@@ -98,7 +98,7 @@ def _converted(name: str, x: Any, shape: tuple | None) -> Array:
 
 
 def _is_numeric(default: Any) -> bool:
-    """Whether a default is a number or (nested) numbers, not a choice or something else."""
+    """Whether a default is a number or (nested) numbers."""
     leaves = jax.tree.leaves(default)
     return bool(leaves) and all(
         isinstance(x, int | float | np.ndarray) and not isinstance(x, bool) for x in leaves

@@ -1,8 +1,8 @@
-"""Numbers as people write them: ``pi/2``, ``sqrt(2)``, ``30*deg``; nothing else is evaluated.
+"""Numbers as arithmetic expressions: ``pi/2``, ``sqrt(2)``, ``30*deg``; nothing else is evaluated.
 
-There are numbers, + - * / ** and parentheses, the constants pi, e and deg (one degree in radians),
-and the functions sqrt, sin and cos. It is a parser of its own alphabet over Python's syntax tree:
-no names, calls or attributes of Python itself can be reached.
+Allowed are numbers, + - * / ** and parentheses, the constants pi, e and deg (one degree in
+radians), and the functions sqrt, sin and cos. It evaluates only these nodes of Python's syntax
+tree: no names, calls or attributes of Python itself can be reached.
 """
 
 import ast
@@ -19,22 +19,22 @@ _OPERATORS = {
     **{ast.Div: operator.truediv, ast.Pow: math.pow},
     **{ast.UAdd: operator.pos, ast.USub: operator.neg},
 }
-_LONGEST = 200  # characters: more is no number that somebody writes, and nests too deep
+_LONGEST = 200  # characters: longer texts may nest too deeply for the parser
 
 
 def value(text: str) -> float:
-    """The number that a text says.
+    """The number that a text denotes.
 
     Args:
       text: a number, or arithmetic with numbers.
     Raises:
-      ValueError: a text that says no finite number.
+      ValueError: the text does not denote a finite number.
     Example:
       >>> value("pi/2"), value("-30*deg"), value("1e-3")
       (1.5707963267948966, -0.5235987755982988, 0.001)
     """
     try:
-        return float(text)  # also what only floats can say: inf, nan
+        return float(text)  # also inf and nan
     except ValueError:
         pass
     try:
@@ -49,14 +49,14 @@ def value(text: str) -> float:
 
 
 def setting(name: str, text: str, default: Any) -> Any:
-    """The value of a parameter that a text says, of the kind of its default.
+    """The value of a parameter from its text, of the type of its default.
 
     Args:
       name: of the parameter, for the message.
-      text: a number, numbers with commas between, a truth or a word.
+      text: a number, comma-separated numbers, a boolean or a word.
       default: of the parameter.
     Raises:
-      ValueError: the text is of another kind.
+      ValueError: the text is of another type.
     Example:
       >>> setting("sides", "1,2,pi/2", (3.0, 2.0, 1.0)), setting("n", "4", 1)
       ((1.0, 2.0, 1.5707963267948966), 4)
@@ -68,7 +68,7 @@ def setting(name: str, text: str, default: Any) -> Any:
     try:
         numbers = [value(part) for part in text.split(",")]
     except ValueError:
-        raise fail(name, "a number, or numbers with commas between", repr(text)) from None
+        raise fail(name, "a number, or comma-separated numbers", repr(text)) from None
     if isinstance(default, tuple):
         return tuple(numbers)
     if len(numbers) > 1:

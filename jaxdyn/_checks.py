@@ -1,7 +1,7 @@
-"""Host-side checks of what the user passed, with one message format.
+"""Host-side checks of arguments, with one message format.
 
 Every message reads ``name: expected ..., got .... What to do.`` and is a ValueError. Values
-that are being traced (inside jit, grad or vmap) have no number yet and pass.
+that are traced (inside jit, grad or vmap) are unknown and pass.
 """
 
 from typing import Any
@@ -28,13 +28,13 @@ def is_traced(x: Any) -> bool:
 
 
 def untraced(name: str, x: Any, remedy: str) -> None:
-    """Refuse values that are being traced, for what has to look at them on the host."""
+    """Raise for traced values, where they are needed on the host."""
     if is_traced(x):
         raise fail(name, "numbers", "values traced by jit, grad or vmap", remedy)
 
 
 def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Array:
-    """The input as a finite float array of the wanted shape, where None allows any length."""
+    """The input as a finite float array of this shape, where None allows any length."""
     return finite(name, shaped(name, x, shape, remedy), remedy)
 
 
@@ -52,14 +52,14 @@ def host_array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "
 
 
 def shaped(name: str, x: Any, shape: tuple, remedy: str = "") -> Array:
-    """The input as a float array of the wanted shape; see `check_shape`."""
+    """The input as a float array of this shape; see `check_shape`."""
     x = numbers(name, x, remedy)
     check_shape(name, x.shape, shape, remedy)
     return x
 
 
 def check_shape(name: str, got: tuple, shape: tuple, remedy: str = "") -> None:
-    """Refuse a shape that is not the wanted one: None allows any length, a last ... any axes."""
+    """Raise unless the shape is as given: None allows any length, a last ... any axes."""
     front = shape[:-1] if shape[-1:] == (...,) else shape
     compared = got[: len(front)] if front != shape else got
     fits = len(compared) == len(front) and all(
@@ -92,7 +92,7 @@ def _numeric(x: Any) -> None:
 
 
 def finite(name: str, x: Array, remedy: str = "") -> Array:
-    """The array, refused if any entry is NaN or infinite."""
+    """The array; raises if any entry is NaN or infinite."""
     if not is_traced(x):
         values = np.asarray(x)
         if not np.isfinite(values).all():
@@ -103,7 +103,7 @@ def finite(name: str, x: Array, remedy: str = "") -> Array:
 
 
 def positive(name: str, x: Any, remedy: str = "") -> Array:
-    """x as an array, refused unless every entry is > 0."""
+    """x as an array; raises unless every entry is > 0."""
     x = numbers(name, x, remedy)
     if not is_traced(x):
         finite(name, x, remedy)

@@ -1,15 +1,15 @@
-"""Opt-in process settings: 64-bit floats, folded loops, a compile cache.
+"""Opt-in process settings: 64-bit floats, fused loops, a compile cache.
 
-Importing jaxdyn changes nothing. `configure()` sets four things a small-ODE program
-wants from JAX, appending to what the user has set and never overwriting it:
+Importing jaxdyn changes nothing. `configure()` makes four settings that suit programs with small
+ODEs, appending to the user's settings and never overwriting them:
 
-- ``jax_enable_x64``: trajectories are meant to be right to 1e-13.
+- ``jax_enable_x64``: trajectories are accurate to 1e-13.
 - XLA's loop folding on CPU: a ``while`` whose body touches less memory than a threshold is
   compiled as ONE function instead of one kernel launch per fusion. The default threshold of
   1 KiB is below any useful stepping loop; 1 MiB covers all of ours (a solve gets 2 to 10
   times faster). Larger values also fold wide batched loops, where it gains nothing.
-- Programs run in the calling thread on CPU. By default JAX hands anything but the smallest to
-  another thread, and waking it costs about as long (40 us) as a whole short trajectory.
+- Programs run in the calling thread on CPU. By default JAX passes all but the smallest to another
+  thread, and waking it takes about as long (40 us) as a whole short trajectory.
 - A persistent compile cache, so that a second process starts in a fraction of the time.
 """
 
@@ -35,11 +35,11 @@ def configure(
     """Set up JAX for accurate and fast trajectories; call it first in a program.
 
     Args:
-      float64: switch 64-bit floats on.
-      fold_loops: append XLA's loop-folding option to ``XLA_FLAGS``. It only acts before
+      float64: enable 64-bit floats.
+      fold_loops: append XLA's loop-folding option to ``XLA_FLAGS``. It takes effect only before
         the first use of a device; later a warning says that it came too late.
-      same_thread: run CPU programs in the calling thread. Like loop folding, it only acts
-        before the first use of a device.
+      same_thread: run CPU programs in the calling thread. Like loop folding, it takes effect
+        only before the first use of a device.
       cache: keep compiled programs in ``$JAXDYN_CACHE`` or the user's cache folder, unless
         JAX already has a cache folder.
     Example:
@@ -60,7 +60,7 @@ def configure(
 
 
 def _backend_is_up() -> bool:
-    # The one private look we take: there is no public question "is a device in use yet?".
+    # The one use of a private name: no public function tells whether a device is in use.
     from jax._src import xla_bridge
 
     return xla_bridge.backends_are_initialized()
@@ -75,7 +75,7 @@ def _warn_if_too_late(fold_loops: bool, same_thread: bool) -> None:
     if late:
         warnings.warn(
             f"configure(): a device is already in use, so {' and '.join(late)} cannot be "
-            "switched on any more; everything works, only slower. "
+            "enabled any more; everything works, only slower. "
             "Call jaxdyn.configure() before the first computation.",
             stacklevel=3,
         )
@@ -84,7 +84,7 @@ def _warn_if_too_late(fold_loops: bool, same_thread: bool) -> None:
 def _fold_loops() -> None:
     flags = os.environ.get("XLA_FLAGS", "")
     if _FOLD_KEY in flags:
-        return  # set before, by us or by the user, whose value stands
+        return  # already set, perhaps by the user, whose value is kept
     # XLA merges repeated occurrences of the option, so appending keeps the user's keys.
     os.environ["XLA_FLAGS"] = f"{flags} {_EXTRA}{_FOLD_KEY}={_FOLD_BYTES}".strip()
 

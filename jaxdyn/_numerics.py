@@ -1,4 +1,4 @@
-"""Numerical tricks, each with its name, its reason and one home.
+"""Numerical techniques, each with its name and its reason.
 
 All of these are safe inside a stepping loop (no LAPACK, no sort, no scatter) and have finite
 derivatives where the plain formula gives NaN.
@@ -27,7 +27,7 @@ def safe_sqrt(x: Array) -> Array:
 
 
 def square_norm(x: Float[Array, "*b d"]) -> Float[Array, "*b"]:
-    """Sum of squares over the last axis, written out: a `dot` call costs more than 2-3 products."""
+    """Sum of squares over the last axis, unrolled: a `dot` call costs more than 2-3 products."""
     total = x[..., 0] * x[..., 0]
     for i in range(1, x.shape[-1]):
         total = total + x[..., i] * x[..., i]
@@ -79,13 +79,13 @@ def atanc(ss: Array, w: Array) -> Array:
 
 
 def two_sum(total: Array, carry: Array, increment: Array) -> tuple[Array, Array]:
-    """One compensated addition: the new total and what rounding left out of it.
+    """One compensated addition: the new total and its rounding error.
 
     Two sums, each with its error: Knuth's of increment and carry, which may be of any size, and
     Kahan's of the total, right when ``|increment| <= |total|``, as for a step of an integrator.
-    Without the first the carry would have no finer digits than the increment, and anything
-    smaller in it would be lost in the same way every time. XLA on CPU keeps the order of these
-    operations (there is no product that could be contracted), which a test proves.
+    Without the first the carry would have no finer digits than the increment, and smaller
+    contributions would be lost at every step. XLA on CPU keeps the order of these operations (there
+    is no product that could be contracted), which a test verifies.
     """
     together = increment + carry
     back = together - increment
@@ -95,7 +95,7 @@ def two_sum(total: Array, carry: Array, increment: Array) -> tuple[Array, Array]
 
 
 def runtime_one(runtime: Array) -> Array:
-    """The number 1, which the compiler does not know to be 1; see `materialised`.
+    """The number 1 as a runtime value unknown to the compiler; see `materialised`.
 
     Args:
       runtime: () any finite number known only at run time.
@@ -110,12 +110,12 @@ def materialised(x: Array, one: Array) -> Array:
     whole weighted sum of slopes is recomputed for each entry the force looks at, which costs a
     third of the run time. A division counts as expensive and is not copied; by a number that
     is 1 only at run time it cannot be simplified away either, and dividing by 1 is exact.
-    ``optimization_barrier`` would say it better, but is removed before fusion.
+    ``optimization_barrier`` would be clearer, but is removed before fusion.
 
     Args:
-      x: what to keep.
-      one: () a `runtime_one`. Take ONE for all uses in a program: with one for each use the
-        gain is lost (measured).
+      x: the array to keep.
+      one: () a `runtime_one`. Use the same one everywhere in a program: with one for each use
+        the gain is lost (measured).
     """
     return x / one
 
@@ -123,22 +123,22 @@ def materialised(x: Array, one: Array) -> Array:
 def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
     """fn(*args), compiled so that XLA on CPU runs all of it as one function.
 
-    Every operation outside a folded loop is launched by itself, from a pool of threads once
+    Every operation outside a folded loop is launched separately, from a pool of threads once
     there are more than a few; a short solve spends most of its time there (measured: 60 us for
     one step of the three-body problem against 12 us this way). So the whole calculation becomes
-    the body of a loop that runs once, which XLA folds like any small loop. It must not see
-    through that: the limit of its count, 1 or 1/2, which both end it after one round, is known
-    at run time only, and the arguments depend on the round by adding zero times its number, or
+    the body of a loop that runs once, which XLA folds like any small loop. It must not be able to
+    tell: the limit of its count, 1 or 1/2, both of which end it after one round, is known only at
+    run time, and the arguments depend on the round by adding zero times its number, or
     loop-invariant code would be moved out.
 
     Args:
       fn: a pure function of arrays, with array results; never differentiated.
       args: its arguments.
-      unknown: () true or false, as only the run will show; the result is the same.
+      unknown: () a boolean known only at run time; the result does not depend on it.
     """
     fn = jax.jit(fn)  # traced once, for the shapes and for the loop
     numbers, rest = eqx.partition(args, eqx.is_inexact_array)
-    # Also where a number was a Python one, whose weak type ends with the first sum.
+    # Also for Python numbers, whose weak type ends with the first sum.
     numbers = jax.tree.map(lambda x: jax.lax.convert_element_type(x, x.dtype), numbers)
     shapes = jax.eval_shape(fn, *eqx.combine(numbers, rest))
     empty = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
@@ -153,7 +153,7 @@ def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
     return jax.lax.while_loop(lambda carry: carry[0] < limit, body, (jnp.zeros(()), empty))[1]
 
 
-#: Rows of a matrix up to which elimination is straight code, not a loop.
+#: Rows of a matrix up to which elimination is unrolled.
 _WRITTEN_OUT = 3
 
 
@@ -161,7 +161,7 @@ def solve_spd(a: Array, b: Array) -> Array:
     """The x with a x = b for a symmetric positive definite a, without LAPACK.
 
     Gauss-Jordan elimination, stable without pivoting for such matrices, one whole-array update
-    for each unknown: a call of LAPACK would keep a stepping loop from being folded, and costs
+    for each unknown: a call of LAPACK would prevent folding of a stepping loop, and costs
     ten times as much at the size of a mechanism (n up to about 20).
 
     Args:
@@ -182,7 +182,7 @@ def solve_spd(a: Array, b: Array) -> Array:
 
 
 class Reduced(NamedTuple):
-    """What elimination leaves of a x = b for a symmetric positive semidefinite a (n, n).
+    """The result of elimination of a x = b for a symmetric positive semidefinite a (n, n).
 
     Attributes:
       x: b's shape; a solution that is 0 for the unknowns of dependent rows.
@@ -204,7 +204,7 @@ def solve_psd(a: Array, b: Array, least: Array) -> Reduced:
 
     Args:
       a: (n, n) symmetric positive semidefinite.
-      b: (n,) or (n, m) right-hand sides, in the range of a; else their rest is left over.
+      b: (n,) or (n, m) right-hand sides, in the range of a; any other component is ignored.
       least: (n,) pivots at or below which a row counts as dependent.
     """
     n = a.shape[0]
@@ -215,7 +215,7 @@ def solve_psd(a: Array, b: Array, least: Array) -> Reduced:
         x, kept = carry
         row = _at(x, k)
         pivot = _at(row, k)
-        # A NaN is kept, so that it stays to be seen.
+        # A NaN is kept, to stay visible.
         keep = ~(pivot <= _at(least, k))
         row = jnp.where(keep, row / jnp.where(keep, pivot, 1.0), 0.0)
         here = jnp.arange(n) == k
@@ -227,17 +227,17 @@ def solve_psd(a: Array, b: Array, least: Array) -> Reduced:
 
 
 def _cleared(x: Array, k: Array | int, row: Array, here: Array) -> Array:
-    """x with the normalised row as its row k, and column k gone from all others.
+    """x with the normalised row as its row k, and column k eliminated from all others.
 
-    To subtract (pivot - 1) rows from row k itself would lose the digits that a large pivot has.
+    Subtracting (pivot - 1) rows from row k itself would lose digits for a large pivot.
     """
     return jnp.where(here[:, None], row[None, :], x - _at(x, k, axis=1)[:, None] * row[None, :])
 
 
 def _each(n: int, body: Callable, start: Any) -> Any:
-    """body(k, carry) for k from 0 to n - 1: written out where short, else a loop.
+    """body(k, carry) for k from 0 to n - 1: unrolled where short, else a loop.
 
-    Written out, the program of nine bars' hinges takes four times as long to compile.
+    Unrolled, the program of nine bars' hinges takes four times as long to compile.
     """
     if n > _WRITTEN_OUT:
         return jax.lax.fori_loop(0, n, body, start)

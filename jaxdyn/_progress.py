@@ -1,7 +1,7 @@
-"""How far long work is, for whoever shows it; by default nobody listens, which costs nothing.
+"""Progress reports of long work; without a listener, the default, they cost nothing.
 
-Work says what it does by `doing`, and goes through its parts by `each`; a command line, say,
-listens by `told`. Listeners belong to their context: other threads hear nothing.
+Work reports its activity by `doing`, and iterates over its parts by `each`; a command line, say,
+listens by `told`. Listeners belong to their context: other threads do not report to them.
 """
 
 import contextlib
@@ -10,26 +10,26 @@ from contextvars import ContextVar
 from typing import TypeVar
 
 Item = TypeVar("Item")
-#: (what is being done, how many parts are done, how many there are or None).
+#: (activity, number of parts done, number of parts or None).
 Listener = Callable[[str, int, int | None], None]
 
 _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 
 def doing(what: str, done: int = 0, total: int | None = None) -> None:
-    """Say what is being done, e.g. "testing stability", and of how many parts how many are done."""
+    """Report an activity, e.g. "testing stability", and the parts done out of a total."""
     listener = _listener.get()
     if listener is not None:
         listener(what, done, total)
 
 
 def each(items: Iterable[Item], what: str, total: int | None = None) -> Iterator[Item]:
-    """The items, saying before each how many are done.
+    """The items, with a report before each.
 
     Args:
       items: the parts of some work.
-      what: they are, e.g. "frames".
-      total: how many, where that is known and the items do not say it.
+      what: name of the parts, e.g. "frames".
+      total: their number, where it is known and the items have no length.
     """
     if total is None and hasattr(items, "__len__"):
         total = len(items)  # pyright: ignore[reportArgumentType]
@@ -40,7 +40,7 @@ def each(items: Iterable[Item], what: str, total: int | None = None) -> Iterator
 
 @contextlib.contextmanager
 def told(listener: Listener) -> Iterator[None]:
-    """Tell a listener of what is done inside."""
+    """A context whose reports go to a listener."""
     token = _listener.set(listener)
     try:
         yield

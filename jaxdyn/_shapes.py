@@ -1,8 +1,8 @@
-"""Whether what a system and its effects return has the shapes that formulations add up.
+"""Checks of the shapes that the methods of a system and its effects return.
 
-An array of the wrong shape is often broadcast without a word: one force of shape (d,) on n points
-would act on each of them. Shapes are known as soon as a function is traced, so these checks take
-no values and run once for each kind of scene.
+An array of the wrong shape is often broadcast silently: one force of shape (d,) on n points would
+act on each of them. Shapes are known as soon as a function is traced, so these checks need no
+values and run once per kind of scene.
 """
 
 import functools
@@ -24,7 +24,7 @@ _TRACEABLE = "Use jax.numpy instead of numpy and math, and jnp.where instead of 
 
 
 def check_field(field: Any, t: Array, y: Array) -> None:
-    """Raise ValueError if what the system or an effect returns has the wrong shape."""
+    """Raise ValueError if a method of the system or an effect returns a wrong shape."""
     points = jax.eval_shape(field.system.points, t, y)
     check_points(field.system, t, y, points)
     for effect in field.effects:
@@ -64,14 +64,14 @@ def check_energies(system: Any, effects: tuple, t: Array, y: Array, points: Any)
 
 
 def check_rate(system: Any, effects: tuple, t: Array, y: Array) -> None:
-    """Raise ValueError unless a system's rate and its difference of states have the state's."""
+    """Raise ValueError unless a system's rate and difference have the shape of the state."""
     name, remedy = type(system).__name__, "One for each entry of the state."
     check_value(f"{name}.rate", y.shape, remedy, lambda t, y: system.rate(t, y, effects), t, y)
     check_value(f"{name}.difference", y.shape, remedy, system.difference, y, y)
 
 
 def check_effect(effect: Any, system: Any, t: Array, y: Array, points: Any) -> None:
-    """Raise ValueError unless what an effect returns has its shape, where it returns anything."""
+    """Raise ValueError if a method of an effect returns a wrong shape; None is allowed."""
     name, (r, v, m) = type(effect).__name__, points
     if "generalized" in effect.acts:
         q, rates = system.coordinates(y)

@@ -1,9 +1,9 @@
-"""Text for people: messages about misuse, numbers with their units, records as tables.
+"""Text for people: error messages, numbers with their units, records as tables.
 
 A message reads ``name: expected ..., got .... What to do.`` and is a ValueError; `_checks` has
-these functions too, and those that look into arrays. What describes an object never raises: arrays
-that are long, or whose values are being traced, are shown by their shape. Neither JAX nor NumPy,
-which load slowly, is imported for any of it.
+these functions too, and those that need arrays. Descriptions of objects never raise: arrays that
+are long or traced are shown by their shape. Neither JAX nor NumPy, which load slowly, is imported
+here.
 """
 
 import dataclasses
@@ -20,19 +20,19 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
-_MOST_NUMBERS = 6  # of an array that are written out
-_MOST_ENTRIES = 12  # of a state that are written out
-_MOST_ROWS = 8  # of what a result lists
+_MOST_NUMBERS = 6  # of an array that are shown
+_MOST_ENTRIES = 12  # of a state that are shown
+_MOST_ROWS = 8  # of a list in a result
 _WIDTH = 100  # characters of a line
 
 
 def fail(name: str, expected: str, got: Any, remedy: str = "") -> ValueError:
-    """The one way an error message of this project is put together."""
+    """The ValueError with a message in this project's format."""
     return ValueError(f"{name}: expected {expected}, got {got}.{' ' + remedy if remedy else ''}")
 
 
 def whole(name: str, x: Any, least: int = 1, most: int = 2**62, remedy: str = "") -> int:
-    """x, refused unless it is a whole number from least to most."""
+    """x; raises unless it is a whole number from least to most."""
     if not isinstance(x, numbers.Integral) or isinstance(x, bool) or int(x) < least:
         raise fail(name, f"a whole number, at least {least}", x, remedy)
     if int(x) > most:
@@ -41,9 +41,9 @@ def whole(name: str, x: Any, least: int = 1, most: int = 2**62, remedy: str = ""
 
 
 def choice(name: str, x: str, choices: Iterable[str], listed_by: str = "") -> str:
-    """x, refused unless it is among the choices; the nearest one is suggested.
+    """x; raises unless it is among the choices, and suggests the nearest one.
 
-    Where they are too many for a line, `listed_by` is the command that lists them.
+    For a long list of choices, `listed_by` is the command that prints them.
     """
     choices = sorted(choices)
     if x not in choices:
@@ -59,9 +59,9 @@ def counted(n: int, noun: str, plural: str = "") -> str:
     """A number with its noun, e.g. "1 loop" or "2 families".
 
     Args:
-      n: how many.
-      noun: for one of them.
-      plural: for several; the noun with an s if left out.
+      n: the number.
+      noun: the singular.
+      plural: the plural; the noun with an s by default.
     Example:
       >>> counted(1, "loop"), counted(0, "loop"), counted(2, "family", "families")
       ('1 loop', '0 loops', '2 families')
@@ -72,8 +72,7 @@ def counted(n: int, noun: str, plural: str = "") -> str:
 def never_raising(written: Callable[[T], str]) -> Callable[[T], str]:
     """A `__repr__` that falls back on that of Equinox, with types and shapes.
 
-    It is called for what error messages show, on modules whose arrays are anything: traced,
-    deleted, taken out.
+    Error messages may show modules with arrays in any condition: traced, deleted, replaced.
     """
 
     @functools.wraps(written)
@@ -81,14 +80,14 @@ def never_raising(written: Callable[[T], str]) -> Callable[[T], str]:
         try:
             return written(x)
         except Exception:
-            # Loaded where there is a module of it to be shown; imported it would slow down help.
+            # Imported only when needed: it would slow down the help of commands.
             return sys.modules["equinox"].tree_pformat(x)
 
     return safe
 
 
 def brief(x: Any, unit: str = "", digits: int = 6) -> str:
-    """A number, or a few, in so many digits with their unit; of more their shape.
+    """One or a few numbers with their unit; of more numbers the shape.
 
     Example:
       >>> brief(0.1), brief(9.81, "m/s^2")
@@ -110,7 +109,7 @@ def brief(x: Any, unit: str = "", digits: int = 6) -> str:
 
 
 def _values(x: Any) -> Any:
-    """The numbers of an array as lists; None where there are none to be had."""
+    """The numbers of an array as lists; None where they are not available."""
     try:
         return x.tolist()
     except (AttributeError, TypeError, RuntimeError):  # a shape alone, traced, deleted
@@ -133,7 +132,7 @@ def _listed(parts: Iterable[str]) -> str:
 
 
 def extent(*arrays: Any, unit: str = "") -> str:
-    """The least and the largest of all numbers of some arrays, or the one that they all are.
+    """The range of all numbers of some arrays, or their common value.
 
     Example:
       >>> import numpy as np
@@ -151,7 +150,7 @@ def extent(*arrays: Any, unit: str = "") -> str:
 
 
 def entries(labels: Sequence[tuple[str, str]], y: Any) -> str:
-    """The entries of a state (k,) by name, with units; of a long one the first.
+    """The entries of a state (k,) by name, with units; the first ones of a long state.
 
     Example:
       >>> import numpy as np
@@ -173,12 +172,12 @@ def called(scene: Any) -> str:
 
 
 def second(labels: Sequence[tuple[str, str]]) -> str:
-    """The unit of time beside a state with such labels: "s", or "" in a world without units."""
+    """The unit of time for a state with these labels: "s", or "" where there are no units."""
     return "s" if any(unit != "1" for _, unit in labels) else ""
 
 
 def record(x: Any, units: bool = True) -> str:
-    """A module by its class with its numbers, those in it too, and units where its text has them.
+    """A module as its class name with its numbers, and their units from its docstring.
 
     Example:
       >>> from jaxdyn import effects
@@ -188,7 +187,7 @@ def record(x: Any, units: bool = True) -> str:
     parts = []
     for field in dataclasses.fields(x):
         inner = getattr(x, field.name, None)
-        # Choices that are as they are by default, and what is not set, say nothing.
+        # Options at their defaults, and unset fields, are omitted.
         if inner is None or (field.metadata.get("static") and inner == field.default):
             continue
         unit = _unit(type(x), field.name) if units else ""
@@ -210,14 +209,14 @@ def _part(x: Any, unit: str, units: bool) -> str:
     return getattr(x, "__name__", None) or brief(x, unit)
 
 
-#: Units as docstrings write them: of names, powers, products and quotients.
+#: Units as in docstrings: names, powers, products and quotients.
 _TOKEN = r"(?:kg|m|s|N|J|W|rad|Hz)"
 _UNIT = rf"\[((?:1|{_TOKEN})(?:[ /*^()\d-]|{_TOKEN})*)\]"
 
 
 @functools.cache
 def _unit(kind: type, name: str) -> str:
-    """The unit that follows the name of a field in the text of a class, or ends its line there."""
+    """The unit after the name of a field in a class docstring, or at the end of its line."""
     here = rf"(?<![\w^*/]){name}(?: \([^()]*\))? {_UNIT}"
     line = rf"^ +{name}: [^\n]*{_UNIT}"
     for cls in kind.__mro__:
@@ -228,7 +227,7 @@ def _unit(kind: type, name: str) -> str:
     return ""
 
 
-#: Spaces at which no line ends: about an equals sign, and before and within units.
+#: Spaces without a line break: around an equals sign, and before and within units.
 _TOGETHER = re.compile(rf" (?==)|(?<==) |(?<=[\w)]) (?={_TOKEN}(?:[/^* ,)]|$))")
 
 
@@ -248,7 +247,7 @@ def _fields(x: Any) -> str:
 
 
 def cut(rows: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Rows of a table; of many the first and the last, and how many there are between."""
+    """Rows of a table; of many the first and the last, and the number between."""
     between = len(rows) - _MOST_ROWS
     if between <= 0:
         return list(rows)
@@ -257,7 +256,7 @@ def cut(rows: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
 
 
 def table(head: str, rows: Iterable[tuple[str, str]]) -> str:
-    """A line and rows below it, each a word and what it says; empty rows are left out.
+    """A heading and rows of name and text; empty rows are omitted.
 
     Example:
       >>> print(table("Two balls", [("mass", "1 kg"), ("colour", ""), ("radius", "0.1 m")]))

@@ -1,7 +1,7 @@
-"""A system with its effects, without a start: the rate that integrators and others are given.
+"""A system with its effects, without a start: the interface to integrators and other libraries.
 
-`Field` is what the compiled code of this library takes; `VectorField` is the same as one function,
-as other libraries take it.
+`Field` is what the compiled code of this library takes; `VectorField` is the same as a function
+for other libraries.
 """
 
 import functools
@@ -20,7 +20,7 @@ from jaxdyn.system import Effect, Points, System
 class Field(NamedTuple):
     """A system with its effects, without a start: what integrators and Jacobians need.
 
-    A tuple, not a module: it is made at each call of a solver, in a tenth of the time.
+    A tuple, not a module: it is created at each call of a solver, ten times as fast.
     """
 
     system: System
@@ -42,20 +42,20 @@ class Field(NamedTuple):
         return self.system.project(t, y)
 
     def undetermined(self, t: Array, y: Array) -> Array | None:
-        """Whether () the constraints leave the motion open at a state (k,)."""
+        """Whether () the constraints leave the acceleration undetermined at a state (k,)."""
         return self.system.undetermined(t, y)
 
 
 class VectorField(eqx.Module):
-    """The rate of a scene as a function of its own: f(t, y), or f(t, y, args) for diffrax.
+    """The rate of a scene as a function: f(t, y), or f(t, y, args) for diffrax.
 
     NumPy in gives NumPy out, so that ``scipy.integrate.solve_ivp(scene.vector_field, ...)`` works.
-    It is compiled once for each kind of scene, whatever its numbers, and may be compiled,
-    differentiated and vmapped as any function of JAX. Equal ones, as of one scene, have the same
-    hash, so that ``jax.jit(scene.vector_field)`` is compiled once.
+    It is compiled once per kind of scene, whatever its numbers, and supports jit, grad and vmap.
+    Equal fields, as of one scene, have the same hash, so that ``jax.jit(scene.vector_field)``
+    compiles once.
 
     Attributes:
-      field: what moves and what acts on it.
+      field: the system and its effects.
 
     Example:
       >>> from scipy.integrate import solve_ivp
@@ -69,7 +69,7 @@ class VectorField(eqx.Module):
     field: Field
 
     def __call__(self, t: Any, y: Any, args: Any = None) -> Any:
-        """Rates (k,) of the state y (k,) at time t; `args` are not looked at."""
+        """Rates (k,) of the state y (k,) at time t; `args` is ignored."""
         del args
         _checks.float64()
         labels = self.field.system.labels()
@@ -79,7 +79,7 @@ class VectorField(eqx.Module):
         return np.asarray(rate) if given else rate
 
     def _values(self) -> Any:
-        """What two of them are compared by; None while a number of it is traced."""
+        """The values that define equality; None while a number is traced."""
         leaves, tree = jax.tree.flatten(self.field)
         if _checks.is_traced(leaves):
             return None
@@ -97,7 +97,7 @@ class VectorField(eqx.Module):
 
 
 def _float(x: Any) -> Array | np.ndarray:
-    # Of JAX only what is: a conversion there costs more than the rate.
+    # JAX only for JAX arrays: a conversion to them costs more than the rate.
     return jnp.asarray(x, float) if isinstance(x, jax.Array) else np.asarray(x, float)
 
 
@@ -110,8 +110,8 @@ def _rate(field: Field, t: Array, y: Array) -> Array:
 def looked_at(field: Field, t: Array, y: Array) -> tuple:
     """The points at a state, whether each force depends on velocity, whether v is dq/dt.
 
-    One compiled call for all, since each takes as long as a short solve, and a force step by step
-    on the host milliseconds. Shapes are checked as it is traced.
+    One compiled call for all: each call takes as long as a short solve, and an uncompiled force
+    takes milliseconds. Shapes are checked while it is traced.
     """
     points = field.system.points(t, y)
     _shapes.check_field(field, t, y)
@@ -122,7 +122,7 @@ def looked_at(field: Field, t: Array, y: Array) -> tuple:
 def _depends_on_velocity(effect: Effect, t: Array, points: Points) -> Array | bool:
     """Whether a force that claims to be velocity-independent changes for NaN velocities.
 
-    It then becomes NaN, or takes the other branch of a comparison.
+    With NaN it becomes NaN, or takes the other branch of a comparison.
     """
     if effect.velocity_dependent:
         return False
@@ -132,11 +132,11 @@ def _depends_on_velocity(effect: Effect, t: Array, points: Points) -> Array | bo
 
 
 def _is_second_order(system: System, t: Array, y: Array) -> Array | bool:
-    """Whether dq/dt = v and dv/dt does not depend on v, where that is claimed; found likewise."""
+    """Whether dq/dt = v and dv/dt does not depend on v, where that is claimed; tested likewise."""
     if len(y) % 2 or not system.second_order:
         return False
     q, v = jnp.split(y, 2)
-    v = v + jnp.arange(1.0, len(v) + 1)  # at rest any multiple of v would pass for it
+    v = v + jnp.arange(1.0, len(v) + 1)  # at rest any multiple of v would pass
     rate, probed = (system.rate(t, jnp.concatenate([q, u]), ()) for u in (v, v * jnp.nan))
     same = jnp.array_equal(rate[len(v) :], probed[len(v) :], equal_nan=True)
     return same & jnp.array_equal(rate[: len(v)], v)

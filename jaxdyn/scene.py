@@ -1,9 +1,9 @@
-"""The waist of the library: what moves, what acts on it, and the two together.
+"""Scenes: a system together with the effects that act on it.
 
-A `System` knows its coordinates and how forces move them. An `Effect` acts on material
-points; both are defined in `jaxdyn.system`. A `Scene` is a system with its effects, a start and a
-span of time worth looking at; ``scene.rate(t, y)`` is its vector field. Everything to the right of
-this file (integration, linearisation, orbits, pictures) sees only these three interfaces.
+A `System` defines coordinates and how forces move them. An `Effect` acts on material points; both
+are defined in `jaxdyn.system`. A `Scene` is a system with its effects, a start and a default span
+of time; ``scene.rate(t, y)`` is its vector field. All later layers (integration, linearisation,
+orbits, pictures) use only these three interfaces.
 
 Conventions: the state ``y`` is one flat float64 array of shape ``(k,)``; where a system is of
 second order it is ``[q, v]`` with ``dq/dt = v``. All three are pytrees whose numbers are array
@@ -33,9 +33,9 @@ from jaxdyn.system import System as System
 
 
 class Scene(eqx.Module):
-    """A system, the effects that act on it, its start y0 (k,) and a span t1 [s] worth seeing.
+    """A system, the effects that act on it, its start y0 (k,) and a default span t1 [s].
 
-    Its name stands above pictures. It is static, so functions that are compiled for a scene are
+    Its name is the title of pictures. It is static, so functions that are compiled for a scene are
     compiled once for each name.
 
     Example:
@@ -95,15 +95,15 @@ class Scene(eqx.Module):
 
     @property
     def vector_field(self) -> VectorField:
-        """`rate` as a function (t, y) of its own, for other libraries; see `VectorField`."""
+        """`rate` as a function (t, y), for other libraries; see `VectorField`."""
         self.check()
         return VectorField(self.field)
 
     def term(self) -> diffrax.ODETerm:
-        """The scene's rate as a term for ``diffrax.diffeqsolve``, which then finds its motion.
+        """The scene's rate as a term for ``diffrax.diffeqsolve``.
 
-        Its derivatives by the numbers of the scene are those of diffrax's adjoints. Projection
-        onto constraints has no part in it: they hold as well as the tolerance.
+        Derivatives with respect to the scene's numbers are those of diffrax's adjoints. States are
+        not projected onto constraints, which hold only to the tolerance.
 
         Example:
           >>> from jaxdyn import scenes
@@ -130,7 +130,7 @@ class Scene(eqx.Module):
         return bool(jax.eval_shape(lambda y: self.system.energies(zero, y, self.effects), self.y0))
 
     def sketch(self, t: Array, y: Float[Array, " k"]) -> tuple[Shape, ...]:
-        """What a drawing shows of the system and of the effects; see `sketch`."""
+        """The shapes of the system and of the effects in drawings; see `sketch`."""
         r = self.system.points(t, y).r
         on_points = (effect.sketch(t, r) for effect in self.effects)
         return (*self.system.sketch(t, y), *(shape for shapes in on_points for shape in shapes))
@@ -142,7 +142,7 @@ class Scene(eqx.Module):
 
     @property
     def singular(self) -> str:
-        """Where its motions may run into a singularity: what its parts say of it."""
+        """Where its motions may run into a singularity, from the texts of its parts."""
         said = (part.singular for part in (self.system, *self.effects))
         return " ".join(dict.fromkeys(text for text in said if text))
 
@@ -153,7 +153,7 @@ class Scene(eqx.Module):
         return dataclasses.replace(self, effects=(*self.effects, effect))
 
     def without(self, kind: type[Effect]) -> "Scene":
-        """The same scene with all effects of this kind left out."""
+        """The same scene without all effects of this kind."""
         kept = tuple(e for e in self.effects if not isinstance(e, kind))
         if len(kept) == len(self.effects):
             has = ", ".join(type(e).__name__ for e in self.effects) or "none"
@@ -172,15 +172,15 @@ class Scene(eqx.Module):
         return named
 
     def check(self) -> None:
-        """Raise ValueError if a number makes no sense; traced numbers pass."""
+        """Raise ValueError if a number is invalid; traced numbers pass."""
         if not isinstance(self.name, str):
             raise _checks.fail("name", "text", repr(self.name))
-        # Methods are called through their classes: `system.check` would be a module of its own,
-        # which equinox takes 20 us to make, and a short motion takes 40.
+        # Methods are called through their classes: `system.check` would create a module, which
+        # takes equinox 20 us; a short motion takes 40.
         system, cls = self.system, type(self.system)
         named = cls.labels(system)
         if not named:
-            raise _checks.fail("system", "something that moves", "a state without entries")
+            raise _checks.fail("system", "a system with a state", "one without entries")
         if np.shape(self.y0) != np.shape(named)[:1]:
             names = ", ".join(name for name, _ in named)
             _checks.array("y0", self.y0, (len(named),), f"One entry for each of {names}.")
@@ -190,8 +190,8 @@ class Scene(eqx.Module):
                 "effects",
                 f"at most {_MOST_EFFECTS}",
                 len(self.effects),
-                "Each is compiled by itself. Write one Effect for all of a kind, whose numbers are "
-                "arrays with a row for each, as effects.SpringNetwork is.",
+                "Each is compiled separately. Write one Effect for all of a kind, with arrays whose "
+                "rows are the single ones, as effects.SpringNetwork does.",
             )
         for effect in self.effects:
             _check_obeyed(system, effect)
@@ -207,7 +207,7 @@ class Scene(eqx.Module):
             _check_effects(self.effects, cls.points(system, t, y))
             raise
         _check_effects(self.effects, points)
-        # A wrong claim would give wrong trajectories silently.
+        # A wrong claim would silently give wrong trajectories.
         for effect, wrong in zip(self.effects, depends, strict=True):
             if wrong:
                 raise _checks.fail(
@@ -229,7 +229,7 @@ class Scene(eqx.Module):
 #: drags 12 s, on a loaded core]; this many take a minute.
 _MOST_EFFECTS = 500
 
-#: What an effect's methods do, in words.
+#: Descriptions of an effect's methods.
 _ACTIONS = {"force": "forces on points", "generalized": "forces on coordinates"}
 
 
@@ -241,20 +241,20 @@ def _check_effects(effects: tuple[Effect, ...], points: Points) -> None:
 
 def _check_obeyed(system: System, effect: Effect) -> None:
     if not isinstance(effect, Effect):
-        raise _checks.fail("effects", "effects", repr(effect), "Make an Effect of it.")
+        raise _checks.fail("effects", "effects", repr(effect), "Write a subclass of Effect.")
     ignored = effect.acts - system.obeys
     if ignored:
         obeyed = " and ".join(_ACTIONS[way] for way in sorted(system.obeys))
         raise _checks.fail(
             type(effect).__name__,
-            f"what moves a {type(system).__name__}: {obeyed or 'no effects at all'}",
+            f"an effect that {type(system).__name__} obeys: {obeyed or 'none at all'}",
             " and ".join(_ACTIONS[way] for way in sorted(ignored)),
-            "It would be left out silently. Leave it out, or take another formulation.",
+            "It would be ignored silently. Leave it out, or use another formulation.",
         )
 
 
 def checked_scene(scene: Any) -> Scene:
-    """The scene, if it is one and its numbers make sense: what entry points begin with."""
+    """The scene, checked; entry points call this first."""
     if not isinstance(scene, Scene):
         name = getattr(scene, "__name__", None)
         remedy = f"Call it: {name}()." if callable(scene) and name else ""

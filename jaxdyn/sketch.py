@@ -1,18 +1,18 @@
-"""The shapes that drawings are made of: what systems and effects say about their looks.
+"""The shapes of drawings: how systems and effects describe their appearance.
 
-A system's or an effect's ``sketch`` is a few of these, with corners that follow the state; how
-they are drawn, on paper, in space or in frames of an animation, is up to who draws them. A shape
-is a pytree: its corners are arrays, its kind and name fixed.
+The ``sketch`` of a system or an effect is a few of these, with corners that follow the state; how
+they are drawn, on paper, in space or in an animation, is up to the drawing code. A shape is a
+pytree: its corners are arrays, its kind and name static.
 
     line     rods, strings, edges: one or several lines of corners
     area     a closed figure, filled lightly: the body of a car
     solid    a closed figure, filled with ink: wheels, blades
-    ground   what the motion rests on or is led by: a ramp, a track; straight ones are drawn as
-             far as the motion goes
+    ground   a support or a guide of the motion: a ramp, a track; straight ones are drawn over
+             the whole extent of the motion
     spring   from end to end, one or several
-    dashpot  the same
+    dashpot  from end to end, one or several
     pin      a hinge or an anchor on the ground
-    trace    a point that leaves a path; where a scene has any, only theirs are drawn
+    trace    a point that leaves a path; where a scene has any, only these are drawn
 """
 
 import abc
@@ -38,16 +38,16 @@ class Shape(eqx.Module):
     name: str = eqx.field(static=True, default="")
 
     def placed(self, r: Array, R: Array) -> "Shape":
-        """The same shape, given in axes (d, d) whose columns are R and whose origin is r (d,)."""
+        """The shape moved to a frame with origin r (d,) and axes the columns of R (d, d)."""
         return Shape(self.kind, r[(None,) * (self.at.ndim - 1)] + self.at @ R.T, self.name)
 
 
 class Looks(eqx.Module):
-    """What a drawing shows of a body; a module and no function, so that files can name it."""
+    """The shapes of a body; a module, not a function, so that files can name it."""
 
     @abc.abstractmethod
     def __call__(self, r: Array) -> tuple[Shape, ...]:
-        """Shapes in the body's own axes, from the places r (p, 3) of its points there."""
+        """Shapes in the body's own axes, from the positions r (p, 3) of its points there."""
 
 
 def lines(r: Array, pairs: Sequence[tuple[int, int]]) -> Shape:
@@ -56,17 +56,17 @@ def lines(r: Array, pairs: Sequence[tuple[int, int]]) -> Shape:
 
 
 def line(*ends: Array) -> Shape:
-    """A line through the places (d,) given."""
+    """A line through positions (d,)."""
     return Shape("line", jnp.stack(ends))
 
 
 def pin(*places: Array) -> Shape:
-    """A pin at each of the places (d,) given."""
+    """A pin at each of some positions (d,)."""
     return Shape("pin", jnp.stack(places)[:, None])
 
 
 def traces(r: Array, names: Sequence[str]) -> tuple[Shape, ...]:
-    """A path for each of the points r (n, d), by its name."""
+    """A named path for each of the points r (n, d)."""
     return tuple(Shape("trace", r[i][None], name) for i, name in enumerate(names))
 
 
@@ -78,19 +78,19 @@ def rectangle(kind: Kind, sides, centre=(0.0, 0.0)) -> Shape:
 
 
 def frame(along: Array) -> Array:
-    """(2, 2) axes in the plane, the first of them along a direction (2,)."""
+    """(2, 2) axes in the plane, the first along a direction (2,)."""
     x, y = along / safe_norm(along)
     return jnp.stack([jnp.stack([x, -y]), jnp.stack([y, x])])
 
 
 def arc(centre: Array, across: Array, up: Array, turn: float = 1.0) -> Array:
-    """(k, d) corners of an arc about a centre, from centre + across by way of centre + up.
+    """(k, d) corners of an arc about a centre, from centre + across through centre + up.
 
     Args:
       centre: (d,) [m].
       across: (d,) a radius [m].
-      up: (d,) a radius at a right angle to it [m].
-      turn: how far it goes, as a share of the full circle.
+      up: (d,) a radius perpendicular to it [m].
+      turn: its angle, as a fraction of the full circle.
     """
     angle = 2 * np.pi * np.linspace(0.0, turn, round(_CORNERS * turn) + 1)[:, None]
     return centre[None] + np.cos(angle) * across[None] + np.sin(angle) * up[None]

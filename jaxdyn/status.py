@@ -1,7 +1,7 @@
-"""How a calculation ended, where the answer depends on the data: a code, a text, a remedy.
+"""How a calculation ended, where that depends on the data: a code, a text, a remedy.
 
-Misuse raises ValueError before anything runs. What only the run can show (a collision, a step
-limit) is one of these codes on the result, and the numbers it could not get are NaN.
+Misuse raises ValueError before anything runs. Failures known only at run time (a collision, a step
+limit) are one of these codes on the result, and numbers that could not be computed are NaN.
 """
 
 import enum
@@ -17,7 +17,7 @@ class Code(enum.IntEnum):
     message: str
 
     def __new__(cls, code: int, message: str):
-        """The member with this number and text."""
+        """The member with this code and message."""
         member = int.__new__(cls, code)
         member._value_, member.message = code, message
         return member
@@ -30,7 +30,7 @@ class Status(Code):
     STEP_LIMIT = (
         1,
         "The integration stopped at its limit of steps. Raise max_steps, loosen rtol or "
-        "lengthen a fixed dt, shorten the span, or take solvers.RADAU9 if the scene is stiff.",
+        "lengthen a fixed dt, shorten the span, or use solvers.RADAU9 if the scene is stiff.",
     )
     STEP_COLLAPSED = (
         2,
@@ -52,21 +52,21 @@ class Status(Code):
     STEP_TOO_LONG = (
         5,
         "A step of fixed length ended in NaN or infinity, or its equations were not solved: it "
-        "is too long for the motion. Raise the number of steps (a smaller dt), or leave the "
-        "solver out to have steps adapt.",
+        "is too long for the motion. Raise the number of steps (a smaller dt), or leave out the "
+        "solver to use adaptive steps.",
     )
     BOUND_PASSED = (
         6,
         "The motion is on the far side of a bound of its phase (below a floor, pulled by a surface "
-        "that only pushes) and no exit was seen on the way. Give the phase an exit to rest if "
-        "it comes to rest there; else lower rtol, so that no crossing hides within a step.",
+        "that only pushes) and no exit was found on the way. Add an exit to a phase of rest if "
+        "it comes to rest there; else lower rtol, so that no crossing is missed within a step.",
     )
     STUCK = (
         7,
         "Exits lead from phase to phase and no time passes. Where impacts get closer and closer, "
-        "as of a ball that comes to rest by bouncing, add an exit to rest; set one_sided=False on "
-        "an exit whose phase may begin beyond its event; else the contact laws have no solution "
-        "here.",
+        "as for a ball that comes to rest by bouncing, add an exit to a phase of rest; set "
+        "one_sided=False on an exit whose phase may begin beyond its event; else the contact laws "
+        "have no solution here.",
     )
 
 

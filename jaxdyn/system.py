@@ -1,7 +1,7 @@
-"""What moves and what acts on it: the two interfaces that a scene is put together from.
+"""Systems and effects: the two interfaces that make up a scene.
 
-A `System` knows its coordinates and how they move; an `Effect` acts on material points, or on
-coordinates themselves. `jaxdyn.scene` says how they meet, and offers both.
+A `System` defines coordinates and their motion; an `Effect` acts on material points, or on
+coordinates directly. `jaxdyn.scene` combines them, and exports both.
 """
 
 import abc
@@ -25,22 +25,22 @@ class Points(NamedTuple):
 
 
 class Effect(eqx.Module):
-    """What acts on material points: a force, or a potential whose force is minus its gradient.
+    """An action on material points: a force, or a potential whose force is minus its gradient.
 
     A new effect overrides `potential` or `force` (or both) and sets `velocity_dependent`;
-    everything else follows. An effect that a scene does not have is absent from the compiled
+    all other methods follow. An effect that a scene does not have is absent from the compiled
     program, not multiplied by zero.
     """
 
     #: Whether the force depends on velocities. Where no effect of a scene does, the
-    #: integrator takes a Nystrom pair, about twice as fast.
+    #: integrator uses a Nystrom pair, about twice as fast.
     velocity_dependent: ClassVar[bool] = True
-    #: Where the force has no value or no direction, and what to do about it: a sentence for the
-    #: message of a motion that ends there; empty for a force that is smooth everywhere.
+    #: Where the force has no value or no direction, and the remedy: a sentence for the message
+    #: of a motion that ends there; empty for a force that is smooth everywhere.
     singular: ClassVar[str] = ""
 
     def potential(self, t: Array, r: Array, m: Array) -> Array | None:
-        """Potential energy () [J] of points at r (n, d); None where there is none."""
+        """Potential energy () [J] of points at r (n, d); None if there is none."""
         del t, r, m
         return None
 
@@ -57,13 +57,13 @@ class Effect(eqx.Module):
         return None
 
     def sketch(self, t: Array, r: Array) -> tuple[Shape, ...]:
-        """What a drawing shows of the effect on points at r (n, d): a spring, an anchor."""
+        """The shapes of the effect on points at r (n, d) in drawings: a spring, an anchor."""
         del t, r
         return ()
 
     @property
     def without_units(self) -> bool:
-        """Whether its numbers are those of a world without units, as G = 1; host only."""
+        """Whether its numbers are without units, as with G = 1; host only."""
         return False
 
     @property
@@ -90,12 +90,12 @@ class Effect(eqx.Module):
         return value
 
     def check(self, points: Points) -> None:
-        """Raise ValueError for numbers that make no sense with these points."""
+        """Raise ValueError for numbers that are invalid with these points."""
         del points
 
 
 class System(eqx.Module):
-    """What moves: coordinates, and how forces on material points move them."""
+    """Coordinates, and how forces on material points move them."""
 
     @_text.never_raising
     def __repr__(self) -> str:
@@ -110,12 +110,12 @@ class System(eqx.Module):
         """Time derivative (k,) of the state."""
 
     def points(self, t: Array, y: Float[Array, " k"]) -> Points:
-        """The material points: effects, energies and drawings look here; none by default."""
+        """The material points, used by effects, energies and drawings; none by default."""
         del t, y
         return Points(jnp.zeros((0, 0)), jnp.zeros((0, 0)), jnp.zeros(0))
 
     def sketch(self, t: Array, y: Float[Array, " k"]) -> tuple[Shape, ...]:
-        """What a drawing shows besides the paths of the material points; see `sketch`."""
+        """Shapes in drawings besides the paths of the material points; see `sketch`."""
         del t, y
         return ()
 
@@ -123,30 +123,30 @@ class System(eqx.Module):
     def obeys(self) -> frozenset[str]:
         """Which methods of its effects `rate` uses: "force", "generalized", both, or none.
 
-        An effect that acts in another way would be left out silently; `Scene.check` refuses it.
+        An effect that acts in another way would be ignored; `Scene.check` raises for it.
         """
         return frozenset()
 
     @property
     def singular(self) -> str:
-        """Where the coordinates or equations end; see `Effect.singular`."""
+        """Where the coordinates or equations are singular; see `Effect.singular`."""
         return ""
 
     def coordinates(self, y: Float[Array, " k"]) -> tuple[Array, Array]:
-        """q and the velocities v that an effect's `generalized` is given; its work is that on v."""
+        """q and the velocities v passed to an effect's `generalized`, conjugate to its forces."""
         q, v = jnp.split(y, 2)
         return q, v
 
     @property
     def second_order(self) -> bool:
-        """True where y = [q, v] with dq/dt = v, and dv/dt is free of v but for the effects."""
+        """True where y = [q, v] with dq/dt = v, and dv/dt depends on v only through effects."""
         return False
 
     def kinetic(self, t: Array, y: Float[Array, " k"]) -> Array:
-        """Kinetic energy () [J] of the material points; a system without any must override it."""
+        """Kinetic energy () [J] of the material points; must be overridden without any."""
         _, v, m = self.points(t, y)
         if not len(m):
-            remedy = "It has no material points; its `energies` say whether an energy is known."
+            remedy = "It has no material points; `energies` tells whether an energy is known."
             raise _checks.fail("kinetic", "material points", type(self).__name__, remedy)
         return 0.5 * jnp.sum(m[:, None] * v * v)
 
@@ -162,9 +162,9 @@ class System(eqx.Module):
         return (self.kinetic(t, y), potential_energy(effects, t, r, m)) if len(m) else ()
 
     def integrals(self, t: Array, y: Float[Array, " k"]) -> dict[str, Array]:
-        """Further quantities, () or (d,) each, that motions may conserve, by name.
+        """Further candidates for conserved quantities, () or (d,) each, by name.
 
-        Energy and the momenta of material points are known without it.
+        Energy and the momenta of material points are always included.
         """
         del t, y
         return {}
@@ -182,32 +182,32 @@ class System(eqx.Module):
         return y
 
     def undetermined(self, t: Array, y: Array) -> Array | None:
-        """Whether () the constraints leave the motion open at a state; None without constraints.
+        """Whether () constraints leave the acceleration undetermined; None without constraints.
 
-        Looked at where a motion starts and where it ends.
+        Evaluated at the start and the end of a motion.
         """
         del t, y
         return None
 
     def canonical(self, t: Array, y: Array) -> Array | None:
-        """Canonical coordinates [q, p] (k,) of a state, None where there are none.
+        """Canonical coordinates [q, p] (k,) of a state, None if there are none.
 
-        The orbit finder tests with them whether a monodromy matrix is symplectic.
+        Used to test whether a monodromy matrix is symplectic.
         """
         del t, y
         return None
 
     def generators(self, y: Array) -> dict[str, Array]:
-        """Directions (k,) in which space could be moved about the system, by name.
+        """Generators (k,) of motions of space relative to the system, by name.
 
-        Candidates for symmetries; whether a scene has one depends on its effects, and the
-        orbit finder tests it.
+        Candidates for symmetries; whether a scene has one depends on its effects, and is tested
+        where they are used.
         """
         del y
         return {}
 
     def check(self, t: Array, y: Array) -> None:
-        """Raise ValueError for numbers that make no sense."""
+        """Raise ValueError for invalid numbers."""
         del t, y
 
 

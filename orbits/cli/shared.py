@@ -38,7 +38,7 @@ def numbers(option: str, text: str) -> list[float]:
     try:
         return [arithmetic.value(part) for part in text.split(",")]
     except ValueError:
-        raise fail(option, "numbers with commas between", repr(text)) from None
+        raise fail(option, "comma-separated numbers", repr(text)) from None
 
 
 def not_found(

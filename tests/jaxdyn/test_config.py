@@ -105,7 +105,7 @@ print(len(caught), *(w.message for w in caught), *(w.filename for w in caught))
 """
     said = run_python(code.format(arguments=""))
     assert said.startswith("1 configure(): a device is already in use, so XLA's loop folding and ")
-    assert "running in the calling thread cannot be switched on" in said
+    assert "running in the calling thread cannot be enabled" in said
     assert "Call jaxdyn.configure() before the first computation." in said
     assert said.endswith("<string>")  # the warning points at the caller
     assert "XLA's" not in run_python(code.format(arguments="fold_loops=False"))

@@ -123,5 +123,5 @@ def test_states_and_scenes_that_do_not_fit_are_refused():
         SWING.vector_field(0.0, np.zeros((4, 3)))
     ignored = Scene(scenes.lorenz().system, (UniformGravity(),), y0=jnp.ones(3))
     for hand_over in (lambda: ignored.vector_field, ignored.term):
-        with pytest.raises(ValueError, match=r"^UniformGravity: expected what moves a"):
+        with pytest.raises(ValueError, match=r"^UniformGravity: expected an effect that "):
             hand_over()

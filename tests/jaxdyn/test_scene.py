@@ -260,7 +260,7 @@ def test_an_effect_changes_the_motion_or_is_refused(name):
         bare = Scene(system, scene.effects, y0=y)
         for load in LOADS:
             if not load.acts <= system.obeys:
-                with pytest.raises(ValueError, match=r"It would be left out silently\."):
+                with pytest.raises(ValueError, match=r"It would be ignored silently\."):
                     (bare + load).check()
         loaded = [bare + load for load in LOADS if load.acts <= system.obeys]
         assert all(change > 1e-6 for change in changes(bare, loaded))
@@ -271,22 +271,25 @@ def test_an_effect_changes_the_motion_or_is_refused(name):
     [
         (
             scenes.lorenz() + UniformGravity(),
-            r"UniformGravity: expected what moves a Lorenz: no effects at all, got forces on "
-            r"points\. It would be left out silently\. Leave it out, or take another form",
+            r"UniformGravity: expected an effect that Lorenz obeys: none at all, got forces on "
+            r"points\. It would be ignored silently\. Leave it out, or use another form",
         ),
         (
             _ball(Torque()),
-            r"Torque: expected what moves a FreePoints: forces on points, got forces on coord",
+            r"Torque: expected an effect that FreePoints obeys: forces on points, got forces on coord",
         ),
-        (_ball(Fan()), r"Fan: expected what moves a FreePoints: forces on points, got forces on c"),
+        (
+            _ball(Fan()),
+            r"Fan: expected an effect that FreePoints obeys: forces on points, got forces on c",
+        ),
         (Scene(FreePoints(2.0), ("drag",), y0=Y0), r"effects: expected effects, got 'drag'\. Make"),
         (
             skates.by_lagrange(scenes.two_skates()) + LinearDrag(0.1),
-            r"LinearDrag: expected what moves a LagrangeSkates: no effects at all, got forces on p",
+            r"LinearDrag: expected an effect that LagrangeSkates obeys: none at all, got forces on p",
         ),
         (
             with_work(scenes.polar_particle(LinearDrag(0.1)), LinearDrag) + Torque(),
-            r"Torque: expected what moves a Ledger: forces on points, got forces on coordinates\.",
+            r"Torque: expected an effect that Ledger obeys: forces on points, got forces on coordinates\.",
         ),
     ],
 )

@@ -310,7 +310,7 @@ MISUSE = [
     ),
     (
         lambda: simulate(FADING + jaxdyn.effects.UniformGravity()),
-        "^UniformGravity: expected what moves a Ode: no effects at all, got forces on points",
+        "^UniformGravity: expected an effect that Ode obeys: none at all, got forces on points",
     ),
 ]
 

@@ -123,7 +123,7 @@ def test_misuse_is_exit_code_2_and_one_line(orbits, words, message):
     ("words", "message"),
     [
         (["--within", "5"], "--within: expected two bounds"),
-        (["--within", "1,x"], "--within: expected numbers with commas between"),
+        (["--within", "1,x"], "--within: expected comma-separated numbers"),
         (["--within", "5,1"], "--within: expected two bounds, the lower one first"),
         (["--energies", "nan,1"], "--energies: expected two bounds, the lower one first"),
         (["--step", "0"], "--step: expected > 0"),

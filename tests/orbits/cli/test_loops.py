@@ -71,7 +71,7 @@ def test_an_orbit_that_does_not_exist_is_a_rosette(loops, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--n=x",), "--n: expected numbers with commas between"),
+        (("--n=x",), "--n: expected comma-separated numbers"),
         (("--n=nan",), "n: expected finite numbers"),
         (("--turns", "1"), "--turns and --loops: expected both or neither"),
         (("--turns", "1", "--loops", "3"), "--n: expected one exponent with --turns and --loops"),
