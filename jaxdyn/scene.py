@@ -190,8 +190,8 @@ class Scene(eqx.Module):
                 "effects",
                 f"at most {_MOST_EFFECTS}",
                 len(self.effects),
-                "Each is compiled separately. Write one Effect for all of a kind, with arrays whose "
-                "rows are the single ones, as effects.SpringNetwork does.",
+                "Each is compiled separately. Write one Effect for all of a kind, whose numbers "
+                "are arrays with a row for each, as effects.SpringNetwork is.",
             )
         for effect in self.effects:
             _check_obeyed(system, effect)

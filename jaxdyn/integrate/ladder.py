@@ -182,7 +182,7 @@ def halved(run: Run, scene: Scene, ts: Array, h: float, name: str) -> Estimate:
         rounding=floor,
         scale=scales(scene, ys[2]),
         fineness=np.array([h, h / 4]),
-        kind=f"step halving, observed order {order:.2g}",
+        kind=f"step halving, order {order:.2g} observed",
         solver=name,
         other=name,
     )

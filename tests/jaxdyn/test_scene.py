@@ -276,20 +276,20 @@ def test_an_effect_changes_the_motion_or_is_refused(name):
         ),
         (
             _ball(Torque()),
-            r"Torque: expected an effect that FreePoints obeys: forces on points, got forces on coord",
+            r"Torque: expected an effect that FreePoints obeys: forces on points, got forces on c",
         ),
         (
             _ball(Fan()),
             r"Fan: expected an effect that FreePoints obeys: forces on points, got forces on c",
         ),
-        (Scene(FreePoints(2.0), ("drag",), y0=Y0), r"effects: expected effects, got 'drag'\. Make"),
+        (Scene(FreePoints(2.0), ("drag",), y0=Y0), r"effects: expected effects, got 'drag'\. W"),
         (
             skates.by_lagrange(scenes.two_skates()) + LinearDrag(0.1),
-            r"LinearDrag: expected an effect that LagrangeSkates obeys: none at all, got forces on p",
+            r"LinearDrag: expected an effect that LagrangeSkates obeys: none at all, got forces",
         ),
         (
             with_work(scenes.polar_particle(LinearDrag(0.1)), LinearDrag) + Torque(),
-            r"Torque: expected an effect that Ledger obeys: forces on points, got forces on coordinates\.",
+            r"Torque: expected an effect that Ledger obeys: forces on points, got forces on c",
         ),
     ],
 )

@@ -242,7 +242,7 @@ def test_rest_points_of_a_traced_scene_are_refused():
         return equilibria(spring_mass(g=g), [-3, -3], [3, 3]).states.min()
 
     message = (
-        r"^equilibria: expected known numbers, got ones .* `equilibria\.rest_point\(scene, y\)"
+        r"^equilibria: expected known numbers, got traced .* `equilibria\.rest_point\(scene, y\)"
     )
     for attempt in (jax.grad(least), jax.jit(least)):
         with pytest.raises(ValueError, match=message):

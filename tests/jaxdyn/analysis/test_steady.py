@@ -145,7 +145,7 @@ class Push(Effect):
 
 def test_what_is_not_steady_is_refused():
     with pytest.raises(
-        ValueError, match=r"^y: expected a state on a steady motion, got a rate that"
+        ValueError, match=r"^y: expected a state on a steady motion, got a rate off the symm"
     ):
         linearize_steady(top(0.5, spin=20.0, **TOP))
     # y(t) = exp(t) y(0) keeps its shape, but grows.

@@ -328,7 +328,7 @@ def test_every_status_has_a_message_with_a_remedy():
             r"samples: expected at most 2\.\de\+07 of them, got 30000000,",
         ),
         ({"t1": "1"}, r"t1: expected numbers, got '1'\.$"),
-        ({"samples": [[0.0]]}, r"samples: expected shape \(any,\), got shape \(1, 1\)\. An array"),
+        ({"samples": [[0.0]]}, r"samples: expected shape \(any,\), got shape \(1, 1\)\. Pass"),
         (
             {"samples": [0.2, 0.1]},
             r"samples: expected times in order .* Sort them, or move t0 or t1",
