@@ -1,7 +1,8 @@
-"""Two orbits of free points laid over each other, in time and in space.
+"""Alignment of two orbits of free points, in time and in space.
 
-Samples of both over a period are compared in what no shift in time, turn, mirror, scale or name of
-a body changes, which gives the shift; the turn is then that of least squares.
+Samples of both over a period are compared by quantities invariant under shifts in time, rotation,
+reflection, scaling and relabelling, which gives the shift; the rotation then is that of least
+squares.
 """
 
 import dataclasses
@@ -24,18 +25,18 @@ TOLERANCE = 1e-6
 SAMPLES = 2048  # of one period
 _ROUNDS = 6  # Gauss-Newton steps on the shift in time
 _DIFFERENCE = 1e-7  # of the period, over which a slope in time is taken
-_CANDIDATES = 8  # shifts that are looked at closely
+_CANDIDATES = 8  # shifts that are refined
 _MOST_POINTS = 6  # 720 orders of bodies
 
 
 @dataclasses.dataclass(frozen=True)
 class Match:
-    """How one orbit is made the other.
+    """The transformation between two orbits.
 
     Attributes:
-      distance: largest distance of the two afterwards, relative to their size.
-      shift: the time by which the second one is late.
-      backwards: whether it runs the other way.
+      distance: largest distance of the aligned orbits, relative to their size.
+      shift: the delay of the second one.
+      backwards: whether the second one is reversed in time.
       order: which of its bodies are the first orbit's; () where there are none.
       mirrored: whether it is a mirror image.
       scale: its lengths over those of the first.
@@ -50,7 +51,7 @@ class Match:
 
 
 def match_points(a: Orbit, b: Orbit) -> Match | None:
-    """How the second orbit of free points is best made the first; None where nothing can."""
+    """The best alignment of the second orbit of free points; None if there is none."""
     first, second = (orbit.scene.system for orbit in (a, b))
     assert isinstance(first, FreePoints)
     assert isinstance(second, FreePoints)
@@ -101,7 +102,7 @@ def centred(ys: np.ndarray, m: np.ndarray) -> np.ndarray:
 
 
 class _Units(NamedTuple):
-    """Units, and a sense of time, in which the second orbit is compared with the first.
+    """Units, and a direction of time, in which the second orbit is compared with the first.
 
     Attributes:
       lengths: factor on its lengths.
@@ -123,7 +124,7 @@ class _Units(NamedTuple):
 
 
 def _signature(x: np.ndarray, m: np.ndarray) -> np.ndarray:
-    """(s, 3) what no turn, mirror or name changes, each of mean 0 and size 1."""
+    """(s, 3) invariants under rotation, reflection and relabelling, of mean 0 and size 1."""
     r, v = x[:, 0], x[:, 1]
     moments = np.stack(
         [
@@ -151,7 +152,7 @@ def _refined(b: Orbit, here, index: int, units: _Units, masses) -> float:
     """The time of the second orbit at which it fits the start of the first best."""
     m = masses[1]
     step = b.period / len(here)
-    # The sample with this index stands for this time of the second orbit.
+    # The time of the sample with this index on the second orbit.
     shift = -index * step if units.backwards else index * step
     goal = _signature(here, masses[0])
     h = _DIFFERENCE * b.period
@@ -162,7 +163,7 @@ def _refined(b: Orbit, here, index: int, units: _Units, masses) -> float:
     for _ in range(_ROUNDS):
         ys = samples(b, shift)
         rates = np.asarray(_rates(b.scene, ys))
-        # Not by waves through the samples: in a close encounter there are too few of them.
+        # Not by Fourier interpolation: in a close encounter there are too few samples.
         slope = (seen(ys + h * rates) - seen(ys - h * rates)) / (2 * h)
         move = float(np.sum((goal - seen(ys)) * slope) / np.sum(slope * slope))
         shift += move
@@ -177,7 +178,7 @@ def _rates(scene: Scene, ys) -> jax.Array:
 
 
 def _orders(one: np.ndarray, two: np.ndarray):
-    """All orders of the second orbit's bodies that put equal masses in the first ones' places."""
+    """All orders of the second orbit's bodies that match the masses of the first."""
     share, other = one / one.sum(), two / two.sum()
     for order in itertools.permutations(range(len(one))):
         if np.allclose(other[list(order)], share, rtol=1e-12):
@@ -185,7 +186,7 @@ def _orders(one: np.ndarray, two: np.ndarray):
 
 
 def turned_distance(here: np.ndarray, there: np.ndarray) -> tuple[float, bool]:
-    """Largest distance of positions after the best turn or mirrored turn, and which it was."""
+    """Largest distance of positions after the best rotation, and whether it is improper."""
     d = here.shape[-1]
     sizes = [float(np.abs(here[:, i]).max()) for i in range(2)]
     p, q = (
@@ -201,7 +202,7 @@ def turned_distance(here: np.ndarray, there: np.ndarray) -> tuple[float, bool]:
 
 
 def samples(orbit: Orbit, shift: float = 0.0) -> np.ndarray:
-    """(SAMPLES, k) states over one period from a time on."""
+    """(SAMPLES, k) states over one period from a given time."""
     scene = orbit.scene
     if shift:
         scene = scene.starting(solve(scene, shift, rtol=orbit.rtol).y1)

@@ -1,4 +1,4 @@
-"""Is it really an orbit? The closing error again, by another integrator and tolerance.
+"""Independent checks of an orbit: its closing error by another integrator and tolerance.
 
 The finder makes its own integrator's error part of the closing condition, so its residual says
 nothing about that error. Here the whole period is integrated by a method of another family at
@@ -20,17 +20,17 @@ from orbits.shooting.cuts import SEGMENTS_MOST, largest, with_segments
 from orbits.shooting.equations import Equations
 from orbits.shooting.newton import RANK_TOLERANCE
 
-#: Below this, steps are lost in rounding: the tightest tolerance that still helps.
+#: The tightest useful tolerance: below it rounding dominates.
 TIGHT = 1e-15
 
 
 @dataclasses.dataclass(frozen=True)
 class Recheck:
-    """A second opinion on an orbit.
+    """An independent check of an orbit.
 
     Attributes:
       solver: name of the other method.
-      tolerance: relative tolerance it ran at.
+      tolerance: its relative tolerance.
       closure: largest entry of y(T) - y(0) by that method.
     """
 
@@ -40,9 +40,9 @@ class Recheck:
 
 
 def closure(orbit: Orbit, *, periods: int = 1, rtol: float | None = None, solver=None) -> float:
-    """Largest entry by which the state misses the start after some periods; NaN if not reached.
+    """Largest entry of the state minus the start after some periods; NaN if not reached.
 
-    A relative orbit has turned by then; its start is turned by as much.
+    For a relative orbit the start is rotated accordingly.
     """
     flow = after(orbit, periods, rtol=orbit.rtol if rtol is None else rtol, solver=solver)
     if int(flow.status) != Status.OK:
@@ -51,21 +51,21 @@ def closure(orbit: Orbit, *, periods: int = 1, rtol: float | None = None, solver
 
 
 def after(orbit: Orbit, periods: float, *, rtol: float, solver=None) -> SolveResult:
-    """The motion after some periods, or a part of one, in the time it is followed in."""
+    """The motion after some periods, or a part of one, in plain or logarithmic time."""
     s = None if orbit.s_period is None else periods * orbit.s_period
     return advanced(orbit.scene, periods * orbit.period, s, rtol=rtol, solver=solver)
 
 
 def growth(orbit: Orbit) -> float:
-    """How much larger a change of the state on the way may be at the end of the period.
+    """Largest growth of a change of the state on the way to the end of the period.
 
     The largest of the derivatives of the end by states at 32 times. Times the unit of rounding
-    it is about the closing error below which no integration in doubles gets.
+    it is about the smallest closing error of an integration in doubles.
     """
     y0, rtol = np.asarray(orbit.y0), orbit.rtol
     whole = dataclasses.replace(Equations.of(orbit), closing=PLAIN)
     if orbit.s_period is None:
-        # Its encounters, if any, are moderate: cut within one, the figure is somewhat larger.
+        # Its encounters, if any, are moderate: cut inside one, the value is somewhat larger.
         even = (1 / SEGMENTS_MOST,) * SEGMENTS_MOST
         fine = dataclasses.replace(whole, shares=even, s_spans=None)
     else:
@@ -76,7 +76,7 @@ def growth(orbit: Orbit) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class Digits:
-    """How many decimal digits of an orbit's numbers may be claimed.
+    """The certain decimal digits of an orbit's numbers.
 
     Attributes:
       y0: of the start, relative to its largest entry.
@@ -88,10 +88,10 @@ class Digits:
 
 
 def digits(orbit: Orbit) -> Digits:
-    """The digits of an orbit that another integrator at a tighter tolerance leaves standing.
+    """The digits of an orbit that another integrator at a tighter tolerance confirms.
 
     The closing error by that integrator, times the inverse of the closing equations' Jacobian,
-    is how far the orbit would move if it were found again with it. In a family of orbits that
+    is the displacement of the orbit if it were found again with it. In a family of orbits that
     is the distance to the family, whose members all close.
 
     Example:
@@ -116,7 +116,7 @@ def digits(orbit: Orbit) -> Digits:
 
 
 def _digits(error: float) -> float:
-    """Decimal digits that an error of this relative size leaves, at most those of a double."""
+    """Correct decimal digits at this relative error, at most those of a double."""
     return float(-np.log10(max(error, np.finfo(float).eps))) if np.isfinite(error) else 0.0
 
 

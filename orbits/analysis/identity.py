@@ -1,9 +1,9 @@
-"""What an orbit is: the numbers that identify it whatever its frame, phase and scale.
+"""The invariants of an orbit: numbers independent of its frame, phase and scale.
 
-Two closed orbits can look the same at a closing error of 1e-5 and be different orbits. What
-tells them apart is computed here: whether it is a choreography, its integrals, the scale-free
-period T |E|^(3/2) of Newtonian gravity, and, for three equal bodies near the figure-eight, a
-normal form in which equal orbits have equal digits.
+Two closed orbits can look the same at a closing error of 1e-5 and be different orbits. The
+invariants that distinguish them are computed here: whether it is a choreography, its integrals,
+the scale-free period T |E|^(3/2) of Newtonian gravity, and, for three equal bodies near the
+figure-eight, a normal form in which equal orbits have equal digits.
 """
 
 import dataclasses
@@ -24,27 +24,27 @@ from orbits.closing.closings import choreography
 from orbits.motion import at_s, gravitates
 from orbits.orbit import Orbit, relocated
 
-#: Entries of y(T / n) may miss the choreography by this much of the orbit's size.
+#: Largest permutation error of a choreography, relative to the orbit's size.
 CHOREOGRAPHY = 1e-9
-#: What changes less than this along the orbit, relative to its parts, is conserved.
+#: Largest change along the orbit of a conserved quantity, relative to its terms.
 KEPT = 1e-9
-_MOMENTS = 32  # of one period, to see what is conserved
+_MOMENTS = 32  # of one period, to test conservation
 _SAMPLES = 720  # of one period, to bracket the passage nearest to the centre
 _PASSAGE_STEPS = 8  # Newton steps on the time of that passage
 
 
 @dataclasses.dataclass(frozen=True)
 class Identity:
-    """What an orbit is.
+    """The invariants of an orbit.
 
     Attributes:
       choreography: whether all bodies follow one curve, evenly spaced in time; None unless
         several points move freely.
-      permutation_error: how far it is from one: the largest entry of y(T/n) minus the
-        relabelled start, the better of the two directions; NaN where bodies are not equal.
-      energy: kinetic plus potential; None where the motion does not keep it.
-      angular_momentum: about the origin, in the plane of x and y; None where the motion does
-        not keep it.
+      permutation_error: deviation from one: the largest entry of y(T/n) minus the relabelled
+        start, for the better of the two directions; NaN where bodies are not equal.
+      energy: kinetic plus potential; None where it is not conserved.
+      angular_momentum: about the origin, in the plane of x and y; None where it is not
+        conserved.
       scale_free: T |E|^(3/2), the same for all scaled copies; None unless all forces are
         Newtonian attractions.
     """
@@ -59,7 +59,7 @@ class Identity:
 
 
 def identify(orbit: Orbit) -> Identity:
-    """The invariants of an orbit, as far as it has them.
+    """The invariants of an orbit, where they exist.
 
     Example:
       >>> import orbits
@@ -85,11 +85,11 @@ def identify(orbit: Orbit) -> Identity:
 
 
 def conserved(orbit: Orbit) -> tuple[float | None, float | None]:
-    """Energy, and angular momentum in the plane of x and y; None for what the motion changes."""
+    """Energy, and angular momentum in the plane of x and y; None if not conserved."""
     scene = orbit.scene
     if not (scene.has_energy or scene.has_points):
         return None, None
-    # Not evenly spaced: equal values at symmetric moments would pass for constant ones.
+    # Not evenly spaced: equal values at symmetric times would look constant.
     moments = np.linspace(0.0, 1.0, _MOMENTS) ** 1.5
     if orbit.s_period is None:
         ts = orbit.period * moments
@@ -118,7 +118,7 @@ _changes = jax.jit(change)
 
 @jax.jit
 def _momenta(scene: Scene, ts: Array, ys: Array) -> tuple[Array, Array]:
-    """(s,) angular momentum in the plane, and (s,) the size of the terms it is the sum of."""
+    """(s,) angular momentum in the plane, and (s,) the magnitude of its terms."""
 
     def at(t, y):
         r, v, m = scene.points(t, y)
@@ -149,18 +149,18 @@ def normal_form(orbit: Orbit) -> Orbit:
     Three equal bodies in the plane, centre of mass at rest at the origin; the clock starts
     where a body passes nearest to the centre, which becomes the third; the first is at
     distance 1, in units of G m = 1; the third is on the x axis a quarter of a period later.
-    Of the mirror images and labels left, the one nearest to the printed start is taken
+    Of the remaining mirror images and labels, the one nearest to the printed start is taken
     (course problem 17: first body at (-0.97000436, 0.24308753)).
 
     Raises:
-      ValueError: anything but three equal bodies in the plane under their attraction alone.
+      ValueError: the orbit is not of three equal bodies in the plane under their attraction alone.
     """
     if not has_normal_form(orbit):
         raise fail(
             "orbit",
             "three equal bodies in the plane that attract each other",
             "another scene",
-            "Only there is a normal form defined.",
+            "The normal form is defined only for these.",
         )
     scene = orbit.scene
     centred = _centred(scene, np.asarray(orbit.y0))
@@ -212,7 +212,7 @@ def _state_after(scene: Scene, y: np.ndarray, t: float) -> np.ndarray:
 
 
 def _passage(scene: Scene, period: float) -> tuple[float, int]:
-    """When, and which body, passes nearest to the origin: r . v = 0 by Newton's method."""
+    """Time and body of the passage nearest to the origin: r . v = 0 by Newton's method."""
     ts = np.arange(_SAMPLES) * period / _SAMPLES
     ys = np.asarray(solve(scene, period, ts=ts, rtol=1e-12).ys)
     distance = np.linalg.norm(ys[:, :6].reshape(-1, 3, 2), axis=-1)
@@ -227,7 +227,7 @@ def _passage(scene: Scene, period: float) -> tuple[float, int]:
 
 
 def _images(r: np.ndarray, v: np.ndarray):
-    """All mirror images, half turns and labels of the first two bodies that keep the form."""
+    """All mirror images, half turns and labels of the first two bodies that preserve the form."""
     for labels in ([0, 1, 2], [1, 0, 2]):
         for mirror in np.array([[1, 1], [-1, 1], [1, -1], [-1, -1]]):
             yield np.concatenate([(r[labels] * mirror).ravel(), (v[labels] * mirror).ravel()])

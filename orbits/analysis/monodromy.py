@@ -1,4 +1,4 @@
-"""The monodromy matrix of an orbit, turned back where it is a relative one."""
+"""The monodromy matrix of an orbit, rotated back for a relative orbit."""
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ from jaxdyn.analysis.monodromy import monodromy as monodromy
 from orbits.motion import advanced
 from orbits.orbit import Orbit
 
-_TANGENT = 1e-6  # smaller singular values of a projection's slope are directions it removes
+_TANGENT = 1e-6  # smaller singular values of a projection's derivative are directions it removes
 
 
 def tangents(scene: Scene, y0: np.ndarray) -> np.ndarray:
@@ -27,9 +27,9 @@ def _projection(scene: Scene, y0: Array) -> Array:
 
 
 def returned(orbit: Orbit, rtol, basis: np.ndarray) -> tuple[np.ndarray, Status]:
-    """(d, d) the monodromy matrix in a basis of tangents, turned back for a relative orbit.
+    """(d, d) the monodromy matrix in a basis of tangents, rotated back for a relative orbit.
 
-    The displacement after a period is what `difference` says: -1 times a quaternion is the
+    The displacement after a period is measured by `difference`: -1 times a quaternion is the
     same attitude. The matrix is NaN unless the status of its integration is OK.
     """
     m, status = returned_map(orbit, rtol)
@@ -40,7 +40,7 @@ def returned(orbit: Orbit, rtol, basis: np.ndarray) -> tuple[np.ndarray, Status]
 
 @jax.jit
 def returned_map(orbit: Orbit, rtol) -> tuple[Array, Array]:
-    """(k, k) the monodromy matrix, turned back for a relative orbit, and its `Status` code.
+    """(k, k) the monodromy matrix, rotated back for a relative orbit, and its `Status` code.
 
     The matrix is differentiable in the numbers of the orbit's scene.
     """
@@ -50,11 +50,11 @@ def returned_map(orbit: Orbit, rtol) -> tuple[Array, Array]:
         flow = advanced(scene.starting(y), scene.t1, orbit.s_period, rtol=rtol)
         return scene.system.difference(flow.y1, target), flow.status
 
-    # Only which side of a wrapped angle, or which sign of a quaternion, it is measured from.
+    # Only for the branch of a wrapped angle, or the sign of a quaternion.
     target = jax.lax.stop_gradient(closing.after(scene.system, scene.y0, angle, 1))
     m, status = jax.jacfwd(end, has_aux=True)(scene.y0)
     if not closing.turns:
         return m, status
-    # Not by solving: turned back, a turn is undone to rounding, and needs no other symmetry.
+    # Not by solving: the inverse rotation is exact to rounding.
     back = jax.jacfwd(lambda y: closing.after(scene.system, y, -angle, 1))(scene.y0)
     return jnp.sum(back[:, :, None] * m[None], axis=1), status

@@ -1,6 +1,6 @@
 """Everything that is claimed of an orbit, in one record.
 
-The command line prints it, files keep it, and `orbits verify` derives it again from scratch.
+The command line prints it, files keep it, and `orbits verify` recomputes it.
 """
 
 import dataclasses
@@ -18,7 +18,7 @@ from orbits.analysis.stability import stability
 from orbits.analysis.words import has_word, word
 from orbits.orbit import Orbit
 
-#: Periods simulated in a row to show that an orbit comes back.
+#: Consecutive periods simulated to show that an orbit returns.
 PERIODS = 5
 
 
@@ -32,18 +32,18 @@ class NormalForm:
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """The claims about one orbit; fields as in the JSON output.
+    """The claims about one orbit; field names as in the JSON output.
 
     Attributes:
       outcome: "FOUND", or why it is not an orbit.
       period: full period.
       y0: (k,) start, in the order of the system's labels.
       closure: largest difference between the state after one period and the start.
-      growth: how much larger a change on the way may be at the end of the period; times the unit
-        of rounding it is the closure that doubles permit.
-      minimal_period: the shortest time after which the motion comes back.
+      growth: largest growth of a change on the way to the end of the period; times the unit of
+        rounding it is the closure possible in doubles.
+      minimal_period: the shortest time after which the motion returns.
       choreography: whether all bodies follow one curve; None unless they are free points.
-      permutation_error: how far it is from that; None where bodies differ.
+      permutation_error: deviation from that; None where bodies differ.
       word: the free-group word of three bodies in the plane; None for anything else, and where
         the motion runs into a collision.
       energy: kinetic plus potential; None where it is not conserved.
@@ -52,12 +52,12 @@ class Report:
       multipliers: all Floquet multipliers as [re, im].
       multiplier_bars: error bars of the non-trivial ones, which come first.
       exponents: rotation numbers of the non-trivial pairs; None for a real pair.
-      unit_multipliers: how many are 1 by an integral or symmetry.
+      unit_multipliers: number of them that are 1 by an integral or symmetry.
       verdict: "stable", "unstable" or "undecided".
       symplectic_defect: see `Stability`.
       determinant_defect: see `Stability`.
-      periods_simulated: how many periods in a row `return_error` is after.
-      return_error: largest difference between the state then and the start.
+      periods_simulated: number of consecutive periods of `return_error`.
+      return_error: largest difference between the state after these and the start.
       recheck: the closure by another integrator at a tighter tolerance.
       normal_form: None where there is none.
     """

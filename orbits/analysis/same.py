@@ -1,7 +1,7 @@
 """Whether two orbits are the same motion.
 
-One may be seen at another time, turned, mirrored, relabelled, scaled, or run backwards: then one
-can be laid over the other (for free points by `alignment`), and what is left must be rounding.
+One may be seen at another time, rotated, mirrored, relabelled, scaled, or reversed in time: then
+they can be aligned (for free points by `alignment`), up to rounding.
 """
 
 import jax
@@ -24,13 +24,13 @@ from orbits.orbit import Orbit, relocated
 
 #: `TOLERANCE` for orbits so unstable that their own periods differ by as much.
 _BLURRED = 1e-4
-_MISSES = 4.0  # of those by which one orbit may be off the other
+_MISSES = 4.0  # of those by which one orbit may differ from the other
 _ROUNDS = 6  # Gauss-Newton steps on the shift in time
-_DIVISORS = 12  # periods are looked for down to this part
+_DIVISORS = 12  # shorter periods are tested down to this part
 
 
 def minimal_period(orbit: Orbit, tolerance: float = TOLERANCE) -> tuple[float, int]:
-    """The shortest time after which the motion comes back, and how often the period holds it.
+    """The shortest time after which the motion returns, and how many of these a period is.
 
     Example:
       >>> import orbits
@@ -52,17 +52,17 @@ def minimal_period(orbit: Orbit, tolerance: float = TOLERANCE) -> tuple[float, i
 
 
 def same(a: Orbit, b: Orbit, tolerance: float = TOLERANCE) -> bool:
-    """Whether two orbits are the same up to everything that changes no motion.
+    """Whether two orbits are the same up to symmetries.
 
-    Shift in time and sense of time; for free points also turns, mirrors and equal bodies'
-    names; where they only attract each other by Newton's law also scale.
+    That is, shifts and direction of time; for free points also rotations, reflections and names
+    of equal bodies; where they only attract each other by Newton's law also scale.
 
     Args:
       a: an orbit.
       b: another one.
-      tolerance: largest distance that counts as the same, relative to the orbits' size. Where
-        the second period of an orbit is off its first by more, since it is unstable, four times
-        that counts, up to 1e-4.
+      tolerance: largest distance that counts as the same, relative to the orbits' size. If the
+        second period of an orbit differs from its first by more, since it is unstable, four
+        times that counts, up to 1e-4.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
@@ -79,7 +79,7 @@ def same(a: Orbit, b: Orbit, tolerance: float = TOLERANCE) -> bool:
 
 
 def _missed(orbit: Orbit, shift: float) -> float:
-    """By how much the second period after a time is off the first, relative to the size."""
+    """Difference of the second period after a time from the first, relative to the size."""
     scene, period = orbit.scene, minimal_period(orbit)[0]
     ts = shift + np.arange(2 * SAMPLES) * period / SAMPLES
     ys = np.asarray(solve(scene, ts[-1], ts=ts, rtol=orbit.rtol).ys).reshape(2, SAMPLES, -1)
@@ -91,10 +91,10 @@ def _missed(orbit: Orbit, shift: float) -> float:
 
 
 def match(a: Orbit, b: Orbit) -> Match | None:
-    """How the second orbit is best made the first; None where nothing can make it.
+    """The best alignment of the second orbit with the first; None if there is none.
 
     Raises:
-      ValueError: an orbit that does not close.
+      ValueError: `a` or `b` does not close.
     """
     for orbit in (a, b):
         if not orbit.ok:
@@ -115,7 +115,7 @@ def _over(orbit: Orbit, period: float) -> Orbit:
 
 
 def _match_states(a: Orbit, b: Orbit) -> Match:
-    """As `match_points` for other systems: the first start is looked for on the second orbit."""
+    """As `match_points` for other systems: the first start is sought on the second orbit."""
     system = a.scene.system
     start = jnp.asarray(a.y0)
     ts = np.arange(SAMPLES) * b.period / SAMPLES

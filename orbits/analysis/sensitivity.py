@@ -1,10 +1,10 @@
-"""How an orbit changes with the numbers of its scene: derivatives by the implicit functions.
+"""Derivatives of an orbit by the numbers of its scene: the implicit function theorem.
 
 The closing equations F(x, scene) = 0 hold along the family of orbits that belongs to a change
-of the scene, so dx = -F_x^+ F_scene dscene: one solve with the Jacobian the finder has anyway,
-not a differentiation of its iterations. Of all orbits that close F_x^+ takes the nearest one,
-so where orbits come in families (conservative scenes) the derivative is that at fixed
-conditions: hold the energy, or the period, and it is a definite one.
+of the scene, so dx = -F_x^+ F_scene dscene: one solve with the available Jacobian, not a
+differentiation of the finder's iterations. Of all orbits that close F_x^+ selects the nearest one,
+so where orbits come in families (conservative scenes) the derivative is unique only at fixed
+conditions: hold the energy, or the period.
 
 Multipliers are differentiated as simple eigenvalues, d lambda = w dM v / (w v). Those that are
 1 by an integral or a symmetry stay 1; nothing is differentiated through their defective block.
@@ -26,7 +26,7 @@ from orbits.shooting import newton
 from orbits.shooting.cuts import cut
 from orbits.shooting.equations import Equations, residual_at
 
-#: Multipliers nearer to each other than this many of their error bars may coincide.
+#: Multipliers closer to each other than this many of their error bars may coincide.
 _APART = 3.0
 
 
@@ -34,9 +34,9 @@ class Solution(eqx.Module):
     """An orbit as a differentiable function of its scene.
 
     Attributes:
-      scene: what moves, with the start and the period of the orbit.
+      scene: the scene with the start and the period of the orbit.
       angle: () of a relative orbit.
-      known: the orbit it was made from.
+      known: the orbit it is based on.
     """
 
     scene: Scene
@@ -78,17 +78,17 @@ def solution(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> Solution:
     """The orbit of a scene near a known one, for `jax.grad`, `jax.jvp` and the like.
 
     Args:
-      scene: the numbers to differentiate by; the orbit's own scene, or a traced copy of it.
+      scene: with the numbers to differentiate by; the orbit's own scene, or a traced copy of it.
       orbit: what `find` returned.
-      hold: conditions, as for `find`; where orbits come in families they say which one.
+      hold: conditions, as for `find`; they select an orbit of a family.
     Returns:
       The orbit's numbers, equal to those found, with their first derivatives by every number
       of the scene (and of the conditions).
     Raises:
-      ValueError: an orbit that does not close.
-    Limits: first derivatives; the values are those of `orbit` whatever the scene's. They are right
-      to rounding times the growth of errors over the orbit: the period's of
-      the figure-eight by a mass to 1e-11, against differences of order 6.
+      ValueError: `orbit` does not close.
+    Limits: first derivatives; the values are those of `orbit` whatever the scene's. Accurate to
+      rounding times the growth of errors over the orbit: the derivative of the figure-eight's
+      period by a mass to 1e-11, compared with differences of order 6.
     Example:
       >>> import equinox as eqx, orbits
       >>> from jaxdyn import scenes
@@ -106,7 +106,7 @@ def solution(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> Solution:
     )
     x = known.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle)
     inverse = _inverse(jax.lax.stop_gradient(known), x, orbit.rtol)
-    # Equal values, but the traced numbers.
+    # Equal values, but traced.
     own = scene.starting(orbit.y0, orbit.scene.t1)
     moving = eqx.tree_at(lambda e: e.scene, known, own)
     y0, period, angle = _implicit(moving, x, inverse, orbit.rtol)
@@ -125,7 +125,7 @@ def _implicit(equations: Equations, x, inverse, rtol) -> tuple[Array, Array, Arr
 def _inverse(equations: Equations, x: np.ndarray, rtol: float) -> np.ndarray:
     jacobian = np.asarray(equations(x, rtol).jacobian)
     if equations.driven:
-        jacobian[:, -1] = 0.0  # the drive's period is not the orbit's to change
+        jacobian[:, -1] = 0.0  # the period of the drive is fixed
     return np.linalg.pinv(jacobian, rcond=newton.RANK_TOLERANCE)
 
 

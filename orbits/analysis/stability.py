@@ -1,12 +1,12 @@
-"""Floquet multipliers with error bars, unit multipliers split off, and an honest verdict.
+"""Floquet multipliers with error bars, with the unit multipliers separated.
 
 Every integral and every continuous symmetry of a scene forces a multiplier to be exactly 1,
 and an autonomous flow has one more along itself. In a conservative scene they come in
-defective pairs, so an eigenvalue solver returns them only to the square root of the rounding:
-a plain look at |multiplier| > 1 tosses a coin there. We take them out as a block first.
+defective pairs, so an eigenvalue solver returns them only to the square root of the rounding, and
+the test |multiplier| > 1 would be random. They are removed first, as a block.
 
 `trivial` finds those directions. M maps the common kernel N of the integrals' gradients to
-itself, and the symmetries' generators inside it, G, to themselves; what is left, M on N / G,
+itself, and the symmetries' generators inside it, G, to themselves; the quotient, M on N / G,
 has exactly the non-trivial multipliers for eigenvalues, well conditioned unless two of them meet.
 
 Each gets an error bar (see `jaxdyn.analysis.eigenvalues`), from the change of M between two
@@ -40,11 +40,11 @@ class Stability:
     """The linear stability of an orbit.
 
     Attributes:
-      multipliers: (d,) all Floquet multipliers: the non-trivial ones, then the unit ones; one
-        for each direction on the constraint surface, so d = k where there is none.
+      multipliers: (d,) all Floquet multipliers: the non-trivial ones, then the unit ones; one for
+        each direction on the constraint surface, so d = k without constraints.
       nontrivial: (p,) those not forced to be 1.
       bars: (p,) their error bars.
-      unit: how many are 1 because of an integral, a symmetry or the flow.
+      unit: number of multipliers that are 1 by an integral, a symmetry or the flow.
       reasons: the integrals and symmetries that were confirmed.
       exponents: rotation numbers nu in [0, 1/2] of the non-trivial multipliers
         exp(+-2 pi i nu), one for each pair, None for a real pair.
@@ -82,7 +82,7 @@ class Stability:
 
     @property
     def ok(self) -> bool:
-        """Whether the motion was followed over its period."""
+        """Whether the motion was integrated over its period."""
         return self.status == Status.OK
 
     @property
@@ -96,13 +96,13 @@ def stability(orbit: Orbit, *, rtol: float | None = None, throw: bool = True) ->
 
     Args:
       orbit: what `find` returned.
-      rtol: tolerance of the variational equations; the orbit's own if left out. A second run
+      rtol: tolerance of the variational equations; the orbit's own by default. A second run
         at a hundred times that gives the error bars.
-      throw: raise if the motion cannot be followed over its period at one of the two tolerances
-        (a collision, the step limit); with False look at `Stability.status`.
+      throw: raise if the motion cannot be integrated over its period at one of the two
+        tolerances (a collision, the step limit); with False look at `Stability.status`.
     Raises:
-      ValueError: traced values.
-      IntegrationError: the motion cannot be followed over its period (``throw=True``).
+      ValueError: the orbit has traced values.
+      IntegrationError: the motion cannot be integrated over its period (``throw=True``).
     Limits: linear stability only. "stable" for a conservative scene means all non-trivial
       multipliers lie on the unit circle and cannot leave it within their bars.
     """
@@ -120,7 +120,7 @@ def stability(orbit: Orbit, *, rtol: float | None = None, throw: bool = True) ->
     kernel, reasons = trivial.kernel(scene, y0, m, basis)
     q, generators = trivial.complement(scene, m, kernel, basis)
     reduced = q.T @ m @ q
-    # Rounding is that of the whole matrix.
+    # The rounding error is that of the whole matrix.
     error = uncertainty(reduced, q.T @ coarse @ q, rtol) + ROUNDING * norm(m)
     found = map_eigenvalues(reduced, error)
     nontrivial, bars = found
@@ -145,7 +145,7 @@ def stability(orbit: Orbit, *, rtol: float | None = None, throw: bool = True) ->
 
 
 def _unknown(d: int, status: Status) -> Stability:
-    """What is known where the motion was not followed over its period: nothing."""
+    """The result where the motion was not integrated over its period: all NaN."""
     nothing = np.full(d, np.nan)
     return Stability(
         multipliers=nothing.astype(complex),
@@ -163,7 +163,7 @@ def _unknown(d: int, status: Status) -> Stability:
 
 
 def _rotation_numbers(values: np.ndarray, bars: np.ndarray) -> tuple[float | None, ...]:
-    """One entry a pair (lambda, 1 / lambda) or (lambda, conj lambda)."""
+    """One entry per pair (lambda, 1 / lambda) or (lambda, conj lambda)."""
     left = list(range(len(values)))
     numbers: list[float | None] = []
     while left:

@@ -1,14 +1,14 @@
 """The topology of a planar three-body orbit: how its triangles wind round the collisions.
 
-Up to position, size and turn, three bodies in the plane are a point of a sphere. Collinear
-configurations are its equator; on it lie the three collisions, which cut it into three arcs,
+Up to position, size and rotation, three bodies in the plane are a point of a sphere. Collinear
+configurations are its equator; on it lie the three collisions, which divide it into three arcs,
 one for each body in the middle. A motion without collisions is a loop on the sphere without
-those three points: a word in the free group of two letters, the same however the orbit is
-deformed.
+these three points: a word in the free group of two letters, invariant under deformation of the
+orbit.
 
 Passing down through the arc of body i and up through that of body j is g_i g_j^-1; with
 g_3 = 1, a = g_1 and b = g_2, and capitals for inverses, that spells the words of Suvakov and
-Dmitrasinovic (Physical Review Letters 110 (2013) 114301), up to where the loop is begun.
+Dmitrasinovic (Physical Review Letters 110 (2013) 114301), up to the start of the loop.
 """
 
 import itertools
@@ -31,10 +31,10 @@ _REFINEMENTS = 40  # halvings of an interval where the triangle turns faster
 def syzygies(orbit: Orbit) -> tuple[int, ...]:
     """The body in the middle (1, 2, 3) at each collinear passage of a period, in order.
 
-    The first is one from positive to negative area (1, 2, 3 counterclockwise before it).
+    The first one is from positive to negative area (1, 2, 3 counterclockwise before it).
 
     Raises:
-      ValueError: anything but three free points in the plane.
+      ValueError: the orbit is not of three free points in the plane.
       IntegrationError: the motion runs into a collision.
     """
     if not has_word(orbit):
@@ -70,7 +70,7 @@ def _sampled(orbit: Orbit) -> np.ndarray:
         ys = np.asarray(flow.ys)
         r, v = (ys[:, i : i + 6].reshape(-1, 3, 2) for i in (0, 6))
         sides, changes = (np.roll(x, -1, axis=1) - x for x in (r, v))
-        # Not the angle between samples: near a collision a side turns by 2 pi, and seems still.
+        # Not the angle between samples: near a collision a side turns by 2 pi unnoticed.
         rates = (np.linalg.norm(changes, axis=-1) / np.linalg.norm(sides, axis=-1)).max(axis=1)
         swings = np.diff(ts) * np.maximum(rates[1:], rates[:-1])
         if (swings <= _SWING).all():
@@ -85,7 +85,7 @@ def _sampled(orbit: Orbit) -> np.ndarray:
 def _middle(before, after, area_before, area_after) -> int:
     share = area_before / (area_before - area_after)
     r = before + share * (after - before)
-    # Seen from the one in the middle the others lie in opposite directions.
+    # Seen from the middle one the others are in opposite directions.
     dots = [(r[(i + 1) % 3] - r[i]) @ (r[(i + 2) % 3] - r[i]) for i in range(3)]
     return int(np.argmin(dots)) + 1
 
@@ -93,11 +93,11 @@ def _middle(before, after, area_before, area_after) -> int:
 def word(orbit: Orbit) -> str:
     """The free-group word of a planar three-body orbit, cyclically reduced, its canonical form.
 
-    Orbits that differ by where the period begins, by which body is which, by a mirror or by
-    the sense of time have the same word.
+    Orbits that differ by the start of the period, the labels of the bodies, a reflection or the
+    direction of time have the same word.
 
     Raises:
-      ValueError: anything but three free points in the plane.
+      ValueError: the orbit is not of three free points in the plane.
       IntegrationError: the motion runs into a collision.
     Example:
       >>> import orbits
@@ -109,16 +109,16 @@ def word(orbit: Orbit) -> str:
 
 
 def spelled(middles: tuple[int, ...]) -> str:
-    """The word of a sequence of bodies in the middle, first of them passed downwards."""
+    """The word of a sequence of bodies in the middle, the first of them passed downwards."""
     down, up = {1: "a", 2: "b", 3: ""}, {1: "A", 2: "B", 3: ""}
     return "".join((down if i % 2 == 0 else up)[body] for i, body in enumerate(middles))
 
 
 def canonical(letters: str) -> str:
-    """The first, in the alphabet, of all words that mean the same orbit.
+    """The alphabetically first of all words of the same orbit.
 
     Raises:
-      ValueError: letters other than a, b and their inverses A, B.
+      ValueError: `letters` has others than a, b and their inverses A, B.
     Example:
       >>> canonical("BabA") == canonical("abAB")
       True
@@ -138,7 +138,7 @@ def canonical(letters: str) -> str:
 
 
 def _reduced(letters: str) -> str:
-    """Neighbours that undo each other left out, also across the ends."""
+    """The cyclically reduced word: adjacent inverses cancelled, also across the ends."""
     kept: list[str] = []
     for letter in letters:
         if kept and kept[-1] == letter.swapcase():
@@ -158,7 +158,7 @@ def _relabelled(letters: str) -> list[str]:
     """The word with the bodies in any order, and of the mirror image."""
     found = []
     for order in itertools.permutations((1, 2, 3)):
-        # a = g_1 g_3^-1 and b = g_2 g_3^-1, spelled again with the bodies' new numbers.
+        # a = g_1 g_3^-1 and b = g_2 g_3^-1, in the bodies' new numbers.
         one, two, three = order
         meaning = {"a": spelled((one, three)), "b": spelled((two, three))}
         meaning |= {k.upper(): v[::-1].swapcase() for k, v in meaning.items()}

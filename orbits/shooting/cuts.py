@@ -1,4 +1,4 @@
-"""The segments of multiple shooting: how many there are, and where a motion is cut."""
+"""The segments of multiple shooting: their number, and where a motion is cut."""
 
 import dataclasses
 import math
@@ -24,7 +24,7 @@ _GROWTH_INSIDE_MOST = 3000.0
 SEGMENTS_MOST = 32
 #: Most segments that a caller may ask for: the unknowns of all of them are one matrix.
 _SEGMENTS_GIVEN_MOST = 256
-_SAMPLES = 4096  # of a motion, to see where it changes how fast
+_SAMPLES = 4096  # of a motion, to measure its rate of change
 _CUT_RTOL = 1e-10  # tolerance of the times at which segments begin
 
 
@@ -43,7 +43,7 @@ def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, para
 
 
 def needed(equations: Equations, guess, rtol, parameter=0.0) -> int:
-    """Number of segments with which rounding made anywhere in one grows little to its end."""
+    """Number of segments in which rounding anywhere in one grows little to its end."""
     fine = with_segments(equations, guess, rtol, SEGMENTS_MOST, parameter)
     maps = fine.transitions(guess[:-1], guess[-1], rtol, parameter)
     # Powers of two: each number of segments is compiled once.
@@ -55,7 +55,7 @@ def needed(equations: Equations, guess, rtol, parameter=0.0) -> int:
 
 
 def largest(maps: np.ndarray) -> float:
-    """Largest norm of the derivatives of the end by the starts of consecutive pieces (n, k, k)."""
+    """Largest norm of the derivatives of the end by the start of consecutive pieces (n, k, k)."""
     total, largest = np.eye(maps.shape[-1]), 0.0
     for one in maps[::-1]:
         total = total @ one

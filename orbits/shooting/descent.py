@@ -1,4 +1,4 @@
-"""Descent on the closing error, from a rough guess to where Newton's method converges.
+"""Descent on the closing error, from a rough guess until Newton's method converges.
 
 Newton's method, however damped, stops at local minima of the closing error |F|, and from a rough
 guess it often ends at a trivial solution (a period of zero, a state of rest), which closes too.
@@ -6,10 +6,10 @@ Here the error is measured against the path L = T |f(y0)| that the motion covers
 
     e(x) = |F(x)| (1 / L(x) + 1 / L(x_guess)),
 
-which does not vanish where nothing moves, nor gains by a longer period. It is minimised by Adam
-(optax), whose momentum passes through shallow minima, with the exact gradient J^T F, from the same
-variational equations as Newton's Jacobian J. Descent loses half of the digits, so it only leads to
-where Newton's method begins.
+which does not vanish at rest, nor decrease with a longer period. It is minimised by Adam (optax),
+whose momentum passes through shallow minima, with the exact gradient J^T F, from the same
+variational equations as Newton's Jacobian J. Descent loses half of the digits, so it only provides
+the guess for Newton's method.
 
 In several segments descent reaches small errors more often, but mostly at motions whose segments do
 not join: it works in one.
@@ -33,15 +33,15 @@ _STEPS_MOST = 500
 _RATE = 0.02
 #: Error at which the descent ends, since Newton's method converges from there almost always.
 _ARRIVED = 1e-3
-#: Error up to which Newton's method may converge; from beyond it mostly runs into collisions.
+#: Error up to which Newton's method may converge; from larger ones it mostly meets collisions.
 _NEAR = 0.1
-#: Steps in which the least error must decrease by a factor while it is not near; else the descent
-#: has stalled. Near an orbit it oscillates first, and the schedule of shorter steps ends that.
+#: Steps within which the least error must decrease by a factor while it is not near; else the
+#: descent has stalled. Near an orbit it oscillates first, until the scheduled steps get shorter.
 _PATIENCE, _PROGRESS = 100, 0.9
 _RTOL = 1e-8
 _MAX_STEPS = 5000  # of one motion: more mean that it is close to a collision
 _SAMPLES = 64  # of the guessed motion, for the sizes of the entries of the state
-_SMALL = 0.01  # of the largest entry: the smallest size that an entry is given
+_SMALL = 0.01  # of the largest entry: lower bound on the size of an entry
 
 _ADAM = optax.adam(optax.cosine_decay_schedule(_RATE, _STEPS_MOST))
 
@@ -89,7 +89,7 @@ def descended(
         found = equations(x, _RTOL, _MAX_STEPS)
         residual, jacobian = np.asarray(found.residual), np.asarray(found.jacobian)
         error, gradient = _error(equations, x, residual, jacobian, float(path))
-        if not (np.isfinite(error) and np.isfinite(gradient).all()):  # a collision: no way on
+        if not (np.isfinite(error) and np.isfinite(gradient).all()):  # a collision
             break
         largest = float(np.abs(residual).max(initial=0.0))
         report(Iteration(index=index, residual=largest, period=float(x[-1]), step=step))

@@ -1,9 +1,9 @@
 """The closing equations of an orbit and their Jacobian, as functions of one vector x of unknowns.
 
 The unknowns are the start (the entries of it that the closing condition leaves free) and the
-period; with several segments also the states between them, each of which is integrated by itself,
-so that errors of an unstable orbit do not grow over a whole period; the angle of a relative orbit;
-the parameter of a family. They form the vector x, with the period as its last entry.
+period; with several segments also the states between them, each integrated independently, so that
+errors of an unstable orbit do not grow over a whole period; the angle of a relative orbit; the
+parameter of a family. They form the vector x, with the period as its last entry.
 
 Each segment is integrated once with its variational equations. The residual is then a cheap
 function of the ends and of x; automatic differentiation takes its Jacobian with the ends made
@@ -60,10 +60,10 @@ class Equations(eqx.Module):
     """Closing equations of a scene: x -> residual and Jacobian.
 
     Attributes:
-      scene: the scene; its start satisfies what the closing condition demands of a start.
+      scene: the scene; its start satisfies the closing condition's requirements for a start.
       closing: the closing condition.
-      conditions: what must hold besides closing.
-      make: from the parameter of a family to its scene; None where there is no parameter.
+      conditions: further conditions besides closing.
+      make: (parameter of a family) -> scene; None without a parameter.
       shares: (segments,) fractions of the time to integrate; their sum is 1.
       s_spans: (segments,) spans of logarithmic time; None in plain time.
       driven: whether the rate depends on time, so that each segment starts at its own time.
@@ -97,7 +97,7 @@ class Equations(eqx.Module):
 
     @property
     def segments(self) -> int:
-        """How many segments there are."""
+        """Number of segments."""
         return len(self.shares)
 
     def unpack(self, x: Array | np.ndarray) -> Unknowns:
@@ -135,7 +135,7 @@ class Equations(eqx.Module):
         """x of a motion; the states between segments are those that it passes."""
         scene = self.scene_at(jnp.asarray(parameter, float)).starting(y0)
         between, t = [], 0.0
-        # One after the other: a program for all samples would be compiled anew for each number.
+        # Sequentially: a program for all samples would recompile for each number of them.
         for share, s in zip(self.shares[:-1], self._spans, strict=False):
             t0 = t if self.driven else 0.0
             span = share * period / self.closing.parts
@@ -161,7 +161,7 @@ class Equations(eqx.Module):
         return (None,) * self.segments if self.s_spans is None else self.s_spans
 
     def repeated(self, times: int) -> "Equations":
-        """The equations of the same motions, with so many periods counted as one."""
+        """The equations of the same motions, with `times` periods counted as one."""
         scene = self.scene.starting(self.scene.y0, times * self.scene.t1)
         shares = tuple(share / times for share in self.shares) * times
         spans = None if self.s_spans is None else self.s_spans * times
@@ -177,7 +177,7 @@ class Equations(eqx.Module):
         )
 
     def bounds(self, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds on x from those (k + 1,) on the start and the period; the rest is unbounded."""
+        """Bounds on x from those (k + 1,) on the start and the period; the others are unbounded."""
 
         def on_x(b: np.ndarray, free: float) -> np.ndarray:
             between = np.full((self.segments - 1, len(b) - 1), free)
@@ -187,7 +187,7 @@ class Equations(eqx.Module):
 
     def __call__(self, x: np.ndarray, rtol: float, max_steps: int = MAX_STEPS) -> Evaluation:
         """Residual and Jacobian at x; NaN where the motion of a segment ends early."""
-        if not x[-1] > 0:  # a period is positive
+        if not x[-1] > 0:  # the period must be positive
             x = np.where(np.arange(len(x)) == len(x) - 1, np.nan, x)
         here = jax.tree.map(np.asarray, pieces(self, x))
         # One compiled program for any number of segments, run in threads on all cores.
@@ -195,7 +195,7 @@ class Equations(eqx.Module):
         integrate = functools.partial(
             linearised_end, self.scene, rtol=rtol, max_steps=max_steps, make=self.make
         )
-        if self.segments == 1:  # to start a thread takes as long as a few integrations
+        if self.segments == 1:  # starting a thread takes as long as a few integrations
             found = [integrate(each[0])]
         else:
             with ThreadPoolExecutor(self.segments) as threads:

@@ -26,10 +26,10 @@ from orbits.shooting.retimed import retimed
 
 RTOL = 1e-14
 GOAL = 1e-12
-#: Of the goal: where bodies attract each other and are followed in plain time, a residual above it
-#: is rounding that a finer cut makes smaller.
+#: Of the goal: with attracting bodies in plain time, a larger residual is rounding that more
+#: segments can reduce.
 _CLEAN_SHARE = 0.1
-#: Times that a motion is cut anew at most: more than doublings from one segment to the most.
+#: Largest number of new cuts: more than the doublings from one segment to the maximum.
 _RECUTS_MOST = 6
 #: Largest relative difference of two spans of logarithmic time of the same motion.
 _SPAN_MISMATCH = 0.01
@@ -39,7 +39,7 @@ _ROUNDING_STALLS = 1e-6
 
 @dataclasses.dataclass(frozen=True)
 class Effort:
-    """How accurately and for how long an orbit is looked for; see `find`."""
+    """Accuracy and iteration limit of a search; see `find`."""
 
     goal: float
     rtol: float
@@ -76,20 +76,20 @@ def find(
     near the guessed period; else one near it. `Orbit.shift` says how far the start has moved.
 
     Args:
-      scene: what moves. Where its rate depends on time the period stays as it is guessed.
-      y0: (k,) guess of the start; the scene's own if left out.
-      period: () guess of the full period; the scene's own span if left out.
-      lower: (k + 1,) lower bounds of the start and the period; -inf where there is none. An
-        entry whose bounds are equal stays fixed: a phase condition.
+      scene: the scene. If its rate depends on time the period keeps its guessed value.
+      y0: (k,) guess of the start; the scene's own by default.
+      period: () guess of the full period; the scene's own span by default.
+      lower: (k + 1,) lower bounds of the start and the period; -inf for none. An entry whose
+        bounds are equal stays fixed: a phase condition.
       upper: (k + 1,) upper bounds.
-      closing: what must hold after which part of the period; of several, the one that the
-        guess misses least.
+      closing: the condition to hold after its part of the period; of several, the one with the
+        smallest residual at the guess.
       hold: conditions on the orbit besides closing, e.g. ``orbits.Energy(-1.0)``, or names of
-        entries of the state that stay as they are guessed, e.g. ``"theta"``.
-      segments: pieces integrated by themselves (multiple shooting); as many as the growth of
-        errors along the guess calls for if left out.
-      goal: largest closing error that counts as an orbit, or the rounding level of the most
-        finely cut motion, if that is larger; `Orbit.residual` says which it was.
+        entries of the state that keep their guessed values, e.g. ``"theta"``.
+      segments: number of segments integrated independently (multiple shooting); by default as
+        many as the growth of errors along the guess requires.
+      goal: largest closing error that counts as an orbit, or the rounding level with the most
+        segments, if that is larger; `Orbit.residual` says which it was.
       rtol: tolerance of the integrations.
       rough: descend on the closing error (optax, Adam) from the guess before Newton's method.
       max_iterations: Newton steps at most.
@@ -98,9 +98,9 @@ def find(
     Returns:
       The orbit, or with ``throw=False`` the best iterate and the reason.
     Raises:
-      ValueError: invalid arguments, or traced ones.
+      ValueError: an argument has the wrong shape, is out of its range or is traced.
       SearchError: no orbit was found (``throw=True``).
-    Limits: host only, not inside jit, grad or vmap; `solution` makes what was found
+    Limits: host only, not inside jit, grad or vmap; `solution` makes the orbit found
       differentiable.
     Example:
       >>> import orbits
@@ -134,7 +134,7 @@ def find(
 def _closed(
     problem: Problem, equations: Equations, angle: float, segments: int | None, effort: Effort
 ) -> Orbit:
-    """The orbit near the guess, in as many segments as rounding calls for."""
+    """The orbit near the guess, in as many segments as rounding requires."""
     guess, rtol = problem.guess, effort.rtol
     cuts = cut(equations, guess, rtol, segments, angle)
     x = cuts.spread(guess[:-1], guess[-1], rtol, angle=angle)
@@ -156,7 +156,7 @@ def _closed(
 def _closed_from_afar(
     problem: Problem, equations: Equations, angle: float, segments: int | None, effort: Effort
 ) -> Orbit:
-    """The orbit near the point to which descent leads from the guess."""
+    """The orbit near the end of a descent from the guess."""
     guess = problem.guess
     lower, upper = equations.bounds(problem.lower, problem.upper)
     descent = descended(
@@ -188,9 +188,9 @@ def _closed_from_afar(
 def _finer(
     equations: Equations, cuts: Equations, guess: np.ndarray, orbit: Orbit, rtol: float
 ) -> Equations:
-    """More segments: near encounters inside a segment amplify rounding.
+    """More segments: close encounters inside a segment amplify rounding.
 
-    They are cut along the guess as long as the orbit is near it, else along the orbit.
+    The cut is along the guess as long as the orbit is near it, else along the orbit.
     """
     left = cuts.s_period is not None and _other_motion(orbit.s_period, cuts.s_period)
     here = np.append(orbit.y0, orbit.period) if left else guess
@@ -201,7 +201,7 @@ def _finer(
 
 
 def _gains_from_cutting(orbit: Orbit, cuts: Equations, goal: float) -> bool:
-    """Whether the residual is rounding that more segments may make smaller."""
+    """Whether the residual is rounding that more segments may reduce."""
     if not orbit.ok:
         return orbit.outcome == Outcome.NO_DESCENT and orbit.residual < _ROUNDING_STALLS
     if orbit.residual <= _CLEAN_SHARE * goal:
@@ -266,13 +266,13 @@ def orbit_at(
         iterations=iterations,
         rtol=rtol,
         angle=float(unknowns.angle),
-        # Not the span of the equations, which is that of the motion that was cut.
+        # Not the span of the equations, which is that of the guess.
         s_period=None if equations.s_spans is None else logarithmic_period(scene),
     )
 
 
 def _nearest(problem: Problem, rtol) -> tuple[Closing, float]:
-    """The closing that the guess misses least, and its best angle."""
+    """The closing with the smallest residual at the guess, and its best angle."""
     scene, closings = problem.scene, problem.closings
     if len(closings) == 1 and not closings[0].turns:
         return closings[0], 0.0

@@ -1,9 +1,9 @@
 """Newton's method for residuals whose Jacobian is rank deficient by nature, within bounds.
 
 The solutions of closing conditions are not isolated: an orbit may be shifted in time, translated,
-turned or scaled, and still closes. Of all steps that solve the linearised equations the shortest
-is taken (from a singular value decomposition without the singular values that are rounding), so
-that the iteration ends near where it began. Steps are damped so that the norm of the residual
+rotated or scaled, and still closes. Of all steps that solve the linearised equations the shortest
+is taken (from a singular value decomposition without the singular values below rounding), so
+that the iteration ends near its start. Steps are damped so that the norm of the residual
 decreases: full steps from a rough guess lead to other orbits or to trivial ones.
 
 The last stage is always Newton's method on the residual itself. Descent on its square loses half
@@ -28,14 +28,14 @@ _DAMPING_GROW, _DAMPING_SHRINK = 4.0, 0.25
 _DAMPING_MAX = 1e8
 #: Consecutive steps without progress after which the residual counts as rounding.
 _STALLED_STEPS = 2
-#: Consecutive refused steps, each at most half as long as the one before, whose misfits show
+#: Consecutive refused steps, each at most half as long as the one before, whose misfits indicate
 #: rounding: fewer would end iterations that rounding only slows down.
 _NOISY_STEPS = 4
 #: A step is at most this fraction of the refused step before it; longer ones would fail as well.
 _SHORTER = 0.5
 #: A step near a solution that leaves a larger share of the residual than this makes no progress.
 _SHARE_LEFT = 0.1
-#: The same below the goal, where part of what is left is rounding.
+#: The same below the goal, where part of the residual is rounding.
 _SHARE_LEFT_SOLVED = 0.3
 #: Below this residual, misfits of the linear model may be rounding.
 _ROUNDING_SHOWS = 1e-6
@@ -46,7 +46,7 @@ Residual = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 @dataclasses.dataclass(frozen=True)
 class Iteration:
-    """What a progress report shows of one step."""
+    """The progress report of one step."""
 
     index: int
     residual: float  # largest entry
@@ -76,7 +76,7 @@ class _Point(NamedTuple):
 
 
 class _Refused(NamedTuple):
-    """A step that was tried and refused: its length, and the misfit of the linear model."""
+    """A refused step: its length, and the misfit of the linear model."""
 
     step: float
     misfit: float
@@ -156,7 +156,7 @@ def solve(
 
 def _result(best: _Point, bounds: _Bounds, goal: float, accepted: int, most: int) -> Result:
     lower, upper = bounds
-    # Entries that are held fixed do not count.
+    # Fixed entries do not count.
     at_bound = ((best.x <= lower) | (best.x >= upper)) & (lower < upper)
     return Result(
         x=best.x,
@@ -180,7 +180,7 @@ def _damped(
 
 
 def _step(point: _Point, bounds: _Bounds, damping: float) -> np.ndarray:
-    """The shortest damped step; unknowns that it would push beyond a bound end on the bound."""
+    """The shortest damped step; unknowns that it would move beyond a bound end on the bound."""
     x, residual, jacobian, factors = point
     lower, upper = bounds
     damping = damping * _norm(residual)

@@ -12,16 +12,16 @@ from orbits.shooting.pieces import MAX_STEPS
 
 #: Roundings made over one segment, in units of the machine epsilon.
 _SEGMENT_ROUNDINGS = 64.0
-#: A residual up to this many times what rounding all unknowns changes cannot be made smaller.
+#: A residual up to this many times the effect of rounding all unknowns cannot be reduced.
 _ROUNDING_FACTOR = 4.0
-#: A start this many times larger than the guess's: everything closes where nothing moves.
+#: A start this many times larger than the guess's: everything closes without motion.
 _ESCAPE_FACTOR = 100.0
 #: Of the guessed period, and of the path covered in it: shorter is a trivial solution.
 _TRIVIAL_SHARE = 0.02
 
 
 class Trouble:
-    """Tells whether an iterate approaches a trivial solution or diverges."""
+    """A test whether an iterate approaches a trivial solution or diverges."""
 
     def __init__(self, equations: Equations, guess: np.ndarray):
         """Compare iterates with the unknowns (n,) of a guess."""
@@ -30,7 +30,7 @@ class Trouble:
         self.size, self.path = self._size_and_path(guess)
 
     def __call__(self, x: np.ndarray) -> Outcome | None:
-        """The outcome of an iteration that ends at x; None where nothing is wrong with x."""
+        """The outcome of an iteration that ends at x; None if x is acceptable."""
         size, path = self._size_and_path(x)
         # A guess of zeros has no size to compare with.
         if size > _ESCAPE_FACTOR * self.size > 0:
@@ -49,7 +49,7 @@ class Trouble:
 def outcome_of(equations: Equations, result: Result, trouble: Trouble, rtol: float) -> Outcome:
     """How Newton's method on the closing equations ended."""
     if not np.isfinite(result.residual).all():
-        # Without tangents: those overflow earlier, which hides why the motion itself ends.
+        # Without tangents, which overflow earlier and hide why the motion itself ends.
         x = equations.unpack(result.x)
         scene = equations.scene_at(x.parameter).starting(equations.start(result.x))
         part = x.period / equations.closing.parts
@@ -75,7 +75,7 @@ def _at_rounding(equations: Equations, result: Result, rtol: float) -> bool:
     growth = np.linalg.norm(equations(result.x, rtol).transitions, axis=(1, 2)).max()
     if left <= _SEGMENT_ROUNDINGS * unit * growth:
         return True
-    # An encounter inside a segment amplifies more: compare with what rounding x changes.
+    # An encounter inside a segment amplifies more: compare with the effect of rounding x.
     signs = np.where(np.arange(len(result.x)) % 2, 1.0, -1.0)
     rounded = equations(result.x * (1 + unit * signs), rtol).residual
     return bool(left <= _ROUNDING_FACTOR * np.abs(rounded - result.residual).max())

@@ -1,4 +1,4 @@
-"""The segments of a motion, each integrated by itself with its variational equations."""
+"""The segments of a motion, each integrated independently with its variational equations."""
 
 import functools
 from collections.abc import Callable
@@ -11,25 +11,25 @@ from jaxdyn import Scene
 from jaxdyn.integrate.flow import SolveResult
 from orbits.motion import advanced
 
-#: Steps of one segment at most: no orbit that can be found takes more, and an iteration on its way
-#: towards a collision must not take minutes.
+#: Maximum steps of one segment: no orbit that can be found takes more, and an iteration towards a
+#: collision must not take minutes.
 MAX_STEPS = 200_000
 #: From the parameter of a family to a scene, whose start and span are not used.
 Make = Callable[[Array], Scene]
 
 
 class Piece(NamedTuple):
-    """What a segment's end depends on; with a first axis of segments where there are several."""
+    """The inputs of a segment's integration; with a first axis of segments if there are several."""
 
     start: Array
     t0: Array
     span: Array
     parameter: Array
-    s: Array | None = None  # logarithmic time; nothing is differentiated by it
+    s: Array | None = None  # logarithmic time; not differentiated
 
 
 def scene_of(scene: Scene, make: Make | None, parameter) -> Scene:
-    """The scene, or the one that `make` makes of the parameter, with its start and span."""
+    """The scene, or that of `make` at the parameter, with the scene's start and span."""
     return scene if make is None else make(parameter).starting(scene.y0, scene.t1)
 
 

@@ -1,8 +1,8 @@
 """Guesses whose start is periodic already, so that only the period has to be found.
 
-Of the members of a family Newton's method finds one near the guess, and an error of the guessed
-period alone makes it change the start as well. Where the given start closes after a time near the
-guessed period, that orbit is the one that is wanted.
+Newton's method finds one member of a family near the guess, and an error of the guessed period
+alone makes it change the start as well. If the given start closes after a time near the guessed
+period, that orbit is the one requested.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from orbits.shooting.equations import Equations
 
 _STEPS_MOST = 10  # convergence is quadratic
-#: Share of the residual that may be left after a step of the period alone: more means that the
+#: Share of the residual that may remain after a step of the period alone: more means that the
 #: start is not periodic.
 _SHARE_LEFT_MOST = 0.7
 _PERIOD_FACTOR_MOST = 2.0  # between the periods found and guessed
@@ -26,11 +26,11 @@ def retimed(
     goal: float,
     rtol: float,
 ) -> np.ndarray:
-    """x with the period after which its start closes, or x itself if there is none near it.
+    """x with the period after which its start closes, or x itself if none is near.
 
     Everything but the start may change: the period, the states between segments, the angle of a
-    relative orbit. A start that is not periodic costs one integration, after which the linearised
-    equations have no solution in these unknowns.
+    relative orbit. A start that is not periodic costs one integration: the linearised equations
+    then have no solution in these unknowns.
 
     Args:
       equations: the closing equations.

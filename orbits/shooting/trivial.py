@@ -1,4 +1,4 @@
-"""The directions in which an orbit's multipliers are forced to be 1.
+"""The directions in which an orbit's multipliers are 1 by integrals and symmetries.
 
 An integral I with gradient w satisfies w M = w, a symmetry with generator g satisfies M g = g.
 Candidates come from the scene (`analysis.energy.integrals`, translations, rotations) and from the
@@ -21,8 +21,8 @@ CONFIRMED = 1e-7
 _EXACT = 1e-12
 #: Singular values of a set of directions below this share of the largest are rounding.
 RANK = 1e-7
-#: Distances of the points off the orbit, relative to each entry of the start. The nearer ones serve
-#: scenes that are not defined everywhere (negative populations): points with NaN are left out.
+#: Distances of the points off the orbit, relative to each entry of the start. The nearer ones are
+#: for scenes that are not defined everywhere (negative populations): points with NaN are ignored.
 _DISTANCES_OFF = 0.1, 0.01, 0.001
 #: Of the largest entry of the start: the least size that an entry counts as.
 _LEAST_ENTRY = 0.01
