@@ -1,9 +1,9 @@
-"""Looking for orbits where none is known: guesses, screening, searches over many starts.
+"""Discovery of orbits: guesses, screening, searches over many starts.
 
-`seeds` makes guesses, `nearby` finds the orbit near a scene's own motion, `screening` looks for
-close returns of many motions, `chunks` is the work of one batch, `search` the whole, `journal` its
-file of results, `plane` the search among three equal bodies, `figure_eight` the path from a rough
-guess to Montgomery's figure-eight.
+`seeds` makes guesses, `nearby` finds the orbit near a scene's own motion, `screening` finds close
+returns of many motions, `chunks` processes one batch, `search` all of them, `journal` is the file
+of results, `plane` the search among three equal bodies, `figure_eight` the path from a rough guess
+to Montgomery's figure-eight.
 
 May import: `analysis`.
 

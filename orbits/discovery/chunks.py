@@ -1,9 +1,9 @@
-"""One unit of work of a search: from some samples of starts to verified orbits.
+"""One unit of work of a search: from sampled starts to verified orbits.
 
 The samples of a chunk are screened for close returns, their guesses are refined side by side,
-those that lead to different orbits are polished by `find`, and what closes is taken at its
-shortest period and verified by another integrator. What comes of a chunk depends on the plan
-and its number alone.
+those that lead to different orbits are refined further by `find`, and orbits found are reduced to
+their shortest period and verified by another integrator. The result of a chunk depends only on
+the plan and its number.
 """
 
 import dataclasses
@@ -29,25 +29,25 @@ from orbits.motion import gravitates
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.finding import find
 
-#: An orbit is verified if another integrator closes it to this part of its size.
+#: An orbit is verified if another integrator's closing error, over its size, is below this.
 VERIFIED = 1e-7
-_GOAL = 1e-10  # of Newton's method, which goes on to rounding: for some orbits that is no lower
-_ITERATIONS = 15  # from a refined guess five do; what takes many is no orbit
-_TOGETHER = 1e-4  # relative: a refined guess as near to an orbit as this leads to it
+_GOAL = 1e-10  # of Newton's method, which continues to rounding: for some orbits that is no lower
+_ITERATIONS = 15  # five suffice from a refined guess; more mean that there is no orbit
+_TOGETHER = 1e-4  # relative: a refined guess this close to an orbit leads to it
 _SAMPLES = 1024  # of an orbit
 
-#: From the numbers of samples and a seed to their starts (n, k).
+#: (indices of samples, seed) -> their starts (n, k).
 Sampler = Callable[[np.ndarray, int], np.ndarray]
 
 
 @dataclasses.dataclass(frozen=True)
 class Box:
-    """Samples drawn evenly from a box, each from its own number and the seed.
+    """Samples drawn uniformly from a box, each from its index and the seed.
 
     Attributes:
       low: (d,) lower corner.
       high: (d,) upper corner.
-      make: from points of the box (n, d) to starts (n, k); a function of a module.
+      make: from points of the box (n, d) to starts (n, k); a module-level function.
     """
 
     low: tuple[float, ...]
@@ -63,7 +63,7 @@ class Box:
 
 @dataclasses.dataclass(frozen=True)
 class Rows:
-    """Samples that are given, e.g. of a grid or a published table.
+    """Given samples, e.g. of a grid or a published table.
 
     Attributes:
       y0s: (n, k) starts.
@@ -89,7 +89,7 @@ def unlabelled(orbit: Orbit) -> str:
 
 
 class Plan(NamedTuple):
-    """What to search, as it is sent to whoever works on a chunk: see `search`."""
+    """The arguments of a search, as sent to the workers: see `search`."""
 
     scene: Scene
     sampler: Sampler
@@ -108,12 +108,12 @@ class Plan(NamedTuple):
 
     @property
     def chunks(self) -> int:
-        """How many there are."""
+        """Number of chunks."""
         return -(-self.samples // self.chunk)
 
 
 def work(plan: Plan, number: int) -> Chunk:
-    """What one chunk leads to; runs wherever an executor takes it."""
+    """The result of one chunk; called by an executor."""
     if not jax.config.jax_enable_x64:  # a fresh process
         jaxdyn.configure()
     plan = plan._replace(scene=jax.tree.map(jnp.asarray, plan.scene))
@@ -132,7 +132,7 @@ def work(plan: Plan, number: int) -> Chunk:
     near = refined(plan.scene, plan.closing, guesses)
     tried: list[_Tried] = []
     finds: list[Find] = []
-    # The shortest first: a guess of several periods is then known to be one.
+    # The shortest first, so that guesses of several periods are recognised.
     for i in np.lexsort((near.index, near.periods)):
         form = plan.normal(_guess(plan, near, i))
         if near.periods[i] > plan.longest or any(earlier.leads(form) for earlier in tried):
@@ -167,7 +167,7 @@ class _Tried(NamedTuple):
         return cls(orbit.period, np.append(ys, ys[:1], axis=0))
 
     def leads(self, guess: Orbit) -> bool:
-        """Whether a guess lies on it, over some of its periods."""
+        """Whether a guess lies on it, over a number of its periods."""
         times = guess.period / self.period
         y, whole = np.asarray(guess.y0), max(1, round(times))
         if abs(times - whole) > _TOGETHER * whole:
@@ -176,7 +176,7 @@ class _Tried(NamedTuple):
 
 
 def _distance(y: np.ndarray, ys: np.ndarray) -> float:
-    """From a point (k,) to the line through points (s, k)."""
+    """Distance of a point (k,) from the polyline through points (s, k)."""
     if len(ys) == 1:
         return float(np.linalg.norm(y - ys[0]))
     side, off = np.diff(ys, axis=0), y - ys[:-1]
@@ -236,7 +236,7 @@ def _verified(plan: Plan, sample: int, orbit: Orbit) -> Find | None:
         return None
     try:
         label = plan.label(orbit)
-    except IntegrationError:  # a collision so near that its tolerance does not get past it
+    except IntegrationError:  # a collision too close for its tolerance
         return None
     return Find(
         sample=sample,

@@ -1,9 +1,9 @@
-"""The file of a search: what each chunk of work found, one line of JSON a chunk.
+"""The file of a search: the results of each chunk, one line of JSON per chunk.
 
-The first line says what is searched; each other line is all that came of one chunk, written
-and brought to the disk at once. So a reader sees whole lines, a last line that was cut off
-counts for nothing, and a search goes on where its file ends, in whatever order chunks come.
-Each line ends with a digest of the rest: a file that was edited is refused.
+The first line describes the search; each other line is the result of one chunk, written and
+flushed to disk at once. So a reader sees whole lines, an incomplete last line is ignored, and a
+search continues where its file ends, in whatever order chunks come. Each line ends with a digest
+of the rest: a file that was edited is refused.
 """
 
 import dataclasses
@@ -26,10 +26,10 @@ from orbits.orbit import Orbit, Outcome
 
 FORMAT = "jaxdyn-search"
 VERSION = 3
-MAX_BYTES = 2**30  # a larger file is no table of ours
+MAX_BYTES = 2**30  # larger files are refused
 _REMEDY = "Give the path of a file that a search wrote."
-_ALIKE = 1e-6  # relative: invariants that differ by more are those of different orbits
-_ONE = 1e-8  # relative: starts as near as this are one
+_ALIKE = 1e-6  # relative: invariants that differ by more belong to different orbits
+_ONE = 1e-8  # relative: starts this close are the same
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,15 +40,15 @@ class Find:
       sample: number of the sample that led to it.
       y0: its start.
       period: its shortest period.
-      closing: what was demanded of it: 0 for the search's condition, 1 for plain closing.
-      residual: largest entry of what does not close.
-      s_period: the period in logarithmic time, where it is followed in it; else 0.
+      closing: the condition it satisfies: 0 for the search's, 1 for plain closing.
+      residual: largest entry of the closing error.
+      s_period: the period in logarithmic time, if that is used; else 0.
       recheck: its closing error over a period by another integrator, at a tighter tolerance.
-      invariant: what no scale changes, T |E|^(3/2), where all forces are Newtonian attractions;
-        elsewhere the period.
+      invariant: the scale-free T |E|^(3/2), where all forces are Newtonian attractions; else the
+        period.
       verdict: of its stability.
       multiplier: size of its largest multiplier.
-      label: what the search was told to call it.
+      label: its name, by the search's `label`.
     """
 
     sample: int
@@ -65,16 +65,16 @@ class Find:
 
     @classmethod
     def of(cls, record: dict[str, Any]) -> "Find":
-        """What `dataclasses.asdict` made a record of."""
+        """The inverse of `dataclasses.asdict`."""
         y0 = tuple(record["y0"])
         if not (all(_is(x, float) for x in y0) and record["closing"] in (0, 1)):
-            raise TypeError("a start of numbers and one of two closings")
+            raise TypeError("a numeric start and a closing of 0 or 1")
         if not all(_is(record[f.name], f.type) for f in dataclasses.fields(cls) if f.name != "y0"):
-            raise TypeError("numbers and words where they belong")
+            raise TypeError("fields of the right types")
         return cls(**{**record, "y0": y0})
 
     def orbit(self, scene: Scene, closings: tuple[Closing, ...], rtol: float) -> Orbit:
-        """The same as an orbit of the scene that was searched."""
+        """The find as an orbit of the scene searched."""
         closing = closings[self.closing]
         scene = scene.starting(np.array(self.y0), self.period)
         s_period = self.s_period or None
@@ -91,11 +91,11 @@ class Find:
 
 @dataclasses.dataclass(frozen=True)
 class Chunk:
-    """What came of one chunk of a search.
+    """The result of one chunk of a search.
 
     Attributes:
-      number: which one.
-      counts: samples, guesses and so on: how many there were at each stage.
+      number: its index.
+      counts: number of samples, guesses and so on at each stage.
       finds: the orbits.
     """
 
@@ -104,12 +104,12 @@ class Chunk:
     finds: tuple[Find, ...]
 
     def line(self) -> str:
-        """As a line of the file."""
+        """The chunk as a line of the file."""
         return _line(dataclasses.asdict(self))
 
     @classmethod
     def of(cls, record: dict[str, Any]) -> "Chunk":
-        """What a line says."""
+        """The chunk of a line."""
         number, counts, finds = (record[key] for key in ("number", "counts", "finds"))
         if not (_is(number, int) and all(_is(n, int) for n in counts.values())):
             raise TypeError("numbers of chunks and samples")
@@ -117,14 +117,14 @@ class Chunk:
 
 
 class File:
-    """Chunks on their way into a file; without a path they are only kept in memory."""
+    """Chunks written to a file; without a path they are only kept in memory."""
 
     def __init__(self, path: str | Path | None, what: dict[str, Any]):
-        """Begin a file, or go on with one of the same search.
+        """Start a file, or continue one of the same search.
 
         Args:
           path: of the file, or None.
-          what: is searched; a file of another search is refused.
+          what: description of the search; a file of another search is refused.
         """
         self.chunks: dict[int, Chunk] = {}
         self._path = None if path is None else writable(path)
@@ -138,12 +138,12 @@ class File:
         found, self.chunks = _parsed(self._path, whole)
         if found != json.loads(json.dumps(header)):
             odd = sorted(k for k in {*found, *header} if found.get(k) != header.get(k))
-            remedy = "Give another path, or the arguments of the search that began this file."
+            remedy = "Give another path, or the arguments of the search that started this file."
             raise fail("path", "a file of this search", f"one with another {odd[0]}", remedy)
         os.truncate(self._path, len(whole))
 
     def add(self, chunk: Chunk) -> None:
-        """One more chunk; one that is there already is left as it is."""
+        """Add a chunk, unless it is there already."""
         if chunk.number in self.chunks:
             return
         self.chunks[chunk.number] = chunk
@@ -156,10 +156,10 @@ class File:
 
 
 def read(path: str | Path) -> tuple[dict[str, Any], list[Chunk]]:
-    """What a file says is searched, and its chunks by number; also while the search goes on.
+    """The description of a search and its chunks by number; also while the search runs.
 
     Raises:
-      ValueError: not such a file.
+      ValueError: the file was not written by a search, or was edited.
     """
     header, chunks = _parsed(Path(path), _whole_lines(Path(path)))
     return header, [chunks[number] for number in sorted(chunks)]
@@ -176,8 +176,8 @@ def _line(record: dict[str, Any]) -> str:
 
 
 def _record(line: bytes) -> dict[str, Any]:
-    """What a line says, without its digest."""
-    record = parsed(line, "a line of another kind")
+    """The record of a line, without its digest."""
+    record = parsed(line, "a line of another type")
     if record.pop("digest") != records.digest(record):
         raise KeyError("digest")
     return record
@@ -196,7 +196,7 @@ def _parsed(path: Path, data: bytes) -> tuple[dict[str, Any], dict[int, Chunk]]:
 
 
 def _is(value: Any, kind: type) -> bool:
-    """Whether a value of JSON is of a type; a whole number is a float too."""
+    """Whether a JSON value is of a type; an integer is a float too."""
     kinds = (float, int) if kind is float else (kind,)
     return type(value) in kinds
 
@@ -204,9 +204,9 @@ def _is(value: Any, kind: type) -> bool:
 def distinct(
     finds: Iterable[Find], scene: Scene, closings: tuple[Closing, ...], rtol: float
 ) -> list[Find]:
-    """The finds of which no earlier one is the same orbit, by invariant.
+    """The finds that are not the same orbit as an earlier one, sorted by invariant.
 
-    Invariants are compared first, then starts; `orbits.same` has the last word.
+    Invariants are compared first, then starts; `orbits.same` decides in the end.
     """
     kept: list[Find] = []
     for find in finds:

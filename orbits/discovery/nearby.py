@@ -17,7 +17,7 @@ from orbits.orbit import Orbit
 from orbits.shooting.finding import find
 from orbits.shooting.newton import Iteration
 
-_TRIES = 3  # close returns that are tried
+_TRIES = 3  # close returns tried
 
 
 def searched(
@@ -31,13 +31,13 @@ def searched(
     rough: bool = False,
     report: Callable[[Iteration], None] = lambda step: None,
 ) -> Orbit:
-    """The orbit near a scene's own start; the best iterate and the reason where there is none.
+    """The orbit near a scene's own start, or the best iterate and the reason.
 
     Args:
-      scene: what moves.
-      period: guess; left out, the closest returns of the scene's own motion are tried.
+      scene: system, effects, start.
+      period: guess; by default the closest returns of the scene's own motion are tried.
       closing: see `find`.
-      energy: of the wanted orbit; None for any.
+      energy: that of the orbit; None for any.
       hold: names of entries of the scene's start that the orbit's start keeps.
       segments: see `find`.
       rough: see `find`.
@@ -53,10 +53,10 @@ def searched(
     if period is not None:
         return near(None, period, rough=rough)
     seeds = _seeds(scene)
-    # The scene's own start, where that is periodic as it is.
+    # The scene's own start, if that is periodic already.
     orbit = near(None, seeds[0].period, max_iterations=0)
     for seed in seeds if not orbit.ok else ():
-        # A reversal needs a start that it keeps, which the scene's own may be.
+        # A reversal needs a start that it leaves fixed, such as the scene's own may be.
         start = None if hold or isinstance(several[0], Reversal) else seed.y0
         orbit = near(start, seed.period, rough=rough)
         if orbit.ok:
@@ -73,9 +73,9 @@ def _seeds(scene: Scene) -> list[Seed]:
     if driven(scene):
         raise fail("--period", "one, a multiple of the drive's", "none", "The motion is driven.")
     scene.check()
-    doing("simulating the scene, to see when it nearly comes back")
+    doing("simulating the scene, to find close returns")
     seeds = returns(scene, float(scene.t1), longest=float(scene.t1), most=_TRIES)
     if not seeds:
-        remedy = "The scene's own motion does not nearly come back in its span."
+        remedy = "The scene's own motion has no close return in its span."
         raise fail("--period", "a guess of the period", "none", remedy)
     return seeds

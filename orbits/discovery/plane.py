@@ -1,9 +1,9 @@
 """The plane of Suvakov and Dmitrasinovic: three equal bodies that start in line, L = 0.
 
 Positions (-1, 0), (1, 0), (0, 0), velocities (a, b), (a, b), (-2a, -2b), G = m = 1. Such a start
-is kept by the time reversal R that exchanges the outer bodies and turns the plane by half a turn,
-so every periodic motion from there comes back to what R keeps after half of its period, in some
-orientation: half the time to integrate, and a demand that no turn of the plane spoils.
+is fixed by the time reversal R that exchanges the outer bodies and rotates the plane by half a
+turn, so every periodic motion from it returns to the fixed set of R after half of its period, up to
+a rotation: half the time to integrate, and a condition that no rotation of the plane spoils.
 
 Reference: Suvakov, Dmitrasinovic (2013), Physical Review Letters 110, 114301.
 """
@@ -28,7 +28,7 @@ from orbits.discovery.seeds import row, rows
 from orbits.orbit import Orbit, relocated
 from orbits.shooting.finding import find
 
-#: The time reversal that keeps a start in line with equal outer velocities.
+#: The time reversal that fixes collinear starts with equal outer velocities.
 IN_LINE = of_points([1, 0, 2], (-1, -1), reversing=True)
 #: Published starts and periods, to the digits printed: name -> (a, b, T). Of the two starts
 #: printed for each yin-yang, which lie half a period apart on one orbit, the first.
@@ -55,11 +55,11 @@ _NAMED_ALIKE = 1e-3  # of T |E|^(3/2), at the digits printed
 
 @dataclasses.dataclass(frozen=True)
 class Plane:
-    """What a search of the plane found.
+    """The result of a search of the plane.
 
     Attributes:
       found: the orbits, in the frame of the plane.
-      names: of each; "" where it has none here.
+      names: their published names; "" for others.
     """
 
     found: Found
@@ -71,7 +71,7 @@ class Plane:
         return np.array([[*f.y0[6:8], f.period] for f in finds]).reshape(-1, 3)
 
     def families(self) -> int:
-        """How many different pairs of word and T |E|^(3/2) there are: `same` by another route."""
+        """Number of different pairs of word and T |E|^(3/2): an independent check of `same`."""
         kept: list[Find] = []
         for f in self.found.finds:
             if not any(f.label == k.label and _near(f, k.invariant, _ALIKE) for k in kept):
@@ -92,12 +92,12 @@ def search_plane(
     """The periodic orbits of the plane with velocities in [0, 1] x [0, 1], with their words.
 
     Args:
-      samples: how many starts to try.
-      longest: period.
+      samples: number of starts.
+      longest: longest period.
       seed: of the samples.
-      chunk: see `search`, like what follows.
+      chunk: see `search`, like the following.
       path: of a file that is appended to.
-      executor: whoever works.
+      executor: runs the chunks.
       progress: show a bar.
     """
     positive("longest", longest, "It is a period.")
@@ -122,13 +122,13 @@ def search_plane(
 
 
 def in_plane(orbit: Orbit) -> Orbit:
-    """The same orbit moved, turned, mirrored and scaled to the plane's starts, a, b >= 0."""
+    """The same orbit moved, rotated, reflected and scaled to the plane's starts, a, b >= 0."""
     y = np.asarray(orbit.y0)
     r, v = y.reshape(2, 3, 2)
     r, v = r - r.mean(axis=0), v - v.mean(axis=0)
     size = np.linalg.norm(r[1])
     along = r[1] / size
-    # Run backwards, mirrored and with the outer bodies exchanged, signs are free.
+    # By time reversal, reflection and exchange of the outer bodies signs are free.
     a = abs(v[0] @ along) * np.sqrt(size)
     b = abs(along[0] * v[0, 1] - along[1] * v[0, 0]) * np.sqrt(size)
     scene = orbit.scene.starting(jnp.asarray(rows(np.array([[a, b]]))[0]), orbit.period / size**1.5)
@@ -136,7 +136,7 @@ def in_plane(orbit: Orbit) -> Orbit:
 
 
 def _names(found: Found) -> tuple[str, ...]:
-    """The published orbits among those found: polished from the printed digits, and compared."""
+    """Names of published orbits among those found, compared after refinement of the digits."""
     names = [""] * len(found)
     for name, (a, b, period) in NAMED.items():
         energy = -2.5 + 3 * (a * a + b * b)

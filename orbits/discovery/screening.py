@@ -1,9 +1,9 @@
-"""Guesses by the thousand: where motions come close to closing, and Newton's method on all.
+"""Guesses by the thousand: close returns of motions, and a batched Newton's method.
 
-Motions are integrated side by side, at a loose tolerance, and what comes near to what a closing
-condition demands is a guess. A batched Newton's method with differences then brings all guesses
-near their orbits at once; those that a collision, an escape or a rest state ends, or that do
-not come nearer, are dropped. What is left is for `find`.
+Motions are integrated side by side, at a loose tolerance, and a small residual of the closing
+condition gives a guess. A batched Newton's method with finite differences then refines all guesses
+at once; those that end at a collision, an escape or a rest state, or do not converge, are dropped.
+The others are left to `find`.
 """
 
 from typing import NamedTuple
@@ -19,28 +19,28 @@ from jaxdyn.ensemble.watches import CloseReturn, Together, Until
 from orbits.closing.closings import Closing
 from orbits.closing.given import driven
 
-#: Steps of a motion that is worth going on with; a near collision takes many times more.
+#: Maximum steps of a motion; a near collision takes many times more.
 MAX_STEPS = 5000
 _SCREENING, _REFINING = 1e-9, 1e-11  # tolerances
 _ROWS = 512  # of the compiled program's queue
 _BLOCK = 64  # guesses of one batch of Newton's method: one shape, one compilation
 _ITERATIONS = 20
-_DIFFERENCE = 1e-6  # relative; the Jacobian is right to some 1e-4, which Newton does not mind
-_SOLVED = 1e-7  # a closing error at which differences help no more
-_NEAR = 1e-6  # the same from which on `find` converges and does not wander
+_DIFFERENCE = 1e-6  # relative; the Jacobian is accurate to some 1e-4, enough for Newton's method
+_SOLVED = 1e-7  # closing error below which differences do not help
+_NEAR = 1e-6  # closing error below which `find` converges to this orbit
 _RANK = 1e-7
 _DAMPING, _GROW, _SHRINK, _HOPELESS = 0.1, 4.0, 0.25, 1e4
-_TRIVIAL, _ESCAPE = 0.02, 100.0  # of the guess's period and path; times its size
+_TRIVIAL, _ESCAPE = 0.02, 100.0  # of the guess's period and path; in units of its size
 
 
 class Guesses(NamedTuple):
     """Starts and periods of motions that nearly close.
 
     Attributes:
-      index: (g,) which of the starts given each came from.
+      index: (g,) index of the start of each.
       y0s: (g, k) starts.
       periods: (g,) full periods.
-      gaps: (g,) by how much they miss the closing condition.
+      gaps: (g,) residuals of the closing condition.
     """
 
     index: np.ndarray
@@ -54,7 +54,7 @@ class Guesses(NamedTuple):
 
 
 class Miss(eqx.Module):
-    """A gap for `CloseReturn`: what a closing condition leaves open.
+    """A gap for `CloseReturn`: the residual of a closing condition.
 
     Attributes:
       system: the system of the states.
@@ -65,7 +65,7 @@ class Miss(eqx.Module):
     closing: Closing
 
     def __call__(self, y: Float[Array, " k"], start: Float[Array, " k"]) -> Array:
-        """(m,) what does not close."""
+        """(m,) residual of the closing condition."""
         return self.closing.miss(self.system, y, start, jnp.zeros(()))
 
 
@@ -73,7 +73,7 @@ class Beyond(eqx.Module):
     """Whether some entry of a state is larger than a limit.
 
     Attributes:
-      limit: (k,) or () largest sizes; infinite where any will do.
+      limit: (k,) or () largest magnitudes; infinite for no limit.
     """
 
     limit: Array
@@ -95,17 +95,17 @@ def close_returns(
     close: float,
     limit,
 ) -> Guesses:
-    """Where motions nearly close: the nearest miss within each window of the period.
+    """Where motions nearly close: the smallest residual within each window of the period.
 
     Args:
-      scene: what moves.
+      scene: the scene.
       y0s: (n, k) starts.
-      closing: what must close, without an unknown turn.
-      shortest: period.
-      longest: period.
-      windows: parts of that range, each of which has a guess of its own.
-      close: largest miss of a guess, in the units of the state.
-      limit: (k,) or () entries of the state beyond which a motion has escaped.
+      closing: the closing condition, without an unknown turn.
+      shortest: shortest period.
+      longest: longest period.
+      windows: number of parts of that range, each of which has its own guess.
+      close: largest residual of a guess, in the units of the state.
+      limit: (k,) or () magnitudes of the state beyond which a motion has escaped.
     Returns:
       The guesses, in the order of the starts.
     """
@@ -136,7 +136,7 @@ def close_returns(
 
 
 def refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
-    """The guesses that Newton's method brings near an orbit, there."""
+    """The guesses that Newton's method moves close to an orbit, refined."""
     blocks = [
         _refined(scene, closing, guesses.take(slice(i, i + _BLOCK)))
         for i in range(0, len(guesses.index), _BLOCK)
@@ -158,7 +158,7 @@ def _refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
         busy = np.isfinite(norm) & (np.abs(f).max(axis=1) > _SOLVED) & (damping < _HOPELESS)
         if not busy.any():
             break
-        new = np.full_like(x, np.nan)  # what has nothing more to do costs nothing
+        new = np.full_like(x, np.nan)  # finished guesses cost nothing
         new[busy] = x[busy] + _steps(f[busy], jac[busy], (damping * norm)[busy])
         new_f, new_jac = batch(new, base)
         better = np.linalg.norm(new_f, axis=1) < norm
@@ -196,11 +196,11 @@ class _Batch(NamedTuple):
         return np.asarray(_starts(self.scene.system, self.closing, x[:, :-1], base))
 
     def path(self, x: np.ndarray, base: np.ndarray) -> np.ndarray:
-        """(b,) length of the motion, did it go on as it begins."""
+        """(b,) length of the motion at its initial rate."""
         return np.asarray(_speeds(self.scene, self.starts(x, base))) * x[:, -1]
 
     def __call__(self, x: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residual (b, m) and Jacobian (b, m, p + 1); NaN where there is none."""
+        """Residual (b, m) and Jacobian (b, m, p + 1); NaN where undefined."""
         b, p = x.shape[0], x.shape[1] - 1
         h = _DIFFERENCE * np.maximum(np.abs(x[:, :-1]).max(axis=1), 1e-300)
         shifted = np.stack([x] + [x + h[:, None] * np.eye(p + 1)[i] for i in range(p)], axis=1)
@@ -233,7 +233,7 @@ def _speeds(scene: Scene, y0s: Array) -> Array:
 
 @eqx.filter_jit
 def _missed(scene: Scene, closing: Closing, ends: Array, starts: Array) -> tuple[Array, Array]:
-    """What does not close, and its slope by the time at the end."""
+    """The residual of the closing condition, and its derivative by the end time."""
 
     def one(end, start):
         rate = scene.rate(jnp.zeros(()), end)

@@ -1,8 +1,8 @@
 """Discovery: from samples of starts to a table of distinct, verified orbits.
 
-The samples are numbered and cut into chunks, the units of work, see `chunk`. What becomes of a
-chunk depends on its number and the seed alone, so the table does not depend on who works on
-which chunk, when, or how often the search was broken off.
+The samples are numbered and divided into chunks, the units of work, see `chunks`. The result of a
+chunk depends only on its number and the seed, so the table does not depend on which worker
+processes which chunk, when, or on how often the search was interrupted.
 """
 
 import concurrent.futures as futures
@@ -30,17 +30,17 @@ from orbits.discovery.journal import Chunk, File, Find, distinct
 from orbits.orbit import Orbit
 from orbits.shooting.finding import RTOL
 
-_AHEAD = 64  # chunks that are handed to an executor before their turn
+_AHEAD = 64  # chunks submitted to an executor in advance
 
 
 @dataclasses.dataclass(frozen=True)
 class Found:
-    """What a search found.
+    """The result of a search.
 
     Attributes:
       finds: distinct orbits, by invariant.
-      counts: how many samples, guesses and orbits there were at each stage.
-      plan: what was searched.
+      counts: number of samples, guesses and orbits at each stage.
+      plan: the arguments of the search.
     """
 
     finds: list[Find]
@@ -61,7 +61,7 @@ class Found:
         return len(self.finds)
 
     def orbits(self) -> list[Orbit]:
-        """They, to go on with."""
+        """The finds as orbits."""
         plan = self.plan
         return [f.orbit(plan.scene, (plan.closing, PLAIN), plan.rtol) for f in self.finds]
 
@@ -89,31 +89,31 @@ def search(
     """The distinct, verified orbits to which samples of starts lead.
 
     Args:
-      scene: what moves.
-      sampler: numbers (n,) of samples and a seed -> their starts (n, k); `Box` and `Rows` are.
-      samples: how many to try.
-      longest: period that is looked for.
-      shortest: period that is looked for.
-      closing: what must close. A symmetric one is cheaper and finds more.
-      windows: parts of the range of periods, in each of which a sample's nearest return counts.
-      close: largest miss of a return that is a guess, in the units of the state.
-      limit: (k,) or () entries of the state beyond which a motion has escaped.
-      normal: an orbit -> the same orbit in the frame and scale that the table is to show.
-      label: an orbit -> what to call it.
+      scene: the scene.
+      sampler: (indices (n,) of samples, seed) -> their starts (n, k); such as `Box` and `Rows`.
+      samples: number of samples.
+      longest: longest period.
+      shortest: shortest period.
+      closing: the closing condition. A symmetric one is cheaper and finds more.
+      windows: number of parts of the range of periods, each with its own closest return.
+      close: largest residual of a return that is a guess, in the units of the state.
+      limit: (k,) or () magnitudes of the state beyond which a motion has escaped.
+      normal: orbit -> the same orbit in the frame and scale of the table.
+      label: orbit -> its name.
       seed: of the sampler.
-      chunk: samples that are worked on at once; the unit that a broken search repeats.
+      chunk: samples processed at once; the unit that an interrupted search repeats.
       rtol: tolerance of the orbits' integrations.
-      path: of a file to which results are appended; a search that finds its own file goes on.
-      executor: whoever works: threads on all cores if left out; processes; other machines.
-        It is sent `work`, the plan and numbers, so functions in the plan belong to modules.
+      path: of a file to which results are appended; a search continues its own file.
+      executor: runs the chunks: by default threads on all cores; processes; other machines.
+        It is sent `work`, the plan and indices, so functions in the plan must be module-level.
       progress: show a bar.
     Returns:
-      What was found; the same for one seed and size of chunk, however the work is split. On
-      Ctrl-C the chunks under way are finished and kept, then the interrupt goes on its way.
+      The orbits found; the same for one seed and size of chunk, however the work is distributed.
+      On Ctrl-C the chunks in progress are finished and kept, then KeyboardInterrupt propagates.
     Raises:
-      ValueError: numbers that make no sense, or a file of another search.
-    Limits: a search proves nothing about what it has not found. The closing condition may not
-      have an unknown turn.
+      ValueError: a period, `close`, `limit`, a count or a tolerance is out of range, `closing` has
+        an unknown turn, or `path` is a file of another search.
+    Limits: a search proves nothing about orbits it has not found.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
@@ -154,7 +154,7 @@ def search(
 
 
 def _work_through(plan: Plan, file: File, pool: futures.Executor, bar: Progress) -> None:
-    """Work on the chunks that the file does not have yet."""
+    """Process the chunks that the file does not have yet."""
     sent = plan._replace(scene=jax.tree.map(np.asarray, plan.scene))
     todo = iter([i for i in range(plan.chunks) if i not in file.chunks])
     task = bar.add_task("search", total=plan.chunks, completed=len(file.chunks), said="")
@@ -205,7 +205,7 @@ def _check(plan: Plan) -> None:
         whole(name, getattr(plan, name))
     whole("seed", plan.seed, least=0, most=2**53)
     tolerances(plan.rtol, None)
-    positive("close", plan.close, "It is the largest miss of a guess.")
+    positive("close", plan.close, "It is the largest residual of a guess.")
     positive("limit", np.minimum(plan.limit, np.finfo(float).max), "Beyond it motions are lost.")
     starts = np.asarray(plan.sampler(np.arange(1), plan.seed))
     k = len(plan.scene.y0)
@@ -214,7 +214,7 @@ def _check(plan: Plan) -> None:
 
 
 def _header(plan: Plan) -> dict[str, Any]:
-    """What makes two searches the same one."""
+    """The description that identifies a search."""
     names = ("samples", "chunk", "seed", "shortest", "longest", "windows", "close", "rtol")
     encoded = {"scene": records.encode(plan.scene), "closing": records.encode(plan.closing)}
     first = plan.sampler(np.arange(min(plan.samples, plan.chunk)), plan.seed)

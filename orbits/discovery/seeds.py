@@ -1,4 +1,4 @@
-"""Guesses for free: where periodic orbits begin, without knowing one.
+"""Guesses of periodic orbits, without knowing one.
 
 Small oscillations about rest points, close returns of one long run, starts that a time
 reversal keeps, and rows of published tables. Each is a start and a period for `find`, or starts
@@ -43,16 +43,16 @@ def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
     """Small oscillations about a rest point, one seed for each that neither grows nor decays.
 
     By Lyapunov's centre theorem a conservative scene has a family of periodic orbits that
-    begins with each of them, unless another frequency is a multiple of its own.
+    starts from each of them, unless another frequency is a multiple of its own.
 
     Args:
-      scene: what moves.
+      scene: a conservative scene.
       y: (k,) a rest point, e.g. of `jaxdyn.equilibria`.
       amplitude: largest entry of the displacement, in the units of the state.
     Returns:
       The seeds, the slowest first.
     Raises:
-      ValueError: not a rest point.
+      ValueError: y is not a rest point.
     Example:
       >>> from jaxdyn import scenes
       >>> from orbits.discovery import seeds
@@ -86,22 +86,22 @@ def returns(
     shortest: float = 0.0,
     most: int = 10,
 ) -> list[Seed]:
-    """The closest returns of one long run to where it was before, the closest first.
+    """The closest returns of one long run to its earlier states, the closest first.
 
-    A chaotic motion follows one unstable periodic orbit after the other for a while; where it
+    A chaotic motion follows one unstable periodic orbit after another for a while; where it
     nearly closes, one is near.
 
     Args:
-      scene: what moves; its own start begins the run.
-      span: of the run.
-      longest: period.
-      closing: what should close, without an unknown turn.
-      shortest: period.
-      most: how many seeds at most.
+      scene: the scene; its own start is that of the run.
+      span: duration of the run.
+      longest: longest period.
+      closing: the closing condition, without an unknown turn.
+      shortest: shortest period.
+      most: largest number of seeds.
     Returns:
-      Seeds at local minima of the miss over start and period, of samples.
+      Seeds at local minima of the residual over start and period, of samples.
     Raises:
-      ValueError: times that make no sense.
+      ValueError: not 0 <= `shortest` < `longest` <= `span`.
     """
     _times(span, shortest, longest)
     count = _SAMPLES_PER_TIME
@@ -118,7 +118,7 @@ def returns(
     with np.errstate(invalid="ignore"):
         least = np.all([misses <= around[i : i + rows, j : j + columns] for i, j in shifts], axis=0)
     least &= np.isfinite(misses)
-    least[:, 0] = False  # leaving the start is no return
+    least[:, 0] = False  # leaving the start is not a return
     found = sorted(zip(*np.nonzero(least), strict=True), key=lambda ij: misses[ij])[:most]
     ys = np.asarray(flow.ys)
     return [Seed(ys[i], float(ts[low + j] * closing.parts)) for i, j in found]
@@ -126,7 +126,7 @@ def returns(
 
 @eqx.filter_jit
 def _miss_table(gap: Miss, ys: Array, low: int, high: int) -> Array:
-    """(s, high - low) norms of the miss of sample i + low + j from sample i."""
+    """(s, high - low) norms of the residual of sample i + low + j from sample i."""
     count = len(ys)
 
     def row(i):
@@ -138,7 +138,7 @@ def _miss_table(gap: Miss, ys: Array, low: int, high: int) -> Array:
 
 
 def line(reversal: Symmetry, low, high, shape) -> np.ndarray:
-    """(n, k) a grid of starts that a time reversal keeps: for closing by `reversal`.
+    """(n, k) a grid of starts fixed by a time reversal: for closing by `reversal`.
 
     Args:
       reversal: the time reversal.

@@ -2,7 +2,7 @@
 
 `continuation` follows a family, `family` holds its members, `bifurcations` finds folds, branch
 points, period doublings and torus points, `surface` is the set of all orbits near one,
-`parameters` a scene as a function of one of its parameters.
+`parameters` makes a scene a function of one of its parameters.
 
 May import: `analysis`.
 

@@ -1,4 +1,4 @@
-"""Functions of a family's members that change sign where something special happens."""
+"""Test functions of a family's members, which change sign at special points."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +12,7 @@ NUDGE = 1e-6
 
 
 def _fold(surface: Surface, member: Member) -> float:
-    """How the parameter, or else the energy, changes along the family."""
+    """The change of the parameter, or else the energy, along the family."""
     if surface.equations.make is not None:
         return float(member.tangent[-2])
     scene, y0 = member.orbit.scene, member.orbit.y0

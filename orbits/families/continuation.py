@@ -1,14 +1,13 @@
 """Families of periodic orbits, followed by pseudo-arclength in the space of all unknowns.
 
-We step along the family at right angles to all that does not change the orbit, and come back
-to the surface of solutions by the shortest Newton steps, which move neither along the family
-nor along the symmetries. So no phase condition is needed, no unfolding parameter in
-conservative scenes, where energy and period change along the family by themselves, and folds
-are nothing special.
+Each step is along the family, orthogonal to all directions that do not change the orbit, followed
+by the shortest Newton steps back to the surface of solutions, which move neither along the family
+nor along the symmetries. So no phase condition is needed, no unfolding parameter in conservative
+scenes, where energy and period change along the family, and folds are regular points.
 
-What happens on the way is read off the non-trivial multipliers: one through +1 is a branch
-point (or a fold), one through -1 a period doubling, complex ones leaving the unit circle a
-torus point. At a simple one `switch` steps onto the other branch.
+Special points follow from the non-trivial multipliers: one through +1 is a branch point (or a
+fold), one through -1 a period doubling, complex ones leaving the unit circle a torus point. At a
+simple one `switch` steps onto the other branch.
 
 Reference: E. Doedel et al., AUTO-07P, and F. J. Munoz-Almaraz et al., Physica D 181 (2003) 1,
 for conservative scenes.
@@ -32,22 +31,22 @@ from orbits.shooting.equations import Equations
 from orbits.shooting.finding import GOAL
 from orbits.shooting.pieces import Make
 
-_EASY = 4  # so few Newton steps mean that the next step may be longer
+_EASY = 4  # with at most this many Newton steps the next step may be longer
 _GROW, _SHRINK = 1.5, 0.5
-_TURN = 0.9  # least cosine between tangents of neighbours: 26 degrees
-_SMALLEST = 1e-3  # of the first step: where the family is given up
+_TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
+_SMALLEST = 1e-3  # of the first step: smallest step
 _BISECTIONS = 40  # of a step, to find a special point in it
-_LONGEST = 10.0  # times the first step
+_LONGEST = 10.0  # of the first step: longest step
 _CLOSE = 1e-9  # relative: where the bisection ends
 _ANYWHERE = (-np.inf, np.inf)
-_FLAT = 1e-9  # a period or parameter that changes less does not change
+_FLAT = 1e-9  # a period or parameter that changes less is constant
 _NOT_SIMPLE = (
-    "The closing equations leave one direction only at this point: it is no simple branch point. "
+    "The closing equations leave one direction only here: this is not a simple branch point. "
     "At a torus point give times=q, where its multiplier is exp(2 pi i p / q)."
 )
 _NO_BRANCH = (
-    "No orbit is found so far along the second direction. The other branch may bend away from it: "
-    "try a smaller amplitude."
+    "No orbit was found along the second direction at this distance. The other branch may bend "
+    "away from it: try a smaller amplitude."
 )
 
 
@@ -69,29 +68,30 @@ def continue_family(
     """The family of periodic orbits that an orbit belongs to.
 
     Args:
-      orbit: where it begins; what `find` returned.
+      orbit: its first member; what `find` returned.
       make: the scene for each value of a parameter, e.g. a function ``mu -> van_der_pol(mu)``;
-        its start and span do not matter. Left out, the family of a conservative scene along
+        its start and span do not matter. By default the family of a conservative scene along
         which energy and period change.
       parameter: the value of the parameter for `orbit`.
       step: length of the first step in the space of all unknowns; the others are up to ten
         times as long.
-      members: how many at most.
-      down: towards a smaller parameter (without one: a shorter period) at first.
+      members: largest number of members.
+      down: start towards a smaller parameter (without one: a shorter period).
       within: bounds on the parameter (without one: on the period); the family ends at the first
         member beyond them.
       energies: bounds on the energy of the members, likewise.
-      hold: conditions all members satisfy besides closing, e.g. ``orbits.Energy(-1.0)``, or
+      hold: conditions that all members satisfy besides closing, e.g. ``orbits.Energy(-1.0)``, or
         names of entries of the start that all have in common.
       segments: see `find`.
       goal: largest closing error of a member.
       report: called with each member as it is found.
     Returns:
-      The members, and what is special on the way.
+      The members, and the special points between them.
     Raises:
-      ValueError: numbers that make no sense, or an orbit that belongs to no family.
-    Limits: host only. A special point is seen where a multiplier changes sides between two
-      members; two that do so in one step are seen as one.
+      ValueError: `orbit` does not close, or belongs to no family; only one of `make` and
+        `parameter` is given; `step`, `members` or a pair of bounds is out of range.
+    Limits: host only. A special point is detected where a multiplier changes sides between two
+      members; two that do so in one step are detected as one.
     Example:
       >>> import numpy as np, orbits
       >>> from jaxdyn import scenes
@@ -127,12 +127,12 @@ def continue_family(
 def switch(
     family: Family, special: Member, *, amplitude: float = 1e-2, times: int | None = None
 ) -> tuple[Orbit, float]:
-    """An orbit on the other branch through a special point, and the parameter it belongs to.
+    """An orbit on the other branch through a special point, and its parameter.
 
     Args:
-      family: where the point was found.
+      family: the family of the point.
       special: one of ``family.special``.
-      amplitude: how far from the point, in the space of the unknowns; the other half of the
+      amplitude: distance from the point, in the space of the unknowns; the other half of the
         branch has the opposite sign.
       times: periods after which the new orbits close: 2 at a period doubling, 1 at a branch
         point, q at a torus point where a multiplier is exp(2 pi i p / q).
@@ -141,7 +141,7 @@ def switch(
     Raises:
       ValueError: `special` is an ordinary member, or `times` > 1 where the family closes by a
         symmetry.
-      SearchError: no other branch is found there.
+      SearchError: no other branch was found.
     """
     if special.kind is None:
         raise fail("special", "one of family.special", "an ordinary member")
@@ -181,14 +181,14 @@ def _walked(surface: Surface, first: Member, step, most, bounds, report) -> Fami
     within, energies = bounds
     members, special = [first], []
     shortest, longest = _SMALLEST * step, _LONGEST * step
-    end = f"the number of members asked for, {most}"
+    end = f"the number of members requested, {most}"
     while len(members) < most:
         last = members[-1]
         member = _next(surface, last, step)
         if member is None:
             step *= _SHRINK
             if step < shortest:
-                end = "no orbit is found beyond: a collision, a point of rest, or the step limit"
+                end = "no orbit was found beyond: a collision, a rest point, or the step limit"
                 break
             continue
         special += _between(surface, last, member)
@@ -208,7 +208,7 @@ def _walked(surface: Surface, first: Member, step, most, bounds, report) -> Fami
 
 
 def _next(surface: Surface, last: Member, step: float, kind: Kind | None = None) -> Member | None:
-    """The member so far along the family; None if there is none where it should be."""
+    """The member a step further along the family; None if there is none."""
     predicted = last.point.x + step * last.tangent
     point = surface.nearest(predicted)
     if point is None or np.linalg.norm(point.x - predicted) > step:
@@ -217,7 +217,7 @@ def _next(surface: Surface, last: Member, step: float, kind: Kind | None = None)
     if tangent is None or tangent @ last.tangent < _TURN:
         return None
     member = _member(surface, point, tangent, kind)
-    # Without multipliers nothing special would be seen on the way.
+    # Without multipliers no special point would be detected.
     return member if member.stability.ok else None
 
 
@@ -244,7 +244,7 @@ def _parameter(equations: Equations, x: np.ndarray) -> float:
 
 
 def _measure(surface: Surface, point: Point) -> float:
-    """What `within` bounds and `down` lowers: the parameter, or the period."""
+    """The quantity of `within` and `down`: the parameter, or the period."""
     equations = surface.equations
     return float(point.x[-1] if equations.make is None else _parameter(equations, point.x))
 
@@ -252,9 +252,9 @@ def _measure(surface: Surface, point: Point) -> float:
 def _outward(surface: Surface, point: Point, sign: float) -> np.ndarray:
     ways = surface.directions(point)
     if not ways.shape[1]:
-        remedy = "Give make and parameter, or hold less."
+        remedy = "Give make and parameter, or fewer conditions."
         raise fail("orbit", "a member of a family", "an isolated one", remedy)
-    # Of several ways the one along which the parameter, or the period, changes most.
+    # Of several directions that of the largest change of the parameter, or the period.
     entry = ways[-1] if surface.equations.make is None else ways[-2]
     tangent = ways @ entry if np.linalg.norm(entry) > _FLAT else ways[:, -1]
     return sign * tangent / np.linalg.norm(tangent)

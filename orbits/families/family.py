@@ -1,4 +1,4 @@
-"""What a family of periodic orbits is: its members, and what is special between them."""
+"""A family of periodic orbits: its members, and the special points between them."""
 
 import collections
 import dataclasses
@@ -16,7 +16,7 @@ from orbits.shooting.equations import Equations
 
 
 class Kind(enum.StrEnum):
-    """What is special about a member of a family."""
+    """The kinds of special points of a family."""
 
     FOLD = "fold"
     BRANCH = "branch point"
@@ -30,12 +30,12 @@ class Member:
 
     Attributes:
       orbit: the orbit.
-      parameter: the number the family is named after; NaN where there is none.
-      energy: of the scene at the start; NaN where it has none.
+      parameter: its value of the family's parameter; NaN without one.
+      energy: of the scene at the start; NaN without one.
       stability: multipliers and verdict.
-      point: where it lies on the surface of solutions.
+      point: its point on the surface of solutions.
       tangent: unit vector along the family there.
-      kind: what is special about it, if anything.
+      kind: kind of special point, if it is one.
     """
 
     orbit: Orbit
@@ -49,12 +49,12 @@ class Member:
 
 @dataclasses.dataclass(frozen=True)
 class Family:
-    """Orbits in the order in which they were passed.
+    """The orbits of a family, in order.
 
     Attributes:
-      members: the orbits, one a step.
+      members: the orbits, one per step.
       special: folds, branch points, period doublings and torus points, between members.
-      end: why it ends where it does.
+      end: why it ends.
       equations: the closing equations they solve.
     """
 
@@ -80,28 +80,28 @@ class Family:
 
     @property
     def parameters(self) -> np.ndarray:
-        """(n,) of the members."""
+        """(n,) parameters of the members."""
         return np.array([member.parameter for member in self.members])
 
     @property
     def periods(self) -> np.ndarray:
-        """(n,) of the members [time of the scene]."""
+        """(n,) periods of the members [time of the scene]."""
         return np.array([member.orbit.period for member in self.members])
 
     @property
     def energies(self) -> np.ndarray:
-        """(n,) of the members."""
+        """(n,) energies of the members."""
         return np.array([member.energy for member in self.members])
 
 
 def _from_to(x: np.ndarray) -> str:
-    """From the first to the last of the members; empty where there is no such number."""
+    """The range from the first to the last member, as text; empty for NaN."""
     ends = (_text.brief(float(x[0])), _text.brief(float(x[-1])))
     return "" if np.isnan(x).all() else " to ".join(dict.fromkeys(ends))
 
 
 def _place(member: Member) -> str:
-    """Where on its family a member is: its parameter, or its energy, or its period."""
+    """The place of a member on its family: its parameter, or its energy, or its period."""
     numbers = {"parameter": member.parameter, "energy": member.energy}
     known = {name: x for name, x in numbers.items() if not math.isnan(x)}
     name, x = next(iter({**known, "period": member.orbit.period}.items()))

@@ -1,4 +1,4 @@
-"""A scene of the catalogue as a function of one of its numbers, as families want it."""
+"""A scene of the catalogue as a function of one of its numbers, for families."""
 
 from collections.abc import Callable
 from typing import Any
@@ -18,14 +18,14 @@ _ASIDE, _LATER = 0.1, 0.3  # a state and a time where a drive or a damper acts, 
 def maker(
     name: str, values: dict[str, Any], parameter: str
 ) -> tuple[Callable[[Array], Scene], float]:
-    """The scene of the catalogue for each value of one of its numbers, and the value it has.
+    """The scene of the catalogue as a function of one of its numbers, and the present value.
 
     Args:
-      name: of the scene.
-      values: the other numbers that are not as the scene has them by itself.
+      name: name of the scene.
+      values: the numbers that differ from the scene's defaults.
       parameter: name of the number.
     Raises:
-      ValueError: a number that the scene does not have, or that no derivative can be taken by.
+      ValueError: the scene has no such number, or its rate is not differentiable in it.
     """
     entry = catalogue.entries()[name]
     defaults = {p.name: p.default for p in entry.parameters}
@@ -49,7 +49,7 @@ def maker(
 
 
 def _rates(scene: Scene) -> Array:
-    """(2, k) of the scene as it moves at its start, and at a place nearby at a later time."""
+    """(2, k) rates of the scene at its start, and at a nearby state at a later time."""
     y0 = jax.lax.stop_gradient(scene.y0)
     aside = scene.system.project(_LATER, y0 + _ASIDE)
     return jnp.stack([scene.rate(jnp.zeros(()), y0), scene.rate(_LATER, aside)])

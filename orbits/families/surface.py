@@ -1,7 +1,7 @@
 """The surface of solutions of an orbit's closing equations: its directions, and steps on it.
 
-Near a regular orbit it has one direction along the family, and one for each way to move the
-orbit that changes nothing: along itself, and by each symmetry of the scene.
+Near a regular orbit it has one direction along the family, and one for each way to move the orbit
+without changing it: in time, and by each symmetry of the scene.
 """
 
 import dataclasses
@@ -17,7 +17,7 @@ from orbits.shooting.finding import orbit_at
 
 _CORRECTIONS = 8  # Newton steps from a predicted point; more mean that the step was too long
 _KERNEL = 1e-6  # relative: singular values below are directions of the surface
-_BRANCH = 1e-3  # relative: at a branch point found by bisection one more falls below this
+_BRANCH = 1e-3  # relative: at a branch point found by bisection one more is below this
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Point:
     Attributes:
       x: (n,) unknowns.
       jacobian: (m, n) of the closing equations there.
-      residual: largest entry of what does not close.
-      iterations: Newton steps that led there.
+      residual: largest entry of the closing error.
+      iterations: number of Newton steps to it.
     """
 
     x: np.ndarray
@@ -44,7 +44,7 @@ class Surface:
         self.equations, self.rtol, self.goal = equations, rtol, goal
 
     def nearest(self, x: np.ndarray, across: np.ndarray | None = None) -> Point | None:
-        """The solution nearest to x; with `across` (n,), the one as far along that as x is."""
+        """The solution nearest to x; with `across` (n,), that with x's component along it."""
 
         def evaluated(at):
             found = self.equations(at, self.rtol)
@@ -84,15 +84,15 @@ class Surface:
         )
 
     def directions(self, point: Point) -> np.ndarray:
-        """(n, d) orthonormal: the ways along the surface that change the orbit."""
+        """(n, d) orthonormal: directions along the surface that change the orbit."""
         _, s, vt = np.linalg.svd(self._held(point.jacobian))
         kernel = vt[int((s > _KERNEL * s[0]).sum()) :].T
         known = self.neutral(point.x, point.jacobian)
         u, s, _ = np.linalg.svd(kernel - known @ (known.T @ kernel), full_matrices=False)
-        return u[:, s > 0.5]  # each direction of the kernel is known or at right angles to that
+        return u[:, s > 0.5]  # each direction of the kernel is known or orthogonal to that
 
     def neutral(self, x: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-        """(n, r) orthonormal: the ways along the surface that do not change the orbit."""
+        """(n, r) orthonormal: directions along the surface that do not change the orbit."""
         equations, unknowns = self.equations, self.equations.unpack(x)
         scene = equations.scene_at(unknowns.parameter)
         scene = scene.starting(equations.start(x), unknowns.period)
@@ -109,11 +109,11 @@ class Surface:
         return u[:, s > _KERNEL]
 
     def aside(self, x: np.ndarray, along: np.ndarray) -> np.ndarray | None:
-        """(n,) the other way to go at a simple branch point; None where there is none.
+        """(n,) the other direction at a simple branch point; None if there is none.
 
         Args:
           x: (n,) the branch point.
-          along: (n,) the way of the branch that is known.
+          along: (n,) the direction of the known branch.
         """
         jacobian = np.asarray(self.equations(x, self.rtol).jacobian)
         if not (np.isfinite(jacobian).all() and np.isfinite(along).all()):
@@ -125,7 +125,7 @@ class Surface:
         return vt[-1] if s[-1] < _BRANCH * s[0] else None
 
     def _held(self, jacobian: np.ndarray) -> np.ndarray:
-        """The Jacobian with the equation that a driven scene's period stays as it is."""
+        """The Jacobian, with an equation that fixes the period of a driven scene."""
         if not self.equations.driven:
             return jacobian
         row = np.zeros(jacobian.shape[1])

@@ -1,10 +1,10 @@
 """Orbits and families as files, and their verification.
 
-`orbit_files` and `family_files` are the formats, `verify` writes, reads and derives again.
+`orbit_files` and `family_files` are the formats, `verify` writes, reads and verifies.
 
 May import: `families`.
 
-One more format is one file that encodes to plain JSON and decodes it again.
+One more format is one file that encodes to plain JSON and decodes it.
 """
 
 from orbits.files import family_files

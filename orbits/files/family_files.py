@@ -1,4 +1,4 @@
-"""Families as lists: what tables, pictures and files need of them, without the equations."""
+"""Families as lists: the data for tables, pictures and files, without the equations."""
 
 import dataclasses
 import math
@@ -25,10 +25,10 @@ class Entry:
 
     Attributes:
       orbit: the orbit.
-      parameter: the number the family is named after; NaN where there is none.
-      energy: of the scene at the start; NaN where it has none.
+      parameter: its value of the family's parameter; NaN without one.
+      energy: of the scene at the start; NaN without one.
       verdict: "stable", "unstable" or "undecided".
-      kind: what is special about it, if anything.
+      kind: kind of special point, if it is one.
     """
 
     orbit: Orbit
@@ -43,10 +43,10 @@ class Listing:
     """A family as a list.
 
     Attributes:
-      parameter: name of the number that changes along it; None where only energy and period do.
-      members: orbits in the order in which they were passed.
-      special: what is special between them.
-      end: why it ends where it does.
+      parameter: name of the number that changes along it; None if only energy and period change.
+      members: the orbits, in order.
+      special: the special points between them.
+      end: why it ends.
     """
 
     parameter: str | None
@@ -66,7 +66,7 @@ def save(path: str | Path, family: Listing) -> None:
 
     Args:
       path: of the JSON file.
-      family: what `listing` made.
+      family: from `listing`.
     Raises:
       ValueError: the folder does not exist, or a scene holds a function.
     """
@@ -75,7 +75,7 @@ def save(path: str | Path, family: Listing) -> None:
 
 
 def as_json(family: Listing) -> dict[str, Any]:
-    """The list as a JSON object; numbers that do not exist become null."""
+    """The list as a JSON object; NaN becomes null."""
     return {
         "parameter": family.parameter,
         "end": family.end,
@@ -88,20 +88,20 @@ def load(path: str | Path) -> Listing:
     """The family in a file; each orbit can be reported on, and continued, like a new one.
 
     Raises:
-      ValueError: not a readable family file of this version, or one that makes no sense.
+      ValueError: not a readable family file of this version, or its data is invalid.
     """
     record = records.read(path, FORMAT, VERSION)
     if record.keys() != _KEYS:
         raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), files.DAMAGED)
     name, end = record["parameter"], record["end"]
     if not (isinstance(end, str) and (name is None or isinstance(name, str))):
-        raise fail("file", "a parameter's name and a reason of the end", "others", files.DAMAGED)
+        raise fail("file", "a parameter's name and a reason for the end", "others", files.DAMAGED)
     members, special = (_entries(record[key], name) for key in ("members", "special"))
     if not members:
         raise fail("file", "at least one member", "none", files.DAMAGED)
     claimed = record.pop("digest")
     if claimed != records.digest(record):
-        raise fail("file", "what its digest stands for", "something else", files.DAMAGED)
+        raise fail("file", "data that match its digest", "other data", files.DAMAGED)
     return Listing(parameter=name, members=members, special=special, end=end)
 
 

@@ -1,4 +1,4 @@
-"""Orbit files: write one with its claims, read it, and derive every claim again from scratch."""
+"""Orbit files: write one with its claims, read it, and recompute every claim."""
 
 import dataclasses
 from pathlib import Path
@@ -16,9 +16,9 @@ from orbits.orbit import Orbit
 
 FORMAT = "jaxdyn-orbit"
 VERSION = 4
-#: A file's numbers and those derived again may differ by this, relative to their size.
+#: A file's numbers and the recomputed ones may differ by this, relative to their size.
 AGREEMENT = 1e-9
-#: Errors are rounding, not numbers: claimed and derived ones may differ by this factor.
+#: Claimed and recomputed errors may differ by this factor, since errors are mostly rounding.
 _ERROR_FACTOR = 100.0
 _ERROR_FLOOR = 1e-12
 _ERRORS = (
@@ -43,12 +43,12 @@ class Mismatch:
 
 
 def save(path: str | Path, orbit: Orbit, claims: Report | None = None) -> None:
-    """Write an orbit with all that is claimed of it, atomically.
+    """Write an orbit with all claims about it, atomically.
 
     Args:
       path: of the JSON file.
       orbit: what `find` returned.
-      claims: its report; made here if left out.
+      claims: its report; made here by default.
     Raises:
       ValueError: the folder does not exist, or the scene holds a function.
     """
@@ -65,10 +65,10 @@ def save(path: str | Path, orbit: Orbit, claims: Report | None = None) -> None:
 
 
 def load(path: str | Path) -> tuple[Orbit, dict[str, Any]]:
-    """The orbit in a file, and what the file claims of it.
+    """The orbit in a file, and the file's claims about it.
 
     Raises:
-      ValueError: not a readable orbit file of this version, or one that makes no sense.
+      ValueError: not a readable orbit file of this version, or its data is invalid.
     """
     record = records.read(path, FORMAT, VERSION)
     if record.keys() != _KEYS:
@@ -80,7 +80,7 @@ def load(path: str | Path) -> tuple[Orbit, dict[str, Any]]:
 
 
 def verify(path: str | Path) -> tuple[Report, list[Mismatch]]:
-    """All claims of an orbit file derived again, and those that do not hold.
+    """All claims of an orbit file recomputed, and those that do not hold.
 
     Raises:
       ValueError: see `load`; or the motion of the file's orbit ends before its period.
@@ -94,7 +94,7 @@ def verify(path: str | Path) -> tuple[Report, list[Mismatch]]:
 
 
 def _not_closed(orbit: Orbit, derived: Report):
-    """A file may be honest about a motion that is no orbit at all."""
+    """A file may truthfully describe a motion that is not an orbit."""
     end = after(orbit, 1 / orbit.closing.parts, rtol=orbit.rtol).y1
     system, y0, angle = orbit.scene.system, jnp.asarray(orbit.y0), jnp.asarray(orbit.angle)
     miss = orbit.closing.miss(system, end, y0, angle)

@@ -68,7 +68,7 @@ def find_chain(
     Returns:
       The chain; of a family of them the one nearest to the guess.
     Raises:
-      ValueError: numbers that make no sense.
+      ValueError: an argument has the wrong shape or is not finite, or the masses differ.
       SearchError: none was found (``throw=True``).
     Limits: host only. Nothing but the bounds of a leg looks for ends that are passed earlier.
     Example:

@@ -136,7 +136,7 @@ def rosette(law: CentralForce, ratio=0.4, *, r=1.0, m=1.0, loops: int = 40) -> S
       m: mass [kg].
       loops: in the scene's span.
     Raises:
-      ValueError: numbers that make no sense.
+      ValueError: an argument has the wrong shape or is not finite, or the masses differ.
       SearchError: nothing moves between such radii under this law.
     Example:
       >>> from jaxdyn.effects import PowerLaw

@@ -98,13 +98,13 @@ MISUSE = [
     (["pendullum"], "Did you mean"),
     (["pendulum", "--set", "angel=1"], "Did you mean"),
     (["pendulum", "--closing", "plane"], "Did you mean"),
-    (["pendulum", "--closing", "choreography"], "Only free points can follow it"),
-    (["pendulum", "--closing", "relative"], "Nothing turns its state"),
+    (["pendulum", "--closing", "choreography"], "Only free points can satisfy it"),
+    (["pendulum", "--closing", "relative"], "Its state has no rotation"),
     (["pendulum", "--set", "rate=1", "--closing", "reversal"], "of the time reversal"),
     (["pendulum", "--period", "-1"], "period: expected > 0"),
     (["pendulum", "--period", "2", "--hold", "angle"], "one of theta, theta_dot, got 'angle'"),
     (["shaken_pendulum"], "--period: expected one, a multiple of the drive's"),
-    (["cannonball"], "does not nearly come back"),
+    (["cannonball"], "has no close return"),
     (["pendulum", "--save", "no/such/folder/x.json"], "a file in a folder that exists"),
 ]
 

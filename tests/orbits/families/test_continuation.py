@@ -120,7 +120,7 @@ def test_a_conservative_family_stops_at_a_bound_on_its_energy():
 def test_it_says_where_it_ends():
     swing = orbits.find(scenes.pendulum(angle=3.0), period=5.0)
     found = orbits.continue_family(swing, members=3)
-    assert found.end == "the number of members asked for, 3"
+    assert found.end == "the number of members requested, 3"
 
 
 def test_a_member_without_multipliers_ends_the_family_and_misuse_surfaces(monkeypatch):
@@ -150,7 +150,7 @@ def test_a_member_without_multipliers_ends_the_family_and_misuse_surfaces(monkey
     calls.clear()
     found = orbits.continue_family(first, make, -0.3, members=2)
     assert len(found.members) == 1
-    assert found.end.startswith("no orbit is found beyond")
+    assert found.end.startswith("no orbit was found beyond")
     found = orbits.continue_family(first, make, -0.3, members=2)
     assert len(found.members) == 1
     assert found.end.endswith(ended.message)

@@ -29,7 +29,7 @@ LISTED = Listing(
     "length",
     tuple(entry(1.0 + 0.1 * i, verdict) for i, verdict in enumerate(VERDICTS)),
     (entry(1.15, "undecided", Kind.FOLD), entry(1.35, "undecided", Kind.DOUBLING)),
-    "the number of members asked for, 5",
+    "the number of members requested, 5",
 )
 
 
@@ -79,7 +79,7 @@ HOSTILE = [
     (("version",), lambda version: 99, "expected version 3, got 99"),
     (("more",), lambda _: 1, "expected the entries"),
     (("parameter",), lambda _: 3, "a parameter's name"),
-    (("end",), lambda _: None, "a reason of the end"),
+    (("end",), lambda _: None, "a reason for the end"),
     (("members",), lambda _: [], "at least one member"),
     (("members",), lambda _: {}, "a list of orbits"),
     (("members", 0), lambda _: 7, "orbits with"),

@@ -156,7 +156,7 @@ def test_a_family_file_with_an_edited_number_is_refused(tmp_path):
     family_files.save(path, family_files.Listing("length", (entry,), (), "its bounds"))
     assert family_files.load(path).members[0].energy == -9.81
     path.write_text(path.read_text().replace("-9.81", "-9.82"))
-    with pytest.raises(ValueError, match="file: expected what its digest stands for"):
+    with pytest.raises(ValueError, match="file: expected data that match its digest"):
         family_files.load(path)
 
 
