@@ -68,7 +68,8 @@ def find_chain(
     Returns:
       The chain; of a family of them the one nearest to the guess.
     Raises:
-      ValueError: an argument has the wrong shape or is not finite, or the masses differ.
+      ValueError: `legs` is empty or has other elements, a leg's rate depends on time, `y0` or
+        `spans` has the wrong shape, or `spans`, `goal` or `rtol` is out of range.
       SearchError: none was found (``throw=True``).
     Limits: host only. Nothing but the bounds of a leg looks for ends that are passed earlier.
     Example:

@@ -136,7 +136,8 @@ def rosette(law: CentralForce, ratio=0.4, *, r=1.0, m=1.0, loops: int = 40) -> S
       m: mass [kg].
       loops: in the scene's span.
     Raises:
-      ValueError: an argument has the wrong shape or is not finite, or the masses differ.
+      ValueError: `law` is not a CentralForce, or `ratio` is not between 0 and 1, or `r`, `m` or
+        `loops` is not positive.
       SearchError: nothing moves between such radii under this law.
     Example:
       >>> from jaxdyn.effects import PowerLaw
