@@ -91,7 +91,7 @@ def multipliers(scene: Scene, period, *, rtol: float = RTOL) -> Floquet:
       'stable'
     """
     checked_scene(scene)
-    _checks.positive("period", period, "Of the drive, in seconds.")
+    _checks.positive("period", period, "It is that of the drive, in seconds.")
     found = _alone(scene, jnp.asarray(period, float), _tolerances(rtol))
     return _judged(jax.tree.map(np.asarray, found), rtol)
 
@@ -118,7 +118,7 @@ def chart(
         raise _checks.fail("grid", "at least one number each way", f"{len(first)} x {len(second)}")
     corner, period = make(jnp.asarray(first[0]), jnp.asarray(second[0]))
     checked_scene(corner)
-    _checks.positive("period", period, "Of the drive, in seconds.")
+    _checks.positive("period", period, "It is that of the drive, in seconds.")
     xs, ys = (jnp.asarray(x.ravel()) for x in np.meshgrid(first, second, indexing="ij"))
     shape = len(first), len(second)
     lanes = jax.tree.map(

@@ -1,8 +1,8 @@
 """Guesses of periodic orbits, without knowing one.
 
-Small oscillations about rest points, close returns of one long run, starts that a time
-reversal keeps, and rows of published tables. Each is a start and a period for `find`, or starts
-for `search`.
+Small oscillations about rest points, close returns of one long run, starts fixed by a time
+reversal, and rows of published tables. Each is a start and a period for `find`, or starts for
+`search`.
 """
 
 import dataclasses
