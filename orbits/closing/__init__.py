@@ -1,8 +1,8 @@
-"""What must hold for a motion to be periodic: closings, symmetries, further conditions.
+"""Conditions for a motion to be periodic: closings, symmetries, further conditions.
 
 `closings` are the ways to close (plainly, as a choreography, up to a rotation, by reversal),
-`symmetry` what they are made of, `conditions` fix what a closing leaves free (energy, period, an
-entry of the state), `given` checks the arguments of a search.
+`symmetry` their parts, `conditions` select a member of a family (by energy, period, an entry of
+the state), `given` checks the arguments of a search.
 
 May import: `jaxdyn`.
 

@@ -21,7 +21,7 @@ from orbits.closing.symmetry import EXACT, IDENTITY, Symmetry, of_points
 
 #: Angles tried for the first guess of the angle of a relative orbit.
 _ANGLES_TRIED = 64
-#: Steps and terms of the series of a rotation; one by 2 pi is then right to rounding:
+#: Steps and terms of the series of a rotation; one by 2 pi is then accurate to rounding:
 #: 0.4^16 / 16! < 1e-19.
 _ROTATION_STEPS, _ROTATION_TERMS = 16, 16
 
@@ -77,7 +77,7 @@ class Return(Closing):
 
     Attributes:
       symmetry: the symmetry g.
-      parts: see `Closing`; g applied so many times is the identity.
+      parts: see `Closing`; the power of g that is the identity.
       name: see `Closing`.
       turn: name of the system's generator of the rotation, e.g. "turn in xy"; None for plain
         closing.
@@ -101,7 +101,7 @@ class Return(Closing):
         return system.difference(end, self.act(system, y0, angle))
 
     def after(self, system, y0, angle, periods):
-        # After a period the powers of g are back at the identity; only the rotations add up.
+        # After a period the power of g is the identity; only the rotations add up.
         if self.turn is not None:
             for _ in range(self.parts * periods):
                 y0 = _turned(system, self.turn, y0, angle)
@@ -188,8 +188,8 @@ PLAIN = Return()
 def choreography(n: int = 3, d: int = 2) -> tuple[Return, Return]:
     """The closings of n bodies on one curve: after T / n each is where the next one was.
 
-    The bodies may follow each other in two orders; `find` takes the one that its guess misses
-    less.
+    The bodies may follow each other in two orders; `find` takes the one with the smaller residual
+    at its guess.
 
     Args:
       n: number of free points, at least 1.
@@ -227,7 +227,7 @@ def reversal(here: Symmetry, there: Symmetry | None = None, parts: int | None = 
         `here`.
       parts: number of such parts in a period; default 2, for equal reversals.
     Raises:
-      ValueError: two different reversals without `parts`.
+      ValueError: `here` and `there` differ and `parts` is not given.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes

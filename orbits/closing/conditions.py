@@ -40,8 +40,8 @@ class Energy(Condition):
         return energies.energy(scene, jnp.zeros(()), y0) - self.level
 
     def check(self, scene):
-        finite("energy", self.level, "It is the energy of the wanted orbit.")
-        energies.energy(scene, jnp.zeros(()), scene.y0)  # refuses a scene without one
+        finite("energy", self.level, "It is the energy of the orbit.")
+        energies.energy(scene, jnp.zeros(()), scene.y0)  # raises for a scene without one
 
 
 class Period(Condition):

@@ -26,8 +26,8 @@ class Problem:
 
     Attributes:
       scene: the scene; it starts at the guess and spans the guessed period.
-      closings: closing conditions; the orbit satisfies the one that the guess misses least.
-      conditions: what must hold besides closing.
+      closings: closing conditions; the orbit satisfies that with the smallest residual.
+      conditions: further conditions besides closing.
       lower: (k + 1,) lower bounds of the start and the period.
       upper: (k + 1,) upper bounds; equal to the lower ones for entries that are held fixed.
       driven: whether the rate depends on time; the period is then held fixed.
@@ -97,7 +97,7 @@ def _closings(scene: Scene, closing: Closing | Sequence[Closing]) -> tuple[Closi
     closings = []
     for one in several:
         if not isinstance(one, Closing):
-            remedy = "orbits.PLAIN, orbits.choreography(3), orbits.relative() are some."
+            remedy = "Such as orbits.PLAIN, orbits.choreography(3), orbits.relative()."
             raise fail("closing", "a Closing", repr(one), remedy)
         one.check(scene)
         closings.append(one)

@@ -1,7 +1,7 @@
-"""Periodic motions with corners: smooth legs joined by events.
+"""Piecewise-smooth periodic motions: smooth legs joined by events.
 
-`legs` says what such a motion is, `search` closes it, `hopping` is the eccentric cylinder that
-rolls and hops for ever.
+`legs` defines such a motion, `search` closes it, `hopping` is the eccentric cylinder that rolls and
+hops without loss.
 
 May import: `shooting`.
 

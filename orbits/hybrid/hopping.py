@@ -1,22 +1,22 @@
-"""The eccentric cylinder that rolls, hops and lands without any relative speed: problem 38.
+"""The eccentric cylinder that rolls, hops and lands without relative velocity: problem 38.
 
-Such a motion loses nothing, so it goes on for ever, on level ground: down a slope every hop would
-gain energy. In the air the turning w is constant, so the contact point lands with no speed at all
-only where the flight is its own mirror image: from a turn -a of the centre of mass G from straight
-up to 2 pi n + a, n turns and a bit. Ballistics then gives w^2 d sin a = g (pi n + a).
+Such a motion loses no energy, so it continues for ever, on level ground: down a slope every hop
+would gain energy. In the air the angular velocity w is constant, so the contact point lands with
+zero velocity only if the flight is its own mirror image: from an angle -a of the centre of mass G
+from the vertical to 2 pi n + a, n turns and a bit. Ballistics gives w^2 d sin a = g (pi n + a).
 
-A ground that only pushes lets go where it need not push any more, and there the flight must not
-enter the ground: both only if the cylinder's height h leaves with h'' = 0. So
+Under unilateral contact the flight starts where the contact force vanishes, and must not enter the
+ground: both only if the cylinder's height h leaves with h'' = 0. So
 
     tan a = pi n + a,    w^2 = g / (d cos a),
 
-the same for all masses, radii and inertias: the landing grazes, with h''' alone left.
+the same for all masses, radii and inertias: the landing grazes, with only h''' nonzero.
 
-Without friction that is a motion of nature, and `hop` finds it. With friction there is none,
-however much there is of it: rolling needs the force I alpha / (R + d cos a) at the corner, so
-contact ends in slip, and slip costs energy; only at the top is alpha = 0, and there a flight
-enters the ground. Where friction is replaced by a constraint (``rolls=True``) the ground has to
-pull near the corners: `pull` says how much. It is little where the inertia is far above m R^2.
+Without friction that is a possible motion, and `hop` finds it. With friction there is none,
+whatever its coefficient: rolling needs the force I alpha / (R + d cos a) at the corner, so contact
+ends in slip, and slip costs energy; only at the top is alpha = 0, and there a flight enters the
+ground. If friction is replaced by a constraint (``rolls=True``) the ground has to pull near the
+corners: `pull` says how much. It is little if the inertia is far above m R^2.
 
 Reference for motions without collisions: A. Chatterjee et al., International Journal of Robotics
 Research 21 (2002) 621.
@@ -42,7 +42,7 @@ from orbits.hybrid.search import find_chain
 from orbits.orbit import SearchError
 from orbits.shooting.finding import GOAL, RTOL
 
-_ROUNDS = 15  # of a fixed point
+_ROUNDS = 15  # of a fixed-point iteration
 _ROUNDED = (
     "Rounding hides the hop: the inertia is below some 1e-8 of m d^2, or there are hundreds of "
     "turns in the air. Take a larger inertia, or fewer turns."
@@ -50,12 +50,12 @@ _ROUNDED = (
 
 
 class Rises(Event):
-    """How fast a flying cylinder leaves the surface: a derivative of its height by time.
+    """A time derivative of the height of a flying cylinder.
 
     Attributes:
       flying: the cylinder in flight.
-      order: 1 for the speed, 2 for the acceleration; left alone a cylinder in contact would leave
-        where that is positive.
+      order: 1 for the velocity, 2 for the acceleration; where that is positive a cylinder in
+        unilateral contact would leave.
     """
 
     flying: Scene
@@ -82,7 +82,7 @@ class Height(Event):
 
 
 class Mirrored(eqx.Module):
-    """What is left of a motion's mirrors: times about which it is its image, run backwards.
+    """Residual of a motion's mirror symmetry: times about which it is time-reversible.
 
     One is in the middle of a flight, where it starts, one in the middle of a contact.
 
@@ -95,15 +95,15 @@ class Mirrored(eqx.Module):
     last: Array = eqx.field(converter=as_float)
 
     def __call__(self, end: Array, start: Array) -> Array:
-        """(3,) turn and climbing speed at the start, turn at the end."""
+        """(3,) angle and vertical velocity at the start, angle at the end."""
         return jnp.stack([start[2] - self.first, start[4], end[2] - self.last])
 
 
 class Advanced(eqx.Module):
-    """What is left of a start when all but the place on level ground and whole turns comes back.
+    """Residual of closing up to the position on level ground and whole turns.
 
     Attributes:
-      turn: () in a period [rad].
+      turn: () rotation in a period [rad].
     """
 
     turn: Array = eqx.field(converter=as_float)
@@ -114,20 +114,20 @@ class Advanced(eqx.Module):
 
 
 def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
-    """The motion of an eccentric cylinder that hops for ever: in contact, then in the air.
+    """The lossless hopping motion of an eccentric cylinder: in contact, then in the air.
 
     Args:
       scene: ``scenes.cylinder_on_ramp(slope=0.0, ...)``; its start and friction are not used.
       turns: whole turns in the air, at least 1.
-      rolls: a constraint without limits keeps it from slipping, also where the ground has to
-        pull; if not, there is no friction, and the cylinder slips on between landings at which
-        the contact point has no speed.
+      rolls: a constraint without limits prevents slip, even where the ground has to pull; if
+        False, there is no friction, and the cylinder slides between landings at which the contact
+        point has zero velocity.
     Returns:
       The chain from the middle of a flight to the middle of the next: down, in contact, up. It
-      advances by `advance` a period, and turns turns + 1 times.
+      advances by `advance` in a period, and rotates turns + 1 times.
     Raises:
-      ValueError: anything but an eccentric cylinder on level ground, or no turn.
-      SearchError: rounding hides it, at an inertia far below m d^2 or after hundreds of turns.
+      ValueError: `scene` is not an eccentric cylinder on level ground, or `turns` is less than 1.
+      SearchError: rounding dominates, at an inertia far below m d^2 or after hundreds of turns.
     Example:
       >>> from jaxdyn import scenes
       >>> from orbits.hybrid import hopping
@@ -153,15 +153,15 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
     top = reach + g * (up / spin) ** 2 / 2  # of G, in the middle of the flight
     y0 = np.array([0.0, top, first, spin * reach, 0.0, spin])
     corner = np.array([y0[3] * up / spin, reach, first + up, y0[3], -g * up / spin, spin])
-    # The contact is over in less than twice the time that it would take at the corner's spin.
+    # The contact lasts less than twice the time that it would take at the corner's spin.
     lowest = Reaches(2, 2 * first + math.pi, 1)
     stop = until(contact.starting(corner, 2 * (math.pi - a) / spin), lowest, rtol=RTOL)
     if not stop.happened:
         raise SearchError(_ROUNDED)
     spans = np.array([up / spin, float(stop.t)])
-    # The whole chain at once has the motion as a double root: at h'' = 0 unequal corners close too.
+    # In the whole chain the motion is a double root: at h'' = 0 unequal corners close too.
     mirrors = Mirrored(first, 2 * first + math.pi)
-    goal = GOAL * max(1.0, float(np.abs(y0).max()))  # of metres and radians alike
+    goal = GOAL * max(1.0, float(np.abs(y0).max()))  # for metres and radians alike
     legs = (Leg(scene=fly, ends=lands), Leg(scene=contact, ends=()))
     half = _checked(find_chain(legs, y0, spans, closes=mirrors, goal=goal, throw=False))
     down, rest = half.spans
@@ -174,7 +174,7 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
     )
     spans = [down, 2 * rest, down]
     around = Advanced(2 * (first + math.pi))
-    # Once more around what is left of each half counts several times.
+    # Over the whole chain the residuals of the halves count several times.
     whole = 8 * goal
     return _checked(
         find_chain(chain, half.y0, spans, closes=around, goal=whole, max_iterations=0, throw=False)
@@ -182,14 +182,14 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
 
 
 def _checked(found: Hybrid) -> Hybrid:
-    """A motion from an exact guess, so that only rounding can be in the way."""
+    """The motion found from an exact guess; raises if rounding prevented it."""
     if not found.ok:
         raise SearchError(_ROUNDED)
     return found
 
 
 def _corner(turns: int) -> float:
-    """a [rad] of tan a = pi n + a: each round is nearer by a factor of 17 or more."""
+    """a [rad] of tan a = pi n + a: each iteration reduces the error by a factor of 17 or more."""
     a = math.pi / 2
     for _ in range(_ROUNDS):
         a = math.atan(math.pi * turns + a)
@@ -197,12 +197,12 @@ def _corner(turns: int) -> float:
 
 
 def advance(hop: Hybrid) -> float:
-    """How far a hop takes the cylinder along the ground in a period [m]."""
+    """Advance of the cylinder along the ground in a period [m]."""
     return float(hop.chain(2).pieces[-1].ys[-1, 0] - hop.y0[0])
 
 
 def pull(hop: Hybrid) -> float:
-    """How much the ground has to pull over the weight [1]; 0 where it only pushes."""
+    """Largest pull of the ground over the weight [1]; 0 if it only pushes."""
     scene = hop.legs[1].scene
     weight = float(scene.system.m) * _gravity(scene)
     return max(0.0, -hop.least(1, NormalForce(scene)) / weight)
@@ -219,15 +219,15 @@ def _checked_gravity(scene: Scene, turns) -> float:
     system = scene.system
     if not (isinstance(system, Cylinder) and system.flat):
         got = type(system).__name__
-        raise fail("scene", "a cylinder on a ramp", got, "Make it: scenes.cylinder_on_ramp().")
+        raise fail("scene", "a cylinder on a ramp", got, "Use scenes.cylinder_on_ramp().")
     scene.check()
     if float(system.slope) != 0.0:
-        remedy = "Each hop down a slope gains energy, and without relative speed none is lost."
+        remedy = "Each hop down a slope gains energy, and these landings lose none."
         raise fail("slope", "0, level ground", float(system.slope), remedy)
     if not float(system.d) > 0:
-        raise fail("d", "> 0", float(system.d), "A balanced cylinder rolls on without hopping.")
+        raise fail("d", "> 0", float(system.d), "A balanced cylinder does not hop.")
     whole("turns", turns, remedy="With none the flight would enter the ground.")
     g = _gravity(scene)
     if not g > 0:
-        raise fail("scene", "gravity that pulls down", f"g = {g:.6g}", "Add UniformGravity(9.81).")
+        raise fail("scene", "gravity downwards", f"g = {g:.6g}", "Add UniformGravity(9.81).")
     return g

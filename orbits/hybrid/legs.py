@@ -1,8 +1,8 @@
-"""A periodic motion with corners: a closed chain of legs (roll, fly, ...), each smooth by itself.
+"""A piecewise-smooth periodic motion: a closed chain of smooth legs (roll, fly, ...).
 
 `find_chain` (orbits.hybrid.search) finds them. In its equations the times of the corners are
-unknowns, so a solution may pass the end of a leg before its time. The bounds of a leg say what
-must hold on the way, and a chain that does not keep to them is not said to be found.
+unknowns, so a solution may pass the end of a leg before its time. The bounds of a leg state what
+must hold on the way, and a chain that violates them is not reported as found.
 """
 
 import dataclasses
@@ -22,18 +22,19 @@ from jaxdyn.integrate.phases import HybridTrajectory
 from orbits.orbit import Outcome
 
 _LOOKS = 400  # samples of a leg
-_PASSED = 1e-9  # of the largest value of a bound on a leg: a value so far below 0 is no rounding
+_PASSED = 1e-9  # of the largest value of a bound on a leg: a value further below 0 is not rounding
 
 
 class Leg(eqx.Module):
     """A smooth part of a periodic chain.
 
     Attributes:
-      scene: what moves (its start and span are not used); its rate must not depend on time.
-      ends: what vanishes at the leg's end: its event, and what else is demanded there. Their
+      scene: system and effects (its start and span are not used); its rate must not depend on
+        time.
+      ends: functions that vanish at the leg's end: its event, and further conditions. Their
         time is that since the leg's start.
       change: (t, y) -> the state at the start of the next leg; a named function or a module.
-      bounds: what must not be negative on the way, such as a height or a normal force.
+      bounds: functions that must not be negative on the way, such as a height or a normal force.
     """
 
     scene: Scene
@@ -44,11 +45,11 @@ class Leg(eqx.Module):
 
 @dataclasses.dataclass(frozen=True)
 class Hybrid:
-    """A periodic chain, how well it closes, and how the search for it ended.
+    """A periodic chain, its closing error, and the outcome of the search for it.
 
     Attributes:
       legs: in order; their scenes have the start and the span of each.
-      residual: largest entry of what does not close.
+      residual: largest entry of the closing error.
       outcome: `Outcome`; unless it is FOUND this is the best iterate.
       iterations: Newton steps taken.
       rtol: tolerance of the integrations.
@@ -80,12 +81,12 @@ class Hybrid:
 
     @property
     def spans(self) -> np.ndarray:
-        """(n,) how long each leg lasts [time of the scene]."""
+        """(n,) duration of each leg [time of the scene]."""
         return np.array([float(leg.scene.t1) for leg in self.legs])
 
     @property
     def period(self) -> float:
-        """All legs together [time of the scene]."""
+        """Duration of all legs [time of the scene]."""
         return float(self.spans.sum())
 
     @property
@@ -99,7 +100,7 @@ class Hybrid:
         return f"{self.outcome.message} {self._where()}".strip()
 
     def _where(self) -> str:
-        """Which part of the chain an outcome is about; empty where it is about all of it."""
+        """The part of the chain that an outcome concerns; empty if it concerns all of it."""
         if self.outcome == Outcome.BOUND_PASSED:
             least = [f"{bound} goes down to {value:.3g}" for bound, value in self._passed()]
             return f"On the way {', '.join(least)}."
@@ -114,7 +115,7 @@ class Hybrid:
         return ""
 
     def chain(self, samples: int = 100) -> HybridTrajectory:
-        """One period as a motion in pieces, to draw and to measure like any other."""
+        """One period as a motion in pieces."""
         pieces, t = [], 0.0
         for leg in self.legs:
             end = t + float(leg.scene.t1)
@@ -132,20 +133,20 @@ class Hybrid:
         )
 
     def least(self, leg: int, event: Event) -> float:
-        """The least value of a function at 400 times of a leg: does it stay positive?
+        """The smallest value of a function at 400 times of a leg.
 
-        A height in flight, say, or a normal force in contact: where it is below zero by more
-        than rounding, the chain closes but is none that nature follows.
+        For a height in flight, say, or a normal force in contact: if it is below zero by more
+        than rounding, the chain closes but is not physically realisable.
         """
         return float(self._values(leg, event).min())
 
     @property
     def keeps_bounds(self) -> bool:
-        """Whether each leg is within its bounds, to rounding, at 400 times."""
+        """Whether each leg satisfies its bounds, to rounding, at 400 times."""
         return not self._passed()
 
     def _passed(self) -> list[tuple[str, float]]:
-        """The bounds that are passed by more than rounding, each with its least value."""
+        """The bounds violated by more than rounding, each with its smallest value."""
         found = []
         for i, leg in enumerate(self.legs):
             for j, bound in enumerate(leg.bounds):

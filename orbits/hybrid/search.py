@@ -1,10 +1,10 @@
-"""The search for periodic motions with corners: closed chains of legs, each smooth by itself.
+"""The search for piecewise-smooth periodic motions: closed chains of smooth legs.
 
-The unknowns are the start of the first leg and how long each leg lasts. What must vanish is what
-ends each leg, whatever else is demanded there, and what is left of the start at the end of the
-chain. Times are unknowns, not found by a search for events: a landing without relative speed
-grazes the ground, where the time of an event has no derivative, while these equations are regular.
-The price is that a solution may pass an end before its time; the bounds of a leg refuse that.
+The unknowns are the start of the first leg and the duration of each leg. The equations are the
+ends of each leg, its further conditions, and the closing of the chain. Times are unknowns, not
+found by a search for events: a landing without relative velocity grazes the ground, where the
+time of an event has no derivative, while these equations are regular. The price is that a solution
+may pass an end before its time; the bounds of a leg exclude that.
 """
 
 import dataclasses
@@ -27,11 +27,11 @@ from orbits.orbit import Outcome, SearchError
 from orbits.shooting import newton
 from orbits.shooting.finding import GOAL, RTOL
 
-_SHORTEST = 0.02  # of its guess: a leg that short is none
+_SHORTEST = 0.02  # of its guess: a shorter leg has vanished
 
 
 class Comes(eqx.Module):
-    """What is left of a start (k,) at the end of the chain: all of it, as the system measures."""
+    """The default closing: the difference of the end of the chain from its start."""
 
     scene: Scene
 
@@ -57,12 +57,12 @@ def find_chain(
     Args:
       legs: in order; the last one leads to the first.
       y0: (k,) guess of the start of the first leg.
-      spans: (n,) guess of how long each leg lasts.
-      closes: (end, start) -> what must vanish, a module or a named function; that the state
-        comes back, if left out. One that leaves out a position finds motions that advance.
-      goal: largest closing error that counts.
+      spans: (n,) guess of the duration of each leg.
+      closes: (end, start) -> closing error, a module or a named function; by default the
+        difference of the states. One that leaves out a position finds motions that advance.
+      goal: largest closing error of a solution.
       rtol: tolerance of the integrations.
-      max_iterations: Newton steps at most.
+      max_iterations: largest number of Newton steps.
       report: called with an `Iteration` after each step; its period is the last leg's span.
       throw: raise if none was found.
     Returns:
@@ -71,7 +71,7 @@ def find_chain(
       ValueError: `legs` is empty or has other elements, a leg's rate depends on time, `y0` or
         `spans` has the wrong shape, or `spans`, `goal` or `rtol` is out of range.
       SearchError: none was found (``throw=True``).
-    Limits: host only. Nothing but the bounds of a leg looks for ends that are passed earlier.
+    Limits: host only. Only the bounds of a leg detect ends that are passed earlier.
     Example:
       A ball that bounces without loss, from its highest point to its highest point:
 
@@ -91,7 +91,7 @@ def find_chain(
     untraced("find_chain", (legs, y0, spans), "Find it outside of the transformation.")
     start, times = _start_and_times(legs, y0, spans)
     positive("goal", goal, "It is the largest closing error of an orbit.")
-    tolerances(rtol, None)  # refuses what is none; inside jit it could not
+    tolerances(rtol, None)  # checked here: inside jit it cannot be
     whole("max_iterations", max_iterations, least=0)
     closes = Comes(legs[0].scene) if closes is None else closes
     k = len(start)
@@ -133,13 +133,13 @@ def _start_and_times(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.n
         raise fail("legs", "at least one", "none", "A chain has legs.")
     for i, leg in enumerate(legs):
         if not isinstance(leg, Leg):
-            raise fail(f"legs[{i}]", "a Leg", type(leg).__name__, "Make it: Leg(scene, ends).")
+            raise fail(f"legs[{i}]", "a Leg", type(leg).__name__, "Write Leg(scene, ends).")
         for name, events in (("ends", leg.ends), ("bounds", leg.bounds)):
             if not (isinstance(events, tuple) and all(isinstance(x, Event) for x in events)):
                 got = type(events).__name__
                 raise fail(f"legs[{i}].{name}", "a tuple of events", got, "Write (event,) for one.")
         if driven(checked_scene(leg.scene)):
-            remedy = "Legs begin at times of their own."
+            remedy = "Each leg starts at its own time 0."
             raise fail(f"legs[{i}]", "a scene that does not depend on time", "a driven one", remedy)
     start = np.asarray(y0, float)
     k = len(legs[0].scene.y0)
@@ -152,16 +152,16 @@ def _start_and_times(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.n
 
 
 def _linearised(legs, closes, x: np.ndarray, rtol) -> tuple[np.ndarray, np.ndarray, list]:
-    """(value, Jacobian) of what must vanish, and the starts of all legs.
+    """(value, Jacobian) of the equations, and the starts of all legs.
 
-    Leg by leg on the host, so that each kind of leg is compiled once, however long the chain is.
+    Leg by leg on the host, so that each kind of leg is compiled once for chains of any length.
     """
     k = len(x) - len(legs)
     start, slope = map(np.asarray, _put(legs[0].scene, x[:k]))
     first = slope @ np.eye(k, len(x))
     y, along = start, first
     starts, values, rows = [], [], []
-    rtol = np.asarray(rtol, float)  # a number that is no array would be compiled in
+    rtol = np.asarray(rtol, float)  # a Python number would be compiled in
     for i, leg in enumerate(legs):
         starts.append(y)
         (y, left), (by_start, by_span) = jax.tree.map(np.asarray, _passed(leg, y, x[k + i], rtol))
@@ -188,7 +188,7 @@ def _put(scene: Scene, y: Array) -> tuple[Array, Array]:
 
 @eqx.filter_jit
 def _passed(leg: Leg, y: Array, span, rtol):
-    """(start of the next leg, what is left of the ends), and both by the start and by the span."""
+    """(start of the next leg, residual of the ends), and derivatives by start and span."""
 
     def passed(y, span):
         end = solve(leg.scene.starting(y), span, rtol=rtol).y1
@@ -202,7 +202,7 @@ def _passed(leg: Leg, y: Array, span, rtol):
 
 @eqx.filter_jit
 def _left(closes, end: Array, start: Array):
-    """What is left of closing, and its derivatives by both states."""
+    """The closing error, and its derivatives by both states."""
 
     def left(end, start):
         value = closes(end, start)

@@ -1,15 +1,15 @@
-"""Aiming: which launch angles hit a target, which goes farthest, which speed is the least.
+"""Aiming: the launch angles that hit a target, the farthest throw, the least speed.
 
-Any throw of one point in the plane, whatever acts on it: `farthest` looks at the range over all
-angles, forwards and backwards, and polishes its best maximum; `hit` cuts all angles at the extremes
-of the range into pieces where it rises or falls, in each of which there is at most one angle that
-hits; `slowest` raises the speed until the farthest throw gets there. Times of landing, and the
-derivatives of where in angle and speed, are exact (see `jaxdyn.integrate.events`); there are no
-penalties.
+Any throw of one point in the plane, whatever acts on it: `farthest` samples the range over all
+angles, forwards and backwards, and refines its best maximum; `hit` divides all angles at the
+extremes of the range into pieces where it is monotone, each of which has at most one angle that
+hits; `slowest` raises the speed until the farthest throw reaches the target. Times of landing, and
+the derivatives of the range by angle and speed, are exact (see `jaxdyn.integrate.events`); there
+are no penalties.
 
 With quadratic drag c v^2 the best angle is 45 degrees for slow throws and tends to 0 as the speed v
 grows, very slowly: with L = log(v^2 c / (m g)) like s / L, where s itself grows like log L. In the
-limit the ball comes down at a right angle to its launch, as it does without drag. With linear
+limit the ball lands at a right angle to its launch, as it does without drag. With linear
 drag the angle falls like log(u^2) / u instead (`jaxdyn.scenes.ballistics`).
 """
 
@@ -26,7 +26,7 @@ from orbits.targets.ranges import COURSES, LOOK, SAME, WIDER, Aim, best_courses,
 
 #: Speeds tried by `slowest`, in units of sqrt(pull x distance).
 _SPEEDS = np.logspace(-3, 15, 55)
-_BEFORE = 3  # speeds before one that gets there, since the angles looked at miss the best ones
+_BEFORE = 3  # speeds before one that suffices, since the sampled angles miss the best ones
 
 
 class Hits(eqx.Module):
@@ -35,9 +35,9 @@ class Hits(eqx.Module):
     Attributes:
       x: () the target, from the launch along the first axis [m].
       speed: () launch speed [m/s].
-      angles: (n,) launch angles [rad], ascending; none if it is out of reach.
+      angles: (n,) launch angles [rad], ascending; empty if it is out of reach.
       times: (n,) times of flight [s].
-      short: () by how much the nearest throw misses the target [m]; 0 if it is hit.
+      short: () distance of the nearest throw from the target [m]; 0 if it is hit.
       nearest: () launch angle of that throw [rad]; NaN if it is hit.
       outcome: `Aim`.
     """
@@ -59,7 +59,7 @@ class Hits(eqx.Module):
 
     @property
     def message(self) -> str:
-        """What happened, in numbers, and what to do about it."""
+        """The outcome in numbers, and the remedy."""
         if self.outcome != Aim.OUT_OF_REACH:
             return self.outcome.message
         nearest = f"The nearest, at {np.degrees(self.nearest):.6g} degrees, misses"
@@ -67,7 +67,7 @@ class Hits(eqx.Module):
 
 
 class Throws(eqx.Module):
-    """The best throw for each of some speeds or targets; NaN where there is none.
+    """The best throw for each speed or target; NaN where there is none.
 
     Attributes:
       speed: () or (n,) launch speed [m/s].
@@ -89,12 +89,12 @@ class Throws(eqx.Module):
 
     @property
     def ok(self) -> bool:
-        """Whether all of them are found."""
+        """Whether all of them were found."""
         return bool((self.outcome == Aim.FOUND).all())
 
     @property
     def message(self) -> str:
-        """What happened, of many throws to the first that failed, and what to do about it."""
+        """The outcome, of many throws the first failure, and the remedy."""
         bad = np.ravel(self.outcome)[np.ravel(self.outcome) != Aim.FOUND]
         return Aim(int(bad[0]) if bad.size else 0).message
 
@@ -103,13 +103,13 @@ def hit(scene: Scene, x, speed) -> Hits:
     """All launch angles between 0 and 180 degrees that hit a point at launch height.
 
     Args:
-      scene: one point in the plane and what acts on it; its own velocity is not used.
-      x: () the target, from the launch along the first axis [m]; not 0 means not straight up.
+      scene: one point in the plane and the effects on it; its own velocity is not used.
+      x: () the target, from the launch along the first axis [m]; 0 is excluded.
       speed: () launch speed [m/s].
     Raises:
-      ValueError: another kind of scene, or numbers that make no sense.
-    Limits: angles nearer to the ground than 1e-17 rad are not looked at; two extremes of the range
-      between neighbours of the angles looked at (some 5 degrees apart) would be missed.
+      ValueError: `scene` is not a thrown point, `x` is 0 or not finite, or `speed` is not positive.
+    Limits: angles closer to the ground than 1e-17 rad are not sampled; two extremes of the range
+      between neighbouring sampled angles (some 5 degrees apart) would be missed.
     Example:
       >>> from jaxdyn import scenes
       >>> from orbits.targets import aim
@@ -138,7 +138,7 @@ def hit(scene: Scene, x, speed) -> Hits:
     if len(cells):
         w, fine = root(over, ends[cells], ends[cells + 1])
         w = np.sort(w[fine])
-        w = w[np.diff(w, prepend=-np.inf) > SAME]  # one on the edge of two pieces is one
+        w = w[np.diff(w, prepend=-np.inf) > SAME]  # one at a boundary is found twice
         angles, times = angle_of(w), landings(scene, w, speed).t
         outcome = outcome if fine.all() else Aim.NO_CONVERGENCE
     if not followed(look).all():
@@ -170,14 +170,14 @@ def _missed(x: float, speed: float, outcome: Aim, short=np.nan, nearest=np.nan) 
 
 
 def farthest(scene: Scene, speed) -> Throws:
-    """The launch angle that carries farthest along the first axis, for one speed or many.
+    """The launch angle with the largest range along the first axis, for one speed or many.
 
     Args:
       scene: see `hit`.
       speed: () or (n,) launch speeds [m/s].
     Raises:
       ValueError: see `hit`.
-    Limits: see `hit`. The angle of a maximum so flat that rounding hides it is right to 1e-8.
+    Limits: see `hit`. The angle of a maximum so flat that rounding hides it is accurate to 1e-8.
     Example:
       >>> from jaxdyn import scenes
       >>> from orbits.targets import aim
@@ -196,14 +196,14 @@ def farthest(scene: Scene, speed) -> Throws:
 
 
 def slowest(scene: Scene, x) -> Throws:
-    """The least launch speed that gets at least as far as x, and its angle.
+    """The smallest launch speed with a range of at least x, and its angle.
 
     Args:
       scene: see `hit`.
       x: () distance along the first axis [m], > 0; mirror the scene for throws to the left.
     Raises:
       ValueError: see `hit`.
-    Limits: speeds from 1e-3 to 1e15 sqrt(g x) are looked at. See `hit`.
+    Limits: speeds from 1e-3 to 1e15 sqrt(g x) are tried. See `hit`.
     Example:
       >>> from jaxdyn import scenes
       >>> from orbits.targets import aim
@@ -227,7 +227,7 @@ def slowest(scene: Scene, x) -> Throws:
         return _single(_throws(scene, np.full(1, np.nan), np.full(1, np.nan), np.array([nothing])))
 
     def over(log_speed):
-        # At the best angle the range changes with the speed as if the angle did not (envelope).
+        # At the best angle the total derivative by the speed is the partial one (envelope).
         w, _ = best_courses(scene, np.exp(log_speed))
         found = landings(scene, w, np.exp(log_speed))
         return found.x - x, found.dx[:, 1]
@@ -240,10 +240,10 @@ def slowest(scene: Scene, x) -> Throws:
 
 
 def _throws(scene: Scene, w, speeds: np.ndarray, outcome: np.ndarray) -> Throws:
-    """The throws of so many courses, NaN unless they are found."""
+    """The throws of these courses, NaN unless found."""
     found = outcome == Aim.FOUND
     one = np.where(found, 1.0, np.nan)
-    # What is not found is thrown straight up for its place in the row.
+    # Straight up as a placeholder where none was found.
     end = landings(scene, np.where(found, w, 0.0), np.where(found, speeds, 1.0))
     down = np.arctan2(-end.vy, end.vx)
     return Throws(

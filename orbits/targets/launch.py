@@ -1,4 +1,4 @@
-"""One throw: where it comes down, and how that changes with its angle and its speed."""
+"""One throw: where it lands, and the derivatives by its angle and speed."""
 
 import dataclasses
 
@@ -17,14 +17,14 @@ from orbits.targets.steady_fall import Fall, acceleration, fall_of, fallen
 from orbits.targets.thrown import Down, Thrown, Units, direction, turned
 
 RTOL = 1e-13
-_PATIENCE = 100.0  # times v / g: flights longer than this count as endless
+_PATIENCE = 100.0  # times v / g: longer flights count as endless
 _STEPS = 20_000  # at most; a flight that needs more is stiff
 _GRAIN = 16 * np.finfo(float).eps  # of the speed: its rounding, in any direction
-_CHUNK = 64  # throws a call of the compiled program; fewer are filled up
+_CHUNK = 64  # throws per call of the compiled program; fewer are padded
 
 
 class Landings(eqx.Module):
-    """Where throws come down; one entry a throw, NaN where it does not.
+    """Where throws land; one entry per throw, NaN where it does not.
 
     Attributes:
       x: (n,) distance from the launch along the first axis, at launch height [m].
@@ -44,7 +44,7 @@ class Landings(eqx.Module):
 
 
 def landings(scene: Scene, w, speed, rtol: float = RTOL) -> Landings:
-    """Where throws of so many courses and speeds land.
+    """Where throws of given courses and speeds land.
 
     Args:
       scene: see `checked_throw`.
@@ -63,10 +63,10 @@ def landings(scene: Scene, w, speed, rtol: float = RTOL) -> Landings:
 
 
 def checked_throw(scene: Scene) -> Scene:
-    """The scene, if it is a single point in the plane that something pulls back.
+    """The scene, if it is a single point in the plane with a force at rest.
 
     Raises:
-      ValueError: another kind of scene.
+      ValueError: the scene is traced or of another kind.
     """
     untraced("scene", scene, "Aim outside of jit, grad and vmap.")
     scene = checked_scene(scene)
@@ -74,9 +74,9 @@ def checked_throw(scene: Scene) -> Scene:
     if not (isinstance(system, FreePoints) and system.d == 2 and len(system.m) == 1):
         raise fail(
             "scene",
-            "one point that is thrown in the plane",
+            "one free point in the plane",
             type(system).__name__,
-            "scenes.cannonball() and scenes.particle(...) are such.",
+            "Use scenes.cannonball() or scenes.particle(...).",
         )
     if not float(_pull(scene)) > 0:
         raise fail("scene", "a force on the point at rest", "none", "Add UniformGravity(9.81).")
@@ -95,7 +95,7 @@ def launched(scene: Scene, angle: float, speed: float, t1: float) -> Scene:
 
 
 def _pull(scene: Scene) -> Array:
-    """() size of the acceleration of the point at rest [m/s^2]."""
+    """() magnitude of the acceleration of the point at rest [m/s^2]."""
     return jnp.linalg.norm(acceleration(scene, jnp.zeros(2)))
 
 
@@ -125,7 +125,7 @@ def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
 
 
 def _scales(scene: Scene, w: Array, speed: Array, rtol: Array) -> tuple[Fall, Units]:
-    """The fall at the end of a throw, and the sizes of its numbers when it comes down."""
+    """The fall at the end of a throw, and the units of its state when it lands."""
     g, (cosine, sine) = _pull(scene), direction(w)
     launch = speed * jnp.stack([cosine, sine])
     # The path on which the first force would use up the speed, or that of a flat throw.
@@ -153,10 +153,10 @@ def _compiled(scene: Scene, w: Array, log_speed: Array, rtol: Array) -> Landings
         dx, (value, t, vx, vy, status) = jax.jacfwd(x, has_aux=True)(jnp.stack(throw))
         return Landings(x=value, t=t, dx=dx, vx=vx, vy=vy, status=status)
 
-    # One after the other: each takes its own steps, in one folded loop.
+    # Sequentially: each takes its own steps, in one fused loop.
     return jax.lax.map(one, (w, log_speed))
 
 
 def followed(found: Landings) -> np.ndarray:
-    """(n,) whether each throw could be followed, be it to the ground or for ever."""
+    """(n,) whether each throw was integrated, to the ground or without end."""
     return found.status == Status.OK

@@ -1,12 +1,12 @@
 """Closed orbits about a centre of force that are neither circles nor lines: course problem 11 b.
 
 A motion between two radii is a rosette: each loop, from the farthest point to the farthest point,
-is the last one turned by twice the apsidal angle. It closes after p turns with q loops where that
-angle is pi p / q. The shape of an orbit, the ratio of its radii, decides: `closed` looks for the
-ratio that gives p / q, and polishes the orbit by `find`. A search that fails has a regular rosette
-all the same, one that fills its ring. `least` says which closed orbit has the fewest loops.
+is the previous one rotated by twice the apsidal angle. It closes after p turns with q loops where
+that angle is pi p / q. The shape of an orbit, the ratio of its radii, determines it: `closed`
+searches for the ratio that gives p / q, and refines the orbit by `find`. If that fails there is
+still a regular rosette that fills its ring. `least` gives the closed orbit with the fewest loops.
 
-Which p / q a power law r^n has is known: those strictly between the limits of its apsidal angle
+The p / q of a power law r^n are known: those strictly between the limits of its apsidal angle
 (`jaxdyn.scenes.apsidal_limits`), once each. For other laws shapes are sampled.
 """
 
@@ -22,8 +22,8 @@ from orbits.orbit import Orbit, SearchError
 from orbits.shooting.finding import find
 from orbits.targets.shapes import NOWHERE, depth_of, over_pi
 
-_LOOKS = 16  # samples a step, to count loops
-_WHOLE = 0.01  # of a turn by which a closed orbit's turns may differ from a whole number
+_LOOKS = 16  # samples per step, to count loops
+_WHOLE = 0.01  # largest distance of a closed orbit's turns from a whole number
 
 
 class Least(eqx.Module):
@@ -31,10 +31,10 @@ class Least(eqx.Module):
 
     Attributes:
       n: (m,) exponents of the attraction k r^n.
-      loops: (m,) least number of loops q; 0 where nothing but circles closes.
-      turns: (m,) turns p about the centre that it makes; of several the fewest.
-      circle: (m,) apsidal angle over pi near circles; NaN where nothing moves between two radii.
-      line: (m,) the same near lines.
+      loops: (m,) smallest number of loops q; 0 where only circles close.
+      turns: (m,) turns p about the centre that it makes; the smallest of several.
+      circle: (m,) apsidal angle over pi near circles; NaN where no motion is between two radii.
+      line: (m,) apsidal angle over pi near lines.
     """
 
     n: np.ndarray
@@ -47,7 +47,7 @@ class Least(eqx.Module):
 
     @property
     def message(self) -> str:
-        """For which exponents there is none, and why."""
+        """The exponents without one, and why."""
         none = self.n[self.loops == 0]
         if not none.size:
             return "Every exponent has closed orbits with loops."
@@ -58,13 +58,13 @@ class Least(eqx.Module):
 
 
 def least(n) -> Least:
-    """The least number of loops of a closed orbit, no circle and no line, against the exponent.
+    """The least number of loops of a closed orbit, except circles and lines, per exponent.
 
     Args:
       n: () or (m,) exponents of the attraction k r^n.
     Raises:
-      ValueError: exponents that are not finite numbers.
-    Limits: within 1e-7 of 1 or -2, where the number goes to infinity, it takes long.
+      ValueError: `n` is not finite.
+    Limits: within 1e-7 of 1 or -2, where the number diverges, it takes long.
     Example:
       >>> from orbits.targets import loops
       >>> found = loops.least([-3.5, -2.0, -1.0, 1.0, 3.0, 10.0])
@@ -76,7 +76,7 @@ def least(n) -> Least:
     circle, line = scenes.apsidal_limits(n)
     count = np.array([scenes.fewest_loops(float(x)) if x > -3 else 0 for x in n])
     low = np.where(moves, np.minimum(circle, line), 0.0)
-    # Strictly between the limits, but for the two laws where they are one.
+    # Strictly between the limits, except for the two laws where they coincide.
     turns = np.where(circle == line, np.round(count * low), np.floor(count * low) + 1)
     return Least(
         n=n,
@@ -88,21 +88,22 @@ def least(n) -> Least:
 
 
 def closed(law: CentralForce, turns: int, loops: int, *, r=1.0, m=1.0) -> Orbit:
-    """The orbit with so many loops in so many turns about the centre, from its farthest point.
+    """The orbit with given loops and turns about the centre, from its farthest point.
 
     Args:
-      law: the force, e.g. ``PowerLaw(k, n)``, or a `CentralForce` of one's own.
+      law: the force, e.g. ``PowerLaw(k, n)``, or a custom `CentralForce`.
       turns: p, turns in a period.
       loops: q, farthest points in a period; without a common factor with p.
       r: distance of the farthest point [m].
       m: mass [kg].
     Returns:
-      The orbit, closed to 1e-12, or for very near passages to what rounding permits (`find`); of
-        several shapes the one nearest to a circle.
+      The orbit, closed to 1e-12, or for very close passages to what rounding permits (`find`); of
+        several shapes the one closest to a circle.
     Raises:
-      ValueError: invalid arguments.
-      SearchError: no orbit closes like this, and which do. For a `PowerLaw` that is certain;
-        for another law the shapes that were tried are said.
+      ValueError: `law` is not a CentralForce, `turns` or `loops` is less than 1 or they have a
+        common factor, or `r` or `m` is not positive.
+      SearchError: no orbit closes like this, and which do. For a `PowerLaw` that is certain; for
+        another law the message names the shapes tried.
     Example:
       >>> from jaxdyn.effects import PowerLaw
       >>> from orbits.targets import loops
@@ -119,7 +120,7 @@ def closed(law: CentralForce, turns: int, loops: int, *, r=1.0, m=1.0) -> Orbit:
     if not orbit.ok:
         raise SearchError(
             f"The orbit exists: its smallest distance is {math.exp(-depth):.3g} of the largest. "
-            f"But it could not be followed closely enough: {orbit.message}"
+            f"But it could not be integrated accurately enough: {orbit.message}"
         )
     return orbit
 
@@ -127,18 +128,18 @@ def closed(law: CentralForce, turns: int, loops: int, *, r=1.0, m=1.0) -> Orbit:
 def rosette(law: CentralForce, ratio=0.4, *, r=1.0, m=1.0, loops: int = 40) -> Scene:
     """A motion between two radii over many loops: where none closes, it fills its ring.
 
-    That is what a search which fails is left with.
+    Useful where `closed` finds no orbit.
 
     Args:
       law: the force.
       ratio: of the smallest to the largest distance, between 0 and 1.
       r: distance of the farthest point, where it starts [m].
       m: mass [kg].
-      loops: in the scene's span.
+      loops: number of loops in the scene's span.
     Raises:
       ValueError: `law` is not a CentralForce, or `ratio` is not between 0 and 1, or `r`, `m` or
         `loops` is not positive.
-      SearchError: nothing moves between such radii under this law.
+      SearchError: no motion is between such radii under this law.
     Example:
       >>> from jaxdyn.effects import PowerLaw
       >>> from orbits.targets import loops
@@ -165,11 +166,11 @@ def rosette(law: CentralForce, ratio=0.4, *, r=1.0, m=1.0, loops: int = 40) -> S
 def count(orbit: Orbit) -> tuple[int, int]:
     """Turns about the centre and farthest points of an orbit in a period, counted on its path.
 
-    The turns are the angle that is integrated with the motion (`jaxdyn.scenes.swept_angle`). A
-    motion between two radii goes outwards for half of its time, which no samples miss.
+    The turns are the angle integrated with the motion (`jaxdyn.scenes.swept_angle`). A motion
+    between two radii moves outwards for half of its time, which no samples miss.
 
     Raises:
-      SearchError: the turns are not a whole number, by more than errors explain.
+      SearchError: the turns differ from a whole number by more than errors.
     """
     turns = abs(float(scenes.swept_angle(orbit.scene, rtol=orbit.rtol))) / (2 * np.pi)
     if not abs(turns - round(turns)) < _WHOLE:
@@ -192,7 +193,7 @@ def _coprime(turns, loops) -> None:
 def _law(law) -> None:
     untraced("law", law, "Find the orbit outside; then differentiate orbits.solution.")
     if not isinstance(law, CentralForce):
-        raise fail("law", "a CentralForce", repr(law), "PowerLaw(1.0, -1.0) is one.")
+        raise fail("law", "a CentralForce", repr(law), "Pass PowerLaw(1.0, -1.0), for example.")
 
 
 def _started(law: CentralForce, depth: float, r: float, m: float):

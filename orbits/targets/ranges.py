@@ -1,7 +1,7 @@
 """The range of a throw over all of its angles: where it is extreme, where a function is zero.
 
-Angles are looked at as courses w = log tan(angle / 2), in which flat throws are as far from each
-other as steep ones; see `launch`.
+Angles are sampled as courses w = log tan(angle / 2), in which flat throws are as far apart as steep
+ones; see `launch`.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from jaxdyn.analysis._roots import root
 from jaxdyn.status import Code
 from orbits.targets.launch import Landings, followed, landings
 
-#: Courses log tan(angle / 2) at which the range is looked at, forwards; the first is 1e-17 rad.
+#: Courses log tan(angle / 2) at which the range is sampled, forwards; the first is 1e-17 rad.
 _FLAT = np.array(
     [
         *np.arange(40.0, 16.0, -3.0),
@@ -33,25 +33,25 @@ _FLAT = np.array(
     ]
 )
 COURSES = np.concatenate([-_FLAT, [0.0], _FLAT[::-1]])
-LOOK = 1e-7  # tolerance of the first look
-WIDER = 1e-3  # by which a bracket found with it is widened, so that it still holds with RTOL
-SAME = 1e-7  # angles nearer than this, at a target as far as a throw can go, are one
+LOOK = 1e-7  # tolerance of the samples
+WIDER = 1e-3  # by which a bracket found with it is widened, to remain valid with RTOL
+SAME = 1e-7  # angles closer than this, at the largest range, are one
 
 
 class Aim(Code):
-    """How aiming ended."""
+    """Outcome of aiming."""
 
-    FOUND = 0, "The aim is found."
-    OUT_OF_REACH = 1, "No throw lands there. Throw faster, or take a nearer target."
+    FOUND = 0, "The aim was found."
+    OUT_OF_REACH = 1, "No throw lands there. Throw faster, or choose a nearer target."
     NO_RANGE = (
         2,
-        "No launch angle is the best one: throws go forwards the less the flatter they are, or "
-        "do not come down. Is the wind too strong for this speed?",
+        "No launch angle is best: throws go less far forwards the flatter they are, or do not come "
+        "down. Is the wind too strong for this speed?",
     )
     LOST = (
         3,
-        "Some throws could not be followed to the ground, and one of them may be better. The "
-        "drag is so strong that the fall is stiff: take a lower speed or less drag.",
+        "Some throws could not be integrated to the ground, and one of them may be better. The "
+        "drag is so strong that the fall is stiff: use a lower speed or less drag.",
     )
     NO_CONVERGENCE = (
         4,
@@ -81,7 +81,7 @@ def best_courses(scene: Scene, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def turns(scene: Scene, look: Landings, speed: float) -> tuple[np.ndarray, np.ndarray]:
-    """Courses of all extremes of the range between those looked at, and if they are found."""
+    """Courses of all extremes of the range between those sampled, and whether they were found."""
     rising = look.dx[:, 0] > 0
     known = np.isfinite(look.x[:-1] + look.x[1:])
     cells = np.flatnonzero((rising[:-1] != rising[1:]) & known)
@@ -91,10 +91,10 @@ def turns(scene: Scene, look: Landings, speed: float) -> tuple[np.ndarray, np.nd
 
 
 def _tops(scene: Scene, low, high, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) courses between low and high at which the range is extreme, and if they are found."""
+    """(n,) courses between low and high at which the range is extreme, and whether found."""
 
     def slope(w):
-        # Its own slope would take second derivatives of the flight: three times the compiling.
+        # Its own slope would need second derivatives of the flight: three times the compile time.
         return landings(scene, w, speeds).dx[:, 0], np.full(len(w), np.nan)
 
     return root(slope, low - WIDER, high + WIDER)

@@ -1,7 +1,7 @@
-"""Which shape of an orbit about a centre, which ratio of its radii, has a given apsidal angle.
+"""The shape of an orbit about a centre, the ratio of its radii, with a given apsidal angle.
 
-For power laws the limits of the angle are known and it goes one way between them, so that there
-is one shape or, for certain, none. For other laws shapes are sampled.
+For power laws the limits of the angle are known and it is monotone between them, so that there is
+one shape or, provably, none. For other laws shapes are sampled.
 """
 
 import math
@@ -17,11 +17,11 @@ from jaxdyn.analysis._roots import root
 from jaxdyn.effects import CentralForce, PowerLaw
 from orbits.orbit import SearchError
 
-#: Shapes that are tried, from circles to lines: logarithms of r_max / r_min. The last is 1e-74.
+#: Shapes tried, from circles to lines: logarithms of r_max / r_min. The last is 1e-74.
 _DEPTHS = np.concatenate([[1e-7], np.geomspace(1e-3, 170.0, 60)])
-_SAME = 1e-9  # angles over pi that differ by less are one: all shapes close
-_ANY = 0.8  # the depth that is taken then
-_SIMPLE = 100  # loops that are counted of an orbit of any shape
+_SAME = 1e-9  # angles over pi that differ by less are equal: all shapes close
+_ANY = 0.8  # the depth used then
+_SIMPLE = 100  # largest number of loops tried where every shape closes
 
 
 def depth_of(law: CentralForce, turns: int, loops: int, r: float) -> float:
@@ -52,7 +52,7 @@ def depth_of(law: CentralForce, turns: int, loops: int, r: float) -> float:
 
 
 def _check_limits(law: PowerLaw, turns: int, loops: int) -> None:
-    """Raise SearchError unless the power law has an orbit with so many turns and loops."""
+    """Raise SearchError unless the power law has an orbit with these turns and loops."""
     circle, line = map(float, scenes.apsidal_limits(law.n))
     if not (law.k > 0 and math.isfinite(circle)):
         raise SearchError(NOWHERE)
@@ -61,9 +61,9 @@ def _check_limits(law: PowerLaw, turns: int, loops: int) -> None:
             raise SearchError(_always(line))
     elif not min(circle, line) < turns / loops < max(circle, line):
         raise SearchError(
-            f"Under r^{float(law.n):g} the apsidal angle over pi goes one way, from {circle:.6g} "
+            f"Under r^{float(law.n):g} the apsidal angle over pi is monotone from {circle:.6g} "
             f"near circles to {line:.6g} near lines, and reaches neither: all of these orbits are "
-            "rosettes. Take turns / loops between these numbers."
+            "rosettes. Choose turns / loops between these numbers."
         )
 
 
@@ -77,7 +77,7 @@ def _always(angle: float) -> str:
     turns, loops = Fraction(angle).limit_denominator(_SIMPLE).as_integer_ratio()
     return (
         f"Under this law every motion between two radii closes, with turns / loops = {turns} / "
-        f"{loops}. Take these."
+        f"{loops}. Choose these."
     )
 
 
@@ -85,19 +85,19 @@ def _no_shape(law: CentralForce, depths: np.ndarray, found: np.ndarray) -> str:
     shapes = f"ratios of radii from {math.exp(-depths[-1]):.2g} to {math.exp(-depths[0]):.7g}"
     if isinstance(law, PowerLaw):
         return (
-            f"The orbit exists, but not at {shapes}: it is nearer to a line or a circle than that. "
-            "Take turns / loops farther from the limits of the apsidal angle over pi."
+            f"The orbit exists, but not at {shapes}: it is closer to a line or a circle. "
+            "Choose turns / loops farther from the limits of the apsidal angle over pi."
         )
     return (
         f"At {len(found)} {shapes} the apsidal angle over pi is between {found.min():.6g} and "
         f"{found.max():.6g}; these orbits are rosettes. Shapes between them or beyond them are not "
-        "excluded. Take turns / loops between these numbers."
+        "excluded. Choose turns / loops between these numbers."
     )
 
 
 def over_pi(law: CentralForce, depths: np.ndarray, r: float) -> np.ndarray:
-    """(m,) apsidal angles over pi of orbits of these shapes, NaN where there are none."""
-    # One number of shapes is one compiled program.
+    """(m,) apsidal angles over pi of orbits of these shapes, NaN if there is none."""
+    # Each number of shapes is compiled once.
     padded = np.append(depths, np.full(len(_DEPTHS) - len(depths), depths[0]))
     return np.asarray(_angles(law, jnp.asarray(padded), r))[: len(depths)] / np.pi
 

@@ -1,8 +1,7 @@
-"""The end of a throw that drag rules: a steady fall, in a straight line.
+"""The end of a throw dominated by drag: a steady fall, in a straight line.
 
-A solver's steps would be no longer than the ball's memory of its launch, of which such a fall may
-last a billion. If the force is the same everywhere and always, nothing changes in it any more: it
-is not integrated.
+A solver's steps would be limited by the relaxation time, of which such a fall may last a billion.
+If the force does not depend on place and time, the steady fall is uniform: it is not integrated.
 """
 
 from typing import NamedTuple
@@ -15,23 +14,23 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from orbits.targets.thrown import direction, turned
 
-_NEWTONS = 60  # to the steady velocity: each at least halves the distance
+_NEWTONS = 60  # Newton steps to the steady velocity: each at least halves the distance
 _FORGOTTEN = 45.0  # relaxation times in which a steady velocity is reached: e^-45 of the launch
 _STEADY = 1e-5  # of the speed: the squares of smaller deviations are rounding
 _SAME_FORCE = 1e-12  # of the acceleration, where forces are compared
-#: Parts of a steady fall at which its force is looked at.
+#: Parts of a steady fall at which its force is sampled.
 _ON_THE_WAY = np.concatenate([[0.0], np.geomspace(1e-6, 1.0, 12), np.arange(1, 16) / 16])
-#: Places in units of the throw's length, and moments in units of the time it takes at full speed.
+#: Places in units of the throw's length, and times in units of the time it takes at full speed.
 _ELSEWHERE = (((1.0, 0.3), 0.0), ((0.01, 0.7), 0.0), ((-0.4, -0.1), 0.0), ((0.0, 0.0), 1.3))
 
 
 class Fall(NamedTuple):
-    """How a throw forgets its launch.
+    """Relaxation of a throw to a steady fall.
 
     Attributes:
-      memory: () relaxation time of its steady velocity [s]; infinite where it has none.
-      settled: () time after which it falls steadily, to rounding [s]; infinite where the force is
-        not the same everywhere and always.
+      memory: () relaxation time of its steady velocity [s]; infinite if it has none.
+      settled: () time after which it falls steadily, to rounding [s]; infinite if the force depends
+        on place or time.
     """
 
     memory: Array
@@ -39,14 +38,14 @@ class Fall(NamedTuple):
 
 
 def fall_of(scene: Scene, launch: Array, length: Array) -> Fall:
-    """How the throw with this launch velocity (2,) [m/s] and this size () [m] forgets it."""
+    """How the throw with this launch velocity (2,) [m/s] and this size () [m] relaxes."""
     down, speed = acceleration(scene, jnp.zeros(2)), jnp.linalg.norm(launch)
     g = jnp.linalg.norm(down)
 
     def newton(_, v):
         return v - _solved(_slope(scene, v), acceleration(scene, v))
 
-    # From far outside Newton's method comes in without fail: drag grows with the speed.
+    # From large speeds Newton's method always converges: drag grows with the speed.
     steady = jax.lax.fori_loop(0, _NEWTONS, newton, launch + speed * down / g)
     (a, b), (_, d) = slope = _slope(scene, steady)
     slowest = -0.5 * (a + d) - jnp.hypot(0.5 * (a - d), b)  # the smaller rate of the two
@@ -61,10 +60,10 @@ class End(NamedTuple):
     """Where a steady fall ends, along the launch and across it.
 
     Attributes:
-      t: () time [s]; NaN, like all others, where it does not come down.
-      r: (2,) way from the launch [m].
+      t: () time [s]; NaN, like all others, if it does not land.
+      r: (2,) displacement from the launch [m].
       v: (2,) velocity [m/s].
-      lost: () whether the fall is not steady, so that nothing is known of its end.
+      lost: () whether the fall is not steady, so that its end is unknown.
     """
 
     t: Array
@@ -74,7 +73,7 @@ class End(NamedTuple):
 
 
 def fallen(scene: Scene, w: Array, t: Array, r: Array, v: Array) -> End:
-    """The end of the steady fall at which a throw of course w has arrived at r (2,) with v (2,)."""
+    """The end of the steady fall reached by a throw of course w at r (2,) with v (2,)."""
     c, s = direction(w)
 
     def gain(v, r=r, t=t):
@@ -83,7 +82,7 @@ def fallen(scene: Scene, w: Array, t: Array, r: Array, v: Array) -> End:
     slope = jax.jacfwd(gain)(v)
     off = _solved(slope, gain(v))
     steady = v - off
-    # What is left of the deviation moves it by the integral of exp(slope t) off.
+    # The remaining deviation of velocity displaces it by its integral of exp(slope t).
     r = r - _solved(slope, off)
     up = jnp.stack([s, c])
     sinking = -jnp.sum(up * steady)
@@ -99,7 +98,7 @@ def fallen(scene: Scene, w: Array, t: Array, r: Array, v: Array) -> End:
 
 
 def acceleration(scene: Scene, velocity: Array, place=0.0, t=0.0) -> Array:
-    """(2,) acceleration of the point with a velocity, somewhere beside its launch [m/s^2]."""
+    """(2,) acceleration of the point with a velocity, at a place relative to its launch [m/s^2]."""
     y = jnp.concatenate([scene.y0[:2] + place, velocity])
     return scene.rate(jnp.asarray(t, float), y)[2:]
 
@@ -115,7 +114,7 @@ def _solved(matrix: Array, right: Array) -> Array:
 
 
 def _is_uniform(scene: Scene, velocity: Array, length: Array) -> Array:
-    """() whether the force at some places and times is that at the launch."""
+    """() whether the force at sample places and times equals that at the launch."""
     here = acceleration(scene, velocity)
     time = length / jnp.linalg.norm(velocity)
     gaps = [

@@ -1,8 +1,8 @@
-"""A point that is thrown, seen along its launch, in units that leave all its digits to it.
+"""A thrown point in axes along its launch, in units that preserve its digits.
 
-Each number is measured in the size that it has when the throw comes down, be that 1e-20 of its size
-at the launch: a fast ball that the drag has stopped and a throw along the ground keep their digits,
-in their derivatives too.
+Each number is in units of its size when the throw lands, even if that is 1e-20 of its size at the
+launch: a fast ball stopped by drag and a throw along the ground keep their digits, in their
+derivatives too.
 """
 
 import equinox as eqx
@@ -15,17 +15,17 @@ from jaxdyn.integrate import events
 
 
 class Units(eqx.Module):
-    """What the numbers of a throw are measured in, along its launch and across.
+    """The units of a throw, along its launch and across.
 
-    A force that is given by its entries in x and y, and its derivatives, have rounding in every
-    direction that is a share of the speed; until the drag has taken that, no smaller speeds mean
-    anything.
+    A force given by its entries in x and y, and its derivatives, have rounding in every direction
+    that is a fraction of the speed; until drag has reduced the speed, smaller ones are not
+    significant.
     """
 
     lengths: Array  # (2,) [m]
-    last: Array  # (2,) speeds when it comes down [m/s]
-    grain: Array  # () speed at the launch that is rounding over the tolerance [m/s]
-    memory: Array  # () time in which the speed fades [s]
+    last: Array  # (2,) speeds on landing [m/s]
+    grain: Array  # () speed at the launch: rounding over the tolerance [m/s]
+    memory: Array  # () relaxation time of the speed [s]
 
     def speeds(self, t: Array) -> Array:
         """(2,) units of speed [m/s]."""
@@ -40,11 +40,11 @@ class Units(eqx.Module):
 
 
 class Thrown(System):
-    """A point seen along its launch: state a, b, va, vb, forwards and to the left, all pure."""
+    """A point in axes along its launch: state a, b, va, vb, forwards and left, dimensionless."""
 
     system: FreePoints
     origin: Array
-    course: Array  # not the angle: tangents by it are as small as those of flat throws are
+    course: Array  # not the angle, so that tangents of flat throws are as small as they should be
     units: Units
 
     @property
@@ -61,7 +61,7 @@ class Thrown(System):
         return jnp.concatenate([turned(r, c, s) + self.origin, turned(v, c, s)])
 
     def position_and_velocity(self, t: Array, z: Array) -> tuple[Array, Array]:
-        """(2,) the way it has come, and (2,) its velocity, both along its launch and across."""
+        """(2,) displacement and (2,) velocity, both along the launch and across."""
         r, v = z.reshape(2, 2)
         return r * self.units.lengths, v * self.units.speeds(t)
 
@@ -79,7 +79,7 @@ class Thrown(System):
 def direction(w: Array) -> tuple[Array, Array]:
     """Cosine and sine of the launch angle of a course.
 
-    Not by tanh or expm1: their derivatives, as JAX takes them, cancel for flat throws.
+    Not by tanh or expm1, whose derivatives in JAX cancel for flat throws.
     """
     forwards = w < 0
     h = jnp.exp(jnp.where(forwards, w, -w))
@@ -88,7 +88,7 @@ def direction(w: Array) -> tuple[Array, Array]:
 
 
 def turned(vector: Array, c: Array, s: Array) -> Array:
-    """(2,) the vector turned by the angle with this cosine and sine."""
+    """(2,) the vector rotated by the angle with this cosine and sine."""
     return jnp.stack([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
 
 

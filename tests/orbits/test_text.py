@@ -94,7 +94,7 @@ def test_aims_are_shown_with_units():
         "  speed    10 m/s",
         f"  angles   ({low:.6g}, {np.pi / 2 - low:.6g}) rad",
     ]
-    assert hits[-2:] == ["  outcome  FOUND", "  message  The aim is found."]
+    assert hits[-2:] == ["  outcome  FOUND", "  message  The aim was found."]
     throws = lines(aim.farthest(scenes.cannonball(), np.linspace(1.0, 9.0, 9)))
     assert throws[1] == "  speed    shape (9,)"
     least = lines(loops.least(jnp.array([-1.0, 1.0])))

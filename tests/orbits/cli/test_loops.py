@@ -54,13 +54,13 @@ def test_an_orbit_that_does_not_exist_is_a_rosette(loops, tmp_path):
     words = ("--n=-1", "--turns", 1, "--loops", 1)
     code, out, _ = loops(*words, "--plot", tmp_path / "ring.png")
     assert code == 1
-    assert "no orbit: Under r^-1 the apsidal angle over pi goes one way" in out
+    assert "no orbit: Under r^-1 the apsidal angle over pi is monotone" in out
     assert "what moves there instead is drawn in" in out
     assert (tmp_path / "ring.png").stat().st_size > 20_000
     code, out, _ = loops(*words, "--json")
     answer = json.loads(out)
     assert (code, answer["ok"]) == (1, False)
-    assert "Take turns / loops between" in answer["message"]
+    assert "Choose turns / loops between" in answer["message"]
     none = tmp_path / "none.png"
     code, out, _ = loops("--n=-4", "--turns", 1, "--loops", 1, "--plot", none)
     assert code == 1

@@ -155,13 +155,13 @@ def test_a_picture(slides, tmp_path):
         (lambda: hopping.hop(scenes.cylinder_on_ramp()), r"slope: expected 0, level .* gains"),
         (
             lambda: hopping.hop(scenes.cylinder_on_ramp(slope=0.0, d=0.0)),
-            "d: expected > 0.*without hopping",
+            "d: expected > 0.*does not hop",
         ),
         (lambda: hopping.hop(LEVEL, turns=0), "turns: expected a whole number.*enter the ground"),
         (lambda: hopping.hop(scenes.pendulum()), "scene: expected a cylinder on a ramp"),
         (
             lambda: hopping.hop(LEVEL.without(UniformGravity) + UniformGravity(-1.0)),
-            "scene: expected gravity that pulls down",
+            "scene: expected gravity downwards",
         ),
     ],
 )

@@ -113,7 +113,7 @@ def test_a_law_of_ones_own_and_a_second_integrator():
 
 
 def test_what_does_not_exist_says_why():
-    with pytest.raises(orbits.SearchError, match=r"one way, from 0.70.* to 0.5 near lines.*roset"):
+    with pytest.raises(orbits.SearchError, match=r"monotone from 0.70.* to 0.5 near lines.*roset"):
         loops.closed(PowerLaw(1.0, -1.0), 1, 1)
     # Neither limit is reached: 1 / 3 belongs to circles alone.
     with pytest.raises(orbits.SearchError, match="reaches neither"):
@@ -129,7 +129,7 @@ def test_what_does_not_exist_says_why():
 
 @pytest.mark.parametrize(("n", "only"), [(1.0, "1 / 2"), (-2.0, "1 / 1")])
 def test_where_every_orbit_closes_there_is_one_choice_of_turns_and_loops(n, only):
-    with pytest.raises(orbits.SearchError, match=f"every motion .* closes, .* = {only}. Take"):
+    with pytest.raises(orbits.SearchError, match=f"every motion .* closes, .* = {only}. Choose"):
         loops.closed(PowerLaw(1.0, n), 2, 3)
 
 
