@@ -18,7 +18,7 @@ from jaxdyn._text import whole as whole
 
 
 def is_traced(x: Any) -> bool:
-    """True while x is inside a jax transformation and has no value to look at."""
+    """True while x is inside a jax transformation and has no known value."""
     if isinstance(x, jax.core.Tracer):
         return True
     # The usual cases, in a tenth of the time that a search through a pytree takes.
@@ -39,7 +39,7 @@ def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") ->
 
 
 def host_array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Any:
-    """`array` of NumPy where x has a value: for what is looked at on the host once more."""
+    """`array` as NumPy where x has a value: for further use on the host."""
     if is_traced(x):
         return array(name, x, shape, remedy)
     try:
@@ -82,10 +82,10 @@ def numbers(name: str, x: Any, remedy: str = "") -> Array:
 
 
 def _numeric(x: Any) -> None:
-    """Raise TypeError for what is no number."""
+    """Raise TypeError unless x is numeric."""
     if type(x) is float or getattr(x, "dtype", None) == np.float64:
         return
-    # numpy would read the text "1" and the truth True as the number 1.
+    # numpy would convert the text "1" and the boolean True to the number 1.
     for leaf in jax.tree.leaves(x):
         if isinstance(leaf, str | bool) or getattr(leaf, "dtype", np.dtype(float)).kind in "bUSO":
             raise TypeError

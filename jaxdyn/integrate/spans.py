@@ -60,7 +60,7 @@ def _number(name: str, x, remedy: str) -> float:
 def span(scene: Scene, t1=None, t0=0.0) -> tuple[Array, Array]:
     """Start () and end () of a motion of a scene, all three checked.
 
-    The end is the scene's own where it is None. Both are of NumPy unless they are traced.
+    A `t1` of None means the scene's own end. Both are NumPy arrays unless traced.
     """
     own = checked_scene(scene).t1
     t1 = own if t1 is None else t1
@@ -80,7 +80,7 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
             return t0, t1, jnp.linspace(t0, t1, int(samples))
         # In JAX it would compile for each number of samples.
         return t0, t1, as_float(np.linspace(float(t0), float(t1), int(samples)))
-    ts = _checks.host_array("samples", samples, (None,), "An array of times, or how many.")
+    ts = _checks.host_array("samples", samples, (None,), "Pass an array of times, or their number.")
     _check_memory(scene, len(ts))
     if not _checks.is_traced((ts, t0, t1)):
         inside = np.concatenate([t0[None], ts, t1[None]])
