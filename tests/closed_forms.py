@@ -17,7 +17,7 @@ from odes import stuart_landau
 import jaxdyn
 from jaxdyn import Effect, Scene, scenes
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.hard import long
+from jaxdyn.hard.cases import long
 
 
 class Known(NamedTuple):

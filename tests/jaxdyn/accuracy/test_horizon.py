@@ -9,7 +9,7 @@ import pytest
 
 from jaxdyn import scenes
 from jaxdyn.accuracy import horizon
-from jaxdyn.hard import chaos
+from jaxdyn.hard.cases import chaos
 from jaxdyn.solvers import VERNER9
 
 RTOL = 1e-10

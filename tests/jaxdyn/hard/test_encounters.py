@@ -13,7 +13,7 @@ from jaxdyn.analysis.approaches import closest_approaches
 from jaxdyn.analysis.regularised import regularised, simulate_regularised
 from jaxdyn.effects import LinearDrag, PairGravity, PowerLaw
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.hard import encounters
+from jaxdyn.hard.cases import encounters
 from jaxdyn.status import IntegrationError, Status
 
 REFERENCE = json.loads((TESTS / "references" / "pythagorean_reference.json").read_text())
