@@ -1,6 +1,6 @@
 """orbits: periodic orbits of jaxdyn's scenes, found, identified, tested for stability, checked.
 
-A tour, from the rough guess of a textbook to Montgomery's figure-eight:
+An example, from the rough guess of a textbook to Montgomery's figure-eight:
 
 >>> import jaxdyn
 >>> import orbits

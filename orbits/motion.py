@@ -40,7 +40,7 @@ def advanced(
     """The end of a motion after a span of time; differentiable in all numbers but s.
 
     Args:
-      scene: the scene; the motion begins at its start.
+      scene: the scene; the motion starts at its start.
       span: () length of the motion [time of the scene].
       s: () span of logarithmic time to integrate over first; None for plain time.
       t0: () start time.

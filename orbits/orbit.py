@@ -1,4 +1,4 @@
-"""What was found: an orbit, how well it closes, and how the search for it ended."""
+"""A periodic orbit: its closing error, and the outcome of the search for it."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,17 +13,17 @@ from orbits.motion import logarithmic_period
 
 
 class Outcome(Code):
-    """How a search for an orbit ended."""
+    """Outcome of a search for an orbit."""
 
     FOUND = 0, "The orbit closes."
     ITERATION_LIMIT = (
         1,
-        "The iteration was still under way at its limit. Raise max_iterations, or start nearer.",
+        "The iteration reached its limit. Raise max_iterations, or start closer.",
     )
     NO_DESCENT = (
         2,
-        "No step makes the closing error smaller: there is no orbit near this guess, or it is "
-        "too unstable for single shooting. Start nearer, or use more segments.",
+        "No step reduces the closing error: there is no orbit near this guess, or it is "
+        "too unstable for single shooting. Start closer, or use more segments.",
     )
     COLLISION = (
         3,
@@ -32,13 +32,13 @@ class Outcome(Code):
     )
     ESCAPE = (
         4,
-        "The iteration ran away to a hundred times the size of the guess, where everything "
-        "closes because nothing moves. Set bounds near the guess.",
+        "The iteration diverged to a hundred times the size of the guess, where everything "
+        "closes for lack of motion. Set bounds near the guess.",
     )
     TRIVIAL = (
         5,
-        "The iteration fell towards a trivial solution: a period of zero or a state of rest, "
-        "which closes always. Set a lower bound on the period.",
+        "The iteration converged to a trivial solution: a period of zero or a state of rest, "
+        "which always closes. Set a lower bound on the period.",
     )
     BOUND = (
         6,
@@ -47,7 +47,7 @@ class Outcome(Code):
     STEP_LIMIT = (
         7,
         "The motion from the guess takes more steps than the integrator may. In close encounters "
-        "rounding leaves fewer digits than asked for: pass rtol=1e-13. Else look at it with "
+        "rounding leaves fewer digits than requested: pass rtol=1e-13. Else inspect it with "
         "simulate(): is the period as long as it should be, and the scene not stiff?",
     )
     BOUND_PASSED = (
@@ -66,29 +66,29 @@ class Outcome(Code):
 
 
 class SearchError(RuntimeError):
-    """Raised where the caller asked for an orbit or an exception (``throw=True``)."""
+    """Raised if no orbit was found, with ``throw=True``."""
 
 
 class Orbit(eqx.Module):
-    """A start and a period, how well they close, and how the search for them ended.
+    """A start and a period, their closing error, and the outcome of the search.
 
     Attributes:
-      scene: what moves; its own start and span are those of the orbit.
-      closing: what was demanded.
-      residual: () largest entry of what does not close, conditions included.
+      scene: the scene; its own start and span are those of the orbit.
+      closing: the closing condition.
+      residual: () largest entry of the closing error, conditions included.
       outcome: `Outcome`; unless it is FOUND this is the best iterate, not an orbit.
-      iterations: Newton steps taken.
+      iterations: number of Newton steps.
       rtol: tolerance of the integrations.
-      angle: by which a relative orbit has turned after one part of its period [rad], else 0.
-      s_period: the period in logarithmic time (see `jaxdyn.analysis.regularised`) where close
-        encounters are followed in it, else None.
+      angle: rotation of a relative orbit after one part of its period [rad], else 0.
+      s_period: the period in logarithmic time (see `jaxdyn.analysis.regularised`) if close
+        encounters are integrated in it, else None.
       shift: largest change of an entry of the start from the guess that `find` was given.
 
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
       >>> orbit = orbits.find(scenes.oscillator(), period=6.0)
-      >>> print(str(orbit).partition(", to ")[0])  # how well it closes is rounding
+      >>> print(str(orbit).partition(", to ")[0])  # the closing error is rounding
       Orbit of oscillator
         period   6.2831853071796 s
         closing  plain closing
@@ -142,7 +142,7 @@ class Orbit(eqx.Module):
 
 
 def relocated(orbit: Orbit, scene: Scene) -> Orbit:
-    """The same orbit elsewhere: turned, scaled, begun at another time, counted over fewer turns."""
+    """The same orbit elsewhere: rotated, scaled, shifted in time, over fewer periods."""
     s_period = None if orbit.s_period is None else logarithmic_period(scene)
     return eqx.tree_at(
         lambda o: (o.scene, o.s_period), orbit, (scene, s_period), is_leaf=lambda x: x is None

@@ -1,7 +1,7 @@
-"""The command line of `orbits`, one file a command.
+"""The command line of `orbits`, one file per command.
 
-`find`, `family`, `aim`, `loops`, `search`, `figure_eight` and `verify` are the commands, which
-`app` puts together; `shared` is what they have in common, `printed` the table of claims.
+`find`, `family`, `aim`, `loops`, `search`, `figure_eight` and `verify` are the commands, collected
+by `app`; `shared` has their common parts, `printed` the table of claims.
 
 May import: `drawing`, `discovery`, `hybrid`. Nothing here loads JAX before a command needs it.
 

@@ -26,7 +26,7 @@ def aim_command(
 ) -> None:
     """The launch angle of the longest throw; with --x, those that hit, and the least speed."""
     check_title(title, plot)
-    with screen("looking for the angle that carries farthest", as_object) as out:
+    with screen("looking for the angle of the longest throw", as_object) as out:
         scene = jaxdyn.scenes.cannonball(m=mass, g=g)
         if drag:
             scene = scene + jaxdyn.effects.QuadraticDrag(drag, (wind, 0.0))

@@ -30,13 +30,13 @@ def family_command(
     name: SceneArgument,
     settings: SetOption = None,
     parameter: Annotated[
-        str | None, typer.Option(help="The number that changes; the energy if left out.")
+        str | None, typer.Option(help="The number that changes; by default the energy.")
     ] = None,
     from_orbit: Annotated[
-        Path | None, typer.Option(help="Begin with the orbit in this file.", callback=read)
+        Path | None, typer.Option(help="Start with the orbit in this file.", callback=read)
     ] = None,
     period: Annotated[float | None, typer.Option(help="Guess for the first orbit.")] = None,
-    members: Annotated[int, typer.Option(help="How many orbits at most.")] = 50,
+    members: Annotated[int, typer.Option(help="Largest number of orbits.")] = 50,
     step: Annotated[float, typer.Option(help="Length of the first step.")] = 0.05,
     down: Annotated[bool, typer.Option("--down", help="Towards smaller values first.")] = False,
     within: Annotated[
@@ -89,7 +89,7 @@ def family_command(
 def _first(
     name: str, values: dict, period: float | None, from_orbit: Path | None, out: Screen
 ) -> "orbits.Orbit":
-    """The orbit with which the family begins."""
+    """The first orbit of the family."""
     if from_orbit is not None:
         return orbits.load(from_orbit)[0]
     scene = jaxdyn.scenes.catalogue.entries()[name].make(**values)

@@ -95,7 +95,7 @@ def _print_seconds(clock: "jaxdyn.accuracy.timing.Clock", out: Screen) -> None:
 
 
 def _numbers(option: str, text: str | None, count: int) -> list[float] | None:
-    """So many numbers in A,B,...; None without text."""
+    """`count` numbers in A,B,...; None without text."""
     if text is None:
         return None
     values = numbers(option, text)

@@ -29,17 +29,17 @@ def find_command(
     name: SceneArgument,
     settings: SetOption = None,
     period: Annotated[
-        float | None, typer.Option(help="Guess; from a close return if left out.")
+        float | None, typer.Option(help="Guess; by default from a close return.")
     ] = None,
     closing: Annotated[
         str, typer.Option(metavar="NAME", help=f"{', '.join(_CLOSINGS[:-1])} or {_CLOSINGS[-1]}.")
     ] = "plain",
-    energy: Annotated[float | None, typer.Option(help="Energy of the wanted orbit.")] = None,
+    energy: Annotated[float | None, typer.Option(help="Energy of the orbit.")] = None,
     hold: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="Entry of the state that keeps its start; repeatable."),
     ] = None,
-    segments: Annotated[int | None, typer.Option(help="Pieces of the motion.")] = None,
+    segments: Annotated[int | None, typer.Option(help="Segments of the motion.")] = None,
     rough: Annotated[
         bool, typer.Option("--rough", help="Descend from a rough guess before Newton's method.")
     ] = False,
@@ -49,7 +49,7 @@ def find_command(
     save_to: SaveOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """A periodic orbit near a scene's own motion: what it is, and whether it is stable."""
+    """A periodic orbit near a scene's own motion: its invariants and its stability."""
     check_title(title, plot)
     choice("--closing", closing, _CLOSINGS)
     chosen = scene_settings(name, settings)
@@ -76,7 +76,7 @@ def find_command(
             print_reports({f"{name}, {orbit.closing.name}": claims}, out)
         starts = zip(scene.labels(), orbit.y0, strict=True)
         out.print("start: " + ", ".join(f"{label} = {float(y):.12g}" for (label, _), y in starts))
-        out.print(f"  moved by {orbit.shift:.1e} from where the search began")
+        out.print(f"  moved by {orbit.shift:.1e} from the start of the search")
         if save_to:
             with out.writing(save_to, "saved to"):
                 orbits.save(save_to, orbit, claims)

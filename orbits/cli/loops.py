@@ -21,8 +21,10 @@ def loops_command(
     n: Annotated[
         str, typer.Option(metavar="A,B,...", help="Exponents of the force r^n.")
     ] = _EXPONENTS,
-    turns: Annotated[int | None, typer.Option(help="Find the orbit with so many turns ...")] = None,
-    count: Annotated[int | None, typer.Option("--loops", help="... and so many loops.")] = None,
+    turns: Annotated[
+        int | None, typer.Option(help="Find the orbit with this many turns ...")
+    ] = None,
+    count: Annotated[int | None, typer.Option("--loops", help="... and this many loops.")] = None,
     plot: PlotOption = None,
     title: TitleOption = None,
     as_object: JsonOption = False,
@@ -40,7 +42,7 @@ def loops_command(
     if turns is None or count is None:
         raise fail("--turns and --loops", "both or neither", "one", "An orbit has p and q.")
     if len(exponents) != 1:
-        raise fail("--n", "one exponent with --turns and --loops", n, "Give it: --n=-1.")
+        raise fail("--n", "one exponent with --turns and --loops", n, "Pass it as --n=-1.")
     wanted = f"{counted(count, 'loop')} in {counted(turns, 'turn')}"
     with screen(f"looking for an orbit with {wanted}", as_object) as out:
         law = jaxdyn.effects.PowerLaw(1.0, exponents[0])
@@ -96,7 +98,7 @@ def _draw_failure(law, plot: Path, title: str, out: Screen) -> None:
     except orbits.SearchError:
         out.print("there is nothing to draw: no motion stays between two radii")
         return
-    with out.writing(plot, "what moves there instead is drawn in"):
+    with out.writing(plot, "the actual motion is drawn in"):
         orbits.drawing.rosette(scene, plot, title)
 
 

@@ -9,7 +9,7 @@ from jaxdyn.cli.screen import Screen
 
 
 def print_reports(claims: dict[str, "orbits.Report"], out: Screen) -> None:
-    """Print reports side by side, each under its name, without rows that apply to none."""
+    """Print reports side by side, each under its name, without empty rows."""
     table = Table("")
     for name in claims:
         table.add_column(name, overflow="fold")

@@ -17,9 +17,9 @@ TableOption = Annotated[Path | None, written(writable, "Append to this .jsonl fi
 
 
 def search_command(
-    samples: Annotated[int, typer.Option(help="How many starts to try.")] = 512,
+    samples: Annotated[int, typer.Option(help="Number of starts.")] = 512,
     longest: Annotated[float, typer.Option(help="Longest period.")] = 70.0,
-    seed: Annotated[int, typer.Option(help="Of the samples.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
     table: TableOption = None,
     as_object: JsonOption = False,
 ) -> None:

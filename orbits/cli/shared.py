@@ -1,4 +1,4 @@
-"""What the commands of `orbits` share: parsing, progress, failures, files."""
+"""Common parts of the commands of `orbits`: parsing, progress, failures, files."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -44,7 +44,7 @@ def numbers(option: str, text: str) -> list[float]:
 def not_found(
     orbit: "orbits.Orbit", more: dict, as_object: bool, screen: Screen, stage: str = ""
 ) -> typer.Exit:
-    """Say why there is no orbit, as a JSON object with some more entries if wanted; the exit."""
+    """Print why there is no orbit, optionally as JSON with further entries; returns the exit."""
     if as_object:
         screen.result(_failure(orbit) | more)
     screen.print(f"[red]no orbit[/red]{stage and f' ({stage})'}: {orbit.message}")
@@ -66,7 +66,7 @@ def draw(
     screen: Screen,
     title: str | None = None,
 ) -> None:
-    """Draw orbits, and animate the last one, if asked for."""
+    """Draw orbits, and animate the last one, if requested."""
     if plot:
         with screen.writing(plot, "drawn in"):
             orbits.drawing.orbits(found, plot, titles, title=title)

@@ -1,4 +1,4 @@
-"""The command `orbits verify`: derives every claim of an orbit file again."""
+"""The command `orbits verify`: recomputes every claim of an orbit file."""
 
 from pathlib import Path
 from typing import Annotated
@@ -16,8 +16,8 @@ def verify_command(
     file: Annotated[Path, typer.Argument(help="An orbit file written by --save.", callback=read)],
     as_object: JsonOption = False,
 ) -> None:
-    """Derive every claim of an orbit file again, from its scene, start and period alone."""
-    with screen(f"deriving the claims of {file} again", as_object) as out:
+    """Recompute every claim of an orbit file, from its scene, start and period alone."""
+    with screen(f"recomputing the claims of {file}", as_object) as out:
         derived, mismatches = orbits.verify(file)
         if as_object:
             wrong = [
@@ -35,7 +35,7 @@ def verify_command(
                 f"{first.claimed}",
                 f"These do not hold: {', '.join(m.name for m in mismatches)}. The file was edited.",
             )
-        out.doing("counting the digits that may be claimed, by another integrator")
+        out.doing("counting the certain digits, by another integrator")
         standing = orbits.digits(orbits.load(file)[0])
         out.print(
             f"every claim of the file holds; by another integrator {standing.period:.1f} digits "

@@ -19,7 +19,7 @@ EXACT = 1e-9
 
 @jax.jit
 def rate(scene: Scene, t, y: Float[Array, " k"]) -> Float[Array, " k"]:
-    """The scene's vector field, compiled; operation by operation it takes milliseconds."""
+    """The scene's vector field, compiled; uncompiled it takes milliseconds."""
     return scene.rate(t, y)
 
 
@@ -29,7 +29,7 @@ class Symmetry(eqx.Module):
     Attributes:
       places: (k,) index of the entry that each entry comes from; None for the identity.
       signs: (k,) +1 or -1 for each entry; None for all +1.
-      reversing: whether it maps motions to motions run backwards.
+      reversing: whether it maps motions to time-reversed motions.
     """
 
     places: tuple[int, ...] | None = eqx.field(static=True, default=None)
@@ -83,7 +83,7 @@ def of_points(order, axes=(1, 1), *, reversing: bool = False) -> Symmetry:
       axes: (d,) +1 or -1 for each axis of space.
       reversing: whether time is reversed, which changes the signs of the velocities once more.
     Example:
-      >>> of_points([1, 0, 2], (-1, -1), reversing=True).signs     # keeps Euler's collinear starts
+      >>> of_points([1, 0, 2], (-1, -1), reversing=True).signs     # fixes Euler's collinear starts
       (-1, -1, -1, -1, -1, -1, 1, 1, 1, 1, 1, 1)
     """
     order, axes = np.asarray(order), np.asarray(axes)

@@ -1,4 +1,4 @@
-"""Pictures of motions about a centre: which power laws close with how many loops, and a rosette."""
+"""Pictures of motions about a centre: loops of closed orbits under power laws, and a rosette."""
 
 import math
 import textwrap
@@ -20,8 +20,8 @@ _FILLING = 12_000  # samples of a rosette of many loops
 _TITLE = 80  # characters of a line
 _ABOUT = "Motions about a centre of force r^n: apsidal angle and least number of loops"
 _RING = 6.0  # inches, width of the picture of a rosette
-_WIDEST = 2.0  # apsidal angle over pi that is drawn
-_ROOM = 0.06  # of that angle between two labels
+_WIDEST = 2.0  # largest apsidal angle over pi in the picture
+_ROOM = 0.06  # of that angle: least distance of two labels
 
 
 def loops(
@@ -34,18 +34,18 @@ def loops(
 ) -> Figure:
     """A picture of the apsidal angle of power laws r^n, and of the least number of loops.
 
-    Above, what orbits between circles and lines have, with the fractions turns / loops at which
-    they close; below, how many loops the simplest of them has. Even steps along the exponent are
-    even ratios of n + 3, which shows both ends.
+    Above, the range of orbits between circles and lines, with the fractions turns / loops at which
+    they close; below, the number of loops of the simplest of them. The axis of exponents is
+    logarithmic in n + 3, to show both ends.
 
     Args:
       path: file to write, .png, .pdf or .svg.
       lowest: first exponent, > -3.
       highest: last exponent.
-      most: loops of the fractions that are marked.
-      title: what stands above it; what it is about if left out, "" for nothing.
+      most: largest number of loops of the fractions marked.
+      title: its title; a description by default, "" for none.
     Raises:
-      ValueError: exponents that make no sense, or a file that cannot be written.
+      ValueError: not -3 < `lowest` < `highest`, or `path` cannot be written.
     """
     path = picture_path(path)
     if not -3 < lowest < highest:
@@ -86,12 +86,12 @@ def rosette(scene: Scene, path=None, title: str | None = None) -> Figure:
     """A picture of a motion about a centre and of its ring, which it fills unless it closes.
 
     Args:
-      scene: what `orbits.targets.loops.rosette` made; its span is drawn.
+      scene: from `orbits.targets.loops.rosette`; its span is drawn.
       path: file to write, .png, .pdf or .svg.
-      title: what stands above it, such as why it does not close; the scene with its numbers if
-        left out, "" for nothing.
+      title: its title, such as why it does not close; the scene with its numbers by default, ""
+        for none.
     Raises:
-      ValueError: a file that cannot be written.
+      ValueError: `path` cannot be written.
     """
     path = picture_path(path)
     motion = simulate(scene, samples=_FILLING)
@@ -112,7 +112,7 @@ def rosette(scene: Scene, path=None, title: str | None = None) -> Figure:
 
 
 def _from_edge(n):
-    """Exponents as they are spread along the axis; motions between two radii need n > -3."""
+    """The scale of exponents on the axis; motions between two radii need n > -3."""
     return np.log(np.maximum(np.asarray(n, float) + 3, 1e-300))
 
 
@@ -121,7 +121,7 @@ def _to_edge(place):
 
 
 def _draw_fractions(ax, found: Least, most: int) -> None:
-    """Mark turns / loops where orbits have them, with a number where there is room for it."""
+    """Mark turns / loops where orbits have them, with a label where there is room."""
     low, high = np.minimum(found.circle, found.line), np.maximum(found.circle, found.line)
     pairs = [(p, q) for q in range(1, most + 1) for p in range(1, int(_WIDEST * q))]
     named: list[float] = []
@@ -133,7 +133,7 @@ def _draw_fractions(ax, found: Least, most: int) -> None:
         if min((abs(p / q - other) for other in named), default=1.0) < _ROOM:
             continue
         named.append(p / q)
-        after = 2 * p > q  # on the side of the circles, where the stretch ends
+        after = 2 * p > q  # on the side of the circles, where the range ends
         place = (found.n[inside][-1 if after else 0], p / q)
         look = {"ha": "left" if after else "right", "va": "bottom" if after else "top"}
         shift = (4, -3) if after else (-4, 2)

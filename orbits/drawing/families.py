@@ -1,4 +1,4 @@
-"""A picture of a family of orbits: its periods, how stable they are, what is special on it."""
+"""A picture of a family of orbits: its periods, their stability and special points."""
 
 import itertools
 import math
@@ -23,16 +23,15 @@ def family(listed: Listing, path=None, *, title: str | None = None) -> Figure:
     """A picture of the periods of a family, against its parameter or the energy.
 
     Stable stretches are solid, unstable ones dashed, those between two verdicts or without one
-    dotted; what is special is marked.
+    dotted; special points are marked.
 
     Args:
-      listed: what `family_files.listing` made or `family_files.load` read.
+      listed: from `family_files.listing` or `family_files.load`.
       path: file to write, .png, .pdf or .svg.
-      title: what stands above it; the scene with the numbers that all orbits share if left out,
-        "" for nothing.
+      title: its title; the scene with the numbers that all orbits share by default, "" for none.
     Raises:
-      ValueError: a file that cannot be written, or a family without a parameter whose scene has
-        no energy.
+      ValueError: `path` cannot be written, or the family has no parameter and its scene no
+        energy.
     """
     path = picture_path(path)
     if listed.parameter is None and math.isnan(listed.members[0].energy):

@@ -19,7 +19,7 @@ _RTOL = 1e-10
 _PANEL = 4.6  # inches wide
 _ARROW = 0.16  # longest arrow as a share of the widest direction
 _AT_REST = 1e-9  # speed at a start that counts as none, in widths of the picture a period
-_LINE = 0.22  # inches a line of the titles
+_LINE = 0.22  # [inches] per line of the titles
 
 
 def orbits(
@@ -31,24 +31,26 @@ def orbits(
 ) -> Figure:
     """A row of pictures of orbits, each over one period and all to one scale.
 
-    Dots mark where bodies start, arrows their velocities there, to one scale in a picture.
+    Dots mark where bodies start, arrows their velocities there, to one scale per picture.
 
     Args:
-      found: things with a ``scene``, a start ``y0`` (k,) and a ``period`` () [s].
+      found: objects with a ``scene``, a start ``y0`` (k,) and a ``period`` () [s].
       path: file to write, .png, .pdf or .svg.
-      titles: what stands above each; may have several lines.
-      title: what stands above all; the scene with the numbers that all orbits share if left out,
-        "" for nothing.
+      titles: title of each; may have several lines.
+      title: title of all; the scene with the numbers that all orbits share by default, "" for
+        none.
     Raises:
-      ValueError: no orbits, not one title each, orbits in different dimensions, or a file that
-        cannot be written.
-      IntegrationError: an orbit that cannot be followed over its period.
+      ValueError: `found` is empty or has orbits in different dimensions, `titles` has another
+        length, or `path` cannot be written.
+      IntegrationError: an orbit cannot be integrated over its period.
     """
     path = picture_path(path)
     titles = _checked_titles(found, titles)
     drawn = [paths(_one_period(orbit)) for orbit in found]
     if len({one.labels for one in drawn}) > 1:
-        raise _checks.fail("found", "orbits in one space", "orbits in several", "Draw them apart.")
+        raise _checks.fail(
+            "found", "orbits in one space", "orbits in several", "Draw them separately."
+        )
     equal = drawn[0].equal
     places = np.concatenate([one.xyz.reshape(-1, len(one.labels)) for one in drawn])
     width = np.ptp(places, axis=0).max()
@@ -96,7 +98,7 @@ def _lines(text: str) -> int:
 
 
 def _row(count: int, box: np.ndarray, equal: bool) -> tuple[float, float]:
-    """Width and height [in] of a figure for so many panels, without titles."""
+    """Width and height [in] of a figure for `count` panels, without titles."""
     width, height = size(box, equal)
     scale = 1.0 if count == 1 or len(box) == 3 else _PANEL / width
     # The legend and the labels do not shrink with the panels.
@@ -104,7 +106,7 @@ def _row(count: int, box: np.ndarray, equal: bool) -> tuple[float, float]:
 
 
 def _velocities(orbit, width: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Places (n, d) where the bodies start, and their velocities there as long as an arrow is.
+    """Positions (n, d) of the bodies at the start, and their velocities scaled to arrows.
 
     A scene without bodies is drawn by its state, whose velocity is the rate.
     """

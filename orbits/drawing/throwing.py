@@ -1,4 +1,4 @@
-"""A picture of throws: those that hit or go farthest, and the range of all angles."""
+"""A picture of throws: those that hit or go farthest, and the range at all angles."""
 
 from typing import Any
 
@@ -21,17 +21,16 @@ _LOOK = 1e-7
 def throws(
     scene: Scene, best: Throws, hits: Hits | None = None, path=None, *, title: str | None = None
 ) -> Figure:
-    """A picture of the farthest throw and of those that hit, and of the range of all angles.
+    """A picture of the farthest throw and of those that hit, and of the range at all angles.
 
     Args:
-      scene: what is thrown.
+      scene: the thrown point.
       best: `aim.farthest` for one speed, or `aim.slowest`.
       hits: `aim.hit` at the same speed.
       path: file to write, .png, .pdf or .svg.
-      title: what stands above it; the scene with its numbers and the speed if left out, "" for
-        nothing.
+      title: its title; the scene with its numbers and the speed by default, "" for none.
     Raises:
-      ValueError: a file that cannot be written.
+      ValueError: `path` cannot be written.
     """
     path = picture_path(path)
     figure = blank(_WIDTH, 6.2)

@@ -80,7 +80,7 @@ def test_the_start_and_how_far_it_moved_are_shown(orbits):
     assert code == 0, err
     rate = np.sqrt(2 * (9.81 * np.cos(1.0) - 5.0))
     assert f"start: theta = 1, theta_dot = {rate:.12g}\n" in out
-    assert f"moved by {rate - 0.5:.1e} from where the search began" in out
+    assert f"moved by {rate - 0.5:.1e} from the start of the search" in out
 
 
 @pytest.mark.slow

@@ -55,7 +55,7 @@ def test_an_orbit_that_does_not_exist_is_a_rosette(loops, tmp_path):
     code, out, _ = loops(*words, "--plot", tmp_path / "ring.png")
     assert code == 1
     assert "no orbit: Under r^-1 the apsidal angle over pi is monotone" in out
-    assert "what moves there instead is drawn in" in out
+    assert "the actual motion is drawn in" in out
     assert (tmp_path / "ring.png").stat().st_size > 20_000
     code, out, _ = loops(*words, "--json")
     answer = json.loads(out)
