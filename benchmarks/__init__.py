@@ -1,1 +1,1 @@
-"""How fast: one file a question, run by ``python -m benchmarks``. No time decides a test."""
+"""Benchmarks: one file per question, run by ``python -m benchmarks``. No test depends on a time."""

@@ -1,9 +1,9 @@
 """Run the benchmarks: ``python -m benchmarks [NAME...] [--quick] [--json FILE]``.
 
-Prints one table of times and ratios, with the wanted ratio where there is one, and what got
-slower since ``last_run.json``, the stored result of a full run; ``--json
-benchmarks/last_run.json`` replaces what was run of it. Other methods are listed there too: if they
-got slower as well, it was the machine. ``ensembles --device gpu`` runs on a GPU.
+Prints one table of times and ratios, with target ratios where there are any, and what got slower
+since ``last_run.json``, the stored result of a full run; ``--json benchmarks/last_run.json``
+updates it with the present results. Other methods are listed there too: if they got slower as
+well, the cause is the machine. ``ensembles --device gpu`` runs on a GPU.
 """
 
 import json
@@ -37,7 +37,7 @@ from benchmarks._timing import Curves, Row
 from benchmarks.picture import STORED
 from jaxdyn._checks import choice, fail
 
-MISUSE = 2  # exit code: the input makes no sense
+MISUSE = 2  # exit code: invalid input
 #: A time that grew by more than this factor is reported.
 _SLOWER = 1.3
 
@@ -59,7 +59,7 @@ RUNS = {
 
 def main(
     names: Annotated[
-        list[str] | None, typer.Argument(help=f"Of {', '.join(RUNS)}; all if left out.")
+        list[str] | None, typer.Argument(help=f"Of {', '.join(RUNS)}; all by default.")
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Few rounds, for a rough look.")] = False,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the numbers.")] = None,
@@ -94,7 +94,7 @@ def main(
 
 
 def measure(names: list[str], kind: str, peak: float, quick: bool) -> list[Row | Curves]:
-    """What the benchmarks of these names find on a kind of device."""
+    """The results of the named benchmarks on a kind of device."""
     for name in names:
         choice("name", name, RUNS)
     if kind == "cpu":
@@ -125,7 +125,7 @@ def table(rows: list[Row]) -> Table:
 
 
 def _wanted(row: Row, method: str) -> str:
-    """The largest ratio of minima that is wanted, and whether it is kept."""
+    """The target ratio of minima, and whether it is met."""
     if method not in row.bars:
         return ""
     ours, bar = next(iter(row.times.values())), row.bars[method]
@@ -153,13 +153,13 @@ def as_json(found: Sequence[Row | Curves]) -> dict:
 
 
 def merged(before: dict, result: dict) -> dict:
-    """A stored result with what was run now in place of what was there."""
+    """A stored result, updated with new results."""
     parts = {part: before.get(part, {}) | result[part] for part in ("seconds", "curves")}
     return result | parts
 
 
 def slower(result: dict, stored: dict) -> list[str]:
-    """A line for each least time that grew by more than `_SLOWER`."""
+    """A line for each minimum time that grew by more than `_SLOWER`."""
     lines = []
     for row, methods in result["seconds"].items():
         before = stored["seconds"].get(row, {})

@@ -1,6 +1,6 @@
 """The same problems for other integrators.
 
-Peers are optional: `importable` says with one line which are left out.
+Peers are optional: `importable` prints a line for those that are missing.
 """
 
 import functools
@@ -27,7 +27,7 @@ def importable(*modules: str) -> bool:
     return not missing
 
 
-# ---- heyoka: Taylor series of an order that it chooses by the tolerance (Biscani, Izzo 2021)
+# ---- heyoka: Taylor series of an order chosen by the tolerance (Biscani, Izzo 2021)
 
 
 def heyoka(problem: Problem, tol: float) -> Run:
@@ -115,7 +115,7 @@ def _heyoka_run(integrator, y0s: np.ndarray, t1) -> Run:
     return run
 
 
-# ---- diffrax, with everything as shipped
+# ---- diffrax, with its defaults
 
 
 def diffrax_run(problem: Problem, solver: diffrax.AbstractSolver, tol: float) -> Run:
@@ -156,8 +156,8 @@ def _diffrax_one(field, y0, t1, tol, solver):
 
 
 def one_by_one(solve: Callable, y0s):
-    """The ends (n, k) from starts (n, k), one after another, in a traced program."""
-    # A loop of one round is not left out by the compiler.
+    """The ends (n, k) from starts (n, k), sequentially, in a traced program."""
+    # The compiler does not remove a loop of one round.
     return solve(y0s[0])[None] if len(y0s) == 1 else jax.lax.map(solve, y0s)
 
 

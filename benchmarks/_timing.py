@@ -1,9 +1,9 @@
-"""Fair times: interleaved runs, compile time apart, methods compared at equal true error.
+"""Fair timing: interleaved runs, compile time apart, methods compared at equal true error.
 
-All methods of a question run in turn in one process, so that whatever else the machine does
-hits them alike; the minimum is what the method needs, the median what a user sees. Methods are
+All methods of a question run in turn in one process, so that other load on the machine affects
+them alike; the minimum is what the method needs, the median what a user sees. Methods are
 compared at equal error, never at equal tolerance: each is run at many tolerances, and the time
-at a wanted error is read off its curve.
+at a given error is read off its curve.
 """
 
 import time
@@ -23,10 +23,10 @@ class Row(NamedTuple):
     """One line of the result.
 
     Attributes:
-      name: what was done.
+      name: of the measurement.
       times: of several methods, ours first.
-      bars: the largest wanted ratio of ours to a method's, by method.
-      note: what else is to be said.
+      bars: target ratios of ours to a method's, by method.
+      note: further remarks.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Curves(NamedTuple):
       compiling: build and first run, by method.
       points: by method, the runs that are more accurate than every faster one.
       wanted: true errors at which the methods are compared.
-      bars: the largest wanted ratios of ours to a method's there, by method.
+      bars: target ratios of ours to a method's there, by method.
     """
 
     name: str
@@ -66,7 +66,7 @@ class Curves(NamedTuple):
 
     @property
     def rows(self) -> list[Row]:
-        """A row for compiling, and one for each of the wanted errors."""
+        """A row for compiling, and one for each error compared at."""
         rows = [Row(f"{self.name}: build and first run", self.compiling)]
         for i, wanted in enumerate(self.wanted):
             times = {
@@ -78,15 +78,15 @@ class Curves(NamedTuple):
         return rows
 
 
-#: A run: no arguments, returns the result as NumPy array when it is there.
+#: A run: without arguments, returns the result as a NumPy array.
 Run = Callable[[], np.ndarray]
 
 
 class Method(NamedTuple):
-    """A way to solve a problem: from a tolerance to a run, and the tolerances to try.
+    """A way to solve a problem: a function from a tolerance to a run, and tolerances to try.
 
-    Where there are several solvers in it, a tolerance is a pair of solver and tolerance. What
-    `build` and the first run do besides is compiling and is timed apart.
+    Where it has several solvers, a tolerance is a pair of solver and tolerance. The time of
+    `build` and of the first run is compile time and is reported separately.
     """
 
     build: Callable[[Any], Run]
@@ -106,10 +106,10 @@ def work_precision(
     Args:
       name: of the problem.
       methods: by name, ours first.
-      truth: what every run should return. The error of a run is the largest over all entries,
+      truth: the exact result. The error of a run is the largest over all entries,
         relative to the largest entry.
       wanted: true errors to compare at.
-      rounds: how often to run everything.
+      rounds: how many times to run everything.
       bars: see `Curves`.
     """
     compiling, runs = {}, {}

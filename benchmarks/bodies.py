@@ -1,8 +1,8 @@
-"""What do many bodies cost, at equal true error, and a pair of them?
+"""How long do many bodies take, at equal true error, and one pair of them?
 
 Run: ``python -m benchmarks bodies``. Clusters of 16 to 1024 bodies that attract each other, and
-chains of springs as long, with the default solver against heyoka's compact mode and, for gravity,
-REBOUND's IAS15. Then the time of one evaluation of the forces an ordered pair, in a compiled loop.
+chains of as many springs, with the default solver against heyoka's compact mode and, for gravity,
+REBOUND's IAS15. Then the time of the forces per ordered pair, in a compiled loop.
 A pair takes 18 additions and multiplications, a square root and a division; the last two alone
 take 3.4 cycles in vectors of 256 bits [Agner Fog's tables, Zen 4: 9 and 5 cycles for four], 0.9 ns
 at 3.7 GHz.
@@ -23,14 +23,14 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scene import Scene
 
-#: Wanted true errors.
+#: True errors compared at.
 ERRORS = (1e-6, 1e-9, 1e-12)
 TOLERANCES = tuple(float(f"1e-{e}") for e in range(5, 16))
 SIZES = (16, 64, 256, 1024)
 _TO_HEYOKA, _TO_REBOUND = 0.7, 0.5
 _HEYOKA_MOST = 256  # pairs of bodies: compact mode takes minutes to build 1024
 _STIFFNESS, _REST = 2.0, 0.5  # [1] of the chains
-_PAIRS = 2_000_000  # a timed run
+_PAIRS = 2_000_000  # per timed run
 _ROUNDS, _QUICK_ROUNDS = 10, 2
 
 
@@ -45,7 +45,7 @@ def run(quick: bool = False) -> list[Row | Curves]:
 
 
 def cluster(n: int) -> Scene:
-    """Bodies at random places, slow enough to stay together; larger clusters for shorter."""
+    """Bodies at random places, slow enough to stay together; larger clusters for a shorter span."""
     random = np.random.default_rng(n)
     r, v = random.normal(size=(2, n, 3))
     y0 = np.concatenate([r.ravel(), 0.3 * v.ravel()])
@@ -55,7 +55,7 @@ def cluster(n: int) -> Scene:
 
 
 def chain(n: int) -> Scene:
-    """A stretched chain of unit masses that are pushed a little."""
+    """A stretched chain of unit masses with small initial velocities."""
     random = np.random.default_rng(n)
     r = np.arange(n)[:, None] * np.eye(3)[0] + 0.1 * random.normal(size=(n, 3))
     y0 = np.concatenate([r.ravel(), 0.1 * random.normal(size=3 * n)])
@@ -86,7 +86,7 @@ def _curves(name: str, scene: Scene, others: dict[str, Method], rounds: int) -> 
     def build(tolerance: float) -> Run:
         return lambda: np.asarray(solve(scene, scene.t1, rtol=tolerance).y1)
 
-    # Of another method, so that no one is held to itself.
+    # Of another method, so that none is compared with itself.
     reference = next(iter(others.values()), Method(build, TOLERANCES))
     truth = reference.build(1e-16)()
     bars = {"heyoka compact": (_TO_HEYOKA,) * 3, "REBOUND IAS15": (_TO_REBOUND,) * 3}

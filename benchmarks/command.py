@@ -1,7 +1,7 @@
-"""How long does a user wait: the whole command, cold and warm, and the import?
+"""How long does a user wait for a command, cold and warm, and for the import?
 
 Run: ``python -m benchmarks command``. ``orbits figure-eight --json`` in a fresh process, first
-with an empty compile cache, then with what the first one left there. The import of jaxdyn is
+with an empty compile cache, then with the cache of the first run. The import of jaxdyn is
 compared with that of diffrax, on which it is built.
 
 Last numbers (2 cores, 2026-11): cold 17 s, warm 8.6 s; import of jaxdyn 1.1 s, of diffrax 0.9 s.
@@ -16,7 +16,7 @@ from benchmarks._timing import Row, Times, interleaved, seconds_of
 
 _COMMAND = ("-m", "orbits", "figure-eight", "--json")
 _ROUNDS, _QUICK_ROUNDS = 5, 1
-_SLOW = 60.0  # [s] more than any of these takes
+_SLOW = 60.0  # [s] timeout
 
 
 def run(quick: bool = False) -> list[Row]:

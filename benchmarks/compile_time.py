@@ -1,7 +1,7 @@
 """How long until the first result of a scene, and of its derivative?
 
-Run: ``python -m benchmarks compile-time``. Tracing, compiling and a very short first run, nothing
-kept from before: of the composed double and triple pendulum, and the slowest of the zoo.
+Run: ``python -m benchmarks compile-time``. Tracing, compiling and a very short first run, without
+caches: of the composed double and triple pendulum, and the slowest of the zoo.
 
 Last numbers (2 cores, 2026-11): double pendulum 2.6 s and 2.3 s, triple pendulum 1.3 s and
 2.6 s.
@@ -34,7 +34,7 @@ def run(quick: bool = False) -> list[Row]:
 
 
 def first_results(names: Iterable[str]) -> dict[str, tuple[float, float]]:
-    """Seconds until the end state and until its derivative in the start, by scene."""
+    """Seconds until the end state and until its derivative by the start, by scene."""
     zoo = catalogue.entries()
     seconds = {}
     for name in names:

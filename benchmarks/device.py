@@ -1,7 +1,7 @@
-"""How many motions a second on a GPU, and which part of its double-precision rate is that?
+"""How many motions per second on a GPU, and at which part of its double-precision rate?
 
 Run: ``python -m benchmarks ensembles --device gpu --peak 34``, the peak in TFLOP/s of
-double-precision vector arithmetic, as the maker's data sheet has it (34 for NVIDIA's H100 SXM and
+double-precision vector arithmetic, from the maker's data sheet (34 for NVIDIA's H100 SXM and
 H200 SXM; 9.7 for the A100; H200 data sheet, 2024). Motions near the figure-eight, one period, error
 1e-12 a step, all lanes side by side in one program; lanes wait for the slowest. What a step takes
 in floating-point operations is counted by XLA; rejected steps count as work.
@@ -26,8 +26,8 @@ from jaxdyn.solvers import default_solver
 LANES = (100_000, 1_000_000, 10_000_000)
 PEAK = 34.0  # [TFLOP/s] of the H200 SXM
 _RTOL = 1e-12
-_AT_ONCE = 1_000_000  # lanes that are in memory with all their stages
-_CHECKED = 64  # motions that are compared with the CPU
+_AT_ONCE = 1_000_000  # lanes in memory with all their stages
+_CHECKED = 64  # motions compared with the CPU
 _ROUNDS, _QUICK_ROUNDS = 5, 1
 
 
@@ -38,9 +38,9 @@ def run(kind: str, peak: float, quick: bool = False, lanes=LANES) -> list[Row]:
       kind: of device, as JAX calls it: "gpu", "cpu", ...
       peak: double-precision rate of the device [TFLOP/s].
       quick: the first number of lanes only.
-      lanes: how many motions.
+      lanes: numbers of motions.
     Raises:
-      ValueError: no such device, or a peak that is none.
+      ValueError: no device of this kind, or `peak` is not positive.
     """
     device = found(kind)
     if not peak > 0:
@@ -77,7 +77,7 @@ def _row(device: Any, n: int, peak: float, rounds: int) -> Row:
 
 
 def ends(scene: Scene, y0s: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """(n, k) the ends, and (n,) how many steps were tried."""
+    """(n, k) the ends, and (n,) numbers of attempted steps."""
 
     def one(y0):
         found = solve(scene.starting(y0), scene.t1, rtol=_RTOL)

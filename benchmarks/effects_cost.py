@@ -1,9 +1,9 @@
-"""What does composing cost: a step with each list of effects, a pendulum against closed form?
+"""What is the cost of composing: a step with each list of effects, pendulums by hand?
 
 Run: ``python -m benchmarks effects-cost``. The first rows are the time of one step (16 stages)
-of one particle on a spring with more and more effects: what a scene does not have costs
-nothing. The others set the composed double and triple pendulum (`scenes.pendula`) against
-closed forms as textbooks have them, in the same solver, at equal true error.
+of one particle on a spring with more and more effects: effects that a scene does not have cost
+nothing. The others compare the composed double and triple pendulum (`scenes.pendula`) with
+closed forms as in textbooks, in the same solver, at equal true error.
 
 Last numbers (2 shared cores, 2026-11), minima: a step 0.7 to 0.8 us with one to five effects;
 double pendulum at 1e-12 0.21 ms against 0.11 ms by hand (1.9), triple 0.41 against 0.21 ms
@@ -25,7 +25,7 @@ from jaxdyn.scene import Effect, Scene, System
 from jaxdyn.scenes.pendula import double_pendulum, triple_pendulum
 from jaxdyn.solvers import VERNER9
 
-#: Wanted true errors of the pendulums.
+#: True errors of the pendulums compared at.
 ERRORS = (1e-6, 1e-9, 1e-12)
 TOLERANCES = tuple(10.0**-e for e in np.arange(5.0, 14.5, 0.5))
 _SPAN = 5.0  # the pendulums lose one digit (double) and two (triple) to their instability
@@ -38,7 +38,7 @@ def run(quick: bool = False) -> list[Row | Curves]:
     found: list[Row | Curves] = [*_steps(rounds)]
     for name, make in (("double", double_pendulum), ("triple", triple_pendulum)):
         scenes = {"jaxdyn": make(), "by hand": by_hand(make())}
-        # A program of its own, so that the first runs of the others compile.
+        # A separate program, so that the first runs of the others compile.
         truth = np.asarray(solve(make(formulation="lagrange"), _SPAN, rtol=1e-15).y1)
         methods = {key: Method(_runs(scene), TOLERANCES) for key, scene in scenes.items()}
         found.append(work_precision(f"{name} pendulum by hand", methods, truth, ERRORS, rounds))
@@ -59,9 +59,9 @@ def _runs(scene: Scene):
 
 
 def _effects() -> dict[str, Effect]:
-    """What acts on one particle, each list one effect longer than the one before.
+    """Effects on one particle, each list one effect longer than the one before.
 
-    Made when asked for: an array made on import would start the device before `configure`.
+    A function, since arrays made on import would start the device before `configure`.
     """
     return {
         "spring": Spring(2.0, 0.5),
@@ -73,7 +73,7 @@ def _effects() -> dict[str, Effect]:
 
 
 def _steps(rounds: int) -> list[Row]:
-    """One row for each list of effects: seconds a step."""
+    """One row for each list of effects: seconds per step."""
     start = jnp.array([1.0, 0.5, 0.2, -0.3])
     scenes, effects = {}, ()
     for name, effect in _effects().items():

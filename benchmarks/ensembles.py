@@ -1,4 +1,4 @@
-"""What does one of many motions cost, per core, at equal true error?
+"""How long does one of many motions take, per core, at equal true error?
 
 Run: ``python -m benchmarks ensembles``. Starts within 1e-3 of the figure-eight, one period,
 12 numbers each. Times are those of the processor, for one motion: on one core, heyoka's batch
@@ -6,8 +6,8 @@ mode (its lanes in the vectors of the processor) and `vmap` of diffrax against o
 are the largest of a batch of 64, against heyoka with 64-bit mantissas.
 
 Then what unequal motions cost: one in 20 of 4096 pairs of bodies has an eccentricity of 0.999,
-whose close encounters take several times the steps of the others. "its own steps" is what the
-same steps cost in ensembles of equal motions; the ratio tells what lanes waste by waiting.
+whose close encounters take several times the steps of the others. "its own steps" is the time of
+the same steps in ensembles of equal motions; the ratio shows what lanes lose by waiting.
 
 Both cores are used by two threads of one process, or by two devices of one, in fresh processes
 with one and two of them.
@@ -38,7 +38,7 @@ from jaxdyn.scenes import three_body
 
 ERRORS = (1e-6, 1e-9, 1e-12)
 _TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
-_CHECKED = 64  # motions that are compared with the reference
+_CHECKED = 64  # motions compared with the reference
 _MANY = 10_000
 _SOME, _FEW = 2048, 512  # for us and heyoka; for diffrax, whose motions take ten times as long
 _PAIRS, _HARD = 4096, 20
@@ -151,12 +151,12 @@ def unequal(rounds: int, pairs: int = _PAIRS) -> Row:
 
 
 def processor_times(runs: Mapping, rounds: int) -> dict:
-    """`Times` of each run by the processor's clock, all run in turn."""
+    """`Times` of each run by the processor's clock, interleaved."""
     return _times(runs, rounds, time.process_time)
 
 
 def _times(runs: Mapping, rounds: int, clock: Callable[[], float]) -> dict:
-    """`Times` of each run by a clock, all run in turn."""
+    """`Times` of each run by a clock, interleaved."""
     for run in runs.values():
         jax.block_until_ready(run())
     seconds: dict = {key: [] for key in runs}

@@ -2,8 +2,8 @@
 
 Run: ``python -m benchmarks figure-eight``. 12 numbers, one trajectory, one thread. The errors
 are the largest of the 12 at the end, against a solution with 36 digits. Three ways to call us:
-compiled into a program of the user's (`jaxdyn`), and the public `solve` and `simulate` from
-Python with all they do around it.
+compiled into a user's program (`jaxdyn`), and the public `solve` and `simulate` from Python with
+their overhead.
 
 Last numbers (2 cores, 2026-11), minima, with ours over the other's in brackets: error 1e-6 17 us,
 heyoka 18 (0.93), Dopri8 78 (0.22), DOP853 2570; 1e-9 21 us, 26 (0.83), 107 (0.20), 5070; 1e-12 27
@@ -27,7 +27,7 @@ from benchmarks.systems import SCIPY, fastest, peers
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes import three_body
 
-#: Wanted true errors.
+#: True errors compared at.
 ERRORS = (1e-6, 1e-9, 1e-12, 1e-14)
 #: Half decades, for every method.
 TOLERANCES = tuple(10.0**-e for e in np.arange(4.0, 16.5, 0.5))
@@ -69,5 +69,5 @@ def ours(tolerances: Sequence[float]) -> dict[str, Method]:
 
 
 def _blocking(way):
-    # Turned into a NumPy array a result is there, and nothing was copied.
+    # Conversion to NumPy waits for the result, without a copy.
     return lambda tol: lambda: np.asarray(way(tol))

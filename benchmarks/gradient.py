@@ -1,10 +1,10 @@
-"""What does the gradient of a loss cost, in plain solves?
+"""How long does the gradient of a loss take, in units of plain solves?
 
 Run: ``python -m benchmarks gradient``. A sheet of nine points and 20 springs (36 numbers) over ten
 periods of its slowest vibration. The loss is half the square of the end state; its gradient with
 respect to the 20 stiffnesses is taken by `jax.grad`, at the tolerance of the plain solve: by the
 adjoint equations, and by one column of the variational equations for each. Times are those of the
-processor: a gradient is long enough for other processes to get between.
+processor: a gradient takes long enough to be interrupted by other processes.
 
 Last numbers (2 cores with other work on them, 2026-11), in plain solves at tolerances of 1e-6,
 1e-9, 1e-12: 7.4, 9.9, 10.3; by columns 16, 23, 22.
@@ -25,11 +25,11 @@ TOLERANCES = (1e-6, 1e-9, 1e-12)
 PERIODS = 10
 _BAR = 10.0
 _ROUNDS, _QUICK_ROUNDS = 50, 3
-_RIGID = 1e-6  # eigenvalues below it belong to motions as a whole
+_RIGID = 1e-6  # smaller eigenvalues belong to rigid motions
 
 
 def run(quick: bool = False, periods: int = PERIODS, tolerances=TOLERANCES) -> list[Row]:
-    """Times of the gradient and of plain solves, first runs by the clock on the wall."""
+    """Times of the gradient and of plain solves, first runs by wall time."""
     scene = sheet().scene
     t1 = periods * slowest_period(scene)
     ways = {"gradient": gradient, "by columns": by_columns, "plain solve": end}
@@ -57,7 +57,7 @@ def end(k, scene: Scene, t1, tol, adjoint=False):
 
 
 def gradient(k, scene: Scene, t1, tol, adjoint=True):
-    """(20,) of half the square of the end state."""
+    """(20,) gradient of half the square of the end state."""
 
     def loss(k):
         y1 = end(k, scene, t1, tol, adjoint)
@@ -67,12 +67,12 @@ def gradient(k, scene: Scene, t1, tol, adjoint=True):
 
 
 def by_columns(k, scene: Scene, t1, tol):
-    """The same by the variational equations, as without ``adjoint=True``."""
+    """`gradient` by the variational equations, as without ``adjoint=True``."""
     return gradient(k, scene, t1, tol, adjoint=False)
 
 
 def slowest_period(scene: Scene) -> float:
-    """Of the small vibrations of the sheet at rest [s]."""
+    """Longest period of the small vibrations of the sheet [s]."""
     rest = np.array([(i // 3, i % 3) for i in range(9)], float)
     springs, m = scene.effects[0], scene.system.m
     stiffness = jax.hessian(lambda r: springs.potential(0.0, r, m))(jnp.asarray(rest))

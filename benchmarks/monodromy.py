@@ -21,11 +21,11 @@ from benchmarks.problems import figure_eight
 from jaxdyn.analysis.monodromy import monodromy
 from jaxdyn.integrate.simulation import solve
 
-#: Wanted true error.
+#: True error compared at.
 ERRORS = (1e-12,)
 BARS = {"heyoka": (0.25,)}
 TOLERANCES = tuple(10.0**-e for e in np.arange(10.0, 15.5, 0.5))
-#: heyoka's errors at these lie on both sides of the wanted one.
+#: heyoka's errors at these are on both sides of that error.
 _HEYOKA_TOLERANCES = (1e-11, 1e-12, 1e-13)
 _REFERENCE_TOLERANCE = 1e-18
 _ROUNDS, _QUICK_ROUNDS = 300, 20
@@ -44,7 +44,7 @@ def run(quick: bool = False) -> list[Curves]:
 
 
 def ours(tolerances: Sequence[float]) -> dict[str, Method]:
-    """Compiled into a program of the user's, and the public function."""
+    """Compiled into a user's program, and the public function."""
     scene = figure_eight().scene
 
     @jax.jit

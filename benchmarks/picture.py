@@ -23,9 +23,9 @@ _COLOURS = {
 
 
 def draw(stored: dict, path: Path) -> None:
-    """One panel a problem: least time over the true error, both logarithmic.
+    """One panel per problem: minimum time over the true error, both logarithmic.
 
-    Only problems that most methods were given: others have a question of their own.
+    Only problems solved by most methods: others answer separate questions.
 
     Args:
       stored: what ``python -m benchmarks --json`` writes.

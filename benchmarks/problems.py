@@ -1,9 +1,9 @@
-"""What is integrated: each problem as a scene, and as plain formulas for the other methods.
+"""The problems: each as a scene, and as plain formulas for the other methods.
 
-The formulas are written once. They are given where to take sine, cosine and root from (NumPy or
-heyoka) and return the rate: from the numbers of a state to the list of their derivatives. For
-heyoka the numbers are symbols, for SciPy floats in a function that numba compiles; diffrax is
-given our scene.
+The formulas are written once, as functions of a library with sine, cosine and root (NumPy or
+heyoka), and return the rate: from the numbers of a state to the list of their derivatives. For
+heyoka the numbers are symbols, for SciPy floats in a function that numba compiles; diffrax uses
+our scene.
 """
 
 import math
@@ -21,12 +21,12 @@ from jaxdyn.scene import Effect, Scene
 
 
 class Problem(NamedTuple):
-    """A thing to integrate.
+    """A problem to integrate.
 
     Attributes:
       scene: system, effects and span.
-      formulas: from a library with `sin`, `cos` and `sqrt` to the rate.
-      y0s: (n, k) starts; a run goes from each in turn over the span.
+      formulas: library with `sin`, `cos` and `sqrt` -> rate.
+      y0s: (n, k) starts; a run integrates each in turn over the span.
     """
 
     scene: Scene
@@ -92,7 +92,7 @@ SPRINGS = tuple(
     if abs(i // 3 - j // 3) <= 1 and abs(i % 3 - j % 3) <= 1
 )
 _LENGTHS = tuple(math.hypot(i // 3 - j // 3, i % 3 - j % 3) for i, j in SPRINGS)
-_SHAKEN = 0.1  # [m] how far from rest the sheet starts
+_SHAKEN = 0.1  # [m] initial displacement of the sheet
 
 
 def sheet() -> Problem:
@@ -226,13 +226,13 @@ def van_der_pol() -> Problem:
     return _from_start(scene, formulas)
 
 
-#: Without velocity in the force.
+#: Problems with velocity-independent forces.
 CONSERVATIVE = {
     "Kepler, e = 0.9": kepler,
     "spring network": sheet,
     "Henon-Heiles": henon_heiles,
 }
-#: Of any kind, in runs of a millisecond or more.
+#: Problems of any kind, in runs of a millisecond or more.
 GENERAL = {
     "cannonball": cannonball,
     "double pendulum": double_pendulum,

@@ -3,12 +3,12 @@
 Run: ``python -m benchmarks systems``. Where no force depends on velocity: ten turns of a Kepler
 orbit with e = 0.9, a sheet of nine points and 20 springs, the potential of Henon and Heiles.
 Others: throws with quadratic drag, a double pendulum, a free rigid body, van der Pol's oscillator,
-in runs of a millisecond and more; heyoka is called once a throw, which costs it 2 us. One
+in runs of a millisecond and more; heyoka is called once per throw, which costs it 2 us. One
 thread; errors are the largest at the end, relative to the largest number of the state, against
 heyoka in 80-bit floats. diffrax is given our scenes, the others the formulas in
 `benchmarks.problems`.
 
-Ours is at each error the fastest of the solvers that fit the scene: a pair, the extrapolated
+Ours is at each error the fastest of the solvers that suit the scene: a pair, the extrapolated
 leapfrog or a Taylor series. Last numbers (2 cores, 2026-11), ours over heyoka's (minima) at errors
 of 1e-6, 1e-9, 1e-12: Kepler 0.87, 0.78, 0.87; springs 0.5, 0.3, 0.25; Henon-Heiles 0.64, 0.76,
 0.89; cannonball 0.7, 0.8, 0.87; double pendulum 1.0, 1.1, 1.2; rigid body 1.2, 1.2, none; van der
@@ -29,12 +29,12 @@ from benchmarks.problems import CONSERVATIVE, GENERAL, Problem
 from jaxdyn.accuracy.work_precision import fit_solvers
 from jaxdyn.integrate.simulation import solve
 
-#: Wanted true errors.
+#: True errors compared at.
 ERRORS = (1e-6, 1e-9, 1e-12)
 #: Decades; heyoka needs up to ten seconds to build each of its integrators.
 TOLERANCES = tuple(float(f"1e-{e}") for e in range(4, 16))
 SCIPY = "SciPy DOP853"
-_SCIPY_FINEST = 3e-14  # below it refuses
+_SCIPY_FINEST = 3e-14  # it refuses smaller ones
 _TO_HEYOKA = {"conservative": 1.0, "general": 1.6}
 _TO_DIFFRAX, _TO_SCIPY = 0.2, 1.0
 _ROUNDS, _QUICK_ROUNDS = 100, 3
@@ -67,16 +67,16 @@ def curves(
 
 
 def fastest(problem: Problem, tolerances: Sequence[float]) -> Method:
-    """Our solvers that fit the scene: of each error the fastest, as `jaxdyn accuracy` has it."""
+    """Our solvers that suit the scene: the fastest for each error, as in `jaxdyn accuracy`."""
     runs = {solver: compiled(problem, tolerances, solver) for solver in fit_solvers(problem.scene)}
     pairs = [(solver, tol) for solver in runs for tol in tolerances]
     return Method(lambda pair: runs[pair[0]].build(pair[1]), pairs)
 
 
 def compiled(problem: Problem, tolerances: Sequence[float], solver=None) -> Method:
-    """One of ours, compiled into a program of the user's, with the numbers of the scene in it.
+    """One of ours, compiled into a user's program, with the numbers of the scene as constants.
 
-    The others are given formulas with these numbers too.
+    The others get formulas with these numbers too.
     """
     scene, y0s = problem.scene, problem.y0s
 
@@ -89,7 +89,7 @@ def compiled(problem: Problem, tolerances: Sequence[float], solver=None) -> Meth
         return _peers.one_by_one(end, y0s)
 
     def build(tol):
-        # The others have been told the tolerance before, too.
+        # The others know the tolerance at build time, too.
         known = jnp.asarray(tol)
         return lambda: np.asarray(ends(y0s, known))
 
@@ -97,7 +97,7 @@ def compiled(problem: Problem, tolerances: Sequence[float], solver=None) -> Meth
 
 
 def peers(problem: Problem, tolerances: Sequence[float]) -> dict[str, Method]:
-    """The others, those that are installed."""
+    """The other methods that are installed."""
     methods = {}
     if _peers.importable("heyoka"):
         methods["heyoka"] = Method(functools.partial(_peers.heyoka, problem), tolerances)
