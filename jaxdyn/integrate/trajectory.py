@@ -130,7 +130,8 @@ class Trajectory(eqx.Module):
       steps: () accepted steps.
       rejected: () rejected steps.
       status: () `Status` code.
-      stiff: () whether stability, not accuracy, limited the steps of an explicit method.
+      stiff: () whether stability, not accuracy, limited the steps; False where an implicit method
+        took them.
       error: the accuracy estimate, if ``digits`` were requested.
       dt: () signed length of its steps, where it is fixed [s].
       method: the method, where its steps have fixed length.

@@ -1,7 +1,7 @@
 """The effect of rounding on a motion, magnified: a field with random perturbations of each step.
 
 The sums of steps are compensated, so digits are lost in finding an increment: a rate is evaluated
-at a state, a time and numbers that are each rounded, in every step anew. A `RoundedField` perturbs
+at a state, a time and numbers that are each rounded, at every step. A `RoundedField` perturbs
 them by a given relative amount instead, constant over the stages of a step, so that the method
 keeps its order and the choice of steps is not affected. As long as motions stay close, the effect
 is proportional to that amount: perturbations of 1e-9 show the effect of rounding of 1e-16. Terms
