@@ -281,7 +281,7 @@ def rest(**options):
     [
         (
             lambda: equilibria(Scene(FreePoints([]), (), y0=[]), [], []),
-            "system: expected something that moves",
+            "system: expected a system with a state",
         ),
         (lambda: equilibria(pendulum, [0], [1]), "scene: expected a Scene"),
         (lambda: rest(starts=0), "starts: expected a whole number, at least 1, got 0"),

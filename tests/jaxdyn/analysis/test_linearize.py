@@ -189,7 +189,7 @@ class WithoutValue(Effect):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: linearize.linearize(NO_BODIES, []), "system: expected something that moves"),
+        (lambda: linearize.linearize(NO_BODIES, []), "system: expected a system with a state"),
         (
             lambda: linearize.linearize(pendulum, [0.0, 0.0]),
             "scene: expected a Scene, got pendulum",

@@ -375,7 +375,7 @@ def swing(**options):
     [
         (
             lambda: orbits.find(Scene(FreePoints([]), (), y0=[])),
-            "system: expected something that moves",
+            "system: expected a system with a state",
         ),
         (lambda: swing(segments=10**6), "segments: expected at most 256, got 1000000"),
         (lambda: swing(segments=True), "segments: expected a whole number, at least 1, got True"),
