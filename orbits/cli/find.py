@@ -89,12 +89,12 @@ def _closings(scene: "jaxdyn.Scene", name: str) -> "orbits.Closing | Sequence[or
     system = scene.system
     if name == "choreography":
         if not isinstance(system, jaxdyn.formulations.newton.FreePoints):
-            raise fail("--closing", "one for this scene", name, "Only free points can follow it.")
+            raise fail("--closing", "one for this scene", name, "Only free points can satisfy it.")
         return orbits.choreography(len(system.m), system.d)
     if name == "relative":
         turns = [key for key in system.generators(scene.y0) if key.startswith("turn")]
         if not turns:
-            raise fail("--closing", "one for this scene", name, "Nothing turns its state.")
+            raise fail("--closing", "one for this scene", name, "Its state has no rotation.")
         return orbits.relative(turns[0])
     if name == "reversal":
         return orbits.reversal(orbits.backwards(len(scene.y0)))
