@@ -11,7 +11,7 @@ from helpers import gap
 
 from jaxdyn import effects, scenes
 from jaxdyn.analysis import precession
-from jaxdyn.geometry import balance, euler, indices, inertia, kinematics, rotations, vectors
+from jaxdyn.geometry import balance, euler, frames, indices, inertia, kinematics, rotations, vectors
 from jaxdyn.geometry.rotations import AxisAngle
 from jaxdyn.scene import Scene
 from jaxdyn.scenes import catalogue
@@ -41,7 +41,7 @@ def _public(*modules):
 
 
 TOOLS = [
-    *_public(vectors, rotations, euler, balance, kinematics, inertia),
+    *_public(vectors, rotations, frames, euler, balance, kinematics, inertia),
     precession.free_attitude,
     *(inertia.Body.shifted, inertia.Body.rotated, inertia.Body.about),
 ]
