@@ -38,7 +38,7 @@ def heyoka(problem: Problem, tol: float) -> Run:
 def heyoka_precise(problem: Problem) -> np.ndarray:
     """The ends (n, k) in 80-bit floats, rounded."""
     number = np.longdouble
-    integrator = _heyoka(problem, 1e-18, number)
+    integrator = _heyoka(problem, 1e-18, number, compact=True)
     run = _heyoka_run(integrator, problem.y0s.astype(number), number(problem.t1))
     return run().astype(float)
 
@@ -85,12 +85,14 @@ def _heyoka_lanes(formulas: Callable, k: int, lanes: int, tol: float):
     return hy.taylor_adaptive_batch(_equations(formulas, k), np.zeros((k, lanes)), tol=tol)
 
 
-def _heyoka(problem: Problem, tol: float, number: type = float):
+def _heyoka(problem: Problem, tol: float, number: type = float, *, compact: bool = False):
     import heyoka as hy
 
     start = problem.y0s[0].astype(number)
     equations = _equations(problem.formulas, len(start))
-    return hy.taylor_adaptive(equations, start, tol=number(tol), fp_type=number)
+    return hy.taylor_adaptive(
+        equations, start, tol=number(tol), compact_mode=compact, fp_type=number
+    )
 
 
 def _equations(formulas: Callable, k: int) -> list:

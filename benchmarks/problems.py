@@ -7,7 +7,7 @@ our scene.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
@@ -39,27 +39,27 @@ class Problem(NamedTuple):
         return float(self.scene.t1)
 
 
-def _from_start(scene: Scene, formulas: Callable) -> Problem:
+def from_start(scene: Scene, formulas: Callable) -> Problem:
+    """One run, from the start of a scene."""
     return Problem(scene, formulas, np.asarray(scene.y0)[None])
 
 
-def _gravity(m: tuple[float, ...]) -> Callable:
-    """Bodies in the plane that attract each other, G = 1."""
+def gravity(m: Sequence[float], d: int = 2, g: float = 1.0) -> Callable:
+    """Bodies of masses m in d dimensions that attract each other."""
     n = len(m)
 
     def formulas(lib):
         def rate(y):
-            a = [0.0] * (2 * n)
+            a = [0.0] * (d * n)
             for i in range(n):
                 for j in range(i + 1, n):
-                    dx, dy = y[2 * j] - y[2 * i], y[2 * j + 1] - y[2 * i + 1]
-                    r2 = dx * dx + dy * dy
-                    weight = 1.0 / (r2 * lib.sqrt(r2))
-                    a[2 * i] = a[2 * i] + m[j] * weight * dx
-                    a[2 * i + 1] = a[2 * i + 1] + m[j] * weight * dy
-                    a[2 * j] = a[2 * j] - m[i] * weight * dx
-                    a[2 * j + 1] = a[2 * j + 1] - m[i] * weight * dy
-            return [y[2 * n + i] for i in range(2 * n)] + a
+                    apart = [y[d * j + c] - y[d * i + c] for c in range(d)]
+                    r2 = sum(x * x for x in apart[1:]) + apart[0] * apart[0]
+                    weight = g / (r2 * lib.sqrt(r2))
+                    for c, x in enumerate(apart):
+                        a[d * i + c] = a[d * i + c] + m[j] * weight * x
+                        a[d * j + c] = a[d * j + c] - m[i] * weight * x
+            return [y[d * n + i] for i in range(d * n)] + a
 
         return rate
 
@@ -68,13 +68,13 @@ def _gravity(m: tuple[float, ...]) -> Callable:
 
 def figure_eight() -> Problem:
     """One period of three bodies on the eight."""
-    return _from_start(scenes.three_body(), _gravity((1.0, 1.0, 1.0)))
+    return from_start(scenes.three_body(), gravity((1.0, 1.0, 1.0)))
 
 
 def kepler() -> Problem:
     """Ten turns of two equal bodies on ellipses of eccentricity 0.9, from their farthest points."""
     scene = two_bodies(0.9, turns=10)
-    return _from_start(scene, _gravity((0.5, 0.5)))
+    return from_start(scene, gravity((0.5, 0.5)))
 
 
 def two_bodies(e: float, turns: float = 1.0) -> Scene:
@@ -117,7 +117,7 @@ def sheet() -> Problem:
     noise = np.random.default_rng(0).standard_normal(18)
     start = np.concatenate([rest + _SHAKEN * noise, np.zeros(18)])
     springs = SpringNetwork(SPRINGS, jnp.ones(len(SPRINGS)), jnp.array(_LENGTHS))
-    return _from_start(Scene(FreePoints(jnp.ones(9)), (springs,), y0=start, t1=50.0), formulas)
+    return from_start(Scene(FreePoints(jnp.ones(9)), (springs,), y0=start, t1=50.0), formulas)
 
 
 class _HenonHeiles(Effect):
@@ -141,7 +141,7 @@ def henon_heiles() -> Problem:
     y = 0.1
     speed = math.sqrt(1 / 6 - y * y + 2 * y**3 / 3)
     start = [0.0, y, speed, 0.0]
-    return _from_start(Scene(FreePoints(1.0), (_HenonHeiles(),), y0=start, t1=300.0), formulas)
+    return from_start(Scene(FreePoints(1.0), (_HenonHeiles(),), y0=start, t1=300.0), formulas)
 
 
 _G, _DRAG, _SPEED = 9.81, 0.01, 100.0
@@ -179,7 +179,7 @@ def double_pendulum() -> Problem:
 
         return rate
 
-    return _from_start(scenes.double_pendulum(angles=(0.8, 0.5), t1=100.0), formulas)
+    return from_start(scenes.double_pendulum(angles=(0.8, 0.5), t1=100.0), formulas)
 
 
 def rigid_body() -> Problem:
@@ -202,7 +202,7 @@ def rigid_body() -> Problem:
         return rate
 
     scene = scenes.free_body((0.3, 1.0, 0.2), moments=moments, t1=1000.0)
-    return _from_start(scene, formulas)
+    return from_start(scene, formulas)
 
 
 _MU = 5.0
@@ -223,7 +223,7 @@ def van_der_pol() -> Problem:
         return rate
 
     scene = jaxdyn.ode(_van_der_pol, [2.0, 0.0], 350.0, names=["x", "v"], params=_MU)
-    return _from_start(scene, formulas)
+    return from_start(scene, formulas)
 
 
 #: Problems with velocity-independent forces.

@@ -8,7 +8,9 @@ from typer.testing import CliRunner
 from benchmarks import __main__ as command_line
 from benchmarks import (
     calls,
+    classics,
     compile_time,
+    default_method,
     device,
     effects_cost,
     ensembles,
@@ -91,10 +93,9 @@ def _finite(rows):
     return all(np.isfinite(times).all() for row in rows for times in row.times.values())
 
 
-@pytest.mark.parametrize("name", ["figure-eight", *problems.CONSERVATIVE, *problems.GENERAL])
+@pytest.mark.parametrize("name", default_method.PROBLEMS)
 def test_formulas_and_scenes_are_the_same_equations(name):
-    kinds = {"figure-eight": problems.figure_eight} | problems.CONSERVATIVE | problems.GENERAL
-    problem = kinds[name]()
+    problem = default_method.PROBLEMS[name]()
     noise = np.random.default_rng(1).standard_normal(problem.y0s.shape[1])
     y = problem.y0s[-1] + 0.1 * noise
     assert gap(np.array(problem.formulas(np)(y)), problem.scene.rate(0.0, y)) < EXACT
@@ -102,6 +103,16 @@ def test_formulas_and_scenes_are_the_same_equations(name):
 
 def _short(problem):
     return problem._replace(scene=problem.scene.starting(problem.scene.y0, 1.0))
+
+
+@pytest.mark.slow
+def test_the_default_is_held_to_every_other_method():
+    curves = default_method.curves("short", _short(classics.lorenz()), 1, (1e-5, 1e-13))
+    default, *others = curves.points
+    assert default == "default, Taylor 14"
+    assert {"Verner 9(8)", "Taylor 16"} < set(others)
+    assert set(curves.rows[1].bars) == set(others)
+    assert all(min(p.error for p in points) < 1e-10 for points in curves.points.values())
 
 
 @pytest.mark.slow

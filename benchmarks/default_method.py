@@ -1,0 +1,72 @@
+"""How far is the default from the best of our methods, at equal true error?
+
+Run: ``python -m benchmarks default``. The problems of `benchmarks.problems` and twelve others for
+which nothing was tuned, each from several starts in one call, so that the call itself does not
+count. Errors are the largest at the ends, relative to the largest number of the state, against
+heyoka in 80-bit floats where it is installed.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from benchmarks import _peers
+from benchmarks._timing import Curves, work_precision
+from benchmarks.classics import CLASSICS
+from benchmarks.problems import CONSERVATIVE, GENERAL, Problem, figure_eight
+from benchmarks.systems import ERRORS, compiled
+from jaxdyn.solvers import (
+    DOPRI8,
+    NYSTROM12,
+    STOERMER14,
+    STOERMER18,
+    TAYLOR8,
+    TAYLOR12,
+    TAYLOR14,
+    TAYLOR16,
+    TAYLOR20,
+    VERNER9,
+    default_solver,
+    has_series,
+)
+from jaxdyn.solvers import Method as Solver
+
+PROBLEMS = {"figure-eight": figure_eight} | CONSERVATIVE | GENERAL | CLASSICS
+TOLERANCES = tuple(float(f"1e-{e}") for e in range(4, 16))
+_TO_BEST = 1.15
+_STARTS = 4  # of problems with one
+_ROUNDS, _QUICK_ROUNDS = 20, 3
+
+
+def run(quick: bool = False) -> list[Curves]:
+    """Times of the default and of every method that fits."""
+    rounds = _QUICK_ROUNDS if quick else _ROUNDS
+    return [curves(name, make(), rounds) for name, make in PROBLEMS.items()]
+
+
+def curves(
+    name: str, problem: Problem, rounds: int, tolerances: Sequence[float] = TOLERANCES
+) -> Curves:
+    """Error against time of the default and of the methods that fit a problem."""
+    scene = problem.scene
+    y0s = problem.y0s if len(problem.y0s) > 1 else np.repeat(problem.y0s, _STARTS, axis=0)
+    problem = problem._replace(y0s=y0s)
+    ways = {solver.name: compiled(problem, tolerances, solver) for solver in fitting(problem)}
+    default = default_solver(scene).name
+    methods = {f"default, {default}": ways.pop(default)} | ways
+    if _peers.importable("heyoka"):
+        truth = _peers.heyoka_precise(problem)
+    else:
+        truth = compiled(problem, tolerances).build(1e-15)()
+    bars = {method: (_TO_BEST,) * len(ERRORS) for method in ways}
+    return work_precision(name, methods, truth, ERRORS, rounds, bars)
+
+
+def fitting(problem: Problem) -> tuple[Solver, ...]:
+    """Methods with a tolerance that fit the scene, for motions that are not stiff."""
+    scene = problem.scene
+    second = (NYSTROM12, STOERMER14, STOERMER18) if scene.second_order else ()
+    series = (
+        (TAYLOR8, TAYLOR12, TAYLOR14, TAYLOR16, TAYLOR20) if has_series(scene, scene.y0) else ()
+    )
+    return VERNER9, DOPRI8, *second, *series
