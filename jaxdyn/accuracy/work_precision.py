@@ -30,7 +30,7 @@ from jaxdyn.solvers import (
     STOERMER14,
     STOERMER18,
     TAYLOR12,
-    TAYLOR16,
+    TAYLOR14,
     VERNER9,
     Method,
     Solver,
@@ -147,8 +147,9 @@ def fit_solvers(scene: Scene, t1=None) -> tuple[Method, ...]:
     if bool(solve(scene, t1, rtol=_STIFFNESS_RTOL).stiff):
         return RADAU9, RADAU5
     extrapolated = (STOERMER14, STOERMER18) if scene.second_order else ()
-    taylor = (TAYLOR12, TAYLOR16) if has_series(scene, scene.y0) else ()
-    return tuple(dict.fromkeys((default_solver(scene), VERNER9, DOPRI8, *extrapolated, *taylor)))
+    taylor = (TAYLOR12, TAYLOR14) if has_series(scene, scene.y0) else ()
+    pair = default_solver(scene, several=True)
+    return tuple(dict.fromkeys((pair, VERNER9, DOPRI8, *extrapolated, *taylor)))
 
 
 def work_precision(
@@ -245,7 +246,7 @@ def _reference(scene, t1, quantity: Quantity, solvers) -> tuple:
     if quantity.exact is not None:
         return np.asarray(quantity.exact), 1.0, float(np.finfo(float).eps)
     stiff = RADAU9 in solvers or RADAU5 in solvers
-    pair = (RADAU9, RADAU5) if stiff else (default_solver(scene), DOPRI8)
+    pair = (RADAU9, RADAU5) if stiff else (default_solver(scene, several=True), DOPRI8)
     found = [_finest(_program(scene, t1, solver, quantity.of)) for solver in pair]
     value = found[0]
     if quantity is END:

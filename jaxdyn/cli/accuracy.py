@@ -18,6 +18,7 @@ from jaxdyn.cli.shared import (
     check_title,
 )
 from jaxdyn.cli.words import scene_settings
+from jaxdyn.solvers.choice import default_solver, reason
 
 _SHOWN = (3, 6, 9, 12, 14)
 
@@ -39,10 +40,13 @@ def accuracy_command(
     with screen(f"solving {name} as exactly as possible", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(name, chosen)
         found = jaxdyn.accuracy.work_precision.work_precision(scene, t1)
+        method, why = default_solver(scene), reason(scene)
         if as_object:
-            out.result({"scene": name} | found.as_dict() | _recommended(found, digits))
+            default = {"default": method.name, "reason": why}
+            out.result({"scene": name} | default | found.as_dict() | _recommended(found, digits))
         else:
             _print(name, found, digits, out)
+            out.print(f"by default: {method.name}, since {why}")
         if plot:
             with out.writing(plot, "drawn in"):
                 jaxdyn.drawing.work_precision(found, plot, title=title or name)

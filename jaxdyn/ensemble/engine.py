@@ -170,7 +170,7 @@ def _job(
     if devices is not None and not len(devices):
         raise _checks.fail("devices", "at least one", "none", "jax.devices() lists them.")
     mesh = None if devices is None else mesh_of(devices)
-    settings = Settings(checked_method(scene, options.solver))
+    settings = Settings(checked_method(scene, options.solver, several=True))
     return Job(
         shared=shared,
         limits=limits(options),

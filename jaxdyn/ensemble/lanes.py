@@ -24,10 +24,11 @@ from jaxtyping import Array
 from jaxdyn import _text
 from jaxdyn._numerics import two_sum
 from jaxdyn._text import counted
-from jaxdyn.integrate.flow import UNROLLED_BELOW, Settings, operations
+from jaxdyn.integrate.flow import UNROLLED_BELOW, Settings
 from jaxdyn.integrate.step_control import Limits, StepControl, Watch
 from jaxdyn.scene import Field
 from jaxdyn.solvers import Method
+from jaxdyn.solvers.method import operations
 from jaxdyn.status import Status
 
 #: Lanes of a group. A loop over 16 or fewer is unrolled by the compiler before vectorisation, and

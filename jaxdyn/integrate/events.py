@@ -183,7 +183,7 @@ def until(
     """
     events = _events(events)
     t0, t1 = span(scene, t1, t0)
-    settings = Settings(checked_method(scene, solver))
+    settings = Settings(checked_method(scene, solver, several=True))
     for event in events:
         event.check(len(scene.y0))
     options = SolverOptions(rtol=rtol, atol=atol, max_steps=max_steps)

@@ -11,7 +11,6 @@ thousands (a neural force).
 """
 
 import functools
-from collections.abc import Callable
 from typing import NamedTuple
 
 import diffrax
@@ -25,6 +24,7 @@ from jaxdyn._numerics import in_one_kernel
 from jaxdyn.integrate.step_control import FixedSteps, Limits, StepControl, Watch, steps_of
 from jaxdyn.integrate.variational import Variational, tangent_columns
 from jaxdyn.solvers import Method
+from jaxdyn.solvers.method import operations
 from jaxdyn.solvers.stepper import Stepper, is_stiff
 from jaxdyn.status import Status
 
@@ -178,16 +178,6 @@ def _flow_jvp(primals, tangents, *, settings):
         y1=y1, ys=ys, steps=out.steps, rejected=out.rejected, status=out.status, stiff=out.stiff
     )
     return result, SolveResult(y1=d_y1, ys=d_ys, steps=None, rejected=None, status=None, stiff=None)
-
-
-def operations(rate: Callable, t0: Array, y0: Array) -> int:
-    """Number of operations of one rate evaluation."""
-
-    def count(jaxpr) -> int:
-        inner = [v for eqn in jaxpr.eqns for v in eqn.params.values() if hasattr(v, "jaxpr")]
-        return len(jaxpr.eqns) + sum(count(closed.jaxpr) for closed in inner)
-
-    return count(jax.make_jaxpr(rate)(t0, y0).jaxpr)
 
 
 def _rate(t, y, field):

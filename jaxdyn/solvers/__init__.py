@@ -1,7 +1,7 @@
 """Solvers: the values of the argument ``solver`` of `simulate`.
 
-- `Pair`: explicit, with a tolerance; the default. `NYSTROM12`, `VERNER9`, `DOPRI8`. With a step
-  instead, for comparison: `EULER`, and the classic `RK4`.
+- `Pair`: explicit, with a tolerance; the default of most scenes. `NYSTROM12`, `VERNER9`, `DOPRI8`.
+  With a step instead, for comparison: `EULER`, and the classic `RK4`.
 - `Composition`: symplectic and explicit, with a step; long conservative runs without forces that
   depend on velocity. `VERLET`, `BLANES_MOAN6`, `KAHAN_LI8`, `SOFRONIOU_SPALETTA10`.
 - `Gauss`: symplectic and implicit, with a step; long conservative runs of other scenes.
@@ -9,7 +9,8 @@
 - `Stoermer`: explicit, with a tolerance; a few bodies whose forces do not depend on velocity, in
   0.6 to 0.9 of the time of a pair. `STOERMER14`, `STOERMER18`.
 - `Taylor`: explicit, with a tolerance; scenes with short formulas, in a quarter to a half of the
-  time of a pair. `TAYLOR8`, `TAYLOR12`, `TAYLOR16`, `TAYLOR20`.
+  time of a pair; the default of the shortest. `TAYLOR8`, `TAYLOR12`, `TAYLOR14`, `TAYLOR16`,
+  `TAYLOR20`.
 - `Radau`: L-stable and implicit, with a tolerance; stiff scenes. `RADAU5`, `RADAU9`.
 - An explicit Runge-Kutta solver of diffrax, such as ``diffrax.Tsit5()``; see `from_diffrax`.
 
@@ -39,7 +40,15 @@ from jaxdyn.solvers.method import Advance, Method
 from jaxdyn.solvers.pairs import EULER, NYSTROM12, RK4, VERNER9, Pair
 from jaxdyn.solvers.radau import RADAU5, RADAU9, Radau
 from jaxdyn.solvers.stoermer import STOERMER14, STOERMER18, Stoermer
-from jaxdyn.solvers.taylor.method import TAYLOR8, TAYLOR12, TAYLOR16, TAYLOR20, Taylor, has_series
+from jaxdyn.solvers.taylor.method import (
+    TAYLOR8,
+    TAYLOR12,
+    TAYLOR14,
+    TAYLOR16,
+    TAYLOR20,
+    Taylor,
+    has_series,
+)
 
 __all__ = [
     "BLANES_MOAN6",
@@ -57,6 +66,7 @@ __all__ = [
     "STOERMER18",
     "TAYLOR8",
     "TAYLOR12",
+    "TAYLOR14",
     "TAYLOR16",
     "TAYLOR20",
     "VERLET",

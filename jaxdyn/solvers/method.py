@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from typing import ClassVar, NamedTuple, NoReturn, TypeVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -130,3 +131,13 @@ def grows_from(growth: Callable[[float], float]) -> float:
         if growth(z) > 1 + 1e-3:
             break
     return float(z)
+
+
+def operations(rate: Callable, t0: Array, y0: Array) -> int:
+    """Number of operations of one rate evaluation."""
+
+    def count(jaxpr) -> int:
+        inner = [v for eqn in jaxpr.eqns for v in eqn.params.values() if hasattr(v, "jaxpr")]
+        return len(jaxpr.eqns) + sum(count(closed.jaxpr) for closed in inner)
+
+    return count(jax.make_jaxpr(rate)(t0, y0).jaxpr)

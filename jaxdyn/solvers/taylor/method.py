@@ -3,7 +3,8 @@
 A step sums the series of the solution about its start, whose coefficients follow from the
 formulas of the rate (`formulas`, `recurrences`). For a handful of numbers and many digits that
 takes a quarter to a half of the time of a Runge-Kutta pair: the cost of an order is proportional
-to the order, and nothing is evaluated inside the step.
+to the order, and nothing is evaluated inside the step. At its end the error is multiplied by the
+Jacobian, once, to detect stiffness.
 
 The optimal order is about 1 - ln(rtol) / 2: 8 at rtol 1e-6, 16 at 1e-13. Formulas with more
 than 48 products compile too long, and are refused, as are operations without a recurrence:
@@ -12,9 +13,9 @@ loops of unknown length, hence most linear algebra.
 
 import dataclasses
 import functools
-from typing import ClassVar
+import math
+from typing import ClassVar, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,7 +24,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import in_one_kernel
-from jaxdyn.solvers.method import Advance, Method, Rate
+from jaxdyn.solvers.method import Advance, Method, Rate, grows_from, operations
 from jaxdyn.solvers.pairs import VERNER9
 from jaxdyn.solvers.taylor.formulas import Formulas, NotElementary, formulas
 from jaxdyn.solvers.taylor.graph import Node
@@ -35,6 +36,7 @@ from jaxdyn.solvers.taylor.recurrences import Coefficient, is_guarded, products,
 _MOST_PRODUCTS = 48
 #: Entries of a state; with more of them a step takes ten times as long, see `_in_one_array`.
 _MOST_NUMBERS = 15
+_KINDS = 256  # of systems whose products are remembered
 _LOWEST, _HIGHEST = 4, 40  # orders
 #: Error of a step across a jump, as a part of the difference of slopes at its end.
 _DEFECT_WEIGHT = 0.5
@@ -44,6 +46,7 @@ _LAST_BUT_ONE_WEIGHT = 0.1
 #: Weight of each earlier term, in case both vanish: less than the factor between terms, or these
 #: would limit the steps of motions without such a symmetry (0.05 does, at rtol 1e-14).
 _TERM_RATIO = 0.03
+_TINY = np.finfo(float).tiny
 _LARGE_TERMS = 4  # terms that are large beside the later ones
 _REMEDY = "Leave the solver out, or use solvers.VERNER9, which needs no formulas."
 
@@ -55,7 +58,7 @@ class Taylor(Method):
     Limits: elementary functions of a state of one axis, without loops of unknown length, hence
       without most linear algebra, and without conditions such as absolute values and friction
       that reverses; at most 48 products of moving numbers. With more than 15 numbers it is
-      slow. It does not detect stiffness. Variational equations are integrated by `VERNER9`.
+      slow. Variational equations are integrated by `VERNER9`.
 
     Attributes:
       order: number of terms besides the start, 4 to 40.
@@ -64,7 +67,6 @@ class Taylor(Method):
     order: int
     adaptive: ClassVar[bool] = True
     position_only: ClassVar[bool] = False
-    stable: ClassVar[float] = np.inf
 
     def __post_init__(self):
         _checks.whole("order", self.order, _LOWEST, _HIGHEST, "It is that of the Taylor series.")
@@ -78,6 +80,15 @@ class Taylor(Method):
     def error_order(self) -> int:
         """The last term is the estimate of the error."""
         return self.order
+
+    @functools.cached_property
+    def stable(self) -> float:
+        """The |h lambda| on the negative axis up to which it is stable."""
+
+        def growth(z: float) -> float:
+            return abs(sum((-z) ** k / math.factorial(k) for k in range(self.order + 1)))
+
+        return grows_from(growth)
 
     @property
     def for_tangents(self) -> Method:
@@ -98,7 +109,7 @@ class Taylor(Method):
         if guarded:
             # At a start from rest the series is that of the guard's other case, and wrong.
             found = _DEFECT_WEIGHT * jnp.abs(h * field(t + h, y + increment) - found)
-        return Advance(increment, found)
+        return Advance(increment, found, speed=_speed(field, t + h, h, y + increment, found))
 
 
 def has_series(system, y: Array) -> bool:
@@ -109,19 +120,71 @@ def has_series(system, y: Array) -> bool:
         compiled solve, where these numbers are not known.
       y: (k,) a state.
     """
-    numbers, rest = eqx.partition(system, eqx.is_array)
+    found = series_of(system, y)
+    return found is not None and found.products <= _MOST_PRODUCTS
+
+
+class Series(NamedTuple):
+    """What the Taylor series of a solution costs, and where there is one.
+
+    Attributes:
+      products: at each order.
+      everywhere: whether there is one at each state at which the rate is finite; a root has none
+        at 0.
+    """
+
+    products: int
+    everywhere: bool
+
+
+def series_of(system, y: Array, longest: int | None = None) -> Series | None:
+    """The series of a rate, found once for systems of a kind, whatever their numbers.
+
+    Args:
+      system: see `has_series`.
+      y: (k,) a state.
+      longest: operations of a rate above which it is not looked at: the formulas of a mechanism
+        take a second to find.
+    Returns:
+      What it costs; None for more numbers than `Taylor` is made for, for a rate of too many
+      operations, and for one without a series.
+    """
+    if len(y) > _MOST_NUMBERS:
+        return None
+    leaves, tree = jax.tree.flatten(system)
+    kinds = tuple((np.shape(x), jnp.result_type(x)) for x in leaves)
+    return _series_of(tree, kinds, len(y), longest)
+
+
+@functools.lru_cache(maxsize=_KINDS)
+def _series_of(tree, kinds: tuple, k: int, longest: int | None) -> Series | None:
     answers = []
 
-    def look(numbers, t, y):
+    def look(leaves, t, y):
+        rate = jax.tree.unflatten(tree, leaves).rate
+        if longest is not None and operations(rate, t, y) > longest:
+            return
         try:
-            found = formulas(eqx.combine(numbers, rest).rate, t, y)
-            short = products(ordered(found.graph, found.rates)) <= _MOST_PRODUCTS
-            answers.append(short and len(y) <= _MOST_NUMBERS)
+            found = formulas(rate, t, y)
         except NotElementary:
-            answers.append(False)
+            return
+        nodes = ordered(found.graph, found.rates)
+        answers.append(Series(products(nodes), not any(map(_ends, nodes))))
 
-    jax.eval_shape(look, numbers, jnp.zeros(()), y)
-    return answers[0]
+    shapes = [jax.ShapeDtypeStruct(*kind) for kind in (*kinds, ((), float), ((k,), float))]
+    jax.eval_shape(look, shapes[:-2], *shapes[-2:])
+    return answers[0] if answers else None
+
+
+def _ends(node: Node) -> bool:
+    """Whether a formula is finite where its derivatives are not: a root that nothing guards at 0.
+
+    Negative powers are infinite there, as is the rate.
+    """
+    base, *exponent = node.args if node.op in ("sqrt", "pow") else (None,)
+    if not isinstance(base, Node) or not base.moving or base.op == "select":
+        return False
+    return not exponent or isinstance(exponent[0], Node) or exponent[0] > 0
 
 
 def _formulas(field: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node]]:
@@ -154,6 +217,8 @@ def _slope(c: list[Coefficient], h: Array) -> Array:
 def _last(c: list[Coefficient], h: Array) -> Array:
     """Size of the last two terms, extrapolated from earlier ones where symmetry hides them.
 
+    With the sign of the last one, so that the errors of all entries are a direction.
+
     Terms of the second half count, since x'' = -x^7 from x = 0 has every eighth one only.
     """
     order = len(c) - 1
@@ -164,7 +229,14 @@ def _last(c: list[Coefficient], h: Array) -> Array:
         if c[k] is not None:
             term = weight * jnp.abs(c[k])
             found = _larger(found, term) if before > 0 else found + term
-    return found
+    last = c[order]
+    return found if last is None else jnp.where(last < 0, -found, found)
+
+
+def _speed(field: Rate, t: Array, h: Array, y: Array, error: Array) -> Array:
+    """() |h J error| / |error|: where stability limits steps, errors are along the fastest part."""
+    _, slope = jax.jvp(lambda y: field(t, y), (y,), (error,))
+    return jnp.abs(h) * jnp.max(jnp.abs(slope)) / (jnp.max(jnp.abs(error)) + _TINY)
 
 
 def _larger(a: Array, b: Array) -> Array:
@@ -189,5 +261,5 @@ def _in_one_array(pairs: list[tuple[Array, Array]], h: Array) -> Array:
     return found
 
 
-#: For errors of 1e-6 and above, 1e-9, 1e-12, and rounding.
-TAYLOR8, TAYLOR12, TAYLOR16, TAYLOR20 = (Taylor(n) for n in (8, 12, 16, 20))
+#: For errors of 1e-6 and above, 1e-9, all of them (the default), 1e-12, and rounding.
+TAYLOR8, TAYLOR12, TAYLOR14, TAYLOR16, TAYLOR20 = (Taylor(n) for n in (8, 12, 14, 16, 20))

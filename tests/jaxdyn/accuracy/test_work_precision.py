@@ -19,7 +19,7 @@ FEW = {"tolerances": TOLERANCES, "rounds": 1}
 OSCILLATOR = scenes.oscillator(c=0.1)
 
 
-FIT = ["Verner 9(8)", "Dopri8", "Taylor 12", "Taylor 16"]
+FIT = ["Verner 9(8)", "Dopri8", "Taylor 12", "Taylor 14"]
 
 
 def errors(found) -> np.ndarray:
@@ -179,10 +179,13 @@ def test_the_command_prints_what_digits_cost(monkeypatch, capsys, tmp_path):
     assert code == 0
     assert " 9 digits: " in out
     assert "for 10 digits: " in out
+    assert "by default: Taylor 14, since its Taylor series takes " in out
     assert picture.stat().st_size > 1000
     code, out, _ = run(monkeypatch, capsys, "oscillator", "--set", "c=0.1", "--json")
     found = json.loads(out)
     assert found["digits"] == 9
+    assert found["default"] == "Taylor 14"
+    assert found["reason"].startswith("its Taylor series takes ")
     assert found["recommended"]["error"] <= 1e-9
     assert {c["solver"] for c in found["curves"]} == set(FIT)
 

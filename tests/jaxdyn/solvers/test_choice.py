@@ -1,0 +1,107 @@
+"""Which method a scene gets, and that all that is asked of a default works with it."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import SOLVED, gap
+from odes import lorenz
+
+import jaxdyn
+from jaxdyn import ensemble, scenes, simulate
+from jaxdyn.integrate import events
+from jaxdyn.integrate.simulation import _compiled, solve
+from jaxdyn.solvers import NYSTROM12, TAYLOR14, VERNER9, Taylor, default_solver
+from jaxdyn.solvers.choice import reason
+
+
+def rooted(t, y):
+    """Drag whose root has no derivative at rest, where the motion starts."""
+    return [y[1], -9.81 - y[1] * jnp.sqrt(y[1] ** 2 + 0.0 * y[0])]
+
+
+def braked(t, y):
+    return [y[1], -y[0] - jnp.abs(y[1])]
+
+
+def relaxed(t, y, k):
+    """y chases cos t at rate k."""
+    return [k * (jnp.cos(t) - y[0])]
+
+
+NUMBERS = {"sigma": 10.0, "rho": 28.0, "beta": 8 / 3}
+LORENZ = jaxdyn.ode(lorenz, [1.0, 1.0, 1.0], 2.0, params=NUMBERS)
+END = solve(LORENZ, 2.0, rtol=1e-13, solver=VERNER9).y1
+
+
+@pytest.mark.parametrize(
+    ("scene", "method", "why"),
+    [
+        (LORENZ, TAYLOR14, "takes 2 products"),
+        (scenes.cannonball(drag=0.3), TAYLOR14, "takes 5 products"),
+        (scenes.three_body(), NYSTROM12, "do not depend on velocity"),
+        (scenes.double_pendulum(), VERNER9, "is long"),
+        (jaxdyn.ode(rooted, [0.0, 0.0]), VERNER9, "has a root"),
+        (jaxdyn.ode(braked, [1.0, 0.0]), VERNER9, "no Taylor series"),
+    ],
+    ids=["lorenz", "ball", "eight", "mechanism", "root", "condition"],
+)
+def test_the_default_is_by_what_the_rate_is_made_of(scene, method, why):
+    assert default_solver(scene) is method
+    assert why in reason(scene)
+
+
+def test_a_root_that_is_zero_at_the_start_is_passed_by_default():
+    scene = jaxdyn.ode(rooted, [0.0, 0.0])
+    exact = [-np.log(np.cosh(np.sqrt(9.81))), -np.sqrt(9.81) * np.tanh(np.sqrt(9.81))]
+    assert gap(solve(scene, 1.0, rtol=1e-13).y1, exact) < 1e-11
+    assert not np.isfinite(solve(scene, 1.0, rtol=1e-13, solver=TAYLOR14).y1).all()
+
+
+def test_ends_samples_and_digits_are_right():
+    motion = simulate(LORENZ, samples=[1.0, 2.0], rtol=1e-13)
+    assert gap(motion.ys[-1], END) < SOLVED
+    halfway = solve(LORENZ, 1.0, rtol=1e-13, solver=VERNER9).y1
+    assert gap(motion.ys[0], halfway) < SOLVED
+    assert gap(simulate(LORENZ, samples=1, digits=9).ys[-1], END) < 1e-9
+
+
+def test_events_and_ensembles_take_a_pair_for_it():
+    event = events.Reaches(2, 30.0)
+    found = events.until(LORENZ, event, rtol=1e-13)
+    assert gap(found.y, events.until(LORENZ, event, rtol=1e-13, solver=VERNER9).y) == 0
+    assert gap(solve(LORENZ, found.t, rtol=1e-13).y1, found.y) < SOLVED
+    starts = np.array([LORENZ.y0, LORENZ.y0 + 0.1])
+    assert gap(ensemble.run(LORENZ, starts, rtol=1e-13).y1[0], END) < SOLVED
+
+
+def test_derivatives_maps_and_traced_tolerances():
+    def end(y0, rtol=1e-12, **how):
+        return solve(LORENZ.starting(y0), 2.0, rtol=rtol, **how).y1
+
+    by_pair = jax.jacfwd(lambda y: end(y, solver=VERNER9))(LORENZ.y0)
+    assert gap(jax.jacfwd(end)(LORENZ.y0), by_pair) < SOLVED
+    assert gap(jax.jacrev(end)(LORENZ.y0), by_pair) < SOLVED
+    assert gap(jax.vmap(end)(jnp.stack([LORENZ.y0]))[0], END) < 1e-10
+    # One method for all tolerances, so that they may be known at run time only.
+    assert gap(jax.jit(end)(LORENZ.y0, 1e-13), END) < SOLVED
+
+
+def test_new_numbers_and_tolerances_do_not_compile_again():
+    solve(LORENZ, 2.0)
+    programs = _compiled._cache_size()
+    other = jaxdyn.ode(lorenz, [1.0, 2.0, 1.0], 2.0, params=NUMBERS | {"rho": 20.0})
+    for rtol in (1e-4, 1e-12):
+        solve(other, 1.5, rtol=rtol)
+    assert _compiled._cache_size() == programs
+
+
+@pytest.mark.parametrize("order", [8, 14, 20])
+def test_series_notice_stiffness_and_nothing_else(order):
+    method = Taylor(order)
+    stiff = jaxdyn.ode(relaxed, [1.0], params=1e3)
+    plain = jaxdyn.ode(relaxed, [1.0], params=1.0)
+    for rtol in (1e-3, 1e-6, 1e-10):
+        assert bool(solve(stiff, 5.0, rtol=rtol, solver=method).stiff)
+        assert not bool(solve(plain, 200.0, rtol=rtol, solver=method).stiff)
+        assert not bool(solve(LORENZ, 5.0, rtol=rtol, solver=method).stiff)
