@@ -53,8 +53,8 @@ from .families.continuation import continue_family as continue_family
 from .families.continuation import switch as switch
 from .families.family import Family as Family
 from .families.family import Kind as Kind
-from .files.verify import load as load
-from .files.verify import save as save
+from .files.orbit_files import load as load
+from .files.orbit_files import save as save
 from .files.verify import verify as verify
 from .hybrid.legs import Hybrid as Hybrid
 from .hybrid.legs import Leg as Leg

@@ -110,7 +110,7 @@ def test_orbit_files_name_only_classes_that_are_known_then():
     code = """
 import importlib, pkgutil, orbits.files.verify
 from jaxdyn.files import records
-from orbits.files.orbit_files import KINDS
+from orbits.files.encoding import KINDS
 def known(): return {f"{c.__module__}.{c.__name__}" for c in records._classes(KINDS).values()}
 before = known()
 import jaxdyn

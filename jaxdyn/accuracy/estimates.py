@@ -23,7 +23,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.accuracy.convergence import fixed_steps
-from jaxdyn.integrate import ladder
+from jaxdyn.integrate import error_estimate
 from jaxdyn.integrate.gaps import gaps, scales
 from jaxdyn.integrate.rounding_error import Run
 from jaxdyn.integrate.simulation import simulate, solve
@@ -72,9 +72,9 @@ def estimate(
     options = SolverOptions(rtol=rtol, solver=solver)
     run, ts = _runner(scene, t1, t0, samples, options, dt=dt)
     if dt is not None:
-        return ladder.halved(run, scene, ts, dt, name)
+        return error_estimate.halved(run, scene, ts, dt, name)
     names = ("tolerance ladder", name, name)
-    return ladder.measured(run, scene, ts, np.array([rtol, rtol]), names)[1]
+    return error_estimate.measured(run, scene, ts, np.array([rtol, rtol]), names)[1]
 
 
 def by_second_method(
@@ -110,7 +110,7 @@ def by_second_method(
     run, ts = _runner(scene, t1, t0, samples, options)
     by, _ = _runner(scene, t1, t0, samples, options._replace(solver=second))
     names = ("second method", first.name, second.name)
-    return ladder.measured(run, scene, ts, np.array([rtol, rtol]), names, by=by)[1]
+    return error_estimate.measured(run, scene, ts, np.array([rtol, rtol]), names, by=by)[1]
 
 
 def by_tangents(
@@ -145,7 +145,7 @@ def by_tangents(
     ys = np.asarray(run(scene, np.array([rtol, rtol])).ys)
     starts_at = np.concatenate([[float(t0)], np.asarray(ts)[:-1]])
     starts = np.concatenate([np.asarray(scene.y0)[None], ys[:-1]])
-    fine = max(rtol * ladder.RATIO, ladder.FINEST)
+    fine = max(rtol * error_estimate.RATIO, error_estimate.FINEST)
     method = chosen_method(scene, solver)
     ends, tangents = _pieces(scene, starts_at, starts, ts, np.asarray(fine), solver=method)
     local = gaps(scene, ys, np.asarray(ends))
@@ -208,7 +208,7 @@ def by_halving(
         return _Ends(y1[None])
 
     ts = t1[None]
-    return ladder.halved(run, scene, ts, length / steps, method.name)
+    return error_estimate.halved(run, scene, ts, length / steps, method.name)
 
 
 class _Ends(NamedTuple):
@@ -216,7 +216,7 @@ class _Ends(NamedTuple):
 
 
 def _runner(scene: Scene, t1, t0, samples, options: SolverOptions, *, dt=None) -> tuple[Run, Array]:
-    """The run for `ladder` and its times; arguments are checked as by `simulate`."""
+    """The run for `error_estimate` and its times; arguments are checked as by `simulate`."""
     ts = simulate(scene, t1, t0=t0, samples=samples, dt=dt, **options._asdict()).ts
     t0, end = span(scene, t1, t0)
 

@@ -6,8 +6,8 @@ no more than log(1000) / growth. Beyond it a solution is one of the motions of t
 the one from its start.
 
 The time reported is measured, not predicted: it is where two solutions differ in the requested
-digits, including the effect of rounding (`ladder`). The growth rate, from the tangent map, tells
-what a tighter tolerance would bring.
+digits, including the effect of rounding (`error_estimate`). The growth rate, from the tangent map,
+tells what a tighter tolerance would bring.
 """
 
 import dataclasses
@@ -21,7 +21,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.accuracy import estimates
-from jaxdyn.integrate.ladder import MOST_DIGITS
+from jaxdyn.integrate.error_estimate import MOST_DIGITS
 from jaxdyn.integrate.simulation import RTOL, solve
 from jaxdyn.integrate.trajectory import Estimate
 from jaxdyn.scene import Scene

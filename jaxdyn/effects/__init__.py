@@ -1,8 +1,8 @@
 """Effects: what acts on material points, one file a family.
 
 `gravity` (uniform, and between pairs), `drag` (drag and dry friction), `central` (central forces),
-`links` (springs, dashpots, networks of springs), `external` (given functions of time). `pairs` sums
-over pairs of bodies, `_parts` checks what effects have in common.
+`links` (springs, dashpots, networks of springs), `prescribed` (given functions of time). `pairs`
+sums over pairs of bodies, `_parts` checks what effects have in common.
 
 Positions and velocities are (n, d) arrays, masses (n,); forces are (n, d). The parameters of an
 effect are array leaves; the points that it acts on are fixed when it is made.
@@ -11,15 +11,16 @@ May import: `jaxdyn`, that is the files at the top level.
 
 One more effect is a subclass of `Effect` in the file of its family with a `potential` or a `force`,
 `velocity_dependent` set if the force does not depend on velocity, a `check` of its parameters, and
-one line below. It draws itself by `sketch`.
+one line below. A new family, such as magnetic fields, is a file of its own. An effect draws itself
+by its `sketch`.
 """
 
 from jaxdyn.effects._parts import unless_zero
 from jaxdyn.effects.central import CentralForce, PowerLaw
 from jaxdyn.effects.drag import DryFriction, LinearDrag, QuadraticDrag
-from jaxdyn.effects.external import ConstantForce, SinusoidalForce, StepForce
 from jaxdyn.effects.gravity import PairGravity, UniformGravity
 from jaxdyn.effects.links import Dashpot, Spring, SpringNetwork
+from jaxdyn.effects.prescribed import ConstantForce, SinusoidalForce, StepForce
 
 __all__ = [
     "CentralForce",

@@ -15,7 +15,7 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
-from jaxdyn.integrate import ladder
+from jaxdyn.integrate import error_estimate
 from jaxdyn.integrate.adjoint import adjoint_flow
 from jaxdyn.integrate.fixed import FixedField
 from jaxdyn.integrate.flow import Settings, SolveResult, flow
@@ -97,7 +97,7 @@ def simulate(
             remedy = "The tolerances are found from digits."
             raise _checks.fail("digits", "no rtol, atol or dt with it", "one", remedy)
         name = solver if isinstance(solver, str) else chosen_method(scene, solver).name
-        result, error = ladder.reached(run, scene, ts, digits, name, throw)
+        result, error = error_estimate.reached(run, scene, ts, digits, name, throw)
     if throw:
         raise_unless_ok(result.status, scene)
     return Trajectory(

@@ -4,6 +4,8 @@ Angles are measured counterclockwise from hanging straight down; x points right,
 first hinge is the origin. A uniform bar is equivalent to three points: a sixth of its mass at each
 end and the rest at its middle (Simpson's rule, exact for the moment of inertia). The points
 are therefore the hinges and the middles, and a drawing that joins the hinges shows the bars.
+
+Here are geometry and masses; the equations of motion follow from them in `formulations`.
 """
 
 import equinox as eqx

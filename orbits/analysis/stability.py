@@ -10,7 +10,8 @@ itself, and the symmetries' generators inside it, G, to themselves; the quotient
 has exactly the non-trivial multipliers for eigenvalues, well conditioned unless two of them meet.
 
 Each gets an error bar (see `jaxdyn.analysis.eigenvalues`), from the change of M between two
-tolerances and its rounding. The verdict is `undecided` where the bars say so.
+tolerances and its rounding. What the multipliers then say, "stable", "unstable" or "undecided", is
+`map_verdict` of that file.
 """
 
 import dataclasses

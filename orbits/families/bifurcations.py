@@ -1,4 +1,7 @@
-"""Test functions of a family's members, which change sign at special points."""
+"""Functions of a family's members that change sign at bifurcations: `TESTS`.
+
+`continuation` evaluates them at each member and bisects where one has changed its sign.
+"""
 
 import jax.numpy as jnp
 import numpy as np

@@ -1,6 +1,7 @@
 """Orbits and families as files, and their verification.
 
-`orbit_files` and `family_files` are the formats, `verify` writes, reads and verifies.
+`orbit_files` writes and reads orbits, `family_files` families; `encoding` turns an orbit into plain
+JSON and back for both. `verify` recomputes the claims of an orbit file.
 
 May import: `families`.
 

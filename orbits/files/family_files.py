@@ -9,7 +9,7 @@ from typing import Any
 from jaxdyn._checks import fail
 from jaxdyn.files import records
 from orbits.families.family import Family, Kind, Member
-from orbits.files import orbit_files as files
+from orbits.files import encoding
 from orbits.orbit import Orbit
 
 FORMAT = "jaxdyn-family"
@@ -92,13 +92,13 @@ def load(path: str | Path) -> Listing:
     """
     record = records.read(path, FORMAT, VERSION)
     if record.keys() != _KEYS:
-        raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), files.DAMAGED)
+        raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), encoding.DAMAGED)
     name, end = record["parameter"], record["end"]
     if not (isinstance(end, str) and (name is None or isinstance(name, str))):
         raise fail("file", "a parameter's name and a reason for the end", "others", files.DAMAGED)
     members, special = (_entries(record[key], name) for key in ("members", "special"))
     if not members:
-        raise fail("file", "at least one member", "none", files.DAMAGED)
+        raise fail("file", "at least one member", "none", encoding.DAMAGED)
     claimed = record.pop("digest")
     if claimed != records.digest(record):
         raise fail("file", "data that match its digest", "other data", files.DAMAGED)
@@ -117,7 +117,7 @@ def _entry(member: Member) -> Entry:
 
 def _record(entry: Entry) -> dict[str, Any]:
     return {
-        "orbit": files.encode(entry.orbit),
+        "orbit": encoding.encode(entry.orbit),
         "parameter": _number(entry.parameter),
         "energy": _number(entry.energy),
         "verdict": entry.verdict,
@@ -131,21 +131,23 @@ def _number(x: float) -> float | None:
 
 def _entries(several: Any, parameter: str | None) -> tuple[Entry, ...]:
     if not isinstance(several, list):
-        raise fail("file", "a list of orbits", type(several).__name__, files.DAMAGED)
+        raise fail("file", "a list of orbits", type(several).__name__, encoding.DAMAGED)
     return tuple(_decoded(record, parameter) for record in several)
 
 
 def _decoded(record: Any, parameter: str | None) -> Entry:
     if not isinstance(record, dict) or record.keys() != _ENTRY_KEYS:
-        raise fail("file", f"orbits with {sorted(_ENTRY_KEYS)}", "others", files.DAMAGED)
+        raise fail("file", f"orbits with {sorted(_ENTRY_KEYS)}", "others", encoding.DAMAGED)
     value, energy, verdict, kind = (record[k] for k in ("parameter", "energy", "verdict", "kind"))
-    orbit = files.decode(record["orbit"])
+    orbit = encoding.decode(record["orbit"])
     has_energy = orbit.scene.has_energy
     numbers = [energy] * has_energy + [value] * (parameter is not None)
     if not all(isinstance(x, int | float) and not isinstance(x, bool) for x in numbers):
-        raise fail("file", "numbers for energy and parameter", reprlib.repr(numbers), files.DAMAGED)
+        raise fail(
+            "file", "numbers for energy and parameter", reprlib.repr(numbers), encoding.DAMAGED
+        )
     if verdict not in _VERDICTS or kind not in (None, *Kind):
-        raise fail("file", "a verdict and a kind", reprlib.repr((verdict, kind)), files.DAMAGED)
+        raise fail("file", "a verdict and a kind", reprlib.repr((verdict, kind)), encoding.DAMAGED)
     return Entry(
         orbit=orbit,
         parameter=math.nan if parameter is None else float(value),

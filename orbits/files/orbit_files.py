@@ -1,22 +1,13 @@
 """An orbit as plain JSON, and back: the common part of orbit files and family files."""
 
-import math
+from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
-
-from jaxdyn import Effect, Scene, System, effects, scenes
 from jaxdyn._checks import fail
 from jaxdyn.files import records
-from jaxdyn.formulations.attitude import Attitude
-from jaxdyn.formulations.mechanism import Mechanism
-from jaxdyn.geometry.inertia import MaterialPoints
-from jaxdyn.scenes.drawings import Angles
-from jaxdyn.sketch import Looks
-from orbits.closing.closings import Closing
-from orbits.closing.given import check_drive, driven
-from orbits.closing.symmetry import Symmetry
-from orbits.orbit import Orbit, Outcome
+from orbits.analysis.report import Report, as_json, report
+from orbits.files import encoding
+from orbits.orbit import Orbit
 
 KEYS = {"scene", "closing", "angle", "rtol", "s_period"}
 #: Modules of the classes that a file may name, looked up among those that are loaded.
@@ -26,11 +17,15 @@ KINDS = (System, Effect, Mechanism, Attitude, MaterialPoints, Looks, Angles)
 DAMAGED = "The file was edited or damaged, or another version wrote it: make it again."
 
 
-def encode(orbit: Orbit) -> dict[str, Any]:
-    """The orbit as numbers, strings, lists and dictionaries.
+def save(path: str | Path, orbit: Orbit, claims: Report | None = None) -> None:
+    """Write an orbit with all that is claimed of it, atomically.
 
+    Args:
+      path: of the JSON file.
+      orbit: what `find` returned.
+      claims: its report; made here if left out.
     Raises:
-      ValueError: the scene holds a function.
+      ValueError: the folder does not exist, or the scene holds a function.
     """
     return {
         "scene": records.encode(orbit.scene),
@@ -71,22 +66,16 @@ def decode(record: dict[str, Any]) -> Orbit:
     )
 
 
-def _scene(record: Any) -> Scene:
-    scene = records.decode(record, "scene", KINDS)
-    if not isinstance(scene, Scene):
-        raise fail("scene", "a Scene", type(scene).__name__, DAMAGED)
-    scene.check()
-    rate = scene.rate(jnp.zeros(()), scene.y0)
-    if rate.shape != scene.y0.shape:
-        raise fail("scene", f"a rate of shape {scene.y0.shape}", f"shape {rate.shape}", DAMAGED)
-    if driven(scene):
-        check_drive(scene, float(scene.t1))
-    return scene
+def load(path: str | Path) -> tuple[Orbit, dict[str, Any]]:
+    """The orbit in a file, and what the file claims of it.
 
-
-def _closing(record: Any, scene: Scene) -> Closing:
-    closing = records.decode(record, "closing", (Closing, Symmetry))
-    if not (isinstance(closing, Closing) and isinstance(closing.name, str)):
-        raise fail("closing", "a closing condition with a name", "others")
-    closing.check(scene)
-    return closing
+    Raises:
+      ValueError: not a readable orbit file of this version, or one that makes no sense.
+    """
+    record = records.read(path, FORMAT, VERSION)
+    if record.keys() != _KEYS:
+        raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), encoding.DAMAGED)
+    orbit, claims = encoding.decode(record), record["claims"]
+    if not isinstance(claims, dict):
+        raise fail("file", "claims by name", type(claims).__name__, encoding.DAMAGED)
+    return orbit, claims

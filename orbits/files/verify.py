@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn._checks import fail
-from jaxdyn.files import records
 from orbits.analysis.evidence import after, closure
 from orbits.analysis.report import Report, as_json, report
-from orbits.files import orbit_files as files
+from orbits.files.encoding import DAMAGED
+from orbits.files.orbit_files import load
 from orbits.orbit import Orbit
 
 FORMAT = "jaxdyn-orbit"
@@ -29,7 +29,6 @@ _ERRORS = (
     "determinant_defect",
     "recheck.closure",
 )
-_KEYS = {"format", "version", "claims"} | files.KEYS
 _NOT_COMPARED = ("multiplier_bars", "recheck.tolerance")
 
 
@@ -88,7 +87,7 @@ def verify(path: str | Path) -> tuple[Report, list[Mismatch]]:
     orbit, claims = load(path)
     if not np.isfinite(closure(orbit)):
         got = "one that ends before it"
-        raise fail("file", "a motion that lasts for its period", got, files.DAMAGED)
+        raise fail("file", "a motion that lasts for its period", got, DAMAGED)
     derived = report(orbit)
     return derived, [*_not_closed(orbit, derived), *_compare(claims, as_json(derived))]
 

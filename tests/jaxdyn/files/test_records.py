@@ -17,7 +17,7 @@ from jaxdyn.effects import LinearDrag, PairGravity, UniformGravity
 from jaxdyn.files import records
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import catalogue
-from orbits.files.orbit_files import KINDS
+from orbits.files.encoding import KINDS
 
 KIND, VERSION = "test-record", 3
 

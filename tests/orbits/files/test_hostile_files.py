@@ -12,8 +12,7 @@ import orbits
 from jaxdyn import scenes
 from jaxdyn.files import records
 from orbits.discovery import journal as table
-from orbits.files import family_files
-from orbits.files import orbit_files as files
+from orbits.files import encoding, family_files
 from orbits.orbit import Orbit, Outcome
 
 FIND = table.Find(0, (1.0, 0.0), 2.0, 0, 1e-16, 0.0, 1e-15, 2.0, "stable", 1.0, "")
@@ -174,7 +173,7 @@ def places(record, way=()):
 def test_whatever_stands_in_an_orbits_record_it_is_read_or_refused(name):
     scene = getattr(scenes, name)()
     orbit = Orbit(scene, orbits.PLAIN, 0.0, Outcome.FOUND, 0, 1e-13)
-    text = json.dumps(files.encode(orbit))
+    text = json.dumps(encoding.encode(orbit))
     ways = list(places(json.loads(text)))
     random = np.random.default_rng(1)
     for _ in range(60):
@@ -185,7 +184,7 @@ def test_whatever_stands_in_an_orbits_record_it_is_read_or_refused(name):
             at = at[key]
         at[last] = HOSTILE[random.integers(len(HOSTILE))]
         try:
-            read = files.decode(record)
+            read = encoding.decode(record)
         except ValueError as refused:
             assert str(refused)  # noqa: PT017
         else:
@@ -208,7 +207,7 @@ def test_static_fields_of_a_wrong_type_are_refused(scene, change, message):
     system = record["system"]
     system[key][inner] = value
     with pytest.raises(ValueError, match=message):
-        records.decode(record, "scene", files.KINDS)
+        records.decode(record, "scene", encoding.KINDS)
 
 
 def test_a_list_in_lists_without_end_is_refused():
@@ -218,4 +217,4 @@ def test_a_list_in_lists_without_end_is_refused():
         deep = [deep]
     record["system"]["mechanism"]["inverted"] = deep
     with pytest.raises(ValueError, match="inverted: expected bool"):
-        records.decode(record, "scene", files.KINDS)
+        records.decode(record, "scene", encoding.KINDS)

@@ -10,7 +10,7 @@ import pytest
 import orbits
 from jaxdyn import scenes
 from orbits.analysis.report import Report, as_json, report
-from orbits.files.verify import VERSION
+from orbits.files.orbit_files import VERSION
 from orbits.orbit import Orbit, Outcome
 
 

@@ -1,0 +1,92 @@
+"""An orbit as plain JSON, and back: what orbit files and family files have in common."""
+
+import math
+from typing import Any
+
+import jax.numpy as jnp
+
+from jaxdyn import Effect, Scene, System, effects, scenes
+from jaxdyn._checks import fail
+from jaxdyn.files import records
+from jaxdyn.formulations.attitude import Attitude
+from jaxdyn.formulations.mechanism import Mechanism
+from jaxdyn.geometry.inertia import MaterialPoints
+from jaxdyn.scenes.drawings import Angles
+from jaxdyn.sketch import Looks
+from orbits.closing.closings import Closing
+from orbits.closing.given import check_drive, driven
+from orbits.closing.symmetry import Symmetry
+from orbits.orbit import Orbit, Outcome
+
+KEYS = {"scene", "closing", "angle", "rtol", "s_period"}
+#: What defines the classes that a file may name: they are looked up among those that are loaded.
+LOADED = (effects, scenes)
+#: Base classes of what a scene is put together from.
+KINDS = (System, Effect, Mechanism, Attitude, MaterialPoints, Looks, Angles)
+DAMAGED = "The file was edited or damaged, or another version wrote it: make it again."
+
+
+def encode(orbit: Orbit) -> dict[str, Any]:
+    """The orbit as numbers, strings, lists and dictionaries.
+
+    Raises:
+      ValueError: the scene holds a function.
+    """
+    return {
+        "scene": records.encode(orbit.scene),
+        "closing": records.encode(orbit.closing),
+        "angle": float(orbit.angle),
+        "rtol": float(orbit.rtol),
+        "s_period": orbit.s_period,
+    }
+
+
+def decode(record: dict[str, Any]) -> Orbit:
+    """What `encode` was given; whether it closes is not looked at.
+
+    Raises:
+      ValueError: a record of something else, or of what makes no sense.
+    """
+    try:
+        scene = _scene(record["scene"])
+        closing = _closing(record["closing"], scene)
+        angle, rtol, s_period = record["angle"], record["rtol"], record["s_period"]
+        numbers = isinstance(angle, float | int) and isinstance(rtol, float | int)
+        if not (s_period is None or (isinstance(s_period, float) and 0 < s_period < math.inf)):
+            raise fail("file", "a span of logarithmic time > 0, or null", s_period, DAMAGED)
+        if not (numbers and 0 < rtol < 1 and float(scene.t1) > 0 and math.isfinite(angle)):
+            raise fail("file", "a period > 0 and 0 < rtol < 1", "others", DAMAGED)
+    except (KeyError, TypeError, AttributeError, IndexError) as error:
+        got = f"{type(error).__name__} {error}"
+        raise fail("file", "a complete orbit", got, DAMAGED) from error
+    return Orbit(
+        scene=scene,
+        closing=closing,
+        residual=math.nan,
+        outcome=Outcome.FOUND,
+        iterations=0,
+        rtol=float(rtol),
+        angle=float(angle),
+        s_period=s_period,
+    )
+
+
+def _scene(record: Any) -> Scene:
+    scene = records.decode(record, "scene", KINDS)
+    if not isinstance(scene, Scene):
+        raise fail("scene", "a Scene", type(scene).__name__, DAMAGED)
+    scene.check()
+    rate = scene.rate(jnp.zeros(()), scene.y0)
+    if rate.shape != scene.y0.shape:
+        raise fail("scene", f"a rate of shape {scene.y0.shape}", f"shape {rate.shape}", DAMAGED)
+    if driven(scene):
+        check_drive(scene, float(scene.t1))
+    return scene
+
+
+def _closing(record: Any, scene: Scene) -> Closing:
+    closing = records.decode(record, "closing", (Closing, Symmetry))
+    if not (isinstance(closing, Closing) and isinstance(closing.name, str)):
+        raise fail("closing", "a closing condition with a name", "others")
+    closing.check(scene)
+    return closing
