@@ -1,4 +1,4 @@
-"""An orbit as plain JSON, and back: what orbit files and family files have in common."""
+"""An orbit as plain JSON, and back: the common part of orbit files and family files."""
 
 import math
 from typing import Any
@@ -19,9 +19,9 @@ from orbits.closing.symmetry import Symmetry
 from orbits.orbit import Orbit, Outcome
 
 KEYS = {"scene", "closing", "angle", "rtol", "s_period"}
-#: What defines the classes that a file may name: they are looked up among those that are loaded.
+#: Modules of the classes that a file may name, looked up among those that are loaded.
 LOADED = (effects, scenes)
-#: Base classes of what a scene is put together from.
+#: Base classes of the parts of a scene.
 KINDS = (System, Effect, Mechanism, Attitude, MaterialPoints, Looks, Angles)
 DAMAGED = "The file was edited or damaged, or another version wrote it: make it again."
 
@@ -42,10 +42,10 @@ def encode(orbit: Orbit) -> dict[str, Any]:
 
 
 def decode(record: dict[str, Any]) -> Orbit:
-    """What `encode` was given; whether it closes is not looked at.
+    """The orbit of a record; whether it closes is not checked.
 
     Raises:
-      ValueError: a record of something else, or of what makes no sense.
+      ValueError: the record is not of an orbit, or its data is invalid.
     """
     try:
         scene = _scene(record["scene"])

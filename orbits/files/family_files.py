@@ -95,13 +95,15 @@ def load(path: str | Path) -> Listing:
         raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), encoding.DAMAGED)
     name, end = record["parameter"], record["end"]
     if not (isinstance(end, str) and (name is None or isinstance(name, str))):
-        raise fail("file", "a parameter's name and a reason for the end", "others", files.DAMAGED)
+        raise fail(
+            "file", "a parameter's name and a reason for the end", "others", encoding.DAMAGED
+        )
     members, special = (_entries(record[key], name) for key in ("members", "special"))
     if not members:
         raise fail("file", "at least one member", "none", encoding.DAMAGED)
     claimed = record.pop("digest")
     if claimed != records.digest(record):
-        raise fail("file", "data that match its digest", "other data", files.DAMAGED)
+        raise fail("file", "data that match its digest", "other data", encoding.DAMAGED)
     return Listing(parameter=name, members=members, special=special, end=end)
 
 

@@ -1,4 +1,4 @@
-"""An orbit as plain JSON, and back: the common part of orbit files and family files."""
+"""Orbit files: an orbit with all that is claimed of it, written and read."""
 
 from pathlib import Path
 from typing import Any
@@ -9,68 +9,38 @@ from orbits.analysis.report import Report, as_json, report
 from orbits.files import encoding
 from orbits.orbit import Orbit
 
-KEYS = {"scene", "closing", "angle", "rtol", "s_period"}
-#: Modules of the classes that a file may name, looked up among those that are loaded.
-LOADED = (effects, scenes)
-#: Base classes of the parts of a scene.
-KINDS = (System, Effect, Mechanism, Attitude, MaterialPoints, Looks, Angles)
-DAMAGED = "The file was edited or damaged, or another version wrote it: make it again."
+FORMAT = "jaxdyn-orbit"
+VERSION = 4
+_KEYS = {"format", "version", "claims"} | encoding.KEYS
 
 
 def save(path: str | Path, orbit: Orbit, claims: Report | None = None) -> None:
-    """Write an orbit with all that is claimed of it, atomically.
+    """Write an orbit with all claims about it, atomically.
 
     Args:
       path: of the JSON file.
       orbit: what `find` returned.
-      claims: its report; made here if left out.
+      claims: its report; made here by default.
     Raises:
       ValueError: the folder does not exist, or the scene holds a function.
     """
-    return {
-        "scene": records.encode(orbit.scene),
-        "closing": records.encode(orbit.closing),
-        "angle": float(orbit.angle),
-        "rtol": float(orbit.rtol),
-        "s_period": orbit.s_period,
-    }
-
-
-def decode(record: dict[str, Any]) -> Orbit:
-    """The orbit of a record; whether it closes is not checked.
-
-    Raises:
-      ValueError: the record is not of an orbit, or its data is invalid.
-    """
-    try:
-        scene = _scene(record["scene"])
-        closing = _closing(record["closing"], scene)
-        angle, rtol, s_period = record["angle"], record["rtol"], record["s_period"]
-        numbers = isinstance(angle, float | int) and isinstance(rtol, float | int)
-        if not (s_period is None or (isinstance(s_period, float) and 0 < s_period < math.inf)):
-            raise fail("file", "a span of logarithmic time > 0, or null", s_period, DAMAGED)
-        if not (numbers and 0 < rtol < 1 and float(scene.t1) > 0 and math.isfinite(angle)):
-            raise fail("file", "a period > 0 and 0 < rtol < 1", "others", DAMAGED)
-    except (KeyError, TypeError, AttributeError, IndexError) as error:
-        got = f"{type(error).__name__} {error}"
-        raise fail("file", "a complete orbit", got, DAMAGED) from error
-    return Orbit(
-        scene=scene,
-        closing=closing,
-        residual=math.nan,
-        outcome=Outcome.FOUND,
-        iterations=0,
-        rtol=float(rtol),
-        angle=float(angle),
-        s_period=s_period,
+    claims = report(orbit) if claims is None else claims
+    records.write(
+        path,
+        {
+            "format": FORMAT,
+            "version": VERSION,
+            **encoding.encode(orbit),
+            "claims": as_json(claims),
+        },
     )
 
 
 def load(path: str | Path) -> tuple[Orbit, dict[str, Any]]:
-    """The orbit in a file, and what the file claims of it.
+    """The orbit in a file, and the file's claims about it.
 
     Raises:
-      ValueError: not a readable orbit file of this version, or one that makes no sense.
+      ValueError: not a readable orbit file of this version, or its data is invalid.
     """
     record = records.read(path, FORMAT, VERSION)
     if record.keys() != _KEYS:

@@ -1,4 +1,4 @@
-"""Orbit files: write one with its claims, read it, and recompute every claim."""
+"""Verification of an orbit file: every claim in it is recomputed from scratch."""
 
 import dataclasses
 from pathlib import Path
@@ -14,8 +14,6 @@ from orbits.files.encoding import DAMAGED
 from orbits.files.orbit_files import load
 from orbits.orbit import Orbit
 
-FORMAT = "jaxdyn-orbit"
-VERSION = 4
 #: A file's numbers and the recomputed ones may differ by this, relative to their size.
 AGREEMENT = 1e-9
 #: Claimed and recomputed errors may differ by this factor, since errors are mostly rounding.
@@ -39,43 +37,6 @@ class Mismatch:
     name: str
     claimed: Any
     derived: Any
-
-
-def save(path: str | Path, orbit: Orbit, claims: Report | None = None) -> None:
-    """Write an orbit with all claims about it, atomically.
-
-    Args:
-      path: of the JSON file.
-      orbit: what `find` returned.
-      claims: its report; made here by default.
-    Raises:
-      ValueError: the folder does not exist, or the scene holds a function.
-    """
-    claims = report(orbit) if claims is None else claims
-    records.write(
-        path,
-        {
-            "format": FORMAT,
-            "version": VERSION,
-            **files.encode(orbit),
-            "claims": as_json(claims),
-        },
-    )
-
-
-def load(path: str | Path) -> tuple[Orbit, dict[str, Any]]:
-    """The orbit in a file, and the file's claims about it.
-
-    Raises:
-      ValueError: not a readable orbit file of this version, or its data is invalid.
-    """
-    record = records.read(path, FORMAT, VERSION)
-    if record.keys() != _KEYS:
-        raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), files.DAMAGED)
-    orbit, claims = files.decode(record), record["claims"]
-    if not isinstance(claims, dict):
-        raise fail("file", "claims by name", type(claims).__name__, files.DAMAGED)
-    return orbit, claims
 
 
 def verify(path: str | Path) -> tuple[Report, list[Mismatch]]:
