@@ -1,8 +1,8 @@
 """The shapes of drawings: how systems and effects describe their appearance.
 
-The ``sketch`` of a system or an effect, in its own file, is a few of these, with corners that follow
-the state; how they are drawn, on paper, in space or in an animation, is up to the drawing code. A
-shape is a pytree: its corners are arrays, its kind and name static.
+The ``sketch`` of a system or an effect, in its own file, is a few of these, with corners that
+follow the state; how they are drawn, on paper, in space or in an animation, is up to the drawing
+code. A shape is a pytree: its corners are arrays, its kind and name static.
 
     line     rods, strings, edges: one or several lines of corners
     area     a closed figure, filled lightly: the body of a car

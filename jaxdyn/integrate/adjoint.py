@@ -46,7 +46,7 @@ class _Backwards(eqx.Module):
             y, adjoint = z[:k], z[k : 2 * k]
             f, pull = jax.vjp(lambda p, y: eqx.combine(p, rest).rate(t, y), numbers, y)
             by_numbers, by_state = pull(adjoint)
-            return jnp.concatenate([f, -by_state, -ravel_pytree(by_numbers)[0]])
+            return jnp.concatenate([f, -by_state, -_flat(by_numbers, z.dtype)])
         q, adjoint, v = z[: k // 2], z[k // 2 : k], z[half : half + k // 2]
 
         def acceleration(p, q):
@@ -54,7 +54,7 @@ class _Backwards(eqx.Module):
 
         a, pull = jax.vjp(acceleration, numbers, q)
         by_numbers, by_place = pull(adjoint)
-        return jnp.concatenate([z[half:], a, by_place, -ravel_pytree(by_numbers)[0]])
+        return jnp.concatenate([z[half:], a, by_place, -_flat(by_numbers, z.dtype)])
 
     def project(self, t: Array, z: Array) -> Array:
         """Nothing to project: scenes with constraints are refused."""
@@ -79,6 +79,11 @@ class _Backwards(eqx.Module):
             return z[k : 2 * k], z[2 * k :]
         adjoint = jnp.concatenate([-z[half + k // 2 : half + k], z[k // 2 : k]])
         return adjoint, z[half + k :]
+
+
+def _flat(numbers: Any, dtype) -> Array:
+    """The numbers of a pytree as one vector; that of none is in 32 bits by `ravel_pytree`."""
+    return ravel_pytree(numbers)[0].astype(dtype)
 
 
 def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> SolveResult:

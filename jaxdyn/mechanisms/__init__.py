@@ -1,4 +1,4 @@
-"""Machines that obey the laws in `formulations`.
+"""Machines: their geometry and masses. The equations of motion are derived in `formulations`.
 
 `bars` (hinged bars), `sticks` (one stick on a hinge or a cart), `rods` (points joined by massless
 rods), `four_bar` (the four-bar linkage), `guided` (masses on wires and in slots), `euler_body` (a

@@ -1,6 +1,7 @@
 """Analysis of orbits: the stability, identity, derivatives and topology of an orbit.
 
-`stability` decides stability, from the `monodromy`; `identity` has the invariants of an orbit,
+`stability` finds the non-trivial multipliers of the `monodromy`, on which the rules of
+`jaxdyn/analysis/eigenvalues.py` decide what is stable; `identity` has the invariants of an orbit,
 `same` and `alignment` compare two, `words` their topology; `sensitivity` has the derivatives by
 the parameters of the scene, `evidence` independent checks, `report` all of it as a record.
 
