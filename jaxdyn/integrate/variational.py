@@ -24,7 +24,7 @@ class Variational(eqx.Module):
     field: eqx.Module
     directions: eqx.Module
 
-    def rate(self, t: Array, y: Float[Array, "k *columns"]) -> Float[Array, "k *columns"]:
+    def rate(self, t: Array, y: Float[Array, "k columns *batch"]) -> Float[Array, "k columns *batch"]:
         """Rates of the state and of its tangents."""
         moving, fixed = _split_like(self.field, self.directions)
         f, jvp = jax.linearize(lambda p, x: eqx.combine(p, fixed).rate(t, x), moving, y[..., 0])
@@ -32,11 +32,11 @@ class Variational(eqx.Module):
         tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
         return jnp.concatenate([f[..., None], tangents], axis=-1)
 
-    def undetermined(self, t: Array, y: Float[Array, "k *columns"]) -> Array | None:
+    def undetermined(self, t: Array, y: Float[Array, "k columns *batch"]) -> Array | None:
         """Whether () the constraints leave the acceleration undetermined at the state."""
         return self.field.undetermined(t, y[..., 0])
 
-    def project(self, t: Array, y: Float[Array, "k *columns"]) -> Float[Array, "k *columns"]:
+    def project(self, t: Array, y: Float[Array, "k columns *batch"]) -> Float[Array, "k columns *batch"]:
         """The state on its constraints, and its tangents along them."""
         moving, fixed = _split_like(self.field, self.directions)
 
