@@ -11,6 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+#: Tangents as columns, those of a state (k,).
+Columns = Float[Array, "k columns *batch"]
+
 
 class Variational(eqx.Module):
     """A vector field with tangents: column 0 is the state, the others are tangents.
@@ -24,7 +27,7 @@ class Variational(eqx.Module):
     field: eqx.Module
     directions: eqx.Module
 
-    def rate(self, t: Array, y: Float[Array, "k columns *batch"]) -> Float[Array, "k columns *batch"]:
+    def rate(self, t: Array, y: Columns) -> Columns:
         """Rates of the state and of its tangents."""
         moving, fixed = _split_like(self.field, self.directions)
         f, jvp = jax.linearize(lambda p, x: eqx.combine(p, fixed).rate(t, x), moving, y[..., 0])
@@ -32,11 +35,11 @@ class Variational(eqx.Module):
         tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
         return jnp.concatenate([f[..., None], tangents], axis=-1)
 
-    def undetermined(self, t: Array, y: Float[Array, "k columns *batch"]) -> Array | None:
+    def undetermined(self, t: Array, y: Columns) -> Array | None:
         """Whether () the constraints leave the acceleration undetermined at the state."""
         return self.field.undetermined(t, y[..., 0])
 
-    def project(self, t: Array, y: Float[Array, "k columns *batch"]) -> Float[Array, "k columns *batch"]:
+    def project(self, t: Array, y: Columns) -> Columns:
         """The state on its constraints, and its tangents along them."""
         moving, fixed = _split_like(self.field, self.directions)
 
