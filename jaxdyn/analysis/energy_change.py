@@ -111,13 +111,15 @@ def _works(piece: Trajectory, phase: str, change: float, size: float) -> dict[st
         gain = np.where(np.abs(gain) > _ROUNDING * terms, gain, 0.0)
         return bool(np.max(np.abs(gain)) * np.ptp(ts) > _MAX_CHANGE_OF_CONSERVED * size)
 
-    kinds = {
+    # That of a force which is minus the gradient of its potential is 0, and its integral over the
+    # samples only the error of the quadrature.
+    works = {
         name: _integral(ts, kind.power, kind.slope) + kind.potential[-1] - kind.potential[0]
         for name, kind in found.kinds.items()
+        if acts(kind.gain, kind.terms)
     }
-    works = {name: kinds[name] for name, kind in found.kinds.items() if acts(kind.gain, kind.terms)}
     if acts(found.rest, found.terms):
-        works[phase or _by_itself(piece, found.driven)] = change - sum(kinds.values())
+        works[phase or _by_itself(piece, found.driven)] = change - sum(works.values())
     return works
 
 

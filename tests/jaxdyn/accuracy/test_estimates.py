@@ -87,7 +87,7 @@ def test_a_second_method_is_another_one():
     found = calibration(accuracy.by_second_method, ["damped oscillator"], TOLERANCES[:-1])
     assert_calibrated(found)
     with pytest.raises(ValueError, match="second: expected another solver, got Verner"):
-        accuracy.by_second_method(case.scene, second=solvers.VERNER9)
+        accuracy.by_second_method(case.scene, solver=solvers.VERNER9, second=solvers.VERNER9)
 
 
 def test_the_tangent_map_gives_a_bound():

@@ -197,6 +197,8 @@ def test_a_work_of_which_samples_say_too_little_is_not_known():
 def test_raw_constraints_drift_and_are_not_driven():
     raw = scenes.pendulum(formulation="constrained", drift="raw", angle=2.0)
     found = energy_change(simulate(raw, 30.0, rtol=1e-5))
+    # Gravity's share of the samples' quadrature, of some 1e-6, is not put down to the drift.
+    assert abs(found.works[0]) <= found.size
     assert found.causes == ("drift of the constraints",)
     shaken = scenes.shaken_pendulum(t1=0.1, formulation="constrained")
     assert energy_change(simulate(shaken)).causes == ("the drive",)

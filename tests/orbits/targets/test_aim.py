@@ -366,8 +366,14 @@ def test_every_outcome_says_what_to_do():
             lambda s: jax.grad(lambda g: float(aim.farthest(scenes.cannonball(g=g), 1.0).x))(9.8),
             "scene: expected numbers, got values traced",
         ),
-        (lambda s: aim.farthest(scenes.three_body(), 1.0), "scene: expected one point"),
-        (lambda s: aim.farthest(scenes.pendulum(), 1.0), "scene: expected one point"),
+        (
+            lambda s: aim.farthest(scenes.three_body(), 1.0),
+            "scene: expected one free point in the plane",
+        ),
+        (
+            lambda s: aim.farthest(scenes.pendulum(), 1.0),
+            "scene: expected one free point in the plane",
+        ),
         (lambda s: aim.farthest(scenes.cannonball, 1.0), "scene: expected a Scene"),
         (lambda s: aim.farthest(scenes.cannonball(g=0.0), 1.0), "a force on the point at rest"),
     ],
