@@ -54,7 +54,9 @@ def gravity(m: Sequence[float], d: int = 2, g: float = 1.0) -> Callable:
             for i in range(n):
                 for j in range(i + 1, n):
                     apart = [y[d * j + c] - y[d * i + c] for c in range(d)]
-                    r2 = sum(x * x for x in apart[1:]) + apart[0] * apart[0]
+                    r2 = apart[0] * apart[0]
+                    for x in apart[1:]:  # a generator would not compile in numba
+                        r2 = r2 + x * x
                     weight = g / (r2 * lib.sqrt(r2))
                     for c, x in enumerate(apart):
                         a[d * i + c] = a[d * i + c] + m[j] * weight * x

@@ -235,8 +235,12 @@ def test_a_missed_bar_is_said():
     assert command_line._wanted(Row("a", times), "theirs") == ""
 
 
+#: Benchmarks of which other tests run one problem: all take minutes.
+_LONG = ("systems", "default")
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [n for n in command_line.RUNS if n != "systems"])
+@pytest.mark.parametrize("name", [n for n in command_line.RUNS if n not in _LONG])
 def test_every_benchmark_runs(name):
     found = command_line.measure([name], "cpu", 34.0, quick=True)
     assert all(

@@ -109,6 +109,10 @@ def worth_taking(errors: Sequence[float], seconds: Sequence[float]) -> list[int]
     return found[::-1]
 
 
+#: What an error of 0 counts as: a tenth of rounding.
+_LEAST_ERROR = 1e-17
+
+
 def at_error(errors: Sequence[float], times: Sequence[Times], wanted: float) -> Times:
     """Times at a given error, from pairs of error and time at several tolerances.
 
@@ -118,7 +122,7 @@ def at_error(errors: Sequence[float], times: Sequence[Times], wanted: float) -> 
 
     def interpolate(seconds) -> float:
         worth = worth_taking(errors, seconds)
-        x, y = np.log([[errors[i], seconds[i]] for i in worth]).T
+        x, y = np.log([[max(errors[i], _LEAST_ERROR), seconds[i]] for i in worth]).T
         return float(np.exp(np.interp(np.log(wanted), x, y, left=np.nan)))
 
     return Times(interpolate([t.minimum for t in times]), interpolate([t.median for t in times]))

@@ -18,7 +18,6 @@ from jaxdyn.cli.shared import (
     check_title,
 )
 from jaxdyn.cli.words import scene_settings
-from jaxdyn.solvers.choice import default_solver, reason
 
 _SHOWN = (3, 6, 9, 12, 14)
 
@@ -40,7 +39,10 @@ def accuracy_command(
     with screen(f"solving {name} as exactly as possible", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(name, chosen)
         found = jaxdyn.accuracy.work_precision.work_precision(scene, t1)
-        method, why = default_solver(scene), reason(scene)
+        method, why = (
+            jaxdyn.solvers.choice.default_solver(scene),
+            jaxdyn.solvers.choice.reason(scene),
+        )
         if as_object:
             default = {"default": method.name, "reason": why}
             out.result({"scene": name} | default | found.as_dict() | _recommended(found, digits))

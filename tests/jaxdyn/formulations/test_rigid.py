@@ -316,7 +316,7 @@ def test_derivatives_by_forward_and_reverse_mode_and_differences():
     forward, reverse = jax.jit(jax.jacfwd(end))(x), jax.jit(jax.grad(end))(x)
     assert gap(forward, reverse) < EXACT * 100
     h = 1e-6
-    up = jnp.array([1, 0, 0, 0, 0, 0]) * h
+    up = jnp.array([1.0, 0, 0, 0, 0, 0]) * h
     assert abs((end(x + up) - end(x - up)) / (2 * h) - forward[0]) < 1e-7
     # From inside: the third moment may only shrink.
     down = jnp.array([0, 0, 0, 0, 0, 1.0]) * h

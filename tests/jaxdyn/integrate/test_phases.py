@@ -173,7 +173,7 @@ def test_endless_bounces_end_above_the_floor():
     assert len(chain.pieces) > 45
     assert min(piece.ys[:, 1].min() for piece in chain.pieces) > -10 * EXACT
     assert chain.message.startswith("At t = 2, in phase fly: Exits lead from phase to phase and no")
-    assert "add an exit to rest" in chain.message
+    assert "add an exit to a phase of rest" in chain.message
 
 
 def test_a_motion_beyond_a_bound_has_no_numbers(monkeypatch):
