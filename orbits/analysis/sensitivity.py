@@ -71,7 +71,8 @@ class Solution(eqx.Module):
 
     def exponents(self) -> Array:
         """(p,) Floquet exponents [1/time]: log of the multipliers over the period; complex."""
-        return jnp.log(self.multipliers()) / self.period
+        logs = jnp.log(self.multipliers())
+        return logs / self.period.astype(logs.dtype)
 
 
 def solution(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> Solution:
