@@ -121,8 +121,10 @@ def _digits(error: float) -> float:
 
 
 def _other(orbit: Orbit):
-    plain = orbit.s_period is None
-    return VERNER9 if plain and default_solver(orbit.scene) is not VERNER9 else DOPRI8
+    """A method that finding the orbit did not use: neither for the motion nor with tangents."""
+    method = default_solver(orbit.scene)
+    used = orbit.s_period is not None or VERNER9 in (method, method.for_tangents)
+    return DOPRI8 if used else VERNER9
 
 
 def recheck(orbit: Orbit) -> Recheck:

@@ -53,7 +53,7 @@ MISTAKES = {
     "orbits family pendulum --from-orbit nosuch.json": "--from-orbit: expected a readable file",
     "orbits verify nosuch.json": "file: expected a readable file",
     "orbits figure-eight --guess 1": "--guess: expected 12 numbers, got 1",
-    "orbits loops --n=x": "--n: expected numbers",
+    "orbits loops --n=x": "--n: expected comma-separated numbers",
 }
 
 

@@ -49,7 +49,7 @@ def test_recheck_takes_another_method_and_tolerance():
     second = orbits.recheck(orbit_of(kepler(0.3)))
     assert (second.solver, second.tolerance) == ("Verner 9(8)", 1e-15)
     assert second.closure < SOLVED
-    # With drag the finder itself uses that method.
+    # With drag the finder itself uses that method for the variational equations.
     second = orbits.recheck(orbit_of(kepler(0.3) + LinearDrag(0.1)))
     assert second.solver == DOPRI8.name
     assert second.closure > 0.01
