@@ -261,9 +261,9 @@ def checked_scene(scene: Any) -> Scene:
         raise _checks.fail("scene", "a Scene", name or repr(scene), remedy)
     if _passed.get(id(scene)) is not scene:
         Scene.check(scene)
-        if all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(scene)):
-            if not _checks.is_traced(scene):
-                _passed[id(scene)] = scene
+        constant = all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(scene))
+        if constant and not _checks.is_traced(scene):
+            _passed[id(scene)] = scene
     else:
         # What a system may find changed: a number that one of its functions has captured.
         type(scene.system).check(scene.system, np.zeros(()), scene.y0)

@@ -32,9 +32,8 @@ Again = Callable[[Scene, float], Motion]
 #: A digit is written if it is worth at least this many estimated errors: an estimate is within
 #: this factor of the error (see `accuracy`).
 _ESTIMATE_FACTOR = 5.0
-_ZERO_BELOW = (
-    1e-3  # of its scale: an entry smaller than its error is written as 0 if the error is below this
-)
+#: Of its scale: an entry smaller than its error is written as 0 if the error is below this.
+_ZERO_BELOW = 1e-3
 _LAST_DIGIT = 2.0**-52  # relative change of the numbers
 _SEED = 0
 _DOUBLE_DIGITS = 16  # significant digits of a double

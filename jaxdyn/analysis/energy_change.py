@@ -22,9 +22,8 @@ from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Effect, Scene
 
-_MAX_CHANGE_OF_CONSERVED = (
-    1e-9  # of the energy's size: smaller changes by the equations count as none
-)
+#: Of the energy's size: smaller changes by the equations count as none.
+_MAX_CHANGE_OF_CONSERVED = 1e-9
 _ROUNDING = 1e-12  # of the terms of a power: smaller powers are rounding
 _MAX_SAMPLING_ERROR = 0.1  # of a work: unknown if halving the samples changes it by more
 

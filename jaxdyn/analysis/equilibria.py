@@ -25,9 +25,8 @@ from jaxdyn.scene import Field, Scene, System, checked_scene
 
 _MOST_STARTS = 1_000_000  # processed at once
 _MERGE_DISTANCE = 1e-6  # of the box: rest points nearer than this are merged
-_STEP_ALONG_CURVE = (
-    1e-3  # of the box: distance at which a curve of rest points is probed for another one
-)
+#: Of the box: distance at which a curve of rest points is probed for another one.
+_STEP_ALONG_CURVE = 1e-3
 _NEWTON_STEPS = 30  # of Newton's method to a rest point
 _POLISHING_STEPS = 2  # further steps: they make derivatives correct up to the third
 _MAX_LAST_STEP = 1e-8  # relative: the last of these steps

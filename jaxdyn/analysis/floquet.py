@@ -38,9 +38,8 @@ from jaxdyn.analysis.monodromy import (
 from jaxdyn.integrate.spans import tolerances
 from jaxdyn.scene import Scene, checked_scene
 
-_MAX_DETERMINANT_ERROR = (
-    1e-9  # [1] |det(M) - 1| of a motion without damping, from integration errors
-)
+#: [1] |det(M) - 1| of a motion without damping, from integration errors.
+_MAX_DETERMINANT_ERROR = 1e-9
 _MAX_GAP = 1e-6  # [1] closing error of a periodic motion, relative to its start
 
 

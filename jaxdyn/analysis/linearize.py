@@ -26,9 +26,8 @@ from jaxdyn.analysis.eigenvalues import (
 from jaxdyn.scene import Field, Scene, checked_scene
 
 _MAX_ASYMMETRY = 1e-9  # relative asymmetry of a stiffness matrix by rounding
-_MAX_REST_FORCE = (
-    1e-6  # [1] forces at a rest point over those of a unit displacement; likewise speeds
-)
+#: [1] forces at a rest point over those of a unit displacement; likewise speeds.
+_MAX_REST_FORCE = 1e-6
 
 
 @eqx.filter_jit

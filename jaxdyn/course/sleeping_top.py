@@ -24,9 +24,8 @@ _TILT_ENTRIES = np.array([0, 1, 3, 4])  # of the state: the two angles that tilt
 _MIN_GROWTH = 1e-7  # in units of the spin; double eigenvalues are accurate to 1e-9
 #: A sleeping top is released at the first of these tilts [rad] and has fallen at the second.
 _RELEASED, _FALLEN = 1e-5, 1e-2
-_WATCHED_SPAN = (
-    1500.0  # in units of 2 I_1 / (I_3 omega), the time of growth far below the critical spin
-)
+#: In units of 2 I_1 / (I_3 omega), the time of growth far below the critical spin.
+_WATCHED_SPAN = 1500.0
 _WATCHED_SAMPLES = 4000
 
 

@@ -17,9 +17,8 @@ from jaxdyn._floats import as_float
 from jaxdyn._numerics import safe_norm
 from jaxdyn.scene import Effect, Points
 
-_MIN_DISTANCE = (
-    1e-150  # [m] from the origin: nearer than any motion comes; its square does not underflow
-)
+#: [m] from the origin: nearer than any motion comes; its square does not underflow.
+_MIN_DISTANCE = 1e-150
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 

@@ -45,9 +45,8 @@ DRIFTS = ("projection", "baumgarte", "raw")
 #: still leaves ten digits of the acceleration. [square of the sine]
 DEPENDENT = 1e-12
 _MIN_CONDITION_CHANGE = 1e-5  # relative change of a dependent condition that counts as a change
-_MIN_EIGENVALUE = (
-    1e-15  # least eigenvalue below which a mass matrix with unit diagonal counts as singular
-)
+#: Least eigenvalue below which a mass matrix with unit diagonal counts as singular.
+_MIN_EIGENVALUE = 1e-15
 _MAX_VIOLATION = 1e-6  # relative violation left by the projection
 _PROJECTION_STEPS = 2  # Newton steps; the first leaves the square of a step's error
 #: Relative violation of the conditions by the velocities that is allowed at the start.

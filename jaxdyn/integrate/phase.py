@@ -31,9 +31,8 @@ from jaxdyn.status import Status
 END = "end"
 
 _ROUNDINGS = 64  # units in the last place of all inputs within which a value counts as zero
-_MAX_PROJECTION = (
-    1e-10  # of a state's largest entry: a state on the surface is moved by no more in projection
-)
+#: Of a state's largest entry: a state on the surface is moved by no more in projection.
+_MAX_PROJECTION = 1e-10
 
 
 def unchanged(t: Array, y: Array) -> Array:

@@ -1,8 +1,9 @@
 """Machines: their geometry and masses. The equations of motion are derived in `formulations`.
 
-`bars` (hinged bars), `sticks` (one stick on a hinge or a cart), `rods` (points joined by massless
-rods), `four_bar` (the four-bar linkage), `guided` (masses on wires and in slots), `euler_body` (a
-rigid body by Euler angles), `cylinders` (a cylinder that rolls, slips or flies).
+`bars` (uniform bars hinged in a row: double and n-fold pendulums), `sticks` (one stick on a hinge
+or a cart), `rods` (points joined by massless rods), `four_bar` (the four-bar linkage), `guided`
+(masses on wires and in slots), `euler_body` (a rigid body by Euler angles), `cylinders` (a cylinder
+that rolls, slips or flies).
 
 May import: `formulations`.
 

@@ -9,9 +9,8 @@ from jaxdyn import _checks
 from jaxdyn.formulations.mechanism import Mechanism, planar_body
 from jaxdyn.sketch import Shape, circle, line, lines, pin, traces
 
-_SLOT_RATIO = (
-    1.5  # half the length of a slot and the radius of its table, to its radius of gyration
-)
+#: Half the length of a slot and the radius of its table, to its radius of gyration.
+_SLOT_RATIO = 1.5
 
 
 class Parabola(Mechanism):

@@ -7,7 +7,7 @@ from jaxdyn.scene import Scene
 from jaxdyn.solvers.exchange import from_diffrax
 from jaxdyn.solvers.method import Method
 from jaxdyn.solvers.pairs import NYSTROM12, VERNER9
-from jaxdyn.solvers.taylor.method import TAYLOR14, Series, series_of
+from jaxdyn.solvers.taylor.method import TAYLOR14, series_of
 
 #: Type of the argument ``solver``.
 Solver = Method | diffrax.AbstractSolver
@@ -54,32 +54,26 @@ def default_solver(scene: Scene, *, several: bool = False) -> Method:
       several: whether the method has to cross several steps side by side, as ensembles and the
         search for events ask of it. Taylor series cannot.
     """
-    method = _default(scene)
+    method, _ = _rule(scene)
     return method.for_tangents if several else method
 
 
 def reason(scene: Scene) -> str:
     """Why `default_solver` takes what it takes."""
+    return _rule(scene)[1]
+
+
+def _rule(scene: Scene) -> tuple[Method, str]:
+    """The default, and why."""
     if scene.second_order:
-        return "forces do not depend on velocity"
-    series = _series(scene)
+        return NYSTROM12, "forces do not depend on velocity"
+    series = series_of(scene.field, scene.y0, longest=_SHORT)
     if series is None:
-        return "its rate is long, or has no Taylor series"
+        return VERNER9, "its rate is long, or has no Taylor series"
     if not series.everywhere:
-        return "its rate has a root, and no Taylor series where that is 0"
-    return f"its Taylor series takes {series.products} products an order; up to {_FEW} are few"
-
-
-def _default(scene: Scene) -> Method:
-    if scene.second_order:
-        return NYSTROM12
-    series = _series(scene)
-    short = series is not None and series.everywhere and series.products <= _FEW
-    return TAYLOR14 if short else VERNER9
-
-
-def _series(scene: Scene) -> Series | None:
-    return series_of(scene.field, scene.y0, longest=_SHORT)
+        return VERNER9, "its rate has a root, and no Taylor series where that is 0"
+    why = f"its Taylor series takes {series.products} products an order; up to {_FEW} are few"
+    return (TAYLOR14 if series.products <= _FEW else VERNER9), why
 
 
 def chosen_method(scene: Scene, solver: Solver | None, *, several: bool = False) -> Method:

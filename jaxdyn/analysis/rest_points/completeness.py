@@ -25,9 +25,8 @@ _DISTANCES = (
     1e2,
     1e4,
 )  # of the size of an undecided place: where the rate is sampled about it
-_MIN_RATE_WITHOUT_ZERO = (
-    1e-3  # of its size there: a rate larger than this at all samples has no zero
-)
+#: Of its size there: a rate larger than this at all samples has no zero.
+_MIN_RATE_WITHOUT_ZERO = 1e-3
 
 
 class Proof(NamedTuple):

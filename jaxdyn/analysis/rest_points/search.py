@@ -19,9 +19,8 @@ _ITERATIONS = 80
 _DAMPING = 1e-3  # first damping of an iteration, relative to the largest entry of J^T J
 _LESS, _MORE = 0.2, 5.0  # factors of the damping after a successful step, and after a failed one
 _CONVERGED = 1e-10  # of the box: the last Newton step, and the rate over its change
-_MIN_SINGULAR_VALUE = (
-    1e-9  # smallest singular value of the Jacobian of an isolated zero, over its usual size
-)
+#: Smallest singular value of the Jacobian of an isolated zero, over its usual size.
+_MIN_SINGULAR_VALUE = 1e-9
 _FAR, _NEAR = 1e-4, 1e-6  # of the box: distances at which a rate is compared to detect a jump
 _MAX_RATIO_NEAR_ZERO = 0.5
 

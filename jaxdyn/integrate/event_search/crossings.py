@@ -33,9 +33,8 @@ _MIN_PANEL = (
 )  # of a step: between samples this close a value has no extremum except by rounding
 _MAX_PANELS = 4096  # in a step at most, for a value that oscillates near zero
 _PANEL_GROWTH = 4.0  # of the panel length after a settled panel
-_START_ROUNDINGS = (
-    16  # roundings of state and time by which a value at a start on an event may miss zero
-)
+#: Roundings of state and time by which a value at a start on an event may miss zero.
+_START_ROUNDINGS = 16
 _SIDE_ROUNDINGS = 4  # roundings of the state below which a later value has not changed its side
 
 

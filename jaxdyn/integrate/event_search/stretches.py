@@ -13,9 +13,8 @@ from jaxtyping import Array
 
 #: Factor by which fourth derivatives may exceed the estimate from neighbouring cubics.
 _SAFETY = 4.0
-_CUBIC_ERROR_DIVISOR = (
-    384.0  # error of a cubic with values and slopes at both ends: f'''' w^4 / 384 at most
-)
+#: Error of a cubic with values and slopes at both ends: f'''' w^4 / 384 at most.
+_CUBIC_ERROR_DIVISOR = 384.0
 
 
 def settled(times: Array, g: Array, slope: Array, sides: Array, noise: Array) -> Array:
