@@ -6,10 +6,12 @@ are long or traced are shown by their shape. Neither JAX nor NumPy, which load s
 here.
 """
 
+import collections
 import dataclasses
 import difflib
 import enum
 import functools
+import inspect
 import math
 import numbers
 import re
@@ -240,10 +242,25 @@ def fields(self: Any) -> str:
 def _fields(x: Any) -> str:
     kind = type(x)
     names = x._fields if isinstance(x, tuple) else [field.name for field in dataclasses.fields(x)]
-    rows = [(name, _part(getattr(x, name), _unit(kind, name), True)) for name in names]
+    rows = [(name, _field(kind, name, getattr(x, name))) for name in names]
     if isinstance(getattr(kind, "message", None), property):
         rows.append(("message", x.message))
     return table(kind.__name__, [row for row in rows if row[1] != "None"])
+
+
+def _field(kind: type, name: str, x: Any) -> str:
+    """A field of a record; codes by name if it is annotated like ``Annotated[Array, Status]``.
+
+    Of many codes, how often each occurs, the most frequent first.
+    """
+    codes = getattr(inspect.get_annotations(kind).get(name), "__metadata__", ())
+    values = _values(x) if codes else None
+    if values is None:
+        return _part(x, _unit(kind, name), True)
+    if not isinstance(values, list):
+        return codes[0](values).name
+    counts = collections.Counter(x.ravel().tolist()).most_common()
+    return ", ".join(f"{n} {codes[0](code).name}" for code, n in counts)
 
 
 def cut(rows: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:

@@ -12,7 +12,7 @@ of a row does not depend on the rows around it.
 """
 
 import functools
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -67,7 +67,7 @@ class Ends(NamedTuple):
 
     y1: Array
     t: Array
-    status: Array
+    status: Annotated[Array, Status]
     steps: Array
     rejected: Array
     seen: Any

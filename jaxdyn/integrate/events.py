@@ -8,7 +8,7 @@ theorem, dt = -dg / (dg/dt), dy = (dy)_t + f dt.
 import abc
 import functools
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any
 
 import equinox as eqx
 import jax
@@ -19,6 +19,7 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import in_one_kernel
+from jaxdyn._text import counted
 from jaxdyn.integrate.event_search.crossings import first_crossing
 from jaxdyn.integrate.event_search.event_values import coincident, values
 from jaxdyn.integrate.flow import Settings, flow
@@ -112,7 +113,7 @@ class Stop(eqx.Module):
     t: Array
     y: Array
     event: Array
-    status: Array
+    status: Annotated[Array, Status]
     coincident: Array
 
     __repr__ = _text.fields
@@ -124,7 +125,12 @@ class Stop(eqx.Module):
 
     @property
     def message(self) -> str:
-        """What ended the motion, and when; host only."""
+        """What ended the motion, and when; host only.
+
+        Of a batch, how many motions each of the events ended, and the first failure.
+        """
+        if self.status.ndim:
+            return self._message_of_batch
         if self.status != Status.OK:
             return Status(int(self.status)).message
         if not self.happened:
@@ -132,6 +138,20 @@ class Stop(eqx.Module):
         others = [str(i) for i in np.flatnonzero(self.coincident) if i != self.event]
         also = f", with {', '.join(others)} at the same time" if others else ""
         return f"Event {int(self.event)} happened at t = {float(self.t):.6g}{also}."
+
+    @property
+    def _message_of_batch(self) -> str:
+        right = np.asarray(self.status) == Status.OK
+        reached, counts = np.unique(np.asarray(self.event)[right], return_counts=True)
+        parts = [
+            f"{counted(n, 'motion')}: " + (f"event {i}." if i >= 0 else "no event.")
+            for i, n in zip(reached.tolist(), counts.tolist(), strict=True)
+        ]
+        bad = np.asarray(self.status)[~right]
+        failed = (
+            [f"{counted(len(bad), 'motion')}: {Status(int(bad[0])).message}"] if bad.size else []
+        )
+        return " ".join([*parts, *failed])
 
 
 def until(

@@ -11,7 +11,7 @@ thousands (a neural force).
 """
 
 import functools
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -63,7 +63,7 @@ class SolveResult(eqx.Module):
     ys: Array
     steps: Array
     rejected: Array
-    status: Array
+    status: Annotated[Array, Status]
     stiff: Array
 
     __repr__ = _text.fields

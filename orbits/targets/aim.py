@@ -13,6 +13,8 @@ limit the ball lands at a right angle to its launch, as it does without drag. Wi
 drag the angle falls like log(u^2) / u instead (`jaxdyn.scenes.ballistics`).
 """
 
+from typing import Annotated
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -83,7 +85,7 @@ class Throws(eqx.Module):
     x: np.ndarray
     t: np.ndarray
     landing: np.ndarray
-    outcome: np.ndarray
+    outcome: Annotated[np.ndarray, Aim]
 
     __repr__ = _text.fields
 

@@ -1,6 +1,7 @@
 """One throw: where it lands, and the derivatives by its angle and speed."""
 
 import dataclasses
+from typing import Annotated
 
 import equinox as eqx
 import jax
@@ -8,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene, Status
+from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import fail, untraced
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate import events
@@ -40,7 +41,9 @@ class Landings(eqx.Module):
     dx: np.ndarray
     vx: np.ndarray
     vy: np.ndarray
-    status: np.ndarray
+    status: Annotated[np.ndarray, Status]
+
+    __repr__ = _text.fields
 
 
 def landings(scene: Scene, w, speed, rtol: float = RTOL) -> Landings:

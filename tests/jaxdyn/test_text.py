@@ -140,13 +140,28 @@ def test_results_are_shown_by_their_fields():
     flow = solve(scene, 1.0, solver=RK4, dt=0.5)
     assert lines(flow)[0] == "SolveResult"
     assert "  steps     2" in lines(flow)
+    assert "  status    OK" in lines(flow)
+    assert "  status    STEP_LIMIT" in lines(solve(scene, 1.0, max_steps=1))
     stop = until(scenes.oscillator(), Reaches(0, 0.5))
     assert "  t           1.0472" in lines(stop)
+    assert "  status      OK" in lines(stop)
     ends = ensemble.run(scenes.oscillator(), np.ones((9, 2)), 1.0, chunk=9, threads=1)
     assert lines(ends)[:2] == ["Ends", "  y1        shape (9, 2)"]
     assert "9 motions: The integration reached its end." in lines(ends)[-1]
+    assert "  status    9 OK" in lines(ends)
     modes = jaxdyn.modes(scene, jnp.zeros(2))
     assert lines(modes)[:2] == ["Modes", "  squares    (4,) rad^2/s^2"]
+
+
+def test_stops_of_a_batch_are_shown_with_how_often_each_end_occurs():
+    def stop(x):
+        swing = scenes.oscillator()
+        return until(swing.starting(jnp.stack([x, 0.0]), 10.0), Reaches(0, 0.5))
+
+    shown = lines(jax.vmap(stop)(jnp.array([1.0, 0.1, 2.0, jnp.nan])))
+    assert "  status      3 OK, 1 NOT_FINITE" in shown
+    text = " ".join(" ".join(shown).split())
+    assert "message 1 motion: no event. 2 motions: event 0. 1 motion: The start, its rate" in text
 
 
 class Mixed(NamedTuple):

@@ -347,6 +347,13 @@ def test_a_zero_is_found_between_values_of_very_different_size(scale):
     assert np.abs(x[:3] - 0.7).max() < SOLVED
 
 
+def test_outcomes_are_shown_by_name():
+    assert "  outcome  FOUND\n" in str(aim.farthest(scenes.cannonball(), 10.0))
+    throws = aim.farthest(scenes.cannonball(), [1.0, 2.0])
+    assert "  outcome  2 FOUND\n" in str(throws)
+    assert "  status  2 OK" in str(landings(scenes.cannonball(), [0.0, -1.0], 10.0))
+
+
 def test_every_outcome_says_what_to_do():
     assert all(outcome.message.endswith((".", "?")) for outcome in aim.Aim)
     assert len({outcome.message for outcome in aim.Aim}) == len(aim.Aim)
