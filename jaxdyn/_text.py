@@ -253,14 +253,14 @@ def _field(kind: type, name: str, x: Any) -> str:
 
     Of many codes, how often each occurs, the most frequent first.
     """
-    codes = getattr(inspect.get_annotations(kind).get(name), "__metadata__", ())
-    values = _values(x) if codes else None
-    if values is None:
+    code = (*getattr(inspect.get_annotations(kind).get(name), "__metadata__", ()), None)[0]
+    values = _values(x) if code else None
+    if code is None or values is None:
         return _part(x, _unit(kind, name), True)
     if not isinstance(values, list):
-        return codes[0](values).name
+        return code(values).name
     counts = collections.Counter(x.ravel().tolist()).most_common()
-    return ", ".join(f"{n} {codes[0](code).name}" for code, n in counts)
+    return ", ".join(f"{n} {code(one).name}" for one, n in counts)
 
 
 def cut(rows: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:

@@ -23,15 +23,16 @@ def hard_command(
     as_object: Annotated[bool, typer.Option("--json", help="One JSON object a figure.")] = False,
 ) -> None:
     """Run cases that break naive codes; print the figures of each, their bounds and a verdict."""
+    known = words.hard_cases()
     for name in names or ():
-        choice("case", name, words.hard_cases(), "jaxdyn hard --list")
+        choice("case", name, known, "jaxdyn hard --list")
+    if only_list:
+        table = Table("case", "what must hold")
+        for name, holds in known.items():
+            table.add_row(name, escape(holds))
+        Screen(as_object).print(table)
+        return
     with screen("looking the cases up", as_object) as out:
-        if only_list:
-            table = Table("case", "what must hold")
-            for case in jaxdyn.hard.CASES.values():
-                table.add_row(case.name, escape(case.holds))
-            out.print(table)
-            return
         cases = jaxdyn.hard.chosen(names or ())
         held, seconds = [], 0.0
         for done, case in enumerate(cases):

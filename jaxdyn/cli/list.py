@@ -8,9 +8,9 @@ from rich.table import Table
 
 import jaxdyn
 from jaxdyn._text import choice, fail
-from jaxdyn.cli.screen import screen
+from jaxdyn.cli.screen import Screen
 from jaxdyn.cli.shared import JsonOption
-from jaxdyn.cli.words import scenes
+from jaxdyn.cli.words import SceneText, scenes
 
 
 def list_command(
@@ -25,31 +25,30 @@ def list_command(
     """List every scene with its course problems and its parameters, their defaults and units."""
     if problems and names:
         raise fail("--problems", "no scene beside it", names[0], "It lists problems.")
+    zoo, out = scenes(), Screen(as_object)
     for name in names or ():
-        choice("scene", name, scenes(), "jaxdyn list")
-    with screen("listing", as_object) as out:
-        if problems:
-            found = jaxdyn.course.problems.PROBLEMS
-            if as_object:
-                out.result({n: problem._asdict() for n, problem in found.items()})
-            else:
-                out.print(_problems(found))
-            return
-        zoo = jaxdyn.scenes.catalogue.entries()
-        zoo = {name: zoo[name] for name in names or zoo}
+        choice("scene", name, zoo, "jaxdyn list")
+    if problems:
+        found = jaxdyn.course.problems.PROBLEMS
         if as_object:
-            out.result({name: _described(entry) for name, entry in zoo.items()})
+            out.result({n: problem._asdict() for n, problem in found.items()})
         else:
-            out.print(_scenes(zoo))
+            out.print(_problems(found))
+        return
+    chosen = {name: zoo[name] for name in names or zoo}
+    if as_object:
+        out.result({name: _described(scene) for name, scene in chosen.items()})
+    else:
+        out.print(_scenes(chosen))
 
 
-def _scenes(zoo: "dict[str, jaxdyn.scenes.catalogue.Entry]") -> Table:
+def _scenes(zoo: dict[str, SceneText]) -> Table:
     table = Table("scene", "problems", "what it is, and its numbers")
-    for name, entry in zoo.items():
-        lines = [f"[bold]{escape(entry.summary)}[/bold]"]
-        for p in entry.parameters:
-            lines.append(escape(f"{p.name} = {_shown(p.default)}: {p.meaning}"))
-        table.add_row(name, ", ".join(map(str, entry.problems)), "\n".join(lines), end_section=True)
+    for name, scene in zoo.items():
+        lines = [f"[bold]{escape(scene.summary)}[/bold]"]
+        for key, p in scene.parameters.items():
+            lines.append(escape(f"{key} = {_shown(p.default)}: {p.meaning}"))
+        table.add_row(name, ", ".join(map(str, scene.problems)), "\n".join(lines), end_section=True)
     return table
 
 
@@ -68,6 +67,6 @@ def _shown(default) -> str:
     return f"{default:.6g}" if isinstance(default, float) else str(default)
 
 
-def _described(entry: "jaxdyn.scenes.catalogue.Entry") -> dict:
-    numbers = {p.name: {"default": p.default, "meaning": p.meaning} for p in entry.parameters}
-    return {"summary": entry.summary, "problems": entry.problems, "parameters": numbers}
+def _described(scene: SceneText) -> dict:
+    numbers = {name: p._asdict() for name, p in scene.parameters.items()}
+    return {**scene._asdict(), "parameters": numbers}

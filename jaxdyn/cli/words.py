@@ -1,29 +1,57 @@
-"""Words of a command that name scenes, their parameters and solvers, checked within milliseconds.
+"""What scenes, solvers and hard cases there are, and their numbers, within milliseconds.
 
-They are looked up in the text of the files that define them: importing those loads JAX, which
-takes seconds. What a scene is made with is decided when it is made; here only misspelt names and
-text that is no number are refused.
+It is read from the text of the files that define them: importing those loads JAX, which takes
+seconds. What a scene is made with is decided when it is made; here only misspelt names and text
+that is no number are refused.
 """
 
 import ast
+import contextlib
+import inspect
+import math
+import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from jaxdyn._arithmetic import setting
 from jaxdyn._text import choice, fail
 
 _PACKAGE = Path(__file__).parents[1]
-_UNKNOWN = object()  # a default that only running the file would tell
+_LINES = re.MULTILINE | re.DOTALL
 
 
-def scenes() -> dict[str, dict[str, object]]:
-    """The scenes that numbers alone can make, with their parameters and defaults."""
+class Parameter(NamedTuple):
+    """A parameter of a scene."""
+
+    default: Any
+    meaning: str
+
+
+class SceneText(NamedTuple):
+    """What the text of a scene's function says.
+
+    Attributes:
+      summary: of the scene, in a line.
+      problems: numbers of the course's problems that it answers.
+      parameters: by name.
+    """
+
+    summary: str
+    problems: tuple[int, ...]
+    parameters: dict[str, Parameter]
+
+
+def scenes() -> dict[str, SceneText]:
+    """The scenes that numbers alone can make, by name."""
     found = {}
     for path in (_PACKAGE / "scenes").glob("*.py"):
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        body = ast.parse(path.read_text(encoding="utf-8")).body
+        constants = _constants(body)
+        for node in body:
             if isinstance(node, ast.FunctionDef) and _is_ready_made(node):
-                found[node.name] = _parameters(node.args)
-    return found
+                found[node.name] = _scene_text(node, constants)
+    return dict(sorted(found.items()))
 
 
 def _is_ready_made(function: ast.FunctionDef) -> bool:
@@ -33,10 +61,34 @@ def _is_ready_made(function: ast.FunctionDef) -> bool:
     return named and len(given.defaults) == len(given.args) and None not in given.kw_defaults
 
 
-def _parameters(given: ast.arguments) -> dict[str, object]:
+def _constants(body: list[ast.stmt]) -> dict[str, Any]:
+    """The constants of a file that need nothing but numbers and `math`, for defaults."""
+    found: dict[str, Any] = {"math": math}
+    for node in body:
+        if isinstance(node, ast.Assign | ast.AugAssign):
+            with contextlib.suppress(NameError):  # of what the file imports or defines
+                exec(compile(ast.Module([node], []), "a constant", "exec"), found)
+    return found
+
+
+def _scene_text(function: ast.FunctionDef, constants: dict[str, Any]) -> SceneText:
+    given, text = function.args, inspect.cleandoc(ast.get_docstring(function) or "")
+    first = text.partition("\n")[0]
+    cited = re.search(r"problems? ([\d, and]+)", first)
+    meanings = dict(re.findall(r"^\s+(\w+): (.+?)(?=^\s+\w+: |\n\s*\n|^\w|\Z)", text, _LINES))
     names = [x.arg for x in (*given.args, *given.kwonlyargs)]
-    values = [_literal(x) for x in (*given.defaults, *given.kw_defaults) if x is not None]
-    return dict(zip(names, values, strict=True))
+    defaults = [x for x in (*given.defaults, *given.kw_defaults) if x is not None]
+    return SceneText(
+        summary=re.sub(r"\s*\([^()]*problems? [^()]*\)", "", first).rstrip("."),
+        problems=tuple(int(n) for n in re.findall(r"\d+", cited[1])) if cited else (),
+        parameters={
+            name: Parameter(
+                eval(compile(ast.Expression(x), "a default", "eval"), constants),
+                " ".join(meanings.get(name, "").split()),
+            )
+            for name, x in zip(names, defaults, strict=True)
+        },
+    )
 
 
 def scene_settings(name: str, texts: Iterable[str] | None) -> dict[str, str]:
@@ -48,11 +100,10 @@ def scene_settings(name: str, texts: Iterable[str] | None) -> dict[str, str]:
     """
     found = _by_name(texts or ())
     zoo = scenes()
-    known = zoo[choice("scene", name, zoo, "jaxdyn list")]
+    known = zoo[choice("scene", name, zoo, "jaxdyn list")].parameters
     for key, text in found.items():
-        default = known[choice(f"parameter of {name}", key, known)]
-        if default is not _UNKNOWN:
-            setting(key, text, default)
+        choice(f"parameter of {name}", key, known)
+        setting(key, text, known[key].default)
     return found
 
 
@@ -73,22 +124,20 @@ def solver_names() -> tuple[str, ...]:
     return tuple(name.lower() for name in ast.literal_eval(listed) if name.isupper())
 
 
-def hard_cases() -> set[str]:
-    """The names of the hard cases: the first argument, always a literal, of each `Case`."""
-    nodes = (
-        node
-        for path in (_PACKAGE / "hard").rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+def hard_cases() -> dict[str, str]:
+    """What must hold in each of the hard cases, by name: literals, the first two of a `Case`."""
+    folder = _PACKAGE / "hard"
+    body = ast.parse((folder / "collection.py").read_text(encoding="utf-8")).body
+    (families,) = (
+        [x.id for x in node.value.elts if isinstance(x, ast.Name)]
+        for node in body
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Tuple)
     )
-    return {
-        ast.literal_eval(node.args[0])
-        for node in nodes
-        if isinstance(node, ast.Call) and ast.unparse(node.func) == "Case"
-    }
-
-
-def _literal(node: ast.expr) -> object:
-    try:
-        return ast.literal_eval(node)
-    except ValueError:
-        return _UNKNOWN
+    found = {}
+    for family in families:
+        tree = ast.parse((folder / "cases" / f"{family}.py").read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "Case":
+                name, holds = (ast.literal_eval(x) for x in node.args[:2])
+                found[name] = holds
+    return found

@@ -9,7 +9,7 @@ One more answer is a name in the row of its problem in `problems`; a longer one 
 and one line below.
 """
 
-from jaxdyn.course import rod_or_spring, satellite_claims, sleeping_top, upright
-from jaxdyn.course.problems import PROBLEMS, Problem
+import lazy_loader
 
-__all__ = ["PROBLEMS", "Problem", "rod_or_spring", "satellite_claims", "sleeping_top", "upright"]
+# `jaxdyn list --problems` shows the table without loading JAX.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,8 +1,9 @@
 """All scenes by name, with their parameters, and how to make one from text.
 
 A scene is a function of keyword parameters in one of the families; its docstring begins with a
-summary and the course problems that it answers, and documents each parameter with its unit. Nothing
-else needs to be registered, except the phases of a scene whose motion has corners.
+summary and the course problems that it answers, and documents each parameter with its unit;
+`jaxdyn list` shows that text. Nothing else needs to be registered, except the phases of a scene
+whose motion has corners.
 """
 
 import dataclasses
@@ -10,7 +11,6 @@ import functools
 import importlib
 import inspect
 import pkgutil
-import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
@@ -29,23 +29,12 @@ Phases = Mapping[str, Phase]
 
 
 @dataclasses.dataclass(frozen=True)
-class Parameter:
-    """A parameter of a scene."""
-
-    name: str
-    default: Any
-    meaning: str
-
-
-@dataclasses.dataclass(frozen=True)
 class Entry:
-    """A scene: its function, summary, course problems and parameters."""
+    """A scene: its function, and the defaults of its parameters by name."""
 
     name: str
     make: Callable[..., Scene]
-    summary: str
-    problems: tuple[int, ...]
-    parameters: tuple[Parameter, ...]
+    parameters: Mapping[str, Any]
 
     def motion(
         self,
@@ -135,27 +124,15 @@ def numbers(name: str, settings: Mapping[str, str]) -> dict[str, Any]:
     """The keyword arguments of a scene's function, from text; see `build`."""
     zoo = entries()
     entry = zoo[_checks.choice("scene", name, zoo, "jaxdyn list")]
-    known = {parameter.name: parameter for parameter in entry.parameters}
     values = {}
     for key, text in settings.items():
-        parameter = known[_checks.choice(f"parameter of {name}", key, known)]
-        values[key] = setting(key, text, parameter.default)
+        _checks.choice(f"parameter of {name}", key, entry.parameters)
+        values[key] = setting(key, text, entry.parameters[key])
     return values
 
 
 def _entry(name: str, make: Callable[..., Scene]) -> Entry:
-    text = inspect.cleandoc(make.__doc__ or "")
-    first = text.splitlines()[0] if text else ""
-    cited = re.search(r"problems? ([\d, and]+)", first)
-    problems = tuple(int(n) for n in re.findall(r"\d+", cited.group(1))) if cited else ()
-    summary = re.sub(r"\s*\([^()]*problems? [^()]*\)", "", first).rstrip(".")
-    meanings = dict(re.findall(r"^\s+(\w+): (.+?)(?=^\s+\w+: |\n\s*\n|^\w|\Z)", text, _LINES))
-    parameters = tuple(
-        Parameter(p.name, p.default, " ".join(meanings.get(p.name, "").split()))
-        for p in inspect.signature(make).parameters.values()
-        if p.default is not p.empty  # an effect or a force law is not a number
-    )
-    return Entry(name=name, make=make, summary=summary, problems=problems, parameters=parameters)
-
-
-_LINES = re.MULTILINE | re.DOTALL
+    parameters = inspect.signature(make).parameters.values()
+    # An effect or a force law, which has no default, is not a number.
+    defaults = {p.name: p.default for p in parameters if p.default is not p.empty}
+    return Entry(name=name, make=make, parameters=defaults)

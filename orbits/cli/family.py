@@ -58,7 +58,7 @@ def family_command(
     bounds, levels = _bounds("--within", within), _bounds("--energies", energies)
     chosen = scene_settings(name, settings)
     if parameter is not None:
-        choice("--parameter", parameter, scenes()[name])
+        choice("--parameter", parameter, scenes()[name].parameters)
     with screen(f"looking for an orbit of {name}", as_object) as out:
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)
         make, value = None, None

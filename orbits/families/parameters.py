@@ -28,8 +28,8 @@ def maker(
       ValueError: the scene has no such number, or its rate is not differentiable in it.
     """
     entry = catalogue.entries()[name]
-    defaults = {p.name: p.default for p in entry.parameters}
-    value = (defaults | values)[choice("--parameter", parameter, defaults)]
+    choice("--parameter", parameter, entry.parameters)
+    value = {**entry.parameters, **values}[parameter]
     remedy = "Its motion must be smooth in it."
     if isinstance(value, bool | str) or not isinstance(value, int | float):
         raise fail("--parameter", "one number", f"{parameter} = {value!r}", remedy)

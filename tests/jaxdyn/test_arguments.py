@@ -143,10 +143,10 @@ def _numeric(default) -> bool:
 
 
 NUMBERS = [
-    pytest.param(entry.make, parameter.name, parameter.default, id=f"{name}-{parameter.name}")
+    pytest.param(entry.make, key, default, id=f"{name}-{key}")
     for name, entry in catalogue.entries().items()
-    for parameter in entry.parameters
-    if _numeric(parameter.default) and (name, parameter.name) != ("rod_on_line", "speed")
+    for key, default in entry.parameters.items()
+    if _numeric(default) and (name, key) != ("rod_on_line", "speed")
 ]
 
 

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import jaxdyn as library
 from jaxdyn.cli.app import app as jaxdyn_app
-from jaxdyn.scenes import catalogue
+from jaxdyn.cli.words import scenes
 from orbits.cli.app import app as orbits_app
 
 APPS = {"jaxdyn": jaxdyn_app, "orbits": orbits_app}
@@ -74,7 +74,7 @@ def test_the_table_of_scenes_shows_every_unit(width):
     assert done.exit_code == 0
     rows = [line.split("│") for line in done.output.splitlines() if line.startswith("│")]
     shown = squeezed("".join(row[3] for row in rows))
-    meanings = [p.meaning for entry in catalogue.entries().values() for p in entry.parameters]
+    meanings = [p.meaning for scene in scenes().values() for p in scene.parameters.values()]
     assert sum("[" in meaning for meaning in meanings) > 100
     for meaning in meanings:
         assert squeezed(meaning) in shown, meaning

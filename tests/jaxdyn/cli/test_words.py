@@ -3,7 +3,7 @@
 import pytest
 from helpers import run_python
 
-from jaxdyn import hard, solvers
+from jaxdyn import hard, scenes, solvers
 from jaxdyn.cli import words
 from jaxdyn.scenes import catalogue
 
@@ -13,10 +13,11 @@ def test_the_text_of_the_scenes_says_what_the_catalogue_says():
     found = words.scenes()
     assert found.keys() == zoo.keys()
     for name, known in found.items():
-        defaults = {p.name: p.default for p in zoo[name].parameters}
-        assert known.keys() == defaults.keys()
-        for key, default in known.items():
-            assert default is words._UNKNOWN or default == defaults[key]
+        assert {key: p.default for key, p in known.parameters.items()} == zoo[name].parameters
+        assert known.summary
+        assert all(p.meaning for p in known.parameters.values())
+    assert found["cannonball"].problems == (9, 12, 27)
+    assert found["three_body"].parameters["y0"].default == scenes.EIGHT
 
 
 def test_every_ready_solver_has_its_name():
@@ -25,7 +26,8 @@ def test_every_ready_solver_has_its_name():
 
 
 def test_every_hard_case_has_its_name():
-    assert words.hard_cases() == set(hard.CASES)
+    found = words.hard_cases()
+    assert list(found.items()) == [(case.name, case.holds) for case in hard.CASES.values()]
 
 
 def test_settings_are_read_by_name():
@@ -40,6 +42,7 @@ MISTAKES = {
     "jaxdyn run nosuch": "scene: expected one that",
     "jaxdyn run pendulum --set nosuch=1": "parameter of pendulum: expected one of",
     "jaxdyn run pendulum --set m=x": "m: expected a number",
+    "jaxdyn run cannonball --set angle=foo": "angle: expected a number",
     "jaxdyn run pendulum --solver nosuch": "solver: expected one of auto",
     "jaxdyn run pendulum --plot a.xyz": "--plot: expected a file name",
     "jaxdyn accuracy nosuch": "scene: expected one that",
@@ -68,6 +71,24 @@ for words, message in {MISTAKES!r}.items():
     with contextlib.redirect_stderr(said), contextlib.suppress(SystemExit):
         main()
     assert said.getvalue().startswith("error: " + message), (words, said.getvalue())
+    assert not {{"jax", "numpy"}} & sys.modules.keys(), words
+"""
+    run_python(code)
+
+
+#: Commands that only show what there is.
+LISTS = ["jaxdyn list", "jaxdyn list three_body", "jaxdyn list --problems", "jaxdyn hard --list"]
+
+
+def test_lists_are_shown_before_jax_is_loaded():
+    code = f"""
+import contextlib, io, sys
+import jaxdyn.cli.app
+for words in {[*LISTS, *(f"{words} --json" for words in LISTS[:3])]!r}:
+    sys.argv = words.split()
+    with contextlib.redirect_stdout(io.StringIO()) as said, contextlib.suppress(SystemExit):
+        jaxdyn.cli.app.main()
+    assert said.getvalue().count("\\n") > ("--json" not in words) * 10, words
     assert not {{"jax", "numpy"}} & sys.modules.keys(), words
 """
     run_python(code)
