@@ -71,15 +71,15 @@ class Scene(eqx.Module):
 
     @_text.never_raising
     def __repr__(self) -> str:
-        lanes = self.y0.shape[:-1]
-        one = jax.tree.map(lambda x: x[(0,) * len(lanes)], self) if lanes else self
+        shape = self.y0.shape[:-1]
+        one = jax.tree.map(lambda x: x[(0,) * len(shape)], self) if shape else self
         labels = one.labels()
         second = _text.second(labels)
         rows = [
-            ("batch", f"of shape {lanes}" if lanes else ""),
+            ("batch", f"of shape {shape}" if shape else ""),
             ("system", _text.record(self.system, bool(second))),
             ("effects", ", ".join(_text.record(effect, bool(second)) for effect in self.effects)),
-            ("start", _text.brief(self.y0) if lanes else _text.entries(labels, self.y0)),
+            ("start", _text.brief(self.y0) if shape else _text.entries(labels, self.y0)),
             ("span", _text.brief(self.t1, second)),
         ]
         return _text.table(f"Scene {self.name}".rstrip(), rows)
@@ -194,7 +194,7 @@ class Scene(eqx.Module):
                 "are arrays with a row for each, as effects.SpringNetwork is.",
             )
         for effect in self.effects:
-            _check_obeyed(system, effect)
+            _check_accepted(system, effect)
         if _checks.is_traced(self):
             _shapes.check_field(self.field, jnp.zeros(()), jnp.asarray(self.y0, float))
             return
@@ -239,15 +239,15 @@ def _check_effects(effects: tuple[Effect, ...], points: Points) -> None:
         type(effect).check(effect, points)
 
 
-def _check_obeyed(system: System, effect: Effect) -> None:
+def _check_accepted(system: System, effect: Effect) -> None:
     if not isinstance(effect, Effect):
         raise _checks.fail("effects", "effects", repr(effect), "Write a subclass of Effect.")
-    ignored = effect.acts - system.obeys
+    ignored = effect.acts - system.accepts
     if ignored:
-        obeyed = " and ".join(_ACTIONS[way] for way in sorted(system.obeys))
+        accepted = " and ".join(_ACTIONS[way] for way in sorted(system.accepts))
         raise _checks.fail(
             type(effect).__name__,
-            f"an effect that {type(system).__name__} obeys: {obeyed or 'none at all'}",
+            f"an effect that {type(system).__name__} accepts: {accepted or 'none at all'}",
             " and ".join(_ACTIONS[way] for way in sorted(ignored)),
             "It would be ignored silently. Leave it out, or use another formulation.",
         )

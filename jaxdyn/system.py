@@ -120,7 +120,7 @@ class System(eqx.Module):
         return ()
 
     @property
-    def obeys(self) -> frozenset[str]:
+    def accepts(self) -> frozenset[str]:
         """Which methods of its effects `rate` uses: "force", "generalized", both, or none.
 
         An effect that acts in another way would be ignored; `Scene.check` raises for it.

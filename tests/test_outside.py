@@ -129,7 +129,9 @@ def test_a_family_without_parameter_or_energy_is_followed(hunt, tmp_path):
     with pytest.raises(ValueError, match=r"got function .*holds a function cannot be written"):
         orbits.save(tmp_path / "hunt.json", hunt)
     with pytest.raises(ValueError, match=r"got function .*make a class of it in a module"):
-        orbits.search(hunt.scene, orbits.Rows([hunt.y0]), 1, longest=6.0, path=tmp_path / "a.jsonl")
+        orbits.search(
+            hunt.scene, orbits.Starts([hunt.y0]), 1, longest=6.0, path=tmp_path / "a.jsonl"
+        )
 
 
 def test_an_energy_that_is_given_picks_a_member():
@@ -210,12 +212,12 @@ def test_van_der_pols_cycles_are_followed_and_differentiated():
     assert np.diff(family.parameters).min() > 0.01
 
     def period(mu):
-        return orbits.solution(make(mu).starting(orbit.y0, orbit.period), orbit).period
+        return orbits.differentiable(make(mu).starting(orbit.y0, orbit.period), orbit).period
 
     frequency = np.polynomial.Polynomial(SLOW_CYCLE)
     slope = -2 * np.pi * frequency.deriv()(0.01) * 0.2 / frequency(0.01) ** 2
     assert abs(float(jax.grad(period)(0.1)) - slope) < 1e-11
-    assert orbits.same(orbit, family.members[0].orbit)
+    assert orbits.same_orbit(orbit, family.members[0].orbit)
     assert orbits.recheck(orbit).closure < SOLVED
     figure = orbits.drawing.orbits([orbit])
     assert figure.axes[0].get_xlabel() == "y0"

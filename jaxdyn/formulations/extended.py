@@ -44,8 +44,8 @@ class Extended(System):
         return (*self.system.labels(), *self.further())
 
     @property
-    def obeys(self):
-        return self.system.obeys
+    def accepts(self):
+        return self.system.accepts
 
     @property
     def singular(self):

@@ -112,7 +112,7 @@ class Lagrangian(System):
     captured: Captured = eqx.field(static=True, default=())
 
     @property
-    def obeys(self):
+    def accepts(self):
         return frozenset({"generalized"})
 
     def labels(self):

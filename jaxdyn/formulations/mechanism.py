@@ -105,7 +105,7 @@ class MechanismSystem(System):
     mechanism: eqx.AbstractVar[Mechanism]
 
     @property
-    def obeys(self):
+    def accepts(self):
         return frozenset({"force", "generalized"})
 
     @property

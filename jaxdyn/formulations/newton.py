@@ -28,7 +28,7 @@ class FreePoints(System):
         self.d = d
 
     @property
-    def obeys(self):
+    def accepts(self):
         return frozenset({"force"})
 
     @property

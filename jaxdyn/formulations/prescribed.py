@@ -35,7 +35,7 @@ class Prescribed(MechanismSystem):
     mechanism: Path
 
     @property
-    def obeys(self):
+    def accepts(self):
         return frozenset()
 
     @property

@@ -119,7 +119,7 @@ class RigidBody(System):
         self.drawn = FirstPoint() if drawn is None else drawn
 
     @property
-    def obeys(self):
+    def accepts(self):
         return frozenset({"force", "generalized"})
 
     def labels(self):

@@ -141,8 +141,7 @@ def _leg(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions) 
     elif taken and end <= t:
         return _Leg(piece=None, t=t, y=at, exits=exits, status=status)
     until_when = end if status == Status.OK else t1
-    kept = {"samples": samples, "throw": False}
-    piece = simulate(scene, until_when, t0=t, **kept, **options._asdict())
+    piece = simulate(scene, until_when, t0=t, samples=samples, throw=False, **options._asdict())
     if taken and not exits:
         at = piece.ys[-1]
     passed = np.asarray(phase.fit(end, at).passed)

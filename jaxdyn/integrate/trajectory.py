@@ -160,15 +160,15 @@ class Trajectory(eqx.Module):
 
     @_text.never_raising
     def __repr__(self) -> str:
-        lanes, one = self.lanes, self.one(*(0 for _ in self.lanes))
+        shape, one = self.batch_shape, self.one(*(0 for _ in self.batch_shape))
         labels, n = one.scene.labels(), self.ts.shape[-1]
         head = f"Trajectory of {_text.called(one.scene)}"
-        batch = ("batch", f"of shape {lanes}" if lanes else "")
+        batch = ("batch", f"of shape {shape}" if shape else "")
         if _checks.is_traced((self.ts, self.ys, self.status)):
             return _text.table(head, [batch, ("samples", f"{n}, traced")])
         begin, end = (_text.extent(np.asarray(self.ts)[..., i]) for i in (0, -1))
         status = f"{self.status_code.name}: {self.message}"
-        if lanes:
+        if shape:
             right = f"{np.sum(np.asarray(self.status) == Status.OK)} of {np.size(self.status)} OK"
             status = right if self.ok else f"{right}, the worst {status}"
         rows = [
@@ -180,7 +180,7 @@ class Trajectory(eqx.Module):
                 f"{_text.extent(self.steps)} accepted, {_text.extent(self.rejected)} rejected",
             ),
             ("status", status),
-            ("end", "" if lanes else _text.entries(labels, np.asarray(self.ys)[-1])),
+            ("end", "" if shape else _text.entries(labels, np.asarray(self.ys)[-1])),
         ]
         return _text.table(head, rows)
 
@@ -209,14 +209,15 @@ class Trajectory(eqx.Module):
         return " ".join(parts)
 
     @property
-    def lanes(self) -> tuple[int, ...]:
+    def batch_shape(self) -> tuple[int, ...]:
         """The axes of a batch, (b,) or more; () for one motion."""
         return np.shape(self.ts)[:-1]
 
     def one(self, *index: int) -> "Trajectory":
         """One motion of a batch."""
-        if len(index) != len(self.lanes):
-            wanted = f"{len(self.lanes)} numbers, one for each axis of the batch {self.lanes}"
+        if len(index) != len(self.batch_shape):
+            shape = self.batch_shape
+            wanted = f"{len(shape)} numbers, one for each axis of the batch {shape}"
             raise _checks.fail("index", wanted, index)
         return jax.tree.map(lambda x: x[index], self) if index else self
 
@@ -225,7 +226,7 @@ class Trajectory(eqx.Module):
 
         (b, s) of a batch.
         """
-        system = self.one(*(0 for _ in self.lanes)).scene.system
+        system = self.one(*(0 for _ in self.batch_shape)).scene.system
         names = [label for label, _ in system.labels()]
         return self.ys[..., names.index(_checks.choice("label", name, names))]
 
@@ -240,7 +241,7 @@ def each_motion(function: Callable[..., T]) -> Callable[..., T]:
 
     @functools.wraps(function)
     def of_each(motion: Trajectory, *args, **kwargs) -> T:
-        if not motion.lanes:
+        if not motion.batch_shape:
             return function(motion, *args, **kwargs)
         return eqx.filter_vmap(lambda one: of_each(one, *args, **kwargs))(motion)
 
@@ -249,8 +250,8 @@ def each_motion(function: Callable[..., T]) -> Callable[..., T]:
 
 def single(motion: Trajectory) -> Trajectory:
     """The motion; raises ValueError for a batch."""
-    if motion.lanes:
-        got = f"a batch of them, {motion.lanes}"
+    if motion.batch_shape:
+        got = f"a batch of them, {motion.batch_shape}"
         remedy = "Take one motion of the batch: batch.one(0)."
         raise _checks.fail("motion", "one motion", got, remedy)
     return motion

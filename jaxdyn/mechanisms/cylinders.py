@@ -72,7 +72,7 @@ class Cylinder(System):
     flat: bool = eqx.field(static=True)
 
     @property
-    def obeys(self):
+    def accepts(self):
         return frozenset({"force"})
 
     def labels(self):

@@ -71,7 +71,7 @@ class PolarParticle(System):
     m: Array = eqx.field(converter=as_float, default=1.0)
 
     @property
-    def obeys(self):
+    def accepts(self):
         return frozenset({"force"})
 
     def labels(self):

@@ -131,7 +131,7 @@ class LagrangeSkates(MechanismSystem):
     mechanism: Skated
 
     @property
-    def obeys(self):
+    def accepts(self):
         return frozenset()  # the equations of problem 39 have no other forces in them
 
     def rate(self, t, y, effects):

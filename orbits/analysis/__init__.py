@@ -2,8 +2,8 @@
 
 `stability` finds the non-trivial multipliers of the `monodromy`, on which the rules of
 `jaxdyn/analysis/eigenvalues.py` decide what is stable; `identity` has the invariants of an orbit,
-`same` and `alignment` compare two, `words` their topology; `sensitivity` has the derivatives by
-the parameters of the scene, `evidence` independent checks, `report` all of it as a record.
+`same` and `alignment` compare two, `words` their topology; `sensitivity` makes one differentiable
+in the parameters of its scene, `evidence` has independent checks, `report` all of it as a record.
 
 May import: `shooting`.
 

@@ -51,7 +51,7 @@ def minimal_period(orbit: Orbit, tolerance: float = TOLERANCE) -> tuple[float, i
     return orbit.period, 1
 
 
-def same(a: Orbit, b: Orbit, tolerance: float = TOLERANCE) -> bool:
+def same_orbit(a: Orbit, b: Orbit, tolerance: float = TOLERANCE) -> bool:
     """Whether two orbits are the same up to symmetries.
 
     That is, shifts and direction of time; for free points also rotations, reflections and names
@@ -67,7 +67,7 @@ def same(a: Orbit, b: Orbit, tolerance: float = TOLERANCE) -> bool:
       >>> import orbits
       >>> from jaxdyn import scenes
       >>> eight = orbits.find(scenes.three_body(), closing=orbits.choreography(3))
-      >>> orbits.same(eight, orbits.normal_form(eight))
+      >>> orbits.same_orbit(eight, orbits.normal_form(eight))
       True
     """
     found = match(a, b)

@@ -30,7 +30,7 @@ from orbits.shooting.equations import Equations, residual_at
 _APART = 3.0
 
 
-class Solution(eqx.Module):
+class DifferentiableOrbit(eqx.Module):
     """An orbit as a differentiable function of its scene.
 
     Attributes:
@@ -75,7 +75,7 @@ class Solution(eqx.Module):
         return logs / self.period.astype(logs.dtype)
 
 
-def solution(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> Solution:
+def differentiable(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> DifferentiableOrbit:
     """The orbit of a scene near a known one, for `jax.grad`, `jax.jvp` and the like.
 
     Args:
@@ -95,7 +95,7 @@ def solution(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> Solution:
       >>> from jaxdyn import scenes
       >>> swing = orbits.find(scenes.oscillator(k=4.0), [1.0, 0.0], 3.0)
       >>> def period(scene):
-      ...     return orbits.solution(scene, swing, hold=orbits.Energy(2.0)).period
+      ...     return orbits.differentiable(scene, swing, hold=orbits.Energy(2.0)).period
       >>> round(float(eqx.filter_grad(period)(swing.scene).system.m[0]), 9)  # T = pi sqrt(m)
       1.570796327
     """
@@ -111,7 +111,7 @@ def solution(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> Solution:
     own = scene.starting(orbit.y0, orbit.scene.t1)
     moving = eqx.tree_at(lambda e: e.scene, known, own)
     y0, period, angle = _implicit(moving, x, inverse, orbit.rtol)
-    return Solution(own.starting(y0, period), angle, orbit)
+    return DifferentiableOrbit(own.starting(y0, period), angle, orbit)
 
 
 @jax.jit

@@ -107,7 +107,7 @@ def stability(orbit: Orbit, *, rtol: float | None = None, throw: bool = True) ->
     Limits: linear stability only. "stable" for a conservative scene means all non-trivial
       multipliers lie on the unit circle and cannot leave it within their bars.
     """
-    untraced("stability", orbit, "Differentiate orbits.solution(scene, orbit).multipliers().")
+    untraced("stability", orbit, "See orbits.differentiable(scene, orbit).multipliers().")
     rtol = orbit.rtol if rtol is None else rtol
     scene, y0 = orbit.scene, np.asarray(orbit.y0)
     basis = tangents(scene, y0)

@@ -97,5 +97,5 @@ def _closings(scene: "jaxdyn.Scene", name: str) -> "orbits.Closing | Sequence[or
             raise fail("--closing", "one for this scene", name, "Its state has no rotation.")
         return orbits.relative(turns[0])
     if name == "reversal":
-        return orbits.reversal(orbits.backwards(len(scene.y0)))
+        return orbits.reversal(orbits.time_reversal(len(scene.y0)))
     return orbits.PLAIN

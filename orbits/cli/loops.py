@@ -74,7 +74,7 @@ def _table(exponents: list[float], plot: Path | None, title: str | None, as_obje
         remedy = "The picture goes from the smallest to the largest."
         raise fail("--n", "two exponents above -3 for a picture", f"{len(moves)}", remedy)
     with screen("counting loops", as_object) as out:
-        found = orbits.targets.loops.least(exponents)
+        found = orbits.targets.loops.fewest(exponents)
         if as_object:
             names = ("n", "loops", "turns", "circle", "line")
             columns = {name: _column(getattr(found, name)) for name in names}

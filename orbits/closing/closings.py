@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn import Scene, System
 from jaxdyn._checks import choice, fail
-from orbits.closing.symmetry import EXACT, IDENTITY, Symmetry, of_points
+from orbits.closing.symmetry import EXACT, IDENTITY, Symmetry, point_symmetry
 
 #: Angles tried for the first guess of the angle of a relative orbit.
 _ANGLES_TRIED = 64
@@ -196,7 +196,7 @@ def choreography(n: int = 3, d: int = 2) -> tuple[Return, Return]:
       d: dimension of space.
     """
     bodies = np.arange(n)
-    there, back = (of_points((bodies + step) % n, (1,) * d) for step in (1, -1))
+    there, back = (point_symmetry((bodies + step) % n, (1,) * d) for step in (1, -1))
     name = f"choreography of {n}"
     return (
         Return(symmetry=there, parts=n, name=name),
@@ -231,9 +231,8 @@ def reversal(here: Symmetry, there: Symmetry | None = None, parts: int | None = 
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
-      >>> swing = orbits.find(
-      ...     scenes.pendulum(angle=2.0), period=9.0, closing=orbits.reversal(orbits.backwards(2))
-      ... )
+      >>> at_rest = orbits.reversal(orbits.time_reversal(2))
+      >>> swing = orbits.find(scenes.pendulum(angle=2.0), period=9.0, closing=at_rest)
       >>> swing.closing.parts
       2
     """

@@ -12,8 +12,8 @@ from orbits.closing.conditions import Condition, Hold, conditions
 from orbits.closing.symmetry import EXACT, rate
 
 _DIFFERENTIATE = (
-    "Find the orbit outside of the transformation; then differentiate orbits.solution(scene, orbit)"
-    " by any number of the scene."
+    "Find the orbit outside of the transformation; orbits.differentiable(scene, orbit) has its "
+    "derivatives by any number of the scene."
 )
 #: Times, as fractions of the span, at which the rates of a scene are compared: no simple fractions
 #: of each other, so that no drive has the same phase at all of them.

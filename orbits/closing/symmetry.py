@@ -75,7 +75,7 @@ class Symmetry(eqx.Module):
 IDENTITY = Symmetry()
 
 
-def of_points(order, axes=(1, 1), *, reversing: bool = False) -> Symmetry:
+def point_symmetry(order, axes=(1, 1), *, reversing: bool = False) -> Symmetry:
     """A symmetry of free points: a relabelling, reflections of axes, optionally a time reversal.
 
     Args:
@@ -83,7 +83,7 @@ def of_points(order, axes=(1, 1), *, reversing: bool = False) -> Symmetry:
       axes: (d,) +1 or -1 for each axis of space.
       reversing: whether time is reversed, which changes the signs of the velocities once more.
     Example:
-      >>> of_points([1, 0, 2], (-1, -1), reversing=True).signs     # fixes Euler's collinear starts
+      >>> point_symmetry([1, 0, 2], (-1, -1), reversing=True).signs  # fixes Euler's starts
       (-1, -1, -1, -1, -1, -1, 1, 1, 1, 1, 1, 1)
     """
     order, axes = np.asarray(order), np.asarray(axes)
@@ -97,7 +97,7 @@ def of_points(order, axes=(1, 1), *, reversing: bool = False) -> Symmetry:
     )
 
 
-def backwards(k: int) -> Symmetry:
+def time_reversal(k: int) -> Symmetry:
     """The time reversal of a state [q, v] of k entries, which changes the signs of v."""
     half = k // 2
     return Symmetry(None, (1,) * half + (-1,) * half, reversing=True)

@@ -62,7 +62,7 @@ class Box:
 
 
 @dataclasses.dataclass(frozen=True)
-class Rows:
+class Starts:
     """Given samples, e.g. of a grid or a published table.
 
     Attributes:

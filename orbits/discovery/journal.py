@@ -20,7 +20,7 @@ from jaxdyn._checks import fail
 from jaxdyn.files import records
 from jaxdyn.files.input_files import content, parsed
 from jaxdyn.files.output_files import append, replace, unwritable, writable
-from orbits.analysis.same import same
+from orbits.analysis.same import same_orbit
 from orbits.closing.closings import Closing
 from orbits.orbit import Orbit, Outcome
 
@@ -206,7 +206,7 @@ def distinct(
 ) -> list[Find]:
     """The finds that are not the same orbit as an earlier one, sorted by invariant.
 
-    Invariants are compared first, then starts; `orbits.same` decides in the end.
+    Invariants are compared first, then starts; `orbits.same_orbit` decides in the end.
     """
     kept: list[Find] = []
     for find in finds:
@@ -214,7 +214,7 @@ def distinct(
         if any(_one_start(k, find) for k in alike):
             continue
         orbit = find.orbit(scene, closings, rtol) if alike else None
-        if not any(same(k.orbit(scene, closings, rtol), orbit) for k in alike):
+        if not any(same_orbit(k.orbit(scene, closings, rtol), orbit) for k in alike):
             kept.append(find)
     return sorted(kept, key=lambda find: (find.invariant, find.sample))
 

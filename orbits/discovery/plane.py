@@ -17,19 +17,19 @@ import numpy as np
 
 from jaxdyn._checks import positive
 from jaxdyn.scenes import three_body
-from orbits.analysis.same import same
+from orbits.analysis.same import same_orbit
 from orbits.analysis.words import word
 from orbits.closing.closings import reversal
-from orbits.closing.symmetry import of_points
+from orbits.closing.symmetry import point_symmetry
 from orbits.discovery.chunks import Box
 from orbits.discovery.journal import Find
-from orbits.discovery.search import Found, search
+from orbits.discovery.search import SearchResult, search
 from orbits.discovery.seeds import row, rows
 from orbits.orbit import Orbit, relocated
 from orbits.shooting.finding import find
 
 #: The time reversal that fixes collinear starts with equal outer velocities.
-IN_LINE = of_points([1, 0, 2], (-1, -1), reversing=True)
+IN_LINE = point_symmetry([1, 0, 2], (-1, -1), reversing=True)
 #: Published starts and periods, to the digits printed: name -> (a, b, T). Of the two starts
 #: printed for each yin-yang, which lie half a period apart on one orbit, the first.
 NAMED = {
@@ -62,7 +62,7 @@ class Plane:
       names: their published names; "" for others.
     """
 
-    found: Found
+    found: SearchResult
     names: tuple[str, ...]
 
     def starts(self) -> np.ndarray:
@@ -71,7 +71,7 @@ class Plane:
         return np.array([[*f.y0[6:8], f.period] for f in finds]).reshape(-1, 3)
 
     def families(self) -> int:
-        """Number of different pairs of word and T |E|^(3/2): an independent check of `same`."""
+        """Number of different pairs of word and T |E|^(3/2), a check of `same_orbit`."""
         kept: list[Find] = []
         for f in self.found.finds:
             if not any(f.label == k.label and _near(f, k.invariant, _ALIKE) for k in kept):
@@ -135,7 +135,7 @@ def in_plane(orbit: Orbit) -> Orbit:
     return relocated(orbit, scene)
 
 
-def _names(found: Found) -> tuple[str, ...]:
+def _names(found: SearchResult) -> tuple[str, ...]:
     """Names of published orbits among those found, compared after refinement of the digits."""
     names = [""] * len(found)
     for name, (a, b, period) in NAMED.items():
@@ -151,7 +151,7 @@ def _names(found: Found) -> tuple[str, ...]:
         orbit = find(scene, seed.y0, seed.period, closing=reversal(IN_LINE), throw=False)
         orbits = found.orbits()
         for i in near:
-            if orbit.ok and same(orbits[i], orbit):
+            if orbit.ok and same_orbit(orbits[i], orbit):
                 names[i] = name
     return tuple(names)
 

@@ -34,7 +34,7 @@ _AHEAD = 64  # chunks submitted to an executor in advance
 
 
 @dataclasses.dataclass(frozen=True)
-class Found:
+class SearchResult:
     """The result of a search.
 
     Attributes:
@@ -54,7 +54,7 @@ class Found:
             for i, find in enumerate(self.finds)
         ]
         counts = ("counts", ", ".join(f"{n} {name}" for name, n in self.counts.items()))
-        head = f"Found: {counted(len(rows), 'orbit')} of {_text.called(self.plan.scene)}"
+        head = f"SearchResult: {counted(len(rows), 'orbit')} of {_text.called(self.plan.scene)}"
         return _text.table(head, [counts, *_text.cut(rows)])
 
     def __len__(self) -> int:
@@ -85,12 +85,12 @@ def search(
     path: str | Path | None = None,
     executor: futures.Executor | None = None,
     progress: bool = False,
-) -> Found:
+) -> SearchResult:
     """The distinct, verified orbits to which samples of starts lead.
 
     Args:
       scene: the scene.
-      sampler: (indices (n,) of samples, seed) -> their starts (n, k); such as `Box` and `Rows`.
+      sampler: (indices (n,) of samples, seed) -> their starts (n, k); such as `Box` and `Starts`.
       samples: number of samples.
       longest: longest period.
       shortest: shortest period.
@@ -117,11 +117,11 @@ def search(
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
-      >>> found = orbits.search(scenes.oscillator(k=4.0), orbits.Rows([[1.0, 0.0]]), 1, longest=5)
+      >>> found = orbits.search(scenes.oscillator(k=4.0), orbits.Starts([[1.0, 0.0]]), 1, longest=5)
       >>> [round(find.period, 6) for find in found.finds]
       [3.141593]
     """
-    untraced("search", scene, "Search outside of the transformation; see orbits.solution.")
+    untraced("search", scene, "Search outside of the transformation; see orbits.differentiable.")
     plan = Plan(
         scene=scene,
         sampler=sampler,
@@ -150,7 +150,7 @@ def search(
             pool.shutdown(cancel_futures=True)
     chunks = [file.chunks[i] for i in range(plan.chunks)]
     finds = distinct((f for c in chunks for f in c.finds), scene, (closing, PLAIN), rtol)
-    return Found(finds, _sums(chunks), plan)
+    return SearchResult(finds, _sums(chunks), plan)
 
 
 def _work_through(plan: Plan, file: File, pool: futures.Executor, bar: Progress) -> None:

@@ -147,7 +147,7 @@ def line(reversal: Symmetry, low, high, shape) -> np.ndarray:
       shape: (k,) points along each entry; 1 takes the middle.
     Example:
       >>> import orbits
-      >>> orbits.discovery.seeds.line(orbits.backwards(2), [0.1, 0], [0.3, 0], [3, 1]).tolist()
+      >>> orbits.discovery.seeds.line(orbits.time_reversal(2), [0.1, 0], [0.3, 0], [3, 1]).tolist()
       [[0.1, 0.0], [0.2, 0.0], [0.3, 0.0]]
     """
     low, high = (np.asarray(array(name, x, (None,))) for name, x in (("low", low), ("high", high)))

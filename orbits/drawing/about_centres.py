@@ -12,7 +12,7 @@ from jaxdyn._checks import fail
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
-from orbits.targets.loops import Least, least
+from orbits.targets.loops import FewestLoops, fewest
 
 _SAMPLES = 300
 _EXPONENTS = (-2.9, -2.5, -2.0, -1.0, 0.0, 1.0, 3.0, 6.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
@@ -51,7 +51,7 @@ def loops(
     if not -3 < lowest < highest:
         raise fail("lowest", f"above -3 and below highest = {highest:g}", lowest)
     n = np.unique([*np.geomspace(lowest + 3, highest + 3, _SAMPLES) - 3, -2.0, -1.0, 1.0])
-    found = least(n[(n >= lowest) & (n <= highest)])
+    found = fewest(n[(n >= lowest) & (n <= highest)])
     figure = blank(6.8, 7.2)
     angles: Any = figure.add_subplot(2, 1, 1)
     counts: Any = figure.add_subplot(2, 1, 2, sharex=angles)
@@ -120,7 +120,7 @@ def _to_edge(place):
     return np.exp(place) - 3
 
 
-def _draw_fractions(ax, found: Least, most: int) -> None:
+def _draw_fractions(ax, found: FewestLoops, most: int) -> None:
     """Mark turns / loops where orbits have them, with a label where there is room."""
     low, high = np.minimum(found.circle, found.line), np.maximum(found.circle, found.line)
     pairs = [(p, q) for q in range(1, most + 1) for p in range(1, int(_WIDEST * q))]

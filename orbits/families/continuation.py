@@ -7,7 +7,7 @@ scenes, where energy and period change along the family, and folds are regular p
 
 Special points follow from the non-trivial multipliers: one through +1 is a branch point (or a
 fold), one through -1 a period doubling, complex ones leaving the unit circle a torus point. At a
-simple one `switch` steps onto the other branch.
+simple one `switch_branch` steps onto the other branch.
 
 Reference: E. Doedel et al., AUTO-07P, and F. J. Munoz-Almaraz et al., Physica D 181 (2003) 1,
 for conservative scenes.
@@ -100,7 +100,7 @@ def continue_family(
       >>> bool((np.diff(family.periods) > 0).all())
       True
     """
-    untraced("continue_family", (orbit, parameter), "Differentiate a member: orbits.solution.")
+    untraced("continue_family", (orbit, parameter), "See orbits.differentiable, for each member.")
     _check(orbit, make, parameter, step, members)
     _check_bounds("within", within)
     _check_bounds("energies", energies)
@@ -124,7 +124,7 @@ def continue_family(
     return _walked(surface, first, step, members, (within, energies), report)
 
 
-def switch(
+def switch_branch(
     family: Family, special: Member, *, amplitude: float = 1e-2, times: int | None = None
 ) -> tuple[Orbit, float]:
     """An orbit on the other branch through a special point, and its parameter.

@@ -5,7 +5,7 @@ hops without loss.
 
 May import: `shooting`.
 
-One more such motion is one file that makes the `Leg`s of a `Hybrid`, as `hopping` does.
+One more such motion is one file that makes the `Leg`s of a `HybridOrbit`, as `hopping` does.
 """
 
 from orbits.hybrid import hopping

@@ -37,8 +37,8 @@ from jaxdyn._floats import as_float
 from jaxdyn.integrate.events import Event, Reaches, until
 from jaxdyn.mechanisms.cylinders import Cylinder
 from jaxdyn.scenes.rolling import Caught, NormalForce
-from orbits.hybrid.legs import Hybrid, Leg
-from orbits.hybrid.search import find_chain
+from orbits.hybrid.legs import HybridOrbit, Leg
+from orbits.hybrid.search import find_hybrid
 from orbits.orbit import SearchError
 from orbits.shooting.finding import GOAL, RTOL
 
@@ -113,7 +113,7 @@ class Advanced(eqx.Module):
         return (end - start)[1:].at[1].add(-self.turn)
 
 
-def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
+def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> HybridOrbit:
     """The lossless hopping motion of an eccentric cylinder: in contact, then in the air.
 
     Args:
@@ -163,7 +163,7 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
     mirrors = Mirrored(first, 2 * first + math.pi)
     goal = GOAL * max(1.0, float(np.abs(y0).max()))  # for metres and radians alike
     legs = (Leg(scene=fly, ends=lands), Leg(scene=contact, ends=()))
-    half = _checked(find_chain(legs, y0, spans, closes=mirrors, goal=goal, throw=False))
+    half = _checked(find_hybrid(legs, y0, spans, closes=mirrors, goal=goal, throw=False))
     down, rest = half.spans
     above = (Height(given),)
     presses = () if rolls else (NormalForce(contact),)
@@ -177,11 +177,11 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> Hybrid:
     # Over the whole chain the residuals of the halves count several times.
     whole = 8 * goal
     return _checked(
-        find_chain(chain, half.y0, spans, closes=around, goal=whole, max_iterations=0, throw=False)
+        find_hybrid(chain, half.y0, spans, closes=around, goal=whole, max_iterations=0, throw=False)
     )
 
 
-def _checked(found: Hybrid) -> Hybrid:
+def _checked(found: HybridOrbit) -> HybridOrbit:
     """The motion found from an exact guess; raises if rounding prevented it."""
     if not found.ok:
         raise SearchError(_ROUNDED)
@@ -196,16 +196,16 @@ def _corner(turns: int) -> float:
     return a
 
 
-def advance(hop: Hybrid) -> float:
+def advance(hop: HybridOrbit) -> float:
     """Advance of the cylinder along the ground in a period [m]."""
-    return float(hop.chain(2).pieces[-1].ys[-1, 0] - hop.y0[0])
+    return float(hop.trajectory(2).pieces[-1].ys[-1, 0] - hop.y0[0])
 
 
-def pull(hop: Hybrid) -> float:
+def pull(hop: HybridOrbit) -> float:
     """Largest pull of the ground over the weight [1]; 0 if it only pushes."""
     scene = hop.legs[1].scene
     weight = float(scene.system.m) * _gravity(scene)
-    return max(0.0, -hop.least(1, NormalForce(scene)) / weight)
+    return max(0.0, -hop.smallest(1, NormalForce(scene)) / weight)
 
 
 def _gravity(scene: Scene) -> float:

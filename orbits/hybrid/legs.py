@@ -1,6 +1,6 @@
 """A piecewise-smooth periodic motion: a closed chain of smooth legs (roll, fly, ...).
 
-`find_chain` (orbits.hybrid.search) finds them. In its equations the times of the corners are
+`find_hybrid` (orbits.hybrid.search) finds them. In its equations the times of the corners are
 unknowns, so a solution may pass the end of a leg before its time. The bounds of a leg state what
 must hold on the way, and a chain that violates them is not reported as found.
 """
@@ -44,7 +44,7 @@ class Leg(eqx.Module):
 
 
 @dataclasses.dataclass(frozen=True)
-class Hybrid:
+class HybridOrbit:
     """A periodic chain, its closing error, and the outcome of the search for it.
 
     Attributes:
@@ -72,7 +72,7 @@ class Hybrid:
             ("outcome", f"{self.outcome.name}: {self.message}"),
             ("start", _text.entries(labels, self.y0)),
         ]
-        return _text.table(f"Periodic chain of {counted(len(self.legs), 'leg')}", rows)
+        return _text.table(f"Hybrid orbit of {counted(len(self.legs), 'leg')}", rows)
 
     @property
     def y0(self) -> Array:
@@ -114,7 +114,7 @@ class Hybrid:
                     return f"legs[{i}]: {motion.message}"
         return ""
 
-    def chain(self, samples: int = 100) -> HybridTrajectory:
+    def trajectory(self, samples: int = 100) -> HybridTrajectory:
         """One period as a motion in pieces."""
         pieces, t = [], 0.0
         for leg in self.legs:
@@ -132,7 +132,7 @@ class Hybrid:
             status=Status.OK,
         )
 
-    def least(self, leg: int, event: Event) -> float:
+    def smallest(self, leg: int, event: Event) -> float:
         """The smallest value of a function at 400 times of a leg.
 
         For a height in flight, say, or a normal force in contact: if it is below zero by more

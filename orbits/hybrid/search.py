@@ -22,7 +22,7 @@ from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import tolerances
 from jaxdyn.scene import Scene, checked_scene
 from orbits.closing.given import driven
-from orbits.hybrid.legs import Hybrid, Leg
+from orbits.hybrid.legs import HybridOrbit, Leg
 from orbits.orbit import Outcome, SearchError
 from orbits.shooting import newton
 from orbits.shooting.finding import GOAL, RTOL
@@ -40,7 +40,7 @@ class Comes(eqx.Module):
         return self.scene.system.difference(end, start)
 
 
-def find_chain(
+def find_hybrid(
     legs: Sequence[Leg],
     y0,
     spans,
@@ -51,7 +51,7 @@ def find_chain(
     max_iterations: int = 60,
     report: Callable[[newton.Iteration], None] = lambda iteration: None,
     throw: bool = True,
-) -> Hybrid:
+) -> HybridOrbit:
     """The periodic chain of legs near a guess.
 
     Args:
@@ -83,12 +83,12 @@ def find_chain(
       >>> ball = scenes.cannonball(g=10.0)
       >>> falls = orbits.Leg(ball, (events.Reaches(1, 0.0),), bounce)
       >>> rises = orbits.Leg(ball, (events.Reaches(3, 0.0), events.Reaches(1, 5.0)))
-      >>> found = orbits.find_chain([falls, rises], [0.0, 4.0, 0.0, 0.0], [0.8, 0.9])
+      >>> found = orbits.find_hybrid([falls, rises], [0.0, 4.0, 0.0, 0.0], [0.8, 0.9])
       >>> round(found.period, 12)
       2.0
     """
     legs = tuple(legs)
-    untraced("find_chain", (legs, y0, spans), "Find it outside of the transformation.")
+    untraced("find_hybrid", (legs, y0, spans), "Find it outside of the transformation.")
     start, times = _start_and_times(legs, y0, spans)
     positive("goal", goal, "It is the largest closing error of an orbit.")
     tolerances(rtol, None)  # checked here: inside jit it cannot be
@@ -114,7 +114,7 @@ def find_chain(
         dataclasses.replace(leg, scene=leg.scene.starting(y, t))
         for leg, y, t in zip(legs, starts, result.x[k:], strict=True)
     )
-    found = Hybrid(
+    found = HybridOrbit(
         legs=placed,
         residual=float(np.abs(result.residual).max()),
         outcome=_outcome(result),

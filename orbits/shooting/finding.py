@@ -100,8 +100,8 @@ def find(
     Raises:
       ValueError: an argument has the wrong shape, is out of its range or is traced.
       SearchError: no orbit was found (``throw=True``).
-    Limits: host only, not inside jit, grad or vmap; `solution` makes the orbit found
-      differentiable.
+    Limits: host only, not inside jit, grad or vmap; `orbits.differentiable` has the derivatives of
+      the orbit found.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes

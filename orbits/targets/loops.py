@@ -4,7 +4,7 @@ A motion between two radii is a rosette: each loop, from the farthest point to t
 is the previous one rotated by twice the apsidal angle. It closes after p turns with q loops where
 that angle is pi p / q. The shape of an orbit, the ratio of its radii, determines it: `closed`
 searches for the ratio that gives p / q, and refines the orbit by `find`. If that fails there is
-still a regular rosette that fills its ring. `least` gives the closed orbit with the fewest loops.
+still a regular rosette that fills its ring. `fewest` gives the closed orbit with the fewest loops.
 
 The p / q of a power law r^n are known: those strictly between the limits of its apsidal angle
 (`jaxdyn.scenes.apsidal_limits`), once each. For other laws shapes are sampled.
@@ -26,7 +26,7 @@ _LOOKS = 16  # samples per step, to count loops
 _WHOLE = 0.01  # largest distance of a closed orbit's turns from a whole number
 
 
-class Least(eqx.Module):
+class FewestLoops(eqx.Module):
     """The closed orbits with the fewest loops, one for each exponent.
 
     Attributes:
@@ -57,7 +57,7 @@ class Least(eqx.Module):
         )
 
 
-def least(n) -> Least:
+def fewest(n) -> FewestLoops:
     """The least number of loops of a closed orbit, except circles and lines, per exponent.
 
     Args:
@@ -67,7 +67,7 @@ def least(n) -> Least:
     Limits: within 1e-7 of 1 or -2, where the number diverges, it takes long.
     Example:
       >>> from orbits.targets import loops
-      >>> found = loops.least([-3.5, -2.0, -1.0, 1.0, 3.0, 10.0])
+      >>> found = loops.fewest([-3.5, -2.0, -1.0, 1.0, 3.0, 10.0])
       >>> found.loops.tolist(), found.turns.tolist()
       ([0, 1, 3, 2, 7, 3], [0, 1, 2, 1, 3, 1])
     """
@@ -78,7 +78,7 @@ def least(n) -> Least:
     low = np.where(moves, np.minimum(circle, line), 0.0)
     # Strictly between the limits, except for the two laws where they coincide.
     turns = np.where(circle == line, np.round(count * low), np.floor(count * low) + 1)
-    return Least(
+    return FewestLoops(
         n=n,
         loops=count,
         turns=np.where(moves, turns, 0).astype(int),
@@ -191,7 +191,7 @@ def _coprime(turns, loops) -> None:
 
 
 def _law(law) -> None:
-    untraced("law", law, "Find the orbit outside; then differentiate orbits.solution.")
+    untraced("law", law, "Find the orbit outside; see orbits.differentiable.")
     if not isinstance(law, CentralForce):
         raise fail("law", "a CentralForce", repr(law), "Pass PowerLaw(1.0, -1.0), for example.")
 

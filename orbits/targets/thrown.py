@@ -48,8 +48,8 @@ class Thrown(System):
     units: Units
 
     @property
-    def obeys(self):
-        return self.system.obeys
+    def accepts(self):
+        return self.system.accepts
 
     def labels(self):
         return ("a", "1"), ("b", "1"), ("va", "1"), ("vb", "1")

@@ -259,10 +259,10 @@ def test_an_effect_changes_the_motion_or_is_refused(name):
     for system in systems:
         bare = Scene(system, scene.effects, y0=y)
         for load in LOADS:
-            if not load.acts <= system.obeys:
+            if not load.acts <= system.accepts:
                 with pytest.raises(ValueError, match=r"It would be ignored silently\."):
                     (bare + load).check()
-        loaded = [bare + load for load in LOADS if load.acts <= system.obeys]
+        loaded = [bare + load for load in LOADS if load.acts <= system.accepts]
         assert all(change > 1e-6 for change in changes(bare, loaded))
 
 
@@ -271,25 +271,25 @@ def test_an_effect_changes_the_motion_or_is_refused(name):
     [
         (
             scenes.lorenz() + UniformGravity(),
-            r"UniformGravity: expected an effect that Lorenz obeys: none at all, got forces on "
+            r"UniformGravity: expected an effect that Lorenz accepts: none at all, got forces on "
             r"points\. It would be ignored silently\. Leave it out, or use another form",
         ),
         (
             _ball(Torque()),
-            r"Torque: expected an effect that FreePoints obeys: forces on points, got forces on c",
+            r"Torque: expected an effect that FreePoints accepts: forces on points, got forces on",
         ),
         (
             _ball(Fan()),
-            r"Fan: expected an effect that FreePoints obeys: forces on points, got forces on c",
+            r"Fan: expected an effect that FreePoints accepts: forces on points, got forces on c",
         ),
         (Scene(FreePoints(2.0), ("drag",), y0=Y0), r"effects: expected effects, got 'drag'\. W"),
         (
             skates.by_lagrange(scenes.two_skates()) + LinearDrag(0.1),
-            r"LinearDrag: expected an effect that LagrangeSkates obeys: none at all, got forces",
+            r"LinearDrag: expected an effect that LagrangeSkates accepts: none at all, got forces",
         ),
         (
             with_work(scenes.polar_particle(LinearDrag(0.1)), LinearDrag) + Torque(),
-            r"Torque: expected an effect that Ledger obeys: forces on points, got forces on c",
+            r"Torque: expected an effect that Ledger accepts: forces on points, got forces on c",
         ),
     ],
 )

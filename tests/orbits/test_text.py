@@ -68,10 +68,10 @@ def test_a_family_and_a_search_are_shown(swing):
     assert period == f"  period     {family.periods[0]:.6g} to {family.periods[-1]:.6g}"
     assert energy == f"  energy     {family.energies[0]:.6g} to {family.energies[-1]:.6g}"
     assert rest[0] == "  stability  3 stable"
-    starts = orbits.Rows([[1.0, 0.0]])
+    starts = orbits.Starts([[1.0, 0.0]])
     found = orbits.search(scenes.oscillator(k=4.0), starts, 1, longest=5)
     head, counts, row = lines(found)
-    assert head == "Found: 1 orbit of oscillator"
+    assert head == "SearchResult: 1 orbit of oscillator"
     assert counts.startswith("  counts  1 samples, ")
     assert row == f"  1       period {np.pi:.6g}, stable"
 
@@ -97,8 +97,8 @@ def test_aims_are_shown_with_units():
     assert hits[-2:] == ["  outcome  FOUND", "  message  The aim was found."]
     throws = lines(aim.farthest(scenes.cannonball(), np.linspace(1.0, 9.0, 9)))
     assert throws[1] == "  speed    shape (9,)"
-    least = lines(loops.least(jnp.array([-1.0, 1.0])))
-    assert least[:2] == ["Least", "  n        (-1, 1)"]
+    fewest = lines(loops.fewest(jnp.array([-1.0, 1.0])))
+    assert fewest[:2] == ["FewestLoops", "  n        (-1, 1)"]
 
 
 def test_a_traced_orbit_is_shown_by_its_shapes(swing):

@@ -31,7 +31,7 @@ class Answers(System):
         return (Shape("line", np.full((2, 2), t + y[0])),)
 
     @property
-    def obeys(self):
+    def accepts(self):
         return frozenset({"generalized"})
 
     @property
@@ -82,7 +82,7 @@ CASES = [
 QUESTIONS = {
     "points": lambda s, t, y: s.points(t, y),
     "sketch": lambda s, t, y: s.sketch(t, y)[0].at,
-    "obeys": lambda s, t, y: s.obeys,
+    "accepts": lambda s, t, y: s.accepts,
     "singular": lambda s, t, y: s.singular,
     "coordinates": lambda s, t, y: s.coordinates(y),
     "kinetic": lambda s, t, y: s.kinetic(t, y),

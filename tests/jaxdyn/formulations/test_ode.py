@@ -310,7 +310,7 @@ MISUSE = [
     ),
     (
         lambda: simulate(FADING + jaxdyn.effects.UniformGravity()),
-        "^UniformGravity: expected an effect that Ode obeys: none at all, got forces on points",
+        "^UniformGravity: expected an effect that Ode accepts: none at all, got forces on points",
     ),
 ]
 

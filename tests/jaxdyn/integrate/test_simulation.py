@@ -217,7 +217,7 @@ def test_a_batch_gives_what_each_of_its_motions_gives(swings, quantity):
 
 def test_what_a_batch_says_of_itself(swings):
     batch, grid = swings
-    assert (batch.lanes, grid.lanes, batch.one(1).lanes) == ((2,), (2, 3), ())
+    assert (batch.batch_shape, grid.batch_shape, batch.one(1).batch_shape) == ((2,), (2, 3), ())
     assert gap(batch["theta"][:, 0], ANGLES) == 0
     assert gap(grid["theta"][:, 1, 0], ANGLES) == 0
     assert (batch.status.shape, batch.ok, batch.warning) == ((2,), True, "")
@@ -250,7 +250,7 @@ def test_all_ways_to_a_batch_give_its_motions(way):
         return simulate(scene, 1.0, samples=5, **QUICK)
 
     batch = BATCHES[way](swing)
-    assert (batch.lanes, batch["theta"].shape, batch.r.shape) == ((2,), (2, 5), (2, 5, 1, 2))
+    assert (batch.batch_shape, batch["theta"].shape, batch.r.shape) == ((2,), (2, 5), (2, 5, 1, 2))
     for i, angle in enumerate(ANGLES):
         alone = swing(scenes.pendulum(angle=angle))
         assert gap(batch.one(i).ys, alone.ys) < EXACT

@@ -41,7 +41,7 @@ def disguised(orbit, *, late=0.0, angle=0.0, mirror=1.0, order=(0, 1, 2), scale=
 @pytest.fixture(scope="module")
 def orbit():
     """A published row is right to 1e-9 only, and the motion grows that."""
-    closing = orbits.reversal(orbits.of_points([1, 0, 2], (-1, -1), reversing=True))
+    closing = orbits.reversal(orbits.point_symmetry([1, 0, 2], (-1, -1), reversing=True))
     return orbits.find(published(ROWS[1]).scene, closing=closing)
 
 
@@ -69,20 +69,20 @@ def test_what_changes_no_motion(change, orbit):
 @pytest.mark.slow
 def test_others_differ():
     first, second, third = (published(row) for row in ROWS[:3])
-    assert not orbits.same(first, second)
-    assert not orbits.same(second, third)
+    assert not orbits.same_orbit(first, second)
+    assert not orbits.same_orbit(second, third)
     swing = orbits.find(scenes.pendulum(angle=1.0), period=2.2)
-    assert not orbits.same(first, swing)
+    assert not orbits.same_orbit(first, swing)
     level = orbits.Energy(energy.energy(swing.scene, jnp.zeros(()), swing.y0))
     later = swing.scene.starting(solve(swing.scene, 0.7).y1)
-    assert orbits.same(swing, orbits.find(later, period=2.2, hold=level))
+    assert orbits.same_orbit(swing, orbits.find(later, period=2.2, hold=level))
 
 
 def test_the_neighbour_is_not_the_eight():
     guess = scenes.EIGHT_GUESS, scenes.EIGHT_GUESS_PERIOD
     neighbour = orbits.find(scenes.three_body(), *guess)
     eight = orbits.find(neighbour.scene, closing=orbits.choreography(3))
-    assert not orbits.same(neighbour, eight)
+    assert not orbits.same_orbit(neighbour, eight)
     assert orbits.word(neighbour) == orbits.word(eight)  # the topology cannot tell them apart
 
 
@@ -93,7 +93,7 @@ def test_periods_that_hold_the_motion_more_than_once():
     )
     period, times = orbits.minimal_period(thrice)
     assert (times, round(period, 6)) == (3, 6.325914)
-    assert orbits.same(eight, thrice)
+    assert orbits.same_orbit(eight, thrice)
 
 
 @pytest.mark.slow
@@ -105,7 +105,7 @@ def test_words_are_those_published(row):
 @pytest.mark.long
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row["name"])
 def test_every_published_row_has_its_word(row):
-    closing = orbits.reversal(orbits.of_points([1, 0, 2], (-1, -1), reversing=True))
+    closing = orbits.reversal(orbits.point_symmetry([1, 0, 2], (-1, -1), reversing=True))
     orbit = orbits.find(published(row).scene, closing=closing, throw=False)
     if not orbit.residual < 1e-9:
         pytest.skip(f"does not close from its published digits: {orbit.outcome.name}")
@@ -132,8 +132,8 @@ def test_yin_yang_two_is_one_orbit_from_both_of_its_published_starts():
         orbits.find(scene, seed.y0, seed.period, closing=orbits.reversal(IN_LINE))
         for scene, seed in (row(*start) for start in starts)
     )
-    assert orbits.same(one, other)
-    assert orbits.same(other, one)
+    assert orbits.same_orbit(one, other)
+    assert orbits.same_orbit(other, one)
 
 
 def test_only_bodies_under_their_own_gravity_alone_are_scaled_by_keplers_third_law():

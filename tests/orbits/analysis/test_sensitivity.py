@@ -25,7 +25,7 @@ def test_the_period_of_a_pendulum_by_gravity(swing):
 
     def period(g):
         scene = eqx.tree_at(lambda s: s.effects[0].g, swing.scene, g)
-        return orbits.solution(scene, swing, hold=hold).period
+        return orbits.differentiable(scene, swing, hold=hold).period
 
     # T = 4 K(m) / sqrt(g) with m = (1 + E / g) / 2, and dK/dm = (E(m) / (1 - m) - K) / (2 m).
     g = 9.81
@@ -43,7 +43,7 @@ def test_a_cycles_start_and_multiplier_by_its_parameter():
     orbit = orbits.find(cycle(Bautin, a, [1.1, 0.0]))
 
     def numbers(a):
-        found = orbits.solution(cycle(Bautin, a, orbit.y0), orbit)
+        found = orbits.differentiable(cycle(Bautin, a, orbit.y0), orbit)
         return jnp.linalg.norm(found.y0), found.period, found.exponents()[0].real
 
     # r^2 = (1 + sqrt(1 + 4 a)) / 2, so dr/da = 1 / (2 r sqrt(1 + 4 a)); exponent 2 r^2 - 4 r^4.
@@ -56,7 +56,7 @@ def test_a_cycles_start_and_multiplier_by_its_parameter():
 
 @pytest.mark.slow
 def test_the_eight_by_a_mass_against_orbits_found_again():
-    half = orbits.reversal(orbits.of_points([1, 0, 2], (-1, -1), reversing=True))
+    half = orbits.reversal(orbits.point_symmetry([1, 0, 2], (-1, -1), reversing=True))
     eight = orbits.find(scenes.three_body(m=(1.0, 1.0, 0.98)), closing=half)
     hold = (orbits.Energy(float(energy.energy(eight.scene, jnp.zeros(()), eight.y0))),)
 
@@ -64,7 +64,7 @@ def test_the_eight_by_a_mass_against_orbits_found_again():
         return scenes.three_body(eight.y0, m=jnp.stack([jnp.ones(()), jnp.ones(()), m3]))
 
     def numbers(m3):
-        found = orbits.solution(scene(m3), eight, hold=hold)
+        found = orbits.differentiable(scene(m3), eight, hold=hold)
         return found.period, found.multipliers()[0].real
 
     def again(m3):
@@ -85,7 +85,7 @@ def test_the_period_of_a_pendulum_at_a_held_angle_by_gravity():
 
     def period(g):
         scene = eqx.tree_at(lambda s: s.effects[0].g, swing.scene, g)
-        return orbits.solution(scene, swing, hold="theta").period
+        return orbits.differentiable(scene, swing, hold="theta").period
 
     exact = -swing.period / (2 * 9.81)  # T ~ 1 / sqrt(g) at one amplitude
     assert abs(jax.grad(period)(swing.scene.effects[0].g) - exact) < 1e-11
@@ -94,13 +94,16 @@ def test_the_period_of_a_pendulum_at_a_held_angle_by_gravity():
 @pytest.mark.parametrize(
     ("search", "remedy"),
     [
-        (lambda s, o: orbits.find(s, period=2.2).period, "differentiate orbits.solution"),
-        (lambda s, o: orbits.search(s, None, 1, longest=3.0), "see orbits.solution"),
+        (
+            lambda s, o: orbits.find(s, period=2.2).period,
+            "orbits.differentiable\\(scene, orbit\\) has",
+        ),
+        (lambda s, o: orbits.search(s, None, 1, longest=3.0), "see orbits.differentiable"),
         (lambda s, o: orbits.stability(_in(s, o)).nontrivial, "multipliers"),
-        (lambda s, o: orbits.continue_family(_in(s, o)).periods, "orbits.solution"),
-        (lambda s, o: orbits.find_chain([orbits.Leg(s, ())], s.y0, [1.0]), "Find it outside"),
+        (lambda s, o: orbits.continue_family(_in(s, o)).periods, "orbits.differentiable"),
+        (lambda s, o: orbits.find_hybrid([orbits.Leg(s, ())], s.y0, [1.0]), "Find it outside"),
     ],
-    ids=["find", "search", "stability", "continue_family", "find_chain"],
+    ids=["find", "search", "stability", "continue_family", "find_hybrid"],
 )
 @pytest.mark.parametrize("transform", [jax.grad, jax.jit])
 def test_searches_say_that_they_cannot_be_traced(swing, search, remedy, transform):
@@ -118,7 +121,7 @@ def _in(scene, orbit):
 def test_an_orbit_that_does_not_close_has_no_derivative(swing):
     bad = orbits.Orbit(swing.scene, swing.closing, 1.0, orbits.Outcome.BOUND, 1, 1e-14)
     with pytest.raises(ValueError, match="orbit: expected an orbit that closes"):
-        orbits.solution(bad.scene, bad)
+        orbits.differentiable(bad.scene, bad)
 
 
 def test_multipliers_that_coincide_are_nan():
@@ -131,6 +134,6 @@ def test_multipliers_that_coincide_are_nan():
         iterations=0,
         rtol=1e-13,
     )
-    found = orbits.Solution(circle.scene, jnp.zeros(()), circle).multipliers()
+    found = orbits.DifferentiableOrbit(circle.scene, jnp.zeros(()), circle).multipliers()
     assert found.shape == (2,)
     assert jnp.isnan(found).all()

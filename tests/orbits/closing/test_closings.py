@@ -11,7 +11,7 @@ from jaxdyn import effects, scenes
 from jaxdyn.analysis import energy
 from jaxdyn.integrate.simulation import solve
 
-EULER = orbits.of_points([1, 0, 2], (-1, -1), reversing=True)
+EULER = orbits.point_symmetry([1, 0, 2], (-1, -1), reversing=True)
 
 
 def swing_period(angle: float, g: float = 9.81) -> float:
@@ -58,7 +58,7 @@ def test_a_rosette_turns_by_twice_the_apsidal_angle():
 
 
 def test_half_a_swing_gives_the_period():
-    closing = orbits.reversal(orbits.backwards(2))
+    closing = orbits.reversal(orbits.time_reversal(2))
     orbit = orbits.find(scenes.pendulum(angle=1.2), period=2.3, closing=closing)
     assert orbit.y0[1] == 0.0
     assert abs(orbit.period - swing_period(float(orbit.y0[0]))) < SOLVED
@@ -139,10 +139,10 @@ def test_segments_are_chosen_by_growth():
     ("closing", "message"),
     [
         (orbits.relative("turn in zz"), "turn: expected one of"),
-        (orbits.reversal(orbits.of_points([1, 0, 2], (1, 1))), "time reversals of order 2"),
+        (orbits.reversal(orbits.point_symmetry([1, 0, 2], (1, 1))), "time reversals of order 2"),
         (orbits.Return(EULER), "a symmetry that keeps the direction of time"),
         (
-            orbits.reversal(orbits.backwards(12)),
+            orbits.reversal(orbits.time_reversal(12)),
             "a start in the fixed set of the time reversal of 'reversal'",
         ),
         (orbits.Return(orbits.Symmetry(None, (1, -1))), "closing: expected 12 signs"),
@@ -170,6 +170,6 @@ def test_misuse_of_conditions(hold, message):
 
 
 def test_two_reversals_need_their_parts():
-    other = orbits.of_points([1, 0, 2], (1, -1), reversing=True)
+    other = orbits.point_symmetry([1, 0, 2], (1, -1), reversing=True)
     with pytest.raises(ValueError, match="parts: expected a number where two reversals differ"):
         orbits.reversal(EULER, other)

@@ -65,7 +65,9 @@ def both():
 def test_a_label_that_does_not_fit_the_scene_surfaces():
     with pytest.raises(ValueError, match="orbit: expected three free points in the plane"):
         orbits.search(
-            *(scenes.oscillator(k=4.0), orbits.Rows([[1.0, 0.0]]), 1), longest=5, label=orbits.word
+            *(scenes.oscillator(k=4.0), orbits.Starts([[1.0, 0.0]]), 1),
+            longest=5,
+            label=orbits.word,
         )
 
 
@@ -155,7 +157,7 @@ def test_progress_is_shown(capsys, both):
 
 
 def test_a_rest_point_is_no_orbit():
-    near = orbits.Rows(1e-3 * np.eye(2))
+    near = orbits.Starts(1e-3 * np.eye(2))
     assert len(orbits.search(two_cycles(), near, 2, longest=0.5, close=1e-2)) == 0
 
 
@@ -318,7 +320,7 @@ def test_the_command_finds_the_eight_and_goes_on_from_its_table(tmp_path):
 
 
 def searched_row(**options):
-    options = {"sampler": orbits.Rows([[1.0, 0.0]]), "samples": 1, "longest": 5.0} | options
+    options = {"sampler": orbits.Starts([[1.0, 0.0]]), "samples": 1, "longest": 5.0} | options
     return orbits.search(scenes.oscillator(k=4.0), **options)
 
 

@@ -51,7 +51,7 @@ def test_a_long_run_returns_to_the_cycle():
 
 
 def test_starts_on_a_line_are_kept_by_the_reversal():
-    reversal = orbits.of_points([1, 0, 2], (-1, -1), reversing=True)
+    reversal = orbits.point_symmetry([1, 0, 2], (-1, -1), reversing=True)
     low, high = np.full(12, 0.1), np.full(12, 0.5)
     low[:2], high[:2] = [-1.0, 0.0], [-1.0, 0.0]
     shape = [1] * 6 + [3, 2] + [1] * 4

@@ -56,7 +56,7 @@ def test_a_branch_point_and_the_branch_through_it(forks):
     assert point.kind == Kind.BRANCH
     assert abs(point.parameter) < 1e-8
     for amplitude in (0.2, -0.2):
-        orbit, a = orbits.switch(forks, point, amplitude=amplitude)
+        orbit, a = orbits.switch_branch(forks, point, amplitude=amplitude)
         z = float(orbit.y0[2])
         assert abs(z) > 0.1
         assert abs(z * z - a) < SOLVED
@@ -71,7 +71,7 @@ def test_a_period_doubling_and_its_branch(doubled):
     (point,) = doubled.special
     assert point.kind == Kind.DOUBLING
     assert abs(point.parameter) < 1e-8
-    orbit, a = orbits.switch(doubled, point, amplitude=0.2)
+    orbit, a = orbits.switch_branch(doubled, point, amplitude=0.2)
     assert abs(orbit.period - 4 * np.pi) < SOLVED
     u, w = np.asarray(orbit.y0)[2:]
     assert abs(u * u + w * w - a) < SOLVED  # p^2 = a and q = 0
@@ -172,7 +172,7 @@ def test_misuse(forks):
     with pytest.raises(ValueError, match="a member of a family, got an isolated one"):
         orbits.continue_family(cycle_)
     with pytest.raises(ValueError, match=r"special: expected one of family\.special"):
-        orbits.switch(forks, forks.members[0])
+        orbits.switch_branch(forks, forks.members[0])
     bad = eqx.tree_at(lambda o: o.residual, cycle_, 1.0)
     bad = orbits.Orbit(bad.scene, bad.closing, 1.0, orbits.Outcome.BOUND, 1, 1e-14)
     with pytest.raises(ValueError, match="orbit: expected an orbit that closes"):

@@ -74,10 +74,10 @@ def test_the_hop_is_that_of_the_closed_form(turns):
 def test_it_is_a_motion_of_nature(slides):
     scene = slides.legs[1].scene
     assert hopping.pull(slides) < SOLVED
-    assert slides.least(1, NormalForce(scene)) > -SOLVED
+    assert slides.smallest(1, NormalForce(scene)) > -SOLVED
     for leg in (0, 2):
-        assert slides.least(leg, hopping.Height(scene.system)) > -SOLVED
-    chain = slides.chain()
+        assert slides.smallest(leg, hopping.Height(scene.system)) > -SOLVED
+    chain = slides.trajectory()
     totals = np.concatenate([energy.along(energy.energy, piece) for piece in chain.pieces])
     assert np.ptp(totals) < 10 * SOLVED
     # Landing and leaving: neither speed nor upward acceleration between cylinder and ground.
@@ -145,7 +145,7 @@ def test_a_hop_that_rounding_hides_is_none():
 
 @pytest.mark.slow
 def test_a_picture(slides, tmp_path):
-    drawing.trajectory(slides.chain(), tmp_path / "hop.png", title="A hop without loss")
+    drawing.trajectory(slides.trajectory(), tmp_path / "hop.png", title="A hop without loss")
     assert (tmp_path / "hop.png").stat().st_size > 10_000
 
 
@@ -181,10 +181,10 @@ LANDS, TOP = events.Reaches(1, 0.0), events.Reaches(3, 0.0)
 
 def test_a_ball_that_bounces_without_loss():
     legs = [orbits.Leg(BALL, (LANDS,), _bounced), orbits.Leg(BALL, (TOP, events.Reaches(1, 5.0)))]
-    found = orbits.find_chain(legs, [0.3, 4.0, 0.0, 0.0], [0.7, 1.2])
+    found = orbits.find_hybrid(legs, [0.3, 4.0, 0.0, 0.0], [0.7, 1.2])
     assert abs(found.period - 2.0) < SOLVED
     assert gap(found.y0, [0.3, 5.0, 0.0, 0.0]) < SOLVED
-    chain = found.chain(5)
+    chain = found.trajectory(5)
     assert chain.times == pytest.approx((1.0, 2.0), abs=SOLVED)
     assert gap(chain.y, found.y0) < SOLVED
 
@@ -197,7 +197,7 @@ def test_a_chain_that_passes_a_bound_is_not_found():
         falls = orbits.Leg(BALL, (LANDS,), _bounced, bounds=(floor,))
         rises = orbits.Leg(BALL, (TOP, events.Reaches(1, 5.0)))
         guess = [0.3, 4.0, 0.0, 0.0], [0.7, 1.2]
-        return orbits.find_chain([falls, rises], *guess, throw=False), floor
+        return orbits.find_hybrid([falls, rises], *guess, throw=False), floor
 
     assert found(-1.0)[0].ok
     assert found(0.0)[0].ok
@@ -206,7 +206,7 @@ def test_a_chain_that_passes_a_bound_is_not_found():
     assert low.outcome == orbits.Outcome.BOUND_PASSED
     assert "a leg is on the far side of one of its bounds on the way" in low.message
     assert low.message.endswith("On the way legs[0].bounds[0] goes down to -0.5.")
-    assert abs(low.least(0, floor) + 0.5) < SOLVED
+    assert abs(low.smallest(0, floor) + 0.5) < SOLVED
 
 
 def test_the_derivatives_of_a_chain_are_those_of_differences():
@@ -240,21 +240,21 @@ def test_another_tolerance_compiles_nothing():
 def test_searches_that_fail_say_why():
     # Thrown up it never comes down to a floor that is too high.
     high = orbits.Leg(BALL, (events.Reaches(1, 9.0), events.Reaches(3, 5.0)), _bounced)
-    found = orbits.find_chain([high], [0.0, 1.0, 0.0, 1.0], [0.5], throw=False)
+    found = orbits.find_hybrid([high], [0.0, 1.0, 0.0, 1.0], [0.5], throw=False)
     assert not found.ok
     assert found.outcome in (orbits.Outcome.NO_DESCENT, orbits.Outcome.TRIVIAL)
     falls = orbits.Leg(scenes.power_law(n=-2.0), (events.Reaches(3, 0.0),), _bounced)
-    into = orbits.find_chain([falls], [1.0, 0.0, 0.0, 0.0], [2.0], throw=False)
+    into = orbits.find_hybrid([falls], [1.0, 0.0, 0.0, 0.0], [2.0], throw=False)
     assert into.outcome == orbits.Outcome.COLLISION
     assert "legs[0]: The step size fell below" in into.message
     ends = (LANDS, events.Reaches(3, -1e-3))
     short = orbits.Leg(BALL, ends, _bounced)
-    none = orbits.find_chain([short], [0.0, 1.0, 0.0, 0.0], [0.5], throw=False)
+    none = orbits.find_hybrid([short], [0.0, 1.0, 0.0, 0.0], [0.5], throw=False)
     assert none.outcome == orbits.Outcome.TRIVIAL
     assert none.message.endswith("legs[0] has shrunk to a span of 0.01.")
     with pytest.raises(orbits.SearchError, match=r"No step reduces|trivial"):
-        orbits.find_chain([high], [0.0, 1.0, 0.0, 1.0], [0.5])
-    one = orbits.find_chain(
+        orbits.find_hybrid([high], [0.0, 1.0, 0.0, 1.0], [0.5])
+    one = orbits.find_hybrid(
         [orbits.Leg(BALL, (LANDS,), _bounced), orbits.Leg(BALL, (TOP, events.Reaches(1, 5.0)))],
         [0.3, 4.0, 0.0, 0.0],
         [0.1, 3.0],
@@ -268,35 +268,35 @@ def test_searches_that_fail_say_why():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: orbits.find_chain([], [0.0], []), "legs: expected at least one"),
-        (lambda: orbits.find_chain([BALL], np.zeros(4), [1.0]), r"legs\[0\]: expected a Leg"),
+        (lambda: orbits.find_hybrid([], [0.0], []), "legs: expected at least one"),
+        (lambda: orbits.find_hybrid([BALL], np.zeros(4), [1.0]), r"legs\[0\]: expected a Leg"),
         (
-            lambda: orbits.find_chain([orbits.Leg(scenes.shaken_pendulum(), ())], [0, 0], [1.0]),
+            lambda: orbits.find_hybrid([orbits.Leg(scenes.shaken_pendulum(), ())], [0, 0], [1.0]),
             r"legs\[0\]: expected a scene that does not depend on time",
         ),
-        (lambda: orbits.find_chain([orbits.Leg(BALL, ())], [0.0], [1.0]), "y0: expected a state"),
+        (lambda: orbits.find_hybrid([orbits.Leg(BALL, ())], [0.0], [1.0]), "y0: expected a state"),
         (
-            lambda: orbits.find_chain([orbits.Leg(BALL, ())], np.zeros(4), [-1.0]),
+            lambda: orbits.find_hybrid([orbits.Leg(BALL, ())], np.zeros(4), [-1.0]),
             "spans: expected a time > 0 for each of 1 legs",
         ),
         (
-            lambda: orbits.find_chain([orbits.Leg(BALL, ())], np.zeros(4), [1.0], goal=0.0),
+            lambda: orbits.find_hybrid([orbits.Leg(BALL, ())], np.zeros(4), [1.0], goal=0.0),
             "goal: expected > 0",
         ),
         (
-            lambda: orbits.find_chain([orbits.Leg(BALL, ())], np.zeros(4), [1], max_iterations=-1),
+            lambda: orbits.find_hybrid([orbits.Leg(BALL, ())], np.zeros(4), [1], max_iterations=-1),
             "max_iterations: expected a whole number, at least 0",
         ),
         (
-            lambda: orbits.find_chain([orbits.Leg(BALL, LANDS)], np.zeros(4), [1.0]),
+            lambda: orbits.find_hybrid([orbits.Leg(BALL, LANDS)], np.zeros(4), [1.0]),
             r"legs\[0\]\.ends: expected a tuple of events, got Reaches",
         ),
         (
-            lambda: orbits.find_chain([orbits.Leg(BALL, (), bounds=LANDS)], np.zeros(4), [1.0]),
+            lambda: orbits.find_hybrid([orbits.Leg(BALL, (), bounds=LANDS)], np.zeros(4), [1.0]),
             r"legs\[0\]\.bounds: expected a tuple of events, got Reaches",
         ),
         (
-            lambda: orbits.find_chain(
+            lambda: orbits.find_hybrid(
                 [orbits.Leg(scenes.cannonball(m=-1.0), (LANDS,))], np.zeros(4), [1.0]
             ),
             "expected > 0",

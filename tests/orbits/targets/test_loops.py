@@ -145,8 +145,8 @@ def test_where_every_orbit_closes_there_is_one_choice_of_turns_and_loops(n, only
             "law: expected numbers, got values traced",
         ),
         (lambda: loops.closed(PowerLaw(), 2, 3, r=-1.0), "r: expected > 0"),
-        (lambda: loops.least([1.0, np.nan]), "n: expected finite numbers"),
-        (lambda: loops.least("two"), "n: expected numbers"),
+        (lambda: loops.fewest([1.0, np.nan]), "n: expected finite numbers"),
+        (lambda: loops.fewest("two"), "n: expected numbers"),
         (lambda: drawing.loops(lowest=-3.0), "lowest: expected above -3"),
     ],
 )
@@ -157,7 +157,7 @@ def test_misuse_is_refused_with_the_remedy(call, message):
 
 def test_the_least_number_of_loops_against_the_exponent():
     n = np.concatenate([np.linspace(-5.0, 20.0, 251), [1.0, -2.0, 1e6]])
-    found = loops.least(n)
+    found = loops.fewest(n)
     moves = n > -3
     assert (found.loops[~moves] == 0).all()
     assert "only circles close" in found.message
@@ -171,13 +171,13 @@ def test_the_least_number_of_loops_against_the_exponent():
         fewer = np.arange(1, q)
         assert (np.floor(fewer * low[i]) + 1 >= fewer * high[i]).all()
     assert (found.loops[n > 6.01] == 3).all()
-    assert "Every exponent" in loops.least(0.0).message
+    assert "Every exponent" in loops.fewest(0.0).message
 
 
 @pytest.mark.parametrize("n", [-2.7, -2.3, -1.6, -1.0, 0.0, 0.5, 2.0, 5.0])
 def test_the_angles_lie_between_their_limits(n):
-    """What `least` rests on: near circles pi / sqrt(n + 3), and from there on one way."""
-    found = loops.least(n)
+    """What `fewest` rests on: near circles pi / sqrt(n + 3), and from there on one way."""
+    found = loops.fewest(n)
     ratios = np.linspace(0.2, 0.97, 30)
     angles = [float(scenes.apsidal_angle(PowerLaw(1.0, n), x, 1.0)) / np.pi for x in ratios]
     low, high = sorted((float(found.circle[0]), float(found.line[0])))
