@@ -17,8 +17,8 @@ from jaxdyn.hard.case import Case, Figure, absolute_error
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.mechanisms.bars import Chain
 from jaxdyn.mechanisms.rods import Rods
+from jaxdyn.mechanisms.skates import Skated
 from jaxdyn.scene import Scene
-from jaxdyn.scenes.skates import Skated
 from jaxdyn.status import Status
 
 _RTOL, _LOOSER = 1e-13, 1e-11
