@@ -33,7 +33,6 @@ _MAX_SYMMETRY_DEFECT = 1e-10  # relative: residual of Df xi - M f at the samples
 _MAX_RATE_LEFT = 1e-8  # relative: part of the rate of a steady motion outside the symmetries
 _MAX_GROWTH = 1e-6  # relative to Df: real part of the eigenvalues of a norm-preserving symmetry
 _RANK_TOLERANCE = 1e-8  # relative: singular value of a direction to another steady motion
-_PROJECTOR = 0.5  # singular values of a projector are 0, or 1 and more
 
 
 @dataclasses.dataclass(frozen=True)
