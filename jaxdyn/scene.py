@@ -29,10 +29,11 @@ from jaxdyn.field import VectorField, looked_at
 from jaxdyn.sketch import Shape
 from jaxdyn.system import Effect as Effect
 from jaxdyn.system import Points as Points
+from jaxdyn.system import Record
 from jaxdyn.system import System as System
 
 
-class Scene(eqx.Module):
+class Scene(Record):
     """A system, the effects that act on it, its start y0 (k,) and a default span t1 [s].
 
     Its name is the title of pictures. It is static, so functions that are compiled for a scene are
@@ -175,10 +176,8 @@ class Scene(eqx.Module):
         """Raise ValueError if a number is invalid; traced numbers pass."""
         if not isinstance(self.name, str):
             raise _checks.fail("name", "text", repr(self.name))
-        # Methods are called through their classes: `system.check` would create a module, which
-        # takes equinox 20 us; a short motion takes 40.
-        system, cls = self.system, type(self.system)
-        named = cls.labels(system)
+        system = self.system
+        named = system.labels()
         if not named:
             raise _checks.fail("system", "a system with a state", "one without entries")
         if np.shape(self.y0) != np.shape(named)[:1]:
@@ -199,12 +198,12 @@ class Scene(eqx.Module):
             _shapes.check_field(self.field, jnp.zeros(()), jnp.asarray(self.y0, float))
             return
         t, y = np.zeros(()), np.asarray(self.y0, float)
-        cls.check(system, t, y)
+        system.check(t, y)
         try:
             points, depends, second_order = looked_at(self.field, t, y)
         except ValueError:
             # A shape is wrong; if a number of an effect made it so, the effect names it.
-            _check_effects(self.effects, cls.points(system, t, y))
+            _check_effects(self.effects, system.points(t, y))
             raise
         _check_effects(self.effects, points)
         # A wrong claim would silently give wrong trajectories.
@@ -218,7 +217,7 @@ class Scene(eqx.Module):
                 )
         if system.second_order and not second_order:
             raise _checks.fail(
-                cls.__name__,
+                type(system).__name__,
                 "a state [q, v] with dq/dt = v and dv/dt independent of v, as second_order says",
                 "another rate",
                 "Leave second_order out.",
@@ -236,7 +235,7 @@ _ACTIONS = {"force": "forces on points", "generalized": "forces on coordinates"}
 def _check_effects(effects: tuple[Effect, ...], points: Points) -> None:
     points = Points(*map(np.asarray, points))
     for effect in effects:
-        type(effect).check(effect, points)
+        effect.check(points)
 
 
 def _check_accepted(system: System, effect: Effect) -> None:
@@ -260,13 +259,12 @@ def checked_scene(scene: Any) -> Scene:
         remedy = f"Call it: {name}()." if callable(scene) and name else ""
         raise _checks.fail("scene", "a Scene", name or repr(scene), remedy)
     if _passed.get(id(scene)) is not scene:
-        Scene.check(scene)
+        scene.check()
         constant = all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(scene))
         if constant and not _checks.is_traced(scene):
             _passed[id(scene)] = scene
     else:
-        # What a system may find changed: a number that one of its functions has captured.
-        type(scene.system).check(scene.system, np.zeros(()), scene.y0)
+        scene.system.check_functions()
     return scene
 
 

@@ -6,7 +6,6 @@ columns). Steps preserve these to the tolerance, the projection after each step 
 
 import abc
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -18,11 +17,12 @@ from jaxdyn.geometry.rotations import (
     wxyz_rate_from_body,
 )
 from jaxdyn.geometry.vectors import skew
+from jaxdyn.system import Record
 
 _NEWTON_STEPS = 2  # of `orthonormalise`, for a matrix that has drifted for one step
 
 
-class Attitude(eqx.Module):
+class Attitude(Record):
     """A representation of orientation by n numbers a (n,)."""
 
     @abc.abstractmethod

@@ -145,7 +145,7 @@ class Lagrangian(System):
 
     def check(self, t, y):
         finite_params(self.params)
-        check_captured("L", self.captured, *self.functions)
+        self.check_functions()
         values = np.linalg.eigvalsh(_mass(self, t, y))
         if not values[0] > _SINGULAR * values[-1]:
             raise _checks.fail(
@@ -155,6 +155,9 @@ class Lagrangian(System):
                 "Each coordinate needs a kinetic energy: L = T - V, not V - T; start beside a "
                 "pose where coordinates lock.",
             )
+
+    def check_functions(self):
+        check_captured("L", self.captured, *self.functions)
 
     @property
     def _in_parts(self) -> bool:

@@ -18,12 +18,13 @@ from jaxdyn import _checks
 from jaxdyn._numerics import materialised, runtime_one
 from jaxdyn.scene import Effect, Points, System
 from jaxdyn.sketch import Shape
+from jaxdyn.system import Record
 
 #: Forms of the tie of a rod, as scenes name them; see `stretch`.
 TIES = ("length", "square")
 
 
-class Mechanism(eqx.Module):
+class Mechanism(Record):
     """Coordinates q (n,) and the material points that they place."""
 
     #: Whether single points may have no mass, as two of those of a flat body.
@@ -51,11 +52,6 @@ class Mechanism(eqx.Module):
     def rolling(self, t: Array, q: Array) -> Array | None:
         """(b, n) rows whose products with the velocities must stay zero: skates, rolling wheels."""
         del t, q
-        return None
-
-    def loses(self, t0: Array, q0: Array, t1: Array, q1: Array) -> Array | None:
-        """Whether () a step from q0 to q1 passes a pose where q does not say how to go on."""
-        del t0, q0, t1, q1
         return None
 
     def rods(self) -> tuple[str, ...]:
@@ -124,9 +120,6 @@ class MechanismSystem(System):
         q, v = jnp.split(y, 2)
         r, velocity = positions_and_velocities(self.mechanism, t, q, v)
         return Points(r, velocity, self.mechanism.masses())
-
-    def loses(self, t0, y0, t1, y1):
-        return self.mechanism.loses(t0, jnp.split(y0, 2)[0], t1, jnp.split(y1, 2)[0])
 
     def sketch(self, t, y):
         return self.mechanism.sketch(t, jnp.split(y, 2)[0])

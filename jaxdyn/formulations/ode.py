@@ -69,6 +69,9 @@ class Ode(System):
     def check(self, t, y):
         del t, y
         finite_params(self.params)
+        self.check_functions()
+
+    def check_functions(self):
         check_captured("rate", self.captured, *self._functions())
 
     def _functions(self) -> tuple[Callable, ...]:

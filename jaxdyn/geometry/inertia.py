@@ -22,6 +22,7 @@ from jaxdyn._floats import as_float
 from jaxdyn._numerics import safe_sqrt, square_norm
 from jaxdyn.geometry.frames import checked_rotation
 from jaxdyn.geometry.vectors import Scalar, Vector, cross
+from jaxdyn.system import Record
 
 Matrix = Float[Array, "3 3"]
 
@@ -30,7 +31,7 @@ Matrix = Float[Array, "3 3"]
 _EQUAL = 1e-12
 
 
-class Body(eqx.Module):
+class Body(Record):
     """Mass () [kg], centre of mass (3,) [m] and inertia (3, 3) [kg m^2] about that centre."""
 
     mass: Array = eqx.field(converter=as_float)

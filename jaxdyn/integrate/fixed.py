@@ -15,9 +15,10 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.scene import Field
+from jaxdyn.system import Record
 
 
-class FixedField(eqx.Module):
+class FixedField(Record):
     """A field without array leaves; equal ones share a compiled program.
 
     Attributes:
@@ -56,7 +57,3 @@ class FixedField(eqx.Module):
     def undetermined(self, t: Array, y: Array) -> Array | None:
         """Whether () the constraints leave the acceleration undetermined at a state."""
         return self._field.undetermined(t, y)
-
-    def loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array | None:
-        """Whether () a step may pass a state that leaves the acceleration undetermined."""
-        return self._field.loses(t0, y0, t1, y1)

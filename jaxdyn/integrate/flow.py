@@ -27,6 +27,7 @@ from jaxdyn.solvers import Method
 from jaxdyn.solvers.method import operations
 from jaxdyn.solvers.stepper import Stepper, is_stiff
 from jaxdyn.status import Status
+from jaxdyn.system import Record
 
 #: Operations of a rate above which a loop over stages runs as fast as unrolled stages and
 #: compiles ten times sooner (measured: three bodies 80, double pendulum 590).
@@ -47,7 +48,7 @@ class Settings(NamedTuple):
     stops: bool = False
 
 
-class SolveResult(eqx.Module):
+class SolveResult(Record):
     """States along a trajectory.
 
     Attributes:

@@ -16,6 +16,7 @@ from jaxdyn.integrate.step_control import Limits
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, default_solver
 from jaxdyn.status import IntegrationError, Status
+from jaxdyn.system import Record
 
 _STIFF_WARNING = (
     "The scene is stiff: stability, not accuracy, limited the steps of the explicit method. "
@@ -32,7 +33,7 @@ ROUNDING_MARGIN = 5.0
 T = TypeVar("T")
 
 
-class Estimate(eqx.Module):
+class Estimate(Record):
     """How far a solution is from the exact one.
 
     Attributes:
@@ -117,7 +118,7 @@ def digits_of(error) -> float:
     return max(0.0, -float(np.log10(error))) if np.isfinite(error) else float("nan")
 
 
-class Trajectory(eqx.Module):
+class Trajectory(Record):
     """A motion of a scene at sampled times, or a batch of them.
 
     ``jax.vmap`` of a function that simulates returns a batch: every array, including those of the
@@ -216,7 +217,8 @@ class Trajectory(eqx.Module):
     def one(self, *index: int) -> "Trajectory":
         """One motion of a batch."""
         if len(index) != len(self.batch_shape):
-            wanted = f"a number for each axis of the batch, {self.batch_shape}"
+            shape = self.batch_shape
+            wanted = f"{len(shape)} numbers, one for each axis of the batch {shape}"
             raise _checks.fail("index", wanted, index)
         return jax.tree.map(lambda x: x[index], self) if index else self
 
@@ -271,9 +273,9 @@ def raise_unless_ok(status: Array, scene: Scene) -> None:
     """Raise IntegrationError for the first status that is not OK; traced values pass."""
     if _checks.is_traced(status):
         return
-    bad = np.asarray(status)[np.asarray(status) != Status.OK]
-    if bad.size:
-        raise IntegrationError(explained(Status(int(bad.flat[0])), scene))
+    codes = np.asarray(status)
+    if codes.any():  # OK is 0
+        raise IntegrationError(explained(Status(int(codes[codes != 0].flat[0])), scene))
 
 
 @eqx.filter_jit
@@ -290,11 +292,8 @@ def _steps_agree(motion: Trajectory) -> Array:
         t, y = sample
         there = field.project(t + h, y + method.in_loops(1).advance(field.rate, t, h, y).increment)
         right = flow(field, y, t, t + h, nothing, loose, settings=settings).y1
+        off, moved = jnp.max(jnp.abs(there - right)), jnp.max(jnp.abs(right - y))
         # Both may be rounding, at rest.
-        least = _CHECK_RTOL * jnp.max(jnp.abs(right))
-        return (
-            jnp.max(jnp.abs(there - right))
-            <= _MAX_STEP_MISMATCH * jnp.max(jnp.abs(right - y)) + least
-        )
+        return off <= _MAX_STEP_MISMATCH * moved + _CHECK_RTOL * jnp.max(jnp.abs(right))
 
     return jax.lax.map(agree, (motion.ts, motion.ys))

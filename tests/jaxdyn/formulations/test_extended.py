@@ -63,9 +63,6 @@ class Answers(System):
     def undetermined(self, t, y):
         return t * y[1] > 1.0
 
-    def loses(self, t0, y0, t1, y1):
-        return t1 * y1[1] - t0 * y0[0]
-
     def canonical(self, t, y):
         return t + y
 
@@ -74,6 +71,9 @@ class Answers(System):
 
     def check(self, t, y):
         raise ValueError(f"checked at {t} {list(map(float, y))}")
+
+    def check_functions(self):
+        raise ValueError("a function captured another number")
 
 
 #: (system, whole state, further entries)
@@ -92,7 +92,6 @@ QUESTIONS = {
     "energies": lambda s, t, y: s.energies(t, y, EFFECTS),
     "integrals": lambda s, t, y: s.integrals(t, y)["of motion"],
     "undetermined": lambda s, t, y: s.undetermined(t, y),
-    "loses": lambda s, t, y: s.loses(t, y, t, y),
 }
 #: Answers with an entry for each of the state.
 OF_STATES = {
@@ -100,7 +99,7 @@ OF_STATES = {
     "project": lambda s, t, y: s.project(t, y),
     "generators": lambda s, t, y: s.generators(y)["along x"],
 }
-OWN = {"labels", "rate", "check"}
+OWN = {"labels", "rate", "check", "check_functions"}
 #: What further entries take away: see there.
 NOT_ANY_MORE = {"second_order": False, "canonical": None}
 
@@ -130,6 +129,8 @@ def test_the_answer_is_that_of_the_system_inside(system, y, more):
     assert len(system.labels()) == len(y)
     with pytest.raises(ValueError, match=r"checked at 0\.7 \[0\.3, -0\.2, 0\.5, 1\.1\]"):
         system.check(t, y)
+    with pytest.raises(ValueError, match="a function captured another number"):
+        system.check_functions()
     assert system.second_order is NOT_ANY_MORE["second_order"]
     assert system.canonical(t, y) is NOT_ANY_MORE["canonical"]
 
