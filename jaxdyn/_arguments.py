@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import is_plain
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable)
@@ -66,8 +67,10 @@ def like_defaults(*rows: str, but: tuple[str, ...] = ()) -> Callable[[F], F]:
 
         @functools.wraps(function)
         def checked(*args, **kwargs):
-            values = defaults | signature.bind(*args, **kwargs).arguments
-            got = {name: _shape(name, values[name]) for name in shapes}
+            given = signature.bind(*args, **kwargs).arguments
+            if not given.keys() & shapes.keys():
+                return function(*args, **kwargs)  # defaults are what they have to be
+            got = shapes | {name: _shape(name, given[name]) for name in shapes if name in given}
             n = got[rows[0]][:1] if rows else ()
             for name, shape in shapes.items():
                 many = name in rows
@@ -106,4 +109,4 @@ def _is_numeric(default: Any) -> bool:
 
 
 def _shape(name: str, x: Any) -> tuple[int, ...]:
-    return () if type(x) in (int, float) else _checks.numbers(name, x).shape
+    return np.shape(x) if is_plain(x) else _checks.numbers(name, x).shape

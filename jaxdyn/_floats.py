@@ -27,13 +27,17 @@ def as_float(x: Any) -> Array:
         for good.
     """
     float64()
-    if isinstance(x, list | tuple) and all(type(entry) in (float, int) for entry in x):
+    if isinstance(x, jax.Array):
+        return x if x.dtype == float and not x.weak_type else jnp.asarray(x, dtype=float)
+    if is_plain(x) or (isinstance(x, np.ndarray | np.number) and x.dtype.kind in "fiu"):
         return _placed(np.asarray(x, float))
-    if type(x) in (float, int) or (isinstance(x, np.ndarray | np.number) and x.dtype.kind in "fiu"):
-        return _placed(np.asarray(x, float))
-    if isinstance(x, jax.Array) and x.dtype == float and not x.weak_type:
-        return x
     return jnp.asarray(x, dtype=float)
+
+
+def is_plain(x: Any) -> bool:
+    """Whether x is a number of Python, or a list or tuple of them; True and False are none."""
+    kinds = {*map(type, x)} if isinstance(x, list | tuple) else {type(x)}
+    return kinds <= {float, int}
 
 
 def floats(*numbers: Any) -> tuple[Array, ...]:

@@ -35,6 +35,8 @@ def fail(name: str, expected: str, got: Any, remedy: str = "") -> ValueError:
 
 def whole(name: str, x: Any, least: int = 1, most: int = 2**62, remedy: str = "") -> int:
     """x; raises unless it is a whole number from least to most."""
+    if type(x) is int and least <= x <= most:
+        return x
     if not isinstance(x, numbers.Integral) or isinstance(x, bool) or int(x) < least:
         raise fail(name, f"a whole number, at least {least}", x, remedy)
     if int(x) > most:

@@ -1,5 +1,7 @@
 """Checks on the host of tolerances, steps, the span and its samples."""
 
+import math
+import sys
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -38,7 +40,7 @@ def host_floats(x) -> Array | np.ndarray:
 def tolerances(rtol, atol) -> Array | np.ndarray:
     """(2,) relative and absolute tolerance, checked."""
     atol = rtol if atol is None else atol
-    if _checks.is_traced((rtol, atol)):
+    if _checks.is_traced(rtol) or _checks.is_traced(atol):
         return jnp.stack([host_floats(rtol), host_floats(atol)])
     relative = "It is the relative error of one step."
     rtol = _number("rtol", rtol, relative)
@@ -46,13 +48,15 @@ def tolerances(rtol, atol) -> Array | np.ndarray:
         wanted = f"between {_RTOL_FLOOR} and {_RTOL_CEILING}"
         raise _checks.fail("rtol", wanted, rtol, relative + " Errors of steps add up.")
     atol = _number("atol", atol, "It is in units of the state.")
-    if not np.finfo(float).tiny <= atol < np.inf:  # XLA flushes smaller ones to 0
+    if not sys.float_info.min <= atol < math.inf:  # XLA flushes smaller ones to 0
         raise _checks.fail("atol", "> 0", atol, "It is in units of the state.")
     return np.array([rtol, atol])
 
 
 def _number(name: str, x, remedy: str) -> float:
-    if np.ndim(x) or not isinstance(x, float | int | np.number | np.ndarray | Array):
+    if isinstance(x, float):
+        return x
+    if np.ndim(x) or not isinstance(x, int | np.number | np.ndarray | Array):
         raise _checks.fail(name, "one number", repr(x), remedy)
     return float(x)
 

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import floats
+from jaxdyn._floats import as_float, floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.attitude import Quaternion, RotationMatrix
 from jaxdyn.formulations.newton_euler import NewtonEuler
@@ -271,4 +271,4 @@ def _scene(
 
 
 def _vector(*numbers) -> Array:
-    return jnp.stack(floats(*numbers))
+    return as_float([*numbers])

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import floats
+from jaxdyn._floats import as_float
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Scene
@@ -33,7 +33,7 @@ def three_body(y0=EIGHT, *, m=(1.0, 1.0, 1.0), G=1.0, t1=EIGHT_PERIOD) -> Scene:
       G: gravitational constant.
       t1: span; one period of the figure-eight by default.
     """
-    return Scene(FreePoints(m, d=2), (PairGravity(G),), y0=jnp.asarray(y0), t1=t1)
+    return Scene(FreePoints(m, d=2), (PairGravity(G),), y0=y0, t1=t1)
 
 
 @ready_made()
@@ -50,13 +50,11 @@ def two_body(*, m1=1.0, m2=2.0, d=1.0, G=1.0, t1=None) -> Scene:
     period = two_body_period(m1=m1, m2=m2, d=d, G=G)
     total = m1 + m2
     speed = 2 * jnp.pi * d / period
-    zero = jnp.zeros(())
-    x = (-m2 / total * d, zero, m1 / total * d, zero)
-    v = (zero, -m2 / total * speed, zero, m1 / total * speed)
-    y0 = jnp.stack(floats(*x, *v))
-    masses = jnp.stack(floats(m1, m2))
+    x = (-m2 / total * d, 0.0, m1 / total * d, 0.0)
+    v = (0.0, -m2 / total * speed, 0.0, m1 / total * speed)
+    y0 = as_float([*x, *v])
     t1 = period if t1 is None else jnp.asarray(t1)
-    return Scene(FreePoints(masses), (PairGravity(G),), y0=y0, t1=t1)
+    return Scene(FreePoints([m1, m2]), (PairGravity(G),), y0=y0, t1=t1)
 
 
 def two_body_period(*, m1=1.0, m2=2.0, d=1.0, G=1.0) -> Array:

@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import floats
+from jaxdyn._floats import as_float
 from jaxdyn.effects import Dashpot, LinearDrag, Spring, StepForce, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.trajectory import Trajectory, single
@@ -212,8 +212,8 @@ def two_masses(*, m1=1.0, m2=2.0, k=100.0, length=1.0, force=1.0, t1=5.0) -> Sce
       t1: span [s].
     """
     effects = (Spring(k, length, i=0, j=1), *unless_zero(force, StepForce([force], on=(1,))))
-    y0 = jnp.stack(floats(0.0, length, 0.0, 0.0))
-    return Scene(FreePoints(jnp.stack(floats(m1, m2)), 1), effects, y0=y0, t1=t1)
+    y0 = as_float([0.0, length, 0.0, 0.0])
+    return Scene(FreePoints([m1, m2], 1), effects, y0=y0, t1=t1)
 
 
 def two_masses_exact(t, *, m1=1.0, m2=2.0, k=100.0, length=1.0, force=1.0) -> Array:

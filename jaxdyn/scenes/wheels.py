@@ -38,15 +38,15 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import floats
+from jaxdyn._floats import as_float, floats
 from jaxdyn._numerics import safe_norm, square_norm
 from jaxdyn.effects import unless_zero
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import END, Exit, Phase
-from jaxdyn.mechanisms.car import Car
 from jaxdyn.scene import Effect, Points, Scene
 from jaxdyn.scenes.ready_made import ready_made
+from jaxdyn.scenes.skates import Skated
 
 AXLES = ("front", "rear")
 
@@ -180,11 +180,11 @@ def car(
     slides, rolls = (front, rear) if locked == "front" else (rear, front)
     m, inertia = floats(m, inertia)
     at, axles = jnp.stack([rolls, 0 * rolls])[None], jnp.stack([front, rear])
-    body = Car(m=m, inertia=inertia, at=at, headings=jnp.zeros(1), axles=axles)
+    body = Skated(m=m, inertia=inertia, at=at, headings=jnp.zeros(1), wheels=axles)
     # Balance of moments about the other axle.
     load = m * g * jnp.abs(rolls) / (front - rear)
     friction = LockedAxle(jnp.asarray(mu, dtype=float), load, slides)
-    v = jnp.stack(floats(speed, -rolls * spin, spin))
+    v = as_float([speed, -rolls * spin, spin])
     y0 = jnp.concatenate([jnp.zeros(3), v])
     return Scene(Constrained(body), unless_zero(mu, friction), y0=y0, t1=t1)
 

@@ -58,7 +58,7 @@ class Pair(Method):
     position_only: bool
     loops: int = 0
 
-    @property
+    @functools.cached_property
     def adaptive(self) -> bool:
         """Whether its table has error weights; without them the steps are equal."""
         return bool(self.weights[1].any())

@@ -152,7 +152,7 @@ def series_of(system, y: Array, longest: int | None = None) -> Series | None:
     if len(y) > _MOST_NUMBERS:
         return None
     leaves, tree = jax.tree.flatten(system)
-    kinds = tuple((np.shape(x), jnp.result_type(x)) for x in leaves)
+    kinds = tuple((kind.shape, kind.dtype) for kind in map(jax.typeof, leaves))
     return _series_of(tree, kinds, len(y), longest)
 
 
