@@ -226,6 +226,20 @@ def solve_psd(a: Array, b: Array, least: Array) -> Reduced:
     return Reduced(solved.reshape(b.shape), kept, combination)
 
 
+def has_positive_minors(a: Array) -> Array:
+    """Whether () all leading principal minors of a (n, n) are positive, without LAPACK."""
+    n = a.shape[0]
+
+    def eliminate(k, carry):
+        x, positive = carry
+        row = _at(x, k)
+        pivot = _at(row, k)
+        row = row / jnp.where(pivot > 0, pivot, 1.0)
+        return _cleared(x, k, row, jnp.arange(n) == k), positive & (pivot > 0)
+
+    return _each(n, eliminate, (a, jnp.ones((), bool)))[1]
+
+
 def _cleared(x: Array, k: Array | int, row: Array, here: Array) -> Array:
     """x with the normalised row as its row k, and column k eliminated from all others.
 

@@ -45,6 +45,10 @@ class Field(NamedTuple):
         """Whether () the constraints leave the acceleration undetermined at a state (k,)."""
         return self.system.undetermined(t, y)
 
+    def loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array | None:
+        """Whether () a step may pass a state that leaves the acceleration undetermined."""
+        return self.system.loses(t0, y0, t1, y1)
+
 
 class VectorField(eqx.Module):
     """The rate of a scene as a function: f(t, y), or f(t, y, args) for diffrax.

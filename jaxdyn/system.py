@@ -234,9 +234,17 @@ class System(Record):
     def undetermined(self, t: Array, y: Array) -> Array | None:
         """Whether () constraints leave the acceleration undetermined; None without constraints.
 
-        Evaluated at the start and the end of a motion.
+        Evaluated at the start and the end of a motion; `loses` watches over the way between.
         """
         del t, y
+        return None
+
+    def loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array | None:
+        """Whether () a step from y0 to y1 passes a state of `undetermined`, or may; else None.
+
+        Such a step is repeated with a shorter one, which ends before that state.
+        """
+        del t0, y0, t1, y1
         return None
 
     def canonical(self, t: Array, y: Array) -> Array | None:

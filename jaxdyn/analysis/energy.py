@@ -1,9 +1,9 @@
-"""Energies and momenta of a scene, at a state and along a motion.
+"""The energy and momenta of a scene, at a state and along a motion.
 
-Momenta are computed from the material points of the system, so they hold for any coordinates; so
-is the energy, unless the system defines its own (`System.energies`). A missing quantity (an
-energy, material points) is refused by name. What is conserved depends on the effects; `drift`
-measures it.
+Both are computed from the material points of the system, so they hold for any coordinates; a
+system may define its own energy (`System.energies`). A scene without an energy, or without material
+points, raises. The angular momentum here is about the origin; `momenta` has that about moving
+points. What is conserved depends on the effects; `drift` measures it.
 """
 
 from typing import Any, NamedTuple

@@ -223,8 +223,11 @@ class _Work(eqx.Module):
         def project(numbers, t, y):
             return eqx.combine(numbers, self.shared).project(t, y)
 
-        def every(fn, t, y):
-            return jax.vmap(fn, in_axes=-1, out_axes=-1)(group.numbers, t, y)
+        def loses(numbers, *ends):
+            return eqx.combine(numbers, self.shared).loses(*ends)
+
+        def every(fn, *ends):
+            return jax.vmap(fn, in_axes=-1, out_axes=-1)(group.numbers, *ends)
 
         start, end = group.direction * group.t, group.direction * group.tnext
         found = self.method.advance(
@@ -235,6 +238,8 @@ class _Work(eqx.Module):
         )
         y, carry = two_sum(group.y, group.carry, found.increment)
         y = every(project, end, y)
+        lost = every(loses, start, group.y, end, y)
+        y = y if lost is None else jnp.where(lost, jnp.nan, y)
         return jax.vmap(self._judged, in_axes=-1, out_axes=-1)(group, y, carry, found.error)
 
     def _judged(self, lane: _Lane, y: Array, carry: Array, error: Array) -> _Lane:

@@ -1,10 +1,11 @@
 """Laws of motion: how forces move coordinates, one file a formulation.
 
-`newton` (free points), `newton_euler` and `lagrange` (free coordinates), `constrained` (ties and
-rolling conditions, by Lagrange multipliers), `rigid` (a body in space; `attitude` is its
-orientation, a quaternion or a matrix), `prescribed` (a given motion). `mechanism` is what the
-formulations of machines share: coordinates and the points that they place. `extended` is a system
-with further entries in its state. `routes` sets one machine up in several formulations.
+`newton` (free points), `polar` (one in polar coordinates), `newton_euler` and `lagrange` (free
+coordinates), `constrained` (ties and rolling conditions, by Lagrange multipliers), `rigid` (a body
+in space; `attitude` is its orientation, a quaternion or a matrix), `prescribed` (a given motion).
+`mechanism` is what the formulations of machines share: coordinates and the points that they place.
+`extended` is a system with further entries in its state. `routes` sets one machine up in several
+formulations.
 
 Equations of your own are `ode` (a rate; `jaxdyn.ode`) and the second half of `lagrange` (a
 Lagrangian; `jaxdyn.lagrangian`). `functions` checks the functions that both are given,
@@ -27,6 +28,7 @@ from jaxdyn.formulations import (
     newton,
     newton_euler,
     ode,
+    polar,
     prescribed,
     rigid,
     routes,
@@ -43,6 +45,7 @@ __all__ = [
     "newton",
     "newton_euler",
     "ode",
+    "polar",
     "prescribed",
     "rigid",
     "routes",

@@ -21,7 +21,8 @@ only in single poses, as those of a parallelogram of bars do where it lies flat,
 continue in several ways and the equations do not determine which. `undetermined` distinguishes the
 two cases by derivatives: a combination c of the conditions with c G = 0 is redundant if it stays
 zero along all allowed motions, c (dG/dq u) w = 0 for all u and w with G u = G w = 0; otherwise
-several motions cross in this pose.
+several motions cross in this pose. A step that would pass such a pose is refused (`loses`), so
+that a motion ends before it, with the status `SINGULAR`.
 """
 
 import equinox as eqx
@@ -30,7 +31,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._numerics import Reduced, solve_psd, solve_spd
+from jaxdyn._numerics import Reduced, has_positive_minors, solve_psd, solve_spd
 from jaxdyn.formulations.mechanism import (
     Mechanism,
     MechanismSystem,
@@ -44,6 +45,8 @@ DRIFTS = ("projection", "baumgarte", "raw")
 #: A condition at a smaller angle to the others counts as dependent: at 1e-6 rad, rounding of 1e-16
 #: still leaves ten digits of the acceleration. [square of the sine]
 DEPENDENT = 1e-12
+#: Likewise where a step ends; less, so that a motion that stops there is found undetermined.
+_LOST = 0.25 * DEPENDENT
 _MIN_CONDITION_CHANGE = 1e-5  # relative change of a dependent condition that counts as a change
 #: Least eigenvalue below which a mass matrix with unit diagonal counts as singular.
 _MIN_EIGENVALUE = 1e-15
@@ -76,10 +79,7 @@ class Constrained(MechanismSystem):
 
     def gram(self, t: Array, y: Array) -> Array:
         """(c + b, c + b) matrix G M^-1 G^T: accelerations of the conditions for unit forces."""
-        q, v = jnp.split(y, 2)
-        t = jnp.asarray(t, y.dtype)
-        g = self._conditions(t, q, v)[2]
-        return _times(g, solve_spd(mass_matrix(self.mechanism, t, q), g.T))
+        return _times(*self._reach(t, y))
 
     def undetermined(self, t, y):
         """Whether () the constraints at a state contradict, or do not determine the motion."""
@@ -99,6 +99,33 @@ class Constrained(MechanismSystem):
         turning = jax.jacfwd(lambda q: self._conditions(t, q, v)[2])(q)
         allowed = jnp.eye(q.shape[0]) - _times(reach, found.x)
         return contradiction | _crossing(found, turning, allowed)
+
+    def loses(self, t0, y0, t1, y1):
+        return _loses(self, t0, y0, t1, y1)
+
+    def _loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array:
+        """Whether () independent conditions become dependent within a step, or may.
+
+        The rows of G at the end, projected onto those at the start, are X times the latter: X
+        is the identity for a short step, and singular where they pass a pose of lost rank. A
+        positive determinant is not enough, since X may be far from the identity: all its leading
+        minors must be positive. Other steps are too long to tell.
+        """
+        (g0, reach0), (g1, reach1) = (self._reach(t, y) for t, y in ((t0, y0), (t1, y1)))
+        if not g0.shape[0]:
+            return jnp.zeros((), bool)
+        start = _independent(g0, reach0, _times(g1, reach0).T, _LOST)
+        end = _independent(g1, reach1, g1, _LOST)
+        both = start.kept[:, None] & start.kept[None, :]
+        x = jnp.where(both, start.x, jnp.eye(len(g0)))
+        return (jnp.sum(end.kept) < jnp.sum(start.kept)) | ~has_positive_minors(x)
+
+    def _reach(self, t: Array, y: Array) -> tuple[Array, Array]:
+        """G (c + b, n) and M^-1 G^T at a state."""
+        q, v = jnp.split(y, 2)
+        t = jnp.asarray(t, y.dtype)
+        g = self._conditions(t, q, v)[2]
+        return g, solve_spd(mass_matrix(self.mechanism, t, q), g.T)
 
     def violation(self, t: Array, y: Array) -> tuple[Array, Array]:
         """Residuals (c,) of the ties, and (c + b,) of the conditions on the velocities."""
@@ -207,13 +234,13 @@ class Constrained(MechanismSystem):
         return row_sums(reach, _independent(g, reach, error).x)
 
 
-def _independent(g: Array, reach: Array, b: Array) -> Reduced:
+def _independent(g: Array, reach: Array, b: Array, least: float = DEPENDENT) -> Reduced:
     """The multipliers (c, ...) for right sides b, those of dependent conditions set to 0."""
     gram = _times(g, reach)
     size = jnp.sum(g * g, axis=1)
     # A row that nearly vanishes has the direction of its rounding errors.
-    vanishes = size <= DEPENDENT * jnp.max(size, initial=0.0)
-    return solve_psd(gram, b, jnp.where(vanishes, jnp.inf, DEPENDENT * jnp.diagonal(gram)))
+    vanishes = size <= least * jnp.max(size, initial=0.0)
+    return solve_psd(gram, b, jnp.where(vanishes, jnp.inf, least * jnp.diagonal(gram)))
 
 
 def _times(g: Array, reach: Array) -> Array:
@@ -244,6 +271,7 @@ def _crossing(found: Reduced, turning: Array, allowed: Array) -> Array:
 _accelerations = jax.jit(Constrained._solve)
 _undetermined = jax.jit(Constrained._undetermined)
 _nearest = jax.jit(Constrained._nearest)
+_loses = jax.jit(Constrained._loses)
 
 
 @eqx.filter_jit

@@ -86,6 +86,9 @@ class Extended(System):
     def undetermined(self, t, y):
         return self.system.undetermined(*self.inside(t, y))
 
+    def loses(self, t0, y0, t1, y1):
+        return self.system.loses(*self.inside(t0, y0), *self.inside(t1, y1))
+
     def canonical(self, t, y):
         del t, y  # the further entries have no momenta
         return None

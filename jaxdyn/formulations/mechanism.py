@@ -54,6 +54,11 @@ class Mechanism(Record):
         del t, q
         return None
 
+    def loses(self, t0: Array, q0: Array, t1: Array, q1: Array) -> Array | None:
+        """Whether () a step from q0 to q1 passes a pose where q does not say how to go on."""
+        del t0, q0, t1, q1
+        return None
+
     def rods(self) -> tuple[str, ...]:
         """Names of the rods whose lengths (`stretch`) are the first of the ties."""
         return ()
@@ -120,6 +125,9 @@ class MechanismSystem(System):
         q, v = jnp.split(y, 2)
         r, velocity = positions_and_velocities(self.mechanism, t, q, v)
         return Points(r, velocity, self.mechanism.masses())
+
+    def loses(self, t0, y0, t1, y1):
+        return self.mechanism.loses(t0, jnp.split(y0, 2)[0], t1, jnp.split(y1, 2)[0])
 
     def sketch(self, t, y):
         return self.mechanism.sketch(t, jnp.split(y, 2)[0])

@@ -65,6 +65,10 @@ class _Backwards(eqx.Module):
         """None: no constraints."""
         del t, z
 
+    def loses(self, t0: Array, z0: Array, t1: Array, z1: Array) -> None:
+        """None: no constraints."""
+        del t0, z0, t1, z1
+
     def packed(self, y: Array, adjoint: Array, mu: Array) -> Array:
         """State, adjoint and gradient as one vector."""
         if not self.position_only:

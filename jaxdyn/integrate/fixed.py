@@ -57,3 +57,7 @@ class FixedField(Record):
     def undetermined(self, t: Array, y: Array) -> Array | None:
         """Whether () the constraints leave the acceleration undetermined at a state."""
         return self._field.undetermined(t, y)
+
+    def loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array | None:
+        """Whether () a step may pass a state that leaves the acceleration undetermined."""
+        return self._field.loses(t0, y0, t1, y1)

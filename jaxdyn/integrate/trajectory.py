@@ -217,8 +217,7 @@ class Trajectory(Record):
     def one(self, *index: int) -> "Trajectory":
         """One motion of a batch."""
         if len(index) != len(self.batch_shape):
-            shape = self.batch_shape
-            wanted = f"{len(shape)} numbers, one for each axis of the batch {shape}"
+            wanted = f"a number for each axis of the batch, {self.batch_shape}"
             raise _checks.fail("index", wanted, index)
         return jax.tree.map(lambda x: x[index], self) if index else self
 

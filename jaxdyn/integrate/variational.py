@@ -39,6 +39,10 @@ class Variational(eqx.Module):
         """Whether () the constraints leave the acceleration undetermined at the state."""
         return self.field.undetermined(t, y[..., 0])
 
+    def loses(self, t0: Array, y0: Columns, t1: Array, y1: Columns) -> Array | None:
+        """Whether () a step may pass a state that leaves the acceleration undetermined."""
+        return self.field.loses(t0, y0[..., 0], t1, y1[..., 0])
+
     def project(self, t: Array, y: Columns) -> Columns:
         """The state on its constraints, and its tangents along them."""
         moving, fixed = _split_like(self.field, self.directions)

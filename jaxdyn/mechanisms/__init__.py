@@ -2,8 +2,9 @@
 
 `bars` (uniform bars hinged in a row: double and n-fold pendulums), `sticks` (one stick on a hinge
 or a cart), `rods` (points joined by massless rods), `four_bar` (the four-bar linkage), `guided`
-(masses on wires and in slots), `euler_body` (a rigid body by Euler angles), `cylinders` (a cylinder
-that rolls, slips or flies).
+(masses on wires and in slots), `skates` (a planar body on skates), `car` (one that brakes, seen
+from above), `euler_body` (a rigid body by Euler angles), `disk` (one that rolls on the ground),
+`cylinders` (a cylinder that rolls, slips or flies).
 
 May import: `formulations`.
 
@@ -12,6 +13,28 @@ every formulation, or with a `System` of its own where no formulation fits; and 
 ready-made scene of it belongs in `scenes`.
 """
 
-from jaxdyn.mechanisms import bars, cylinders, euler_body, four_bar, guided, rods, sticks
+from jaxdyn.mechanisms import (
+    bars,
+    car,
+    cylinders,
+    disk,
+    euler_body,
+    four_bar,
+    guided,
+    rods,
+    skates,
+    sticks,
+)
 
-__all__ = ["bars", "cylinders", "euler_body", "four_bar", "guided", "rods", "sticks"]
+__all__ = [
+    "bars",
+    "car",
+    "cylinders",
+    "disk",
+    "euler_body",
+    "four_bar",
+    "guided",
+    "rods",
+    "skates",
+    "sticks",
+]

@@ -3,12 +3,16 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._numerics import square_norm
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.mechanisms.bars import bar_shapes, check_bars, row_masses, row_points
+
+#: Squared height of a triangle over one of its sides below which it counts as flat.
+IN_LINE = 1e-14
 
 
 class FourBar(Mechanism):
@@ -31,8 +35,9 @@ class FourBar(Mechanism):
     end: Array
     crossed: bool = eqx.field(static=True, default=False)
     singular: ClassVar[str] = (
-        "Where coupler and rocker are in line, the crank does not say how they go on: "
-        "formulation='constrained' or 'loop' may pass that pose."
+        "Where coupler and rocker are in line, the crank does not say how they go on. "
+        "formulation='constrained' or 'loop' passes a dead centre of the crank; at a change point, "
+        "where all bars are in line, the linkage may go on in two ways."
     )
 
     def coordinates(self):
@@ -68,6 +73,18 @@ class FourBar(Mechanism):
         Negative where they do not reach the far hinge.
         """
         return self._triangle(self.end - self._crank(angle))[1]
+
+    def loses(self, t0, q0, t1, q1):
+        """A step with the crank past a change point, where the mirror images of the triangle meet.
+
+        The distance from crank pin to far hinge is largest and smallest with the crank along the
+        ground; where the triangle is flat there, it can open to either side.
+        """
+        del t0, t1
+        ahead = jnp.arctan2(self.end[0], -self.end[1])
+        along = ahead + jnp.array([0.0, jnp.pi])
+        turns0, turns1 = (jnp.floor((q - along) / (2 * jnp.pi)) for q in (q0, q1))
+        return jnp.any((turns0 != turns1) & (jax.vmap(self.reach)(along) <= IN_LINE))
 
     def _crank(self, angle: Array) -> Array:
         return self.l[0] * jnp.stack([jnp.sin(angle), -jnp.cos(angle)])

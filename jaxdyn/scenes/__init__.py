@@ -31,6 +31,7 @@ from jaxdyn.scenes.guides import (
     turntable_limit,
 )
 from jaxdyn.scenes.linkages import dumbbell, four_bar, pinned_chain, rod_on_line, skate_chain
+from jaxdyn.scenes.lorenz_system import lorenz
 from jaxdyn.scenes.nbody import (
     EIGHT,
     EIGHT_GUESS,
@@ -40,7 +41,7 @@ from jaxdyn.scenes.nbody import (
     three_body_circular,
     two_body,
 )
-from jaxdyn.scenes.particles import cannonball, lorenz, particle, polar_particle, straightness
+from jaxdyn.scenes.particles import cannonball, particle, polar_particle, straightness
 from jaxdyn.scenes.pendula import (
     cart_pendulum,
     double_pendulum,

@@ -14,13 +14,12 @@ from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.mechanism import TIES
 from jaxdyn.formulations.routes import Embedding, route
 from jaxdyn.mechanisms.bars import Bodies, Chain, check_bars
-from jaxdyn.mechanisms.four_bar import FourBar
+from jaxdyn.mechanisms.four_bar import IN_LINE, FourBar
 from jaxdyn.mechanisms.rods import Coupled, Dumbbell, Rods
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.ready_made import ready_made
 
 _CLOSING_PROJECTIONS = 8  # projections of a rough start onto its ties; each squares the error
-_IN_LINE = 1e-14  # squared height over a side below which a triangle counts as flat
 
 
 @ready_made(but=("speed",))
@@ -223,14 +222,14 @@ def _check_crank(bars: FourBar, angle) -> None:
     if _checks.is_traced((bars, angle)):
         return
     reach = float(bars.reach(jnp.asarray(angle, dtype=float)))
-    if reach < -_IN_LINE:
+    if reach < -IN_LINE:
         raise _checks.fail(
             "angle",
             "an angle of the crank at which coupler and rocker reach the far hinge",
             angle,
             "Turn the crank, move the far hinge (ground), or change the lengths.",
         )
-    if reach <= _IN_LINE:
+    if reach <= IN_LINE:
         raise _checks.fail(
             "angle",
             "an angle of the crank at which coupler and rocker are not in line",

@@ -2,7 +2,8 @@
 
 Each skate allows its point of the body to move along its blade but not across: one rolling
 condition, and one force across the blade. Two routes to the same motion: `Constrained` (the DAE of
-Newton-Euler) and `by_lagrange` (Lagrange's equations with the conditions derived by hand).
+Newton-Euler) and `by_lagrange` (Lagrange's equations with the conditions derived by hand), both of
+the `mechanisms.skates`.
 
 The result has a simple reason (39 d). The blades are fixed in the body, so the velocities that two
 skates allow, in body axes, are the multiples of one twist, whose size the energy determines. A body
@@ -13,137 +14,16 @@ if they are parallel: `elementary_motion`.
 import dataclasses
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
 from jaxdyn._floats import floats
-from jaxdyn._numerics import solve_spd
 from jaxdyn.formulations.constrained import Constrained
-from jaxdyn.formulations.mechanism import Mechanism, MechanismSystem, planar_body
+from jaxdyn.mechanisms.skates import LagrangeSkates, Skated
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.ready_made import ready_made
-from jaxdyn.sketch import Shape, frame, line, rectangle, traces
 
-#: Beyond this the skates count as having a common normal: a repeated condition [condition number].
-_WORST_CONDITION = 1e6
 #: Relative speed below which a skate counts as at rest beside the other [1].
 _MIN_SPEED = 1e-12
-
-
-class Skated(Mechanism):
-    """A planar body on skates.
-
-    Attributes:
-      m: () mass [kg].
-      inertia: () about the centre of mass [kg m^2].
-      at: (s, 2) positions of the skates from the centre of mass, in body axes [m].
-      headings: (s,) directions of their blades in body axes [rad].
-      wheels: (2,) positions of a car's front and rear axle along its x axis [m], for drawings
-        only; None for blades.
-    """
-
-    m: Array
-    inertia: Array
-    at: Array
-    headings: Array
-    wheels: Array | None = None
-
-    def coordinates(self):
-        return (("x", "m"), ("y", "m"), ("theta", "rad"))
-
-    def masses(self):
-        return jnp.stack([self.m, self.m]) / 2
-
-    def positions(self, t, q):
-        del t
-        return planar_body(q[:2], q[2], jnp.sqrt(self.inertia / self.m))
-
-    def rolling(self, t, q):
-        del t
-        angle = q[2] + self.headings
-        return jnp.stack([-jnp.sin(angle), jnp.cos(angle), self._arms()], axis=-1)
-
-    def sketch(self, t, q):
-        place, turn = q[:2], frame(jnp.stack([jnp.cos(q[2]), jnp.sin(q[2])]))
-        if self.wheels is not None:
-            return tuple(shape.placed(place, turn) for shape in _car(self.wheels))
-        size = jnp.sqrt(self.inertia / self.m)
-        # The centre of mass; a circle would look like the mark of an end.
-        shapes = [rectangle("area", (0.25 * size, 0.25 * size))]
-        for at, heading in zip(self.at, self.headings, strict=True):
-            blade = rectangle("solid", (0.6 * size, 0.08 * size))
-            way = frame(jnp.stack([jnp.cos(heading), jnp.sin(heading)]))
-            shapes += [line(jnp.zeros(2), at), blade.placed(at, way)]
-        shapes += traces(self.at, [f"skate {i + 1}" for i in range(len(self.at))])
-        return tuple(shape.placed(place, turn) for shape in shapes)
-
-    def twists(self) -> Array:
-        """(s, 3) the conditions in body axes: rows whose product with (vx, vy, omega) is zero."""
-        return self.rolling(jnp.zeros(()), jnp.zeros(3))
-
-    def check(self):
-        _checks.positive("mass", self.m, "Masses are in kg.")
-        _checks.positive("inertia", self.inertia, "Inertias are in kg m^2.")
-        scale = np.array([1.0, 1.0, np.sqrt(self.m / self.inertia)])
-        condition = np.linalg.cond(np.asarray(self.twists()) * scale)
-        if not condition < _WORST_CONDITION:
-            raise _checks.fail(
-                "skates",
-                "conditions that differ",
-                f"skates on a common normal line (condition number {condition:.3g})",
-                "They ask for the same twice, and their two forces cannot be told apart: "
-                "move or turn one, or leave it out.",
-            )
-
-    def _arms(self) -> Array:
-        x, y = self.at[:, 0], self.at[:, 1]
-        return x * jnp.cos(self.headings) + y * jnp.sin(self.headings)
-
-
-def _car(axles: Array) -> tuple[Shape, ...]:
-    """A car seen from above, in its own axes, with its axles at two positions (2,) along x."""
-    base = axles[0] - axles[1]
-    track, across = 0.55 * base, jnp.zeros(())
-    middles = jnp.stack([axles, jnp.stack([across, across])], axis=1)
-    body = rectangle("area", (1.5 * base, 0.65 * base), jnp.mean(middles, axis=0))
-    wheels = [
-        rectangle(
-            "solid", (0.25 * base, 0.08 * base), middle + jnp.stack([across, side * track / 2])
-        )
-        for middle in middles
-        for side in (1.0, -1.0)
-    ]
-    return body, *wheels, *traces(middles, ["front axle", "rear axle"])
-
-
-class LagrangeSkates(MechanismSystem):
-    """Lagrange's equations of a body on skates, with multipliers, by hand: state [q, v].
-
-    L = m (x'^2 + y'^2) / 2 + I theta'^2 / 2 has no slope in q, so m x'' = Q_x, m y'' = Q_y,
-    I theta'' = Q_theta. A skate's force lambda across its blade does the virtual work
-    lambda (-sin a dx + cos a dy + arm dtheta), a = theta + heading, which gives the Q. Its
-    condition -sin a x' + cos a y' + arm theta' = 0, differentiated once, closes the system:
-
-        -sin a x'' + cos a y'' + arm theta'' = theta' (cos a x' + sin a y').
-    """
-
-    mechanism: Skated
-
-    @property
-    def accepts(self):
-        return frozenset()  # the equations of problem 39 have no other forces in them
-
-    def rate(self, t, y, effects):
-        del effects
-        body = self.mechanism
-        _, v = jnp.split(y, 2)
-        b = body.rolling(t, y[:3])
-        # cos a = b[:, 1] and sin a = -b[:, 0].
-        needed = v[2] * (b[:, 1] * v[0] - b[:, 0] * v[1])
-        reach = b / jnp.stack([body.m, body.m, body.inertia])[None, :]
-        multipliers = solve_spd(jnp.sum(b[:, None, :] * reach[None, :, :], axis=-1), needed)
-        return jnp.concatenate([v, jnp.sum(multipliers[:, None] * reach, axis=0)])
 
 
 @ready_made()

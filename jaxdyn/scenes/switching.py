@@ -20,6 +20,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.formulations.mechanism import MechanismSystem
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.formulations.polar import PolarParticle, polar_state
 from jaxdyn.integrate.events import Event, Reaches
 from jaxdyn.integrate.phase import Exit, Phase
 from jaxdyn.integrate.phases import MAX_PHASES, HybridTrajectory, simulate_phases
@@ -27,7 +28,6 @@ from jaxdyn.integrate.simulation import RTOL
 from jaxdyn.mechanisms.euler_body import EulerBody
 from jaxdyn.mechanisms.sticks import Sideways
 from jaxdyn.scene import Scene, System, checked_scene
-from jaxdyn.scenes.particles import PolarParticle, polar_state
 
 MARGIN = 0.5
 _RETURN_RATIO = 1.2  # times the distance of the change to x and y at which polar coordinates return

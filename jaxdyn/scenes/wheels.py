@@ -44,9 +44,9 @@ from jaxdyn.effects import unless_zero
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import END, Exit, Phase
+from jaxdyn.mechanisms.car import Car
 from jaxdyn.scene import Effect, Points, Scene
 from jaxdyn.scenes.ready_made import ready_made
-from jaxdyn.scenes.skates import Skated
 
 AXLES = ("front", "rear")
 
@@ -180,7 +180,7 @@ def car(
     slides, rolls = (front, rear) if locked == "front" else (rear, front)
     m, inertia = floats(m, inertia)
     at, axles = jnp.stack([rolls, 0 * rolls])[None], jnp.stack([front, rear])
-    body = Skated(m=m, inertia=inertia, at=at, headings=jnp.zeros(1), wheels=axles)
+    body = Car(m=m, inertia=inertia, at=at, headings=jnp.zeros(1), axles=axles)
     # Balance of moments about the other axle.
     load = m * g * jnp.abs(rolls) / (front - rear)
     friction = LockedAxle(jnp.asarray(mu, dtype=float), load, slides)

@@ -53,6 +53,10 @@ class RoundedField(eqx.Module):
         """Whether () the constraints leave the acceleration undetermined."""
         return self.field.undetermined(t, y)
 
+    def loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array | None:
+        """Whether () a step may pass a state that leaves the acceleration undetermined."""
+        return self.field.loses(t0, y0, t1, y1)
+
     def project(self, t: Array, y: Array) -> Array:
         """A perturbed state (k,), projected onto the constraints; y itself without any."""
         off = self.noise.size * _signs(self.noise.seed, t, y.size).reshape(y.shape) * y

@@ -64,6 +64,8 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         step = self.method.advance(field, start, h, y)
         y1, carry = two_sum(y0, carry + step.rest, step.increment)
         y1 = args.project(sign * t1, y1)
+        lost = args.loses(sign * t0, y0, sign * t1, y1)
+        y1 = y1 if lost is None else jnp.where(lost, jnp.nan, y1)
         near = step.speed > self.method.alarm * self.method.stable
         count = jnp.where(is_stiff(count), count, jnp.maximum(count + jnp.where(near, 1, -2), 0))
         result = diffrax.RESULTS.where(

@@ -1,6 +1,9 @@
 """High-precision reference numbers for the published periodic orbits of three equal bodies.
 
-The rows of `published_three_body.csv` give 10 digits of v1, v2 and the period T; the bodies start
+The rows of `published_three_body.csv` are from the tables of X. Li and S. Liao, "More than six
+hundred new families of Newtonian periodic planar collisionless three-body orbits", Sci. China
+Phys. Mech. Astron. 60, 129511 (2017). They give 10 digits of v1, v2 and the period T, some of them
+off by up to 2e-7, and the free-group word; the bodies start
 at (-1, 0), (1, 0), (0, 0) with velocities (v1, v2), (v1, v2), (-2 v1, -2 v2), and G m = 1. The
 script is self-contained: it uses nothing of the package whose tests its numbers serve.
 

@@ -128,7 +128,8 @@ SPACE: dict[int, Problem] = {
         "analysis.precession.frictionless_rolling_disk analysis.precession.disk_residuals "
         "scenes.rolling_disk analysis.steady.linearize_steady",
         "Without slip, without friction, and without both: omega_p^2 = m g r / (I sin(theta)), "
-        "omega_3 = 0. The course calls the lean both theta and phi.",
+        "omega_3 = 0. The course calls the lean both theta and phi. A uniform disk rolls upright "
+        "stably where v^2 > g r / 3.",
     ),
     61: problem(
         "Spinning top in space",

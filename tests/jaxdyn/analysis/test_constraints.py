@@ -16,7 +16,7 @@ from jaxdyn.formulations.mechanism import Mechanism, planar_body
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.mechanisms.bars import Chain
 from jaxdyn.mechanisms.rods import Rods
-from jaxdyn.scenes.skates import Skated
+from jaxdyn.mechanisms.skates import Skated
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 SIDES = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2))

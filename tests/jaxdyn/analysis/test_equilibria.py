@@ -16,7 +16,7 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.newton_euler import NewtonEuler
 from jaxdyn.hard.cases.rest import FOLDS, OBLIQUE, oblique
 from jaxdyn.scene import Effect
-from jaxdyn.scenes.particles import cannonball, lorenz
+from jaxdyn.scenes import cannonball, lorenz
 from jaxdyn.scenes.pendula import pendulum
 from jaxdyn.scenes.springs import spring_mass, two_springs
 

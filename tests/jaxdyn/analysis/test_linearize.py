@@ -14,8 +14,8 @@ from jaxdyn.analysis.equilibria import equilibria, rest_point
 from jaxdyn.effects import SpringNetwork, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.newton_euler import NewtonEuler
+from jaxdyn.scenes.lorenz_system import lorenz
 from jaxdyn.scenes.nbody import two_body
-from jaxdyn.scenes.particles import lorenz
 from jaxdyn.scenes.pendula import pendulum
 from jaxdyn.scenes.springs import oscillator, two_springs
 

@@ -72,6 +72,7 @@ def test_the_slowest_speed_of_an_upright_disk(shape):
     I1, I3 = shape * m * r * r, 2 * shape * m * r * r
     least = np.sqrt(I1 * m * g * r / (I3 * (I3 + m * r * r)))
     assert abs((least * r) ** 2 / (g * r) - {0.25: 1 / 3, 0.5: 1 / 4}[shape]) < 1e-15
+    squares = []
     for part, verdict in ((0.99, "unstable"), (1.01, "undecided")):
         scene = rolling_disk(
             np.pi / 2, precession=0.0, spin=part * least, m=m, radius=r, I1=I1, g=g
@@ -82,6 +83,10 @@ def test_the_slowest_speed_of_an_upright_disk(shape):
         # I_1 (I_1 + m r^2) theta'' + (I_3 (I_3 + m r^2) n^2 - I_1 m g r) theta = 0
         square = I1 * m * g * r * (1 - part**2) / (I1 * (I1 + m * r * r))
         assert gap(np.sort(found.reduced.eigenvalues**2), np.full(2, square + 0j)) < 1e-9
+        squares.append(np.mean(found.reduced.eigenvalues**2).real)
+    # The squares are linear in that of the spin; the edge of stability is where they vanish.
+    edge = np.sqrt(0.99**2 + (1.01**2 - 0.99**2) * squares[0] / (squares[0] - squares[1]))
+    assert abs(edge - 1) < 1e-9
 
 
 def _triangle(m) -> Scene:

@@ -5,8 +5,8 @@ import inspect
 
 import pytest
 
+from jaxdyn.cli import words
 from jaxdyn.course.problems import PROBLEMS
-from jaxdyn.scenes import catalogue
 
 NAMES = sorted({name for problem in PROBLEMS.values() for name in problem.names})
 
@@ -43,8 +43,8 @@ def test_every_name_is_public_and_documented(name):
 
 
 def test_the_scenes_name_the_problems_they_are_listed_for():
-    for name, entry in catalogue.entries().items():
+    for name, scene in words.scenes().items():
         listed = {n for n, problem in PROBLEMS.items() if f"scenes.{name}" in problem.names}
         assert listed, f"{name} is in no problem"
-        missing = set(entry.problems) - listed
+        missing = set(scene.problems) - listed
         assert not missing, f"{name} names problems {missing}, which do not list it"

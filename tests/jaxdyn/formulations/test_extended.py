@@ -63,6 +63,9 @@ class Answers(System):
     def undetermined(self, t, y):
         return t * y[1] > 1.0
 
+    def loses(self, t0, y0, t1, y1):
+        return t1 * y1[1] - t0 * y0[0]
+
     def canonical(self, t, y):
         return t + y
 
@@ -92,6 +95,7 @@ QUESTIONS = {
     "energies": lambda s, t, y: s.energies(t, y, EFFECTS),
     "integrals": lambda s, t, y: s.integrals(t, y)["of motion"],
     "undetermined": lambda s, t, y: s.undetermined(t, y),
+    "loses": lambda s, t, y: s.loses(t, y, t, y),
 }
 #: Answers with an entry for each of the state.
 OF_STATES = {

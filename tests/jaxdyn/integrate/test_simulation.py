@@ -224,7 +224,10 @@ def test_what_a_batch_says_of_itself(swings):
     assert batch.message == batch.status_code.message == Status.OK.message
     with pytest.raises(ValueError, match=r"^label: expected one of theta, theta_dot, got 'phi'"):
         batch["phi"]
-    with pytest.raises(ValueError, match=r"^index: expected 2 numbers, .* \(2, 3\), got \(1,\)\."):
+    with pytest.raises(
+        ValueError,
+        match=r"^index: expected a number for each axis of the batch, \(2, 3\), got \(1,\)\.",
+    ):
         grid.one(1)
 
 

@@ -3,11 +3,14 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import EXACT, gap
+from helpers import EXACT, gap, refusal
 
+from jaxdyn import Status, simulate
+from jaxdyn.hard.cases.dependent import folding
 from jaxdyn.scenes import linkages
 
 NOW = jnp.zeros(())
+SLOW = pytest.mark.slow
 
 
 @pytest.mark.slow
@@ -42,3 +45,37 @@ def test_a_linkage_at_its_change_point_is_refused_by_name(formulation):
             )
     with pytest.raises(ValueError, match=r"^angle: expected .* reach the far hinge, got"):
         linkages.four_bar(l=(2.0, 1.0, 1.5), ground=1.0, angle=-1.5, formulation=formulation)
+
+
+def test_a_pose_where_the_bars_lose_rank_is_refused_with_the_remedy():
+    said = refusal(folding(0.0).check)
+    assert said.startswith("y0: expected a pose whose constraints determine the motion, got one ")
+    assert said.endswith(
+        "It could go on in several ways (a linkage at a dead centre); start beside it."
+    )
+    folding(1e-3).check()
+
+
+@pytest.mark.parametrize(
+    "formulation",
+    ["newton_euler", "lagrange", *(pytest.param(x, marks=SLOW) for x in ("loop", "constrained"))],
+)
+@pytest.mark.parametrize("crossed", [False, True])
+def test_a_motion_through_a_change_point_is_refused_there(formulation, crossed):
+    # Without gravity the crossed start, a parallelogram, turns evenly: flat at 90 degrees.
+    flat = (np.pi / 2 - 0.7) / 2
+    scene = linkages.four_bar(
+        **{"l": (1.0, 2.0, 1.0), "ground": 2.0, "g": 0.0, "angle": 0.7, "rate": 2.0},
+        crossed=crossed,
+        formulation=formulation,
+    )
+    for rtol in (1e-4, 1e-6, 1e-8):
+        motion = simulate(scene, 1.5, samples=16, rtol=rtol, throw=False)
+        assert motion.status_code in (Status.SINGULAR, Status.STEP_COLLAPSED)
+        assert "in two ways" in motion.message or "more than one way" in motion.message
+        assert np.isnan(motion.ys[-1]).all()
+        if crossed:
+            reached = np.asarray(motion.ts) < flat - 0.1
+            angle = np.asarray(motion[scene.labels()[2 if formulation == "constrained" else 0][0]])
+            assert gap(angle[reached], 0.7 + 2.0 * motion.ts[reached]) < 100 * rtol
+            assert np.isnan(angle[np.asarray(motion.ts) > flat]).all()

@@ -16,6 +16,7 @@ from jaxdyn.course import sleeping_top
 from jaxdyn.formulations.rigid import inertia_matrix, pose
 from jaxdyn.geometry import inertia
 from jaxdyn.geometry.inertia import Body
+from jaxdyn.mechanisms.disk import Disk
 from jaxdyn.scenes.bodies import (
     JACK_ARMS,
     box,
@@ -26,7 +27,7 @@ from jaxdyn.scenes.bodies import (
     satellite,
     top,
 )
-from jaxdyn.scenes.disks import Disk, rolling_disk
+from jaxdyn.scenes.disks import rolling_disk
 from jaxdyn.scenes.satellites import (
     ANTENNAS,
     BOX_EDGES,

@@ -11,15 +11,9 @@ from jaxdyn.analysis import energy, linearize
 from jaxdyn.analysis.energy_change import energy_change
 from jaxdyn.analysis.momenta import centre_of_mass, kinetic_split, moment_balance
 from jaxdyn.effects import LinearDrag, QuadraticDrag, Spring, UniformGravity
+from jaxdyn.formulations.polar import PolarParticle
+from jaxdyn.scenes import cannonball, lorenz, particle, polar_particle, straightness
 from jaxdyn.scenes.ballistics import cannonball_linear_exact
-from jaxdyn.scenes.particles import (
-    PolarParticle,
-    cannonball,
-    lorenz,
-    particle,
-    polar_particle,
-    straightness,
-)
 
 
 def test_problem_1_one_particle_with_any_forces():

@@ -18,6 +18,8 @@ from orbits.discovery.plane import IN_LINE
 from orbits.discovery.seeds import row
 from orbits.motion import gravitates
 
+#: 53 orbits of three equal masses from the tables of X. Li and S. Liao, Sci. China Phys. Mech.
+#: Astron. 60, 129511 (2017), with the free-group words given there.
 ROWS = list(csv.DictReader((TESTS / "published_three_body.csv").read_text().splitlines()))
 
 

@@ -22,6 +22,7 @@ from orbits.shooting.cuts import with_segments
 from orbits.shooting.equations import Equations
 
 HERE = TESTS
+#: From the tables of X. Li and S. Liao, Sci. China Phys. Mech. Astron. 60, 129511 (2017).
 ROWS = {
     row["name"]: [float(row[key]) for key in ("v1", "v2", "period")]
     for row in csv.DictReader((HERE / "published_three_body.csv").read_text().splitlines())
