@@ -81,6 +81,19 @@ class Torus(Plane):
         return jnp.concatenate([plane, grow * z + 0.3 * jnp.stack([-z[1], z[0]])])
 
 
+class Spiral(Plane):
+    """r = 1 and z'' about it: multipliers exp(2 pi (0.5 +- sqrt(a))), which meet off the circle."""
+
+    @property
+    def size(self):
+        return 4
+
+    def rate(self, t, y, effects):
+        plane = _turning(y[:2], 1 - jnp.sum(y[:2] ** 2))
+        z = y[2:]
+        return jnp.concatenate([plane, 0.5 * z + jnp.stack([z[1], self.a * z[0]])])
+
+
 def cycle(kind, a, y0):
     """A scene of one of these systems, of period 2 pi."""
     return Scene(kind(jnp.asarray(a, float)), y0=y0, t1=2 * jnp.pi)

@@ -20,7 +20,7 @@ from jaxdyn.integrate.spans import span
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import EULER, Method, Solver
 from jaxdyn.solvers.choice import method_of
-from jaxdyn.solvers.rounding import Noise, RoundedField, begun
+from jaxdyn.solvers.perturbed import Noise, RoundedField, begun
 
 
 def fixed_steps(
@@ -41,7 +41,8 @@ def fixed_steps(
       t0: () start time [s].
       method: a `Pair`, such as `solvers.RK4`, or an explicit solver of diffrax; its error estimate
         is not used.
-      noise: random perturbation of each step, to measure the effect of rounding; see `rounding`.
+      noise: random perturbation of each step, to measure the effect of rounding; see
+        `solvers.perturbed`.
     Raises:
       ValueError: `steps` is less than 1, or `t0`, `t1` or `method` is invalid.
     Limits: the error is not controlled: too large a step gives wrong or infinite numbers.

@@ -2,8 +2,9 @@
 
 `vectors` (cross products, lines, tetrahedra), `indices` (index notation), `rotations` (axis and
 angle, rotation vectors, quaternions, and their matrices), `frames` (components in two bases, what
-makes a matrix a rotation), `euler` (Euler angles), `inertia` (inertia matrices and principal axes),
-`balance` (static and dynamic balancing), `kinematics` (motion seen from moving frames).
+makes a matrix a rotation), `euler` (Euler angles), `inertia` (of boxes, cylinders and other bodies,
+and principal axes), `balance` (static and dynamic balancing), `kinematics` (motion seen from moving
+frames).
 
 May import: `jaxdyn`, that is the files at the top level.
 

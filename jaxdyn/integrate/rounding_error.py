@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxdyn.integrate.gaps import gaps, scales
 from jaxdyn.scene import Scene
-from jaxdyn.solvers.rounding import Noise
+from jaxdyn.solvers.perturbed import Noise
 
 #: (scene, (2,) tolerance, noise of each step) -> a result with `ys`, (s, k) states, NaN where
 #: not reached.

@@ -27,7 +27,7 @@ from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import RADAU9, Solver
 from jaxdyn.solvers.choice import checked_method, chosen_method, method_of
-from jaxdyn.solvers.rounding import QUIET, Noise, RoundedField
+from jaxdyn.solvers.perturbed import QUIET, Noise, RoundedField
 
 
 def simulate(
@@ -149,7 +149,8 @@ def solve(
         new ones recompile, and there are no derivatives with respect to them.
       adjoint: derivatives by the adjoint equations, backwards in time: for one loss the cost of a
         few solves, for one number or thousands. Reverse mode and first derivatives only.
-      noise: random perturbation of each step, to measure the effect of rounding; see `rounding`.
+      noise: random perturbation of each step, to measure the effect of rounding; see
+        `solvers.perturbed`.
     Returns:
       The state at t1, those at ts, and a status; NaN where not reached.
     Raises:

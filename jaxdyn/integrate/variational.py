@@ -2,7 +2,8 @@
 
     d/dt V = (df/dy) V + (df/dp) P
 
-with one column of V for each perturbed number.
+with one column of V for each perturbed number. `flow` integrates them; the derivative of an end by
+its start is `analysis.monodromy.end_and_derivative`.
 """
 
 import equinox as eqx

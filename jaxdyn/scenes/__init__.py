@@ -1,7 +1,8 @@
 """Ready-made scenes, one file a family; `jaxdyn list` shows them with their parameters.
 
-`catalogue` is the list of them, `ready_made` what their functions share, `switching` exchanges
-coordinates that fail on the way.
+`disks` has a disk that rolls, `cylinders` cylinders that roll, slip and fly. `catalogue` is the
+list of them, `ready_made` what their functions share, `switching` exchanges coordinates that fail
+on the way.
 
 May import: `mechanisms`, `effects`, `integrate`.
 
@@ -19,6 +20,13 @@ from jaxdyn.scenes.central import (
     fewest_loops,
     power_law,
     swept_angle,
+)
+from jaxdyn.scenes.cylinders import (
+    contact_lost,
+    cylinder_on_cylinder,
+    cylinder_on_ramp,
+    friction_needed,
+    phases_of,
 )
 from jaxdyn.scenes.disks import rolling_disk
 from jaxdyn.scenes.drawings import moved_box, moved_shape, turned_box
@@ -49,13 +57,6 @@ from jaxdyn.scenes.pendula import (
     pendulum,
     shaken_pendulum,
     triple_pendulum,
-)
-from jaxdyn.scenes.rolling import (
-    contact_lost,
-    cylinder_on_cylinder,
-    cylinder_on_ramp,
-    friction_needed,
-    phases_of,
 )
 from jaxdyn.scenes.sideways import sideways_edge, sideways_pendulum
 from jaxdyn.scenes.skates import one_skate, two_skates

@@ -22,7 +22,7 @@ from jaxdyn.integrate.phases import HybridTrajectory, Phase, simulate_phases
 from jaxdyn.integrate.simulation import RTOL, simulate
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
-from jaxdyn.scenes import rolling, wheels
+from jaxdyn.scenes import cylinders, wheels
 from jaxdyn.solvers import Solver
 
 Phases = Mapping[str, Phase]
@@ -81,8 +81,8 @@ def _braking(scene: Scene) -> Phases:
 #: The phases of scenes whose motions have corners.
 _CORNERS: dict[str, Callable[[Scene], Phases]] = {
     "car": _braking,
-    "cylinder_on_cylinder": rolling.phases_of,
-    "cylinder_on_ramp": rolling.phases_of,
+    "cylinder_on_cylinder": cylinders.phases_of,
+    "cylinder_on_ramp": cylinders.phases_of,
 }
 
 

@@ -15,10 +15,10 @@
 - An explicit Runge-Kutta solver of diffrax, such as ``diffrax.Tsit5()``; see `from_diffrax`.
 
 `choice` selects the one for a scene. Contents: `method` (the interface), `stepper` (one step as
-diffrax calls it), `pairs`, `order_conditions` (corrections of rounded tables), `compositions`,
-`gauss`, `radau`, `stoermer`, the folder `taylor`, and `exchange` (with diffrax); `side_by_side`
-steps several motions at once, `rounding` magnifies rounding errors. `intervals` and `enclosures`
-bound the values of formulas over boxes.
+diffrax calls it, with compensated sums), `pairs`, `order_conditions` (corrections of rounded
+tables), `compositions`, `gauss`, `radau`, `stoermer`, the folder `taylor`, and `exchange` (with
+diffrax); `side_by_side` steps several motions at once, `perturbed` magnifies rounding errors.
+`intervals` and `enclosures` bound the values of formulas over boxes.
 
 May import: `jaxdyn`, that is the files at the top level.
 

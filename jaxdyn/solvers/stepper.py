@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from jaxdyn._numerics import two_sum
 from jaxdyn.solvers.method import Method
-from jaxdyn.solvers.rounding import begun
+from jaxdyn.solvers.perturbed import begun
 
 #: Net stability-limited steps before a run is flagged stiff.
 _STIFF_COUNT = 50

@@ -3,7 +3,8 @@
 `stability` finds the non-trivial multipliers of the `monodromy`, on which the rules of
 `jaxdyn/analysis/eigenvalues.py` decide what is stable; `identity` has the invariants of an orbit,
 `same` and `alignment` compare two, `words` their topology; `sensitivity` makes one differentiable
-in the parameters of its scene, `evidence` has independent checks, `report` all of it as a record.
+in the parameters of its scene, `evidence` has independent checks, and the digits that they confirm,
+`report` all of it as a record.
 
 May import: `shooting`.
 

@@ -16,9 +16,9 @@ from jaxdyn.solvers import DOPRI8, VERNER9, default_solver
 from orbits.closing.closings import PLAIN
 from orbits.motion import advanced
 from orbits.orbit import Orbit, gap
-from orbits.shooting.cuts import SEGMENTS_MOST, largest, with_segments
 from orbits.shooting.equations import Equations
 from orbits.shooting.newton import RANK_TOLERANCE
+from orbits.shooting.segmentation import SEGMENTS_MOST, largest, with_segments
 
 #: The tightest useful tolerance: below it rounding dominates.
 TIGHT = 1e-15
@@ -104,12 +104,11 @@ def digits(orbit: Orbit) -> Digits:
     y0 = np.asarray(orbit.y0)
     equations = Equations.of(orbit)
     x = equations.spread(y0, orbit.period, orbit.rtol, orbit.angle)
-    jacobian = np.array(equations(x, orbit.rtol).jacobian)
-    if equations.driven:
-        jacobian[:, -1] = 0.0
+    jacobian = np.asarray(equations(x, orbit.rtol).jacobian)
     end = after(orbit, 1 / orbit.closing.parts, rtol=TIGHT, solver=_other(orbit)).y1
     angle = jnp.asarray(orbit.angle)
     miss = np.asarray(orbit.closing.miss(orbit.scene.system, end, jnp.asarray(y0), angle))
+    miss = np.append(miss, np.zeros(len(jacobian) - len(miss)))  # a drive has no error
     move = np.abs(np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ miss)
     start, period = move[:-1].max(initial=0.0) / np.abs(y0).max(), move[-1] / orbit.period
     return Digits(_digits(start), _digits(period))

@@ -23,8 +23,8 @@ from orbits.analysis.stability import Stability, stability
 from orbits.closing.conditions import Hold, conditions
 from orbits.orbit import Orbit
 from orbits.shooting import newton
-from orbits.shooting.cuts import cut
 from orbits.shooting.equations import Equations, residual_at
+from orbits.shooting.segmentation import cut
 
 #: Multipliers closer to each other than this many of their error bars may coincide.
 _APART = 3.0
@@ -125,8 +125,6 @@ def _implicit(equations: Equations, x, inverse, rtol) -> tuple[Array, Array, Arr
 
 def _inverse(equations: Equations, x: np.ndarray, rtol: float) -> np.ndarray:
     jacobian = np.asarray(equations(x, rtol).jacobian)
-    if equations.driven:
-        jacobian[:, -1] = 0.0  # the period of the drive is fixed
     return np.linalg.pinv(jacobian, rcond=newton.RANK_TOLERANCE)
 
 

@@ -46,6 +46,7 @@ class Stability:
       nontrivial: (p,) those not forced to be 1.
       bars: (p,) their error bars.
       unit: number of multipliers that are 1 by an integral, a symmetry or the flow.
+      integrals: number of independent integrals that were confirmed.
       reasons: the integrals and symmetries that were confirmed.
       exponents: rotation numbers nu in [0, 1/2] of the non-trivial multipliers
         exp(+-2 pi i nu), one for each pair, None for a real pair.
@@ -62,6 +63,7 @@ class Stability:
     nontrivial: np.ndarray
     bars: np.ndarray
     unit: int
+    integrals: int
     reasons: tuple[str, ...]
     exponents: tuple[float | None, ...]
     verdict: str
@@ -92,13 +94,22 @@ class Stability:
         return self.status.message
 
 
-def stability(orbit: Orbit, *, rtol: float | None = None, throw: bool = True) -> Stability:
+def stability(
+    orbit: Orbit,
+    *,
+    rtol: float | None = None,
+    along: np.ndarray | None = None,
+    throw: bool = True,
+) -> Stability:
     """The multipliers of an orbit, with error bars and a verdict.
 
     Args:
       orbit: what `find` returned.
       rtol: tolerance of the variational equations; the orbit's own by default. A second run
         at a hundred times that gives the error bars.
+      along: (k, p) directions from the start to other orbits of the same scene, for which an
+        integral is responsible that the scene does not name. Each forces one more multiplier to
+        be 1; `continue_family` finds them.
       throw: raise if the motion cannot be integrated over its period at one of the two
         tolerances (a collision, the step limit); with False look at `Stability.status`.
     Raises:
@@ -119,7 +130,8 @@ def stability(orbit: Orbit, *, rtol: float | None = None, throw: bool = True) ->
             raise IntegrationError(explained(status, scene))
         return _unknown(len(m), status)
     kernel, reasons = trivial.kernel(scene, y0, m, basis)
-    q, generators = trivial.complement(scene, m, kernel, basis)
+    along = np.zeros((len(y0), 0)) if along is None else along
+    q, generators = trivial.complement(scene, m, kernel, basis, along)
     reduced = q.T @ m @ q
     # The rounding error is that of the whole matrix.
     error = uncertainty(reduced, q.T @ coarse @ q, rtol) + ROUNDING * norm(m)
@@ -136,6 +148,7 @@ def stability(orbit: Orbit, *, rtol: float | None = None, throw: bool = True) ->
         nontrivial=nontrivial,
         bars=bars,
         unit=unit,
+        integrals=len(m) - kernel.shape[1],
         reasons=(*reasons, *generators),
         exponents=_rotation_numbers(nontrivial, bars),
         verdict=str(map_verdict(found, conservative)),
@@ -153,6 +166,7 @@ def _unknown(d: int, status: Status) -> Stability:
         nontrivial=nothing.astype(complex),
         bars=nothing,
         unit=0,
+        integrals=0,
         reasons=(),
         exponents=(),
         verdict="undecided",

@@ -17,7 +17,7 @@ _DIFFERENTIATE = (
 )
 #: Times, as fractions of the span, at which the rates of a scene are compared: no simple fractions
 #: of each other, so that no drive has the same phase at all of them.
-_TIMES = (0.0, 0.13, 0.37, 0.71)
+TIMES = (0.0, 0.13, 0.37, 0.71)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Problem:
       conditions: further conditions besides closing.
       lower: (k + 1,) lower bounds of the start and the period.
       upper: (k + 1,) upper bounds; equal to the lower ones for entries that are held fixed.
-      driven: whether the rate depends on time; the period is then held fixed.
+      driven: whether the rate depends on time; the period is then a multiple of the drive's.
     """
 
     scene: Scene
@@ -78,7 +78,6 @@ def posed(
     depends_on_time = driven(scene)
     if depends_on_time:
         check_drive(scene, guess[-1])
-        low[-1] = high[-1] = guess[-1]
     scene = scene.starting(guess[:-1], guess[-1])
     return Problem(
         scene=scene,
@@ -142,10 +141,10 @@ def check_drive(scene: Scene, period: float) -> None:
             "period",
             "a multiple of the drive's, since the rate depends on time",
             f"{period}, after which it does not repeat",
-            "Give period=; it is held fixed.",
+            "Give period=, to nine digits or more.",
         )
 
 
 def _rates(scene: Scene, later: float) -> list[np.ndarray]:
-    ts = later + float(scene.t1) * np.array(_TIMES)
+    ts = later + float(scene.t1) * np.array(TIMES)
     return [np.asarray(rate(scene, t, scene.y0)) for t in ts]

@@ -16,7 +16,14 @@ from orbits.files.family_files import Listing
 
 _WIDTH = 6.8  # inches
 _STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}
-_MARKS = {Kind.FOLD: "s", Kind.BRANCH: "D", Kind.DOUBLING: "^", Kind.TORUS: "*"}
+_MARKS = {
+    Kind.FOLD: "s",
+    Kind.BRANCH: "D",
+    Kind.DOUBLING: "^",
+    Kind.TORUS: "*",
+    Kind.KREIN: "X",
+    Kind.REST: "o",
+}
 
 
 def family(listed: Listing, path=None, *, title: str | None = None) -> Figure:

@@ -1,8 +1,9 @@
 """Families of orbits: continuation, and the special points on them.
 
-`continuation` follows a family, `family` holds its members, `bifurcations` finds folds, branch
-points, period doublings and torus points, `surface` is the set of all orbits near one,
-`parameters` makes a scene a function of one of its parameters.
+`continuation` follows a family by the steps of `steps`, `family` holds its members,
+`bifurcations` finds folds, branch points, period doublings, torus points and Krein collisions,
+`surface` is the set of all orbits near one, `parameters` makes a scene a function of one of its
+parameters.
 
 May import: `analysis`.
 

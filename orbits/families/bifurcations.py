@@ -1,34 +1,152 @@
-"""Functions of a family's members that change sign at bifurcations: `TESTS`.
+"""Special points of a family: found between two members, and located.
 
-`continuation` evaluates them at each member and bisects where one has changed its sign.
+Most kinds have a test, a function of the members that changes sign where a family passes such a
+point (`_TESTS`); its zero is located by steps along the family. Multipliers that leave the unit
+circle in pairs are counted instead, and the place by bisection.
+
+- Fold: the parameter, or else the energy (or the first integral, in a scene without an energy),
+  is stationary along the family. A multiplier is 1 there.
+- Branch point: a non-trivial multiplier passes through 1, and a second family crosses.
+- Period doubling: one passes through -1.
+- Rest point: such a place where the orbits have shrunk to nothing, and the family ends.
+- Torus point: a complex pair crosses the unit circle.
+- Krein collision: two complex pairs on the unit circle meet and leave it, as they can in
+  conservative scenes.
 """
 
+import dataclasses
+from collections.abc import Callable
+
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxdyn.analysis import energy
 from orbits.families.family import Kind, Member
+from orbits.families.steps import next_member
 from orbits.families.surface import Surface
+from orbits.shooting.equations import Equations, size_and_speed
 
-#: A displacement along a tangent, for differences.
-NUDGE = 1e-6
+#: Relative to 1 + |value|: an integral that changes less along the family is constant.
+_CONSTANT = 1e-11
+_STEPS = 40  # along the family, to locate a special point between two members
+_CLOSE = 1e-12  # relative to the size of the unknowns: a bracket that is not divided further
+#: Relative distance below which two special points are one.
+_SAME_PLACE = 1e-5
+#: Of a step in which multipliers seem to have crossed the circle in several ways, to tell which.
+_HALVINGS = 8
+#: Of the larger rate at the start of its two neighbours: below, a fold is a rest point.
+_AT_REST = 1e-5
+
+Test = Callable[[Surface, Member], float]
+
+
+def special_points(
+    surface: Surface, a: Member, b: Member, halvings: int = _HALVINGS
+) -> list[Member]:
+    """The special points between two neighbours."""
+    # A pair that leaves the circle and one that returns through +1 or -1 may hide each other.
+    if halvings and _singly(surface, a, b) and _spiralling(a) != _spiralling(b):
+        middle = _between(surface, a, b, 0.5)
+        if middle is not None:
+            halves = ((a, middle), (middle, b))
+            return [x for half in halves for x in special_points(surface, *half, halvings - 1)]
+    places = [(kind, _zero(surface, a, b, test)) for kind, test in _TESTS.items()]
+    if _left_in_pairs(surface, a, b):
+        places.append((_pair_kind(a, b), _boundary(surface, a, b)))
+    found = [_named(surface, kind, point, (a, b)) for kind, point in places if point is not None]
+    folds = [x for x in found if x.kind == Kind.FOLD]
+    # At a fold a multiplier passes through 1 as well.
+    found = [x for x in found if x.kind != Kind.BRANCH or not any(_same(x, f) for f in folds)]
+    return sorted(found, key=lambda x: float(a.tangent @ x.point.x))
+
+
+def _zero(surface: Surface, a: Member, b: Member, test: Test) -> Member | None:
+    """The member between two others where a test is zero, by the Illinois method; None for none."""
+    left, right, side = test(surface, a), test(surface, b), 0
+    # A zero at an end counts once, for the step that leads there.
+    if not (left * right < 0 or right == 0 != left):
+        return None
+    best, least = (a, abs(left)) if abs(left) < abs(right) else (b, abs(right))
+    for _ in range(_STEPS):
+        member = _between(surface, a, b, left / (left - right))
+        if member is None:
+            break
+        value = test(surface, member)
+        if abs(value) < least:
+            best, least = member, abs(value)
+        if value * left > 0:
+            a, left, right = member, value, right * (0.5 if side < 0 else 1.0)
+            side = -1
+        else:
+            b, right, left = member, value, left * (0.5 if side > 0 else 1.0)
+            side = 1
+    return best
+
+
+def _boundary(surface: Surface, a: Member, b: Member) -> Member | None:
+    """The member between two others where multipliers leave the circle in pairs, by bisection."""
+    start, best = a, None
+    for _ in range(_STEPS):
+        member = _between(surface, a, b, 0.5)
+        if member is None:
+            break
+        best = member
+        a, b = (a, member) if _left_in_pairs(surface, start, member) else (member, b)
+    return best
+
+
+def _between(surface: Surface, a: Member, b: Member, share: float) -> Member | None:
+    """The member after a share of the way from one to another; None where they are too close."""
+    length = float(a.tangent @ (b.point.x - a.point.x))
+    if not min(share, 1 - share) * length > _CLOSE * (1.0 + np.linalg.norm(a.point.x)):
+        return None
+    return next_member(surface, a, share * length)
+
+
+def _same(a: Member, b: Member) -> bool:
+    apart = np.linalg.norm(a.point.x - b.point.x)
+    return bool(apart < _SAME_PLACE * (1.0 + np.linalg.norm(a.point.x)))
+
+
+def _named(surface: Surface, kind: Kind, point: Member, ends: tuple[Member, Member]) -> Member:
+    """The point with its kind."""
+    fastest = max(_speed(surface, end) for end in ends)
+    if kind == Kind.FOLD and _speed(surface, point) < _AT_REST * fastest:
+        kind = Kind.REST
+    # An integral that the scene does not name is stationary where no second family crosses.
+    # (Closing by a symmetry hides families without it.)
+    hidden = point.alike.shape[1] and surface.equations.closing.parts == 1
+    if kind == Kind.BRANCH and hidden and surface.aside(point.point.x, point.tangent) is None:
+        kind = Kind.FOLD
+    return dataclasses.replace(point, kind=kind)
+
+
+def _speed(surface: Surface, member: Member) -> float:
+    return float(size_and_speed(surface.equations, member.point.x)[1])
 
 
 def _fold(surface: Surface, member: Member) -> float:
-    """The change of the parameter, or else the energy, along the family."""
+    """The change of the parameter, or else of an integral, along the family."""
     if surface.equations.make is not None:
         return float(member.tangent[-2])
-    scene, y0 = member.orbit.scene, member.orbit.y0
-    if not scene.has_energy:
-        return 1.0
-    ahead = surface.equations.start(jnp.asarray(member.point.x + NUDGE * member.tangent))
-    zero = jnp.zeros(())
-    change = energy.energy(scene, zero, ahead) - energy.energy(scene, zero, y0)
-    size = NUDGE * (1.0 + abs(member.energy))
-    return float(change) if abs(change) > NUDGE * size else 0.0
+    value, slope = _along(surface.equations, member.point.x, member.tangent)
+    return float(slope) if abs(slope) > _CONSTANT * (1.0 + abs(value)) else 0.0
 
 
-def _through(value: float):
+@jax.jit
+def _along(equations: Equations, x: Array, tangent: Array) -> tuple[Array, Array]:
+    """The energy, or the first integral of one entry, at x, and its change along a tangent."""
+
+    def integral(x: Array) -> Array:
+        found = energy.integrals(equations.scene, jnp.zeros(()), equations.start(x))
+        return next((i for i in found.values() if i.ndim == 0), jnp.zeros(()))
+
+    return jax.jvp(integral, (x,), (tangent,))
+
+
+def _through(value: float) -> Test:
     def test(surface: Surface, member: Member) -> float:
         del surface
         return float(np.prod(member.stability.nontrivial - value).real)
@@ -36,17 +154,39 @@ def _through(value: float):
     return test
 
 
-def _outside(surface: Surface, member: Member) -> float:
-    """Whether complex multipliers lie off the unit circle: -1 if some do."""
-    del surface
-    values, bars = member.stability.nontrivial, member.stability.bars
-    complexes = np.abs(values.imag) > bars
-    return -1.0 if (complexes & (np.abs(values) - 1 > bars)).any() else 1.0
+#: Functions of a member that change sign at special points.
+_TESTS = {Kind.FOLD: _fold, Kind.BRANCH: _through(1.0), Kind.DOUBLING: _through(-1.0)}
 
 
-TESTS = {
-    Kind.FOLD: _fold,
-    Kind.BRANCH: _through(1.0),
-    Kind.DOUBLING: _through(-1.0),
-    Kind.TORUS: _outside,
-}
+def _left_in_pairs(surface: Surface, a: Member, b: Member) -> bool:
+    """Whether multipliers have left the unit circle between two members, but not at +1 or -1.
+
+    There they leave it one by one. Pairs that meet off the circle do not change their number.
+    """
+    change = abs(int(_off(a).sum()) - int(_off(b).sum()))
+    return change - _singly(surface, a, b) >= 2
+
+
+def _singly(surface: Surface, a: Member, b: Member) -> int:
+    """At how many of +1 and -1 multipliers have crossed the unit circle between two members."""
+    tests = (_TESTS[Kind.BRANCH], _TESTS[Kind.DOUBLING])
+    return sum(test(surface, a) * test(surface, b) < 0 for test in tests)
+
+
+def _spiralling(member: Member) -> int:
+    """The number of complex multipliers outside of the unit circle."""
+    complexes = np.abs(member.stability.nontrivial.imag) > member.stability.bars
+    return int((_off(member) & complexes).sum())
+
+
+def _off(member: Member) -> np.ndarray:
+    """Which multipliers are outside of the unit circle."""
+    return np.abs(member.stability.nontrivial) - 1 > member.stability.bars
+
+
+def _pair_kind(a: Member, b: Member) -> Kind:
+    """How multipliers left the circle in pairs: at a Krein collision, to both sides of it."""
+    outer = max(a, b, key=lambda member: int(_off(member).sum()))
+    values = outer.stability.nontrivial
+    mirrored = [np.abs(values - 1 / np.conj(v)).min() < abs(v) - 1 for v in values[_off(outer)]]
+    return Kind.KREIN if all(mirrored) else Kind.TORUS

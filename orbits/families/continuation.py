@@ -5,9 +5,8 @@ by the shortest Newton steps back to the surface of solutions, which move neithe
 nor along the symmetries. So no phase condition is needed, no unfolding parameter in conservative
 scenes, where energy and period change along the family, and folds are regular points.
 
-Special points follow from the non-trivial multipliers: one through +1 is a branch point (or a
-fold), one through -1 a period doubling, complex ones leaving the unit circle a torus point. At a
-simple one `switch_branch` steps onto the other branch.
+Special points follow from the non-trivial multipliers (`bifurcations`). At a simple one
+`switch_branch` steps onto the other branch.
 
 Reference: E. Doedel et al., AUTO-07P, and F. J. Munoz-Almaraz et al., Physica D 181 (2003) 1,
 for conservative scenes.
@@ -15,31 +14,26 @@ for conservative scenes.
 
 from collections.abc import Callable
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn._checks import fail, positive, untraced, whole
-from jaxdyn.analysis import energy
-from orbits.analysis.stability import stability
 from orbits.closing.conditions import Hold, conditions
-from orbits.families.bifurcations import NUDGE, TESTS
+from orbits.families.bifurcations import special_points
 from orbits.families.family import Family, Kind, Member
+from orbits.families.steps import first_member, next_member, parameter_at
 from orbits.families.surface import Point, Surface
 from orbits.orbit import Orbit, SearchError
-from orbits.shooting.cuts import cut
 from orbits.shooting.equations import Equations
 from orbits.shooting.finding import GOAL
-from orbits.shooting.pieces import Make
+from orbits.shooting.segment import Make
+from orbits.shooting.segmentation import cut
 
 _EASY = 4  # with at most this many Newton steps the next step may be longer
 _GROW, _SHRINK = 1.5, 0.5
-_TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
 _SMALLEST = 1e-3  # of the first step: smallest step
-_BISECTIONS = 40  # of a step, to find a special point in it
 _LONGEST = 10.0  # of the first step: longest step
-_CLOSE = 1e-9  # relative: where the bisection ends
+_NUDGE = 1e-6  # along a tangent, for a difference
 _ANYWHERE = (-np.inf, np.inf)
-_FLAT = 1e-9  # a period or parameter that changes less is constant
 _NOT_SIMPLE = (
     "The closing equations leave one direction only here: this is not a simple branch point. "
     "At a torus point give times=q, where its multiplier is exp(2 pi i p / q)."
@@ -116,7 +110,7 @@ def continue_family(
     if point is None:
         remedy = "make(parameter) must be the orbit's scene, and `hold` hold for it."
         raise fail("orbit", "a solution of the closing equations", "none", remedy)
-    first = _member(surface, point, _outward(surface, point, -1.0 if down else 1.0))
+    first = first_member(surface, point, -1.0 if down else 1.0)
     report(first)
     if not first.stability.ok:
         end = f"the first orbit, whose multipliers are unknown: {first.stability.message}"
@@ -153,14 +147,14 @@ def switch_branch(
     equations = old.repeated(times)
     surface = Surface(equations, rtol, GOAL)
     x = old.repeat(point.x, times, rtol)
-    ahead = old.repeat(point.x + NUDGE * special.tangent, times, rtol)
+    ahead = old.repeat(point.x + _NUDGE * special.tangent, times, rtol)
     aside = surface.aside(x, ahead - x)
     if aside is None:
         raise SearchError(_NOT_SIMPLE)
     found = surface.nearest(x + amplitude * aside, across=aside)
     if found is None:
         raise SearchError(_NO_BRANCH)
-    return surface.orbit(found), _parameter(equations, found.x)
+    return surface.orbit(found), parameter_at(surface, found.x)
 
 
 def _check(orbit, make, parameter, step, members) -> None:
@@ -184,14 +178,18 @@ def _walked(surface: Surface, first: Member, step, most, bounds, report) -> Fami
     end = f"the number of members requested, {most}"
     while len(members) < most:
         last = members[-1]
-        member = _next(surface, last, step)
+        member = next_member(surface, last, step)
         if member is None:
             step *= _SHRINK
             if step < shortest:
                 end = "no orbit was found beyond: a collision, a rest point, or the step limit"
                 break
             continue
-        special += _between(surface, last, member)
+        between = special_points(surface, last, member)
+        special += between
+        if any(x.kind == Kind.REST for x in between):
+            end = "a rest point, to which the orbits shrink"
+            break
         members.append(member)
         report(member)
         if not within[0] <= _measure(surface, member.point) <= within[1]:
@@ -207,92 +205,7 @@ def _walked(surface: Surface, first: Member, step, most, bounds, report) -> Fami
     )
 
 
-def _next(surface: Surface, last: Member, step: float, kind: Kind | None = None) -> Member | None:
-    """The member a step further along the family; None if there is none."""
-    predicted = last.point.x + step * last.tangent
-    point = surface.nearest(predicted)
-    if point is None or np.linalg.norm(point.x - predicted) > step:
-        return None
-    tangent = _onward(surface, point, last.tangent)
-    if tangent is None or tangent @ last.tangent < _TURN:
-        return None
-    member = _member(surface, point, tangent, kind)
-    # Without multipliers no special point would be detected.
-    return member if member.stability.ok else None
-
-
-def _member(
-    surface: Surface, point: Point, tangent: np.ndarray, kind: Kind | None = None
-) -> Member:
-    orbit = surface.orbit(point)
-    scene = orbit.scene
-    total = float(energy.energy(scene, jnp.zeros(()), orbit.y0)) if scene.has_energy else np.nan
-    parameter = _parameter(surface.equations, point.x)
-    return Member(
-        orbit=orbit,
-        parameter=parameter,
-        energy=total,
-        stability=stability(orbit, throw=False),
-        point=point,
-        tangent=tangent,
-        kind=kind,
-    )
-
-
-def _parameter(equations: Equations, x: np.ndarray) -> float:
-    return float("nan") if equations.make is None else float(equations.unpack(x).parameter)
-
-
 def _measure(surface: Surface, point: Point) -> float:
     """The quantity of `within` and `down`: the parameter, or the period."""
     equations = surface.equations
-    return float(point.x[-1] if equations.make is None else _parameter(equations, point.x))
-
-
-def _outward(surface: Surface, point: Point, sign: float) -> np.ndarray:
-    ways = surface.directions(point)
-    if not ways.shape[1]:
-        remedy = "Give make and parameter, or fewer conditions."
-        raise fail("orbit", "a member of a family", "an isolated one", remedy)
-    # Of several directions that of the largest change of the parameter, or the period.
-    entry = ways[-1] if surface.equations.make is None else ways[-2]
-    tangent = ways @ entry if np.linalg.norm(entry) > _FLAT else ways[:, -1]
-    return sign * tangent / np.linalg.norm(tangent)
-
-
-def _onward(surface: Surface, point: Point, tangent: np.ndarray) -> np.ndarray | None:
-    ways = surface.directions(point)
-    along = ways @ (ways.T @ tangent)
-    size = np.linalg.norm(along)
-    return along / size if size > 0 else None
-
-
-def _between(surface: Surface, a: Member, b: Member) -> list[Member]:
-    """The special points between two neighbours, each found by bisection."""
-    found = []
-    for kind, test in TESTS.items():
-        if test(surface, a) * test(surface, b) < 0:
-            point = _bisected(surface, a, b, kind, test)
-            if point is not None:
-                found.append(point)
-    folds = [f for f in found if f.kind == Kind.FOLD]
-    # At a fold a multiplier passes through +1 as well.
-    return folds + [
-        f for f in found if f.kind != Kind.FOLD and not (folds and f.kind == Kind.BRANCH)
-    ]
-
-
-def _bisected(surface: Surface, a: Member, b: Member, kind: Kind, test) -> Member | None:
-    low, length = a, float(a.tangent @ (b.point.x - a.point.x))
-    side, best = test(surface, a), None
-    for _ in range(_BISECTIONS):
-        length *= 0.5
-        middle = _next(surface, low, length, kind)
-        if middle is None:
-            return best
-        best = middle
-        if test(surface, middle) * side > 0:
-            low = middle
-        if length < _CLOSE * (1.0 + np.linalg.norm(low.point.x)):
-            break
-    return best
+    return float(point.x[-1] if equations.make is None else parameter_at(surface, point.x))

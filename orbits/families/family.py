@@ -18,10 +18,16 @@ from orbits.shooting.equations import Equations
 class Kind(enum.StrEnum):
     """The kinds of special points of a family."""
 
+    # At a torus point a pair of multipliers crosses the unit circle; at a Krein collision, which
+    # only conservative scenes have, two pairs on it meet and leave it on both sides. A rest point,
+    # to which orbits shrink, is a Hopf point or a centre; there a family ends.
+
     FOLD = "fold"
     BRANCH = "branch point"
     DOUBLING = "period doubling"
     TORUS = "torus point"
+    KREIN = "Krein collision"
+    REST = "rest point"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,7 +40,9 @@ class Member:
       energy: of the scene at the start; NaN without one.
       stability: multipliers and verdict.
       point: its point on the surface of solutions.
-      tangent: unit vector along the family there.
+      tangent: (n,) unit vector along the family there.
+      alike: (n, p) orthonormal: directions to other orbits of the same scene, one for each
+        integral that the scene does not name.
       kind: kind of special point, if it is one.
     """
 
@@ -44,6 +52,7 @@ class Member:
     stability: Stability
     point: Point
     tangent: np.ndarray
+    alike: np.ndarray
     kind: Kind | None = None
 
 
@@ -53,7 +62,8 @@ class Family:
 
     Attributes:
       members: the orbits, one per step.
-      special: folds, branch points, period doublings and torus points, between members.
+      special: folds, branch points, period doublings, torus points, Krein collisions and a rest
+        point, between members.
       end: why it ends.
       equations: the closing equations they solve.
     """

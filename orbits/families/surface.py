@@ -6,6 +6,7 @@ without changing it: in time, and by each symmetry of the scene.
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -55,8 +56,6 @@ class Surface:
             return residual, jacobian
 
         low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
-        if self.equations.driven:
-            low[-1] = high[-1] = x[-1]
         result = newton.solve(
             evaluated, x, lower=low, upper=high, goal=self.goal, max_iterations=_CORRECTIONS
         )
@@ -83,9 +82,14 @@ class Surface:
             rtol=self.rtol,
         )
 
+    def of_start(self, x: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """(k, p) the change of the start along directions (n, p) at x."""
+        slope = jax.jacfwd(self.equations.start)(jnp.asarray(x))
+        return np.asarray(slope) @ directions
+
     def directions(self, point: Point) -> np.ndarray:
         """(n, d) orthonormal: directions along the surface that change the orbit."""
-        _, s, vt = np.linalg.svd(self._held(point.jacobian))
+        _, s, vt = np.linalg.svd(point.jacobian)
         kernel = vt[int((s > _KERNEL * s[0]).sum()) :].T
         known = self.neutral(point.x, point.jacobian)
         u, s, _ = np.linalg.svd(kernel - known @ (known.T @ kernel), full_matrices=False)
@@ -119,18 +123,8 @@ class Surface:
         if not (np.isfinite(jacobian).all() and np.isfinite(along).all()):
             return None
         known = np.column_stack([self.neutral(x, jacobian), along / np.linalg.norm(along)])
-        _, s, vt = np.linalg.svd(
-            np.vstack([self._held(jacobian), np.linalg.norm(jacobian) * known.T])
-        )
+        _, s, vt = np.linalg.svd(np.vstack([jacobian, np.linalg.norm(jacobian) * known.T]))
         return vt[-1] if s[-1] < _BRANCH * s[0] else None
-
-    def _held(self, jacobian: np.ndarray) -> np.ndarray:
-        """The Jacobian, with an equation that fixes the period of a driven scene."""
-        if not self.equations.driven:
-            return jacobian
-        row = np.zeros(jacobian.shape[1])
-        row[-1] = np.linalg.norm(jacobian)
-        return np.vstack([jacobian, row])
 
 
 def _field(scene, y, *, name: str):

@@ -36,7 +36,7 @@ from jaxdyn._checks import fail, whole
 from jaxdyn._floats import as_float
 from jaxdyn.integrate.events import Event, Reaches, until
 from jaxdyn.mechanisms.cylinders import Cylinder
-from jaxdyn.scenes.rolling import Caught, NormalForce
+from jaxdyn.scenes.cylinders import Caught, NormalForce
 from orbits.hybrid.legs import HybridOrbit, Leg
 from orbits.hybrid.search import find_hybrid
 from orbits.orbit import SearchError

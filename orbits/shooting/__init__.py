@@ -1,9 +1,10 @@
 """How the closing equations are solved: Newton's method, segments, logarithmic time.
 
 `finding` has `orbits.find`; `equations` has the residual and its Jacobian, of the segments that
-`pieces` integrates; `descent` improves a rough guess until Newton's method converges; `newton` is
-that method and `outcomes` says how it ended; `cuts` divides a period into segments; `retimed`
-handles starts that need only another period; `trivial` finds the directions with multipliers of 1.
+`segment` integrates; `descent` improves a rough guess until Newton's method converges; `newton` is
+that method and `outcomes` says how it ended; `segmentation` decides on their number and places;
+`retimed` handles starts that need only another period; `trivial` finds the directions with
+multipliers of 1.
 
 May import: `orbits`, that is the files at the top level.
 

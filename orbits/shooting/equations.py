@@ -24,10 +24,10 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from orbits.closing.closings import Closing
 from orbits.closing.conditions import Condition
-from orbits.closing.given import driven
+from orbits.closing.given import TIMES, driven
 from orbits.motion import advanced
 from orbits.orbit import Orbit
-from orbits.shooting.pieces import MAX_STEPS, Make, Piece, end_of, linearised_end, scene_of
+from orbits.shooting.segment import MAX_STEPS, Make, Piece, end_of, linearised_end, scene_of
 
 
 class Unknowns(NamedTuple):
@@ -66,7 +66,8 @@ class Equations(eqx.Module):
       make: (parameter of a family) -> scene; None without a parameter.
       shares: (segments,) fractions of the time to integrate; their sum is 1.
       s_spans: (segments,) spans of logarithmic time; None in plain time.
-      driven: whether the rate depends on time, so that each segment starts at its own time.
+      driven: whether the rate depends on time; then each segment starts at its own time, and the
+        rate must repeat after the period.
     """
 
     scene: Scene
@@ -264,4 +265,14 @@ def _errors(equations: Equations, x: Array, starts: Array, ends: Array) -> Array
     joints = (joints / sizes[:, None]).ravel()
     last = closing.miss(system, ends[-1], starts[0], unknowns.angle)
     more = [c.value(scene, starts[0], unknowns.period) for c in equations.conditions]
-    return jnp.concatenate([joints, last, jnp.asarray(more, float).reshape(-1)])
+    if equations.driven:
+        more.append(_drive(scene, starts[0], unknowns.period))
+    return jnp.concatenate([joints, last, *(jnp.reshape(c, -1) for c in more)])
+
+
+def _drive(scene: Scene, y: Array, period: Array) -> Array:
+    """(4 k,) the change of the rate over a period, zero where that is a multiple of the drive's."""
+    ts = jnp.asarray(TIMES) * jax.lax.stop_gradient(period)
+    now, later = (jax.vmap(scene.rate, (0, None))(t, y) for t in (ts, ts + period))
+    varies = jax.lax.stop_gradient(jnp.abs(now - now[:1]).max())
+    return ((later - now) / jnp.where(varies > 0, varies, 1.0)).ravel()

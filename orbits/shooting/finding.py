@@ -18,11 +18,11 @@ from orbits.closing.given import Problem, posed
 from orbits.motion import attracts, logarithmic_period
 from orbits.orbit import Orbit, Outcome, SearchError
 from orbits.shooting import newton
-from orbits.shooting.cuts import SEGMENTS_MOST, cut, needed, with_segments
 from orbits.shooting.descent import descended
 from orbits.shooting.equations import Equations
 from orbits.shooting.outcomes import Trouble, outcome_of
 from orbits.shooting.retimed import retimed
+from orbits.shooting.segmentation import SEGMENTS_MOST, cut, needed, with_segments
 
 RTOL = 1e-14
 GOAL = 1e-12
@@ -76,7 +76,7 @@ def find(
     near the guessed period; else one near it. `Orbit.shift` says how far the start has moved.
 
     Args:
-      scene: the scene. If its rate depends on time the period keeps its guessed value.
+      scene: the scene. If its rate depends on time, `period` is a multiple of the drive's.
       y0: (k,) guess of the start; the scene's own by default.
       period: () guess of the full period; the scene's own span by default.
       lower: (k + 1,) lower bounds of the start and the period; -inf for none. An entry whose
@@ -159,6 +159,8 @@ def _closed_from_afar(
     """The orbit near the end of a descent from the guess."""
     guess = problem.guess
     lower, upper = equations.bounds(problem.lower, problem.upper)
+    if problem.driven:  # Adam would move the period however little the error depends on it
+        lower[-1] = upper[-1] = guess[-1]
     descent = descended(
         equations,
         equations.spread(guess[:-1], guess[-1], effort.rtol, angle=angle),

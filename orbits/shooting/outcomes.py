@@ -5,10 +5,10 @@ import numpy as np
 from jaxdyn import Status
 from jaxdyn.integrate.simulation import solve
 from orbits.orbit import Outcome
-from orbits.shooting.cuts import SEGMENTS_MOST
 from orbits.shooting.equations import Equations, size_and_speed
 from orbits.shooting.newton import Result
-from orbits.shooting.pieces import MAX_STEPS
+from orbits.shooting.segment import MAX_STEPS
+from orbits.shooting.segmentation import SEGMENTS_MOST
 
 #: Roundings made over one segment, in units of the machine epsilon.
 _SEGMENT_ROUNDINGS = 64.0

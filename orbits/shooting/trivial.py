@@ -44,14 +44,25 @@ def kernel(
     return vt[_rank(s) :].T, names
 
 
-def complement(scene: Scene, m: np.ndarray, kernel: np.ndarray, basis: np.ndarray):
-    """Orthonormal basis (d, p) of the kernel without the confirmed symmetries; their names."""
+def complement(
+    scene: Scene, m: np.ndarray, kernel: np.ndarray, basis: np.ndarray, along: np.ndarray
+) -> tuple[np.ndarray, list[str]]:
+    """Orthonormal basis (d, p) of the kernel without the confirmed symmetries; their names.
+
+    So are directions (k, n) along a family confirmed, which M changes by a multiple of symmetries.
+    """
     inside, names = [np.zeros(len(m))], []
     for name, g in symmetries(scene).items():
         g = basis.T @ g
         if _kept(m @ g - g, g, m):
             inside.append(g / np.linalg.norm(g))
             names.append(name)
+    symmetric = np.linalg.pinv(np.array(inside), RANK) @ np.array(inside)
+    for v in (basis.T @ along).T:
+        change = m @ v - v
+        if _kept(change - symmetric @ change, v, m):
+            inside.append(v / np.linalg.norm(v))
+            names.append("family")
     # A symmetry may change an integral (a rotation changes a non-zero momentum): only the
     # combinations that are tangent to the level set count.
     g = np.array(inside).T

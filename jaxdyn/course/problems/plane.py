@@ -97,15 +97,16 @@ PLANE: dict[int, Problem] = {
     ),
     37: problem(
         "Cylinder rolling off a cylinder",
-        "scenes.cylinder_on_cylinder scenes.rolling.contact_lost scenes.rolling.friction_needed "
-        "scenes.rolling.phases_of integrate.phases.simulate_phases",
+        "scenes.cylinder_on_cylinder scenes.cylinders.contact_lost "
+        "scenes.cylinders.friction_needed scenes.cylinders.phases_of "
+        "integrate.phases.simulate_phases",
         "An inverted pendulum with 2/3 g; contact ends at cos(theta) = 4/7 for unlimited friction. "
         "With any finite coefficient it slips before.",
     ),
     38: problem(
         "Eccentric cylinder on a ramp",
-        "scenes.cylinder_on_ramp scenes.rolling.contact_lost scenes.rolling.friction_needed "
-        "scenes.rolling.phases_of integrate.phases.simulate_phases",
+        "scenes.cylinder_on_ramp scenes.cylinders.contact_lost scenes.cylinders.friction_needed "
+        "scenes.cylinders.phases_of integrate.phases.simulate_phases",
         "Where the normal force vanishes the friction does not, and a flight from there may enter "
         "the ground; the chain of phases slips first. Hops without loss need level ground and no "
         "friction: the orbit finder finds them.",

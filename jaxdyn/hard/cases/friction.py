@@ -18,9 +18,9 @@ from jaxdyn.integrate.events import Reaches, until
 from jaxdyn.integrate.phase import END, Exit, Phase
 from jaxdyn.integrate.phases import simulate_phases
 from jaxdyn.scene import Scene
+from jaxdyn.scenes.cylinders import cylinder_on_ramp, phases_of
 from jaxdyn.scenes.particles import particle
 from jaxdyn.scenes.pendula import pendulum
-from jaxdyn.scenes.rolling import cylinder_on_ramp, phases_of
 
 _RTOL = 1e-13
 _BOUND = 1e-10

@@ -1,7 +1,7 @@
 """Where functions of the state cross zero within the steps of a motion.
 
-`crossings` is the search: the samples of each step, and which crossing comes first.
-`event_values` evaluates events with their slopes and rounding, `stretches` says between which
-samples a crossing may have gone unseen, `polish` refines its time to full precision.
+`crossings` is the search: the samples of each step, and which crossing comes first. `event_values`
+evaluates events with their slopes and rounding and tells which coincide, `stretches` says between
+which samples a crossing may have gone unseen, `polish` refines its time to full precision.
 `jaxdyn.integrate.events` has the functions that users call.
 """

@@ -1,9 +1,9 @@
-"""Rolling cylinders: what is refused; their motions are tested with `scenes.rolling`."""
+"""Rolling cylinders: what is refused; their motions are tested with `scenes.cylinders`."""
 
 import pytest
 
 from jaxdyn import simulate
-from jaxdyn.scenes.rolling import cylinder_on_cylinder, cylinder_on_ramp
+from jaxdyn.scenes.cylinders import cylinder_on_cylinder, cylinder_on_ramp
 
 
 @pytest.mark.parametrize(

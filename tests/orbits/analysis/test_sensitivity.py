@@ -9,6 +9,7 @@ from cycles import Bautin, cycle
 from helpers import gap, kepler
 from scipy.special import ellipe, ellipk
 
+import jaxdyn
 import orbits
 from jaxdyn import scenes
 from jaxdyn.analysis import energy
@@ -137,3 +138,26 @@ def test_multipliers_that_coincide_are_nan():
     found = orbits.DifferentiableOrbit(circle.scene, jnp.zeros(()), circle).multipliers()
     assert found.shape == (2,)
     assert jnp.isnan(found).all()
+
+
+def test_a_driven_orbit_by_the_frequency_of_its_drive():
+    """Its period follows: x'' = cos(w t) - 0.2 x' - x has the answer 1 / (1 - w^2 + 0.2 i w)."""
+
+    def rate(t, y, w):
+        return [y[1], jnp.cos(w * t) - 0.2 * y[1] - y[0]]
+
+    def at(w):
+        return jaxdyn.ode(rate, [1.0, 0.0], 2 * jnp.pi / w, params=w)
+
+    orbit = orbits.find(at(0.5))
+
+    def start_and_period(w):
+        found = orbits.differentiable(at(w), orbit)
+        return jnp.append(found.y0, found.period)
+
+    def exact(w):
+        x = 1 / (1 - w**2 + 0.2j * w)
+        return jnp.stack([x.real, (1j * w * x).real, 2 * jnp.pi / w])
+
+    error = jax.jacfwd(start_and_period)(0.5) - jax.jacfwd(exact)(0.5)
+    assert jnp.abs(error).max() < 1e-11

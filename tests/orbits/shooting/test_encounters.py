@@ -18,8 +18,8 @@ from orbits.analysis import evidence
 from orbits.discovery.plane import IN_LINE
 from orbits.motion import logarithmic_period
 from orbits.orbit import relocated
-from orbits.shooting.cuts import with_segments
 from orbits.shooting.equations import Equations
+from orbits.shooting.segmentation import with_segments
 
 HERE = TESTS
 #: From the tables of X. Li and S. Liao, Sci. China Phys. Mech. Astron. 60, 129511 (2017).

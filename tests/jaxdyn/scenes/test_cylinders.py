@@ -11,7 +11,7 @@ from jaxdyn import Scene
 from jaxdyn.analysis import energy
 from jaxdyn.effects import UniformGravity
 from jaxdyn.integrate.phases import simulate_phases
-from jaxdyn.scenes.rolling import (
+from jaxdyn.scenes.cylinders import (
     contact_lost,
     cylinder_on_cylinder,
     cylinder_on_ramp,

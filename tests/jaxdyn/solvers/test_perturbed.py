@@ -13,7 +13,7 @@ from jaxdyn.accuracy.convergence import fixed_steps
 from jaxdyn.integrate import error_estimate
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.solvers import VERNER9
-from jaxdyn.solvers.rounding import QUIET, Noise, RoundedField
+from jaxdyn.solvers.perturbed import QUIET, Noise, RoundedField
 
 KNOWN = known()
 

@@ -1,0 +1,104 @@
+"""Steps along a family: the member at a point of the surface of solutions, and the next one."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn._checks import fail
+from jaxdyn.analysis import energy
+from orbits.analysis.stability import stability
+from orbits.families.family import Member
+from orbits.families.surface import Point, Surface
+
+_TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
+_FLAT = 1e-9  # a period or parameter that changes less is constant
+
+
+def first_member(surface: Surface, point: Point, sign: float) -> Member:
+    """The member at a point, whose tangent leads to a larger parameter or period for sign 1.
+
+    Raises:
+      ValueError: the point belongs to no family.
+    """
+    ways = surface.directions(point)
+    if not ways.shape[1]:
+        remedy = "Give make and parameter, or fewer conditions."
+        raise fail("orbit", "a member of a family", "an isolated one", remedy)
+    # Of several directions that of the largest change of the parameter, or the period.
+    entry = ways[-1] if surface.equations.make is None else ways[-2]
+    tangent = ways @ entry if np.linalg.norm(entry) > _FLAT else ways[:, -1]
+    tangent = sign * tangent / np.linalg.norm(tangent)
+    nothing = np.zeros((len(tangent), 0))
+    member = _member(surface, point, tangent, nothing)
+    alike = _same_scene(surface, ways)
+    # A family within one scene needs an integral. Each one that the scene names accounts for one.
+    unnamed = alike.shape[1] - member.stability.integrals
+    if not member.stability.ok or unnamed <= 0:
+        return member
+    return _member(surface, point, tangent, _aligned(alike, tangent)[:, :unnamed])
+
+
+def next_member(surface: Surface, last: Member, step: float) -> Member | None:
+    """The member a step further along the family; None if there is none."""
+    predicted = last.point.x + step * last.tangent
+    point = surface.nearest(predicted)
+    if point is None or np.linalg.norm(point.x - predicted) > step:
+        return None
+    ways = surface.directions(point)
+    tangent = _nearest(ways, last.tangent[:, None])
+    if not tangent.shape[1] or tangent[:, 0] @ last.tangent < _TURN:
+        return None
+    alike = _nearest(_same_scene(surface, ways), last.alike)
+    if alike.shape[1] < last.alike.shape[1]:
+        return None
+    member = _member(surface, point, tangent[:, 0], alike)
+    # Without multipliers no special point would be detected.
+    return member if member.stability.ok else None
+
+
+def parameter_at(surface: Surface, x: np.ndarray) -> float:
+    """The parameter of the family at a point; NaN if it has none."""
+    equations = surface.equations
+    return float("nan") if equations.make is None else float(equations.unpack(x).parameter)
+
+
+def _member(surface: Surface, point: Point, tangent: np.ndarray, alike: np.ndarray) -> Member:
+    orbit = surface.orbit(point)
+    scene = orbit.scene
+    total = float(energy.energy(scene, jnp.zeros(()), orbit.y0)) if scene.has_energy else np.nan
+    along = surface.of_start(point.x, alike)
+    return Member(
+        orbit=orbit,
+        parameter=parameter_at(surface, point.x),
+        energy=total,
+        stability=stability(orbit, along=along, throw=False),
+        point=point,
+        tangent=tangent,
+        alike=alike,
+    )
+
+
+def _same_scene(surface: Surface, ways: np.ndarray) -> np.ndarray:
+    """(n, d) orthonormal: those of the directions along which the parameter is constant."""
+    if surface.equations.make is None or not ways.shape[1]:
+        return ways
+    change = ways[-2]
+    if np.linalg.norm(change) <= _FLAT:
+        return ways
+    _, _, vt = np.linalg.svd(change[None])
+    return ways @ vt[1:].T
+
+
+def _aligned(ways: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+    """The same space, with the direction nearest to the tangent first."""
+    _, _, vt = np.linalg.svd((ways.T @ tangent)[None])
+    return ways @ vt.T
+
+
+def _nearest(ways: np.ndarray, old: np.ndarray) -> np.ndarray:
+    """(n, p) orthonormal: of the space of the directions (n, d), that nearest to the old (n, p).
+
+    At a branch point the space has one more dimension than the old one.
+    """
+    u, s, vt = np.linalg.svd(ways @ (ways.T @ old), full_matrices=False)
+    kept = s > 0.5
+    return u[:, kept] @ vt[kept] if kept.all() else u[:, kept]
