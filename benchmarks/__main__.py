@@ -175,10 +175,10 @@ def slower(result: dict, stored: dict) -> list[str]:
 def _time(seconds: float) -> str:
     if math.isnan(seconds):
         return "not reached"
-    for unit, size in (("s", 1.0), ("ms", 1e-3)):
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
         if seconds >= size:
-            return f"{seconds / size:.2f} {unit}"
-    return f"{seconds * 1e6:.1f} us"
+            return f"{seconds / size:.{1 if unit == 'us' else 2}f} {unit}"
+    return f"{seconds * 1e9:.2f} ns"
 
 
 if __name__ == "__main__":
