@@ -137,8 +137,8 @@ class Pair(Method):
 
     def _unrolled(self, slope: Callable, like: Array) -> list[Array]:
         def combine(row, k):
-            terms = [w * x for w, x in zip(row, k, strict=False) if w != 0.0]
-            return functools.reduce(jnp.add, terms) if terms else jnp.zeros_like(like)
+            terms = [jax.lax.mul(x, w) for w, x in zip(row, k, strict=False) if w != 0.0]
+            return functools.reduce(jax.lax.add, terms) if terms else jnp.zeros_like(like)
 
         k, shifts = [], []
         for c, row in zip(self.c.tolist(), self.a.tolist(), strict=True):

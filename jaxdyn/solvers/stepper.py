@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._numerics import two_sum
-from jaxdyn.solvers.method import Method
+from jaxdyn.solvers.method import Advance, Method
 from jaxdyn.solvers.perturbed import begun
 
 #: Net stability-limited steps before a run is flagged stiff.
@@ -57,11 +57,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
 
         now, start, y = begun(args, sign * t0, y0)
 
-        @jax.jit  # traced once for all stages: half of the time until a first result
-        def field(t, y):
-            return terms.vf(sign * t, y, now)
-
-        step = self.method.advance(field, start, h, y)
+        step = _advance(self.method, terms, now, sign, start, h, y)
         y1, carry = two_sum(y0, carry + step.rest, step.increment)
         y1 = args.project(sign * t1, y1)
         lost = args.loses(sign * t0, y0, sign * t1, y1)
@@ -77,6 +73,17 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
 
     def func(self, terms, t0, y0, args):
         return terms.vf(t0, y0, args)
+
+
+@eqx.filter_jit  # diffrax traces the loop's body three times
+def _advance(method: Method, terms, args, sign: Array, t: Array, h: Array, y: Array) -> Advance:
+    """The increment of a step, in the time that diffrax counts: sign * t of the field."""
+
+    @jax.jit  # traced once for all stages: half of the time until a first result
+    def field(t, y):
+        return terms.vf(sign * t, y, args)
+
+    return method.advance(field, t, h, y)
 
 
 def is_stiff(count: Array) -> Array:
