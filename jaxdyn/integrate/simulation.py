@@ -6,6 +6,7 @@ scene, compiles once for each kind of scene (new numbers never recompile) and re
 """
 
 import functools
+import itertools
 from collections.abc import Callable
 
 import equinox as eqx
@@ -168,7 +169,7 @@ def solve(
     field = FixedField(scene.field) if fixed else scene.field
     field = field if noise is None else RoundedField(field, noise)
     held_to = limits(SolverOptions(rtol=rtol, atol=atol, max_steps=max_steps), dt)
-    traced = _checks.is_traced((field, y0, t0, t1, ts, held_to.tolerance))
+    traced = _checks.is_traced((field, y0, t0, t1, ts, held_to))
     if traced:
         t0, t1, ts = (host_floats(x) for x in (t0, t1, ts))
         numbers = (t0, t1, *held_to.tolerance, held_to.max_steps)
@@ -177,7 +178,7 @@ def solve(
         ts = np.asarray(ts, float)
         if n and not adjoint:
             # NaN is never reached; derivatives would see it, and traces recompile anyway.
-            ts = np.concatenate([ts, np.full(_filling(n), np.nan)])
+            ts = np.concatenate([ts, np.full(_filling(n, y0.size), np.nan)])
             held_to = held_to._replace(samples=np.asarray(n))
     compiled = _compiled_adjoint if adjoint else _compiled
     run = functools.partial(compiled, field, y0, ts, numbers, held_to.samples)
@@ -203,9 +204,17 @@ def _auto(run: Callable[..., SolveResult], settings: Settings, traced: bool) -> 
     return eqx.tree_at(lambda flow: flow.stiff, done, first.stiff)
 
 
-def _filling(n: int) -> int:
-    """How much n is less than the next power of two."""
-    return (1 << (n - 1).bit_length()) - n
+#: Largest number of entries of all samples for which few programs matter more than memory: 1 MiB.
+_FEW_ENTRIES = 1 << 17
+
+
+def _filling(n: int, k: int) -> int:
+    """How much n samples of a state (k,) are less than the number of samples of their program.
+
+    That is a power of 8 from 64 on; of 2 for long states or very many samples.
+    """
+    shared = 8 ** next(i for i in itertools.count(2) if 8**i >= n)
+    return (shared if shared * k <= _FEW_ENTRIES else 1 << (n - 1).bit_length()) - n
 
 
 def _unpacked(run: Callable[..., SolveResult]) -> Callable[..., SolveResult]:

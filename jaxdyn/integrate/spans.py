@@ -113,7 +113,9 @@ def _check_memory(scene: Scene, samples: int) -> None:
 
 def limits(options: SolverOptions, dt=None) -> Limits:
     """The limits of a solve, checked: the step if `dt` is given, else the tolerances."""
-    most = np.asarray(_checks.whole("max_steps", options.max_steps))
+    most = options.max_steps
+    if not _checks.is_traced(most):
+        most = np.asarray(_checks.whole("max_steps", most))
     held_to = tolerances(options.rtol, options.atol) if dt is None else step_length(dt)
     return Limits(held_to, most)
 

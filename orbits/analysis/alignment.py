@@ -15,9 +15,8 @@ import numpy as np
 
 from jaxdyn._checks import fail
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.simulation import solve
 from jaxdyn.scene import Scene
-from orbits.motion import gravitates
+from orbits.motion import gravitates, solved
 from orbits.orbit import Orbit
 
 #: Largest distance of two orbits that count as the same one, relative to their size.
@@ -205,6 +204,6 @@ def samples(orbit: Orbit, shift: float = 0.0) -> np.ndarray:
     """(SAMPLES, k) states over one period from a given time."""
     scene = orbit.scene
     if shift:
-        scene = scene.starting(solve(scene, shift, rtol=orbit.rtol).y1)
+        scene = scene.starting(solved(scene, shift, rtol=orbit.rtol).y1)
     ts = np.arange(SAMPLES) * orbit.period / SAMPLES
-    return np.asarray(solve(scene, orbit.period, ts=ts, rtol=orbit.rtol).ys)
+    return np.asarray(solved(scene, orbit.period, ts=ts, rtol=orbit.rtol).ys)

@@ -18,10 +18,9 @@ from jaxdyn._checks import fail
 from jaxdyn.analysis.energy import angular_momentum, change
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes import EIGHT
 from orbits.closing.closings import choreography
-from orbits.motion import at_s, gravitates
+from orbits.motion import at_s, gravitates, solved
 from orbits.orbit import Orbit, relocated
 
 #: Largest permutation error of a choreography, relative to the orbit's size.
@@ -93,7 +92,7 @@ def conserved(orbit: Orbit) -> tuple[float | None, float | None]:
     moments = np.linspace(0.0, 1.0, _MOMENTS) ** 1.5
     if orbit.s_period is None:
         ts = orbit.period * moments
-        ys = solve(scene, orbit.period, ts=ts, rtol=orbit.rtol).ys
+        ys = solved(scene, orbit.period, ts=ts, rtol=orbit.rtol).ys
     else:
         ts, ys = at_s(scene, orbit.s_period * moments, orbit.rtol)
     e = _energy(scene, jnp.asarray(ts), ys) if scene.has_energy else None
@@ -138,7 +137,7 @@ def permutation_error(orbit: Orbit) -> float:
     if not isinstance(system, FreePoints) or np.ptp(system.m) != 0 or len(system.m) < 2:
         return float("nan")
     n = len(system.m)
-    end = solve(orbit.scene, orbit.period / n, rtol=orbit.rtol).y1
+    end = solved(orbit.scene, orbit.period / n, rtol=orbit.rtol).y1
     rings = choreography(n, system.d)
     return min(float(jnp.abs(end - ring.symmetry.act(orbit.y0)).max()) for ring in rings)
 
@@ -208,13 +207,13 @@ def _centred(scene: Scene, y: np.ndarray) -> np.ndarray:
 
 
 def _state_after(scene: Scene, y: np.ndarray, t: float) -> np.ndarray:
-    return np.asarray(solve(scene.starting(y), t, rtol=1e-14).y1)
+    return np.asarray(solved(scene.starting(y), t, rtol=1e-14).y1)
 
 
 def _passage(scene: Scene, period: float) -> tuple[float, int]:
     """Time and body of the passage nearest to the origin: r . v = 0 by Newton's method."""
     ts = np.arange(_SAMPLES) * period / _SAMPLES
-    ys = np.asarray(solve(scene, period, ts=ts, rtol=1e-12).ys)
+    ys = np.asarray(solved(scene, period, ts=ts, rtol=1e-12).ys)
     distance = np.linalg.norm(ys[:, :6].reshape(-1, 3, 2), axis=-1)
     i, body = np.unravel_index(np.argmin(distance), distance.shape)
     t = float(ts[i])

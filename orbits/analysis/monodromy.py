@@ -7,8 +7,8 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, Status, System
 from jaxdyn.analysis.monodromy import monodromy as monodromy
-from orbits.motion import advanced
 from orbits.orbit import Orbit
+from orbits.shooting.pieces import Piece, linearised_end
 
 _TANGENT = 1e-6  # smaller singular values of a projection's derivative are directions it removes
 
@@ -38,23 +38,31 @@ def returned(orbit: Orbit, rtol, basis: np.ndarray) -> tuple[np.ndarray, Status]
     return m, code if np.isfinite(m).all() or code != Status.OK else Status.NOT_FINITE
 
 
-@jax.jit
 def returned_map(orbit: Orbit, rtol) -> tuple[Array, Array]:
     """(k, k) the monodromy matrix, rotated back for a relative orbit, and its `Status` code.
 
     The matrix is differentiable in the numbers of the orbit's scene.
     """
-    scene, closing, angle = orbit.scene, orbit.closing, orbit.angle
-
-    def end(y):
-        flow = advanced(scene.starting(y), scene.t1, orbit.s_period, rtol=rtol)
-        return scene.system.difference(flow.y1, target), flow.status
-
-    # Only for the branch of a wrapped angle, or the sign of a quaternion.
-    target = jax.lax.stop_gradient(closing.after(scene.system, scene.y0, angle, 1))
-    m, status = jax.jacfwd(end, has_aux=True)(scene.y0)
-    if not closing.turns:
-        return m, status
+    scene, closing = orbit.scene, orbit.closing
+    whole = Piece(start=scene.y0, t0=0.0, span=scene.t1, parameter=0.0, s=orbit.s_period)
+    end, status, slopes = linearised_end(scene, whole, rtol)
+    plain = type(scene.system).difference is System.difference  # its derivative is the unit matrix
+    m = slopes.start if plain else _displacement(orbit, end) @ slopes.start
     # Not by solving: the inverse rotation is exact to rounding.
-    back = jax.jacfwd(lambda y: closing.after(scene.system, y, -angle, 1))(scene.y0)
-    return jnp.sum(back[:, :, None] * m[None], axis=1), status
+    return (_rotation_back(orbit) @ m if closing.turns else m), status
+
+
+@jax.jit
+def _displacement(orbit: Orbit, end: Array) -> Array:
+    """(k, k) derivative of the displacement after a period by the end."""
+    system, y0 = orbit.scene.system, orbit.scene.y0
+    # Only for the branch of a wrapped angle, or the sign of a quaternion.
+    target = jax.lax.stop_gradient(orbit.closing.after(system, y0, orbit.angle, 1))
+    return jax.jacfwd(system.difference)(end, target)
+
+
+@jax.jit
+def _rotation_back(orbit: Orbit) -> Array:
+    """(k, k) derivative of the start of a relative orbit by the end of its period."""
+    system, closing = orbit.scene.system, orbit.closing
+    return jax.jacfwd(lambda y: closing.after(system, y, -orbit.angle, 1))(orbit.scene.y0)

@@ -10,7 +10,6 @@ import numpy as np
 
 from jaxdyn._checks import fail
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.simulation import solve
 from orbits.analysis.alignment import (
     SAMPLES,
     TOLERANCE,
@@ -20,6 +19,7 @@ from orbits.analysis.alignment import (
     samples,
     turned_distance,
 )
+from orbits.motion import solved
 from orbits.orbit import Orbit, relocated
 
 #: `TOLERANCE` for orbits so unstable that their own periods differ by as much.
@@ -43,7 +43,7 @@ def minimal_period(orbit: Orbit, tolerance: float = TOLERANCE) -> tuple[float, i
     parts = np.arange(_DIVISORS, 0, -1)
     system, y0 = orbit.scene.system, jnp.asarray(orbit.y0)
     ts = orbit.period / parts
-    ys = solve(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol).ys
+    ys = solved(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol).ys
     size = float(np.abs(y0).max())
     for n, y in zip(parts, ys, strict=True):
         if float(jnp.abs(system.difference(y, y0)).max()) <= tolerance * size:
@@ -82,7 +82,7 @@ def _missed(orbit: Orbit, shift: float) -> float:
     """Difference of the second period after a time from the first, relative to the size."""
     scene, period = orbit.scene, minimal_period(orbit)[0]
     ts = shift + np.arange(2 * SAMPLES) * period / SAMPLES
-    ys = np.asarray(solve(scene, ts[-1], ts=ts, rtol=orbit.rtol).ys).reshape(2, SAMPLES, -1)
+    ys = np.asarray(solved(scene, ts[-1], ts=ts, rtol=orbit.rtol).ys).reshape(2, SAMPLES, -1)
     if isinstance(scene.system, FreePoints):
         first, second = (centred(y, np.asarray(scene.system.m)) for y in ys)
         return turned_distance(first, second)[0]
@@ -123,10 +123,10 @@ def _match_states(a: Orbit, b: Orbit) -> Match:
     off = np.array([np.linalg.norm(system.difference(jnp.asarray(y), start)) for y in ys])
     shift = float(ts[np.argmin(off)])
     for _ in range(_ROUNDS):
-        y = solve(b.scene, shift, rtol=b.rtol).y1 if shift else jnp.asarray(b.y0)
+        y = solved(b.scene, shift, rtol=b.rtol).y1 if shift else jnp.asarray(b.y0)
         rate = b.scene.rate(jnp.asarray(shift), y)
         shift -= float(system.difference(y, start) @ rate / (rate @ rate))
-    y = solve(b.scene, shift, rtol=b.rtol).y1
+    y = solved(b.scene, shift, rtol=b.rtol).y1
     size = float(np.abs(ys).max())
     distance = float(jnp.abs(system.difference(y, start)).max()) / size
     return Match(

@@ -17,9 +17,9 @@ import numpy as np
 
 from jaxdyn._checks import fail
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.trajectory import explained, raise_unless_ok
 from jaxdyn.status import IntegrationError, Status
+from orbits.motion import solved
 from orbits.orbit import Orbit
 
 _SAMPLES = 2048  # of one period at first
@@ -65,7 +65,7 @@ def _sampled(orbit: Orbit) -> np.ndarray:
     """
     ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
     for _ in range(_REFINEMENTS):
-        flow = solve(orbit.scene, orbit.period, ts=ts, rtol=1e-12)
+        flow = solved(orbit.scene, orbit.period, ts=ts, rtol=1e-12)
         raise_unless_ok(flow.status, orbit.scene)
         ys = np.asarray(flow.ys)
         r, v = (ys[:, i : i + 6].reshape(-1, 3, 2) for i in (0, 6))

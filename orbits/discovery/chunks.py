@@ -17,7 +17,6 @@ import numpy as np
 import jaxdyn
 from jaxdyn import Scene
 from jaxdyn.analysis.energy import energy
-from jaxdyn.integrate.simulation import solve
 from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import recheck
 from orbits.analysis.same import minimal_period
@@ -25,7 +24,7 @@ from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN, Closing
 from orbits.discovery.journal import Chunk, Find
 from orbits.discovery.screening import Guesses, close_returns, refined
-from orbits.motion import gravitates
+from orbits.motion import gravitates, solved
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.finding import find
 
@@ -163,7 +162,7 @@ class _Tried(NamedTuple):
         if not orbit.ok:
             return cls(orbit.period, np.asarray(orbit.y0)[None])
         ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
-        ys = np.asarray(solve(orbit.scene, orbit.period, ts=ts, rtol=1e-10).ys)
+        ys = np.asarray(solved(orbit.scene, orbit.period, ts=ts, rtol=1e-10).ys)
         return cls(orbit.period, np.append(ys, ys[:1], axis=0))
 
     def leads(self, guess: Orbit) -> bool:

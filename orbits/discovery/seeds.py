@@ -16,11 +16,11 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive
 from jaxdyn.analysis.linearize import linearize
-from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes import three_body
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.symmetry import Symmetry
 from orbits.discovery.screening import Miss
+from orbits.motion import solved
 
 _AT_REST = 1e-6  # rate of a rest point over what a unit displacement gives
 _SAMPLES_PER_TIME = 2048  # of a long run, at least
@@ -106,7 +106,7 @@ def returns(
     _times(span, shortest, longest)
     count = _SAMPLES_PER_TIME
     ts = np.linspace(0.0, span, count)
-    flow = solve(scene, span, ts=ts, rtol=1e-10)
+    flow = solved(scene, span, ts=ts, rtol=1e-10)
     low = max(1, int(np.ceil(shortest / closing.parts / ts[1])))
     high = min(count - 1, int(longest / closing.parts / ts[1]))
     if high <= low + 1:

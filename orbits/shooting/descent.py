@@ -24,7 +24,7 @@ import numpy as np
 import optax
 from jaxtyping import Array
 
-from jaxdyn.integrate.simulation import solve
+from orbits.motion import solved
 from orbits.shooting.equations import Equations
 from orbits.shooting.newton import Iteration
 
@@ -146,7 +146,7 @@ def _sizes(equations: Equations, x: np.ndarray) -> np.ndarray:
     unknowns = equations.unpack(x)
     scene = equations.scene_at(unknowns.parameter).starting(equations.start(x))
     part = float(unknowns.period) / equations.closing.parts
-    ys = np.asarray(solve(scene, part, ts=np.linspace(0.0, part, _SAMPLES), rtol=_RTOL).ys)
+    ys = np.asarray(solved(scene, part, ts=np.linspace(0.0, part, _SAMPLES), rtol=_RTOL).ys)
     reached = ys[np.isfinite(ys).all(axis=1)]
     size = np.abs(np.append(reached, np.asarray(scene.y0)[None], axis=0)).max(axis=0)
     size = np.maximum(size, _SMALL * size.max())

@@ -151,7 +151,6 @@ class Equations(eqx.Module):
         for share, s in zip(self.shares, self._spans, strict=True):
             span = share * period / self.closing.parts
             piece = Piece(start=y, t0=t * self.driven, span=span, parameter=parameter, s=s)
-            piece = jax.tree.map(lambda z: jnp.asarray(z, float), piece)
             y, _, slopes = linearised_end(self.scene, piece, rtol, make=self.make)
             maps.append(np.asarray(slopes.start))
             t += span

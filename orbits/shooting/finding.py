@@ -10,12 +10,11 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import positive, whole
-from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import tolerances
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Hold
 from orbits.closing.given import Problem, posed
-from orbits.motion import attracts, logarithmic_period
+from orbits.motion import attracts, logarithmic_period, solved
 from orbits.orbit import Orbit, Outcome, SearchError
 from orbits.shooting import newton
 from orbits.shooting.descent import descended
@@ -281,7 +280,7 @@ def _nearest(problem: Problem, rtol) -> tuple[Closing, float]:
     best = (math.inf, closings[0], 0.0)
     for closing in closings:
         system, y0 = scene.system, jnp.asarray(scene.y0)
-        end = solve(scene, float(scene.t1) / closing.parts, rtol=rtol).y1
+        end = solved(scene, float(scene.t1) / closing.parts, rtol=rtol).y1
         angle = closing.angle(system, end, y0)
         error = float(jnp.linalg.norm(closing.miss(system, end, y0, jnp.asarray(angle))))
         if error < best[0]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxdyn import Status
-from jaxdyn.integrate.simulation import solve
+from orbits.motion import solved
 from orbits.orbit import Outcome
 from orbits.shooting.equations import Equations, size_and_speed
 from orbits.shooting.newton import Result
@@ -53,7 +53,7 @@ def outcome_of(equations: Equations, result: Result, trouble: Trouble, rtol: flo
         x = equations.unpack(result.x)
         scene = equations.scene_at(x.parameter).starting(equations.start(result.x))
         part = x.period / equations.closing.parts
-        status = solve(scene, part, rtol=rtol, max_steps=MAX_STEPS).status
+        status = solved(scene, part, rtol=rtol, max_steps=MAX_STEPS).status
         return Outcome.STEP_LIMIT if int(status) == Status.STEP_LIMIT else Outcome.COLLISION
     outcome = trouble(result.x)
     if outcome is not None:

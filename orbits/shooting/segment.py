@@ -9,6 +9,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn.integrate.flow import SolveResult
+from jaxdyn.integrate.spans import host_floats
 from orbits.motion import advanced
 
 #: Maximum steps of one segment: no orbit that can be found takes more, and an iteration towards a
@@ -41,11 +42,20 @@ def end_of(
     return advanced(scene, piece.span, piece.s, t0=piece.t0, rtol=rtol, max_steps=max_steps)
 
 
-@functools.partial(jax.jit, static_argnames=("make", "max_steps"))
 def linearised_end(
-    scene: Scene, piece: Piece, rtol, *, max_steps: int = MAX_STEPS, make: Make | None
+    scene: Scene, piece: Piece, rtol, *, max_steps: int = MAX_STEPS, make: Make | None = None
 ):
-    """A segment's end (k,), its status, and the derivatives of the end by each field (a Piece)."""
+    """A segment's end (k,), its status, and the derivatives of the end by each field (a Piece).
+
+    One program for finding an orbit, its growth of errors and its stability.
+    """
+    piece, rtol = jax.tree.map(host_floats, (piece, rtol))
+    return compiled_end(scene, piece, rtol, max_steps, make=make)
+
+
+@functools.partial(jax.jit, static_argnames="make")
+def compiled_end(scene: Scene, piece: Piece, rtol, max_steps, *, make: Make | None):
+    """`linearised_end` for arrays alone, whatever is asked for: Python numbers recompile."""
 
     def end(at: Piece):
         found = end_of(scene, make, at._replace(s=piece.s), rtol, max_steps)

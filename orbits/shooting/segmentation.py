@@ -11,8 +11,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import whole
 from jaxdyn.analysis.regularised import logarithmic_span
-from jaxdyn.integrate.simulation import solve
-from orbits.motion import at_even_s, attracts
+from orbits.motion import at_even_s, attracts, solved
 from orbits.shooting.equations import Equations
 
 #: Largest growth of errors of the start over a motion in one segment: rounding of 1e-16 is still
@@ -72,7 +71,7 @@ def with_segments(equations: Equations, guess, rtol, segments: int, parameter=0.
     part = guess[-1] / equations.closing.parts
     ts = np.linspace(0.0, part, _SAMPLES)
     scene = equations.scene_at(jnp.asarray(parameter, float)).starting(guess[:-1], part)
-    ys = solve(scene, part, ts=ts, rtol=rtol).ys
+    ys = solved(scene, part, ts=ts, rtol=rtol).ys
     if attracts(scene, ts, ys):
         s = float(logarithmic_span(scene, part))
         if np.isfinite(s):
