@@ -75,10 +75,15 @@ def symplectic_form(scene: Scene, y0: Array) -> Array | None:
 
     None where there are no canonical coordinates.
     """
-    system, t = scene.system, jnp.zeros(())
-    if system.canonical(t, y0) is None or len(y0) % 2:
+    system = scene.system
+    if jax.eval_shape(lambda y: system.canonical(jnp.zeros(()), y), y0) is None or len(y0) % 2:
         return None
-    c = jax.jacfwd(lambda y: system.canonical(t, y))(y0)
+    return _form(scene, y0)
+
+
+@jax.jit
+def _form(scene: Scene, y0: Array) -> Array:
+    c = jax.jacfwd(lambda y: scene.system.canonical(jnp.zeros(()), y))(y0)
     q, p = jnp.split(c, 2)
     return q.T @ p - p.T @ q
 

@@ -20,6 +20,7 @@ from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import EIGHT
 from orbits.closing.closings import choreography
+from orbits.closing.symmetry import rate
 from orbits.motion import at_s, gravitates, solved
 from orbits.orbit import Orbit, relocated
 
@@ -95,21 +96,22 @@ def conserved(orbit: Orbit) -> tuple[float | None, float | None]:
         ys = solved(scene, orbit.period, ts=ts, rtol=orbit.rtol).ys
     else:
         ts, ys = at_s(scene, orbit.s_period * moments, orbit.rtol)
-    e = _energy(scene, jnp.asarray(ts), ys) if scene.has_energy else None
-    return e, _momentum(scene, jnp.asarray(ts), ys) if scene.has_points else None
+    ts, ys = np.asarray(ts), np.asarray(ys)
+    e = _energy(scene, ts, ys) if scene.has_energy else None
+    return e, _momentum(scene, ts, ys) if scene.has_points else None
 
 
-def _energy(scene: Scene, ts: Array, ys: Array) -> float | None:
+def _energy(scene: Scene, ts: np.ndarray, ys: np.ndarray) -> float | None:
     values, size, _ = _changes(scene, ts, ys)
     return _constant(np.asarray(values), float(size))
 
 
-def _momentum(scene: Scene, ts: Array, ys: Array) -> float | None:
+def _momentum(scene: Scene, ts: np.ndarray, ys: np.ndarray) -> float | None:
     """Angular momentum in the plane of x and y; None where it changes, or on a line."""
     if jax.eval_shape(scene.points, ts[0], ys[0]).r.shape[1] == 1:
         return None
     momenta, sizes = _momenta(scene, ts, ys)
-    return _constant(np.asarray(momenta), float(sizes.max()))
+    return _constant(np.asarray(momenta), float(np.max(sizes)))
 
 
 _changes = jax.jit(change)
@@ -137,9 +139,9 @@ def permutation_error(orbit: Orbit) -> float:
     if not isinstance(system, FreePoints) or np.ptp(system.m) != 0 or len(system.m) < 2:
         return float("nan")
     n = len(system.m)
-    end = solved(orbit.scene, orbit.period / n, rtol=orbit.rtol).y1
-    rings = choreography(n, system.d)
-    return min(float(jnp.abs(end - ring.symmetry.act(orbit.y0)).max()) for ring in rings)
+    end = np.asarray(solved(orbit.scene, orbit.period / n, rtol=orbit.rtol).y1)
+    rings, y0 = choreography(n, system.d), np.asarray(orbit.y0)
+    return min(float(np.abs(end - ring.symmetry.act(y0)).max()) for ring in rings)
 
 
 def normal_form(orbit: Orbit) -> Orbit:
@@ -220,7 +222,7 @@ def _passage(scene: Scene, period: float) -> tuple[float, int]:
     for _ in range(_PASSAGE_STEPS):
         y = _state_after(scene, np.asarray(scene.y0), t)
         r, v = (x[body] for x in _points(y))
-        a = np.asarray(scene.rate(jnp.zeros(()), jnp.asarray(y)))[6:].reshape(3, 2)[body]
+        a = np.asarray(rate(scene, np.zeros(()), y))[6:].reshape(3, 2)[body]
         t -= float(r @ v / (v @ v + r @ a))
     return t, int(body)
 

@@ -41,12 +41,12 @@ def minimal_period(orbit: Orbit, tolerance: float = TOLERANCE) -> tuple[float, i
       (3.141593, 2)
     """
     parts = np.arange(_DIVISORS, 0, -1)
-    system, y0 = orbit.scene.system, jnp.asarray(orbit.y0)
+    system, y0 = orbit.scene.system, np.asarray(orbit.y0)
     ts = orbit.period / parts
-    ys = solved(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol).ys
+    ys = np.asarray(solved(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol).ys)
     size = float(np.abs(y0).max())
     for n, y in zip(parts, ys, strict=True):
-        if float(jnp.abs(system.difference(y, y0)).max()) <= tolerance * size:
+        if np.abs(system.difference(y, y0)).max() <= tolerance * size:
             return orbit.period / float(n), int(n)
     return orbit.period, 1
 

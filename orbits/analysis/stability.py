@@ -16,7 +16,6 @@ tolerances and its rounding. What the multipliers then say, "stable", "unstable"
 
 import dataclasses
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Status, _text
@@ -137,7 +136,7 @@ def stability(
     error = uncertainty(reduced, q.T @ coarse @ q, rtol) + ROUNDING * norm(m)
     found = map_eigenvalues(reduced, error)
     nontrivial, bars = found
-    form = symplectic_form(scene, jnp.asarray(y0))
+    form = symplectic_form(scene, orbit.y0)
     symplectic = None
     if form is not None:
         symplectic = float(symplectic_defect(m, basis.T @ np.asarray(form) @ basis))

@@ -99,7 +99,7 @@ class Surface:
         """(n, r) orthonormal: directions along the surface that do not change the orbit."""
         equations, unknowns = self.equations, self.equations.unpack(x)
         scene = equations.scene_at(unknowns.parameter)
-        scene = scene.starting(equations.start(x), unknowns.period)
+        scene = scene.starting(equations.start_at(x), unknowns.period)
         columns = [np.zeros(len(x))]
         for name in trivial.symmetries(scene):
             states = [scene.y0, *jnp.asarray(unknowns.between)]

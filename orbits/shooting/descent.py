@@ -144,7 +144,7 @@ def _adam_moves(gradient: Array, state) -> tuple[Array, optax.OptState]:
 def _sizes(equations: Equations, x: np.ndarray) -> np.ndarray:
     """(n,) the size of each unknown: that of its entry of the state along the guessed motion."""
     unknowns = equations.unpack(x)
-    scene = equations.scene_at(unknowns.parameter).starting(equations.start(x))
+    scene = equations.scene_at(unknowns.parameter).starting(equations.start_at(x))
     part = float(unknowns.period) / equations.closing.parts
     ys = np.asarray(solved(scene, part, ts=np.linspace(0.0, part, _SAMPLES), rtol=_RTOL).ys)
     reached = ys[np.isfinite(ys).all(axis=1)]

@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
+from jaxdyn._floats import as_float
 from orbits.closing.closings import Closing
 from orbits.closing.conditions import Condition
 from orbits.closing.given import TIMES, driven
@@ -132,9 +133,13 @@ class Equations(eqx.Module):
         system = self.scene_at(unknowns.parameter).system
         return self.closing.start(system, unknowns.start, self.scene.y0)
 
+    def start_at(self, x: np.ndarray) -> np.ndarray:
+        """`start` on the host, by the compiled program that evaluations take."""
+        return np.asarray(pieces(self, x).start)[0]
+
     def spread(self, y0, period, rtol, angle=0.0, parameter=0.0) -> np.ndarray:
         """x of a motion; the states between segments are those that it passes."""
-        scene = self.scene_at(jnp.asarray(parameter, float)).starting(y0)
+        scene = self.scene_at(as_float(parameter)).starting(y0)
         between, t = [], 0.0
         # Sequentially: a program for all samples would recompile for each number of them.
         for share, s in zip(self.shares[:-1], self._spans, strict=False):
@@ -173,7 +178,7 @@ class Equations(eqx.Module):
         angle, period = (times * float(n) for n in (unknowns.angle, unknowns.period))
         parameter = float(unknowns.parameter)
         return self.repeated(times).spread(
-            self.start(x), period, rtol, angle=angle, parameter=parameter
+            self.start_at(x), period, rtol, angle=angle, parameter=parameter
         )
 
     def bounds(self, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -201,7 +206,7 @@ class Equations(eqx.Module):
             with ThreadPoolExecutor(self.segments) as threads:
                 found = list(threads.map(integrate, each))
         ends, status, slopes = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
-        residual, jacobian = linearised(self, x, here, ends, slopes)
+        residual, jacobian = map(np.asarray, linearised(self, x, here, ends, slopes))
         return Evaluation(
             residual=residual, jacobian=jacobian, transitions=slopes.start, status=status.max()
         )

@@ -5,7 +5,6 @@ import math
 from collections.abc import Callable, Sequence
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene
@@ -177,7 +176,7 @@ def _closed_from_afar(
             rtol=effort.rtol,
         )
     unknowns = equations.unpack(descent.x)
-    scene = problem.scene.starting(equations.start(descent.x), unknowns.period)
+    scene = problem.scene.starting(equations.start_at(descent.x), unknowns.period)
     problem = dataclasses.replace(problem, scene=scene)
     equations = dataclasses.replace(equations, scene=scene)
     orbit = _closed(problem, equations, float(unknowns.angle), segments, effort)
@@ -258,7 +257,7 @@ def orbit_at(
     """The orbit at a point x of the unknowns."""
     unknowns = equations.unpack(x)
     scene = equations.scene_at(unknowns.parameter)
-    scene = scene.starting(equations.start(jnp.asarray(x)), unknowns.period)
+    scene = scene.starting(equations.start_at(x), unknowns.period)
     return Orbit(
         scene=scene,
         closing=equations.closing,
@@ -279,10 +278,11 @@ def _nearest(problem: Problem, rtol) -> tuple[Closing, float]:
         return closings[0], 0.0
     best = (math.inf, closings[0], 0.0)
     for closing in closings:
-        system, y0 = scene.system, jnp.asarray(scene.y0)
+        system, y0 = scene.system, np.asarray(scene.y0)
         end = solved(scene, float(scene.t1) / closing.parts, rtol=rtol).y1
+        end = np.asarray(end)
         angle = closing.angle(system, end, y0)
-        error = float(jnp.linalg.norm(closing.miss(system, end, y0, jnp.asarray(angle))))
+        error = float(np.linalg.norm(closing.miss(system, end, y0, np.asarray(angle))))
         if error < best[0]:
             best = (error, closing, angle)
     return best[1:]

@@ -51,7 +51,7 @@ def outcome_of(equations: Equations, result: Result, trouble: Trouble, rtol: flo
     if not np.isfinite(result.residual).all():
         # Without tangents, which overflow earlier and hide why the motion itself ends.
         x = equations.unpack(result.x)
-        scene = equations.scene_at(x.parameter).starting(equations.start(result.x))
+        scene = equations.scene_at(x.parameter).starting(equations.start_at(result.x))
         part = x.period / equations.closing.parts
         status = solved(scene, part, rtol=rtol, max_steps=MAX_STEPS).status
         return Outcome.STEP_LIMIT if int(status) == Status.STEP_LIMIT else Outcome.COLLISION

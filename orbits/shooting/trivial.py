@@ -7,6 +7,9 @@ vector field f at points off the orbit, where w f = 0 and g commutes with f. (Wh
 matrix, as for an oscillator, the first test alone would confirm every candidate.)
 """
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -28,15 +31,37 @@ _DISTANCES_OFF = 0.1, 0.01, 0.001
 _LEAST_ENTRY = 0.01
 
 
+class _Local(NamedTuple):
+    """Candidates and the vector field f at one state, with derivatives.
+
+    Attributes:
+      rate: (k,) f.
+      still: (k,) f minus its value at time 0.
+      slope: (k, k) derivative of f by the state.
+      gradients: (..., k) derivatives of each candidate for an integral by the state.
+      changes: (...) its rate of change along f.
+      moves: (k,) each candidate for a symmetry.
+      shears: (k,) its rate of change along f.
+    """
+
+    rate: Array
+    still: Array
+    slope: Array
+    gradients: dict[str, Array]
+    changes: dict[str, Array]
+    moves: dict[str, Array]
+    shears: dict[str, Array]
+
+
 def kernel(
     scene: Scene, y0: np.ndarray, m: np.ndarray, basis: np.ndarray
 ) -> tuple[np.ndarray, list[str]]:
     """Orthonormal basis (d, n) of the kernel of the confirmed integrals' gradients; their names."""
-    rows, leaks = _integrals(scene, jnp.asarray(y0), _nearby(scene, y0))
+    leaks = _largest(_leaks, _nearby(scene, y0))
     gradients, names = [np.zeros(len(m))], []
-    for name, several in rows.items():
-        leak = np.asarray(leaks[name]).reshape(-1)
-        for i, row in enumerate(np.asarray(several).reshape(-1, len(y0)) @ basis):
+    for name, several in _at(scene, 0.0, y0).gradients.items():
+        leak = leaks[name].reshape(-1)
+        for i, row in enumerate(several.reshape(-1, len(y0)) @ basis):
             if leak[i] < _EXACT and _kept(row @ m - row, row, m):
                 gradients.append(row / np.linalg.norm(row))
                 names.append(name if several.ndim == 1 else f"{name} {'xyz'[i]}")
@@ -78,10 +103,10 @@ def symmetries(scene: Scene) -> dict[str, np.ndarray]:
 
     They are tested on the vector field alone. If it depends on time, the flow is not among them.
     """
-    candidates, leaks = _symmetries(scene, scene.y0, _nearby(scene, np.asarray(scene.y0)))
-    return {
-        name: np.asarray(candidates[name]) for name in ("flow", *candidates) if leaks[name] < _EXACT
-    }
+    y0 = np.asarray(scene.y0)
+    here, leaks = _at(scene, 0.0, y0), _largest(_commutators, _nearby(scene, y0))
+    candidates = {"flow": here.rate, **here.moves}
+    return {name: g for name, g in candidates.items() if leaks[name] < _EXACT}
 
 
 def _kept(change: np.ndarray, direction: np.ndarray, m: np.ndarray) -> bool:
@@ -93,14 +118,14 @@ def _rank(s: np.ndarray) -> int:
     return int((s > RANK * s.max(initial=0.0)).sum())
 
 
-def _nearby(scene: Scene, y0: np.ndarray) -> tuple[Array, Array]:
-    """Times (p,) and states (p, k) in general position near the start."""
+def _nearby(scene: Scene, y0: np.ndarray) -> list[_Local]:
+    """The candidates at a few times and states in general position near the start."""
     random = np.random.default_rng(0)
     size = np.maximum(np.abs(y0), _LEAST_ENTRY * np.abs(y0).max(initial=0.0))
     count = len(_DISTANCES_OFF)
     noise = np.outer(_DISTANCES_OFF, size) * random.standard_normal((count, len(y0)))
-    ts = jnp.asarray(random.uniform(0.0, float(scene.t1), count))
-    return ts, jax.vmap(scene.system.project)(ts, jnp.asarray(y0 + noise))
+    ts = random.uniform(0.0, float(scene.t1), count)
+    return [_at(scene, t, y) for t, y in zip(ts, y0 + noise, strict=True)]
 
 
 def _conserved(scene: Scene, t, y: Array) -> dict[str, Array]:
@@ -122,44 +147,51 @@ def directions(scene: Scene, y: Array) -> dict[str, Array]:
 
 
 @jax.jit
-def _integrals(scene: Scene, y0: Array, nearby: tuple[Array, Array]):
-    """Gradients of the candidates for integrals at the start, and their rates of change nearby.
+def _local(scene: Scene, t, y: Array) -> _Local:
+    """The candidates at the state nearest to y that satisfies the constraints.
 
-    The rates are relative to gradient times vector field: 0 for an integral, at most 1.
+    One small program for all points: the norms and ratios are left to NumPy.
     """
-
-    def leak(t, y):
-        f = scene.rate(t, y)
-        _, change = jax.jvp(lambda *at: _conserved(scene, *at), (t, y), (jnp.ones(()), f))
-        rows = jax.jacfwd(lambda y: _conserved(scene, t, y))(y)
-        size = {name: jnp.linalg.norm(row, axis=-1) for name, row in rows.items()}
-        return jax.tree.map(lambda c, s: jnp.abs(c) / (s * jnp.linalg.norm(f)), change, size)
-
-    rows = jax.jacfwd(lambda y: _conserved(scene, jnp.zeros(()), y))(y0)
-    return rows, _largest(jax.vmap(leak)(*nearby))
-
-
-@jax.jit
-def _symmetries(scene: Scene, y0: Array, nearby: tuple[Array, Array]):
-    """Candidates for directions of symmetry at the start, and their commutators nearby.
-
-    The commutators with the vector field are relative to the sizes of their two terms.
-    """
-
-    def leak(t, y):
-        f, slope = scene.rate(t, y), jax.jacfwd(scene.rate, argnums=1)(t, y)
-        moves, change = jax.jvp(lambda y: directions(scene, y), (y,), (f,))
-        found = {
-            name: jnp.linalg.norm(change[name] - slope @ g)
-            / (jnp.linalg.norm(change[name]) + jnp.linalg.norm(slope) * jnp.linalg.norm(g))
-            for name, g in moves.items()
-        }
-        still = jnp.linalg.norm(f - scene.rate(jnp.zeros(()), y)) / jnp.linalg.norm(f)
-        return {"flow": still, **found}
-
-    flow = {"flow": scene.rate(jnp.zeros(()), y0)}
-    return flow | directions(scene, y0), _largest(jax.vmap(leak)(*nearby))
+    y = scene.system.project(t, y)
+    f, slope = scene.rate(t, y), jax.jacfwd(scene.rate, argnums=1)(t, y)
+    slopes = jax.jacfwd(lambda *at: _conserved(scene, *at), argnums=(0, 1))(t, y)
+    moves, shears = jax.jvp(lambda y: directions(scene, y), (y,), (f,))
+    return _Local(
+        rate=f,
+        still=f - scene.rate(jnp.zeros(()), y),
+        slope=slope,
+        gradients={name: by_y for name, (_, by_y) in slopes.items()},
+        changes={name: by_t + by_y @ f for name, (by_t, by_y) in slopes.items()},
+        moves=moves,
+        shears=shears,
+    )
 
 
-def _largest(leaks):
-    return jax.tree.map(lambda leak: jnp.nanmax(leak, axis=0), leaks)
+def _at(scene: Scene, t, y: np.ndarray) -> _Local:
+    """`_local` on the host."""
+    return jax.tree.map(np.asarray, _local(scene, np.asarray(t, float), y))
+
+
+def _leaks(at: _Local) -> dict[str, np.ndarray]:
+    """(...) rate of change of each integral over gradient times f: 0 if conserved, at most 1."""
+    size = np.linalg.norm(at.rate)
+    return {
+        name: np.abs(at.changes[name]) / (np.linalg.norm(rows, axis=-1) * size)
+        for name, rows in at.gradients.items()
+    }
+
+
+def _commutators(at: _Local) -> dict[str, np.ndarray]:
+    """() commutator of each direction with f over the size of its two terms; 0 for a symmetry."""
+    slope, found = np.linalg.norm(at.slope), {}
+    for name, g in at.moves.items():
+        size = np.linalg.norm(at.shears[name]) + slope * np.linalg.norm(g)
+        found[name] = np.linalg.norm(at.shears[name] - at.slope @ g) / size
+    return {"flow": np.linalg.norm(at.still) / np.linalg.norm(at.rate), **found}
+
+
+def _largest(measure: Callable, nearby: list[_Local]) -> dict[str, np.ndarray]:
+    """The largest of each measure over several points, without those where it is NaN."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        each = [measure(at) for at in nearby]
+    return {name: np.fmax.reduce([leaks[name] for leaks in each]) for name in each[0]}
