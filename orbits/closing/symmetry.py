@@ -4,6 +4,8 @@ These include relabelling equal bodies, reflections, half turns and time reversa
 by another angle: see `orbits.relative`.
 """
 
+from typing import TypeVar
+
 import equinox as eqx
 import jax
 import numpy as np
@@ -14,6 +16,8 @@ from jaxdyn._checks import fail
 
 #: Largest relative error by which a symmetry may fail to preserve the vector field.
 EXACT = 1e-9
+
+A = TypeVar("A", Array, np.ndarray)
 
 
 @jax.jit
@@ -35,7 +39,7 @@ class Symmetry(eqx.Module):
     signs: tuple[int, ...] | None = eqx.field(static=True, default=None)
     reversing: bool = eqx.field(static=True, default=False)
 
-    def act(self, y: Array | np.ndarray) -> Array | np.ndarray:
+    def act(self, y: A) -> A:
         """(k,) the symmetry applied to a state, or to a rate up to the direction of time."""
         y = y if self.places is None else y[np.array(self.places)]
         return y if self.signs is None else y * np.array(self.signs, float)

@@ -8,7 +8,7 @@ matrix, as for an oscillator, the first test alone would confirm every candidate
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -98,7 +98,7 @@ def complement(
     return kernel @ u[:, _rank(s) :], names
 
 
-def symmetries(scene: Scene) -> dict[str, np.ndarray]:
+def symmetries(scene: Scene) -> dict[str, Any]:
     """Directions (k,) at the scene's start that commute with the vector field, the flow's first.
 
     They are tested on the vector field alone. If it depends on time, the flow is not among them.
@@ -181,7 +181,7 @@ def _leaks(at: _Local) -> dict[str, np.ndarray]:
     }
 
 
-def _commutators(at: _Local) -> dict[str, np.ndarray]:
+def _commutators(at: _Local) -> dict[str, Any]:
     """() commutator of each direction with f over the size of its two terms; 0 for a symmetry."""
     slope, found = np.linalg.norm(at.slope), {}
     for name, g in at.moves.items():
