@@ -8,7 +8,7 @@ from jaxtyping import Array
 from jaxdyn import Scene, Status, System
 from jaxdyn.analysis.monodromy import monodromy as monodromy
 from orbits.orbit import Orbit
-from orbits.shooting.pieces import Piece, linearised_end
+from orbits.shooting.segment import Piece, linearised_end
 
 _TANGENT = 1e-6  # smaller singular values of a projection's derivative are directions it removes
 

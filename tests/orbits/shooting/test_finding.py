@@ -18,7 +18,7 @@ from jaxdyn import Effect, Scene, effects, scenes
 from jaxdyn.analysis.energy import energy
 from jaxdyn.formulations.newton import FreePoints
 from orbits import Outcome
-from orbits.shooting import equations, pieces
+from orbits.shooting import equations, segment
 
 
 class Spring(Effect):
@@ -123,21 +123,21 @@ def test_the_direction_round_the_ring_is_the_guesses(order):
 
 def test_new_numbers_never_compile_again(cycle):
     # A direct count: the one compiled function of the finder.
-    before = pieces.compiled_end._cache_size()
+    before = segment.compiled_end._cache_size()
     for mu, y0, period in ((1.0, [2.0, 0.0], 6.6), (0.9, [1.9, 0.1], 6.5), (1.1, [2, 0.2], 6.7)):
         assert orbits.find(van_der_pol(mu), y0, period).ok
-    assert pieces.compiled_end._cache_size() == before
+    assert segment.compiled_end._cache_size() == before
 
 
 def test_new_masses_never_compile_again():
     orbits.find(scenes.three_body(), closing=orbits.choreography(3))
-    before = pieces.compiled_end._cache_size()
+    before = segment.compiled_end._cache_size()
     slow = np.sqrt(2.0)  # twice the mass: the same curve, faster
     y0 = np.array(scenes.EIGHT) * np.repeat([1.0, slow], 6)
     scene = scenes.three_body(y0, m=(2.0, 2.0, 2.0), t1=scenes.EIGHT_PERIOD / slow)
     orbit = orbits.find(scene, closing=orbits.choreography(3)[1])
     assert abs(orbit.period * slow - scenes.EIGHT_PERIOD) < 1e-6
-    assert pieces.compiled_end._cache_size() == before
+    assert segment.compiled_end._cache_size() == before
 
 
 def test_bounds_hold_for_every_point_looked_at(monkeypatch):
