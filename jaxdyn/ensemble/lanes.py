@@ -25,7 +25,7 @@ from jaxdyn import _text
 from jaxdyn._numerics import two_sum
 from jaxdyn._text import counted
 from jaxdyn.integrate.flow import UNROLLED_BELOW, Settings
-from jaxdyn.integrate.step_control import Limits, StepControl, Watch
+from jaxdyn.integrate.step_control import Limits, StepControl, Watch, clipped
 from jaxdyn.scene import Field
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.method import operations
@@ -34,7 +34,6 @@ from jaxdyn.status import Status
 #: Lanes of a group. A loop over 16 or fewer is unrolled by the compiler before vectorisation, and
 #: is slower by half; from 48 on the stages of a step exceed the first-level cache.
 WIDTH = 32
-_CLOSE_ULPS = 100.0  # an end closer than this many spacings of t is reached by the step
 
 
 class Motions(NamedTuple):
@@ -203,7 +202,7 @@ class _Work(eqx.Module):
             ended=~(ok & (start < end)),
             direction=direction,
             t=start,
-            tnext=_clipped(tnext, end),
+            tnext=clipped(tnext, end),
             t1=end,
             y=y,
             carry=jnp.zeros_like(y),
@@ -264,7 +263,7 @@ class _Work(eqx.Module):
             running=~over,
             ended=over,
             t=t,
-            tnext=_clipped(tnext, lane.t1),
+            tnext=clipped(tnext, lane.t1),
             y=jnp.where(keep, y, lane.y),
             carry=jnp.where(keep, carry, lane.carry),
             status=status,
@@ -278,7 +277,7 @@ class _Work(eqx.Module):
     def end(self, lane: _Lane) -> Ends:
         """The result of a lane that has ended."""
         y = jnp.where(lane.status == Status.OK, lane.y, jnp.nan)
-        seen = lane.control[1]  # the first entry is the sample nodes, of which there are none
+        seen = lane.control.watch
         t = lane.direction * lane.t
         return Ends(
             y1=y, t=t, status=lane.status, steps=lane.steps, rejected=lane.rejected, seen=seen
@@ -287,8 +286,3 @@ class _Work(eqx.Module):
     def _control(self, direction: Array) -> StepControl:
         rtol, atol = self.limits.tolerance
         return StepControl(rtol=rtol, atol=atol, ts=jnp.zeros(0), watch=self.watch).wrap(direction)
-
-
-def _clipped(tnext: Array, t1: Array) -> Array:
-    close = _CLOSE_ULPS * jnp.finfo(t1.dtype).eps * jnp.abs(t1)
-    return jnp.where(tnext > t1 - close, t1, tnext)

@@ -124,7 +124,7 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
         diffrax.ODETerm(_rate),
         Stepper(method, h, stop_if_stiff=settings.stops),
         t0,
-        t1,
+        t1 + (t1 - t0),  # never reached: the step control ends the run
         None,
         y0,
         args=field,
@@ -141,18 +141,23 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
     assert ts_end is not None  # all three are saved, see above
     assert ys_end is not None
     assert state is not None
-    ends = jnp.stack([t0, direction * ts_end[-1]]), jnp.stack([y0, ys_end[-1]])
+    end = direction * jnp.minimum(ts_end[-1], direction * t1)
+    ends = jnp.stack([t0, end]), jnp.stack([y0, ys_end[-1]])
     open_ = jax.lax.map(lambda end: field.undetermined(*end), ends)
     if open_ is not None:
         status = jnp.where(open_.any(), int(Status.SINGULAR), status)
     y1 = jnp.where(status == Status.OK, ys_end[-1], jnp.nan)
-    nodes, memory = control.seen(solution.controller_state)
-    ys = _from_nodes(field, direction * nodes.t, nodes.y, ts, method, limits.samples)
-    steps, rejected = (solution.stats[f"num_{x}_steps"] for x in ("accepted", "rejected"))
-    stiff = is_stiff(state[1])
-    return SolveResult(
-        y1=y1, ys=ys, steps=steps, rejected=rejected, status=status, stiff=stiff
-    ), memory
+    seen = control.seen(solution.controller_state)
+    steps = solution.stats["num_accepted_steps"]
+    result = SolveResult(
+        y1=y1,
+        ys=seen.samples.ys,
+        steps=steps,
+        rejected=seen.steps - steps,  # diffrax counts steps to samples as rejected
+        status=status,
+        stiff=is_stiff(state[1]),
+    )
+    return result, seen.watch
 
 
 @flow.def_jvp
@@ -198,30 +203,3 @@ def _status(result, given: tuple[Array, ...]) -> Array:
     # One test for all: each costs XLA on CPU a quarter of a microsecond of memory management.
     finite = jnp.isfinite(jnp.concatenate([x.ravel() for x in given])).all()
     return jnp.where(finite, status, int(Status.NOT_FINITE))
-
-
-def _from_nodes(field, node_t: Array, node_y: Array, ts: Array, method: Method, count) -> Array:
-    """One step of the method itself from each node to the wanted time beyond it.
-
-    Only for the first `count` nodes, if `count` is given; the others are NaN.
-    """
-    if not len(ts):
-        return node_y
-
-    def step(node):
-        t, y, h = node
-        increment = method.in_loops(1).advance(field.rate, t, h, y).increment
-        return field.project(t + h, y + increment)
-
-    # Sequentially, like the steps themselves: vmapped they take up to three times as long, in a
-    # program that takes four times as long to compile (measured, linkages and three bodies).
-    nodes = (node_t, node_y, ts - node_t)
-    if count is None:
-        return jax.lax.map(step, nodes)
-    put = jax.lax.dynamic_update_index_in_dim
-    return jax.lax.fori_loop(
-        0,
-        count,
-        lambda i, ys: put(ys, step(jax.tree.map(lambda x: x[i], nodes)), i, 0),
-        jnp.full_like(node_y, jnp.nan),
-    )

@@ -179,9 +179,8 @@ def solve(
         if n and not adjoint:
             # NaN is never reached; derivatives would see it, and traces recompile anyway.
             ts = np.concatenate([ts, np.full(_filling(n, y0.size), np.nan)])
-            held_to = held_to._replace(samples=np.asarray(n))
     compiled = _compiled_adjoint if adjoint else _compiled
-    run = functools.partial(compiled, field, y0, ts, numbers, held_to.samples)
+    run = functools.partial(compiled, field, y0, ts, numbers)
     out = _auto(run, settings, traced) if auto else run(settings=settings)
     if len(ts) == n:
         return out
@@ -223,9 +222,9 @@ def _unpacked(run: Callable[..., SolveResult]) -> Callable[..., SolveResult]:
     A compiled call takes about 1 us for each argument that is a NumPy array. [measured]
     """
 
-    def unpacked(field, y0, ts, numbers, samples, *, settings: Settings) -> SolveResult:
+    def unpacked(field, y0, ts, numbers, *, settings: Settings) -> SolveResult:
         t0, t1, *tolerance, most = numbers
-        held_to = Limits(jnp.stack(tolerance), most.astype(int), samples)
+        held_to = Limits(jnp.stack(tolerance), most.astype(int))
         return run(field, y0, t0, t1, ts, held_to, settings=settings)
 
     return jax.jit(unpacked, static_argnames="settings")

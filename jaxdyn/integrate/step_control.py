@@ -5,10 +5,11 @@ shorten the step after an accepted one (otherwise 10 to 35 % of the steps on an 
 rejected), it measures each variational column of a state by its own size, and it ends with a
 status, instead of trying for ever, when the step falls below the spacing of floating-point times.
 
-Samples between steps are not interpolated. The observer only notes from which accepted node each
-requested time can be reached; `flow` then takes one more step of the same method from that node,
-so samples are as accurate as the steps (an interpolant of matching order would need more stages
-than the method has).
+Samples between steps are not interpolated: an interpolant of matching order would need more stages
+than most methods have. A step that would pass a requested time is preceded by a shorter one that
+ends there and is not continued from. So samples are as accurate as steps, they do not change the
+steps, and the program contains one step only (a second one for samples compiled for half as long
+again, and its loop over stages ran two to five times slower than unrolled stages).
 """
 
 import abc
@@ -32,6 +33,7 @@ _SHRINK, _GROW = 0.2, 8.0  # limits of one change of step
 _MIN_STEP_ULPS = 8.0  # a step shorter than this many spacings of t is meaningless
 _MIN_FIXED_STEP_ULPS = 1000.0  # likewise for fixed steps
 _MIN_STEP = 1e-100  # [time] likewise at t = 0, where the spacing says nothing
+_CLOSE_ULPS = 100.0  # of the end: closer to it a step is too short; as in diffrax
 _WRITTEN_OUT = 32  # entries of a state: at most this many products are unrolled in a norm
 
 
@@ -42,47 +44,54 @@ class Limits(NamedTuple):
       tolerance: (2,) relative and absolute tolerance of one step; (1,) its length, where the method
         takes equal steps.
       max_steps: () largest number of steps.
-      samples: () how many of the requested times count, where the others only pad the array to
-        a length shared by other numbers of samples; None where all count.
     """
 
     tolerance: Array
     max_steps: Array
-    samples: Array | None = None
 
 
-class Nodes(eqx.Module):
-    """For each wanted time, the last accepted node at or before it, as the run goes on."""
+class Samples(eqx.Module):
+    """The states at the wanted times, as the run goes on.
 
-    next: Array  # () index of the first sample not reached yet
-    t: Array  # (s,) node times
-    y: Array  # (s, ...) node states
+    Attributes:
+      next: () index of the first one not reached yet.
+      ys: (s, ...) states; NaN where not reached, so that a run that fails leaves no finite wrong
+        numbers.
+      aim: () where the step in hand ends once all samples within it are taken.
+    """
+
+    next: Array
+    ys: Array
+    aim: Array
 
     @classmethod
-    def empty(cls, ts: Array, t0: Array, y0: Array) -> "Nodes":
-        """Nodes at which only samples at the start are reached (a run from t0 to t0 takes no step).
+    def empty(cls, ts: Array, t0: Array, y0: Array) -> "Samples":
+        """Those at the start are known; a run from t0 to t0 takes no step."""
+        at_start = ts == t0
+        rows = at_start.reshape(-1, *[1] * y0.ndim)
+        return cls(jnp.sum(at_start), jnp.where(rows, y0[None], jnp.nan), t0)
 
-        The others are NaN, so that a run that fails leaves no finite wrong numbers.
-        """
-        at_start = (ts == t0).reshape(-1, *[1] * y0.ndim)
-        return cls(
-            jnp.zeros((), int),
-            jnp.where(ts == t0, t0, jnp.nan),
-            jnp.where(at_start, y0[None], jnp.nan),
-        )
+    def taken(self, ts: Array, t: Array, y: Array) -> "Samples":
+        """With the state at t; earlier ones that are still missing were not in order, and lost."""
 
-    def passed(self, ts: Array, t0: Array, y0: Array, t1: Array) -> "Nodes":
-        """After an accepted step from (t0, y0) to t1."""
+        def reached(samples: Samples) -> Array:
+            return (samples.next < len(ts)) & (samples._time(ts) <= t)
 
-        def reached(nodes: Nodes) -> Array:
-            return (nodes.next < len(ts)) & (ts[jnp.minimum(nodes.next, len(ts) - 1)] <= t1)
-
-        def note(nodes: Nodes) -> Nodes:
-            i = nodes.next
+        def put(samples: Samples) -> Samples:
+            row = jnp.where(samples._time(ts) == t, y, jnp.nan)
             put = jax.lax.dynamic_update_index_in_dim
-            return Nodes(i + 1, put(nodes.t, t0, i, 0), put(nodes.y, y0, i, 0))
+            return Samples(samples.next + 1, put(samples.ys, row, samples.next, 0), samples.aim)
 
-        return jax.lax.while_loop(reached, note, self)
+        return jax.lax.while_loop(reached, put, self)
+
+    def towards(self, ts: Array, t0: Array, aim: Array) -> tuple["Samples", Array]:
+        """For a step from t0 to `aim`, and where to go first."""
+        t = self._time(ts)
+        within = (self.next < len(ts)) & (t0 < t) & (t < aim)
+        return Samples(self.next, self.ys, aim), jnp.where(within, t, aim)
+
+    def _time(self, ts: Array) -> Array:
+        return ts[jnp.minimum(self.next, len(ts) - 1)]
 
 
 class Watch(eqx.Module):
@@ -101,16 +110,56 @@ class Watch(eqx.Module):
         """Its memory after a step, and whether to stop; a rejected step changes nothing."""
 
 
-class _Observing(eqx.Module):
-    """What adaptive and fixed steps share: nodes of the samples, a watch, a step limit.
+class _Seen(NamedTuple):
+    """The memory of a run's observers.
 
-    The limit is not diffrax's `max_steps`, which is a constant of the compiled program.
+    Attributes:
+      samples: the states at the wanted times.
+      watch: the memory of the watch, if any.
+      steps: () steps so far, also rejected ones; None where they are counted elsewhere.
+    """
+
+    samples: Samples
+    watch: Any
+    steps: Array | None
+
+
+class _Tried(NamedTuple):
+    """A step, as its observers see it.
+
+    Attributes:
+      fine: () whether it is accurate enough.
+      sampling: () whether it ended at a sample, and is not continued from.
+      t0: () its start.
+      y0: (k, ...) the state there.
+      t1: () its end.
+      y1: (k, ...) the state there.
+    """
+
+    fine: Array
+    sampling: Array
+    t0: Array
+    y0: Array
+    t1: Array
+    y1: Array
+
+    @property
+    def keep(self) -> Array:
+        """() whether the run goes on from its end."""
+        return self.fine & ~self.sampling
+
+
+class _Observing(eqx.Module):
+    """What adaptive and fixed steps share: samples, a watch, a step limit, the end.
+
+    The limit is not diffrax's `max_steps`, which is a constant of the compiled program; the end is
+    not diffrax's either, which halves the step before it after each one that is not continued from.
 
     Attributes:
       ts: (s,) requested times in the direction of integration; (0,) for none.
       watch: the observer of the steps, if any.
       limit: () maximum number of steps, and () the end of the span that must be reached within
-        it; None where steps are counted elsewhere.
+        it; None where steps are counted, and the run is ended, elsewhere.
     """
 
     ts: eqx.AbstractVar[Array]
@@ -122,24 +171,54 @@ class _Observing(eqx.Module):
         limit = None if self.limit is None else (self.limit[0], self.limit[1] * direction)
         return dataclasses.replace(self, ts=self.ts * direction, watch=watch, limit=limit)
 
-    def _begin(self, t0: Array, y0: Array) -> tuple[Nodes, Any, Array | None]:
+    def _begin(self, t0: Array, y0: Array, t1: Array) -> tuple[Array, _Seen]:
+        """Where the first step goes, if it may go to t1, and the memory before it."""
         memory = None if self.watch is None else self.watch.start(t0, y0)
-        steps = None if self.limit is None else jnp.zeros((), int)
-        return Nodes.empty(self.ts, t0, y0), memory, steps
+        steps = None if self.limit is None else jnp.asarray(0)  # weak, as in diffrax
+        samples = Samples.empty(self.ts, t0, y0)
+        samples, tnext = self._towards(samples, t0, t1)
+        return tnext, _Seen(samples, memory, steps)
 
-    def _observe(self, keep, t0, y0, t1, y1, seen: tuple, result) -> tuple:
-        """The memory after a step, and the result, which also says whether to stop."""
-        nodes, memory, steps = seen
+    def _towards(self, samples: Samples, t0: Array, t1: Array) -> tuple[Samples, Array]:
+        aim = t1 if self.limit is None else clipped(t1, self.limit[1])
+        return samples.towards(self.ts, t0, aim) if len(self.ts) else (samples, aim)
+
+    def _tried(self, fine, t0, y0, t1, y1, seen: _Seen) -> _Tried:
+        sampling = t1 < seen.samples.aim if len(self.ts) else jnp.zeros((), bool)
+        return _Tried(fine, sampling, t0, y0, t1, y1)
+
+    def _observe(self, tried: _Tried, following: Array, seen: _Seen, result) -> tuple:
+        """What diffrax asks for after a step: where it starts and ends next, memory, result.
+
+        Args:
+          tried: the step.
+          following: () where the next one may end.
+          seen: the memory before.
+          result: whether step control has failed.
+        """
+        keep, t0, t1 = tried.keep, tried.t0, tried.t1
+        samples, memory, steps = seen
+        start = jnp.where(keep, t1, t0)
         if len(self.ts):
-            nodes = nodes.passed(self.ts, t0, y0, jnp.where(keep, t1, -jnp.inf))
+            following = jnp.where(tried.fine & tried.sampling, samples.aim, following)
+            samples = samples.taken(self.ts, jnp.where(tried.fine, t1, -jnp.inf), tried.y1)
+        samples, tnext = self._towards(samples, start, following)
         if self.watch is not None:
-            memory, stop = self.watch.see(keep, t0, y0, t1, y1, memory)
+            memory, stop = self.watch.see(keep, t0, tried.y0, t1, tried.y1, memory)
             result = diffrax.RESULTS.where(stop, diffrax.RESULTS.event_occurred, result)
         if self.limit is not None:
-            (most, end), steps = self.limit, steps + 1
-            over = (steps >= most) & ~(keep & (t1 >= end)) & (result == diffrax.RESULTS.successful)
+            (most, end), steps = self.limit, steps + jnp.where(tried.fine & tried.sampling, 0, 1)
+            arrived = keep & (t1 >= end)
+            over = (steps >= most) & ~arrived & (result == diffrax.RESULTS.successful)
             result = diffrax.RESULTS.where(over, diffrax.RESULTS.max_steps_reached, result)
-        return (nodes, memory, steps), result
+            start = jnp.where(arrived, jnp.inf, start)  # diffrax's loop ends there
+        return start, tnext, _Seen(samples, memory, steps), result
+
+
+def clipped(t: Array, end: Array) -> Array:
+    """The time t, or the end where that is closer than a step can be."""
+    close = _CLOSE_ULPS * jnp.finfo(t.dtype).eps * jnp.abs(end)
+    return jnp.where(t > end - close, end, t)
 
 
 def _mean_square(y: Array) -> Array:
@@ -168,9 +247,9 @@ class StepControl(_Observing, diffrax.AbstractAdaptiveStepSizeController):
     #: diffrax asks for these two names of every adaptive controller.
     norm: ClassVar[Callable] = staticmethod(lambda y: jnp.max(jnp.sqrt(_mean_square(y))))
 
-    def seen(self, state) -> tuple[Nodes, Any]:
-        """The nodes of the samples and the memory of the watch, from the final state."""
-        return state[:2]
+    def seen(self, state) -> _Seen:
+        """The samples, the memory of the watch and the number of steps, from the final state."""
+        return state
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
         # diffrax's choice of the first step (Hairer, Norsett, Wanner, II.4).
@@ -178,24 +257,24 @@ class StepControl(_Observing, diffrax.AbstractAdaptiveStepSizeController):
         tnext, _ = first.init(terms, t0, t1, y0, dt0, args, func, error_order)
         # A NaN rate gives a NaN step; the run must still end.
         tnext = jnp.where(jnp.isfinite(tnext), tnext, t1)
-        return tnext, self._begin(t0, y0)
+        return self._begin(t0, y0, tnext)
 
     def adapt_step_size(self, t0, t1, y0, y1_candidate, args, y_error, error_order, state):
         del args
         error = self.norm(y_error / self._scale(y0, y1_candidate))
         error = jnp.where(jnp.isfinite(error), error, jnp.inf)
-        keep = error <= 1.0
+        tried = self._tried(error <= 1.0, t0, y0, t1, y1_candidate, state)
         h = t1 - t0
         factor = _SAFETY * jnp.maximum(error, 1e-30) ** (-1.0 / error_order)
-        h_next = h * jnp.clip(factor, _SHRINK, jnp.where(keep, _GROW, _SAFETY))
+        h_next = h * jnp.clip(factor, _SHRINK, jnp.where(tried.fine, _GROW, _SAFETY))
         spacing = jnp.finfo(h.dtype).eps * jnp.abs(t0)
-        collapsed = ~keep & (h_next <= _MIN_STEP_ULPS * spacing + _MIN_STEP)
-        start = jnp.where(keep, t1, t0)
+        collapsed = ~tried.fine & (h_next <= _MIN_STEP_ULPS * spacing + _MIN_STEP)
         result = diffrax.RESULTS.where(
             collapsed, diffrax.RESULTS.dt_min_reached, diffrax.RESULTS.successful
         )
-        state, result = self._observe(keep, t0, y0, t1, y1_candidate, state, result)
-        return keep, start, start + h_next, False, state, result
+        following = jnp.where(tried.keep, t1, t0) + h_next
+        start, tnext, state, result = self._observe(tried, following, state, result)
+        return tried.keep, start, tnext, False, state, result
 
     def _scale(self, y0: Array, y1: Array) -> Array:
         # y1 may be NaN after a bad step; its error is NaN then and the step is rejected.
@@ -223,29 +302,33 @@ class FixedSteps(_Observing, diffrax.AbstractStepSizeController):
     watch: Watch | None = None
     limit: tuple[Array, Array] | None = None
 
-    def seen(self, state) -> tuple[Nodes, Any]:
-        """The nodes of the samples and the memory of the watch, from the final state."""
-        return state[0][:2]
+    def seen(self, state) -> _Seen:
+        """The samples, the memory of the watch and the number of steps, from the final state."""
+        return state[0]
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
-        del terms, dt0, args, func, error_order
-        h = (t1 - t0) / self.n
-        tnext = jnp.where(jnp.isfinite(h), t0 + h, t1)  # the run must still end
-        return tnext, (self._begin(t0, y0), (t0, h, jnp.ones(())))
+        del terms, t1, dt0, args, func, error_order
+        assert self.limit is not None
+        end = self.limit[1]
+        h = (end - t0) / self.n
+        first = jnp.where(jnp.isfinite(h), t0 + h, end)  # the run must still end
+        tnext, seen = self._begin(t0, y0, first)
+        return tnext, (seen, (t0, h, jnp.ones(())))
 
     def adapt_step_size(self, t0, t1, y0, y1_candidate, args, y_error, error_order, state):
         del args, y_error, error_order
         seen, (begin, h, done) = state
+        tried = self._tried(jnp.ones((), bool), t0, y0, t1, y1_candidate, seen)
         fine = jnp.isfinite(y1_candidate).all()
-        # diffrax treats the last hundred spacings before the end as the end.
+        # The last hundred spacings before the end count as the end.
         collapsed = h < _MIN_FIXED_STEP_ULPS * jnp.finfo(h.dtype).eps * jnp.abs(t1)
         result = diffrax.RESULTS.where(
             fine, diffrax.RESULTS.successful, diffrax.RESULTS.nonlinear_divergence
         )
         result = diffrax.RESULTS.where(collapsed, diffrax.RESULTS.dt_min_reached, result)
-        seen, result = self._observe(fine, t0, y0, t1, y1_candidate, seen, result)
-        tnext = begin + (done + 1) * h
-        return True, t1, tnext, False, (seen, (begin, h, done + 1)), result
+        done = done + jnp.where(tried.keep, 1.0, 0.0)
+        start, tnext, seen, result = self._observe(tried, begin + done * h, seen, result)
+        return tried.keep, start, tnext, False, (seen, (begin, h, done)), result
 
 
 def steps_of(dt: Array, t0: Array, t1: Array) -> Array:

@@ -14,6 +14,8 @@ from jaxdyn.solvers.perturbed import begun
 
 #: Net stability-limited steps before a run is flagged stiff.
 _STIFF_COUNT = 50
+#: Roundings of the times of a fixed step by which their difference may be shorter than the step.
+_TIME_ROUNDINGS = 4.0
 
 
 class Stepper(diffrax.AbstractAdaptiveSolver):
@@ -26,7 +28,8 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
 
     Attributes:
       method: the method.
-      h: () the step where it is fixed, exactly: a difference of times would be rounded.
+      h: () the step where it is fixed, exactly: a difference of times would be rounded. Steps to
+        samples are shorter.
       stop_if_stiff: whether to end a run that turns out to be stiff.
     """
 
@@ -52,7 +55,11 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         del made_jump
         carry, count = solver_state
         # Backwards in time diffrax increases t and negates the control: h < 0.
-        h = terms.contr(t0, t1) if self.h is None else self.h
+        h = terms.contr(t0, t1)
+        if self.h is not None:
+            # A step to a sample is shorter by more than rounding.
+            rounding = _TIME_ROUNDINGS * jnp.finfo(h.dtype).eps * jnp.maximum(abs(t0), abs(t1))
+            h = jnp.where(jnp.abs(self.h) - jnp.abs(h) > rounding, h, self.h)
         sign = jnp.where(h < 0, -1.0, 1.0)
 
         now, start, y = begun(args, sign * t0, y0)

@@ -6,8 +6,8 @@ import pytest
 from helpers import gap, kepler, kepler_state
 
 from jaxdyn.integrate.simulation import solve
-from jaxdyn.integrate.step_control import Nodes, StepControl
-from jaxdyn.solvers import VERNER9
+from jaxdyn.integrate.step_control import Samples, StepControl
+from jaxdyn.solvers import KAHAN_LI8, VERNER9
 
 
 @pytest.mark.parametrize("solver", [None, VERNER9], ids=["Nystrom", "Verner"])
@@ -54,15 +54,40 @@ def test_tangents_are_measured_by_the_largest_entry_of_their_column():
     assert float(control.norm(jnp.array([[1.0, 0.0], [1.0, 3.0]]))) == np.sqrt(4.5)
 
 
-def test_nodes_note_the_start_of_the_step_that_passes_a_sample():
-    ts = jnp.array([0.0, 0.5, 0.6, 2.0, 9.0])
+def test_samples_are_ends_of_shorter_steps():
+    ts = jnp.array([0.0, 0.5, 0.6, 0.6, 2.0, 9.0])
     y = jnp.array([1.0, 2.0])
-    nodes = Nodes.empty(ts, jnp.array(0.0), y)
-    np.testing.assert_array_equal(nodes.t, [0.0, *[np.nan] * 4])  # the start is known
-    nodes = nodes.passed(ts, jnp.array(0.0), y, jnp.array(0.4))
-    assert nodes.next == 1
-    nodes = nodes.passed(ts, jnp.array(0.4), 2 * y, jnp.array(2.0))  # at the end counts
-    assert nodes.next == 4
-    nodes = nodes.passed(ts, jnp.array(2.0), 3 * y, jnp.array(-jnp.inf))  # a rejected step
-    np.testing.assert_array_equal(nodes.t, [0.0, 0.4, 0.4, 0.4, np.nan])
-    np.testing.assert_array_equal(nodes.y[:, 0], [1.0, 2.0, 2.0, 2.0, np.nan])
+    samples = Samples.empty(ts, jnp.array(0.0), y)
+    np.testing.assert_array_equal(samples.ys[:, 0], [1.0, *[np.nan] * 5])  # the start is known
+    samples, to = samples.towards(ts, jnp.array(0.0), jnp.array(0.4))
+    assert to == 0.4
+    samples, to = samples.towards(ts, jnp.array(0.4), jnp.array(2.0))
+    assert to == 0.5
+    samples = samples.taken(ts, to, 2 * y)
+    samples, to = samples.towards(ts, jnp.array(0.4), samples.aim)
+    assert to == 0.6
+    samples = samples.taken(ts, to, 3 * y)  # both that are equal
+    samples, to = samples.towards(ts, jnp.array(0.4), samples.aim)
+    assert to == 2.0  # one at the end is the step itself
+    samples = samples.taken(ts, to, 4 * y)
+    np.testing.assert_array_equal(samples.ys[:, 0], [1.0, 2.0, 3.0, 3.0, 4.0, np.nan])
+
+
+@pytest.mark.parametrize(("solver", "dt"), [(None, None), (KAHAN_LI8, 0.0871)])
+def test_samples_neither_change_the_steps_nor_count_as_steps(solver, dt):
+    scene, rtol = kepler(0.3), 1e-12
+    plain = solve(scene, 5.0, rtol=rtol, solver=solver, dt=dt)
+    ts = jnp.sort(jnp.concatenate([jnp.linspace(0.0, 5.0, 40), jnp.array([1e-9, 5.0 - 1e-13])]))
+    for end in (5.0, -5.0):
+        out = solve(scene, end, ts=end / 5.0 * ts, rtol=rtol, solver=solver, dt=dt)
+        assert (out.steps, out.rejected) == (plain.steps, plain.rejected)
+        exact = jnp.stack([kepler_state(0.3, float(t)) for t in end / 5.0 * ts])
+        assert gap(out.ys, exact) < (1e-11 if dt is None else 1e-7)
+        if end > 0:
+            assert gap(out.y1, plain.y1) < 1e-14  # two programs, which round differently
+
+
+def test_samples_out_of_order_are_refused_where_they_cannot_be_checked():
+    ts = jnp.array([2.0, 1.0, 3.0])
+    ys = solve(kepler(0.3), 5.0, ts=ts).ys
+    np.testing.assert_array_equal(jnp.isnan(ys[:, 0]), [False, True, False])
