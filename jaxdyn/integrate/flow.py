@@ -141,17 +141,20 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
     assert ts_end is not None  # all three are saved, see above
     assert ys_end is not None
     assert state is not None
-    end = direction * jnp.minimum(ts_end[-1], direction * t1)
-    ends = jnp.stack([t0, end]), jnp.stack([y0, ys_end[-1]])
+    # Increasing; beyond t1 where the step control has ended the run there.
+    last = jnp.minimum(direction * ts_end[-1], direction * t1)
+    ends = jnp.stack([t0, direction * last]), jnp.stack([y0, ys_end[-1]])
     open_ = jax.lax.map(lambda end: field.undetermined(*end), ends)
     if open_ is not None:
         status = jnp.where(open_.any(), int(Status.SINGULAR), status)
     y1 = jnp.where(status == Status.OK, ys_end[-1], jnp.nan)
     seen = control.seen(solution.controller_state)
+    # Not those taken within a step that failed.
+    reached = (direction * ts <= last).reshape(-1, *[1] * y0.ndim)
     steps = solution.stats["num_accepted_steps"]
     result = SolveResult(
         y1=y1,
-        ys=seen.samples.ys,
+        ys=jnp.where(reached, seen.samples.ys, jnp.nan),
         steps=steps,
         rejected=seen.steps - steps,  # diffrax counts steps to samples as rejected
         status=status,

@@ -36,6 +36,7 @@ from jaxdyn.solvers.taylor.recurrences import Coefficient, is_guarded, products,
 _MOST_PRODUCTS = 48
 #: Entries of a state; with more of them a step takes ten times as long, see `_in_one_array`.
 _MOST_NUMBERS = 15
+_SINGULAR = ("div", "sqrt", "pow", "log")  # at some values of their arguments
 _KINDS = 256  # of systems whose products are remembered
 _LOWEST, _HIGHEST = 4, 40  # orders
 #: Error of a step across a jump, as a part of the difference of slopes at its end.
@@ -58,15 +59,17 @@ class Taylor(Method):
     Limits: elementary functions of a state of one axis, without loops of unknown length, hence
       without most linear algebra, and without conditions such as absolute values and friction
       that reverses; at most 48 products of moving numbers. With more than 15 numbers it is
-      slow. Variational equations are integrated by `VERNER9`.
+      slow.
 
     Attributes:
       order: number of terms besides the start, 4 to 40.
+      tangents: the method of variational equations, of events and of ensembles; one for
+        velocity-independent forces makes the series one for such scenes as well.
     """
 
     order: int
+    tangents: Method = VERNER9
     adaptive: ClassVar[bool] = True
-    position_only: ClassVar[bool] = False
 
     def __post_init__(self):
         _checks.whole("order", self.order, _LOWEST, _HIGHEST, "It is that of the Taylor series.")
@@ -91,9 +94,14 @@ class Taylor(Method):
         return grows_from(growth)
 
     @property
+    def position_only(self) -> bool:
+        """Only where its method for tangents is."""
+        return self.tangents.position_only
+
+    @property
     def for_tangents(self) -> Method:
-        """`VERNER9`: each column of tangents would need as many formulas again."""
-        return VERNER9
+        """A pair: each column of tangents would need as many formulas again."""
+        return self.tangents
 
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
         guarded = is_guarded(_formulas(field, t, y)[1])
@@ -131,10 +139,12 @@ class Series(NamedTuple):
       products: at each order.
       everywhere: whether there is one at each state at which the rate is finite; a root has none
         at 0.
+      entire: whether the rate has no quotient, root, logarithm or power that may be singular.
     """
 
     products: int
     everywhere: bool
+    entire: bool
 
 
 def series_of(system, y: Array, longest: int | None = None) -> Series | None:
@@ -169,7 +179,8 @@ def _series_of(tree, kinds: tuple, k: int, longest: int | None) -> Series | None
         except NotElementary:
             return
         nodes = ordered(found.graph, found.rates)
-        answers.append(Series(products(nodes), not any(map(_ends, nodes))))
+        entire = not any(node.moving and node.op in _SINGULAR for node in nodes)
+        answers.append(Series(products(nodes), not any(map(_ends, nodes)), entire))
 
     shapes = [jax.ShapeDtypeStruct(*kind) for kind in (*kinds, ((), float), ((k,), float))]
     jax.eval_shape(look, shapes[:-2], *shapes[-2:])

@@ -216,9 +216,9 @@ def test_a_drift_has_the_size_of_what_changes_where_the_energy_is_zero():
     assert 0.2e-3 * speed < float(energy.drift(bad)) < 2e-3 * speed
 
 
-def test_a_second_order_rate_takes_the_nystrom_pair():
+def test_a_second_order_rate_takes_the_nystrom_pair_for_tangents():
     claimed = jaxdyn.ode(turn, [0.6, 0.8], second_order=True)
-    assert default_solver(claimed) is NYSTROM12
+    assert default_solver(claimed).for_tangents is NYSTROM12
     assert default_solver(TURNING) is TAYLOR14
     end = np.array([[np.cos(2), np.sin(2)], [-np.sin(2), np.cos(2)]]) @ [0.6, 0.8]
     assert gap(solve(claimed, 2.0, rtol=1e-13).y1, end) < SOLVED

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import SOLVED, gap
+from helpers import SOLVED, gap, kepler
 from odes import lorenz
 
 import jaxdyn
@@ -18,6 +18,10 @@ from jaxdyn.solvers.choice import reason
 def rooted(t, y):
     """Drag whose root has no derivative at rest, where the motion starts."""
     return [y[1], -9.81 - y[1] * jnp.sqrt(y[1] ** 2 + 0.0 * y[0])]
+
+
+def swing(t, y):
+    return [y[1], -jnp.sin(y[0])]
 
 
 def braked(t, y):
@@ -39,16 +43,47 @@ END = solve(LORENZ, 2.0, rtol=1e-13, solver=VERNER9).y1
     [
         (LORENZ, TAYLOR14, "takes 2 products"),
         (scenes.cannonball(drag=0.3), TAYLOR14, "takes 5 products"),
-        (scenes.three_body(), NYSTROM12, "do not depend on velocity"),
+        (scenes.three_body(), NYSTROM12, "do not depend on velocity, and its rate is long"),
+        (scenes.two_masses(), NYSTROM12, "do not depend on velocity, and its rate is long"),
         (scenes.double_pendulum(), VERNER9, "is long"),
         (jaxdyn.ode(rooted, [0.0, 0.0]), VERNER9, "has a root"),
         (jaxdyn.ode(braked, [1.0, 0.0]), VERNER9, "no Taylor series"),
     ],
-    ids=["lorenz", "ball", "eight", "mechanism", "root", "condition"],
+    ids=["lorenz", "ball", "eight", "spring", "mechanism", "root", "condition"],
 )
 def test_the_default_is_by_what_the_rate_is_made_of(scene, method, why):
     assert default_solver(scene) is method
     assert why in reason(scene)
+
+
+def test_a_series_for_forces_without_velocities_leaves_the_rest_to_the_nystrom_pair():
+    scene = jaxdyn.ode(swing, [2.0, 0.1], 3.0, second_order=True)
+    method = default_solver(scene)
+    assert method.name == "Taylor 14"
+    assert "do not depend on velocity, and its Taylor series takes 2 products" in reason(scene)
+    assert method.for_tangents is default_solver(scene, several=True) is NYSTROM12
+    assert default_solver(kepler(0.3)) is NYSTROM12
+    assert (
+        reason(kepler(0.3))
+        == "forces do not depend on velocity, and its rate has quotients or roots"
+    )
+
+    ts = jnp.array([1.0, 2.5])
+    exact = solve(scene, 3.0, ts=ts, rtol=1e-14, solver=VERNER9)
+    for fixed in (False, True):
+        found = solve(scene, 3.0, ts=ts, rtol=1e-13, fixed=fixed)
+        assert gap(found.ys, exact.ys) < SOLVED
+        assert gap(found.y1, exact.y1) < SOLVED
+
+    def height(y0, **how):
+        return jnp.cos(solve(scene.starting(y0), 3.0, rtol=1e-12, **how).y1[0])
+
+    by_pair = jax.jacfwd(lambda y: height(y, solver=NYSTROM12))(scene.y0)
+    assert gap(jax.jacfwd(height)(scene.y0), by_pair) < SOLVED
+    assert gap(jax.grad(lambda y: height(y, adjoint=True))(scene.y0), by_pair) < 1e-10
+    lowest = events.Reaches(0, 0.0)
+    found = [events.until(scene, lowest, rtol=1e-13, solver=each).y for each in (None, NYSTROM12)]
+    assert gap(*found) == 0
 
 
 def test_a_root_that_is_zero_at_the_start_is_passed_by_default():
