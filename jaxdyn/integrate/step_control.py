@@ -207,6 +207,7 @@ class _Observing(eqx.Module):
             memory, stop = self.watch.see(keep, t0, tried.y0, t1, tried.y1, memory)
             result = diffrax.RESULTS.where(stop, diffrax.RESULTS.event_occurred, result)
         if self.limit is not None:
+            assert steps is not None
             (most, end), steps = self.limit, steps + jnp.where(tried.fine & tried.sampling, 0, 1)
             arrived = keep & (t1 >= end)
             over = (steps >= most) & ~arrived & (result == diffrax.RESULTS.successful)
