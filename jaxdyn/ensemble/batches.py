@@ -18,7 +18,8 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from jaxdyn.ensemble.lanes import Ends, Motions, integrate
 from jaxdyn.integrate.flow import Settings
-from jaxdyn.integrate.step_control import Limits, Watch
+from jaxdyn.integrate.observing import Watch
+from jaxdyn.integrate.step_control import Limits
 
 _AXIS = "motions"
 

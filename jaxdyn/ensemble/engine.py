@@ -21,8 +21,8 @@ from jaxdyn.ensemble.batches import Job, cores, mesh_of
 from jaxdyn.ensemble.lanes import Ends, Motions
 from jaxdyn.integrate.fixed import FixedField
 from jaxdyn.integrate.flow import Settings
+from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits
-from jaxdyn.integrate.step_control import Watch
 from jaxdyn.scene import Scene, checked_scene
 from jaxdyn.solvers import Solver
 from jaxdyn.solvers.choice import checked_method

@@ -25,7 +25,8 @@ from jaxdyn import _text
 from jaxdyn._numerics import two_sum
 from jaxdyn._text import counted
 from jaxdyn.integrate.flow import UNROLLED_BELOW, Settings
-from jaxdyn.integrate.step_control import Limits, StepControl, Watch, clipped
+from jaxdyn.integrate.observing import Watch, clipped
+from jaxdyn.integrate.step_control import Limits, StepControl
 from jaxdyn.scene import Field
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.method import operations

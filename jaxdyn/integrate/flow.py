@@ -21,7 +21,8 @@ from jaxtyping import Array
 
 from jaxdyn import _text
 from jaxdyn._numerics import in_one_kernel
-from jaxdyn.integrate.step_control import FixedSteps, Limits, StepControl, Watch, steps_of
+from jaxdyn.integrate.observing import Watch
+from jaxdyn.integrate.step_control import FixedSteps, Limits, StepControl, steps_of
 from jaxdyn.integrate.variational import Variational, tangent_columns
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.method import operations

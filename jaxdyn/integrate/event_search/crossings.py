@@ -22,7 +22,7 @@ from jaxdyn.integrate.event_search.event_values import Sight, bends, looked
 from jaxdyn.integrate.event_search.polish import Bracket, polished
 from jaxdyn.integrate.event_search.stretches import settled
 from jaxdyn.integrate.flow import Settings, march
-from jaxdyn.integrate.step_control import Watch
+from jaxdyn.integrate.observing import Watch
 from jaxdyn.status import Status
 
 #: Parts of a step, or of a panel of it, at which events are sampled besides its beginning. Not

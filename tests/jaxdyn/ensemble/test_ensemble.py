@@ -17,8 +17,8 @@ from jaxdyn.ensemble import watches
 from jaxdyn.ensemble.batches import _alone
 from jaxdyn.ensemble.lanes import WIDTH
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.simulation import solve
-from jaxdyn.integrate.step_control import Watch
 from jaxdyn.scenes import catalogue
 from jaxdyn.solvers import NYSTROM12
 from jaxdyn.status import Status

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from helpers import gap, kepler, kepler_state
 
+from jaxdyn.integrate.observing import Samples
 from jaxdyn.integrate.simulation import solve
-from jaxdyn.integrate.step_control import Samples, StepControl
+from jaxdyn.integrate.step_control import StepControl
 from jaxdyn.solvers import KAHAN_LI8, VERNER9
 
 
