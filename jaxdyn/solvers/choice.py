@@ -43,13 +43,14 @@ def default_solver(scene: Scene, *, several: bool = False) -> Method:
       60 operations and 15 numbers without quotients and roots, of at most 8 products an order. At
       true errors of 1e-6, 1e-9 and 1e-12 that takes 0.69, 0.55 and 0.62 of the time for Henon and
       Heiles's potential and 0.34, 0.27 and 0.29 for Toda's ring, and compiles as fast. Derivatives,
-      events and ensembles take `NYSTROM12` there as well. Close encounters gain a tenth only (a
-      Kepler orbit with e = 0.9), and lose up to two digits at the same tolerance.
+      events and ensembles take `NYSTROM12` there as well. At rtol 1e-12 its errors
+      are four and six times larger there (1e-14 and 1e-12). Close encounters gain a tenth only
+      (a Kepler orbit with e = 0.9), and lose up to two digits at the same tolerance.
     - Other rates of at most 60 operations and 15 numbers that have a Taylor series wherever they
       are finite, of at most 8 products an order: `TAYLOR14`. At true errors of 1e-6, 1e-9 and
       1e-12 it takes 0.7, 0.6 and 0.4 of the time of `VERNER9` (medians of Lorenz, Duffing, Chua,
       Lotka-Volterra, van der Pol, the spherical pendulum and a ball with drag; see ``python -m
-      benchmarks default``), and 0.9 to 1.3 of the time to compile.
+      benchmarks default``), and 0.9 to 1.4 of the time to compile.
     - All others: `VERNER9`. Longer series run faster than it too (Arenstorf's orbit 0.8, a free
       body 0.2), but compile for up to three times as long.
 
