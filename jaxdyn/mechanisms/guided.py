@@ -9,8 +9,8 @@ from jaxdyn import _checks
 from jaxdyn.formulations.mechanism import Mechanism, planar_body
 from jaxdyn.sketch import Shape, circle, line, lines, pin, traces
 
-#: Half the length of a slot and the radius of its table, to its radius of gyration.
-_SLOT_RATIO = 1.5
+#: The radius of a table, to its radius of gyration.
+_RIM_RATIO = 1.5
 
 
 class Parabola(Mechanism):
@@ -114,14 +114,13 @@ class Turntable(Mechanism):
         radius = jnp.sqrt(self.inertia / self.m_table)
         c, n = jnp.cos(q[0]), jnp.sin(q[0])
         along, middle = jnp.stack([c, n]), self.d * jnp.stack([n, -c])
-        # As long as the position of the mass requires.
-        low, high = (
-            jnp.minimum(-_SLOT_RATIO * radius, q[1]),
-            jnp.maximum(_SLOT_RATIO * radius, q[1]),
-        )
+        rim = _RIM_RATIO * radius
+        # From rim to rim, or as far as the mass has come.
+        half = jnp.sqrt(jnp.maximum(rim**2 - self.d**2, 0.0))
+        low, high = jnp.minimum(-half, q[1]), jnp.maximum(half, q[1])
         slot = line(middle + low * along, middle + high * along)
-        rim = Shape("area", circle(jnp.zeros(2), _SLOT_RATIO * radius))
-        return rim, slot, pin(jnp.zeros(2)), *traces(r[:1], ["mass"])
+        table = Shape("area", circle(jnp.zeros(2), rim))
+        return table, slot, pin(jnp.zeros(2)), *traces(r[:1], ["mass"])
 
     def check(self):
         _checks.positive("inertia", self.inertia, "Inertias are in kg m^2.")

@@ -116,6 +116,17 @@ def test_what_moves_is_drawn_as_it_is(name, kinds):
     assert found == kinds
 
 
+def test_the_slot_of_a_turntable_ends_at_its_rim_or_where_the_mass_is():
+    scene = scenes.turntable(d=0.5)
+    table, slot, *_ = scene.system.sketch(jnp.zeros(()), scene.y0)
+    rim = np.linalg.norm(table.at, axis=-1)
+    np.testing.assert_allclose(np.linalg.norm(slot.at, axis=-1), rim.max(), rtol=1e-12)
+    out = scene.y0.at[1].set(7.0)
+    _, slot, _, mass = scene.system.sketch(jnp.zeros(()), out)
+    ends = np.reshape(slot.at, (-1, 2))
+    assert np.linalg.norm(ends - np.reshape(mass.at, (-1, 2))[-1], axis=-1).min() < 1e-12
+
+
 def test_the_parts_of_a_car_are_where_they_are():
     scene = scenes.car(to_front=1.0, to_rear=2.0)
     turned = _motion(scene, np.array([[5.0, 1.0, np.pi / 2, 0.0, 0.0, 0.0]]))
