@@ -203,6 +203,7 @@ def _written(value: float, error: float, scale: float, most: int) -> str:
         return f"{value:.{most}g}"
     large = math.floor(math.log10(abs(value))) if value else -math.inf
     sure = large - math.ceil(math.log10(_ESTIMATE_FACTOR * error)) + 1
-    if sure > 0:
+    # Angles are compared without whole turns, which nothing is known of once parts of one differ.
+    if sure > 0 and _ESTIMATE_FACTOR * error < scale:
         return f"{value:.{min(sure, most, _DOUBLE_DIGITS)}g}"
     return f"{'0' if error < _ZERO_BELOW * scale else 'no digit left'} (+-{error:.0e})"

@@ -152,3 +152,9 @@ def test_a_changed_scene_runs_by_the_same_program(name):
     other = changed(scene, 1e-9, np.random.default_rng(0))
     kinds, others = ([jax.typeof(x) for x in jax.tree.leaves(s.field)] for s in (scene, other))
     assert [(k, k.weak_type) for k in kinds] == [(k, k.weak_type) for k in others]
+
+
+def test_an_angle_whose_turns_are_lost_has_no_digit():
+    y, error, size = np.array([-73.7, -73.7]), np.array([1.1, 1e-3]), np.array([np.pi, np.pi])
+    found = EndError(y, error, 0.0 * error, size).written()
+    assert found == ("no digit left (+-1e+00)", "-73.7")

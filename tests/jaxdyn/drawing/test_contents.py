@@ -123,8 +123,8 @@ def test_the_slot_of_a_turntable_ends_at_its_rim_or_where_the_mass_is():
     np.testing.assert_allclose(np.linalg.norm(slot.at, axis=-1), rim.max(), rtol=1e-12)
     out = scene.y0.at[1].set(7.0)
     _, slot, _, mass = scene.system.sketch(jnp.zeros(()), out)
-    ends = np.reshape(slot.at, (-1, 2))
-    assert np.linalg.norm(ends - np.reshape(mass.at, (-1, 2))[-1], axis=-1).min() < 1e-12
+    ends, there = (np.asarray(shape.at).reshape(-1, 2) for shape in (slot, mass))
+    assert np.linalg.norm(ends - there, axis=-1).min() < 1e-12
 
 
 def test_the_parts_of_a_car_are_where_they_are():
