@@ -224,6 +224,9 @@ def followed(scene: Scene, t1, t0, samples: int, options: SolverOptions, *, thro
     for _ in range(_NEWTON_STEPS):
         rest = (t1 - last[-1]) / slow.rate(length, last)[-1]
         last, length = over(last, rest)[1].y1, length + rest
+    # Near t1 = 0 Newton's steps end at a tiny number, which is that time to rounding.
+    rounding = jnp.finfo(float).eps * jnp.maximum(jnp.abs(t0), jnp.abs(t1))
+    last = last.at[-1].set(jnp.where(jnp.abs(last[-1] - t1) <= rounding, t1, last[-1]))
     run = eqx.tree_at(lambda run: (run.y1, run.ys), run, (last, run.ys.at[-1].set(last)))
     status = jnp.where(stop.status == Status.OK, run.status, stop.status)
     return slow, grid.at[-1].set(length), run, status
