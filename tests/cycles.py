@@ -1,5 +1,7 @@
 """Systems whose limit cycles, their bifurcations and branches are known in closed form."""
 
+import abc
+
 import jax
 import jax.numpy as jnp
 
@@ -67,8 +69,8 @@ class Moebius(Plane):
         return jnp.concatenate([plane, jnp.stack([du, dw])])
 
 
-class Torus(Plane):
-    """r = 1 with (z, zz) turning at 0.3 and growing at a - z^2: a torus is born at a = 0."""
+class Beside(Plane):
+    """r = 1, and two entries beside that cycle whose rate does not depend on it."""
 
     @property
     def size(self):
@@ -76,22 +78,25 @@ class Torus(Plane):
 
     def rate(self, t, y, effects):
         plane = _turning(y[:2], 1 - jnp.sum(y[:2] ** 2))
-        z = y[2:]
-        grow = self.a - jnp.sum(z * z)
-        return jnp.concatenate([plane, grow * z + 0.3 * jnp.stack([-z[1], z[0]])])
+        return jnp.concatenate([plane, self.beside(y[2:])])
+
+    @abc.abstractmethod
+    def beside(self, z):
+        """(2,) rate of the two entries."""
 
 
-class Spiral(Plane):
-    """r = 1 and z'' about it: multipliers exp(2 pi (0.5 +- sqrt(a))), which meet off the circle."""
+class Torus(Beside):
+    """Two entries turning at 0.3 and growing at a - z^2: a torus is born at a = 0."""
 
-    @property
-    def size(self):
-        return 4
+    def beside(self, z):
+        return (self.a - jnp.sum(z * z)) * z + 0.3 * jnp.stack([-z[1], z[0]])
 
-    def rate(self, t, y, effects):
-        plane = _turning(y[:2], 1 - jnp.sum(y[:2] ** 2))
-        z = y[2:]
-        return jnp.concatenate([plane, 0.5 * z + jnp.stack([z[1], self.a * z[0]])])
+
+class Spiral(Beside):
+    """Multipliers exp(2 pi (0.5 +- sqrt(a))), which meet off the unit circle at a = 0."""
+
+    def beside(self, z):
+        return 0.5 * z + jnp.stack([z[1], self.a * z[0]])
 
 
 def cycle(kind, a, y0):
