@@ -29,6 +29,15 @@ _SHADED = (0.0, 0.9)  # part of a colour map: its end is too faint on white
 class Picture(Figure):
     """A figure that a notebook shows as the last value of a cell, without a magic line."""
 
+    def savefig(self, *args, **kwargs) -> None:
+        """Write the picture, with its layout settled.
+
+        Axes whose sides have a ratio are placed by the first pass of the layout, their title by the
+        second: after one pass a title of two lines is cut off at its top.
+        """
+        self.draw_without_rendering()
+        super().savefig(*args, **kwargs)
+
     def _repr_png_(self) -> bytes:
         """The picture as a PNG file: called by IPython."""
         file = io.BytesIO()

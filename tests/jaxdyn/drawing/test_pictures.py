@@ -564,3 +564,11 @@ def test_wrong_orbits_are_refused():
     still = Scene(FreePoints(1.0, d=2), y0=np.zeros(4))
     figure = orbit_picture([SimpleNamespace(scene=still, y0=still.y0, period=1.0)])
     assert len(figure.axes[0].collections) == 1
+
+
+def test_a_title_of_two_lines_is_within_the_picture(tmp_path):
+    motion = simulate(scenes.cannonball(drag=0.05, angle=1.0472), 2.0)
+    figure = drawing.trajectory(motion, tmp_path / "throw.png")
+    title = figure.axes[0].title
+    assert title.get_text().count("\n") == 1
+    assert title.get_window_extent().ymax < figure.bbox.ymax
