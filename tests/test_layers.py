@@ -23,6 +23,7 @@ BELOW = {
     "jaxdyn/ensemble": ("jaxdyn/integrate",),
     "jaxdyn/analysis": ("jaxdyn/integrate", "jaxdyn/formulations"),
     "jaxdyn/accuracy": ("jaxdyn/analysis",),
+    "jaxdyn/chaos": ("jaxdyn/analysis", "jaxdyn/ensemble"),
     "jaxdyn/files": ("jaxdyn/accuracy",),
     "jaxdyn/scenes": ("jaxdyn/mechanisms", "jaxdyn/effects", "jaxdyn/integrate"),
     "jaxdyn/drawing": ("jaxdyn/files", "jaxdyn/scenes"),

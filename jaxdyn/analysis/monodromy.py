@@ -8,7 +8,7 @@ from jaxtyping import Array
 from jaxdyn.analysis.eigenvalues import norm
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import tolerances
-from jaxdyn.scene import Scene
+from jaxdyn.scene import Scene, System
 
 #: Default relative tolerance of a step.
 RTOL = 1e-13
@@ -16,6 +16,7 @@ _COARSER = 100.0  # the second tolerance, as a multiple of the first
 _COARSEST = 0.1  # limit of the second tolerance
 #: A map whose `symplectic_defect` is below this is that of a conservative scene.
 SYMPLECTIC = 1e-7
+_TANGENT = 1e-6  # smaller singular values of a projection's derivative are directions it removes
 
 
 def monodromy(scene: Scene, y0=None, period=None, *, rtol: float = RTOL) -> Array:
@@ -92,3 +93,16 @@ def symplectic_defect(matrix: np.ndarray, form: np.ndarray) -> np.ndarray:
     """(...) largest entry of M^T J M - J over |M|^2, of maps M and forms J (..., k, k)."""
     changed = np.swapaxes(matrix, -1, -2) @ form @ matrix - form
     return np.abs(changed).max(axis=(-2, -1)) / np.maximum(1.0, norm(matrix) ** 2)
+
+
+def tangents(scene: Scene, y0: np.ndarray) -> np.ndarray:
+    """Orthonormal basis (k, d) of the states near the start that satisfy the constraints."""
+    if type(scene.system).project is System.project:
+        return np.eye(len(y0))
+    u, s, _ = np.linalg.svd(np.asarray(_projection(scene, jnp.asarray(y0))))
+    return u[:, s > _TANGENT]
+
+
+@jax.jit
+def _projection(scene: Scene, y0: Array) -> Array:
+    return jax.jacfwd(scene.system.project, argnums=1)(jnp.zeros(()), y0)

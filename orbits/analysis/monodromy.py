@@ -1,29 +1,14 @@
 """The monodromy matrix of an orbit, rotated back for a relative orbit."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene, Status, System
+from jaxdyn import Status, System
 from jaxdyn.analysis.monodromy import monodromy as monodromy
+from jaxdyn.analysis.monodromy import tangents as tangents
 from orbits.orbit import Orbit
 from orbits.shooting.segment import Piece, linearised_end
-
-_TANGENT = 1e-6  # smaller singular values of a projection's derivative are directions it removes
-
-
-def tangents(scene: Scene, y0: np.ndarray) -> np.ndarray:
-    """Orthonormal basis (k, d) of the states near the start that satisfy the constraints."""
-    if type(scene.system).project is System.project:
-        return np.eye(len(y0))
-    u, s, _ = np.linalg.svd(np.asarray(_projection(scene, jnp.asarray(y0))))
-    return u[:, s > _TANGENT]
-
-
-@jax.jit
-def _projection(scene: Scene, y0: Array) -> Array:
-    return jax.jacfwd(scene.system.project, argnums=1)(jnp.zeros(()), y0)
 
 
 def returned(orbit: Orbit, rtol, basis: np.ndarray) -> tuple[np.ndarray, Status]:
