@@ -26,7 +26,7 @@ BELOW = {
     "jaxdyn/chaos": ("jaxdyn/analysis", "jaxdyn/ensemble"),
     "jaxdyn/files": ("jaxdyn/accuracy",),
     "jaxdyn/scenes": ("jaxdyn/mechanisms", "jaxdyn/effects", "jaxdyn/integrate"),
-    "jaxdyn/drawing": ("jaxdyn/files", "jaxdyn/scenes"),
+    "jaxdyn/drawing": ("jaxdyn/files", "jaxdyn/scenes", "jaxdyn/chaos"),
     "jaxdyn/course": ("jaxdyn/accuracy", "jaxdyn/scenes"),
     "jaxdyn/hard": ("jaxdyn/course", "jaxdyn/ensemble"),
     "jaxdyn/cli": ("jaxdyn/hard", "jaxdyn/drawing"),

@@ -1,7 +1,9 @@
 """How regular or chaotic the motions of a scene are.
 
 `lyapunov` has the Lyapunov exponents of one motion with their error bars, computed with the frame
-of tangents of `stretching`.
+of tangents of `stretching`. `indicators` has MEGNO, SALI and GALI for many starts at once, whose
+tangents are those of `deviations`; `maps` computes them over two numbers. `frequencies` resolves a
+motion into its frequencies.
 
 May import: `ensemble`, `analysis`.
 
@@ -9,6 +11,21 @@ One more measure of chaos is one file with a function of a `Scene` that returns 
 line below.
 """
 
+from jaxdyn.chaos.frequencies import Frequencies, frequencies
+from jaxdyn.chaos.indicators import Alignment, Megno, gali, megno, sali
 from jaxdyn.chaos.lyapunov import LyapunovSpectrum, lyapunov_exponents
+from jaxdyn.chaos.maps import ChaosMap, chaos_map
 
-__all__ = ["LyapunovSpectrum", "lyapunov_exponents"]
+__all__ = [
+    "Alignment",
+    "ChaosMap",
+    "Frequencies",
+    "LyapunovSpectrum",
+    "Megno",
+    "chaos_map",
+    "frequencies",
+    "gali",
+    "lyapunov_exponents",
+    "megno",
+    "sali",
+]

@@ -5,12 +5,12 @@ or .svg); `animate` writes a .gif or .mp4. A path that cannot be written raises 
 starts.
 
 Pictures: `space` and `projections` (paths), `series` (over time), `accuracy`, `charts` (stability),
-`animation`. Their parts: `contents` (what is drawn of a motion), `figures` (the look of all
+`chaos` (maps), `animation`. Their parts: `contents` (what is drawn of a motion), `figures` (the look of all
 pictures), `panels` (axes for motions), `solid` (axes in space), `curves`, `strokes`, `artists`,
 `titles`. Only the command lines and `orbits.drawing` import this folder, since Matplotlib is slow
 to load; ``import jaxdyn`` does not load it.
 
-May import: `files`, `scenes`.
+May import: `files`, `scenes`, `chaos`.
 
 One more picture is one more file with a function ``name(found, path=None, *, title=None)`` that
 checks its file by `image_files.picture_path`, draws on `figures.blank` with `figures.style`, and
@@ -19,6 +19,7 @@ ends in `figures.finished`; and one more line below.
 
 from jaxdyn.drawing.accuracy import judgement, work_precision
 from jaxdyn.drawing.animation import animate
+from jaxdyn.drawing.chaos import chaos_map
 from jaxdyn.drawing.charts import stability_chart
 from jaxdyn.drawing.contents import Paths, paths
 from jaxdyn.drawing.projections import projections
@@ -30,6 +31,7 @@ __all__ = [
     "Paths",
     "animate",
     "caption",
+    "chaos_map",
     "judgement",
     "paths",
     "projections",

@@ -1,0 +1,278 @@
+"""Indicators that tell regular from chaotic motions, for many starts at once, on all cores.
+
+`megno` is the quickest for a map, since it has the same value, 2, for all regular motions; `sali`
+and `gali` fall to zero exponentially for chaotic motions. All are functions of a finite time: a
+motion that looks regular may be chaotic with a rate below one over that time.
+"""
+
+import math
+from typing import Annotated
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks, _text
+from jaxdyn.chaos.deviations import Deviations
+from jaxdyn.ensemble import engine
+from jaxdyn.ensemble.lanes import Ends
+from jaxdyn.ensemble.watches import Until
+from jaxdyn.integrate.observing import Watch
+from jaxdyn.scene import Scene, checked_scene
+from jaxdyn.status import Status
+from jaxdyn.system import Record
+
+#: Default relative tolerance of a step.
+RTOL = 1e-10
+#: Two tangents closer than this are aligned as far as doubles can tell, and the run ends.
+ALIGNED = 1e-14
+
+
+class Megno(Record):
+    """The mean exponential growth of nearby orbits, for each start.
+
+    Attributes:
+      megno: (...) Y [1]: oscillates about 2 for quasi-periodic motions, and grows like L t for
+        chaotic ones, with L the largest Lyapunov exponent.
+      mean: (...) mean of Y over the time [1]: tends to 2 for quasi-periodic motions, and grows like
+        L t / 2 for chaotic ones.
+      exponent: (...) mean growth rate of the tangent [1/s], which tends to the largest Lyapunov
+        exponent.
+      time: (...) time since the start [s].
+      status: (...) `Status` codes; numbers are NaN unless it is OK.
+    """
+
+    megno: Array
+    mean: Array
+    exponent: Array
+    time: Array
+    status: Annotated[Array, Status]
+
+    __repr__ = _text.fields
+
+
+class Alignment(Record):
+    """How far from parallel the tangents of a motion are at its end, for each start.
+
+    Attributes:
+      index: (...) SALI, between 0 and sqrt(2), or GALI, between 0 and 1 [1].
+      time: (...) time since the start [s]; a SALI below `ALIGNED` ends the run.
+      status: (...) `Status` codes; numbers are NaN unless it is OK.
+    """
+
+    index: Array
+    time: Array
+    status: Annotated[Array, Status]
+
+    __repr__ = _text.fields
+
+
+def megno(
+    scene: Scene,
+    starts=None,
+    t1=None,
+    *,
+    t0=0.0,
+    params: Scene | None = None,
+    rtol: float = RTOL,
+    progress: bool = False,
+) -> Megno:
+    """The MEGNO (mean exponential growth of nearby orbits) of many motions, on all cores.
+
+    Y(t) = 2/t times the integral of (u . J u) s ds over 0 <= s <= t, with u a unit tangent, J the
+    Jacobian of the rate and s the time since the start.
+
+    Args:
+      scene: system and effects, shared by all motions.
+      starts: (..., k) starts, with any number of axes, e.g. (a, b, k) for a map; by default those
+        of `params`, or the scene's own.
+      t1: () or (...) end time [s], after or before t0; the scene's own span by default.
+      t0: () or (...) start time [s].
+      params: the scene with a first axis in numbers that differ; see `ensemble.run`.
+      rtol: relative tolerance of a step.
+      progress: show a bar.
+    Returns:
+      The indicators, with the axes of `starts`; a motion that fails has a status and NaN.
+    Raises:
+      ValueError: see `ensemble.run`.
+    Limits: host only, no derivatives. The value is 2 for tangents that grow in proportion to time;
+      it tends to 0 where frequencies do not depend on the amplitude (a harmonic oscillator), and
+      below where motions are attracted.
+    Reference: Cincotta & Simo (2000), Astron. Astrophys. Suppl. 147, 205; Gozdziewski, Bois,
+      Maciejewski & Kiseleva-Eggleton (2001), Astron. Astrophys. 378, 569.
+    Example:
+      >>> from jaxdyn import chaos, scenes
+      >>> swing = chaos.megno(scenes.pendulum(angle=2.0), t1=1000.0)
+      >>> abs(float(swing.mean) - 2.0) < 0.05
+      True
+    """
+    run = _Run(scene, params, 1, averaged=True)
+    ends, shape = run.ended(starts, t0, t1, rtol, progress)
+    growth, weighted, mean, time = np.moveaxis(ends.y1[:, -4:], -1, 0)
+    with np.errstate(invalid="ignore"):
+        values = (weighted / time, mean / time, growth / np.abs(time), np.abs(time), ends.status)
+    return Megno(*(x.reshape(shape) for x in values))
+
+
+def sali(
+    scene: Scene,
+    starts=None,
+    t1=None,
+    *,
+    t0=0.0,
+    params: Scene | None = None,
+    rtol: float = RTOL,
+    progress: bool = False,
+) -> Alignment:
+    """The smaller alignment index min(|u1 + u2|, |u1 - u2|) of many motions, on all cores.
+
+    It falls like exp(-(L1 - L2) t) for chaotic motions, L1 and L2 being the two largest Lyapunov
+    exponents. On a torus of two or more frequencies it stays of order one; for periodic motions,
+    and where there is one degree of freedom only, it falls like a power of t.
+
+    Args:
+      scene: as for `megno`, like all other arguments.
+      starts: (..., k) starts.
+      t1: () or (...) end time [s].
+      t0: () or (...) start time [s].
+      params: the scene with a first axis in numbers that differ.
+      rtol: relative tolerance of a step.
+      progress: show a bar.
+    Returns:
+      The index at the end, and the time, which is shorter where the tangents became parallel.
+    Raises:
+      ValueError: see `ensemble.run`.
+    Reference: Skokos (2001), J. Phys. A 34, 10029.
+    Example:
+      >>> from jaxdyn import chaos, scenes
+      >>> found = chaos.sali(scenes.lorenz(), t1=100.0)
+      >>> float(found.index) < 1e-12, float(found.time) < 100.0
+      (True, True)
+    """
+    run = _Run(scene, params, 2)
+    ends, shape = run.ended(starts, t0, t1, rtol, progress, Until(_Parallel(run.system())))
+    u = run.tangents(ends)
+    index = np.minimum(*(np.linalg.norm(u[:, 0] + s * u[:, 1], axis=1) for s in (1, -1)))
+    return _alignment(index, ends, t0, shape)
+
+
+def gali(
+    scene: Scene,
+    starts=None,
+    t1=None,
+    *,
+    count: int,
+    t0=0.0,
+    params: Scene | None = None,
+    rtol: float = RTOL,
+    progress: bool = False,
+) -> Alignment:
+    """The generalised alignment index: the volume that `count` unit tangents span at the end.
+
+    On a torus of s dimensions it stays of order one for count <= s and falls like a power of t
+    above; for chaotic motions it falls exponentially.
+
+    Args:
+      scene: as for `megno`, like all that is not described here.
+      starts: (..., k) starts.
+      t1: () or (...) end time [s].
+      count: number of tangents, between 2 and the number of entries of the state.
+      t0: () or (...) start time [s].
+      params: the scene with a first axis in numbers that differ.
+      rtol: relative tolerance of a step.
+      progress: show a bar.
+    Raises:
+      ValueError: `count` is out of range, or see `ensemble.run`.
+    Limits: below some 1e-14 it is rounding.
+    Reference: Skokos, Bountis & Antonopoulos (2007), Physica D 231, 30.
+    Example:
+      >>> from jaxdyn import chaos, scenes
+      >>> float(chaos.gali(scenes.lorenz(), t1=20.0, count=3).index) < 1e-8
+      True
+    """
+    _checks.whole("count", count, 2, len(checked_scene(scene).y0))
+    run = _Run(scene, params, count)
+    ends, shape = run.ended(starts, t0, t1, rtol, progress)
+    u = run.tangents(ends)
+    lost = np.isnan(np.sum(u, axis=(1, 2)))
+    stretches = np.linalg.svd(np.where(lost[:, None, None], 0.0, u), compute_uv=False)
+    return _alignment(np.where(lost, math.nan, np.prod(stretches, axis=1)), ends, t0, shape)
+
+
+def _alignment(index: np.ndarray, ends: Ends, t0, shape: tuple[int, ...]) -> Alignment:
+    time = np.abs(ends.t - np.ravel(t0))
+    return Alignment(*(x.reshape(shape) for x in (index, time, ends.status)))
+
+
+class _Parallel(eqx.Module):
+    """Whether the two tangents of a state are parallel or opposite up to rounding."""
+
+    system: Deviations
+
+    def __call__(self, t: Array, y: Array) -> Array:
+        del t
+        u = self.system.split(y)[0][:, 1:]
+        sides = jnp.stack([u[:, 0] + u[:, 1], u[:, 0] - u[:, 1]])
+        return jnp.min(jnp.sum(sides**2, axis=1)) < ALIGNED**2
+
+
+class _Run:
+    """Motions of a scene with their tangents, in an ensemble."""
+
+    def __init__(self, scene: Scene, params: Scene | None, count: int, averaged: bool = False):
+        self.scene, self.params = checked_scene(scene), params
+        self.count, self.averaged = count, averaged
+
+    def system(self, scene: Scene | None = None) -> Deviations:
+        """That of a scene with its tangents."""
+        return Deviations((scene or self.scene).field, self.count, self.averaged)
+
+    def ended(
+        self, starts, t0, t1, rtol: float, progress: bool, watch: Watch | None = None
+    ) -> tuple[Ends, tuple[int, ...]]:
+        """The ends of all motions in a row, and the axes of the starts."""
+        own = self.scene if self.params is None else self.params
+        starts = np.asarray(own.y0 if starts is None else starts, float)
+        k = len(self.scene.y0)
+        _checks.check_shape("starts", starts.shape[-1:], (k,), "The last axis is the state's.")
+        shape, flat = starts.shape[:-1], starts.reshape(-1, k)
+        t1 = own.t1 if t1 is None else t1
+        # Starts may be NaN, the scene's own is not.
+        first, *_ = whole = self._with_tangents(np.concatenate([self.scene.y0[None], flat]))
+        template = Scene(self.system(), y0=first, t1=self.scene.t1)
+        numbers = None
+        if self.params is not None:
+            numbers = Scene(self.system(self.params), y0=first, t1=self.scene.t1)
+        ends = engine.run(
+            template,
+            whole[1:],
+            np.ravel(t1) if np.ndim(t1) else t1,
+            params=numbers,
+            t0=np.ravel(t0) if np.ndim(t0) else t0,
+            rtol=rtol,
+            watch=watch,
+            progress=progress,
+        )
+        return ends, shape
+
+    def tangents(self, ends: Ends) -> np.ndarray:
+        """(n, m, k) unit tangents at the ends."""
+        n, k = len(ends.y1), len(self.scene.y0)
+        return np.asarray(ends.y1)[:, k : k * (1 + self.count)].reshape(n, self.count, k)
+
+    def _with_tangents(self, starts: np.ndarray) -> np.ndarray:
+        """The starts (n, k) with tangents in generic directions, the same for all."""
+        n, k = starts.shape
+        u = np.random.default_rng(0).normal(size=(self.count, k))
+        averages = np.zeros((n, 4 if self.averaged else 0))
+        tangents = np.broadcast_to(u.ravel(), (n, u.size))
+        # Unit tangents, and along the constraints.
+        whole = np.concatenate([starts, tangents, averages], axis=1)
+        return np.asarray(_projected(self.system(), whole))
+
+
+@jax.jit
+def _projected(system: Deviations, states: Array) -> Array:
+    return jax.vmap(lambda y: system.project(jnp.zeros(()), y))(states)

@@ -1,0 +1,91 @@
+"""Maps of regular and chaotic motion over two numbers of a scene."""
+
+from collections.abc import Callable
+from typing import Annotated
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks, _text
+from jaxdyn.chaos.indicators import RTOL, megno
+from jaxdyn.scene import Scene
+from jaxdyn.status import Status
+from jaxdyn.system import Record
+
+
+class ChaosMap(Record):
+    """The mean MEGNO over a grid of two numbers: first by row, second by column.
+
+    Attributes:
+      first: (a,) values of the first number.
+      second: (b,) values of the second number.
+      mean: (a, b) mean MEGNO [1]: about 2 where motions are regular, larger where they are chaotic;
+        NaN where there is no motion, or it failed.
+      exponent: (a, b) mean growth rate of a tangent [1/s].
+      time: (a, b) time of each motion [s].
+      status: (a, b) `Status` codes.
+    """
+
+    first: np.ndarray
+    second: np.ndarray
+    mean: np.ndarray
+    exponent: np.ndarray
+    time: np.ndarray
+    status: Annotated[np.ndarray, Status]
+
+    __repr__ = _text.fields
+
+
+def chaos_map(
+    make: Callable[[Array, Array], Scene],
+    first,
+    second,
+    t1=None,
+    *,
+    rtol: float = RTOL,
+    progress: bool = False,
+) -> ChaosMap:
+    """The MEGNO of a scene over a grid of two of its numbers, on all cores.
+
+    Args:
+      make: (x, y) -> the scene at these values: parameters, or entries of its start; a named
+        function. A start that does not exist, e.g. because its energy is too low, is NaN there.
+      first: (a,) values of x.
+      second: (b,) values of y.
+      t1: () end time [s]; the scenes' own spans by default.
+      rtol: relative tolerance of a step.
+      progress: show a bar.
+    Raises:
+      ValueError: no numbers, no finite start at all, or see `ensemble.run`.
+    Example:
+      >>> from jaxdyn import chaos, scenes
+      >>> def released(angle, length):
+      ...     return scenes.pendulum(angle=angle, length=length)
+      >>> found = chaos.chaos_map(released, [1.0, 2.0], [1.0], 1000.0)
+      >>> bool(abs(found.mean - 2.0).max() < 0.1)
+      True
+    """
+    first, second = (
+        np.asarray(_checks.array(name, x, (None,)))
+        for name, x in (("first", first), ("second", second))
+    )
+    if not len(first) or not len(second):
+        raise _checks.fail("grid", "at least one number each way", f"{len(first)} x {len(second)}")
+    xs, ys = (jnp.asarray(x.ravel()) for x in np.meshgrid(first, second, indexing="ij"))
+    every = _made(make, xs, ys)
+    finite = np.isfinite(np.asarray(every.y0)).all(axis=1)
+    if not finite.any():
+        raise _checks.fail("make", "at least one scene with a finite start", "none")
+    one = jax.tree.map(lambda x: x[int(np.argmax(finite))], every)
+    found = megno(one, every.y0, t1, params=every, rtol=rtol, progress=progress)
+    shape = len(first), len(second)
+    values = (np.asarray(x).reshape(shape) for x in (found.mean, found.exponent, found.time))
+    return ChaosMap(first, second, *values, status=np.asarray(found.status).reshape(shape))
+
+
+@eqx.filter_jit
+def _made(make: Callable[[Array, Array], Scene], xs: Array, ys: Array) -> Scene:
+    return jax.vmap(make)(xs, ys)
