@@ -21,6 +21,9 @@ _NEEDS_VALUES = (
     jax.errors.ConcretizationTypeError,
 )
 _TRACEABLE = "Use jax.numpy instead of numpy and math, and jnp.where instead of `if`."
+_ENERGY = "An energy is one number."
+_FORCE = "One row for each point; jnp.broadcast_to(f, r.shape) repeats one force."
+_GENERALIZED = "One for each velocity of the system."
 
 
 def check_field(field: Any, t: Array, y: Array) -> None:
@@ -50,7 +53,7 @@ def check_points(system: Any, t: Array, y: Array, points: Any) -> None:
 
 def check_energies(system: Any, effects: tuple, t: Array, y: Array, points: Any) -> None:
     """Raise ValueError unless a system's energies are numbers and its integrals have one axis."""
-    name, remedy = type(system).__name__, "An energy is one number."
+    name, remedy = type(system).__name__, _ENERGY
     if len(points.m):
         check_value(f"{name}.kinetic", (), remedy, system.kinetic, t, y)
     terms = jax.eval_shape(lambda t, y: system.energies(t, y, effects), t, y)
@@ -75,13 +78,30 @@ def check_effect(effect: Any, system: Any, t: Array, y: Array, points: Any) -> N
     name, (r, v, m) = type(effect).__name__, points
     if "generalized" in effect.acts:
         q, rates = system.coordinates(y)
-        each = "One for each velocity of the system."
-        check_value(f"{name}.generalized", rates.shape, each, effect.generalized, t, q, rates)
+        where = f"{name}.generalized"
+        check_value(where, rates.shape, _GENERALIZED, effect.generalized, t, q, rates)
     if "force" not in effect.acts:
         return
-    check_value(f"{name}.potential", (), "An energy is one number.", effect.potential, t, r, m)
-    each = "One row for each point; jnp.broadcast_to(f, r.shape) repeats one force."
-    check_value(f"{name}.force", r.shape, each, effect.force, t, r, v, m)
+    check_value(f"{name}.potential", (), _ENERGY, effect.potential, t, r, m)
+    check_value(f"{name}.force", r.shape, _FORCE, effect.force, t, r, v, m)
+
+
+def checked_force(effect: Any, force: Array, shape: tuple[int, ...]) -> Array:
+    """The force (n, d) of an effect; raises ValueError for another shape."""
+    _check_shape(f"{type(effect).__name__}.force", shape, _FORCE, force)
+    return force
+
+
+def checked_generalized(effect: Any, force: Array, shape: tuple[int, ...]) -> Array:
+    """The force (n,) of an effect on coordinates; raises ValueError for another shape."""
+    _check_shape(f"{type(effect).__name__}.generalized", shape, _GENERALIZED, force)
+    return force
+
+
+def checked_potential(effect: Any, value: Array) -> Array:
+    """The potential () of an effect; raises ValueError for another shape."""
+    _check_shape(f"{type(effect).__name__}.potential", (), _ENERGY, value)
+    return value
 
 
 def check_value(
@@ -95,10 +115,14 @@ def check_value(
         raise _checks.fail(name, "a function of traced arrays", got, _TRACEABLE) from error
     if found is None:
         return
-    got = getattr(found, "shape", None)
+    _check_shape(name, shape, remedy, found)
+    if not (jnp.issubdtype(found.dtype, jnp.floating) or jnp.issubdtype(found.dtype, jnp.integer)):
+        raise _checks.fail(name, "real numbers", f"an array of {found.dtype}", remedy)
+
+
+def _check_shape(name: str, shape: tuple[int, ...], remedy: str, found: Any) -> None:
+    got = () if isinstance(found, int | float) else getattr(found, "shape", None)
     if got is None:
         raise _checks.fail(name, f"an array of shape {shape}", type(found).__name__, remedy)
     if got != shape:
         raise _checks.fail(name, f"shape {shape}", f"shape {got}", remedy)
-    if not (jnp.issubdtype(found.dtype, jnp.floating) or jnp.issubdtype(found.dtype, jnp.integer)):
-        raise _checks.fail(name, "real numbers", f"an array of {found.dtype}", remedy)

@@ -2,11 +2,13 @@
 
 A `System` defines coordinates and their motion; an `Effect` acts on material points, or on
 coordinates directly. `jaxdyn.scene` combines them, and exports both. Like all that is made or read
-in every call, they are a `Record`.
+in every call, they are a `Record`. Every formulation sums its effects by the functions at the end,
+so a force of the wrong shape, which would be broadcast, is found wherever a rate is traced.
 """
 
 import abc
 import dataclasses
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -15,6 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _text
+from jaxdyn._shapes import checked_force, checked_generalized, checked_potential
 from jaxdyn.sketch import Shape
 
 
@@ -137,7 +140,7 @@ class Effect(Record):
             raise _checks.fail(
                 type(self).__name__, "a `force` or a `potential`", "neither", "Override one."
             )
-        return value
+        return checked_potential(self, value)
 
     def check(self, points: Points) -> None:
         """Raise ValueError for numbers that are invalid with these points."""
@@ -275,7 +278,20 @@ class System(Record):
         """
 
 
-def potential_energy(effects: tuple[Effect, ...], t: Array, r: Array, m: Array) -> Array:
+def total_force(effects: Iterable[Effect], t: Array, r: Array, v: Array, m: Array, start=None):
+    """Sum (n, d) [N] of the forces of effects on points at r (n, d), added to `start`."""
+    forces = (checked_force(e, e.force(t, r, v, m), r.shape) for e in effects)
+    return sum(forces, jnp.zeros_like(r) if start is None else start)
+
+
+def generalized_forces(effects: Iterable[Effect], t: Array, q: Array, v: Array) -> list[Array]:
+    """The forces (n,) on coordinates of those effects that have one."""
+    forces = ((e, e.generalized(t, q, v)) for e in effects)
+    return [checked_generalized(e, f, v.shape) for e, f in forces if f is not None]
+
+
+def potential_energy(effects: Iterable[Effect], t: Array, r: Array, m: Array) -> Array:
     """Sum () [J] of the potentials of the effects that have one, for points at r (n, d)."""
-    values = (effect.potential(t, r, m) for effect in effects)
-    return sum((v for v in values if v is not None), jnp.zeros(()))
+    values = ((e, e.potential(t, r, m)) for e in effects)
+    known = (checked_potential(e, value) for e, value in values if value is not None)
+    return sum(known, jnp.zeros(()))

@@ -19,6 +19,7 @@ from jaxdyn.formulations.constrained import DEPENDENT, Constrained
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene, System
+from jaxdyn.system import total_force
 
 
 class Conditioning(NamedTuple):
@@ -89,8 +90,7 @@ def reactions(motion: Trajectory) -> Array:
         t = jnp.asarray(t, float)
         look = jax.jvp(scene.system.points, (t, y), (jnp.ones_like(t), scene.rate(t, y)))
         (r, v, m), (_, a, _) = look
-        applied = sum((e.force(t, r, v, m) for e in scene.effects), jnp.zeros_like(r))
-        return m[:, None] * a - applied
+        return m[:, None] * a - total_force(scene.effects, t, r, v, m)
 
     return jax.vmap(at)(motion.ts, motion.ys)
 

@@ -29,6 +29,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Effect, Field, Points, Scene
+from jaxdyn.system import total_force
 
 DEFINITIONS = ("fixed", "absolute", "relative")
 MovingPoint = Callable[[Array, Points], Array]
@@ -152,7 +153,7 @@ def power_balances(motion: Trajectory, internal: type[Effect]) -> dict[str, Bala
 
     def forces(t, points, wanted):
         chosen = [e for e in scene.effects if isinstance(e, internal) == wanted]
-        return sum((e.force(t, *points) for e in chosen), jnp.zeros_like(points.r))
+        return total_force(chosen, t, *points)
 
     def sides(t, y):
         points = scene.points(t, y)

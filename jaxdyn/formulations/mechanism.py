@@ -18,7 +18,7 @@ from jaxdyn import _checks
 from jaxdyn._numerics import materialised, runtime_one
 from jaxdyn.scene import Effect, Points, System
 from jaxdyn.sketch import Shape
-from jaxdyn.system import Record
+from jaxdyn.system import Record, generalized_forces, total_force
 
 #: Forms of the tie of a rod, as scenes name them; see `stretch`.
 TIES = ("length", "square")
@@ -179,7 +179,7 @@ def mass_and_force(
     # One derivative of the velocities gives c as well; XLA shares what both passes compute.
     (r, velocity), (_, c) = jax.jvp(velocities, (t, q), (jnp.ones_like(t), v))
     m = mechanism.masses()
-    force = sum((e.force(t, r, velocity, m) for e in effects), -m[:, None] * c)
+    force = total_force(effects, t, r, velocity, m, -m[:, None] * c)
     # Materialised, or a loop over stages would compute it again for each entry of M: four to
     # six times slower (measured; materialising the force as well loses that again).
     j = materialised(kinematic_jacobian(mechanism, t, q), jax.lax.stop_gradient(runtime_one(t)))
@@ -198,14 +198,13 @@ def pulled_back(
     """(n,) generalised forces of the effects' forces on the points."""
     r, velocity = positions_and_velocities(mechanism, t, q, v)
     m = mechanism.masses()
-    force = sum((e.force(t, r, velocity, m) for e in effects), jnp.zeros_like(r))
+    force = total_force(effects, t, r, velocity, m)
     return row_sums(kinematic_jacobian(mechanism, t, q), force.ravel())
 
 
 def on_coordinates(t: Array, q: Array, v: Array, effects: tuple[Effect, ...]) -> Array:
     """(n,) sum of the forces that act on the coordinates directly."""
-    forces = (effect.generalized(t, q, v) for effect in effects)
-    return sum((f for f in forces if f is not None), jnp.zeros_like(q))
+    return sum(generalized_forces(effects, t, q, v), jnp.zeros_like(q))
 
 
 def row_sums(j: Array, x: Array) -> Array:

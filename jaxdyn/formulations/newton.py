@@ -12,6 +12,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
 from jaxdyn.scene import Points, System
+from jaxdyn.system import total_force
 
 _AXES = "xyz"
 
@@ -48,10 +49,7 @@ class FreePoints(System):
 
     def rate(self, t, y, effects):
         r, v, m = self.points(t, y)
-        force = jnp.zeros_like(r)
-        for effect in effects:
-            force = force + effect.force(t, r, v, m)
-        return _state(v, force / m[:, None])
+        return _state(v, total_force(effects, t, r, v, m) / m[:, None])
 
     def canonical(self, t, y):
         r, v, m = self.points(t, y)

@@ -7,6 +7,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
 from jaxdyn.scene import Points, System
+from jaxdyn.system import total_force
 
 
 class PolarParticle(System):
@@ -36,8 +37,7 @@ class PolarParticle(System):
 
     def rate(self, t, y, effects):
         r, theta, vr, omega = y
-        points = self.points(t, y)
-        force = sum((e.force(t, *points)[0] for e in effects), jnp.zeros(2))
+        force = total_force(effects, t, *self.points(t, y))[0]
         e_r, e_theta = polar_basis(theta)
         a_r = jnp.sum(force * e_r) / self.m + r * omega * omega
         a_theta = (jnp.sum(force * e_theta) / self.m - 2 * vr * omega) / r

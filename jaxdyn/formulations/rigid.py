@@ -27,6 +27,7 @@ from jaxdyn.geometry.inertia import MaterialPoints
 from jaxdyn.geometry.vectors import cross
 from jaxdyn.scene import Effect, Points, Scene, System
 from jaxdyn.sketch import Looks, Shape, traces
+from jaxdyn.system import generalized_forces, total_force
 
 #: Largest deviation of the attitude of a start from a unit quaternion or a rotation matrix.
 CONSISTENT = 1e-9
@@ -210,13 +211,11 @@ class RigidBody(System):
         if effects:
             R = self.attitude.matrix(a)
             r, velocity, m = self.points(t, y)
-            forces = sum((e.force(t, r, velocity, m) for e in effects), jnp.zeros_like(r))
+            forces = total_force(effects, t, r, velocity, m)
             moments = _crossed(self.matter.r, turned(R.T, forces))
             total = jnp.stack([jnp.sum(forces, axis=0), jnp.sum(moments, axis=0)])
-            direct = (e.generalized(t, *self.coordinates(y)) for e in effects)
-            for f in direct:
-                if f is not None:
-                    total = total + jnp.concatenate([jnp.zeros(6 - len(f)), f]).reshape(2, 3)
+            for f in generalized_forces(effects, t, *self.coordinates(y)):
+                total = total + jnp.concatenate([jnp.zeros(6 - len(f)), f]).reshape(2, 3)
         return total[0], total[1]
 
     def _parts(self, y: Array) -> tuple[Array, Array, Array, Array]:

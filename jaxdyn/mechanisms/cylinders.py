@@ -8,7 +8,7 @@ surface (in the direction of clockwise rolling), N the normal force and F the fr
 
 with accelerations that satisfy the conditions of `_Contact`. Rolling determines F and N, slipping N
 with F = -mu N sign(slip). All phases have the same state [x, y, phi, velocities] of G;
-`scenes.rolling` joins them.
+`jaxdyn.scenes.phases_of` joins them.
 """
 
 import dataclasses
@@ -23,6 +23,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.scene import Points, System
 from jaxdyn.sketch import Shape, circle, line, traces
+from jaxdyn.system import total_force
 
 #: Kinds of contact; a slip is named by the direction of the contact point along t.
 CONTACTS = ("roll", "slip_on", "slip_back", "fly")
@@ -203,7 +204,7 @@ class Cylinder(System):
     def _load(self, t, y, effects) -> Array:
         """(3,) force and clockwise moment about G of the effects."""
         r, v, m = self.points(t, y)
-        f = sum((effect.force(t, r, v, m) for effect in effects), jnp.zeros_like(r))
+        f = total_force(effects, t, r, v, m)
         lever = r - y[None, :2]
         moment = jnp.sum(lever[:, 1] * f[:, 0] - lever[:, 0] * f[:, 1])
         return jnp.concatenate([jnp.sum(f, axis=0), moment[None]])

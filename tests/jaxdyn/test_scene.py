@@ -11,7 +11,7 @@ import pytest
 from helpers import EXACT, SOLVED, Arm, gap, kepler, primitives, refusal
 
 import jaxdyn
-from jaxdyn import Effect, Scene, System, scenes, simulate
+from jaxdyn import Effect, Scene, System, scenes, simulate, solve
 from jaxdyn._numerics import safe_norm
 from jaxdyn.accuracy.timing import Clock
 from jaxdyn.analysis.ledger import with_work
@@ -352,6 +352,21 @@ def test_what_an_effect_returns_has_its_shape(effect, message):
         scene.check()
     with pytest.raises(ValueError, match=rf"^_Returning\.{message}"):
         jax.jit(lambda y: scene.starting(y).check())(scene.y0)
+
+
+@pytest.mark.parametrize("shape", [(), (2,), (3, 1), (1, 2)])
+def test_a_force_of_another_shape_is_never_broadcast_where_nothing_is_checked(shape):
+    scene = Scene(FreePoints(np.ones(3)), (_Returning(jnp.ones(shape)),), y0=np.arange(12.0))
+    for unchecked in (
+        lambda: solve(scene, 1.0),
+        lambda: jax.grad(lambda x: solve(scene.starting(x * scene.y0), 1.0).y1[0])(1.0),
+        lambda: scene.vector_field(0.0, scene.y0),
+    ):
+        with pytest.raises(ValueError, match=r"^_Returning\.force: expected shape \(3, 2\), got "):
+            unchecked()
+    rough = Scene(FreePoints(np.ones(3)), (_Returning(V=jnp.ones(3)),), y0=np.arange(12.0))
+    with pytest.raises(ValueError, match=r"^_Returning\.potential: expected shape \(\), got "):
+        solve(rough, 1.0)
 
 
 class _Odd(FreePoints):
