@@ -15,7 +15,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.formulations.constrained import DEPENDENT, Constrained
+from jaxdyn.formulations.constrained import Constrained
+from jaxdyn.formulations.dependence import DEPENDENT
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene, System

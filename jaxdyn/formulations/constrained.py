@@ -31,7 +31,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._numerics import Reduced, has_positive_minors, solve_psd, solve_spd
+from jaxdyn._numerics import solve_spd
+from jaxdyn.formulations.dependence import LOST, crossing, independent, times, turns_over
 from jaxdyn.formulations.mechanism import (
     Mechanism,
     MechanismSystem,
@@ -42,12 +43,6 @@ from jaxdyn.formulations.mechanism import (
 from jaxdyn.scene import Effect
 
 DRIFTS = ("projection", "baumgarte", "raw")
-#: A condition at a smaller angle to the others counts as dependent: at 1e-6 rad, rounding of 1e-16
-#: still leaves ten digits of the acceleration. [square of the sine]
-DEPENDENT = 1e-12
-#: Likewise where a step ends; less, so that a motion that stops there is found undetermined.
-_LOST = 0.25 * DEPENDENT
-_MIN_CONDITION_CHANGE = 1e-5  # relative change of a dependent condition that counts as a change
 #: Least eigenvalue below which a mass matrix with unit diagonal counts as singular.
 _MIN_EIGENVALUE = 1e-15
 _MAX_VIOLATION = 1e-6  # relative violation left by the projection
@@ -79,7 +74,7 @@ class Constrained(MechanismSystem):
 
     def gram(self, t: Array, y: Array) -> Array:
         """(c + b, c + b) matrix G M^-1 G^T: accelerations of the conditions for unit forces."""
-        return _times(*self._reach(t, y))
+        return times(*self._reach(t, jnp.split(y, 2)[0]))
 
     def undetermined(self, t, y):
         """Whether () the constraints at a state contradict, or do not determine the motion."""
@@ -92,13 +87,13 @@ class Constrained(MechanismSystem):
         if not g.shape[0]:
             return jnp.zeros((), bool)
         reach = solve_spd(mass_matrix(self.mechanism, t, q), g.T)
-        found = _independent(g, reach, g)
+        found = independent(g, reach, g)
         off = jnp.max(jnp.abs(phi), initial=0.0) / (1 + jnp.max(jnp.abs(q)))
         fast = jnp.max(jnp.abs(rates)) / (1 + jnp.max(jnp.abs(v)))
         contradiction = (self.drift == "projection") & (jnp.maximum(off, fast) > _MAX_VIOLATION)
         turning = jax.jacfwd(lambda q: self._conditions(t, q, v)[2])(q)
-        allowed = jnp.eye(q.shape[0]) - _times(reach, found.x)
-        return contradiction | _crossing(found, turning, allowed)
+        allowed = jnp.eye(q.shape[0]) - times(reach, found.x)
+        return contradiction | crossing(found, turning, allowed)
 
     def loses(self, t0, y0, t1, y1):
         return _loses(self, t0, y0, t1, y1)
@@ -109,22 +104,23 @@ class Constrained(MechanismSystem):
         The rows of G at the end, projected onto those at the start, are X times the latter: X
         is the identity for a short step, and singular where they pass a pose of lost rank. A
         positive determinant is not enough, since X may be far from the identity: all its leading
-        minors must be positive. Other steps are too long to tell.
+        minors must be positive. Other steps are too long to tell. Each half of the step is tested,
+        since a step that passes two such poses may have turned X back to the identity.
         """
-        (g0, reach0), (g1, reach1) = (self._reach(t, y) for t, y in ((t0, y0), (t1, y1)))
-        if not g0.shape[0]:
+        (q0, v0), (q1, v1) = jnp.split(y0, 2), jnp.split(y1, 2)
+        # Halfway on the cubic through both ends.
+        t, q = 0.5 * (t0 + t1), 0.5 * (q0 + q1) + 0.125 * (t1 - t0) * (v0 - v1)
+        start, middle, end = (self._reach(*at) for at in ((t0, q0), (t, q), (t1, q1)))
+        if not start[0].shape[0]:
             return jnp.zeros((), bool)
-        start = _independent(g0, reach0, _times(g1, reach0).T, _LOST)
-        end = _independent(g1, reach1, g1, _LOST)
-        both = start.kept[:, None] & start.kept[None, :]
-        x = jnp.where(both, start.x, jnp.eye(len(g0)))
-        return (jnp.sum(end.kept) < jnp.sum(start.kept)) | ~has_positive_minors(x)
+        kept, last = (independent(*at, at[0], LOST).kept for at in (start, end))
+        crossed = turns_over(start, middle, kept) | turns_over(middle, end, kept)
+        return (jnp.sum(last) < jnp.sum(kept)) | crossed
 
-    def _reach(self, t: Array, y: Array) -> tuple[Array, Array]:
-        """G (c + b, n) and M^-1 G^T at a state."""
-        q, v = jnp.split(y, 2)
-        t = jnp.asarray(t, y.dtype)
-        g = self._conditions(t, q, v)[2]
+    def _reach(self, t: Array, q: Array) -> tuple[Array, Array]:
+        """G (c + b, n) and M^-1 G^T in a pose."""
+        t = jnp.asarray(t, q.dtype)
+        g = self._conditions(t, q, jnp.zeros_like(q))[2]
         return g, solve_spd(mass_matrix(self.mechanism, t, q), g.T)
 
     def violation(self, t: Array, y: Array) -> tuple[Array, Array]:
@@ -191,7 +187,7 @@ class Constrained(MechanismSystem):
         mass, force = mass_and_force(self.mechanism, t, q, v, effects)
         free, reach = self._free(mass, force, g)
         wanted = gamma - row_sums(g, free)
-        multipliers = _independent(g, reach, wanted).x
+        multipliers = independent(g, reach, wanted).x
         return free + row_sums(reach, multipliers), multipliers
 
     def _conditions(self, t: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
@@ -231,40 +227,7 @@ class Constrained(MechanismSystem):
         if not g.shape[0]:
             return jnp.zeros_like(q)
         reach = solve_spd(mass_matrix(self.mechanism, t, q), g.T)
-        return row_sums(reach, _independent(g, reach, error).x)
-
-
-def _independent(g: Array, reach: Array, b: Array, least: float = DEPENDENT) -> Reduced:
-    """The multipliers (c, ...) for right sides b, those of dependent conditions set to 0."""
-    gram = _times(g, reach)
-    size = jnp.sum(g * g, axis=1)
-    # A row that nearly vanishes has the direction of its rounding errors.
-    vanishes = size <= least * jnp.max(size, initial=0.0)
-    return solve_psd(gram, b, jnp.where(vanishes, jnp.inf, least * jnp.diagonal(gram)))
-
-
-def _times(g: Array, reach: Array) -> Array:
-    # As a sum, for the reason given at mechanism.weighted_gram.
-    return jnp.sum(g[:, :, None] * reach[None, :, :], axis=1)
-
-
-def _crossing(found: Reduced, turning: Array, allowed: Array) -> Array:
-    """Whether () a dependent condition changes in allowed motions: several of them cross here.
-
-    Args:
-      found: the dependences among the conditions.
-      turning: (c, n, n) derivatives of the rows of G in q.
-      allowed: (n, n) a projector on the velocities that the conditions allow.
-    """
-    c = turning.shape[0]
-    null = jnp.where(found.kept[:, None], 0.0, jnp.eye(c) - found.combination.T)
-    bends = jnp.sum(null[:, :, None, None] * turning[None], axis=1)
-    size = jnp.sum(jnp.abs(null)[:, :, None, None] * jnp.abs(turning)[None], axis=1)
-    for _ in range(2):  # along both of its directions
-        bends = jnp.sum(bends[:, :, :, None] * allowed[None, None], axis=2).swapaxes(1, 2)
-    return jnp.any(
-        jnp.max(jnp.abs(bends), axis=(1, 2)) > _MIN_CONDITION_CHANGE * jnp.max(size, axis=(1, 2))
-    )
+        return row_sums(reach, independent(g, reach, error).x)
 
 
 # Traced once for the stages, the start, the samples and the ends of a solve.

@@ -56,6 +56,18 @@ def test_a_pose_where_the_bars_lose_rank_is_refused_with_the_remedy():
     folding(1e-3).check()
 
 
+def test_a_step_past_two_change_points_is_refused_too():
+    # It turns evenly, so that a step of a Runge-Kutta pair takes it round by more than half a turn.
+    scene = linkages.four_bar(
+        **{"l": (1.0, 2.0, 1.0), "ground": 2.0, "g": 0.0, "angle": 0.1, "rate": 0.5},
+        crossed=True,
+        formulation="loop",
+    )
+    for rtol in (1e-2, 1e-4, 1e-6):
+        end = simulate(scene, 24.0, samples=2, rtol=rtol, throw=False)
+        assert end.status_code in (Status.SINGULAR, Status.STEP_COLLAPSED)
+
+
 @pytest.mark.parametrize(
     "formulation",
     ["newton_euler", "lagrange", *(pytest.param(x, marks=SLOW) for x in ("loop", "constrained"))],
