@@ -184,8 +184,8 @@ def solve(
     out = _auto(run, settings, traced) if auto else run(settings=settings)
     if len(ts) == n:
         return out
-    # On the host: a slice in JAX would compile for each number of samples.
-    ys = as_float(np.asarray(out.ys)[:n])
+    # A slice in JAX, and `as_float`, would compile for each number of samples.
+    ys = jnp.asarray(np.asarray(out.ys)[:n], float)
     return SolveResult(
         y1=out.y1, ys=ys, steps=out.steps, rejected=out.rejected, status=out.status, stiff=out.stiff
     )

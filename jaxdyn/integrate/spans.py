@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.scene import Scene, checked_scene
 from jaxdyn.solvers import Solver
@@ -79,11 +78,10 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
             raise _checks.fail("samples", "at least 1, or an array of times", samples)
         _check_memory(scene, int(samples))
         if samples == 1:
-            return t0, t1, as_float(t1[None])
+            return t0, t1, _placed(t1[None])
         if _checks.is_traced((t0, t1)):
             return t0, t1, jnp.linspace(t0, t1, int(samples))
-        # In JAX it would compile for each number of samples.
-        return t0, t1, as_float(np.linspace(float(t0), float(t1), int(samples)))
+        return t0, t1, _placed(np.linspace(float(t0), float(t1), int(samples)))
     ts = _checks.host_array("samples", samples, (None,), "Pass an array of times, or their number.")
     _check_memory(scene, len(ts))
     if not _checks.is_traced((ts, t0, t1)):
@@ -95,7 +93,12 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
                 f"{np.asarray(ts)}",
                 "Sort them, or move t0 or t1.",
             )
-    return t0, t1, as_float(ts)
+    return t0, t1, _placed(ts)
+
+
+def _placed(ts) -> Array:
+    # `jnp.linspace` and `as_float` would compile a program for each number of samples.
+    return jnp.asarray(ts, float)
 
 
 def _check_memory(scene: Scene, samples: int) -> None:

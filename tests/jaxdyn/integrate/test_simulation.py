@@ -466,6 +466,15 @@ def test_limits_of_steps_and_numbers_of_samples_share_programs():
     assert len(Counting.traces) > before
 
 
+def test_nothing_at_all_is_compiled_for_another_number_of_samples(caplog):
+    scene = _counted()
+    simulate(scene, samples=20)
+    with jax.log_compiles(), caplog.at_level("WARNING"):
+        simulate(scene, samples=21)
+        simulate(scene, samples=np.linspace(0.0, 1.0, 22))
+    assert [record.message for record in caplog.records if "Compiling" in record.message] == []
+
+
 @jax.jit
 def _alone(scene, t1, ts):
     return solve(scene, t1, ts=ts, rtol=1e-11)
