@@ -50,6 +50,7 @@ def record(motion: Trajectory | HybridTrajectory, end: EndError) -> dict:
     pieces = pieces_of(motion)
     change = energy_change(motion)
     in_phases = isinstance(motion, HybridTrajectory)
+    phases = zip(motion.names, pieces, motion.times, strict=True) if in_phases else ()
     ts, ys = samples(motion)
     return {
         "status": motion.status.name if in_phases else motion.status_code.name,
@@ -60,8 +61,7 @@ def record(motion: Trajectory | HybridTrajectory, end: EndError) -> dict:
         "y": _finite(ys),
         "error": _finite(end.error),
         "phases": [
-            {"name": phase, "t0": float(piece.ts[0]), "t1": float(piece.ts[-1])}
-            for phase, piece in zip(motion.names if in_phases else (), pieces, strict=False)
+            {"name": phase, "t0": float(piece.ts[0]), "t1": t1} for phase, piece, t1 in phases
         ],
         "energy_drift": change and change.size,
         "energy_changed_by": change and change.causes,

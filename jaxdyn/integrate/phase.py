@@ -193,8 +193,8 @@ class HybridTrajectory(eqx.Module):
         labels = scene.labels()
         second = _text.second(labels)
         rows = [
-            (name, f"{_text.brief(piece.ts[0])} to {_text.brief(piece.ts[-1], second)}")
-            for name, piece in zip(self.names, self.pieces, strict=True)
+            (name, f"{_text.brief(piece.ts[0])} to {_text.brief(end, second)}")
+            for name, piece, end in zip(self.names, self.pieces, self.times, strict=True)
         ]
         return _text.table(
             f"HybridTrajectory of {counted(len(self.pieces), 'phase')}",
@@ -207,8 +207,10 @@ class HybridTrajectory(eqx.Module):
 
     @property
     def times(self) -> tuple[float, ...]:
-        """End time of each piece [s]."""
-        return tuple(float(piece.ts[-1]) for piece in self.pieces)
+        """End time of each phase [s], including what the change of its exit lasts."""
+        starts = [float(piece.ts[0]) for piece in self.pieces]
+        failed = self.status != Status.OK
+        return (*starts[1:], float(self.pieces[-1].ts[-1] if failed else self.t))
 
     @property
     def message(self) -> str:

@@ -40,6 +40,9 @@ def test_straight_braking_is_uniform():
 def test_the_car_comes_to_rest(stop):
     _, _, chain = stop
     assert chain.ended
+    # The last sample is at the event, before the part of the stop that is in closed form.
+    assert chain.times == (float(chain.t),)
+    assert f"0 to {float(chain.t):.6g} s" in repr(chain)
     assert gap(chain.y[3:], np.zeros(3)) == 0
     # It slides to the end and loses energy all the way.
     assert (np.diff(energy.along(energy.energy, chain.pieces[0])) < 0).all()
