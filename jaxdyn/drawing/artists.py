@@ -13,6 +13,8 @@ from jaxdyn.drawing.panels import draw_lines
 from jaxdyn.drawing.strokes import grounds, strokes
 
 _SPRING = 0.022  # half width of a spring, to the widest side of the box
+_AREAS = 1.4  # depth at which filled areas are drawn
+ABOVE_AREAS = 1.5  # and of poses at other times, which one filled at the start must not hide
 _BODY = "#e6e9ee"
 _GROUND = "#8c8c8c"
 _PIN = 22  # points
@@ -26,7 +28,7 @@ class Shapes:
     def __init__(self, ax, drawn: Paths, box: np.ndarray):
         self.drawn, self.width = drawn, _SPRING * np.diff(box).max()
         draw_lines(ax, grounds(drawn), colors=_GROUND, linewidths=1.6, zorder=0.6)
-        fills = (("areas", _BODY, 1.4), ("solids", INK, 2.6)) if ax.name != "3d" else ()
+        fills = (("areas", _BODY, _AREAS), ("solids", INK, 2.6)) if ax.name != "3d" else ()
         self._filled = {kind: _closed(ax, colour, order) for kind, colour, order in fills}
         # In space edges at the back are drawn too, thinner to avoid clutter.
         width = 1.3 if ax.name == "3d" else 2.0

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
-from jaxdyn.drawing.artists import Shapes, draw_pose
+from jaxdyn.drawing.artists import ABOVE_AREAS, Shapes, draw_pose
 from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.figures import blank, finished, legend_below, mark, path_entries, shades
 from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, panel, size
@@ -117,7 +117,7 @@ def _draw_poses(ax, drawn: Paths) -> None:
     later = in_time(drawn, poses + 2)[1:-1] if closed else in_time(drawn, poses + 1)[1:]
     for k, sample in enumerate(later):
         grey = str(0.75 - 0.25 * k / len(later))
-        draw_pose(ax, drawn, sample, colors=grey, linewidths=1.1, zorder=1)
+        draw_pose(ax, drawn, sample, colors=grey, linewidths=1.1, zorder=ABOVE_AREAS)
 
 
 def _marks(drawn: list[Paths]) -> list:

@@ -8,7 +8,7 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib.animation import FFMpegWriter
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from PIL import Image
 
 from jaxdyn import Scene, Status, Trajectory, drawing, scenes, simulate
@@ -149,6 +149,15 @@ def test_the_turntable_is_seen_in_its_picture():
     drawn = paths(simulate(scenes.turntable(), samples=20))
     (rim,) = (at for kind, at in drawn.shapes if kind == "area")
     assert 2 * np.ptp(rim[0]) > np.ptp(drawn.xyz, axis=0).max()
+
+
+def test_a_filled_body_does_not_hide_its_later_poses():
+    (ax,) = drawing.trajectory(simulate(scenes.turntable(), samples=20)).axes
+    (table,) = (x for x in ax.collections if isinstance(x, PolyCollection) and x.get_paths())
+    rims = [len(table.get_paths()[0].vertices)]
+    later = [x for x in _strokes(ax) if {len(s) for s in x.get_segments()} & {*rims, rims[0] - 1}]
+    assert len(later) == 5
+    assert all(x.get_zorder() > table.get_zorder() for x in later)
 
 
 def test_no_body_on_skates_looks_like_the_mark_of_an_end():
