@@ -2,6 +2,7 @@
 
 from . import accuracy as accuracy
 from . import analysis as analysis
+from . import balls as balls
 from . import chaos as chaos
 from . import course as course
 from . import drawing as drawing

@@ -7,6 +7,7 @@ from . import drawing as drawing
 from . import families as families
 from . import files as files
 from . import hybrid as hybrid
+from . import proof as proof
 from . import shooting as shooting
 from . import targets as targets
 from .analysis.alignment import Match as Match
@@ -62,6 +63,8 @@ from .hybrid.search import find_hybrid as find_hybrid
 from .orbit import Orbit as Orbit
 from .orbit import Outcome as Outcome
 from .orbit import SearchError as SearchError
+from .proof.refined import Refined as Refined
+from .proof.refinement import refine as refine
 from .shooting.finding import find as find
 
 __version__: str

@@ -9,14 +9,14 @@ Other loops, linear algebra and callbacks cannot be represented: `NotElementary`
 import functools
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
 import jax.extend
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from jaxdyn.solvers.taylor.graph import COMPARISONS, FUNCTIONS, LOGIC, Graph, Node, Number
 
@@ -63,11 +63,31 @@ def formulas(field: Callable, t: Array, y: Array) -> Formulas:
     Raises:
       NotElementary: an operation of the field cannot be represented.
     """
-    closed = jax.make_jaxpr(field)(t, y)
-    graph = Graph()
+    return _traced(Graph(), field, (), t, y)
+
+
+def exact_formulas(field: Callable, numbers: PyTree, t: Array, y: Array) -> Formulas:
+    """The formulas of a rate for an arithmetic of more digits than that of floats.
+
+    No operation on known numbers is rounded: it stays a node. A known number is that binary float.
+
+    Args:
+      field: (numbers, t, y) -> (m,), any numbers of them.
+      numbers: the parameters, a pytree of known floats.
+      t: () time.
+      y: (k,) state.
+    Raises:
+      NotElementary: an operation of the field cannot be represented.
+    """
+    known = [np.asarray(x, float).astype(object) for x in jax.tree.leaves(numbers)]
+    return _traced(Graph(exact=True), lambda t, y, n: field(n, t, y), (numbers,), t, y, known)
+
+
+def _traced(graph: Graph, field: Callable, more: tuple, t, y, known: Sequence = ()) -> Formulas:
+    closed = jax.make_jaxpr(field)(t, y, *more)
     time = graph.given(t, moving=True)
     states = [graph.given(y[i], moving=True) for i in range(len(y))]
-    inputs = [_objects([time], ()), _objects(states, y.shape)]
+    inputs = [_objects([time], ()), _objects(states, y.shape), *known]
     (rates,) = _interpreted(graph, closed.jaxpr, [_taken(graph, c) for c in closed.consts], inputs)
     return Formulas(graph=graph, time=time, states=states, rates=rates.tolist())
 
@@ -81,9 +101,14 @@ def _objects(items: list, shape: tuple[int, ...]) -> np.ndarray:
 def _taken(graph: Graph, x) -> np.ndarray:
     """An array of known numbers as it is; of others, one node for each."""
     if not isinstance(x, jax.core.Tracer):
-        return np.asarray(x)
+        return _as_known(graph, np.asarray(x))
     flat = x.ravel()
     return _objects([graph.given(flat[i]) for i in range(x.size)], x.shape)
+
+
+def _as_known(graph: Graph, x: np.ndarray) -> np.ndarray:
+    """Known numbers as what the graph's operations apply to: floats as objects if exactly."""
+    return x.astype(object) if graph.exact and x.dtype == np.float64 else x
 
 
 def _interpreted(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.ndarray]:
@@ -91,7 +116,8 @@ def _interpreted(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.nda
     values |= dict(zip(jaxpr.invars, inputs, strict=True))
 
     def read(atom):
-        return np.asarray(atom.val) if isinstance(atom, jax.extend.core.Literal) else values[atom]
+        is_literal = isinstance(atom, jax.extend.core.Literal)
+        return _as_known(graph, np.asarray(atom.val)) if is_literal else values[atom]
 
     for eqn in jaxpr.eqns:
         found = _applied(graph, eqn, [read(a) for a in eqn.invars])

@@ -8,8 +8,10 @@ sines and cosines is one node, however the rate was written, and terms that canc
 """
 
 import functools
+import math
 import operator
 from collections.abc import Callable
+from fractions import Fraction
 
 import numpy as np
 from jaxtyping import Array
@@ -59,9 +61,14 @@ class Graph:
     """The nodes of a calculation, and arithmetic with them.
 
     A product with a known 0 is 0, whatever the other factor: an infinity there is lost.
+
+    Args:
+      exact: whether operations on known numbers are carried out only where the result is a
+        float exactly; otherwise they are nodes, for another arithmetic to evaluate.
     """
 
-    def __init__(self):
+    def __init__(self, exact: bool = False):
+        self.exact = exact
         self._found: dict[tuple, Node] = {}
         self._count = 0
 
@@ -157,7 +164,7 @@ class Graph:
         """a to the power of a steady n."""
         if isinstance(n, Node):
             return self.node("pow", a, n)
-        if not isinstance(a, Node):
+        if not isinstance(a, Node) and not self.exact:
             with np.errstate(all="ignore"):
                 return float(np.float64(a) ** n)
         if float(n).is_integer() and abs(n) <= _WRITTEN_OUT:
@@ -167,7 +174,7 @@ class Graph:
 
     def function(self, op: str, a: Number) -> Number:
         """An elementary function."""
-        if not isinstance(a, Node):
+        if not isinstance(a, Node) and not self.exact:
             with np.errstate(all="ignore"):
                 return float(FUNCTIONS[op](a))
         if op in ("sin", "cos"):
@@ -206,7 +213,10 @@ class Graph:
         """A sum, product or quotient of steady numbers."""
         if not isinstance(a, Node) and not isinstance(b, Node):
             with np.errstate(all="ignore"):
-                return float(_ARITHMETIC[op](np.float64(a), np.float64(b)))
+                found = float(_ARITHMETIC[op](np.float64(a), np.float64(b)))
+            if not self.exact or _is_exactly(found, op, a, b):
+                return found
+            return self.node(op, a, b)
         if op == "add":
             return b if _is(a, 0) else a if _is(b, 0) else self.node(op, a, b)
         if _is(a, 0) or (op == "mul" and _is(b, 0)):
@@ -216,11 +226,20 @@ class Graph:
         return a if _is(b, 1) else self.node(op, a, b)
 
 
-_ARITHMETIC: dict[str, Callable] = {"add": operator.add, "mul": operator.mul, "div": np.divide}
+_ARITHMETIC: dict[str, Callable] = {
+    **{"add": operator.add, "mul": operator.mul, "div": operator.truediv}
+}
 
 
 def _is(a: Number, x: int) -> bool:
     return not isinstance(a, Node) and a == x
+
+
+def _is_exactly(found: float, op: str, a: float, b: float) -> bool:
+    """Whether the result of an operation on known numbers is not rounded."""
+    if not all(map(math.isfinite, (found, a, b))) or (op == "div" and b == 0):
+        return False
+    return _ARITHMETIC[op](Fraction(a), Fraction(b)) == found
 
 
 def _parts(a: Number) -> tuple[Number, Node | None]:

@@ -1,0 +1,12 @@
+"""The formulas of a rate in ball arithmetic: any number of digits, and enclosures.
+
+`derivative` differentiates formulas, `arithmetic` evaluates them on balls, `field` is a rate with
+both, `series` has the Taylor coefficients of its motions, `motion` follows one to a number of
+digits, `enclosure` bounds what a series leaves out. The formulas are those that `solvers.taylor`
+takes from the rate's program, with no constant rounded.
+
+May import: `solvers`. It needs python-flint: ``pip install 'jaxdyn[proof]'``.
+
+One more elementary function is one for `solvers.taylor`, its derivative in `derivative`, and its
+value in `arithmetic` where python-flint has no method of its name.
+"""

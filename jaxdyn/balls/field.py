@@ -1,0 +1,116 @@
+"""A rate and its derivatives as programs for ball arithmetic, unfolded by its integrals.
+
+With integrals I_1, I_2, ... the rate is f + sum_i lambda_i grad I_i, where lambda is constant in
+time; see `orbits.proof` for the purpose. Without any it is f.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import Scene
+from jaxdyn._checks import fail
+from jaxdyn.balls.arithmetic import REAL, Functions, Program
+from jaxdyn.balls.derivative import gradients
+from jaxdyn.solvers.taylor.formulas import Formulas, NotElementary, exact_formulas
+from jaxdyn.solvers.taylor.graph import Graph, Node, Number
+
+_REMEDY = (
+    "Digits and proofs need a rate of + - * / powers, roots, sin, cos, tanh, exp and log, without "
+    "conditions on what moves and without linear algebra."
+)
+
+
+@dataclasses.dataclass(eq=False)
+class BallField:
+    """The rate of a scene in ball arithmetic.
+
+    Attributes:
+      graph: all formulas.
+      time: node of t.
+      states: (k) nodes of y.
+      unfolding: (n) nodes of lambda.
+      rates: program of the k rates.
+      slopes: program of the k rates, then their derivatives (k, k + n), row by row.
+    """
+
+    graph: Graph
+    time: Node
+    states: list[Node]
+    unfolding: list[Node]
+    rates: Program
+    slopes: Program
+
+    @property
+    def k(self) -> int:
+        """Number of entries of the state."""
+        return len(self.states)
+
+    @property
+    def n(self) -> int:
+        """Number of unfolding parameters."""
+        return len(self.unfolding)
+
+    def inputs(self, t, y: list, unfolding: list) -> dict:
+        """What the programs take."""
+        pairs = zip((*self.states, *self.unfolding), (*y, *unfolding), strict=True)
+        return {self.time: t, **dict(pairs)}
+
+    def rate(self, t, y: list, unfolding: list, functions: Functions = REAL) -> list:
+        """(k) the rates."""
+        return self.rates(self.inputs(t, y, unfolding), functions)
+
+
+def scene_formulas(scene: Scene, *others) -> tuple[Formulas, list[list[Number]]]:
+    """The exact formulas of a scene's rate, and of functions (scene, t, y) -> (m,) beside it.
+
+    Raises:
+      ValueError: the rate, or another function, is not made of elementary functions.
+    """
+    numbers, rest = eqx.partition(scene, eqx.is_inexact_array_like)
+    sizes: list[int] = []
+
+    def all_of_them(numbers, t, y):
+        whole = eqx.combine(numbers, rest)
+        parts = [whole.rate(t, y), *(jnp.ravel(other(whole, t, y)) for other in others)]
+        sizes[:] = [len(part) for part in parts]
+        return jnp.concatenate(parts)
+
+    try:
+        found = exact_formulas(all_of_them, numbers, np.zeros(()), jnp.asarray(scene.y0))
+    except NotElementary as error:
+        name = scene.name or type(scene.system).__name__
+        raise fail(
+            "scene", "a rate of elementary functions", f"{error} ({name})", _REMEDY
+        ) from error
+    ends = np.cumsum([0, *sizes])
+    parts = [found.rates[a:b] for a, b in itertools.pairwise(ends)]
+    return found._replace(rates=parts[0]), parts[1:]
+
+
+def ball_field(formulas: Formulas, integrals: Sequence[Number] = ()) -> BallField:
+    """The field of formulas, unfolded by the gradients of integrals (n).
+
+    Raises:
+      ValueError: a rate has no derivative in formulas.
+    """
+    graph, states = formulas.graph, formulas.states
+    unfolding = [graph.given(None, moving=True) for _ in integrals]
+    rates = list(formulas.rates)
+    for parameter, slopes in zip(unfolding, gradients(graph, list(integrals), states), strict=True):
+        rates = [graph.add(r, graph.mul(parameter, s)) for r, s in zip(rates, slopes, strict=True)]
+    slopes = [s for row in gradients(graph, rates, [*states, *unfolding]) for s in row]
+    # The second program first: both split the same products, and it has them all.
+    both = Program.of(graph, [*rates, *slopes])
+    return BallField(
+        graph=graph,
+        time=formulas.time,
+        states=states,
+        unfolding=unfolding,
+        rates=Program.of(graph, rates),
+        slopes=both,
+    )

@@ -1,0 +1,128 @@
+"""Motions to any number of digits: Taylor series with estimated, not proved, truncation errors.
+
+The order is proportional to the
+number of digits, and steps are those at which the last terms are below the wanted error. Radii of
+rounding errors are dropped after each step: by interval arithmetic they would grow as products of
+norms do, much faster than errors do.
+"""
+
+import math
+from typing import NamedTuple
+
+from jaxdyn.balls import series
+from jaxdyn.balls.arithmetic import arb, arb_mat, precision
+from jaxdyn.balls.field import BallField
+
+#: Terms a digit: a step then is a seventh of the radius of convergence, where a motion costs the
+#: least if its cost is proportional to the square of the order (Jorba, Zou 2005).
+_ORDERS_PER_DIGIT = 1.15
+_LEAST_ORDER = 12
+_BITS_PER_DIGIT = math.log2(10)
+_GUARD_BITS = 24
+_SAFETY = 0.9  # of a step
+_MOST_STEPS = 100_000
+
+
+class End(NamedTuple):
+    """The end of a motion.
+
+    Attributes:
+      y: (k) arb, the state.
+      slopes: (k, k + n) its derivative by start and unfolding; None if not wanted.
+      steps: number of steps.
+    """
+
+    y: list
+    slopes: arb_mat | None
+    steps: int
+
+
+def bits_of(digits: float) -> int:
+    """Bits of precision for a number of digits, with some to spare."""
+    return math.ceil(digits * _BITS_PER_DIGIT) + _GUARD_BITS
+
+
+def order_of(digits: float) -> int:
+    """The order of series for a number of digits."""
+    return max(_LEAST_ORDER, math.ceil(_ORDERS_PER_DIGIT * digits))
+
+
+def follow(
+    field: BallField,
+    t: arb,
+    y: list,
+    unfolding: list,
+    span: arb,
+    digits: float,
+    *,
+    slopes: bool = False,
+    more_order: int = 0,
+) -> End:
+    """The end of the motion from y at t over a span > 0, to about this many digits.
+
+    Args:
+      field: the rate.
+      t: () the time of the start.
+      y: (k) the start.
+      unfolding: (n) the unfolding's parameters.
+      span: () the length in time.
+      digits: the truncation error of each step is below 10^-digits of the largest entry.
+      slopes: whether the derivative by start and unfolding is wanted.
+      more_order: added to the order, for a second opinion with other steps.
+    Raises:
+      ArithmeticError: the motion runs into a singularity, or takes too many steps.
+    """
+    order = order_of(digits) + more_order
+    with precision(bits_of(digits), order):
+        product = None
+        done, steps, last = arb(0), 0, False
+        while not last:
+            steps += 1
+            coefficients = series.motion_series(field, t + done, y, unfolding, order)
+            h = _step(coefficients, digits)
+            last = bool(done + h >= span)
+            step = (span - done).mid() if last else arb(h)
+            y = [series.at(row, step).mid() for row in coefficients]
+            if not all(x.is_finite() for x in y) or not h > 0 or steps > _MOST_STEPS:
+                raise ArithmeticError(
+                    f"The motion cannot be followed beyond t = {float(done):.6g}."
+                )
+            if slopes:
+                now = _transition(field, t + done, coefficients, unfolding, step, order)
+                product = now if product is None else composed(now, product)
+            done = (done + step).mid()
+        return End(y, product, steps)
+
+
+def composed(later: arb_mat, earlier: arb_mat) -> arb_mat:
+    """(k, k + n) the derivative of two motions one after the other, at the same unfolding."""
+    k, width = earlier.nrows(), earlier.ncols()
+    if width == k:
+        return later * earlier
+    stay = [[int(j == i) for j in range(width)] for i in range(k, width)]
+    return later * arb_mat(earlier.tolist() + stay)
+
+
+def _step(coefficients: list[list], digits: float) -> float:
+    """The step at which the last two terms are below the error."""
+    order = len(coefficients[0]) - 1
+    size = max(_log(row[0]) for row in coefficients)
+    steps = []
+    for n in (order - 1, order):
+        last = max(_log(row[n]) for row in coefficients)
+        if last > -math.inf:
+            steps.append((size - digits * math.log(10) - last) / n)
+    # Of a polynomial, whose series ends, any step is right.
+    return _SAFETY * math.exp(min(steps)) if steps else math.inf
+
+
+def _log(x: arb) -> float:
+    """The logarithm of |x|, also beyond the range of floats."""
+    bound = abs(x.mid())
+    return float(bound.log()) if not bound.is_zero() else -math.inf
+
+
+def _transition(field, t, coefficients, unfolding, h: arb, order: int) -> arb_mat:
+    _, slopes, forcing = series.slope_series(field, t, coefficients, unfolding, order)
+    found = series.at(series.transition_series(slopes, forcing, order), h)
+    return arb_mat([[x.mid() for x in row] for row in found.tolist()])

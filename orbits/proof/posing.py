@@ -1,0 +1,210 @@
+"""Square closing equations posed for an orbit: what is held, and which integrals unfold."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import Scene
+from jaxdyn._checks import fail
+from jaxdyn.analysis import energy as energies
+from jaxdyn.balls.arithmetic import arb, precision
+from jaxdyn.balls.field import ball_field, scene_formulas
+from jaxdyn.solvers.taylor.graph import Number
+from jaxdyn.system import System
+from orbits.closing.closings import Closing, Return, Reversal
+from orbits.closing.given import driven
+from orbits.closing.symmetry import Symmetry
+from orbits.orbit import Orbit
+from orbits.proof.closure import Closure, floats
+from orbits.proof.drives import drive_period
+
+#: Digits of the motion from which Jacobians in doubles and the rank are taken.
+ROUGH_DIGITS = 16.0
+#: Singular values below this part of the largest are 0: multipliers of 1, to the square root of
+#: the rounding of the orbit in doubles.
+_RANK = 1e-6
+#: The period is held only where holding entries of the start does not select an orbit.
+_RELUCTANCE = 1e-3
+#: A candidate for an integral is one if its rate of change is rounding at points near the orbit.
+_CONSERVED = 1e-11
+_POINTS = 3
+
+
+def posed_closure(orbit: Orbit) -> Closure:
+    """The square system of an orbit that `find` returned.
+
+    Raises:
+      ValueError: the rate has no formulas; the states satisfy constraints; the motion is
+        integrated in logarithmic time; the closing condition is of another kind.
+    """
+    scene, closing = orbit.scene, orbit.closing
+    _check(orbit)
+    formulas, (candidates,) = scene_formulas(scene, _integrals)
+    names = [name for name, _ in scene.labels()]
+    embed, end, goal = _maps(closing, len(names))
+    free = closing.free(len(names))
+    labels = [*(names[i] for i in free), "period"]
+    values = [*np.asarray(scene.y0)[free].tolist(), orbit.period]
+    generator = _generator(scene, closing)
+    if generator is not None:
+        labels.append("angle")
+        values.append(float(orbit.angle))
+    integrals = dict(zip(_integral_names(scene), candidates, strict=True))
+    whole = Closure(
+        field=ball_field(formulas),
+        formulas=formulas,
+        integrals={},
+        parts=closing.parts,
+        embed=embed,
+        end=end,
+        goal=goal,
+        generator=generator,
+        names=tuple(labels),
+        values=tuple(values),
+        held=(),
+        drive=drive_period(formulas, orbit.period) if driven(scene) else None,
+    )
+    return _squared(whole, _conserved(whole, integrals))
+
+
+def _check(orbit: Orbit) -> None:
+    system = type(orbit.scene.system)
+    refused = "Digits and proofs are for"
+    if not orbit.ok:
+        raise fail("orbit", "one that closes", orbit.outcome.name, orbit.message)
+    if orbit.s_period is not None:
+        raise fail("orbit", "one in plain time", "one in logarithmic time", "Find it anew.")
+    if system.project is not System.project:
+        raise fail(
+            "scene",
+            "coordinates without constraints",
+            f"{system.__name__}, whose states satisfy some",
+            f"{refused} scenes in as many coordinates as there are degrees of freedom.",
+        )
+
+
+def _maps(closing: Closing, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The matrices `embed`, `end` and `goal` of a closing condition."""
+    unit = np.eye(k, dtype=int)
+    if isinstance(closing, Return):
+        return unit, unit, _table(closing.symmetry, unit)
+    if isinstance(closing, Reversal):
+        free = closing.free(k)
+        here, there = _table(closing.here, unit), _table(closing.there, unit)
+        # The fixed set of `here` is the image of 1 + here.
+        embed = (unit + here)[:, free]
+        embed = embed // np.abs(embed[free, np.arange(len(free))])
+        off = unit - there
+        rows = [i for i in range(k) if off[i].any() and not (off[:i] == -off[i]).all(1).any()]
+        return embed, off[rows], np.zeros((len(rows), k), int)
+    raise fail("closing", "a return or a reversal", type(closing).__name__)
+
+
+def _table(symmetry: Symmetry, unit: np.ndarray) -> np.ndarray:
+    rows = unit if symmetry.places is None else unit[np.array(symmetry.places)]
+    return rows if symmetry.signs is None else np.array(symmetry.signs)[:, None] * rows
+
+
+def _generator(scene: Scene, closing: Closing) -> np.ndarray | None:
+    if not closing.turns:
+        return None
+    turn = closing.turn
+    unit = jnp.eye(len(scene.y0))
+    columns = [np.asarray(scene.system.generators(e)[turn]) for e in unit]
+    offset = np.asarray(scene.system.generators(jnp.zeros(len(scene.y0)))[turn])
+    found = np.array(columns).T
+    if offset.any() or not np.isin(found, (-1.0, 0.0, 1.0)).all():
+        raise fail("turn", "a rotation about the origin", repr(turn), "Use other coordinates.")
+    return found.astype(int)
+
+
+def _integrals(scene: Scene, t, y):
+    found = energies.integrals(scene, t, y).values()
+    return jnp.concatenate([jnp.zeros(0), *(jnp.ravel(x) for x in found)])
+
+
+def _integral_names(scene: Scene) -> list[str]:
+    found = energies.integrals(scene, jnp.zeros(()), scene.y0)
+    return [
+        name if not np.ndim(value) else f"{name} {'xyz'[i]}"
+        for name, value in found.items()
+        for i in range(np.size(value))
+    ]
+
+
+def _conserved(whole: Closure, candidates: dict[str, Number]) -> dict[str, Number]:
+    """The candidates whose rates of change vanish near the orbit, in floats."""
+    formulas = whole.formulas
+    field = ball_field(formulas, list(candidates.values()))
+    random = np.random.default_rng(0)
+    worst = np.zeros(len(candidates))
+    with precision(128):
+        for _ in range(_POINTS):
+            noise = 1 + 0.01 * random.standard_normal(len(whole.values))
+            numbers = [arb(x * s) for x, s in zip(whole.values, noise, strict=True)]
+            y, t = whole.start(numbers), arb(random.uniform())
+            zeros = [arb(0)] * field.n
+            found = field.slopes(field.inputs(t, y, zeros))
+            rates = np.array([float(x) for x in found[: field.k]])
+            table = np.array([float(x) for x in found[field.k :]]).reshape(field.k, -1)
+            # The derivative of the rate by lambda_i is the gradient of I_i.
+            gradients = table[:, field.k :].T
+            sizes = np.linalg.norm(gradients, axis=1) * np.linalg.norm(rates)
+            worst = np.maximum(worst, np.abs(gradients @ rates) / np.where(sizes, sizes, np.inf))
+            worst = np.where(sizes > 0, worst, np.inf)
+    kept = (name for name, leak in zip(candidates, worst, strict=True) if leak < _CONSERVED)
+    return {name: candidates[name] for name in kept}
+
+
+def _squared(whole: Closure, integrals: dict[str, Number]) -> Closure:
+    """The same equations with as many unknowns: some held, some unfolding."""
+    everything = dataclasses.replace(
+        whole, field=ball_field(whole.formulas, list(integrals.values())), integrals=integrals
+    )
+    with precision(128):
+        numbers = everything.centre()
+        run = everything.motion(numbers, ROUGH_DIGITS, slopes=True)
+        jacobian = floats(everything.jacobian(run.y, run.slopes, numbers))
+    count = len(whole.names)
+    known = [everything.embed.shape[1]] if whole.drive is not None else []
+    free = [i for i in range(count) if i not in known]
+    own, unfolded = jacobian[:, free], jacobian[:, count:]
+    left, s, right = np.linalg.svd(own)
+    rank = int((s > _RANK * s[0]).sum())
+    chosen = _pivots(left[:, rank:].T @ unfolded, len(own) - rank)
+    if chosen is None:
+        raise fail(
+            "orbit",
+            "closing equations that depend on each other by integrals of the scene alone",
+            f"{len(own) - rank} dependent ones, and the integrals {list(integrals)}",
+            "Name its integrals: jaxdyn.ode(..., energy=, integrals=). Or impose a symmetry, "
+            "closing=orbits.reversal(...).",
+        )
+    null = right[rank:]
+    scale = np.array([_RELUCTANCE if whole.names[i] == "period" else 1.0 for i in free])
+    held = _pivots(null * scale, len(null)) or []
+    kept = [list(integrals)[i] for i in sorted(chosen)]
+    used = {name: integrals[name] for name in kept}
+    return dataclasses.replace(
+        whole,
+        field=ball_field(whole.formulas, list(used.values())),
+        integrals=used,
+        held=tuple(sorted([*known, *(free[i] for i in held)])),
+    )
+
+
+def _pivots(rows: np.ndarray, count: int) -> list[int] | None:
+    """Indices of `count` columns (r, n) that are as independent as possible."""
+    rows, chosen = rows.copy(), []
+    largest = np.linalg.norm(rows, axis=0).max(initial=0.0)
+    for _ in range(count):
+        sizes = np.linalg.norm(rows, axis=0)
+        sizes[chosen] = 0.0
+        if not sizes.size or not sizes.max() > _RANK * largest:
+            return None
+        best = int(np.argmax(sizes))
+        direction = rows[:, best] / sizes[best]
+        rows = rows - np.outer(direction, direction @ rows)
+        chosen.append(best)
+    return chosen

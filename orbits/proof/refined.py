@@ -1,0 +1,68 @@
+"""The record of an orbit to many digits; plain data, which files keep without python-flint."""
+
+import dataclasses
+from typing import Any
+
+from jaxdyn import _text
+from orbits.orbit import Orbit
+
+
+@dataclasses.dataclass(frozen=True)
+class Refined:
+    """An orbit to many digits.
+
+    Attributes:
+      orbit: the orbit in doubles that it refines.
+      digits: certain decimal digits after the leading one of each number, relative to the largest
+        entry of the start for `y0`.
+      period: the full period.
+      y0: (k) the start.
+      held: names of the numbers that keep the values they have in doubles, which select the orbit
+        among its neighbours.
+      residual: the closing error that a second run with other orders and steps finds.
+      multipliers: (p) the non-trivial Floquet multipliers, as (real, imaginary) parts.
+      exponents: rotation numbers in (0, 1/2) of pairs of them on the unit circle; None for a pair
+        elsewhere.
+      energy: kinetic plus potential; None where it is not conserved.
+      angle: of a relative orbit, else None.
+    """
+
+    orbit: Orbit
+    digits: int
+    period: str
+    y0: tuple[str, ...]
+    held: tuple[str, ...]
+    residual: str
+    multipliers: tuple[tuple[str, str], ...]
+    exponents: tuple[str | None, ...]
+    energy: str | None = None
+    angle: str | None = None
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        labels = self.orbit.scene.labels()
+        rows = [
+            ("period", self.period),
+            *((name, x) for (name, _), x in zip(labels, self.y0, strict=True)),
+            ("angle", self.angle or ""),
+            ("rotation", ", ".join(x for x in self.exponents if x)),
+            ("held", ", ".join(self.held)),
+            ("closes", f"to {self.residual}"),
+        ]
+        return _text.table(
+            f"Orbit of {_text.called(self.orbit.scene)} to {self.digits} digits", rows
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """The numbers as a JSON object."""
+        return {
+            "digits": self.digits,
+            "period": self.period,
+            "y0": list(self.y0),
+            "angle": self.angle,
+            "held": list(self.held),
+            "residual": self.residual,
+            "energy": self.energy,
+            "multipliers": [list(z) for z in self.multipliers],
+            "exponents": list(self.exponents),
+        }

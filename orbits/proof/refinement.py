@@ -1,0 +1,191 @@
+"""More digits of an orbit: its start, period, multipliers, to as many as wanted."""
+
+import math
+
+import numpy as np
+
+from jaxdyn import _checks
+from jaxdyn._progress import doing
+from jaxdyn.balls.arithmetic import Program, arb, arb_mat, precision
+from jaxdyn.balls.motion import End, bits_of
+from orbits.orbit import Orbit, SearchError
+from orbits.proof import multipliers
+from orbits.proof.closure import Closure, floats
+from orbits.proof.posing import ROUGH_DIGITS, posed_closure
+from orbits.proof.refined import Refined
+
+LEAST_DIGITS, MOST_DIGITS = 15, 1000
+#: Digits of the calculation beyond those that are reported, besides those that the motion loses.
+_SPARE = 6
+_MOST_ITERATIONS = 60
+#: A Newton step that reduces the error by less than this many digits calls for a Jacobian in full
+#: precision.
+_LEAST_GAIN = 3.0
+#: Orders of the series in the independent last run beyond those of the iteration.
+_OTHER_ORDER = 7
+
+
+def refine(orbit: Orbit, digits: int = 50) -> Refined:
+    """Start and period of an orbit to many digits.
+
+    Newton's method on the closing equations (see `closure` in the same folder), with a Jacobian in
+    doubles as long as that gains digits in each step, in full precision where it does not. Every
+    number of the scene stands for its binary float, exactly; so do the entries that are held.
+
+    Args:
+      orbit: what `find` returned.
+      digits: number of digits, 15 to 1000.
+    Raises:
+      ValueError: `digits` is out of range, or the rate is not made of elementary functions.
+      SearchError: Newton's method does not converge.
+    Limits: truncation errors are estimated, and the end is checked by a second run.
+    Example:
+      >>> import orbits
+      >>> from jaxdyn import scenes
+      >>> swing = orbits.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta")
+      >>> orbits.refine(swing, 30).held
+      ('theta', 'theta_dot')
+    """
+    _checks.whole("digits", digits, LEAST_DIGITS, MOST_DIGITS, "They are decimal digits.")
+    doing("writing the closing equations as formulas")
+    system = posed_closure(orbit)
+    numbers, lost = solved(system, digits + _SPARE)
+    working = digits + _SPARE + lost
+    doing("checking the closing error with other steps")
+    with precision(bits_of(working)):
+        again = system.motion(numbers, working, more=_OTHER_ORDER)
+        error = _largest(system.residual(again.y, numbers))
+        period, start = system.period(numbers), system.start(numbers)
+        size = _largest(start)
+        # The closing error moves the solution by at most the inverse of Newton's Jacobian.
+        certain = min(digits, math.floor(-_log10(error) - lost + _log10(size)))
+        doing("computing the multipliers")
+        values, exponents = _multipliers(system, numbers, working, certain)
+        energy = system.integrals.get("energy")
+        return Refined(
+            orbit=orbit,
+            digits=certain,
+            period=_text(period, period, certain),
+            y0=tuple(_text(x, size, certain) for x in start),
+            held=tuple(system.names[i] for i in system.held),
+            residual=error.str(3, radius=False),
+            multipliers=values,
+            exponents=exponents,
+            energy=None if energy is None else _energy(system, energy, start, certain),
+            angle=_text(numbers[len(system.names) - 1], arb(1), certain)
+            if system.generator is not None
+            else None,
+        )
+
+
+def _energy(system: Closure, energy, start: list, digits: int) -> str:
+    program = Program.of(system.formulas.graph, [energy])
+    pairs = zip(system.formulas.states, start, strict=True)
+    value = program({system.formulas.time: arb(0), **dict(pairs)})[0]
+    return _text(value, value, digits)
+
+
+def _multipliers(system: Closure, numbers: list[arb], working: float, digits: int) -> tuple:
+    """The non-trivial multipliers and their rotation numbers as decimal strings."""
+    matrix = system.monodromy(numbers, working)
+    unit = multipliers.multiplicity(matrix, 10.0 ** -(ROUGH_DIGITS if digits > 30 else digits / 2))
+    exact = arb_mat([[x.mid() for x in row] for row in matrix.tolist()])
+    coefficients = [c.mid() for c in multipliers.deflated(exact, unit)]
+    error = arb(10) ** -(digits + _SPARE)
+    found = multipliers.sorted_roots(multipliers.roots(coefficients, error))
+    size = arb(1)
+    texts = tuple((_text(z.real, size, digits), _text(z.imag, size, digits)) for z in found)
+    exponents = tuple(
+        _text(multipliers.rotation_number(z), size, digits)
+        if abs(float(abs(z)) - 1) < 1e-9
+        else None
+        for z in found
+        if float(z.imag) > 0 or (float(z.imag) == 0 and abs(float(z.real)) > 1)
+    )
+    return texts, exponents
+
+
+def solved(system: Closure, digits: float) -> tuple[list[arb], float]:
+    """The numbers of an orbit to this many digits, and how many digits its motion loses.
+
+    Raises:
+      SearchError: Newton's method does not converge.
+    """
+    with precision(bits_of(ROUGH_DIGITS)):
+        numbers = system.centre()
+        inverse, lost = _inverse(system, numbers)
+    reached, full = 0.0, False
+    for index in range(_MOST_ITERATIONS):
+        wanted = digits if full else min(digits, reached + ROUGH_DIGITS)
+        working = wanted + lost
+        with precision(bits_of(working)):
+            numbers = [*_at_precision(system, numbers)]
+            end = _motion(system, numbers, working, slopes=full)
+            error = arb_mat([[x] for x in system.residual(end.y, numbers)])
+            if full:
+                inverse = system.jacobian(end.y, end.slopes, numbers).inv()
+            step = [-(x.mid()) for x in (inverse * error).entries()]
+            numbers = _moved(system, numbers, step)
+            found = -_log10(_largest(step)) + _log10(_largest(numbers))
+        doing(f"Newton step {index + 1}: {max(found, 0.0):.0f} digits, at {working:.0f}")
+        if found >= digits:
+            return numbers, lost
+        if found < reached + _LEAST_GAIN:
+            if full:
+                raise SearchError(
+                    f"Newton's method stops at {found:.0f} digits. Start from a better orbit: "
+                    "orbits.find(..., rtol=1e-14)."
+                )
+            full = True
+        reached = max(reached, found)
+    raise SearchError("Newton's method does not converge from the orbit in doubles.")
+
+
+def _inverse(system: Closure, numbers: list[arb]) -> tuple[arb_mat, float]:
+    end = _motion(system, numbers, ROUGH_DIGITS, slopes=True)
+    jacobian = floats(system.jacobian(end.y, end.slopes, numbers))
+    inverse = np.linalg.inv(jacobian)
+    growth = max(1.0, np.abs(floats(end.slopes)).max(), np.abs(inverse).max())
+    return arb_mat(inverse.tolist()), math.log10(growth)
+
+
+def _motion(system: Closure, numbers: list[arb], digits: float, *, slopes: bool) -> End:
+    try:
+        return system.motion(numbers, digits, slopes=slopes)
+    except ArithmeticError as error:
+        raise SearchError(str(error)) from error
+
+
+def _at_precision(system: Closure, numbers: list[arb]) -> list[arb]:
+    """The numbers, with an exact period of a drive at the present precision."""
+    if system.drive is None:
+        return numbers
+    place = system.embed.shape[1]
+    return [system.exact_period() if i == place else x for i, x in enumerate(numbers)]
+
+
+def _moved(system: Closure, numbers: list[arb], step: list[arb]) -> list[arb]:
+    moved = list(numbers)
+    for i, change in zip(system.unknowns, step, strict=True):
+        moved[i] = (moved[i] + change).mid()
+    return moved
+
+
+def _largest(vector: list[arb]) -> arb:
+    found = arb(0)
+    for x in vector:
+        bound = abs(x).upper()
+        found = bound if bound > found else found
+    return found
+
+
+def _log10(x: arb) -> float:
+    return float(x.log() / arb(10).log()) if x > 0 else -math.inf
+
+
+def _text(x: arb, size: arb, digits: int) -> str:
+    """A decimal string with an absolute error below 10^-digits of a size."""
+    if x.mid().is_zero():
+        return "0"
+    shorter = max(1, digits + math.ceil(_log10(abs(x.mid())) - _log10(abs(size.mid()))))
+    return arb(x.mid()).str(shorter, radius=False)

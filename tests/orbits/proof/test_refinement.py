@@ -1,0 +1,71 @@
+"""Orbits to many digits, against closed forms and published digits."""
+
+import functools
+
+import jax.numpy as jnp
+import mpmath
+import pytest
+
+import jaxdyn
+import orbits
+from jaxdyn import scenes
+
+DIGITS = 60
+
+
+def _agree(text: str, exact: mpmath.mpf, digits: int) -> bool:
+    return abs(mpmath.mpf(text) - exact) < abs(exact) * mpmath.mpf(10) ** (1 - digits)
+
+
+@functools.cache
+def _swing():
+    return orbits.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta")
+
+
+def test_the_swing_of_a_pendulum_has_the_digits_of_the_elliptic_integral():
+    found = orbits.refine(_swing(), DIGITS)
+    with mpmath.workdps(DIGITS + 20):
+        k = mpmath.sin(mpmath.mpf(1)) ** 2
+        exact = 4 * mpmath.ellipk(k) / mpmath.sqrt(mpmath.mpf(9.81))
+        assert _agree(found.period, exact, DIGITS)
+    assert found.held == ("theta", "theta_dot")
+    assert found.digits == DIGITS
+
+
+def _viswanathan():
+    # Viswanathan 2004, Physica D 190, 115: the orbit AB of the Lorenz system, 8/3 being a float
+    # here, so that only the digits that beta has can agree.
+    y0 = [-13.763610682134, -19.578751942452, 27.0]
+    return orbits.find(scenes.lorenz(y0=y0, t1=1.5586522107162), hold="z")
+
+
+@pytest.mark.slow
+def test_an_orbit_of_lorenz_has_the_published_digits():
+    found = orbits.refine(_viswanathan(), 40)
+    assert found.period.startswith("1.558652210716")
+    assert found.digits == 40
+
+
+def test_a_cycle_is_refined_without_an_integral():
+    field = jaxdyn.ode(lambda t, y: [y[1], (1 - y[0] ** 2) * y[1] - y[0]], [2.0, 0.0], 6.66)
+    cycle = orbits.find(field, period=6.66)
+    found = orbits.refine(cycle, 40)
+    # The period of van der Pol's oscillator at mu = 1 (Andersen, Geer 1982, SIAM J. Appl. Math.).
+    assert found.period.startswith("6.66328685")
+    with mpmath.workdps(60):
+        (real, imaginary) = found.multipliers[0]
+        assert mpmath.mpf(imaginary) == 0
+        assert abs(mpmath.mpf(real) - float(orbits.stability(cycle).nontrivial[0].real)) < 1e-9
+
+
+@pytest.mark.parametrize("digits", [14, 1001, 20.5])
+def test_digits_out_of_range_are_refused(digits):
+    with pytest.raises(ValueError, match="digits"):
+        orbits.refine(_swing(), digits)
+
+
+def test_a_rate_without_formulas_is_refused_by_name():
+    scene = jaxdyn.ode(lambda t, y: [y[1], -y[0] - jnp.floor(y[1]) * 0.0], [1.0, 0.0], 6.28)
+    orbit = orbits.find(scene, period=6.28)
+    with pytest.raises(ValueError, match="floor"):
+        orbits.refine(orbit)
