@@ -170,6 +170,15 @@ def test_the_first_phase_is_the_one_the_state_fits():
 
 
 @pytest.mark.slow
+def test_a_velocity_that_is_rounding_of_another_is_no_reason_to_leave():
+    # The projection of rolling leaves such a velocity off the surface.
+    fly = phases_of(cylinder_on_ramp(d=0.0, slope=0.0))["fly"]
+    for off, leaves in ((0.0, False), (-1.5e-33, False), (-1e-16, False), (-1e-12, True)):
+        fit = fly.fit(jnp.zeros(()), jnp.array([0.0, 1.0, 0.0, 1.0, off, 1.0]))
+        assert fit.leaving.tolist() == [leaves]
+        assert not fit.passed.any()
+
+
 def test_friction_that_is_just_enough_goes_either_way():
     """At the limit of the cone rolling and slipping are one motion, and rounding decides."""
     inertia, slope = 0.42, 0.044
