@@ -5,10 +5,10 @@ or .svg); `animate` writes a .gif or .mp4. A path that cannot be written raises 
 starts.
 
 Pictures: `space` and `projections` (paths), `series` (over time), `accuracy`, `charts` (stability),
-`chaos` (maps), `animation`. Their parts: `contents` (what is drawn of a motion), `figures` (the look of all
-pictures), `panels` (axes for motions), `solid` (axes in space), `curves`, `strokes`, `artists`,
-`titles`. Only the command lines and `orbits.drawing` import this folder, since Matplotlib is slow
-to load; ``import jaxdyn`` does not load it.
+`chaos` (maps), `animation`. Their parts: `contents` (what is drawn of a motion), `figures` (the
+look of all pictures), `panels` (axes for motions), `solid` (axes in space), `curves`, `strokes`,
+`artists`, `titles`. Only the command lines and `orbits.drawing` import this folder, since
+Matplotlib is slow to load; ``import jaxdyn`` does not load it.
 
 May import: `files`, `scenes`, `chaos`.
 
