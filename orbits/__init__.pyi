@@ -10,6 +10,7 @@ from . import hybrid as hybrid
 from . import proof as proof
 from . import shooting as shooting
 from . import targets as targets
+from . import tori as tori
 from .analysis.alignment import Match as Match
 from .analysis.evidence import closure as closure
 from .analysis.evidence import digits as digits
@@ -66,5 +67,10 @@ from .orbit import SearchError as SearchError
 from .proof.refined import Refined as Refined
 from .proof.refinement import refine as refine
 from .shooting.finding import find as find
+from .tori.continuation import TorusFamily as TorusFamily
+from .tori.continuation import continue_tori as continue_tori
+from .tori.record import Torus as Torus
+from .tori.record import TorusOutcome as TorusOutcome
+from .tori.torus import torus as torus
 
 __version__: str

@@ -40,8 +40,9 @@ BELOW = {
     "orbits/discovery": ("orbits/analysis",),
     "orbits/hybrid": ("orbits/shooting",),
     "orbits/targets": ("orbits/shooting",),
+    "orbits/tori": ("orbits/analysis",),
     "orbits/files": ("orbits/families",),
-    "orbits/drawing": ("orbits/files", "orbits/targets"),
+    "orbits/drawing": ("orbits/files", "orbits/targets", "orbits/tori"),
     "orbits/cli": ("orbits/drawing", "orbits/discovery", "orbits/hybrid"),
 }
 

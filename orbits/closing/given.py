@@ -18,6 +18,8 @@ _DIFFERENTIATE = (
 #: Times, as fractions of the span, at which the rates of a scene are compared: no simple fractions
 #: of each other, so that no drive has the same phase at all of them.
 TIMES = (0.0, 0.13, 0.37, 0.71)
+#: Distance from the start of a second state where they are compared, relative to its first entry.
+_BESIDE = 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,8 +127,8 @@ def _bound(name: str, value, k: int, without: float) -> np.ndarray:
 
 def driven(scene: Scene) -> bool:
     """Whether the rate depends on time."""
-    rates = _rates(scene, 0.0)
-    return not all(np.array_equal(rates[0], rate, equal_nan=True) for rate in rates)
+    rates = np.array(_rates(scene, 0.0)).reshape(-1, len(TIMES), len(scene.y0))
+    return not np.array_equal(rates, np.broadcast_to(rates[:, :1], rates.shape), equal_nan=True)
 
 
 def check_drive(scene: Scene, period: float) -> None:
@@ -146,5 +148,9 @@ def check_drive(scene: Scene, period: float) -> None:
 
 
 def _rates(scene: Scene, later: float) -> list[np.ndarray]:
+    """At several times, at the start and beside it: at rest the drive may cancel there alone."""
+    y0 = np.asarray(scene.y0)
+    beside = y0 + _BESIDE * np.maximum(np.abs(y0), 1.0) * (1 + np.arange(len(y0)))
     ts = later + float(scene.t1) * np.array(TIMES)
-    return [np.asarray(rate(scene, t, scene.y0)) for t in ts]
+    at, off = ([np.asarray(rate(scene, t, y)) for t in ts] for y in (y0, beside))
+    return at + off if np.isfinite(off).all() else at  # the scene may be undefined there

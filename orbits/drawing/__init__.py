@@ -1,10 +1,10 @@
 """Pictures of periodic orbits, of families of them, of throws and of closed loops.
 
-`periodic` draws orbits, `families` families, `throwing` throws, `about_centres` closed loops; all
-use the parts of `jaxdyn.drawing` and follow its rules. Only the command line imports this folder,
-since Matplotlib is slow to load.
+`periodic` draws orbits, `families` families, `throwing` throws, `about_centres` closed loops,
+`tori` invariant tori; all use the parts of `jaxdyn.drawing` and follow its rules. Only the command line
+imports this folder, since Matplotlib is slow to load.
 
-May import: `files`, `targets`.
+May import: `files`, `targets`, `tori`.
 
 One more picture is one more file with one function, and one line below.
 """
@@ -13,5 +13,6 @@ from orbits.drawing.about_centres import loops, rosette
 from orbits.drawing.families import family
 from orbits.drawing.periodic import orbits
 from orbits.drawing.throwing import throws
+from orbits.drawing.tori import torus
 
-__all__ = ["family", "loops", "orbits", "rosette", "throws"]
+__all__ = ["family", "loops", "orbits", "rosette", "throws", "torus"]

@@ -1,0 +1,11 @@
+"""Quasi-periodic motions: invariant tori about elliptic periodic orbits.
+
+`torus` begins one with the Floquet vector of an orbit, `refinement` solves it with as many modes as
+it needs, by the equations of `invariance` on an invariant circle, a Fourier series of `circle`;
+`record` is the result, `continuation` follows them in their amplitude.
+
+May import: `analysis`.
+
+One more way to fix a torus in its family is one more row in
+`refinement`, for `invariance.Conditions`.
+"""

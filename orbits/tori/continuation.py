@@ -1,0 +1,151 @@
+"""Families of tori about an orbit: continuation in the amplitude by pseudo-arclength.
+
+Each step predicts along the secant of the last two circles and solves the invariance equation
+together with a condition that keeps the component along the secant. So the rotation may pass an
+extremum, and the amplitude a fold.
+"""
+
+import collections
+import dataclasses
+
+import numpy as np
+
+from jaxdyn import _checks, _text
+from orbits.tori import circle
+from orbits.tori.invariance import Unknowns
+from orbits.tori.record import Torus, TorusOutcome
+from orbits.tori.refinement import packed_covector, refined
+from orbits.tori.torus import GOAL, MOST_MODES
+
+_GROW, _SHRINK = 1.5, 0.5  # of the step after a torus, and after none
+_SHORTEST = 1e-3  # of the first step: shorter ones lead nowhere
+
+
+@dataclasses.dataclass(frozen=True)
+class TorusFamily:
+    """Tori of one family, in order.
+
+    Attributes:
+      members: the tori.
+      end: why it ends.
+    """
+
+    members: tuple[Torus, ...]
+    end: str
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        held = collections.Counter(t.held for t in self.members)
+        rows = [
+            ("amplitude", _text.extent(self.amplitudes)),
+            ("rotation", _text.extent(self.rotations, unit="rad")),
+            ("time", _text.extent(self.times)),
+            ("held", ", ".join(held)),
+            ("end", self.end),
+        ]
+        what = _text.counted(len(self.members), "torus", "tori")
+        return _text.table(f"Family of {what} of {_text.called(self.members[0].scene)}", rows)
+
+    @property
+    def amplitudes(self) -> np.ndarray:
+        """(n,) amplitudes of the members."""
+        return np.array([torus.amplitude for torus in self.members])
+
+    @property
+    def rotations(self) -> np.ndarray:
+        """(n,) rotations of the members [rad]."""
+        return np.array([torus.rotation for torus in self.members])
+
+    @property
+    def times(self) -> np.ndarray:
+        """(n,) return times of the members [time of the scene]."""
+        return np.array([torus.time for torus in self.members])
+
+
+def continue_tori(
+    torus: Torus,
+    *,
+    members: int = 10,
+    step: float | None = None,
+    goal: float = GOAL,
+    max_modes: int = MOST_MODES,
+) -> TorusFamily:
+    """The family of tori through a torus, in the direction of growing amplitude.
+
+    Args:
+      torus: what `orbits.torus` returned.
+      members: largest number of tori, the first included.
+      step: first step of the amplitude, the largest one too; half of the amplitude by default.
+        A negative one follows the family towards the orbit.
+      goal: largest error of invariance.
+      max_modes: largest number of Fourier modes.
+    Returns:
+      The tori found, and why there are no more.
+    Raises:
+      ValueError: `torus` was not found, `members` is less than 2 or `step` is 0.
+    Limits: host only. Steps jump over the gaps at resonances of high order, and end at wide ones.
+    Example:
+      >>> import orbits
+      >>> from jaxdyn import scenes
+      >>> stick = scenes.shaken_pendulum(angle=0.0, frequency=60.0)
+      >>> swing = orbits.find(stick, period=6.28318530718 / 60)
+      >>> family = orbits.continue_tori(orbits.torus(swing, 0.1), members=3)
+      >>> bool((family.rotations[1:] < family.rotations[:-1]).all())  # slower where it swings more
+      True
+    """
+    if not torus.ok:
+        raise _checks.fail("torus", "one that was found", torus.outcome.name, torus.message)
+    members = _checks.whole("members", members, 2)
+    step = 0.5 * torus.amplitude if step is None else float(_checks.array("step", step, ()))
+    if step == 0:
+        raise _checks.fail("step", "a number other than 0", step)
+    found, tangent, length = [torus], _outwards(torus, step), abs(step)
+    end = TorusOutcome.FOUND
+    while len(found) < members:
+        new = _next(found[-1], tangent, length, goal, max_modes)
+        if new.ok:
+            tangent = _secant(found[-1], new)
+            found.append(new)
+            length = min(_GROW * length, abs(step))
+            continue
+        end = new.outcome
+        length *= _SHRINK
+        if length < _SHORTEST * abs(step):
+            break
+    reached = len(found) == members
+    said = f"{members} tori were asked for." if reached else f"{end.name}: {end.message}"
+    return TorusFamily(tuple(found), said)
+
+
+def _next(torus: Torus, tangent: Unknowns, length: float, goal: float, max_modes: int) -> Torus:
+    """The torus a step further; not found if there is none."""
+    now = torus.unknowns
+    start = now.moved(length * tangent.packed())
+    w = circle.harmonic(torus.points)
+    w = w / np.linalg.norm(w)
+    target = ("along", tangent, start)
+    return refined(torus, start, w, target, goal=goal, max_modes=max_modes)
+
+
+def _outwards(torus: Torus, step: float) -> Unknowns:
+    """The unit tangent of circles that grow, or shrink, about their mean."""
+    out = torus.points - torus.points.mean(axis=0)
+    return _unit(Unknowns(np.sign(step) * out, 0.0, 0.0))
+
+
+def _secant(old: Torus, new: Torus) -> Unknowns:
+    """The unit tangent from one torus to the next, with the points of the latter."""
+    before, after = old.unknowns.resampled(len(new.points)), new.unknowns
+    return _unit(
+        Unknowns(
+            after.points - before.points,
+            after.rotation - before.rotation,
+            after.time - before.time,
+        )
+    )
+
+
+def _unit(tangent: Unknowns) -> Unknowns:
+    """The tangent over its norm, scaled so that its first harmonic has length 1 for a circle."""
+    size = np.sqrt(2 * packed_covector(tangent) @ tangent.packed())
+    return Unknowns(tangent.points / size, tangent.rotation / size, tangent.time / size)

@@ -1,0 +1,171 @@
+"""The equations of an invariant circle of the map over a time T, and Newton's method for them.
+
+A torus of two frequencies is cut by the map phi over one of its periods T in a circle u(theta), on
+which the map is a rotation by rho:
+
+    phi(u(theta)) = u(theta + rho)
+
+(Gomez & Mondelo 2001; Olikara & Scheeres 2012). Unknown are the points u at N angles, rho, and T
+unless it is the period of a drive. The circle may be shifted in theta and, without a drive, along
+the flow; a torus has neighbours of other amplitude and energy. As many conditions single one out.
+"""
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import Scene
+from jaxdyn.analysis.energy import energy
+from orbits.shooting.segment import Piece, linearised_end
+from orbits.tori import circle
+
+_MAX_ITERATIONS = 15
+_SLOW = 0.3  # a step that leaves more of the residual than this, near rounding, is the last
+_NEAR = 1e-9  # relative residual below which slow progress is rounding
+_DIVERGED = 100.0  # growth of the residual in one step after which there is no solution nearby
+
+
+class Unknowns(NamedTuple):
+    """A circle with its rotation and return time, as Newton's method changes them.
+
+    Attributes:
+      points: (N, k) states at equally spaced angles.
+      rotation: rho [rad].
+      time: T [time of the scene].
+    """
+
+    points: np.ndarray
+    rotation: float
+    time: float
+
+    def packed(self) -> np.ndarray:
+        """(N k + 2,) all of them."""
+        return np.concatenate([self.points.ravel(), [self.rotation, self.time]])
+
+    def moved(self, step: np.ndarray) -> "Unknowns":
+        """After a step (N k + 2,)."""
+        points = self.points + step[:-2].reshape(self.points.shape)
+        return Unknowns(points, self.rotation + float(step[-2]), self.time + float(step[-1]))
+
+    def resampled(self, n: int) -> "Unknowns":
+        """With n points."""
+        return self._replace(points=circle.resampled(self.points, n))
+
+
+class Conditions(NamedTuple):
+    """What singles out a circle among those that satisfy the invariance equation.
+
+    Attributes:
+      rows: (c, N k + 2) and
+      values: (c,): linear conditions rows @ unknowns = values.
+      energy: the mean energy of the points; None where it is not prescribed.
+    """
+
+    rows: np.ndarray
+    values: np.ndarray
+    energy: float | None
+
+
+class Solved(NamedTuple):
+    """Where Newton's method ended.
+
+    Attributes:
+      unknowns: the best iterate.
+      residual: largest entry of the invariance equation there; NaN if a motion could not be
+        integrated.
+      iterations: number of steps.
+    """
+
+    unknowns: Unknowns
+    residual: float
+    iterations: int
+
+
+def solve(scene: Scene, start: Unknowns, conditions: Conditions, rtol: float) -> Solved:
+    """The invariant circle near a start, by Newton's method with the exact Jacobian."""
+    now, best = start, Solved(start, math.inf, 0)
+    scale = max(1.0, float(np.abs(start.points).max()))
+    for i in range(_MAX_ITERATIONS):
+        residual, jacobian = _equations(scene, now, conditions, rtol)
+        size = float(np.abs(residual).max())
+        if not np.isfinite(size):
+            return best if np.isfinite(best.residual) else Solved(now, math.nan, i)
+        if size > _DIVERGED * best.residual:
+            break
+        slow = size > _SLOW * best.residual and best.residual < _NEAR * scale
+        if size < best.residual:
+            best = Solved(now, size, i)
+        if slow or size == 0.0:
+            break
+        # Equations that integrals make dependent are consistent: the shortest step solves all.
+        now = now.moved(np.linalg.lstsq(jacobian, -residual, rcond=None)[0])
+    return best
+
+
+def error(scene: Scene, found: Unknowns, rtol: float) -> float:
+    """The largest error of invariance between the points, where the equation was not imposed."""
+    n = len(found.points)
+    theta = circle.angles(n) + math.pi / n
+    ends, *_ = mapped(scene, circle.at(found.points, theta), found.time, rtol)
+    return float(np.abs(ends - circle.at(found.points, theta + found.rotation)).max())
+
+
+def mapped(scene: Scene, points: np.ndarray, time: float, rtol: float):
+    """States (N, k) after a time, and their derivatives by the start (N, k, k) and the time (N, k).
+
+    Entries that turn are followed to the turn nearest to their start. NaN where a motion ends.
+    """
+    done = [
+        linearised_end(scene, Piece(start=y, t0=0.0, span=time, parameter=0.0), rtol)
+        for y in points
+    ]
+    ends, _, slopes = (list(x) for x in zip(*done, strict=True))
+    ends = points + np.asarray(_differences(scene, np.array(ends), points))
+    return ends, np.array([s.start for s in slopes]), np.array([s.span for s in slopes])
+
+
+@jax.jit
+def _differences(scene: Scene, ends, points):
+    return jax.vmap(scene.system.difference)(ends, points)
+
+
+def _equations(
+    scene: Scene, now: Unknowns, conditions: Conditions, rtol: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Residual and Jacobian of the invariance equation and the conditions."""
+    points, rho, time = now
+    n, k = points.shape
+    ends, by_start, by_time = mapped(scene, points, time, rtol)
+    back, slope = circle.rotation(n, circle.angles(n) - rho)
+    residual = back @ ends - points
+    by_points = np.einsum("ij,jab->iajb", back, by_start).reshape(n * k, n * k) - np.eye(n * k)
+    columns = [by_points, -(slope @ ends).reshape(-1, 1), (back @ by_time).reshape(-1, 1)]
+    jacobian = np.concatenate(columns, axis=1)
+    fixed = conditions.rows @ now.packed() - conditions.values
+    residual = np.concatenate([residual.ravel(), fixed])
+    jacobian = np.concatenate([jacobian, conditions.rows])
+    if conditions.energy is None:
+        return residual, jacobian
+    value, gradient = mean_energy(scene, points)
+    row = np.concatenate([gradient.ravel(), [0.0, 0.0]])
+    return (
+        np.append(residual, value - conditions.energy),
+        np.concatenate([jacobian, row[None]]),
+    )
+
+
+def mean_energy(scene: Scene, points: np.ndarray) -> tuple[float, np.ndarray]:
+    """The mean energy of points (N, k), and its gradient (N, k)."""
+    value, gradient = _mean_energy(scene, points)
+    return float(value), np.asarray(gradient)
+
+
+@jax.jit
+def _mean_energy(scene: Scene, points):
+    def mean(points):
+        return jnp.mean(jax.vmap(lambda y: energy(scene, 0.0, y))(points))
+
+    return jax.value_and_grad(mean)(points)
