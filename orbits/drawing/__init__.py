@@ -1,8 +1,8 @@
 """Pictures of periodic orbits, of families of them, of throws and of closed loops.
 
 `periodic` draws orbits, `families` families, `throwing` throws, `about_centres` closed loops,
-`tori` invariant tori; all use the parts of `jaxdyn.drawing` and follow its rules. Only the command line
-imports this folder, since Matplotlib is slow to load.
+`tori` invariant tori; all use the parts of `jaxdyn.drawing` and follow its rules. Only the
+command line imports this folder, since Matplotlib is slow to load.
 
 May import: `files`, `targets`, `tori`.
 

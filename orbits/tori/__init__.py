@@ -6,6 +6,6 @@ it needs, by the equations of `invariance` on an invariant circle, a Fourier ser
 
 May import: `analysis`.
 
-One more way to fix a torus in its family is one more row in
-`refinement`, for `invariance.Conditions`.
+One more way to fix a torus in its family is one more row in `refinement`, for
+`invariance.Conditions`.
 """
