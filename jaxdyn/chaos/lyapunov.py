@@ -5,9 +5,10 @@ logarithms of their stretching are summed in `BATCHES` equal parts of the time: 
 exponent, their scatter its error bar.
 """
 
+import dataclasses
 import functools
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 import jax
 import jax.numpy as jnp
@@ -102,6 +103,17 @@ class LyapunovSpectrum(Record):
     def message(self) -> str:
         """How the integration ended, and the remedy; host only."""
         return Status(int(self.status)).message
+
+    def as_dict(self) -> dict[str, Any]:
+        """All numbers but the batches as lists, with None for NaN; host only."""
+        names = (field.name for field in dataclasses.fields(self))
+        return {name: finite_lists(getattr(self, name)) for name in names if name != "batches"}
+
+
+def finite_lists(x: Any) -> Any:
+    """The numbers of an array as nested lists, with None for NaN."""
+    values = np.asarray(x)
+    return np.where(np.isnan(values), None, values.astype(object)).tolist()
 
 
 def lyapunov_exponents(

@@ -1,7 +1,7 @@
 """Maps of regular and chaotic motion over two numbers of a scene."""
 
 from collections.abc import Callable
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -11,6 +11,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn.chaos.indicators import RTOL, megno
+from jaxdyn.chaos.lyapunov import finite_lists
 from jaxdyn.scene import Scene
 from jaxdyn.status import Status
 from jaxdyn.system import Record
@@ -36,7 +37,27 @@ class ChaosMap(Record):
     time: np.ndarray
     status: Annotated[np.ndarray, Status]
 
+    #: Mean MEGNO above which a motion counts as chaotic: regular ones stay near 2.
+    CHAOTIC: ClassVar[float] = 3.0
+
     __repr__ = _text.fields
+
+    @property
+    def ok(self) -> np.ndarray:
+        """(a, b) whether each motion reached its end."""
+        return self.status == Status.OK
+
+    @property
+    def chaotic(self) -> np.ndarray:
+        """(a, b) whether each motion is chaotic, which a longer time may show of more."""
+        return self.mean > self.CHAOTIC
+
+    def as_dict(self) -> dict[str, Any]:
+        """All numbers as lists, with None for NaN."""
+        return {
+            name: finite_lists(getattr(self, name))
+            for name in ("first", "second", "mean", "exponent", "time", "status")
+        }
 
 
 def chaos_map(

@@ -1,6 +1,7 @@
 """The command line `jaxdyn`: all its commands, with examples."""
 
 from jaxdyn.cli.accuracy import accuracy_command
+from jaxdyn.cli.chaos import chaos_command
 from jaxdyn.cli.hard import hard_command
 from jaxdyn.cli.list import list_command
 from jaxdyn.cli.run import run_command
@@ -21,6 +22,11 @@ add(
 add(
     *(app, "accuracy", accuracy_command),
     "jaxdyn accuracy three_body --digits 12 --plot work.png",
+)
+add(
+    *(app, "chaos", chaos_command),
+    "jaxdyn chaos lorenz --t1 5000",
+    "jaxdyn chaos double_pendulum --map theta1=0:pi --map theta2=0:pi --plot chaos.png",
 )
 add(
     *(app, "hard", hard_command),

@@ -11,7 +11,7 @@ import functools
 import importlib
 import inspect
 import pkgutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -118,6 +118,37 @@ def build(name: str, settings: Mapping[str, str]) -> Scene:
     """
     values = numbers(name, settings)
     return entries()[name].make(**values)
+
+
+def varied(
+    name: str, settings: Mapping[str, str], names: Sequence[str]
+) -> tuple[Callable[..., Scene], list[str]]:
+    """A function from numbers to the scene that has them, and their names with units.
+
+    Args:
+      name: of the scene.
+      settings: of its other parameters, see `build`.
+      names: one for each number: a parameter that is one number, or an entry of the start.
+    Raises:
+      ValueError: see `build`, or a name of neither (the nearest is suggested).
+    """
+    fixed, entry = numbers(name, settings), entries()[name]
+    units = dict(entry.make(**fixed).labels())
+    single = {key for key, x in entry.parameters.items() if isinstance(x, float)}
+    for one in names:
+        _checks.choice(f"number of {name}", one, {*units, *single})
+    order = list(units)
+
+    def make(*values) -> Scene:
+        given = dict(zip(names, values, strict=True))
+        scene = entry.make(**fixed | {key: x for key, x in given.items() if key in single})
+        y0 = scene.y0
+        for key in given.keys() - single:
+            y0 = y0.at[order.index(key)].set(given[key])
+        return scene.starting(y0)
+
+    said = [f"{one} [{units[one]}]" if units.get(one, "1") != "1" else one for one in names]
+    return make, said
 
 
 def numbers(name: str, settings: Mapping[str, str]) -> dict[str, Any]:
