@@ -23,8 +23,8 @@ from .analysis.energy_change import energy_change as energy_change
 from .analysis.equilibria import equilibria as equilibria
 from .analysis.linearize import linearize as linearize
 from .analysis.linearize import modes as modes
-from .chaos.lyapunov import LyapunovSpectrum as LyapunovSpectrum
 from .chaos.lyapunov import lyapunov_exponents as lyapunov_exponents
+from .chaos.spectrum import LyapunovSpectrum as LyapunovSpectrum
 from .formulations.lagrange import lagrangian as lagrangian
 from .formulations.ode import ode as ode
 from .integrate.events import until as until

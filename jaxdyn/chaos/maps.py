@@ -11,7 +11,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn.chaos.indicators import RTOL, megno
-from jaxdyn.chaos.lyapunov import finite_lists
+from jaxdyn.chaos.spectrum import finite_lists
 from jaxdyn.scene import Scene
 from jaxdyn.status import Status
 from jaxdyn.system import Record

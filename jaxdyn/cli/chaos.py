@@ -111,8 +111,8 @@ def _map(
 ) -> "tuple[jaxdyn.chaos.ChaosMap, list[str]]":
     """A map, printed; and its two numbers with their units."""
     make, labels = jaxdyn.scenes.catalogue.varied(name, chosen, [one.name for one in varied])
-    axes = [_spaced(one, size) for one in varied]
-    found = jaxdyn.chaos.chaos_map(make, *axes, t1)
+    first, second = (_spaced(one, size) for one in varied)
+    found = jaxdyn.chaos.chaos_map(make, first, second, t1)
     if out.as_object:
         out.result({"scene": name, "names": labels} | found.as_dict())
         return found, labels
