@@ -172,7 +172,7 @@ def product(matrix: np.ndarray, vector: list) -> list:
     return found
 
 
-def floats(matrix: arb_mat) -> np.ndarray:
+def float_matrix(matrix: arb_mat) -> np.ndarray:
     """A matrix in floats."""
     return np.array([[float(x.mid()) for x in row] for row in matrix.tolist()])
 

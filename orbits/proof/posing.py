@@ -16,7 +16,7 @@ from orbits.closing.closings import Closing, Return, Reversal
 from orbits.closing.given import driven
 from orbits.closing.symmetry import Symmetry
 from orbits.orbit import Orbit
-from orbits.proof.closure import Closure, floats
+from orbits.proof.closure import Closure, float_matrix
 from orbits.proof.drives import drive_period
 
 #: Digits of the motion from which Jacobians in doubles and the rank are taken.
@@ -165,7 +165,7 @@ def _squared(whole: Closure, integrals: dict[str, Number]) -> Closure:
     with precision(128):
         numbers = everything.centre()
         run = everything.motion(numbers, ROUGH_DIGITS, slopes=True)
-        jacobian = floats(everything.jacobian(run.y, run.slopes, numbers))
+        jacobian = float_matrix(everything.jacobian(run.y, run.slopes, numbers))
     count = len(whole.names)
     known = [everything.embed.shape[1]] if whole.drive is not None else []
     free = [i for i in range(count) if i not in known]

@@ -10,7 +10,7 @@ from jaxdyn.balls.arithmetic import Program, arb, arb_mat, precision
 from jaxdyn.balls.motion import End, bits_of
 from orbits.orbit import Orbit, SearchError
 from orbits.proof import multipliers
-from orbits.proof.closure import Closure, floats
+from orbits.proof.closure import Closure, float_matrix
 from orbits.proof.posing import ROUGH_DIGITS, posed_closure
 from orbits.proof.refined import Refined
 
@@ -143,9 +143,9 @@ def solved(system: Closure, digits: float) -> tuple[list[arb], float]:
 
 def _inverse(system: Closure, numbers: list[arb]) -> tuple[arb_mat, float]:
     end = _motion(system, numbers, ROUGH_DIGITS, slopes=True)
-    jacobian = floats(system.jacobian(end.y, end.slopes, numbers))
+    jacobian = float_matrix(system.jacobian(end.y, end.slopes, numbers))
     inverse = np.linalg.inv(jacobian)
-    growth = max(1.0, np.abs(floats(end.slopes)).max(), np.abs(inverse).max())
+    growth = max(1.0, np.abs(float_matrix(end.slopes)).max(), np.abs(inverse).max())
     return arb_mat(inverse.tolist()), math.log10(growth)
 
 
