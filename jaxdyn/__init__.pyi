@@ -27,6 +27,8 @@ from .chaos.lyapunov import lyapunov_exponents as lyapunov_exponents
 from .chaos.spectrum import LyapunovSpectrum as LyapunovSpectrum
 from .formulations.lagrange import lagrangian as lagrangian
 from .formulations.ode import ode as ode
+from .integrate.event_search.all_crossings import Crossings as Crossings
+from .integrate.event_search.all_crossings import crossings as crossings
 from .integrate.events import until as until
 from .integrate.phases import HybridTrajectory as HybridTrajectory
 from .integrate.simulation import simulate as simulate

@@ -201,7 +201,7 @@ def until(
       >>> round(float(stop.t), 12)
       1.414213562373
     """
-    events = _events(events)
+    events = checked_events(events)
     t0, t1 = span(scene, t1, t0)
     settings = Settings(checked_method(scene, solver, several=True))
     for event in events:
@@ -211,7 +211,12 @@ def until(
     return _compiled(scene.field, events, scene.y0, t0, t1, held_to, settings=settings)
 
 
-def _events(events) -> tuple[Event, ...]:
+def checked_events(events) -> tuple[Event, ...]:
+    """One or several events as a tuple.
+
+    Raises:
+      ValueError: there is none, or something else among them.
+    """
     given: Any = (events,) if isinstance(events, Event) or callable(events) else tuple(events)
     if not given:
         raise _checks.fail("events", "at least one", "none", "simulate() runs to a time.")

@@ -64,6 +64,22 @@ class Samples(eqx.Module):
         return ts[jnp.minimum(self.next, len(ts) - 1)]
 
 
+class Steered(NamedTuple):
+    """How a run goes on after a step that a watch has seen.
+
+    Attributes:
+      keep: () whether from the end of the step, else again from its start.
+      following: () the time at which the next step may end.
+      memory: of the watch.
+      stop: () whether the run ends here.
+    """
+
+    keep: Array
+    following: Array
+    memory: Any
+    stop: Array
+
+
 class Watch(eqx.Module):
     """An observer of accepted steps that may stop the run; see `events`."""
 
@@ -78,6 +94,14 @@ class Watch(eqx.Module):
     @abc.abstractmethod
     def see(self, keep: Array, t0: Array, y0: Array, t1: Array, y1: Array, memory: Any) -> tuple:
         """Its memory after a step, and whether to stop; a rejected step changes nothing."""
+
+    def steer(self, keep, t0, y0, t1, y1, memory, following: Array) -> Steered:
+        """`see` for a watch that also decides where the next step begins and ends.
+
+        By default neither is changed. Adaptive methods only.
+        """
+        memory, stop = self.see(keep, t0, y0, t1, y1, memory)
+        return Steered(keep=keep, following=following, memory=memory, stop=stop)
 
 
 class Seen(NamedTuple):
@@ -158,7 +182,8 @@ class Observing(eqx.Module):
         return Tried(fine, sampling, t0, y0, t1, y1)
 
     def _observe(self, tried: Tried, following: Array, seen: Seen, result) -> tuple:
-        """What diffrax asks for after a step: where it starts and ends next, memory, result.
+        """What diffrax asks for after a step: whether it is kept, where the next one starts and
+        ends, memory, result.
 
         Args:
           tried: the step.
@@ -168,14 +193,16 @@ class Observing(eqx.Module):
         """
         keep, t0, t1 = tried.keep, tried.t0, tried.t1
         samples, memory, steps = seen
+        if self.watch is not None:
+            keep, following, memory, stop = self.watch.steer(
+                keep, t0, tried.y0, t1, tried.y1, memory, following
+            )
+            result = diffrax.RESULTS.where(stop, diffrax.RESULTS.event_occurred, result)
         start = jnp.where(keep, t1, t0)
         if len(self.ts):
             following = jnp.where(tried.fine & tried.sampling, samples.aim, following)
             samples = samples.taken(self.ts, jnp.where(tried.fine, t1, -jnp.inf), tried.y1)
         samples, tnext = self._towards(samples, start, following)
-        if self.watch is not None:
-            memory, stop = self.watch.see(keep, t0, tried.y0, t1, tried.y1, memory)
-            result = diffrax.RESULTS.where(stop, diffrax.RESULTS.event_occurred, result)
         if self.limit is not None:
             assert steps is not None
             (most, end), steps = self.limit, steps + jnp.where(tried.fine & tried.sampling, 0, 1)
@@ -183,7 +210,7 @@ class Observing(eqx.Module):
             over = (steps >= most) & ~arrived & (result == diffrax.RESULTS.successful)
             result = diffrax.RESULTS.where(over, diffrax.RESULTS.max_steps_reached, result)
             start = jnp.where(arrived, jnp.inf, start)  # diffrax's loop ends there
-        return start, tnext, Seen(samples, memory, steps), result
+        return keep, start, tnext, Seen(samples, memory, steps), result
 
 
 def clipped(t: Array, end: Array) -> Array:

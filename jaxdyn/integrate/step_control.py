@@ -92,8 +92,8 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
             collapsed, diffrax.RESULTS.dt_min_reached, diffrax.RESULTS.successful
         )
         following = jnp.where(tried.keep, t1, t0) + h_next
-        start, tnext, state, result = self._observe(tried, following, state, result)
-        return tried.keep, start, tnext, False, state, result
+        keep, start, tnext, state, result = self._observe(tried, following, state, result)
+        return keep, start, tnext, False, state, result
 
     def _scale(self, y0: Array, y1: Array) -> Array:
         # y1 may be NaN after a bad step; its error is NaN then and the step is rejected.
@@ -146,8 +146,8 @@ class FixedSteps(Observing, diffrax.AbstractStepSizeController):
         )
         result = diffrax.RESULTS.where(collapsed, diffrax.RESULTS.dt_min_reached, result)
         done = done + jnp.where(tried.keep, 1.0, 0.0)
-        start, tnext, seen, result = self._observe(tried, begin + done * h, seen, result)
-        return tried.keep, start, tnext, False, (seen, (begin, h, done)), result
+        keep, start, tnext, seen, result = self._observe(tried, begin + done * h, seen, result)
+        return keep, start, tnext, False, (seen, (begin, h, done)), result
 
 
 def steps_of(dt: Array, t0: Array, t1: Array) -> Array:

@@ -18,7 +18,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn.integrate.event_search.event_values import Sight, bends, looked
+from jaxdyn.integrate.event_search.event_values import (
+    SIDE_ROUNDINGS,
+    Sight,
+    bends,
+    first_side,
+    looked,
+)
 from jaxdyn.integrate.event_search.polish import Bracket, polished
 from jaxdyn.integrate.event_search.stretches import settled
 from jaxdyn.integrate.flow import Settings, march
@@ -33,9 +39,6 @@ _MIN_PANEL = (
 )  # of a step: between samples this close a value has no extremum except by rounding
 _MAX_PANELS = 4096  # in a step at most, for a value that oscillates near zero
 _PANEL_GROWTH = 4.0  # of the panel length after a settled panel
-#: Roundings of state and time by which a value at a start on an event may miss zero.
-_START_ROUNDINGS = 16
-_SIDE_ROUNDINGS = 4  # roundings of the state below which a later value has not changed its side
 
 
 class Crossing(NamedTuple):
@@ -133,7 +136,11 @@ class _Lookout(Watch):
         del y1
         h = self.direction * (t1 - t0)
         begin = self.direction * t0
-        side = jnp.where(memory.begun, memory.end.side, self._first_side(h, memory))
+        g, slope = memory.end.g, self.direction * memory.end.slope
+        first = first_side(
+            g, slope, h, memory.noise, speeds=memory.speeds, bends=memory.bends, wanted=self.wanted
+        )
+        side = jnp.where(memory.begun, memory.end.side, first)
         survey = self._surveyed(keep, begin, y0, h, memory, side)
         low, high, towards = survey.bracket
         bracket = Bracket(low * h, high * h, towards)
@@ -142,26 +149,13 @@ class _Lookout(Watch):
         memory = jax.tree.map(lambda new, old: jnp.where(keep, new, old), seen, memory)
         return memory, memory.bracket.found.any() | jnp.isnan(memory.end.side).any()
 
-    def _first_side(self, h: Array, memory: _Seen) -> Array:
-        """(E,) the side of each event the motion is just after its start.
-
-        If the motion starts on an event, the slope decides. Where the slope is zero as well, a
-        crossing in the wanted direction counts: otherwise a ball that bounces by less than
-        rounding would fall through the floor. Without a wanted direction the motion has left.
-        """
-        g, slope = memory.end.g, self.direction * memory.end.slope
-        moved = memory.noise + jnp.abs(h) * memory.speeds + h * h * memory.bends
-        on = jnp.abs(g) <= _START_ROUNDINGS * moved
-        moving = jnp.abs(slope) > _START_ROUNDINGS * memory.speeds
-        return jnp.where(on, jnp.where(moving, jnp.sign(slope), -self.wanted), jnp.sign(g))
-
     def _surveyed(self, keep, t: Array, y: Array, h: Array, memory: _Seen, side: Array) -> _Survey:
         """The step after all its panels, or after the one in which something happens first."""
         begin = memory.end._replace(part=jnp.zeros_like(t), side=side)
         start = _Survey(
             n=jnp.zeros((), int), begin=begin, end=jnp.ones_like(t), bracket=Bracket.none(side)
         )
-        noise = _SIDE_ROUNDINGS * memory.noise
+        noise = SIDE_ROUNDINGS * memory.noise
 
         def panel(survey: _Survey) -> _Survey:
             looks = self._looks(t, y, h, survey.begin, survey.end, noise)

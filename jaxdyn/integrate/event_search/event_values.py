@@ -11,6 +11,10 @@ from jaxtyping import Array
 from jaxdyn.scene import Field
 from jaxdyn.solvers import Method
 
+#: Roundings of state and time by which a value at a start on an event may miss zero.
+_START_ROUNDINGS = 16
+#: Roundings of the state below which a later value has not changed its side.
+SIDE_ROUNDINGS = 4
 #: Roundings of state and time within which two events count as simultaneous.
 _COINCIDENCE_ROUNDINGS = 64
 
@@ -53,6 +57,28 @@ def bends(field, events: tuple, t: Array, y: Array) -> Array:
     ahead = (jnp.ones_like(t), field.rate(t, y))
     _, second = jax.jvp(lambda t, y: _terms(field, events, t, y)[1].sum(-1), (t, y), ahead)
     return jnp.finfo(y.dtype).eps * jnp.where(jnp.isfinite(second), jnp.abs(second), 0.0)
+
+
+def first_side(g, slope, h, noise, *, speeds: Array, bends: Array, wanted: Array) -> Array:
+    """(E,) the side of each event the motion is just after its start.
+
+    If the motion starts on an event, the slope decides. Where the slope is zero as well, a
+    crossing in the wanted direction counts: otherwise a ball that bounces by less than
+    rounding would fall through the floor. Without a wanted direction the motion has left.
+
+    Args:
+      g: (E,) values at the start.
+      slope: (E,) slopes in the direction of the run.
+      h: () first step.
+      noise: (E,) rounding of the values.
+      speeds: (E,) one rounding of a slope.
+      bends: (E,) one rounding of a second derivative.
+      wanted: (E,) signs after the crossings that count, 0 for both.
+    """
+    moved = noise + jnp.abs(h) * speeds + h * h * bends
+    on = jnp.abs(g) <= _START_ROUNDINGS * moved
+    moving = jnp.abs(slope) > _START_ROUNDINGS * speeds
+    return jnp.where(on, jnp.where(moving, jnp.sign(slope), -wanted), jnp.sign(g))
 
 
 def _terms(field, events: tuple, t: Array, y: Array) -> tuple[Array, Array]:

@@ -8,6 +8,8 @@ coefficients stay clear of zero by more than the doubt, or are monotone, so that
 ends decide. Other stretches have to be sampled more closely.
 """
 
+from typing import NamedTuple
+
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -29,21 +31,51 @@ def settled(times: Array, g: Array, slope: Array, sides: Array, noise: Array) ->
     Limits: wrong for functions whose samples look smooth but which are not smooth in between.
     """
     width = jnp.diff(times)[:, None]
-    d0, d1, rise = width * slope[:-1], width * slope[1:], g[1:] - g[:-1]
-    doubt = _doubt(width, d0, d1, rise)
-    b1, b2 = g[:-1] + d0 / 3, g[1:] - d1 / 3
-    s, middle, noise = sides[:-1], b2 - b1, noise[None]
-    clear = (s == sides[1:]) & (s * b1 > doubt) & (s * b2 > doubt)
-    rises = (d0 >= -noise) & (middle > doubt) & (d1 >= -noise)
-    falls = (d0 <= noise) & (middle < -doubt) & (d1 <= noise)
-    largest = jnp.maximum(jnp.maximum(jnp.abs(b1), jnp.abs(b2)), doubt)
-    largest = jnp.maximum(largest, jnp.maximum(jnp.abs(g[:-1]), jnp.abs(g[1:])))
-    return clear | rises | falls | (largest <= noise)
-
-
-def _doubt(width: Array, d0: Array, d1: Array, rise: Array) -> Array:
-    """(s - 1, E) bound on the distance of the functions from their cubics."""
-    third = (6 * (d0 + d1) - 12 * rise) / width**3
+    parts = Stretch(g[:-1], g[1:], slope[:-1], slope[1:], width)
     between = 0.5 * (width[1:] + width[:-1])
-    fourth = jnp.max(jnp.abs(jnp.diff(third, axis=0) / between), axis=0)
-    return _SAFETY / _CUBIC_ERROR_DIVISOR * fourth[None] * width**4
+    fourth = jnp.max(jnp.abs(jnp.diff(parts.third, axis=0) / between), axis=0)
+    return parts.settled(fourth[None], sides[:-1], sides[1:], noise[None])
+
+
+class Stretch(NamedTuple):
+    """Neighbouring samples of functions; all arrays of one shape.
+
+    Attributes:
+      g0: values at the first sample.
+      g1: values at the second one.
+      slope0: slopes in time at the first sample.
+      slope1: slopes at the second one.
+      width: the time between them, of either sign.
+    """
+
+    g0: Array
+    g1: Array
+    slope0: Array
+    slope1: Array
+    width: Array
+
+    @property
+    def third(self) -> Array:
+        """The third derivative of the cubics."""
+        rise = self.g1 - self.g0
+        return (6 * self.width * (self.slope0 + self.slope1) - 12 * rise) / self.width**3
+
+    def settled(self, fourth: Array, before: Array, after: Array, noise: Array) -> Array:
+        """Whether the functions cross zero only as their sides tell.
+
+        Args:
+          fourth: size of the fourth derivatives.
+          before: signs of the values at the first sample, see `settled`.
+          after: signs at the second one.
+          noise: values up to this are rounding.
+        """
+        doubt = _SAFETY / _CUBIC_ERROR_DIVISOR * fourth * self.width**4
+        d0, d1 = self.width * self.slope0, self.width * self.slope1
+        b1, b2 = self.g0 + d0 / 3, self.g1 - d1 / 3
+        middle = b2 - b1
+        clear = (before == after) & (before * b1 > doubt) & (before * b2 > doubt)
+        rises = (d0 >= -noise) & (middle > doubt) & (d1 >= -noise)
+        falls = (d0 <= noise) & (middle < -doubt) & (d1 <= noise)
+        largest = jnp.maximum(jnp.maximum(jnp.abs(b1), jnp.abs(b2)), doubt)
+        largest = jnp.maximum(largest, jnp.maximum(jnp.abs(self.g0), jnp.abs(self.g1)))
+        return clear | rises | falls | (largest <= noise)

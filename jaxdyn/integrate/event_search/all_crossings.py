@@ -1,0 +1,200 @@
+"""All crossings of one motion: `jaxdyn.crossings`.
+
+The search goes on from each crossing to the next, see `first_crossing`. Derivatives do not pass
+through it: one run of the variational equations, sampled at the crossings, gives those of the
+states at fixed times, and the implicit function theorem does the rest, as for `events.until`.
+"""
+
+import functools
+from typing import Annotated, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks, _text
+from jaxdyn._numerics import in_one_kernel
+from jaxdyn._text import counted
+from jaxdyn.integrate.event_search.crossings import first_crossing
+from jaxdyn.integrate.events import Event, checked_events
+from jaxdyn.integrate.flow import Settings, flow
+from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
+from jaxdyn.integrate.trajectory import raise_unless_ok
+from jaxdyn.scene import Scene
+from jaxdyn.solvers import Solver
+from jaxdyn.solvers.choice import checked_method
+from jaxdyn.status import Status
+
+#: Crossings found by one call of the program where all are wanted.
+_AT_ONCE = 64
+
+
+class Crossings(NamedTuple):
+    """The crossings of one motion, in the order they happen.
+
+    Attributes:
+      ts: (n,) times; NaN after the last crossing found.
+      ys: (n, k) states then, NaN likewise.
+      directions: (n,) 1 where the value rises along the motion, -1 where it falls; 0 after the
+        last one.
+      count: () number of crossings found.
+      status: () `Status` code of the motion: those found before it failed are valid.
+    """
+
+    ts: Array
+    ys: Array
+    directions: Array
+    count: Array
+    status: Annotated[Array, Status]
+
+    __repr__ = _text.fields
+
+    @property
+    def message(self) -> str:
+        """The number of crossings, and how the motion ended; host only."""
+        return f"{counted(int(self.count), 'crossing')}. {Status(int(self.status)).message}"
+
+
+def crossings(
+    scene: Scene,
+    event: Event,
+    t1=None,
+    *,
+    t0=0.0,
+    most: int | None = None,
+    rtol: float = RTOL,
+    atol: float | None = None,
+    solver: Solver | None = None,
+    max_steps: int = MAX_STEPS,
+    throw: bool = True,
+) -> Crossings:
+    """All crossings of an event by one motion: times, states and directions.
+
+    A motion that starts on the event has left it: its start is no crossing. See `events.until` for
+    the rules, and for how the times are found to full precision.
+
+    Args:
+      scene: system, effects, start.
+      event: what crosses zero, with the direction that counts.
+      t1: () end of the span [s]; the scene's own by default.
+      t0: () start time [s].
+      most: number of rows of the result: only the first so many crossings are found, and the
+        rows that are not needed are NaN. Required under jit, grad and vmap; without it the result
+        has one row for each crossing.
+      rtol: see `simulate`.
+      atol: see `simulate`.
+      solver: see `simulate`.
+      max_steps: largest number of steps from one crossing to the next.
+      throw: raise where the motion fails; with False look at `Crossings.status`. Inside a
+        transformation nothing is raised.
+    Returns:
+      The `Crossings`, differentiable in forward and reverse mode, any number of times, in the
+      start, the times, and the numbers of the scene and of the event.
+    Raises:
+      ValueError: `event` is no event, `most` is not positive, or missing inside a transformation,
+        or a number is out of range, as for `simulate`.
+      IntegrationError: the motion failed before t1 (``throw=True``).
+    Limits: those of `events.until`; derivatives are infinite where the motion touches the event.
+    Example:
+      >>> import jaxdyn
+      >>> from jaxdyn import scenes
+      >>> from jaxdyn.integrate import events
+      >>> scene = scenes.oscillator(k=4.0, m=1.0)
+      >>> found = jaxdyn.crossings(scene, events.Reaches(0, 0.0), 4.0)
+      >>> (found.ts * 4 / jnp.pi).round(9).tolist(), found.directions.tolist()
+      ([1.0, 3.0, 5.0], [-1, 1, -1])
+    """
+    (event,) = checked_events((event,))
+    t0, t1 = span(scene, t1, t0)
+    settings = Settings(checked_method(scene, solver, several=True))
+    event.check(len(scene.y0))
+    options = SolverOptions(rtol=rtol, atol=atol, max_steps=max_steps)
+    held_to = jax.tree.map(jnp.asarray, limits(options))
+    run = functools.partial(_compiled, scene.field, event, settings=settings)
+    if most is not None:
+        rows = _checks.whole("most", most)
+        found = run(scene.y0, t0, t1, held_to, rows=rows)
+    else:
+        remedy = "Pass most=, a number of rows that does not depend on the motion."
+        _checks.untraced("scene and times", (scene, event, t0, t1, held_to), remedy)
+        found = _every(run, scene.y0, t0, t1, held_to)
+    if throw:
+        raise_unless_ok(found.status, scene)
+    return found
+
+
+def _every(run, y, t, t1, held_to) -> Crossings:
+    """All crossings, by calls of one program, each from where the last one ended."""
+    parts = []
+    while True:
+        found = run(y, t, t1, held_to, rows=_AT_ONCE)
+        n = int(found.count)
+        parts.append([np.asarray(x)[:n] for x in found[:3]])
+        if n < _AT_ONCE:
+            break
+        y, t = found.ys[-1], found.ts[-1]
+    ts, ys, directions = (jnp.concatenate(rows) for rows in zip(*parts, strict=True))
+    return Crossings(ts, ys, directions, count=jnp.asarray(len(ts)), status=found.status)
+
+
+@eqx.filter_custom_jvp
+def _found(field, event, y0, t0, t1, limits, *, settings: Settings, rows: int) -> Crossings:
+    search = functools.partial(_search, settings=settings, rows=rows)
+    args = (field, event, y0, t0, t1, limits)
+    return in_one_kernel(search, args, unknown=limits.tolerance[0] > 0)
+
+
+@_found.def_jvp
+def _found_jvp(primals, tangents, *, settings, rows):
+    field, event, y0, t0, _, limits = primals
+    d_field, d_event, d_y0, d_t0, _, _ = tangents
+    found = _found(*primals, settings=settings, rows=rows)
+    there = jnp.arange(rows) < found.count
+    # Only as far as the last crossing: the motion may fail after it.
+    end = jnp.where(found.count > 0, found.ts[jnp.maximum(found.count - 1, 0)], t0)
+    ts = jnp.where(there, found.ts, end)
+
+    def states(field, y0, t0):
+        return flow(field, y0, t0, end, ts, limits, settings=settings).ys
+
+    def values(event, ts, ys):
+        return jax.vmap(event.value)(ts, ys)
+
+    ys, dys = eqx.filter_jvp(states, (field, y0, t0), (d_field, d_y0, d_t0))
+    dys = jnp.zeros_like(ys) if dys is None else dys
+    rates = jax.vmap(field.rate)(ts, ys)
+    _, dg = eqx.filter_jvp(values, (event, ts, ys), (d_event, jnp.zeros_like(ts), dys))
+    along = functools.partial(values, event)
+    _, slopes = jax.jvp(along, (ts, ys), (jnp.ones_like(ts), rates))
+    dts = jnp.where(there, -dg / jnp.where(there, slopes, 1.0), 0.0)
+    dys = jnp.where(there[:, None], dys + rates * dts[:, None], 0.0)
+    return found, Crossings(ts=dts, ys=dys, directions=None, count=None, status=None)
+
+
+_compiled = eqx.filter_jit(_found)
+
+
+def _search(field, event, y0, t0, t1, limits, *, settings: Settings, rows: int) -> Crossings:
+    way = jnp.where(t1 > t0, 1.0, -1.0)
+
+    def following(carry, _):
+        t, y, status = carry
+        end, found = first_crossing(field, (event,), y, t, t1, limits, settings=settings)
+        right = (status == Status.OK) & (found.status == Status.OK)
+        there = right & jnp.isfinite(found.t)
+        # Without another crossing the rest of the rows takes no step.
+        t, y = jnp.where(there, found.t, t1), jnp.where(there, found.y, end)
+        slope = jax.jvp(event.value, (t, y), (jnp.ones_like(t), field.rate(t, y)))[1]
+        row = (
+            jnp.where(there, t, jnp.nan),
+            jnp.where(there, y, jnp.nan),
+            jnp.where(there, jnp.sign(way * slope).astype(int), 0),
+            there,
+        )
+        return (t, y, jnp.where(status == Status.OK, found.status, status)), row
+
+    start = t0, y0, jnp.asarray(int(Status.OK))
+    (_, _, status), (ts, ys, directions, there) = jax.lax.scan(following, start, length=rows)
+    return Crossings(ts, ys, directions, count=jnp.sum(there), status=status)

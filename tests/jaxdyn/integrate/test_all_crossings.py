@@ -1,0 +1,141 @@
+"""jaxdyn.crossings: all crossings of a motion, with their derivatives."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import SOLVED, gap, refusal
+from odes import lorenz
+
+import jaxdyn
+from jaxdyn import Status, scenes
+from jaxdyn.integrate.events import Reaches, until
+
+TIGHT = {"rtol": 1e-13}
+RISES, FALLS, BOTH = (Reaches(0, 0.0, way) for way in (1, -1, 0))
+SWING = scenes.oscillator(k=4.0, m=1.0)  # x = cos 2t
+
+
+def released(k, t1=9.0):
+    """The crossings of an oscillator of stiffness k and mass 1 that is released at x = 1."""
+    swing = scenes.oscillator(k=k, m=1.0)
+    return jaxdyn.crossings(swing, BOTH, t1, most=8, **TIGHT)
+
+
+def test_an_oscillator_crosses_every_half_period_in_turn():
+    found = jaxdyn.crossings(SWING, BOTH, 9.0, **TIGHT)
+    times = (np.arange(6) + 0.5) * np.pi / 2
+    assert gap(found.ts, times) < SOLVED
+    assert gap(found.ys, np.stack([0 * times, -2 * np.sin(2 * times)], -1)) < SOLVED
+    assert found.directions.tolist() == [-1, 1] * 3
+    assert (int(found.count), found.status) == (6, Status.OK)
+    assert found.message.startswith("6 crossings.")
+    for event, kept in ((FALLS, slice(0, None, 2)), (RISES, slice(1, None, 2))):
+        assert gap(jaxdyn.crossings(SWING, event, 9.0, **TIGHT).ts, times[kept]) < SOLVED
+
+
+def test_backwards_in_time_the_directions_are_those_along_the_motion():
+    found = jaxdyn.crossings(SWING, BOTH, -4.0, **TIGHT)
+    assert gap(found.ts, -(np.arange(3) + 0.5) * np.pi / 2) < SOLVED
+    assert found.directions.tolist() == [-1, 1, -1]
+
+
+def test_more_crossings_than_one_call_of_the_program_finds():
+    found = jaxdyn.crossings(SWING, BOTH, 250.0, **TIGHT)
+    assert gap(found.ts, (np.arange(159) + 0.5) * np.pi / 2) < 100 * SOLVED  # rounding grows with t
+
+
+def test_a_start_on_the_event_is_no_crossing_and_a_motion_without_one_has_none():
+    at_zero = SWING.starting([0.0, 1.0])
+    assert (
+        gap(jaxdyn.crossings(at_zero, BOTH, 4.0, **TIGHT).ts, np.pi / 2 * np.arange(1, 3)) < 1e-12
+    )
+    none = jaxdyn.crossings(SWING, Reaches(0, 2.0), 4.0)
+    assert none.ts.shape == (0,)
+    assert none.ys.shape == (0, 2)
+    assert none.status == Status.OK
+
+
+def test_rows_that_are_not_needed_are_nan_and_rows_limit_the_search():
+    found = released(4.0)
+    assert int(found.count) == 6
+    assert np.isnan(found.ts[6:]).all()
+    assert np.isnan(found.ys[6:]).all()
+    assert found.directions[6:].tolist() == [0, 0]
+    first = jaxdyn.crossings(SWING, BOTH, 9.0, most=2, **TIGHT)
+    assert gap(first.ts, found.ts[:2]) == 0.0
+
+
+def times(k):
+    return released(k).ts[:6]
+
+
+#: Times (n + 1/2) pi / sqrt(k) of the oscillator at k = 4, and their derivatives by k.
+TIMES = (np.arange(6) + 0.5) * np.pi * np.array([4.0**-0.5, -0.5 * 4.0**-1.5])[:, None]
+
+
+def test_derivatives_are_those_of_the_closed_form_in_both_modes():
+    k = jnp.asarray(4.0)
+    assert gap(times(k), TIMES[0]) < SOLVED
+    assert gap(jax.jacfwd(times)(k), TIMES[1]) < SOLVED
+    assert gap(jax.jacrev(times)(k), TIMES[1]) < SOLVED
+
+
+@pytest.mark.slow
+def test_derivatives_of_a_batch_and_second_ones():
+    batch = jax.jit(jax.vmap(jax.jacfwd(times)))(jnp.array([9.0, 4.0]))
+    assert gap(batch, TIMES[1] * np.array([[8 / 27], [1.0]])) < SOLVED
+    second = jax.jacfwd(jax.jacrev(times))(jnp.asarray(4.0))
+    assert gap(second, TIMES[1] * -1.5 / 4) < SOLVED
+
+
+def test_derivatives_of_states_are_along_the_event_and_follow_its_level():
+    def states(level):
+        return jaxdyn.crossings(SWING, Reaches(0, level), 9.0, most=4, **TIGHT).ys
+
+    level = jnp.asarray(0.5)
+    v = -2 * np.sin(np.arccos(0.5)) * np.array([1, -1, 1, -1])
+    assert gap(states(level)[:, 1], v) < SOLVED
+    # v^2 = 4 (1 - x^2)
+    assert gap(jax.jacrev(states)(level), np.stack([np.ones(4), -4 * 0.5 / v], -1)) < SOLVED
+
+
+def test_derivatives_are_zero_in_rows_without_a_crossing():
+    slopes = jax.jacfwd(lambda k: released(k, 1.0).ts)(jnp.asarray(4.0))
+    assert gap(slopes[1:], np.zeros(7)) == 0.0
+    assert gap(jax.jacfwd(lambda k: released(k, 0.1).ts)(jnp.asarray(4.0)), np.zeros(8)) == 0.0
+
+
+def test_crossings_are_those_of_calls_of_until_in_turn():
+    scene = jaxdyn.ode(
+        lorenz, [1.0, 1.0, 20.0], 5.0, params={"sigma": 10.0, "rho": 28.0, "beta": 8 / 3}
+    )
+    event = Reaches(2, 27.0)
+    found = jaxdyn.crossings(scene, event, 5.0, **TIGHT)
+    assert int(found.count) > 10
+    t, y = 0.0, scene.y0
+    for row in range(int(found.count)):
+        stop = until(scene.starting(y), event, 5.0, t0=t, **TIGHT)
+        t, y = stop.t, stop.y
+        assert gap(t, found.ts[row]) == 0.0
+        assert gap(y, found.ys[row]) == 0.0
+
+
+def test_a_motion_that_fails_keeps_the_crossings_before():
+    def escapes(t, y):
+        return [y[0] * y[0], 2 * jnp.pi * y[2], -2 * jnp.pi * y[1]]
+
+    scene = jaxdyn.ode(escapes, [0.4, 1.0, 0.0], 9.0)  # infinite at t = 2.5
+    found = jaxdyn.crossings(scene, Reaches(1, 0.0), throw=False)
+    assert gap(found.ts[:4], [0.25, 0.75, 1.25, 1.75]) < 1e-9
+    assert found.status == Status.STEP_COLLAPSED
+    assert "Stop earlier" in found.message
+    with pytest.raises(jaxdyn.IntegrationError, match="Stop earlier"):
+        jaxdyn.crossings(scene, Reaches(1, 0.0))
+
+
+def test_misuse_is_refused():
+    assert "Write When(fn)" in refusal(lambda: jaxdyn.crossings(SWING, lambda t, y: y[0]))  # type: ignore[arg-type]
+    assert "most: expected a whole number" in refusal(lambda: jaxdyn.crossings(SWING, BOTH, most=0))
+    traced = refusal(lambda: jax.jit(lambda t: jaxdyn.crossings(SWING, BOTH, t).ts)(1.0))
+    assert "Pass most=" in traced
