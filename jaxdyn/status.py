@@ -68,6 +68,21 @@ class Status(Code):
         "one_sided=False on an exit whose phase may begin beyond its event; else the contact laws "
         "have no solution here.",
     )
+    FEW_CROSSINGS = (
+        8,
+        "The span ended before the wanted number of crossings. Raise t1, ask for fewer, or choose "
+        "an event that the motion crosses again and again.",
+    )
+    FORBIDDEN = (
+        9,
+        "No state with these section coordinates has this energy: they are outside the allowed "
+        "region. Raise the energy, or move the start into the region.",
+    )
+    NOT_COMPLETED = (
+        10,
+        "The missing entry of a start was not found: the energy does not depend on it, or Newton's "
+        "method did not converge. Choose a velocity as the unknown.",
+    )
 
 
 class IntegrationError(RuntimeError):

@@ -8,6 +8,7 @@ from . import families as families
 from . import files as files
 from . import hybrid as hybrid
 from . import proof as proof
+from . import sections as sections
 from . import shooting as shooting
 from . import targets as targets
 from . import tori as tori
@@ -66,6 +67,8 @@ from .orbit import Outcome as Outcome
 from .orbit import SearchError as SearchError
 from .proof.refined import Refined as Refined
 from .proof.refinement import refine as refine
+from .sections.tables import SectionPoints as SectionPoints
+from .sections.tables import section as section
 from .shooting.finding import find as find
 from .tori.continuation import TorusFamily as TorusFamily
 from .tori.continuation import continue_tori as continue_tori

@@ -2,14 +2,14 @@
 
 `engine` has the calls (`run`, `stream`), `lanes` steps several motions side by side, `batches`
 divides the work among threads and devices, `watches` are observers that measure on the way or end
-a motion early.
+a motion early, `crossings` is the one that records the crossings of an event.
 
 May import: `integrate`.
 
 One more observer is one more class in `watches`.
 """
 
-from jaxdyn.ensemble import watches
+from jaxdyn.ensemble import crossings, watches
 from jaxdyn.ensemble.engine import run, stream
 
-__all__ = ["run", "stream", "watches"]
+__all__ = ["crossings", "run", "stream", "watches"]

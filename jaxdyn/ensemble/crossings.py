@@ -88,16 +88,18 @@ class EachCrossing(Watch):
     Attributes:
       field: the field of the motion.
       event: what crosses zero, with the direction that counts.
-      rows: largest number of crossings.
+      most: () number of crossings after which the run ends.
+      rows: number of crossings there is room for.
     """
 
     field: Field
     event: Event
+    most: Array
     rows: int = eqx.field(static=True)
     direction: Array | float = 1.0
 
     def towards(self, direction):
-        return EachCrossing(self.field, self.event, self.rows, direction)
+        return EachCrossing(self.field, self.event, self.most, self.rows, direction)
 
     def start(self, t0, y0):
         at = self.field, (self.event,), self.direction * t0, y0
@@ -162,7 +164,7 @@ class EachCrossing(Watch):
         lost = fine & jnp.isnan(end.g)
         memory = self._record(memory, found, end, y1)._replace(search=new, lost=lost)
         return Steered(
-            keep=keep, following=aim, memory=memory, stop=lost | (memory.count >= self.rows)
+            keep=keep, following=aim, memory=memory, stop=lost | (memory.count >= self.most)
         )
 
     @property

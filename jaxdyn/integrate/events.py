@@ -96,6 +96,21 @@ class Reaches(Event):
         super().check(k)
 
 
+class Every(Event):
+    """Each time a period [s] has passed since `phase` [s]: a stroboscope for driven scenes."""
+
+    period: Array = eqx.field(converter=as_float)
+    phase: Array = eqx.field(converter=as_float, default=0.0)
+
+    def value(self, t, y):
+        del y
+        return jnp.sin(jnp.pi * (t - self.phase) / self.period)
+
+    def check(self, k):
+        del k
+        _checks.positive("period", self.period, "It is a time.")
+
+
 class Stop(eqx.Module):
     """Where a motion was stopped.
 

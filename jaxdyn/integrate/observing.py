@@ -182,8 +182,7 @@ class Observing(eqx.Module):
         return Tried(fine, sampling, t0, y0, t1, y1)
 
     def _observe(self, tried: Tried, following: Array, seen: Seen, result) -> tuple:
-        """What diffrax asks for after a step: whether it is kept, where the next one starts and
-        ends, memory, result.
+        """What diffrax asks for after a step: keep it, next start and end, memory, result.
 
         Args:
           tried: the step.

@@ -58,6 +58,7 @@ from jaxdyn.scenes.pendula import (
     shaken_pendulum,
     triple_pendulum,
 )
+from jaxdyn.scenes.sections import henon_heiles, restricted_three_body
 from jaxdyn.scenes.sideways import sideways_edge, sideways_pendulum
 from jaxdyn.scenes.skates import one_skate, two_skates
 from jaxdyn.scenes.springs import hanging_spring, oscillator, spring_mass, two_masses, two_springs
@@ -93,6 +94,7 @@ __all__ = [
     "free_body",
     "friction_needed",
     "hanging_spring",
+    "henon_heiles",
     "lorenz",
     "moved_box",
     "moved_shape",
@@ -107,6 +109,7 @@ __all__ = [
     "plate_turn",
     "polar_particle",
     "power_law",
+    "restricted_three_body",
     "rod_on_line",
     "rolling_disk",
     "satellite",

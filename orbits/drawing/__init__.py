@@ -4,7 +4,7 @@
 `tori` invariant tori; all use the parts of `jaxdyn.drawing` and follow its rules. Only the
 command line imports this folder, since Matplotlib is slow to load.
 
-May import: `files`, `targets`, `tori`.
+May import: `files`, `sections`, `targets`, `tori`.
 
 One more picture is one more file with one function, and one line below.
 """

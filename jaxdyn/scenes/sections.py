@@ -1,0 +1,101 @@
+"""Two systems known for their surfaces of section: Henon and Heiles's, the restricted three bodies.
+
+Both have two degrees of freedom and an energy: motions on it cross a plane in points of the plane,
+on curves where they are regular, all over an area where they are chaotic.
+"""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._floats import as_float
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.scene import Effect, Scene, System
+from jaxdyn.scenes.ready_made import ready_made
+
+
+class Wells(Effect):
+    """The potential (x^2 + y^2) / 2 + x^2 y - y^3 / 3 of each point of the plane."""
+
+    velocity_dependent: ClassVar[bool] = False
+    without_units: ClassVar[bool] = True
+
+    def potential(self, t, r, m):
+        del t, m
+        x, y = r[:, 0], r[:, 1]
+        return jnp.sum(0.5 * (x * x + y * y) + x * x * y - y**3 / 3)
+
+    def check(self, points):
+        if points.r.shape[1] != 2:
+            raise _checks.fail("Wells", "points of the plane", f"{points.r.shape[1]} coordinates")
+
+
+@ready_made()
+def henon_heiles(*, x=0.0, y=0.1, vx=0.49057788, vy=0.0, t1=30.0) -> Scene:
+    """Henon and Heiles's model of a star in a galaxy, chaotic from an energy of about 1/9.
+
+    Motions with an energy below 1/6, the height of three saddles, stay in the triangle between
+    them. Henon and Heiles (1964), Astronomical Journal 69, 73.
+
+    Args:
+      x: at the start [1].
+      y: at the start [1].
+      vx: at the start [1].
+      vy: at the start [1].
+      t1: span [1].
+    """
+    return Scene(FreePoints([1.0]), (Wells(),), y0=jnp.stack([x, y, vx, vy]), t1=t1)
+
+
+class RestrictedThreeBody(System):
+    """A third body of no mass in the plane of two on circles, in axes that turn with them.
+
+    Masses 1 - mu at (-mu, 0) and mu at (1 - mu, 0); distances and times in units in which theirs
+    and their angular velocity are 1. The energy is -C / 2 with Jacobi's constant C (without the
+    term mu (1 - mu) that some authors add).
+    """
+
+    mu: Array = eqx.field(converter=as_float, default=0.01215)
+    singular: ClassVar[str] = "The attraction is infinite at the two masses."
+
+    def labels(self):
+        return ("x", "1"), ("y", "1"), ("vx", "1"), ("vy", "1")
+
+    def rate(self, t, y, effects):
+        del t, effects
+        x, y_, vx, vy = y
+        mu, far = self.mu, 1 - self.mu
+        one = far / ((x + mu) ** 2 + y_**2) ** 1.5
+        two = mu / ((x - far) ** 2 + y_**2) ** 1.5
+        ax = 2 * vy + x - one * (x + mu) - two * (x - far)
+        return jnp.stack([vx, vy, ax, y_ - 2 * vx - (one + two) * y_])
+
+    def energies(self, t, y, effects):
+        del t, effects
+        x, y_, vx, vy = y
+        mu, far = self.mu, 1 - self.mu
+        near = far / jnp.sqrt((x + mu) ** 2 + y_**2) + mu / jnp.sqrt((x - far) ** 2 + y_**2)
+        return 0.5 * (vx * vx + vy * vy), -0.5 * (x * x + y_ * y_), -near
+
+    def check(self, t, y):
+        del t, y
+        if not 0 < float(self.mu) < 1:
+            raise _checks.fail("mu", "between 0 and 1", float(self.mu), "It is a share of mass.")
+
+
+@ready_made()
+def restricted_three_body(*, mu=0.01215, x=0.5, y=0.0, vx=0.0, vy=0.8, t1=20.0) -> Scene:
+    """A body of no mass near two that circle each other, in axes that turn with them.
+
+    Args:
+      mu: mass of the second body as a share of both [1]; 0.01215 for the Moon.
+      x: at the start [1], the masses being at -mu and 1 - mu.
+      y: at the start [1].
+      vx: at the start, in the turning axes [1].
+      vy: at the start, in the turning axes [1].
+      t1: span [1]; the two masses turn once in 2 pi.
+    """
+    return Scene(RestrictedThreeBody(mu), y0=jnp.stack([x, y, vx, vy]), t1=t1)

@@ -1,0 +1,17 @@
+"""Surfaces of section: where motions cross an event, again and again.
+
+`completion` finds the velocity that a start on the section lacks from its energy, `tables` the
+crossings of many starts (`orbits.section`), `maps` is the Poincare map as a differentiable
+function, `coordinates` says which entries of the state are coordinates of a section.
+
+May import: `analysis`.
+
+One more kind of section is an event (`jaxdyn.integrate.events`) whose fixed entry `coordinates`
+knows.
+"""
+
+from orbits.sections.completion import Completed, complete
+from orbits.sections.maps import PoincareMap, poincare_map
+from orbits.sections.tables import SectionPoints
+
+__all__ = ["Completed", "PoincareMap", "SectionPoints", "complete", "poincare_map"]

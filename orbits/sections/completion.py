@@ -1,0 +1,201 @@
+"""Starts on a section: the velocity that section coordinates and an energy leave open.
+
+The energy of a mechanical scene is a quadratic polynomial of each velocity, a v^2 + b v + c, so
+the missing one is a root of it; Newton's method polishes the root, and is all there is where the
+energy is another function of the unknown.
+"""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene, Status, _text
+from jaxdyn._checks import fail, finite, is_traced, numbers
+from jaxdyn._text import counted
+from jaxdyn.analysis.energy import energy as energy_of
+from jaxdyn.integrate.event_search.event_values import looked
+from jaxdyn.integrate.events import Event, Reaches
+from jaxdyn.scene import checked_scene
+from orbits.sections.coordinates import entry, fixed, listed, names_of, unknown_of
+
+_NEWTON_STEPS = 30
+#: Of the terms of the energy: a larger residual is no solution.
+_RESIDUAL = 1e-13
+_OFF = 1e-9  # of the state: a start farther from the section is none on it
+
+
+class Completed(NamedTuple):
+    """Starts on a section, with the entry that the energy determines.
+
+    Attributes:
+      y0s: (n, k) states; NaN outside the allowed region.
+      status: (n,) `Status` codes.
+    """
+
+    y0s: Array
+    status: Annotated[Array, Status]
+
+    __repr__ = _text.fields
+
+    @property
+    def ok(self) -> Array:
+        """(n,) whether each start was completed."""
+        return self.status == Status.OK
+
+    @property
+    def message(self) -> str:
+        """The number of starts with each status, and the remedies; host only."""
+        return told(self.status, "start")
+
+
+def told(status, noun: str) -> str:
+    """The number of things with each status, and the remedies."""
+    codes, counts = np.unique(np.asarray(status), return_counts=True)
+    lines = zip(counts.tolist(), codes.tolist(), strict=True)
+    return "\n".join(
+        f"{counted(n, noun)}: {Status(code).message if code else 'OK.'}" for n, code in lines
+    )
+
+
+def complete(
+    scene: Scene,
+    event: Event,
+    given: Mapping[str, Any],
+    *,
+    energy,
+    unknown: str | None = None,
+    sign: int | None = None,
+    t0=0.0,
+) -> Completed:
+    """Starts on a section from all entries but one, which the energy determines.
+
+    Args:
+      scene: the scene, with an energy.
+      event: the section; an entry that it fixes need not be given.
+      given: the entries by name, () or (n,) each.
+      energy: () or (n,) energy of the starts [J].
+      unknown: name of the entry that is looked for; by default the velocity of the position that
+        the event fixes.
+      sign: 1 for the larger of two solutions, -1 for the smaller one; by default the direction
+        of the event, or 1.
+      t0: () time of the starts.
+    Returns:
+      The starts, in the order of the numbers; those outside the allowed region are NaN, with a
+      status. Differentiable in the numbers of the scene, the given ones and the energy.
+    Raises:
+      ValueError: the scene has no energy, a name is no entry, an entry is missing or given twice,
+        the given starts are not on the section, or `sign` is not 1 or -1.
+    Example:
+      >>> import jaxdyn, orbits
+      >>> from jaxdyn import scenes
+      >>> from jaxdyn.integrate import events
+      >>> section = events.Reaches(0, 0.0)
+      >>> found = orbits.sections.complete(
+      ...     scenes.henon_heiles(), section, {"y": [0.1, 0.9], "vy": 0.0}, energy=1 / 8
+      ... )
+      >>> found.y0s[0].round(6).tolist(), found.ok.tolist()
+      ([0.0, 0.1, 0.490578, 0.0], [True, False])
+    """
+    checked_scene(scene)
+    event.check(len(scene.y0))
+    if sign not in (None, 1, -1):
+        raise fail("sign", "1 or -1", sign, "1 is the larger of two solutions.")
+    index = unknown_of(scene, event, unknown)
+    rows = _rows(scene, event, given, index, finite("energy", numbers("energy", energy)))
+    way = (event.direction or 1) if sign is None else sign
+    t0 = jnp.asarray(t0, float)
+    y0s, status = _completed(scene, t0, *rows, float(way), index=index)
+    _check_on_section(scene, event, t0, y0s)
+    return Completed(y0s, status)
+
+
+def _rows(scene: Scene, event: Event, given: Mapping, index: int, energy) -> tuple[Array, Array]:
+    """(n, k) states with the unknown at zero, and (n,) energies."""
+    names = names_of(scene)
+    values = {
+        entry(scene, "given", name): finite(name, numbers(name, x)) for name, x in given.items()
+    }
+    if index in values:
+        raise fail("given", f"entries without {names[index]}", listed(given), "It is the unknown.")
+    taken = fixed(event)
+    if isinstance(event, Reaches) and taken is not None and taken != index:
+        values.setdefault(taken, event.level)
+    missing = [names[i] for i in range(len(names)) if i != index and i not in values]
+    if missing:
+        raise fail("given", f"also {listed(missing)}", listed(given), "Only one entry is unknown.")
+    shape = jnp.broadcast_shapes(energy.shape, *(x.shape for x in values.values()))
+    if len(shape) > 1:
+        raise fail("given", "one number or n for each entry", f"shape {shape}", "Ravel them.")
+    n = shape[0] if shape else 1
+    values[index] = jnp.zeros(())
+    columns = [jnp.broadcast_to(values[i], (n,)) for i in range(len(names))]
+    return jnp.stack(columns, axis=-1), jnp.broadcast_to(energy, (n,))
+
+
+@jax.jit
+def _values_and_rounding(scene: Scene, event: Event, t0: Array, y0s: Array):
+    seen = jax.vmap(lambda y: looked(scene.field, (event,), t0, y))(y0s)
+    return seen.values[:, 0], seen.rounding[:, 0]
+
+
+def _check_on_section(scene: Scene, event: Event, t0: Array, y0s: Array) -> None:
+    if is_traced((scene, event, t0, y0s)):
+        return
+    values, rounding = map(np.asarray, _values_and_rounding(scene, event, t0, y0s))
+    size = rounding / np.finfo(float).eps + np.abs(np.asarray(scene.y0)).max() + 1.0
+    off = np.abs(values) > _OFF * size
+    if off.any():
+        got = f"value {values[off][0]:.3g} at start {int(np.argmax(off))}"
+        raise fail("given", "starts on the section, where the event is 0", got)
+
+
+def _solved(scene: Scene, t0: Array, y: Array, energy: Array, sign: Array, index: int):
+    """The state (k,) and its status."""
+
+    def excess(v, energy=energy):
+        return energy_of(scene, t0, y.at[index].set(v)) - energy
+
+    slope = jax.grad(excess)
+    zero = jnp.zeros(())
+    c, b, a = excess(zero), slope(zero), 0.5 * jax.grad(slope)(zero)
+    below = b * b - 4 * a * c
+    # Not by the difference of two almost equal numbers.
+    q = -0.5 * (b + jnp.where(b < 0, -1.0, 1.0) * jnp.sqrt(jnp.maximum(below, 0.0)))
+    roots = jnp.stack([_over(q, a), _over(c, q)])
+    roots = jnp.where(
+        jnp.isfinite(roots), roots, jnp.where(jnp.isfinite(roots[::-1]), roots[::-1], 0.0)
+    )
+    v = jnp.where(sign > 0, roots.max(), roots.min())
+
+    def newton(_, v):
+        step = _over(excess(v), slope(v))
+        return v - jnp.where(jnp.isfinite(step), step, 0.0)
+
+    v = jax.lax.fori_loop(0, _NEWTON_STEPS, newton, jax.lax.stop_gradient(v))
+    terms = scene.system.energies(t0, y.at[index].set(v), scene.effects)
+    size = sum((jnp.abs(x) for x in terms), jnp.abs(energy))
+    solved = jnp.abs(excess(v)) <= _RESIDUAL * size
+    # The derivatives are those of two steps of Newton's method: the first two orders are exact.
+    v = jax.lax.stop_gradient(v)
+    for _ in range(2):
+        v = v - jnp.where(solved, _over(excess(v), slope(v)), 0.0)
+    why = jnp.where(below < 0, int(Status.FORBIDDEN), int(Status.NOT_COMPLETED))
+    status = jnp.where(solved, int(Status.OK), why)
+    return jnp.where(solved, y.at[index].set(v), jnp.nan), status
+
+
+def _over(a: Array, b: Array) -> Array:
+    """a / b, infinite where b is 0, without NaN in derivatives."""
+    return jnp.where(b == 0, jnp.inf, a / jnp.where(b == 0, 1.0, b))
+
+
+def _every(scene, t0, y0s, energies, sign, *, index: int):
+    solve = jax.vmap(lambda y, energy: _solved(scene, t0, y, energy, sign, index))
+    return solve(y0s, energies)
+
+
+_completed = jax.jit(_every, static_argnames="index")

@@ -1,0 +1,86 @@
+"""Which entries of the state are coordinates of a section."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from jaxdyn import Scene
+from jaxdyn._checks import choice, fail
+from jaxdyn.integrate.events import Event, Reaches
+
+_PROBE = 1e-3  # by which entries are moved apart: a state at rest does not tell velocities
+
+
+def names_of(scene: Scene) -> list[str]:
+    """The names of the entries of the state."""
+    return [name for name, _ in scene.labels()]
+
+
+def entry(scene: Scene, argument: str, name: str) -> int:
+    """The entry of the state with a name.
+
+    Raises:
+      ValueError: there is none; the nearest is suggested.
+    """
+    return names_of(scene).index(choice(argument, name, names_of(scene)))
+
+
+def fixed(event: Event) -> int | None:
+    """The entry that the event fixes; None for events of other kinds."""
+    return event.entry if isinstance(event, Reaches) else None
+
+
+def has_velocities(scene: Scene) -> bool:
+    """Whether the state is [q, v] with dq/dt = v, tested at a state where all v differ."""
+    k = len(scene.y0)
+    if k % 2:
+        return False
+    y = np.asarray(scene.y0) + _PROBE * np.arange(1, k + 1)
+    return bool(np.array_equal(scene.vector_field(0.0, y)[: k // 2], y[k // 2 :]))
+
+
+def pair(scene: Scene, event: Event, coordinates: Sequence[str] | None = None) -> tuple[int, int]:
+    """The two entries of a section that are drawn: those named, or a position and its velocity.
+
+    By default the first position that the event leaves free, with its velocity where the state is
+    [q, v], with the next free entry elsewhere.
+
+    Raises:
+      ValueError: the names are not two different entries, or no two entries are free.
+    """
+    if coordinates is not None:
+        given = [entry(scene, "coordinates", name) for name in coordinates]
+        if len(given) != 2 or given[0] == given[1]:
+            raise fail("coordinates", "two different entries", ", ".join(coordinates))
+        return given[0], given[1]
+    k, taken = len(scene.y0), fixed(event)
+    half = k // 2
+    if has_velocities(scene):
+        for q in range(half):
+            if taken not in (q, q + half):
+                return q, q + half
+    free = [i for i in range(k) if i != taken]
+    if len(free) < 2:
+        names = ", ".join(names_of(scene))
+        raise fail("event", "one that leaves two entries free", names, "Name the coordinates.")
+    return free[0], free[1]
+
+
+def unknown_of(scene: Scene, event: Event, unknown: str | None) -> int:
+    """The entry that the energy determines: the one named, or the velocity of the fixed position.
+
+    Raises:
+      ValueError: the name is no entry, or there is no such velocity.
+    """
+    if unknown is not None:
+        return entry(scene, "unknown", unknown)
+    taken, half = fixed(event), len(scene.y0) // 2
+    if taken is None or taken >= half or not has_velocities(scene):
+        names = ", ".join(names_of(scene))
+        raise fail("unknown", f"the name of one of {names}", "none", "The energy determines it.")
+    return taken + half
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names in a message."""
+    return ", ".join(names) or "none"
