@@ -17,7 +17,7 @@ from jaxdyn.scene import Effect, Scene, System
 from jaxdyn.scenes.ready_made import ready_made
 
 
-class Wells(Effect):
+class TriangularWell(Effect):
     """The potential (x^2 + y^2) / 2 + x^2 y - y^3 / 3 of each point of the plane."""
 
     velocity_dependent: ClassVar[bool] = False
@@ -30,7 +30,9 @@ class Wells(Effect):
 
     def check(self, points):
         if points.r.shape[1] != 2:
-            raise _checks.fail("Wells", "points of the plane", f"{points.r.shape[1]} coordinates")
+            raise _checks.fail(
+                "TriangularWell", "points of the plane", f"{points.r.shape[1]} coordinates"
+            )
 
 
 @ready_made()
@@ -47,7 +49,7 @@ def henon_heiles(*, x=0.0, y=0.1, vx=0.49057788, vy=0.0, t1=30.0) -> Scene:
       vy: at the start [1].
       t1: span [1].
     """
-    return Scene(FreePoints([1.0]), (Wells(),), y0=jnp.stack([x, y, vx, vy]), t1=t1)
+    return Scene(FreePoints([1.0]), (TriangularWell(),), y0=jnp.stack([x, y, vx, vy]), t1=t1)
 
 
 class RestrictedThreeBody(System):

@@ -8,6 +8,7 @@ from orbits.cli.find import find_command
 from orbits.cli.loops import loops_command
 from orbits.cli.refine import refine_command
 from orbits.cli.search import search_command
+from orbits.cli.section import section_command
 from orbits.cli.verify import verify_command
 
 app = application("Periodic orbits: find them, identify them, verify them.")
@@ -34,6 +35,14 @@ add(
     "orbits loops --n=-1 --turns 2 --loops 3 --plot one.png",
 )
 add(app, "search", search_command, "orbits search --samples 2048 --table plane.jsonl")
+add(
+    app,
+    "section",
+    section_command,
+    "orbits section henon_heiles --event x=0 --energy 1/12,1/8,1/6 --starts y=-0.4:0.6:24 "
+    "--plot section.png",
+    "orbits section shaken_pendulum --event every=2*pi/60 --starts theta=0:3:16 --plot shaken.png",
+)
 add(
     app,
     "figure-eight",

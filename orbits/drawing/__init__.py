@@ -1,7 +1,8 @@
 """Pictures of periodic orbits, of families of them, of throws and of closed loops.
 
 `periodic` draws orbits, `families` families, `throwing` throws, `about_centres` closed loops,
-`tori` invariant tori; all use the parts of `jaxdyn.drawing` and follow its rules. Only the
+`sections` surfaces of section, `tori` invariant tori; all use the parts of `jaxdyn.drawing` and
+follow its rules. Only the command line imports this folder, since Matplotlib is slow to load.
 command line imports this folder, since Matplotlib is slow to load.
 
 May import: `files`, `sections`, `targets`, `tori`.
@@ -12,7 +13,8 @@ One more picture is one more file with one function, and one line below.
 from orbits.drawing.about_centres import loops, rosette
 from orbits.drawing.families import family
 from orbits.drawing.periodic import orbits
+from orbits.drawing.sections import section
 from orbits.drawing.throwing import throws
 from orbits.drawing.tori import torus
 
-__all__ = ["family", "loops", "orbits", "rosette", "throws", "torus"]
+__all__ = ["family", "loops", "orbits", "rosette", "section", "throws", "torus"]

@@ -2,7 +2,8 @@
 
 `completion` finds the velocity that a start on the section lacks from its energy, `tables` the
 crossings of many starts (`orbits.section`), `maps` is the Poincare map as a differentiable
-function, `coordinates` says which entries of the state are coordinates of a section.
+function, `records` writes crossings as JSON and CSV, `coordinates` says which entries of the state
+are coordinates of a section.
 
 May import: `analysis`.
 
@@ -10,8 +11,17 @@ One more kind of section is an event (`jaxdyn.integrate.events`) whose fixed ent
 knows.
 """
 
+from orbits.sections import coordinates, records
 from orbits.sections.completion import Completed, complete
 from orbits.sections.maps import PoincareMap, poincare_map
 from orbits.sections.tables import SectionPoints
 
-__all__ = ["Completed", "PoincareMap", "SectionPoints", "complete", "poincare_map"]
+__all__ = [
+    "Completed",
+    "PoincareMap",
+    "SectionPoints",
+    "complete",
+    "coordinates",
+    "poincare_map",
+    "records",
+]

@@ -109,7 +109,9 @@ def complete(
     way = (event.direction or 1) if sign is None else sign
     t0 = jnp.asarray(t0, float)
     y0s, status = _completed(scene, t0, *rows, float(way), index=index)
-    _check_on_section(scene, event, t0, y0s)
+    # An entry that the event fixes can be wrong also outside the allowed region.
+    incomplete = fixed(event) not in (None, index)
+    _check_on_section(scene, event, t0, rows[0] if incomplete else y0s)
     return Completed(y0s, status)
 
 
@@ -199,3 +201,39 @@ def _every(scene, t0, y0s, energies, sign, *, index: int):
 
 
 _completed = jax.jit(_every, static_argnames="index")
+
+
+def least_energies(scene: Scene, event: Reaches, shown: tuple[int, int], qp: Array) -> Array | None:
+    """(n,) least energy of states on a section; None unless one entry is left to choose.
+
+    The edge of the allowed region is where it is the energy of the motions.
+
+    Args:
+      scene: the scene, with an energy.
+      event: the section.
+      shown: the entries of the coordinates.
+      qp: (n, 2) their values.
+    """
+    left = [i for i in range(len(scene.y0)) if i not in (event.entry, *shown)]
+    if len(left) != 1 or event.entry in shown:
+        return None
+    return _least(scene, event.level, qp, entries=(event.entry, *shown, left[0]))
+
+
+def _least_of_all(scene, level, qp, *, entries: tuple[int, ...]):
+    taken, q, p, free = entries
+
+    def least(point):
+        def of(v):
+            y = jnp.zeros(4).at[jnp.array([taken, q, p])].set(jnp.append(level, point))
+            return energy_of(scene, jnp.zeros(()), y.at[free].set(v))
+
+        zero = jnp.zeros(())
+        slope = jax.grad(of)
+        b, a = slope(zero), 0.5 * jax.grad(slope)(zero)
+        return of(-0.5 * b / a)
+
+    return jax.vmap(least)(qp)
+
+
+_least = jax.jit(_least_of_all, static_argnames="entries")

@@ -1,0 +1,183 @@
+"""The command `orbits section`: where the motions of many starts cross a surface of section."""
+
+import itertools
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import jaxdyn
+import orbits
+from jaxdyn import _arithmetic as arithmetic
+from jaxdyn._text import choice, counted, fail, whole
+from jaxdyn.cli.screen import Screen, screen
+from jaxdyn.cli.shared import (
+    JsonOption,
+    PlotOption,
+    SceneArgument,
+    SetOption,
+    TitleOption,
+    check_title,
+    written,
+)
+from jaxdyn.cli.words import scene_settings
+from jaxdyn.files.output_files import table_path
+from orbits.cli.shared import numbers
+
+STOPPED = 1  # exit code: a start has fewer crossings than wanted
+_DIRECTIONS = {"up": 1, "down": -1, "both": 0}
+_MOST_CROSSINGS = 1_000_000
+_MOST_STARTS = 100_000
+_RTOL = 1e-10  # that of orbits.section, which help does not load
+
+
+def section_command(
+    name: SceneArgument,
+    event: Annotated[
+        str,
+        typer.Option(metavar="NAME=LEVEL", help="The section, or every=PERIOD for a stroboscope."),
+    ],
+    settings: SetOption = None,
+    direction: Annotated[str, typer.Option(help="Crossings that count: up, down or both.")] = "up",
+    starts: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=A:B:N", help="N values of an entry, or one; repeatable."),
+    ] = None,
+    energy: Annotated[
+        str | None,
+        typer.Option(metavar="E,...", help="Energies of the starts; each is a panel."),
+    ] = None,
+    unknown: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Entry that the energy determines.")
+    ] = None,
+    sign: Annotated[
+        int | None, typer.Option(help="1 for the larger of two solutions, or -1.")
+    ] = None,
+    crossings: Annotated[int, typer.Option(help="Crossings of each start.")] = 200,
+    t1: Annotated[float | None, typer.Option(help="Latest time of a crossing.")] = None,
+    coordinates: Annotated[
+        str | None, typer.Option(metavar="NAME,NAME", help="The two entries that are drawn.")
+    ] = None,
+    rtol: Annotated[float, typer.Option(help="Relative tolerance of a step.")] = _RTOL,
+    plot: PlotOption = None,
+    title: TitleOption = None,
+    csv: Annotated[Path | None, written(table_path, "Write all crossings (.csv).")] = None,
+    as_object: JsonOption = False,
+) -> None:
+    """Cross a surface of section from many starts, completed by their energy, and draw it."""
+    check_title(title, plot)
+    whole("--crossings", crossings, most=_MOST_CROSSINGS)
+    choice("--direction", direction, _DIRECTIONS)
+    chosen, given = scene_settings(name, settings), _grid(starts)
+    place, level = _setting("--event", event)
+    levels = None if energy is None else numbers("--energy", energy)
+    for option, text in (("--unknown", unknown), ("--sign", sign)):
+        if text is not None and levels is None:
+            raise fail(option, "--energy with it", "none", "The energy determines that entry.")
+    drawn = None if coordinates is None else coordinates.split(",")
+    with screen(f"crossing the section of {name}", as_object) as out:
+        scene = jaxdyn.scenes.catalogue.build(name, chosen)
+        labels = [label for label, _ in scene.labels()]
+        for label in given:
+            choice("--starts", label, labels)
+        plane = _event(labels, place, level, _DIRECTIONS[direction])
+        tables = [
+            orbits.section(
+                scene,
+                plane,
+                _starts(scene, plane, given, one, unknown, sign),
+                crossings=crossings,
+                t1=t1,
+                coordinates=drawn,
+                rtol=rtol,
+            )
+            for one in (levels or [None])
+        ]
+        if as_object:
+            record = [orbits.sections.records.as_json(table) for table in tables]
+            out.result({"scene": name, "sections": record})
+        else:
+            for table in tables:
+                _print(table, out)
+        if csv:
+            with out.writing(csv, "written to"):
+                orbits.sections.records.write_csv(csv, tables)
+        if plot:
+            with out.writing(plot, "drawn in"):
+                orbits.drawing.section(tables, plot, title=title)
+        if not all(_done(table) for table in tables):
+            raise typer.Exit(STOPPED)
+
+
+def _setting(option: str, text: str) -> tuple[str, float]:
+    name, equals, value = text.partition("=")
+    try:
+        if not equals:
+            raise ValueError
+        return name.strip(), arithmetic.value(value)
+    except ValueError:
+        raise fail(option, "NAME=LEVEL, such as x=0 or every=2*pi", repr(text)) from None
+
+
+def _event(
+    labels: list[str], place: str, level: float, way: int
+) -> "jaxdyn.integrate.events.Event":
+    if place == "every":
+        return jaxdyn.integrate.events.Every(level)
+    entry = labels.index(choice("--event", place, [*labels, "every"]))
+    return jaxdyn.integrate.events.Reaches(entry, level, way)
+
+
+def _grid(texts: list[str] | None) -> dict[str, list[float]]:
+    """The values of each entry that --starts names."""
+    found = {}
+    for text in texts or ():
+        name, equals, values = text.partition("=")
+        parts = values.split(":")
+        try:
+            if not equals or len(parts) not in (1, 3):
+                raise ValueError
+            ends = [arithmetic.value(part) for part in parts[:2]]
+            n = whole("--starts", int(parts[2])) if len(parts) == 3 else 1
+        except ValueError:
+            raise fail("--starts", "NAME=VALUE or NAME=A:B:N", repr(text)) from None
+        step = (ends[-1] - ends[0]) / max(n - 1, 1)
+        found[name.strip()] = [ends[0] + i * step for i in range(n)]
+    return found
+
+
+def _starts(scene, plane, given: dict[str, list[float]], energy, unknown, sign):
+    """The product of all values given; the other entries are those of the scene's start."""
+    n = 1
+    for values in given.values():
+        n *= len(values)
+    whole("--starts", n, most=_MOST_STARTS)
+    labels = [label for label, _ in scene.labels()]
+    own = dict(zip(labels, [[float(y)] for y in scene.y0], strict=True))
+    if energy is None:
+        return list(map(list, itertools.product(*(own | given).values())))
+    fixed = orbits.sections.coordinates.fixed(plane)
+    free = labels[orbits.sections.coordinates.unknown_of(scene, plane, unknown)]
+    if fixed is not None:
+        own[labels[fixed]] = [float(plane.level)]
+    own.pop(free)
+    entries = own | given
+    columns = zip(*itertools.product(*entries.values()), strict=True)
+    rows = dict(zip(entries, map(list, columns), strict=True))
+    return orbits.sections.complete(scene, plane, rows, energy=energy, unknown=unknown, sign=sign)
+
+
+def _done(table: "orbits.SectionPoints") -> bool:
+    """Whether all starts that exist have all their crossings."""
+    codes = (jaxdyn.Status.OK, jaxdyn.Status.FORBIDDEN)
+    return bool(table.ok.any()) and all(code in codes for code in table.status)
+
+
+def _print(table: "orbits.SectionPoints", out: Screen) -> None:
+    starts = counted(int((table.counts > 0).sum()), "start")
+    out.print(f"{counted(int(table.counts.sum()), 'crossing')} of {starts}")
+    drift = [x for x in table.drift.tolist() if x == x]
+    if drift:
+        out.print(f"  largest relative change of energy: {max(drift):.1e}")
+    if not table.ok.all():
+        out.print(table.message)

@@ -1,0 +1,104 @@
+"""A picture of surfaces of section, side by side."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxdyn._checks import fail
+from jaxdyn.drawing.figures import INK, blank, finished, shades, style
+from jaxdyn.drawing.titles import heading
+from jaxdyn.files.image_files import picture_path
+from jaxdyn.integrate.events import Reaches
+from orbits.sections.completion import least_energies
+from orbits.sections.coordinates import entry
+from orbits.sections.tables import SectionPoints
+
+_PANEL, _ABOVE = 4.4, 0.7  # inches
+_GRID = 300  # points each way, for the edge of the allowed region
+_MARGIN = 0.2  # of the region around the points
+_SAME_ENERGY = 1e-9  # relative: starts on one energy surface
+_POINTS = 4000  # in a panel, above which dots are smaller
+_MOST_PANELS = 6
+_DECIMALS = 12  # of an energy: the rest of one of 0 is rounding
+
+
+def section(
+    points: SectionPoints | Sequence[SectionPoints], path=None, *, titles=(), title=None
+) -> Figure:
+    """A picture of the crossings of a section: a dot for each, a colour for each start.
+
+    Where all starts have one energy, and it leaves no other choice, the edge of the region that it
+    allows is drawn.
+
+    Args:
+      points: what `orbits.section` returned, or several of them, drawn side by side.
+      path: file to write, .png, .pdf or .svg.
+      titles: one for each; the energy by default.
+      title: that of the picture; the scene with its numbers by default, "" for none.
+    Raises:
+      ValueError: `path` cannot be written, there are no crossings or too many pictures, or the
+        number of titles is another one.
+    """
+    path = picture_path(path)
+    tables = [points] if isinstance(points, SectionPoints) else list(points)
+    if not 1 <= len(tables) <= _MOST_PANELS:
+        raise fail("points", f"one to {_MOST_PANELS} sections", len(tables))
+    if titles and len(titles) != len(tables):
+        raise fail("titles", f"{len(tables)} of them", len(titles))
+    if not any(table.counts.any() for table in tables):
+        raise fail("points", "crossings", "none", tables[0].message)
+    width = _PANEL * len(tables)
+    figure = blank(width, _PANEL + _ABOVE)
+    for i, table in enumerate(tables):
+        ax: Any = figure.add_subplot(1, len(tables), i + 1)
+        _panel(ax, table)
+        said = titles[i] if titles else _energy_title(table)
+        ax.set_title(said, fontsize=10)
+    about = heading(title, [table.scene for table in tables], width)
+    if about:
+        figure.suptitle(about, fontsize=10)
+    return finished(figure, path)
+
+
+def _panel(ax, table: SectionPoints) -> None:
+    size = 1.5 if np.sum(table.counts) > _POINTS else 4.0
+    for qp, colour in zip(table.qp, shades(len(table.qp)), strict=True):
+        ax.plot(*qp.T, ".", color=colour, ms=size, mec="none")
+    units = dict(table.scene.labels())
+    across, up = (name if units[name] == "1" else f"{name} [{units[name]}]" for name in table.names)
+    ax.set(xlabel=across, ylabel=up)
+    _edge(ax, table)
+    style(ax)
+
+
+def _one_energy(table: SectionPoints) -> float | None:
+    """The energy that all starts have; None if there is none."""
+    known = table.energies[np.isfinite(table.energies)]
+    if not len(known) or np.ptp(known) > _SAME_ENERGY * max(1.0, np.abs(known).max()):
+        return None
+    return float(np.mean(known))
+
+
+def _energy_title(table: SectionPoints) -> str:
+    energy = _one_energy(table)
+    return "" if energy is None else f"E = {round(energy, _DECIMALS) + 0.0:.6g}"
+
+
+def _edge(ax, table: SectionPoints) -> None:
+    """Draw the edge of the allowed region, where that is known."""
+    energy, event = _one_energy(table), table.event
+    if energy is None or not isinstance(event, Reaches):
+        return
+    low, high = np.nanmin(table.qp, axis=(0, 1)), np.nanmax(table.qp, axis=(0, 1))
+    room = np.where(high > low, high - low, 1.0)
+    low, high = low - _MARGIN * room, high + _MARGIN * room
+    q, p = np.meshgrid(*(np.linspace(a, b, _GRID) for a, b in zip(low, high, strict=True)))
+    shown = tuple(entry(table.scene, "names", name) for name in table.names)
+    flat = np.stack([q.ravel(), p.ravel()], axis=-1)
+    least = least_energies(table.scene, event, (shown[0], shown[1]), flat)
+    if least is None:
+        return
+    least = np.asarray(least).reshape(q.shape)
+    ax.contour(q, p, least, levels=[energy], colors=INK, linewidths=1, linestyles="solid")

@@ -1,0 +1,73 @@
+"""Crossings of a section as plain data: a record for JSON, a CSV file."""
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from jaxdyn.files.output_files import replace, table_path
+from jaxdyn.status import Status
+from orbits.sections.coordinates import names_of
+from orbits.sections.tables import SectionPoints
+
+
+def as_json(points: SectionPoints) -> dict:
+    """The crossings as a record for JSON; what is not known is None."""
+    rows = zip(points.counts.tolist(), points.status.tolist(), strict=True)
+    starts = [
+        {
+            "status": Status(code).name,
+            "count": n,
+            "energy": _number(points.energies[i]),
+            "energy_drift": _number(points.drift[i]),
+            "t": points.ts[i, :n].tolist(),
+            "y": points.ys[i, :n].tolist(),
+            "direction": points.directions[i, :n].tolist(),
+        }
+        for i, (n, code) in enumerate(rows)
+    ]
+    return {
+        "labels": names_of(points.scene),
+        "coordinates": list(points.names),
+        "message": points.message,
+        "starts": starts,
+    }
+
+
+def write_csv(path: str | Path, tables: Sequence[SectionPoints]) -> Path:
+    """Write a CSV file with a line for each crossing, with all digits.
+
+    Its columns are the number of the section and of the start, from 0, the energy of the start,
+    the time, the direction, and the state.
+
+    Args:
+      path: of the .csv file.
+      tables: one or several sections of one scene.
+    Raises:
+      ValueError: `path` cannot be written.
+      OSError: writing failed.
+    """
+    path = table_path(path)
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["section", "start", "energy", "t", "direction", *names_of(tables[0].scene)])
+    for number, points in enumerate(tables):
+        for start, n in enumerate(points.counts):
+            energy = _number(points.energies[start])
+            table.writerows(
+                [number, start, energy, t, way, *y]
+                for t, way, y in zip(
+                    points.ts[start, :n].tolist(),
+                    points.directions[start, :n].tolist(),
+                    points.ys[start, :n].tolist(),
+                    strict=True,
+                )
+            )
+    replace(path, text.getvalue())
+    return path
+
+
+def _number(x) -> float | None:
+    return float(x) if np.isfinite(x) else None
