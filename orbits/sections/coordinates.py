@@ -43,10 +43,10 @@ def pair(scene: Scene, event: Event, coordinates: Sequence[str] | None = None) -
     """The two entries of a section that are drawn: those named, or a position and its velocity.
 
     By default the first position that the event leaves free, with its velocity where the state is
-    [q, v], with the next free entry elsewhere.
+    [q, v], with the next free entry elsewhere; both entries of a state of two.
 
     Raises:
-      ValueError: the names are not two different entries, or no two entries are free.
+      ValueError: the names are not two different entries, or there are no two to choose.
     """
     if coordinates is not None:
         given = [entry(scene, "coordinates", name) for name in coordinates]
@@ -59,7 +59,7 @@ def pair(scene: Scene, event: Event, coordinates: Sequence[str] | None = None) -
         for q in range(half):
             if taken not in (q, q + half):
                 return q, q + half
-    free = [i for i in range(k) if i != taken]
+    free = [i for i in range(k) if i != taken or k == 2]
     if len(free) < 2:
         names = ", ".join(names_of(scene))
         raise fail("event", "one that leaves two entries free", names, "Name the coordinates.")

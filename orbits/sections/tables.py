@@ -120,6 +120,7 @@ def section(
       >>> found.qp.shape, found.counts.tolist(), bool(found.drift.max() < 1e-10)
       ((2, 8, 2), [8, 8], True)
     """
+    untraced("starts", (scene, starts), "jaxdyn.crossings works under jit, grad and vmap.")
     checked_scene(scene)
     (event,) = checked_events((event,))
     event.check(len(scene.y0))
@@ -198,7 +199,6 @@ class _Table:
 
 def _starts(scene: Scene, starts) -> tuple[np.ndarray, np.ndarray]:
     """(n, k) starts, and the status of each."""
-    untraced("starts", (scene, starts), "jaxdyn.crossings works under jit, grad and vmap.")
     k = len(scene.y0)
     if isinstance(starts, Completed):
         return np.array(starts.y0s), np.array(starts.status)
