@@ -54,7 +54,7 @@ def test_a_fixed_point_is_an_orbit_and_the_jacobian_has_its_multipliers(loop):
     assert orbit.ok
     assert gap(orbit.y0, P.state(loop)) < 1e-11
     assert abs(orbit.period - float(step.t)) < 1e-11
-    m, _ = monodromy(HENON.starting(P.state(loop)), step.t, rtol=1e-13)
+    m = monodromy(HENON, P.state(loop), step.t, rtol=1e-13)
     # Two of the four are 1; the trace of the others is that of the section.
     assert abs(float(jnp.trace(m)) - 2 - float(jnp.trace(jac))) < 1e-10
     others = np.asarray(orbits.stability(orbit).multipliers)
