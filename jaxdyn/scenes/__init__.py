@@ -1,6 +1,7 @@
 """Ready-made scenes, one file a family; `jaxdyn list` shows them with their parameters.
 
-`disks` has a disk that rolls, `cylinders` cylinders that roll, slip and fly. `catalogue` is the
+`disks` has a disk that rolls, `cylinders` cylinders that roll, slip and fly, `sections` two systems
+known for their surfaces of section. `catalogue` is the
 list of them, `ready_made` what their functions share, `switching` exchanges coordinates that fail
 on the way.
 

@@ -3,7 +3,6 @@
 `periodic` draws orbits, `families` families, `throwing` throws, `about_centres` closed loops,
 `sections` surfaces of section, `tori` invariant tori; all use the parts of `jaxdyn.drawing` and
 follow its rules. Only the command line imports this folder, since Matplotlib is slow to load.
-command line imports this folder, since Matplotlib is slow to load.
 
 May import: `files`, `sections`, `targets`, `tori`.
 
