@@ -67,46 +67,53 @@ def section_command(
     """Cross a surface of section from many starts, completed by their energy, and draw it."""
     check_title(title, plot)
     whole("--crossings", crossings, most=_MOST_CROSSINGS)
-    choice("--direction", direction, _DIRECTIONS)
+    levels, place = _levels(energy, unknown, sign), _setting("--event", event)
     chosen, given = scene_settings(name, settings), _grid(starts)
-    place, level = _setting("--event", event)
-    levels = None if energy is None else numbers("--energy", energy)
-    for option, text in (("--unknown", unknown), ("--sign", sign)):
-        if text is not None and levels is None:
-            raise fail(option, "--energy with it", "none", "The energy determines that entry.")
-    drawn = None if coordinates is None else coordinates.split(",")
+    options = {"t1": t1, "coordinates": coordinates and coordinates.split(","), "rtol": rtol}
+    choice("--direction", direction, _DIRECTIONS)
     with screen(f"crossing the section of {name}", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(name, chosen)
-        labels = [label for label, _ in scene.labels()]
-        for label in given:
-            choice("--starts", label, labels)
-        plane = _event(labels, place, level, _DIRECTIONS[direction])
-        tables = [
-            orbits.section(
-                scene,
-                plane,
-                _starts(scene, plane, given, one, unknown, sign),
-                crossings=crossings,
-                t1=t1,
-                coordinates=drawn,
-                rtol=rtol,
-            )
-            for one in (levels or [None])
-        ]
-        if as_object:
-            record = [orbits.sections.records.as_json(table) for table in tables]
-            out.result({"scene": name, "sections": record})
-        else:
-            for table in tables:
-                _print(table, out)
-        if csv:
-            with out.writing(csv, "written to"):
-                orbits.sections.records.write_csv(csv, tables)
-        if plot:
-            with out.writing(plot, "drawn in"):
-                orbits.drawing.section(tables, plot, title=title)
-        if not all(_done(table) for table in tables):
+        plane = _event(scene, place, direction)
+        each = [_starts(scene, plane, given, level, unknown, sign) for level in levels]
+        tables = [orbits.section(scene, plane, y, crossings=crossings, **options) for y in each]
+        _report(name, tables, as_object, out)
+        _write(tables, csv, plot, title, out)
+        if not all(map(_done, tables)):
             raise typer.Exit(STOPPED)
+
+
+def _levels(energy: str | None, unknown: str | None, sign: int | None) -> list:
+    """The energies; None alone if they are those of the starts."""
+    if energy is not None:
+        return numbers("--energy", energy)
+    for option, given in (("--unknown", unknown), ("--sign", sign)):
+        if given is not None:
+            raise fail(option, "--energy with it", "none", "The energy determines that entry.")
+    return [None]
+
+
+def _report(name: str, tables: list["orbits.SectionPoints"], as_object: bool, out: Screen) -> None:
+    if as_object:
+        record = [orbits.sections.records.as_json(table) for table in tables]
+        out.result({"scene": name, "sections": record})
+        return
+    for table in tables:
+        _print(table, out)
+
+
+def _write(
+    tables: list["orbits.SectionPoints"],
+    csv: Path | None,
+    plot: Path | None,
+    title: str | None,
+    out: Screen,
+) -> None:
+    if csv:
+        with out.writing(csv, "written to"):
+            orbits.sections.records.write_csv(csv, tables)
+    if plot:
+        with out.writing(plot, "drawn in"):
+            orbits.drawing.section(tables, plot, title=title)
 
 
 def _setting(option: str, text: str) -> tuple[str, float]:
@@ -120,12 +127,14 @@ def _setting(option: str, text: str) -> tuple[str, float]:
 
 
 def _event(
-    labels: list[str], place: str, level: float, way: int
+    scene: "jaxdyn.Scene", place: tuple[str, float], direction: str
 ) -> "jaxdyn.integrate.events.Event":
-    if place == "every":
+    name, level = place
+    if name == "every":
         return jaxdyn.integrate.events.Every(level)
-    entry = labels.index(choice("--event", place, [*labels, "every"]))
-    return jaxdyn.integrate.events.Reaches(entry, level, way)
+    labels = [label for label, _ in scene.labels()]
+    entry = labels.index(choice("--event", name, [*labels, "every"]))
+    return jaxdyn.integrate.events.Reaches(entry, level, _DIRECTIONS[direction])
 
 
 def _grid(texts: list[str] | None) -> dict[str, list[float]]:
@@ -153,6 +162,8 @@ def _starts(scene, plane, given: dict[str, list[float]], energy, unknown, sign):
         n *= len(values)
     whole("--starts", n, most=_MOST_STARTS)
     labels = [label for label, _ in scene.labels()]
+    for label in given:
+        choice("--starts", label, labels)
     own = dict(zip(labels, [[float(y)] for y in scene.y0], strict=True))
     if energy is None:
         return list(map(list, itertools.product(*(own | given).values())))
