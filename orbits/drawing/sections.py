@@ -17,7 +17,7 @@ from orbits.sections.tables import SectionPoints
 
 _PANEL, _ABOVE = 4.4, 0.7  # inches
 _GRID = 300  # points each way, for the edge of the allowed region
-_MARGINS = (0.1, 0.3, 1.0, 3.0)  # of a box around the points, in its size
+_MARGINS = 0.1 * 1.5 ** np.arange(9)  # of a box around the points, in its size
 _SAME_ENERGY = 1e-9  # relative: starts on one energy surface
 _POINTS = 4000  # in a panel, above which dots are smaller
 _MOST_PANELS = 6
@@ -92,23 +92,27 @@ def _edge(ax, table: SectionPoints) -> None:
     if energy is None or not isinstance(event, Reaches):
         return
     shown = tuple(entry(table.scene, "names", name) for name in table.names)
-    # The first box that holds the whole region; the first of all for one that is open.
-    for margin in (*_MARGINS, _MARGINS[0]):
+    seen = []
+    for margin in _MARGINS:
         q, p = _box(table, margin)
         flat = np.stack([q.ravel(), p.ravel()], axis=-1)
         least = least_energies(table.scene, event, (shown[0], shown[1]), flat)
         if least is None:
             return
         least = np.asarray(least).reshape(q.shape)
-        border = np.concatenate([least[0], least[-1], least[:, 0], least[:, -1]])
-        if (border > energy).all():
+        outside = least > energy
+        whole = outside[[0, -1]].all() and outside[:, [0, -1]].all()
+        seen += [(q, p, least)] * int(outside.any())
+        if whole:
             break
-    ax.contour(q, p, least, levels=[energy], colors=INK, linewidths=1, linestyles="solid")
+    # The box that holds the whole region; for an open one the first that shows an edge.
+    for q, p, least in seen[-1:] if whole else seen[:1]:
+        ax.contour(q, p, least, levels=[energy], colors=INK, linewidths=1, linestyles="solid")
 
 
-def _box(table: SectionPoints, margin: float) -> list[np.ndarray]:
+def _box(table: SectionPoints, margin: float) -> tuple[np.ndarray, ...]:
     """The coordinates of a grid over the points."""
     low, high = np.nanmin(table.qp, axis=(0, 1)), np.nanmax(table.qp, axis=(0, 1))
     room = margin * np.where(high > low, high - low, 1.0)
     ends = zip(low - room, high + room, strict=True)
-    return np.meshgrid(*(np.linspace(a, b, _GRID) for a, b in ends))
+    return tuple(np.meshgrid(*(np.linspace(a, b, _GRID) for a, b in ends)))

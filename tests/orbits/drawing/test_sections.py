@@ -21,7 +21,7 @@ def tables():
         orbits.section(
             HENON,
             PLANE,
-            complete(HENON, PLANE, {"y": [0.1, 0.2], "vy": 0.0}, energy=e),
+            complete(HENON, PLANE, {"y": [-0.33, 0.48, 0.0, 0.0], "vy": [0.0, 0.0, 0.4, -0.4]}, energy=e),
             crossings=9,
         )
         for e in (1 / 12, 1 / 8)
@@ -34,7 +34,7 @@ def test_panels_show_all_crossings_and_the_edge_of_the_allowed_region(tables):
     for ax, table, energy in zip(figure.axes, tables, (1 / 12, 1 / 8), strict=True):
         drawn = [line.get_xydata() for line in ax.lines]
         assert gap(np.array(drawn), table.qp) == 0.0
-        assert len({line.get_color() for line in ax.lines}) == 2
+        assert len({line.get_color() for line in ax.lines}) == 4
         (edge,) = (x for x in ax.collections if isinstance(x, QuadContourSet))
         y, vy = np.concatenate([path.vertices for path in edge.get_paths()]).T
         assert y.min() < -0.3 < 0.4 < y.max()
