@@ -21,7 +21,9 @@ def tables():
         orbits.section(
             HENON,
             PLANE,
-            complete(HENON, PLANE, {"y": [-0.33, 0.48, 0.0, 0.0], "vy": [0.0, 0.0, 0.4, -0.4]}, energy=e),
+            complete(
+                HENON, PLANE, {"y": [-0.33, 0.48, 0.0, 0.0], "vy": [0.0, 0.0, 0.4, -0.4]}, energy=e
+            ),
             crossings=9,
         )
         for e in (1 / 12, 1 / 8)
