@@ -18,6 +18,7 @@ from orbits.tori.refinement import packed_covector, refined
 from orbits.tori.torus import GOAL, MOST_MODES
 
 _GROW, _SHRINK = 1.5, 0.5  # of the step after a torus, and after none
+_ASTRAY = 0.5  # correction, as a share of the step, of a torus that is not of this family
 _SHORTEST = 1e-3  # of the first step: shorter ones lead nowhere
 
 
@@ -103,6 +104,9 @@ def continue_tori(
     end = TorusOutcome.FOUND
     while len(found) < members:
         new = _next(found[-1], tangent, length, goal, max_modes)
+        # The first tangent is a guess: without the changes of the rotation and of the centre.
+        if new.ok and len(found) > 1 and _strays(found[-1], new, tangent, length):
+            new = dataclasses.replace(new, outcome=TorusOutcome.NO_CONVERGENCE)
         if new.ok:
             tangent = _secant(found[-1], new)
             found.append(new)
@@ -127,6 +131,12 @@ def _next(torus: Torus, tangent: Unknowns, length: float, goal: float, max_modes
     return refined(torus, start, w, target, goal=goal, max_modes=max_modes)
 
 
+def _strays(old: Torus, new: Torus, tangent: Unknowns, length: float) -> bool:
+    """Whether a step ended far from where its tangent led, on another solution."""
+    expected = old.unknowns.moved(length * tangent.packed())
+    return _size(_between(expected, new.unknowns)) > _ASTRAY * length
+
+
 def _outwards(torus: Torus, step: float) -> Unknowns:
     """The unit tangent of circles that grow, or shrink, about their mean."""
     out = torus.points - torus.points.mean(axis=0)
@@ -135,17 +145,20 @@ def _outwards(torus: Torus, step: float) -> Unknowns:
 
 def _secant(old: Torus, new: Torus) -> Unknowns:
     """The unit tangent from one torus to the next, with the points of the latter."""
-    before, after = old.unknowns.resampled(len(new.points)), new.unknowns
-    return _unit(
-        Unknowns(
-            after.points - before.points,
-            after.rotation - before.rotation,
-            after.time - before.time,
-        )
-    )
+    return _unit(_between(old.unknowns, new.unknowns))
+
+
+def _between(before: Unknowns, after: Unknowns) -> Unknowns:
+    """The difference of two, with the points of the latter."""
+    before = before.resampled(len(after.points))
+    return Unknowns(*(b - a for a, b in zip(before, after, strict=True)))
+
+
+def _size(difference: Unknowns) -> float:
+    """Its norm, which for circles about one centre is the difference of their radii."""
+    return float(np.sqrt(2 * packed_covector(difference) @ difference.packed()))
 
 
 def _unit(tangent: Unknowns) -> Unknowns:
-    """The tangent over its norm, scaled so that its first harmonic has length 1 for a circle."""
-    size = np.sqrt(2 * packed_covector(tangent) @ tangent.packed())
+    size = _size(tangent)
     return Unknowns(tangent.points / size, tangent.rotation / size, tangent.time / size)

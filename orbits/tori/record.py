@@ -30,6 +30,11 @@ class TorusOutcome(Code):
         "A motion on the circle cannot be integrated over the return time: it runs into a "
         "singularity, or takes too many steps. Take a smaller amplitude.",
     )
+    COLLAPSED = (
+        4,
+        "The circle shrank to a periodic orbit, which is invariant with any rotation. Take a "
+        "smaller step or amplitude, or a rotation that tori of this family have.",
+    )
 
 
 @dataclasses.dataclass(frozen=True)

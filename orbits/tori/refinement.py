@@ -12,6 +12,7 @@ from orbits.tori.invariance import Conditions, Unknowns, error, mean_energy, sol
 from orbits.tori.record import Torus, TorusOutcome
 
 _MORE = 1.5  # factor of the modes from attempt to attempt
+_COLLAPSED = 0.02  # share of the first amplitude below which a circle has become a point
 
 
 def refined(
@@ -43,6 +44,8 @@ def refined(
             return dataclasses.replace(found, outcome=TorusOutcome.MOTION_ENDS)
         off = error(like.scene, done.unknowns, like.rtol)
         found = dataclasses.replace(found, error=off, outcome=TorusOutcome.NO_CONVERGENCE)
+        if found.amplitude < _COLLAPSED * np.linalg.norm(circle.harmonic(start.points)):
+            return dataclasses.replace(found, outcome=TorusOutcome.COLLAPSED)
         if off <= goal:
             return dataclasses.replace(found, outcome=TorusOutcome.FOUND)
         modes = len(now.points) // 2

@@ -15,6 +15,7 @@ import orbits
 from jaxdyn import chaos, scenes
 from orbits import drawing
 from orbits.tori import circle
+from orbits.tori.continuation import _next, _secant
 from orbits.tori.record import TorusOutcome
 
 PERIOD = 2 * math.pi / 60
@@ -158,6 +159,13 @@ def test_a_torus_that_is_not_found_has_an_outcome(swing, loop):
     assert refusal(lambda: orbits.continue_tori(coarse)).startswith("torus: expected one")
 
 
+def test_a_rotation_that_no_torus_has_is_refused(swing):
+    found = orbits.torus(swing, 0.05, rotation=0.7, throw=False)
+    assert found.outcome == TorusOutcome.NO_CONVERGENCE
+    with pytest.raises(orbits.SearchError, match="did not converge"):
+        orbits.torus(swing, 0.05, rotation=0.7)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -198,3 +206,26 @@ def test_tori_of_the_restricted_problem():
     distance, rotation = _compared(found, 500, 0)
     assert distance < 1e-9
     assert rotation < 1e-9
+
+
+@pytest.mark.slow
+def test_quasi_halo_orbits_about_an_unstable_halo_orbit():
+    # Richardson's halo orbit of Earth and Moon, L1; the flow stretches 2000 times in a return.
+    start = [0.823386, 0.0, 0.022285, 0.0, 0.134187, 0.0]
+    mu = 0.01215058
+    scene = jaxdyn.ode(restricted, start, 2.746, params=mu, energy=_minus_half_jacobi)
+    orbit = orbits.find(scene, hold="y1")
+    assert np.abs(orbits.stability(orbit).multipliers).max() > 2000
+    # A step of 0.002 would end on the orbit itself further on: steps are shortened there.
+    family = orbits.continue_tori(orbits.torus(orbit, 0.001), members=7, step=0.002, goal=1e-10)
+    assert len(family.members) == 7
+    assert (np.diff(family.amplitudes) > 1e-4).all()
+    assert (np.diff(family.rotations) < 0).all()
+    last = family.members[-1]
+    assert last.error < 1e-10
+    assert np.abs(last.points[:, 2]).max() > 0.02
+    assert abs(last.energy - family.members[0].energy) < 1e-12
+    old, new = family.members[3:5]
+    far = _next(new, _secant(old, new), 0.002, 1e-10, 60)
+    assert far.outcome == TorusOutcome.COLLAPSED
+    assert not far.ok
