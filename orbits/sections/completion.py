@@ -97,7 +97,7 @@ def complete(
       >>> found = orbits.sections.complete(
       ...     scenes.henon_heiles(), section, {"y": [0.1, 0.9], "vy": 0.0}, energy=1 / 8
       ... )
-      >>> found.y0s[0].round(6).tolist(), found.ok.tolist()
+      >>> [round(float(x), 6) for x in found.y0s[0]], found.ok.tolist()
       ([0.0, 0.1, 0.490578, 0.0], [True, False])
     """
     checked_scene(scene)
