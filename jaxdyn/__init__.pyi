@@ -4,6 +4,7 @@ from . import accuracy as accuracy
 from . import analysis as analysis
 from . import balls as balls
 from . import chaos as chaos
+from . import continuation as continuation
 from . import course as course
 from . import drawing as drawing
 from . import effects as effects
@@ -25,6 +26,8 @@ from .analysis.linearize import linearize as linearize
 from .analysis.linearize import modes as modes
 from .chaos.lyapunov import lyapunov_exponents as lyapunov_exponents
 from .chaos.spectrum import LyapunovSpectrum as LyapunovSpectrum
+from .continuation.equilibria import continue_equilibria as continue_equilibria
+from .continuation.family import EquilibriumFamily as EquilibriumFamily
 from .formulations.lagrange import lagrangian as lagrangian
 from .formulations.ode import ode as ode
 from .integrate.event_search.all_crossings import Crossings as Crossings

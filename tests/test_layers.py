@@ -25,6 +25,7 @@ BELOW = {
     "jaxdyn/analysis": ("jaxdyn/integrate", "jaxdyn/formulations"),
     "jaxdyn/accuracy": ("jaxdyn/analysis",),
     "jaxdyn/chaos": ("jaxdyn/analysis", "jaxdyn/ensemble"),
+    "jaxdyn/continuation": ("jaxdyn/analysis",),
     "jaxdyn/files": ("jaxdyn/accuracy",),
     "jaxdyn/scenes": ("jaxdyn/mechanisms", "jaxdyn/effects", "jaxdyn/integrate"),
     "jaxdyn/drawing": ("jaxdyn/files", "jaxdyn/scenes", "jaxdyn/chaos"),

@@ -1,0 +1,137 @@
+"""Equations of rest points, folds, branch points and Hopf points, with exact Jacobians.
+
+With x = (y, p), the rate f(y, p), A = df/dy and b = df/dp:
+
+- Rest point: f = 0.
+- Fold: f = 0, A v = 0, l v = 1.
+- Branch point: f + e u = 0, A^T u = 0, b u = 0, l u = 1, with an unfolding parameter e, which is
+  0 at the solution. Without e the system would have more equations than unknowns.
+- Hopf point: f = 0, A v = -w r, A r = w v, l (v + i r) = 1: the eigenvector v + i r of i w.
+
+Each system is regular at a generic point of its kind, so that Newton's method converges
+quadratically.
+
+Reference: Govaerts (2000), Numerical Methods for Bifurcations of Dynamical Equilibria, chapters 3
+and 4; Moore (1980), Numer. Funct. Anal. Optim. 2, 441, for branch points.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn.scene import Scene
+
+Make = Callable[[Array], Scene]
+#: (make, unknowns, normalisation) -> residual.
+System = Callable[[Make, Array, Array], Array]
+
+_CORRECTIONS = 10  # Newton steps; more mean that the start was too far away
+_SETTLED = 1e-8  # relative: after a step this small one more leaves only rounding
+#: Largest residual of a solution, relative to 1 + the largest entry of the Jacobian.
+GOAL = 1e-10
+
+
+class Solution(NamedTuple):
+    """A solution of one of the systems.
+
+    Attributes:
+      x: (m,) unknowns.
+      residual: largest entry of the residual.
+      iterations: number of Newton steps.
+    """
+
+    x: np.ndarray
+    residual: float
+    iterations: int
+
+
+def rate(make: Make, x: Array) -> Array:
+    """(k,) rate of the scene at the state and the parameter x (k + 1,)."""
+    return make(x[-1]).rate(jnp.zeros(()), x[:-1])
+
+
+def slope(make: Make, x: Array) -> Array:
+    """(k, k + 1) derivative [A, b] of the rate."""
+    return jax.jacfwd(lambda x: rate(make, x))(x)
+
+
+def fold(make: Make, unknowns: Array, normal: Array) -> Array:
+    """The equations of a fold; unknowns (y, p, v)."""
+    k = len(unknowns) // 2
+    x, v = unknowns[: k + 1], unknowns[k + 1 :]
+    value, along = jax.jvp(lambda x: rate(make, x), (x,), (jnp.append(v, 0.0),))
+    return jnp.concatenate([value, along, (normal @ v - 1.0)[None]])
+
+
+def branch(make: Make, unknowns: Array, normal: Array) -> Array:
+    """The equations of a branch point; unknowns (y, p, u, e)."""
+    k = (len(unknowns) - 2) // 2
+    x, u, unfolding = unknowns[: k + 1], unknowns[k + 1 : -1], unknowns[-1]
+    value, transposed = jax.vjp(lambda x: rate(make, x), x)
+    return jnp.concatenate([value + unfolding * u, transposed(u)[0], (normal @ u - 1.0)[None]])
+
+
+def hopf(make: Make, unknowns: Array, normal: Array) -> Array:
+    """The equations of a Hopf point; unknowns (y, p, v, r, w), normal (2, k)."""
+    k = normal.shape[1]
+    x, w = unknowns[: k + 1], unknowns[-1]
+    v, r = unknowns[k + 1 : 2 * k + 1], unknowns[2 * k + 1 : -1]
+    value, derivative = jax.linearize(lambda x: rate(make, x), x)
+    real = derivative(jnp.append(v, 0.0)) + w * r
+    imaginary = derivative(jnp.append(r, 0.0)) - w * v
+    held = jnp.stack([normal[0] @ v - normal[1] @ r - 1.0, normal[0] @ r + normal[1] @ v])
+    return jnp.concatenate([value, real, imaginary, held])
+
+
+def arc(make: Make, unknowns: Array, normal: Array) -> Array:
+    """The equations of a rest point in a hyperplane; unknowns (y, p), normal (2, k + 1).
+
+    Its rows are a point of the plane and the direction normal to it.
+    """
+    point, along = normal
+    return jnp.append(rate(make, unknowns), along @ (unknowns - point))
+
+
+def solve(system: System, make: Make, start: np.ndarray, normal: np.ndarray) -> Solution | None:
+    """The solution of a system near a start by Newton's method; None if it does not converge."""
+    x = np.asarray(start, float)
+    for iteration in range(_CORRECTIONS):
+        value, jacobian = map(np.asarray, _linearised(system, make, x, normal))
+        if not (np.isfinite(value).all() and np.isfinite(jacobian).all()):
+            return None
+        try:
+            step = np.linalg.solve(jacobian, value)
+        except np.linalg.LinAlgError:
+            return None
+        x = x - step
+        if np.abs(step).max() <= _SETTLED * (1.0 + np.abs(x).max()):
+            return _polished(system, make, x, normal, iteration + 1)
+    return None
+
+
+def _polished(system, make, x, normal, iterations: int) -> Solution | None:
+    value, jacobian = map(np.asarray, _linearised(system, make, x, normal))
+    try:
+        x = x - np.linalg.solve(jacobian, value)
+    except np.linalg.LinAlgError:
+        return None
+    value, jacobian = map(np.asarray, _linearised(system, make, x, normal))
+    residual = float(np.abs(value).max())
+    good = residual <= GOAL * (1.0 + np.abs(jacobian).max())
+    return Solution(x, residual, iterations) if good else None
+
+
+@eqx.filter_jit
+def _linearised(system: System, make: Make, x: Array, normal: Array) -> tuple[Array, Array]:
+    return system(make, x, normal), jax.jacfwd(lambda x: system(make, x, normal))(x)
+
+
+@eqx.filter_jit
+def slope_at(make: Make, x: Array) -> Array:
+    """`slope` as one program."""
+    return slope(make, x)

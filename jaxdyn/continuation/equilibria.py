@@ -1,0 +1,220 @@
+"""Families of rest points, followed by pseudo-arclength in state and parameter together.
+
+Folds are regular points of such a family. At a simple branch point `switch_branch` follows the
+other family through it, whose direction solves the quadratic equation of second derivatives there.
+
+Reference: Keller (1977), in Rabinowitz (ed.), Applications of Bifurcation Theory, 359; Govaerts
+(2000), Numerical Methods for Bifurcations of Dynamical Equilibria, chapter 2.
+"""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import _checks
+from jaxdyn.continuation import defining
+from jaxdyn.continuation.defining import Make, slope_at
+from jaxdyn.continuation.family import EquilibriumFamily, Kind, RestPoint, rest_point_at
+from jaxdyn.continuation.normal_forms import second
+from jaxdyn.continuation.special import special_points
+from jaxdyn.scene import Scene, checked_scene
+
+_EASY = 4  # with at most this many Newton steps the next step may be longer
+_GROW, _SHRINK = 1.5, 0.5
+_SMALLEST, _LONGEST = 1e-4, 10.0  # of the first step: smallest and longest step
+_TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
+_DEPENDENT = 1e-10  # smallest over largest singular value of equations that are dependent
+_ANYWHERE = (-np.inf, np.inf)
+_LATER = (0.0, 0.37, 1.3)  # times at which a drive acts, if there is one
+
+
+def continue_equilibria(
+    make: Make,
+    parameter: float,
+    start,
+    *,
+    step: float = 0.05,
+    members: int = 100,
+    down: bool = False,
+    within: tuple[float, float] = _ANYWHERE,
+    report: Callable[[RestPoint], None] = lambda point: None,
+) -> EquilibriumFamily:
+    """The family of rest points of a scene in a parameter, with its bifurcations.
+
+    Folds, branch points and Hopf points are located by their defining equations, with exact
+    derivatives, to rounding. Each has its normal-form coefficients; a Hopf point is named
+    supercritical or subcritical by its first Lyapunov coefficient.
+
+    Args:
+      make: the scene for each value of a parameter, e.g. ``lambda rho: lorenz(rho=rho)``; its
+        start and span do not matter. A program is compiled for each function, so define it once.
+      parameter: the value of the parameter at the start.
+      start: (k,) state near a rest point; or (k/2,) coordinates of a state [q, v] at rest.
+      step: length of the first step in state and parameter; the others are up to ten times as
+        long.
+      members: largest number of members.
+      down: start towards a smaller parameter.
+      within: bounds on the parameter; the family ends at the first member beyond them.
+      report: called with each member as it is found.
+    Returns:
+      The members, and the special points between them.
+    Raises:
+      ValueError: there is no rest point near `start`, the scene depends on time, its rest points
+        are not isolated at a fixed parameter even after a small change of it (coordinates that
+        are redundant, or constraints), or a number is out of range or traced.
+    Limits: host only. A special point is detected where its test changes sign between two
+      members; two of one kind in one step are not. Opposite eigenvalues of a conservative scene
+      rule out the test for Hopf points: such a scene has none in this sense. Angles are not
+      reduced modulo a turn.
+    Reference: Govaerts (2000), Numerical Methods for Bifurcations of Dynamical Equilibria;
+      Kuznetsov (2004), Elements of Applied Bifurcation Theory, chapters 5 and 10.
+    Example:
+      >>> import jaxdyn
+      >>> family = jaxdyn.continue_equilibria(
+      ...     lambda rho: jaxdyn.scenes.lorenz(rho=rho), 20.0, [7.0, 7.0, 19.0], within=(14, 28)
+      ... )
+      >>> [(str(x.kind), x.criticality, round(x.parameter, 6)) for x in family.special]
+      [('Hopf point', 'subcritical', 24.736842)]
+    """
+    numbers = (parameter, start)
+    _checks.untraced("continue_equilibria", numbers, "See jaxdyn.analysis.equilibria.rest_point.")
+    _checks.float64()
+    _checks.positive("step", step, "It is a length in the space of states and parameter.")
+    members = _checks.whole("members", members)
+    if not (len(within) == 2 and within[0] < within[1]):
+        raise _checks.fail("within", "two bounds, the lower one first", within)
+    first = _first(make, float(_checks.array("parameter", parameter, ())), start, down)
+    return _walked(make, first, step, members, within, report)
+
+
+def switch_branch(
+    family: EquilibriumFamily,
+    special: RestPoint,
+    *,
+    step: float = 0.05,
+    members: int = 100,
+    down: bool = False,
+    within: tuple[float, float] = _ANYWHERE,
+) -> EquilibriumFamily:
+    """The other family of rest points through a branch point, in one of its two directions.
+
+    Args:
+      family: the family of the point.
+      special: one of ``family.special``, a branch point.
+      step: see `continue_equilibria`.
+      members: likewise.
+      down: the direction opposite to the default, in which the entry of the state that changes
+        most grows.
+      within: bounds on the parameter.
+    Raises:
+      ValueError: `special` is no branch point, or not a simple one.
+    Example:
+      >>> import jaxdyn
+      >>> family = jaxdyn.continue_equilibria(
+      ...     lambda rho: jaxdyn.scenes.lorenz(rho=rho), 0.5, [0.0, 0.0, 0.0], within=(0, 2)
+      ... )
+      >>> other = jaxdyn.continuation.switch_branch(family, family.special[0], members=5)
+      >>> rho, (x, _, z) = other.parameters[-1], other.states[-1]
+      >>> bool(abs(z - (rho - 1)) < 1e-12 and abs(x**2 - 8 / 3 * z) < 1e-12)
+      True
+    """
+    if special.kind != Kind.BRANCH:
+        raise _checks.fail("special", "a branch point", special.kind or "an ordinary member")
+    tangent = _other_tangent(family.make, special)
+    largest = np.argmax(np.abs(tangent[:-1]))
+    tangent = tangent * np.sign(tangent[largest]) * (-1.0 if down else 1.0)
+    normal = np.stack([special.x + step * tangent, tangent])
+    solution = defining.solve(defining.arc, family.make, normal[0], normal)
+    if solution is None:
+        raise _checks.fail("step", "a rest point at this distance", "none", "Try a smaller one.")
+    first = rest_point_at(family.make, solution.x, tangent, solution.residual)
+    return _walked(family.make, first, step, members, within, lambda point: None)
+
+
+def _first(make: Make, parameter: float, start, down: bool) -> RestPoint:
+    scene = checked_scene(make(jnp.asarray(parameter)))
+    y = np.asarray(_checks.array("start", start, (None,)))
+    k = len(scene.labels())
+    if 2 * len(y) == k:
+        y = np.append(y, np.zeros(len(y)))
+    if len(y) != k:
+        raise _checks.fail("start", f"{k} entries, or {k // 2} for coordinates at rest", len(y))
+    if _driven(scene, y):
+        remedy = "It has no rest points; follow its periodic motions instead."
+        raise _checks.fail("make", "an autonomous scene", "one that depends on time", remedy)
+    x = np.append(y, parameter)
+    up = np.append(np.zeros(k), -1.0 if down else 1.0)
+    values = np.linalg.svd(np.asarray(slope_at(make, x)), compute_uv=False)
+    if not values[-1] > _DEPENDENT * values[0]:
+        raise _checks.fail(
+            "start",
+            "a regular point of one family of rest points",
+            "dependent equations",
+            "With constraints or redundant coordinates use a minimal set of coordinates; at a "
+            "branch point begin beside it.",
+        )
+    solution = defining.solve(defining.arc, make, x, np.stack([x, up]))
+    if solution is None:
+        remedy = "jaxdyn.equilibria finds those in a box."
+        raise _checks.fail("start", "a state near a rest point", y.tolist(), remedy)
+    return rest_point_at(make, solution.x, up, solution.residual)
+
+
+def _driven(scene: Scene, y: np.ndarray) -> bool:
+    def by_time(t):
+        return jax.jacfwd(lambda t: scene.rate(t, y))(t)
+
+    return bool(np.any(np.asarray(jax.jit(jax.vmap(by_time))(jnp.asarray(_LATER)))))
+
+
+def _walked(make, first: RestPoint, step, most: int, within, report) -> EquilibriumFamily:
+    found, special = [first], []
+    report(first)
+    shortest, longest = _SMALLEST * step, _LONGEST * step
+    end = f"the number of members requested, {most}"
+    while len(found) < most:
+        last = found[-1]
+        new, iterations = _next(make, last, step)
+        if new is None:
+            step *= _SHRINK
+            if step < shortest:
+                end = "no rest point was found beyond: a singularity of the rate, or a branch point"
+                break
+            continue
+        special += special_points(make, last, new)
+        found.append(new)
+        report(new)
+        if not within[0] <= new.parameter <= within[1]:
+            end = f"the bounds {within}"
+            break
+        if iterations <= _EASY:
+            step = min(_GROW * step, longest)
+    return EquilibriumFamily(tuple(found), tuple(special), end, make)
+
+
+def _next(make: Make, last: RestPoint, step: float) -> tuple[RestPoint | None, int]:
+    """The member a step further along the family and the Newton steps to it."""
+    predicted = last.x + step * last.tangent
+    solution = defining.solve(defining.arc, make, predicted, np.stack([predicted, last.tangent]))
+    if solution is None or np.linalg.norm(solution.x - predicted) > step:
+        return None, 0
+    new = rest_point_at(make, solution.x, last.tangent, solution.residual)
+    return (new if new.tangent @ last.tangent >= _TURN else None), solution.iterations
+
+
+def _other_tangent(make: Make, special: RestPoint) -> np.ndarray:
+    """(k + 1,) unit direction of the second family at a simple branch point."""
+    u, _, vt = np.linalg.svd(special.slopes)
+    psi, plane = u[:, -1], vt[-2:]
+    form = np.array([[psi @ second(make, special.x, v, w) for w in plane] for v in plane])
+    # Both families are zeros of the form: roots of a quadratic in the angle of the plane.
+    values, vectors = np.linalg.eigh(form)
+    if not values[0] * values[1] < 0:
+        remedy = "More than two families meet there, or they touch."
+        raise _checks.fail("special", "a simple branch point", "another", remedy)
+    root = np.sqrt(np.abs(values[::-1]))
+    ways = [(vectors @ (root * sign)) @ plane for sign in ((1.0, 1.0), (1.0, -1.0))]
+    ways = [way / np.linalg.norm(way) for way in ways]
+    return min(ways, key=lambda way: abs(way @ special.tangent))

@@ -1,0 +1,138 @@
+"""The points of a family of rest points, and the family itself."""
+
+import collections
+import dataclasses
+import enum
+import math
+
+import numpy as np
+
+from jaxdyn import _text
+from jaxdyn.analysis.eigenvalues import Eigenvalues, rate_eigenvalues, rate_verdict
+from jaxdyn.continuation.defining import Make, slope_at
+
+
+class Kind(enum.StrEnum):
+    """A kind of special point."""
+
+    FOLD = "fold"
+    BRANCH = "branch point"
+    HOPF = "Hopf point"
+
+
+@dataclasses.dataclass(frozen=True)
+class RestPoint:
+    """A rest point of a family.
+
+    Attributes:
+      state: (k,) the rest point.
+      parameter: its value of the parameter.
+      slopes: (k, k + 1) derivative of the rate by the state and the parameter.
+      eigenvalues: of the Jacobian, with bars.
+      verdict: "stable", "unstable" or "undecided".
+      tangent: (k + 1,) unit vector along the family, the parameter last.
+      residual: largest entry of the residual of the point's equations: those of its kind at a
+        special point.
+      kind: kind of special point, if it is one.
+      coefficient: at a fold the quadratic coefficient (0 at a cusp), at a Hopf point the first
+        Lyapunov coefficient (0 at a Bautin point); at a branch point the quadratic one, 0 to
+        rounding at a pitchfork; NaN elsewhere.
+      cubic: the cubic coefficient at a fold and at a branch point; NaN elsewhere.
+      frequency: of the small oscillations at a Hopf point [rad per time]; NaN elsewhere.
+    """
+
+    state: np.ndarray
+    parameter: float
+    slopes: np.ndarray
+    eigenvalues: Eigenvalues
+    verdict: str
+    tangent: np.ndarray
+    residual: float
+    kind: Kind | None = None
+    coefficient: float = math.nan
+    cubic: float = math.nan
+    frequency: float = math.nan
+
+    @property
+    def x(self) -> np.ndarray:
+        """(k + 1,) state and parameter."""
+        return np.append(self.state, self.parameter)
+
+    @property
+    def jacobian(self) -> np.ndarray:
+        """(k, k) derivative of the rate by the state."""
+        return self.slopes[:, :-1]
+
+    @property
+    def criticality(self) -> str:
+        """At a Hopf point "supercritical" or "subcritical", "" elsewhere."""
+        if self.kind != Kind.HOPF or not self.coefficient:
+            return ""
+        return "supercritical" if self.coefficient < 0 else "subcritical"
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        rows = [("parameter", _text.brief(self.parameter)), ("state", _text.brief(self.state))]
+        numbers = ("coefficient", "cubic", "frequency")
+        known = ((name, getattr(self, name)) for name in numbers)
+        rows += [(name, _text.brief(x)) for name, x in known if not math.isnan(x)]
+        what = " ".join(filter(None, (self.criticality, self.kind or "rest point")))
+        return _text.table(f"{what[0].upper()}{what[1:]}, {self.verdict}", rows)
+
+
+@dataclasses.dataclass(frozen=True)
+class EquilibriumFamily:
+    """The rest points of a family, in order.
+
+    Attributes:
+      members: the rest points, one per step.
+      special: folds, branch points and Hopf points between them.
+      end: why it ends.
+      make: parameter -> scene.
+    """
+
+    members: tuple[RestPoint, ...]
+    special: tuple[RestPoint, ...]
+    end: str
+    make: Make
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        verdicts = collections.Counter(member.verdict for member in self.members)
+        special = [
+            " ".join(filter(None, (x.criticality, x.kind))) + f" at {_text.brief(x.parameter)}"
+            for x in self.special
+        ]
+        rows = [
+            ("parameter", _text.extent(self.parameters)),
+            ("stability", ", ".join(f"{n} {verdict}" for verdict, n in verdicts.items())),
+            ("special", ", ".join(special)),
+            ("end", self.end),
+        ]
+        return _text.table(f"Family of {_text.counted(len(self.members), 'rest point')}", rows)
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """(n,) parameters of the members."""
+        return np.array([member.parameter for member in self.members])
+
+    @property
+    def states(self) -> np.ndarray:
+        """(n, k) states of the members."""
+        return np.array([member.state for member in self.members])
+
+
+def rest_point_at(make: Make, x: np.ndarray, along: np.ndarray, residual: float) -> RestPoint:
+    """The record of a point, with the tangent that points the same way as `along`."""
+    slopes = np.asarray(slope_at(make, x))
+    tangent = np.linalg.svd(slopes)[2][-1]
+    found = rate_eigenvalues(slopes[:, :-1])
+    return RestPoint(
+        state=x[:-1],
+        parameter=float(x[-1]),
+        slopes=slopes,
+        eigenvalues=found,
+        verdict=str(rate_verdict(found)),
+        tangent=tangent if tangent @ along >= 0 else -tangent,
+        residual=residual,
+    )

@@ -1,0 +1,109 @@
+"""Normal-form coefficients of folds, branch points and Hopf points of rest points.
+
+With B and C the second and third derivatives of the rate as symmetric forms, computed exactly by
+nested forward mode:
+
+- Fold and branch point, null vectors A q = 0, A^T p = 0, |q| = 1, p q = 1: the quadratic
+  coefficient a = p B(q, q) / 2 and the cubic one c = p C(q, q, q) / 6 - p B(q, h) / 2, with
+  A h = B(q, q) - p B(q, q) q and p h = 0. At a fold a = 0 is a cusp; at a branch point a = 0 is a
+  pitchfork.
+- Hopf point: the first Lyapunov coefficient.
+
+Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, chapters 5 and 8.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn.continuation.defining import Make, rate
+
+
+def null_form(make: Make, x: np.ndarray, a: np.ndarray) -> tuple[float, float]:
+    """The quadratic and the cubic coefficient at a simple eigenvalue 0.
+
+    Args:
+      make: parameter -> scene.
+      x: (k + 1,) state and parameter.
+      a: (k, k) Jacobian there.
+    """
+    u, _, vt = np.linalg.svd(a)
+    q, p = vt[-1], u[:, -1]
+    # The sign of q is arbitrary: its largest entry is positive.
+    q = q * np.sign(q[np.argmax(np.abs(q))])
+    p = p / (p @ q)
+    twice = np.asarray(_second(make, x, q, q))
+    k = len(a)
+    bordered = np.block([[a, q[:, None]], [p[None], np.zeros((1, 1))]])
+    h = np.linalg.solve(bordered, np.append(twice - (p @ twice) * q, 0.0))[:k]
+    third = np.asarray(_third(make, x, q, q, q))
+    cubic = p @ third / 6 - p @ np.asarray(_second(make, x, q, h)) / 2
+    return float(p @ twice) / 2, float(cubic)
+
+
+def first_lyapunov(make: Make, x: np.ndarray, a: np.ndarray, frequency: float) -> float:
+    """The first Lyapunov coefficient of a Hopf point; negative where its orbits are stable.
+
+    That is, stable within the centre manifold; |q| = 1 for the eigenvector q.
+    """
+    k = len(a)
+    eye = np.eye(k)
+    q = _null(a - 1j * frequency * eye)
+    p = _null(a.T + 1j * frequency * eye)
+    p = p / np.conj(np.vdot(p, q))
+    v, r = q.real, q.imag
+    vv, vr, rr = (np.asarray(_second(make, x, *pair)) for pair in ((v, v), (v, r), (r, r)))
+    constant = np.linalg.solve(a, vv + rr)
+    double = np.linalg.solve(2j * frequency * eye - a, vv - rr + 2j * vr)
+
+    def cubic(*directions):
+        return np.asarray(_third(make, x, *directions))
+
+    third = cubic(v, v, v) + cubic(v, r, r) + 1j * (cubic(v, v, r) + cubic(r, r, r))
+    first = _complex_second(make, x, q, constant)
+    second = _complex_second(make, x, np.conj(q), double)
+    return float(np.vdot(p, third - 2 * first + second).real / (2 * frequency))
+
+
+def second(make: Make, x: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(k,) the second derivative of the rate along u and v (k + 1,), parameter included."""
+    return np.asarray(_second_of_all(make, x, u, v))
+
+
+def _null(matrix: np.ndarray) -> np.ndarray:
+    return np.conj(np.linalg.svd(matrix)[2][-1])
+
+
+def _complex_second(make: Make, x, u, v) -> np.ndarray:
+    def form(u, v):
+        return np.asarray(_second(make, x, u, v))
+
+    real = form(u.real, v.real) - form(u.imag, v.imag)
+    return real + 1j * (form(u.real, v.imag) + form(u.imag, v.real))
+
+
+def _second(make: Make, x, u, v) -> Array:
+    return _second_of_all(make, x, np.append(u, 0.0), np.append(v, 0.0))
+
+
+@eqx.filter_jit
+def _second_of_all(make: Make, x: Array, u: Array, v: Array) -> Array:
+    def once(x):
+        return jax.jvp(lambda x: rate(make, x), (x,), (u,))[1]
+
+    return jax.jvp(once, (x,), (v,))[1]
+
+
+@eqx.filter_jit
+def _third(make: Make, x: Array, u: Array, v: Array, w: Array) -> Array:
+    u, v, w = (jnp.append(direction, 0.0) for direction in (u, v, w))
+
+    def once(x):
+        return jax.jvp(lambda x: rate(make, x), (x,), (u,))[1]
+
+    def twice(x):
+        return jax.jvp(once, (x,), (v,))[1]
+
+    return jax.jvp(twice, (x,), (w,))[1]

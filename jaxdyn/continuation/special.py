@@ -1,0 +1,143 @@
+"""Special points between two neighbours of a family of rest points.
+
+Each kind has a test, a function of a rest point that changes sign there. Where it does, Newton's
+method solves the defining equations of the kind; if it leads out of the interval, the interval is
+halved first.
+
+- Fold: the parameter entry of the tangent.
+- Branch point: the determinant of [A, b] bordered by the tangent.
+- Hopf point: the product of all sums of two eigenvalues. It vanishes also where two real ones are
+  opposite (a neutral saddle), which is no bifurcation.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from jaxdyn.continuation import defining
+from jaxdyn.continuation.defining import Make, Solution
+from jaxdyn.continuation.family import Kind, RestPoint, rest_point_at
+from jaxdyn.continuation.normal_forms import first_lyapunov, null_form
+
+_HALVINGS = 25  # of the interval between two members
+_OUTSIDE = 0.1  # of the interval: a solution beyond its ends by more belongs to another place
+_SAME_PLACE = 1e-6  # relative distance below which a fold and a branch point are one
+
+
+def special_points(make: Make, a: RestPoint, b: RestPoint) -> list[RestPoint]:
+    """The special points between two neighbours, in order."""
+    found = [_located(make, kind, a, b) for kind, test in _TESTS.items() if test(a) * test(b) < 0]
+    known = [point for point in found if point is not None]
+    branches = [point for point in known if point.kind == Kind.BRANCH]
+    # A family that turns at a branch point has no fold there: the other branch passes it.
+    kept = [x for x in known if x.kind != Kind.FOLD or not any(_same(x, y) for y in branches)]
+    return sorted(kept, key=lambda point: float(a.tangent @ point.x))
+
+
+def between(make: Make, a: RestPoint, share: float, b: RestPoint) -> RestPoint | None:
+    """The member after a share of the way from one to another; None if there is none."""
+    length = float(a.tangent @ (b.x - a.x))
+    normal = np.stack([a.x + share * length * a.tangent, a.tangent])
+    chord = a.x + share * (b.x - a.x)
+    solution = defining.solve(defining.arc, make, chord, normal)
+    if solution is None:
+        return None
+    return rest_point_at(make, solution.x, a.tangent, solution.residual)
+
+
+def _located(make: Make, kind: Kind, a: RestPoint, b: RestPoint) -> RestPoint | None:
+    """The special point of a kind between two members whose tests differ in sign."""
+    test = _TESTS[kind]
+    for _ in range(_HALVINGS):
+        left, right = test(a), test(b)
+        start = between(make, a, left / (left - right), b)
+        if start is not None:
+            solution = _solved(make, kind, start)
+            if solution is not None and _inside(a, b, solution.x[: len(a.x)]):
+                return _named(make, kind, a, solution)
+        middle = between(make, a, 0.5, b)
+        if middle is None:
+            return None
+        a, b = (a, middle) if test(middle) * left < 0 else (middle, b)
+    return None
+
+
+def _solved(make: Make, kind: Kind, start: RestPoint) -> Solution | None:
+    """The solution of the equations of a kind, from a rest point nearby."""
+    x, a = start.x, start.jacobian
+    u, _, vt = np.linalg.svd(a)
+    if kind == Kind.FOLD:
+        return defining.solve(defining.fold, make, np.append(x, vt[-1]), vt[-1])
+    if kind == Kind.BRANCH:
+        unknowns = np.concatenate([x, u[:, -1], [0.0]])
+        return defining.solve(defining.branch, make, unknowns, u[:, -1])
+    values, vectors = np.linalg.eig(a)
+    i, j = _nearest_pair(values)
+    if values[i].imag == 0 or values[i] != np.conj(values[j]):
+        return None
+    q = vectors[:, i if values[i].imag > 0 else j]
+    unknowns = np.concatenate([x, q.real, q.imag, [abs(values[i].imag)]])
+    normal = np.stack([q.real, -q.imag])
+    return defining.solve(defining.hopf, make, unknowns, normal)
+
+
+def _named(make: Make, kind: Kind, before: RestPoint, solution: Solution) -> RestPoint:
+    """The special point with its coefficients."""
+    k = len(before.state)
+    x = solution.x[: k + 1]
+    point = rest_point_at(make, x, before.tangent, solution.residual)
+    if kind == Kind.BRANCH:
+        # Two directions lead away there; the neighbour's is kept.
+        point = dataclasses.replace(point, tangent=before.tangent)
+    if kind == Kind.HOPF:
+        frequency = float(abs(solution.x[-1]))
+        first = first_lyapunov(make, x, point.jacobian, frequency)
+        return dataclasses.replace(point, kind=kind, coefficient=first, frequency=frequency)
+    quadratic, cubic = null_form(make, x, point.jacobian)
+    return dataclasses.replace(point, kind=kind, coefficient=quadratic, cubic=cubic)
+
+
+def _inside(a: RestPoint, b: RestPoint, x: np.ndarray) -> bool:
+    length = a.tangent @ (b.x - a.x)
+    share = a.tangent @ (x - a.x) / length
+    apart = np.linalg.norm(x - a.x - share * (b.x - a.x))
+    return bool(-_OUTSIDE <= share <= 1 + _OUTSIDE and apart <= np.linalg.norm(b.x - a.x))
+
+
+def _same(a: RestPoint, b: RestPoint) -> bool:
+    return bool(np.linalg.norm(a.x - b.x) < _SAME_PLACE * (1.0 + np.linalg.norm(a.x)))
+
+
+def _fold(point: RestPoint) -> float:
+    return float(point.tangent[-1])
+
+
+def _branch(point: RestPoint) -> float:
+    """The determinant of the Jacobian bordered by the tangent, relative to its norm."""
+    bordered = np.vstack([point.slopes, point.tangent])
+    return float(np.linalg.det(bordered / np.linalg.norm(bordered, 2)))
+
+
+def _hopf(point: RestPoint) -> float:
+    """The smallest sum of two eigenvalues, with the sign of the product; 0 within its bar."""
+    values, bars = point.eigenvalues
+    i, j = np.triu_indices(len(values), 1)
+    if not len(i):
+        return 0.0
+    sums = values[i] + values[j]
+    least = int(np.argmin(np.abs(sums)))
+    if abs(sums[least]) <= bars[i[least]] + bars[j[least]]:
+        return 0.0
+    # Sums come in conjugate pairs, besides real ones.
+    real = sums[np.abs(sums.imag) <= (bars[i] + bars[j])].real
+    return float(np.prod(np.sign(real)) * abs(sums[least]))
+
+
+def _nearest_pair(values: np.ndarray) -> tuple[int, int]:
+    i, j = np.triu_indices(len(values), 1)
+    least = int(np.argmin(np.abs(values[i] + values[j])))
+    return int(i[least]), int(j[least])
+
+
+#: Functions of a rest point that change sign at special points.
+_TESTS = {Kind.BRANCH: _branch, Kind.FOLD: _fold, Kind.HOPF: _hopf}

@@ -1,0 +1,178 @@
+"""Families of rest points against closed forms."""
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxdyn
+from jaxdyn import scenes
+from jaxdyn.continuation import Kind, switch_branch
+
+
+def _lorenz(rho):
+    return scenes.lorenz(rho=rho)
+
+
+def _planar(t, y, p):
+    """The normal form of a Hopf point at p = 0 with frequency 2, in bent coordinates.
+
+    r' = p r - r^3 / 2, and second = y - x^2 / 3: the coefficient is invariant under this change.
+    """
+    u, w = y
+    v = w - u**2 / 3
+    size = u**2 + v**2
+    x_rate = p * u - 2.0 * v - 0.5 * u * size
+    y_rate = p * v + 2.0 * u - 0.5 * v * size
+    return [x_rate, y_rate + 2 * u * x_rate / 3]
+
+
+def _cubic(t, y, p):
+    return [p + 3 * y[0] - y[0] ** 3]
+
+
+def _brusselator(t, y, p):
+    x, z = y
+    return [1.5 - (p + 1) * x + x**2 * z, p * x - x**2 * z]
+
+
+def _transcritical(t, y, p):
+    return [p * y[0] - 2.0 * y[0] ** 2, -y[1]]
+
+
+def _saddle(t, y, p):
+    """Eigenvalues 1 and p - 2, opposite at p = 1: a neutral saddle, no Hopf point."""
+    return [y[0], (p - 2.0) * y[1]]
+
+
+def _of(rate, k):
+    def make(p):
+        return jaxdyn.ode(rate, jnp.zeros(k), params=p)
+
+    return make
+
+
+BRUSSELATOR, CUBIC, PLANAR = _of(_brusselator, 2), _of(_cubic, 1), _of(_planar, 2)
+
+
+def test_lorenz_loses_stability_at_its_subcritical_hopf_point():
+    # rho = sigma (sigma + beta + 3) / (sigma - beta - 1) = 470 / 19, and
+    # omega^2 = 2 sigma beta (sigma + 1) / (sigma - beta - 1): Sparrow (1982), The Lorenz Equations.
+    family = jaxdyn.continue_equilibria(_lorenz, 20.0, [7.0, 7.0, 19.0], within=(14, 28))
+    (hopf,) = family.special
+    assert (hopf.kind, hopf.criticality) == (Kind.HOPF, "subcritical")
+    np.testing.assert_allclose(hopf.parameter, 470 / 19, rtol=1e-13)
+    np.testing.assert_allclose(hopf.frequency**2, 20 * (8 / 3) * 11 / (9 - 8 / 3), rtol=1e-12)
+    assert hopf.residual < 1e-10
+    expected = np.where(family.parameters < 470 / 19, "stable", "unstable")
+    assert [x.verdict for x in family.members] == expected.tolist()
+    x, _y, z = family.states.T
+    np.testing.assert_allclose(z, family.parameters - 1, rtol=1e-12)
+    np.testing.assert_allclose(x**2, 8 / 3 * z, rtol=1e-12)
+    assert "subcritical Hopf point at 24.7368" in repr(family)
+
+
+@pytest.mark.parametrize("down", [False, True])
+def test_lorenz_branches_at_rho_1(down):
+    family = jaxdyn.continue_equilibria(_lorenz, 0.5, [0.0, 0.0, 0.0], within=(0, 2))
+    (point,) = family.special
+    assert point.kind == Kind.BRANCH
+    assert abs(point.parameter - 1) < 1e-12
+    # A pitchfork: no quadratic term, and a negative cubic one, so that the branches are stable.
+    assert abs(point.coefficient) < 1e-12
+    assert point.cubic < 0
+    other = switch_branch(family, point, members=6, down=down)
+    x, _, z = other.states.T
+    assert ((x < 0) == down).all()
+    np.testing.assert_allclose(z, other.parameters - 1, atol=1e-12)
+    np.testing.assert_allclose(x**2, 8 / 3 * z, atol=1e-12)
+    assert {member.verdict for member in other.members} == {"stable"}
+
+
+def test_transcritical_branch_is_followed():
+    family = jaxdyn.continue_equilibria(_of(_transcritical, 2), -0.5, [0.0, 0.0], within=(-1, 1))
+    (point,) = family.special
+    assert point.kind == Kind.BRANCH
+    np.testing.assert_allclose(point.coefficient, -2.0, rtol=1e-12)
+    other = switch_branch(family, point, members=5)
+    np.testing.assert_allclose(other.states[:, 0], other.parameters / 2, atol=1e-12)
+
+
+def test_first_lyapunov_coefficient_of_the_normal_form():
+    # With |q| = 1, x = sqrt(2) z: the coefficient is 2 (-1/2) / 2.
+    family = jaxdyn.continue_equilibria(PLANAR, -0.3, [0.0, 0.0], within=(-0.5, 0.5))
+    (hopf,) = family.special
+    assert hopf.criticality == "supercritical"
+    np.testing.assert_allclose([hopf.parameter, hopf.frequency], [0.0, 2.0], atol=1e-12)
+    np.testing.assert_allclose(hopf.coefficient, -0.5, rtol=1e-12)
+
+
+def test_brusselator_has_its_hopf_point_at_1_plus_a_squared():
+    family = jaxdyn.continue_equilibria(BRUSSELATOR, 2.0, [1.5, 1.3], within=(1, 5))
+    (hopf,) = family.special
+    np.testing.assert_allclose([hopf.parameter, hopf.frequency], [1 + 1.5**2, 1.5], rtol=1e-12)
+    assert hopf.criticality == "supercritical"
+
+
+def test_folds_of_a_cubic():
+    # p = x^3 - 3 x turns at x = -1 and 1, where f'' / 2 = -3 x and f''' / 6 = -1.
+    family = jaxdyn.continue_equilibria(CUBIC, -5.0, [-2.5], within=(-6, 5))
+    assert [x.kind for x in family.special] == [Kind.FOLD, Kind.FOLD]
+    found = [(x.state[0], x.parameter, x.coefficient, x.cubic) for x in family.special]
+    np.testing.assert_allclose(found, [(-1, 2, 3, -1), (1, -2, -3, -1)], rtol=1e-12)
+    assert all(x.residual < 1e-10 for x in family.special)
+    stable = [member.verdict == "stable" for member in family.members]
+    assert stable == (np.abs(family.states[:, 0]) > 1).tolist()
+
+
+def test_neutral_saddle_is_no_hopf_point():
+    family = jaxdyn.continue_equilibria(_of(_saddle, 2), 0.5, [0.0, 0.0], within=(0, 1.5))
+    assert family.special == ()
+
+
+def test_driven_scenes_and_wrong_arguments_are_refused():
+    def driven(t, y, p):
+        return [p - y[0] + jnp.cos(t)]
+
+    with pytest.raises(ValueError, match="an autonomous scene"):
+        jaxdyn.continue_equilibria(_of(driven, 1), 0.0, [0.0])
+    with pytest.raises(ValueError, match="1 entries"):
+        jaxdyn.continue_equilibria(CUBIC, -5.0, [1.0, 2.0, 3.0])
+    with pytest.raises(ValueError, match="the lower one first"):
+        jaxdyn.continue_equilibria(CUBIC, -5.0, [-2.5], within=(1, 0))
+    with pytest.raises(ValueError, match="a regular point"):
+        jaxdyn.continue_equilibria(_of(_transcritical, 2), 0.0, [0.0, 0.0])
+    family = jaxdyn.continue_equilibria(CUBIC, -5.0, [-2.5], members=2)
+    with pytest.raises(ValueError, match="a branch point"):
+        switch_branch(family, family.members[0])
+
+
+def _nowhere(t, y, p):
+    return [1.0 + p**2 + y[0] ** 2]
+
+
+def test_a_start_without_rest_point_is_refused():
+    with pytest.raises(ValueError, match="a state near a rest point"):
+        jaxdyn.continue_equilibria(_of(_nowhere, 1), 0.5, [1.0])
+
+
+def test_family_ends_where_the_rate_does():
+    def root(t, y, p):
+        return [jnp.sqrt(p) - y[0]]
+
+    family = jaxdyn.continue_equilibria(_of(root, 1), 1.0, [1.0], down=True, within=(-2, 3))
+    assert "no rest point was found beyond" in family.end
+    assert math.isfinite(family.parameters[-1])
+    assert 0 <= family.parameters[-1] < 0.1
+
+
+def test_pendulum_under_torque_folds_at_the_weight():
+    # A second-order scene at rest: sin(theta) = p folds at 1, theta = pi / 2.
+    def rate(t, y, p):
+        return [y[1], p - jnp.sin(y[0]) - 0.3 * y[1]]
+
+    family = jaxdyn.continue_equilibria(_of(rate, 2), 0.2, [0.2], within=(0, 2), members=30)
+    fold = family.special[0]
+    assert fold.kind == Kind.FOLD
+    np.testing.assert_allclose([fold.parameter, fold.state[0]], [1.0, math.pi / 2], rtol=1e-12)
