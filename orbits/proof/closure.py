@@ -18,7 +18,8 @@ import dataclasses
 
 import numpy as np
 
-from jaxdyn.balls.arithmetic import arb, arb_mat
+from jaxdyn.balls.arithmetic import Program, arb, arb_mat
+from jaxdyn.balls.derivative import gradients
 from jaxdyn.balls.field import BallField
 from jaxdyn.balls.motion import End, follow
 from jaxdyn.solvers.taylor.formulas import Formulas
@@ -41,7 +42,9 @@ class Closure:
       names: (p + 1 or p + 2) names of start entries, "period", "angle".
       values: floats of the same: where the search begins.
       held: indices of those that keep their values.
-      period: the exact period of a driven scene, as a function of the precision; else None.
+      drive: (w, n) of a driven scene, whose period is 2 pi n / w; else None.
+      candidates: formulas that may be integrals.
+      reversals: (k, k) those that fix the start and the end of a part; None for a return.
     """
 
     field: BallField
@@ -55,7 +58,9 @@ class Closure:
     names: tuple[str, ...]
     values: tuple[float, ...]
     held: tuple[int, ...]
-    drive: "tuple[float, int] | None"
+    drive: tuple[float, int] | None
+    candidates: tuple[Number, ...] = ()
+    reversals: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def unknowns(self) -> list[int]:
@@ -132,9 +137,22 @@ class Closure:
         run = follow(self.field, *at, unfolding, span, digits, slopes=True)
         part = arb_mat([row[:k] for row in _known(run.slopes).tolist()])
         if returns:
-            goal = _matrix(self.goal)
-            part = (goal if self.generator is None else self._rotation(numbers) * goal).inv() * part
+            part = self.back(numbers) * part
         return part**parts
+
+    def back(self, numbers: list) -> arb_mat:
+        """(k, k) the inverse of the closing symmetry, with the rotation of a relative orbit."""
+        goal = _matrix(self.goal)
+        return (goal if self.generator is None else self._rotation(numbers) * goal).inv()
+
+    def gradients(self, integrals: list[Number], y: list) -> list[list]:
+        """(n, k) gradients of integrals at a state."""
+        graph, states = self.formulas.graph, self.formulas.states
+        rows = gradients(graph, integrals, states)
+        program = Program.of(graph, [s for row in rows for s in row])
+        inputs = {self.formulas.time: arb(0), **dict(zip(states, y, strict=True))}
+        flat, k = program(inputs), len(states)
+        return [flat[i * k : (i + 1) * k] for i in range(len(integrals))]
 
     def _end_time(self, numbers: list) -> arb:
         return self.period(numbers) / self.parts

@@ -50,7 +50,6 @@ def posed_closure(orbit: Orbit) -> Closure:
     if generator is not None:
         labels.append("angle")
         values.append(float(orbit.angle))
-    integrals = dict(zip(_integral_names(scene), candidates, strict=True))
     whole = Closure(
         field=ball_field(formulas),
         formulas=formulas,
@@ -64,8 +63,10 @@ def posed_closure(orbit: Orbit) -> Closure:
         values=tuple(values),
         held=(),
         drive=drive_period(formulas, orbit.period) if driven(scene) else None,
+        candidates=tuple(candidates),
+        reversals=_reversals(closing, len(names)),
     )
-    return _squared(whole, _conserved(whole, integrals))
+    return _squared(whole, _conserved(whole, integrals_of(whole, scene)))
 
 
 def _check(orbit: Orbit) -> None:
@@ -88,10 +89,10 @@ def _maps(closing: Closing, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     """The matrices `embed`, `end` and `goal` of a closing condition."""
     unit = np.eye(k, dtype=int)
     if isinstance(closing, Return):
-        return unit, unit, _table(closing.symmetry, unit)
+        return unit, unit, table(closing.symmetry, unit)
     if isinstance(closing, Reversal):
         free = closing.free(k)
-        here, there = _table(closing.here, unit), _table(closing.there, unit)
+        here, there = table(closing.here, unit), table(closing.there, unit)
         # The fixed set of `here` is the image of 1 + here.
         embed = (unit + here)[:, free]
         embed = embed // np.abs(embed[free, np.arange(len(free))])
@@ -101,7 +102,20 @@ def _maps(closing: Closing, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     raise fail("closing", "a return or a reversal", type(closing).__name__)
 
 
-def _table(symmetry: Symmetry, unit: np.ndarray) -> np.ndarray:
+def integrals_of(system: Closure, scene: Scene) -> dict[str, Number]:
+    """Candidates for integrals, by name, in the formulas of the rate."""
+    return dict(zip(_integral_names(scene), system.candidates, strict=True))
+
+
+def _reversals(closing: Closing, k: int) -> tuple[np.ndarray, np.ndarray] | None:
+    if not isinstance(closing, Reversal):
+        return None
+    unit = np.eye(k, dtype=int)
+    return table(closing.here, unit), table(closing.there, unit)
+
+
+def table(symmetry: Symmetry, unit: np.ndarray) -> np.ndarray:
+    """(k, k) the matrix of a symmetry; `unit` is that of the identity."""
     rows = unit if symmetry.places is None else unit[np.array(symmetry.places)]
     return rows if symmetry.signs is None else np.array(symmetry.signs)[:, None] * rows
 

@@ -1,0 +1,165 @@
+"""A tube about a motion: proved enclosures of its end and of the end's derivative by the start.
+
+For a box X of starts (and unfolding parameters) with a centre c, each step takes enclosures on to
+the next time:
+
+- of the motion from c: its Taylor series at the midpoint of its ball, plus what `enclosure` proves
+  that the series leaves out, plus the derivative times the ball (mean value form);
+- of the derivative Phi by the start, for all motions from X: the product with that of the step;
+- of all motions from X: the motion from c plus Phi (X - c), by the mean value theorem.
+
+So the box does not grow by wrapping, only rounding does, which more bits make up for: sets of
+other shapes (Lohner 1987) are not needed for motions of moderate growth.
+"""
+
+import math
+from typing import NamedTuple
+
+from jaxdyn.balls import series
+from jaxdyn.balls.arithmetic import arb, arb_mat, precision
+from jaxdyn.balls.enclosure import Disc, disc
+from jaxdyn.balls.field import BallField
+from jaxdyn.balls.motion import composed
+
+#: Step as a part of the radius of the disc; less takes more steps, more takes higher orders.
+_SHARE = 0.25
+#: Digits of the derivative that truncation spares; it only has to be regular.
+_SLOPE_DIGITS = 16.0
+_FIRST_RADIUS = 0.1  # tried for the first disc [time]; later ones start from the one before
+_MOST_STEPS = 20_000
+_STEP_BITS = 40
+
+
+class NotEnclosed(ArithmeticError):
+    """Raised if no enclosure is found; says why, and what to try."""
+
+
+class Tube(NamedTuple):
+    """Proved enclosures of the end.
+
+    Attributes:
+      centre: (k) of the motion from the centre over the centre of the span.
+      box: (k) of all motions over all spans.
+      slopes: (k, k + n) of the derivatives of all of them.
+      steps: number of steps.
+    """
+
+    centre: list
+    box: list
+    slopes: arb_mat
+    steps: int
+
+
+class _Now(NamedTuple):
+    centre: list
+    box: list
+    slopes: arb_mat
+
+
+def tube(
+    field: BallField,
+    t: arb,
+    centre: list,
+    box: list,
+    unfolding: tuple[list, list],
+    span: tuple[arb, arb],
+    digits: float,
+    bits: int,
+) -> Tube:
+    """Enclosures of the end of all motions from a box.
+
+    Args:
+      field: the rate.
+      t: () the time of the start.
+      centre: (k) a point of the box.
+      box: (k) starts.
+      unfolding: (n) the centre of the unfolding's parameters, and a box of them.
+      span: () the centre of the spans in time, and a ball of them.
+      digits: what a step's series leaves out is below 10^-digits.
+      bits: precision of the calculation.
+    Raises:
+      NotEnclosed: the rate cannot be bounded, or the tube becomes too wide.
+    """
+    k, n = field.k, field.n
+    order, slope_order = _orders(digits), _orders(_SLOPE_DIGITS)
+    with precision(bits, order):
+        offset = _offset(centre, box, unfolding)
+        unit = arb_mat([[int(i == j) for j in range(k + n)] for i in range(k)])
+        now, done, guess = _Now(centre, box, unit), arb(0), _FIRST_RADIUS
+        for steps in range(1, _MOST_STEPS):
+            found = disc(field, t + done, now.box, unfolding[1], guess)
+            if found is None:
+                raise NotEnclosed(
+                    f"The rate has no bound near t = {float(done):.6g}: the tube touches a "
+                    "singularity. Try more digits."
+                )
+            guess = float(found.radius)
+            # Of few bits, so that sums of steps are exact.
+            h = arb(math.ldexp(math.floor(math.ldexp(_SHARE * guess, _STEP_BITS)), -_STEP_BITS))
+            left = span[1] - done
+            last = bool(left <= h)
+            spans = (span[0] - done, left) if last else (h, h)
+            now = _stepped(field, t + done, now, unfolding, offset, spans, found, order, slope_order)
+            if not all(x.is_finite() and float(x.rad()) < 1.0 for x in now.box):
+                raise NotEnclosed(
+                    f"The tube becomes too wide at t = {float(done):.6g}. Try more bits."
+                )
+            if last:
+                return Tube(now.centre, now.box, now.slopes, steps)
+            done = done + h
+        raise NotEnclosed("The motion takes too many steps. Prove it in parts of a period.")
+
+
+def _orders(digits: float) -> int:
+    return math.ceil(digits * math.log(10) / -math.log(_SHARE))
+
+
+def _offset(centre: list, box: list, unfolding: tuple[list, list]) -> arb_mat:
+    pairs = zip((*box, *unfolding[1]), (*centre, *unfolding[0]), strict=True)
+    return arb_mat([[a - b] for a, b in pairs])
+
+
+def _stepped(
+    field: BallField,
+    t: arb,
+    now: _Now,
+    unfolding: tuple[list, list],
+    offset: arb_mat,
+    spans: tuple[arb, arb],
+    found: Disc,
+    order: int,
+    slope_order: int,
+) -> _Now:
+    """All enclosures a step later: of the centre over the first span, of the box over the second."""
+    q = spans[1] / found.radius
+    slopes = _slopes(field, t, now.box, unfolding[1], spans[1], found, q, slope_order)
+    all_slopes = composed(slopes, now.slopes)
+    thin = [x.mid() for x in now.centre]
+    coefficients = series.motion_series(field, t, thin, unfolding[0], order)
+    off = arb_mat([[x - m] for x, m in zip(now.centre, thin, strict=True)])
+    k = field.k
+    moved = arb_mat([row[:k] for row in slopes.tolist()]) * off
+    left_out = found.left_out(q, order)
+
+    def ending(h: arb) -> list:
+        parts = zip(coefficients, left_out, moved.entries(), strict=True)
+        return [series.at(row, h) + _ball(error) + shift for row, error, shift in parts]
+
+    centre = ending(spans[0])
+    same = spans[0] is spans[1]
+    ends = centre if same else ending(spans[1])
+    spread = (all_slopes * offset).entries()
+    return _Now(centre, [c + d for c, d in zip(ends, spread, strict=True)], all_slopes)
+
+
+def _slopes(field, t, box, unfolding, h: arb, found: Disc, q: arb, order: int) -> arb_mat:
+    """(k, k + n) the derivatives of a step's end for all motions from a box."""
+    coefficients = series.motion_series(field, t, box, unfolding, order)
+    _, slopes, forcing = series.slope_series(field, t, coefficients, unfolding, order)
+    value = series.at(series.transition_series(slopes, forcing, order), h)
+    errors = found.left_out_of_slopes(q, order)
+    return value + arb_mat([[_ball(x) for x in row] for row in errors])
+
+
+def _ball(radius: arb) -> arb:
+    return arb(0, radius.upper())

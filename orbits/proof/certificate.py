@@ -1,0 +1,102 @@
+"""The record of a proof, or of why there is none; plain data, which files keep."""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+from jaxdyn import _text
+from orbits.orbit import Orbit
+
+
+class Enclosed(NamedTuple):
+    """A number within `rad` of `mid`, both decimal strings."""
+
+    mid: str
+    rad: str
+
+    def as_json(self) -> dict[str, str]:
+        """Both as a JSON object."""
+        return self._asdict()
+
+    def __str__(self) -> str:
+        return f"{self.mid} +- {self.rad}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Certificate:
+    """What is proved of an orbit.
+
+    Attributes:
+      orbit: the orbit in doubles.
+      proved: whether a true periodic orbit is proved to exist within the enclosures below, and to
+        be the only one within `radius` of their centre with the same held numbers.
+      reason: the theorem's conditions in words, or what it lacks and what to try.
+      bits: precision of the calculation.
+      radius: of the box in which the orbit is unique, in each unknown.
+      centre: the unknowns at the box's centre, exactly: hexadecimal mantissa and exponent.
+      names: of the unknowns; "lambda" of the unfolding, whose value is proved to be 0.
+      held: numbers that keep the values they have in doubles, by name.
+      period: the period.
+      y0: (k) the start.
+      multipliers: the non-trivial ones, as pairs of real and imaginary parts.
+      exponents: rotation numbers of pairs on the unit circle.
+      verdict: "stable", "unstable" or "undecided", linearly.
+      verdict_proved: whether the enclosures prove it.
+      choreography: True or False if proved, else None.
+    """
+
+    orbit: Orbit
+    proved: bool
+    reason: str
+    bits: int
+    radius: str
+    centre: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
+    held: tuple[tuple[str, float], ...] = ()
+    period: Enclosed | None = None
+    y0: tuple[Enclosed, ...] = ()
+    multipliers: tuple[tuple[Enclosed, Enclosed], ...] = ()
+    exponents: tuple[Enclosed, ...] = ()
+    verdict: str = "undecided"
+    verdict_proved: bool = False
+    choreography: bool | None = None
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        called = _text.called(self.orbit.scene)
+        if not self.proved:
+            return _text.table(f"Not proved: orbit of {called}", [("reason", self.reason)])
+        labels = self.orbit.scene.labels()
+        stable = f"linearly {self.verdict}" if self.verdict_proved else "not proved"
+        rows = [
+            ("exists", f"only one within {self.radius}, {self.bits} bits"),
+            ("held", ", ".join(f"{name} = {x!r}" for name, x in self.held)),
+            ("period", str(self.period)),
+            *((name, str(x)) for (name, _), x in zip(labels, self.y0, strict=True)),
+            *(("multiplier", f"({a}) + ({b}) i") for a, b in self.multipliers),
+            ("rotation", ", ".join(map(str, self.exponents))),
+            ("stability", stable),
+            ("choreography", {True: "yes", False: "no", None: ""}[self.choreography]),
+            ("by", self.reason),
+        ]
+        return _text.table(f"Proved: a periodic orbit of {called}", rows)
+
+    def as_json(self) -> dict[str, Any]:
+        """The certificate as a JSON object; numbers are decimal strings with a radius."""
+        return {
+            "proved": self.proved,
+            "reason": self.reason,
+            "bits": self.bits,
+            "radius": self.radius,
+            "centre": list(self.centre),
+            "names": list(self.names),
+            "held": dict(self.held),
+            "period": None if self.period is None else self.period.as_json(),
+            "y0": [x.as_json() for x in self.y0],
+            "multipliers": [
+                {"re": a.as_json(), "im": b.as_json()} for a, b in self.multipliers
+            ],
+            "exponents": [x.as_json() for x in self.exponents],
+            "verdict": self.verdict,
+            "verdict_proved": self.verdict_proved,
+            "choreography": self.choreography,
+        }

@@ -1,0 +1,234 @@
+"""The proof that a periodic orbit exists, is locally unique, and is stable or unstable."""
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import Scene
+from jaxdyn._progress import doing
+from jaxdyn.analysis.monodromy import symplectic_form
+from jaxdyn.balls.arithmetic import arb, precision
+from jaxdyn.balls.motion import bits_of
+from jaxdyn.balls.tube import NotEnclosed, tube
+from orbits.closing.closings import choreography
+from orbits.orbit import Orbit, SearchError
+from orbits.proof import multipliers
+from orbits.proof.certificate import Certificate, Enclosed
+from orbits.proof.closure import Closure, product
+from orbits.proof.krawczyk import Test, tested
+from orbits.proof.posing import integrals_of, posed_closure, table
+from orbits.proof.refinement import solved
+from orbits.proof.spectrum import Spectrum, spectrum, structure
+from orbits.proof.theorems import missing
+
+#: Digits of the enclosures; boxes are wider, so that the test has room.
+DIGITS = 30.0
+_BOX = 10.0  # digits by which a box is wider than the centre is known
+_SPARE = 6.0
+#: Bits of the first trial beyond those of the digits; each further one doubles them.
+_EXTRA_BITS = 64
+_TRIALS = 4
+_MORE = "Try more digits: orbits.prove(orbit, digits=60)."
+
+
+def prove(orbit: Orbit, digits: float = DIGITS, *, throw: bool = False) -> Certificate:
+    """A certificate that a true periodic orbit exists near one in doubles.
+
+    It says that the equations of motion, whose numbers are the scene's binary floats exactly, have
+    a periodic solution within the enclosures of the certificate, the only one within its radius
+    that has the held numbers. The test is Krawczyk's (`krawczyk`) on unfolded closing equations
+    (`closure`), over tubes of Taylor series whose remainders are bounded by Cauchy's estimates
+    (`enclosure`, `tube` in ``jaxdyn/balls/``); integrals and symmetries are proved as identities
+    (`theorems`); no step rests on a rounded number.
+
+    Args:
+      orbit: what `find` returned.
+      digits: about those of the enclosures, 15 to 1000; more of them prove more unstable orbits.
+      throw: raise if nothing is proved.
+    Returns:
+      The certificate; unless it says `proved`, its reason says what to try.
+    Raises:
+      ValueError: the rate is not made of elementary functions, its states satisfy constraints, or
+        python-flint is missing.
+      SearchError: nothing is proved (``throw=True``).
+    Limits: one segment, hence orbits of moderate instability; `proved` without `verdict_proved`
+      where multipliers cannot be told apart.
+    Reference: Krawczyk (1969), Computing 4, 187; Kapela, Zgliczynski (2003), Nonlinearity 16,
+      1899 (choreographies); Kapela, Simo (2007), Nonlinearity 20, 1241 (the eight's stability).
+    Example:
+      >>> import orbits
+      >>> from jaxdyn import scenes
+      >>> swing = orbits.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta")
+      >>> proof = orbits.prove(swing)
+      >>> proof.proved, proof.period.mid[:20]
+      (True, '2.665870942834925864')
+    """
+    doing("writing the closing equations as formulas")
+    system = posed_closure(orbit)
+    try:
+        numbers, lost = solved(system, digits + _SPARE)
+    except SearchError as error:
+        return _unproved(orbit, f"no centre is found: {error}", throw)
+    return certified(orbit, system, numbers, 10.0 ** (_BOX - digits), digits + lost, throw=throw)
+
+
+def certified(
+    orbit: Orbit,
+    system: Closure,
+    numbers: list[arb],
+    radius: float,
+    digits: float,
+    *,
+    bits: int | None = None,
+    throw: bool = False,
+) -> Certificate:
+    """The certificate of a box about given numbers, or why there is none.
+
+    Args:
+      orbit: the orbit in doubles.
+      system: its closing equations.
+      numbers: all their numbers, at the centre of the box.
+      radius: of the box, in each unknown.
+      digits: of the series.
+      bits: precision; by default it is raised until the test passes, or fails for another reason.
+      throw: raise if nothing is proved.
+    """
+    doing("proving the symmetries and integrals")
+    lacking = missing(system)
+    if lacking:
+        return _unproved(orbit, f"It is not proved {lacking}.", throw)
+    extra, reason, bits_used = _EXTRA_BITS, "", bits or 0
+    for _ in range(1 if bits else _TRIALS):
+        bits_used = bits or bits_of(digits + _SPARE) + extra
+        doing(f"enclosing the motion with {bits_used} bits")
+        try:
+            test = tested(system, numbers, arb(radius), digits, bits_used)
+        except (NotEnclosed, np.linalg.LinAlgError) as error:
+            reason = str(error)
+        else:
+            if test.passed:
+                return _certificate(orbit, system, numbers, test, radius, bits_used)
+            reason = (
+                f"Krawczyk's test fails: the closing error moves the centre by {test.step:.1e} "
+                f"in a box of {radius:.1e}, with contraction {test.contraction:.1e}."
+            )
+            if test.contraction > 0.5 or test.step > 1e3 * radius:
+                break
+        extra *= 2
+    return _unproved(orbit, f"{reason} {_MORE}", throw, bits_used)
+
+
+def _unproved(orbit: Orbit, reason: str, throw: bool, bits: int = 0) -> Certificate:
+    if throw:
+        raise SearchError(reason)
+    return Certificate(orbit=orbit, proved=False, reason=reason, bits=bits, radius="0")
+
+
+def _certificate(
+    orbit: Orbit, system: Closure, numbers: list[arb], test: Test, radius: float, bits: int
+) -> Certificate:
+    doing("enclosing the multipliers")
+    found = _spectrum(orbit, system, test, bits)
+    names = [*system.names, *(f"lambda of the {name}" for name in system.integrals)]
+    with precision(bits):
+        complex_ones = [z for z in found.values if bool(z.imag > 0)]
+        stable = found.verdict == "stable"
+        return Certificate(
+            orbit=orbit,
+            proved=True,
+            reason=_words(system),
+            bits=bits,
+            radius=repr(radius),
+            centre=tuple(_exact(numbers[i]) for i in system.unknowns),
+            names=tuple(names[i] for i in system.unknowns),
+            held=tuple((system.names[i], system.values[i]) for i in system.held),
+            period=_enclosed(system.period(test.numbers)),
+            y0=tuple(_enclosed(x) for x in system.start(test.numbers)),
+            multipliers=tuple((_enclosed(z.real), _enclosed(z.imag)) for z in found.values),
+            exponents=tuple(_enclosed(multipliers.rotation_number(z)) for z in complex_ones)
+            if stable
+            else (),
+            verdict=found.verdict,
+            verdict_proved=found.verdict != "undecided",
+            choreography=_choreography(orbit, system, test, bits),
+        )
+
+
+def _spectrum(orbit: Orbit, system: Closure, test: Test, bits: int) -> Spectrum:
+    scene = orbit.scene
+    form = symplectic_form(scene, scene.y0)
+    k = len(scene.y0)
+    if form is None and k % 2 == 0:
+        # Of a state [q, v] with unit masses, if its forces have a potential.
+        form = np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(k // 2))
+    known = structure(
+        system, integrals_of(system, scene), _generators(scene), form if form is None else np.asarray(form)
+    )
+    return spectrum(system, test, known, bits)
+
+
+def _generators(scene: Scene) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(A, b) of each candidate y' = A y + b for a symmetry."""
+    k = len(scene.y0)
+    origin = {n: np.asarray(g) for n, g in scene.system.generators(jnp.zeros(k)).items()}
+    units = [scene.system.generators(e) for e in jnp.eye(k)]
+    pairs = []
+    for name, offset in origin.items():
+        pairs.append((np.array([np.asarray(u[name]) - offset for u in units]).T, offset))
+    return pairs
+
+
+def _words(system: Closure) -> str:
+    unfolded = ", ".join(system.integrals)
+    text = "Krawczyk's test of the closing equations"
+    if not unfolded:
+        return f"{text}."
+    return (
+        f"{text}, unfolded by the gradients of: {unfolded}. The sum of lambda_i I_i would grow "
+        "along the motion, but returns; so the unfolding forces are 0."
+    )
+
+
+def _choreography(orbit: Orbit, system: Closure, test: Test, bits: int) -> bool | None:
+    """Whether equal bodies follow one curve; None if not proved, or not asked."""
+    scene = orbit.scene
+    points = scene.points(jnp.zeros(()), scene.y0) if scene.has_points else None
+    if points is None or system.drive is not None or system.reversals is not None:
+        return None
+    n, d = points.r.shape
+    if n < 2 or 2 * n * d != len(scene.y0) or not np.array_equal(points.m, points.m[:1].repeat(n)):
+        return None
+    tables = [table(one.symmetry, np.eye(len(scene.y0), dtype=int)) for one in choreography(n, d)]
+    if any(np.array_equal(system.goal, one) for one in tables):
+        return True
+    if system.parts != 1 or system.generator is not None:
+        return None
+    doing("enclosing where the bodies are after a part of the period")
+    with precision(bits):
+        starts = system.start(test.numbers)
+        period = system.period(test.numbers) / n
+        span = period.mid(), period
+        at = system.field, arb(0), [x.mid() for x in starts], starts
+        part = tube(*at, ([arb(0)] * system.field.n,) * 2, span, DIGITS, bits).box
+        for goal in tables:
+            moved = product(goal, starts)
+            if all(a.overlaps(b) for a, b in zip(part, moved, strict=True)):
+                return None
+    return False
+
+
+def _exact(x: arb) -> str:
+    mantissa, exponent = x.mid().man_exp()
+    return f"{int(mantissa)}*2^{int(exponent)}"
+
+
+def _enclosed(x: arb) -> Enclosed:
+    """A decimal midpoint and radius whose ball contains the ball."""
+    digits = 3 if not x.rad() > 0 else int(max(3, -math.log10(max(float(x.rad()), 1e-300)) + 3))
+    with precision(8 * digits + 128):
+        text = arb(x.mid()).str(digits + 4, radius=False)
+        rad = (abs(x - arb(text)).upper()).str(3, radius=False)
+        # Rounded up: three digits are short by less than a part in a hundred.
+        rad = (arb(rad) * arb("1.01")).upper().str(3, radius=False) if arb(rad) > 0 else "0"
+    return Enclosed(text, rad)

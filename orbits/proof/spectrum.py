@@ -1,0 +1,141 @@
+"""Linear stability as a theorem: enclosures of the multipliers that are not 1 by the theory.
+
+How many are 1: let I_1, ... be conserved with independent gradients w_i at the start, and g_1, ...
+independent generators of symmetries (the flow among them) with w_i . g_j = 0. The monodromy matrix
+M keeps each w_i (w_i M = w_i) and each g_j, so it is the identity on the quotient by the common
+kernel of the w_i, and on the span of the g_j inside that kernel: at least n + m multipliers are 1.
+
+On the unit circle: if M is symplectic, or similar to its inverse by a reversal of the orbit, with a
+multiplier z there is 1 / conj z. If each enclosure of a multiplier holds one, and its image
+under that reflection meets no other enclosure, z = 1 / conj z, that is |z| = 1; distinct
+multipliers on the circle mean linear stability (Kapela, Simo 2007, Nonlinearity 20, 1241).
+"""
+
+import dataclasses
+
+import numpy as np
+
+from jaxdyn.balls.arithmetic import acb, arb, arb_mat, precision
+from jaxdyn.balls.identities import NoPolynomial
+from orbits.proof import multipliers
+from orbits.proof.closure import Closure, product
+from orbits.proof.krawczyk import Test
+from orbits.proof.theorems import Theorems
+
+
+@dataclasses.dataclass(frozen=True)
+class Spectrum:
+    """The non-trivial multipliers.
+
+    Attributes:
+      values: enclosures, one for each; empty if they cannot be told apart.
+      verdict: "stable", "unstable" or "undecided".
+    """
+
+    values: list[acb]
+    verdict: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Structure:
+    """What is known of the flow beside the rate.
+
+    Attributes:
+      integrals: names of conserved functions.
+      form: (k, k) constant symplectic form that the flow keeps; None if none is proved.
+      generators: (matrix, offset) of symmetries, without the flow.
+    """
+
+    integrals: dict
+    generators: list[tuple[np.ndarray, np.ndarray]]
+    form: np.ndarray | None
+
+
+def spectrum(system: Closure, found: Test, known: Structure, bits: int) -> Spectrum:
+    """The non-trivial multipliers of a proved orbit."""
+    with precision(bits):
+        matrix = _monodromy(system, found)
+        unit = 0 if system.drive is not None else _unit(system, found, known)
+        values = multipliers.roots(multipliers.deflated(matrix, unit))
+        values = multipliers.sorted_roots(values)
+        if len(values) != system.field.k - unit:
+            return Spectrum([], "undecided")
+        paired = known.form is not None or system.reversals is not None
+        return Spectrum(values, _verdict(values, bool(known.integrals) or paired, paired))
+
+
+def _verdict(values: list[acb], conservative: bool, paired: bool) -> str:
+    sizes = [z.abs_lower() for z in values]
+    if any(bool(size > 1) for size in sizes):
+        return "unstable"
+    if not conservative and all(bool(z.abs_upper() < 1) for z in values):
+        return "stable"
+    if paired and all(_on_circle(i, values) for i in range(len(values))):
+        return "stable"
+    return "undecided"
+
+
+def _on_circle(i: int, values: list[acb]) -> bool:
+    reflected = 1 / values[i].conjugate()
+    return all(j == i or not reflected.overlaps(z) for j, z in enumerate(values))
+
+
+def _monodromy(system: Closure, found: Test) -> arb_mat:
+    k = system.field.k
+    part = arb_mat([row[:k] for row in found.tube.slopes.tolist()])
+    if system.reversals is not None:
+        here, there = (arb_mat(matrix.tolist()) for matrix in system.reversals)
+        return (here * part.inv() * there * part) ** (system.parts // 2)
+    return (system.back(found.numbers) * part) ** system.parts
+
+
+def _unit(system: Closure, found: Test, known: Structure) -> int:
+    """A number of multipliers that are 1, proved."""
+    start = system.start(found.numbers)
+    flow = [arb(x) for x in system.field.rate(arb(0), start, [arb(0)] * system.field.n)]
+    if not known.integrals:
+        return int(_rank([flow]))
+    theorems = Theorems.of(system.formulas)
+    rows = [theorems.gradient(integral) for integral in known.integrals.values()]
+    values = system.gradients(list(known.integrals.values()), start)
+    chosen = _independent(values)
+    columns, numbers = [], []
+    for matrix, offset in known.generators:
+        direction = theorems.direction(matrix, offset)
+        if all(
+            theorems.vanishes_along(rows[i], direction)
+            or (system.generator is None and theorems.returns_to_zero(rows[i], direction))
+            for i in chosen
+        ):
+            columns.append(direction)
+            moved = product(matrix, start)
+            numbers.append([x + arb(float(b)) for x, b in zip(moved, offset, strict=True)])
+    return len(chosen) + len(_independent([flow, *numbers]))
+
+
+def _independent(vectors: list[list]) -> list[int]:
+    """Indices of vectors that are proved to be linearly independent, as many as come first."""
+    chosen: list[int] = []
+    for i in range(len(vectors)):
+        if _rank([vectors[j] for j in (*chosen, i)]):
+            chosen.append(i)
+    return chosen
+
+
+def _rank(rows: list[list]) -> bool:
+    """Whether rows are proved to be independent: their Gram determinant is not 0."""
+    matrix = arb_mat(rows)
+    determinant = (matrix * matrix.transpose()).det()
+    return bool(determinant > 0)
+
+
+def structure(system: Closure, candidates: dict, generators: list, form) -> Structure:
+    """What is proved among candidates: integrals, generators of symmetries, a symplectic form."""
+    try:
+        theorems = Theorems.of(system.formulas)
+        integrals = {n: i for n, i in candidates.items() if theorems.is_conserved(i)}
+        symmetries = [pair for pair in generators if theorems.is_generator(*pair)]
+        kept = form if form is not None and theorems.keeps(form) else None
+        return Structure(integrals, symmetries, kept)
+    except NoPolynomial:
+        return Structure({}, [], None)

@@ -1,0 +1,194 @@
+"""What a proof needs to know exactly: that integrals are conserved and symmetries are symmetries.
+
+All are identities between the formulas of a rate, proved by algebra (`jaxdyn/balls/identities.py`),
+not tested at points.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from jaxdyn.balls.arithmetic import Program
+from jaxdyn.balls.derivative import gradients
+from jaxdyn.balls.identities import NoPolynomial, Polynomials
+from jaxdyn.solvers.taylor.formulas import Formulas
+from jaxdyn.solvers.taylor.graph import Number
+from orbits.proof.closure import Closure
+
+
+@dataclasses.dataclass(eq=False)
+class Theorems:
+    """The rate and functions of the state as polynomials.
+
+    Attributes:
+      ring: the polynomials.
+      rate: (k) the rate.
+    """
+
+    formulas: Formulas
+    ring: Polynomials
+    rate: list
+    _program: Program
+
+    @classmethod
+    def of(cls, formulas: Formulas) -> "Theorems":
+        """Those of a rate.
+
+        Raises:
+          NoPolynomial: the rate is not representable.
+        """
+        ring = Polynomials([formulas.time, *formulas.states])
+        program = Program.of(formulas.graph, list(formulas.rates))
+        rate = ring.values(program, ring.generators[: 1 + len(formulas.states)])
+        return cls(formulas, ring, rate, program)
+
+    def _variables(self) -> list:
+        return list(self.ring.generators[: 1 + len(self.rate)])
+
+    def evaluated(self, results: list[Number], variables: list | None = None) -> list:
+        """Formulas of the same graph as polynomials."""
+        program = Program.of(self.formulas.graph, results)
+        return self.ring.values(program, variables or self._variables())
+
+    def gradient(self, integral: Number) -> list:
+        """(k) the gradient of an integral."""
+        return self.evaluated(gradients(self.formulas.graph, [integral], self.formulas.states)[0])
+
+    def is_conserved(self, integral: Number) -> bool:
+        """Whether grad I . f = 0."""
+        return self.vanishes_along(self.gradient(integral), self.rate)
+
+    def vanishes_along(self, row: list, column: list) -> bool:
+        """Whether a product of two vectors is 0."""
+        return self.ring.vanishes(self._dot(row, column))
+
+    def _dot(self, row: list, column: list):
+        total = self.ring.constant(0)
+        for a, b in zip(row, column, strict=True):
+            total += a * b
+        return total
+
+    def returns_to_zero(self, row: list, column: list) -> bool:
+        """Whether a product of two vectors is a . dy/dt, of constant a.
+
+        If it is constant along motions, it then is 0 on every periodic one.
+        """
+        total = self._dot(row, column)
+        moving = {str(rate) for rate in self.rate if rate.total_degree() == 1 and len(rate) == 1}
+        names = {str(self.ring.generators[i]) for i in range(1 + len(self.rate))}
+        parts = [self.ring.context.from_dict({m: 1}) for m in total.to_dict()]
+        return all(str(part) in moving and str(part) in names for part in parts)
+
+    def is_symmetry(self, matrix: np.ndarray, sign: int) -> bool:
+        """Whether f(g y) = sign g f(y)."""
+        time, *y = self._variables()
+        there = self.ring.values(self._program, [time, *self._applied(matrix, y)])
+        here = self._applied(matrix, self.rate)
+        return all(
+            self.ring.vanishes(a - sign * b) for a, b in zip(there, here, strict=True)
+        )
+
+    def is_generator(self, matrix: np.ndarray, offset: np.ndarray) -> bool:
+        """Whether the flow of y' = A y + b consists of symmetries: Df (A y + b) = A f."""
+        graph, states = self.formulas.graph, self.formulas.states
+        table = gradients(graph, list(self.formulas.rates), states)
+        moved = self.direction(matrix, offset)
+        wanted = self._applied(matrix, self.rate)
+        flat = self.evaluated([s for row in table for s in row])
+        k = len(self.rate)
+        rows = [flat[i * k : (i + 1) * k] for i in range(k)]
+        return all(
+            self.ring.vanishes(self._dot(row, moved) - one)
+            for row, one in zip(rows, wanted, strict=True)
+        )
+
+    def keeps(self, form: np.ndarray) -> bool:
+        """Whether the flow keeps a constant form J: (Df)^T J + J Df = 0."""
+        graph, states, k = self.formulas.graph, self.formulas.states, len(self.rate)
+        table = gradients(graph, list(self.formulas.rates), states)
+        flat = self.evaluated([s for row in table for s in row])
+        columns = [flat[j::k] for j in range(k)]
+        # Row i of (Df)^T J is column i of Df times J.
+        first = [self._applied(form.T, column) for column in columns]
+        return all(
+            self.ring.vanishes(first[i][j] - first[j][i]) for i in range(k) for j in range(i)
+        )
+
+    def direction(self, matrix: np.ndarray, offset: np.ndarray) -> list:
+        """(k) A y + b."""
+        linear = self._applied(matrix, self._variables()[1:])
+        return [a + self.ring.constant(float(b)) for a, b in zip(linear, offset, strict=True)]
+
+    def changes_by(self, integral: Number, matrix: np.ndarray, sign: int) -> bool:
+        """Whether I(g y) = sign I(y)."""
+        time, *y = self._variables()
+        (there,) = self.evaluated([integral], [time, *self._applied(matrix, y)])
+        (here,) = self.evaluated([integral])
+        return self.ring.vanishes(there - sign * here)
+
+    def _applied(self, matrix: np.ndarray, vector: list) -> list:
+        found = []
+        for row in matrix:
+            total = self.ring.constant(0)
+            for entry, x in zip(row, vector, strict=True):
+                if entry:
+                    total += self.ring.constant(float(entry)) * x
+            found.append(total)
+        return found
+
+
+def missing(system: Closure) -> str:
+    """What the step from a zero of the closing equations to an orbit lacks; "" if nothing.
+
+    See `closure` for why the unfolding is 0, and the closing condition for why the motion repeats.
+    """
+    try:
+        known = Theorems.of(system.formulas)
+        for name, integral in system.integrals.items():
+            if not known.is_conserved(integral):
+                return f"that the {name} is conserved: its rate of change does not simplify to 0"
+        return _of_return(system, known) if system.reversals is None else _of_reversal(system, known)
+    except NoPolynomial as error:
+        return f"an identity of formulas with {error}"
+
+
+def _of_return(system: Closure, known: Theorems) -> str:
+    goal, parts = system.goal, system.parts
+    unit = np.eye(len(goal), dtype=int)
+    if (goal != unit).any():
+        if system.drive is not None:
+            return "that a driven motion repeats after a part of its period"
+        if not known.is_symmetry(goal, 1):
+            return "that the symmetry of the closing condition is one of the rate"
+        if (np.linalg.matrix_power(goal, parts) != unit).any():
+            return "that the symmetry's power is the identity"
+    if system.generator is not None:
+        if not known.is_generator(system.generator, np.zeros(len(goal))):
+            return "that the rotation of the closing condition is a symmetry of the rate"
+        if (system.generator @ goal != goal @ system.generator).any():
+            return "that the rotation commutes with the symmetry"
+    for name, integral in system.integrals.items():
+        if not known.changes_by(integral, goal, 1):
+            return f"that the symmetry keeps the {name}"
+        if system.generator is not None:
+            turned = known.direction(system.generator, np.zeros(len(goal)))
+            if not known.vanishes_along(known.gradient(integral), turned):
+                return f"that the rotation keeps the {name}"
+    return ""
+
+
+def _of_reversal(system: Closure, known: Theorems) -> str:
+    if system.drive is not None:
+        return "that a driven motion retraces its path"
+    assert system.reversals is not None
+    here, there = system.reversals
+    for matrix in (here, there):
+        if not known.is_symmetry(matrix, -1):
+            return "that the reversal of the closing condition is one of the rate"
+        for name, integral in system.integrals.items():
+            if not known.changes_by(integral, matrix, -1):
+                return f"that the {name} is 0 where the motion meets the fixed sets"
+    turned = np.linalg.matrix_power(there @ here, system.parts // 2)
+    if system.parts % 2 or (turned != np.eye(len(here), dtype=int)).any():
+        return "that the product of the reversals has that order"
+    return ""
