@@ -65,6 +65,8 @@ from .hybrid.search import find_hybrid as find_hybrid
 from .orbit import Orbit as Orbit
 from .orbit import Outcome as Outcome
 from .orbit import SearchError as SearchError
+from .proof.certificate import Certificate as Certificate
+from .proof.proving import prove as prove
 from .proof.refined import Refined as Refined
 from .proof.refinement import refine as refine
 from .sections.tables import SectionPoints as SectionPoints

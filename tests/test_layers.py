@@ -43,7 +43,7 @@ BELOW = {
     "orbits/hybrid": ("orbits/shooting",),
     "orbits/targets": ("orbits/shooting",),
     "orbits/tori": ("orbits/analysis",),
-    "orbits/files": ("orbits/families",),
+    "orbits/files": ("orbits/families", "orbits/proof"),
     "orbits/drawing": ("orbits/files", "orbits/sections", "orbits/targets", "orbits/tori"),
     "orbits/cli": ("orbits/drawing", "orbits/discovery", "orbits/hybrid"),
 }
@@ -57,6 +57,7 @@ INSIDE = {
     ("jaxdyn/_config.py", "jax._src"),
     ("jaxdyn/cli/run.py", "jaxdyn.drawing"),
     ("jaxdyn/cli/accuracy.py", "jaxdyn.drawing"),
+    ("orbits/files/verify.py", "orbits.proof.checking"),
     ("orbits/cli/aim.py", "orbits.drawing"),
     ("orbits/cli/loops.py", "orbits.drawing"),
     ("orbits/cli/family.py", "orbits.drawing"),

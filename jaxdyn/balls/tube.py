@@ -24,7 +24,7 @@ from jaxdyn.balls.motion import composed
 #: Step as a part of the radius of the disc; less takes more steps, more takes higher orders.
 _SHARE = 0.25
 #: Digits of the derivative that truncation spares; it only has to be regular.
-_SLOPE_DIGITS = 16.0
+SLOPE_DIGITS = 16.0
 _FIRST_RADIUS = 0.1  # tried for the first disc [time]; later ones start from the one before
 _MOST_STEPS = 20_000
 _STEP_BITS = 40
@@ -65,6 +65,7 @@ def tube(
     span: tuple[arb, arb],
     digits: float,
     bits: int,
+    slope_digits: float = SLOPE_DIGITS,
 ) -> Tube:
     """Enclosures of the end of all motions from a box.
 
@@ -77,11 +78,12 @@ def tube(
       span: () the centre of the spans in time, and a ball of them.
       digits: what a step's series leaves out is below 10^-digits.
       bits: precision of the calculation.
+      slope_digits: the same as `digits` for the derivatives.
     Raises:
       NotEnclosed: the rate cannot be bounded, or the tube becomes too wide.
     """
     k, n = field.k, field.n
-    order, slope_order = _orders(digits), _orders(_SLOPE_DIGITS)
+    order, slope_order = _orders(digits), _orders(slope_digits)
     with precision(bits, order):
         offset = _offset(centre, box, unfolding)
         unit = arb_mat([[int(i == j) for j in range(k + n)] for i in range(k)])
@@ -99,7 +101,8 @@ def tube(
             left = span[1] - done
             last = bool(left <= h)
             spans = (span[0] - done, left) if last else (h, h)
-            now = _stepped(field, t + done, now, unfolding, offset, spans, found, order, slope_order)
+            orders = order, slope_order
+            now = _stepped(field, t + done, now, unfolding, offset, spans, found, orders)
             if not all(x.is_finite() and float(x.rad()) < 1.0 for x in now.box):
                 raise NotEnclosed(
                     f"The tube becomes too wide at t = {float(done):.6g}. Try more bits."
@@ -127,11 +130,10 @@ def _stepped(
     offset: arb_mat,
     spans: tuple[arb, arb],
     found: Disc,
-    order: int,
-    slope_order: int,
+    orders: tuple[int, int],
 ) -> _Now:
-    """All enclosures a step later: of the centre over the first span, of the box over the second."""
-    q = spans[1] / found.radius
+    """Enclosures a step later: of the centre over the first span, of all over the second."""
+    (order, slope_order), q = orders, abs(spans[1]) / found.radius
     slopes = _slopes(field, t, now.box, unfolding[1], spans[1], found, q, slope_order)
     all_slopes = composed(slopes, now.slopes)
     thin = [x.mid() for x in now.centre]

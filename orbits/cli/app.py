@@ -6,6 +6,7 @@ from orbits.cli.family import family_command
 from orbits.cli.figure_eight import figure_eight_command
 from orbits.cli.find import find_command
 from orbits.cli.loops import loops_command
+from orbits.cli.prove import prove_command
 from orbits.cli.refine import refine_command
 from orbits.cli.search import search_command
 from orbits.cli.section import section_command
@@ -50,6 +51,7 @@ add(
     "orbits figure-eight --plot figure-eight.png",
 )
 add(app, "refine", refine_command, "orbits refine swing.json --digits 50")
+add(app, "prove", prove_command, "orbits prove swing.json --json")
 add(app, "verify", verify_command, "orbits verify swing.json")
 
 

@@ -8,11 +8,13 @@ import typer
 import orbits
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import JsonOption, read
+from orbits.cli.shared import SaveOption
 
 
 def refine_command(
     file: Annotated[Path, typer.Argument(help="An orbit file written by --save.", callback=read)],
     digits: Annotated[int, typer.Option(help="Decimal digits, 15 to 1000.")] = 50,
+    save_to: SaveOption = None,
     as_object: JsonOption = False,
 ) -> None:
     """Start, period and multipliers of an orbit to many digits."""
@@ -22,3 +24,6 @@ def refine_command(
         if as_object:
             out.result(found.as_json())
         out.print(str(found))
+        if save_to:
+            with out.writing(save_to, "saved in"):
+                orbits.save(save_to, found)

@@ -3,7 +3,7 @@
 `orbit_files` writes and reads orbits, `family_files` families; `encoding` turns an orbit into plain
 JSON and back for both. `verify` recomputes the claims of an orbit file.
 
-May import: `families`.
+May import: `families`, `proof`.
 
 One more format is one file that encodes to plain JSON and decodes it.
 """

@@ -8,22 +8,32 @@ from jaxdyn.files import records
 from orbits.analysis.report import Report, as_json, report
 from orbits.files import encoding
 from orbits.orbit import Orbit
+from orbits.proof.certificate import Certificate
+from orbits.proof.refined import Refined
 
 FORMAT = "jaxdyn-orbit"
 VERSION = 4
+#: Claims of more digits and of a proof, where a file has them.
+REFINED, CERTIFICATE = "refined", "certificate"
 _KEYS = {"format", "version", "claims"} | encoding.KEYS
 
 
-def save(path: str | Path, orbit: Orbit, claims: Report | None = None) -> None:
+def save(
+    path: str | Path, orbit: Orbit | Refined | Certificate, claims: Report | None = None
+) -> None:
     """Write an orbit with all claims about it, atomically.
 
     Args:
       path: of the JSON file.
-      orbit: what `find` returned.
+      orbit: what `find`, `refine` or `prove` returned; the digits or the certificate are claims.
       claims: its report; made here by default.
     Raises:
       ValueError: the folder does not exist, or the scene holds a function.
     """
+    more = {}
+    if isinstance(orbit, Refined | Certificate):
+        name = REFINED if isinstance(orbit, Refined) else CERTIFICATE
+        orbit, more = orbit.orbit, {name: orbit.as_json()}
     claims = report(orbit) if claims is None else claims
     records.write(
         path,
@@ -31,7 +41,7 @@ def save(path: str | Path, orbit: Orbit, claims: Report | None = None) -> None:
             "format": FORMAT,
             "version": VERSION,
             **encoding.encode(orbit),
-            "claims": as_json(claims),
+            "claims": as_json(claims) | more,
         },
     )
 

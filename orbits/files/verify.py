@@ -11,7 +11,7 @@ from jaxdyn._checks import fail
 from orbits.analysis.evidence import after, closure
 from orbits.analysis.report import Report, as_json, report
 from orbits.files.encoding import DAMAGED
-from orbits.files.orbit_files import load
+from orbits.files.orbit_files import CERTIFICATE, REFINED, load
 from orbits.orbit import Orbit
 
 #: A file's numbers and the recomputed ones may differ by this, relative to their size.
@@ -50,7 +50,26 @@ def verify(path: str | Path) -> tuple[Report, list[Mismatch]]:
         got = "one that ends before it"
         raise fail("file", "a motion that lasts for its period", got, DAMAGED)
     derived = report(orbit)
-    return derived, [*_not_closed(orbit, derived), *_compare(claims, as_json(derived))]
+    proofs = {name: claims.pop(name) for name in (REFINED, CERTIFICATE) if name in claims}
+    found = [*_not_closed(orbit, derived), *_compare(claims, as_json(derived))]
+    return derived, [*found, *_compare_proofs(orbit, proofs)]
+
+
+def _compare_proofs(orbit: Orbit, proofs: dict[str, Any]):
+    """Claims of digits and of a proof that do not come out again."""
+    if not proofs:
+        return
+    # python-flint is needed for these claims alone.
+    from orbits.proof import checking
+
+    checks = {REFINED: checking.refined_mismatch, CERTIFICATE: checking.certificate_mismatch}
+    for name, record in proofs.items():
+        try:
+            wrong = checks[name](orbit, record)
+        except (KeyError, TypeError, AttributeError, ValueError, IndexError) as error:
+            raise fail("file", f"a complete {name}", repr(error), DAMAGED) from error
+        if wrong:
+            yield Mismatch(f"{name}: {wrong}", "as in the file", "another")
 
 
 def _not_closed(orbit: Orbit, derived: Report):

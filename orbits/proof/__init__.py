@@ -1,11 +1,14 @@
-"""Orbits to any number of digits.
+"""Orbits to any number of digits, and proofs that they exist.
 
 `closure` states the closing equations as a square system and why a zero of it is an orbit,
-`posing` makes it for an orbit, `drives` finds the exact period of a drive, `refinement` solves it,
-`multipliers` has the non-trivial eigenvalues; `refined` is the result as plain data.
+`posing` makes it for an orbit, `drives` finds the exact period of a drive. `refinement` solves it;
+`refined` is the result. `krawczyk` tests that a box has exactly one zero, `theorems` proves the
+identities that this rests on, `spectrum` encloses the `multipliers`; `proving` does all of it,
+`certificate` is the result, and `checking` does it again from a file.
 
-May import: `analysis`. Nothing is imported before it is used: it needs python-flint,
-``pip install 'jaxdyn[proof]'``.
+May import: `analysis`. The results, `refined` and `certificate`, are plain data; all else needs
+python-flint, ``pip install 'jaxdyn[proof]'``.
 
-One more number to many digits is a field of `refined` and its calculation in `refinement`.
+One more number to many digits is a field of `refined` and its calculation in `refinement`; one more
+theorem about an orbit is a field of `certificate` and its proof in `proving`.
 """

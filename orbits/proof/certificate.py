@@ -31,8 +31,9 @@ class Certificate:
         be the only one within `radius` of their centre with the same held numbers.
       reason: the theorem's conditions in words, or what it lacks and what to try.
       bits: precision of the calculation.
+      digits: those of the series.
       radius: of the box in which the orbit is unique, in each unknown.
-      centre: the unknowns at the box's centre, exactly: hexadecimal mantissa and exponent.
+      centre: the unknowns at the box's centre, exactly: mantissa and exponent of 2.
       names: of the unknowns; "lambda" of the unfolding, whose value is proved to be 0.
       held: numbers that keep the values they have in doubles, by name.
       period: the period.
@@ -48,6 +49,7 @@ class Certificate:
     proved: bool
     reason: str
     bits: int
+    digits: float
     radius: str
     centre: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
@@ -86,15 +88,14 @@ class Certificate:
             "proved": self.proved,
             "reason": self.reason,
             "bits": self.bits,
+            "digits": self.digits,
             "radius": self.radius,
             "centre": list(self.centre),
             "names": list(self.names),
             "held": dict(self.held),
             "period": None if self.period is None else self.period.as_json(),
             "y0": [x.as_json() for x in self.y0],
-            "multipliers": [
-                {"re": a.as_json(), "im": b.as_json()} for a, b in self.multipliers
-            ],
+            "multipliers": [{"re": a.as_json(), "im": b.as_json()} for a, b in self.multipliers],
             "exponents": [x.as_json() for x in self.exponents],
             "verdict": self.verdict,
             "verdict_proved": self.verdict_proved,

@@ -20,8 +20,8 @@ import dataclasses
 import numpy as np
 
 from jaxdyn.balls.arithmetic import arb, arb_mat, precision
-from jaxdyn.balls.tube import Tube, tube
-from orbits.proof.closure import Closure, floats
+from jaxdyn.balls.tube import SLOPE_DIGITS, Tube, tube
+from orbits.proof.closure import Closure, float_matrix
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,9 +43,7 @@ class Test:
     contraction: float
 
 
-def tested(
-    system: Closure, numbers: list[arb], radius: arb, digits: float, bits: int
-) -> Test:
+def tested(system: Closure, numbers: list[arb], radius: arb, digits: float, bits: int) -> Test:
     """Krawczyk's test on the box of this radius about the numbers.
 
     Raises:
@@ -58,11 +56,13 @@ def tested(
         for i in system.unknowns:
             centre[i] = numbers[i].mid()
             box[i] = centre[i] + side
-        found = enclosed(system, centre, box, digits, bits)
+        found = enclosed(system, centre, box, digits, bits, SLOPE_DIGITS)
         jacobian = system.jacobian(found.box, found.slopes, box)
-        inverse = arb_mat(np.linalg.inv(floats(jacobian)).tolist())
+        inverse = arb_mat(np.linalg.inv(float_matrix(jacobian)).tolist())
         error = arb_mat([[x] for x in system.residual(found.centre, centre)])
-        unit = arb_mat([[int(i == j) for j in range(len(jacobian.tolist()))] for i in _range(jacobian)])
+        unit = arb_mat(
+            [[int(i == j) for j in range(len(jacobian.tolist()))] for i in _range(jacobian)]
+        )
         rest = unit - inverse * jacobian
         step = (rest * arb_mat([[side] for _ in _range(jacobian)]) - inverse * error).entries()
         passed = all(bool(abs(x) < radius) for x in step)
@@ -77,12 +77,14 @@ def tested(
         )
 
 
-def enclosed(system: Closure, centre: list, box: list, digits: float, bits: int) -> Tube:
+def enclosed(
+    system: Closure, centre: list, box: list, digits: float, bits: int, slope_digits: float
+) -> Tube:
     """The tube about the motions over a part of the period."""
     spans = system.period(centre) / system.parts, system.period(box) / system.parts
     unfolding = system.unfolding(centre), system.unfolding(box)
     starts = system.start(centre), system.start(box)
-    return tube(system.field, arb(0), *starts, unfolding, spans, digits, bits)
+    return tube(system.field, arb(0), *starts, unfolding, spans, digits, bits, slope_digits)
 
 
 def _range(matrix: arb_mat) -> range:

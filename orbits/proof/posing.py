@@ -15,7 +15,7 @@ from jaxdyn.system import System
 from orbits.closing.closings import Closing, Return, Reversal
 from orbits.closing.given import driven
 from orbits.closing.symmetry import Symmetry
-from orbits.orbit import Orbit
+from orbits.orbit import Orbit, SearchError
 from orbits.proof.closure import Closure, float_matrix
 from orbits.proof.drives import drive_period
 
@@ -31,10 +31,15 @@ _CONSERVED = 1e-11
 _POINTS = 3
 
 
+class Unposed(SearchError):
+    """Raised where closing equations cannot be made square; says why."""
+
+
 def posed_closure(orbit: Orbit) -> Closure:
     """The square system of an orbit that `find` returned.
 
     Raises:
+      Unposed: the equations depend on each other, and not by known integrals.
       ValueError: the rate has no formulas; the states satisfy constraints; the motion is
         integrated in logarithmic time; the closing condition is of another kind.
     """
@@ -188,12 +193,10 @@ def _squared(whole: Closure, integrals: dict[str, Number]) -> Closure:
     rank = int((s > _RANK * s[0]).sum())
     chosen = _pivots(left[:, rank:].T @ unfolded, len(own) - rank)
     if chosen is None:
-        raise fail(
-            "orbit",
-            "closing equations that depend on each other by integrals of the scene alone",
-            f"{len(own) - rank} dependent ones, and the integrals {list(integrals)}",
-            "Name its integrals: jaxdyn.ode(..., energy=, integrals=). Or impose a symmetry, "
-            "closing=orbits.reversal(...).",
+        raise Unposed(
+            f"{len(own) - rank} of the closing equations depend on the others, and the integrals "
+            f"{list(integrals)} do not explain it. Name integrals (jaxdyn.ode(..., energy=, "
+            "integrals=)), or impose a symmetry, closing=orbits.reversal(...)."
         )
     null = right[rank:]
     scale = np.array([_RELUCTANCE if whole.names[i] == "period" else 1.0 for i in free])

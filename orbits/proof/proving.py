@@ -5,7 +5,7 @@ import math
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import Scene
+from jaxdyn import Scene, _checks
 from jaxdyn._progress import doing
 from jaxdyn.analysis.monodromy import symplectic_form
 from jaxdyn.balls.arithmetic import arb, precision
@@ -18,12 +18,11 @@ from orbits.proof.certificate import Certificate, Enclosed
 from orbits.proof.closure import Closure, product
 from orbits.proof.krawczyk import Test, tested
 from orbits.proof.posing import integrals_of, posed_closure, table
-from orbits.proof.refinement import solved
+from orbits.proof.refinement import LEAST_DIGITS, MOST_DIGITS, solved
 from orbits.proof.spectrum import Spectrum, spectrum, structure
 from orbits.proof.theorems import missing
 
-#: Digits of the enclosures; boxes are wider, so that the test has room.
-DIGITS = 30.0
+DIGITS = 30.0  # of exact numbers as decimals, and of where bodies are within a period
 _BOX = 10.0  # digits by which a box is wider than the centre is known
 _SPARE = 6.0
 #: Bits of the first trial beyond those of the digits; each further one doubles them.
@@ -32,7 +31,7 @@ _TRIALS = 4
 _MORE = "Try more digits: orbits.prove(orbit, digits=60)."
 
 
-def prove(orbit: Orbit, digits: float = DIGITS, *, throw: bool = False) -> Certificate:
+def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate:
     """A certificate that a true periodic orbit exists near one in doubles.
 
     It says that the equations of motion, whose numbers are the scene's binary floats exactly, have
@@ -64,9 +63,10 @@ def prove(orbit: Orbit, digits: float = DIGITS, *, throw: bool = False) -> Certi
       >>> proof.proved, proof.period.mid[:20]
       (True, '2.665870942834925864')
     """
+    _checks.whole("digits", digits, LEAST_DIGITS, MOST_DIGITS, "They are decimal digits.")
     doing("writing the closing equations as formulas")
-    system = posed_closure(orbit)
     try:
+        system = posed_closure(orbit)
         numbers, lost = solved(system, digits + _SPARE)
     except SearchError as error:
         return _unproved(orbit, f"no centre is found: {error}", throw)
@@ -108,7 +108,7 @@ def certified(
             reason = str(error)
         else:
             if test.passed:
-                return _certificate(orbit, system, numbers, test, radius, bits_used)
+                return _certificate(orbit, system, numbers, test, radius, digits, bits_used)
             reason = (
                 f"Krawczyk's test fails: the closing error moves the centre by {test.step:.1e} "
                 f"in a box of {radius:.1e}, with contraction {test.contraction:.1e}."
@@ -122,14 +122,20 @@ def certified(
 def _unproved(orbit: Orbit, reason: str, throw: bool, bits: int = 0) -> Certificate:
     if throw:
         raise SearchError(reason)
-    return Certificate(orbit=orbit, proved=False, reason=reason, bits=bits, radius="0")
+    return Certificate(orbit=orbit, proved=False, reason=reason, bits=bits, digits=0.0, radius="0")
 
 
 def _certificate(
-    orbit: Orbit, system: Closure, numbers: list[arb], test: Test, radius: float, bits: int
+    orbit: Orbit,
+    system: Closure,
+    numbers: list[arb],
+    test: Test,
+    radius: float,
+    digits: float,
+    bits: int,
 ) -> Certificate:
     doing("enclosing the multipliers")
-    found = _spectrum(orbit, system, test, bits)
+    found = _spectrum(orbit, system, test.numbers, digits, bits)
     names = [*system.names, *(f"lambda of the {name}" for name in system.integrals)]
     with precision(bits):
         complex_ones = [z for z in found.values if bool(z.imag > 0)]
@@ -139,10 +145,15 @@ def _certificate(
             proved=True,
             reason=_words(system),
             bits=bits,
+            digits=digits,
             radius=repr(radius),
             centre=tuple(_exact(numbers[i]) for i in system.unknowns),
             names=tuple(names[i] for i in system.unknowns),
-            held=tuple((system.names[i], system.values[i]) for i in system.held),
+            held=tuple(
+                (system.names[i], system.values[i])
+                for i in system.held
+                if system.drive is None or system.names[i] != "period"
+            ),
             period=_enclosed(system.period(test.numbers)),
             y0=tuple(_enclosed(x) for x in system.start(test.numbers)),
             multipliers=tuple((_enclosed(z.real), _enclosed(z.imag)) for z in found.values),
@@ -155,7 +166,7 @@ def _certificate(
         )
 
 
-def _spectrum(orbit: Orbit, system: Closure, test: Test, bits: int) -> Spectrum:
+def _spectrum(orbit: Orbit, system: Closure, numbers: list, digits: float, bits: int) -> Spectrum:
     scene = orbit.scene
     form = symplectic_form(scene, scene.y0)
     k = len(scene.y0)
@@ -163,9 +174,12 @@ def _spectrum(orbit: Orbit, system: Closure, test: Test, bits: int) -> Spectrum:
         # Of a state [q, v] with unit masses, if its forces have a potential.
         form = np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(k // 2))
     known = structure(
-        system, integrals_of(system, scene), _generators(scene), form if form is None else np.asarray(form)
+        system,
+        integrals_of(system, scene),
+        _generators(scene),
+        form if form is None else np.asarray(form),
     )
-    return spectrum(system, test, known, bits)
+    return spectrum(system, numbers, known, digits, bits)
 
 
 def _generators(scene: Scene) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -225,10 +239,14 @@ def _exact(x: arb) -> str:
 
 def _enclosed(x: arb) -> Enclosed:
     """A decimal midpoint and radius whose ball contains the ball."""
-    digits = 3 if not x.rad() > 0 else int(max(3, -math.log10(max(float(x.rad()), 1e-300)) + 3))
+    digits = (
+        int(DIGITS)
+        if not x.rad() > 0
+        else int(max(3, -math.log10(max(float(x.rad()), 1e-300)) + 3))
+    )
     with precision(8 * digits + 128):
         text = arb(x.mid()).str(digits + 4, radius=False)
         rad = (abs(x - arb(text)).upper()).str(3, radius=False)
-        # Rounded up: three digits are short by less than a part in a hundred.
-        rad = (arb(rad) * arb("1.01")).upper().str(3, radius=False) if arb(rad) > 0 else "0"
+        # Rounded up: three digits are short by half a part in a hundred at most, twice.
+        rad = (arb(rad) * arb("1.02")).upper().str(3, radius=False) if arb(rad) > 0 else "0"
     return Enclosed(text, rad)

@@ -17,9 +17,10 @@ import numpy as np
 
 from jaxdyn.balls.arithmetic import acb, arb, arb_mat, precision
 from jaxdyn.balls.identities import NoPolynomial
+from jaxdyn.balls.tube import Tube
 from orbits.proof import multipliers
 from orbits.proof.closure import Closure, product
-from orbits.proof.krawczyk import Test
+from orbits.proof.krawczyk import enclosed
 from orbits.proof.theorems import Theorems
 
 
@@ -51,11 +52,17 @@ class Structure:
     form: np.ndarray | None
 
 
-def spectrum(system: Closure, found: Test, known: Structure, bits: int) -> Spectrum:
-    """The non-trivial multipliers of a proved orbit."""
+def spectrum(
+    system: Closure, numbers: list, known: Structure, digits: float, bits: int
+) -> Spectrum:
+    """The non-trivial multipliers of an orbit whose numbers are enclosed."""
     with precision(bits):
-        matrix = _monodromy(system, found)
-        unit = 0 if system.drive is not None else _unit(system, found, known)
+        centre = [*numbers]
+        for i in system.unknowns:
+            centre[i] = numbers[i].mid()
+        found = enclosed(system, centre, numbers, digits, bits, digits)
+        matrix = _monodromy(system, found, numbers)
+        unit = 0 if system.drive is not None else _unit(system, numbers, known)
         values = multipliers.roots(multipliers.deflated(matrix, unit))
         values = multipliers.sorted_roots(values)
         if len(values) != system.field.k - unit:
@@ -80,18 +87,18 @@ def _on_circle(i: int, values: list[acb]) -> bool:
     return all(j == i or not reflected.overlaps(z) for j, z in enumerate(values))
 
 
-def _monodromy(system: Closure, found: Test) -> arb_mat:
+def _monodromy(system: Closure, found: Tube, numbers: list) -> arb_mat:
     k = system.field.k
-    part = arb_mat([row[:k] for row in found.tube.slopes.tolist()])
+    part = arb_mat([row[:k] for row in found.slopes.tolist()])
     if system.reversals is not None:
         here, there = (arb_mat(matrix.tolist()) for matrix in system.reversals)
         return (here * part.inv() * there * part) ** (system.parts // 2)
-    return (system.back(found.numbers) * part) ** system.parts
+    return (system.back(numbers) * part) ** system.parts
 
 
-def _unit(system: Closure, found: Test, known: Structure) -> int:
+def _unit(system: Closure, numbers: list, known: Structure) -> int:
     """A number of multipliers that are 1, proved."""
-    start = system.start(found.numbers)
+    start = system.start(numbers)
     flow = [arb(x) for x in system.field.rate(arb(0), start, [arb(0)] * system.field.n)]
     if not known.integrals:
         return int(_rank([flow]))
@@ -99,7 +106,7 @@ def _unit(system: Closure, found: Test, known: Structure) -> int:
     rows = [theorems.gradient(integral) for integral in known.integrals.values()]
     values = system.gradients(list(known.integrals.values()), start)
     chosen = _independent(values)
-    columns, numbers = [], []
+    directions = []
     for matrix, offset in known.generators:
         direction = theorems.direction(matrix, offset)
         if all(
@@ -107,10 +114,9 @@ def _unit(system: Closure, found: Test, known: Structure) -> int:
             or (system.generator is None and theorems.returns_to_zero(rows[i], direction))
             for i in chosen
         ):
-            columns.append(direction)
             moved = product(matrix, start)
-            numbers.append([x + arb(float(b)) for x, b in zip(moved, offset, strict=True)])
-    return len(chosen) + len(_independent([flow, *numbers]))
+            directions.append([x + arb(float(b)) for x, b in zip(moved, offset, strict=True)])
+    return len(chosen) + len(_independent([flow, *directions]))
 
 
 def _independent(vectors: list[list]) -> list[int]:
@@ -135,7 +141,8 @@ def structure(system: Closure, candidates: dict, generators: list, form) -> Stru
         theorems = Theorems.of(system.formulas)
         integrals = {n: i for n, i in candidates.items() if theorems.is_conserved(i)}
         symmetries = [pair for pair in generators if theorems.is_generator(*pair)]
-        kept = form if form is not None and theorems.keeps(form) else None
+        regular = form is not None and bool(abs(arb_mat(form.tolist()).det()) > 0)
+        kept = form if regular and theorems.keeps(form) else None
         return Structure(integrals, symmetries, kept)
     except NoPolynomial:
         return Structure({}, [], None)

@@ -84,9 +84,7 @@ class Theorems:
         time, *y = self._variables()
         there = self.ring.values(self._program, [time, *self._applied(matrix, y)])
         here = self._applied(matrix, self.rate)
-        return all(
-            self.ring.vanishes(a - sign * b) for a, b in zip(there, here, strict=True)
-        )
+        return all(self.ring.vanishes(a - sign * b) for a, b in zip(there, here, strict=True))
 
     def is_generator(self, matrix: np.ndarray, offset: np.ndarray) -> bool:
         """Whether the flow of y' = A y + b consists of symmetries: Df (A y + b) = A f."""
@@ -147,7 +145,9 @@ def missing(system: Closure) -> str:
         for name, integral in system.integrals.items():
             if not known.is_conserved(integral):
                 return f"that the {name} is conserved: its rate of change does not simplify to 0"
-        return _of_return(system, known) if system.reversals is None else _of_reversal(system, known)
+        return (
+            _of_return(system, known) if system.reversals is None else _of_reversal(system, known)
+        )
     except NoPolynomial as error:
         return f"an identity of formulas with {error}"
 

@@ -1,0 +1,79 @@
+"""Records of digits and proofs checked again, from the orbit and the record alone."""
+
+from typing import Any
+
+from jaxdyn.balls.arithmetic import arb, precision
+from orbits.orbit import Orbit
+from orbits.proof.certificate import Certificate
+from orbits.proof.posing import posed_closure
+from orbits.proof.proving import certified
+from orbits.proof.refinement import refine
+
+#: Numbers of a certificate that are enclosed, and those that are compared as they are.
+_ENCLOSED = ("period", "y0", "multipliers", "exponents")
+_SAME = ("proved", "names", "held", "verdict", "verdict_proved", "choreography")
+_BITS = 8000  # to compare decimal strings of up to 1000 digits
+
+
+def refined_mismatch(orbit: Orbit, record: dict[str, Any]) -> str:
+    """The first number of a refined orbit that does not come out again; "" if all do."""
+    again = refine(orbit, int(record["digits"])).as_json()
+    allowed = arb(10) ** (2 - int(record["digits"]))
+    for name in ("period", "y0", "multipliers", "exponents", "angle", "energy"):
+        if not _close(record[name], again[name], allowed):
+            return name
+    return "" if record["held"] == again["held"] else "held"
+
+
+def certificate_mismatch(orbit: Orbit, record: dict[str, Any]) -> str:
+    """What of a certificate is not proved again; "" if all is.
+
+    The test runs on the box of the record's centre and radius with the record's bits. Whatever the
+    record encloses must contain what is enclosed now.
+    """
+    if not record["proved"]:
+        return ""
+    again = _proved_again(orbit, record)
+    if not again.proved:
+        return f"proved ({again.reason})"
+    new = again.as_json()
+    for name in _SAME:
+        if new[name] != record[name]:
+            return name
+    return next((name for name in _ENCLOSED if not _contains(record[name], new[name])), "")
+
+
+def _proved_again(orbit: Orbit, record: dict[str, Any]) -> Certificate:
+    system = posed_closure(orbit)
+    bits = int(record["bits"])
+    with precision(bits):
+        numbers = system.centre()
+        for i, text in zip(system.unknowns, record["centre"], strict=True):
+            mantissa, exponent = map(int, text.split("*2^"))
+            numbers[i] = arb((mantissa, exponent))
+    radius, digits = float(record["radius"]), float(record["digits"])
+    return certified(orbit, system, numbers, radius, digits, bits=bits)
+
+
+def _close(claimed: Any, derived: Any, allowed: arb) -> bool:
+    if isinstance(derived, list):
+        same = isinstance(claimed, list) and len(claimed) == len(derived)
+        return same and all(_close(a, b, allowed) for a, b in zip(claimed, derived, strict=True))
+    if derived is None or claimed is None:
+        return claimed is derived
+    with precision(_BITS):
+        a, b = arb(claimed), arb(derived)
+        return bool(abs(a - b) <= allowed * (1 + abs(b)))
+
+
+def _contains(claimed: Any, derived: Any) -> bool:
+    if isinstance(derived, list):
+        same = isinstance(claimed, list) and len(claimed) == len(derived)
+        return same and all(_contains(a, b) for a, b in zip(claimed, derived, strict=True))
+    if isinstance(derived, dict) and "mid" not in derived:
+        return all(_contains(claimed[key], derived[key]) for key in derived)
+    if derived is None:
+        return claimed is None
+    with precision(_BITS):
+        gap = abs(arb(claimed["mid"]) - arb(derived["mid"])) + arb(derived["rad"])
+        return bool(gap.mid() <= arb(claimed["rad"]).mid() * (1 + arb(2) ** -60))

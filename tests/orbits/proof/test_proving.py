@@ -1,0 +1,190 @@
+"""Certificates of orbits: what is proved, what must not be, and against closed forms."""
+
+import dataclasses
+import functools
+import json
+
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+
+import jaxdyn
+import orbits
+from jaxdyn import scenes
+from jaxdyn.balls.arithmetic import arb
+from orbits.proof import checking
+from orbits.proof.posing import posed_closure
+from orbits.proof.proving import certified
+from orbits.proof.refinement import solved
+
+
+def _van_der_pol(mu=1.0, period=6.66):
+    rate = lambda t, y, p: [y[1], p["mu"] * (1 - y[0] ** 2) * y[1] - y[0]]  # noqa: E731
+    return jaxdyn.ode(rate, [2.0, 0.0], period, params={"mu": mu})
+
+
+@functools.cache
+def _swing():
+    return orbits.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta")
+
+
+@functools.cache
+def _cycle():
+    return orbits.find(_van_der_pol())
+
+
+def _contains(enclosed, exact: mpmath.mpf) -> bool:
+    return abs(mpmath.mpf(enclosed.mid) - exact) <= mpmath.mpf(enclosed.rad)
+
+
+def _exact_swing():
+    with mpmath.workdps(60):
+        return 4 * mpmath.ellipk(mpmath.sin(mpmath.mpf(1)) ** 2) / mpmath.sqrt(mpmath.mpf(9.81))
+
+
+def test_the_period_of_a_swing_is_enclosed_and_is_the_elliptic_integral():
+    proof = orbits.prove(_swing())
+    assert proof.proved
+    with mpmath.workdps(60):
+        assert _contains(proof.period, _exact_swing())
+        assert mpmath.mpf(proof.period.rad) < mpmath.mpf(10) ** -25
+    assert dict(proof.held) == {"theta": 2.0, "theta_dot": 0.0}
+
+
+def test_a_swing_that_retraces_its_path_needs_no_unfolding():
+    closing = orbits.reversal(orbits.time_reversal(2))
+    swing = orbits.find(scenes.pendulum(angle=2.0), period=2.7, closing=closing, hold="theta")
+    proof = orbits.prove(swing)
+    assert proof.proved
+    assert "unfolded" not in proof.reason
+    with mpmath.workdps(60):
+        assert _contains(proof.period, _exact_swing())
+
+
+@pytest.mark.slow
+def test_a_cycle_is_proved_with_its_multiplier():
+    proof = orbits.prove(_cycle())
+    assert proof.proved
+    assert (proof.verdict, proof.verdict_proved) == ("stable", True)
+    (real, imaginary) = proof.multipliers[0]
+    assert imaginary.mid == "0"
+    linear = orbits.stability(_cycle())
+    assert abs(float(real.mid) - linear.nontrivial[0].real) < linear.bars[0] + float(real.rad)
+
+
+@pytest.mark.slow
+def test_a_forced_oscillator_has_the_exact_period_of_its_drive():
+    def rate(t, y):
+        return [y[1], 0.3 * jnp.cos(1.25 * t) - 0.5 * y[1] - y[0] - y[0] ** 3]
+
+    scene = jaxdyn.ode(rate, [0.2, 0.0], 2 * np.pi / 1.25)
+    settled = jaxdyn.solve(scene, 30 * scene.t1).y1
+    proof = orbits.prove(orbits.find(scene, settled))
+    assert (proof.proved, proof.verdict) == (True, "stable")
+    with mpmath.workdps(60):
+        assert _contains(proof.period, 2 * mpmath.pi / mpmath.mpf(1.25))
+
+
+def _box_about(orbit, moved: float, radius: float, digits=30, bits=None):
+    system = posed_closure(orbit)
+    numbers, lost = solved(system, digits)
+    numbers[system.unknowns[0]] += arb(moved)
+    return certified(orbit, system, numbers, radius, digits + lost, bits=bits)
+
+
+def test_a_box_without_the_orbit_is_not_proved():
+    assert _box_about(_cycle(), 0.0, 1e-12).proved
+    assert not _box_about(_cycle(), 1e-8, 1e-12).proved
+
+
+def test_too_few_bits_prove_nothing():
+    proof = _box_about(_cycle(), 0.0, 1e-20, bits=53)
+    assert not proof.proved
+    assert "bits" in proof.reason or "Krawczyk" in proof.reason
+
+
+def test_a_near_return_is_not_proved():
+    # A spiral that closes to 1e-7 a turn, and never.
+    scene = jaxdyn.ode(lambda t, y: [y[1], -y[0] - 1e-8 * y[1]], [1.0, 0.0], 2 * np.pi)
+    near = dataclasses.replace(_cycle(), scene=scene)
+    proof = orbits.prove(near)
+    assert not proof.proved
+    assert proof.reason
+    with pytest.raises(orbits.SearchError):
+        orbits.prove(near, throw=True)
+
+
+@pytest.mark.slow
+def test_an_energy_that_is_conserved_only_in_doubles_is_not_taken():
+    def energy(t, y):
+        return 0.5 * y[1] ** 2 + 0.25 * y[0] ** 4 * (3 * (1 / 3 + 1e-16))
+
+    # 1/3 is a float, so the sum is not the potential of the force exactly.
+    scene = jaxdyn.ode(lambda t, y: [y[1], -(y[0] ** 3)], [1.0, 0.0], 7.4, energy=energy)
+    orbit = orbits.find(scene, hold="y0")
+    exact = jaxdyn.ode(
+        lambda t, y: [y[1], -(y[0] ** 3)],
+        [1.0, 0.0],
+        7.4,
+        energy=lambda t, y: 0.5 * y[1] ** 2 + 0.25 * y[0] ** 4,
+    )
+    assert orbits.prove(orbits.find(exact, hold="y0")).proved
+    assert orbits.prove(orbit).proved == (3 * (1 / 3 + 1e-16) == 1.0)
+
+
+@pytest.mark.slow
+def test_a_record_that_was_edited_does_not_come_out_again():
+    proof, digits = (f(_swing()).as_json() for f in (orbits.prove, orbits.refine))
+    assert checking.certificate_mismatch(_swing(), proof) == ""
+    assert checking.refined_mismatch(_swing(), digits) == ""
+    period = proof["period"]
+    for edit in (
+        {"period": period | {"mid": period["mid"][:-9] + "9" * 9}},
+        {"period": period | {"rad": "1e-60"}},
+        {"verdict": "unstable"},
+        {"centre": ["1*2^1", *proof["centre"][1:]]},
+    ):
+        assert checking.certificate_mismatch(_swing(), proof | edit).startswith(
+            "proved" if "centre" in edit else next(iter(edit))
+        )
+    edited = digits | {"period": digits["period"][:30]}
+    assert checking.refined_mismatch(_swing(), edited) == "period"
+
+
+@pytest.mark.slow
+def test_files_keep_digits_and_proofs(tmp_path):
+    path = tmp_path / "swing.json"
+    for found in (orbits.refine(_swing(), 40), orbits.prove(_swing())):
+        orbits.save(path, found)
+        assert orbits.verify(path)[1] == []
+    record = json.loads(path.read_text())
+    record["claims"]["certificate"]["period"]["rad"] = "1e-60"
+    path.write_text(json.dumps(record))
+    assert [m.name for m in orbits.verify(path)[1]] == ["certificate: period"]
+
+
+def test_states_on_constraints_are_refused():
+    body = orbits.find(scenes.free_body(), period=1.0, throw=False)
+    body = dataclasses.replace(body, outcome=orbits.Outcome.FOUND)
+    with pytest.raises(ValueError, match="constraints"):
+        orbits.prove(body)
+
+
+@pytest.mark.slow
+def test_the_eight_is_proved_to_exist_and_to_be_stable():
+    eight = orbits.find(scenes.three_body(), closing=orbits.choreography(3))
+    proof = orbits.prove(eight)
+    assert (proof.proved, proof.choreography, proof.verdict_proved) == (True, True, True)
+    assert proof.verdict == "stable"
+    known = sorted(orbits.stability(eight).exponents)
+    found = sorted(float(x.mid) for x in proof.exponents)
+    assert np.allclose(found, known, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_the_neighbour_of_the_eight_is_proved_to_be_another_orbit():
+    plain = orbits.find(scenes.three_body(), scenes.EIGHT_GUESS, scenes.EIGHT_GUESS_PERIOD)
+    proof = orbits.prove(plain)
+    assert (proof.proved, proof.choreography) == (True, False)
+    assert (proof.verdict, proof.verdict_proved) == ("unstable", True)
