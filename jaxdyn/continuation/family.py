@@ -36,7 +36,8 @@ class RestPoint:
       kind: kind of special point, if it is one.
       coefficient: at a fold the quadratic coefficient (0 at a cusp), at a Hopf point the first
         Lyapunov coefficient (0 at a Bautin point); at a branch point the quadratic one, 0 to
-        rounding at a pitchfork; NaN elsewhere.
+        rounding at a pitchfork; NaN elsewhere, and where the eigenvalue 0 is not simple, as in
+        conservative scenes.
       cubic: the cubic coefficient at a fold and at a branch point; NaN elsewhere.
       frequency: of the small oscillations at a Hopf point [rad per time]; NaN elsewhere.
     """

@@ -12,6 +12,8 @@ nested forward mode:
 Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, chapters 5 and 8.
 """
 
+import math
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -20,9 +22,13 @@ from jaxtyping import Array
 
 from jaxdyn.continuation.defining import Make, rate
 
+#: Product of unit null vectors below which the eigenvalue 0 is not simple, as in a conservative
+#: scene.
+_DEFECTIVE = 1e-8
+
 
 def null_form(make: Make, x: np.ndarray, a: np.ndarray) -> tuple[float, float]:
-    """The quadratic and the cubic coefficient at a simple eigenvalue 0.
+    """The quadratic and the cubic coefficient at a simple eigenvalue 0; NaN at a multiple one.
 
     Args:
       make: parameter -> scene.
@@ -33,6 +39,8 @@ def null_form(make: Make, x: np.ndarray, a: np.ndarray) -> tuple[float, float]:
     q, p = vt[-1], u[:, -1]
     # The sign of q is arbitrary: its largest entry is positive.
     q = q * np.sign(q[np.argmax(np.abs(q))])
+    if abs(p @ q) < _DEFECTIVE:
+        return math.nan, math.nan
     p = p / (p @ q)
     twice = np.asarray(_second(make, x, q, q))
     k = len(a)

@@ -20,6 +20,7 @@ from jaxdyn.continuation.family import Kind, RestPoint, rest_point_at
 from jaxdyn.continuation.normal_forms import first_lyapunov, null_form
 
 _HALVINGS = 25  # of the interval between two members
+_SHARE = 0.47  # of it to the next test: a symmetric branch point is often exactly half-way
 _OUTSIDE = 0.1  # of the interval: a solution beyond its ends by more belongs to another place
 _SAME_PLACE = 1e-6  # relative distance below which a fold and a branch point are one
 
@@ -34,7 +35,7 @@ def special_points(make: Make, a: RestPoint, b: RestPoint) -> list[RestPoint]:
     return sorted(kept, key=lambda point: float(a.tangent @ point.x))
 
 
-def between(make: Make, a: RestPoint, share: float, b: RestPoint) -> RestPoint | None:
+def _between(make: Make, a: RestPoint, share: float, b: RestPoint) -> RestPoint | None:
     """The member after a share of the way from one to another; None if there is none."""
     length = float(a.tangent @ (b.x - a.x))
     normal = np.stack([a.x + share * length * a.tangent, a.tangent])
@@ -50,12 +51,12 @@ def _located(make: Make, kind: Kind, a: RestPoint, b: RestPoint) -> RestPoint | 
     test = _TESTS[kind]
     for _ in range(_HALVINGS):
         left, right = test(a), test(b)
-        start = between(make, a, left / (left - right), b)
-        if start is not None:
-            solution = _solved(make, kind, start)
-            if solution is not None and _inside(a, b, solution.x[: len(a.x)]):
-                return _named(make, kind, a, solution)
-        middle = between(make, a, 0.5, b)
+        # On the chord: the equations of a rest point are singular at a branch point itself.
+        guess = a.x + left / (left - right) * (b.x - a.x)
+        solution = _solved(make, kind, rest_point_at(make, guess, a.tangent, np.nan))
+        if solution is not None and _inside(a, b, solution.x[: len(a.x)]):
+            return _named(make, kind, a, solution)
+        middle = _between(make, a, _SHARE, b)
         if middle is None:
             return None
         a, b = (a, middle) if test(middle) * left < 0 else (middle, b)

@@ -176,3 +176,18 @@ def test_pendulum_under_torque_folds_at_the_weight():
     fold = family.special[0]
     assert fold.kind == Kind.FOLD
     np.testing.assert_allclose([fold.parameter, fold.state[0]], [1.0, math.pi / 2], rtol=1e-12)
+
+
+def test_bead_on_a_turning_hoop_branches_where_the_eigenvalue_0_is_double():
+    # Conservative, and the test for the branch point is linear in p, so that it is hit exactly:
+    # theta = 0 loses stability at p = 1 to cos(theta) = 1 / p.
+    def rate(t, y, p):
+        return [y[1], jnp.sin(y[0]) * (p * jnp.cos(y[0]) - 1.0)]
+
+    family = jaxdyn.continue_equilibria(_of(rate, 2), 0.5, [0.0], within=(0, 2))
+    (point,) = family.special
+    assert point.kind == Kind.BRANCH
+    np.testing.assert_allclose(point.x, [0, 0, 1], atol=1e-12)
+    assert math.isnan(point.coefficient)
+    other = switch_branch(family, point, members=4)
+    np.testing.assert_allclose(np.cos(other.states[:, 0]) * other.parameters, 1.0, rtol=1e-12)
