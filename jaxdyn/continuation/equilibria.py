@@ -28,6 +28,7 @@ _TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
 _DEPENDENT = 1e-10  # smallest over largest singular value of equations that are dependent
 _ANYWHERE = (-np.inf, np.inf)
 _LATER = (0.0, 0.37, 1.3)  # times at which a drive acts, if there is one
+_ASIDE = 0.1  # of the start, for the same question
 
 
 def continue_equilibria(
@@ -163,8 +164,11 @@ def _first(make: Make, parameter: float, start, down: bool) -> RestPoint:
 
 
 def _driven(scene: Scene, y: np.ndarray) -> bool:
+    # Beside the start too: a shaken pendulum at rest feels no drive.
+    states = jnp.stack([y, y + _ASIDE])
+
     def by_time(t):
-        return jax.jacfwd(lambda t: scene.rate(t, y))(t)
+        return jax.jacfwd(lambda t: jax.vmap(lambda y: scene.rate(t, y))(states))(t)
 
     return bool(np.any(np.asarray(jax.jit(jax.vmap(by_time))(jnp.asarray(_LATER)))))
 

@@ -137,6 +137,12 @@ def test_driven_scenes_and_wrong_arguments_are_refused():
 
     with pytest.raises(ValueError, match="an autonomous scene"):
         jaxdyn.continue_equilibria(_of(driven, 1), 0.0, [0.0])
+
+    def shaken(t, y, p):
+        return [y[1], (p + jnp.cos(t)) * jnp.sin(y[0])]
+
+    with pytest.raises(ValueError, match="an autonomous scene"):
+        jaxdyn.continue_equilibria(_of(shaken, 2), 0.5, [0.0, 0.0])
     with pytest.raises(ValueError, match="1 entries"):
         jaxdyn.continue_equilibria(CUBIC, -5.0, [1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match="the lower one first"):
