@@ -7,6 +7,7 @@ from . import drawing as drawing
 from . import families as families
 from . import files as files
 from . import hybrid as hybrid
+from . import manifolds as manifolds
 from . import proof as proof
 from . import sections as sections
 from . import shooting as shooting
@@ -62,6 +63,8 @@ from .files.verify import verify as verify
 from .hybrid.legs import HybridOrbit as HybridOrbit
 from .hybrid.legs import Leg as Leg
 from .hybrid.search import find_hybrid as find_hybrid
+from .manifolds.manifold import manifold as manifold
+from .manifolds.strands import Manifold as Manifold
 from .orbit import Orbit as Orbit
 from .orbit import Outcome as Outcome
 from .orbit import SearchError as SearchError

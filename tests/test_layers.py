@@ -38,13 +38,20 @@ BELOW = {
     "orbits/analysis": ("orbits/shooting",),
     "orbits/proof": ("orbits/analysis",),
     "orbits/families": ("orbits/analysis",),
+    "orbits/manifolds": ("orbits/families",),
     "orbits/sections": ("orbits/analysis",),
     "orbits/discovery": ("orbits/analysis",),
     "orbits/hybrid": ("orbits/shooting",),
     "orbits/targets": ("orbits/shooting",),
     "orbits/tori": ("orbits/analysis",),
     "orbits/files": ("orbits/families", "orbits/proof"),
-    "orbits/drawing": ("orbits/files", "orbits/sections", "orbits/targets", "orbits/tori"),
+    "orbits/drawing": (
+        "orbits/files",
+        "orbits/manifolds",
+        "orbits/sections",
+        "orbits/targets",
+        "orbits/tori",
+    ),
     "orbits/cli": ("orbits/drawing", "orbits/discovery", "orbits/hybrid"),
 }
 

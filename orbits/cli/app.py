@@ -6,6 +6,7 @@ from orbits.cli.family import family_command
 from orbits.cli.figure_eight import figure_eight_command
 from orbits.cli.find import find_command
 from orbits.cli.loops import loops_command
+from orbits.cli.manifold import manifold_command
 from orbits.cli.prove import prove_command
 from orbits.cli.refine import refine_command
 from orbits.cli.search import search_command
@@ -34,6 +35,12 @@ add(
     loops_command,
     "orbits loops --plot loops.png",
     "orbits loops --n=-1 --turns 2 --loops 3 --plot one.png",
+)
+add(
+    app,
+    "manifold",
+    manifold_command,
+    "orbits manifold swing.json --kind unstable --time 10 --plot tubes.png",
 )
 add(app, "search", search_command, "orbits search --samples 2048 --table plane.jsonl")
 add(

@@ -1,0 +1,93 @@
+"""The command `orbits manifold`: the stable and unstable manifolds of a saved orbit."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import jaxdyn
+import orbits
+from jaxdyn import _arithmetic as arithmetic
+from jaxdyn._text import choice, fail, whole
+from jaxdyn.cli.screen import Screen, screen
+from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title, read
+
+STOPPED = 1  # exit code: no strand reached its end
+_KINDS = {"stable": ("stable",), "unstable": ("unstable",), "both": ("unstable", "stable")}
+
+
+def manifold_command(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="An orbit that --save wrote.", callback=read)
+    ],
+    kind: Annotated[str, typer.Option(help="stable, unstable or both.")] = "both",
+    until: Annotated[
+        str | None, typer.Option(metavar="NAME=LEVEL", help="End where an entry has this value.")
+    ] = None,
+    time: Annotated[float | None, typer.Option(help="Length of a strand, at most.")] = None,
+    strands: Annotated[int, typer.Option(help="Number of phases.")] = 40,
+    branch: Annotated[str, typer.Option(help="+, - or both.")] = "both",
+    error: Annotated[float, typer.Option(help="Wanted error of the starts.")] = 1e-8,
+    entries: Annotated[
+        str | None, typer.Option(metavar="NAME,NAME", help="What is drawn: two or three entries.")
+    ] = None,
+    plot: PlotOption = None,
+    title: TitleOption = None,
+    as_object: JsonOption = False,
+) -> None:
+    """The stable and unstable manifolds of a periodic orbit."""
+    check_title(title, plot)
+    whole("--strands", strands)
+    choice("--kind", kind, _KINDS)
+    with screen("following the manifolds", as_object) as out:
+        orbit = orbits.load(file)[0]
+        options = {"until": _section(orbit.scene, until), "time": time, "strands": strands}
+        found = [
+            orbits.manifold(orbit, each, branch=branch, error=error, **options)
+            for each in _KINDS[kind]
+        ]
+        _report(found, as_object, out)
+        if not any(one.ok.any() for one in found):
+            raise typer.Exit(STOPPED)
+        if plot:
+            shown = None if entries is None else tuple(entries.split(","))
+            with out.writing(plot, "drawn in"):
+                orbits.drawing.manifold(found, plot, entries=shown, title=title)
+
+
+def _section(scene: "jaxdyn.Scene", text: str | None):
+    """The event of NAME=LEVEL."""
+    if text is None:
+        return None
+    name, equals, level = text.partition("=")
+    try:
+        if not equals:
+            raise ValueError
+        value = arithmetic.value(level)
+    except ValueError:
+        raise fail("--until", "NAME=LEVEL, such as x=0", repr(text)) from None
+    names = [label for label, _ in scene.labels()]
+    return jaxdyn.integrate.events.Reaches(names.index(choice("--until", name, names)), value)
+
+
+def _report(found: list["orbits.Manifold"], as_object: bool, out: Screen) -> None:
+    if as_object:
+        out.result({"manifolds": [_as_json(one) for one in found]})
+        return
+    for one in found:
+        out.print(str(one))
+
+
+def _as_json(one: "orbits.Manifold") -> dict:
+    ends = [y if ok else None for y, ok in zip(one.ends.tolist(), one.ok.tolist(), strict=True)]
+    return {
+        "kind": one.kind,
+        "step_off": one.step_off,
+        "linear_error": one.linear_error,
+        "phases": one.phases.tolist(),
+        "branches": one.branches.tolist(),
+        "starts": one.starts.tolist(),
+        "ends": ends,
+        "times": one.ts.tolist(),
+        "status": one.status.tolist(),
+    }

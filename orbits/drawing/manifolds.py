@@ -1,0 +1,82 @@
+"""A picture of stable and unstable manifolds, with the orbits that they belong to."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxdyn import _checks, simulate
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
+from jaxdyn.drawing.solid import fill
+from jaxdyn.drawing.titles import heading
+from jaxdyn.files.image_files import picture_path
+from orbits.manifolds.strands import Manifold
+
+_COLOURS = {"unstable": PALETTE[1], "stable": PALETTE[0]}
+_WIDTH, _HEIGHT = 6.4, 5.6  # inches
+_SAMPLES, _RTOL = 400, 1e-10  # of the orbits
+
+
+def manifold(
+    found: Manifold | Sequence[Manifold],
+    path=None,
+    *,
+    entries: tuple[str, ...] | None = None,
+    title: str | None = None,
+) -> Figure:
+    """A picture of the strands of one or several manifolds, stable ones blue, unstable ones red.
+
+    Args:
+      found: what `orbits.manifold` returned, or several of one scene.
+      path: file to write, .png, .pdf or .svg.
+      entries: names of two or three entries of the state; the first two by default.
+      title: its title; the scene with its numbers by default, "" for none.
+    Raises:
+      ValueError: `entries` are not two or three names of entries, there is nothing to draw, or
+        `path` cannot be written.
+    """
+    path = picture_path(path)
+    several = [found] if isinstance(found, Manifold) else list(found)
+    if not any(one.ok.any() for one in several):
+        got = several[0].message if several else "none"
+        raise _checks.fail("found", "manifolds with strands that reached their end", got)
+    scene = several[0].scene
+    names = [name for name, _ in scene.labels()]
+    entries = tuple(names[:2]) if entries is None else tuple(entries)
+    for name in entries:
+        _checks.choice("entries", name, names)
+    if len(entries) not in (2, 3):
+        raise _checks.fail("entries", "two or three names", len(entries))
+    which = [names.index(name) for name in entries]
+    figure = blank(_WIDTH, _HEIGHT)
+    ax: Any = figure.add_subplot(projection="3d" if len(which) == 3 else None)
+    for one in several:
+        _draw(ax, one, which)
+    for one in {id(one.orbit): one for one in several}.values():
+        _draw_base(ax, one, which)
+    labels = [name if unit == "1" else f"{name} [{unit}]" for name, unit in scene.labels()]
+    ax.set(**{f"{axis}label": labels[i] for axis, i in zip("xyz", which, strict=False)})
+    ax.set_title(heading(title, [scene], _WIDTH), fontsize=10)
+    if len(which) == 2:
+        style(ax)
+    legend_below(figure, named(ax))
+    fill(figure)
+    return finished(figure, path)
+
+
+def _draw(ax, one: Manifold, which: list[int]) -> None:
+    """The strands."""
+    label = f"{one.kind} manifold"
+    for strand in one.samples[one.ok]:
+        ax.plot(*strand[:, which].T, color=_COLOURS[one.kind], lw=0.6, alpha=0.7, label=label)
+        label = "_"
+
+
+def _draw_base(ax, one: Manifold, which: list[int]) -> None:
+    """What the strands belong to."""
+    if one.orbit is None:
+        ax.plot(*one.base[:1, which].T, "o", color=INK, ms=5, label="rest point")
+        return
+    motion = simulate(one.orbit.scene, samples=_SAMPLES, rtol=_RTOL)
+    ax.plot(*np.asarray(motion.ys)[:, which].T, color=INK, lw=2.0, label="orbit")

@@ -1,0 +1,158 @@
+"""The linear part of a stable or unstable manifold: tangents along an orbit, or at a rest point.
+
+The stable manifold is the unstable one of the reversed motion, and it is computed so: integrated
+backwards its tangent grows, and rounding does not. Forwards it would be lost by the square of the
+multiplier.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene, _checks, _text
+from jaxdyn.analysis.linearize import linearize
+from jaxdyn.analysis.monodromy import end_and_derivative, tangents
+from orbits.analysis.stability import stability
+from orbits.motion import solved
+from orbits.orbit import Orbit
+
+#: Default kinds of manifolds, and the sense of time in which their strands leave.
+SENSES = {"unstable": 1.0, "stable": -1.0}
+_WEIGHT = 0.1  # of the largest entry of a vector: smaller ones do not tell its sign
+_REST = 1e-8  # relative rate below which a state is a rest point
+_REAL = 1e-9  # relative imaginary part below which an eigenvalue is real
+
+
+class Directions(NamedTuple):
+    """Where the strands of a manifold begin, to first order.
+
+    The map over `span` takes ``base + e * before`` to ``base + e * tangent``, to first order in e.
+
+    Attributes:
+      base: (n, k) states on the orbit, or the rest point.
+      times: (n,) times at which the motion passes them.
+      tangent: (n, k) unit tangents of the manifold.
+      before: (n, k) their preimages.
+      span: length of the map in time, negative for a stable manifold.
+      rate: rate at which the slowest of the directions grows in the sense of the strands.
+      multipliers: (m,) multipliers, or eigenvalues of a rest point, that the manifold belongs to.
+    """
+
+    base: np.ndarray
+    times: np.ndarray
+    tangent: np.ndarray
+    before: np.ndarray
+    span: float
+    rate: float
+    multipliers: np.ndarray
+
+
+def of_orbit(orbit: Orbit, kind: str, n: int, which: int, rtol: float) -> Directions:
+    """The tangents at n phases of an orbit, of the multiplier number `which`."""
+    found = stability(orbit)
+    sense, period = SENSES[kind], orbit.period
+    size, off = np.abs(found.nontrivial), found.bars
+    leaving = size - off > 1 if kind == "unstable" else size + off < 1
+    # The farthest from the circle first.
+    wanted = sorted(found.nontrivial[leaving], key=lambda z: -sense * abs(z))
+    value = _chosen(wanted, which, f"{kind} multiplier", "orbits.stability has all of them")
+    basis = tangents(orbit.scene, np.asarray(orbit.y0))
+    m = np.asarray(end_and_derivative(orbit.scene, sense * period, rtol)[1])
+    values, vectors = np.linalg.eig(basis.T @ m @ basis)
+    i = int(np.argmin(np.abs(values - (value if sense > 0 else 1 / value))))
+    v = _signed(basis @ vectors[:, i].real)
+    phases = np.arange(n) / n
+    ys, vs = _carried(orbit.scene, sense * period * phases, jnp.asarray(v), rtol)
+    vs = np.asarray(vs) / np.linalg.norm(vs, axis=1, keepdims=True)
+    growth = float(values[i].real)
+    return Directions(
+        base=np.asarray(ys),
+        times=sense * period * phases,
+        tangent=vs,
+        before=vs / growth,
+        span=sense * period,
+        rate=float(np.log(abs(growth))) / period,
+        multipliers=np.array([value]),
+    )
+
+
+def of_rest(scene: Scene, y, kind: str, n: int, which: int | None) -> Directions:
+    """The tangents at a rest point: two of a curve, n on a circle of a surface."""
+    y = np.asarray(_checks.array("orbit", y, scene.y0.shape, "A rest point is a state."))
+    rate = np.abs(np.asarray(scene.rate(jnp.zeros(()), jnp.asarray(y)))).max()
+    if rate > _REST * (1 + np.abs(y).max()):
+        remedy = "jaxdyn.analysis.equilibria finds rest points, `rest_point` polishes one."
+        raise _checks.fail("orbit", "a rest point", f"a state whose rate is {rate:.3g}", remedy)
+    near, sense = linearize(scene, y), SENSES[kind]
+    leaving = sense * near.eigenvalues.real > near.bars
+    basis = tangents(scene, y)
+    a = sense * basis.T @ near.jacobian @ basis
+    wanted = sorted(near.eigenvalues[leaving], key=lambda z: (-sense * z.real, -z.imag))
+    if which is not None:
+        chosen = np.array([_chosen(wanted, which, f"{kind} eigenvalue", "leave `which` out")])
+    elif 1 <= len(wanted) <= 2:
+        chosen = np.array(wanted)
+    else:
+        expected = f"a rest point with one or two {kind} eigenvalues, or `which` of them"
+        raise _checks.fail("orbit", expected, len(wanted))
+    plane = _invariant(a, sense * chosen)
+    b = plane.T @ a @ plane
+    turn = 2 * np.pi * np.arange(n) / n
+    around = np.stack([np.cos(turn), np.sin(turn)], axis=1) if len(b) == 2 else np.ones((1, 1))
+    slowest = float((sense * chosen.real).min())
+    values, w = np.linalg.eig(b)
+    back = ((w * np.exp(-values / slowest)) @ np.linalg.inv(w)).real
+    return Directions(
+        base=np.broadcast_to(y, (len(around), len(y))),
+        times=np.zeros(len(around)),
+        tangent=around @ (basis @ plane).T,
+        before=around @ (basis @ plane @ back).T,
+        span=sense / slowest,
+        rate=slowest,
+        multipliers=chosen,
+    )
+
+
+def _chosen(wanted: list, which: int, what: str, remedy: str) -> complex:
+    """The real one of this number."""
+    which = _checks.whole("which", which, 0)
+    if which >= len(wanted):
+        got = f"{len(wanted)} of them"
+        raise _checks.fail("orbit", f"{_text.counted(which + 1, what)} or more", got, remedy)
+    value = wanted[which]
+    if abs(value.imag) > _REAL * abs(value):
+        got = f"{value:.6g}"
+        raise _checks.fail("which", f"a real {what}", got, "Choose another with `which`.")
+    return value
+
+
+def _invariant(a: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """(d, m) orthonormal basis of the invariant subspace of these eigenvalues."""
+    values, vectors = np.linalg.eig(a)
+    picked = [int(np.argmin(np.abs(values - z))) for z in chosen]
+    v = vectors[:, picked]
+    # A complex pair spans the plane of the real and the imaginary part of one vector.
+    pair = len(chosen) == 2 and abs(chosen[0].imag) > _REAL * abs(chosen[0])
+    v = np.stack([v[:, 0].real, v[:, 0].imag], axis=1) if pair else v.real
+    u, r = np.linalg.qr(v)
+    u = u * np.sign(np.diag(r))
+    return _signed(u[:, 0])[:, None] if u.shape[1] == 1 else u
+
+
+def _signed(v: np.ndarray) -> np.ndarray:
+    """The unit vector along v whose first entry of weight is positive: the branch +1."""
+    size = np.abs(v)
+    return v * np.sign(v[np.argmax(size > _WEIGHT * size.max())]) / np.linalg.norm(v)
+
+
+@jax.jit
+def _carried(scene: Scene, ts: Array, v: Array, rtol) -> tuple[Array, Array]:
+    """(n, k) states at times ts, and the tangent v at the start carried along by the flow."""
+
+    def states(y):
+        return solved(scene.starting(y), ts[-1], ts=ts, rtol=rtol).ys
+
+    return jax.jvp(states, (scene.y0,), (v,))

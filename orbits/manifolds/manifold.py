@@ -1,0 +1,168 @@
+"""Stable and unstable manifolds of periodic orbits and rest points, as ensembles of strands."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene, Status, _checks, ensemble
+from jaxdyn.ensemble.crossings import EachCrossing
+from jaxdyn.integrate.events import Event
+from jaxdyn.scene import checked_scene
+from orbits.manifolds import step_off
+from orbits.manifolds.directions import SENSES, Directions, of_orbit, of_rest
+from orbits.manifolds.strands import Manifold
+from orbits.motion import solved
+from orbits.orbit import Orbit
+
+#: Default tolerance of the integrations.
+RTOL = 1e-12
+#: Default error of the linear starts [norm of a state].
+ERROR = 1e-8
+#: By default a strand lasts until its tangent has grown from the step-off to 1, and this often
+#: the time in which it grows e-fold more.
+_MORE = 3.0
+_BRANCHES = {"both": (1, -1), "+": (1,), "-": (-1,)}
+
+
+def manifold(
+    orbit: Orbit | Scene,
+    kind: str,
+    *,
+    until: Event | None = None,
+    crossings: int = 1,
+    time: float | None = None,
+    strands: int = 40,
+    branch: str = "both",
+    which: int | None = None,
+    error: float = ERROR,
+    samples: int = 200,
+    rtol: float = RTOL,
+    progress: bool = False,
+) -> Manifold:
+    """The stable or unstable manifold of an orbit or rest point, cut at a section or a time.
+
+    Strands begin a small step off the orbit along its Floquet vectors, which the variational flow
+    carries around it, or along the eigenvectors of a rest point. The step is as long as the wanted
+    error of this linear start allows. They run on all cores, those of a stable manifold backwards.
+
+    Args:
+      orbit: a periodic orbit, or a scene whose start is a rest point.
+      kind: "stable" or "unstable".
+      until: the section at which strands end; without one they end after `time`. Directions of
+        crossings are those along the strand, backwards for a stable manifold.
+      crossings: number of the crossing at which they end.
+      time: length of strands [time of the scene], with a section the longest; by default until
+        the linear growth reaches 1, and three times the e-folding time more.
+      strands: number of phases of the orbit, or of starts on the circle of a two-dimensional
+        manifold of a rest point; each has two strands, one of each branch, unless on a circle.
+      branch: "+", "-" or "both". On "+" the first entry of the vector at phase 0 grows (the first
+        that is not below a tenth of the largest).
+      which: number of the multiplier or eigenvalue, the fastest is 0; at a rest point by default
+        all of them, which may be two.
+      error: largest estimated distance of a start from the manifold [norm of a state].
+      samples: number of states on each strand.
+      rtol: relative tolerance of a step.
+      progress: show a bar.
+    Returns:
+      The strands, with starts, ends, samples, and a status each.
+    Raises:
+      ValueError: the orbit is none, not a rest point, or has no such multiplier; another argument
+        is out of its range.
+      SearchError: the error wanted is not reached.
+    Limits: host only. One-dimensional manifolds of the map over a period, with a real multiplier;
+      of rest points one or two dimensions. Orbits that close only after a rotation are refused.
+    Reference: Krauskopf et al. (2005), Int. J. Bifurcation Chaos 15, 763; Koon, Lo, Marsden & Ross
+      (2000), Chaos 10, 427.
+    Example:
+      >>> import orbits
+      >>> from jaxdyn import scenes
+      >>> upright = scenes.pendulum().starting([3.141592653589793, 0.0])
+      >>> out = orbits.manifold(upright, "unstable", time=3.0)
+      >>> len(out), bool(out.ok.all()), out.linear_error <= 1e-8
+      (2, True, True)
+    """
+    _checks.untraced("orbit", orbit, "Manifolds are computed on the host.")
+    _checks.choice("kind", kind, SENSES)
+    _checks.choice("branch", branch, _BRANCHES)
+    n, crossings = _checks.whole("strands", strands), _checks.whole("crossings", crossings)
+    samples = _checks.whole("samples", samples, 2)
+    error = float(_checks.positive("error", error, "It is a distance of states."))
+    scene = orbit.scene if isinstance(orbit, Orbit) else checked_scene(orbit)
+    if until is not None:
+        if not isinstance(until, Event):
+            raise _checks.fail("until", "an event", repr(until), "See jaxdyn.integrate.events.")
+        until.check(len(scene.y0))
+    near = _directions(orbit, kind, n, which, rtol)
+    circle = len(near.multipliers) > 1
+    signs = (1,) if circle else _BRANCHES[branch]
+    e, reached = step_off.chosen(scene, near, signs, error, rtol)
+    y0s, t0s = step_off.starts(scene, near, e, signs), np.tile(near.times, len(signs))
+    longest = (np.log(1 / min(e, 1.0)) + _MORE) / near.rate if time is None else time
+    longest = float(_checks.positive("time", longest, "It is the length of a strand."))
+    t1s = t0s + SENSES[kind] * longest
+    ts, ends, status = _run(scene, y0s, t0s, t1s, until, crossings, rtol, progress)
+    stops = np.where(status == Status.OK, ts, t0s)
+    sample_ts = t0s[:, None] + (stops - t0s)[:, None] * np.linspace(0.0, 1.0, samples)
+    states = np.array(_sampled(scene, t0s, y0s, sample_ts, rtol))
+    states[status != Status.OK] = np.nan
+    return Manifold(
+        scene=scene,
+        kind=kind,
+        orbit=orbit if isinstance(orbit, Orbit) else None,
+        base=np.tile(near.base, (len(signs), 1)),
+        phases=np.tile(_phases(near, circle), len(signs)),
+        branches=np.repeat(signs, len(near.base)),
+        multipliers=near.multipliers,
+        step_off=e,
+        linear_error=reached,
+        t0s=t0s,
+        starts=y0s,
+        ts=ts,
+        ends=ends,
+        status=status,
+        sample_ts=sample_ts,
+        samples=states,
+        rtol=float(rtol),
+    )
+
+
+def _directions(orbit: Orbit | Scene, kind: str, n: int, which, rtol: float) -> Directions:
+    if not isinstance(orbit, Orbit):
+        return of_rest(orbit, orbit.y0, kind, n, which)
+    if not orbit.ok:
+        raise _checks.fail("orbit", "a periodic orbit", orbit.outcome.name, orbit.message)
+    if orbit.closing.turns:
+        remedy = "Write the scene in axes that turn with the orbit."
+        raise _checks.fail("orbit", "one that closes without a rotation", "a relative one", remedy)
+    return of_orbit(orbit, kind, n, 0 if which is None else which, rtol)
+
+
+def _phases(near: Directions, circle: bool) -> np.ndarray:
+    n = len(near.base)
+    return np.arange(n) / n if circle else np.mod(near.times / abs(near.span), 1.0)
+
+
+def _run(scene: Scene, y0s, t0s, t1s, until: Event | None, crossings: int, rtol, progress):
+    """Times, states and statuses of the ends."""
+    if until is None:
+        ends = ensemble.run(scene, y0s, t1s, t0=t0s, rtol=rtol, progress=progress)
+        return ends.t, ends.y1, np.asarray(ends.status)
+    watch = EachCrossing(scene.field, until, jnp.asarray(crossings), crossings)
+    ends = ensemble.run(scene, y0s, t1s, t0=t0s, rtol=rtol, watch=watch, progress=progress)
+    status = np.array(ends.status)
+    few = (status == Status.OK) & (ends.seen.count < crossings)
+    status[few | ends.seen.lost] = Status.FEW_CROSSINGS
+    missed = status != Status.OK
+    ts = np.where(missed, ends.t, ends.seen.ts[:, crossings - 1])
+    return ts, np.where(missed[:, None], np.nan, ends.seen.ys[:, crossings - 1]), status
+
+
+@jax.jit
+def _sampled(scene: Scene, t0s: Array, y0s: Array, ts: Array, rtol) -> Array:
+    """(n, s, k) states at the times of each strand."""
+
+    def one(t0, y0, ts):
+        return solved(scene.starting(y0), ts[-1], t0=t0, ts=ts, rtol=rtol).ys
+
+    return jax.lax.map(lambda strand: one(*strand), (t0s, y0s, ts))
