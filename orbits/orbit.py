@@ -1,5 +1,7 @@
 """A periodic orbit: its closing error, and the outcome of the search for it."""
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -7,6 +9,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, _text
 from jaxdyn._text import counted
+from jaxdyn.solvers import RADAU9, Method
 from jaxdyn.status import Code
 from orbits.closing.closings import Closing
 from orbits.motion import logarithmic_period
@@ -63,6 +66,11 @@ class Outcome(Code):
         "closing error or in a collision, and Newton's method did not converge from there. Start "
         "elsewhere, or set bounds on the start and the period.",
     )
+    MESH_LIMIT = (
+        10,
+        "Collocation with its largest number of intervals leaves errors of its steps above the "
+        "goal. Raise goal, start closer, or find the orbit by shooting (collocation=False).",
+    )
 
 
 class SearchError(RuntimeError):
@@ -82,6 +90,9 @@ class Orbit(eqx.Module):
       angle: rotation of a relative orbit after one part of its period [rad], else 0.
       s_period: the period in logarithmic time (see `jaxdyn.analysis.regularised`) if close
         encounters are integrated in it, else None.
+      mesh: lengths of the intervals of collocation, as shares of the time that closes the orbit,
+        if it was found by that, else None.
+      stiff: whether its motion is integrated by a stiff method.
       shift: largest change of an entry of the start from the guess that `find` was given.
 
     Example:
@@ -102,6 +113,8 @@ class Orbit(eqx.Module):
     rtol: float
     angle: float = 0.0
     s_period: float | None = None
+    mesh: tuple[float, ...] | None = None
+    stiff: bool = eqx.field(static=True, default=False)
     shift: float = 0.0
 
     @_text.never_raising
@@ -129,6 +142,11 @@ class Orbit(eqx.Module):
         return float(self.scene.t1)
 
     @property
+    def solver(self) -> Method | None:
+        """What integrates its motion; None for the default."""
+        return RADAU9 if self.stiff else None
+
+    @property
     def ok(self) -> bool:
         """Whether it is an orbit."""
         return self.outcome == Outcome.FOUND
@@ -144,9 +162,8 @@ class Orbit(eqx.Module):
 def relocated(orbit: Orbit, scene: Scene) -> Orbit:
     """The same orbit elsewhere: rotated, scaled, shifted in time, over fewer periods."""
     s_period = None if orbit.s_period is None else logarithmic_period(scene)
-    return eqx.tree_at(
-        lambda o: (o.scene, o.s_period), orbit, (scene, s_period), is_leaf=lambda x: x is None
-    )
+    mesh = orbit.mesh if float(scene.t1) == orbit.period else None  # it spans one period
+    return dataclasses.replace(orbit, scene=scene, s_period=s_period, mesh=mesh)
 
 
 def gap(orbit: Orbit, end: Array, periods: int = 1) -> float:

@@ -204,6 +204,6 @@ def samples(orbit: Orbit, shift: float = 0.0) -> np.ndarray:
     """(SAMPLES, k) states over one period from a given time."""
     scene = orbit.scene
     if shift:
-        scene = scene.starting(solved(scene, shift, rtol=orbit.rtol).y1)
+        scene = scene.starting(solved(scene, shift, rtol=orbit.rtol, solver=orbit.solver).y1)
     ts = np.arange(SAMPLES) * orbit.period / SAMPLES
-    return np.asarray(solved(scene, orbit.period, ts=ts, rtol=orbit.rtol).ys)
+    return np.asarray(solved(scene, orbit.period, ts=ts, rtol=orbit.rtol, solver=orbit.solver).ys)

@@ -53,6 +53,7 @@ def closure(orbit: Orbit, *, periods: int = 1, rtol: float | None = None, solver
 def after(orbit: Orbit, periods: float, *, rtol: float, solver=None) -> SolveResult:
     """The motion after some periods, or a part of one, in plain or logarithmic time."""
     s = None if orbit.s_period is None else periods * orbit.s_period
+    solver = orbit.solver if solver is None else solver
     return advanced(orbit.scene, periods * orbit.period, s, rtol=rtol, solver=solver)
 
 
@@ -64,7 +65,9 @@ def growth(orbit: Orbit) -> float:
     """
     y0, rtol = np.asarray(orbit.y0), orbit.rtol
     whole = dataclasses.replace(Equations.of(orbit), closing=PLAIN)
-    if orbit.s_period is None:
+    if orbit.mesh is not None:
+        fine = whole
+    elif orbit.s_period is None:
         # Its encounters, if any, are moderate: cut inside one, the value is somewhat larger.
         even = (1 / SEGMENTS_MOST,) * SEGMENTS_MOST
         fine = dataclasses.replace(whole, shares=even, s_spans=None)
@@ -121,6 +124,8 @@ def _digits(error: float) -> float:
 
 def _other(orbit: Orbit):
     """A method that finding the orbit did not use: neither for the motion nor with tangents."""
+    if orbit.solver is not None:
+        return orbit.solver
     method = default_solver(orbit.scene)
     used = orbit.s_period is not None or VERNER9 in (method, method.for_tangents)
     return DOPRI8 if used else VERNER9

@@ -93,7 +93,7 @@ def conserved(orbit: Orbit) -> tuple[float | None, float | None]:
     moments = np.linspace(0.0, 1.0, _MOMENTS) ** 1.5
     if orbit.s_period is None:
         ts = orbit.period * moments
-        ys = solved(scene, orbit.period, ts=ts, rtol=orbit.rtol).ys
+        ys = solved(scene, orbit.period, ts=ts, rtol=orbit.rtol, solver=orbit.solver).ys
     else:
         ts, ys = at_s(scene, orbit.s_period * moments, orbit.rtol)
     ts, ys = np.asarray(ts), np.asarray(ys)
@@ -139,7 +139,8 @@ def permutation_error(orbit: Orbit) -> float:
     if not isinstance(system, FreePoints) or np.ptp(system.m) != 0 or len(system.m) < 2:
         return float("nan")
     n = len(system.m)
-    end = np.asarray(solved(orbit.scene, orbit.period / n, rtol=orbit.rtol).y1)
+    flow = solved(orbit.scene, orbit.period / n, rtol=orbit.rtol, solver=orbit.solver)
+    end = np.asarray(flow.y1)
     rings, y0 = choreography(n, system.d), np.asarray(orbit.y0)
     return min(float(np.abs(end - ring.symmetry.act(y0)).max()) for ring in rings)
 

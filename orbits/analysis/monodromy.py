@@ -1,14 +1,23 @@
 """The monodromy matrix of an orbit, rotated back for a relative orbit."""
 
+import dataclasses
+import functools
+
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Status, System
 from jaxdyn.analysis.monodromy import monodromy as monodromy
 from jaxdyn.analysis.monodromy import tangents as tangents
+from orbits.closing.closings import PLAIN
 from orbits.orbit import Orbit
+from orbits.shooting.collocation.steps import NODES, linearised_steps
+from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.segment import Piece, linearised_end
+
+_FEWER = 2  # nodes, for a second opinion on an orbit by collocation
 
 
 def returned(orbit: Orbit, rtol, basis: np.ndarray) -> tuple[np.ndarray, Status]:
@@ -29,12 +38,36 @@ def returned_map(orbit: Orbit, rtol) -> tuple[Array, Array]:
     The matrix is differentiable in the numbers of the orbit's scene.
     """
     scene, closing = orbit.scene, orbit.closing
-    whole = Piece(start=scene.y0, t0=0.0, span=scene.t1, parameter=0.0, s=orbit.s_period)
-    end, status, slopes = linearised_end(scene, whole, rtol)
+    if orbit.mesh is not None:
+        end, status, m = _by_collocation(orbit, rtol)
+    else:
+        end, status, m = _by_integration(orbit, rtol)
     plain = type(scene.system).difference is System.difference  # its derivative is the unit matrix
-    m = slopes.start if plain else _displacement(orbit, end) @ slopes.start
+    m = m if plain else _displacement(orbit, end) @ m
     # Not by solving: the inverse rotation is exact to rounding.
     return (_rotation_back(orbit) @ m if closing.turns else m), status
+
+
+def _by_integration(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
+    """The end of the period, the status, and the derivative (k, k) of the end by the start."""
+    scene = orbit.scene
+    whole = Piece(start=scene.y0, t0=0.0, span=scene.t1, parameter=0.0, s=orbit.s_period)
+    end, status, slopes = linearised_end(scene, whole, rtol)
+    return end, status, slopes.start
+
+
+def _by_collocation(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
+    """The same by the steps over the orbit's mesh; at a coarser tolerance with fewer nodes."""
+    parts = orbit.closing.parts
+    one = Equations.of(orbit)
+    shares = tuple(np.tile(one.shares, parts) / parts)
+    whole = dataclasses.replace(one, closing=PLAIN, shares=shares)
+    x = whole.spread(orbit.y0, orbit.period, orbit.rtol)
+    here = pieces(whole, x)
+    nodes = NODES if rtol <= orbit.rtol else NODES - _FEWER
+    found, slopes = linearised_steps(orbit.scene, here, make=None, nodes=nodes)
+    m = functools.reduce(lambda m, slope: slope @ m, np.asarray(slopes.start))
+    return found.end[-1], found.status.max(), jnp.asarray(m)
 
 
 @jax.jit

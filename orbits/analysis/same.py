@@ -7,6 +7,7 @@ they can be aligned (for free points by `alignment`), up to rounding.
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxdyn._checks import fail
 from jaxdyn.formulations.newton import FreePoints
@@ -43,7 +44,8 @@ def minimal_period(orbit: Orbit, tolerance: float = TOLERANCE) -> tuple[float, i
     parts = np.arange(_DIVISORS, 0, -1)
     system, y0 = orbit.scene.system, np.asarray(orbit.y0)
     ts = orbit.period / parts
-    ys = np.asarray(solved(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol).ys)
+    flow = solved(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol, solver=orbit.solver)
+    ys = np.asarray(flow.ys)
     size = float(np.abs(y0).max())
     for n, y in zip(parts, ys, strict=True):
         if np.abs(system.difference(y, y0)).max() <= tolerance * size:
@@ -82,7 +84,8 @@ def _missed(orbit: Orbit, shift: float) -> float:
     """Difference of the second period after a time from the first, relative to the size."""
     scene, period = orbit.scene, minimal_period(orbit)[0]
     ts = shift + np.arange(2 * SAMPLES) * period / SAMPLES
-    ys = np.asarray(solved(scene, ts[-1], ts=ts, rtol=orbit.rtol).ys).reshape(2, SAMPLES, -1)
+    flow = solved(scene, ts[-1], ts=ts, rtol=orbit.rtol, solver=orbit.solver)
+    ys = np.asarray(flow.ys).reshape(2, SAMPLES, -1)
     if isinstance(scene.system, FreePoints):
         first, second = (centred(y, np.asarray(scene.system.m)) for y in ys)
         return turned_distance(first, second)[0]
@@ -114,6 +117,10 @@ def _over(orbit: Orbit, period: float) -> Orbit:
     return relocated(orbit, orbit.scene.starting(orbit.y0, period))
 
 
+def _at(orbit: Orbit, t: float) -> Array:
+    return solved(orbit.scene, t, rtol=orbit.rtol, solver=orbit.solver).y1
+
+
 def _match_states(a: Orbit, b: Orbit) -> Match:
     """As `match_points` for other systems: the first start is sought on the second orbit."""
     system = a.scene.system
@@ -123,10 +130,10 @@ def _match_states(a: Orbit, b: Orbit) -> Match:
     off = np.array([np.linalg.norm(system.difference(jnp.asarray(y), start)) for y in ys])
     shift = float(ts[np.argmin(off)])
     for _ in range(_ROUNDS):
-        y = solved(b.scene, shift, rtol=b.rtol).y1 if shift else jnp.asarray(b.y0)
+        y = _at(b, shift) if shift else jnp.asarray(b.y0)
         rate = b.scene.rate(jnp.asarray(shift), y)
         shift -= float(system.difference(y, start) @ rate / (rate @ rate))
-    y = solved(b.scene, shift, rtol=b.rtol).y1
+    y = _at(b, shift)
     size = float(np.abs(ys).max())
     distance = float(jnp.abs(system.difference(y, start)).max()) / size
     return Match(

@@ -23,7 +23,8 @@ from orbits.analysis.stability import Stability, stability
 from orbits.closing.conditions import Hold, conditions
 from orbits.orbit import Orbit
 from orbits.shooting import newton
-from orbits.shooting.equations import Equations, residual_at
+from orbits.shooting.equations import Equations, errors, pieces
+from orbits.shooting.segment import end_of
 from orbits.shooting.segmentation import cut
 
 #: Multipliers closer to each other than this many of their error bars may coincide.
@@ -101,6 +102,8 @@ def differentiable(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> Differenti
     """
     if not orbit.ok:
         raise fail("orbit", "an orbit that closes", orbit.message, "find() one first.")
+    if orbit.mesh is not None:
+        raise fail("orbit", "an orbit found by shooting", "one by collocation")
     guess = np.append(np.asarray(orbit.y0), orbit.period)
     known = cut(
         Equations.of(orbit, conditions(orbit.scene, hold)), guess, orbit.rtol, None, orbit.angle
@@ -114,10 +117,18 @@ def differentiable(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> Differenti
     return DifferentiableOrbit(own.starting(y0, period), angle, orbit)
 
 
+def _residual(equations: Equations, x: Array, rtol) -> Array:
+    """(m,) the residual at x, differentiable in every number of the equations."""
+    here = pieces(equations, x)
+    each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(equations.segments)]
+    ends = [end_of(equations.scene, equations.make, piece, rtol).y1 for piece in each]
+    return errors(equations, x, here.start, jnp.stack(ends))
+
+
 @jax.jit
 def _implicit(equations: Equations, x, inverse, rtol) -> tuple[Array, Array, Array]:
     """Start, period and angle at x, with their derivatives by the implicit function theorem."""
-    miss = residual_at(equations, x, rtol)
+    miss = _residual(equations, x, rtol)
     x = x - inverse @ (miss - jax.lax.stop_gradient(miss))
     unknowns = equations.unpack(x)
     return equations.start(x), unknowns.period, unknowns.angle

@@ -128,9 +128,10 @@ def stability(
         if throw:
             raise IntegrationError(explained(status, scene))
         return _unknown(len(m), status)
-    kernel, reasons = trivial.kernel(scene, y0, m, basis)
+    doubt = float(np.linalg.norm(m - coarse))
+    kernel, reasons = trivial.kernel(scene, y0, m, doubt, basis)
     along = np.zeros((len(y0), 0)) if along is None else along
-    q, generators = trivial.complement(scene, m, kernel, basis, along)
+    q, generators = trivial.complement(scene, m, doubt, kernel, basis, along)
     reduced = q.T @ m @ q
     # The rounding error is that of the whole matrix.
     error = uncertainty(reduced, q.T @ coarse @ q, rtol) + ROUNDING * norm(m)

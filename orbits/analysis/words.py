@@ -65,7 +65,7 @@ def _sampled(orbit: Orbit) -> np.ndarray:
     """
     ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
     for _ in range(_REFINEMENTS):
-        flow = solved(orbit.scene, orbit.period, ts=ts, rtol=1e-12)
+        flow = solved(orbit.scene, orbit.period, ts=ts, rtol=1e-12, solver=orbit.solver)
         raise_unless_ok(flow.status, orbit.scene)
         ys = np.asarray(flow.ys)
         r, v = (ys[:, i : i + 6].reshape(-1, 3, 2) for i in (0, 6))

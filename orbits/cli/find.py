@@ -24,6 +24,15 @@ from orbits.cli.shared import SaveOption, draw, not_found, printed
 
 _CLOSINGS = ("plain", "choreography", "relative", "reversal")
 
+_MeshOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--collocation/--shooting",
+        help="Solve on an adaptive mesh, for stiff or very unstable orbits; by default where "
+        "integrations take too many steps.",
+    ),
+]
+
 
 def find_command(
     name: SceneArgument,
@@ -43,6 +52,7 @@ def find_command(
     rough: Annotated[
         bool, typer.Option("--rough", help="Descend from a rough guess before Newton's method.")
     ] = False,
+    collocation: _MeshOption = None,
     plot: PlotOption = None,
     title: TitleOption = None,
     animate: AnimateOption = None,
@@ -63,6 +73,7 @@ def find_command(
             hold=hold or (),
             segments=segments,
             rough=rough,
+            collocation=collocation,
             report=printed(out),
         )
         if not orbit.ok:

@@ -29,6 +29,7 @@ def searched(
     hold: Sequence[str] = (),
     segments: int | None = None,
     rough: bool = False,
+    collocation: bool | None = None,
     report: Callable[[Iteration], None] = lambda step: None,
 ) -> Orbit:
     """The orbit near a scene's own start, or the best iterate and the reason.
@@ -41,6 +42,7 @@ def searched(
       hold: names of entries of the scene's start that the orbit's start keeps.
       segments: see `find`.
       rough: see `find`.
+      collocation: see `find`.
       report: see `find`.
     Raises:
       ValueError: no close return to begin with, or what `find` refuses.
@@ -48,7 +50,14 @@ def searched(
     several = (closing,) if isinstance(closing, Closing) else tuple(closing)
     held = (*hold, *(() if energy is None else (Energy(energy),)))
     near = functools.partial(
-        find, scene, closing=several, hold=held, segments=segments, report=report, throw=False
+        find,
+        scene,
+        closing=several,
+        hold=held,
+        segments=segments,
+        collocation=collocation,
+        report=report,
+        throw=False,
     )
     if period is not None:
         return near(None, period, rough=rough)

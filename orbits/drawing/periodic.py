@@ -80,7 +80,7 @@ def orbits(
 
 def _one_period(orbit):
     scene = orbit.scene.starting(orbit.y0, orbit.period)
-    return simulate(scene, samples=_SAMPLES, rtol=_RTOL)
+    return simulate(scene, samples=_SAMPLES, rtol=_RTOL, solver=orbit.solver)
 
 
 def _checked_titles(found: Sequence, titles) -> Sequence[str]:

@@ -26,7 +26,8 @@ from jaxdyn.analysis import energy
 from orbits.families.family import Kind, Member
 from orbits.families.steps import next_member
 from orbits.families.surface import Surface
-from orbits.shooting.equations import Equations, size_and_speed
+from orbits.shooting.equations import Equations
+from orbits.shooting.outcomes import size_and_speed
 
 #: Relative to 1 + |value|: an integral that changes less along the family is constant.
 _CONSTANT = 1e-11

@@ -14,7 +14,7 @@ from orbits.closing.symmetry import rate
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton, trivial
 from orbits.shooting.equations import Equations
-from orbits.shooting.finding import orbit_at
+from orbits.shooting.outcomes import orbit_at
 
 _CORRECTIONS = 8  # Newton steps from a predicted point; more mean that the step was too long
 _KERNEL = 1e-6  # relative: singular values below are directions of the surface

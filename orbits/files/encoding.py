@@ -18,7 +18,8 @@ from orbits.closing.given import check_drive, driven
 from orbits.closing.symmetry import Symmetry
 from orbits.orbit import Orbit, Outcome
 
-KEYS = {"scene", "closing", "angle", "rtol", "s_period"}
+KEYS = {"scene", "closing", "angle", "rtol", "s_period", "mesh", "stiff"}
+_WHOLE = 1e-9  # largest difference of the sum of a mesh's intervals from 1
 #: Modules of the classes that a file may name, looked up among those that are loaded.
 LOADED = (effects, scenes)
 #: Base classes of the parts of a scene.
@@ -38,6 +39,8 @@ def encode(orbit: Orbit) -> dict[str, Any]:
         "angle": float(orbit.angle),
         "rtol": float(orbit.rtol),
         "s_period": orbit.s_period,
+        "mesh": None if orbit.mesh is None else list(orbit.mesh),
+        "stiff": orbit.stiff,
     }
 
 
@@ -54,6 +57,9 @@ def decode(record: dict[str, Any]) -> Orbit:
         numbers = isinstance(angle, float | int) and isinstance(rtol, float | int)
         if not (s_period is None or (isinstance(s_period, float) and 0 < s_period < math.inf)):
             raise fail("file", "a span of logarithmic time > 0, or null", s_period, DAMAGED)
+        mesh, stiff = _mesh(record["mesh"]), record["stiff"]
+        if not isinstance(stiff, bool):
+            raise fail("file", "true or false for `stiff`", stiff, DAMAGED)
         if not (numbers and 0 < rtol < 1 and float(scene.t1) > 0 and math.isfinite(angle)):
             raise fail("file", "a period > 0 and 0 < rtol < 1", "others", DAMAGED)
     except (KeyError, TypeError, AttributeError, IndexError) as error:
@@ -68,7 +74,19 @@ def decode(record: dict[str, Any]) -> Orbit:
         rtol=float(rtol),
         angle=float(angle),
         s_period=s_period,
+        mesh=mesh,
+        stiff=stiff,
     )
+
+
+def _mesh(record: Any) -> tuple[float, ...] | None:
+    if record is None:
+        return None
+    shares = tuple(record) if isinstance(record, list) else ()
+    valid = len(shares) > 1 and all(isinstance(share, float) and share > 0 for share in shares)
+    if not (valid and abs(sum(shares) - 1) < _WHOLE):
+        raise fail("file", "lengths > 0 of intervals, of sum 1, or null", "others", DAMAGED)
+    return shares
 
 
 def _scene(record: Any) -> Scene:

@@ -23,12 +23,14 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._floats import as_float
+from jaxdyn.solvers import RADAU9
 from orbits.closing.closings import Closing
 from orbits.closing.conditions import Condition
 from orbits.closing.given import TIMES, driven
 from orbits.motion import advanced
 from orbits.orbit import Orbit
-from orbits.shooting.segment import MAX_STEPS, Make, Piece, end_of, linearised_end, scene_of
+from orbits.shooting.collocation import steps
+from orbits.shooting.segment import MAX_STEPS, Make, Piece, linearised_end, scene_of
 
 
 class Unknowns(NamedTuple):
@@ -69,6 +71,8 @@ class Equations(eqx.Module):
       s_spans: (segments,) spans of logarithmic time; None in plain time.
       driven: whether the rate depends on time; then each segment starts at its own time, and the
         rate must repeat after the period.
+      collocated: whether a segment is one step of Gauss collocation instead of an integration.
+      stiff: whether motions are integrated by a stiff method, for first guesses.
     """
 
     scene: Scene
@@ -78,12 +82,18 @@ class Equations(eqx.Module):
     shares: tuple[float, ...] = (1.0,)
     s_spans: tuple[float, ...] | None = None
     driven: bool = eqx.field(static=True, default=False)
+    collocated: bool = eqx.field(static=True, default=False)
+    stiff: bool = eqx.field(static=True, default=False)
 
     @classmethod
     def of(cls, orbit: Orbit, conditions: tuple[Condition, ...] = (), make: Make | None = None):
-        """The equations of a known orbit, in one segment."""
+        """The equations of a known orbit, on its mesh or in one segment."""
         spans = None if orbit.s_period is None else (orbit.s_period / orbit.closing.parts,)
+        collocated = orbit.mesh is not None
         return cls(
+            shares=orbit.mesh if collocated else (1.0,),
+            collocated=collocated,
+            stiff=orbit.stiff,
             scene=orbit.scene,
             closing=orbit.closing,
             conditions=conditions,
@@ -140,18 +150,24 @@ class Equations(eqx.Module):
     def spread(self, y0, period, rtol, angle=0.0, parameter=0.0) -> np.ndarray:
         """x of a motion; the states between segments are those that it passes."""
         scene = self.scene_at(as_float(parameter)).starting(y0)
+        solver = RADAU9 if self.stiff else None
         between, t = [], 0.0
         # Sequentially: a program for all samples would recompile for each number of them.
         for share, s in zip(self.shares[:-1], self._spans, strict=False):
             t0 = t if self.driven else 0.0
             span = share * period / self.closing.parts
-            scene = scene.starting(advanced(scene, span, s, t0=t0, rtol=rtol).y1)
+            end = advanced(scene, span, s, t0=t0, rtol=rtol, solver=solver)
+            scene = scene.starting(end.y1)
             between.append(np.asarray(scene.y0))
             t += span
         return self.pack(y0, between, angle=angle, parameter=parameter, period=period)
 
     def transitions(self, y0, period, rtol, parameter=0.0) -> np.ndarray:
         """(segments, k, k) derivative of each segment's end by its start, along one motion."""
+        if self.collocated:
+            return np.asarray(
+                self(self.spread(y0, period, rtol, parameter=parameter), rtol).transitions
+            )
         y, t, maps = jnp.asarray(y0, float), 0.0, []
         for share, s in zip(self.shares, self._spans, strict=True):
             span = share * period / self.closing.parts
@@ -195,6 +211,9 @@ class Equations(eqx.Module):
         if not x[-1] > 0:  # the period must be positive
             x = np.where(np.arange(len(x)) == len(x) - 1, np.nan, x)
         here = jax.tree.map(np.asarray, pieces(self, x))
+        if self.collocated:
+            found, slopes = steps.linearised_steps(self.scene, here, make=self.make)
+            return self._evaluation(x, here, found.end, found.status, slopes)
         # One compiled program for any number of segments, run in threads on all cores.
         each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(self.segments)]
         integrate = functools.partial(
@@ -206,18 +225,13 @@ class Equations(eqx.Module):
             with ThreadPoolExecutor(self.segments) as threads:
                 found = list(threads.map(integrate, each))
         ends, status, slopes = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
+        return self._evaluation(x, here, ends, status, slopes)
+
+    def _evaluation(self, x, here: Piece, ends, status, slopes: Piece) -> Evaluation:
         residual, jacobian = map(np.asarray, linearised(self, x, here, ends, slopes))
         return Evaluation(
             residual=residual, jacobian=jacobian, transitions=slopes.start, status=status.max()
         )
-
-
-@jax.jit
-def size_and_speed(equations: Equations, x: Array) -> tuple[Array, Array]:
-    """Largest entry of the start at x, and the norm of the rate there."""
-    y0 = equations.start(x)
-    scene = equations.scene_at(equations.unpack(x).parameter)
-    return jnp.abs(y0).max(), jnp.linalg.norm(scene.rate(jnp.zeros(()), y0))
 
 
 @jax.jit
@@ -244,34 +258,35 @@ def linearised(equations: Equations, x: Array, here: Piece, ends: Array, slopes:
         by_x = jnp.sum(slopes.start * change.start[:, None, :], axis=-1)
         by_x = by_x + slopes.span * change.span[:, None] + slopes.t0 * change.t0[:, None]
         by_x = by_x + slopes.parameter * change.parameter[:, None]
-        errors = _errors(equations, x, here.start + change.start, ends + by_x)
-        return errors, errors
+        value = errors(equations, x, here.start + change.start, ends + by_x)
+        return value, value
 
     jacobian, value = jax.jacfwd(residual, has_aux=True)(x)
     return value, jacobian
 
 
-def residual_at(equations: Equations, x: Array, rtol) -> Array:
-    """(m,) the residual at x, differentiable in every number of the equations."""
-    here = pieces(equations, x)
-    each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(equations.segments)]
-    ends = [end_of(equations.scene, equations.make, piece, rtol).y1 for piece in each]
-    return _errors(equations, x, here.start, jnp.stack(ends))
-
-
-def _errors(equations: Equations, x: Array, starts: Array, ends: Array) -> Array:
+def errors(equations: Equations, x: Array, starts: Array, ends: Array) -> Array:
+    """(m,) the residual at x from the starts and ends (n, k) of the segments."""
     unknowns = equations.unpack(x)
     scene = equations.scene_at(unknowns.parameter)
-    system, closing = scene.system, equations.closing
+    system = scene.system
     joints = jax.vmap(system.difference)(ends[:-1], starts[1:])
     # In a fast close encounter the rounding of a joint is relative to the size of its state.
     sizes = jax.lax.stop_gradient(jnp.maximum(jnp.abs(ends[:-1]).max(axis=1), 1.0))
     joints = (joints / sizes[:, None]).ravel()
-    last = closing.miss(system, ends[-1], starts[0], unknowns.angle)
-    more = [c.value(scene, starts[0], unknowns.period) for c in equations.conditions]
+    return jnp.append(joints, boundary(equations, x, starts[0], ends[-1]))
+
+
+@jax.jit
+def boundary(equations: Equations, x: Array, start: Array, end: Array) -> Array:
+    """(m,) the equations besides the joints: closing, conditions, and the period of a drive."""
+    unknowns = equations.unpack(x)
+    scene = equations.scene_at(unknowns.parameter)
+    miss = equations.closing.miss(scene.system, end, start, unknowns.angle)
+    more = [c.value(scene, start, unknowns.period) for c in equations.conditions]
     if equations.driven:
-        more.append(_drive(scene, starts[0], unknowns.period))
-    return jnp.concatenate([joints, last, *(jnp.reshape(c, -1) for c in more)])
+        more.append(_drive(scene, start, unknowns.period))
+    return jnp.concatenate([miss, *(jnp.reshape(c, -1) for c in more)])
 
 
 def _drive(scene: Scene, y: Array, period: Array) -> Array:

@@ -8,22 +8,20 @@ import equinox as eqx
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import positive, whole
-from jaxdyn.integrate.spans import tolerances
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Hold
 from orbits.closing.given import Problem, posed
-from orbits.motion import attracts, logarithmic_period, solved
+from orbits.motion import attracts, solved
 from orbits.orbit import Orbit, Outcome, SearchError
 from orbits.shooting import newton
+from orbits.shooting.collocation.search import on_mesh, suits
 from orbits.shooting.descent import descended
+from orbits.shooting.effort import GOAL, RTOL, Effort
 from orbits.shooting.equations import Equations
-from orbits.shooting.outcomes import Trouble, outcome_of
+from orbits.shooting.outcomes import Trouble, orbit_at, outcome_of
 from orbits.shooting.retimed import retimed
 from orbits.shooting.segmentation import SEGMENTS_MOST, cut, needed, with_segments
 
-RTOL = 1e-14
-GOAL = 1e-12
 #: Of the goal: with attracting bodies in plain time, a larger residual is rounding that more
 #: segments can reduce.
 _CLEAN_SHARE = 0.1
@@ -33,22 +31,6 @@ _RECUTS_MOST = 6
 _SPAN_MISMATCH = 0.01
 #: Residual below which Newton's method stalls for no other reason than rounding.
 _ROUNDING_STALLS = 1e-6
-
-
-@dataclasses.dataclass(frozen=True)
-class Effort:
-    """Accuracy and iteration limit of a search; see `find`."""
-
-    goal: float
-    rtol: float
-    max_iterations: int
-    report: Callable[[newton.Iteration], None]
-
-    def check(self) -> None:
-        """Raise ValueError unless goal > 0, 0 < rtol < 1 and max_iterations >= 0."""
-        positive("goal", self.goal, "It is the largest closing error of an orbit.")
-        tolerances(self.rtol, None)  # jitted code cannot raise
-        whole("max_iterations", self.max_iterations, least=0)
 
 
 def find(
@@ -64,6 +46,7 @@ def find(
     goal: float = GOAL,
     rtol: float = RTOL,
     rough: bool = False,
+    collocation: bool | None = None,
     max_iterations: int = 60,
     report: Callable[[newton.Iteration], None] = lambda iteration: None,
     throw: bool = True,
@@ -90,6 +73,9 @@ def find(
         segments, if that is larger; `Orbit.residual` says which it was.
       rtol: tolerance of the integrations.
       rough: descend on the closing error (optax, Adam) from the guess before Newton's method.
+      collocation: solve by Gauss collocation on an adaptive mesh instead of integrations, for
+        orbits that are stiff or very unstable; None: where integrations reach their step limit.
+        Unless something fixes the start, the orbit then starts where it is slow.
       max_iterations: Newton steps at most.
       report: called with an `Iteration` after each step, those of the descent too.
       throw: raise if no orbit was found; with False look at `Orbit.outcome`.
@@ -119,10 +105,15 @@ def find(
         conditions=problem.conditions,
         driven=problem.driven,
     )
-    if rough:
+    if collocation:
+        orbit = on_mesh(problem, equations, effort, segments, rough)
+    elif rough:
         orbit = _closed_from_afar(problem, equations, angle, segments, effort)
     else:
         orbit = _closed(problem, equations, angle, segments, effort)
+    if collocation is None and orbit.outcome == Outcome.STEP_LIMIT and suits(equations):
+        meshed = on_mesh(problem, equations, effort)
+        orbit = meshed if meshed.ok else orbit
     if throw and not orbit.ok:
         raise SearchError(orbit.message)
     shift = np.abs(scene.system.difference(orbit.y0, problem.scene.y0)).max()
@@ -242,32 +233,6 @@ def _solved(equations: Equations, x: np.ndarray, problem: Problem, effort: Effor
         outcome=outcome_of(equations, result, trouble, effort.rtol),
         iterations=result.iterations,
         rtol=effort.rtol,
-    )
-
-
-def orbit_at(
-    equations: Equations,
-    x: np.ndarray,
-    *,
-    residual: float,
-    outcome: Outcome,
-    iterations: int,
-    rtol: float,
-) -> Orbit:
-    """The orbit at a point x of the unknowns."""
-    unknowns = equations.unpack(x)
-    scene = equations.scene_at(unknowns.parameter)
-    scene = scene.starting(equations.start_at(x), unknowns.period)
-    return Orbit(
-        scene=scene,
-        closing=equations.closing,
-        residual=residual,
-        outcome=outcome,
-        iterations=iterations,
-        rtol=rtol,
-        angle=float(unknowns.angle),
-        # Not the span of the equations, which is that of the guess.
-        s_period=None if equations.s_spans is None else logarithmic_period(scene),
     )
 
 

@@ -1,11 +1,14 @@
 """How an iteration ended: at an orbit, at a trivial solution, at the rounding level, or early."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxdyn import Status
-from orbits.motion import solved
-from orbits.orbit import Outcome
-from orbits.shooting.equations import Equations, size_and_speed
+from orbits.motion import logarithmic_period, solved
+from orbits.orbit import Orbit, Outcome
+from orbits.shooting.equations import Equations
 from orbits.shooting.newton import Result
 from orbits.shooting.segment import MAX_STEPS
 from orbits.shooting.segmentation import SEGMENTS_MOST
@@ -46,6 +49,14 @@ class Trouble:
         return float(size), float(speed) * x[-1]
 
 
+@jax.jit
+def size_and_speed(equations: Equations, x: Array) -> tuple[Array, Array]:
+    """Largest entry of the start at x, and the norm of the rate there."""
+    y0 = equations.start(x)
+    scene = equations.scene_at(equations.unpack(x).parameter)
+    return jnp.abs(y0).max(), jnp.linalg.norm(scene.rate(jnp.zeros(()), y0))
+
+
 def outcome_of(equations: Equations, result: Result, trouble: Trouble, rtol: float) -> Outcome:
     """How Newton's method on the closing equations ended."""
     if not np.isfinite(result.residual).all():
@@ -79,3 +90,31 @@ def _at_rounding(equations: Equations, result: Result, rtol: float) -> bool:
     signs = np.where(np.arange(len(result.x)) % 2, 1.0, -1.0)
     rounded = equations(result.x * (1 + unit * signs), rtol).residual
     return bool(left <= _ROUNDING_FACTOR * np.abs(rounded - result.residual).max())
+
+
+def orbit_at(
+    equations: Equations,
+    x: np.ndarray,
+    *,
+    residual: float,
+    outcome: Outcome,
+    iterations: int,
+    rtol: float,
+) -> Orbit:
+    """The orbit at a point x of the unknowns."""
+    unknowns = equations.unpack(x)
+    scene = equations.scene_at(unknowns.parameter)
+    scene = scene.starting(equations.start_at(x), unknowns.period)
+    return Orbit(
+        scene=scene,
+        closing=equations.closing,
+        residual=residual,
+        outcome=outcome,
+        iterations=iterations,
+        rtol=rtol,
+        angle=float(unknowns.angle),
+        # Not the span of the equations, which is that of the guess.
+        s_period=None if equations.s_spans is None else logarithmic_period(scene),
+        mesh=equations.shares if equations.collocated else None,
+        stiff=equations.stiff,
+    )

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import whole
+from jaxdyn._checks import fail, whole
 from jaxdyn.analysis.regularised import logarithmic_span
 from orbits.motion import at_even_s, attracts, solved
 from orbits.shooting.equations import Equations
@@ -29,6 +29,10 @@ _CUT_RTOL = 1e-10  # tolerance of the times at which segments begin
 
 def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, parameter=0.0):
     """The equations in a number of segments; None for as many as the growth of errors requires."""
+    if equations.collocated:
+        if segments is not None:
+            raise fail("segments", "none for an orbit by collocation", segments)
+        return equations
     if segments is None:
         x = equations.spread(guess[:-1], guess[-1], rtol, angle, parameter)
         growth = float(np.linalg.norm(np.asarray(equations(x, rtol).transitions)[0]))

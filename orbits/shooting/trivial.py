@@ -54,15 +54,18 @@ class _Local(NamedTuple):
 
 
 def kernel(
-    scene: Scene, y0: np.ndarray, m: np.ndarray, basis: np.ndarray
+    scene: Scene, y0: np.ndarray, m: np.ndarray, doubt: float, basis: np.ndarray
 ) -> tuple[np.ndarray, list[str]]:
-    """Orthonormal basis (d, n) of the kernel of the confirmed integrals' gradients; their names."""
+    """Orthonormal basis (d, n) of the kernel of the confirmed integrals' gradients; their names.
+
+    The norm of the error of m (d, d) is about `doubt`.
+    """
     leaks = _largest(_leaks, _nearby(scene, y0))
     gradients, names = [np.zeros(len(m))], []
     for name, several in _at(scene, 0.0, y0).gradients.items():
         leak = leaks[name].reshape(-1)
         for i, row in enumerate(several.reshape(-1, len(y0)) @ basis):
-            if leak[i] < _EXACT and _kept(row @ m - row, row, m):
+            if leak[i] < _EXACT and _kept(row @ m - row, row, m, doubt):
                 gradients.append(row / np.linalg.norm(row))
                 names.append(name if several.ndim == 1 else f"{name} {'xyz'[i]}")
     _, s, vt = np.linalg.svd(np.array(gradients))
@@ -70,7 +73,12 @@ def kernel(
 
 
 def complement(
-    scene: Scene, m: np.ndarray, kernel: np.ndarray, basis: np.ndarray, along: np.ndarray
+    scene: Scene,
+    m: np.ndarray,
+    doubt: float,
+    kernel: np.ndarray,
+    basis: np.ndarray,
+    along: np.ndarray,
 ) -> tuple[np.ndarray, list[str]]:
     """Orthonormal basis (d, p) of the kernel without the confirmed symmetries; their names.
 
@@ -79,13 +87,13 @@ def complement(
     inside, names = [np.zeros(len(m))], []
     for name, g in symmetries(scene).items():
         g = basis.T @ g
-        if _kept(m @ g - g, g, m):
+        if _kept(m @ g - g, g, m, doubt):
             inside.append(g / np.linalg.norm(g))
             names.append(name)
     symmetric = np.linalg.pinv(np.array(inside), RANK) @ np.array(inside)
     for v in (basis.T @ along).T:
         change = m @ v - v
-        if _kept(change - symmetric @ change, v, m):
+        if _kept(change - symmetric @ change, v, m, doubt):
             inside.append(v / np.linalg.norm(v))
             names.append("family")
     # A symmetry may change an integral (a rotation changes a non-zero momentum): only the
@@ -109,9 +117,10 @@ def symmetries(scene: Scene) -> dict[str, Any]:
     return {name: g for name, g in candidates.items() if leaks[name] < _EXACT}
 
 
-def _kept(change: np.ndarray, direction: np.ndarray, m: np.ndarray) -> bool:
+def _kept(change: np.ndarray, direction: np.ndarray, m: np.ndarray, doubt: float) -> bool:
     size = np.linalg.norm(direction)
-    return bool(size > 0 and np.linalg.norm(change) < CONFIRMED * np.linalg.norm(m) * size)
+    most = max(CONFIRMED * float(np.linalg.norm(m)), doubt)
+    return bool(size > 0 and np.linalg.norm(change) < most * size)
 
 
 def _rank(s: np.ndarray) -> int:

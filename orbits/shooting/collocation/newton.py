@@ -1,0 +1,209 @@
+"""Newton's method for the closing equations by collocation.
+
+In scaled unknowns: each entry of the state in units of its largest value on the mesh, since those
+of a relaxation oscillation differ by powers of ten. Steps are halved until the residual decreases.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from orbits.shooting.collocation import steps as gauss
+from orbits.shooting.collocation.elimination import Chain, condensed, expanded
+from orbits.shooting.equations import Equations, boundary, pieces
+from orbits.shooting.newton import Iteration, Result
+
+#: Singular values of the condensed equations below this share of the largest belong to motions
+#: along the orbit, its family and the symmetries.
+_RANK = 1e-9
+_HALVINGS_MOST = 12
+_ROUNDS_AT_GOAL = 2  # more steps once the goal is met: convergence is quadratic
+
+
+class Scales(NamedTuple):
+    """Units of the unknowns.
+
+    Attributes:
+      state: (k,) of a state.
+      x: (n,) of all unknowns.
+    """
+
+    state: np.ndarray
+    x: np.ndarray
+
+
+def scales_of(equations: Equations, states: np.ndarray) -> Scales:
+    """The largest absolute values of the entries of states (n, k); 1 where they are zero."""
+    largest = np.abs(states).max(axis=0)
+    largest = np.where(largest > 0, largest, 1.0)
+    between = np.tile(largest, (equations.segments - 1, 1))
+    x = equations.pack(largest, between, angle=1.0, parameter=1.0, period=1.0)
+    return Scales(state=largest, x=x)
+
+
+class _Point(NamedTuple):
+    """The linearised equations at x: of the chain, and of its ends."""
+
+    x: np.ndarray
+    end: np.ndarray  # (k,) of the last interval
+    chain: Chain  # in scaled unknowns
+    closing: np.ndarray  # (m,) residual of the closing equations
+
+    @property
+    def residual(self) -> np.ndarray:
+        return np.concatenate([self.chain.rest.ravel(), self.closing])
+
+
+def solve(
+    equations: Equations,
+    x: np.ndarray,
+    *,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    goal: float,
+    max_iterations: int,
+    report: Callable[[Iteration], None],
+) -> Result:
+    """The solution near x (n,); arguments as of `orbits.shooting.newton.solve`."""
+    scales = scales_of(equations, np.asarray(pieces(equations, x).start))
+    point = _at(equations, x, scales)
+    accepted, done = 0, 0
+    report(Iteration(index=0, residual=_size(point), period=x[-1], step=0.0))
+    while accepted < max_iterations and np.isfinite(point.residual).all():
+        step = _step(equations, point, scales, lower, upper)
+        new = _shorter_if_needed(equations, point, scales, step, lower, upper)
+        if new is None:
+            break
+        accepted += 1
+        moved = float(np.linalg.norm((new.x - point.x) / scales.x))
+        point = new
+        report(Iteration(index=accepted, residual=_size(point), period=point.x[-1], step=moved))
+        done += _size(point) <= goal
+        if done > _ROUNDS_AT_GOAL:
+            break
+    at_bound = ((point.x <= lower) | (point.x >= upper)) & (lower < upper)
+    return Result(
+        x=point.x,
+        residual=point.residual,
+        iterations=accepted,
+        converged=bool(_size(point) <= goal),
+        at_bound=bool(at_bound.any()),
+        limit=accepted >= max_iterations,
+    )
+
+
+def _at(equations: Equations, x: np.ndarray, scales: Scales) -> _Point:
+    here = jax.tree.map(np.asarray, pieces(equations, x))
+    found, slopes = gauss.linearised_steps(equations.scene, here, make=equations.make)
+    left, end = np.asarray(slopes.start), np.asarray(found.end)
+    by = _by_shared(equations, x)
+    shared = sum(
+        np.asarray(slope)[:, :, None] * np.asarray(change)[:, None, :]
+        for slope, change in (
+            (slopes.span, by.span),
+            (slopes.t0, by.t0),
+            (slopes.parameter, by.parameter),
+        )
+    )
+    k = left.shape[1]
+    # The end of the last interval is an unknown too, equal to its present value.
+    rest = end - np.vstack([here.start[1:], end[-1:]])
+    rows = 1 / scales.state[:, None]
+    chain = Chain(
+        left=rows * left * scales.state,
+        right=np.broadcast_to(-np.eye(k), left.shape),
+        shared=rows * shared * scales.x[_shared(equations)],
+        rest=rest / scales.state,
+    )
+    closing = np.asarray(boundary(equations, x, here.start[0], end[-1]))
+    return _Point(x=x, end=end[-1], chain=chain, closing=closing)
+
+
+def _step(equations, point: _Point, scales: Scales, lower, upper) -> np.ndarray:
+    """(n,) the shortest change of x that solves the linearised equations."""
+    places = _shared(equations)
+    unit = scales.x[places]
+    top, rounds = condensed(point.chain)
+    start, by_x, by_end = map(np.asarray, _linearised_boundary(equations, point.x, point.end))
+    first = start * unit / scales.state[:, None]  # of dy[0], by the shared unknowns
+    rows = np.vstack(
+        [
+            np.hstack([top.left[0] @ first + top.shared[0], top.right[0]]),
+            np.hstack([by_x * unit, by_end * scales.state]),
+        ]
+    )
+    rest = np.append(top.rest[0], point.closing)
+    # Growth over the motion makes some rows large; each counts alike.
+    size = np.abs(rows).max(axis=1, keepdims=True)
+    rows, rest = rows / np.maximum(size, 1e-300), rest / np.maximum(size[:, 0], 1e-300)
+    free = np.append(lower[places] < upper[places], np.ones(len(point.end), bool))
+    u, values, vt = np.linalg.svd(rows[:, free])
+    rank = int((values > _RANK * values[0]).sum())
+    moves = np.zeros((1 + len(vt) - rank, len(free)))
+    moves[0, free] = -vt[:rank].T @ (u.T[:rank] @ rest / values[:rank])
+    moves[1:, free] = vt[rank:]
+    steps = []
+    for i, move in enumerate(moves):
+        dg, last = move[: len(places)], move[len(places) :]
+        states = expanded(rounds, first @ dg, last, dg, homogeneous=i > 0)
+        step = np.zeros(len(point.x))
+        step[places] = dg
+        step[_between(equations)] = states[1:-1].ravel()
+        steps.append(step)
+    # The shortest in all unknowns: one that is short at the ends may shift every jump between.
+    found, kernel = steps[0], np.stack([*steps[1:], 0 * steps[0]], axis=1)
+    return scales.x * (found - kernel @ np.linalg.lstsq(kernel, found, rcond=None)[0])
+
+
+def _shorter_if_needed(equations, point: _Point, scales, step, lower, upper) -> _Point | None:
+    for halvings in range(_HALVINGS_MOST):
+        new = np.clip(point.x + step / 2**halvings, lower, upper)
+        if not new[-1] > 0:
+            continue
+        found = _at(equations, new, scales)
+        if np.linalg.norm(found.residual) < np.linalg.norm(point.residual):
+            return found
+    return None
+
+
+def _size(point: _Point) -> float:
+    return float(np.abs(point.residual).max())
+
+
+def _between(equations: Equations) -> slice:
+    """Places in x of the states inside the mesh."""
+    k = len(equations.scene.y0)
+    p = len(equations.closing.free(k))
+    return slice(p, p + (equations.segments - 1) * k)
+
+
+def _shared(equations: Equations) -> np.ndarray:
+    """Places in x of the other unknowns: the start, which the ends share, and the last ones."""
+    inside = _between(equations)
+    n = inside.stop + equations.closing.turns + (equations.make is not None) + 1
+    return np.append(np.arange(inside.start), np.arange(inside.stop, n))
+
+
+@jax.jit
+def _by_shared(equations: Equations, x):
+    """Derivatives of the pieces (n) by the shared unknowns (s,)."""
+    places = _shared(equations)
+    return jax.jacfwd(lambda u: pieces(equations, x.at[places].set(u)))(x[places])
+
+
+@jax.jit
+def _linearised_boundary(equations: Equations, x, end):
+    """Derivatives of the start by the shared unknowns, of the boundary by them and by the end."""
+    places = _shared(equations)
+
+    def start(u):
+        return equations.start(x.at[places].set(u))
+
+    def value(u, end):
+        at = x.at[places].set(u)
+        return boundary(equations, at, start(u), end)
+
+    u = x[places]
+    return jax.jacfwd(start)(u), *jax.jacfwd(value, argnums=(0, 1))(u, end)

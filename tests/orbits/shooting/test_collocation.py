@@ -1,0 +1,150 @@
+"""Collocation: stiff cycles, every kind of closing, errors of its steps, what it refuses."""
+
+import json
+
+import jax.numpy as jnp
+import numpy as np
+import odes
+import pytest
+
+import jaxdyn
+import orbits
+from jaxdyn import scenes
+from orbits import Outcome
+from orbits.shooting.collocation import steps
+from orbits.shooting.collocation.elimination import Chain, condensed, expanded
+
+#: Period of van der Pol's cycle for mu = 1000: the time between two passages of x = 1.5 by
+#: `solvers.RADAU9` at rtol 1e-13, and by SciPy's Radau at 1e-12 to the digits 1614.40112581.
+STIFF = 1614.4011258070
+
+
+def van_der_pol(mu=1.0, period=6.5):
+    return jaxdyn.ode(odes.van_der_pol, [2.0, 0.0], period, params=mu)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 8, 13])
+def test_elimination_solves_the_equations_of_all_intervals(n):
+    random = np.random.default_rng(n)
+    k, g = 3, 2
+    sizes = [(n, k, k), (n, k, k), (n, k, g), (n, k)]
+    chain = Chain(*(random.standard_normal(size) for size in sizes))
+    top, rounds = condensed(chain)
+    first, shared = random.standard_normal(k), random.standard_normal(g)
+    last = -np.linalg.solve(
+        top.right[0], top.left[0] @ first + top.shared[0] @ shared + top.rest[0]
+    )
+    dy = expanded(rounds, first, last, shared)
+    left = np.einsum("nij,nj->ni", chain.left, dy[:-1])
+    right = np.einsum("nij,nj->ni", chain.right, dy[1:])
+    missed = left + right + chain.shared @ shared + chain.rest
+    assert dy.shape == (n + 1, k)
+    assert np.abs(missed).max() < 1e-12 * np.abs(dy).max()
+
+
+def test_a_step_has_order_sixteen_and_its_derivatives_are_exact():
+    scene = jaxdyn.ode(lambda t, y: [y[1], -y[0]], [1.0, 0.0], 1.0)
+    spans = jnp.array([3.0, 6.0])
+    starts = jnp.array([[1.0, 0.0]] * 2)
+    pieces = steps.Piece(start=starts, t0=jnp.zeros(2), span=spans, parameter=jnp.zeros(2))
+    found, slopes = steps.linearised_steps(scene, pieces, make=None)
+    errors = np.abs(found.end - jnp.stack([jnp.cos(spans), -jnp.sin(spans)], axis=1)).max(axis=1)
+    assert 16.0 < np.log2(errors[1] / errors[0]) < 18.0  # 17 of a step
+    estimates = steps.local_errors(scene, pieces, make=None).max(axis=1)
+    assert np.abs(estimates / errors - 1).max() < 0.1
+    # A linear equation: the derivative by the start takes the start to the end.
+    assert np.abs(jnp.einsum("nij,nj->ni", slopes.start, starts) - found.end).max() < 1e-14
+    speeds = jnp.stack([-jnp.sin(spans), -jnp.cos(spans)], axis=1)
+    assert np.abs(slopes.span - speeds)[0].max() < 1e-7
+
+
+def test_collocation_and_shooting_find_the_same_cycle():
+    cycle = orbits.find(van_der_pol(), collocation=True)
+    assert abs(cycle.period - odes.VAN_DER_POL) < 1e-13 * odes.VAN_DER_POL
+    shot = orbits.find(van_der_pol())
+    ours, theirs = orbits.stability(cycle), orbits.stability(shot)
+    assert abs(ours.nontrivial - theirs.nontrivial).max() < 1e-11
+    assert ours.verdict == "stable"
+    assert orbits.recheck(cycle).closure < 1e-13
+    assert orbits.same_orbit(cycle, shot)
+
+
+def test_a_relaxation_oscillation_is_found_where_steps_run_out(tmp_path):
+    cycle = orbits.find(van_der_pol(1000.0, 1614.0))
+    assert cycle.mesh is not None
+    assert cycle.stiff
+    assert abs(cycle.period / STIFF - 1) < 2e-12
+    linear = orbits.stability(cycle)
+    assert linear.verdict == "stable"
+    assert linear.unit == 1
+    assert abs(linear.nontrivial[0]) < 1e-12
+    check = orbits.recheck(cycle)
+    assert check.solver == "Radau 9"
+    assert check.closure < 1e-12
+
+
+def test_an_orbit_on_a_mesh_survives_its_file(tmp_path):
+    swing = orbits.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta", collocation=True)
+    exact = orbits.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta")
+    assert abs(swing.period - exact.period) < 1e-14
+    path = tmp_path / "swing.json"
+    orbits.save(path, swing)
+    loaded, _ = orbits.load(path)
+    assert loaded.mesh == swing.mesh
+    assert orbits.verify(path)[1] == []
+    record = json.loads(path.read_text())
+    for wrong in ([0.5], [0.5, 0.6], "even"):
+        path.write_text(json.dumps(record | {"mesh": wrong}))
+        with pytest.raises(ValueError, match="intervals"):
+            orbits.load(path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("closing", [orbits.PLAIN, orbits.choreography(3)], ids=["plain", "parts"])
+def test_the_figure_eight_by_collocation(closing):
+    eight = orbits.find(scenes.three_body(), closing=orbits.choreography(3))
+    found = orbits.find(eight.scene, closing=closing, collocation=True)
+    assert found.residual < 1e-13
+    ours, theirs = orbits.stability(found), orbits.stability(eight)
+    assert ours.verdict == "stable"
+    assert ours.exponents == pytest.approx(theirs.exponents, abs=1e-8)
+
+
+@pytest.mark.slow
+def test_a_driven_orbit_closes_with_its_drive_by_collocation():
+    def driven(t, y):
+        return [y[1], -0.2 * y[1] + y[0] - y[0] ** 3 + 0.3 * jnp.cos(1.2 * t)]
+
+    scene = jaxdyn.ode(driven, [0.9, 0.1], 2 * np.pi / 1.2)
+    ours, shot = orbits.find(scene, collocation=True), orbits.find(scene)
+    assert abs(ours.period - shot.period) < 1e-14
+    assert np.abs(ours.y0 - shot.y0).max() < 1e-12
+
+
+@pytest.mark.slow
+def test_a_family_of_relaxation_oscillations():
+    start = orbits.find(van_der_pol(5.0, 11.6), collocation=True)
+    family = orbits.continue_family(start, van_der_pol, 5.0, step=0.2, members=6)
+    for member in family.members:
+        shot = orbits.find(van_der_pol(member.parameter, member.orbit.period), [2.0, 0.0])
+        assert abs(member.orbit.period / shot.period - 1) < 1e-10
+
+
+def test_misuse_of_collocation_is_refused():
+    with pytest.raises(ValueError, match="collocation: expected a scene without projected"):
+        orbits.find(scenes.four_bar(), collocation=True)
+    with pytest.raises(ValueError, match="neither `rough` nor `segments`"):
+        orbits.find(van_der_pol(), collocation=True, segments=4)
+    cycle = orbits.find(van_der_pol(), collocation=True)
+    with pytest.raises(ValueError, match="found by shooting"):
+        orbits.differentiable(cycle.scene, cycle)
+    with pytest.raises(ValueError, match="segments: expected none"):
+        orbits.continue_family(cycle, van_der_pol, 1.0, segments=4)
+
+
+def test_a_mesh_with_too_few_intervals_is_no_orbit(monkeypatch):
+    monkeypatch.setattr("orbits.shooting.collocation.mesh._MOST", 16)
+    monkeypatch.setattr("orbits.shooting.collocation.mesh._FIRST", 16)
+    cycle = orbits.find(van_der_pol(20.0, 40.0), collocation=True, throw=False)
+    assert cycle.outcome in (Outcome.MESH_LIMIT, Outcome.NO_DESCENT)
+    assert not cycle.ok
