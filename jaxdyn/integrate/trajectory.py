@@ -228,7 +228,11 @@ class Trajectory(Record):
         """
         system = self.one(*(0 for _ in self.batch_shape)).scene.system
         names = [label for label, _ in system.labels()]
-        return self.ys[..., names.index(_checks.choice("label", name, names))]
+        entry = (..., names.index(_checks.choice("label", name, names)))
+        if _checks.is_traced(self.ys):
+            return self.ys[entry]
+        # On the host: indexing on the device compiles for each number of samples.
+        return jax.device_put(np.asarray(self.ys)[entry])
 
     @property
     def r(self) -> Array:
