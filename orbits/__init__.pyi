@@ -63,6 +63,9 @@ from .files.verify import verify as verify
 from .hybrid.legs import HybridOrbit as HybridOrbit
 from .hybrid.legs import Leg as Leg
 from .hybrid.search import find_hybrid as find_hybrid
+from .manifolds.connecting import connect as connect
+from .manifolds.connection import Connection as Connection
+from .manifolds.connection import ConnectionOutcome as ConnectionOutcome
 from .manifolds.manifold import manifold as manifold
 from .manifolds.strands import Manifold as Manifold
 from .orbit import Orbit as Orbit

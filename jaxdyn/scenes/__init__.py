@@ -58,7 +58,7 @@ from jaxdyn.scenes.pendula import (
     shaken_pendulum,
     triple_pendulum,
 )
-from jaxdyn.scenes.sections import henon_heiles, restricted_three_body
+from jaxdyn.scenes.sections import henon_heiles, libration_points, restricted_three_body
 from jaxdyn.scenes.sideways import sideways_edge, sideways_pendulum
 from jaxdyn.scenes.skates import one_skate, two_skates
 from jaxdyn.scenes.springs import hanging_spring, oscillator, spring_mass, two_masses, two_springs
@@ -95,6 +95,7 @@ __all__ = [
     "friction_needed",
     "hanging_spring",
     "henon_heiles",
+    "libration_points",
     "lorenz",
     "moved_box",
     "moved_shape",

@@ -7,6 +7,7 @@ on curves where they are regular, all over an area where they are chaotic.
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -92,6 +93,8 @@ class RestrictedThreeBody(System):
 def restricted_three_body(*, mu=0.01215, x=0.5, y=0.0, vx=0.0, vy=0.8, t1=20.0) -> Scene:
     """A body of no mass near two that circle each other, in axes that turn with them.
 
+    Its rest points are the `libration_points`.
+
     Args:
       mu: mass of the second body as a share of both [1]; 0.01215 for the Moon.
       x: at the start [1], the masses being at -mu and 1 - mu.
@@ -101,3 +104,57 @@ def restricted_three_body(*, mu=0.01215, x=0.5, y=0.0, vx=0.0, vy=0.8, t1=20.0) 
       t1: span [1]; the two masses turn once in 2 pi.
     """
     return Scene(RestrictedThreeBody(mu), y0=jnp.stack([x, y, vx, vy]), t1=t1)
+
+
+_HALVINGS = 60  # of intervals shorter than 2: to the last bit
+_POLISHING_STEPS = 2  # of Newton's method: they carry derivatives up to the third
+
+
+def libration_points(mu) -> Array:
+    """(5, 2) positions of the rest points L1 to L5 of the restricted three-body problem.
+
+    On the axis through the masses L1 is between them, L2 beyond the one at 1 - mu, L3 beyond the
+    other; L4 and L5 form equilateral triangles with them, L4 with y > 0.
+
+    Args:
+      mu: mass of the second body as a share of both, between 0 and 1 [1].
+    Returns:
+      x and y of each [1]; the velocities there are 0. Differentiable in mu, also under jit.
+    Raises:
+      ValueError: `mu` is not between 0 and 1.
+    Reference: Szebehely (1967), Theory of Orbits, section 4.4.
+    Example:
+      >>> from jaxdyn import scenes
+      >>> print(scenes.libration_points(0.01215)[:3, 0].round(5))
+      [ 0.83692  1.15568 -1.00506]
+    """
+    mu = _checks.array("mu", mu, ())
+    system = RestrictedThreeBody(mu)
+    if not _checks.is_traced(mu):
+        system.check(0.0, None)
+    far, zero = 1 - mu, jnp.zeros_like(mu)
+
+    @jax.vmap
+    def pull(x):
+        return system.rate(zero, jnp.stack([x, zero, zero, zero]), ())[2]
+
+    def halved(_, bounds):
+        low, high = bounds
+        middle = 0.5 * (low + high)
+        above = pull(middle) > 0
+        return jnp.where(above, low, middle), jnp.where(above, middle, high)
+
+    # The pull along the axis increases from mass to mass, and beyond them to infinity.
+    bounds = jnp.stack([-mu, far, zero - 2]), jnp.stack([far, zero + 2, -mu])
+    x = jax.lax.fori_loop(0, _HALVINGS, halved, jax.lax.stop_gradient(bounds))[0]
+    for _ in range(_POLISHING_STEPS):
+        value, slope = jax.jvp(pull, (x,), (jnp.ones(3),))
+        x = x - value / slope
+    side, height = 0.5 - mu, jnp.sqrt(0.75) + zero
+    return jnp.stack(
+        [
+            jnp.append(x, jnp.stack([side, side])),
+            jnp.stack([zero, zero, zero, height, -height]),
+        ],
+        axis=1,
+    )

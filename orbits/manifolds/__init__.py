@@ -1,7 +1,9 @@
 """Stable and unstable manifolds of periodic orbits and rest points.
 
 `manifold` follows strands from an orbit, `directions` has the tangents in which they begin,
-`step_off` chooses how far from it, `strands` is the result.
+`step_off` chooses how far from it, `strands` is the result. `connecting` finds connections of rest
+points, `chain` has their closing equations, `splitting` the linear subspaces as functions of a
+parameter, `connection` is the result.
 
 May import: `families`.
 

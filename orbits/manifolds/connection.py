@@ -1,0 +1,104 @@
+"""What a connection is: its motion, its parameter, and the outcome of the search for it."""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from jaxdyn import Scene, _text
+from jaxdyn.status import Code
+
+
+class ConnectionOutcome(Code):
+    """Outcome of a search for a connection."""
+
+    FOUND = 0, "The chain of states connects the rest points."
+    NO_CONVERGENCE = (
+        1,
+        "Newton's method did not converge: there is no connection near this one. Take a parameter "
+        "closer to it, the other branch, or a shorter time if the strand passes several times.",
+    )
+    MOTION_ENDS = (
+        2,
+        "The strand from the first rest point cannot be followed: it runs into a singularity. "
+        "Take a shorter time, or the other branch.",
+    )
+    DEPENDENT = (
+        3,
+        "The equations do not determine the parameter: a connection exists at each value of it, "
+        "as where an integral of motion has the same value at both rest points. Leave out `make`.",
+    )
+    ERROR_LIMIT = (
+        4,
+        "The error of the linear ends did not fall to the wanted one. Ask for a larger error, or "
+        "use more segments.",
+    )
+    NO_APPROACH = (
+        5,
+        "The strand from the first rest point does not come closer to the second. Take another "
+        "parameter, the other branch, or a longer time.",
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Connection:
+    """A motion from one rest point to another, or back to the same one.
+
+    Attributes:
+      scene: the scene, at the parameter found, starting at the first state.
+      parameter: value at which the connection exists; NaN without one.
+      parameter_error: the change of the parameter with the last shortening of the ends, plus what
+        gaps as large as the goal would cause.
+      rests: (2, k) the two rest points.
+      time: travel time between the ends [time of the scene].
+      step_off: distance of the first state from the first rest point, and of the last one from
+        the second [norm of a state].
+      error: estimated distance of the ends from the manifolds: that of the ends at the next larger
+        step-off, which is an upper bound where the estimate converges [norm of a state].
+      miss: largest gap of the closing equations.
+      ts: (s,) times of the states, from 0.
+      states: (s, k) states; NaN unless found.
+      outcome: `ConnectionOutcome`.
+      iterations: number of Newton steps.
+      rtol: tolerance of the integrations.
+    """
+
+    scene: Scene
+    parameter: float
+    parameter_error: float
+    rests: np.ndarray
+    time: float
+    step_off: tuple[float, float]
+    error: float
+    miss: float
+    ts: np.ndarray
+    states: np.ndarray
+    outcome: ConnectionOutcome
+    iterations: int
+    rtol: float
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        found = f"{self.parameter:.13g} (+-{_text.brief(self.parameter_error, digits=1)})"
+        first, last = (_text.brief(d, digits=3) for d in self.step_off)
+        ends = f"{first} and {last}, error {_text.brief(self.error, digits=1)}"
+        rows = [
+            ("parameter", "" if math.isnan(self.parameter) else found),
+            ("time", _text.brief(self.time, _text.second(self.scene.labels()), digits=10)),
+            ("step-off", ends),
+            ("miss", f"{_text.brief(self.miss, digits=2)} after {self.iterations} Newton steps"),
+            ("outcome", f"{self.outcome.name}: {self.message}"),
+        ]
+        same = np.allclose(self.rests[0], self.rests[1])
+        kind = "Homoclinic" if same else "Heteroclinic"
+        return _text.table(f"{kind} connection of {_text.called(self.scene)}", rows)
+
+    @property
+    def ok(self) -> bool:
+        """Whether it connects."""
+        return self.outcome == ConnectionOutcome.FOUND
+
+    @property
+    def message(self) -> str:
+        """How the search ended and what to try."""
+        return self.outcome.message
