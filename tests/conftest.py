@@ -1,7 +1,9 @@
 """Strict modes for every test: float64, no silent promotion, checked shapes; the compile cache."""
 
 import gc
+import importlib.util
 import os
+import pkgutil
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 
@@ -9,8 +11,22 @@ import jax
 import jaxtyping
 import pytest
 
+# Loops over numbers of any length, which the checks would make several times slower.
+_UNCHECKED = {"jaxdyn.balls", "orbits.proof"}
+
+
+def _checked_modules(package: str) -> set[str]:
+    """The files and folders of a package, found without importing it."""
+    spec = importlib.util.find_spec(package)
+    assert spec is not None
+    inside = pkgutil.iter_modules(spec.submodule_search_locations)
+    return {f"{package}.{module.name}" for module in inside} - _UNCHECKED
+
+
 # Before the packages are imported.
-jaxtyping.install_import_hook(["jaxdyn", "orbits"], "shapes.checked")
+jaxtyping.install_import_hook(
+    sorted(_checked_modules("jaxdyn") | _checked_modules("orbits")), "shapes.checked"
+)
 
 import jaxdyn  # noqa: E402
 
