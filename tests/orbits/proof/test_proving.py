@@ -182,7 +182,7 @@ def test_the_eight_is_proved_to_exist_and_to_be_stable():
     assert np.allclose(found, known, atol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_neighbour_of_the_eight_is_proved_to_be_another_orbit():
     plain = orbits.find(scenes.three_body(), scenes.EIGHT_GUESS, scenes.EIGHT_GUESS_PERIOD)
     proof = orbits.prove(plain)
