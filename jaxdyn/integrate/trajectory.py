@@ -228,11 +228,9 @@ class Trajectory(Record):
         """
         system = self.one(*(0 for _ in self.batch_shape)).scene.system
         names = [label for label, _ in system.labels()]
-        entry = (..., names.index(_checks.choice("label", name, names)))
-        if _checks.is_traced(self.ys):
-            return self.ys[entry]
+        i, ys = names.index(_checks.choice("label", name, names)), self.ys
         # On the host: indexing on the device compiles for each number of samples.
-        return jax.device_put(np.asarray(self.ys)[entry])
+        return ys[..., i] if _checks.is_traced(ys) else jax.device_put(np.asarray(ys)[..., i])
 
     @property
     def r(self) -> Array:
