@@ -18,6 +18,8 @@ from jaxdyn.formulations.newton import FreePoints
 
 #: Where tests, stored references and published tables are.
 TESTS = Path(__file__).parent
+#: Scenes for questions that the course does not ask.
+BEYOND = {"henon_heiles", "restricted_three_body"}
 #: Two formulas for one number: a few roundings apart, relative to numbers of order one.
 EXACT = 1e-14
 #: A solve at rtol 1e-13 or tighter over a span of order one: its steps' errors add up.

@@ -4,6 +4,7 @@ import importlib
 import inspect
 
 import pytest
+from helpers import BEYOND
 
 from jaxdyn.cli import words
 from jaxdyn.course.problems import PROBLEMS
@@ -21,10 +22,6 @@ def look_up(name: str):
             importlib.import_module(path)
         found = getattr(found, part)
     return found
-
-
-#: Scenes for questions that the course does not ask.
-BEYOND = {"henon_heiles", "restricted_three_body"}
 
 
 def test_every_problem_is_there_with_an_answer():

@@ -536,7 +536,7 @@ def test_a_single_sample_is_refused(ball, tmp_path):
 
 
 def _orbit(y0=scenes.nbody.EIGHT, period=scenes.nbody.EIGHT_PERIOD):
-    return SimpleNamespace(scene=scenes.three_body(), y0=np.array(y0), period=period)
+    return SimpleNamespace(scene=scenes.three_body(), y0=np.array(y0), period=period, solver=None)
 
 
 def test_orbits_stand_side_by_side_to_one_scale(tmp_path):
@@ -566,12 +566,12 @@ def test_wrong_orbits_are_refused():
         orbit_picture([_orbit()], titles=["a", "b"])
     with pytest.raises(ValueError, match="path: expected a file name ending in"):
         orbit_picture([_orbit()], "orbit.bmp")
-    solid = SimpleNamespace(scene=_up(3), y0=_up(3).y0, period=1.0)
+    solid = SimpleNamespace(scene=_up(3), y0=_up(3).y0, period=1.0, solver=None)
     with pytest.raises(ValueError, match="found: expected orbits in one space"):
         orbit_picture([_orbit(), solid])
     # Bodies at rest have no direction: no arrows, no division by zero.
     still = Scene(FreePoints(1.0, d=2), y0=np.zeros(4))
-    figure = orbit_picture([SimpleNamespace(scene=still, y0=still.y0, period=1.0)])
+    figure = orbit_picture([SimpleNamespace(scene=still, y0=still.y0, period=1.0, solver=None)])
     assert len(figure.axes[0].collections) == 1
 
 

@@ -300,7 +300,8 @@ def test_a_batch_where_one_motion_is_wanted_is_refused(swings, look):
 def test_every_status_has_a_message_with_a_remedy():
     assert len({status.message for status in Status}) == len(Status)
     for status in set(Status) - {Status.OK}:
-        assert any(verb in status.message for verb in ("Raise", "Stop", "Check", "Add ", "add "))
+        verbs = ("Raise", "Stop", "Check", "Choose", "Add ", "add ")
+        assert any(verb in status.message for verb in verbs)
 
 
 # What is refused ---------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from orbits.targets import aim
 
 
 def _orbit(scene):
-    return SimpleNamespace(scene=scene, y0=np.asarray(scene.y0), period=1.0)
+    return SimpleNamespace(scene=scene, y0=np.asarray(scene.y0), period=1.0, solver=None)
 
 
 def _family(**words):

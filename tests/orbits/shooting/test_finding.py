@@ -225,6 +225,7 @@ def test_messages_say_what_to_do():
         Outcome.STEP_LIMIT: "simulate()",
         Outcome.BOUND_PASSED: "Start elsewhere",
         Outcome.DESCENT_ENDED: "Start elsewhere",
+        Outcome.MESH_LIMIT: "Raise goal",
     }
     assert words.keys() == set(Outcome)
     for outcome, word in words.items():
