@@ -57,6 +57,7 @@ from .families.continuation import continue_family as continue_family
 from .families.continuation import switch_branch as switch_branch
 from .families.family import Family as Family
 from .families.family import Kind as Kind
+from .families.hopf import from_hopf as from_hopf
 from .files.orbit_files import load as load
 from .files.orbit_files import save as save
 from .files.verify import verify as verify

@@ -1,0 +1,68 @@
+"""The orbits that begin at a Hopf point of a family of rest points."""
+
+import numpy as np
+
+from jaxdyn._checks import fail, finite
+from jaxdyn.continuation.family import EquilibriumFamily, Kind, RestPoint
+from orbits.closing.closings import PLAIN
+from orbits.families.steps import parameter_at
+from orbits.families.surface import Surface
+from orbits.orbit import Orbit, SearchError
+from orbits.shooting.effort import GOAL, RTOL
+from orbits.shooting.equations import Equations
+
+_NO_ORBIT = (
+    "No orbit was found at this amplitude. Try a smaller one: at a distance from the rest point "
+    "orbits are no ellipses, and from a degenerate Hopf point none may begin."
+)
+
+
+def from_hopf(
+    family: EquilibriumFamily, point: RestPoint, *, amplitude: float = 1e-2
+) -> tuple[Orbit, float]:
+    """An orbit that begins at a Hopf point, and its parameter.
+
+    To first order it is the ellipse of the critical eigenvector, and its period 2 pi over the
+    frequency; the parameter follows from the closing equations with the start held at a distance.
+
+    Args:
+      family: what `jaxdyn.continue_equilibria` returned.
+      point: a Hopf point of ``family.special``.
+      amplitude: distance of the start from the rest point along the real part of the eigenvector,
+        in units of the state.
+    Returns:
+      (orbit, parameter), for `continue_family`.
+    Raises:
+      ValueError: `point` is no Hopf point, or `amplitude` is 0 or not finite.
+      SearchError: no orbit was found.
+    Reference: Y. Kuznetsov, Elements of Applied Bifurcation Theory, Springer (2004), section 10.2.
+    Example:
+      >>> import jaxdyn, orbits
+      >>> def make(mu):
+      ...     return jaxdyn.ode(
+      ...         lambda t, y, mu: [y[1], mu * y[1] - y[0] ** 2 * y[1] - y[0]],
+      ...         [0.0, 0.0], 10.0, params=mu)
+      >>> rests = jaxdyn.continue_equilibria(make, -1.0, [0.0, 0.0], step=0.3, members=6)
+      >>> orbit, mu = orbits.from_hopf(rests, rests.special[0], amplitude=0.1)
+      >>> round(mu, 4), round(orbit.period, 3)  # mu = amplitude^2 / 4
+      (0.0025, 6.283)
+    """
+    if point.kind != Kind.HOPF:
+        raise fail("point", "a Hopf point of family.special", point.kind or "an ordinary member")
+    finite("amplitude", amplitude, "It is a distance in units of the state.")
+    if not amplitude:
+        raise fail("amplitude", "a number other than 0", amplitude)
+    values, vectors = np.linalg.eig(point.jacobian)
+    critical = vectors[:, np.argmin(np.abs(values - 1j * point.frequency))].real
+    critical = critical / np.linalg.norm(critical)
+    period = 2 * np.pi / point.frequency
+    scene = family.make(point.parameter).starting(point.state, period)
+    equations = Equations(scene=scene, closing=PLAIN, make=family.make)
+    start = point.state + amplitude * critical
+    guess = equations.pack(start, (), angle=0.0, parameter=point.parameter, period=period)
+    across = equations.pack(critical, (), angle=0.0, parameter=0.0, period=0.0)
+    surface = Surface(equations, RTOL, GOAL)
+    found = surface.nearest(guess, across=across)
+    if found is None:
+        raise SearchError(_NO_ORBIT)
+    return surface.orbit(found), parameter_at(surface, found.x)

@@ -1,0 +1,72 @@
+"""Orbits from Hopf points: their size, their period, and the family that they begin."""
+
+import numpy as np
+import odes
+import pytest
+from scipy.integrate import solve_ivp
+
+import jaxdyn
+import orbits
+
+#: Where the rest points of Lorenz's equations lose their stability: sigma (sigma + beta + 3) /
+#: (sigma - beta - 1) (Sparrow, The Lorenz Equations, 1982).
+LORENZ_HOPF = 470 / 19
+
+
+def lorenz(rho):
+    params = {"sigma": 10.0, "rho": rho, "beta": 8 / 3}
+    return jaxdyn.ode(odes.lorenz, [8.0, 8.0, 24.0], 1.0, params=params)
+
+
+def stuart_landau(a):
+    params = (a, 0.5, 2.0)  # (a, b, w)
+    return jaxdyn.ode(odes.stuart_landau, [0.0, 0.0], 1.0, params=params)
+
+
+@pytest.mark.parametrize("amplitude", [1e-3, 0.3, -0.3])
+def test_orbits_of_the_normal_form_have_the_radius_of_their_parameter(amplitude):
+    rests = jaxdyn.continue_equilibria(stuart_landau, -1.0, [0.0, 0.0], step=0.3, members=8)
+    (point,) = rests.special
+    orbit, a = orbits.from_hopf(rests, point, amplitude=amplitude)
+    # A circle of radius sqrt(a), whose period is 2 pi / (w + a b).
+    assert abs(orbit.y0 @ orbit.y0 - a) < 1e-12
+    assert abs(np.abs(orbit.y0).max() - abs(amplitude)) < 1e-12
+    assert abs(orbit.period - 2 * np.pi / (2.0 + 0.5 * a)) < 1e-11
+    assert orbits.stability(orbit).verdict == "stable"
+
+
+def test_misuse_of_a_hopf_point_is_refused():
+    rests = jaxdyn.continue_equilibria(stuart_landau, -1.0, [0.0, 0.0], step=0.3, members=8)
+    (point,) = rests.special
+    with pytest.raises(ValueError, match="point: expected a Hopf point"):
+        orbits.from_hopf(rests, rests.members[0])
+    for wrong in (0.0, np.nan):
+        with pytest.raises(ValueError, match="amplitude"):
+            orbits.from_hopf(rests, point, amplitude=wrong)
+
+
+@pytest.mark.slow
+def test_lorenz_orbits_are_followed_from_their_hopf_point_towards_the_homoclinic():
+    start = [7.1, 7.1, 19.0]
+    rests = jaxdyn.continue_equilibria(lorenz, 20.0, start, step=1.0, members=8)
+    (point,) = rests.special
+    assert abs(point.parameter - LORENZ_HOPF) < 1e-12
+    assert point.criticality == "subcritical"
+    orbit, rho = orbits.from_hopf(rests, point, amplitude=0.1)
+    assert rho < LORENZ_HOPF
+    family = orbits.continue_family(orbit, lorenz, rho, step=0.2, members=40, down=True)
+    assert (np.diff(family.parameters) < 0).all()
+    assert (np.diff(family.periods) > 0).all()
+    assert family.parameters[-1] < 15
+    assert {member.stability.verdict for member in family.members} == {"unstable"}
+    member = family.members[-1]
+    params = {"sigma": 10.0, "rho": member.parameter, "beta": 8 / 3}
+    flow = solve_ivp(
+        lambda t, y: odes.lorenz(t, y, params),
+        (0.0, member.orbit.period),
+        np.asarray(member.orbit.y0),
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-13,
+    )
+    assert np.abs(flow.y[:, -1] - member.orbit.y0).max() < 1e-9
