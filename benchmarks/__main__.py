@@ -149,6 +149,8 @@ def as_json(found: Sequence[Row | Curves]) -> dict:
         for each in found
         if isinstance(each, Curves)
     }
+    names = [row.name for each in found for row in each.rows]
+    assert len(set(names)) == len(names), "two results of one name: one would be lost"
     machine = f"{platform.machine()}, {os.cpu_count()} cores"
     when = f"{date.today():%Y-%m}"
     return {"date": when, "machine": machine, "seconds": times, "curves": curves}
