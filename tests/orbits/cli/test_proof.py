@@ -1,0 +1,59 @@
+"""`orbits refine` and `orbits prove`: digits and theorems about an orbit file."""
+
+import json
+import sys
+
+import mpmath
+import pytest
+
+import orbits as library
+from jaxdyn import scenes
+from orbits.cli import app as cli
+
+
+@pytest.fixture
+def orbits(capsys, monkeypatch):
+    """A function that runs the command line: (exit code, standard output, standard error)."""
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["orbits", *map(str, words)])
+        try:
+            cli.main()
+        except SystemExit as end:
+            return end.code or 0, *capsys.readouterr()
+        return 0, *capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture
+def swing(tmp_path):
+    path = tmp_path / "swing.json"
+    library.save(path, library.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta"))
+    return path
+
+
+def test_a_file_is_refined_and_proved(orbits, swing):
+    with mpmath.workdps(50):
+        # Of the parameters that are exact binary numbers, as the scene has them.
+        g = mpmath.mpf(9.81)
+        exact = 4 / mpmath.sqrt(g) * mpmath.ellipk(mpmath.sin(1) ** 2)
+        code, out, err = orbits("refine", swing, "--digits", 40, "--json")
+        assert code == 0, err
+        refined = json.loads(out)
+        assert abs(mpmath.mpf(refined["period"]) - exact) < mpmath.mpf(10) ** -38
+        code, out, err = orbits("prove", swing, "--json")
+        assert code == 0, err
+        proved = json.loads(out)
+        assert proved["proved"]
+        period = proved["period"]
+        assert abs(mpmath.mpf(period["mid"]) - exact) <= mpmath.mpf(period["rad"])
+
+
+def test_misuse_is_one_line(orbits, swing):
+    code, out, err = orbits("refine", swing, "--digits", 3)
+    assert (code, out) == (2, "")
+    assert "digits: expected a whole number, at least 15" in err
+    code, out, err = orbits("prove", swing.with_name("nothing.json"))
+    assert (code, out) == (2, "")
+    assert "expected a readable file" in err
