@@ -1,9 +1,12 @@
 """Strict modes for every test: float64, no silent promotion, checked shapes; the compile cache."""
 
 import gc
+import importlib
 import importlib.util
 import os
 import pkgutil
+import sys
+from typing import NamedTuple
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 
@@ -54,3 +57,27 @@ def _forget_programs():
     yield
     jax.clear_caches()
     gc.collect()
+
+
+class Ran(NamedTuple):
+    """What a command line left: its exit code, standard output and standard error."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def command(capsys, monkeypatch):
+    """A function that runs a command line in this process: `command("orbits", "find", ...)`."""
+
+    def run(program: str, *words) -> Ran:
+        monkeypatch.setattr(sys, "argv", [program, *map(str, words)])
+        app = importlib.import_module(f"{program}.cli.app")
+        try:
+            app.main()
+        except SystemExit as end:
+            return Ran(end.code or 0, *capsys.readouterr())
+        return Ran(0, *capsys.readouterr())
+
+    return run

@@ -1,18 +1,17 @@
 """The command `orbits prove`: a certificate that the orbit of a file exists."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 import orbits
 from jaxdyn.cli.screen import screen
-from jaxdyn.cli.shared import JsonOption, read
-from orbits.cli.shared import NOT_FOUND, SaveOption
+from jaxdyn.cli.shared import JsonOption
+from orbits.cli.shared import NOT_FOUND, OrbitFile, SaveOption, certificate
 
 
 def prove_command(
-    file: Annotated[Path, typer.Argument(help="An orbit file written by --save.", callback=read)],
+    file: OrbitFile,
     digits: Annotated[int, typer.Option(help="Decimal digits of the enclosures, about.")] = 30,
     save_to: SaveOption = None,
     as_object: JsonOption = False,
@@ -21,11 +20,6 @@ def prove_command(
     with screen(f"proving the orbit of {file}", as_object) as out:
         orbit, _ = orbits.load(file)
         proof = orbits.prove(orbit, digits)
-        if as_object:
-            out.result(proof.as_json())
-        out.print(str(proof))
-        if save_to:
-            with out.writing(save_to, "saved in"):
-                orbits.save(save_to, proof)
+        certificate(proof, save_to, as_object, out)
         if not proof.proved:
             raise typer.Exit(NOT_FOUND)

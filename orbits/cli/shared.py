@@ -12,12 +12,13 @@ import orbits
 from jaxdyn import _arithmetic as arithmetic
 from jaxdyn._text import fail
 from jaxdyn.cli.screen import Screen
-from jaxdyn.cli.shared import written
+from jaxdyn.cli.shared import read, written
 from jaxdyn.files.output_files import writable
 
 NOT_FOUND = 1  # exit code: no orbit was found
 _FRAMES = 180
 
+OrbitFile = Annotated[Path, typer.Argument(help="An orbit file written by --save.", callback=read)]
 SaveOption = Annotated[Path | None, written(writable, "Write a file (.json).", "--save")]
 
 
@@ -56,6 +57,21 @@ def _failure(orbit: "orbits.Orbit") -> dict:
     error = orbit.residual if math.isfinite(orbit.residual) else None
     best = {"period": orbit.period, "y0": [float(x) for x in orbit.y0], "largest_error": error}
     return {"outcome": orbit.outcome.name, "message": orbit.message, "best_iterate": best}
+
+
+def certificate(
+    found: "orbits.Refined | orbits.Certificate",
+    save_to: Path | None,
+    as_object: bool,
+    screen: Screen,
+) -> None:
+    """Print what was computed in ball arithmetic, and save it if requested."""
+    if as_object:
+        screen.result(found.as_json())
+    screen.print(str(found))
+    if save_to:
+        with screen.writing(save_to, "saved to"):
+            orbits.save(save_to, found)
 
 
 def draw(

@@ -1,21 +1,14 @@
 """The command `orbits verify`: recomputes every claim of an orbit file."""
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
 import orbits
 from jaxdyn._text import fail
 from jaxdyn.cli.screen import screen
-from jaxdyn.cli.shared import JsonOption, read
+from jaxdyn.cli.shared import JsonOption
 from orbits.cli.printed import print_reports
+from orbits.cli.shared import OrbitFile
 
 
-def verify_command(
-    file: Annotated[Path, typer.Argument(help="An orbit file written by --save.", callback=read)],
-    as_object: JsonOption = False,
-) -> None:
+def verify_command(file: OrbitFile, as_object: JsonOption = False) -> None:
     """Recompute every claim of an orbit file, from its scene, start and period alone."""
     with screen(f"recomputing the claims of {file}", as_object) as out:
         derived, mismatches = orbits.verify(file)

@@ -1,7 +1,7 @@
 """What accuracy costs: curves, recommendations, command, pictures. Times only have to be there."""
 
+import functools
 import json
-import sys
 
 import numpy as np
 import pytest
@@ -10,7 +10,6 @@ from jaxdyn import drawing, scenes, solvers
 from jaxdyn.accuracy import quantities
 from jaxdyn.accuracy import work_precision as work
 from jaxdyn.accuracy.timing import Times
-from jaxdyn.cli import app as cli
 from jaxdyn.course import rod_or_spring
 from jaxdyn.integrate import events
 
@@ -165,23 +164,21 @@ def test_pictures_are_drawn(damped, tmp_path):
         assert (tmp_path / file).stat().st_size > 1000
 
 
-def run(monkeypatch, capsys, *words):
-    monkeypatch.setattr(sys, "argv", ["jaxdyn", "accuracy", *map(str, words)])
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    return end.value.code, *capsys.readouterr()
+@pytest.fixture
+def accuracy_command(command):
+    return functools.partial(command, "jaxdyn", "accuracy")
 
 
-def test_the_command_prints_what_digits_cost(monkeypatch, capsys, tmp_path):
+def test_the_command_prints_what_digits_cost(accuracy_command, tmp_path):
     picture = tmp_path / "work.png"
     words = ("oscillator", "--set", "c=0.1", "--digits", "10", "--plot", picture)
-    code, out, _ = run(monkeypatch, capsys, *words)
+    code, out, _ = accuracy_command(*words)
     assert code == 0
     assert " 9 digits: " in out
     assert "for 10 digits: " in out
     assert "by default: Taylor 14, since its Taylor series takes " in out
     assert picture.stat().st_size > 1000
-    code, out, _ = run(monkeypatch, capsys, "oscillator", "--set", "c=0.1", "--json")
+    code, out, _ = accuracy_command("oscillator", "--set", "c=0.1", "--json")
     found = json.loads(out)
     assert found["digits"] == 9
     assert found["default"] == "Taylor 14"
@@ -199,8 +196,8 @@ def test_the_command_prints_what_digits_cost(monkeypatch, capsys, tmp_path):
         (("oscillator", "--plot", "x.txt"), "--plot: expected a file name ending in"),
     ],
 )
-def test_the_command_refuses_in_one_line(monkeypatch, capsys, words, message):
-    code, _, err = run(monkeypatch, capsys, *words)
+def test_the_command_refuses_in_one_line(accuracy_command, words, message):
+    code, _, err = accuracy_command(*words)
     assert code == 2
     assert message in err
     assert err.count("\n") == 1

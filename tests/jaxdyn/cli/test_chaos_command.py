@@ -1,27 +1,19 @@
 """The command `jaxdyn chaos`: spectra, maps, their pictures, and what it refuses."""
 
+import functools
 import json
-import sys
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from jaxdyn.chaos import lyapunov_exponents, megno
-from jaxdyn.cli import app as cli
 from jaxdyn.scenes import double_pendulum, lorenz
 
 
 @pytest.fixture
-def chaos(capsys, monkeypatch):
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["jaxdyn", "chaos", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        out, err = capsys.readouterr()
-        return end.value.code, out, err
-
-    return run
+def chaos(command):
+    return functools.partial(command, "jaxdyn", "chaos")
 
 
 def test_a_spectrum_is_printed_with_its_checks(chaos):

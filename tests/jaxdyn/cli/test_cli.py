@@ -1,5 +1,6 @@
 """The command line of scenes: what it prints, draws and refuses, and its exit codes."""
 
+import functools
 import json
 import os
 import re
@@ -11,7 +12,6 @@ import pytest
 from helpers import BEYOND
 
 from jaxdyn import drawing, scenes, simulate, solvers
-from jaxdyn.cli import app as cli
 from jaxdyn.cli import run
 from jaxdyn.integrate.simulation import RTOL
 from jaxdyn.scenes import catalogue
@@ -20,15 +20,8 @@ STIFF = scenes.two_springs(c_a=1e6)
 
 
 @pytest.fixture
-def jaxdyn(capsys, monkeypatch):
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["jaxdyn", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        out, err = capsys.readouterr()
-        return end.value.code, out, err
-
-    return run
+def jaxdyn(command):
+    return functools.partial(command, "jaxdyn")
 
 
 def test_every_scene_names_its_problems_and_all_its_numbers(jaxdyn):

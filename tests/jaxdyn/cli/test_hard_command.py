@@ -1,12 +1,11 @@
 """The command `jaxdyn hard`: what it lists, prints and refuses, and its exit codes."""
 
+import functools
 import json
-import sys
 
 import pytest
 
 from jaxdyn import hard
-from jaxdyn.cli import app as cli
 from jaxdyn.cli import words
 from jaxdyn.hard import collection
 from jaxdyn.hard.case import absolute_error, relative_error
@@ -17,15 +16,8 @@ def _sum(value):
 
 
 @pytest.fixture
-def jaxdyn(capsys, monkeypatch):
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["jaxdyn", "hard", *arguments])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        out, err = capsys.readouterr()
-        return end.value.code, out, err
-
-    return run
+def jaxdyn(command):
+    return functools.partial(command, "jaxdyn", "hard")
 
 
 @pytest.mark.parametrize(

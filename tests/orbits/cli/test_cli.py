@@ -1,5 +1,6 @@
 """The command line: what it prints where, and with which exit code it ends."""
 
+import functools
 import json
 import subprocess
 import sys
@@ -7,7 +8,6 @@ import sys
 import pytest
 
 from jaxdyn import scenes
-from orbits.cli import app as cli
 
 KEYS = {
     *("period", "y0", "closure", "choreography", "permutation_error", "energy"),
@@ -25,23 +25,9 @@ def joined(shift: float) -> str:
 TOO_NEAR = (f"--lower={joined(-0.01)}", f"--upper={joined(0.01)}")
 
 
-class Run:
-    """One run of the command line in this process."""
-
-    def __init__(self, capsys, monkeypatch, *words):
-        monkeypatch.setattr(sys, "argv", ["orbits", *map(str, words)])
-        try:
-            cli.main()
-        except SystemExit as end:
-            self.code = end.code or 0
-        else:
-            self.code = 0
-        self.out, self.err = capsys.readouterr()
-
-
 @pytest.fixture
-def orbits(capsys, monkeypatch):
-    return lambda *words: Run(capsys, monkeypatch, *words)
+def orbits(command):
+    return functools.partial(command, "orbits")
 
 
 @pytest.fixture(scope="module")

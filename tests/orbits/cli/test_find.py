@@ -1,7 +1,7 @@
 """`orbits find`: any scene's orbit, what is claimed of it, and what it says where there is none."""
 
+import functools
 import json
-import sys
 
 import jax
 import numpy as np
@@ -15,7 +15,6 @@ from jaxdyn.scenes import catalogue
 from orbits import PLAIN, find
 from orbits.analysis.identity import identify
 from orbits.analysis.report import report
-from orbits.cli import app as cli
 from orbits.cli.printed import print_reports
 from orbits.files import encoding, family_files
 from orbits.orbit import Orbit, Outcome
@@ -27,18 +26,8 @@ def period_of(energy: float, length: float = 1.0) -> float:
 
 
 @pytest.fixture
-def orbits(capsys, monkeypatch):
-    """A function that runs the command line: (exit code, standard output, standard error)."""
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["orbits", *map(str, words)])
-        try:
-            cli.main()
-        except SystemExit as end:
-            return end.code or 0, *capsys.readouterr()
-        return 0, *capsys.readouterr()
-
-    return run
+def orbits(command):
+    return functools.partial(command, "orbits")
 
 
 @pytest.mark.slow

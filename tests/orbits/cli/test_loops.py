@@ -1,26 +1,14 @@
 """The command `orbits loops`: the table, one orbit, and what is drawn where there is none."""
 
+import functools
 import json
-import sys
 
 import pytest
 
-from orbits.cli import app as cli
-
 
 @pytest.fixture
-def loops(capsys, monkeypatch):
-    """Run the command; (exit code, standard output, standard error)."""
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["orbits", "loops", *map(str, words)])
-        try:
-            cli.main()
-        except SystemExit as end:
-            return (end.code or 0, *capsys.readouterr())
-        return (0, *capsys.readouterr())
-
-    return run
+def loops(command):
+    return functools.partial(command, "orbits", "loops")
 
 
 def test_the_table_and_its_picture(loops, tmp_path):

@@ -1,29 +1,18 @@
 """`orbits refine` and `orbits prove`: digits and theorems about an orbit file."""
 
+import functools
 import json
-import sys
 
 import mpmath
 import pytest
 
 import orbits as library
 from jaxdyn import scenes
-from orbits.cli import app as cli
 
 
 @pytest.fixture
-def orbits(capsys, monkeypatch):
-    """A function that runs the command line: (exit code, standard output, standard error)."""
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["orbits", *map(str, words)])
-        try:
-            cli.main()
-        except SystemExit as end:
-            return end.code or 0, *capsys.readouterr()
-        return 0, *capsys.readouterr()
-
-    return run
+def orbits(command):
+    return functools.partial(command, "orbits")
 
 
 @pytest.fixture

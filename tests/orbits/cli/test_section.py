@@ -1,28 +1,16 @@
 """The command `orbits section`: crossings as text, JSON, CSV and a picture, and what is refused."""
 
 import csv
+import functools
 import json
-import sys
 
 import numpy as np
 import pytest
 
-from orbits.cli import app as cli
-
 
 @pytest.fixture
-def section(capsys, monkeypatch):
-    """Run the command; (exit code, standard output, standard error)."""
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["orbits", "section", *map(str, words)])
-        try:
-            cli.main()
-        except SystemExit as end:
-            return (end.code or 0, *capsys.readouterr())
-        return (0, *capsys.readouterr())
-
-    return run
+def section(command):
+    return functools.partial(command, "orbits", "section")
 
 
 HENON = ("henon_heiles", "--event", "x=0")

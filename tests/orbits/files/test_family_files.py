@@ -2,7 +2,6 @@
 
 import json
 import math
-import sys
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from scipy.special import ellipk
 from jaxdyn import scenes
 from jaxdyn.files import records
 from orbits import PLAIN, Kind, drawing
-from orbits.cli import app as cli
 from orbits.families.parameters import maker
 from orbits.files import family_files
 from orbits.files.family_files import Entry, Listing
@@ -134,14 +132,12 @@ def test_a_picture_shows_stability_and_what_is_special(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_command_continues_a_pendulum_in_its_length(tmp_path, monkeypatch, capsys):
+def test_the_command_continues_a_pendulum_in_its_length(tmp_path, command):
     path = tmp_path / "family.json"
     words = ["--parameter", "length", "--period", "2.1", "--members", "3", "--step", "0.2"]
-    monkeypatch.setattr(sys, "argv", ["orbits", "family", "pendulum", *words, "--save", str(path)])
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    assert not end.value.code
-    assert "3 orbits" in capsys.readouterr().out
+    code, out, _ = command("orbits", "family", "pendulum", *words, "--save", path)
+    assert code == 0
+    assert "3 orbits" in out
     family = family_files.load(path)
     assert family.parameter == "length"
     assert np.diff([one.parameter for one in family.members]).min() > 0.05
@@ -154,18 +150,14 @@ def test_the_command_continues_a_pendulum_in_its_length(tmp_path, monkeypatch, c
 
 
 @pytest.mark.slow  # a chaotic scene is searched for a return, then eight orbits
-def test_the_symmetric_orbit_of_lorenz_loses_its_stability_at_a_branch_point(
-    tmp_path, monkeypatch, capsys
-):
+def test_the_symmetric_orbit_of_lorenz_loses_its_stability_at_a_branch_point(tmp_path, command):
     # Sparrow (1982), The Lorenz Equations: a symmetric orbit above rho = 154.4, two below it.
     picture = tmp_path / "lorenz.png"
     words = ["--set", "rho=160", "--set", "t1=10", "--parameter", "rho", "--down", "--step", "1"]
     words += ["--within", "150,161", "--json", "--plot", str(picture)]
-    monkeypatch.setattr(sys, "argv", ["orbits", "family", "lorenz", *words])
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    assert not end.value.code
-    found = json.loads(capsys.readouterr().out)
+    code, out, _ = command("orbits", "family", "lorenz", *words)
+    assert code == 0
+    found = json.loads(out)
     (point,) = found["special"]
     assert point["kind"] == Kind.BRANCH
     assert 154.4 < point["parameter"] < 154.5

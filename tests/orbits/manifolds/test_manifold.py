@@ -1,9 +1,7 @@
 """Stable and unstable manifolds: against closed forms, symmetry, energy, and their own error."""
 
-import contextlib
 import json
 import math
-import sys
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +13,6 @@ import orbits
 from jaxdyn import scenes
 from jaxdyn.analysis.energy import energy
 from jaxdyn.integrate.events import Reaches
-from orbits.cli import app
 
 MU = 0.01215
 #: A planar Lyapunov orbit about L1 of Earth and Moon, begun from four digits.
@@ -149,30 +146,24 @@ def test_an_error_below_rounding_is_refused_with_a_remedy(lyapunov):
         orbits.manifold(lyapunov, "unstable", strands=2, error=1e-17)
 
 
-def test_command_and_picture(lyapunov, tmp_path, capsys, monkeypatch):
+def test_command_and_picture(lyapunov, tmp_path, command):
     saved, picture = tmp_path / "lyapunov.json", tmp_path / "tubes.png"
     orbits.save(saved, lyapunov)
     words = ["manifold", saved, "--until", "x=0.98785", "--strands", 8, "--branch", "+"]
-    monkeypatch.setattr(sys, "argv", ["orbits", *map(str, words), "--json", "--plot", str(picture)])
-    with contextlib.suppress(SystemExit):
-        app.main()
-    found = json.loads(capsys.readouterr().out)["manifolds"]
+    found = json.loads(command("orbits", *words, "--json", "--plot", picture).out)["manifolds"]
     assert [one["kind"] for one in found] == ["unstable", "stable"]
     for one in found:
         np.testing.assert_allclose(np.array(one["ends"])[:, 0], 1 - MU, rtol=0, atol=1e-12)
     assert picture.stat().st_size > 10_000
 
 
-def test_a_section_that_is_no_entry_is_refused(lyapunov, tmp_path, capsys, monkeypatch):
+def test_a_section_that_is_no_entry_is_refused(lyapunov, tmp_path, command):
     saved = tmp_path / "lyapunov.json"
     orbits.save(saved, lyapunov)
     for text in ("x", "q=1"):
-        words = ["orbits", "manifold", str(saved), "--until", text]
-        monkeypatch.setattr(sys, "argv", words)
-        with pytest.raises(SystemExit) as end:
-            app.main()
-        assert end.value.code == 2
-        assert "--until: expected" in capsys.readouterr().err
+        code, _, err = command("orbits", "manifold", saved, "--until", text)
+        assert code == 2
+        assert "--until: expected" in err
 
 
 def test_a_tube_in_space_is_drawn_with_its_orbit(tubes):

@@ -1,8 +1,8 @@
 """Aiming: closed forms without drag and with linear drag, a quadrature for quadratic drag."""
 
+import functools
 import itertools
 import json
-import sys
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +18,6 @@ from jaxdyn.integrate import events
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes.ballistics import best_angle
 from orbits import drawing
-from orbits.cli import app as cli
 from orbits.targets import aim
 from orbits.targets.launch import landings, launched
 
@@ -390,36 +389,31 @@ def test_misuse_is_refused_with_the_remedy(drag, call, message):
         call(drag)
 
 
-def _run(monkeypatch, capsys, *words):
-    monkeypatch.setattr(sys, "argv", ["orbits", "aim", *words])
-    code = 0
-    try:
-        cli.main()
-    except SystemExit as end:
-        code = end.code or 0
-    return code, *capsys.readouterr()
+@pytest.fixture
+def aim_command(command):
+    return functools.partial(command, "orbits", "aim")
 
 
 @pytest.mark.slow
-def test_command_line(monkeypatch, capsys, tmp_path):
+def test_command_line(aim_command, tmp_path):
     picture = tmp_path / "throws.png"
     words = ("--speed", "50", "--drag", "0.01", "--x", "80")
-    code, out, _ = _run(monkeypatch, capsys, *words, "--plot", str(picture))
+    code, out, _ = aim_command(*words, "--plot", str(picture))
     assert code == 0
     assert out.count("hits 80 m at") == 2
     assert "farthest: 50 m/s at 37.9077657" in out
     assert picture.stat().st_size > 10_000
-    code, out, _ = _run(monkeypatch, capsys, *words, "--json")
+    code, out, _ = aim_command(*words, "--json")
     answer = json.loads(out)
     assert code == 0
     assert answer["farthest"]["ok"]
     assert len(answer["hits"]["angles"]) == 2
     assert answer["slowest"]["speed"] < 50
-    code, out, _ = _run(monkeypatch, capsys, "--speed", "5", "--x", "80")
+    code, out, _ = aim_command("--speed", "5", "--x", "80")
     assert code == 1
     assert "not hit" in out
     assert "misses by" in out
-    code, out, err = _run(monkeypatch, capsys, "--speed", "-5")
+    code, out, err = aim_command("--speed", "-5")
     assert (code, out) == (2, "")
     assert "speed: expected > 0, got -5.0" in err
 
