@@ -126,4 +126,5 @@ def _disc(centre: arb, radius: arb) -> acb:
 
 
 def _tail(q: arb, order: int) -> arb:
-    return q ** (order + 1) / (1 - q)
+    """The sum of the geometric series; infinite unless q < 1 is certain."""
+    return q ** (order + 1) / (1 - q) if q < 1 else arb.pos_inf()

@@ -31,7 +31,7 @@ def motion_series(field: BallField, t: arb, y: list, unfolding: list, order: int
         rates = _rates(field, t, coefficients, unfolding, known + gained - 1)
         corrections: list[arb_mat] = []
         for j in range(known - 1, known + gained - 1):
-            total = arb_mat(field.k, 1, [rate[j] for rate in rates])
+            total = arb_mat(field.k, 1, [_coefficient(rate, j) for rate in rates])
             for i, correction in enumerate(reversed(corrections)):
                 total += slopes[i] * correction
             # Coefficient j + 1 of the motion.
@@ -87,8 +87,7 @@ def at(coefficients: list, h: arb):
 
 
 def _rates(field: BallField, t: arb, coefficients: list, unfolding: list, length: int) -> list:
-    found = field.rates(_inputs(field, t, coefficients, unfolding, length))
-    return [x if isinstance(x, arb_series) else arb_series([x], length) for x in found]
+    return field.rates(_inputs(field, t, coefficients, unfolding, length))
 
 
 def _inputs(field: BallField, t: arb, coefficients: list, unfolding: list, length: int) -> dict:
@@ -97,13 +96,19 @@ def _inputs(field: BallField, t: arb, coefficients: list, unfolding: list, lengt
 
 
 def _matrix(table: list[list], j: int) -> arb_mat:
-    return arb_mat(
-        [[x[j] if isinstance(x, arb_series) else _constant(x, j) for x in r] for r in table]
-    )
+    return arb_mat([[_coefficient(x, j) for x in row] for row in table])
 
 
-def _constant(x, j: int):
-    return x if j == 0 else 0
+def _coefficient(x, j: int):
+    """Coefficient j of a series, or of a constant.
+
+    python-flint reads 0 beyond the last coefficient that it knows.
+    """
+    if not isinstance(x, arb_series):
+        return x if j == 0 else 0
+    if j >= x.prec:
+        raise ArithmeticError(f"Only {x.prec} coefficients are known.")
+    return x[j]
 
 
 def _widened(matrix: arb_mat, k: int) -> arb_mat:

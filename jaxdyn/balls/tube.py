@@ -75,7 +75,7 @@ def tube(
       centre: (k) a point of the box.
       box: (k) starts.
       unfolding: (n) the centre of the unfolding's parameters, and a box of them.
-      span: () the centre of the spans in time, and a ball of them.
+      span: () the centre of the spans in time, and a ball of them that contains it; positive.
       digits: what a step's series leaves out is below 10^-digits.
       bits: precision of the calculation.
       slope_digits: the same as `digits` for the derivatives.
@@ -84,20 +84,21 @@ def tube(
     """
     k, n = field.k, field.n
     order, slope_order = _orders(digits), _orders(slope_digits)
-    with precision(bits, order):
+    # Series are cut off at the longest one's order.
+    with precision(bits, max(order, slope_order)):
         offset = _offset(centre, box, unfolding)
         unit = arb_mat([[int(i == j) for j in range(k + n)] for i in range(k)])
         now, done, guess = _Now(centre, box, unit), arb(0), _FIRST_RADIUS
         for steps in range(1, _MOST_STEPS):
             found = disc(field, t + done, now.box, unfolding[1], guess)
-            if found is None:
+            guess = float(found.radius) if found else 0.0
+            # Of few bits, so that sums of steps are exact.
+            h = arb(math.ldexp(math.floor(math.ldexp(_SHARE * guess, _STEP_BITS)), -_STEP_BITS))
+            if found is None or not h > 0:
                 raise NotEnclosed(
                     f"The rate has no bound near t = {float(done):.6g}: the tube touches a "
                     "singularity. Try more digits."
                 )
-            guess = float(found.radius)
-            # Of few bits, so that sums of steps are exact.
-            h = arb(math.ldexp(math.floor(math.ldexp(_SHARE * guess, _STEP_BITS)), -_STEP_BITS))
             left = span[1] - done
             last = bool(left <= h)
             spans = (span[0] - done, left) if last else (h, h)
