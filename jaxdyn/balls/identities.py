@@ -119,7 +119,7 @@ class Polynomials:
                 total += part if term is None else part * found[term]
             return total
         if op == "pow" and not isinstance(args[1], Node):
-            return self._power(found[args[0]], args[1]) if isinstance(args[0], Node) else None
+            return self._power(self._at(args[0], found), args[1])
         operands = [self._at(a, found) for a in args if not isinstance(a, bool)]
         if op == "add":
             return operands[0] + operands[1]

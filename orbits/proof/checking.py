@@ -72,8 +72,8 @@ def _contains(claimed: Any, derived: Any) -> bool:
         return same and all(_contains(a, b) for a, b in zip(claimed, derived, strict=True))
     if isinstance(derived, dict) and "mid" not in derived:
         return all(_contains(claimed[key], derived[key]) for key in derived)
-    if derived is None:
-        return claimed is None
+    if derived is None or claimed is None:
+        return claimed is derived
     with precision(_BITS):
         gap = abs(arb(claimed["mid"]) - arb(derived["mid"])) + arb(derived["rad"])
         return bool(gap.mid() <= arb(claimed["rad"]).mid() * (1 + arb(2) ** -60))

@@ -1,7 +1,5 @@
 """The proof that a periodic orbit exists, is locally unique, and is stable or unstable."""
 
-import math
-
 import jax.numpy as jnp
 import numpy as np
 
@@ -10,19 +8,18 @@ from jaxdyn._progress import doing
 from jaxdyn.analysis.monodromy import symplectic_form
 from jaxdyn.balls.arithmetic import arb, precision
 from jaxdyn.balls.motion import bits_of
-from jaxdyn.balls.tube import NotEnclosed, tube
-from orbits.closing.closings import choreography
 from orbits.orbit import Orbit, SearchError
 from orbits.proof import multipliers
 from orbits.proof.certificate import Certificate, Enclosed
-from orbits.proof.closure import Closure, product
+from orbits.proof.closure import Closure
 from orbits.proof.krawczyk import Test, tested
-from orbits.proof.posing import integrals_of, posed_closure, table
+from orbits.proof.one_curve import on_one_curve
+from orbits.proof.posing import integrals_of, posed_closure
 from orbits.proof.refinement import LEAST_DIGITS, MOST_DIGITS, solved
 from orbits.proof.spectrum import Spectrum, spectrum, structure
 from orbits.proof.theorems import missing
 
-DIGITS = 30.0  # of exact numbers as decimals, and of where bodies are within a period
+DIGITS = 30.0  # of exact numbers as decimals
 _BOX = 10.0  # digits by which a box is wider than the centre is known
 _SPARE = 6.0
 #: Bits of the first trial beyond those of the digits; each further one doubles them.
@@ -104,10 +101,13 @@ def certified(
         doing(f"enclosing the motion with {bits_used} bits")
         try:
             test = tested(system, numbers, arb(radius), digits, bits_used)
-        except (NotEnclosed, np.linalg.LinAlgError) as error:
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
             reason = str(error)
         else:
             if test.passed:
+                reason = _degenerate(system, test.numbers, bits_used)
+                if reason:
+                    break
                 return _certificate(orbit, system, numbers, test, radius, digits, bits_used)
             reason = (
                 f"Krawczyk's test fails: the closing error moves the centre by {test.step:.1e} "
@@ -117,6 +117,20 @@ def certified(
                 break
         extra *= 2
     return _unproved(orbit, f"{reason} {_MORE}", throw, bits_used)
+
+
+def _degenerate(system: Closure, numbers: list[arb], bits: int) -> str:
+    """Why the zero of the closing equations may be no orbit, or not alone; "" if it is one."""
+    with precision(bits):
+        if not system.period(numbers) > 0:
+            return "The period may be 0 or negative."
+        rate = system.field.rate(arb(0), system.start(numbers), [arb(0)] * system.field.n)
+        if system.drive is None and not any(bool(abs(x) > 0) for x in rate):
+            return "The start may be a rest point."
+        # An orbit of the rate is a zero with lambda = 0: the only one of a box that contains that.
+        if not all(x.contains(0) for x in system.unfolding(numbers)):
+            return "The box excludes that the unfolding is 0."
+    return ""
 
 
 def _unproved(orbit: Orbit, reason: str, throw: bool, bits: int = 0) -> Certificate:
@@ -162,7 +176,7 @@ def _certificate(
             else (),
             verdict=found.verdict,
             verdict_proved=found.verdict != "undecided",
-            choreography=_choreography(orbit, system, test, bits),
+            choreography=on_one_curve(orbit.scene, system, test.numbers, bits),
         )
 
 
@@ -179,7 +193,10 @@ def _spectrum(orbit: Orbit, system: Closure, numbers: list, digits: float, bits:
         _generators(scene),
         form if form is None else np.asarray(form),
     )
-    return spectrum(system, numbers, known, digits, bits)
+    try:
+        return spectrum(system, numbers, known, digits, bits)
+    except ArithmeticError:
+        return Spectrum([], "undecided")
 
 
 def _generators(scene: Scene) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -204,34 +221,6 @@ def _words(system: Closure) -> str:
     )
 
 
-def _choreography(orbit: Orbit, system: Closure, test: Test, bits: int) -> bool | None:
-    """Whether equal bodies follow one curve; None if not proved, or not asked."""
-    scene = orbit.scene
-    points = scene.points(jnp.zeros(()), scene.y0) if scene.has_points else None
-    if points is None or system.drive is not None or system.reversals is not None:
-        return None
-    n, d = points.r.shape
-    if n < 2 or 2 * n * d != len(scene.y0) or not np.array_equal(points.m, points.m[:1].repeat(n)):
-        return None
-    tables = [table(one.symmetry, np.eye(len(scene.y0), dtype=int)) for one in choreography(n, d)]
-    if any(np.array_equal(system.goal, one) for one in tables):
-        return True
-    if system.parts != 1 or system.generator is not None:
-        return None
-    doing("enclosing where the bodies are after a part of the period")
-    with precision(bits):
-        starts = system.start(test.numbers)
-        period = system.period(test.numbers) / n
-        span = period.mid(), period
-        at = system.field, arb(0), [x.mid() for x in starts], starts
-        part = tube(*at, ([arb(0)] * system.field.n,) * 2, span, DIGITS, bits).box
-        for goal in tables:
-            moved = product(goal, starts)
-            if all(a.overlaps(b) for a, b in zip(part, moved, strict=True)):
-                return None
-    return False
-
-
 def _exact(x: arb) -> str:
     mantissa, exponent = x.mid().man_exp()
     return f"{int(mantissa)}*2^{int(exponent)}"
@@ -239,14 +228,12 @@ def _exact(x: arb) -> str:
 
 def _enclosed(x: arb) -> Enclosed:
     """A decimal midpoint and radius whose ball contains the ball."""
-    digits = (
-        int(DIGITS)
-        if not x.rad() > 0
-        else int(max(3, -math.log10(max(float(x.rad()), 1e-300)) + 3))
-    )
-    with precision(8 * digits + 128):
-        text = arb(x.mid()).str(digits + 4, radius=False)
-        rad = (abs(x - arb(text)).upper()).str(3, radius=False)
-        # Rounded up: three digits are short by half a part in a hundred at most, twice.
-        rad = (arb(rad) * arb("1.02")).upper().str(3, radius=False) if arb(rad) > 0 else "0"
+    digits = DIGITS
+    if x.rad() > 0:
+        digits = 3 + float((1 + abs(x.mid()) / x.rad()).log() / arb(10).log())
+    with precision(8 * int(digits) + 128):
+        text = arb(x.mid()).str(int(digits) + 4, radius=False)
+        bound = abs(x - arb(text)).upper()
+        # Three digits are short by a part in a hundred at most.
+        rad = (bound * arb("1.03")).upper().str(3, radius=False) if bound > 0 else "0"
     return Enclosed(text, rad)

@@ -4,14 +4,18 @@ How many are 1: let I_1, ... be conserved with independent gradients w_i at the 
 independent generators of symmetries (the flow among them) with w_i . g_j = 0. The monodromy matrix
 M keeps each w_i (w_i M = w_i) and each g_j, so it is the identity on the quotient by the common
 kernel of the w_i, and on the span of the g_j inside that kernel: at least n + m multipliers are 1.
+M of a relative orbit is R^-1 times the derivative of the flow, with a rotation R: then only those
+I_i count that R keeps, and only those g_j whose symmetries commute with R.
 
 On the unit circle: if M is symplectic, or similar to its inverse by a reversal of the orbit, with a
-multiplier z there is 1 / conj z. If each enclosure of a multiplier holds one, and its image
-under that reflection meets no other enclosure, z = 1 / conj z, that is |z| = 1; distinct
-multipliers on the circle mean linear stability (Kapela, Simo 2007, Nonlinearity 20, 1241).
+multiplier z there is 1 / conj z, as often; 1 is its own image, so that is true of the others alone.
+If each enclosure of a multiplier holds one, and its image under that reflection meets no other
+enclosure, z = 1 / conj z, that is |z| = 1; multipliers on the circle that are distinct, and
+distinct from 1, mean linear stability (Kapela, Simo 2007, Nonlinearity 20, 1241).
 """
 
 import dataclasses
+from fractions import Fraction
 
 import numpy as np
 
@@ -42,9 +46,9 @@ class Structure:
     """What is known of the flow beside the rate.
 
     Attributes:
-      integrals: names of conserved functions.
+      integrals: conserved functions by name, which the rotation of a relative orbit keeps.
       form: (k, k) constant symplectic form that the flow keeps; None if none is proved.
-      generators: (matrix, offset) of symmetries, without the flow.
+      generators: (matrix, offset) of symmetries, without the flow, that commute with it.
     """
 
     integrals: dict
@@ -84,7 +88,9 @@ def _verdict(values: list[acb], conservative: bool, paired: bool) -> str:
 
 def _on_circle(i: int, values: list[acb]) -> bool:
     reflected = 1 / values[i].conjugate()
-    return all(j == i or not reflected.overlaps(z) for j, z in enumerate(values))
+    return not values[i].overlaps(acb(1)) and all(
+        j == i or not reflected.overlaps(z) for j, z in enumerate(values)
+    )
 
 
 def _monodromy(system: Closure, found: Tube, numbers: list) -> arb_mat:
@@ -139,10 +145,38 @@ def structure(system: Closure, candidates: dict, generators: list, form) -> Stru
     """What is proved among candidates: integrals, generators of symmetries, a symplectic form."""
     try:
         theorems = Theorems.of(system.formulas)
-        integrals = {n: i for n, i in candidates.items() if theorems.is_conserved(i)}
-        symmetries = [pair for pair in generators if theorems.is_generator(*pair)]
-        regular = form is not None and bool(abs(arb_mat(form.tolist()).det()) > 0)
-        kept = form if regular and theorems.keeps(form) else None
+        turn = np.zeros((len(theorems.rate),) * 2) if system.generator is None else system.generator
+        turned = theorems.direction(turn, np.zeros(len(turn)))
+        integrals = {
+            n: i
+            for n, i in candidates.items()
+            if theorems.is_conserved(i) and theorems.vanishes_along(theorems.gradient(i), turned)
+        }
+        symmetries = [
+            pair for pair in generators if _commutes(turn, *pair) and theorems.is_generator(*pair)
+        ]
+        kept = form if _is_kept(theorems, form, turn) else None
         return Structure(integrals, symmetries, kept)
     except NoPolynomial:
         return Structure({}, [], None)
+
+
+def _commutes(turn: np.ndarray, matrix: np.ndarray, offset: np.ndarray) -> bool:
+    """Whether the flow of y' = A y + b commutes with a rotation."""
+    turn, matrix, offset = map(_rational, (turn, matrix, offset))
+    return bool((turn @ matrix == matrix @ turn).all() and (turn @ offset == 0).all())
+
+
+def _is_kept(theorems: Theorems, form, turn: np.ndarray) -> bool:
+    """Whether a regular, antisymmetric form is kept by the flow and by a rotation."""
+    if form is None or (form.T != -form).any() or not abs(arb_mat(form.tolist()).det()) > 0:
+        return False
+    exact, turn = _rational(form), _rational(turn)
+    return bool((turn.T @ exact + exact @ turn == 0).all()) and theorems.keeps(form)
+
+
+def _rational(table: np.ndarray) -> np.ndarray:
+    """An array of floats as one of fractions, whose products are exact."""
+    found = np.empty(table.shape, object)
+    found.flat = [Fraction(x) for x in np.asarray(table, float).ravel().tolist()]
+    return found

@@ -54,9 +54,18 @@ class Theorems:
         """(k) the gradient of an integral."""
         return self.evaluated(gradients(self.formulas.graph, [integral], self.formulas.states)[0])
 
+    def depends_on_time(self) -> bool:
+        """Whether time occurs in the rate."""
+        operands = (a for node in self._program.nodes for a in node.args)
+        return any(x is self.formulas.time for x in (*self.formulas.rates, *operands))
+
     def is_conserved(self, integral: Number) -> bool:
-        """Whether grad I . f = 0."""
-        return self.vanishes_along(self.gradient(integral), self.rate)
+        """Whether grad I . f = 0, and I does not depend on time by itself."""
+        graph, time = self.formulas.graph, self.formulas.time
+        (by_time,) = self.evaluated(gradients(graph, [integral], [time])[0])
+        return self.ring.vanishes(by_time) and self.vanishes_along(
+            self.gradient(integral), self.rate
+        )
 
     def vanishes_along(self, row: list, column: list) -> bool:
         """Whether a product of two vectors is 0."""
@@ -142,6 +151,8 @@ def missing(system: Closure) -> str:
     """
     try:
         known = Theorems.of(system.formulas)
+        if system.drive is None and known.depends_on_time():
+            return "that the rate is the same at all times, or has the orbit's period"
         for name, integral in system.integrals.items():
             if not known.is_conserved(integral):
                 return f"that the {name} is conserved: its rate of change does not simplify to 0"
@@ -155,9 +166,9 @@ def missing(system: Closure) -> str:
 def _of_return(system: Closure, known: Theorems) -> str:
     goal, parts = system.goal, system.parts
     unit = np.eye(len(goal), dtype=int)
+    if system.drive is not None and parts != 1:
+        return "that a driven motion repeats after a part of its period"
     if (goal != unit).any():
-        if system.drive is not None:
-            return "that a driven motion repeats after a part of its period"
         if not known.is_symmetry(goal, 1):
             return "that the symmetry of the closing condition is one of the rate"
         if (np.linalg.matrix_power(goal, parts) != unit).any():
@@ -183,6 +194,8 @@ def _of_reversal(system: Closure, known: Theorems) -> str:
     assert system.reversals is not None
     here, there = system.reversals
     for matrix in (here, there):
+        if (matrix @ matrix != np.eye(len(matrix), dtype=int)).any():
+            return "that the reversal of the closing condition is of order 2"
         if not known.is_symmetry(matrix, -1):
             return "that the reversal of the closing condition is one of the rate"
         for name, integral in system.integrals.items():

@@ -12,8 +12,8 @@ import pytest
 import jaxdyn
 import orbits
 from jaxdyn import scenes
-from jaxdyn.balls.arithmetic import arb
-from orbits.proof import checking
+from jaxdyn.balls.arithmetic import arb, precision
+from orbits.proof import checking, proving
 from orbits.proof.posing import posed_closure
 from orbits.proof.proving import certified
 from orbits.proof.refinement import solved
@@ -162,6 +162,31 @@ def test_files_keep_digits_and_proofs(tmp_path):
     record["claims"]["certificate"]["period"]["rad"] = "1e-60"
     path.write_text(json.dumps(record))
     assert [m.name for m in orbits.verify(path)[1]] == ["certificate: period"]
+
+
+def test_decimal_enclosures_contain_the_ball_and_keep_its_digits():
+    with precision(4000):
+        for mid, rad in (
+            (1, "1e-20"),
+            (-3, "9.995e-7"),
+            (1e9, "0.3"),
+            (1e-5, 0),
+            (0, "1e-9"),
+            (7, "1e-900"),
+        ):
+            ball = arb(mid) / 3 + arb(0, arb(rad))
+            told = proving._enclosed(ball)
+            assert arb(told.mid, told.rad).contains(ball)
+            assert arb(told.rad) < max(1.2 * arb(rad), arb("1e-33"))
+            assert arb(told.rad) > arb(rad)
+
+
+def test_a_claim_that_is_taken_out_is_not_what_is_proved():
+    told = {"mid": "1.0", "rad": "1e-9"}
+    assert checking._contains(told, told)
+    assert not checking._contains(None, told)
+    assert not checking._contains(told, None)
+    assert not checking._contains(told | {"rad": "nan"}, told)
 
 
 def test_states_on_constraints_are_refused():

@@ -1,0 +1,177 @@
+"""What a proof assumes is proved as an identity, and is refused where it is not one."""
+
+import dataclasses
+import functools
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxdyn
+import orbits
+from jaxdyn import scenes
+from jaxdyn.balls.arithmetic import acb, arb
+from jaxdyn.balls.field import scene_formulas
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.system import Effect
+from orbits.proof import posing, proving, spectrum
+from orbits.proof.one_curve import on_one_curve
+from orbits.proof.posing import posed_closure
+from orbits.proof.proving import certified
+from orbits.proof.theorems import Theorems, missing
+
+
+def _formulas(rate, k: int, *more):
+    return scene_formulas(jaxdyn.ode(rate, np.ones(k), 1.0), *more)
+
+
+def _van_der_pol(t, y):
+    return [y[1], (1 - y[0] ** 2) * y[1] - y[0]]
+
+
+@functools.cache
+def _cycle():
+    return orbits.find(jaxdyn.ode(_van_der_pol, [2.0, 0.0], 6.66))
+
+
+@functools.cache
+def _closure():
+    return posed_closure(_cycle())
+
+
+def test_a_drive_below_the_rounding_is_seen_in_the_formulas():
+    # In doubles the rate is the same at all times; no motion of it is periodic with any period.
+    def rate(t, y):
+        slow, fast = _van_der_pol(t, y)
+        return [slow, fast + 1e-30 * t]
+
+    scene = jaxdyn.ode(rate, [2.0, 0.0], 6.66)
+    proof = orbits.prove(orbits.find(scene))
+    assert not proof.proved
+    assert "at all times" in proof.reason
+
+
+def test_an_integral_that_depends_on_time_is_none():
+    rate = lambda t, y: [y[1], jnp.zeros(())]  # noqa: E731
+    formulas, (found,) = _formulas(rate, 2, lambda _, t, y: jnp.stack([y[1], y[1] + t, y[0]]))
+    known = Theorems.of(formulas)
+    assert [known.is_conserved(one) for one in found] == [True, False, False]
+
+
+def test_a_driven_motion_is_followed_over_a_whole_period():
+    driven = dataclasses.replace(_closure(), drive=(1.0, 1))
+    assert missing(driven) == ""
+    assert "part of its period" in missing(dataclasses.replace(driven, parts=2))
+
+
+def test_a_reversal_of_another_order_proves_nothing():
+    quarter = np.array([[0, -1], [1, 0]])
+    turned = dataclasses.replace(_closure(), parts=2, reversals=(quarter, quarter))
+    assert "order 2" in missing(turned)
+
+
+def test_constant_powers_are_functions_of_their_own():
+    rate = lambda t, y, p: [p["a"] ** 0.3 * y[0]]  # noqa: E731
+    formulas, _ = scene_formulas(jaxdyn.ode(rate, [1.0], 1.0, params={"a": 2.0}))
+    assert Theorems.of(formulas).is_symmetry(np.array([[-1]]), 1)
+
+
+def test_rest_points_and_negative_periods_are_no_orbits():
+    orbit, system = _cycle(), _closure()
+    period = arb(orbit.period)
+    # The origin is the only state nearby that returns after this time: it never leaves.
+    held = dataclasses.replace(system, held=(2,))
+    still = certified(orbit, held, [arb(0), arb(0), period], 1e-12, 20, bits=200)
+    assert (still.proved, "rest point" in still.reason) == (False, True)
+    numbers, lost = proving.solved(system, 20)
+    backward = [
+        -x if name == "period" else x for x, name in zip(numbers, system.names, strict=True)
+    ]
+    again = certified(orbit, system, backward, 1e-12, 20 + lost, bits=200)
+    assert not again.proved
+
+
+def test_relative_orbits_have_fewer_multipliers_of_one():
+    scene = scenes.three_body()
+    formulas, (found,) = scene_formulas(scene, posing._integrals)
+    plain = dataclasses.replace(_closure(), formulas=formulas, candidates=tuple(found))
+    (turn,) = (
+        g for n, g in zip(_names(scene), proving._generators(scene), strict=True) if "turn" in n
+    )
+    relative = dataclasses.replace(plain, generator=turn[0].astype(int))
+    form = np.asarray(proving.symplectic_form(scene, scene.y0))
+    counts = []
+    for system in (plain, relative):
+        candidates = posing.integrals_of(system, scene)
+        known = spectrum.structure(system, candidates, proving._generators(scene), form)
+        assert known.form is not None
+        counts.append((len(known.integrals), len(known.generators)))
+    # Translations and momentum do not commute with a rotation: the angular momentum does.
+    assert counts[0] == (4, 3)
+    assert counts[1] == (2, 1)
+
+
+def _names(scene):
+    return list(scene.system.generators(scene.y0))
+
+
+def test_a_form_that_is_not_antisymmetric_says_nothing_of_multipliers():
+    formulas, _ = _formulas(lambda t, y: [-y[0], -y[1]], 2)
+    system = dataclasses.replace(_closure(), formulas=formulas)
+    assert spectrum.structure(system, {}, [], np.eye(2)).form is None
+    rotation, _ = _formulas(lambda t, y: [y[1], -y[0]], 2)
+    form = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    system = dataclasses.replace(system, formulas=rotation)
+    assert spectrum.structure(system, {}, [], form).form is form
+    # The rotation of a relative orbit must keep it too; this one stretches.
+    stretched = dataclasses.replace(system, generator=np.array([[1, 0], [0, 0]]))
+    assert spectrum.structure(stretched, {}, [], form).form is None
+
+
+@pytest.mark.parametrize(
+    ("angles", "verdict"), [((0.3, 0.7), "stable"), ((0.3, 0.0), "undecided"), ((), "stable")]
+)
+def test_multipliers_that_may_be_one_are_not_on_the_circle_for_certain(angles, verdict):
+    near = arb(0, 1e-9)
+    values = [
+        acb(arb(x).cos() + near, sign * arb(x).sin() + (near if x else arb(0)))
+        for x in angles
+        for sign in ((1, -1) if x else (1,))
+    ]
+    assert spectrum._verdict(values, True, True) == verdict
+
+
+class _Trap(Effect):
+    """Each body is drawn to the origin by its distance."""
+
+    velocity_dependent = False
+
+    def potential(self, t, r, m):
+        return 0.5 * jnp.sum(r * r)
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (0, 2, 1, 3)])
+def test_bodies_that_follow_each_other_in_any_order_are_on_one_curve(order):
+    system = FreePoints(np.ones(4))
+    angles = np.array(order) * (np.pi / 2)
+    r = np.round(np.stack([np.cos(angles), np.sin(angles)], 1))
+    v = np.round(np.stack([-np.sin(angles), np.cos(angles)], 1))
+    circle = np.concatenate([r.ravel(), v.ravel()])
+    apart = circle.copy()
+    apart[0] = 1.25
+    for start, expected in ((circle, None), (apart, False)):
+        scene = jaxdyn.Scene(system, (_Trap(),), y0=start, t1=6.0)
+        assert _on_one_curve_after_a_turn(scene) is expected
+
+
+def _on_one_curve_after_a_turn(scene):
+    formulas, _ = scene_formulas(scene)
+    whole = dataclasses.replace(
+        _closure(),
+        formulas=formulas,
+        field=posing.ball_field(formulas),
+        embed=np.eye(16, dtype=int),
+        goal=np.eye(16, dtype=int),
+    )
+    numbers = [*(arb(x) for x in np.asarray(scene.y0).tolist()), 2 * arb.pi()]
+    return on_one_curve(scene, whole, numbers, 150)
