@@ -15,6 +15,7 @@ from jaxdyn.files import records
 from orbits.discovery import journal as table
 
 SAMPLES = 6
+LONGEST = 600  # seconds that a process may take
 _SEARCH = """
 import sys, jaxdyn
 from concurrent.futures import ThreadPoolExecutor
@@ -35,6 +36,14 @@ def begun(path):
     return subprocess.Popen(command, env=os.environ | where)
 
 
+def wait_for(condition, run) -> None:
+    """Wait until a condition holds or the process has ended."""
+    until = time.monotonic() + LONGEST
+    while not condition() and run.poll() is None:
+        assert time.monotonic() < until, "the process does not go on"
+        time.sleep(0.005)
+
+
 def lines(path) -> int:
     return path.read_bytes().count(b"\n") if path.exists() else 0
 
@@ -46,16 +55,15 @@ def test_a_search_that_is_killed_again_and_again_ends_with_the_same_table(tmp_pa
     before = []
     for wanted in (1, 2, 4):  # its first line, its first chunk, its third
         run = begun(path)
-        while lines(path) < wanted and run.poll() is None:
-            time.sleep(0.005)
+        wait_for(lambda wanted=wanted: lines(path) >= wanted, run)
         time.sleep(0.1 * random.random())
         run.send_signal(signal.SIGKILL)
-        run.wait()
+        run.wait(LONGEST)
         _, chunks = table.read(path)
         assert all(chunk in chunks for chunk in before)
         before = chunks
     run = begun(path)
-    assert run.wait() == 0
+    assert run.wait(LONGEST) == 0
     whole = searched()
     again = searched(path=path)
     assert again.finds == whole.finds
@@ -75,10 +83,9 @@ def test_a_write_that_is_killed_leaves_the_old_file_or_the_new_one(tmp_path):
     )
     command = [sys.executable, "-c", code, str(path)]
     run = subprocess.Popen(command, env=os.environ | {"PYTHONPATH": ":".join(sys.path)})
-    while not path.exists() and run.poll() is None:
-        time.sleep(0.005)
+    wait_for(path.exists, run)
     time.sleep(0.2)
     run.send_signal(signal.SIGKILL)
-    run.wait()
+    run.wait(LONGEST)
     record = records.read(path, "x", 1)
     assert record["rest"] == [record["number"]] * 2000

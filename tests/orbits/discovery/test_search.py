@@ -269,9 +269,14 @@ def test_processes_find_the_same(both):
 def test_machines_of_a_dask_cluster_find_the_same_though_one_dies(both, tmp_path):
     distributed = pytest.importorskip("distributed", reason="dask is not installed")
     path = tmp_path / "search.jsonl"
+    # A worker that is started again while its cluster closes can hold up the closing for ever.
     with (
         distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+            n_workers=2,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            auto_restart=False,
         ) as cluster,
         distributed.Client(cluster) as client,
         futures.ThreadPoolExecutor(1) as aside,
@@ -282,7 +287,7 @@ def test_machines_of_a_dask_cluster_find_the_same_though_one_dies(both, tmp_path
         assert not running.done(), "no chunk is left to be lost"
         busy = next(iter(cluster.workers.values()))
         busy.process.process._process.kill()
-        again = running.result()
+        again = running.result(timeout=300)
     assert again.counts["samples"] == SAMPLES
     numbers = [json.loads(line)["number"] for line in path.read_text().splitlines()[1:]]
     assert sorted(numbers) == list(range(SAMPLES))
