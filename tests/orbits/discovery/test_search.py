@@ -269,14 +269,9 @@ def test_processes_find_the_same(both):
 def test_machines_of_a_dask_cluster_find_the_same_though_one_dies(both, tmp_path):
     distributed = pytest.importorskip("distributed", reason="dask is not installed")
     path = tmp_path / "search.jsonl"
-    # A worker that is started again while its cluster closes can hold up the closing for ever.
     with (
         distributed.LocalCluster(
-            n_workers=2,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            auto_restart=False,
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
         ) as cluster,
         distributed.Client(cluster) as client,
         futures.ThreadPoolExecutor(1) as aside,
@@ -286,6 +281,8 @@ def test_machines_of_a_dask_cluster_find_the_same_though_one_dies(both, tmp_path
             time.sleep(0.05)
         assert not running.done(), "no chunk is left to be lost"
         busy = next(iter(cluster.workers.values()))
+        # Were it started again while the cluster closes, that could hold up the closing.
+        busy.auto_restart = False
         busy.process.process._process.kill()
         again = running.result(timeout=300)
     assert again.counts["samples"] == SAMPLES
