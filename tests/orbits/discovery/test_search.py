@@ -282,7 +282,7 @@ def test_machines_of_a_dask_cluster_find_the_same_though_one_dies(both, tmp_path
         assert not running.done(), "no chunk is left to be lost"
         busy = next(iter(cluster.workers.values()))
         # Were it started again while the cluster closes, that could hold up the closing.
-        busy.auto_restart = False
+        busy.close_gracefully()
         busy.process.process._process.kill()
         again = running.result(timeout=300)
     assert again.counts["samples"] == SAMPLES
