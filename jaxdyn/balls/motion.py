@@ -1,9 +1,8 @@
 """Motions to any number of digits: Taylor series with estimated, not proved, truncation errors.
 
-The order is proportional to the
-number of digits, and steps are those at which the last terms are below the wanted error. Radii of
-rounding errors are dropped after each step: by interval arithmetic they would grow as products of
-norms do, much faster than errors do.
+The order is proportional to the number of digits, and steps are those at which the last terms are
+below the wanted error. Radii of rounding errors are dropped after each step: by interval arithmetic
+they would grow as products of norms do, much faster than errors do.
 """
 
 import math

@@ -102,7 +102,10 @@ def _maps(closing: Closing, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         embed = (unit + here)[:, free]
         embed = embed // np.abs(embed[free, np.arange(len(free))])
         off = unit - there
-        rows = [i for i in range(k) if off[i].any() and not (off[:i] == -off[i]).all(1).any()]
+        # Of two entries that are exchanged the rows are equal, or opposite: one is sufficient.
+        signed = np.concatenate([off, -off])
+        first = [(signed == row).all(1).nonzero()[0] % k for row in off]
+        rows = [i for i in range(k) if off[i].any() and first[i].min() == i]
         return embed, off[rows], np.zeros((len(rows), k), int)
     raise fail("closing", "a return or a reversal", type(closing).__name__)
 

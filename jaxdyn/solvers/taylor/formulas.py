@@ -133,7 +133,7 @@ def _applied(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
         consts = [_taken(graph, c) for c in getattr(inner, "consts", ())]
         return _interpreted(graph, getattr(inner, "jaxpr", inner), consts, args)
     if not any(x.dtype == object for x in args):
-        return _known(eqn.primitive, params, args)
+        return [_as_known(graph, x) for x in _known(eqn.primitive, params, args)]
     if name == "scan":
         return _written_out(graph, eqn, args)
     if name in _MOVES:

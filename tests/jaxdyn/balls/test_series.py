@@ -29,6 +29,14 @@ def test_known_numbers_are_not_rounded():
         assert not found.contains(arb(0.1 * 3.0))
 
 
+def test_quotients_of_counted_numbers_are_not_rounded():
+    field = _field(lambda t, y: [(jnp.arange(1, 3) / jnp.arange(3, 5))[0] * y[0]], [1.0])
+    with precision(BITS):
+        (found,) = field.rate(arb(0), [arb(1)], [])
+        assert found.overlaps(arb(1) / 3)
+        assert not found.contains(arb(1 / 3))
+
+
 @pytest.mark.parametrize(
     "one",
     [

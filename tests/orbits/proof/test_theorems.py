@@ -70,6 +70,14 @@ def test_a_reversal_of_another_order_proves_nothing():
     assert "order 2" in missing(turned)
 
 
+def test_a_reversal_that_exchanges_entries_has_one_equation_for_each_pair():
+    swap = orbits.Symmetry(places=(1, 0, 3, 2), signs=(1, 1, -1, -1), reversing=True)
+    embed, end, goal = posing._maps(orbits.reversal(swap), 4)
+    assert end.tolist() == [[1, -1, 0, 0], [0, 0, 1, 1]]
+    assert embed.tolist() == [[1, 0], [1, 0], [0, 1], [0, -1]]
+    assert goal.shape == (2, 4)
+
+
 def test_constant_powers_are_functions_of_their_own():
     rate = lambda t, y, p: [p["a"] ** 0.3 * y[0]]  # noqa: E731
     formulas, _ = scene_formulas(jaxdyn.ode(rate, [1.0], 1.0, params={"a": 2.0}))
