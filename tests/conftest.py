@@ -1,7 +1,6 @@
 """Strict modes for every test: float64, no silent promotion, checked shapes; the compile cache."""
 
 import gc
-import importlib
 import importlib.util
 import os
 import pkgutil

@@ -7,7 +7,7 @@ import typer
 import orbits
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import JsonOption
-from orbits.cli.shared import NOT_FOUND, OrbitFile, SaveOption, certificate
+from orbits.cli.shared import NOT_FOUND, OrbitFile, SaveOption, print_and_save
 
 
 def prove_command(
@@ -20,6 +20,6 @@ def prove_command(
     with screen(f"proving the orbit of {file}", as_object) as out:
         orbit, _ = orbits.load(file)
         proof = orbits.prove(orbit, digits)
-        certificate(proof, save_to, as_object, out)
+        print_and_save(proof, save_to, as_object, out)
         if not proof.proved:
             raise typer.Exit(NOT_FOUND)

@@ -7,7 +7,7 @@ import typer
 import orbits
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import JsonOption
-from orbits.cli.shared import OrbitFile, SaveOption, certificate
+from orbits.cli.shared import OrbitFile, SaveOption, print_and_save
 
 
 def refine_command(
@@ -19,4 +19,4 @@ def refine_command(
     """Start, period and multipliers of an orbit to many digits."""
     with screen(f"refining the orbit of {file}", as_object) as out:
         orbit, _ = orbits.load(file)
-        certificate(orbits.refine(orbit, digits), save_to, as_object, out)
+        print_and_save(orbits.refine(orbit, digits), save_to, as_object, out)

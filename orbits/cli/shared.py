@@ -59,7 +59,7 @@ def _failure(orbit: "orbits.Orbit") -> dict:
     return {"outcome": orbit.outcome.name, "message": orbit.message, "best_iterate": best}
 
 
-def certificate(
+def print_and_save(
     found: "orbits.Refined | orbits.Certificate",
     save_to: Path | None,
     as_object: bool,
