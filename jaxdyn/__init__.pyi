@@ -11,12 +11,15 @@ from . import effects as effects
 from . import ensemble as ensemble
 from . import files as files
 from . import formulations as formulations
+from . import gallery as gallery
 from . import geometry as geometry
 from . import hard as hard
 from . import integrate as integrate
 from . import mechanisms as mechanisms
+from . import player as player
 from . import scenes as scenes
 from . import solvers as solvers
+from . import studies as studies
 from ._config import configure as configure
 from .accuracy.end_error import EndError as EndError
 from .accuracy.end_error import end_error as end_error
@@ -28,6 +31,7 @@ from .chaos.lyapunov import lyapunov_exponents as lyapunov_exponents
 from .chaos.spectrum import LyapunovSpectrum as LyapunovSpectrum
 from .continuation.equilibria import continue_equilibria as continue_equilibria
 from .continuation.family import EquilibriumFamily as EquilibriumFamily
+from .files.motion_files import load as load
 from .formulations.lagrange import lagrangian as lagrangian
 from .formulations.ode import ode as ode
 from .integrate.event_search.all_crossings import Crossings as Crossings

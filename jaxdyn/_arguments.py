@@ -9,6 +9,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
+import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Array
@@ -24,7 +25,8 @@ def arrays(function: Callable[..., T]) -> Callable[..., T]:
     """The function with arguments annotated as arrays converted to 64-bit float arrays.
 
     Numbers and (nested) lists are accepted too. An annotation with axes, such as
-    ``Float[Array, "3"]``, also fixes the shape, except for axes named by a letter.
+    ``Float[Array, "3"]``, also fixes the shape, except for axes named by a letter. An argument
+    annotated as a record, such as a `Body`, must be one.
 
     Example:
       >>> from jaxtyping import Array, Float
@@ -37,6 +39,7 @@ def arrays(function: Callable[..., T]) -> Callable[..., T]:
     signature = inspect.signature(function)
     kinds = {p.name: p.annotation for p in signature.parameters.values()}
     shapes = {name: _shape_of(kind) for name, kind in kinds.items() if _is_array(kind)}
+    records = {name: kind for name, kind in kinds.items() if _is_record(kind)}
 
     @functools.wraps(function)
     def converted(*args, **kwargs):
@@ -45,6 +48,8 @@ def arrays(function: Callable[..., T]) -> Callable[..., T]:
         for name, x in given.arguments.items():
             if name in shapes:
                 given.arguments[name] = _converted(name, x, shapes[name])
+            elif name in records and not isinstance(x, records[name]):
+                raise _checks.fail(name, f"a {records[name].__name__}", type(x).__name__)
         return function(*given.args, **given.kwargs)
 
     return converted
@@ -86,6 +91,10 @@ def like_defaults(*rows: str, but: tuple[str, ...] = ()) -> Callable[[F], F]:
 
 def _is_array(annotation: Any) -> bool:
     return Array in (annotation, getattr(annotation, "array_type", None))
+
+
+def _is_record(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, eqx.Module)
 
 
 def _shape_of(annotation: Any) -> tuple | None:

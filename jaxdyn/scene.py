@@ -85,6 +85,12 @@ class Scene(Record):
         ]
         return _text.table(f"Scene {self.name}".rstrip(), rows)
 
+    @_text.pictured
+    def _repr_html_(self):
+        from jaxdyn.drawing import space
+
+        return space.pose(self)
+
     @property
     def field(self) -> Field:
         """The scene without its start and span."""

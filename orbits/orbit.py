@@ -131,6 +131,12 @@ class Orbit(eqx.Module):
         ]
         return _text.table(f"Orbit of {_text.called(self.scene)}", rows)
 
+    @_text.pictured
+    def _repr_html_(self):
+        from orbits.drawing import periodic
+
+        return periodic.overview(self)
+
     @property
     def y0(self) -> Array:
         """(k,) start."""

@@ -26,8 +26,10 @@ TWINS = [
 
 
 def _texts():
-    """The README, and all docstrings and messages of both packages."""
-    yield (ROOT / "README.md").read_text()
+    """The README, the guides, and all docstrings and messages of both packages."""
+    texts = (ROOT / "README.md", ROOT / ".github" / "CONTRIBUTING.md")
+    for file in (*texts, *(ROOT / "jaxdyn" / "gallery" / "guides").glob("*.md")):
+        yield file.read_text()
     for package in ("jaxdyn", "orbits"):
         for file in (ROOT / package).rglob("*.py"):
             for node in ast.walk(ast.parse(file.read_text())):
@@ -39,7 +41,7 @@ def test_every_name_that_is_mentioned_resolves_after_a_bare_import():
     pattern = re.compile(r"(?<![\w./-])(?:jaxdyn|orbits)(?:\.[A-Za-z]\w*)+(?![\w/-])")
     names = sorted({name for text in _texts() for name in pattern.findall(text)})
     # A module's own folder, file endings, and what begins a dotted module that runs.
-    names = [name for name in names if not name.endswith((".py", ".json"))]
+    names = [name for name in names if not name.endswith((".py", ".json", ".html", ".pdf", ".png"))]
     assert len(names) > 40
     assert {"jaxdyn.solve", "jaxdyn.accuracy.horizon.trusted_time", "orbits.find"} <= set(names)
     code = f"""
@@ -105,12 +107,12 @@ def test_the_version_is_that_of_the_package():
     assert re.fullmatch(r"\d+\.\d+\.\d+", jaxdyn.__version__)
 
 
-def test_orbit_files_name_only_classes_that_are_known_then():
+def test_files_name_only_classes_that_are_known_then():
     # Classes are looked up among those that are loaded: with lazy packages too few could be.
     code = """
-import importlib, pkgutil, orbits.files.verify
+import importlib, pkgutil
 from jaxdyn.files import records
-from orbits.files.encoding import KINDS
+from jaxdyn.files.scene_records import KINDS
 def known(): return {f"{c.__module__}.{c.__name__}" for c in records._classes(KINDS).values()}
 before = known()
 import jaxdyn

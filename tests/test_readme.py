@@ -1,4 +1,4 @@
-"""The README: its Python runs, its commands are the ones that CI and packaging know."""
+"""The README: its Python runs, its links exist, its commands are those of CI and packaging."""
 
 import os
 import re
@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 import jaxdyn
-from orbits.targets import aim
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -34,24 +33,36 @@ def output(tmp_path_factory):
     return done.stdout, folder
 
 
-def test_the_orbits_of_the_readme_are_what_it_says(output):
+def test_the_eight_of_the_readme_is_what_it_says(output):
     text, _ = output
-    _, neighbour, eight = re.split(r"^Identity$", text, flags=re.MULTILINE)
-    assert re.search(r"choreography +False", neighbour)
-    assert neighbour.strip().endswith("unstable")
-    assert re.search(r"choreography +True", eight)
-    assert re.search(r"scale_free +9\.23768$", eight, re.MULTILINE)
-    assert "0.0084227247" in eight
+    assert re.search(r"choreography +True", text)
+    assert re.search(r"scale_free +9\.23768$", text, re.MULTILINE)
+    assert "0.0084227247" in text
 
 
-def test_adam_of_the_readme_finds_the_longest_range(output):
-    farthest = aim.farthest(jaxdyn.scenes.cannonball(drag=0.01), [50.0])
-    angle, reached = farthest.angle[0], farthest.x[0]
-    assert f"{angle:.6f} rad, {reached:.6f} m" in output[0]
+def test_the_derivative_of_the_readme_is_that_of_differences(output):
+    def reached(c):
+        drag = jaxdyn.effects.QuadraticDrag(c)
+        return float(jaxdyn.solve(jaxdyn.scenes.cannonball(speed=20.0) + drag, 2.0).y1[0])
+
+    printed = float(output[0].splitlines()[0])
+    h = 1e-4
+    # The rest of central differences is h^2 times a third derivative, here 1e-6 of the first.
+    assert abs(printed - (reached(0.05 + h) - reached(0.05 - h)) / (2 * h)) < 1e-5 * abs(printed)
 
 
 def test_the_picture_of_the_readme_is_drawn(output):
     assert (output[1] / "cannonball.png").stat().st_size > 10_000
+
+
+def test_pictures_and_links_of_the_readme_exist_and_every_guide_is_linked():
+    links = re.findall(r"\]\(([^)]+)\)", README)
+    assert all((ROOT / link).exists() for link in links)
+    pictures = {link for link in links if link.endswith(".png")}
+    assert len(pictures) == 3
+    assert all((ROOT / picture).stat().st_size < 200_000 for picture in pictures)
+    guides = (ROOT / "jaxdyn" / "gallery" / "guides").glob("*.md")
+    assert {str(guide.relative_to(ROOT)) for guide in guides} <= set(links)
 
 
 def test_eight_lines_are_enough():
@@ -71,7 +82,9 @@ def test_the_two_commands_are_those_of_the_package():
 
 
 def test_every_file_of_the_map_exists():
-    table = README[README.index("| to ask") : README.index("## Accuracy")]
+    guide = (ROOT / ".github" / "CONTRIBUTING.md").read_text()
+    table = guide[guide.index("| to ask") : guide.index("## How to add")]
+    assert table.count("\n") > 30
     for row in table.splitlines()[2:]:
         paths = re.findall(r"`([\w/]+\.py|[\w/]+/)`", row)
         folder = ""

@@ -15,7 +15,7 @@ MAX_LINES = 300
 MAX_FUNCTION_LINES = 60
 MAX_FILES = 15
 #: Collections of files of one kind, which nobody has to look through.
-COLLECTIONS = {"jaxdyn/scenes"}
+COLLECTIONS = {"jaxdyn/course", "jaxdyn/scenes"}
 
 
 def _lines(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn.integrate.error_estimate import FINEST, RATIO
-from jaxdyn.integrate.gaps import gaps
+from jaxdyn.integrate.estimate import gaps
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.simulation import RTOL
 from jaxdyn.integrate.trajectory import Trajectory

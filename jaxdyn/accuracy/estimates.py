@@ -24,11 +24,10 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.accuracy.convergence import fixed_steps
 from jaxdyn.integrate import error_estimate
-from jaxdyn.integrate.gaps import gaps, scales
+from jaxdyn.integrate.estimate import Estimate, gaps, scales
 from jaxdyn.integrate.rounding_error import Run
 from jaxdyn.integrate.simulation import simulate, solve
 from jaxdyn.integrate.spans import RTOL, SolverOptions, span
-from jaxdyn.integrate.trajectory import Estimate
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import DOPRI8, EULER, NYSTROM12, RADAU5, RADAU9, VERNER9, Method, Solver
 from jaxdyn.solvers.choice import chosen_method, method_of

@@ -22,8 +22,8 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.accuracy import estimates
 from jaxdyn.integrate.error_estimate import MOST_DIGITS
+from jaxdyn.integrate.estimate import Estimate
 from jaxdyn.integrate.simulation import RTOL, solve
-from jaxdyn.integrate.trajectory import Estimate
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, Solver
 from jaxdyn.solvers.choice import chosen_method

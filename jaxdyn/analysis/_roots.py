@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 _LAST_STEP = 1e-9  # after a step this small only rounding remains: convergence is superlinear
-_LONGEST_SECANT = 1e-3  # a secant over more than this says nothing about the slope at its ends
+_LONGEST_SECANT = 1e-6  # a secant over more than this says nothing about the slope at its ends
 _ITERATIONS = 40
 
 
@@ -31,14 +31,18 @@ def root(
         with np.errstate(divide="ignore", invalid="ignore"):
             secant = (value - old_value) / (x - old_x)
             new = x - value / np.where(np.isnan(slope), secant, slope)
-        # If the values at the ends differ by orders of magnitude, a secant step hardly moves.
-        local = ~np.isnan(slope) | (np.abs(x - old_x) <= _LONGEST_SECANT * (1 + np.abs(x)))
-        close = np.abs(new - x) <= _LAST_STEP * (1 + np.abs(x))
         quick = (np.abs(value) <= 0.5 * np.abs(old_value)) & (new >= low) & (new <= high)
-        quick = quick & (local | ~close)
         new = np.where(quick, new, 0.5 * (low + high))
+        last = _LAST_STEP * (1 + np.abs(x))
+        close = np.abs(new - x) <= last
+        # Between values that differ by orders of magnitude a secant step hardly moves: is it the
+        # last one? A step as long as last steps may be tells.
+        short = ~np.isnan(slope) | (np.abs(x - old_x) <= _LONGEST_SECANT * (1 + np.abs(x)))
+        doubtful = quick & close & ~short
+        probe = np.where(below * value > 0, np.minimum(x + last, high), np.maximum(x - last, low))
+        new = np.where(doubtful, probe, new)
         new = np.where(settled | (value == 0), x, new)
-        settled = settled | (np.abs(new - x) <= _LAST_STEP * (1 + np.abs(x)))
+        settled = settled | (close & ~doubtful) | (new == x)
         old_x, old_value, x = x, value, new
         value, slope = fn(x)
         left = below * value > 0

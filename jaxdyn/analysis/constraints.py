@@ -18,6 +18,7 @@ from jaxdyn import _checks
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.dependence import DEPENDENT
 from jaxdyn.formulations.extended import Extended
+from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene, System
 from jaxdyn.system import total_force
@@ -48,7 +49,7 @@ def multipliers(motion: Trajectory) -> Array:
     Raises:
       ValueError: the scene is not in a constrained formulation.
     """
-    return _multipliers(_constrained(motion.scene.system), motion)
+    return _multipliers(motion, _constrained(motion.scene.system))
 
 
 @each_motion
@@ -72,10 +73,11 @@ def tensions(motion: Trajectory) -> dict[str, Array]:
         name = type(system.mechanism).__name__
         remedy = "`reactions` has the force of the constraints on each point."
         raise _checks.fail("motion", "ties that are lengths of rods", name, remedy)
-    return dict(zip(names, -_multipliers(system, motion)[:, : len(names)].T, strict=True))
+    return _tensions(motion, system)
 
 
 @each_motion
+@of_samples
 @eqx.filter_jit
 def reactions(motion: Trajectory) -> Array:
     """(s, n, d) force of the constraints on each material point along a motion [N].
@@ -96,11 +98,19 @@ def reactions(motion: Trajectory) -> Array:
     return jax.vmap(at)(motion.ts, motion.ys)
 
 
+@of_samples
 @eqx.filter_jit
-def _multipliers(system: Constrained, motion: Trajectory) -> Array:
+def _multipliers(motion: Trajectory, system: Constrained) -> Array:
     k = len(system.labels())
     forces = jax.vmap(lambda t, y: system.constraint_forces(t, y[:k], motion.scene.effects))
     return forces(motion.ts, motion.ys)
+
+
+@of_samples
+@eqx.filter_jit
+def _tensions(motion: Trajectory, system: Constrained) -> dict[str, Array]:
+    names, forces = system.mechanism.rods(), _multipliers(motion, system)
+    return dict(zip(names, -forces[:, : len(names)].T, strict=True))
 
 
 def _constrained(system: System) -> Constrained:

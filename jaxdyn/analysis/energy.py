@@ -8,11 +8,13 @@ points. What is conserved depends on the effects; `drift` measures it.
 
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn.integrate.spans import cut, filled, of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene
 from jaxdyn.system import potential_energy
@@ -89,6 +91,7 @@ def along(quantity, motion: Trajectory) -> Any:
 
 
 @each_motion
+@of_samples
 def _along(motion: Trajectory, quantity) -> Any:
     return jax.vmap(lambda t, y: quantity(motion.scene, t, y))(motion.ts, motion.ys)
 
@@ -129,13 +132,20 @@ class Change(NamedTuple):
 
 def change(scene: Scene, ts: Array, ys: Array, of: str = "energy") -> Change:
     """The change of a quantity of `integrals` over states ys (s, k) at times ts (s,)."""
+    if of != "energy":
+        names = jax.eval_shape(lambda y: integrals(scene, jnp.zeros(()), y), scene.y0)
+        _checks.choice("of", of, names)
+    more = filled(ts, ys)
+    return cut(_change(scene, *more, of), len(more[0]), len(ts))
+
+
+@eqx.filter_jit
+def _change(scene: Scene, ts: Array, ys: Array, of: str) -> Change:
     if of == "energy":
         terms = jnp.stack(jax.vmap(lambda t, y: _terms(scene, t, y))(ts, ys))
         values, sizes = jnp.sum(terms, axis=0), jnp.sum(jnp.abs(terms), axis=0)
         known = len(terms) > 1
     else:
-        names = jax.eval_shape(lambda y: integrals(scene, jnp.zeros(()), y), scene.y0)
-        _checks.choice("of", of, names)
         values = jax.vmap(lambda t, y: integrals(scene, t, y)[of])(ts, ys)
         known = False
     if not known:

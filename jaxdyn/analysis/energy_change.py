@@ -19,6 +19,7 @@ from jaxdyn.analysis.energy import change as change_of
 from jaxdyn.analysis.energy import energy
 from jaxdyn.analysis.ledger import power_of
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
+from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Effect, Scene
 
@@ -103,7 +104,7 @@ def energy_change(motion: Trajectory | HybridTrajectory) -> EnergyChange | None:
 
 def _works(piece: Trajectory, phase: str, change: float, size: float) -> dict[str, float]:
     """The work of each cause in a piece, by its equations."""
-    found = jax.tree.map(np.asarray, _measured(piece.scene, piece.ts, piece.ys))
+    found = jax.tree.map(np.asarray, _measured(piece))
     ts = np.asarray(piece.ts)
 
     def acts(gain: np.ndarray, terms: np.ndarray) -> bool:
@@ -164,9 +165,10 @@ class _Measured(NamedTuple):
     driven: Array  # () whether the system depends on time explicitly
 
 
+@of_samples
 @eqx.filter_jit
-def _measured(scene: Scene, ts: Array, ys: Array) -> _Measured:
-    system = scene.system
+def _measured(motion: Trajectory) -> _Measured:
+    scene, system = motion.scene, motion.scene.system
 
     def itself(t, y):
         return system.rate(t, y, ()), system.points(t, y), system.energies(t, y, ())
@@ -184,7 +186,7 @@ def _measured(scene: Scene, ts: Array, ys: Array) -> _Measured:
         driven = jnp.stack([jnp.any(x != 0) for x in jax.tree.leaves(by_time)]).any()
         return _Measured(kinds=kinds, rest=rest, terms=terms, driven=driven)
 
-    found = jax.vmap(at)(ts, ys)
+    found = jax.vmap(at)(motion.ts, motion.ys)
     return found._replace(driven=found.driven.any())
 
 

@@ -71,6 +71,8 @@ class Equilibria:
         rows = [*_text.cut(rows), ("certainty", self.certainty)]
         return _text.table(f"Equilibria: {counted(len(self), 'rest point')}", rows)
 
+    _repr_html_ = _text.html
+
     def __len__(self) -> int:
         return len(self.states)
 

@@ -63,6 +63,7 @@ class Floquet:
     monodromy: np.ndarray
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
 
 @dataclasses.dataclass(frozen=True)

@@ -67,6 +67,8 @@ class Linearization:
         rows = [("eigenvalues", with_bars(self.eigenvalues, self.bars))]
         return _text.table(f"Linearization: {self.verdict}, {self.portrait}", rows)
 
+    _repr_html_ = _text.html
+
 
 def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
     """The eigenvalues of a scene at a state, with error bars and a verdict; host only.
@@ -138,6 +140,7 @@ class Modes(NamedTuple):
     stiffness: Array
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
     @property
     def frequencies(self) -> Array:

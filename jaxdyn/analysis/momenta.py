@@ -27,6 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Effect, Field, Points, Scene
 from jaxdyn.system import total_force
@@ -107,6 +108,7 @@ def moment_balance(motion: Trajectory, c: MovingPoint) -> dict[str, Balance]:
     return {name: _moment_balance(motion, c, name) for name in DEFINITIONS}
 
 
+@of_samples
 @eqx.filter_jit
 def _moment_balance(motion: Trajectory, c: MovingPoint, definition: str) -> Balance:
     scene = motion.scene
@@ -133,6 +135,7 @@ def kinetic_split(scene: Scene | Field, t, y) -> tuple[Array, Array]:
 
 
 @each_motion
+@of_samples
 @eqx.filter_jit
 def power_balances(motion: Trajectory, internal: type[Effect]) -> dict[str, Balance]:
     """Problem 18 b and c along a motion: which power changes which part of the energy.

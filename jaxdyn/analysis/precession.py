@@ -35,6 +35,7 @@ from jaxdyn.geometry.rotations import (
     wxyz_from_matrix,
 )
 from jaxdyn.geometry.vectors import Scalar, Vector
+from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 
 # A leading coefficient smaller than this part of its terms is zero: cos(pi / 2) in floats is not.
@@ -203,6 +204,7 @@ class WobbleAndSpin(NamedTuple):
 
 
 @each_motion
+@of_samples
 def wobble_and_spin(motion: Trajectory) -> WobbleAndSpin:
     """Mean rates of the axis e_3' of a body about z, and of the body itself.
 
@@ -220,6 +222,7 @@ def wobble_and_spin(motion: Trajectory) -> WobbleAndSpin:
 
 
 @each_motion
+@of_samples
 def tilts(motion: Trajectory) -> Array:
     """(s,) angle of the body's axis e_3' to the vertical [rad]."""
     axis = _attitudes(motion)[..., 2]

@@ -52,6 +52,7 @@ class SteadyMotion:
     family: int
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
     @property
     def frequencies(self) -> np.ndarray:

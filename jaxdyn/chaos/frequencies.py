@@ -51,6 +51,7 @@ class Frequencies(Record):
     residual: float
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
 
 def frequencies(

@@ -51,6 +51,7 @@ class Megno(Record):
     status: Annotated[Array, Status]
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
 
 class Alignment(Record):
@@ -67,6 +68,7 @@ class Alignment(Record):
     status: Annotated[Array, Status]
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
 
 def megno(

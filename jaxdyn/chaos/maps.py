@@ -41,6 +41,7 @@ class ChaosMap(Record):
     CHAOTIC: ClassVar[float] = 3.0
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
     @property
     def ok(self) -> np.ndarray:

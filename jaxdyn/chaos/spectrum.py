@@ -64,15 +64,19 @@ class LyapunovSpectrum(Record):
             (f"exponent {i + 1}", f"{float(x): .6f} +- {float(bar):.1e}")
             for i, (x, bar) in enumerate(zip(self.exponents, self.bars, strict=True))
         ]
+        residuals = f"trace {float(self.trace_residual):.1e}"
+        if not np.isnan(self.pairing_residual):
+            residuals += f", pairing {float(self.pairing_residual):.1e}"
         rows += [
             ("dimension", f"{float(self.dimension):.5f} +- {float(self.dimension_bar):.1e}"),
             ("divergence", _text.brief(self.divergence)),
-            ("residuals", f"trace {float(self.trace_residual):.1e}, "
-                          f"pairing {float(self.pairing_residual):.1e}"),
+            ("residuals", residuals),
             ("time", f"{_text.brief(self.time)}, in chunks of {_text.brief(self.chunk)}"),
             ("status", f"{Status(int(self.status)).name}: {self.message}"),
         ]  # fmt: skip
         return _text.table("LyapunovSpectrum", _text.cut(rows[:-5]) + rows[-5:])
+
+    _repr_html_ = _text.html
 
     @property
     def ok(self) -> bool:

@@ -1,8 +1,8 @@
 """The command line of `jaxdyn`, one file a command.
 
-`list`, `run`, `accuracy`, `chaos` and `hard` are the commands, which `app` puts together; `shared`
-has their options, `screen` what they print, `words` reads names of scenes and solvers and values of
-`--set` (as `jaxdyn._arithmetic` does: ``pi/2``).
+`list`, `run`, `accuracy`, `chaos`, `hard`, `course` and `gallery` are the commands, `app` puts them
+together; `shared` has their options, `screen` what they print, `words` reads names of scenes and
+solvers and values of `--set` (as `jaxdyn._arithmetic` does: ``pi/2``).
 
 May import: `hard`, `drawing`. Nothing here loads JAX before a command needs it.
 

@@ -2,6 +2,8 @@
 
 from jaxdyn.cli.accuracy import accuracy_command
 from jaxdyn.cli.chaos import chaos_command
+from jaxdyn.cli.course import course_command
+from jaxdyn.cli.gallery import gallery_command
 from jaxdyn.cli.hard import hard_command
 from jaxdyn.cli.list import list_command
 from jaxdyn.cli.run import run_command
@@ -17,6 +19,7 @@ add(
     "jaxdyn run cannonball --set drag=0.05 --t1 2 --plot cannonball.png",
     "jaxdyn run pendulum --set angle=2*pi/3 --series angle.png --csv angle.csv",
     "jaxdyn run cylinder_on_cylinder --t1 2 --animate fall.gif --seconds 4",
+    "jaxdyn run double_pendulum --play",
     "jaxdyn run three_body --solver stoermer14 --rtol 1e-13",
 )
 add(
@@ -31,6 +34,16 @@ add(
 add(
     *(app, "hard", hard_command),
     *("jaxdyn hard --list", "jaxdyn hard pythagorean"),
+)
+add(
+    *(app, "course", course_command),
+    *("jaxdyn course 16", "jaxdyn course figure_eight --plot eight.png --code"),
+)
+
+
+add(
+    *(app, "gallery", gallery_command),
+    *("jaxdyn gallery --out site", "jaxdyn gallery --only 28,31"),
 )
 
 

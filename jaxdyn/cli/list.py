@@ -29,7 +29,7 @@ def list_command(
     for name in names or ():
         choice("scene", name, zoo, "jaxdyn list")
     if problems:
-        found = jaxdyn.course.problems.PROBLEMS
+        found = jaxdyn.course.problems()
         if as_object:
             out.result({n: problem._asdict() for n, problem in found.items()})
         else:
@@ -52,12 +52,13 @@ def _scenes(zoo: dict[str, SceneText]) -> Table:
     return table
 
 
-def _problems(problems: "dict[int, jaxdyn.course.problems.Problem]") -> Table:
-    """Each problem with the public names that answer it."""
-    table = Table("problem", "what it is about", "jaxdyn names that answer it, and the answer")
+def _problems(problems: "dict[int, jaxdyn.course.page.Problem]") -> Table:
+    """Each problem with its answer and the public names that its page uses."""
+    table = Table("problem", "what it is about", "the answer, and the names that its page uses")
     for n, problem in problems.items():
-        names = "\n".join([*problem.names, f"[italic]{escape(problem.answer)}[/italic]"])
-        table.add_row(str(n), escape(problem.title), names, end_section=True)
+        names = "\n".join([f"[italic]{escape(problem.answer)}[/italic]", *problem.names])
+        about = f"{escape(problem.title)}\n[dim]jaxdyn course {n}[/dim]"
+        table.add_row(str(n), about, names, end_section=True)
     return table
 
 

@@ -12,6 +12,7 @@ from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     AnimateOption,
     JsonOption,
+    PlayOption,
     PlotOption,
     SceneArgument,
     SecondsOption,
@@ -19,6 +20,7 @@ from jaxdyn.cli.shared import (
     SpanOption,
     TitleOption,
     check_title,
+    open_page,
     written,
 )
 from jaxdyn.cli.words import scene_settings, solver_names
@@ -49,6 +51,7 @@ def run_command(
     title: TitleOption = None,
     animate: AnimateOption = None,
     seconds: SecondsOption = None,
+    play: PlayOption = False,
     csv: Annotated[Path | None, written(table_path, "Write times and states (.csv).")] = None,
     as_object: JsonOption = False,
 ) -> None:
@@ -76,21 +79,28 @@ def run_command(
             out.result(record)
         else:
             _print(record, end, out)
-        if plot:
-            with out.writing(plot, "drawn in"):
-                jaxdyn.drawing.trajectory(motion, plot, title=title)
-        if series:
-            with out.writing(series, "drawn over time in"):
-                jaxdyn.drawing.time_series(motion, series, title=title)
-        if animate:
-            with out.writing(animate, "animated in"):
-                jaxdyn.drawing.animate(motion, animate, seconds=seconds)
+        _draw(motion, out, plot=plot, series=series, title=title, animate=animate, seconds=seconds)
+        if play:
+            out.print(open_page(jaxdyn.player.play(motion), name))
         if csv:
             with out.writing(csv, "written to"):
                 jaxdyn.files.tables.write_csv(csv, motion)
         if not jaxdyn.files.tables.arrived(motion):
             out.print(f"[red]stopped[/red]: {motion.message}")
             raise typer.Exit(STOPPED)
+
+
+def _draw(motion, out: Screen, *, plot, series, title, animate, seconds) -> None:
+    """Write the pictures that are asked for."""
+    if plot:
+        with out.writing(plot, "drawn in"):
+            jaxdyn.drawing.trajectory(motion, plot, title=title)
+    if series:
+        with out.writing(series, "drawn over time in"):
+            jaxdyn.drawing.time_series(motion, series, title=title)
+    if animate:
+        with out.writing(animate, "animated in"):
+            jaxdyn.drawing.animate(motion, animate, seconds=seconds)
 
 
 def _method(name: str) -> "jaxdyn.solvers.Method | str":

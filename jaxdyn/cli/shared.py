@@ -6,6 +6,8 @@ appear at once. A command takes what it needs from the two packages, which then 
 
 import os
 import sys
+import tempfile
+import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -52,6 +54,7 @@ PlotOption = Annotated[Path | None, written(picture_path, "Draw it (.png, .pdf, 
 AnimateOption = Annotated[Path | None, written(animation_path, "Animate it (.gif, .mp4).")]
 SecondsOption = Annotated[float | None, typer.Option(help="How long the animation lasts [s].")]
 TitleOption = Annotated[str | None, typer.Option(help="Title of the picture.")]
+PlayOption = Annotated[bool, typer.Option("--play", help="Open a page that plays it.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 
 
@@ -59,6 +62,13 @@ def check_title(title: str | None, *pictures: Path | None, options: str = "--plo
     """Raise ValueError for a title without a picture."""
     if title is not None and not any(pictures):
         raise fail("--title", f"{options} with it", "none", "It is the title of the picture.")
+
+
+def open_page(page: "jaxdyn.player.Playing", name: str) -> str:
+    """Write a page to a folder of temporary files and open it in the browser; say where it is."""
+    path = Path(tempfile.mkdtemp(prefix="jaxdyn-")) / f"{name}.html"
+    path.write_text(page.text, encoding="utf-8")
+    return f"{'opened' if webbrowser.open(path.as_uri()) else 'no browser: open'} {path}"
 
 
 def application(about: str) -> typer.Typer:

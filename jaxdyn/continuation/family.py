@@ -80,6 +80,8 @@ class RestPoint:
         what = " ".join(filter(None, (self.criticality, self.kind or "rest point")))
         return _text.table(f"{what[0].upper()}{what[1:]}, {self.verdict}", rows)
 
+    _repr_html_ = _text.html
+
 
 @dataclasses.dataclass(frozen=True)
 class EquilibriumFamily:
@@ -111,6 +113,8 @@ class EquilibriumFamily:
             ("end", self.end),
         ]
         return _text.table(f"Family of {_text.counted(len(self.members), 'rest point')}", rows)
+
+    _repr_html_ = _text.html
 
     @property
     def parameters(self) -> np.ndarray:

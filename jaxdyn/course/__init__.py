@@ -1,15 +1,18 @@
-"""The course: which public names answer which of its 61 problems.
+"""The course: 61 problems, one runnable page each.
 
-The folder `problems` has the table of them all. Problems whose answer is a study of its own:
-`rod_or_spring` (21), `upright` (29), `satellite_claims` (57), `sleeping_top` (59, 61).
+The docstring of a page states the problem and its answer; its ``solve(page)`` computes it by the
+public API, checks it by another route, and draws it. ``jaxdyn course 16`` and
+``python -m jaxdyn.course.circling_bodies`` run one; files are named by what they show, their
+number is `PROBLEM` in them, and ``jaxdyn list --problems`` has both. The folder `page` says what a
+page consists of and reads the register, `problems()`, from the files.
 
-May import: `accuracy`, `scenes`; and `orbits`.
+May import: `studies`, `hard`, `drawing`; and `orbits`.
 
-One more answer is a name in the row of its problem in `problems`; a longer one is a file of its own
-and one line below.
+One more page is one more file here: a docstring of title, statement and "Answer: ", `PROBLEM` and
+`TOPIC` (one of `page.TOPICS`), and `solve`.
 """
 
 import lazy_loader
 
-# `jaxdyn list --problems` shows the table without loading JAX.
+# `jaxdyn list --problems` shows the register without loading JAX.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

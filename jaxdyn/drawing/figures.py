@@ -6,22 +6,27 @@ Uses Matplotlib's objects, never pyplot: no window opens and no global state cha
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
-from matplotlib import colormaps
+from matplotlib import colormaps, rc_context
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
+from PIL import Image
+
+from jaxdyn._checks import fail
 
 #: Okabe and Ito (2008), Color Universal Design; without their yellow, too faint on white.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 INK = "#404040"
 GRID = "#e4e4e4"
 DPI = 150
-
+#: Bytes of a small picture, 30 kB as text: a notebook keeps one for each cell that shows one.
+MOST_BYTES = 22_000
+_SMALL_DPI, _SMALL_COLOURS = (72, 60, 45, 30), 64  # the first that is small enough
 
 _SHADED = (0.0, 0.9)  # part of a colour map: its end is too faint on white
 
@@ -40,8 +45,25 @@ class Picture(Figure):
 
     def _repr_png_(self) -> bytes:
         """The picture as a PNG file: called by IPython."""
+        return self._png()
+
+    def small(self) -> bytes:
+        """A small PNG file of at most `MOST_BYTES`, to be shown beside text.
+
+        Raises:
+          ValueError: it has too many details for that.
+        """
+        for dpi in _SMALL_DPI:
+            file = io.BytesIO()
+            image = Image.open(io.BytesIO(self._png(dpi=dpi))).convert("RGB")
+            image.quantize(_SMALL_COLOURS).save(file, "png", optimize=True)
+            if file.tell() <= MOST_BYTES:
+                return file.getvalue()
+        raise fail("picture", f"one of at most {MOST_BYTES} bytes", file.tell())
+
+    def _png(self, **options) -> bytes:
         file = io.BytesIO()
-        self.savefig(file, format="png")
+        self.savefig(file, format="png", **options)
         return file.getvalue()
 
 
@@ -54,6 +76,18 @@ def blank(width: float, height: float, *, dpi: int = DPI, kind: type[F] = Pictur
     figure = kind(figsize=(width, height), dpi=dpi, layout=layout)
     FigureCanvasAgg(figure)
     return figure
+
+
+def in_space(width: float, height: float) -> Any:
+    """Axes in space on an empty figure of this size [in], which is their ``figure``.
+
+    Once everything is drawn, ``ax.set_aspect("equal")`` makes all directions have one scale.
+    """
+    # The grid of solid axes has no other setting.
+    with rc_context({"grid.color": GRID, "grid.linewidth": 0.6}):
+        ax = blank(width, height).add_subplot(projection="3d")
+    style(ax)
+    return ax
 
 
 def finished(figure: Figure, path: Path | None) -> Figure:

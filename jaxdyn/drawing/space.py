@@ -7,21 +7,33 @@ springs, pins and anchors are drawn at the start. Space is drawn to one scale in
 motion on a line is drawn against time.
 """
 
+import itertools
 from collections.abc import Sequence
 
+import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
 from jaxdyn.drawing.artists import ABOVE_AREAS, Shapes, draw_pose
 from jaxdyn.drawing.contents import Paths, in_time, paths, places
-from jaxdyn.drawing.figures import blank, finished, legend_below, mark, path_entries, shades
+from jaxdyn.drawing.figures import (
+    PALETTE,
+    blank,
+    finished,
+    legend_below,
+    mark,
+    path_entries,
+    shades,
+)
 from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, panel, size
+from jaxdyn.drawing.series import time_series
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading, scenes_of
 from jaxdyn.files.image_files import picture_path
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
+from jaxdyn.scene import Scene
 
 _POSES = {2: 5, 3: 2}  # of the bodies at later times; in space more would overlap
 _MOST_LINES = 16  # of a body in space: with more, only one pose is drawn
@@ -83,6 +95,29 @@ def trajectory(
     return finished(figure, path)
 
 
+def overview(motion: Trajectory | HybridTrajectory) -> Figure:
+    """The picture of a motion in a notebook: its paths, or what there is of it, untitled.
+
+    Of a batch its first motions, as many as there are colours; entries of the state against time
+    where nothing moves in space.
+    """
+    if isinstance(motion, Trajectory) and motion.batch_shape:
+        some = [*itertools.islice(np.ndindex(motion.batch_shape), len(PALETTE))]
+        names = [", ".join(map(str, index)) for index in some]
+        return trajectory([motion.one(*index) for index in some], title="", names=names)
+    try:
+        return trajectory(motion, title="")
+    except ValueError:  # more than three entries, and no points
+        return time_series(motion, title="")
+
+
+def pose(scene: Scene) -> Figure:
+    """The picture of a scene in a notebook: where it starts, without a motion."""
+    now, zero = jnp.zeros(1), jnp.asarray(0)
+    still = Trajectory(scene, ts=now, ys=scene.y0[None], steps=zero, rejected=zero, status=zero)
+    return trajectory(still, title="")
+
+
 def _draw(ax, drawn: Paths, own: list, box: np.ndarray, *, poses: bool) -> None:
     """One motion in these colours."""
     draw_paths(ax, drawn, own)
@@ -97,7 +132,7 @@ def _draw(ax, drawn: Paths, own: list, box: np.ndarray, *, poses: bool) -> None:
         _draw_points(ax, drawn.xyz[corner], own, "D", ms=5, mec="white", mew=0.6, zorder=3.5)
     if drawn.stopped:
         _draw_points(ax, drawn.xyz[-1], own, "x", ms=10, mew=2.2, zorder=5)
-    else:
+    elif len(drawn.ts) > 1:
         _draw_points(ax, drawn.xyz[-1], own, "o", ms=12, mfc="white", mew=1.4, zorder=3)
 
 
@@ -127,7 +162,7 @@ def _marks(drawn: list[Paths]) -> list:
         marks.append(mark("D", "next phase", markersize=5))
     if any(one.stopped for one in drawn):
         marks.append(mark("x", "stop"))
-    if not all(one.stopped for one in drawn):
+    if any(not one.stopped and len(one.ts) > 1 for one in drawn):
         marks.append(mark("o", "end", markerfacecolor="white"))
     return marks
 

@@ -73,6 +73,7 @@ class Ends(NamedTuple):
     seen: Any
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
     @property
     def ok(self) -> Array:

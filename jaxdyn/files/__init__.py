@@ -1,9 +1,11 @@
-"""What is written and read: paths, scenes as JSON, motions as tables.
+"""What is written and read: paths, scenes as JSON, motions as archives and as tables.
 
 `input_files` reads, `output_files` and `image_files` check paths before the work, `records` turns
-scenes into JSON and back, `tables` writes motions.
+scenes into JSON and back, `scene_records` checks what it reads; `typed` makes other records of
+JSON. `motion_files` saves and loads motions as the `archives` of NumPy; `tables` writes them as CSV
+and JSON, `frames` for pandas.
 
-May import: `accuracy`.
+May import: `accuracy`, `scenes`.
 
 One more format is one file, and its name below. The files are imported when they are first used,
 since command lines check paths before they load JAX.
@@ -12,5 +14,17 @@ since command lines check paths before they load JAX.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__, ["image_files", "input_files", "output_files", "records", "tables"]
+    __name__,
+    [
+        "archives",
+        "frames",
+        "image_files",
+        "input_files",
+        "motion_files",
+        "output_files",
+        "records",
+        "scene_records",
+        "tables",
+        "typed",
+    ],
 )

@@ -52,7 +52,7 @@ def unwritable(path: str | Path, error: OSError, name: str = "path") -> ValueErr
     return fail(name, "a file that can be written", f"'{path}' ({reason})", "Choose another place.")
 
 
-def replace(path: Path, text: str) -> None:
+def replace(path: Path, text: str | bytes) -> None:
     """Write a file atomically: a killed process or a full disk leaves the old one.
 
     Raises:
@@ -60,8 +60,8 @@ def replace(path: Path, text: str) -> None:
     """
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(text if isinstance(text, bytes) else text.encode())
             file.flush()
             os.fsync(file.fileno())
         os.chmod(temporary, 0o644)  # mkstemp makes it private

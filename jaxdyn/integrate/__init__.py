@@ -1,10 +1,10 @@
 """From a start to samples: solving, step control, derivatives, events, phases.
 
-`simulation` has `jaxdyn.simulate` and `jaxdyn.solve`, `trajectory` is what they return, `spans`
-checks their arguments. `flow` is the compiled solve with its derivatives in forward mode,
-`variational` the tangents integrated with it, `adjoint` derivatives in reverse mode, `fixed` the
-solve with the parameters as constants, `step_control` the step size, `observing` the samples and
-the limits of a run. `error_estimate` compares several runs, with the differences of `gaps` and the
+`simulation` has `jaxdyn.simulate` and `jaxdyn.solve`, `trajectory` is what they return, `estimate`
+how accurate that is, `spans` checks their arguments. `flow` is the compiled solve with its
+derivatives in forward mode, `variational` the tangents integrated with it, `adjoint` derivatives in
+reverse mode, `fixed` the solve with the parameters as constants, `step_control` the step size,
+`observing` the samples and the limits of a run. `error_estimate` compares several runs, with the
 rounding measured by `rounding_error`. Events: `events` (the calls) and the folder `event_search`
 (the search within a step). Piecewise-smooth motions: `phases` (the calls), `phase` (one phase).
 

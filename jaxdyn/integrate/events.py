@@ -132,6 +132,7 @@ class Stop(eqx.Module):
     coincident: Array
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
     @property
     def happened(self) -> bool:

@@ -69,6 +69,7 @@ class SolveResult(Record):
     stiff: Array
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
 
 @eqx.filter_custom_jvp

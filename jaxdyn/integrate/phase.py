@@ -23,7 +23,7 @@ from jaxdyn import _text
 from jaxdyn._text import counted
 from jaxdyn.integrate.event_search.event_values import values
 from jaxdyn.integrate.events import Event
-from jaxdyn.integrate.trajectory import Trajectory, explained
+from jaxdyn.integrate.trajectory import Motion, Trajectory, explained
 from jaxdyn.scene import Field, Scene, System
 from jaxdyn.status import Status
 
@@ -176,7 +176,7 @@ def _parts(bound: Event, t: Array, y: Array) -> tuple[Array, Array]:
     return jnp.abs(jnp.append(slopes[2], slopes[1])), sum(jax.tree.leaves(moved), jnp.zeros(()))
 
 
-class HybridTrajectory(eqx.Module):
+class HybridTrajectory(eqx.Module, Motion):
     """A motion in pieces.
 
     Attributes:

@@ -6,7 +6,6 @@ scene, compiles once for each kind of scene (new numbers never recompile) and re
 """
 
 import functools
-import itertools
 from collections.abc import Callable
 
 import equinox as eqx
@@ -22,7 +21,7 @@ from jaxdyn.integrate.fixed import FixedField
 from jaxdyn.integrate.flow import Settings, SolveResult, flow
 from jaxdyn.integrate.spans import MAX_STEPS as MAX_STEPS
 from jaxdyn.integrate.spans import RTOL as RTOL
-from jaxdyn.integrate.spans import SolverOptions, host_floats, limits, sampled_span
+from jaxdyn.integrate.spans import SolverOptions, filling, host_floats, limits, sampled_span
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
 from jaxdyn.scene import Scene
@@ -178,7 +177,7 @@ def solve(
         ts = np.asarray(ts, float)
         if n and not adjoint:
             # NaN is never reached; derivatives would see it, and traces recompile anyway.
-            ts = np.concatenate([ts, np.full(_filling(n, y0.size), np.nan)])
+            ts = np.concatenate([ts, np.full(filling(n, y0.size), np.nan)])
     compiled = _compiled_adjoint if adjoint else _compiled
     run = functools.partial(compiled, field, y0, ts, numbers)
     out = _auto(run, settings, traced) if auto else run(settings=settings)
@@ -201,19 +200,6 @@ def _auto(run: Callable[..., SolveResult], settings: Settings, traced: bool) -> 
         return first
     done = run(settings=settings._replace(method=RADAU9))
     return eqx.tree_at(lambda flow: flow.stiff, done, first.stiff)
-
-
-#: Largest number of entries of all samples for which few programs matter more than memory: 1 MiB.
-_FEW_ENTRIES = 1 << 17
-
-
-def _filling(n: int, k: int) -> int:
-    """How much n samples of a state (k,) are less than the number of samples of their program.
-
-    That is a power of 8 from 64 on; of 2 for long states or very many samples.
-    """
-    shared = 8 ** next(i for i in itertools.count(2) if 8**i >= n)
-    return (shared if shared * k <= _FEW_ENTRIES else 1 << (n - 1).bit_length()) - n
 
 
 def _unpacked(run: Callable[..., SolveResult]) -> Callable[..., SolveResult]:

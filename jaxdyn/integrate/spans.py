@@ -1,9 +1,18 @@
-"""Checks on the host of tolerances, steps, the span and its samples."""
+"""Checks on the host of tolerances, steps, the span and its samples; how samples share programs.
 
+A program is compiled for each shape of its arguments, takes about 10 MiB and is kept. So samples
+are filled up to a power of 8, or of 2, and what is filled in is cut off again on the host.
+"""
+
+import dataclasses
+import functools
+import itertools
 import math
 import sys
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -18,7 +27,10 @@ RTOL = 1e-10
 MAX_STEPS = 1_000_000
 _RTOL_FLOOR, _RTOL_CEILING = 1e-16, 1e-2
 _MAX_BYTES = 2**32  # of all samples
+#: Largest number of entries of all samples for which few programs matter more than memory: 1 MiB.
+_FEW_ENTRIES = 1 << 17
 _COPIES_IN_MEMORY = 4  # of them that a run holds at once: nodes, states and temporaries (measured)
+T = TypeVar("T")
 
 
 class SolverOptions(NamedTuple):
@@ -127,3 +139,56 @@ def step_length(dt) -> Array | np.ndarray:
     """(1,) a step of fixed length, checked."""
     remedy = "It is the length of a step, also backwards in time."
     return host_floats(_checks.positive("dt", _checks.array("dt", dt, (), remedy), remedy))[None]
+
+
+def filling(n: int, k: int) -> int:
+    """How much n samples of a state (k,) are less than the number of samples of their program.
+
+    That is a power of 8 from 64 on; of 2 for long states or very many samples.
+    """
+    shared = 8 ** next(i for i in itertools.count(2) if 8**i >= n)
+    return (shared if shared * k <= _FEW_ENTRIES else 1 << (n - 1).bit_length()) - n
+
+
+def filled(ts: Array, ys: Array) -> tuple[Array, Array]:
+    """Times (s,) and states (s, k) with the last repeated; as they are if traced."""
+    if _checks.is_traced((ts, ys)):
+        return ts, ys
+    more = filling(*ys.shape)
+    last = np.minimum(np.arange(len(ts) + more), len(ts) - 1)
+    return _put(np.asarray(ts)[last]), _put(np.asarray(ys)[last])
+
+
+def cut(values: T, filled: int, n: int) -> T:
+    """Of arrays with a row for each of so many samples the first n rows; others as they are."""
+
+    def rows(x: Any) -> Any:
+        mine = np.shape(x)[:1] == (filled,) and not _checks.is_traced(x)
+        return _put(np.asarray(x)[:n]) if mine else x
+
+    return jax.tree.map(rows, values)
+
+
+def of_samples(function: Callable[..., T]) -> Callable[..., T]:
+    """Decorate a function of a motion that the last sample, repeated, does not change.
+
+    Results that have a row for each sample have no more of them.
+    """
+
+    @functools.wraps(function)
+    def shared(motion: Any, *args, **kwargs) -> T:
+        n = len(motion.ts)
+        if not n:
+            return function(motion, *args, **kwargs)
+        ts, ys = filled(motion.ts, motion.ys)
+        # What the values do not depend on would make more kinds of programs.
+        bare = {"error": None, "dt": None, "method": None, "stiff": False}
+        longer = dataclasses.replace(motion, ts=ts, ys=ys, **bare)
+        return cut(function(longer, *args, **kwargs), len(ts), n)
+
+    return shared
+
+
+def _put(x: np.ndarray) -> Array:
+    # Slices and conversions in JAX would compile for each number of samples.
+    return jax.device_put(x)

@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeVar
 
 import equinox as eqx
@@ -11,7 +12,9 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
+from jaxdyn.integrate.estimate import Estimate
 from jaxdyn.integrate.flow import Settings, flow
+from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, default_solver
@@ -28,97 +31,67 @@ _LONG_STEPS_WARNING = (
 )
 _MAX_STEP_MISMATCH = 0.05  # of a step's displacement: with more the step is meaningless
 _CHECK_RTOL, _CHECK_STEPS = 1e-6, 10_000  # of the adaptive steps compared with
-#: Distance of a promised digit from rounding, in spreads of two draws; 1 in 26 errs by more.
-ROUNDING_MARGIN = 5.0
 T = TypeVar("T")
 
 
-class Estimate(Record):
-    """How far a solution is from the exact one.
+class Motion:
+    """What a motion of one piece, or of several phases, can be written as and shown by.
 
-    Attributes:
-      ts: (s,) times [s].
-      ys: (s, k) the solution.
-      error: (s, k) estimated absolute error of each entry, in its unit.
-      rounding: (s, k) the part of it that no tolerance removes; NaN where not measured.
-      scale: (k,) the measure of errors: the largest entry of the same unit. Angles are
-        taken modulo a turn.
-      kind: the kind of estimate.
-      solver: name of the method of the solution.
-      other: name of the method of the second solution.
-      wanted: () digits requested, if any.
-      fineness: (2,) tolerances, or steps, of the solution and of the second one.
+    The methods lead to what is above this folder, which is loaded when they are called.
     """
 
-    ts: Array
-    ys: Array
-    error: Array
-    rounding: Array
-    scale: Array
-    fineness: Array
-    kind: str = eqx.field(static=True)
-    solver: str = eqx.field(static=True)
-    other: str = eqx.field(static=True)
-    wanted: Array | float | None = None
+    def save(self, path: str | Path) -> None:
+        """Write the motion with its scene to a file, atomically; `jaxdyn.load` reads it.
 
-    @_text.never_raising
-    def __repr__(self) -> str:
-        digits = f"{self.digits:.1f} at {len(self.ts)} times, at most {self.most_digits:.1f}"
-        rows = [("digits", digits), ("basis", self.basis), ("shortfall", self.shortfall)]
-        return _text.table("Estimate", rows)
+        Every number comes back to the bit. NumPy reads the file too: ``numpy.load(path)["ys"]``.
 
-    @property
-    def relative(self) -> float:
-        """Largest error relative to the scale; NaN if a run failed; host only."""
-        return float(np.max(np.asarray(self.error) / np.asarray(self.scale)))
+        Args:
+          path: of the .npz file.
+        Raises:
+          ValueError: `path` cannot be written, the scene holds a function, or the method of fixed
+            step is none of `jaxdyn.solvers`.
+        """
+        from jaxdyn.files import motion_files
 
-    @property
-    def digits(self) -> float:
-        """Correct digits at all times, 0 if none; NaN if a run failed; host only."""
-        return digits_of(self.relative)
+        motion_files.save(path, self)
 
-    @property
-    def most_digits(self) -> float:
-        """Digits certain in double precision with any solver; host only."""
-        return digits_of(
-            ROUNDING_MARGIN * np.max(np.asarray(self.rounding) / np.asarray(self.scale))
-        )
+    def to_pandas(self):
+        """The samples as a pandas DataFrame: a row for each time, a column for each entry.
 
-    @property
-    def basis(self) -> str:
-        """The basis of the estimate, as text; host only."""
-        mine, its = np.asarray(self.fineness)
-        return f"{self.kind}: {self.solver} at {mine:.1e} against {self.other} at {its:.1e}"
+        The index is the time "t"; of a batch, the number of the motion along each of its axes
+        and the time. ``frame.attrs["units"]`` has the unit of each column. A motion in phases has
+        a column "phase" as well; after the last exit that is "end".
 
-    @property
-    def shortfall(self) -> str:
-        """Why requested digits were not reached, and the remedy; empty if they were; host only."""
-        sure = min(self.digits, self.most_digits)
-        if self.wanted is None or not sure < self.wanted:
-            return ""
-        held = self.until(self.wanted)
-        where = "at no sample" if np.isnan(held) else f"up to t = {held:.6g}"
-        return (
-            f"{self.wanted:g} digits were requested; over the whole span {sure:.1f} are certain, "
-            f"all of them {where}. Rounding, amplified, limits any solver to "
-            f"{self.most_digits:.1f} certain digits: shorten the span."
-        )
+        Returns:
+          The frame; NaN where a motion was not reached, and for entries that a phase lacks.
+        Raises:
+          ValueError: pandas is not installed, or values are traced.
+        """
+        from jaxdyn.files import frames
 
-    def until(self, digits: float) -> float:
-        """Time up to which this many digits are certain; NaN if at no time; host only."""
-        off = np.maximum(self.error, ROUNDING_MARGIN * np.nan_to_num(self.rounding))
-        # Not >, or a run that failed, whose errors are NaN, would be right to its end.
-        wrong = ~((off / np.asarray(self.scale)).max(axis=1) <= 10.0**-digits)
-        first = int(np.argmax(wrong)) if wrong.any() else len(wrong)
-        return float(self.ts[first - 1]) if first else float("nan")
+        return frames.frame(self)
+
+    def play(self, path=None):
+        """A page that plays the motion, in a notebook or a browser: see `jaxdyn.player.play`.
+
+        Args:
+          path: a file to write the page to, .html; it needs no other file.
+        Raises:
+          ValueError: the motion is a batch, has fewer than two samples or nothing to draw, or
+            `path` cannot be written.
+        """
+        from jaxdyn.player import pages
+
+        return pages.play(self, path)
+
+    @_text.pictured
+    def _repr_html_(self):
+        from jaxdyn.drawing import space
+
+        return space.overview(self)
 
 
-def digits_of(error) -> float:
-    """() correct digits at a relative error, 0 if none; NaN for an error that is not finite."""
-    return max(0.0, -float(np.log10(error))) if np.isfinite(error) else float("nan")
-
-
-class Trajectory(Record):
+class Trajectory(Record, Motion):
     """A motion of a scene at sampled times, or a batch of them.
 
     ``jax.vmap`` of a function that simulates returns a batch: every array, including those of the
@@ -172,14 +145,12 @@ class Trajectory(Record):
         if shape:
             right = f"{np.sum(np.asarray(self.status) == Status.OK)} of {np.size(self.status)} OK"
             status = right if self.ok else f"{right}, the worst {status}"
+        steps = f"{_text.extent(self.steps)} accepted, {_text.extent(self.rejected)} rejected"
         rows = [
             batch,
             ("span", f"{begin} to {end} {_text.second(labels)}".rstrip()),
             ("samples", str(n)),
-            (
-                "steps",
-                f"{_text.extent(self.steps)} accepted, {_text.extent(self.rejected)} rejected",
-            ),
+            ("steps", steps),
             ("status", status),
             ("end", "" if shape else _text.entries(labels, np.asarray(self.ys)[-1])),
         ]
@@ -222,10 +193,7 @@ class Trajectory(Record):
         return jax.tree.map(lambda x: x[index], self) if index else self
 
     def __getitem__(self, name: str) -> Array:
-        """(s,) values of a labelled entry of the state, e.g. ``motion["x"]``.
-
-        (b, s) of a batch.
-        """
+        """(s,) values of a labelled entry of the state, e.g. ``motion["x"]``; (b, s) of a batch."""
         system = self.one(*(0 for _ in self.batch_shape)).scene.system
         names = [label for label, _ in system.labels()]
         i, ys = names.index(_checks.choice("label", name, names)), self.ys
@@ -260,6 +228,8 @@ def single(motion: Trajectory) -> Trajectory:
 
 
 @each_motion
+@of_samples
+@eqx.filter_jit
 def _positions(motion: Trajectory) -> Array:
     return jax.vmap(lambda t, y: motion.scene.system.points(t, y).r)(motion.ts, motion.ys)
 

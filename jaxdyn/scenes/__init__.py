@@ -8,7 +8,7 @@ May import: `mechanisms`, `effects`, `integrate`.
 
 One more scene is a function ``name(mass=1.0, ...)`` in the file of its family that returns a
 `Scene`, with the unit of each parameter in its docstring, where `catalogue` reads it; one line
-below; and its name under a problem of the course in `course.problems`, if it answers one.
+below; and a page of `jaxdyn/course` that uses it, if it answers a problem of the course.
 """
 
 from jaxdyn.scenes import ballistics, catalogue, satellites, switching

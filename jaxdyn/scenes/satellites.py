@@ -21,6 +21,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.formulations.rigid import pose
 from jaxdyn.geometry.inertia import Body, box_of_density, sphere_of_density
+from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import each_motion
 from jaxdyn.sketch import Looks, Shape, arc, lines, traces
 
@@ -60,6 +61,7 @@ SATELLITES = {"A": satellite_a, "B": satellite_b, "C": satellite_c}
 
 
 @each_motion
+@of_samples
 def antenna_trace(motion, name: str = "A", tip=ANTENNAS[0]) -> Array:
     """(s, 3) path in space of the tip of an antenna on a satellite (problems 55, 58) [m].
 

@@ -56,6 +56,7 @@ class Identity:
     scale_free: float | None
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
 
 def identify(orbit: Orbit) -> Identity:

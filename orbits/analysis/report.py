@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from jaxdyn._checks import fail
 from jaxdyn._progress import doing
+from jaxdyn.files.typed import typed
 from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import Recheck, closure, growth, recheck
 from orbits.analysis.identity import has_normal_form, identify, normal_form
@@ -135,6 +137,22 @@ def _word(orbit: Orbit) -> str | None:
 def as_json(claims: Report) -> dict[str, Any]:
     """The claims as a JSON object; numbers that are not finite become null."""
     return _finite(dataclasses.asdict(claims))
+
+
+def from_json(record: Any, remedy: str) -> Report:
+    """The claims of such an object; null becomes NaN where a number is expected.
+
+    Args:
+      record: from a file.
+      remedy: what to do if it is none, for the message.
+    Raises:
+      ValueError: it has other entries than `as_json` writes, or some of another type.
+    """
+    found = typed(record, Report, "claims", remedy)
+    pairs = all(len(z) == 2 for z in found.multipliers)
+    if not (pairs and (found.normal_form is None or len(found.normal_form.y0) > 1)):
+        raise fail("claims", "multipliers as pairs, and a start", "others", remedy)
+    return found
 
 
 def _floats(x) -> list[float]:

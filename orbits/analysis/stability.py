@@ -82,6 +82,8 @@ class Stability:
         ]
         return _text.table(f"Stability: {self.verdict}", rows)
 
+    _repr_html_ = _text.html
+
     @property
     def ok(self) -> bool:
         """Whether the motion was integrated over its period."""

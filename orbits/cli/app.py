@@ -11,6 +11,7 @@ from orbits.cli.prove import prove_command
 from orbits.cli.refine import refine_command
 from orbits.cli.search import search_command
 from orbits.cli.section import section_command
+from orbits.cli.show import show_command
 from orbits.cli.verify import verify_command
 
 app = application("Periodic orbits: find them, identify them, verify them.")
@@ -59,6 +60,13 @@ add(
 )
 add(app, "refine", refine_command, "orbits refine swing.json --digits 50")
 add(app, "prove", prove_command, "orbits prove swing.json --json")
+add(
+    app,
+    "show",
+    show_command,
+    "orbits show swing.json",
+    "orbits show swings.json --plot swings.png",
+)
 add(app, "verify", verify_command, "orbits verify swing.json")
 
 

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 import jaxdyn
 import orbits
-from jaxdyn._text import choice, counted, fail, whole
+from jaxdyn._text import choice, fail, whole
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -23,6 +22,7 @@ from jaxdyn.cli.shared import (
     read,
 )
 from jaxdyn.cli.words import scene_settings, scenes
+from orbits.cli.printed import print_family
 from orbits.cli.shared import SaveOption, not_found, numbers, printed
 
 
@@ -82,7 +82,7 @@ def family_command(
         if as_object:
             out.result({"scene": name} | orbits.files.family_files.as_json(family))
         else:
-            _print(family, out)
+            print_family(family, out)
         _write(family, save_to, plot, title, out)
 
 
@@ -118,16 +118,6 @@ def _followed(out: Screen, most: int) -> Callable[["orbits.families.family.Membe
     return report
 
 
-def _print(family: "orbits.files.family_files.Listing", out: Screen) -> None:
-    # Without a parameter there is no first column.
-    names = () if family.parameter is None else (family.parameter,)
-    table = Table(*names, "period", "energy", "linear stability", "special")
-    for entry in (*family.members, *family.special):
-        table.add_row(*_row(entry)[-len(table.columns) :])
-    out.print(table)
-    out.print(f"{counted(len(family.members), 'orbit')}; the end: {family.end}")
-
-
 def _write(
     family: "orbits.files.family_files.Listing",
     save_to: Path | None,
@@ -141,9 +131,3 @@ def _write(
     if plot:
         with out.writing(plot, "drawn in"):
             orbits.drawing.family(family, plot, title=title)
-
-
-def _row(entry: "orbits.files.family_files.Entry") -> tuple[str, ...]:
-    numbers = f"{entry.parameter:.10g}", f"{entry.orbit.period:.12g}"
-    energy = "" if math.isnan(entry.energy) else f"{entry.energy:.12g}"
-    return *numbers, energy, entry.verdict, entry.kind or ""

@@ -1,10 +1,16 @@
-"""The claims about orbits as a table: a column for each orbit, a row for each claim."""
+"""The claims about orbits as a table, a column for each orbit; families, a row for each orbit.
 
+Claims and names may come from a file: nothing of them is taken for markup.
+"""
+
+import math
 import sys
 
+from rich.markup import escape
 from rich.table import Table
 
 import orbits
+from jaxdyn._text import counted
 from jaxdyn.cli.screen import Screen
 
 
@@ -12,12 +18,29 @@ def print_reports(claims: dict[str, "orbits.Report"], out: Screen) -> None:
     """Print reports side by side, each under its name, without empty rows."""
     table = Table("")
     for name in claims:
-        table.add_column(name, overflow="fold")
+        table.add_column(escape(name), overflow="fold")
     for label, text in _ROWS:
         cells = [text(claim) for claim in claims.values()]
         if any(cell not in ("", _NONE) for cell in cells):
-            table.add_row(label, *cells)
+            table.add_row(label, *map(escape, cells))
     out.print(table)
+
+
+def print_family(family: "orbits.files.family_files.Listing", out: Screen) -> None:
+    """Print the members and the special points of a family, and why it ends."""
+    # Without a parameter there is no first column.
+    names = () if family.parameter is None else (escape(family.parameter),)
+    table = Table(*names, "period", "energy", "linear stability", "special")
+    for entry in (*family.members, *family.special):
+        table.add_row(*_row(entry)[-len(table.columns) :])
+    out.print(table)
+    out.print(f"{counted(len(family.members), 'orbit')}; the end: {escape(family.end)}")
+
+
+def _row(entry: "orbits.files.family_files.Entry") -> tuple[str, ...]:
+    numbers = f"{entry.parameter:.10g}", f"{entry.orbit.period:.12g}"
+    energy = "" if math.isnan(entry.energy) else f"{entry.energy:.12g}"
+    return *numbers, energy, entry.verdict, entry.kind or ""
 
 
 _NONE = "-"

@@ -57,6 +57,8 @@ class SearchResult:
         head = f"SearchResult: {counted(len(rows), 'orbit')} of {_text.called(self.plan.scene)}"
         return _text.table(head, [counts, *_text.cut(rows)])
 
+    _repr_html_ = _text.html
+
     def __len__(self) -> int:
         return len(self.finds)
 

@@ -11,8 +11,8 @@ from jaxdyn._checks import fail
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
-from orbits.families.family import Kind
-from orbits.files.family_files import Listing
+from orbits.families.family import Family, Kind
+from orbits.files.family_files import Listing, listing
 
 _WIDTH = 6.8  # inches
 _STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}
@@ -71,3 +71,9 @@ def family(listed: Listing, path=None, *, title: str | None = None) -> Figure:
     style(ax)
     legend_below(figure, named(ax))
     return finished(figure, path)
+
+
+def overview(found: Family) -> Figure:
+    """The picture of a family in a notebook: against its parameter, whatever its name, untitled."""
+    named = None if np.isnan(found.parameters).any() else "parameter"
+    return family(listing(found, named), title="")

@@ -10,12 +10,14 @@ from jaxdyn import _checks, simulate
 from jaxdyn.drawing.contents import paths
 from jaxdyn.drawing.figures import INK, blank, finished, legend_below, mark, path_entries
 from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, panel, size
+from jaxdyn.drawing.series import time_series
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
 
 _SAMPLES = 600
 _RTOL = 1e-10
+_FEW_STEPS = 5000
 _PANEL = 4.6  # inches wide
 _ARROW = 0.16  # longest arrow as a share of the widest direction
 _AT_REST = 1e-9  # speed at a start that counts as none, in widths of the picture a period
@@ -40,8 +42,8 @@ def orbits(
       title: title of all; the scene with the numbers that all orbits share by default, "" for
         none.
     Raises:
-      ValueError: `found` is empty or has orbits in different dimensions, `titles` has another
-        length, or `path` cannot be written.
+      ValueError: `found` is no sequence, is empty or has orbits in different dimensions, `titles`
+        has another length, or `path` cannot be written.
       IntegrationError: an orbit cannot be integrated over its period.
     """
     path = picture_path(path)
@@ -78,13 +80,30 @@ def orbits(
     return finished(figure, path)
 
 
-def _one_period(orbit):
+def overview(orbit) -> Figure:
+    """The picture of an orbit in a notebook: untitled, and only if it takes seconds.
+
+    Entries of the state against time where nothing moves in space.
+
+    Raises:
+      IntegrationError: it takes more than a few thousand steps.
+    """
+    motion = _one_period(orbit, max_steps=_FEW_STEPS)
+    try:
+        return orbits([orbit], title="")
+    except ValueError:  # more than three entries, and no points
+        return time_series(motion, title="")
+
+
+def _one_period(orbit, **options):
     scene = orbit.scene.starting(orbit.y0, orbit.period)
-    return simulate(scene, samples=_SAMPLES, rtol=_RTOL, solver=orbit.solver)
+    return simulate(scene, samples=_SAMPLES, rtol=_RTOL, solver=orbit.solver, **options)
 
 
 def _checked_titles(found: Sequence, titles) -> Sequence[str]:
-    if not len(found):
+    if not isinstance(found, Sequence):
+        raise _checks.fail("found", "orbits", type(found).__name__, "Put one in a list: [orbit].")
+    if not found:
         raise _checks.fail("found", "at least one orbit", "none")
     if titles is None:
         return [""] * len(found)

@@ -88,6 +88,12 @@ class Family:
         what = f"{counted(len(self.members), 'orbit')} of {_text.called(scene)}"
         return _text.table(f"Family of {what}", rows)
 
+    @_text.pictured
+    def _repr_html_(self):
+        from orbits.drawing import families
+
+        return families.overview(self)
+
     @property
     def parameters(self) -> np.ndarray:
         """(n,) parameters of the members."""

@@ -1,13 +1,14 @@
 """Orbits and families as files, and their verification.
 
 `orbit_files` writes and reads orbits, `family_files` families; `encoding` turns an orbit into plain
-JSON and back for both. `verify` recomputes the claims of an orbit file.
+JSON and back for both. `contents` tells what a file holds, `verify` recomputes the claims of an
+orbit file.
 
 May import: `families`, `proof`.
 
 One more format is one file that encodes to plain JSON and decodes it.
 """
 
-from orbits.files import family_files
+from orbits.files import contents, family_files
 
-__all__ = ["family_files"]
+__all__ = ["contents", "family_files"]

@@ -3,16 +3,9 @@
 import math
 from typing import Any
 
-import jax.numpy as jnp
-
-from jaxdyn import Effect, Scene, System, effects, scenes
+from jaxdyn import Scene
 from jaxdyn._checks import fail
-from jaxdyn.files import records
-from jaxdyn.formulations.attitude import Attitude
-from jaxdyn.formulations.mechanism import Mechanism
-from jaxdyn.geometry.inertia import MaterialPoints
-from jaxdyn.scenes.drawings import Angles
-from jaxdyn.sketch import Looks
+from jaxdyn.files import records, scene_records
 from orbits.closing.closings import Closing
 from orbits.closing.given import check_drive, driven
 from orbits.closing.symmetry import Symmetry
@@ -20,10 +13,6 @@ from orbits.orbit import Orbit, Outcome
 
 KEYS = {"scene", "closing", "angle", "rtol", "s_period", "mesh", "stiff"}
 _WHOLE = 1e-9  # largest difference of the sum of a mesh's intervals from 1
-#: Modules of the classes that a file may name, looked up among those that are loaded.
-LOADED = (effects, scenes)
-#: Base classes of the parts of a scene.
-KINDS = (System, Effect, Mechanism, Attitude, MaterialPoints, Looks, Angles)
 DAMAGED = "The file was edited or damaged, or another version wrote it: make it again."
 
 
@@ -90,13 +79,7 @@ def _mesh(record: Any) -> tuple[float, ...] | None:
 
 
 def _scene(record: Any) -> Scene:
-    scene = records.decode(record, "scene", KINDS)
-    if not isinstance(scene, Scene):
-        raise fail("scene", "a Scene", type(scene).__name__, DAMAGED)
-    scene.check()
-    rate = scene.rate(jnp.zeros(()), scene.y0)
-    if rate.shape != scene.y0.shape:
-        raise fail("scene", f"a rate of shape {scene.y0.shape}", f"shape {rate.shape}", DAMAGED)
+    scene = scene_records.decode(record, DAMAGED)
     if driven(scene):
         check_drive(scene, float(scene.t1))
     return scene

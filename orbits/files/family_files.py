@@ -94,7 +94,8 @@ def load(path: str | Path) -> Listing:
     if record.keys() != _KEYS:
         raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), encoding.DAMAGED)
     name, end = record["parameter"], record["end"]
-    if not (isinstance(end, str) and (name is None or isinstance(name, str))):
+    texts = [end] if name is None else [end, name]
+    if not all(isinstance(text, str) and text.isprintable() for text in texts):
         raise fail(
             "file", "a parameter's name and a reason for the end", "others", encoding.DAMAGED
         )

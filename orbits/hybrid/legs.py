@@ -74,6 +74,8 @@ class HybridOrbit:
         ]
         return _text.table(f"Hybrid orbit of {counted(len(self.legs), 'leg')}", rows)
 
+    _repr_html_ = _text.html
+
     @property
     def y0(self) -> Array:
         """(k,) start of the first leg."""

@@ -93,6 +93,8 @@ class Connection:
         kind = "Homoclinic" if same else "Heteroclinic"
         return _text.table(f"{kind} connection of {_text.called(self.scene)}", rows)
 
+    _repr_html_ = _text.html
+
     @property
     def ok(self) -> bool:
         """Whether it connects."""

@@ -68,6 +68,8 @@ class Manifold:
         title = f"{self.kind.capitalize()} manifold of {what} of {_text.called(self.scene)}"
         return _text.table(title, rows)
 
+    _repr_html_ = _text.html
+
     def __len__(self) -> int:
         return len(self.starts)
 

@@ -4,6 +4,8 @@ import dataclasses
 from typing import Any, NamedTuple
 
 from jaxdyn import _text
+from jaxdyn._checks import fail
+from jaxdyn.files.typed import typed_fields
 from orbits.orbit import Orbit
 
 
@@ -82,6 +84,8 @@ class Certificate:
         ]
         return _text.table(f"Proved: a periodic orbit of {called}", rows)
 
+    _repr_html_ = _text.html
+
     def as_json(self) -> dict[str, Any]:
         """The certificate as a JSON object; numbers are decimal strings with a radius."""
         return {
@@ -101,3 +105,17 @@ class Certificate:
             "verdict_proved": self.verdict_proved,
             "choreography": self.choreography,
         }
+
+    @classmethod
+    def from_json(cls, orbit: Orbit, record: Any, remedy: str) -> "Certificate":
+        """What `as_json` wrote about an orbit; raises ValueError, with the remedy, for others."""
+        try:
+            pairs = [[z["re"], z["im"]] for z in record["multipliers"]]
+            held = [list(one) for one in record["held"].items()]
+        except (KeyError, TypeError, AttributeError) as error:
+            raise fail("certificate", "multipliers and held numbers", "others", remedy) from error
+        plain = {**record, "multipliers": pairs, "held": held}
+        found = typed_fields(plain, cls, "certificate", remedy, without=("orbit",))
+        if found["proved"] and (found["period"] is None or len(found["y0"]) != len(orbit.y0)):
+            raise fail("certificate", "enclosures of the start and the period", "others", remedy)
+        return cls(orbit=orbit, **found)

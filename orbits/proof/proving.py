@@ -26,6 +26,7 @@ _SPARE = 6.0
 _EXTRA_BITS = 64
 _TRIALS = 4
 _MORE = "Try more digits: orbits.prove(orbit, digits=60)."
+_ANOTHER = "More digits do not help; find the orbit again, from another guess."
 
 
 def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate:
@@ -105,9 +106,9 @@ def certified(
             reason = str(error)
         else:
             if test.passed:
-                reason = _degenerate(system, test.numbers, bits_used)
-                if reason:
-                    break
+                degenerate = _degenerate(system, test.numbers, bits_used)
+                if degenerate:
+                    return _unproved(orbit, f"{degenerate} {_ANOTHER}", throw, bits_used)
                 return _certificate(orbit, system, numbers, test, radius, digits, bits_used)
             reason = (
                 f"Krawczyk's test fails: the closing error moves the centre by {test.step:.1e} "

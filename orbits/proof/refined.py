@@ -4,6 +4,8 @@ import dataclasses
 from typing import Any
 
 from jaxdyn import _text
+from jaxdyn._checks import fail
+from jaxdyn.files.typed import typed_fields
 from orbits.orbit import Orbit
 
 
@@ -53,6 +55,8 @@ class Refined:
             f"Orbit of {_text.called(self.orbit.scene)} to {self.digits} digits", rows
         )
 
+    _repr_html_ = _text.html
+
     def as_json(self) -> dict[str, Any]:
         """The numbers as a JSON object."""
         return {
@@ -66,3 +70,11 @@ class Refined:
             "multipliers": [list(z) for z in self.multipliers],
             "exponents": list(self.exponents),
         }
+
+    @classmethod
+    def from_json(cls, orbit: Orbit, record: Any, remedy: str) -> "Refined":
+        """What `as_json` wrote about an orbit; raises ValueError, with the remedy, for others."""
+        found = typed_fields(record, cls, "refined", remedy, without=("orbit",))
+        if len(found["y0"]) != len(orbit.y0):
+            raise fail("refined", f"{len(orbit.y0)} numbers of the start", len(found["y0"]), remedy)
+        return cls(orbit=orbit, **found)

@@ -40,6 +40,7 @@ class Completed(NamedTuple):
     status: Annotated[Array, Status]
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
     @property
     def ok(self) -> Array:

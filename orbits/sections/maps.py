@@ -41,6 +41,7 @@ class Mapped(eqx.Module):
     status: Annotated[Array, Status]
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
 
 class PoincareMap(eqx.Module):
@@ -69,6 +70,7 @@ class PoincareMap(eqx.Module):
     iterates: int = eqx.field(static=True)
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
     def __call__(self, q) -> Array:
         """(d,) coordinates of the crossing that follows the point q (d,); NaN where there is none.

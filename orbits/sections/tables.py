@@ -57,6 +57,7 @@ class SectionPoints(NamedTuple):
     drift: np.ndarray
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
     @property
     def ok(self) -> np.ndarray:

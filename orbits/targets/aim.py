@@ -24,7 +24,7 @@ from jaxdyn import Scene, _text
 from jaxdyn._checks import array, fail, positive
 from jaxdyn.analysis._roots import root
 from orbits.targets.launch import angle_of, checked_throw, followed, landings
-from orbits.targets.ranges import COURSES, LOOK, SAME, WIDER, Aim, best_courses, turns
+from orbits.targets.ranges import LOOK, SAME, WIDER, Aim, best_courses, courses, turns
 
 #: Speeds tried by `slowest`, in units of sqrt(pull x distance).
 _SPEEDS = np.logspace(-3, 15, 55)
@@ -53,6 +53,7 @@ class Hits(eqx.Module):
     outcome: Aim = eqx.field(static=True)
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
     @property
     def ok(self) -> bool:
@@ -88,6 +89,7 @@ class Throws(eqx.Module):
     outcome: Annotated[np.ndarray, Aim]
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
     @property
     def ok(self) -> bool:
@@ -110,7 +112,7 @@ def hit(scene: Scene, x, speed) -> Hits:
       speed: () launch speed [m/s].
     Raises:
       ValueError: `scene` is not a thrown point, `x` is 0 or not finite, or `speed` is not positive.
-    Limits: angles closer to the ground than 1e-17 rad are not sampled; two extremes of the range
+    Limits: angles so flat that drag has no time to act are not sampled; two extremes of the range
       between neighbouring sampled angles (some 5 degrees apart) would be missed.
     Example:
       >>> from jaxdyn import scenes
@@ -121,11 +123,12 @@ def hit(scene: Scene, x, speed) -> Hits:
     """
     scene = checked_throw(scene)
     x, speed = float(array("x", x, ())), float(positive("speed", array("speed", speed, ())))
-    look = landings(scene, COURSES, speed, LOOK)
-    extremes, fine = turns(scene, look, speed)
+    (samples,) = courses(scene, np.array([speed]))
+    look = landings(scene, samples, speed, LOOK)
+    extremes, fine = turns(scene, samples, look, speed)
     if not fine.all():
         return _missed(x, speed, Aim.NO_CONVERGENCE)
-    ends = np.sort(np.concatenate([COURSES, extremes]))
+    ends = np.sort(np.concatenate([samples, extremes]))
     ranges = landings(scene, ends, speed).x
     known = np.isfinite(ranges)
     if not known.any():
@@ -180,6 +183,8 @@ def farthest(scene: Scene, speed) -> Throws:
     Raises:
       ValueError: see `hit`.
     Limits: see `hit`. The angle of a maximum so flat that rounding hides it is accurate to 1e-8.
+      Speeds from 1e150 on, whose squares exceed all numbers, are `LOST`, and with quadratic drag
+      from 1e75 on.
     Example:
       >>> from jaxdyn import scenes
       >>> from orbits.targets import aim
@@ -218,7 +223,7 @@ def slowest(scene: Scene, x) -> Throws:
     rest = jnp.concatenate([scene.y0[:2], jnp.zeros(2)])
     pull = float(jnp.linalg.norm(scene.rate(jnp.zeros(()), rest)[2:]))
     speeds = np.sqrt(pull * x) * _SPEEDS
-    looks = landings(scene, np.tile(COURSES, len(speeds)), np.repeat(speeds, len(COURSES)), LOOK)
+    looks = landings(scene, courses(scene, speeds), speeds[:, None], LOOK)
     reach = np.nanmax(
         np.where(np.isnan(looks.x), -np.inf, looks.x).reshape(len(speeds), -1), axis=1
     )

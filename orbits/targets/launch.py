@@ -1,6 +1,8 @@
 """One throw: where it lands, and the derivatives by its angle and speed."""
 
 import dataclasses
+import functools
+from collections.abc import Callable
 from typing import Annotated
 
 import equinox as eqx
@@ -20,6 +22,7 @@ from orbits.targets.thrown import Down, Thrown, Units, direction, turned
 RTOL = 1e-13
 _PATIENCE = 100.0  # times v / g: longer flights count as endless
 _STEPS = 20_000  # at most; a flight that needs more is stiff
+_TINY = np.finfo(float).tiny
 _GRAIN = 16 * np.finfo(float).eps  # of the speed: its rounding, in any direction
 _CHUNK = 64  # throws per call of the compiled program; fewer are padded
 
@@ -44,6 +47,7 @@ class Landings(eqx.Module):
     status: Annotated[np.ndarray, Status]
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
 
 def landings(scene: Scene, w, speed, rtol: float = RTOL) -> Landings:
@@ -56,13 +60,28 @@ def landings(scene: Scene, w, speed, rtol: float = RTOL) -> Landings:
       rtol: tolerance of the integrations.
     """
     w, log_speed = (np.array(x, float).ravel() for x in np.broadcast_arrays(w, np.log(speed)))
-    parts = []
-    for i in range(0, len(w), _CHUNK):
-        # One shape for any number of throws: one compilation.
-        rows = np.minimum(np.arange(i, i + _CHUNK), len(w) - 1)
-        part = _compiled(scene, w[rows], log_speed[rows], np.asarray(rtol))
+    return _in_chunks(functools.partial(_compiled, scene, np.asarray(rtol)), w, log_speed)
+
+
+def free_sine(scene: Scene, speed: np.ndarray) -> np.ndarray:
+    """(n,) acceleration at rest over that at a launch along the first axis, with each speed.
+
+    Up to this sine of the launch angle, drag has no time to act.
+    """
+    return _in_chunks(functools.partial(_free_sines, scene), speed)
+
+
+def _in_chunks(fn: Callable, *columns: np.ndarray):
+    """fn of which rows count and of columns (n,), some rows at a time.
+
+    One shape, and one compilation, for any number of rows.
+    """
+    n, parts = len(columns[0]), []
+    for i in range(0, n, _CHUNK):
+        rows = np.arange(i, i + _CHUNK)
+        part = fn(rows < n, *(column[np.minimum(rows, n - 1)] for column in columns))
         parts.append(jax.tree.map(lambda x: np.asarray(x), part))
-    return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(w)], *parts)
+    return jax.tree.map(lambda *parts: np.concatenate(parts)[:n], *parts)
 
 
 def checked_throw(scene: Scene) -> Scene:
@@ -107,8 +126,9 @@ def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
     fall, units = jax.lax.stop_gradient(_scales(scene, w, speed, rtol))
     system = Thrown(system=scene.system, origin=scene.y0[:2], course=w, units=units)
     start = jnp.zeros(4).at[2].set(speed / units.speeds(jnp.zeros(()))[0])
-    patience = jax.lax.stop_gradient(_PATIENCE * speed / _pull(scene))
-    longest = jnp.where(jnp.isfinite(fall.settled), fall.settled, patience)
+    # A span much longer than the flight would leave the flight no digits of time.
+    soon, patience = jax.lax.stop_gradient(_patience(scene, speed))
+    longest = jnp.where(jnp.isfinite(fall.settled), jnp.minimum(fall.settled, soon), patience)
     throw = dataclasses.replace(scene, system=system, y0=start)
     down = Down(w, units.lengths)
     stop = events.until(throw, down, longest, rtol=rtol, atol=rtol, max_steps=_STEPS)
@@ -116,15 +136,24 @@ def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
     r, v = system.position_and_velocity(stop.t, stop.y)
     end = fallen(scene, w, stop.t, r, v)
     falls = ~landed & jnp.isfinite(fall.settled)
+    unsettled = end.lost | (fall.settled > soon)
     c, s = direction(w)
 
     def at_last(here, there):
-        return jnp.where(landed, here, jnp.where(falls, there, jnp.nan))
+        return jnp.where(landed, here, jnp.where(falls & ~unsettled, there, jnp.nan))
 
     t, x = at_last(stop.t, end.t), at_last(turned(r, c, s)[0], turned(end.r, c, s)[0])
     vx, vy = at_last(turned(v, c, s), turned(end.v, c, s))
-    lost = falls & end.lost & (stop.status == Status.OK)
+    lost = falls & unsettled & (stop.status == Status.OK)
     return x, (t, vx, vy, jnp.where(lost, jnp.int32(Status.STEP_LIMIT), stop.status))
+
+
+def _patience(scene: Scene, speed: Array) -> tuple[Array, Array]:
+    """Times () [s] after which a throw has landed if the force is uniform, and for any force."""
+    pull = acceleration(scene, jnp.zeros(2))
+    down = -pull[1]
+    soon = jnp.where(down > 0, _PATIENCE * speed / jnp.where(down > 0, down, 1.0), jnp.inf)
+    return soon, _PATIENCE * speed / jnp.linalg.norm(pull)
 
 
 def _scales(scene: Scene, w: Array, speed: Array, rtol: Array) -> tuple[Fall, Units]:
@@ -147,7 +176,18 @@ def _scales(scene: Scene, w: Array, speed: Array, rtol: Array) -> tuple[Fall, Un
 
 
 @jax.jit
-def _compiled(scene: Scene, w: Array, log_speed: Array, rtol: Array) -> Landings:
+def _free_sines(scene: Scene, counts: Array, speeds: Array) -> Array:
+    del counts
+
+    def along(speed):
+        return jnp.linalg.norm(acceleration(scene, speed * jnp.array([1.0, 0.0])))
+
+    ratio = _pull(scene) / jax.vmap(along)(speeds)
+    return jnp.where(ratio > _TINY, ratio, _TINY)  # also where the acceleration overflows
+
+
+@jax.jit
+def _compiled(scene: Scene, rtol: Array, counts: Array, w: Array, log_speed: Array) -> Landings:
     def one(throw):
         def x(p):
             value, rest = _landing(scene, p[0], p[1], rtol)
@@ -156,8 +196,15 @@ def _compiled(scene: Scene, w: Array, log_speed: Array, rtol: Array) -> Landings
         dx, (value, t, vx, vy, status) = jax.jacfwd(x, has_aux=True)(jnp.stack(throw))
         return Landings(x=value, t=t, dx=dx, vx=vx, vy=vy, status=status)
 
+    shapes = jax.eval_shape(one, (w[0], log_speed[0]))
+    blank = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
+
+    def counted(row):
+        counts, *throw = row
+        return jax.lax.cond(counts, one, lambda _: blank, tuple(throw))
+
     # Sequentially: each takes its own steps, in one fused loop.
-    return jax.lax.map(one, (w, log_speed))
+    return jax.lax.map(counted, (counts, w, log_speed))
 
 
 def followed(found: Landings) -> np.ndarray:

@@ -44,6 +44,7 @@ class FewestLoops(eqx.Module):
     line: np.ndarray
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
     @property
     def message(self) -> str:

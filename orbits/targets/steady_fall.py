@@ -14,8 +14,9 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from orbits.targets.thrown import direction, turned
 
-_NEWTONS = 60  # Newton steps to the steady velocity: each at least halves the distance
+_NEWTONS = 400  # Newton steps to the steady velocity: each at least halves the distance
 _FORGOTTEN = 45.0  # relaxation times in which a steady velocity is reached: e^-45 of the launch
+_ROUNDED = 6.0  # beyond twice those to the steady speed: rounding of the launch speed is forgotten
 _STEADY = 1e-5  # of the speed: the squares of smaller deviations are rounding
 _SAME_FORCE = 1e-12  # of the acceleration, where forces are compared
 #: Parts of a steady fall at which its force is sampled.
@@ -52,7 +53,9 @@ def fall_of(scene: Scene, launch: Array, length: Array) -> Fall:
     known = (jnp.abs(acceleration(scene, steady)) <= _STEADY * g).all() & (slowest > 0)
     known = known & jnp.isfinite(slope).all()
     memory = jnp.where(known, 1 / jnp.where(known, slowest, 1.0), jnp.inf)
-    settled = memory * (jnp.log1p(speed / (g * memory)) + _FORGOTTEN)
+    excess = jnp.log1p(speed / (g * memory))
+    # Its rounding is kept in units that fade half as fast (`thrown.Units`).
+    settled = memory * (excess + jnp.maximum(excess + _ROUNDED, _FORGOTTEN))
     return Fall(memory, jnp.where(_is_uniform(scene, launch, length), settled, jnp.inf))
 
 

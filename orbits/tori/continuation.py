@@ -47,6 +47,8 @@ class TorusFamily:
         what = _text.counted(len(self.members), "torus", "tori")
         return _text.table(f"Family of {what} of {_text.called(self.members[0].scene)}", rows)
 
+    _repr_html_ = _text.html
+
     @property
     def amplitudes(self) -> np.ndarray:
         """(n,) amplitudes of the members."""

@@ -81,6 +81,8 @@ class Torus:
         ]
         return _text.table(f"Torus of {_text.called(self.scene)}", rows)
 
+    _repr_html_ = _text.html
+
     @property
     def ok(self) -> bool:
         """Whether it is a torus."""

@@ -125,6 +125,14 @@ def test_another_shape_is_refused(function):
                 _called(function, given | {name: bad})
 
 
+def test_what_is_no_body_is_refused():
+    for function in (inertia.principal, inertia.is_flat, inertia.equimomental):
+        with pytest.raises(ValueError, match=r"^body: expected a Body, got int\.$"):
+            function(3)
+    with pytest.raises(ValueError, match=r"^body: expected a Body, got list\.$"):
+        balance.bearing_forces([1.0], [0, 0, -1], [0, 0, 1], 2)
+
+
 def test_text_and_truths_are_no_numbers():
     with pytest.raises(ValueError, match=r"^theta: expected numbers, got 'pi'"):
         rotations.rotate([0, 0, 1], "pi", [1, 2, 3])

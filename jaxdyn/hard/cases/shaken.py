@@ -12,12 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn.analysis.monodromy import monodromy
-from jaxdyn.course.upright import averaged_limit
 from jaxdyn.hard.case import Case, Figure, absolute_error
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.scene import Effect, Scene
 from jaxdyn.scenes.pendula import shaken_pendulum
 from jaxdyn.solvers import default_solver
+from jaxdyn.studies.upright import averaged_limit
 
 _RTOL = 1e-12
 _G, _LENGTH, _FAST = 9.81, 1.0, 1e4

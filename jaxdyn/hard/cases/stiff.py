@@ -5,11 +5,11 @@ L-stable method damps those below its tolerance, and then costs the same for any
 """
 
 from jaxdyn.analysis.momenta import centre_of_mass
-from jaxdyn.course.rod_or_spring import advice, joined_by_rod, joined_by_spring, mass_centre
 from jaxdyn.hard.case import Case, Figure
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import RADAU9, Method
+from jaxdyn.studies.rod_or_spring import advice, joined_by_rod, joined_by_spring, mass_centre
 
 _STIFFNESSES = (1e4, 1e6, 1e8, 1e10, 1e12)
 _FOLLOWED = (1e4, 1e6)

@@ -50,6 +50,7 @@ class Crossings(NamedTuple):
     status: Annotated[Array, Status]
 
     __repr__ = _text.fields
+    _repr_html_ = _text.html
 
     @property
     def message(self) -> str:

@@ -10,8 +10,8 @@ from jaxdyn import drawing, scenes, solvers
 from jaxdyn.accuracy import quantities
 from jaxdyn.accuracy import work_precision as work
 from jaxdyn.accuracy.timing import Times
-from jaxdyn.course import rod_or_spring
 from jaxdyn.integrate import events
+from jaxdyn.studies import rod_or_spring
 
 TOLERANCES = (1e-4, 1e-8, 1e-12)
 FEW = {"tolerances": TOLERANCES, "rounds": 1}

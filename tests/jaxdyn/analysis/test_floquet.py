@@ -14,8 +14,8 @@ from scipy.special import mathieu_a, mathieu_b
 from jaxdyn import drawing, scenes
 from jaxdyn.analysis import floquet
 from jaxdyn.analysis.monodromy import monodromy
-from jaxdyn.course import upright
 from jaxdyn.effects import LinearDrag
+from jaxdyn.studies import upright
 
 AMPLITUDES, FREQUENCIES = np.linspace(0.01, 0.9, 30), np.linspace(4.0, 80.0, 25)
 

@@ -21,6 +21,7 @@ def test_a_spectrum_is_printed_with_its_checks(chaos):
     assert code == 0
     assert "exponent 3  -14." in out
     assert "trace" in out
+    assert "pairing" not in out  # of an odd number
     code, out, _ = chaos("lorenz", "--t1", 200, "--set", "rho=30", "--json")
     assert code == 0
     found = json.loads(out)

@@ -56,7 +56,7 @@ def test_the_problems_are_listed_with_what_answers_each(jaxdyn):
     assert code == 0
     listed = json.loads(out)
     assert list(listed) == [str(n) for n in range(1, 62)]
-    assert "scenes.free_body" in listed["52"]["names"]
+    assert "jaxdyn.scenes.free_body" in listed["52"]["names"]
     code, out, _ = jaxdyn("list", "--problems")
     assert code == 0
     assert len(re.findall(r"^│ *\d+ +│", out, re.MULTILINE)) == 61

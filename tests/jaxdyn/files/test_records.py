@@ -15,9 +15,9 @@ import pytest
 from jaxdyn import Effect, Scene, scenes
 from jaxdyn.effects import LinearDrag, PairGravity, UniformGravity
 from jaxdyn.files import records
+from jaxdyn.files.scene_records import KINDS
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import catalogue
-from orbits.files.encoding import KINDS
 
 KIND, VERSION = "test-record", 3
 

@@ -6,11 +6,11 @@ import mpmath
 import pytest
 from helpers import EXACT
 
-from jaxdyn.course.upright import averaged_limit
 from jaxdyn.hard import CASES, judge
 from jaxdyn.hard.cases.bodies import flip_period
 from jaxdyn.hard.cases.shaken import swing_period
 from jaxdyn.hard.elliptic import complete
+from jaxdyn.studies.upright import averaged_limit
 
 #: Cases that compile little; the others are run with `-m long`, or by `jaxdyn hard`.
 QUICK = (

@@ -12,7 +12,6 @@ from scipy.integrate import quad
 
 from jaxdyn import Status, scenes, simulate
 from jaxdyn.analysis import energy, precession
-from jaxdyn.course import sleeping_top
 from jaxdyn.formulations.rigid import inertia_matrix, pose
 from jaxdyn.geometry import inertia
 from jaxdyn.geometry.inertia import Body
@@ -36,6 +35,7 @@ from jaxdyn.scenes.satellites import (
     satellite_b,
     satellite_c,
 )
+from jaxdyn.studies import sleeping_top
 
 #: The default top, as its formulas want it, and the moment of gravity over sin(theta).
 TOP = {"m": 0.1, "d": 0.05, "I1": 1e-4, "I3": 5e-5, "g": 9.81}

@@ -10,13 +10,13 @@ from rich.console import Console
 from scipy.special import ellipk
 
 from jaxdyn import scenes
-from jaxdyn.files import records
+from jaxdyn.files import records, scene_records
 from jaxdyn.scenes import catalogue
 from orbits import PLAIN, find
 from orbits.analysis.identity import identify
 from orbits.analysis.report import report
 from orbits.cli.printed import print_reports
-from orbits.files import encoding, family_files
+from orbits.files import family_files
 from orbits.orbit import Orbit, Outcome
 
 
@@ -178,7 +178,7 @@ def test_an_energy_is_claimed_only_where_it_is_kept(scene, energy):
 def test_every_scene_can_be_kept_in_a_file(name):
     scene = catalogue.entries()[name].make()
     text = json.dumps(records.encode(scene))
-    read = records.decode(json.loads(text), "scene", encoding.KINDS)
+    read = records.decode(json.loads(text), "scene", scene_records.KINDS)
     assert jax.tree.structure(read) == jax.tree.structure(scene)
     for one, two in zip(jax.tree.leaves(read), jax.tree.leaves(scene), strict=True):
         np.testing.assert_array_equal(one, two)

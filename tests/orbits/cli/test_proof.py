@@ -39,6 +39,19 @@ def test_a_file_is_refined_and_proved(orbits, swing):
         assert abs(mpmath.mpf(period["mid"]) - exact) <= mpmath.mpf(period["rad"])
 
 
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [("refine", "digits were computed again"), ("prove", "proof was repeated")],
+)
+def test_verify_says_what_was_derived_again(orbits, swing, tmp_path, make, words):
+    path = tmp_path / "more.json"
+    assert orbits(make, swing, "--save", path)[0] == 0
+    code, out, err = orbits("verify", path)
+    assert code == 0, err
+    assert words in out
+    assert words not in orbits("verify", swing)[1]
+
+
 def test_misuse_is_one_line(orbits, swing):
     code, out, err = orbits("refine", swing, "--digits", 3)
     assert (code, out) == (2, "")

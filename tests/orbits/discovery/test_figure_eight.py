@@ -7,6 +7,7 @@ extended precision), another normal form of the unknowns, and none of this packa
 import json
 
 import jax.numpy as jnp
+import matplotlib.image
 import numpy as np
 import pytest
 from helpers import SOLVED, TESTS, gap
@@ -87,6 +88,16 @@ def test_multipliers_of_the_neighbour(neighbour):
     assert result.exponents[0] is None
     assert abs(result.exponents[1] - float(circle["nu"])) < MULTIPLIERS
     assert (result.verdict, result.unit) == ("unstable", 8)
+
+
+def test_the_picture_of_the_readme_is_what_is_drawn(neighbour, eight, tmp_path):
+    titles = ["closed plainly", "closed as a choreography"]
+    orbits.drawing.orbits([neighbour, eight], tmp_path / "eight.png", titles)
+    drawn = matplotlib.image.imread(tmp_path / "eight.png")
+    shown = matplotlib.image.imread(TESTS.parent / ".pictures" / "figure-eight.png")
+    assert drawn.shape == shown.shape
+    # Edges of letters and lines depend on the version of the library that draws.
+    assert np.mean(np.abs(drawn - shown)) < 0.01
 
 
 def test_multipliers_of_the_eight(eight):

@@ -75,3 +75,11 @@ def test_the_legend_names_velocities_where_they_are_drawn(rate, marks):
     named = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert named == ["start", *marks]
     assert bool(marks) == any(hasattr(x, "U") for x in figure.axes[0].collections)
+
+
+def test_one_orbit_is_refused_with_what_to_pass_instead():
+    one = _orbit(scenes.oscillator())
+    with pytest.raises(ValueError, match=r"found: expected orbits, got .*\[orbit\]"):
+        drawing.orbits(one)
+    with pytest.raises(ValueError, match="at least one orbit"):
+        drawing.orbits([])

@@ -10,7 +10,7 @@ import pytest
 
 import orbits
 from jaxdyn import scenes
-from jaxdyn.files import records
+from jaxdyn.files import records, scene_records
 from orbits.discovery import journal as table
 from orbits.files import encoding, family_files
 from orbits.orbit import Orbit, Outcome
@@ -207,7 +207,7 @@ def test_static_fields_of_a_wrong_type_are_refused(scene, change, message):
     system = record["system"]
     system[key][inner] = value
     with pytest.raises(ValueError, match=message):
-        records.decode(record, "scene", encoding.KINDS)
+        records.decode(record, "scene", scene_records.KINDS)
 
 
 def test_a_list_in_lists_without_end_is_refused():
@@ -217,4 +217,4 @@ def test_a_list_in_lists_without_end_is_refused():
         deep = [deep]
     record["system"]["mechanism"]["inverted"] = deep
     with pytest.raises(ValueError, match="inverted: expected bool"):
-        records.decode(record, "scene", encoding.KINDS)
+        records.decode(record, "scene", scene_records.KINDS)

@@ -194,7 +194,7 @@ def test_rounding_of_another_machine_is_no_edit(edited):
         (("rtol",), 1e-30, "rtol: expected between 1e-16 and 0.01, got 1e-30"),
         (("rtol",), None, "file: expected a period > 0 and 0 < rtol < 1, got others"),
         (("scene", "t1"), -1.0, "file: expected a period > 0"),
-        (("scene", "t1"), [6.3], "file: expected a complete orbit"),
+        (("scene", "t1"), [6.3], "t1: expected one number, got shape (1,)"),
         (("scene", "y0"), [0.0] * 12, "y0: expected bodies at different points, got bodies 1"),
         (("scene", "y0"), [0.0] * 11, "y0: expected shape"),
         (("scene", "y0"), 1.0, "y0: expected shape"),

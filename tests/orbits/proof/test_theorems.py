@@ -91,6 +91,8 @@ def test_rest_points_and_negative_periods_are_no_orbits():
     held = dataclasses.replace(system, held=(2,))
     still = certified(orbit, held, [arb(0), arb(0), period], 1e-12, 20, bits=200)
     assert (still.proved, "rest point" in still.reason) == (False, True)
+    assert "More digits do not help" in still.reason
+    assert "Try more digits" not in still.reason
     numbers, lost = proving.solved(system, 20)
     backward = [
         -x if name == "period" else x for x, name in zip(numbers, system.names, strict=True)

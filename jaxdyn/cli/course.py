@@ -1,0 +1,64 @@
+"""The command `jaxdyn course`: runs the page of a problem: numbers, checks, pictures."""
+
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+import jaxdyn
+from jaxdyn._text import fail
+from jaxdyn.cli.screen import Screen, screen
+from jaxdyn.cli.shared import JsonOption, PlayOption, PlotOption, open_page
+
+_FAILED = 1  # exit code: a check does not hold
+
+
+def course_command(
+    problem: Annotated[
+        str, typer.Argument(metavar="PROBLEM", help="A number or a name, as in `list --problems`.")
+    ],
+    plot: PlotOption = None,
+    play: PlayOption = False,
+    code: Annotated[bool, typer.Option("--code", help="Print the page's code as well.")] = False,
+    as_object: JsonOption = False,
+) -> None:
+    """Run a problem of the course: what is asked, the answer, its numbers, checks and pictures."""
+    page = _page(problem)
+    with screen(f"running {page.name}", as_object) as out:
+        found = jaxdyn.course.page.run(page.name)
+        if as_object:
+            out.result(page._asdict() | jaxdyn.course.page.record(found))
+        else:
+            _print(page, found, code, out)
+        for path in jaxdyn.course.page.pictures(found.page, plot) if plot else ():
+            out.print(f"drawn in {path}")
+        for one in found.page.played if play else ():
+            shown = jaxdyn.player.play(one.motions, title=page.title, choose=one.choose)
+            out.print(open_page(shown, page.name))
+        if not found.page.holds:
+            raise typer.Exit(_FAILED)
+
+
+def _page(problem: str) -> "jaxdyn.course.page.Problem":
+    """The page of a number or a name."""
+    pages = jaxdyn.course.problems()
+    found = {str(n): page for n, page in pages.items()} | {p.name: p for p in pages.values()}
+    if problem not in found:
+        raise fail(
+            "problem",
+            f"a number from 1 to {max(pages)} or a name that `jaxdyn list --problems` shows",
+            repr(problem),
+        )
+    return found[problem]
+
+
+def _print(
+    page: "jaxdyn.course.page.Problem", found: "jaxdyn.course.page.Run", code: bool, out: Screen
+) -> None:
+    out.print(f"[bold]{page.number}. {escape(page.title)}[/bold] ({page.name})")
+    out.print(f"{escape(page.statement)}\n\n{escape(page.answer)}\n")
+    for line in jaxdyn.course.page.report(found.page):
+        out.print(line)
+    out.print(f"{found.seconds:.1f} s")
+    if code:
+        out.print(f"\n{escape(page.code)}")

@@ -1,0 +1,84 @@
+"""Simple equations solved three ways, and their accuracy.
+
+Take simple equations such as the harmonic oscillator or Lorenz's. Solve them by a bare loop of
+Euler's method, by a function for Euler's method that calls a right-hand side, and by a solver with
+error control (that of ode45). Estimate the accuracy of a solution without knowing the exact one, by
+halving the step. Does the solver's own tolerance tell how accurate its solution is?
+
+Answer: Where the step is halved, so is Euler's error, and two solutions give the error of both:
+with 4000 steps over 10 s it is 0.0105. A tolerance bounds the error of one step, and these add up:
+with 1e-6 the oscillator is off by 2.6e-6 after 10 s, and Lorenz's system, which is chaotic, by
+3.7e-5.
+"""
+
+import diffrax
+import numpy as np
+
+from jaxdyn import drawing, scenes, simulate
+from jaxdyn.accuracy import convergence, work_precision
+from jaxdyn.course.page import Page, show
+
+PROBLEM = 3
+TOPIC = "one particle"
+
+
+def oscillate(y):
+    """Rate of the place and the velocity of an oscillator."""
+    return np.array([y[1], -y[0]])
+
+
+def euler(rate, y, t1, steps):
+    """State at t1 after equal steps of Euler's method."""
+    for _ in range(steps):
+        y = y + t1 / steps * rate(y)
+    return y
+
+
+def solve(page: Page) -> None:
+    """Solve three ways, halve steps, and compare tolerances with errors."""
+    scene, exact = scenes.oscillator(t1=10.0), np.array([np.cos(10.0), -np.sin(10.0)])
+    x, v, h = 1.0, 0.0, 0.01
+    for _ in range(1000):
+        x, v = x + h * v, v - h * x
+    called = euler(oscillate, np.array([1.0, 0.0]), 10.0, 1000)
+    page.equal("a, b: A loop and a function agree", [x, v], called, within=1e-12, route="function")
+    ours = convergence.fixed_steps(scene, steps=1000)
+    page.equal("b: The library's Euler agrees", ours, called, within=1e-12, route="function")
+    ode45 = simulate(scene, samples=200, rtol=1e-12, solver=diffrax.Dopri5())
+    page.equal("c: A solver with tolerance 1e-12", ode45.ys[-1], exact, within=1e-9)
+
+    halved = convergence.halvings(scene, steps=1000, rows=6)
+    errors = np.abs(halved.ys - exact).max(axis=1)
+    page.number("d: steps", halved.steps[2:])
+    page.number("d: estimated errors", halved.errors[2:])
+    page.number("d: true errors", errors[2:])
+    page.equal(
+        "d: The order of Euler's method is 1", halved.orders[-1], 1.0, within=5e-3, route="halving"
+    )
+    page.equal("d: The last estimate is right", halved.errors[-1], errors[-1], within=1e-5)
+    ends = {
+        rtol: simulate(scene, samples=200, rtol=rtol, solver=diffrax.Dopri5()).ys[-1]
+        for rtol in (1e-6, 1e-8)
+    }
+    estimate, true = abs(ends[1e-6] - ends[1e-8]), abs(ends[1e-6] - exact)
+    page.equal("e: A tighter tolerance shows the error", estimate, true, within=1e-7)
+
+    judged = {
+        name: work_precision.work_precision(
+            one, 10.0, solvers=[diffrax.Dopri5()], tolerances=np.logspace(-3, -12, 10), rounds=1
+        )
+        for name, one in {"oscillator": scene, "Lorenz": scenes.lorenz()}.items()
+    }
+    for name, found in judged.items():
+        page.number(f"e: error at tolerance 1e-6, {name}", found.curves[0].rungs[3].error)
+    page.draw(drawing.judgement(judged), "The error follows the tolerance, some digits above it.")
+
+    lorenz = {
+        name: simulate(scenes.lorenz(y0=(1.0, 1.0, 1.0 + change), t1=30.0), samples=500, rtol=1e-12)
+        for name, change in {"a start": 0.0, "1e-8 beside it": 1e-8}.items()
+    }
+    page.play(lorenz, "Two starts 1e-8 apart stay together for some 20 time units.")
+
+
+if __name__ == "__main__":
+    show(solve)

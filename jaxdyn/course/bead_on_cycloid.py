@@ -1,0 +1,77 @@
+"""Beads on a parabola and on y = c s^2, by Lagrange.
+
+A bead slides without friction on the wire y = c x^2 (a), or on the curve y = c s^2, where s is the
+length along the curve from its lowest point (b). Find the equations of motion by Lagrange, for (a)
+in x and for (b) in s. Draw the second curve, and say which famous curve it is.
+
+Answer: (a) is the equation of problem 30. (b) is s'' = -2 c g s, a harmonic oscillator with the
+period 2 pi / sqrt(2 c g) for every amplitude. The curve is a cycloid, traced by a wheel of radius
+1 / (8 c) that rolls under a line.
+"""
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import lagrangian, ode, scenes, simulate
+from jaxdyn.course.page import Page, show
+from jaxdyn.drawing.figures import blank, style
+from jaxdyn.scenes import guides
+
+PROBLEM = 33
+TOPIC = "constraints"
+
+
+def on_parabola(t, q, v, p):
+    """T - V of the bead on y = c x^2, with m = 1."""
+    slope = 2 * p["c"] * q[0]
+    return v[0] ** 2 * (1 + slope**2) / 2 - p["g"] * p["c"] * q[0] ** 2
+
+
+def sideways(s, x, p):
+    """dx/ds along the curve y = c s^2."""
+    return jnp.sqrt(1 - (2 * p["c"] * s) ** 2)[None]
+
+
+def solve(page: Page) -> None:
+    """Slide on both wires; draw the curve from its equation, and compare with a cycloid."""
+    precisely = {"samples": 401, "rtol": 1e-13}
+    numbers = {"c": 1.0, "g": 9.81}
+    lagrange = simulate(lagrangian(on_parabola, [1.0], [0.0], 10.0, params=numbers), **precisely)
+    newton = simulate(scenes.bead_on_parabola(c=1.0, x=1.0), **precisely)
+    statement = "a: Lagrange and Newton-Euler agree"
+    page.equal(statement, lagrange.ys, newton.ys, within=1e-11, route="second formulation")
+
+    c, g = 0.125, 9.81
+    rate = math.sqrt(2 * c * g)
+    page.number("period on y = c s^2, c = 1/8 per metre", 2 * math.pi / rate, "s")
+    slides = {}
+    for a in (0.5, 1.0, 2.0, 3.0, 3.9):
+        slides[a] = simulate(scenes.bead_on_cycloid(c=c, s=a, formulation="lagrange"), **precisely)
+        s = a * np.cos(rate * slides[a].ts)
+        page.equal(f"b: s = {a} cos(sqrt(2 c g) t)", slides[a]["s"], s, within=1e-10)
+
+    along = simulate(ode(sideways, [0.0], 3.9, params={"c": c}), **precisely)
+    curve = guides.cycloid(c, along.ts)
+    page.equal("The curve from dx/ds is a cycloid", along.ys[:, 0], curve[:, 0], within=1e-11)
+    angle = 2 * np.arcsin(2 * c * along.ts)
+    wheel = np.stack([angle + np.sin(angle), 1 - np.cos(angle)], axis=1) / (8 * c)
+    page.equal("A rolling wheel of radius 1 / (8 c) traces it", wheel, curve, within=1e-12)
+
+    figure = blank(6.4, 3.4)
+    ax = figure.subplots()
+    style(ax)
+    whole = guides.cycloid(c, np.linspace(-4.0, 4.0, 801))
+    ax.plot(*whole.T, label="y = c s^2")
+    ax.plot(whole[:, 0], c * whole[:, 0] ** 2, "--", label="y = c x^2")
+    ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    ax.legend()
+    page.draw(figure, "At the bottom the cycloid is a parabola; its ends are upright.")
+    page.play(
+        slides, "From any height the bead reaches the bottom at the same time.", choose="s [m]"
+    )
+
+
+if __name__ == "__main__":
+    show(solve)

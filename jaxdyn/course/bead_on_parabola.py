@@ -1,0 +1,52 @@
+"""Bead on a parabolic wire.
+
+A bead slides without friction on the rigid wire y = c x^2, with gravity along -y. Find its equation
+of motion with x as the only coordinate, by Newton's laws.
+
+Answer: Along the wire m a has no force but gravity, which gives
+(1 + 4 c^2 x^2) x'' + 4 c^2 x x'^2 + 2 c g x = 0. It oscillates, with the period
+4 E(-4 c^2 a^2) / sqrt(2 c g) for the amplitude a: longer for wider swings.
+"""
+
+import numpy as np
+from scipy import special
+
+from jaxdyn import drawing, ode, scenes, simulate
+from jaxdyn.course.page import Page, show
+
+PROBLEM = 30
+TOPIC = "constraints"
+
+
+def by_newton(t, y, p):
+    """The rate of x and x': m a along the wire is the weight along it."""
+    x, v = y
+    c, g = p["c"], p["g"]
+    return [v, -(4 * c**2 * x * v**2 + 2 * c * g * x) / (1 + 4 * c**2 * x**2)]
+
+
+def solve(page: Page) -> None:
+    """Slide by the equation by hand, by the scene and by x and y tied to the wire."""
+    precisely = {"samples": 401, "rtol": 1e-13}
+    hand = simulate(ode(by_newton, [1.0, 0.0], 10.0, params={"c": 1.0, "g": 9.81}), **precisely)
+    by_x = simulate(scenes.bead_on_parabola(c=1.0, x=1.0), **precisely)
+    tied = simulate(scenes.bead_on_parabola(c=1.0, x=1.0, formulation="constrained"), **precisely)
+    statement = "The equation by hand is that of the scene"
+    page.equal(statement, hand.ys, by_x.ys, within=1e-11, route="by hand")
+    statement = "x and y tied to the wire move in the same way"
+    page.equal(statement, tied.r, by_x.r, within=1e-10, route="second formulation")
+
+    slides = {}
+    for a in (0.1, 0.25, 0.5, 1.0, 1.5, 2.0):
+        scene = scenes.bead_on_parabola(c=1.0, x=a)
+        period = 4 * special.ellipe(-4 * a**2) / np.sqrt(2 * 9.81)
+        page.number(f"period of the amplitude {a} m", period, "s")
+        back = simulate(scene, period, **precisely).ys[-1]
+        page.equal(f"After it the bead is back at {a} m", back, scene.y0, within=1e-11)
+        slides[a] = simulate(scene, 5.0, samples=401)
+    page.draw(drawing.trajectory(by_x), "The bead swings between equal heights on the wire.")
+    page.play(slides, "Wider swings take longer on a parabola.", choose="amplitude [m]")
+
+
+if __name__ == "__main__":
+    show(solve)

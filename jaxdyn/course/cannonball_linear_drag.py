@@ -1,0 +1,72 @@
+"""A cannonball with linear drag.
+
+A ball of mass m is shot at the angle theta with the speed v0, under gravity g and the drag -c v.
+Find its motion in closed form, and by integration with v0 = g = m = c = 1 and 45 degrees: how large
+is the error at t = 2 s, and how does it depend on the tolerance or the step? What is the shape of
+the path for ever larger speeds, and to what angle does the one with the longest range tend?
+
+Answer: With tau = m / c, x = tau vx0 (1 - e^(-t/tau)) and y = tau (vy0 + g tau) (1 - e^(-t/tau)) -
+g tau t; the error falls with the tolerance from 2e-11 m to rounding, and with Euler's method in
+proportion to the step. Fast shots draw a triangle, straight to the distance tau v0 and straight
+down; the best angle tends to 0 like log(u^2) / u with u = v0 / (g tau).
+"""
+
+import jax
+import numpy as np
+
+from jaxdyn import scenes, simulate
+from jaxdyn.accuracy import convergence
+from jaxdyn.course.page import Page, show
+from jaxdyn.drawing import figures
+from jaxdyn.scenes import ballistics
+
+PROBLEM = 9
+TOPIC = "one particle"
+
+
+def reach(angle, speed):
+    """() [m] the range of a shot with g = m = c = 1."""
+    flight = ballistics.flight_time(speed=speed, angle=angle, g=1.0)
+    return ballistics.cannonball_linear_exact(flight, speed=speed, angle=angle, g=1.0)[0]
+
+
+def solve(page: Page) -> None:
+    """Compare with the closed form, shoot faster and faster, and look for the longest range."""
+    ball = scenes.cannonball(speed=1.0, g=1.0, linear=1.0)
+    exact = np.asarray(ballistics.cannonball_linear_exact(2.0, speed=1.0, g=1.0))
+    for rtol in (1e-3, 1e-6, 1e-9, 1e-12):
+        end = np.asarray(simulate(ball, 2.0, samples=400, rtol=rtol).ys[-1])
+        page.number(f"error at 2 s, tolerance {rtol:.0e}", np.abs(end - exact).max(), "m")
+    halved = convergence.halvings(ball, 2.0, steps=1024, rows=4)
+    errors = np.abs(halved.ys - exact).max(axis=1)
+    page.number("error at 2 s, Euler's method with 1024, 2048, 4096 and 8192 steps", errors, "m")
+    page.equal("Its order is 1", halved.orders[-1], 1.0, within=1e-3, route="halved steps")
+
+    figure = figures.blank(6.4, 5.4)
+    ax = figure.subplots(subplot_kw={"aspect": "equal"})
+    figures.style(ax)
+    shots = {}
+    for speed, colour in zip((1.0, 4.0, 16.0, 64.0, 256.0, 4096.0), figures.PALETTE, strict=False):
+        flight = ballistics.flight_time(speed=speed, g=1.0)
+        shot = simulate(scenes.cannonball(speed=speed, g=1.0, linear=1.0), flight, samples=400)
+        closed = ballistics.cannonball_linear_exact(shot.ts, speed=speed, g=1.0)
+        page.equal(f"Shot at {speed:g} m/s", shot.ys / speed, closed / speed, within=1e-12)
+        ax.plot(*np.asarray(shot.ys[:, :2]).T / speed, color=colour, label=f"v0 = {speed:g} m/s")
+        shots[f"{speed:g}"] = shot
+    ax.set(xlabel="x / (tau v0)", ylabel="y / (tau v0)")
+    ax.legend(frameon=False)
+    page.draw(figure, "In units of tau v0 the paths tend to a triangle with a vertical side.")
+    page.play(shots, "Slow shots fly on a parabola; fast ones stop, and fall.", choose="v0 [m/s]")
+
+    u = np.array([1.0, 1e2, 1e4])
+    best = ballistics.best_angle(speed=u, g=1.0)
+    page.number("best angle for v0 = 1, 100, 10000 m/s", np.degrees(best), "degrees")
+    page.number("over log(u^2) / u", best[1:] * u[1:] / np.log(u[1:] ** 2))
+    slopes = jax.vmap(jax.grad(reach))(best, u) / u
+    page.equal(
+        "No angle takes it farther", slopes, 0 * u, within=1e-11, route="derivative of the range"
+    )
+
+
+if __name__ == "__main__":
+    show(solve)

@@ -1,0 +1,67 @@
+"""Cart and pendulum.
+
+A cart slides without friction on a level track. A massless stick of length l is hinged to it, with
+a point mass at its end; theta = 0 is hanging down. Find the full equations of motion by linear and
+angular momentum balance, and by Lagrange, and show that they are the same.
+
+Answer: (m1 + m2) x'' + m2 l (theta'' cos(theta) - theta'^2 sin(theta)) = 0 for the whole along the
+track, and l theta'' + x'' cos(theta) + g sin(theta) = 0 for the point across the stick. The
+momentum along the track is conserved, so cart and point swing against each other.
+"""
+
+import jax.numpy as jnp
+
+from jaxdyn import drawing, ode, scenes, simulate
+from jaxdyn.analysis import energy
+from jaxdyn.course.page import Page, show
+
+PROBLEM = 35
+TOPIC = "pendulums and linkages"
+
+
+def by_balance(t, y, p):
+    """The rate of x, theta and their rates: momentum along the track and across the stick."""
+    _, theta, _, w = y
+    (m1, m2), l, g = p["m"], p["l"], p["g"]  # noqa: E741 the usual name
+    s, c = jnp.sin(theta), jnp.cos(theta)
+    inertia = jnp.array([[m1 + m2, m2 * l * c], [c, l]])
+    force = jnp.array([m2 * l * w**2 * s, -g * s])
+    return jnp.concatenate([y[2:], jnp.linalg.solve(inertia, force)])
+
+
+def solve(page: Page) -> None:
+    """Swing by hand, by Lagrange and by constraints; compare, and check what is conserved."""
+    precisely = {"samples": 401, "rtol": 1e-13}
+    start = {"m": (2.0, 1.0), "angle": 2.0, "speed": 0.3}
+    by_lagrange = simulate(scenes.cart_pendulum(**start, formulation="lagrange"), **precisely)
+    tied = simulate(scenes.cart_pendulum(**start, formulation="constrained"), **precisely)
+    numbers = {"m": (2.0, 1.0), "l": 1.0, "g": 9.81}
+    hand = simulate(ode(by_balance, by_lagrange.scene.y0, 10.0, params=numbers), **precisely)
+    page.number("x and theta after 10 s", by_lagrange.ys[-1, :2], "m, rad")
+    statement = "The balances by hand give the motion of Lagrange's equations"
+    page.equal(statement, hand.ys, by_lagrange.ys, within=1e-10, route="second formulation")
+    statement = "The stick as a constraint gives it too"
+    page.equal(statement, tied.r, by_lagrange.r, within=1e-9, route="second formulation")
+
+    along = energy.along(energy.momentum, by_lagrange)[:, 0]
+    page.equal(
+        "The momentum along the track stays",
+        along,
+        0 * along + along[0],
+        within=1e-11,
+        route="conservation",
+    )
+    drift = energy.drift(by_lagrange)
+    page.equal("The energy stays", drift, 0.0, within=1e-12, route="conservation")
+    light = simulate(
+        scenes.cart_pendulum(m=(1e9, 1.0), angle=2.0, formulation="lagrange"), **precisely
+    )
+    fixed = simulate(scenes.pendulum(angle=2.0), **precisely)
+    statement = "On a very heavy cart it is a simple pendulum"
+    page.equal(statement, light["theta"], fixed["theta"], within=1e-7, route="special case")
+    page.draw(drawing.trajectory(by_lagrange), "The cart moves against the swing of the point.")
+    page.play(by_lagrange, "The centre of both moves along the track at a constant speed.")
+
+
+if __name__ == "__main__":
+    show(solve)

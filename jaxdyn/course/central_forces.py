@@ -1,0 +1,70 @@
+"""Central forces, and orbits that close.
+
+A particle is attracted to the origin by a force F(r). For which law do circular orbits of all radii
+have the same speed? Under laws other than a spring's and gravity's, find periodic orbits that are
+neither circles nor lines. Do the motions that do not close look regular or chaotic? Under a power
+law r^n, how few loops can a closed orbit have, and how does that depend on n?
+
+Answer: F = k / r, since m v^2 / r = k / r. A motion between two radii is a regular rosette, never
+chaotic: each loop is the one before, turned by twice the apsidal angle, and q loops close if that
+angle is pi p / q. The fewest are 3 for k / r, 1 for gravity, 2 for a spring, 7 for r^3 and 3 for
+r^10, and ever more as n comes near to, but is not, 1 or -2.
+"""
+
+import numpy as np
+
+from jaxdyn import drawing, effects, scenes, simulate
+from jaxdyn.course.page import Page, show
+from jaxdyn.geometry import vectors
+from orbits.targets import loops
+
+PROBLEM = 11
+TOPIC = "one particle"
+
+
+def solve(page: Page) -> None:
+    """Circle at two radii, close a rosette, and turn one loop of another onto the next."""
+    law = effects.PowerLaw(1.0, -1.0)
+    speeds = scenes.circular_speed(law, np.array([0.5, 1.0, 2.0]))
+    page.equal("Circles of all radii have one speed", speeds, np.ones(3), within=1e-15)
+    for radius in (0.5, 2.0):
+        scene = scenes.power_law(n=-1.0, r=radius, speed=1.0)
+        circle = simulate(scene, samples=400, rtol=1e-13)
+        r = np.hypot(circle["x"], circle["y"])
+        name = f"At that speed it circles at {radius:g} m"
+        page.equal(name, r, np.full(400, radius), within=1e-12, route="integrated")
+
+    orbit = loops.closed(law, turns=2, loops=3)
+    closed = simulate(orbit.scene, orbit.period, samples=400, rtol=1e-13)
+    page.number("period of the closed orbit", orbit.period, "s")
+    page.equal("It closes", closed.ys[-1], orbit.y0, within=1e-12, route="integrated again")
+    turned = np.unwrap(np.arctan2(closed["y"], closed["x"]))[-1]
+    page.equal("after two turns", turned, 4 * np.pi, within=1e-12, route="angle along the path")
+
+    angle = scenes.apsidal_angle(law, 0.4, 1.0)
+    page.number("apsidal angle between 0.4 and 1 m", np.degrees(angle), "degrees")
+    ring = loops.rosette(law, 0.4, loops=12)
+    rosette = simulate(ring, samples=501, rtol=1e-13)
+    once = simulate(ring, ring.t1 / 12, samples=400, rtol=1e-13).ys[-1].reshape(2, 2)
+    turn = np.asarray(vectors.plane_rotation(2 * angle))
+    next_loop = np.asarray(ring.y0).reshape(2, 2) @ turn.T
+    page.equal(
+        "The next loop is turned by twice of it", once, next_loop, within=1e-12, route="integral"
+    )
+
+    fewest = loops.fewest([-2.0, -1.5, -1.0, 0.0, 0.9, 1.0, 2.0, 3.0, 10.0])
+    page.number("exponents", fewest.n)
+    page.number("fewest loops", fewest.loops)
+    bertrand = fewest.loops[fewest.circle == fewest.line]
+    page.equal("Gravity needs one loop, a spring two", bertrand, [1, 2], within=0, route="Bertrand")
+
+    motions = {"rosette": rosette, "2 turns, 3 loops": closed}
+    figure = drawing.trajectory(list(motions.values()), names=list(motions), title="")
+    page.draw(figure, "A motion that does not close fills its ring with equal loops.")
+    page.play(
+        motions, "The closed orbit repeats itself; each loop of the other is turned a little."
+    )
+
+
+if __name__ == "__main__":
+    show(solve)

@@ -1,0 +1,71 @@
+"""The cross product by geometry and by components.
+
+By definition a x b is orthogonal to a and b, of length |a| |b| sin(theta), in the direction of the
+right hand. Show that it is the same as to project b onto the plane orthogonal to a, to stretch the
+projection by |a|, and to turn it by a quarter turn about a. Conclude that a x (b + c) = a x b + a x
+c, and find from that the formula for the components.
+
+Answer: The three steps give the length |a| |b| sin(theta) and the direction. Each step is linear in
+b, so a x is a linear operator, with the skew matrix S_ij = -epsilon_ijk a_k. By that and the nine
+products of base vectors, e_1 x e_2 = e_3 and so on, a x b = epsilon_ijk a_i b_j e_k, that is (a2 b3
+- a3 b2, a3 b1 - a1 b3, a1 b2 - a2 b1).
+"""
+
+import numpy as np
+
+from jaxdyn.course.page import Page, show
+from jaxdyn.drawing import figures
+from jaxdyn.geometry import vectors
+
+PROBLEM = 4
+TOPIC = "vectors and rotations"
+
+
+def solve(page: Page) -> None:
+    """Take the three steps, and compare with the definition and with components."""
+    a, b, c = np.array([[1.0, 2.0, 2.0], [3.0, 0.0, 1.0], [-1.0, 1.0, 2.0]])
+    product = vectors.cross_by_geometry(a, b)
+    page.number("a x b for a = (1, 2, 2), b = (3, 0, 1)", product)
+    cosine = vectors.dot(a, b) / np.linalg.norm(a) / np.linalg.norm(b)
+    length = np.linalg.norm(a) * np.linalg.norm(b) * np.sqrt(1 - cosine**2)
+    page.equal(
+        "Its length is |a| |b| sin(theta)",
+        np.linalg.norm(product),
+        length,
+        within=1e-14,
+        route="definition",
+    )
+    across = [vectors.dot(product, a), vectors.dot(product, b)]
+    page.equal("It is orthogonal to both", across, np.zeros(2), within=1e-14, route="definition")
+    page.true(
+        "a, b and a x b are right-handed",
+        vectors.dot(vectors.cross(a, b), product) > 0,
+        route="determinant",
+    )
+
+    both = vectors.cross_by_geometry(a, b + c)
+    parts = product + vectors.cross_by_geometry(a, c)
+    page.equal("a x (b + c) = a x b + a x c", both, parts, within=1e-14, route="three steps each")
+    page.equal("It is the formula in components", product, vectors.cross(a, b), within=1e-14)
+    page.equal("and the sum with epsilon", product, vectors.cross_by_indices(a, b), within=1e-14)
+    page.equal("and a skew matrix times b", product, vectors.skew(a) @ b, within=1e-14)
+    e = np.eye(3)
+    table = np.array([[vectors.cross_by_geometry(x, y) for y in e] for x in e])
+    page.equal(
+        "e1 x e2 = e3 and so on", table, np.cross(e[:, None], e), within=1e-14, route="NumPy"
+    )
+
+    a, b = 2 * e[2], 1.5 * e[0] + e[2]
+    ax = figures.in_space(5.5, 5.0)
+    b_across = b - a * vectors.dot(a, b) / vectors.dot(a, a)
+    arrows = {"a": a, "b": b, "stretched": 2 * b_across, "projected": b_across}
+    arrows["a x b"] = vectors.cross(a, b)
+    for (name, arrow), colour in zip(arrows.items(), figures.PALETTE, strict=False):
+        ax.quiver(0, 0, 0, *arrow, color=colour, arrow_length_ratio=0.1, lw=2)
+        ax.text(*arrow, f" {name}", color=colour)
+    ax.set(xlim=(0, 3), ylim=(0, 3), zlim=(0, 2), aspect="equal")
+    page.draw(ax.figure, "b is projected along a, stretched by |a| = 2, and turned by 90 degrees.")
+
+
+if __name__ == "__main__":
+    show(solve)

@@ -1,0 +1,59 @@
+"""A cylinder that rolls off a fixed cylinder.
+
+A solid cylinder of radius r starts to roll, without slip, from the top of a fixed cylinder of
+radius R. Is its motion that of an inverted pendulum? At which angle from the top does it lose
+contact, if it was released almost at rest there, and how much friction does it need up to that
+point?
+
+Answer: Yes: the equation is (3/2) (R + r) theta'' = g sin(theta), a pendulum of length R + r with
+2/3 of the gravity, since rolling adds half of the mass as inertia and the contact does no work. It
+loses contact at cos(theta) = 4/7, theta = 55.15 degrees, for any radii; but rolling so far needs
+unlimited friction, sin(theta) / (7 cos(theta) - 4), so every real cylinder slips before.
+"""
+
+import jax
+import numpy as np
+
+from jaxdyn import drawing, scenes, simulate
+from jaxdyn.course.page import Page, show
+
+PROBLEM = 37
+TOPIC = "rolling and skating"
+
+
+def solve(page: Page) -> None:
+    """Roll to where contact ends, compare with a pendulum, and find the friction on the way."""
+    start = 1e-3
+    rolling = scenes.cylinder_on_cylinder(r=0.5, fixed=1.0, theta=start, t1=4.0)
+    end = scenes.contact_lost(rolling)
+    angle = np.arctan2(end.y[0], end.y[1])
+    page.number("angle where contact ends", np.degrees(angle), "degrees")
+    printed = "Contact ends where cos(theta) is 4/7 of its value at the start"
+    page.equal(printed, np.cos(angle), 4 / 7 * np.cos(start), within=1e-9)
+
+    motion = simulate(rolling, end.t, samples=300, rtol=1e-12)
+    theta = np.arctan2(motion["x"], motion["y"])
+    inverted = scenes.pendulum(length=1.5, g=9.81 * 2 / 3, angle=np.pi - start)
+    swing = simulate(inverted, end.t, samples=300, rtol=1e-12)
+    same = "It moves as an inverted pendulum does with 2/3 of the gravity"
+    page.equal(same, theta, np.pi - swing["theta"], within=1e-10, route="second formulation")
+
+    before = theta < np.radians(54)
+    needed = jax.jit(jax.vmap(scenes.friction_needed, (None, 0)))(rolling, motion.ys[before])
+    closed = np.sin(theta) / (7 * np.cos(theta) - 4 * np.cos(start))
+    page.equal("Friction over normal force", needed, closed[before], within=1e-9)
+    for mu in (0.2, 0.4, 0.8):
+        slips = np.arccos(4 * mu / np.hypot(7 * mu, 1.0)) - np.arctan2(1.0, 7 * mu)
+        page.number(f"slips with a coefficient of {mu} at", np.degrees(slips), "degrees")
+        ratio = np.sin(slips) / (7 * np.cos(slips) - 4)
+        page.equal("The friction needed there is the coefficient", ratio, mu, within=1e-14)
+
+    page.draw(drawing.trajectory(motion), "The ring is where the cylinder loses contact.")
+    look = (
+        "It ends where contact does; `jaxdyn run cylinder_on_cylinder` goes on by slip and flight."
+    )
+    page.play(motion, look)
+
+
+if __name__ == "__main__":
+    show(solve)

@@ -1,0 +1,54 @@
+"""Feynman's plate.
+
+A plate thrown into the air spins and wobbles. Feynman tells that a medallion on it went round twice
+as fast as the plate wobbled. Is he right? Compare the rate at which the normal goes round with the
+rate of the plate, by simulation and for a steady precession.
+
+Answer: It is the other way round: for small wobbles the normal goes round twice for one turn of the
+plate. In steady precession the ratio is 2 / (2 - cos(theta)), with theta the tilt of the normal.
+"""
+
+import numpy as np
+
+from jaxdyn import scenes, simulate
+from jaxdyn.analysis import energy, precession
+from jaxdyn.course.page import Page, show
+from jaxdyn.drawing.figures import blank, style
+from jaxdyn.formulations import rigid
+
+PROBLEM = 56
+TOPIC = "rigid bodies in space"
+
+
+def solve(page: Page) -> None:
+    """Throw plates with small and large wobbles, and count both rates."""
+    throws = {}
+    for tilt in (0.01, 0.1, 0.2, 0.4, 0.6):
+        motion = simulate(scenes.feynman_plate(tilt, spin=10.0), 3.0, samples=400, rtol=1e-12)
+        throws[f"{tilt:g}"] = motion
+        wobble, turn = precession.wobble_and_spin(motion)
+        page.number(f"wobbles for one turn at a tilt of {tilt:g}", wobble / turn)
+        steady = precession.free_precession(tilt, 10.0, I1=1.0, I3=2.0)
+        expected = [steady.precession, steady.precession + steady.spin]
+        page.equal(f"Steady precession at {tilt:g}", [wobble, turn], expected, within=1e-11)
+        lean = precession.tilts(motion)
+        page.equal(f"The tilt of {tilt:g} stays", np.ptp(lean), 0.0, within=1e-12)
+
+        page.equal(f"Ratio at {tilt:g}", wobble / turn, 2 / (2 - np.cos(tilt)), within=1e-12)
+
+    R, t = energy.along(rigid.pose, throws["0.1"]).R_wb, throws["0.1"].ts
+    figure = blank(6.4, 4.0)
+    ax = figure.add_subplot(xlabel="t [s]", ylabel="turns")
+    normal, mark = np.arctan2(R[:, 1, 2], R[:, 0, 2]), np.arctan2(R[:, 1, 0], R[:, 0, 0])
+    ax.plot(t, (np.unwrap(normal) - normal[0]) / (2 * np.pi), label="normal")
+    ax.plot(t, (np.unwrap(mark) - mark[0]) / (2 * np.pi), label="drawing on the plate")
+    ax.legend()
+    style(ax)
+    page.draw(figure, "The normal goes round twice while the plate turns once.")
+    page.play(
+        throws, "Follow the marked corner, and the highest point of the rim.", choose="tilt [rad]"
+    )
+
+
+if __name__ == "__main__":
+    show(solve)

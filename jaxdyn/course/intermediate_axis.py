@@ -1,0 +1,68 @@
+"""Spin about the three principal axes.
+
+Write Euler's equations in the axes of the body, where the inertia is constant: three equations for
+the three components of the angular velocity, here with the moments 1, 2 and 3. Solve them for small
+deviations from a spin about each axis: about which is it stable? Compare with the full equations.
+
+Answer: About the axes of the smallest and the largest moment deviations oscillate, at 0.577 and 1
+rad/s for a spin of 1 rad/s; about the middle axis they grow like exp(0.577 t). From (1, 0, 1) the
+motion is omega = (cn t, sn t, dn t) with the parameter 1/3, Jacobi's functions.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from scipy.special import ellipj
+
+from jaxdyn import linearize, ode, scenes, simulate
+from jaxdyn.analysis import energy
+from jaxdyn.course.page import Page, show
+from jaxdyn.drawing.figures import blank, style
+from jaxdyn.formulations import rigid
+
+PROBLEM = 52
+TOPIC = "rigid bodies in space"
+
+
+def euler(t, omega):
+    """Rates of the angular velocity in the body's axes, for the moments 1, 2 and 3."""
+    first, second, third = omega
+    return [(2 - 3) * second * third / 1, (3 - 1) * third * first / 2, (1 - 2) * first * second / 3]
+
+
+def solve(page: Page) -> None:
+    """Disturb spins about each axis; compare with Jacobi's functions and the full equations."""
+    spins = {}
+    figure = blank(9.0, 3.0)
+    for i, name in enumerate("xyz"):
+        omega0 = np.eye(3)[i] + 1e-3
+        about = ode(euler, omega0, 30.0, names=["omega1", "omega2", "omega3"])
+        motion = simulate(about, samples=400, rtol=1e-12)
+        ax = figure.add_subplot(1, 3, i + 1, xlabel="t [s]", title=f"spin about {name}'")
+        ax.plot(motion.ts, motion.ys - np.eye(3)[i], label=["omega1", "omega2", "omega3"])
+        style(ax)
+        found = linearize(about, np.eye(3)[i]).eigenvalues
+        fastest = found[np.argmax(np.abs(found))]
+        page.number(f"rate of deviations from a spin about {name}'", f"{fastest:.6f}", "1/s")
+        square = [-2 / 6, 1 / 3, -1.0][i]  # (I_j - I_i) (I_i - I_k) / (I_j I_k)
+        page.equal(f"Its square, {name}'", complex(fastest) ** 2, complex(square), within=1e-12)
+        spins[f"about {name}'"] = simulate(scenes.free_body(omega0), 30.0, samples=400, rtol=1e-12)
+    figure.axes[0].legend()
+    page.draw(
+        figure, "Small deviations stay small about x' and z'; about y' they grow and it flips."
+    )
+
+    start = jnp.array([1.0, 0.0, 1.0])
+    short = simulate(ode(euler, start, 30.0), samples=400, rtol=1e-12)
+    sn, cn, dn, _ = ellipj(np.asarray(short.ts), 1 / 3)
+    page.equal("It is (cn, sn, dn)", short.ys, np.stack([cn, sn, dn], axis=1), within=1e-11)
+    whole = simulate(scenes.free_body(start), 30.0, samples=400, rtol=1e-12)
+    pose = energy.along(rigid.pose, whole)
+    turned = jnp.einsum("sji,sj->si", pose.R_wb, pose.omega_w)
+    same = "R^T omega of the full equations is the same"
+    page.equal(same, turned, short.ys, within=1e-11, route="second formulation")
+
+    page.play(spins, "Only the spin about y' flips over.", choose="spin")
+
+
+if __name__ == "__main__":
+    show(solve)

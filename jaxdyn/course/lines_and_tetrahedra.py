@@ -1,0 +1,67 @@
+"""Lines, tetrahedra and rods by vectors.
+
+Four points A, B, C and D lie anywhere in space. How far apart are the infinite lines AB and CD, and
+where are the ends of their shortest connection? What is the volume of the tetrahedron ABCD? If
+massless rods join D to A, B and C, which are fixed, and a force F acts at D, what is the tension of
+the rod AD? Find one vector formula for each.
+
+Answer: With n = (b - a) x (d - c) the distance is |n . (c - a)| / |n|, 1.826 m for the points
+below, and the volume |(b - a) x (c - a) . (d - a)| / 6 = 1.667 m^3, a third of base times height.
+About the line BC only the rod AD and F have a moment, so with N = (b - d) x (c - d) its tension is
+-F . N |a - d| / ((a - d) . N) = 3.317 N.
+"""
+
+import numpy as np
+
+from jaxdyn.course.page import Page, show
+from jaxdyn.drawing import figures
+from jaxdyn.geometry import vectors
+
+PROBLEM = 2
+TOPIC = "vectors and rotations"
+
+
+def solve(page: Page) -> None:
+    """Evaluate each formula, and find each answer without it."""
+    points = a, b, c, d = np.array([[0.0, 0, 0], [2, 0, 1], [0, 2, 0], [1, 1, 3]])
+    force = np.array([3.0, -1.0, -10.0])
+
+    near = vectors.closest_points(*points)
+    page.number("a: distance of the lines AB and CD", near.distance, "m")
+    page.number("b: ends of the shortest connection", [*near.on_ab, *near.on_cd], "m")
+    along, miss, *_ = np.linalg.lstsq(np.stack([b - a, c - d], axis=1), c - a)
+    least = {"route": "least squares", "within": 1e-13}
+    page.equal("a: No points of the lines are closer", near.distance, np.sqrt(miss[0]), **least)
+    page.equal("b: It begins there", near.on_ab, a + along[0] * (b - a), **least)
+    page.equal("b: It ends there", near.on_cd, c + along[1] * (d - c), **least)
+
+    volume = vectors.tetrahedron_volume(*points)
+    page.number("c: volume of ABCD", volume, "m^3")
+    base = np.linalg.norm(np.cross(b - a, c - a)) / 2
+    height = np.sqrt(np.linalg.lstsq(np.stack([b - a, c - a], axis=1), d - a)[1][0])
+    page.equal("c: A third of base times height", volume, base * height / 3, **least)
+    squares = np.ones((5, 5)) - np.eye(5)
+    squares[1:, 1:] = np.sum((points[:, None] - points) ** 2, axis=2)
+    edges = np.sqrt(np.linalg.det(squares) / 288)
+    page.equal("c: From the six edges alone", volume, edges, within=1e-13, route="Cayley, Menger")
+
+    tensions = vectors.rod_tensions(*points, force).tensions
+    page.number("d: tensions of AD, BD and CD", tensions, "N")
+    normal = np.cross(b - d, c - d)
+    moment = -force @ normal / ((a - d) @ normal) * np.linalg.norm(a - d)
+    page.equal("d: The rod AD alone", tensions[0], moment, within=1e-13, route="moment about BC")
+    rods = (points[:3] - d) / np.linalg.norm(points[:3] - d, axis=1, keepdims=True)
+    page.equal("d: D is at rest", tensions @ rods, -force, within=1e-13, route="sum of forces")
+
+    ax = figures.in_space(5.5, 5.0)
+    for i, j in np.argwhere(np.triu(np.ones((4, 4)), 1)):
+        ax.plot(*points[[i, j]].T, color=figures.INK, lw=1.0)
+    ax.plot(*np.stack([near.on_ab, near.on_cd]).T, "o-", color=figures.PALETTE[1], lw=2.5)
+    for name, point in zip("ABCD", points, strict=True):
+        ax.text(*point, f" {name}", fontsize=13)
+    ax.set_aspect("equal")
+    page.draw(ax.figure, "The shortest connection of AB and CD is at right angles to both.")
+
+
+if __name__ == "__main__":
+    show(solve)

@@ -1,0 +1,73 @@
+"""A mass on a spring, and ways to check its motion.
+
+A mass moves in the plane on a spring of stiffness k and rest length L that is pinned at the origin,
+under gravity g. Write the equation of motion, solve it from any start, and draw the path. Then
+collect ways to know that the solution is right: cases whose motion is known in closed form,
+quantities that stay constant, and another formulation of the same problem.
+
+Answer: m r'' = -k (|r| - L) r / |r| - m g j, which keeps the energy to 1e-15 and agrees with
+Lagrange's equations in polar coordinates to 1e-14. All special cases hold to 1e-13: without the
+spring a parabola; from rest below the pin a vertical line; without gravity a harmonic oscillation
+along a radius from rest, and a circle where v^2 = k r (r - L) / m; with L = 0 an ellipse.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import drawing, lagrangian, scenes, simulate
+from jaxdyn.analysis import energy
+from jaxdyn.course.page import Page, show
+from jaxdyn.scenes import springs
+
+PROBLEM = 6
+TOPIC = "one particle"
+
+
+def polar(t, q, v, p):
+    """Kinetic minus potential energy, with the angle from the x axis."""
+    r, theta = q
+    kinetic = 0.5 * p["m"] * (v[0] ** 2 + (r * v[1]) ** 2)
+    potential = 0.5 * p["k"] * (r - p["L"]) ** 2 + p["m"] * p["g"] * r * jnp.sin(theta)
+    return kinetic - potential
+
+
+def solve(page: Page) -> None:
+    """Solve the general case and the special ones, and compare with what is known of them."""
+    m, k, L, g, end = 1.0, 10.0, 0.5, 9.81, 6.0
+
+    def move(position, velocity, k=k, L=L, g=g):
+        scene = scenes.spring_mass(position=position, velocity=velocity, m=m, k=k, length=L, g=g)
+        return simulate(scene, end, samples=400, rtol=1e-13)
+
+    motion = move((1.0, 0.0), (0.0, 1.0))
+    page.equal("The energy stays", energy.drift(motion), 0.0, within=1e-13, route="conservation")
+    lagrange = lagrangian(polar, [1, 0], [0, 1], params={"m": m, "k": k, "L": L, "g": g})
+    r, theta = np.asarray(simulate(lagrange, end, samples=400, rtol=1e-13).ys[:, :2]).T
+    path = np.stack([r * np.cos(theta), r * np.sin(theta)], axis=1)
+    page.equal("Polar coordinates agree", motion.ys[:, :2], path, within=1e-12, route="Lagrange")
+
+    t = np.asarray(motion.ts)
+    free = move((1.0, 0.0), (2.0, 3.0), k=0.0)
+    thrown = np.stack([1 + 2 * t, 3 * t - 0.5 * g * t**2], axis=1)
+    page.equal("Without the spring it flies on a parabola", free.ys[:, :2], thrown, within=1e-11)
+    hanging = move((0.0, -1.0), (0.0, 0.5))
+    page.equal("Started below the pin it stays below", hanging["x"], 0 * t, within=0.0)
+    radial = move((0.48, 0.64), (0.0, 0.0), g=0.0)
+    swing = np.outer(L + (0.8 - L) * np.cos(np.sqrt(k / m) * t), [0.6, 0.8])
+    page.equal("Without gravity it swings on a radius", radial.ys[:, :2], swing, within=1e-12)
+    w = np.sqrt(k * (1 - L) / m)
+    circle = move((1.0, 0.0), (0.0, w), g=0.0)
+    round_ = np.stack([np.cos(w * t), np.sin(w * t)], axis=1)
+    page.equal("and circles at the right speed", circle.ys[:, :2], round_, within=1e-11)
+    ellipse = move((1.0, 0.0), (0.0, 1.0), L=0.0)
+    exact = springs.hanging_spring_exact(ellipse.scene, t)
+    page.equal("Without rest length the path is an ellipse", ellipse.ys, exact, within=1e-12)
+
+    motions = {"rest length 0.5 m": motion, "rest length 0": ellipse}
+    figure = drawing.trajectory(list(motions.values()), names=list(motions), title="")
+    page.draw(figure, "A rest length turns the ellipse into a tangle that never repeats.")
+    page.play(motions, "Both start alike; the spring with a rest length soon goes its own way.")
+
+
+if __name__ == "__main__":
+    show(solve)

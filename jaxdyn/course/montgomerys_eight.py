@@ -1,0 +1,58 @@
+"""Montgomery's eight.
+
+Three equal bodies (m = G = 1) start in a row, the middle one at the origin, with velocities given
+to eight digits. Follow them for 2.1 units of time and for 10. Then move one body a little at the
+start, then more, and wait longer. What is curious about these motions?
+
+Answer: The three chase each other round one figure of eight: after T / 3 = 2.1086 each is where the
+next one was, to the digits that are printed. With a start 0.01 aside it is still an eight, which is
+stable, but one that slowly turns; 0.22 aside, two bodies bind near t = 35 and throw the third out.
+"""
+
+import numpy as np
+
+from jaxdyn import drawing, scenes, simulate
+from jaxdyn.analysis import energy
+from jaxdyn.course.page import Page, show
+from jaxdyn.drawing.figures import PALETTE, blank, style
+
+PROBLEM = 17
+TOPIC = "many particles"
+
+
+def solve(page: Page) -> None:
+    """Follow the printed start, and starts beside it; find out which of them stay."""
+    eight = scenes.three_body(scenes.EIGHT)
+    r = simulate(eight, scenes.EIGHT_PERIOD, samples=601, rtol=1e-13).r
+    page.number("period", scenes.EIGHT_PERIOD)
+    statement = "After T / 3 each body is where the next one was"
+    page.equal(statement, r[200], r[0][np.array([2, 0, 1])], within=1e-7, route="closure")
+    page.equal("After T all are back", r[600], r[0], within=1e-7, route="closure")
+
+    near, off = (eight.starting(eight.y0.at[0].add(by)) for by in (0.01, 0.22))
+    spans = {"2.1 units": (eight, 2.1), "10 units": (eight, 10.0)}
+    spans |= {"0.01 aside, 100 units": (near, 100.0), "0.22 aside, 45 units": (off, 45.0)}
+    motions = {name: simulate(*one, samples=601, rtol=1e-13) for name, one in spans.items()}
+    farthest = [np.linalg.norm(motion.r, axis=2).max() for motion in motions.values()]
+    page.number("farthest from the origin in each motion", farthest)
+    drifts = np.array([energy.drift(motion) for motion in motions.values()])
+    page.equal("The energy stays the same", drifts, np.zeros(4), within=1e-11, route="conservation")
+    route = "distance from the origin"
+    page.true("A start 0.01 aside stays near the eight", farthest[2] < 1.1, route=route)
+    page.true("A start 0.22 aside throws a body out", farthest[3] > 5.0, route=route)
+
+    figure = blank(9.0, 6.6)
+    for ax, (name, motion) in zip(figure.subplots(2, 2).flat, motions.items(), strict=True):
+        style(ax)
+        x, y = drawing.paths(motion).xyz.T
+        ax.set_prop_cycle(color=PALETTE)
+        ax.plot(x.T, y.T, lw=1.2)
+        ax.set(title=name, aspect="equal", xlabel="x", ylabel="y")
+    look = "In 2.1 units each body runs a third of the one curve. The eight of a start aside turns."
+    page.draw(figure, look)
+    page.play(motions["10 units"], "Three bodies chase each other on one curve.")
+    page.play(motions["0.22 aside, 45 units"], "Two bodies bind, and the third is thrown out.")
+
+
+if __name__ == "__main__":
+    show(solve)

@@ -1,0 +1,16 @@
+"""The public names of pages: for type checkers, and for imports when they are first used."""
+
+from .content import Check as Check
+from .content import Drawing as Drawing
+from .content import Number as Number
+from .content import Page as Page
+from .content import Played as Played
+from .register import TOPICS as TOPICS
+from .register import Problem as Problem
+from .register import problems as problems
+from .running import Run as Run
+from .running import pictures as pictures
+from .running import record as record
+from .running import report as report
+from .running import run as run
+from .running import show as show

@@ -1,0 +1,102 @@
+"""The register of the course: what each page's own file says of it, read without running it.
+
+Derived from the files, so that it cannot differ from them: the title is the first line of the
+docstring, the answer its last paragraph, and the names are those that the code uses.
+"""
+
+import ast
+import functools
+from pathlib import Path
+from typing import NamedTuple
+
+_FOLDER = Path(__file__).parents[1]
+_ANSWER = "Answer: "
+
+#: Topics in the order in which they are shown.
+TOPICS = (
+    "vectors and rotations",
+    "one particle",
+    "many particles",
+    "pendulums and linkages",
+    "constraints",
+    "rolling and skating",
+    "rigid bodies in space",
+)
+
+
+class Problem(NamedTuple):
+    """A problem of the course, and its page.
+
+    Attributes:
+      number: of the problem in the course.
+      name: of the page: as in ``python -m jaxdyn.course.circling_bodies``.
+      topic: one of `TOPICS`.
+      title: a few words.
+      statement: what is asked.
+      answer: in two sentences.
+      names: the public names that the page uses, such as ``jaxdyn.simulate``.
+      code: the text of its file.
+    """
+
+    number: int
+    name: str
+    topic: str
+    title: str
+    statement: str
+    answer: str
+    names: tuple[str, ...]
+    code: str
+
+
+@functools.cache
+def problems() -> dict[int, Problem]:
+    """The problems of the course that have a page, by number."""
+    found = [_read(path) for path in _FOLDER.glob("[a-z]*.py")]
+    assert len({problem.number for problem in found}) == len(found), "two pages of one number"
+    return {problem.number: problem for problem in sorted(found)}
+
+
+def _read(path: Path) -> Problem:
+    """What the file of a page says."""
+    text = path.read_text()
+    tree = ast.parse(text)
+    title, _, rest = (ast.get_docstring(tree) or "").partition("\n")
+    statement, _, answer = rest.partition(_ANSWER)
+    data = {
+        target.id: ast.literal_eval(node.value)
+        for node in tree.body
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name) and target.id in ("PROBLEM", "TOPIC")
+    }
+    return Problem(
+        number=data["PROBLEM"],
+        name=path.stem,
+        topic=data["TOPIC"],
+        title=title.removesuffix("."),
+        statement=statement.strip(),
+        answer=" ".join(answer.split()),
+        names=_names(tree),
+        code=text,
+    )
+
+
+def _names(tree: ast.Module) -> tuple[str, ...]:
+    """The dotted names below `jaxdyn` and `orbits` that a file uses, each once, in order."""
+    roots = {}
+    for node in tree.body:
+        if isinstance(node, ast.Import):
+            roots |= {alias.asname or alias.name: alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            roots |= {a.asname or a.name: f"{node.module}.{a.name}" for a in node.names}
+    inner = {node.value for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+    used = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute | ast.Name)]
+    dotted = [ast.unparse(node) for node in used if node not in inner]
+    found = {}
+    for name in dotted:
+        root, dot, rest = name.partition(".")
+        whole = roots.get(root, "") + dot + rest
+        ours = whole.startswith(("jaxdyn.", "orbits.")) and not whole.startswith("jaxdyn.course.")
+        if ours and all(part.isidentifier() for part in whole.split(".")):
+            found[whole] = None
+    return tuple(found)

@@ -1,0 +1,101 @@
+"""How a page is run: by `jaxdyn course`, by ``python -m``, and by the tests."""
+
+import importlib
+import math
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+
+from jaxdyn._config import configure
+from jaxdyn.course.page.content import Check, Number, Page
+
+_DIGITS = 9
+
+
+class Run(NamedTuple):
+    """A page that has run, and how long it took [s], compiling included."""
+
+    page: Page
+    seconds: float
+
+
+def run(name: str) -> Run:
+    """Run the page of a name, such as "figure_eight"."""
+    return _timed(importlib.import_module(f"jaxdyn.course.{name}").solve)
+
+
+def _timed(solve: Callable[[Page], None]) -> Run:
+    page, begin = Page(), time.perf_counter()
+    solve(page)
+    return Run(page, time.perf_counter() - begin)
+
+
+def report(page: Page) -> list[str]:
+    """The lines that say what a page found, with rich's markup."""
+    wide = max((len(number.name) for number in page.numbers), default=0)
+    lines = [f"  {escape(n.name):{wide}}  {escape(written(n))}" for n in page.numbers]
+    for check in page.checks:
+        mark = "[green]holds[/green]" if check.holds else "[red]fails[/red]"
+        figure = f"{check.route}, {check.figure}" if check.figure else check.route
+        lines.append(f"  {mark}  {escape(check.statement)} ({escape(figure)})")
+    return lines
+
+
+def record(found: Run) -> dict:
+    """What a run found, for a JSON object."""
+    return {
+        "numbers": [{"name": n.name, "value": written(n)} for n in found.page.numbers],
+        "checks": [_check(check) for check in found.page.checks],
+        "holds": found.page.holds,
+        "seconds": round(found.seconds, 3),
+    }
+
+
+def _check(check: Check) -> dict:
+    """A check for a JSON object, which has no NaN."""
+    numbers = {
+        name: None if math.isnan(x) else x
+        for name, x in (("error", check.error), ("within", check.within))
+    }
+    return {**check._asdict(), **numbers, "figure": check.figure}
+
+
+def written(number: Number) -> str:
+    """The value of a number with its unit."""
+    if isinstance(number.value, str):
+        return f"{number.value} {number.unit}".rstrip()
+    values = np.asarray(number.value)
+    text = [f"{x:.{_DIGITS}g}" for x in values.ravel()]
+    return f"{', '.join(text)} {number.unit}".rstrip()
+
+
+def pictures(page: Page, path: Path) -> list[Path]:
+    """Write the pictures of a page: the first as `path`, the others with a number; their paths."""
+    paths = []
+    for i, drawing in enumerate(page.drawings):
+        one = path if i == 0 else path.with_stem(f"{path.stem}_{i + 1}")
+        drawing.figure.savefig(one)
+        paths.append(one)
+    return paths
+
+
+def show(solve: Callable[[Page], None]) -> None:
+    """Run a page as a script: print what it found, and draw it in the current folder.
+
+    Raises:
+      SystemExit: 1 where a check fails.
+    """
+    configure()
+    console = Console(highlight=False, soft_wrap=True)
+    page = _timed(solve).page
+    for line in report(page):
+        console.print(line)
+    for path in pictures(page, Path(f"{Path(solve.__code__.co_filename).stem}.png")):
+        console.print(f"drawn in {path}")
+    if not page.holds:
+        raise SystemExit(1)

@@ -1,0 +1,59 @@
+"""Is steady precession general for an axisymmetric body?
+
+A free axisymmetric body can precess steadily about its angular momentum. Are these its most general
+motions, or are there others?
+
+Answer: There are no others: with H constant, omega = H / I_1 + omega_s e_3', and omega_s = (1 - I_3
+/ I_1) omega_3 is constant, so the attitude is exp(t H / I_1) R_0 exp(t omega_s e_3) for any start.
+Simulations of satellite B from any starts agree with it to 1e-11.
+"""
+
+import jax
+import jax.numpy as jnp
+
+from jaxdyn import drawing, scenes, simulate
+from jaxdyn.analysis import energy, precession
+from jaxdyn.course.page import Page, show
+from jaxdyn.formulations import rigid
+from jaxdyn.geometry import inertia
+
+PROBLEM = 58
+TOPIC = "rigid bodies in space"
+
+
+def two_turns(R0, omega_b0, moments, ts):
+    """Attitudes exp(t H / I_1) R_0 exp(t omega_s e_3) at some times."""
+    numbers = {"I1": moments[0], "I3": moments[2]}
+    return jax.vmap(lambda t: precession.free_attitude(R0, omega_b0, t, **numbers))(ts)
+
+
+def solve(page: Page) -> None:
+    """Compare satellite B, from unlike starts, with two turns at constant rates."""
+    moments, axes = inertia.principal(scenes.satellites.satellite_b())
+    page.number("moments across and along the axis", moments[1:], "kg m^2")
+    starts = {"tumble": (0.3, 1.0, 0.2), "wobble": (1.0, 0.8, 1.1), "flat": (1.0, -0.4, -0.5)}
+    motions = {}
+    for name, omega in starts.items():
+        motion = simulate(scenes.satellite("B", omega), 30.0, samples=400, rtol=1e-12)
+        closed = two_turns(axes, axes.T @ jnp.array(omega), moments, motion.ts)
+        pose = energy.along(rigid.pose, motion)
+        attitude = pose.R_wb @ axes
+        page.equal(f"Two turns make the {name}", attitude, closed, within=1e-11)
+        momentum = energy.along(energy.angular_momentum, motion)[0]
+        tilt = attitude[:, :, 2] @ momentum / jnp.linalg.norm(momentum)
+        page.number(f"tilt of the axis in the {name}", jnp.arccos(tilt[0]), "rad")
+        page.equal(f"It is constant in the {name}", jnp.ptp(tilt), 0.0, within=1e-12)
+        about = pose.omega_w - (momentum / moments[0])
+        spin = (1 - moments[2] / moments[0]) * jnp.array(omega) @ axes[:, 2]
+        page.equal("omega = H / I_1 + omega_s e_3'", about, spin * attitude[:, :, 2], within=1e-11)
+        motions[name] = motion
+
+    tips = scenes.satellites.antenna_trace(motions["wobble"], "B", (2.0, 2.0, 0.5))
+    page.number("reach of the short antenna", jnp.max(jnp.linalg.norm(tips, axis=1)), "m")
+    figure = drawing.trajectory(motions["wobble"])
+    page.draw(figure, "One antenna, on the axis, draws a circle, the other a curve of two turns.")
+    page.play(motions, "The axis goes round evenly, whatever the start.", choose="start")
+
+
+if __name__ == "__main__":
+    show(solve)

@@ -1,0 +1,66 @@
+"""Inverted pendulum on a shaking base.
+
+A uniform stick of length 1 m stands on a hinge that shakes up and down, at -A cos(w t). Find its
+equation of motion, show in a simulation that it can stay upright if the shaking is fast, do the
+same with the length of the stick as a constraint, and find out for which A and w it stays up.
+
+Answer: With L = 2/3 of the length, theta'' = (g + A w^2 cos(w t)) sin(theta) / L. The stick stays
+up for A between two edges, those of Mathieu's equation: 60.4 mm and 307 mm at w = 60 rad/s. For
+fast shaking the first edge tends to (A w)^2 = 2 g L.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from scipy import special
+
+from jaxdyn import drawing, ode, scenes, simulate
+from jaxdyn.course.page import Page, show
+from jaxdyn.studies import upright
+
+PROBLEM = 29
+TOPIC = "pendulums and linkages"
+
+
+def balance(t, y, p):
+    """The rate of theta (from upright) and its rate by angular momentum balance about the hinge."""
+    lift = p["g"] + p["A"] * p["w"] ** 2 * jnp.cos(p["w"] * t)
+    return [y[1], lift * jnp.sin(y[0]) / (2 / 3 * p["l"])]
+
+
+def solve(page: Page) -> None:
+    """Shake the stick by three routes; find where it stays up, and compare with Mathieu."""
+    numbers = {"A": 0.1, "w": 60.0, "g": 9.81, "l": 1.0}
+    by_hand = simulate(ode(balance, [0.2, 0.0], 5.0, params=numbers), samples=601, rtol=1e-13)
+    by_angle = simulate(scenes.shaken_pendulum(), samples=601, rtol=1e-13)
+    tied = simulate(scenes.shaken_pendulum(formulation="constrained"), samples=601, rtol=1e-13)
+    statement = "The scene has the equation by hand"
+    page.equal(statement, by_angle.ys, by_hand.ys, within=1e-10, route="second formulation")
+    statement = "With the length as a constraint the end moves in the same way"
+    page.equal(statement, tied.r, by_angle.r, within=1e-9, route="second formulation")
+    page.number("largest angle in 5 s", np.abs(by_angle["theta"]).max(), "rad")
+
+    edges = upright.stability_edges(60.0)
+    page.number("the stick stays up at 60 rad/s from and to", edges, "m")
+    page.number("averaged theory, from", upright.averaged_limit(60.0), "m")
+    a, q = upright.mathieu_numbers(edges, 60.0)
+    known = np.array([special.mathieu_a(0, q[0]), special.mathieu_b(1, q[1])])
+    page.equal("The edges are Mathieu's a_0 and b_1", known, [a, a], within=1e-9)
+
+    frequencies = np.linspace(20.0, 100.0, 33)
+    chart = upright.upright_chart(np.linspace(0.0, 0.4, 33), frequencies)
+    names = ("amplitude of the base [m]", "frequency of the base [rad/s]")
+    figure = drawing.stability_chart(chart, names=names)
+    figure.axes[0].plot(frequencies, upright.averaged_limit(frequencies), "k--")
+    look = "Upright is stable in the blue band; the dashed line is the averaged limit."
+    page.draw(figure, look)
+    shaken = {
+        A: simulate(scenes.shaken_pendulum(amplitude=A), 2.0, samples=601)
+        for A in (0.03, 0.05, 0.06, 0.07, 0.1, 0.2)
+    }
+    page.play(
+        shaken, "Below 0.06 m the stick falls, above it sways upright.", choose="amplitude [m]"
+    )
+
+
+if __name__ == "__main__":
+    show(solve)

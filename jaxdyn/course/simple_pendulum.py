@@ -1,0 +1,94 @@
+"""Simple pendulum, seven derivations.
+
+A point of mass m hangs on a massless rod of length l from a fixed hinge. Derive its equation of
+motion in polar coordinates in as many ways as you can: by momentum with the force in the rod
+eliminated, by momentum along e_theta, by momentum crossed with the arm, by angular momentum, by
+conservation of energy, by the balance of power, and by Lagrange. The course lets x point down.
+
+Answer: All seven give theta'' = -(g / l) sin(theta), without the mass. The period grows with the
+amplitude, from 2 pi sqrt(l / g) for small ones: 4 sqrt(l / g) K(sin^2(A / 2)) for the amplitude A.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy import special
+
+from jaxdyn import lagrangian, scenes, simulate
+from jaxdyn.course.page import Page, show
+from jaxdyn.drawing.figures import blank, style
+
+PROBLEM = 22
+TOPIC = "pendulums and linkages"
+
+m, l, g = 2.0, 0.7, 9.81  # noqa: E741 the usual name
+weight = np.array([0.0, -m * g])
+
+
+def axes(theta):
+    """e_r, from the hinge to the mass, and e_theta."""
+    s, c = jnp.sin(theta), jnp.cos(theta)
+    return jnp.array([s, -c]), jnp.array([c, s])
+
+
+def kinetic(t, q, v):
+    """m l^2 theta'^2 / 2."""
+    return m * (l * v[0]) ** 2 / 2
+
+
+def potential(t, q):
+    """m g times the height above the lowest place."""
+    return m * g * l * (1 - jnp.cos(q[0]))
+
+
+def derivations(theta, rate):
+    """theta'' by each of the ways."""
+    e_r, e_theta = axes(theta)
+    known = -m * l * rate**2 * e_r  # m a = m l theta'' e_theta + known
+    # Two equations for theta'' and the force in the rod: m a = weight - force e_r.
+    both = jnp.linalg.solve(jnp.stack([m * l * e_theta, e_r], axis=1), weight - known)
+    q, v = jnp.array([theta]), jnp.array([rate])
+    lifted = jax.grad(potential, argnums=1)(0.0, q)[0]
+    faster = jax.grad(kinetic, argnums=2)(0.0, q, v)[0]
+    return {
+        "momentum, the force eliminated": both[0],
+        "momentum along e_theta": weight @ e_theta / (m * l),
+        "momentum crossed with the arm": jnp.cross(l * e_r, weight)
+        / jnp.cross(l * e_r, m * l * e_theta),
+        "angular momentum": jnp.cross(l * e_r, weight) / (m * l**2),
+        "conservation of energy": -lifted * rate / faster,
+        "balance of power": weight @ (l * rate * e_theta) / faster,
+        "Lagrange": lagrangian((kinetic, potential), q, v).rate(0.0, jnp.array([theta, rate]))[1],
+    }
+
+
+def solve(page: Page) -> None:
+    """Compare the derivations at a pose, and the periods of swings with elliptic integrals."""
+    expected = -g / l * np.sin(2.0)
+    for name, got in derivations(2.0, 0.8).items():
+        page.equal(
+            f"theta'' = -(g / l) sin(theta) by {name}", got, expected, within=1e-13, route="formula"
+        )
+
+    amplitudes = np.array([0.1, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
+    periods = 4 * np.sqrt(l / g) * special.ellipk(np.sin(amplitudes / 2) ** 2)
+    swings = {}
+    figure = blank(6.4, 4.0)
+    ax = figure.subplots()
+    style(ax)
+    for angle, period in zip(amplitudes, periods, strict=True):
+        scene = scenes.pendulum(angle=angle, m=m, length=l, g=g)
+        back = simulate(scene, period, samples=401, rtol=1e-13).ys[-1]
+        page.equal(
+            f"A swing of {angle} rad is back after 4 sqrt(l / g) K", back, scene.y0, within=1e-11
+        )
+        swings[angle] = simulate(scene, 5.0, samples=401)
+        ax.plot(swings[angle].ts, swings[angle]["theta"])
+    page.number("periods of swings of 0.1, 0.5, 1, 1.5, 2, 2.5, 3 rad", periods, "s")
+    ax.set(xlabel="t [s]", ylabel="angle [rad]")
+    page.draw(figure, "Wide swings take longer, and stay near the top for most of the time.")
+    page.play(swings, "The wider the swing, the longer its period.", choose="amplitude [rad]")
+
+
+if __name__ == "__main__":
+    show(solve)

@@ -1,0 +1,65 @@
+"""A body on one skate and on two skates.
+
+A rigid body slides on a plane on one skate, or on two in any places and directions; a skate moves
+along its blade only. Find the motion with the constraint forces of Newton and Euler, and again with
+Lagrange's equations and multipliers. Which simple argument gives the motion on two skates? Two
+skates with a common normal are excluded: why?
+
+Answer: On one skate under its mass centre a body runs round a circle, else it ends in a straight
+glide with the mass centre ahead. Two skates leave one twist in the body's axes, which is constant:
+the body turns uniformly about the point where the normals meet. With a common normal both skates
+state one condition, and only the sum of their forces is determined.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import drawing, scenes, simulate
+from jaxdyn.course.page import Page, show
+
+PROBLEM = 39
+TOPIC = "rolling and skating"
+
+
+def solve(page: Page) -> None:
+    """One skate in two places, then two skates, by two formulations and by hand."""
+    circle = simulate(scenes.one_skate(), 10.0, samples=400, rtol=1e-12)
+    t = circle.ts
+    by_hand = jnp.stack([jnp.sin(t), 1 - jnp.cos(t)], axis=1)
+    page.equal("Skate under the centre: a circle", circle.ys[:, :2], by_hand, within=1e-11)
+
+    behind = scenes.one_skate(at=(-0.5, 0.0))
+    glide = simulate(behind, 15.0, samples=400, rtol=1e-12)
+    energy = 0.5 * (1.0 + 0.5**2) + 0.5 * 0.5
+    page.number("final speed of the glide", jnp.hypot(*glide.ys[-1, 3:5]), "m/s")
+    final = glide.ys[-1, 3:5] @ jnp.array(
+        [jnp.cos(glide["theta"][-1]), jnp.sin(glide["theta"][-1])]
+    )
+    page.equal("It ends ahead with all the energy", final, np.sqrt(2 * energy), within=1e-11)
+
+    scene = scenes.two_skates(at=((1.0, 0.0), (-0.5, 0.3)), headings=(0.4, -0.2))
+    two = simulate(scene, 15.0, samples=400, rtol=1e-12)
+    lagrange = simulate(scenes.skates.by_lagrange(scene), 15.0, samples=400, rtol=1e-12)
+    same = "Newton-Euler and Lagrange agree on two skates"
+    page.equal(same, two.ys, lagrange.ys, within=1e-11, route="second formulation")
+    simple = scenes.skates.elementary_motion(scene, two.ts)
+    page.equal("Both are the uniform turn found by hand", two.ys, simple, within=1e-11)
+    centre = scenes.skates.meeting_point(scene)
+    page.number("point where the normals meet", centre, "m")
+    away = jnp.linalg.norm(two.ys[:, :2] - centre, axis=1)
+    page.equal("The distance from it is constant", jnp.ptp(away), 0.0, within=1e-11)
+
+    alike = scenes.two_skates(at=((0.0, 1.0), (0.0, -1.0)), headings=(0.0, 0.0))
+    conditions = np.linalg.matrix_rank(alike.system.mechanism.twists())
+    page.true("Skates on one normal are one condition", conditions == 1, route="rank")
+
+    figure = drawing.trajectory([glide, two], names=["one skate, behind", "two skates"])
+    page.draw(figure, "One skate ends in a straight glide; two skates run round one point.")
+    motions = {"one skate below": circle, "one skate behind": glide, "two skates": two}
+    page.play(
+        motions, "A circle, a turn that ends in a glide, and a uniform turn.", choose="skates"
+    )
+
+
+if __name__ == "__main__":
+    show(solve)

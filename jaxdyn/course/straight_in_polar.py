@@ -1,0 +1,60 @@
+"""A straight line in polar coordinates.
+
+A particle without forces moves straight at constant speed. Write a = 0 in polar coordinates, solve
+it for several starts, and check that the path is straight and the speed constant. Define a measure
+of how straight a path is, and find out whether a tighter tolerance makes it straighter.
+
+Answer: r'' = r theta'^2 and theta'' = -2 r' theta' / r. With the measure "largest distance from the
+best straight line over the length" the paths are straight to the tolerance and, at 1e-13, to
+rounding: also the one that passes the origin at a micrometre, where theta jumps by almost pi.
+"""
+
+import numpy as np
+
+from jaxdyn import drawing, ode, scenes, simulate
+from jaxdyn.course.page import Page, show
+from jaxdyn.drawing import figures
+
+PROBLEM = 8
+TOPIC = "one particle"
+
+
+def free(t, y):
+    """No acceleration, in polar coordinates."""
+    r, _, vr, omega = y
+    return [vr, omega, r * omega**2, -2 * vr * omega / r]
+
+
+def solve(page: Page) -> None:
+    """Pass the origin at three distances, and measure how straight the path is."""
+    starts = {"0.5 m": 0.5, "1 mm": 1e-3, "1 um": 1e-6}
+    tolerances = np.logspace(-3, -13, 11)
+    figure = figures.blank(6.0, 4.4)
+    ax = figure.subplots()
+    figures.style(ax)
+    motions = {}
+    for (name, b), colour in zip(starts.items(), figures.PALETTE, strict=False):
+        scene = scenes.polar_particle(position=(1.0, b), velocity=(-1.0, 0.0), t1=2.0)
+        runs = [simulate(scene, samples=200, rtol=rtol) for rtol in tolerances]
+        bends = np.array([scenes.straightness(run) for run in runs])
+        ax.loglog(tolerances, bends, "o-", color=colour, label=f"passes at {name}")
+        page.number(f"straightness at 1e-3, 1e-8 and 1e-13, passing at {name}", bends[[0, 5, 10]])
+        motions[f"passes at {name}"] = runs[-1]
+        t = np.asarray(runs[-1].ts)
+        line = np.stack([1.0 - t, b + 0 * t], axis=1)
+        page.equal(f"Straight and uniform, passing at {name}", runs[-1].r[:, 0], line, within=1e-11)
+    ax.set(xlabel="tolerance", ylabel="deviation from a straight line / length")
+    ax.legend(frameon=False)
+
+    wide = motions["passes at 0.5 m"]
+    written = simulate(ode(free, wide.scene.y0, 2.0), samples=200, rtol=1e-13)
+    page.equal("The equations as written", wide.ys, written.ys, within=1e-12, route="own rate")
+
+    turn = drawing.time_series(motions["passes at 1 mm"], names=["r", "theta"], title="")
+    page.draw(turn, "The closer it passes, the more suddenly theta turns by pi.")
+    page.draw(figure, "Tighter tolerances make the path straighter, down to rounding.")
+    page.play(motions, "All three move alike, each along its own straight line.")
+
+
+if __name__ == "__main__":
+    show(solve)

@@ -1,0 +1,58 @@
+"""Two masses on a spring, pushed by a step force.
+
+Two masses on a frictionless line are joined by a spring at its rest length and at rest, until at
+t = 0 a constant force F begins to push the second. Find the motion for any constants. Is F always
+(m1 + m2) a_G? Show that a stiff spring makes both masses move like G, and say precisely in which
+sense the two then are a single mass.
+
+Answer: Yes, for any k: the forces of the spring cancel in the sum, so G moves at F t^2 / (2 M), M
+being the whole mass. About that the masses swing with the frequency sqrt(k M / (m1 m2)); they stray
+from the motion of a rigid pair by at most 2 F m1 m2 / (k M^2) and 2 F m1^2 / (k M^2), at all times.
+"""
+
+from jaxdyn import scenes, simulate
+from jaxdyn.course.page import Page, show
+from jaxdyn.drawing.figures import blank, style
+from jaxdyn.scenes import springs
+
+PROBLEM = 20
+TOPIC = "many particles"
+
+
+def solve(page: Page) -> None:
+    """Push pairs on springs of different stiffness; compare with G and with the closed form."""
+    m1, m2, F = 1.0, 2.0, 1.0
+    total = m1 + m2
+    motions = {
+        k: simulate(scenes.two_masses(m1=m1, m2=m2, k=k, force=F), samples=401, rtol=1e-13)
+        for k in (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
+    }
+    ts = motions[1.0].ts
+    rigid = F * ts**2 / (2 * total)
+    figure = blank(6.4, 4.4)
+    ax = figure.subplots()
+    style(ax)
+    for k, motion in motions.items():
+        x1, x2 = motion["x1"], motion["x2"]
+        exact = springs.two_masses_exact(ts, m1=m1, m2=m2, k=k, force=F)
+        page.equal(
+            f"The motion is that of the closed form, k = {k:g}", motion.ys, exact, within=1e-12
+        )
+        G = (m1 * x1 + m2 * (x2 - 1.0)) / total
+        page.equal(f"G moves at F t^2 / (2 M), k = {k:g}", G, rigid, within=1e-13)
+        page.number(f"the first strays from a rigid pair by, k = {k:g}", abs(x1 - rigid).max(), "m")
+        bound = 2 * F * m1 * m2 / (k * total**2)
+        page.true(
+            f"That is at most {bound:.3g} m", abs(x1 - rigid).max() <= bound, route="closed form"
+        )
+        ax.plot(ts, x1 - rigid, label=f"k = {k:g} N/m")
+    ax.set(xlabel="t [s]", ylabel="place of the first mass, less that of a rigid pair [m]")
+    ax.legend()
+    page.draw(
+        figure, "Ten times the stiffness: a tenth of the swing about the motion of a rigid pair."
+    )
+    page.play(motions, "The stiffer the spring, the more the pair is one mass.", choose="k [N/m]")
+
+
+if __name__ == "__main__":
+    show(solve)

@@ -1,0 +1,68 @@
+"""Two masses joined by a rod or by a stiff spring.
+
+Two masses on a line are joined by a rigid rod, and a force F sin(w t) acts on the second. Set up
+the differential-algebraic equations and integrate them; compare with a very stiff spring. Which is
+faster, which has the better centre of mass, and how does the error of the length grow? What do the
+equations do with unequal velocities at the start?
+
+Answer: The rod is faster: a spring of 1e6 N/m takes more than ten times as many steps. Both have
+the right centre of mass, since inner forces cancel in the sum. On a line the condition is linear,
+so that, unlike the course says, no error grows. Unequal velocities contradict the rod: they are
+refused, and the bare equations, which only hold the accelerations equal, let the masses part.
+"""
+
+import numpy as np
+
+from jaxdyn import scenes, simulate
+from jaxdyn.course.page import Page, show
+from jaxdyn.drawing.figures import blank, style
+from jaxdyn.studies import rod_or_spring
+
+PROBLEM = 21
+TOPIC = "constraints"
+
+
+def solve(page: Page) -> None:
+    """Push the rod and springs; compare lengths, centres and steps (`compare` takes the times)."""
+    joined = {"rod": rod_or_spring.joined_by_rod(drift="raw")}
+    joined |= {f"spring of {k:g} N/m": rod_or_spring.joined_by_spring(k) for k in (1e2, 1e4, 1e6)}
+    motions = {name: simulate(scene, samples=401, rtol=1e-9) for name, scene in joined.items()}
+    for name, motion in motions.items():
+        x1, x2 = motion["x1"], motion["x2"]
+        exact = rod_or_spring.mass_centre(np.asarray(motion.ts))
+        page.number(f"steps, {name}", motion.steps)
+        page.number(f"largest change of the length, {name}", abs(x2 - x1 - 1.0).max(), "m")
+        page.equal(f"The centre of mass is right, {name}", (x1 + 2 * x2) / 3, exact, within=1e-9)
+    rod, stiff = motions["rod"], motions["spring of 1e+06 N/m"]
+    length = rod["x2"] - rod["x1"]
+    page.equal("The bare equations keep the rod's length", length, np.ones(401), within=1e-12)
+    page.true("The rod takes fewer steps", 10 * rod.steps < stiff.steps, route="count of steps")
+
+    unequal = {"m": (1.0, 2.0), "speed": (0.0, 0.5)}
+    refused = ""
+    try:
+        simulate(scenes.rod_on_line(**unequal))
+    except ValueError as error:
+        refused = str(error)
+    statement = "Unequal velocities are refused"
+    page.true(statement, "a start that satisfies the constraints" in refused, route="the message")
+    parting = simulate(scenes.rod_on_line(**unequal, drift="raw"), samples=401, rtol=1e-9)
+    apart = parting["x2"] - parting["x1"]
+    statement = "By the bare equations they part at the constant rate of the start"
+    page.equal(statement, apart, 1.0 + 0.5 * parting.ts, within=1e-10)
+
+    figure = blank(6.4, 4.0)
+    ax = figure.subplots()
+    style(ax)
+    for name in ("rod", "spring of 100 N/m"):
+        ax.plot(motions[name].ts, motions[name]["x2"] - motions[name]["x1"], label=name)
+    ax.set(xlabel="t [s]", ylabel="distance of the masses [m]")
+    ax.legend()
+    page.draw(figure, "The rod keeps its length; the spring stretches with the push, and vibrates.")
+    page.play(
+        {"rod": rod, "unequal velocities": parting}, "With unequal velocities no rod is left."
+    )
+
+
+if __name__ == "__main__":
+    show(solve)

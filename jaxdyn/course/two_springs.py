@@ -1,0 +1,71 @@
+"""Rest and motion of a mass on two springs.
+
+A mass hangs between two anchors on springs with parallel dashpots, with weight and air drag. Find
+where it can rest, how it moves from a given start, and how many rest points there are at the least
+and at the most. Decide for each whether it is stable in two ways: by a motion that begins close to
+it, and by the eigenvalues of the linearised equations.
+
+Answer: The springs below have five rest points, and a proof shows that these are all: two are
+stable and three are saddles. Two springs and weight have one to five, as far as is known; without
+springs there are none, and a single spring without weight has a circle of them. Small pushes grow
+or decay at the rates that the eigenvalues say.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import equilibria, scenes, simulate
+from jaxdyn.analysis import energy
+from jaxdyn.course.page import Page, show
+from jaxdyn.drawing import figures
+
+PROBLEM = 13
+TOPIC = "one particle"
+
+
+def hung(g):
+    """A short stiff spring and a long soft one, with some damping."""
+    springs = {"k_a": 1.0, "k_b": 8.0, "length_a": 2.0, "length_b": 0.8}
+    anchors = {"anchor_a": (0.0, 0.0), "anchor_b": (0.8, 0.6)}
+    return scenes.two_springs(**springs, **anchors, c_a=0.2, c_b=0.2, c_d=0.1, g=g)
+
+
+def solve(page: Page) -> None:
+    """Find all rest points, push the mass off each, and compare with the eigenvalues."""
+    scene, span = hung(g=1.0), np.linspace(-1.0, 2.2, 120)
+    found = equilibria(scene, [-5, -5], [5, 5])
+    all_of_them = len(found) == 5 and found.complete
+    page.true("There are five rest points", all_of_them, route="proof by intervals")
+    heavy = equilibria(hung(g=100.0), [-200, -200], [200, 200])
+    page.true("A hundred times the weight leaves one", len(heavy) == 1, route="proof by intervals")
+
+    figure = figures.blank(6.0, 5.6)
+    ax = figure.subplots(subplot_kw={"aspect": "equal", "xlabel": "x [m]", "ylabel": "y [m]"})
+    places = np.stack([*np.meshgrid(span, span - 0.4), *np.zeros((2, 120, 120))], axis=-1)
+    at = jax.vmap(lambda y: energy.potential(scene, 0.0, y))
+    heights = np.reshape(at(jnp.asarray(places.reshape(-1, 4))), (120, 120))
+    ax.contour(span, span - 0.4, heights, np.linspace(0, 4, 28), colors="0.8", linewidths=0.7)
+    motions = {}
+    pairs = zip(found.states, found.linearizations, figures.PALETTE, strict=False)
+    for i, (rest, near, colour) in enumerate(pairs, start=1):
+        page.number(f"rest point {i}, {near.verdict}", rest[:2], "m")
+        page.number(f"fastest rate at {i}", str(near.eigenvalues[0].round(9)), "1/s")
+        values, shapes = np.linalg.eig(near.jacobian)
+        first = np.argmax(values.real)
+        push, t = 1e-6 * shapes[:, first], min(1.0 / abs(values[first].real), 4.0)
+        pushed = simulate(scene.starting(rest + push.real), t, samples=400, rtol=1e-13)
+        expected = (push * np.exp(values[first] * t)).real
+        name = f"A push off {i} grows or decays like it"
+        page.equal(name, pushed.ys[-1] - rest, expected, within=1e-10, route="simulated")
+        off = rest - 5e4 * push.real
+        motions[f"from {i}"] = simulate(scene.starting(off), 30.0, samples=400)
+        ax.plot(motions[f"from {i}"]["x"], motions[f"from {i}"]["y"], color=colour, lw=1.0)
+        ax.plot(*rest[:2], "o", color=colour, ms=9, label=f"{i}: {near.verdict}")
+    ax.legend(loc="lower left")
+    page.draw(figure, "Lines of equal potential energy: motions end in one of its two hollows.")
+    page.play(motions, "Each motion begins beside a rest point and ends at a stable one.")
+
+
+if __name__ == "__main__":
+    show(solve)

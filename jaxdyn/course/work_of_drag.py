@@ -1,0 +1,69 @@
+"""The work of drag on a cannonball.
+
+A ball of 1 kg is shot at 1 m/s and 45 degrees with g = 1 m/s^2 and the quadratic drag c v^2. Solve
+the motion, and integrate the power of the drag along with it: W' = P. Compare the work with the
+change of the total energy, and show that their difference goes to zero as the integration becomes
+more accurate. As printed, c is not given; take 1 kg/m, and others.
+
+Answer: With c = 1 kg/m the drag does -0.2951 J in 1.2 s, which is the change of the energy. With
+Euler's method the two differ in proportion to the step, with Runge and Kutta's to its fourth power,
+and with the tolerance 1e-13 by rounding alone.
+"""
+
+import numpy as np
+
+from jaxdyn import drawing, effects, scenes, simulate, solvers
+from jaxdyn.accuracy import convergence
+from jaxdyn.analysis import energy, ledger
+from jaxdyn.course.page import Page, show
+from jaxdyn.drawing import figures
+
+PROBLEM = 12
+TOPIC = "one particle"
+
+
+def solve(page: Page) -> None:
+    """Integrate the work with the motion, by three methods, and compare it with the energy."""
+    scene = ledger.with_work(scenes.cannonball(speed=1.0, g=1.0, drag=1.0), effects.QuadraticDrag)
+    first = energy.energy(scene, 0.0, scene.y0)
+
+    def gap(y):
+        return abs(float(y[-1] - (energy.energy(scene, 0.0, y) - first)))
+
+    runs = [simulate(scene, 1.2, samples=200, rtol=10.0**-n) for n in range(4, 14)]
+    best = runs[-1]
+    page.number("work of the drag", best["work of QuadraticDrag"][-1], "J")
+    along = energy.along(energy.energy, best) - first
+    works = best["work of QuadraticDrag"]
+    page.equal("It is the change of energy", works, along, within=1e-14, route="energy")
+
+    figure = figures.blank(6.0, 4.4)
+    ax = figure.subplots()
+    figures.style(ax)
+    counts = 4 * 2 ** np.arange(9)
+    ax.set_prop_cycle(color=figures.PALETTE)
+    for method, order in ((solvers.EULER, 1), (solvers.RK4, 4)):
+        gaps = [gap(convergence.fixed_steps(scene, 1.2, steps=n, method=method)) for n in counts]
+        ax.loglog(counts, gaps, "o-", label=f"{method.name}, equal steps")
+        observed = np.log2(gaps[3] / gaps[4])
+        page.equal(f"{method.name}: order", observed, order, within=0.1, route="halved steps")
+    steps, gaps = zip(*((run.steps, gap(run.ys[-1])) for run in runs), strict=True)
+    ax.loglog(steps, gaps, "s-", label="tolerances 1e-4 to 1e-13")
+    ax.set(xlabel="steps", ylabel="difference of work and energy [J]")
+    ax.legend(frameon=False)
+    page.draw(figure, "Any difference is an error of integration, and goes away with it.")
+
+    shots = {}
+    for c in (0.03, 0.1, 0.3, 1.0, 3.0, 10.0):
+        shot = scenes.cannonball(speed=1.0, g=1.0, drag=c)
+        shots[f"{c:g}"] = simulate(ledger.with_work(shot, effects.QuadraticDrag), 1.2, samples=200)
+    spent = [motion["work of QuadraticDrag"][-1] for motion in shots.values()]
+    page.number("work with c = 0.03, 0.1, 0.3, 1, 3 and 10 kg/m", spent, "J")
+    names = [f"c = {c} kg/m" for c in shots]
+    figure = drawing.trajectory(list(shots.values()), names=names, title="")
+    page.draw(figure, "All throws are drawn for 1.2 s: the more drag, the shorter.")
+    page.play(shots, "With much drag it stops and falls.", choose="drag [kg/m]")
+
+
+if __name__ == "__main__":
+    show(solve)

@@ -1,0 +1,119 @@
+"""Archives of NumPy (.npz) with arrays and one JSON text; nothing here loads JAX.
+
+They are written atomically and read without trust: entries are not compressed, so that what is
+claimed can be compared with the bytes that are there before an array is made, and no entry is
+unpickled.
+"""
+
+import io
+import json
+import math
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxdyn._text import fail
+from jaxdyn.files.input_files import content, parsed
+from jaxdyn.files.output_files import replace, unwritable, writable
+
+#: Bytes of an archive: all of it is in memory at once.
+MAX_BYTES = 2**30
+#: What entries may hold: floats, whole numbers, truth values.
+_TYPES = ("<f8", "<i8", "<i4", "|b1")
+_DATE = (1980, 1, 1, 0, 0, 0)  # the same motion gives the same file
+_ARRAY = ".npy"
+
+
+def write(path: str | Path, name: str, record: Any, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write a record and arrays, atomically: a killed process leaves the old file.
+
+    Args:
+      path: of the .npz file.
+      name: of the entry with the record.
+      record: for JSON.
+      arrays: by name.
+    Raises:
+      ValueError: `path` cannot be written, the record has numbers that are not finite, an array
+        has another type, or the archive would be larger than `read` takes.
+    """
+    path = writable(path, suffixes=(".npz",))
+    try:
+        entries = {name: json.dumps(record, indent=1, allow_nan=False).encode()}
+    except ValueError as error:
+        raise fail("record", "finite numbers", f"others ({error})") from error
+    entries |= {key + _ARRAY: _packed(key, x) for key, x in arrays.items()}
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
+        for key, data in entries.items():
+            archive.writestr(zipfile.ZipInfo(key, _DATE), data)
+    if file.tell() > MAX_BYTES:
+        remedy = "Save fewer samples, or the motions of a batch one by one."
+        raise fail("file", f"at most {MAX_BYTES} bytes", file.tell(), remedy)
+    try:
+        replace(path, file.getvalue())
+    except OSError as error:
+        raise unwritable(path, error) from error
+
+
+def read(path: str | Path, name: str, remedy: str) -> tuple[Any, dict[str, np.ndarray]]:
+    """The record and the arrays of an archive.
+
+    Args:
+      path: of the file.
+      name: of the entry with the record.
+      remedy: what to do where it is no such archive, for the message.
+    Raises:
+      ValueError: it is no archive that `write` wrote.
+    """
+    data = content(path, MAX_BYTES, remedy, "path")
+    try:
+        entries = _entries(data)
+    # Those of zipfile for what it does not take; those of NumPy for a header are ValueErrors.
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError) as error:
+        raise fail("path", "an archive (.npz)", f"{path} ({error})", remedy) from error
+    if name not in entries:
+        raise fail("path", f"an archive with the entry {name}", f"{path} without it", remedy)
+    record = parsed(entries.pop(name), str(path), remedy)
+    return record, {key.removesuffix(_ARRAY): _unpacked(key, x) for key, x in entries.items()}
+
+
+def _entries(data: bytes) -> dict[str, bytes]:
+    """The bytes of each entry, no more together than the archive has."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        found = archive.infolist()
+        if any(entry.compress_type != zipfile.ZIP_STORED for entry in found):
+            raise zipfile.BadZipFile("compressed entries, which may hide any size")
+        if sum(entry.file_size for entry in found) > len(data):
+            raise zipfile.BadZipFile("entries of more bytes than it has")
+        if len({entry.filename for entry in found}) < len(found):
+            raise zipfile.BadZipFile("two entries of one name")
+        return {entry.filename: archive.read(entry) for entry in found}
+
+
+def _packed(name: str, x: np.ndarray) -> bytes:
+    if x.dtype.str not in _TYPES:
+        raise fail(name, f"an array of {', '.join(_TYPES)}", x.dtype.str)
+    file = io.BytesIO()
+    np.lib.format.write_array(file, np.ascontiguousarray(x).reshape(x.shape), version=(1, 0))
+    return file.getvalue()
+
+
+def _unpacked(name: str, data: bytes) -> np.ndarray:
+    """The array of an entry, if its bytes are as many as its header claims."""
+    file = io.BytesIO(data)
+    try:
+        if np.lib.format.read_magic(file) != (1, 0):
+            raise ValueError("another version of the format")
+        shape, by_columns, dtype = np.lib.format.read_array_header_1_0(file)
+    except (ValueError, RecursionError, MemoryError) as error:
+        got = " ".join(str(error).split())[:80]
+        raise fail(f"entry {name[:40]}", "an array (.npy)", got) from error
+    if by_columns or dtype.str not in _TYPES:
+        raise fail(f"entry {name[:40]}", f"rows of {', '.join(_TYPES)}", f"{dtype}"[:80])
+    room = len(data) - file.tell()
+    if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize != room:
+        raise fail(f"entry {name[:40]}", f"a shape of {room} bytes", f"{shape}"[:80])
+    return np.frombuffer(data, dtype, offset=file.tell()).reshape(shape)

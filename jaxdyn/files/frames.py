@@ -1,0 +1,67 @@
+"""Motions as data frames of pandas, which is optional and imported when one is made."""
+
+from typing import Any
+
+import numpy as np
+
+from jaxdyn import _checks
+from jaxdyn._checks import fail
+from jaxdyn._text import second
+from jaxdyn.integrate.phase import END, HybridTrajectory
+from jaxdyn.integrate.trajectory import Trajectory
+from jaxdyn.scene import Scene
+
+
+def frame(motion: Trajectory | HybridTrajectory) -> Any:
+    """The samples of a motion as a DataFrame; see `Trajectory.to_pandas`."""
+    try:
+        import pandas  # pyright: ignore[reportMissingImports]
+    except ImportError as error:
+        missing = "Install it: pip install 'jaxdyn[pandas]'."
+        raise fail("to_pandas", "the package pandas", "none", missing) from error
+    _checks.untraced("motion", motion, "Convert what a compiled function returns.")
+    if isinstance(motion, HybridTrajectory):
+        return _of_phases(pandas, motion)
+    found, scene = _table(pandas, motion), motion.one(*(0 for _ in motion.batch_shape)).scene
+    found.attrs["units"] = _units(scene)
+    return found
+
+
+def _of_phases(pandas: Any, motion: HybridTrajectory) -> Any:
+    """The frames of the phases in order, and the state after the last exit, if there is one."""
+    parts = [_table(pandas, piece) for piece in motion.pieces]
+    names = list(motion.names)
+    if motion.ended:
+        parts.append(_rows(pandas, motion.pieces[-1].scene, [float(motion.t)], motion.y[None]))
+        names.append(END)
+    units = {}
+    for piece in motion.pieces:  # their coordinates may differ
+        units |= _units(piece.scene)
+    found = pandas.concat(parts)
+    found["phase"] = np.repeat(names, [len(part) for part in parts])
+    found.attrs["units"] = units
+    return found
+
+
+def _table(pandas: Any, motion: Trajectory) -> Any:
+    """The frame of one motion, or of a batch, which is numbered along its axes."""
+    shape, ts, ys = motion.batch_shape, np.asarray(motion.ts), np.asarray(motion.ys)
+    scene = motion.one(*(0 for _ in shape)).scene
+    if not shape:
+        return _rows(pandas, scene, ts, ys)
+    axes = ["motion"] if len(shape) == 1 else [f"motion {i}" for i in range(len(shape))]
+    numbers = [x.ravel() for x in np.indices(ts.shape)[:-1]]
+    index = pandas.MultiIndex.from_arrays([*numbers, ts.ravel()], names=[*axes, "t"])
+    return _rows(pandas, scene, index, ys.reshape(-1, ys.shape[-1]))
+
+
+def _rows(pandas: Any, scene: Scene, index: Any, ys: Any) -> Any:
+    index = pandas.Index(index, name="t") if not isinstance(index, pandas.Index) else index
+    columns = [name for name, _ in scene.labels()]
+    return pandas.DataFrame(np.asarray(ys), index=index, columns=columns)
+
+
+def _units(scene: Scene) -> dict[str, str]:
+    """The unit of time and of each entry of the state; "1" for none."""
+    labels = scene.labels()
+    return {"t": second(labels) or "1", **dict(labels)}

@@ -1,0 +1,137 @@
+"""Exhibits: pages of the site that show what the library does beyond the course.
+
+Each returns a record: ``title``, ``text`` in Markdown, ``drawings``, ``tables`` and ``minis``
+(closed paths that move).
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+import orbits
+from jaxdyn import drawing, hard, integrate, scenes
+from jaxdyn.accuracy.work_precision import work_precision
+from jaxdyn.gallery import poster
+from jaxdyn.gallery.pictures import written
+from jaxdyn.gallery.texts import duration
+from jaxdyn.studies import upright
+from orbits.drawing import family as family_picture
+from orbits.drawing import section as section_picture
+from orbits.files.family_files import listing
+
+
+def accuracy(pictures: Path) -> dict[str, Any]:
+    """What digits cost, for three scenes of different kinds."""
+    chosen = {
+        "three_body": scenes.three_body(),
+        "double_pendulum": scenes.double_pendulum(t1=5.0),
+        "lorenz": scenes.lorenz(t1=5.0),
+    }
+    found = {name: work_precision(scene, rounds=10) for name, scene in chosen.items()}
+    look = "The error of the end against the time of a solve: down and to the right is better."
+    drawings = [
+        written(drawing.work_precision(one, title=name), pictures, f"accuracy_{name}", look)
+        for name, one in found.items()
+    ]
+    rows = [
+        [name, str(n), *_best(one.at(10.0**-n))]
+        for name, one in found.items()
+        for n in (3, 6, 9, 12)
+    ]
+    head = ["scene", "digits", "fastest", "time"]
+    text = (
+        "Errors are against a solution at the limit of double precision; times are of compiled "
+        "solves, the median of ten. `jaxdyn accuracy SCENE` does the same for any scene and "
+        "recommends a method and a tolerance."
+    )
+    tables = [{"title": "The fastest method for each scene", "head": head, "rows": rows}]
+    return {"title": "What digits cost", "text": text, "drawings": drawings, "tables": tables}
+
+
+def _best(times: dict) -> list[str]:
+    """The fastest solver and its time, as text."""
+    reached = {name: one.median for name, one in times.items() if np.isfinite(one.median)}
+    if not reached:
+        return ["not reached", ""]
+    name = min(reached, key=reached.__getitem__)
+    return [name, duration(reached[name])]
+
+
+def hard_cases(_pictures: Path) -> dict[str, Any]:
+    """The verdicts of the hard cases."""
+    verdicts = [hard.judge(case) for case in hard.CASES.values()]
+    rows = [
+        [
+            v.case.name,
+            v.case.holds,
+            "holds" if v.passed else "fails",
+            "; ".join(f"{f.what}: {f.value:.3g}" for f in v.figures),
+        ]
+        for v in verdicts
+    ]
+    text = (
+        "Scenes that break naive codes, each with figures that must stay below a bound. "
+        "`jaxdyn hard` runs them."
+    )
+    head = ["case", "what must hold", "verdict", "figures"]
+    return {
+        "title": "Hard cases",
+        "text": text,
+        "tables": [{"title": "", "head": head, "rows": rows}],
+        "holds": all(v.passed for v in verdicts),
+    }
+
+
+def families(pictures: Path) -> dict[str, Any]:
+    """Families of orbits, a chart of stability, a surface of section."""
+    swing = orbits.find(scenes.pendulum(angle=0.5), period=2.1)
+    swings = orbits.continue_family(swing, members=20)
+    chart = upright.upright_chart(np.linspace(0.02, 0.5, 60), np.linspace(5.0, 80.0, 60))
+    plane = integrate.events.Reaches(0, 0.0, 1)
+    scene = scenes.henon_heiles()
+    starts = orbits.sections.complete(
+        scene, plane, {"y": jnp.linspace(-0.4, 0.6, 24), "vy": 0.0}, energy=1 / 8
+    )
+    crossed = orbits.section(scene, plane, starts, crossings=250)
+    drawings = [
+        written(
+            family_picture(listing(swings), title="Swings of a pendulum"),
+            pictures,
+            "family_pendulum",
+            "The period grows with the energy, without limit at the upright position.",
+        ),
+        written(
+            drawing.stability_chart(chart, names=("amplitude [m]", "frequency [rad/s]")),
+            pictures,
+            "chart_upright",
+            "Where a stick stands upright on a base that shakes up and down.",
+        ),
+        written(
+            section_picture(crossed),
+            pictures,
+            "section_henon_heiles",
+            "Henon and Heiles's system at E = 1/8: islands of regular motion in a chaotic sea.",
+        ),
+    ]
+    text = (
+        "`orbits.continue_family` follows an orbit and detects what happens on the way, Floquet "
+        "multipliers decide what is stable, `orbits.section` crosses a plane from many starts."
+    )
+    return {"title": "Families, charts, sections", "text": text, "drawings": drawings}
+
+
+def periodic_orbits(pictures: Path) -> dict[str, Any]:
+    """The poster of fifty orbits of three bodies."""
+    return poster.record(pictures)
+
+
+#: By the name of the page; those that take longest first.
+EXHIBITS: dict[str, Callable[[Path], dict[str, Any]]] = {
+    "hard": hard_cases,
+    "accuracy": accuracy,
+    "poster": periodic_orbits,
+    "families": families,
+}

@@ -1,0 +1,46 @@
+// Moving miniatures of periodic orbits: closed paths of bodies, drawn together on small canvases.
+"use strict";
+
+(() => {
+  const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7"];
+  const SECONDS = 6; // of a period
+  const data = JSON.parse(document.getElementById("minis").textContent);
+  const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+  function draw(canvas, orbit, share) {
+    const ratio = window.devicePixelRatio || 1, side = canvas.clientWidth;
+    if (canvas.width !== Math.round(side * ratio)) canvas.width = canvas.height = Math.round(side * ratio);
+    const pen = canvas.getContext("2d"), count = orbit.x.length, frames = orbit.x[0].length;
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.clearRect(0, 0, side, side);
+    const scale = (0.45 * side) / orbit.reach, place = (j, i) => [side / 2 + scale * orbit.x[j][i % frames], side / 2 - scale * orbit.y[j][i % frames]];
+    for (let j = 0; j < count; j++) {
+      pen.strokeStyle = COLOURS[j % COLOURS.length];
+      pen.globalAlpha = 0.45;
+      pen.lineWidth = 1.2;
+      pen.beginPath();
+      for (let i = 0; i <= frames; i++) pen.lineTo(...place(j, i));
+      pen.stroke();
+    }
+    pen.globalAlpha = 1;
+    const at = share * frames, i = Math.floor(at), f = at - i;
+    for (let j = 0; j < count; j++) {
+      const [a, b] = [place(j, i), place(j, i + 1)];
+      pen.fillStyle = COLOURS[j % COLOURS.length];
+      pen.beginPath();
+      pen.arc(a[0] + f * (b[0] - a[0]), a[1] + f * (b[1] - a[1]), 4, 0, 2 * Math.PI);
+      pen.fill();
+    }
+  }
+
+  const seen = new Set(), canvases = [...document.querySelectorAll("canvas[data-mini]")];
+  const watch = new IntersectionObserver((entries) => {
+    for (const { target, isIntersecting } of entries) if (isIntersecting) seen.add(target); else seen.delete(target);
+  });
+  for (const canvas of canvases) { watch.observe(canvas); draw(canvas, data[canvas.dataset.mini], 0); }
+  const step = (now) => {
+    for (const canvas of seen) draw(canvas, data[canvas.dataset.mini], (now / 1000 / SECONDS) % 1);
+    requestAnimationFrame(step);
+  };
+  if (!calm) requestAnimationFrame(step);
+})();

@@ -1,0 +1,98 @@
+"""Fifty periodic orbits of three equal bodies, closed anew: a poster, and miniatures that move.
+
+`jaxdyn/data/plane_orbits.json` has their starts, found by `orbits.search_plane`: those with a
+published name, the stable ones, and the shortest of the others. What is shown of them, period,
+stability, word, is computed when the page is built.
+"""
+
+import importlib.resources
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import orbits
+from jaxdyn import scenes, simulate
+from jaxdyn._progress import each
+from jaxdyn.drawing.figures import PALETTE, blank
+from jaxdyn.gallery.pictures import written
+from orbits.discovery import plane, seeds
+
+_COLUMNS = 10
+_SIDE = 1.5  # [in] of a panel
+_SAMPLES = 400  # of a miniature
+_DIGITS = 4  # of a position, in units of the distance at the start
+
+
+class Shown(NamedTuple):
+    """An orbit of the poster: its name or number, what is said of it, its paths (s, 3, 2)."""
+
+    name: str
+    lines: tuple[str, ...]
+    r: np.ndarray
+    verdict: str
+
+
+def record(pictures: Path) -> dict[str, Any]:
+    """Close all orbits of the poster, draw them, and return what the page shows."""
+    shown = [_closed(row, i) for i, row in enumerate(each(starts(), "closing orbits"))]
+    figure = _poster(shown)
+    look = "All of them over one period, each to its own scale."
+    drawing = written(figure, pictures, "poster", look) | {"other": "poster.pdf"}
+    figure.savefig(pictures / "poster.pdf")
+    stable = sum(one.verdict == "stable" for one in shown)
+    text = (
+        f"{len(shown)} periodic orbits of three equal bodies without angular momentum, which start "
+        "in line. `orbits search` finds them from random velocities; each was closed anew for this "
+        f"page to a closing error below 1e-9, and {stable} are linearly stable. The word lists the "
+        "bodies that pass between the two others, as a word in Montgomery's free group."
+    )
+    minis = [{"name": s.name, "lines": s.lines, "path": _path(s.r)} for s in shown]
+    return {"title": "Periodic orbits of three bodies", "text": text} | {
+        "drawings": [drawing],
+        "minis": minis,
+    }
+
+
+def starts() -> list[dict[str, Any]]:
+    """The stored starts: velocities a and b, period T, published name or ""."""
+    file = importlib.resources.files("jaxdyn") / "data" / "plane_orbits.json"
+    return json.loads(file.read_text())["orbits"]
+
+
+def _closed(row: dict[str, Any], number: int) -> Shown:
+    """One orbit, closed and judged anew."""
+    start = seeds.rows(np.array([[row["a"], row["b"]]]))[0]
+    scene = scenes.three_body().starting(start, row["T"])
+    orbit = orbits.find(scene, period=row["T"], closing=orbits.reversal(plane.IN_LINE))
+    stability, word = orbits.stability(orbit), orbits.word(orbit)
+    motion = simulate(orbit.scene, orbit.period, samples=_SAMPLES, rtol=1e-10)
+    lines = (
+        f"T = {float(orbit.period):.6f}, {stability.verdict}",
+        word if len(word) <= 24 else f"{word[:21]}... ({len(word)} letters)",
+    )
+    name = row["name"] or f"orbit {number + 1}"
+    return Shown(name=name, lines=lines, r=np.asarray(motion.r), verdict=stability.verdict)
+
+
+def _poster(shown: list[Shown]):
+    """All orbits in a grid, each to its own scale."""
+    rows = -(-len(shown) // _COLUMNS)
+    figure = blank(_COLUMNS * _SIDE, rows * (_SIDE + 0.25))
+    panels = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
+    for ax in panels:
+        ax.set_axis_off()
+    for ax, one in zip(panels, shown, strict=False):
+        for body, colour in zip(np.moveaxis(one.r, 1, 0), PALETTE, strict=False):
+            ax.plot(*body.T, color=colour, lw=0.9)
+            ax.plot(*body[0], "o", color=colour, ms=3)
+        ax.set_aspect("equal")
+        ax.set_title(one.name, fontsize=7, pad=2)
+    return figure
+
+
+def _path(r: np.ndarray) -> dict[str, Any]:
+    """The paths of an orbit for a miniature; the last sample, which is the first, is left out."""
+    x, y = (np.round(r[:-1, :, axis].T, _DIGITS).tolist() for axis in (0, 1))
+    return {"x": x, "y": y, "reach": round(float(np.abs(r).max()), _DIGITS)}

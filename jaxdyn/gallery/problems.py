@@ -1,0 +1,55 @@
+"""The pages of the course: run, drawn, exported for the player, and what their digits cost."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxdyn.accuracy.work_precision import work_precision
+from jaxdyn.course.page import Page, Problem, run
+from jaxdyn.course.page.running import record
+from jaxdyn.gallery.pictures import written
+from jaxdyn.integrate.trajectory import Trajectory
+from jaxdyn.player import export
+from jaxdyn.solvers.choice import default_solver, reason
+
+_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)
+_DIGITS = (3, 6, 9, 12)
+_ROUNDS = 5
+
+
+def problem_record(problem: Problem, pictures: Path) -> dict[str, Any]:
+    """Run the page of a problem and write its pictures; what is to be shown of it."""
+    found = run(problem.name)
+    page = found.page
+    return {
+        **record(found),
+        "problem": problem._asdict(),
+        "drawings": [
+            written(drawing.figure, pictures, f"{problem.name}_{i + 1}", drawing.look)
+            for i, drawing in enumerate(page.drawings)
+        ],
+        "played": [
+            {"look": played.look, "data": export(played.motions, choose=played.choose)}
+            for played in page.played
+        ],
+        "digits": _digits(page),
+    }
+
+
+def _digits(page: Page) -> dict[str, Any] | None:
+    """What the digits of the first motion that is played cost; None where none is one solve."""
+    motions = [one for played in page.played for one in played.motions.values()]
+    whole = [one for one in motions if isinstance(one, Trajectory) and one.ok and one.dt is None]
+    if not whole:
+        return None
+    scene, t1 = whole[0].scene, float(whole[0].ts[-1])
+    solver = default_solver(scene)
+    found = work_precision(scene, t1, solvers=(solver,), tolerances=_TOLERANCES, rounds=_ROUNDS)
+    rows = [(n, found.at(10.0**-n)[solver.name].median) for n in _DIGITS]
+    return {
+        "solver": solver.name,
+        "reason": reason(scene),
+        "t1": t1,
+        "rows": [{"digits": n, "seconds": None if np.isnan(s) else s} for n, s in rows],
+    }

@@ -1,0 +1,71 @@
+"""Records of pages that have run: kept beside the site, made again only where sources changed."""
+
+import functools
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from jaxdyn.files.output_files import replace
+
+_PACKAGES = tuple(Path(__file__).parents[2] / name for name in ("jaxdyn", "orbits"))
+#: They change how a record is shown, not what is in it.
+_SHOWING = {"reference.py", "site.py", "texts.py", "writing.py"}
+
+
+def kept(folder: Path, name: str, source: Path, make: Callable[[], dict[str, Any]]) -> dict:
+    """The record of a page, made if it is missing, older than its sources or without its pictures.
+
+    Args:
+      folder: of the site.
+      name: of the page.
+      source: its own file; every file of the library that takes part counts as well.
+      make: runs the page and returns its record.
+    """
+    wanted = digest(source)
+    record = stored(folder, name)
+    if record is not None and record["digest"] == wanted:
+        files = [one["file"] for one in record.get("drawings", ())]
+        if all((folder / "pictures" / file).exists() for file in files):
+            return record
+    record = {"digest": wanted, **make()}
+    path = _path(folder, name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    replace(path, json.dumps(record))
+    return record
+
+
+def stored(folder: Path, name: str) -> dict | None:
+    """The stored record of a page; None if there is none that can be read."""
+    try:
+        record = json.loads(_path(folder, name).read_text())
+    except (OSError, ValueError):
+        return None
+    return record if isinstance(record, dict) and "digest" in record else None
+
+
+def digest(source: Path) -> str:
+    """A digest of a page's own file and of the library."""
+    return hashlib.sha256(source.read_bytes() + _library()).hexdigest()[:16]
+
+
+def _path(folder: Path, name: str) -> Path:
+    return folder / ".records" / f"{name}.json"
+
+
+@functools.cache
+def _library() -> bytes:
+    found = hashlib.sha256()
+    for package in _PACKAGES:
+        for path in sorted(package.rglob("*.*")):
+            if path.suffix in (".py", ".json") and _counts(path.relative_to(package)):
+                found.update(str(path.relative_to(package)).encode() + path.read_bytes())
+    return found.digest()
+
+
+def _counts(path: Path) -> bool:
+    """Whether a file of the library can change a record; of the course only one page does."""
+    top = path.parts[0]
+    page = top == "course" and len(path.parts) == 2
+    return top != "cli" and not page and not (top == "gallery" and path.name in _SHOWING)

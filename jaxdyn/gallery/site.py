@@ -1,0 +1,129 @@
+"""The static site, built from records of pages that ran in parallel."""
+
+import multiprocessing
+import os
+from collections.abc import Collection
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import NamedTuple
+
+from jaxdyn import _checks
+from jaxdyn._config import configure
+from jaxdyn._progress import doing
+from jaxdyn._text import whole
+from jaxdyn.course.page import Problem, problems
+from jaxdyn.files.output_files import unwritable, writable
+from jaxdyn.gallery import exhibits
+from jaxdyn.gallery.problems import problem_record
+from jaxdyn.gallery.records import kept, stored
+from jaxdyn.gallery.writing import Site, neighbours
+
+_PICTURES = "pictures"
+_MOST_WORKERS = 61  # of a pool of processes on Windows
+
+
+class Built(NamedTuple):
+    """A site that was built.
+
+    Attributes:
+      folder: where it is.
+      pages: its pages, relative to the folder.
+      failed: the pages whose run failed, with the error; they are left out.
+      untrue: the pages on which a check does not hold.
+    """
+
+    folder: Path
+    pages: tuple[str, ...]
+    failed: dict[str, str]
+    untrue: tuple[str, ...]
+
+
+def build(folder, *, only: Collection[int | str] = (), workers: int | None = None) -> Built:
+    """Build the site: the course, the exhibits, guides and reference.
+
+    Pages run in processes of their own, and only those whose sources changed since the last time.
+
+    Args:
+      folder: to write to; made if it is missing.
+      only: numbers or names of problems, or names of exhibits: just these are run; others are
+        shown as they were built before, or left out.
+      workers: processes, 1 to 61; one for each core by default.
+    Raises:
+      ValueError: `only` is a text or names no page, `workers` is out of range, or `folder` cannot
+        be written.
+    """
+    folder = Path(folder)
+    jobs = _jobs(only)
+    if workers is not None:
+        whole("workers", workers, most=_MOST_WORKERS)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error, "folder") from error
+    writable(folder / "index.html", "folder", (".html",))
+    failed = _run(jobs, folder, workers or min(os.cpu_count() or 1, _MOST_WORKERS))
+    doing("writing pages")
+    records = {name: stored(folder, name) for name in (*_names().values(), *exhibits.EXHIBITS)}
+    found = {name: r for name, r in records.items() if r is not None and name not in failed}
+    # As they were when the page ran: a page that was not run again may be older than its file.
+    shown = [(Problem(**r["problem"]), r) for r in found.values() if "problem" in r]
+    site = Site(folder, [name for name in exhibits.EXHIBITS if name in found])
+    site.assets()
+    site.index(shown)
+    for before, (problem, record), after in neighbours(shown):
+        site.problem(problem, record, before and before[0], after and after[0])
+    for name in exhibits.EXHIBITS:
+        if name in found:
+            site.exhibit(name, found[name])
+    site.guides()
+    site.reference()
+    untrue = tuple(name for name, record in found.items() if not record.get("holds", True))
+    return Built(folder, tuple(site.written), failed, untrue)
+
+
+def _names() -> dict[str, str]:
+    """The name of each problem's page by its number, as text."""
+    return {str(problem.number): problem.name for problem in problems().values()}
+
+
+def _jobs(only: Collection[int | str]) -> list[str]:
+    """The names of the pages to run, those that take longest first."""
+    if isinstance(only, str):
+        raise _checks.fail("only", "a list of numbers or names", repr(only))
+    names = _names()
+    known = [*exhibits.EXHIBITS, *names.values()]
+    for one in only:
+        if str(one) not in names:
+            _checks.choice("only", str(one), known, "jaxdyn list --problems")
+    return list(dict.fromkeys(names.get(str(one), str(one)) for one in only)) or known
+
+
+def _run(jobs: Collection[str], folder: Path, workers: int) -> dict[str, str]:
+    """Run pages in parallel; the errors of those that failed, by name."""
+    failed = {}
+    # A fork would copy JAX's threads, which do not survive it.
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(workers, len(jobs)), context, configure)
+    try:
+        running: dict[Future, str] = {pool.submit(make, name, folder): name for name in jobs}
+        doing("running pages", 0, len(jobs))
+        for done, future in enumerate(as_completed(running), start=1):
+            error = future.exception()
+            if error is not None:
+                failed[running[future]] = f"{type(error).__name__}: {error}"
+            doing(f"running pages, {running[future]} done", done, len(jobs))
+    finally:
+        pool.shutdown(cancel_futures=True)  # Ctrl-C does not wait for the others
+    return failed
+
+
+def make(name: str, folder: Path) -> None:
+    """Run the page of a problem or an exhibit unless its record is as new as its sources."""
+    pages = {problem.name: problem for problem in problems().values()}
+    pictures = folder / _PICTURES
+    if name in pages:
+        source = Path(exhibits.__file__).parents[1] / "course" / f"{name}.py"
+        kept(folder, name, source, lambda: problem_record(pages[name], pictures))
+    else:
+        source = Path(exhibits.__file__)
+        kept(folder, name, source, lambda: exhibits.EXHIBITS[name](pictures))

@@ -1,0 +1,190 @@
+"""What the player draws of motions, as one JSON object.
+
+Positions are shares of the box of their motion in 16 bits, finer than any screen; times and the
+change of the energy are doubles. Both are little-endian and written in base64, a fifth of the size
+of decimal numbers. The frames are states of the curve that `paths` finds, at evenly spaced times;
+there are as many as the size allows.
+"""
+
+import base64
+import dataclasses
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from jaxdyn import _checks
+from jaxdyn.analysis.energy import change
+from jaxdyn.drawing.contents import Paths, in_time, paths, places
+from jaxdyn.drawing.curves import reached
+from jaxdyn.drawing.panels import limits
+from jaxdyn.drawing.strokes import grounds
+from jaxdyn.files.output_files import replace, writable
+from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
+from jaxdyn.integrate.trajectory import Trajectory, single
+
+VERSION = 1
+_MOST_BYTES = 400_000  # of all positions of an export
+_FRAMES = 60, 900  # fewest and most of a motion
+_ENERGIES = 500  # samples of the energy
+_SHARES = 65535  # the largest whole number of 16 bits
+_STILL = 1e-9  # of its box: a shape that moves less does not move
+
+
+def export(motions: Any, path=None, *, choose: str = "") -> dict[str, Any]:
+    """What the player shows of a motion, or of several, as an object that JSON can hold.
+
+    Args:
+      motions: what `simulate` or `simulate_phases` returned, or a mapping of names to them, all
+        in one plane or one space.
+      path: a file to write it to, .json.
+      choose: a parameter and its unit, of which the names are values: a slider then chooses one
+        motion. By default several are shown together.
+    Returns:
+      The object: axes, and for each motion its times, paths, shapes and energy.
+    Raises:
+      ValueError: a motion is a batch, has fewer than two samples or nothing to draw, several do
+        not fit on the same axes, `choose` is given for one motion, or `path` cannot be written.
+    Example:
+      >>> from jaxdyn import scenes, simulate
+      >>> from jaxdyn.player import export
+      >>> shown = export(simulate(scenes.pendulum(), 1.0, samples=50))
+      >>> shown["labels"], shown["motions"][0]["count"]
+      (['x [m]', 'y [m]'], 1)
+    """
+    path = None if path is None else writable(path, suffixes=(".json",))
+    named = _named(motions, choose)
+    drawn = {name: paths(one) for name, one in named.items()}
+    _check(drawn)
+    first = next(iter(drawn.values()))
+    box = limits(np.concatenate([places(one) for one in drawn.values()]), first.equal)
+    found = {
+        "version": VERSION,
+        "choose": choose,
+        "labels": list(first.labels),
+        "second": first.second,
+        "equal": first.equal,
+        "box": box.T.tolist(),
+        "motions": [
+            _motion(name, one, drawn[name], _MOST_BYTES // len(drawn))
+            for name, one in named.items()
+        ],
+    }
+    if path is not None:
+        replace(path, json.dumps(found, allow_nan=False))
+    return found
+
+
+def _named(motions: Any, choose: str) -> dict[str, Trajectory | HybridTrajectory]:
+    """The motions by name; "" is that of a single one."""
+    if not isinstance(motions, Mapping):
+        motions = {"": motions}
+    if choose and len(motions) < 2:
+        raise _checks.fail(
+            "choose", "several motions to choose from", len(motions), "Pass a mapping of them."
+        )
+    if not motions:
+        raise _checks.fail("motions", "at least one motion", "none")
+    for one in motions.values():
+        if not isinstance(one, Trajectory | HybridTrajectory):
+            wanted = "a motion, or a mapping of names to motions"
+            remedy = 'For several: {"first": motion, "second": other}.'
+            raise _checks.fail("motions", wanted, type(one).__name__, remedy)
+        for piece in pieces_of(one):
+            single(piece)
+    return {str(name): one for name, one in motions.items()}
+
+
+def _check(drawn: Mapping[str, Paths]) -> None:
+    for name, one in drawn.items():
+        if len(one.ts) < 2:
+            raise _checks.fail(
+                f"motion {name!r}" if name else "motion",
+                "at least 2 samples",
+                len(one.ts),
+                one.stopped or "Simulate with more, over a longer span.",
+            )
+    if len({one.labels for one in drawn.values()}) > 1:
+        raise _checks.fail("motions", "motions in one space", "several", "Play them separately.")
+
+
+def _motion(name: str, motion: Trajectory | HybridTrajectory, drawn: Paths, most: int) -> dict:
+    """One motion: its frames, with at most this many bytes of positions."""
+    # Of every sample: a corner outside of the box would wrap around in its 16 bits.
+    everywhere = [drawn.xyz, *(x.at for x in drawn.shapes if x.kind != "ground")]
+    ends = np.concatenate([one.reshape(-1, drawn.xyz.shape[-1]) for one in everywhere])
+    lo, hi = ends.min(axis=0), ends.max(axis=0)
+    hi = np.where(hi > lo, hi, lo + 1.0)
+    moving = [x for x in drawn.shapes if x.kind != "ground" and x.at.size]
+    still = [_is_still(x.at, hi - lo) for x in moving]
+    several = [x.at[0].size for x, s in zip(moving, still, strict=True) if not s]
+    size = 2 * (drawn.xyz[0].size + sum(several))
+    least, longest = _FRAMES
+    count = min(len(drawn.ts), longest, max(least, most // size))
+    kept = _forwards(in_time(drawn, count), drawn.ts)
+    return {
+        "name": name,
+        "ts": _text(drawn.ts[kept], "<f8"),
+        "lo": lo.tolist(),
+        "hi": hi.tolist(),
+        "names": list(drawn.names),
+        "count": drawn.xyz.shape[1],
+        "paths": _shares(drawn.xyz[kept], lo, hi),
+        "shapes": [
+            {
+                "kind": x.kind,
+                "lines": x.at.shape[1],
+                "corners": x.at.shape[2],
+                "at": _shares(x.at[:1] if s else x.at[kept], lo, hi),
+            }
+            for x, s in zip(moving, still, strict=True)
+        ],
+        "grounds": [line.tolist() for line in grounds(drawn)],
+        "stopped": drawn.stopped,
+        "energy": _energy(motion, " J" if drawn.second else ""),
+    }
+
+
+def _forwards(kept: np.ndarray, ts: np.ndarray) -> np.ndarray:
+    """Indices in the order of time; a motion may have been simulated backwards."""
+    return kept[::-1] if ts[kept[-1]] < ts[kept[0]] else kept
+
+
+def _is_still(at: np.ndarray, size: np.ndarray) -> bool:
+    return bool((np.abs(at - at[:1]) <= _STILL * size.max()).all())
+
+
+def _energy(motion: Trajectory | HybridTrajectory, unit: str) -> dict | None:
+    """The energy at the start and its relative change; None for a scene without an energy."""
+    good = [(piece, reached(piece)) for piece in pieces_of(motion)]
+    pieces = [dataclasses.replace(one, ts=one.ts[:n], ys=one.ys[:n]) for one, n in good if n]
+    if not pieces or any(not _has_energy(piece) for piece in pieces):
+        return None
+    found = [change(piece.scene, piece.ts, piece.ys) for piece in pieces]
+    ts = np.concatenate([np.asarray(piece.ts) for piece in pieces])
+    values = np.concatenate([np.asarray(one.values) for one in found])
+    size = max(float(one.size) for one in found)
+    if not np.isfinite([*values, size]).all():
+        return None
+    kept = _forwards(np.unique(np.linspace(0, len(ts) - 1, _ENERGIES).astype(int)), ts)
+    return {
+        "start": float(values[0]),
+        "size": size,
+        "unit": unit,
+        "ts": _text(ts[kept], "<f8"),
+        "change": _text((values[kept] - values[0]) / size, "<f8"),
+    }
+
+
+def _has_energy(piece: Trajectory) -> bool:
+    scene = piece.scene
+    return bool(scene.system.energies(piece.ts[0], piece.ys[0], scene.effects))
+
+
+def _shares(at: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> str:
+    return _text(np.clip(np.rint((at - lo) / (hi - lo) * _SHARES), 0, _SHARES), "<u2")
+
+
+def _text(array: np.ndarray, kind: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(array, kind).tobytes()).decode()

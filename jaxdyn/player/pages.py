@@ -1,0 +1,112 @@
+"""Pages that play motions: one file, without other files and without the network."""
+
+import functools
+import html
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from jaxdyn.drawing.titles import caption
+from jaxdyn.files.output_files import replace, writable
+from jaxdyn.player.export import export
+
+_HERE = Path(__file__).parent
+_FRAME = 720  # [px] height of a player in a notebook
+_PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<title>{title}</title>
+<style>{look}
+:root {{ color-scheme: light dark; }}
+body {{ margin: 0 auto; max-width: 780px; padding: 0 10px; font-family: system-ui, sans-serif; }}
+h1 {{ font-size: 1.2rem; font-weight: 600; }}
+</style>
+</head>
+<body>
+<main>
+<h1>{title}</h1>
+{fragment}
+</main>
+<script>{script}</script>
+</body>
+</html>
+"""
+
+
+class Playing:
+    """A page that plays motions: a notebook shows it, `text` is its HTML."""
+
+    def __init__(self, text: str):
+        self.text = text
+
+    def __repr__(self) -> str:
+        return f"Playing({len(self.text) // 1000} kB of HTML): a notebook shows it"
+
+    def _repr_html_(self) -> str:
+        """A frame of its own, so that the notebook's styles and the player's stay apart."""
+        held = html.escape(self.text, quote=True)
+        style = f"width: 100%; height: {_FRAME}px; border: 0"
+        return f'<iframe srcdoc="{held}" style="{style}" title="player"></iframe>'
+
+
+def play(motions: Any, path=None, *, title: str = "", choose: str = "") -> Playing:
+    """A page that plays a motion, or several together, in a notebook or a browser.
+
+    Args:
+      motions: what `simulate` or `simulate_phases` returned, or a mapping of names to them.
+      path: a file to write the page to, .html; it needs no other file.
+      title: its heading; the scene with its numbers by default.
+      choose: as in `export`.
+    Returns:
+      The page; as the last value of a notebook's cell it is shown.
+    Raises:
+      ValueError: as `export`, or `path` cannot be written.
+    Example:
+      >>> from jaxdyn import player, scenes, simulate
+      >>> player.play(simulate(scenes.pendulum(), 1.0, samples=50))  # doctest: +ELLIPSIS
+      Playing(... kB of HTML): a notebook shows it
+    """
+    path = None if path is None else writable(path, suffixes=(".html",))
+    several = list(motions.values()) if isinstance(motions, Mapping) else [motions]
+    shown = export(motions, choose=choose)
+    text = _PAGE.format(
+        title=html.escape(title or caption(*several).replace(r"\$", "$")),
+        look=look(),
+        fragment=fragment(shown),
+        script=script(),
+    )
+    if path is not None:
+        replace(path, text)
+    return Playing(text)
+
+
+def fragment(shown: Mapping[str, Any], label: str = "A motion.") -> str:
+    """The part of a page that becomes a player of an export, where `script` is on the page."""
+    return (
+        f'<div class="player" data-label="{html.escape(label, quote=True)}">'
+        f'<script type="application/json">{embedded(shown)}</script></div>'
+    )
+
+
+def embedded(found: Any) -> str:
+    """JSON that can stand in a script of a page, whatever its texts contain.
+
+    A "<" could begin a tag that ends the script, or a comment that keeps it from ending.
+    """
+    return json.dumps(found, allow_nan=False).replace("<", "\\u003c")
+
+
+@functools.cache
+def script() -> str:
+    """The player's script."""
+    return (_HERE / "player.js").read_text()
+
+
+@functools.cache
+def look() -> str:
+    """The player's style sheet."""
+    return (_HERE / "player.css").read_text()

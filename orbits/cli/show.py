@@ -1,0 +1,85 @@
+"""The command `orbits show`: what a file of an orbit or of a family holds, and a picture of it."""
+
+import json
+from pathlib import Path
+
+from rich.markup import escape
+
+import orbits
+from jaxdyn import _text
+from jaxdyn.cli.screen import Screen, screen
+from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title
+from orbits.cli.printed import print_family, print_reports
+from orbits.cli.shared import OrbitFile, draw
+
+
+def show_command(
+    file: OrbitFile,
+    plot: PlotOption = None,
+    title: TitleOption = None,
+    as_object: JsonOption = False,
+) -> None:
+    """Print what a file of an orbit or of a family claims, as it stands there, and draw it."""
+    check_title(title, plot)
+    with screen(f"reading {file}", as_object) as out:
+        found = orbits.files.contents.contents(file)
+        if as_object:
+            out.result(json.loads(file.read_text()))
+        if isinstance(found, orbits.files.family_files.Listing):
+            _show_family(found, file, plot, title, out)
+        else:
+            _show_orbit(found, file, plot, title, out)
+
+
+def _show_orbit(
+    found: "orbits.files.contents.Claimed",
+    file: Path,
+    plot: Path | None,
+    title: str | None,
+    out: Screen,
+) -> None:
+    if not out.as_object:
+        more = [found.refined, found.certificate]
+        for text in (_heading(found.orbit, file), found.orbit.scene, *filter(None, more)):
+            out.print(escape(str(text)))
+        print_reports({file.name: found.report}, out)
+        out.print(f"these are the claims of the file; `orbits verify {file}` recomputes them")
+    draw([found.orbit], [""], plot, None, out, title)
+
+
+def _show_family(
+    found: "orbits.files.family_files.Listing",
+    file: Path,
+    plot: Path | None,
+    title: str | None,
+    out: Screen,
+) -> None:
+    if not out.as_object:
+        first = found.members[0].orbit
+        for text in (_heading(first, file, found), first.scene):
+            out.print(escape(str(text)))
+        print_family(found, out)
+    if plot:
+        with out.writing(plot, "drawn in"):
+            orbits.drawing.family(found, plot, title=title)
+
+
+def _heading(
+    orbit: "orbits.Orbit", file: Path, family: "orbits.files.family_files.Listing | None" = None
+) -> str:
+    """What a file holds, and how that was found."""
+    what, version = "Orbit", orbits.files.orbit_files.VERSION
+    if family is not None:
+        what, version = "Family of orbits", orbits.files.family_files.VERSION
+    ways = [f"integrated at rtol {_text.brief(orbit.rtol)}"]
+    ways += ["by an implicit method"] * orbit.stiff
+    ways += ["in logarithmic time"] * (orbit.s_period is not None)
+    ways += [f"by collocation on {len(orbit.mesh)} intervals"] if orbit.mesh else []
+    rows = [
+        ("file", f"{file}, version {version}"),
+        ("along", "" if family is None else family.parameter or "its energy and period"),
+        ("closing", orbit.closing.name),
+        ("turned", _text.brief(orbit.angle, "rad") if orbit.closing.turns else ""),
+        ("found", ", ".join(ways)),
+    ]
+    return _text.table(f"{what} of {_text.called(orbit.scene)}", rows)

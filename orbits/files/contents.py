@@ -1,0 +1,63 @@
+"""What a file holds, as it claims: an orbit with all that was found of it, or a family."""
+
+import dataclasses
+from pathlib import Path
+
+from jaxdyn._checks import fail
+from jaxdyn.files.input_files import MAX_BYTES, content, parsed
+from orbits.analysis.report import Report, from_json
+from orbits.files import family_files, orbit_files
+from orbits.files.encoding import DAMAGED
+from orbits.files.family_files import Listing
+from orbits.orbit import Orbit
+from orbits.proof.certificate import Certificate
+from orbits.proof.refined import Refined
+
+_REMEDY = "Give the path of a file that --save, or orbits.save, wrote."
+
+
+@dataclasses.dataclass(frozen=True)
+class Claimed:
+    """An orbit with what its file claims of it; `verify` recomputes that.
+
+    Attributes:
+      orbit: the orbit.
+      report: the claims that every orbit file has.
+      refined: its digits, if it has more than doubles have.
+      certificate: its proof, if it has one.
+    """
+
+    orbit: Orbit
+    report: Report
+    refined: Refined | None
+    certificate: Certificate | None
+
+
+def contents(path: str | Path) -> Claimed | Listing:
+    """The orbit or the family in a file, with its claims, none of which is recomputed.
+
+    Args:
+      path: of the JSON file.
+    Raises:
+      ValueError: it is neither an orbit file nor a family file of this version, or its data is
+        invalid.
+    """
+    record = parsed(content(path, MAX_BYTES, _REMEDY), str(path), _REMEDY)
+    kind = record.get("format") if isinstance(record, dict) else None
+    if kind == family_files.FORMAT:
+        return family_files.load(path)
+    if kind != orbit_files.FORMAT:
+        wanted = f"format {orbit_files.FORMAT!r} or {family_files.FORMAT!r}"
+        raise fail("file", wanted, repr(kind)[:40], _REMEDY)
+    orbit, claims = orbit_files.load(path)
+    refined, certificate = (
+        claims.pop(name, None) for name in (orbit_files.REFINED, orbit_files.CERTIFICATE)
+    )
+    return Claimed(
+        orbit=orbit,
+        report=from_json(claims, DAMAGED),
+        refined=None if refined is None else Refined.from_json(orbit, refined, DAMAGED),
+        certificate=(
+            None if certificate is None else Certificate.from_json(orbit, certificate, DAMAGED)
+        ),
+    )

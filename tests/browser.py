@@ -1,0 +1,56 @@
+"""A headless Chromium for tests of pages; they are skipped where there is none."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+_FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+
+
+def start(width: int = 1280, height: int = 900):
+    """A browser with a window of this size [px]; skips the test where it cannot be started."""
+    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+    programs = [shutil.which(name) for name in ("chromium", "chromedriver")]
+    if not all(programs):
+        pytest.skip("Chromium is not installed: pages were not opened")
+    options = webdriver.ChromeOptions()
+    options.binary_location = programs[0]
+    for flag in (*_FLAGS, f"--window-size={width},{height}"):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    return webdriver.Chrome(options, webdriver.ChromeService(programs[1]))
+
+
+def opened(browser, path: Path) -> None:
+    """Open a page from a file; fails on any message of its console."""
+    browser.get(path.as_uri())
+    assert browser.get_log("browser") == [], path
+
+
+def player(browser, call: str, nth: int = 0):
+    """The value of an expression such as ``state()`` of a player on the page."""
+    found = f"document.querySelectorAll('.player')[{nth}].player.{call}"
+    return json.loads(browser.execute_script(f"return JSON.stringify({found} ?? null)"))
+
+
+def picture(browser, nth: int = 0) -> str:
+    """What a player's canvas shows, as text; equal for equal pictures."""
+    canvas = f"document.querySelectorAll('.player .stage')[{nth}]"
+    return browser.execute_script(f"return {canvas}.toDataURL()")
+
+
+def drag(browser, element, across: int, down: int) -> None:
+    """Drag from the middle of an element by some pixels."""
+    chains = pytest.importorskip("selenium.webdriver.common.action_chains")
+    chains.ActionChains(browser).drag_and_drop_by_offset(element, across, down).perform()

@@ -1,0 +1,71 @@
+"""`jaxdyn course`, `jaxdyn run --play` and `jaxdyn gallery` on the command line."""
+
+import json
+import webbrowser
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    """The addresses that a browser was asked to open."""
+    found = []
+    monkeypatch.setattr(webbrowser, "open", lambda url: bool(found.append(url)) or True)
+    return found
+
+
+def test_a_problem_is_run_and_said_to_hold(command, tmp_path):
+    ran = command("jaxdyn", "course", "54", "--plot", tmp_path / "balance.png")
+    assert ran.code == 0
+    assert ran.out.startswith("54. ")
+    assert "holds" in ran.out
+    assert "fails" not in ran.out
+
+
+def test_a_problem_is_found_by_its_name_and_written_as_json(command):
+    ran = command("jaxdyn", "course", "cross_product", "--json")
+    found = json.loads(ran.out)
+    assert found["number"] == 4
+    assert found["holds"]
+    assert all(check["holds"] for check in found["checks"])
+
+
+def test_code_is_printed_where_it_is_asked_for(command):
+    assert "def solve(page: Page)" in command("jaxdyn", "course", "4", "--code").out
+
+
+def test_a_motion_is_played_in_the_browser(command, opened):
+    ran = command("jaxdyn", "run", "pendulum", "--t1", "1", "--samples", "20", "--play")
+    assert ran.code == 0
+    assert "opened " in ran.out
+    (url,) = opened
+    assert url.endswith("/pendulum.html")
+    assert 'class="player"' in Path(url.removeprefix("file://")).read_text()
+
+
+def test_without_a_browser_the_page_is_named(command, monkeypatch):
+    monkeypatch.setattr(webbrowser, "open", lambda url: False)
+    ran = command("jaxdyn", "run", "pendulum", "--t1", "1", "--samples", "20", "--play")
+    assert "no browser: open " in ran.out
+
+
+@pytest.mark.parametrize(
+    "words", [("course", "62"), ("course", "zero"), ("gallery", "--only", "62")]
+)
+def test_what_is_no_problem_is_refused_in_one_line(command, words):
+    ran = command("jaxdyn", *words)
+    assert ran.code == 2
+    assert ran.err.count("\n") == 1
+    assert "jaxdyn list --problems" in ran.err
+
+
+def test_an_empty_choice_of_pages_is_refused(command):
+    assert "--only: expected numbers or names" in command("jaxdyn", "gallery", "--only", " ").err
+
+
+def test_a_missing_package_is_named(command, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    ran = command("jaxdyn", "gallery")
+    assert ran.code == 2
+    assert "pip install 'jaxdyn[docs]'" in ran.err

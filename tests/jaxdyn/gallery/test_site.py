@@ -1,0 +1,220 @@
+"""A part of the site is built; every page is complete, linked, and opens in a real browser."""
+
+import html.parser
+import json
+from pathlib import Path
+
+import browser as chromium
+import numpy as np
+import pytest
+from helpers import refusal
+
+from jaxdyn import gallery
+from jaxdyn.gallery import poster, records, reference, texts
+
+#: Cheap problems, in the plane and in space, with sliders, several motions, none.
+CHOSEN = (2, 7, 9, 16, 18, 22, 54, 56)
+MOST_BYTES = 2_000_000  # of a page
+
+
+class Parsed(html.parser.HTMLParser):
+    """The links, pictures, ids and headings of a page."""
+
+    def __init__(self, path: Path):
+        super().__init__()
+        self.links, self.pictures, self.ids, self.headings = [], [], set(), []
+        self.feed(path.read_text())
+
+    def handle_starttag(self, tag, attrs):
+        found = dict(attrs)
+        if "id" in found:
+            self.ids.add(found["id"])
+        if tag in ("a", "link") and found.get("href"):
+            self.links.append(found["href"])
+        if tag in ("img", "script") and found.get("src"):
+            self.links.append(found["src"])
+        if tag == "img":
+            self.pictures.append(found)
+        if tag in ("h1", "h2", "h3", "h4"):
+            self.headings.append(tag)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The site with eight problems, built in processes as a user would."""
+    found = gallery.build(tmp_path_factory.mktemp("site"), only=CHOSEN, workers=2)
+    assert not found.failed
+    assert not found.untrue
+    return found
+
+
+@pytest.fixture(scope="module")
+def pages(site):
+    return {page: Parsed(site.folder / page) for page in site.pages}
+
+
+@pytest.mark.slow
+def test_every_link_leads_somewhere(site, pages):
+    for page, parsed in pages.items():
+        here = (site.folder / page).parent
+        for link in parsed.links:
+            path, _, place = link.partition("#")
+            if link.startswith("data:") or "://" in link:
+                continue
+            target = (here / path).resolve() if path else (site.folder / page).resolve()
+            known = str(target.relative_to(site.folder.resolve()))
+            assert target.exists(), (page, link)
+            if place and known in pages:
+                assert place in pages[known].ids, (page, link)
+
+
+@pytest.mark.slow
+def test_every_page_has_one_title_and_pictures_with_a_text(site, pages):
+    for page, parsed in pages.items():
+        assert parsed.headings.count("h1") == 1, page
+        for picture in parsed.pictures:
+            assert "alt" in picture, page
+            assert picture["alt"] or page == "index.html", page
+            assert {"width", "height"} <= set(picture), page
+        size = (site.folder / page).stat().st_size
+        assert size < MOST_BYTES, page
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [390, 1280])
+def test_every_page_opens_without_a_message_and_fits(site, width):
+    window = chromium.start()
+    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
+    window.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    try:
+        for page in site.pages:
+            chromium.opened(window, site.folder / page)
+            wide = window.execute_script("return document.documentElement.scrollWidth")
+            assert wide <= width, page
+            broken = window.execute_script(
+                "return [...document.images].filter(i => i.loading !== 'lazy' && !i.naturalWidth)"
+                ".map(i => i.src)"
+            )
+            assert broken == [], page
+    finally:
+        window.quit()
+
+
+@pytest.mark.slow
+def test_the_players_of_the_pages_play_to_the_end_of_their_motions(site):
+    window = chromium.start()
+    try:
+        for page in (page for page in site.pages if page.startswith("course/")):
+            record = json.loads((site.folder / ".records" / f"{Path(page).stem}.json").read_text())
+            chromium.opened(window, site.folder / page)
+            for nth in range(len(record["played"])):
+                chromium.player(window, "pause()", nth)
+                chromium.player(window, "seek(-1e9)", nth)
+                before = chromium.picture(window, nth)
+                chromium.player(window, "seek(1e9)", nth)
+                assert chromium.picture(window, nth) != before, page
+                state = chromium.player(window, "state()", nth)
+                assert np.isfinite(state["points"]).all()
+    finally:
+        window.quit()
+
+
+@pytest.mark.slow
+def test_only_pages_whose_sources_changed_run_again(site, monkeypatch):
+    def never(*_):
+        raise AssertionError
+
+    path = site.folder / ".records" / "circling_bodies.json"
+    before = path.stat().st_mtime_ns
+    again = gallery.build(site.folder, only=[16], workers=1)
+    assert again.pages == site.pages
+    assert path.stat().st_mtime_ns == before
+    monkeypatch.setattr(records, "digest", lambda source: "another")
+    with pytest.raises(AssertionError):
+        records.kept(site.folder, "circling_bodies", path, never)
+
+
+def test_a_record_is_made_again_where_it_is_damaged_or_lacks_a_picture(tmp_path, monkeypatch):
+    monkeypatch.setattr(records, "digest", lambda source: "same")
+    made = []
+
+    def make():
+        made.append(1)
+        return {"drawings": [{"file": "a.png"}]}
+
+    def again():
+        records.kept(tmp_path, "a", tmp_path, make)
+        return len(made)
+
+    assert again() == 1
+    assert again() == 2  # the picture is missing
+    (tmp_path / "pictures").mkdir()
+    (tmp_path / "pictures" / "a.png").write_text("")
+    assert again() == 2
+    for text in ("", "[]", "{}", '{"digest": "older"}'):
+        (tmp_path / ".records" / "a.json").write_text(text)
+        before = len(made)
+        assert again() == before + 1
+    assert records.stored(tmp_path, "b") is None
+
+
+def test_a_change_of_what_makes_records_changes_their_digest_and_rendering_does_not():
+    counts = {
+        path: records._counts(Path(path))
+        for path in (
+            "scene.py",
+            "data/plane_orbits.json",
+            "gallery/problems.py",
+            "course/page/running.py",
+            "course/koenig.py",
+            "gallery/writing.py",
+            "cli/run.py",
+        )
+    }
+    assert [path for path, counted in counts.items() if not counted] == [
+        "course/koenig.py",
+        "gallery/writing.py",
+        "cli/run.py",
+    ]
+
+
+def test_names_that_are_no_pages_are_refused(tmp_path):
+    assert "jaxdyn list --problems" in refusal(
+        lambda: gallery.build(tmp_path, only=["doublependulum"])
+    )
+    (tmp_path / "file").write_text("")
+    refusal(lambda: gallery.build(tmp_path / "file" / "site", only=[16]))
+
+
+def test_the_reference_has_every_public_name_once():
+    chapters = reference.chapters()
+    names = [entry.name for chapter in chapters.values() for entry in chapter.entries]
+    assert len(set(names)) == len(names) > 600
+    assert {"jaxdyn.simulate", "jaxdyn.effects.Spring", "orbits.find"} <= set(names)
+    for chapter in chapters.values():
+        for entry in chapter.entries:
+            assert entry.kind == "value" or entry.summary, entry.name
+    assert (
+        reference.urls()["jaxdyn.scenes.pendulum"]
+        == "reference/jaxdyn.scenes.html#jaxdyn.scenes.pendulum"
+    )
+
+
+def test_docstrings_become_lists_and_coloured_examples():
+    found = reference.docstring_html(
+        "A thing.\n\nArgs:\n  x: a length [m],\n    or two.\nExample:\n  >>> 1\n  1"
+    )
+    assert "<li><strong><code>" in found
+    assert '<pre class="code">' in found
+    inline = texts.prose("Like this:\n\n>>> 1 + 1\n2\n\nand so on.")
+    assert '<pre class="code">' in inline
+    assert "blockquote" not in inline
+    linked = texts.linked("<code>orbits.find</code>", reference.urls(), "../")
+    assert linked == '<a href="../reference/orbits.html#orbits.find"><code>orbits.find</code></a>'
+
+
+def test_the_stored_orbits_are_fifty_and_close():
+    rows = poster.starts()
+    assert len(rows) == 50
+    assert sum(bool(row["name"]) for row in rows) == 13
+    assert len({round(row["T"], 6) for row in rows}) == 50

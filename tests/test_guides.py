@@ -1,0 +1,126 @@
+"""The guides of the site: what their Python prints, their commands, their links.
+
+Each guide is one program, in a process and a folder of its own. A comment behind a `print` at the
+start of a line is what it prints. Blocks that import what is not installed are left out.
+"""
+
+import ast
+import functools
+import importlib.util
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+import typer
+
+import jaxdyn
+from jaxdyn.cli.app import app as jaxdyn_app
+from orbits.cli.app import app as orbits_app
+from orbits.targets import aim
+
+ROOT = Path(__file__).parent.parent
+GUIDES = {path.name: path for path in sorted((ROOT / "jaxdyn" / "gallery" / "guides").glob("*"))}
+SHORTEST, LONGEST = 40, 120  # lines
+SUMMARY = 110  # characters that the table of contents has room for
+#: Guides that take longer than 20 s on a quiet core.
+
+
+def blocks(name):
+    """The Python blocks of a guide."""
+    return re.findall(r"```python\n(.*?)```", GUIDES[name].read_text(), re.DOTALL)
+
+
+def missing(block):
+    """The packages that a block imports and that are not installed."""
+    imports = [node for node in ast.walk(ast.parse(block)) if isinstance(node, ast.Import)]
+    froms = [node for node in ast.walk(ast.parse(block)) if isinstance(node, ast.ImportFrom)]
+    names = [alias.name for node in imports for alias in node.names]
+    names += [node.module for node in froms]
+    packages = {name.partition(".")[0] for name in names}
+    return {package for package in packages if importlib.util.find_spec(package) is None}
+
+
+@functools.cache
+def output(name):
+    """What the blocks of a guide print, except those for packages that are missing."""
+    run = [block for block in blocks(name) if not missing(block)]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [sys.executable, "-W", "error", "-c", "\n".join(run)],
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", GUIDES)
+def test_the_python_of_a_guide_runs_and_prints_what_it_says(name):
+    printed = output(name)
+    for block in blocks(name):
+        if not missing(block):
+            for said in re.findall(r"^print\(.*\)  # (.+)$", block, re.MULTILINE):
+                assert said in printed.splitlines(), said
+    without = set().union(*map(missing, blocks(name)))
+    if without:
+        pytest.skip(f"{name} runs, except blocks that need {', '.join(sorted(without))}")
+
+
+def test_a_guide_has_a_title_a_summary_python_and_the_right_length():
+    assert len(GUIDES) >= 10
+    for number, (name, path) in enumerate(GUIDES.items(), start=1):
+        assert re.fullmatch(rf"{number:02}_[a-z_]+\.md", name), name
+        title, empty, text = path.read_text().split("\n", 2)
+        assert title.startswith("# ")
+        assert empty == ""
+        summary = " ".join(text.split()).partition(". ")[0]
+        assert len(summary) <= SUMMARY, (name, summary)
+        if "changes" not in name:  # a table that grows
+            assert SHORTEST <= text.count("\n") <= LONGEST, (name, text.count("\n"))
+        assert blocks(name), name
+
+
+def test_the_commands_of_the_guides_and_their_options_exist():
+    text = "\n".join(path.read_text() for path in GUIDES.values())
+    lines = "\n".join(re.findall(r"```sh\n(.*?)```", text, re.DOTALL)).splitlines()
+    commands = [shlex.split(one) for line in lines if line for one in line.split(" && ")]
+    assert len(commands) >= 9
+    for package, name, *words in commands:
+        app = {"jaxdyn": jaxdyn_app, "orbits": orbits_app}[package]
+        known = typer.main.get_command(app).commands[name].params
+        options = {option for parameter in known for option in parameter.opts}
+        assert {word for word in words if word.startswith("--")} <= options, (package, name)
+
+
+def test_links_between_guides_lead_to_guides():
+    links = [
+        link for path in GUIDES.values() for link in re.findall(r"\]\(([^)]+)\)", path.read_text())
+    ]
+    assert len(links) > 10
+    assert {link for link in links if not link.startswith("https://")} <= GUIDES.keys()
+
+
+@pytest.mark.slow
+def test_the_neighbour_and_the_eight_are_what_the_guide_says():
+    _, neighbour, eight = re.split(r"^Identity$", output("11_orbits.md"), flags=re.MULTILINE)[:3]
+    assert re.search(r"choreography +False", neighbour)
+    assert "unstable" in neighbour.split()
+    assert re.search(r"choreography +True", eight)
+    assert re.search(r"scale_free +9\.23768$", eight, re.MULTILINE)
+    assert "0.0084227247" in eight
+
+
+def test_adam_finds_the_longest_range():
+    farthest = aim.farthest(jaxdyn.scenes.cannonball(drag=0.01), [50.0])
+    angle, reached = farthest.angle[0], farthest.x[0]
+    assert f"{angle:.6f} rad, {reached:.6f} m" in output("08_fitting.md")
