@@ -11,6 +11,7 @@ agree, for any angles and rates.
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxdyn import scenes, simulate
 from jaxdyn.course.page import Page, show
@@ -20,7 +21,7 @@ from jaxdyn.geometry import kinematics
 PROBLEM = 36
 TOPIC = "pendulums and linkages"
 
-l = jnp.ones(2)  # noqa: E741 the usual name
+l = np.ones(2)  # noqa: E741 the usual name; no array of JAX, which would start a device
 
 
 def solve(page: Page) -> None:
