@@ -1,4 +1,4 @@
-"""Strict modes for every test: float64, no silent promotion, checked shapes; the compile cache."""
+"""Strict modes for every test: float64, no silent promotion, checked shapes; cheap compilation."""
 
 import gc
 import importlib.util
@@ -8,6 +8,14 @@ import sys
 from typing import NamedTuple
 
 os.environ.setdefault("MPLBACKEND", "Agg")
+# Most of the time of tests is XLA's compiler, for programs that run once: it takes half as long
+# without its optimisations. Flags that are set already are kept: `XLA_FLAGS=" " pytest` tests the
+# programs that users run.
+os.environ.setdefault(
+    "XLA_FLAGS",
+    "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true "
+    "--xla_cpu_use_fusion_emitters=false",
+)
 
 import jax
 import jaxtyping
