@@ -2,7 +2,8 @@
 
 `list`, `run`, `accuracy`, `chaos`, `hard`, `course` and `gallery` are the commands, `app` puts them
 together; `shared` has their options, `screen` what they print, `words` reads names of scenes and
-solvers and values of `--set` (as `jaxdyn._arithmetic` does: ``pi/2``).
+solvers and values of `--set` (as `jaxdyn._arithmetic` does: ``pi/2``), `completion` offers them to
+the shell.
 
 May import: `hard`, `drawing`. Nothing here loads JAX before a command needs it.
 

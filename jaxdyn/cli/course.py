@@ -7,6 +7,7 @@ from rich.markup import escape
 
 import jaxdyn
 from jaxdyn._text import fail
+from jaxdyn.cli import completion
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import JsonOption, PlayOption, PlotOption, open_page
 
@@ -15,7 +16,12 @@ _FAILED = 1  # exit code: a check does not hold
 
 def course_command(
     problem: Annotated[
-        str, typer.Argument(metavar="PROBLEM", help="A number or a name, as in `list --problems`.")
+        str,
+        typer.Argument(
+            metavar="PROBLEM",
+            help="A number or a name, as in `list --problems`.",
+            autocompletion=completion.problem,
+        ),
     ],
     plot: PlotOption = None,
     play: PlayOption = False,

@@ -9,7 +9,7 @@ from rich.table import Table
 
 import jaxdyn
 from jaxdyn._text import choice
-from jaxdyn.cli import words
+from jaxdyn.cli import completion, words
 from jaxdyn.cli.screen import Screen, screen
 
 _FAILED = 1  # exit code: a figure exceeds its bound
@@ -17,7 +17,8 @@ _FAILED = 1  # exit code: a figure exceeds its bound
 
 def hard_command(
     names: Annotated[
-        list[str] | None, typer.Argument(help="Cases to run; all if none is named.")
+        list[str] | None,
+        typer.Argument(help="Cases to run; all if none is named.", autocompletion=completion.case),
     ] = None,
     only_list: Annotated[bool, typer.Option("--list", help="Say what there is.")] = False,
     as_object: Annotated[bool, typer.Option("--json", help="One JSON object a figure.")] = False,

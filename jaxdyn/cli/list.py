@@ -8,6 +8,7 @@ from rich.table import Table
 
 import jaxdyn
 from jaxdyn._text import choice, fail
+from jaxdyn.cli import completion
 from jaxdyn.cli.screen import Screen
 from jaxdyn.cli.shared import JsonOption
 from jaxdyn.cli.words import SceneText, scenes
@@ -15,7 +16,12 @@ from jaxdyn.cli.words import SceneText, scenes
 
 def list_command(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[SCENE]...", help="Which; all if none is named.")
+        list[str] | None,
+        typer.Argument(
+            metavar="[SCENE]...",
+            help="Which; all if none is named.",
+            autocompletion=completion.scene,
+        ),
     ] = None,
     as_object: JsonOption = False,
     problems: Annotated[

@@ -8,6 +8,7 @@ from rich.markup import escape
 
 import jaxdyn
 from jaxdyn._text import choice, counted, fail, whole
+from jaxdyn.cli import completion
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     AnimateOption,
@@ -39,7 +40,10 @@ def run_command(
     samples: Annotated[int, typer.Option(help="How many times to sample, in each phase.")] = 400,
     rtol: Annotated[float, typer.Option(help="Relative tolerance of a step.")] = _RTOL,
     solver: Annotated[
-        str, typer.Option(help="auto, or one of jaxdyn.solvers, such as radau9.")
+        str,
+        typer.Option(
+            help="auto, or one of jaxdyn.solvers, such as radau9.", autocompletion=completion.solver
+        ),
     ] = "auto",
     dt: Annotated[
         float | None, typer.Option(help="Step [s] of a solver of equal steps, such as verlet.")

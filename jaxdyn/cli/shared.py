@@ -16,6 +16,7 @@ import typer
 
 import jaxdyn
 from jaxdyn._text import fail
+from jaxdyn.cli import completion
 from jaxdyn.files.image_files import animation_path, picture_path
 from jaxdyn.files.input_files import MAX_BYTES, content
 
@@ -44,10 +45,20 @@ def read(option: typer.CallbackParam, path: Path | None) -> Path | None:
     return path
 
 
-SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A scene of `jaxdyn list`.")]
+SceneArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENE", help="A scene of `jaxdyn list`.", autocompletion=completion.scene
+    ),
+]
 SetOption = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="One of its numbers, such as angle=pi/2."),
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="One of its numbers, such as angle=pi/2.",
+        autocompletion=completion.setting,
+    ),
 ]
 SpanOption = Annotated[float | None, typer.Option(help="End of the span; the scene's own.")]
 PlotOption = Annotated[Path | None, written(picture_path, "Draw it (.png, .pdf, .svg).")]

@@ -86,12 +86,29 @@ def test_the_table_of_scenes_shows_every_unit(width):
         ("jaxdyn", "jaxdyn r", ["run"]),
         ("jaxdyn", "jaxdyn run --se", ["--seconds", "--series", "--set"]),
         ("orbits", "orbits fi", ["figure-eight", "find"]),
+        ("jaxdyn", "jaxdyn run restr", ["restricted_three_body"]),
+        ("jaxdyn", "jaxdyn run pendulum --set len", ["length="]),
+        ("jaxdyn", "jaxdyn run lorenz --set nothing", []),
+        ("jaxdyn", "jaxdyn run nothing --set ", []),
+        ("jaxdyn", "jaxdyn run lorenz --solver ra", ["radau5", "radau9"]),
+        ("jaxdyn", "jaxdyn course montg", ["montgomerys_eight"]),
+        ("jaxdyn", "jaxdyn hard pytha", ["pythagorean"]),
+        ("orbits", "orbits find henon", ["henon_heiles"]),
     ],
 )
 def test_the_shell_completes_words(package, words, completed):
     asked = {"COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
     done = called(package, **asked, **{f"_{package.upper()}_COMPLETE": "complete_bash"})
     assert sorted(done.output.split()) == completed
+
+
+def test_zsh_shows_a_line_with_its_units():
+    done = called(
+        "jaxdyn",
+        _TYPER_COMPLETE_ARGS="jaxdyn run pendulum --set len",
+        _JAXDYN_COMPLETE="complete_zsh",
+    )
+    assert done.output.strip() == """_arguments '*: :(("length=":"of the rod [m]."))'"""
 
 
 @pytest.mark.parametrize("package", APPS)

@@ -1,0 +1,51 @@
+"""What the shell completes besides commands and options: names of scenes, numbers, problems, cases.
+
+Each function takes what has been typed, and returns the words that begin with it, each with a line
+that zsh and fish show beside it.
+"""
+
+from collections.abc import Iterable, Mapping
+
+import typer
+from rich.markup import escape
+
+import jaxdyn
+from jaxdyn.cli import words
+
+#: Words, each with a line about it.
+Words = list[tuple[str, str]]
+
+
+def scene(incomplete: str) -> Words:
+    """The scenes that numbers alone can make."""
+    return _beginning(incomplete, {name: x.summary for name, x in words.scenes().items()})
+
+
+def setting(context: typer.Context, incomplete: str) -> Words:
+    """The parameters of the scene on the line, each up to its "="."""
+    # An option that waits for its value ends the parsing of arguments, which are left as they came.
+    scenes, given = words.scenes(), (context.params.get("name"), *context.args)
+    known = next((scenes[name].parameters for name in given if name in scenes), {})
+    return _beginning(incomplete, {f"{name}=": x.meaning for name, x in known.items()})
+
+
+def problem(incomplete: str) -> Words:
+    """The pages of the course, by name; numbers are quicker typed than completed."""
+    pages = jaxdyn.course.problems().values()
+    return _beginning(incomplete, {page.name: page.title for page in pages})
+
+
+def case(incomplete: str) -> Words:
+    """The hard cases."""
+    return _beginning(incomplete, words.hard_cases())
+
+
+def solver(incomplete: str) -> Words:
+    """What --solver takes."""
+    return _beginning(incomplete, ("auto", *words.solver_names()))
+
+
+def _beginning(incomplete: str, known: Mapping[str, str] | Iterable[str]) -> Words:
+    about = known if isinstance(known, Mapping) else dict.fromkeys(known, "")
+    # Typer takes a unit such as [m] for a tag, and leaves it out.
+    return [(word, escape(text)) for word, text in about.items() if word.startswith(incomplete)]
