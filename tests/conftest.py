@@ -18,8 +18,8 @@ os.environ.setdefault(
 )
 
 import jax
-import jaxtyping
 import pytest
+import shapes
 
 # Loops over numbers of any length, which the checks would make several times slower.
 _UNCHECKED = {"jaxdyn.balls", "orbits.proof"}
@@ -34,9 +34,7 @@ def _checked_modules(package: str) -> set[str]:
 
 
 # Before the packages are imported.
-jaxtyping.install_import_hook(
-    sorted(_checked_modules("jaxdyn") | _checked_modules("orbits")), "shapes.checked"
-)
+shapes.install(sorted(_checked_modules("jaxdyn") | _checked_modules("orbits")))
 
 import jaxdyn  # noqa: E402
 
@@ -56,6 +54,11 @@ gc.set_threshold(100_000, 20, 50)
 def pytest_collection_finish():
     """Leave what was imported out of the garbage collector's search."""
     gc.freeze()
+
+
+@pytest.fixture(autouse=True)
+def _check_shapes_again():
+    shapes.begin_test()
 
 
 @pytest.fixture(scope="module", autouse=True)
