@@ -1,5 +1,6 @@
 """configure() is opt-in, appends, and never overwrites; each case in a fresh Python."""
 
+import pytest
 from helpers import run_python
 
 _FLAG = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1048576"
@@ -80,6 +81,7 @@ print(sum("cache_hits" in name for name in found) > 0)
     assert run_python(code, JAXDYN_CACHE=str(tmp_path)) == "True"
 
 
+@pytest.mark.slow
 def test_loops_fold_with_the_users_other_options_kept():
     # XLA accepts the repeated option and folds: the loop's body becomes one call.
     code = """

@@ -26,6 +26,7 @@ def test_problem_3_a_b_the_plain_loop_is_the_same():
     assert gap(steps.fixed_steps(scenes.oscillator(), 2.0, steps=20), [x, v]) < 1e-14
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize(
     ("method", "first", "order"),

@@ -82,6 +82,7 @@ def test_a_chain_of_phases_is_judged_at_its_end():
     assert true.max() > found.error.max() / 5
 
 
+@pytest.mark.slow
 def test_other_phases_leave_nothing_certain():
     scene, again = as_entry("cylinder_on_cylinder")
     motion = again(scene, 1e-10)

@@ -52,6 +52,7 @@ def assert_calibrated(quotients):
     assert quotients.min() > 0.1
 
 
+@pytest.mark.slow
 def test_estimates_are_errors():
     assert_calibrated(calibration(accuracy.estimate, QUICK, TOLERANCES[:-1]))
 
@@ -61,6 +62,7 @@ def test_estimates_are_errors_in_all_scenes_with_closed_forms():
     assert_calibrated(calibration(accuracy.estimate, KNOWN, TOLERANCES))
 
 
+@pytest.mark.slow
 def test_estimates_are_errors_on_some_long_spans():
     assert_calibrated(calibration(accuracy.estimate, SOME_LONG, (1e-10, 1e-15), LONG))
 

@@ -30,6 +30,7 @@ def damped():
     return work.work_precision(OSCILLATOR, **FEW)
 
 
+@pytest.mark.slow
 def test_errors_of_the_end_are_true_errors(damped):
     w = np.sqrt(1 - 0.0025)
     exact = np.exp(-0.5) * (np.cos(10 * w) + 0.05 / w * np.sin(10 * w))
@@ -41,6 +42,7 @@ def test_errors_of_the_end_are_true_errors(damped):
     assert true <= 1.01 * errors(damped)[0, 1]
 
 
+@pytest.mark.slow
 def test_right_hand_sides_are_steps_times_stages(damped):
     assert all(np.isnan(rung.evaluations) for curve in damped.curves[2:] for rung in curve.rungs)
     for curve, stages in zip(damped.curves[:2], (16, 14), strict=True):
@@ -96,6 +98,7 @@ def _fixed():
     return work.work_precision(free, solvers=[solvers.VERLET], steps=steps, rounds=1)
 
 
+@pytest.mark.slow
 def test_solvers_of_fixed_step_have_their_curve():
     found = _fixed()
     (row,) = errors(found)
@@ -138,6 +141,7 @@ def _legend(figure):
     return [text.get_text() for text in figure.legends[0].get_texts()]
 
 
+@pytest.mark.slow
 def test_pictures_are_drawn(damped, tmp_path):
     drawing.work_precision(damped, tmp_path / "work.png", title="damped")
     figure = drawing.judgement({"one": damped, "two": damped}, tmp_path / "j.png")
@@ -169,6 +173,7 @@ def accuracy_command(command):
     return functools.partial(command, "jaxdyn", "accuracy")
 
 
+@pytest.mark.slow
 def test_the_command_prints_what_digits_cost(accuracy_command, tmp_path):
     picture = tmp_path / "work.png"
     words = ("oscillator", "--set", "c=0.1", "--digits", "10", "--plot", picture)

@@ -45,6 +45,7 @@ def _characteristic(curve, frequency: float) -> float:
     return brentq(lambda q: curve(q) - a, least, 3.0, xtol=1e-15) / least * 1e-3
 
 
+@pytest.mark.slow
 def test_the_edges_are_characteristic_values_and_tend_to_the_averaged_limit():
     excess = []
     for frequency in (20.0, 40.0, 80.0):
@@ -79,6 +80,7 @@ def test_the_matrix_is_that_of_the_linear_equation():
     assert gap(monodromy(scene, period=period), found.monodromy) < SOLVED
 
 
+@pytest.mark.slow
 def test_damping_takes_area_as_liouville_says():
     # det M = exp(-c T / m) whatever the drive; a stable motion is then stable for good.
     scene = scenes.shaken_pendulum(angle=0.0, uniform=False, m=2.0) + LinearDrag(3.0)
@@ -89,6 +91,7 @@ def test_damping_takes_area_as_liouville_says():
     assert float(found.growth) < -0.7
 
 
+@pytest.mark.slow
 def test_without_shaking_it_falls_at_its_own_rate():
     scene = scenes.shaken_pendulum(angle=0.0, amplitude=0.0, length=1.5, g=4.0)
     found = floquet.multipliers(scene, 0.5)
@@ -107,6 +110,7 @@ def test_a_double_multiplier_decides_nothing():
     assert str(floquet.multipliers(free, 2.0).verdict) == "undecided"
 
 
+@pytest.mark.slow
 def test_a_run_that_fails_is_undecided_and_nan():
     class Broken(eqx.Module):
         def __call__(self, x, y):
@@ -119,6 +123,7 @@ def test_a_run_that_fails_is_undecided_and_nan():
     assert np.isnan(found.growth[1, 0])
 
 
+@pytest.mark.slow
 def test_new_numbers_do_not_compile_again():
     traces = []
 
@@ -166,6 +171,7 @@ def test_what_is_refused(call, message):
         call()
 
 
+@pytest.mark.slow
 def test_the_picture_shows_each_verdict(tmp_path):
     chart = upright.upright_chart([0.05, 0.1, 0.4], [20.0, 60.0])
     file = tmp_path / "chart.png"

@@ -64,6 +64,7 @@ def test_almost_parallel_columns_become_orthogonal():
     assert gap(q.T @ q, np.eye(3)) < EXACT
 
 
+@pytest.mark.slow
 def test_a_linear_system_has_the_rates_of_its_modes():
     rates, mix = np.array([0.3, -0.2, -1.5]), np.array([[1, 0.4, 0], [0, 1, 0.3], [0.2, 0, 1]])
     params = {"rates": jnp.asarray(rates), "mix": jnp.asarray(mix)}
@@ -111,6 +112,7 @@ def test_new_numbers_do_not_compile_again():
     assert lyapunov._spectrum._cache_size() == before  # pyright: ignore[reportFunctionMemberAccess]
 
 
+@pytest.mark.slow
 def test_exponents_of_a_conservative_scene_are_in_pairs():
     found = lyapunov_exponents(henon_heiles_scene(1 / 6, -0.1), 2000.0)
     assert found.pairing_residual < 1e-5  # tangents pair once they are aligned

@@ -30,6 +30,7 @@ def test_a_spectrum_is_printed_with_its_checks(chaos):
     assert found["pairing_residual"] is None
 
 
+@pytest.mark.slow
 def test_a_map_over_entries_of_the_start_is_printed_and_drawn(chaos, tmp_path):
     path = tmp_path / "map.png"
     words = ["--map", "theta1=0:pi", "--map", "theta2=0.1:1", "--size", 3, "--t1", 30]

@@ -35,6 +35,7 @@ def test_code_is_printed_where_it_is_asked_for(command):
     assert "def solve(page: Page)" in command("jaxdyn", "course", "4", "--code").out
 
 
+@pytest.mark.slow
 def test_a_motion_is_played_in_the_browser(command, opened):
     ran = command("jaxdyn", "run", "pendulum", "--t1", "1", "--samples", "20", "--play")
     assert ran.code == 0

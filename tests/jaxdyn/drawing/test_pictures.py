@@ -546,7 +546,7 @@ def test_orbits_stand_side_by_side_to_one_scale(tmp_path):
     left, right = figure.axes
     assert (left.get_title(), right.get_title()) == ("one\nline more", "two")
     assert left.get_xlim() == right.get_xlim()
-    assert left.get_position().y0 == right.get_position().y0
+    assert left.get_position().y0 == pytest.approx(right.get_position().y0)
     for ax in figure.axes:
         assert ax.get_aspect() == 1
         assert len(_lines(ax, "o")) == 3

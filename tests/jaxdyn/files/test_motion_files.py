@@ -87,6 +87,7 @@ def assert_equal_to_the_bit(back, motion):
         assert a.tobytes() == b.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", catalogue.entries())
 def test_a_motion_of_every_scene_comes_back_to_the_bit(name, path):
     motion = made(catalogue.entries()[name].make())

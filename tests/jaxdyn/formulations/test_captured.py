@@ -148,6 +148,7 @@ def test_what_a_function_counts_in_is_left_out():
     assert captured("rate", rate) == before
 
 
+@pytest.mark.slow
 def test_a_scene_never_goes_on_with_an_old_value():
     spring = Spring()
     stiffness = {"k": 2.0}

@@ -59,6 +59,7 @@ def test_drag_from_rest_under_gravity():
     np.testing.assert_allclose(jax.grad(height)(0.3), float(exact), rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_a_spring_without_length_through_its_anchor():
     # x = cos(sqrt(k) t) is at the anchor when sqrt(k) t = pi / 2.
     def place(k):
@@ -93,6 +94,7 @@ def test_the_time_and_place_of_a_stop():
     np.testing.assert_allclose(jax.jacfwd(stop)(20.0), [1 / slows, 20.0 / slows], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_time_of_the_third_bounce():
     def third(keeps, up):
         y0 = jnp.stack([0.0, 0.0, 1.0, up])

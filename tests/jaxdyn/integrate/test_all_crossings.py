@@ -22,6 +22,7 @@ def released(k, t1=9.0):
     return jaxdyn.crossings(swing, BOTH, t1, most=8, **TIGHT)
 
 
+@pytest.mark.slow
 def test_an_oscillator_crosses_every_half_period_in_turn():
     found = jaxdyn.crossings(SWING, BOTH, 9.0, **TIGHT)
     times = (np.arange(6) + 0.5) * np.pi / 2
@@ -56,6 +57,7 @@ def test_a_start_on_the_event_is_no_crossing_and_a_motion_without_one_has_none()
     assert none.status == Status.OK
 
 
+@pytest.mark.slow
 def test_rows_that_are_not_needed_are_nan_and_rows_limit_the_search():
     found = released(4.0)
     assert int(found.count) == 6
@@ -74,6 +76,7 @@ def times(k):
 TIMES = (np.arange(6) + 0.5) * np.pi * np.array([4.0**-0.5, -0.5 * 4.0**-1.5])[:, None]
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_the_closed_form_in_both_modes():
     k = jnp.asarray(4.0)
     assert gap(times(k), TIMES[0]) < SOLVED

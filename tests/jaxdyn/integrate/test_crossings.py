@@ -203,8 +203,8 @@ def test_a_bouncing_ball_never_falls_through_the_floor(keeps):
         assert stop.happened
         assert abs(stop.y[1]) < 1e-40 or stop.y[1] > 0
         t, y = stop.t, stop.y * jnp.array([1, 1, 1, -keeps])
-    # A height of one rounding, where a bounce may begin, takes sqrt(rounding) to fall.
-    rest = 1e-8 if keeps < 1e-3 else SOLVED
+    # A bounce may begin some roundings above the floor, and to fall from there takes a while.
+    rest = np.sqrt(2 * 8 * np.spacing(5.0**2 / (2 * G)) / G) if keeps < 1e-3 else SOLVED
     assert abs(t - 0.3 - 2 * 5.0 / G / (1 - keeps)) < rest
 
 
@@ -218,6 +218,7 @@ def test_the_state_at_a_stop_is_not_beyond_it():
         assert -SOLVED < stop.y[0] + level <= 0
 
 
+@pytest.mark.slow
 def test_a_start_at_rest_on_an_event():
     free = Scene(FreePoints(1.0, d=2), (UniformGravity(-G),), y0=jnp.zeros(4), t1=2.0)
     # It rises: whatever way is wanted, it has left; where that way is up, it was crossed then.

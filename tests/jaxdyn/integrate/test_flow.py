@@ -43,6 +43,7 @@ def monodromy():
     return jax.jit(jax.jacfwd(end))(scene.y0)
 
 
+@pytest.mark.slow
 def test_derivatives_in_every_number(ball_jacobian):
     reverse = jax.jit(jax.jacrev(_ball))(NUMBERS)
     assert gap(ball_jacobian, reverse) < EXACT

@@ -194,6 +194,7 @@ def test_a_motion_beyond_a_bound_has_no_numbers(monkeypatch):
     assert chain.pieces[0].message == Status.BOUND_PASSED.message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("one_sided", [True, False])
 def test_a_ball_stays_in_its_box_though_it_meets_the_corners(one_sided):
     inside = box(one_sided)
@@ -223,6 +224,7 @@ STOREYS = {
 }
 
 
+@pytest.mark.slow
 def test_a_phase_begins_where_its_bounds_hold_else_its_exit_is_taken_at_once():
     fall = jnp.array([0.0, 0.5, 0.0, 0.0])
     for start in ("high", "deep", None):
@@ -249,6 +251,7 @@ def kicked(t, y):
     return y + jnp.array([0.0, 0.0, 0.0, 1.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("one_sided", [True, False])
 def test_a_kick_at_each_passage_is_no_bound(one_sided):
     """A spring that is kicked where it passes its middle upwards: the motion goes on beyond."""
@@ -316,6 +319,7 @@ def test_the_end_of_a_phase_may_be_in_closed_form():
     assert gap(short.y, [0.2, 0.8, 1.0, 3.0]) < SOLVED
 
 
+@pytest.mark.slow
 def test_tolerances_solver_and_limit_are_those_of_simulate():
     chain = simulate_phases(BOUNCING, "fly", START, 0.5, samples=2, max_steps=1)
     assert chain.status == Status.STEP_LIMIT

@@ -68,6 +68,7 @@ def test_a_step_past_two_change_points_is_refused_too():
         assert end.status_code in (Status.SINGULAR, Status.STEP_COLLAPSED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "formulation",
     ["newton_euler", "lagrange", *(pytest.param(x, marks=SLOW) for x in ("loop", "constrained"))],

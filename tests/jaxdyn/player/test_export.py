@@ -30,6 +30,7 @@ def places(one: dict, text: str, *shape: int) -> np.ndarray:
     return lo + (hi - lo) * shares / 65535
 
 
+@pytest.mark.slow
 def test_positions_and_times_are_those_of_the_motion(swing):
     (one,) = player.export(swing)["motions"]
     ts = doubles(one["ts"])
@@ -73,6 +74,7 @@ def test_a_motion_backwards_in_time_is_shown_forwards(swing):
     assert doubles(one["energy"]["ts"])[0] == -2.0
 
 
+@pytest.mark.slow
 def test_corners_of_a_spinning_body_stay_in_the_box():
     motion = simulate(scenes.plate(), samples=400)
     (one,) = player.export(motion)["motions"]
@@ -84,6 +86,7 @@ def test_corners_of_a_spinning_body_stay_in_the_box():
         assert np.abs(np.diff(at, axis=0)).max(initial=0.0) < 0.2 * np.ptp([one["lo"], one["hi"]])
 
 
+@pytest.mark.slow
 def test_a_motion_that_stopped_says_so_and_has_its_energy_up_to_there():
     fall = scenes.sideways_pendulum(rate=8.0)
     motion = simulate(fall, 5.0, samples=400, throw=False)

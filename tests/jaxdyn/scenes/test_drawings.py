@@ -18,6 +18,7 @@ def _lengths(r):
     return np.linalg.norm(r[:, :, None] - r[:, None, :], axis=-1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [moved_shape, turned_box, moved_box])
 def test_nothing_is_distorted_and_the_motion_is_smooth(make):
     motion = simulate(make(), samples=200, rtol=1e-12)

@@ -108,6 +108,7 @@ def test_numbers_that_do_not_fit_are_refused():
         pendula.double_pendulum(l=(1.0, -1.0)).check()
 
 
+@pytest.mark.slow
 def test_the_phase_of_a_shaking_base_shifts_time():
     t, y = jnp.asarray(0.3), jnp.array([0.4, 0.1])
     late = pendula.shaken_pendulum(frequency=20.0, phase=0.7)

@@ -33,6 +33,7 @@ def test_sideways_pendulum_ends_with_a_status_at_its_edge():
     assert bool(jnp.isnan(beyond.ys[-1]).all())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("margin", "tolerance"), [(0.3, 1e-13), (1e-3, 1e-12), (1e-4, 1e-10)])
 @pytest.mark.parametrize("side", [1, -1])
 def test_the_edge_is_where_the_angle_says(margin, tolerance, side):

@@ -81,6 +81,7 @@ def test_problem_6_c_v_circles_without_gravity(solve_spring_mass):
     assert gap(y[:, :2], expected) < 10 * SOLVED
 
 
+@pytest.mark.slow
 def test_problem_6_c_vi_energy_and_a_plane_in_space(solve_spring_mass):
     _, _, drift = solve_spring_mass((1.0, 0.3), (0.4, -1.0), k=10.0, length=0.5, g=9.81)
     assert drift < SOLVED

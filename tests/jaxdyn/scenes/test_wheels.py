@@ -37,6 +37,7 @@ def test_straight_braking_is_uniform():
         assert gap(chain.pieces[0].ys[:, 3], V - a * ts) < 1e-10
 
 
+@pytest.mark.slow
 def test_the_car_comes_to_rest(stop):
     _, _, chain = stop
     assert chain.ended
@@ -88,6 +89,7 @@ def test_a_car_at_rest_has_stopped():
     assert gap(chain.y, np.zeros(6)) == 0
 
 
+@pytest.mark.slow
 def test_front_locked_goes_straight_and_rear_locked_turns_round(stop):
     locked, _, chain = stop
     if locked == "front":

@@ -56,6 +56,7 @@ def test_the_default_is_by_what_the_rate_is_made_of(scene, method, why):
     assert why in reason(scene)
 
 
+@pytest.mark.slow
 def test_a_series_for_forces_without_velocities_leaves_the_rest_to_the_nystrom_pair():
     scene = jaxdyn.ode(swing, [2.0, 0.1], 3.0, second_order=True)
     method = default_solver(scene)
@@ -101,6 +102,7 @@ def test_ends_samples_and_digits_are_right():
     assert gap(simulate(LORENZ, samples=1, digits=9).ys[-1], END) < 1e-9
 
 
+@pytest.mark.slow
 def test_events_and_ensembles_take_a_pair_for_it():
     event = events.Reaches(2, 30.0)
     found = events.until(LORENZ, event, rtol=1e-13)
@@ -110,6 +112,7 @@ def test_events_and_ensembles_take_a_pair_for_it():
     assert gap(ensemble.run(LORENZ, starts, rtol=1e-13).y1[0], END) < SOLVED
 
 
+@pytest.mark.slow
 def test_derivatives_maps_and_traced_tolerances():
     def end(y0, rtol=1e-12, **how):
         return solve(LORENZ.starting(y0), 2.0, rtol=rtol, **how).y1
@@ -131,6 +134,7 @@ def test_new_numbers_and_tolerances_do_not_compile_again():
     assert _compiled._cache_size() == programs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [8, 14, 20])
 def test_series_notice_stiffness_and_nothing_else(order):
     method = Taylor(order)

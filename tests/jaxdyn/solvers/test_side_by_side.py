@@ -83,6 +83,7 @@ def test_trees_go_in_and_come_out(apart):
     np.testing.assert_array_equal(found["pair"][1], np.ones((2, 3)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["three_body", "two_springs", "double_pendulum", "rolling_disk", "top"]
 )

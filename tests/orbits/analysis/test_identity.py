@@ -88,6 +88,7 @@ class Pendulum(System):
         return jnp.stack([y[1], -jnp.sin(y[0])])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scene",
     [

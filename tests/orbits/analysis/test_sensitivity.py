@@ -20,6 +20,7 @@ def swing():
     return orbits.find(scenes.pendulum(angle=1.0), period=2.2)
 
 
+@pytest.mark.slow
 def test_the_period_of_a_pendulum_by_gravity(swing):
     level = float(energy.energy(swing.scene, jnp.zeros(()), swing.y0))
     hold = orbits.Energy(level)
@@ -140,6 +141,7 @@ def test_multipliers_that_coincide_are_nan():
     assert jnp.isnan(found).all()
 
 
+@pytest.mark.slow
 def test_a_driven_orbit_by_the_frequency_of_its_drive():
     """Its period follows: x'' = cos(w t) - 0.2 x' - x has the answer 1 / (1 - w^2 + 0.2 i w)."""
 

@@ -119,6 +119,7 @@ def test_where_it_rolls_the_ground_has_to_pull(rolls, slides):
         assert abs(hopping.pull(hop) - 0.5 * math.sin(a) * alpha / G) < 1e-10
 
 
+@pytest.mark.slow
 def test_numbers_of_the_cylinder_do_not_matter_for_its_corner():
     other = scenes.cylinder_on_ramp(slope=0.0, m=3.0, r=0.4, d=0.1, inertia=0.2, g=1.62)
     hop = hopping.hop(other)

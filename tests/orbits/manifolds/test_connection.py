@@ -58,6 +58,7 @@ def separatrix():
     return orbits.connect(UPRIGHT, [math.pi, 0.0])
 
 
+@pytest.mark.slow
 def test_the_separatrix_of_a_pendulum(separatrix):
     assert separatrix.ok
     assert separatrix.miss < 1e-12
@@ -71,6 +72,7 @@ def test_the_separatrix_of_a_pendulum(separatrix):
     assert math.isnan(separatrix.parameter)
 
 
+@pytest.mark.slow
 def test_numbers_are_printed(separatrix):
     text = str(separatrix)
     for part in ("Heteroclinic connection of pendulum", "time", "step-off", "miss", "FOUND"):

@@ -43,6 +43,7 @@ def separatrix(theta, w):
     return 2 * w * np.abs(np.cos(theta / 2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["stable", "unstable"])
 def test_the_separatrix_of_a_pendulum(upright, kind):
     found = orbits.manifold(upright, kind, time=3.0)
@@ -58,6 +59,7 @@ def test_the_separatrix_of_a_pendulum(upright, kind):
     assert np.abs(np.sign(found.ts) - (1 if kind == "unstable" else -1)).max() == 0
 
 
+@pytest.mark.slow
 def test_tubes_of_a_lyapunov_orbit_reach_the_section_with_the_energy_of_the_orbit(lyapunov, tubes):
     of = jax.vmap(lambda y: energy(lyapunov.scene, 0.0, y))
     level = float(energy(lyapunov.scene, 0.0, lyapunov.y0))
@@ -69,6 +71,7 @@ def test_tubes_of_a_lyapunov_orbit_reach_the_section_with_the_energy_of_the_orbi
         np.testing.assert_allclose(tube.samples[:, -1], tube.ends, rtol=0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_stable_tube_is_the_mirror_image_of_the_unstable_one(lyapunov, tubes):
     # (x, y, vx, vy, t) -> (x, -y, -vx, vy, -t) takes one manifold of a symmetric orbit to the
     # other; phases differ, so closed curves on the section are compared by their areas.
@@ -81,6 +84,7 @@ def test_the_stable_tube_is_the_mirror_image_of_the_unstable_one(lyapunov, tubes
     assert (unstable[:, 0].mean() < 0) != (stable[:, 0].mean() < 0)
 
 
+@pytest.mark.slow
 def test_the_error_of_the_starts_is_that_which_was_asked_for(lyapunov):
     # A manifold to 1e-10 from a tenth of the step: its strands pass close to the coarser starts.
     fine, coarse = (
@@ -133,6 +137,7 @@ def test_misuse_is_refused(upright, options, said):
         orbits.manifold(upright, **({"kind": "unstable"} | options))
 
 
+@pytest.mark.slow
 def test_states_that_move_and_stable_orbits_are_refused():
     with pytest.raises(ValueError, match="expected a rest point"):
         orbits.manifold(scenes.pendulum(), "unstable")
@@ -146,6 +151,7 @@ def test_an_error_below_rounding_is_refused_with_a_remedy(lyapunov):
         orbits.manifold(lyapunov, "unstable", strands=2, error=1e-17)
 
 
+@pytest.mark.slow
 def test_command_and_picture(lyapunov, tmp_path, command):
     saved, picture = tmp_path / "lyapunov.json", tmp_path / "tubes.png"
     orbits.save(saved, lyapunov)
@@ -166,6 +172,7 @@ def test_a_section_that_is_no_entry_is_refused(lyapunov, tmp_path, command):
         assert "--until: expected" in err
 
 
+@pytest.mark.slow
 def test_a_tube_in_space_is_drawn_with_its_orbit(tubes):
     ax = orbits.drawing.manifold(tubes, entries=("x", "y", "vx"), title="").axes[0]
     assert ax.name == "3d"
@@ -175,6 +182,7 @@ def test_a_tube_in_space_is_drawn_with_its_orbit(tubes):
         orbits.drawing.manifold(tubes, entries=("x",))
 
 
+@pytest.mark.slow
 def test_numbers_are_printed(tubes):
     text = str(tubes[0])
     for part in ("Unstable manifold of orbit of restricted_three_body", "multiplier", "step-off"):

@@ -160,6 +160,7 @@ class _Trap(Effect):
         return 0.5 * jnp.sum(r * r)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [(0, 1, 2, 3), (0, 2, 1, 3)])
 def test_bodies_that_follow_each_other_in_any_order_are_on_one_curve(order):
     system = FreePoints(np.ones(4))

@@ -58,6 +58,7 @@ def test_a_step_has_order_sixteen_and_its_derivatives_are_exact():
     assert np.abs(slopes.span - speeds)[0].max() < 1e-7
 
 
+@pytest.mark.slow
 def test_collocation_and_shooting_find_the_same_cycle():
     cycle = orbits.find(van_der_pol(), collocation=True)
     assert abs(cycle.period - odes.VAN_DER_POL) < 1e-13 * odes.VAN_DER_POL
@@ -69,6 +70,7 @@ def test_collocation_and_shooting_find_the_same_cycle():
     assert orbits.same_orbit(cycle, shot)
 
 
+@pytest.mark.slow
 def test_a_relaxation_oscillation_is_found_where_steps_run_out(tmp_path):
     cycle = orbits.find(van_der_pol(1000.0, 1614.0))
     assert cycle.mesh is not None
@@ -83,6 +85,7 @@ def test_a_relaxation_oscillation_is_found_where_steps_run_out(tmp_path):
     assert check.closure < 1e-12
 
 
+@pytest.mark.slow
 def test_an_orbit_on_a_mesh_survives_its_file(tmp_path):
     swing = orbits.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta", collocation=True)
     exact = orbits.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta")
@@ -143,6 +146,7 @@ def test_misuse_of_collocation_is_refused():
         orbits.continue_family(cycle, van_der_pol, 1.0, segments=4)
 
 
+@pytest.mark.slow
 def test_a_mesh_with_too_few_intervals_is_no_orbit(monkeypatch):
     monkeypatch.setattr("orbits.shooting.collocation.mesh._MOST", 16)
     monkeypatch.setattr("orbits.shooting.collocation.mesh._FIRST", 16)

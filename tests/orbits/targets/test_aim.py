@@ -201,6 +201,7 @@ def test_quadratic_drag_agrees_with_a_quadrature(many, row):
     assert bend < 0
 
 
+@pytest.mark.slow
 def test_the_best_angle_falls_from_45_degrees_to_0(many):
     assert many.ok
     assert abs(many.angle[0] - np.pi / 4) < 1e-7
@@ -208,6 +209,7 @@ def test_the_best_angle_falls_from_45_degrees_to_0(many):
     assert (np.diff(many.x) > 0).all()
 
 
+@pytest.mark.slow
 def test_how_the_best_angle_tends_to_0(many):
     """It lands at a right angle to its launch, up to 1 / L, L = log(v^2 c / (m g))."""
     fast = SPEEDS > 1e4
@@ -231,6 +233,7 @@ def test_how_the_best_angle_tends_to_0(many):
     assert off[-1] < 0.1
 
 
+@pytest.mark.slow
 def test_numbers_without_dimension_are_all_that_matters(many):
     """Only v^2 c / (m g) enters the angle: another planet, another ball."""
     other = scenes.cannonball(drag=3.0, g=1.6, m=7.0)

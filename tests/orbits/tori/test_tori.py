@@ -93,6 +93,7 @@ def _compared(found: orbits.Torus, returns: int, entry: int) -> tuple[float, flo
     return gap(motion, found.at(theta)), float(np.abs(own - expected).min())
 
 
+@pytest.mark.slow
 def test_a_driven_torus_is_that_of_long_motions(swing):
     found = orbits.torus(swing, 1.0)
     assert found.ok
@@ -117,6 +118,7 @@ def test_an_autonomous_torus_is_that_of_long_motions(loop):
     assert rotation < 1e-9
 
 
+@pytest.mark.slow
 def test_small_tori_have_the_rotation_of_the_multipliers(swing):
     (nu,) = {x for x in orbits.stability(swing).exponents if x is not None}
     found = [orbits.torus(swing, a).rotation for a in (0.05, 0.1)]
@@ -125,6 +127,7 @@ def test_small_tori_have_the_rotation_of_the_multipliers(swing):
     assert abs(off[1] / off[0] - 4) < 0.05  # quadratic in the amplitude
 
 
+@pytest.mark.slow
 def test_a_rotation_can_be_asked_for(swing):
     found = orbits.torus(swing, 1.0, rotation=0.53)
     assert found.ok
@@ -148,6 +151,7 @@ def test_a_family_of_tori_grows_from_the_orbit(loop):
     assert back.amplitudes[1] < back.amplitudes[0]
 
 
+@pytest.mark.slow
 def test_a_torus_that_is_not_found_has_an_outcome(swing, loop):
     coarse = orbits.torus(swing, 1.0, max_modes=6, throw=False)
     assert coarse.outcome == TorusOutcome.NOT_SMOOTH
@@ -159,6 +163,7 @@ def test_a_torus_that_is_not_found_has_an_outcome(swing, loop):
     assert refusal(lambda: orbits.continue_tori(coarse)).startswith("torus: expected one")
 
 
+@pytest.mark.slow
 def test_a_rotation_that_no_torus_has_is_refused(swing):
     found = orbits.torus(swing, 0.05, rotation=0.7, throw=False)
     assert found.outcome == TorusOutcome.NO_CONVERGENCE
@@ -166,6 +171,7 @@ def test_a_rotation_that_no_torus_has_is_refused(swing):
         orbits.torus(swing, 0.05, rotation=0.7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -183,6 +189,7 @@ def test_misuse_is_refused(swing, call, message):
     assert refusal(lambda: call(swing)).startswith(message)
 
 
+@pytest.mark.slow
 def test_a_torus_is_drawn(swing, tmp_path):
     path = tmp_path / "torus.png"
     figure = drawing.torus(orbits.torus(swing, 0.1), path)
