@@ -128,14 +128,14 @@ def hard_cases() -> dict[str, str]:
     """What must hold in each of the hard cases, by name: literals, the first two of a `Case`."""
     folder = _PACKAGE / "hard"
     body = ast.parse((folder / "collection.py").read_text(encoding="utf-8")).body
-    (families,) = (
+    (topics,) = (
         [x.id for x in node.value.elts if isinstance(x, ast.Name)]
         for node in body
         if isinstance(node, ast.Assign) and isinstance(node.value, ast.Tuple)
     )
     found = {}
-    for family in families:
-        tree = ast.parse((folder / "cases" / f"{family}.py").read_text(encoding="utf-8"))
+    for topic in topics:
+        tree = ast.parse((folder / "cases" / f"{topic}.py").read_text(encoding="utf-8"))
         for node in ast.walk(tree):
             if isinstance(node, ast.Call) and ast.unparse(node.func) == "Case":
                 name, holds = (ast.literal_eval(x) for x in node.args[:2])

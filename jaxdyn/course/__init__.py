@@ -1,10 +1,11 @@
 """The course: 61 problems, one runnable page each.
 
 The docstring of a page states the problem and its answer; its ``solve(page)`` computes it by the
-public API, checks it by another route, and draws it. ``jaxdyn course 16`` and
-``python -m jaxdyn.course.circling_bodies`` run one; files are named by what they show, their
-number is `PROBLEM` in them, and ``jaxdyn list --problems`` has both. The folder `page` says what a
-page consists of and reads the register, `problems()`, from the files.
+public API, checks it by another route, and draws it. ``jaxdyn course 16`` and ``python -m
+jaxdyn.course.circling_bodies`` run one; files are named by what they show, their number is
+`PROBLEM` in them, and ``jaxdyn list --problems`` has both. One test runs them all,
+`tests/jaxdyn/course/test_pages.py`. The folder `page` says what a page consists of and reads the
+register, `problems()`, from the files.
 
 May import: `studies`, `hard`, `drawing`; and `orbits`.
 

@@ -1,4 +1,4 @@
-"""Hard cases: scenes that break naive codes, each with figures and their bounds.
+"""Hard cases: scenes that break naive codes, each with numbers and their bounds.
 
 `case` says what a case is, the folder `cases` has them, `collection` lists them all, `elliptic` has
 integrals that several use.
@@ -6,8 +6,8 @@ integrals that several use.
 May import: `studies`, `ensemble`.
 
 One more case is one entry of `CASES` in the file of its topic in `cases`: a name, what must hold,
-and a function that returns figures with their bounds. A new file is added to `FAMILIES` in
-`collection`.
+and a function that returns numbers with their bounds. Name and sentence are literals, which `jaxdyn
+hard --list` reads without loading JAX. A new file is added to `TOPICS` in `collection`.
 """
 
 from jaxdyn.hard.case import Case, Figure, Verdict, judge

@@ -1,4 +1,4 @@
-"""All hard cases by name; a new one is one entry in the `CASES` of its family's file."""
+"""All hard cases by name; a new one is one entry in the `CASES` of the file of its topic."""
 
 from collections.abc import Iterable
 
@@ -22,7 +22,7 @@ from jaxdyn.hard.cases import (
     stiff,
 )
 
-FAMILIES = (
+TOPICS = (
     encounters,
     singular,
     drift,
@@ -39,7 +39,7 @@ FAMILIES = (
     chaos,
     long,
 )
-CASES = {case.name: case for family in FAMILIES for case in family.CASES}
+CASES = {case.name: case for topic in TOPICS for case in topic.CASES}
 
 
 def chosen(names: Iterable[str]) -> tuple[Case, ...]:

@@ -1,4 +1,4 @@
-"""How far a solution is from the exact one: a finer solution beside it, and rounding.
+"""Error estimates of solutions: by a finer solution beside it, and by the effect of rounding.
 
 A solution at a tolerance differs from one at a thousandth of it by its own error, up to a
 thousandth. That is the whole estimate while the second one is more accurate. Once rounding

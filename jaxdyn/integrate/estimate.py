@@ -1,4 +1,4 @@
-"""How far a solution is from the exact one: the record, and states compared in their units."""
+"""The record of an error estimate, and differences of states in the units of their entries."""
 
 import equinox as eqx
 import jax

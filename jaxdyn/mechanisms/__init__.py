@@ -4,7 +4,7 @@
 or a cart), `rods` (points joined by massless rods), `four_bar` (the four-bar linkage), `guided`
 (masses on wires and in slots), `skates` (a planar body on skates), `car` (one that brakes, seen
 from above), `euler_body` (a rigid body by Euler angles), `disk` (one that rolls on the ground),
-`cylinders` (a cylinder that rolls, slips or flies).
+`cylinders` (the equations of a cylinder in each kind of contact).
 
 May import: `formulations`.
 

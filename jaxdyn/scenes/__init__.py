@@ -1,14 +1,16 @@
 """Ready-made scenes, one file a family; `jaxdyn list` shows them with their parameters.
 
-`disks` has a disk that rolls, `cylinders` cylinders that roll, slip and fly, `sections` two systems
-known for their surfaces of section. `catalogue` is the list of them, `ready_made` what their
-functions share, `switching` exchanges coordinates that fail on the way.
+`disks` has a disk that rolls, `cylinders` the scenes, events and phases of cylinders that roll,
+slip and fly, `sections` two systems known for their surfaces of section. `catalogue` is the list of
+them, `ready_made` what their functions share, `switching` exchanges coordinates that fail on the
+way.
 
 May import: `mechanisms`, `effects`, `integrate`.
 
 One more scene is a function ``name(mass=1.0, ...)`` in the file of its family that returns a
-`Scene`, with the unit of each parameter in its docstring, where `catalogue` reads it; one line
-below; and a page of `jaxdyn/course` that uses it, if it answers a problem of the course.
+`Scene` and is decorated with `ready_made()`, with the unit of each parameter in its docstring,
+where `jaxdyn/cli/words.py` reads it; one line below; and a page of `jaxdyn/course` that uses it, if
+it answers a problem of the course.
 """
 
 from jaxdyn.scenes import ballistics, catalogue, satellites, switching

@@ -18,12 +18,13 @@
 diffrax calls it, with compensated sums), `pairs`, `order_conditions` (corrections of rounded
 tables), `compositions`, `gauss`, `radau`, `stoermer`, the folder `taylor`, and `exchange` (with
 diffrax); `side_by_side` steps several motions at once, `perturbed` magnifies rounding errors.
-`intervals` and `enclosures` bound the values of formulas over boxes.
+`intervals` and `enclosures` bound the values of formulas over boxes in doubles, for rest points;
+proofs of orbits use `balls`.
 
 May import: `jaxdyn`, that is the files at the top level.
 
-One more solver is a subclass of `Method` in a file of its own; the class and its instances
-are exported below, and `jaxdyn run --solver` then takes them.
+One more solver is a subclass of `Method` in a file of its own; the class and its instances are
+exported below, and `jaxdyn run --solver` then takes them.
 """
 
 from jaxdyn.solvers.choice import Solver, default_solver

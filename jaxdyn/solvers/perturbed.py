@@ -1,4 +1,4 @@
-"""The effect of rounding on a motion, magnified: a field with random perturbations of each step.
+"""A field with random perturbations of each step, which shows the effect of rounding, magnified.
 
 The sums of steps are compensated, so digits are lost in finding an increment: a rate is evaluated
 at a state, a time and numbers that are each rounded, at every step. A `RoundedField` perturbs

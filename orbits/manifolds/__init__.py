@@ -2,8 +2,8 @@
 
 `manifold` follows strands from an orbit, `directions` has the tangents in which they begin,
 `step_off` chooses how far from it, `strands` is the result. `connecting` finds connections of rest
-points, `chain` has their closing equations, `splitting` the linear subspaces as functions of a
-parameter, `connection` is the result.
+points, and chooses where their ends lie; `chain` has their closing equations, `splitting` the
+invariant subspaces of the linearisation as functions of a parameter, `connection` is the result.
 
 May import: `families`.
 

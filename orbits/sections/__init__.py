@@ -7,8 +7,8 @@ are coordinates of a section.
 
 May import: `analysis`.
 
-One more kind of section is an event (`jaxdyn.integrate.events`) whose fixed entry `coordinates`
-knows.
+One more kind of section is an event (`jaxdyn.integrate.events`), and in `coordinates` the entry of
+the state that is fixed on it.
 """
 
 from orbits.sections import coordinates, records

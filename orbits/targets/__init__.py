@@ -2,7 +2,8 @@
 
 `aim` answers questions about throws (`hit`, `farthest`, `slowest`); `launch` is one throw, `thrown`
 its equations along the launch, `ranges` the range over all angles, `steady_fall` the end of a long
-throw. `loops` closes orbits about a centre, `shapes` finds the ratio of their radii.
+throw at its terminal velocity. `loops` closes orbits about a centre, `shapes` finds the ratio of
+their radii.
 
 May import: `shooting`.
 
