@@ -1,8 +1,9 @@
 """Tolerances and small scenes that the tests share."""
 
+import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import jax
@@ -64,6 +65,20 @@ def run_python(code: str, **env: str) -> str:
     )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
+
+
+def run_blocks(blocks: Iterable[str], folder: Path, *flags: str) -> str:
+    """What Python blocks of a text print as one program, in a process and a folder of their own."""
+    done = subprocess.run(
+        [sys.executable, *flags, "-c", "\n".join(blocks)],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(TESTS.parent), "MPLBACKEND": "Agg"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 def kepler(e: float, angle: float = 0.0) -> Scene:

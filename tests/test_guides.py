@@ -7,16 +7,14 @@ start of a line is what it prints. Blocks that import what is not installed are 
 import ast
 import functools
 import importlib.util
-import os
 import re
 import shlex
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
 import pytest
 import typer
+from helpers import run_blocks
 
 import jaxdyn
 from jaxdyn.cli.app import app as jaxdyn_app
@@ -27,7 +25,6 @@ ROOT = Path(__file__).parent.parent
 GUIDES = {path.name: path for path in sorted((ROOT / "jaxdyn" / "gallery" / "guides").glob("*"))}
 SHORTEST, LONGEST = 40, 120  # lines
 SUMMARY = 110  # characters that the table of contents has room for
-#: Guides that take longer than 20 s on a quiet core.
 
 
 def blocks(name):
@@ -49,18 +46,8 @@ def missing(block):
 def output(name):
     """What the blocks of a guide print, except those for packages that are missing."""
     run = [block for block in blocks(name) if not missing(block)]
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
     with tempfile.TemporaryDirectory() as folder:
-        done = subprocess.run(
-            [sys.executable, "-W", "error", "-c", "\n".join(run)],
-            cwd=folder,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+        return run_blocks(run, Path(folder), "-W", "error")
 
 
 @pytest.mark.slow

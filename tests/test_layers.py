@@ -83,6 +83,8 @@ UPWARDS = {
     ("jaxdyn/scene.py", "jaxdyn.drawing.space"),
     ("orbits/orbit.py", "orbits.drawing.periodic"),
     ("orbits/families/family.py", "orbits.drawing.families"),
+    ("orbits/analysis/stability.py", "orbits.drawing.unit_circle"),
+    ("orbits/tori/record.py", "orbits.drawing.tori"),
 }
 
 FILES = sorted(

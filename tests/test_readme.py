@@ -1,13 +1,11 @@
 """The README: its Python runs, its links exist, its commands are those of CI and packaging."""
 
-import os
 import re
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import pytest
+from helpers import run_blocks
 
 import jaxdyn
 
@@ -20,17 +18,7 @@ BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 def output(tmp_path_factory):
     """All Python blocks as one program, in a process and a folder of their own."""
     folder = tmp_path_factory.mktemp("readme")
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
-    done = subprocess.run(
-        [sys.executable, "-c", "\n".join(BLOCKS)],
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout, folder
+    return run_blocks(BLOCKS, folder), folder
 
 
 def test_the_eight_of_the_readme_is_what_it_says(output):

@@ -6,9 +6,10 @@ quantity of the motion, see `quantities`. Methods are compared at equal error, n
 tolerance.
 """
 
+import functools
 import time
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -141,7 +142,6 @@ def fit_solvers(scene: Scene, t1=None) -> tuple[Method, ...]:
 
     Extrapolation is included for velocity-independent forces, Taylor series where the scene's
     formulas are short.
-    formulas are short.
     """
     _, t1 = span(scene, t1)
     if bool(solve(scene, t1, rtol=_STIFFNESS_RTOL).stiff):
@@ -161,6 +161,7 @@ def work_precision(
     steps: Sequence[int] = STEPS,
     quantity: Quantity = END,
     rounds: int = _ROUNDS,
+    options: Mapping[str, Any] | None = None,
 ) -> WorkPrecision:
     """Error against time and right-hand sides of several solvers; host only.
 
@@ -173,6 +174,7 @@ def work_precision(
       quantity: what the errors are of. They are the largest over its entries, relative to the
         largest entry (of a state: to the largest of the same unit) unless its exact value is known.
       rounds: how many times to run everything.
+      options: of XLA's compiler for these programs, as `jax.jit` takes them.
     Returns:
       The curves, without runs that failed.
     Raises:
@@ -183,12 +185,12 @@ def work_precision(
     solvers = fit_solvers(scene, t1) if solvers is None else tuple(map(method_of, solvers))
     if not solvers:
         raise _checks.fail("solvers", "at least one", "none")
-    exact, scale, uncertainty = _reference(scene, t1, quantity, solvers)
+    programs = functools.cache(lambda solver: _program(scene, t1, solver, quantity, options))
+    exact, scale, uncertainty = _reference(scene, quantity, solvers, programs)
     runs, compiling, values, counts = {}, {}, {}, {}
     for solver in solvers:
         grid = tolerances if solver.adaptive else [abs(t1) / n for n in steps]
-        program = _program(scene, t1, solver, quantity.of)
-        counter = _program(scene, t1, solver, _counts)
+        program, counter = programs(solver)
         doing(f"preparing {solver.name}")
         start = time.perf_counter()
         program(grid[0])
@@ -224,16 +226,22 @@ def work_precision(
     return WorkPrecision(quantity.name, uncertainty, tuple(curves))
 
 
-def _program(scene: Scene, t1: float, solver: Method, of: Callable) -> Callable:
-    """A function of tolerance or step to the value, compiled at the first call."""
+def _program(scene, t1: float, solver: Method, quantity: Quantity, options) -> tuple:
+    """Functions of tolerance or step to the value and to counts, compiled at their first calls."""
     numbers, rest = eqx.partition(scene, eqx.is_array)
 
-    @jax.jit
-    def value(numbers, t1, fineness):
-        rtol, dt = (fineness, None) if solver.adaptive else (RTOL, fineness)
-        return of(eqx.combine(numbers, rest), t1, solver=solver, rtol=rtol, dt=dt)
+    def compiled(of: Callable) -> Callable:
+        def value(numbers, t1, fineness):
+            rtol, dt = (fineness, None) if solver.adaptive else (RTOL, fineness)
+            return of(eqx.combine(numbers, rest), t1, solver=solver, rtol=rtol, dt=dt)
 
-    return lambda fineness: np.asarray(value(numbers, t1, fineness))
+        run = jax.jit(value, compiler_options=options and dict(options))
+        return lambda fineness: np.asarray(run(numbers, t1, fineness))
+
+    if quantity is not END:
+        return compiled(quantity.of), compiled(_counts)
+    both = compiled(_end_and_counts)  # one program, which takes half as long to compile
+    return lambda fineness: both(fineness)[:-2], lambda fineness: both(fineness)[-2:]
 
 
 def _counts(scene, t1, *, solver, rtol, dt):
@@ -241,13 +249,19 @@ def _counts(scene, t1, *, solver, rtol, dt):
     return jnp.stack([result.steps, result.rejected])
 
 
-def _reference(scene, t1, quantity: Quantity, solvers) -> tuple:
+def _end_and_counts(scene, t1, *, solver, rtol, dt):
+    result = solve(scene, t1, solver=solver, rtol=rtol, dt=dt)
+    counts = jnp.stack([result.steps, result.rejected])
+    return jnp.concatenate([result.y1, counts.astype(result.y1.dtype)])
+
+
+def _reference(scene, quantity: Quantity, solvers, programs: Callable) -> tuple:
     """Exact value, scale of errors, and relative uncertainty of the value."""
     if quantity.exact is not None:
         return np.asarray(quantity.exact), 1.0, float(np.finfo(float).eps)
     stiff = RADAU9 in solvers or RADAU5 in solvers
     pair = (RADAU9, RADAU5) if stiff else (default_solver(scene, several=True), DOPRI8)
-    found = [_finest(_program(scene, t1, solver, quantity.of)) for solver in pair]
+    found = [_finest(programs(solver)[0]) for solver in pair]
     value = found[0]
     if quantity is END:
         scale = scales(scene, np.stack([np.asarray(scene.y0), value]))

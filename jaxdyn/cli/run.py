@@ -26,7 +26,7 @@ from jaxdyn.cli.shared import (
 )
 from jaxdyn.cli.words import scene_settings, solver_names
 from jaxdyn.files.image_files import picture_path
-from jaxdyn.files.output_files import table_path
+from jaxdyn.files.output_files import archive_path, table_path
 
 STOPPED = 1  # exit code: the motion did not reach its end
 _MOST_SAMPLES = 1_000_000  # each becomes text
@@ -57,6 +57,7 @@ def run_command(
     seconds: SecondsOption = None,
     play: PlayOption = False,
     csv: Annotated[Path | None, written(table_path, "Write times and states (.csv).")] = None,
+    save: Annotated[Path | None, written(archive_path, "Save it, for jaxdyn.load (.npz).")] = None,
     as_object: JsonOption = False,
 ) -> None:
     """Simulate a scene in all its phases, report how its energy changes, and draw it if asked."""
@@ -89,6 +90,9 @@ def run_command(
         if csv:
             with out.writing(csv, "written to"):
                 jaxdyn.files.tables.write_csv(csv, motion)
+        if save:
+            with out.writing(save, "saved in"):
+                motion.save(save)
         if not jaxdyn.files.tables.arrived(motion):
             out.print(f"[red]stopped[/red]: {motion.message}")
             raise typer.Exit(STOPPED)

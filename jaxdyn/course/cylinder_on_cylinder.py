@@ -50,7 +50,8 @@ def solve(page: Page) -> None:
 
     page.draw(drawing.trajectory(motion), "The ring is where the cylinder loses contact.")
     look = (
-        "It ends where contact does; `jaxdyn run cylinder_on_cylinder` goes on by slip and flight."
+        "It ends where contact would, if friction had no limit; with a coefficient of friction, "
+        "`jaxdyn run cylinder_on_cylinder` goes on by slip and flight."
     )
     page.play(motion, look)
 

@@ -62,7 +62,11 @@ def solve(page: Page) -> None:
     page.number("it slips with a coefficient of 0.8 after", f"{slips:.3f}", "m")
 
     page.draw(drawing.trajectory(motion), "The paths of G and of a mark on the rim.")
-    page.play(motion, "It rolls until the ramp would have to pull.")
+    look = (
+        "It rolls until the ramp would have to pull, as if friction had no limit; with a "
+        "coefficient of friction, `jaxdyn run cylinder_on_ramp` goes on by slip and flight."
+    )
+    page.play(motion, look)
 
 
 if __name__ == "__main__":

@@ -55,7 +55,8 @@ def solve(page: Page) -> None:
 
     figure = drawing.trajectory([glide, two], names=["one skate, behind", "two skates"])
     page.draw(figure, "One skate ends in a straight glide; two skates run round one point.")
-    motions = {"one skate below": circle, "one skate behind": glide, "two skates": two}
+    begins = simulate(behind, 5.0, samples=400, rtol=1e-12)  # all fit into one view
+    motions = {"one skate below": circle, "one skate behind": begins, "two skates": two}
     page.play(
         motions, "A circle, a turn that ends in a glide, and a uniform turn.", choose="skates"
     )

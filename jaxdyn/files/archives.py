@@ -17,7 +17,7 @@ import numpy as np
 
 from jaxdyn._text import fail
 from jaxdyn.files.input_files import content, parsed
-from jaxdyn.files.output_files import replace, unwritable, writable
+from jaxdyn.files.output_files import archive_path, replace, unwritable
 
 #: Bytes of an archive: all of it is in memory at once.
 MAX_BYTES = 2**30
@@ -39,7 +39,7 @@ def write(path: str | Path, name: str, record: Any, arrays: Mapping[str, np.ndar
       ValueError: `path` cannot be written, the record has numbers that are not finite, an array
         has another type, or the archive would be larger than `read` takes.
     """
-    path = writable(path, suffixes=(".npz",))
+    path = archive_path(path)
     try:
         entries = {name: json.dumps(record, indent=1, allow_nan=False).encode()}
     except ValueError as error:

@@ -46,6 +46,11 @@ def table_path(path: str | Path, name: str = "path") -> Path:
     return writable(path, name, (".csv",))
 
 
+def archive_path(path: str | Path, name: str = "path") -> Path:
+    """The path of an archive (.npz), checked to be writable."""
+    return writable(path, name, (".npz",))
+
+
 def unwritable(path: str | Path, error: OSError, name: str = "path") -> ValueError:
     """The error to raise where a file cannot be written."""
     reason = error.strerror or type(error).__name__

@@ -5,9 +5,10 @@ in which order by `templates/problem.html`.
 
 `site` builds the site from records: `problems` runs the pages of the course, `exhibits` the other
 pages (accuracy, hard cases, families, and the orbits of `poster`), each of which leaves a record
-and `pictures`, made again only where sources changed (`records`). `reference` reads the docstrings,
-`texts` renders Markdown and code, `writing` fills the templates. The folders `guides` and
-`templates` have the texts and the frames of pages.
+and `pictures`, made again only where sources changed (`records`), and with programs that
+`compiling` has XLA make in half of the time. `reference` reads the docstrings, `texts` renders
+Markdown and code, `writing` fills the templates. The folders `guides` and `templates` have the
+texts and the frames of pages.
 
 May import: `course`, `player`; and `orbits`.
 

@@ -15,6 +15,7 @@ import orbits
 from jaxdyn import drawing, hard, integrate, scenes
 from jaxdyn.accuracy.work_precision import work_precision
 from jaxdyn.gallery import poster
+from jaxdyn.gallery.compiling import FULLY
 from jaxdyn.gallery.pictures import written
 from jaxdyn.gallery.texts import duration
 from jaxdyn.studies import upright
@@ -30,7 +31,9 @@ def accuracy(pictures: Path) -> dict[str, Any]:
         "double_pendulum": scenes.double_pendulum(t1=5.0),
         "lorenz": scenes.lorenz(t1=5.0),
     }
-    found = {name: work_precision(scene, rounds=10) for name, scene in chosen.items()}
+    found = {
+        name: work_precision(scene, rounds=10, options=FULLY) for name, scene in chosen.items()
+    }
     look = "The error of the end against the time of a solve: down and to the right is better."
     drawings = [
         written(drawing.work_precision(one, title=name), pictures, f"accuracy_{name}", look)

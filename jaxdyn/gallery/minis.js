@@ -38,9 +38,23 @@
     for (const { target, isIntersecting } of entries) if (isIntersecting) seen.add(target); else seen.delete(target);
   });
   for (const canvas of canvases) { watch.observe(canvas); draw(canvas, data[canvas.dataset.mini], 0); }
+  // A button stops and starts all of them; readers who prefer stillness start them themselves.
+  const button = document.querySelector("[data-minis-play]");
+  let playing = false, last = 0, share = 0;
   const step = (now) => {
-    for (const canvas of seen) draw(canvas, data[canvas.dataset.mini], (now / 1000 / SECONDS) % 1);
+    if (!playing) return;
+    share = (share + Math.min(0.1, (now - last) / 1000) / SECONDS) % 1;
+    last = now;
+    for (const canvas of seen) draw(canvas, data[canvas.dataset.mini], share);
     requestAnimationFrame(step);
   };
-  if (!calm) requestAnimationFrame(step);
+  const set = (on) => {
+    playing = on;
+    button.textContent = on ? "Pause all" : "Play all";
+    last = performance.now();
+    if (on) requestAnimationFrame(step);
+  };
+  button.hidden = false;
+  button.addEventListener("click", () => set(!playing));
+  set(!calm);
 })();

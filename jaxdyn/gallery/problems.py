@@ -8,6 +8,7 @@ import numpy as np
 from jaxdyn.accuracy.work_precision import work_precision
 from jaxdyn.course.page import Page, Problem, run
 from jaxdyn.course.page.running import record
+from jaxdyn.gallery.compiling import FULLY
 from jaxdyn.gallery.pictures import written
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.player import export
@@ -45,7 +46,9 @@ def _digits(page: Page) -> dict[str, Any] | None:
         return None
     scene, t1 = whole[0].scene, float(whole[0].ts[-1])
     solver = default_solver(scene)
-    found = work_precision(scene, t1, solvers=(solver,), tolerances=_TOLERANCES, rounds=_ROUNDS)
+    found = work_precision(
+        scene, t1, solvers=(solver,), tolerances=_TOLERANCES, rounds=_ROUNDS, options=FULLY
+    )
     rows = [(n, found.at(10.0**-n)[solver.name].median) for n in _DIGITS]
     return {
         "solver": solver.name,

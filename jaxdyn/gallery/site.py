@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jaxdyn import _checks
-from jaxdyn._config import configure
 from jaxdyn._progress import doing
 from jaxdyn._text import whole
 from jaxdyn.course.page import Problem, problems
 from jaxdyn.files.output_files import unwritable, writable
 from jaxdyn.gallery import exhibits
+from jaxdyn.gallery.compiling import configure_quickly
 from jaxdyn.gallery.problems import problem_record
 from jaxdyn.gallery.records import kept, stored
 from jaxdyn.gallery.writing import Site, neighbours
@@ -103,7 +103,7 @@ def _run(jobs: Collection[str], folder: Path, workers: int) -> dict[str, str]:
     failed = {}
     # A fork would copy JAX's threads, which do not survive it.
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(workers, len(jobs)), context, configure)
+    pool = ProcessPoolExecutor(min(workers, len(jobs)), context, configure_quickly)
     try:
         running: dict[Future, str] = {pool.submit(make, name, folder): name for name in jobs}
         doing("running pages", 0, len(jobs))

@@ -160,7 +160,7 @@ def bar_shapes(joints: Array, end: Array | None, *, skate: bool = False) -> tupl
     bars, first = line(*joints), pin(joints[0])
     if end is not None:
         return bars, first, pin(joints[-1]), *traces(joints[1:-1], inner)
-    free = traces(joints[1:], [*inner, "end"])
+    free = traces(joints[1:], [*inner, "tip"])
     if not skate:
         return bars, first, *free
     along = joints[-1] - joints[-2]

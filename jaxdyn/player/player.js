@@ -7,6 +7,7 @@
   const FLOOR = 1e-17; // of the energy's relative change, on its logarithmic axis
   const PACES = [0.1, 0.25, 0.5, 1, 2, 4];
   const LONGEST = 12, SHORTEST = 4; // [s] a motion is shown in, at pace 1; 1 to 12 s in real time
+  const TURN = Math.PI / 24, ZOOM = 1.15; // of a key
   const COILS = 9, LEAD = 0.12; // of a drawn spring
   const HUNG = [[0, 0], [-0.6, 0.9], [-1, 0.9], [1, 0.9], [0.6, 0.9]];
 
@@ -128,7 +129,7 @@
       const make = (tag, set, parent = this.root) => parent.appendChild(Object.assign(document.createElement(tag), set));
       this.canvas = make("canvas", { className: "stage", tabIndex: 0 });
       this.canvas.setAttribute("role", "application");
-      this.canvas.setAttribute("aria-label", `${this.root.dataset.label} Space plays it, arrows step.`);
+      this.canvas.setAttribute("aria-label", `${this.root.dataset.label} ${this.keys()}`);
       const bar = make("div", { className: "controls" });
       this.button = make("button", { type: "button", textContent: "Play" }, bar);
       this.slider = make("input", { type: "range", min: 0, max: 1000, step: "any", value: 0 }, bar);
@@ -139,6 +140,7 @@
       if (this.data.choose) this.chooser(make);
       this.names = make("p", { className: "legend" });
       this.stopped = make("p", { className: "said" });
+      make("p", { className: "hint", textContent: `Keys: ${this.keys()}` });
       this.legend();
       if (this.motions.some((m) => m.energy)) {
         this.strip = make("canvas", { className: "energy" });
@@ -147,6 +149,14 @@
         this.said = make("p", { className: "said" });
       }
       this.listen();
+    }
+
+    get turns() { return this.data.box[0].length === 3; }
+
+    // What the keys do once the picture is chosen by a click or by Tab.
+    keys() {
+      if (this.turns) return "space plays, arrows or dragging turn it, Shift with the left and right ones steps, [ and ] zoom.";
+      return "space plays, the left and right arrows step, + and - change the speed.";
     }
 
     select(make, bar, label, choices, chosen) {
@@ -209,9 +219,29 @@
         "+": () => this.faster(1),
         "-": () => this.faster(-1),
       };
-      if (!keys[event.key] || event.altKey || event.ctrlKey || event.metaKey) return;
+      const turning = {
+        ArrowLeft: () => this.turned(TURN, 0),
+        ArrowRight: () => this.turned(-TURN, 0),
+        ArrowUp: () => this.turned(0, -TURN),
+        ArrowDown: () => this.turned(0, TURN),
+        "]": () => this.zoomed(ZOOM),
+        "[": () => this.zoomed(1 / ZOOM),
+      };
+      const does = (this.turns && !event.shiftKey && turning[event.key]) || keys[event.key];
+      if (!does || event.altKey || event.ctrlKey || event.metaKey) return;
       event.preventDefault();
-      keys[event.key]();
+      does();
+    }
+
+    turned(azimuth, height) {
+      this.turn.azimuth += azimuth;
+      this.turn.height = Math.min(1.57, Math.max(-1.57, this.turn.height + height));
+      this.draw();
+    }
+
+    zoomed(by) {
+      this.turn.zoom = Math.min(20, Math.max(0.1, this.turn.zoom * by));
+      this.draw();
     }
 
     faster(by) {
@@ -222,7 +252,7 @@
 
     // Dragging turns a picture in space, the wheel with Ctrl or two fingers enlarge it.
     dragging() {
-      if (this.data.box[0].length !== 3) return;
+      if (!this.turns) return;
       const held = new Map();
       this.canvas.classList.add("turns");
       this.canvas.addEventListener("pointerdown", (e) => { held.set(e.pointerId, e); this.canvas.setPointerCapture(e.pointerId); });
@@ -231,21 +261,18 @@
         const last = held.get(e.pointerId);
         if (!last) return;
         if (held.size === 1) {
-          this.turn.azimuth -= (e.clientX - last.clientX) / 120;
-          this.turn.height = Math.min(1.57, Math.max(-1.57, this.turn.height + (e.clientY - last.clientY) / 120));
+          this.turned((last.clientX - e.clientX) / 120, (e.clientY - last.clientY) / 120);
         } else {
           const [other] = [...held.values()].filter((p) => p.pointerId !== e.pointerId);
           const apart = (p) => Math.hypot(p.clientX - other.clientX, p.clientY - other.clientY);
-          this.turn.zoom = Math.min(20, Math.max(0.1, (this.turn.zoom * apart(e)) / Math.max(1, apart(last))));
+          this.zoomed(apart(e) / Math.max(1, apart(last)));
         }
         held.set(e.pointerId, e);
-        this.draw();
       });
       this.canvas.addEventListener("wheel", (e) => {
         if (!e.ctrlKey) return;
         e.preventDefault();
-        this.turn.zoom = Math.min(20, Math.max(0.1, this.turn.zoom * Math.exp(-e.deltaY / 300)));
-        this.draw();
+        this.zoomed(Math.exp(-e.deltaY / 300));
       }, { passive: false });
     }
 

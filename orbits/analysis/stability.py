@@ -82,7 +82,11 @@ class Stability:
         ]
         return _text.table(f"Stability: {self.verdict}", rows)
 
-    _repr_html_ = _text.html
+    @_text.pictured
+    def _repr_html_(self):
+        from orbits.drawing import unit_circle
+
+        return unit_circle.multipliers(self, title="")
 
     @property
     def ok(self) -> bool:

@@ -1,9 +1,9 @@
 """Pictures of periodic orbits, of families of them, of throws and of closed loops.
 
 `periodic` draws orbits, `families` families, `throwing` throws, `about_centres` closed loops,
-`manifolds` stable and unstable manifolds, `sections` surfaces of section, `tori` invariant tori;
-all use the parts of `jaxdyn.drawing` and follow its rules. Only the command line imports this
-folder, since Matplotlib is slow to load.
+`manifolds` stable and unstable manifolds, `sections` surfaces of section, `tori` invariant tori,
+`unit_circle` multipliers; all use the parts of `jaxdyn.drawing` and follow its rules. Only
+the command line and what notebooks show import this folder, since Matplotlib is slow to load.
 
 May import: `files`, `manifolds`, `sections`, `targets`, `tori`.
 
@@ -17,5 +17,16 @@ from orbits.drawing.periodic import orbits
 from orbits.drawing.sections import section
 from orbits.drawing.throwing import throws
 from orbits.drawing.tori import torus
+from orbits.drawing.unit_circle import multipliers
 
-__all__ = ["family", "loops", "manifold", "orbits", "rosette", "section", "throws", "torus"]
+__all__ = [
+    "family",
+    "loops",
+    "manifold",
+    "multipliers",
+    "orbits",
+    "rosette",
+    "section",
+    "throws",
+    "torus",
+]

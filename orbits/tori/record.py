@@ -81,7 +81,11 @@ class Torus:
         ]
         return _text.table(f"Torus of {_text.called(self.scene)}", rows)
 
-    _repr_html_ = _text.html
+    @_text.pictured
+    def _repr_html_(self):
+        from orbits.drawing import tori
+
+        return tori.torus(self, title="")
 
     @property
     def ok(self) -> bool:

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from helpers import BEYOND
 
-from jaxdyn import drawing, scenes, simulate, solvers
+from jaxdyn import drawing, load, scenes, simulate, solvers
 from jaxdyn.cli import run
+from jaxdyn.files.tables import samples
 from jaxdyn.integrate.simulation import RTOL
 from jaxdyn.scenes import catalogue
 
@@ -191,6 +192,7 @@ def test_misuse_is_one_line_and_exit_code_2(jaxdyn, words, message):
         *(("--plot", "a.bmp"), ("--animate", "a.png"), ("--plot", "no/such/a.png")),
         *(("--plot", "/proc/a.png"), ("--animate", "/proc/a.gif"), ("--series", "/proc/a.svg")),
         *(("--csv", "/proc/a.csv"), ("--csv", "a.txt")),
+        *(("--save", "/proc/a.npz"), ("--save", "a.txt")),
     ],
 )
 def test_files_are_refused_before_anything_is_simulated(jaxdyn, monkeypatch, option, file):
@@ -244,6 +246,17 @@ def test_a_run_becomes_files(jaxdyn, tmp_path):
     assert "Title of it" in picture.read_text()
     assert "Title of it" in series.read_text()
     assert table.read_text().startswith("t [s],x [m],")
+
+
+@pytest.mark.parametrize("scene", ["cannonball", "car"])  # a motion, and a chain of phases
+def test_a_saved_run_is_loaded_as_it_was_printed(jaxdyn, tmp_path, scene):
+    path = tmp_path / "a.npz"
+    words = ("run", scene, "--samples", "3", "--save", path)
+    code, out, _ = jaxdyn(*words, "--json")
+    ts, ys = samples(load(path))
+    found = json.loads(out)
+    assert (code, ts.tolist(), ys.tolist()) == (0, found["t"], found["y"])
+    assert f"saved in {path}\n" in jaxdyn(*words)[1]
 
 
 def test_pictures_name_the_scene(jaxdyn, tmp_path):

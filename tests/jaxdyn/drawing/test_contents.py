@@ -65,9 +65,9 @@ def test_as_many_samples_as_a_curve_needs_stay_as_they_are():
 @pytest.mark.parametrize(
     ("name", "names"),
     [
-        ("double_pendulum", ("hinge 1", "end")),  # not the hinge that rests, not the bars' middles
+        ("double_pendulum", ("hinge 1", "tip")),  # not the hinge that rests, not the bars' middles
         ("four_bar", ("hinge 1", "hinge 2")),
-        ("n_pendulum", ("hinge 1", "hinge 2", "hinge 3", "end")),
+        ("n_pendulum", ("hinge 1", "hinge 2", "hinge 3", "tip")),
         ("cart_pendulum", ("cart", "mass")),
         ("car", ("front axle", "rear axle")),
         ("two_skates", ("skate 1", "skate 2")),

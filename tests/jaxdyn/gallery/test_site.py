@@ -10,7 +10,7 @@ import pytest
 from helpers import refusal
 
 from jaxdyn import gallery
-from jaxdyn.gallery import poster, records, reference, texts
+from jaxdyn.gallery import poster, records, reference, texts, writing
 
 #: Cheap problems, in the plane and in space, with sliders, several motions, none.
 CHOSEN = (2, 7, 9, 16, 18, 22, 54, 56)
@@ -176,6 +176,22 @@ def test_a_change_of_what_makes_records_changes_their_digest_and_rendering_does_
         "gallery/writing.py",
         "cli/run.py",
     ]
+
+
+def test_an_exhibit_shows_what_its_record_has(tmp_path):
+    drawing = {"file": "a.png", "look": "A line.", "width": 8, "height": 6}
+    record = {"title": "Lines", "text": "Straight `jaxdyn.simulate`."}
+    minis = [{"name": "loop", "lines": ("T = 1",), "path": {"x": [[0]], "y": [[0]], "reach": 1}}]
+    tables = [{"title": "", "head": ["case"], "rows": [["holds"], ["fails"]]}]
+    site = writing.Site(tmp_path, ["plain", "full"])
+    site.exhibit("plain", record)
+    site.exhibit("full", record | {"drawings": [drawing], "tables": tables, "minis": minis})
+    site.exhibit("poster", record | {"drawings": [drawing | {"other": "a.pdf"}]})
+    plain, full, other = (Parsed(tmp_path / f"{name}.html") for name in ("plain", "full", "poster"))
+    assert (plain.headings, plain.pictures) == (["h1"], [])
+    assert len(full.pictures) == 1
+    assert "minis.js" in full.links
+    assert "pictures/a.pdf" in set(other.links) - set(full.links)
 
 
 def test_names_that_are_no_pages_are_refused(tmp_path):

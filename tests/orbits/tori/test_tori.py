@@ -192,7 +192,9 @@ def test_misuse_is_refused(swing, call, message):
 @pytest.mark.slow
 def test_a_torus_is_drawn(swing, tmp_path):
     path = tmp_path / "torus.png"
-    figure = drawing.torus(orbits.torus(swing, 0.1), path)
+    found = orbits.torus(swing, 0.1)
+    figure = drawing.torus(found, path)
+    assert 'src="data:image/png;base64,' in found._repr_html_()
     assert [figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()] == ["t", "theta [rad]"]
     with Image.open(path) as picture:
         assert len(np.unique(np.asarray(picture.convert("RGB")).reshape(-1, 3), axis=0)) > 50
