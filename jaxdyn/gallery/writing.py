@@ -102,7 +102,10 @@ class Site:
     def problem(self, problem: Problem, record: dict, before, after) -> None:
         """The page of a problem."""
         played = [
-            {"look": one["look"], "html": Markup(player.fragment(one["data"], one["look"]))}
+            {
+                "look": self.text(texts.prose(one["look"]), "../"),
+                "html": Markup(player.fragment(one["data"], one["look"].replace("`", ""))),
+            }
             for one in record["played"]
         ]
         digits = record["digits"]

@@ -7,6 +7,7 @@
   const FLOOR = 1e-17; // of the energy's relative change, on its logarithmic axis
   const PACES = [0.1, 0.25, 0.5, 1, 2, 4];
   const LONGEST = 12, SHORTEST = 4; // [s] a motion is shown in, at pace 1; 1 to 12 s in real time
+  const SMALL = 1 / 8; // of the common box: a chosen motion that is smaller has a box of its own
   const TURN = Math.PI / 24, ZOOM = 1.15; // of a key
   const COILS = 9, LEAD = 0.12; // of a drawn spring
   const HUNG = [[0, 0], [-0.6, 0.9], [-1, 0.9], [1, 0.9], [0.6, 0.9]];
@@ -54,8 +55,8 @@
 
   // From space to the canvas [px]: axes to one scale or two, or a box that can be turned.
   class View {
-    constructor(data, width, height, turn) {
-      const [lo, hi] = data.box;
+    constructor(box, equal, width, height, turn) {
+      const [lo, hi] = box;
       this.dim = lo.length;
       this.middle = lo.map((x, d) => (x + hi[d]) / 2);
       if (this.dim === 3) {
@@ -69,7 +70,7 @@
       const left = 58, right = 14, top = 12, below = 40;
       const wide = width - left - right, high = height - top - below;
       this.scales = [wide / (hi[0] - lo[0]), high / (hi[1] - lo[1])];
-      if (data.equal) this.scales = this.scales.map(() => Math.min(...this.scales));
+      if (equal) this.scales = this.scales.map(() => Math.min(...this.scales));
       this.scale = Math.min(...this.scales);
       this.centre = [left + wide / 2, top + high / 2];
       this.frame = [left, top, wide, high];
@@ -112,6 +113,7 @@
       this.trail = 0.25;
       this.playing = false;
       this.measure();
+      this.box = this.boxed();
       this.t = this.begin;
       this.build();
       this.resize();
@@ -123,6 +125,17 @@
       this.end = Math.max(...this.motions.map((m) => m.ts[m.ts.length - 1]));
       const span = this.end - this.begin || 1;
       this.rate = span >= 1 && span <= LONGEST ? 1 : span / (span > LONGEST ? LONGEST : SHORTEST);
+    }
+
+    // The box of what is shown: the common one, in which chosen motions can be compared, unless
+    // the chosen one would be a dot in it.
+    boxed() {
+      const { box, choose, equal } = this.data, { lo, hi } = this.shown[0], [low, high] = box;
+      const sizes = hi.map((x, d) => x - lo[d]), across = Math.max(...sizes);
+      if (!choose || !equal || across > SMALL * Math.max(...high.map((x, d) => x - low[d]))) return box;
+      const half = sizes.map((size) => 0.56 * Math.max(size, across / 4)); // as `drawing.panels.limits`
+      const middle = lo.map((x, d) => (x + hi[d]) / 2);
+      return [middle.map((x, d) => x - half[d]), middle.map((x, d) => x + half[d])];
     }
 
     build() {
@@ -308,6 +321,7 @@
 
     choose(i) {
       this.shown = [this.motions[i]];
+      this.box = this.boxed();
       this.legend();
       this.draw();
     }
@@ -344,7 +358,7 @@
 
     draw() {
       this.style = getComputedStyle(this.root);
-      const view = new View(this.data, this.canvas.clientWidth, this.canvas.clientHeight, this.turn);
+      const view = new View(this.box, this.data.equal, this.canvas.clientWidth, this.canvas.clientHeight, this.turn);
       const pen = this.pen(this.canvas);
       if (view.dim === 2) this.axes(pen, view);
       else this.cage(pen, view);
@@ -388,7 +402,7 @@
 
     // The edges of the box in space, and the names of its axes.
     cage(pen, view) {
-      const [lo, hi] = this.data.box, ink = this.colour("ink");
+      const [lo, hi] = this.box, ink = this.colour("ink");
       pen.lineWidth = 1;
       for (let corner = 0; corner < 8; corner++)
         for (let d = 0; d < 3; d++) {
@@ -453,7 +467,7 @@
         const corners = Array.from({ length: shape.corners }, (_, c) => view.map(at(shape.at, n, view.dim, i, f, m * shape.corners + c)));
         pen.strokeStyle = colour || ink;
         pen.lineWidth = view.dim === 3 ? 1.5 : 2.2;
-        const width = 0.022 * view.scale * Math.max(...this.data.box[0].map((x, d) => this.data.box[1][d] - x));
+        const width = 0.022 * view.scale * Math.max(...this.box[0].map((x, d) => this.box[1][d] - x));
         if (shape.kind === "spring") { pen.lineWidth = 1.3; line(pen, coiled(corners, width)); }
         else if (shape.kind === "dashpot") { pen.lineWidth = 1.3; for (const part of dashpot(corners, width)) line(pen, part); }
         else if (shape.kind === "pin") for (const corner of corners) this.pin(pen, corner);

@@ -2,6 +2,7 @@
 
 import html.parser
 import json
+import time
 from pathlib import Path
 
 import browser as chromium
@@ -192,6 +193,36 @@ def test_an_exhibit_shows_what_its_record_has(tmp_path):
     assert len(full.pictures) == 1
     assert "minis.js" in full.links
     assert "pictures/a.pdf" in set(other.links) - set(full.links)
+
+
+@pytest.mark.parametrize("motion", ["no-preference", "reduce"])
+def test_miniatures_move_until_they_are_stopped(tmp_path, motion):
+    turn = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    path = {"x": [np.cos(turn).tolist()], "y": [np.sin(turn).tolist()], "reach": 1.0}
+    site = writing.Site(tmp_path, ["loops"])
+    site.assets()
+    minis = [{"name": "loop", "lines": (), "path": path}]
+    site.exhibit("loops", {"title": "Loops", "text": "One.", "minis": minis})
+    window = chromium.start()
+    media = {"features": [{"name": "prefers-reduced-motion", "value": motion}]}
+    window.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+
+    def moves() -> bool:
+        canvas = "return document.querySelector('canvas[data-mini]').toDataURL()"
+        before = window.execute_script(canvas)
+        time.sleep(0.5)
+        return window.execute_script(canvas) != before
+
+    try:
+        chromium.opened(window, tmp_path / "loops.html")
+        button = window.find_element("css selector", "[data-minis-play]")
+        says = ["Pause all", "Play all"]
+        for now in (0, 1, 0) if motion == "no-preference" else (1, 0, 1):
+            assert button.text == says[now]
+            assert moves() == (now == 0)
+            button.click()
+    finally:
+        window.quit()
 
 
 def test_names_that_are_no_pages_are_refused(tmp_path):

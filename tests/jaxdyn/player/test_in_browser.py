@@ -87,6 +87,44 @@ def test_a_picture_in_space_is_turned_by_dragging(window, tmp_path):
     assert chromium.picture(window) != before
 
 
+def test_a_small_motion_that_is_chosen_has_axes_of_its_own(window, tmp_path):
+    sizes = (1e-2, 5.0, 20.0)
+    throws = {str(v): simulate(scenes.cannonball(speed=v), 0.1, samples=9) for v in sizes}
+    player.play(throws, tmp_path / "page.html", choose="speed [m/s]")
+    chromium.opened(window, tmp_path / "page.html")
+    boxes = []
+    for i, motion in enumerate(throws.values()):
+        chromium.player(window, f"choose({i})")
+        (low, high), r = np.array(chromium.player(window, "box")), np.asarray(motion.r[:, 0])
+        assert (low <= r.min(axis=0)).all()
+        assert (high >= r.max(axis=0)).all()
+        boxes.append((high - low).max() / np.ptp(r, axis=0).max())
+    assert boxes[0] < 1.2  # nothing in the common box, which is that of the largest
+    assert 1.2 < boxes[1] < 8
+
+
+def test_keys_turn_and_enlarge_a_picture_in_space_and_the_page_says_so(window, tmp_path):
+    player.play(simulate(scenes.satellite(), 1.0, samples=20), tmp_path / "page.html")
+    chromium.opened(window, tmp_path / "page.html")
+    chromium.player(window, "pause()")
+    chromium.player(window, "seek(0)")
+    stage = window.find_element("css selector", ".player .stage")
+    before = chromium.player(window, "turn")
+    for keys in ("\ue012", "\ue013", "]"):  # arrows to the left and up
+        stage.send_keys(keys)
+    after = chromium.player(window, "turn")
+    assert {name for name in before if after[name] != before[name]} == {*before}
+    assert chromium.player(window, "t") == 0.0
+    for keys in ("\ue014", "\ue015", "["):  # back again
+        stage.send_keys(keys)
+    assert chromium.player(window, "turn") == pytest.approx(before)
+    stage.send_keys("\ue008\ue014")  # Shift and the arrow to the right
+    assert chromium.player(window, "t") == pytest.approx(0.01)
+    hint = window.find_element("css selector", ".player .hint")
+    assert hint.is_displayed()
+    assert "arrows or dragging turn it" in hint.text
+
+
 @pytest.mark.parametrize("width", [390, 1280])
 def test_it_fits_the_window(window, swings, tmp_path, width):
     player.play(swings["1.0"], tmp_path / "page.html")
