@@ -46,7 +46,7 @@ def solve(page: Page) -> None:
         square = [-2 / 6, 1 / 3, -1.0][i]  # (I_j - I_i) (I_i - I_k) / (I_j I_k)
         page.equal(f"Its square, {name}'", complex(fastest) ** 2, complex(square), within=1e-12)
         spins[f"about {name}'"] = simulate(scenes.free_body(omega0), 30.0, samples=400, rtol=1e-12)
-    figure.axes[0].legend()
+    figure.legend(handles=figure.axes[0].get_lines(), loc="outside lower center", ncols=3)
     page.draw(
         figure, "Small deviations stay small about x' and z'; about y' they grow and it flips."
     )

@@ -121,8 +121,8 @@
 
     // The span of all that is shown, and how much of it passes in a second.
     measure() {
-      this.begin = Math.min(...this.motions.map((m) => m.ts[0]));
-      this.end = Math.max(...this.motions.map((m) => m.ts[m.ts.length - 1]));
+      this.begin = Math.min(...this.shown.map((m) => m.ts[0]));
+      this.end = Math.max(...this.shown.map((m) => m.ts[m.ts.length - 1]));
       const span = this.end - this.begin || 1;
       this.rate = span >= 1 && span <= LONGEST ? 1 : span / (span > LONGEST ? LONGEST : SHORTEST);
     }
@@ -321,9 +321,10 @@
 
     choose(i) {
       this.shown = [this.motions[i]];
+      this.measure();
       this.box = this.boxed();
       this.legend();
-      this.draw();
+      this.seek(this.t);
     }
 
     // What is shown now: the time, and the places of the paths of each motion.
