@@ -2,7 +2,8 @@
 "use strict";
 
 (() => {
-  const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7"];
+  const dark = matchMedia("(prefers-color-scheme: dark)").matches;
+  const COLOURS = dark ? ["#4FA8DC", "#F28A3C", "#35C79A", "#E29BC4"] : ["#0072B2", "#D55E00", "#009E73", "#CC79A7"];
   const SECONDS = 6; // of a period
   const data = JSON.parse(document.getElementById("minis").textContent);
   const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;

@@ -25,6 +25,7 @@ _LINKS = (
     ("Reference", "reference/index.html"),
 )
 _LINE = 110  # characters below a card
+_END = re.compile(r"(?<=\S)\. (?=[A-Z(`\"])")  # of a sentence; "n . v" is a product
 T = TypeVar("T")
 _GUIDE = re.compile(r"\(\d+_(\w+)\.md\)")  # a link to another guide, as a file
 
@@ -185,7 +186,7 @@ class Site:
 
 def _first(text: str) -> str:
     """The first sentence, cut at a word if it is long."""
-    sentence = " ".join(text.split()).partition(". ")[0].removesuffix(".")
+    sentence = _END.split(" ".join(text.split()), maxsplit=1)[0].removesuffix(".")
     return sentence if len(sentence) <= _LINE else f"{sentence[:_LINE].rpartition(' ')[0]} ..."
 
 

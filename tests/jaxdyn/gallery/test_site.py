@@ -179,6 +179,16 @@ def test_a_change_of_what_makes_records_changes_their_digest_and_rendering_does_
     ]
 
 
+def test_the_first_sentence_ends_at_a_full_stop_and_not_within_a_formula():
+    first = writing._first
+    assert first("With n it is |n . (c - a)| / |n|.\nB is e.g. 2. More.") == (
+        "With n it is |n . (c - a)| / |n|"
+    )
+    assert first("One sentence.") == "One sentence"
+    assert first("word " * 40).endswith("word ...")
+    assert len(first("word " * 40)) <= 114
+
+
 def test_an_exhibit_shows_what_its_record_has(tmp_path):
     drawing = {"file": "a.png", "look": "A line.", "width": 8, "height": 6}
     record = {"title": "Lines", "text": "Straight `jaxdyn.simulate`."}
