@@ -87,12 +87,7 @@ def run_command(
         _draw(motion, out, plot=plot, series=series, title=title, animate=animate, seconds=seconds)
         if play:
             out.print(open_page(jaxdyn.player.play(motion), name))
-        if csv:
-            with out.writing(csv, "written to"):
-                jaxdyn.files.tables.write_csv(csv, motion)
-        if save:
-            with out.writing(save, "saved in"):
-                motion.save(save)
+        _write(motion, out, csv=csv, save=save)
         if not jaxdyn.files.tables.arrived(motion):
             out.print(f"[red]stopped[/red]: {motion.message}")
             raise typer.Exit(STOPPED)
@@ -109,6 +104,16 @@ def _draw(motion, out: Screen, *, plot, series, title, animate, seconds) -> None
     if animate:
         with out.writing(animate, "animated in"):
             jaxdyn.drawing.animate(motion, animate, seconds=seconds)
+
+
+def _write(motion, out: Screen, *, csv: Path | None, save: Path | None) -> None:
+    """Write the files that are asked for."""
+    if csv:
+        with out.writing(csv, "written to"):
+            jaxdyn.files.tables.write_csv(csv, motion)
+    if save:
+        with out.writing(save, "saved in"):
+            motion.save(save)
 
 
 def _method(name: str) -> "jaxdyn.solvers.Method | str":
