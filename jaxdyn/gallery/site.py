@@ -2,12 +2,13 @@
 
 import multiprocessing
 import os
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import NamedTuple
 
 from jaxdyn import _checks
+from jaxdyn._config import configure
 from jaxdyn._progress import doing
 from jaxdyn._text import whole
 from jaxdyn.course.page import Problem, problems
@@ -100,21 +101,35 @@ def _jobs(only: Collection[int | str]) -> list[str]:
 
 def _run(jobs: Collection[str], folder: Path, workers: int) -> dict[str, str]:
     """Run pages in parallel; the errors of those that failed, by name."""
+    doing("running pages", 0, len(jobs))
     failed = {}
+    shown = [name for name in jobs if name in exhibits.EXHIBITS]
+    solved = [name for name in jobs if name not in exhibits.EXHIBITS]
+    done = 0
+    # Exhibits compute for long with few programs, problems with many for a short time.
+    for names, prepare in ((shown, configure), (solved, configure_quickly)):
+        if names:
+            for name, error in _each(names, folder, min(workers, len(names)), prepare):
+                done += 1
+                doing(f"running pages, {name} done", done, len(jobs))
+                if error is not None:
+                    failed[name] = f"{type(error).__name__}: {error}"
+    return failed
+
+
+def _each(
+    names: Collection[str], folder: Path, workers: int, prepare: Callable[[], None]
+) -> Iterator[tuple[str, BaseException | None]]:
+    """Each page as it is done, and the error with which it failed."""
     # A fork would copy JAX's threads, which do not survive it.
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(workers, len(jobs)), context, configure_quickly)
+    pool = ProcessPoolExecutor(workers, context, prepare)
     try:
-        running: dict[Future, str] = {pool.submit(make, name, folder): name for name in jobs}
-        doing("running pages", 0, len(jobs))
-        for done, future in enumerate(as_completed(running), start=1):
-            error = future.exception()
-            if error is not None:
-                failed[running[future]] = f"{type(error).__name__}: {error}"
-            doing(f"running pages, {running[future]} done", done, len(jobs))
+        running: dict[Future, str] = {pool.submit(make, name, folder): name for name in names}
+        for future in as_completed(running):
+            yield running[future], future.exception()
     finally:
         pool.shutdown(cancel_futures=True)  # Ctrl-C does not wait for the others
-    return failed
 
 
 def make(name: str, folder: Path) -> None:
