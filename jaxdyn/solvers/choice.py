@@ -5,19 +5,25 @@ import diffrax
 from jaxdyn import _checks
 from jaxdyn.scene import Scene
 from jaxdyn.solvers.exchange import from_diffrax
-from jaxdyn.solvers.method import Method
+from jaxdyn.solvers.method import Method, operations_of
 from jaxdyn.solvers.pairs import NYSTROM12, VERNER9
-from jaxdyn.solvers.taylor.method import TAYLOR14, Taylor, series_of
+from jaxdyn.solvers.stoermer import STOERMER14
+from jaxdyn.solvers.taylor.method import TAYLOR12, TAYLOR14, TAYLOR16, Series, Taylor, series_of
 
 #: Type of the argument ``solver``.
 Solver = Method | diffrax.AbstractSolver
 
-#: Operations of a rate, and products at each order of its Taylor series, up to which that is the
-#: default.
-_SHORT, _FEW = 60, 8
+#: Operations of a rate up to which its formulas are sought: a tenth of a second.
+_LONGEST = 1000
+#: Products at each order of a Taylor series up to which it takes order 16, 14 and 12.
+_FEW, _MORE, _MANY = 4, 16, 24
+#: Numbers of a state up to which the extrapolated leapfrog takes its columns side by side at a
+#: gain, and up to which it does so whatever the rate; operations of a rate for each number of the
+#: state from which it is written out, entry by entry.
+_MOST_NUMBERS, _FEW_NUMBERS, _WRITTEN_OUT = 36, 16, 10
 
-#: The default's series for velocity-independent forces: derivatives are by the Nystrom pair.
-_TAYLOR14_NYSTROM12 = Taylor(14, tangents=NYSTROM12)
+#: The series for velocity-independent forces: derivatives are by the Nystrom pair.
+_BY_NYSTROM12 = {n: Taylor(n, tangents=NYSTROM12) for n in (14, 16)}
 
 
 def method_of(solver: Solver) -> Method:
@@ -39,24 +45,35 @@ def method_of(solver: Solver) -> Method:
 def default_solver(scene: Scene, *, several: bool = False) -> Method:
     """The method that a scene is solved with if none is asked for.
 
-    - Velocity-independent forces: `NYSTROM12`; but Taylor's series of order 14 for rates of at most
-      60 operations and 15 numbers without quotients and roots, of at most 8 products an order. At
-      true errors of 1e-6, 1e-9 and 1e-12 that takes 0.69, 0.55 and 0.62 of the time for Henon and
-      Heiles's potential and 0.34, 0.27 and 0.29 for Toda's ring, and compiles as fast. Derivatives,
-      events and ensembles take `NYSTROM12` there as well. At rtol 1e-12 its errors
-      are four and six times larger there (1e-14 and 1e-12). Close encounters gain a tenth only
-      (a Kepler orbit with e = 0.9), and lose up to two digits at the same tolerance.
-    - Other rates of at most 60 operations and 15 numbers that have a Taylor series wherever they
-      are finite, of at most 8 products an order: `TAYLOR14`. At true errors of 1e-6, 1e-9 and
-      1e-12 it takes 0.7, 0.6 and 0.4 of the time of `VERNER9` (medians of Lorenz, Duffing, Chua,
-      Lotka-Volterra, van der Pol, the spherical pendulum and a ball with drag; see ``python -m
-      benchmarks default``), and 0.9 to 1.4 of the time to compile.
-    - All others: `VERNER9`. Longer series run faster than it too (Arenstorf's orbit 0.8, a free
-      body 0.2), but compile for up to three times as long.
+    Where no force depends on velocity:
 
-    The tolerance has no part in it, since one method for all tolerances is one program. Order 14
-    takes at most 1.13, 1.23 and 1.56 of the time of the best order at these errors (20 is best for
-    Duffing's equation, and for Henon and Heiles's with 1.23 at 1e-9 and 1.47 at 1e-12).
+    - `Taylor` series of rates without quotients and roots, of at most 15 numbers: of order 16 up
+      to 4 products an order, of order 14 up to 16. For Henon and Heiles's potential and Toda's
+      ring that takes 0.3 to 0.65 of the time of `NYSTROM12`. Close encounters, which quotients
+      make, would lose up to two digits at the same tolerance.
+    - `STOERMER14` for other states of at most 16 numbers, and of at most 36 if the rate is written
+      out in 10 operations and more for each number, as the attraction of a few bodies is: 0.6 to
+      0.8 of the time of `NYSTROM12` (three bodies 0.82, 0.77, 0.70 at true errors of 1e-6, 1e-9
+      and 1e-12; Kepler's orbit with e = 0.9 0.72, 0.70, 0.80; Pleiades 0.64, 0.68, 0.64; outer
+      planets 0.73, 0.62, 0.68), and 0.85 to 1.45 of the time to compile. At the same tolerance its
+      errors are some ten times larger, and at best they are 1e-14 to 1e-13.
+    - `NYSTROM12` else: rates of arrays are vectorised as they are.
+
+    Where forces may depend on velocity, a Taylor series of rates of at most 15 numbers that have
+    one wherever they are finite, by its products an order, since many of them cost more at a high
+    order, to run and to compile:
+
+    - up to 4: `TAYLOR16`, 0.3 to 0.9 of the time of `VERNER9` (Lorenz, Duffing, Chua,
+      Lotka-Volterra, van der Pol);
+    - up to 16: `TAYLOR14`, 0.4 to 1.0 (a ball with drag, the spherical pendulum, Arenstorf's orbit,
+      three restricted bodies in space, the magnetic bottle 0.74, 0.55, 0.42);
+    - up to 24: `TAYLOR12` (the double pendulum 0.38, 0.33, 0.26, the rigid body 0.44, 0.36, 0.32).
+    - `VERNER9` for all others.
+
+    Series compile in 0.7 to 1.5 of the time of the pair. Derivatives, events and ensembles take
+    `NYSTROM12` or `VERNER9` in each case. ``python -m benchmarks default`` has all figures.
+
+    The tolerance has no part in it, since one method for all tolerances is one program.
 
     Args:
       scene: any.
@@ -74,18 +91,40 @@ def reason(scene: Scene) -> str:
 
 def _rule(scene: Scene) -> tuple[Method, str]:
     """The default, and why."""
-    pair = NYSTROM12 if scene.second_order else VERNER9
-    kind = "forces do not depend on velocity, and " if scene.second_order else ""
-    series = series_of(scene.field, scene.y0, longest=_SHORT)
+    series = series_of(scene.field, scene.y0, longest=_LONGEST)
+    if scene.second_order:
+        return _for_positions(scene, series)
     if series is None:
-        return pair, f"{kind}its rate is long, or has no Taylor series"
+        return VERNER9, "its rate is long, or has no Taylor series"
     if not series.everywhere:
-        return pair, f"{kind}its rate has a root, and no Taylor series where that is 0"
-    if scene.second_order and not series.entire:
-        return pair, f"{kind}its rate has quotients or roots"
-    why = f"{kind}its Taylor series takes {series.products} products an order; up to {_FEW} are few"
-    taylor = _TAYLOR14_NYSTROM12 if scene.second_order else TAYLOR14
-    return (taylor if series.products <= _FEW else pair), why
+        return VERNER9, "its rate has a root, and no Taylor series where that is 0"
+    n = series.products
+    why = f"its Taylor series takes {n} products an order; "
+    if n <= _FEW:
+        return TAYLOR16, f"{why}up to {_FEW} are few"
+    if n <= _MORE:
+        return TAYLOR14, f"{why}up to {_MORE} are not many"
+    if n <= _MANY:
+        return TAYLOR12, f"{why}so many, up to {_MANY}, run fastest at a low order"
+    return VERNER9, f"{why}more than {_MANY} are too many"
+
+
+def _for_positions(scene: Scene, series: Series | None) -> tuple[Method, str]:
+    """The default where no force depends on velocity, and why."""
+    kind = "forces do not depend on velocity, and "
+    if series is not None and series.entire and series.products <= _MORE:
+        order = 16 if series.products <= _FEW else 14
+        return _BY_NYSTROM12[order], f"{kind}its Taylor series takes {series.products} products"
+    k = len(scene.y0)
+    if k <= _FEW_NUMBERS:
+        return STOERMER14, f"{kind}its rate has quotients or roots, or is long"
+    if k > _MOST_NUMBERS:
+        return NYSTROM12, f"{kind}its state has more than {_MOST_NUMBERS} numbers"
+    n = operations_of(scene.field, k)
+    why = f"its rate takes {n} operations for {k} numbers; from {_WRITTEN_OUT} each it is"
+    if n < _WRITTEN_OUT * k:
+        return NYSTROM12, f"{kind}{why} written out"
+    return STOERMER14, f"{kind}{why} written out"
 
 
 def chosen_method(scene: Scene, solver: Solver | None, *, several: bool = False) -> Method:
