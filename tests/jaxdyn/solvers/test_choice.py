@@ -19,7 +19,6 @@ from jaxdyn.solvers import (
     STOERMER14,
     TAYLOR12,
     TAYLOR14,
-    TAYLOR16,
     VERNER9,
     Taylor,
     default_solver,
@@ -69,7 +68,7 @@ END = solve(LORENZ, 2.0, rtol=1e-13, solver=VERNER9).y1
 @pytest.mark.parametrize(
     ("scene", "method", "why"),
     [
-        (LORENZ, TAYLOR16, "takes 2 products"),
+        (LORENZ, TAYLOR14, "takes 2 products"),
         (scenes.cannonball(drag=0.3), TAYLOR14, "takes 5 products"),
         (scenes.double_pendulum(), TAYLOR12, "takes 22 products"),
         (jaxdyn.ode(braided, np.full(12, 0.1)), VERNER9, "more than 24 are too many"),
@@ -90,7 +89,7 @@ def test_the_default_is_by_what_the_rate_is_made_of(scene, method, why):
 def test_a_series_for_forces_without_velocities_leaves_the_rest_to_the_nystrom_pair():
     scene = jaxdyn.ode(swing, [2.0, 0.1], 3.0, second_order=True)
     method = default_solver(scene)
-    assert method.name == "Taylor 16"
+    assert method.name == "Taylor 14"
     assert "do not depend on velocity, and its Taylor series takes 2 products" in reason(scene)
     assert method.for_tangents is default_solver(scene, several=True) is NYSTROM12
     assert default_solver(kepler(0.3)) is STOERMER14
