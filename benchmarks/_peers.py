@@ -30,9 +30,9 @@ def importable(*modules: str) -> bool:
 # ---- heyoka: Taylor series of an order chosen by the tolerance (Biscani, Izzo 2021)
 
 
-def heyoka(problem: Problem, tol: float) -> Run:
-    """The ends (n, k) of a problem."""
-    return _heyoka_run(_heyoka(problem, tol), problem.y0s, problem.t1)
+def heyoka(problem: Problem, tol: float, *, compact: bool = False) -> Run:
+    """The ends (n, k) of a problem; `compact` builds sooner and runs slower."""
+    return _heyoka_run(_heyoka(problem, tol, compact=compact), problem.y0s, problem.t1)
 
 
 def heyoka_precise(problem: Problem) -> np.ndarray:

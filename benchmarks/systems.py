@@ -28,16 +28,18 @@ from benchmarks._timing import Curves, Method, work_precision
 from benchmarks.problems import CONSERVATIVE, GENERAL, Problem
 from jaxdyn.accuracy.work_precision import fit_solvers
 from jaxdyn.integrate.simulation import solve
+from jaxdyn.solvers import default_solver
 
 #: True errors compared at.
 ERRORS = (1e-6, 1e-9, 1e-12)
 #: Decades; heyoka needs up to ten seconds to build each of its integrators.
 TOLERANCES = tuple(float(f"1e-{e}") for e in range(4, 16))
+DEFAULT = "jaxdyn default"
 SCIPY = "SciPy DOP853"
 _SCIPY_FINEST = 3e-14  # it refuses smaller ones
 _TO_HEYOKA = {"conservative": 1.0, "general": 1.6}
 _TO_DIFFRAX, _TO_SCIPY = 0.2, 1.0
-_ROUNDS, _QUICK_ROUNDS = 100, 3
+_ROUNDS, _QUICK_ROUNDS = 30, 3
 
 
 def run(quick: bool = False) -> list[Curves]:
@@ -55,7 +57,7 @@ def curves(
     name: str, problem: Problem, rounds: int, tolerances: Sequence[float], to_heyoka: float
 ) -> Curves:
     """Error against time of all methods for one problem."""
-    methods = {"jaxdyn": fastest(problem, tolerances)} | peers(problem, tolerances)
+    methods = ours(problem, tolerances) | peers(problem, tolerances)
     if _peers.importable("heyoka"):
         truth = _peers.heyoka_precise(problem)
     else:
@@ -66,11 +68,12 @@ def curves(
     return work_precision(name, methods, truth, ERRORS, rounds, bars)
 
 
-def fastest(problem: Problem, tolerances: Sequence[float]) -> Method:
-    """Our solvers that suit the scene: the fastest for each error, as in `jaxdyn accuracy`."""
+def ours(problem: Problem, tolerances: Sequence[float]) -> dict[str, Method]:
+    """The fastest of our solvers for each error, as in `jaxdyn accuracy`, and the default."""
     runs = {solver: compiled(problem, tolerances, solver) for solver in fit_solvers(problem.scene)}
     pairs = [(solver, tol) for solver in runs for tol in tolerances]
-    return Method(lambda pair: runs[pair[0]].build(pair[1]), pairs)
+    best = Method(lambda pair: runs[pair[0]].build(pair[1]), pairs)
+    return {"jaxdyn": best, DEFAULT: runs[default_solver(problem.scene)]}
 
 
 def compiled(problem: Problem, tolerances: Sequence[float], solver=None) -> Method:

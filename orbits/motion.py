@@ -72,7 +72,7 @@ def solved(
     With its stages in a loop a method compiles in a third of the time and runs in up to 1.5 of
     it. The end alone counts as one sample, since other numbers of samples share that program.
     """
-    method = chosen_method(scene, solver).in_loops(1)
+    method = chosen_method(scene, solver, several=True).in_loops(1)
     if not len(ts) and not is_traced((scene, t0, t1, rtol, max_steps)):
         ts = np.reshape(t1, 1)
     return solve(scene, t1, t0=t0, ts=ts, rtol=rtol, solver=method, max_steps=max_steps)

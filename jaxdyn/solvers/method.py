@@ -23,6 +23,7 @@ Rate = Callable[[Array, Array], Array]
 
 #: Slopes with a smaller relative difference are equal up to rounding.
 _ROUNDING = 1e-13
+_KINDS = 256  # of systems about which something is remembered
 
 
 class Advance(NamedTuple):
@@ -133,6 +134,31 @@ def grows_from(growth: Callable[[float], float]) -> float:
     return float(z)
 
 
+def traced_once(look: Callable) -> Callable:
+    """look(rate, t, y), found once for systems of a kind, whatever their numbers; host only.
+
+    Returns:
+      A function of a system with ``rate(t, y)``, a pytree of its numbers, and of a state's length.
+    """
+
+    @functools.lru_cache(maxsize=_KINDS)
+    def found(tree, kinds: tuple, k: int):
+        answers = []
+
+        def answer(leaves, t, y):
+            answers.append(look(jax.tree.unflatten(tree, leaves).rate, t, y))
+
+        shapes = [jax.ShapeDtypeStruct(*kind) for kind in (*kinds, ((), float), ((k,), float))]
+        jax.eval_shape(answer, shapes[:-2], *shapes[-2:])
+        return answers[0]
+
+    def of(system, k: int):
+        leaves, tree = jax.tree.flatten(system)
+        return found(tree, tuple((x.shape, x.dtype) for x in map(jax.typeof, leaves)), k)
+
+    return of
+
+
 def operations(rate: Callable, t0: Array, y0: Array) -> int:
     """Number of operations of one rate evaluation."""
 
@@ -141,3 +167,7 @@ def operations(rate: Callable, t0: Array, y0: Array) -> int:
         return len(jaxpr.eqns) + sum(count(closed.jaxpr) for closed in inner)
 
     return count(jax.make_jaxpr(rate)(t0, y0).jaxpr)
+
+
+#: The number of operations of one rate evaluation of a system, for a state's length.
+operations_of = traced_once(operations)

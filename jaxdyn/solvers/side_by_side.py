@@ -11,7 +11,6 @@ entry that it copies.
 """
 
 import functools
-import itertools
 import math
 import operator
 from collections.abc import Callable, Sequence
@@ -25,6 +24,7 @@ from jax import lax
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn.solvers.taylor.on_numpy import rearranged
 
 #: Elementwise operations, all arguments of one shape.
 _ELEMENTWISE = {
@@ -48,7 +48,7 @@ _MOVES = {
 }
 _CALLS = {"jit", "closed_call", "custom_jvp_call", "custom_vjp_call"}
 #: Largest number of entries of an array that is split.
-MAX_APART = 16
+MAX_APART = 48
 
 
 def side_by_side(fn: Callable, *args: Any, axes: int = 1, apart: bool = False) -> Any:
@@ -164,17 +164,7 @@ class _Lanes:
             rows = zip(*(x.flat for x in columns), strict=True)
             return [_objects([self._scalar(eqn, row) for row in rows], columns[0].shape)]
         if name in _MOVES:
-            # It is applied to the indices of all entries, to see where each goes.
-            apart = [self._entries(x) for x in args]
-            starts = itertools.accumulate((x.size for x in apart), initial=0)
-            with jax.ensure_compile_time_eval():
-                numbers = [
-                    jnp.arange(n, n + x.size).reshape(x.shape)
-                    for n, x in zip(starts, apart, strict=False)
-                ]
-                places = [np.asarray(x) for x in _bound(eqn, *numbers)]
-            pool = np.concatenate([x.ravel() for x in apart])
-            return [_objects([pool[i] for i in x.flat], x.shape) for x in places]
+            return rearranged(name, eqn.params, [self._entries(x) for x in args])
         if name == "reduce_sum":
             axes, shape = eqn.params["axes"], eqn.outvars[0].aval.shape
             first = np.moveaxis(self._entries(args[0]), axes, range(len(axes)))

@@ -26,9 +26,12 @@ from jaxdyn import _checks
 from jaxdyn._numerics import materialised, runtime_one
 from jaxdyn.solvers.method import Advance, Method, Rate, fastest, grows_from
 from jaxdyn.solvers.pairs import NYSTROM12
-from jaxdyn.solvers.side_by_side import MAX_APART, side_by_side
+from jaxdyn.solvers.side_by_side import side_by_side
 
 _LANES = 4  # doubles in a vector of most processors
+#: Coordinates up to which each is an array of lanes of its own; 14 of them compile three times as
+#: long as together.
+_MOST_APART = 9
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -96,7 +99,7 @@ class Stoermer(Method):
         still = jnp.zeros_like(y[half:])
         # Few entries are kept as scalars: in one array they would be assembled and split again
         # in each substep, with a branch for each.
-        few = y.ndim == 1 and half <= MAX_APART
+        few = y.ndim == 1 and half <= _MOST_APART
         rank = 0 if few else y.ndim  # of a part, lanes apart
 
         def parts(x):

@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from jaxdyn.solvers.taylor.graph import COMPARISONS, FUNCTIONS, LOGIC, Graph, Node, Number
+from jaxdyn.solvers.taylor.on_numpy import calculated, rearranged
 
 
 class NotElementary(Exception):
@@ -44,7 +45,7 @@ class Formulas(NamedTuple):
 #: Operations that only rearrange their first arguments; the others are known indices.
 _MOVES = {
     **dict.fromkeys(("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice"), None),
-    **dict.fromkeys(("concatenate", "rev", "expand_dims", "split", "stack", "pad"), None),
+    **dict.fromkeys(("concatenate", "rev", "split", "stack", "unstack", "pad"), None),
     **{"dynamic_slice": 1, "gather": 1, "dynamic_update_slice": 2},
 }
 _SAME = {"stop_gradient", "copy", "copy_p", "optimization_barrier"}
@@ -133,7 +134,8 @@ def _applied(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
         consts = [_taken(graph, c) for c in getattr(inner, "consts", ())]
         return _interpreted(graph, getattr(inner, "jaxpr", inner), consts, args)
     if not any(x.dtype == object for x in args):
-        return [_as_known(graph, x) for x in _known(eqn.primitive, params, args)]
+        known = calculated(eqn, args) or _known(eqn.primitive, params, args)
+        return [_as_known(graph, x) for x in known]
     if name == "scan":
         return _written_out(graph, eqn, args)
     if name in _MOVES:
@@ -169,12 +171,15 @@ def _known(primitive, params: dict, args: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def _rearranged(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
-    """The operation is applied to the indices of all entries, to see where each goes."""
     name, params = eqn.primitive.name, dict(eqn.params)
     n = _MOVES[name] or len(args)
     moved, places = args[:n], args[n:]
     if any(x.dtype == object for x in places):
         raise NotElementary(f"{name} at indices known only at run time")
+    found = rearranged(name, params, [*(x.astype(object) for x in moved), *places])
+    if found is not None:
+        return found
+    # It is applied to the indices of all entries, to see where each goes.
     if name == "gather":
         params["fill_value"] = -1
     starts = itertools.accumulate((x.size for x in moved), initial=0)

@@ -24,7 +24,14 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import in_one_kernel
-from jaxdyn.solvers.method import Advance, Method, Rate, grows_from, operations
+from jaxdyn.solvers.method import (
+    Advance,
+    Method,
+    Rate,
+    grows_from,
+    operations_of,
+    traced_once,
+)
 from jaxdyn.solvers.pairs import VERNER9
 from jaxdyn.solvers.taylor.formulas import Formulas, NotElementary, formulas
 from jaxdyn.solvers.taylor.graph import Node
@@ -37,7 +44,6 @@ _MOST_PRODUCTS = 48
 #: Entries of a state; with more of them a step takes ten times as long, see `_in_one_array`.
 _MOST_NUMBERS = 15
 _SINGULAR = ("div", "sqrt", "pow", "log")  # at some values of their arguments
-_KINDS = 256  # of systems whose products are remembered
 _LOWEST, _HIGHEST = 4, 40  # orders
 #: Error of a step across a jump, as a part of the difference of slopes at its end.
 _DEFECT_WEIGHT = 0.5
@@ -153,38 +159,28 @@ def series_of(system, y: Array, longest: int | None = None) -> Series | None:
     Args:
       system: see `has_series`.
       y: (k,) a state.
-      longest: operations of a rate above which it is not looked at: the formulas of a mechanism
-        take a second to find.
+      longest: operations of a rate above which it is not looked at: the formulas of a thousand
+        take a tenth of a second to find.
     Returns:
       What it costs; None for more numbers than `Taylor` is made for, for a rate of too many
       operations, and for one without a series.
     """
-    if len(y) > _MOST_NUMBERS:
+    k = len(y)
+    too_long = longest is not None and k <= _MOST_NUMBERS and operations_of(system, k) > longest
+    return None if k > _MOST_NUMBERS or too_long else _series_of(system, k)
+
+
+def _series(rate: Rate, t: Array, y: Array) -> Series | None:
+    try:
+        found = formulas(rate, t, y)
+    except NotElementary:
         return None
-    leaves, tree = jax.tree.flatten(system)
-    kinds = tuple((kind.shape, kind.dtype) for kind in map(jax.typeof, leaves))
-    return _series_of(tree, kinds, len(y), longest)
+    nodes = ordered(found.graph, found.rates)
+    entire = not any(node.moving and node.op in _SINGULAR for node in nodes)
+    return Series(products(nodes), not any(map(_ends, nodes)), entire)
 
 
-@functools.lru_cache(maxsize=_KINDS)
-def _series_of(tree, kinds: tuple, k: int, longest: int | None) -> Series | None:
-    answers = []
-
-    def look(leaves, t, y):
-        rate = jax.tree.unflatten(tree, leaves).rate
-        if longest is not None and operations(rate, t, y) > longest:
-            return
-        try:
-            found = formulas(rate, t, y)
-        except NotElementary:
-            return
-        nodes = ordered(found.graph, found.rates)
-        entire = not any(node.moving and node.op in _SINGULAR for node in nodes)
-        answers.append(Series(products(nodes), not any(map(_ends, nodes)), entire))
-
-    shapes = [jax.ShapeDtypeStruct(*kind) for kind in (*kinds, ((), float), ((k,), float))]
-    jax.eval_shape(look, shapes[:-2], *shapes[-2:])
-    return answers[0] if answers else None
+_series_of = traced_once(_series)
 
 
 def _ends(node: Node) -> bool:
