@@ -199,6 +199,9 @@ def _along(point: CurvePoint) -> np.ndarray:
 def _named(make: MakeOfTwo, point: CurvePoint, kind: CodimensionTwo) -> CurvePoint:
     """The point with its kind and its normal form."""
     held = WithSecond(make=make, second=np.asarray(point.parameters[1]))
+    # The Lyapunov coefficient has a pole at these.
+    poles = (CodimensionTwo.BOGDANOV_TAKENS, CodimensionTwo.ZERO_HOPF)
+    pole = point.curve == Kind.HOPF and kind in poles
     x = point.x[:-1]
     a = augmented.slopes(make, point.x)[:, :-1]
     form = {}
@@ -209,6 +212,7 @@ def _named(make: MakeOfTwo, point: CurvePoint, kind: CodimensionTwo) -> CurvePoi
     return dataclasses.replace(
         point,
         kind=kind,
+        coefficient=math.nan if pole else point.coefficient,
         residual=max(point.residual, abs(point.tests[kind])),
         normal_form={name: float(value) for name, value in form.items()},
     )

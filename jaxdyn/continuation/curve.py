@@ -110,6 +110,7 @@ class Curve:
       kind: of its points, fold or Hopf point.
       members: the points, one per step.
       special: its points of codimension two, between them.
+      before: the number of members before each special point.
       end: why it ends.
       make: (p, q) -> scene.
     """
@@ -117,6 +118,7 @@ class Curve:
     kind: Kind
     members: tuple[CurvePoint, ...]
     special: tuple[CurvePoint, ...]
+    before: tuple[int, ...]
     end: str
     make: MakeOfTwo
 
@@ -131,7 +133,11 @@ class Curve:
         ]
         return _text.table(f"Curve of {_text.counted(len(self.members), self.kind)}", rows)
 
-    _repr_html_ = _text.html
+    @_text.pictured
+    def _repr_html_(self):
+        from jaxdyn.drawing import bifurcations
+
+        return bifurcations.bifurcation_curves([self], title="")
 
     @property
     def names(self) -> tuple[str, str]:
@@ -141,6 +147,15 @@ class Curve:
         except (TypeError, ValueError):
             return "first parameter", "second parameter"
         return first, second
+
+    @property
+    def points(self) -> tuple[CurvePoint, ...]:
+        """Members and special points in order."""
+        found = []
+        for i, member in enumerate(self.members):
+            here = zip(self.special, self.before, strict=True)
+            found += [member, *(point for point, before in here if before == i + 1)]
+        return tuple(found)
 
     @property
     def parameters(self) -> np.ndarray:

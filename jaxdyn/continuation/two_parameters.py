@@ -21,6 +21,8 @@ _EASY = 4  # with at most this many Newton steps the next step may be longer
 _GROW, _SHRINK = 1.5, 0.5
 _SMALLEST, _LONGEST = 1e-4, 10.0  # of the first step: smallest and longest step
 _TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
+_AT_END = 1e-8  # frequency squared of a Hopf point that is a Bogdanov-Takens point
+_SAME_PLACE = 1e-6  # relative distance below which two points are one
 _ANYWHERE = (-np.inf, np.inf)
 
 
@@ -54,7 +56,8 @@ def continue_curve(
       step: length of the first step in state and parameters; the others are up to ten times as
         long.
       members: largest number of members.
-      down: start towards a smaller second parameter.
+      down: start towards a smaller second parameter; at a Bogdanov-Takens point a curve of Hopf
+        points has one direction only.
       within: bounds on each parameter; the curve ends at the first member beyond them.
       report: called with each member as it is found.
     Returns:
@@ -69,10 +72,15 @@ def continue_curve(
       4 and 8; Kuznetsov (2004), Elements of Applied Bifurcation Theory, chapters 8 and 10.
     Example:
       >>> import jaxdyn
+      >>> def rate(t, y, c):
+      ...     return [c[0] + c[1] * y[0] - y[0] ** 3]
       >>> def make(p, q):
-      ...     return jaxdyn.ode(lambda t, y, c: [c[0] + c[1] * y[0] - y[0] ** 3], [0.0], params=[p, q])
-      >>> family = jaxdyn.continue_equilibria(lambda p: make(p, 1.0), -1.0, [-1.3], within=(-1, 1))
-      >>> curve = jaxdyn.continue_curve(make, family.special[0], (0.3849, 1.0), down=True, members=20)
+      ...     return jaxdyn.ode(rate, [0.0], params=[p, q])
+      >>> family = jaxdyn.continue_equilibria(
+      ...     lambda p: make(p, 1.0), -1.0, [-1.3], within=(-1, 1)
+      ... )
+      >>> fold = family.special[0]
+      >>> curve = jaxdyn.continue_curve(make, fold, (0.385, 1.0), down=True, members=20)
       >>> [str(x.kind) for x in curve.special]  # at p = q = 0
       ['cusp']
     """
@@ -83,23 +91,24 @@ def continue_curve(
     for bounds in within:
         if not (len(bounds) == 2 and bounds[0] < bounds[1]):
             raise _checks.fail("within", "two bounds of each parameter", within)
-    first = _first(make, point, parameters, kind, -1.0 if down else 1.0)
-    return _walked(make, first, step, members, within, report)
-
-
-def _first(make: MakeOfTwo, point, parameters, kind: Kind | None, sign: float) -> CurvePoint:
     curve, x = _start(point, parameters, kind)
+    first = _first(make, point, curve, x, step, -1.0 if down else 1.0)
+    known = point if isinstance(point, CurvePoint) else None
+    return _walked(make, first, known, (step, members, within), report)
+
+
+def _first(make: MakeOfTwo, point, curve: Kind, x: np.ndarray, step, sign: float) -> CurvePoint:
     checked_scene(make(jnp.asarray(x[-2]), jnp.asarray(x[-1])))
     again = isinstance(point, CurvePoint) and curve == Kind.HOPF == point.curve
     other = point.frequency if again and point.kind == CodimensionTwo.DOUBLE_HOPF else None
     start = augmented.first_unknowns(curve, make, x, other)
     found = None if start is None else _nearest(curve, make, start, len(x), sign)
-    if found is None:
+    if found is None or np.linalg.norm(found.x - x) > step:
         raise _checks.fail(
             "point",
-            f"a {curve} of make(p, q) near these parameters",
-            f"none near {x[-2:].tolist()}",
-            "`parameters` must be those of the point, and the parameters change the curve.",
+            f"a {curve} of make(p, q) less than a step away",
+            f"none near the parameters {x[-2:].tolist()}",
+            "`parameters` must be those of the point.",
         )
     return found
 
@@ -113,7 +122,7 @@ def _start(point, parameters, kind: Kind | None) -> tuple[Kind, np.ndarray]:
         curve = point.kind if kind is None else Kind(kind)
     else:
         raise _checks.fail("point", "a RestPoint or a CurvePoint", type(point).__name__)
-    if curve not in augmented.SYSTEMS:
+    if curve is None or curve not in augmented.SYSTEMS:
         remedy = "Choose one of family.special."
         raise _checks.fail("point", "a fold or a Hopf point", curve or "an ordinary member", remedy)
     if parameters is None:
@@ -131,13 +140,16 @@ def _nearest(curve: Kind, make, start: np.ndarray, size: int, sign: float) -> Cu
             continue
         point = point_at(curve, make, found, fixed, None)
         if point is not None:
-            backwards = point.tangent[size - 1] * sign < 0
+            # Hopf points begin at a Bogdanov-Takens point in one direction only.
+            ends = curve == Kind.HOPF and abs(point.unknowns[-1]) < _AT_END
+            backwards = (point.tangent[-1] if ends else point.tangent[size - 1] * sign) < 0
             return dataclasses.replace(point, tangent=-point.tangent) if backwards else point
     return None
 
 
-def _walked(make, first: CurvePoint, step, most: int, within, report) -> Curve:
-    found, special = [first], []
+def _walked(make, first: CurvePoint, start: CurvePoint | None, limits, report) -> Curve:
+    step, most, within = limits
+    found, special, before = [first], [], []
     report(first)
     shortest, longest = _SMALLEST * step, _LONGEST * step
     end = f"the number of members requested, {most}"
@@ -150,7 +162,9 @@ def _walked(make, first: CurvePoint, step, most: int, within, report) -> Curve:
                 end = "no point of the curve was found beyond"
                 break
             continue
-        special += special_points(make, last, new, first=len(found) == 1)
+        between = _not_at(start, special_points(make, last, new, first=len(found) == 1))
+        special += between
+        before += [len(found)] * len(between)
         if new.curve == Kind.HOPF and new.unknowns[-1] <= 0:
             end = "a Bogdanov-Takens point, beyond which the eigenvalues are real"
             break
@@ -161,7 +175,22 @@ def _walked(make, first: CurvePoint, step, most: int, within, report) -> Curve:
             break
         if iterations <= _EASY:
             step = min(_GROW * step, longest)
-    return Curve(first.curve, tuple(found), tuple(special), end, make)
+    return Curve(
+        kind=first.curve,
+        members=tuple(found),
+        special=tuple(special),
+        before=tuple(before),
+        end=end,
+        make=make,
+    )
+
+
+def _not_at(start: CurvePoint | None, found: list[CurvePoint]) -> list[CurvePoint]:
+    """The points other than the special one where the curve starts."""
+    if start is None or start.kind is None:
+        return found
+    reach = _SAME_PLACE * (1.0 + np.linalg.norm(start.x))
+    return [x for x in found if np.linalg.norm(x.x - start.x) > reach]
 
 
 def _next(make: MakeOfTwo, last: CurvePoint, step: float) -> tuple[CurvePoint | None, int]:

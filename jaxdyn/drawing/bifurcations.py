@@ -1,0 +1,121 @@
+"""Pictures of rest points over a parameter, and of curves of bifurcations over two."""
+
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxdyn import _checks
+from jaxdyn.continuation.curve import CodimensionTwo, Curve
+from jaxdyn.continuation.family import EquilibriumFamily, Kind
+from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
+from jaxdyn.files.image_files import picture_path
+
+_STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}
+_MARKS = {
+    Kind.FOLD: "s",
+    Kind.BRANCH: "D",
+    Kind.HOPF: "o",
+}
+_CODIMENSION_TWO = {
+    CodimensionTwo.CUSP: "^",
+    CodimensionTwo.BOGDANOV_TAKENS: "D",
+    CodimensionTwo.BAUTIN: "o",
+    CodimensionTwo.ZERO_HOPF: "*",
+    CodimensionTwo.DOUBLE_HOPF: "X",
+}
+_SUBCRITICAL = (0, (4, 2))
+
+
+def equilibria(
+    families: Sequence[EquilibriumFamily],
+    path=None,
+    *,
+    entry: str | None = None,
+    parameter: str = "parameter",
+    title: str | None = None,
+) -> Figure:
+    """A picture of families of rest points: one entry of the state over the parameter.
+
+    Stable stretches are solid, unstable ones dashed, those between two verdicts or without one
+    dotted; special points are marked.
+
+    Args:
+      families: from `continue_equilibria` and `switch_branch`, of one scene.
+      path: file to write, .png, .pdf or .svg.
+      entry: name of the entry; by default the one that changes most.
+      parameter: name of the parameter.
+      title: its title.
+    Raises:
+      ValueError: `path` cannot be written, there is no family, or no such entry.
+    """
+    path = picture_path(path)
+    if not families:
+        raise _checks.fail("families", "at least one", "none")
+    index, label = _entry(families, entry)
+    figure = blank(6.8, 4.6)
+    ax: Any = figure.add_subplot()
+    for family in families:
+        for one, two in itertools.pairwise(family.members):
+            verdict = one.verdict if one.verdict == two.verdict else "undecided"
+            across = [one.parameter, two.parameter]
+            up = [one.state[index], two.state[index]]
+            ax.plot(across, up, color=PALETTE[0], lw=1.8, ls=_STRETCHES[verdict], label=verdict)
+    for (kind, marker), colour in zip(_MARKS.items(), PALETTE[1:], strict=False):
+        special = [x for family in families for x in family.special if x.kind == kind]
+        there = np.array([(x.parameter, x.state[index]) for x in special])
+        if len(there):
+            ax.plot(*there.T, marker, color=colour, ms=7, zorder=4, label=str(kind), ls="")
+    ax.set(xlabel=parameter, ylabel=label, title=title or "")
+    style(ax)
+    legend_below(figure, named(ax))
+    return finished(figure, path)
+
+
+def bifurcation_curves(curves: Sequence[Curve], path=None, *, title: str | None = None) -> Figure:
+    """A picture of curves of bifurcations in the plane of their parameters.
+
+    Curves of subcritical Hopf points are dashed; points of codimension two are marked.
+
+    Args:
+      curves: from `continue_curve`, of one scene and the same parameters.
+      path: file to write, .png, .pdf or .svg.
+      title: its title.
+    Raises:
+      ValueError: `path` cannot be written, or there is no curve.
+    """
+    path = picture_path(path)
+    if not curves:
+        raise _checks.fail("curves", "at least one", "none")
+    figure = blank(6.8, 4.6)
+    ax: Any = figure.add_subplot()
+    kinds = list(dict.fromkeys(curve.kind for curve in curves))
+    for curve in curves:
+        colour = PALETTE[kinds.index(curve.kind)]
+        for one, two in itertools.pairwise(curve.points):
+            which = one.criticality or two.criticality
+            label = " ".join(filter(None, (which, curve.kind)))
+            line = np.stack([one.parameters, two.parameters])
+            dashes = _SUBCRITICAL if which == "subcritical" else "-"
+            ax.plot(*line.T, color=colour, lw=1.8, ls=dashes, label=label)
+    for (kind, marker), colour in zip(_CODIMENSION_TWO.items(), PALETTE[2:], strict=False):
+        there = [x.parameters for curve in curves for x in curve.special if x.kind == kind]
+        if there:
+            ax.plot(*np.array(there).T, marker, color=colour, ms=7, zorder=4, label=kind, ls="")
+    ax.set(xlabel=curves[0].names[0], ylabel=curves[0].names[1], title=title or "")
+    style(ax)
+    legend_below(figure, named(ax))
+    return finished(figure, path)
+
+
+def _entry(families: Sequence[EquilibriumFamily], entry: str | None) -> tuple[int, str]:
+    """The index of the entry of the state that is drawn, and its name."""
+    first = families[0].members[0]
+    names = [name for name, _ in families[0].make(np.asarray(first.parameter)).labels()]
+    if entry is None:
+        states = np.concatenate([family.states for family in families])
+        index = int(np.argmax(np.ptp(states, axis=0)))
+        return index, names[index]
+    return names.index(_checks.choice("entry", entry, names)), entry
