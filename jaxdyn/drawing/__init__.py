@@ -7,8 +7,8 @@ starts.
 Pictures: `space` and `projections` (paths), `series` (over time), `accuracy`, `charts` (stability,
 chaos), `bifurcations`, `animation`. Their parts: `contents` (what is drawn of a motion), `figures`
 (the look of all pictures), `panels` (axes for motions), `solid` (axes in space), `curves`,
-`strokes`, `artists`, `titles`. Only the command lines and `orbits.drawing` import this folder, since
-Matplotlib is slow to load; ``import jaxdyn`` does not load it.
+`strokes`, `artists`, `titles`. Only the command lines and `orbits.drawing` import this
+folder, since Matplotlib is slow to load; ``import jaxdyn`` does not load it.
 
 May import: `files`, `scenes`, `chaos`, `continuation`.
 
