@@ -2,6 +2,7 @@
 
 from . import analysis as analysis
 from . import closing as closing
+from . import curves as curves
 from . import discovery as discovery
 from . import drawing as drawing
 from . import families as families
@@ -47,6 +48,7 @@ from .closing.conditions import Section as Section
 from .closing.symmetry import Symmetry as Symmetry
 from .closing.symmetry import point_symmetry as point_symmetry
 from .closing.symmetry import time_reversal as time_reversal
+from .curves.following import continue_curve as continue_curve
 from .discovery.chunks import Box as Box
 from .discovery.chunks import Starts as Starts
 from .discovery.figure_eight import figure_eight as figure_eight

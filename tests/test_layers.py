@@ -47,6 +47,7 @@ BELOW = {
     "orbits/analysis": ("orbits/shooting",),
     "orbits/proof": ("orbits/analysis",),
     "orbits/families": ("orbits/analysis",),
+    "orbits/curves": ("orbits/families",),
     "orbits/manifolds": ("orbits/families",),
     "orbits/sections": ("orbits/analysis",),
     "orbits/discovery": ("orbits/analysis",),
@@ -90,6 +91,7 @@ UPWARDS = {
     ("jaxdyn/continuation/curve.py", "jaxdyn.drawing.bifurcations"),
     ("orbits/orbit.py", "orbits.drawing.periodic"),
     ("orbits/families/family.py", "orbits.drawing.families"),
+    ("orbits/curves/curve.py", "jaxdyn.drawing.bifurcations"),
 }
 
 FILES = sorted(

@@ -126,7 +126,10 @@ def first_unknowns(
         near = np.abs(sums) < _PAIRED * np.linalg.norm(a, 2)
         best = int(np.argmax(np.where(near, apart, -1.0)))
     square = float(products[best])
-    vector = np.linalg.svd(a @ a + square * np.eye(len(a)))[2][-1]
+    # In the critical plane the vector of the largest rate: not near the eigenvector that is left of
+    # it at a Bogdanov-Takens point.
+    plane = np.linalg.svd(a @ a + square * np.eye(len(a)))[2][-2:]
+    vector = np.linalg.svd(a @ plane.T)[2][0] @ plane
     return np.concatenate([x, vector, [square]])
 
 

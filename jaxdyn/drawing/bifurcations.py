@@ -1,15 +1,14 @@
 """Pictures of rest points over a parameter, and of curves of bifurcations over two."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
-from jaxdyn.continuation.curve import CodimensionTwo, Curve
-from jaxdyn.continuation.family import EquilibriumFamily, Kind
+from jaxdyn.continuation.family import EquilibriumFamily, Kind, RestPoint
 from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.files.image_files import picture_path
 
@@ -19,13 +18,8 @@ _MARKS = {
     Kind.BRANCH: "D",
     Kind.HOPF: "o",
 }
-_CODIMENSION_TWO = {
-    CodimensionTwo.CUSP: "^",
-    CodimensionTwo.BOGDANOV_TAKENS: "D",
-    CodimensionTwo.BAUTIN: "o",
-    CodimensionTwo.ZERO_HOPF: "*",
-    CodimensionTwo.DOUBLE_HOPF: "X",
-}
+#: Of the points of codimension two, in the order of their first appearance.
+_SHAPES = "^Do*XsvPpd<>"
 _SUBCRITICAL = (0, (4, 2))
 
 
@@ -58,11 +52,9 @@ def equilibria(
     figure = blank(6.8, 4.6)
     ax: Any = figure.add_subplot()
     for family in families:
-        for one, two in itertools.pairwise(family.members):
-            verdict = one.verdict if one.verdict == two.verdict else "undecided"
-            across = [one.parameter, two.parameter]
-            up = [one.state[index], two.state[index]]
-            ax.plot(across, up, color=PALETTE[0], lw=1.8, ls=_STRETCHES[verdict], label=verdict)
+        for verdict, points in _runs(family.members, _verdict):
+            line = np.array([(x.parameter, x.state[index]) for x in points])
+            ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=_STRETCHES[verdict], label=verdict)
     for (kind, marker), colour in zip(_MARKS.items(), PALETTE[1:], strict=False):
         special = [x for family in families for x in family.special if x.kind == kind]
         there = np.array([(x.parameter, x.state[index]) for x in special])
@@ -74,13 +66,14 @@ def equilibria(
     return finished(figure, path)
 
 
-def bifurcation_curves(curves: Sequence[Curve], path=None, *, title: str | None = None) -> Figure:
+def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None) -> Figure:
     """A picture of curves of bifurcations in the plane of their parameters.
 
     Curves of subcritical Hopf points are dashed; points of codimension two are marked.
 
     Args:
-      curves: from `continue_curve`, of one scene and the same parameters.
+      curves: from `jaxdyn.continue_curve` and `orbits.continue_curve`, of one scene and the same
+        parameters.
       path: file to write, .png, .pdf or .svg.
       title: its title.
     Raises:
@@ -93,21 +86,43 @@ def bifurcation_curves(curves: Sequence[Curve], path=None, *, title: str | None 
     ax: Any = figure.add_subplot()
     kinds = list(dict.fromkeys(curve.kind for curve in curves))
     for curve in curves:
-        colour = PALETTE[kinds.index(curve.kind)]
-        for one, two in itertools.pairwise(curve.points):
-            which = one.criticality or two.criticality
+        colour = PALETTE[kinds.index(curve.kind) % len(PALETTE)]
+        for which, points in _runs(curve.points, _criticality):
             label = " ".join(filter(None, (which, curve.kind)))
-            line = np.stack([one.parameters, two.parameters])
+            line = np.array([x.parameters for x in points])
             dashes = _SUBCRITICAL if which == "subcritical" else "-"
             ax.plot(*line.T, color=colour, lw=1.8, ls=dashes, label=label)
-    for (kind, marker), colour in zip(_CODIMENSION_TWO.items(), PALETTE[2:], strict=False):
-        there = [x.parameters for curve in curves for x in curve.special if x.kind == kind]
-        if there:
-            ax.plot(*np.array(there).T, marker, color=colour, ms=7, zorder=4, label=kind, ls="")
+    special = [point for curve in curves for point in curve.special]
+    marks = dict.fromkeys(str(point.kind) for point in special)
+    colours = itertools.cycle(PALETTE[len(kinds) :] + PALETTE[: len(kinds)])
+    for kind, shape, colour in zip(marks, itertools.cycle(_SHAPES), colours, strict=False):
+        there = np.array([point.parameters for point in special if point.kind == kind])
+        ax.plot(*there.T, shape, color=colour, ms=7, zorder=4, label=kind, ls="")
     ax.set(xlabel=curves[0].names[0], ylabel=curves[0].names[1], title=title or "")
     style(ax)
     legend_below(figure, named(ax))
     return finished(figure, path)
+
+
+def _runs(points: Sequence, of_pair: Callable[[Any, Any], str]) -> list[tuple[str, list]]:
+    """Consecutive points with what all their pairs of neighbours have in common."""
+    found: list[tuple[str, list]] = []
+    for one, two in itertools.pairwise(points):
+        which = of_pair(one, two)
+        if found and found[-1][0] == which:
+            found[-1][1].append(two)
+        else:
+            found.append((which, [one, two]))
+    return found
+
+
+def _verdict(one: RestPoint, two: RestPoint) -> str:
+    return one.verdict if one.verdict == two.verdict else "undecided"
+
+
+def _criticality(one, two) -> str:
+    """Of Hopf points; special points between them have none, nor have those of orbits."""
+    return getattr(one, "criticality", "") or getattr(two, "criticality", "")
 
 
 def _entry(families: Sequence[EquilibriumFamily], entry: str | None) -> tuple[int, str]:

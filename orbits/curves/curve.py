@@ -110,9 +110,9 @@ class Curve:
 
     @_text.pictured
     def _repr_html_(self):
-        from orbits.drawing import curves
+        from jaxdyn.drawing import bifurcations
 
-        return curves.bifurcation_curves([self], title="")
+        return bifurcations.bifurcation_curves([self], title="")
 
     @property
     def make(self) -> MakeOfTwo:

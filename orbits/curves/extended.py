@@ -128,6 +128,7 @@ class Extended(eqx.Module):
       closing: how they close.
       driven: whether the rate depends on time.
       segments: number of segments, of equal length.
+      k: number of entries of the state.
       rtol: tolerance of the integrations.
     """
 
@@ -180,7 +181,7 @@ class Extended(eqx.Module):
         span = unknowns.period / (self.closing.parts * n)
         return Piece(
             start=together.reshape(n, -1),
-            t0=span * jnp.arange(n) * self.driven,
+            t0=span * jnp.arange(n, dtype=float) * float(self.driven),
             span=jnp.full(n, span),
             parameter=jnp.tile(unknowns.parameters, (n, 1)),
         )
@@ -199,7 +200,8 @@ class Extended(eqx.Module):
                 found = list(threads.map(run, each))
         ends, _, slopes = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
         residual, jacobian = map(np.asarray, _linearised(self, x, here, ends, slopes, frame))
-        monodromy = functools.reduce(lambda m, s: s[: self.k, : self.k] @ m, slopes.start, np.eye(self.k))
+        k = self.k
+        monodromy = functools.reduce(lambda m, s: s[:k, :k] @ m, slopes.start, np.eye(k))
         return residual, jacobian, monodromy
 
     def errors(self, x: Array, ends: Array, frame: Frame) -> Array:
@@ -224,7 +226,7 @@ class Extended(eqx.Module):
                 carried_over(after[1], 2 * unknowns.extra * w[1] - w[0]),
             ]
         elif self.kind == Kind.FOLD:
-            t1 = unknowns.period / self.closing.parts * self.driven
+            t1 = unknowns.period / self.closing.parts * float(self.driven)
             returned = [carried_over(after[0] + unknowns.extra * scene.rate(t1, end), w[0])]
         else:
             returned = [carried_over(after[0], -w[0])]

@@ -204,8 +204,11 @@ def _critical(extended: Extended, g: np.ndarray, flow: np.ndarray) -> tuple[np.n
     if not len(upper):
         raise fail("point", "an orbit with complex multipliers", "real ones alone")
     pair = upper[np.argmin(np.abs(np.abs(values[upper]) - 1))]
-    w, cosine = vectors[:, pair].real, values[pair].real / abs(values[pair])
-    w = w / np.linalg.norm(w)
+    cosine = values[pair].real / abs(values[pair])
+    # In the plane of the pair that with the largest change: not near the eigenvector that is left
+    # of it at a 1:1 resonance.
+    plane = np.linalg.qr(np.stack([vectors[:, pair].real, vectors[:, pair].imag], axis=1))[0]
+    w = plane @ np.linalg.svd(g @ plane - cosine * plane)[2][0]
     return np.stack([w, g @ w]), float(cosine)
 
 

@@ -39,9 +39,7 @@ def _zero(extended: Extended, a: CurvePoint, b: CurvePoint, kind) -> CurvePoint 
     best = _located(extended, a, b, lambda point: point.tests[kind])
     if best is None or abs(best.tests[kind]) > GOAL:
         return None
-    return dataclasses.replace(
-        best, kind=kind, residual=max(best.residual, abs(best.tests[kind]))
-    )
+    return dataclasses.replace(best, kind=kind, residual=max(best.residual, abs(best.tests[kind])))
 
 
 def _cusp(extended: Extended, a: CurvePoint, b: CurvePoint) -> CurvePoint | None:

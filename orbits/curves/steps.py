@@ -18,6 +18,7 @@ _CORRECTIONS = 10  # Newton steps; more mean that the start was too far away
 _SETTLED = 1e-8  # relative: after a step this small one more leaves only rounding
 #: Largest residual of a point, relative to 1 + the largest entry of its unknowns.
 GOAL = 1e-10
+_NOISE = 100.0  # of the tolerance: a test that vanishes all along, where determinants are 1
 _DEPENDENT = 1e-13  # relative: smaller singular values are those of dependent equations
 
 
@@ -118,34 +119,50 @@ def reduced(extended: Extended, orbit: Orbit, monodromy: np.ndarray):
 
 
 def _tests(extended: Extended, found, cosine: float) -> dict[CodimensionTwo, float]:
-    kind, (values, bars) = extended.kind, found
-    critical = {
-        Kind.FOLD: [1.0],
-        Kind.TORUS: [np.exp(1j * np.arccos(complex(cosine))), np.exp(-1j * np.arccos(complex(cosine)))],
-    }.get(kind, [-1.0])
-    for value in critical:
+    if extended.closing.parts > 1:
+        return {}  # the multipliers are not those of a whole period
+    kind, c = extended.kind, CodimensionTwo
+    values, bars = found
+    noise = _NOISE * extended.rtol * np.prod(1 + np.abs(values))
+    rest, rest_bars = _besides(kind, values, bars, cosine)
+    i, j = np.triu_indices(len(rest), 1)
+    pair = _least(rest[i] * rest[j] - 1, rest_bars[i] + rest_bars[j])
+    if kind == Kind.FOLD:
+        tests = {c.RESONANCE_1_1: _slope(values, 1), c.FOLD_FLIP: _value(values, -1)}
+        tests |= {c.FOLD_TORUS: pair}
+    elif kind == Kind.DOUBLING:
+        tests = {c.RESONANCE_1_2: _slope(values, -1), c.FOLD_FLIP: _value(values, 1)}
+        tests |= {c.FLIP_TORUS: pair}
+    else:
+        tests = {c.RESONANCE_1_1: 1 - cosine, c.RESONANCE_1_2: 1 + cosine}
+        tests |= {c.RESONANCE_1_3: 0.5 + cosine, c.RESONANCE_1_4: cosine}
+        tests |= {c.FOLD_TORUS: _value(rest, 1), c.FLIP_TORUS: _value(rest, -1)}
+        tests |= {c.DOUBLE_TORUS: pair}
+    return {kind: 0.0 if abs(test) <= noise else test for kind, test in tests.items()}
+
+
+def _besides(kind: Kind, values, bars, cosine: float):
+    """The multipliers besides the critical ones, with their bars."""
+    turn = np.exp(1j * np.arccos(complex(cosine)))
+    critical = {Kind.FOLD: [1.0], Kind.DOUBLING: [-1.0], Kind.TORUS: [turn, 1 / turn]}
+    for value in critical[kind]:
         nearest = np.argmin(np.abs(values - value))
         values, bars = np.delete(values, nearest), np.delete(bars, nearest)
-    one, minus = _least(values - 1, bars), _least(values + 1, bars)
-    i, j = np.triu_indices(len(values), 1)
-    pair = _least(values[i] * values[j] - 1, bars[i] + bars[j])
-    c = CodimensionTwo
-    if extended.closing.parts > 1:
-        # The names are those of the whole period.
-        return {}
-    if kind == Kind.FOLD:
-        return {c.RESONANCE_1_1: one, c.FOLD_FLIP: minus, c.FOLD_TORUS: pair}
-    if kind == Kind.DOUBLING:
-        return {c.FOLD_FLIP: one, c.RESONANCE_1_2: minus, c.FLIP_TORUS: pair}
-    return {
-        c.RESONANCE_1_1: 1 - cosine,
-        c.RESONANCE_1_2: 1 + cosine,
-        c.RESONANCE_1_3: 0.5 + cosine,
-        c.RESONANCE_1_4: cosine,
-        c.FOLD_TORUS: one,
-        c.FLIP_TORUS: minus,
-        c.DOUBLE_TORUS: pair,
-    }
+    return values, bars
+
+
+def _value(values: np.ndarray, at: float) -> float:
+    """The characteristic polynomial: the product of all differences; 1 for none."""
+    return float(np.prod(at - values).real)
+
+
+def _slope(values: np.ndarray, at: float) -> float:
+    """Its derivative at a zero: the product of the other differences.
+
+    As a sum it is smooth where two multipliers meet, each of which has half of the digits only.
+    """
+    others = [np.prod(at - np.delete(values, i)) for i in range(len(values))]
+    return float(np.sum(others).real)
 
 
 def _least(values: np.ndarray, bars: np.ndarray) -> float:
@@ -169,4 +186,5 @@ def _frame(extended: Extended, start, point, along) -> Frame:
         rows = np.stack([first, across / np.linalg.norm(across)])
     y0 = unknowns.states[0]
     flow = np.asarray(extended.make(*unknowns.parameters).rate(jnp.zeros(()), jnp.asarray(y0)))
-    return Frame(rows=rows, start=y0, flow=flow / (np.linalg.norm(flow) or 1.0), point=point, along=along)
+    flow = flow / (np.linalg.norm(flow) or 1.0)
+    return Frame(rows=rows, start=y0, flow=flow, point=point, along=along)
