@@ -91,6 +91,7 @@ UPWARDS = {
     ("jaxdyn/continuation/curve.py", "jaxdyn.drawing.bifurcations"),
     ("orbits/orbit.py", "orbits.drawing.periodic"),
     ("orbits/families/family.py", "orbits.drawing.families"),
+    ("orbits/families/diagram.py", "orbits.drawing.diagrams"),
     ("orbits/curves/curve.py", "jaxdyn.drawing.bifurcations"),
 }
 

@@ -12,8 +12,10 @@ from jaxdyn.continuation.family import EquilibriumFamily, Kind, RestPoint
 from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.files.image_files import picture_path
 
-_STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}
-_MARKS = {
+#: Line styles of verdicts.
+STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}
+#: Marks of special rest points.
+RESTS = {
     Kind.FOLD: "s",
     Kind.BRANCH: "D",
     Kind.HOPF: "o",
@@ -48,14 +50,14 @@ def equilibria(
     path = picture_path(path)
     if not families:
         raise _checks.fail("families", "at least one", "none")
-    index, label = _entry(families, entry)
+    index, label = entry_of(families, entry)
     figure = blank(6.8, 4.6)
     ax: Any = figure.add_subplot()
     for family in families:
-        for verdict, points in _runs(family.members, _verdict):
+        for verdict, points in runs(family.members, _verdict):
             line = np.array([(x.parameter, x.state[index]) for x in points])
-            ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=_STRETCHES[verdict], label=verdict)
-    for (kind, marker), colour in zip(_MARKS.items(), PALETTE[1:], strict=False):
+            ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=verdict)
+    for (kind, marker), colour in zip(RESTS.items(), PALETTE[1:], strict=False):
         special = [x for family in families for x in family.special if x.kind == kind]
         there = np.array([(x.parameter, x.state[index]) for x in special])
         if len(there):
@@ -87,7 +89,7 @@ def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None)
     kinds = list(dict.fromkeys(curve.kind for curve in curves))
     for curve in curves:
         colour = PALETTE[kinds.index(curve.kind) % len(PALETTE)]
-        for which, points in _runs(curve.points, _criticality):
+        for which, points in runs(curve.points, _criticality):
             label = " ".join(filter(None, (which, curve.kind)))
             line = np.array([x.parameters for x in points])
             dashes = _SUBCRITICAL if which == "subcritical" else "-"
@@ -104,7 +106,7 @@ def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None)
     return finished(figure, path)
 
 
-def _runs(points: Sequence, of_pair: Callable[[Any, Any], str]) -> list[tuple[str, list]]:
+def runs(points: Sequence, of_pair: Callable[[Any, Any], str]) -> list[tuple[str, list]]:
     """Consecutive points with what all their pairs of neighbours have in common."""
     found: list[tuple[str, list]] = []
     for one, two in itertools.pairwise(points):
@@ -125,7 +127,7 @@ def _criticality(one, two) -> str:
     return getattr(one, "criticality", "") or getattr(two, "criticality", "")
 
 
-def _entry(families: Sequence[EquilibriumFamily], entry: str | None) -> tuple[int, str]:
+def entry_of(families: Sequence[EquilibriumFamily], entry: str | None) -> tuple[int, str]:
     """The index of the entry of the state that is drawn, and its name."""
     first = families[0].members[0]
     names = [name for name, _ in families[0].make(np.asarray(first.parameter)).labels()]
