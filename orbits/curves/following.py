@@ -119,13 +119,12 @@ def _start(point, parameters, kind: Kind | None) -> tuple[Orbit, Kind, np.ndarra
 
 def _closing(orbit: Orbit, kind: Kind) -> Return:
     closing = orbit.closing
-    symmetric = isinstance(closing, Return) and closing.parts == 2 and not closing.turns
-    if kind == Kind.BRANCH and not symmetric:
+    if isinstance(closing, Return) and closing.parts == 2 and not closing.turns:
+        # Its map has the multiplier 1 at a fold, and -1 where the symmetry is lost.
+        return closing if kind in (Kind.BRANCH, Kind.FOLD) else PLAIN
+    if kind == Kind.BRANCH:
         remedy = "Find the orbit with closing=orbits.Return(symmetry, parts=2)."
         raise fail("point", "a branch point of orbits that close by a symmetry", "another", remedy)
-    # With a symmetry of two parts, a fold is where its map has the multiplier 1.
-    if symmetric and kind in (Kind.BRANCH, Kind.FOLD):
-        return closing
     return PLAIN
 
 

@@ -30,7 +30,9 @@ def _shaken(a, q):
     return jaxdyn.ode(rate, [0.0, 0.0], np.pi, params=[a, q])
 
 
-@pytest.mark.parametrize("edge", [mathieu_a, mathieu_b])
+@pytest.mark.parametrize(
+    "edge", [mathieu_a, pytest.param(mathieu_b, marks=pytest.mark.slow, id="mathieu_b")]
+)
 def test_the_shaken_pendulum_doubles_its_period_at_mathieus_characteristic_values(edge):
     start = float(edge(1, 0.3)), 0.3
     rest = _at(_shaken(*start), [0.0, 0.0], np.pi)
@@ -81,6 +83,7 @@ def test_torus_points_pass_the_strong_resonances(torus_curve):
     assert "1:3 resonance at" in repr(torus_curve)
 
 
+@pytest.mark.slow
 def test_folds_pass_a_resonance(torus_curve):
     # They begin at the end of the curve of torus points: 4 p = q^2.
     folds = orbits.continue_curve(
@@ -110,6 +113,7 @@ def _autonomous(p, q):
     return jaxdyn.ode(rate, [1.0, 0.0, 0.0], TURN, params=[p, q])
 
 
+@pytest.mark.slow
 def test_folds_of_cycles_meet_in_a_cusp():
     z = 0.3
     q = 3 * z**2
@@ -136,6 +140,7 @@ def _mirrored(p, q):
     return jaxdyn.ode(rate, [1.0, 0.0], TURN, params=[p, q])
 
 
+@pytest.mark.long
 def test_branch_points_that_a_symmetry_keeps():
     half = orbits.Return(orbits.Symmetry(signs=(-1, -1)), parts=2)
     orbit = _at(_mirrored(0.25, 0.5), [1.0, 0.0], TURN, half)
@@ -149,6 +154,7 @@ def test_branch_points_that_a_symmetry_keeps():
         orbits.continue_curve(_mirrored, plain, (0.25, 0.5), kind=Kind.BRANCH)
 
 
+@pytest.mark.slow
 def test_wrong_arguments_are_refused():
     orbit = _at(_carried(0.04, -0.4), [1.2, 0.0], TURN)
     with pytest.raises(ValueError, match="an ordinary orbit"):
@@ -213,6 +219,7 @@ def duffing_folds():
     )
 
 
+@pytest.mark.long
 def test_folds_of_duffings_oscillator_meet_in_a_cusp(duffing_folds):
     (cusp,) = duffing_folds.special
     assert cusp.kind == "cusp"
