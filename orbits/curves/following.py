@@ -207,7 +207,7 @@ def _critical(extended: Extended, g: np.ndarray, flow: np.ndarray) -> tuple[np.n
     # In the plane of the pair that with the largest change: not near the eigenvector that is left
     # of it at a 1:1 resonance.
     plane = np.linalg.qr(np.stack([vectors[:, pair].real, vectors[:, pair].imag], axis=1))[0]
-    w = plane @ np.linalg.svd(g @ plane - cosine * plane)[2][0]
+    w = plane @ (np.array([0.8, 0.6]) @ np.linalg.svd(g @ plane - cosine * plane)[2])
     return np.stack([w, g @ w]), float(cosine)
 
 
