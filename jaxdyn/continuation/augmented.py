@@ -126,8 +126,8 @@ def first_unknowns(
         near = np.abs(sums) < _PAIRED * np.linalg.norm(a, 2)
         best = int(np.argmax(np.where(near, apart, -1.0)))
     square = float(products[best])
-    # In the critical plane nearer to the vector of the largest rate, and off both: not near the eigenvector that is left of
-    # it at a Bogdanov-Takens point.
+    # In the critical plane nearer to the vector of the largest rate: off the eigenvector that is
+    # left of the plane at a Bogdanov-Takens point.
     plane = np.linalg.svd(a @ a + square * np.eye(len(a)))[2][-2:]
     vector = np.array([0.8, 0.6]) @ np.linalg.svd(a @ plane.T)[2] @ plane
     return np.concatenate([x, vector, [square]])
