@@ -29,8 +29,10 @@ from .analysis.linearize import linearize as linearize
 from .analysis.linearize import modes as modes
 from .chaos.lyapunov import lyapunov_exponents as lyapunov_exponents
 from .chaos.spectrum import LyapunovSpectrum as LyapunovSpectrum
+from .continuation.curve import Curve as Curve
 from .continuation.equilibria import continue_equilibria as continue_equilibria
 from .continuation.family import EquilibriumFamily as EquilibriumFamily
+from .continuation.two_parameters import continue_curve as continue_curve
 from .files.motion_files import load as load
 from .formulations.lagrange import lagrangian as lagrangian
 from .formulations.ode import ode as ode

@@ -2,6 +2,7 @@
 
 from . import analysis as analysis
 from . import closing as closing
+from . import curves as curves
 from . import discovery as discovery
 from . import drawing as drawing
 from . import families as families
@@ -47,6 +48,7 @@ from .closing.conditions import Section as Section
 from .closing.symmetry import Symmetry as Symmetry
 from .closing.symmetry import point_symmetry as point_symmetry
 from .closing.symmetry import time_reversal as time_reversal
+from .curves.following import continue_curve as continue_curve
 from .discovery.chunks import Box as Box
 from .discovery.chunks import Starts as Starts
 from .discovery.figure_eight import figure_eight as figure_eight
@@ -55,6 +57,8 @@ from .discovery.search import SearchResult as SearchResult
 from .discovery.search import search as search
 from .families.continuation import continue_family as continue_family
 from .families.continuation import switch_branch as switch_branch
+from .families.diagram import Diagram as Diagram
+from .families.diagram import diagram as diagram
 from .families.family import Family as Family
 from .families.family import Kind as Kind
 from .families.hopf import from_hopf as from_hopf

@@ -29,7 +29,12 @@ BELOW = {
     "jaxdyn/continuation": ("jaxdyn/analysis",),
     "jaxdyn/files": ("jaxdyn/accuracy", "jaxdyn/scenes"),
     "jaxdyn/scenes": ("jaxdyn/mechanisms", "jaxdyn/effects", "jaxdyn/integrate"),
-    "jaxdyn/drawing": ("jaxdyn/files", "jaxdyn/scenes", "jaxdyn/chaos"),
+    "jaxdyn/drawing": (
+        "jaxdyn/files",
+        "jaxdyn/scenes",
+        "jaxdyn/chaos",
+        "jaxdyn/continuation",
+    ),
     "jaxdyn/studies": ("jaxdyn/accuracy", "jaxdyn/scenes"),
     "jaxdyn/hard": ("jaxdyn/studies", "jaxdyn/ensemble"),
     "jaxdyn/course": ("jaxdyn/studies", "jaxdyn/hard", "jaxdyn/drawing"),
@@ -42,6 +47,7 @@ BELOW = {
     "orbits/analysis": ("orbits/shooting",),
     "orbits/proof": ("orbits/analysis",),
     "orbits/families": ("orbits/analysis",),
+    "orbits/curves": ("orbits/families",),
     "orbits/manifolds": ("orbits/families",),
     "orbits/sections": ("orbits/analysis",),
     "orbits/discovery": ("orbits/analysis",),
@@ -81,10 +87,14 @@ UPWARDS = {
     ("jaxdyn/integrate/trajectory.py", "jaxdyn.drawing.space"),
     ("jaxdyn/integrate/trajectory.py", "jaxdyn.player.pages"),
     ("jaxdyn/scene.py", "jaxdyn.drawing.space"),
+    ("jaxdyn/continuation/family.py", "jaxdyn.drawing.bifurcations"),
+    ("jaxdyn/continuation/curve.py", "jaxdyn.drawing.bifurcations"),
     ("orbits/orbit.py", "orbits.drawing.periodic"),
     ("orbits/families/family.py", "orbits.drawing.families"),
     ("orbits/analysis/stability.py", "orbits.drawing.unit_circle"),
     ("orbits/tori/record.py", "orbits.drawing.tori"),
+    ("orbits/families/diagram.py", "orbits.drawing.diagrams"),
+    ("orbits/curves/curve.py", "jaxdyn.drawing.bifurcations"),
 }
 
 FILES = sorted(

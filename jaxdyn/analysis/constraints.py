@@ -17,7 +17,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.dependence import DEPENDENT
-from jaxdyn.formulations.extended import Extended
+from jaxdyn.formulations.extended import innermost
 from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene, System
@@ -114,8 +114,7 @@ def _tensions(motion: Trajectory, system: Constrained) -> dict[str, Array]:
 
 
 def _constrained(system: System) -> Constrained:
-    while isinstance(system, Extended):
-        system = system.system
+    system = innermost(system)
     if not isinstance(system, Constrained):
         name = type(system).__name__
         raise _checks.fail("scene", "one with constraints", name, 'Try formulation="constrained".')

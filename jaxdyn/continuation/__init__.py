@@ -4,19 +4,28 @@
 points. `special` finds folds, branch points and Hopf points between two points of a family, by
 their defining equations in `defining`; `normal_forms` has their coefficients.
 
+`two_parameters` follows curves of folds and Hopf points in two parameters by the equations of
+`augmented`, `codimension_two` finds the special points on them, and `curve` holds both.
+
 May import: `analysis`.
 
 One more kind of special point is a `Kind` in `family`, its equations in `defining`, and a test in
 `special`.
 """
 
+from jaxdyn.continuation.curve import CodimensionTwo, Curve, CurvePoint
 from jaxdyn.continuation.equilibria import continue_equilibria, switch_branch
 from jaxdyn.continuation.family import EquilibriumFamily, Kind, RestPoint
+from jaxdyn.continuation.two_parameters import continue_curve
 
 __all__ = [
+    "CodimensionTwo",
+    "Curve",
+    "CurvePoint",
     "EquilibriumFamily",
     "Kind",
     "RestPoint",
+    "continue_curve",
     "continue_equilibria",
     "switch_branch",
 ]

@@ -16,7 +16,7 @@ and 4; Moore (1980), Numer. Funct. Anal. Optim. 2, 441, for branch points.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -28,7 +28,7 @@ from jaxdyn.scene import Scene
 
 Make = Callable[[Array], Scene]
 #: (make, unknowns, normalisation) -> residual.
-System = Callable[[Make, Array, Array], Array]
+System = Callable[..., Array]
 
 _CORRECTIONS = 10  # Newton steps; more mean that the start was too far away
 _SETTLED = 1e-8  # relative: after a step this small one more leaves only rounding
@@ -97,7 +97,7 @@ def arc(make: Make, unknowns: Array, normal: Array) -> Array:
     return jnp.append(rate(make, unknowns), along @ (unknowns - point))
 
 
-def solve(system: System, make: Make, start: np.ndarray, normal: np.ndarray) -> Solution | None:
+def solve(system: System, make: Callable, start: np.ndarray, normal: Any) -> Solution | None:
     """The solution of a system near a start by Newton's method; None if it does not converge."""
     x = np.asarray(start, float)
     for iteration in range(_CORRECTIONS):
@@ -126,8 +126,13 @@ def _polished(system, make, x, normal, iterations: int) -> Solution | None:
     return Solution(x, residual, iterations) if good else None
 
 
+def jacobian(system: System, make: Callable, x: np.ndarray, normal: Any) -> np.ndarray:
+    """(m, m) the Jacobian of a system."""
+    return np.asarray(_linearised(system, make, x, normal)[1])
+
+
 @eqx.filter_jit
-def _linearised(system: System, make: Make, x: Array, normal: Array) -> tuple[Array, Array]:
+def _linearised(system: System, make: Callable, x: Array, normal: Any) -> tuple[Array, Array]:
     return system(make, x, normal), jax.jacfwd(lambda x: system(make, x, normal))(x)
 
 

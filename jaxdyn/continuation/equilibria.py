@@ -19,6 +19,8 @@ from jaxdyn.continuation.defining import Make, slope_at
 from jaxdyn.continuation.family import EquilibriumFamily, Kind, RestPoint, rest_point_at
 from jaxdyn.continuation.normal_forms import second
 from jaxdyn.continuation.special import special_points
+from jaxdyn.formulations.constrained import Constrained
+from jaxdyn.formulations.extended import innermost
 from jaxdyn.scene import Scene, checked_scene
 
 _EASY = 4  # with at most this many Newton steps the next step may be longer
@@ -62,9 +64,9 @@ def continue_equilibria(
     Returns:
       The members, and the special points between them.
     Raises:
-      ValueError: there is no rest point near `start`, the scene depends on time, its rest points
-        are not isolated at a fixed parameter even after a small change of it (coordinates that
-        are redundant, or constraints), or a number is out of range or traced.
+      ValueError: there is no rest point near `start`, the scene depends on time or has
+        constraints, its rest points are not isolated at a fixed parameter even after a small
+        change of it (redundant coordinates), or a number is out of range or traced.
     Limits: host only. A special point is detected where its test changes sign between two
       members; two of one kind in one step are not. Opposite eigenvalues of a conservative scene
       rule out the test for Hopf points: such a scene has none in this sense. Angles are not
@@ -137,6 +139,9 @@ def switch_branch(
 def _first(make: Make, parameter: float, start, down: bool) -> RestPoint:
     scene = checked_scene(make(jnp.asarray(parameter)))
     y = np.asarray(_checks.array("start", start, (None,)))
+    if isinstance(innermost(scene.system), Constrained):
+        remedy = 'Set it up in minimal coordinates, e.g. with formulation="lagrange".'
+        raise _checks.fail("make", "a scene without constraints", "a constrained one", remedy)
     k = len(scene.labels())
     if 2 * len(y) == k:
         y = np.append(y, np.zeros(len(y)))
@@ -153,8 +158,7 @@ def _first(make: Make, parameter: float, start, down: bool) -> RestPoint:
             "start",
             "a regular point of one family of rest points",
             "dependent equations",
-            "With constraints or redundant coordinates use a minimal set of coordinates; at a "
-            "branch point begin beside it.",
+            "Use a minimal set of coordinates, none redundant; at a branch point begin beside it.",
         )
     solution = defining.solve(defining.arc, make, x, np.stack([x, up]))
     if solution is None:
@@ -187,7 +191,7 @@ def _walked(make, first: RestPoint, step, most: int, within, report) -> Equilibr
                 end = "no rest point was found beyond: a singularity of the rate, or a branch point"
                 break
             continue
-        special += special_points(make, last, new)
+        special += special_points(make, last, new, first=len(found) == 1)
         found.append(new)
         report(new)
         if not within[0] <= new.parameter <= within[1]:

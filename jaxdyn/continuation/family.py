@@ -114,7 +114,11 @@ class EquilibriumFamily:
         ]
         return _text.table(f"Family of {_text.counted(len(self.members), 'rest point')}", rows)
 
-    _repr_html_ = _text.html
+    @_text.pictured
+    def _repr_html_(self):
+        from jaxdyn.drawing import bifurcations
+
+        return bifurcations.equilibria([self], title="")
 
     @property
     def parameters(self) -> np.ndarray:

@@ -75,6 +75,24 @@ def first_lyapunov(make: Make, x: np.ndarray, a: np.ndarray, frequency: float) -
     return float(np.vdot(p, third - 2 * first + second).real / (2 * frequency))
 
 
+def double_zero(make: Make, x: np.ndarray, a: np.ndarray) -> tuple[float, float]:
+    """The coefficients a and b at a double eigenvalue 0 with one eigenvector.
+
+    With A q = 0, A r = q, A^T w = 0, A^T u = w, w r = u q = 1 and w q = u r = 0: a = w B(q, q) / 2
+    and b = w B(q, r) + u B(q, q), |q| = 1. The signs of q and w change both.
+    """
+    left, _, vt = np.linalg.svd(a)
+    q, w = vt[-1], left[:, -1]
+    q = q * np.sign(q[np.argmax(np.abs(q))])
+    r = np.linalg.lstsq(a, q)[0]
+    r = r - (q @ r) * q
+    w = w / (w @ r)
+    u = np.linalg.lstsq(a.T, w)[0]
+    u = u - (u @ r) * w
+    twice = np.asarray(_second(make, x, q, q))
+    return float(w @ twice) / 2, float(w @ np.asarray(_second(make, x, q, r)) + u @ twice)
+
+
 def second(make: Make, x: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """(k,) the second derivative of the rate along u and v (k + 1,), parameter included."""
     return np.asarray(_second_of_all(make, x, u, v))

@@ -25,14 +25,20 @@ _OUTSIDE = 0.1  # of the interval: a solution beyond its ends by more belongs to
 _SAME_PLACE = 1e-6  # relative distance below which a fold and a branch point are one
 
 
-def special_points(make: Make, a: RestPoint, b: RestPoint) -> list[RestPoint]:
-    """The special points between two neighbours, in order."""
-    found = [_located(make, kind, a, b) for kind, test in _TESTS.items() if test(a) * test(b) < 0]
+def special_points(make: Make, a: RestPoint, b: RestPoint, first=False) -> list[RestPoint]:
+    """The special points between two neighbours, in order; with `first` also one at `a`."""
+    passed = [kind for kind, test in _TESTS.items() if _passed(test(a), test(b), first)]
+    found = [_located(make, kind, a, b) for kind in passed]
     known = [point for point in found if point is not None]
     branches = [point for point in known if point.kind == Kind.BRANCH]
     # A family that turns at a branch point has no fold there: the other branch passes it.
     kept = [x for x in known if x.kind != Kind.FOLD or not any(_same(x, y) for y in branches)]
     return sorted(kept, key=lambda point: float(a.tangent @ point.x))
+
+
+def _passed(left: float, right: float, first: bool) -> bool:
+    """Whether a test has a zero; one at a member counts for the step that leads there."""
+    return left * right < 0 or right == 0 != left or (first and left == 0 != right)
 
 
 def _between(make: Make, a: RestPoint, share: float, b: RestPoint) -> RestPoint | None:

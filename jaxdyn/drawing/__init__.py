@@ -4,13 +4,13 @@ Every function of a picture returns the `Figure`, and writes it where a path is 
 or .svg); `animate` writes a .gif or .mp4. A path that cannot be written raises before the work
 starts.
 
-Pictures: `space` and `projections` (paths), `series` (over time), `accuracy`, `charts` (stability),
-`chaos` (maps), `animation`. Their parts: `contents` (what is drawn of a motion), `figures` (the
-look of all pictures), `panels` (axes for motions), `solid` (axes in space), `curves`, `strokes`,
-`artists`, `titles`. Only the command lines and `orbits.drawing` import this folder, since
-Matplotlib is slow to load; ``import jaxdyn`` does not load it.
+Pictures: `space` and `projections` (paths), `series` (over time), `accuracy`, `charts` (stability,
+chaos), `bifurcations`, `animation`. Their parts: `contents` (what is drawn of a motion), `figures`
+(the look of all pictures), `panels` (axes for motions), `solid` (axes in space), `curves`,
+`strokes`, `artists`, `titles`. Only the command lines and `orbits.drawing` import this
+folder, since Matplotlib is slow to load; ``import jaxdyn`` does not load it.
 
-May import: `files`, `scenes`, `chaos`.
+May import: `files`, `scenes`, `chaos`, `continuation`.
 
 One more picture is one more file with a function ``name(found, path=None, *, title=None)`` that
 checks its file by `image_files.picture_path`, draws on `figures.blank` with `figures.style`, and
@@ -19,8 +19,8 @@ ends in `figures.finished`; and one more line below.
 
 from jaxdyn.drawing.accuracy import judgement, work_precision
 from jaxdyn.drawing.animation import animate
-from jaxdyn.drawing.chaos import chaos_map
-from jaxdyn.drawing.charts import stability_chart
+from jaxdyn.drawing.bifurcations import bifurcation_curves, equilibria
+from jaxdyn.drawing.charts import chaos_map, stability_chart
 from jaxdyn.drawing.contents import Paths, paths
 from jaxdyn.drawing.projections import projections
 from jaxdyn.drawing.series import time_series
@@ -30,8 +30,10 @@ from jaxdyn.drawing.titles import caption
 __all__ = [
     "Paths",
     "animate",
+    "bifurcation_curves",
     "caption",
     "chaos_map",
+    "equilibria",
     "judgement",
     "paths",
     "projections",

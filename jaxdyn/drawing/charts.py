@@ -1,18 +1,25 @@
-"""Pictures of stability charts: where motions are stable, and the growth rates elsewhere."""
+"""Pictures of functions of two numbers: stability charts and maps of chaos.
+
+Charts show where motions are stable and their growth rates elsewhere, maps where they are regular
+and how fast others diverge.
+"""
 
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import LinearSegmentedColormap, ListedColormap
+from matplotlib.colors import LinearSegmentedColormap, ListedColormap, TwoSlopeNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from jaxdyn.analysis.floquet import Chart
+from jaxdyn.chaos.maps import ChaosMap
 from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below
 from jaxdyn.files.image_files import picture_path
 
 _STABLE, _GROWING, _UNDECIDED = PALETTE[0], PALETTE[1], "#9a9a9a"
 _FAINT = "#fbe9de"
+_MOST = 8.0  # of the MEGNO that is told apart: above it a motion is chaotic beyond doubt
+_REGULAR = 2.0  # the MEGNO of quasi-periodic motions
 
 
 def stability_chart(
@@ -46,4 +53,36 @@ def stability_chart(
     shown = [("stable", _STABLE), ("unstable", _GROWING), ("undecided", _UNDECIDED)]
     handles = [Patch(color=c, label=name) for name, c in shown if (chart.verdict == name).any()]
     legend_below(figure, handles)
+    return finished(figure, path)
+
+
+def chaos_map(
+    found: ChaosMap, path=None, *, names=("first", "second"), title: str | None = None
+) -> Figure:
+    """A picture of a map: regular motions in white to blue, chaotic ones in red.
+
+    Args:
+      found: what `chaos.chaos_map` returned, at least 2 x 2.
+      path: file to write, .png, .pdf or .svg.
+      names: its two numbers, with their units; the first goes up, the second across.
+      title: its title.
+    Raises:
+      ValueError: `path` cannot be written.
+    """
+    path = picture_path(path)
+    figure = blank(6.8, 4.8)
+    ax: Any = figure.add_subplot()
+    drawn = ax.pcolormesh(
+        found.second,
+        found.first,
+        np.clip(found.mean, 0.0, _MOST),
+        cmap="RdBu_r",
+        norm=TwoSlopeNorm(_REGULAR, 0.0, _MOST),
+        shading="nearest",
+        rasterized=True,
+    )
+    # Where there is no motion.
+    ax.set_facecolor("#d9d9d9")
+    figure.colorbar(drawn, ax=ax, label="mean MEGNO (2: regular)", extend="max")
+    ax.set(xlabel=names[1], ylabel=names[0], title=title or "")
     return finished(figure, path)

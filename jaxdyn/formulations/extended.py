@@ -104,3 +104,10 @@ class Extended(System):
 
     def check_functions(self):
         self.system.check_functions()
+
+
+def innermost(system: System) -> System:
+    """The system inside all extensions; itself without any."""
+    while isinstance(system, Extended):
+        system = system.system
+    return system

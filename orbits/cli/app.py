@@ -2,7 +2,9 @@
 
 from jaxdyn.cli.shared import add, application, start
 from orbits.cli.aim import aim_command
-from orbits.cli.family import family_command
+from orbits.cli.bifurcations.curve import curve_command
+from orbits.cli.bifurcations.diagram import diagram_command
+from orbits.cli.bifurcations.family import family_command
 from orbits.cli.figure_eight import figure_eight_command
 from orbits.cli.find import find_command
 from orbits.cli.loops import loops_command
@@ -28,6 +30,20 @@ add(
     family_command,
     "orbits family pendulum --set angle=1 --plot swings.png",
     "orbits family lorenz --set rho=160 --set t1=10 --parameter rho --down --within 140,161",
+)
+add(
+    app,
+    "diagram",
+    diagram_command,
+    "orbits diagram lorenz --parameter rho --start 0,0,0 --set rho=0.5 --within 0,30 "
+    "--plot lorenz.png",
+)
+add(
+    app,
+    "curve",
+    curve_command,
+    "orbits curve lorenz --parameters rho,sigma --start 7,7,19 --set rho=20 "
+    "--within 10,40 --within2 5,20 --plot hopf.png",
 )
 add(app, "aim", aim_command, "orbits aim --speed 50 --drag 0.01 --x 80 --plot throws.png")
 add(

@@ -16,7 +16,8 @@ from orbits.files.family_files import Listing, listing
 
 _WIDTH = 6.8  # inches
 _STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}
-_MARKS = {
+#: Marks of special orbits.
+MARKS = {
     Kind.FOLD: "s",
     Kind.BRANCH: "D",
     Kind.DOUBLING: "^",
@@ -61,7 +62,7 @@ def family(listed: Listing, path=None, *, title: str | None = None) -> Figure:
     ax.plot(*passed.T, ".", color=PALETTE[0], ms=4, label="_")
     start = place(listed.members[0])
     ax.plot(*start, "o", color=INK, ms=6, zorder=3, label="first")
-    for (kind, marker), colour in zip(_MARKS.items(), PALETTE[1:], strict=False):
+    for (kind, marker), colour in zip(MARKS.items(), PALETTE[1:], strict=False):
         there = np.array([place(entry) for entry in listed.special if entry.kind == kind])
         if len(there):
             ax.plot(*there.T, marker, color=colour, ms=8, mew=2, zorder=4, label=kind, ls="")

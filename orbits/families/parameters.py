@@ -1,5 +1,6 @@
 """A scene of the catalogue as a function of one of its numbers, for families."""
 
+import inspect
 from collections.abc import Callable
 from typing import Any
 
@@ -48,8 +49,35 @@ def maker(
     return make, float(value)
 
 
+def maker_of_two(
+    name: str, values: dict[str, Any], parameters: tuple[str, str]
+) -> tuple[Callable[[Array, Array], Scene], tuple[float, float]]:
+    """The scene as a function of two of its numbers, whose names its arguments have.
+
+    Args:
+      name: name of the scene.
+      values: the numbers that differ from the scene's defaults.
+      parameters: names of the two numbers.
+    Raises:
+      ValueError: they are one, or see `maker`.
+    """
+    first, second = parameters
+    if first == second:
+        raise fail("--parameters", "two different numbers", f"{first} twice")
+    present = tuple(maker(name, values, parameter)[1] for parameter in parameters)
+    entry = catalogue.entries()[name]
+
+    def make(x: Array, y: Array) -> Scene:
+        return entry.make(**{**values, first: x, second: y})
+
+    kind = inspect.Parameter.POSITIONAL_ONLY
+    named = [inspect.Parameter(parameter, kind) for parameter in parameters]
+    make.__signature__ = inspect.Signature(named)  # pyright: ignore[reportFunctionMemberAccess]
+    return make, (present[0], present[1])
+
+
 def _rates(scene: Scene) -> Array:
     """(2, k) rates of the scene at its start, and at a nearby state at a later time."""
     y0 = jax.lax.stop_gradient(scene.y0)
-    aside = scene.system.project(_LATER, y0 + _ASIDE)
+    aside = scene.system.project(_LATER, y0 + _ASIDE * jnp.arange(1.0, len(y0) + 1))
     return jnp.stack([scene.rate(jnp.zeros(()), y0), scene.rate(_LATER, aside)])

@@ -285,11 +285,11 @@ def boundary(equations: Equations, x: Array, start: Array, end: Array) -> Array:
     miss = equations.closing.miss(scene.system, end, start, unknowns.angle)
     more = [c.value(scene, start, unknowns.period) for c in equations.conditions]
     if equations.driven:
-        more.append(_drive(scene, start, unknowns.period))
+        more.append(drive(scene, start, unknowns.period))
     return jnp.concatenate([miss, *(jnp.reshape(c, -1) for c in more)])
 
 
-def _drive(scene: Scene, y: Array, period: Array) -> Array:
+def drive(scene: Scene, y: Array, period: Array) -> Array:
     """(4 k,) the change of the rate over a period, zero where that is a multiple of the drive's."""
     ts = jnp.asarray(TIMES) * jax.lax.stop_gradient(period)
     now, later = (jax.vmap(scene.rate, (0, None))(t, y) for t in (ts, ts + period))

@@ -197,3 +197,25 @@ def test_bead_on_a_turning_hoop_branches_where_the_eigenvalue_0_is_double():
     assert math.isnan(point.coefficient)
     other = switch_branch(family, point, members=4)
     np.testing.assert_allclose(np.cos(other.states[:, 0]) * other.parameters, 1.0, rtol=1e-12)
+
+
+def test_a_constrained_scene_is_refused_by_name():
+    def make(g):
+        return scenes.pendulum(g=g, formulation="constrained")
+
+    with pytest.raises(ValueError, match="a scene without constraints"):
+        jaxdyn.continue_equilibria(make, 9.81, make(9.81).y0)
+
+
+@pytest.mark.parametrize(("start", "members"), [(-1.0, 6), (0.0, 6)])
+def test_a_member_that_is_special_itself_is_found_once(start, members):
+    # With the equation linear in p the members have p = -1, 0, ..: a Hopf point at 0 exactly.
+    def rate(t, y, p):
+        return [p * y[0] - 2.0 * y[1], p * y[1] + 2.0 * y[0]]
+
+    family = jaxdyn.continue_equilibria(
+        _of(rate, 2), start, [0.0, 0.0], step=1.0, members=members, within=(-5, 2)
+    )
+    assert 0.0 in family.parameters
+    (hopf,) = family.special
+    assert (hopf.kind, hopf.parameter) == (Kind.HOPF, 0.0)

@@ -9,7 +9,7 @@ from odes import lorenz
 
 import jaxdyn
 from jaxdyn import ensemble, scenes, simulate
-from jaxdyn.effects import PairGravity, SpringNetwork
+from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate import events
 from jaxdyn.integrate.simulation import _compiled, solve
@@ -53,10 +53,6 @@ def points(n):
     return FreePoints(np.ones(n)), np.random.default_rng(0).standard_normal(4 * n)
 
 
-SPRINGS, START = points(9)
-SHEET = Scene(
-    SPRINGS, (SpringNetwork(((0, 1), (1, 2), (2, 8)), np.ones(3), np.ones(3)),), y0=START, t1=1.0
-)
 MANY, START = points(10)
 LARGE = Scene(MANY, (PairGravity(1.0),), y0=START, t1=1.0)
 NUMBERS = {"sigma": 10.0, "rho": 28.0, "beta": 8 / 3}

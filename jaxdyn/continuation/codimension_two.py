@@ -1,0 +1,218 @@
+"""Points of codimension two on a curve of folds or Hopf points: their tests, and their places.
+
+Each kind has a test, a function of a point of the curve that changes sign there, and whose zero is
+located along the curve. With the null vectors A v = 0, A^T w = 0, |v| = |w| = 1 of a fold, and B
+the second derivative of the rate:
+
+- Cusp: w B(v, v).
+- Bogdanov-Takens point: w v on a curve of folds, the frequency squared on one of Hopf points.
+- Bautin point (generalised Hopf): the first Lyapunov coefficient.
+- Zero-Hopf and double Hopf point: of the eigenvalues besides the critical ones, the smallest, or
+  the smallest sum of two, with the sign of the product of all.
+
+Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, chapters 8 and 10.
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from jaxdyn.analysis.eigenvalues import rate_eigenvalues
+from jaxdyn.continuation import augmented, normal_forms
+from jaxdyn.continuation.curve import CodimensionTwo, CurvePoint, MakeOfTwo, WithSecond
+from jaxdyn.continuation.defining import Solution
+from jaxdyn.continuation.family import Kind
+
+#: Largest test at a special point, relative to 1 + the norm of the Jacobian. At a pole, where a
+#: test changes sign as well, it is large.
+GOAL = 1e-10
+_NOTHING = 1e-13  # relative likewise: a test that vanishes all along, as in conservative scenes
+_STEPS = 60  # along the curve, to locate a point
+_CLOSE = 1e-15  # of the interval: not divided further
+_SHORT = 0.98  # of the way to a Bogdanov-Takens point, beyond which there are no Hopf points
+
+Tests = dict[CodimensionTwo, float]
+
+
+def point_at(
+    curve: Kind, make: MakeOfTwo, found: Solution, along: np.ndarray, left: np.ndarray | None
+) -> CurvePoint | None:
+    """The record of a point; None where the curve has no tangent.
+
+    Args:
+      curve: kind of the curve.
+      make: (p, q) -> scene.
+      found: the solution of its equations.
+      along: (k + 2,) direction that its tangent is to have.
+      left: (k,) null vector of the neighbour, whose sign is kept.
+    """
+    size = len(along)
+    unknowns, x = found.x, found.x[:size]
+    tangent = augmented.tangent(curve, make, unknowns, along)
+    if tangent is None:
+        return None
+    a = augmented.slopes(make, x)[:, :-1]
+    held = WithSecond(make=make, second=np.asarray(x[-1]))
+    values = rate_eigenvalues(a)
+    if curve == Kind.FOLD:
+        w = np.linalg.svd(a)[0][:, -1]
+        w = w if left is None or w @ left >= 0 else -w
+        tests, coefficient = _of_fold(held, unknowns, values, w)
+        frequency = math.nan
+    else:
+        w = np.full(len(a), np.nan)
+        tests, coefficient = _of_hopf(held, unknowns, values, a)
+        frequency = math.sqrt(max(unknowns[-1], 0.0))
+    scale = 1.0 + np.linalg.norm(a, 2)
+    return CurvePoint(
+        curve=curve,
+        state=x[:-2],
+        parameters=x[-2:],
+        eigenvalues=values,
+        coefficient=coefficient,
+        frequency=frequency,
+        residual=found.residual,
+        unknowns=unknowns,
+        tangent=tangent,
+        left=w,
+        tests={kind: 0.0 if abs(t) <= _NOTHING * scale else t for kind, t in tests.items()},
+    )
+
+
+def _of_fold(make: WithSecond, unknowns, values, w: np.ndarray) -> tuple[Tests, float]:
+    k = len(w)
+    v = unknowns[k + 2 :] / np.linalg.norm(unknowns[k + 2 :])
+    flat = np.append(v, 0.0)
+    turning = float(w @ normal_forms.second(make, unknowns[: k + 1], flat, flat))
+    double = float(w @ v)
+    rest = np.delete(values.values, np.argmin(np.abs(values.values)))
+    tests = {
+        CodimensionTwo.CUSP: turning,
+        CodimensionTwo.BOGDANOV_TAKENS: double,
+        CodimensionTwo.ZERO_HOPF: _least_sum(rest),
+    }
+    return tests, turning / (2 * double) if abs(double) > GOAL else math.nan
+
+
+def _of_hopf(make: WithSecond, unknowns, values, a: np.ndarray) -> tuple[Tests, float]:
+    k, square = len(a), float(unknowns[-1])
+    frequency = np.sqrt(complex(square))
+    rest = values.values
+    for critical in (1j * frequency, -1j * frequency):
+        rest = np.delete(rest, np.argmin(np.abs(rest - critical)))
+    first = math.nan
+    if square > 0:
+        first = normal_forms.first_lyapunov(make, unknowns[: k + 1], a, frequency.real)
+    tests = {
+        CodimensionTwo.BOGDANOV_TAKENS: square,
+        CodimensionTwo.BAUTIN: first,
+        CodimensionTwo.ZERO_HOPF: _least(rest),
+        CodimensionTwo.DOUBLE_HOPF: _least_sum(rest),
+    }
+    return tests, first
+
+
+def _least(values: np.ndarray) -> float:
+    """The smallest absolute value, with the sign of the product; 1 for none."""
+    if not len(values):
+        return 1.0
+    real = values[values.imag == 0].real
+    return float(np.prod(np.sign(real)) * np.abs(values).min())
+
+
+def _least_sum(values: np.ndarray) -> float:
+    i, j = np.triu_indices(len(values), 1)
+    return _least(values[i] + values[j])
+
+
+def special_points(make: MakeOfTwo, a: CurvePoint, b: CurvePoint, first=False) -> list[CurvePoint]:
+    """The points of codimension two between two neighbours, in order; `first`: also at `a`."""
+    kinds, found = list(a.tests), []
+    if a.curve == Kind.HOPF:
+        kinds.remove(CodimensionTwo.BOGDANOV_TAKENS)
+        end = _zero(make, a, b, CodimensionTwo.BOGDANOV_TAKENS, first)
+        if end is not None:
+            found.append(_named(make, end, CodimensionTwo.BOGDANOV_TAKENS))
+            before = _between(make, a, end, _SHORT)
+            b = a if before is None else before
+    zeros = [(kind, _zero(make, a, b, kind, first)) for kind in kinds if b is not a]
+    found += [_named(make, point, kind) for kind, point in zeros if point is not None]
+    return sorted(found, key=lambda point: float(_along(a) @ point.x))
+
+
+def _zero(make, a: CurvePoint, b: CurvePoint, kind: CodimensionTwo, first) -> CurvePoint | None:
+    """The point between two others where a test is zero, by the Illinois method; None for none."""
+    left, right, side = a.tests[kind], b.tests[kind], 0
+    # A zero at an end counts once, for the step that leads there.
+    if not (left * right < 0 or right == 0 != left or (first and left == 0 != right)):
+        return None
+    best = min((a, b), key=lambda point: abs(point.tests[kind]))
+    start, end, low, high = a, b, 0.0, 1.0
+    for _ in range(_STEPS):
+        if best.tests[kind] == 0 or high - low <= _CLOSE:
+            break
+        share = low + (high - low) * left / (left - right)
+        point = _between(make, start, end, share)
+        if point is None or math.isnan(value := point.tests[kind]):
+            break
+        if abs(value) < abs(best.tests[kind]):
+            best = point
+        if value * left > 0:
+            low, left, right = share, value, right * (0.5 if side < 0 else 1.0)
+            side = -1
+        else:
+            high, right, left = share, value, left * (0.5 if side > 0 else 1.0)
+            side = 1
+    return best if _holds(best, kind) else None
+
+
+def _holds(point: CurvePoint, kind: CodimensionTwo) -> bool:
+    values, bars = point.eigenvalues
+    size = 1.0 + np.abs(values).max()
+    if abs(point.tests[kind]) > GOAL * size:
+        return False
+    if kind == CodimensionTwo.DOUBLE_HOPF or (
+        kind == CodimensionTwo.ZERO_HOPF and point.curve == Kind.FOLD
+    ):
+        # Two real eigenvalues that are opposite are no bifurcation.
+        wanted = 4 if kind == CodimensionTwo.DOUBLE_HOPF else 2
+        imaginary = (np.abs(values.real) <= math.sqrt(GOAL) * size) & (np.abs(values.imag) > bars)
+        return int(imaginary.sum()) >= wanted
+    return True
+
+
+def _between(make: MakeOfTwo, a: CurvePoint, b: CurvePoint, share: float) -> CurvePoint | None:
+    """The point of the curve after a share of the way from one to another."""
+    along = _along(a)
+    length = along @ (b.x - a.x)
+    guess = a.unknowns + share * (b.unknowns - a.unknowns)
+    found = augmented.solve(a.curve, make, guess, a.x + share * length * along, along)
+    return None if found is None else point_at(a.curve, make, found, along, a.left)
+
+
+def _along(point: CurvePoint) -> np.ndarray:
+    """(k + 2,) the direction of the curve in state and parameters."""
+    return point.tangent[: len(point.x)]
+
+
+def _named(make: MakeOfTwo, point: CurvePoint, kind: CodimensionTwo) -> CurvePoint:
+    """The point with its kind and its normal form."""
+    held = WithSecond(make=make, second=np.asarray(point.parameters[1]))
+    # The Lyapunov coefficient has a pole at these.
+    poles = (CodimensionTwo.BOGDANOV_TAKENS, CodimensionTwo.ZERO_HOPF)
+    pole = point.curve == Kind.HOPF and kind in poles
+    x = point.x[:-1]
+    a = augmented.slopes(make, point.x)[:, :-1]
+    form = {}
+    if kind == CodimensionTwo.CUSP:
+        form = {"c": normal_forms.null_form(held, x, a)[1]}
+    elif kind == CodimensionTwo.BOGDANOV_TAKENS:
+        form = dict(zip("ab", normal_forms.double_zero(held, x, a), strict=True))
+    return dataclasses.replace(
+        point,
+        kind=kind,
+        coefficient=math.nan if pole else point.coefficient,
+        residual=max(point.residual, abs(point.tests[kind])),
+        normal_form={name: float(value) for name, value in form.items()},
+    )

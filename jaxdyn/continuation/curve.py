@@ -1,0 +1,168 @@
+"""The points of a curve of folds or Hopf points in two parameters, and the curve itself."""
+
+import dataclasses
+import enum
+import inspect
+import math
+from collections.abc import Callable
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _text
+from jaxdyn.analysis.eigenvalues import Eigenvalues
+from jaxdyn.continuation.family import Kind
+from jaxdyn.scene import Scene
+
+#: (p, q) -> scene.
+MakeOfTwo = Callable[[Array, Array], Scene]
+
+
+class CodimensionTwo(enum.StrEnum):
+    """A kind of special point of a curve, at which two conditions hold."""
+
+    CUSP = "cusp"
+    BOGDANOV_TAKENS = "Bogdanov-Takens point"
+    BAUTIN = "Bautin point"
+    ZERO_HOPF = "zero-Hopf point"
+    DOUBLE_HOPF = "double Hopf point"
+
+
+class WithSecond(eqx.Module):
+    """The scene as a function of the first parameter, with a value of the second."""
+
+    make: MakeOfTwo = eqx.field(static=True)
+    second: Array
+
+    def __call__(self, first: Array) -> Scene:
+        """The scene for a value of the first parameter."""
+        return self.make(first, self.second)
+
+
+@dataclasses.dataclass(frozen=True)
+class CurvePoint:
+    """A fold or a Hopf point of a curve in two parameters.
+
+    Attributes:
+      curve: kind of the points of the curve, fold or Hopf point.
+      state: (k,) the rest point.
+      parameters: (2,) its values of the parameters.
+      eigenvalues: of the Jacobian, with bars.
+      coefficient: the quadratic coefficient of a fold (NaN at a Bogdanov-Takens point), the first
+        Lyapunov coefficient of a Hopf point.
+      frequency: of a Hopf point [rad per time], 0 at a Bogdanov-Takens point; NaN for folds.
+      residual: largest entry of the residual of the point's equations, and of the condition of its
+        kind at a special point.
+      unknowns: (n,) state, parameters, critical vector, and for Hopf points the frequency squared.
+      tangent: (n,) direction of the curve; a unit vector in state and parameters.
+      left: (k,) unit null vector of the transposed Jacobian at a fold; NaN for Hopf points.
+      tests: of each kind of special point a number that vanishes there.
+      kind: kind of special point, if it is one.
+      normal_form: its coefficients by name: "c" of a cusp, "a" and "b" of a Bogdanov-Takens point.
+    """
+
+    curve: Kind
+    state: np.ndarray
+    parameters: np.ndarray
+    eigenvalues: Eigenvalues
+    coefficient: float
+    frequency: float
+    residual: float
+    unknowns: np.ndarray
+    tangent: np.ndarray
+    left: np.ndarray
+    tests: dict[CodimensionTwo, float]
+    kind: CodimensionTwo | None = None
+    normal_form: dict[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def x(self) -> np.ndarray:
+        """(k + 2,) state and parameters."""
+        return np.append(self.state, self.parameters)
+
+    @property
+    def criticality(self) -> str:
+        """On a curve of Hopf points "supercritical" or "subcritical", "" elsewhere."""
+        if self.curve != Kind.HOPF or self.kind or not abs(self.coefficient) > 0:
+            return ""
+        return "supercritical" if self.coefficient < 0 else "subcritical"
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        rows = [("parameters", _text.brief(self.parameters)), ("state", _text.brief(self.state))]
+        numbers = ("coefficient", "frequency")
+        known = [(name, getattr(self, name)) for name in numbers]
+        known += list(self.normal_form.items())
+        rows += [(name, _text.brief(x)) for name, x in known if not math.isnan(x)]
+        what = " ".join(filter(None, (self.criticality, self.kind or self.curve)))
+        where = f" on a curve of {self.curve}s" if self.kind else ""
+        return _text.table(f"{what[0].upper()}{what[1:]}{where}", rows)
+
+    _repr_html_ = _text.html
+
+
+@dataclasses.dataclass(frozen=True)
+class Curve:
+    """A curve of folds or of Hopf points in two parameters.
+
+    Attributes:
+      kind: of its points, fold or Hopf point.
+      members: the points, one per step.
+      special: its points of codimension two, between them.
+      before: the number of members before each special point.
+      end: why it ends.
+      make: (p, q) -> scene.
+    """
+
+    kind: Kind
+    members: tuple[CurvePoint, ...]
+    special: tuple[CurvePoint, ...]
+    before: tuple[int, ...]
+    end: str
+    make: MakeOfTwo
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        special = [f"{x.kind} at {_text.brief(x.parameters)}" for x in self.special]
+        ranges = zip(self.names, self.parameters.T, strict=True)
+        rows = [
+            *((name, _text.extent(values)) for name, values in ranges),
+            ("special", ", ".join(special)),
+            ("end", self.end),
+        ]
+        return _text.table(f"Curve of {_text.counted(len(self.members), self.kind)}", rows)
+
+    @_text.pictured
+    def _repr_html_(self):
+        from jaxdyn.drawing import bifurcations
+
+        return bifurcations.bifurcation_curves([self], title="")
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """The names of the parameters, those of the arguments of `make`."""
+        try:
+            first, second, *_ = inspect.signature(self.make).parameters
+        except (TypeError, ValueError):
+            return "first parameter", "second parameter"
+        return first, second
+
+    @property
+    def points(self) -> tuple[CurvePoint, ...]:
+        """Members and special points in order."""
+        found = []
+        for i, member in enumerate(self.members):
+            here = zip(self.special, self.before, strict=True)
+            found += [member, *(point for point, before in here if before == i + 1)]
+        return tuple(found)
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """(n, 2) parameters of the members."""
+        return np.array([member.parameters for member in self.members])
+
+    @property
+    def states(self) -> np.ndarray:
+        """(n, k) states of the members."""
+        return np.array([member.state for member in self.members])

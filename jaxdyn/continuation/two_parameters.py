@@ -1,0 +1,207 @@
+"""Curves of folds and Hopf points of rest points in two parameters.
+
+A curve is followed by pseudo-arclength in state and both parameters, with the equations of
+`augmented`; `codimension_two` finds the special points on it.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import _checks
+from jaxdyn.continuation import augmented
+from jaxdyn.continuation.codimension_two import point_at, special_points
+from jaxdyn.continuation.curve import CodimensionTwo, Curve, CurvePoint, MakeOfTwo
+from jaxdyn.continuation.family import Kind, RestPoint
+from jaxdyn.scene import checked_scene
+
+_EASY = 4  # with at most this many Newton steps the next step may be longer
+_GROW, _SHRINK = 1.5, 0.5
+_SMALLEST, _LONGEST = 1e-4, 10.0  # of the first step: smallest and longest step
+_TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
+_AT_END = 1e-8  # frequency squared of a Hopf point that is a Bogdanov-Takens point
+_SAME_PLACE = 1e-6  # relative distance below which two points are one
+_ANYWHERE = (-np.inf, np.inf)
+
+
+def continue_curve(
+    make: MakeOfTwo,
+    point: RestPoint | CurvePoint,
+    parameters: tuple[float, float] | None = None,
+    *,
+    kind: Kind | None = None,
+    step: float = 0.05,
+    members: int = 100,
+    down: bool = False,
+    within: tuple[tuple[float, float], tuple[float, float]] = (_ANYWHERE, _ANYWHERE),
+    report: Callable[[CurvePoint], None] = lambda point: None,
+) -> Curve:
+    """The curve of folds or Hopf points in two parameters, with its points of codimension two.
+
+    Cusps, Bogdanov-Takens, Bautin, zero-Hopf and double Hopf points are located to rounding, and
+    have the coefficients of their normal forms where those of `CurvePoint` have names.
+
+    Args:
+      make: the scene for each pair of parameters, e.g. ``lambda rho, beta: lorenz(rho=rho,
+        beta=beta)``; its start and span do not matter. A program is compiled for each function, so
+        define it once.
+      point: a fold or a Hopf point, from ``family.special`` of `continue_equilibria`; or a special
+        point of another curve.
+      parameters: the values of both parameters at `point`; those of a point of a curve by default.
+      kind: of the curve, `Kind.FOLD` or `Kind.HOPF`; that of the point by default. A curve of each
+        kind passes a Bogdanov-Takens and a zero-Hopf point; from a double Hopf point `Kind.HOPF`
+        leads along the other pair of eigenvalues.
+      step: length of the first step in state and parameters; the others are up to ten times as
+        long.
+      members: largest number of members.
+      down: start towards a smaller second parameter; at a Bogdanov-Takens point a curve of Hopf
+        points has one direction only.
+      within: bounds on each parameter; the curve ends at the first member beyond them.
+      report: called with each member as it is found.
+    Returns:
+      The members, and the special points between them.
+    Raises:
+      ValueError: `point` is of another kind, there is no such point near it, or a number is out of
+        range or traced.
+    Limits: host only. A special point is detected where its test changes sign between two members;
+      two of one kind in one step are not. A curve of Hopf points ends at a Bogdanov-Takens point,
+      beyond which the eigenvalues are real.
+    Reference: Govaerts (2000), Numerical Methods for Bifurcations of Dynamical Equilibria, chapters
+      4 and 8; Kuznetsov (2004), Elements of Applied Bifurcation Theory, chapters 8 and 10.
+    Example:
+      >>> import jaxdyn
+      >>> def rate(t, y, c):
+      ...     return [c[0] + c[1] * y[0] - y[0] ** 3]
+      >>> def make(p, q):
+      ...     return jaxdyn.ode(rate, [0.0], params=[p, q])
+      >>> family = jaxdyn.continue_equilibria(
+      ...     lambda p: make(p, 1.0), -1.0, [-1.3], within=(-1, 1)
+      ... )
+      >>> fold = family.special[0]
+      >>> curve = jaxdyn.continue_curve(make, fold, (0.385, 1.0), down=True, members=20)
+      >>> [str(x.kind) for x in curve.special]  # at p = q = 0
+      ['cusp']
+    """
+    _checks.untraced("continue_curve", (parameters,), "See jaxdyn.analysis.equilibria.rest_point.")
+    _checks.float64()
+    _checks.positive("step", step, "It is a length in the space of states and parameters.")
+    members = _checks.whole("members", members)
+    for bounds in within:
+        if not (len(bounds) == 2 and bounds[0] < bounds[1]):
+            raise _checks.fail("within", "two bounds of each parameter", within)
+    curve, x = _start(point, parameters, kind)
+    first = _first(make, point, curve, x, step, -1.0 if down else 1.0)
+    known = point if isinstance(point, CurvePoint) else None
+    return _walked(make, first, known, (step, members, within), report)
+
+
+def _first(make: MakeOfTwo, point, curve: Kind, x: np.ndarray, step, sign: float) -> CurvePoint:
+    checked_scene(make(jnp.asarray(x[-2]), jnp.asarray(x[-1])))
+    again = isinstance(point, CurvePoint) and curve == Kind.HOPF == point.curve
+    other = point.frequency if again and point.kind == CodimensionTwo.DOUBLE_HOPF else None
+    start = augmented.first_unknowns(curve, make, x, other)
+    found = None if start is None else _nearest(curve, make, start, len(x), sign)
+    if found is None or np.linalg.norm(found.x - x) > step:
+        raise _checks.fail(
+            "point",
+            f"a {curve} of make(p, q) less than a step away",
+            f"none near the parameters {x[-2:].tolist()}",
+            "`parameters` must be those of the point.",
+        )
+    return found
+
+
+def _start(point, parameters, kind: Kind | None) -> tuple[Kind, np.ndarray]:
+    """The kind of the curve, and (k + 2,) state and parameters."""
+    if isinstance(point, CurvePoint):
+        curve = point.curve if kind is None else Kind(kind)
+        parameters = point.parameters if parameters is None else parameters
+    elif isinstance(point, RestPoint):
+        curve = point.kind if kind is None else Kind(kind)
+    else:
+        raise _checks.fail("point", "a RestPoint or a CurvePoint", type(point).__name__)
+    if curve is None or curve not in augmented.SYSTEMS:
+        remedy = "Choose one of family.special."
+        raise _checks.fail("point", "a fold or a Hopf point", curve or "an ordinary member", remedy)
+    if parameters is None:
+        raise _checks.fail("parameters", "the values of both parameters at the point", None)
+    both = np.asarray(_checks.array("parameters", parameters, (2,)))
+    return curve, np.append(point.state, both)
+
+
+def _nearest(curve: Kind, make, start: np.ndarray, size: int, sign: float) -> CurvePoint | None:
+    """The point of the curve nearest to a start, whose second parameter grows for sign 1."""
+    up = np.append(np.zeros(size - 1), sign)
+    for fixed in (up, np.roll(up, -1), *np.eye(size)[: size - 2]):
+        found = augmented.solve(curve, make, start, start[:size], fixed)
+        if found is None:
+            continue
+        point = point_at(curve, make, found, fixed, None)
+        if point is not None:
+            # Hopf points begin at a Bogdanov-Takens point in one direction only.
+            ends = curve == Kind.HOPF and abs(point.unknowns[-1]) < _AT_END
+            backwards = (point.tangent[-1] if ends else point.tangent[size - 1] * sign) < 0
+            return dataclasses.replace(point, tangent=-point.tangent) if backwards else point
+    return None
+
+
+def _walked(make, first: CurvePoint, start: CurvePoint | None, limits, report) -> Curve:
+    step, most, within = limits
+    found, special, before = [first], [], []
+    report(first)
+    shortest, longest = _SMALLEST * step, _LONGEST * step
+    end = f"the number of members requested, {most}"
+    while len(found) < most:
+        last = found[-1]
+        new, iterations = _next(make, last, step)
+        if new is None:
+            step *= _SHRINK
+            if step < shortest:
+                end = "no point of the curve was found beyond"
+                break
+            continue
+        between = _not_at(start, special_points(make, last, new, first=len(found) == 1))
+        special += between
+        before += [len(found)] * len(between)
+        if new.curve == Kind.HOPF and new.unknowns[-1] <= 0:
+            end = "a Bogdanov-Takens point, beyond which the eigenvalues are real"
+            break
+        found.append(new)
+        report(new)
+        if any(not low <= x <= high for x, (low, high) in zip(new.parameters, within, strict=True)):
+            end = f"the bounds {within}"
+            break
+        if iterations <= _EASY:
+            step = min(_GROW * step, longest)
+    return Curve(
+        kind=first.curve,
+        members=tuple(found),
+        special=tuple(special),
+        before=tuple(before),
+        end=end,
+        make=make,
+    )
+
+
+def _not_at(start: CurvePoint | None, found: list[CurvePoint]) -> list[CurvePoint]:
+    """The points other than the special one where the curve starts."""
+    if start is None or start.kind is None:
+        return found
+    reach = _SAME_PLACE * (1.0 + np.linalg.norm(start.x))
+    return [x for x in found if np.linalg.norm(x.x - start.x) > reach]
+
+
+def _next(make: MakeOfTwo, last: CurvePoint, step: float) -> tuple[CurvePoint | None, int]:
+    """The member a step further along the curve and the Newton steps to it."""
+    size = len(last.x)
+    along = last.tangent[:size]
+    start = last.unknowns + step * last.tangent
+    found = augmented.solve(last.curve, make, start, start[:size], along)
+    if found is None or np.linalg.norm(found.x[:size] - start[:size]) > step:
+        return None, 0
+    new = point_at(last.curve, make, found, along, last.left)
+    if new is None or new.tangent[:size] @ along < _TURN:
+        return None, 0
+    return new, found.iterations

@@ -1,0 +1,138 @@
+"""Pictures of rest points over a parameter, and of curves of bifurcations over two."""
+
+import itertools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxdyn import _checks
+from jaxdyn.continuation.family import EquilibriumFamily, Kind, RestPoint
+from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
+from jaxdyn.files.image_files import picture_path
+
+#: Line styles of verdicts.
+STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}
+#: Marks of special rest points.
+RESTS = {
+    Kind.FOLD: "s",
+    Kind.BRANCH: "D",
+    Kind.HOPF: "o",
+}
+#: Of the points of codimension two, in the order of their first appearance.
+_SHAPES = "^Do*XsvPpd<>"
+_SUBCRITICAL = (0, (4, 2))
+
+
+def equilibria(
+    families: Sequence[EquilibriumFamily],
+    path=None,
+    *,
+    entry: str | None = None,
+    parameter: str = "parameter",
+    title: str | None = None,
+) -> Figure:
+    """A picture of families of rest points: one entry of the state over the parameter.
+
+    Stable stretches are solid, unstable ones dashed, those between two verdicts or without one
+    dotted; special points are marked.
+
+    Args:
+      families: from `continue_equilibria` and `switch_branch`, of one scene.
+      path: file to write, .png, .pdf or .svg.
+      entry: name of the entry; by default the one that changes most.
+      parameter: name of the parameter.
+      title: its title.
+    Raises:
+      ValueError: `path` cannot be written, there is no family, or no such entry.
+    """
+    path = picture_path(path)
+    if not families:
+        raise _checks.fail("families", "at least one", "none")
+    index, label = entry_of(families, entry)
+    figure = blank(6.8, 4.6)
+    ax: Any = figure.add_subplot()
+    for family in families:
+        for verdict, points in runs(family.members, _verdict):
+            line = np.array([(x.parameter, x.state[index]) for x in points])
+            ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=verdict)
+    for (kind, marker), colour in zip(RESTS.items(), PALETTE[1:], strict=False):
+        special = [x for family in families for x in family.special if x.kind == kind]
+        there = np.array([(x.parameter, x.state[index]) for x in special])
+        if len(there):
+            ax.plot(*there.T, marker, color=colour, ms=7, zorder=4, label=str(kind), ls="")
+    ax.set(xlabel=parameter, ylabel=label, title=title or "")
+    style(ax)
+    legend_below(figure, named(ax))
+    return finished(figure, path)
+
+
+def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None) -> Figure:
+    """A picture of curves of bifurcations in the plane of their parameters.
+
+    Curves of subcritical Hopf points are dashed; points of codimension two are marked.
+
+    Args:
+      curves: from `jaxdyn.continue_curve` and `orbits.continue_curve`, of one scene and the same
+        parameters.
+      path: file to write, .png, .pdf or .svg.
+      title: its title.
+    Raises:
+      ValueError: `path` cannot be written, or there is no curve.
+    """
+    path = picture_path(path)
+    if not curves:
+        raise _checks.fail("curves", "at least one", "none")
+    figure = blank(6.8, 4.6)
+    ax: Any = figure.add_subplot()
+    kinds = list(dict.fromkeys(curve.kind for curve in curves))
+    for curve in curves:
+        colour = PALETTE[kinds.index(curve.kind) % len(PALETTE)]
+        for which, points in runs(curve.points, _criticality):
+            label = " ".join(filter(None, (which, curve.kind)))
+            line = np.array([x.parameters for x in points])
+            dashes = _SUBCRITICAL if which == "subcritical" else "-"
+            ax.plot(*line.T, color=colour, lw=1.8, ls=dashes, label=label)
+    special = [point for curve in curves for point in curve.special]
+    marks = dict.fromkeys(str(point.kind) for point in special)
+    colours = itertools.cycle(PALETTE[len(kinds) :] + PALETTE[: len(kinds)])
+    for kind, shape, colour in zip(marks, itertools.cycle(_SHAPES), colours, strict=False):
+        there = np.array([point.parameters for point in special if point.kind == kind])
+        ax.plot(*there.T, shape, color=colour, ms=7, zorder=4, label=kind, ls="")
+    ax.set(xlabel=curves[0].names[0], ylabel=curves[0].names[1], title=title or "")
+    style(ax)
+    legend_below(figure, named(ax))
+    return finished(figure, path)
+
+
+def runs(points: Sequence, of_pair: Callable[[Any, Any], str]) -> list[tuple[str, list]]:
+    """Consecutive points with what all their pairs of neighbours have in common."""
+    found: list[tuple[str, list]] = []
+    for one, two in itertools.pairwise(points):
+        which = of_pair(one, two)
+        if found and found[-1][0] == which:
+            found[-1][1].append(two)
+        else:
+            found.append((which, [one, two]))
+    return found
+
+
+def _verdict(one: RestPoint, two: RestPoint) -> str:
+    return one.verdict if one.verdict == two.verdict else "undecided"
+
+
+def _criticality(one, two) -> str:
+    """Of Hopf points; special points between them have none, nor have those of orbits."""
+    return getattr(one, "criticality", "") or getattr(two, "criticality", "")
+
+
+def entry_of(families: Sequence[EquilibriumFamily], entry: str | None) -> tuple[int, str]:
+    """The index of the entry of the state that is drawn, and its name."""
+    first = families[0].members[0]
+    names = [name for name, _ in families[0].make(np.asarray(first.parameter)).labels()]
+    if entry is None:
+        states = np.concatenate([family.states for family in families])
+        index = int(np.argmax(np.ptp(states, axis=0)))
+        return index, names[index]
+    return names.index(_checks.choice("entry", entry, names)), entry

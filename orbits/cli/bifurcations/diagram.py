@@ -1,0 +1,84 @@
+"""The command `orbits diagram`: rest points, orbits and doublings over a parameter."""
+
+from typing import Annotated, Any
+
+import typer
+
+import jaxdyn
+import orbits
+from jaxdyn._text import choice, whole
+from jaxdyn.cli.screen import screen
+from jaxdyn.cli.shared import (
+    JsonOption,
+    PlotOption,
+    SceneArgument,
+    SetOption,
+    TitleOption,
+    check_title,
+)
+from jaxdyn.cli.words import scene_settings, scenes
+from orbits.cli.bifurcations.shared import StartOption, bounds, rest_start
+
+
+def diagram_command(
+    name: SceneArgument,
+    parameter: Annotated[str, typer.Option(help="The number that changes.")],
+    within: Annotated[str, typer.Option(metavar="A,B", help="Bounds on the number.")],
+    settings: SetOption = None,
+    start: StartOption = None,
+    depth: Annotated[int, typer.Option(help="Doublings followed one after the other.")] = 1,
+    step: Annotated[float, typer.Option(help="Length of the first step.")] = 0.05,
+    members: Annotated[int, typer.Option(help="Largest number of orbits of a family.")] = 40,
+    entry: Annotated[str | None, typer.Option(help="The entry of the state to draw.")] = None,
+    plot: PlotOption = None,
+    title: TitleOption = None,
+    as_object: JsonOption = False,
+) -> None:
+    """The bifurcation diagram of a scene: rest points, orbits, doublings."""
+    check_title(title, plot)
+    whole("--members", members)
+    limits = bounds("--within", within)
+    chosen = scene_settings(name, settings)
+    choice("--parameter", parameter, scenes()[name].parameters)
+    with screen(f"looking for rest points of {name}", as_object) as out:
+        values = jaxdyn.scenes.catalogue.numbers(name, chosen)
+        make, value = orbits.families.parameters.maker(name, values, parameter)
+        found = orbits.diagram(
+            make,
+            value,
+            rest_start(name, values, start),
+            within=limits,
+            depth=depth,
+            step=step,
+            orbit_members=members,
+            report=lambda family: out.print(str(family)),
+        )
+        if as_object:
+            out.result({"scene": name, "parameter": parameter} | _as_json(found))
+        if plot:
+            with out.writing(plot, "drawn in"):
+                orbits.drawing.diagram(found, plot, entry=entry, parameter=parameter, title=title)
+
+
+def _as_json(found: "orbits.Diagram") -> dict[str, Any]:
+    """The special points, and what was not followed."""
+    rests = [
+        {"kind": str(x.kind), "parameter": x.parameter, "state": x.state.tolist()}
+        for family in found.rests
+        for x in family.special
+    ]
+    special = [
+        {
+            "kind": str(x.kind),
+            "parameter": x.parameter,
+            "period": x.orbit.period,
+            "doublings": doublings,
+        }
+        for family, doublings in zip(found.orbits, found.depths, strict=True)
+        for x in family.special
+    ]
+    failures = [
+        {"kind": str(x.point.kind), "parameter": x.point.parameter, "reason": x.reason}
+        for x in found.failures
+    ]
+    return {"rest_points": rests, "orbits": special, "not_followed": failures}

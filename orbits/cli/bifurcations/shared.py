@@ -1,0 +1,30 @@
+"""Common parts of the commands that begin at a rest point."""
+
+from typing import Annotated
+
+import numpy as np
+import typer
+
+import jaxdyn
+from jaxdyn._text import fail
+from orbits.cli.shared import numbers
+
+StartOption = Annotated[
+    str | None,
+    typer.Option(metavar="A,B,..", help="State near a rest point; the scene's start by default."),
+]
+
+
+def rest_start(name: str, values: dict, start: str | None) -> np.ndarray:
+    """The state near which a rest point is sought."""
+    if start is not None:
+        return np.array(numbers("--start", start))
+    return np.asarray(jaxdyn.scenes.catalogue.entries()[name].make(**values).y0)
+
+
+def bounds(option: str, text: str) -> tuple[float, float]:
+    """The two bounds in A,B."""
+    found = numbers(option, text)
+    if not (len(found) == 2 and found[0] < found[1]):
+        raise fail(option, "two bounds, the lower one first", repr(text))
+    return found[0], found[1]

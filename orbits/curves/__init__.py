@@ -1,0 +1,15 @@
+"""Curves of special orbits in two parameters.
+
+`following` follows folds, branch points, period doublings and torus points by the equations of
+`extended`, `steps` makes a point with its multipliers and tests, `special` finds the points of
+codimension two between two, and `curve` holds both.
+
+May import: `families`.
+
+One more kind of curve is its closing equations in `extended` and its first vectors in `following`;
+one more kind of special point is a `CodimensionTwo` in `curve` and a test in `steps`.
+"""
+
+from orbits.curves.curve import CodimensionTwo, Curve, CurvePoint
+
+__all__ = ["CodimensionTwo", "Curve", "CurvePoint"]

@@ -1,0 +1,265 @@
+"""Equations of curves of special orbits in two parameters, with exact Jacobians.
+
+With M the derivative of the state after one part of the period by the start, g the symmetry by
+which the orbit closes (none: 1), and f the rate at the end:
+
+- Fold: closing, M w + b f = g w, |w| = 1; in autonomous scenes w is orthogonal to the rate at the
+  start, in driven ones b = 0.
+- Period doubling: closing, M w = -g w. With a symmetry of two parts this is a branch point, where
+  a second family without the symmetry crosses.
+- Torus point: closing, M w = g u, M u = g (2 c u - w), where the multipliers exp(+-i a) have
+  cos a = c. The curve passes c = -1 and 1, beyond which the multipliers are real.
+
+Products M w are integrated together with the motion, the state (y, w) or (y, w, u) as one system,
+in segments; its first derivatives are second derivatives of the motion. The period of a driven
+scene is held by its drive, which is one equation with several entries: Newton's steps are those of
+least squares.
+
+Reference: Doedel, Kernevez, Keller (1991), Int. J. Bifurc. Chaos 1, 745; Govaerts, Kuznetsov,
+Dhooge (2005), SIAM J. Sci. Comput. 27, 231.
+"""
+
+import functools
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene, System
+from orbits.closing.closings import Return
+from orbits.families.family import Kind
+from orbits.shooting.equations import drive
+from orbits.shooting.segment import Piece, linearised_end
+
+MakeOfTwo = Callable[[Array, Array], Scene]
+
+#: Added to the start, where the drive may cancel.
+_BESIDE = 0.1
+
+#: How many vectors are carried along the motion.
+VECTORS = {Kind.FOLD: 1, Kind.BRANCH: 1, Kind.DOUBLING: 1, Kind.TORUS: 2}
+
+
+class Varied(System):
+    """The state y of a scene, and m perturbations of it, in one state (y, w, ..).
+
+    Attributes:
+      make: (p, q) -> scene.
+      parameters: (2,) p and q.
+      vectors: m.
+    """
+
+    make: MakeOfTwo = eqx.field(static=True)
+    parameters: Array
+    vectors: int = eqx.field(static=True)
+
+    def labels(self):
+        labels = self.make(*self.parameters).labels()
+        more = [(f"w{i}{j}", "1") for i in range(self.vectors) for j in range(len(labels))]
+        return (*labels, *more)
+
+    def rate(self, t, y, effects):
+        del effects
+        scene = self.make(*self.parameters)
+        y = y.reshape(self.vectors + 1, -1)
+        value, derivative = jax.linearize(lambda y: scene.rate(t, y), y[0])
+        return jnp.concatenate([value, *(derivative(w) for w in y[1:])])
+
+
+@functools.lru_cache(maxsize=32)
+def varied(make: MakeOfTwo, vectors: int) -> Callable[[Array], Scene]:
+    """(2,) parameters -> the scene of (y, w, ..); one function for each scene and number."""
+
+    def extended(parameters: Array) -> Scene:
+        k = len(make(*parameters).labels())
+        system = Varied(make=make, parameters=parameters, vectors=vectors)
+        return Scene(system, y0=jnp.zeros((vectors + 1) * k))
+
+    return extended
+
+
+class Unknowns(NamedTuple):
+    """The unknowns, by name.
+
+    Attributes:
+      states: (n, k) starts of the segments.
+      vectors: (n, m, k) the perturbations there.
+      period: ().
+      parameters: (2,).
+      extra: () b of a fold, c of a torus point, 0 where there is none.
+    """
+
+    states: Array
+    vectors: Array
+    period: Array
+    parameters: Array
+    extra: Array
+
+
+class Frame(NamedTuple):
+    """What the unknowns are compared with.
+
+    Attributes:
+      rows: (1 or 2, k) the first vector has products 1 and 0 with them.
+      start: (k,) state; the phase of an autonomous scene is that nearest to it.
+      flow: (k,) rate there.
+      point: (k + 3,) a start, period and parameters.
+      along: (k + 3,) normal of the plane through them, in which the solution lies.
+    """
+
+    rows: np.ndarray
+    start: np.ndarray
+    flow: np.ndarray
+    point: np.ndarray
+    along: np.ndarray
+
+
+class Extended(eqx.Module):
+    """The equations of a kind of special orbit: unknowns -> residual and Jacobian.
+
+    Attributes:
+      make: (p, q) -> scene.
+      kind: of the orbits.
+      closing: how they close.
+      driven: whether the rate depends on time.
+      segments: number of segments, of equal length.
+      k: number of entries of the state.
+      rtol: tolerance of the integrations.
+    """
+
+    make: MakeOfTwo = eqx.field(static=True)
+    kind: Kind = eqx.field(static=True)
+    closing: Return
+    driven: bool = eqx.field(static=True)
+    segments: int = eqx.field(static=True)
+    k: int = eqx.field(static=True)
+    rtol: float
+
+    @property
+    def vectors(self) -> int:
+        """Number of vectors carried along."""
+        return VECTORS[self.kind]
+
+    @property
+    def has_extra(self) -> bool:
+        """Whether b or c is among the unknowns."""
+        return self.kind == Kind.TORUS or (self.kind == Kind.FOLD and not self.driven)
+
+    def unpack(self, x) -> Unknowns:
+        """The unknowns that x consists of."""
+        n, m, k = self.segments, self.vectors, self.k
+        rest = x[n * (m + 1) * k :]
+        return Unknowns(
+            states=x[: n * k].reshape(n, k),
+            vectors=x[n * k : n * (m + 1) * k].reshape(n, m, k),
+            period=rest[0],
+            parameters=rest[1:3],
+            extra=rest[3] if self.has_extra else 0.0 * rest[0],
+        )
+
+    def pack(self, states, vectors, period, parameters, extra) -> np.ndarray:
+        """x (n,) of these unknowns."""
+        more = [extra] * self.has_extra
+        parts = (np.ravel(states), np.ravel(vectors), [period], parameters, more)
+        return np.concatenate(parts).astype(float)
+
+    @property
+    def place(self) -> np.ndarray:
+        """Indices of start, period and parameters in x."""
+        at = self.segments * (self.vectors + 1) * self.k
+        return np.append(np.arange(self.k), at + np.arange(3))
+
+    def pieces(self, x) -> Piece:
+        """The segments at x."""
+        unknowns, n = self.unpack(x), self.segments
+        together = jnp.concatenate([unknowns.states[:, None], unknowns.vectors], axis=1)
+        span = unknowns.period / (self.closing.parts * n)
+        return Piece(
+            start=together.reshape(n, -1),
+            t0=span * jnp.arange(n, dtype=float) * float(self.driven),
+            span=jnp.full(n, span),
+            parameter=jnp.tile(unknowns.parameters, (n, 1)),
+        )
+
+    def __call__(self, x: np.ndarray, frame: Frame):
+        """Residual (r,), Jacobian (r, n), and M (k, k) at x; NaN where a motion ends early."""
+        here = jax.tree.map(np.asarray, _pieces(self, x))
+        extended = varied(self.make, self.vectors)
+        base = extended(jnp.asarray(here.parameter[0]))
+        each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(self.segments)]
+        run = functools.partial(linearised_end, base, rtol=self.rtol, make=extended)
+        if self.segments == 1:
+            found = [run(each[0])]
+        else:
+            with ThreadPoolExecutor(self.segments) as threads:
+                found = list(threads.map(run, each))
+        ends, _, slopes = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
+        residual, jacobian = map(np.asarray, _linearised(self, x, here, ends, slopes, frame))
+        k = self.k
+        monodromy = functools.reduce(lambda m, s: s[:k, :k] @ m, slopes.start, np.eye(k))
+        return residual, jacobian, monodromy
+
+    def errors(self, x: Array, ends: Array, frame: Frame) -> Array:
+        """(r,) the residual at x from the ends (n, (m + 1) k) of the segments."""
+        unknowns, n = self.unpack(x), self.segments
+        scene = self.make(*unknowns.parameters)
+        ends = ends.reshape(n, self.vectors + 1, self.k)
+        joints = jax.vmap(scene.system.difference)(ends[:-1, 0], unknowns.states[1:])
+        carried = ends[:-1, 1:] - unknowns.vectors[1:]
+        start, end, w = unknowns.states[0], ends[-1, 0], unknowns.vectors[0]
+
+        def miss(end, start):
+            return self.closing.miss(scene.system, end, start, jnp.zeros(()))
+
+        def carried_over(after, before):
+            return jax.jvp(miss, (end, start), (after, before))[1]
+
+        after = ends[-1, 1:]
+        if self.kind == Kind.TORUS:
+            returned = [
+                carried_over(after[0], w[1]),
+                carried_over(after[1], 2 * unknowns.extra * w[1] - w[0]),
+            ]
+        elif self.kind == Kind.FOLD:
+            t1 = unknowns.period / self.closing.parts * float(self.driven)
+            returned = [carried_over(after[0] + unknowns.extra * scene.rate(t1, end), w[0])]
+        else:
+            returned = [carried_over(after[0], -w[0])]
+        held = frame.rows @ w[0] - jnp.eye(len(frame.rows))[0]
+        place = jnp.concatenate([start, unknowns.period[None], unknowns.parameters])
+        if self.driven:
+            # Beside the start: at rest the drive may cancel.
+            more = [drive(scene, start + _BESIDE, unknowns.period)]
+        else:
+            more = [(jnp.asarray(frame.flow) @ (start - frame.start))[None]]
+            if self.kind == Kind.FOLD:
+                more.append((scene.rate(0.0, start) @ w[0])[None])
+        plane = (jnp.asarray(frame.along) @ (place - frame.point))[None]
+        parts = [joints.ravel(), carried.ravel(), miss(end, start), *returned, held, *more, plane]
+        return jnp.concatenate(parts)
+
+
+@eqx.filter_jit
+def _pieces(extended: Extended, x: Array) -> Piece:
+    return extended.pieces(x)
+
+
+@eqx.filter_jit
+def _linearised(extended: Extended, x, here: Piece, ends, slopes: Piece, frame: Frame):
+    """(residual, Jacobian) at x from the segments' ends and their derivatives."""
+
+    def residual(x):
+        change = jax.tree.map(jnp.subtract, extended.pieces(x), here)
+        by_x = jnp.einsum("nij,nj->ni", slopes.start, change.start)
+        by_x = by_x + slopes.span * change.span[:, None] + slopes.t0 * change.t0[:, None]
+        by_x = by_x + jnp.einsum("nij,nj->ni", slopes.parameter, change.parameter)
+        value = extended.errors(x, ends + by_x, frame)
+        return value, value
+
+    jacobian, value = jax.jacfwd(residual, has_aux=True)(x)
+    return value, jacobian

@@ -1,0 +1,282 @@
+"""Curves of folds, branch points, period doublings and torus points of orbits in two parameters.
+
+A curve is followed by pseudo-arclength in start, period and both parameters, with the equations of
+`extended`; `special` finds the points of codimension two on it.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import Scene
+from jaxdyn._checks import array, fail, positive, untraced, whole
+from jaxdyn.integrate.spans import tolerances
+from orbits.analysis.stability import stability
+from orbits.closing.closings import PLAIN, Return
+from orbits.closing.given import driven
+from orbits.closing.symmetry import rate
+from orbits.curves.curve import Curve, CurvePoint
+from orbits.curves.extended import VECTORS, Extended, MakeOfTwo, varied
+from orbits.curves.special import special_points
+from orbits.curves.steps import point_at, returned, solve
+from orbits.families.family import Kind, Member
+from orbits.orbit import Orbit
+from orbits.shooting.segment import Piece, linearised_end
+
+RTOL = 1e-13
+_EASY = 4  # with at most this many Newton steps the next step may be longer
+_GROW, _SHRINK = 1.5, 0.5
+_SMALLEST, _LONGEST = 1e-4, 10.0  # of the first step: smallest and longest step
+_TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
+_GROWTH = 1e3  # largest growth of errors in a segment
+_MOST_SEGMENTS = 32
+_ANYWHERE = (-np.inf, np.inf)
+
+
+def continue_curve(
+    make: MakeOfTwo,
+    point: Member | CurvePoint | Orbit,
+    parameters: tuple[float, float] | None = None,
+    *,
+    kind: Kind | None = None,
+    step: float = 0.05,
+    members: int = 50,
+    down: bool = False,
+    within: tuple[tuple[float, float], tuple[float, float]] = (_ANYWHERE, _ANYWHERE),
+    segments: int | None = None,
+    rtol: float = RTOL,
+    report: Callable[[CurvePoint], None] = lambda point: None,
+) -> Curve:
+    """The curve of special orbits in two parameters, with its points of codimension two.
+
+    Cusps, resonances 1:1 to 1:4, and points where two of fold, period doubling and torus point
+    coincide are located to rounding.
+
+    Args:
+      make: the scene for each pair of parameters, e.g. a function ``(drive, damping) -> scene``;
+        its start and span do not matter. A program is compiled for each function, so define it
+        once.
+      point: a fold, branch point, period doubling or torus point, from ``family.special`` of
+        `continue_family`; or a special point of another curve, or an orbit near the curve.
+      parameters: the values of both parameters at `point`; those of a point of a curve by default.
+      kind: of the curve; that of the point by default, required for an orbit.
+      step: length of the first step in start, period and parameters; the others are up to ten
+        times as long.
+      members: largest number of members.
+      down: start towards a smaller second parameter.
+      within: bounds on each parameter; the curve ends at the first member beyond them.
+      segments: number of segments of multiple shooting; by default as many as the growth of errors
+        requires.
+      rtol: tolerance of the integrations.
+      report: called with each member as it is found.
+    Returns:
+      The members, and the special points between them.
+    Raises:
+      ValueError: `point` is of another kind, there is no such orbit near it, the scene has a first
+        integral, or a number is out of range or traced.
+    Limits: host only. A branch point is followed only where a symmetry keeps it: the orbit must
+      close by one of two parts (``closing=orbits.Return(symmetry, parts=2)``), and then special
+      points other than cusps are not named. A curve of torus points ends at a 1:1 or 1:2 resonance.
+    Reference: Govaerts, Kuznetsov, Dhooge (2005), SIAM J. Sci. Comput. 27, 231; Kuznetsov (2004),
+      Elements of Applied Bifurcation Theory, chapters 9 and 10.
+    """
+    untraced("continue_curve", (parameters,), "See orbits.differentiable, for each member.")
+    positive("step", step, "It is a length in the space of the unknowns.")
+    members = whole("members", members)
+    tolerances(rtol, None)
+    for bounds in within:
+        if not (len(bounds) == 2 and bounds[0] < bounds[1]):
+            raise fail("within", "two bounds of each parameter", within)
+    orbit, kind, both = _start(point, parameters, kind)
+    extended, start = _unknowns(make, orbit, kind, both, segments, rtol)
+    first = _first(extended, start, step, -1.0 if down else 1.0)
+    return _walked(extended, first, (step, members, within), report)
+
+
+def _start(point, parameters, kind: Kind | None) -> tuple[Orbit, Kind, np.ndarray]:
+    """The orbit, the kind of the curve, and (2,) the parameters."""
+    if isinstance(point, CurvePoint):
+        orbit, curve = point.orbit, point.curve if kind is None else Kind(kind)
+        parameters = point.parameters if parameters is None else parameters
+    elif isinstance(point, Member):
+        orbit, curve = point.orbit, point.kind if kind is None else Kind(kind)
+    elif isinstance(point, Orbit):
+        orbit, curve = point, None if kind is None else Kind(kind)
+    else:
+        expected = "a Member, a CurvePoint or an Orbit"
+        raise fail("point", expected, type(point).__name__)
+    if curve is None or curve not in VECTORS:
+        expected = "a fold, branch point, period doubling or torus point"
+        remedy = "Choose one of family.special, or give kind=."
+        raise fail("point", expected, curve or "an ordinary orbit", remedy)
+    if parameters is None:
+        raise fail("parameters", "the values of both parameters at the point", None)
+    return orbit, curve, np.asarray(array("parameters", parameters, (2,)))
+
+
+def _closing(orbit: Orbit, kind: Kind) -> Return:
+    closing = orbit.closing
+    if isinstance(closing, Return) and closing.parts == 2 and not closing.turns:
+        # Its map has the multiplier 1 at a fold, and -1 where the symmetry is lost.
+        return closing if kind in (Kind.BRANCH, Kind.FOLD) else PLAIN
+    if kind == Kind.BRANCH:
+        remedy = "Find the orbit with closing=orbits.Return(symmetry, parts=2)."
+        raise fail("point", "a branch point of orbits that close by a symmetry", "another", remedy)
+    return PLAIN
+
+
+def _unknowns(make, orbit: Orbit, kind: Kind, both, segments, rtol):
+    """The equations, and the unknowns near an orbit."""
+    scene = make(*jnp.asarray(both))
+    if not isinstance(scene, Scene) or len(scene.labels()) != len(orbit.y0):
+        raise fail("make", f"a scene with a state of {len(orbit.y0)} entries", scene)
+    extended = Extended(
+        make=make,
+        kind=kind,
+        closing=_closing(orbit, kind),
+        driven=driven(scene.starting(orbit.y0, orbit.period)),
+        segments=1,
+        k=len(orbit.y0),
+        rtol=rtol,
+    )
+    here = scene.starting(orbit.y0, orbit.period)
+    known = stability(dataclasses.replace(orbit, scene=here, closing=PLAIN), throw=False)
+    if known.integrals:
+        remedy = "Its orbits form families at fixed parameters; add a little damping."
+        reasons = ", ".join(known.reasons)
+        raise fail("make", "scenes without a first integral", reasons, remedy)
+    if segments is None:
+        growth = np.linalg.norm(known.monodromy, 2)
+        pieces = math.log(max(growth, 1.0)) / math.log(_GROWTH) if np.isfinite(growth) else 1.0
+        segments = 2 ** math.ceil(math.log2(max(pieces, 1.0)))
+    segments = whole("segments", segments, most=_MOST_SEGMENTS)
+    extended = dataclasses.replace(extended, segments=segments)
+    return extended, _spread(extended, orbit, both)
+
+
+def _spread(extended: Extended, orbit: Orbit, both: np.ndarray) -> np.ndarray:
+    """The unknowns of an orbit, with the critical vectors of its monodromy matrix."""
+    n, m, k = extended.segments, extended.vectors, extended.k
+    scenes = varied(extended.make, m)
+    span = orbit.period / (extended.closing.parts * n)
+    states, maps = [np.asarray(orbit.y0)], []
+    for i in range(n):
+        piece = Piece(
+            start=np.concatenate([states[-1], np.zeros(m * k)]),
+            t0=i * span * extended.driven,
+            span=span,
+            parameter=both,
+        )
+        end, _, slopes = linearised_end(
+            scenes(jnp.asarray(both)), piece, extended.rtol, make=scenes
+        )
+        states.append(np.asarray(end)[:k])
+        maps.append(np.asarray(slopes.start)[:k, :k])
+    monodromy = np.eye(k)
+    for one in maps:
+        monodromy = one @ monodromy
+    scene = extended.make(*jnp.asarray(both)).starting(orbit.y0, orbit.period)
+    g = returned(extended, dataclasses.replace(orbit, scene=scene), monodromy)
+    vectors, extra = _critical(extended, g, np.asarray(rate(scene, 0.0, scene.y0)))
+    carried = [vectors]
+    for one in maps[:-1]:
+        carried.append(carried[-1] @ one.T)
+    return extended.pack(states[:-1], carried, orbit.period, both, extra)
+
+
+def _critical(extended: Extended, g: np.ndarray, flow: np.ndarray) -> tuple[np.ndarray, float]:
+    """(m, k) the critical vectors of the returned map g, and b or c."""
+    k = len(g)
+    if extended.kind == Kind.FOLD:
+        if extended.driven:
+            return np.linalg.svd(g - np.eye(k))[2][-1:], 0.0
+        bordered = np.block([[g - np.eye(k), flow[:, None]], [flow[None], np.zeros((1, 1))]])
+        null = np.linalg.svd(bordered)[2][-1]
+        return null[None, :k] / np.linalg.norm(null[:k]), null[k] / np.linalg.norm(null[:k])
+    if extended.kind != Kind.TORUS:
+        return np.linalg.svd(g + np.eye(k))[2][-1:], 0.0
+    values, vectors = np.linalg.eig(g)
+    upper = np.flatnonzero(values.imag > 0)
+    if not len(upper):
+        raise fail("point", "an orbit with complex multipliers", "real ones alone")
+    pair = upper[np.argmin(np.abs(np.abs(values[upper]) - 1))]
+    cosine = values[pair].real / abs(values[pair])
+    # In the plane of the pair that with the largest change: not near the eigenvector that is left
+    # of it at a 1:1 resonance.
+    plane = np.linalg.qr(np.stack([vectors[:, pair].real, vectors[:, pair].imag], axis=1))[0]
+    w = plane @ (np.array([0.8, 0.6]) @ np.linalg.svd(g @ plane - cosine * plane)[2])
+    return np.stack([w, g @ w]), float(cosine)
+
+
+def _first(extended: Extended, start: np.ndarray, step: float, sign: float) -> CurvePoint:
+    """The point of the curve nearest to a start, whose second parameter grows for sign 1."""
+    size = len(extended.place)
+    place = start[extended.place]
+    up = np.append(np.zeros(size - 1), sign)
+    for fixed in (up, np.roll(up, -1), *np.eye(size)[: size - 3]):
+        found = solve(extended, start, place, fixed)
+        if found is not None and np.linalg.norm(found.x[extended.place] - place) <= step:
+            point = point_at(extended, found, fixed)
+            backwards = point.tangent[extended.place[-1]] * sign < 0
+            return dataclasses.replace(point, tangent=-point.tangent) if backwards else point
+    raise fail(
+        "point",
+        f"a {extended.kind} of make(p, q) less than a step away",
+        f"none near the parameters {place[-2:].tolist()}",
+        "`parameters` must be those of the point.",
+    )
+
+
+def _walked(extended: Extended, first: CurvePoint, limits, report) -> Curve:
+    step, most, within = limits
+    found, special, before = [first], [], []
+    report(first)
+    shortest, longest = _SMALLEST * step, _LONGEST * step
+    end = f"the number of members requested, {most}"
+    while len(found) < most:
+        last = found[-1]
+        new, iterations = _next(extended, last, step)
+        if new is None:
+            step *= _SHRINK
+            if step < shortest:
+                end = "no orbit of the curve was found beyond: a collision, or a rest point"
+                break
+            continue
+        between = special_points(extended, last, new)
+        special += between
+        before += [len(found)] * len(between)
+        if new.curve == Kind.TORUS and abs(extended.unpack(new.unknowns).extra) >= 1:
+            end = "a strong resonance, beyond which the multipliers are real"
+            break
+        found.append(new)
+        report(new)
+        if any(not low <= x <= high for x, (low, high) in zip(new.parameters, within, strict=True)):
+            end = f"the bounds {within}"
+            break
+        if iterations <= _EASY:
+            step = min(_GROW * step, longest)
+    return Curve(
+        kind=first.curve,
+        members=tuple(found),
+        special=tuple(special),
+        before=tuple(before),
+        end=end,
+        equations=extended,
+    )
+
+
+def _next(extended: Extended, last: CurvePoint, step: float) -> tuple[CurvePoint | None, int]:
+    """The member a step further along the curve and the Newton steps to it."""
+    place = extended.place
+    along = last.tangent[place]
+    start = last.unknowns + step * last.tangent
+    found = solve(extended, start, start[place], along)
+    if found is None or np.linalg.norm(found.x[place] - start[place]) > step:
+        return None, 0
+    new = point_at(extended, found, along)
+    if new.tangent[place] @ along < _TURN:
+        return None, 0
+    return new, found.iterations

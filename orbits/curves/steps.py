@@ -1,0 +1,190 @@
+"""Points of a curve: the one in a plane near a start, with its multipliers and tests."""
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn.analysis.eigenvalues import map_eigenvalues
+from orbits.closing.symmetry import rate
+from orbits.curves.curve import CodimensionTwo, CurvePoint
+from orbits.curves.extended import Extended, Frame
+from orbits.families.family import Kind
+from orbits.orbit import Orbit, Outcome
+
+_CORRECTIONS = 10  # Newton steps; more mean that the start was too far away
+_SETTLED = 1e-8  # relative: after a step this small one more leaves only rounding
+#: Largest residual of a point, relative to 1 + the largest entry of its unknowns.
+GOAL = 1e-10
+_NOISE = 100.0  # of the tolerance: a test that vanishes all along, where determinants are 1
+_DEPENDENT = 1e-13  # relative: smaller singular values are those of dependent equations
+
+
+class Solution(NamedTuple):
+    """A solution of the equations.
+
+    Attributes:
+      x: (n,) unknowns.
+      residual: largest entry of the residual.
+      jacobian: (r, n), the plane last.
+      monodromy: (k, k) M.
+      iterations: number of Newton steps.
+    """
+
+    x: np.ndarray
+    residual: float
+    jacobian: np.ndarray
+    monodromy: np.ndarray
+    iterations: int
+
+
+def solve(
+    extended: Extended, start: np.ndarray, point: np.ndarray, along: np.ndarray
+) -> Solution | None:
+    """The point of a curve in a plane, near a start; None if Newton's method finds none."""
+    frame = _frame(extended, start, point, along)
+    x = start
+    settled = False
+    for iteration in range(_CORRECTIONS):
+        if not extended.unpack(x).period > 0:
+            return None
+        value, jacobian, monodromy = extended(x, frame)
+        if not (np.isfinite(value).all() and np.isfinite(jacobian).all()):
+            return None
+        if settled:
+            residual = float(np.abs(value).max())
+            good = residual <= GOAL * (1.0 + np.abs(x).max())
+            return Solution(x, residual, jacobian, monodromy, iteration) if good else None
+        step = np.linalg.lstsq(jacobian, value, rcond=_DEPENDENT)[0]
+        x = x - step
+        settled = np.abs(step).max() <= _SETTLED * (1.0 + np.abs(x).max())
+    return None
+
+
+def point_at(extended: Extended, found: Solution, along: np.ndarray) -> CurvePoint:
+    """The record of a point whose tangent points the same way as `along` (k + 3,)."""
+    tangent = np.linalg.svd(found.jacobian[:-1])[2][-1]
+    place = tangent[extended.place]
+    tangent = tangent / (np.linalg.norm(place) * (1.0 if place @ along >= 0 else -1.0))
+    unknowns = extended.unpack(found.x)
+    scene = extended.make(*unknowns.parameters)
+    scene = scene.starting(unknowns.states[0], unknowns.period)
+    orbit = Orbit(
+        scene=scene,
+        closing=extended.closing,
+        residual=found.residual,
+        outcome=Outcome.FOUND,
+        iterations=found.iterations,
+        rtol=extended.rtol,
+    )
+    values = reduced(extended, orbit, found.monodromy)
+    cosine = float(unknowns.extra)
+    torus = extended.kind == Kind.TORUS
+    return CurvePoint(
+        curve=extended.kind,
+        orbit=orbit,
+        parameters=np.asarray(unknowns.parameters),
+        multipliers=values,
+        angle=math.acos(min(max(cosine, -1.0), 1.0)) if torus else math.nan,
+        residual=found.residual,
+        unknowns=found.x,
+        tangent=tangent,
+        tests=_tests(extended, values, cosine),
+    )
+
+
+def returned(extended: Extended, orbit: Orbit, monodromy: np.ndarray) -> np.ndarray:
+    """(k, k) the map over a part of the period, undone by the symmetry of the closing."""
+    system, y0 = orbit.scene.system, orbit.y0
+
+    def miss(end, start):
+        return extended.closing.miss(system, end, start, jnp.zeros(()))
+
+    # At an orbit the end is g y0, so that the miss vanishes.
+    end = extended.closing.act(system, y0, jnp.zeros(()))
+    after, before = (np.asarray(jax.jacfwd(miss, i)(end, y0)) for i in (0, 1))
+    return np.linalg.solve(-before, after @ monodromy)
+
+
+def reduced(extended: Extended, orbit: Orbit, monodromy: np.ndarray):
+    """The multipliers of a part of the period, without the one along the flow."""
+    m = returned(extended, orbit, monodromy)
+    if not extended.driven:
+        flow = np.asarray(rate(orbit.scene, 0.0, orbit.y0))
+        q = np.linalg.svd(flow[:, None])[0][:, 1:]
+        m = q.T @ m @ q
+    return map_eigenvalues(m, extended.rtol * np.linalg.norm(monodromy, 2))
+
+
+def _tests(extended: Extended, found, cosine: float) -> dict[CodimensionTwo, float]:
+    if extended.closing.parts > 1:
+        return {}  # the multipliers are not those of a whole period
+    kind, c = extended.kind, CodimensionTwo
+    values, bars = found
+    noise = _NOISE * extended.rtol * np.prod(1 + np.abs(values))
+    rest, rest_bars = _besides(kind, values, bars, cosine)
+    i, j = np.triu_indices(len(rest), 1)
+    pair = _least(rest[i] * rest[j] - 1, rest_bars[i] + rest_bars[j])
+    if kind == Kind.FOLD:
+        tests = {c.RESONANCE_1_1: _slope(values, 1), c.FOLD_FLIP: _value(values, -1)}
+        tests |= {c.FOLD_TORUS: pair}
+    elif kind == Kind.DOUBLING:
+        tests = {c.RESONANCE_1_2: _slope(values, -1), c.FOLD_FLIP: _value(values, 1)}
+        tests |= {c.FLIP_TORUS: pair}
+    else:
+        tests = {c.RESONANCE_1_1: 1 - cosine, c.RESONANCE_1_2: 1 + cosine}
+        tests |= {c.RESONANCE_1_3: 0.5 + cosine, c.RESONANCE_1_4: cosine}
+        tests |= {c.FOLD_TORUS: _value(rest, 1), c.FLIP_TORUS: _value(rest, -1)}
+        tests |= {c.DOUBLE_TORUS: pair}
+    return {kind: 0.0 if abs(test) <= noise else test for kind, test in tests.items()}
+
+
+def _besides(kind: Kind, values, bars, cosine: float):
+    """The multipliers besides the critical ones, with their bars."""
+    turn = np.exp(1j * np.arccos(complex(cosine)))
+    critical = {Kind.FOLD: [1.0], Kind.DOUBLING: [-1.0], Kind.TORUS: [turn, 1 / turn]}
+    for value in critical[kind]:
+        nearest = np.argmin(np.abs(values - value))
+        values, bars = np.delete(values, nearest), np.delete(bars, nearest)
+    return values, bars
+
+
+def _value(values: np.ndarray, at: float) -> float:
+    """The characteristic polynomial: the product of all differences; 1 for none."""
+    return float(np.prod(at - values).real)
+
+
+def _slope(values: np.ndarray, at: float) -> float:
+    """Its derivative at a zero: the product of the other differences.
+
+    As a sum it is smooth where two multipliers meet, each of which has half of the digits only.
+    """
+    others = [np.prod(at - np.delete(values, i)) for i in range(len(values))]
+    return float(np.sum(others).real)
+
+
+def _least(values: np.ndarray, bars: np.ndarray) -> float:
+    """The smallest absolute value, with the sign of the product; 1 for none, 0 within its bar."""
+    if not len(values):
+        return 1.0
+    least = int(np.argmin(np.abs(values)))
+    if abs(values[least]) <= bars[least]:
+        return 0.0
+    real = values[np.abs(values.imag) <= bars].real
+    return float(np.prod(np.sign(real)) * abs(values[least]))
+
+
+def _frame(extended: Extended, start, point, along) -> Frame:
+    unknowns = extended.unpack(start)
+    w = unknowns.vectors[0]
+    first = w[0] / np.linalg.norm(w[0])
+    rows = first[None]
+    if extended.kind == Kind.TORUS:
+        across = w[1] - (first @ w[1]) * first
+        rows = np.stack([first, across / np.linalg.norm(across)])
+    y0 = unknowns.states[0]
+    flow = np.asarray(extended.make(*unknowns.parameters).rate(jnp.zeros(()), jnp.asarray(y0)))
+    flow = flow / (np.linalg.norm(flow) or 1.0)
+    return Frame(rows=rows, start=y0, flow=flow, point=point, along=along)

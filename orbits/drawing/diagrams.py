@@ -1,0 +1,85 @@
+"""A picture of a bifurcation diagram: rest points and orbits over a parameter."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, entry_of, runs
+from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
+from jaxdyn.files.image_files import picture_path
+from orbits.drawing.families import MARKS
+from orbits.families.diagram import Diagram, extremes
+
+
+def diagram(
+    found: Diagram,
+    path=None,
+    *,
+    entry: str | None = None,
+    parameter: str = "parameter",
+    title: str | None = None,
+) -> Figure:
+    """A picture of a diagram: one entry of rest points, and its extremes along orbits.
+
+    Stable stretches are solid, unstable ones dashed, those between two verdicts or without one
+    dotted; special points are marked.
+
+    Args:
+      found: from `orbits.diagram`.
+      path: file to write, .png, .pdf or .svg.
+      entry: name of the entry of the state; by default the one that changes most.
+      parameter: name of the parameter.
+      title: its title.
+    Raises:
+      ValueError: `path` cannot be written, or there is no such entry.
+    """
+    path = picture_path(path)
+    index, label = entry_of(found.rests, entry)
+    figure = blank(6.8, 5.0)
+    ax: Any = figure.add_subplot()
+    for family in found.rests:
+        for verdict, points in runs(family.members, lambda a, b: _common(a.verdict, b.verdict)):
+            line = np.array([(x.parameter, x.state[index]) for x in points])
+            rests = f"rest points, {verdict}"
+            ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=rests)
+    for family in found.orbits:
+        rows = {id(x): extremes(x, index) for x in (*family.members, *family.special)}
+        for verdict, points in runs(
+            family.members, lambda a, b: _common(a.stability.verdict, b.stability.verdict)
+        ):
+            for side in (0, 1):
+                line = np.array([(x.parameter, rows[id(x)][side]) for x in points])
+                label_ = f"orbits, {verdict}"
+                ax.plot(*line.T, color=PALETTE[1], lw=1.5, ls=STRETCHES[verdict], label=label_)
+        for point in family.special:
+            x = [point.parameter] * 2
+            ax.plot(
+                x,
+                rows[id(point)],
+                MARKS[point.kind],
+                color=PALETTE[2],
+                ms=6,
+                ls="",
+                zorder=4,
+                label=str(point.kind),
+            )
+    for point in (x for family in found.rests for x in family.special):
+        place = ([point.parameter], [point.state[index]])
+        ax.plot(
+            *place,
+            RESTS[point.kind],
+            color=PALETTE[3],
+            ms=6,
+            ls="",
+            zorder=4,
+            label=str(point.kind),
+        )
+    ax.set(xlabel=parameter, ylabel=label, title=title or "")
+    style(ax)
+    legend_below(figure, named(ax))
+    return finished(figure, path)
+
+
+def _common(one: str, two: str) -> str:
+    return one if one == two else "undecided"

@@ -1,0 +1,246 @@
+"""A bifurcation diagram: rest points, orbits that begin at their Hopf points, and doublings.
+
+Every family is followed from the special points of those before it. What cannot be followed is
+kept as a failure with its reason, beside all that was found.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from jaxdyn import _progress, _text
+from jaxdyn._checks import whole
+from jaxdyn.continuation.equilibria import continue_equilibria
+from jaxdyn.continuation.equilibria import switch_branch as other_rests
+from jaxdyn.continuation.family import EquilibriumFamily, RestPoint
+from jaxdyn.continuation.family import Kind as RestKind
+from jaxdyn.integrate.simulation import simulate
+from jaxdyn.status import IntegrationError
+from orbits.families.continuation import continue_family, switch_branch
+from orbits.families.family import Family, Kind, Member
+from orbits.families.hopf import from_hopf
+from orbits.orbit import SearchError
+from orbits.shooting.segment import Make
+
+_SAME = 1e-6  # relative distance below which two special points are one
+_NEAR = 1e-2  # of the bounds: a family of orbits that ends so near a Hopf point ends there
+_SAMPLES = 200  # of an orbit, for the extremes of an entry
+#: What a search or a continuation raises where there is nothing to find.
+_FAILURES = (ValueError, SearchError, IntegrationError)
+
+
+@dataclasses.dataclass(frozen=True)
+class Failure:
+    """A family that was not found.
+
+    Attributes:
+      point: the special point at which it should begin.
+      reason: what was tried, and why it failed.
+    """
+
+    point: RestPoint | Member
+    reason: str
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        rows = [("parameter", _text.brief(self.point.parameter)), ("reason", self.reason)]
+        return _text.table(f"Not followed: {self.point.kind}", rows)
+
+    _repr_html_ = _text.html
+
+
+@dataclasses.dataclass(frozen=True)
+class Diagram:
+    """The families of rest points and of orbits over a parameter.
+
+    Attributes:
+      rests: families of rest points.
+      orbits: families of orbits.
+      depths: of each family of orbits, the number of doublings that lead to it.
+      failures: what was not found.
+    """
+
+    rests: tuple[EquilibriumFamily, ...]
+    orbits: tuple[Family, ...]
+    depths: tuple[int, ...]
+    failures: tuple[Failure, ...]
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        rests = [
+            " ".join(filter(None, (x.criticality, x.kind))) + f" at {_text.brief(x.parameter)}"
+            for family in self.rests
+            for x in family.special
+        ]
+        special = [
+            f"{x.kind} at {_text.brief(x.parameter)}"
+            for family in self.orbits
+            for x in family.special
+        ]
+        failed = [f"{x.point.kind} at {_text.brief(x.point.parameter)}" for x in self.failures]
+        rows = [
+            ("rest points", _text.counted(len(self.rests), "family", "families")),
+            ("special", ", ".join(rests)),
+            ("orbits", _text.counted(len(self.orbits), "family", "families")),
+            ("special", ", ".join(special)),
+            ("not followed", ", ".join(failed)),
+        ]
+        return _text.table("Bifurcation diagram", rows)
+
+    @_text.pictured
+    def _repr_html_(self):
+        from orbits.drawing import diagrams
+
+        return diagrams.diagram(self, title="")
+
+
+def diagram(
+    make: Make,
+    parameter: float,
+    start,
+    *,
+    within: tuple[float, float],
+    depth: int = 1,
+    step: float = 0.05,
+    members: int = 200,
+    orbit_step: float | None = None,
+    orbit_members: int = 40,
+    amplitude: float = 1e-2,
+    report: Callable[[EquilibriumFamily | Family | Failure], None] = lambda found: None,
+) -> Diagram:
+    """The bifurcation diagram of a scene over a parameter.
+
+    Families of rest points in both directions from the start and through branch points; families
+    of orbits from each Hopf point; families of orbits of twice the period from each doubling, and
+    so on.
+
+    Args:
+      make: the scene for each value of the parameter; see `continue_equilibria`.
+      parameter: its value at the start.
+      start: (k,) state near a rest point; or (k/2,) coordinates of a state at rest.
+      within: bounds on the parameter.
+      depth: largest number of doublings that are followed one after the other; 0 for none.
+      step: length of the first step along rest points.
+      members: largest number of members of a family of rest points.
+      orbit_step: length of the first step along orbits; `step` by default.
+      orbit_members: largest number of members of a family of orbits.
+      amplitude: distance from a special point at which a new family begins.
+      report: called with each family and failure as it is found, so that an interrupted run
+        leaves what it has done.
+    Returns:
+      All families, and what could not be followed, with the reason.
+    Raises:
+      ValueError: there is no rest point near `start`, or a number is out of range; see
+        `continue_equilibria`.
+    Limits: host only. Branches of orbits at their branch points are not followed.
+    Example:
+      >>> import jaxdyn, orbits
+      >>> def make(mu):
+      ...     return jaxdyn.ode(
+      ...         lambda t, y, mu: [y[1], mu * y[1] - y[0] ** 2 * y[1] - y[0]],
+      ...         [0.0, 0.0], 10.0, params=mu)
+      >>> found = orbits.diagram(make, -0.5, [0.0, 0.0], within=(-1, 1), orbit_members=5)
+      >>> len(found.rests), [len(family.members) for family in found.orbits]
+      (2, [5])
+    """
+    depth = whole("depth", depth, least=0)
+    options = {"step": step, "members": members, "within": within}
+    rests, failures = [], []
+    _progress.doing("following rest points")
+    for down in (False, True):
+        rests.append(continue_equilibria(make, parameter, start, down=down, **options))
+        report(rests[-1])
+    _branches(rests, failures, options, report)
+    found = _Orbits(make, within, orbit_step or step, orbit_members, amplitude, report)
+    found.failures += failures
+    for family in rests:
+        for point in family.special:
+            if point.kind == RestKind.HOPF:
+                found.from_hopf(family, point, depth)
+    return Diagram(
+        rests=tuple(rests),
+        orbits=tuple(family for family, _ in found.families),
+        depths=tuple(doublings for _, doublings in found.families),
+        failures=tuple(found.failures),
+    )
+
+
+def _branches(rests: list, failures: list, options: dict, report) -> None:
+    """Follow the other families through all branch points; each one is visited once."""
+    seen: list[np.ndarray] = []
+    for family in rests:  # grows on the way
+        for point in family.special:
+            if point.kind != RestKind.BRANCH or any(_near(point.x, x) for x in seen):
+                continue
+            seen.append(point.x)
+            for down in (False, True):
+                try:
+                    rests.append(other_rests(family, point, down=down, **options))
+                except ValueError as error:
+                    failures.append(Failure(point, str(error)))
+                    report(failures[-1])
+                    break
+                report(rests[-1])
+
+
+def _near(a: np.ndarray, b: np.ndarray) -> bool:
+    return bool(np.linalg.norm(a - b) < _SAME * (1.0 + np.linalg.norm(a)))
+
+
+class _Orbits:
+    """The families of orbits of a diagram, as they are found."""
+
+    def __init__(self, make: Make, within, step, members: int, amplitude: float, report):
+        self.make, self.within, self.report = make, within, report
+        self.options = {"step": step, "members": members, "within": within}
+        self.amplitude = amplitude
+        self.families: list[tuple[Family, int]] = []
+        self.failures: list[Failure] = []
+        self.seen: list[np.ndarray] = []
+
+    def from_hopf(self, rests: EquilibriumFamily, point: RestPoint, depth: int) -> None:
+        """Follow the orbits that begin at a Hopf point, and their doublings."""
+        if any(_near(point.x, x) for x in self.seen) or self._reached(point):
+            return
+        self.seen.append(point.x)
+        _progress.doing(f"following orbits from {point.parameter:.6g}")
+
+        def begin():
+            return from_hopf(rests, point, amplitude=self.amplitude)
+
+        self._follow(point, begin, 0, depth)
+
+    def _reached(self, point: RestPoint) -> bool:
+        """Whether a family of orbits has ended at this Hopf point."""
+        wide = _NEAR * (self.within[1] - self.within[0])
+        ends = [x for family, _ in self.families for x in family.special if x.kind == Kind.REST]
+        return any(abs(x.parameter - point.parameter) < wide for x in ends)
+
+    def _follow(self, point, begin: Callable, doublings: int, depth: int) -> None:
+        try:
+            orbit, value = begin()
+            # Away from the point: on the side to which the first orbit lies.
+            down = value < point.parameter
+            family = continue_family(orbit, self.make, value, down=down, **self.options)
+        except _FAILURES as error:
+            self.failures.append(Failure(point, str(error)))
+            self.report(self.failures[-1])
+            return
+        self.families.append((family, doublings))
+        self.report(family)
+        for special in family.special:
+            if special.kind != Kind.DOUBLING or doublings >= depth:
+                continue
+            _progress.doing(f"following a doubling at {special.parameter:.6g}")
+
+            def doubled(special=special):
+                return switch_branch(family, special, amplitude=self.amplitude)
+
+            self._follow(special, doubled, doublings + 1, depth)
+
+
+def extremes(member: Member, entry: int) -> tuple[float, float]:
+    """The smallest and the largest value of an entry of the state along an orbit."""
+    values = np.asarray(simulate(member.orbit.scene, samples=_SAMPLES).ys)[:, entry]
+    return float(values.min()), float(values.max())

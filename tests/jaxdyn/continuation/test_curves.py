@@ -1,0 +1,205 @@
+"""Curves of folds and Hopf points in two parameters against closed forms and published figures."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxdyn
+from jaxdyn import drawing
+from jaxdyn.continuation import CodimensionTwo, Kind
+
+
+def _imperfect(p, q):
+    """The imperfect pitchfork: folds at 27 p^2 = 4 q^3, where 3 x^2 = q."""
+    return jaxdyn.ode(lambda t, y, c: [c[0] + c[1] * y[0] - y[0] ** 3], [0.0], params=[p, q])
+
+
+def _bogdanov_takens(p, q):
+    """The normal form: folds at 4 p = q^2, Hopf points at p = 0, q < 0."""
+
+    def rate(t, y, c):
+        return [y[1], c[0] + c[1] * y[0] + y[0] ** 2 - y[0] * y[1]]
+
+    return jaxdyn.ode(rate, [0.0, 0.0], params=[p, q])
+
+
+def _bautin(p, q):
+    """r' = p r + q r^3 - r^5 at the angular velocity 2: the coefficient is q of |q| = 1, halved."""
+
+    def rate(t, y, c):
+        r = y[0] ** 2 + y[1] ** 2
+        grows = c[0] + c[1] * r - r**2
+        return [grows * y[0] - 2 * y[1], grows * y[1] + 2 * y[0]]
+
+    return jaxdyn.ode(rate, [0.0, 0.0], params=[p, q])
+
+
+def _lorenz84(F, T):
+    """Shil'nikov, Nicolis, Nicolis (1995), Int. J. Bifurc. Chaos 5, 1701."""
+
+    def rate(t, y, c):
+        x, u, v, w = y
+        force, heat = c
+        return [
+            -(u**2) - v**2 - 0.25 * x + 0.25 * force - 0.987 * w**2,
+            x * u - x * v - u + 0.25,
+            x * u + x * v - v,
+            -1.04 * w + 0.987 * w * x + heat,
+        ]
+
+    return jaxdyn.ode(rate, jnp.zeros(4), params=[F, T])
+
+
+def _slow(F):
+    return _lorenz84(F, 0.04)
+
+
+def _imperfect_fold():
+    return jaxdyn.continue_equilibria(
+        lambda p: _imperfect(p, 1.0), -1.0, [-1.3], within=(-1, 1)
+    ).special[0]
+
+
+def _pairs(curve):
+    return [(str(x.kind), *np.round(x.parameters, 9) + 0.0) for x in curve.special]
+
+
+def test_cusp_of_the_imperfect_pitchfork():
+    fold = _imperfect_fold()
+    curve = jaxdyn.continue_curve(
+        _imperfect, fold, (fold.parameter, 1.0), down=True, within=((-1, 1), (-1, 1))
+    )
+    p, q = curve.parameters.T
+    np.testing.assert_allclose(27 * p**2, 4 * q**3, atol=1e-12)
+    np.testing.assert_allclose(3 * curve.states[:, 0] ** 2, q, atol=1e-12)
+    (cusp,) = curve.special
+    assert cusp.kind == CodimensionTwo.CUSP
+    np.testing.assert_allclose(cusp.x, 0.0, atol=1e-10)
+    np.testing.assert_allclose(cusp.normal_form["c"], -1.0, rtol=1e-10)
+    assert cusp.residual < 1e-10
+    # It passes the cusp, from the fold at p > 0 to that at p < 0.
+    assert (p[0] > 0) & (p[-1] < 0)
+    assert "cusp at" in repr(curve)
+    assert curve.names == ("p", "q")
+    assert "svg" in curve._repr_html_() or "img" in curve._repr_html_()
+
+
+def test_bogdanov_takens_point_joins_folds_and_hopf_points():
+    family = jaxdyn.continue_equilibria(
+        lambda p: _bogdanov_takens(p, -1.0), -0.3, [-0.25, 0.0], within=(-1, 1)
+    )
+    hopf = next(x for x in family.special if x.kind == Kind.HOPF)
+    curve = jaxdyn.continue_curve(_bogdanov_takens, hopf, (hopf.parameter, -1.0))
+    np.testing.assert_allclose(curve.parameters[:, 0], 0.0, atol=1e-13)
+    (point,) = curve.special
+    assert point.kind == CodimensionTwo.BOGDANOV_TAKENS
+    np.testing.assert_allclose(point.x, 0.0, atol=1e-10)
+    # With a = 1 and b = -1 orbits near it are stable: Kuznetsov (2004), section 8.4.
+    np.testing.assert_allclose([*point.normal_form.values()], [1.0, -1.0], rtol=1e-10)
+    assert "a Bogdanov-Takens point" in curve.end
+    assert {x.criticality for x in curve.members} == {"supercritical"}
+    folds = jaxdyn.continue_curve(_bogdanov_takens, point, kind=Kind.FOLD, members=10)
+    p, q = folds.parameters.T
+    np.testing.assert_allclose(4 * p, q**2, atol=1e-13)
+    assert folds.special == ()  # that at the start is known
+    back = jaxdyn.continue_curve(_bogdanov_takens, point, members=5, down=False)
+    assert (back.parameters[1:, 1] < 0).all()
+
+
+@pytest.mark.parametrize("start", [-1.0, 0.0])
+def test_bautin_point_of_the_normal_form(start):
+    # From 0 the first member is the point itself, which is found once.
+    family = jaxdyn.continue_equilibria(
+        lambda p: _bautin(p, start), -0.3, [0.0, 0.0], within=(-0.5, 0.5)
+    )
+    (hopf,) = family.special
+    curve = jaxdyn.continue_curve(_bautin, hopf, (0.0, start), members=20)
+    assert _pairs(curve) == [("Bautin point", 0.0, 0.0)]
+    np.testing.assert_allclose([x.coefficient for x in curve.members], curve.parameters[:, 1])
+    which = ["supercritical" if q < 0 else "subcritical" for q in curve.parameters[1:, 1]]
+    assert [x.criticality for x in curve.members[1:]] == which
+
+
+@pytest.fixture(scope="module")
+def atmosphere():
+    """Folds and Hopf points of the Lorenz-84 model with a fourth equation."""
+    start = [2.9787004394953343, -0.03868302503393752, 0.058232737694740085, -0.02105288273117459]
+    return jaxdyn.continue_equilibria(
+        _slow, 3.0, start, within=(-1.5, 3.01), down=True, step=0.02, members=60
+    )
+
+
+@pytest.mark.slow
+def test_published_points_of_lorenz84(atmosphere, tmp_path):
+    # BifurcationKit.jl, test/hopf_codim_2/lorenz84.jl at 4e79b698: the places of the fold and the
+    # three Hopf points, and the Bogdanov-Takens point's a and b.
+    fold, *hopfs = atmosphere.special
+    np.testing.assert_allclose(fold.parameter, 1.5466483726, atol=2e-10)
+    found = [x.parameter for x in hopfs]
+    np.testing.assert_allclose(found, [1.61966147, 2.46722900, 2.85988059], atol=2e-5)
+    bounds = ((-1.0, 4.0), (-1.0, 1.0))
+    folds = jaxdyn.continue_curve(
+        _lorenz84, fold, (fold.parameter, 0.04), within=bounds, down=True, step=0.02
+    )
+    kinds = ["Bogdanov-Takens point", "zero-Hopf point", "cusp"]
+    assert [x.kind for x in folds.special] == [*kinds, *kinds[1::-1]]
+    form = folds.special[0].normal_form
+    np.testing.assert_allclose(form["a"], 0.2144233509273467, rtol=1e-9)
+    np.testing.assert_allclose(form["b"], 0.6065145518280868, rtol=1e-9)
+    # The scene is symmetric in (w, T).
+    places = np.array([x.parameters for x in folds.special])
+    np.testing.assert_allclose(places, places[::-1] * [1, -1], atol=1e-10)
+    assert max(x.residual for x in folds.special) < 1e-10
+    first = jaxdyn.continue_curve(
+        _lorenz84, hopfs[1], (hopfs[1].parameter, 0.04), within=bounds, step=0.02
+    )
+    second = jaxdyn.continue_curve(
+        _lorenz84, hopfs[2], (hopfs[2].parameter, 0.04), within=bounds, down=True, step=0.02
+    )
+    bautin, end = first.special
+    assert (bautin.kind, end.kind) == ("Bautin point", "Bogdanov-Takens point")
+    np.testing.assert_allclose(bautin.frequency, 0.6903636672622595, atol=1e-5)
+    np.testing.assert_allclose(end.parameters, places[0], atol=1e-10)
+    assert [x.kind for x in second.special][:2] == ["double Hopf point", "zero-Hopf point"]
+    np.testing.assert_allclose(second.special[0].parameters[1], 0.026274, atol=1e-6)
+    np.testing.assert_allclose(second.special[1].parameters, places[1], atol=1e-10)
+    # The other pair of eigenvalues of the double Hopf point, whose curve has the Bautin point.
+    other = jaxdyn.continue_curve(_lorenz84, second.special[0], within=bounds, step=0.02)
+    assert bautin.kind in [x.kind for x in other.special]
+    drawing.bifurcation_curves([folds, first, second], tmp_path / "curves.png")
+    drawing.equilibria([atmosphere], tmp_path / "rests.png", entry="y0", parameter="F")
+
+
+def test_wrong_arguments_are_refused():
+    fold = _imperfect_fold()
+    with pytest.raises(ValueError, match="the values of both parameters"):
+        jaxdyn.continue_curve(_imperfect, fold)
+    with pytest.raises(ValueError, match="less than a step away"):
+        jaxdyn.continue_curve(_imperfect, fold, (3.0, -1.0))
+    with pytest.raises(ValueError, match="two bounds of each parameter"):
+        jaxdyn.continue_curve(_imperfect, fold, (0.4, 1.0), within=((1, 0), (0, 1)))
+    family = jaxdyn.continue_equilibria(lambda p: _imperfect(p, 1.0), -1.0, [-1.3], members=2)
+    with pytest.raises(ValueError, match="an ordinary member"):
+        jaxdyn.continue_curve(_imperfect, family.members[0], (-1.0, 1.0))
+    with pytest.raises(ValueError, match="a RestPoint or a CurvePoint"):
+        jaxdyn.continue_curve(_imperfect, [0.0], (-1.0, 1.0))
+    with pytest.raises(ValueError, match="families: expected at least one"):
+        drawing.equilibria([])
+    with pytest.raises(ValueError, match="curves: expected at least one"):
+        drawing.bifurcation_curves([])
+    with pytest.raises(ValueError, match="entry"):
+        drawing.equilibria([family], entry="z")
+
+
+def test_a_curve_ends_where_the_rate_does():
+    def make(p, q):
+        def rate(t, y, c):
+            return [c[0] + c[1] * y[0] - y[0] ** 3 + jnp.sqrt(c[1] - 0.5) - jnp.sqrt(0.5)]
+
+        return jaxdyn.ode(rate, [0.0], params=[p, q])
+
+    fold = _imperfect_fold()
+    curve = jaxdyn.continue_curve(make, fold, (fold.parameter, 1.0), down=True)
+    assert curve.end == "no point of the curve was found beyond"
+    assert np.isfinite(curve.parameters).all()
+    assert 0.5 <= curve.parameters[-1, 1] < 0.6

@@ -1,0 +1,98 @@
+"""Bifurcation diagrams: what they find, what they keep where something fails, and their picture."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxdyn
+import orbits
+
+
+def _van_der_pol(mu):
+    def rate(t, y, mu):
+        return [y[1], mu * y[1] - y[0] ** 2 * y[1] - y[0]]
+
+    return jaxdyn.ode(rate, [0.0, 0.0], 10.0, params=mu)
+
+
+def _roessler(c):
+    """Roessler (1976), Phys. Lett. A 57, 397, with a = b = 0.2."""
+
+    def rate(t, y, c):
+        return [-y[1] - y[2], y[0] + 0.2 * y[1], 0.2 + y[2] * (y[0] - c)]
+
+    return jaxdyn.ode(rate, jnp.zeros(3), 6.0, params=c)
+
+
+@pytest.fixture(scope="module")
+def cycles():
+    seen = []
+    found = orbits.diagram(
+        _van_der_pol, -0.5, [0.0, 0.0], within=(-1, 1), orbit_members=6, report=seen.append
+    )
+    return found, seen
+
+
+@pytest.mark.slow
+def test_rest_points_and_the_orbits_that_begin_there(cycles, tmp_path):
+    found, seen = cycles
+    (family,) = found.orbits
+    assert seen == [*found.rests, family]
+    assert found.depths == (0,)
+    # To the second order the amplitude is 2 sqrt(mu), and the period 2 pi (1 + mu^2 / 16).
+    first = family.members[0]
+    np.testing.assert_allclose(orbits.families.diagram.extremes(first, 0), [-0.01, 0.01], rtol=1e-3)
+    np.testing.assert_allclose(first.parameter, 0.01**2 / 4, rtol=1e-3)
+    assert all(member.stability.verdict == "stable" for member in family.members[1:])
+    assert "supercritical Hopf point at" in repr(found)
+    path = tmp_path / "diagram.png"
+    orbits.drawing.diagram(found, path, entry="y0", parameter="mu")
+    assert path.stat().st_size > 10_000
+    with pytest.raises(ValueError, match="entry"):
+        orbits.drawing.diagram(found, entry="z")
+
+
+@pytest.mark.slow
+def test_a_failure_is_kept_beside_what_was_found():
+    found = orbits.diagram(
+        _van_der_pol, -0.5, [0.0, 0.0], within=(-1, 1), orbit_members=6, amplitude=1e3
+    )
+    (failure,) = found.failures
+    assert failure.point.kind == "Hopf point"
+    assert "No orbit was found at this amplitude" in failure.reason
+    assert found.orbits == ()
+    assert len(found.rests) == 2
+    assert "not followed" in repr(found)
+    assert "Not followed: Hopf point" in repr(failure)
+
+
+def test_the_depth_is_a_whole_number():
+    with pytest.raises(ValueError, match="depth"):
+        orbits.diagram(_van_der_pol, -0.5, [0.0, 0.0], within=(-1, 1), depth=-1)
+
+
+@pytest.mark.long
+def test_roesslers_doublings():
+    found = orbits.diagram(
+        _roessler,
+        0.5,
+        [0.1, -0.5, 0.5],
+        within=(0.1, 4.5),
+        depth=2,
+        orbit_step=0.2,
+        orbit_members=60,
+    )
+    # The rest points fold at c = 2 a = 0.4.
+    folds = [x.parameter for family in found.rests for x in family.special if x.kind == "fold"]
+    np.testing.assert_allclose(folds, 0.4, rtol=1e-12)
+    assert found.depths == (0, 1, 2)
+    special = [
+        [x for x in family.special if x.kind == "period doubling"] for family in found.orbits
+    ]
+    for (point,), family in zip(special, found.orbits[1:], strict=False):
+        nearest = np.abs(point.stability.multipliers + 1).min()
+        assert nearest < 1e-8
+        np.testing.assert_allclose(
+            family.members[0].orbit.period, 2 * point.orbit.period, rtol=1e-3
+        )
+    np.testing.assert_allclose([x[0].parameter for x in special], [2.832, 3.837, 4.124], atol=2e-3)
