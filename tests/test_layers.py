@@ -23,7 +23,7 @@ BELOW = {
     "jaxdyn/mechanisms": ("jaxdyn/formulations",),
     "jaxdyn/integrate": ("jaxdyn/solvers",),
     "jaxdyn/ensemble": ("jaxdyn/integrate",),
-    "jaxdyn/analysis": ("jaxdyn/integrate", "jaxdyn/formulations"),
+    "jaxdyn/analysis": ("jaxdyn/integrate", "jaxdyn/formulations", "jaxdyn/balls"),
     "jaxdyn/accuracy": ("jaxdyn/analysis",),
     "jaxdyn/chaos": ("jaxdyn/analysis", "jaxdyn/ensemble"),
     "jaxdyn/continuation": ("jaxdyn/analysis",),

@@ -13,7 +13,8 @@ import jaxdyn
 import orbits
 from jaxdyn import scenes
 from jaxdyn.balls.arithmetic import arb, precision
-from orbits.proof import checking, proving
+from jaxdyn.balls.decimals import decimal
+from orbits.proof import checking
 from orbits.proof.posing import posed_closure
 from orbits.proof.proving import certified
 from orbits.proof.refinement import solved
@@ -175,7 +176,7 @@ def test_decimal_enclosures_contain_the_ball_and_keep_its_digits():
             (7, "1e-900"),
         ):
             ball = arb(mid) / 3 + arb(0, arb(rad))
-            told = proving._enclosed(ball)
+            told = decimal(ball)
             assert arb(told.mid, told.rad).contains(ball)
             assert arb(told.rad) < max(1.2 * arb(rad), arb("1e-33"))
             assert arb(told.rad) > arb(rad)
