@@ -82,7 +82,9 @@ class Equilibria:
         return len(self.states)
 
 
-def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024, prove: bool = False) -> Equilibria:
+def equilibria(
+    scene: Scene, low, high, *, t=0.0, starts: int = 1024, prove: bool = False
+) -> Equilibria:
     """The rest points of a scene in a box, with their stability; host only.
 
     Args:
@@ -114,6 +116,7 @@ def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024, prove: boo
     box = _box(low, high, len(checked_scene(scene).y0))
     starts, t = _checks.whole("starts", starts, most=_MOST_STARTS), _checks.array("t", t, ())
     field = scene.field
+    theorem = _proved(scene, float(t), box) if prove else None
     proof = bisected(field, t, box)
     box, middles = proof.box, proof.middles[:starts]
     spread = box.states(low_discrepancy(starts - len(middles), len(box.free)))
@@ -125,7 +128,7 @@ def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024, prove: boo
     complete, certainty = judged(proof, field, t, heads[~sharp], heads[sharp])
     smooth = [group for group, jump in zip(groups, sharp, strict=True) if not jump]
     listed = _listed(scene, t, box, ends, _merged(scene, box, ends, smooth), (complete, certainty))
-    return dataclasses.replace(listed, proof=_proved(scene, float(t), box)) if prove else listed
+    return dataclasses.replace(listed, proof=theorem)
 
 
 def _proved(scene: Scene, t: float, box: Box) -> RestPointProof:

@@ -23,9 +23,7 @@ def proved(scene: Scene, t: float, box: Box) -> RestPointProof:
     found = zeros(field, t, np.asarray(box.low), np.asarray(box.high))
     left = tuple(tuple(decimal(x) for x in cell) for cell in found.left)
     if left:
-        named = "; ".join(
-            ", ".join(f"{float(x.mid):.6g}" for x in cell) for cell in left[:_NAMED]
-        )
+        named = "; ".join(", ".join(f"{float(x.mid):.6g}" for x in cell) for cell in left[:_NAMED])
         reason = (
             f"{counted(len(left), 'box', 'boxes')} could not be decided, near {named}: the "
             "Jacobian is singular there, or the rate is not smooth, or the box is too large. "

@@ -214,3 +214,15 @@ def test_the_neighbour_of_the_eight_is_proved_to_be_another_orbit():
     proof = orbits.prove(plain)
     assert (proof.proved, proof.choreography) == (True, False)
     assert (proof.verdict, proof.verdict_proved) == ("unstable", True)
+
+
+@pytest.mark.long
+def test_the_rotation_numbers_of_the_eight_are_enclosed_to_many_digits():
+    eight = orbits.find(scenes.three_body(), closing=orbits.choreography(3))
+    proof = orbits.prove(eight, digits=40)
+    assert all(float(x.rad) < 1e-20 for x in proof.exponents)
+    known = orbits.refine(eight, 30).exponents
+    with mpmath.workdps(40):
+        for exact in known:
+            gaps = [abs(mpmath.mpf(x.mid) - mpmath.mpf(exact)) for x in proof.exponents]
+            assert min(gaps) < mpmath.mpf(10) ** -24
