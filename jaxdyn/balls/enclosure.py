@@ -68,7 +68,7 @@ class Disc:
     start: list
 
     def left_out(self, q: arb, order: int) -> list:
-        """(k) bounds of what the solution's series leaves out, of the polynomial's order or more."""
+        """(k) bounds of what the solution's series leaves out, of order p or more."""
         return [e * _tail(q, order) for e in self.state]
 
     def left_out_of_slopes(self, q: arb, order: int) -> list[list]:
@@ -146,12 +146,14 @@ def _verified(about: About, outer: float) -> Disc | None:
     if bounds is None:
         return None
     defect = [m * q**order / (1 - q) for m in bounds] + [arb(0)] * field.n
-    sizes = [float(max(x.abs_upper() for x in column)) for column in zip(*(c[1] for c in cells))]
+    columns = zip(*(z for _, z, _ in cells), strict=True)
+    sizes = [float(max(x.abs_upper() for x in column)) for column in columns]
     least = min((x for x in sizes if x > 0), default=1.0)
     start = [arb(share * (x or least)) for x in sizes] + [arb(share)] * field.n
     centre = [row[0] for row in about.series] + about.unfolding[0]
     pairs = zip([*about.box, *about.unfolding[1]], centre, start, strict=True)
-    first = [(abs(x - c) + eps).upper() + r * d for (x, c, eps), d in zip(pairs, defect)]
+    apart = [(abs(x - c) + eps).upper() for x, c, eps in pairs]
+    first = [eta + r * d for eta, d in zip(apart, defect, strict=True)]
     near = [cell for cell in cells if cell[2] <= inner]
     # Parameters stay where they are.
     delta = [x * arb(_FIRST_GROWTH) for x in first[:k]] + first[k:]

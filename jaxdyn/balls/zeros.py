@@ -7,7 +7,8 @@ in K. If K lies in the interior of X, F has exactly one zero in X.
 
 So each box is discarded, by bounds of F that exclude 0 or by K off the box; or has exactly one
 zero, which further steps X -> K enclose more narrowly; or is cut in two. The proof of the theorem
-stands in ``orbits/proof/krawczyk.py``. Boxes that remain when they are tiny, or too many, are named.
+stands in ``orbits/proof/krawczyk.py``. Boxes that remain when they are tiny, or too many, are
+named.
 """
 
 import itertools
@@ -94,17 +95,20 @@ def zeros(field: BallField, t: float, low: np.ndarray, high: np.ndarray) -> Zero
             if not todo:
                 break
             cell = todo.pop()
-            kind, box = _examined(equations, cell, sizes)
+            kind, narrow, alone = _examined(equations, cell, sizes)
             if kind == "none":
                 discarded += 1
             elif kind == "one":
-                if not any(_same(box, other) for other in found):
-                    found.append(box)
+                near = [wide for zero, wide in found if _same(narrow, zero)]
+                if not near:
+                    found.append((narrow, alone))
+                elif not all(_inside(narrow, wide) for wide in near):
+                    _joined(left, narrow)
             elif count >= _MOST_BOXES or _is_small(cell, sizes):
                 _joined(left, [_hull(*ends) for ends in cell])
             else:
                 todo += _halves(cell, sizes)
-        inside = [box for box in found if _meets(box, equations)]
+        inside = [box for box, _ in found if _meets(box, equations)]
         discarded += len(found) - len(inside)
         whole = [equations.state(box) for box in inside]
         return Zeros(whole, [equations.state(box) for box in left], discarded)
@@ -123,7 +127,7 @@ def _joined(places: list[list], box: list) -> None:
 
 
 def _same(a: list, b: list) -> bool:
-    """Whether two boxes meet; narrow ones with one zero each then have the same."""
+    """Whether two boxes meet."""
     return all(x.overlaps(y) for x, y in zip(a, b, strict=True))
 
 
@@ -146,20 +150,20 @@ def _halves(cell: list, sizes: list[float]) -> list[list]:
     return [[*cell[:across], part, *cell[across + 1 :]] for part in parts]
 
 
-def _examined(equations: _Equations, cell: list, sizes: list[float]) -> tuple[str, list]:
-    """ "none", "one" or "", and the box of the zero."""
+def _examined(equations: _Equations, cell: list, sizes: list[float]) -> tuple[str, list, list]:
+    """Whether it has "none", "one" or nobody knows; an enclosure of one, and where it is alone."""
     box = [_hull(*ends) for ends in cell]
     rates = equations.rate(box)
     if rates is not None and any(not x.contains(0) for x in rates):
-        return "none", box
+        return "none", box, box
     box = [x + (x - x.mid()) * (2 * _WIDENED) for x in box]
     moved = _krawczyk(equations, box)
     if moved is None:
-        return "", box
+        return "", box, box
     if not all(x.overlaps(y) for x, y in zip(moved, box, strict=True)):
-        return "none", box
+        return "none", box, box
     if not _inside(moved, box):
-        return "", box
+        return "", box, box
     for _ in range(_STEPS):
         if all(float(x.rad()) <= _NARROW * size for x, size in zip(moved, sizes, strict=True)):
             break
@@ -167,7 +171,7 @@ def _examined(equations: _Equations, cell: list, sizes: list[float]) -> tuple[st
         if again is None:
             break
         moved = [x.intersection(y) for x, y in zip(again, moved, strict=True)]
-    return "one", moved
+    return "one", moved, box
 
 
 def _inside(inner: list, outer: list) -> bool:
