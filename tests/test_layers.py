@@ -71,6 +71,7 @@ INSIDE = {
     ("jaxdyn/_config.py", "jax._src"),
     ("jaxdyn/files/frames.py", "pandas"),
     ("orbits/files/verify.py", "orbits.proof.checking"),
+    ("jaxdyn/analysis/equilibria.py", "jaxdyn.analysis.rest_points.proving"),
 }
 
 #: Methods of results lead to what is above them, where they are saved, exported and drawn. Nothing
