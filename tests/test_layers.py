@@ -23,7 +23,7 @@ BELOW = {
     "jaxdyn/mechanisms": ("jaxdyn/formulations",),
     "jaxdyn/integrate": ("jaxdyn/solvers",),
     "jaxdyn/ensemble": ("jaxdyn/integrate",),
-    "jaxdyn/analysis": ("jaxdyn/integrate", "jaxdyn/formulations"),
+    "jaxdyn/analysis": ("jaxdyn/integrate", "jaxdyn/formulations", "jaxdyn/balls"),
     "jaxdyn/accuracy": ("jaxdyn/analysis",),
     "jaxdyn/chaos": ("jaxdyn/analysis", "jaxdyn/ensemble"),
     "jaxdyn/continuation": ("jaxdyn/analysis",),
@@ -77,6 +77,7 @@ INSIDE = {
     ("jaxdyn/_config.py", "jax._src"),
     ("jaxdyn/files/frames.py", "pandas"),
     ("orbits/files/verify.py", "orbits.proof.checking"),
+    ("jaxdyn/analysis/equilibria.py", "jaxdyn.analysis.rest_points.proving"),
 }
 
 #: Methods of results lead to what is above them, where they are saved, exported and drawn. Nothing

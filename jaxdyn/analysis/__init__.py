@@ -7,7 +7,7 @@ encounters. Stability: `linearize`, `steady` (steady motions), `floquet` (driven
 rest points; the folder `rest_points` searches for them and proves that there are no others.
 `_roots` finds zeros of functions of one variable, each in its bracket.
 
-May import: `integrate`, `formulations`.
+May import: `integrate`, `formulations`, `balls`.
 
 One more analysis is one file that takes a `Scene` or a `Trajectory`, and one line below.
 """

@@ -20,6 +20,7 @@ from jaxdyn import _checks, _text
 from jaxdyn._text import counted
 from jaxdyn.analysis.linearize import Linearization, linearize
 from jaxdyn.analysis.rest_points.completeness import bisected, judged
+from jaxdyn.analysis.rest_points.proof import RestPointProof
 from jaxdyn.analysis.rest_points.search import Box, Ends, jumps, low_discrepancy, search
 from jaxdyn.scene import Field, Scene, System, checked_scene
 
@@ -49,6 +50,7 @@ class Equilibria:
       residuals: (e,) largest entry of the rate there.
       starts: number of starts.
       lost: number of starts that led to no rest point in the box.
+      proof: the list as a theorem, if that was asked for.
     """
 
     states: np.ndarray
@@ -60,6 +62,7 @@ class Equilibria:
     residuals: np.ndarray
     starts: int
     lost: int
+    proof: RestPointProof | None = None
 
     @_text.never_raising
     def __repr__(self) -> str:
@@ -69,6 +72,8 @@ class Equilibria:
             for i, (state, kind, near) in enumerate(described)
         ]
         rows = [*_text.cut(rows), ("certainty", self.certainty)]
+        if self.proof is not None:
+            rows.append(("proof", self.proof.reason))
         return _text.table(f"Equilibria: {counted(len(self), 'rest point')}", rows)
 
     _repr_html_ = _text.html
@@ -77,7 +82,9 @@ class Equilibria:
         return len(self.states)
 
 
-def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024) -> Equilibria:
+def equilibria(
+    scene: Scene, low, high, *, t=0.0, starts: int = 1024, prove: bool = False
+) -> Equilibria:
     """The rest points of a scene in a box, with their stability; host only.
 
     Args:
@@ -87,11 +94,14 @@ def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024) -> Equilib
       high: upper corner, of the same shape.
       t: () time [s] at which the scene is frozen.
       starts: number of starting points of the search.
+      prove: whether to prove the list in ball arithmetic, as `Equilibria.proof` says; needs
+        python-flint, ``pip install 'jaxdyn[proof]'``.
     Returns:
       Verified rest points without duplicates, and whether there may be others.
     Raises:
       ValueError: `high` is not above `low`, their shape does not fit the state, `starts` or `t`
-        is out of range, or numbers are traced (`rest_point` is differentiable).
+        is out of range, or numbers are traced (`rest_point` is differentiable); with `prove`, the
+        rate is not made of elementary functions, or the states satisfy constraints.
     Limits: completeness can be proved for rates made of elementary formulas, without
       constraints, with about four unknowns at most. A point at which the rate is 0 but
       discontinuous is no rest point; `certainty` names it. Angles are taken modulo a turn.
@@ -106,6 +116,7 @@ def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024) -> Equilib
     box = _box(low, high, len(checked_scene(scene).y0))
     starts, t = _checks.whole("starts", starts, most=_MOST_STARTS), _checks.array("t", t, ())
     field = scene.field
+    theorem = _proved(scene, float(t), box) if prove else None
     proof = bisected(field, t, box)
     box, middles = proof.box, proof.middles[:starts]
     spread = box.states(low_discrepancy(starts - len(middles), len(box.free)))
@@ -116,7 +127,22 @@ def equilibria(scene: Scene, low, high, *, t=0.0, starts: int = 1024) -> Equilib
     sharp = jumps(field, t, box, heads)
     complete, certainty = judged(proof, field, t, heads[~sharp], heads[sharp])
     smooth = [group for group, jump in zip(groups, sharp, strict=True) if not jump]
-    return _listed(scene, t, box, ends, _merged(scene, box, ends, smooth), (complete, certainty))
+    listed = _listed(scene, t, box, ends, _merged(scene, box, ends, smooth), (complete, certainty))
+    return dataclasses.replace(listed, proof=theorem)
+
+
+def _proved(scene: Scene, t: float, box: Box) -> RestPointProof:
+    if type(scene.system).project is not System.project:
+        raise _checks.fail(
+            "scene",
+            "coordinates without constraints, for a proof",
+            f"{type(scene.system).__name__}, whose states satisfy some",
+            "Leave prove out.",
+        )
+    # Python-flint, which it needs, is optional.
+    from jaxdyn.analysis.rest_points.proving import proved
+
+    return proved(scene, t, box)
 
 
 def rest_point(scene: Scene, y, t=0.0) -> Array:

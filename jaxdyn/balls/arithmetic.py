@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from jaxdyn._checks import fail
-from jaxdyn.solvers.taylor.graph import COMPARISONS, LOGIC, Graph, Node, Number
+from jaxdyn.solvers.taylor.graph import COMPARISONS, LOGIC, TESTS, Graph, Node, Number
 from jaxdyn.solvers.taylor.ordered import ordered
 
 try:
@@ -151,9 +151,12 @@ def _value(node: Node, values: dict, functions: Functions):
     if op in _BINARY:
         return _BINARY[op](*operands)
     if op in COMPARISONS:
-        return _compared(op, *operands)
+        moving = any(isinstance(a, Node) and a.moving for a in args)
+        return _compared(op, *operands, at_one_point=not (functions.analytic and moving))
     if op in LOGIC:
         return _LOGIC[op](*operands)
+    if op in TESTS:
+        return operands[0].is_finite()
     if op == "select":
         return operands[2] if operands[0] else operands[1]
     if op == "real":
@@ -175,17 +178,17 @@ def _sum(args: tuple, values: dict):
     return total
 
 
-def _compared(op: str, a, b) -> bool:
+def _compared(op: str, a, b, *, at_one_point: bool) -> bool:
     """A comparison that holds for all numbers of two balls, or for none.
 
     Of series it is that of their starts: a motion that leaves the case is noticed by the disc
-    about the whole step.
+    about the whole step, on which numbers are never equal (`at_one_point` is false).
     """
     a, b = (x[0] if isinstance(x, arb_series) else x for x in (a, b))
     if op in ("eq", "ne"):
         if not a.overlaps(b):
             return op == "ne"
-        if a.is_exact() and b.is_exact():
+        if at_one_point and a.is_exact() and b.is_exact():
             return op == "eq"
     elif a < b or a > b or (a.is_exact() and b.is_exact()):
         return bool(COMPARISONS[op](a, b))

@@ -1,49 +1,65 @@
 """How far a motion can be followed, and what its Taylor series leave out: rigorous bounds.
 
-Theorem. Let Y be a set of starts and P the polydisc |z_i - y_i| <= eps_i + delta_i (complex z)
-about each y in Y. Let f be analytic on P for |t - t0| <= R, with |f_i| <= M_i there, and
-R M_i <= delta_i. Let p be the order of the series, |h| <= q R with q < 1. Then for each start y in
-Y the solution exists for complex |t - t0| < R, and what its series leaves out at h is at most
+Theorem. Let y' = f(y) with parameters lambda, constant entries of the state, for brevity. Let P be
+the Taylor polynomial of order p of the motion from a point c at s = 0. Let 0 < R < R', f analytic
+about P(s) with |f_i(P(s))| <= M_i for |s| <= R', and |df_i/dy_j| <= A_ij at all points that are
+no farther than delta from P(s), |s| <= R. Let eps_j > 0, and eta_j >= |y_j - c_j| + eps_j for each
+start y in a box Y. Let d_i = M_i Q^p / (1 - Q) with Q = R / R', and entry by entry
 
-    delta_i q^(p+1) / (1 - q)                  of entry i of the solution,
-    (delta_i / eps_j) q^(p+1) / (1 - q)        of its derivative by entry j of the start.
+    E = exp(R A) (eta + R d) < delta.
 
-Proof. (1) For a complex start w with |w_j - y_j| <= eps_j, Picard's iteration z -> w + int f(z)
-along straight rays maps the functions with |z_i - w_i| <= delta_i, analytic in |t - t0| < R, into
-themselves, as |int f_i| <= R M_i <= delta_i; its limit is the solution, analytic in t and in w.
-(2) By Cauchy's estimate on the circle |t - t0| = r, for all r < R, the coefficient of order n >= 1
-of z_i - w_i is at most delta_i / R^n. (3) That coefficient is an analytic function of w_j on the
-disc of radius eps_j, hence its derivative at y is at most delta_i / (eps_j R^n), by Cauchy's
-estimate once more. (4) Sum both for n > p at |h| <= q R: geometric series.
+Then for each start in Y the solution exists for complex |s| < R, and what its series of order n
+leaves out at |h| <= q R, q < 1, is at most
 
-The bound M is that of `acb` on a square that contains each disc, where roots, logarithms and
-quotients must be analytic. Reference: Neumaier 1990, Interval Methods for Systems of Equations;
-Tucker 2011, Validated Numerics; for Cauchy's estimates in Taylor methods, Jorba, Zou 2005.
+    E_i q^(n+1) / (1 - q)                  of entry i of the solution, if n >= p,
+    (E_i / eps_j) q^(n+1) / (1 - q)        of its derivative by entry j of the start, for any n.
+
+Proof. (1) f(P) and P' have the same coefficients below order p, as P is the solution up to order
+p; P' has no others, and those of f(P) are at most M_i / R'^n (Cauchy). So |f_i(P) - P'_i| <= d_i
+on |s| <= R. (2) For a complex start w with |w_j - y_j| <= eps_j let e = z - P. Along a ray from 0,
+|e_i|' <= d_i + sum_j A_ij |e_j| as long as |e| < delta, so |e| <= exp(|s| A) (eta + |s| d) <= E:
+the solution z does not leave the neighbourhood before |s| = R, and is analytic in s and in w. (3)
+Beyond order p the coefficients of z_i are those of e_i, at most E_i / R^n (Cauchy). (4) Those of
+e_i are analytic functions of w_j on a disc of radius eps_j, hence their derivatives at y are at
+most E_i / (eps_j R^n); those of P do not depend on w. (5) Sum both: geometric series.
+
+The bounds M and A are those of `acb` on squares that cover the disc in s. Reference: Neumaier 1990,
+Interval Methods for Systems of Equations; Tucker 2011, Validated Numerics; Walter 1970,
+Differential and Integral Inequalities, for (2).
 """
 
 import dataclasses
+import itertools
+import math
 
-from jaxdyn.balls.arithmetic import COMPLEX, Undecided, acb, arb, precision
+from jaxdyn.balls.arithmetic import COMPLEX, Undecided, acb, acb_poly, arb, arb_mat, precision
 from jaxdyn.balls.field import BallField
 
 #: Bits of the bounds: they are enclosures at any precision.
 _BITS = 64
-_GROWN = 1.05  # by which trial radii exceed the bounds that they must exceed
-_TRIALS = 6
-_SHORTER, _LONGER = 0.8, 1.3  # factors between trials of R
-_MOST_TRIALS = 60
-#: eps as a part of delta: the derivative's bound is 1 / it, the disc a tenth larger.
-_START_SHARE = 0.1
-_DISC_OF_UNFOLDING = 2.0**-10  # radius of the complex discs about the unfolding parameters
+_ACROSS = 8
+_OUTER = 0.6  # first trial of R' as a part of the series' radius of convergence
+_DEFECT_BITS = 34  # Q^p is about 2^-34: the polynomial's defect is small ...
+_LEAST_Q = 0.5  # ... unless the order is low
+#: eps by the defect, in parts of the entry's size on the disc: nearby motions must not be far, and
+#: bounds of derivatives not be those of the defect.
+_EPS_BY_DEFECT = 2.0**10
+_FIRST_GROWTH = 100.0  # trial of delta / (eta + R d)
+_GROWN = 1.5  # by which a further trial exceeds what the one before called for
+_MOST_GROWTH = 1e5  # of eps to E: beyond it bounds of derivatives are poor
+_TRIALS = 3
+_MARGIN = 1e-9  # of squares, which cover the disc for certain
+_SHORTER, _LONGER = 0.85, 1.04  # factors between trials of R', and from one step to the next
+_MOST_TRIALS = 30
 
 
 @dataclasses.dataclass(frozen=True)
 class Disc:
-    """A disc of time on which a motion is analytic, and bounds on it.
+    """A disc of time on which motions are analytic, and bounds on it.
 
     Attributes:
       radius: R [time].
-      state: (k) delta_i.
+      state: (k) E_i.
       start: (k + n) eps_j, of the unfolding parameters as well.
     """
 
@@ -52,77 +68,162 @@ class Disc:
     start: list
 
     def left_out(self, q: arb, order: int) -> list:
-        """(k) bounds of what the solution's series leaves out."""
-        return [delta * _tail(q, order) for delta in self.state]
+        """(k) bounds of what the solution's series leaves out, of order p or more."""
+        return [e * _tail(q, order) for e in self.state]
 
     def left_out_of_slopes(self, q: arb, order: int) -> list[list]:
         """(k, k + n) the same of the derivative by the start and by the unfolding."""
         tail = _tail(q, order)
-        return [[delta / eps * tail for eps in self.start] for delta in self.state]
+        return [[e / eps * tail for eps in self.start] for e in self.state]
 
 
-def disc(field: BallField, t: arb, y: list, unfolding: list, guess: float) -> Disc | None:
-    """A large disc about time t for starts in the box y; None if none is found.
+@dataclasses.dataclass(frozen=True)
+class About:
+    """A motion to be enclosed with its neighbours.
+
+    Attributes:
+      field: the rate.
+      t: () time of the start.
+      series: (k) lists of the coefficients 0 to p of the motion from the centre.
+      box: (k) a box of starts about it.
+      unfolding: (n) the centre of the unfolding's parameters, and a box of them.
+    """
+
+    field: BallField
+    t: arb
+    series: list[list]
+    box: list
+    unfolding: tuple[list, list]
+
+
+def disc(about: About, outer: float | None, farthest: float) -> tuple[Disc, float] | None:
+    """A large disc, and R' as a part of the radius of convergence; None if none is found.
 
     Args:
-      field: the rate.
-      t: () its centre.
-      y: (k) a box of starts.
-      unfolding: (n) a box of the unfolding's parameters.
-      guess: a radius to try first.
+      about: the motion.
+      outer: that of the step before.
+      farthest: a radius [time] that is large enough.
     """
-    with precision(_BITS):
-        found, radius = None, guess
-        for _ in range(_MOST_TRIALS):
-            now = _verified(field, t, y, unfolding, radius)
-            if found is not None and now is None:
-                return found
-            if now is not None and found is None and radius < guess:
-                return now
-            found = now
-            radius *= _LONGER if now else _SHORTER
-        return found
-
-
-def _verified(field: BallField, t: arb, y: list, unfolding: list, radius: float) -> Disc | None:
-    """The disc of this radius, if the bounds can be verified."""
-    r = arb(radius)
-    here = _bounds(field, _disc(t, arb(0)), y, [arb(0)] * field.k, unfolding)
-    if here is None:
+    if not all(x.is_finite() for row in about.series for x in row):
         return None
-    largest = max((float(m) for m in here), default=0.0)
-    state = [arb(radius * (float(m) + 1e-3 * largest + 1e-300) * 1.2) for m in here]
+    with precision(_BITS):
+        reach = min(_convergence(about.series), 2 * farthest / _OUTER)
+        share = _OUTER if outer is None else min(outer * _LONGER, 0.9)
+        for _ in range(_MOST_TRIALS):
+            found = _verified(about, share * reach)
+            if found is not None:
+                return found, share
+            share *= _SHORTER
+        return None
+
+
+def _convergence(series: list[list]) -> float:
+    """The radius of convergence, about; infinite of polynomials."""
+    order = len(series[0]) - 1
+    found = [math.inf]
+    sizes = [max((_log(x) for x in row[: order // 2]), default=-math.inf) for row in series]
+    largest = max(sizes)
+    for n in (order - 1, order):
+        last = max(_log(row[n]) for row in series)
+        if last > -math.inf and n:
+            found.append(math.exp((largest - last) / n))
+    return min(found)
+
+
+def _log(x: arb) -> float:
+    bound = abs(arb(x).mid())
+    return float(bound.log()) if not bound.is_zero() else -math.inf
+
+
+def _verified(about: About, outer: float) -> Disc | None:
+    """The disc inside one of radius R', if the bounds can be verified."""
+    field, k, order = about.field, about.field.k, len(about.series[0]) - 1
+    ratio = max(2.0 ** (-_DEFECT_BITS / order), _LEAST_Q)
+    inner, share = outer * ratio, _EPS_BY_DEFECT * ratio**order
+    r, q = arb(inner), arb(inner) / arb(outer)
+    cells = _cells(about, outer)
+    bounds = _largest(_rates(about, *cell[:2]) for cell in cells)
+    if bounds is None:
+        return None
+    defect = [m * q**order / (1 - q) for m in bounds] + [arb(0)] * field.n
+    columns = zip(*(z for _, z, _ in cells), strict=True)
+    sizes = [float(max(x.abs_upper() for x in column)) for column in columns]
+    least = min((x for x in sizes if x > 0), default=1.0)
+    start = [arb(share * (x or least)) for x in sizes] + [arb(share)] * field.n
+    centre = [row[0] for row in about.series] + about.unfolding[0]
+    pairs = zip([*about.box, *about.unfolding[1]], centre, start, strict=True)
+    apart = [(abs(x - c) + eps).upper() for x, c, eps in pairs]
+    first = [eta + r * d for eta, d in zip(apart, defect, strict=True)]
+    near = [cell for cell in cells if cell[2] <= inner]
+    # Parameters stay where they are.
+    delta = [x * arb(_FIRST_GROWTH) for x in first[:k]] + first[k:]
     for _ in range(_TRIALS):
-        around = [s * (1 + arb(_START_SHARE)) for s in state]
-        bounds = _bounds(field, _disc(t, r), y, around, unfolding)
-        if bounds is None:
+        slopes = _largest(_slopes(about, *cell[:2], delta) for cell in near)
+        if slopes is None:
             return None
-        needed = [r * m for m in bounds]
-        if all(bool(need <= s) for need, s in zip(needed, state, strict=True)):
-            start = [s * arb(_START_SHARE) for s in state]
-            discs = [arb(_DISC_OF_UNFOLDING)] * field.n
-            return Disc(radius=r, state=state, start=[*start, *discs])
-        pairs = zip(needed, state, strict=True)
-        state = [arb(max(float(need.upper()) * _GROWN, float(s))) for need, s in pairs]
+        rows = [slopes[i * len(first) : (i + 1) * len(first)] for i in range(k)]
+        matrix = arb_mat(rows + [[0] * len(first) for _ in range(field.n)]) * r
+        reached = (matrix.exp() * arb_mat([[x] for x in first])).entries()[:k]
+        grown = zip(reached, first[:k], strict=True)
+        if not all(x.is_finite() and x < _MOST_GROWTH * f for x, f in grown):
+            return None
+        if all(bool(x < d) for x, d in zip(reached, delta[:k], strict=True)):
+            return Disc(radius=r, state=[x.upper() for x in reached], start=start)
+        delta = [(x * arb(_GROWN)).upper() for x in reached] + first[k:]
     return None
 
 
-def _bounds(field, t: acb, y: list, around: list, unfolding: list) -> list | None:
-    """(k) upper bounds of |f_i| on a polydisc; None if f is not analytic on it."""
-    z = [_disc(entry, radius) for entry, radius in zip(y, around, strict=True)]
-    more = [_disc(x, arb(_DISC_OF_UNFOLDING)) for x in unfolding]
+def _cells(about: About, outer: float) -> list[tuple[acb, list, float]]:
+    """Squares that cover the disc's upper half: offsets, the polynomials there, least |s|.
+
+    Rates are real for real arguments, so bounds of the lower half are the same.
+    """
+    side = 2 * outer / _ACROSS
+    half = arb(0, side / 2 * (1 + _MARGIN))
+    square = acb(half, half)
+    whole = [acb_poly([x * 1 for x in row]) for row in about.series]  # of few bits
+    found = []
+    for i, j in itertools.product(range(-_ACROSS // 2, _ACROSS // 2), range(_ACROSS // 2)):
+        x, y = (i + 0.5) * side, (j + 0.5) * side
+        nearest = math.hypot(max(abs(x) - side / 2, 0.0), max(y - side / 2, 0.0)) * (1 - _MARGIN)
+        if nearest <= outer:
+            middle = acb(x, y)
+            shifted = acb_poly([middle, 1])
+            found.append((middle + square, [p(shifted)(square) for p in whole], nearest))
+    return found
+
+
+def _rates(about: About, s: acb, z: list) -> list | None:
+    """(k) the rates at the centre's motion; None if they are not analytic there."""
     try:
-        rates = field.rate(t, z, more, COMPLEX)
+        return about.field.rate(about.t + s, z, about.unfolding[0], COMPLEX)
     except Undecided:
         return None
-    found = [acb(x).abs_upper() for x in rates]
-    return found if all(x.is_finite() for x in found) else None
 
 
-def _disc(centre: arb, radius: arb) -> acb:
-    """A square that contains the discs about a ball's points."""
-    side = arb(0, radius.upper())
-    return acb(centre + side, side)
+def _slopes(about: About, s: acb, z: list, delta: list) -> list | None:
+    """(k (k + n)) derivatives of the rate at motions near it."""
+    discs = [acb(arb(0, x.upper()), arb(0, x.upper())) for x in delta]
+    near = [x + d for x, d in zip([*z, *about.unfolding[0]], discs, strict=True)]
+    k = about.field.k
+    try:
+        inputs = about.field.inputs(about.t + s, near[:k], near[k:])
+        return about.field.slopes(inputs, COMPLEX)[k:]
+    except Undecided:
+        return None
+
+
+def _largest(rows) -> list | None:
+    """Upper bounds of the absolute values over all rows; None if there is none."""
+    found: list | None = None
+    for row in rows:
+        if row is None:
+            return None
+        sizes = [acb(x).abs_upper() for x in row]
+        if not all(x.is_finite() for x in sizes):
+            return None
+        found = sizes if found is None else [max(a, b) for a, b in zip(found, sizes, strict=True)]
+    return found
 
 
 def _tail(q: arb, order: int) -> arb:

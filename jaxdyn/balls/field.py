@@ -55,6 +55,12 @@ class BallField:
         """Number of unfolding parameters."""
         return len(self.unfolding)
 
+    @property
+    def cases(self) -> list[Node]:
+        """Comparisons of moving numbers in the rate, which a disc must decide to be unequal."""
+        nodes = (node for node in self.rates.nodes if node.op in ("eq", "ne"))
+        return [n for n in nodes if any(isinstance(a, Node) and a.moving for a in n.args)]
+
     def inputs(self, t, y: list, unfolding: list) -> dict:
         """What the programs take."""
         pairs = zip((*self.states, *self.unfolding), (*y, *unfolding), strict=True)

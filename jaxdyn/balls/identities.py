@@ -4,16 +4,20 @@ Formulas become polynomials with rational coefficients (a float is a rational nu
 and in one generator for each function of them: a root, quotient or power of a polynomial a is a
 power of s with s^2 a = 1, a sine and a cosine satisfy S^2 + C^2 = 1. A polynomial that vanishes
 after these reductions is an identity; that one does not vanish proves nothing.
+
+Formulas may have another case where a quantity is 0 exactly, as a distance. Identities are of the
+case that it is not, which `apart` names: an enclosure of the motion must have excluded the other.
 """
 
 import dataclasses
+import math
 from fractions import Fraction
 from typing import Any
 
 from flint import fmpq, fmpq_mpoly_ctx
 
 from jaxdyn.balls.arithmetic import Program
-from jaxdyn.solvers.taylor.graph import Node, Number
+from jaxdyn.solvers.taylor.graph import LOGIC, Node, Number
 
 #: Generators for functions; beyond them nothing is proved.
 _MOST_FUNCTIONS = 120
@@ -32,9 +36,11 @@ class Polynomials:
 
     Args:
       inputs: nodes that are variables.
+      apart: comparisons of two numbers that are known to be different.
     """
 
     inputs: list[Node]
+    apart: frozenset[Node] = frozenset()
     _roots: list[tuple[Any, Any]] = dataclasses.field(default_factory=list)
     _functions: dict[tuple, Any] = dataclasses.field(default_factory=dict)
     _sines: list[tuple[int, int]] = dataclasses.field(default_factory=list)
@@ -52,6 +58,8 @@ class Polynomials:
 
     def constant(self, x: float):
         """The polynomial of a known number."""
+        if not math.isfinite(x):
+            raise NoPolynomial(str(x))
         value = Fraction(x)
         return self.context.constant(fmpq(value.numerator, value.denominator))
 
@@ -64,9 +72,10 @@ class Polynomials:
         found: dict[Node, Any] = dict(zip(self.inputs, variables, strict=True))
         for node in program.nodes:
             if node not in found:
-                found[node] = self._value(node, found)
-                if len(found[node]) > _MOST_TERMS:
-                    raise NoPolynomial("a polynomial of too many terms")
+                try:
+                    found[node] = self._value(node, found)
+                except NoPolynomial as error:  # which matters where the node is needed
+                    found[node] = error
         return [self._at(r, found) for r in program.results]
 
     def vanishes(self, p) -> bool:
@@ -108,19 +117,43 @@ class Polynomials:
         return total
 
     def _at(self, a: Number | None, found: dict):
-        return found[a] if isinstance(a, Node) else self.constant(a)
+        if not isinstance(a, Node):
+            return a if isinstance(a, bool) else self.constant(a)
+        if isinstance(found[a], NoPolynomial):
+            raise found[a]
+        return found[a]
 
     def _value(self, node: Node, found: dict):
+        op, args = node.op, node.args
+        if node in self.apart:
+            return op == "ne"
+        if op in LOGIC:
+            return self._combined(node, found)
+        if op == "select":
+            return self._at(args[2] if self._at(args[0], found) else args[1], found)
+        value = self._polynomial(node, found)
+        if len(value) > _MOST_TERMS:
+            raise NoPolynomial("a polynomial of too many terms")
+        return value
+
+    def _combined(self, node: Node, found: dict) -> bool:
+        """A logical operation, which may be decided by one operand alone."""
+        decisive = node.op == "or"
+        if node.op != "not" and any(found.get(a, a) is decisive for a in node.args):
+            return decisive
+        return LOGIC[node.op](*(self._at(a, found) for a in node.args))
+
+    def _polynomial(self, node: Node, found: dict):
         op, args = node.op, node.args
         if op == "sum":
             total = self.constant(0)
             for factor, term in zip(args[::2], args[1::2], strict=True):
                 part = self._at(factor, found)
-                total += part if term is None else part * found[term]
+                total += part if term is None else part * self._at(term, found)
             return total
         if op == "pow" and not isinstance(args[1], Node):
             return self._power(self._at(args[0], found), args[1])
-        operands = [self._at(a, found) for a in args if not isinstance(a, bool)]
+        operands = [self._at(a, found) for a in args]
         if op == "add":
             return operands[0] + operands[1]
         if op in ("mul", "scale", "product"):
@@ -142,6 +175,8 @@ class Polynomials:
         twice = int(twice)
         if twice >= 0 and twice % 2 == 0:
             return a ** (twice // 2)
+        if a.is_zero():
+            raise NoPolynomial("a division by 0")
         if a.is_constant() and twice % 2 == 0:
             return self.constant(0) + (1 / a.leading_coefficient()) ** (-twice // 2)
         known = self._as_power(a)

@@ -16,16 +16,19 @@ import math
 from typing import NamedTuple
 
 from jaxdyn.balls import series
-from jaxdyn.balls.arithmetic import arb, arb_mat, precision
-from jaxdyn.balls.enclosure import Disc, disc
+from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, precision
+from jaxdyn.balls.enclosure import About, Disc, disc
 from jaxdyn.balls.field import BallField
 from jaxdyn.balls.motion import composed
 
 #: Step as a part of the radius of the disc; less takes more steps, more takes higher orders.
-_SHARE = 0.25
+_SHARE = 0.35
 #: Digits of the derivative that truncation spares; it only has to be regular.
 SLOPE_DIGITS = 16.0
-_FIRST_RADIUS = 0.1  # tried for the first disc [time]; later ones start from the one before
+#: Digits that bounds of small neighbourhoods of a motion spare its series.
+_SPARED_DIGITS = 5.0
+_GROWTH_DIGITS = 2.0  # of derivatives over a disc
+_LEAST_ORDER = 24  # of the polynomial about which neighbours are enclosed
 _MOST_STEPS = 20_000
 _STEP_BITS = 40
 
@@ -83,27 +86,27 @@ def tube(
       NotEnclosed: the rate cannot be bounded, or the tube becomes too wide.
     """
     k, n = field.k, field.n
-    order, slope_order = _orders(digits), _orders(slope_digits)
+    order = max(_LEAST_ORDER, _orders(digits - _SPARED_DIGITS))
+    slope_order = _orders(slope_digits + _GROWTH_DIGITS)
     # Series are cut off at the longest one's order.
     with precision(bits, max(order, slope_order)):
         offset = _offset(centre, box, unfolding)
         unit = arb_mat([[int(i == j) for j in range(k + n)] for i in range(k)])
-        now, done, guess = _Now(centre, box, unit), arb(0), _FIRST_RADIUS
+        now, done, outer = _Now(centre, box, unit), arb(0), None
         for steps in range(1, _MOST_STEPS):
-            found = disc(field, t + done, now.box, unfolding[1], guess)
-            guess = float(found.radius) if found else 0.0
-            # Of few bits, so that sums of steps are exact.
-            h = arb(math.ldexp(math.floor(math.ldexp(_SHARE * guess, _STEP_BITS)), -_STEP_BITS))
-            if found is None or not h > 0:
+            about = _about(field, t + done, now, unfolding, order)
+            left = span[1] - done
+            found = about and disc(about, outer, float(left.upper()) / _SHARE)
+            if about is None or found is None:
                 raise NotEnclosed(
                     f"The rate has no bound near t = {float(done):.6g}: the tube touches a "
                     "singularity. Try more digits."
                 )
-            left = span[1] - done
+            around, outer = found
+            h = _short(_SHARE * float(around.radius))
             last = bool(left <= h)
             spans = (span[0] - done, left) if last else (h, h)
-            orders = order, slope_order
-            now = _stepped(field, t + done, now, unfolding, offset, spans, found, orders)
+            now = _stepped(about, now, offset, spans, around, slope_order)
             if not all(x.is_finite() and float(x.rad()) < 1.0 for x in now.box):
                 raise NotEnclosed(
                     f"The tube becomes too wide at t = {float(done):.6g}. Try more bits."
@@ -123,29 +126,42 @@ def _offset(centre: list, box: list, unfolding: tuple[list, list]) -> arb_mat:
     return arb_mat([[a - b] for a, b in pairs])
 
 
+def _about(field: BallField, t: arb, now: _Now, unfolding, order: int) -> About | None:
+    """The motion from the centre of a box, if its rate has a series there."""
+    try:
+        thin = [x.mid() for x in now.centre]
+        coefficients = series.motion_series(field, t, thin, unfolding[0], order)
+    except (ValueError, ZeroDivisionError, Undecided):  # python-flint's word for a singularity
+        return None
+    return About(field, t, coefficients, now.box, unfolding)
+
+
+def _short(x: float) -> arb:
+    """A number below, of few bits, so that sums of steps are exact."""
+    mantissa, exponent = math.frexp(x)
+    return arb(math.ldexp(math.floor(math.ldexp(mantissa, _STEP_BITS)), exponent - _STEP_BITS))
+
+
 def _stepped(
-    field: BallField,
-    t: arb,
+    about: About,
     now: _Now,
-    unfolding: tuple[list, list],
     offset: arb_mat,
     spans: tuple[arb, arb],
     found: Disc,
-    orders: tuple[int, int],
+    slope_order: int,
 ) -> _Now:
     """Enclosures a step later: of the centre over the first span, of all over the second."""
-    (order, slope_order), q = orders, abs(spans[1]) / found.radius
-    slopes = _slopes(field, t, now.box, unfolding[1], spans[1], found, q, slope_order)
+    q = abs(spans[1]) / found.radius
+    slopes = _slopes(about, spans[1], found, q, slope_order)
     all_slopes = composed(slopes, now.slopes)
-    thin = [x.mid() for x in now.centre]
-    coefficients = series.motion_series(field, t, thin, unfolding[0], order)
+    thin = [row[0] for row in about.series]
     off = arb_mat([[x - m] for x, m in zip(now.centre, thin, strict=True)])
-    k = field.k
+    k = about.field.k
     moved = arb_mat([row[:k] for row in slopes.tolist()]) * off
-    left_out = found.left_out(q, order)
+    left_out = found.left_out(q, len(about.series[0]) - 1)
 
     def ending(h: arb) -> list:
-        parts = zip(coefficients, left_out, moved.entries(), strict=True)
+        parts = zip(about.series, left_out, moved.entries(), strict=True)
         return [series.at(row, h) + _ball(error) + shift for row, error, shift in parts]
 
     centre = ending(spans[0])
@@ -155,9 +171,10 @@ def _stepped(
     return _Now(centre, [c + d for c, d in zip(ends, spread, strict=True)], all_slopes)
 
 
-def _slopes(field, t, box, unfolding, h: arb, found: Disc, q: arb, order: int) -> arb_mat:
+def _slopes(about: About, h: arb, found: Disc, q: arb, order: int) -> arb_mat:
     """(k, k + n) the derivatives of a step's end for all motions from a box."""
-    coefficients = series.motion_series(field, t, box, unfolding, order)
+    field, t, unfolding = about.field, about.t, about.unfolding[1]
+    coefficients = series.motion_series(field, t, about.box, unfolding, order)
     _, slopes, forcing = series.slope_series(field, t, coefficients, unfolding, order)
     value = series.at(series.transition_series(slopes, forcing, order), h)
     errors = found.left_out_of_slopes(q, order)

@@ -1,26 +1,13 @@
 """The record of a proof, or of why there is none; plain data, which files keep."""
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import Any
 
 from jaxdyn import _text
 from jaxdyn._checks import fail
+from jaxdyn._enclosed import Enclosed
 from jaxdyn.files.typed import typed_fields
 from orbits.orbit import Orbit
-
-
-class Enclosed(NamedTuple):
-    """A number within `rad` of `mid`, both decimal strings."""
-
-    mid: str
-    rad: str
-
-    def as_json(self) -> dict[str, str]:
-        """Both as a JSON object."""
-        return self._asdict()
-
-    def __str__(self) -> str:
-        return f"{self.mid} +- {self.rad}"
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,6 +9,8 @@ import math
 
 from jaxdyn.balls.arithmetic import acb, acb_poly, arb, arb_mat
 
+_NEWTON_STEPS = 30
+
 
 def deflated(matrix: arb_mat, unit: int) -> list[arb]:
     """Coefficients of the characteristic polynomial divided by (x - 1)^unit, lowest first."""
@@ -35,10 +37,27 @@ def roots(coefficients: list[arb], error: arb | None = None) -> list[acb]:
     """Enclosures of the roots, each of one root, to an error; [] if they cannot be told apart."""
     if len(coefficients) < 2:
         return []
+    polynomial = acb_poly(coefficients)
     try:
-        return acb_poly(coefficients).roots(tol=error)
+        found = polynomial.roots(tol=error)
     except (ValueError, ZeroDivisionError):
         return []
+    return [_sharpened(polynomial, z) for z in found]
+
+
+def _sharpened(polynomial: acb_poly, z: acb) -> acb:
+    """A narrower enclosure of the root in a ball, by interval Newton steps.
+
+    The root lies in mid z - p(mid z) / p'(z), as it does in z.
+    """
+    slope = polynomial.derivative()
+    for _ in range(_NEWTON_STEPS):
+        middle = z.mid()
+        step = middle - polynomial(middle) / slope(z)
+        if not float(step.rad()) < 0.5 * float(z.rad()):
+            break
+        z = step
+    return z
 
 
 def _divided(coefficients: list[arb]) -> tuple[list[arb], arb]:

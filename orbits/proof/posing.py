@@ -18,6 +18,7 @@ from orbits.closing.symmetry import Symmetry
 from orbits.orbit import Orbit, SearchError
 from orbits.proof.closure import Closure, float_matrix
 from orbits.proof.drives import drive_period
+from orbits.proof.hidden import hidden_integrals
 
 #: Digits of the motion from which Jacobians in doubles and the rank are taken.
 ROUGH_DIGITS = 16.0
@@ -141,17 +142,21 @@ def _generator(scene: Scene, closing: Closing) -> np.ndarray | None:
     return found.astype(int)
 
 
+def _candidates(scene: Scene, t, y) -> dict:
+    return energies.integrals(scene, t, y) | hidden_integrals(scene, t, y)
+
+
 def _integrals(scene: Scene, t, y):
-    found = energies.integrals(scene, t, y).values()
+    found = _candidates(scene, t, y).values()
     return jnp.concatenate([jnp.zeros(0), *(jnp.ravel(x) for x in found)])
 
 
 def _integral_names(scene: Scene) -> list[str]:
-    found = energies.integrals(scene, jnp.zeros(()), scene.y0)
+    found = _candidates(scene, jnp.zeros(()), scene.y0)
     return [
-        name if not np.ndim(value) else f"{name} {'xyz'[i]}"
+        f"{name} {axis}" if np.ndim(value) else name
         for name, value in found.items()
-        for i in range(np.size(value))
+        for axis in "xyz"[: np.size(value)]
     ]
 
 
@@ -161,10 +166,13 @@ def _conserved(whole: Closure, candidates: dict[str, Number]) -> dict[str, Numbe
     field = ball_field(formulas, list(candidates.values()))
     random = np.random.default_rng(0)
     worst = np.zeros(len(candidates))
+    values = np.array(whole.values)
+    # Entries that are 0 vary as well: on an axis of symmetry more is conserved.
+    sizes = np.where(values, abs(values), abs(values[values != 0]).min(initial=1.0))
     with precision(128):
         for _ in range(_POINTS):
-            noise = 1 + 0.01 * random.standard_normal(len(whole.values))
-            numbers = [arb(x * s) for x, s in zip(whole.values, noise, strict=True)]
+            moved = values + 0.01 * sizes * random.standard_normal(len(values))
+            numbers = [arb(x) for x in moved]
             y, t = whole.start(numbers), arb(random.uniform())
             zeros = [arb(0)] * field.n
             found = field.slopes(field.inputs(t, y, zeros))
@@ -172,9 +180,9 @@ def _conserved(whole: Closure, candidates: dict[str, Number]) -> dict[str, Numbe
             table = np.array([float(x) for x in found[field.k :]]).reshape(field.k, -1)
             # The derivative of the rate by lambda_i is the gradient of I_i.
             gradients = table[:, field.k :].T
-            sizes = np.linalg.norm(gradients, axis=1) * np.linalg.norm(rates)
-            worst = np.maximum(worst, np.abs(gradients @ rates) / np.where(sizes, sizes, np.inf))
-            worst = np.where(sizes > 0, worst, np.inf)
+            most = np.linalg.norm(gradients, axis=1) * np.linalg.norm(rates)
+            worst = np.maximum(worst, np.abs(gradients @ rates) / np.where(most, most, np.inf))
+            worst = np.where(most > 0, worst, np.inf)
     kept = (name for name, leak in zip(candidates, worst, strict=True) if leak < _CONSERVED)
     return {name: candidates[name] for name in kept}
 

@@ -7,10 +7,11 @@ from jaxdyn import Scene, _checks
 from jaxdyn._progress import doing
 from jaxdyn.analysis.monodromy import symplectic_form
 from jaxdyn.balls.arithmetic import arb, precision
+from jaxdyn.balls.decimals import decimal
 from jaxdyn.balls.motion import bits_of
 from orbits.orbit import Orbit, SearchError
 from orbits.proof import multipliers
-from orbits.proof.certificate import Certificate, Enclosed
+from orbits.proof.certificate import Certificate
 from orbits.proof.closure import Closure
 from orbits.proof.krawczyk import Test, tested
 from orbits.proof.one_curve import on_one_curve
@@ -19,7 +20,6 @@ from orbits.proof.refinement import LEAST_DIGITS, MOST_DIGITS, solved
 from orbits.proof.spectrum import Spectrum, spectrum, structure
 from orbits.proof.theorems import missing
 
-DIGITS = 30.0  # of exact numbers as decimals
 _BOX = 10.0  # digits by which a box is wider than the centre is known
 _SPARE = 6.0
 #: Bits of the first trial beyond those of the digits; each further one doubles them.
@@ -169,10 +169,10 @@ def _certificate(
                 for i in system.held
                 if system.drive is None or system.names[i] != "period"
             ),
-            period=_enclosed(system.period(test.numbers)),
-            y0=tuple(_enclosed(x) for x in system.start(test.numbers)),
-            multipliers=tuple((_enclosed(z.real), _enclosed(z.imag)) for z in found.values),
-            exponents=tuple(_enclosed(multipliers.rotation_number(z)) for z in complex_ones)
+            period=decimal(system.period(test.numbers)),
+            y0=tuple(decimal(x) for x in system.start(test.numbers)),
+            multipliers=tuple((decimal(z.real), decimal(z.imag)) for z in found.values),
+            exponents=tuple(decimal(multipliers.rotation_number(z)) for z in complex_ones)
             if stable
             else (),
             verdict=found.verdict,
@@ -225,16 +225,3 @@ def _words(system: Closure) -> str:
 def _exact(x: arb) -> str:
     mantissa, exponent = x.mid().man_exp()
     return f"{int(mantissa)}*2^{int(exponent)}"
-
-
-def _enclosed(x: arb) -> Enclosed:
-    """A decimal midpoint and radius whose ball contains the ball."""
-    digits = DIGITS
-    if x.rad() > 0:
-        digits = 3 + float((1 + abs(x.mid()) / x.rad()).log() / arb(10).log())
-    with precision(8 * int(digits) + 128):
-        text = arb(x.mid()).str(int(digits) + 4, radius=False)
-        bound = abs(x - arb(text)).upper()
-        # Three digits are short by a part in a hundred at most.
-        rad = (bound * arb("1.03")).upper().str(3, radius=False) if bound > 0 else "0"
-    return Enclosed(text, rad)

@@ -108,7 +108,7 @@ def _unit(system: Closure, numbers: list, known: Structure) -> int:
     flow = [arb(x) for x in system.field.rate(arb(0), start, [arb(0)] * system.field.n)]
     if not known.integrals:
         return int(_rank([flow]))
-    theorems = Theorems.of(system.formulas)
+    theorems = Theorems.of(system.formulas, system.field)
     rows = [theorems.gradient(integral) for integral in known.integrals.values()]
     values = system.gradients(list(known.integrals.values()), start)
     chosen = _independent(values)
@@ -144,7 +144,7 @@ def _rank(rows: list[list]) -> bool:
 def structure(system: Closure, candidates: dict, generators: list, form) -> Structure:
     """What is proved among candidates: integrals, generators of symmetries, a symplectic form."""
     try:
-        theorems = Theorems.of(system.formulas)
+        theorems = Theorems.of(system.formulas, system.field)
         turn = np.zeros((len(theorems.rate),) * 2) if system.generator is None else system.generator
         turned = theorems.direction(turn, np.zeros(len(turn)))
         integrals = {

@@ -2,6 +2,10 @@
 
 All are identities between the formulas of a rate, proved by algebra (`jaxdyn/balls/identities.py`),
 not tested at points.
+
+A rate may have another case where two quantities are equal exactly, such as a distance and 0. The
+discs about the steps of a tube prove that they differ all along its motions (`balls.arithmetic`);
+identities of symmetries also need that the symmetry keeps the differences, up to their order.
 """
 
 import dataclasses
@@ -10,6 +14,7 @@ import numpy as np
 
 from jaxdyn.balls.arithmetic import Program
 from jaxdyn.balls.derivative import gradients
+from jaxdyn.balls.field import BallField
 from jaxdyn.balls.identities import NoPolynomial, Polynomials
 from jaxdyn.solvers.taylor.formulas import Formulas
 from jaxdyn.solvers.taylor.graph import Number
@@ -23,24 +28,32 @@ class Theorems:
     Attributes:
       ring: the polynomials.
       rate: (k) the rate.
+      differences: formulas that are not 0 along the motions.
     """
 
     formulas: Formulas
     ring: Polynomials
     rate: list
+    differences: list[Number]
     _program: Program
 
     @classmethod
-    def of(cls, formulas: Formulas) -> "Theorems":
+    def of(cls, formulas: Formulas, field: BallField | None = None) -> "Theorems":
         """Those of a rate.
+
+        Args:
+          formulas: of the rate, and of others in the same graph.
+          field: the rate whose motions are enclosed by tubes, which decide its cases.
 
         Raises:
           NoPolynomial: the rate is not representable.
         """
-        ring = Polynomials([formulas.time, *formulas.states])
+        cases = field.cases if field else []
+        ring = Polynomials([formulas.time, *formulas.states], frozenset(cases))
+        differences = [formulas.graph.sub(*case.args) for case in cases]
         program = Program.of(formulas.graph, list(formulas.rates))
         rate = ring.values(program, ring.generators[: 1 + len(formulas.states)])
-        return cls(formulas, ring, rate, program)
+        return cls(formulas, ring, rate, differences, program)
 
     def _variables(self) -> list:
         return list(self.ring.generators[: 1 + len(self.rate)])
@@ -91,8 +104,12 @@ class Theorems:
     def is_symmetry(self, matrix: np.ndarray, sign: int) -> bool:
         """Whether f(g y) = sign g f(y)."""
         time, *y = self._variables()
-        there = self.ring.values(self._program, [time, *self._applied(matrix, y)])
+        moved = [time, *self._applied(matrix, y)]
+        there = self.ring.values(self._program, moved)
         here = self._applied(matrix, self.rate)
+        apart = self.evaluated(self.differences)
+        if not all(p in apart or -p in apart for p in self.evaluated(self.differences, moved)):
+            return False
         return all(self.ring.vanishes(a - sign * b) for a, b in zip(there, here, strict=True))
 
     def is_generator(self, matrix: np.ndarray, offset: np.ndarray) -> bool:
@@ -104,6 +121,8 @@ class Theorems:
         flat = self.evaluated([s for row in table for s in row])
         k = len(self.rate)
         rows = [flat[i * k : (i + 1) * k] for i in range(k)]
+        if not all(self.vanishes_along(self.gradient(d), moved) for d in self.differences):
+            return False
         return all(
             self.ring.vanishes(self._dot(row, moved) - one)
             for row, one in zip(rows, wanted, strict=True)
@@ -150,7 +169,7 @@ def missing(system: Closure) -> str:
     See `closure` for why the unfolding is 0, and the closing condition for why the motion repeats.
     """
     try:
-        known = Theorems.of(system.formulas)
+        known = Theorems.of(system.formulas, system.field)
         if system.drive is None and known.depends_on_time():
             return "that the rate is the same at all times, or has the orbit's period"
         for name, integral in system.integrals.items():

@@ -2,5 +2,6 @@
 
 `search` finds them by Levenberg-Marquardt iterations from many starts, `isolation` encloses zeros
 in boxes by interval arithmetic, `completeness` says whether all of them were found, or why that is
-unknown. `jaxdyn.analysis.equilibria` is the function that users call.
+unknown; `proving` proves it in ball arithmetic, with `proof` as the result.
+`jaxdyn.analysis.equilibria` is the function that users call.
 """

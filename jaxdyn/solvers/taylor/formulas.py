@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from jaxdyn.solvers.taylor.graph import COMPARISONS, FUNCTIONS, LOGIC, Graph, Node, Number
+from jaxdyn.solvers.taylor.graph import COMPARISONS, FUNCTIONS, LOGIC, TESTS, Graph, Node, Number
 from jaxdyn.solvers.taylor.on_numpy import calculated, rearranged
 
 
@@ -257,7 +257,7 @@ def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
         return getattr(graph, name)
     if name in FUNCTIONS:
         return functools.partial(graph.function, name)
-    if name in COMPARISONS or name in LOGIC:
+    if name in COMPARISONS or name in LOGIC or name in TESTS:
         return functools.partial(_condition, graph, name)
     if name == "select_n" and cases == 2:
         return graph.select
@@ -279,7 +279,7 @@ def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
 
 def _condition(graph: Graph, op: str, *args: Number) -> Number:
     """A condition; on moving numbers only equality, since others may change within a step."""
-    if op in COMPARISONS and op not in ("eq", "ne"):
+    if op not in LOGIC and op not in ("eq", "ne"):
         if any(isinstance(a, Node) and a.moving for a in args):
             raise NotElementary("a condition on moving numbers")
     return graph.compare(op, *args)

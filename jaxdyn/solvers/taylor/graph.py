@@ -45,8 +45,10 @@ COMPARISONS = {
     **{"eq": operator.eq, "ne": operator.ne},
 }
 LOGIC = {"and": operator.and_, "or": operator.or_, "not": operator.not_}
+#: Conditions of steady numbers.
+TESTS = {"is_finite": math.isfinite}
 #: Operations with a result that holds for a whole step.
-STEADY = frozenset({*COMPARISONS, *LOGIC, "real"})
+STEADY = frozenset({*COMPARISONS, *LOGIC, *TESTS, "real"})
 FUNCTIONS = {
     **{"sin": np.sin, "cos": np.cos, "exp": np.exp, "log": np.log, "sqrt": np.sqrt},
     **{"tanh": np.tanh},
@@ -189,10 +191,10 @@ class Graph:
         return node
 
     def compare(self, op: str, *args: Number) -> Number:
-        """A comparison, or a logical operation on comparisons."""
+        """A condition, or a logical operation on conditions."""
         if any(isinstance(a, Node) for a in args):
             return self.node(op, *args)
-        return (COMPARISONS | LOGIC)[op](*args)
+        return (COMPARISONS | LOGIC | TESTS)[op](*args)
 
     def select(self, which: Number, no: Number, yes: Number) -> Number:
         """One of two, by a condition."""

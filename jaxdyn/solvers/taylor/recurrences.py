@@ -244,7 +244,7 @@ _RULES: dict[str, Callable[[_Series, Node, int], Coefficient]] = {
     **{"lt": _steady(lax.lt), "le": _steady(lax.le), "gt": _steady(lax.gt)},
     **{"ge": _steady(lax.ge), "eq": _steady(lax.eq), "ne": _steady(lax.ne)},
     **{"and": _steady(lax.bitwise_and), "or": _steady(lax.bitwise_or)},
-    "not": _steady(lax.bitwise_not),
+    **{"not": _steady(lax.bitwise_not), "is_finite": _steady(lax.is_finite)},
     "real": _steady(lambda a: lax.convert_element_type(a, float)),
 }
 assert set(_RULES) >= STEADY

@@ -10,7 +10,7 @@ import pytest
 import jaxdyn
 from jaxdyn.balls import series
 from jaxdyn.balls.arithmetic import arb, precision
-from jaxdyn.balls.enclosure import Disc, disc
+from jaxdyn.balls.enclosure import About, Disc, disc
 from jaxdyn.balls.field import ball_field, scene_formulas
 from jaxdyn.balls.tube import NotEnclosed, tube
 
@@ -169,7 +169,7 @@ def test_motions_of_random_polynomial_fields_are_enclosed(seed):
 
 def test_the_width_decreases_with_the_digits_and_with_the_step():
     field = _field(lambda t, y: [y[1], -y[0] - y[0] ** 3], 2)
-    widths = [_widest(_tube(field, [1.0, 0.5], 1.0, digits=n).centre) for n in (10, 20, 40)]
+    widths = [_widest(_tube(field, [1.0, 0.5], 1.0, digits=n).centre) for n in (20, 30, 50)]
     assert widths[1] < 1e-9 * widths[0]
     assert widths[2] < 1e-19 * widths[1]
     bounds = Disc(radius=arb(1), state=[arb(1)], start=[arb(1)])
@@ -216,12 +216,46 @@ def test_no_series_is_summed_outside_of_its_disc():
 )
 def test_no_disc_reaches_beyond_the_domain_of_a_function(one):
     field = _field(lambda t, y: [one(y[0])], 1)
-    for box in (arb(0), arb(0, 1e-3), arb(1e-3, 1e-3)):
-        assert disc(field, arb(0), [box], [], 0.1) is None
-    # About the point 1 the disc stays on one side: it moves by 1 at most.
-    found = disc(field, arb(0), [arb(1)], [], 0.1)
+    for box in (arb(1e-3, 1e-3), arb(1e-3, 2e-3)):
+        assert _disc(field, box) is None
+    # All functions are analytic but at 0: from 1 the disc does not contain a time of being there.
+    found = _disc(field, arb(1))
     assert found is not None
-    assert float(found.state[0] + found.start[0]) < 1
+    bounds, coefficients = found
+    angles = np.exp(1j * np.linspace(0, np.pi, 50))
+    times = float(bounds.radius) * np.linspace(0, 1, 50)[:, None] * angles
+    there = np.polynomial.polynomial.polyval(times, [float(x) for x in coefficients])
+    assert np.abs(there).min() > float(bounds.state[0])
+
+
+def _disc(field, box, order=40):
+    with precision(BITS, order):
+        coefficients = series.motion_series(field, arb(0), [box.mid()], [], order)
+        found = disc(About(field, arb(0), coefficients, [box], ([], [])), None, 10.0)
+    return None if found is None else (found[0], coefficients[0])
+
+
+def test_what_a_series_leaves_out_is_within_the_bound_and_not_much_less():
+    # y = 1 / (1 - t), whose series has the coefficients 1, from each start of a box.
+    field, order, width = _field(lambda t, y: [y[0] ** 2], 1), 40, 1e-7
+    found = _disc(field, arb(1, width), order)
+    assert found is not None
+    bounds = found[0]
+    radius = float(bounds.radius)
+    assert 0.25 < radius < 1
+    for part in (0.2, 0.5, 0.9):
+        h = part * radius
+        exact = h ** (order + 1) / (1 - h)  # of the motion from 1, and of its derivative (1 - h)^-2
+        slope = (order + 2) * exact + exact * h / (1 - h)
+        assert exact < float(bounds.left_out(arb(part), order)[0])
+        (row,) = bounds.left_out_of_slopes(arb(part), order)
+        assert slope < float(row[0]) < 1e6 * slope * radius ** -(order + 1)
+
+
+@pytest.mark.parametrize("one", [jnp.sqrt, jnp.log, lambda x: 1 / x, lambda x: jnp.sin(x) / x])
+def test_a_start_at_a_singularity_is_refused(one):
+    with pytest.raises(NotEnclosed, match="singularity"):
+        _tube(_field(lambda t, y: [one(y[0])], 1), [0.0], 1.0)
 
 
 def test_a_motion_into_a_singularity_is_refused():

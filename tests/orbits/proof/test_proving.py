@@ -13,7 +13,8 @@ import jaxdyn
 import orbits
 from jaxdyn import scenes
 from jaxdyn.balls.arithmetic import arb, precision
-from orbits.proof import checking, proving
+from jaxdyn.balls.decimals import decimal
+from orbits.proof import checking
 from orbits.proof.posing import posed_closure
 from orbits.proof.proving import certified
 from orbits.proof.refinement import solved
@@ -175,7 +176,7 @@ def test_decimal_enclosures_contain_the_ball_and_keep_its_digits():
             (7, "1e-900"),
         ):
             ball = arb(mid) / 3 + arb(0, arb(rad))
-            told = proving._enclosed(ball)
+            told = decimal(ball)
             assert arb(told.mid, told.rad).contains(ball)
             assert arb(told.rad) < max(1.2 * arb(rad), arb("1e-33"))
             assert arb(told.rad) > arb(rad)
@@ -213,3 +214,15 @@ def test_the_neighbour_of_the_eight_is_proved_to_be_another_orbit():
     proof = orbits.prove(plain)
     assert (proof.proved, proof.choreography) == (True, False)
     assert (proof.verdict, proof.verdict_proved) == ("unstable", True)
+
+
+@pytest.mark.long
+def test_the_rotation_numbers_of_the_eight_are_enclosed_to_many_digits():
+    eight = orbits.find(scenes.three_body(), closing=orbits.choreography(3))
+    proof = orbits.prove(eight, digits=40)
+    assert all(float(x.rad) < 1e-20 for x in proof.exponents)
+    known = orbits.refine(eight, 30).exponents
+    with mpmath.workdps(40):
+        for exact in known:
+            gaps = [abs(mpmath.mpf(x.mid) - mpmath.mpf(exact)) for x in proof.exponents]
+            assert min(gaps) < mpmath.mpf(10) ** -24

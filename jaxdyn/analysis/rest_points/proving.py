@@ -1,0 +1,45 @@
+"""The proof that a list of rest points is complete, by ball arithmetic (`balls.zeros`)."""
+
+import numpy as np
+
+from jaxdyn._text import counted
+from jaxdyn.analysis.rest_points.proof import RestPointProof
+from jaxdyn.analysis.rest_points.search import Box
+from jaxdyn.balls.decimals import decimal
+from jaxdyn.balls.field import ball_field, scene_formulas
+from jaxdyn.balls.zeros import BITS, zeros
+from jaxdyn.scene import Scene
+
+_NAMED = 5  # undecided boxes in words
+
+
+def proved(scene: Scene, t: float, box: Box) -> RestPointProof:
+    """All rest points of a scene in a box at time t.
+
+    Raises:
+      ValueError: the rate is not made of elementary functions.
+    """
+    field = ball_field(scene_formulas(scene)[0])
+    found = zeros(field, t, np.asarray(box.low), np.asarray(box.high))
+    left = tuple(tuple(decimal(x) for x in cell) for cell in found.left)
+    if left:
+        named = "; ".join(", ".join(f"{float(x.mid):.6g}" for x in cell) for cell in left[:_NAMED])
+        reason = (
+            f"{counted(len(left), 'box', 'boxes')} could not be decided, near {named}: the "
+            "Jacobian is singular there, or the rate is not smooth, or the box is too large. "
+            "Prove a smaller box."
+        )
+    else:
+        reason = (
+            "interval bisection in ball arithmetic: Krawczyk's test of each box that holds one, "
+            "bounds that exclude 0 of each other."
+        )
+    return RestPointProof(
+        proved=not left,
+        reason=reason,
+        points=tuple(tuple(decimal(x) for x in point) for point in found.found),
+        undecided=left,
+        discarded=found.discarded,
+        names=tuple(name for name, _ in scene.labels()),
+        bits=BITS,
+    )

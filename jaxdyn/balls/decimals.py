@@ -1,0 +1,19 @@
+"""Balls as decimal strings that enclose them."""
+
+from jaxdyn._enclosed import Enclosed
+from jaxdyn.balls.arithmetic import arb, precision
+
+_DIGITS = 30.0  # of exact numbers
+
+
+def decimal(x: arb) -> Enclosed:
+    """A decimal midpoint and radius whose ball contains the ball."""
+    digits = _DIGITS
+    if x.rad() > 0:
+        digits = 3 + float((1 + abs(x.mid()) / x.rad()).log() / arb(10).log())
+    with precision(8 * int(digits) + 128):
+        text = arb(x.mid()).str(int(digits) + 4, radius=False)
+        bound = abs(x - arb(text)).upper()
+        # Three digits are short by a part in a hundred at most.
+        rad = (bound * arb("1.03")).upper().str(3, radius=False) if bound > 0 else "0"
+    return Enclosed(text, rad)

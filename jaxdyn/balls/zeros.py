@@ -1,0 +1,198 @@
+"""All zeros of a rate in a box, proved: bisection with Krawczyk's test in ball arithmetic.
+
+Theorem (Krawczyk 1969, Computing 4, 187; Neumaier 1990, Interval Methods for Systems of Equations,
+section 5.1). Let F be differentiable on a box X with centre c, D a matrix of balls that contains
+F'(z) for all z in X, Y any matrix, and K = c - Y F(c) + (1 - Y D)(X - c). Each zero of F in X lies
+in K. If K lies in the interior of X, F has exactly one zero in X.
+
+So each box is discarded, by bounds of F that exclude 0 or by K off the box; or has exactly one
+zero, which further steps X -> K enclose more narrowly; or is cut in two. The proof of the theorem
+stands in ``orbits/proof/krawczyk.py``. Boxes that remain when they are tiny, or too many, are
+named.
+"""
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, precision
+from jaxdyn.balls.field import BallField
+
+BITS = 160  # of the calculation
+_WIDENED = 0.1  # of a box, to each side: a zero on a common side is inside of both
+_LEAST_SIZE = 1e-8  # of the whole: smaller boxes are not cut
+_MOST_BOXES = 60_000
+_STEPS = 12  # that make the enclosure of a zero narrow
+_NARROW = 2.0**-140  # of the whole
+
+
+class Zeros(NamedTuple):
+    """The zeros of a rate in a box.
+
+    Attributes:
+      found: (e) boxes (k) with exactly one zero each.
+      left: boxes (k) in which there may be others.
+      discarded: number of boxes without a zero.
+    """
+
+    found: list[list]
+    left: list[list]
+    discarded: int
+
+
+class _Equations:
+    """The equations in the unknown entries of the state; velocities are 0 at rest."""
+
+    def __init__(self, field: BallField, t: float, low: np.ndarray, high: np.ndarray):
+        self.field, self.t, self.low, self.high = field, arb(t), low, high
+        rates, states = field.rates.results, field.states
+        known = (low <= 0) & (high >= 0) & np.array([node in rates for node in states])
+        #: Of each rate, whether it is one of those entries.
+        self.rows = [i for i, x in enumerate(rates) if not any(x is states[j] for j in _on(known))]
+        self.start = [arb(0) if one else arb(x) for one, x in zip(known, low, strict=True)]
+        self.free = [i for i in range(len(states)) if not known[i] and high[i] > low[i]]
+
+    def state(self, box: list) -> list:
+        """(k) the state whose unknown entries are these."""
+        y = list(self.start)
+        for i, x in zip(self.free, box, strict=True):
+            y[i] = x
+        return y
+
+    def rate(self, box: list) -> list | None:
+        """(m) the equations' left sides; None without bounds."""
+        try:
+            found = self.field.rate(self.t, self.state(box), [])
+        except (Undecided, ZeroDivisionError):
+            return None
+        return [found[i] for i in self.rows]
+
+    def slopes(self, box: list) -> arb_mat | None:
+        """(m, n) derivatives; None without bounds."""
+        try:
+            found = self.field.slopes(self.field.inputs(self.t, self.state(box), []))
+        except (Undecided, ZeroDivisionError):
+            return None
+        k = self.field.k
+        rows = [[found[k + i * k + j] for j in self.free] for i in self.rows]
+        return arb_mat(rows) if all(arb(x).is_finite() for row in rows for x in row) else None
+
+
+def _on(mask: np.ndarray) -> list[int]:
+    return np.flatnonzero(mask).tolist()
+
+
+def zeros(field: BallField, t: float, low: np.ndarray, high: np.ndarray) -> Zeros:
+    """All zeros of a rate at time t in a box (k,) (k,), as far as they can be told apart."""
+    with precision(BITS):
+        equations = _Equations(field, t, low, high)
+        free = equations.free
+        sizes = [float(high[i] - low[i]) for i in free]
+        todo = [[(float(low[i]), float(high[i])) for i in free]]
+        found, left, discarded = [], [], 0
+        for count in itertools.count():
+            if not todo:
+                break
+            cell = todo.pop()
+            kind, narrow, alone = _examined(equations, cell, sizes)
+            if kind == "none":
+                discarded += 1
+            elif kind == "one":
+                near = [wide for zero, wide in found if _same(narrow, zero)]
+                if not near:
+                    found.append((narrow, alone))
+                elif not all(_inside(narrow, wide) for wide in near):
+                    _joined(left, narrow)
+            elif count >= _MOST_BOXES or _is_small(cell, sizes):
+                _joined(left, [_hull(*ends) for ends in cell])
+            else:
+                todo += _halves(cell, sizes)
+        inside = [box for box, _ in found if _meets(box, equations)]
+        discarded += len(found) - len(inside)
+        whole = [equations.state(box) for box in inside]
+        return Zeros(whole, [equations.state(box) for box in left], discarded)
+
+
+def _hull(low: float, high: float) -> arb:
+    return arb(low).union(arb(high))
+
+
+def _joined(places: list[list], box: list) -> None:
+    """Add a box to a list of apart ones, united with those that it touches."""
+    for other in [x for x in places if _same(x, box)]:
+        places.remove(other)
+        box = [x.union(y) for x, y in zip(box, other, strict=True)]
+    places.append(box)
+
+
+def _same(a: list, b: list) -> bool:
+    """Whether two boxes meet."""
+    return all(x.overlaps(y) for x, y in zip(a, b, strict=True))
+
+
+def _meets(box: list, equations: _Equations) -> bool:
+    pairs = zip(box, equations.free, strict=True)
+    return all(x.overlaps(_hull(equations.low[i], equations.high[i])) for x, i in pairs)
+
+
+def _is_small(cell: list, sizes: list[float]) -> bool:
+    pairs = zip(cell, sizes, strict=True)
+    return all(high - low <= _LEAST_SIZE * size for (low, high), size in pairs)
+
+
+def _halves(cell: list, sizes: list[float]) -> list[list]:
+    widths = [(high - low) / size for (low, high), size in zip(cell, sizes, strict=True)]
+    across = int(np.argmax(widths))
+    low, high = cell[across]
+    middle = (low + high) / 2
+    parts = (low, middle), (middle, high)
+    return [[*cell[:across], part, *cell[across + 1 :]] for part in parts]
+
+
+def _examined(equations: _Equations, cell: list, sizes: list[float]) -> tuple[str, list, list]:
+    """Whether it has "none", "one" or nobody knows; an enclosure of one, and where it is alone."""
+    box = [_hull(*ends) for ends in cell]
+    rates = equations.rate(box)
+    if rates is not None and any(not x.contains(0) for x in rates):
+        return "none", box, box
+    box = [x + (x - x.mid()) * (2 * _WIDENED) for x in box]
+    moved = _krawczyk(equations, box)
+    if moved is None:
+        return "", box, box
+    if not all(x.overlaps(y) for x, y in zip(moved, box, strict=True)):
+        return "none", box, box
+    if not _inside(moved, box):
+        return "", box, box
+    for _ in range(_STEPS):
+        if all(float(x.rad()) <= _NARROW * size for x, size in zip(moved, sizes, strict=True)):
+            break
+        again = _krawczyk(equations, moved)
+        if again is None:
+            break
+        moved = [x.intersection(y) for x, y in zip(again, moved, strict=True)]
+    return "one", moved, box
+
+
+def _inside(inner: list, outer: list) -> bool:
+    pairs = zip(inner, outer, strict=True)
+    return all(bool(abs(x - y.mid()) < y.rad()) for x, y in pairs)
+
+
+def _krawczyk(equations: _Equations, box: list) -> list | None:
+    """K of a box; None if there is none."""
+    centre = [x.mid() for x in box]
+    slopes, rates = equations.slopes(box), equations.rate(centre)
+    n = len(box)
+    if slopes is None or rates is None or len(rates) != n or not n:
+        return None
+    table = np.array([[float(x.mid()) for x in row] for row in slopes.tolist()])
+    try:
+        inverse = arb_mat(np.linalg.inv(table).tolist())
+    except np.linalg.LinAlgError:
+        return None
+    unit = arb_mat([[int(i == j) for j in range(n)] for i in range(n)])
+    offset = arb_mat([[x - c] for x, c in zip(box, centre, strict=True)])
+    error = arb_mat([[x] for x in rates])
+    step = ((unit - inverse * slopes) * offset - inverse * error).entries()
+    return [c + x for c, x in zip(centre, step, strict=True)]

@@ -1,0 +1,86 @@
+"""All zeros in a box, proved: against closed forms, and left open where they cannot be proved."""
+
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+
+import jaxdyn
+from jaxdyn import equilibria, scenes
+from jaxdyn.scenes.springs import two_springs
+
+
+def _proof(rate, low, high):
+    scene = jaxdyn.ode(lambda t, y: rate(y), np.ones(len(low)), 1.0)
+    found = equilibria(scene, low, high, starts=64, prove=True).proof
+    assert found is not None
+    return found
+
+
+def _holds(enclosed, exact) -> bool:
+    with mpmath.workdps(60):
+        return abs(mpmath.mpf(enclosed.mid) - exact) <= mpmath.mpf(enclosed.rad)
+
+
+def test_the_zeros_of_a_cubic_and_a_line_are_all_found():
+    proof = _proof(lambda y: [y[0] ** 3 - 2 * y[0] + y[1], y[1] - 0.5 * y[0]], [-3, -3], [3, 2.9])
+    assert (proof.proved, len(proof.points), proof.undecided) == (True, 3, ())
+    with mpmath.workdps(60):
+        exact = [-mpmath.sqrt(1.5), mpmath.mpf(0), mpmath.sqrt(1.5)]
+    points = sorted(proof.points, key=lambda point: float(point[0].mid))
+    for point, x in zip(points, exact, strict=True):
+        with mpmath.workdps(60):
+            assert _holds(point[0], x)
+            assert _holds(point[1], x / 2)
+        assert float(point[0].rad) < 1e-40
+
+
+def test_a_box_without_zeros_is_proved_to_have_none():
+    proof = _proof(lambda y: [y[0] ** 2 + y[1] ** 2 + 0.01, y[1]], [-3, -3], [3, 3])
+    assert (proof.proved, proof.points) == (True, ())
+    assert "exactly 0 rest points" in repr(proof)
+
+
+def test_a_double_zero_is_left_undecided_and_named():
+    proof = _proof(lambda y: [(y[0] - 1) ** 2, y[1] - y[0]], [-3, -3], [3, 3])
+    assert not proof.proved
+    assert all(abs(float(box[0].mid) - 1) < 1e-4 for box in proof.undecided)
+    assert "could not be decided, near 1" in proof.reason
+    assert proof.as_json()["undecided"][0][0].keys() == {"mid", "rad"}
+
+
+@pytest.mark.parametrize(
+    ("scene", "low", "high", "count"),
+    [
+        (scenes.pendulum(), [-0.5], [3.5], 2),
+        (scenes.double_pendulum(), [-0.5, -0.6], [3.5, 3.6], 4),
+        (scenes.henon_heiles(), [-1.1, -1.2], [1.3, 1.4], 4),
+        (scenes.lorenz(), [-20, -21, -1], [22, 23, 60], 3),
+    ],
+)
+def test_lists_of_scenes_are_proved_complete(scene, low, high, count):
+    found = equilibria(scene, low, high, starts=64, prove=True)
+    assert found.proof is not None
+    assert found.proof.proved
+    assert len(found) == len(found.proof.points)
+    assert len(found) == count
+
+
+@pytest.mark.slow
+def test_two_springs_have_five_rest_points_and_two_corners():
+    proof = equilibria(two_springs(g=0.0), [-3.1, -3], [3, 3.2], starts=64, prove=True).proof
+    assert proof is not None
+    assert len(proof.points) == 5
+    # At the anchors a spring has no length, and its force no direction.
+    places = sorted(float(box[0].mid) for box in proof.undecided)
+    assert np.allclose(places, [-1, 1], atol=1e-5)
+    with mpmath.workdps(60):
+        up = max(proof.points, key=lambda point: float(point[1].mid))
+        assert _holds(up[1], mpmath.sqrt(1.25))
+
+
+def test_what_has_no_formulas_or_has_constraints_is_refused():
+    with pytest.raises(ValueError, match="floor"):
+        _proof(lambda y: [y[0] - jnp.floor(y[1]) * 0.5, y[1]], [-1, -1], [1, 1])
+    with pytest.raises(ValueError, match="constraints, for a proof"):
+        equilibria(scenes.free_body(), -np.ones(13), np.ones(13), starts=4, prove=True)
