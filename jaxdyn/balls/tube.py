@@ -31,6 +31,8 @@ _GROWTH_DIGITS = 2.0  # of derivatives over a disc
 _LEAST_ORDER = 24  # of the polynomial about which neighbours are enclosed
 _MOST_STEPS = 20_000
 _STEP_BITS = 40
+#: Of the span: a step so short approaches a singularity, which many more would not reach.
+_SHORTEST = 1e-9
 
 
 class NotEnclosed(ArithmeticError):
@@ -97,7 +99,9 @@ def tube(
             about = _about(field, t + done, now, unfolding, order)
             left = span[1] - done
             found = about and disc(about, outer, float(left.upper()) / _SHARE)
-            if about is None or found is None:
+            # The last disc is as small as what is left.
+            least = min(_SHORTEST * float(span[1].upper()), float(left.upper()))
+            if found is None or float(found[0].radius) < least:
                 raise NotEnclosed(
                     f"The rate has no bound near t = {float(done):.6g}: the tube touches a "
                     "singularity. Try more digits."

@@ -7,17 +7,16 @@ from jaxdyn.scene import Scene
 from jaxdyn.solvers.exchange import from_diffrax
 from jaxdyn.solvers.method import Method
 from jaxdyn.solvers.pairs import NYSTROM12, VERNER9
-from jaxdyn.solvers.taylor.method import TAYLOR12, TAYLOR14, Series, Taylor, series_of
+from jaxdyn.solvers.taylor.method import TAYLOR14, Taylor, series_of
 
 #: Type of the argument ``solver``.
 Solver = Method | diffrax.AbstractSolver
 
-#: Operations of a rate up to which its formulas are sought: a tenth of a second.
-_LONGEST = 1000
-#: Products at each order of a Taylor series up to which it takes order 14, and order 12.
-_FEW, _MANY = 16, 24
+#: Operations of a rate, and products at each order of its Taylor series, up to which that is the
+#: default.
+_SHORT, _FEW = 60, 8
 
-#: The series for velocity-independent forces: derivatives are by the Nystrom pair.
+#: The default's series for velocity-independent forces: derivatives are by the Nystrom pair.
 _TAYLOR14_NYSTROM12 = Taylor(14, tangents=NYSTROM12)
 
 
@@ -40,35 +39,24 @@ def method_of(solver: Solver) -> Method:
 def default_solver(scene: Scene, *, several: bool = False) -> Method:
     """The method that a scene is solved with if none is asked for.
 
-    Where no force depends on velocity:
+    - Velocity-independent forces: `NYSTROM12`; but Taylor's series of order 14 for rates of at most
+      60 operations and 15 numbers without quotients and roots, of at most 8 products an order. At
+      true errors of 1e-6, 1e-9 and 1e-12 that takes 0.69, 0.55 and 0.62 of the time for Henon and
+      Heiles's potential and 0.34, 0.27 and 0.29 for Toda's ring, and compiles as fast. Derivatives,
+      events and ensembles take `NYSTROM12` there as well. At rtol 1e-12 its errors
+      are four and six times larger there (1e-14 and 1e-12). Close encounters gain a tenth only
+      (a Kepler orbit with e = 0.9), and lose up to two digits at the same tolerance.
+    - Other rates of at most 60 operations and 15 numbers that have a Taylor series wherever they
+      are finite, of at most 8 products an order: `TAYLOR14`. At true errors of 1e-6, 1e-9 and
+      1e-12 it takes 0.7, 0.6 and 0.4 of the time of `VERNER9` (medians of Lorenz, Duffing, Chua,
+      Lotka-Volterra, van der Pol, the spherical pendulum and a ball with drag; see ``python -m
+      benchmarks default``), and 0.9 to 1.4 of the time to compile.
+    - All others: `VERNER9`. Longer series run faster than it too (Arenstorf's orbit 0.8, a free
+      body 0.2), but compile for up to three times as long.
 
-    - `Taylor` series of order 14 of rates without quotients and roots, of at most 15 numbers and
-      16 products an order. For Henon and Heiles's potential and Toda's ring that takes 0.3 to 0.65
-      of the time of `NYSTROM12`. Close encounters, which quotients make, would lose up to two
-      digits at the same tolerance.
-    - `NYSTROM12` else. `STOERMER14` takes 0.6 to 0.8 of its time at the same true error for a few
-      bodies (three bodies 0.82, 0.77, 0.70 at 1e-6, 1e-9 and 1e-12; Kepler's orbit with e = 0.9
-      0.72, 0.70, 0.80; Pleiades 0.64, 0.68, 0.64; outer planets 0.73, 0.62, 0.68), but at the same
-      tolerance its errors are some ten times larger, and up to 800 times for Kepler's orbit at
-      1e-12: one who asks for a tolerance by habit would lose digits.
-
-    Where forces may depend on velocity, a Taylor series of rates of at most 15 numbers that have
-    one wherever they are finite, by its products an order, since many of them cost more at a high
-    order, to run and to compile:
-
-    - up to 16: `TAYLOR14`, 0.25 to 1.0 of the time of `VERNER9` (Lorenz, Duffing, Chua,
-      Lotka-Volterra, van der Pol, a ball with drag, the spherical pendulum, Arenstorf's orbit,
-      three restricted bodies in space, the magnetic bottle 0.74, 0.55, 0.42);
-    - up to 24: `TAYLOR12` (the double pendulum 0.38, 0.33, 0.26, the rigid body 0.44, 0.36, 0.32).
-    - `VERNER9` for all others.
-
-    Series compile in 0.7 to 1.5 of the time of the pair. Derivatives, events and ensembles take
-    `NYSTROM12` or `VERNER9` in each case. ``python -m benchmarks default`` has all figures.
-
-    The tolerance has no part in it, since one method for all tolerances is one program. Up to 4
-    products order 16 is faster at 1e-12, by 1.2 to 1.5 for Lorenz, Duffing and Lotka-Volterra; but
-    the estimates of `accuracy.end_error` at a loose tolerance, from runs at others, miss a chaotic
-    motion's error with it.
+    The tolerance has no part in it, since one method for all tolerances is one program. Order 14
+    takes at most 1.13, 1.23 and 1.56 of the time of the best order at these errors (20 is best for
+    Duffing's equation, and for Henon and Heiles's with 1.23 at 1e-9 and 1.47 at 1e-12).
 
     Args:
       scene: any.
@@ -86,31 +74,18 @@ def reason(scene: Scene) -> str:
 
 def _rule(scene: Scene) -> tuple[Method, str]:
     """The default, and why."""
-    series = series_of(scene.field, scene.y0, longest=_LONGEST)
-    if scene.second_order:
-        return _for_positions(series)
+    pair = NYSTROM12 if scene.second_order else VERNER9
+    kind = "forces do not depend on velocity, and " if scene.second_order else ""
+    series = series_of(scene.field, scene.y0, longest=_SHORT)
     if series is None:
-        return VERNER9, "its rate is long, or has no Taylor series"
+        return pair, f"{kind}its rate is long, or has no Taylor series"
     if not series.everywhere:
-        return VERNER9, "its rate has a root, and no Taylor series where that is 0"
-    n = series.products
-    why = f"its Taylor series takes {n} products an order; "
-    if n <= _FEW:
-        return TAYLOR14, f"{why}up to {_FEW} are few"
-    if n <= _MANY:
-        return TAYLOR12, f"{why}so many, up to {_MANY}, run fastest at a low order"
-    return VERNER9, f"{why}more than {_MANY} are too many"
-
-
-def _for_positions(series: Series | None) -> tuple[Method, str]:
-    """The default where no force depends on velocity, and why."""
-    kind = "forces do not depend on velocity, and "
-    if series is None:
-        return NYSTROM12, f"{kind}its rate is long, or has no Taylor series"
-    if not series.entire:
-        return NYSTROM12, f"{kind}its rate has quotients or roots"
-    why = f"its Taylor series takes {series.products} products an order; up to {_FEW} are few"
-    return (_TAYLOR14_NYSTROM12 if series.products <= _FEW else NYSTROM12), f"{kind}{why}"
+        return pair, f"{kind}its rate has a root, and no Taylor series where that is 0"
+    if scene.second_order and not series.entire:
+        return pair, f"{kind}its rate has quotients or roots"
+    why = f"{kind}its Taylor series takes {series.products} products an order; up to {_FEW} are few"
+    taylor = _TAYLOR14_NYSTROM12 if scene.second_order else TAYLOR14
+    return (taylor if series.products <= _FEW else pair), why
 
 
 def chosen_method(scene: Scene, solver: Solver | None, *, several: bool = False) -> Method:

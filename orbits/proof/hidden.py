@@ -31,8 +31,8 @@ def hidden_integrals(scene: Scene, t, y: Array) -> dict[str, Array]:
       >>> from orbits.targets import loops
       >>> scene = loops.closed(PowerLaw(1.0, -2.0), 1, 1).scene
       >>> found = hidden_integrals(scene, 0.0, scene.y0)
-      >>> list(found)[:2], float(found["Laplace's vector y"])
-      (["Laplace's vector x", "Laplace's vector y"], 0.0)
+      >>> list(found)[:2], abs(float(found["Laplace's vector y"])) < 1e-30
+      (["Laplace's vector x", "Laplace's vector y"], True)
     """
     if len(y) not in _STATES or not scene.second_order:
         return {}

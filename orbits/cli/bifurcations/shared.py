@@ -2,7 +2,6 @@
 
 from typing import Annotated
 
-import numpy as np
 import typer
 
 import jaxdyn
@@ -15,11 +14,11 @@ StartOption = Annotated[
 ]
 
 
-def rest_start(name: str, values: dict, start: str | None) -> np.ndarray:
+def rest_start(name: str, values: dict, start: str | None) -> list[float]:
     """The state near which a rest point is sought."""
     if start is not None:
-        return np.array(numbers("--start", start))
-    return np.asarray(jaxdyn.scenes.catalogue.entries()[name].make(**values).y0)
+        return list(numbers("--start", start))
+    return jaxdyn.scenes.catalogue.entries()[name].make(**values).y0.tolist()
 
 
 def bounds(option: str, text: str) -> tuple[float, float]:

@@ -62,5 +62,5 @@ def test_errors_of_other_shapes_are_within_no_bound():
 
 
 def test_names_are_unique():
-    named = [case.name for family in collection.FAMILIES for case in family.CASES]
+    named = [case.name for topic in collection.TOPICS for case in topic.CASES]
     assert len(named) == len(set(named))

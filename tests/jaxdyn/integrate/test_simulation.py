@@ -20,14 +20,7 @@ from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.trajectory import explained, raise_unless_ok
 from jaxdyn.scenes.particles import straightness
 from jaxdyn.scenes.springs import wildness
-from jaxdyn.solvers import (
-    NYSTROM12,
-    RK4,
-    TAYLOR14,
-    VERNER9,
-    default_solver,
-    from_diffrax,
-)
+from jaxdyn.solvers import NYSTROM12, RK4, TAYLOR14, VERNER9, default_solver, from_diffrax
 
 BALL = scenes.cannonball(drag=0.1)
 EIGHT = scenes.three_body()

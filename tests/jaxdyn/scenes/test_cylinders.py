@@ -179,6 +179,7 @@ def test_a_velocity_that_is_rounding_of_another_is_no_reason_to_leave():
         assert not fit.passed.any()
 
 
+@pytest.mark.slow
 def test_friction_that_is_just_enough_goes_either_way():
     """At the limit of the cone rolling and slipping are one motion, and rounding decides."""
     inertia, slope = 0.42, 0.044
