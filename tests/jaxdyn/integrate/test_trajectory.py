@@ -22,6 +22,8 @@ ENDS = [
 ]
 
 
+# Its rounding is that of programs as users compile them.
+@pytest.mark.long
 @pytest.mark.parametrize(("make", "says"), ENDS, ids=[says[:20] for _, says in ENDS])
 def test_a_motion_that_ends_in_a_singularity_says_which_ones_its_scene_has(make, says):
     scene = make()

@@ -77,6 +77,8 @@ def pushed(t, y):
     return [y[1], jnp.cos(t)]
 
 
+# Its rounding is that of programs as users compile them.
+@pytest.mark.long
 def test_the_rounding_of_large_times_is_seen():
     t0, span = 1e4, np.array([10.0, 20.0, 30.0])
     scene = jaxdyn.ode(pushed, [1.0, 0.0])
