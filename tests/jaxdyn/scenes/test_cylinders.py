@@ -202,7 +202,10 @@ def test_a_slip_that_no_finite_force_goes_on_with_is_caught_at_once():
     slides = scene.y0.at[3].set(-1.0)
     chain = simulate_phases(phases_of(scene), None, slides, 0.01, samples=2)
     assert chain.path[0] == ("fly", 0)
-    roll = chain.pieces[chain.names.index("roll")]
+    caught = chain.names.index("roll")
+    roll = chain.pieces[caught]
+    # Where rounding starts it above the ground it falls for some 1e-8 s, with its weight acting.
+    slides = chain.pieces[caught - 1].ys[-1] if caught else slides
     assert abs(roll.scene.system.slip(roll.ys[0])) < SOLVED
     # The impulse acts where it touches, under the centre: no moment about that point.
     lever = slides[:2] - jnp.array([slides[0] - 0.9 * np.sin(1.0), 0.0])
