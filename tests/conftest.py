@@ -1,6 +1,5 @@
 """Strict modes for every test: float64, no silent promotion, checked shapes; cheap compilation."""
 
-import functools
 import gc
 import importlib.util
 import os
@@ -21,7 +20,6 @@ os.environ.setdefault(
 import jax
 import pytest
 import shapes
-from jax._src.interpreters import mlir
 
 # Loops over numbers of any length, which the checks would make several times slower.
 _UNCHECKED = {"jaxdyn.balls", "orbits.proof"}
@@ -39,6 +37,7 @@ def _checked_modules(package: str) -> set[str]:
 shapes.install(sorted(_checked_modules("jaxdyn") | _checked_modules("orbits")))
 
 import jaxdyn  # noqa: E402
+from jaxdyn.gallery.compiling import share_context  # noqa: E402
 
 # They make the stored references with packages that the tests do not need.
 collect_ignore = ["references"]
@@ -46,8 +45,7 @@ collect_ignore = ["references"]
 jaxdyn.configure()
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
-# Where in the source each operation of a program comes from, which no test asks.
-jax.config.update("jax_traceback_in_locations_limit", 0)
+share_context()
 
 
 # Compiling makes millions of objects that stay: looking through them all again and again would
@@ -65,22 +63,12 @@ def _check_shapes_again():
     shapes.begin_test()
 
 
-# Each program that is lowered sets up the whole of MLIR for itself, and tears it down: a third of
-# the processor time of tests, whose programs are small. They share one context for each file. Only
-# a private name reaches it; without it the tests take longer.
-_make_context = getattr(mlir, "make_ir_context", None)
-_context = functools.cache(_make_context) if _make_context else None
-if _context is not None:
-    mlir.make_ir_context = _context
-
-
 @pytest.fixture(scope="module", autouse=True)
 def _forget_programs():
     """Compiled programs of a file go with it; those of all would fill some 8 GB a process."""
     yield
     jax.clear_caches()
-    if _context is not None:
-        _context.cache_clear()
+    share_context()
     gc.collect()
 
 

@@ -12,7 +12,7 @@ texts and the frames of pages.
 
 May import: `course`, `player`; and `orbits`.
 
-One more exhibit is a function in `exhibits` that returns a record, and a line in its `EXHIBITS`;
+One more exhibit is a function in `exhibits` that returns a record, and an entry of its `PARTS`;
 one more guide is a Markdown file in `guides`.
 """
 

@@ -1,12 +1,13 @@
 """Exhibits: pages of the site that show what the library does beyond the course.
 
-Each returns a record: ``title``, ``text`` in Markdown, ``drawings``, ``tables`` and ``minis``
-(closed paths that move).
+A page consists of one or more parts, which run apart. Each returns a record: ``title``, ``text`` in
+Markdown, ``drawings``, ``tables`` and ``minis`` (closed paths that move).
 """
 
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -63,9 +64,9 @@ def _best(times: dict) -> list[str]:
     return [name, duration(reached[name])]
 
 
-def hard_cases(_pictures: Path) -> dict[str, Any]:
-    """The verdicts of the hard cases."""
-    verdicts = [hard.judge(case) for case in hard.CASES.values()]
+def hard_cases(names: Sequence[str], title: str, _pictures: Path) -> dict[str, Any]:
+    """The verdicts of the hard cases of one topic."""
+    verdicts = [hard.judge(case) for case in hard.collection.chosen(names)]
     rows = [
         [
             v.case.name,
@@ -83,7 +84,7 @@ def hard_cases(_pictures: Path) -> dict[str, Any]:
     return {
         "title": "Hard cases",
         "text": text,
-        "tables": [{"title": "", "head": head, "rows": rows}],
+        "tables": [{"title": title, "head": head, "rows": rows}],
         "holds": all(v.passed for v in verdicts),
     }
 
@@ -126,15 +127,51 @@ def families(pictures: Path) -> dict[str, Any]:
     return {"title": "Families, charts, sections", "text": text, "drawings": drawings}
 
 
-def periodic_orbits(pictures: Path) -> dict[str, Any]:
-    """The poster of fifty orbits of three bodies."""
-    return poster.record(pictures)
+class Part(NamedTuple):
+    """A part of an exhibit.
+
+    Attributes:
+      page: the name of the exhibit.
+      make: returns its record; called with the folder of pictures.
+      timed: it computes for longer than it compiles, or is timed: with all of XLA's optimisations.
+    """
+
+    page: str
+    make: Callable[[Path], dict[str, Any]]
+    timed: bool = False
 
 
-#: By the name of the page; those that take longest first.
-EXHIBITS: dict[str, Callable[[Path], dict[str, Any]]] = {
-    "hard": hard_cases,
-    "accuracy": accuracy,
-    "poster": periodic_orbits,
-    "families": families,
+def _hard_parts() -> dict[str, Part]:
+    """The hard cases of each topic, those that take longest first."""
+    parts = {}
+    for topic in reversed(hard.collection.TOPICS):
+        name = topic.__name__.rpartition(".")[2]
+        title = str(topic.__doc__).partition("\n")[0].rstrip(".")
+        make = functools.partial(hard_cases, [case.name for case in topic.CASES], title)
+        parts[f"hard_{name}"] = Part("hard", make, timed=name in _LONG)
+    return parts
+
+
+_LONG = {"chaos", "drift", "long"}  # hard cases that compute for longer than they compile
+#: By name, a page after the other.
+PARTS: dict[str, Part] = {
+    "accuracy": Part("accuracy", accuracy, timed=True),
+    "poster": Part("poster", poster.record, timed=True),
+    "families": Part("families", families, timed=True),
+    **_hard_parts(),
 }
+#: The names of the pages, each with those of its parts.
+EXHIBITS: dict[str, list[str]] = {
+    page: [name for name, part in PARTS.items() if part.page == page]
+    for page in dict.fromkeys(part.page for part in PARTS.values())
+}
+
+
+def joined(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The record of a page: what its parts show, under the title and the text of the first."""
+    lists = {
+        what: [one for part in parts for one in part.get(what, ())]
+        for what in ("drawings", "tables", "minis")
+    }
+    holds = all(part.get("holds", True) for part in parts)
+    return {"title": parts[0]["title"], "text": parts[0]["text"], "holds": holds, **lists}

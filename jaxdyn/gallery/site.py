@@ -64,18 +64,22 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
     writable(folder / "index.html", "folder", (".html",))
     failed = _run(jobs, folder, workers or min(os.cpu_count() or 1, _MOST_WORKERS))
     doing("writing pages")
-    records = {name: stored(folder, name) for name in (*_names().values(), *exhibits.EXHIBITS)}
+    records = {name: stored(folder, name) for name in (*_names().values(), *exhibits.PARTS)}
     found = {name: r for name, r in records.items() if r is not None and name not in failed}
     # As they were when the page ran: a page that was not run again may be older than its file.
     shown = [(Problem(**r["problem"]), r) for r in found.values() if "problem" in r]
-    site = Site(folder, [name for name in exhibits.EXHIBITS if name in found])
+    parts = {
+        page: [found[name] for name in names if name in found]
+        for page, names in exhibits.EXHIBITS.items()
+    }
+    site = Site(folder, [page for page, records in parts.items() if records])
     site.assets()
     site.index(shown)
     for before, (problem, record), after in neighbours(shown):
         site.problem(problem, record, before and before[0], after and after[0])
-    for name in exhibits.EXHIBITS:
-        if name in found:
-            site.exhibit(name, found[name])
+    for page, shown_there in parts.items():
+        if shown_there:
+            site.exhibit(page, exhibits.joined(shown_there))
     site.guides()
     site.reference()
     untrue = tuple(name for name, record in found.items() if not record.get("holds", True))
@@ -96,18 +100,19 @@ def _jobs(only: Collection[int | str]) -> list[str]:
     for one in only:
         if str(one) not in names:
             _checks.choice("only", str(one), known, "jaxdyn list --problems")
-    return list(dict.fromkeys(names.get(str(one), str(one)) for one in only)) or known
+    chosen = [names.get(str(one), str(one)) for one in only] or known
+    jobs = [job for name in chosen for job in exhibits.EXHIBITS.get(name, [name])]
+    return list(dict.fromkeys(jobs))
 
 
 def _run(jobs: Collection[str], folder: Path, workers: int) -> dict[str, str]:
     """Run pages in parallel; the errors of those that failed, by name."""
     doing("running pages", 0, len(jobs))
     failed = {}
-    shown = [name for name in jobs if name in exhibits.EXHIBITS]
-    solved = [name for name in jobs if name not in exhibits.EXHIBITS]
+    timed = [name for name in jobs if name in exhibits.PARTS and exhibits.PARTS[name].timed]
+    quick = [name for name in jobs if name not in timed]
     done = 0
-    # Exhibits compute for long with few programs, problems with many for a short time.
-    for names, prepare in ((shown, configure), (solved, configure_quickly)):
+    for names, prepare in ((timed, configure), (quick, configure_quickly)):
         if names:
             for name, error in _each(names, folder, min(workers, len(names)), prepare):
                 done += 1
@@ -133,7 +138,7 @@ def _each(
 
 
 def make(name: str, folder: Path) -> None:
-    """Run the page of a problem or an exhibit unless its record is as new as its sources."""
+    """Run a problem or a part of an exhibit unless its record is as new as its sources."""
     pages = {problem.name: problem for problem in problems().values()}
     pictures = folder / _PICTURES
     if name in pages:
@@ -141,4 +146,4 @@ def make(name: str, folder: Path) -> None:
         kept(folder, name, source, lambda: problem_record(pages[name], pictures))
     else:
         source = Path(exhibits.__file__)
-        kept(folder, name, source, lambda: exhibits.EXHIBITS[name](pictures))
+        kept(folder, name, source, lambda: exhibits.PARTS[name].make(pictures))

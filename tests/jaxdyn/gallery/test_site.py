@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from helpers import refusal
 
-from jaxdyn import gallery
-from jaxdyn.gallery import poster, records, reference, texts, writing
+from jaxdyn import gallery, hard
+from jaxdyn.gallery import exhibits, poster, records, reference, texts, writing
 
 #: Cheap problems, in the plane and in space, with sliders, several motions, none.
 CHOSEN = (2, 7, 9, 16, 18, 22, 54, 56)
@@ -54,7 +54,6 @@ def pages(site):
     return {page: Parsed(site.folder / page) for page in site.pages}
 
 
-@pytest.mark.slow
 def test_every_link_leads_somewhere(site, pages):
     for page, parsed in pages.items():
         here = (site.folder / page).parent
@@ -69,7 +68,6 @@ def test_every_link_leads_somewhere(site, pages):
                 assert place in pages[known].ids, (page, link)
 
 
-@pytest.mark.slow
 def test_every_page_has_one_title_and_pictures_with_a_text(site, pages):
     for page, parsed in pages.items():
         assert parsed.headings.count("h1") == 1, page
@@ -81,7 +79,6 @@ def test_every_page_has_one_title_and_pictures_with_a_text(site, pages):
         assert size < MOST_BYTES, page
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("width", [390, 1280])
 def test_every_page_opens_without_a_message_and_fits(site, width):
     window = chromium.start()
@@ -101,7 +98,6 @@ def test_every_page_opens_without_a_message_and_fits(site, width):
         window.quit()
 
 
-@pytest.mark.slow
 def test_the_players_of_the_pages_play_to_the_end_of_their_motions(site):
     window = chromium.start()
     try:
@@ -120,7 +116,6 @@ def test_the_players_of_the_pages_play_to_the_end_of_their_motions(site):
         window.quit()
 
 
-@pytest.mark.slow
 def test_only_pages_whose_sources_changed_run_again(site, monkeypatch):
     def never(*_):
         raise AssertionError
@@ -275,3 +270,23 @@ def test_the_stored_orbits_are_fifty_and_close():
     assert len(rows) == 50
     assert sum(bool(row["name"]) for row in rows) == 13
     assert len({round(row["T"], 6) for row in rows}) == 50
+
+
+def test_a_page_of_parts_shows_all_of_them_and_holds_where_they_do():
+    parts = [
+        {"title": "A", "text": "a", "tables": [1], "holds": True},
+        {"title": "B", "text": "b", "tables": [2], "drawings": [3], "holds": False},
+    ]
+    page = exhibits.joined(parts)
+    assert (page["title"], page["text"], page["holds"]) == ("A", "a", False)
+    assert (page["tables"], page["drawings"], page["minis"]) == ([1, 2], [3], [])
+    assert exhibits.joined(parts[:1])["holds"]
+
+
+def test_every_hard_case_is_in_one_part_of_its_page():
+    names = [name for part in exhibits.EXHIBITS["hard"] for name in _cases(part)]
+    assert sorted(names) == sorted(hard.CASES)
+
+
+def _cases(part):
+    return exhibits.PARTS[part].make.args[0]
