@@ -142,11 +142,15 @@ def turntable_limit(*, d=0.5, m=1.0, inertia=1.0, speed=1.0, rate=1.0) -> Array:
     Returns:
       The angle, accurate to 1e-14 of its largest part; infinite at speed 0, with the sign of the
       rate, and 0 where nothing moves.
+    Raises:
+      ValueError: an argument is not one finite number.
     Example:
       >>> round(float(turntable_limit(speed=1e-8)), 9)
       17.32055798
     """
-    d, m, inertia, speed, rate = floats(d, m, inertia, speed, rate)
+    given = {"d": d, "m": m, "inertia": inertia, "speed": speed, "rate": rate}
+    several = "jax.vmap takes several."
+    d, m, inertia, speed, rate = (_checks.array(n, x, (), several) for n, x in given.items())
     still = speed == 0
     v = jnp.where(still, 1.0, jnp.abs(speed))
     a = inertia + m * d * d

@@ -173,3 +173,8 @@ def test_an_invalid_start_is_refused_by_name(make, message):
 
 def test_a_start_just_inside_of_the_cycloid_is_taken():
     assert simulate(scenes.bead_on_cycloid(s=1.99, c=0.25), 0.1).ok
+
+
+def test_the_limit_of_the_turntable_takes_one_number_at_a_time():
+    assert "jax.vmap" in refusal(lambda: guides.turntable_limit(speed=np.ones(3)))
+    refusal(lambda: guides.turntable_limit(d="far"))
