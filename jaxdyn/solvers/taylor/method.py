@@ -45,8 +45,14 @@ _MOST_PRODUCTS = 48
 _MOST_NUMBERS = 15
 _SINGULAR = ("div", "sqrt", "pow", "log")  # at some values of their arguments
 _LOWEST, _HIGHEST = 4, 40  # orders
-#: Error of a step across a jump, as a part of the difference of slopes at its end.
-_DEFECT_WEIGHT = 0.5
+#: The estimate in parts of the last term. The error is about the next term, a few times smaller;
+#: but errors of a whole motion at the same tolerance were then 1.7 times those of `VERNER9` in the
+#: median of 15 problems and 12 times in one of ten, and who asks for a tolerance by habit would
+#: lose digits. So they are no larger in nine of ten. At equal errors it costs nothing.
+_CAUTION = 10.0
+#: The same of the difference of slopes at the end of a step, which also shows jumps within it, in
+#: parts of that: it is the next term already, times the order.
+_DEFECT_WEIGHT = 2.0
 #: Weight of the last term but one, in case the last one vanishes by symmetry. Successive terms
 #: decrease by about this factor at the steps that tolerances lead to.
 _LAST_BUT_ONE_WEIGHT = 0.1
@@ -117,7 +123,7 @@ class Taylor(Method):
 
         def step(t, h, y):
             series = solution(*_formulas(field, t, y), self.order, h)
-            second = _slope if guarded else _last
+            second = _slope if guarded else _cautious
             return _in_one_array([(_increment(c, h), second(c, h)) for c in series], h)
 
         # Isolated: XLA would duplicate the step for each other use of the result.
@@ -222,6 +228,10 @@ def _slope(c: list[Coefficient], h: Array) -> Array:
     """The slope at the end of the step, times the step."""
     terms = [np.float64(k) * x for k, x in enumerate(c) if k and x is not None]
     return functools.reduce(jnp.add, reversed(terms), jnp.zeros_like(h))
+
+
+def _cautious(c: list[Coefficient], h: Array) -> Array:
+    return _CAUTION * _last(c, h)
 
 
 def _last(c: list[Coefficient], h: Array) -> Array:
