@@ -6,9 +6,10 @@ takes a quarter to a half of the time of a Runge-Kutta pair: the cost of an orde
 to the order, and nothing is evaluated inside the step. At its end the error is multiplied by the
 Jacobian, once, to detect stiffness.
 
-The optimal order is about 1 - ln(rtol) / 2: 8 at rtol 1e-6, 16 at 1e-13. Formulas with more
-than 48 products compile too long, and are refused, as are operations without a recurrence:
-loops of unknown length, hence most linear algebra.
+By operations alone the optimal order is about 1 - ln(rtol) / 2: 8 at rtol 1e-6, 16 at 1e-13. Where
+an order has few products, what each step costs besides makes higher ones the fastest; where it has
+many, lower ones. Formulas with more than 48 products compile too long, and are refused, as are
+operations without a recurrence: loops of unknown length, hence most linear algebra.
 """
 
 import dataclasses
@@ -281,5 +282,5 @@ def _in_one_array(pairs: list[tuple[Array, Array]], h: Array) -> Array:
     return found
 
 
-#: For errors of 1e-6 and above, 1e-9, all of them (the default), 1e-12, and rounding.
+#: For errors of 1e-6 and above; for many, more and few products an order (the default); 16 between.
 TAYLOR8, TAYLOR12, TAYLOR14, TAYLOR16, TAYLOR20 = (Taylor(n) for n in (8, 12, 14, 16, 20))

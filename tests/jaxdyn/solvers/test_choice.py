@@ -11,7 +11,15 @@ import jaxdyn
 from jaxdyn import ensemble, scenes, simulate
 from jaxdyn.integrate import events
 from jaxdyn.integrate.simulation import _compiled, solve
-from jaxdyn.solvers import NYSTROM12, TAYLOR14, VERNER9, Taylor, default_solver
+from jaxdyn.solvers import (
+    NYSTROM12,
+    TAYLOR12,
+    TAYLOR14,
+    TAYLOR20,
+    VERNER9,
+    Taylor,
+    default_solver,
+)
 from jaxdyn.solvers.choice import reason
 
 
@@ -41,15 +49,16 @@ END = solve(LORENZ, 2.0, rtol=1e-13, solver=VERNER9).y1
 @pytest.mark.parametrize(
     ("scene", "method", "why"),
     [
-        (LORENZ, TAYLOR14, "takes 2 products"),
+        (LORENZ, TAYLOR20, "takes 2 products an order; up to 4 run fastest at order 20"),
         (scenes.cannonball(drag=0.3), TAYLOR14, "takes 5 products"),
-        (scenes.three_body(), NYSTROM12, "do not depend on velocity, and its rate is long"),
+        (scenes.double_pendulum(), TAYLOR12, "takes 22 products"),
+        (scenes.triple_pendulum(), VERNER9, "takes 51 products an order; more than 24 are too"),
+        (scenes.three_body(), NYSTROM12, "not depend on velocity, and its rate has quotients"),
         (scenes.two_masses(), NYSTROM12, "do not depend on velocity, and its rate is long"),
-        (scenes.double_pendulum(), VERNER9, "is long"),
         (jaxdyn.ode(rooted, [0.0, 0.0]), VERNER9, "has a root"),
         (jaxdyn.ode(braked, [1.0, 0.0]), VERNER9, "no Taylor series"),
     ],
-    ids=["lorenz", "ball", "eight", "spring", "mechanism", "root", "condition"],
+    ids=["lorenz", "ball", "two bars", "three", "eight", "spring", "root", "condition"],
 )
 def test_the_default_is_by_what_the_rate_is_made_of(scene, method, why):
     assert default_solver(scene) is method
@@ -60,7 +69,7 @@ def test_the_default_is_by_what_the_rate_is_made_of(scene, method, why):
 def test_a_series_for_forces_without_velocities_leaves_the_rest_to_the_nystrom_pair():
     scene = jaxdyn.ode(swing, [2.0, 0.1], 3.0, second_order=True)
     method = default_solver(scene)
-    assert method.name == "Taylor 14"
+    assert method.name == "Taylor 20"
     assert "do not depend on velocity, and its Taylor series takes 2 products" in reason(scene)
     assert method.for_tangents is default_solver(scene, several=True) is NYSTROM12
     assert default_solver(kepler(0.3)) is NYSTROM12
