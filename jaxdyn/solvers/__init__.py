@@ -1,6 +1,6 @@
 """Solvers: the values of the argument ``solver`` of `simulate`.
 
-- `Pair`: explicit, with a tolerance; the default of long formulas. `NYSTROM12`, `VERNER9`, `DOPRI8`.
+- `Pair`: explicit, with a tolerance; the default of long rates. `NYSTROM12`, `VERNER9`, `DOPRI8`.
   With a step instead, for comparison: `EULER`, and the classic `RK4`.
 - `Composition`: symplectic and explicit, with a step; long conservative runs without forces that
   depend on velocity. `VERLET`, `BLANES_MOAN6`, `KAHAN_LI8`, `SOFRONIOU_SPALETTA10`.

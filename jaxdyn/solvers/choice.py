@@ -60,8 +60,8 @@ def default_solver(scene: Scene, *, several: bool = False) -> Method:
     1e-15: its extrapolation amplifies rounding. With quotients, series of second-order equations
     gain less than that, and lose digits in close encounters.
 
-    The tolerance has no part in it, since one method for all tolerances is one program. Derivatives,
-    events and ensembles take the pair in each case: they cross several steps side by side.
+    The tolerance has no part in it, since one method for all tolerances is one program. For
+    derivatives, events and ensembles, which cross several steps side by side, it is the pair.
 
     Args:
       scene: any.

@@ -41,6 +41,16 @@ def relaxed(t, y, k):
     return [k * (jnp.cos(t) - y[0])]
 
 
+def van_der_pol(t, y, mu):
+    return [y[1], mu * (1 - y[0] * y[0]) * y[1] - y[0]]
+
+
+def robertson(t, y):
+    """A slow reaction and two fast ones."""
+    slow, back, fast = 0.04 * y[0], 1e4 * y[1] * y[2], 3e7 * y[1] * y[1]
+    return [back - slow, slow - back - fast, fast]
+
+
 NUMBERS = {"sigma": 10.0, "rho": 28.0, "beta": 8 / 3}
 LORENZ = jaxdyn.ode(lorenz, [1.0, 1.0, 1.0], 2.0, params=NUMBERS)
 END = solve(LORENZ, 2.0, rtol=1e-13, solver=VERNER9).y1
@@ -132,6 +142,74 @@ def test_derivatives_maps_and_traced_tolerances():
     assert gap(jax.vmap(end)(jnp.stack([LORENZ.y0]))[0], END) < 1e-10
     # One method for all tolerances, so that they may be known at run time only.
     assert gap(jax.jit(end)(LORENZ.y0, 1e-13), END) < SOLVED
+
+
+@pytest.mark.slow
+def test_samples_derivatives_events_and_ensembles_of_a_mechanism():
+    scene = scenes.double_pendulum(angles=(0.8, 0.5), t1=2.0)
+    assert default_solver(scene).for_tangents is VERNER9
+    ts = jnp.array([0.7, 2.0])
+    exact = solve(scene, 2.0, ts=ts, rtol=1e-14, solver=VERNER9)
+    found = solve(scene, 2.0, ts=ts, rtol=1e-13)
+    assert gap(found.ys, exact.ys) < SOLVED
+    assert gap(found.y1, exact.y1) < SOLVED
+
+    def end(y0, **how):
+        return solve(scene.starting(y0), 2.0, rtol=1e-12, **how).y1
+
+    by_pair = jax.jacfwd(lambda y: end(y, solver=VERNER9))(scene.y0)
+    assert gap(jax.jacfwd(end)(scene.y0), by_pair) < SOLVED
+    assert gap(jax.jacrev(end)(scene.y0), by_pair) < SOLVED
+    lowest = events.Reaches(0, 0.0)
+    found = [events.until(scene, lowest, rtol=1e-13, solver=each).y for each in (None, VERNER9)]
+    assert gap(*found) == 0
+    starts = np.array([scene.y0, scene.y0 + 1e-3])
+    several = [
+        ensemble.run(scene, starts, rtol=1e-12, **how).y1 for how in ({}, {"solver": VERNER9})
+    ]
+    assert gap(*several) == 0
+    assert gap(several[0][0], exact.y1) < 1e-10
+
+
+def _error_ratio(scene, method, t1):
+    """Geometric mean, over tolerances, of a method's errors beside those of `VERNER9`."""
+    exact = solve(scene, t1, rtol=1e-15, solver=VERNER9).y1
+    tolerances = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
+    pair, own = (
+        [gap(solve(scene, t1, rtol=rtol, solver=each).y1, exact) for rtol in tolerances]
+        for each in (VERNER9, method)
+    )
+    return float(np.exp(np.mean(np.log(own) - np.log(pair))))
+
+
+def test_at_one_tolerance_errors_are_those_of_the_pair():
+    ball = scenes.cannonball(drag=0.01)
+    relaxing = jaxdyn.ode(van_der_pol, [2.0, 0.0], params=5.0)
+    for scene, t1 in (
+        (ball, 10.0),
+        (relaxing, 100.0),
+        (scenes.double_pendulum(angles=(0.8, 0.5)), 10.0),
+    ):
+        method = default_solver(scene)
+        assert isinstance(method, Taylor)
+        assert _error_ratio(scene, method, t1) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("make", "t1"),
+    [
+        (lambda: jaxdyn.ode(van_der_pol, [2.0, 0.0], params=1000.0), 1.0),
+        (lambda: jaxdyn.ode(robertson, [1.0, 0.0, 0.0]), 3.0),
+        # Its estimate is a difference of slopes; the fast motion is that of two masses apart.
+        (lambda: scenes.two_springs(c_a=1e6), 1e-3),
+    ],
+    ids=["relaxation", "reactions", "damped"],
+)
+def test_the_default_says_that_a_motion_is_stiff(make, t1):
+    scene = make()
+    assert isinstance(default_solver(scene), Taylor)
+    motion = simulate(scene, t1, samples=2, rtol=1e-6)
+    assert motion.warning.startswith("The scene is stiff")
 
 
 def test_new_numbers_and_tolerances_do_not_compile_again():
