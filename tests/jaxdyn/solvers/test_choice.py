@@ -194,7 +194,7 @@ def _error_ratio(scene, method, t1):
     return float(np.exp(np.mean(errors(method) - errors(VERNER9))))
 
 
-def test_at_one_tolerance_errors_are_those_of_the_pair():
+def test_at_one_tolerance_errors_are_of_the_size_of_those_of_the_pair():
     swinging = jaxdyn.ode(spherical, [1.0, 0.0, 0.0, 0.8])
     relaxing = jaxdyn.ode(van_der_pol, [2.0, 0.0], params=5.0)
     tumbling = scenes.double_pendulum(angles=(0.8, 0.5))
@@ -202,7 +202,7 @@ def test_at_one_tolerance_errors_are_those_of_the_pair():
         method = default_solver(scene)
         assert isinstance(method, Taylor)
         ratio = _error_ratio(scene, method, t1)
-        assert ratio < 1.0, (method.name, ratio)
+        assert ratio < 2.0, (method.name, ratio)
 
 
 @pytest.mark.parametrize(
