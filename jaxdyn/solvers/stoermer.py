@@ -42,7 +42,8 @@ class Stoermer(Method):
       pair is twice as fast. At the same tolerance its errors are some ten times those of
       `NYSTROM12`, and no tolerance gives less than about 1e-13. Where small differences of large
       coordinates matter, as in close encounters far from the origin, its error estimates are
-      affected by rounding sooner than a pair's, and steps get short. Variational equations are integrated by `NYSTROM12`.
+      affected by rounding sooner than a pair's, and steps get short. Variational equations are
+      integrated by `NYSTROM12`.
 
     Attributes:
       counts: (n,) substeps of each column, increasing, at least two.

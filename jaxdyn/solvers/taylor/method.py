@@ -54,6 +54,9 @@ _CAUTION = 10.0
 #: The same of the difference of slopes at the end of a step, which also shows jumps within it, in
 #: parts of that: it is the next term already, times the order.
 _DEFECT_WEIGHT = 2.0
+#: The part of it below so many roundings of the slope may be rounding, and counts less; but not
+#: nothing, or steps would grow until they are rejected.
+_ROUNDINGS, _ROUNDING_WEIGHT = 8.0, 0.25
 #: Weight of the last term but one, in case the last one vanishes by symmetry. Successive terms
 #: decrease by about this factor at the steps that tolerances lead to.
 _LAST_BUT_ONE_WEIGHT = 0.1
@@ -132,7 +135,7 @@ class Taylor(Method):
         increment, found = both.real, both.imag
         if guarded:
             # At a start from rest the series is that of the guard's other case, and wrong.
-            found = _DEFECT_WEIGHT * (h * field(t + h, y + increment) - found)
+            found = _weighted(h * field(t + h, y + increment), found)
         return Advance(increment, found, speed=_speed(field, t + h, h, y + increment, found))
 
 
@@ -233,6 +236,13 @@ def _slope(c: list[Coefficient], h: Array) -> Array:
 
 def _cautious(c: list[Coefficient], h: Array) -> Array:
     return _CAUTION * _last(c, h)
+
+
+def _weighted(slope: Array, expected: Array) -> Array:
+    """The error from the difference of slopes, both times the step, with its signs."""
+    apart, rounding = slope - expected, _ROUNDINGS * jnp.finfo(slope.dtype).eps * jnp.abs(slope)
+    small = jnp.clip(apart, -rounding, rounding)
+    return _DEFECT_WEIGHT * (apart - small) + _ROUNDING_WEIGHT * small
 
 
 def _last(c: list[Coefficient], h: Array) -> Array:
