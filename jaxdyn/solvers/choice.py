@@ -50,8 +50,9 @@ def default_solver(scene: Scene, *, several: bool = False) -> Method:
     (Toda's ring), 0.96, 0.81, 0.73 (spherical pendulum), 0.92, 0.79, 0.64 (three restricted bodies
     in space), 0.80, 0.61, 0.46 (magnetic bottle), 0.40, 0.35, 0.27 (double pendulum), 0.28, 0.23,
     0.17 (rigid body). That is within 1.15 of the fastest method, but 1.2 for the restricted bodies
-    at 1e-12. They compile in 0.7 to 1.4 of the time of the pair, a rigid body in 1.6. At the same
-    tolerance their errors are no larger. ``python -m benchmarks default`` has all figures.
+    and the bottle at 1e-12. They compile in 0.7 to 1.4 of the time of the pair, a rigid body in
+    1.6. At the same tolerance their errors are no larger in nine of ten runs. ``python -m
+    benchmarks default`` has all figures.
 
     What is not taken, though it is faster: `STOERMER14` needs 0.6 to 0.75 of the time of
     `NYSTROM12` for several bodies (Pleiades, outer planets; three bodies 0.8, Kepler's orbit with
