@@ -3,7 +3,8 @@
 A motion is run again at a thousandth of its tolerance, and a third time with all numbers of its
 scene also changed in their last digit. The changes of each entry of the end estimate its error:
 the first shows the error of the tolerance, the difference of the two that of rounding. Where
-nearby motions diverge so far that an entry has no certain digit, none is written.
+nearby motions diverge so far that an entry has no certain digit, none is written. Motions that are
+far apart may agree in an entry by chance; it is compared with several then, at other tolerances.
 
 It is the cheap test of the end of a motion, one smooth piece or a chain of phases; `accuracy`
 covers all times of a smooth motion and measures rounding more carefully.
@@ -34,6 +35,12 @@ Again = Callable[[Scene, float], Motion]
 _ESTIMATE_FACTOR = 5.0
 #: Of its scale: an entry smaller than its error is written as 0 if the error is below this.
 _ZERO_BELOW = 1e-3
+#: Of its scale: where an entry is off by more, the finer motion may be lost as well, and how near
+#: another entry of it is to the motion's is chance: one in a hundred is that near.
+_APART = 0.01
+#: Then so many more motions are compared, each at twice the tolerance of the one before, so that
+#: their steps differ. All of them agree in a lost entry by chance in 1 of 1e8 cases or fewer.
+_MORE = 4
 _LAST_DIGIT = 2.0**-52  # relative change of the numbers
 _SEED = 0
 _DOUBLE_DIGITS = 16  # significant digits of a double
@@ -114,8 +121,8 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
       end, or where these went through other phases: then no digit is known to be correct.
     Raises:
       ValueError: `motion` is a batch.
-    Limits: a chain is compared at its end alone, whatever phases are in between. With only two
-      other motions, an entry may agree better by chance than its error warrants.
+    Limits: a chain is compared at its end alone, whatever phases are in between. A motion that is
+      lost with all its entries within a hundredth of their scale of a finer one is taken as right.
     Example:
       >>> from jaxdyn import scenes, simulate
       >>> def again(scene, rtol):
@@ -131,12 +138,18 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
     finer = max(rtol * RATIO, FINEST)
     other = changed(start, _LAST_DIGIT, np.random.default_rng(_SEED))
     ends = [_same(motion, again(begin, finer)) for begin in (start, other)]
-    apart = gaps(scene, np.stack([y, y, ends[1]]), np.stack([*ends, ends[0]]))
-    least = 0.5 * np.finfo(float).eps * np.abs(y)  # rounding of the stored result
-    sizes = np.abs(apart)
-    rounding = np.maximum(sizes[2], least)
-    error, scale = np.max(sizes, axis=0), _scales(motion, y)
+    apart, scale = _spread(scene, ends[1], ends[:1]), _scales(motion, y)
+    error = np.maximum(_spread(scene, y, ends), apart)
+    rounding = np.maximum(apart, 0.5 * np.finfo(float).eps * np.abs(y))  # of the stored result too
+    if np.any(error > _APART * scale):
+        more = [_same(motion, again(start, finer * 2.0**n)) for n in range(1, _MORE + 1)]
+        error = np.maximum(error, _spread(scene, y, more))
     return EndError(y=y, error=error, rounding=rounding, scale=scale)
+
+
+def _spread(scene: Scene, y: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
+    """(k,) the largest distance of a state from several others, entry by entry."""
+    return np.abs(gaps(scene, np.stack([y] * len(others)), np.stack(others))).max(axis=0)
 
 
 def _scales(motion: Motion, y: np.ndarray) -> np.ndarray:

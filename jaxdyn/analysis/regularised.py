@@ -32,6 +32,7 @@ from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, span
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
 from jaxdyn.scene import Field, Scene, checked_scene
 from jaxdyn.solvers import Solver
+from jaxdyn.solvers.choice import chosen_method
 from jaxdyn.status import Status
 from jaxdyn.system import potential_energy
 
@@ -212,6 +213,8 @@ def followed(scene: Scene, t1, t0, samples: int, options: SolverOptions, *, thro
     stop = _until(slow, t0, t1, options)
     if throw:
         raise_unless_ok(stop.status, scene)
+    # That of the search, or errors that encounters amplify would take the run another way.
+    options = options._replace(solver=chosen_method(slow, options.solver, several=True))
 
     def over(y0, length) -> tuple[Array, SolveResult]:
         grid = jnp.linspace(0.0, length, samples)

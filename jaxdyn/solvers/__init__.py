@@ -1,6 +1,6 @@
 """Solvers: the values of the argument ``solver`` of `simulate`.
 
-- `Pair`: explicit, with a tolerance; the default of most scenes. `NYSTROM12`, `VERNER9`, `DOPRI8`.
+- `Pair`: explicit, with a tolerance; the default of long rates. `NYSTROM12`, `VERNER9`, `DOPRI8`.
   With a step instead, for comparison: `EULER`, and the classic `RK4`.
 - `Composition`: symplectic and explicit, with a step; long conservative runs without forces that
   depend on velocity. `VERLET`, `BLANES_MOAN6`, `KAHAN_LI8`, `SOFRONIOU_SPALETTA10`.
@@ -9,7 +9,7 @@
 - `Stoermer`: explicit, with a tolerance; a few bodies whose forces do not depend on velocity, in
   0.6 to 0.8 of the time of a pair for the same error. `STOERMER14`, `STOERMER18`.
 - `Taylor`: explicit, with a tolerance; scenes with short formulas, in a quarter to a half of the
-  time of a pair; the default of the shortest. `TAYLOR8`, `TAYLOR12`, `TAYLOR14`, `TAYLOR16`,
+  time of a pair; their default. `TAYLOR8`, `TAYLOR12`, `TAYLOR14`, `TAYLOR16`,
   `TAYLOR20`.
 - `Radau`: L-stable and implicit, with a tolerance; stiff scenes. `RADAU5`, `RADAU9`.
 - An explicit Runge-Kutta solver of diffrax, such as ``diffrax.Tsit5()``; see `from_diffrax`.

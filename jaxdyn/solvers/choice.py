@@ -7,17 +7,17 @@ from jaxdyn.scene import Scene
 from jaxdyn.solvers.exchange import from_diffrax
 from jaxdyn.solvers.method import Method
 from jaxdyn.solvers.pairs import NYSTROM12, VERNER9
-from jaxdyn.solvers.taylor.method import TAYLOR14, Taylor, series_of
+from jaxdyn.solvers.taylor.method import TAYLOR12, TAYLOR14, TAYLOR20, Taylor, series_of
 
 #: Type of the argument ``solver``.
 Solver = Method | diffrax.AbstractSolver
 
-#: Operations of a rate, and products at each order of its Taylor series, up to which that is the
-#: default.
-_SHORT, _FEW = 60, 8
-
-#: The default's series for velocity-independent forces: derivatives are by the Nystrom pair.
-_TAYLOR14_NYSTROM12 = Taylor(14, tangents=NYSTROM12)
+#: Operations of a rate up to which its formulas are sought, which takes a tenth of a second.
+_LONGEST = 1000
+#: Products at each order of a Taylor series up to which an order runs fastest.
+_ORDERS = {4: TAYLOR20, 16: TAYLOR14, 24: TAYLOR12}
+#: The same for velocity-independent forces: derivatives are by the Nystrom pair.
+_ORDERS_BY_PLACES = {n: Taylor(each.order, tangents=NYSTROM12) for n, each in _ORDERS.items()}
 
 
 def method_of(solver: Solver) -> Method:
@@ -39,24 +39,30 @@ def method_of(solver: Solver) -> Method:
 def default_solver(scene: Scene, *, several: bool = False) -> Method:
     """The method that a scene is solved with if none is asked for.
 
-    - Velocity-independent forces: `NYSTROM12`; but Taylor's series of order 14 for rates of at most
-      60 operations and 15 numbers without quotients and roots, of at most 8 products an order. At
-      true errors of 1e-6, 1e-9 and 1e-12 that takes 0.69, 0.55 and 0.62 of the time for Henon and
-      Heiles's potential and 0.34, 0.27 and 0.29 for Toda's ring, and compiles as fast. Derivatives,
-      events and ensembles take `NYSTROM12` there as well. At rtol 1e-12 its errors
-      are four and six times larger there (1e-14 and 1e-12). Close encounters gain a tenth only
-      (a Kepler orbit with e = 0.9), and lose up to two digits at the same tolerance.
-    - Other rates of at most 60 operations and 15 numbers that have a Taylor series wherever they
-      are finite, of at most 8 products an order: `TAYLOR14`. At true errors of 1e-6, 1e-9 and
-      1e-12 it takes 0.7, 0.6 and 0.4 of the time of `VERNER9` (medians of Lorenz, Duffing, Chua,
-      Lotka-Volterra, van der Pol, the spherical pendulum and a ball with drag; see ``python -m
-      benchmarks default``), and 0.9 to 1.4 of the time to compile.
-    - All others: `VERNER9`. Longer series run faster than it too (Arenstorf's orbit 0.8, a free
-      body 0.2), but compile for up to three times as long.
+    A `Taylor` series, if the rate has one wherever it is finite, of at most 15 numbers and 24
+    products an order; where no force depends on velocity, only without quotients and roots. The
+    more products, the lower the order that runs and compiles fastest: `TAYLOR20` up to 4,
+    `TAYLOR14` up to 16, `TAYLOR12` up to 24. All others take a pair: `NYSTROM12` where no force
+    depends on velocity, else `VERNER9`.
 
-    The tolerance has no part in it, since one method for all tolerances is one program. Order 14
-    takes at most 1.13, 1.23 and 1.56 of the time of the best order at these errors (20 is best for
-    Duffing's equation, and for Henon and Heiles's with 1.23 at 1e-9 and 1.47 at 1e-12).
+    At true errors of 1e-6, 1e-9 and 1e-12 the series take, of the time of the pair: 0.76, 0.57,
+    0.34 (Lorenz), 0.48, 0.31, 0.15 (Duffing), 0.64, 0.48, 0.45 (Henon and Heiles), 0.34, 0.29, 0.29
+    (Toda's ring), 0.96, 0.81, 0.73 (spherical pendulum), 0.92, 0.79, 0.64 (three restricted bodies
+    in space), 0.80, 0.61, 0.46 (magnetic bottle), 0.40, 0.35, 0.27 (double pendulum), 0.28, 0.23,
+    0.17 (rigid body). That is within 1.15 of the fastest method, but 1.2 for the restricted bodies
+    and the bottle at 1e-12. They compile in 0.7 to 1.4 of the time of the pair, a rigid body in
+    1.6. At the same tolerance their errors are no larger in nine of ten runs. ``python -m
+    benchmarks default`` has all figures.
+
+    What is not taken, though it is faster: `STOERMER14` needs 0.6 to 0.75 of the time of
+    `NYSTROM12` for several bodies (Pleiades, outer planets; three bodies 0.8, Kepler's orbit with
+    e = 0.9 0.7 to 0.8), but at the same tolerance its errors are some ten times larger, 800 times
+    for Kepler's orbit at 1e-12, and no tolerance gives less than 1e-13 where the pair gets to
+    1e-15: its extrapolation amplifies rounding. With quotients, series of second-order equations
+    gain less than that, and lose digits in close encounters.
+
+    The tolerance has no part in it, since one method for all tolerances is one program. For
+    derivatives, events and ensembles, which cross several steps side by side, it is the pair.
 
     Args:
       scene: any.
@@ -74,18 +80,21 @@ def reason(scene: Scene) -> str:
 
 def _rule(scene: Scene) -> tuple[Method, str]:
     """The default, and why."""
-    pair = NYSTROM12 if scene.second_order else VERNER9
-    kind = "forces do not depend on velocity, and " if scene.second_order else ""
-    series = series_of(scene.field, scene.y0, longest=_SHORT)
+    pair, orders, kind = VERNER9, _ORDERS, ""
+    if scene.second_order:
+        pair, orders, kind = NYSTROM12, _ORDERS_BY_PLACES, "forces do not depend on velocity, and "
+    series = series_of(scene.field, scene.y0, longest=_LONGEST)
     if series is None:
         return pair, f"{kind}its rate is long, or has no Taylor series"
     if not series.everywhere:
         return pair, f"{kind}its rate has a root, and no Taylor series where that is 0"
     if scene.second_order and not series.entire:
         return pair, f"{kind}its rate has quotients or roots"
-    why = f"{kind}its Taylor series takes {series.products} products an order; up to {_FEW} are few"
-    taylor = _TAYLOR14_NYSTROM12 if scene.second_order else TAYLOR14
-    return (taylor if series.products <= _FEW else pair), why
+    why = f"{kind}its Taylor series takes {series.products} products an order"
+    for most, method in orders.items():
+        if series.products <= most:
+            return method, f"{why}; up to {most} run fastest at order {method.order}"
+    return pair, f"{why}; more than {most} are too many"
 
 
 def chosen_method(scene: Scene, solver: Solver | None, *, several: bool = False) -> Method:

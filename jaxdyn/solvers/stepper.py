@@ -70,7 +70,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         lost = args.loses(sign * t0, y0, sign * t1, y1)
         y1 = y1 if lost is None else jnp.where(lost, jnp.nan, y1)
         near = step.speed > self.method.alarm * self.method.stable
-        count = jnp.where(is_stiff(count), count, jnp.maximum(count + jnp.where(near, 1, -2), 0))
+        count = jnp.where(is_stiff(count), count, jnp.maximum(count + jnp.where(near, 1, -1), 0))
         result = diffrax.RESULTS.where(
             step.converged, diffrax.RESULTS.successful, diffrax.RESULTS.nonlinear_divergence
         )

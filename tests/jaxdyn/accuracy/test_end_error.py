@@ -2,6 +2,7 @@
 
 import re
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -49,6 +50,33 @@ def test_written_digits_of_a_chaotic_motion_are_right(rtol):
     assert left[0] > 5
     assert left[-1] < 1  # after 60 s nothing is left
     assert "no digit left (+-" in found.written()[1]
+
+
+def test_an_entry_that_agrees_by_chance_with_a_lost_motion_has_no_digit():
+    motion = simulate(scenes.lorenz(), 1.0, samples=2, rtol=1e-6)
+    tried = []
+
+    def lost(scene, rtol):
+        """Far away, but for the first entry of the two motions at a thousandth of the tolerance."""
+        tried.append(rtol)
+        off = np.array([0.0 if rtol < 1.5e-9 else 3.0, 5.0, -5.0])
+        return eqx.tree_at(lambda m: m.ys, motion, motion.ys.at[-1].add(off))
+
+    found = end_error(motion, lost, rtol=1e-6)
+    assert found.error[0] == 3.0
+    assert found.written()[0].startswith("no digit left")
+    np.testing.assert_allclose(tried, 1e-9 * np.array([1.0, 1.0, 2.0, 4.0, 8.0, 16.0]))
+
+
+def test_motions_that_stay_together_are_compared_with_two():
+    tried, again = [], runner(1.0)
+
+    def counted(scene, rtol):
+        tried.append(rtol)
+        return again(scene, rtol)
+
+    end_error(again(scenes.lorenz(), 1e-6), counted, rtol=1e-6)
+    assert len(tried) == 2
 
 
 def test_no_digit_of_noise_is_written():

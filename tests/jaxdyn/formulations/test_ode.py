@@ -18,7 +18,7 @@ from jaxdyn.drawing import contents, time_series
 from jaxdyn.drawing.titles import describe
 from jaxdyn.files.tables import columns, write_csv
 from jaxdyn.integrate.events import Reaches
-from jaxdyn.solvers import NYSTROM12, TAYLOR14
+from jaxdyn.solvers import NYSTROM12, TAYLOR20
 from jaxdyn.solvers.choice import default_solver
 
 TRACED = []
@@ -219,7 +219,7 @@ def test_a_drift_has_the_size_of_what_changes_where_the_energy_is_zero():
 def test_a_second_order_rate_takes_the_nystrom_pair_for_tangents():
     claimed = jaxdyn.ode(turn, [0.6, 0.8], second_order=True)
     assert default_solver(claimed).for_tangents is NYSTROM12
-    assert default_solver(TURNING) is TAYLOR14
+    assert default_solver(TURNING) is TAYLOR20
     end = np.array([[np.cos(2), np.sin(2)], [-np.sin(2), np.cos(2)]]) @ [0.6, 0.8]
     assert gap(solve(claimed, 2.0, rtol=1e-13).y1, end) < SOLVED
 
