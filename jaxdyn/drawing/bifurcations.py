@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
-from jaxdyn.continuation.family import EquilibriumFamily, Kind, RestPoint
+from jaxdyn.continuation.family import EquilibriumFamily, Kind
 from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.files.image_files import picture_path
 
@@ -54,9 +54,10 @@ def equilibria(
     figure = blank(6.8, 4.6)
     ax: Any = figure.add_subplot()
     for family in families:
-        for verdict, points in runs(family.members, _verdict):
+        for verdict, points, shown in stretches(family.members, lambda x: x.verdict):
             line = np.array([(x.parameter, x.state[index]) for x in points])
-            ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=verdict)
+            name = verdict if shown else "_"
+            ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=name)
     for (kind, marker), colour in zip(RESTS.items(), PALETTE[1:], strict=False):
         special = [x for family in families for x in family.special if x.kind == kind]
         there = np.array([(x.parameter, x.state[index]) for x in special])
@@ -118,8 +119,19 @@ def runs(points: Sequence, of_pair: Callable[[Any, Any], str]) -> list[tuple[str
     return found
 
 
-def _verdict(one: RestPoint, two: RestPoint) -> str:
-    return one.verdict if one.verdict == two.verdict else "undecided"
+def stretches(points: Sequence, verdict: Callable[[Any], str]) -> list[tuple[str, list, bool]]:
+    """Runs of points of one verdict; whether legends name them.
+
+    Between two verdicts a line is drawn like one without a verdict, but no point of it is
+    undecided: a legend that said so would name a line that nobody sees.
+    """
+
+    def common(one, two) -> str:
+        return verdict(one) if verdict(one) == verdict(two) else "undecided"
+
+    return [
+        (which, several, which in map(verdict, several)) for which, several in runs(points, common)
+    ]
 
 
 def _criticality(one, two) -> str:
