@@ -63,7 +63,7 @@ def errors(mu):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_edge_of_the_tongue_is_that_of_the_averaged_equations():
     coarse, fine = errors(0.2), errors(0.1)
     # These leave out terms of order mu.

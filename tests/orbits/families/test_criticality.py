@@ -4,6 +4,7 @@ Each scene is a normal form whose map over a period is known, in coordinates tha
 with the time. These do not change the coefficients.
 """
 
+import functools
 import math
 
 import jax.numpy as jnp
@@ -24,8 +25,12 @@ def held(scene, y0, period=TURN, closing=PLAIN):
     return Orbit(scene.starting(jnp.asarray(y0), period), closing, 0.0, Outcome.FOUND, 0, 1e-13)
 
 
+@functools.cache
 def bent(flow):
-    """The rate of X = x + (BEND x2^2 + SHIFT cos t, 0, ..) for x' = flow(t, x)."""
+    """The rate of X = x + (BEND x2^2 + SHIFT cos t, 0, ..) for x' = flow(t, x).
+
+    One function for each flow, so that each is compiled once.
+    """
 
     def rate(t, big, c):
         x = jnp.asarray(big).at[0].add(-BEND * big[1] ** 2 - SHIFT * jnp.cos(t))
@@ -101,7 +106,7 @@ def rossler(c):
     return jaxdyn.ode(rate, [3.0, -3.0, 0.1], 5.9, params=c)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_branch_lies_on_the_side_that_the_coefficient_says():
     """Roessler's first period doubling, near c = 2.83, is supercritical: it begins the cascade."""
     first = orbits.find(rossler(2.6))

@@ -93,7 +93,7 @@ def assert_none(found, outcome, said):
     assert outcome in str(found)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_strands_that_do_not_meet_are_an_outcome(pair):
     options = {"strands": 12, "segments": 12, "time": 4.5}
     found = orbits.connect(*pair, until=JUPITER, branch="-+", **options)
