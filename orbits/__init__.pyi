@@ -57,6 +57,8 @@ from .discovery.search import SearchResult as SearchResult
 from .discovery.search import search as search
 from .families.continuation import continue_family as continue_family
 from .families.continuation import switch_branch as switch_branch
+from .families.criticality import Criticality as Criticality
+from .families.criticality import criticality as criticality
 from .families.diagram import Diagram as Diagram
 from .families.diagram import diagram as diagram
 from .families.family import Family as Family

@@ -5,7 +5,8 @@ points. `special` finds folds, branch points and Hopf points between two points 
 their defining equations in `defining`; `normal_forms` has their coefficients.
 
 `two_parameters` follows curves of folds and Hopf points in two parameters by the equations of
-`augmented`, `codimension_two` finds the special points on them, and `curve` holds both.
+`augmented`, `codimension_two` finds the special points on them, and `curve` holds both;
+`second_lyapunov` is the coefficient of Bautin points.
 
 May import: `analysis`.
 

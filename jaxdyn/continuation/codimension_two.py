@@ -23,6 +23,7 @@ from jaxdyn.continuation import augmented, normal_forms
 from jaxdyn.continuation.curve import CodimensionTwo, CurvePoint, MakeOfTwo, WithSecond
 from jaxdyn.continuation.defining import Solution
 from jaxdyn.continuation.family import Kind
+from jaxdyn.continuation.second_lyapunov import lyapunov_coefficients
 
 #: Largest test at a special point, relative to 1 + the norm of the Jacobian. At a pole, where a
 #: test changes sign as well, it is large.
@@ -209,6 +210,8 @@ def _named(make: MakeOfTwo, point: CurvePoint, kind: CodimensionTwo) -> CurvePoi
         form = {"c": normal_forms.null_form(held, x, a)[1]}
     elif kind == CodimensionTwo.BOGDANOV_TAKENS:
         form = dict(zip("ab", normal_forms.double_zero(held, x, a), strict=True))
+    elif kind == CodimensionTwo.BAUTIN:
+        form = {"l2": lyapunov_coefficients(held, x, a, point.frequency)[1]}
     return dataclasses.replace(
         point,
         kind=kind,

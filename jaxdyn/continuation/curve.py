@@ -59,7 +59,8 @@ class CurvePoint:
       left: (k,) unit null vector of the transposed Jacobian at a fold; NaN for Hopf points.
       tests: of each kind of special point a number that vanishes there.
       kind: kind of special point, if it is one.
-      normal_form: its coefficients by name: "c" of a cusp, "a" and "b" of a Bogdanov-Takens point.
+      normal_form: its coefficients by name: "c" of a cusp, "a" and "b" of a Bogdanov-Takens point,
+        the second Lyapunov coefficient "l2" of a Bautin point.
     """
 
     curve: Kind

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
-from jaxdyn.continuation.family import EquilibriumFamily, Kind, RestPoint
+from jaxdyn.continuation.family import EquilibriumFamily, Kind
 from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.files.image_files import picture_path
 
@@ -54,9 +54,10 @@ def equilibria(
     figure = blank(6.8, 4.6)
     ax: Any = figure.add_subplot()
     for family in families:
-        for verdict, points in runs(family.members, _verdict):
+        for verdict, points, shown in rest_stretches(family):
             line = np.array([(x.parameter, x.state[index]) for x in points])
-            ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=verdict)
+            name = verdict if shown else "_"
+            ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=name)
     for (kind, marker), colour in zip(RESTS.items(), PALETTE[1:], strict=False):
         special = [x for family in families for x in family.special if x.kind == kind]
         there = np.array([(x.parameter, x.state[index]) for x in special])
@@ -118,13 +119,56 @@ def runs(points: Sequence, of_pair: Callable[[Any, Any], str]) -> list[tuple[str
     return found
 
 
-def _verdict(one: RestPoint, two: RestPoint) -> str:
-    return one.verdict if one.verdict == two.verdict else "undecided"
+def stretches(
+    points: Sequence,
+    special: Sequence,
+    verdict: Callable[[Any], str],
+    place: Callable[[Any], np.ndarray],
+) -> list[tuple[str, list, bool]]:
+    """Runs of points of one verdict, cut at special points; whether legends name them.
+
+    Where the verdict changes without a special point to cut at, the line is drawn like one without
+    a verdict, but no point of it is undecided: a legend would name a line that nobody sees.
+    """
+    pieces: list[tuple[str, list]] = []
+    for one, two in itertools.pairwise(points):
+        first, last = verdict(one), verdict(two)
+        ends = place(one), place(two)
+        cuts = [x for x in special if first != last and _between(*ends, place(x))]
+        if first == last:
+            pieces.append((first, [one, two]))
+        elif cuts and "undecided" not in (first, last):
+            pieces += [(first, [one, cuts[0]]), (last, [cuts[-1], two])]
+        else:
+            pieces.append(("undecided", [one, two]))
+    found: list[tuple[str, list]] = []
+    for which, (one, two) in pieces:
+        if found and found[-1][0] == which and found[-1][1][-1] is one:
+            found[-1][1].append(two)
+        else:
+            found.append((which, [one, two]))
+    return [
+        (which, several, which != "undecided" or which in map(verdict, several))
+        for which, several in found
+    ]
+
+
+def _between(a: np.ndarray, b: np.ndarray, x: np.ndarray) -> bool:
+    """Whether x is beside the line from a to b, nearer to it than half its length."""
+    along = b - a
+    share = (x - a) @ along / (along @ along)
+    off = np.linalg.norm(x - a - share * along)
+    return bool(0 <= share <= 1 and off < 0.5 * np.linalg.norm(along))
 
 
 def _criticality(one, two) -> str:
     """Of Hopf points; special points between them have none, nor have those of orbits."""
     return getattr(one, "criticality", "") or getattr(two, "criticality", "")
+
+
+def rest_stretches(family: EquilibriumFamily) -> list[tuple[str, list, bool]]:
+    """The `stretches` of a family of rest points."""
+    return stretches(family.members, family.special, lambda x: x.verdict, lambda x: x.x)
 
 
 def entry_of(families: Sequence[EquilibriumFamily], entry: str | None) -> tuple[int, str]:

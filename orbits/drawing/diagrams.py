@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, entry_of, runs
+from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, entry_of, rest_stretches, stretches
 from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.files.image_files import picture_path
 from orbits.drawing.families import MARKS
@@ -39,18 +39,21 @@ def diagram(
     figure = blank(6.8, 5.0)
     ax: Any = figure.add_subplot()
     for family in found.rests:
-        for verdict, points in runs(family.members, lambda a, b: _common(a.verdict, b.verdict)):
+        for verdict, points, shown in rest_stretches(family):
             line = np.array([(x.parameter, x.state[index]) for x in points])
-            rests = f"rest points, {verdict}"
+            rests = f"rest points, {verdict}" if shown else "_"
             ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=rests)
     for family in found.orbits:
         rows = {id(x): extremes(x, index) for x in (*family.members, *family.special)}
-        for verdict, points in runs(
-            family.members, lambda a, b: _common(a.stability.verdict, b.stability.verdict)
+        for verdict, points, shown in stretches(
+            family.members,
+            family.special,
+            lambda x: x.stability.verdict,
+            lambda x: np.asarray(x.point.x),
         ):
             for side in (0, 1):
                 line = np.array([(x.parameter, rows[id(x)][side]) for x in points])
-                label_ = f"orbits, {verdict}"
+                label_ = f"orbits, {verdict}" if shown else "_"
                 ax.plot(*line.T, color=PALETTE[1], lw=1.5, ls=STRETCHES[verdict], label=label_)
         for point in family.special:
             x = [point.parameter] * 2
@@ -79,7 +82,3 @@ def diagram(
     style(ax)
     legend_below(figure, named(ax))
     return finished(figure, path)
-
-
-def _common(one: str, two: str) -> str:
-    return one if one == two else "undecided"

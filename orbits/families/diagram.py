@@ -1,4 +1,4 @@
-"""A bifurcation diagram: rest points, orbits that begin at their Hopf points, and doublings.
+"""A bifurcation diagram: rest points, orbits that begin at their Hopf points, and their branches.
 
 Every family is followed from the special points of those before it. What cannot be followed is
 kept as a failure with its reason, beside all that was found.
@@ -24,6 +24,7 @@ from orbits.orbit import SearchError
 from orbits.shooting.segment import Make
 
 _SAME = 1e-6  # relative distance below which two special points are one
+_MET = 1e-4  # the same for branch points of orbits, by parameter and period
 _NEAR = 1e-2  # of the bounds: a family of orbits that ends so near a Hopf point ends there
 _SAMPLES = 200  # of an orbit, for the extremes of an entry
 #: What a search or a continuation raises where there is nothing to find.
@@ -112,8 +113,8 @@ def diagram(
     """The bifurcation diagram of a scene over a parameter.
 
     Families of rest points in both directions from the start and through branch points; families
-    of orbits from each Hopf point; families of orbits of twice the period from each doubling, and
-    so on.
+    of orbits from each Hopf point; families of orbits of twice the period from each doubling, both
+    halves of the other family from each branch point of orbits, and so on.
 
     Args:
       make: the scene for each value of the parameter; see `continue_equilibria`.
@@ -121,6 +122,7 @@ def diagram(
       start: (k,) state near a rest point; or (k/2,) coordinates of a state at rest.
       within: bounds on the parameter.
       depth: largest number of doublings that are followed one after the other; 0 for none.
+        Branch points of orbits are followed at any depth.
       step: length of the first step along rest points.
       members: largest number of members of a family of rest points.
       orbit_step: length of the first step along orbits; `step` by default.
@@ -133,7 +135,7 @@ def diagram(
     Raises:
       ValueError: there is no rest point near `start`, or a number is out of range; see
         `continue_equilibria`.
-    Limits: host only. Branches of orbits at their branch points are not followed.
+    Limits: host only. Of a family of orbits that closes by a symmetry, no doublings.
     Example:
       >>> import jaxdyn, orbits
       >>> def make(mu):
@@ -188,6 +190,11 @@ def _near(a: np.ndarray, b: np.ndarray) -> bool:
     return bool(np.linalg.norm(a - b) < _SAME * (1.0 + np.linalg.norm(a)))
 
 
+def _met(a: np.ndarray, b: np.ndarray) -> bool:
+    """Whether two branch points are one: a member of another family has it to fewer digits."""
+    return bool(np.linalg.norm(a - b) < _MET * (1.0 + np.linalg.norm(a)))
+
+
 class _Orbits:
     """The families of orbits of a diagram, as they are found."""
 
@@ -198,6 +205,7 @@ class _Orbits:
         self.families: list[tuple[Family, int]] = []
         self.failures: list[Failure] = []
         self.seen: list[np.ndarray] = []
+        self.branches: list[np.ndarray] = []
 
     def from_hopf(self, rests: EquilibriumFamily, point: RestPoint, depth: int) -> None:
         """Follow the orbits that begin at a Hopf point, and their doublings."""
@@ -230,14 +238,25 @@ class _Orbits:
         self.families.append((family, doublings))
         self.report(family)
         for special in family.special:
-            if special.kind != Kind.DOUBLING or doublings >= depth:
+            double = special.kind == Kind.DOUBLING
+            if not (double and doublings < depth) and not self._new_branch(special):
                 continue
-            _progress.doing(f"following a doubling at {special.parameter:.6g}")
+            _progress.doing(f"following a {special.kind} at {special.parameter:.6g}")
+            # The halves of a doubled family are the same orbits, half a period later.
+            for size in (self.amplitude,) if double else (self.amplitude, -self.amplitude):
 
-            def doubled(special=special):
-                return switch_branch(family, special, amplitude=self.amplitude)
+                def other(special=special, size=size):
+                    return switch_branch(family, special, amplitude=size)
 
-            self._follow(special, doubled, doublings + 1, depth)
+                self._follow(special, other, doublings + double, depth)
+
+    def _new_branch(self, special: Member) -> bool:
+        """Whether it is a branch point that no other family has passed."""
+        place = np.array([special.parameter, special.orbit.period])
+        if special.kind != Kind.BRANCH or any(_met(place, x) for x in self.branches):
+            return False
+        self.branches.append(place)
+        return True
 
 
 def extremes(member: Member, entry: int) -> tuple[float, float]:

@@ -12,7 +12,6 @@ Math. 26, 155.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -21,16 +20,14 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
+from orbits.manifolds.links import Links
 from orbits.manifolds.splitting import Split, split
 from orbits.motion import solved
 
 Make = Callable[[Array], Scene]
-_NEWTON_STEPS, _HALVINGS = 30, 10
-_GOAL = 1e-12  # largest gap, in units of the largest entry of the states or 1
-_DEPENDENT = 1e-11  # smallest over largest singular value of equations that are dependent
 
 
-class Chain(eqx.Module):
+class Chain(Links):
     """What is to be connected.
 
     Attributes:
@@ -59,8 +56,10 @@ class Chain(eqx.Module):
 
     def unpack(self, x: Array) -> tuple[Array, Array | None, Array]:
         """Travel time, parameter, and the states (segments - 1, k) between links."""
-        states = x[-(self.segments - 1) * self.near.shape[1] :].reshape(self.segments - 1, -1)
-        return x[0], None if self.make is None else x[1], states
+        return x[0], None if self.make is None else x[1], self.states(x)
+
+    def states(self, x: Array) -> Array:
+        return x[-(self.segments - 1) * self.near.shape[1] :].reshape(self.segments - 1, -1)
 
     def pack(self, time, parameter, states) -> np.ndarray:
         """The inverse of `unpack`."""
@@ -73,15 +72,20 @@ class Chain(eqx.Module):
         v = first.projector @ self.along
         return first, v / jnp.linalg.norm(v), split(scene, self.near[1], self.cuts[1])
 
+    def opened(self, x: Array, steps: Array) -> tuple[Scene, Array, Array]:
+        time, parameter, states = self.unpack(x)
+        scene = self.scene_at(parameter)
+        first, v, _ = self.ends(scene)
+        return scene, jnp.concatenate([(first.rest + steps[0] * v)[None], states]), time
+
     def gaps(self, x: Array, steps: Array) -> Array:
         """The errors of the links, of the end across the stable subspace, and of its distance.
 
         `steps` (2,) are the distances of the ends from the rest points.
         """
-        time, parameter, states = self.unpack(x)
-        scene = self.scene_at(parameter)
-        first, v, second = self.ends(scene)
-        starts = jnp.concatenate([(first.rest + steps[0] * v)[None], states])
+        scene, starts, time = self.opened(x, steps)
+        _, _, second = self.ends(scene)
+        states = starts[1:]
         ends = jax.vmap(
             lambda y: solved(scene.starting(y), time / self.segments, rtol=self.rtol).y1
         )(starts)
@@ -91,95 +95,10 @@ class Chain(eqx.Module):
         return jnp.concatenate([(ends[:-1] - states).ravel(), across, distance[None]])
 
 
-class Solution(NamedTuple):
-    """Where Newton's method ended.
-
-    Attributes:
-      x: (n,) the unknowns.
-      miss: largest gap.
-      converged: whether it is below the goal.
-      independent: whether the equations determine all unknowns.
-      doubt: (n,) change of each unknown by gaps as large as the goal.
-      iterations: number of steps.
-    """
-
-    x: np.ndarray
-    miss: float
-    converged: bool
-    independent: bool
-    doubt: np.ndarray
-    iterations: int
-
-
-@eqx.filter_jit
-def _gaps_and_slopes(chain: Chain, x, steps) -> tuple[Array, Array]:
-    def doubled(x):
-        gaps = chain.gaps(x, steps)
-        return gaps, gaps
-
-    slopes, gaps = jax.jacfwd(doubled, has_aux=True)(x)
-    return gaps, slopes
-
-
-def solve(chain: Chain, x: np.ndarray, steps: np.ndarray) -> Solution:
-    """Newton's method with exact derivatives; a step that does not reduce the gaps is halved.
-
-    With an integral of motion there are more equations than unknowns, consistent with each other:
-    hence least squares.
-    """
-    gaps, slopes = (np.asarray(z) for z in _gaps_and_slopes(chain, x, steps))
-    iterations, enough = 0, False
-    while np.isfinite(gaps).all() and np.isfinite(slopes).all():
-        if enough or iterations == _NEWTON_STEPS:
-            break
-        enough = np.abs(gaps).max() <= _goal(chain, x)  # one step more, to rounding
-        change = np.linalg.lstsq(slopes, -gaps, rcond=_DEPENDENT)[0]
-        for i in range(_HALVINGS):
-            tried = x + 0.5**i * change
-            # The slopes too, though only the gaps are compared: one program compiles, not two.
-            new = tuple(np.asarray(z) for z in _gaps_and_slopes(chain, tried, steps))
-            if np.linalg.norm(new[0]) < np.linalg.norm(gaps) and tried[0] > 0:
-                break
-        else:
-            break
-        x, iterations, (gaps, slopes) = tried, iterations + 1, new
-    miss, goal = float(np.abs(gaps).max()), _goal(chain, x)
-    if not (miss <= goal and np.isfinite(slopes).all()):
-        return Solution(x, miss, False, False, np.full(len(x), np.nan), iterations)
-    values = np.linalg.svd(slopes, compute_uv=False)
-    doubt = goal * np.linalg.norm(np.linalg.pinv(slopes, rcond=_DEPENDENT), axis=1)
-    return Solution(x, miss, True, values[-1] > _DEPENDENT * values[0], doubt, iterations)
-
-
-def _goal(chain: Chain, x: np.ndarray) -> float:
-    return _GOAL * max(1.0, float(np.abs(chain.unpack(x)[2]).max()))
-
-
-@eqx.filter_jit
-def sampled(chain: Chain, x, steps, n: int) -> tuple[Array, Array]:
-    """(segments * n + 1,) times and (..., k) states, n in each link and the end."""
-    time, parameter, states = chain.unpack(x)
-    scene = chain.scene_at(parameter)
-    first, v, _ = chain.ends(scene)
-    starts = jnp.concatenate([(first.rest + steps[0] * v)[None], states])
-    each = time / chain.segments
-    ts = each * jnp.linspace(0.0, 1.0, n + 1)[1:]
-
-    def link(y):
-        return solved(scene.starting(y), each, ts=ts, rtol=chain.rtol).ys
-
-    ys = jax.vmap(link)(starts)
-    times = time * jnp.linspace(0.0, 1.0, chain.segments * n + 1)
-    return times, jnp.concatenate([starts[:1], ys.reshape(-1, ys.shape[-1])])
-
-
 @eqx.filter_jit
 def state_at(chain: Chain, x, steps, t) -> tuple[Array, Array]:
     """(k,) state of the chain at a time, and the rate there."""
-    time, parameter, states = chain.unpack(x)
-    scene = chain.scene_at(parameter)
-    first, v, _ = chain.ends(scene)
-    starts = jnp.concatenate([(first.rest + steps[0] * v)[None], states])
+    scene, starts, time = chain.opened(x, steps)
     each = time / chain.segments
     i = jnp.clip(jnp.floor(t / each), 0, chain.segments - 1)
     y = solved(scene.starting(starts[i.astype(int)]), t - i * each, rtol=chain.rtol).y1

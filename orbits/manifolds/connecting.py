@@ -1,65 +1,60 @@
-"""The search for a connection: a strand that passes close by, then ends closer and closer."""
-
-import math
-
-import jax
-import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array
+"""Connections of rest points and of orbits: the call."""
 
 from jaxdyn import Scene, _checks
-from jaxdyn.analysis.equilibria import rest_point
-from jaxdyn.analysis.linearize import linearize
-from jaxdyn.scene import checked_scene
-from jaxdyn.system import System
-from orbits.closing.given import driven
-from orbits.manifolds import chain
-from orbits.manifolds.chain import Chain, Make, Solution
-from orbits.manifolds.connection import Connection, ConnectionOutcome
-from orbits.manifolds.directions import of_rest
-from orbits.manifolds.splitting import split
-from orbits.motion import solved
+from jaxdyn.integrate.events import Event
+from orbits.manifolds.between_orbits import Asked, connect_orbits
+from orbits.manifolds.between_rests import connect_rests
+from orbits.manifolds.chain import Make
+from orbits.manifolds.connection import Connection
+from orbits.orbit import Orbit
 
 #: Default tolerance of the integrations, and default error of the linear ends [norm of a state].
 RTOL, ERROR = 1e-13, 1e-8
-_FIRST = 1e-2  # of the size of the rest points or 1: the first distance of the ends
-_SHORTER = 4.0  # ratio of successive distances
-_LEVELS = 14  # most of them
-_LEFT = 0.1  # of the largest distance from the first rest point: there it has been left
-_STRAND = 4000  # samples of the strand in which the approach is sought
-_LONGEST = 10.0  # by default, of the slowest e-folding times, beyond leaving and arriving
-_SAMPLES = 16  # of each link
-_BRANCHES = {"+": 1.0, "-": -1.0}
 
 
 def connect(
-    a: Scene,
+    a: Scene | Orbit,
     b,
     *,
     make: Make | None = None,
     parameter: float | None = None,
-    branch: str = "+",
+    branch: str | None = None,
+    until: Event | None = None,
+    crossings: int | tuple[int, int] = 1,
+    strands: int = 100,
+    which: int = 0,
     time: float | None = None,
     error: float = ERROR,
     segments: int = 24,
     rtol: float = RTOL,
 ) -> Connection:
-    """The connection from one rest point to another, or back to the same one.
+    """The connection from one rest point or orbit to another, or back to the same one.
 
-    It leaves `a` along its one unstable direction, and arrives at `b` on its stable subspace. In
-    general this happens at isolated values of a parameter of the scene, which is found together
-    with the motion. Without `make` the connection exists at the scene's own numbers, as a
+    Of rest points: it leaves `a` along its one unstable direction, and arrives at `b` on its stable
+    subspace. In general this happens at isolated values of a parameter of the scene, which is found
+    together with the motion. Without `make` the connection exists at the scene's own numbers, as a
     separatrix of a conservative scene does. Newton's method with exact derivatives, on segments;
     the linear ends are shortened until the error that they cause is below `error`.
 
+    Of orbits: strands of the unstable manifold of `a` and of the stable one of `b` are cut at the
+    section `until`. Where their curves cross there, Newton's method begins. Connections of orbits
+    in three dimensions, or in four with an energy, exist for whole ranges of parameters.
+
     Args:
-      a: a scene whose start is the rest point, or with `make` is near it.
-      b: (k,) the other rest point, or a state near it.
+      a: a scene whose start is the rest point, or with `make` is near it; or an orbit.
+      b: (k,) the other rest point, or a state near it; or another orbit.
       make: the scene for each value of a parameter, e.g. ``lambda rho: lorenz(rho=rho)``. A program
         is compiled for each function, so define it once.
       parameter: a value near that of the connection.
-      branch: "+" or "-", the side of `a`; see `orbits.manifold`.
-      time: the first approach to `b` is sought within this time [time of the scene].
+      branch: "+" or "-", the side of `a`, by default "+"; see `orbits.manifold`. Of orbits two
+        signs, the sides of both, or "both" (the default), all sides.
+      until: the section, of orbits only; directions of crossings are those along strands,
+        backwards for those of `b`.
+      crossings: number of the crossing at which strands end, or one for `a` and one for `b`.
+      strands: number of strands on each side of each orbit.
+      which: number of the connection of orbits, 0 for the one whose strands come nearest.
+      time: the first approach to `b` is sought within this time; length of a strand of an orbit
+        [time of the scene].
       error: wanted estimated error of the linear ends [norm of a state].
       segments: number of segments; each has 16 of the resulting states.
       rtol: relative tolerance of a step.
@@ -67,11 +62,13 @@ def connect(
       The motion, the parameter with its error, and an outcome.
     Raises:
       ValueError: `a` or `b` is no rest point, `a` has not exactly one unstable eigenvalue, `b` has
-        no stable one, `make` and `parameter` are not given together, or a number is out of range.
+        no stable one, `make` and `parameter` are not given together, or a number is out of range;
+        the orbits have different energies, or connections of them are not isolated.
+      SearchError: the wanted error is not reached beside an orbit.
     Limits: host only. Scenes without constraints, autonomous. The connection found is the one
-      nearest to the strand's closest approach; others may exist.
+      nearest to the closest approach of strands; others may exist.
     Reference: Beyn (1990), IMA J. Numer. Anal. 10, 379; Doedel & Friedman (1989), J. Comput. Appl.
-      Math. 26, 155.
+      Math. 26, 155; of orbits Koon, Lo, Marsden & Ross (2000), Chaos 10, 427.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
@@ -80,191 +77,28 @@ def connect(
       True
     """
     _checks.untraced("a", (a, b, parameter), "Connections are computed on the host.")
-    _checks.choice("branch", branch, _BRANCHES)
-    if (make is None) != (parameter is None):
-        raise _checks.fail("parameter", "given together with `make`", parameter)
     segments = _checks.whole("segments", segments, 2)
     error = float(_checks.positive("error", error, "It is a distance of states."))
-    p = np.nan if parameter is None else float(_checks.array("parameter", parameter, ()))
-    posed, rates = _posed(checked_scene(a), b, make, p, branch, segments, rtol)
-    e = _FIRST * max(1.0, float(np.abs(posed.near).max()))
-    longest = np.log(1 / 1e-6) / rates[0] + _LONGEST / rates.min() if time is None else time
-    longest = float(_checks.positive("time", longest, "It is the length of a strand."))
-    guess = _approach(posed, p, e, longest)
-    if isinstance(guess, ConnectionOutcome):
-        return _failed(posed, guess, np.nan, 0)
-    return _shortened(posed, guess, error, rates)
-
-
-def _posed(
-    a: Scene, b, make: Make | None, p: float, branch: str, segments: int, rtol: float
-) -> tuple[Chain, np.ndarray]:
-    """What is to be connected, and the rates of leaving and of arriving slowest."""
-    if type(a.system).project is not System.project:
-        remedy = "Use a minimal set of coordinates."
-        raise _checks.fail("a", "a scene without constraints", "one with them", remedy)
-    if driven(a):
-        remedy = "It has no rest points."
-        raise _checks.fail("a", "an autonomous scene", "one that depends on time", remedy)
-    scene = a if make is None else checked_scene(make(jnp.asarray(p)))
-    b = _checks.array("b", b, a.y0.shape, "It is a state.")
-    near = np.stack([np.asarray(rest_point(scene, y)) for y in (a.y0, b)])
-    for name, y in zip(("a", "b"), near, strict=True):
-        if not np.isfinite(y).all():
-            remedy = "jaxdyn.equilibria finds those in a box."
-            raise _checks.fail(name, "a state near an isolated rest point", "none there", remedy)
-    leaving, arriving = linearize(scene, near[0]), linearize(scene, near[1])
-    up = leaving.eigenvalues.real > leaving.bars
-    if up.sum() != 1:
-        got = int(up.sum())
-        raise _checks.fail("a", "a rest point with one unstable eigenvalue", got)
-    down = arriving.eigenvalues.real < -arriving.bars
-    if not down.any():
-        raise _checks.fail("b", "a rest point with a stable eigenvalue", "none")
-    if make is not None and down.all():
-        remedy = "Leave out `make`."
-        raise _checks.fail("b", "a rest point that is not stable", "one at each value", remedy)
-    fast, slow = leaving.eigenvalues.real[up][0], arriving.eigenvalues.real[down].max()
-    cuts = np.array(
-        [
-            0.5 * (fast + leaving.eigenvalues.real[~up].max(initial=-fast)),
-            0.5 * (slow + arriving.eigenvalues.real[~down].min(initial=-slow)),
-        ]
-    )
-    along = of_rest(scene, near[0], "unstable", 1, None).tangent[0] * _BRANCHES[branch]
-    u, _, _ = np.linalg.svd(np.asarray(split(scene, near[1], cuts[1]).projector))
-    posed = Chain(scene, make, near, along, u[:, : int((~down).sum())], cuts, segments, rtol)
-    return posed, np.array([fast, -slow])
-
-
-def _approach(posed: Chain, p: float, e: float, longest: float) -> tuple | ConnectionOutcome:
-    """Unknowns and distances of the ends where the strand passes the second rest point.
-
-    An outcome if it does not.
-    """
-    scene, (a, b) = posed.base, posed.near
-    start = scene.starting(a + e * posed.along)
-    ts = np.linspace(0.0, longest, _STRAND)
-    ys = np.asarray(solved(start, ts[-1], ts=ts, rtol=posed.rtol).ys)
-    gone, off = (
-        np.linalg.norm(np.asarray(_apart(scene, jnp.asarray(ys), y)), axis=1) for y in (a, b)
-    )
-    known = np.isfinite(ys).all(axis=1)
-    left = int(np.argmax(known & (gone > _LEFT * np.max(gone[known]))))
-    off = np.where(known, off, np.inf)
-    m = left + int(np.argmin(off[left:]))
-    d = max(2 * off[m], e)
-    before = np.flatnonzero(off[left:m] >= d)
-    if not len(before):
-        return ConnectionOutcome.NO_APPROACH if known.all() else ConnectionOutcome.MOTION_ENDS
-    end = left + int(before[-1])
-    nodes = ts[end] * np.arange(1, posed.segments) / posed.segments
-    return posed.pack(ts[end], p, _interpolated(nodes, ts[:m], ys[:m])), np.array([e, d])
-
-
-def _shortened(posed: Chain, guess: tuple, wanted: float, rates) -> Connection:
-    """The connection with its ends brought closer to the rest points until their error is small."""
-    x, steps = guess
-    total, last, miss = 0, None, np.inf
-    for _ in range(_LEVELS):
-        found = chain.solve(posed, x, steps)
-        total, miss = total + found.iterations, found.miss
-        if not found.converged:
-            late = last is not None
-            outcome = ConnectionOutcome.ERROR_LIMIT if late else ConnectionOutcome.NO_CONVERGENCE
-            return _failed(posed, outcome, miss, total)
-        if not found.independent:
-            return _failed(posed, ConnectionOutcome.DEPENDENT, miss, total)
-        if last is not None:
-            error = _ends_error(posed, last, (found, steps), rates)
-            if error <= wanted:
-                return _result(posed, found, steps, last[0], error, total)
-        last = found, steps
-        new = np.minimum(steps, steps.min()) / _SHORTER
-        x, steps = _longer(posed, found, steps, new, rates), new
-    return _failed(posed, ConnectionOutcome.ERROR_LIMIT, miss, total)
-
-
-def _longer(posed: Chain, found: Solution, old, new, rates: np.ndarray) -> np.ndarray:
-    """Unknowns of the chain with shorter ends, to which the linear flows are appended."""
-    ts, ys = (np.asarray(z) for z in chain.sampled(posed, found.x, old, _SAMPLES))
-    first, v, second = chain.ends(posed, found.x)
-    before, after = np.log(old / new) / rates
-    off = np.asarray(posed.base.system.difference(jnp.asarray(ys[-1]), second.rest))
-    arriving = np.asarray(second.projector) @ off
-    time, parameter, _ = posed.unpack(found.x)
-    nodes = np.linspace(-before, time + after, posed.segments + 1)[1:-1]
-    states = _interpolated(nodes, ts, ys)
-    grown = old[0] * np.exp(rates[0] * nodes)[:, None] * np.asarray(v)
-    states = np.where(nodes[:, None] < 0, np.asarray(first.rest) + grown, states)
-    for i in np.flatnonzero(nodes > time):
-        decayed = jax.scipy.linalg.expm(second.jacobian * (nodes[i] - time)) @ (off - arriving)
-        states[i] = ys[-1] - off + np.asarray(decayed)
-    return posed.pack(float(time) + before + after, parameter, states)
-
-
-def _ends_error(posed: Chain, last: tuple, now: tuple, rates: np.ndarray) -> float:
-    """Distance of the ends of a chain from the one with shorter ends, across the motion."""
-    (coarse, old), (fine, new) = last, now
-    ts, ys = (np.asarray(z) for z in chain.sampled(posed, coarse.x, old, _SAMPLES))
-    before = math.log(old[0] / new[0]) / rates[0]
-    apart = []
-    for t, y in ((0.0, ys[0]), (ts[-1], ys[-1])):
-        there, rate = (np.asarray(z) for z in chain.state_at(posed, fine.x, new, before + t))
-        gap = y - there
-        apart.append(np.linalg.norm(gap - rate * (rate @ gap) / (rate @ rate)))
-    return float(max(apart))
-
-
-def _result(posed: Chain, found, steps, last, error, iterations: int) -> Connection:
-    """The connection found."""
-    time, p, _ = posed.unpack(found.x)
-    ts, ys = (np.asarray(z) for z in chain.sampled(posed, found.x, steps, _SAMPLES))
-    scene = posed.scene_at(p)
-    first, _, second = chain.ends(posed, found.x)
-    alone = posed.make is None
-    change = abs(float(found.x[1] - last.x[1])) + float(found.doubt[1])
-    return Connection(
-        scene=scene.starting(jnp.asarray(ys[0]), float(time)),
-        parameter=np.nan if alone else float(p),
-        parameter_error=np.nan if alone else change,
-        rests=np.stack([np.asarray(first.rest), np.asarray(second.rest)]),
-        time=float(time),
-        step_off=(float(steps[0]), float(steps[1])),
-        error=error,
-        miss=found.miss,
-        ts=ts,
-        states=ys,
-        outcome=ConnectionOutcome.FOUND,
-        iterations=iterations,
-        rtol=float(posed.rtol),
-    )
-
-
-def _failed(posed: Chain, outcome: ConnectionOutcome, miss: float, iterations: int) -> Connection:
-    """No connection: NaN for what was sought."""
-    nan = float("nan")
-    return Connection(
-        scene=posed.base,
-        parameter=nan,
-        parameter_error=nan,
-        rests=np.asarray(posed.near),
-        time=nan,
-        step_off=(nan, nan),
-        error=nan,
-        miss=miss,
-        ts=np.zeros(0),
-        states=np.full((0, posed.near.shape[1]), nan),
-        outcome=outcome,
-        iterations=iterations,
-        rtol=float(posed.rtol),
-    )
-
-
-def _interpolated(t: np.ndarray, ts: np.ndarray, ys: np.ndarray) -> np.ndarray:
-    return np.stack([np.interp(t, ts, column) for column in ys.T], axis=1)
-
-
-@jax.jit
-def _apart(scene: Scene, ys: Array, y: Array) -> Array:
-    return jax.vmap(lambda one: scene.system.difference(one, y))(ys)
+    if isinstance(a, Orbit) or isinstance(b, Orbit):
+        if not (isinstance(a, Orbit) and isinstance(b, Orbit)):
+            remedy = "A rest point and an orbit are not connected here."
+            raise _checks.fail("b", "two orbits, or two rest points", "one of each", remedy)
+        if make is not None or parameter is not None:
+            remedy = "They are connected at each value of it."
+            raise _checks.fail("make", "none for orbits", "one", remedy)
+        asked = Asked(
+            until=until,
+            crossings=crossings if isinstance(crossings, tuple) else (crossings, crossings),
+            branch="both" if branch is None else branch,
+            strands=strands,
+            which=_checks.whole("which", which, 0),
+            time=time,
+            error=error,
+            segments=segments,
+            rtol=rtol,
+        )
+        return connect_orbits(a, b, asked)
+    if until is not None:
+        raise _checks.fail("until", "none for rest points", "a section", "Leave it out.")
+    branch = "+" if branch is None else branch
+    return connect_rests(a, b, make, parameter, branch, time, error, segments, rtol)

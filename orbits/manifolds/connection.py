@@ -7,16 +7,18 @@ import numpy as np
 
 from jaxdyn import Scene, _text
 from jaxdyn.status import Code
+from orbits.orbit import Orbit
 
 
 class ConnectionOutcome(Code):
     """Outcome of a search for a connection."""
 
-    FOUND = 0, "The chain of states connects the rest points."
+    FOUND = 0, "The chain of states connects them."
     NO_CONVERGENCE = (
         1,
         "Newton's method did not converge: there is no connection near this one. Take a parameter "
-        "closer to it, the other branch, or a shorter time if the strand passes several times.",
+        "closer to it, the other branch, or a shorter time if the strand passes several times; "
+        "between orbits more strands.",
     )
     MOTION_ENDS = (
         2,
@@ -38,29 +40,41 @@ class ConnectionOutcome(Code):
         "The strand from the first rest point does not come closer to the second. Take another "
         "parameter, the other branch, or a longer time.",
     )
+    NO_CROSSING = (
+        6,
+        "The strands of the two orbits do not cross on the section. Take other branches, later "
+        "crossings, another section, more strands, or another energy.",
+    )
+    FEWER = (
+        7,
+        "There are fewer connections than `which` asks for among these crossings of strands. Take "
+        "a smaller number, more strands, or later crossings.",
+    )
 
 
 @dataclasses.dataclass(frozen=True)
 class Connection:
-    """A motion from one rest point to another, or back to the same one.
+    """A motion from one rest point or orbit to another, or back to the same one.
 
     Attributes:
       scene: the scene, at the parameter found, starting at the first state.
       parameter: value at which the connection exists; NaN without one.
       parameter_error: the change of the parameter with the last shortening of the ends, plus what
         gaps as large as the goal would cause.
-      rests: (2, k) the two rest points.
+      rests: (2, k) the two rest points, or the states of the orbits beside which it begins and
+        ends.
       time: travel time between the ends [time of the scene].
-      step_off: distance of the first state from the first rest point, and of the last one from
-        the second [norm of a state].
-      error: estimated distance of the ends from the manifolds: that of the ends at the next larger
-        step-off, which is an upper bound where the estimate converges [norm of a state].
+      step_off: distances of the first state and of the last one from those [norm of a state].
+      error: estimated distance of the ends from the manifolds; at rest points that of the ends at
+        the next larger step-off, an upper bound where the estimate converges [norm of a state].
       miss: largest gap of the closing equations.
       ts: (s,) times of the states, from 0.
       states: (s, k) states; NaN unless found.
       outcome: `ConnectionOutcome`.
       iterations: number of Newton steps.
       rtol: tolerance of the integrations.
+      orbits: the two orbits; None of rest points.
+      phases: times from their starts at which the orbits pass `rests`; NaN likewise.
     """
 
     scene: Scene
@@ -76,6 +90,8 @@ class Connection:
     outcome: ConnectionOutcome
     iterations: int
     rtol: float
+    orbits: tuple[Orbit, Orbit] | None = None
+    phases: tuple[float, float] = (math.nan, math.nan)
 
     @_text.never_raising
     def __repr__(self) -> str:
@@ -89,9 +105,10 @@ class Connection:
             ("miss", f"{_text.brief(self.miss, digits=2)} after {self.iterations} Newton steps"),
             ("outcome", f"{self.outcome.name}: {self.message}"),
         ]
-        same = np.allclose(self.rests[0], self.rests[1])
-        kind = "Homoclinic" if same else "Heteroclinic"
-        return _text.table(f"{kind} connection of {_text.called(self.scene)}", rows)
+        pair = self.rests if self.orbits is None else [orbit.y0 for orbit in self.orbits]
+        kind = "Homoclinic" if np.allclose(*pair) else "Heteroclinic"
+        what = "" if self.orbits is None else "orbits of "
+        return _text.table(f"{kind} connection of {what}{_text.called(self.scene)}", rows)
 
     _repr_html_ = _text.html
 

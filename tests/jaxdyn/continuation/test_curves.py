@@ -7,6 +7,8 @@ import pytest
 import jaxdyn
 from jaxdyn import drawing
 from jaxdyn.continuation import CodimensionTwo, Kind
+from jaxdyn.continuation.normal_forms import first_lyapunov
+from jaxdyn.continuation.second_lyapunov import lyapunov_coefficients
 
 
 def _imperfect(p, q):
@@ -116,8 +118,35 @@ def test_bautin_point_of_the_normal_form(start):
     curve = jaxdyn.continue_curve(_bautin, hopf, (0.0, start), members=20)
     assert _pairs(curve) == [("Bautin point", 0.0, 0.0)]
     np.testing.assert_allclose([x.coefficient for x in curve.members], curve.parameters[:, 1])
+    # r' = .. - r^5, and r is sqrt(2) |z| for a unit eigenvector.
+    assert abs(curve.special[0].normal_form["l2"] + 4.0) < 1e-12
     which = ["supercritical" if q < 0 else "subcritical" for q in curve.parameters[1:, 1]]
     assert [x.criticality for x in curve.members[1:]] == which
+
+
+def test_lyapunov_coefficients_of_a_normal_form_in_bent_coordinates():
+    """z' = (2 i + c1 |z|^2 + c2 |z|^4) z beside a line that contracts, in bent coordinates."""
+    c2 = -0.7
+
+    def rate(t, big, c1):
+        x, y, z = big[0] - 0.5 * big[1] ** 2 + 0.2 * big[1] ** 3, big[1], big[2]
+        z = z - 0.4 * x * x + 0.3 * x * y
+        r = x * x + y * y
+        dx, dy = (c1 * r + c2 * r * r) * x - 2 * y, (c1 * r + c2 * r * r) * y + 2 * x
+        dz = -z + 0.8 * x * dx - 0.3 * (x * dy + y * dx)
+        return [dx + (y - 0.6 * y * y) * dy, dy, dz]
+
+    def make(c1):
+        return jaxdyn.ode(rate, [0.0, 0.0, 0.0], params=c1)
+
+    x = np.array([0.0, 0.0, 0.0, 0.3])
+    a = np.array([[0.0, -2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    first, _ = lyapunov_coefficients(make, x, a, 2.0)
+    assert abs(first - 2 * 0.3 / 2) < 1e-13
+    assert abs(first - first_lyapunov(make, x, a, 2.0)) < 1e-13
+    first, second = lyapunov_coefficients(make, np.zeros(4), a, 2.0)
+    assert abs(first) < 1e-13
+    assert abs(second - 4 * c2) < 1e-12
 
 
 @pytest.fixture(scope="module")
@@ -159,6 +188,8 @@ def test_published_points_of_lorenz84(atmosphere, tmp_path):
     bautin, end = first.special
     assert (bautin.kind, end.kind) == ("Bautin point", "Bogdanov-Takens point")
     np.testing.assert_allclose(bautin.frequency, 0.6903636672622595, atol=1e-5)
+    # Its real part of G32, over 12; the point itself is known there to 1e-5.
+    np.testing.assert_allclose(bautin.normal_form["l2"], 1.8694569030805148 / 12, atol=5e-5)
     np.testing.assert_allclose(end.parameters, places[0], atol=1e-10)
     assert [x.kind for x in second.special][:2] == ["double Hopf point", "zero-Hopf point"]
     np.testing.assert_allclose(second.special[0].parameters[1], 0.026274, atol=1e-6)

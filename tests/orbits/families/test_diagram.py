@@ -96,3 +96,34 @@ def test_roesslers_doublings():
             family.members[0].orbit.period, 2 * point.orbit.period, rtol=1e-3
         )
     np.testing.assert_allclose([x[0].parameter for x in special], [2.832, 3.837, 4.124], atol=2e-3)
+
+
+@pytest.mark.slow
+def test_both_halves_of_a_branch_of_orbits():
+    """r' = (mu - r^2) r beside z' = (r^2 - 0.2) z - z^3: cycles r^2 = mu with z^2 = mu - 0.2."""
+
+    def rate(t, y, mu):
+        x, y_, z = y
+        r = x * x + y_ * y_
+        return [(mu - r) * x - y_, (mu - r) * y_ + x, (r - 0.2) * z - z**3]
+
+    def make(mu):
+        return jaxdyn.ode(rate, jnp.zeros(3), 6.0, params=mu)
+
+    found = orbits.diagram(
+        make, -0.1, jnp.zeros(3), within=(-0.2, 0.4), orbit_members=14, orbit_step=0.1
+    )
+    assert found.failures == ()
+    first, *others = found.orbits
+    (point,) = (x for x in first.special if x.kind == orbits.Kind.BRANCH)
+    assert abs(point.parameter - 0.2) < 1e-9
+    assert orbits.criticality(point).verdict == "supercritical"
+    assert len(others) == 2
+    sides = set()
+    for family in others:
+        last = family.members[-1]
+        z = float(last.orbit.y0[2])
+        assert abs(z * z - (last.parameter - 0.2)) < 1e-9
+        assert last.stability.verdict == "stable"
+        sides.add(np.sign(z))
+    assert sides == {1.0, -1.0}

@@ -1,0 +1,231 @@
+"""Is a bifurcation of an orbit super- or subcritical: coefficients of the normal form of its map.
+
+With A, B and C the first three derivatives of the return map, |q| = 1 and p q = 1:
+
+- Fold, A q = q, p A = p: a = p B(q, q) / 2. Not zero: two orbits meet.
+- Branch point: c = p C(q, q, q) / 6 + p B(q, h) / 2 with (1 - A) h = B(q, q) up to q. Where a
+  symmetry makes a vanish, it is a pitchfork, supercritical for c < 0.
+- Period doubling, A q = -q, p A = -p: b = p C(q, q, q) / 6 + p B(q, h) / 2 with
+  (1 - A) h = B(q, q); supercritical for b > 0.
+- Torus point, A q = exp(i a) q: d = Re exp(-i a) (p C(q, q, q*) + 2 p B(q, g) + p B(q*, h)) / 2
+  with (1 - A) g = B(q, q*), (exp(2 i a) - A) h = B(q, q); supercritical for d < 0.
+
+Sums with B and C are coefficients of the series of the map along curves of starts such as
+e q + e^2 h / 2 (`jets`): no tensor is formed.
+
+Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, sections 5.4 and
+9.7.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from jaxdyn import System, _text
+from jaxdyn._checks import fail, untraced
+from jaxdyn.analysis.monodromy import coarser
+from orbits.analysis.stability import stability
+from orbits.closing.closings import PLAIN
+from orbits.closing.given import driven
+from orbits.families.family import Kind, Member
+from orbits.families.jets import basis, returned
+from orbits.orbit import Orbit
+
+_CRITICAL = 1e-4  # largest distance of a multiplier from its value at the bifurcation
+_RESONANT = 1e-3  # of 1: a smaller |exp(3 i a) - 1| or |exp(4 i a) - 1| is a strong resonance
+_PHASES = 5  # equally spaced: harmonics -3 to 3 of a series are told from each other
+
+
+@dataclasses.dataclass(frozen=True)
+class Criticality:
+    """The normal form of a bifurcation of an orbit.
+
+    Attributes:
+      kind: of the bifurcation.
+      coefficient: the one that decides, for unit eigenvectors; of a branch point the cubic one.
+      bar: its error bar.
+      quadratic: of a fold or branch point, else NaN.
+      verdict: "supercritical", "subcritical", "fold", "transcritical" or "undecided".
+      message: what the verdict means, or why there is none.
+    """
+
+    kind: Kind
+    coefficient: float
+    bar: float
+    quadratic: float
+    verdict: str
+    message: str
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        rows = [
+            ("coefficient", f"{self.coefficient:.10g} (+-{self.bar:.1g})"),
+            ("quadratic", "" if np.isnan(self.quadratic) else f"{self.quadratic:.10g}"),
+            ("meaning", self.message),
+        ]
+        return _text.table(f"{self.kind[0].upper()}{self.kind[1:]}: {self.verdict}", rows)
+
+    _repr_html_ = _text.html
+
+
+_MEANING = {
+    "fold": "Two orbits meet, and none is left beyond.",
+    "transcritical": "Two families cross.",
+    "supercritical": "What branches off lies where the orbit is unstable, and takes its stability.",
+    "subcritical": "What branches off lies where the orbit is stable, and is unstable.",
+    "undecided": "The coefficient is zero within its bar: a point of codimension two is near.",
+    "resonance": "The rotation is in a strong resonance (1:3 or 1:4): the coefficient does not "
+    "decide. Look at the orbits of three or four periods.",
+}
+
+
+def criticality(point: Member | Orbit, kind: Kind | str | None = None) -> Criticality:
+    """The normal form of a fold, branch point, period doubling or torus point of an orbit.
+
+    Args:
+      point: one of ``family.special``, or an orbit at a bifurcation.
+      kind: of the bifurcation; that of the point by default, required for an orbit.
+    Returns:
+      The coefficient with an error bar, and a verdict.
+    Raises:
+      ValueError: the orbit has no multiplier that belongs to the kind, has a first integral, closes
+        after a rotation only, or has constraints.
+    Limits: host only. The motion is integrated over a whole period at once, so that the bar grows
+      with the multipliers.
+    Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, section 5.4.
+    Example:
+      >>> import jax.numpy as jnp, jaxdyn, orbits
+      >>> def rate(t, y):  # a cycle of radius 1, and a cubic loss beside it
+      ...     r = y[0] ** 2 + y[1] ** 2
+      ...     return [y[0] * (1 - r) - y[1], y[1] * (1 - r) + y[0], -y[2] ** 3]
+      >>> orbit = orbits.find(jaxdyn.ode(rate, [1.0, 0.0, 0.0], 6.28), hold="y2")
+      >>> orbits.criticality(orbit, "branch point").verdict
+      'supercritical'
+    """
+    untraced("point", point, "Normal forms are computed on the host.")
+    orbit = point if isinstance(point, Orbit) else point.orbit
+    kind = point.kind if kind is None and isinstance(point, Member) else kind
+    if kind not in _FORMS:
+        remedy = "Choose one of family.special, or give kind=."
+        expected = "a fold, branch point, period doubling or torus point"
+        raise fail("kind", expected, kind or "an ordinary orbit", remedy)
+    kind = Kind(kind)
+    _check(orbit)
+    moving = driven(orbit.scene)
+    axes, rtol = basis(orbit, moving), orbit.rtol
+    fine, coarse = (
+        _FORMS[kind](_Map(orbit, axes, moving, tolerance)) for tolerance in (rtol, coarser(rtol))
+    )
+    bars = [abs(a - b) + 1e-12 * abs(a) for a, b in zip(fine[:2], coarse[:2], strict=True)]
+    return _judged(kind, fine, bars)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Map:
+    """The return map: its series along curves, and its derivative."""
+
+    orbit: Orbit
+    axes: np.ndarray
+    driven: bool
+    rtol: float
+
+    def along(self, u1: np.ndarray, u2: np.ndarray) -> np.ndarray:
+        """(3, d) coefficients of the return of e u1 + e^2 u2."""
+        return returned(self.orbit, self.axes, u1, u2, self.rtol, self.driven)
+
+    def derivative(self) -> np.ndarray:
+        """(d, d)."""
+        eye = np.eye(self.axes.shape[1])
+        return np.stack([self.along(u, 0 * u)[0] for u in eye], axis=1)
+
+    def critical(self, wanted=None) -> tuple[np.ndarray, complex, np.ndarray, np.ndarray]:
+        """The derivative, the critical multiplier, and its vectors q and p."""
+        a = self.derivative()
+        values, vectors = np.linalg.eig(a)
+        if wanted is None:
+            off = np.where(values.imag > 0, np.abs(np.abs(values) - 1), np.inf)
+        else:
+            off = np.abs(values - wanted)
+        i = int(np.argmin(off))
+        if not off[i] <= _CRITICAL:
+            expected = "on the unit circle" if wanted is None else f"of {wanted}"
+            got = ", ".join(f"{z:.6g}" for z in values)
+            raise fail("point", f"an orbit with a critical multiplier {expected}", got)
+        q = vectors[:, i] / np.linalg.norm(vectors[:, i])
+        p = np.linalg.inv(vectors)[i]
+        p = p / (p @ q)
+        if wanted is None:
+            return a, values[i], q, p
+        q, p = q.real / np.linalg.norm(q.real), p.real
+        return a, values[i], q, p / (p @ q)
+
+
+def _fold(of: _Map) -> tuple[float, float, bool]:
+    _, _, q, p = of.critical(1.0)
+    quadratic = float(p @ of.along(q, 0 * q)[1])
+    return quadratic, quadratic, True
+
+
+def _branch(of: _Map) -> tuple[float, float, bool]:
+    a, _, q, p = of.critical(1.0)
+    second = of.along(q, 0 * q)[1]
+    eye = np.eye(len(a))
+    bordered = np.block([[eye - a, q[:, None]], [p[None], np.zeros((1, 1))]])
+    h = np.linalg.solve(bordered, np.append(2 * (second - (p @ second) * q), 0.0))[:-1]
+    return float(p @ of.along(q, h / 2)[2]), float(p @ second), True
+
+
+def _doubling(of: _Map) -> tuple[float, float, bool]:
+    a, _, q, p = of.critical(-1.0)
+    h = np.linalg.solve(np.eye(len(a)) - a, 2 * of.along(q, 0 * q)[1])
+    return float(p @ of.along(q, h / 2)[2]), np.nan, True
+
+
+def _torus(of: _Map) -> tuple[float, float, bool]:
+    a, value, q, p = of.critical()
+    turn, eye = value / abs(value), np.eye(len(a))
+    turns = np.exp(2j * np.pi * np.arange(_PHASES) / _PHASES)
+    seconds = np.stack([of.along(2 * (z * q).real, 0 * q.real)[1] for z in turns])
+    mixed = np.linalg.solve(eye - a, seconds.mean(axis=0))
+    double = np.linalg.solve(turn**2 * eye - a, 2 * (turns**-2 @ seconds) / _PHASES)
+    thirds = np.stack([of.along(2 * (z * q).real, (z * z * double).real + mixed)[2] for z in turns])
+    cubic = p @ (turns**-1 @ thirds) / _PHASES
+    simple = min(abs(turn**3 - 1), abs(turn**4 - 1)) > _RESONANT
+    return float((cubic / turn).real), np.nan, bool(simple)
+
+
+_FORMS = {Kind.FOLD: _fold, Kind.BRANCH: _branch, Kind.DOUBLING: _doubling, Kind.TORUS: _torus}
+#: The sign of the coefficient of a supercritical bifurcation.
+_SIGNS = {Kind.BRANCH: -1.0, Kind.DOUBLING: 1.0, Kind.TORUS: -1.0}
+
+
+def _judged(kind: Kind, fine, bars) -> Criticality:
+    coefficient, quadratic, simple = fine
+    bar, other = bars
+    if not simple:
+        verdict, meaning = "undecided", "resonance"
+    elif kind == Kind.BRANCH and abs(quadratic) > other + _CRITICAL * abs(coefficient):
+        verdict = meaning = "transcritical"
+    elif not abs(coefficient) > bar:
+        verdict = meaning = "undecided"
+    elif kind == Kind.FOLD:
+        verdict = meaning = "fold"
+    else:
+        right = coefficient * _SIGNS[kind] > 0
+        verdict = meaning = "supercritical" if right else "subcritical"
+    return Criticality(kind, coefficient, float(bar), quadratic, verdict, _MEANING[meaning])
+
+
+def _check(orbit: Orbit) -> None:
+    if not orbit.ok:
+        raise fail("point", "a periodic orbit", orbit.outcome.name, orbit.message)
+    if orbit.closing.turns:
+        remedy = "Write the scene in axes that turn with the orbit."
+        raise fail("point", "an orbit that closes without a rotation", "a relative one", remedy)
+    if type(orbit.scene.system).project is not System.project:
+        remedy = "Use a minimal set of coordinates."
+        raise fail("point", "a scene without constraints", "one with them", remedy)
+    known = stability(dataclasses.replace(orbit, closing=PLAIN), throw=False)
+    if known.integrals:
+        remedy = "Its bifurcations are those of conservative scenes; add a little damping."
+        raise fail("point", "a scene without a first integral", ", ".join(known.reasons), remedy)

@@ -1,0 +1,270 @@
+"""The search for connections of two orbits: where strands of their manifolds cross on a section."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import _checks
+from jaxdyn.analysis.energy import energy
+from jaxdyn.integrate.events import Event
+from jaxdyn.system import System
+from orbits.analysis.stability import stability
+from orbits.closing.given import driven
+from orbits.manifolds.connection import Connection, ConnectionOutcome
+from orbits.manifolds.links import Solution, sampled, solve
+from orbits.manifolds.manifold import manifold
+from orbits.manifolds.orbit_chain import OrbitChain
+from orbits.manifolds.strands import Manifold
+from orbits.motion import solved
+from orbits.orbit import Orbit
+
+_BRANCHES = {
+    "both": ("both", "both"),
+    **{first + last: (first, last) for first in "+-" for last in "+-"},
+}
+_SAMPLES = 16  # of each link
+_ATTEMPTS = 24  # most crossings of strands that are tried
+_SAME_ENERGY = 1e-9  # relative difference of energies up to which they are the same
+_SAME = 1e-6  # of a period, and of the time: connections closer than this are the same
+_BEYOND = 0.1  # of a piece of a curve: by so much a crossing may lie beyond its end
+_SHIFTED = 10.0  # times the error of the ends: a larger shift is a difference of energies
+_DIMENSIONS = 3  # of the levels of integrals in which surfaces of motions meet along motions
+
+
+class Asked(NamedTuple):
+    """The arguments of `orbits.connect` that concern orbits."""
+
+    until: Event | None
+    crossings: tuple[int, int]
+    branch: str
+    strands: int
+    which: int
+    time: float | None
+    error: float
+    segments: int
+    rtol: float
+
+
+def connect_orbits(a: Orbit, b: Orbit, asked: Asked) -> Connection:
+    """A connection of two orbits; see `orbits.connect`."""
+    if asked.until is None:
+        remedy = "Take a section that strands of both orbits cross, jaxdyn.integrate.events."
+        raise _checks.fail("until", "a section for the connection of orbits", "none", remedy)
+    sides = tuple(_BRANCHES[_checks.choice("branch", asked.branch, _BRANCHES)])
+    conserved = _check(a, b)
+    found = [
+        manifold(
+            orbit,
+            kind,
+            until=asked.until,
+            crossings=number,
+            time=asked.time,
+            strands=asked.strands,
+            branch=side,
+            error=asked.error,
+            samples=2,
+            rtol=asked.rtol,
+        )
+        for orbit, kind, number, side in zip(
+            (a, b), ("unstable", "stable"), asked.crossings, sides, strict=True
+        )
+    ]
+    tangents = [(one.starts[0] - one.base[0]) * one.branches[0] / one.step_off for one in found]
+    posed = OrbitChain(
+        base=a.scene,
+        starts=jnp.stack([jnp.asarray(a.y0), jnp.asarray(b.y0)]),
+        tangents=jnp.asarray(np.stack(tangents)),
+        conserved=conserved,
+        segments=asked.segments,
+        rtol=asked.rtol,
+    )
+    return _polished(posed, (a, b), found, asked.which)
+
+
+def _check(a: Orbit, b: Orbit) -> bool:
+    """Whether the scene conserves its energy.
+
+    Raises:
+      ValueError: connections of the orbits are not isolated, or cannot be followed.
+    """
+    scene = a.scene
+    if driven(scene):
+        got = "one that depends on time"
+        raise _checks.fail("a", "an orbit of an autonomous scene", got, "Leave out the drive.")
+    if type(scene.system).project is not System.project:
+        remedy = "Use a minimal set of coordinates."
+        raise _checks.fail("a", "a scene without constraints", "one with them", remedy)
+    y = jnp.asarray(b.y0)
+    if not np.array_equal(scene.rate(jnp.zeros(()), y), b.scene.rate(jnp.zeros(()), y)):
+        remedy = "Find both in the scene with the same numbers."
+        raise _checks.fail("b", "an orbit of the scene of `a`", "one of another", remedy)
+    integrals, k = stability(a).integrals, len(a.y0)
+    if k - integrals != _DIMENSIONS or integrals > 1 or (integrals and not scene.has_energy):
+        raise _checks.fail(
+            "a",
+            "an orbit in three dimensions, or in four with an energy",
+            f"{k} dimensions with {integrals} known integrals",
+            "Elsewhere surfaces of motions do not meet along single motions.",
+        )
+    if not integrals:
+        return False
+    levels = [float(energy(scene, 0.0, jnp.asarray(orbit.y0))) for orbit in (a, b)]
+    if abs(levels[1] - levels[0]) > _SAME_ENERGY * max(1.0, abs(levels[0])):
+        remedy = "Find both with hold=orbits.Energy(E)."
+        expected = f"an orbit with the energy {levels[0]:.12g} of `a`"
+        raise _checks.fail("b", expected, f"{levels[1]:.12g}", remedy)
+    return True
+
+
+def _polished(posed: OrbitChain, ends, found: list[Manifold], which: int) -> Connection:
+    """The connection number `which` of those to which crossings of strands lead, nearest first."""
+    guesses = _crossings(*found)
+    known: list[np.ndarray] = []
+    total, miss, periods = 0, np.inf, np.array([orbit.period for orbit in ends])
+    for signs, phases, times in guesses[:_ATTEMPTS]:
+        steps = np.array([s * one.step_off for s, one in zip(signs, found, strict=True)])
+        solution = solve(posed, _unknowns(posed, phases, times, steps), steps)
+        total, miss = total + solution.iterations, min(miss, solution.miss)
+        if not (solution.converged and solution.independent):
+            continue
+        error = max(one.linear_error for one in found)
+        if posed.conserved and abs(solution.x[3]) > _SHIFTED * error:
+            continue
+        place = np.append(np.mod(solution.x[1:3] / periods, 1.0), solution.x[0] / periods[0])
+        place = np.append(place, signs)
+        if any(_alike(place, other) for other in known):
+            continue
+        known.append(place)
+        if len(known) > which:
+            return _result(posed, ends, solution, steps, error, total)
+    outcome = ConnectionOutcome.NO_CONVERGENCE if guesses else ConnectionOutcome.NO_CROSSING
+    if known:
+        outcome = ConnectionOutcome.FEWER
+    return _failed(posed, ends, outcome, miss, total)
+
+
+def _alike(place: np.ndarray, other: np.ndarray) -> bool:
+    apart = place - other
+    apart[:2] -= np.round(apart[:2])
+    return bool(np.abs(apart).max() < _SAME)
+
+
+def _unknowns(posed: OrbitChain, phases, times, steps) -> np.ndarray:
+    """The motions from both ends to the section, as one chain."""
+    whole = sum(times)
+    nodes = whole * np.arange(1, posed.segments) / posed.segments
+    states = np.empty((len(nodes), posed.starts.shape[1]))
+    early = nodes <= times[0]
+    for i, (chosen, ts) in enumerate(((early, nodes), (~early, nodes - whole))):
+        if chosen.any():
+            _, y = posed.beside(i, jnp.asarray(phases[i]), jnp.asarray(steps[i]))
+            order = np.argsort(np.abs(ts[chosen]))
+            ts = ts[chosen][order]
+            run = solved(posed.base.starting(y), ts[-1], ts=ts, rtol=posed.rtol)
+            states[np.flatnonzero(chosen)[order]] = np.asarray(run.ys)
+    shift = [0.0] if posed.conserved else []
+    return np.concatenate([[whole, *phases], shift, states.ravel()])
+
+
+def _crossings(first: Manifold, last: Manifold) -> list[tuple]:
+    """Where the curves of ends of strands cross: signs, phases and times of the two, nearest first.
+
+    Curves are polygons here. Two pieces cross where the points nearest to each other of their
+    straight lines are on both of them, and closer than the longer of them.
+    """
+    (p, dp, of_p), (q, dq, of_q) = _pieces(first), _pieces(last)
+    if not (len(p) and len(q)):
+        return []
+    apart = q[None] - p[:, None]
+    pp, qq = (dp * dp).sum(axis=1)[:, None], (dq * dq).sum(axis=1)[None]
+    pq = dp @ dq.T
+    along_p, along_q = np.einsum("ijk,ik->ij", apart, dp), np.einsum("ijk,jk->ij", apart, dq)
+    det = pp * qq - pq * pq
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s, t = (along_p * qq - along_q * pq) / det, (along_p * pq - along_q * pp) / det
+    gap = np.linalg.norm(apart + t[..., None] * dq[None] - s[..., None] * dp[:, None], axis=2)
+    inside = (np.abs(s - 0.5) < 0.5 + _BEYOND) & (np.abs(t - 0.5) < 0.5 + _BEYOND)
+    near = inside & (gap < np.sqrt(np.maximum(pp, qq)))
+    rows = np.argwhere(near)
+    rows = rows[np.argsort(gap[near])]
+    guesses = []
+    for i, j in rows:
+        (sign_p, phase_p, time_p), (sign_q, phase_q, time_q) = of_p[i], of_q[j]
+        weights = s[i, j], t[i, j]
+        phases, times = (
+            tuple((1 - w) * z[0] + w * z[1] for w, z in zip(weights, pair, strict=True))
+            for pair in ((phase_p, phase_q), (time_p, time_q))
+        )
+        guesses.append(((sign_p, sign_q), phases, times))
+    return guesses
+
+
+def _pieces(found: Manifold) -> tuple[np.ndarray, np.ndarray, list[tuple]]:
+    """Starts (n, k) and sides (n, k) of the polygons; the sign, and at both ends phase and time.
+
+    Phases are signed times from the start of the orbit, backwards for a stable manifold.
+    """
+    n = len(found) // len(np.unique(found.branches))
+    period = found.orbit.period if found.orbit is not None else np.nan
+    sense = 1.0 if found.kind == "unstable" else -1.0
+    closes = found.multipliers[0].real > 0  # else the branches are one strip, joined after a period
+    starts, sides, about = [], [], []
+    for begin in range(0, len(found), n):
+        for i in range(n if closes else n - 1):
+            here, there = begin + i, begin + (i + 1) % n
+            if not (found.ok[here] and found.ok[there]):
+                continue
+            starts.append(found.ends[here])
+            sides.append(found.ends[there] - found.ends[here])
+            phases = (found.t0s[here], found.t0s[here] + sense * period / n)
+            times = tuple(abs(found.ts[z] - found.t0s[z]) for z in (here, there))
+            about.append((float(found.branches[here]), phases, times))
+    return np.array(starts), np.array(sides), about
+
+
+def _result(
+    posed: OrbitChain, ends, found: Solution, steps, error: float, total: int
+) -> Connection:
+    ts, ys = (np.asarray(z) for z in sampled(posed, found.x, steps, _SAMPLES))
+    phases = [float(x % orbit.period) for x, orbit in zip(found.x[1:3], ends, strict=True)]
+    rests = [
+        posed.beside(i, jnp.asarray(found.x[1 + i]), jnp.asarray(steps[i]))[0] for i in range(2)
+    ]
+    return Connection(
+        scene=posed.base.starting(jnp.asarray(ys[0]), float(found.x[0])),
+        parameter=np.nan,
+        parameter_error=np.nan,
+        rests=np.stack([np.asarray(y) for y in rests]),
+        time=float(found.x[0]),
+        step_off=(abs(float(steps[0])), abs(float(steps[1]))),
+        error=error,
+        miss=found.miss,
+        ts=ts,
+        states=ys,
+        outcome=ConnectionOutcome.FOUND,
+        iterations=total,
+        rtol=float(posed.rtol),
+        orbits=ends,
+        phases=(phases[0], phases[1]),
+    )
+
+
+def _failed(posed: OrbitChain, ends, outcome, miss: float, total: int) -> Connection:
+    nan = float("nan")
+    return Connection(
+        scene=posed.base,
+        parameter=nan,
+        parameter_error=nan,
+        rests=np.asarray(posed.starts),
+        time=nan,
+        step_off=(nan, nan),
+        error=nan,
+        miss=miss,
+        ts=np.zeros(0),
+        states=np.full((0, posed.starts.shape[1]), nan),
+        outcome=outcome,
+        iterations=total,
+        rtol=float(posed.rtol),
+        orbits=ends,
+    )

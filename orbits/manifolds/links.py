@@ -1,0 +1,127 @@
+"""Chains of segments of a motion whose gaps Newton's method closes.
+
+The first number among the unknowns is the time that the chain takes; what the others are, and where
+its first and last states may lie, is that of the kind of chain.
+"""
+
+import abc
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene
+from orbits.motion import solved
+
+_NEWTON_STEPS, _HALVINGS = 30, 10
+_GOAL = 1e-12  # largest gap, in units of the largest entry of the states or 1
+_DEPENDENT = 1e-11  # smallest over largest singular value of equations that are dependent
+
+
+class Links(eqx.Module):
+    """A chain of segments.
+
+    Attributes:
+      segments: number of links.
+      rtol: tolerance of the integrations.
+    """
+
+    segments: eqx.AbstractVar[int]
+    rtol: eqx.AbstractVar[float]
+
+    @abc.abstractmethod
+    def opened(self, x: Array, steps: Array) -> tuple[Scene, Array, Array]:
+        """The scene, the starts (segments, k) of the links, and the time of all, at unknowns x.
+
+        `steps` (2,) are the distances of the ends of the chain from what it connects.
+        """
+
+    @abc.abstractmethod
+    def states(self, x: Array) -> Array:
+        """The states (segments - 1, k) between links, which end the unknowns."""
+
+    @abc.abstractmethod
+    def gaps(self, x: Array, steps: Array) -> Array:
+        """The errors of the links and of the end."""
+
+
+class Solution(NamedTuple):
+    """Where Newton's method ended.
+
+    Attributes:
+      x: (n,) the unknowns.
+      miss: largest gap.
+      converged: whether it is below the goal.
+      independent: whether the equations determine all unknowns.
+      doubt: (n,) change of each unknown by gaps as large as the goal.
+      iterations: number of steps.
+    """
+
+    x: np.ndarray
+    miss: float
+    converged: bool
+    independent: bool
+    doubt: np.ndarray
+    iterations: int
+
+
+@eqx.filter_jit
+def _gaps_and_slopes(chain: Links, x, steps) -> tuple[Array, Array]:
+    def doubled(x):
+        gaps = chain.gaps(x, steps)
+        return gaps, gaps
+
+    slopes, gaps = jax.jacfwd(doubled, has_aux=True)(x)
+    return gaps, slopes
+
+
+def solve(chain: Links, x: np.ndarray, steps: np.ndarray) -> Solution:
+    """Newton's method with exact derivatives; a step that does not reduce the gaps is halved.
+
+    With an integral of motion there are more equations than unknowns, consistent with each other:
+    hence least squares.
+    """
+    gaps, slopes = (np.asarray(z) for z in _gaps_and_slopes(chain, x, steps))
+    iterations, enough = 0, False
+    while np.isfinite(gaps).all() and np.isfinite(slopes).all():
+        if enough or iterations == _NEWTON_STEPS:
+            break
+        enough = np.abs(gaps).max() <= _goal(chain, x)  # one step more, to rounding
+        change = np.linalg.lstsq(slopes, -gaps, rcond=_DEPENDENT)[0]
+        for i in range(_HALVINGS):
+            tried = x + 0.5**i * change
+            # The slopes too, though only the gaps are compared: one program compiles, not two.
+            new = tuple(np.asarray(z) for z in _gaps_and_slopes(chain, tried, steps))
+            if np.linalg.norm(new[0]) < np.linalg.norm(gaps) and tried[0] > 0:
+                break
+        else:
+            break
+        x, iterations, (gaps, slopes) = tried, iterations + 1, new
+    miss, goal = float(np.abs(gaps).max()), _goal(chain, x)
+    if not (miss <= goal and np.isfinite(slopes).all()):
+        return Solution(x, miss, False, False, np.full(len(x), np.nan), iterations)
+    values = np.linalg.svd(slopes, compute_uv=False)
+    doubt = goal * np.linalg.norm(np.linalg.pinv(slopes, rcond=_DEPENDENT), axis=1)
+    return Solution(x, miss, True, values[-1] > _DEPENDENT * values[0], doubt, iterations)
+
+
+def _goal(chain: Links, x: np.ndarray) -> float:
+    return _GOAL * max(1.0, float(np.abs(chain.states(x)).max()))
+
+
+@eqx.filter_jit
+def sampled(chain: Links, x, steps, n: int) -> tuple[Array, Array]:
+    """(segments * n + 1,) times and (..., k) states, n in each link and the end."""
+    scene, starts, time = chain.opened(x, steps)
+    each = time / chain.segments
+    ts = each * jnp.linspace(0.0, 1.0, n + 1)[1:]
+
+    def link(y):
+        return solved(scene.starting(y), each, ts=ts, rtol=chain.rtol).ys
+
+    ys = jax.vmap(link)(starts)
+    times = time * jnp.linspace(0.0, 1.0, chain.segments * n + 1)
+    return times, jnp.concatenate([starts[:1], ys.reshape(-1, ys.shape[-1])])

@@ -1,0 +1,33 @@
+"""Where the lines of a diagram are cut, and which of them a legend names."""
+
+import numpy as np
+
+from jaxdyn.drawing.bifurcations import stretches
+
+#: Places on a line and verdicts.
+POINTS = [(0.0, "stable"), (1.0, "stable"), (2.0, "unstable"), (3.0, "unstable")]
+
+
+def of(points, special=()):
+    return stretches(points, special, lambda x: x[1], lambda x: np.array([x[0], 0.0]))
+
+
+def test_a_line_changes_at_a_special_point():
+    cut, elsewhere = (1.4, "undecided"), (9.0, "undecided")
+    assert of(POINTS, [elsewhere, cut]) == [
+        ("stable", [*POINTS[:2], cut], True),
+        ("unstable", [cut, *POINTS[2:]], True),
+    ]
+
+
+def test_a_change_elsewhere_has_no_name():
+    assert of(POINTS) == [
+        ("stable", POINTS[:2], True),
+        ("undecided", POINTS[1:3], False),
+        ("unstable", POINTS[2:], True),
+    ]
+
+
+def test_points_without_a_verdict_are_named():
+    points = [(0.0, "stable"), (1.0, "undecided"), (2.0, "unstable")]
+    assert of(points, [(1.4, "undecided")]) == [("undecided", points, True)]
