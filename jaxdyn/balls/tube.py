@@ -1,6 +1,6 @@
 """A tube about a motion: proved enclosures of its end and of the end's derivative by the start.
 
-For a box X of starts (and unfolding parameters) with a centre c, each step takes enclosures on to
+For a box X of starts with a centre c, each step takes enclosures on to
 the next time:
 
 - of the motion from c: its Taylor series at the midpoint of its ball, plus what `enclosure` proves
@@ -19,7 +19,6 @@ from jaxdyn.balls import series
 from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, precision
 from jaxdyn.balls.enclosure import About, Disc, disc
 from jaxdyn.balls.field import BallField
-from jaxdyn.balls.motion import composed
 
 #: Step as a part of the radius of the disc; less takes more steps, more takes higher orders.
 _SHARE = 0.35
@@ -45,7 +44,7 @@ class Tube(NamedTuple):
     Attributes:
       centre: (k) of the motion from the centre over the centre of the span.
       box: (k) of all motions over all spans.
-      slopes: (k, k + n) of the derivatives of all of them.
+      slopes: (k, k) of the derivatives of all of them.
       steps: number of steps.
     """
 
@@ -66,7 +65,6 @@ def tube(
     t: arb,
     centre: list,
     box: list,
-    unfolding: tuple[list, list],
     span: tuple[arb, arb],
     digits: float,
     bits: int,
@@ -79,7 +77,6 @@ def tube(
       t: () the time of the start.
       centre: (k) a point of the box.
       box: (k) starts.
-      unfolding: (n) the centre of the unfolding's parameters, and a box of them.
       span: () the centre of the spans in time, and a ball of them that contains it; positive.
       digits: what a step's series leaves out is below 10^-digits.
       bits: precision of the calculation.
@@ -87,16 +84,15 @@ def tube(
     Raises:
       NotEnclosed: the rate cannot be bounded, or the tube becomes too wide.
     """
-    k, n = field.k, field.n
     order = max(_LEAST_ORDER, _orders(digits - _SPARED_DIGITS))
     slope_order = _orders(slope_digits + _GROWTH_DIGITS)
     # Series are cut off at the longest one's order.
     with precision(bits, max(order, slope_order)):
-        offset = _offset(centre, box, unfolding)
-        unit = arb_mat([[int(i == j) for j in range(k + n)] for i in range(k)])
+        offset = arb_mat([[a - b] for a, b in zip(box, centre, strict=True)])
+        unit = arb_mat([[int(i == j) for j in range(field.k)] for i in range(field.k)])
         now, done, outer = _Now(centre, box, unit), arb(0), None
         for steps in range(1, _MOST_STEPS):
-            about = _about(field, t + done, now, unfolding, order)
+            about = _about(field, t + done, now, order)
             left = span[1] - done
             found = about and disc(about, outer, float(left.upper()) / _SHARE)
             # The last disc is as small as what is left.
@@ -125,19 +121,14 @@ def _orders(digits: float) -> int:
     return math.ceil(digits * math.log(10) / -math.log(_SHARE))
 
 
-def _offset(centre: list, box: list, unfolding: tuple[list, list]) -> arb_mat:
-    pairs = zip((*box, *unfolding[1]), (*centre, *unfolding[0]), strict=True)
-    return arb_mat([[a - b] for a, b in pairs])
-
-
-def _about(field: BallField, t: arb, now: _Now, unfolding, order: int) -> About | None:
+def _about(field: BallField, t: arb, now: _Now, order: int) -> About | None:
     """The motion from the centre of a box, if its rate has a series there."""
     try:
         thin = [x.mid() for x in now.centre]
-        coefficients = series.motion_series(field, t, thin, unfolding[0], order)
+        coefficients = series.motion_series(field, t, thin, order)
     except (ValueError, ZeroDivisionError, Undecided):  # python-flint's word for a singularity
         return None
-    return About(field, t, coefficients, now.box, unfolding)
+    return About(field, t, coefficients, now.box)
 
 
 def _short(x: float) -> arb:
@@ -157,11 +148,10 @@ def _stepped(
     """Enclosures a step later: of the centre over the first span, of all over the second."""
     q = abs(spans[1]) / found.radius
     slopes = _slopes(about, spans[1], found, q, slope_order)
-    all_slopes = composed(slopes, now.slopes)
+    all_slopes = slopes * now.slopes
     thin = [row[0] for row in about.series]
     off = arb_mat([[x - m] for x, m in zip(now.centre, thin, strict=True)])
-    k = about.field.k
-    moved = arb_mat([row[:k] for row in slopes.tolist()]) * off
+    moved = slopes * off
     left_out = found.left_out(q, len(about.series[0]) - 1)
 
     def ending(h: arb) -> list:
@@ -176,11 +166,11 @@ def _stepped(
 
 
 def _slopes(about: About, h: arb, found: Disc, q: arb, order: int) -> arb_mat:
-    """(k, k + n) the derivatives of a step's end for all motions from a box."""
-    field, t, unfolding = about.field, about.t, about.unfolding[1]
-    coefficients = series.motion_series(field, t, about.box, unfolding, order)
-    _, slopes, forcing = series.slope_series(field, t, coefficients, unfolding, order)
-    value = series.at(series.transition_series(slopes, forcing, order), h)
+    """(k, k) the derivatives of a step's end for all motions from a box."""
+    field, t = about.field, about.t
+    coefficients = series.motion_series(field, t, about.box, order)
+    slopes = series.slope_series(field, t, coefficients, order)
+    value = series.at(series.transition_series(slopes, order), h)
     errors = found.left_out_of_slopes(q, order)
     return value + arb_mat([[_ball(x) for x in row] for row in errors])
 

@@ -65,7 +65,7 @@ def spectrum(
         for i in system.unknowns:
             centre[i] = numbers[i].mid()
         found = enclosed(system, centre, numbers, digits, bits, digits)
-        matrix = _monodromy(system, found, numbers)
+        matrix = system.monodromy(found.slopes, numbers)
         unit = 0 if system.drive is not None else _unit(system, numbers, known)
         values = multipliers.roots(multipliers.deflated(matrix, unit))
         values = multipliers.sorted_roots(values)
@@ -93,19 +93,10 @@ def _on_circle(i: int, values: list[acb]) -> bool:
     )
 
 
-def _monodromy(system: Closure, found: Tube, numbers: list) -> arb_mat:
-    k = system.field.k
-    part = arb_mat([row[:k] for row in found.slopes.tolist()])
-    if system.reversals is not None:
-        here, there = (arb_mat(matrix.tolist()) for matrix in system.reversals)
-        return (here * part.inv() * there * part) ** (system.parts // 2)
-    return (system.back(numbers) * part) ** system.parts
-
-
 def _unit(system: Closure, numbers: list, known: Structure) -> int:
     """A number of multipliers that are 1, proved."""
     start = system.start(numbers)
-    flow = [arb(x) for x in system.field.rate(arb(0), start, [arb(0)] * system.field.n)]
+    flow = [arb(x) for x in system.field.rate(arb(0), start)]
     if not known.integrals:
         return int(_rank([flow]))
     theorems = Theorems.of(system.formulas, system.field)
