@@ -3,7 +3,8 @@
 Theorem. Let y' = f(y). Let P be the Taylor polynomial of order p of the motion from a point c at
 s = 0. Let 0 < R < R', f analytic about P(s) with |f_i(P(s))| <= M_i for |s| <= R', and
 |df_i/dy_j| <= A_ij at all points that are no farther than delta from P(s), |s| <= R. Let eps_j > 0,
-and eta_j >= |y_j - c_j| + eps_j for each start y in a box Y. Let d_i = M_i Q^p / (1 - Q) with Q = R / R', and entry by entry
+and eta_j >= |y_j - c_j| + eps_j for each start y in a box Y. Let d_i = M_i Q^p / (1 - Q) with
+Q = R / R', and entry by entry
 
     E = exp(R A) (eta + R d) < delta.
 
@@ -135,7 +136,7 @@ def _log(x: arb) -> float:
 
 def _verified(about: About, outer: float) -> Disc | None:
     """The disc inside one of radius R', if the bounds can be verified."""
-    field, k, order = about.field, about.field.k, len(about.series[0]) - 1
+    k, order = about.field.k, len(about.series[0]) - 1
     ratio = max(2.0 ** (-_DEFECT_BITS / order), _LEAST_Q)
     inner, share = outer * ratio, _EPS_BY_DEFECT * ratio**order
     r, q = arb(inner), arb(inner) / arb(outer)

@@ -9,8 +9,9 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
-from jaxdyn.balls.arithmetic import REAL, Functions, Program
+from jaxdyn.balls.arithmetic import REAL, Functions
 from jaxdyn.balls.derivative import gradients
+from jaxdyn.balls.program import Program
 from jaxdyn.solvers.taylor.formulas import Formulas, NotElementary, exact_formulas
 from jaxdyn.solvers.taylor.graph import Graph, Node, Number
 

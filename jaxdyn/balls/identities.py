@@ -16,7 +16,7 @@ from typing import Any
 
 from flint import fmpq, fmpq_mpoly_ctx
 
-from jaxdyn.balls.arithmetic import Program
+from jaxdyn.balls.program import Program
 from jaxdyn.solvers.taylor.graph import LOGIC, Node, Number
 
 #: Generators for functions; beyond them nothing is proved.

@@ -24,10 +24,11 @@ import dataclasses
 
 import numpy as np
 
-from jaxdyn.balls.arithmetic import COMPLEX, REAL, Program, arb, arb_mat
+from jaxdyn.balls.arithmetic import COMPLEX, REAL, arb, arb_mat
 from jaxdyn.balls.derivative import gradients
 from jaxdyn.balls.field import BallField
 from jaxdyn.balls.motion import End, follow
+from jaxdyn.balls.program import Program
 from jaxdyn.solvers.taylor.formulas import Formulas
 from jaxdyn.solvers.taylor.graph import Number
 

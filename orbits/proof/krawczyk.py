@@ -49,7 +49,6 @@ def tested(
     radius: arb,
     digits: float,
     bits: int,
-    slope_digits: float = SLOPE_DIGITS,
 ) -> Test:
     """Krawczyk's test on the box of this radius about the numbers.
 
@@ -63,7 +62,7 @@ def tested(
         for i in system.unknowns:
             centre[i] = numbers[i].mid()
             box[i] = centre[i] + side
-        found = enclosed(system, centre, box, digits, bits, slope_digits)
+        found = enclosed(system, centre, box, digits, bits, SLOPE_DIGITS)
         jacobian = system.jacobian(found.box, found.slopes, box)
         inverse = arb_mat(np.linalg.inv(float_matrix(jacobian)).tolist())
         error = system.posed(system.residual(found.centre, centre))

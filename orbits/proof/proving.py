@@ -35,9 +35,9 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
     It says that the equations of motion, whose numbers are the scene's binary floats exactly, have
     a periodic solution within the enclosures of the certificate, the only one within its radius
     that has the held numbers. The test is Krawczyk's (`krawczyk`) on closing equations that
-    integrals make square (`closure`), over tubes of Taylor series whose remainders are bounded by Cauchy's estimates
-    (`enclosure`, `tube` in ``jaxdyn/balls/``); integrals and symmetries are proved as identities
-    (`theorems`); no step rests on a rounded number.
+    integrals make square (`closure`), over tubes of Taylor series whose remainders are bounded by
+    Cauchy's estimates (`enclosure`, `tube` in ``jaxdyn/balls/``); integrals and symmetries are
+    proved as identities (`theorems`); no step rests on a rounded number.
 
     Args:
       orbit: what `find` returned.

@@ -6,8 +6,9 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn._progress import doing
-from jaxdyn.balls.arithmetic import Program, arb, arb_mat, precision
+from jaxdyn.balls.arithmetic import arb, arb_mat, precision
 from jaxdyn.balls.motion import End, bits_of
+from jaxdyn.balls.program import Program
 from orbits.orbit import Orbit, SearchError
 from orbits.proof import multipliers
 from orbits.proof.closure import Closure, float_matrix

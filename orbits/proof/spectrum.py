@@ -21,7 +21,6 @@ import numpy as np
 
 from jaxdyn.balls.arithmetic import acb, arb, arb_mat, precision
 from jaxdyn.balls.identities import NoPolynomial
-from jaxdyn.balls.tube import Tube
 from orbits.proof import multipliers
 from orbits.proof.closure import Closure, product
 from orbits.proof.krawczyk import enclosed
