@@ -37,7 +37,7 @@ from jaxdyn.balls.field import BallField
 
 #: Bits of the bounds: they are enclosures at any precision.
 _BITS = 64
-_ACROSS = 8
+_ACROSS = 10
 _OUTER = 0.6  # first trial of R' as a part of the series' radius of convergence
 _DEFECT_BITS = 34  # Q^p is about 2^-34: the polynomial's defect is small ...
 _LEAST_Q = 0.5  # ... unless the order is low

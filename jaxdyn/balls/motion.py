@@ -86,7 +86,7 @@ def follow(
                 )
             if slopes:
                 now = _transition(field, t + done, coefficients, step, order)
-                product = now if product is None else now * product
+                product = now if product is None else _middle(now * product)
             done = (done + step).mid()
         return End(y, product, steps)
 
@@ -113,4 +113,8 @@ def _log(x: arb) -> float:
 def _transition(field, t, coefficients, h: arb, order: int) -> arb_mat:
     slopes = series.slope_series(field, t, coefficients, order)
     found = series.at(series.transition_series(slopes, order), h)
-    return arb_mat([[x.mid() for x in row] for row in found.tolist()])
+    return _middle(found)
+
+
+def _middle(matrix: arb_mat) -> arb_mat:
+    return arb_mat([[x.mid() for x in row] for row in matrix.tolist()])

@@ -42,8 +42,8 @@ def posed_closure(orbit: Orbit) -> Closure:
 
     Raises:
       Unposed: the equations depend on each other, and not by known integrals.
-      ValueError: the rate has no formulas; the states satisfy constraints; the motion is
-        integrated in logarithmic time; the closing condition is of another kind.
+      ValueError: the rate has no formulas; the states satisfy constraints; the closing
+        condition is of another kind.
     """
     scene, closing = orbit.scene, orbit.closing
     _check(orbit)
@@ -82,8 +82,6 @@ def _check(orbit: Orbit) -> None:
     refused = "Digits and proofs are for"
     if not orbit.ok:
         raise fail("orbit", "one that closes", orbit.outcome.name, orbit.message)
-    if orbit.s_period is not None:
-        raise fail("orbit", "one in plain time", "one in logarithmic time", "Find it anew.")
     if system.project is not System.project:
         raise fail(
             "scene",

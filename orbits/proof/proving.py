@@ -150,7 +150,7 @@ def _certificate(
     bits: int,
 ) -> Certificate:
     doing("enclosing the multipliers")
-    found = _spectrum(orbit, system, test.numbers, digits, bits)
+    found = _spectrum(orbit, system, test, digits, bits)
     with precision(bits):
         complex_ones = [z for z in found.values if bool(z.imag > 0)]
         stable = found.verdict == "stable"
@@ -180,7 +180,7 @@ def _certificate(
         )
 
 
-def _spectrum(orbit: Orbit, system: Closure, numbers: list, digits: float, bits: int) -> Spectrum:
+def _spectrum(orbit: Orbit, system: Closure, test: Test, digits: float, bits: int) -> Spectrum:
     scene = orbit.scene
     form = symplectic_form(scene, scene.y0)
     k = len(scene.y0)
@@ -193,10 +193,7 @@ def _spectrum(orbit: Orbit, system: Closure, numbers: list, digits: float, bits:
         _generators(scene),
         form if form is None else np.asarray(form),
     )
-    try:
-        return spectrum(system, numbers, known, digits, bits)
-    except ArithmeticError:
-        return Spectrum([], "undecided")
+    return spectrum(system, test.numbers, test.tube.slopes, known, digits, bits)
 
 
 def _generators(scene: Scene) -> list[tuple[np.ndarray, np.ndarray]]:

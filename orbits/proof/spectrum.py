@@ -21,6 +21,7 @@ import numpy as np
 
 from jaxdyn.balls.arithmetic import acb, arb, arb_mat, precision
 from jaxdyn.balls.identities import NoPolynomial
+from jaxdyn.balls.tube import NotEnclosed
 from orbits.proof import multipliers
 from orbits.proof.closure import Closure, product
 from orbits.proof.krawczyk import enclosed
@@ -56,22 +57,45 @@ class Structure:
 
 
 def spectrum(
-    system: Closure, numbers: list, known: Structure, digits: float, bits: int
+    system: Closure, numbers: list, slopes: arb_mat, known: Structure, digits: float, bits: int
 ) -> Spectrum:
-    """The non-trivial multipliers of an orbit whose numbers are enclosed."""
+    """The non-trivial multipliers of an orbit.
+
+    Args:
+      system: the closing equations.
+      numbers: enclosures of all its numbers.
+      slopes: the derivative over a part of the period, for all motions of a wider box. It is
+        enough for an unstable orbit; for others it is enclosed again, for sharper multipliers.
+      known: about the flow.
+      digits: of the series.
+      bits: precision.
+    """
     with precision(bits):
+        rough = _of(system, numbers, slopes, known)
+        if rough.verdict == "unstable":
+            return rough
         centre = [*numbers]
         for i in system.unknowns:
             centre[i] = numbers[i].mid()
-        found = enclosed(system, centre, numbers, digits, bits, digits)
-        matrix = system.monodromy(found.slopes, numbers)
+        try:
+            found = enclosed(system, centre, numbers, digits, bits, digits)
+        except NotEnclosed:
+            return rough
+        return _of(system, numbers, found.slopes, known)
+
+
+def _of(system: Closure, numbers: list, slopes: arb_mat, known: Structure) -> Spectrum:
+    try:
+        matrix = system.monodromy(slopes, numbers)
         unit = 0 if system.drive is not None else _unit(system, numbers, known)
         values = multipliers.roots(multipliers.deflated(matrix, unit))
-        values = multipliers.sorted_roots(values)
-        if len(values) != system.field.k - unit:
-            return Spectrum([], "undecided")
-        paired = known.form is not None or system.reversals is not None
-        return Spectrum(values, _verdict(values, bool(known.integrals) or paired, paired))
+    except ArithmeticError:  # no inverse, or no bounds
+        return Spectrum([], "undecided")
+    values = multipliers.sorted_roots(values)
+    if len(values) != system.field.k - unit:
+        return Spectrum([], "undecided")
+    paired = known.form is not None or system.reversals is not None
+    return Spectrum(values, _verdict(values, bool(known.integrals) or paired, paired))
 
 
 def _verdict(values: list[acb], conservative: bool, paired: bool) -> str:
