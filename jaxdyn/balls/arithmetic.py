@@ -61,6 +61,13 @@ class Functions:
         """The logarithm."""
         return x.log(analytic=True) if self.analytic and isinstance(x, acb) else x.log()
 
+    def atan(self, x):
+        """The inverse tangent; of complex balls by logarithms, which know where they jump."""
+        if self.analytic and isinstance(x, acb):
+            turned = acb(0, 1) * x
+            return acb(0, 0.5) * (self.log(1 - turned) - self.log(1 + turned))
+        return x.atan()
+
     def tanh(self, x):
         """The hyperbolic tangent, which series lack."""
         return 1 - 2 / ((2 * x).exp() + 1)

@@ -16,8 +16,8 @@ from jaxdyn.solvers.taylor.formulas import Formulas, NotElementary, exact_formul
 from jaxdyn.solvers.taylor.graph import Graph, Node, Number
 
 _REMEDY = (
-    "Digits and proofs need a rate of + - * / powers, roots, sin, cos, tanh, exp and log, without "
-    "conditions on what moves and without linear algebra."
+    "Digits and proofs need a rate of + - * / powers, roots, exp, log, circular and hyperbolic "
+    "functions and their inverses, without conditions on what moves and without linear algebra."
 )
 
 

@@ -164,7 +164,9 @@ class Polynomials:
             return self._power(operands[0], 0.5)
         if op in ("sin", "cos"):
             return self._circular(op, operands[0])
-        if op in ("exp", "log", "tanh"):
+        if op == "exp" and operands[0] and operands[0].leading_coefficient() < 0:
+            return self._power(self._function((op, str(-operands[0]))), -1.0)
+        if op in ("exp", "log", "tanh", "atan"):
             return self._function((op, str(operands[0])))
         raise NoPolynomial(op)
 

@@ -11,7 +11,7 @@ from orbits.proof.refinement import refine
 
 #: Numbers of a certificate that are enclosed, and those that are compared as they are.
 _ENCLOSED = ("period", "y0", "multipliers", "exponents")
-_SAME = ("proved", "names", "held", "verdict", "verdict_proved", "choreography")
+_SAME = ("proved", "reason", "names", "held", "verdict", "verdict_proved", "choreography")
 _BITS = 8000  # to compare decimal strings of up to 1000 digits
 
 

@@ -44,6 +44,10 @@ def test_quotients_of_counted_numbers_are_not_rounded():
         lambda x: jnp.log(2 + jnp.cos(x)) / (1 + x * x),
         lambda x: jnp.sqrt(1 + x**2) ** 3 + (2 + x) ** -1.5,
         lambda x: jnp.tanh(x) + jnp.abs(2.0) * (3 + x) ** 0.3,
+        lambda x: jnp.tan(x) * jnp.sinh(x) + jnp.cosh(x) / jnp.arctan(x),
+        lambda x: jnp.arcsin(x) + jnp.arccos(x / 2) * jnp.arcsinh(x),
+        lambda x: jnp.arctan2(x, 0.3) + jnp.arctan2(jnp.sin(x), x - 1.0),
+        lambda x: jnp.expm1(x) * jnp.log1p(x) + jax.nn.sigmoid(x),
         lambda x: x**5 + jnp.where(jnp.pi > 3.0, x, -x),
     ],
 )

@@ -9,7 +9,7 @@ import pytest
 
 import jaxdyn
 from jaxdyn.balls import series
-from jaxdyn.balls.arithmetic import arb, precision
+from jaxdyn.balls.arithmetic import COMPLEX, acb, arb, precision
 from jaxdyn.balls.enclosure import About, Disc, disc
 from jaxdyn.balls.field import ball_field, scene_formulas
 from jaxdyn.balls.tube import NotEnclosed, tube
@@ -211,6 +211,8 @@ def test_no_series_is_summed_outside_of_its_disc():
         lambda x: x**-1.5,
         lambda x: jnp.tanh(jnp.log(x)),
         lambda x: jnp.where(x == 0, 1.0, 2.0),
+        lambda x: 1 / jnp.tan(x),
+        lambda x: jnp.arctan(jnp.log(x)),
         lambda x: jnp.sin(x) / x,
     ],
 )
@@ -226,6 +228,16 @@ def test_no_disc_reaches_beyond_the_domain_of_a_function(one):
     times = float(bounds.radius) * np.linspace(0, 1, 50)[:, None] * angles
     there = np.polynomial.polynomial.polyval(times, [float(x) for x in coefficients])
     assert np.abs(there).min() > float(bounds.state[0])
+
+
+def test_the_inverse_tangent_has_no_bound_across_its_cut():
+    near = arb(0, 0.1)
+    assert not COMPLEX.atan(acb(near, arb(1.5) + near)).is_finite()
+    with precision(BITS):
+        for z in (0.5 + 0.7j, -3.0 + 0.2j):
+            found = COMPLEX.atan(acb(arb(z.real), arb(z.imag)))
+            exact = np.arctan(z)
+            assert abs(complex(found) - exact) < 1e-14
 
 
 def _disc(field, box, order=40):

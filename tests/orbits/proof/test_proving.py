@@ -144,6 +144,7 @@ def test_a_record_that_was_edited_does_not_come_out_again():
         {"period": period | {"mid": period["mid"][:-9] + "9" * 9}},
         {"period": period | {"rad": "1e-60"}},
         {"verdict": "unstable"},
+        {"reason": "By inspection."},
         {"centre": ["1*2^1", *proof["centre"][1:]]},
     ):
         assert checking.certificate_mismatch(_swing(), proof | edit).startswith(

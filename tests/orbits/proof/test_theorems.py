@@ -58,6 +58,17 @@ def test_an_integral_that_depends_on_time_is_none():
     assert [known.is_conserved(one) for one in found] == [True, False, False]
 
 
+def test_hyperbolic_functions_have_their_identities():
+    rate = lambda t, y: [y[1], -jnp.sinh(y[0])]  # noqa: E731
+    energies = lambda _, t, y: jnp.stack(  # noqa: E731
+        [y[1] ** 2 / 2 + jnp.cosh(y[0]), y[1] ** 2 / 2 + jnp.exp(y[0]), jnp.cosh(y[0])]
+    )
+    formulas, (found,) = _formulas(rate, 2, energies)
+    known = Theorems.of(formulas)
+    assert [known.is_conserved(one) for one in found] == [True, False, False]
+    assert known.is_symmetry(-np.eye(2, dtype=int), 1)
+
+
 def test_a_driven_motion_is_followed_over_a_whole_period():
     driven = dataclasses.replace(_closure(), drive=(1.0, 1))
     assert missing(driven) == ""
