@@ -115,9 +115,10 @@ def tube(
                 )
             about = _about(field, t + done, now.point, around, order)
             left = span[1] - done
-            found = about and disc(about, outer, float(left.upper()) / _SHARE)
+            farthest = float(abs(left).upper())  # some of the spans may be over already
+            found = about and disc(about, outer, farthest / _SHARE)
             # The last disc is as small as what is left.
-            least = min(_SHORTEST * float(span[1].upper()), float(left.upper()))
+            least = min(_SHORTEST * float(span[1].upper()), farthest)
             if found is None or float(found[0].radius) < least:
                 raise NotEnclosed(
                     f"The rate has no bound near t = {float(done):.6g}: the tube touches a "

@@ -20,7 +20,7 @@ import dataclasses
 import numpy as np
 
 from jaxdyn.balls.arithmetic import arb, arb_mat, precision
-from jaxdyn.balls.tube import SLOPE_DIGITS, Tube, tube
+from jaxdyn.balls.tube import Tube, tube
 from orbits.proof.closure import Closure, float_matrix
 
 
@@ -49,6 +49,7 @@ def tested(
     radius: arb,
     digits: float,
     bits: int,
+    slope_digits: float,
 ) -> Test:
     """Krawczyk's test on the box of this radius about the numbers.
 
@@ -62,7 +63,7 @@ def tested(
         for i in system.unknowns:
             centre[i] = numbers[i].mid()
             box[i] = centre[i] + side
-        found = enclosed(system, centre, box, digits, bits, SLOPE_DIGITS)
+        found = enclosed(system, centre, box, digits, bits, slope_digits)
         jacobian = system.jacobian(found.box, found.slopes, box)
         inverse = arb_mat(np.linalg.inv(float_matrix(jacobian)).tolist())
         error = system.posed(system.residual(found.centre, centre))

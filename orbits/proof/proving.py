@@ -1,5 +1,7 @@
 """The proof that a periodic orbit exists, is locally unique, and is stable or unstable."""
 
+import math
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -9,6 +11,7 @@ from jaxdyn.analysis.monodromy import symplectic_form
 from jaxdyn.balls.arithmetic import arb, precision
 from jaxdyn.balls.decimals import decimal
 from jaxdyn.balls.motion import bits_of
+from jaxdyn.balls.tube import SLOPE_DIGITS
 from orbits.orbit import Orbit, SearchError
 from orbits.proof import multipliers
 from orbits.proof.certificate import Certificate
@@ -25,6 +28,8 @@ _SPARE = 6.0
 #: Bits of the first trial beyond those of the digits; each further one doubles them.
 _EXTRA_BITS = 64
 _TRIALS = 4
+#: Contraction of boxes that is not due to the step alone, and such that a proof is hopeless.
+_LEAST_CONTRACTION, _MOST_CONTRACTION = 0.5, 1e20
 _MORE = "Try more digits: orbits.prove(orbit, digits=60)."
 _ANOTHER = "More digits do not help; find the orbit again, from another guess."
 
@@ -96,14 +101,16 @@ def certified(
     lacking = missing(system)
     if lacking:
         return _unproved(orbit, f"It is not proved {lacking}.", throw)
-    extra, reason, bits_used = _EXTRA_BITS, "", bits or 0
-    for _ in range(1 if bits else _TRIALS):
+    extra, reason, bits_used, slope_digits = _EXTRA_BITS, "", bits or 0, SLOPE_DIGITS
+    for _ in range(_TRIALS):
         bits_used = bits or bits_of(digits + _SPARE) + extra
         doing(f"enclosing the motion with {bits_used} bits")
         try:
-            test = tested(system, numbers, arb(radius), digits, bits_used)
+            test = tested(system, numbers, arb(radius), digits, bits_used, slope_digits)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             reason = str(error)
+            if bits:
+                break
         else:
             if test.passed:
                 degenerate = _degenerate(system, test, bits_used)
@@ -114,7 +121,13 @@ def certified(
                 f"Krawczyk's test fails: the closing error moves the centre by {test.step:.1e} "
                 f"in a box of {radius:.1e}, with contraction {test.contraction:.1e}."
             )
-            if test.contraction > 0.5 or test.step > 1e3 * radius:
+            if _LEAST_CONTRACTION < test.contraction < _MOST_CONTRACTION:
+                # Derivatives of more digits, unless it was them.
+                if slope_digits > digits + _SPARE:
+                    break
+                slope_digits += math.log10(test.contraction) + _SPARE
+                continue
+            if bits or test.contraction > _MOST_CONTRACTION or test.step > 1e3 * radius:
                 break
         extra *= 2
     return _unproved(orbit, f"{reason} {_MORE}", throw, bits_used)
