@@ -23,7 +23,7 @@ from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, precision
 from jaxdyn.balls.enclosure import About, Disc, disc
 from jaxdyn.balls.field import BallField
 
-#: Step as a part of the radius of the disc; less takes more steps, more takes higher orders.
+#: Largest step as a part of the radius of the disc; less takes more steps, more takes higher orders.
 _SHARE = 0.35
 #: Digits of the derivative that truncation spares; it only has to be regular.
 SLOPE_DIGITS = 16.0
@@ -125,11 +125,21 @@ def tube(
                     "singularity. Try more digits."
                 )
             bounds, outer = found
-            h = _short(_SHARE * float(bounds.radius))
+            h = _short(_share(bounds, now.point, order, digits) * float(bounds.radius))
             if left <= h:
                 return _end(about, now, offset, (span[0] - done, left), bounds, slope_order, steps)
             now, done = _stepped(about, now, h, bounds, slope_order), done + h
         raise NotEnclosed("The motion takes too many steps. Prove it in parts of a period.")
+
+
+def _share(bounds: Disc, point: list, order: int, digits: float) -> float:
+    """The step as a part of the radius: less where motions of a large disc differ widely."""
+    size = max(abs(x) for x in point)
+    largest = max(bounds.state)
+    if not (size > 0 and largest > 0):
+        return _SHARE
+    allowed = float((size / largest).log()) - digits * math.log(10)
+    return min(_SHARE, math.exp(allowed / (order + 1)))
 
 
 def _orders(digits: float) -> int:

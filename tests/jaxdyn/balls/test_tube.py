@@ -279,6 +279,15 @@ def test_a_motion_into_a_singularity_is_refused():
             _tube(field, [1.0], span, digits=10, slope_digits=10, bits=80)
 
 
+def test_errors_turn_with_the_motion():
+    # In entries of sizes 1 and 30 a turn multiplies intervals by 30 in each step.
+    field = _field(lambda t, y: [y[1], -900 * y[0]], 2)
+    found = _tube(field, [1.0, 0.0], 2.0, width=1e-12)
+    assert _widest(found.slopes.entries()) < 1e-24
+    assert max(float(x.rad()) for x in found.box) < 1e-12 * 31
+    assert _widest(found.centre) < 1e-24
+
+
 def test_too_few_bits_widen_the_tube_and_do_not_lose_the_motion():
     field = _field(lambda t, y: [y[1], -y[0]], 2)
     with mpmath.workdps(REFERENCE_DIGITS):
