@@ -23,7 +23,7 @@ from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, precision
 from jaxdyn.balls.enclosure import About, Disc, disc
 from jaxdyn.balls.field import BallField
 
-#: Largest step as a part of the radius of the disc; less takes more steps, more takes higher orders.
+#: Largest step as a part of the disc's radius; less takes more steps, more takes higher orders.
 _SHARE = 0.35
 #: Digits of the derivative that truncation spares; it only has to be regular.
 SLOPE_DIGITS = 16.0

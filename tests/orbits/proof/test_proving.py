@@ -151,6 +151,8 @@ def test_a_record_that_was_edited_does_not_come_out_again():
         assert checking.certificate_mismatch(_swing(), proof | edit).startswith(
             "proved" if "centre" in edit else next(iter(edit))
         )
+    shorter = {"centre": proof["centre"][1:]}
+    assert checking.certificate_mismatch(_swing(), proof | shorter) == "centre"
     edited = digits | {"period": digits["period"][:30]}
     assert checking.refined_mismatch(_swing(), edited) == "period"
 
@@ -216,6 +218,15 @@ def test_the_neighbour_of_the_eight_is_proved_to_be_another_orbit():
     proof = orbits.prove(plain)
     assert (proof.proved, proof.choreography) == (True, False)
     assert (proof.verdict, proof.verdict_proved) == ("unstable", True)
+
+
+@pytest.mark.long
+def test_the_eight_is_proved_as_a_plain_return():
+    eight = orbits.find(scenes.three_body(), closing=orbits.choreography(3))
+    plain = orbits.find(scenes.three_body(), eight.y0, eight.period)
+    proof = orbits.prove(plain)
+    assert (proof.proved, proof.verdict, proof.verdict_proved) == (True, "stable", True)
+    assert proof.choreography is None  # bodies meet the places of others, as far as balls tell
 
 
 @pytest.mark.long
