@@ -27,6 +27,7 @@ from benchmarks import (
     compile_time,
     default_method,
     device,
+    digits,
     effects_cost,
     ensembles,
     figure_eight,
@@ -56,6 +57,7 @@ RUNS = {
     "effects-cost": effects_cost.run,
     "ensembles": ensembles.run,
     "command": command.run,
+    "digits": digits.run,
 }
 
 

@@ -94,5 +94,8 @@ _RULES: dict[str, Callable[[Graph, Node], list]] = {
     "log": _of_one(lambda graph, node: graph.div(1.0, node.args[0])),
     "sin": _of_one(lambda graph, node: graph.function("cos", node.args[0])),
     "cos": _of_one(lambda graph, node: graph.neg(graph.function("sin", node.args[0]))),
+    "atan": _of_one(
+        lambda graph, node: graph.div(1.0, graph.add(1.0, graph.mul(node.args[0], node.args[0])))
+    ),
     "tanh": _of_one(lambda graph, node: graph.sub(1.0, graph.mul(node, node))),
 }

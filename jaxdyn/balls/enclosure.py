@@ -1,10 +1,10 @@
 """How far a motion can be followed, and what its Taylor series leave out: rigorous bounds.
 
-Theorem. Let y' = f(y) with parameters lambda, constant entries of the state, for brevity. Let P be
-the Taylor polynomial of order p of the motion from a point c at s = 0. Let 0 < R < R', f analytic
-about P(s) with |f_i(P(s))| <= M_i for |s| <= R', and |df_i/dy_j| <= A_ij at all points that are
-no farther than delta from P(s), |s| <= R. Let eps_j > 0, and eta_j >= |y_j - c_j| + eps_j for each
-start y in a box Y. Let d_i = M_i Q^p / (1 - Q) with Q = R / R', and entry by entry
+Theorem. Let y' = f(y). Let P be the Taylor polynomial of order p of the motion from a point c at
+s = 0. Let 0 < R < R', f analytic about P(s) with |f_i(P(s))| <= M_i for |s| <= R', and
+|df_i/dy_j| <= A_ij at all points that are no farther than delta from P(s), |s| <= R. Let eps_j > 0,
+and eta_j >= |y_j - c_j| + eps_j for each start y in a box Y. Let d_i = M_i Q^p / (1 - Q) with
+Q = R / R', and entry by entry
 
     E = exp(R A) (eta + R d) < delta.
 
@@ -37,7 +37,7 @@ from jaxdyn.balls.field import BallField
 
 #: Bits of the bounds: they are enclosures at any precision.
 _BITS = 64
-_ACROSS = 8
+_ACROSS = 10
 _OUTER = 0.6  # first trial of R' as a part of the series' radius of convergence
 _DEFECT_BITS = 34  # Q^p is about 2^-34: the polynomial's defect is small ...
 _LEAST_Q = 0.5  # ... unless the order is low
@@ -48,6 +48,7 @@ _FIRST_GROWTH = 100.0  # trial of delta / (eta + R d)
 _GROWN = 1.5  # by which a further trial exceeds what the one before called for
 _MOST_GROWTH = 1e5  # of eps to E: beyond it bounds of derivatives are poor
 _TRIALS = 3
+_EXPANDED = 3  # order of the polynomials' expansions about the squares' middles
 _MARGIN = 1e-9  # of squares, which cover the disc for certain
 _SHORTER, _LONGER = 0.85, 1.04  # factors between trials of R', and from one step to the next
 _MOST_TRIALS = 30
@@ -60,7 +61,7 @@ class Disc:
     Attributes:
       radius: R [time].
       state: (k) E_i.
-      start: (k + n) eps_j, of the unfolding parameters as well.
+      start: (k) eps_j.
     """
 
     radius: arb
@@ -72,7 +73,7 @@ class Disc:
         return [e * _tail(q, order) for e in self.state]
 
     def left_out_of_slopes(self, q: arb, order: int) -> list[list]:
-        """(k, k + n) the same of the derivative by the start and by the unfolding."""
+        """(k, k) the same of the derivative by the start."""
         tail = _tail(q, order)
         return [[e / eps * tail for eps in self.start] for e in self.state]
 
@@ -86,14 +87,12 @@ class About:
       t: () time of the start.
       series: (k) lists of the coefficients 0 to p of the motion from the centre.
       box: (k) a box of starts about it.
-      unfolding: (n) the centre of the unfolding's parameters, and a box of them.
     """
 
     field: BallField
     t: arb
     series: list[list]
     box: list
-    unfolding: tuple[list, list]
 
 
 def disc(about: About, outer: float | None, farthest: float) -> tuple[Disc, float] | None:
@@ -137,7 +136,7 @@ def _log(x: arb) -> float:
 
 def _verified(about: About, outer: float) -> Disc | None:
     """The disc inside one of radius R', if the bounds can be verified."""
-    field, k, order = about.field, about.field.k, len(about.series[0]) - 1
+    k, order = about.field.k, len(about.series[0]) - 1
     ratio = max(2.0 ** (-_DEFECT_BITS / order), _LEAST_Q)
     inner, share = outer * ratio, _EPS_BY_DEFECT * ratio**order
     r, q = arb(inner), arb(inner) / arb(outer)
@@ -145,31 +144,28 @@ def _verified(about: About, outer: float) -> Disc | None:
     bounds = _largest(_rates(about, *cell[:2]) for cell in cells)
     if bounds is None:
         return None
-    defect = [m * q**order / (1 - q) for m in bounds] + [arb(0)] * field.n
+    defect = [m * q**order / (1 - q) for m in bounds]
     columns = zip(*(z for _, z, _ in cells), strict=True)
     sizes = [float(max(x.abs_upper() for x in column)) for column in columns]
     least = min((x for x in sizes if x > 0), default=1.0)
-    start = [arb(share * (x or least)) for x in sizes] + [arb(share)] * field.n
-    centre = [row[0] for row in about.series] + about.unfolding[0]
-    pairs = zip([*about.box, *about.unfolding[1]], centre, start, strict=True)
-    apart = [(abs(x - c) + eps).upper() for x, c, eps in pairs]
+    start = [arb(share * (x or least)) for x in sizes]
+    pairs = zip(about.box, about.series, start, strict=True)
+    apart = [(abs(x - row[0]) + eps).upper() for x, row, eps in pairs]
     first = [eta + r * d for eta, d in zip(apart, defect, strict=True)]
     near = [cell for cell in cells if cell[2] <= inner]
-    # Parameters stay where they are.
-    delta = [x * arb(_FIRST_GROWTH) for x in first[:k]] + first[k:]
+    delta = [x * arb(_FIRST_GROWTH) for x in first]
     for _ in range(_TRIALS):
         slopes = _largest(_slopes(about, *cell[:2], delta) for cell in near)
         if slopes is None:
             return None
-        rows = [slopes[i * len(first) : (i + 1) * len(first)] for i in range(k)]
-        matrix = arb_mat(rows + [[0] * len(first) for _ in range(field.n)]) * r
-        reached = (matrix.exp() * arb_mat([[x] for x in first])).entries()[:k]
-        grown = zip(reached, first[:k], strict=True)
+        matrix = arb_mat([slopes[i * k : (i + 1) * k] for i in range(k)]) * r
+        reached = (matrix.exp() * arb_mat([[x] for x in first])).entries()
+        grown = zip(reached, first, strict=True)
         if not all(x.is_finite() and x < _MOST_GROWTH * f for x, f in grown):
             return None
-        if all(bool(x < d) for x, d in zip(reached, delta[:k], strict=True)):
+        if all(bool(x < d) for x, d in zip(reached, delta, strict=True)):
             return Disc(radius=r, state=[x.upper() for x in reached], start=start)
-        delta = [(x * arb(_GROWN)).upper() for x in reached] + first[k:]
+        delta = [(x * arb(_GROWN)).upper() for x in reached]
     return None
 
 
@@ -181,34 +177,52 @@ def _cells(about: About, outer: float) -> list[tuple[acb, list, float]]:
     side = 2 * outer / _ACROSS
     half = arb(0, side / 2 * (1 + _MARGIN))
     square = acb(half, half)
-    whole = [acb_poly([x * 1 for x in row]) for row in about.series]  # of few bits
+    whole = [_derivatives(row) for row in about.series]
     found = []
     for i, j in itertools.product(range(-_ACROSS // 2, _ACROSS // 2), range(_ACROSS // 2)):
         x, y = (i + 0.5) * side, (j + 0.5) * side
         nearest = math.hypot(max(abs(x) - side / 2, 0.0), max(y - side / 2, 0.0)) * (1 - _MARGIN)
         if nearest <= outer:
             middle = acb(x, y)
-            shifted = acb_poly([middle, 1])
-            found.append((middle + square, [p(shifted)(square) for p in whole], nearest))
+            found.append((middle + square, [_over(p, middle, square) for p in whole], nearest))
     return found
+
+
+def _derivatives(row: list) -> list[acb_poly]:
+    """p, p', p''/2, ... of the polynomial with these coefficients, to few bits."""
+    found = [acb_poly([x * 1 for x in row])]
+    for n in range(1, _EXPANDED + 1):
+        found.append(found[-1].derivative() * (1 / arb(n)))
+    return found
+
+
+def _over(p: list[acb_poly], middle: acb, square: acb) -> acb:
+    """An enclosure of a polynomial over a square, by its expansion about the middle.
+
+    The derivative of the last term is taken over the whole square (Lagrange's remainder, which
+    holds with balls of complex numbers in its integral form).
+    """
+    total = p[-1](middle + square)
+    for derivative in reversed(p[:-1]):
+        total = derivative(middle) + square * total
+    return total
 
 
 def _rates(about: About, s: acb, z: list) -> list | None:
     """(k) the rates at the centre's motion; None if they are not analytic there."""
     try:
-        return about.field.rate(about.t + s, z, about.unfolding[0], COMPLEX)
+        return about.field.rate(about.t + s, z, COMPLEX)
     except Undecided:
         return None
 
 
 def _slopes(about: About, s: acb, z: list, delta: list) -> list | None:
-    """(k (k + n)) derivatives of the rate at motions near it."""
+    """(k k) derivatives of the rate at motions near it."""
     discs = [acb(arb(0, x.upper()), arb(0, x.upper())) for x in delta]
-    near = [x + d for x, d in zip([*z, *about.unfolding[0]], discs, strict=True)]
-    k = about.field.k
+    near = [x + d for x, d in zip(z, discs, strict=True)]
     try:
-        inputs = about.field.inputs(about.t + s, near[:k], near[k:])
-        return about.field.slopes(inputs, COMPLEX)[k:]
+        inputs = about.field.inputs(about.t + s, near)
+        return about.field.slopes(inputs, COMPLEX)[about.field.k :]
     except Undecided:
         return None
 

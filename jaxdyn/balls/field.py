@@ -1,12 +1,7 @@
-"""A rate and its derivatives as programs for ball arithmetic, unfolded by its integrals.
-
-With integrals I_1, I_2, ... the rate is f + sum_i lambda_i grad I_i, where lambda is constant in
-time; see `orbits.proof` for the purpose. Without any it is f.
-"""
+"""A rate and its derivatives as programs for ball arithmetic."""
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,14 +9,15 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
-from jaxdyn.balls.arithmetic import REAL, Functions, Program
+from jaxdyn.balls.arithmetic import REAL, Functions
 from jaxdyn.balls.derivative import gradients
+from jaxdyn.balls.program import Program
 from jaxdyn.solvers.taylor.formulas import Formulas, NotElementary, exact_formulas
 from jaxdyn.solvers.taylor.graph import Graph, Node, Number
 
 _REMEDY = (
-    "Digits and proofs need a rate of + - * / powers, roots, sin, cos, tanh, exp and log, without "
-    "conditions on what moves and without linear algebra."
+    "Digits and proofs need a rate of + - * / powers, roots, exp, log, circular and hyperbolic "
+    "functions and their inverses, without conditions on what moves and without linear algebra."
 )
 
 
@@ -33,15 +29,13 @@ class BallField:
       graph: all formulas.
       time: node of t.
       states: (k) nodes of y.
-      unfolding: (n) nodes of lambda.
       rates: program of the k rates.
-      slopes: program of the k rates, then their derivatives (k, k + n), row by row.
+      slopes: program of the k rates, then their derivatives (k, k), row by row.
     """
 
     graph: Graph
     time: Node
     states: list[Node]
-    unfolding: list[Node]
     rates: Program
     slopes: Program
 
@@ -51,24 +45,18 @@ class BallField:
         return len(self.states)
 
     @property
-    def n(self) -> int:
-        """Number of unfolding parameters."""
-        return len(self.unfolding)
-
-    @property
     def cases(self) -> list[Node]:
         """Comparisons of moving numbers in the rate, which a disc must decide to be unequal."""
         nodes = (node for node in self.rates.nodes if node.op in ("eq", "ne"))
         return [n for n in nodes if any(isinstance(a, Node) and a.moving for a in n.args)]
 
-    def inputs(self, t, y: list, unfolding: list) -> dict:
+    def inputs(self, t, y: list) -> dict:
         """What the programs take."""
-        pairs = zip((*self.states, *self.unfolding), (*y, *unfolding), strict=True)
-        return {self.time: t, **dict(pairs)}
+        return {self.time: t, **dict(zip(self.states, y, strict=True))}
 
-    def rate(self, t, y: list, unfolding: list, functions: Functions = REAL) -> list:
+    def rate(self, t, y: list, functions: Functions = REAL) -> list:
         """(k) the rates."""
-        return self.rates(self.inputs(t, y, unfolding), functions)
+        return self.rates(self.inputs(t, y), functions)
 
 
 def scene_formulas(scene: Scene, *others) -> tuple[Formulas, list[list[Number]]]:
@@ -98,25 +86,20 @@ def scene_formulas(scene: Scene, *others) -> tuple[Formulas, list[list[Number]]]
     return found._replace(rates=parts[0]), parts[1:]
 
 
-def ball_field(formulas: Formulas, integrals: Sequence[Number] = ()) -> BallField:
-    """The field of formulas, unfolded by the gradients of integrals (n).
+def ball_field(formulas: Formulas) -> BallField:
+    """The field of formulas.
 
     Raises:
       ValueError: a rate has no derivative in formulas.
     """
-    graph, states = formulas.graph, formulas.states
-    unfolding = [graph.given(None, moving=True) for _ in integrals]
-    rates = list(formulas.rates)
-    for parameter, slopes in zip(unfolding, gradients(graph, list(integrals), states), strict=True):
-        rates = [graph.add(r, graph.mul(parameter, s)) for r, s in zip(rates, slopes, strict=True)]
-    slopes = [s for row in gradients(graph, rates, [*states, *unfolding]) for s in row]
+    graph, states, rates = formulas.graph, formulas.states, list(formulas.rates)
+    slopes = [s for row in gradients(graph, rates, states) for s in row]
     # The second program first: both split the same products, and it has them all.
     both = Program.of(graph, [*rates, *slopes])
     return BallField(
         graph=graph,
         time=formulas.time,
         states=states,
-        unfolding=unfolding,
         rates=Program.of(graph, rates),
         slopes=both,
     )

@@ -16,7 +16,7 @@ from typing import Any
 
 from flint import fmpq, fmpq_mpoly_ctx
 
-from jaxdyn.balls.arithmetic import Program
+from jaxdyn.balls.program import Program
 from jaxdyn.solvers.taylor.graph import LOGIC, Node, Number
 
 #: Generators for functions; beyond them nothing is proved.
@@ -164,7 +164,9 @@ class Polynomials:
             return self._power(operands[0], 0.5)
         if op in ("sin", "cos"):
             return self._circular(op, operands[0])
-        if op in ("exp", "log", "tanh"):
+        if op == "exp" and operands[0] and operands[0].leading_coefficient() < 0:
+            return self._power(self._function((op, str(-operands[0]))), -1.0)
+        if op in ("exp", "log", "tanh", "atan"):
             return self._function((op, str(operands[0])))
         raise NoPolynomial(op)
 

@@ -27,7 +27,7 @@ class End(NamedTuple):
 
     Attributes:
       y: (k) arb, the state.
-      slopes: (k, k + n) its derivative by start and unfolding; None if not wanted.
+      slopes: (k, k) its derivative by the start; None if not wanted.
       steps: number of steps.
     """
 
@@ -50,7 +50,6 @@ def follow(
     field: BallField,
     t: arb,
     y: list,
-    unfolding: list,
     span: arb,
     digits: float,
     *,
@@ -63,10 +62,9 @@ def follow(
       field: the rate.
       t: () the time of the start.
       y: (k) the start.
-      unfolding: (n) the unfolding's parameters.
       span: () the length in time.
       digits: the truncation error of each step is below 10^-digits of the largest entry.
-      slopes: whether the derivative by start and unfolding is wanted.
+      slopes: whether the derivative by the start is wanted.
       more_order: added to the order, for a second opinion with other steps.
     Raises:
       ArithmeticError: the motion runs into a singularity, or takes too many steps.
@@ -77,7 +75,7 @@ def follow(
         done, steps, last = arb(0), 0, False
         while not last:
             steps += 1
-            coefficients = series.motion_series(field, t + done, y, unfolding, order)
+            coefficients = series.motion_series(field, t + done, y, order)
             h = _step(coefficients, digits)
             last = bool(done + h >= span)
             step = (span - done).mid() if last else arb(h)
@@ -87,19 +85,10 @@ def follow(
                     f"The motion cannot be followed beyond t = {float(done):.6g}."
                 )
             if slopes:
-                now = _transition(field, t + done, coefficients, unfolding, step, order)
-                product = now if product is None else composed(now, product)
+                now = _transition(field, t + done, coefficients, step, order)
+                product = now if product is None else _middle(now * product)
             done = (done + step).mid()
         return End(y, product, steps)
-
-
-def composed(later: arb_mat, earlier: arb_mat) -> arb_mat:
-    """(k, k + n) the derivative of two motions one after the other, at the same unfolding."""
-    k, width = earlier.nrows(), earlier.ncols()
-    if width == k:
-        return later * earlier
-    stay = [[int(j == i) for j in range(width)] for i in range(k, width)]
-    return later * arb_mat(earlier.tolist() + stay)
 
 
 def _step(coefficients: list[list], digits: float) -> float:
@@ -121,7 +110,11 @@ def _log(x: arb) -> float:
     return float(bound.log()) if not bound.is_zero() else -math.inf
 
 
-def _transition(field, t, coefficients, unfolding, h: arb, order: int) -> arb_mat:
-    _, slopes, forcing = series.slope_series(field, t, coefficients, unfolding, order)
-    found = series.at(series.transition_series(slopes, forcing, order), h)
-    return arb_mat([[x.mid() for x in row] for row in found.tolist()])
+def _transition(field, t, coefficients, h: arb, order: int) -> arb_mat:
+    slopes = series.slope_series(field, t, coefficients, order)
+    found = series.at(series.transition_series(slopes, order), h)
+    return _middle(found)
+
+
+def _middle(matrix: arb_mat) -> arb_mat:
+    return arb_mat([[x.mid() for x in row] for row in matrix.tolist()])

@@ -10,6 +10,8 @@ single coefficients, as in `solvers.taylor`, would run in Python.
 A ball encloses: each operation encloses the exact one for each point of the balls it starts from.
 """
 
+import dataclasses
+
 from jaxdyn.balls.arithmetic import arb, arb_mat, arb_series
 from jaxdyn.balls.field import BallField
 
@@ -18,24 +20,75 @@ from jaxdyn.balls.field import BallField
 _BLOCKS = 4
 
 
-def motion_series(field: BallField, t: arb, y: list, unfolding: list, order: int) -> list[list]:
+@dataclasses.dataclass(frozen=True)
+class Slopes:
+    """Coefficients of the rate's derivative A along a motion.
+
+    Most entries are constant, as of positions by velocities: they are in the first alone.
+
+    Attributes:
+      first: (k, k) A at s = 0.
+      rows: of entries that vary.
+      columns: of the same.
+      rest: coefficients 1, 2, ... of those rows and columns.
+    """
+
+    first: arb_mat
+    rows: list[int]
+    columns: list[int]
+    rest: list[arb_mat]
+
+    @property
+    def length(self) -> int:
+        """Number of coefficients."""
+        return 1 + len(self.rest)
+
+    def convolved(self, factors: list[arb_mat], parts: list[arb_mat]) -> arb_mat:
+        """The sum of A_i X_j-i over i = 0 to j, or as many as there are.
+
+        Args:
+          factors: (k, m) X_0 to X_j.
+          parts: those of their rows that are called `columns` here.
+        """
+        total = self.first * factors[-1]
+        if not self.rest or len(factors) == 1 or not self.rows:
+            return total
+        pairs = zip(self.rest, reversed(parts[:-1]), strict=False)
+        a, x = next(pairs)
+        varying = a * x
+        for a, x in pairs:
+            varying += a * x
+        table = total.tolist()
+        for i, row in zip(self.rows, varying.tolist(), strict=True):
+            table[i] = [p + q for p, q in zip(table[i], row, strict=True)]
+        return arb_mat(table)
+
+    def part(self, factor: arb_mat) -> arb_mat:
+        """The rows of a factor that meet varying entries."""
+        table = factor.tolist()
+        return arb_mat([table[j] for j in self.columns])
+
+
+def motion_series(field: BallField, t: arb, y: list, order: int) -> list[list]:
     """(k) lists of the coefficients 0 to `order` of the motion from y at t."""
     coefficients = [[entry] for entry in y]
     enough = max(order // _BLOCKS, 1)
-    slopes: list[arb_mat] = []
+    slopes: Slopes | None = None
     known = 1
     while known <= order:
-        if len(slopes) < min(known, enough):
-            _, slopes, _ = slope_series(field, t, coefficients, unfolding, known)
-        gained = min(len(slopes), order + 1 - known)
-        rates = _rates(field, t, coefficients, unfolding, known + gained - 1)
+        if slopes is None or slopes.length < min(known, enough):
+            slopes = slope_series(field, t, coefficients, known)
+        gained = min(slopes.length, order + 1 - known)
+        rates = field.rates(_inputs(field, t, coefficients, known + gained - 1))
         corrections: list[arb_mat] = []
+        parts: list[arb_mat] = []
         for j in range(known - 1, known + gained - 1):
             total = arb_mat(field.k, 1, [_coefficient(rate, j) for rate in rates])
-            for i, correction in enumerate(reversed(corrections)):
-                total += slopes[i] * correction
+            if corrections:
+                total += slopes.convolved(corrections, parts)
             # Coefficient j + 1 of the motion.
             corrections.append(total * (1 / arb(j + 1)))
+            parts.append(slopes.part(corrections[-1]))
         for correction in corrections:
             for row, entry in zip(coefficients, correction.entries(), strict=True):
                 row.append(entry)
@@ -43,38 +96,32 @@ def motion_series(field: BallField, t: arb, y: list, unfolding: list, order: int
     return coefficients
 
 
-def slope_series(
-    field: BallField, t: arb, coefficients: list[list], unfolding: list, length: int
-) -> tuple[list, list[arb_mat], list[arb_mat]]:
-    """The rates, and coefficients 0 to length - 1 of their derivatives by y and by unfolding."""
-    inputs = _inputs(field, t, coefficients, unfolding, length)
-    found = field.slopes(inputs)
-    k, n = field.k, field.n
-    rates = found[:k]
-    table = [found[k + i * (k + n) : k + (i + 1) * (k + n)] for i in range(k)]
-    by_state = [_matrix([row[:k] for row in table], j) for j in range(length)]
-    by_unfolding = [_matrix([row[k:] for row in table], j) for j in range(length)] if n else []
-    return rates, by_state, by_unfolding
+def slope_series(field: BallField, t: arb, coefficients: list[list], length: int) -> Slopes:
+    """Coefficients 0 to length - 1 of the rate's derivative along a motion."""
+    k = field.k
+    flat = field.slopes(_inputs(field, t, coefficients, length))[k:]
+    table = [flat[i * k : (i + 1) * k] for i in range(k)]
+    varying = [(i, j) for i in range(k) for j in range(k) if isinstance(table[i][j], arb_series)]
+    rows, columns = (sorted({place[n] for place in varying}) for n in (0, 1))
+    parts = [[table[i][j] for j in columns] for i in rows]
+    rest = [[[_coefficient(x, n) for x in row] for row in parts] for n in range(1, length)]
+    first = arb_mat([[_coefficient(x, 0) for x in row] for row in table])
+    return Slopes(first, rows, columns, [arb_mat(x) if rows else arb_mat(0, 0) for x in rest])
 
 
-def transition_series(slopes: list[arb_mat], forcing: list[arb_mat], order: int) -> list[arb_mat]:
-    """Coefficients 0 to `order` of X (k, k + n), with X' = A X + [0 B] and X = [1 0] at first.
+def transition_series(slopes: Slopes, order: int) -> list[arb_mat]:
+    """Coefficients 0 to `order` of X (k, k), with X' = A X and X = 1 at first.
 
     Args:
-      slopes: `order` coefficients of A (k, k).
-      forcing: those of B (k, n), or none.
+      slopes: `order` coefficients of A, at least.
       order: that of the last coefficient.
     """
-    k = slopes[0].nrows()
-    n = forcing[0].ncols() if forcing else 0
-    found = [arb_mat([[int(i == j) for j in range(k + n)] for i in range(k)])]
+    k = slopes.first.nrows()
+    found = [arb_mat([[int(i == j) for j in range(k)] for i in range(k)])]
+    parts = [slopes.part(found[0])]
     for j in range(order):
-        total = slopes[0] * found[j]
-        for i in range(1, j + 1):
-            total += slopes[i] * found[j - i]
-        if n:
-            total += _widened(forcing[j], k)
-        found.append(total * (1 / arb(j + 1)))
+        found.append(slopes.convolved(found, parts) * (1 / arb(j + 1)))
+        parts.append(slopes.part(found[-1]))
     return found
 
 
@@ -86,17 +133,9 @@ def at(coefficients: list, h: arb):
     return total
 
 
-def _rates(field: BallField, t: arb, coefficients: list, unfolding: list, length: int) -> list:
-    return field.rates(_inputs(field, t, coefficients, unfolding, length))
-
-
-def _inputs(field: BallField, t: arb, coefficients: list, unfolding: list, length: int) -> dict:
+def _inputs(field: BallField, t: arb, coefficients: list, length: int) -> dict:
     y = [arb_series(c[:length], length) for c in coefficients]
-    return field.inputs(arb_series([t, 1], length), y, unfolding)
-
-
-def _matrix(table: list[list], j: int) -> arb_mat:
-    return arb_mat([[_coefficient(x, j) for x in row] for row in table])
+    return field.inputs(arb_series([t, 1], length), y)
 
 
 def _coefficient(x, j: int):
@@ -109,7 +148,3 @@ def _coefficient(x, j: int):
     if j >= x.prec:
         raise ArithmeticError(f"Only {x.prec} coefficients are known.")
     return x[j]
-
-
-def _widened(matrix: arb_mat, k: int) -> arb_mat:
-    return arb_mat([[0] * k + row for row in matrix.tolist()])

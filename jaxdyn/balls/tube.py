@@ -1,32 +1,34 @@
 """A tube about a motion: proved enclosures of its end and of the end's derivative by the start.
 
-For a box X of starts (and unfolding parameters) with a centre c, each step takes enclosures on to
-the next time:
+For a box X of starts with a centre c, each step takes enclosures on to the next time:
 
-- of the motion from c: its Taylor series at the midpoint of its ball, plus what `enclosure` proves
-  that the series leaves out, plus the derivative times the ball (mean value form);
+- of the motion from c: its Taylor series at a point nearby, plus what `enclosure` proves that the
+  series leaves out, plus the derivative times the distance from that point (mean value form);
 - of the derivative Phi by the start, for all motions from X: the product with that of the step;
 - of all motions from X: the motion from c plus Phi (X - c), by the mean value theorem.
 
-So the box does not grow by wrapping, only rounding does, which more bits make up for: sets of
-other shapes (Lohner 1987) are not needed for motions of moderate growth.
+Distances from the point and Phi are kept as B e and B E, with balls in e and E and a matrix B of
+floats, the orthogonal factor Q of the step's derivative times the B before, whatever its rounding:
+e and E are multiplied by Q^-1 S B, which is nearly triangular. So they grow as motions nearby do,
+not as the product of the norms of all steps (Lohner 1987, in Computerarithmetic, 255).
 """
 
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from jaxdyn.balls import series
 from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, precision
 from jaxdyn.balls.enclosure import About, Disc, disc
 from jaxdyn.balls.field import BallField
-from jaxdyn.balls.motion import composed
 
-#: Step as a part of the radius of the disc; less takes more steps, more takes higher orders.
+#: Largest step as a part of the disc's radius; less takes more steps, more takes higher orders.
 _SHARE = 0.35
 #: Digits of the derivative that truncation spares; it only has to be regular.
 SLOPE_DIGITS = 16.0
 #: Digits that bounds of small neighbourhoods of a motion spare its series.
-_SPARED_DIGITS = 5.0
+_SPARED_DIGITS = 4.5
 _GROWTH_DIGITS = 2.0  # of derivatives over a disc
 _LEAST_ORDER = 24  # of the polynomial about which neighbours are enclosed
 _MOST_STEPS = 20_000
@@ -45,7 +47,7 @@ class Tube(NamedTuple):
     Attributes:
       centre: (k) of the motion from the centre over the centre of the span.
       box: (k) of all motions over all spans.
-      slopes: (k, k + n) of the derivatives of all of them.
+      slopes: (k, k) of the derivatives of all of them.
       steps: number of steps.
     """
 
@@ -56,9 +58,20 @@ class Tube(NamedTuple):
 
 
 class _Now(NamedTuple):
-    centre: list
-    box: list
-    slopes: arb_mat
+    """Where motions are: the one from the centre at ``point + frame off``, with derivatives."""
+
+    point: list
+    frame: arb_mat
+    off: arb_mat
+    growth: arb_mat
+
+    def centre(self) -> arb_mat:
+        """(k, 1) the motion from the centre."""
+        return _column(self.point) + self.frame * self.off
+
+    def box(self, offset: arb_mat) -> list:
+        """(k) all motions."""
+        return (self.centre() + self.frame * self.growth * offset).entries()
 
 
 def tube(
@@ -66,7 +79,6 @@ def tube(
     t: arb,
     centre: list,
     box: list,
-    unfolding: tuple[list, list],
     span: tuple[arb, arb],
     digits: float,
     bits: int,
@@ -79,7 +91,6 @@ def tube(
       t: () the time of the start.
       centre: (k) a point of the box.
       box: (k) starts.
-      unfolding: (n) the centre of the unfolding's parameters, and a box of them.
       span: () the centre of the spans in time, and a ball of them that contains it; positive.
       digits: what a step's series leaves out is below 10^-digits.
       bits: precision of the calculation.
@@ -87,57 +98,61 @@ def tube(
     Raises:
       NotEnclosed: the rate cannot be bounded, or the tube becomes too wide.
     """
-    k, n = field.k, field.n
     order = max(_LEAST_ORDER, _orders(digits - _SPARED_DIGITS))
     slope_order = _orders(slope_digits + _GROWTH_DIGITS)
     # Series are cut off at the longest one's order.
     with precision(bits, max(order, slope_order)):
-        offset = _offset(centre, box, unfolding)
-        unit = arb_mat([[int(i == j) for j in range(k + n)] for i in range(k)])
-        now, done, outer = _Now(centre, box, unit), arb(0), None
+        offset = _column(box) - _column(centre)
+        unit = arb_mat([[int(i == j) for j in range(field.k)] for i in range(field.k)])
+        point = [x.mid() for x in centre]
+        now = _Now(point, unit, _column(centre) - _column(point), unit)
+        done, outer = arb(0), None
         for steps in range(1, _MOST_STEPS):
-            about = _about(field, t + done, now, unfolding, order)
+            around = now.box(offset)
+            if not all(x.is_finite() and float(x.rad()) < 1.0 for x in around):
+                raise NotEnclosed(
+                    f"The tube becomes too wide at t = {float(done):.6g}. Try more bits."
+                )
+            about = _about(field, t + done, now.point, around, order)
             left = span[1] - done
-            found = about and disc(about, outer, float(left.upper()) / _SHARE)
+            farthest = float(abs(left).upper())  # some of the spans may be over already
+            found = about and disc(about, outer, farthest / _SHARE)
             # The last disc is as small as what is left.
-            least = min(_SHORTEST * float(span[1].upper()), float(left.upper()))
+            least = min(_SHORTEST * float(span[1].upper()), farthest)
             if found is None or float(found[0].radius) < least:
                 raise NotEnclosed(
                     f"The rate has no bound near t = {float(done):.6g}: the tube touches a "
                     "singularity. Try more digits."
                 )
-            around, outer = found
-            h = _short(_SHARE * float(around.radius))
-            last = bool(left <= h)
-            spans = (span[0] - done, left) if last else (h, h)
-            now = _stepped(about, now, offset, spans, around, slope_order)
-            if not all(x.is_finite() and float(x.rad()) < 1.0 for x in now.box):
-                raise NotEnclosed(
-                    f"The tube becomes too wide at t = {float(done):.6g}. Try more bits."
-                )
-            if last:
-                return Tube(now.centre, now.box, now.slopes, steps)
-            done = done + h
+            bounds, outer = found
+            h = _short(_share(bounds, now.point, order, digits) * float(bounds.radius))
+            if left <= h:
+                return _end(about, now, offset, (span[0] - done, left), bounds, slope_order, steps)
+            now, done = _stepped(about, now, h, bounds, slope_order), done + h
         raise NotEnclosed("The motion takes too many steps. Prove it in parts of a period.")
+
+
+def _share(bounds: Disc, point: list, order: int, digits: float) -> float:
+    """The step as a part of the radius: less where motions of a large disc differ widely."""
+    size = max(abs(x) for x in point)
+    largest = max(bounds.state)
+    if not (size > 0 and largest > 0):
+        return _SHARE
+    allowed = float((size / largest).log()) - digits * math.log(10)
+    return min(_SHARE, math.exp(allowed / (order + 1)))
 
 
 def _orders(digits: float) -> int:
     return math.ceil(digits * math.log(10) / -math.log(_SHARE))
 
 
-def _offset(centre: list, box: list, unfolding: tuple[list, list]) -> arb_mat:
-    pairs = zip((*box, *unfolding[1]), (*centre, *unfolding[0]), strict=True)
-    return arb_mat([[a - b] for a, b in pairs])
-
-
-def _about(field: BallField, t: arb, now: _Now, unfolding, order: int) -> About | None:
-    """The motion from the centre of a box, if its rate has a series there."""
+def _about(field: BallField, t: arb, point: list, box: list, order: int) -> About | None:
+    """The motion from a point in a box, if its rate has a series there."""
     try:
-        thin = [x.mid() for x in now.centre]
-        coefficients = series.motion_series(field, t, thin, unfolding[0], order)
+        coefficients = series.motion_series(field, t, point, order)
     except (ValueError, ZeroDivisionError, Undecided):  # python-flint's word for a singularity
         return None
-    return About(field, t, coefficients, now.box, unfolding)
+    return About(field, t, coefficients, box)
 
 
 def _short(x: float) -> arb:
@@ -146,42 +161,64 @@ def _short(x: float) -> arb:
     return arb(math.ldexp(math.floor(math.ldexp(mantissa, _STEP_BITS)), exponent - _STEP_BITS))
 
 
-def _stepped(
+def _stepped(about: About, now: _Now, h: arb, bounds: Disc, slope_order: int) -> _Now:
+    """Where motions are a step later."""
+    moved = _slopes(about, h, bounds, slope_order) * now.frame
+    value = _ending(about, h, bounds)
+    point = [x.mid() for x in value]
+    frame = _orthogonal(moved)
+    back = frame.inv()
+    carried = back * moved
+    off = carried * now.off + back * (_column(value) - _column(point))
+    return _Now(point, frame, off, carried * now.growth)
+
+
+def _end(
     about: About,
     now: _Now,
     offset: arb_mat,
     spans: tuple[arb, arb],
-    found: Disc,
+    bounds: Disc,
     slope_order: int,
-) -> _Now:
+    steps: int,
+) -> Tube:
     """Enclosures a step later: of the centre over the first span, of all over the second."""
-    q = abs(spans[1]) / found.radius
-    slopes = _slopes(about, spans[1], found, q, slope_order)
-    all_slopes = composed(slopes, now.slopes)
-    thin = [row[0] for row in about.series]
-    off = arb_mat([[x - m] for x, m in zip(now.centre, thin, strict=True)])
-    k = about.field.k
-    moved = arb_mat([row[:k] for row in slopes.tolist()]) * off
-    left_out = found.left_out(q, len(about.series[0]) - 1)
-
-    def ending(h: arb) -> list:
-        parts = zip(about.series, left_out, moved.entries(), strict=True)
-        return [series.at(row, h) + _ball(error) + shift for row, error, shift in parts]
-
-    centre = ending(spans[0])
-    same = spans[0] is spans[1]
-    ends = centre if same else ending(spans[1])
-    spread = (all_slopes * offset).entries()
-    return _Now(centre, [c + d for c, d in zip(ends, spread, strict=True)], all_slopes)
+    moved = _slopes(about, spans[1], bounds, slope_order) * now.frame
+    off = moved * now.off
+    centre, ends = (_column(_ending(about, span, bounds)) + off for span in spans)
+    slopes = moved * now.growth
+    ended = (ends + slopes * offset).entries()
+    if not all(x.is_finite() and float(x.rad()) < 1.0 for x in ended):
+        raise NotEnclosed("The tube becomes too wide at its end. Try more bits.")
+    return Tube(centre.entries(), ended, slopes, steps)
 
 
-def _slopes(about: About, h: arb, found: Disc, q: arb, order: int) -> arb_mat:
-    """(k, k + n) the derivatives of a step's end for all motions from a box."""
-    field, t, unfolding = about.field, about.t, about.unfolding[1]
-    coefficients = series.motion_series(field, t, about.box, unfolding, order)
-    _, slopes, forcing = series.slope_series(field, t, coefficients, unfolding, order)
-    value = series.at(series.transition_series(slopes, forcing, order), h)
-    errors = found.left_out_of_slopes(q, order)
+def _ending(about: About, h: arb, bounds: Disc) -> list:
+    """(k) the end of the motion from the point."""
+    left_out = bounds.left_out(abs(h) / bounds.radius, len(about.series[0]) - 1)
+    pairs = zip(about.series, left_out, strict=True)
+    return [series.at(row, h) + _ball(error) for row, error in pairs]
+
+
+def _orthogonal(matrix: arb_mat) -> arb_mat:
+    """(k, k) floats, about the orthogonal factor of a matrix; exact as they stand."""
+    table = np.array([[float(x.mid()) for x in row] for row in matrix.tolist()])
+    if not np.isfinite(table).all():
+        raise NotEnclosed("The derivatives become too large. Try a shorter part of the period.")
+    return arb_mat(np.linalg.qr(table)[0].tolist())
+
+
+def _column(vector: list) -> arb_mat:
+    return arb_mat([[x] for x in vector])
+
+
+def _slopes(about: About, h: arb, bounds: Disc, order: int) -> arb_mat:
+    """(k, k) the derivatives of a step's end for all motions from a box."""
+    field, t = about.field, about.t
+    coefficients = series.motion_series(field, t, about.box, order)
+    slopes = series.slope_series(field, t, coefficients, order)
+    value = series.at(series.transition_series(slopes, order), h)
+    errors = bounds.left_out_of_slopes(abs(h) / bounds.radius, order)
     return value + arb_mat([[_ball(x) for x in row] for row in errors])
 
 

@@ -63,7 +63,7 @@ class _Equations:
     def rate(self, box: list) -> list | None:
         """(m) the equations' left sides; None without bounds."""
         try:
-            found = self.field.rate(self.t, self.state(box), [])
+            found = self.field.rate(self.t, self.state(box))
         except (Undecided, ZeroDivisionError):
             return None
         return [found[i] for i in self.rows]
@@ -71,7 +71,7 @@ class _Equations:
     def slopes(self, box: list) -> arb_mat | None:
         """(m, n) derivatives; None without bounds."""
         try:
-            found = self.field.slopes(self.field.inputs(self.t, self.state(box), []))
+            found = self.field.slopes(self.field.inputs(self.t, self.state(box)))
         except (Undecided, ZeroDivisionError):
             return None
         k = self.field.k

@@ -23,7 +23,7 @@ class Certificate:
       digits: those of the series.
       radius: of the box in which the orbit is unique, in each unknown.
       centre: the unknowns at the box's centre, exactly: mantissa and exponent of 2.
-      names: of the unknowns; "lambda" of the unfolding, whose value is proved to be 0.
+      names: of the unknowns.
       held: numbers that keep the values they have in doubles, by name.
       period: the period.
       y0: (k) the start.

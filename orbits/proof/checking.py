@@ -5,13 +5,14 @@ from typing import Any
 from jaxdyn.balls.arithmetic import arb, precision
 from orbits.orbit import Orbit
 from orbits.proof.certificate import Certificate
+from orbits.proof.closure import Closure
 from orbits.proof.posing import posed_closure
 from orbits.proof.proving import certified
 from orbits.proof.refinement import refine
 
 #: Numbers of a certificate that are enclosed, and those that are compared as they are.
 _ENCLOSED = ("period", "y0", "multipliers", "exponents")
-_SAME = ("proved", "names", "held", "verdict", "verdict_proved", "choreography")
+_SAME = ("proved", "reason", "names", "held", "verdict", "verdict_proved", "choreography")
 _BITS = 8000  # to compare decimal strings of up to 1000 digits
 
 
@@ -33,7 +34,10 @@ def certificate_mismatch(orbit: Orbit, record: dict[str, Any]) -> str:
     """
     if not record["proved"]:
         return ""
-    again = _proved_again(orbit, record)
+    system = posed_closure(orbit)
+    if len(record["centre"]) != len(system.unknowns):
+        return "centre"
+    again = _proved_again(orbit, system, record)
     if not again.proved:
         return f"proved ({again.reason})"
     new = again.as_json()
@@ -43,8 +47,7 @@ def certificate_mismatch(orbit: Orbit, record: dict[str, Any]) -> str:
     return next((name for name in _ENCLOSED if not _contains(record[name], new[name])), "")
 
 
-def _proved_again(orbit: Orbit, record: dict[str, Any]) -> Certificate:
-    system = posed_closure(orbit)
+def _proved_again(orbit: Orbit, system: Closure, record: dict[str, Any]) -> Certificate:
     bits = int(record["bits"])
     with precision(bits):
         numbers = system.centre()

@@ -1,27 +1,34 @@
 """The closing equations of an orbit as a square system, for any number of digits.
 
-Unknown are the free entries of the start, the period, the angle of a relative orbit, and one
-parameter lambda_i for each integral I_i that the closing equations depend on; the rate is unfolded
-by the forces lambda_i grad I_i. As many entries of the start (or the period) are held at the
-values they have, which are binary floats, as there are directions along which the orbit is not
-alone: along the motion, along symmetries, along its family. That makes as many equations as
-unknowns, with a regular Jacobian (Munoz-Almaraz et al. 2003, Physica D 181, 1; Galan et al. 2002,
-Physical Review Letters 88, 241101, on the figure-eight).
+Unknown are the free entries of the start, the period, and the angle of a relative orbit. As many
+entries of the start (or the period) are held at the values they have, which are binary floats, as
+there are directions along which the orbit is not alone: along the motion, along symmetries, along
+its family. As many equations are spared as follow from the others by integrals of the motion. What
+is left has a regular Jacobian.
 
-Why lambda is 0 at a solution: with L = sum_i lambda_i I_i the unfolded rate is f + grad L, and
-grad L . f = 0 as the I_i are integrals of f. So dL/dt = |grad L|^2 >= 0 along the motion. The
-motion closes and closing changes no I_i, hence L returns: grad L = 0 all along, and the motion is
-one of f itself.
+Why the spared equations hold: let the motion go from y0 to y, and let g, the image of y0 that the
+closing condition asks for, differ from y in spared entries only, by e. Integrals that the motion
+keeps, and the symmetry of the closing condition as well, have I(y) = I(y0) = I(g), so that
+
+    0 = I_i(y) - I_i(g) = sum_j N_ij e_j
+
+with N_ij between bounds of dI_i/dy_j on the hull of y and g (mean value theorem, row by row). If
+all such matrices N are regular, e = 0. Of a reversal R, which maps I to -I, the motion starts at a
+fixed point, where I = 0, and ends at y; g = (y + R y) / 2 is a fixed point, where I = 0 as well,
+and the same follows. The alternative, to unfold the rate by forces lambda_i grad I_i (Munoz-Almaraz
+et al. 2003, Physica D 181, 1; Galan et al. 2002, Physical Review Letters 88, 241101, on the eight),
+makes formulas of three times the length.
 """
 
 import dataclasses
 
 import numpy as np
 
-from jaxdyn.balls.arithmetic import Program, arb, arb_mat
+from jaxdyn.balls.arithmetic import COMPLEX, REAL, arb, arb_mat
 from jaxdyn.balls.derivative import gradients
 from jaxdyn.balls.field import BallField
 from jaxdyn.balls.motion import End, follow
+from jaxdyn.balls.program import Program
 from jaxdyn.solvers.taylor.formulas import Formulas
 from jaxdyn.solvers.taylor.graph import Number
 
@@ -31,9 +38,9 @@ class Closure:
     """The square system of an orbit.
 
     Attributes:
-      field: the rate, unfolded.
-      formulas: of the rate itself.
-      integrals: the formula of each integral in use, by name.
+      field: the rate.
+      formulas: of the same.
+      integrals: the formula of each integral by which equations are spared, by name.
       parts: number of parts in a period.
       embed: (k, p) the start as a function of its free entries; entries 0, 1 and -1.
       end: (m, k) the closing error is ``end`` times the end of a part ...
@@ -42,6 +49,7 @@ class Closure:
       names: (p + 1 or p + 2) names of start entries, "period", "angle".
       values: floats of the same: where the search begins.
       held: indices of those that keep their values.
+      spared: indices of the equations that follow from the others, one for each integral.
       drive: (w, n) of a driven scene, whose period is 2 pi n / w; else None.
       candidates: formulas that may be integrals.
       reversals: (k, k) those that fix the start and the end of a part; None for a return.
@@ -58,19 +66,24 @@ class Closure:
     names: tuple[str, ...]
     values: tuple[float, ...]
     held: tuple[int, ...]
+    spared: tuple[int, ...]
     drive: tuple[float, int] | None
     candidates: tuple[Number, ...] = ()
     reversals: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def unknowns(self) -> list[int]:
-        """Indices of what is not held; unfolding parameters come after the named numbers."""
-        count = len(self.names) + self.field.n
-        return [i for i in range(count) if i not in self.held]
+        """Indices of the numbers that are not held."""
+        return [i for i in range(len(self.names)) if i not in self.held]
+
+    @property
+    def equations(self) -> list[int]:
+        """Indices of the closing equations that are not spared."""
+        return [i for i in range(len(self.end)) if i not in self.spared]
 
     def centre(self) -> list[arb]:
-        """All numbers at the start of a search, exactly; lambda is 0."""
-        numbers = [arb(x) for x in self.values] + [arb(0)] * self.field.n
+        """All numbers at the start of a search, exactly."""
+        numbers = [arb(x) for x in self.values]
         if self.drive is not None:
             numbers[self.embed.shape[1]] = self.exact_period()
         return numbers
@@ -89,10 +102,6 @@ class Closure:
         """() the period."""
         return numbers[self.embed.shape[1]]
 
-    def unfolding(self, numbers: list) -> list:
-        """(n) lambda."""
-        return numbers[len(self.names) :]
-
     def goals(self, numbers: list) -> tuple[list, list | None]:
         """(m) the wanted image of the end, and its derivative by the angle."""
         goal = product(self.goal, self.start(numbers))
@@ -105,53 +114,75 @@ class Closure:
         return (_matrix(self.generator) * numbers[len(self.names) - 1]).exp()
 
     def residual(self, end: list, numbers: list) -> list:
-        """(m) the closing error of a part that leads to this end."""
+        """(m) the closing error of a part that leads to this end, with the spared equations."""
         goal, _ = self.goals(numbers)
         return [a - b for a, b in zip(product(self.end, end), goal, strict=True)]
 
+    def posed(self, residual: list) -> arb_mat:
+        """The column of those entries of a closing error that are not spared."""
+        return _column([residual[i] for i in self.equations])
+
     def jacobian(self, end: list, slopes: arb_mat, numbers: list) -> arb_mat:
-        """(m, m) derivative of the closing error by the unknowns."""
+        """(m, m) derivative of the closing error by the unknowns, without spared equations."""
         embed, ends, goal = map(_matrix, (self.embed, self.end, self.goal))
-        k = self.field.k
-        table = slopes.tolist()
-        by_start = ends * arb_mat([row[:k] for row in table]) * embed
+        by_start = ends * slopes * embed
         back = goal * embed if self.generator is None else self._rotation(numbers) * goal * embed
-        rate = self.field.rate(self._end_time(numbers), end, self.unfolding(numbers))
+        rate = self.field.rate(self._end_time(numbers), end)
         columns = (by_start - back).transpose().tolist()
         columns.append([x / self.parts for x in product(self.end, rate)])
         turning = self.goals(numbers)[1]
         if turning is not None:
             columns.append([-x for x in turning])
-        if self.field.n:
-            by_unfolding = ends * arb_mat([row[k:] for row in table])
-            columns += by_unfolding.transpose().tolist()
-        return arb_mat([columns[i] for i in self.unknowns]).transpose()
+        return arb_mat([[columns[i][j] for i in self.unknowns] for j in self.equations])
 
-    def monodromy(self, numbers: list, digits: float) -> arb_mat:
-        """(k, k) the monodromy matrix over the period, to about this many digits; not proved."""
-        k = self.field.k
-        returns = len(self.end) == k
-        parts = self.parts if returns else 1
-        span = self.period(numbers) / parts
-        at, unfolding = (arb(0), self.start(numbers)), self.unfolding(numbers)
-        run = follow(self.field, *at, unfolding, span, digits, slopes=True)
-        part = arb_mat([row[:k] for row in _known(run.slopes).tolist()])
-        if returns:
-            part = self.back(numbers) * part
-        return part**parts
+    def spared_hold(self, end: list, numbers: list) -> bool:
+        """Whether the spared equations are proved to follow from the others, on boxes of both.
+
+        Raises:
+          Undecided: integrals have another case there.
+        """
+        if not self.integrals:
+            return True
+        hull = [a.union(b) for a, b in zip(end, self._nearest(end, numbers), strict=True)]
+        spread = self.spread()[:, list(self.spared)]
+        # No case that holds at one point alone: of the complex functions.
+        rows = self.gradients(list(self.integrals.values()), hull, COMPLEX)
+        matrix = arb_mat(rows) * _matrix(spread)
+        return bool(abs(matrix.det()) > 0)
+
+    def _nearest(self, end: list, numbers: list) -> list:
+        """(k) a point at which the motion would close, that differs from its end by the error."""
+        if self.reversals is None:
+            return self.goals(numbers)[0]
+        image = product(self.reversals[1], end)
+        return [(a + b) / 2 for a, b in zip(end, image, strict=True)]
+
+    def spread(self) -> np.ndarray:
+        """(k, m) how the end differs from that point, by the closing error's entries.
+
+        Of a reversal up to factors: pairs of entries that are exchanged have one equation.
+        """
+        return np.eye(self.field.k, dtype=int) if self.reversals is None else self.end.T
+
+    def monodromy(self, slopes: arb_mat, numbers: list) -> arb_mat:
+        """(k, k) the monodromy matrix over the period, from the derivative over a part of it."""
+        if self.reversals is not None:
+            here, there = map(_matrix, self.reversals)
+            return (here * slopes.inv() * there * slopes) ** (self.parts // 2)
+        return (self.back(numbers) * slopes) ** self.parts
 
     def back(self, numbers: list) -> arb_mat:
         """(k, k) the inverse of the closing symmetry, with the rotation of a relative orbit."""
         goal = _matrix(self.goal)
         return (goal if self.generator is None else self._rotation(numbers) * goal).inv()
 
-    def gradients(self, integrals: list[Number], y: list) -> list[list]:
+    def gradients(self, integrals: list[Number], y: list, functions=REAL) -> list[list]:
         """(n, k) gradients of integrals at a state."""
         graph, states = self.formulas.graph, self.formulas.states
         rows = gradients(graph, integrals, states)
         program = Program.of(graph, [s for row in rows for s in row])
         inputs = {self.formulas.time: arb(0), **dict(zip(states, y, strict=True))}
-        flat, k = program(inputs), len(states)
+        flat, k = program(inputs, functions), len(states)
         return [flat[i * k : (i + 1) * k] for i in range(len(integrals))]
 
     def _end_time(self, numbers: list) -> arb:
@@ -164,17 +195,11 @@ class Closure:
             self.field,
             arb(0),
             self.start(numbers),
-            self.unfolding(numbers),
             span,
             digits,
             slopes=slopes,
             more_order=more,
         )
-
-
-def _known(slopes: arb_mat | None) -> arb_mat:
-    assert slopes is not None
-    return slopes
 
 
 def product(matrix: np.ndarray, vector: list) -> list:

@@ -20,7 +20,7 @@ import dataclasses
 import numpy as np
 
 from jaxdyn.balls.arithmetic import arb, arb_mat, precision
-from jaxdyn.balls.tube import SLOPE_DIGITS, Tube, tube
+from jaxdyn.balls.tube import Tube, tube
 from orbits.proof.closure import Closure, float_matrix
 
 
@@ -43,7 +43,14 @@ class Test:
     contraction: float
 
 
-def tested(system: Closure, numbers: list[arb], radius: arb, digits: float, bits: int) -> Test:
+def tested(
+    system: Closure,
+    numbers: list[arb],
+    radius: arb,
+    digits: float,
+    bits: int,
+    slope_digits: float,
+) -> Test:
     """Krawczyk's test on the box of this radius about the numbers.
 
     Raises:
@@ -56,10 +63,10 @@ def tested(system: Closure, numbers: list[arb], radius: arb, digits: float, bits
         for i in system.unknowns:
             centre[i] = numbers[i].mid()
             box[i] = centre[i] + side
-        found = enclosed(system, centre, box, digits, bits, SLOPE_DIGITS)
+        found = enclosed(system, centre, box, digits, bits, slope_digits)
         jacobian = system.jacobian(found.box, found.slopes, box)
         inverse = arb_mat(np.linalg.inv(float_matrix(jacobian)).tolist())
-        error = arb_mat([[x] for x in system.residual(found.centre, centre)])
+        error = system.posed(system.residual(found.centre, centre))
         unit = arb_mat(
             [[int(i == j) for j in range(len(jacobian.tolist()))] for i in _range(jacobian)]
         )
@@ -82,9 +89,8 @@ def enclosed(
 ) -> Tube:
     """The tube about the motions over a part of the period."""
     spans = system.period(centre) / system.parts, system.period(box) / system.parts
-    unfolding = system.unfolding(centre), system.unfolding(box)
     starts = system.start(centre), system.start(box)
-    return tube(system.field, arb(0), *starts, unfolding, spans, digits, bits, slope_digits)
+    return tube(system.field, arb(0), *starts, spans, digits, bits, slope_digits)
 
 
 def _range(matrix: arb_mat) -> range:

@@ -51,8 +51,7 @@ def _after_part(system: Closure, numbers: list[arb], n: int, bits: int) -> list[
     with precision(bits):
         starts, period = system.start(numbers), system.period(numbers) / n
         at = system.field, arb(0), [x.mid() for x in starts], starts
-        still = [arb(0)] * system.field.n
-        return tube(*at, (still, still), (period.mid(), period), _DIGITS, bits).box
+        return tube(*at, (period.mid(), period), _DIGITS, bits).box
 
 
 def _bodies(state: list[arb], n: int) -> list[list[arb]]:

@@ -1,4 +1,4 @@
-"""Square closing equations posed for an orbit: what is held, and which integrals unfold."""
+"""Square closing equations posed for an orbit: what is held, and which equations are spared."""
 
 import dataclasses
 
@@ -30,6 +30,7 @@ _RELUCTANCE = 1e-3
 #: A candidate for an integral is one if its rate of change is rounding at points near the orbit.
 _CONSERVED = 1e-11
 _POINTS = 3
+_ROUNDING = 1e-12  # of the largest number
 
 
 class Unposed(SearchError):
@@ -41,8 +42,8 @@ def posed_closure(orbit: Orbit) -> Closure:
 
     Raises:
       Unposed: the equations depend on each other, and not by known integrals.
-      ValueError: the rate has no formulas; the states satisfy constraints; the motion is
-        integrated in logarithmic time; the closing condition is of another kind.
+      ValueError: the rate has no formulas; the states satisfy constraints; the closing
+        condition is of another kind.
     """
     scene, closing = orbit.scene, orbit.closing
     _check(orbit)
@@ -68,6 +69,7 @@ def posed_closure(orbit: Orbit) -> Closure:
         names=tuple(labels),
         values=tuple(values),
         held=(),
+        spared=(),
         drive=drive_period(formulas, orbit.period) if driven(scene) else None,
         candidates=tuple(candidates),
         reversals=_reversals(closing, len(names)),
@@ -80,8 +82,6 @@ def _check(orbit: Orbit) -> None:
     refused = "Digits and proofs are for"
     if not orbit.ok:
         raise fail("orbit", "one that closes", orbit.outcome.name, orbit.message)
-    if orbit.s_period is not None:
-        raise fail("orbit", "one in plain time", "one in logarithmic time", "Find it anew.")
     if system.project is not System.project:
         raise fail(
             "scene",
@@ -162,24 +162,18 @@ def _integral_names(scene: Scene) -> list[str]:
 
 def _conserved(whole: Closure, candidates: dict[str, Number]) -> dict[str, Number]:
     """The candidates whose rates of change vanish near the orbit, in floats."""
-    formulas = whole.formulas
-    field = ball_field(formulas, list(candidates.values()))
     random = np.random.default_rng(0)
     worst = np.zeros(len(candidates))
     values = np.array(whole.values)
-    # Entries that are 0 vary as well: on an axis of symmetry more is conserved.
-    sizes = np.where(values, abs(values), abs(values[values != 0]).min(initial=1.0))
+    # Entries that are 0, or rounding, vary as well: on an axis of symmetry more is conserved.
+    some = abs(values) > _ROUNDING * abs(values).max()
+    sizes = np.where(some, abs(values), abs(values[some]).min(initial=1.0))
     with precision(128):
-        for _ in range(_POINTS):
+        for _ in range(_POINTS if candidates else 0):
             moved = values + 0.01 * sizes * random.standard_normal(len(values))
-            numbers = [arb(x) for x in moved]
-            y, t = whole.start(numbers), arb(random.uniform())
-            zeros = [arb(0)] * field.n
-            found = field.slopes(field.inputs(t, y, zeros))
-            rates = np.array([float(x) for x in found[: field.k]])
-            table = np.array([float(x) for x in found[field.k :]]).reshape(field.k, -1)
-            # The derivative of the rate by lambda_i is the gradient of I_i.
-            gradients = table[:, field.k :].T
+            y = whole.start([arb(x) for x in moved])
+            rates = np.array([float(x) for x in whole.field.rate(arb(random.uniform()), y)])
+            gradients = _floats(whole.gradients(list(candidates.values()), y))
             most = np.linalg.norm(gradients, axis=1) * np.linalg.norm(rates)
             worst = np.maximum(worst, np.abs(gradients @ rates) / np.where(most, most, np.inf))
             worst = np.where(most > 0, worst, np.inf)
@@ -187,25 +181,30 @@ def _conserved(whole: Closure, candidates: dict[str, Number]) -> dict[str, Numbe
     return {name: candidates[name] for name in kept}
 
 
+def _floats(rows: list[list]) -> np.ndarray:
+    return np.array([[float(x) for x in row] for row in rows])
+
+
 def _squared(whole: Closure, integrals: dict[str, Number]) -> Closure:
-    """The same equations with as many unknowns: some held, some unfolding."""
-    everything = dataclasses.replace(
-        whole, field=ball_field(whole.formulas, list(integrals.values())), integrals=integrals
-    )
+    """The same equations with as many unknowns: some numbers held, some equations spared."""
     with precision(128):
-        numbers = everything.centre()
-        run = everything.motion(numbers, ROUGH_DIGITS, slopes=True)
-        jacobian = float_matrix(everything.jacobian(run.y, run.slopes, numbers))
-    count = len(whole.names)
-    known = [everything.embed.shape[1]] if whole.drive is not None else []
-    free = [i for i in range(count) if i not in known]
-    own, unfolded = jacobian[:, free], jacobian[:, count:]
+        numbers = whole.centre()
+        run = whole.motion(numbers, ROUGH_DIGITS, slopes=True)
+        jacobian = float_matrix(whole.jacobian(run.y, run.slopes, numbers))
+        gradients = np.zeros((0, whole.field.k))
+        if integrals:
+            gradients = _floats(whole.gradients(list(integrals.values()), run.y))
+    known = [whole.embed.shape[1]] if whole.drive is not None else []
+    free = [i for i in range(len(whole.names)) if i not in known]
+    own = jacobian[:, free]
     left, s, right = np.linalg.svd(own)
     rank = int((s > _RANK * s[0]).sum())
-    chosen = _pivots(left[:, rank:].T @ unfolded, len(own) - rank)
-    if chosen is None:
+    dependent, count = left[:, rank:].T, len(own) - rank
+    chosen = _pivots(dependent @ (gradients @ whole.spread()).T, count)
+    spared = _pivots(dependent, count)
+    if chosen is None or spared is None:
         raise Unposed(
-            f"{len(own) - rank} of the closing equations depend on the others, and the integrals "
+            f"{count} of the closing equations depend on the others, and the integrals "
             f"{list(integrals)} do not explain it. Name integrals (jaxdyn.ode(..., energy=, "
             "integrals=)), or impose a symmetry, closing=orbits.reversal(...)."
         )
@@ -213,12 +212,11 @@ def _squared(whole: Closure, integrals: dict[str, Number]) -> Closure:
     scale = np.array([_RELUCTANCE if whole.names[i] == "period" else 1.0 for i in free])
     held = _pivots(null * scale, len(null)) or []
     kept = [list(integrals)[i] for i in sorted(chosen)]
-    used = {name: integrals[name] for name in kept}
     return dataclasses.replace(
         whole,
-        field=ball_field(whole.formulas, list(used.values())),
-        integrals=used,
+        integrals={name: integrals[name] for name in kept},
         held=tuple(sorted([*known, *(free[i] for i in held)])),
+        spared=tuple(sorted(spared)),
     )
 
 

@@ -6,8 +6,9 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn._progress import doing
-from jaxdyn.balls.arithmetic import Program, arb, arb_mat, precision
+from jaxdyn.balls.arithmetic import arb, arb_mat, precision
 from jaxdyn.balls.motion import End, bits_of
+from jaxdyn.balls.program import Program
 from orbits.orbit import Orbit, SearchError
 from orbits.proof import multipliers
 from orbits.proof.closure import Closure, float_matrix
@@ -17,10 +18,13 @@ from orbits.proof.refined import Refined
 LEAST_DIGITS, MOST_DIGITS = 15, 1000
 #: Digits of the calculation beyond those that are reported, besides those that the motion loses.
 _SPARE = 6
-_MOST_ITERATIONS = 60
-#: A Newton step that reduces the error by less than this many digits calls for a Jacobian in full
-#: precision.
-_LEAST_GAIN = 3.0
+_LEAST_ITERATIONS, _MOST_ITERATIONS = 2, 60
+#: Digits that an orbit in doubles has, and its Jacobian; the first step finds how many.
+_FIRST_DIGITS = 12.0
+#: Steps with one Jacobian, which costs about as much as four of them.
+_MOST_CHORDS = 3
+_ALLOWANCE = 2.0  # digits that a step may gain less than is expected
+_LEAST_GAIN = 2.0  # digits: a step that gains less does not converge
 #: Orders of the series in the independent last run beyond those of the iteration.
 _OTHER_ORDER = 7
 
@@ -51,16 +55,15 @@ def refine(orbit: Orbit, digits: int = 50) -> Refined:
     system = posed_closure(orbit)
     numbers, lost = solved(system, digits + _SPARE)
     working = digits + _SPARE + lost
-    doing("checking the closing error with other steps")
+    doing("checking the closing error, and computing the multipliers, with other steps")
     with precision(bits_of(working)):
-        again = system.motion(numbers, working, more=_OTHER_ORDER)
+        again = system.motion(numbers, working, slopes=True, more=_OTHER_ORDER)
         error = _largest(system.residual(again.y, numbers))
         period, start = system.period(numbers), system.start(numbers)
         size = _largest(start)
         # The closing error moves the solution by at most the inverse of Newton's Jacobian.
         certain = min(digits, math.floor(-_log10(error) - lost + _log10(size)))
-        doing("computing the multipliers")
-        values, exponents = _multipliers(system, numbers, working, certain)
+        values, exponents = _multipliers(system.monodromy(again.slopes, numbers), certain)
         energy = system.integrals.get("energy")
         return Refined(
             orbit=orbit,
@@ -85,9 +88,8 @@ def _energy(system: Closure, energy, start: list, digits: int) -> str:
     return _text(value, value, digits)
 
 
-def _multipliers(system: Closure, numbers: list[arb], working: float, digits: int) -> tuple:
+def _multipliers(matrix: arb_mat, digits: int) -> tuple:
     """The non-trivial multipliers and their rotation numbers as decimal strings."""
-    matrix = system.monodromy(numbers, working)
     unit = multipliers.multiplicity(matrix, 10.0 ** -(ROUGH_DIGITS if digits > 30 else digits / 2))
     exact = arb_mat([[x.mid() for x in row] for row in matrix.tolist()])
     coefficients = [c.mid() for c in multipliers.deflated(exact, unit)]
@@ -111,42 +113,55 @@ def solved(system: Closure, digits: float) -> tuple[list[arb], float]:
     Raises:
       SearchError: Newton's method does not converge.
     """
-    with precision(bits_of(ROUGH_DIGITS)):
-        numbers = system.centre()
-        inverse, lost = _inverse(system, numbers)
-    reached, full = 0.0, False
-    for index in range(_MOST_ITERATIONS):
-        wanted = digits if full else min(digits, reached + ROUGH_DIGITS)
-        working = wanted + lost
-        with precision(bits_of(working)):
-            numbers = [*_at_precision(system, numbers)]
-            end = _motion(system, numbers, working, slopes=full)
-            error = arb_mat([[x] for x in system.residual(end.y, numbers)])
-            if full:
-                inverse = system.jacobian(end.y, end.slopes, numbers).inv()
-            step = [-(x.mid()) for x in (inverse * error).entries()]
-            numbers = _moved(system, numbers, step)
-            found = -_log10(_largest(step)) + _log10(_largest(numbers))
-        doing(f"Newton step {index + 1}: {max(found, 0.0):.0f} digits, at {working:.0f}")
-        if found >= digits:
-            return numbers, lost
-        if found < reached + _LEAST_GAIN:
-            if full:
+    numbers, lost, before = _at_precision(system, system.centre()), 0.0, -math.inf
+    inverse, lost = _inverse(system, numbers, ROUGH_DIGITS)
+    inverse = arb_mat(float_matrix(inverse).tolist())
+    reached, gain, index = _FIRST_DIGITS, max(_LEAST_GAIN, _FIRST_DIGITS - lost), 0
+    while reached < digits or index < _LEAST_ITERATIONS:
+        index += 1
+        if digits - reached > _MOST_CHORDS * gain and gain < reached - lost:
+            doing(f"Jacobian to {reached:.0f} digits")
+            inverse, gain = _inverse(system, numbers, reached + lost)[0], reached - lost
+        wanted = min(digits, reached + gain)
+        numbers, found = _stepped(system, numbers, inverse, wanted + lost)
+        doing(f"Newton step {index}: {max(found, 0.0):.0f} digits before it")
+        if found < reached - _ALLOWANCE and index > 1:
+            # The step before gained less than was expected of it.
+            gain = min(gain, found - before)
+            if gain < _LEAST_GAIN or index > _MOST_ITERATIONS:
                 raise SearchError(
-                    f"Newton's method stops at {found:.0f} digits. Start from a better orbit: "
-                    "orbits.find(..., rtol=1e-14)."
+                    f"Newton's method stops at {max(found, 0.0):.0f} digits. Start from a better "
+                    "orbit: orbits.find(..., rtol=1e-14)."
                 )
-            full = True
-        reached = max(reached, found)
-    raise SearchError("Newton's method does not converge from the orbit in doubles.")
+        reached, before = min(wanted, found + gain), found
+    return numbers, lost
 
 
-def _inverse(system: Closure, numbers: list[arb]) -> tuple[arb_mat, float]:
-    end = _motion(system, numbers, ROUGH_DIGITS, slopes=True)
-    jacobian = float_matrix(system.jacobian(end.y, end.slopes, numbers))
-    inverse = np.linalg.inv(jacobian)
-    growth = max(1.0, np.abs(float_matrix(end.slopes)).max(), np.abs(inverse).max())
-    return arb_mat(inverse.tolist()), math.log10(growth)
+def _stepped(
+    system: Closure, numbers: list[arb], inverse: arb_mat, digits: float
+) -> tuple[list[arb], float]:
+    """The numbers after a step of Newton's method, and how many of their digits it left."""
+    with precision(bits_of(digits)):
+        numbers = _at_precision(system, numbers)
+        end = _motion(system, numbers, digits, slopes=False)
+        error = system.posed(system.residual(end.y, numbers))
+        step = [-(x.mid()) for x in (inverse * error).entries()]
+        moved = _moved(system, numbers, step)
+        return moved, _log10(_largest(moved)) - _log10(_largest(step))
+
+
+def _inverse(system: Closure, numbers: list[arb], digits: float) -> tuple[arb_mat, float]:
+    """The inverse of the Jacobian, and how many digits the motion loses."""
+    with precision(bits_of(digits)):
+        end = _motion(system, numbers, digits, slopes=True)
+        jacobian = system.jacobian(end.y, end.slopes, numbers)
+        try:
+            inverse = jacobian.inv()
+        except ZeroDivisionError as error:
+            raise SearchError("The closing equations have a singular Jacobian.") from error
+        tables = end.slopes, inverse
+        growth = max(1.0, *(np.abs(float_matrix(table)).max() for table in tables))
+        return arb_mat([[x.mid() for x in row] for row in inverse.tolist()]), math.log10(growth)
 
 
 def _motion(system: Closure, numbers: list[arb], digits: float, *, slopes: bool) -> End:

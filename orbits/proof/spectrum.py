@@ -21,7 +21,7 @@ import numpy as np
 
 from jaxdyn.balls.arithmetic import acb, arb, arb_mat, precision
 from jaxdyn.balls.identities import NoPolynomial
-from jaxdyn.balls.tube import Tube
+from jaxdyn.balls.tube import NotEnclosed
 from orbits.proof import multipliers
 from orbits.proof.closure import Closure, product
 from orbits.proof.krawczyk import enclosed
@@ -57,22 +57,45 @@ class Structure:
 
 
 def spectrum(
-    system: Closure, numbers: list, known: Structure, digits: float, bits: int
+    system: Closure, numbers: list, slopes: arb_mat, known: Structure, digits: float, bits: int
 ) -> Spectrum:
-    """The non-trivial multipliers of an orbit whose numbers are enclosed."""
+    """The non-trivial multipliers of an orbit.
+
+    Args:
+      system: the closing equations.
+      numbers: enclosures of all its numbers.
+      slopes: the derivative over a part of the period, for all motions of a wider box. It is
+        enough for an unstable orbit; for others it is enclosed again, for sharper multipliers.
+      known: about the flow.
+      digits: of the series.
+      bits: precision.
+    """
     with precision(bits):
+        rough = _of(system, numbers, slopes, known)
+        if rough.verdict == "unstable":
+            return rough
         centre = [*numbers]
         for i in system.unknowns:
             centre[i] = numbers[i].mid()
-        found = enclosed(system, centre, numbers, digits, bits, digits)
-        matrix = _monodromy(system, found, numbers)
+        try:
+            found = enclosed(system, centre, numbers, digits, bits, digits)
+        except NotEnclosed:
+            return rough
+        return _of(system, numbers, found.slopes, known)
+
+
+def _of(system: Closure, numbers: list, slopes: arb_mat, known: Structure) -> Spectrum:
+    try:
+        matrix = system.monodromy(slopes, numbers)
         unit = 0 if system.drive is not None else _unit(system, numbers, known)
         values = multipliers.roots(multipliers.deflated(matrix, unit))
-        values = multipliers.sorted_roots(values)
-        if len(values) != system.field.k - unit:
-            return Spectrum([], "undecided")
-        paired = known.form is not None or system.reversals is not None
-        return Spectrum(values, _verdict(values, bool(known.integrals) or paired, paired))
+    except ArithmeticError:  # no inverse, or no bounds
+        return Spectrum([], "undecided")
+    values = multipliers.sorted_roots(values)
+    if len(values) != system.field.k - unit:
+        return Spectrum([], "undecided")
+    paired = known.form is not None or system.reversals is not None
+    return Spectrum(values, _verdict(values, bool(known.integrals) or paired, paired))
 
 
 def _verdict(values: list[acb], conservative: bool, paired: bool) -> str:
@@ -93,19 +116,10 @@ def _on_circle(i: int, values: list[acb]) -> bool:
     )
 
 
-def _monodromy(system: Closure, found: Tube, numbers: list) -> arb_mat:
-    k = system.field.k
-    part = arb_mat([row[:k] for row in found.slopes.tolist()])
-    if system.reversals is not None:
-        here, there = (arb_mat(matrix.tolist()) for matrix in system.reversals)
-        return (here * part.inv() * there * part) ** (system.parts // 2)
-    return (system.back(numbers) * part) ** system.parts
-
-
 def _unit(system: Closure, numbers: list, known: Structure) -> int:
     """A number of multipliers that are 1, proved."""
     start = system.start(numbers)
-    flow = [arb(x) for x in system.field.rate(arb(0), start, [arb(0)] * system.field.n)]
+    flow = [arb(x) for x in system.field.rate(arb(0), start)]
     if not known.integrals:
         return int(_rank([flow]))
     theorems = Theorems.of(system.formulas, system.field)

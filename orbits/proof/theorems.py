@@ -12,10 +12,10 @@ import dataclasses
 
 import numpy as np
 
-from jaxdyn.balls.arithmetic import Program
 from jaxdyn.balls.derivative import gradients
 from jaxdyn.balls.field import BallField
 from jaxdyn.balls.identities import NoPolynomial, Polynomials
+from jaxdyn.balls.program import Program
 from jaxdyn.solvers.taylor.formulas import Formulas
 from jaxdyn.solvers.taylor.graph import Number
 from orbits.proof.closure import Closure

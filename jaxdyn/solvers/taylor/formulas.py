@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
+from jaxdyn.solvers.taylor.composed import COMPOSED
 from jaxdyn.solvers.taylor.graph import COMPARISONS, FUNCTIONS, LOGIC, TESTS, Graph, Node, Number
 from jaxdyn.solvers.taylor.on_numpy import calculated, rearranged
 
@@ -257,6 +258,8 @@ def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
         return getattr(graph, name)
     if name in FUNCTIONS:
         return functools.partial(graph.function, name)
+    if graph.exact and name in COMPOSED:
+        return functools.partial(COMPOSED[name], graph)
     if name in COMPARISONS or name in LOGIC or name in TESTS:
         return functools.partial(_condition, graph, name)
     if name == "select_n" and cases == 2:

@@ -9,7 +9,7 @@ import pytest
 
 import jaxdyn
 from jaxdyn.balls import series
-from jaxdyn.balls.arithmetic import arb, precision
+from jaxdyn.balls.arithmetic import COMPLEX, acb, arb, precision
 from jaxdyn.balls.enclosure import About, Disc, disc
 from jaxdyn.balls.field import ball_field, scene_formulas
 from jaxdyn.balls.tube import NotEnclosed, tube
@@ -27,7 +27,7 @@ def _tube(field, start, span, *, width=0.0, digits=DIGITS, slope_digits=DIGITS, 
         centre = [arb(x) for x in start]
         box = [x + arb(0, width) for x in centre]
         spans = arb(span), arb(span)
-        return tube(field, arb(0), centre, box, ([], []), spans, digits, bits, slope_digits)
+        return tube(field, arb(0), centre, box, spans, digits, bits, slope_digits)
 
 
 def _contains(ball: arb, exact) -> bool:
@@ -190,7 +190,7 @@ def test_derivatives_of_more_digits_than_the_motion_are_not_cut_off():
 def test_a_coefficient_that_was_cut_off_is_not_read_as_zero():
     field = _field(lambda t, y: [y[0] ** 2], 1)
     with precision(BITS, 5), pytest.raises(ArithmeticError, match="6 coefficients"):
-        series.motion_series(field, arb(0), [arb(1)], [], 20)
+        series.motion_series(field, arb(0), [arb(1)], 20)
 
 
 def test_no_series_is_summed_outside_of_its_disc():
@@ -211,6 +211,8 @@ def test_no_series_is_summed_outside_of_its_disc():
         lambda x: x**-1.5,
         lambda x: jnp.tanh(jnp.log(x)),
         lambda x: jnp.where(x == 0, 1.0, 2.0),
+        lambda x: 1 / jnp.tan(x),
+        lambda x: jnp.arctan(jnp.log(x)),
         lambda x: jnp.sin(x) / x,
     ],
 )
@@ -228,10 +230,20 @@ def test_no_disc_reaches_beyond_the_domain_of_a_function(one):
     assert np.abs(there).min() > float(bounds.state[0])
 
 
+def test_the_inverse_tangent_has_no_bound_across_its_cut():
+    near = arb(0, 0.1)
+    assert not COMPLEX.atan(acb(near, arb(1.5) + near)).is_finite()
+    with precision(BITS):
+        for z in (0.5 + 0.7j, -3.0 + 0.2j):
+            found = COMPLEX.atan(acb(arb(z.real), arb(z.imag)))
+            exact = np.arctan(z)
+            assert abs(complex(found) - exact) < 1e-14
+
+
 def _disc(field, box, order=40):
     with precision(BITS, order):
-        coefficients = series.motion_series(field, arb(0), [box.mid()], [], order)
-        found = disc(About(field, arb(0), coefficients, [box], ([], [])), None, 10.0)
+        coefficients = series.motion_series(field, arb(0), [box.mid()], order)
+        found = disc(About(field, arb(0), coefficients, [box]), None, 10.0)
     return None if found is None else (found[0], coefficients[0])
 
 
@@ -265,6 +277,15 @@ def test_a_motion_into_a_singularity_is_refused():
     for span in (0.5, 0.75):
         with pytest.raises(NotEnclosed, match=r"singularity|too wide"):
             _tube(field, [1.0], span, digits=10, slope_digits=10, bits=80)
+
+
+def test_errors_turn_with_the_motion():
+    # In entries of sizes 1 and 30 a turn multiplies intervals by 30 in each step.
+    field = _field(lambda t, y: [y[1], -900 * y[0]], 2)
+    found = _tube(field, [1.0, 0.0], 2.0, width=1e-12)
+    assert _widest(found.slopes.entries()) < 1e-24
+    assert max(float(x.rad()) for x in found.box) < 1e-12 * 31
+    assert _widest(found.centre) < 1e-24
 
 
 def test_too_few_bits_widen_the_tube_and_do_not_lose_the_motion():

@@ -58,7 +58,7 @@ def test_formulas_have_the_values_of_the_force():
     scene = _rosette().scene
     field = ball_field(scene_formulas(scene)[0])
     y = [0.3, -0.7, 0.2, 0.4]
-    found = [float(x) for x in field.rate(arb(0), [arb(x) for x in y], [])]
+    found = [float(x) for x in field.rate(arb(0), [arb(x) for x in y])]
     assert np.allclose(found, scene.rate(0.0, jnp.array(y)), rtol=1e-15)
 
 

@@ -53,12 +53,13 @@ def test_the_period_of_a_swing_is_enclosed_and_is_the_elliptic_integral():
     assert dict(proof.held) == {"theta": 2.0, "theta_dot": 0.0}
 
 
-def test_a_swing_that_retraces_its_path_needs_no_unfolding():
+def test_a_swing_that_retraces_its_path_needs_no_integral():
     closing = orbits.reversal(orbits.time_reversal(2))
     swing = orbits.find(scenes.pendulum(angle=2.0), period=2.7, closing=closing, hold="theta")
     proof = orbits.prove(swing)
     assert proof.proved
-    assert "unfolded" not in proof.reason
+    assert "conserves" not in proof.reason
+    assert "conserves: energy" in orbits.prove(_swing(), digits=15).reason
     with mpmath.workdps(60):
         assert _contains(proof.period, _exact_swing())
 
@@ -144,11 +145,14 @@ def test_a_record_that_was_edited_does_not_come_out_again():
         {"period": period | {"mid": period["mid"][:-9] + "9" * 9}},
         {"period": period | {"rad": "1e-60"}},
         {"verdict": "unstable"},
+        {"reason": "By inspection."},
         {"centre": ["1*2^1", *proof["centre"][1:]]},
     ):
         assert checking.certificate_mismatch(_swing(), proof | edit).startswith(
             "proved" if "centre" in edit else next(iter(edit))
         )
+    shorter = {"centre": proof["centre"][1:]}
+    assert checking.certificate_mismatch(_swing(), proof | shorter) == "centre"
     edited = digits | {"period": digits["period"][:30]}
     assert checking.refined_mismatch(_swing(), edited) == "period"
 
@@ -214,6 +218,15 @@ def test_the_neighbour_of_the_eight_is_proved_to_be_another_orbit():
     proof = orbits.prove(plain)
     assert (proof.proved, proof.choreography) == (True, False)
     assert (proof.verdict, proof.verdict_proved) == ("unstable", True)
+
+
+@pytest.mark.long
+def test_the_eight_is_proved_as_a_plain_return():
+    eight = orbits.find(scenes.three_body(), closing=orbits.choreography(3))
+    plain = orbits.find(scenes.three_body(), eight.y0, eight.period)
+    proof = orbits.prove(plain)
+    assert (proof.proved, proof.verdict, proof.verdict_proved) == (True, "stable", True)
+    assert proof.choreography is None  # bodies meet the places of others, as far as balls tell
 
 
 @pytest.mark.long

@@ -10,7 +10,7 @@ import pytest
 import jaxdyn
 import orbits
 from jaxdyn import scenes
-from jaxdyn.balls.arithmetic import acb, arb
+from jaxdyn.balls.arithmetic import acb, arb, precision
 from jaxdyn.balls.field import scene_formulas
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.system import Effect
@@ -56,6 +56,32 @@ def test_an_integral_that_depends_on_time_is_none():
     formulas, (found,) = _formulas(rate, 2, lambda _, t, y: jnp.stack([y[1], y[1] + t, y[0]]))
     known = Theorems.of(formulas)
     assert [known.is_conserved(one) for one in found] == [True, False, False]
+
+
+def test_hyperbolic_functions_have_their_identities():
+    rate = lambda t, y: [y[1], -jnp.sinh(y[0])]  # noqa: E731
+    energies = lambda _, t, y: jnp.stack(  # noqa: E731
+        [y[1] ** 2 / 2 + jnp.cosh(y[0]), y[1] ** 2 / 2 + jnp.exp(y[0]), jnp.cosh(y[0])]
+    )
+    formulas, (found,) = _formulas(rate, 2, energies)
+    known = Theorems.of(formulas)
+    assert [known.is_conserved(one) for one in found] == [True, False, False]
+    assert known.is_symmetry(-np.eye(2, dtype=int), 1)
+
+
+def test_spared_equations_need_integrals_that_do_not_depend_on_each_other():
+    swing = orbits.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta")
+    system = posed_closure(swing)
+    assert (list(system.integrals), len(system.spared)) == (["energy"], 1)
+    with precision(100):
+        end = numbers = [arb(x) for x in system.values]
+        assert system.spared_hold(end[:2], numbers)
+        # Over this box the energy's derivative by either entry may be 0.
+        wide = [x + arb(0, 4) for x in end[:2]]
+        assert not system.spared_hold(wide, numbers)
+        again = {"energy": system.integrals["energy"], "the same": system.integrals["energy"]}
+        twice = dataclasses.replace(system, integrals=again, spared=(0, 1))
+        assert not twice.spared_hold(end[:2], numbers)
 
 
 def test_a_driven_motion_is_followed_over_a_whole_period():
