@@ -34,7 +34,7 @@ def lorenz(t, y, p):
 
 
 def brusselator(t, y, p):
-    """A rest point at (a, b / a); a cycle about it where b > 1 + a^2."""
+    """An equilibrium at (a, b / a); a cycle about it where b > 1 + a^2."""
     a, b = p
     u, v = y
     return [a + u * u * v - (b + 1) * u, b * u - u * u * v]

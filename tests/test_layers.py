@@ -75,16 +75,16 @@ COLLECTIONS = {"jaxdyn/course", "jaxdyn/scenes"}
 #: missing.
 INSIDE = {
     ("jaxdyn/_config.py", "jax._src"),
-    ("jaxdyn/files/frames.py", "pandas"),
+    ("jaxdyn/files/data_frames.py", "pandas"),
     ("orbits/files/verify.py", "orbits.proof.checking"),
-    ("jaxdyn/analysis/equilibria.py", "jaxdyn.analysis.rest_points.proving"),
+    ("jaxdyn/analysis/equilibria.py", "jaxdyn.analysis.equilibrium_search.proving"),
 }
 
 #: Methods of results lead to what is above them, where they are saved, exported and drawn. Nothing
 #: else imports upwards.
 UPWARDS = {
     ("jaxdyn/integrate/trajectory.py", "jaxdyn.files.motion_files"),
-    ("jaxdyn/integrate/trajectory.py", "jaxdyn.files.frames"),
+    ("jaxdyn/integrate/trajectory.py", "jaxdyn.files.data_frames"),
     ("jaxdyn/integrate/trajectory.py", "jaxdyn.drawing.space"),
     ("jaxdyn/integrate/trajectory.py", "jaxdyn.player.pages"),
     ("jaxdyn/scene.py", "jaxdyn.drawing.space"),

@@ -179,7 +179,7 @@ def slope(scene, i, h):
 
 @FEW
 @given(SIZES, SIZES, st.floats(-3.0, 0.0), st.floats(0.01, 3.0), st.sampled_from([-1, 0, 40]))
-def test_rest_points_of_a_pendulum_are_at_rest_and_all_there(a, b, low, high, starts):
+def test_equilibria_of_a_pendulum_are_at_rest_and_all_there(a, b, low, high, starts):
     scene = scenes.pendulum(length=a, g=b)
     found = refused(lambda: equilibria(scene, [low], [high], starts=starts))
     if found is None:

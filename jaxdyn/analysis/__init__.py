@@ -1,10 +1,10 @@
-"""Questions about a scene or a motion: conserved quantities, rest points, stability.
+"""Questions about a scene or a motion: conserved quantities, equilibria, stability.
 
 Along a motion: `energy`, `momenta`, `ledger` (work of each effect), `energy_change` (what changes
 it), `constraints` (tensions, reactions, rank); `regularised` and `approaches` follow close
 encounters. Stability: `linearize`, `steady` (steady motions), `floquet` (driven scenes),
 `precession`; `eigenvalues` decides it, for orbits from the `monodromy` matrix. `equilibria` finds
-rest points; the folder `rest_points` searches for them and proves that there are no others.
+equilibria; the folder `equilibrium_search` searches for them and proves that there are no others.
 `_roots` finds zeros of functions of one variable, each in its bracket.
 
 May import: `integrate`, `formulations`, `balls`.

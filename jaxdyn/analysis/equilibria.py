@@ -1,11 +1,11 @@
-"""The rest points of a scene in a box, each with its stability, and whether the list is complete.
+"""The equilibria of a scene in a box, each with its stability, and whether the list is complete.
 
-A rest point is a state with rate(y) = 0 that satisfies the constraints. Interval bisection
-(`rest_points.isolation`) proves where in the box there is exactly one and where there is none; a
-search (`rest_points.search`) starts from there and from the points of a low-discrepancy grid.
-Duplicates are dropped, and the two results are compared (`rest_points.completeness`):
-`Equilibria.complete` says whether the list is proved to be complete, `Equilibria.certainty` why,
-or why not.
+An equilibrium is a state with rate(y) = 0 that satisfies the constraints. Interval bisection
+(`equilibrium_search.isolation`) proves where in the box there is exactly one and where there is
+none; a search (`equilibrium_search.search`) starts from there and from the points of a
+low-discrepancy grid. Duplicates are dropped, and the two results are compared
+(`equilibrium_search.completeness`): `Equilibria.complete` says whether the list is proved to be
+complete, `Equilibria.certainty` why, or why not.
 """
 
 import dataclasses
@@ -18,17 +18,17 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn._text import counted
+from jaxdyn.analysis.equilibrium_search.completeness import bisected, judged
+from jaxdyn.analysis.equilibrium_search.proof import EquilibriaProof
+from jaxdyn.analysis.equilibrium_search.search import Box, Ends, jumps, low_discrepancy, search
 from jaxdyn.analysis.linearize import Linearization, linearize
-from jaxdyn.analysis.rest_points.completeness import bisected, judged
-from jaxdyn.analysis.rest_points.proof import RestPointProof
-from jaxdyn.analysis.rest_points.search import Box, Ends, jumps, low_discrepancy, search
 from jaxdyn.scene import Field, Scene, System, checked_scene
 
 _MOST_STARTS = 1_000_000  # processed at once
-_MERGE_DISTANCE = 1e-6  # of the box: rest points nearer than this are merged
-#: Of the box: distance at which a curve of rest points is probed for another one.
+_MERGE_DISTANCE = 1e-6  # of the box: equilibria nearer than this are merged
+#: Of the box: distance at which a curve of equilibria is probed for another one.
 _STEP_ALONG_CURVE = 1e-3
-_NEWTON_STEPS = 30  # of Newton's method to a rest point
+_NEWTON_STEPS = 30  # of Newton's method to an equilibrium
 _POLISHING_STEPS = 2  # further steps: they make derivatives correct up to the third
 _MAX_LAST_STEP = 1e-8  # relative: the last of these steps
 _SINGULAR = 1e-12  # smallest over largest singular value of a Jacobian that has no inverse
@@ -36,20 +36,20 @@ _SINGULAR = 1e-12  # smallest over largest singular value of a Jacobian that has
 
 @dataclasses.dataclass(frozen=True)
 class Equilibria:
-    """The rest points of a scene in a box.
+    """The equilibria of a scene in a box.
 
     Attributes:
-      states: (e, k) rest points, ordered by their first coordinates.
+      states: (e, k) equilibria, ordered by their first coordinates.
       linearizations: the linearization at each, in the same order.
-      kinds: of each, "isolated"; "continuum" for one of a curve or surface of rest points, of
+      kinds: of each, "isolated"; "continuum" for one of a curve or surface of equilibria, of
         which only samples are listed; or "degenerate" where the Jacobian is singular to rounding
         though no neighbour was found: it may be about to split or to vanish.
-      complete: whether it is proved that the box holds no other rest point.
+      complete: whether it is proved that the box holds no other equilibrium.
       certainty: why, or why not, as text.
       found_by: (e,) number of starts that led to each.
       residuals: (e,) largest entry of the rate there.
       starts: number of starts.
-      lost: number of starts that led to no rest point in the box.
+      lost: number of starts that led to no equilibrium in the box.
       proof: the list as a theorem, if that was asked for.
     """
 
@@ -62,7 +62,7 @@ class Equilibria:
     residuals: np.ndarray
     starts: int
     lost: int
-    proof: RestPointProof | None = None
+    proof: EquilibriaProof | None = None
 
     @_text.never_raising
     def __repr__(self) -> str:
@@ -74,7 +74,7 @@ class Equilibria:
         rows = [*_text.cut(rows), ("certainty", self.certainty)]
         if self.proof is not None:
             rows.append(("proof", self.proof.reason))
-        return _text.table(f"Equilibria: {counted(len(self), 'rest point')}", rows)
+        return _text.table(f"Equilibria: {counted(len(self), 'equilibrium')}", rows)
 
     _repr_html_ = _text.html
 
@@ -85,7 +85,7 @@ class Equilibria:
 def equilibria(
     scene: Scene, low, high, *, t=0.0, starts: int = 1024, prove: bool = False
 ) -> Equilibria:
-    """The rest points of a scene in a box, with their stability; host only.
+    """The equilibria of a scene in a box, with their stability; host only.
 
     Args:
       scene: an autonomous scene, or one that is frozen at time t.
@@ -97,14 +97,14 @@ def equilibria(
       prove: whether to prove the list in ball arithmetic, as `Equilibria.proof` says; needs
         python-flint, ``pip install 'jaxdyn[proof]'``.
     Returns:
-      Verified rest points without duplicates, and whether there may be others.
+      Verified equilibria without duplicates, and whether there may be others.
     Raises:
       ValueError: `high` is not above `low`, their shape does not fit the state, `starts` or `t`
-        is out of range, or numbers are traced (`rest_point` is differentiable); with `prove`, the
+        is out of range, or numbers are traced (`equilibrium` is differentiable); with `prove`, the
         rate is not made of elementary functions, or the states satisfy constraints.
     Limits: completeness can be proved for rates made of elementary formulas, without
       constraints, with about four unknowns at most. A point at which the rate is 0 but
-      discontinuous is no rest point; `certainty` names it. Angles are taken modulo a turn.
+      discontinuous is no equilibrium; `certainty` names it. Angles are taken modulo a turn.
     Example:
       >>> from jaxdyn.scenes.springs import two_springs
       >>> found = equilibria(two_springs(g=0.0), [-3, -3], [3, 3])
@@ -131,7 +131,7 @@ def equilibria(
     return dataclasses.replace(listed, proof=theorem)
 
 
-def _proved(scene: Scene, t: float, box: Box) -> RestPointProof:
+def _proved(scene: Scene, t: float, box: Box) -> EquilibriaProof:
     if type(scene.system).project is not System.project:
         raise _checks.fail(
             "scene",
@@ -140,40 +140,40 @@ def _proved(scene: Scene, t: float, box: Box) -> RestPointProof:
             "Leave prove out.",
         )
     # Python-flint, which it needs, is optional.
-    from jaxdyn.analysis.rest_points.proving import proved
+    from jaxdyn.analysis.equilibrium_search.proving import proved
 
     return proved(scene, t, box)
 
 
-def rest_point(scene: Scene, y, t=0.0) -> Array:
-    """The isolated rest point (k,) near a state, differentiable in the scene's numbers.
+def equilibrium(scene: Scene, y, t=0.0) -> Array:
+    """The isolated equilibrium (k,) near a state, differentiable in the scene's numbers.
 
-    Newton's method from y. It is not differentiated: derivatives of the rest point, up to the
+    Newton's method from y. It is not differentiated: derivatives of the equilibrium, up to the
     third, follow from the implicit function theorem.
 
     Args:
       scene: any whose state has no redundant entries, under `jax.grad`, `jit` and `vmap` too.
-      y: (k,) state near the rest point, such as one that `equilibria` found.
+      y: (k,) state near the equilibrium, such as one that `equilibria` found.
       t: () time [s] at which the scene is frozen.
     Returns:
-      The rest point; NaN if there is none near y, or if the Jacobian is singular there, as on a
-      curve of rest points.
+      The equilibrium; NaN if there is none near y, or if the Jacobian is singular there, as on a
+      curve of equilibria.
     Example:
       >>> import jax
       >>> from jaxdyn.scenes.springs import spring_mass
       >>> def sag(g):
-      ...     return -rest_point(spring_mass(k=10.0, length=0.5, g=g), [0.0, -1.5, 0, 0])[1]
+      ...     return -equilibrium(spring_mass(k=10.0, length=0.5, g=g), [0.0, -1.5, 0, 0])[1]
       >>> print(jax.grad(sag)(10.0))  # m / k
       0.1
     """
     field = checked_scene(scene).field
     _checks.float64()
     y = _checks.array("y", y, scene.y0.shape)
-    return _rest_point(field, y, _checks.array("t", t, ()))
+    return _equilibrium(field, y, _checks.array("t", t, ()))
 
 
 @eqx.filter_jit
-def _rest_point(field: Field, y: Array, t: Array) -> Array:
+def _equilibrium(field: Field, y: Array, t: Array) -> Array:
     def newton(y):
         rate, a = field.rate(t, y), jax.jacfwd(lambda y: field.rate(t, y))(y)
         step = jnp.linalg.solve(a, rate)
@@ -196,7 +196,7 @@ def _refuse_traced(*numbers) -> None:
             "equilibria",
             "known numbers",
             "traced ones",
-            "Find the rest points outside of jit, grad and vmap; `equilibria.rest_point(scene, y)` "
+            "Find the equilibria outside of jit, grad and vmap; `equilibria.equilibrium(scene, y)` "
             "carries their derivatives.",
         )
 

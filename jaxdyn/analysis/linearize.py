@@ -1,6 +1,6 @@
 """Linearisation of a scene at a state: Jacobian, eigenvalues, verdict, linear modes.
 
-Near a rest point y = y* + x the motion is dx/dt = A x, with A the Jacobian of the vector field.
+Near an equilibrium y = y* + x the motion is dx/dt = A x, with A the Jacobian of the vector field.
 Eigenvalues are computed numbers, so each gets an error bar, and a real part within its bar of 0
 decides nothing: the verdict is then "undecided".
 """
@@ -26,7 +26,7 @@ from jaxdyn.analysis.eigenvalues import (
 from jaxdyn.scene import Field, Scene, checked_scene
 
 _MAX_ASYMMETRY = 1e-9  # relative asymmetry of a stiffness matrix by rounding
-#: [1] forces at a rest point over those of a unit displacement; likewise speeds.
+#: [1] forces at an equilibrium over those of a unit displacement; likewise speeds.
 _MAX_REST_FORCE = 1e-6
 
 
@@ -75,12 +75,12 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
 
     Args:
       scene: any scene; the verdict is meaningful for autonomous ones.
-      y: (k,) state; the verdict is meaningful at rest points.
+      y: (k,) state; the verdict is meaningful at equilibria.
       t: () time [s].
     Raises:
       ValueError: `y` or `t` is not finite or has a wrong shape, or the rate has no derivative.
     Limits: a centre of a conservative scene is "undecided": linearisation cannot decide. A
-      rest point that is a minimum of the potential energy is stable nevertheless.
+      equilibrium that is a minimum of the potential energy is stable nevertheless.
     Example:
       >>> from jaxdyn.scenes.springs import oscillator
       >>> linearize(oscillator(c=0.1), [0.0, 0.0]).portrait
@@ -123,7 +123,7 @@ def _portrait(found: Eigenvalues) -> str:
 
 
 class Modes(NamedTuple):
-    """The small oscillations of a conservative scene about a rest point.
+    """The small oscillations of a conservative scene about an equilibrium.
 
     Attributes:
       squares: (n,) squares of the angular frequencies [rad^2/s^2], ascending; negative for a
@@ -149,13 +149,13 @@ class Modes(NamedTuple):
 
 
 def modes(scene: Scene, y: Array | None = None) -> Modes:
-    """The linear modes K x = w^2 M x of a conservative scene at a rest point.
+    """The linear modes K x = w^2 M x of a conservative scene at an equilibrium.
 
     Args:
       scene: one whose state is [q, v] and that has canonical momenta, from which M is read.
-      y: (k,) rest point; the scene's start by default.
+      y: (k,) equilibrium; the scene's start by default.
     Raises:
-      ValueError: the system has no canonical momenta, y is not a rest point, or the forces are
+      ValueError: the system has no canonical momenta, y is not an equilibrium, or the forces are
         not conservative.
     Limits: differentiable in the scene's numbers; the shapes only where all frequencies are
       distinct. Damping and other velocity-dependent forces are ignored: use `linearize`.
@@ -220,7 +220,7 @@ def _check_modes(y: np.ndarray, mass, stiffness, acceleration) -> None:
     if moves or np.abs(mass @ acceleration).max() > _MAX_REST_FORCE * size:
         raise _checks.fail(
             "y",
-            "a rest point",
+            "an equilibrium",
             f"velocities {y[n:].tolist()}, accelerations {acceleration.tolist()}",
-            "`equilibria.equilibria` finds rest points.",
+            "`equilibria.equilibria` finds equilibria.",
         )

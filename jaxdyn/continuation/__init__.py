@@ -1,4 +1,4 @@
-"""Families of rest points in a parameter.
+"""Families of equilibria in a parameter.
 
 `equilibria` follows a family by pseudo-arclength and steps onto branches; `family` holds its
 points. `special` finds folds, branch points and Hopf points between two points of a family, by
@@ -16,16 +16,16 @@ One more kind of special point is a `Kind` in `family`, its equations in `defini
 
 from jaxdyn.continuation.curve import CodimensionTwo, Curve, CurvePoint
 from jaxdyn.continuation.equilibria import continue_equilibria, switch_branch
-from jaxdyn.continuation.family import EquilibriumFamily, Kind, RestPoint
+from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind
 from jaxdyn.continuation.two_parameters import continue_curve
 
 __all__ = [
     "CodimensionTwo",
     "Curve",
     "CurvePoint",
+    "Equilibrium",
     "EquilibriumFamily",
     "Kind",
-    "RestPoint",
     "continue_curve",
     "continue_equilibria",
     "switch_branch",

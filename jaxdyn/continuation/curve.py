@@ -46,7 +46,7 @@ class CurvePoint:
 
     Attributes:
       curve: kind of the points of the curve, fold or Hopf point.
-      state: (k,) the rest point.
+      state: (k,) the equilibrium.
       parameters: (2,) its values of the parameters.
       eigenvalues: of the Jacobian, with bars.
       coefficient: the quadratic coefficient of a fold (NaN at a Bogdanov-Takens point), the first

@@ -1,8 +1,8 @@
-"""Equations of rest points, folds, branch points and Hopf points, with exact Jacobians.
+"""Equations of equilibria, folds, branch points and Hopf points, with exact Jacobians.
 
 With x = (y, p), the rate f(y, p), A = df/dy and b = df/dp:
 
-- Rest point: f = 0.
+- Equilibrium: f = 0.
 - Fold: f = 0, A v = 0, l v = 1.
 - Branch point: f + e u = 0, A^T u = 0, b u = 0, l u = 1, with an unfolding parameter e, which is
   0 at the solution. Without e the system would have more equations than unknowns.
@@ -89,7 +89,7 @@ def hopf(make: Make, unknowns: Array, normal: Array) -> Array:
 
 
 def arc(make: Make, unknowns: Array, normal: Array) -> Array:
-    """The equations of a rest point in a hyperplane; unknowns (y, p), normal (2, k + 1).
+    """The equations of an equilibrium in a hyperplane; unknowns (y, p), normal (2, k + 1).
 
     Its rows are a point of the plane and the direction normal to it.
     """

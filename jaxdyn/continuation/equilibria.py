@@ -1,4 +1,4 @@
-"""Families of rest points, followed by pseudo-arclength in state and parameter together.
+"""Families of equilibria, followed by pseudo-arclength in state and parameter together.
 
 Folds are regular points of such a family. At a simple branch point `switch_branch` follows the
 other family through it, whose direction solves the quadratic equation of second derivatives there.
@@ -16,7 +16,7 @@ import numpy as np
 from jaxdyn import _checks
 from jaxdyn.continuation import defining
 from jaxdyn.continuation.defining import Make, slope_at
-from jaxdyn.continuation.family import EquilibriumFamily, Kind, RestPoint, rest_point_at
+from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind, equilibrium_at
 from jaxdyn.continuation.normal_forms import second
 from jaxdyn.continuation.special import special_points
 from jaxdyn.formulations.constrained import Constrained
@@ -42,9 +42,9 @@ def continue_equilibria(
     members: int = 100,
     down: bool = False,
     within: tuple[float, float] = _ANYWHERE,
-    report: Callable[[RestPoint], None] = lambda point: None,
+    report: Callable[[Equilibrium], None] = lambda point: None,
 ) -> EquilibriumFamily:
-    """The family of rest points of a scene in a parameter, with its bifurcations.
+    """The family of equilibria of a scene in a parameter, with its bifurcations.
 
     Folds, branch points and Hopf points are located by their defining equations, with exact
     derivatives, to rounding. Each has its normal-form coefficients; a Hopf point is named
@@ -54,7 +54,7 @@ def continue_equilibria(
       make: the scene for each value of a parameter, e.g. ``lambda rho: lorenz(rho=rho)``; its
         start and span do not matter. A program is compiled for each function, so define it once.
       parameter: the value of the parameter at the start.
-      start: (k,) state near a rest point; or (k/2,) coordinates of a state [q, v] at rest.
+      start: (k,) state near an equilibrium; or (k/2,) coordinates of a state [q, v] at rest.
       step: length of the first step in state and parameter; the others are up to ten times as
         long.
       members: largest number of members.
@@ -64,8 +64,8 @@ def continue_equilibria(
     Returns:
       The members, and the special points between them.
     Raises:
-      ValueError: there is no rest point near `start`, the scene depends on time or has
-        constraints, its rest points are not isolated at a fixed parameter even after a small
+      ValueError: there is no equilibrium near `start`, the scene depends on time or has
+        constraints, its equilibria are not isolated at a fixed parameter even after a small
         change of it (redundant coordinates), or a number is out of range or traced.
     Limits: host only. A special point is detected where its test changes sign between two
       members; two of one kind in one step are not. Opposite eigenvalues of a conservative scene
@@ -82,7 +82,7 @@ def continue_equilibria(
       [('Hopf point', 'subcritical', 24.736842)]
     """
     numbers = (parameter, start)
-    _checks.untraced("continue_equilibria", numbers, "See jaxdyn.analysis.equilibria.rest_point.")
+    _checks.untraced("continue_equilibria", numbers, "See jaxdyn.analysis.equilibria.equilibrium.")
     _checks.float64()
     _checks.positive("step", step, "It is a length in the space of states and parameter.")
     members = _checks.whole("members", members)
@@ -94,14 +94,14 @@ def continue_equilibria(
 
 def switch_branch(
     family: EquilibriumFamily,
-    special: RestPoint,
+    special: Equilibrium,
     *,
     step: float = 0.05,
     members: int = 100,
     down: bool = False,
     within: tuple[float, float] = _ANYWHERE,
 ) -> EquilibriumFamily:
-    """The other family of rest points through a branch point, in one of its two directions.
+    """The other family of equilibria through a branch point, in one of its two directions.
 
     Args:
       family: the family of the point.
@@ -131,12 +131,12 @@ def switch_branch(
     normal = np.stack([special.x + step * tangent, tangent])
     solution = defining.solve(defining.arc, family.make, normal[0], normal)
     if solution is None:
-        raise _checks.fail("step", "a rest point at this distance", "none", "Try a smaller one.")
-    first = rest_point_at(family.make, solution.x, tangent, solution.residual)
+        raise _checks.fail("step", "an equilibrium at this distance", "none", "Try a smaller one.")
+    first = equilibrium_at(family.make, solution.x, tangent, solution.residual)
     return _walked(family.make, first, step, members, within, lambda point: None)
 
 
-def _first(make: Make, parameter: float, start, down: bool) -> RestPoint:
+def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
     scene = checked_scene(make(jnp.asarray(parameter)))
     y = np.asarray(_checks.array("start", start, (None,)))
     if isinstance(innermost(scene.system), Constrained):
@@ -148,7 +148,7 @@ def _first(make: Make, parameter: float, start, down: bool) -> RestPoint:
     if len(y) != k:
         raise _checks.fail("start", f"{k} entries, or {k // 2} for coordinates at rest", len(y))
     if _driven(scene, y):
-        remedy = "It has no rest points; follow its periodic motions instead."
+        remedy = "It has no equilibria; follow its periodic motions instead."
         raise _checks.fail("make", "an autonomous scene", "one that depends on time", remedy)
     x = np.append(y, parameter)
     up = np.append(np.zeros(k), -1.0 if down else 1.0)
@@ -156,15 +156,15 @@ def _first(make: Make, parameter: float, start, down: bool) -> RestPoint:
     if not values[-1] > _DEPENDENT * values[0]:
         raise _checks.fail(
             "start",
-            "a regular point of one family of rest points",
+            "a regular point of one family of equilibria",
             "dependent equations",
             "Use a minimal set of coordinates, none redundant; at a branch point begin beside it.",
         )
     solution = defining.solve(defining.arc, make, x, np.stack([x, up]))
     if solution is None:
         remedy = "jaxdyn.equilibria finds those in a box."
-        raise _checks.fail("start", "a state near a rest point", y.tolist(), remedy)
-    return rest_point_at(make, solution.x, up, solution.residual)
+        raise _checks.fail("start", "a state near an equilibrium", y.tolist(), remedy)
+    return equilibrium_at(make, solution.x, up, solution.residual)
 
 
 def _driven(scene: Scene, y: np.ndarray) -> bool:
@@ -177,7 +177,7 @@ def _driven(scene: Scene, y: np.ndarray) -> bool:
     return bool(np.any(np.asarray(jax.jit(jax.vmap(by_time))(jnp.asarray(_LATER)))))
 
 
-def _walked(make, first: RestPoint, step, most: int, within, report) -> EquilibriumFamily:
+def _walked(make, first: Equilibrium, step, most: int, within, report) -> EquilibriumFamily:
     found, special = [first], []
     report(first)
     shortest, longest = _SMALLEST * step, _LONGEST * step
@@ -188,7 +188,9 @@ def _walked(make, first: RestPoint, step, most: int, within, report) -> Equilibr
         if new is None:
             step *= _SHRINK
             if step < shortest:
-                end = "no rest point was found beyond: a singularity of the rate, or a branch point"
+                end = (
+                    "no equilibrium was found beyond: a singularity of the rate, or a branch point"
+                )
                 break
             continue
         special += special_points(make, last, new, first=len(found) == 1)
@@ -202,17 +204,17 @@ def _walked(make, first: RestPoint, step, most: int, within, report) -> Equilibr
     return EquilibriumFamily(tuple(found), tuple(special), end, make)
 
 
-def _next(make: Make, last: RestPoint, step: float) -> tuple[RestPoint | None, int]:
+def _next(make: Make, last: Equilibrium, step: float) -> tuple[Equilibrium | None, int]:
     """The member a step further along the family and the Newton steps to it."""
     predicted = last.x + step * last.tangent
     solution = defining.solve(defining.arc, make, predicted, np.stack([predicted, last.tangent]))
     if solution is None or np.linalg.norm(solution.x - predicted) > step:
         return None, 0
-    new = rest_point_at(make, solution.x, last.tangent, solution.residual)
+    new = equilibrium_at(make, solution.x, last.tangent, solution.residual)
     return (new if new.tangent @ last.tangent >= _TURN else None), solution.iterations
 
 
-def _other_tangent(make: Make, special: RestPoint) -> np.ndarray:
+def _other_tangent(make: Make, special: Equilibrium) -> np.ndarray:
     """(k + 1,) unit direction of the second family at a simple branch point."""
     u, _, vt = np.linalg.svd(special.slopes)
     psi, plane = u[:, -1], vt[-2:]

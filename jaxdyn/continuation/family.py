@@ -1,4 +1,4 @@
-"""The points of a family of rest points, and the family itself."""
+"""The points of a family of equilibria, and the family itself."""
 
 import collections
 import dataclasses
@@ -21,11 +21,11 @@ class Kind(enum.StrEnum):
 
 
 @dataclasses.dataclass(frozen=True)
-class RestPoint:
-    """A rest point of a family.
+class Equilibrium:
+    """An equilibrium of a family.
 
     Attributes:
-      state: (k,) the rest point.
+      state: (k,) the equilibrium.
       parameter: its value of the parameter.
       slopes: (k, k + 1) derivative of the rate by the state and the parameter.
       eigenvalues: of the Jacobian, with bars.
@@ -77,7 +77,7 @@ class RestPoint:
         numbers = ("coefficient", "cubic", "frequency")
         known = ((name, getattr(self, name)) for name in numbers)
         rows += [(name, _text.brief(x)) for name, x in known if not math.isnan(x)]
-        what = " ".join(filter(None, (self.criticality, self.kind or "rest point")))
+        what = " ".join(filter(None, (self.criticality, self.kind or "equilibrium")))
         return _text.table(f"{what[0].upper()}{what[1:]}, {self.verdict}", rows)
 
     _repr_html_ = _text.html
@@ -85,17 +85,17 @@ class RestPoint:
 
 @dataclasses.dataclass(frozen=True)
 class EquilibriumFamily:
-    """The rest points of a family, in order.
+    """The equilibria of a family, in order.
 
     Attributes:
-      members: the rest points, one per step.
+      members: the equilibria, one per step.
       special: folds, branch points and Hopf points between them.
       end: why it ends.
       make: parameter -> scene.
     """
 
-    members: tuple[RestPoint, ...]
-    special: tuple[RestPoint, ...]
+    members: tuple[Equilibrium, ...]
+    special: tuple[Equilibrium, ...]
     end: str
     make: Make
 
@@ -112,7 +112,7 @@ class EquilibriumFamily:
             ("special", ", ".join(special)),
             ("end", self.end),
         ]
-        return _text.table(f"Family of {_text.counted(len(self.members), 'rest point')}", rows)
+        return _text.table(f"Family of {_text.counted(len(self.members), 'equilibrium')}", rows)
 
     @_text.pictured
     def _repr_html_(self):
@@ -131,12 +131,12 @@ class EquilibriumFamily:
         return np.array([member.state for member in self.members])
 
 
-def rest_point_at(make: Make, x: np.ndarray, along: np.ndarray, residual: float) -> RestPoint:
+def equilibrium_at(make: Make, x: np.ndarray, along: np.ndarray, residual: float) -> Equilibrium:
     """The record of a point, with the tangent that points the same way as `along`."""
     slopes = np.asarray(slope_at(make, x))
     tangent = np.linalg.svd(slopes)[2][-1]
     found = rate_eigenvalues(slopes[:, :-1])
-    return RestPoint(
+    return Equilibrium(
         state=x[:-1],
         parameter=float(x[-1]),
         slopes=slopes,

@@ -1,4 +1,4 @@
-"""Normal-form coefficients of folds, branch points and Hopf points of rest points.
+"""Normal-form coefficients of folds, branch points and Hopf points of equilibria.
 
 With B and C the second and third derivatives of the rate as symmetric forms, computed exactly by
 nested forward mode:

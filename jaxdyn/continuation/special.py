@@ -1,6 +1,6 @@
-"""Special points between two neighbours of a family of rest points.
+"""Special points between two neighbours of a family of equilibria.
 
-Each kind has a test, a function of a rest point that changes sign there. Where it does, Newton's
+Each kind has a test, a function of an equilibrium that changes sign there. Where it does, Newton's
 method solves the defining equations of the kind; if it leads out of the interval, the interval is
 halved first.
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from jaxdyn.continuation import defining
 from jaxdyn.continuation.defining import Make, Solution
-from jaxdyn.continuation.family import Kind, RestPoint, rest_point_at
+from jaxdyn.continuation.family import Equilibrium, Kind, equilibrium_at
 from jaxdyn.continuation.normal_forms import first_lyapunov, null_form
 
 _HALVINGS = 25  # of the interval between two members
@@ -25,7 +25,7 @@ _OUTSIDE = 0.1  # of the interval: a solution beyond its ends by more belongs to
 _SAME_PLACE = 1e-6  # relative distance below which a fold and a branch point are one
 
 
-def special_points(make: Make, a: RestPoint, b: RestPoint, first=False) -> list[RestPoint]:
+def special_points(make: Make, a: Equilibrium, b: Equilibrium, first=False) -> list[Equilibrium]:
     """The special points between two neighbours, in order; with `first` also one at `a`."""
     passed = [kind for kind, test in _TESTS.items() if _passed(test(a), test(b), first)]
     found = [_located(make, kind, a, b) for kind in passed]
@@ -41,7 +41,7 @@ def _passed(left: float, right: float, first: bool) -> bool:
     return left * right < 0 or right == 0 != left or (first and left == 0 != right)
 
 
-def _between(make: Make, a: RestPoint, share: float, b: RestPoint) -> RestPoint | None:
+def _between(make: Make, a: Equilibrium, share: float, b: Equilibrium) -> Equilibrium | None:
     """The member after a share of the way from one to another; None if there is none."""
     length = float(a.tangent @ (b.x - a.x))
     normal = np.stack([a.x + share * length * a.tangent, a.tangent])
@@ -49,17 +49,17 @@ def _between(make: Make, a: RestPoint, share: float, b: RestPoint) -> RestPoint 
     solution = defining.solve(defining.arc, make, chord, normal)
     if solution is None:
         return None
-    return rest_point_at(make, solution.x, a.tangent, solution.residual)
+    return equilibrium_at(make, solution.x, a.tangent, solution.residual)
 
 
-def _located(make: Make, kind: Kind, a: RestPoint, b: RestPoint) -> RestPoint | None:
+def _located(make: Make, kind: Kind, a: Equilibrium, b: Equilibrium) -> Equilibrium | None:
     """The special point of a kind between two members whose tests differ in sign."""
     test = _TESTS[kind]
     for _ in range(_HALVINGS):
         left, right = test(a), test(b)
-        # On the chord: the equations of a rest point are singular at a branch point itself.
+        # On the chord: the equations of an equilibrium are singular at a branch point itself.
         guess = a.x + left / (left - right) * (b.x - a.x)
-        solution = _solved(make, kind, rest_point_at(make, guess, a.tangent, np.nan))
+        solution = _solved(make, kind, equilibrium_at(make, guess, a.tangent, np.nan))
         if solution is not None and _inside(a, b, solution.x[: len(a.x)]):
             return _named(make, kind, a, solution)
         middle = _between(make, a, _SHARE, b)
@@ -69,8 +69,8 @@ def _located(make: Make, kind: Kind, a: RestPoint, b: RestPoint) -> RestPoint | 
     return None
 
 
-def _solved(make: Make, kind: Kind, start: RestPoint) -> Solution | None:
-    """The solution of the equations of a kind, from a rest point nearby."""
+def _solved(make: Make, kind: Kind, start: Equilibrium) -> Solution | None:
+    """The solution of the equations of a kind, from an equilibrium nearby."""
     x, a = start.x, start.jacobian
     u, _, vt = np.linalg.svd(a)
     if kind == Kind.FOLD:
@@ -88,11 +88,11 @@ def _solved(make: Make, kind: Kind, start: RestPoint) -> Solution | None:
     return defining.solve(defining.hopf, make, unknowns, normal)
 
 
-def _named(make: Make, kind: Kind, before: RestPoint, solution: Solution) -> RestPoint:
+def _named(make: Make, kind: Kind, before: Equilibrium, solution: Solution) -> Equilibrium:
     """The special point with its coefficients."""
     k = len(before.state)
     x = solution.x[: k + 1]
-    point = rest_point_at(make, x, before.tangent, solution.residual)
+    point = equilibrium_at(make, x, before.tangent, solution.residual)
     if kind == Kind.BRANCH:
         # Two directions lead away there; the neighbour's is kept.
         point = dataclasses.replace(point, tangent=before.tangent)
@@ -104,28 +104,28 @@ def _named(make: Make, kind: Kind, before: RestPoint, solution: Solution) -> Res
     return dataclasses.replace(point, kind=kind, coefficient=quadratic, cubic=cubic)
 
 
-def _inside(a: RestPoint, b: RestPoint, x: np.ndarray) -> bool:
+def _inside(a: Equilibrium, b: Equilibrium, x: np.ndarray) -> bool:
     length = a.tangent @ (b.x - a.x)
     share = a.tangent @ (x - a.x) / length
     apart = np.linalg.norm(x - a.x - share * (b.x - a.x))
     return bool(-_OUTSIDE <= share <= 1 + _OUTSIDE and apart <= np.linalg.norm(b.x - a.x))
 
 
-def _same(a: RestPoint, b: RestPoint) -> bool:
+def _same(a: Equilibrium, b: Equilibrium) -> bool:
     return bool(np.linalg.norm(a.x - b.x) < _SAME_PLACE * (1.0 + np.linalg.norm(a.x)))
 
 
-def _fold(point: RestPoint) -> float:
+def _fold(point: Equilibrium) -> float:
     return float(point.tangent[-1])
 
 
-def _branch(point: RestPoint) -> float:
+def _branch(point: Equilibrium) -> float:
     """The determinant of the Jacobian bordered by the tangent, relative to its norm."""
     bordered = np.vstack([point.slopes, point.tangent])
     return float(np.linalg.det(bordered / np.linalg.norm(bordered, 2)))
 
 
-def _hopf(point: RestPoint) -> float:
+def _hopf(point: Equilibrium) -> float:
     """The smallest sum of two eigenvalues, with the sign of the product; 0 within its bar."""
     values, bars = point.eigenvalues
     i, j = np.triu_indices(len(values), 1)
@@ -146,5 +146,5 @@ def _nearest_pair(values: np.ndarray) -> tuple[int, int]:
     return int(i[least]), int(j[least])
 
 
-#: Functions of a rest point that change sign at special points.
+#: Functions of an equilibrium that change sign at special points.
 _TESTS = {Kind.BRANCH: _branch, Kind.FOLD: _fold, Kind.HOPF: _hopf}

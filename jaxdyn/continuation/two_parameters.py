@@ -1,4 +1,4 @@
-"""Curves of folds and Hopf points of rest points in two parameters.
+"""Curves of folds and Hopf points of equilibria in two parameters.
 
 A curve is followed by pseudo-arclength in state and both parameters, with the equations of
 `augmented`; `codimension_two` finds the special points on it.
@@ -14,7 +14,7 @@ from jaxdyn import _checks
 from jaxdyn.continuation import augmented
 from jaxdyn.continuation.codimension_two import point_at, special_points
 from jaxdyn.continuation.curve import CodimensionTwo, Curve, CurvePoint, MakeOfTwo
-from jaxdyn.continuation.family import Kind, RestPoint
+from jaxdyn.continuation.family import Equilibrium, Kind
 from jaxdyn.scene import checked_scene
 
 _EASY = 4  # with at most this many Newton steps the next step may be longer
@@ -28,7 +28,7 @@ _ANYWHERE = (-np.inf, np.inf)
 
 def continue_curve(
     make: MakeOfTwo,
-    point: RestPoint | CurvePoint,
+    point: Equilibrium | CurvePoint,
     parameters: tuple[float, float] | None = None,
     *,
     kind: Kind | None = None,
@@ -84,7 +84,7 @@ def continue_curve(
       >>> [str(x.kind) for x in curve.special]  # at p = q = 0
       ['cusp']
     """
-    _checks.untraced("continue_curve", (parameters,), "See jaxdyn.analysis.equilibria.rest_point.")
+    _checks.untraced("continue_curve", (parameters,), "See jaxdyn.analysis.equilibria.equilibrium.")
     _checks.float64()
     _checks.positive("step", step, "It is a length in the space of states and parameters.")
     members = _checks.whole("members", members)
@@ -118,10 +118,10 @@ def _start(point, parameters, kind: Kind | None) -> tuple[Kind, np.ndarray]:
     if isinstance(point, CurvePoint):
         curve = point.curve if kind is None else Kind(kind)
         parameters = point.parameters if parameters is None else parameters
-    elif isinstance(point, RestPoint):
+    elif isinstance(point, Equilibrium):
         curve = point.kind if kind is None else Kind(kind)
     else:
-        raise _checks.fail("point", "a RestPoint or a CurvePoint", type(point).__name__)
+        raise _checks.fail("point", "a Equilibrium or a CurvePoint", type(point).__name__)
     if curve is None or curve not in augmented.SYSTEMS:
         remedy = "Choose one of family.special."
         raise _checks.fail("point", "a fold or a Hopf point", curve or "an ordinary member", remedy)

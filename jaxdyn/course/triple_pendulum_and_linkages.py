@@ -20,7 +20,7 @@ TOPIC = "pendulums and linkages"
 
 
 def solve(page: Page) -> None:
-    """Swing each machine by several formulations, and compare."""
+    """Swing each mechanism by several formulations, and compare."""
     precisely = {"samples": 401, "rtol": 1e-13}
     angles = (np.pi / 2, np.pi, 2.0)
     bars = {"m": (1.0, 1.0, 1.0), "l": (1.0, 1.0, 1.0), "rates": (0.0, 0.0, 0.0)}

@@ -1,11 +1,11 @@
 """Rest and motion of a mass on two springs.
 
 A mass hangs between two anchors on springs with parallel dashpots, with weight and air drag. Find
-where it can rest, how it moves from a given start, and how many rest points there are at the least
+where it can rest, how it moves from a given start, and how many equilibria there are at the least
 and at the most. Decide for each whether it is stable in two ways: by a motion that begins close to
 it, and by the eigenvalues of the linearised equations.
 
-Answer: The springs below have five rest points, and a proof shows that these are all: two are
+Answer: The springs below have five equilibria, and a proof shows that these are all: two are
 stable and three are saddles. Two springs and weight have one to five, as far as is known; without
 springs there are none, and a single spring without weight has a circle of them. Small pushes grow
 or decay at the rates that the eigenvalues say.
@@ -32,11 +32,11 @@ def hung(g):
 
 
 def solve(page: Page) -> None:
-    """Find all rest points, push the mass off each, and compare with the eigenvalues."""
+    """Find all equilibria, push the mass off each, and compare with the eigenvalues."""
     scene, span = hung(g=1.0), np.linspace(-1.0, 2.2, 120)
     found = equilibria(scene, [-5, -5], [5, 5])
     all_of_them = len(found) == 5 and found.complete
-    page.true("There are five rest points", all_of_them, route="proof by intervals")
+    page.true("There are five equilibria", all_of_them, route="proof by intervals")
     heavy = equilibria(hung(g=100.0), [-200, -200], [200, 200])
     page.true("A hundred times the weight leaves one", len(heavy) == 1, route="proof by intervals")
 
@@ -49,7 +49,7 @@ def solve(page: Page) -> None:
     motions = {}
     pairs = zip(found.states, found.linearizations, figures.PALETTE, strict=False)
     for i, (rest, near, colour) in enumerate(pairs, start=1):
-        page.number(f"rest point {i}, {near.verdict}", rest[:2], "m")
+        page.number(f"equilibrium {i}, {near.verdict}", rest[:2], "m")
         page.number(f"fastest rate at {i}", str(near.eigenvalues[0].round(9)), "1/s")
         values, shapes = np.linalg.eig(near.jacobian)
         first = np.argmax(values.real)
@@ -64,7 +64,7 @@ def solve(page: Page) -> None:
         ax.plot(*rest[:2], "o", color=colour, ms=9, label=f"{i}: {near.verdict}")
     ax.legend(loc="lower left")
     page.draw(figure, "Lines of equal potential energy: motions end in one of its two hollows.")
-    page.play(motions, "Each motion begins beside a rest point and ends at a stable one.")
+    page.play(motions, "Each motion begins beside an equilibrium and ends at a stable one.")
 
 
 if __name__ == "__main__":

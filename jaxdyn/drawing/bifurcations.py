@@ -1,4 +1,4 @@
-"""Pictures of rest points over a parameter, and of curves of bifurcations over two."""
+"""Pictures of equilibria over a parameter, and of curves of bifurcations over two."""
 
 import itertools
 from collections.abc import Callable, Sequence
@@ -14,7 +14,7 @@ from jaxdyn.files.image_files import picture_path
 
 #: Line styles of verdicts.
 STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}
-#: Marks of special rest points.
+#: Marks of special equilibria.
 RESTS = {
     Kind.FOLD: "s",
     Kind.BRANCH: "D",
@@ -33,7 +33,7 @@ def equilibria(
     parameter: str = "parameter",
     title: str | None = None,
 ) -> Figure:
-    """A picture of families of rest points: one entry of the state over the parameter.
+    """A picture of families of equilibria: one entry of the state over the parameter.
 
     Stable stretches are solid, unstable ones dashed, those between two verdicts or without one
     dotted; special points are marked.
@@ -167,7 +167,7 @@ def _criticality(one, two) -> str:
 
 
 def rest_stretches(family: EquilibriumFamily) -> list[tuple[str, list, bool]]:
-    """The `stretches` of a family of rest points."""
+    """The `stretches` of a family of equilibria."""
     return stretches(family.members, family.special, lambda x: x.verdict, lambda x: x.x)
 
 

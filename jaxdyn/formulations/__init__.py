@@ -4,9 +4,9 @@
 coordinates), `constrained` (ties and rolling conditions, by Lagrange multipliers; `dependence`
 tells which of them are redundant), `rigid` (a body in space; `attitude` is its orientation, a
 quaternion or a matrix), `prescribed` (a given motion).
-`mechanism` is what the formulations of machines share: coordinates and the points that they place.
-`extended` is a system with further entries in its state. `routes` sets one machine up in several
-formulations.
+`mechanism` is what the formulations of mechanisms share: coordinates and the points that they
+place. `extended` is a system with further entries in its state. `routes` sets one mechanism up in
+several formulations.
 
 Equations of your own are `ode` (a rate; `jaxdyn.ode`) and the second half of `lagrange` (a
 Lagrangian; `jaxdyn.lagrangian`). `functions` checks the functions that both are given,
@@ -15,7 +15,7 @@ Lagrangian; `jaxdyn.lagrangian`). `functions` checks the functions that both are
 May import: `geometry`.
 
 One more formulation is a `System` in a file of its own, and one line below; if every `Mechanism`
-can be set up in it, a row of `_FREE` in `routes` offers it to all machines.
+can be set up in it, a row of `_FREE` in `routes` offers it to all mechanisms.
 """
 
 from jaxdyn.formulations import (

@@ -1,9 +1,9 @@
 """A mechanism: coordinates, the material points that they place, and the ties between these.
 
-One mechanism serves all formulations (newton_euler, lagrange, constrained), so the same machine can
-be set up in several ways and the results compared. A rigid body is represented by material points
-with its mass, centre and inertia (`planar_body`, `inertia.equimomental`); kinetic energy, gravity
-and drawings then follow from the positions of points alone.
+It is written once and serves all formulations (newton_euler, lagrange, constrained), whose results
+can be compared. A rigid body is represented by material points with its mass, centre and inertia
+(`planar_body`, `inertia.equimomental`); kinetic energy, gravity and drawings then follow from the
+positions of points alone.
 """
 
 import abc

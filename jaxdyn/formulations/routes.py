@@ -1,6 +1,6 @@
-"""One machine in several formulations: the system and the start for the chosen one.
+"""One mechanism in several formulations: the system and the start for the chosen one.
 
-A machine is given once, by free coordinates. Any other description (cartesian coordinates with
+A mechanism is given once, by free coordinates. Any other description (cartesian coordinates with
 rods, bodies with hinges, an open chain with a closing tie) is an `Embedding`: the mechanism with
 ties, and the map from the free coordinates to its own. The start follows from this map and its
 derivative, so all routes start in the same pose to rounding.
@@ -26,7 +26,7 @@ _FREE = {"newton_euler": NewtonEuler, "lagrange": Lagrange}
 
 
 class Embedding(NamedTuple):
-    """The same machine in more coordinates, with ties.
+    """The same mechanism in more coordinates, with ties.
 
     Attributes:
       mechanism: with the ties.
@@ -49,13 +49,13 @@ def route(
 
     Args:
       formulation: "newton_euler", "lagrange", or the name of an embedding.
-      free: the machine in free coordinates.
+      free: the mechanism in free coordinates.
       q: (n,) start in the free coordinates.
       v: (n,) their rates.
       embeddings: by name, e.g. {"constrained": ...}.
       drift: how an embedding treats the drift of its ties; see `Constrained`.
     Raises:
-      ValueError: `formulation` is not one of this machine.
+      ValueError: `formulation` is not one of this mechanism.
     """
     _checks.choice("formulation", formulation, [*_FREE, *embeddings])
     q, v = floats(q, v)

@@ -1,4 +1,4 @@
-"""Machines: their geometry and masses. The equations of motion are derived in `formulations`.
+"""Mechanisms: their geometry and masses. The equations of motion are derived in `formulations`.
 
 `bars` (uniform bars hinged in a row: double and n-fold pendulums), `sticks` (one stick on a hinge
 or a cart), `rods` (points joined by massless rods), `four_bar` (the four-bar linkage), `guided`
@@ -8,7 +8,7 @@ from above), `euler_body` (a rigid body by Euler angles), `disk` (one that rolls
 
 May import: `formulations`.
 
-One more machine is one file with a `Mechanism` (coordinates, points, ties), which then runs in
+One more mechanism is one file with a `Mechanism` (coordinates, points, ties), which then runs in
 every formulation, or with a `System` of its own where no formulation fits; and one line below. A
 ready-made scene of it belongs in `scenes`.
 """

@@ -1,6 +1,6 @@
 """One stick in the plane, on a fixed or shaking hinge or on a cart: by its angle, or with a tie.
 
-x points right, y up. Each machine has two descriptions: free coordinates, and cartesian ones with
+x points right, y up. Each mechanism has two descriptions: free coordinates, and cartesian ones with
 the length of the stick as a tie, whose multiplier is the force along it.
 """
 

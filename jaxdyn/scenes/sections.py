@@ -93,7 +93,7 @@ class RestrictedThreeBody(System):
 def restricted_three_body(*, mu=0.01215, x=0.5, y=0.0, vx=0.0, vy=0.8, t1=20.0) -> Scene:
     """A body of no mass near two that circle each other, in axes that turn with them.
 
-    Its rest points are the `libration_points`.
+    Its equilibria are the `libration_points`.
 
     Args:
       mu: mass of the second body as a share of both [1]; 0.01215 for the Moon.
@@ -111,7 +111,7 @@ _POLISHING_STEPS = 2  # of Newton's method: they carry derivatives up to the thi
 
 
 def libration_points(mu) -> Array:
-    """(5, 2) positions of the rest points L1 to L5 of the restricted three-body problem.
+    """(5, 2) positions of the equilibria L1 to L5 of the restricted three-body problem.
 
     On the axis through the masses L1 is between them, L2 beyond the one at 1 - mu, L3 beyond the
     other; L4 and L5 form equilateral triangles with them, L4 with y > 0.

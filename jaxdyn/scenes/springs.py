@@ -153,12 +153,12 @@ def two_springs(
 ) -> Scene:
     """A mass on two springs with parallel dashpots, and air drag, y up (problem 13).
 
-    `equilibria.equilibria` finds its rest points, with a proof that these are all (13 c). Their
+    `equilibria.equilibria` finds its equilibria, with a proof that these are all (13 c). Their
     number:
 
     - Without springs: none with weight; without weight every point.
     - With a spring: at least one, since the energy grows in all directions, and its minimum is a
-      rest point, never an anchor from which a spring pushes away. Exactly one for a heavy mass.
+      equilibrium, never an anchor from which a spring pushes away. Exactly one for a heavy mass.
     - A single spring without weight: a circle about its anchor, if it has a rest length.
     - Two springs at different anchors without weight: at most five. Off the line of the anchors
       both must be at rest length, which gives two; on each of its three parts the force, which

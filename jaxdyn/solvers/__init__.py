@@ -18,7 +18,7 @@
 diffrax calls it, with compensated sums), `pairs`, `order_conditions` (corrections of rounded
 tables), `compositions`, `gauss`, `radau`, `stoermer`, the folder `taylor`, and `exchange` (with
 diffrax); `side_by_side` steps several motions at once, `perturbed` magnifies rounding errors.
-`intervals` and `enclosures` bound the values of formulas over boxes in doubles, for rest points;
+`intervals` and `enclosures` bound the values of formulas over boxes in doubles, for equilibria;
 proofs of orbits use `balls`.
 
 May import: `jaxdyn`, that is the files at the top level.

@@ -58,7 +58,7 @@ def critical_spin_by_linearisation(**top_numbers) -> float:
 
     def unstable(spin):
         # Upright, XYZ Euler angles are regular, and the third, which grows steadily, does not
-        # enter the rates: the motion has eigenvalues like a rest point.
+        # enter the rates: the motion has eigenvalues like an equilibrium.
         scene = top(0.0, spin=spin, representation="euler", sequence="XYZ", **top_numbers)
         a = jacobian(scene, scene.y0)[_TILT_ENTRIES, :][:, _TILT_ENTRIES]
         return classify(a).eigenvalues[0].real > _MIN_GROWTH * spin

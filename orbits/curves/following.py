@@ -242,7 +242,7 @@ def _walked(extended: Extended, first: CurvePoint, limits, report) -> Curve:
         if new is None:
             step *= _SHRINK
             if step < shortest:
-                end = "no orbit of the curve was found beyond: a collision, or a rest point"
+                end = "no orbit of the curve was found beyond: a collision, or an equilibrium"
                 break
             continue
         between = special_points(extended, last, new)

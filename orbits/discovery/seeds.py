@@ -1,6 +1,6 @@
 """Guesses of periodic orbits, without knowing one.
 
-Small oscillations about rest points, close returns of one long run, starts fixed by a time
+Small oscillations about equilibria, close returns of one long run, starts fixed by a time
 reversal, and rows of published tables. Each is a start and a period for `find`, or starts for
 `search`.
 """
@@ -22,7 +22,7 @@ from orbits.closing.symmetry import Symmetry
 from orbits.discovery.screening import Miss
 from orbits.motion import solved
 
-_AT_REST = 1e-6  # rate of a rest point over what a unit displacement gives
+_AT_REST = 1e-6  # rate of an equilibrium over what a unit displacement gives
 _SAMPLES_PER_TIME = 2048  # of a long run, at least
 
 
@@ -40,19 +40,19 @@ class Seed:
 
 
 def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
-    """Small oscillations about a rest point, one seed for each that neither grows nor decays.
+    """Small oscillations about an equilibrium, one seed for each that neither grows nor decays.
 
     By Lyapunov's centre theorem a conservative scene has a family of periodic orbits that
     starts from each of them, unless another frequency is a multiple of its own.
 
     Args:
       scene: a conservative scene.
-      y: (k,) a rest point, e.g. of `jaxdyn.equilibria`.
+      y: (k,) an equilibrium, e.g. of `jaxdyn.equilibria`.
       amplitude: largest entry of the displacement, in the units of the state.
     Returns:
       The seeds, the slowest first.
     Raises:
-      ValueError: y is not a rest point.
+      ValueError: y is not an equilibrium.
     Example:
       >>> from jaxdyn import scenes
       >>> from orbits.discovery import seeds
@@ -64,7 +64,7 @@ def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
     linear = linearize(scene, y)
     rate = np.abs(np.asarray(scene.rate(jnp.zeros(()), jnp.asarray(y)))).max()
     if not rate <= _AT_REST * max(1.0, np.abs(linear.jacobian).max()):
-        raise fail("y", "a rest point", f"a rate of {rate:.3g}", "`equilibria` finds them.")
+        raise fail("y", "an equilibrium", f"a rate of {rate:.3g}", "`equilibria` finds them.")
     values, vectors = np.linalg.eig(linear.jacobian)
     bar = linear.bars.max()
     turning = [i for i in range(len(values)) if values[i].imag > bar >= abs(values[i].real)]

@@ -1,4 +1,4 @@
-"""A picture of a bifurcation diagram: rest points and orbits over a parameter."""
+"""A picture of a bifurcation diagram: equilibria and orbits over a parameter."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ def diagram(
     parameter: str = "parameter",
     title: str | None = None,
 ) -> Figure:
-    """A picture of a diagram: one entry of rest points, and its extremes along orbits.
+    """A picture of a diagram: one entry of equilibria, and its extremes along orbits.
 
     Stable stretches are solid, unstable ones dashed, those between two verdicts or without one
     dotted; special points are marked.
@@ -41,7 +41,7 @@ def diagram(
     for family in found.rests:
         for verdict, points, shown in rest_stretches(family):
             line = np.array([(x.parameter, x.state[index]) for x in points])
-            rests = f"rest points, {verdict}" if shown else "_"
+            rests = f"equilibria, {verdict}" if shown else "_"
             ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=rests)
     for family in found.orbits:
         rows = {id(x): extremes(x, index) for x in (*family.members, *family.special)}

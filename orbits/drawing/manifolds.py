@@ -76,7 +76,7 @@ def _draw(ax, one: Manifold, which: list[int]) -> None:
 def _draw_base(ax, one: Manifold, which: list[int]) -> None:
     """What the strands belong to."""
     if one.orbit is None:
-        ax.plot(*one.base[:1, which].T, "o", color=INK, ms=5, label="rest point")
+        ax.plot(*one.base[:1, which].T, "o", color=INK, ms=5, label="equilibrium")
         return
     motion = simulate(one.orbit.scene, samples=_SAMPLES, rtol=_RTOL)
     ax.plot(*np.asarray(motion.ys)[:, which].T, color=INK, lw=2.0, label="orbit")

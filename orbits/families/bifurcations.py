@@ -8,7 +8,7 @@ circle in pairs are counted instead, and the place by bisection.
   is stationary along the family. A multiplier is 1 there.
 - Branch point: a non-trivial multiplier passes through 1, and a second family crosses.
 - Period doubling: one passes through -1.
-- Rest point: such a place where the orbits have shrunk to nothing, and the family ends.
+- Equilibrium: such a place where the orbits have shrunk to nothing, and the family ends.
 - Torus point: a complex pair crosses the unit circle.
 - Krein collision: two complex pairs on the unit circle meet and leave it, as they can in
   conservative scenes.
@@ -37,7 +37,7 @@ _CLOSE = 1e-12  # relative to the size of the unknowns: a bracket that is not di
 _SAME_PLACE = 1e-5
 #: Of a step in which multipliers seem to have crossed the circle in several ways, to tell which.
 _HALVINGS = 8
-#: Of the larger rate at the start of its two neighbours: below, a fold is a rest point.
+#: Of the larger rate at the start of its two neighbours: below, a fold is an equilibrium.
 _AT_REST = 1e-5
 
 Test = Callable[[Surface, Member], float]

@@ -182,13 +182,13 @@ def _walked(surface: Surface, first: Member, step, most, bounds, report) -> Fami
         if member is None:
             step *= _SHRINK
             if step < shortest:
-                end = "no orbit was found beyond: a collision, a rest point, or the step limit"
+                end = "no orbit was found beyond: a collision, an equilibrium, or the step limit"
                 break
             continue
         between = special_points(surface, last, member)
         special += between
         if any(x.kind == Kind.REST for x in between):
-            end = "a rest point, to which the orbits shrink"
+            end = "an equilibrium, to which the orbits shrink"
             break
         members.append(member)
         report(member)

@@ -1,4 +1,4 @@
-"""A bifurcation diagram: rest points, orbits that begin at their Hopf points, and their branches.
+"""A bifurcation diagram: equilibria, orbits that begin at their Hopf points, and their branches.
 
 Every family is followed from the special points of those before it. What cannot be followed is
 kept as a failure with its reason, beside all that was found.
@@ -13,7 +13,7 @@ from jaxdyn import _progress, _text
 from jaxdyn._checks import whole
 from jaxdyn.continuation.equilibria import continue_equilibria
 from jaxdyn.continuation.equilibria import switch_branch as other_rests
-from jaxdyn.continuation.family import EquilibriumFamily, RestPoint
+from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.family import Kind as RestKind
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.status import IntegrationError
@@ -40,7 +40,7 @@ class Failure:
       reason: what was tried, and why it failed.
     """
 
-    point: RestPoint | Member
+    point: Equilibrium | Member
     reason: str
 
     @_text.never_raising
@@ -53,10 +53,10 @@ class Failure:
 
 @dataclasses.dataclass(frozen=True)
 class Diagram:
-    """The families of rest points and of orbits over a parameter.
+    """The families of equilibria and of orbits over a parameter.
 
     Attributes:
-      rests: families of rest points.
+      rests: families of equilibria.
       orbits: families of orbits.
       depths: of each family of orbits, the number of doublings that lead to it.
       failures: what was not found.
@@ -81,7 +81,7 @@ class Diagram:
         ]
         failed = [f"{x.point.kind} at {_text.brief(x.point.parameter)}" for x in self.failures]
         rows = [
-            ("rest points", _text.counted(len(self.rests), "family", "families")),
+            ("equilibria", _text.counted(len(self.rests), "family", "families")),
             ("special", ", ".join(rests)),
             ("orbits", _text.counted(len(self.orbits), "family", "families")),
             ("special", ", ".join(special)),
@@ -112,19 +112,19 @@ def diagram(
 ) -> Diagram:
     """The bifurcation diagram of a scene over a parameter.
 
-    Families of rest points in both directions from the start and through branch points; families
+    Families of equilibria in both directions from the start and through branch points; families
     of orbits from each Hopf point; families of orbits of twice the period from each doubling, both
     halves of the other family from each branch point of orbits, and so on.
 
     Args:
       make: the scene for each value of the parameter; see `continue_equilibria`.
       parameter: its value at the start.
-      start: (k,) state near a rest point; or (k/2,) coordinates of a state at rest.
+      start: (k,) state near an equilibrium; or (k/2,) coordinates of a state at rest.
       within: bounds on the parameter.
       depth: largest number of doublings that are followed one after the other; 0 for none.
         Branch points of orbits are followed at any depth.
-      step: length of the first step along rest points.
-      members: largest number of members of a family of rest points.
+      step: length of the first step along equilibria.
+      members: largest number of members of a family of equilibria.
       orbit_step: length of the first step along orbits; `step` by default.
       orbit_members: largest number of members of a family of orbits.
       amplitude: distance from a special point at which a new family begins.
@@ -133,7 +133,7 @@ def diagram(
     Returns:
       All families, and what could not be followed, with the reason.
     Raises:
-      ValueError: there is no rest point near `start`, or a number is out of range; see
+      ValueError: there is no equilibrium near `start`, or a number is out of range; see
         `continue_equilibria`.
     Limits: host only. Of a family of orbits that closes by a symmetry, no doublings.
     Example:
@@ -149,7 +149,7 @@ def diagram(
     depth = whole("depth", depth, least=0)
     options = {"step": step, "members": members, "within": within}
     rests, failures = [], []
-    _progress.doing("following rest points")
+    _progress.doing("following equilibria")
     for down in (False, True):
         rests.append(continue_equilibria(make, parameter, start, down=down, **options))
         report(rests[-1])
@@ -207,7 +207,7 @@ class _Orbits:
         self.seen: list[np.ndarray] = []
         self.branches: list[np.ndarray] = []
 
-    def from_hopf(self, rests: EquilibriumFamily, point: RestPoint, depth: int) -> None:
+    def from_hopf(self, rests: EquilibriumFamily, point: Equilibrium, depth: int) -> None:
         """Follow the orbits that begin at a Hopf point, and their doublings."""
         if any(_near(point.x, x) for x in self.seen) or self._reached(point):
             return
@@ -219,7 +219,7 @@ class _Orbits:
 
         self._follow(point, begin, 0, depth)
 
-    def _reached(self, point: RestPoint) -> bool:
+    def _reached(self, point: Equilibrium) -> bool:
         """Whether a family of orbits has ended at this Hopf point."""
         wide = _NEAR * (self.within[1] - self.within[0])
         ends = [x for family, _ in self.families for x in family.special if x.kind == Kind.REST]

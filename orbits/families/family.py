@@ -19,15 +19,15 @@ class Kind(enum.StrEnum):
     """The kinds of special points of a family."""
 
     # At a torus point a pair of multipliers crosses the unit circle; at a Krein collision, which
-    # only conservative scenes have, two pairs on it meet and leave it on both sides. A rest point,
-    # to which orbits shrink, is a Hopf point or a centre; there a family ends.
+    # only conservative scenes have, two pairs on it meet and leave it on both sides. An
+    # equilibrium, to which orbits shrink, is a Hopf point or a centre; there a family ends.
 
     FOLD = "fold"
     BRANCH = "branch point"
     DOUBLING = "period doubling"
     TORUS = "torus point"
     KREIN = "Krein collision"
-    REST = "rest point"
+    REST = "equilibrium"
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,9 +1,9 @@
-"""The orbits that begin at a Hopf point of a family of rest points."""
+"""The orbits that begin at a Hopf point of a family of equilibria."""
 
 import numpy as np
 
 from jaxdyn._checks import fail, finite
-from jaxdyn.continuation.family import EquilibriumFamily, Kind, RestPoint
+from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind
 from orbits.closing.closings import PLAIN
 from orbits.families.steps import parameter_at
 from orbits.families.surface import Surface
@@ -12,13 +12,13 @@ from orbits.shooting.effort import GOAL, RTOL
 from orbits.shooting.equations import Equations
 
 _NO_ORBIT = (
-    "No orbit was found at this amplitude. Try a smaller one: at a distance from the rest point "
+    "No orbit was found at this amplitude. Try a smaller one: at a distance from the equilibrium "
     "orbits are no ellipses, and from a degenerate Hopf point none may begin."
 )
 
 
 def from_hopf(
-    family: EquilibriumFamily, point: RestPoint, *, amplitude: float = 1e-2
+    family: EquilibriumFamily, point: Equilibrium, *, amplitude: float = 1e-2
 ) -> tuple[Orbit, float]:
     """An orbit that begins at a Hopf point, and its parameter.
 
@@ -28,7 +28,7 @@ def from_hopf(
     Args:
       family: what `jaxdyn.continue_equilibria` returned.
       point: a Hopf point of ``family.special``.
-      amplitude: distance of the start from the rest point along the real part of the eigenvector,
+      amplitude: distance of the start from the equilibrium along the real part of the eigenvector,
         in units of the state.
     Returns:
       (orbit, parameter), for `continue_family`.

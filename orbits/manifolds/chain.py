@@ -1,10 +1,10 @@
 """The closing equations of a connection, by multiple shooting with projection boundary conditions.
 
 The unknowns are the travel time, the parameter if there is one, and the states between segments.
-The chain begins at a given distance from the first rest point along its unstable eigenvector, its
+The chain begins at a given distance from the first equilibrium along its unstable eigenvector, its
 links meet, and it ends at a given distance from the second, on the stable subspace there. These
 linear ends are off the manifolds by terms of second order. Single shooting fails here: an error at
-the passage of a rest point at a distance d grows as a power of 1/d, in the Lorenz system as
+the passage of an equilibrium at a distance d grows as a power of 1/d, in the Lorenz system as
 d^(-2.7).
 
 Reference: Beyn (1990), IMA J. Numer. Anal. 10, 379; Doedel & Friedman (1989), J. Comput. Appl.
@@ -33,7 +33,7 @@ class Chain(Links):
     Attributes:
       base: the scene, or any of those that `make` gives.
       make: the scene for each value of the parameter; None without one.
-      near: (2, k) states near the two rest points.
+      near: (2, k) states near the two equilibria.
       along: (k,) unstable direction at the first, with the sense of its branch.
       across: (k, c) basis of the subspace at the second that is not stable.
       cuts: (2,) real parts between the eigenvalues of these subspaces and the others.
@@ -67,7 +67,7 @@ class Chain(Links):
         return np.concatenate([[time], extra, np.ravel(states)])
 
     def ends(self, scene: Scene) -> tuple[Split, Array, Split]:
-        """The first rest point, its unit unstable direction, and the second rest point."""
+        """The first equilibrium, its unit unstable direction, and the second equilibrium."""
         first = split(scene, self.near[0], self.cuts[0])
         v = first.projector @ self.along
         return first, v / jnp.linalg.norm(v), split(scene, self.near[1], self.cuts[1])
@@ -81,7 +81,7 @@ class Chain(Links):
     def gaps(self, x: Array, steps: Array) -> Array:
         """The errors of the links, of the end across the stable subspace, and of its distance.
 
-        `steps` (2,) are the distances of the ends from the rest points.
+        `steps` (2,) are the distances of the ends from the equilibria.
         """
         scene, starts, time = self.opened(x, steps)
         _, _, second = self.ends(scene)

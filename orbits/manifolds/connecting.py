@@ -1,9 +1,9 @@
-"""Connections of rest points and of orbits: the call."""
+"""Connections of equilibria and of orbits: the call."""
 
 from jaxdyn import Scene, _checks
 from jaxdyn.integrate.events import Event
+from orbits.manifolds.between_equilibria import connect_rests
 from orbits.manifolds.between_orbits import Asked, connect_orbits
-from orbits.manifolds.between_rests import connect_rests
 from orbits.manifolds.chain import Make
 from orbits.manifolds.connection import Connection
 from orbits.orbit import Orbit
@@ -28,9 +28,9 @@ def connect(
     segments: int = 24,
     rtol: float = RTOL,
 ) -> Connection:
-    """The connection from one rest point or orbit to another, or back to the same one.
+    """The connection from one equilibrium or orbit to another, or back to the same one.
 
-    Of rest points: it leaves `a` along its one unstable direction, and arrives at `b` on its stable
+    Of equilibria: it leaves `a` along its one unstable direction, and arrives at `b` on its stable
     subspace. In general this happens at isolated values of a parameter of the scene, which is found
     together with the motion. Without `make` the connection exists at the scene's own numbers, as a
     separatrix of a conservative scene does. Newton's method with exact derivatives, on segments;
@@ -41,8 +41,8 @@ def connect(
     in three dimensions, or in four with an energy, exist for whole ranges of parameters.
 
     Args:
-      a: a scene whose start is the rest point, or with `make` is near it; or an orbit.
-      b: (k,) the other rest point, or a state near it; or another orbit.
+      a: a scene whose start is the equilibrium, or with `make` is near it; or an orbit.
+      b: (k,) the other equilibrium, or a state near it; or another orbit.
       make: the scene for each value of a parameter, e.g. ``lambda rho: lorenz(rho=rho)``. A program
         is compiled for each function, so define it once.
       parameter: a value near that of the connection.
@@ -61,7 +61,7 @@ def connect(
     Returns:
       The motion, the parameter with its error, and an outcome.
     Raises:
-      ValueError: `a` or `b` is no rest point, `a` has not exactly one unstable eigenvalue, `b` has
+      ValueError: `a` or `b` is no equilibrium, `a` has not exactly one unstable eigenvalue, `b` has
         no stable one, `make` and `parameter` are not given together, or a number is out of range;
         the orbits have different energies, or connections of them are not isolated.
       SearchError: the wanted error is not reached beside an orbit.
@@ -81,8 +81,8 @@ def connect(
     error = float(_checks.positive("error", error, "It is a distance of states."))
     if isinstance(a, Orbit) or isinstance(b, Orbit):
         if not (isinstance(a, Orbit) and isinstance(b, Orbit)):
-            remedy = "A rest point and an orbit are not connected here."
-            raise _checks.fail("b", "two orbits, or two rest points", "one of each", remedy)
+            remedy = "An equilibrium and an orbit are not connected here."
+            raise _checks.fail("b", "two orbits, or two equilibria", "one of each", remedy)
         if make is not None or parameter is not None:
             remedy = "They are connected at each value of it."
             raise _checks.fail("make", "none for orbits", "one", remedy)
@@ -99,6 +99,6 @@ def connect(
         )
         return connect_orbits(a, b, asked)
     if until is not None:
-        raise _checks.fail("until", "none for rest points", "a section", "Leave it out.")
+        raise _checks.fail("until", "none for equilibria", "a section", "Leave it out.")
     branch = "+" if branch is None else branch
     return connect_rests(a, b, make, parameter, branch, time, error, segments, rtol)

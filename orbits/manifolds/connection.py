@@ -22,13 +22,13 @@ class ConnectionOutcome(Code):
     )
     MOTION_ENDS = (
         2,
-        "The strand from the first rest point cannot be followed: it runs into a singularity. "
+        "The strand from the first equilibrium cannot be followed: it runs into a singularity. "
         "Take a shorter time, or the other branch.",
     )
     DEPENDENT = (
         3,
         "The equations do not determine the parameter: a connection exists at each value of it, "
-        "as where an integral of motion has the same value at both rest points. Leave out `make`.",
+        "as where an integral of motion has the same value at both equilibria. Leave out `make`.",
     )
     ERROR_LIMIT = (
         4,
@@ -37,7 +37,7 @@ class ConnectionOutcome(Code):
     )
     NO_APPROACH = (
         5,
-        "The strand from the first rest point does not come closer to the second. Take another "
+        "The strand from the first equilibrium does not come closer to the second. Take another "
         "parameter, the other branch, or a longer time.",
     )
     NO_CROSSING = (
@@ -54,18 +54,18 @@ class ConnectionOutcome(Code):
 
 @dataclasses.dataclass(frozen=True)
 class Connection:
-    """A motion from one rest point or orbit to another, or back to the same one.
+    """A motion from one equilibrium or orbit to another, or back to the same one.
 
     Attributes:
       scene: the scene, at the parameter found, starting at the first state.
       parameter: value at which the connection exists; NaN without one.
       parameter_error: the change of the parameter with the last shortening of the ends, plus what
         gaps as large as the goal would cause.
-      rests: (2, k) the two rest points, or the states of the orbits beside which it begins and
+      rests: (2, k) the two equilibria, or the states of the orbits beside which it begins and
         ends.
       time: travel time between the ends [time of the scene].
       step_off: distances of the first state and of the last one from those [norm of a state].
-      error: estimated distance of the ends from the manifolds; at rest points that of the ends at
+      error: estimated distance of the ends from the manifolds; at equilibria that of the ends at
         the next larger step-off, an upper bound where the estimate converges [norm of a state].
       miss: largest gap of the closing equations.
       ts: (s,) times of the states, from 0.
@@ -73,7 +73,7 @@ class Connection:
       outcome: `ConnectionOutcome`.
       iterations: number of Newton steps.
       rtol: tolerance of the integrations.
-      orbits: the two orbits; None of rest points.
+      orbits: the two orbits; None of equilibria.
       phases: times from their starts at which the orbits pass `rests`; NaN likewise.
     """
 

@@ -1,4 +1,4 @@
-"""The linear part of a stable or unstable manifold: tangents along an orbit, or at a rest point.
+"""The linear part of a stable or unstable manifold: tangents along an orbit, or at an equilibrium.
 
 The stable manifold is the unstable one of the reversed motion, and it is computed so: integrated
 backwards its tangent grows, and rounding does not. Forwards it would be lost by the square of the
@@ -22,7 +22,7 @@ from orbits.orbit import Orbit
 #: Default kinds of manifolds, and the sense of time in which their strands leave.
 SENSES = {"unstable": 1.0, "stable": -1.0}
 _WEIGHT = 0.1  # of the largest entry of a vector: smaller ones do not tell its sign
-_REST = 1e-8  # relative rate below which a state is a rest point
+_REST = 1e-8  # relative rate below which a state is an equilibrium
 _REAL = 1e-9  # relative imaginary part below which an eigenvalue is real
 
 
@@ -32,13 +32,13 @@ class Directions(NamedTuple):
     The map over `span` takes ``base + e * before`` to ``base + e * tangent``, to first order in e.
 
     Attributes:
-      base: (n, k) states on the orbit, or the rest point.
+      base: (n, k) states on the orbit, or the equilibrium.
       times: (n,) times at which the motion passes them.
       tangent: (n, k) unit tangents of the manifold.
       before: (n, k) their preimages.
       span: length of the map in time, negative for a stable manifold.
       rate: rate at which the slowest of the directions grows in the sense of the strands.
-      multipliers: (m,) multipliers, or eigenvalues of a rest point, that the manifold belongs to.
+      multipliers: (m,) multipliers, or eigenvalues of an equilibrium, that the manifold belongs to.
     """
 
     base: np.ndarray
@@ -80,12 +80,12 @@ def of_orbit(orbit: Orbit, kind: str, n: int, which: int, rtol: float) -> Direct
 
 
 def of_rest(scene: Scene, y, kind: str, n: int, which: int | None) -> Directions:
-    """The tangents at a rest point: two of a curve, n on a circle of a surface."""
-    y = np.asarray(_checks.array("orbit", y, scene.y0.shape, "A rest point is a state."))
+    """The tangents at an equilibrium: two of a curve, n on a circle of a surface."""
+    y = np.asarray(_checks.array("orbit", y, scene.y0.shape, "An equilibrium is a state."))
     rate = np.abs(np.asarray(scene.rate(jnp.zeros(()), jnp.asarray(y)))).max()
     if rate > _REST * (1 + np.abs(y).max()):
-        remedy = "jaxdyn.analysis.equilibria finds rest points, `rest_point` polishes one."
-        raise _checks.fail("orbit", "a rest point", f"a state whose rate is {rate:.3g}", remedy)
+        remedy = "jaxdyn.analysis.equilibria finds equilibria, `equilibrium` polishes one."
+        raise _checks.fail("orbit", "an equilibrium", f"a state whose rate is {rate:.3g}", remedy)
     near, sense = linearize(scene, y), SENSES[kind]
     leaving = sense * near.eigenvalues.real > near.bars
     basis = tangents(scene, y)
@@ -96,7 +96,7 @@ def of_rest(scene: Scene, y, kind: str, n: int, which: int | None) -> Directions
     elif 1 <= len(wanted) <= 2:
         chosen = np.array(wanted)
     else:
-        expected = f"a rest point with one or two {kind} eigenvalues, or `which` of them"
+        expected = f"an equilibrium with one or two {kind} eigenvalues, or `which` of them"
         raise _checks.fail("orbit", expected, len(wanted))
     plane = _invariant(a, sense * chosen)
     b = plane.T @ a @ plane

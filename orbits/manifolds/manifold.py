@@ -1,4 +1,4 @@
-"""Stable and unstable manifolds of periodic orbits and rest points, as ensembles of strands."""
+"""Stable and unstable manifolds of periodic orbits and equilibria, as ensembles of strands."""
 
 import jax
 import jax.numpy as jnp
@@ -40,14 +40,15 @@ def manifold(
     rtol: float = RTOL,
     progress: bool = False,
 ) -> Manifold:
-    """The stable or unstable manifold of an orbit or rest point, cut at a section or a time.
+    """The stable or unstable manifold of an orbit or equilibrium, cut at a section or a time.
 
     Strands begin a small step off the orbit along its Floquet vectors, which the variational flow
-    carries around it, or along the eigenvectors of a rest point. The step is as long as the wanted
-    error of this linear start allows. They run on all cores, those of a stable manifold backwards.
+    carries around it, or along the eigenvectors of an equilibrium. The step is as long as the
+    wanted error of this linear start allows. They run on all cores, those of a stable manifold
+    backwards.
 
     Args:
-      orbit: a periodic orbit, or a scene whose start is a rest point.
+      orbit: a periodic orbit, or a scene whose start is an equilibrium.
       kind: "stable" or "unstable".
       until: the section at which strands end; without one they end after `time`. Directions of
         crossings are those along the strand, backwards for a stable manifold.
@@ -55,10 +56,10 @@ def manifold(
       time: length of strands [time of the scene], with a section the longest; by default until
         the linear growth reaches 1, and three times the e-folding time more.
       strands: number of phases of the orbit, or of starts on the circle of a two-dimensional
-        manifold of a rest point; each has two strands, one of each branch, unless on a circle.
+        manifold of an equilibrium; each has two strands, one of each branch, unless on a circle.
       branch: "+", "-" or "both". On "+" the first entry of the vector at phase 0 grows (the first
         that is not below a tenth of the largest).
-      which: number of the multiplier or eigenvalue, the fastest is 0; at a rest point by default
+      which: number of the multiplier or eigenvalue, the fastest is 0; at an equilibrium by default
         all of them, which may be two.
       error: largest estimated distance of a start from the manifold [norm of a state].
       samples: number of states on each strand.
@@ -67,11 +68,11 @@ def manifold(
     Returns:
       The strands, with starts, ends, samples, and a status each.
     Raises:
-      ValueError: the orbit is none, not a rest point, or has no such multiplier; another argument
+      ValueError: the orbit is none, not an equilibrium, or has no such multiplier; another argument
         is out of its range.
       SearchError: the error wanted is not reached.
     Limits: host only. One-dimensional manifolds of the map over a period, with a real multiplier;
-      of rest points one or two dimensions. Orbits that close only after a rotation are refused.
+      of equilibria one or two dimensions. Orbits that close only after a rotation are refused.
     Reference: Krauskopf et al. (2005), Int. J. Bifurcation Chaos 15, 763; Koon, Lo, Marsden & Ross
       (2000), Chaos 10, 427.
     Example:

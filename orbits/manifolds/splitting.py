@@ -1,4 +1,4 @@
-"""A rest point and the subspaces of its linear flow as functions of a parameter of the scene.
+"""An equilibrium and the subspaces of its linear flow as functions of a parameter of the scene.
 
 Projectors follow from the matrix sign function, whose Newton iteration is differentiable;
 eigenvectors would need a phase, and have no derivative where two eigenvalues meet.
@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn.analysis.equilibria import rest_point
+from jaxdyn.analysis.equilibria import equilibrium
 
 #: Newton steps of the sign function: each halves a large or doubles a small eigenvalue; the last
 #: six are quadratic.
@@ -19,7 +19,7 @@ _SIGN_STEPS = 40
 
 
 class Split(NamedTuple):
-    """A rest point (k,), the Jacobian (k, k), and the projector (k, k) on the faster subspace."""
+    """An equilibrium (k,), the Jacobian (k, k), and the projector (k, k) on the faster subspace."""
 
     rest: Array
     jacobian: Array
@@ -27,8 +27,8 @@ class Split(NamedTuple):
 
 
 def split(scene: Scene, near: Array, cut: Array) -> Split:
-    """The rest point near a state, with the subspace of eigenvalues of real part above `cut`."""
-    rest = rest_point(scene, near)
+    """The equilibrium near a state, with the subspace of eigenvalues of real part above `cut`."""
+    rest = equilibrium(scene, near)
     jacobian = jax.jacfwd(lambda y: scene.rate(jnp.zeros(()), y))(rest)
     one = jnp.eye(len(rest))
     shifted = jacobian - cut * one

@@ -1,10 +1,10 @@
 """How far from an orbit the linear start of a manifold may be, for a wanted error.
 
 A start ``base + e * tangent`` misses the manifold by a term of order e^2. It shows in a map over
-one period (a rest point has a time instead): the image of ``base + e * before`` is on the manifold
-to a smaller error, and the linear prediction of it is the start itself. Their distance, over
-1 - 1/growth, is the estimate. It is measured on a ladder of halved e, and extrapolated from where
-it falls at least as e^2: further down there is only rounding.
+one period (an equilibrium has a time instead): the image of ``base + e * before`` is on the
+manifold to a smaller error, and the linear prediction of it is the start itself. Their distance,
+over 1 - 1/growth, is the estimate. It is measured on a ladder of halved e, and extrapolated from
+where it falls at least as e^2: further down there is only rounding.
 """
 
 import math

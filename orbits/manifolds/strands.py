@@ -11,7 +11,7 @@ from orbits.orbit import Orbit
 
 @dataclasses.dataclass(frozen=True)
 class Manifold:
-    """Strands of a manifold of a periodic orbit or of a rest point.
+    """Strands of a manifold of a periodic orbit or of an equilibrium.
 
     Attributes:
       scene: the scene.
@@ -19,9 +19,9 @@ class Manifold:
       orbit: the orbit, or None.
       base: (n, k) the states beside which strands begin.
       phases: (n,) of each strand: the time at which the orbit passes its base, over the period,
-        from 0 to 1; at a rest point the angle on the circle of starts over a turn.
+        from 0 to 1; at an equilibrium the angle on the circle of starts over a turn.
       branches: (n,) the side, 1 or -1, of each; 1 for all of a circle.
-      multipliers: multipliers of the orbit, or eigenvalues of the rest point, that it belongs to.
+      multipliers: multipliers of the orbit, or eigenvalues of the equilibrium, that it belongs to.
       step_off: distance of the starts from the base [norm of a state].
       linear_error: estimated distance of the starts from the manifold [norm of a state].
       t0s: (n,) times of the starts, which matter to a driven scene only.
@@ -64,7 +64,7 @@ class Manifold:
             ("times", lasted),
             ("failures", "" if self.ok.all() else self.message),
         ]
-        what = "rest point" if rest else "orbit"
+        what = "equilibrium" if rest else "orbit"
         title = f"{self.kind.capitalize()} manifold of {what} of {_text.called(self.scene)}"
         return _text.table(title, rows)
 

@@ -5,8 +5,8 @@ from typing import Any
 from jaxdyn.balls.arithmetic import arb, precision
 from orbits.orbit import Orbit
 from orbits.proof.certificate import Certificate
-from orbits.proof.closure import Closure
-from orbits.proof.posing import posed_closure
+from orbits.proof.closing_equations import ClosingEquations
+from orbits.proof.posing import posed_equations
 from orbits.proof.proving import certified
 from orbits.proof.refinement import refine
 
@@ -34,7 +34,7 @@ def certificate_mismatch(orbit: Orbit, record: dict[str, Any]) -> str:
     """
     if not record["proved"]:
         return ""
-    system = posed_closure(orbit)
+    system = posed_equations(orbit)
     if len(record["centre"]) != len(system.unknowns):
         return "centre"
     again = _proved_again(orbit, system, record)
@@ -47,7 +47,7 @@ def certificate_mismatch(orbit: Orbit, record: dict[str, Any]) -> str:
     return next((name for name in _ENCLOSED if not _contains(record[name], new[name])), "")
 
 
-def _proved_again(orbit: Orbit, system: Closure, record: dict[str, Any]) -> Certificate:
+def _proved_again(orbit: Orbit, system: ClosingEquations, record: dict[str, Any]) -> Certificate:
     bits = int(record["bits"])
     with precision(bits):
         numbers = system.centre()

@@ -21,7 +21,7 @@ import numpy as np
 
 from jaxdyn.balls.arithmetic import arb, arb_mat, precision
 from jaxdyn.balls.tube import Tube, tube
-from orbits.proof.closure import Closure, float_matrix
+from orbits.proof.closing_equations import ClosingEquations, float_matrix
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Test:
 
 
 def tested(
-    system: Closure,
+    system: ClosingEquations,
     numbers: list[arb],
     radius: arb,
     digits: float,
@@ -85,7 +85,7 @@ def tested(
 
 
 def enclosed(
-    system: Closure, centre: list, box: list, digits: float, bits: int, slope_digits: float
+    system: ClosingEquations, centre: list, box: list, digits: float, bits: int, slope_digits: float
 ) -> Tube:
     """The tube about the motions over a part of the period."""
     spans = system.period(centre) / system.parts, system.period(box) / system.parts

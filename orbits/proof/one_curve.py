@@ -9,13 +9,15 @@ from jaxdyn.balls.arithmetic import arb, precision
 from jaxdyn.balls.tube import NotEnclosed, tube
 from jaxdyn.formulations.newton import FreePoints
 from orbits.closing.closings import choreography
-from orbits.proof.closure import Closure
+from orbits.proof.closing_equations import ClosingEquations
 from orbits.proof.posing import table
 
 _DIGITS = 30.0  # of where bodies are within a period
 
 
-def on_one_curve(scene: Scene, system: Closure, numbers: list[arb], bits: int) -> bool | None:
+def on_one_curve(
+    scene: Scene, system: ClosingEquations, numbers: list[arb], bits: int
+) -> bool | None:
     """Whether equal bodies follow one curve at equal times apart; None if not proved, or not asked.
 
     On such a curve, after the n-th part of any period each body is where one of them was at first,
@@ -46,7 +48,7 @@ def on_one_curve(scene: Scene, system: Closure, numbers: list[arb], bits: int) -
     return False if apart else None
 
 
-def _after_part(system: Closure, numbers: list[arb], n: int, bits: int) -> list[arb]:
+def _after_part(system: ClosingEquations, numbers: list[arb], n: int, bits: int) -> list[arb]:
     """(k) the state after the n-th part of the period."""
     with precision(bits):
         starts, period = system.start(numbers), system.period(numbers) / n

@@ -16,7 +16,7 @@ from orbits.closing.closings import Closing, Return, Reversal
 from orbits.closing.given import driven
 from orbits.closing.symmetry import Symmetry
 from orbits.orbit import Orbit, SearchError
-from orbits.proof.closure import Closure, float_matrix
+from orbits.proof.closing_equations import ClosingEquations, float_matrix
 from orbits.proof.drives import drive_period
 from orbits.proof.hidden import hidden_integrals
 
@@ -37,7 +37,7 @@ class Unposed(SearchError):
     """Raised where closing equations cannot be made square; says why."""
 
 
-def posed_closure(orbit: Orbit) -> Closure:
+def posed_equations(orbit: Orbit) -> ClosingEquations:
     """The square system of an orbit that `find` returned.
 
     Raises:
@@ -57,7 +57,7 @@ def posed_closure(orbit: Orbit) -> Closure:
     if generator is not None:
         labels.append("angle")
         values.append(float(orbit.angle))
-    whole = Closure(
+    whole = ClosingEquations(
         field=ball_field(formulas),
         formulas=formulas,
         integrals={},
@@ -111,7 +111,7 @@ def _maps(closing: Closing, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     raise fail("closing", "a return or a reversal", type(closing).__name__)
 
 
-def integrals_of(system: Closure, scene: Scene) -> dict[str, Number]:
+def integrals_of(system: ClosingEquations, scene: Scene) -> dict[str, Number]:
     """Candidates for integrals, by name, in the formulas of the rate."""
     return dict(zip(_integral_names(scene), system.candidates, strict=True))
 
@@ -160,7 +160,7 @@ def _integral_names(scene: Scene) -> list[str]:
     ]
 
 
-def _conserved(whole: Closure, candidates: dict[str, Number]) -> dict[str, Number]:
+def _conserved(whole: ClosingEquations, candidates: dict[str, Number]) -> dict[str, Number]:
     """The candidates whose rates of change vanish near the orbit, in floats."""
     random = np.random.default_rng(0)
     worst = np.zeros(len(candidates))
@@ -185,7 +185,7 @@ def _floats(rows: list[list]) -> np.ndarray:
     return np.array([[float(x) for x in row] for row in rows])
 
 
-def _squared(whole: Closure, integrals: dict[str, Number]) -> Closure:
+def _squared(whole: ClosingEquations, integrals: dict[str, Number]) -> ClosingEquations:
     """The same equations with as many unknowns: some numbers held, some equations spared."""
     with precision(128):
         numbers = whole.centre()

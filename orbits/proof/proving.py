@@ -15,10 +15,10 @@ from jaxdyn.balls.tube import SLOPE_DIGITS
 from orbits.orbit import Orbit, SearchError
 from orbits.proof import multipliers
 from orbits.proof.certificate import Certificate
-from orbits.proof.closure import Closure
+from orbits.proof.closing_equations import ClosingEquations
 from orbits.proof.krawczyk import Test, tested
 from orbits.proof.one_curve import on_one_curve
-from orbits.proof.posing import integrals_of, posed_closure
+from orbits.proof.posing import integrals_of, posed_equations
 from orbits.proof.refinement import LEAST_DIGITS, MOST_DIGITS, solved
 from orbits.proof.spectrum import Spectrum, spectrum, structure
 from orbits.proof.theorems import missing
@@ -40,9 +40,9 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
     It says that the equations of motion, whose numbers are the scene's binary floats exactly, have
     a periodic solution within the enclosures of the certificate, the only one within its radius
     that has the held numbers. The test is Krawczyk's (`krawczyk`) on closing equations that
-    integrals make square (`closure`), over tubes of Taylor series whose remainders are bounded by
-    Cauchy's estimates (`enclosure`, `tube` in ``jaxdyn/balls/``); integrals and symmetries are
-    proved as identities (`theorems`); no step rests on a rounded number.
+    integrals make square (`closing_equations`), over tubes of Taylor series whose remainders are
+    bounded by Cauchy's estimates (`enclosure`, `tube` in ``jaxdyn/balls/``); integrals and
+    symmetries are proved as identities (`theorems`); no step rests on a rounded number.
 
     Args:
       orbit: what `find` returned.
@@ -69,7 +69,7 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
     _checks.whole("digits", digits, LEAST_DIGITS, MOST_DIGITS, "They are decimal digits.")
     doing("writing the closing equations as formulas")
     try:
-        system = posed_closure(orbit)
+        system = posed_equations(orbit)
         numbers, lost = solved(system, digits + _SPARE)
     except SearchError as error:
         return _unproved(orbit, f"no centre is found: {error}", throw)
@@ -78,7 +78,7 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
 
 def certified(
     orbit: Orbit,
-    system: Closure,
+    system: ClosingEquations,
     numbers: list[arb],
     radius: float,
     digits: float,
@@ -133,7 +133,7 @@ def certified(
     return _unproved(orbit, f"{reason} {_MORE}", throw, bits_used)
 
 
-def _degenerate(system: Closure, test: Test, bits: int) -> str:
+def _degenerate(system: ClosingEquations, test: Test, bits: int) -> str:
     """Why the zero of the closing equations may be no orbit, or not alone; "" if it is one."""
     numbers = test.numbers
     with precision(bits):
@@ -141,7 +141,7 @@ def _degenerate(system: Closure, test: Test, bits: int) -> str:
             return "The period may be 0 or negative."
         rate = system.field.rate(arb(0), system.start(numbers))
         if system.drive is None and not any(bool(abs(x) > 0) for x in rate):
-            return "The start may be a rest point."
+            return "The start may be an equilibrium."
         if not system.spared_hold(test.tube.box, numbers):
             return f"The integrals {list(system.integrals)} may depend on each other at the end."
     return ""
@@ -155,7 +155,7 @@ def _unproved(orbit: Orbit, reason: str, throw: bool, bits: int = 0) -> Certific
 
 def _certificate(
     orbit: Orbit,
-    system: Closure,
+    system: ClosingEquations,
     numbers: list[arb],
     test: Test,
     radius: float,
@@ -193,7 +193,9 @@ def _certificate(
         )
 
 
-def _spectrum(orbit: Orbit, system: Closure, test: Test, digits: float, bits: int) -> Spectrum:
+def _spectrum(
+    orbit: Orbit, system: ClosingEquations, test: Test, digits: float, bits: int
+) -> Spectrum:
     scene = orbit.scene
     form = symplectic_form(scene, scene.y0)
     k = len(scene.y0)
@@ -220,7 +222,7 @@ def _generators(scene: Scene) -> list[tuple[np.ndarray, np.ndarray]]:
     return pairs
 
 
-def _words(system: Closure) -> str:
+def _words(system: ClosingEquations) -> str:
     text = "Krawczyk's test of the closing equations"
     if not system.integrals:
         return f"{text}."

@@ -11,8 +11,8 @@ from jaxdyn.balls.motion import End, bits_of
 from jaxdyn.balls.program import Program
 from orbits.orbit import Orbit, SearchError
 from orbits.proof import multipliers
-from orbits.proof.closure import Closure, float_matrix
-from orbits.proof.posing import ROUGH_DIGITS, posed_closure
+from orbits.proof.closing_equations import ClosingEquations, float_matrix
+from orbits.proof.posing import ROUGH_DIGITS, posed_equations
 from orbits.proof.refined import Refined
 
 LEAST_DIGITS, MOST_DIGITS = 15, 1000
@@ -32,9 +32,10 @@ _OTHER_ORDER = 7
 def refine(orbit: Orbit, digits: int = 50) -> Refined:
     """Start and period of an orbit to many digits.
 
-    Newton's method on the closing equations (see `closure` in the same folder), with a Jacobian in
-    doubles as long as that gains digits in each step, in full precision where it does not. Every
-    number of the scene stands for its binary float, exactly; so do the entries that are held.
+    Newton's method on the closing equations (see `closing_equations` in the same folder), with a
+    Jacobian in doubles as long as that gains digits in each step, in full precision where it does
+    not. Every number of the scene stands for its binary float, exactly; so do the entries that are
+    held.
 
     Args:
       orbit: what `find` returned.
@@ -52,7 +53,7 @@ def refine(orbit: Orbit, digits: int = 50) -> Refined:
     """
     _checks.whole("digits", digits, LEAST_DIGITS, MOST_DIGITS, "They are decimal digits.")
     doing("writing the closing equations as formulas")
-    system = posed_closure(orbit)
+    system = posed_equations(orbit)
     numbers, lost = solved(system, digits + _SPARE)
     working = digits + _SPARE + lost
     doing("checking the closing error, and computing the multipliers, with other steps")
@@ -81,7 +82,7 @@ def refine(orbit: Orbit, digits: int = 50) -> Refined:
         )
 
 
-def _energy(system: Closure, energy, start: list, digits: int) -> str:
+def _energy(system: ClosingEquations, energy, start: list, digits: int) -> str:
     program = Program.of(system.formulas.graph, [energy])
     pairs = zip(system.formulas.states, start, strict=True)
     value = program({system.formulas.time: arb(0), **dict(pairs)})[0]
@@ -107,7 +108,7 @@ def _multipliers(matrix: arb_mat, digits: int) -> tuple:
     return texts, exponents
 
 
-def solved(system: Closure, digits: float) -> tuple[list[arb], float]:
+def solved(system: ClosingEquations, digits: float) -> tuple[list[arb], float]:
     """The numbers of an orbit to this many digits, and how many digits its motion loses.
 
     Raises:
@@ -138,7 +139,7 @@ def solved(system: Closure, digits: float) -> tuple[list[arb], float]:
 
 
 def _stepped(
-    system: Closure, numbers: list[arb], inverse: arb_mat, digits: float
+    system: ClosingEquations, numbers: list[arb], inverse: arb_mat, digits: float
 ) -> tuple[list[arb], float]:
     """The numbers after a step of Newton's method, and how many of their digits it left."""
     with precision(bits_of(digits)):
@@ -150,7 +151,7 @@ def _stepped(
         return moved, _log10(_largest(moved)) - _log10(_largest(step))
 
 
-def _inverse(system: Closure, numbers: list[arb], digits: float) -> tuple[arb_mat, float]:
+def _inverse(system: ClosingEquations, numbers: list[arb], digits: float) -> tuple[arb_mat, float]:
     """The inverse of the Jacobian, and how many digits the motion loses."""
     with precision(bits_of(digits)):
         end = _motion(system, numbers, digits, slopes=True)
@@ -164,14 +165,14 @@ def _inverse(system: Closure, numbers: list[arb], digits: float) -> tuple[arb_ma
         return arb_mat([[x.mid() for x in row] for row in inverse.tolist()]), math.log10(growth)
 
 
-def _motion(system: Closure, numbers: list[arb], digits: float, *, slopes: bool) -> End:
+def _motion(system: ClosingEquations, numbers: list[arb], digits: float, *, slopes: bool) -> End:
     try:
         return system.motion(numbers, digits, slopes=slopes)
     except ArithmeticError as error:
         raise SearchError(str(error)) from error
 
 
-def _at_precision(system: Closure, numbers: list[arb]) -> list[arb]:
+def _at_precision(system: ClosingEquations, numbers: list[arb]) -> list[arb]:
     """The numbers, with an exact period of a drive at the present precision."""
     if system.drive is None:
         return numbers
@@ -179,7 +180,7 @@ def _at_precision(system: Closure, numbers: list[arb]) -> list[arb]:
     return [system.exact_period() if i == place else x for i, x in enumerate(numbers)]
 
 
-def _moved(system: Closure, numbers: list[arb], step: list[arb]) -> list[arb]:
+def _moved(system: ClosingEquations, numbers: list[arb], step: list[arb]) -> list[arb]:
     moved = list(numbers)
     for i, change in zip(system.unknowns, step, strict=True):
         moved[i] = (moved[i] + change).mid()

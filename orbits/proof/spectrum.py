@@ -23,7 +23,7 @@ from jaxdyn.balls.arithmetic import acb, arb, arb_mat, precision
 from jaxdyn.balls.identities import NoPolynomial
 from jaxdyn.balls.tube import NotEnclosed
 from orbits.proof import multipliers
-from orbits.proof.closure import Closure, product
+from orbits.proof.closing_equations import ClosingEquations, product
 from orbits.proof.krawczyk import enclosed
 from orbits.proof.theorems import Theorems
 
@@ -57,7 +57,12 @@ class Structure:
 
 
 def spectrum(
-    system: Closure, numbers: list, slopes: arb_mat, known: Structure, digits: float, bits: int
+    system: ClosingEquations,
+    numbers: list,
+    slopes: arb_mat,
+    known: Structure,
+    digits: float,
+    bits: int,
 ) -> Spectrum:
     """The non-trivial multipliers of an orbit.
 
@@ -84,7 +89,7 @@ def spectrum(
         return _of(system, numbers, found.slopes, known)
 
 
-def _of(system: Closure, numbers: list, slopes: arb_mat, known: Structure) -> Spectrum:
+def _of(system: ClosingEquations, numbers: list, slopes: arb_mat, known: Structure) -> Spectrum:
     try:
         matrix = system.monodromy(slopes, numbers)
         unit = 0 if system.drive is not None else _unit(system, numbers, known)
@@ -116,7 +121,7 @@ def _on_circle(i: int, values: list[acb]) -> bool:
     )
 
 
-def _unit(system: Closure, numbers: list, known: Structure) -> int:
+def _unit(system: ClosingEquations, numbers: list, known: Structure) -> int:
     """A number of multipliers that are 1, proved."""
     start = system.start(numbers)
     flow = [arb(x) for x in system.field.rate(arb(0), start)]
@@ -155,7 +160,7 @@ def _rank(rows: list[list]) -> bool:
     return bool(determinant > 0)
 
 
-def structure(system: Closure, candidates: dict, generators: list, form) -> Structure:
+def structure(system: ClosingEquations, candidates: dict, generators: list, form) -> Structure:
     """What is proved among candidates: integrals, generators of symmetries, a symplectic form."""
     try:
         theorems = Theorems.of(system.formulas, system.field)

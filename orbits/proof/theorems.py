@@ -18,7 +18,7 @@ from jaxdyn.balls.identities import NoPolynomial, Polynomials
 from jaxdyn.balls.program import Program
 from jaxdyn.solvers.taylor.formulas import Formulas
 from jaxdyn.solvers.taylor.graph import Number
-from orbits.proof.closure import Closure
+from orbits.proof.closing_equations import ClosingEquations
 
 
 @dataclasses.dataclass(eq=False)
@@ -163,10 +163,11 @@ class Theorems:
         return found
 
 
-def missing(system: Closure) -> str:
+def missing(system: ClosingEquations) -> str:
     """What the step from a zero of the closing equations to an orbit lacks; "" if nothing.
 
-    See `closure` for why the unfolding is 0, and the closing condition for why the motion repeats.
+    See `closing_equations` for why the unfolding is 0, and the closing condition for why the motion
+    repeats.
     """
     try:
         known = Theorems.of(system.formulas, system.field)
@@ -182,7 +183,7 @@ def missing(system: Closure) -> str:
         return f"an identity of formulas with {error}"
 
 
-def _of_return(system: Closure, known: Theorems) -> str:
+def _of_return(system: ClosingEquations, known: Theorems) -> str:
     goal, parts = system.goal, system.parts
     unit = np.eye(len(goal), dtype=int)
     if system.drive is not None and parts != 1:
@@ -207,7 +208,7 @@ def _of_return(system: Closure, known: Theorems) -> str:
     return ""
 
 
-def _of_reversal(system: Closure, known: Theorems) -> str:
+def _of_reversal(system: ClosingEquations, known: Theorems) -> str:
     if system.drive is not None:
         return "that a driven motion retraces its path"
     assert system.reversals is not None

@@ -76,9 +76,9 @@ def test_a_family_and_a_search_are_shown(swing):
     assert row == f"  1       period {np.pi:.6g}, stable"
 
 
-def test_rest_points_are_shown_with_what_they_are():
+def test_equilibria_are_shown_with_what_they_are():
     head, *rows = lines(equilibria(scenes.pendulum(), [-4.0], [4.0]))
-    assert head == "Equilibria: 2 rest points"
+    assert head == "Equilibria: 2 equilibria"
     assert rows[0] == "  1          (-3.14159, 0): isolated, unstable, saddle"
     assert rows[1] == "  2          (0, 0): isolated, undecided, centre"
     assert rows[2].startswith("  certainty  complete")

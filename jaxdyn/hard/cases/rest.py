@@ -1,7 +1,7 @@
-"""Rest points that a search may miss, and false ones.
+"""Equilibria that a search may miss, and false ones.
 
 A mass on two springs under weight. The references are independent: SciPy's `root` from 121 x 121
-starts, and mpmath with 40 digits for the weight at which two rest points merge.
+starts, and mpmath with 40 digits for the weight at which two equilibria merge.
 """
 
 import math
@@ -16,7 +16,7 @@ from jaxdyn.scenes.springs import spring_mass, two_springs
 
 _BOX = [-10.0, -10.0], [10.0, 10.0]
 _BOUND = 1e-12  # [m]
-#: (k_b, length_a, length_b, g), and its rest points [m].
+#: (k_b, length_a, length_b, g), and its equilibria [m].
 OBLIQUE = (
     (
         (8.0, 2.0, 0.8, 1.0),
@@ -46,7 +46,7 @@ OBLIQUE = (
         ),
     ),
 )
-#: Weights [N] of the last of these at which two rest points merge: F = 0 and det dF/dr = 0.
+#: Weights [N] of the last of these at which two equilibria merge: F = 0 and det dF/dr = 0.
 FOLDS = (1.83115044893896329429, 2.67069709685040944988)
 _BESIDE = 1e-7  # [N] from that weight; the two are then about 1e-3 m apart
 
@@ -72,7 +72,7 @@ def _small_basins() -> tuple[Figure, ...]:
     wanted = [np.array(points) for _, points in OBLIQUE]
     pairs = list(zip(found, wanted, strict=True))
     return (
-        Figure("rest points missed", _off([len(w) - len(f) for f, w in pairs]), 0),
+        Figure("equilibria missed", _off([len(w) - len(f) for f, w in pairs]), 0),
         Figure("places [m]", max(absolute_error(f.states[:, :2], w) for f, w in pairs), _BOUND),
         Figure("lists not proved to be complete", _open(found), 0),
     )
@@ -91,12 +91,12 @@ def _folds() -> tuple[Figure, ...]:
 
 
 def _none_and_many() -> tuple[Figure, ...]:
-    """A scene without rest points, and one with a circle of them."""
+    """A scene without equilibria, and one with a circle of them."""
     falling = equilibria(cannonball(), [-3.0, -3.0], [3.0, 3.0])
     circle = equilibria(spring_mass(g=0.0, length=0.5), [-1.0, -1.0], [1.0, 1.0], starts=64)
     radii = np.hypot(*circle.states[:, :2].T)
     return (
-        Figure("rest points of a falling ball", len(falling), 0),
+        Figure("equilibria of a falling ball", len(falling), 0),
         Figure("not proved to have none", _open([falling]), 0),
         Figure("points of a circle called isolated", circle.kinds.count("isolated"), 0),
         Figure("samples of a circle called complete", float(circle.complete), 0),
@@ -119,11 +119,11 @@ def _nearest(found: Equilibria) -> float:
 
 
 CASES = (
-    Case("rest-points", "All rest points are found, also those with small basins.", _small_basins),
-    Case("folds", "Rest points are counted correctly where two are about to vanish.", _folds),
+    Case("equilibria", "All equilibria are found, also those with small basins.", _small_basins),
+    Case("folds", "Equilibria are counted correctly where two are about to vanish.", _folds),
     Case(
-        "no-rest",
-        "A falling ball has no rest point, a mass on a spring a circle of them.",
+        "no-equilibrium",
+        "A falling ball has no equilibrium, a mass on a spring a circle of them.",
         _none_and_many,
     ),
 )

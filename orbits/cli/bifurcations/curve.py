@@ -1,4 +1,4 @@
-"""The command `orbits curve`: folds and Hopf points of rest points in two parameters."""
+"""The command `orbits curve`: folds and Hopf points of equilibria in two parameters."""
 
 import math
 from typing import Annotated
@@ -37,7 +37,7 @@ def curve_command(
 ) -> None:
     """The curves of a scene's folds and Hopf points in two parameters.
 
-    Rest points are followed in the first parameter, and each fold and Hopf point on the way in both
+    Equilibria are followed in the first parameter, and each fold and Hopf point on the way in both
     parameters.
     """
     check_title(title, plot)
@@ -49,7 +49,7 @@ def curve_command(
     chosen = scene_settings(name, settings)
     for parameter in (first, second):
         choice("--parameters", parameter, scenes()[name].parameters)
-    with screen(f"looking for rest points of {name}", as_object) as out:
+    with screen(f"looking for equilibria of {name}", as_object) as out:
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)
         make, (p, q) = orbits.families.parameters.maker_of_two(name, values, (first, second))
         begin, special = rest_start(name, values, start), []

@@ -1,4 +1,4 @@
-"""The command `orbits diagram`: rest points, orbits and doublings over a parameter."""
+"""The command `orbits diagram`: equilibria, orbits and doublings over a parameter."""
 
 from typing import Annotated, Any
 
@@ -34,13 +34,13 @@ def diagram_command(
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """The bifurcation diagram of a scene: rest points, orbits, doublings."""
+    """The bifurcation diagram of a scene: equilibria, orbits, doublings."""
     check_title(title, plot)
     whole("--members", members)
     limits = bounds("--within", within)
     chosen = scene_settings(name, settings)
     choice("--parameter", parameter, scenes()[name].parameters)
-    with screen(f"looking for rest points of {name}", as_object) as out:
+    with screen(f"looking for equilibria of {name}", as_object) as out:
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)
         make, value = orbits.families.parameters.maker(name, values, parameter)
         found = orbits.diagram(
@@ -81,4 +81,4 @@ def _as_json(found: "orbits.Diagram") -> dict[str, Any]:
         {"kind": str(x.point.kind), "parameter": x.point.parameter, "reason": x.reason}
         for x in found.failures
     ]
-    return {"rest_points": rests, "orbits": special, "not_followed": failures}
+    return {"equilibria": rests, "orbits": special, "not_followed": failures}

@@ -1,4 +1,4 @@
-"""Common parts of the commands that begin at a rest point."""
+"""Common parts of the commands that begin at an equilibrium."""
 
 from typing import Annotated
 
@@ -10,12 +10,12 @@ from orbits.cli.shared import numbers
 
 StartOption = Annotated[
     str | None,
-    typer.Option(metavar="A,B,..", help="State near a rest point; the scene's start by default."),
+    typer.Option(metavar="A,B,..", help="State near an equilibrium; the scene's start by default."),
 ]
 
 
 def rest_start(name: str, values: dict, start: str | None) -> list[float]:
-    """The state near which a rest point is sought."""
+    """The state near which an equilibrium is sought."""
     if start is not None:
         return list(numbers("--start", start))
     return jaxdyn.scenes.catalogue.entries()[name].make(**values).y0.tolist()

@@ -1,4 +1,4 @@
-"""Rest points: all of those that are known, their number by topology, decay by simulation."""
+"""Equilibria: all of those that are known, their number by topology, decay by simulation."""
 
 import jax
 import jax.numpy as jnp
@@ -7,10 +7,10 @@ import pytest
 from helpers import EXACT, Arm, gap, refusal
 
 from jaxdyn import Scene, simulate
-from jaxdyn.analysis.equilibria import Equilibria, equilibria, rest_point
+from jaxdyn.analysis.equilibria import Equilibria, equilibria, equilibrium
+from jaxdyn.analysis.equilibrium_search.completeness import bisected, judged
+from jaxdyn.analysis.equilibrium_search.search import Box, low_discrepancy
 from jaxdyn.analysis.linearize import modes
-from jaxdyn.analysis.rest_points.completeness import bisected, judged
-from jaxdyn.analysis.rest_points.search import Box, low_discrepancy
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.newton_euler import NewtonEuler
@@ -94,7 +94,7 @@ def test_problem_13_d_eigenvalues_against_simulated_decay():
         assert gap((motion.ys[-1] - state) / scale, expected / scale) < 1e-4
 
 
-def test_rest_points_of_lorenz():
+def test_equilibria_of_lorenz():
     found = equilibria(lorenz(), [-30, -30, -10], [30, 30, 60], starts=64)
     w = np.sqrt(8 / 3 * 27)
     assert gap(found.states, [[-w, -w, 27], [0, 0, 0], [w, w, 27]]) < 1e-12
@@ -109,13 +109,13 @@ def test_angles_are_counted_once():
 
 
 @pytest.mark.slow
-def test_a_circle_of_rest_points_is_reported_as_a_continuum():
+def test_a_circle_of_equilibria_is_reported_as_a_continuum():
     found = equilibria(spring_mass(g=0.0, length=0.5), [-1, -1], [1, 1], starts=64)
     assert len(found) > 10
     assert set(found.kinds) == {"continuum"}
     assert not found.complete
     assert "boxes" in found.certainty
-    assert "along a curve of rest points" in found.certainty
+    assert "along a curve of equilibria" in found.certainty
     assert gap(np.hypot(*found.states[:, :2].T), np.full(len(found), 0.5)) < 1e-7
     assert all(x.portrait == "degenerate" for x in found.linearizations)
 
@@ -135,19 +135,19 @@ def test_low_discrepancy_points_fill_the_cube():
 
 
 @pytest.mark.parametrize(("numbers", "expected"), OBLIQUE)
-def test_rest_points_with_small_basins_are_all_found(numbers, expected):
+def test_equilibria_with_small_basins_are_all_found(numbers, expected):
     found = equilibria(oblique(*numbers), [-10, -10], [10, 10])
     assert found.states.shape == (len(expected), 4)
     assert gap(found.states[:, :2], expected) < 1e-12
     assert (found.states[:, 2:] == 0).all()
     assert found.complete
-    assert found.certainty.startswith("complete: interval bisection excludes any other rest point")
+    assert found.certainty.startswith("complete: interval bisection excludes any other equilibrium")
     assert (
         "except the points (0, 0), (0.8, 0.6), where the rate is discontinuous" in found.certainty
     )
 
 
-def test_two_rest_points_that_are_about_to_vanish():
+def test_two_equilibria_that_are_about_to_vanish():
     before, after = (
         equilibria(oblique(0.5, 3.0, 3.0, FOLDS[1] + beside), [-10, -10], [10, 10], starts=64)
         for beside in (-1e-7, 1e-7)
@@ -170,7 +170,7 @@ def test_a_falling_body_rests_nowhere(scene):
     assert found.lost == 1024
 
 
-def test_a_place_where_the_rate_is_zero_but_jumps_is_no_rest_point():
+def test_a_place_where_the_rate_is_zero_but_jumps_is_no_equilibrium():
     # B where the search starts, and the spring to A at its rest length there: the other spring
     # has no direction, so the rate is 0 just there.
     start = 2 * low_discrepancy(1, 2)[0] - 1
@@ -186,11 +186,13 @@ def test_modes_take_what_equilibria_returns():
     assert (modes(scene, state).squares > 0).all()
     moving = np.array([0.0, 0.0, 1.0, 0.0])
     assert (modes(scene, state + 5e-174 * moving).squares > 0).all()
-    with pytest.raises(ValueError, match=r"^y: expected a rest point, got velocities \[0\.001, 0"):
+    with pytest.raises(
+        ValueError, match=r"^y: expected an equilibrium, got velocities \[0\.001, 0"
+    ):
         modes(scene, state + 1e-3 * moving)
 
 
-def test_rest_points_with_constraints_satisfy_them_and_are_not_proved():
+def test_equilibria_with_constraints_satisfy_them_and_are_not_proved():
     # Without the constraint, a mass on a rod could rest anywhere on the vertical.
     found = equilibria(pendulum(formulation="constrained"), [-2, -2], [2, 2], starts=64)
     assert gap(found.states, [[0, -1, 0, 0], [0, 1, 0, 0]]) < 1e-12
@@ -208,17 +210,17 @@ class Flat(Effect):
         return -(r**3)
 
 
-def test_a_rest_point_that_exists_but_was_not_reached_is_told():
+def test_a_equilibrium_that_exists_but_was_not_reached_is_told():
     field, box = spring_mass().field, Box(np.array([-3.0, -3, 0, 0]), np.array([3.0, 3, 0, 0]))
     proof = bisected(field, jnp.zeros(()), box)
     found = equilibria(spring_mass(), [-3, -3], [3, 3], starts=64)
     assert found.complete
     complete, certainty = judged(proof, field, jnp.zeros(()), found.states[:-1], np.zeros((0, 4)))
     assert not complete
-    assert "did not reach the rest point that exists near" in certainty
+    assert "did not reach the equilibrium that exists near" in certainty
 
 
-def test_a_rest_point_without_stiffness_is_degenerate():
+def test_a_equilibrium_without_stiffness_is_degenerate():
     scene = Scene(FreePoints([1.0], 1), (Flat(),), y0=[1.0, 0.0])
     found = equilibria(scene, [-1.0], [2.0], starts=16)
     assert found.kinds == ("degenerate",)
@@ -227,9 +229,9 @@ def test_a_rest_point_without_stiffness_is_degenerate():
     assert "near (0) the Jacobian is singular" in found.certainty
 
 
-def test_a_rest_point_moves_with_the_numbers_of_the_scene():
+def test_a_equilibrium_moves_with_the_numbers_of_the_scene():
     def height(k):
-        return rest_point(spring_mass(k=k, length=0.5, g=9.0), [0.1, -1.0, 0.0, 0.0])[1]
+        return equilibrium(spring_mass(k=k, length=0.5, g=9.0), [0.1, -1.0, 0.0, 0.0])[1]
 
     # -length - m g / k
     assert gap(height(10.0), -1.4) < EXACT
@@ -237,25 +239,25 @@ def test_a_rest_point_moves_with_the_numbers_of_the_scene():
     assert gap(jax.jacfwd(jax.grad(height))(10.0), -0.018) < EXACT
 
 
-def test_rest_points_of_a_traced_scene_are_refused():
+def test_equilibria_of_a_traced_scene_are_refused():
     def least(g):
         return equilibria(spring_mass(g=g), [-3, -3], [3, 3]).states.min()
 
     message = (
-        r"^equilibria: expected known numbers, got traced .* `equilibria\.rest_point\(scene, y\)"
+        r"^equilibria: expected known numbers, got traced .* `equilibria\.equilibrium\(scene, y\)"
     )
     for attempt in (jax.grad(least), jax.jit(least)):
         with pytest.raises(ValueError, match=message):
             attempt(1.0)
 
 
-def test_no_isolated_rest_point_is_nan_and_so_is_its_derivative():
+def test_no_isolated_equilibrium_is_nan_and_so_is_its_derivative():
     def place(length):
-        return rest_point(spring_mass(g=0.0, length=length), [0.5, 0.0, 0.0, 0.0])[0]
+        return equilibrium(spring_mass(g=0.0, length=length), [0.5, 0.0, 0.0, 0.0])[0]
 
     assert np.isnan(place(0.5))
     assert np.isnan(jax.grad(place)(0.5))
-    assert np.isnan(rest_point(cannonball(), jnp.zeros(4))).all()
+    assert np.isnan(equilibrium(cannonball(), jnp.zeros(4))).all()
 
 
 BOXES = [

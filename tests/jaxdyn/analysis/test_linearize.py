@@ -10,7 +10,7 @@ from jaxdyn import Effect, Scene, simulate
 from jaxdyn.analysis import linearize
 from jaxdyn.analysis.constraints import conditioning
 from jaxdyn.analysis.eigenvalues import ROUNDING, SAFETY
-from jaxdyn.analysis.equilibria import equilibria, rest_point
+from jaxdyn.analysis.equilibria import equilibria, equilibrium
 from jaxdyn.effects import SpringNetwork, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.newton_euler import NewtonEuler
@@ -138,7 +138,7 @@ def test_a_frequency_is_differentiable_in_the_numbers_of_the_scene():
         lambda: linearize.linearize(oscillator(), [0.0, 0.0]),
         lambda: linearize.modes(oscillator(), [0.0, 0.0]),
         lambda: equilibria(oscillator(), [-1.0], [1.0]),
-        lambda: rest_point(oscillator(), [0.0, 0.0]),
+        lambda: equilibrium(oscillator(), [0.0, 0.0]),
         lambda: conditioning(pendulum(formulation="constrained"), 0.0, [0.0, -1.0, 0.0, 0.0]),
     ],
 )
@@ -152,7 +152,9 @@ def test_what_has_no_modes_is_refused():
         ValueError, match=r"^scene: expected a system with canonical momenta, got L"
     ):
         linearize.modes(lorenz())
-    message = r"^y: expected a rest point, got velocities \[1\.0\], accelerations \[-1\.0\]\. `equ"
+    message = (
+        r"^y: expected an equilibrium, got velocities \[1\.0\], accelerations \[-1\.0\]\. `equ"
+    )
     with pytest.raises(ValueError, match=message):
         linearize.modes(oscillator(), [1.0, 1.0])
     swirl = _chain(2) + Swirl()

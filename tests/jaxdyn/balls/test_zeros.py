@@ -38,7 +38,7 @@ def test_the_zeros_of_a_cubic_and_a_line_are_all_found():
 def test_a_box_without_zeros_is_proved_to_have_none():
     proof = _proof(lambda y: [y[0] ** 2 + y[1] ** 2 + 0.01, y[1]], [-3, -3], [3, 3])
     assert (proof.proved, proof.points) == (True, ())
-    assert "exactly 0 rest points" in repr(proof)
+    assert "exactly 0 equilibria" in repr(proof)
 
 
 def test_a_double_zero_is_left_undecided_and_named():
@@ -67,7 +67,7 @@ def test_lists_of_scenes_are_proved_complete(scene, low, high, count):
 
 
 @pytest.mark.slow
-def test_two_springs_have_five_rest_points_and_two_corners():
+def test_two_springs_have_five_equilibria_and_two_corners():
     proof = equilibria(two_springs(g=0.0), [-3.1, -3], [3, 3.2], starts=64, prove=True).proof
     assert proof is not None
     assert len(proof.points) == 5

@@ -1,4 +1,4 @@
-"""Families of rest points against closed forms."""
+"""Families of equilibria against closed forms."""
 
 import math
 
@@ -158,8 +158,8 @@ def _nowhere(t, y, p):
     return [1.0 + p**2 + y[0] ** 2]
 
 
-def test_a_start_without_rest_point_is_refused():
-    with pytest.raises(ValueError, match="a state near a rest point"):
+def test_a_start_without_equilibrium_is_refused():
+    with pytest.raises(ValueError, match="a state near an equilibrium"):
         jaxdyn.continue_equilibria(_of(_nowhere, 1), 0.5, [1.0])
 
 
@@ -168,7 +168,7 @@ def test_family_ends_where_the_rate_does():
         return [jnp.sqrt(p) - y[0]]
 
     family = jaxdyn.continue_equilibria(_of(root, 1), 1.0, [1.0], down=True, within=(-2, 3))
-    assert "no rest point was found beyond" in family.end
+    assert "no equilibrium was found beyond" in family.end
     assert math.isfinite(family.parameters[-1])
     assert 0 <= family.parameters[-1] < 0.1
 

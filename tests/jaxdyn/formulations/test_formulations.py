@@ -1,4 +1,4 @@
-"""Formulations against each other and against what is known of single machines."""
+"""Formulations against each other and against what is known of single mechanisms."""
 
 import jax
 import jax.numpy as jnp

@@ -1,4 +1,4 @@
-"""Lagrangians as scenes: held to the zoo's own machines, to closed forms, and to their energies."""
+"""Lagrangians as scenes: against the mechanisms of the zoo, closed forms, and their energies."""
 
 from typing import ClassVar
 

@@ -154,8 +154,8 @@ def test_events_ensembles_and_backward_time():
     assert gap(back.ys[-1], np.exp(0.7) * np.array([2.0, 3.0])) < SOLVED
 
 
-def test_rest_points_and_what_is_near_them():
-    # Prigogine and Lefever: a rest point at (a, b / a); unstable from b = 1 + a^2 on.
+def test_equilibria_and_what_is_near_them():
+    # Prigogine and Lefever: an equilibrium at (a, b / a); unstable from b = 1 + a^2 on.
     scene = jaxdyn.ode(odes.brusselator, [1.0, 1.0], params=(1.0, 2.5))
     found = jaxdyn.equilibria(scene, [0.1, 0.1], [4.0, 4.0], starts=32)
     assert gap(found.states, [[1.0, 2.5]]) < SOLVED

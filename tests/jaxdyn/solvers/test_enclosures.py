@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxdyn import scenes
-from jaxdyn.analysis.rest_points.isolation import isolate
+from jaxdyn.analysis.equilibrium_search.isolation import isolate
 from jaxdyn.solvers.enclosures import Dual, enclosures
 from jaxdyn.solvers.intervals import Interval
 from jaxdyn.solvers.taylor.formulas import NotElementary, formulas

@@ -1,7 +1,7 @@
 """The edge of the 1:1 tongue of van der Pol's oscillator, forced, against its averaged equations.
 
 x'' = mu (1 - x^2) x' - x + F cos(w t) with s = (1 - w^2) / (w mu) and g = F / (2 w mu). To first
-order in mu the orbits of the drive's period are rest points of z' = z (1 - |z|^2) - i s z + i g:
+order in mu the orbits of the drive's period are equilibria of z' = z (1 - |z|^2) - i s z + i g:
 their folds meet in a cusp at s = 1 / sqrt(3), g = sqrt(8 / 27), and a curve of Hopf points, torus
 points of the orbits, ends on the folds in a Bogdanov-Takens point at s = g = 1 / 2: Guckenheimer
 and Holmes (1983), Nonlinear Oscillations, section 2.1.
@@ -35,7 +35,7 @@ def tongue(mu):
 
 
 def averaged(make, square, s):
-    """The orbit near which the averaged equations have a rest point with |z|^2, and (s, g)."""
+    """The orbit near which the averaged equations have an equilibrium with |z|^2, and (s, g)."""
     g = math.sqrt(square * ((1 - square) ** 2 + s * s))
     z = g / (s - 1j * (1 - square))
     scene = make(jnp.asarray(s), jnp.asarray(g))

@@ -51,7 +51,7 @@ def test_the_shaken_pendulum_doubles_its_period_at_mathieus_characteristic_value
 def _carried(p, q):
     """The normal form of Bogdanov and Takens, about a point that moves round a circle.
 
-    Its rest points are orbits of the period 2 pi, and the multipliers of these exp(2 pi lambda).
+    Its equilibria are orbits of the period 2 pi, and the multipliers of these exp(2 pi lambda).
     """
 
     def rate(t, y, c):
@@ -63,7 +63,7 @@ def _carried(p, q):
 
 @pytest.fixture(scope="module")
 def torus_curve():
-    # At p = 0 the rest point 0 has the eigenvalues +-i sqrt(-q).
+    # At p = 0 the equilibrium 0 has the eigenvalues +-i sqrt(-q).
     orbit = _at(_carried(0.0, -0.2), [1.0, 0.0], TURN)
     return orbits.continue_curve(_carried, orbit, (0.0, -0.2), kind=Kind.TORUS, step=0.02)
 

@@ -33,7 +33,7 @@ def amplitude(orbit):
 def test_motions_that_grow_have_no_mode():
     assert seeds.modes(scenes.pendulum(), [np.pi, 0.0], 0.1) == []
     assert seeds.modes(scenes.oscillator(c=0.5), [0.0, 0.0], 0.1) == []
-    with pytest.raises(ValueError, match="y: expected a rest point"):
+    with pytest.raises(ValueError, match="y: expected an equilibrium"):
         seeds.modes(scenes.pendulum(), [1.0, 0.0], 0.1)
     with pytest.raises(ValueError, match="amplitude: expected > 0"):
         seeds.modes(scenes.pendulum(), [0.0, 0.0], 0.0)

@@ -83,7 +83,7 @@ def test_multipliers_that_meet_off_the_circle_are_nothing_special():
 
 
 @pytest.mark.slow
-def test_a_family_ends_at_a_rest_point():
+def test_a_family_ends_at_a_equilibrium():
     def oscillator(t, y, mu):
         return [y[1], (mu - y[0] ** 2) * y[1] - y[0]]
 
@@ -91,7 +91,7 @@ def test_a_family_ends_at_a_rest_point():
         return jaxdyn.ode(oscillator, [0.2, 0.0], 6.3, params=mu)
 
     family = orbits.continue_family(orbits.find(make(0.01)), make, 0.01, step=0.02, down=True)
-    assert family.end == "a rest point, to which the orbits shrink"
+    assert family.end == "an equilibrium, to which the orbits shrink"
     (hopf,) = family.special
     assert hopf.kind == Kind.REST
     assert abs(hopf.parameter) < 1e-10

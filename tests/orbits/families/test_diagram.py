@@ -34,7 +34,7 @@ def cycles():
 
 
 @pytest.mark.slow
-def test_rest_points_and_the_orbits_that_begin_there(cycles, tmp_path):
+def test_equilibria_and_the_orbits_that_begin_there(cycles, tmp_path):
     found, seen = cycles
     (family,) = found.orbits
     assert seen == [*found.rests, family]
@@ -82,7 +82,7 @@ def test_roesslers_doublings():
         orbit_step=0.2,
         orbit_members=60,
     )
-    # The rest points fold at c = 2 a = 0.4.
+    # The equilibria fold at c = 2 a = 0.4.
     folds = [x.parameter for family in found.rests for x in family.special if x.kind == "fold"]
     np.testing.assert_allclose(folds, 0.4, rtol=1e-12)
     assert found.depths == (0, 1, 2)

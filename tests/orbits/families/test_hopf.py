@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 import jaxdyn
 import orbits
 
-#: Where the rest points of Lorenz's equations lose their stability: sigma (sigma + beta + 3) /
+#: Where the equilibria of Lorenz's equations lose their stability: sigma (sigma + beta + 3) /
 #: (sigma - beta - 1) (Sparrow, The Lorenz Equations, 1982).
 LORENZ_HOPF = 470 / 19
 

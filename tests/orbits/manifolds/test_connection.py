@@ -1,4 +1,4 @@
-"""Connections of rest points: closed forms, a published parameter, and another route to it."""
+"""Connections of equilibria: closed forms, a published parameter, and another route to it."""
 
 import math
 
@@ -147,8 +147,13 @@ def test_no_connection_is_an_outcome(a, b, options, outcome, said):
             {"make": lorenz, "parameter": 14.0},
             "not stable",
         ),
-        (UPRIGHT, [0.0, 0.0], {}, "b: expected a rest point with a stable eigenvalue"),
-        (scenes.pendulum(g=0.0), [0.0, 0.0], {}, "a: expected a state near an isolated rest point"),
+        (UPRIGHT, [0.0, 0.0], {}, "b: expected an equilibrium with a stable eigenvalue"),
+        (
+            scenes.pendulum(g=0.0),
+            [0.0, 0.0],
+            {},
+            "a: expected a state near an isolated equilibrium",
+        ),
         (scenes.pinned_chain(), np.zeros(2), {}, "a: expected a scene without constraints"),
         (scenes.shaken_pendulum(angle=0.0), np.zeros(2), {}, "a: expected an autonomous scene"),
     ],

@@ -139,7 +139,7 @@ def test_misuse_is_refused(upright, options, said):
 
 @pytest.mark.slow
 def test_states_that_move_and_stable_orbits_are_refused():
-    with pytest.raises(ValueError, match="expected a rest point"):
+    with pytest.raises(ValueError, match="expected an equilibrium"):
         orbits.manifold(scenes.pendulum(), "unstable")
     swing = orbits.find(scenes.pendulum(angle=1.0), period=2.1)
     with pytest.raises(ValueError, match="expected 1 unstable multiplier or more"):

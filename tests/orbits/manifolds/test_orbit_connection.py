@@ -130,7 +130,7 @@ def test_orbits_that_are_not_connected_are_refused(pair):
         orbits.connect(a, other, until=JUPITER)
     with pytest.raises(ValueError, match="one of each"):
         orbits.connect(a, np.asarray(b.y0), until=JUPITER)
-    with pytest.raises(ValueError, match="until: expected none for rest points"):
+    with pytest.raises(ValueError, match="until: expected none for equilibria"):
         orbits.connect(scenes.pendulum().starting([-math.pi, 0.0]), [math.pi, 0.0], until=JUPITER)
     swing = orbits.find(scenes.pendulum(angle=1.0), period=2.2)
     with pytest.raises(ValueError, match="b: expected an orbit of the scene of `a`"):

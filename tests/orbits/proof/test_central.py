@@ -12,7 +12,7 @@ import orbits
 from jaxdyn.balls.arithmetic import arb
 from jaxdyn.balls.field import ball_field, scene_formulas
 from jaxdyn.effects import PowerLaw
-from orbits.proof.posing import posed_closure
+from orbits.proof.posing import posed_equations
 from orbits.proof.theorems import Theorems, missing
 from orbits.targets import loops
 
@@ -28,7 +28,7 @@ def _rosette():
 
 
 def test_ellipses_need_the_laplace_vector_and_rosettes_do_not():
-    ellipse, rosette = map(posed_closure, (_ellipse(), _rosette()))
+    ellipse, rosette = map(posed_equations, (_ellipse(), _rosette()))
     assert (missing(ellipse), missing(rosette)) == ("", "")
     assert sum("Laplace" in name for name in ellipse.integrals) == 2
     assert sorted(rosette.integrals) == ["angular momentum", "energy"]
@@ -49,7 +49,7 @@ def test_nothing_is_proved_where_the_centre_is_not_excluded():
 
 
 def _without_tubes():
-    system = posed_closure(_rosette())
+    system = posed_equations(_rosette())
     formulas, _ = scene_formulas(_ellipse().scene)
     return dataclasses.replace(system, formulas=formulas)
 

@@ -15,7 +15,7 @@ from jaxdyn import scenes
 from jaxdyn.balls.arithmetic import arb, precision
 from jaxdyn.balls.decimals import decimal
 from orbits.proof import checking
-from orbits.proof.posing import posed_closure
+from orbits.proof.posing import posed_equations
 from orbits.proof.proving import certified
 from orbits.proof.refinement import solved
 
@@ -89,7 +89,7 @@ def test_a_forced_oscillator_has_the_exact_period_of_its_drive():
 
 
 def _box_about(orbit, moved: float, radius: float, digits=30, bits=None):
-    system = posed_closure(orbit)
+    system = posed_equations(orbit)
     numbers, lost = solved(system, digits)
     numbers[system.unknowns[0]] += arb(moved)
     return certified(orbit, system, numbers, radius, digits + lost, bits=bits)

@@ -16,7 +16,7 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.system import Effect
 from orbits.proof import posing, proving, spectrum
 from orbits.proof.one_curve import on_one_curve
-from orbits.proof.posing import posed_closure
+from orbits.proof.posing import posed_equations
 from orbits.proof.proving import certified
 from orbits.proof.theorems import Theorems, missing
 
@@ -36,7 +36,7 @@ def _cycle():
 
 @functools.cache
 def _closure():
-    return posed_closure(_cycle())
+    return posed_equations(_cycle())
 
 
 def test_a_drive_below_the_rounding_is_seen_in_the_formulas():
@@ -71,7 +71,7 @@ def test_hyperbolic_functions_have_their_identities():
 
 def test_spared_equations_need_integrals_that_do_not_depend_on_each_other():
     swing = orbits.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta")
-    system = posed_closure(swing)
+    system = posed_equations(swing)
     assert (list(system.integrals), len(system.spared)) == (["energy"], 1)
     with precision(100):
         end = numbers = [arb(x) for x in system.values]
@@ -110,13 +110,13 @@ def test_constant_powers_are_functions_of_their_own():
     assert Theorems.of(formulas).is_symmetry(np.array([[-1]]), 1)
 
 
-def test_rest_points_and_negative_periods_are_no_orbits():
+def test_equilibria_and_negative_periods_are_no_orbits():
     orbit, system = _cycle(), _closure()
     period = arb(orbit.period)
     # The origin is the only state nearby that returns after this time: it never leaves.
     held = dataclasses.replace(system, held=(2,))
     still = certified(orbit, held, [arb(0), arb(0), period], 1e-12, 20, bits=200)
-    assert (still.proved, "rest point" in still.reason) == (False, True)
+    assert (still.proved, "equilibrium" in still.reason) == (False, True)
     assert "More digits do not help" in still.reason
     assert "Try more digits" not in still.reason
     numbers, lost = proving.solved(system, 20)

@@ -34,7 +34,7 @@ from jaxdyn.solvers.taylor.graph import Number
 
 
 @dataclasses.dataclass(frozen=True)
-class Closure:
+class ClosingEquations:
     """The square system of an orbit.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""The search for a connection of rest points: a strand passes by, then ends come closer."""
+"""The search for a connection of equilibria: a strand passes by, then ends come closer."""
 
 import math
 
@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, _checks
-from jaxdyn.analysis.equilibria import rest_point
+from jaxdyn.analysis.equilibria import equilibrium
 from jaxdyn.analysis.linearize import linearize
 from jaxdyn.scene import checked_scene
 from jaxdyn.system import System
@@ -21,10 +21,10 @@ from orbits.manifolds.links import Solution, sampled, solve
 from orbits.manifolds.splitting import split
 from orbits.motion import solved
 
-_FIRST = 1e-2  # of the size of the rest points or 1: the first distance of the ends
+_FIRST = 1e-2  # of the size of the equilibria or 1: the first distance of the ends
 _SHORTER = 4.0  # ratio of successive distances
 _LEVELS = 14  # most of them
-_LEFT = 0.1  # of the largest distance from the first rest point: there it has been left
+_LEFT = 0.1  # of the largest distance from the first equilibrium: there it has been left
 _STRAND = 4000  # samples of the strand in which the approach is sought
 _LONGEST = 10.0  # by default, of the slowest e-folding times, beyond leaving and arriving
 _SAMPLES = 16  # of each link
@@ -42,7 +42,7 @@ def connect_rests(
     segments: int,
     rtol: float,
 ) -> Connection:
-    """A connection of two rest points; see `orbits.connect`."""
+    """A connection of two equilibria; see `orbits.connect`."""
     _checks.choice("branch", branch, _BRANCHES)
     if (make is None) != (parameter is None):
         raise _checks.fail("parameter", "given together with `make`", parameter)
@@ -65,26 +65,26 @@ def _posed(
         remedy = "Use a minimal set of coordinates."
         raise _checks.fail("a", "a scene without constraints", "one with them", remedy)
     if driven(a):
-        remedy = "It has no rest points."
+        remedy = "It has no equilibria."
         raise _checks.fail("a", "an autonomous scene", "one that depends on time", remedy)
     scene = a if make is None else checked_scene(make(jnp.asarray(p)))
     b = _checks.array("b", b, a.y0.shape, "It is a state.")
-    near = np.stack([np.asarray(rest_point(scene, y)) for y in (a.y0, b)])
+    near = np.stack([np.asarray(equilibrium(scene, y)) for y in (a.y0, b)])
     for name, y in zip(("a", "b"), near, strict=True):
         if not np.isfinite(y).all():
             remedy = "jaxdyn.equilibria finds those in a box."
-            raise _checks.fail(name, "a state near an isolated rest point", "none there", remedy)
+            raise _checks.fail(name, "a state near an isolated equilibrium", "none there", remedy)
     leaving, arriving = linearize(scene, near[0]), linearize(scene, near[1])
     up = leaving.eigenvalues.real > leaving.bars
     if up.sum() != 1:
         got = int(up.sum())
-        raise _checks.fail("a", "a rest point with one unstable eigenvalue", got)
+        raise _checks.fail("a", "an equilibrium with one unstable eigenvalue", got)
     down = arriving.eigenvalues.real < -arriving.bars
     if not down.any():
-        raise _checks.fail("b", "a rest point with a stable eigenvalue", "none")
+        raise _checks.fail("b", "an equilibrium with a stable eigenvalue", "none")
     if make is not None and down.all():
         remedy = "Leave out `make`."
-        raise _checks.fail("b", "a rest point that is not stable", "one at each value", remedy)
+        raise _checks.fail("b", "an equilibrium that is not stable", "one at each value", remedy)
     fast, slow = leaving.eigenvalues.real[up][0], arriving.eigenvalues.real[down].max()
     cuts = np.array(
         [
@@ -99,7 +99,7 @@ def _posed(
 
 
 def _approach(posed: Chain, p: float, e: float, longest: float) -> tuple | ConnectionOutcome:
-    """Unknowns and distances of the ends where the strand passes the second rest point.
+    """Unknowns and distances of the ends where the strand passes the second equilibrium.
 
     An outcome if it does not.
     """
@@ -124,7 +124,7 @@ def _approach(posed: Chain, p: float, e: float, longest: float) -> tuple | Conne
 
 
 def _shortened(posed: Chain, guess: tuple, wanted: float, rates) -> Connection:
-    """The connection with its ends brought closer to the rest points until their error is small."""
+    """The connection with its ends brought closer to the equilibria until their error is small."""
     x, steps = guess
     total, last, miss = 0, None, np.inf
     for _ in range(_LEVELS):

@@ -109,7 +109,7 @@ def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]
     def end(y):
         y, _ = jax.lax.fori_loop(0, _ITERATIONS, improve, (y, jnp.asarray(_DAMPING)))
         # The normal equations square the condition number; a plain Newton step does not. The
-        # minimum-norm step: on a curve of rest points the matrix is singular. Each row in units of
+        # minimum-norm step: on a curve of equilibria the matrix is singular. Each row in units of
         # its change over the box.
         f, a = seen(y)
         rows = jnp.sum(jnp.abs(a), axis=1)

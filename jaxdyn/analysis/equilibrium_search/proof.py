@@ -1,4 +1,4 @@
-"""The record of a proof that a list of rest points is complete, or of what it leaves open."""
+"""The record of a proof that a list of equilibria is complete, or of what it leaves open."""
 
 import dataclasses
 from typing import Any
@@ -9,13 +9,13 @@ from jaxdyn._text import counted
 
 
 @dataclasses.dataclass(frozen=True)
-class RestPointProof:
-    """All rest points in a box, as a theorem.
+class EquilibriaProof:
+    """All equilibria in a box, as a theorem.
 
     Attributes:
       proved: whether each box without one of `points` is proved to hold none.
       reason: the theorem in words, or what is left open.
-      points: (e) enclosures (k) of one rest point each, which exists and is the only one there.
+      points: (e) enclosures (k) of one equilibrium each, which exists and is the only one there.
       undecided: boxes (k) that may hold others.
       discarded: number of boxes that are proved to hold none.
       names: (k) of the entries of the state.
@@ -37,7 +37,7 @@ class RestPointProof:
             for i, point in enumerate(self.points)
         ]
         rows = [*_text.cut(rows), ("boxes", f"{self.discarded} discarded"), ("by", self.reason)]
-        count = counted(len(self.points), "rest point")
+        count = counted(len(self.points), "equilibrium")
         title = f"Proved: exactly {count}" if self.proved else f"Not proved: at least {count}"
         return _text.table(title, rows)
 

@@ -1,10 +1,10 @@
-"""The proof that a list of rest points is complete, by ball arithmetic (`balls.zeros`)."""
+"""The proof that a list of equilibria is complete, by ball arithmetic (`balls.zeros`)."""
 
 import numpy as np
 
 from jaxdyn._text import counted
-from jaxdyn.analysis.rest_points.proof import RestPointProof
-from jaxdyn.analysis.rest_points.search import Box
+from jaxdyn.analysis.equilibrium_search.proof import EquilibriaProof
+from jaxdyn.analysis.equilibrium_search.search import Box
 from jaxdyn.balls.decimals import decimal
 from jaxdyn.balls.field import ball_field, scene_formulas
 from jaxdyn.balls.zeros import BITS, zeros
@@ -13,8 +13,8 @@ from jaxdyn.scene import Scene
 _NAMED = 5  # undecided boxes in words
 
 
-def proved(scene: Scene, t: float, box: Box) -> RestPointProof:
-    """All rest points of a scene in a box at time t.
+def proved(scene: Scene, t: float, box: Box) -> EquilibriaProof:
+    """All equilibria of a scene in a box at time t.
 
     Raises:
       ValueError: the rate is not made of elementary functions.
@@ -34,7 +34,7 @@ def proved(scene: Scene, t: float, box: Box) -> RestPointProof:
             "interval bisection in ball arithmetic: Krawczyk's test of each box that holds one, "
             "bounds that exclude 0 of each other."
         )
-    return RestPointProof(
+    return EquilibriaProof(
         proved=not left,
         reason=reason,
         points=tuple(tuple(decimal(x) for x in point) for point in found.found),

@@ -1,4 +1,4 @@
-"""Rest points of a scene: the search for them, and the proof that there are no others.
+"""Equilibria of a scene: the search for them, and the proof that there are no others.
 
 `search` finds them by Levenberg-Marquardt iterations from many starts, `isolation` encloses zeros
 in boxes by interval arithmetic, `completeness` says whether all of them were found, or why that is

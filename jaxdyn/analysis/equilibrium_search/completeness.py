@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._text import counted
-from jaxdyn.analysis.rest_points.isolation import Isolation, isolate
-from jaxdyn.analysis.rest_points.search import Box, low_discrepancy, rates
+from jaxdyn.analysis.equilibrium_search.isolation import Isolation, isolate
+from jaxdyn.analysis.equilibrium_search.search import Box, low_discrepancy, rates
 from jaxdyn.scene import Field
 from jaxdyn.solvers.taylor.formulas import Formulas, NotElementary, formulas
 
@@ -34,7 +34,7 @@ class Proof(NamedTuple):
 
     Attributes:
       box: without the entries that must be 0 at rest.
-      found: the boxes that may hold rest points; None where nothing is known.
+      found: the boxes that may hold equilibria; None where nothing is known.
       why_not: the reason why nothing is known.
     """
 
@@ -44,13 +44,13 @@ class Proof(NamedTuple):
 
     @property
     def middles(self) -> np.ndarray:
-        """(s, k) of the boxes with exactly one rest point each: where a search should start."""
+        """(s, k) of the boxes with exactly one equilibrium each: where a search should start."""
         boxes = self.found.single if self.found else np.zeros((0, len(self.box.low), 2))
         return np.clip(boxes.mean(axis=2), self.box.low, self.box.high)
 
 
 def bisected(field: Field, t: Array, box: Box) -> Proof:
-    """Interval bisection for the rest points of a field in a box."""
+    """Interval bisection for the equilibria of a field in a box."""
     try:
         found = formulas(lambda _, y: field.rate(t, y), t, jnp.asarray(box.low))
         box = _at_rest(found, box)
@@ -93,9 +93,9 @@ def judged(
     if sharp:
         said = (
             f" except the points {_list(box, sharp)}, where the rate is discontinuous; samples "
-            f"around them show no rest point{said}"
+            f"around them show no equilibrium{said}"
         )
-    return True, f"complete: interval bisection excludes any other rest point in the box{said}"
+    return True, f"complete: interval bisection excludes any other equilibrium in the box{said}"
 
 
 def _doubt(proof: Proof, field: Field, t: Array, ys: np.ndarray) -> str:
@@ -105,11 +105,11 @@ def _doubt(proof: Proof, field: Field, t: Array, ys: np.ndarray) -> str:
         return f"interval bisection has no bounds for the rate ({proof.why_not})"
     missed = [x.mean(axis=1) for x in found.single if not _within(ys, x).any()]
     if missed:
-        return f"the search did not reach the rest point that exists near {_list(box, missed)}"
+        return f"the search did not reach the equilibrium that exists near {_list(box, missed)}"
     if found.size > _POINT_SIZE:
         return (
             f"interval bisection could not decide {counted(len(found.open), 'box', 'boxes')} of up "
-            f"to {found.size:.1g} of the whole in size, as is usual along a curve of rest points "
+            f"to {found.size:.1g} of the whole in size, as is usual along a curve of equilibria "
             "and with many unknowns"
         )
     places = _places(box, found.open)
@@ -118,7 +118,7 @@ def _doubt(proof: Proof, field: Field, t: Array, ys: np.ndarray) -> str:
         where = _list(box, [box.states(middle) for middle in unclear])
         return (
             f"near {where} the Jacobian is singular or the rate is not smooth: there may be no "
-            "rest point, one, or several"
+            "equilibrium, one, or several"
         )
     return ""
 
