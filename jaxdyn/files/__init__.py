@@ -3,7 +3,7 @@
 `input_files` reads, `output_files` and `image_files` check paths before the work, `records` turns
 scenes into JSON and back, `scene_records` checks what it reads; `typed` makes other records of
 JSON. `motion_files` saves and loads motions as the `archives` of NumPy; `tables` writes them as CSV
-and JSON, `frames` for pandas.
+and JSON, `data_frames` for pandas.
 
 May import: `accuracy`, `scenes`.
 
@@ -17,7 +17,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     [
         "archives",
-        "frames",
+        "data_frames",
         "image_files",
         "input_files",
         "motion_files",

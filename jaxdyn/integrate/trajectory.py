@@ -67,9 +67,9 @@ class Motion:
         Raises:
           ValueError: pandas is not installed, or values are traced.
         """
-        from jaxdyn.files import frames
+        from jaxdyn.files import data_frames
 
-        return frames.frame(self)
+        return data_frames.frame(self)
 
     def play(self, path=None):
         """A page that plays the motion, in a notebook or a browser: see `jaxdyn.player.play`.
