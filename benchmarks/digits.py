@@ -5,6 +5,10 @@ stored times. The figure-eight, of twelve numbers, as a choreography: start, per
 by `orbits.refine`, and the proof that it exists and is stable by `orbits.prove`. Times are those of
 the processor, once the formulas are known: nothing waits, and other load does not count. The bar is
 100 digits in 60 s.
+
+Last numbers (2 loaded cores, 2026-11): `refine` 1.1 s to 15 digits, 2.9 s to 30, 6.0 s to 50, 26 s
+to 100, 137 s to 200: 100 digits take 9.0 times as long as 30. `prove` 9.4, 14, 31 and 90 s at 15
+to 100 digits, with 161, 211, 277 and 443 bits; stability is undecided at 15 digits, proved above.
 """
 
 import functools

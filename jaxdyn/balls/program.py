@@ -107,7 +107,8 @@ def _operation(node: Node, place: Callable, functions: Functions) -> Operation:
     if op == "sum":
         return _sum(args, place)
     if op == "pow":
-        return _power(*args, place, functions)
+        base, exponent = args
+        return _power(base, exponent, place, functions)
     at = [place(a) for a in args]
     if op in _BINARY:
         return _of_two(_BINARY[op], *at) if len(at) == 2 else _of_many(_BINARY[op], at)
