@@ -60,7 +60,7 @@ def configure(
 
 
 def _backend_is_up() -> bool:
-    # The one use of a private name: no public function tells whether a device is in use.
+    # A private name: no public function tells whether a device is in use.
     from jax._src import xla_bridge
 
     return xla_bridge.backends_are_initialized()

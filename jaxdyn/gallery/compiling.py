@@ -12,7 +12,12 @@ import os
 
 import jax
 
+# Only a private name reaches the contexts.
+from jax._src.interpreters import mlir
+
 from jaxdyn._config import configure
+
+_make_context = mlir.make_ir_context
 
 _QUICKLY = {
     "xla_backend_optimization_level": 0,
@@ -29,12 +34,7 @@ FULLY = {
 
 def share_context() -> None:
     """Lower the programs of this process in one MLIR context, from now on a new one."""
-    # Only a private name reaches it; without it, compiling takes longer.
-    from jax._src.interpreters import mlir
-
-    make = getattr(mlir, "make_ir_context", None)
-    if make is not None:
-        mlir.make_ir_context = functools.cache(getattr(make, "__wrapped__", make))
+    mlir.make_ir_context = functools.cache(_make_context)
     # Where in the source each operation comes from: nobody reads these programs.
     jax.config.update("jax_traceback_in_locations_limit", 0)
 
