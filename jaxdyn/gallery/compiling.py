@@ -34,9 +34,22 @@ FULLY = {
 
 def share_context() -> None:
     """Lower the programs of this process in one MLIR context, from now on a new one."""
-    mlir.make_ir_context = functools.cache(_make_context)
+    shared = functools.cache(_make_context)
+
+    def make():
+        # What is compiled while another program is lowered would become a part of that one.
+        return _make_context() if _is_lowering() else shared()
+
+    mlir.make_ir_context = make
     # Where in the source each operation comes from: nobody reads these programs.
     jax.config.update("jax_traceback_in_locations_limit", 0)
+
+
+def _is_lowering() -> bool:
+    try:
+        return mlir.ir.InsertionPoint.current is not None
+    except ValueError:  # there is none
+        return False
 
 
 def configure_quickly() -> None:
