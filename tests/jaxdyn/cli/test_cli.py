@@ -78,7 +78,11 @@ def test_digits_that_chaos_has_eaten_are_not_printed(jaxdyn):
     ]
     assert "9.0 digits are right, relative to the size of the motion" in out
     code, out, _ = jaxdyn("run", "lorenz", "--t1", "20", "--samples", "2", "--json")
-    assert all(1e-7 < error < 1e-6 for error in json.loads(out)["error"])
+    found = json.loads(out)
+    true = np.abs(np.subtract(found["y"][-1], [13.793199595, 12.951803936, 34.901608681]))
+    written = np.array(found["error"])
+    assert (true < 1.1 * written).all()
+    assert (written < 10 * true).all()
 
 
 @pytest.mark.slow
