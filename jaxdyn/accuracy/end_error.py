@@ -66,12 +66,12 @@ class EndError:
 
     @property
     def digits(self) -> np.ndarray:
-        """(k,) correct significant digits of each entry; NaN where unknown."""
+        """(k,) certain significant digits of each entry; NaN where unknown."""
         return _digits(self.error, np.abs(self.y))
 
     @property
     def least(self) -> float:
-        """Correct digits of all entries, relative to their scale."""
+        """Certain digits of all entries, relative to their scale."""
         return float(np.min(_digits(self.error, self.scale)))
 
     @property
@@ -81,7 +81,7 @@ class EndError:
 
     @property
     def message(self) -> str:
-        """The number of correct digits and how to get more, as text."""
+        """The number of certain digits and how to get more, as text."""
         if math.isnan(self.least):
             return (
                 "No digit is certain: run again at a tighter tolerance, the motion does not reach "

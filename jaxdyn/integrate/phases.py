@@ -1,4 +1,4 @@
-"""Piecewise-smooth motions: phases (roll, skid, fly, rest) chained by events.
+"""Piecewise-smooth motions: phases (roll, slip, fly, rest) chained by events.
 
 Smooth code never sees a contact or a stop. Each phase is a scene with its own equations, and
 exits: an event, the next phase, and a map of the state (an impact, a change of coordinates). The

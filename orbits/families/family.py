@@ -62,8 +62,8 @@ class Family:
 
     Attributes:
       members: the orbits, one per step.
-      special: folds, branch points, period doublings, torus points, Krein collisions and a rest
-        point, between members.
+      special: folds, branch points, period doublings, torus points, Krein collisions and an
+        equilibrium, between members.
       end: why it ends.
       equations: the closing equations they solve.
     """
