@@ -74,7 +74,7 @@ class Equilibria:
         rows = [*_text.cut(rows), ("certainty", self.certainty)]
         if self.proof is not None:
             rows.append(("proof", self.proof.reason))
-        return _text.table(f"Equilibria: {counted(len(self), 'equilibrium')}", rows)
+        return _text.table(f"Equilibria: {counted(len(self), 'equilibrium', 'equilibria')}", rows)
 
     _repr_html_ = _text.html
 

@@ -112,7 +112,9 @@ class EquilibriumFamily:
             ("special", ", ".join(special)),
             ("end", self.end),
         ]
-        return _text.table(f"Family of {_text.counted(len(self.members), 'equilibrium')}", rows)
+        return _text.table(
+            f"Family of {_text.counted(len(self.members), 'equilibrium', 'equilibria')}", rows
+        )
 
     @_text.pictured
     def _repr_html_(self):

@@ -37,7 +37,7 @@ class EquilibriaProof:
             for i, point in enumerate(self.points)
         ]
         rows = [*_text.cut(rows), ("boxes", f"{self.discarded} discarded"), ("by", self.reason)]
-        count = counted(len(self.points), "equilibrium")
+        count = counted(len(self.points), "equilibrium", "equilibria")
         title = f"Proved: exactly {count}" if self.proved else f"Not proved: at least {count}"
         return _text.table(title, rows)
 
