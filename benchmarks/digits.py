@@ -76,9 +76,7 @@ def draw(seconds: dict, path) -> None:
         if points:
             ax.loglog(*zip(*points, strict=True), ".-", color=colour, label=method)
     ax.plot(_BAR_DIGITS, _BAR, "kx", label="the bar: 100 digits in 60 s")
-    ax.set(
-        xlabel="digits", ylabel="time of the processor [s]", title="What a digit of the eight costs"
-    )
+    ax.set(xlabel="digits", ylabel="processor time [s]", title="What a digit of the eight costs")
     ax.set_xticks(DIGITS, [str(n) for n in DIGITS])
     ax.minorticks_off()
     ax.grid(alpha=0.3)
