@@ -7,10 +7,8 @@ multiplier is below 1e4: half a period in ball arithmetic. Those that are proved
 digits. Results are added to ``published.json`` beside this file one by one; rows that are there
 already are not repeated, unless named.
 
-Stored so far is one row, the eight: no others were run to their end since the code was last
-changed. An earlier run failed on II.C^ic_2 (multiplier 200) as derivatives of 16 digits left a
-contraction of 1.2 in a box of 1e-22; a test now goes on with more of them. A row of a thousand
-steps takes one to three minutes of the processor. Stability of stable rows is not decided in these
+Stored so far are three rows, all of them proved; the others were not run yet. A row of a thousand
+steps takes one to three minutes of processor time. Stability of stable rows is not decided in these
 coordinates, whose rotations are not known as symmetries; `three_body` has them.
 
 The states are p = r_1 - r_2, q = r_3 and their rates, with the centre of mass at rest in the
