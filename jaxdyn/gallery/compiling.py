@@ -14,6 +14,7 @@ import jax
 
 # Only a private name reaches the contexts.
 from jax._src.interpreters import mlir
+from jax._src.lib.mlir import ir
 
 from jaxdyn._config import configure
 
@@ -47,7 +48,7 @@ def share_context() -> None:
 
 def _is_lowering() -> bool:
     try:
-        return mlir.ir.InsertionPoint.current is not None
+        return ir.InsertionPoint.current is not None
     except ValueError:  # there is none
         return False
 
