@@ -14,7 +14,7 @@ import jax
 
 # Only a private name reaches the contexts.
 from jax._src.interpreters import mlir
-from jax._src.lib.mlir import ir
+from jaxlib.mlir import ir
 
 from jaxdyn._config import configure
 
