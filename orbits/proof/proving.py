@@ -30,6 +30,8 @@ _EXTRA_BITS = 64
 _TRIALS = 4
 #: Contraction of boxes that is not due to the step alone, and such that a proof is hopeless.
 _LEAST_CONTRACTION, _MOST_CONTRACTION = 0.5, 1e20
+#: Sizes of boxes by the step: what a box that is too narrow becomes, and where it is hopeless.
+_WIDER, _WIDEST = 10.0, 1e3
 _MORE = "Try more digits: orbits.prove(orbit, digits=60)."
 _ANOTHER = "More digits do not help; find the orbit again, from another guess."
 
@@ -127,8 +129,12 @@ def certified(
                     break
                 slope_digits += math.log10(test.contraction) + _SPARE
                 continue
-            if bits or test.contraction > _MOST_CONTRACTION or test.step > 1e3 * radius:
+            if bits or test.contraction > _MOST_CONTRACTION or test.step > _WIDEST * radius:
                 break
+            if test.contraction * _WIDER * test.step < _LEAST_CONTRACTION * radius:
+                # A wider box holds what rounding and remainders leave, and still contracts.
+                radius = _WIDER * test.step
+                continue
         extra *= 2
     return _unproved(orbit, f"{reason} {_MORE}", throw, bits_used)
 

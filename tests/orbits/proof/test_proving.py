@@ -100,6 +100,21 @@ def test_a_box_without_the_orbit_is_not_proved():
     assert not _box_about(_cycle(), 1e-8, 1e-12).proved
 
 
+def test_a_box_that_is_too_narrow_for_its_centre_is_widened():
+    orbit = _cycle()
+    system = posed_equations(orbit)
+    numbers, lost = solved(system, 36.0)
+    off = list(numbers)
+    with precision(300):
+        off[system.unknowns[0]] = off[system.unknowns[0]] + arb(3e-20)
+    proof = certified(orbit, system, off, 1e-20, 30 + lost)
+    assert proof.proved
+    assert 3e-20 < float(proof.radius) < 1e-17
+    # A stored certificate is checked with its own radius.
+    again = certified(orbit, system, off, 1e-20, 30 + lost, bits=proof.bits)
+    assert not again.proved
+
+
 def test_too_few_bits_prove_nothing():
     proof = _box_about(_cycle(), 0.0, 1e-20, bits=53)
     assert not proof.proved
