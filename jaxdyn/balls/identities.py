@@ -56,12 +56,12 @@ class Polynomials:
         """The polynomial of input i."""
         return self.generators[i]
 
-    def constant(self, x: float):
+    def constant(self, x: float | Fraction):
         """The polynomial of a known number."""
         if not math.isfinite(x):
             raise NoPolynomial(str(x))
         value = Fraction(x)
-        return self.context.constant(fmpq(value.numerator, value.denominator))
+        return self.context.constant(fmpq(int(value.numerator), int(value.denominator)))
 
     def values(self, program: Program, variables: list) -> list:
         """The results of a program at polynomials for its inputs.

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, precision
+from jaxdyn.balls.directions import excludes_zero, lengths
 from jaxdyn.balls.field import BallField
 
 BITS = 160  # of the calculation
@@ -34,11 +35,13 @@ class Zeros(NamedTuple):
       found: (e) boxes (k) with exactly one zero each.
       left: boxes (k) in which there may be others.
       discarded: number of boxes without a zero.
+      corners: those of them in which a length may be 0, so that the rate jumps.
     """
 
     found: list[list]
     left: list[list]
     discarded: int
+    corners: list[list]
 
 
 class _Equations:
@@ -51,6 +54,7 @@ class _Equations:
         #: Of each rate, whether it is one of those entries.
         self.rows = [i for i, x in enumerate(rates) if not any(x is states[j] for j in _on(known))]
         self.start = [arb(0) if one else arb(x) for one, x in zip(known, low, strict=True)]
+        self.lengths = lengths(field)
         self.free = [i for i in range(len(states)) if not known[i] and high[i] > low[i]]
 
     def state(self, box: list) -> list:
@@ -67,6 +71,10 @@ class _Equations:
         except (Undecided, ZeroDivisionError):
             return None
         return [found[i] for i in self.rows]
+
+    def excluded(self, box: list) -> bool:
+        """Whether a box without bounds, as a unit vector has no direction in it, has no zero."""
+        return excludes_zero(self.field, self.lengths, self.rows, self.t, self.state(box))
 
     def slopes(self, box: list) -> arb_mat | None:
         """(m, n) derivatives; None without bounds."""
@@ -90,14 +98,16 @@ def zeros(field: BallField, t: float, low: np.ndarray, high: np.ndarray) -> Zero
         free = equations.free
         sizes = [float(high[i] - low[i]) for i in free]
         todo = [[(float(low[i]), float(high[i])) for i in free]]
-        found, left, discarded = [], [], 0
+        found, left, corners, discarded = [], [], [], 0
         for count in itertools.count():
             if not todo:
                 break
             cell = todo.pop()
             kind, narrow, alone = _examined(equations, cell, sizes)
-            if kind == "none":
+            if kind in ("none", "corner"):
                 discarded += 1
+                if kind == "corner":
+                    _joined(corners, narrow)
             elif kind == "one":
                 near = [wide for zero, wide in found if _same(narrow, zero)]
                 if not near:
@@ -111,7 +121,8 @@ def zeros(field: BallField, t: float, low: np.ndarray, high: np.ndarray) -> Zero
         inside = [box for box, _ in found if _meets(box, equations)]
         discarded += len(found) - len(inside)
         whole = [equations.state(box) for box in inside]
-        return Zeros(whole, [equations.state(box) for box in left], discarded)
+        left, corners = ([equations.state(box) for box in boxes] for boxes in (left, corners))
+        return Zeros(whole, left, discarded, corners)
 
 
 def _hull(low: float, high: float) -> arb:
@@ -151,11 +162,16 @@ def _halves(cell: list, sizes: list[float]) -> list[list]:
 
 
 def _examined(equations: _Equations, cell: list, sizes: list[float]) -> tuple[str, list, list]:
-    """Whether it has "none", "one" or nobody knows; an enclosure of one, and where it is alone."""
+    """Whether it has "none", "one" or nobody knows; an enclosure of one, and where it is alone.
+
+    It is a "corner" if it has none as its rate excludes 0 in all directions of a unit vector.
+    """
     box = [_hull(*ends) for ends in cell]
     rates = equations.rate(box)
     if rates is not None and any(not x.contains(0) for x in rates):
         return "none", box, box
+    if equations.lengths and equations.excluded(box):
+        return "corner", box, box
     box = [x + (x - x.mid()) * (2 * _WIDENED) for x in box]
     moved = _krawczyk(equations, box)
     if moved is None:

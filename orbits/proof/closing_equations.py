@@ -110,6 +110,10 @@ class ClosingEquations:
         turned = self._rotation(numbers) * _column(goal)
         return turned.entries(), (_matrix(self.generator) * turned).entries()
 
+    def turned(self, numbers: list) -> arb | None:
+        """() the angle of a relative orbit over its period; None of others."""
+        return None if self.generator is None else numbers[len(self.names) - 1] * self.parts
+
     def _rotation(self, numbers: list) -> arb_mat:
         return (_matrix(self.generator) * numbers[len(self.names) - 1]).exp()
 
@@ -168,7 +172,7 @@ class ClosingEquations:
         """(k, k) the monodromy matrix over the period, from the derivative over a part of it."""
         if self.reversals is not None:
             here, there = map(_matrix, self.reversals)
-            return (here * slopes.inv() * there * slopes) ** (self.parts // 2)
+            return (here * inverse(slopes) * there * slopes) ** (self.parts // 2)
         return (self.back(numbers) * slopes) ** self.parts
 
     def back(self, numbers: list) -> arb_mat:
@@ -203,7 +207,7 @@ class ClosingEquations:
 
 
 def product(matrix: np.ndarray, vector: list) -> list:
-    """A matrix of 0, 1 and -1 times a vector of balls, without rounding where it moves entries."""
+    """A matrix of known numbers times a vector of balls; 1 and -1 do not round."""
     found = []
     for row in matrix.tolist():
         total = None
@@ -213,6 +217,13 @@ def product(matrix: np.ndarray, vector: list) -> list:
                 total = part if total is None else total + part
         found.append(arb(0) if total is None else total)
     return found
+
+
+def inverse(matrix: arb_mat) -> arb_mat:
+    """The inverse of a matrix, by elimination of one near to the unit: others widen balls."""
+    near = arb_mat([[x.mid() for x in row] for row in matrix.tolist()]).inv()
+    near = arb_mat([[x.mid() for x in row] for row in near.tolist()])
+    return near * (matrix * near).inv()
 
 
 def float_matrix(matrix: arb_mat) -> np.ndarray:

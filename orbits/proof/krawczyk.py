@@ -23,6 +23,9 @@ from jaxdyn.balls.arithmetic import arb, arb_mat, precision
 from jaxdyn.balls.tube import Tube, tube
 from orbits.proof.closing_equations import ClosingEquations, float_matrix
 
+#: Steps X -> K with the D of the first X: each narrows K by the contraction.
+_NARROWING = 8
+
 
 @dataclasses.dataclass(frozen=True)
 class Test:
@@ -30,7 +33,7 @@ class Test:
 
     Attributes:
       passed: whether K lies in the interior of X.
-      numbers: enclosures of all numbers at the zero: K where it passed.
+      numbers: enclosures of all numbers at the zero where it passed, else X.
       tube: about the motions from X over a part of the period.
       step: the largest entry of |K - x|.
       contraction: norm of 1 - C D.
@@ -71,15 +74,20 @@ def tested(
             [[int(i == j) for j in range(len(jacobian.tolist()))] for i in _range(jacobian)]
         )
         rest = unit - inverse * jacobian
-        step = (rest * arb_mat([[side] for _ in _range(jacobian)]) - inverse * error).entries()
+        moved = inverse * error
+        step = (rest * _column([side] * jacobian.nrows()) - moved).entries()
         passed = all(bool(abs(x) < radius) for x in step)
+        largest = max(float(abs(x).upper()) for x in step)
+        for _ in range(_NARROWING if passed else 0):
+            # The zero lies in K, and D holds there as well.
+            step = (rest * _column(step) - moved).entries()
         for i, change in zip(system.unknowns, step, strict=True):
             box[i] = centre[i] + change if passed else box[i]
         return Test(
             passed=passed,
             numbers=box,
             tube=found,
-            step=max(float(abs(x).upper()) for x in step),
+            step=largest,
             contraction=max(sum(float(abs(x).upper()) for x in row) for row in rest.tolist()),
         )
 
@@ -91,6 +99,10 @@ def enclosed(
     spans = system.period(centre) / system.parts, system.period(box) / system.parts
     starts = system.start(centre), system.start(box)
     return tube(system.field, arb(0), *starts, spans, digits, bits, slope_digits)
+
+
+def _column(vector: list) -> arb_mat:
+    return arb_mat([[x] for x in vector])
 
 
 def _range(matrix: arb_mat) -> range:

@@ -1,6 +1,7 @@
 """Square closing equations posed for an orbit: what is held, and which equations are spared."""
 
 import dataclasses
+from collections.abc import Iterator
 
 import jax.numpy as jnp
 import numpy as np
@@ -30,7 +31,8 @@ _RELUCTANCE = 1e-3
 #: A candidate for an integral is one if its rate of change is rounding at points near the orbit.
 _CONSERVED = 1e-11
 _POINTS = 3
-_ROUNDING = 1e-12  # of the largest number
+_NEAR = 0.01  # spread of the points, by the size of each entry
+_ROUNDING = 1e-8  # of the largest number: starts on an axis are so near to it
 
 
 class Unposed(SearchError):
@@ -162,23 +164,36 @@ def _integral_names(scene: Scene) -> list[str]:
 
 def _conserved(whole: ClosingEquations, candidates: dict[str, Number]) -> dict[str, Number]:
     """The candidates whose rates of change vanish near the orbit, in floats."""
-    random = np.random.default_rng(0)
     worst = np.zeros(len(candidates))
-    values = np.array(whole.values)
-    # Entries that are 0, or rounding, vary as well: on an axis of symmetry more is conserved.
-    some = abs(values) > _ROUNDING * abs(values).max()
-    sizes = np.where(some, abs(values), abs(values[some]).min(initial=1.0))
     with precision(128):
-        for _ in range(_POINTS if candidates else 0):
-            moved = values + 0.01 * sizes * random.standard_normal(len(values))
-            y = whole.start([arb(x) for x in moved])
-            rates = np.array([float(x) for x in whole.field.rate(arb(random.uniform()), y)])
+        for t, y in points_near(whole, _NEAR, _POINTS if candidates else 0):
+            rates = np.array([float(x) for x in whole.field.rate(arb(t), y)])
             gradients = _floats(whole.gradients(list(candidates.values()), y))
             most = np.linalg.norm(gradients, axis=1) * np.linalg.norm(rates)
             worst = np.maximum(worst, np.abs(gradients @ rates) / np.where(most, most, np.inf))
             worst = np.where(most > 0, worst, np.inf)
     kept = (name for name, leak in zip(candidates, worst, strict=True) if leak < _CONSERVED)
     return {name: candidates[name] for name in kept}
+
+
+def points_near(
+    system: ClosingEquations, spread: float, count: int
+) -> Iterator[tuple[float, list[arb]]]:
+    """Times and states near the start, always the same ones.
+
+    Args:
+      system: the closing equations.
+      spread: standard deviation of each entry, by its size.
+      count: number of points.
+    """
+    random = np.random.default_rng(0)
+    values = system.embed @ np.array(system.values[: system.embed.shape[1]])
+    # Entries that are 0, or rounding, vary as well: on an axis of symmetry more is conserved.
+    some = abs(values) > _ROUNDING * abs(values).max()
+    sizes = np.where(some, abs(values), abs(values[some]).min(initial=1.0))
+    for _ in range(count):
+        moved = values + spread * sizes * random.standard_normal(len(values))
+        yield float(random.uniform()), [arb(x) for x in moved.tolist()]
 
 
 def _floats(rows: list[list]) -> np.ndarray:
@@ -200,8 +215,8 @@ def _squared(whole: ClosingEquations, integrals: dict[str, Number]) -> ClosingEq
     left, s, right = np.linalg.svd(own)
     rank = int((s > _RANK * s[0]).sum())
     dependent, count = left[:, rank:].T, len(own) - rank
-    chosen = _pivots(dependent @ (gradients @ whole.spread()).T, count)
-    spared = _pivots(dependent, count)
+    chosen = pivots(dependent @ (gradients @ whole.spread()).T, count)
+    spared = pivots(dependent, count)
     if chosen is None or spared is None:
         raise Unposed(
             f"{count} of the closing equations depend on the others, and the integrals "
@@ -210,7 +225,7 @@ def _squared(whole: ClosingEquations, integrals: dict[str, Number]) -> ClosingEq
         )
     null = right[rank:]
     scale = np.array([_RELUCTANCE if whole.names[i] == "period" else 1.0 for i in free])
-    held = _pivots(null * scale, len(null)) or []
+    held = pivots(null * scale, len(null)) or []
     kept = [list(integrals)[i] for i in sorted(chosen)]
     return dataclasses.replace(
         whole,
@@ -220,7 +235,7 @@ def _squared(whole: ClosingEquations, integrals: dict[str, Number]) -> ClosingEq
     )
 
 
-def _pivots(rows: np.ndarray, count: int) -> list[int] | None:
+def pivots(rows: np.ndarray, count: int) -> list[int] | None:
     """Indices of `count` columns (r, n) that are as independent as possible."""
     rows, chosen = rows.copy(), []
     largest = np.linalg.norm(rows, axis=0).max(initial=0.0)

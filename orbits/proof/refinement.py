@@ -10,10 +10,10 @@ from jaxdyn.balls.arithmetic import arb, arb_mat, precision
 from jaxdyn.balls.motion import End, bits_of
 from jaxdyn.balls.program import Program
 from orbits.orbit import Orbit, SearchError
-from orbits.proof import multipliers
 from orbits.proof.closing_equations import ClosingEquations, float_matrix
 from orbits.proof.posing import ROUGH_DIGITS, posed_equations
 from orbits.proof.refined import Refined
+from orbits.proof.stability import multipliers
 
 LEAST_DIGITS, MOST_DIGITS = 15, 1000
 #: Digits of the calculation beyond those that are reported, besides those that the motion loses.

@@ -80,6 +80,26 @@ class Theorems:
             self.gradient(integral), self.rate
         )
 
+    def is_constant_along(self, integral: Number, direction: list) -> bool:
+        """Whether grad I is orthogonal to a direction."""
+        return self.vanishes_along(self.gradient(integral), direction)
+
+    def are_turned(self, a: Number, b: Number, direction: list) -> bool:
+        """Whether a direction turns two functions into each other: a' = b, b' = -a, or reversed."""
+        changes = [self._dot(self.gradient(one), direction) for one in (a, b)]
+        here = self.evaluated([a, b])
+        return any(
+            self.ring.vanishes(changes[0] - sign * here[1])
+            and self.ring.vanishes(changes[1] + sign * here[0])
+            for sign in (1, -1)
+        )
+
+    def is_zero(self, row: list, column: list, zeros: list) -> bool:
+        """Whether a product of two vectors is 0 where some polynomials are, each up to sign."""
+        total = self._dot(row, column)
+        each = (total, *(total - sign * zero for zero in zeros for sign in (1, -1)))
+        return any(self.ring.vanishes(one) for one in each)
+
     def vanishes_along(self, row: list, column: list) -> bool:
         """Whether a product of two vectors is 0."""
         return self.ring.vanishes(self._dot(row, column))
@@ -90,13 +110,16 @@ class Theorems:
             total += a * b
         return total
 
-    def returns_to_zero(self, row: list, column: list) -> bool:
+    def returns_to_zero(self, row: list, column: list, turn: np.ndarray | None = None) -> bool:
         """Whether a product of two vectors is a . dy/dt, of constant a.
 
-        If it is constant along motions, it then is 0 on every periodic one.
+        If it is constant along motions, it then is 0 on every periodic one, and on one that returns
+        rotated if only entries of y are involved that the rotation's generator `turn` keeps.
         """
         total = self._dot(row, column)
-        moving = {str(rate) for rate in self.rate if rate.total_degree() == 1 and len(rate) == 1}
+        kept = [True] * len(self.rate) if turn is None else (~turn.any(axis=1)).tolist()
+        rates = (rate for rate, one in zip(self.rate, kept, strict=True) if one)
+        moving = {str(rate) for rate in rates if rate.total_degree() == 1 and len(rate) == 1}
         names = {str(self.ring.generators[i]) for i in range(1 + len(self.rate))}
         parts = [self.ring.context.from_dict({m: 1}) for m in total.to_dict()]
         return all(str(part) in moving and str(part) in names for part in parts)
@@ -104,9 +127,9 @@ class Theorems:
     def is_symmetry(self, matrix: np.ndarray, sign: int) -> bool:
         """Whether f(g y) = sign g f(y)."""
         time, *y = self._variables()
-        moved = [time, *self._applied(matrix, y)]
+        moved = [time, *self.applied(matrix, y)]
         there = self.ring.values(self._program, moved)
-        here = self._applied(matrix, self.rate)
+        here = self.applied(matrix, self.rate)
         apart = self.evaluated(self.differences)
         if not all(p in apart or -p in apart for p in self.evaluated(self.differences, moved)):
             return False
@@ -117,7 +140,7 @@ class Theorems:
         graph, states = self.formulas.graph, self.formulas.states
         table = gradients(graph, list(self.formulas.rates), states)
         moved = self.direction(matrix, offset)
-        wanted = self._applied(matrix, self.rate)
+        wanted = self.applied(matrix, self.rate)
         flat = self.evaluated([s for row in table for s in row])
         k = len(self.rate)
         rows = [flat[i * k : (i + 1) * k] for i in range(k)]
@@ -135,30 +158,31 @@ class Theorems:
         flat = self.evaluated([s for row in table for s in row])
         columns = [flat[j::k] for j in range(k)]
         # Row i of (Df)^T J is column i of Df times J.
-        first = [self._applied(form.T, column) for column in columns]
+        first = [self.applied(form.T, column) for column in columns]
         return all(
             self.ring.vanishes(first[i][j] - first[j][i]) for i in range(k) for j in range(i)
         )
 
     def direction(self, matrix: np.ndarray, offset: np.ndarray) -> list:
         """(k) A y + b."""
-        linear = self._applied(matrix, self._variables()[1:])
+        linear = self.applied(matrix, self._variables()[1:])
         return [a + self.ring.constant(float(b)) for a, b in zip(linear, offset, strict=True)]
 
     def changes_by(self, integral: Number, matrix: np.ndarray, sign: int) -> bool:
         """Whether I(g y) = sign I(y)."""
         time, *y = self._variables()
-        (there,) = self.evaluated([integral], [time, *self._applied(matrix, y)])
+        (there,) = self.evaluated([integral], [time, *self.applied(matrix, y)])
         (here,) = self.evaluated([integral])
         return self.ring.vanishes(there - sign * here)
 
-    def _applied(self, matrix: np.ndarray, vector: list) -> list:
+    def applied(self, matrix: np.ndarray, vector: list) -> list:
+        """A matrix of numbers times a vector of polynomials."""
         found = []
         for row in matrix:
             total = self.ring.constant(0)
             for entry, x in zip(row, vector, strict=True):
                 if entry:
-                    total += self.ring.constant(float(entry)) * x
+                    total += self.ring.constant(entry) * x
             found.append(total)
         return found
 

@@ -1,7 +1,10 @@
 """The proof that a list of equilibria is complete, by ball arithmetic (`balls.zeros`)."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from jaxdyn._enclosed import Enclosed
 from jaxdyn._text import counted
 from jaxdyn.analysis.equilibrium_search.proof import EquilibriaProof
 from jaxdyn.analysis.equilibrium_search.search import Box
@@ -23,9 +26,8 @@ def proved(scene: Scene, t: float, box: Box) -> EquilibriaProof:
     found = zeros(field, t, np.asarray(box.low), np.asarray(box.high))
     left = tuple(tuple(decimal(x) for x in cell) for cell in found.left)
     if left:
-        named = "; ".join(", ".join(f"{float(x.mid):.6g}" for x in cell) for cell in left[:_NAMED])
         reason = (
-            f"{counted(len(left), 'box', 'boxes')} could not be decided, near {named}: the "
+            f"{counted(len(left), 'box', 'boxes')} could not be decided, near {_named(left)}: the "
             "Jacobian is singular there, or the rate is not smooth, or the box is too large. "
             "Prove a smaller box."
         )
@@ -34,6 +36,12 @@ def proved(scene: Scene, t: float, box: Box) -> EquilibriaProof:
             "interval bisection in ball arithmetic: Krawczyk's test of each box that holds one, "
             "bounds that exclude 0 of each other."
         )
+        if found.corners:
+            corners = [[decimal(x) for x in box] for box in found.corners]
+            reason += (
+                f" Near {_named(corners)} a length is 0 and the rate jumps: 0 is excluded in all "
+                "directions of its unit vector, and at the point itself."
+            )
     return EquilibriaProof(
         proved=not left,
         reason=reason,
@@ -43,3 +51,7 @@ def proved(scene: Scene, t: float, box: Box) -> EquilibriaProof:
         names=tuple(name for name, _ in scene.labels()),
         bits=BITS,
     )
+
+
+def _named(boxes: Sequence[Sequence[Enclosed]]) -> str:
+    return "; ".join(", ".join(f"{float(x.mid):.6g}" for x in box) for box in boxes[:_NAMED])

@@ -7,6 +7,7 @@ import pytest
 
 import jaxdyn
 from jaxdyn import equilibria, scenes
+from jaxdyn._numerics import safe_norm
 from jaxdyn.scenes.springs import two_springs
 
 
@@ -67,16 +68,64 @@ def test_lists_of_scenes_are_proved_complete(scene, low, high, count):
 
 
 @pytest.mark.slow
-def test_two_springs_have_five_equilibria_and_two_corners():
+def test_two_springs_have_exactly_five_equilibria_and_none_at_their_anchors():
     proof = equilibria(two_springs(g=0.0), [-3.1, -3], [3, 3.2], starts=64, prove=True).proof
     assert proof is not None
-    assert len(proof.points) == 5
+    assert (proof.proved, len(proof.points), proof.undecided) == (True, 5, ())
     # At the anchors a spring has no length, and its force no direction.
-    places = sorted(float(box[0].mid) for box in proof.undecided)
-    assert np.allclose(places, [-1, 1], atol=1e-5)
+    assert "a length is 0" in proof.reason
     with mpmath.workdps(60):
         up = max(proof.points, key=lambda point: float(point[1].mid))
         assert _holds(up[1], mpmath.sqrt(1.25))
+
+
+def _push(y, strength, *, guarded):
+    """A pull (1/2, 0), and a push of this strength towards the point (1, 0)."""
+    a = y - jnp.array([1.0, 0.0])
+    length = safe_norm(a) if guarded else jnp.sqrt(a[0] ** 2 + a[1] ** 2)
+    return jnp.array([0.5, 0.0]) - strength * a / (
+        jnp.where(length == 0, 1.0, length) if guarded else length
+    )
+
+
+@pytest.mark.parametrize("guarded", [True, False])
+@pytest.mark.parametrize("strength", [0.25, 0.4])
+def test_a_force_of_one_size_and_any_direction_has_no_zero(guarded, strength):
+    proof = _proof(lambda y: _push(y, strength, guarded=guarded), [-3, -3], [3.1, 3.2])
+    assert (proof.proved, proof.points) == (True, ())
+
+
+@pytest.mark.slow
+def test_a_force_that_has_a_direction_in_which_it_is_0_is_not_excluded():
+    # 0 all along a ray from the point.
+    proof = _proof(lambda y: _push(y, 0.5, guarded=True), [0.5, -0.5], [1.5, 0.6])
+    assert not proof.proved
+
+
+def test_a_corner_at_which_the_rate_is_0_by_its_own_case_is_not_excluded():
+    def rate(y):
+        length = safe_norm(y)
+        return y / jnp.where(length == 0, 1.0, length)
+
+    proof = _proof(rate, [-1, -1.1], [1.2, 1.3])
+    assert not proof.proved
+    assert all(abs(float(x.mid)) < 1e-4 for box in proof.undecided for x in box[:2])
+
+
+@pytest.mark.parametrize(
+    ("strength", "proved"), [(0.4, True), pytest.param(0.5, False, marks=pytest.mark.slow)]
+)
+def test_directions_in_space_and_on_a_line(strength, proved):
+    def rate(y):
+        a, b = y[:3], y[3:]
+        across, along = jnp.sqrt(a @ a), jnp.sqrt(b @ b)
+        pull = jnp.array([0.3, 0.0, 0.4]) - strength * a / across
+        return jnp.concatenate([pull, 2 - b / along])
+
+    low, high = [-0.011, -0.012, -0.013, 0.5], [0.01, 0.011, 0.012, 0.6]
+    assert _proof(rate, low, high).proved  # the last entry alone is never 0
+    other = lambda y: rate(jnp.append(y, 1.0))[:3]  # noqa: E731
+    assert _proof(other, low[:3], high[:3]).proved is proved
 
 
 def test_what_has_no_formulas_or_has_constraints_is_refused():

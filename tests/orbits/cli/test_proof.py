@@ -52,6 +52,19 @@ def test_verify_says_what_was_derived_again(orbits, swing, tmp_path, make, words
     assert words not in orbits("verify", swing)[1]
 
 
+def test_a_file_with_one_digit_edited_is_not_proved(orbits, swing):
+    record = json.loads(swing.read_text())
+    period = repr(record["scene"]["t1"])
+    digit = (int(period[8]) + 1) % 10
+    record["scene"]["t1"] = float(f"{period[:8]}{digit}{period[9:]}")
+    swing.write_text(json.dumps(record))
+    code, out, _ = orbits("prove", swing, "--json")
+    proved = json.loads(out)
+    assert code != 0
+    assert (proved["proved"], proved["period"]) == (False, None)
+    assert "whose digits are wrong" in proved["reason"]
+
+
 def test_misuse_is_one_line(orbits, swing):
     code, out, err = orbits("refine", swing, "--digits", 3)
     assert (code, out) == (2, "")

@@ -14,10 +14,11 @@ from jaxdyn.balls.arithmetic import acb, arb, precision
 from jaxdyn.balls.field import scene_formulas
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.system import Effect
-from orbits.proof import posing, proving, spectrum
+from orbits.proof import posing, proving
 from orbits.proof.one_curve import on_one_curve
 from orbits.proof.posing import posed_equations
 from orbits.proof.proving import certified
+from orbits.proof.stability import spectrum, structure
 from orbits.proof.theorems import Theorems, missing
 
 
@@ -139,7 +140,7 @@ def test_relative_orbits_have_fewer_multipliers_of_one():
     counts = []
     for system in (plain, relative):
         candidates = posing.integrals_of(system, scene)
-        known = spectrum.structure(system, candidates, proving._generators(scene), form)
+        known = structure.structure(system, candidates, proving._generators(scene), [form])
         assert known.form is not None
         counts.append((len(known.integrals), len(known.generators)))
     # Translations and momentum do not commute with a rotation: the angular momentum does.
@@ -154,14 +155,14 @@ def _names(scene):
 def test_a_form_that_is_not_antisymmetric_says_nothing_of_multipliers():
     formulas, _ = _formulas(lambda t, y: [-y[0], -y[1]], 2)
     system = dataclasses.replace(_closure(), formulas=formulas)
-    assert spectrum.structure(system, {}, [], np.eye(2)).form is None
+    assert structure.structure(system, {}, [], [np.eye(2)]).form is None
     rotation, _ = _formulas(lambda t, y: [y[1], -y[0]], 2)
     form = np.array([[0.0, 1.0], [-1.0, 0.0]])
     system = dataclasses.replace(system, formulas=rotation)
-    assert spectrum.structure(system, {}, [], form).form is form
+    assert (structure.structure(system, {}, [], [form]).form == form).all()
     # The rotation of a relative orbit must keep it too; this one stretches.
     stretched = dataclasses.replace(system, generator=np.array([[1, 0], [0, 0]]))
-    assert spectrum.structure(stretched, {}, [], form).form is None
+    assert structure.structure(stretched, {}, [], [form]).form is None
 
 
 @pytest.mark.parametrize(
@@ -174,7 +175,7 @@ def test_multipliers_that_may_be_one_are_not_on_the_circle_for_certain(angles, v
         for x in angles
         for sign in ((1, -1) if x else (1,))
     ]
-    assert spectrum._verdict(values, True, True) == verdict
+    assert spectrum._verdict(values, [acb(1)], True, True) == verdict
 
 
 class _Trap(Effect):

@@ -1,15 +1,45 @@
 """The non-trivial multipliers of a monodromy matrix in balls.
 
 Multipliers that are 1 by an integral or a symmetry come in defective groups, whose computed values
-would be as uncertain as a root of the rounding. The characteristic polynomial knows no such
-trouble: divided by (x - 1) as often as the theory says, it has the others as simple roots.
+would be as uncertain as a root of the rounding. Where the reason of each is known as a vector, the
+matrix is `reduced` to the others, which are simple. Where only their number is, the characteristic
+polynomial is divided by x - 1 as often.
 """
 
 import math
 
+import numpy as np
+
 from jaxdyn.balls.arithmetic import acb, acb_poly, arb, arb_mat
+from orbits.proof.closing_equations import inverse
 
 _NEWTON_STEPS = 30
+
+
+def reduced(matrix: arb_mat, rows: list[list], directions: list[list]) -> arb_mat:
+    """(k - n - m, ...) how a matrix acts on a kernel modulo directions in it.
+
+    Args:
+      matrix: (k, k).
+      rows: (n) row vectors (k) whose span it keeps.
+      directions: (m) vectors (k) of their common kernel whose span it keeps.
+    Raises:
+      ArithmeticError: the rows, or the directions, may depend on each other.
+    """
+    k, n, m = matrix.nrows(), len(rows), len(directions)
+    known = np.array([[float(x.mid()) for x in row] for row in (*rows, *directions)]).reshape(-1, k)
+    known = known / np.linalg.norm(known, axis=1, keepdims=True)
+    others = np.linalg.svd(known)[2][n + m :].T
+    kept, inside = arb_mat(others.tolist()), arb_mat(others.tolist())
+    columns = [*directions]
+    if n and len(others.T):
+        w = arb_mat(rows)
+        # Within the kernel of the exact rows.
+        inside = kept - w.transpose() * ((w * w.transpose()).inv() * (w * kept))
+    columns += np.array(inside.tolist(), object).reshape(k, -1).T.tolist()
+    whole = arb_mat([*columns, *rows]).transpose()
+    moved = (inverse(whole) * (matrix * inside)).tolist()
+    return arb_mat(moved[m : k - n])
 
 
 def deflated(matrix: arb_mat, unit: int) -> list[arb]:

@@ -1,0 +1,227 @@
+"""Unit vectors a / |a| in a rate, on boxes in which the length |a| may be 0.
+
+A quotient a_i / |a| has no bound there if both are enclosed apart from each other. It is the entry
+of a unit vector, so the rate is evaluated for each arc of directions instead, with any length from
+0 on: all points of the box with |a| > 0 are among these. Where |a| is 0 exactly, the rate has the
+value of its case for that (a spring without length), whose formulas are evaluated on the same box;
+or it has none, as it divides by 0, and is not 0 there either.
+"""
+
+import math
+from typing import NamedTuple
+
+from jaxdyn.balls.arithmetic import Undecided, arb
+from jaxdyn.balls.field import BallField
+from jaxdyn.balls.program import Program
+from jaxdyn.solvers.taylor.graph import COMPARISONS, LOGIC, Graph, Node, Number
+
+_MOST_ARCS = 512  # that are tried for a box
+
+
+class Length(NamedTuple):
+    """A length in a rate, and the rate without its quotients.
+
+    Attributes:
+      entries: the program of the entries a_i.
+      length: the input that stands for |a|.
+      unit: the inputs that stand for a_i / |a|.
+      moving: the rate of |a| > 0, of the inputs of the rate and these.
+      ending: the rate of |a| = 0; NaN of a number without a value.
+    """
+
+    entries: Program
+    length: Node
+    unit: list[Node]
+    moving: Program
+    ending: Program
+
+
+def lengths(field: BallField) -> list[Length]:
+    """The lengths of one to three entries in a rate."""
+    found = []
+    for square in [node for node in field.rates.nodes if node.op == "sum"]:
+        entries = _entries(square)
+        if entries and any(_is_root(node, square) for node in field.rates.nodes):
+            found.append(_length(field, square, entries))
+    return found
+
+
+def _entries(square: Node) -> list[Node]:
+    """The a_i of a sum of squares a_i^2; [] of others."""
+    pairs = list(zip(square.args[::2], square.args[1::2], strict=True))
+    squares = all(
+        factor == 1.0
+        and isinstance(term, Node)
+        and term.op == "product"
+        and len(set(term.args)) == 1
+        for factor, term in pairs
+    )
+    return [term.args[0] for _, term in pairs] if squares and len(pairs) <= 3 else []
+
+
+def _is_root(node: Node, square: Node) -> bool:
+    """Whether a node is the root of a square, or of what stands for it where it is not 0."""
+    if node.op != "sqrt":
+        return False
+    (inner,) = node.args
+    return inner is square or (
+        isinstance(inner, Node) and inner.op == "select" and square in inner.args[1:]
+    )
+
+
+def _length(field: BallField, square: Node, entries: list[Node]) -> Length:
+    graph = field.graph
+    length = graph.given(arb(0), moving=True)
+    unit = [graph.given(arb(0), moving=True) for _ in entries]
+    moving = _Rewriting(graph, field.rates, square, False)
+    moving.put_direction(entries, length, unit)
+    ending = _Rewriting(graph, field.rates, square, True)
+    return Length(
+        entries=Program.of(graph, list(entries)),
+        length=length,
+        unit=unit,
+        moving=moving.program(),
+        ending=ending.program(),
+    )
+
+
+class _Rewriting:
+    """The formulas of a rate in the case that a square is 0, or that it is not."""
+
+    def __init__(self, graph: Graph, rates: Program, square: Node, vanishes: bool):
+        self.graph, self.rates, self.square, self.vanishes = graph, rates, square, vanishes
+        self.new: dict[Node, Number] = {}
+        self.direction: tuple[list[Node], Node, list[Node]] | None = None
+
+    def put_direction(self, entries: list[Node], length: Node, unit: list[Node]) -> None:
+        """Replace the root of the square, and quotients by it."""
+        self.direction = entries, length, unit
+
+    def program(self) -> Program:
+        """The rewritten rate."""
+        for node in self.rates.nodes:
+            self.new[node] = self._rewritten(node)
+        return Program.of(self.graph, [self._of(r) for r in self.rates.results])
+
+    def _of(self, a):
+        return self.new.get(a, a) if isinstance(a, Node) else a
+
+    def _rewritten(self, node: Node) -> Number:
+        args = [self._of(a) for a in node.args]
+        if node.op in COMPARISONS:
+            return self._compared(node.op, args)
+        known = all(isinstance(a, bool) for a in args)
+        if node.op in LOGIC and known:
+            return LOGIC[node.op](*args)
+        if node.op == "select" and isinstance(args[0], bool):
+            return args[2] if args[0] else args[1]
+        if self.direction is not None:
+            entries, length, unit = self.direction
+            if node.op == "sqrt" and args[0] is self.square:
+                return length
+            if node.op == "div" and args[1] is length:
+                return self._quotient(args[0], [self._of(e) for e in entries], unit, length)
+        elif (found := self._at_zero(node, args)) is not None:
+            return found
+        if all(a is b for a, b in zip(args, node.args, strict=True)):
+            return node
+        return self.graph.node(node.op, *args)
+
+    def _at_zero(self, node: Node, args: list) -> float | None:
+        """What is known of a number where the square is 0; NaN if it has no value."""
+        if any(isinstance(a, float) and math.isnan(a) for a in args) and node.op != "select":
+            return math.nan
+        if node.op == "sqrt" and args[0] is self.square:
+            return 0.0
+        return math.nan if node.op == "div" and args[1] == 0.0 else None
+
+    def _compared(self, op: str, args: list) -> Number:
+        if any(a is self.square for a in args) and 0.0 in args and op in ("eq", "ne"):
+            return self.vanishes == (op == "eq")
+        length = self.direction and self.direction[1]
+        if any(a is length for a in args) and 0.0 in args and op in ("eq", "ne"):
+            return op == "ne"
+        if not any(isinstance(a, Node) for a in args):
+            return bool(COMPARISONS[op](*args))
+        return self.graph.node(op, *args)
+
+    def _quotient(self, a: Number, entries: list, unit: list[Node], length: Node) -> Number:
+        """a / |a|, where an entry is a factor of the numerator."""
+        factors = list(a.args) if isinstance(a, Node) and a.op in ("product", "scale") else [a]
+        for entry, one in zip(entries, unit, strict=True):
+            if entry in factors:
+                factors.remove(entry)
+                return self.graph.node("product", one, *factors) if factors else one
+        return self.graph.node("div", a, length)
+
+
+def excludes_zero(field: BallField, found: list[Length], rows: list[int], t: arb, y: list) -> bool:
+    """Whether some rates of `rows` are proved to be not 0 at each point of a box.
+
+    Args:
+      field: the rate.
+      found: its lengths; one of them may be 0 in the box.
+      rows: indices of the rates.
+      t: () the time.
+      y: (k) the box.
+    """
+    inputs = field.inputs(t, y)
+    enclosed = [one.entries(inputs) for one in found]
+    small = [i for i, entries in enumerate(enclosed) if all(bool(x.contains(0)) for x in entries)]
+    if len(small) != 1:
+        return False
+    one, entries = found[small[0]], enclosed[small[0]]
+    if not _excludes(one.ending, rows, inputs):
+        return False
+    longest = sum((abs(x) ** 2 for x in entries), arb(0)).sqrt().upper()
+    inputs[one.length] = arb(longest / 2, longest / 2)
+    waiting = _all_directions(len(one.unit))
+    for _ in range(_MOST_ARCS):
+        if not waiting:
+            return True
+        angles = waiting.pop()
+        direction = dict(zip(one.unit, _unit_vector(angles, len(one.unit)), strict=True))
+        if not _excludes(one.moving, rows, inputs | direction):
+            if not angles or isinstance(angles, int):
+                return False
+            waiting += _halves(angles)
+    return False
+
+
+def _excludes(program: Program, rows: list[int], inputs: dict) -> bool:
+    try:
+        rates = program(inputs)
+    except (Undecided, ZeroDivisionError):
+        return False
+    return any(_has_no_value(program.results[i]) or not arb(rates[i]).contains(0) for i in rows)
+
+
+def _has_no_value(rate: Number) -> bool:
+    return isinstance(rate, float) and math.isnan(rate)
+
+
+def _all_directions(count: int) -> list:
+    """Angles of all unit vectors; of one entry its signs."""
+    if count == 1:
+        return [1, -1]
+    whole = (0.0, 6.3)
+    return [[whole]] if count == 2 else [[whole, (0.0, 3.15)]]
+
+
+def _unit_vector(angles, count: int) -> list[arb]:
+    if count == 1:
+        return [arb(angles)]
+    balls = [arb(low).union(arb(high)) for low, high in angles]
+    across = balls[0].cos(), balls[0].sin()
+    if count == 2:
+        return list(across)
+    return [balls[1].sin() * across[0], balls[1].sin() * across[1], balls[1].cos()]
+
+
+def _halves(angles: list) -> list[list]:
+    """The widest interval cut in two."""
+    widths = [high - low for low, high in angles]
+    at = widths.index(max(widths))
+    low, high = angles[at]
+    middle = (low + high) / 2
+    return [[*angles[:at], part, *angles[at + 1 :]] for part in ((low, middle), (middle, high))]

@@ -1,0 +1,99 @@
+"""Linear stability as a theorem: enclosures of the multipliers that are not 1 by the theory.
+
+`structure` says which multipliers are 1, or turn as a relative orbit does.
+
+On the unit circle: if M is symplectic, or similar to its inverse by a reversal of the orbit, with a
+multiplier z there is 1 / conj z, as often; multipliers on the circle are their own images, so that
+is true of the others alone. If each enclosure of a multiplier holds one, and its image under that
+reflection meets no other enclosure, z = 1 / conj z, that is |z| = 1; multipliers on the circle that
+are distinct, and distinct from those that are known, mean linear stability (Kapela, Simo 2007,
+Nonlinearity 20, 1241).
+"""
+
+import contextlib
+import dataclasses
+
+from jaxdyn.balls.arithmetic import acb, arb_mat, precision
+from jaxdyn.balls.tube import NotEnclosed
+from orbits.proof.closing_equations import ClosingEquations
+from orbits.proof.krawczyk import enclosed
+from orbits.proof.stability import multipliers
+from orbits.proof.stability.structure import Prescribed, Structure, prescribed
+
+
+@dataclasses.dataclass(frozen=True)
+class Spectrum:
+    """The non-trivial multipliers.
+
+    Attributes:
+      values: enclosures, one for each; empty if they cannot be told apart.
+      verdict: "stable", "unstable" or "undecided".
+    """
+
+    values: list[acb]
+    verdict: str
+
+
+def spectrum(
+    system: ClosingEquations,
+    numbers: list,
+    slopes: arb_mat,
+    known: Structure,
+    digits: float,
+    bits: int,
+) -> Spectrum:
+    """The non-trivial multipliers of an orbit.
+
+    Args:
+      system: the closing equations.
+      numbers: enclosures of all its numbers.
+      slopes: the derivative over a part of the period, for all motions of a wider box. It is
+        enclosed again, for sharper multipliers.
+      known: about the flow.
+      digits: of the series.
+      bits: precision.
+    """
+    with precision(bits):
+        centre = [*numbers]
+        for i in system.unknowns:
+            centre[i] = numbers[i].mid()
+        with contextlib.suppress(NotEnclosed):
+            slopes = enclosed(system, centre, numbers, digits, bits, digits).slopes
+        return _of(system, numbers, slopes, known)
+
+
+def _of(system: ClosingEquations, numbers: list, slopes: arb_mat, known: Structure) -> Spectrum:
+    try:
+        matrix = system.monodromy(slopes, numbers)
+        trivial = Prescribed([], [], [])
+        if system.drive is None:
+            trivial = prescribed(system, numbers, known)
+        matrix = multipliers.reduced(matrix, trivial.rows, trivial.directions)
+        values = multipliers.roots(matrix.charpoly().coeffs())
+    except ArithmeticError:  # no inverse, or no bounds
+        return Spectrum([], "undecided")
+    values = multipliers.sorted_roots(values)
+    if len(values) != matrix.nrows():
+        return Spectrum([], "undecided")
+    paired = known.form is not None or system.reversals is not None
+    conservative = bool(known.integrals) or paired
+    return Spectrum(values, _verdict(values, trivial.multipliers, conservative, paired))
+
+
+def _verdict(values: list[acb], known: list[acb], conservative: bool, paired: bool) -> str:
+    sizes = [z.abs_lower() for z in values]
+    if any(bool(size > 1) for size in sizes):
+        return "unstable"
+    if not conservative and all(bool(z.abs_upper() < 1) for z in values):
+        return "stable"
+    if paired and all(_on_circle(i, values, known) for i in range(len(values))):
+        return "stable"
+    return "undecided"
+
+
+def _on_circle(i: int, values: list[acb], known: list[acb]) -> bool:
+    z = values[i]
+    reflected = 1 / z.conjugate()
+    return not any(z.overlaps(one) or z.overlaps(one.conjugate()) for one in known) and all(
+        j == i or not reflected.overlaps(other) for j, other in enumerate(values)
+    )

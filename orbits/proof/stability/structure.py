@@ -1,0 +1,232 @@
+"""What the flow about an orbit keeps, proved, and the multipliers that this prescribes.
+
+Let W be gradients w_i of integrals at the start, independent, and g_j independent directions in
+their common kernel. If the monodromy matrix M takes the span of the w_i to itself from the right,
+and that of the g_j from the left, it acts on the kernel modulo the g_j, and the multipliers are
+those of this action, of that on the w_i and of that on the g_j. Here the directions are
+
+    the flow f, of an orbit whose rate does not depend on time;
+    A y + b, of a linear symmetry, if its flow commutes with that of the rate;
+    J^-1 w_i, if the flow keeps a constant symplectic form J (Noether's theorem; Arnold 1989,
+    Mathematical Methods of Classical Mechanics, section 40): M J^-1 M^T = J^-1.
+
+Of an orbit that returns, w_i M = w_i and M g_j = g_j: all these multipliers are 1. M of a relative
+orbit is R^-1 times the derivative of the flow, with a rotation R by the angle a; then an integral
+that R keeps prescribes a 1, and so does a direction that commutes with it. Two integrals that R
+turns into each other, as the entries of the momentum, or their two directions, prescribe
+exp(i a) and exp(-i a). Both are 0 on the orbit, unless exp(i a) = 1, as they are conserved.
+"""
+
+import dataclasses
+import math
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+from flint import fmpq, fmpq_mat
+
+from jaxdyn.balls.arithmetic import acb, arb, arb_mat
+from jaxdyn.balls.identities import NoPolynomial
+from jaxdyn.solvers.taylor.graph import Number
+from orbits.proof.closing_equations import ClosingEquations, product
+from orbits.proof.theorems import Theorems
+
+
+@dataclasses.dataclass(frozen=True)
+class Structure:
+    """What is known of the flow beside the rate.
+
+    Attributes:
+      theorems: the rate as polynomials; None if it is not representable, and nothing is known.
+      integrals: conserved functions by name, which the rotation of a relative orbit keeps.
+      pairs: conserved functions, two each, that this rotation turns into each other.
+      generators: (matrix, offset) of symmetries, without the flow, that commute with it.
+      form: (k, k) constant symplectic form that the flow and the rotation keep, of fractions; None
+        if none is proved.
+    """
+
+    theorems: Theorems | None = None
+    integrals: dict[str, Number] = dataclasses.field(default_factory=dict)
+    pairs: tuple[tuple[Number, Number], ...] = ()
+    generators: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
+    form: np.ndarray | None = None
+
+
+class Prescribed(NamedTuple):
+    """What prescribes multipliers.
+
+    Attributes:
+      rows: (n) gradients (k) whose span the monodromy matrix keeps, independent.
+      directions: (m) directions (k) in their kernel whose span it keeps, independent.
+      multipliers: the different ones that these have, in the upper half plane.
+    """
+
+    rows: list[list]
+    directions: list[list]
+    multipliers: list[acb]
+
+
+class _Direction(NamedTuple):
+    """A direction at the start, and the same as polynomials."""
+
+    at_start: list
+    everywhere: list
+
+
+def structure(
+    system: ClosingEquations, candidates: dict[str, Number], generators: list, forms: list
+) -> Structure:
+    """What is proved among candidates: integrals, generators of symmetries, symplectic forms."""
+    try:
+        theorems = Theorems.of(system.formulas, system.field)
+    except NoPolynomial:
+        return Structure()
+    turn = np.zeros((len(theorems.rate),) * 2) if system.generator is None else system.generator
+    turned = theorems.direction(turn, np.zeros(len(turn)))
+    conserved = {n: i for n, i in candidates.items() if _holds(theorems.is_conserved, i)}
+    kept = {n: i for n, i in conserved.items() if _holds(theorems.is_constant_along, i, turned)}
+    rest = [i for n, i in conserved.items() if n not in kept]
+    symmetries = (
+        pair
+        for pair in generators
+        if _commutes(turn, *pair) and _holds(theorems.is_generator, *pair)
+    )
+    return Structure(
+        theorems=theorems,
+        integrals=kept,
+        pairs=tuple(_pairs(theorems, rest, turned)),
+        generators=tuple(symmetries),
+        form=next((exact(form) for form in forms if _is_kept(theorems, form, turn)), None),
+    )
+
+
+def _holds(claim, *args) -> bool:
+    """Whether a claim is proved; one about formulas that are no polynomials is not."""
+    try:
+        return claim(*args)
+    except NoPolynomial:
+        return False
+
+
+def _pairs(theorems: Theorems, integrals: list[Number], turned: list):
+    """Two integrals each that a rotation turns into each other at unit rate."""
+    left = list(integrals)
+    while left:
+        a = left.pop(0)
+        for b in left:
+            if _holds(theorems.are_turned, a, b, turned):
+                left.remove(b)
+                yield a, b
+                break
+
+
+def prescribed(system: ClosingEquations, numbers: list, known: Structure) -> Prescribed:
+    """What is proved to prescribe multipliers, of an orbit whose rate does not depend on time."""
+    start = system.start(numbers)
+    flow = [arb(x) for x in system.field.rate(arb(0), start)]
+    if known.theorems is None:
+        return Prescribed([], [flow], [acb(1)])
+    angle = system.turned(numbers)
+    turning = angle is not None and bool(angle.cos() < 1)
+    groups = [(one,) for one in known.integrals.values()] + list(known.pairs if turning else ())
+    slopes = [system.gradients(list(group), start) for group in groups]
+    chosen = _independent(slopes)
+    rows = [[known.theorems.gradient(one) for one in groups[i]] for i in chosen]
+    zeros = [one for i in chosen for one in groups[i] if len(groups[i]) > 1]
+    candidates = [[_linear(known.theorems, *one, start)] for one in known.generators]
+    if known.form is not None:
+        inverse = _inverse(known.form)
+        for i, group in zip(chosen, rows, strict=True):
+            pairs = zip(slopes[i], group, strict=True)
+            candidates.append(
+                [
+                    _Direction(product(inverse, x), known.theorems.applied(inverse, p))
+                    for x, p in pairs
+                ]
+            )
+    inside = [
+        group
+        for group in candidates
+        if all(_in_kernel(system, known.theorems, rows, one, zeros) for one in group)
+    ]
+    found = [[flow], *([one.at_start for one in group] for group in inside)]
+    ones = [acb(1), acb(angle.cos(), abs(angle.sin()))] if angle is not None else [acb(1)]
+    return Prescribed(
+        rows=[row for i in chosen for row in slopes[i]],
+        directions=[one for i in _independent(found) for one in found[i]],
+        multipliers=ones,
+    )
+
+
+def _linear(theorems: Theorems, matrix: np.ndarray, offset: np.ndarray, start: list) -> _Direction:
+    """A y + b."""
+    moved = product(matrix, start)
+    there = [x + arb(float(b)) for x, b in zip(moved, offset, strict=True)]
+    return _Direction(there, theorems.direction(matrix, offset))
+
+
+def _in_kernel(
+    system: ClosingEquations,
+    theorems: Theorems,
+    rows: list[list],
+    direction: _Direction,
+    zeros: list[Number],
+) -> bool:
+    """Whether the derivatives of integrals along a direction are 0 on the orbit.
+
+    They are conserved, as the direction's flow commutes with that of the rate.
+    """
+    known = theorems.evaluated(zeros)
+    return all(
+        theorems.is_zero(row, direction.everywhere, known)
+        or theorems.returns_to_zero(row, direction.everywhere, system.generator)
+        for group in rows
+        for row in group
+    )
+
+
+def _independent(groups: list[list[list]]) -> list[int]:
+    """Indices of groups of vectors that are proved to be independent, as many as come first."""
+    chosen: list[int] = []
+    for i in range(len(groups)):
+        rows = [row for j in (*chosen, i) for row in groups[j]]
+        matrix = arb_mat(rows)
+        if bool((matrix * matrix.transpose()).det() > 0):  # Gram's determinant
+            chosen.append(i)
+    return chosen
+
+
+def _commutes(turn: np.ndarray, matrix: np.ndarray, offset: np.ndarray) -> bool:
+    """Whether the flow of y' = A y + b commutes with a rotation."""
+    turn, matrix, offset = map(exact, (turn, matrix, offset))
+    return bool((turn @ matrix == matrix @ turn).all() and (turn @ offset == 0).all())
+
+
+def _is_kept(theorems: Theorems, form: np.ndarray, turn: np.ndarray) -> bool:
+    """Whether a regular, antisymmetric form is kept by the flow and by a rotation."""
+    form, turn = exact(form), exact(turn)
+    regular = (form.T == -form).all() and _rational(form).det() != 0
+    return (
+        bool(regular)
+        and bool((turn.T @ form + form @ turn == 0).all())
+        and _holds(theorems.keeps, form)
+    )
+
+
+def _inverse(form: np.ndarray) -> np.ndarray:
+    """(k, k) the inverse of a form times a whole number, of whole numbers."""
+    found = _rational(form).inv()
+    table = [[Fraction(int(x.p), int(x.q)) for x in row] for row in found.tolist()]
+    scale = math.lcm(*(x.denominator for row in table for x in row))
+    return np.array([[int(x * scale) for x in row] for row in table], object)
+
+
+def _rational(form: np.ndarray) -> fmpq_mat:
+    return fmpq_mat([[fmpq(x.numerator, x.denominator) for x in row] for row in form.tolist()])
+
+
+def exact(table: np.ndarray) -> np.ndarray:
+    """An array of numbers as one of fractions, whose products are exact."""
+    found = np.empty(np.shape(table), object)
+    found.flat = [Fraction(x) for x in np.asarray(table).ravel().tolist()]
+    return found
