@@ -235,7 +235,8 @@ def test_names_that_are_no_pages_are_refused(tmp_path):
         lambda: gallery.build(tmp_path, only=["doublependulum"])
     )
     (tmp_path / "file").write_text("")
-    refusal(lambda: gallery.build(tmp_path / "file" / "site", only=[16]))
+    message = refusal(lambda: gallery.build(tmp_path / "file" / "site", only=[16]))
+    assert "a folder that can be written" in message
 
 
 def test_the_reference_has_every_public_name_once():
