@@ -98,6 +98,23 @@ def test_every_page_opens_without_a_message_and_fits(site, width):
         window.quit()
 
 
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_text_stands_out_and_headings_leave_no_level_out(site, theme):
+    window = chromium.start()
+    media = {"features": [{"name": "prefers-color-scheme", "value": theme}]}
+    window.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+    levels = "return [...document.querySelectorAll('h1, h2, h3, h4, h5')].map(h => +h.tagName[1])"
+    try:
+        for page in site.pages:
+            chromium.opened(window, site.folder / page)
+            assert chromium.faint(window) == [], page
+            found = window.execute_script(levels)
+            assert found[0] == 1, page
+            assert max(np.diff(found), default=0) <= 1, page
+    finally:
+        window.quit()
+
+
 def test_the_players_of_the_pages_play_to_the_end_of_their_motions(site):
     window = chromium.start()
     try:
