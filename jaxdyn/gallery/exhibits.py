@@ -1,7 +1,8 @@
 """Exhibits: pages of the site that show what the library does beyond the course.
 
 A page consists of one or more parts, which run apart. Each returns a record: ``title``, ``text`` in
-Markdown, ``drawings``, ``tables`` and ``minis`` (closed paths that move).
+Markdown, ``drawings``, ``tables``, ``cases`` (hard ones, by topic) and ``minis`` (closed paths that
+move).
 """
 
 import functools
@@ -74,28 +75,38 @@ def _best(times: dict) -> list[str]:
     return [name, duration(reached[name])]
 
 
-def hard_cases(names: Sequence[str], title: str, _pictures: Path) -> dict[str, Any]:
+def hard_cases(names: Sequence[str], topic: str, _pictures: Path) -> dict[str, Any]:
     """The verdicts of the hard cases of one topic."""
     verdicts = [hard.judge(case) for case in hard.collection.chosen(names)]
-    rows = [
-        [
-            v.case.name,
-            v.case.holds,
-            "holds" if v.passed else "fails",
-            "; ".join(f"{f.what}: {f.value:.3g}" for f in v.figures),
-        ]
-        for v in verdicts
+    cases = [
+        {
+            "name": verdict.case.name,
+            "what": verdict.case.holds,
+            "holds": verdict.passed,
+            "seconds": f"{verdict.seconds:.1f}",
+            "figures": [_figure(figure) for figure in verdict.figures],
+        }
+        for verdict in verdicts
     ]
     text = (
-        "Scenes that break naive codes, each with figures that must stay below a bound. "
-        "`jaxdyn hard` runs them."
+        "Scenes that break naive codes. A case holds if each of its figures stays within its "
+        "bound; they come from closed forms, from other routes or from numbers of high "
+        "precision. `jaxdyn hard` runs them."
     )
-    head = ["case", "what must hold", "verdict", "figures"]
     return {
         "title": "Hard cases",
         "text": text,
-        "tables": [{"title": title, "head": head, "rows": rows}],
-        "holds": all(v.passed for v in verdicts),
+        "cases": [{"topic": topic, "cases": cases}],
+        "holds": all(verdict.passed for verdict in verdicts),
+    }
+
+
+def _figure(figure: hard.Figure) -> dict[str, str]:
+    """A figure of a hard case, as text."""
+    return {
+        "what": figure.what,
+        "value": f"{figure.value:.3g}" if np.isfinite(figure.value) else "not reached",
+        "bound": "" if figure.bound is None else f"at most {figure.bound:g}",
     }
 
 
@@ -217,7 +228,7 @@ def joined(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """The record of a page: what its parts show, under the title and the text of the first."""
     lists = {
         what: [one for part in parts for one in part.get(what, ())]
-        for what in ("drawings", "tables", "minis")
+        for what in ("drawings", "tables", "cases", "minis")
     }
     holds = all(part.get("holds", True) for part in parts)
     return {"title": parts[0]["title"], "text": parts[0]["text"], "holds": holds, **lists}

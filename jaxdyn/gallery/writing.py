@@ -132,7 +132,7 @@ class Site:
 
     def exhibit(self, name: str, record: dict) -> None:
         """The page of an exhibit."""
-        minis = record.get("minis", [])
+        minis, topics = record.get("minis", []), record.get("cases", [])
         self.write(
             f"{name}.html",
             "exhibit.html",
@@ -140,6 +140,8 @@ class Site:
             text=self.text(texts.markdown(record["text"])),
             drawings=record.get("drawings", []),
             tables=record.get("tables", []),
+            topics=topics,
+            verdicts=[case["holds"] for topic in topics for case in topic["cases"]],
             minis=minis,
             minis_data=Markup(player.embedded([one["path"] for one in minis])),
         )

@@ -205,15 +205,22 @@ def test_an_exhibit_shows_what_its_record_has(tmp_path):
     drawing = {"file": "a.png", "look": "A line.", "width": 8, "height": 6}
     record = {"title": "Lines", "text": "Straight `jaxdyn.simulate`."}
     minis = [{"name": "loop", "lines": ("T = 1",), "path": {"x": [[0]], "y": [[0]], "reach": 1}}]
-    tables = [{"title": "", "head": ["case"], "rows": [["holds"], ["fails"]]}]
+    tables = [{"title": "", "head": ["digits"], "rows": [["3"], ["6"]]}]
+    figures = [{"what": "error", "value": "1e-9", "bound": "at most 1e-8"}]
+    case = {"name": "a", "what": "It holds.", "seconds": "0.1", "figures": figures}
+    cases = [{"topic": "Drift", "cases": [case | {"holds": held} for held in (True, False)]}]
     site = writing.Site(tmp_path, ["plain", "full"])
     site.exhibit("plain", record)
     site.exhibit("full", record | {"drawings": [drawing], "tables": tables, "minis": minis})
+    site.exhibit("hard", record | {"cases": cases})
     site.exhibit("poster", record | {"drawings": [drawing | {"other": "a.pdf"}]})
     plain, full, other = (Parsed(tmp_path / f"{name}.html") for name in ("plain", "full", "poster"))
     assert (plain.headings, plain.pictures) == (["h1"], [])
     assert len(full.pictures) == 1
     assert "minis.js" in full.links
+    hard_page = (tmp_path / "hard.html").read_text()
+    assert "1 of 2 cases hold" in hard_page
+    assert [hard_page.count(word) for word in ("holds</span>", "fails</span>", "1e-8")] == [1, 1, 2]
     assert "pictures/a.pdf" in set(other.links) - set(full.links)
 
 
@@ -297,7 +304,7 @@ def test_a_page_of_parts_shows_all_of_them_and_holds_where_they_do():
     ]
     page = exhibits.joined(parts)
     assert (page["title"], page["text"], page["holds"]) == ("A", "a", False)
-    assert (page["tables"], page["drawings"], page["minis"]) == ([1, 2], [3], [])
+    assert (page["tables"], page["drawings"], page["cases"]) == ([1, 2], [3], [])
     assert exhibits.joined(parts[:1])["holds"]
 
 
