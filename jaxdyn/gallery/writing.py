@@ -175,7 +175,7 @@ class Site:
                 text=self.text(chapter.text, "../"),
                 entries=[self._entry(entry) for entry in chapter.entries],
             )
-            rows.append((chapter.name, url, chapter.line))
+            rows.append((chapter.name, url, chapter.line.replace("`", "")))
         about = "Every public name once, with shapes and units."
         self.write(
             "reference/index.html", "contents.html", title="Reference", about=about, rows=rows
