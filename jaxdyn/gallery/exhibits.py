@@ -209,7 +209,7 @@ def _hard_parts() -> dict[str, Part]:
     return parts
 
 
-_LONG = {"chaos", "drift", "long"}  # hard cases that compute for longer than they compile
+_LONG = {"bodies", "chaos", "drift", "long"}  # hard cases that compute for longer than they compile
 #: By name, a page after the other.
 PARTS: dict[str, Part] = {
     "accuracy": Part("accuracy", accuracy, timed=True),
