@@ -148,6 +148,7 @@ def named(*panels) -> list[Artist]:
 
 def style(ax) -> None:
     """Give axes, flat or solid, the look of all pictures."""
+    ax.set_prop_cycle(color=PALETTE)  # of what is drawn from now on
     ax.grid(True, color=GRID, lw=0.6)
     ax.set_axisbelow(True)
     ax.tick_params(colors=INK, labelsize=9)
