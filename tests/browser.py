@@ -16,6 +16,30 @@ _FLAGS = (
     "--disable-component-update",
     "--disable-sync",
 )
+#: Texts whose contrast is below 4.5, the least of WCAG 2.1 (1.4.3) for text of this size.
+_FAINT = """
+const light = ([r, g, b]) => [r, g, b].map((c) => c / 255)
+  .map((c) => (c <= 0.03928 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))
+  .reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0);
+const numbers = (colour) => colour.match(/[0-9.]+/g).map(Number);
+const ground = (element) => {
+  for (; element; element = element.parentElement) {
+    const found = numbers(getComputedStyle(element).backgroundColor);
+    if (found.length < 4 || found[3] > 0) return found;
+  }
+  return matchMedia("(prefers-color-scheme: dark)").matches ? [18, 18, 18] : [255, 255, 255];
+};
+const found = new Set(), texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+while (texts.nextNode()) {
+  const text = texts.currentNode.textContent.trim(), element = texts.currentNode.parentElement;
+  if (!text || ["SCRIPT", "STYLE", "NOSCRIPT"].includes(element.tagName)) continue;
+  const colour = getComputedStyle(element).color;
+  const [low, high] = [colour, ground(element)]
+    .map((c) => light(typeof c === "string" ? numbers(c) : c)).sort((a, b) => a - b);
+  if ((high + 0.05) / (low + 0.05) < 4.5) found.add(`${text.slice(0, 30)}: ${colour}`);
+}
+return [...found];
+"""
 
 
 def start(width: int = 1280, height: int = 900):
@@ -36,6 +60,11 @@ def opened(browser, path: Path) -> None:
     """Open a page from a file; fails on any message of its console."""
     browser.get(path.as_uri())
     assert browser.get_log("browser") == [], path
+
+
+def faint(browser) -> list[str]:
+    """The texts of the page whose contrast is too low, with their colours."""
+    return browser.execute_script(_FAINT)
 
 
 def player(browser, call: str, nth: int = 0):

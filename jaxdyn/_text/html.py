@@ -16,6 +16,7 @@ from jaxdyn._text.tables import Table
 T = TypeVar("T")
 
 _LEFT = 'style="text-align: left; vertical-align: top"'
+_HEAD = 'style="text-align: left; white-space: nowrap"'  # a narrow table would break it
 _NARROW = 'style="max-width: 40em"'  # so that the picture is beside it
 _ROW = 'style="display: flex; flex-wrap: wrap; gap: 1em; align-items: flex-start"'
 
@@ -61,5 +62,5 @@ def _written(text: str) -> str:
         f'<tr><th scope="row" {_LEFT}>{escape(name)}</th><td {_LEFT}>{escape(said)}</td></tr>'
         for name, said in text.rows
     )
-    head = f"<caption {_LEFT}><strong>{escape(text.head)}</strong></caption>"
+    head = f"<caption {_HEAD}><strong>{escape(text.head)}</strong></caption>"
     return f"<table {_NARROW}>{head}<tbody>{rows}</tbody></table>"

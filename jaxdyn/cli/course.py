@@ -1,5 +1,6 @@
 """The command `jaxdyn course`: runs the page of a problem: numbers, checks, pictures."""
 
+import textwrap
 from typing import Annotated
 
 import typer
@@ -11,6 +12,7 @@ from jaxdyn.cli import completion
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import JsonOption, PlayOption, PlotOption, open_page
 
+_WIDTH = 100  # of a line, as in the statement
 _FAILED = 1  # exit code: a check does not hold
 
 
@@ -62,7 +64,8 @@ def _print(
     page: "jaxdyn.course.page.Problem", found: "jaxdyn.course.page.Run", code: bool, out: Screen
 ) -> None:
     out.print(f"[bold]{page.number}. {escape(page.title)}[/bold] ({page.name})")
-    out.print(f"{escape(page.statement)}\n\n{escape(page.answer)}\n")
+    answer = textwrap.fill(page.answer, _WIDTH)
+    out.print(f"{escape(page.statement)}\n\n{escape(answer)}\n")
     for line in jaxdyn.course.page.report(found.page):
         out.print(line)
     out.print(f"{found.seconds:.1f} s")

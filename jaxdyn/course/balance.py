@@ -57,11 +57,11 @@ def solve(page: Page) -> None:
 
     figure = blank(6.4, 4.0)
     ax = figure.add_subplot(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    style(ax)
     ax.plot([0, 3], [0, 0], "k-", [1, 1], [0, 2], "k-", [2, 2], [0, -1], "k-")
     ax.plot([1, 2], [2, -1], "o", ms=14, label="1 kg each")
     ax.plot([0, 3], [0, 0], "^", ms=12, label="bearings")
-    ax.legend(loc="upper right")
-    style(ax)
+    ax.legend(loc="upper right", frameon=False)
     page.draw(figure, "The moments of both masses about the left bearing cancel: 1 x 2 = 2 x 1.")
 
 

@@ -66,7 +66,7 @@ def solve(page: Page) -> None:
     ax.plot(*whole.T, label="y = c s^2")
     ax.plot(whole[:, 0], c * whole[:, 0] ** 2, "--", label="y = c x^2")
     ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    ax.legend()
+    ax.legend(frameon=False)
     page.draw(figure, "At the bottom the cycloid is a parabola; its ends are upright.")
     page.play(
         slides, "From any height the bead reaches the bottom at the same time.", choose="s [m]"

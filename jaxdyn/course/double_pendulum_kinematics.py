@@ -55,7 +55,7 @@ def solve(page: Page) -> None:
     ax.plot(motion.ts, absolute, lw=4, alpha=0.4, label=["x", "y"])
     ax.plot(motion.ts, glued, "k--", lw=1, label=["five-term formula", ""])
     ax.set(xlabel="t [s]", ylabel="acceleration of the end [m/s^2]")
-    ax.legend()
+    ax.legend(frameon=False)
     page.draw(figure, "The five-term formula (dashed) lies on the sum of the two links.")
     page.play(motion, "The end of the second link is the point whose acceleration is found.")
 

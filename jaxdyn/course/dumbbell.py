@@ -50,7 +50,7 @@ def solve(page: Page) -> None:
     length = np.linalg.norm(loose["projection"].r[:, 1] - loose["projection"].r[:, 0], axis=1)
     page.equal("Projection keeps the length", length, np.ones(401), within=1e-13)
     ax.set(xlabel="t [s]", ylabel="error of the place of a mass [m]")
-    ax.legend()
+    ax.legend(frameon=False)
     page.draw(
         figure,
         "Projection keeps the length but not the rate of turning: here its places are worse.",

@@ -39,11 +39,11 @@ def solve(page: Page) -> None:
     R, t = energy.along(rigid.pose, throws["0.1"]).R_wb, throws["0.1"].ts
     figure = blank(6.4, 4.0)
     ax = figure.add_subplot(xlabel="t [s]", ylabel="turns")
+    style(ax)
     normal, mark = np.arctan2(R[:, 1, 2], R[:, 0, 2]), np.arctan2(R[:, 1, 0], R[:, 0, 0])
     ax.plot(t, (np.unwrap(normal) - normal[0]) / (2 * np.pi), label="normal")
     ax.plot(t, (np.unwrap(mark) - mark[0]) / (2 * np.pi), label="drawing on the plate")
-    ax.legend()
-    style(ax)
+    ax.legend(frameon=False)
     page.draw(figure, "The normal goes round twice while the plate turns once.")
     page.play(
         throws, "Follow the marked corner, and the highest point of the rim.", choose="tilt [rad]"

@@ -55,7 +55,7 @@ def solve(page: Page) -> None:
     for letter, name in zip("abc", momenta.DEFINITIONS, strict=True):
         ax.plot(ts, balance[name].right, label=f"dH/dt by {letter}")
     ax.set(xlabel="t [s]", ylabel="[N m]")
-    ax.legend()
+    ax.legend(frameon=False)
     page.draw(figure, "About a point that accelerates, only the definition a has dH/dt = M.")
     page.play(motion, "The particle is a ball, thrown without drag.")
 

@@ -48,15 +48,15 @@ def solve(page: Page) -> None:
     loose = {name: simulate(scene, samples=601, rtol=1e-3) for name, scene in tied.items()}
     figure = blank(6.4, 4.0)
     ax = figure.subplots()
+    style(ax)
     for name, motion in loose.items():
         statement = f"x and y are those of the angle for 100 s, {name}"
         page.equal(statement, tight[name].r, by_angle.r, within=1e-9, route="second formulation")
         off = np.abs(np.linalg.norm(motion.r[:, 0], axis=1) - 1.0)
         page.number(f"change of the length in 100 s at rtol 1e-3, {name}", off.max(), "m")
         ax.semilogy(motion.ts, off + 1e-17, label=name)
-    style(ax)
     ax.set(xlabel="t [s]", ylabel="change of the length [m]")
-    ax.legend()
+    ax.legend(frameon=False)
     theta, rate = by_angle["theta"], by_angle["theta_dot"]
     pull = constraints.tensions(tight["projection"])["stick"]
     statement = "The force in the rod is m g cos(theta) + m l theta'^2"

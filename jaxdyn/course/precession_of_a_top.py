@@ -18,7 +18,7 @@ import numpy as np
 from jaxdyn import scenes, simulate
 from jaxdyn.analysis import precession, steady
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing.figures import blank, style
+from jaxdyn.drawing.figures import PALETTE, blank, style
 from jaxdyn.studies import sleeping_top
 
 PROBLEM = 59
@@ -70,13 +70,13 @@ def solve(page: Page) -> None:
     page.equal("The potential of the lean says so", nods, np.sqrt(bend / PIVOT), within=1e-10)
 
     ax = blank(6.4, 4.2).add_subplot(xlabel="spin [rad/s]", ylabel="precession [rad/s]")
+    style(ax)
     ax.set_ylim(0, 60)
     spins = jnp.linspace(50.0, 400.0, 1500)
     for k, theta in enumerate((0.1, 0.8, 1.4)):
         both = precession.top_roots(theta, spins, **TOP).precession
-        ax.plot(spins, both.T, color=f"C{k}", label=[f"lean {theta} rad", None])
-    ax.legend()
-    style(ax)
+        ax.plot(spins, both.T, color=PALETTE[k], label=[f"lean {theta} rad", None])
+    ax.legend(frameon=False)
     page.draw(ax.figure, "Slow and fast precession meet where the spin is the slowest.")
     page.play(tops, "Slow and fast precession, and a top that nods.", choose="start")
 

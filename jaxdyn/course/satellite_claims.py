@@ -57,13 +57,13 @@ def solve(page: Page) -> None:
 
     figure = blank(6.0, 5.2)
     ax = figure.add_subplot(projection="3d", xlabel="axis 1", ylabel="axis 2", zlabel="axis 3")
+    style(ax)
     for name, omega in polhodes.items():
         momentum = omega * moments
         ax.plot(*(momentum / jnp.linalg.norm(momentum[0])).T, label=name)
     ax.set_aspect("equal")
     ax.view_init(25, 20)
-    ax.legend()
-    style(ax)
+    ax.legend(frameon=False)
     page.draw(
         figure, "Angular momentum in the body's axes: loops, and half of the curve that parts them."
     )

@@ -67,9 +67,9 @@ def solve(page: Page) -> None:
     figure = blank(9.0, 3.4)
     for i, share in enumerate(("0", "1", "-2")):
         ax = figure.add_subplot(1, 3, i + 1, aspect="equal", title=f"started at {share} slow")
+        style(ax)
         ax.plot(*energy.along(rigid.pose, tops[share]).R_wb[:, :2, 2].T, lw=1.0)
         ax.set(xlim=(-0.8, 0.8), ylim=(-0.8, 0.8), xlabel="x", ylabel="y")
-        style(ax)
     page.draw(
         figure, "The axis from above: cusps from rest, a circle if steady, loops if pushed back."
     )

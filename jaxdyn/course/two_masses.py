@@ -47,7 +47,7 @@ def solve(page: Page) -> None:
         )
         ax.plot(ts, x1 - rigid, label=f"k = {k:g} N/m")
     ax.set(xlabel="t [s]", ylabel="place of the first mass, less that of a rigid pair [m]")
-    ax.legend()
+    ax.legend(frameon=False)
     page.draw(
         figure, "Ten times the stiffness: a tenth of the swing about the motion of a rigid pair."
     )

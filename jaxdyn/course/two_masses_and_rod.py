@@ -57,7 +57,7 @@ def solve(page: Page) -> None:
     for name in ("rod", "spring of 100 N/m"):
         ax.plot(motions[name].ts, motions[name]["x2"] - motions[name]["x1"], label=name)
     ax.set(xlabel="t [s]", ylabel="distance of the masses [m]")
-    ax.legend()
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
     page.draw(figure, "The rod keeps its length; the spring stretches with the push, and vibrates.")
     page.play(
         {"rod": rod, "unequal velocities": parting}, "With unequal velocities no rod is left."

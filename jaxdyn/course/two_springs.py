@@ -45,12 +45,14 @@ def solve(page: Page) -> None:
     places = np.stack([*np.meshgrid(span, span - 0.4), *np.zeros((2, 120, 120))], axis=-1)
     at = jax.vmap(lambda y: energy.potential(scene, 0.0, y))
     heights = np.reshape(at(jnp.asarray(places.reshape(-1, 4))), (120, 120))
+    figures.style(ax)
+    ax.grid(visible=False)
     ax.contour(span, span - 0.4, heights, np.linspace(0, 4, 28), colors="0.8", linewidths=0.7)
     motions = {}
     pairs = zip(found.states, found.linearizations, figures.PALETTE, strict=False)
     for i, (rest, near, colour) in enumerate(pairs, start=1):
         page.number(f"equilibrium {i}, {near.verdict}", rest[:2], "m")
-        page.number(f"fastest rate at {i}", str(near.eigenvalues[0].round(9)), "1/s")
+        page.number(f"fastest growth at {i}", near.eigenvalues[0].real, "1/s")
         values, shapes = np.linalg.eig(near.jacobian)
         first = np.argmax(values.real)
         push, t = 1e-6 * shapes[:, first], min(1.0 / abs(values[first].real), 4.0)
@@ -59,12 +61,13 @@ def solve(page: Page) -> None:
         name = f"A push off {i} grows or decays like it"
         page.equal(name, pushed.ys[-1] - rest, expected, within=1e-10, route="simulated")
         off = rest - 5e4 * push.real
-        motions[f"from {i}"] = simulate(scene.starting(off), 30.0, samples=400)
-        ax.plot(motions[f"from {i}"]["x"], motions[f"from {i}"]["y"], color=colour, lw=1.0)
+        motions[f"beside {i}"] = simulate(scene.starting(off), 30.0, samples=400)
+        ax.plot(motions[f"beside {i}"]["x"], motions[f"beside {i}"]["y"], color=colour, lw=1.0)
         ax.plot(*rest[:2], "o", color=colour, ms=9, label=f"{i}: {near.verdict}")
     ax.legend(loc="lower left")
     page.draw(figure, "Lines of equal potential energy: motions end in one of its two hollows.")
-    page.play(motions, "Each motion begins beside an equilibrium and ends at a stable one.")
+    look = "Each motion begins beside an equilibrium and ends at a stable one."
+    page.play(motions, look, choose="start")
 
 
 if __name__ == "__main__":

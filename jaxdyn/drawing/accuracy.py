@@ -1,6 +1,6 @@
 """Pictures of the cost of accuracy, and of error against tolerance."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,20 +17,30 @@ _PANEL = 3.4  # inches
 _WIDE = 60.0  # ratio of the ends of an axis above which only powers of ten are labelled
 
 
-def work_precision(found: WorkPrecision, path=None, *, title: str | None = None) -> Figure:
+def work_precision(
+    found: WorkPrecision,
+    path=None,
+    *,
+    title: str | None = None,
+    solvers: Sequence[str] = (),
+) -> Figure:
     """A picture of error against time, and against right-hand sides, one curve per solver.
 
     Args:
       found: what `work_precision.work_precision` returned.
       path: file to write, .png, .pdf or .svg.
       title: its title.
+      solvers: names of solvers in the order of their colours, for several pictures in which each
+        solver has one colour; others follow, in the order of `found`.
     Raises:
       ValueError: `path` cannot be written.
     """
     path = picture_path(path)
     figure = blank(2 * _PANEL + 0.8, _PANEL + 1.0)
     left, right = _panels(figure, 2)
-    for i, curve in enumerate(found.curves):
+    order = list(dict.fromkeys((*solvers, *(curve.solver for curve in found.curves))))
+    for curve in found.curves:
+        i = order.index(curve.solver)
         errors = [rung.error for rung in curve.rungs]
         left.loglog([1e6 * rung.times.median for rung in curve.rungs], errors, **_style(i, curve))
         right.loglog([rung.evaluations for rung in curve.rungs], errors, **_style(i, curve))

@@ -28,6 +28,7 @@ DPI = 150
 MOST_BYTES = 22_000
 _SMALL_DPI, _SMALL_COLOURS = (72, 60, 45, 30), 64  # the first that is small enough
 
+_LEGEND = 0.5  # [in] of height for which a figure has room
 _SHADED = (0.0, 0.9)  # part of a colour map: its end is too faint on white
 
 
@@ -110,7 +111,10 @@ def shades(count: int) -> list:
 
 
 def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
-    """A legend below the panels, in as many columns as the figure is wide enough for."""
+    """A legend below the panels, in as many columns as the figure is wide enough for.
+
+    Where it is high, the figure grows, and not the panels shrink.
+    """
     for columns in range(len(handles), 0, -1):
         legend = figure.legend(
             handles=list(handles),
@@ -120,7 +124,10 @@ def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
             handlelength=1.2,
             columnspacing=1.4,
         )
-        if columns == 1 or legend.get_window_extent().width <= figure.bbox.width:
+        size = legend.get_window_extent()
+        if columns == 1 or size.width <= figure.bbox.width:
+            more = max(0.0, size.height / figure.dpi - _LEGEND)
+            figure.set_figheight(figure.get_figheight() + more)
             return
         legend.remove()
 
@@ -141,6 +148,7 @@ def named(*panels) -> list[Artist]:
 
 def style(ax) -> None:
     """Give axes, flat or solid, the look of all pictures."""
+    ax.set_prop_cycle(color=PALETTE)  # of what is drawn from now on
     ax.grid(True, color=GRID, lw=0.6)
     ax.set_axisbelow(True)
     ax.tick_params(colors=INK, labelsize=9)

@@ -54,7 +54,9 @@ def archive_path(path: str | Path, name: str = "path") -> Path:
 def unwritable(path: str | Path, error: OSError, name: str = "path") -> ValueError:
     """The error to raise where a file cannot be written."""
     reason = error.strerror or type(error).__name__
-    return fail(name, "a file that can be written", f"'{path}' ({reason})", "Choose another place.")
+    wanted = "a folder" if name == "folder" else "a file"
+    got = f"'{path}' ({reason})"
+    return fail(name, f"{wanted} that can be written", got, "Choose another place.")
 
 
 def replace(path: Path, text: str | bytes) -> None:

@@ -1,7 +1,8 @@
 """Exhibits: pages of the site that show what the library does beyond the course.
 
 A page consists of one or more parts, which run apart. Each returns a record: ``title``, ``text`` in
-Markdown, ``drawings``, ``tables`` and ``minis`` (closed paths that move).
+Markdown, ``drawings``, ``tables``, ``cases`` (hard ones, by topic) and ``minis`` (closed paths that
+move).
 """
 
 import functools
@@ -9,7 +10,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 import orbits
@@ -20,7 +20,9 @@ from jaxdyn.gallery.compiling import FULLY
 from jaxdyn.gallery.pictures import written
 from jaxdyn.gallery.texts import duration
 from jaxdyn.studies import upright
+from orbits.drawing import diagram as diagram_picture
 from orbits.drawing import family as family_picture
+from orbits.drawing import manifold as manifold_picture
 from orbits.drawing import section as section_picture
 from orbits.files.family_files import listing
 
@@ -35,9 +37,18 @@ def accuracy(pictures: Path) -> dict[str, Any]:
     found = {
         name: work_precision(scene, rounds=10, options=FULLY) for name, scene in chosen.items()
     }
-    look = "The error of the end against the time of a solve: down and to the right is better."
+    look = (
+        "The error of the end against the time of a solve: down and to the left is better. "
+        "Taylor series evaluate no right-hand sides."
+    )
+    solvers = [curve.solver for one in found.values() for curve in one.curves]
     drawings = [
-        written(drawing.work_precision(one, title=name), pictures, f"accuracy_{name}", look)
+        written(
+            drawing.work_precision(one, title=name, solvers=solvers),
+            pictures,
+            f"accuracy_{name}",
+            look,
+        )
         for name, one in found.items()
     ]
     rows = [
@@ -64,67 +75,113 @@ def _best(times: dict) -> list[str]:
     return [name, duration(reached[name])]
 
 
-def hard_cases(names: Sequence[str], title: str, _pictures: Path) -> dict[str, Any]:
+def hard_cases(names: Sequence[str], topic: str, _pictures: Path) -> dict[str, Any]:
     """The verdicts of the hard cases of one topic."""
     verdicts = [hard.judge(case) for case in hard.collection.chosen(names)]
-    rows = [
-        [
-            v.case.name,
-            v.case.holds,
-            "holds" if v.passed else "fails",
-            "; ".join(f"{f.what}: {f.value:.3g}" for f in v.figures),
-        ]
-        for v in verdicts
+    cases = [
+        {
+            "name": verdict.case.name,
+            "what": verdict.case.holds,
+            "holds": verdict.passed,
+            "seconds": f"{verdict.seconds:.1f}",
+            "figures": [_figure(figure) for figure in verdict.figures],
+        }
+        for verdict in verdicts
     ]
     text = (
-        "Scenes that break naive codes, each with figures that must stay below a bound. "
-        "`jaxdyn hard` runs them."
+        "Scenes that break naive codes. A case holds if each of its figures stays within its "
+        "bound; they come from closed forms, from other routes or from numbers of high "
+        "precision. `jaxdyn hard` runs them."
     )
-    head = ["case", "what must hold", "verdict", "figures"]
     return {
         "title": "Hard cases",
         "text": text,
-        "tables": [{"title": title, "head": head, "rows": rows}],
-        "holds": all(v.passed for v in verdicts),
+        "cases": [{"topic": topic, "cases": cases}],
+        "holds": all(verdict.passed for verdict in verdicts),
+    }
+
+
+def _figure(figure: hard.Figure) -> dict[str, str]:
+    """A figure of a hard case, as text."""
+    return {
+        "what": figure.what,
+        "value": f"{figure.value:.3g}" if np.isfinite(figure.value) else "not reached",
+        "bound": "" if figure.bound is None else f"at most {figure.bound:g}",
     }
 
 
 def families(pictures: Path) -> dict[str, Any]:
-    """Families of orbits, a chart of stability, a surface of section."""
-    swing = orbits.find(scenes.pendulum(angle=0.5), period=2.1)
-    swings = orbits.continue_family(swing, members=20)
-    chart = upright.upright_chart(np.linspace(0.02, 0.5, 60), np.linspace(5.0, 80.0, 60))
-    plane = integrate.events.Reaches(0, 0.0, 1)
-    scene = scenes.henon_heiles()
-    starts = orbits.sections.complete(
-        scene, plane, {"y": jnp.linspace(-0.4, 0.6, 24), "vy": 0.0}, energy=1 / 8
-    )
-    crossed = orbits.section(scene, plane, starts, crossings=250)
-    drawings = [
-        written(
-            family_picture(listing(swings), title="Swings of a pendulum"),
-            pictures,
-            "family_pendulum",
-            "The period grows with the energy, without limit at the upright position.",
+    """A family of orbits, a diagram, a chart of stability, a section, a manifold."""
+    shown = {
+        "family_pendulum": (
+            _swings(),
+            "Swings of a pendulum: the period grows with the energy, without limit at m g l = "
+            "9.81 J, where it comes to rest upright.",
         ),
-        written(
-            drawing.stability_chart(chart, names=("amplitude [m]", "frequency [rad/s]")),
-            pictures,
-            "chart_upright",
-            "Where a stick stands upright on a base that shakes up and down.",
+        "diagram_lorenz": (
+            _diagram(),
+            "Lorenz's equations: at rho = 1 the origin loses its stability to two equilibria. "
+            "These lose theirs at rho = 24.74, where unstable orbits shrink onto them; below, the "
+            "orbits grow until they reach the origin, at rho = 13.93.",
         ),
-        written(
-            section_picture(crossed),
-            pictures,
-            "section_henon_heiles",
-            "Henon and Heiles's system at E = 1/8: islands of regular motion in a chaotic sea.",
+        "chart_upright": (
+            _chart(),
+            "Where a stick stands upright on a base that shakes up and down: the shaking must be "
+            "fast enough, and not too wide.",
         ),
-    ]
+        "section_henon_heiles": (
+            _section(),
+            "The system of Henon and Heiles at E = 1/8, crossed at x = 0: islands of regular "
+            "motion in a chaotic sea.",
+        ),
+        "manifold_l1": (
+            _manifold(),
+            "What leaves an orbit at L1 of the Sun and Jupiter, in axes that turn with them: "
+            "inwards to the left; to the right past Jupiter, of which some motions get out. The "
+            "comet Oterma moved on such a path.",
+        ),
+    }
     text = (
-        "`orbits.continue_family` follows an orbit and detects what happens on the way, Floquet "
-        "multipliers decide what is stable, `orbits.section` crosses a plane from many starts."
+        "`orbits.continue_family` follows an orbit and detects what happens on the way, "
+        "`orbits.diagram` all that branches off, Floquet multipliers decide what is stable, "
+        "`orbits.section` crosses a plane from many starts, `orbits.manifold` follows what leaves "
+        "an orbit."
     )
+    drawings = [written(figure, pictures, name, look) for name, (figure, look) in shown.items()]
     return {"title": "Families, charts, sections", "text": text, "drawings": drawings}
+
+
+def _swings():
+    swing = orbits.find(scenes.pendulum(angle=0.5), period=2.1)
+    swings = orbits.continue_family(swing, members=60)
+    return family_picture(listing(swings), title="")
+
+
+def _diagram():
+    def lorenz(rho):
+        return scenes.lorenz(rho=rho)
+
+    found = orbits.diagram(lorenz, 0.5, [0.0, 0.0, 0.0], within=(0, 30))
+    return diagram_picture(found, entry="x", parameter="rho")
+
+
+def _chart():
+    chart = upright.upright_chart(np.linspace(0.02, 0.5, 80), np.linspace(5.0, 80.0, 80))
+    return drawing.stability_chart(chart, names=("amplitude [m]", "frequency [rad/s]"))
+
+
+def _section():
+    scene, plane = scenes.henon_heiles(), integrate.events.Reaches(0, 0.0, 1)
+    y, vy = np.linspace(-0.42, 0.66, 24), np.linspace(0.05, 0.48, 8)
+    lines = {"y": np.concatenate([y, 0 * vy, 0 * vy]), "vy": np.concatenate([0 * y, vy, -vy])}
+    starts = orbits.sections.complete(scene, plane, lines, energy=1 / 8)
+    return section_picture(orbits.section(scene, plane, starts, crossings=400), title="")
+
+
+def _manifold():
+    scene = scenes.restricted_three_body(mu=0.0009537, x=0.92080349, vy=0.10445)
+    orbit = orbits.find(scene, period=3.08, hold=[orbits.Energy(-1.5145236), "y"])
+    return manifold_picture(orbits.manifold(orbit, "unstable", time=6.0), title="")
 
 
 class Part(NamedTuple):
@@ -152,7 +209,7 @@ def _hard_parts() -> dict[str, Part]:
     return parts
 
 
-_LONG = {"chaos", "drift", "long"}  # hard cases that compute for longer than they compile
+_LONG = {"bodies", "chaos", "drift", "long"}  # hard cases that compute for longer than they compile
 #: By name, a page after the other.
 PARTS: dict[str, Part] = {
     "accuracy": Part("accuracy", accuracy, timed=True),
@@ -171,7 +228,7 @@ def joined(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """The record of a page: what its parts show, under the title and the text of the first."""
     lists = {
         what: [one for part in parts for one in part.get(what, ())]
-        for what in ("drawings", "tables", "minis")
+        for what in ("drawings", "tables", "cases", "minis")
     }
     holds = all(part.get("holds", True) for part in parts)
     return {"title": parts[0]["title"], "text": parts[0]["text"], "holds": holds, **lists}

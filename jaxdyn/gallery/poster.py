@@ -15,13 +15,14 @@ import numpy as np
 import orbits
 from jaxdyn import scenes, simulate
 from jaxdyn._progress import each
-from jaxdyn.drawing.figures import PALETTE, blank
+from jaxdyn.drawing.figures import INK, PALETTE, blank
 from jaxdyn.gallery.pictures import written
 from orbits.discovery import plane, seeds
 
 _COLUMNS = 10
-_SIDE = 1.5  # [in] of a panel
-_SAMPLES = 400  # of a miniature
+_SIDE, _TEXT = 1.5, 0.35  # [in] of a panel, and of the text above it
+_MARGIN = 1.05
+_SAMPLES, _FINER = 400, 5  # of a miniature; the poster is so much finer, or its loops had corners
 _DIGITS = 4  # of a position, in units of the distance at the start
 
 
@@ -67,7 +68,7 @@ def _closed(row: dict[str, Any], number: int) -> Shown:
     scene = scenes.three_body().starting(start, row["T"])
     orbit = orbits.find(scene, period=row["T"], closing=orbits.reversal(plane.IN_LINE))
     stability, word = orbits.stability(orbit), orbits.word(orbit)
-    motion = simulate(orbit.scene, orbit.period, samples=_SAMPLES, rtol=1e-10)
+    motion = simulate(orbit.scene, orbit.period, samples=_FINER * _SAMPLES + 1, rtol=1e-10)
     lines = (
         f"T = {float(orbit.period):.6f}, {stability.verdict}",
         word if len(word) <= 24 else f"{word[:21]}... ({len(word)} letters)",
@@ -79,7 +80,7 @@ def _closed(row: dict[str, Any], number: int) -> Shown:
 def _poster(shown: list[Shown]):
     """All orbits in a grid, each to its own scale."""
     rows = -(-len(shown) // _COLUMNS)
-    figure = blank(_COLUMNS * _SIDE, rows * (_SIDE + 0.25))
+    figure = blank(_COLUMNS * _SIDE, rows * (_SIDE + _TEXT))
     panels = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
     for ax in panels:
         ax.set_axis_off()
@@ -87,12 +88,16 @@ def _poster(shown: list[Shown]):
         for body, colour in zip(np.moveaxis(one.r, 1, 0), PALETTE, strict=False):
             ax.plot(*body.T, color=colour, lw=0.9)
             ax.plot(*body[0], "o", color=colour, ms=3)
-        ax.set_aspect("equal")
-        ax.set_title(one.name, fontsize=7, pad=2)
+        reach = _MARGIN * np.abs(one.r).max()  # their mass centre rests at the origin
+        ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+        ax.set_title(one.name, fontsize=7, y=1.0, pad=9)
+        small = {"fontsize": 5.5, "color": INK, "ha": "center", "transform": ax.transAxes}
+        ax.text(0.5, 1.0, one.lines[0], **small)
+    figure.suptitle(f"{len(shown)} periodic orbits of three equal bodies", fontsize=12)
     return figure
 
 
 def _path(r: np.ndarray) -> dict[str, Any]:
     """The paths of an orbit for a miniature; the last sample, which is the first, is left out."""
-    x, y = (np.round(r[:-1, :, axis].T, _DIGITS).tolist() for axis in (0, 1))
+    x, y = (np.round(r[:-1:_FINER, :, axis].T, _DIGITS).tolist() for axis in (0, 1))
     return {"x": x, "y": y, "reach": round(float(np.abs(r).max()), _DIGITS)}

@@ -39,7 +39,10 @@ def problem_record(problem: Problem, pictures: Path) -> dict[str, Any]:
 
 
 def _digits(page: Page) -> dict[str, Any] | None:
-    """What the digits of the first motion that is played cost; None where none is one solve."""
+    """What the digits of the first motion that is played cost.
+
+    None where no motion is one solve, or nothing is solved since the motion is prescribed.
+    """
     motions = [one for played in page.played for one in played.motions.values()]
     whole = [one for one in motions if isinstance(one, Trajectory) and one.ok and one.dt is None]
     if not whole:
@@ -50,6 +53,8 @@ def _digits(page: Page) -> dict[str, Any] | None:
         scene, t1, solvers=(solver,), tolerances=_TOLERANCES, rounds=_ROUNDS, options=FULLY
     )
     rows = [(n, found.at(10.0**-n)[solver.name].median) for n in _DIGITS]
+    if np.isnan([seconds for _, seconds in rows]).all():
+        return None
     return {
         "solver": solver.name,
         "reason": reason(scene),

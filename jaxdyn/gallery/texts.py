@@ -12,7 +12,7 @@ from pygments.lexers import get_lexer_by_name
 
 _UNITS = ("s", 1.0), ("ms", 1e-3), ("us", 1e-6)
 _EXAMPLE = re.compile(r"^ *>>> .*(?:\n.*\S.*)*", re.MULTILINE)  # up to an empty line
-_STYLES = "friendly", "github-dark"  # on light and on dark ground
+_STYLES = "default", "github-dark"  # on light and on dark ground: of each colour enough contrast
 _NAME = re.compile(r"<code>((?:jaxdyn|orbits)(?:\.\w+)+)(\([^<]*\))?</code>")
 
 

@@ -132,7 +132,7 @@ class Site:
 
     def exhibit(self, name: str, record: dict) -> None:
         """The page of an exhibit."""
-        minis = record.get("minis", [])
+        minis, topics = record.get("minis", []), record.get("cases", [])
         self.write(
             f"{name}.html",
             "exhibit.html",
@@ -140,6 +140,8 @@ class Site:
             text=self.text(texts.markdown(record["text"])),
             drawings=record.get("drawings", []),
             tables=record.get("tables", []),
+            topics=topics,
+            verdicts=[case["holds"] for topic in topics for case in topic["cases"]],
             minis=minis,
             minis_data=Markup(player.embedded([one["path"] for one in minis])),
         )
@@ -173,7 +175,7 @@ class Site:
                 text=self.text(chapter.text, "../"),
                 entries=[self._entry(entry) for entry in chapter.entries],
             )
-            rows.append((chapter.name, url, chapter.line))
+            rows.append((chapter.name, url, chapter.line.replace("`", "")))
         about = "Every public name once, with shapes and units."
         self.write(
             "reference/index.html", "contents.html", title="Reference", about=about, rows=rows

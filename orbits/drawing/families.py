@@ -66,7 +66,9 @@ def family(listed: Listing, path=None, *, title: str | None = None) -> Figure:
         there = np.array([place(entry) for entry in listed.special if entry.kind == kind])
         if len(there):
             ax.plot(*there.T, marker, color=colour, ms=8, mew=2, zorder=4, label=kind, ls="")
-    ax.set(xlabel=listed.parameter or "energy", ylabel="period")
+    plain = all(unit == "1" for _, unit in listed.members[0].orbit.scene.labels())
+    energy, period = ("energy", "period") if plain else ("energy [J]", "period [s]")
+    ax.set(xlabel=listed.parameter or energy, ylabel=period)
     shown = heading(title, [entry.orbit.scene for entry in listed.members], _WIDTH)
     ax.set_title(shown, fontsize=10)
     style(ax)

@@ -55,6 +55,24 @@ class Member:
     alike: np.ndarray
     kind: Kind | None = None
 
+    @_text.never_raising
+    def __repr__(self) -> str:
+        rows = [
+            *((name, _from_to(np.array([x]))) for name, x in self._numbers().items()),
+            ("stability", self.stability.verdict),
+        ]
+        what = "Member" if self.kind is None else str(self.kind).capitalize()
+        return _text.table(f"{what} of a family of {_text.called(self.orbit.scene)}", rows)
+
+    def _numbers(self) -> dict[str, float]:
+        return {"parameter": self.parameter, "period": self.orbit.period, "energy": self.energy}
+
+    @_text.pictured
+    def _repr_html_(self):
+        from orbits.drawing import periodic
+
+        return periodic.orbits([self.orbit], title="")
+
 
 @dataclasses.dataclass(frozen=True)
 class Family:

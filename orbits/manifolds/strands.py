@@ -68,7 +68,11 @@ class Manifold:
         title = f"{self.kind.capitalize()} manifold of {what} of {_text.called(self.scene)}"
         return _text.table(title, rows)
 
-    _repr_html_ = _text.html
+    @_text.pictured
+    def _repr_html_(self):
+        from orbits.drawing import manifolds
+
+        return manifolds.manifold(self, title="")
 
     def __len__(self) -> int:
         return len(self.starts)

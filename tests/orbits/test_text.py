@@ -68,6 +68,13 @@ def test_a_family_and_a_search_are_shown(swing):
     assert period == f"  period     {family.periods[0]:.6g} to {family.periods[-1]:.6g}"
     assert energy == f"  energy     {family.energies[0]:.6g} to {family.energies[-1]:.6g}"
     assert rest[0] == "  stability  3 stable"
+    assert lines(family.members[0]) == [
+        "Member of a family of pendulum",
+        f"  period     {family.periods[0]:.6g}",
+        f"  energy     {family.energies[0]:.6g}",
+        "  stability  stable",
+    ]
+    assert "<img" in family.members[0]._repr_html_()
     starts = orbits.Starts([[1.0, 0.0]])
     found = orbits.search(scenes.oscillator(k=4.0), starts, 1, longest=5)
     head, counts, row = lines(found)

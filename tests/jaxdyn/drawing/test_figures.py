@@ -13,3 +13,17 @@ def test_axes_in_space_can_have_one_scale():
     lengths = np.diff(np.reshape(ax.get_w_lims(), (3, 2)))[:, 0]
     scales = ax.get_box_aspect() / lengths
     np.testing.assert_allclose(scales, scales[0], rtol=1e-12)
+
+
+def test_a_high_legend_makes_the_figure_grow_and_leaves_the_panel_its_height():
+    def panel(names: int) -> float:
+        figure = figures.blank(4.0, 4.0)
+        ax = figure.add_subplot()
+        for i in range(names):
+            ax.plot([0.0, 1.0], label=f"a long name with number {i}")
+        figures.legend_below(figure, figures.named(ax))
+        figure.draw_without_rendering()
+        assert figure.legends[0].get_window_extent().y0 >= 0.0
+        return ax.get_window_extent().height / figure.dpi
+
+    assert panel(16) > panel(2) - 0.5

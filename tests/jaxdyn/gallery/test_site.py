@@ -98,6 +98,23 @@ def test_every_page_opens_without_a_message_and_fits(site, width):
         window.quit()
 
 
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_text_stands_out_and_headings_leave_no_level_out(site, theme):
+    window = chromium.start()
+    media = {"features": [{"name": "prefers-color-scheme", "value": theme}]}
+    window.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+    levels = "return [...document.querySelectorAll('h1, h2, h3, h4, h5')].map(h => +h.tagName[1])"
+    try:
+        for page in site.pages:
+            chromium.opened(window, site.folder / page)
+            assert chromium.faint(window) == [], page
+            found = window.execute_script(levels)
+            assert found[0] == 1, page
+            assert max(np.diff(found), default=0) <= 1, page
+    finally:
+        window.quit()
+
+
 def test_the_players_of_the_pages_play_to_the_end_of_their_motions(site):
     window = chromium.start()
     try:
@@ -188,15 +205,22 @@ def test_an_exhibit_shows_what_its_record_has(tmp_path):
     drawing = {"file": "a.png", "look": "A line.", "width": 8, "height": 6}
     record = {"title": "Lines", "text": "Straight `jaxdyn.simulate`."}
     minis = [{"name": "loop", "lines": ("T = 1",), "path": {"x": [[0]], "y": [[0]], "reach": 1}}]
-    tables = [{"title": "", "head": ["case"], "rows": [["holds"], ["fails"]]}]
+    tables = [{"title": "", "head": ["digits"], "rows": [["3"], ["6"]]}]
+    figures = [{"what": "error", "value": "1e-9", "bound": "at most 1e-8"}]
+    case = {"name": "a", "what": "It holds.", "seconds": "0.1", "figures": figures}
+    cases = [{"topic": "Drift", "cases": [case | {"holds": held} for held in (True, False)]}]
     site = writing.Site(tmp_path, ["plain", "full"])
     site.exhibit("plain", record)
     site.exhibit("full", record | {"drawings": [drawing], "tables": tables, "minis": minis})
+    site.exhibit("hard", record | {"cases": cases})
     site.exhibit("poster", record | {"drawings": [drawing | {"other": "a.pdf"}]})
     plain, full, other = (Parsed(tmp_path / f"{name}.html") for name in ("plain", "full", "poster"))
     assert (plain.headings, plain.pictures) == (["h1"], [])
     assert len(full.pictures) == 1
     assert "minis.js" in full.links
+    hard_page = (tmp_path / "hard.html").read_text()
+    assert "1 of 2 cases hold" in hard_page
+    assert [hard_page.count(word) for word in ("holds</span>", "fails</span>", "1e-8")] == [1, 1, 2]
     assert "pictures/a.pdf" in set(other.links) - set(full.links)
 
 
@@ -235,7 +259,8 @@ def test_names_that_are_no_pages_are_refused(tmp_path):
         lambda: gallery.build(tmp_path, only=["doublependulum"])
     )
     (tmp_path / "file").write_text("")
-    refusal(lambda: gallery.build(tmp_path / "file" / "site", only=[16]))
+    message = refusal(lambda: gallery.build(tmp_path / "file" / "site", only=[16]))
+    assert "a folder that can be written" in message
 
 
 def test_the_reference_has_every_public_name_once():
@@ -279,7 +304,7 @@ def test_a_page_of_parts_shows_all_of_them_and_holds_where_they_do():
     ]
     page = exhibits.joined(parts)
     assert (page["title"], page["text"], page["holds"]) == ("A", "a", False)
-    assert (page["tables"], page["drawings"], page["minis"]) == ([1, 2], [3], [])
+    assert (page["tables"], page["drawings"], page["cases"]) == ([1, 2], [3], [])
     assert exhibits.joined(parts[:1])["holds"]
 
 

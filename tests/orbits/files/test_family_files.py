@@ -128,7 +128,7 @@ def test_a_picture_shows_stability_and_what_is_special(tmp_path):
     np.testing.assert_array_equal(lines["stable"].get_ydata(), [2.0, 2.2])
     np.testing.assert_array_equal(lines["fold"].get_xdata(), [1.15])
     np.testing.assert_array_equal(lines["period doubling"].get_xdata(), [1.35])
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("length", "period")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("length", "period [s]")
 
 
 @pytest.mark.slow

@@ -57,6 +57,7 @@ def test_the_separatrix_of_a_pendulum(upright, kind):
     assert found.ok.all()
     assert found.branches.tolist() == [1, -1]
     assert np.abs(np.sign(found.ts) - (1 if kind == "unstable" else -1)).max() == 0
+    assert "<img" in found._repr_html_()
 
 
 @pytest.mark.slow
