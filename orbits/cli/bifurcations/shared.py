@@ -1,12 +1,21 @@
 """Common parts of the commands that begin at an equilibrium."""
 
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 import jaxdyn
 from jaxdyn._text import fail
+from jaxdyn.cli.shared import written
+from jaxdyn.files.output_files import writable
 from orbits.cli.shared import numbers
+
+KeepOption = Annotated[
+    Path | None,
+    written(writable, "Keep it in this file (.jsonl), and resume from it.", "--save"),
+]
 
 StartOption = Annotated[
     str | None,
@@ -27,3 +36,20 @@ def bounds(option: str, text: str) -> tuple[float, float]:
     if not (len(found) == 2 and found[0] < found[1]):
         raise fail(option, "two bounds, the lower one first", repr(text))
     return found[0], found[1]
+
+
+def kept(
+    path: Path | None, name: str, settings: Mapping[str, str], parameters: Sequence[str]
+) -> "jaxdyn.continuation.kept.Log | None":
+    """The file of a continuation, with a note of which scenes it is of."""
+    if path is None:
+        return None
+    log = jaxdyn.continuation.kept.Log(path)
+    note = {"scene": name, "settings": dict(settings), "parameters": list(parameters)}
+    others = [known for known in log.notes if known.keys() == note.keys() and known != note]
+    if others:
+        odd = next(key for key in note if others[0][key] != note[key])
+        remedy = "Give another path, or the arguments of the run that began this file."
+        raise fail("--save", "a file of this run", f"one with other {odd}", remedy)
+    log.note(note)
+    return log
