@@ -22,7 +22,7 @@ VERSION = 1
 REMEDY = "Give the path of a file that a continuation wrote with path=."
 OTHER = "The file was edited or damaged, or its scenes are others."
 #: What the walks of this package are.
-EQUILIBRIA, CURVE = "equilibria", "curve"
+WHATS = EQUILIBRIA, CURVE = "equilibria", "curve"
 _SAME = 1e-8  # relative distance below which two first members are one
 
 

@@ -81,7 +81,7 @@ def curve_command(
             starts = list(_starts(from_orbit, (first, second), both, kind))
             curves = list(_of_orbits(make, starts, options, out))
         if as_object:
-            out.result({"scene": name, "parameters": [first, second]} | _as_json(curves))
+            out.result({"scene": name, "parameters": [first, second]} | as_json(curves))
         if not curves:
             out.print("no curve was found: no special point within the bounds can be followed")
             raise typer.Exit(NOT_FOUND)
@@ -162,7 +162,8 @@ def _names(text: str) -> tuple[str, str]:
     return names[0].strip(), names[1].strip()
 
 
-def _as_json(curves: list) -> dict:
+def as_json(curves: list) -> dict[str, Any]:
+    """The curves and their special points as a JSON object."""
     return {
         "curves": [
             {

@@ -59,13 +59,13 @@ def diagram_command(
             path=kept(save_to, name, chosen, (parameter,)),
         )
         if as_object:
-            out.result({"scene": name, "parameter": parameter} | _as_json(found))
+            out.result({"scene": name, "parameter": parameter} | as_json(found))
         if plot:
             with out.writing(plot, "drawn in"):
                 orbits.drawing.diagram(found, plot, entry=entry, parameter=parameter, title=title)
 
 
-def _as_json(found: "orbits.Diagram") -> dict[str, Any]:
+def as_json(found: "orbits.Diagram") -> dict[str, Any]:
     """The special points, and what was not followed."""
     rests = [
         {"kind": str(x.kind), "parameter": x.parameter, "state": x.state.tolist()}

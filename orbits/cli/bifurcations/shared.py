@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -16,6 +16,15 @@ KeepOption = Annotated[
     Path | None,
     written(writable, "Keep it in this file (.jsonl), and resume from it.", "--save"),
 ]
+
+
+class Noted(NamedTuple):
+    """What the file of a command says of its scenes."""
+
+    scene: str
+    settings: dict[str, str]
+    parameters: list[str]
+
 
 StartOption = Annotated[
     str | None,
@@ -45,7 +54,7 @@ def kept(
     if path is None:
         return None
     log = jaxdyn.continuation.kept.Log(path)
-    note = {"scene": name, "settings": dict(settings), "parameters": list(parameters)}
+    note = Noted(name, dict(settings), list(parameters))._asdict()
     others = [known for known in log.notes if known.keys() == note.keys() and known != note]
     if others:
         odd = next(key for key in note if others[0][key] != note[key])
