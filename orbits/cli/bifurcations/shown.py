@@ -43,14 +43,12 @@ def show_continuation(file: Path, plot: Path | None, title: str | None, out: Scr
     else:
         both = typed(note.parameters, tuple[str, str], "file", jaxdyn.continuation.kept.OTHER)
         make, _ = orbits.families.parameters.maker_of_two(note.scene, values, both)
-        curves = list(jaxdyn.continuation.load(file, make)) if _of_rests(whats) else []
+        curves: list[Any] = []
+        if jaxdyn.continuation.kept.CURVE in whats:
+            curves += jaxdyn.continuation.load(file, make)
         if orbits.curves.kept.ORBIT_CURVE in whats:
             curves += orbits.curves.load(file, make)
         _show_curves(curves, note, plot, title, out)
-
-
-def _of_rests(whats: set[str]) -> bool:
-    return jaxdyn.continuation.kept.CURVE in whats
 
 
 def _show_diagram(found: "orbits.Diagram", note: Noted, plot, title, out: Screen) -> None:
