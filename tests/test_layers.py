@@ -26,7 +26,7 @@ BELOW = {
     "jaxdyn/analysis": ("jaxdyn/integrate", "jaxdyn/formulations", "jaxdyn/balls"),
     "jaxdyn/accuracy": ("jaxdyn/analysis",),
     "jaxdyn/chaos": ("jaxdyn/analysis", "jaxdyn/ensemble"),
-    "jaxdyn/continuation": ("jaxdyn/analysis",),
+    "jaxdyn/continuation": ("jaxdyn/analysis", "jaxdyn/files"),
     "jaxdyn/files": ("jaxdyn/accuracy", "jaxdyn/scenes"),
     "jaxdyn/scenes": ("jaxdyn/mechanisms", "jaxdyn/effects", "jaxdyn/integrate"),
     "jaxdyn/drawing": (

@@ -8,7 +8,9 @@ their defining equations in `defining`; `normal_forms` has their coefficients.
 `augmented`, `codimension_two` finds the special points on them, and `curve` holds both;
 `second_lyapunov` is the coefficient of Bautin points.
 
-May import: `analysis`.
+`walk` takes the steps along what is followed; `kept` keeps them in a file, which `loading` reads.
+
+May import: `analysis`, `files`.
 
 One more kind of special point is a `Kind` in `family`, its equations in `defining`, and a test in
 `special`.
@@ -17,6 +19,7 @@ One more kind of special point is a `Kind` in `family`, its equations in `defini
 from jaxdyn.continuation.curve import CodimensionTwo, Curve, CurvePoint
 from jaxdyn.continuation.equilibria import continue_equilibria, switch_branch
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind
+from jaxdyn.continuation.loading import load
 from jaxdyn.continuation.two_parameters import continue_curve
 
 __all__ = [
@@ -28,5 +31,6 @@ __all__ = [
     "Kind",
     "continue_curve",
     "continue_equilibria",
+    "load",
     "switch_branch",
 ]

@@ -8,6 +8,7 @@ Reference: Keller (1977), in Rabinowitz (ed.), Applications of Bifurcation Theor
 """
 
 from collections.abc import Callable
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -17,15 +18,14 @@ from jaxdyn import _checks
 from jaxdyn.continuation import defining
 from jaxdyn.continuation.defining import Make, slope_at
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind, equilibrium_at
+from jaxdyn.continuation.kept import EQUILIBRIA, Begin, Log, kept_in, of_fields
 from jaxdyn.continuation.normal_forms import second
 from jaxdyn.continuation.special import special_points
+from jaxdyn.continuation.walk import Rules, walked
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.extended import innermost
 from jaxdyn.scene import Scene, checked_scene
 
-_EASY = 4  # with at most this many Newton steps the next step may be longer
-_GROW, _SHRINK = 1.5, 0.5
-_SMALLEST, _LONGEST = 1e-4, 10.0  # of the first step: smallest and longest step
 _TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
 _DEPENDENT = 1e-10  # smallest over largest singular value of equations that are dependent
 _ANYWHERE = (-np.inf, np.inf)
@@ -43,6 +43,7 @@ def continue_equilibria(
     down: bool = False,
     within: tuple[float, float] = _ANYWHERE,
     report: Callable[[Equilibrium], None] = lambda point: None,
+    path: str | Path | Log | None = None,
 ) -> EquilibriumFamily:
     """The family of equilibria of a scene in a parameter, with its bifurcations.
 
@@ -61,6 +62,9 @@ def continue_equilibria(
       down: start towards a smaller parameter.
       within: bounds on the parameter; the family ends at the first member beyond them.
       report: called with each member as it is found.
+      path: file (.jsonl) that keeps each member as it is found, and may keep several families and
+        curves; the same call goes on from it where it was interrupted. See
+        `jaxdyn.continuation.load`.
     Returns:
       The members, and the special points between them.
     Raises:
@@ -89,7 +93,7 @@ def continue_equilibria(
     if not (len(within) == 2 and within[0] < within[1]):
         raise _checks.fail("within", "two bounds, the lower one first", within)
     first = _first(make, float(_checks.array("parameter", parameter, ())), start, down)
-    return _walked(make, first, step, members, within, report)
+    return _walked(make, first, (step, members, within), report, path)
 
 
 def switch_branch(
@@ -100,6 +104,7 @@ def switch_branch(
     members: int = 100,
     down: bool = False,
     within: tuple[float, float] = _ANYWHERE,
+    path: str | Path | Log | None = None,
 ) -> EquilibriumFamily:
     """The other family of equilibria through a branch point, in one of its two directions.
 
@@ -111,6 +116,7 @@ def switch_branch(
       down: the direction opposite to the default, in which the entry of the state that changes
         most grows.
       within: bounds on the parameter.
+      path: see `continue_equilibria`.
     Raises:
       ValueError: `special` is no branch point, or not a simple one.
     Example:
@@ -133,7 +139,7 @@ def switch_branch(
     if solution is None:
         raise _checks.fail("step", "an equilibrium at this distance", "none", "Try a smaller one.")
     first = equilibrium_at(family.make, solution.x, tangent, solution.residual)
-    return _walked(family.make, first, step, members, within, lambda point: None)
+    return _walked(family.make, first, (step, members, within), lambda point: None, path)
 
 
 def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
@@ -177,31 +183,19 @@ def _driven(scene: Scene, y: np.ndarray) -> bool:
     return bool(np.any(np.asarray(jax.jit(jax.vmap(by_time))(jnp.asarray(_LATER)))))
 
 
-def _walked(make, first: Equilibrium, step, most: int, within, report) -> EquilibriumFamily:
-    found, special = [first], []
-    report(first)
-    shortest, longest = _SMALLEST * step, _LONGEST * step
-    end = f"the number of members requested, {most}"
-    while len(found) < most:
-        last = found[-1]
-        new, iterations = _next(make, last, step)
-        if new is None:
-            step *= _SHRINK
-            if step < shortest:
-                end = (
-                    "no equilibrium was found beyond: a singularity of the rate, or a branch point"
-                )
-                break
-            continue
-        special += special_points(make, last, new, first=len(found) == 1)
-        found.append(new)
-        report(new)
-        if not within[0] <= new.parameter <= within[1]:
-            end = f"the bounds {within}"
-            break
-        if iterations <= _EASY:
-            step = min(_GROW * step, longest)
-    return EquilibriumFamily(tuple(found), tuple(special), end, make)
+def _walked(make, first: Equilibrium, limits, report, path) -> EquilibriumFamily:
+    step, most, within = limits
+    begin = Begin(EQUILIBRIA, step, np.append(first.x, first.tangent), first)
+    first, kept = kept_in(path, begin, of_fields(Equilibrium))
+    rules = Rules(
+        following=lambda last, length: _next(make, last, length),
+        between=lambda a, b, fresh: special_points(make, a, b, first=fresh),
+        before=lambda new, special: "",
+        after=lambda new: "" if within[0] <= new.parameter <= within[1] else f"the bounds {within}",
+        lost="no equilibrium was found beyond: a singularity of the rate, or a branch point",
+    )
+    found = walked(rules, first, step, most, report, kept)
+    return EquilibriumFamily(found.members, found.special, found.end, make)
 
 
 def _next(make: Make, last: Equilibrium, step: float) -> tuple[Equilibrium | None, int]:

@@ -6,6 +6,7 @@ A curve is followed by pseudo-arclength in state and both parameters, with the e
 
 import dataclasses
 from collections.abc import Callable
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,13 +16,13 @@ from jaxdyn.continuation import augmented
 from jaxdyn.continuation.codimension_two import point_at, special_points
 from jaxdyn.continuation.curve import CodimensionTwo, Curve, CurvePoint, MakeOfTwo
 from jaxdyn.continuation.family import Equilibrium, Kind
+from jaxdyn.continuation.kept import CURVE, Begin, Log, kept_in, of_fields
+from jaxdyn.continuation.walk import Rules, outside, walked
 from jaxdyn.scene import checked_scene
 
-_EASY = 4  # with at most this many Newton steps the next step may be longer
-_GROW, _SHRINK = 1.5, 0.5
-_SMALLEST, _LONGEST = 1e-4, 10.0  # of the first step: smallest and longest step
 _TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
 _AT_END = 1e-8  # frequency squared of a Hopf point that is a Bogdanov-Takens point
+_BEYOND = "a Bogdanov-Takens point, beyond which the eigenvalues are real"
 _SAME_PLACE = 1e-6  # relative distance below which two points are one
 _ANYWHERE = (-np.inf, np.inf)
 
@@ -37,6 +38,7 @@ def continue_curve(
     down: bool = False,
     within: tuple[tuple[float, float], tuple[float, float]] = (_ANYWHERE, _ANYWHERE),
     report: Callable[[CurvePoint], None] = lambda point: None,
+    path: str | Path | Log | None = None,
 ) -> Curve:
     """The curve of folds or Hopf points in two parameters, with its points of codimension two.
 
@@ -60,6 +62,9 @@ def continue_curve(
         points has one direction only.
       within: bounds on each parameter; the curve ends at the first member beyond them.
       report: called with each member as it is found.
+      path: file (.jsonl) that keeps each member as it is found, and may keep several families and
+        curves; the same call goes on from it where it was interrupted. See
+        `jaxdyn.continuation.load`.
     Returns:
       The members, and the special points between them.
     Raises:
@@ -94,7 +99,7 @@ def continue_curve(
     curve, x = _start(point, parameters, kind)
     first = _first(make, point, curve, x, step, -1.0 if down else 1.0)
     known = point if isinstance(point, CurvePoint) else None
-    return _walked(make, first, known, (step, members, within), report)
+    return _walked(make, first, known, (step, members, within), report, path)
 
 
 def _first(make: MakeOfTwo, point, curve: Kind, x: np.ndarray, step, sign: float) -> CurvePoint:
@@ -147,42 +152,25 @@ def _nearest(curve: Kind, make, start: np.ndarray, size: int, sign: float) -> Cu
     return None
 
 
-def _walked(make, first: CurvePoint, start: CurvePoint | None, limits, report) -> Curve:
+def _walked(make, first: CurvePoint, start: CurvePoint | None, limits, report, path) -> Curve:
     step, most, within = limits
-    found, special, before = [first], [], []
-    report(first)
-    shortest, longest = _SMALLEST * step, _LONGEST * step
-    end = f"the number of members requested, {most}"
-    while len(found) < most:
-        last = found[-1]
-        new, iterations = _next(make, last, step)
-        if new is None:
-            step *= _SHRINK
-            if step < shortest:
-                end = "no point of the curve was found beyond"
-                break
-            continue
-        between = _not_at(start, special_points(make, last, new, first=len(found) == 1))
-        special += between
-        before += [len(found)] * len(between)
-        if new.curve == Kind.HOPF and new.unknowns[-1] <= 0:
-            end = "a Bogdanov-Takens point, beyond which the eigenvalues are real"
-            break
-        found.append(new)
-        report(new)
-        if any(not low <= x <= high for x, (low, high) in zip(new.parameters, within, strict=True)):
-            end = f"the bounds {within}"
-            break
-        if iterations <= _EASY:
-            step = min(_GROW * step, longest)
-    return Curve(
-        kind=first.curve,
-        members=tuple(found),
-        special=tuple(special),
-        before=tuple(before),
-        end=end,
-        make=make,
+    place = np.append(first.unknowns, first.tangent)
+    begin = Begin(CURVE, step, place, first, {"kind": str(first.curve)})
+    first, kept = kept_in(path, begin, of_fields(CurvePoint))
+    rules = Rules(
+        following=lambda last, length: _next(make, last, length),
+        between=lambda a, b, fresh: _not_at(start, special_points(make, a, b, first=fresh)),
+        before=lambda new, special: _BEYOND if _real(new) else "",
+        after=lambda new: outside(new.parameters, within),
+        lost="no point of the curve was found beyond",
     )
+    found = walked(rules, first, step, most, report, kept)
+    return Curve(kind=first.curve, make=make, **found._asdict())
+
+
+def _real(point: CurvePoint) -> bool:
+    """Whether the eigenvalues of a point of a curve of Hopf points are real."""
+    return point.curve == Kind.HOPF and point.unknowns[-1] <= 0
 
 
 def _not_at(start: CurvePoint | None, found: list[CurvePoint]) -> list[CurvePoint]:

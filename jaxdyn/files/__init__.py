@@ -2,8 +2,8 @@
 
 `input_files` reads, `output_files` and `image_files` check paths before the work, `records` turns
 scenes into JSON and back, `scene_records` checks what it reads; `typed` makes other records of
-JSON. `motion_files` saves and loads motions as the `archives` of NumPy; `tables` writes them as CSV
-and JSON, `data_frames` for pandas.
+JSON, `journal` keeps them in files that grow line by line. `motion_files` saves and loads motions
+as the `archives` of NumPy; `tables` writes them as CSV and JSON, `data_frames` for pandas.
 
 May import: `accuracy`, `scenes`.
 
@@ -20,6 +20,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "data_frames",
         "image_files",
         "input_files",
+        "journal",
         "motion_files",
         "output_files",
         "records",

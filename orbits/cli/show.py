@@ -1,4 +1,4 @@
-"""The command `orbits show`: what a file of an orbit or of a family holds, and a picture of it."""
+"""The command `orbits show`: what a file of an orbit, a family or curves holds, and a picture."""
 
 import json
 from pathlib import Path
@@ -9,6 +9,7 @@ import orbits
 from jaxdyn import _text
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title
+from orbits.cli.bifurcations.shown import is_continuation, show_continuation
 from orbits.cli.printed import print_family, print_reports
 from orbits.cli.shared import OrbitFile, draw
 
@@ -19,9 +20,15 @@ def show_command(
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """Print what a file of an orbit or of a family claims, as it stands there, and draw it."""
+    """Print what a file of an orbit or of a family claims, as it stands there, and draw it.
+
+    Files of `orbits curve` and `orbits diagram` are shown as well, also while they are written.
+    """
     check_title(title, plot)
     with screen(f"reading {file}", as_object) as out:
+        if is_continuation(file):
+            show_continuation(file, plot, title, out)
+            return
         found = orbits.files.contents.contents(file)
         if as_object:
             out.result(json.loads(file.read_text()))

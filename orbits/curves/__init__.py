@@ -2,7 +2,7 @@
 
 `following` follows folds, branch points, period doublings and torus points by the equations of
 `extended`, `steps` makes a point with its multipliers and tests, `special` finds the points of
-codimension two between two, and `curve` holds both.
+codimension two between two, and `curve` holds both; `kept` keeps them in a file, and reads it.
 
 May import: `families`.
 
@@ -11,5 +11,6 @@ one more kind of special point is a `CodimensionTwo` in `curve` and a test in `s
 """
 
 from orbits.curves.curve import CodimensionTwo, Curve, CurvePoint
+from orbits.curves.kept import load
 
-__all__ = ["CodimensionTwo", "Curve", "CurvePoint"]
+__all__ = ["CodimensionTwo", "Curve", "CurvePoint", "load"]

@@ -150,6 +150,11 @@ class Extended(eqx.Module):
         """Whether b or c is among the unknowns."""
         return self.kind == Kind.TORUS or (self.kind == Kind.FOLD and not self.driven)
 
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.segments * (self.vectors + 1) * self.k + 3 + self.has_extra
+
     def unpack(self, x) -> Unknowns:
         """The unknowns that x consists of."""
         n, m, k = self.segments, self.vectors, self.k

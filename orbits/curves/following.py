@@ -7,12 +7,15 @@ A curve is followed by pseudo-arclength in start, period and both parameters, wi
 import dataclasses
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive, untraced, whole
+from jaxdyn.continuation.kept import Begin, Log, kept_in
+from jaxdyn.continuation.walk import Rules, outside, walked
 from jaxdyn.integrate.spans import tolerances
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN, Return
@@ -20,6 +23,7 @@ from orbits.closing.given import driven
 from orbits.closing.symmetry import rate
 from orbits.curves.curve import Curve, CurvePoint
 from orbits.curves.extended import VECTORS, Extended, MakeOfTwo, varied
+from orbits.curves.kept import ORBIT_CURVE, about, codec
 from orbits.curves.special import special_points
 from orbits.curves.steps import point_at, returned, solve
 from orbits.families.family import Kind, Member
@@ -27,9 +31,6 @@ from orbits.orbit import Orbit
 from orbits.shooting.segment import Piece, linearised_end
 
 RTOL = 1e-13
-_EASY = 4  # with at most this many Newton steps the next step may be longer
-_GROW, _SHRINK = 1.5, 0.5
-_SMALLEST, _LONGEST = 1e-4, 10.0  # of the first step: smallest and longest step
 _TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
 _GROWTH = 1e3  # largest growth of errors in a segment
 _MOST_SEGMENTS = 32
@@ -49,6 +50,7 @@ def continue_curve(
     segments: int | None = None,
     rtol: float = RTOL,
     report: Callable[[CurvePoint], None] = lambda point: None,
+    path: str | Path | Log | None = None,
 ) -> Curve:
     """The curve of special orbits in two parameters, with its points of codimension two.
 
@@ -72,6 +74,8 @@ def continue_curve(
         requires.
       rtol: tolerance of the integrations.
       report: called with each member as it is found.
+      path: file (.jsonl) that keeps each member as it is found, and may keep several curves; the
+        same call goes on from it where it was interrupted. See `orbits.curves.load`.
     Returns:
       The members, and the special points between them.
     Raises:
@@ -93,7 +97,7 @@ def continue_curve(
     orbit, kind, both = _start(point, parameters, kind)
     extended, start = _unknowns(make, orbit, kind, both, segments, rtol)
     first = _first(extended, start, step, -1.0 if down else 1.0)
-    return _walked(extended, first, (step, members, within), report)
+    return _walked(extended, first, (step, members, within), report, path)
 
 
 def _start(point, parameters, kind: Kind | None) -> tuple[Orbit, Kind, np.ndarray]:
@@ -230,42 +234,25 @@ def _first(extended: Extended, start: np.ndarray, step: float, sign: float) -> C
     )
 
 
-def _walked(extended: Extended, first: CurvePoint, limits, report) -> Curve:
+def _walked(extended: Extended, first: CurvePoint, limits, report, path) -> Curve:
     step, most, within = limits
-    found, special, before = [first], [], []
-    report(first)
-    shortest, longest = _SMALLEST * step, _LONGEST * step
-    end = f"the number of members requested, {most}"
-    while len(found) < most:
-        last = found[-1]
-        new, iterations = _next(extended, last, step)
-        if new is None:
-            step *= _SHRINK
-            if step < shortest:
-                end = "no orbit of the curve was found beyond: a collision, or an equilibrium"
-                break
-            continue
-        between = special_points(extended, last, new)
-        special += between
-        before += [len(found)] * len(between)
-        if new.curve == Kind.TORUS and abs(extended.unpack(new.unknowns).extra) >= 1:
-            end = "a strong resonance, beyond which the multipliers are real"
-            break
-        found.append(new)
-        report(new)
-        if any(not low <= x <= high for x, (low, high) in zip(new.parameters, within, strict=True)):
-            end = f"the bounds {within}"
-            break
-        if iterations <= _EASY:
-            step = min(_GROW * step, longest)
-    return Curve(
-        kind=first.curve,
-        members=tuple(found),
-        special=tuple(special),
-        before=tuple(before),
-        end=end,
-        equations=extended,
+    place = np.append(first.unknowns, first.tangent)
+    begin = Begin(ORBIT_CURVE, step, place, first, about(extended))
+    first, kept = kept_in(path, begin, codec(extended))
+
+    def before(new: CurvePoint, special: list[CurvePoint]) -> str:
+        real = new.curve == Kind.TORUS and abs(extended.unpack(new.unknowns).extra) >= 1
+        return "a strong resonance, beyond which the multipliers are real" if real else ""
+
+    rules = Rules(
+        following=lambda last, length: _next(extended, last, length),
+        between=lambda a, b, fresh: special_points(extended, a, b),
+        before=before,
+        after=lambda new: outside(new.parameters, within),
+        lost="no orbit of the curve was found beyond: a collision, or an equilibrium",
     )
+    found = walked(rules, first, step, most, report, kept)
+    return Curve(kind=first.curve, equations=extended, **found._asdict())
 
 
 def _next(extended: Extended, last: CurvePoint, step: float) -> tuple[CurvePoint | None, int]:

@@ -44,7 +44,7 @@ def solve(
     extended: Extended, start: np.ndarray, point: np.ndarray, along: np.ndarray
 ) -> Solution | None:
     """The point of a curve in a plane, near a start; None if Newton's method finds none."""
-    frame = _frame(extended, start, point, along)
+    frame = frame_at(extended, start, point, along)
     x = start
     settled = False
     for iteration in range(_CORRECTIONS):
@@ -69,16 +69,7 @@ def point_at(extended: Extended, found: Solution, along: np.ndarray) -> CurvePoi
     place = tangent[extended.place]
     tangent = tangent / (np.linalg.norm(place) * (1.0 if place @ along >= 0 else -1.0))
     unknowns = extended.unpack(found.x)
-    scene = extended.make(*unknowns.parameters)
-    scene = scene.starting(unknowns.states[0], unknowns.period)
-    orbit = Orbit(
-        scene=scene,
-        closing=extended.closing,
-        residual=found.residual,
-        outcome=Outcome.FOUND,
-        iterations=found.iterations,
-        rtol=extended.rtol,
-    )
+    orbit = orbit_of(extended, found.x, found.residual, found.iterations)
     values = reduced(extended, orbit, found.monodromy)
     cosine = float(unknowns.extra)
     torus = extended.kind == Kind.TORUS
@@ -92,6 +83,20 @@ def point_at(extended: Extended, found: Solution, along: np.ndarray) -> CurvePoi
         unknowns=found.x,
         tangent=tangent,
         tests=_tests(extended, values, cosine),
+    )
+
+
+def orbit_of(extended: Extended, x: np.ndarray, residual: float, iterations: int) -> Orbit:
+    """The orbit of the unknowns x (n,)."""
+    unknowns = extended.unpack(x)
+    scene = extended.make(*unknowns.parameters)
+    return Orbit(
+        scene=scene.starting(unknowns.states[0], unknowns.period),
+        closing=extended.closing,
+        residual=residual,
+        outcome=Outcome.FOUND,
+        iterations=iterations,
+        rtol=extended.rtol,
     )
 
 
@@ -176,7 +181,8 @@ def _least(values: np.ndarray, bars: np.ndarray) -> float:
     return float(np.prod(np.sign(real)) * abs(values[least]))
 
 
-def _frame(extended: Extended, start, point, along) -> Frame:
+def frame_at(extended: Extended, start, point, along) -> Frame:
+    """The frame at unknowns, with the plane through a point and normal to a direction."""
     unknowns = extended.unpack(start)
     w = unknowns.vectors[0]
     first = w[0] / np.linalg.norm(w[0])

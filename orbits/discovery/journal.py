@@ -8,7 +8,6 @@ of the rest: a file that was edited is refused.
 
 import dataclasses
 import json
-import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -17,16 +16,13 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
-from jaxdyn.files import records
-from jaxdyn.files.input_files import content, parsed
-from jaxdyn.files.output_files import append, replace, unwritable, writable
+from jaxdyn.files import journal
 from orbits.analysis.same import same_orbit
 from orbits.closing.closings import Closing
 from orbits.orbit import Orbit, Outcome
 
 FORMAT = "jaxdyn-search"
 VERSION = 3
-MAX_BYTES = 2**30  # larger files are refused
 _REMEDY = "Give the path of a file that a search wrote."
 _ALIKE = 1e-6  # relative: invariants that differ by more belong to different orbits
 _ONE = 1e-8  # relative: starts this close are the same
@@ -103,10 +99,6 @@ class Chunk:
     counts: dict[str, int]
     finds: tuple[Find, ...]
 
-    def line(self) -> str:
-        """The chunk as a line of the file."""
-        return _line(dataclasses.asdict(self))
-
     @classmethod
     def of(cls, record: dict[str, Any]) -> "Chunk":
         """The chunk of a line."""
@@ -127,32 +119,27 @@ class File:
           what: description of the search; a file of another search is refused.
         """
         self.chunks: dict[int, Chunk] = {}
-        self._path = None if path is None else writable(path)
-        if self._path is None:
+        self._file = None
+        if path is None:
             return
         header = {"format": FORMAT, "version": VERSION, **what}
-        whole = _whole_lines(self._path)
-        if not whole:
-            replace(self._path, _line(header))
-            return
-        found, self.chunks = _parsed(self._path, whole)
+        try:
+            self._file = journal.Journal(path, header, _REMEDY)
+        except journal.NotAJournal as error:
+            raise _another(path) from error
+        found, self.chunks = _parsed(path, self._file.records)
         if found != json.loads(json.dumps(header)):
             odd = sorted(k for k in {*found, *header} if found.get(k) != header.get(k))
             remedy = "Give another path, or the arguments of the search that started this file."
             raise fail("path", "a file of this search", f"one with another {odd[0]}", remedy)
-        os.truncate(self._path, len(whole))
 
     def add(self, chunk: Chunk) -> None:
         """Add a chunk, unless it is there already."""
         if chunk.number in self.chunks:
             return
         self.chunks[chunk.number] = chunk
-        if self._path is None:
-            return
-        try:
-            append(self._path, chunk.line())
-        except OSError as error:
-            raise unwritable(self._path, error) from error
+        if self._file is not None:
+            self._file.add(dataclasses.asdict(chunk))
 
 
 def read(path: str | Path) -> tuple[dict[str, Any], list[Chunk]]:
@@ -161,38 +148,30 @@ def read(path: str | Path) -> tuple[dict[str, Any], list[Chunk]]:
     Raises:
       ValueError: the file was not written by a search, or was edited.
     """
-    header, chunks = _parsed(Path(path), _whole_lines(Path(path)))
+    try:
+        records = journal.records(journal.whole_lines(Path(path), _REMEDY))
+    except journal.NotAJournal as error:
+        raise _another(path) from error
+    header, chunks = _parsed(path, records)
     return header, [chunks[number] for number in sorted(chunks)]
 
 
-def _whole_lines(path: Path) -> bytes:
-    data = content(path, MAX_BYTES, _REMEDY) if path.exists() else b""
-    return data[: data.rfind(b"\n") + 1]
-
-
-def _line(record: dict[str, Any]) -> str:
-    digest = records.digest(record)
-    return json.dumps({**record, "digest": digest}, allow_nan=False) + "\n"
-
-
-def _record(line: bytes) -> dict[str, Any]:
-    """The record of a line, without its digest."""
-    record = parsed(line, "a line of another type")
-    if record.pop("digest") != records.digest(record):
-        raise KeyError("digest")
-    return record
-
-
-def _parsed(path: Path, data: bytes) -> tuple[dict[str, Any], dict[int, Chunk]]:
+def _parsed(
+    path: str | Path, records: list[dict[str, Any]]
+) -> tuple[dict[str, Any], dict[int, Chunk]]:
     try:
-        header, *chunks = map(_record, data.splitlines())
+        header, *chunks = records
         if (header["format"], header["version"]) != (FORMAT, VERSION):
             raise KeyError("format")
         found = {chunk.number: chunk for chunk in reversed([Chunk.of(chunk) for chunk in chunks])}
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        wanted = f"a {FORMAT} file of version {VERSION}"
-        raise fail("path", wanted, f"{path}, which is another or was edited", _REMEDY) from error
+        raise _another(path) from error
     return header, found
+
+
+def _another(path: str | Path) -> ValueError:
+    wanted = f"a {FORMAT} file of version {VERSION}"
+    return fail("path", wanted, f"{path}, which is another or was edited", _REMEDY)
 
 
 def _is(value: Any, kind: type) -> bool:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from jaxdyn._checks import choice
 from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, entry_of, rest_stretches, stretches
 from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.files.image_files import picture_path
@@ -35,7 +36,7 @@ def diagram(
       ValueError: `path` cannot be written, or there is no such entry.
     """
     path = picture_path(path)
-    index, label = entry_of(found.rests, entry)
+    index, label = _entry(found, entry)
     figure = blank(6.8, 5.0)
     ax: Any = figure.add_subplot()
     for family in found.rests:
@@ -82,3 +83,13 @@ def diagram(
     style(ax)
     legend_below(figure, named(ax))
     return finished(figure, path)
+
+
+def _entry(found: Diagram, entry: str | None) -> tuple[int, str]:
+    """The index of the entry of the state that is drawn, and its name."""
+    if found.rests:
+        return entry_of(found.rests, entry)
+    names = [name for name, _ in found.orbits[0].members[0].orbit.scene.labels()]
+    if entry is None:
+        return 0, names[0]
+    return names.index(choice("entry", entry, names)), entry

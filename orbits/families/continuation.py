@@ -13,13 +13,17 @@ for conservative scenes.
 """
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
 from jaxdyn._checks import fail, positive, untraced, whole
+from jaxdyn.continuation.kept import Begin, Log, kept_in
+from jaxdyn.continuation.walk import Rules, walked
 from orbits.closing.conditions import Hold, conditions
 from orbits.families.bifurcations import special_points
 from orbits.families.family import Family, Kind, Member
+from orbits.families.kept import ORBITS, about, codec
 from orbits.families.steps import first_member, next_member, parameter_at
 from orbits.families.surface import Point, Surface
 from orbits.orbit import Orbit, SearchError
@@ -28,12 +32,10 @@ from orbits.shooting.finding import GOAL
 from orbits.shooting.segment import Make
 from orbits.shooting.segmentation import cut
 
-_EASY = 4  # with at most this many Newton steps the next step may be longer
-_GROW, _SHRINK = 1.5, 0.5
 _SMALLEST = 1e-3  # of the first step: smallest step
-_LONGEST = 10.0  # of the first step: longest step
 _NUDGE = 1e-6  # along a tangent, for a difference
 _ANYWHERE = (-np.inf, np.inf)
+_REST = "an equilibrium, to which the orbits shrink"
 _NOT_SIMPLE = (
     "The closing equations leave one direction only here: this is not a simple branch point. "
     "At a torus point give times=q, where its multiplier is exp(2 pi i p / q)."
@@ -58,6 +60,7 @@ def continue_family(
     segments: int | None = None,
     goal: float = GOAL,
     report: Callable[[Member], None] = lambda member: None,
+    path: str | Path | Log | None = None,
 ) -> Family:
     """The family of periodic orbits that an orbit belongs to.
 
@@ -79,6 +82,8 @@ def continue_family(
       segments: see `find`.
       goal: largest closing error of a member.
       report: called with each member as it is found.
+      path: file (.jsonl) that keeps each member as it is found, and may keep several families; the
+        same call goes on from it where it was interrupted.
     Returns:
       The members, and the special points between them.
     Raises:
@@ -115,7 +120,7 @@ def continue_family(
     if not first.stability.ok:
         end = f"the first orbit, whose multipliers are unknown: {first.stability.message}"
         return Family(members=(first,), special=(), end=end, equations=equations)
-    return _walked(surface, first, step, members, (within, energies), report)
+    return _walked(surface, first, (step, members, within, energies), report, path)
 
 
 def switch_branch(
@@ -171,38 +176,35 @@ def _check_bounds(name: str, bounds) -> None:
         raise fail(name, "two bounds, the lower one first", bounds)
 
 
-def _walked(surface: Surface, first: Member, step, most, bounds, report) -> Family:
-    within, energies = bounds
-    members, special = [first], []
-    shortest, longest = _SMALLEST * step, _LONGEST * step
-    end = f"the number of members requested, {most}"
-    while len(members) < most:
-        last = members[-1]
-        member = next_member(surface, last, step)
-        if member is None:
-            step *= _SHRINK
-            if step < shortest:
-                end = "no orbit was found beyond: a collision, an equilibrium, or the step limit"
-                break
-            continue
-        between = special_points(surface, last, member)
-        special += between
-        if any(x.kind == Kind.REST for x in between):
-            end = "an equilibrium, to which the orbits shrink"
-            break
-        members.append(member)
-        report(member)
+def _walked(surface: Surface, first: Member, limits, report, path) -> Family:
+    step, most, within, energies = limits
+    place = np.append(first.point.x, first.tangent)
+    begin = Begin(ORBITS, step, place, first, about(surface))
+    first, kept = kept_in(path, begin, codec(surface))
+
+    def after(member: Member) -> str:
         if not within[0] <= _measure(surface, member.point) <= within[1]:
-            end = f"the bounds {within}"
-            break
+            return f"the bounds {within}"
         if member.energy < energies[0] or member.energy > energies[1]:
-            end = f"the bounds on the energy, {energies}"
-            break
-        if member.point.iterations <= _EASY:
-            step = min(_GROW * step, longest)
-    return Family(
-        members=tuple(members), special=tuple(special), end=end, equations=surface.equations
+            return f"the bounds on the energy, {energies}"
+        return ""
+
+    rules = Rules(
+        following=lambda last, length: _next(surface, last, length),
+        between=lambda a, b, fresh: special_points(surface, a, b),
+        before=lambda new, special: _REST if any(x.kind == Kind.REST for x in special) else "",
+        after=after,
+        lost="no orbit was found beyond: a collision, an equilibrium, or the step limit",
+        shortest=_SMALLEST,
     )
+    found = walked(rules, first, step, most, report, kept)
+    return Family(found.members, found.special, found.end, surface.equations)
+
+
+def _next(surface: Surface, last: Member, step: float) -> tuple[Member | None, int]:
+    """The member a step further along the family and the Newton steps to it."""
+    member = next_member(surface, last, step)
+    return member, 0 if member is None else member.point.iterations
 
 
 def _measure(surface: Surface, point: Point) -> float:

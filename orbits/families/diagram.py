@@ -6,6 +6,8 @@ kept as a failure with its reason, beside all that was found.
 
 import dataclasses
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from jaxdyn.continuation.equilibria import continue_equilibria
 from jaxdyn.continuation.equilibria import switch_branch as other_rests
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.family import Kind as RestKind
+from jaxdyn.continuation.kept import Log
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.status import IntegrationError
 from orbits.families.continuation import continue_family, switch_branch
@@ -27,6 +30,8 @@ _SAME = 1e-6  # relative distance below which two special points are one
 _MET = 1e-4  # the same for branch points of orbits, by parameter and period
 _NEAR = 1e-2  # of the bounds: a family of orbits that ends so near a Hopf point ends there
 _SAMPLES = 200  # of an orbit, for the extremes of an entry
+#: Names in the file of a diagram.
+DOUBLINGS, FAILURE = "doublings", "failure"
 #: What a search or a continuation raises where there is nothing to find.
 _FAILURES = (ValueError, SearchError, IntegrationError)
 
@@ -109,6 +114,7 @@ def diagram(
     orbit_members: int = 40,
     amplitude: float = 1e-2,
     report: Callable[[EquilibriumFamily | Family | Failure], None] = lambda found: None,
+    path: str | Path | Log | None = None,
 ) -> Diagram:
     """The bifurcation diagram of a scene over a parameter.
 
@@ -128,8 +134,9 @@ def diagram(
       orbit_step: length of the first step along orbits; `step` by default.
       orbit_members: largest number of members of a family of orbits.
       amplitude: distance from a special point at which a new family begins.
-      report: called with each family and failure as it is found, so that an interrupted run
-        leaves what it has done.
+      report: called with each family and failure as it is found.
+      path: file (.jsonl) that keeps each member as it is found; the same call goes on from it
+        where it was interrupted. See `orbits.families.load`.
     Returns:
       All families, and what could not be followed, with the reason.
     Raises:
@@ -147,19 +154,24 @@ def diagram(
       (2, [5])
     """
     depth = whole("depth", depth, least=0)
-    options = {"step": step, "members": members, "within": within}
+    log = Log(path) if isinstance(path, str | Path) else path
+    options = {"step": step, "members": members, "within": within, "path": log}
     rests, failures = [], []
     _progress.doing("following equilibria")
     for down in (False, True):
         rests.append(continue_equilibria(make, parameter, start, down=down, **options))
         report(rests[-1])
     _branches(rests, failures, options, report)
-    found = _Orbits(make, within, orbit_step or step, orbit_members, amplitude, report)
+    orbit_options = {"step": orbit_step or step, "members": orbit_members, "within": within}
+    found = _Orbits(make, orbit_options, amplitude, report, log)
     found.failures += failures
     for family in rests:
         for point in family.special:
             if point.kind == RestKind.HOPF:
                 found.from_hopf(family, point, depth)
+    if log is not None:
+        for failure in found.failures:
+            log.note({FAILURE: failure.reason, **place_of(failure.point)})
     return Diagram(
         rests=tuple(rests),
         orbits=tuple(family for family, _ in found.families),
@@ -198,9 +210,8 @@ def _met(a: np.ndarray, b: np.ndarray) -> bool:
 class _Orbits:
     """The families of orbits of a diagram, as they are found."""
 
-    def __init__(self, make: Make, within, step, members: int, amplitude: float, report):
-        self.make, self.within, self.report = make, within, report
-        self.options = {"step": step, "members": members, "within": within}
+    def __init__(self, make: Make, options: dict, amplitude: float, report, log: Log | None):
+        self.make, self.options, self.report, self.log = make, options, report, log
         self.amplitude = amplitude
         self.families: list[tuple[Family, int]] = []
         self.failures: list[Failure] = []
@@ -221,7 +232,8 @@ class _Orbits:
 
     def _reached(self, point: Equilibrium) -> bool:
         """Whether a family of orbits has ended at this Hopf point."""
-        wide = _NEAR * (self.within[1] - self.within[0])
+        low, high = self.options["within"]
+        wide = _NEAR * (high - low)
         ends = [x for family, _ in self.families for x in family.special if x.kind == Kind.REST]
         return any(abs(x.parameter - point.parameter) < wide for x in ends)
 
@@ -230,7 +242,9 @@ class _Orbits:
             orbit, value = begin()
             # Away from the point: on the side to which the first orbit lies.
             down = value < point.parameter
-            family = continue_family(orbit, self.make, value, down=down, **self.options)
+            log = None if self.log is None else self.log.noting(**{DOUBLINGS: doublings})
+            options = self.options | {"down": down, "path": log}
+            family = continue_family(orbit, self.make, value, **options)
         except _FAILURES as error:
             self.failures.append(Failure(point, str(error)))
             self.report(self.failures[-1])
@@ -257,6 +271,11 @@ class _Orbits:
             return False
         self.branches.append(place)
         return True
+
+
+def place_of(point: Equilibrium | Member) -> dict[str, Any]:
+    """The kind and the parameter of a special point, as a file of the diagram has them."""
+    return {"kind": str(point.kind), "parameter": float(point.parameter)}
 
 
 def extremes(member: Member, entry: int) -> tuple[float, float]:

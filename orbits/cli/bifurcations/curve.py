@@ -1,14 +1,17 @@
-"""The command `orbits curve`: folds and Hopf points of equilibria in two parameters."""
+"""The command `orbits curve`: special equilibria and special orbits in two parameters."""
 
+import itertools
 import math
-from typing import Annotated
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
 import jaxdyn
 import orbits
 from jaxdyn._text import choice, fail, whole
-from jaxdyn.cli.screen import screen
+from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,
     PlotOption,
@@ -16,9 +19,10 @@ from jaxdyn.cli.shared import (
     SetOption,
     TitleOption,
     check_title,
+    read,
 )
 from jaxdyn.cli.words import scene_settings, scenes
-from orbits.cli.bifurcations.shared import StartOption, bounds, rest_start
+from orbits.cli.bifurcations.shared import KeepOption, StartOption, bounds, kept, rest_start
 from orbits.cli.shared import NOT_FOUND
 
 
@@ -29,16 +33,28 @@ def curve_command(
     within2: Annotated[str, typer.Option(metavar="A,B", help="Bounds on the second.")],
     settings: SetOption = None,
     start: StartOption = None,
+    from_orbit: Annotated[
+        Path | None,
+        typer.Option(
+            help="Follow the orbit in this file, or the special points of the family in it.",
+            callback=read,
+        ),
+    ] = None,
+    kind: Annotated[
+        str | None, typer.Option(help="Kind of the orbits: fold, period doubling, ...")
+    ] = None,
     step: Annotated[float, typer.Option(help="Length of the first step.")] = 0.05,
     members: Annotated[int, typer.Option(help="Largest number of points of a curve.")] = 100,
     plot: PlotOption = None,
     title: TitleOption = None,
+    save_to: KeepOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """The curves of a scene's folds and Hopf points in two parameters.
+    """The curves of a scene's folds, Hopf points or special orbits in two parameters.
 
     Equilibria are followed in the first parameter, and each fold and Hopf point on the way in both
-    parameters.
+    parameters; with --from-orbit the special orbits of a file are. With --save an interrupted run
+    loses nothing, and the same command resumes it.
     """
     check_title(title, plot)
     whole("--members", members)
@@ -49,33 +65,94 @@ def curve_command(
     chosen = scene_settings(name, settings)
     for parameter in (first, second):
         choice("--parameters", parameter, scenes()[name].parameters)
+    if kind is not None:
+        if from_orbit is None:
+            raise fail("--kind", "none without --from-orbit", repr(kind))
+        choice("--kind", kind, _KINDS)
     with screen(f"looking for equilibria of {name}", as_object) as out:
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)
-        make, (p, q) = orbits.families.parameters.maker_of_two(name, values, (first, second))
-        begin, special = rest_start(name, values, start), []
-        for down in (False, True):
-            family = jaxdyn.continue_equilibria(
-                lambda x: make(x, q), p, begin, within=limits[0], down=down, step=step
-            )
-            out.print(str(family))
-            special += family.special
-        curves = []
-        for point in special:
-            if point.kind == jaxdyn.continuation.Kind.BRANCH:
-                continue
-            for down in (False, True):
-                out.doing(f"following the {point.kind} at {point.parameter:.6g}")
-                options = {"within": limits, "step": step, "members": members, "down": down}
-                curves.append(jaxdyn.continue_curve(make, point, (point.parameter, q), **options))
-                out.print(str(curves[-1]))
+        make, both = orbits.families.parameters.maker_of_two(name, values, (first, second))
+        log = kept(save_to, name, chosen, (first, second))
+        options = {"within": limits, "step": step, "members": members, "path": log}
+        if from_orbit is None:
+            begin = rest_start(name, values, start)
+            curves = list(_of_equilibria(make, both, begin, options, out))
+        else:
+            starts = list(_starts(from_orbit, (first, second), both, kind))
+            curves = list(_of_orbits(make, starts, options, out))
         if as_object:
-            out.result({"scene": name, "parameters": [first, second]} | _as_json(curves))
+            out.result({"scene": name, "parameters": [first, second]} | as_json(curves))
         if not curves:
-            out.print("neither a fold nor a Hopf point within the bounds")
+            out.print("no curve was found: no special point within the bounds can be followed")
             raise typer.Exit(NOT_FOUND)
         if plot:
             with out.writing(plot, "drawn in"):
                 jaxdyn.drawing.bifurcation_curves(curves, plot, title=title)
+
+
+#: What `orbits.Kind` calls the orbits that curves consist of.
+_KINDS = ("fold", "branch point", "period doubling", "torus point")
+
+
+def _of_equilibria(make, both, begin: list[float], options: dict, out: Screen) -> Iterator[Any]:
+    """The curves of the folds and Hopf points of equilibria."""
+    (p, q), special = both, []
+    for down in (False, True):
+        family = jaxdyn.continue_equilibria(
+            lambda x: make(x, q),
+            p,
+            begin,
+            within=options["within"][0],
+            down=down,
+            step=options["step"],
+        )
+        out.print(str(family))
+        special += family.special
+    for point in special:
+        if point.kind == jaxdyn.continuation.Kind.BRANCH:
+            continue
+        for down in (False, True):
+            out.doing(f"following the {point.kind} at {point.parameter:.6g}")
+            start = point.parameter, q
+            curve = jaxdyn.continue_curve(make, point, start, down=down, **options)
+            out.print(str(curve))
+            yield curve
+
+
+def _starts(file: Path, names: tuple[str, str], both, kind: str | None) -> Iterator[Any]:
+    """(orbit, kind, parameters) of the orbit, or of the special points of the family, in a file."""
+    found = orbits.files.contents.contents(file)
+    if not isinstance(found, orbits.files.family_files.Listing):
+        if kind is None:
+            raise fail("--kind", f"the kind of the orbit, one of {', '.join(_KINDS)}", None)
+        yield found.orbit, kind, both
+        return
+    if found.parameter not in names:
+        raise fail(
+            "--parameters", f"{found.parameter}, that of the family, as one", ",".join(names)
+        )
+    chosen = [x for x in found.special if (x.kind == kind if kind else x.kind in _KINDS)]
+    if not chosen:
+        raise fail("--from-orbit", f"a family with a {kind or 'special point'}", "none")
+    for entry in chosen:
+        value = entry.parameter
+        parameters = (value, both[1]) if found.parameter == names[0] else (both[0], value)
+        yield entry.orbit, entry.kind, parameters
+
+
+def _of_orbits(make, starts: list, options: dict, out: Screen) -> Iterator[Any]:
+    """The curves of special orbits."""
+    for (orbit, kind, parameters), down in itertools.product(starts, (False, True)):
+        out.doing(f"following the {kind} at {parameters[0]:.6g}")
+        try:
+            curve = orbits.continue_curve(make, orbit, parameters, kind=kind, down=down, **options)
+        except ValueError as error:
+            if len(starts) == 1:
+                raise
+            out.print(f"the {kind} at {parameters[0]:.6g} is not followed: {error}")
+            continue
+        out.print(str(curve))
+        yield curve
 
 
 def _names(text: str) -> tuple[str, str]:
@@ -85,7 +162,8 @@ def _names(text: str) -> tuple[str, str]:
     return names[0].strip(), names[1].strip()
 
 
-def _as_json(curves: list) -> dict:
+def as_json(curves: list) -> dict[str, Any]:
+    """The curves and their special points as a JSON object."""
     return {
         "curves": [
             {

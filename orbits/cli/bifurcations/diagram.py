@@ -17,7 +17,7 @@ from jaxdyn.cli.shared import (
     check_title,
 )
 from jaxdyn.cli.words import scene_settings, scenes
-from orbits.cli.bifurcations.shared import StartOption, bounds, rest_start
+from orbits.cli.bifurcations.shared import KeepOption, StartOption, bounds, kept, rest_start
 
 
 def diagram_command(
@@ -32,9 +32,13 @@ def diagram_command(
     entry: Annotated[str | None, typer.Option(help="The entry of the state to draw.")] = None,
     plot: PlotOption = None,
     title: TitleOption = None,
+    save_to: KeepOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """The bifurcation diagram of a scene: equilibria, orbits, doublings."""
+    """The bifurcation diagram of a scene: equilibria, orbits, doublings.
+
+    With --save an interrupted run loses nothing, and the same command resumes it.
+    """
     check_title(title, plot)
     whole("--members", members)
     limits = bounds("--within", within)
@@ -52,15 +56,16 @@ def diagram_command(
             step=step,
             orbit_members=members,
             report=lambda family: out.print(str(family)),
+            path=kept(save_to, name, chosen, (parameter,)),
         )
         if as_object:
-            out.result({"scene": name, "parameter": parameter} | _as_json(found))
+            out.result({"scene": name, "parameter": parameter} | as_json(found))
         if plot:
             with out.writing(plot, "drawn in"):
                 orbits.drawing.diagram(found, plot, entry=entry, parameter=parameter, title=title)
 
 
-def _as_json(found: "orbits.Diagram") -> dict[str, Any]:
+def as_json(found: "orbits.Diagram") -> dict[str, Any]:
     """The special points, and what was not followed."""
     rests = [
         {"kind": str(x.kind), "parameter": x.parameter, "state": x.state.tolist()}

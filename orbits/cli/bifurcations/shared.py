@@ -1,12 +1,30 @@
 """Common parts of the commands that begin at an equilibrium."""
 
-from typing import Annotated
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, NamedTuple
 
 import typer
 
 import jaxdyn
 from jaxdyn._text import fail
+from jaxdyn.cli.shared import written
+from jaxdyn.files.output_files import writable
 from orbits.cli.shared import numbers
+
+KeepOption = Annotated[
+    Path | None,
+    written(writable, "Keep it in this file (.jsonl), and resume from it.", "--save"),
+]
+
+
+class Noted(NamedTuple):
+    """What the file of a command says of its scenes."""
+
+    scene: str
+    settings: dict[str, str]
+    parameters: list[str]
+
 
 StartOption = Annotated[
     str | None,
@@ -27,3 +45,20 @@ def bounds(option: str, text: str) -> tuple[float, float]:
     if not (len(found) == 2 and found[0] < found[1]):
         raise fail(option, "two bounds, the lower one first", repr(text))
     return found[0], found[1]
+
+
+def kept(
+    path: Path | None, name: str, settings: Mapping[str, str], parameters: Sequence[str]
+) -> "jaxdyn.continuation.kept.Log | None":
+    """The file of a continuation, with a note of which scenes it is of."""
+    if path is None:
+        return None
+    log = jaxdyn.continuation.kept.Log(path)
+    note = Noted(name, dict(settings), list(parameters))._asdict()
+    others = [known for known in log.notes if known.keys() == note.keys() and known != note]
+    if others:
+        odd = next(key for key in note if others[0][key] != note[key])
+        remedy = "Give another path, or the arguments of the run that began this file."
+        raise fail("--save", "a file of this run", f"one with other {odd}", remedy)
+    log.note(note)
+    return log

@@ -1,5 +1,6 @@
 """Files that were cut off, edited or made to harm are refused, whichever reader gets them."""
 
+import dataclasses
 import json
 import os
 import pickle
@@ -10,7 +11,7 @@ import pytest
 
 import orbits
 from jaxdyn import scenes
-from jaxdyn.files import records, scene_records
+from jaxdyn.files import journal, records, scene_records
 from orbits.discovery import journal as table
 from orbits.files import encoding, family_files
 from orbits.orbit import Orbit, Outcome
@@ -90,7 +91,7 @@ def test_a_folder_is_no_file(tmp_path, read):
 
 
 def test_a_file_that_is_too_large_is_not_read_whole(searched, monkeypatch):
-    monkeypatch.setattr(table, "MAX_BYTES", 100)
+    monkeypatch.setattr(journal, "MAX_BYTES", 100)
     with pytest.raises(ValueError, match="expected at most 100 bytes, got more"):
         table.read(searched)
 
@@ -141,10 +142,9 @@ FORGED = [
 
 @pytest.mark.parametrize(("key", "value"), FORGED, ids=repr)
 def test_a_table_of_wrong_types_is_refused_though_its_digests_are_right(searched, key, value):
-    record = json.loads(CHUNKS[0].line()) | {key: value}
-    record.pop("digest")
+    record = dataclasses.asdict(CHUNKS[0]) | {key: value}
     with open(searched, "a") as file:
-        file.write(json.dumps(record | {"digest": records.digest(record)}) + "\n")
+        file.write(journal.line(record))
     with pytest.raises(ValueError, match="path: expected a jaxdyn-search file"):
         table.read(searched)
 

@@ -1,0 +1,244 @@
+"""Families and curves in a file, member by member, so that an interrupted run goes on from it.
+
+A file holds the walks of a run, each with its first member and what tells it from others. A walk
+is found again by these, whatever else the file has, and goes on where it was left; it may then be
+longer. Files hold numbers only: the scene is given again when one is read.
+"""
+
+import copy
+import dataclasses
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxdyn._checks import fail
+from jaxdyn.files import journal
+from jaxdyn.files.typed import plain, typed
+
+FORMAT = "jaxdyn-continuation"
+VERSION = 1
+REMEDY = "Give the path of a file that a continuation wrote with path=."
+OTHER = "The file was edited or damaged, or its scenes are others."
+#: What the walks of this package are.
+WHATS = EQUILIBRIA, CURVE = "equilibria", "curve"
+_SAME = 1e-8  # relative distance below which two first members are one
+
+
+class Advance(NamedTuple):
+    """One step of a walk.
+
+    Attributes:
+      member: the new member; None where the walk ends.
+      special: the special points before it.
+      step: length of the next step.
+      end: why the walk ends, "" if it does not.
+    """
+
+    member: Any
+    special: list
+    step: float
+    end: str
+
+
+class Codec(NamedTuple):
+    """How the members of a walk become JSON, and members again."""
+
+    encode: Callable[[Any], Any]
+    decode: Callable[[Any], Any]
+
+
+def of_fields(cls: type) -> Codec:
+    """The codec of a dataclass of numbers, texts and arrays."""
+    return Codec(plain, lambda record: typed(record, cls, "file", OTHER))
+
+
+@dataclasses.dataclass(frozen=True)
+class Begin:
+    """The first line of a walk.
+
+    Attributes:
+      what: which walk it is, e.g. "equilibria".
+      step: length of the first step.
+      place: (n,) the first member and its tangent.
+      first: the first member.
+      about: what else tells it from others, and is needed to read it.
+      note: what else the file says of it.
+      walk: its number in the file.
+    """
+
+    what: str
+    step: float
+    place: np.ndarray
+    first: Any
+    about: dict = dataclasses.field(default_factory=dict)
+    note: dict = dataclasses.field(default_factory=dict)
+    walk: int = 0
+
+    def same(self, other: "Begin") -> bool:
+        """Whether it begins the same walk: with a first member that is the same to rounding."""
+        a, b = self.place, other.place
+        alike = (self.what, self.step, self.about) == (other.what, other.step, other.about)
+        near = a.shape == b.shape and np.abs(a - b).max() <= _SAME * (1.0 + np.abs(b).max())
+        return alike and bool(near)
+
+
+class Step(NamedTuple):
+    """An `Advance` as its file has it."""
+
+    member: Any
+    special: list[Any]
+    step: float
+    end: str
+
+
+@dataclasses.dataclass
+class Stored:
+    """A walk as its file has it.
+
+    Attributes:
+      begin: its first line.
+      steps: its steps.
+      end: why it ended when it was last followed, "" if it was interrupted.
+    """
+
+    begin: Begin
+    steps: list[Step] = dataclasses.field(default_factory=list)
+    end: str = ""
+
+    def read(self, codec: Codec) -> tuple[Any, list[Advance]]:
+        """The first member and the steps.
+
+        Raises:
+          ValueError: a record is not of a member.
+        """
+
+        def advance(step: Step) -> Advance:
+            member = None if step.member is None else codec.decode(step.member)
+            return Advance(member, [*map(codec.decode, step.special)], step.step, step.end)
+
+        return codec.decode(self.begin.first), [advance(step) for step in self.steps]
+
+
+class Log:
+    """A file of walks."""
+
+    def __init__(self, path: str | Path):
+        """Open a file, or begin one.
+
+        Raises:
+          ValueError: it is another file, was edited, or cannot be written.
+        """
+        header = {"format": FORMAT, "version": VERSION}
+        try:
+            self._file = journal.Journal(path, header, REMEDY)
+        except journal.NotAJournal as error:
+            raise _another(path) from error
+        self._note: dict = {}
+        self.walks, self.notes = _read(path, self._file.records)
+
+    def noting(self, **note: Any) -> "Log":
+        """The same file, in which walks begin with a note."""
+        other = copy.copy(self)
+        other._note = note
+        return other
+
+    def kept(self, begin: Begin, codec: Codec) -> "tuple[Any, Kept]":
+        """The first member of a walk and the rest of it: as the file has it, or begun there."""
+        for walk in self.walks:
+            if walk.begin.same(begin):
+                first, advances = walk.read(codec)
+                return first, Kept(self._file, walk.begin.walk, codec, advances, walk.end)
+        first = begin.first
+        number, record = len(self.walks), codec.encode(first)
+        begin = dataclasses.replace(begin, walk=number, first=record, note=self._note)
+        self._file.add({"begin": plain(begin)})
+        self.walks.append(Stored(begin))
+        return first, Kept(self._file, begin.walk, codec, [], "")
+
+    def note(self, note: dict) -> None:
+        """Add a note, unless it is there already."""
+        if note not in self.notes:
+            self.notes.append(note)
+            self._file.add({"note": note})
+
+
+class Kept:
+    """The steps of a walk in a file.
+
+    Attributes:
+      advances: those that the file has.
+    """
+
+    def __init__(self, file: journal.Journal, walk: int, codec: Codec, advances, end: str):
+        self.advances: list[Advance] = advances
+        self._file, self._walk, self._codec, self._end = file, walk, codec, end
+
+    def add(self, advance: Advance) -> None:
+        """Add a step; it is on the disk when this returns."""
+        encode = self._codec.encode
+        step = Step(
+            member=None if advance.member is None else encode(advance.member),
+            special=[encode(point) for point in advance.special],
+            step=advance.step,
+            end=advance.end,
+        )
+        self._file.add({"walk": self._walk, "step": plain(step)})
+
+    def ended(self, end: str) -> None:
+        """Say why the walk ends."""
+        if end != self._end:
+            self._file.add({"walk": self._walk, "ended": end})
+
+
+def kept_in(path: str | Path | Log | None, begin: Begin, codec: Codec) -> tuple[Any, Kept | None]:
+    """The first member of a walk, and the rest of it in a file, if there is one."""
+    if path is None:
+        return begin.first, None
+    return (path if isinstance(path, Log) else Log(path)).kept(begin, codec)
+
+
+def stored(path: str | Path, whats: Iterable[str]) -> tuple[list[Stored], list[dict]]:
+    """The walks of some kinds in a file, and its notes; also while it is written.
+
+    Raises:
+      ValueError: it is another file, was edited, or has no walk of these kinds.
+    """
+    try:
+        records = journal.records(journal.whole_lines(Path(path), REMEDY))
+    except journal.NotAJournal as error:
+        raise _another(path) from error
+    walks, notes = _read(path, records)
+    found = [walk for walk in walks if walk.begin.what in whats]
+    if not found:
+        got = f"{path}, which has " + (", ".join(sorted({x.begin.what for x in walks})) or "none")
+        raise fail("path", f"a file of {' or '.join(whats)}", got, REMEDY)
+    return found, notes
+
+
+def _read(path: str | Path, records: list[dict]) -> tuple[list[Stored], list[dict]]:
+    walks: list[Stored] = []
+    notes: list[dict] = []
+    header, *rest = records or [{}]
+    if (header.get("format"), header.get("version")) != (FORMAT, VERSION):
+        raise _another(path)
+    for record in rest:
+        if "begin" in record:
+            walks.append(Stored(typed(record["begin"], Begin, "file", OTHER)))
+        elif "note" in record:
+            notes.append(typed(record["note"], dict, "file", OTHER))
+        else:
+            number = typed(record.get("walk"), int, "file", OTHER)
+            if not 0 <= number < len(walks):
+                raise fail("file", "steps of a walk that has begun", f"one of {number}", OTHER)
+            if "step" in record:
+                walks[number].steps.append(typed(record["step"], Step, "file", OTHER))
+            else:
+                walks[number].end = typed(record.get("ended"), str, "file", OTHER)
+    return walks, notes
+
+
+def _another(path: str | Path) -> ValueError:
+    wanted = f"a {FORMAT} file of version {VERSION}"
+    return fail("path", wanted, f"{path}, which is another or was edited", REMEDY)

@@ -1,0 +1,74 @@
+"""Families of equilibria and curves from a file."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn._checks import fail
+from jaxdyn.continuation import defining, kept
+from jaxdyn.continuation.curve import Curve, CurvePoint, MakeOfTwo, WithSecond
+from jaxdyn.continuation.defining import Make
+from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
+from jaxdyn.continuation.walk import read
+
+_HOLDS = 1e-8  # relative to the derivatives: rates of equilibria of these scenes are smaller
+
+
+def load(path: str | Path, make: Make | MakeOfTwo) -> tuple[EquilibriumFamily | Curve, ...]:
+    """The families of equilibria, or the curves, that a file keeps; also while it is written.
+
+    Args:
+      path: of the file that `continue_equilibria` or `continue_curve` wrote with ``path=``.
+      make: the scenes, as it was given to them: files hold numbers only.
+    Returns:
+      What the file has, in order; of an interrupted run what was found.
+    Raises:
+      ValueError: the file is another, was edited or damaged, or its points are not equilibria of
+        these scenes.
+    Example:
+      >>> import jaxdyn, tempfile
+      >>> def make(rho):
+      ...     return jaxdyn.scenes.lorenz(rho=rho)
+      >>> path = tempfile.mkdtemp() + "/lorenz.jsonl"
+      >>> first = jaxdyn.continue_equilibria(make, 20.0, [7.0, 7.0, 19.0], members=3, path=path)
+      >>> (again,) = jaxdyn.continuation.load(path, make)
+      >>> bool((again.parameters == first.parameters).all())
+      True
+    """
+    walks, _ = kept.stored(path, (kept.EQUILIBRIA, kept.CURVE))
+    return tuple(equilibria(walk, make) if _of_one(walk) else _curve(walk, make) for walk in walks)
+
+
+def equilibria(walk: kept.Stored, make: Make) -> EquilibriumFamily:
+    """The family of equilibria of a walk."""
+    found = read(walk, kept.of_fields(Equilibrium))
+    for point in (found.members[0], found.members[-1]):
+        _check(lambda point=point: defining.rate(make, point.x), point.slopes)
+    return EquilibriumFamily(found.members, found.special, found.end, make)
+
+
+def _of_one(walk: kept.Stored) -> bool:
+    return walk.begin.what == kept.EQUILIBRIA
+
+
+def _curve(walk: kept.Stored, make: MakeOfTwo) -> Curve:
+    found = read(walk, kept.of_fields(CurvePoint))
+    for point in (found.members[0], found.members[-1]):
+        held = WithSecond(make=make, second=point.parameters[1])
+        values = point.eigenvalues.values
+        _check(lambda point=point, held=held: defining.rate(held, point.x[:-1]), values)
+    return Curve(kind=found.members[0].curve, make=make, **found._asdict())
+
+
+def _check(rate: Callable[[], Array], slopes: np.ndarray) -> None:
+    """Refuse scenes of which a point is no equilibrium."""
+    try:
+        size = float(np.abs(rate()).max())
+    except (TypeError, ValueError, IndexError) as error:
+        got = f"{type(error).__name__}: {error}"[:120]
+        raise fail("make", "the scenes of the file", got, kept.OTHER) from error
+    if not size <= _HOLDS * (1.0 + np.abs(slopes).max()):
+        got = f"others, with rates of {size:.1e} at its equilibria"
+        raise fail("make", "the scenes of the file", got, kept.OTHER)

@@ -1,0 +1,73 @@
+"""What a file that `orbits curve` or `orbits diagram` wrote holds, for `orbits show`."""
+
+from pathlib import Path
+from typing import Any
+
+import jaxdyn
+import orbits
+from jaxdyn._text import choice, fail
+from jaxdyn.cli.screen import Screen
+from jaxdyn.cli.words import scene_settings, scenes
+from jaxdyn.files.typed import typed
+from orbits.cli.bifurcations.curve import as_json as curves_as_json
+from orbits.cli.bifurcations.diagram import as_json as diagram_as_json
+from orbits.cli.bifurcations.shared import Noted
+
+_REMEDY = "A file of scenes of your own is read by orbits.curves.load or orbits.families.load."
+
+
+def is_continuation(file: Path) -> bool:
+    """Whether a file keeps families or curves."""
+    with open(file, "rb") as opened:
+        return jaxdyn.continuation.kept.FORMAT.encode() in opened.readline(200)
+
+
+def show_continuation(file: Path, plot: Path | None, title: str | None, out: Screen) -> None:
+    """Print the curves or the diagram of a file, and draw them if requested."""
+    kinds = (*jaxdyn.continuation.kept.WHATS, orbits.families.kept.ORBITS)
+    kinds = (*kinds, orbits.curves.kept.ORBIT_CURVE)
+    walks, notes = jaxdyn.continuation.kept.stored(file, kinds)
+    found = next((note for note in notes if note.keys() == {*Noted._fields}), None)
+    if found is None:
+        got = "one that a program wrote, which does not name its scene"
+        raise fail("file", "a file of `orbits curve` or `orbits diagram`", got, _REMEDY)
+    note = typed(found, Noted, "file", jaxdyn.continuation.kept.OTHER)
+    settings = [f"{key}={value}" for key, value in note.settings.items()]
+    chosen = scene_settings(choice("scene", note.scene, scenes()), settings)
+    values = jaxdyn.scenes.catalogue.numbers(note.scene, chosen)
+    whats = {walk.begin.what for walk in walks}
+    if len(note.parameters) == 1:
+        (parameter,) = note.parameters
+        make, _ = orbits.families.parameters.maker(note.scene, values, parameter)
+        _show_diagram(orbits.families.load(file, make), note, plot, title, out)
+    else:
+        both = typed(note.parameters, tuple[str, str], "file", jaxdyn.continuation.kept.OTHER)
+        make, _ = orbits.families.parameters.maker_of_two(note.scene, values, both)
+        curves: list[Any] = []
+        if jaxdyn.continuation.kept.CURVE in whats:
+            curves += jaxdyn.continuation.load(file, make)
+        if orbits.curves.kept.ORBIT_CURVE in whats:
+            curves += orbits.curves.load(file, make)
+        _show_curves(curves, note, plot, title, out)
+
+
+def _show_diagram(found: "orbits.Diagram", note: Noted, plot, title, out: Screen) -> None:
+    (parameter,) = note.parameters
+    if out.as_object:
+        out.result({"scene": note.scene, "parameter": parameter} | diagram_as_json(found))
+    for family in (*found.rests, *found.orbits, *found.failures):
+        out.print(str(family))
+    if plot:
+        with out.writing(plot, "drawn in"):
+            orbits.drawing.diagram(found, plot, parameter=parameter, title=title)
+
+
+def _show_curves(curves: list[Any], note: Noted, plot, title, out: Screen) -> None:
+    if out.as_object:
+        names = {"scene": note.scene, "parameters": note.parameters}
+        out.result(names | curves_as_json(curves))
+    for curve in curves:
+        out.print(str(curve))
+    if plot:
+        with out.writing(plot, "drawn in"):
+            jaxdyn.drawing.bifurcation_curves(curves, plot, title=title)

@@ -1,0 +1,119 @@
+"""Curves of special orbits in a file: their points as JSON, and curves again."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxdyn._checks import fail
+from jaxdyn.continuation.kept import OTHER, Codec, Stored, stored
+from jaxdyn.continuation.walk import read
+from jaxdyn.files import records
+from jaxdyn.files.typed import plain, typed, typed_fields
+from orbits.closing.closings import Return
+from orbits.closing.symmetry import Symmetry
+from orbits.curves.curve import Curve, CurvePoint
+from orbits.curves.extended import VECTORS, Extended, MakeOfTwo
+from orbits.curves.steps import frame_at, orbit_of
+from orbits.families.family import Kind
+
+#: What such a walk is.
+ORBIT_CURVE = "curve of orbits"
+_HOLDS = 1e-6  # relative: closing errors of orbits of these scenes are smaller
+
+
+def load(path: str | Path, make: MakeOfTwo) -> tuple[Curve, ...]:
+    """The curves of special orbits that a file keeps; also while it is written.
+
+    Args:
+      path: of the file that `orbits.continue_curve` wrote with ``path=``.
+      make: (p, q) -> scene, as it was given to it: files hold numbers only.
+    Returns:
+      The curves, in order; of an interrupted run what was found.
+    Raises:
+      ValueError: the file is another, was edited or damaged, or its orbits do not close in these
+        scenes.
+    """
+    walks, _ = stored(path, (ORBIT_CURVE,))
+    return tuple(_curve(walk, make) for walk in walks)
+
+
+def codec(extended: Extended) -> Codec:
+    """The codec of points, whose orbits are those at the unknowns of the equations."""
+
+    def encode(point: CurvePoint) -> dict[str, Any]:
+        orbit = point.orbit
+        known = {"residual": float(orbit.residual), "iterations": int(orbit.iterations)}
+        return plain(point, ("orbit",)) | {"orbit": known}
+
+    def decode(record: Any) -> CurvePoint:
+        if not isinstance(record, dict) or "orbit" not in record:
+            raise fail("file", "a point with an orbit", type(record).__name__, OTHER)
+        rest = {name: x for name, x in record.items() if name != "orbit"}
+        fields = typed_fields(rest, CurvePoint, "file", OTHER, ("orbit",))
+        if fields["unknowns"].shape != (extended.size,):
+            got = f"shape {fields['unknowns'].shape}"
+            raise fail("file", f"{extended.size} unknowns", got, OTHER)
+        known = typed(record["orbit"], Closed, "file", OTHER)
+        return CurvePoint(**fields, orbit=orbit_of(extended, fields["unknowns"], *known))
+
+    return Codec(encode, decode)
+
+
+def about(extended: Extended) -> dict[str, Any]:
+    """What tells the equations of a curve from others, besides the scenes."""
+    return {
+        "kind": str(extended.kind),
+        "closing": records.encode(extended.closing),
+        "driven": extended.driven,
+        "segments": extended.segments,
+        "k": extended.k,
+        "rtol": float(extended.rtol),
+    }
+
+
+class Closed(NamedTuple):
+    """How an orbit was found."""
+
+    residual: float
+    iterations: int
+
+
+class _About(NamedTuple):
+    """The entries of `about`."""
+
+    kind: Kind
+    closing: dict
+    driven: bool
+    segments: int
+    k: int
+    rtol: float
+
+
+def _curve(walk: Stored, make: MakeOfTwo) -> Curve:
+    known = typed(walk.begin.about, _About, "file", OTHER)
+    closing = records.decode(known.closing, "closing", (Return, Symmetry))
+    if not isinstance(closing, Return) or known.kind not in VECTORS or known.segments < 1:
+        raise fail("file", "a curve of special orbits", "another", OTHER)
+    extended = Extended(make=make, **known._replace(closing=closing)._asdict())
+    found = read(walk, codec(extended))
+    for point in (found.members[0], found.members[-1]):
+        _check(extended, point)
+    return Curve(kind=known.kind, equations=extended, **found._asdict())
+
+
+def _check(extended: Extended, point: CurvePoint) -> None:
+    """Refuse scenes in which an orbit does not close."""
+    along = np.zeros(len(extended.place))
+    try:
+        frame = frame_at(extended, point.unknowns, point.unknowns[extended.place], along)
+        # The length of the vector is that of the point's own frame.
+        size = np.linalg.norm(extended.unpack(point.unknowns).vectors[0][0])
+        residual = extended(point.unknowns, frame._replace(rows=frame.rows / size))[0]
+    except (TypeError, ValueError, IndexError) as error:
+        got = f"{type(error).__name__}: {error}"[:120]
+        raise fail("make", "the scenes of the file", got, OTHER) from error
+    worst = np.abs(residual).max()
+    if not worst <= _HOLDS * (1.0 + np.abs(point.unknowns).max()):
+        got = f"others, in which an orbit misses its equations by {worst:.1e}"
+        raise fail("make", "the scenes of the file", got, OTHER)

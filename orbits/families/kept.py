@@ -1,0 +1,110 @@
+"""Families of orbits in the file of a continuation: members as JSON, and members again."""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn._checks import fail
+from jaxdyn.continuation.kept import OTHER, Codec, Stored
+from jaxdyn.continuation.walk import read
+from jaxdyn.files import records
+from jaxdyn.files.typed import plain, typed, typed_fields
+from orbits.closing.closings import Closing
+from orbits.closing.given import driven
+from orbits.closing.symmetry import Symmetry
+from orbits.families.family import Family, Member
+from orbits.families.surface import Point, Surface
+from orbits.shooting.effort import GOAL
+from orbits.shooting.equations import Equations
+from orbits.shooting.segment import Make
+
+#: What such a walk is.
+ORBITS = "orbits"
+_POINT = ("orbit", "point")  # what is made again of a point of the surface
+_HOLDS = 1e-6  # relative: closing errors of orbits of these scenes are smaller
+
+
+def codec(surface: Surface) -> Codec:
+    """The codec of members, whose orbits are those at points of a surface of solutions."""
+
+    def encode(member: Member) -> dict[str, Any]:
+        return plain(member, _POINT) | {"point": plain(member.point, ("jacobian",))}
+
+    def decode(record: Any) -> Member:
+        if not isinstance(record, dict) or "point" not in record:
+            raise fail("file", "a member with a point", type(record).__name__, OTHER)
+        rest = {name: x for name, x in record.items() if name != "point"}
+        fields = typed_fields(rest, Member, "file", OTHER, _POINT)
+        known = typed_fields(record["point"], Point, "file", OTHER, ("jacobian",))
+        # The Jacobian serves to leave the point, which has been done; it would fill the file.
+        point = Point(**known, jacobian=np.full((1, known["x"].size), np.nan))
+        return Member(**fields, point=point, orbit=surface.orbit(point))
+
+    return Codec(encode, decode)
+
+
+def about(surface: Surface) -> dict[str, Any]:
+    """What tells the equations of a family from others, besides the scenes."""
+    equations = surface.equations
+    return {
+        "closing": records.encode(equations.closing),
+        "conditions": [type(condition).__name__ for condition in equations.conditions],
+        "along": equations.make is not None,
+        "shares": list(equations.shares),
+        "s_spans": None if equations.s_spans is None else list(equations.s_spans),
+        "collocated": equations.collocated,
+        "stiff": equations.stiff,
+        "rtol": float(surface.rtol),
+    }
+
+
+class _About(NamedTuple):
+    """The entries of `about`."""
+
+    closing: dict
+    conditions: list[str]
+    along: bool
+    shares: tuple[float, ...]
+    s_spans: tuple[float, ...] | None
+    collocated: bool
+    stiff: bool
+    rtol: float
+
+
+def family(walk: Stored, make: Make) -> Family:
+    """The family of a walk.
+
+    Raises:
+      ValueError: its orbits do not close in these scenes.
+    """
+    known = typed(walk.begin.about, _About, "file", OTHER)
+    closing = records.decode(known.closing, "closing", (Closing, Symmetry))
+    place = walk.begin.place
+    x = place[: place.size // 2]
+    if not isinstance(closing, Closing) or known.conditions or not known.along or x.size < 3:
+        raise fail("file", "a family in a parameter, without conditions", "another", OTHER)
+    scene = make(jnp.asarray(x[-2]))
+    k = len(scene.labels())
+    if len(closing.free(k)) < k or x.size != len(known.shares) * k + 2 + closing.turns:
+        raise fail(
+            "make", "the scenes of the file", f"others, with {k} entries of the state", OTHER
+        )
+    scene = scene.starting(x[:k], float(x[-1]))
+    equations = Equations(
+        scene=scene,
+        closing=closing,
+        make=make,
+        shares=known.shares,
+        s_spans=known.s_spans,
+        driven=driven(scene),
+        collocated=known.collocated,
+        stiff=known.stiff,
+    )
+    surface = Surface(equations, known.rtol, GOAL)
+    found = read(walk, codec(surface))
+    for member in (found.members[0], found.members[-1]):
+        residual = np.asarray(equations(member.point.x, surface.rtol).residual)
+        if not np.abs(residual).max() <= _HOLDS * (1.0 + np.abs(member.point.x).max()):
+            raise fail("make", "the scenes of the file", "others, whose orbits do not close", OTHER)
+    return Family(found.members, found.special, found.end, equations)

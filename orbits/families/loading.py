@@ -1,0 +1,40 @@
+"""Bifurcation diagrams, and families in a parameter, from a file."""
+
+from pathlib import Path
+
+from jaxdyn._checks import fail
+from jaxdyn.continuation.kept import EQUILIBRIA, OTHER, stored
+from jaxdyn.continuation.loading import equilibria
+from jaxdyn.files.typed import typed
+from orbits.families.diagram import DOUBLINGS, FAILURE, Diagram, Failure, place_of
+from orbits.families.kept import ORBITS, family
+from orbits.shooting.segment import Make
+
+
+def load(path: str | Path, make: Make) -> Diagram:
+    """The families of equilibria and of orbits that a file keeps; also while it is written.
+
+    Args:
+      path: of the file that `orbits.diagram`, `orbits.continue_family` or
+        `jaxdyn.continue_equilibria` wrote with ``path=``.
+      make: the scene for each value of the parameter, as it was given to them: files hold numbers
+        only.
+    Returns:
+      All families as a diagram; of an interrupted run what was found.
+    Raises:
+      ValueError: the file is another, was edited or damaged, has a family without a parameter or
+        with conditions, or what it holds are no equilibria and orbits of these scenes.
+    """
+    walks, notes = stored(path, (EQUILIBRIA, ORBITS))
+    rests = tuple(equilibria(walk, make) for walk in walks if walk.begin.what == EQUILIBRIA)
+    around = [walk for walk in walks if walk.begin.what == ORBITS]
+    depths = [typed(walk.begin.note.get(DOUBLINGS, 0), int, DOUBLINGS, OTHER) for walk in around]
+    families = tuple(family(walk, make) for walk in around)
+    special = [point for each in (*rests, *families) for point in each.special]
+    failures = []
+    for note in (note for note in notes if FAILURE in note):
+        at = [x for x in special if place_of(x).items() <= note.items()]
+        if not at:
+            raise fail("file", "failures at special points", "others", OTHER)
+        failures.append(Failure(at[0], typed(note[FAILURE], str, FAILURE, OTHER)))
+    return Diagram(rests, families, tuple(depths), tuple(failures))
