@@ -1,6 +1,8 @@
 """The record of a proof, or of why there is none; plain data, which files keep."""
 
 import dataclasses
+import math
+import re
 from typing import Any
 
 from jaxdyn import _text
@@ -8,6 +10,13 @@ from jaxdyn._checks import fail
 from jaxdyn._enclosed import Enclosed
 from jaxdyn.files.typed import typed_fields
 from orbits.orbit import Orbit
+
+#: What a record may ask to be calculated again: more than `prove` takes for 1000 digits.
+_LEAST_BITS, _MOST_BITS, _MOST_DIGITS = 2, 40_000, 1200.0
+_NUMBER = re.compile(r"[0-9]+([.][0-9]+)?(e[+-]?[0-9]+)?")
+_EXACT = re.compile(r"-?[0-9]{1,20000}\*2\^-?[0-9]{1,6}")
+#: What is said of an orbit that is proved.
+_CLAIMS = ("period", "y0", "multipliers", "exponents", "verdict", "verdict_proved", "choreography")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,4 +114,23 @@ class Certificate:
         found = typed_fields(plain, cls, "certificate", remedy, without=("orbit",))
         if found["proved"] and (found["period"] is None or len(found["y0"]) != len(orbit.y0)):
             raise fail("certificate", "enclosures of the start and the period", "others", remedy)
-        return cls(orbit=orbit, **found)
+        certificate = cls(orbit=orbit, **found)
+        certificate.check(remedy)
+        return certificate
+
+    def check(self, remedy: str) -> None:
+        """Raise ValueError, with the remedy, if it is none that `prove` makes."""
+        if not self.proved:
+            nothing = Certificate(self.orbit, False, self.reason, self.bits, self.digits, "0")
+            if any(getattr(self, name) != getattr(nothing, name) for name in _CLAIMS):
+                raise fail("certificate", "no claims without a proof", "some", remedy)
+            return
+        if not _LEAST_BITS <= self.bits <= _MOST_BITS:
+            raise fail("bits", f"{_LEAST_BITS} to {_MOST_BITS}", self.bits, remedy)
+        if not 0 < self.digits <= _MOST_DIGITS:
+            raise fail("digits", f"0 to {_MOST_DIGITS}", self.digits, remedy)
+        if not (_NUMBER.fullmatch(self.radius) and 0 < float(self.radius) < math.inf):
+            raise fail("radius", "a positive number", repr(self.radius)[:40], remedy)
+        for text in self.centre:
+            if not _EXACT.fullmatch(text):
+                raise fail("centre", "numbers like 3*2^-1", repr(text)[:40], remedy)
