@@ -66,7 +66,6 @@ class Certificate:
         if not self.proved:
             return _text.table(f"Not proved: orbit of {called}", [("reason", self.reason)])
         labels = self.orbit.scene.labels()
-        stable = f"linearly {self.verdict}" if self.verdict_proved else "not proved"
         rows = [
             ("exists", f"only one within {self.radius}, {self.bits} bits"),
             ("held", ", ".join(f"{name} = {x!r}" for name, x in self.held)),
@@ -74,13 +73,28 @@ class Certificate:
             *((name, str(x)) for (name, _), x in zip(labels, self.y0, strict=True)),
             *(("multiplier", f"({a}) + ({b}) i") for a, b in self.multipliers),
             ("rotation", ", ".join(map(str, self.exponents))),
-            ("stability", stable),
+            ("stability", self._stability()),
             ("choreography", {True: "yes", False: "no", None: ""}[self.choreography]),
             ("by", self.reason),
         ]
         return _text.table(f"Proved: a periodic orbit of {called}", rows)
 
     _repr_html_ = _text.html
+
+    def _stability(self) -> str:
+        """What the multipliers prove, in words."""
+        if not self.verdict_proved:
+            return "not proved: multipliers cannot be told from each other, or from the circle"
+        sizes = [_size(z) for z in self.multipliers]
+        outside = sum(size - bar > 1 for size, bar in sizes)
+        inside = sum(size + bar < 1 for size, bar in sizes)
+        where = {"outside": outside, "inside": inside, "on": len(sizes) - outside - inside}
+        if self.verdict == "unstable":
+            where["not told from"] = where.pop("on")
+        told = ", ".join(f"{n} {place}" for place, n in where.items() if n)
+        return f"linearly {self.verdict}" + (
+            f": multipliers {told} the unit circle" if told else ""
+        )
 
     def as_json(self) -> dict[str, Any]:
         """The certificate as a JSON object; numbers are decimal strings with a radius."""
@@ -134,3 +148,10 @@ class Certificate:
         for text in self.centre:
             if not _EXACT.fullmatch(text):
                 raise fail("centre", "numbers like 3*2^-1", repr(text)[:40], remedy)
+
+
+def _size(z: tuple[Enclosed, Enclosed]) -> tuple[float, float]:
+    """The absolute value of a multiplier and a bound of its error, for words."""
+    a, b = z
+    rounding = 1e-12 * (1 + abs(float(a.mid)) + abs(float(b.mid)))
+    return math.hypot(float(a.mid), float(b.mid)), float(a.rad) + float(b.rad) + rounding
