@@ -1,6 +1,8 @@
 """The record of a proof, or of why there is none; plain data, which files keep."""
 
 import dataclasses
+import math
+import re
 from typing import Any
 
 from jaxdyn import _text
@@ -8,6 +10,13 @@ from jaxdyn._checks import fail
 from jaxdyn._enclosed import Enclosed
 from jaxdyn.files.typed import typed_fields
 from orbits.orbit import Orbit
+
+#: What a record may ask to be calculated again: more than `prove` takes for 1000 digits.
+_LEAST_BITS, _MOST_BITS, _MOST_DIGITS = 2, 40_000, 1200.0
+_NUMBER = re.compile(r"[0-9]+([.][0-9]+)?(e[+-]?[0-9]+)?")
+_EXACT = re.compile(r"-?[0-9]{1,20000}\*2\^-?[0-9]{1,6}")
+#: What is said of an orbit that is proved.
+_CLAIMS = ("period", "y0", "multipliers", "exponents", "verdict", "verdict_proved", "choreography")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,7 +66,6 @@ class Certificate:
         if not self.proved:
             return _text.table(f"Not proved: orbit of {called}", [("reason", self.reason)])
         labels = self.orbit.scene.labels()
-        stable = f"linearly {self.verdict}" if self.verdict_proved else "not proved"
         rows = [
             ("exists", f"only one within {self.radius}, {self.bits} bits"),
             ("held", ", ".join(f"{name} = {x!r}" for name, x in self.held)),
@@ -65,13 +73,28 @@ class Certificate:
             *((name, str(x)) for (name, _), x in zip(labels, self.y0, strict=True)),
             *(("multiplier", f"({a}) + ({b}) i") for a, b in self.multipliers),
             ("rotation", ", ".join(map(str, self.exponents))),
-            ("stability", stable),
+            ("stability", self._stability()),
             ("choreography", {True: "yes", False: "no", None: ""}[self.choreography]),
             ("by", self.reason),
         ]
         return _text.table(f"Proved: a periodic orbit of {called}", rows)
 
     _repr_html_ = _text.html
+
+    def _stability(self) -> str:
+        """What the multipliers prove, in words."""
+        if not self.verdict_proved:
+            return "not proved: multipliers cannot be told from each other, or from the circle"
+        sizes = [_size(z) for z in self.multipliers]
+        outside = sum(size - bar > 1 for size, bar in sizes)
+        inside = sum(size + bar < 1 for size, bar in sizes)
+        where = {"outside": outside, "inside": inside, "on": len(sizes) - outside - inside}
+        if self.verdict == "unstable":
+            where["not told from"] = where.pop("on")
+        told = ", ".join(f"{n} {place}" for place, n in where.items() if n)
+        return f"linearly {self.verdict}" + (
+            f": multipliers {told} the unit circle" if told else ""
+        )
 
     def as_json(self) -> dict[str, Any]:
         """The certificate as a JSON object; numbers are decimal strings with a radius."""
@@ -105,4 +128,30 @@ class Certificate:
         found = typed_fields(plain, cls, "certificate", remedy, without=("orbit",))
         if found["proved"] and (found["period"] is None or len(found["y0"]) != len(orbit.y0)):
             raise fail("certificate", "enclosures of the start and the period", "others", remedy)
-        return cls(orbit=orbit, **found)
+        certificate = cls(orbit=orbit, **found)
+        certificate.check(remedy)
+        return certificate
+
+    def check(self, remedy: str) -> None:
+        """Raise ValueError, with the remedy, if it is none that `prove` makes."""
+        if not self.proved:
+            nothing = Certificate(self.orbit, False, self.reason, self.bits, self.digits, "0")
+            if any(getattr(self, name) != getattr(nothing, name) for name in _CLAIMS):
+                raise fail("certificate", "no claims without a proof", "some", remedy)
+            return
+        if not _LEAST_BITS <= self.bits <= _MOST_BITS:
+            raise fail("bits", f"{_LEAST_BITS} to {_MOST_BITS}", self.bits, remedy)
+        if not 0 < self.digits <= _MOST_DIGITS:
+            raise fail("digits", f"0 to {_MOST_DIGITS}", self.digits, remedy)
+        if not (_NUMBER.fullmatch(self.radius) and 0 < float(self.radius) < math.inf):
+            raise fail("radius", "a positive number", repr(self.radius)[:40], remedy)
+        for text in self.centre:
+            if not _EXACT.fullmatch(text):
+                raise fail("centre", "numbers like 3*2^-1", repr(text)[:40], remedy)
+
+
+def _size(z: tuple[Enclosed, Enclosed]) -> tuple[float, float]:
+    """The absolute value of a multiplier and a bound of its error, for words."""
+    a, b = z
+    rounding = 1e-12 * (1 + abs(float(a.mid)) + abs(float(b.mid)))
+    return math.hypot(float(a.mid), float(b.mid)), float(a.rad) + float(b.rad) + rounding

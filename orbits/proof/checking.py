@@ -13,6 +13,7 @@ from orbits.proof.refinement import refine
 #: Numbers of a certificate that are enclosed, and those that are compared as they are.
 _ENCLOSED = ("period", "y0", "multipliers", "exponents")
 _SAME = ("proved", "reason", "names", "held", "verdict", "verdict_proved", "choreography")
+_REMEDY = "orbits.prove makes certificates."
 _BITS = 8000  # to compare decimal strings of up to 1000 digits
 
 
@@ -31,7 +32,11 @@ def certificate_mismatch(orbit: Orbit, record: dict[str, Any]) -> str:
 
     The test runs on the box of the record's centre and radius with the record's bits. Whatever the
     record encloses must contain what is enclosed now.
+
+    Raises:
+      ValueError: it is no certificate.
     """
+    Certificate.from_json(orbit, record, _REMEDY)
     if not record["proved"]:
         return ""
     system = posed_equations(orbit)

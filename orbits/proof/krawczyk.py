@@ -23,8 +23,8 @@ from jaxdyn.balls.arithmetic import arb, arb_mat, precision
 from jaxdyn.balls.tube import Tube, tube
 from orbits.proof.closing_equations import ClosingEquations, float_matrix
 
-#: Steps X -> K with the D of the first X: each narrows K by the contraction.
-_NARROWING = 8
+#: Steps X -> K with the D of the first X, each of which narrows K by the contraction at first.
+_NARROWING = 100
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,17 +77,20 @@ def tested(
         moved = inverse * error
         step = (rest * _column([side] * jacobian.nrows()) - moved).entries()
         passed = all(bool(abs(x) < radius) for x in step)
-        largest = max(float(abs(x).upper()) for x in step)
+        largest = before = _largest(step)
         for _ in range(_NARROWING if passed else 0):
             # The zero lies in K, and D holds there as well.
             step = (rest * _column(step) - moved).entries()
+            if not _largest(step) < 0.5 * before:
+                break
+            before = _largest(step)
         for i, change in zip(system.unknowns, step, strict=True):
             box[i] = centre[i] + change if passed else box[i]
         return Test(
             passed=passed,
             numbers=box,
             tube=found,
-            step=largest,
+            step=float(largest),
             contraction=max(sum(float(abs(x).upper()) for x in row) for row in rest.tolist()),
         )
 
@@ -99,6 +102,10 @@ def enclosed(
     spans = system.period(centre) / system.parts, system.period(box) / system.parts
     starts = system.start(centre), system.start(box)
     return tube(system.field, arb(0), *starts, spans, digits, bits, slope_digits)
+
+
+def _largest(vector: list) -> arb:
+    return max(abs(x).upper() for x in vector)
 
 
 def _column(vector: list) -> arb_mat:

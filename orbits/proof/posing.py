@@ -44,11 +44,11 @@ def posed_equations(orbit: Orbit) -> ClosingEquations:
 
     Raises:
       Unposed: the equations depend on each other, and not by known integrals.
-      ValueError: the rate has no formulas; the states satisfy constraints; the closing
-        condition is of another kind.
+      ValueError: it is no orbit; the rate has no formulas; the states satisfy constraints; the
+        closing condition is of another kind.
     """
-    scene, closing = orbit.scene, orbit.closing
     _check(orbit)
+    scene, closing = orbit.scene, orbit.closing
     formulas, (candidates,) = scene_formulas(scene, _integrals)
     names = [name for name, _ in scene.labels()]
     embed, end, goal = _maps(closing, len(names))
@@ -80,6 +80,8 @@ def posed_equations(orbit: Orbit) -> ClosingEquations:
 
 
 def _check(orbit: Orbit) -> None:
+    if not isinstance(orbit, Orbit):
+        raise fail("orbit", "an orbit", type(orbit).__name__, "Give what orbits.find returned.")
     system = type(orbit.scene.system)
     refused = "Digits and proofs are for"
     if not orbit.ok:

@@ -26,6 +26,7 @@ from orbits.proof.stability.structure import structure
 from orbits.proof.theorems import missing
 
 _BOX = 10.0  # digits by which a box is wider than the centre is known
+_LEAST_RADIUS = 1e-300  # of a box, a float
 _SPARE = 6.0
 #: An orbit in doubles is as near to the true one as its closing error says, within this factor
 #: [measured: 0.02 at most].
@@ -86,7 +87,8 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
             f"the nearest solution is {moved:.1e} away, by the largest entry, from the orbit given"
         )
         return _unproved(orbit, f"{told}, whose digits are wrong. {_ANOTHER}", throw)
-    return certified(orbit, system, numbers, 10.0 ** (_BOX - digits), digits + lost, throw=throw)
+    radius = max(10.0 ** (_BOX - digits), _LEAST_RADIUS)
+    return certified(orbit, system, numbers, radius, digits + lost, throw=throw)
 
 
 def _moved(system: ClosingEquations, numbers: list[arb]) -> float:

@@ -81,6 +81,8 @@ def _of(system: ClosingEquations, numbers: list, slopes: arb_mat, known: Structu
 
 
 def _verdict(values: list[acb], known: list[acb], conservative: bool, paired: bool) -> str:
+    if not values:  # all are prescribed
+        return "stable"
     sizes = [z.abs_lower() for z in values]
     if any(bool(size > 1) for size in sizes):
         return "unstable"

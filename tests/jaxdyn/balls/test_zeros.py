@@ -57,6 +57,9 @@ def test_a_double_zero_is_left_undecided_and_named():
         (scenes.double_pendulum(), [-0.5, -0.6], [3.5, 3.6], 4),
         (scenes.henon_heiles(), [-1.1, -1.2], [1.3, 1.4], 4),
         (scenes.lorenz(), [-20, -21, -1], [22, 23, 60], 3),
+        (scenes.bead_on_parabola(), [-2.1], [2.3], 1),
+        (scenes.bead_on_cycloid(), [-0.51], [0.53], 1),
+        (scenes.hanging_spring(), [-3.01, -3, -4.1], [3, 3.02, 4], 1),
     ],
 )
 def test_lists_of_scenes_are_proved_complete(scene, low, high, count):

@@ -193,6 +193,21 @@ def test_null_is_a_number_that_was_not_finite():
         ({"certificate": []}, "certificate: expected multipliers and held numbers"),
         ({"certificate": CERTIFICATE.as_json() | {"period": None}}, "certificate: expected enclos"),
         ({"certificate": CERTIFICATE.as_json() | {"bits": "x"}}, "certificate.bits: expected int"),
+        *(
+            ({"certificate": CERTIFICATE.as_json() | edit}, message)
+            for edit, message in (
+                ({"bits": 10**9}, "bits: expected 2 to 40000, got 1000000000"),
+                ({"bits": 0}, "bits: expected 2 to 40000, got 0"),
+                ({"digits": 1e6}, "digits: expected 0 to 1200.0, got 1000000.0"),
+                ({"digits": 0.0}, "digits: expected 0 to 1200.0, got 0.0"),
+                ({"radius": "-1e-9"}, "radius: expected a positive number, got '-1e-9'"),
+                ({"radius": "1e999"}, "radius: expected a positive number, got '1e999'"),
+                ({"radius": "1.2.3"}, "radius: expected a positive number, got '1.2.3'"),
+                ({"centre": ["1"]}, "centre: expected numbers like 3*2^-1, got '1'"),
+                ({"centre": ["1*2^99999999"]}, "centre: expected numbers like 3*2^-1, got '1*2^9"),
+                ({"proved": False}, "certificate: expected no claims without a proof, got some"),
+            )
+        ),
     ],
 )
 def test_claims_of_another_kind_are_refused_in_one_line(command, file, claims, message):

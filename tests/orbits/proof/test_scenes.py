@@ -42,6 +42,41 @@ def test_cycles_of_lorenz_are_proved_to_be_unstable(word):
     assert abs(product - np.exp(-(11 + 8 / 3) * period)) < 1e-9
 
 
+def _van_der_pol(t, y, p):
+    return [y[1], p * (1 - y[0] ** 2) * y[1] - y[0]]
+
+
+@pytest.mark.slow
+def test_the_cycle_of_van_der_pol_has_its_published_digits():
+    # Hairer, Norsett, Wanner 1993, Solving Ordinary Differential Equations I, section I.16; there
+    # the amplitude lacks the 6 of 50964, and its later digits agree.
+    amplitude, period = "2.008619860874843136509640188", "6.6632868593231301896996820305"
+    scene = jaxdyn.ode(_van_der_pol, [2.0, 0.0], 6.66, params=1.0)
+    proof = orbits.prove(orbits.find(scene, hold="y1"), digits=32)
+    assert (proof.proved, proof.verdict, proof.verdict_proved) == (True, "stable", True)
+    with mpmath.workdps(40):
+        assert abs(mpmath.mpf(proof.period.mid) - mpmath.mpf(period)) < 1e-28
+        assert abs(mpmath.mpf(proof.y0[0].mid) - mpmath.mpf(amplitude)) < 1e-26
+        assert max(mpmath.mpf(x.rad) for x in (proof.period, proof.y0[0])) < 1e-28
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rate", "start", "period", "params"),
+    [
+        (_van_der_pol, [2.0, 0.0], 11.6, 5.0),
+        (odes.brusselator, [1.0, 2.5], 7.2, (1.0, 3.0)),
+    ],
+)
+def test_dissipative_cycles_are_proved_to_be_stable(rate, start, period, params):
+    found = orbits.find(jaxdyn.ode(rate, start, period, params=params))
+    proof = orbits.prove(found)
+    assert (proof.proved, proof.verdict, proof.verdict_proved) == (True, "stable", True)
+    assert "1 inside the unit circle" in repr(proof)
+    assert abs(float(proof.period.mid) - found.period) < 1e-12
+    assert float(proof.period.rad) < 1e-25
+
+
 @pytest.mark.slow
 def test_a_swing_of_the_double_pendulum_is_proved():
     low, _ = orbits.discovery.seeds.modes(scenes.double_pendulum(), np.zeros(4), 0.3)
