@@ -3,9 +3,10 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from cycles import Spiral, cycle
+from cycles import Bautin, Moebius, Pitchfork, Spiral, Torus, cycle
 from helpers import SOLVED
 from odes import jacobi, restricted
+from scipy.linalg import eigh
 
 import jaxdyn
 import orbits
@@ -132,3 +133,56 @@ def broucke(multipliers):
     """Coefficients of z^4 + a z^3 + b z^2 + a z + 1, whose roots are two pairs of multipliers."""
     coefficients = np.poly(multipliers).real
     return coefficients[1], coefficients[2]
+
+
+#: Cycles with a special point at a = -1/4, 0, 0, 0, and the way to it.
+SPECIAL = {
+    Kind.FOLD: (Bautin, -0.2, (0.85, 0.0), {"step": 0.05, "members": 14, "down": True}),
+    Kind.BRANCH: (Pitchfork, -0.3, (1.0, 0.0, 0.0), {"step": 0.1, "members": 8}),
+    Kind.DOUBLING: (Moebius, -0.2, (1.0, 0.0, 0.0, 0.0), {"step": 0.08, "members": 6}),
+    Kind.TORUS: (Torus, -0.1, (1.0, 0.0, 0.0, 0.0), {"step": 0.06, "members": 6}),
+}
+#: What vanishes there, of the non-trivial multipliers.
+CONDITIONS = {
+    Kind.FOLD: lambda z: np.prod(z - 1),
+    Kind.BRANCH: lambda z: np.prod(z - 1),
+    Kind.DOUBLING: lambda z: np.prod(z + 1),
+    # One pair is on the circle, where the product of two is 1.
+    Kind.TORUS: lambda z: z[np.argmax(z.imag)] * z[np.argmin(z.imag)] - 1,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", SPECIAL)
+def test_special_points_solve_the_equation_of_their_kind(kind):
+    system, a, start, options = SPECIAL[kind]
+
+    def make(a):
+        return cycle(system, a, start)
+
+    family = orbits.continue_family(orbits.find(make(a)), make, a, **options)
+    (point,) = family.special
+    assert point.kind == kind
+    assert orbits.closure(point.orbit) < 1e-12
+    # From a monodromy matrix of the orbit alone, not that of the family.
+    multipliers = orbits.stability(point.orbit).nontrivial
+    assert abs(CONDITIONS[kind](multipliers)) < 1e-10
+    assert abs(point.parameter - (-0.25 if kind == Kind.FOLD else 0.0)) < 1e-10
+
+
+@pytest.mark.slow
+def test_small_swings_of_a_double_pendulum_are_its_normal_modes():
+    # Two uniform bars of mass, length and gravity 1: 4/3, 1/2, 1/3 are their moments about hinges.
+    squares, shapes = eigh(np.diag([1.5, 0.5]), [[4 / 3, 0.5], [0.5, 1 / 3]])
+    for square, shape in zip(squares, shapes.T, strict=True):
+        periods = []
+        for size in (0.01, 0.02):
+            start = [*(size * shape / np.abs(shape).max()), 0.0, 0.0]
+            scene = jaxdyn.scenes.double_pendulum().starting(start)
+            swing = orbits.find(scene, period=2 * np.pi / np.sqrt(square), hold="theta1")
+            assert orbits.stability(swing).verdict == "stable"
+            assert abs(swing.y0[1] / swing.y0[0] * shape[0] / shape[1] - 1) < size
+            periods.append(swing.period)
+        # The period is even in the size of a swing.
+        limit = (4 * periods[0] - periods[1]) / 3
+        assert abs(limit * np.sqrt(square) / (2 * np.pi) - 1) < 1e-6
