@@ -55,6 +55,7 @@ from .discovery.figure_eight import figure_eight as figure_eight
 from .discovery.plane import search_plane as search_plane
 from .discovery.search import SearchResult as SearchResult
 from .discovery.search import search as search
+from .discovery.several import find_all as find_all
 from .families.continuation import continue_family as continue_family
 from .families.continuation import switch_branch as switch_branch
 from .families.criticality import Criticality as Criticality

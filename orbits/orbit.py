@@ -71,6 +71,11 @@ class Outcome(Code):
         "Collocation with its largest number of intervals leaves errors of its steps above the "
         "goal. Raise goal, start closer, or find the orbit by shooting (collocation=False).",
     )
+    NO_OTHER = (
+        11,
+        "No orbit unlike the known ones was found from this guess. Start elsewhere, or raise "
+        "max_iterations; in a conservative scene hold the energy.",
+    )
 
 
 class SearchError(RuntimeError):

@@ -56,8 +56,8 @@ def minimal_period(orbit: Orbit, tolerance: float = TOLERANCE) -> tuple[float, i
 def same_orbit(a: Orbit, b: Orbit, tolerance: float = TOLERANCE) -> bool:
     """Whether two orbits are the same up to symmetries.
 
-    That is, shifts and direction of time; for free points also rotations, reflections and names
-    of equal bodies; where they only attract each other by Newton's law also scale.
+    That is, shifts in time; for several free points also its direction, rotations, reflections
+    and names of equal bodies; where they only attract each other by Newton's law also scale.
 
     Args:
       a: an orbit.
@@ -86,7 +86,7 @@ def _missed(orbit: Orbit, shift: float) -> float:
     ts = shift + np.arange(2 * SAMPLES) * period / SAMPLES
     flow = solved(scene, ts[-1], ts=ts, rtol=orbit.rtol, solver=orbit.solver)
     ys = np.asarray(flow.ys).reshape(2, SAMPLES, -1)
-    if isinstance(scene.system, FreePoints):
+    if _several_points(orbit):
         first, second = (centred(y, np.asarray(scene.system.m)) for y in ys)
         return turned_distance(first, second)[0]
     off = jax.vmap(scene.system.difference)(ys[1], ys[0])
@@ -106,11 +106,17 @@ def match(a: Orbit, b: Orbit) -> Match | None:
         return None
     (period_a, _), (period_b, _) = minimal_period(a), minimal_period(b)
     a, b = _over(a, period_a), _over(b, period_b)
-    if isinstance(a.scene.system, FreePoints):
+    if _several_points(a):
         return match_points(a, b)
     if abs(period_a - period_b) > TOLERANCE * period_a:
         return None
     return _match_states(a, b)
+
+
+def _several_points(orbit: Orbit) -> bool:
+    """Whether it is one of free points that can be seen from their centre of mass."""
+    system = orbit.scene.system
+    return isinstance(system, FreePoints) and len(system.m) > 1
 
 
 def _over(orbit: Orbit, period: float) -> Orbit:
@@ -127,8 +133,8 @@ def _match_states(a: Orbit, b: Orbit) -> Match:
     start = jnp.asarray(a.y0)
     ts = np.arange(SAMPLES) * b.period / SAMPLES
     ys = samples(b)
-    off = np.array([np.linalg.norm(system.difference(jnp.asarray(y), start)) for y in ys])
-    shift = float(ts[np.argmin(off)])
+    off = jax.vmap(system.difference, (0, None))(jnp.asarray(ys), start)
+    shift = float(ts[np.argmin(np.linalg.norm(off, axis=1))])
     for _ in range(_ROUNDS):
         y = _at(b, shift) if shift else jnp.asarray(b.y0)
         rate = b.scene.rate(jnp.asarray(shift), y)

@@ -1,6 +1,7 @@
 """The command `orbits find`: a periodic orbit of any scene of the catalogue."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -33,6 +34,11 @@ _MeshOption = Annotated[
     ),
 ]
 
+_UnlikeOption = Annotated[
+    list[Path] | None,
+    typer.Option(metavar="FILE", help="Find another orbit than that of a file; repeatable."),
+]
+
 
 def find_command(
     name: SceneArgument,
@@ -53,6 +59,7 @@ def find_command(
         bool, typer.Option("--rough", help="Descend from a rough guess before Newton's method.")
     ] = False,
     collocation: _MeshOption = None,
+    unlike: _UnlikeOption = None,
     plot: PlotOption = None,
     title: TitleOption = None,
     animate: AnimateOption = None,
@@ -74,6 +81,7 @@ def find_command(
             segments=segments,
             rough=rough,
             collocation=collocation,
+            unlike=[orbits.load(file)[0] for file in unlike or ()],
             report=printed(out),
         )
         if not orbit.ok:

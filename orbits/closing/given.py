@@ -136,15 +136,20 @@ def check_drive(scene: Scene, period: float) -> None:
 
     Where the rate depends on time, an orbit must close in the phase of the drive too.
     """
-    now, later = _rates(scene, 0.0), _rates(scene, period)
-    size = max(float(np.abs(rate).max()) for rate in now)
-    if not all(np.abs(a - b).max() <= EXACT * size for a, b in zip(now, later, strict=True)):
+    if not repeats(scene, period):
         raise fail(
             "period",
             "a multiple of the drive's, since the rate depends on time",
             f"{period}, after which it does not repeat",
             "Give period=, to nine digits or more.",
         )
+
+
+def repeats(scene: Scene, period: float) -> bool:
+    """Whether the rate is the same after a period."""
+    now, later = _rates(scene, 0.0), _rates(scene, period)
+    size = max(float(np.abs(rate).max()) for rate in now)
+    return all(np.abs(a - b).max() <= EXACT * size for a, b in zip(now, later, strict=True))
 
 
 def _rates(scene: Scene, later: float) -> list[np.ndarray]:

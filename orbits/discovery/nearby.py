@@ -30,6 +30,7 @@ def searched(
     segments: int | None = None,
     rough: bool = False,
     collocation: bool | None = None,
+    unlike: Sequence[Orbit] = (),
     report: Callable[[Iteration], None] = lambda step: None,
 ) -> Orbit:
     """The orbit near a scene's own start, or the best iterate and the reason.
@@ -43,6 +44,7 @@ def searched(
       segments: see `find`.
       rough: see `find`.
       collocation: see `find`.
+      unlike: see `find`.
       report: see `find`.
     Raises:
       ValueError: no close return to begin with, or what `find` refuses.
@@ -56,6 +58,7 @@ def searched(
         hold=held,
         segments=segments,
         collocation=collocation,
+        unlike=unlike,
         report=report,
         throw=False,
     )
@@ -74,7 +77,7 @@ def searched(
     if times == 1:
         return orbit
     # The closest return may be after several periods.
-    again = near(orbit.y0, shortest)
+    again = near(orbit.y0, shortest, unlike=())
     return eqx.tree_at(lambda o: o.shift, again, orbit.shift + again.shift)
 
 

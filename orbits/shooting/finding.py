@@ -8,29 +8,25 @@ import equinox as eqx
 import numpy as np
 
 from jaxdyn import Scene
+from jaxdyn._checks import fail
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Hold
 from orbits.closing.given import Problem, posed
-from orbits.motion import attracts, solved
+from orbits.motion import solved
 from orbits.orbit import Orbit, Outcome, SearchError
 from orbits.shooting import newton
 from orbits.shooting.collocation.search import on_mesh, suits
+from orbits.shooting.deflation import SAME, Known, deflated, distance, known
 from orbits.shooting.descent import descended
 from orbits.shooting.effort import GOAL, RTOL, Effort
 from orbits.shooting.equations import Equations
 from orbits.shooting.outcomes import Trouble, orbit_at, outcome_of
+from orbits.shooting.recutting import finer, gains_from_cutting
 from orbits.shooting.retimed import retimed
-from orbits.shooting.segmentation import SEGMENTS_MOST, cut, needed, with_segments
+from orbits.shooting.segmentation import SEGMENTS_MOST, cut
 
-#: Of the goal: with attracting bodies in plain time, a larger residual is rounding that more
-#: segments can reduce.
-_CLEAN_SHARE = 0.1
 #: Largest number of new cuts: more than the doublings from one segment to the maximum.
 _RECUTS_MOST = 6
-#: Largest relative difference of two spans of logarithmic time of the same motion.
-_SPAN_MISMATCH = 0.01
-#: Residual below which Newton's method stalls for no other reason than rounding.
-_ROUNDING_STALLS = 1e-6
 
 
 def find(
@@ -47,6 +43,7 @@ def find(
     rtol: float = RTOL,
     rough: bool = False,
     collocation: bool | None = None,
+    unlike: Sequence[Orbit] = (),
     max_iterations: int = 60,
     report: Callable[[newton.Iteration], None] = lambda iteration: None,
     throw: bool = True,
@@ -76,13 +73,17 @@ def find(
       collocation: solve by Gauss collocation on an adaptive mesh instead of integrations, for
         orbits that are stiff or very unstable; None: where integrations reach their step limit.
         Unless something fixes the start, the orbit then starts where it is slow.
+      unlike: known orbits of the scene: another one is sought from the same guess, by Newton's
+        method with these deflated. The orbits of a family are unlike each other: hold the energy
+        of a conservative scene.
       max_iterations: Newton steps at most.
       report: called with an `Iteration` after each step, those of the descent too.
       throw: raise if no orbit was found; with False look at `Orbit.outcome`.
     Returns:
       The orbit, or with ``throw=False`` the best iterate and the reason.
     Raises:
-      ValueError: an argument has the wrong shape, is out of its range or is traced.
+      ValueError: an argument has the wrong shape, is out of its range or is traced; `unlike` has
+        no orbits of this scene, or is given beside `rough` or `collocation`.
       SearchError: no orbit was found (``throw=True``).
     Limits: host only, not inside jit, grad or vmap; `orbits.differentiable` has the derivatives of
       the orbit found.
@@ -105,7 +106,11 @@ def find(
         conditions=problem.conditions,
         driven=problem.driven,
     )
-    if collocation:
+    if unlike:
+        if rough or collocation:
+            raise fail("unlike", "neither rough nor collocation beside it", "one of them")
+        orbit = _closed_elsewhere(problem, equations, angle, segments, effort, known(unlike, scene))
+    elif collocation:
         orbit = on_mesh(problem, equations, effort, segments, rough)
     elif rough:
         orbit = _closed_from_afar(problem, equations, angle, segments, effort)
@@ -131,9 +136,9 @@ def _closed(
     x = retimed(cuts, x, lower=lower, upper=upper, goal=effort.goal, rtol=rtol)
     orbit = _solved(cuts, x, problem, effort)
     for _ in range(0 if segments else _RECUTS_MOST):
-        if cuts.segments >= SEGMENTS_MOST or not _gains_from_cutting(orbit, cuts, effort.goal):
+        if cuts.segments >= SEGMENTS_MOST or not gains_from_cutting(orbit, cuts, effort.goal):
             break
-        cuts = _finer(equations, cuts, guess, orbit, rtol)
+        cuts = finer(equations, cuts, guess, orbit, rtol)
         x = cuts.spread(orbit.y0, orbit.period, rtol, angle=orbit.angle)
         again = _solved(cuts, x, problem, effort)
         if orbit.ok and not (again.ok and again.residual < orbit.residual):
@@ -166,45 +171,60 @@ def _closed_from_afar(
             iterations=0,
             rtol=effort.rtol,
         )
-    unknowns = equations.unpack(descent.x)
-    scene = problem.scene.starting(equations.start_at(descent.x), unknowns.period)
-    problem = dataclasses.replace(problem, scene=scene)
-    equations = dataclasses.replace(equations, scene=scene)
-    orbit = _closed(problem, equations, float(unknowns.angle), segments, effort)
+    orbit = _closed_from(problem, equations, descent.x, segments, effort)
     if orbit.ok or descent.arrived:
         return orbit
     return dataclasses.replace(orbit, outcome=Outcome.DESCENT_ENDED)
 
 
-def _finer(
-    equations: Equations, cuts: Equations, guess: np.ndarray, orbit: Orbit, rtol: float
-) -> Equations:
-    """More segments: close encounters inside a segment amplify rounding.
+def _closed_elsewhere(
+    problem: Problem,
+    equations: Equations,
+    angle: float,
+    segments: int | None,
+    effort: Effort,
+    several: Sequence[Known],
+) -> Orbit:
+    """The orbit near the end of an iteration in which known orbits are deflated."""
+    guess = problem.guess
+    cuts = cut(equations, guess, effort.rtol, segments, angle)
+    found = deflated(
+        problem,
+        cuts,
+        cuts.spread(guess[:-1], guess[-1], effort.rtol, angle=angle),
+        several,
+        max_iterations=effort.max_iterations,
+        report=effort.report,
+    )
+    if found.near:
+        orbit = _closed_from(problem, cuts, found.x, segments, effort)
+        at = equations.pack(orbit.y0, (), orbit.angle, 0.0, orbit.period)
+        if not orbit.ok or distance(equations, at, several) > SAME:
+            return orbit
+    return orbit_at(
+        cuts,
+        found.x,
+        residual=found.residual,
+        outcome=Outcome.NO_OTHER,
+        iterations=0,
+        rtol=effort.rtol,
+    )
 
-    The cut is along the guess as long as the orbit is near it, else along the orbit.
-    """
-    left = cuts.s_period is not None and _other_motion(orbit.s_period, cuts.s_period)
-    here = np.append(orbit.y0, orbit.period) if left else guess
-    finer = with_segments(equations, here, rtol, needed(equations, here, rtol))
-    if finer.segments <= cuts.segments and not _other_motion(finer.s_period, cuts.s_period):
-        finer = with_segments(equations, here, rtol, min(2 * cuts.segments, SEGMENTS_MOST))
-    return finer
 
-
-def _gains_from_cutting(orbit: Orbit, cuts: Equations, goal: float) -> bool:
-    """Whether the residual is rounding that more segments may reduce."""
-    if not orbit.ok:
-        return orbit.outcome == Outcome.NO_DESCENT and orbit.residual < _ROUNDING_STALLS
-    if orbit.residual <= _CLEAN_SHARE * goal:
-        return False
-    if cuts.s_period is None:
-        return attracts(orbit.scene)
-    return _other_motion(orbit.s_period, cuts.s_period)
-
-
-def _other_motion(a: float | None, b: float | None) -> bool:
-    """Whether two spans of logarithmic time are those of different motions."""
-    return a is not b if a is None or b is None else abs(a / b - 1) > _SPAN_MISMATCH
+def _closed_from(
+    problem: Problem, equations: Equations, x: np.ndarray, segments: int | None, effort: Effort
+) -> Orbit:
+    """The orbit near a point x of the unknowns."""
+    unknowns = equations.unpack(x)
+    scene = problem.scene.starting(equations.start_at(x), unknowns.period)
+    problem = dataclasses.replace(problem, scene=scene)
+    whole = Equations(
+        scene=scene,
+        closing=equations.closing,
+        conditions=equations.conditions,
+        driven=equations.driven,
+    )
+    return _closed(problem, whole, float(unknowns.angle), segments, effort)
 
 
 def _solved(equations: Equations, x: np.ndarray, problem: Problem, effort: Effort) -> Orbit:

@@ -154,6 +154,14 @@ def solve(
     return _result(best, bounds, goal, accepted, max_iterations)
 
 
+def first_step(
+    x: np.ndarray, residual: np.ndarray, jacobian: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> np.ndarray:
+    """(n,) the first damped step that `solve` takes from a point x, within the bounds."""
+    point = _Point(x=x, residual=residual, jacobian=jacobian, factors=_factors(jacobian))
+    return _step(point, _Bounds(lower, upper), _DAMPING_START)
+
+
 def _result(best: _Point, bounds: _Bounds, goal: float, accepted: int, most: int) -> Result:
     lower, upper = bounds
     # Fixed entries do not count.

@@ -80,6 +80,19 @@ def test_others_differ():
     assert orbits.same_orbit(swing, orbits.find(later, period=2.2, hold=level))
 
 
+def test_an_orbit_of_one_point_is_compared_as_it_is():
+    """It has no centre of mass to be seen from: only shifts in time leave it the same."""
+    well = orbits.find(scenes.henon_heiles(), period=6.5, hold=orbits.Energy(1 / 8))
+    late = solve(well.scene, 1.7, rtol=1e-14).y1
+    again = orbits.find(well.scene, late, well.period, hold=orbits.Energy(1 / 8))
+    assert orbits.same_orbit(well, again)
+    # The loop, which turns by a third leave as it is, and its mirror image, run through backwards.
+    mirrored = well.y0 * jnp.array([-1.0, 1.0, -1.0, 1.0])
+    back = orbits.find(well.scene, mirrored, well.period, hold=orbits.Energy(1 / 8))
+    assert abs(back.period - well.period) < 1e-10
+    assert not orbits.same_orbit(well, back)
+
+
 def test_the_neighbour_is_not_the_eight():
     guess = scenes.EIGHT_GUESS, scenes.EIGHT_GUESS_PERIOD
     neighbour = orbits.find(scenes.three_body(), *guess)

@@ -52,6 +52,21 @@ def test_a_pendulum_from_its_own_return_saved_and_verified(orbits, tmp_path):
     assert "choreography" not in out  # rows that say nothing are left out
 
 
+@pytest.mark.slow
+def test_another_orbit_than_that_of_a_file(orbits, tmp_path):
+    path = tmp_path / "loop.json"
+    words = ("find", "henon_heiles", "--set", "vx=0.4", "--period", "6.5", "--energy", "0.125")
+    code, out, err = orbits(*words, "--json", "--save", path)
+    assert code == 0, err
+    code, other, err = orbits(*words, "--json", "--unlike", path)
+    assert code == 0, err
+    periods = [round(json.loads(text)["period"], 4) for text in (out, other)]
+    assert periods == [6.0756, 7.5433]
+    code, _, err = orbits("find", "lorenz", "--period", "2", "--unlike", path)
+    assert code == 2
+    assert "unlike: expected orbits of" in err
+
+
 def test_no_orbit_is_exit_code_1_with_the_reason(orbits):
     code, out, err = orbits("find", "cannonball", "--period", "1", "--json")
     assert code == 1

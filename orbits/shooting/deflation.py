@@ -1,0 +1,295 @@
+"""Newton's method away from known orbits: deflation.
+
+The closing equations F(x) = 0 are multiplied by m(x), the product of 1 / d^2 + 1 over the known
+orbits, with d the distance of x from each. That leaves all zeros of F but the known orbits. Its
+Jacobian is m (J + F g^T) with g the gradient of log m, so that by Sherman and Morrison's formula
+the Newton step is that of F itself times 1 / (1 - g . step): it costs no more than a plain one.
+
+Distances are taken modulo what leaves an orbit the same (see `orbits.same_orbit`). The start may
+lie anywhere on the known orbit, run through once or twice. Several free points are compared by the
+dot products of their positions and velocities, which rotations, reflections and translations keep,
+for each order of equal bodies and both directions of time; those that only attract each other are
+scaled to the known period first.
+
+Steps have a largest length and need not decrease the residual: m F has minima beside the known
+orbits, where a descent would end.
+
+Reference: P. Farrell, A. Birkisson, S. Funke, SIAM J. Sci. Comput. 37 (2015) A2026.
+"""
+
+import functools
+import itertools
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene, System
+from jaxdyn._checks import fail
+from jaxdyn.formulations.newton import FreePoints
+from orbits.closing.given import Problem, driven, repeats
+from orbits.motion import gravitates, solved
+from orbits.orbit import Orbit
+from orbits.shooting import newton
+from orbits.shooting.equations import Equations
+from orbits.shooting.outcomes import Trouble
+
+#: Distance from a known orbit, relative to its size, below which an orbit is the same.
+SAME = 1e-4
+_SAMPLES = 512  # of a known orbit, joined by lines: 1e-5 of its size off
+_RTOL = 1e-10  # of the samples
+_TIMES = (1, 2)  # periods of a known orbit that are deflated
+_PARTS = 12  # most periods of the drive in one of a known orbit
+_MOST_ORDERED = 4  # bodies; of more, each is compared with itself only
+_BESIDE = 0.1  # a guess nearer to a known orbit is moved by so much, relative to its size,
+_TRIES = 3  # in so many random directions, one after the other
+_LONGEST = 0.1  # step, relative to the known orbits' size and to the guessed period
+_NEAR = 1e-6  # closing error from which Newton's method without deflation finds the same orbit
+_HALVINGS = 5  # of a step into a singularity
+_LOOSE = 1e-11  # tolerance of the integrations
+_MAX_STEPS = 5000  # of an integration; a near collision takes many times more
+_SHORTEST = 0.1  # period, relative to the guessed one
+
+
+class Known(eqx.Module):
+    """A known orbit as lines between samples, one set for each way to see it.
+
+    Attributes:
+      points: (c, s, q) where lines begin: states (k,), or what `_dots` makes of them.
+      sides: (c, s, q) the lines, divided by the scales.
+      period: () its period.
+      scales: (k,) the largest range of the entries that have the same unit.
+      scaled: whether Kepler's third law scales it.
+    """
+
+    points: Array
+    sides: Array
+    period: Array
+    scales: Array
+    scaled: bool = eqx.field(static=True)
+
+
+class Found(NamedTuple):
+    """Where a deflated iteration ended.
+
+    Attributes:
+      x: (n,) the unknowns.
+      residual: largest entry of the closing error.
+      near: whether an orbit unlike the known ones is near.
+    """
+
+    x: np.ndarray
+    residual: float
+    near: bool
+
+
+def known(orbits: Sequence[Orbit], scene: Scene) -> list[Known]:
+    """What is deflated.
+
+    Raises:
+      ValueError: one of the orbits does not close, or is of another system.
+    """
+    for orbit in orbits:
+        if not (isinstance(orbit, Orbit) and orbit.ok):
+            got = getattr(orbit, "message", type(orbit).__name__)
+            raise fail("unlike", "orbits that close", got)
+        if type(orbit.scene.system) is not type(scene.system) or orbit.y0.shape != scene.y0.shape:
+            raise fail("unlike", f"orbits of {scene!r}", repr(orbit.scene))
+    return [_known(orbit) for orbit in orbits]
+
+
+def distance(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> float:
+    """Distance of a start and a period from the nearest known orbit, relative to its size."""
+    return min(float(np.sqrt(_square(equations, x, one)[0])) for one in several)
+
+
+def deflated(
+    problem: Problem,
+    equations: Equations,
+    x: np.ndarray,
+    several: Sequence[Known],
+    *,
+    max_iterations: int,
+    report: Callable[[newton.Iteration], None],
+) -> Found:
+    """A point near an orbit unlike known ones, or the last iterate.
+
+    Args:
+      problem: its bounds hold for the start and the period.
+      equations: the closing equations.
+      x: (n,) a guess.
+      several: the known orbits.
+      max_iterations: largest number of steps.
+      report: called after each step.
+    """
+    lower, upper = equations.bounds(problem.lower, problem.upper)
+    lower[-1] = max(lower[-1], min(_SHORTEST * x[-1], upper[-1]))
+    if equations.driven:  # the period is that of the drive
+        lower[-1] = upper[-1] = x[-1]
+    sizes = _sizes(equations, x, several)
+    walk = _Walk(equations, several, sizes, (lower, upper), Trouble(equations, x), report)
+    if distance(equations, x, several) > _BESIDE:
+        return walk(x, max_iterations)
+    random, found = np.random.default_rng(0), Found(x, np.inf, near=False)
+    for _ in range(_TRIES):
+        aside = x + _BESIDE * sizes * random.standard_normal(len(x))
+        found = walk(np.clip(aside, lower, upper), max_iterations)
+        if found.near:
+            break
+    return found
+
+
+class _Walk(NamedTuple):
+    """Deflated Newton steps from a point on; see `deflated`."""
+
+    equations: Equations
+    several: Sequence[Known]
+    sizes: np.ndarray
+    bounds: tuple[np.ndarray, np.ndarray]
+    trouble: Trouble
+    report: Callable[[newton.Iteration], None]
+
+    def __call__(self, x: np.ndarray, most: int) -> Found:
+        """Where it ends after at most some steps."""
+        equations, several = self.equations, self.several
+        step, size = np.zeros(len(x)), np.inf
+        for index in range(most + 1):
+            residual, jacobian = _evaluated(equations, x)
+            for _ in range(_HALVINGS):
+                if np.isfinite(jacobian).all():
+                    break
+                step = 0.5 * step
+                x = x - step
+                residual, jacobian = _evaluated(equations, x)
+            size = float(np.abs(residual).max())
+            length = float(np.linalg.norm(step))
+            self.report(newton.Iteration(index, size, float(x[-1]), length))
+            lost = not np.isfinite(jacobian).all() or self.trouble(x) is not None
+            if size <= _NEAR and not lost:
+                return Found(x, size, near=distance(equations, x, several) > SAME)
+            if lost or index == most:
+                break
+            plain = newton.first_step(x, residual, jacobian, *self.bounds)
+            step = plain / (1 - _slope(equations, x, several) @ plain)
+            step = step / max(1.0, float(np.max(np.abs(step) / self.sizes)) / _LONGEST)
+            new = np.clip(x + step, *self.bounds)
+            step, x = new - x, new
+        return Found(x, size, near=False)
+
+
+def _evaluated(equations: Equations, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    found = equations(x, _LOOSE, _MAX_STEPS)
+    return np.asarray(found.residual), np.asarray(found.jacobian)
+
+
+def _slope(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> np.ndarray:
+    """(n,) the gradient of log m.
+
+    Of log(1 / q + 1), where q is the square of a distance, it is minus that of q over q (1 + q).
+    """
+    squares = [_square(equations, x, one) for one in several]
+    return -np.sum([np.asarray(slope) / (q * (1 + q)) for q, slope in squares], axis=0)
+
+
+@jax.jit
+@functools.partial(jax.value_and_grad, argnums=1)
+def _square(equations: Equations, x: Array, one: Known) -> Array:
+    """() the square of the distance of a start and a period from a known orbit."""
+    system, y0 = equations.scene.system, equations.start(x)
+    return jnp.stack([_square_over(system, y0, x[-1] / times, one) for times in _TIMES]).min()
+
+
+def _square_over(system: System, y0: Array, period: Array, one: Known) -> Array:
+    """The same for a known orbit run through once."""
+    longer = period / one.period
+    if one.scaled:
+        lengths = longer ** (2 / 3)
+        half = len(y0) // 2
+        y0 = jnp.concatenate([y0[:half] / lengths, y0[half:] * jnp.sqrt(lengths)])
+    if _several_points(system):
+        off = jax.vmap(jax.vmap(lambda y: _dots(system, y0 / one.scales) - y))(one.points)
+    else:
+        off = jax.vmap(jax.vmap(lambda y: system.difference(y0, y) / one.scales))(one.points)
+    square = jnp.sum(one.sides * one.sides, axis=-1)
+    along = jnp.sum(off * one.sides, axis=-1) / jnp.where(square > 0, square, 1.0)
+    along = jax.lax.stop_gradient(jnp.clip(along, 0.0, 1.0))
+    nearest = jnp.sum((off - along[..., None] * one.sides) ** 2, axis=-1).min()
+    # Zero on the orbit, where the gradient's direction is unknown and steps are zero.
+    late = 0.0 if one.scaled else (longer - 1.0) ** 2
+    return jnp.maximum(nearest + late, jnp.finfo(float).tiny)
+
+
+def _several_points(system: System) -> bool:
+    return isinstance(system, FreePoints) and len(system.m) > 1
+
+
+def _dots(system: System, y: Array) -> Array:
+    """(q,) dot products of all positions about the centre of mass, and velocities."""
+    assert isinstance(system, FreePoints)
+    share = system.m / system.m.sum()
+    x = y.reshape(2, len(system.m), -1)
+    x = (x - jnp.einsum("n,and->ad", share, x)[:, None]).reshape(2 * len(system.m), -1)
+    return (x @ x.T)[np.triu_indices(2 * len(system.m))]
+
+
+def _known(orbit: Orbit) -> Known:
+    scene, period = orbit.scene, orbit.period
+    ts = np.linspace(0.0, period, _SAMPLES + 1)
+    ys = solved(scene, period, ts=ts, rtol=_RTOL, solver=orbit.solver).ys
+    scales = _scales(scene, np.asarray(ys))
+    if _several_points(scene.system):
+        curves = _images(scene.system, np.asarray(ys) / scales)
+        points, sides = curves[:, :-1], jnp.diff(curves, axis=1)
+    elif driven(scene):  # only the phases of the drive at which a period may begin
+        parts = next((n for n in range(_PARTS, 1, -1) if repeats(scene, period / n)), 1)
+        at = np.arange(parts) * period / parts
+        points = solved(scene, period, ts=at, rtol=_RTOL, solver=orbit.solver).ys[None]
+        sides = jnp.zeros_like(points)
+    else:
+        points = ys[None, :-1]
+        sides = np.asarray(jax.vmap(scene.system.difference)(ys[1:], ys[:-1]))[None] / scales
+    return Known(
+        points=jnp.asarray(points),
+        sides=jnp.asarray(sides),
+        period=jnp.asarray(period),
+        scales=jnp.asarray(scales),
+        scaled=gravitates(scene),
+    )
+
+
+def _images(system: System, ys: np.ndarray) -> Array:
+    """(c, s, q) `_dots` of scaled states (s, k), with equal bodies in any order, and backwards."""
+    assert isinstance(system, FreePoints)
+    m = np.asarray(system.m)
+    bodies = range(len(m))
+    orders = itertools.permutations(bodies) if len(m) <= _MOST_ORDERED else [tuple(bodies)]
+    images = []
+    for order in (list(order) for order in orders):
+        if np.allclose(m[order], m, rtol=1e-12):
+            seen = ys.reshape(len(ys), 2, len(m), -1)[:, :, order]
+            for back in (1.0, -1.0):
+                y = (seen * np.array([1.0, back])[:, None, None]).reshape(len(ys), -1)
+                images.append(jax.vmap(functools.partial(_dots, system))(jnp.asarray(y)))
+    return jnp.stack(images)
+
+
+def _scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
+    """(k,) the largest range of the entries of each unit; their largest size where they rest."""
+    units = [unit for _, unit in scene.labels()]
+    ranges, sizes = np.ptp(ys, axis=0), np.abs(ys).max(axis=0)
+    scales = []
+    for unit in units:
+        same = [other == unit for other in units]
+        scales.append(ranges[same].max() or sizes[same].max() or 1.0)
+    return np.array(scales)
+
+
+def _sizes(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> np.ndarray:
+    """(n,) the size of each unknown: of the known orbits, and the period of the guess."""
+    scales = np.max([one.scales for one in several], axis=0)
+    between = np.tile(scales, (equations.segments - 1, 1))
+    return equations.pack(scales, between, angle=1.0, parameter=1.0, period=x[-1])
