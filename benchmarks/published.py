@@ -8,8 +8,9 @@ digits. Results are added to ``published.json`` beside this file one by one; row
 already are not repeated, unless named.
 
 Stored so far are three rows, all of them proved; the others were not run yet. A row of a thousand
-steps takes one to three minutes of processor time. Stability of stable rows is not decided in these
-coordinates, whose rotations are not known as symmetries; `three_body` has them.
+steps takes one to three minutes of processor time. Multipliers that are 1 are known by the energy,
+the angular momentum and the symplectic form of these coordinates, which `prove` finds; rows stored
+before it did have no verdict where they are stable.
 
 The states are p = r_1 - r_2, q = r_3 and their rates, with the centre of mass at rest in the
 origin: eight numbers instead of twelve, which halves the time. The orbits start at p = (-2, 0),

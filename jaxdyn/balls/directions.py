@@ -73,9 +73,9 @@ def _length(field: BallField, square: Node, entries: list[Node]) -> Length:
     graph = field.graph
     length = graph.given(arb(0), moving=True)
     unit = [graph.given(arb(0), moving=True) for _ in entries]
-    moving = _Rewriting(graph, field.rates, square, False)
-    moving.put_direction(entries, length, unit)
-    ending = _Rewriting(graph, field.rates, square, True)
+    moving = _Rewriting(graph, field.rates, square, _Direction(entries, length, unit))
+    ending = _Rewriting(graph, field.rates, square, None)
+    ending.new |= dict.fromkeys([*entries, square], 0.0)
     return Length(
         entries=Program.of(graph, list(entries)),
         length=length,
@@ -85,22 +85,25 @@ def _length(field: BallField, square: Node, entries: list[Node]) -> Length:
     )
 
 
+class _Direction(NamedTuple):
+    """What stands for entries, their length, and their quotients."""
+
+    entries: list[Node]
+    length: Node
+    unit: list[Node]
+
+
 class _Rewriting:
-    """The formulas of a rate in the case that a square is 0, or that it is not."""
+    """The formulas of a rate where a square is not 0, with a direction, or where it is 0."""
 
-    def __init__(self, graph: Graph, rates: Program, square: Node, vanishes: bool):
-        self.graph, self.rates, self.square, self.vanishes = graph, rates, square, vanishes
+    def __init__(self, graph: Graph, rates: Program, square: Node, direction: _Direction | None):
+        self.graph, self.rates, self.square, self.direction = graph, rates, square, direction
         self.new: dict[Node, Number] = {}
-        self.direction: tuple[list[Node], Node, list[Node]] | None = None
-
-    def put_direction(self, entries: list[Node], length: Node, unit: list[Node]) -> None:
-        """Replace the root of the square, and quotients by it."""
-        self.direction = entries, length, unit
 
     def program(self) -> Program:
         """The rewritten rate."""
         for node in self.rates.nodes:
-            self.new[node] = self._rewritten(node)
+            self.new.setdefault(node, self._rewritten(node))
         return Program.of(self.graph, [self._of(r) for r in self.rates.results])
 
     def _of(self, a):
@@ -116,11 +119,10 @@ class _Rewriting:
         if node.op == "select" and isinstance(args[0], bool):
             return args[2] if args[0] else args[1]
         if self.direction is not None:
-            entries, length, unit = self.direction
             if node.op == "sqrt" and args[0] is self.square:
-                return length
-            if node.op == "div" and args[1] is length:
-                return self._quotient(args[0], [self._of(e) for e in entries], unit, length)
+                return self.direction.length
+            if node.op == "div" and args[1] is self.direction.length:
+                return self._quotient(args[0], self.direction)
         elif (found := self._at_zero(node, args)) is not None:
             return found
         if all(a is b for a, b in zip(args, node.args, strict=True)):
@@ -128,31 +130,39 @@ class _Rewriting:
         return self.graph.node(node.op, *args)
 
     def _at_zero(self, node: Node, args: list) -> float | None:
-        """What is known of a number where the square is 0; NaN if it has no value."""
+        """What is known of a number where the square is 0; NaN if it has no value.
+
+        That is 0 / 0, and what depends on it. One over 0 may be infinite, and one over that 0.
+        """
         if any(isinstance(a, float) and math.isnan(a) for a in args) and node.op != "select":
             return math.nan
-        if node.op == "sqrt" and args[0] is self.square:
+        if node.op == "sqrt" and args[0] == 0.0:
             return 0.0
-        return math.nan if node.op == "div" and args[1] == 0.0 else None
+        return math.nan if node.op == "div" and args[1] == 0.0 and _is_zero(args[0]) else None
 
     def _compared(self, op: str, args: list) -> Number:
-        if any(a is self.square for a in args) and 0.0 in args and op in ("eq", "ne"):
-            return self.vanishes == (op == "eq")
-        length = self.direction and self.direction[1]
-        if any(a is length for a in args) and 0.0 in args and op in ("eq", "ne"):
-            return op == "ne"
+        if self.direction is not None and op in ("eq", "ne") and 0.0 in args:
+            if any(a is self.square or a is self.direction.length for a in args):
+                return op == "ne"
         if not any(isinstance(a, Node) for a in args):
             return bool(COMPARISONS[op](*args))
         return self.graph.node(op, *args)
 
-    def _quotient(self, a: Number, entries: list, unit: list[Node], length: Node) -> Number:
+    def _quotient(self, a: Number, direction: _Direction) -> Number:
         """a / |a|, where an entry is a factor of the numerator."""
         factors = list(a.args) if isinstance(a, Node) and a.op in ("product", "scale") else [a]
-        for entry, one in zip(entries, unit, strict=True):
-            if entry in factors:
-                factors.remove(entry)
+        for entry, one in zip(direction.entries, direction.unit, strict=True):
+            if self._of(entry) in factors:
+                factors.remove(self._of(entry))
                 return self.graph.node("product", one, *factors) if factors else one
-        return self.graph.node("div", a, length)
+        return self.graph.node("div", a, direction.length)
+
+
+def _is_zero(a: Number) -> bool:
+    """Whether a number is 0, or 0 times others."""
+    if isinstance(a, Node):
+        return a.op in ("product", "scale", "mul") and any(_is_zero(b) for b in a.args)
+    return a == 0.0
 
 
 def excludes_zero(field: BallField, found: list[Length], rows: list[int], t: arb, y: list) -> bool:

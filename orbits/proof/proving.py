@@ -63,7 +63,8 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
         python-flint is missing.
       SearchError: nothing is proved (``throw=True``).
     Limits: one segment, hence orbits of moderate instability; `proved` without `verdict_proved`
-      where multipliers cannot be told apart.
+      where multipliers cannot be told apart. They have some ten digits fewer than the start. The
+      period need not be the shortest one.
     Reference: Krawczyk (1969), Computing 4, 187; Kapela, Zgliczynski (2003), Nonlinearity 16,
       1899 (choreographies); Kapela, Simo (2007), Nonlinearity 20, 1241 (the eight's stability).
     Example:

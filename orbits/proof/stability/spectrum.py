@@ -13,6 +13,8 @@ Nonlinearity 20, 1241).
 import contextlib
 import dataclasses
 
+import numpy as np
+
 from jaxdyn.balls.arithmetic import acb, arb_mat, precision
 from jaxdyn.balls.tube import NotEnclosed
 from orbits.proof.closing_equations import ClosingEquations
@@ -70,7 +72,7 @@ def _of(system: ClosingEquations, numbers: list, slopes: arb_mat, known: Structu
             trivial = prescribed(system, numbers, known)
         matrix = multipliers.reduced(matrix, trivial.rows, trivial.directions)
         values = multipliers.roots(matrix.charpoly().coeffs())
-    except ArithmeticError:  # no inverse, or no bounds
+    except (ArithmeticError, np.linalg.LinAlgError):  # no inverse, or no bounds
         return Spectrum([], "undecided")
     values = multipliers.sorted_roots(values)
     if len(values) != matrix.nrows():

@@ -115,6 +115,13 @@ def test_a_corner_at_which_the_rate_is_0_by_its_own_case_is_not_excluded():
     assert all(abs(float(x.mid)) < 1e-4 for box in proof.undecided for x in box[:2])
 
 
+def test_a_corner_at_which_an_infinity_may_cancel_is_not_excluded():
+    # 0 in floats at the point itself, as one over infinity.
+    proof = _proof(lambda y: [1 / (1 + 1 / jnp.sqrt(y[0] * y[0]))], [-1.1], [1.3])
+    assert not proof.proved
+    assert all(abs(float(box[0].mid)) < 1e-4 for box in proof.undecided)
+
+
 @pytest.mark.parametrize(
     ("strength", "proved"), [(0.4, True), pytest.param(0.5, False, marks=pytest.mark.slow)]
 )

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
+from helpers import run_python
 
 import jaxdyn
 import orbits
@@ -157,6 +158,24 @@ def test_what_is_no_orbit_is_refused():
     for claim in (orbits.prove, orbits.refine):
         with pytest.raises(ValueError, match=r"orbit: expected an orbit, got Scene\. Give what"):
             claim(scenes.pendulum())
+
+
+@pytest.mark.slow
+def test_without_python_flint_there_is_one_clear_line():
+    told = run_python(
+        """
+import sys
+sys.modules["flint"] = None
+import jaxdyn, orbits
+for name in ("prove", "refine"):
+    try:
+        getattr(orbits, name)(None)
+    except ValueError as error:
+        print(error)
+"""
+    )
+    line = "proof: expected the package python-flint, got none. Install it: "
+    assert told.splitlines() == [f"{line}pip install 'jaxdyn[proof]'."] * 2
 
 
 @pytest.mark.slow
