@@ -4,9 +4,9 @@ A bead slides without friction on the wire y = c x^2 (a), or on the curve y = c 
 length along the curve from its lowest point (b). Find the equations of motion by Lagrange, for (a)
 in x and for (b) in s. Draw the second curve, and say which famous curve it is.
 
-Answer: (a) is the equation of problem 30. (b) is s'' = -2 c g s, a harmonic oscillator with the
-period 2 pi / sqrt(2 c g) for every amplitude. The curve is a cycloid, traced by a wheel of radius
-1 / (8 c) that rolls under a line.
+Answer: On y = c s^2 the bead oscillates with the period 2 pi / sqrt(2 c g) for every amplitude,
+since s'' = -2 c g s; the curve is a cycloid, traced by a wheel of radius 1 / (8 c) that rolls under
+a line. The equation of (a) is that of problem 30.
 """
 
 import math

@@ -74,9 +74,14 @@ def solve(page: Page) -> None:
                 2, 4, 4 * i + j + 1, projection="3d", title=f"{kind} {axis}" if j else "start"
             )
             ax.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1), xticks=[], yticks=[], zticks=[])
+            figures.style(ax)
             for arrow, colour in zip(pose.T, figures.PALETTE, strict=False):
                 ax.plot(*np.stack([0 * arrow, arrow]).T, color=colour, lw=3)
-    page.draw(figure, "Above about fixed axes, below about the body's own: both end alike.")
+    look = (
+        "The body's x (blue), y (orange) and z (green): above turned about fixed axes, below "
+        "about its own. Both end alike."
+    )
+    page.draw(figure, look)
     scene = {"about fixed x, y, z": about_fixed_axes, "about its own z, y, x": about_its_own_axes}
     boxes = {name: simulate(scenes.moved_box(angles=f, t1=3.0)) for name, f in scene.items()}
     page.play(boxes, "The boxes part at once, and are together again in the end.")

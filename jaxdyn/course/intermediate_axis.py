@@ -16,7 +16,7 @@ from scipy.special import ellipj
 from jaxdyn import linearize, ode, scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing.figures import blank, style
+from jaxdyn.drawing.figures import blank, legend_below, style
 from jaxdyn.formulations import rigid
 
 PROBLEM = 52
@@ -38,15 +38,16 @@ def solve(page: Page) -> None:
         about = ode(euler, omega0, 30.0, names=["omega1", "omega2", "omega3"])
         motion = simulate(about, samples=400, rtol=1e-12)
         ax = figure.add_subplot(1, 3, i + 1, xlabel="t [s]", title=f"spin about {name}'")
-        ax.plot(motion.ts, motion.ys - np.eye(3)[i], label=["omega1", "omega2", "omega3"])
         style(ax)
+        ax.plot(motion.ts, motion.ys - np.eye(3)[i], label=["omega1", "omega2", "omega3"])
         found = linearize(about, np.eye(3)[i]).eigenvalues
         fastest = found[np.argmax(np.abs(found))]
-        page.number(f"rate of deviations from a spin about {name}'", f"{fastest:.6f}", "1/s")
+        what = "growth" if fastest.real > abs(fastest.imag) else "frequency"
+        page.number(f"{what} of deviations from a spin about {name}'", abs(fastest), "1/s")
         square = [-2 / 6, 1 / 3, -1.0][i]  # (I_j - I_i) (I_i - I_k) / (I_j I_k)
         page.equal(f"Its square, {name}'", complex(fastest) ** 2, complex(square), within=1e-12)
         spins[f"about {name}'"] = simulate(scenes.free_body(omega0), 30.0, samples=400, rtol=1e-12)
-    figure.legend(handles=figure.axes[0].get_lines(), loc="outside lower center", ncols=3)
+    legend_below(figure, figure.axes[0].get_lines())
     page.draw(
         figure, "Small deviations stay small about x' and z'; about y' they grow and it flips."
     )

@@ -5,8 +5,9 @@ the angular momentum of P about C: with the velocity of P and the arm from the p
 (a), with that velocity and the arm from the moving C (b), and with the velocity of P relative to C
 (c). For which of them is the moment of the forces about C the rate of change, and when?
 
-Answer: (a) always. For (b) the moment minus the rate is v_C x m v_P, so C has to rest or to move
-parallel to P; for (c) it is r_P/C x m a_C, so C must not accelerate, unless along the line PC.
+Answer: For that of (a) always; for (b) the moment minus the rate is v_C x m v_P, so C has to rest
+or to move parallel to P. For (c) it is r_P/C x m a_C, so C must not accelerate, unless along the
+line PC.
 """
 
 import jax.numpy as jnp

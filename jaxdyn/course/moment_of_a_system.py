@@ -5,9 +5,9 @@ point that moves in any way. The candidates are those of one particle, summed: v
 from the place where C is now (a), arms from the moving C (b), velocities and arms relative to C
 (c). For which of them, and when, is the moment of all forces about C the rate of change?
 
-Answer: (a) always. For (b) the moment minus the rate is v_C x m v_G, so C has to rest or to move
-parallel to G; for (c) it is r_G/C x m a_C, so C is G itself, or does not accelerate, unless along
-the line CG.
+Answer: For that of (a) always; for (b) the moment minus the rate is v_C x m v_G, so C has to rest
+or to move parallel to G. For (c) it is r_G/C x m a_C, so C is G itself, or does not accelerate,
+unless along the line CG.
 """
 
 import jax.numpy as jnp

@@ -72,7 +72,7 @@ def solve(page: Page) -> None:
     ax = blank(6.4, 4.2).add_subplot(xlabel="spin [rad/s]", ylabel="precession [rad/s]")
     style(ax)
     ax.set_ylim(0, 60)
-    spins = jnp.linspace(50.0, 400.0, 1500)
+    spins = jnp.linspace(50.0, 400.0, 40_000)  # the branches meet like a root
     for k, theta in enumerate((0.1, 0.8, 1.4)):
         both = precession.top_roots(theta, spins, **TOP).precession
         ax.plot(spins, both.T, color=PALETTE[k], label=[f"lean {theta} rad", None])

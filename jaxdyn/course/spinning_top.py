@@ -66,7 +66,9 @@ def solve(page: Page) -> None:
 
     figure = blank(9.0, 3.4)
     for i, share in enumerate(("0", "1", "-2")):
-        ax = figure.add_subplot(1, 3, i + 1, aspect="equal", title=f"started at {share} slow")
+        ax = figure.add_subplot(
+            1, 3, i + 1, aspect="equal", title=f"starts at {share} of the slow one"
+        )
         style(ax)
         ax.plot(*energy.along(rigid.pose, tops[share]).R_wb[:, :2, 2].T, lw=1.0)
         ax.set(xlim=(-0.8, 0.8), ylim=(-0.8, 0.8), xlabel="x", ylabel="y")

@@ -23,17 +23,23 @@ def kept(folder: Path, name: str, source: Path, make: Callable[[], dict[str, Any
       source: its own file; every file of the library that takes part counts as well.
       make: runs the page and returns its record.
     """
-    wanted = digest(source)
-    record = stored(folder, name)
-    if record is not None and record["digest"] == wanted:
-        files = [one["file"] for one in record.get("drawings", ())]
-        if all((folder / "pictures" / file).exists() for file in files):
-            return record
-    record = {"digest": wanted, **make()}
+    record = current(folder, name, source)
+    if record is not None:
+        return record
+    record = {"digest": digest(source), **make()}
     path = _path(folder, name)
     path.parent.mkdir(parents=True, exist_ok=True)
     replace(path, json.dumps(record))
     return record
+
+
+def current(folder: Path, name: str, source: Path) -> dict | None:
+    """The stored record of a page; None where `kept` would make it again."""
+    record = stored(folder, name)
+    if record is None or record["digest"] != digest(source):
+        return None
+    files = [one["file"] for one in record.get("drawings", ())]
+    return record if all((folder / "pictures" / file).exists() for file in files) else None
 
 
 def stored(folder: Path, name: str) -> dict | None:

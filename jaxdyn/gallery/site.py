@@ -16,7 +16,7 @@ from jaxdyn.files.output_files import unwritable, writable
 from jaxdyn.gallery import exhibits
 from jaxdyn.gallery.compiling import configure_quickly
 from jaxdyn.gallery.problems import problem_record
-from jaxdyn.gallery.records import kept, stored
+from jaxdyn.gallery.records import current, kept, stored
 from jaxdyn.gallery.writing import Site, neighbours
 
 _PICTURES = "pictures"
@@ -106,7 +106,8 @@ def _jobs(only: Collection[int | str]) -> list[str]:
 
 
 def _run(jobs: Collection[str], folder: Path, workers: int) -> dict[str, str]:
-    """Run pages in parallel; the errors of those that failed, by name."""
+    """Run those pages in parallel that have changed; the errors of those that failed, by name."""
+    jobs = [name for name in jobs if current(folder, name, _source(name)) is None]
     doing("running pages", 0, len(jobs))
     failed = {}
     timed = [name for name in jobs if name in exhibits.PARTS and exhibits.PARTS[name].timed]
@@ -141,9 +142,16 @@ def make(name: str, folder: Path) -> None:
     """Run a problem or a part of an exhibit unless its record is as new as its sources."""
     pages = {problem.name: problem for problem in problems().values()}
     pictures = folder / _PICTURES
-    if name in pages:
-        source = Path(exhibits.__file__).parents[1] / "course" / f"{name}.py"
-        kept(folder, name, source, lambda: problem_record(pages[name], pictures))
-    else:
-        source = Path(exhibits.__file__)
-        kept(folder, name, source, lambda: exhibits.PARTS[name].make(pictures))
+
+    def run():
+        if name in pages:
+            return problem_record(pages[name], pictures)
+        return exhibits.PARTS[name].make(pictures)
+
+    kept(folder, name, _source(name), run)
+
+
+def _source(name: str) -> Path:
+    """The file of a problem, or that of the exhibits."""
+    here = Path(exhibits.__file__)
+    return here if name in exhibits.PARTS else here.parents[1] / "course" / f"{name}.py"

@@ -3,7 +3,8 @@
 Positions are shares of the box of their motion in 16 bits, finer than any screen; times and the
 change of the energy are doubles. Both are little-endian and written in base64, a fifth of the size
 of decimal numbers. The frames are states of the curve that `paths` finds, at evenly spaced times;
-there are as many as the size allows.
+there are as many as the size allows. Of a shape that moves as a rigid body only the first frame is
+kept, and the linear map and the shift that take it to each of the others.
 """
 
 import base64
@@ -24,7 +25,7 @@ from jaxdyn.files.output_files import replace, writable
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory, single
 
-VERSION = 1
+VERSION = 2
 _MOST_BYTES = 400_000  # of all positions of an export
 _FRAMES = 60, 900  # fewest and most of a motion
 _ENERGIES = 500  # samples of the energy
@@ -118,8 +119,13 @@ def _motion(name: str, motion: Trajectory | HybridTrajectory, drawn: Paths, most
     hi = np.where(hi > lo, hi, lo + 1.0)
     moving = [x for x in drawn.shapes if x.kind != "ground" and x.at.size]
     still = [_is_still(x.at, hi - lo) for x in moving]
-    several = [x.at[0].size for x, s in zip(moving, still, strict=True) if not s]
-    size = 2 * (drawn.xyz[0].size + sum(several))
+    carried = [None if s else _carried(x.at, hi - lo) for x, s in zip(moving, still, strict=True)]
+    frames = [
+        2 * x.at[0].size if c is None else 4 * c[0].size
+        for x, s, c in zip(moving, still, carried, strict=True)
+        if not s
+    ]
+    size = 2 * drawn.xyz[0].size + sum(frames)
     least, longest = _FRAMES
     count = min(len(drawn.ts), longest, max(least, most // size))
     kept = _forwards(in_time(drawn, count), drawn.ts)
@@ -136,9 +142,10 @@ def _motion(name: str, motion: Trajectory | HybridTrajectory, drawn: Paths, most
                 "kind": x.kind,
                 "lines": x.at.shape[1],
                 "corners": x.at.shape[2],
-                "at": _shares(x.at[:1] if s else x.at[kept], lo, hi),
+                "at": _shares(x.at[:1] if s or c is not None else x.at[kept], lo, hi),
+                "moved": "" if c is None else _text(c[kept], "<f4"),
             }
-            for x, s in zip(moving, still, strict=True)
+            for x, s, c in zip(moving, still, carried, strict=True)
         ],
         "grounds": [line.tolist() for line in grounds(drawn)],
         "stopped": drawn.stopped,
@@ -153,6 +160,21 @@ def _forwards(kept: np.ndarray, ts: np.ndarray) -> np.ndarray:
 
 def _is_still(at: np.ndarray, size: np.ndarray) -> bool:
     return bool((np.abs(at - at[:1]) <= _STILL * size.max()).all())
+
+
+def _carried(at: np.ndarray, size: np.ndarray) -> np.ndarray | None:
+    """(s, d + 1, d) linear maps and shifts that take the first frame to each; None if none do.
+
+    They are also None where they would take more bytes than the places themselves.
+    """
+    frames, d = at.reshape(len(at), -1, at.shape[-1]), at.shape[-1]
+    if 2 * (d + 1) * d > frames[0].size or not np.isfinite(frames).all():
+        return None
+    means = frames.mean(axis=1, keepdims=True)
+    maps = np.linalg.pinv(frames[0] - means[0]) @ (frames - means)
+    shifts = means - means[0] @ maps
+    missed = np.abs(frames[0] @ maps + shifts - frames).max()
+    return np.concatenate([maps, shifts], axis=1) if missed <= size.max() / _SHARES else None
 
 
 def _energy(motion: Trajectory | HybridTrajectory, unit: str) -> dict | None:

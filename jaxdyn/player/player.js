@@ -21,13 +21,29 @@
     return Float64Array.from(shares, (u, i) => lo[i % dim] + ((hi[i % dim] - lo[i % dim]) * u) / 65535);
   };
 
+  // (frames, places, dim) places that a linear map and a shift take from the first frame to each.
+  function carried(first, text, dim) {
+    const maps = new Float32Array(bytes(text)), size = dim * (dim + 1), n = first.length / dim;
+    const found = new Float64Array((maps.length / size) * first.length);
+    for (let f = 0, out = 0; f < maps.length; f += size)
+      for (let i = 0; i < n; i++)
+        for (let d = 0; d < dim; d++, out++) {
+          found[out] = maps[f + dim * dim + d];
+          for (let k = 0; k < dim; k++) found[out] += first[i * dim + k] * maps[f + k * dim + d];
+        }
+    return found;
+  }
+
   function decode(motion) {
     const unpack = (text) => places(text, motion.lo, motion.hi);
     return {
       ...motion,
       ts: doubles(motion.ts),
       paths: unpack(motion.paths),
-      shapes: motion.shapes.map((shape) => ({ ...shape, at: unpack(shape.at) })),
+      shapes: motion.shapes.map((shape) => {
+        const at = unpack(shape.at);
+        return { ...shape, at: shape.moved ? carried(at, shape.moved, motion.lo.length) : at };
+      }),
       energy: motion.energy && {
         ...motion.energy, ts: doubles(motion.energy.ts), change: doubles(motion.energy.change),
       },

@@ -55,6 +55,25 @@ def test_shapes_follow_the_motion_and_those_at_rest_are_stored_once(swing):
     assert places(one, by_kind["pin"]["at"], -1).shape[0] == 1
 
 
+def test_of_a_rigid_shape_only_the_first_frame_is_kept_and_how_it_moves():
+    motion = simulate(scenes.satellite(), 2.0, samples=40)
+    (one,) = player.export(motion)["motions"]
+    drawn = paths(motion)
+    at = np.searchsorted(drawn.ts, doubles(one["ts"]))
+    size = np.max(np.array(one["hi"]) - one["lo"])
+    moved = 0
+    shapes = [x for x in drawn.shapes if x.kind != "ground"]
+    for shape, x in zip(one["shapes"], shapes, strict=True):
+        if shape["moved"]:
+            first = places(one, shape["at"], -1)
+            maps = np.frombuffer(base64.b64decode(shape["moved"]), "<f4").reshape(len(at), 4, 3)
+            found = first.reshape(-1, 3) @ maps[:, :3] + maps[:, 3:]
+            wanted = x.at[at].reshape(len(at), -1, 3)
+            np.testing.assert_allclose(found, wanted, rtol=0, atol=3 * STEP * size)
+            moved += 1
+    assert moved > 0
+
+
 def test_the_change_of_the_energy_is_exact(swing):
     (one,) = player.export(swing)["motions"]
     found = change(swing.scene, swing.ts, swing.ys)
