@@ -194,9 +194,15 @@ class Kept:
 
 def kept_in(path: str | Path | Log | None, begin: Begin, codec: Codec) -> tuple[Any, Kept | None]:
     """The first member of a walk, and the rest of it in a file, if there is one."""
-    if path is None:
-        return begin.first, None
-    return (path if isinstance(path, Log) else Log(path)).kept(begin, codec)
+    log = opened(path)
+    return (begin.first, None) if log is None else log.kept(begin, codec)
+
+
+def opened(path: str | Path | Log | None) -> Log | None:
+    """The file of a path; None for none."""
+    if not isinstance(path, str | Path | Log | None):
+        raise fail("path", "the path of a file, or None", repr(path)[:40])
+    return Log(path) if isinstance(path, str | Path) else path
 
 
 def stored(path: str | Path, whats: Iterable[str]) -> tuple[list[Stored], list[dict]]:

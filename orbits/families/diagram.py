@@ -17,18 +17,21 @@ from jaxdyn.continuation.equilibria import continue_equilibria
 from jaxdyn.continuation.equilibria import switch_branch as other_rests
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.family import Kind as RestKind
-from jaxdyn.continuation.kept import Log
+from jaxdyn.continuation.kept import Log, opened
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.status import IntegrationError
 from orbits.families.continuation import continue_family, switch_branch
 from orbits.families.family import Family, Kind, Member
 from orbits.families.hopf import from_hopf
-from orbits.orbit import SearchError
+from orbits.orbit import Orbit, SearchError
 from orbits.shooting.segment import Make
 
 _SAME = 1e-6  # relative distance below which two special points are one
 _MET = 1e-4  # the same for branch points of orbits, by parameter and period
 _NEAR = 1e-2  # of the bounds: a family of orbits that ends so near a Hopf point ends there
+#: Of the amplitude, at which orbits from a Hopf point are sought: where fast and slow motions meet
+#: they are ellipses very near to it only.
+_SHARES = np.array([1.0, 0.1, 0.01])
 _SAMPLES = 200  # of an orbit, for the extremes of an entry
 #: Names in the file of a diagram.
 DOUBLINGS, FAILURE = "doublings", "failure"
@@ -133,7 +136,8 @@ def diagram(
       members: largest number of members of a family of equilibria.
       orbit_step: length of the first step along orbits; `step` by default.
       orbit_members: largest number of members of a family of orbits.
-      amplitude: distance from a special point at which a new family begins.
+      amplitude: distance from a special point at which a new family begins; from a Hopf point, if
+        there is no orbit, a tenth or a hundredth of it.
       report: called with each family and failure as it is found.
       path: file (.jsonl) that keeps each member as it is found; the same call goes on from it
         where it was interrupted. See `orbits.families.load`.
@@ -154,7 +158,7 @@ def diagram(
       (2, [5])
     """
     depth = whole("depth", depth, least=0)
-    log = Log(path) if isinstance(path, str | Path) else path
+    log = opened(path)
     options = {"step": step, "members": members, "within": within, "path": log}
     rests, failures = [], []
     _progress.doing("following equilibria")
@@ -225,10 +229,16 @@ class _Orbits:
         self.seen.append(point.x)
         _progress.doing(f"following orbits from {point.parameter:.6g}")
 
-        def begin():
-            return from_hopf(rests, point, amplitude=self.amplitude)
+        self._follow(point, lambda: self._smallest(rests, point), 0, depth)
 
-        self._follow(point, begin, 0, depth)
+    def _smallest(self, rests: EquilibriumFamily, point: Equilibrium) -> tuple[Orbit, float]:
+        """An orbit that begins at a Hopf point, at a smaller amplitude where it must be."""
+        for amplitude in self.amplitude * _SHARES[:-1]:
+            try:
+                return from_hopf(rests, point, amplitude=amplitude)
+            except SearchError:
+                continue
+        return from_hopf(rests, point, amplitude=self.amplitude * _SHARES[-1])
 
     def _reached(self, point: Equilibrium) -> bool:
         """Whether a family of orbits has ended at this Hopf point."""

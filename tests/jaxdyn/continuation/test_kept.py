@@ -131,6 +131,8 @@ def test_another_file_is_refused_and_left_alone(tmp_path):
         assert path.read_bytes() == content
     with pytest.raises(ValueError, match="path: expected a file in a folder that exists"):
         family(tmp_path / "nowhere" / "run.jsonl")
+    with pytest.raises(ValueError, match="path: expected the path of a file, or None, got 3"):
+        family(3)
     empty = tmp_path / "empty.jsonl"
     Log(empty)
     with pytest.raises(

@@ -55,7 +55,7 @@ def test_equilibria_and_the_orbits_that_begin_there(cycles, tmp_path):
 @pytest.mark.slow
 def test_a_failure_is_kept_beside_what_was_found():
     found = orbits.diagram(
-        _van_der_pol, -0.5, [0.0, 0.0], within=(-1, 1), orbit_members=6, amplitude=1e3
+        _van_der_pol, -0.5, [0.0, 0.0], within=(-1, 1), orbit_members=6, amplitude=1e6
     )
     (failure,) = found.failures
     assert failure.point.kind == "Hopf point"
@@ -64,6 +64,29 @@ def test_a_failure_is_kept_beside_what_was_found():
     assert len(found.rests) == 2
     assert "not followed" in repr(found)
     assert "Not followed: Hopf point" in repr(failure)
+
+
+@pytest.mark.slow
+def test_orbits_of_fast_and_slow_motions_begin_very_near_to_their_hopf_point():
+    """Hindmarsh and Rose (1984), Proc. R. Soc. Lond. B 221, 87: a model of a neuron."""
+
+    def neuron(t, y, current):
+        x, u, z = y
+        return [u - x**3 + 3 * x * x - z + current, 1 - 5 * x * x - u, 0.006 * (4 * (x + 1.6) - z)]
+
+    def make(current):
+        return jaxdyn.ode(neuron, [-0.1, 1.0, 6.0], 40.0, params=current)
+
+    start = [-0.04, 1.0, 6.2]
+    found = orbits.diagram(make, 5.3, start, within=(5.2, 5.6), depth=0, orbit_members=2)
+    assert found.failures == ()
+    (family,) = found.orbits
+    (hopf,) = (x for rests in found.rests for x in rests.special)
+    assert hopf.criticality == "supercritical"
+    period = 2 * np.pi / hopf.frequency
+    assert abs(family.members[0].orbit.period / period - 1) < 1e-6
+    with pytest.raises(orbits.SearchError):
+        orbits.from_hopf(found.rests[0], hopf, amplitude=1e-2)
 
 
 def test_the_depth_is_a_whole_number():

@@ -71,7 +71,7 @@ def test_an_interrupted_diagram_goes_on_to_the_same_result(tmp_path, monkeypatch
 @pytest.mark.slow
 def test_failures_are_kept_and_other_scenes_refused(tmp_path):
     path = tmp_path / "diagram.jsonl"
-    found = follow(path, amplitude=1e3)
+    found = follow(path, amplitude=1e6)
     assert len(found.failures) == 1
     assert_same(orbits.families.load(path, van_der_pol), found)
     with pytest.raises(ValueError, match="make: expected the scenes of the file"):
