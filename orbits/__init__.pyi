@@ -64,6 +64,8 @@ from .families.diagram import Diagram as Diagram
 from .families.diagram import diagram as diagram
 from .families.family import Family as Family
 from .families.family import Kind as Kind
+from .families.graph import Graph as Graph
+from .families.graph import graph as graph
 from .families.hopf import from_hopf as from_hopf
 from .files.orbit_files import load as load
 from .files.orbit_files import save as save

@@ -97,6 +97,7 @@ UPWARDS = {
     ("orbits/analysis/stability.py", "orbits.drawing.unit_circle"),
     ("orbits/tori/record.py", "orbits.drawing.tori"),
     ("orbits/families/diagram.py", "orbits.drawing.diagrams"),
+    ("orbits/families/graph.py", "orbits.drawing.graphs"),
     ("orbits/curves/curve.py", "jaxdyn.drawing.bifurcations"),
 }
 

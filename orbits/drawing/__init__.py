@@ -1,10 +1,10 @@
 """Pictures of periodic orbits, of families of them, of throws and of closed loops.
 
-`periodic` draws orbits, `families` families, `diagrams` bifurcation diagrams, `throwing` throws,
-`about_centres` closed loops, `manifolds` stable and unstable manifolds, `sections` surfaces of
-section, `tori` invariant tori, `unit_circle` multipliers; all use the parts of `jaxdyn.drawing` and
-follow its rules. Only the command line and what notebooks show import this folder, since Matplotlib
-is slow to load.
+`periodic` draws orbits, `families` families, `diagrams` bifurcation diagrams, `graphs` which
+families meet, `throwing` throws, `about_centres` closed loops, `manifolds` stable and unstable
+manifolds, `sections` surfaces of section, `tori` invariant tori, `unit_circle` multipliers; all use
+the parts of `jaxdyn.drawing` and follow its rules. Only the command line and what notebooks show
+import this folder, since Matplotlib is slow to load.
 
 May import: `files`, `manifolds`, `sections`, `targets`, `tori`.
 
@@ -14,6 +14,7 @@ One more picture is one more file with one function, and one line below.
 from orbits.drawing.about_centres import loops, rosette
 from orbits.drawing.diagrams import diagram
 from orbits.drawing.families import family
+from orbits.drawing.graphs import graph
 from orbits.drawing.manifolds import manifold
 from orbits.drawing.periodic import orbits
 from orbits.drawing.sections import section
@@ -24,6 +25,7 @@ from orbits.drawing.unit_circle import multipliers
 __all__ = [
     "diagram",
     "family",
+    "graph",
     "loops",
     "manifold",
     "multipliers",

@@ -1,0 +1,103 @@
+"""A picture of a graph of families: each a line, joined at the places where they meet."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, stretches
+from jaxdyn.drawing.figures import INK, blank, finished, legend_below, named, shades, style
+from jaxdyn.files.image_files import picture_path
+from orbits.drawing.families import MARKS
+from orbits.families.graph import Graph, Place
+
+_KINDS = {str(kind): marker for kind, marker in (*MARKS.items(), *RESTS.items())}
+_THIN, _WIDER = 1.4, 3.0  # line widths
+
+
+def graph(
+    found: Graph, path=None, *, parameter: str = "parameter", title: str | None = None
+) -> Figure:
+    """A picture of families over their parameter or energy, and of the places where they meet.
+
+    Each family is a line of its own colour and number, of the periods of its orbits: solid where
+    they are stable, dashed where unstable, else dotted. A dotted vertical line joins a period
+    doubling to the family whose orbits trace its own twice.
+
+    Args:
+      found: from `orbits.graph`.
+      path: file to write, .png, .pdf or .svg.
+      parameter: name of the parameter, where the families have one.
+      title: its title.
+    Raises:
+      ValueError: `path` cannot be written.
+    """
+    path = picture_path(path)
+    over_energy = found.families[0].equations.make is None
+    along = "energy" if over_energy else parameter
+
+    def across(point: Any) -> float:
+        return point.energy if over_energy else point.parameter
+
+    figure = blank(6.8, 5.0)
+    ax: Any = figure.add_subplot()
+    colours = shades(len(found.families))
+    for i, (family, colour) in enumerate(zip(found.families, colours, strict=True)):
+        for verdict, points, _ in stretches(
+            family.members,
+            family.special,
+            lambda x: x.stability.verdict,
+            lambda x: np.asarray(x.point.x),
+        ):
+            line = np.array([(across(x), x.orbit.period) for x in points])
+            # Thinner and thinner, so that families of the same periods are all seen.
+            width = _THIN + _WIDER * (1 - i / len(colours))
+            ax.plot(*line.T, color=colour, lw=width, ls=STRETCHES[verdict], label="_")
+        middle = family.members[int(len(family.members) * (i + 1) / (len(colours) + 1))]
+        ax.annotate(
+            str(i + 1),
+            (across(middle), middle.orbit.period),
+            textcoords="offset points",
+            xytext=(0, 6),
+            ha="center",
+            color=colour,
+            fontsize=9,
+            fontweight="bold",
+        )
+    for place in found.places:
+        _mark(ax, place, across(place))
+        for i, times in zip(place.families, place.times, strict=True):
+            there = np.array([across(place), times * place.period])
+            ends = [found.families[i].members[n] for n in (0, -1)]
+            lines = [np.array([there, (across(x), x.orbit.period)]) for x in ends]
+            shortest = min(lines, key=lambda line: np.linalg.norm(line[1] - line[0]))
+            if not any(x.kind == place.kind for x in found.families[i].special):
+                ax.plot(*shortest.T, color=colours[i], lw=1.8, ls=":", label="_")
+    ax.set(xlabel=along, ylabel="period", title=title or "")
+    style(ax)
+    kinds = named(ax)
+    verdicts = [
+        Line2D([], [], color=INK, ls=STRETCHES[name], label=name) for name in ("stable", "unstable")
+    ]
+    legend_below(figure, [*verdicts, *kinds])
+    return finished(figure, path)
+
+
+def _mark(ax: Any, place: Place, x: float) -> None:
+    """A place, and a dotted line to the families that trace its orbit twice."""
+    if 2 in place.times:
+        periods = (place.period, 2 * place.period)
+        ax.plot([x, x], periods, ls=":", lw=1.0, color=INK, zorder=2, label="_")
+    ax.plot(
+        [x],
+        [place.period],
+        _KINDS[place.kind],
+        ms=7,
+        color="white",
+        mec=INK,
+        mew=1.4,
+        ls="",
+        zorder=4,
+        label=place.kind,
+    )

@@ -1,0 +1,283 @@
+"""The graph of families: at which special points they meet.
+
+A place is a special point that belongs to several families: a branch point, a period doubling,
+where the orbits of one family are those of the other traced twice, an equilibrium to which orbits
+shrink. A family reaches a place if one of its own special points is the same orbit, or if it ends
+beside it, as those that `switch_branch` and `from_hopf` begin: then orbits of it are found ever
+nearer to the place, each at half the distance of the one before.
+"""
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import _progress, _text
+from jaxdyn._checks import fail
+from jaxdyn._text import counted
+from jaxdyn.analysis.energy import energy
+from jaxdyn.continuation.family import EquilibriumFamily
+from jaxdyn.continuation.family import Kind as RestKind
+from orbits.closing.closings import PLAIN
+from orbits.families.diagram import Diagram
+from orbits.families.family import Family, Kind, Member
+from orbits.families.surface import Surface
+from orbits.motion import solved
+from orbits.orbit import Orbit
+from orbits.shooting.deflation import distance, known
+from orbits.shooting.effort import GOAL
+from orbits.shooting.equations import Equations
+
+#: Distance, relative to their size, of two special points that are one: each is known to the root
+#: of rounding only, and in between of samples.
+_SAME = 1e-3
+_NEAR = 0.1  # relative: of the periods of a place and of the end of a family that begins there
+_AHEAD = 0.7  # cosine, at least, of the angle between a family and the way to such a place
+_HALVINGS = 4
+#: Of half of the distance, between the orbit expected there and the one found: a family has bent.
+_BENT = 0.5
+_RESTS = (str(Kind.REST), str(RestKind.HOPF))
+_SAMPLES = 256  # of an orbit, for the phase at which it is nearest to another
+
+
+@dataclasses.dataclass(frozen=True)
+class Place:
+    """A special point at which families meet.
+
+    Attributes:
+      kind: kind of special point.
+      orbit: its orbit; an equilibrium with the period of small oscillations about it.
+      parameter: its value of the families' parameter; NaN without one.
+      energy: of the scene there; NaN without one.
+      families: numbers of the families that meet, from 0.
+      times: of each, how often its orbits trace that of the place: 1, or 2 at a doubling.
+      rests: numbers of the families of equilibria that it belongs to.
+    """
+
+    kind: str
+    orbit: Orbit
+    parameter: float
+    energy: float
+    families: tuple[int, ...]
+    times: tuple[int, ...]
+    rests: tuple[int, ...] = ()
+
+    @property
+    def period(self) -> float:
+        """Its period [time of the scene]."""
+        return self.orbit.period
+
+
+@dataclasses.dataclass(frozen=True)
+class Graph:
+    """Families, and the places at which they meet.
+
+    Attributes:
+      families: families of orbits.
+      rests: families of equilibria.
+      places: where at least two of them meet.
+    """
+
+    families: tuple[Family, ...]
+    rests: tuple[EquilibriumFamily, ...]
+    places: tuple[Place, ...]
+
+    @property
+    def components(self) -> list[tuple[int, ...]]:
+        """The numbers of the families of orbits that are joined, the largest component first."""
+        groups = [{i} for i in range(len(self.families))]
+        for place in self.places:
+            met = [group for group in groups if group & set(place.families)]
+            groups = [group for group in groups if group not in met]
+            groups += [set().union(*met)] if met else []
+        return sorted((tuple(sorted(group)) for group in groups), key=lambda g: (-len(g), g))
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        rows = []
+        for place in self.places:
+            met = [
+                f"{i + 1}{' (twice)' if times == 2 else ''}"
+                for i, times in zip(place.families, place.times, strict=True)
+            ]
+            met += [f"equilibria {i + 1}" for i in place.rests]
+            rows.append((place.kind, f"families {', '.join(met)} at {_where(place)}"))
+        joined = "; ".join(", ".join(str(i + 1) for i in group) for group in self.components)
+        families = counted(len(self.families), "family", "families")
+        return _text.table(f"Graph of {families} of orbits", [("joined", joined), *rows])
+
+    @_text.pictured
+    def _repr_html_(self):
+        from orbits.drawing import graphs
+
+        return graphs.graph(self, title="")
+
+
+def graph(families: Sequence[Family] | Diagram) -> Graph:
+    """The graph of families that meet at special points.
+
+    Args:
+      families: families of one scene, or of one parameter of it; or what `diagram` returned.
+    Returns:
+      The families with the places at which two or more meet.
+    Raises:
+      ValueError: there is no family, or they differ in whether they have a parameter.
+    Limits: host only. A family joins a place at which it has a special point itself or near which
+      it ends; one that passes without any is not seen.
+    Example:
+      >>> import jaxdyn, orbits
+      >>> def make(mu):
+      ...     return jaxdyn.ode(
+      ...         lambda t, y, mu: [y[1], mu * y[1] - y[0] ** 2 * y[1] - y[0]],
+      ...         [0.0, 0.0], 10.0, params=mu)
+      >>> found = orbits.diagram(make, -0.5, [0.0, 0.0], within=(-1, 1), orbit_members=4)
+      >>> place, = orbits.graph(found).places
+      >>> str(place.kind), place.families, place.rests
+      ('Hopf point', (0,), (0,))
+    """
+    several = families.orbits if isinstance(families, Diagram) else tuple(families)
+    rests = families.rests if isinstance(families, Diagram) else ()
+    if not several:
+        raise fail("families", "at least one family of orbits", "none")
+    if len({family.equations.make is None for family in several}) > 1:
+        raise fail("families", "all with a parameter, or all without", "some of both")
+    places: list[Place] = []
+    for place in _places(several, rests):
+        _progress.doing(f"which families meet at the {place.kind} at {_where(place)}", len(places))
+        if not any(_same(place, other) for other in places):
+            places.append(_met(place, several))
+    kept = tuple(place for place in places if len(place.families) + len(place.rests) > 1)
+    return Graph(families=several, rests=tuple(rests), places=kept)
+
+
+def _places(families: Sequence[Family], rests: Sequence[EquilibriumFamily]) -> list[Place]:
+    """The special points at which families may meet; one may be there several times."""
+    found = []
+    for i, family in enumerate(rests):
+        for point in family.special:
+            if point.kind == RestKind.HOPF:
+                scene = family.make(point.parameter)
+                scene = scene.starting(point.state, 2 * math.pi / point.frequency)
+                like = families[0].members[0].orbit
+                at = dataclasses.replace(like, scene=scene, s_period=None, mesh=None)
+                total = float(energy(scene, 0.0, scene.y0)) if scene.has_energy else math.nan
+                place = Place(
+                    kind=str(point.kind),
+                    orbit=at,
+                    parameter=point.parameter,
+                    energy=total,
+                    families=(),
+                    times=(),
+                    rests=(i,),
+                )
+                found.append(place)
+    kinds = (Kind.BRANCH, Kind.DOUBLING, Kind.REST)
+    for kind, family in itertools.product(kinds, families):
+        for member in family.special:
+            if member.kind == kind:
+                found.append(_place(member))
+    return found
+
+
+def _place(member: Member) -> Place:
+    return Place(
+        kind=str(member.kind),
+        orbit=member.orbit,
+        parameter=member.parameter,
+        energy=member.energy,
+        families=(),
+        times=(),
+    )
+
+
+def _met(place: Place, families: Sequence[Family]) -> Place:
+    """The place with all families that reach it."""
+    met = [(i, times) for i, family in enumerate(families) if (times := _reached(place, family))]
+    numbers, times = zip(*met, strict=True) if met else ((), ())
+    return dataclasses.replace(place, families=numbers, times=times)
+
+
+def _reached(place: Place, family: Family) -> int:
+    """How often orbits of a family trace that of a place at which they arrive; 0 if they do not."""
+    if any(_same(place, _place(member)) for member in family.special):
+        return 1
+    members = family.members
+    if len(members) == 1:
+        return 0
+    ends = [
+        (one, float(np.linalg.norm(one.point.x - two.point.x)))
+        for one, two in (members[:2], members[:-3:-1])
+    ]
+    for times in (1, 2) if place.kind == Kind.DOUBLING else (1,):
+        if any(_leads(family, end, step, place, times) for end, step in ends):
+            return times
+    return 0
+
+
+def _same(one: Place, two: Place) -> bool:
+    """Whether two special points are the same orbit, at the same parameter."""
+    if abs(one.parameter - two.parameter) > _SAME * (1.0 + abs(one.parameter)):
+        return False
+    if abs(one.period - two.period) > _SAME * one.period:
+        return False
+    resting = [place.kind in _RESTS for place in (one, two)]
+    if any(resting):  # without a size to compare with
+        a, b = (np.asarray(place.orbit.y0) for place in (one, two))
+        return all(resting) and bool(np.linalg.norm(a - b) <= _SAME * (1.0 + np.linalg.norm(a)))
+    return _apart(one.orbit, two.orbit) <= _SAME
+
+
+def _apart(one: Orbit, two: Orbit) -> float:
+    equations = Equations(scene=one.scene, closing=PLAIN)
+    return distance(equations, np.append(np.asarray(one.y0), one.period), known([two], one.scene))
+
+
+def _leads(family: Family, end: Member, step: float, place: Place, times: int) -> bool:
+    """Whether the family goes on from an end to the place, which its orbits trace a few times."""
+    period = times * place.period
+    if abs(end.orbit.period - period) > _NEAR * period:
+        return False
+    equations = family.equations
+    there = _unknowns(equations, end, place, period)
+    surface, x = Surface(equations, end.orbit.rtol, GOAL), end.point.x
+    # Within a step ahead of the end, but for directions that leave an orbit the same.
+    neutral = surface.neutral(x, end.point.jacobian)
+    off = there - x - neutral @ (neutral.T @ (there - x))
+    length = float(np.linalg.norm(off))
+    if length > step or abs(end.tangent @ off) < _AHEAD * length:
+        return False
+    for _ in range(_HALVINGS):
+        off = x - there
+        length = float(np.linalg.norm(off))
+        middle = there + 0.5 * off
+        found = surface.nearest(middle, across=off / length)
+        if found is None or np.linalg.norm(found.x - middle) > _BENT * 0.5 * length:
+            return False
+        x = found.x
+    return True
+
+
+def _unknowns(equations: Equations, end: Member, place: Place, period: float) -> np.ndarray:
+    """The place as a solution of a family's equations, in the phase of a member near it."""
+    orbit, y0 = place.orbit, np.asarray(place.orbit.y0)
+    plain = equations.closing == PLAIN and not equations.driven
+    if plain and place.kind not in _RESTS:
+        ts = np.linspace(0.0, orbit.period, _SAMPLES, endpoint=False)
+        ys = np.asarray(solved(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol).ys)
+        start = jnp.asarray(end.orbit.y0)
+        off = jax.vmap(orbit.scene.system.difference, (0, None))(jnp.asarray(ys), start)
+        shift = ts[np.argmin(np.linalg.norm(off, axis=1))]
+        y0 = np.asarray(solved(orbit.scene, shift, rtol=orbit.rtol).y1) if shift else y0
+    value = 0.0 if math.isnan(place.parameter) else place.parameter
+    return equations.spread(y0, period, orbit.rtol, angle=orbit.angle, parameter=value)
+
+
+def _where(place: Place) -> str:
+    """The place on its families: its parameter, or its energy, or its period."""
+    numbers = {"parameter": place.parameter, "energy": place.energy, "period": place.period}
+    name, x = next((name, x) for name, x in numbers.items() if not math.isnan(x))
+    return f"{name} {_text.brief(x)}"
