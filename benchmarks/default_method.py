@@ -65,7 +65,8 @@ def curves(
     problem = problem._replace(y0s=y0s)
     ways = {solver.name: compiled(problem, tolerances, solver) for solver in fitting(problem)}
     default = default_solver(scene).name
-    methods = {f"default, {default}": ways.pop(default)} | ways
+    ways.pop(default)
+    methods = {f"default, {default}": compiled(problem, tolerances)} | ways
     bars = {method: (_TO_BEST,) * len(ERRORS) for method in ways}
     if _peers.importable("heyoka"):
         truth = _peers.heyoka_precise(problem)
