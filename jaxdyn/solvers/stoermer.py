@@ -189,8 +189,8 @@ def _extrapolated(
         for part in (moved, pulls)
     )
     ratio = fastest(h * h * (forces[0] - forces[1]), there[0] - there[1], h * h * forces[0])
-    moved = h * h * _steepness(forces, there) * y[: len(y) // 2]
-    rounding = _ROUNDINGS * jnp.finfo(y.dtype).eps * jnp.abs(jnp.concatenate([moved, moved / h]))
+    off = h * h * _steepness(forces, there) * y[: len(y) // 2]
+    rounding = _ROUNDINGS * jnp.finfo(y.dtype).eps * jnp.abs(jnp.concatenate([off, off / h]))
     small = jnp.clip(error, -rounding, rounding)
     error = (error - small) + _ROUNDING_WEIGHT * small
     return Advance(increment, error, speed=jnp.sqrt(ratio))
