@@ -74,28 +74,30 @@ def ours(problem: Problem, tolerances: Sequence[float]) -> dict[str, Method]:
     runs = {solver: compiled(problem, tolerances, solver) for solver in fit_solvers(problem.scene)}
     pairs = [(solver, tol) for solver in runs for tol in tolerances]
     best = Method(lambda pair: runs[pair[0]].build(pair[1]), pairs)
-    return {"jaxdyn": best, DEFAULT: runs[default_solver(problem.scene)]}
+    return {"jaxdyn": best, DEFAULT: compiled(problem, tolerances)}
 
 
 def compiled(problem: Problem, tolerances: Sequence[float], solver=None) -> Method:
     """One of ours, compiled into a user's program, with the numbers of the scene as constants.
 
-    The others get formulas with these numbers too.
+    The others get formulas with these numbers too. Without a solver it is the default for each
+    tolerance.
     """
     scene, y0s = problem.scene, problem.y0s
 
-    @jax.jit
-    def ends(y0s, tol):
+    @functools.partial(jax.jit, static_argnames="method")
+    def ends(y0s, tol, method):
         def end(y0):
             start = scene.starting(y0)
-            return solve(start, scene.t1, rtol=tol, solver=solver, fixed=True).y1
+            return solve(start, scene.t1, rtol=tol, solver=method, fixed=True).y1
 
         return _peers.one_by_one(end, y0s)
 
     def build(tol):
         # The others know the tolerance at build time, too.
         known = jnp.asarray(tol)
-        return lambda: np.asarray(ends(y0s, known))
+        method = default_solver(scene, rtol=tol) if solver is None else solver
+        return lambda: np.asarray(ends(y0s, known, method=method))
 
     return Method(build, tolerances)
 

@@ -2,7 +2,8 @@
 
 Four independent ways, each giving an `Estimate` with its basis:
 
-- `estimate`: the same solver at a thousandth of the tolerance. The default: cheap and sharp.
+- `estimate`: the same solver at a thousandth of the tolerance, or the default for the finest
+  ones. The default: cheap and sharp.
 - `by_second_method`: another solver at a thousandth of the tolerance. It would also detect a
   fault of the first one.
 - `by_tangents`: the error made in each piece of the span, propagated to its end by the tangent
@@ -67,13 +68,17 @@ def estimate(
       >>> bool(loose.error.max() / 5 < abs(end - np.cos(10.0)) < 5 * loose.error.max())
       True
     """
-    name = chosen_method(scene, solver).name
-    options = SolverOptions(rtol=rtol, solver=solver)
+    method = chosen_method(scene, solver, rtol=rtol)
+    options = SolverOptions(rtol=rtol, solver=method)
     run, ts = _runner(scene, t1, t0, samples, options, dt=dt)
     if dt is not None:
-        return error_estimate.halved(run, scene, ts, dt, name)
-    names = ("tolerance ladder", name, name)
-    return error_estimate.measured(run, scene, ts, np.array([rtol, rtol]), names)[1]
+        return error_estimate.halved(run, scene, ts, dt, method.name)
+    finer = chosen_method(scene, solver, rtol=error_estimate.FINEST)
+    by = run
+    if finer is not method:
+        by, _ = _runner(scene, t1, t0, samples, options._replace(solver=finer))
+    names = ("tolerance ladder", method.name, finer.name)
+    return error_estimate.measured(run, scene, ts, np.array([rtol, rtol]), names, by=by)[1]
 
 
 def by_second_method(
@@ -99,7 +104,7 @@ def by_second_method(
     Raises:
       ValueError: `second` is the same as `solver`, or see `simulate`.
     """
-    first = chosen_method(scene, solver)
+    first = chosen_method(scene, solver, rtol=rtol)
     if second is None:
         second = _SECOND_METHODS.get(first, VERNER9)
     second = chosen_method(scene, second)
@@ -140,12 +145,13 @@ def by_tangents(
       oscillation is a factor of 10 and more. First order only: where errors are not small,
       neither are the neglected terms.
     """
-    run, ts = _runner(scene, t1, t0, samples, SolverOptions(rtol=rtol, solver=solver))
+    first = chosen_method(scene, solver, rtol=rtol)
+    run, ts = _runner(scene, t1, t0, samples, SolverOptions(rtol=rtol, solver=first))
     ys = np.asarray(run(scene, np.array([rtol, rtol])).ys)
     starts_at = np.concatenate([[float(t0)], np.asarray(ts)[:-1]])
     starts = np.concatenate([np.asarray(scene.y0)[None], ys[:-1]])
     fine = max(rtol * error_estimate.RATIO, error_estimate.FINEST)
-    method = chosen_method(scene, solver)
+    method = chosen_method(scene, solver, rtol=fine)
     ends, tangents = _pieces(scene, starts_at, starts, ts, np.asarray(fine), solver=method)
     local = gaps(scene, ys, np.asarray(ends))
     carried = np.zeros((ys.shape[1], 0))
@@ -161,7 +167,7 @@ def by_tangents(
         scale=scales(scene, ys),
         fineness=np.array([rtol, fine]),
         kind="local errors and the tangent map",
-        solver=method.name,
+        solver=first.name,
         other=method.name,
     )
 

@@ -56,9 +56,9 @@ def simulate(
       atol: absolute tolerance of one step, in the units of the state; rtol by default.
       solver: one of `jaxdyn.solvers`, or an explicit Runge-Kutta solver of diffrax, such as
         ``diffrax.Tsit5()``; by default a Taylor series where the rate is a short formula, else the
-        Nystrom pair of order 12 where no force depends on velocity, and the best Runge-Kutta
-        pair; see `solvers.default_solver`. "auto" takes the default and, if the scene turns out
-        to be stiff, restarts with an implicit method.
+        extrapolated leapfrog or the Nystrom pair of order 12 where no force depends on velocity,
+        and the best Runge-Kutta pair; see `solvers.default_solver`. "auto" takes the default and,
+        if the scene turns out to be stiff, restarts with an implicit method.
       dt: longest step [s] of a solver of fixed step, which does not use rtol and atol; the
         span is divided into equal steps.
       digits: correct digits requested at all samples, instead of rtol and atol: the tolerance
@@ -97,7 +97,10 @@ def simulate(
         if dt is not None or atol is not None or rtol != RTOL:
             remedy = "The tolerances are found from digits."
             raise _checks.fail("digits", "no rtol, atol or dt with it", "one", remedy)
-        name = solver if isinstance(solver, str) else chosen_method(scene, solver).name
+        if not isinstance(solver, str):
+            # One for all tolerances that are tried.
+            solver = chosen_method(scene, solver, rtol=error_estimate.FINEST)
+        name = solver if isinstance(solver, str) else solver.name
         result, error = error_estimate.reached(run, scene, ts, digits, name, throw)
     if throw:
         raise_unless_ok(result.status, scene)
@@ -163,11 +166,12 @@ def solve(
       with variational equations in 60 digits.)
     """
     auto = isinstance(solver, str) and _checks.choice("solver", solver, ("auto",)) == "auto"
-    settings = Settings(checked_method(scene, None if auto else solver, dt))
+    held_to = limits(SolverOptions(rtol=rtol, atol=atol, max_steps=max_steps), dt)
+    wanted = held_to.tolerance[0]
+    settings = Settings(checked_method(scene, None if auto else solver, dt, rtol=wanted))
     y0, n = as_float(scene.y0), len(ts)
     field = FixedField(scene.field) if fixed else scene.field
     field = field if noise is None else RoundedField(field, noise)
-    held_to = limits(SolverOptions(rtol=rtol, atol=atol, max_steps=max_steps), dt)
     traced = _checks.is_traced((field, y0, t0, t1, ts, held_to))
     if traced:
         t0, t1, ts = (host_floats(x) for x in (t0, t1, ts))

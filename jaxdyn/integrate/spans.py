@@ -21,9 +21,9 @@ from jaxdyn import _checks
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.scene import Scene, checked_scene
 from jaxdyn.solvers import Solver
+from jaxdyn.solvers.choice import RTOL as RTOL
 
-#: Default of the relative tolerance of a step, and of their number.
-RTOL = 1e-10
+#: Default of the number of steps.
 MAX_STEPS = 1_000_000
 _RTOL_FLOOR, _RTOL_CEILING = 1e-16, 1e-2
 _MAX_BYTES = 2**32  # of all samples

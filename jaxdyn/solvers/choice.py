@@ -7,17 +7,26 @@ from jaxdyn.scene import Scene
 from jaxdyn.solvers.exchange import from_diffrax
 from jaxdyn.solvers.method import Method
 from jaxdyn.solvers.pairs import NYSTROM12, VERNER9
+from jaxdyn.solvers.stoermer import STOERMER14
 from jaxdyn.solvers.taylor.method import TAYLOR12, TAYLOR14, TAYLOR20, Taylor, series_of
 
 #: Type of the argument ``solver``.
 Solver = Method | diffrax.AbstractSolver
 
+#: Default of the relative tolerance of a step.
+RTOL = 1e-10
 #: Operations of a rate up to which its formulas are sought, which takes a tenth of a second.
 _LONGEST = 1000
 #: Products at each order of a Taylor series up to which an order runs fastest.
 _ORDERS = {4: TAYLOR20, 16: TAYLOR14, 24: TAYLOR12}
 #: The same for velocity-independent forces: derivatives are by the Nystrom pair.
 _ORDERS_BY_PLACES = {n: Taylor(each.order, tangents=NYSTROM12) for n, each in _ORDERS.items()}
+
+#: Tolerances from which on the extrapolated leapfrog may be taken: rounding limits it below.
+_FINEST_EXTRAPOLATED = 1e-12
+#: Numbers of a state for which it is faster than the Nystrom pair: 4 points in the plane to 12 in
+#: space.
+_EXTRAPOLATED_NUMBERS = range(16, 73)
 
 
 def method_of(solver: Solver) -> Method:
@@ -36,14 +45,15 @@ def method_of(solver: Solver) -> Method:
     )
 
 
-def default_solver(scene: Scene, *, several: bool = False) -> Method:
+def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     """The method that a scene is solved with if none is asked for.
 
     A `Taylor` series, if the rate has one wherever it is finite, of at most 15 numbers and 24
     products an order; where no force depends on velocity, only without quotients and roots. The
     more products, the lower the order that runs and compiles fastest: `TAYLOR20` up to 4,
     `TAYLOR14` up to 16, `TAYLOR12` up to 24. All others take a pair: `NYSTROM12` where no force
-    depends on velocity, else `VERNER9`.
+    depends on velocity, else `VERNER9`. Instead of `NYSTROM12` the extrapolated leapfrog,
+    `STOERMER14`, for states of 16 to 72 numbers and tolerances down to 1e-12.
 
     At true errors of 1e-6, 1e-9 and 1e-12 the series take, of the time of the pair: 0.76, 0.57,
     0.34 (Lorenz), 0.48, 0.31, 0.15 (Duffing), 0.64, 0.48, 0.45 (Henon and Heiles), 0.34, 0.29, 0.29
@@ -51,35 +61,51 @@ def default_solver(scene: Scene, *, several: bool = False) -> Method:
     in space), 0.80, 0.61, 0.46 (magnetic bottle), 0.40, 0.35, 0.27 (double pendulum), 0.28, 0.23,
     0.17 (rigid body). That is within 1.15 of the fastest method, but 1.2 for the restricted bodies
     and the bottle at 1e-12. They compile in 0.7 to 1.4 of the time of the pair, a rigid body in
-    1.6. At the same tolerance their errors are no larger in nine of ten runs. ``python -m
-    benchmarks default`` has all figures.
+    1.6. At the same tolerance their errors are no larger in nine of ten runs.
 
-    What is not taken, though it is faster: `STOERMER14` needs 0.6 to 0.75 of the time of
-    `NYSTROM12` for several bodies (Pleiades, outer planets; three bodies 0.8, Kepler's orbit with
-    e = 0.9 0.7 to 0.8), but at the same tolerance its errors are some ten times larger, 800 times
-    for Kepler's orbit at 1e-12, and no tolerance gives less than 1e-13 where the pair gets to
-    1e-15: its extrapolation amplifies rounding. With quotients, series of second-order equations
-    gain less than that, and lose digits in close encounters.
+    The leapfrog takes, of the time of `NYSTROM12`: 0.61, 0.47, 0.51 (Pleiades), 0.73, 0.55, 0.58
+    (outer planets), 1.09, 0.83, 0.78 (a sheet of springs). At the same tolerance its errors are no
+    larger in nine of ten runs. Rounding, which its extrapolation amplifies, lets it get no further
+    than 1e-14 where the pair gets to 1e-15, and to a few times the errors of the pair in close
+    encounters; so finer tolerances than 1e-12 take the pair, as does a tolerance that is only
+    known at run time, and a request for digits. For two and three bodies it takes as long as the
+    pair (1.02, 1.01, 0.97 for the eight), and for more than 12, which the pair vectorises, 1.3
+    times as long. With columns of 1 to 7 substeps it would take 0.85 to 0.9 of its time, and be
+    four times as sensitive to rounding.
 
-    The tolerance has no part in it, since one method for all tolerances is one program. For
-    derivatives, events and ensembles, which cross several steps side by side, it is the pair.
+    With quotients, series of second-order equations gain less than that, and lose digits in close
+    encounters. For derivatives, events and ensembles, which cross several steps side by side, it
+    is the pair. ``python -m benchmarks default`` has all figures.
 
     Args:
       scene: any.
+      rtol: () relative tolerance; if traced, a method for all tolerances.
       several: whether the method has to cross several steps side by side, as ensembles and the
         search for events ask of it. Taylor series cannot.
     """
-    method, _ = _rule(scene)
+    method, _ = _rule(scene, rtol)
     return method.for_tangents if several else method
 
 
-def reason(scene: Scene) -> str:
+def reason(scene: Scene, rtol=RTOL) -> str:
     """Why `default_solver` takes what it takes."""
-    return _rule(scene)[1]
+    return _rule(scene, rtol)[1]
 
 
-def _rule(scene: Scene) -> tuple[Method, str]:
+def _rule(scene: Scene, rtol) -> tuple[Method, str]:
     """The default, and why."""
+    method, why = _by_rate(scene)
+    if method is not NYSTROM12 or len(scene.y0) not in _EXTRAPOLATED_NUMBERS:
+        return method, why
+    if _checks.is_traced(rtol):
+        return method, f"{why}; the tolerance is known at run time only"
+    if rtol < _FINEST_EXTRAPOLATED:
+        return method, f"{why}; rounding limits extrapolation below {_FINEST_EXTRAPOLATED:.0e}"
+    return STOERMER14, f"{why}; it has {len(scene.y0)} numbers"
+
+
+def _by_rate(scene: Scene) -> tuple[Method, str]:
+    """The default for all tolerances, and why."""
     pair, orders, kind = VERNER9, _ORDERS, ""
     if scene.second_order:
         pair, orders, kind = NYSTROM12, _ORDERS_BY_PLACES, "forces do not depend on velocity, and "
@@ -97,14 +123,16 @@ def _rule(scene: Scene) -> tuple[Method, str]:
     return pair, f"{why}; more than {most} are too many"
 
 
-def chosen_method(scene: Scene, solver: Solver | None, *, several: bool = False) -> Method:
+def chosen_method(
+    scene: Scene, solver: Solver | None, *, rtol=RTOL, several: bool = False
+) -> Method:
     """The requested method, if it suits the scene, or that of `default_solver`.
 
     Raises:
       ValueError: `solver` requires velocity-independent forces, and the scene has others.
     """
     if solver is None:
-        return default_solver(scene, several=several)
+        return default_solver(scene, rtol=rtol, several=several)
     method = method_of(solver)
     if method.position_only and not scene.second_order:
         raise _checks.fail(
@@ -117,7 +145,7 @@ def chosen_method(scene: Scene, solver: Solver | None, *, several: bool = False)
 
 
 def checked_method(
-    scene: Scene, solver: Solver | None, dt=None, *, several: bool = False
+    scene: Scene, solver: Solver | None, dt=None, *, rtol=RTOL, several: bool = False
 ) -> Method:
     """`chosen_method`, with checks: 64-bit floats are on, and `dt` is given exactly if needed.
 
@@ -125,7 +153,7 @@ def checked_method(
       ValueError: 64-bit floats are off, or `dt` is given to an adaptive method or missing.
     """
     _checks.float64()
-    method = chosen_method(scene, solver, several=several)
+    method = chosen_method(scene, solver, rtol=rtol, several=several)
     if method.adaptive and dt is not None:
         raise _checks.fail(
             "dt",

@@ -8,11 +8,14 @@ from helpers import SOLVED, gap, kepler
 from odes import lorenz
 
 import jaxdyn
-from jaxdyn import ensemble, scenes, simulate
+from jaxdyn import Scene, ensemble, scenes, simulate
+from jaxdyn.effects import PairGravity
+from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate import events
 from jaxdyn.integrate.simulation import _compiled, solve
 from jaxdyn.solvers import (
     NYSTROM12,
+    STOERMER14,
     TAYLOR12,
     TAYLOR14,
     TAYLOR20,
@@ -79,6 +82,53 @@ END = solve(LORENZ, 2.0, rtol=1e-13, solver=VERNER9).y1
 def test_the_default_is_by_what_the_rate_is_made_of(scene, method, why):
     assert default_solver(scene) is method
     assert why in reason(scene)
+
+
+def _ring(n, d=2):
+    """n bodies that attract each other, on a ring and at rest in its plane's first direction."""
+    angles = 2 * np.pi * np.arange(n) / n
+    r = np.zeros((n, d))
+    r[:, 0], r[:, 1] = 2 * np.cos(angles), 2.1 * np.sin(angles)
+    v = np.zeros((n, d))
+    v[:, 1] = 0.5 * np.cos(angles)
+    y0 = np.concatenate([r.ravel(), v.ravel()])
+    return Scene(FreePoints(np.arange(1.0, n + 1), d=d), (PairGravity(1.0),), y0=y0, t1=1.0)
+
+
+@pytest.mark.parametrize(
+    ("n", "d", "rtol", "method", "why"),
+    [
+        (5, 2, 1e-6, STOERMER14, "it has 20 numbers"),
+        (12, 3, 1e-12, STOERMER14, "it has 72 numbers"),
+        (5, 2, 1e-13, NYSTROM12, "rounding limits extrapolation below 1e-12"),
+        (3, 2, 1e-6, NYSTROM12, "its rate has quotients or roots"),
+        (13, 3, 1e-6, NYSTROM12, "is long, or has no Taylor series"),
+    ],
+)
+def test_several_bodies_take_extrapolation_where_rounding_leaves_room(n, d, rtol, method, why):
+    scene = _ring(n, d)
+    assert default_solver(scene, rtol=rtol) is method
+    assert default_solver(scene, rtol=rtol, several=True) is NYSTROM12
+    assert reason(scene, rtol).endswith(why)
+
+
+def test_all_that_is_asked_of_a_default_works_with_extrapolation():
+    scene = _ring(5)
+    exact = solve(scene, 1.0, ts=[0.3, 1.0], rtol=1e-15, solver=NYSTROM12)
+    for rtol in (1e-7, 1e-10, 1e-12):
+        found = solve(scene, 1.0, ts=[0.3, 1.0], rtol=rtol)
+        assert gap(found.y1, exact.y1) < 30 * rtol
+        assert gap(found.ys, exact.ys) < 30 * rtol
+    by_name = solve(scene, 1.0, rtol=1e-10, solver=STOERMER14)
+    assert gap(solve(scene, 1.0, rtol=1e-10).y1, by_name.y1) == 0
+    # A tolerance that is known at run time only may be fine.
+    fine = jax.jit(lambda rtol: solve(scene, 1.0, rtol=rtol).y1)
+    assert gap(fine(1e-14), exact.y1) < 1e-13
+    # So may that of requested digits: one program, and the pair's.
+    motion = simulate(scene, 1.0, samples=2, digits=11)
+    assert gap(motion.ys[-1], exact.y1) < 1e-11
+    assert "Nystrom 12(10)" in motion.error.basis
+    assert "Stoermer" not in motion.error.basis
 
 
 @pytest.mark.slow
