@@ -8,7 +8,6 @@ import orbits
 from jaxdyn._text import choice, fail
 from jaxdyn.cli.screen import Screen
 from jaxdyn.cli.words import scene_settings, scenes
-from jaxdyn.files.typed import typed
 from orbits.cli.bifurcations.curve import as_json as curves_as_json
 from orbits.cli.bifurcations.diagram import as_json as diagram_as_json
 from orbits.cli.bifurcations.shared import Noted
@@ -31,7 +30,7 @@ def show_continuation(file: Path, plot: Path | None, title: str | None, out: Scr
     if found is None:
         got = "one that a program wrote, which does not name its scene"
         raise fail("file", "a file of `orbits curve` or `orbits diagram`", got, _REMEDY)
-    note = typed(found, Noted, "file", jaxdyn.continuation.kept.OTHER)
+    note = jaxdyn.files.typed.typed(found, Noted, "file", jaxdyn.continuation.kept.OTHER)
     settings = [f"{key}={value}" for key, value in note.settings.items()]
     chosen = scene_settings(choice("scene", note.scene, scenes()), settings)
     values = jaxdyn.scenes.catalogue.numbers(note.scene, chosen)
@@ -41,7 +40,9 @@ def show_continuation(file: Path, plot: Path | None, title: str | None, out: Scr
         make, _ = orbits.families.parameters.maker(note.scene, values, parameter)
         _show_diagram(orbits.families.load(file, make), note, plot, title, out)
     else:
-        both = typed(note.parameters, tuple[str, str], "file", jaxdyn.continuation.kept.OTHER)
+        both = jaxdyn.files.typed.typed(
+            note.parameters, tuple[str, str], "file", jaxdyn.continuation.kept.OTHER
+        )
         make, _ = orbits.families.parameters.maker_of_two(note.scene, values, both)
         curves: list[Any] = []
         if jaxdyn.continuation.kept.CURVE in whats:
