@@ -30,6 +30,7 @@ from benchmarks import (
     digits,
     effects_cost,
     ensembles,
+    families,
     figure_eight,
     gradient,
     monodromy,
@@ -58,6 +59,7 @@ RUNS = {
     "ensembles": ensembles.run,
     "command": command.run,
     "digits": digits.run,
+    "families": families.run,
 }
 
 

@@ -13,7 +13,7 @@ from orbits.drawing.families import MARKS
 from orbits.families.graph import Graph, Place
 
 _KINDS = {str(kind): marker for kind, marker in (*MARKS.items(), *RESTS.items())}
-_THIN, _WIDER = 1.4, 3.0  # line widths
+_THIN, _WIDER = 1.4, 2.0  # line widths
 
 
 def graph(

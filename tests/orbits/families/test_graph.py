@@ -69,8 +69,8 @@ def test_families_that_do_not_meet_are_not_joined(pitchfork):
 
 @pytest.mark.long
 def test_a_doubled_family_traces_the_first_one_twice():
-    options = {"within": (1.0, 3.4), "depth": 1, "orbit_step": 0.2, "orbit_members": 30}
-    found = orbits.graph(orbits.diagram(_roessler, 1.2, [0.1, -0.5, 0.5], **options))
+    options = {"within": (0.1, 3.2), "depth": 1, "orbit_step": 0.2, "orbit_members": 60}
+    found = orbits.graph(orbits.diagram(_roessler, 0.5, [0.1, -0.5, 0.5], **options))
     doubling = next(place for place in found.places if place.kind == "period doubling")
     assert (doubling.families, doubling.times) == ((0, 1), (1, 2))
     assert "families 1, 2 (twice)" in repr(found)

@@ -67,3 +67,18 @@ def test_the_orbit_of_the_gateway():
     )
     assert abs(r.min() - 3249) < 2
     assert abs(r.max() - 71222) < 5
+
+
+@pytest.mark.long
+def test_northern_and_southern_halo_orbits_join_the_planar_family_at_one_place():
+    family = orbits.continue_family(lyapunov(0), members=10, step=0.05)
+    halo = next(m for m in family.special if m.kind == Kind.BRANCH)
+    starts = [orbits.switch_branch(family, halo, amplitude=side)[0] for side in (0.02, -0.02)]
+    north, south = (orbits.continue_family(start, members=5, step=0.05) for start in starts)
+    found = orbits.graph([family, north, south])
+    (place,) = found.places
+    assert (place.families, place.times) == ((0, 1, 2), (1, 1, 1))
+    assert found.components == [(0, 1, 2)]
+    mirror = np.array([1, 1, -1, 1, 1, -1])
+    for one, two in zip(north.members, south.members, strict=True):
+        np.testing.assert_allclose(two.orbit.y0, mirror * np.asarray(one.orbit.y0), atol=1e-9)
