@@ -92,6 +92,8 @@ UPWARDS = {
     ("jaxdyn/continuation/curve.py", "jaxdyn.drawing.bifurcations"),
     ("orbits/orbit.py", "orbits.drawing.periodic"),
     ("orbits/families/family.py", "orbits.drawing.families"),
+    ("orbits/families/family.py", "orbits.drawing.periodic"),
+    ("orbits/manifolds/strands.py", "orbits.drawing.manifolds"),
     ("orbits/analysis/stability.py", "orbits.drawing.unit_circle"),
     ("orbits/tori/record.py", "orbits.drawing.tori"),
     ("orbits/families/diagram.py", "orbits.drawing.diagrams"),
