@@ -160,6 +160,12 @@ def test_pictures_are_drawn(damped, tmp_path):
         for ax in figure.axes
     ]
     assert shades[0] == shades[1] != {}
+    names = [curve.solver for curve in damped.curves]
+    some, every = (
+        {line.get_label(): line.get_color() for line in figure.axes[0].lines}
+        for figure in (drawing.work_precision(one, solvers=names) for one in (dopri8, damped))
+    )
+    assert some.items() < every.items()
     for width in (1, 3):
         many = drawing.judgement({str(i): _renamed(damped) for i in range(width)})
         many.draw_without_rendering()
