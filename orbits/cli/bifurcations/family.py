@@ -19,6 +19,7 @@ from jaxdyn.cli.shared import (
     SetOption,
     TitleOption,
     check_title,
+    number,
     read,
 )
 from jaxdyn.cli.words import scene_settings, scenes
@@ -35,9 +36,9 @@ def family_command(
     from_orbit: Annotated[
         Path | None, typer.Option(help="Start with the orbit in this file.", callback=read)
     ] = None,
-    period: Annotated[float | None, typer.Option(help="Guess for the first orbit.")] = None,
+    period: Annotated[float | None, number("Guess for the first orbit.")] = None,
     members: Annotated[int, typer.Option(help="Largest number of orbits.")] = 50,
-    step: Annotated[float, typer.Option(help="Length of the first step.")] = 0.05,
+    step: Annotated[float, number("Length of the first step.")] = 0.05,
     down: Annotated[bool, typer.Option("--down", help="Towards smaller values first.")] = False,
     within: Annotated[
         str | None, typer.Option(metavar="A,B", help="Bounds on the number, or on the period.")
