@@ -23,6 +23,7 @@ from jaxdyn.cli.shared import (
     read,
 )
 from jaxdyn.cli.words import scene_settings, scenes
+from orbits.cli.bifurcations.shared import kept
 from orbits.cli.printed import print_family
 from orbits.cli.shared import SaveOption, not_found, numbers, printed
 
@@ -51,7 +52,10 @@ def family_command(
     save_to: SaveOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """The family of a scene's orbit: periods, stability and special points."""
+    """The family of a scene's orbit: periods, stability and special points.
+
+    With --save an interrupted run loses nothing: the same command resumes it, from FILE.part.
+    """
     check_title(title, plot)
     whole("--members", members)
     if not 0 < step < math.inf:
@@ -60,6 +64,7 @@ def family_command(
     chosen = scene_settings(name, settings)
     if parameter is not None:
         choice("--parameter", parameter, scenes()[name].parameters)
+    part = save_to and save_to.with_name(f"{save_to.name}.part")
     with screen(f"looking for an orbit of {name}", as_object) as out:
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)
         make, value = None, None
@@ -78,6 +83,7 @@ def family_command(
             within=bounds,
             energies=levels,
             report=_followed(out, members),
+            path=kept(part, name, chosen, [parameter] if parameter else []),
         )
         family = orbits.files.family_files.listing(found, parameter)
         if as_object:
@@ -85,6 +91,8 @@ def family_command(
         else:
             print_family(family, out)
         _write(family, save_to, plot, title, out)
+        if part:
+            part.unlink()  # the family file has it all
 
 
 def _first(
