@@ -3,8 +3,6 @@
 import math
 from typing import Annotated
 
-import typer
-
 import jaxdyn
 from jaxdyn._text import fail
 from jaxdyn.cli.screen import Screen, screen
@@ -16,6 +14,7 @@ from jaxdyn.cli.shared import (
     SpanOption,
     TitleOption,
     check_title,
+    number,
 )
 from jaxdyn.cli.words import scene_settings
 
@@ -26,7 +25,7 @@ def accuracy_command(
     name: SceneArgument,
     settings: SetOption = None,
     t1: SpanOption = None,
-    digits: Annotated[float, typer.Option(help="How many digits to recommend a solver for.")] = 9,
+    digits: Annotated[float, number("How many digits to recommend a solver for.")] = 9,
     plot: PlotOption = None,
     title: TitleOption = None,
     as_object: JsonOption = False,

@@ -17,6 +17,7 @@ from jaxdyn.cli.shared import (
     SpanOption,
     TitleOption,
     check_title,
+    number,
 )
 from jaxdyn.cli.words import scene_settings
 
@@ -37,7 +38,7 @@ def chaos_command(
     settings: SetOption = None,
     t1: SpanOption = None,
     transient: Annotated[
-        float | None, typer.Option(help="Time left out at the start; a tenth of the span.")
+        float | None, number("Time left out at the start; a tenth of the span.")
     ] = None,
     ranges: Annotated[
         list[str] | None,

@@ -21,6 +21,7 @@ from jaxdyn.cli.shared import (
     SpanOption,
     TitleOption,
     check_title,
+    number,
     open_page,
     written,
 )
@@ -38,7 +39,7 @@ def run_command(
     settings: SetOption = None,
     t1: SpanOption = None,
     samples: Annotated[int, typer.Option(help="How many times to sample, in each phase.")] = 400,
-    rtol: Annotated[float, typer.Option(help="Relative tolerance of a step.")] = _RTOL,
+    rtol: Annotated[float, number("Relative tolerance of a step.")] = _RTOL,
     solver: Annotated[
         str,
         typer.Option(
@@ -46,7 +47,7 @@ def run_command(
         ),
     ] = "auto",
     dt: Annotated[
-        float | None, typer.Option(help="Step [s] of a solver of equal steps, such as verlet.")
+        float | None, number("Step [s] of a solver of equal steps, such as verlet.")
     ] = None,
     plot: PlotOption = None,
     series: Annotated[

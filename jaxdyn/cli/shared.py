@@ -15,6 +15,7 @@ from typing import Annotated, Any
 import typer
 
 import jaxdyn
+from jaxdyn._arithmetic import value
 from jaxdyn._text import fail
 from jaxdyn.cli import completion
 from jaxdyn.files.image_files import animation_path, picture_path
@@ -45,6 +46,18 @@ def read(option: typer.CallbackParam, path: Path | None) -> Path | None:
     return path
 
 
+def number(about: str) -> Any:
+    """An option for a number, which may be arithmetic: ``2*pi/60``."""
+
+    def checked(text: str | float) -> float:
+        try:
+            return value(text) if isinstance(text, str) else text  # a default is no text
+        except ValueError as error:
+            raise typer.BadParameter(str(error).removeprefix("number: ")) from None
+
+    return typer.Option(parser=checked, metavar="NUMBER", help=about)
+
+
 SceneArgument = Annotated[
     str,
     typer.Argument(
@@ -60,10 +73,10 @@ SetOption = Annotated[
         autocompletion=completion.setting,
     ),
 ]
-SpanOption = Annotated[float | None, typer.Option(help="End of the span; the scene's own.")]
+SpanOption = Annotated[float | None, number("End of the span; the scene's own.")]
 PlotOption = Annotated[Path | None, written(picture_path, "Draw it (.png, .pdf, .svg).")]
 AnimateOption = Annotated[Path | None, written(animation_path, "Animate it (.gif, .mp4).")]
-SecondsOption = Annotated[float | None, typer.Option(help="How long the animation lasts [s].")]
+SecondsOption = Annotated[float | None, number("How long the animation lasts [s].")]
 TitleOption = Annotated[str | None, typer.Option(help="Title of the picture.")]
 PlayOption = Annotated[bool, typer.Option("--play", help="Open a page that plays it.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]

@@ -8,18 +8,18 @@ import typer
 import jaxdyn
 import orbits
 from jaxdyn.cli.screen import Screen, screen
-from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title
+from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title, number
 from orbits.cli.shared import NOT_FOUND
 
 
 def aim_command(
-    speed: Annotated[float, typer.Option(help="Launch speed [m/s].")] = 10.0,
-    x: Annotated[float | None, typer.Option(help="Target at launch height [m].")] = None,
-    g: Annotated[float, typer.Option(help="Gravity [m/s^2].")] = 9.81,
-    mass: Annotated[float, typer.Option(help="Mass [kg].")] = 1.0,
-    drag: Annotated[float, typer.Option(help="Quadratic drag [kg/m].")] = 0.0,
-    linear: Annotated[float, typer.Option(help="Linear drag [kg/s].")] = 0.0,
-    wind: Annotated[float, typer.Option(help="Wind along x [m/s].")] = 0.0,
+    speed: Annotated[float, number("Launch speed [m/s].")] = 10.0,
+    x: Annotated[float | None, number("Target at launch height [m].")] = None,
+    g: Annotated[float, number("Gravity [m/s^2].")] = 9.81,
+    mass: Annotated[float, number("Mass [kg].")] = 1.0,
+    drag: Annotated[float, number("Quadratic drag [kg/m].")] = 0.0,
+    linear: Annotated[float, number("Linear drag [kg/s].")] = 0.0,
+    wind: Annotated[float, number("Wind along x [m/s].")] = 0.0,
     plot: PlotOption = None,
     title: TitleOption = None,
     as_object: JsonOption = False,

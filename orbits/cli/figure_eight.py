@@ -8,7 +8,14 @@ import jaxdyn
 import orbits
 from jaxdyn._text import fail
 from jaxdyn.cli.screen import Screen, screen
-from jaxdyn.cli.shared import AnimateOption, JsonOption, PlotOption, TitleOption, check_title
+from jaxdyn.cli.shared import (
+    AnimateOption,
+    JsonOption,
+    PlotOption,
+    TitleOption,
+    check_title,
+    number,
+)
 from orbits.cli.printed import print_reports
 from orbits.cli.shared import SaveOption, draw, not_found, numbers, printed
 
@@ -26,7 +33,7 @@ def figure_eight_command(
     guess: Annotated[
         str | None, _numbers_option("Guess of the start: x1,y1,x2,y2,x3,y3,vx1,vy1,...")
     ] = None,
-    period: Annotated[float | None, typer.Option(help="Guess of the period; about 8.")] = None,
+    period: Annotated[float | None, number("Guess of the period; about 8.")] = None,
     masses: Annotated[str | None, _numbers_option("The three masses; 1,1,1.")] = None,
     lower: Annotated[
         str | None, _numbers_option("Lower bounds of the start, then of the period.")

@@ -18,6 +18,7 @@ from jaxdyn.cli.shared import (
     SetOption,
     TitleOption,
     check_title,
+    number,
 )
 from jaxdyn.cli.words import scene_settings
 from orbits.cli.printed import print_reports
@@ -43,13 +44,11 @@ _UnlikeOption = Annotated[
 def find_command(
     name: SceneArgument,
     settings: SetOption = None,
-    period: Annotated[
-        float | None, typer.Option(help="Guess; by default from a close return.")
-    ] = None,
+    period: Annotated[float | None, number("Guess; by default from a close return.")] = None,
     closing: Annotated[
         str, typer.Option(metavar="NAME", help=f"{', '.join(_CLOSINGS[:-1])} or {_CLOSINGS[-1]}.")
     ] = "plain",
-    energy: Annotated[float | None, typer.Option(help="Energy of the orbit.")] = None,
+    energy: Annotated[float | None, number("Energy of the orbit.")] = None,
     hold: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="Entry of the state that keeps its start; repeatable."),

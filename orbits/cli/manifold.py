@@ -10,7 +10,7 @@ import orbits
 from jaxdyn import _arithmetic as arithmetic
 from jaxdyn._text import choice, fail, whole
 from jaxdyn.cli.screen import Screen, screen
-from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title, read
+from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title, number, read
 
 STOPPED = 1  # exit code: no strand reached its end
 _KINDS = {"stable": ("stable",), "unstable": ("unstable",), "both": ("unstable", "stable")}
@@ -24,10 +24,10 @@ def manifold_command(
     until: Annotated[
         str | None, typer.Option(metavar="NAME=LEVEL", help="End where an entry has this value.")
     ] = None,
-    time: Annotated[float | None, typer.Option(help="Length of a strand, at most.")] = None,
+    time: Annotated[float | None, number("Length of a strand, at most.")] = None,
     strands: Annotated[int, typer.Option(help="Number of phases.")] = 40,
     branch: Annotated[str, typer.Option(help="+, - or both.")] = "both",
-    error: Annotated[float, typer.Option(help="Wanted error of the starts.")] = 1e-8,
+    error: Annotated[float, number("Wanted error of the starts.")] = 1e-8,
     entries: Annotated[
         str | None, typer.Option(metavar="NAME,NAME", help="What is drawn: two or three entries.")
     ] = None,

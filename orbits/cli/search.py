@@ -8,7 +8,7 @@ import typer
 import orbits
 from jaxdyn._text import counted
 from jaxdyn.cli.screen import Screen, screen
-from jaxdyn.cli.shared import JsonOption, written
+from jaxdyn.cli.shared import JsonOption, number, written
 from jaxdyn.files.output_files import writable
 from orbits.cli.shared import NOT_FOUND
 
@@ -18,7 +18,7 @@ TableOption = Annotated[Path | None, written(writable, "Append to this .jsonl fi
 
 def search_command(
     samples: Annotated[int, typer.Option(help="Number of starts.")] = 512,
-    longest: Annotated[float, typer.Option(help="Longest period.")] = 70.0,
+    longest: Annotated[float, number("Longest period.")] = 70.0,
     seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
     table: TableOption = None,
     as_object: JsonOption = False,

@@ -18,6 +18,7 @@ from jaxdyn.cli.shared import (
     SetOption,
     TitleOption,
     check_title,
+    number,
     written,
 )
 from jaxdyn.cli.words import scene_settings
@@ -54,11 +55,11 @@ def section_command(
         int | None, typer.Option(help="1 for the larger of two solutions, or -1.")
     ] = None,
     crossings: Annotated[int, typer.Option(help="Crossings of each start.")] = 200,
-    t1: Annotated[float | None, typer.Option(help="Latest time of a crossing.")] = None,
+    t1: Annotated[float | None, number("Latest time of a crossing.")] = None,
     coordinates: Annotated[
         str | None, typer.Option(metavar="NAME,NAME", help="The two entries that are drawn.")
     ] = None,
-    rtol: Annotated[float, typer.Option(help="Relative tolerance of a step.")] = _RTOL,
+    rtol: Annotated[float, number("Relative tolerance of a step.")] = _RTOL,
     plot: PlotOption = None,
     title: TitleOption = None,
     csv: Annotated[Path | None, written(table_path, "Write all crossings (.csv).")] = None,

@@ -18,6 +18,8 @@ from orbits.sections.tables import SectionPoints
 _PANEL, _ABOVE = 4.4, 0.7  # inches
 _GRID = 300  # points each way, for the edge of the allowed region
 _MARGINS = 0.1 * 1.5 ** np.arange(9)  # of a box around the points, in its size
+#: Of the position of the points, and of entries of their unit: a smaller extent is rounding.
+_RESOLVED, _ROUNDING = 1e-6, 1e-8
 _SAME_ENERGY = 1e-9  # relative: starts on one energy surface
 _POINTS = 4000  # in a panel, above which dots are smaller
 _MOST_PANELS = 6
@@ -69,8 +71,30 @@ def _panel(ax, table: SectionPoints) -> None:
     units = dict(table.scene.labels())
     across, up = (name if units[name] == "1" else f"{name} [{units[name]}]" for name in table.names)
     ax.set(xlabel=across, ylabel=up)
-    _edge(ax, table)
+    if table.counts.any():
+        _edge(ax, table)
+        _widened(ax, table)
     style(ax)
+
+
+def _widened(ax, table: SectionPoints) -> None:
+    """Widen the axis of a coordinate that is constant, which would show the rounding of it."""
+    low, high, constant = _extent(table)
+    for axis, ends, wide in zip("xy", zip(low, high, strict=True), constant, strict=True):
+        if wide and np.ptp(getattr(ax.dataLim, f"interval{axis}")) < ends[1] - ends[0]:
+            ax.set(**{f"{axis}lim": ends})
+
+
+def _extent(table: SectionPoints) -> tuple[np.ndarray, ...]:
+    """(2,) lower and upper ends of the points, and whether they differ by rounding only."""
+    low, high = np.nanmin(table.qp, axis=(0, 1)), np.nanmax(table.qp, axis=(0, 1))
+    middle, half = (low + high) / 2, (high - low) / 2
+    units = dict(table.scene.labels())
+    alike = [[unit == units[name] for unit in units.values()] for name in table.names]
+    size = np.array([np.nanmax(np.abs(table.ys[..., same])) for same in alike])
+    constant = half <= np.maximum(_RESOLVED * np.abs(middle), _ROUNDING * size)
+    half = np.where(constant, np.where(size > 0, size, 1.0) / 2, half)
+    return middle - half, middle + half, constant
 
 
 def _one_energy(table: SectionPoints) -> float | None:
@@ -112,7 +136,7 @@ def _edge(ax, table: SectionPoints) -> None:
 
 def _box(table: SectionPoints, margin: float) -> tuple[np.ndarray, ...]:
     """The coordinates of a grid over the points."""
-    low, high = np.nanmin(table.qp, axis=(0, 1)), np.nanmax(table.qp, axis=(0, 1))
-    room = margin * np.where(high > low, high - low, 1.0)
+    low, high, _ = _extent(table)
+    room = margin * (high - low)
     ends = zip(low - room, high + room, strict=True)
     return tuple(np.meshgrid(*(np.linspace(a, b, _GRID) for a, b in ends)))

@@ -19,6 +19,7 @@ from jaxdyn.cli.shared import (
     SetOption,
     TitleOption,
     check_title,
+    number,
     read,
 )
 from jaxdyn.cli.words import scene_settings, scenes
@@ -43,7 +44,7 @@ def curve_command(
     kind: Annotated[
         str | None, typer.Option(help="Kind of the orbits: fold, period doubling, ...")
     ] = None,
-    step: Annotated[float, typer.Option(help="Length of the first step.")] = 0.05,
+    step: Annotated[float, number("Length of the first step.")] = 0.05,
     members: Annotated[int, typer.Option(help="Largest number of points of a curve.")] = 100,
     plot: PlotOption = None,
     title: TitleOption = None,

@@ -15,6 +15,7 @@ from jaxdyn.cli.shared import (
     SetOption,
     TitleOption,
     check_title,
+    number,
 )
 from jaxdyn.cli.words import scene_settings, scenes
 from orbits.cli.bifurcations.shared import KeepOption, StartOption, bounds, kept, rest_start
@@ -27,7 +28,7 @@ def diagram_command(
     settings: SetOption = None,
     start: StartOption = None,
     depth: Annotated[int, typer.Option(help="Doublings followed one after the other.")] = 1,
-    step: Annotated[float, typer.Option(help="Length of the first step.")] = 0.05,
+    step: Annotated[float, number("Length of the first step.")] = 0.05,
     members: Annotated[int, typer.Option(help="Largest number of orbits of a family.")] = 40,
     entry: Annotated[str | None, typer.Option(help="The entry of the state to draw.")] = None,
     plot: PlotOption = None,

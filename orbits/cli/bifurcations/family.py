@@ -19,9 +19,11 @@ from jaxdyn.cli.shared import (
     SetOption,
     TitleOption,
     check_title,
+    number,
     read,
 )
 from jaxdyn.cli.words import scene_settings, scenes
+from orbits.cli.bifurcations.shared import kept
 from orbits.cli.printed import print_family
 from orbits.cli.shared import SaveOption, not_found, numbers, printed
 
@@ -35,9 +37,9 @@ def family_command(
     from_orbit: Annotated[
         Path | None, typer.Option(help="Start with the orbit in this file.", callback=read)
     ] = None,
-    period: Annotated[float | None, typer.Option(help="Guess for the first orbit.")] = None,
+    period: Annotated[float | None, number("Guess for the first orbit.")] = None,
     members: Annotated[int, typer.Option(help="Largest number of orbits.")] = 50,
-    step: Annotated[float, typer.Option(help="Length of the first step.")] = 0.05,
+    step: Annotated[float, number("Length of the first step.")] = 0.05,
     down: Annotated[bool, typer.Option("--down", help="Towards smaller values first.")] = False,
     within: Annotated[
         str | None, typer.Option(metavar="A,B", help="Bounds on the number, or on the period.")
@@ -50,7 +52,10 @@ def family_command(
     save_to: SaveOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """The family of a scene's orbit: periods, stability and special points."""
+    """The family of a scene's orbit: periods, stability and special points.
+
+    With --save an interrupted run loses nothing: the same command resumes it, from FILE.part.
+    """
     check_title(title, plot)
     whole("--members", members)
     if not 0 < step < math.inf:
@@ -59,6 +64,7 @@ def family_command(
     chosen = scene_settings(name, settings)
     if parameter is not None:
         choice("--parameter", parameter, scenes()[name].parameters)
+    part = save_to and save_to.with_name(f"{save_to.name}.part")
     with screen(f"looking for an orbit of {name}", as_object) as out:
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)
         make, value = None, None
@@ -77,6 +83,7 @@ def family_command(
             within=bounds,
             energies=levels,
             report=_followed(out, members),
+            path=kept(part, name, chosen, [parameter] if parameter else []),
         )
         family = orbits.files.family_files.listing(found, parameter)
         if as_object:
@@ -84,6 +91,8 @@ def family_command(
         else:
             print_family(family, out)
         _write(family, save_to, plot, title, out)
+        if part:
+            part.unlink()  # the family file has it all
 
 
 def _first(

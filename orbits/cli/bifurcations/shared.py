@@ -59,6 +59,6 @@ def kept(
     if others:
         odd = next(key for key in note if others[0][key] != note[key])
         remedy = "Give another path, or the arguments of the run that began this file."
-        raise fail("--save", "a file of this run", f"one with other {odd}", remedy)
+        raise fail("--save", "a file of this run", f"one with other {odd}: {path}", remedy)
     log.note(note)
     return log

@@ -48,8 +48,9 @@ MISTAKES = {
     "jaxdyn accuracy nosuch": "scene: expected one that",
     "jaxdyn list nosuch": "scene: expected one that",
     "jaxdyn hard nosuch": "case: expected one that `jaxdyn hard --list` shows, got 'nosuch'.",
-    "jaxdyn run pendulum --t1 x": "Invalid value for '--t1': Input should be a valid number, "
-    "unable to parse string as a number. See --help.\n",
+    "jaxdyn run pendulum --t1 x": "Invalid value for '--t1': expected a number, got 'x'. "
+    "It may be arithmetic with pi, e, deg, sqrt, sin, cos. See --help.\n",
+    "jaxdyn run pendulum --rtol pi/": "Invalid value for '--rtol': expected a number, got 'pi/'.",
     "orbits find nosuch": "scene: expected one that",
     "orbits find pendulum --closing nosuch": "--closing: expected one of choreography, plain",
     "orbits family pendulum --parameter nosuch": "--parameter: expected one of",

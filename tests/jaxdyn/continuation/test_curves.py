@@ -36,26 +36,6 @@ def _bautin(p, q):
     return jaxdyn.ode(rate, [0.0, 0.0], params=[p, q])
 
 
-def _lorenz84(F, T):
-    """Shil'nikov, Nicolis, Nicolis (1995), Int. J. Bifurc. Chaos 5, 1701."""
-
-    def rate(t, y, c):
-        x, u, v, w = y
-        force, heat = c
-        return [
-            -(u**2) - v**2 - 0.25 * x + 0.25 * force - 0.987 * w**2,
-            x * u - x * v - u + 0.25,
-            x * u + x * v - v,
-            -1.04 * w + 0.987 * w * x + heat,
-        ]
-
-    return jaxdyn.ode(rate, jnp.zeros(4), params=[F, T])
-
-
-def _slow(F):
-    return _lorenz84(F, 0.04)
-
-
 def _imperfect_fold():
     return jaxdyn.continue_equilibria(
         lambda p: _imperfect(p, 1.0), -1.0, [-1.3], within=(-1, 1)
@@ -147,58 +127,6 @@ def test_lyapunov_coefficients_of_a_normal_form_in_bent_coordinates():
     first, second = lyapunov_coefficients(make, np.zeros(4), a, 2.0)
     assert abs(first) < 1e-13
     assert abs(second - 4 * c2) < 1e-12
-
-
-@pytest.fixture(scope="module")
-def atmosphere():
-    """Folds and Hopf points of the Lorenz-84 model with a fourth equation."""
-    start = [2.9787004394953343, -0.03868302503393752, 0.058232737694740085, -0.02105288273117459]
-    return jaxdyn.continue_equilibria(
-        _slow, 3.0, start, within=(-1.5, 3.01), down=True, step=0.02, members=60
-    )
-
-
-@pytest.mark.slow
-def test_published_points_of_lorenz84(atmosphere, tmp_path):
-    # BifurcationKit.jl, test/hopf_codim_2/lorenz84.jl at 4e79b698: the places of the fold and the
-    # three Hopf points, and the Bogdanov-Takens point's a and b.
-    fold, *hopfs = atmosphere.special
-    np.testing.assert_allclose(fold.parameter, 1.5466483726, atol=2e-10)
-    found = [x.parameter for x in hopfs]
-    np.testing.assert_allclose(found, [1.61966147, 2.46722900, 2.85988059], atol=2e-5)
-    bounds = ((-1.0, 4.0), (-1.0, 1.0))
-    folds = jaxdyn.continue_curve(
-        _lorenz84, fold, (fold.parameter, 0.04), within=bounds, down=True, step=0.02
-    )
-    kinds = ["Bogdanov-Takens point", "zero-Hopf point", "cusp"]
-    assert [x.kind for x in folds.special] == [*kinds, *kinds[1::-1]]
-    form = folds.special[0].normal_form
-    np.testing.assert_allclose(form["a"], 0.2144233509273467, rtol=1e-9)
-    np.testing.assert_allclose(form["b"], 0.6065145518280868, rtol=1e-9)
-    # The scene is symmetric in (w, T).
-    places = np.array([x.parameters for x in folds.special])
-    np.testing.assert_allclose(places, places[::-1] * [1, -1], atol=1e-10)
-    assert max(x.residual for x in folds.special) < 1e-10
-    first = jaxdyn.continue_curve(
-        _lorenz84, hopfs[1], (hopfs[1].parameter, 0.04), within=bounds, step=0.02
-    )
-    second = jaxdyn.continue_curve(
-        _lorenz84, hopfs[2], (hopfs[2].parameter, 0.04), within=bounds, down=True, step=0.02
-    )
-    bautin, end = first.special
-    assert (bautin.kind, end.kind) == ("Bautin point", "Bogdanov-Takens point")
-    np.testing.assert_allclose(bautin.frequency, 0.6903636672622595, atol=1e-5)
-    # Its real part of G32, over 12; the point itself is known there to 1e-5.
-    np.testing.assert_allclose(bautin.normal_form["l2"], 1.8694569030805148 / 12, atol=5e-5)
-    np.testing.assert_allclose(end.parameters, places[0], atol=1e-10)
-    assert [x.kind for x in second.special][:2] == ["double Hopf point", "zero-Hopf point"]
-    np.testing.assert_allclose(second.special[0].parameters[1], 0.026274, atol=1e-6)
-    np.testing.assert_allclose(second.special[1].parameters, places[1], atol=1e-10)
-    # The other pair of eigenvalues of the double Hopf point, whose curve has the Bautin point.
-    other = jaxdyn.continue_curve(_lorenz84, second.special[0], within=bounds, step=0.02)
-    assert bautin.kind in [x.kind for x in other.special]
-    drawing.bifurcation_curves([folds, first, second], tmp_path / "curves.png")
-    drawing.equilibria([atmosphere], tmp_path / "rests.png", entry="y0", parameter="F")
 
 
 def test_wrong_arguments_are_refused():

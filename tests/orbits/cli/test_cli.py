@@ -156,6 +156,7 @@ MISUSE = [
     (["--guess", "1,2,1,2,0,0,0,0,0,0,0,0"], "bodies at different points, got bodies 1 and 2"),
     (["--period", "0"], "period: expected > 0, got 0.0"),
     (["--period", "-3"], "period: expected > 0, got -3.0"),
+    (["--period", "-2*pi"], "period: expected > 0, got -6.283185307179586"),
     (["--period", "nan"], "period: expected finite numbers, got nan"),
     (["--lower", ",".join(["0"] * 12)], "--lower: expected 13 numbers, got 12"),
     (["--lower", ",".join(["9"] * 13)], "lower: expected <= upper"),

@@ -16,6 +16,7 @@ from orbits import PLAIN, find
 from orbits.analysis.identity import identify
 from orbits.analysis.report import report
 from orbits.cli.printed import print_reports
+from orbits.families import continuation
 from orbits.files import family_files
 from orbits.orbit import Orbit, Outcome
 
@@ -152,6 +153,32 @@ def test_a_family_shows_each_member_as_it_is_found(orbits, tmp_path):
     ]
     assert "\n".join(lines) in err
     assert "largest error" in err  # of the first orbit
+
+
+@pytest.mark.slow
+def test_an_interrupted_family_goes_on_from_its_part(orbits, tmp_path, monkeypatch):
+    whole, path = tmp_path / "whole.json", tmp_path / "family.json"
+    part = tmp_path / "family.json.part"
+    words = ("family", "pendulum", "--set", "angle=2", "--period", "2.7", "--members", "4")
+    assert orbits(*words, "--save", whole)[0] == 0
+    assert list(tmp_path.iterdir()) == [whole]
+    follow, found = continuation.next_member, []
+
+    def next_member(*args):
+        found.append(args)
+        if len(found) == 3:
+            raise KeyboardInterrupt
+        return follow(*args)
+
+    monkeypatch.setattr(continuation, "next_member", next_member)
+    assert orbits(*words, "--save", path)[0] == 130
+    assert not path.exists()
+    other = orbits("family", "pendulum", "--set", "angle=1", "--save", path)[2]
+    assert f"one with other settings: {part}" in other
+    assert orbits(*words, "--save", path)[0] == 0
+    assert len(found) == 4  # two members before the interruption, one after it
+    assert sorted(tmp_path.iterdir()) == [path, whole]
+    assert path.read_text() == whole.read_text()
 
 
 def test_no_family_is_one_json_object_too(orbits):

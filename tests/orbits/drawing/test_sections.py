@@ -54,6 +54,24 @@ def test_a_stroboscopic_section_has_no_edge_and_units_on_its_axes():
     assert ax.get_xlabel() == "theta [rad]"
 
 
+@pytest.mark.parametrize("centre", [0.0, 0.7])
+def test_the_axis_of_a_constant_coordinate_does_not_show_its_rounding(tables, centre):
+    noise = 1e-10 * np.random.default_rng(0).standard_normal(tables[0].qp.shape[:2])
+    p = centre + noise
+    for still in (1, 0):
+        qp = tables[0].qp.copy()
+        qp[..., still] = p
+        (ax,) = drawing.section(tables[0]._replace(qp=qp, event=Every(1.0)), title="").axes
+        low, high = (ax.get_xlim, ax.get_ylim)[still]()
+        assert low < p.min() < p.max() < high
+        assert high - low > 0.1
+        moving = (ax.get_xlim, ax.get_ylim)[1 - still]()
+        assert np.ptp(moving) < 1.2 * np.ptp(qp[..., 1 - still])
+    # A small section of small states is drawn as it is.
+    (ax,) = drawing.section(tables[0]._replace(qp=1e-7 * tables[0].qp, ys=1e-7 * tables[0].ys)).axes
+    assert np.ptp(ax.get_xlim()) < 2e-7
+
+
 def test_misuse_is_refused(tables):
     assert "titles: expected 2 of them" in refusal(lambda: drawing.section(tables, titles=["one"]))
     assert "one to 6 sections" in refusal(lambda: drawing.section([]))
