@@ -166,9 +166,9 @@ def _eigenvectors(orbit: Orbit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _simple(linear: Stability) -> np.ndarray:
-    """(p,) whether a multiplier differs from all others, the unit ones included."""
-    others = np.append(linear.nontrivial, np.ones(min(linear.unit, 1)))
-    bars = np.append(linear.bars, np.zeros(min(linear.unit, 1)))
-    distance = np.abs(linear.nontrivial[:, None] - others)
+    """(p,) whether a multiplier differs from all others, those that are forced included."""
+    forced = len(linear.multipliers) - len(linear.nontrivial)
+    bars = np.append(linear.bars, np.zeros(forced))
+    distance = np.abs(linear.nontrivial[:, None] - linear.multipliers)
     apart = distance > _APART * (linear.bars[:, None] + bars)
     return np.asarray((apart | np.eye(*apart.shape, dtype=bool)).all(axis=1))

@@ -40,9 +40,10 @@ class Stability:
     """The linear stability of an orbit.
 
     Attributes:
-      multipliers: (d,) all Floquet multipliers: the non-trivial ones, then the unit ones; one for
-        each direction on the constraint surface, so d = k without constraints.
-      nontrivial: (p,) those not forced to be 1.
+      multipliers: (d,) all Floquet multipliers: the non-trivial ones, of a relative orbit those
+        of the centre of mass, exp(+-i angle), then the unit ones; one for each direction on the
+        constraint surface, so d = k without constraints.
+      nontrivial: (p,) those not forced by an integral, a symmetry or the flow.
       bars: (p,) their error bars.
       unit: number of multipliers that are 1 by an integral, a symmetry or the flow.
       integrals: number of independent integrals that were confirmed.
@@ -135,9 +136,9 @@ def stability(
             raise IntegrationError(explained(status, scene))
         return _unknown(len(m), status)
     doubt = float(np.linalg.norm(m - coarse))
-    kernel, reasons = trivial.kernel(scene, y0, m, doubt, basis)
+    kernel, reasons, turned = trivial.kernel(scene, y0, m, doubt, basis)
     along = np.zeros((len(y0), 0)) if along is None else along
-    q, generators = trivial.complement(scene, m, doubt, kernel, basis, along)
+    q, generators, shifted = trivial.complement(scene, m, doubt, kernel, basis, along)
     reduced = q.T @ m @ q
     # The rounding error is that of the whole matrix.
     error = uncertainty(reduced, q.T @ coarse @ q, rtol) + ROUNDING * norm(m)
@@ -148,9 +149,10 @@ def stability(
     if form is not None:
         symplectic = float(symplectic_defect(m, basis.T @ np.asarray(form) @ basis))
     conservative = symplectic is not None and symplectic < SYMPLECTIC
-    unit = len(m) - len(nontrivial)
+    turned = np.concatenate([turned, shifted])
+    unit = len(m) - len(nontrivial) - len(turned)
     return Stability(
-        multipliers=np.concatenate([nontrivial, np.ones(unit)]),
+        multipliers=np.concatenate([nontrivial, turned, np.ones(unit)]),
         nontrivial=nontrivial,
         bars=bars,
         unit=unit,

@@ -54,6 +54,8 @@ def _choreography(claim: "orbits.Report") -> str:
 def _multipliers(claim: "orbits.Report") -> str:
     shown = [complex(*z) for z in claim.multipliers[: len(claim.multiplier_bars)]]
     lines = [f"{z.real:+.7f}{z.imag:+.7f}i" if z.imag else f"{z.real:+.7f}" for z in shown]
+    turned = len(claim.multipliers) - len(shown) - claim.unit_multipliers
+    lines += [f"{turned} of the centre of mass, which turns"] * (turned > 0)
     ones = f"{claim.unit_multipliers} times 1"
     return "\n".join([*lines, f"and {ones}" if lines else ones])
 

@@ -5,6 +5,9 @@ Candidates come from the scene (`analysis.energy.integrals`, translations, rotat
 flow, and are confirmed in two ways: by these equations on the monodromy matrix M itself, and by the
 vector field f at points off the orbit, where w f = 0 and g commutes with f. (Where M is the unit
 matrix, as for an oscillator, the first test alone would confirm every candidate.)
+
+In the axes that turn with a relative orbit M turns the momenta into each other, and so the
+translations: they are confirmed together, and have the multipliers exp(+-i angle).
 """
 
 from collections.abc import Callable
@@ -55,21 +58,25 @@ class _Local(NamedTuple):
 
 def kernel(
     scene: Scene, y0: np.ndarray, m: np.ndarray, doubt: float, basis: np.ndarray
-) -> tuple[np.ndarray, list[str]]:
+) -> tuple[np.ndarray, list[str], np.ndarray]:
     """Orthonormal basis (d, n) of the kernel of the confirmed integrals' gradients; their names.
 
-    The norm of the error of m (d, d) is about `doubt`.
+    The norm of the error of m (d, d) is about `doubt`. Last the multipliers of those that are
+    confirmed together.
     """
     leaks = _largest(_leaks, _nearby(scene, y0))
-    gradients, names = [np.zeros(len(m))], []
+    gradients, names, others = [np.zeros(len(m))], [], []
     for name, several in _at(scene, 0.0, y0).gradients.items():
         leak = leaks[name].reshape(-1)
         for i, row in enumerate(several.reshape(-1, len(y0)) @ basis):
             if leak[i] < _EXACT and _kept(row @ m - row, row, m, doubt):
                 gradients.append(row / np.linalg.norm(row))
                 names.append(name if several.ndim == 1 else f"{name} {'xyz'[i]}")
-    _, s, vt = np.linalg.svd(np.array(gradients))
-    return vt[_rank(s) :].T, names
+            elif leak[i] < _EXACT:
+                others.append(row / np.linalg.norm(row))
+    together, multipliers = _kept_together(others, m, doubt)
+    _, s, vt = np.linalg.svd(np.array([*gradients, *together]))
+    return vt[_rank(s) :].T, names, multipliers
 
 
 def complement(
@@ -79,31 +86,35 @@ def complement(
     kernel: np.ndarray,
     basis: np.ndarray,
     along: np.ndarray,
-) -> tuple[np.ndarray, list[str]]:
+) -> tuple[np.ndarray, list[str], np.ndarray]:
     """Orthonormal basis (d, p) of the kernel without the confirmed symmetries; their names.
 
     So are directions (k, n) along a family confirmed, which M changes by a multiple of symmetries.
+    Last the multipliers of those that are confirmed together.
     """
-    inside, names = [np.zeros(len(m))], []
+    inside, names, others = [np.zeros(len(m))], [], []
     for name, g in symmetries(scene).items():
         g = basis.T @ g
         if _kept(m @ g - g, g, m, doubt):
             inside.append(g / np.linalg.norm(g))
             names.append(name)
+        elif np.linalg.norm(g) > 0:
+            others.append(g / np.linalg.norm(g))
     symmetric = np.linalg.pinv(np.array(inside), RANK) @ np.array(inside)
     for v in (basis.T @ along).T:
         change = m @ v - v
         if _kept(change - symmetric @ change, v, m, doubt):
             inside.append(v / np.linalg.norm(v))
             names.append("family")
+    together, multipliers = _kept_together(others, m.T, doubt)
     # A symmetry may change an integral (a rotation changes a non-zero momentum): only the
     # combinations that are tangent to the level set count.
-    g = np.array(inside).T
+    g = np.array([*inside, *together]).T
     off = g - kernel @ (kernel.T @ g)
     _, s, vt = np.linalg.svd(off)
     tangent = g @ vt[int((s > RANK).sum()) :].T
     u, s, _ = np.linalg.svd(kernel.T @ tangent)
-    return kernel @ u[:, _rank(s) :], names
+    return kernel @ u[:, _rank(s) :], names, multipliers
 
 
 def symmetries(scene: Scene) -> dict[str, Any]:
@@ -121,6 +132,18 @@ def _kept(change: np.ndarray, direction: np.ndarray, m: np.ndarray, doubt: float
     size = np.linalg.norm(direction)
     most = max(CONFIRMED * float(np.linalg.norm(m)), doubt)
     return bool(size > 0 and np.linalg.norm(change) < most * size)
+
+
+def _kept_together(
+    rows: list[np.ndarray], m: np.ndarray, doubt: float
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """The unit rows and their multipliers if m from the right keeps their span; else none."""
+    if len(rows) > 1:
+        a = np.array(rows)
+        block = a @ m @ np.linalg.pinv(a, RANK)
+        if all(_kept(off, row, m, doubt) for off, row in zip(a @ m - block @ a, a, strict=True)):
+            return rows, np.linalg.eigvals(block)
+    return [], np.zeros(0)
 
 
 def _rank(s: np.ndarray) -> int:

@@ -10,11 +10,13 @@ import json
 import numpy as np
 import pytest
 from helpers import SOLVED, TESTS
+from rich.console import Console
 from scipy.integrate import solve_ivp
 
 import orbits
 from jaxdyn import scenes
 from orbits import Kind
+from orbits.cli.printed import print_reports
 
 REFERENCE = json.loads((TESTS / "references" / "figure_eight_reference.json").read_text())["orbits"]
 #: Traces of the monodromy matrix, whose entries are near 1e3, and of its square, by DOP853.
@@ -161,3 +163,23 @@ def test_rotating_eights_come_in_mirror_images_and_obey_the_law_of_the_action(tu
         c, s = np.cos(member.orbit.angle), np.sin(member.orbit.angle)
         turn = np.kron(np.eye(6), np.array([[c, -s], [s, c]]))
         assert np.abs(y1 - turn @ np.asarray(member.orbit.y0)).max() < 1e-10
+
+
+@pytest.mark.slow
+def test_the_centre_of_mass_is_no_reason_against_the_stability_of_a_rotating_eight(turning, capsys):
+    for member in (turning[2], turning[-1]):
+        linear = member.stability
+        _, monodromy = by_scipy(member.orbit)
+        c, s = np.cos(member.orbit.angle), np.sin(member.orbit.angle)
+        m = np.kron(np.eye(6), np.array([[c, s], [-s, c]])) @ monodromy
+        assert (linear.verdict, len(linear.nontrivial), linear.unit) == ("stable", 4, 4)
+        # Traces of powers of all twelve: four are 1, and four exp(+-i angle).
+        for power in (1, 2, 3):
+            whole = np.trace(np.linalg.matrix_power(m, power))
+            rest = whole - 4 - 4 * np.cos(power * member.orbit.angle)
+            assert abs(rest - (linear.nontrivial**power).sum()) < 1e-7
+            assert abs(whole - (linear.multipliers**power).sum()) < 1e-7
+    print_reports({"rotating": orbits.report(turning[-1].orbit)}, Console(width=100))
+    shown = capsys.readouterr().out
+    assert "4 of the centre of mass, which turns" in shown
+    assert "and 4 times 1" in shown
