@@ -61,7 +61,7 @@ def run(
       t0: () or (n,) start times [s].
       rtol: relative tolerance of one step.
       atol: absolute tolerance of one step, in the units of the state; rtol by default.
-      solver: see `simulate`.
+      solver: see `simulate`; an explicit method.
       max_steps: largest number of steps of a motion.
       fixed: make the scene's numbers, which all motions must share, constants of the program: a
         few per cent faster, but new ones recompile.
@@ -131,7 +131,7 @@ def stream(
       t0: () start time [s].
       rtol: relative tolerance.
       atol: absolute tolerance.
-      solver: see `simulate`.
+      solver: see `simulate`; an explicit method.
       max_steps: largest number of steps of a motion.
       fixed: make the scene's numbers constants of the program, see `solve`.
       watch: an observer.
@@ -170,7 +170,12 @@ def _job(
     if devices is not None and not len(devices):
         raise _checks.fail("devices", "at least one", "none", "jax.devices() lists them.")
     mesh = None if devices is None else mesh_of(devices)
-    settings = Settings(checked_method(scene, options.solver, several=True))
+    method = checked_method(scene, options.solver, several=True)
+    if not method.several:
+        wanted = "a method that crosses several steps side by side"
+        remedy = "Leave it out, or take jax.vmap of jaxdyn.solve with it."
+        raise _checks.fail("solver", wanted, method.name, remedy)
+    settings = Settings(method)
     return Job(
         shared=shared,
         limits=limits(options),

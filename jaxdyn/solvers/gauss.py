@@ -68,6 +68,7 @@ class Gauss(Method):
     adaptive: ClassVar[bool] = False
     position_only: ClassVar[bool] = False
     stable: ClassVar[float] = np.inf
+    several: ClassVar[bool] = False
 
     @property
     def order(self) -> int:

@@ -69,6 +69,9 @@ class Method(abc.ABC):
     #: A step is limited by stability, not by accuracy, if it is longer than this part of the
     #: stable one; where accuracy limits steps, they stay shorter, also at rtol 1e-3 (tested).
     alarm: ClassVar[float] = 0.7
+    #: Whether `advance` takes several steps side by side, h (1, s) of states y (k, s); those whose
+    #: iterations end independently of each other do not.
+    several: ClassVar[bool] = True
 
     @property
     def evaluations(self) -> float:

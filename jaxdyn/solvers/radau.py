@@ -42,6 +42,7 @@ class Radau(Method):
     adaptive: ClassVar[bool] = True
     position_only: ClassVar[bool] = False
     stable: ClassVar[float] = np.inf
+    several: ClassVar[bool] = False
 
     @property
     def order(self) -> int:

@@ -31,7 +31,7 @@ _MeshOption = Annotated[
     typer.Option(
         "--collocation/--shooting",
         help="Solve on an adaptive mesh, for stiff or very unstable orbits; by default where "
-        "integrations take too many steps.",
+        "shooting fails and the guess is stiff.",
     ),
 ]
 

@@ -168,7 +168,7 @@ class _Walk(NamedTuple):
             size = float(np.abs(residual).max())
             length = float(np.linalg.norm(step))
             self.report(newton.Iteration(index, size, float(x[-1]), length))
-            lost = not np.isfinite(jacobian).all() or self.trouble(x) is not None
+            lost = not np.isfinite(jacobian).all() or self.trouble(equations, x) is not None
             if size <= _NEAR and not lost:
                 return Found(x, size, near=distance(equations, x, several) > SAME)
             if lost or index == most:

@@ -15,7 +15,7 @@ from orbits.closing.given import Problem, posed
 from orbits.motion import solved
 from orbits.orbit import Orbit, Outcome, SearchError
 from orbits.shooting import newton
-from orbits.shooting.collocation.search import on_mesh, suits
+from orbits.shooting.collocation.search import meshed, on_mesh
 from orbits.shooting.deflation import SAME, Known, deflated, distance, known
 from orbits.shooting.descent import descended
 from orbits.shooting.effort import GOAL, RTOL, Effort
@@ -71,8 +71,9 @@ def find(
       rtol: tolerance of the integrations.
       rough: descend on the closing error (optax, Adam) from the guess before Newton's method.
       collocation: solve by Gauss collocation on an adaptive mesh instead of integrations, for
-        orbits that are stiff or very unstable; None: where integrations reach their step limit.
-        Unless something fixes the start, the orbit then starts where it is slow.
+        orbits that are stiff or very unstable; None: where shooting fails and the guess is stiff,
+        or integrations reach their step limit. Unless something fixes the start, the orbit then
+        starts where it is slow.
       unlike: known orbits of the scene: another one is sought from the same guess, by Newton's
         method with these deflated. The orbits of a family are unlike each other: hold the energy
         of a conservative scene.
@@ -116,9 +117,8 @@ def find(
         orbit = _closed_from_afar(problem, equations, angle, segments, effort)
     else:
         orbit = _closed(problem, equations, angle, segments, effort)
-    if collocation is None and orbit.outcome == Outcome.STEP_LIMIT and suits(equations):
-        meshed = on_mesh(problem, equations, effort)
-        orbit = meshed if meshed.ok else orbit
+    if collocation is None and not (orbit.ok or unlike):
+        orbit = meshed(problem, equations, effort, instead=orbit)
     if throw and not orbit.ok:
         raise SearchError(orbit.message)
     shift = np.abs(scene.system.difference(orbit.y0, problem.scene.y0)).max()
@@ -243,7 +243,7 @@ def _solved(equations: Equations, x: np.ndarray, problem: Problem, effort: Effor
         upper=upper,
         goal=effort.goal,
         max_iterations=effort.max_iterations,
-        keep_going=lambda x: trouble(x) is None,
+        keep_going=lambda x: trouble(equations, x) is None,
         report=effort.report,
     )
     return orbit_at(

@@ -8,7 +8,7 @@ from jaxtyping import Array
 from jaxdyn import Status
 from orbits.motion import logarithmic_period, solved
 from orbits.orbit import Orbit, Outcome
-from orbits.shooting.equations import Equations
+from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.newton import Result
 from orbits.shooting.segment import MAX_STEPS
 from orbits.shooting.segmentation import SEGMENTS_MOST
@@ -19,8 +19,12 @@ _SEGMENT_ROUNDINGS = 64.0
 _ROUNDING_FACTOR = 4.0
 #: A start this many times larger than the guess's: everything closes without motion.
 _ESCAPE_FACTOR = 100.0
-#: Of the guessed period, and of the path covered in it: shorter is a trivial solution.
+#: Of the guessed period, and of how far the guess moves in it: less is a trivial solution.
 _TRIVIAL_SHARE = 0.02
+_SAMPLES = 64  # of each segment, to see how far it moves
+_SAMPLE_RTOL = 1e-12  # tolerance of these samples
+#: Of the largest extent of a guess: the least that an entry of the state counts as.
+_LEAST_EXTENT = 1e-9
 
 
 class Trouble:
@@ -29,24 +33,37 @@ class Trouble:
     def __init__(self, equations: Equations, guess: np.ndarray):
         """Compare iterates with the unknowns (n,) of a guess."""
         self.equations = equations
-        self.period = guess[-1]
-        self.size, self.path = self._size_and_path(guess)
+        self.guess = guess
+        self.size, self.path = _size_and_path(equations, guess)
 
-    def __call__(self, x: np.ndarray) -> Outcome | None:
-        """The outcome of an iteration that ends at x; None if x is acceptable."""
-        size, path = self._size_and_path(x)
+    def __call__(self, equations: Equations, x: np.ndarray) -> Outcome | None:
+        """The outcome of an iteration that ends at x; None if x is acceptable.
+
+        The equations may have other segments than those of the guess.
+        """
+        size, path = _size_and_path(equations, x)
         # A guess of zeros has no size to compare with.
         if size > _ESCAPE_FACTOR * self.size > 0:
             return Outcome.ESCAPE
-        if self.equations.driven:  # its period is that of the drive, and rest is a regular orbit
+        if equations.driven:  # its period is that of the drive, and rest is a regular orbit
             return None
-        if x[-1] < _TRIVIAL_SHARE * self.period or path <= _TRIVIAL_SHARE * self.path:
+        # The path is that of the first rate, which is small also where an orbit is slow at its
+        # start, as a relaxation oscillation may be.
+        slow = path <= _TRIVIAL_SHARE * self.path
+        if x[-1] < _TRIVIAL_SHARE * self.guess[-1] or (slow and self._rests(equations, x)):
             return Outcome.TRIVIAL
         return None
 
-    def _size_and_path(self, x: np.ndarray) -> tuple[float, float]:
-        size, speed = size_and_speed(self.equations, x)
-        return float(size), float(speed) * x[-1]
+    def _rests(self, equations: Equations, x: np.ndarray) -> bool:
+        """Whether every entry of the state moves far less at x than at the guess."""
+        guessed = extents(self.equations, self.guess)
+        least = _TRIVIAL_SHARE * np.maximum(guessed, _LEAST_EXTENT * guessed.max())
+        return not (extents(equations, x) > least).any()
+
+
+def _size_and_path(equations: Equations, x: np.ndarray) -> tuple[float, float]:
+    size, speed = size_and_speed(equations, x)
+    return float(size), float(speed) * x[-1]
 
 
 @jax.jit
@@ -57,6 +74,24 @@ def size_and_speed(equations: Equations, x: Array) -> tuple[Array, Array]:
     return jnp.abs(y0).max(), jnp.linalg.norm(scene.rate(jnp.zeros(()), y0))
 
 
+def extents(equations: Equations, x: np.ndarray) -> np.ndarray:
+    """(k,) how far each entry of the state moves from the start at x; NaN where motions end early.
+
+    On a mesh its intervals tell, which are short where the motion is fast; segments are sampled.
+    """
+    here = jax.tree.map(np.asarray, pieces(equations, x))
+    if equations.collocated:
+        return np.abs(here.start - here.start[0]).max(axis=0)
+    scene = equations.scene_at(equations.unpack(x).parameter)
+    far = np.zeros(len(here.start[0]))
+    for y, t0, span in zip(here.start, here.t0, here.span, strict=True):
+        ts = np.linspace(t0, t0 + span, _SAMPLES + 1)[1:]
+        start = scene.starting(y)
+        flow = solved(start, ts[-1], t0=t0, ts=ts, rtol=_SAMPLE_RTOL, max_steps=MAX_STEPS)
+        far = np.maximum(far, np.abs(np.asarray(flow.ys) - here.start[0]).max(axis=0))
+    return far
+
+
 def outcome_of(equations: Equations, result: Result, trouble: Trouble, rtol: float) -> Outcome:
     """How Newton's method on the closing equations ended."""
     if not np.isfinite(result.residual).all():
@@ -65,8 +100,17 @@ def outcome_of(equations: Equations, result: Result, trouble: Trouble, rtol: flo
         scene = equations.scene_at(x.parameter).starting(equations.start_at(result.x))
         part = x.period / equations.closing.parts
         status = solved(scene, part, rtol=rtol, max_steps=MAX_STEPS).status
-        return Outcome.STEP_LIMIT if int(status) == Status.STEP_LIMIT else Outcome.COLLISION
-    outcome = trouble(result.x)
+        other = Outcome.COLLISION
+        if int(status) == Status.OK:
+            if equations.collocated:  # the intervals are too long for its steps
+                other = Outcome.MESH_LIMIT
+            else:  # the tangents take too many steps, or overflow
+                status = equations(result.x, rtol).status
+        if int(status) == Status.STEP_LIMIT:
+            return Outcome.STEP_LIMIT
+        # At an unstable equilibrium it is for the growth of errors that there is no residual.
+        return trouble(equations, result.x) or other
+    outcome = trouble(equations, result.x)
     if outcome is not None:
         return outcome
     if result.converged:

@@ -102,13 +102,10 @@ class Sight(eqx.Module):
 
     def after(self, t: Array, y: Array, hs: Array) -> tuple[Array, Array, Array]:
         """(s, E) values and slopes and (k, s) states, after one step of each length hs (s,)."""
-        # One step of a state with s columns: vmapped steps would scatter into their stages.
         rates = jax.vmap(self.field.rate, in_axes=(0, -1), out_axes=-1)
-        ys = jnp.broadcast_to(y[:, None], (*y.shape, *hs.shape))
-        method = self.method.in_loops(1)
-        increment = method.advance(lambda t, y: rates(t[0], y), t, hs[None], ys).increment
         ts = t + hs
-        x = jax.vmap(self.field.project, in_axes=(0, -1), out_axes=-1)(ts, ys + increment)
+        ys = y[:, None] + self._increments(rates, t, y, hs)
+        x = jax.vmap(self.field.project, in_axes=(0, -1), out_axes=-1)(ts, ys)
 
         def along(t, y, rate):
             ahead = (jnp.ones_like(t), rate)
@@ -116,6 +113,16 @@ class Sight(eqx.Module):
 
         g, slope = jax.vmap(along, in_axes=(0, -1, -1))(ts, x, rates(ts, x))
         return g, slope, x
+
+    def _increments(self, rates, t: Array, y: Array, hs: Array) -> Array:
+        """(k, s) increments of one step of each length hs (s,)."""
+        method = self.method.in_loops(1)
+        if not method.several:
+            step = lambda h: method.advance(self.field.rate, t, h, y).increment  # noqa: E731
+            return jax.vmap(step, out_axes=-1)(hs)
+        # One step of a state with s columns: vmapped steps would scatter into their stages.
+        ys = jnp.broadcast_to(y[:, None], (*y.shape, *hs.shape))
+        return method.advance(lambda t, y: rates(t[0], y), t, hs[None], ys).increment
 
 
 def coincident(field, events: tuple, y0: Array, t0: Array, t: Array, y: Array, direction) -> Array:

@@ -13,6 +13,8 @@ from orbits.motion import solved
 from orbits.shooting.collocation import steps
 from orbits.shooting.equations import Equations, pieces
 
+#: Steps of the default method: with more a motion is sampled by a stiff one.
+STEPS_MOST = 20_000
 #: Intervals are a multiple of this number, so that few numbers of them are compiled.
 _UNIT = 16
 _FIRST = 64  # intervals of the first mesh
@@ -23,7 +25,6 @@ _CALM = _SAMPLES // 10  # samples about the start in which the motion is slow
 _SAMPLE_RTOL = 1e-12  # tolerance of these samples
 _RETURNS_MOST = 8  # integrations for the time of the nearest return
 _RETURN_STEP = 0.05  # of the period: largest change of that time in one step
-_STEPS_MOST = 20_000  # of the default method: with more the motion counts as stiff
 _SAMPLINGS = 5  # each resolves what is some hundred times faster than the one before
 #: Share of the intervals of the first mesh that time decides on; the path decides on the others.
 _BY_TIME = 0.3
@@ -156,7 +157,7 @@ def is_stiff(equations: Equations, guess: np.ndarray) -> bool:
     """Whether the default method takes too many steps for the motion from a guess (k + 1,)."""
     span = guess[-1] / equations.closing.parts
     scene = equations.scene.starting(guess[:-1], span)
-    flow = solved(scene, span, rtol=_SAMPLE_RTOL, max_steps=_STEPS_MOST)
+    flow = solved(scene, span, rtol=_SAMPLE_RTOL, max_steps=STEPS_MOST)
     return int(flow.status) == Status.STEP_LIMIT
 
 

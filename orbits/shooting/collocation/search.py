@@ -9,9 +9,18 @@ import numpy as np
 from jaxdyn import System
 from jaxdyn._checks import fail
 from orbits.closing.given import Problem
+from orbits.motion import solved
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.collocation import newton
-from orbits.shooting.collocation.mesh import first_guess, is_stiff, on, quality, refined
+from orbits.shooting.collocation.mesh import (
+    STEPS_MOST,
+    Mesh,
+    first_guess,
+    is_stiff,
+    on,
+    quality,
+    refined,
+)
 from orbits.shooting.effort import Effort
 from orbits.shooting.equations import Equations
 from orbits.shooting.newton import Result
@@ -20,11 +29,31 @@ from orbits.shooting.outcomes import Trouble, orbit_at, outcome_of
 _MESHES_MOST = 8
 #: Of the goal: error of a step, of which an orbit has hundreds.
 _STEP_SHARE = 0.1
+#: Tolerance with which stability limits the steps of stiff motions: finer ones limit them more.
+_COARSE_RTOL = 1e-6
 
 
 def suits(equations: Equations) -> bool:
     """Whether collocation can solve the equations: states are not projected onto constraints."""
     return type(equations.scene.system).project is System.project
+
+
+def meshed(problem: Problem, equations: Equations, effort: Effort, *, instead: Orbit) -> Orbit:
+    """The orbit by collocation, where it may find one that shooting did not; or else `instead`.
+
+    That is where the motion from the guess is stiff, or integrations take too many steps.
+    """
+    if suits(equations) and (instead.outcome == Outcome.STEP_LIMIT or _stiff(problem, equations)):
+        orbit = on_mesh(problem, equations, effort)
+        return orbit if orbit.ok else instead
+    return instead
+
+
+def _stiff(problem: Problem, equations: Equations) -> bool:
+    """Whether stability, not accuracy, limits the steps along the guess."""
+    scene, part = problem.scene, problem.guess[-1] / equations.closing.parts
+    flow = solved(scene, part, rtol=_COARSE_RTOL, max_steps=STEPS_MOST)
+    return bool(flow.stiff)
 
 
 def on_mesh(
@@ -62,8 +91,8 @@ def on_mesh(
             iterations=0,
             rtol=effort.rtol,
         )
-    last, result, error = found
-    outcome = outcome_of(last, result, Trouble(last, result.x), effort.rtol)
+    last, result, error, trouble = found
+    outcome = outcome_of(last, result, trouble, effort.rtol)
     if outcome == Outcome.FOUND and error > effort.goal:
         outcome = Outcome.MESH_LIMIT
     return orbit_at(
@@ -77,11 +106,19 @@ def on_mesh(
 
 
 class _Found(NamedTuple):
-    """The equations on the last mesh, where Newton's method ended, the largest error of a step."""
+    """How a search ended.
+
+    Attributes:
+      equations: on the last mesh.
+      result: where Newton's method ended.
+      error: the largest error of a step.
+      trouble: the test against the guess on the first mesh.
+    """
 
     equations: Equations
     result: Result
     error: float
+    trouble: Trouble
 
 
 def _searched(problem: Problem, equations: Equations, effort: Effort) -> _Found | None:
@@ -90,10 +127,10 @@ def _searched(problem: Problem, equations: Equations, effort: Effort) -> _Found 
     if guess is None:
         return None
     mesh, period, angle, done = guess.mesh, guess.period, 0.0, 0
+    trouble = Trouble(*_placed(equations, mesh, angle, period))
     for _ in range(_MESHES_MOST):
-        here = on(equations, mesh)
+        here, x = _placed(equations, mesh, angle, period)
         lower, upper = here.bounds(problem.lower, problem.upper)
-        x = here.pack(mesh.states[0], mesh.states[1:], angle=angle, parameter=0.0, period=period)
         result = newton.solve(
             here,
             np.clip(x, lower, upper),
@@ -112,4 +149,12 @@ def _searched(problem: Problem, equations: Equations, effort: Effort) -> _Found 
         unknowns = here.unpack(result.x)
         period, angle = float(unknowns.period), float(unknowns.angle)
     error = float(quality(here, result.x).errors.max())
-    return _Found(here, dataclasses.replace(result, iterations=done), error)
+    return _Found(here, dataclasses.replace(result, iterations=done), error, trouble)
+
+
+def _placed(
+    equations: Equations, mesh: Mesh, angle: float, period: float
+) -> tuple[Equations, np.ndarray]:
+    """The equations on a mesh, and x of the motion on it."""
+    here, (first, *others) = on(equations, mesh), mesh.states
+    return here, here.pack(first, others, angle=angle, parameter=0.0, period=period)

@@ -20,7 +20,7 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes import catalogue
-from jaxdyn.solvers import NYSTROM12
+from jaxdyn.solvers import NYSTROM12, RADAU9
 from jaxdyn.status import Status
 
 RTOL = 1e-12
@@ -349,6 +349,7 @@ class Counting(Watch):
         ({"devices": []}, "devices: expected at least one, got none"),
         ({"rtol": 2.0}, "rtol: expected between"),
         ({"max_steps": 0}, "max_steps: expected a whole number, at least 1"),
+        ({"solver": RADAU9}, "solver: expected .* side by side, got Radau 9. .* jax.vmap"),
     ],
 )
 def test_misuse_is_refused(given, message):

@@ -8,6 +8,7 @@ from helpers import SOLVED, gap, kepler, kepler_state
 
 import jaxdyn
 from jaxdyn import Status, scenes, simulate, solvers
+from jaxdyn.integrate.events import Reaches, until
 from jaxdyn.integrate.simulation import _compiled, solve
 
 
@@ -65,6 +66,26 @@ def test_derivatives_of_a_stiff_motion():
     wanted = np.zeros((3, 3))
     wanted[1:, 1] = np.exp(-2.0)
     assert gap(jax.jit(jax.jacfwd(end))(CHASED.y0), wanted) < SOLVED
+
+
+def test_an_event_of_a_stiff_motion():
+    # z starts 1 off y = e^-t; that difference is over long before the event.
+    halved = until(CHASED, Reaches(2, 0.5, -1), 9.0, rtol=1e-12, solver=solvers.RADAU5)
+    assert gap(halved.t, np.log(2.0)) < SOLVED
+    assert gap(halved.y, np.array([np.cos(np.log(2.0)), 0.5, 0.5])) < SOLVED
+
+
+@pytest.mark.slow
+def test_crossings_of_a_stiff_motion_and_their_derivatives():
+    options = {"rtol": 1e-12, "solver": solvers.RADAU9}
+    found = jaxdyn.crossings(CHASED, Reaches(0, 0.0), 9.0, **options)
+    assert gap(found.ts, (np.arange(3) + 0.5) * np.pi) < SOLVED
+    assert found.directions.tolist() == [-1, 1, -1]
+    # -log of the level, as z follows e^-t.
+    falls = lambda z: jaxdyn.crossings(CHASED, Reaches(2, z, -1), 9.0, most=2, **options).ts[0]  # noqa: E731
+    time, slope = jax.jvp(falls, (jnp.asarray(0.5),), (jnp.ones(()),))
+    assert gap(time, np.log(2.0)) < SOLVED
+    assert gap(slope, -2.0) < SOLVED
 
 
 def test_stiffness_is_noticed_and_said():

@@ -17,6 +17,8 @@ from orbits.shooting.collocation.elimination import Chain, condensed, expanded
 #: Period of van der Pol's cycle for mu = 1000: the time between two passages of x = 1.5 by
 #: `solvers.RADAU9` at rtol 1e-13, and by SciPy's Radau at 1e-12 to the digits 1614.40112581.
 STIFF = 1614.4011258070
+#: The same for mu = 100, by SciPy's Radau at 1e-12 and 1e-13.
+STIFF_100 = 162.8370710924
 
 
 def van_der_pol(mu=1.0, period=6.5):
@@ -83,6 +85,32 @@ def test_a_relaxation_oscillation_is_found_where_steps_run_out(tmp_path):
     check = orbits.recheck(cycle)
     assert check.solver == "Radau 9"
     assert check.closure < 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("guess", [162.8, 150.0])
+def test_a_slow_start_is_no_equilibrium(guess):
+    # The guess starts off its slow curve, where the rate is 300 times that of the orbit's start.
+    cycle = orbits.find(van_der_pol(100.0, guess))
+    assert abs(cycle.period / STIFF_100 - 1) < 1e-12
+    # Shooting from the second guess gets nowhere: a jump moves by its width in a step.
+    assert (cycle.mesh is None) == (guess == 162.8)
+
+
+def decaying(t, y):
+    """y chases x at rate 100, x'' = -x - 0.3 x': nothing repeats."""
+    return [-100 * (y[0] - y[1]), y[2], -y[1] - 0.3 * y[2]]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("collocation", [None, True])
+def test_a_stiff_motion_that_ends_at_rest_is_trivial(collocation):
+    scene = jaxdyn.ode(decaying, [1.0, 1.0, 0.0], 6.0)
+    ended = orbits.find(scene, collocation=collocation, throw=False)
+    assert ended.outcome == Outcome.TRIVIAL
+    held = {"lower": [-9, -9, 162.8], "upper": [9, 9, 162.8]}
+    rest = orbits.find(van_der_pol(100.0), [0.0, 0.0], **held, collocation=collocation, throw=False)
+    assert rest.outcome == Outcome.TRIVIAL
 
 
 @pytest.mark.slow

@@ -226,6 +226,7 @@ def test_messages_say_what_to_do():
         Outcome.BOUND_PASSED: "Start elsewhere",
         Outcome.DESCENT_ENDED: "Start elsewhere",
         Outcome.MESH_LIMIT: "Raise goal",
+        Outcome.NO_OTHER: "raise max_iterations",
     }
     assert words.keys() == set(Outcome)
     for outcome, word in words.items():
