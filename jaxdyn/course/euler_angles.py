@@ -77,7 +77,7 @@ def solve(page: Page) -> None:
             figures.style(ax)
             for arrow, colour in zip(pose.T, figures.PALETTE, strict=False):
                 ax.plot(*np.stack([0 * arrow, arrow]).T, color=colour, lw=3)
-    look = "The body's axes x, y, z (blue, orange, green) turned about fixed axes, and below about its own."
+    look = "The axes x, y, z (blue, orange, green), turned about fixed axes and (below) its own."
     page.draw(figure, look)
     scene = {"about fixed x, y, z": about_fixed_axes, "about its own z, y, x": about_its_own_axes}
     boxes = {name: simulate(scenes.moved_box(angles=f, t1=3.0)) for name, f in scene.items()}
