@@ -83,7 +83,7 @@ def main(
         typer.echo(misuse, err=True)
         raise typer.Exit(MISUSE) from None
     rows = [row for each in found for row in each.rows]
-    console = Console(width=120)
+    console = Console(width=150)
     console.print(table(rows))
     for row in rows:
         if row.note:

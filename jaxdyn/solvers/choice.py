@@ -60,18 +60,19 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     (Toda's ring), 0.96, 0.81, 0.73 (spherical pendulum), 0.92, 0.79, 0.64 (three restricted bodies
     in space), 0.80, 0.61, 0.46 (magnetic bottle), 0.40, 0.35, 0.27 (double pendulum), 0.28, 0.23,
     0.17 (rigid body). That is within 1.15 of the fastest method, but 1.2 for the restricted bodies
-    and the bottle at 1e-12. They compile in 0.7 to 1.4 of the time of the pair, a rigid body in
-    1.6. At the same tolerance their errors are no larger in nine of ten runs.
+    at 1e-12 and the spherical pendulum at 1e-6. They compile in 0.5 to 1.5 of the time of the pair,
+    a rigid body in 1.7, a spherical pendulum in 2.0, the restricted bodies in 2.5. At the same
+    tolerance their errors are no larger in nine of ten runs.
 
-    The leapfrog takes, of the time of `NYSTROM12`: 0.61, 0.47, 0.51 (Pleiades), 0.73, 0.55, 0.58
-    (outer planets), 1.09, 0.83, 0.78 (a sheet of springs). At the same tolerance its errors are no
-    larger in nine of ten runs. Rounding, which its extrapolation amplifies, lets it get no further
-    than 1e-14 where the pair gets to 1e-15, and to a few times the errors of the pair in close
-    encounters; so finer tolerances than 1e-12 take the pair, as does a tolerance that is only
-    known at run time, and a request for digits. For two and three bodies it takes as long as the
-    pair (1.02, 1.01, 0.97 for the eight), and for more than 12, which the pair vectorises, 1.3
-    times as long. With columns of 1 to 7 substeps it would take 0.85 to 0.9 of its time, and be
-    four times as sensitive to rounding.
+    The leapfrog takes, of the time of `NYSTROM12`: 0.53, 0.51, 0.49 (Pleiades), 0.58, 0.43, 0.64
+    (outer planets), 1.04, 0.82, 0.80 (a sheet of springs). At the same tolerance its errors are no
+    larger in nine of ten runs down to 1e-10, in three of four at 1e-12. Rounding, which its
+    extrapolation amplifies, lets it get no further than 1e-14 where the pair gets to 1e-15, and to
+    a few times the errors of the pair in close encounters; so finer tolerances than 1e-12 take the
+    pair, as does a tolerance that is only known at run time, and a request for digits. For two and
+    three bodies it takes about as long as the pair (0.92 for the eight, 0.97 for Kepler's orbit),
+    and for more than 12, which the pair vectorises, 1.3 times as long. With columns of 1 to 7
+    substeps it would take 0.85 to 0.9 of its time, and be four times as sensitive to rounding.
 
     With quotients, series of second-order equations gain less than that, and lose digits in close
     encounters. For derivatives, events and ensembles, which cross several steps side by side, it
