@@ -28,8 +28,13 @@ def save(
       orbit: what `find`, `refine` or `prove` returned; the digits or the certificate are claims.
       claims: its report; made here by default.
     Raises:
-      ValueError: the folder does not exist, or the scene holds a function.
+      ValueError: `orbit` is something else, the folder does not exist, or the scene holds a
+        function.
     """
+    if not isinstance(orbit, Orbit | Refined | Certificate):
+        remedy = "The path comes first: orbits.save(path, orbit)."
+        wanted = "what orbits.find, refine or prove returned"
+        raise fail("orbit", wanted, type(orbit).__name__, remedy)
     more = {}
     if isinstance(orbit, Refined | Certificate):
         name = REFINED if isinstance(orbit, Refined) else CERTIFICATE

@@ -58,6 +58,11 @@ def test_a_saved_orbit_verifies(saved, eight):
     assert derived.choreography
 
 
+def test_arguments_in_the_other_order_are_told(tmp_path):
+    with pytest.raises(ValueError, match=r"orbit: expected.* The path comes first"):
+        orbits.save(scenes.pendulum(), tmp_path / "swing.json")
+
+
 def test_the_file_is_read_back_to_the_bit(saved, eight):
     orbit, claims = orbits.load(saved)
     np.testing.assert_array_equal(orbit.y0, eight.y0)
