@@ -58,7 +58,7 @@ def draw(stored: dict, path: Path) -> None:
     lines = [Line2D([], [], color=colour) for colour in _COLOURS.values()]
     names = [{"jaxdyn": "jaxdyn, the best"}.get(name, name) for name in _COLOURS]
     figure.legend(lines, names, loc="outside lower center", ncols=len(_COLOURS))
-    figure.savefig(path, dpi=100)
+    figure.savefig(path, dpi=90)
     plt.close(figure)
 
 

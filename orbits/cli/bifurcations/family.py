@@ -90,9 +90,7 @@ def family_command(
             out.result({"scene": name} | orbits.files.family_files.as_json(family))
         else:
             print_family(family, out)
-        _write(family, save_to, plot, title, out)
-        if part:
-            part.unlink()  # the family file has it all
+        _write(family, save_to, part, plot, title, out)
 
 
 def _first(
@@ -130,13 +128,15 @@ def _followed(out: Screen, most: int) -> Callable[["orbits.families.family.Membe
 def _write(
     family: "orbits.files.family_files.Listing",
     save_to: Path | None,
+    part: Path | None,
     plot: Path | None,
     title: str | None,
     out: Screen,
 ) -> None:
-    if save_to:
+    if save_to and part:
         with out.writing(save_to, "saved to"):
             orbits.files.family_files.save(save_to, family)
+        part.unlink()  # the family file has it all
     if plot:
         with out.writing(plot, "drawn in"):
             orbits.drawing.family(family, plot, title=title)
