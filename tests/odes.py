@@ -33,6 +33,18 @@ def lorenz(t, y, p):
     return [p["sigma"] * (v - u), u * (p["rho"] - w) - v, u * v - p["beta"] * w]
 
 
+def roessler(t, y, c):
+    """Roessler (1976), Phys. Lett. A 57, 397, with a = b = 0.2."""
+    return [-y[1] - y[2], y[0] + 0.2 * y[1], 0.2 + y[2] * (y[0] - c)]
+
+
+def pitchfork_of_cycles(t, y, mu):
+    """r' = (mu - r^2) r beside z' = (r^2 - 0.2) z - z^3: cycles r^2 = mu with z^2 = mu - 0.2."""
+    x, y_, z = y
+    r = x * x + y_ * y_
+    return [(mu - r) * x - y_, (mu - r) * y_ + x, (r - 0.2) * z - z**3]
+
+
 def brusselator(t, y, p):
     """An equilibrium at (a, b / a); a cycle about it where b > 1 + a^2."""
     a, b = p

@@ -9,6 +9,7 @@ import math
 
 import jax.numpy as jnp
 import numpy as np
+import odes
 import pytest
 
 import jaxdyn
@@ -100,10 +101,7 @@ def test_a_torus_point_of_a_cycle_whose_speed_depends_on_where_it_is():
 
 
 def rossler(c):
-    def rate(t, y, c):
-        return [-y[1] - y[2], y[0] + 0.2 * y[1], 0.2 + y[2] * (y[0] - c)]
-
-    return jaxdyn.ode(rate, [3.0, -3.0, 0.1], 5.9, params=c)
+    return jaxdyn.ode(odes.roessler, [3.0, -3.0, 0.1], 5.9, params=c)
 
 
 @pytest.mark.long

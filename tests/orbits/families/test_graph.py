@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from odes import van_der_pol
+from odes import pitchfork_of_cycles, roessler, van_der_pol
 
 import jaxdyn
 import orbits
@@ -15,25 +15,13 @@ def _van_der_pol(mu):
 
 
 def _roessler(c):
-    """Roessler (1976), Phys. Lett. A 57, 397, with a = b = 0.2."""
-
-    def rate(t, y, c):
-        return [-y[1] - y[2], y[0] + 0.2 * y[1], 0.2 + y[2] * (y[0] - c)]
-
-    return jaxdyn.ode(rate, jnp.zeros(3), 6.0, params=c)
+    return jaxdyn.ode(roessler, jnp.zeros(3), 6.0, params=c)
 
 
 @pytest.fixture(scope="module")
 def pitchfork():
-    """r' = (mu - r^2) r beside z' = (r^2 - 0.2) z - z^3: cycles r^2 = mu with z^2 = mu - 0.2."""
-
-    def rate(t, y, mu):
-        x, y_, z = y
-        r = x * x + y_ * y_
-        return [(mu - r) * x - y_, (mu - r) * y_ + x, (r - 0.2) * z - z**3]
-
     def make(mu):
-        return jaxdyn.ode(rate, jnp.zeros(3), 6.0, params=mu)
+        return jaxdyn.ode(pitchfork_of_cycles, jnp.zeros(3), 6.0, params=mu)
 
     return orbits.diagram(
         make, -0.1, jnp.zeros(3), within=(-0.2, 0.4), orbit_members=10, orbit_step=0.1

@@ -42,16 +42,12 @@ def test_cycles_of_lorenz_are_proved_to_be_unstable(word):
     assert abs(product - np.exp(-(11 + 8 / 3) * period)) < 1e-9
 
 
-def _van_der_pol(t, y, p):
-    return [y[1], p * (1 - y[0] ** 2) * y[1] - y[0]]
-
-
 @pytest.mark.slow
 def test_the_cycle_of_van_der_pol_has_its_published_digits():
     # Hairer, Norsett, Wanner 1993, Solving Ordinary Differential Equations I, section I.16; there
     # the amplitude lacks the 6 of 50964, and its later digits agree.
     amplitude, period = "2.008619860874843136509640188", "6.6632868593231301896996820305"
-    scene = jaxdyn.ode(_van_der_pol, [2.0, 0.0], 6.66, params=1.0)
+    scene = jaxdyn.ode(odes.van_der_pol, [2.0, 0.0], 6.66, params=1.0)
     proof = orbits.prove(orbits.find(scene, hold="y1"), digits=32)
     assert (proof.proved, proof.verdict, proof.verdict_proved) == (True, "stable", True)
     with mpmath.workdps(40):
@@ -64,7 +60,7 @@ def test_the_cycle_of_van_der_pol_has_its_published_digits():
 @pytest.mark.parametrize(
     ("rate", "start", "period", "params"),
     [
-        (_van_der_pol, [2.0, 0.0], 11.6, 5.0),
+        (odes.van_der_pol, [2.0, 0.0], 11.6, 5.0),
         (odes.brusselator, [1.0, 2.5], 7.2, (1.0, 3.0)),
     ],
 )
