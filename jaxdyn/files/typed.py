@@ -2,8 +2,8 @@
 
 A value is a bool, int, float or str, None, an enum, a list or tuple of one type, a tuple of
 several, a dictionary, a real or complex array, a dataclass or a named tuple, or anything where
-`Any` or a bare ``dict`` is expected. Null is NaN where a
-float is expected, and a text an infinity: JSON has no others.
+`Any` or a bare ``dict`` is expected. Null is NaN where a float is expected, and a text an infinity:
+JSON has no others.
 """
 
 import dataclasses
