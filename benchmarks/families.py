@@ -5,20 +5,26 @@ Run: ``python -m benchmarks families``. Van der Pol's cycle at mu = 5 and 100 by
 the error is that of the period, by another method. Then ten halo orbits about L1 of Earth and Moon,
 from a start of six digits: ours and hiten's, if that is installed (`pip install hiten`; it is no
 part of `jaxdyn[benchmark]`); the error is the largest closing error, in one integration at rtol
-1e-13. Lines are those of the functions below. Times are of a run after the first, compiled.
+1e-13. Then 50 strands of the unstable manifold of the first one: hiten steps 1e-6 off the orbit,
+ours as far as the error of the linear start, 1e-8, allows, which it measures first; the error is
+that of the ends, from the starts that each gives. Lines are those of the functions below. Times are
+of a run after the first, compiled.
 
-Last numbers (2 cores under six times their load, 2026-11; hiten 0.5.4, SciPy 1.17):
-van der Pol's cycle at mu = 5: ours 0.20 s, error 4e-16, 2 lines; `solve_bvp` 4.8 s (its guess
-included), 2e-12, 23 lines. At mu = 100: ours 1.0 s, 3e-12 (of which most is the reference's own);
-`solve_bvp` 12 s, 8e-10; from a guess that starts where the cycle is slow it diverges. Ten halo
-orbits: ours 1.2 s, closing to 4e-13, 5 lines; hiten 37 s, to 1.3e-8, 10 lines. Ours first compile,
-for 10 s each with stored programs and a minute without on that machine; hiten's first run took
-168 s, and its import 71 s.
+Last numbers (2 cores, 2026-11; hiten 0.5.4, SciPy 1.17; first runs in brackets, which compile, ours
+with stored programs): van der Pol's cycle at mu = 5: ours 53 ms (6 s), error 4e-16, 2 lines;
+`solve_bvp` 0.77 s, its guess included, 2e-12, 23 lines. At mu = 100: ours 0.23 s, 3e-12 (of which
+most is the reference's own); `solve_bvp` 1.5 s, 8e-10; from a guess that starts where the cycle is
+slow it diverges. Ten halo orbits: ours 0.13 s (3 s), their stability and special points included,
+closing to 5e-13, 2 lines; hiten 0.08 s (15 s), to 1.4e-9, 6 lines. Fifty strands: ours 70 ms (4 s),
+errors 4e-10, 2 lines; hiten 100 ms (5 s), 1e-6, 4 lines.
 """
 
+import functools
 import inspect
+import math
 import time
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import numpy as np
@@ -41,12 +47,13 @@ HALO, HALO_PERIOD, HALO_MU = (
     0.012154535289174722,
 )
 MEMBERS = 10
+STRANDS, STRAND_TIME = 50, 1.5 * math.pi
 
 
 def run(quick: bool = False) -> list[Row]:
-    """Times, errors and lines of cycles by collocation, and of a halo family."""
+    """Times, errors and lines of cycles by collocation, of a halo family, and of a manifold."""
     rows = [_cycle(mu) for mu in (list(CYCLES)[:1] if quick else CYCLES)]
-    return [*rows, _halos(quick)]
+    return [*rows, _halos(quick), _manifolds(quick)]
 
 
 def rate(t, y, mu):
@@ -94,7 +101,7 @@ def scipy_cycle(mu: float, guess: float) -> float:
 
 def _cycle(mu: float) -> Row:
     guess = CYCLES[mu]
-    first = _seconds(lambda: our_cycle(mu, guess))
+    first = {"ours": _seconds(lambda: our_cycle(mu, guess))}
     found = {"ours": our_cycle(mu, guess), "solve_bvp": scipy_cycle(mu, guess)}
     times = {
         "ours": _times(lambda: our_cycle(mu, guess)),
@@ -117,24 +124,40 @@ def restricted(t, y, mu):
     return [vx, vy, vz, ax, y_ - 2 * vx - (one + two) * y_, -(one + two) * z]
 
 
-def our_halos() -> list[tuple[np.ndarray, float]]:
-    """Starts and periods."""
+def our_halo() -> orbits.Orbit:
+    """The first one."""
     mirror = orbits.Symmetry(None, (1, -1, 1, -1, 1, -1), reversing=True)
     scene = jaxdyn.ode(restricted, HALO, HALO_PERIOD, params=HALO_MU)
-    first = orbits.find(scene, closing=orbits.reversal(mirror), hold="y2")
-    family = orbits.continue_family(first, members=MEMBERS, step=5e-3)
+    return orbits.find(scene, closing=orbits.reversal(mirror), hold="y2")
+
+
+def our_halos() -> list[tuple[np.ndarray, float]]:
+    """Starts and periods."""
+    family = orbits.continue_family(our_halo(), members=MEMBERS, step=5e-3)
     return [(np.asarray(x.orbit.y0), x.orbit.period) for x in family.members]
+
+
+@functools.cache
+def hiten_point() -> Any:
+    """L1, once: hiten compiles for each again."""
+    from hiten import System
+
+    return System.from_bodies("earth", "moon").get_libration_point(1)
+
+
+def hiten_halo() -> Any:
+    """The first one."""
+    seed = hiten_point().create_orbit("halo", initial_state=HALO)
+    seed.correct()
+    seed.propagate()
+    return seed
 
 
 def hiten_halos() -> list[tuple[np.ndarray, float]]:
     """Starts and periods."""
-    from hiten import System
     from hiten.algorithms.continuation.options import OrbitContinuationOptions
 
-    point = System.from_bodies("earth", "moon").get_libration_point(1)
-    seed = point.create_orbit("halo", initial_state=HALO)
-    seed.correct()
-    seed.propagate()
+    seed = hiten_halo()
     z = seed.initial_state[2]
     options = OrbitContinuationOptions(target=([z], [z + 2.0]), step=5e-3, max_members=MEMBERS)
     found = seed.generate(options).family
@@ -145,11 +168,44 @@ def _halos(quick: bool) -> Row:
     methods: dict[str, Callable] = {"ours": our_halos}
     if not quick and importable("hiten"):
         methods["hiten"] = hiten_halos
-    first = _seconds(our_halos)
+    first = {name: _seconds(method) for name, method in methods.items()}
     found = {name: method() for name, method in methods.items()}
     times = {name: _times(method) for name, method in methods.items()}
     errors = {name: max(_closing(y0, period) for y0, period in x) for name, x in found.items()}
     return Row(f"{MEMBERS} halo orbits about L1", times, note=_note(errors, methods, first))
+
+
+def our_strands(orbit: orbits.Orbit) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Starts and ends."""
+    found = orbits.manifold(orbit, "unstable", strands=STRANDS, branch="+", time=STRAND_TIME)
+    return list(zip(found.starts, found.ends, strict=True))
+
+
+def hiten_strands(orbit: Any) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Starts and ends."""
+    found = orbit.manifold(stable=False, direction="positive")
+    share = STRAND_TIME / (2 * math.pi)
+    found.compute(step=1 / STRANDS, integration_fraction=share, show_progress=False)
+    return [(strand.states[0], strand.states[-1]) for strand in found.trajectories]
+
+
+def _manifolds(quick: bool) -> Row:
+    methods: dict[str, Callable] = {"ours": our_strands}
+    halos: dict[str, Callable] = {"ours": our_halo}
+    if not quick and importable("hiten"):
+        methods["hiten"], halos["hiten"] = hiten_strands, hiten_halo
+    first = {name: _seconds(lambda name=name: methods[name](halos[name]())) for name in methods}
+    found = {name: method(halos[name]()) for name, method in methods.items()}
+    # Another orbit: hiten keeps the manifold of one.
+    fresh = {name: halos[name]() for name in methods}
+    times = {name: _times(lambda name=name: methods[name](fresh[name])) for name in methods}
+    errors = {name: max(_end_error(*strand) for strand in x) for name, x in found.items()}
+    return Row(f"{STRANDS} strands of a halo's manifold", times, note=_note(errors, methods, first))
+
+
+def _end_error(start: np.ndarray, end: np.ndarray) -> float:
+    scene = jaxdyn.ode(restricted, start, STRAND_TIME, params=HALO_MU)
+    return float(np.abs(np.asarray(jaxdyn.solve(scene, STRAND_TIME, rtol=1e-14).y1) - end).max())
 
 
 def _closing(y0: np.ndarray, period: float) -> float:
@@ -169,10 +225,11 @@ def _seconds(work: Callable) -> float:
     return time.perf_counter() - start
 
 
-def _note(errors: dict[str, float], methods: dict[str, Callable], first: float) -> str:
+def _note(errors: dict[str, float], methods: dict[str, Callable], first: dict[str, float]) -> str:
     lines = {
         name: sum(bool(line.strip()) for line in inspect.getsource(method).splitlines()[2:])
         for name, method in methods.items()
     }
     each = ", ".join(f"{name} {errors[name]:.1e} in {lines[name]} lines" for name in methods)
-    return f"errors: {each}; ours compiles and runs first in {first:.0f} s"
+    firsts = ", ".join(f"{name} {seconds:.0f} s" for name, seconds in first.items())
+    return f"errors: {each}; first runs, compilation included: {firsts}"

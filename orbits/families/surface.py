@@ -6,7 +6,6 @@ without changing it: in time, and by each symmetry of the scene.
 
 import dataclasses
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -84,8 +83,7 @@ class Surface:
 
     def of_start(self, x: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """(k, p) the change of the start along directions (n, p) at x."""
-        slope = jax.jacfwd(self.equations.start)(jnp.asarray(x))
-        return np.asarray(slope) @ directions
+        return self.equations.start_slope(x) @ directions
 
     def directions(self, point: Point) -> np.ndarray:
         """(n, d) orthonormal: directions along the surface that change the orbit."""
