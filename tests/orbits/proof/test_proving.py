@@ -302,3 +302,28 @@ def test_the_rotation_numbers_of_the_eight_are_enclosed_to_many_digits():
         for exact in known:
             gaps = [abs(mpmath.mpf(x.mid) - mpmath.mpf(exact)) for x in proof.exponents]
             assert min(gaps) < mpmath.mpf(10) ** -24
+
+
+@pytest.mark.slow
+def test_multipliers_that_are_nearly_equal_take_more_digits():
+    """A swing in a quartic potential, on two ridges whose rates of escape agree to nine digits."""
+
+    def rate(t, y, squares):
+        return [y[1], -(y[0] ** 3), y[3], squares[0] * y[2], y[5], squares[1] * y[4]]
+
+    def energy(t, y, squares):
+        over = squares[0] * y[2] ** 2 + squares[1] * y[4] ** 2
+        return 0.5 * (y[1] ** 2 + y[3] ** 2 + y[5] ** 2 - over) + 0.25 * y[0] ** 4
+
+    squares = [0.1, 0.1 * (1 + 1e-9)]
+    scene = jaxdyn.ode(rate, [1.0, 0, 0, 0, 0, 0], 7.4, energy=energy, params=jnp.array(squares))
+    proof = orbits.prove(orbits.find(scene, hold="y0"), 15)
+    assert (proof.proved, proof.verdict, proof.verdict_proved) == (True, "unstable", True)
+    assert proof.digits > 25
+    with mpmath.workdps(60):
+        # The integral of 4 sqrt(2 / (1 - x^4)) from 0 to 1.
+        period = mpmath.sqrt(2 * mpmath.pi) * mpmath.gamma("0.25") / mpmath.gamma("0.75")
+        growths = [mpmath.exp(mpmath.sqrt(mpmath.mpf(square)) * period) for square in squares]
+        exact = [*growths[::-1], 1 / growths[0], 1 / growths[1]]
+        for known, (real, _) in zip(exact, proof.multipliers, strict=True):
+            assert _contains(real, known)
