@@ -33,6 +33,8 @@ from orbits.shooting.outcomes import size_and_speed
 _CONSTANT = 1e-11
 _STEPS = 40  # along the family, to locate a special point between two members
 _CLOSE = 1e-12  # relative to the size of the unknowns: a bracket that is not divided further
+#: Of the way to a zero, where there is no member: the zero may be an equilibrium.
+_SHORT = 0.9
 #: Relative distance below which two special points are one.
 _SAME_PLACE = 1e-5
 #: Of a step in which multipliers seem to have crossed the circle in several ways, to tell which.
@@ -71,7 +73,8 @@ def _zero(surface: Surface, a: Member, b: Member, test: Test) -> Member | None:
         return None
     best, least = (a, abs(left)) if abs(left) < abs(right) else (b, abs(right))
     for _ in range(_STEPS):
-        member = _between(surface, a, b, left / (left - right))
+        share = left / (left - right)
+        member = _between(surface, a, b, share) or _between(surface, a, b, _SHORT * share)
         if member is None:
             break
         value = test(surface, member)

@@ -41,6 +41,9 @@ def next_member(surface: Surface, last: Member, step: float) -> Member | None:
     """The member a step further along the family; None if there is none."""
     predicted = last.point.x + step * last.tangent
     point = surface.nearest(predicted)
+    if point is None:
+        # Where orbits shrink to an equilibrium, shortest steps lead away from them to that one.
+        point = surface.nearest(predicted, last.tangent)
     if point is None or np.linalg.norm(point.x - predicted) > step:
         return None
     ways = surface.directions(point)

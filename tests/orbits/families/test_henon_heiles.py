@@ -106,3 +106,22 @@ def test_bent_orbits_are_unstable_and_loops_double():
     np.testing.assert_allclose(end[:4], start[:4], rtol=0, atol=1e-11)
     # Two multipliers are 1, by the flow and the energy, and two -1.
     assert abs(np.trace(end[4:].reshape(4, 4))) < 1e-8
+
+
+@pytest.mark.slow
+def test_the_three_families_meet_at_the_equilibrium():
+    """Both frequencies are 1 there: the closing equations are singular to all orders near it."""
+    orbits_near = [
+        orbits.find(at_rest(0.2), period=6.4, hold="y"),
+        *(crossing_upwards(y, SADDLE / 8) for y in (-0.1, 0.1)),
+    ]
+    families = [
+        orbits.continue_family(orbit, members=10, step=0.05, down=i == 0)
+        for i, orbit in enumerate(orbits_near)
+    ]
+    for family in families:
+        assert [point.kind for point in family.special] == [Kind.REST]
+        assert abs(family.special[0].orbit.period - 2 * np.pi) < 1e-9
+        assert np.abs(family.special[0].orbit.y0).max() < 1e-6
+    (place,) = orbits.graph(families).places
+    assert (place.kind, place.families) == ("equilibrium", (0, 1, 2))
