@@ -72,7 +72,7 @@ def like_defaults(*rows: str, but: tuple[str, ...] = ()) -> Callable[[F], F]:
 
         @functools.wraps(function)
         def checked(*args, **kwargs):
-            given = signature.bind(*args, **kwargs).arguments
+            given = signature.bind(*args, **kwargs).arguments if args or kwargs else {}
             if not given.keys() & shapes.keys():
                 return function(*args, **kwargs)  # defaults are what they have to be
             got = shapes | {name: _shape(name, given[name]) for name in shapes if name in given}

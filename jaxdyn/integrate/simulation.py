@@ -187,7 +187,7 @@ def solve(
     out = _auto(run, settings, traced) if auto else run(settings=settings)
     if len(ts) == n:
         return out
-    # A slice in JAX, and `as_float`, would compile for each number of samples.
+    # A slice in JAX, `as_float`, and `asarray` without a type would compile for each number.
     ys = jnp.asarray(np.asarray(out.ys)[:n], float)
     return SolveResult(
         y1=out.y1, ys=ys, steps=out.steps, rejected=out.rejected, status=out.status, stiff=out.stiff

@@ -137,27 +137,34 @@ def grows_from(growth: Callable[[float], float]) -> float:
     return float(z)
 
 
+def _kind(x) -> tuple:
+    """Shape and type of a number or numbers."""
+    x = x if isinstance(x, jax.Array) else jax.typeof(x)  # which takes an array 2 us
+    return x.shape, x.dtype
+
+
 def traced_once(look: Callable) -> Callable:
     """look(rate, t, y), found once for systems of a kind, whatever their numbers; host only.
 
     Returns:
-      A function of a system with ``rate(t, y)``, a pytree of its numbers, and of a state's length.
+      A function of a system with ``rate(t, y)``, a pytree of its numbers, of a state's length, and
+      of what `look` takes besides.
     """
 
     @functools.lru_cache(maxsize=_KINDS)
-    def found(tree, kinds: tuple, k: int):
+    def found(tree, kinds: tuple, k: int, more: tuple):
         answers = []
 
         def answer(leaves, t, y):
-            answers.append(look(jax.tree.unflatten(tree, leaves).rate, t, y))
+            answers.append(look(jax.tree.unflatten(tree, leaves).rate, t, y, *more))
 
         shapes = [jax.ShapeDtypeStruct(*kind) for kind in (*kinds, ((), float), ((k,), float))]
         jax.eval_shape(answer, shapes[:-2], *shapes[-2:])
         return answers[0]
 
-    def of(system, k: int):
+    def of(system, k: int, *more):
         leaves, tree = jax.tree.flatten(system)
-        return found(tree, tuple((x.shape, x.dtype) for x in map(jax.typeof, leaves)), k)
+        return found(tree, tuple(map(_kind, leaves)), k, more)
 
     return of
 
@@ -170,7 +177,3 @@ def operations(rate: Callable, t0: Array, y0: Array) -> int:
         return len(jaxpr.eqns) + sum(count(closed.jaxpr) for closed in inner)
 
     return count(jax.make_jaxpr(rate)(t0, y0).jaxpr)
-
-
-#: The number of operations of one rate evaluation of a system, for a state's length.
-operations_of = traced_once(operations)

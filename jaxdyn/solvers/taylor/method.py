@@ -30,7 +30,7 @@ from jaxdyn.solvers.method import (
     Method,
     Rate,
     grows_from,
-    operations_of,
+    operations,
     traced_once,
 )
 from jaxdyn.solvers.pairs import VERNER9
@@ -179,11 +179,12 @@ def series_of(system, y: Array, longest: int | None = None) -> Series | None:
       operations, and for one without a series.
     """
     k = len(y)
-    too_long = longest is not None and k <= _MOST_NUMBERS and operations_of(system, k) > longest
-    return None if k > _MOST_NUMBERS or too_long else _series_of(system, k)
+    return None if k > _MOST_NUMBERS else _series_of(system, k, longest)
 
 
-def _series(rate: Rate, t: Array, y: Array) -> Series | None:
+def _series(rate: Rate, t: Array, y: Array, longest: int | None) -> Series | None:
+    if longest is not None and operations(rate, t, y) > longest:
+        return None
     try:
         found = formulas(rate, t, y)
     except NotElementary:
