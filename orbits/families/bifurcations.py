@@ -8,7 +8,7 @@ circle in pairs are counted instead, and the place by bisection.
   is stationary along the family. A multiplier is 1 there.
 - Branch point: a non-trivial multiplier passes through 1, and a second family crosses.
 - Period doubling: one passes through -1.
-- Equilibrium: such a place where the orbits have shrunk to nothing, and the family ends.
+- Equilibrium: the orbits have shrunk to nothing, and the family ends (`shrinking`).
 - Torus point: a complex pair crosses the unit circle.
 - Krein collision: two complex pairs on the unit circle meet and leave it, as they can in
   conservative scenes.
@@ -24,23 +24,21 @@ from jaxtyping import Array
 
 from jaxdyn.analysis import energy
 from orbits.families.family import Kind, Member
+from orbits.families.shrinking import rest_between
 from orbits.families.steps import next_member
 from orbits.families.surface import Surface
 from orbits.shooting.equations import Equations
-from orbits.shooting.outcomes import size_and_speed
 
 #: Relative to 1 + |value|: an integral that changes less along the family is constant.
 _CONSTANT = 1e-11
 _STEPS = 40  # along the family, to locate a special point between two members
 _CLOSE = 1e-12  # relative to the size of the unknowns: a bracket that is not divided further
-#: Of the way to a zero, where there is no member: the zero may be an equilibrium.
-_SHORT = 0.9
+#: Of the larger value of a test at two neighbours: what counts as zero.
+_ZERO = 1e-3
 #: Relative distance below which two special points are one.
 _SAME_PLACE = 1e-5
 #: Of a step in which multipliers seem to have crossed the circle in several ways, to tell which.
 _HALVINGS = 8
-#: Of the larger rate at the start of its two neighbours: below, a fold is an equilibrium.
-_AT_REST = 1e-5
 
 Test = Callable[[Surface, Member], float]
 
@@ -49,6 +47,9 @@ def special_points(
     surface: Surface, a: Member, b: Member, halvings: int = _HALVINGS
 ) -> list[Member]:
     """The special points between two neighbours."""
+    rest = rest_between(surface, a, b)
+    if rest is not None:
+        return [rest]
     # A pair that leaves the circle and one that returns through +1 or -1 may hide each other.
     if halvings and _singly(surface, a, b) and _spiralling(a) != _spiralling(b):
         middle = _between(surface, a, b, 0.5)
@@ -58,7 +59,7 @@ def special_points(
     places = [(kind, _zero(surface, a, b, test)) for kind, test in _TESTS.items()]
     if _left_in_pairs(surface, a, b):
         places.append((_pair_kind(a, b), _boundary(surface, a, b)))
-    found = [_named(surface, kind, point, (a, b)) for kind, point in places if point is not None]
+    found = [_named(surface, kind, point) for kind, point in places if point is not None]
     folds = [x for x in found if x.kind == Kind.FOLD]
     # At a fold a multiplier passes through 1 as well.
     found = [x for x in found if x.kind != Kind.BRANCH or not any(_same(x, f) for f in folds)]
@@ -68,13 +69,16 @@ def special_points(
 def _zero(surface: Surface, a: Member, b: Member, test: Test) -> Member | None:
     """The member between two others where a test is zero, by the Illinois method; None for none."""
     left, right, side = test(surface, a), test(surface, b), 0
+    small = _ZERO * max(abs(left), abs(right))
     # A zero at an end counts once, for the step that leads there.
     if not (left * right < 0 or right == 0 != left):
         return None
     best, least = (a, abs(left)) if abs(left) < abs(right) else (b, abs(right))
     for _ in range(_STEPS):
         share = left / (left - right)
-        member = _between(surface, a, b, share) or _between(surface, a, b, _SHORT * share)
+        member = _between(surface, a, b, share)
+        if member is None and share < 0.5:  # a shorter step may be possible
+            member = _between(surface, a, b, 0.5 * share)
         if member is None:
             break
         value = test(surface, member)
@@ -86,7 +90,7 @@ def _zero(surface: Surface, a: Member, b: Member, test: Test) -> Member | None:
         else:
             b, right, left = member, value, left * (0.5 if side > 0 else 1.0)
             side = 1
-    return best
+    return best if least <= small else None
 
 
 def _boundary(surface: Surface, a: Member, b: Member) -> Member | None:
@@ -114,21 +118,14 @@ def _same(a: Member, b: Member) -> bool:
     return bool(apart < _SAME_PLACE * (1.0 + np.linalg.norm(a.point.x)))
 
 
-def _named(surface: Surface, kind: Kind, point: Member, ends: tuple[Member, Member]) -> Member:
+def _named(surface: Surface, kind: Kind, point: Member) -> Member:
     """The point with its kind."""
-    fastest = max(_speed(surface, end) for end in ends)
-    if kind == Kind.FOLD and _speed(surface, point) < _AT_REST * fastest:
-        kind = Kind.REST
     # An integral that the scene does not name is stationary where no second family crosses.
     # (Closing by a symmetry hides families without it.)
     hidden = point.alike.shape[1] and surface.equations.closing.parts == 1
     if kind == Kind.BRANCH and hidden and surface.aside(point.point.x, point.tangent) is None:
         kind = Kind.FOLD
     return dataclasses.replace(point, kind=kind)
-
-
-def _speed(surface: Surface, member: Member) -> float:
-    return float(size_and_speed(surface.equations, member.point.x)[1])
 
 
 def _fold(surface: Surface, member: Member) -> float:

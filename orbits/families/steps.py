@@ -28,13 +28,13 @@ def first_member(surface: Surface, point: Point, sign: float) -> Member:
     tangent = ways @ entry if np.linalg.norm(entry) > _FLAT else ways[:, -1]
     tangent = sign * tangent / np.linalg.norm(tangent)
     nothing = np.zeros((len(tangent), 0))
-    member = _member(surface, point, tangent, nothing)
+    member = member_at(surface, point, tangent, nothing)
     alike = _same_scene(surface, ways)
     # A family within one scene needs an integral. Each one that the scene names accounts for one.
     unnamed = alike.shape[1] - member.stability.integrals
     if not member.stability.ok or unnamed <= 0:
         return member
-    return _member(surface, point, tangent, _aligned(alike, tangent)[:, :unnamed])
+    return member_at(surface, point, tangent, _aligned(alike, tangent)[:, :unnamed])
 
 
 def next_member(surface: Surface, last: Member, step: float) -> Member | None:
@@ -42,7 +42,7 @@ def next_member(surface: Surface, last: Member, step: float) -> Member | None:
     predicted = last.point.x + step * last.tangent
     point = surface.nearest(predicted)
     if point is None:
-        # Where orbits shrink to an equilibrium, shortest steps lead away from them to that one.
+        # Where surfaces of solutions meet, shortest steps may lead from one to the other and back.
         point = surface.nearest(predicted, last.tangent)
     if point is None or np.linalg.norm(point.x - predicted) > step:
         return None
@@ -53,7 +53,7 @@ def next_member(surface: Surface, last: Member, step: float) -> Member | None:
     alike = _nearest(_same_scene(surface, ways), last.alike)
     if alike.shape[1] < last.alike.shape[1]:
         return None
-    member = _member(surface, point, tangent[:, 0], alike)
+    member = member_at(surface, point, tangent[:, 0], alike)
     # Without multipliers no special point would be detected.
     return member if member.stability.ok else None
 
@@ -64,7 +64,8 @@ def parameter_at(surface: Surface, x: np.ndarray) -> float:
     return float("nan") if equations.make is None else float(equations.unpack(x).parameter)
 
 
-def _member(surface: Surface, point: Point, tangent: np.ndarray, alike: np.ndarray) -> Member:
+def member_at(surface: Surface, point: Point, tangent: np.ndarray, alike: np.ndarray) -> Member:
+    """The member at a point, with its tangent and the directions to orbits of the same scene."""
     orbit = surface.orbit(point)
     scene = orbit.scene
     total = float(energy.energy(scene, jnp.zeros(()), orbit.y0)) if scene.has_energy else np.nan

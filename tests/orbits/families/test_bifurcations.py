@@ -6,6 +6,7 @@ import pytest
 from cycles import Bautin, Moebius, Pitchfork, Spiral, Torus, cycle
 from helpers import SOLVED
 from odes import jacobi, restricted
+from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
 import jaxdyn
@@ -97,6 +98,68 @@ def test_a_family_ends_at_a_equilibrium():
     assert hopf.kind == Kind.REST
     assert abs(hopf.parameter) < 1e-10
     assert abs(hopf.orbit.period - 2 * np.pi) < 1e-10
+
+
+def quartic(t, y):
+    return [y[1], y[0] - y[0] ** 3]
+
+
+def predators(t, y):
+    return [y[0] * (1 - y[1]), y[1] * (y[0] - 1)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scene", "period", "step", "rest", "exact"),
+    [
+        (jaxdyn.scenes.pendulum(angle=1.0), 2.2, 0.2, [0, 0], 2 * np.pi / np.sqrt(9.81)),
+        (jaxdyn.ode(quartic, [1.2, 0.0], 1.0), 4.5, 0.1, [1, 0], np.pi * np.sqrt(2)),
+        (jaxdyn.ode(predators, [1.5, 1.0], 1.0), 6.5, 0.2, [1, 1], 2 * np.pi),
+    ],
+)
+def test_swings_shrink_to_the_equilibrium_wherever_they_start(scene, period, step, rest, exact):
+    """Starts move across the flow, and pass beside the equilibrium."""
+    first = orbits.find(scene, period=period, hold=scene.labels()[0][0])
+    family = orbits.continue_family(first, step=step, members=20, down=True)
+    assert family.end == "an equilibrium, to which the orbits shrink"
+    (point,) = family.special
+    assert point.kind == Kind.REST
+    assert np.abs(np.asarray(point.orbit.y0) - rest).max() < 1e-4
+    assert abs(point.orbit.period / exact - 1) < 1e-9
+
+
+def spring(t, y):
+    """A mass on a spring of stiffness 10 and length 1 that swings in a plane."""
+    pull = 10 * (1 - 1 / jnp.sqrt(y[0] ** 2 + y[1] ** 2))
+    return [y[2], y[3], -pull * y[0], -pull * y[1] - 1.0]
+
+
+def spring_energy(t, y):
+    stretch = jnp.sqrt(y[0] ** 2 + y[1] ** 2) - 1
+    return 0.5 * (y[2] ** 2 + y[3] ** 2) + 5 * stretch**2 + y[1]
+
+
+@pytest.mark.slow
+def test_branch_points_have_a_multiplier_of_1_where_newtons_method_is_slow():
+    still = orbits.reversal(orbits.Symmetry(signs=(1, 1, -1, -1), reversing=True))
+    scene = jaxdyn.ode(spring, [0.3, -1.06, 0.0, 0.0], 6.6, energy=spring_energy)
+    first = orbits.find(scene, closing=still, hold="y0")
+    family = orbits.continue_family(first, members=90, step=0.03, energies=(-1.1, 8.0))
+    assert [point.kind for point in family.special] == [Kind.BRANCH] * 2
+
+    def varied(t, z):
+        (x, y, vx, vy), m = z[:4], z[4:].reshape(4, 4)
+        r = np.hypot(x, y)
+        slopes = np.eye(2) * (1 - 1 / r) + np.outer([x, y], [x, y]) / r**3
+        slope = np.block([[np.zeros((2, 2)), np.eye(2)], [-10 * slopes, np.zeros((2, 2))]])
+        pull = 10 * (1 - 1 / r)
+        return np.concatenate([[vx, vy, -pull * x, -pull * y - 1], (slope @ m).ravel()])
+
+    for point in family.special:
+        # All four multipliers are 1, by another integrator.
+        start = np.concatenate([point.orbit.y0, np.eye(4).ravel()])
+        end = solve_ivp(varied, (0, point.orbit.period), start, "DOP853", rtol=1e-12, atol=1e-12)
+        assert abs(np.trace(end.y[4:, -1].reshape(4, 4)) - 4) < 1e-6
 
 
 @pytest.mark.slow
