@@ -19,36 +19,45 @@ from orbits.families.surface import Surface
 _NEWTON_STEPS = 20
 _SOLVED = 1e-12  # relative: the last of these steps
 _RANK = 1e-9  # relative: smaller singular values of the Jacobian leave the state where it is
-#: Each of these times the orbit becomes so much smaller; the equilibrium of another parameter is
-#: elsewhere.
-_SMALLER, _TIMES = 0.02, 3
+#: Radius of an orbit, relative to the size of its start, at which a family that shrinks ends.
+_TINY = 1e-3
+_OFF = 5.0  # such radii: the farthest that a start may be, on a long ellipse
+#: Radius, relative to the size of the equilibrium, to which orbits are shrunk, in so many times,
+#: since the equilibrium of another parameter is elsewhere. Its square and the rounding of a state
+#: over it are what periods there are wrong by.
+_SMALL, _TIMES = 1e-5, 3
 
 
 def rest_between(surface: Surface, a: Member, b: Member) -> Member | None:
-    """A tiny orbit about the equilibrium between two neighbours; None if there is none."""
+    """A tiny orbit about an equilibrium between two neighbours, or beside the second; or None."""
     equations = surface.equations
     if equations.driven:
         return None
-    (here, flow), (there, reversed_flow) = (_start(surface, member.point.x) for member in (a, b))
-    along, back = flow @ flow, reversed_flow @ flow
-    if not back < 0:
+    (here, flow), (there, next_flow) = (_start(surface, member.point.x) for member in (a, b))
+    along, back = flow @ flow, next_flow @ flow
+    # Shorter and shorter steps may end there without passing it.
+    radius = float(np.linalg.norm(next_flow)) * b.orbit.period / (2 * np.pi)
+    small = _TINY * (1 + float(np.linalg.norm(there)))
+    if not (back < 0 or (radius < small and next_flow @ next_flow < along)):
         return None
-    rest = _equilibrium(_scene(surface, a.point.x), here + along / (along - back) * (there - here))
-    length = float(np.linalg.norm(b.point.x - a.point.x))
+    nearest = there if back >= 0 else here + along / (along - back) * (there - here)
+    rest = _equilibrium(_scene(surface, a.point.x), nearest)
+    length = max(float(np.linalg.norm(b.point.x - a.point.x)), _OFF * small)
     if rest is None or min(np.linalg.norm(y - rest) for y in (here, there)) > length:
         return None
     point = min((a, b), key=lambda m: np.linalg.norm(_start(surface, m.point.x)[0] - rest)).point
-    for _ in range(_TIMES):
-        scene = _scene(surface, point.x)
-        rest = _equilibrium(scene, rest)
+    for left in range(_TIMES, 0, -1):
+        rest = _equilibrium(_scene(surface, point.x), rest)
         if rest is None:
             return None
         unknowns = equations.unpack(point.x)
         radius = equations.start_at(point.x) - rest
         between = np.asarray(unknowns.between)
+        goal = _SMALL * (1 + float(np.linalg.norm(rest)))
+        factor = min(1.0, (goal / float(np.linalg.norm(radius))) ** (1 / left))
         smaller = equations.pack(
-            rest + _SMALLER * radius,
-            rest + _SMALLER * (between - rest),
+            rest + factor * radius,
+            rest + factor * (between - rest),
             *(float(x) for x in (unknowns.angle, unknowns.parameter, unknowns.period)),
         )
         across = equations.pack(radius, 0.0 * between, 0.0, 0.0, 0.0)

@@ -6,8 +6,10 @@ without changing it: in time, and by each symmetry of the scene.
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from orbits.closing.symmetry import rate
 from orbits.orbit import Orbit, Outcome
@@ -83,7 +85,7 @@ class Surface:
 
     def of_start(self, x: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """(k, p) the change of the start along directions (n, p) at x."""
-        return self.equations.start_slope(x) @ directions
+        return np.asarray(_start_slope(self.equations, x)) @ directions
 
     def directions(self, point: Point) -> np.ndarray:
         """(n, d) orthonormal: directions along the surface that change the orbit."""
@@ -123,6 +125,11 @@ class Surface:
         known = np.column_stack([self.neutral(x, jacobian), along / np.linalg.norm(along)])
         _, s, vt = np.linalg.svd(np.vstack([jacobian, np.linalg.norm(jacobian) * known.T]))
         return vt[-1] if s[-1] < _BRANCH * s[0] else None
+
+
+@jax.jit
+def _start_slope(equations: Equations, x: Array) -> Array:
+    return jax.jacfwd(equations.start)(x)
 
 
 def _field(scene, y, *, name: str):

@@ -147,10 +147,6 @@ class Equations(eqx.Module):
         """`start` on the host, by the compiled program that evaluations take."""
         return np.asarray(pieces(self, x).start)[0]
 
-    def start_slope(self, x: np.ndarray) -> np.ndarray:
-        """(k, n) the derivative of `start` at x, on the host."""
-        return np.asarray(_start_slope(self, x))
-
     def spread(self, y0, period, rtol, angle=0.0, parameter=0.0) -> np.ndarray:
         """x of a motion; the states between segments are those that it passes."""
         scene = self.scene_at(as_float(parameter)).starting(y0)
@@ -251,11 +247,6 @@ def pieces(equations: Equations, x: Array) -> Piece:
     s = None if equations.s_spans is None else jnp.asarray(equations.s_spans, float)
     parameters = jnp.full_like(spans, unknowns.parameter)
     return Piece(start=starts, t0=times, span=spans, parameter=parameters, s=s)
-
-
-@jax.jit
-def _start_slope(equations: Equations, x: Array) -> Array:
-    return jax.jacfwd(equations.start)(x)
 
 
 @jax.jit

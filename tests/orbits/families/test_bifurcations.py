@@ -108,6 +108,15 @@ def predators(t, y):
     return [y[0] * (1 - y[1]), y[1] * (y[0] - 1)]
 
 
+def slow_about_the_triangle():
+    """Of Earth and Moon: the scene, a guess, a step, the equilibrium, and the period there."""
+    mu, rest = EARTH_MOON, np.array([0.5 - EARTH_MOON, np.sqrt(0.75), 0, 0])
+    # s^4 + s^2 + 27/4 mu (1 - mu) = 0
+    square = (1 - np.sqrt(1 - 27 * mu * (1 - mu))) / 2
+    scene = jaxdyn.ode(restricted, rest + np.array([0.015, -0.009, 0, -0.001]), 21.0, params=mu)
+    return scene, 21.07, 0.02, rest, 2 * np.pi / np.sqrt(square)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "period", "step", "rest", "exact"),
@@ -115,6 +124,7 @@ def predators(t, y):
         (jaxdyn.scenes.pendulum(angle=1.0), 2.2, 0.2, [0, 0], 2 * np.pi / np.sqrt(9.81)),
         (jaxdyn.ode(quartic, [1.2, 0.0], 1.0), 4.5, 0.1, [1, 0], np.pi * np.sqrt(2)),
         (jaxdyn.ode(predators, [1.5, 1.0], 1.0), 6.5, 0.2, [1, 1], 2 * np.pi),
+        slow_about_the_triangle(),
     ],
 )
 def test_swings_shrink_to_the_equilibrium_wherever_they_start(scene, period, step, rest, exact):
