@@ -7,16 +7,17 @@ from a start of six digits: ours and hiten's, if that is installed (`pip install
 part of `jaxdyn[benchmark]`); the error is the largest closing error, in one integration at rtol
 1e-13. Then 50 strands of the unstable manifold of the first one: hiten steps 1e-6 off the orbit,
 ours as far as the error of the linear start, 1e-8, allows, which it measures first; the error is
-that of the ends, from the starts that each gives. Lines are those of the functions below. Times are
+that of the integrations: of the ends, from the starts that each gives. Lines are those of the functions below. Times are
 of a run after the first, compiled.
 
-Last numbers (2 cores, 2026-11; hiten 0.5.4, SciPy 1.17; first runs in brackets, which compile, ours
-with stored programs): van der Pol's cycle at mu = 5: ours 53 ms (6 s), error 4e-16, 2 lines;
-`solve_bvp` 0.77 s, its guess included, 2e-12, 23 lines. At mu = 100: ours 0.23 s, 3e-12 (of which
-most is the reference's own); `solve_bvp` 1.5 s, 8e-10; from a guess that starts where the cycle is
-slow it diverges. Ten halo orbits: ours 0.13 s (3 s), their stability and special points included,
-closing to 5e-13, 2 lines; hiten 0.08 s (15 s), to 1.4e-9, 6 lines. Fifty strands: ours 70 ms (4 s),
-errors 4e-10, 2 lines; hiten 100 ms (5 s), 1e-6, 4 lines.
+Last numbers (2 cores with other work, 2026-11; hiten 0.5.4, SciPy 1.17; first runs in brackets, which
+compile, ours with stored programs): van der Pol's cycle at mu = 5: ours 49 ms (6 s), error 4e-16, 2
+lines; `solve_bvp` 0.79 s, its guess included, 2e-12, 23 lines. At mu = 100: ours 0.24 s, 3e-12 (of
+which most is the reference's own); `solve_bvp` 1.5 s, 8e-10; from a guess that starts where the
+cycle is slow it diverges. Ten halo orbits: ours 0.15 s (4 s), their stability and special points
+included, closing to 5e-13, 5 lines; hiten 0.09 s (15 to 29 s), to 1.4e-9, 10 lines. Fifty strands:
+ours 0.07 to 0.11 s (4 s), errors 4e-10, 7 lines; hiten 0.08 s (5 s), 1e-6, 9 lines, at its own
+tolerances.
 """
 
 import functools
@@ -48,6 +49,7 @@ HALO, HALO_PERIOD, HALO_MU = (
 )
 MEMBERS = 10
 STRANDS, STRAND_TIME = 50, 1.5 * math.pi
+STRAND_SAMPLES = 200
 
 
 def run(quick: bool = False) -> list[Row]:
@@ -153,6 +155,9 @@ def hiten_halo() -> Any:
     return seed
 
 
+HALOS: dict[str, Callable] = {"ours": our_halo, "hiten": hiten_halo}
+
+
 def hiten_halos() -> list[tuple[np.ndarray, float]]:
     """Starts and periods."""
     from hiten.algorithms.continuation.options import OrbitContinuationOptions
@@ -172,35 +177,39 @@ def _halos(quick: bool) -> Row:
     found = {name: method() for name, method in methods.items()}
     times = {name: _times(method) for name, method in methods.items()}
     errors = {name: max(_closing(y0, period) for y0, period in x) for name, x in found.items()}
-    return Row(f"{MEMBERS} halo orbits about L1", times, note=_note(errors, methods, first))
+    note = _note(errors, methods, first, HALOS)
+    return Row(f"{MEMBERS} halo orbits about L1", times, note=note)
 
 
 def our_strands(orbit: orbits.Orbit) -> list[tuple[np.ndarray, np.ndarray]]:
     """Starts and ends."""
-    found = orbits.manifold(orbit, "unstable", strands=STRANDS, branch="+", time=STRAND_TIME)
+    found = orbits.manifold(
+        orbit, "unstable", strands=STRANDS, branch="+", time=STRAND_TIME, samples=STRAND_SAMPLES
+    )
     return list(zip(found.starts, found.ends, strict=True))
 
 
 def hiten_strands(orbit: Any) -> list[tuple[np.ndarray, np.ndarray]]:
     """Starts and ends."""
     found = orbit.manifold(stable=False, direction="positive")
-    share = STRAND_TIME / (2 * math.pi)
-    found.compute(step=1 / STRANDS, integration_fraction=share, show_progress=False)
+    share, dt = STRAND_TIME / (2 * math.pi), STRAND_TIME / STRAND_SAMPLES
+    found.compute(step=1 / STRANDS, integration_fraction=share, dt=dt, show_progress=False)
+    assert len(found.trajectories) == STRANDS  # none was discarded
     return [(strand.states[0], strand.states[-1]) for strand in found.trajectories]
 
 
 def _manifolds(quick: bool) -> Row:
     methods: dict[str, Callable] = {"ours": our_strands}
-    halos: dict[str, Callable] = {"ours": our_halo}
     if not quick and importable("hiten"):
-        methods["hiten"], halos["hiten"] = hiten_strands, hiten_halo
-    first = {name: _seconds(lambda name=name: methods[name](halos[name]())) for name in methods}
-    found = {name: method(halos[name]()) for name, method in methods.items()}
+        methods["hiten"] = hiten_strands
+    first = {name: _seconds(lambda name=name: methods[name](HALOS[name]())) for name in methods}
+    found = {name: method(HALOS[name]()) for name, method in methods.items()}
     # Another orbit: hiten keeps the manifold of one.
-    fresh = {name: halos[name]() for name in methods}
+    fresh = {name: HALOS[name]() for name in methods}
     times = {name: _times(lambda name=name: methods[name](fresh[name])) for name in methods}
     errors = {name: max(_end_error(*strand) for strand in x) for name, x in found.items()}
-    return Row(f"{STRANDS} strands of a halo's manifold", times, note=_note(errors, methods, first))
+    note = _note(errors, methods, first, HALOS)
+    return Row(f"{STRANDS} strands of a halo's manifold", times, note=note)
 
 
 def _end_error(start: np.ndarray, end: np.ndarray) -> float:
@@ -225,11 +234,20 @@ def _seconds(work: Callable) -> float:
     return time.perf_counter() - start
 
 
-def _note(errors: dict[str, float], methods: dict[str, Callable], first: dict[str, float]) -> str:
-    lines = {
-        name: sum(bool(line.strip()) for line in inspect.getsource(method).splitlines()[2:])
-        for name, method in methods.items()
-    }
+def _note(
+    errors: dict[str, float],
+    methods: dict[str, Callable],
+    first: dict[str, float],
+    seeds: dict[str, Callable] | None = None,
+) -> str:
+    lines = {name: _lines(method) for name, method in methods.items()}
+    for name in lines if seeds else ():
+        lines[name] += _lines(seeds[name])
     each = ", ".join(f"{name} {errors[name]:.1e} in {lines[name]} lines" for name in methods)
     firsts = ", ".join(f"{name} {seconds:.0f} s" for name, seconds in first.items())
     return f"errors: {each}; first runs, compilation included: {firsts}"
+
+
+def _lines(function: Callable) -> int:
+    """Number of lines besides the heading and a docstring of one line."""
+    return sum(bool(line.strip()) for line in inspect.getsource(function).splitlines()[2:])

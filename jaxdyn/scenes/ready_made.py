@@ -27,9 +27,10 @@ def ready_made(*rows: str, but: tuple[str, ...] = ()) -> Callable[[F], F]:
 
         @functools.wraps(make)
         def named(*args, **kwargs) -> Scene:
-            scene = object.__new__(Scene)
+            made = checked(*args, **kwargs)
+            scene = object.__new__(type(made))
             # Without checking all parts again, as `dataclasses.replace` does.
-            scene.__dict__.update(checked(*args, **kwargs).__dict__, name=make.__name__)
+            scene.__dict__.update(made.__dict__, name=make.__name__)
             return scene
 
         return cast(F, named)

@@ -139,7 +139,7 @@ def grows_from(growth: Callable[[float], float]) -> float:
 
 def _kind(x) -> tuple:
     """Shape and type of a number or numbers."""
-    x = x if isinstance(x, jax.Array) else jax.typeof(x)  # which takes an array 2 us
+    x = x if isinstance(x, jax.Array) else jax.typeof(x)  # it takes 2 us
     return x.shape, x.dtype
 
 

@@ -49,7 +49,10 @@ def special_points(
     """The special points between two neighbours."""
     rest = rest_between(surface, a, b)
     if rest is not None:
-        return [rest]
+        # Beyond it orbits repeat, and at it other tests vanish where frequencies are resonant.
+        point = _zero(surface, a, rest, _TESTS[Kind.DOUBLING])
+        doublings = [] if point is None else [_named(surface, Kind.DOUBLING, point)]
+        return [*(x for x in doublings if not _same(x, rest)), rest]
     # A pair that leaves the circle and one that returns through +1 or -1 may hide each other.
     if halvings and _singly(surface, a, b) and _spiralling(a) != _spiralling(b):
         middle = _between(surface, a, b, 0.5)
@@ -76,9 +79,14 @@ def _zero(surface: Surface, a: Member, b: Member, test: Test) -> Member | None:
     best, least = (a, abs(left)) if abs(left) < abs(right) else (b, abs(right))
     for _ in range(_STEPS):
         share = left / (left - right)
-        member = _between(surface, a, b, share)
-        if member is None and share < 0.5:  # a shorter step may be possible
-            member = _between(surface, a, b, 0.5 * share)
+        if _closed(a, b, share):
+            break
+        # Where Newton's method fails, a shorter step may succeed, or one from the other end.
+        member = (
+            _between(surface, a, b, share)
+            or _between(surface, a, b, 0.5 * share)
+            or _between(surface, b, a, 1 - share)
+        )
         if member is None:
             break
         value = test(surface, member)
@@ -95,22 +103,24 @@ def _zero(surface: Surface, a: Member, b: Member, test: Test) -> Member | None:
 
 def _boundary(surface: Surface, a: Member, b: Member) -> Member | None:
     """The member between two others where multipliers leave the circle in pairs, by bisection."""
-    start, best = a, None
+    start = a
     for _ in range(_STEPS):
-        member = _between(surface, a, b, 0.5)
+        member = None if _closed(a, b, 0.5) else _between(surface, a, b, 0.5)
         if member is None:
             break
-        best = member
         a, b = (a, member) if _left_in_pairs(surface, start, member) else (member, b)
-    return best
+    return b if _same(a, b) else None
+
+
+def _closed(a: Member, b: Member, share: float) -> bool:
+    """Whether the place after a share of the way from one to another is one of them."""
+    length = abs(float(a.tangent @ (b.point.x - a.point.x)))
+    return not min(share, 1 - share) * length > _CLOSE * (1.0 + np.linalg.norm(a.point.x))
 
 
 def _between(surface: Surface, a: Member, b: Member, share: float) -> Member | None:
-    """The member after a share of the way from one to another; None where they are too close."""
-    length = float(a.tangent @ (b.point.x - a.point.x))
-    if not min(share, 1 - share) * length > _CLOSE * (1.0 + np.linalg.norm(a.point.x)):
-        return None
-    return next_member(surface, a, share * length)
+    """The member after a share of the way from one to another; None if it is not found."""
+    return next_member(surface, a, share * float(a.tangent @ (b.point.x - a.point.x)))
 
 
 def _same(a: Member, b: Member) -> bool:

@@ -90,7 +90,8 @@ def continue_family(
       ValueError: `orbit` does not close, or belongs to no family; only one of `make` and
         `parameter` is given; `step`, `members` or a pair of bounds is out of range.
     Limits: host only. A special point is detected where a multiplier changes sides between two
-      members; two that do so in one step are detected as one.
+      members: of two that do so in one step one or none is found. One that cannot be located is
+      left out.
     Example:
       >>> import numpy as np, orbits
       >>> from jaxdyn import scenes

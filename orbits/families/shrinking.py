@@ -2,7 +2,9 @@
 
 Beyond it the family would go on with the same orbits, half a period later: there the flow at the
 start is reversed. It is not found by steps along the family, which may pass beside it, since each
-is across the flow at its own start; instead an orbit is shrunk towards it.
+is across the flow at its own start; instead an orbit is shrunk towards it. A family that comes near
+an equilibrium without shrinking, as towards a homoclinic orbit, is told by its period, which is not
+that of small oscillations.
 """
 
 import dataclasses
@@ -10,51 +12,74 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxdyn import Scene
 from orbits.families.family import Kind, Member
 from orbits.families.steps import member_at, parameter_at
-from orbits.families.surface import Surface
+from orbits.families.surface import Point, Surface
 
 _NEWTON_STEPS = 20
 _SOLVED = 1e-12  # relative: the last of these steps
 _RANK = 1e-9  # relative: smaller singular values of the Jacobian leave the state where it is
-#: Radius of an orbit, relative to the size of its start, at which a family that shrinks ends.
-_TINY = 1e-3
-_OFF = 5.0  # such radii: the farthest that a start may be, on a long ellipse
-#: Radius, relative to the size of the equilibrium, to which orbits are shrunk, in so many times,
-#: since the equilibrium of another parameter is elsewhere. Its square and the rounding of a state
-#: over it are what periods there are wrong by.
-_SMALL, _TIMES = 1e-5, 3
+#: In steps of the family: distance of an equilibrium that is looked for before it is passed, since
+#: shorter and shorter steps may end there.
+_AHEAD = 2.0
+#: The orbit is shrunk to this part of its radius, but to no less than this part of the size of the
+#: equilibrium: periods are wrong by the square of the radius, and by rounding divided by it.
+_SMALLER, _SMALLEST = 1e-4, 3e-5
+_TIMES = 3  # steps in which it is shrunk: the equilibrium of another parameter is elsewhere
+_OFF_RESONANCE = 1e-3  # of the multipliers of the equilibrium over the orbit's period
 
 
 def rest_between(surface: Surface, a: Member, b: Member) -> Member | None:
-    """A tiny orbit about an equilibrium between two neighbours, or beside the second; or None."""
-    equations = surface.equations
-    if equations.driven:
+    """A tiny orbit about the equilibrium between two neighbours, or ahead of the second one.
+
+    It keeps the tangent and the directions of the first. None if orbits do not shrink there.
+    """
+    if surface.equations.driven:
         return None
     (here, flow), (there, next_flow) = (_start(surface, member.point.x) for member in (a, b))
-    along, back = flow @ flow, next_flow @ flow
-    # Shorter and shorter steps may end there without passing it.
+    speed, along = float(flow @ flow), float(next_flow @ flow)
+    length = float(np.linalg.norm(b.point.x - a.point.x))
     radius = float(np.linalg.norm(next_flow)) * b.orbit.period / (2 * np.pi)
-    small = _TINY * (1 + float(np.linalg.norm(there)))
-    if not (back < 0 or (radius < small and next_flow @ next_flow < along)):
+    passed = along < 0
+    if not (passed or (radius < _AHEAD * length and next_flow @ next_flow < speed)):
         return None
-    nearest = there if back >= 0 else here + along / (along - back) * (there - here)
+    nearest = here + speed / (speed - along) * (there - here) if passed else there
     rest = _equilibrium(_scene(surface, a.point.x), nearest)
-    length = max(float(np.linalg.norm(b.point.x - a.point.x)), _OFF * small)
-    if rest is None or min(np.linalg.norm(y - rest) for y in (here, there)) > length:
+    if rest is None:
         return None
-    point = min((a, b), key=lambda m: np.linalg.norm(_start(surface, m.point.x)[0] - rest)).point
+    ways = [float(np.linalg.norm(y - rest)) for y in (here, there)]
+    if min(ways) > (1.0 if passed else _AHEAD) * length or not (passed or ways[1] < ways[0]):
+        return None
+    # The nearer one, unless that is the equilibrium itself to rounding.
+    goal = max(_SMALLER * max(ways), _SMALLEST * float(np.linalg.norm(rest)))
+    point = b.point if ways[0] < goal or goal < ways[1] < ways[0] else a.point
+    point = _shrunk(surface, point, rest, goal, _AHEAD * length)
+    if point is None or not _resonant(surface, point, rest):
+        return None
+    member = member_at(surface, point, a.tangent, a.alike)
+    return dataclasses.replace(member, kind=Kind.REST) if member.stability.ok else None
+
+
+def _shrunk(
+    surface: Surface, point: Point, rest: np.ndarray, goal: float, most: float
+) -> Point | None:
+    """The orbit of a family whose start is at a distance `goal` from the equilibrium `rest`.
+
+    None if it is not found with unknowns that change by less than `most` in each step.
+    """
+    equations = surface.equations
     for left in range(_TIMES, 0, -1):
-        rest = _equilibrium(_scene(surface, point.x), rest)
-        if rest is None:
-            return None
+        exact = _equilibrium(_scene(surface, point.x), rest)
         unknowns = equations.unpack(point.x)
-        radius = equations.start_at(point.x) - rest
         between = np.asarray(unknowns.between)
-        goal = _SMALL * (1 + float(np.linalg.norm(rest)))
-        factor = min(1.0, (goal / float(np.linalg.norm(radius))) ** (1 / left))
+        radius = equations.start_at(point.x) - rest
+        if exact is None or not radius.any():
+            return None
+        rest, radius = exact, equations.start_at(point.x) - exact
+        factor = (goal / float(np.linalg.norm(radius))) ** (1 / left)
         smaller = equations.pack(
             rest + factor * radius,
             rest + factor * (between - rest),
@@ -62,11 +87,22 @@ def rest_between(surface: Surface, a: Member, b: Member) -> Member | None:
         )
         across = equations.pack(radius, 0.0 * between, 0.0, 0.0, 0.0)
         found = surface.nearest(smaller, across=across / np.linalg.norm(across))
-        if found is None or np.linalg.norm(found.x - point.x) > 2 * length:
+        if found is None or np.linalg.norm(found.x - point.x) > most:
             return None
         point = found
-    member = member_at(surface, point, a.tangent, a.alike)
-    return dataclasses.replace(member, kind=Kind.REST) if member.stability.ok else None
+    return point
+
+
+def _resonant(surface: Surface, point: Point, rest: np.ndarray) -> bool:
+    """Whether small oscillations about an equilibrium close as a tiny orbit does."""
+    unknowns = surface.equations.unpack(point.x)
+    slope = np.asarray(_linearised(_scene(surface, point.x), rest)[1])
+    values = np.linalg.eigvals(slope)
+    values = values[values.imag > 0]
+    turned = np.exp(1j * float(unknowns.angle))
+    ends = np.exp(values * float(unknowns.period))
+    off = [np.abs(ends - turned), np.abs(ends - np.conj(turned))]
+    return bool(np.min(off, initial=np.inf) < _OFF_RESONANCE)
 
 
 def _scene(surface: Surface, x: np.ndarray) -> Scene:
@@ -80,7 +116,7 @@ def _start(surface: Surface, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _equilibrium(scene: Scene, y: np.ndarray) -> np.ndarray | None:
-    """(k,) the equilibrium nearest to a state; None if Newton's method does not converge."""
+    """(k,) the equilibrium near a state; None if Newton's method does not converge."""
     for _ in range(_NEWTON_STEPS):
         flow, slope = map(np.asarray, _linearised(scene, y))
         if not np.isfinite(slope).all():
@@ -93,7 +129,10 @@ def _equilibrium(scene: Scene, y: np.ndarray) -> np.ndarray | None:
 
 
 @jax.jit
-def _linearised(scene: Scene, y):
+def _linearised(scene: Scene, y: Array) -> tuple[Array, Array]:
     """The flow (k,) at a state, and its derivative (k, k)."""
-    rate = lambda y: scene.rate(jnp.zeros(()), y)  # noqa: E731
-    return rate(y), jax.jacfwd(rate)(y)
+
+    def flow(y: Array) -> Array:
+        return scene.rate(jnp.zeros(()), y)
+
+    return flow(y), jax.jacfwd(flow)(y)

@@ -38,13 +38,13 @@ def first_member(surface: Surface, point: Point, sign: float) -> Member:
 
 
 def next_member(surface: Surface, last: Member, step: float) -> Member | None:
-    """The member a step further along the family; None if there is none."""
+    """The member a step further along the family, or back; None if it is not found."""
     predicted = last.point.x + step * last.tangent
     point = surface.nearest(predicted)
     if point is None:
-        # Where surfaces of solutions meet, shortest steps may lead from one to the other and back.
+        # Where families meet, Newton's shortest steps may alternate between them.
         point = surface.nearest(predicted, last.tangent)
-    if point is None or np.linalg.norm(point.x - predicted) > step:
+    if point is None or np.linalg.norm(point.x - predicted) > abs(step):
         return None
     ways = surface.directions(point)
     tangent = _nearest(ways, last.tangent[:, None])

@@ -3,8 +3,8 @@
 A start ``base + e * tangent`` misses the manifold by a term of order e^2. It shows in a map over
 one period (an equilibrium has a time instead): the image of ``base + e * before`` is on the
 manifold to a smaller error, and the linear prediction of it is the start itself. Their distance,
-over 1 - 1/growth, is the estimate. It is measured on a ladder of quartered e, and extrapolated from
-where it falls at least as e^2: further down there is only rounding.
+over 1 - 1/growth, is the estimate. It is measured for e, e / 4, e / 16, ..., and extrapolated
+from where it falls at least as e^2: further down there is only rounding.
 """
 
 import math

@@ -28,7 +28,8 @@ from orbits.proof.theorems import missing
 _BOX = 10.0  # digits by which a box is wider than the centre is known
 _LEAST_RADIUS = 1e-300  # of a box, a float
 _SPARE = 6.0
-#: Digits more where multipliers cannot be told apart.
+#: Digits more where multipliers cannot be told apart: of the published three-body orbits with 32
+#: digits some lack five.
 _SHARPER = 12
 #: An orbit in doubles is as near to the true one as its closing error says, within this factor
 #: [measured: 0.02 at most].
@@ -65,8 +66,9 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
         python-flint is missing.
       SearchError: nothing is proved (``throw=True``).
     Limits: one segment, hence orbits of moderate instability; `proved` without `verdict_proved`
-      where multipliers cannot be told apart, even with twelve digits more, which are tried. They
-      have some ten digits fewer than the start. The period need not be the shortest one.
+      where multipliers cannot be told apart, even with twelve digits more; these are tried, in a
+      narrower box, which takes as long again. Multipliers have some ten digits fewer than the
+      start. The period need not be the shortest one.
     Reference: Krawczyk (1969), Computing 4, 187; Kapela, Zgliczynski (2003), Nonlinearity 16,
       1899 (choreographies); Kapela, Simo (2007), Nonlinearity 20, 1241 (the eight's stability).
     Example:
@@ -86,7 +88,7 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
     found = _proved(orbit, system, digits, throw)
     if found.proved and not (found.verdict_proved or found.multipliers):
         # Close encounters widen derivatives far more than motions.
-        sharper = _proved(orbit, system, digits + _SHARPER, False)
+        sharper = _proved(orbit, system, min(digits + _SHARPER, MOST_DIGITS), False)
         return sharper if sharper.multipliers else found
     return found
 

@@ -83,20 +83,18 @@ def adjoint(t, z):
     return [v, (1 - x * x) * v - x, b * (2 * x * v + 1), -a - b * (1 - x * x)]
 
 
-def free_motion(z, t, **how):
-    return solve_ivp(adjoint, (0, t), z, "DOP853", rtol=1e-12, atol=1e-13, **how)
+def free_motion(z, span, ts=None):
+    return solve_ivp(adjoint, span, z, "DOP853", ts, rtol=1e-12, atol=1e-13)
 
 
 def third_harmonic(period, start):
     """c of the phase response, from another integrator."""
     pair = np.array([0.0, 1.0])
     for _ in range(4):  # backwards all solutions tend to the periodic one
-        pair = free_motion([*start, *pair], -period).y[2:, -1]
+        pair = free_motion([*start, *pair], (0, -period)).y[2:, -1]
     pair /= pair @ adjoint(0, [*start, 0, 0])[:2]
     times = np.arange(64) * period / 64
-    back = solve_ivp(
-        adjoint, (period, 0), [*start, *pair], "DOP853", times[::-1], rtol=1e-12, atol=1e-13
-    )
+    back = free_motion([*start, *pair], (period, 0), times[::-1])
     return np.mean(back.y[3] * np.exp(6j * np.pi / period * back.t))
 
 
@@ -115,7 +113,7 @@ def test_the_edges_of_the_third_tongue_are_those_of_the_phase_response():
     for sign in (1, -1):
         w = rates * (1 + sign * force * abs(c))
         phase = (math.pi * (sign < 0) + np.angle(c)) / rates % free.period
-        y = free_motion([*start, 0.0, 0.0], phase).y[:2, -1]
+        y = free_motion([*start, 0.0, 0.0], (0, phase)).y[:2, -1]
         scene = make(jnp.asarray(w), jnp.asarray(force)).starting(y)
         guess = Orbit(scene, PLAIN, 0.0, Outcome.FOUND, 0, 1e-13)
         folds = orbits.continue_curve(make, guess, (w, force), kind=Kind.FOLD, step=0.1, members=1)

@@ -123,7 +123,7 @@ def slow_about_the_triangle():
     [
         (jaxdyn.scenes.pendulum(angle=1.0), 2.2, 0.2, [0, 0], 2 * np.pi / np.sqrt(9.81)),
         (jaxdyn.ode(quartic, [1.2, 0.0], 1.0), 4.5, 0.1, [1, 0], np.pi * np.sqrt(2)),
-        (jaxdyn.ode(predators, [1.5, 1.0], 1.0), 6.5, 0.2, [1, 1], 2 * np.pi),
+        (jaxdyn.ode(predators, [1.5, 1.0], 1.0), 6.5, 0.05, [1, 1], 2 * np.pi),
         slow_about_the_triangle(),
     ],
 )
@@ -135,7 +135,18 @@ def test_swings_shrink_to_the_equilibrium_wherever_they_start(scene, period, ste
     (point,) = family.special
     assert point.kind == Kind.REST
     assert np.abs(np.asarray(point.orbit.y0) - rest).max() < 1e-4
-    assert abs(point.orbit.period / exact - 1) < 1e-9
+    assert len(family.members) > 1
+    # Rounding of a state, 1 away from the origin at L4, over the radius and the speed.
+    assert abs(point.orbit.period / exact - 1) < 2e-8
+
+
+@pytest.mark.slow
+def test_orbits_that_come_near_a_saddle_do_not_shrink_to_it():
+    scene = jaxdyn.ode(quartic, [0.01, 0.0], 12.7)
+    family = orbits.continue_family(orbits.find(scene, hold="y0"), members=30)
+    assert family.special == ()
+    assert len(family.members) == 30
+    assert family.periods[-1] > 24.0
 
 
 def spring(t, y):
@@ -166,7 +177,7 @@ def test_branch_points_have_a_multiplier_of_1_where_newtons_method_is_slow():
         return np.concatenate([[vx, vy, -pull * x, -pull * y - 1], (slope @ m).ravel()])
 
     for point in family.special:
-        # All four multipliers are 1, by another integrator.
+        # All four multipliers are 1, by another integrator: a pair 1 +- d has a sum of 2 + d^2.
         start = np.concatenate([point.orbit.y0, np.eye(4).ravel()])
         end = solve_ivp(varied, (0, point.orbit.period), start, "DOP853", rtol=1e-12, atol=1e-12)
         assert abs(np.trace(end.y[4:, -1].reshape(4, 4)) - 4) < 1e-6
