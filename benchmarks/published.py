@@ -7,12 +7,12 @@ multiplier is below 1e4: half a period in ball arithmetic. Those that are proved
 digits. Results are added to ``published.json`` beside this file one by one; rows that are there
 already are not repeated, unless named.
 
-Stored so far are nine rows, of which seven are proved and refined to 40 digits; the others were not
-run yet. II.C^ic_190 has a multiplier of 2.5e4, and II.C^ic_18 needs more digits than 32: its box
-does not contract (6.2). A row takes half a minute to five minutes of processor time. Multipliers
-that are 1 are known by the energy, the angular momentum and the symplectic form of these
-coordinates, which `prove` finds: I.A^ic_1 is proved stable. The verdicts of the unstable rows are
-not proved: their other multipliers are not told apart.
+Stored are NUMBER rows, of which PROVED are proved and refined to 40 digits; the others were not run
+yet. II.C^ic_190 has a multiplier of 2.5e4, and II.C^ic_18 needs more digits than 32: its box does
+not contract (6.2). A row takes half a minute to twelve minutes of processor time. Multipliers that
+are 1 are known by the energy, the angular momentum and the symplectic form of these coordinates,
+which `prove` finds: I.A^ic_1 is proved stable. The rows of 32 digits were proved before `prove`
+took more digits for multipliers: their boxes are proved, their verdicts are not.
 
 The states are p = r_1 - r_2, q = r_3 and their rates, with the centre of mass at rest in the
 origin: eight numbers instead of twelve, which halves the time. The orbits start at p = (-2, 0),
