@@ -178,8 +178,8 @@ def test_the_restricted_problem_has_the_unit_multipliers_of_jacobis_integral():
     values = np.linalg.eigvals(end[4:].reshape(4, 4))
     values = np.sort_complex(values[np.argsort(np.abs(values - 1))[2:]])
     assert gap(np.sort_complex(linear.nontrivial), values) < 1e-9
-    # On the unit circle; only of a system with canonical momenta is it known that they stay there.
-    assert linear.verdict == "undecided"
+    # On the unit circle, and the symplectic form of turning axes holds them there.
+    assert linear.verdict == "stable"
     q0, v0 = np.split(np.asarray(orbit.y0), 2)
     same = jaxdyn.lagrangian(odes.restricted_lagrangian, q0, v0, orbit.period, params=mu)
     linear = orbits.stability(orbit_of(same))

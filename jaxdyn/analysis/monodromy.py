@@ -1,4 +1,7 @@
-"""The monodromy matrix: the linear map of perturbations over one period."""
+"""The monodromy matrix: the linear map of perturbations over one period; symplectic forms."""
+
+import itertools
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +19,13 @@ _COARSER = 100.0  # the second tolerance, as a multiple of the first
 _COARSEST = 0.1  # limit of the second tolerance
 #: A map whose `symplectic_defect` is below this is that of a conservative scene.
 SYMPLECTIC = 1e-7
+_STATES = 8  # at which a form is sought
+_SPREAD = 0.3  # of the states, in parts of each entry's size
+_ROUNDING = 1e-6  # entries below this part of the largest may be rounding
+_NULL = 1e-9  # singular values below this part of the largest are 0
+_REGULAR = 1e-3  # smallest over largest singular value of a form that is none too singular
+#: Weights by which independent forms are summed: each sum may be singular.
+WEIGHTS = ((1, 1, 1, 1, 1, 1), (1, 2, 3, 5, 7, 11), (3, -1, 2, 7, -5, 1))
 _TANGENT = 1e-6  # smaller singular values of a projection's derivative are directions it removes
 
 
@@ -87,6 +97,56 @@ def _form(scene: Scene, y0: Array) -> Array:
     c = jax.jacfwd(lambda y: scene.system.canonical(jnp.zeros(()), y))(y0)
     q, p = jnp.split(c, 2)
     return q.T @ p - p.T @ q
+
+
+def kept_form(scene: Scene) -> np.ndarray | None:
+    """(k, k) a constant symplectic form that the flow keeps near the start; None if none is found.
+
+    A flow keeps the form J if (Df)^T J + J Df = 0 everywhere: linear equations for the entries of
+    an antisymmetric J, whose solutions are the same at random states as everywhere. So a rate that
+    is given by itself, in any coordinates that are linear in canonical ones, has its form: that of
+    the restricted three bodies in turning axes is not the one of places and velocities.
+
+    Limits: host only; found to rounding, not proved.
+    """
+    y0 = np.asarray(scene.y0)
+    if len(y0) % 2:
+        return None
+    # Entries that are 0, or rounding, vary as well: on an axis of symmetry more is kept.
+    some = abs(y0) > _ROUNDING * abs(y0).max()
+    sizes = np.where(some, abs(y0), abs(y0[some]).min(initial=1.0))
+    random = np.random.default_rng(0)
+    ys = y0 + _SPREAD * sizes * random.standard_normal((_STATES, len(y0)))
+    slopes = np.asarray(
+        _rate_slopes(scene, jnp.asarray(random.uniform(size=_STATES)), jnp.asarray(ys))
+    )
+    slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))]
+    if len(slopes) <= _STATES // 2:
+        return None
+    forms = kept_by(list(slopes))
+    for weights in WEIGHTS:
+        total = sum((w * form for w, form in zip(itertools.cycle(weights), forms)), 0 * slopes[0])
+        s = np.linalg.svd(total, compute_uv=False)
+        if s[-1] > _REGULAR * s[0]:
+            return total / s[0]
+    return None
+
+
+def kept_by(slopes: Sequence[np.ndarray]) -> np.ndarray:
+    """(n, k, k) independent antisymmetric J with A^T J + J A = 0 for each A (k, k)."""
+    k = len(slopes[0])
+    above = np.triu_indices(k, 1)
+    units = np.zeros((len(above[0]), k, k))
+    units[np.arange(len(units)), *above] = 1.0
+    units -= units.transpose(0, 2, 1)
+    rows = [np.array([(a.T @ u + u @ a)[above] for u in units]).T for a in slopes]
+    _, s, right = np.linalg.svd(np.concatenate([row / max(abs(row).max(), 1e-300) for row in rows]))
+    return np.einsum("nu,uij->nij", right[(s > _NULL * s[0]).sum() :], units)
+
+
+@jax.jit
+def _rate_slopes(scene: Scene, ts: Array, ys: Array) -> Array:
+    return jax.vmap(jax.jacfwd(scene.rate, argnums=1))(ts, ys)
 
 
 def symplectic_defect(matrix: np.ndarray, form: np.ndarray) -> np.ndarray:

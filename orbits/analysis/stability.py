@@ -24,6 +24,7 @@ from jaxdyn.analysis.eigenvalues import ROUNDING, map_eigenvalues, map_verdict, 
 from jaxdyn.analysis.monodromy import (
     SYMPLECTIC,
     coarser,
+    kept_form,
     symplectic_defect,
     symplectic_form,
     uncertainty,
@@ -52,7 +53,7 @@ class Stability:
         exp(+-2 pi i nu), one for each pair, None for a real pair.
       verdict: "stable", "unstable" or "undecided".
       symplectic_defect: largest entry of M^T J M - J over |M|^2; None where the system has no
-        canonical coordinates.
+        canonical coordinates and its rate keeps no constant form J that can be found.
       determinant_defect: |det M - 1|, the same.
       monodromy: (d, d) the matrix M, in the basis `tangents`.
       status: of the integration over the period; unless it is OK every number is NaN and the
@@ -145,6 +146,8 @@ def stability(
     found = map_eigenvalues(reduced, error)
     nontrivial, bars = found
     form = symplectic_form(scene, orbit.y0)
+    if form is None and len(basis.T) == len(y0):
+        form = kept_form(scene)
     symplectic = None
     if form is not None:
         symplectic = float(symplectic_defect(m, basis.T @ np.asarray(form) @ basis))

@@ -1,9 +1,7 @@
 """Constant symplectic forms that a rate may keep, found in floats; `structure` proves them.
 
-A flow keeps the constant form J if (Df)^T J + J Df = 0 everywhere: linear equations for the entries
-of an antisymmetric J, whose solutions are the same at random points as everywhere. Those that are
-small rational numbers times one of them are recognised, as of masses 1/2 and 3/2. So a rate that is
-given by itself, in any coordinates that are linear in canonical ones, has its form.
+Those of `kept_by` that are small rational numbers times one of them are recognised, as of masses
+1/2 and 3/2.
 """
 
 import itertools
@@ -12,18 +10,16 @@ from fractions import Fraction
 
 import numpy as np
 
+from jaxdyn.analysis.monodromy import WEIGHTS, kept_by
 from jaxdyn.balls.arithmetic import arb, precision
 from orbits.proof.closing_equations import ClosingEquations
 from orbits.proof.posing import pivots, points_near
 
 _POINTS = 6
 _SPREAD = 0.3  # of the points, in parts of each entry's size
-_NULL = 1e-9  # singular values below this part of the largest are 0
 _LARGEST = 1000  # denominators
 _ROUNDED = 1e-8  # of entries
 _BITS = 128
-#: Weights by which independent forms are summed: each sum may be singular.
-_WEIGHTS = ((1, 1, 1, 1, 1, 1), (1, 2, 3, 5, 7, 11), (3, -1, 2, 7, -5, 1))
 
 
 def forms_of(system: ClosingEquations) -> list[np.ndarray]:
@@ -31,32 +27,24 @@ def forms_of(system: ClosingEquations) -> list[np.ndarray]:
     k = system.field.k
     if k % 2:
         return []
-    places = list(itertools.combinations(range(k), 2))
-    units = []
-    for i, j in places:
-        unit = np.zeros((k, k))
-        unit[i, j], unit[j, i] = 1.0, -1.0
-        units.append(unit)
     slopes = _slopes(system)
     if system.generator is not None:
         slopes.append(system.generator.astype(float))
     if not slopes:
         return []
     above = np.triu_indices(k, 1)
-    rows = [np.array([(a.T @ u + u @ a)[above] for u in units]).T for a in slopes]
-    _, s, right = np.linalg.svd(np.concatenate([row / max(abs(row).max(), 1e-300) for row in rows]))
-    null = right[(s > _NULL * s[0]).sum() :]
-    chosen = pivots(null, len(null))
-    if not len(null) or chosen is None:
+    null = np.array([form[above] for form in kept_by(slopes)])
+    chosen = pivots(null, len(null)) if len(null) else None
+    if chosen is None:
         return []
     basis = _recognised(np.linalg.solve(null[:, chosen].T, null).tolist())
     if basis is None:
         return []
     found = []
-    for weights in _WEIGHTS[: 1 if len(basis) == 1 else None]:
+    for weights in WEIGHTS[: 1 if len(basis) == 1 else None]:
         total = np.full((k, k), Fraction(0), object)
         for weight, row in zip(itertools.cycle(weights), basis, strict=False):
-            for (i, j), x in zip(places, row, strict=True):
+            for (i, j), x in zip(np.transpose(above), row, strict=True):
                 total[i, j] += weight * x
                 total[j, i] -= weight * x
         found.append(total)

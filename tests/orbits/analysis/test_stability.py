@@ -198,3 +198,19 @@ def test_a_motion_that_ends_before_its_period_has_no_multipliers():
     for numbers in (result.multipliers, result.nontrivial, result.bars, result.monodromy):
         assert np.isnan(numbers).all()
         assert len(numbers) == 8
+
+
+@pytest.mark.slow
+def test_orbits_of_a_rate_alone_are_stable_about_the_triangle():
+    """About L4 of Earth and Moon, whose mass ratio is below Routh's 0.0385."""
+    mu = 0.01215058560962404
+    start = [0.515 - mu, np.sqrt(0.75) - 0.009, 0.0, -0.001]
+    known = {"Jacobi": odes.jacobi}
+    slow = orbits.find(jaxdyn.ode(odes.restricted, start, 21.07, params=mu, integrals=known))
+    linear = orbits.stability(slow)
+    assert linear.verdict == "stable"
+    assert linear.symplectic_defect < 1e-12
+    # The other pair turns by the fast frequency over the slow one.
+    root = np.sqrt(1 - 27 * mu * (1 - mu))
+    turns = np.sqrt((1 + root) / (1 - root))
+    assert abs(linear.exponents[0] - abs(turns - round(turns))) < 1e-3
