@@ -113,7 +113,7 @@ def _cycle(mu: float) -> Row:
     return Row(
         f"cycle of van der Pol, mu = {mu:g}",
         times,
-        note=_note(errors, {"ours": our_cycle, "solve_bvp": scipy_cycle}, first),
+        note=_note(errors, {"ours": our_cycle, "solve_bvp": scipy_cycle}, first, {}),
     )
 
 
@@ -238,10 +238,10 @@ def _note(
     errors: dict[str, float],
     methods: dict[str, Callable],
     first: dict[str, float],
-    seeds: dict[str, Callable] | None = None,
+    seeds: dict[str, Callable],
 ) -> str:
     lines = {name: _lines(method) for name, method in methods.items()}
-    for name in lines if seeds else ():
+    for name in lines.keys() & seeds.keys():
         lines[name] += _lines(seeds[name])
     each = ", ".join(f"{name} {errors[name]:.1e} in {lines[name]} lines" for name in methods)
     firsts = ", ".join(f"{name} {seconds:.0f} s" for name, seconds in first.items())

@@ -20,6 +20,7 @@ _COARSEST = 0.1  # limit of the second tolerance
 #: A map whose `symplectic_defect` is below this is that of a conservative scene.
 SYMPLECTIC = 1e-7
 _STATES = 8  # at which a form is sought
+_MOST_ENTRIES = 16  # of a state; with 36 it takes two seconds
 _SPREAD = 0.3  # of the states, in parts of each entry's size
 _ROUNDING = 1e-6  # entries below this part of the largest may be rounding
 _NULL = 1e-9  # singular values below this part of the largest are 0
@@ -107,10 +108,10 @@ def kept_form(scene: Scene) -> np.ndarray | None:
     is given by itself, in any coordinates that are linear in canonical ones, has its form: that of
     the restricted three bodies in turning axes is not the one of places and velocities.
 
-    Limits: host only; found to rounding, not proved.
+    Limits: host only; at most 16 entries; found to rounding, not proved.
     """
     y0 = np.asarray(scene.y0)
-    if len(y0) % 2:
+    if len(y0) % 2 or len(y0) > _MOST_ENTRIES:
         return None
     # Entries that are 0, or rounding, vary as well: on an axis of symmetry more is kept.
     some = abs(y0) > _ROUNDING * abs(y0).max()
@@ -140,7 +141,9 @@ def kept_by(slopes: Sequence[np.ndarray]) -> np.ndarray:
     units[np.arange(len(units)), *above] = 1.0
     units -= units.transpose(0, 2, 1)
     rows = [np.array([(a.T @ u + u @ a)[above] for u in units]).T for a in slopes]
-    _, s, right = np.linalg.svd(np.concatenate([row / max(abs(row).max(), 1e-300) for row in rows]))
+    equations = np.concatenate([row / max(abs(row).max(), 1e-300) for row in rows])
+    # Of many equations the triangular factor has the same singular values and right vectors.
+    _, s, right = np.linalg.svd(np.linalg.qr(equations, mode="r"))
     return np.einsum("nu,uij->nij", right[(s > _NULL * s[0]).sum() :], units)
 
 
