@@ -7,13 +7,13 @@ multiplier is below 1e4: half a period in ball arithmetic. Those that are proved
 digits. Results are added to ``published.json`` beside this file one by one; rows that are there
 already are not repeated, unless named.
 
-Stored are 20 rows, of which 19 are proved and refined to 40 digits; the others were not run yet.
-II.C^ic_190 has a multiplier of 2.5e4. A row takes half a minute to twelve minutes of processor
-time, and longer where the first box does not contract. Multipliers that are 1 are known by the
-energy, the angular momentum and the symplectic form of these coordinates, which `prove` finds:
-I.A^ic_1 and I.A^ic_13 are proved stable, eleven others unstable. Six rows were proved with 32
-digits, before `prove` took more of them for multipliers: their boxes are proved, their verdicts are
-not. With 32 digits the box of II.C^ic_18 did not contract.
+Stored are 21 rows, of which 20 are proved and refined to 40 digits; the others were not run yet.
+II.C^ic_190 has a multiplier of 2.5e4. A row takes half a minute to half an hour of processor time:
+the longer ones do not contract at first, and take more digits of the derivatives. Multipliers that
+are 1 are known by the energy, the angular momentum and the symplectic form of these coordinates,
+which `prove` finds: I.A^ic_1 and I.A^ic_13 are proved stable, twelve others unstable. Six rows were
+proved with 32 digits, before `prove` took more of them for multipliers: their boxes are proved,
+their verdicts are not. With 32 digits the box of II.C^ic_18 did not contract.
 
 The states are p = r_1 - r_2, q = r_3 and their rates, with the centre of mass at rest in the
 origin: eight numbers instead of twelve, which halves the time. The orbits start at p = (-2, 0),
