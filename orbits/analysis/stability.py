@@ -146,7 +146,7 @@ def stability(
     found = map_eigenvalues(reduced, error)
     nontrivial, bars = found
     form = symplectic_form(scene, orbit.y0)
-    if form is None and len(basis.T) == len(y0):
+    if form is None and basis.shape[1] == len(y0):  # no constraints
         form = kept_form(scene)
     symplectic = None
     if form is not None:

@@ -73,12 +73,13 @@ def _shrunk(
     equations = surface.equations
     for left in range(_TIMES, 0, -1):
         exact = _equilibrium(_scene(surface, point.x), rest)
-        unknowns = equations.unpack(point.x)
+        if exact is None:
+            return None
+        rest, unknowns = exact, equations.unpack(point.x)
         between = np.asarray(unknowns.between)
         radius = equations.start_at(point.x) - rest
-        if exact is None or not radius.any():
+        if not radius.any():
             return None
-        rest, radius = exact, equations.start_at(point.x) - exact
         factor = (goal / float(np.linalg.norm(radius))) ** (1 / left)
         smaller = equations.pack(
             rest + factor * radius,
@@ -116,7 +117,11 @@ def _start(surface: Surface, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _equilibrium(scene: Scene, y: np.ndarray) -> np.ndarray | None:
-    """(k,) the equilibrium near a state; None if Newton's method does not converge."""
+    """(k,) the equilibrium near a state; None if Newton's method does not converge.
+
+    `jaxdyn.analysis.equilibria.equilibrium` refuses those that are not isolated, as of bodies that
+    may be anywhere.
+    """
     for _ in range(_NEWTON_STEPS):
         flow, slope = map(np.asarray, _linearised(scene, y))
         if not np.isfinite(slope).all():
