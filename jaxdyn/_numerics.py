@@ -153,6 +153,28 @@ def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
     return jax.lax.while_loop(lambda carry: carry[0] < limit, body, (jnp.zeros(()), empty))[1]
 
 
+_MANTISSA = 52  # bits of a float, below those of its exponent
+_BIAS = 1023  # of the exponent
+_MEAN = 0.043  # of what the binary logarithm is more than the bits say: 0 to 0.086
+_BEND = 0.6565  # 2^f is 1 + f (0.6565 + 0.3435 f) within 0.2 % for f from 0 to 1
+
+
+def rough_power(x: Array, n: float) -> Array:
+    """x^n for x >= 0 and |n| <= 1/8 to 1 %, finite for every x, from products and sums.
+
+    From the bits of a float, which are nearly its logarithm. XLA on CPU computes powers, roots and
+    divisions in functions of their own, together with all that they depend on; so the function that
+    such a number is an intermediate result of would be split, and most of it computed twice.
+    """
+    bits = jax.lax.bitcast_convert_type(x, jnp.int64).astype(x.dtype)
+    logarithm = n * (bits * 2.0**-_MANTISSA - (_BIAS - _MEAN))
+    whole = jnp.floor(logarithm)
+    f = logarithm - whole
+    exponent = jax.lax.shift_left(whole.astype(jnp.int64) + _BIAS, jnp.int64(_MANTISSA))
+    scale = jax.lax.bitcast_convert_type(exponent, x.dtype)
+    return scale * (1.0 + f * (_BEND + (1.0 - _BEND) * f))
+
+
 #: Rows of a matrix up to which elimination is unrolled.
 _WRITTEN_OUT = 3
 

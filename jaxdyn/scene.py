@@ -128,13 +128,12 @@ class Scene(Record):
     @property
     def has_points(self) -> bool:
         """Whether the system has material points."""
-        return bool(jax.eval_shape(self.system.points, jnp.zeros(()), self.y0).m.shape[0])
+        return bool(jax.eval_shape(_points, self).m.shape[0])
 
     @property
     def has_energy(self) -> bool:
         """Whether the system has an energy; see `System.energies`."""
-        zero = jnp.zeros(())
-        return bool(jax.eval_shape(lambda y: self.system.energies(zero, y, self.effects), self.y0))
+        return bool(jax.eval_shape(_energies, self))
 
     def sketch(self, t: Array, y: Float[Array, " k"]) -> tuple[Shape, ...]:
         """The shapes of the system and of the effects in drawings; see `sketch`."""
@@ -236,6 +235,16 @@ _MOST_EFFECTS = 500
 
 #: Descriptions of an effect's methods.
 _ACTIONS = {"force": "forces on points", "generalized": "forces on coordinates"}
+
+
+@jax.jit  # traced once for scenes of a kind: 0.03 ms to ask for its shape, not 3
+def _points(scene: Scene) -> Points:
+    return scene.system.points(jnp.zeros(()), scene.y0)
+
+
+@jax.jit
+def _energies(scene: Scene) -> dict[str, Array]:
+    return scene.system.energies(jnp.zeros(()), scene.y0, scene.effects)
 
 
 def _check_effects(effects: tuple[Effect, ...], points: Points) -> None:

@@ -11,8 +11,18 @@ holds there too, and is taken where it is smaller. (All norms of matrices are 2-
 A bar is that bound for an error of `SAFETY` times the one stated, which includes rounding. A
 verdict is "undecided" wherever a bar does not settle it.
 
-Reference: Stewart, Sun (1990), Matrix Perturbation Theory, chapter IV; Elsner (1985), Linear
-Algebra Appl. 71, 77.
+An error that is known better than by its norm moves eigenvalues less, by orders of magnitude where
+they nearly coincide. Let L and R be the left and right vectors. In that basis, L A R, the matrix is
+diagonal, and its error F = L E R. By Gershgorin's theorem, with row i divided and column i
+multiplied by s, one eigenvalue of A + E is within
+
+    |F_ii| + sum_j |F_ij| / s
+
+of eigenvalue i, if that disc meets no other. The largest s for which that holds is taken. For F,
+entry by entry, stands what several changes of A by looser tolerances show, times `_SAFETY_ENTRIES`.
+
+Reference: Stewart, Sun (1990), Matrix Perturbation Theory, chapters IV and V.1 (Gershgorin); Elsner
+(1985), Linear Algebra Appl. 71, 77.
 """
 
 import math
@@ -22,6 +32,10 @@ import numpy as np
 
 #: Safety factor on the estimated error, which is only an order of magnitude.
 SAFETY = 3.0
+#: The same for each entry of an error, since one may vanish by chance. Of the multipliers of 17
+#: orbits of three bodies at four tolerances, 272 numbers, no bar was below the error (against 80
+#: and 113 bits); with a factor of 3 two were.
+_SAFETY_ENTRIES = 10.0
 #: Error of a matrix by rounding, relative to its norm. Jacobians of the ready-made scenes, in
 #: forward and reverse mode, differ by up to 3 units of rounding (measured).
 ROUNDING = 4 * np.finfo(float).eps
@@ -45,12 +59,13 @@ class Eigenvalues(NamedTuple):
         return Eigenvalues(*(np.take_along_axis(x, order, axis=-1) for x in self))
 
 
-def eigenvalues(matrix, error=0.0) -> Eigenvalues:
+def eigenvalues(matrix, error=0.0, changes=None) -> Eigenvalues:
     """The eigenvalues of a matrix with their error bars; host only.
 
     Args:
       matrix: (..., k, k) finite.
       error: (...) norm of its error besides rounding.
+      changes: (s, ..., k, k) of the matrix, each no smaller than its error, if known.
     Returns:
       In no particular order; see `rate_eigenvalues` and `map_eigenvalues`.
     """
@@ -68,7 +83,37 @@ def eigenvalues(matrix, error=0.0) -> Eigenvalues:
         condition = np.linalg.norm(left, axis=-1) * np.linalg.norm(right, axis=-2)
         # Infinite or NaN for parallel eigenvectors: Elsner's bound then.
         bars = np.fmin(condition * wrong, elsner)
+        if changes is not None:
+            moved = np.abs(left @ np.asarray(changes) @ right).max(axis=0)
+            rounding = SAFETY * ROUNDING * size[..., None, None]
+            lengths = [np.linalg.norm(x, axis=axis) for x, axis in ((left, -1), (right, -2))]
+            unsure = rounding * lengths[0][..., :, None] * lengths[1][..., None, :]
+            bars = np.fmin(bars, _radii(values, _SAFETY_ENTRIES * moved + unsure))
     return Eigenvalues(values.astype(complex), bars)
+
+
+def _radii(values: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """(..., k) how far each eigenvalue of a diagonal matrix moves; infinite if it meets another.
+
+    Args:
+      values: (..., k) the diagonal.
+      error: (..., k, k) bounds on the absolute values of what is added.
+    """
+    k = values.shape[-1]
+    own = np.diagonal(error, axis1=-2, axis2=-1)
+    found = np.full(values.shape, np.inf)
+    for i in range(k):
+        others = np.arange(k) != i
+        gaps = np.abs(values[..., others] - values[..., i, None])
+        across, back = error[..., i, others].sum(axis=-1), error[..., others, i]
+        rest = error[..., others, :].sum(axis=-1) - back
+        # Half of the room between the discs for each of the two.
+        room = (gaps - rest - own[..., i, None]) / 2
+        s = (room / np.maximum(back, np.finfo(float).tiny)).min(axis=-1, initial=np.inf)
+        spread = np.where(across > 0, across / s, 0.0)
+        apart = (s > 0) & (spread < room.min(axis=-1, initial=np.inf))
+        found[..., i] = np.where(apart, own[..., i] + spread, np.inf)
+    return found
 
 
 def rate_eigenvalues(jacobian, error=0.0) -> Eigenvalues:
@@ -77,9 +122,9 @@ def rate_eigenvalues(jacobian, error=0.0) -> Eigenvalues:
     return found.ordered(np.lexsort((found.values.imag, -found.values.real)))
 
 
-def map_eigenvalues(monodromy, error=0.0) -> Eigenvalues:
+def map_eigenvalues(monodromy, error=0.0, changes=None) -> Eigenvalues:
     """`eigenvalues` of a map x -> M x, the largest absolute value first."""
-    found = eigenvalues(monodromy, error)
+    found = eigenvalues(monodromy, error, changes)
     sizes = np.round(np.abs(found.values), _PLACES)
     return found.ordered(np.lexsort((-found.values.imag, -sizes)))
 

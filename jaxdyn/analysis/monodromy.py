@@ -87,15 +87,19 @@ def symplectic_form(scene: Scene, y0: Array) -> Array | None:
 
     None where there are no canonical coordinates.
     """
-    system = scene.system
-    if jax.eval_shape(lambda y: system.canonical(jnp.zeros(()), y), y0) is None or len(y0) % 2:
+    if jax.eval_shape(_canonical, scene, y0) is None or len(y0) % 2:
         return None
     return _form(scene, y0)
 
 
 @jax.jit
+def _canonical(scene: Scene, y0: Array) -> Array | None:
+    return scene.system.canonical(jnp.zeros(()), y0)
+
+
+@jax.jit
 def _form(scene: Scene, y0: Array) -> Array:
-    c = jax.jacfwd(lambda y: scene.system.canonical(jnp.zeros(()), y))(y0)
+    c = jax.jacfwd(_canonical, argnums=1)(scene, y0)
     q, p = jnp.split(c, 2)
     return q.T @ p - p.T @ q
 
@@ -140,8 +144,10 @@ def kept_by(slopes: Sequence[np.ndarray]) -> np.ndarray:
     units = np.zeros((len(above[0]), k, k))
     units[np.arange(len(units)), *above] = 1.0
     units -= units.transpose(0, 2, 1)
-    rows = [np.array([(a.T @ u + u @ a)[above] for u in units]).T for a in slopes]
-    equations = np.concatenate([row / max(abs(row).max(), 1e-300) for row in rows])
+    several = np.asarray(slopes)[:, None]
+    rows = (several.swapaxes(-1, -2) @ units + units @ several)[..., *above].swapaxes(-1, -2)
+    sizes = abs(rows).max(axis=(-2, -1), keepdims=True, initial=1e-300)
+    equations = (rows / sizes).reshape(-1, len(units))
     # Of many equations the triangular factor has the same singular values and right vectors.
     _, s, right = np.linalg.svd(np.linalg.qr(equations, mode="r"))
     return np.einsum("nu,uij->nij", right[(s > _NULL * s[0]).sum() :], units)

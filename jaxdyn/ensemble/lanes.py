@@ -30,6 +30,7 @@ from jaxdyn.integrate.step_control import Limits, StepControl
 from jaxdyn.scene import Field
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.method import operations
+from jaxdyn.solvers.stepper import StepError
 from jaxdyn.status import Status
 
 #: Lanes of a group. A loop over 16 or fewer is unrolled by the compiler before vectorisation, and
@@ -246,7 +247,14 @@ class _Work(eqx.Module):
     def _judged(self, lane: _Lane, y: Array, carry: Array, error: Array) -> _Lane:
         """The lane after a step to y, if the step control accepts it."""
         keep, t, tnext, _, control, result = self._control(lane.direction).adapt_step_size(
-            lane.t, lane.tnext, lane.y, y, None, error, self.method.error_order, lane.control
+            lane.t,
+            lane.tnext,
+            lane.y,
+            y,
+            None,
+            StepError(error),
+            self.method.error_order,
+            lane.control,
         )
         steps = lane.steps + keep.astype(int)
         rejected = lane.rejected + (~keep).astype(int)

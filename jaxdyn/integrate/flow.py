@@ -124,7 +124,7 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
         h, control = (t1 - t0) / n, FixedSteps(n=n, ts=ts, watch=watch, limit=most)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(_rate),
-        Stepper(method, h, stop_if_stiff=settings.stops),
+        Stepper(method, tolerance, h, stop_if_stiff=settings.stops),
         t0,
         t1 + (t1 - t0),  # never reached: the step control ends the run
         None,

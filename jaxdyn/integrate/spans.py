@@ -128,11 +128,23 @@ def _check_memory(scene: Scene, samples: int) -> None:
 
 def limits(options: SolverOptions, dt=None) -> Limits:
     """The limits of a solve, checked: the step if `dt` is given, else the tolerances."""
-    most = options.max_steps
-    if not _checks.is_traced(most):
-        most = np.asarray(_checks.whole("max_steps", most))
-    held_to = tolerances(options.rtol, options.atol) if dt is None else step_length(dt)
-    return Limits(held_to, most)
+    given = options.rtol, options.atol, options.max_steps, dt
+    known = all(x is None or type(x) is float or type(x) is int for x in given)
+    return _known_limits(*given) if known else _limits(*given)
+
+
+def _limits(rtol, atol, max_steps, dt) -> Limits:
+    if not _checks.is_traced(max_steps):
+        max_steps = np.asarray(_checks.whole("max_steps", max_steps))
+    return Limits(tolerances(rtol, atol) if dt is None else step_length(dt), max_steps)
+
+
+@functools.lru_cache(typed=True)  # the checks take as long as half an empty program
+def _known_limits(*given) -> Limits:
+    found = _limits(*given)
+    for x in found:
+        x.flags.writeable = False
+    return found
 
 
 def step_length(dt) -> Array | np.ndarray:

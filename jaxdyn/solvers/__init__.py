@@ -6,7 +6,7 @@
   depend on velocity. `VERLET`, `BLANES_MOAN6`, `KAHAN_LI8`, `SOFRONIOU_SPALETTA10`.
 - `Gauss`: symplectic and implicit, with a step; long conservative runs of other scenes.
   `GAUSS8`, `GAUSS12`.
-- `Stoermer`: explicit, with a tolerance; 4 to 12 bodies whose forces do not depend on velocity, in
+- `Stoermer`: explicit, with a tolerance; 3 to 12 bodies whose forces do not depend on velocity, in
   half of the time of a pair for the same error; their default. `STOERMER14`, `STOERMER18`.
 - `Taylor`: explicit, with a tolerance; scenes with short formulas, in a quarter to a half of the
   time of a pair; their default. `TAYLOR8`, `TAYLOR12`, `TAYLOR14`, `TAYLOR16`,

@@ -7,8 +7,15 @@ from jaxdyn.scene import Scene
 from jaxdyn.solvers.exchange import from_diffrax
 from jaxdyn.solvers.method import Method
 from jaxdyn.solvers.pairs import NYSTROM12, VERNER9
-from jaxdyn.solvers.stoermer import STOERMER14
-from jaxdyn.solvers.taylor.method import TAYLOR12, TAYLOR14, TAYLOR20, Taylor, series_of
+from jaxdyn.solvers.stoermer import STOERMER18
+from jaxdyn.solvers.taylor.method import (
+    TAYLOR12,
+    TAYLOR14,
+    TAYLOR16,
+    TAYLOR20,
+    Taylor,
+    series_of,
+)
 
 #: Type of the argument ``solver``.
 Solver = Method | diffrax.AbstractSolver
@@ -18,15 +25,17 @@ RTOL = 1e-10
 #: Operations of a rate up to which its formulas are sought, which takes a tenth of a second.
 _LONGEST = 1000
 #: Products at each order of a Taylor series up to which an order runs fastest.
-_ORDERS = {4: TAYLOR20, 16: TAYLOR14, 24: TAYLOR12}
+_ORDERS = {4: TAYLOR20, 11: TAYLOR16, 16: TAYLOR14, 24: TAYLOR12}
+#: Where no force depends on velocity, a series with quotients gains less: up to so many products.
+_QUOTIENTS = 11
 #: The same for velocity-independent forces: derivatives are by the Nystrom pair.
 _ORDERS_BY_PLACES = {n: Taylor(each.order, tangents=NYSTROM12) for n, each in _ORDERS.items()}
 
 #: Tolerances from which on the extrapolated leapfrog may be taken: rounding limits it below.
-_FINEST_EXTRAPOLATED = 1e-12
-#: Numbers of a state for which it is faster than the Nystrom pair: 4 points in the plane to 12 in
+_FINEST_EXTRAPOLATED = 1e-11
+#: Numbers of a state for which it is faster than the Nystrom pair: 3 points in the plane to 12 in
 #: space.
-_EXTRAPOLATED_NUMBERS = range(16, 73)
+_EXTRAPOLATED_NUMBERS = range(12, 73)
 
 
 def method_of(solver: Solver) -> Method:
@@ -53,7 +62,7 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     more products, the lower the order that runs and compiles fastest: `TAYLOR20` up to 4,
     `TAYLOR14` up to 16, `TAYLOR12` up to 24. All others take a pair: `NYSTROM12` where no force
     depends on velocity, else `VERNER9`. Instead of `NYSTROM12` the extrapolated leapfrog,
-    `STOERMER14`, for states of 16 to 72 numbers and tolerances down to 1e-12.
+    `STOERMER18`, for states of 16 to 72 numbers and tolerances down to 1e-12.
 
     At true errors of 1e-6, 1e-9 and 1e-12 the series take, of the time of the pair: 0.76, 0.57,
     0.34 (Lorenz), 0.48, 0.31, 0.15 (Duffing), 0.64, 0.48, 0.45 (Henon and Heiles), 0.34, 0.29, 0.29
@@ -102,7 +111,7 @@ def _rule(scene: Scene, rtol) -> tuple[Method, str]:
         return method, f"{why}; the tolerance is known at run time only"
     if rtol < _FINEST_EXTRAPOLATED:
         return method, f"{why}; rounding limits extrapolation below {_FINEST_EXTRAPOLATED:.0e}"
-    return STOERMER14, f"{why}; it has {len(scene.y0)} numbers"
+    return STOERMER18, f"{why}; it has {len(scene.y0)} numbers"
 
 
 def _by_rate(scene: Scene) -> tuple[Method, str]:
@@ -115,8 +124,9 @@ def _by_rate(scene: Scene) -> tuple[Method, str]:
         return pair, f"{kind}its rate is long, or has no Taylor series"
     if not series.everywhere:
         return pair, f"{kind}its rate has a root, and no Taylor series where that is 0"
-    if scene.second_order and not series.entire:
-        return pair, f"{kind}its rate has quotients or roots"
+    if scene.second_order and not series.entire and series.products > _QUOTIENTS:
+        why = f"its rate has quotients or roots, and takes more than {_QUOTIENTS} products an order"
+        return pair, f"{kind}{why}"
     why = f"{kind}its Taylor series takes {series.products} products an order"
     for most, method in orders.items():
         if series.products <= most:

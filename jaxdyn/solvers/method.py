@@ -23,6 +23,10 @@ Rate = Callable[[Array, Array], Array]
 
 #: Slopes with a smaller relative difference are equal up to rounding.
 _ROUNDING = 1e-13
+#: Fraction of the step that would just meet the tolerance. At exponents of 9 to 11 even 0.75 aims
+#: at no more than a tenth of the error; 0.9, usual at order 5, gets 10 to 30 % of the steps
+#: rejected and costs 10 to 20 % more evaluations at equal true error (measured).
+SAFETY = 0.75
 _KINDS = 256  # of systems about which something is remembered
 
 
@@ -37,6 +41,7 @@ class Advance(NamedTuple):
       speed: () |h lambda| of the fastest part of the motion; zero where the method does not
         estimate it.
       converged: () whether implicit equations were solved.
+      part: () how much of the step was taken, at most 1.
     """
 
     increment: Array
@@ -44,6 +49,7 @@ class Advance(NamedTuple):
     rest: Array | float = 0.0
     speed: Array | float = 0.0
     converged: Array | bool = True
+    part: Array | float = 1.0
 
 
 class Method(abc.ABC):
@@ -109,6 +115,21 @@ class Method(abc.ABC):
           h: () step, of either sign.
           y: (k, ...) state; [q, v] along the first axis where `position_only`.
         """
+
+    def advance_within(
+        self, field: Rate, t: Array, h: Array, y: Array, tolerance: Array
+    ) -> Advance:
+        """`advance`, over a part of the step if the method knows that the whole is too long.
+
+        Args:
+          field: (t, y) -> dy/dt.
+          t: () start.
+          h: () step, of either sign.
+          y: (k, ...) state.
+          tolerance: (2,) relative and absolute tolerance of one step.
+        """
+        del tolerance
+        return self.advance(field, t, h, y)
 
 
 M = TypeVar("M", bound=Method)

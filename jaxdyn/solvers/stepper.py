@@ -1,6 +1,6 @@
 """A method as a diffrax solver, with compensated summation, projection and stiffness detection."""
 
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -18,6 +18,18 @@ _STIFF_COUNT = 50
 _TIME_ROUNDINGS = 4.0
 
 
+class StepError(NamedTuple):
+    """What step control is told about a step.
+
+    Attributes:
+      error: (k, ...) estimate of the error.
+      end: () the time to which the step went, if the method may shorten it.
+    """
+
+    error: Array
+    end: Array | None = None
+
+
 class Stepper(diffrax.AbstractAdaptiveSolver):
     """A method as a diffrax solver.
 
@@ -28,12 +40,14 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
 
     Attributes:
       method: the method.
+      tolerance: (2,) relative and absolute tolerance of one step, where it takes one.
       h: () the step where it is fixed, exactly: a difference of times would be rounded. Steps to
         samples are shorter.
       stop_if_stiff: whether to end a run that turns out to be stiff.
     """
 
     method: Method
+    tolerance: Array
     h: Array | None = None
     stop_if_stiff: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
@@ -64,8 +78,10 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
 
         now, start, y = begun(args, sign * t0, y0)
 
-        step = _advance(self.method, terms, now, sign, start, h, y)
+        step = _advance(self.method, terms, now, sign, start, h, y, self.tolerance)
         y1, carry = two_sum(y0, carry + step.rest, step.increment)
+        end = None if isinstance(step.part, float) else _end(t0, t1, step.part)
+        t1 = t1 if end is None else end
         y1 = args.project(sign * t1, y1)
         lost = args.loses(sign * t0, y0, sign * t1, y1)
         y1 = y1 if lost is None else jnp.where(lost, jnp.nan, y1)
@@ -76,21 +92,28 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         )
         if self.stop_if_stiff:
             result = diffrax.RESULTS.where(is_stiff(count), diffrax.RESULTS.stagnation, result)
-        return y1, step.error, {"y0": y0, "y1": y1}, (carry, count), result
+        return y1, StepError(step.error, end), {"y0": y0, "y1": y1}, (carry, count), result
 
     def func(self, terms, t0, y0, args):
         return terms.vf(t0, y0, args)
 
 
 @eqx.filter_jit  # diffrax traces the loop's body three times
-def _advance(method: Method, terms, args, sign: Array, t: Array, h: Array, y: Array) -> Advance:
+def _advance(
+    method: Method, terms, args, sign: Array, t: Array, h: Array, y: Array, tolerance: Array
+) -> Advance:
     """The increment of a step, in the time that diffrax counts: sign * t of the field."""
 
     @jax.jit  # traced once for all stages: half of the time until a first result
     def field(t, y):
         return terms.vf(sign * t, y, args)
 
-    return method.advance(field, t, h, y)
+    return method.advance_within(field, t, h, y, tolerance)
+
+
+def _end(t0: Array, t1: Array, part: Array) -> Array:
+    """() the end of a part of a step."""
+    return jnp.where(part < 1.0, t0 + part * (t1 - t0), t1)
 
 
 def is_stiff(count: Array) -> Array:

@@ -48,9 +48,10 @@ class Stoermer(Method):
     """The extrapolated leapfrog.
 
     Limits: velocity-independent accelerations. In ensembles, which are vectorised over motions, a
-      pair is twice as fast. At the same tolerance its errors are about those of `NYSTROM12`, but
-      no tolerance gives less than about 1e-14, or, in close encounters far from the origin, than
-      a few times what the pair gets to. Variational equations are integrated by `NYSTROM12`.
+      pair is twice as fast. At the same tolerance its errors are those of `NYSTROM12` or much
+      smaller, but no tolerance gives less than about 1e-14, or, in close encounters far from the
+      origin, than a few times what the pair gets to. Variational equations are integrated by
+      `NYSTROM12`.
 
     Attributes:
       counts: (n,) substeps of each column, increasing, at least two.
@@ -280,6 +281,6 @@ def _weights(counts: Sequence[int]) -> list[Fraction]:
     return [weight(n) for n in counts]
 
 
-#: For errors of 1e-12 and above, and below.
+#: The second takes as long for errors of 1e-6, and 0.8 of the time for 1e-12.
 STOERMER14 = Stoermer((1, 2, 3, 4, 5, 7, 9))
 STOERMER18 = Stoermer((1, 2, 3, 4, 5, 6, 7, 11, 14))

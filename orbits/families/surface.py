@@ -62,12 +62,12 @@ class Surface:
         )
         if not result.converged:
             return None
-        jacobian = evaluated(result.x)[1]
-        rows = len(jacobian) - (across is not None)
+        assert result.jacobian is not None
+        rows = len(result.jacobian) - (across is not None)
         residual = float(np.abs(result.residual).max(initial=0.0))
         return Point(
             x=result.x,
-            jacobian=jacobian[:rows],
+            jacobian=result.jacobian[:rows],
             residual=residual,
             iterations=result.iterations,
         )

@@ -56,7 +56,10 @@ class Iteration:
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """Where Newton's method ended."""
+    """Where Newton's method ended.
+
+    The Jacobian there is None from collocation, which does not form it.
+    """
 
     x: np.ndarray
     residual: np.ndarray
@@ -64,6 +67,7 @@ class Result:
     converged: bool
     at_bound: bool
     limit: bool
+    jacobian: np.ndarray | None = None
 
 
 class _Point(NamedTuple):
@@ -169,6 +173,7 @@ def _result(best: _Point, bounds: _Bounds, goal: float, accepted: int, most: int
     return Result(
         x=best.x,
         residual=best.residual,
+        jacobian=best.jacobian,
         iterations=accepted,
         converged=bool(_size(best.residual) <= goal),
         at_bound=bool(at_bound.any()),

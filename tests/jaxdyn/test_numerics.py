@@ -10,6 +10,7 @@ import pytest
 from jaxdyn._numerics import (
     in_one_kernel,
     materialised,
+    rough_power,
     runtime_one,
     safe_norm,
     safe_sqrt,
@@ -161,3 +162,12 @@ def test_elimination_is_as_right_for_large_and_small_matrices(size):
     loose = solve_psd(jnp.asarray(size * a), jnp.asarray(size * b), jnp.zeros(3))
     for x in (solve_spd(jnp.asarray(size * a), jnp.asarray(size * b)), loose.x):
         np.testing.assert_allclose(x, exact, rtol=2e-15)
+
+
+@pytest.mark.parametrize("n", [-1 / 8, -1 / 28, -1 / 80, 1 / 8])
+def test_rough_power_is_within_one_percent_and_always_finite(n):
+    x = np.append(10.0 ** np.linspace(-300, 300, 10_001), 1.0)
+    rough = jax.jit(jax.vmap(lambda x: rough_power(x, n)))
+    assert np.abs(np.asarray(rough(x)) / x**n - 1).max() < 0.01
+    assert np.isfinite(np.asarray(rough(jnp.array([0.0, jnp.inf, jnp.nan])))).all()
+    assert rough(jnp.array([0.0]))[0] > 1e3 if n < 0 else True

@@ -1,9 +1,9 @@
 """A vector field as scalar formulas, from its program with all arrays split.
 
 A rate is written with arrays: stacked, sliced, multiplied with matrices that are mostly zeros.
-`formulas` runs through its jaxpr once with a `graph.Node` in place of each number. Array operations
-then cost nothing, and repeated computations become one node. Loops of known length are unrolled.
-Other loops, linear algebra and callbacks cannot be represented: `NotElementary`.
+`formulas` runs through its jaxpr with a `graph.Node` in place of each number: array operations cost
+nothing then, and repeated computations become one node. Loops of known length are unrolled. Others,
+linear algebra and callbacks cannot be represented: `NotElementary`.
 """
 
 import functools
@@ -55,17 +55,18 @@ _CALLS = {"jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call", "r
 _LONGEST_LOOP = 1000
 
 
-def formulas(field: Callable, t: Array, y: Array) -> Formulas:
+def formulas(field: Callable, t: Array, y: Array, expanding: bool = True) -> Formulas:
     """The formulas of a rate.
 
     Args:
       field: (t, y) -> dy/dt, whose other numbers may be known only at run time.
       t: () time.
       y: (k,) state.
+      expanding: of its `Graph`.
     Raises:
       NotElementary: an operation of the field cannot be represented.
     """
-    return _traced(Graph(), field, (), t, y)
+    return _traced(Graph(expanding=expanding), field, (), t, y)
 
 
 def exact_formulas(field: Callable, numbers: PyTree, t: Array, y: Array) -> Formulas:
@@ -233,9 +234,9 @@ def _written_out(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     body, length = params["jaxpr"], params["length"]
     n, m = params["num_consts"], params["num_carry"]
     consts, carry, xs = args[:n], args[n : n + m], args[n + m :]
-    inner = [_taken(graph, c) for c in body.consts]
     if length > _LONGEST_LOOP:
         raise NotElementary(f"a loop of {length} rounds")
+    inner = [_taken(graph, c) for c in body.consts]
     if not length:
         return [*carry, *(np.zeros(a.aval.shape, a.aval.dtype) for a in eqn.outvars[m:])]
     rows = []

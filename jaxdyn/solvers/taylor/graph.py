@@ -67,10 +67,15 @@ class Graph:
     Args:
       exact: whether operations on known numbers are carried out only where the result is a
         float exactly; otherwise they are nodes, for another arithmetic to evaluate.
+      expanding: whether products with short sums are multiplied out. Mostly that saves products,
+        which exist already, or cancels terms; not so where a sum is the common factor of several.
+
+    Attributes:
+      expanded: whether any was.
     """
 
-    def __init__(self, exact: bool = False):
-        self.exact = exact
+    def __init__(self, exact: bool = False, expanding: bool = True):
+        self.exact, self.expanding, self.expanded = exact, expanding, False
         self._found: dict[tuple, Node] = {}
         self._count = 0
 
@@ -142,7 +147,8 @@ class Graph:
         if m is None or n is None:
             return self._scaled(c, n if m is None else m)
         for one, other in ((m, n), (n, m)):
-            if _better_multiplied_out(one, other):
+            if self.expanding and _better_multiplied_out(one, other):
+                self.expanded = True
                 return self.mul(c, self._multiplied_out(one, other))
         # In an order that is the same in each process, for the compile cache.
         factors = sorted((*_factors(m), *_factors(n)), key=lambda node: node.index)

@@ -3,7 +3,8 @@
 A step sums the series of the solution about its start, whose coefficients follow from the
 formulas of the rate (`formulas`, `recurrences`). For a handful of numbers and many digits that
 takes a quarter to a half of the time of a Runge-Kutta pair: the cost of an order is proportional
-to the order, and nothing is evaluated inside the step. At its end the error is multiplied by the
+to the order, and nothing is evaluated inside the step. How much of a proposed step is taken is read
+off its terms (`terms`), so that hardly any is rejected. At its end the error is multiplied by the
 Jacobian, once, to detect stiffness.
 
 By operations alone the optimal order is about 1 - ln(rtol) / 2: 8 at rtol 1e-6, 16 at 1e-13. Where
@@ -34,10 +35,11 @@ from jaxdyn.solvers.method import (
     traced_once,
 )
 from jaxdyn.solvers.pairs import VERNER9
+from jaxdyn.solvers.taylor import terms
 from jaxdyn.solvers.taylor.formulas import Formulas, NotElementary, formulas
 from jaxdyn.solvers.taylor.graph import Node
 from jaxdyn.solvers.taylor.ordered import ordered
-from jaxdyn.solvers.taylor.recurrences import Coefficient, is_guarded, products, solution
+from jaxdyn.solvers.taylor.recurrences import is_guarded, products, solution
 
 #: Sums of products at each order; with more of them programs compile for ten seconds and longer,
 #: exceed the processor's instruction cache, and run no faster than a pair.
@@ -46,25 +48,7 @@ _MOST_PRODUCTS = 48
 _MOST_NUMBERS = 15
 _SINGULAR = ("div", "sqrt", "pow", "log")  # at some values of their arguments
 _LOWEST, _HIGHEST = 4, 40  # orders
-#: The estimate in parts of the last term. The error is about the next term, a few times smaller;
-#: but errors of a whole motion at the same tolerance were then 1.7 times those of `VERNER9` in the
-#: median of 15 problems and 12 times in one of ten, and who asks for a tolerance by habit would
-#: lose digits. So they are no larger in nine of ten. At equal errors it costs nothing.
-_CAUTION = 10.0
-#: The same of the difference of slopes at the end of a step, which also shows jumps within it, in
-#: parts of that: it is the next term already, times the order.
-_DEFECT_WEIGHT = 2.0
-#: The part of it below so many roundings of the slope may be rounding, and counts less; but not
-#: nothing, or steps would grow until they are rejected.
-_ROUNDINGS, _ROUNDING_WEIGHT = 8.0, 0.25
-#: Weight of the last term but one, in case the last one vanishes by symmetry. Successive terms
-#: decrease by about this factor at the steps that tolerances lead to.
-_LAST_BUT_ONE_WEIGHT = 0.1
-#: Weight of each earlier term, in case both vanish: less than the factor between terms, or these
-#: would limit the steps of motions without such a symmetry (0.05 does, at rtol 1e-14).
-_TERM_RATIO = 0.03
 _TINY = np.finfo(float).tiny
-_LARGE_TERMS = 4  # terms that are large beside the later ones
 _REMEDY = "Leave the solver out, or use solvers.VERNER9, which needs no formulas."
 
 
@@ -123,20 +107,45 @@ class Taylor(Method):
         return self.tangents
 
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
-        guarded = is_guarded(_formulas(field, t, y)[1])
+        return self._advance(field, t, h, y, None)
 
-        def step(t, h, y):
+    def advance_within(
+        self, field: Rate, t: Array, h: Array, y: Array, tolerance: Array
+    ) -> Advance:
+        return self._advance(field, t, h, y, tolerance)
+
+    def _advance(self, field: Rate, t: Array, h: Array, y: Array, tolerance) -> Advance:
+        guarded = is_guarded(_formulas(field, t, y)[1])
+        given = t, h, y
+        if tolerance is not None:
+            # Divisions here: see `rough_power`.
+            length, (rtol, atol) = jnp.abs(h), tolerance
+            given = *given, length, 1.0 / length, jnp.unstack(1.0 / (atol + rtol * jnp.abs(y)))
+
+        def step(t, h, y, *limits):
             series = solution(*_formulas(field, t, y), self.order, h)
-            second = _slope if guarded else _cautious
-            return _in_one_array([(_increment(c, h), second(c, h)) for c in series], h)
+            second = [terms.error(c, jnp.zeros_like(h)) for c in series]
+            part = jnp.ones_like(h)
+            if limits:
+                length, inverse, weights = limits
+                part = terms.allowed_part(second, weights, self.order)
+                part = terms.ending_at_a_number(part, t, length, inverse)
+                scale = lax.integer_pow(part, self.order)
+                second = [scale * x for x in second]
+            if guarded:
+                second = [terms.slope(c, part) for c in series]
+            sums = [terms.increment(c, part) for c in series]
+            return _in_one_array([*zip(sums, second, strict=True), (part, part)], h)
 
         # Isolated: XLA would duplicate the step for each other use of the result.
-        both = in_one_kernel(step, (t, h, y), unknown=jnp.isfinite(h))
-        increment, found = both.real, both.imag
+        both = in_one_kernel(step, given, unknown=jnp.isfinite(h))
+        increment, found, part = both.real[:-1], both.imag[:-1], both.real[-1]
+        h = part * h
         if guarded:
             # At a start from rest the series is that of the guard's other case, and wrong.
-            found = _weighted(h * field(t + h, y + increment), found)
-        return Advance(increment, found, speed=_speed(field, t + h, h, y + increment, found))
+            found = terms.error_of_slopes(h * field(t + h, y + increment), found)
+        speed = _speed(field, t + h, h, y + increment, found)
+        return Advance(increment, found, speed=speed, part=1.0 if tolerance is None else part)
 
 
 def has_series(system, y: Array) -> bool:
@@ -186,10 +195,9 @@ def _series(rate: Rate, t: Array, y: Array, longest: int | None) -> Series | Non
     if longest is not None and operations(rate, t, y) > longest:
         return None
     try:
-        found = formulas(rate, t, y)
+        _, nodes = _shortest(rate, t, y)
     except NotElementary:
         return None
-    nodes = ordered(found.graph, found.rates)
     entire = not any(node.moving and node.op in _SINGULAR for node in nodes)
     return Series(products(nodes), not any(map(_ends, nodes)), entire)
 
@@ -214,65 +222,28 @@ def _formulas(field: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node]]:
         several = "one that takes tangents or several motions at once"
         raise _checks.fail("solver", several, "a Taylor series", _REMEDY)
     try:
-        found = formulas(field, t, y)
+        found, nodes = _shortest(field, t, y)
     except NotElementary as error:
         raise _checks.fail("solver", wanted, f"one with {error}", _REMEDY) from None
-    nodes = ordered(found.graph, found.rates)
     if (n := products(nodes)) > _MOST_PRODUCTS:
         raise _checks.fail("solver", wanted, f"one with {n} products", _REMEDY)
     return found, nodes
 
 
-def _increment(c: list[Coefficient], h: Array) -> Array:
-    """The sum of all terms: first the small ones as they become known, then the large ones."""
-    terms = [x for x in (*c[_LARGE_TERMS + 1 :], *c[_LARGE_TERMS:0:-1]) if x is not None]
-    return functools.reduce(jnp.add, terms, jnp.zeros_like(h))
-
-
-def _slope(c: list[Coefficient], h: Array) -> Array:
-    """The slope at the end of the step, times the step."""
-    terms = [np.float64(k) * x for k, x in enumerate(c) if k and x is not None]
-    return functools.reduce(jnp.add, reversed(terms), jnp.zeros_like(h))
-
-
-def _cautious(c: list[Coefficient], h: Array) -> Array:
-    return _CAUTION * _last(c, h)
-
-
-def _weighted(slope: Array, expected: Array) -> Array:
-    """The error from the difference of slopes, both times the step, with its signs."""
-    apart, rounding = slope - expected, _ROUNDINGS * jnp.finfo(slope.dtype).eps * jnp.abs(slope)
-    small = jnp.clip(apart, -rounding, rounding)
-    return _DEFECT_WEIGHT * (apart - small) + _ROUNDING_WEIGHT * small
-
-
-def _last(c: list[Coefficient], h: Array) -> Array:
-    """Size of the last two terms, extrapolated from earlier ones where symmetry hides them.
-
-    With the sign of the last one, so that the errors of all entries are a direction.
-
-    Terms of the second half count, since x'' = -x^7 from x = 0 has every eighth one only.
-    """
-    order = len(c) - 1
-    found = jnp.zeros_like(h)
-    for k in range(order // 2 + 1, order + 1):
-        before = order - 1 - k
-        weight = 1.0 if before < 0 else _LAST_BUT_ONE_WEIGHT * _TERM_RATIO**before
-        if c[k] is not None:
-            term = weight * jnp.abs(c[k])
-            found = _larger(found, term) if before > 0 else found + term
-    last = c[order]
-    return found if last is None else jnp.where(last < 0, -found, found)
+def _shortest(rate: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node]]:
+    """The formulas with the fewest products, and their nodes in order."""
+    found = formulas(rate, t, y)
+    best = found, ordered(found.graph, found.rates)
+    if found.graph.expanded:
+        plain = formulas(rate, t, y, expanding=False)
+        best = min(best, (plain, ordered(plain.graph, plain.rates)), key=lambda x: products(x[1]))
+    return best
 
 
 def _speed(field: Rate, t: Array, h: Array, y: Array, error: Array) -> Array:
     """() |h J error| / |error|: where stability limits steps, errors are along the fastest part."""
     _, slope = jax.jvp(lambda y: field(t, y), (y,), (error,))
     return jnp.abs(h) * jnp.max(jnp.abs(slope)) / (jnp.max(jnp.abs(error)) + _TINY)
-
-
-def _larger(a: Array, b: Array) -> Array:
-    return jnp.where(a > b, a, b)
 
 
 def _in_one_array(pairs: list[tuple[Array, Array]], h: Array) -> Array:
@@ -293,5 +264,5 @@ def _in_one_array(pairs: list[tuple[Array, Array]], h: Array) -> Array:
     return found
 
 
-#: For errors of 1e-6 and above; for many, more and few products an order (the default); 16 between.
+#: For errors of 1e-6 and above; the others by default, the higher the fewer products an order has.
 TAYLOR8, TAYLOR12, TAYLOR14, TAYLOR16, TAYLOR20 = (Taylor(n) for n in (8, 12, 14, 16, 20))

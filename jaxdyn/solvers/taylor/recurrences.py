@@ -50,7 +50,7 @@ def solution(
                 found = _RULES[node.op](series, node, k)
                 series.coefficients.setdefault(node, []).append(found)
         for node, rate in zip(formulas.states, formulas.rates, strict=True):
-            series.coefficients[node].append(_times(series.step(k + 1), series.at(rate, k)))
+            series.coefficients[node].append(times(series.step(k + 1), series.at(rate, k)))
     return [series.coefficients[node] for node in formulas.states]
 
 
@@ -89,7 +89,7 @@ class _Series:
     def slope(self, a: Number, k: int) -> Coefficient:
         """k a_k: coefficient k - 1 of the derivative."""
         if (a, k) not in self._slopes:
-            self._slopes[a, k] = _times(np.float64(k), self.at(a, k))
+            self._slopes[a, k] = times(np.float64(k), self.at(a, k))
         return self._slopes[a, k]
 
     def inverse(self, a: Number) -> Coefficient:
@@ -110,17 +110,18 @@ class _Series:
         # Known terms come first. A product and its sum are one operation of the processor,
         # unlike in a pairwise sum.
         known = sorted(places, key=lambda j: max(j, k - j))
-        products = (_times(of(a, j), self.at(b, k - j)) for j in known)
-        return functools.reduce(_plus, products, None)
+        products = (times(of(a, j), self.at(b, k - j)) for j in known)
+        return functools.reduce(plus, products, None)
 
     def squared(self, a: Number, k: int, first: int) -> Coefficient:
         """The sum of a_j a_(k-j) for j from first to k - first, each pair once."""
-        twice = _times(np.float64(2.0), self.product(a, a, k, first, (k - 1) // 2))
+        twice = times(np.float64(2.0), self.product(a, a, k, first, (k - 1) // 2))
         middle = None if k % 2 or k < 2 * first else self.at(a, k // 2)
-        return _plus(twice, _times(middle, middle))
+        return plus(twice, times(middle, middle))
 
 
-def _times(a: Coefficient, b: Coefficient) -> Coefficient:
+def times(a: Coefficient, b: Coefficient) -> Coefficient:
+    """A product; None for zero."""
     if a is None or b is None:
         return None
     if isinstance(a, np.floating) and abs(a) == 1.0:
@@ -128,7 +129,8 @@ def _times(a: Coefficient, b: Coefficient) -> Coefficient:
     return lax.mul(a, b)
 
 
-def _plus(a: Coefficient, b: Coefficient) -> Coefficient:
+def plus(a: Coefficient, b: Coefficient) -> Coefficient:
+    """A sum; None for zero."""
     if a is None or b is None:
         return b if a is None else a
     return lax.add(a, b)
@@ -145,20 +147,20 @@ def _sum(s: _Series, node: Node, k: int) -> Coefficient:
     for factor, term in zip(node.args[::2], node.args[1::2], strict=True):
         c = s.at(factor, 0)
         if term is None:
-            found = _plus(found, c if k == 0 else None)
+            found = plus(found, c if k == 0 else None)
         elif isinstance(c, np.floating) and c == -1.0:
             found = _minus(found, s.at(term, k))
         else:
-            found = _plus(found, _times(c, s.at(term, k)))
+            found = plus(found, times(c, s.at(term, k)))
     return found
 
 
 def _scale(s: _Series, node: Node, k: int) -> Coefficient:
-    return _times(s.at(node.args[0], 0), s.at(node.args[1], k))
+    return times(s.at(node.args[0], 0), s.at(node.args[1], k))
 
 
 def _add(s: _Series, node: Node, k: int) -> Coefficient:
-    return _plus(s.at(node.args[0], k), s.at(node.args[1], k))
+    return plus(s.at(node.args[0], k), s.at(node.args[1], k))
 
 
 def _mul(s: _Series, node: Node, k: int) -> Coefficient:
@@ -170,15 +172,15 @@ def _div(s: _Series, node: Node, k: int) -> Coefficient:
     a, b = node.args
     if k == 0:
         return lax.div(s.at(a, 0), s.at(b, 0))
-    return _times(_minus(s.at(a, k), s.product(node, b, k, 0, k - 1)), s.inverse(b))
+    return times(_minus(s.at(a, k), s.product(node, b, k, 0, k - 1)), s.inverse(b))
 
 
 def _sqrt(s: _Series, node: Node, k: int) -> Coefficient:
     (a,) = node.args
     if k == 0:
         return lax.sqrt(s.at(a, 0))
-    half = _times(np.float64(0.5), s.inverse(node))
-    return _times(_minus(s.at(a, k), s.squared(node, k, 1)), half)
+    half = times(np.float64(0.5), s.inverse(node))
+    return times(_minus(s.at(a, k), s.squared(node, k, 1)), half)
 
 
 def _pow(s: _Series, node: Node, k: int) -> Coefficient:
@@ -186,8 +188,8 @@ def _pow(s: _Series, node: Node, k: int) -> Coefficient:
     a, n = node.args
     if k == 0:
         return _power(jnp.asarray(s.at(a, 0)), s.at(n, 0))
-    grown = _times(lax.add(s.at(n, 0), np.float64(1.0)), s.sloped(a, node, k, k))
-    return _times(_minus(_times(s.part(k), grown), s.product(a, node, k, 1, k)), s.inverse(a))
+    grown = times(lax.add(s.at(n, 0), np.float64(1.0)), s.sloped(a, node, k, k))
+    return times(_minus(times(s.part(k), grown), s.product(a, node, k, 1, k)), s.inverse(a))
 
 
 def _power(a: Array, n: Coefficient) -> Array:
@@ -201,8 +203,8 @@ def _log(s: _Series, node: Node, k: int) -> Coefficient:
     (a,) = node.args
     if k == 0:
         return lax.log(s.at(a, 0))
-    known = _times(s.part(k), s.sloped(node, a, k, k - 1))
-    return _times(_minus(s.at(a, k), known), s.inverse(a))
+    known = times(s.part(k), s.sloped(node, a, k, k - 1))
+    return times(_minus(s.at(a, k), known), s.inverse(a))
 
 
 def _growing(value: Callable, factor: Callable[[Node], Node], sign: float = 1.0) -> Callable:
@@ -212,7 +214,7 @@ def _growing(value: Callable, factor: Callable[[Node], Node], sign: float = 1.0)
         (a,) = node.args
         if k == 0:
             return value(s.at(a, 0))
-        return _times(s.part(k), _times(np.float64(sign), s.sloped(a, factor(node), k, k)))
+        return times(s.part(k), times(np.float64(sign), s.sloped(a, factor(node), k, k)))
 
     return rule
 

@@ -40,15 +40,56 @@ def test_bars_cover_errors_of_the_size_that_is_stated(size):
     assert widest > 1  # there were errors
 
 
+def test_entries_of_an_error_give_narrower_bars_that_hold():
+    rng = np.random.default_rng(4)
+    narrower, n = [], 0
+    for _ in range(200):
+        # Two eigenvalues that nearly coincide, vectors that are nearly parallel.
+        diagonal = np.array([1.0 + 1e-3, 1.0 - 1e-3, -0.5, 20.0])
+        s = rng.normal(size=(4, 4))
+        s[:, 1] = s[:, 0] + 1e-3 * s[:, 1]
+        left = np.linalg.inv(s)
+        a = s @ np.diag(diagonal) @ left
+        # Errors that mostly shear along the pair, as those of an orbit do along its flow.
+        changes = [s @ (1e-7 * rng.normal(size=(4, 4))) @ left for _ in range(2)]
+        off = 0.1 * (rng.normal() * changes[0] + rng.normal() * changes[1])
+        plain, better = (
+            eigenvalues(a + off, np.linalg.norm(off, 2), known) for known in (None, changes)
+        )
+        wrong = _farthest(better.values, diagonal)
+        assert (wrong < better.bars).all()
+        assert (better.bars <= plain.bars).all()
+        narrower.append((plain.bars / better.bars)[np.abs(better.values - 1) < 0.01])
+        n += (wrong > 1e-3 * better.bars).sum()
+    assert np.median(narrower) > 20
+    assert n > 400  # bars are no wider than they have to be
+
+
+def test_entries_of_an_error_that_mix_two_eigenvalues_decide_nothing():
+    a = np.array([[1.0, 1.0], [0.0, 1.0 + 1e-4]])
+    change = np.array([[0.0, 0.0], [1e-6, 0.0]])  # makes them 1 +- 1e-3
+    found = eigenvalues(a, 1e-6, [change])
+    np.testing.assert_array_equal(found.bars, eigenvalues(a, 1e-6).bars)
+    moved = np.linalg.eigvals(a + change)
+    assert (_farthest(found.values, moved) < found.bars).all()
+
+
 def test_a_stack_is_its_matrices():
     rng = np.random.default_rng(2)
     stack = rng.normal(size=(2, 3, 4, 4))
     stack[1, 2] = np.diag(np.ones(3), 1)  # eigenvectors that are parallel
     errors = 10.0 ** -rng.integers(6, 12, size=(2, 3))
-    for of in (eigenvalues, map_eigenvalues, rate_eigenvalues):
-        together = of(stack, errors)
+    changes = 1e-9 * rng.normal(size=(2, 2, 3, 4, 4))
+    ways = (
+        (eigenvalues, ()),
+        (eigenvalues, (changes,)),
+        (map_eigenvalues, (changes,)),
+        (rate_eigenvalues, ()),
+    )
+    for of, known in ways:
+        together = of(stack, errors, *known)
         for at in np.ndindex(2, 3):
-            alone = of(stack[at], errors[at])
+            alone = of(stack[at], errors[at], *(x[:, *at] for x in known))
             assert gap(together.values[at], alone.values) < 1e-14
             np.testing.assert_allclose(together.bars[at], alone.bars, rtol=1e-6)
     assert np.isfinite(together.bars).all()

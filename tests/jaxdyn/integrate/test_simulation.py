@@ -20,7 +20,15 @@ from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.trajectory import explained, raise_unless_ok
 from jaxdyn.scenes.particles import straightness
 from jaxdyn.scenes.springs import wildness
-from jaxdyn.solvers import NYSTROM12, RK4, TAYLOR14, VERNER9, default_solver, from_diffrax
+from jaxdyn.solvers import (
+    NYSTROM12,
+    RK4,
+    STOERMER18,
+    TAYLOR16,
+    VERNER9,
+    default_solver,
+    from_diffrax,
+)
 
 BALL = scenes.cannonball(drag=0.1)
 EIGHT = scenes.three_body()
@@ -88,8 +96,9 @@ def test_samples_may_repeat_and_leave_out_the_ends():
 
 
 def test_the_method_follows_the_effects():
-    assert default_solver(EIGHT) is NYSTROM12
-    assert default_solver(BALL) is TAYLOR14
+    assert default_solver(EIGHT) is STOERMER18
+    assert default_solver(EIGHT, rtol=1e-12) is NYSTROM12
+    assert default_solver(BALL) is TAYLOR16
     by_choice = simulate(EIGHT, 1.0, samples=2, rtol=1e-14, solver=VERNER9)
     assert gap(by_choice.ys, simulate(EIGHT, 1.0, samples=2, rtol=1e-14).ys) < SOLVED
 

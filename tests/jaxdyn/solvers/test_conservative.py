@@ -99,7 +99,7 @@ def test_energy_errors_stay_bounded_over_many_periods():
         ),
         (
             {"dt": 0.1},
-            r"dt: expected none, since Nystrom 12\(10\) chooses its steps by rtol, got 0\.1",
+            r"dt: expected none, since Taylor 16 chooses its steps by rtol, got 0\.1",
         ),
         ({"solver": solvers.VERLET, "dt": -0.1}, r"dt: expected > 0, got -0\.1\. It is the length"),
         ({"solver": solvers.VERLET, "dt": np.nan}, r"dt: expected finite numbers, got nan"),

@@ -118,7 +118,7 @@ def test_rounding_of_places_in_close_encounters_neither_shortens_steps_nor_is_am
         lost = energy(scene, 0.4, out.y1) - energy(scene, 0.0, scene.y0)
         return int(out.steps), abs(float(lost))
 
-    asides = np.linspace(0.01, 0.05, 9)
+    asides = np.linspace(0.01, 0.05, 45)
     for rtol in (1e-10, 1e-11):
         ours, theirs = (
             np.array([run(aside, method, rtol) for aside in asides])

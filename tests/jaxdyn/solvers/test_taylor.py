@@ -5,18 +5,28 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
+from helpers import gap, kepler
 from jax import lax
 
-from jaxdyn import ensemble, scenes, simulate
+from jaxdyn import ensemble, ode, scenes, simulate
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scene import Scene
-from jaxdyn.solvers import DOPRI8, TAYLOR12, TAYLOR16, TAYLOR20, VERNER9, Taylor, has_series
+from jaxdyn.solvers import (
+    DOPRI8,
+    TAYLOR12,
+    TAYLOR14,
+    TAYLOR16,
+    TAYLOR20,
+    VERNER9,
+    Taylor,
+    has_series,
+)
 from jaxdyn.solvers.taylor.formulas import NotElementary, formulas
-from jaxdyn.solvers.taylor.method import _CAUTION
 from jaxdyn.solvers.taylor.ordered import ordered
 from jaxdyn.solvers.taylor.recurrences import products, solution
+from jaxdyn.solvers.taylor.terms import _CAUTION
 
 ORDER = 12
 #: dy/dt = f(t): f with jnp and the same with mpmath; all are smooth at AT.
@@ -197,6 +207,46 @@ def test_the_estimate_is_the_last_term_with_caution():
     # v = x' of the lemniscate sine x(t) = sl(k t) / k with k^4 = 1/2: its last term below t^13.
     _, found = _error_and_estimate(lambda t, y: jnp.stack([y[1], -(y[0] ** 3)]), 0.3, [0.0, 1])
     np.testing.assert_allclose(found, _CAUTION * 13 * 11 / 15600 / 8 * 0.3**12, rtol=0.01)
+
+
+def test_a_step_is_as_long_as_its_terms_allow():
+    def spherical(t, y):  # it swings past the pole, where steps have to be ten times as short
+        theta, _, u, w = y
+        sine, cosine = jnp.sin(theta), jnp.cos(theta)
+        return jnp.stack([u, w, w * w * sine * cosine - sine, -2 * u * w * cosine / sine])
+
+    pendulum = ode(spherical, [1.0, 0.0, 0.0, 0.1], 20.0)
+    runs = [solve(pendulum, 20.0, rtol=rtol, solver=TAYLOR14) for rtol in (1e-6, 1e-9, 1e-12)]
+    assert [int(run.rejected) for run in runs] == [0, 0, 0]
+    exact = solve(pendulum, 20.0, rtol=1e-14, solver=VERNER9).y1
+    errors = [gap(run.y1, exact) for run in runs]
+    assert errors[0] > 1e-9
+    assert errors[1] < 1e-7
+    assert errors[2] < 1e-10
+
+
+def test_the_times_of_shortened_steps_are_exact():
+    # Half a spacing of the time at each of 30 000 steps would add up to 1e-9.
+    t1 = 1e5
+    tick = ode(lambda t, y: jnp.cos(t)[None], [0.0], t1)
+    found = solve(tick, t1, rtol=1e-9, solver=TAYLOR14)
+    assert int(found.steps) > 10_000
+    assert int(found.rejected) == 0
+    finer = solve(tick, t1, rtol=1e-13, solver=TAYLOR20)
+    assert abs(float(finer.y1[0]) - np.sin(t1)) < 1e-12
+
+
+def test_samples_and_ends_are_reached_by_shortened_steps():
+    orbit = kepler(0.7)
+    ts = jnp.linspace(0.0, float(orbit.t1), 40)
+    there, pair = (
+        solve(orbit, orbit.t1, ts=ts, solver=solver, rtol=1e-12) for solver in (TAYLOR14, VERNER9)
+    )
+    assert gap(there.ys, pair.ys) < 1e-10
+    back = solve(orbit.starting(there.y1), -orbit.t1, solver=TAYLOR14, rtol=1e-12)
+    assert gap(back.y1, orbit.y0) < 1e-9
+    nothing = solve(orbit, 0.0, solver=TAYLOR14)
+    assert gap(nothing.y1, orbit.y0) == 0
 
 
 def test_a_case_of_known_numbers_is_no_part_of_the_series():

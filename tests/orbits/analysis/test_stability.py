@@ -67,8 +67,13 @@ def test_a_shift_that_changes_nothing_is_found_without_being_declared():
 
 def test_a_verdict_within_its_bars_is_undecided():
     # exp(c T) is 1 up to less than its bar, and the shift of z no symmetry of the field.
-    result = orbits.stability(orbit_of(stuart_landau(0.3, 0.4, 1.1, 3e-12)), rtol=1e-9)
+    orbit = orbit_of(stuart_landau(0.3, 0.4, 1.1, 3e-12))
+    result = orbits.stability(orbit, rtol=1e-8)
     assert (result.unit, result.verdict) == (1, "undecided")
+    # z is by itself, so that its equation is solved to rounding: a third tolerance shows that.
+    result = orbits.stability(orbit, rtol=1e-9)
+    assert (result.unit, result.verdict) == (1, "unstable")
+    assert abs(result.nontrivial[0] - 1 - 3e-12 * orbit.period) < result.bars[0] < 1e-12
 
 
 def test_the_product_is_the_exponential_of_the_divergence():

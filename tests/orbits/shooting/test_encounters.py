@@ -230,3 +230,20 @@ def test_an_end_that_is_not_reached_is_nan_with_a_status():
     run = ended(0.9, 5.0, max_steps=3)
     assert int(run.status) == Status.STEP_LIMIT
     assert np.isnan(run.y1).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "verdict", "exact"),
+    [
+        # Against heyoka's variational equations with 113 bits, where the orbit starts.
+        ("I.A^ic_43", "stable", 0.9999965924 + 0.0026106371j),
+        ("I.A^ic_65", "unstable", 1.003645),
+    ],
+)
+def test_multipliers_next_to_one_are_decided(name, verdict, exact):
+    linear = orbits.stability(polished(name))
+    assert linear.verdict == verdict
+    nearest = np.argmin(abs(linear.nontrivial - exact))
+    assert linear.bars[nearest] < 1e-4
+    assert abs(linear.nontrivial[nearest] - exact) < linear.bars[nearest]
