@@ -7,7 +7,7 @@ from jaxdyn.scene import Scene
 from jaxdyn.solvers.exchange import from_diffrax
 from jaxdyn.solvers.method import Method
 from jaxdyn.solvers.pairs import NYSTROM12, VERNER9
-from jaxdyn.solvers.stoermer import STOERMER18
+from jaxdyn.solvers.stoermer import STOERMER14, STOERMER18
 from jaxdyn.solvers.taylor.method import (
     TAYLOR12,
     TAYLOR14,
@@ -24,12 +24,18 @@ Solver = Method | diffrax.AbstractSolver
 RTOL = 1e-10
 #: Operations of a rate up to which its formulas are sought, which takes a tenth of a second.
 _LONGEST = 1000
-#: Products at each order of a Taylor series up to which an order runs fastest.
+#: Products at each order of a Taylor series up to which an order runs fastest; for looser
+#: tolerances than 1e-6, which leave little to gain by high orders, below.
 _ORDERS = {4: TAYLOR20, 11: TAYLOR16, 16: TAYLOR14, 24: TAYLOR12}
+_LOOSE_ORDERS = {4: TAYLOR16, 24: TAYLOR12}
+_LOOSE = 1e-6
 #: Where no force depends on velocity, a series with quotients gains less: up to so many products.
 _QUOTIENTS = 11
-#: The same for velocity-independent forces: derivatives are by the Nystrom pair.
-_ORDERS_BY_PLACES = {n: Taylor(each.order, tangents=NYSTROM12) for n, each in _ORDERS.items()}
+#: The same methods for velocity-independent forces: derivatives are by the Nystrom pair.
+_BY_PLACES = {
+    method: Taylor(method.order, tangents=NYSTROM12)
+    for method in (TAYLOR12, TAYLOR14, TAYLOR16, TAYLOR20)
+}
 
 #: Tolerances from which on the extrapolated leapfrog may be taken: rounding limits it below.
 _FINEST_EXTRAPOLATED = 1e-11
@@ -104,21 +110,28 @@ def reason(scene: Scene, rtol=RTOL) -> str:
 
 def _rule(scene: Scene, rtol) -> tuple[Method, str]:
     """The default, and why."""
-    method, why = _by_rate(scene)
+    traced = _checks.is_traced(rtol)
+    loose = not traced and rtol > _LOOSE
+    method, why = _by_rate(scene, _LOOSE_ORDERS if loose else _ORDERS)
     if method is not NYSTROM12 or len(scene.y0) not in _EXTRAPOLATED_NUMBERS:
         return method, why
-    if _checks.is_traced(rtol):
+    if traced:
         return method, f"{why}; the tolerance is known at run time only"
     if rtol < _FINEST_EXTRAPOLATED:
         return method, f"{why}; rounding limits extrapolation below {_FINEST_EXTRAPOLATED:.0e}"
-    return STOERMER18, f"{why}; it has {len(scene.y0)} numbers"
+    return STOERMER14 if loose else STOERMER18, f"{why}; it has {len(scene.y0)} numbers"
 
 
-def _by_rate(scene: Scene) -> tuple[Method, str]:
-    """The default for all tolerances, and why."""
-    pair, orders, kind = VERNER9, _ORDERS, ""
+def _by_rate(scene: Scene, orders: dict[int, Taylor]) -> tuple[Method, str]:
+    """The default that needs no more than a rate, and why.
+
+    Args:
+      scene: any.
+      orders: by the largest number of products.
+    """
+    pair, kind = VERNER9, ""
     if scene.second_order:
-        pair, orders, kind = NYSTROM12, _ORDERS_BY_PLACES, "forces do not depend on velocity, and "
+        pair, kind = NYSTROM12, "forces do not depend on velocity, and "
     series = series_of(scene.field, scene.y0, longest=_LONGEST)
     if series is None:
         return pair, f"{kind}its rate is long, or has no Taylor series"
@@ -130,8 +143,9 @@ def _by_rate(scene: Scene) -> tuple[Method, str]:
     why = f"{kind}its Taylor series takes {series.products} products an order"
     for most, method in orders.items():
         if series.products <= most:
-            return method, f"{why}; up to {most} run fastest at order {method.order}"
-    return pair, f"{why}; more than {most} are too many"
+            why = f"{why}; up to {most} run fastest at order {method.order}"
+            return _BY_PLACES[method] if scene.second_order else method, why
+    return pair, f"{why}; more than {max(orders)} are too many"
 
 
 def chosen_method(

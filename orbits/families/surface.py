@@ -44,6 +44,7 @@ class Surface:
 
     def __init__(self, equations: Equations, rtol: float, goal: float):
         self.equations, self.rtol, self.goal = equations, rtol, goal
+        self._symmetries: tuple[str, ...] | None = None
 
     def nearest(self, x: np.ndarray, across: np.ndarray | None = None) -> Point | None:
         """The solution nearest to x; with `across` (n,), that with x's component along it."""
@@ -101,7 +102,10 @@ class Surface:
         scene = equations.scene_at(unknowns.parameter)
         scene = scene.starting(equations.start_at(x), unknowns.period)
         columns = [np.zeros(len(x))]
-        for name in trivial.symmetries(scene):
+        if self._symmetries is None:
+            # They are those of the whole family, but for single members: looked for once.
+            self._symmetries = tuple(trivial.symmetries(scene))
+        for name in self._symmetries:
             states = [scene.y0, *jnp.asarray(unknowns.between)]
             first, *between = (np.asarray(_field(scene, y, name=name)) for y in states)
             column = equations.pack(first, between, 0.0, 0.0, 0.0)

@@ -265,12 +265,10 @@ def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
         return functools.partial(_condition, graph, name)
     if name == "select_n" and cases == 2:
         return graph.select
-    if name == "square":
-        return lambda a: graph.mul(a, a)
     if name == "rsqrt":
         return lambda a: graph.div(1.0, graph.function("sqrt", a))
-    if name == "integer_pow":
-        return lambda a: graph.power(a, params["y"])
+    if name in ("square", "integer_pow"):
+        return lambda a: graph.power(a, params.get("y", 2))
     if name == "pow":
         return functools.partial(_power, graph)
     if name == "abs":
