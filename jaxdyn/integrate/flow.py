@@ -23,6 +23,7 @@ from jaxdyn import _text
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.step_control import FixedSteps, Limits, StepControl, steps_of
+from jaxdyn.integrate.stepping import Stepping
 from jaxdyn.integrate.variational import Variational, tangent_columns
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.method import operations
@@ -133,7 +134,7 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
         stepsize_controller=control,
         saveat=diffrax.SaveAt(t1=True, controller_state=True, solver_state=True),
         max_steps=None,  # counted by the controller: diffrax compiles its limit in
-        adjoint=diffrax.ForwardMode(),
+        adjoint=Stepping(),
         throw=False,  # a throw is a host callback, which keeps programs out of the cache
     )
     # The logarithm is finite for positive tolerances only.

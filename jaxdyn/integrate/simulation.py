@@ -167,7 +167,7 @@ def solve(
     """
     auto = isinstance(solver, str) and _checks.choice("solver", solver, ("auto",)) == "auto"
     held_to = limits(SolverOptions(rtol=rtol, atol=atol, max_steps=max_steps), dt)
-    wanted = held_to.tolerance[0]
+    wanted = held_to.tolerance[0] if dt is None else rtol  # else it is a step
     settings = Settings(checked_method(scene, None if auto else solver, dt, rtol=wanted))
     y0, n = as_float(scene.y0), len(ts)
     field = FixedField(scene.field) if fixed else scene.field

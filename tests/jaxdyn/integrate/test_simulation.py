@@ -95,6 +95,14 @@ def test_samples_may_repeat_and_leave_out_the_ends():
     assert gap(motion.ys[2], solve(BALL, 0.3).y1) < 1e-9  # two solves at rtol 1e-10
 
 
+def test_programs_do_not_contain_what_step_control_does_itself():
+    # In particular not a hundred times the floating-point number before another.
+    program = jax.jit(lambda t1: solve(EIGHT, t1).y1).lower(1.0).as_text()
+    assert "while" in program
+    assert "nextafter" not in program
+    assert "next_after" not in program
+
+
 def test_the_method_follows_the_effects():
     assert default_solver(EIGHT) is STOERMER18
     assert default_solver(EIGHT, rtol=1e-12) is NYSTROM12
