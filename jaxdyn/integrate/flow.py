@@ -23,11 +23,11 @@ from jaxdyn import _text
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.step_control import FixedSteps, Limits, StepControl, steps_of
-from jaxdyn.integrate.stepping import Stepping
 from jaxdyn.integrate.variational import Variational, tangent_columns
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.method import operations
 from jaxdyn.solvers.stepper import Stepper, is_stiff
+from jaxdyn.solvers.stepping import Stepping
 from jaxdyn.status import Status
 from jaxdyn.system import Record
 

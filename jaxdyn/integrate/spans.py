@@ -128,15 +128,15 @@ def _check_memory(scene: Scene, samples: int) -> None:
 
 def limits(options: SolverOptions, dt=None) -> Limits:
     """The limits of a solve, checked: the step if `dt` is given, else the tolerances."""
-    given = options.rtol, options.atol, options.max_steps, dt
+    if dt is not None:
+        return Limits(step_length(dt), _most(options.max_steps))
+    given = options.rtol, options.atol, options.max_steps
     known = all(x is None or type(x) is float or type(x) is int for x in given)
-    return _known_limits(*given) if known else _limits(*given)
+    return (_known_limits if known else _limits)(*given)
 
 
-def _limits(rtol, atol, max_steps, dt) -> Limits:
-    if not _checks.is_traced(max_steps):
-        max_steps = np.asarray(_checks.whole("max_steps", max_steps))
-    return Limits(tolerances(rtol, atol) if dt is None else step_length(dt), max_steps)
+def _limits(rtol, atol, max_steps) -> Limits:
+    return Limits(tolerances(rtol, atol), _most(max_steps))
 
 
 @functools.lru_cache(typed=True)  # the checks take as long as half an empty program
@@ -145,6 +145,12 @@ def _known_limits(*given) -> Limits:
     for x in found:
         x.flags.writeable = False
     return found
+
+
+def _most(max_steps) -> Array | np.ndarray:
+    if _checks.is_traced(max_steps):
+        return max_steps
+    return np.asarray(_checks.whole("max_steps", max_steps))
 
 
 def step_length(dt) -> Array | np.ndarray:
