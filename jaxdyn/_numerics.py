@@ -160,7 +160,7 @@ _BEND = 0.6565  # 2^f is 1 + f (0.6565 + 0.3435 f) within 0.2 % for f from 0 to 
 
 
 def rough_power(x: Array, n: float) -> Array:
-    """x^n for x >= 0 and |n| <= 1/8 to 1 %, finite for every x, from products and sums.
+    """x^n for 64-bit x >= 0 to 1 % for |n| <= 1/5, 2 % for 1/2; finite for |n| <= 1/2 and every x.
 
     From the bits of a float, which are nearly its logarithm. XLA on CPU computes powers, roots and
     divisions in functions of their own, together with all that they depend on; so the function that

@@ -243,7 +243,7 @@ def _points(scene: Scene) -> Points:
 
 
 @jax.jit
-def _energies(scene: Scene) -> dict[str, Array]:
+def _energies(scene: Scene) -> tuple[Array, ...]:
     return scene.system.energies(jnp.zeros(()), scene.y0, scene.effects)
 
 

@@ -18,8 +18,9 @@ multiplied by s, one eigenvalue of A + E is within
 
     |F_ii| + sum_j |F_ij| / s
 
-of eigenvalue i, if that disc meets no other. The largest s for which that holds is taken. For F,
-entry by entry, stands what several changes of A by looser tolerances show, times `_SAFETY_ENTRIES`.
+of eigenvalue i, if that disc meets no other. s is such that the others take half of the room
+between them. For F, entry by entry, stands what several changes of A by looser tolerances show,
+times `_SAFETY_ENTRIES`, and what they do not show: rounding, and a part of the error's norm.
 
 Reference: Stewart, Sun (1990), Matrix Perturbation Theory, chapters IV and V.1 (Gershgorin); Elsner
 (1985), Linear Algebra Appl. 71, 77.
@@ -59,13 +60,14 @@ class Eigenvalues(NamedTuple):
         return Eigenvalues(*(np.take_along_axis(x, order, axis=-1) for x in self))
 
 
-def eigenvalues(matrix, error=0.0, changes=None) -> Eigenvalues:
+def eigenvalues(matrix, error=0.0, changes=None, unseen=0.0) -> Eigenvalues:
     """The eigenvalues of a matrix with their error bars; host only.
 
     Args:
       matrix: (..., k, k) finite.
       error: (...) norm of its error besides rounding.
       changes: (s, ..., k, k) of the matrix, each no smaller than its error, if known.
+      unseen: (...) norm of what changes do not show, besides rounding.
     Returns:
       In no particular order; see `rate_eigenvalues` and `map_eigenvalues`.
     """
@@ -85,9 +87,9 @@ def eigenvalues(matrix, error=0.0, changes=None) -> Eigenvalues:
         bars = np.fmin(condition * wrong, elsner)
         if changes is not None:
             moved = np.abs(left @ np.asarray(changes) @ right).max(axis=0)
-            rounding = SAFETY * ROUNDING * size[..., None, None]
+            least = (SAFETY * (ROUNDING * size + unseen))[..., None, None]
             lengths = [np.linalg.norm(x, axis=axis) for x, axis in ((left, -1), (right, -2))]
-            unsure = rounding * lengths[0][..., :, None] * lengths[1][..., None, :]
+            unsure = least * lengths[0][..., :, None] * lengths[1][..., None, :]
             bars = np.fmin(bars, _radii(values, _SAFETY_ENTRIES * moved + unsure))
     return Eigenvalues(values.astype(complex), bars)
 
@@ -122,9 +124,9 @@ def rate_eigenvalues(jacobian, error=0.0) -> Eigenvalues:
     return found.ordered(np.lexsort((found.values.imag, -found.values.real)))
 
 
-def map_eigenvalues(monodromy, error=0.0, changes=None) -> Eigenvalues:
+def map_eigenvalues(monodromy, error=0.0, changes=None, unseen=0.0) -> Eigenvalues:
     """`eigenvalues` of a map x -> M x, the largest absolute value first."""
-    found = eigenvalues(monodromy, error, changes)
+    found = eigenvalues(monodromy, error, changes, unseen)
     sizes = np.round(np.abs(found.values), _PLACES)
     return found.ordered(np.lexsort((-found.values.imag, -sizes)))
 

@@ -4,7 +4,9 @@ Samples between steps are not interpolated: an interpolant of matching order wou
 than most methods have. A step that would pass a requested time is preceded by a shorter one that
 ends there and is not continued from. So samples are as accurate as steps, they do not change the
 steps, and the program contains one step only (a second one for samples compiled for half as long
-again, and its loop over stages ran two to five times slower than unrolled stages).
+again, and its loop over stages ran two to five times slower than unrolled stages). A series may
+find that a step to a sample is too long: it ends where it may, up to 1 % from where it would have
+without the sample, and is continued from. Ends change by a part of the tolerance then.
 """
 
 import abc
@@ -208,7 +210,7 @@ class Observing(eqx.Module):
             arrived = keep & (t1 >= end)
             over = (steps >= most) & ~arrived & (result == diffrax.RESULTS.successful)
             result = diffrax.RESULTS.where(over, diffrax.RESULTS.max_steps_reached, result)
-            start = jnp.where(arrived, jnp.inf, start)  # diffrax's loop ends there
+            start = jnp.where(arrived, jnp.inf, start)  # the loop ends there
         return keep, start, tnext, Seen(samples, memory, steps), result
 
 

@@ -1,6 +1,6 @@
 """Step-size control.
 
-diffrax drives the loop; this controller decides. Unlike diffrax's own PIDController it may also
+`Stepping` drives the loop; this controller decides. Unlike diffrax's own PIDController it may also
 shorten the step after an accepted one (otherwise 10 to 35 % of the steps on an eccentric orbit are
 rejected), it measures each variational column of a state by its own size, and it ends with a
 status, instead of trying for ever, when the step falls below the spacing of floating-point times.

@@ -98,7 +98,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         return terms.vf(t0, y0, args)
 
 
-@eqx.filter_jit  # diffrax traces the loop's body three times
+@eqx.filter_jit  # one program for the stages, whatever is done around them
 def _advance(
     method: Method, terms, args, sign: Array, t: Array, h: Array, y: Array, tolerance: Array
 ) -> Advance:

@@ -157,10 +157,11 @@ def stability(
         symplectic = float(symplectic_defect(m, basis.T @ np.asarray(form) @ basis))
     conservative = symplectic is not None and symplectic < SYMPLECTIC
     verdict = map_verdict(found, conservative)
-    if verdict == "undecided" and rtol <= _LOOSEST:
+    # Collocation has two numbers of nodes only: a third matrix would be the second.
+    if verdict == "undecided" and rtol <= _LOOSEST and orbit.mesh is None:
         closer, _ = returned(orbit, _CLOSER * rtol, basis)
         changes = [q.T @ (x - m) @ q for x in (closer, coarse)]
-        found = map_eigenvalues(reduced, error, changes)
+        found = map_eigenvalues(reduced, error, changes, (rtol + ROUNDING) * norm(m))
         verdict = map_verdict(found, conservative)
     nontrivial, bars = found
     turned = np.concatenate([turned, shifted])

@@ -103,7 +103,8 @@ class Surface:
         scene = scene.starting(equations.start_at(x), unknowns.period)
         columns = [np.zeros(len(x))]
         if self._symmetries is None:
-            # They are those of the whole family, but for single members: looked for once.
+            # Looked for once: a family has those of its first member, and one that it loses on the
+            # way is no direction of the surface there.
             self._symmetries = tuple(trivial.symmetries(scene))
         for name in self._symmetries:
             states = [scene.y0, *jnp.asarray(unknowns.between)]

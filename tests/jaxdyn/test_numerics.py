@@ -164,10 +164,12 @@ def test_elimination_is_as_right_for_large_and_small_matrices(size):
         np.testing.assert_allclose(x, exact, rtol=2e-15)
 
 
-@pytest.mark.parametrize("n", [-1 / 8, -1 / 28, -1 / 80, 1 / 8])
-def test_rough_power_is_within_one_percent_and_always_finite(n):
+@pytest.mark.parametrize(
+    ("n", "most"), [(-1 / 2, 0.02), (-1 / 5, 0.01), (-1 / 28, 0.01), (-1 / 80, 0.01), (1 / 8, 0.01)]
+)
+def test_rough_power_is_right_to_a_few_percent_and_always_finite(n, most):
     x = np.append(10.0 ** np.linspace(-300, 300, 10_001), 1.0)
     rough = jax.jit(jax.vmap(lambda x: rough_power(x, n)))
-    assert np.abs(np.asarray(rough(x)) / x**n - 1).max() < 0.01
+    assert np.abs(np.asarray(rough(x)) / x**n - 1).max() < most
     assert np.isfinite(np.asarray(rough(jnp.array([0.0, jnp.inf, jnp.nan])))).all()
     assert rough(jnp.array([0.0]))[0] > 1e3 if n < 0 else True

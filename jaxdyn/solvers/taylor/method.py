@@ -70,8 +70,8 @@ class Taylor(Method):
     order: int
     tangents: Method = VERNER9
     adaptive: ClassVar[bool] = True
-    #: Where stability limits steps they are between a half and 1.4 of the limit in turn, since
-    #: errors outside of it grow by a high power; by accuracy they are at most half of it.
+    #: Where stability limits steps they are as long as the limit, since errors beyond it grow by a
+    #: high power (0.99 of it in the mean for orders 8, 14 and 20); by accuracy at most half of it.
     alarm: ClassVar[float] = 0.6
 
     def __post_init__(self):
@@ -119,21 +119,19 @@ class Taylor(Method):
         given = t, h, y
         if tolerance is not None:
             # Divisions here: see `rough_power`.
-            length, (rtol, atol) = jnp.abs(h), tolerance
-            given = *given, length, 1.0 / length, jnp.unstack(1.0 / (atol + rtol * jnp.abs(y)))
+            rtol, atol = tolerance
+            given = *given, 1.0 / h, jnp.unstack(1.0 / (atol + rtol * jnp.abs(y)))
 
         def step(t, h, y, *limits):
             series = solution(*_formulas(field, t, y), self.order, h)
-            second = [terms.error(c, jnp.zeros_like(h)) for c in series]
             part = jnp.ones_like(h)
             if limits:
-                length, inverse, weights = limits
-                part = terms.allowed_part(second, weights, self.order)
-                part = terms.ending_at_a_number(part, t, length, inverse)
-                scale = lax.integer_pow(part, self.order)
-                second = [scale * x for x in second]
-            if guarded:
-                second = [terms.slope(c, part) for c in series]
+                inverse, weights = limits
+                whole = [terms.error(c, part) for c in series]
+                part = terms.allowed_part(whole, weights, self.order)
+                part = terms.ending_at_a_number(part, t, h, inverse)
+            # Not scaled from that of the whole step: other terms than the last count as well.
+            second = [(terms.slope if guarded else terms.error)(c, part) for c in series]
             sums = [terms.increment(c, part) for c in series]
             return _in_one_array([*zip(sums, second, strict=True), (part, part)], h)
 

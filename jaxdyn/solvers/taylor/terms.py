@@ -11,16 +11,17 @@ import functools
 
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array
 
 from jaxdyn._numerics import rough_power
 from jaxdyn.solvers.method import SAFETY
 from jaxdyn.solvers.taylor.recurrences import Coefficient, plus, times
 
-#: The estimate in parts of the last term. The error is about the next term, a few times smaller;
-#: but errors of a whole motion at the same tolerance were then 1.7 times those of `VERNER9` in the
-#: median of 15 problems and 12 times in one of ten, and who asks for a tolerance by habit would
-#: lose digits. So they are no larger in nine of ten. At equal errors it costs nothing.
+#: The estimate in parts of the last term. The error of a step is about the next term, a few times
+#: smaller. But who asks for a tolerance by habit should not lose digits: so errors of whole motions
+#: at one tolerance are no larger than those of a pair in nine of ten runs (16 problems, tolerances
+#: of 1e-4 to 1e-13), and a twentieth of them in the median. At equal errors it costs nothing.
 _CAUTION = 3.0
 #: The difference of slopes at the end of a step, which also shows jumps within it, in parts of the
 #: last term: it is the next term already, times the order.
@@ -60,20 +61,20 @@ def slope(c: list[Coefficient], part: Array) -> Array:
     return increment([None if x is None else np.float64(k) * x for k, x in enumerate(c)], part)
 
 
-def error(c: list[Coefficient], zero: Array) -> Array:
-    """The error of the whole step: the size of the last two terms, with the sign of the last one.
+def error(c: list[Coefficient], part: Array) -> Array:
+    """The error at a part of the step: the size of the last two terms, with the last one's sign.
 
     Extrapolated from earlier ones where symmetry hides them: terms of the second half count, since
     x'' = -x^7 from x = 0 has every eighth one only. By their signs the errors of all entries are a
     direction.
     """
     order = len(c) - 1
-    found = zero
+    found = jnp.zeros_like(part)
     for k in range(order // 2 + 1, order + 1):
         before = order - 1 - k
         weight = 1.0 if before < 0 else _LAST_BUT_ONE_WEIGHT * _TERM_RATIO**before
         if c[k] is not None:
-            term = weight * jnp.abs(c[k])
+            term = weight * jnp.abs(c[k]) * lax.integer_pow(part, k)
             found = _larger(found, term) if before > 0 else found + term
     last = c[order]
     return _CAUTION * (found if last is None else jnp.where(last < 0, -found, found))
@@ -92,7 +93,7 @@ def allowed_part(errors: list[Array], weights: list[Array], order: int) -> Array
     Args:
       errors: those of the whole step.
       weights: inverse of the error that each entry may have.
-      order: the power of the part to which errors are proportional.
+      order: the power of the part to which errors are proportional, if the last term is theirs.
     """
     relative = (e * w for e, w in zip(errors, weights, strict=True))
     total = functools.reduce(jnp.add, (x * x for x in relative))
@@ -100,7 +101,7 @@ def allowed_part(errors: list[Array], weights: list[Array], order: int) -> Array
     return jnp.where(part < 1.0, part, 1.0)
 
 
-def ending_at_a_number(part: Array, t: Array, length: Array, inverse: Array) -> Array:
+def ending_at_a_number(part: Array, t: Array, h: Array, inverse: Array) -> Array:
     """The part of a step from t whose end is a floating-point number.
 
     Otherwise the state would be that of another time than the one noted, and the difference of the
@@ -109,10 +110,10 @@ def ending_at_a_number(part: Array, t: Array, length: Array, inverse: Array) -> 
     Args:
       part: at most 1.
       t: () start of the step.
-      length: () the step.
-      inverse: its inverse.
+      h: () the step, of either sign.
+      inverse: 1 / h.
     """
-    return jnp.where(part < 1.0, ((t + part * length) - t) * inverse, 1.0)
+    return jnp.where(part < 1.0, ((t + part * h) - t) * inverse, 1.0)
 
 
 def _larger(a: Array, b: Array) -> Array:

@@ -103,6 +103,11 @@ def test_programs_do_not_contain_what_step_control_does_itself():
     assert "next_after" not in program
 
 
+def test_a_step_is_asked_for_inside_jit():
+    by_jit = jax.jit(lambda t1: solve(EIGHT, t1, solver=RK4, dt=0.01).y1)(1.0)
+    assert gap(by_jit, solve(EIGHT, 1.0, solver=RK4, dt=0.01).y1) < SOLVED
+
+
 def test_the_method_follows_the_effects():
     assert default_solver(EIGHT) is STOERMER18
     assert default_solver(EIGHT, rtol=1e-12) is NYSTROM12

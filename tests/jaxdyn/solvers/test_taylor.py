@@ -225,15 +225,27 @@ def test_a_step_is_as_long_as_its_terms_allow():
     assert errors[2] < 1e-10
 
 
-def test_the_times_of_shortened_steps_are_exact():
+@pytest.mark.parametrize("t1", [1e5, -1e5])
+def test_the_times_of_shortened_steps_are_exact(t1):
     # Half a spacing of the time at each of 30 000 steps would add up to 1e-9.
-    t1 = 1e5
     tick = ode(lambda t, y: jnp.cos(t)[None], [0.0], t1)
     found = solve(tick, t1, rtol=1e-9, solver=TAYLOR14)
     assert int(found.steps) > 10_000
     assert int(found.rejected) == 0
     finer = solve(tick, t1, rtol=1e-13, solver=TAYLOR20)
-    assert abs(float(finer.y1[0]) - np.sin(t1)) < 1e-12
+    assert abs(float(finer.y1[0]) - np.sin(t1)) < 1e-13
+
+
+@pytest.mark.parametrize("h", [1.0, 3.0, 30.0])
+def test_a_shortened_step_is_that_step(h):
+    # Of x only every eighth term is not zero: of order 12 the last one is that of order 9.
+    y, tolerance = jnp.array([0.0, 1.0]), jnp.array([1e-6, 1e-6])
+    rate, zero = lambda t, y: jnp.stack([y[1], -(y[0] ** 7)]), jnp.zeros(())
+    short = TAYLOR12.advance_within(rate, zero, jnp.asarray(h), y, tolerance)
+    assert 0 < short.part < 1
+    there = TAYLOR12.advance(rate, zero, short.part * h, y)
+    assert gap(short.increment, there.increment) < 1e-14
+    np.testing.assert_allclose(short.error, there.error, rtol=1e-9)
 
 
 def test_samples_and_ends_are_reached_by_shortened_steps():
