@@ -6,17 +6,14 @@ count. Errors are the largest at the ends, relative to the largest number of the
 heyoka in 80-bit floats where it is installed; its time is given too.
 
 Last numbers (2 cores, 2026-11, minima), at errors of 1e-6, 1e-9, 1e-12. The default over the best
-of ours is at most 1.15 but for: Kepler's orbit 1.21, 1.26, 1.11; figure-eight 1.17, 1.15, 1.20;
-spring network 1.04, 1.16, 1.28; outer planets 1.0, 1.0, 1.46 (finer tolerances than 1e-12 take the
-pair); restricted in space 1.09, 1.10, 1.19; spherical pendulum 1.18, 1.0, 1.13. `STOERMER14` over
-`NYSTROM12`: Pleiades 0.53, 0.51, 0.49; outer planets 0.58, 0.43, 0.64; spring network 1.04, 0.82,
-0.80; figure-eight, where it is not the default, 0.92, 0.93, 0.92. The default over heyoka: Kepler's
-orbit 1.12, 1.20, 1.09; double pendulum 1.06, 1.13, 0.99; rigid body 1.40, 1.19, none; spherical
-pendulum 1.23, 1.07, 1.13; magnetic bottle 1.20, 1.40, 1.23; five links 1.27, 1.53, 1.62; restricted
-in space 1.09, 0.93, 1.03; Toda 0.85, 0.92, 0.99; Pleiades 0.24, 0.18, 0.14 and outer planets 0.07,
-0.05, 0.08 (compact mode); others 0.6 to 0.92. Compile time over the pair's is at most 1.5 but for
-Kepler's orbit 1.54, Arenstorf 1.55, rigid body 1.66, spring network 1.78, spherical pendulum 2.0
-and restricted in space 2.5, each measured once.
+of ours is at most 1.15 but for: cannonball 1.24, 1.12, 1.03; double pendulum 1.34, 1.0, 1.11; rigid
+body 1.0, 1.04, 1.16. The default over heyoka: rigid body 1.21, 1.16, none; double pendulum 1.01,
+1.0, 0.96; five links 1.61, 1.95, 1.95 (its series has 135 products); Kepler's orbit 0.80, 0.77,
+0.89; figure-eight 0.70, 0.62, 0.60; Henon-Heiles 0.67, 0.79, 0.92; Toda 0.84, 0.96, 0.95; Pleiades
+0.23, 0.17, 0.15 and outer planets 0.11, 0.08, 0.08 (compact mode); others 0.6 to 0.99. The rigid
+body is one with any matrix of inertia, heyoka's formulas are for principal axes. Compile time over
+the pair's, each measured once, is at most 1.5 but for rigid body 2.2 (1.1 s), spring network 2.5
+(1.6 s), Pleiades 1.7 and outer planets 1.6 (1.4 s).
 """
 
 import functools

@@ -64,34 +64,36 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     """The method that a scene is solved with if none is asked for.
 
     A `Taylor` series, if the rate has one wherever it is finite, of at most 15 numbers and 24
-    products an order; where no force depends on velocity, only without quotients and roots. The
-    more products, the lower the order that runs and compiles fastest: `TAYLOR20` up to 4,
-    `TAYLOR14` up to 16, `TAYLOR12` up to 24. All others take a pair: `NYSTROM12` where no force
+    products an order; where no force depends on velocity, and the rate has quotients or roots, of
+    at most 11. The more products, the lower the order that runs fastest: `TAYLOR20` up to 4,
+    `TAYLOR16` up to 11, `TAYLOR14` up to 16, `TAYLOR12` up to 24; at tolerances above 1e-6
+    `TAYLOR16` up to 4, `TAYLOR12` up to 24. All others take a pair: `NYSTROM12` where no force
     depends on velocity, else `VERNER9`. Instead of `NYSTROM12` the extrapolated leapfrog,
-    `STOERMER18`, for states of 16 to 72 numbers and tolerances down to 1e-12.
+    `STOERMER18`, for states of 12 to 72 numbers and tolerances down to 1e-11 (`STOERMER14` above
+    1e-6).
 
-    At true errors of 1e-6, 1e-9 and 1e-12 the series take, of the time of the pair: 0.76, 0.57,
-    0.34 (Lorenz), 0.48, 0.31, 0.15 (Duffing), 0.64, 0.48, 0.45 (Henon and Heiles), 0.34, 0.29, 0.29
-    (Toda's ring), 0.96, 0.81, 0.73 (spherical pendulum), 0.92, 0.79, 0.64 (three restricted bodies
-    in space), 0.80, 0.61, 0.46 (magnetic bottle), 0.40, 0.35, 0.27 (double pendulum), 0.28, 0.23,
-    0.17 (rigid body). That is within 1.15 of the fastest method, but 1.2 for the restricted bodies
-    at 1e-12 and the spherical pendulum at 1e-6. They compile in 0.5 to 1.5 of the time of the pair,
-    a rigid body in 1.7, a spherical pendulum in 2.0, the restricted bodies in 2.5. At the same
-    tolerance their errors are no larger in nine of ten runs.
+    At true errors of 1e-6, 1e-9 and 1e-12 the series take, of the time of the pair: 0.75, 0.59,
+    0.37 (Lorenz), 0.42, 0.33, 0.21 (Duffing), 0.72, 0.54, 0.48 (Henon and Heiles), 0.33, 0.30, 0.28
+    (Toda's ring), 0.63, 0.65, 0.60 (spherical pendulum), 0.79, 0.62, 0.80 (Kepler's orbit, e = 0.9;
+    0.43, 0.46, 0.63 for two bodies), 0.86, 0.73, 0.52 (three restricted bodies in space), 0.60,
+    0.44, 0.32 (magnetic bottle), 0.38, 0.31, 0.26 (double pendulum), 0.25, 0.23, 0.21 (rigid body).
+    They compile in 0.4 to 1.4 of the time of the pair, a rigid body in 2.2 (1.1 s). At the same
+    tolerance their errors are no larger in nine of ten runs, and a twentieth in the median. Three
+    bodies, with 18 products, would take 1.3 times the time of the pair.
 
-    The leapfrog takes, of the time of `NYSTROM12`: 0.53, 0.51, 0.49 (Pleiades), 0.58, 0.43, 0.64
-    (outer planets), 1.04, 0.82, 0.80 (a sheet of springs). At the same tolerance its errors are no
-    larger in nine of ten runs down to 1e-10, in three of four at 1e-12. Rounding, which its
-    extrapolation amplifies, lets it get no further than 1e-14 where the pair gets to 1e-15, and to
-    a few times the errors of the pair in close encounters; so finer tolerances than 1e-12 take the
-    pair, as does a tolerance that is only known at run time, and a request for digits. For two and
-    three bodies it takes about as long as the pair (0.92 for the eight, 0.97 for Kepler's orbit),
-    and for more than 12, which the pair vectorises, 1.3 times as long. With columns of 1 to 7
-    substeps it would take 0.85 to 0.9 of its time, and be four times as sensitive to rounding.
+    The leapfrog takes, of the time of `NYSTROM12`: 0.94, 0.82, 0.86 (figure-eight), 0.43, 0.46,
+    0.50 (Pleiades), 0.63, 0.53, 0.45 (outer planets), 0.99, 0.76, 0.60 (a sheet of springs). At the
+    same tolerance its errors are a tenth to a twentieth of the pair's in the median down to 1e-10,
+    also in encounters.
+    Rounding, which its extrapolation amplifies, lets it get no further than 1e-14 where the pair
+    gets to 1e-15, and to a few times the errors of the pair in close encounters; so finer
+    tolerances than 1e-11 take the pair, as does a tolerance that is only known at run time, and a
+    request for digits. For more than 12 bodies, which the pair vectorises, it takes 1.3 times as
+    long.
 
-    With quotients, series of second-order equations gain less than that, and lose digits in close
-    encounters. For derivatives, events and ensembles, which cross several steps side by side, it
-    is the pair. ``python -m benchmarks default`` has all figures.
+    That is within 1.15 of the fastest method, but for a cannonball, 1.24, and a double pendulum,
+    1.34 (`TAYLOR8` is the fastest), at 1e-6. For derivatives, events and ensembles, which cross
+    several steps side by side, it is the pair. ``python -m benchmarks default`` has all figures.
 
     Args:
       scene: any.
