@@ -159,7 +159,7 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
         y1=y1,
         ys=jnp.where(reached, seen.samples.ys, jnp.nan),
         steps=steps,
-        rejected=seen.steps - steps,  # diffrax counts steps to samples as rejected
+        rejected=seen.steps - steps,  # not all others: steps to samples are neither
         status=status,
         stiff=is_stiff(state[1]),
     )
