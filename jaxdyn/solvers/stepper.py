@@ -51,7 +51,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
     h: Array | None = None
     stop_if_stiff: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
-    interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation  # required by diffrax; samples are steps
+    interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation  # never used
 
     def order(self, terms):
         del terms
