@@ -92,7 +92,8 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         )
         if self.stop_if_stiff:
             result = diffrax.RESULTS.where(is_stiff(count), diffrax.RESULTS.stagnation, result)
-        return y1, StepError(step.error, end), {"y0": y0, "y1": y1}, (carry, count), result
+        nothing = {}  # for dense output, which is not asked for
+        return y1, StepError(step.error, end), nothing, (carry, count), result
 
     def func(self, terms, t0, y0, args):
         return terms.vf(t0, y0, args)
