@@ -6,8 +6,9 @@ evaluated, with no constant rounded on the way, and both share their nodes.
 
 from collections.abc import Callable
 
-from jaxdyn.solvers.taylor.formulas import NotElementary
-from jaxdyn.solvers.taylor.graph import STEADY, Graph, Node, Number
+from jaxdyn.solvers.formulas.formulas import NotElementary
+from jaxdyn.solvers.formulas.graph import Graph
+from jaxdyn.solvers.formulas.nodes import STEADY, Node, Number
 
 
 def gradients(graph: Graph, results: list[Number], by: list[Node]) -> list[list[Number]]:

@@ -14,8 +14,9 @@ from typing import Any
 import flint
 
 from jaxdyn.balls.arithmetic import REAL, Functions, Undecided, arb, arb_series
-from jaxdyn.solvers.taylor.graph import COMPARISONS, LOGIC, TESTS, Graph, Node, Number
-from jaxdyn.solvers.taylor.ordered import ordered
+from jaxdyn.solvers.formulas.graph import Graph
+from jaxdyn.solvers.formulas.nodes import COMPARISONS, LOGIC, TESTS, Node, Number
+from jaxdyn.solvers.formulas.ordered import ordered
 
 #: A function of the numbers at all places.
 Operation = Callable[[list], Any]

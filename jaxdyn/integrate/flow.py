@@ -25,6 +25,7 @@ from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.step_control import FixedSteps, Limits, StepControl, steps_of
 from jaxdyn.integrate.variational import Variational, tangent_columns
 from jaxdyn.solvers import Method
+from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import operations
 from jaxdyn.solvers.stepper import Stepper, is_stiff
 from jaxdyn.solvers.stepping import Stepping
@@ -113,8 +114,9 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
     tolerance, most = limits.tolerance, (limits.max_steps, t1)
     method = settings.method
     direction = jnp.where(t1 > t0, 1.0, -1.0)  # as in diffrax, also for t1 = t0
+    rate = _by_formulas if method.evaluates else _rate
     wide = watch is not None or y0.ndim > 1
-    if wide or operations(field.rate, t0, y0) > UNROLLED_BELOW:
+    if wide or operations(lambda t, y: rate(t, y, field), t0, y0) > UNROLLED_BELOW:
         method = method.in_loops(1)
     # One program for both directions of time; diffrax negates ts with the rest.
     if method.adaptive:
@@ -124,7 +126,7 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
         n = steps_of(tolerance[0], t0, t1)
         h, control = (t1 - t0) / n, FixedSteps(n=n, ts=ts, watch=watch, limit=most)
     solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(_rate),
+        diffrax.ODETerm(rate),
         Stepper(method, tolerance, h, stop_if_stiff=settings.stops),
         t0,
         t1 + (t1 - t0),  # never reached: the step control ends the run
@@ -194,6 +196,10 @@ def _flow_jvp(primals, tangents, *, settings):
 
 def _rate(t, y, field):
     return field.rate(t, y)
+
+
+def _by_formulas(t, y, field):
+    return simplified(field.rate)(t, y)
 
 
 def _status(result, given: tuple[Array, ...]) -> Array:

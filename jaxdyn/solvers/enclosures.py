@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxdyn.solvers.formulas.formulas import NotElementary
+from jaxdyn.solvers.formulas.nodes import LOGIC, Node, Number
 from jaxdyn.solvers.intervals import (
     Interval,
     add,
@@ -27,8 +29,6 @@ from jaxdyn.solvers.intervals import (
     rising,
     whole_power,
 )
-from jaxdyn.solvers.taylor.formulas import NotElementary
-from jaxdyn.solvers.taylor.graph import LOGIC, Node, Number
 
 
 class Dual(NamedTuple):

@@ -42,6 +42,8 @@ class Advance(NamedTuple):
         estimate it.
       converged: () whether implicit equations were solved.
       part: () how much of the step was taken, at most 1.
+      size: () size of the error in tolerances, where the method measures it: then `error` is its
+        direction only.
     """
 
     increment: Array
@@ -50,6 +52,7 @@ class Advance(NamedTuple):
     speed: Array | float = 0.0
     converged: Array | bool = True
     part: Array | float = 1.0
+    size: Array | None = None
 
 
 class Method(abc.ABC):
@@ -75,6 +78,8 @@ class Method(abc.ABC):
     #: A step is limited by stability, not by accuracy, if it is longer than this part of the
     #: stable one; where accuracy limits steps, they stay shorter, also at rtol 1e-3 (tested).
     alarm: ClassVar[float] = 0.7
+    #: Whether `advance` only evaluates the rate, and so may be given a `simplified` one.
+    evaluates: ClassVar[bool] = False
     #: Whether `advance` takes several steps side by side, h (1, s) of states y (k, s); those whose
     #: iterations end independently of each other do not.
     several: ClassVar[bool] = True

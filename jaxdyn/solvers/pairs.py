@@ -22,6 +22,7 @@ import json
 from collections.abc import Callable
 from fractions import Fraction
 from importlib import resources
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -31,6 +32,8 @@ from jaxtyping import Array
 from jaxdyn._numerics import materialised, runtime_one
 from jaxdyn.solvers.method import Advance, Method, Rate, fastest, grows_from, in_loops
 from jaxdyn.solvers.order_conditions import lacking
+
+_VECTOR = 8
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -57,6 +60,7 @@ class Pair(Method):
     weights: np.ndarray
     position_only: bool
     loops: int = 0
+    evaluates: ClassVar[bool] = True
 
     @functools.cached_property
     def adaptive(self) -> bool:
@@ -152,24 +156,25 @@ class Pair(Method):
 
     def _rolled(self, slope: Callable, like: Array) -> list[Array]:
         c, done = jnp.asarray(self.c), []
+        width = -(-like.size // _VECTOR) * _VECTOR
         edges = [self.stages * n // self.loops for n in range(self.loops + 1)]
         spans = list(itertools.pairwise(edges))
 
         def weighted(rows):
             # One row at a time: XLA turns a product with several rows into a custom fusion,
             # which would prevent fusion of the stepping loop.
-            terms = [row[None] @ k.reshape(len(k), -1) for row, k in rows]
-            return functools.reduce(jnp.add, terms).reshape(like.shape)
+            terms = [row[None] @ k for row, k in rows]
+            return functools.reduce(jnp.add, terms)[0, : like.size].reshape(like.shape)
 
         for begin, end in spans:
             tables = [jnp.asarray(self.a[:, i:j]) for i, j in spans[: len(done) + 1]]
 
             def stage(i, k, begin=begin, tables=tables, done=tuple(done)):
                 shift = weighted([(a[i], part) for a, part in zip(tables, (*done, k), strict=True)])
-                put = jax.lax.dynamic_update_index_in_dim
-                return put(k, slope(c[i], shift), i - begin, 0)
+                put = jax.lax.dynamic_update_slice
+                return put(k, slope(c[i], shift).reshape(1, -1), (i - begin, 0))
 
-            k = jnp.zeros((end - begin, *like.shape), like.dtype)
+            k = jnp.zeros((end - begin, width), like.dtype)
             done.append(jax.lax.fori_loop(begin, end, stage, k))
 
         def combined(row):
@@ -177,7 +182,7 @@ class Pair(Method):
 
         ratio = jnp.zeros(())
         if self.twins:
-            k_i, k_j = (_row(done, edges, n) for n in self.twins)
+            k_i, k_j = (_row(done, edges, n)[: like.size].reshape(like.shape) for n in self.twins)
             i, j = self.twins
             ratio = fastest(k_j - k_i, combined(self.a[j] - self.a[i]), k_j)
         return [*(combined(row) for row in self._rows), ratio]

@@ -24,7 +24,7 @@ from jax import lax
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.solvers.taylor.on_numpy import rearranged
+from jaxdyn.solvers.formulas.on_numpy import rearranged
 
 #: Elementwise operations, all arguments of one shape.
 _ELEMENTWISE = {

@@ -24,10 +24,12 @@ class StepError(NamedTuple):
     Attributes:
       error: (k, ...) estimate of the error.
       end: () the time to which the step went, if the method may shorten it.
+      size: () size of the error in tolerances, if the method measures it.
     """
 
     error: Array
     end: Array | None = None
+    size: Array | None = None
 
 
 class Stepper(diffrax.AbstractAdaptiveSolver):
@@ -93,7 +95,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         if self.stop_if_stiff:
             result = diffrax.RESULTS.where(is_stiff(count), diffrax.RESULTS.stagnation, result)
         nothing = {}  # for dense output, which is not asked for
-        return y1, StepError(step.error, end), nothing, (carry, count), result
+        return y1, StepError(step.error, end, step.size), nothing, (carry, count), result
 
     def func(self, terms, t0, y0, args):
         return terms.vf(t0, y0, args)

@@ -65,6 +65,7 @@ class Stoermer(Method):
     counts: tuple[int, ...]
     adaptive: ClassVar[bool] = True
     position_only: ClassVar[bool] = True
+    evaluates: ClassVar[bool] = True
     #: At rtol 1e-2 accuracy leads to steps of 0.75 of the limit.
     alarm: ClassVar[float] = 0.9
 

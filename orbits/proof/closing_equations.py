@@ -29,8 +29,8 @@ from jaxdyn.balls.derivative import gradients
 from jaxdyn.balls.field import BallField
 from jaxdyn.balls.motion import End, follow
 from jaxdyn.balls.program import Program
-from jaxdyn.solvers.taylor.formulas import Formulas
-from jaxdyn.solvers.taylor.graph import Number
+from jaxdyn.solvers.formulas.formulas import Formulas
+from jaxdyn.solvers.formulas.nodes import Number
 
 
 @dataclasses.dataclass(frozen=True)

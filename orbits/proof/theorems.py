@@ -16,8 +16,8 @@ from jaxdyn.balls.derivative import gradients
 from jaxdyn.balls.field import BallField
 from jaxdyn.balls.identities import NoPolynomial, Polynomials
 from jaxdyn.balls.program import Program
-from jaxdyn.solvers.taylor.formulas import Formulas
-from jaxdyn.solvers.taylor.graph import Number
+from jaxdyn.solvers.formulas.formulas import Formulas
+from jaxdyn.solvers.formulas.nodes import Number
 from orbits.proof.closing_equations import ClosingEquations
 
 

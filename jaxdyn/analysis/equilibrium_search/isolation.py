@@ -19,9 +19,9 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxdyn.solvers.enclosures import Dual, enclosures
+from jaxdyn.solvers.formulas.formulas import Formulas
+from jaxdyn.solvers.formulas.nodes import Node
 from jaxdyn.solvers.intervals import Interval, add, multiply
-from jaxdyn.solvers.taylor.formulas import Formulas
-from jaxdyn.solvers.taylor.graph import Node
 
 _MIN_BOX = 1e-9  # of the box: smaller boxes are not bisected
 _MAX_WORK = 4_000_000  # boxes times operations: one to two seconds

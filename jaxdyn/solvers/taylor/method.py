@@ -26,6 +26,9 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import in_one_kernel
+from jaxdyn.solvers.formulas.formulas import Formulas, NotElementary
+from jaxdyn.solvers.formulas.nodes import Node
+from jaxdyn.solvers.formulas.shortest import is_guarded, products, shortest
 from jaxdyn.solvers.method import (
     Advance,
     Method,
@@ -36,10 +39,7 @@ from jaxdyn.solvers.method import (
 )
 from jaxdyn.solvers.pairs import VERNER9
 from jaxdyn.solvers.taylor import terms
-from jaxdyn.solvers.taylor.formulas import Formulas, NotElementary, formulas
-from jaxdyn.solvers.taylor.graph import Node
-from jaxdyn.solvers.taylor.ordered import ordered
-from jaxdyn.solvers.taylor.recurrences import is_guarded, products, solution
+from jaxdyn.solvers.taylor.recurrences import solution
 
 #: Sums of products at each order; with more of them programs compile for ten seconds and longer,
 #: exceed the processor's instruction cache, and run no faster than a pair.
@@ -121,29 +121,32 @@ class Taylor(Method):
             # Divisions here: see `rough_power`.
             rtol, atol = tolerance
             given = *given, 1.0 / h, jnp.unstack(1.0 / (atol + rtol * jnp.abs(y)))
+        told = terms.error if tolerance is None else terms.last
 
         def step(t, h, y, *limits):
             series = solution(*_formulas(field, t, y), self.order, h)
-            part = jnp.ones_like(h)
+            part, square = jnp.ones_like(h), jnp.zeros_like(h)
             if limits:
-                inverse, weights = limits
-                whole = [terms.error(c, part) for c in series]
-                part = terms.allowed_part(whole, weights, self.order)
-                part = terms.ending_at_a_number(part, t, h, inverse)
-            # Not scaled from that of the whole step: other terms than the last count as well.
-            second = [(terms.slope if guarded else terms.error)(c, part) for c in series]
+                inverse, inverses = limits
+                squares = terms.squares(series, inverses)
+                part = terms.ending_at_a_number(terms.allowed_part(squares), t, h, inverse)
+                square = terms.square_error(squares, part)
+            second = [(terms.slope if guarded else told)(c, part) for c in series]
             sums = [terms.increment(c, part) for c in series]
-            return _in_one_array([*zip(sums, second, strict=True), (part, part)], h)
+            return _in_one_array([*zip(sums, second, strict=True), (part, square)], h)
 
         # Isolated: XLA would duplicate the step for each other use of the result.
         both = in_one_kernel(step, given, unknown=jnp.isfinite(h))
-        increment, found, part = both.real[:-1], both.imag[:-1], both.real[-1]
+        increment, found = both.real[:-1], both.imag[:-1]
+        part, square = both.real[-1], both.imag[-1]
         h = part * h
         if guarded:
             # At a start from rest the series is that of the guard's other case, and wrong.
             found = terms.error_of_slopes(h * field(t + h, y + increment), found)
-        speed = _speed(field, t + h, h, y + increment, found)
-        return Advance(increment, found, speed=speed, part=1.0 if tolerance is None else part)
+        step = Advance(increment, found, speed=_speed(field, t + h, h, y + increment, found))
+        if tolerance is None:
+            return step
+        return step._replace(part=part, size=None if guarded else jnp.sqrt(square))
 
 
 def has_series(system, y: Array) -> bool:
@@ -193,7 +196,7 @@ def _series(rate: Rate, t: Array, y: Array, longest: int | None) -> Series | Non
     if longest is not None and operations(rate, t, y) > longest:
         return None
     try:
-        _, nodes = _shortest(rate, t, y)
+        _, nodes = shortest(rate, t, y)
     except NotElementary:
         return None
     entire = not any(node.moving and node.op in _SINGULAR for node in nodes)
@@ -220,22 +223,12 @@ def _formulas(field: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node]]:
         several = "one that takes tangents or several motions at once"
         raise _checks.fail("solver", several, "a Taylor series", _REMEDY)
     try:
-        found, nodes = _shortest(field, t, y)
+        found, nodes = shortest(field, t, y)
     except NotElementary as error:
         raise _checks.fail("solver", wanted, f"one with {error}", _REMEDY) from None
     if (n := products(nodes)) > _MOST_PRODUCTS:
         raise _checks.fail("solver", wanted, f"one with {n} products", _REMEDY)
     return found, nodes
-
-
-def _shortest(rate: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node]]:
-    """The formulas with the fewest products, and their nodes in order."""
-    found = formulas(rate, t, y)
-    best = found, ordered(found.graph, found.rates)
-    if found.graph.expanded:
-        plain = formulas(rate, t, y, expanding=False)
-        best = min(best, (plain, ordered(plain.graph, plain.rates)), key=lambda x: products(x[1]))
-    return best
 
 
 def _speed(field: Rate, t: Array, h: Array, y: Array, error: Array) -> Array:

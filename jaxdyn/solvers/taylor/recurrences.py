@@ -22,11 +22,10 @@ from jax import lax
 from jaxtyping import Array
 
 from jaxdyn._numerics import runtime_one
-from jaxdyn.solvers.taylor.formulas import Formulas
-from jaxdyn.solvers.taylor.graph import STEADY, Node, Number
-
-#: A coefficient; None where it is known to be zero.
-Coefficient = Array | np.floating | np.bool_ | None
+from jaxdyn.solvers.formulas.formulas import Formulas
+from jaxdyn.solvers.formulas.nodes import Node, Number
+from jaxdyn.solvers.formulas.values import Value as Coefficient
+from jaxdyn.solvers.formulas.values import minus, plus, selected, times, value, weighted
 
 
 def solution(
@@ -44,11 +43,12 @@ def solution(
     series.coefficients[formulas.time] = [formulas.time.value, h]
     for node in formulas.states:
         series.coefficients[node] = [node.value]
+    for node in nodes:
+        series.coefficients[node] = [value(node, lambda a: series.at(a, 0))]
     for k in range(order):
         for node in nodes:
-            if k == 0 or node.moving:
-                found = _RULES[node.op](series, node, k)
-                series.coefficients.setdefault(node, []).append(found)
+            if k and node.moving:
+                series.coefficients[node].append(_RULES[node.op](series, node, k))
         for node, rate in zip(formulas.states, formulas.rates, strict=True):
             series.coefficients[node].append(times(series.step(k + 1), series.at(rate, k)))
     return [series.coefficients[node] for node in formulas.states]
@@ -120,100 +120,49 @@ class _Series:
         return plus(twice, times(middle, middle))
 
 
-def times(a: Coefficient, b: Coefficient) -> Coefficient:
-    """A product; None for zero."""
-    if a is None or b is None:
-        return None
-    if isinstance(a, np.floating) and abs(a) == 1.0:
-        return b if a > 0 else lax.neg(b)
-    return lax.mul(a, b)
-
-
-def plus(a: Coefficient, b: Coefficient) -> Coefficient:
-    """A sum; None for zero."""
-    if a is None or b is None:
-        return b if a is None else a
-    return lax.add(a, b)
-
-
-def _minus(a: Coefficient, b: Coefficient) -> Coefficient:
-    if b is None:
-        return a
-    return lax.neg(b) if a is None else lax.sub(a, b)
-
-
 def _sum(s: _Series, node: Node, k: int) -> Coefficient:
-    found = None
-    for factor, term in zip(node.args[::2], node.args[1::2], strict=True):
-        c = s.at(factor, 0)
-        if term is None:
-            found = plus(found, c if k == 0 else None)
-        elif isinstance(c, np.floating) and c == -1.0:
-            found = _minus(found, s.at(term, k))
-        else:
-            found = plus(found, times(c, s.at(term, k)))
-    return found
+    parts = zip(node.args[::2], node.args[1::2], strict=True)
+    return weighted([(s.at(c, 0), s.at(m, k)) for c, m in parts if m is not None])
 
 
 def _scale(s: _Series, node: Node, k: int) -> Coefficient:
     return times(s.at(node.args[0], 0), s.at(node.args[1], k))
 
 
-def _add(s: _Series, node: Node, k: int) -> Coefficient:
-    return plus(s.at(node.args[0], k), s.at(node.args[1], k))
-
-
-def _mul(s: _Series, node: Node, k: int) -> Coefficient:
+def _product(s: _Series, node: Node, k: int) -> Coefficient:
     a, b = node.args
     return s.squared(a, k, 0) if a is b else s.product(a, b, k, 0, k)
 
 
 def _div(s: _Series, node: Node, k: int) -> Coefficient:
     a, b = node.args
-    if k == 0:
-        return lax.div(s.at(a, 0), s.at(b, 0))
-    return times(_minus(s.at(a, k), s.product(node, b, k, 0, k - 1)), s.inverse(b))
+    return times(minus(s.at(a, k), s.product(node, b, k, 0, k - 1)), s.inverse(b))
 
 
 def _sqrt(s: _Series, node: Node, k: int) -> Coefficient:
     (a,) = node.args
-    if k == 0:
-        return lax.sqrt(s.at(a, 0))
     half = times(np.float64(0.5), s.inverse(node))
-    return times(_minus(s.at(a, k), s.squared(node, k, 1)), half)
+    return times(minus(s.at(a, k), s.squared(node, k, 1)), half)
 
 
 def _pow(s: _Series, node: Node, k: int) -> Coefficient:
     # a w' = n a' w, for any n.
     a, n = node.args
-    if k == 0:
-        return _power(jnp.asarray(s.at(a, 0)), s.at(n, 0))
     grown = times(lax.add(s.at(n, 0), np.float64(1.0)), s.sloped(a, node, k, k))
-    return times(_minus(times(s.part(k), grown), s.product(a, node, k, 1, k)), s.inverse(a))
-
-
-def _power(a: Array, n: Coefficient) -> Array:
-    if isinstance(n, np.floating) and n + 0.5 in (-1.0, -2.0, -3.0):
-        # Faster than the power, and more accurate.
-        return lax.div(np.float64(1.0), lax.mul(lax.integer_pow(a, int(-n - 0.5)), lax.sqrt(a)))
-    return lax.pow(a, jnp.asarray(n))
+    return times(minus(times(s.part(k), grown), s.product(a, node, k, 1, k)), s.inverse(a))
 
 
 def _log(s: _Series, node: Node, k: int) -> Coefficient:
     (a,) = node.args
-    if k == 0:
-        return lax.log(s.at(a, 0))
     known = times(s.part(k), s.sloped(node, a, k, k - 1))
-    return times(_minus(s.at(a, k), known), s.inverse(a))
+    return times(minus(s.at(a, k), known), s.inverse(a))
 
 
-def _growing(value: Callable, factor: Callable[[Node], Node], sign: float = 1.0) -> Callable:
+def _growing(factor: Callable[[Node], Node], sign: float = 1.0) -> Callable:
     """Rule of a function whose derivative is another node: w' = a' times that node."""
 
     def rule(s: _Series, node: Node, k: int) -> Coefficient:
         (a,) = node.args
-        if k == 0:
-            return value(s.at(a, 0))
         return times(s.part(k), times(np.float64(sign), s.sloped(a, factor(node), k, k)))
 
     return rule
@@ -225,43 +174,15 @@ def _partner(node: Node) -> Node:
 
 
 def _select(s: _Series, node: Node, k: int) -> Coefficient:
-    which, *choices = node.args
-    no, yes = (jnp.asarray(0.0 if x is None else x) for x in (s.at(a, k) for a in choices))
-    return lax.select(s.at(which, 0), yes, no)
-
-
-def _steady(op: Callable) -> Callable:
-    """A result that holds for the whole step."""
-    return lambda s, node, k: op(*(s.at(a, k) for a in node.args))
+    which, no, yes = node.args
+    return selected(s.at(which, 0), s.at(no, k), s.at(yes, k))
 
 
 _RULES: dict[str, Callable[[_Series, Node, int], Coefficient]] = {
-    "given": lambda s, node, k: node.value,
-    **{"sum": _sum, "scale": _scale, "add": _add, "mul": _mul, "product": _mul, "div": _div},
+    **{"sum": _sum, "scale": _scale, "product": _product, "div": _div},
     **{"sqrt": _sqrt, "pow": _pow, "log": _log, "select": _select},
-    "exp": _growing(lax.exp, lambda node: node),
-    "sin": _growing(lax.sin, _partner),
-    "cos": _growing(lax.cos, _partner, -1.0),
-    "tanh": _growing(lax.tanh, _partner),
-    **{"lt": _steady(lax.lt), "le": _steady(lax.le), "gt": _steady(lax.gt)},
-    **{"ge": _steady(lax.ge), "eq": _steady(lax.eq), "ne": _steady(lax.ne)},
-    **{"and": _steady(lax.bitwise_and), "or": _steady(lax.bitwise_or)},
-    **{"not": _steady(lax.bitwise_not), "is_finite": _steady(lax.is_finite)},
-    "real": _steady(lambda a: lax.convert_element_type(a, float)),
+    "exp": _growing(lambda node: node),
+    "sin": _growing(_partner),
+    "cos": _growing(_partner, -1.0),
+    "tanh": _growing(_partner),
 }
-assert set(_RULES) >= STEADY
-
-#: Number of sums of products of an operation at each order.
-_ONE_PRODUCT_EACH = ("product", "div", "sqrt", "log", "exp", "sin", "cos", "tanh")
-_PRODUCTS = dict.fromkeys(_ONE_PRODUCT_EACH, 1) | {"pow": 2}
-
-
-def products(nodes: list[Node]) -> int:
-    """Number of sums of products of each order: its cost."""
-    return sum(_PRODUCTS.get(node.op, 0) for node in nodes if node.moving)
-
-
-def is_guarded(nodes: list[Node]) -> bool:
-    """Whether a formula has another case where a quantity equals some number exactly."""
-    moving = (any(isinstance(a, Node) and a.moving for a in node.args) for node in nodes)
-    return any(m and node.op in STEADY for m, node in zip(moving, nodes, strict=True))

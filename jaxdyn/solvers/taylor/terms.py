@@ -8,6 +8,7 @@ up to 5 % of them were rejected.
 """
 
 import functools
+from collections.abc import Iterator
 
 import jax.numpy as jnp
 import numpy as np
@@ -61,23 +62,65 @@ def slope(c: list[Coefficient], part: Array) -> Array:
     return increment([None if x is None else np.float64(k) * x for k, x in enumerate(c)], part)
 
 
-def error(c: list[Coefficient], part: Array) -> Array:
-    """The error at a part of the step: the size of the last two terms, with the last one's sign.
+def last(c: list[Coefficient], part: Array) -> Array:
+    """The last term at a part of the step. That of all entries is a direction of the error."""
+    return _or_zero(times(c[-1], lax.integer_pow(part, len(c) - 1)))
 
-    Extrapolated from earlier ones where symmetry hides them: terms of the second half count, since
-    x'' = -x^7 from x = 0 has every eighth one only. By their signs the errors of all entries are a
-    direction.
+
+def error(c: list[Coefficient], part: Array) -> Array:
+    """The error at a part of the step: the sizes of terms that tell it, with the last's sign."""
+    told = ((weight, times(c[k], lax.integer_pow(part, k))) for k, weight in _weights(len(c) - 1))
+    sizes = (times(weight, jnp.abs(term)) for weight, term in told if term is not None)
+    found = _or_zero(functools.reduce(plus, sizes, None))
+    return jnp.where(_or_zero(c[-1]) < 0, -found, found)
+
+
+def squares(series: list[list[Coefficient]], inverses: list[Array]) -> dict[int, Coefficient]:
+    """Squares of the terms that tell the error, in tolerances, by order: means over all entries.
+
+    Args:
+      series: the terms of each entry.
+      inverses: of the error that each entry may have.
     """
-    order = len(c) - 1
-    found = jnp.zeros_like(part)
+    found = {}
+    for k, weight in _weights(len(series[0]) - 1):
+        scaled = (times(c[k], x) for c, x in zip(series, inverses, strict=True))
+        total = functools.reduce(plus, (times(x, x) for x in scaled), None)
+        found[k] = times(np.float64(weight * weight / len(series)), total)
+    return found
+
+
+def square_error(squares: dict[int, Coefficient], part: Array) -> Array:
+    """() square of the error of a part of the step, in tolerances."""
+    z = part * part
+    found = _polynomial([squares[k] for k in sorted(squares)], z)
+    return _or_zero(times(found, lax.integer_pow(z, min(squares))))
+
+
+def allowed_part(squares: dict[int, Coefficient]) -> Array:
+    """() the part of the step with an error well within the tolerance, at most 1.
+
+    As if the error were proportional to the power of the part that the last term is.
+    """
+    total = _or_zero(functools.reduce(plus, squares.values(), None))
+    part = SAFETY * rough_power(total, -0.5 / max(squares))
+    return jnp.where(part < 1.0, part, 1.0)
+
+
+def _weights(order: int) -> Iterator[tuple[int, np.float64]]:
+    """The orders of the terms that tell the error, and the weight of each.
+
+    The last two, and, in case they vanish by symmetry, earlier ones: terms of the second half
+    count, since x'' = -x^7 from x = 0 has every eighth one only.
+    """
     for k in range(order // 2 + 1, order + 1):
         before = order - 1 - k
         weight = 1.0 if before < 0 else _LAST_BUT_ONE_WEIGHT * _TERM_RATIO**before
-        if c[k] is not None:
-            term = weight * jnp.abs(c[k]) * lax.integer_pow(part, k)
-            found = _larger(found, term) if before > 0 else found + term
-    last = c[order]
-    return _CAUTION * (found if last is None else jnp.where(last < 0, -found, found))
+        yield k, np.float64(_CAUTION * weight)
+
+
+def _or_zero(x: Coefficient) -> Array:
+    return jnp.zeros(()) if x is None else jnp.asarray(x)
 
 
 def error_of_slopes(found: Array, expected: Array) -> Array:
@@ -85,20 +128,6 @@ def error_of_slopes(found: Array, expected: Array) -> Array:
     apart, rounding = found - expected, _ROUNDINGS * jnp.finfo(found.dtype).eps * jnp.abs(found)
     small = jnp.clip(apart, -rounding, rounding)
     return _DEFECT_WEIGHT * (apart - small) + _ROUNDING_WEIGHT * small
-
-
-def allowed_part(errors: list[Array], weights: list[Array], order: int) -> Array:
-    """() the part of the step with an error well within the tolerance, at most 1.
-
-    Args:
-      errors: those of the whole step.
-      weights: inverse of the error that each entry may have.
-      order: the power of the part to which errors are proportional, if the last term is theirs.
-    """
-    relative = (e * w for e, w in zip(errors, weights, strict=True))
-    total = functools.reduce(jnp.add, (x * x for x in relative))
-    part = SAFETY * rough_power(total * np.float64(1.0 / len(errors)), -0.5 / order)
-    return jnp.where(part < 1.0, part, 1.0)
 
 
 def ending_at_a_number(part: Array, t: Array, h: Array, inverse: Array) -> Array:
@@ -114,7 +143,3 @@ def ending_at_a_number(part: Array, t: Array, h: Array, inverse: Array) -> Array
       inverse: 1 / h.
     """
     return jnp.where(part < 1.0, ((t + part * h) - t) * inverse, 1.0)
-
-
-def _larger(a: Array, b: Array) -> Array:
-    return jnp.where(a > b, a, b)

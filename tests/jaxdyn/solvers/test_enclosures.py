@@ -9,8 +9,8 @@ import pytest
 from jaxdyn import scenes
 from jaxdyn.analysis.equilibrium_search.isolation import isolate
 from jaxdyn.solvers.enclosures import Dual, enclosures
+from jaxdyn.solvers.formulas.formulas import NotElementary, formulas
 from jaxdyn.solvers.intervals import Interval
-from jaxdyn.solvers.taylor.formulas import NotElementary, formulas
 
 
 def _bounds(field, lows, highs):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from jax import lax
 
-from jaxdyn.solvers.taylor.on_numpy import calculated, rearranged
+from jaxdyn.solvers.formulas.on_numpy import calculated, rearranged
 
 X = np.arange(24.0).reshape(2, 3, 4)
 MOVES = [

@@ -18,9 +18,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from jaxdyn.solvers.taylor.composed import COMPOSED
-from jaxdyn.solvers.taylor.graph import COMPARISONS, FUNCTIONS, LOGIC, TESTS, Graph, Node, Number
-from jaxdyn.solvers.taylor.on_numpy import calculated, rearranged
+from jaxdyn.solvers.formulas.composed import COMPOSED
+from jaxdyn.solvers.formulas.graph import Graph
+from jaxdyn.solvers.formulas.nodes import COMPARISONS, FUNCTIONS, LOGIC, TESTS, Node, Number
+from jaxdyn.solvers.formulas.on_numpy import calculated, rearranged
 
 
 class NotElementary(Exception):

@@ -3,7 +3,8 @@
 import collections
 import itertools
 
-from jaxdyn.solvers.taylor.graph import Graph, Node, Number
+from jaxdyn.solvers.formulas.graph import Graph
+from jaxdyn.solvers.formulas.nodes import Node, Number
 
 
 def ordered(graph: Graph, results: list[Number]) -> list[Node]:

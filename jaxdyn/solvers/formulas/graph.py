@@ -2,9 +2,10 @@
 
 Numbers known when the program is compiled are Python numbers; others are nodes. Numbers constant
 within a step (masses, lengths) are distinguished from moving ones: a product is a steady factor in
-front of a list of moving ones, a sum collects equal products. So the same product of velocities,
-sines and cosines is one node, however the rate was written, and terms that cancel vanish.
-`ordered` splits them into products of two factors again, and shares those.
+front of a list of moving ones, a sum collects equal products, and a - b and b - a differ by a
+factor of -1 where they are multiplied, divided by, or the argument of a function. So the same
+product of velocities, sines and cosines is one node, however the rate was written, and terms that
+cancel vanish. `ordered` splits them into products of two factors again, and shares those.
 """
 
 import functools
@@ -16,43 +17,20 @@ from fractions import Fraction
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn.solvers.formulas.nodes import (
+    COMPARISONS,
+    FUNCTIONS,
+    LOGIC,
+    STEADY,
+    TESTS,
+    Node,
+    Number,
+    broken_power,
+    factors_of,
+    place,
+    split,
+)
 
-class Node:
-    """A number of the calculation.
-
-    Attributes:
-      index: its number in order of creation.
-      op: "input" for what is integrated, "given" for what is known at run time, or an operation.
-      args: its operands: nodes and known numbers; of a sum, factors and terms in turn.
-      moving: whether it changes within a step. Comparisons do not: they hold for a whole step.
-      value: () the number itself, where it is given.
-      partner: the node whose series it needs: of a sine the cosine.
-    """
-
-    __slots__ = ("args", "index", "moving", "op", "partner", "value")
-
-    def __init__(self, index: int, op: str, args: tuple, moving: bool, value: Array | None = None):
-        self.index, self.op, self.args = index, op, args
-        self.moving, self.value = moving, value
-        self.partner: Node | None = None
-
-
-#: A node, or a number known when the program is compiled.
-Number = Node | float | int | bool
-
-COMPARISONS = {
-    **{"lt": operator.lt, "le": operator.le, "gt": operator.gt, "ge": operator.ge},
-    **{"eq": operator.eq, "ne": operator.ne},
-}
-LOGIC = {"and": operator.and_, "or": operator.or_, "not": operator.not_}
-#: Conditions of steady numbers.
-TESTS = {"is_finite": math.isfinite}
-#: Operations with a result that holds for a whole step.
-STEADY = frozenset({*COMPARISONS, *LOGIC, *TESTS, "real"})
-FUNCTIONS = {
-    **{"sin": np.sin, "cos": np.cos, "exp": np.exp, "log": np.log, "sqrt": np.sqrt},
-    **{"tanh": np.tanh},
-}
 #: Terms up to which sums are merged to find equal ones; longer ones stay as they are.
 _LONGEST_SUM = 8
 _MULTIPLIED_OUT = 3  # terms up to which products of sums are expanded
@@ -115,7 +93,7 @@ class Graph:
 
     def _terms(self, a: Number) -> dict[Node | None, Number]:
         """Moving terms of a sum and their steady factors; the steady part is under None."""
-        c, m = _parts(a)
+        c, m = split(a)
         if m is None or m.op != "sum":
             return {m: c}
         parts = zip(m.args[::2], m.args[1::2], strict=True)
@@ -142,17 +120,29 @@ class Graph:
 
     def mul(self, a: Number, b: Number) -> Number:
         """A product, steady factors in front."""
-        (c, m), (d, n) = _parts(a), _parts(b)
+        (c, m), (d, n) = split(a), split(b)
         c = self._steady("mul", c, d)
         if m is None or n is None:
             return self._scaled(c, n if m is None else m)
+        (e, m), (f, n) = self._signed(m), self._signed(n)
+        c = self._steady("mul", e * f, c)
         for one, other in ((m, n), (n, m)):
             if self.expanding and _better_multiplied_out(one, other):
                 self.expanded = True
                 return self.mul(c, self._multiplied_out(one, other))
         # In an order that is the same in each process, for the compile cache.
-        factors = sorted((*_factors(m), *_factors(n)), key=lambda node: node.index)
+        factors = sorted((*factors_of(m), *factors_of(n)), key=lambda node: node.index)
         return self._scaled(c, self.node("product", *factors))
+
+    def _signed(self, m: Node) -> tuple[float, Node]:
+        """A sign and the rest of a factor; of a sum the form that a - b and b - a share."""
+        if m.op != "sum":
+            return 1.0, m
+        terms = sorted(zip(m.args[::2], m.args[1::2], strict=True), key=place)
+        first = terms[0][0]
+        sign = -1.0 if not isinstance(first, Node) and first < 0 else 1.0
+        parts = ((self._steady("mul", sign, c), term) for c, term in terms)
+        return sign, self.node("sum", *(x for part in parts for x in part))
 
     def _multiplied_out(self, terms: Node, factor: Node) -> Number:
         parts = zip(terms.args[::2], terms.args[1::2], strict=True)
@@ -160,16 +150,22 @@ class Graph:
 
     def div(self, a: Number, b: Number) -> Number:
         """A quotient, steady factors in front."""
-        (c, m), (d, n) = _parts(a), _parts(b)
+        (c, m), (d, n) = split(a), split(b)
         c = self._steady("div", c, d)
         if n is None:
             return self._scaled(c, m)
-        if m is None and (root := _root_factor(n)) is not None:
-            return self._scaled(c, self.node("pow", root.args[0], 0.5 - len(n.args)))
+        sign, n = self._signed(n)
+        c = self._steady("mul", sign, c)
+        power = broken_power(n)
+        # A ball around a direction, r / |r|, is smaller as a quotient.
+        if power is not None and (not self.exact or (m is None and n.op == "product")):
+            base, exponent = power
+            return self.mul(self._scaled(c, m), self.node("pow", base, -exponent))
         return self._scaled(c, self.node("div", 1.0 if m is None else m, n))
 
     def power(self, a: Number, n: Number) -> Number:
         """a to the power of a steady n."""
+        a = self._in_one_form(a)
         if isinstance(n, Node):
             return self.node("pow", a, n)
         if not isinstance(a, Node) and not self.exact:
@@ -185,7 +181,12 @@ class Graph:
         if not isinstance(a, Node) and not self.exact:
             with np.errstate(all="ignore"):
                 return float(FUNCTIONS[op](a))
+        a = self._in_one_form(a)
         if op in ("sin", "cos"):
+            c, m = split(a)
+            if m is not None and not isinstance(c, Node) and c < 0:
+                found = self.function(op, self.neg(a))
+                return self.neg(found) if op == "sin" else found
             sine, cosine = self.node("sin", a), self.node("cos", a)
             sine.partner, cosine.partner = cosine, sine
             return sine if op == "sin" else cosine
@@ -195,6 +196,14 @@ class Graph:
             assert isinstance(slope, Node)
             node.partner = slope
         return node
+
+    def _in_one_form(self, a: Number) -> Number:
+        """The number, with sums as in `_signed`."""
+        c, m = split(a)
+        if m is None:
+            return a
+        sign, m = self._signed(m)
+        return self._scaled(self._steady("mul", sign, c), m)
 
     def compare(self, op: str, *args: Number) -> Number:
         """A condition, or a logical operation on conditions."""
@@ -250,13 +259,6 @@ def _is_exactly(found: float, op: str, a: float, b: float) -> bool:
     return _ARITHMETIC[op](Fraction(a), Fraction(b)) == found
 
 
-def _parts(a: Number) -> tuple[Number, Node | None]:
-    """A number as a steady factor times a moving node, if any."""
-    if not isinstance(a, Node) or not a.moving:
-        return a, None
-    return (a.args[0], a.args[1]) if a.op == "scale" else (1.0, a)
-
-
 def _better_multiplied_out(terms: Node, factor: Node) -> bool:
     """Whether expanded products are likely to exist already, or to cancel.
 
@@ -268,15 +270,3 @@ def _better_multiplied_out(terms: Node, factor: Node) -> bool:
     moving = [m for m in terms.args[1::2] if m is not None]
     simple = factor.op in ("sin", "cos", "input") and all(m.op == "product" for m in moving)
     return simple and len(moving) <= _MULTIPLIED_OUT
-
-
-def _root_factor(m: Node) -> Node | None:
-    """The root in a product of powers of a number and its root, such as r^2 sqrt(r^2)."""
-    if m.op != "product" or [x.op for x in m.args].count("sqrt") != 1:
-        return None
-    (root,) = (x for x in m.args if x.op == "sqrt")
-    return root if all(x is root or x is root.args[0] for x in m.args) else None
-
-
-def _factors(m: Node) -> tuple:
-    return m.args if m.op == "product" else (m,)
