@@ -24,7 +24,10 @@ def _rate(formulas: Callable) -> Callable:
     return lambda t, y: numbers(y)
 
 
-def _ode(formulas: Callable, y0: Sequence[float], t1: float, second_order: bool = False) -> Problem:
+def ode_of(
+    formulas: Callable, y0: Sequence[float], t1: float, second_order: bool = False
+) -> Problem:
+    """A problem from its formulas alone."""
     scene = jaxdyn.ode(_rate(formulas), y0, t1, second_order=second_order)
     return from_start(scene, formulas)
 
@@ -38,7 +41,7 @@ def lorenz() -> Problem:
 
         return rate
 
-    return _ode(formulas, [1.0, 1.0, 1.0], 10.0)
+    return ode_of(formulas, [1.0, 1.0, 1.0], 10.0)
 
 
 def _restricted(mu: float) -> Callable:
@@ -77,13 +80,13 @@ def arenstorf() -> Problem:
 
         return rate
 
-    return _ode(formulas, [0.994, 0.0, 0.0, -2.00158510637908252240537862224], 17.06521656015796)
+    return ode_of(formulas, [0.994, 0.0, 0.0, -2.00158510637908252240537862224], 17.06521656015796)
 
 
 def restricted_in_space() -> Problem:
     """About the Moon and out of the plane, six units of time."""
     start = [0.8233909, 0.0, 0.0225, 0.0, 0.1341840, 0.0]
-    return _ode(_restricted(0.0121505856), start, 6.0)
+    return ode_of(_restricted(0.0121505856), start, 6.0)
 
 
 def spherical_pendulum() -> Problem:
@@ -97,7 +100,7 @@ def spherical_pendulum() -> Problem:
 
         return rate
 
-    return _ode(formulas, [1.0, 0.0, 0.0, 0.8], 200.0)
+    return ode_of(formulas, [1.0, 0.0, 0.0, 0.8], 200.0)
 
 
 def toda() -> Problem:
@@ -113,7 +116,7 @@ def toda() -> Problem:
 
     random = np.random.default_rng(6)
     start = np.concatenate([0.5 * random.standard_normal(n), random.standard_normal(n)])
-    return _ode(formulas, start, 15.0, second_order=True)
+    return ode_of(formulas, start, 15.0, second_order=True)
 
 
 def duffing() -> Problem:
@@ -126,7 +129,7 @@ def duffing() -> Problem:
 
         return rate
 
-    return _ode(formulas, [1.0, 0.0, 0.0], 20 * math.pi / 1.2)
+    return ode_of(formulas, [1.0, 0.0, 0.0], 20 * math.pi / 1.2)
 
 
 def chua() -> Problem:
@@ -139,7 +142,7 @@ def chua() -> Problem:
 
         return rate
 
-    return _ode(formulas, [0.6, 0.1, -0.6], 20.0)
+    return ode_of(formulas, [0.6, 0.1, -0.6], 20.0)
 
 
 def lotka_volterra() -> Problem:
@@ -151,7 +154,7 @@ def lotka_volterra() -> Problem:
 
         return rate
 
-    return _ode(formulas, [2.0, 1.0], 50.0)
+    return ode_of(formulas, [2.0, 1.0], 50.0)
 
 
 def bottle() -> Problem:
@@ -166,7 +169,7 @@ def bottle() -> Problem:
 
         return rate
 
-    return _ode(formulas, [0.1, 0.0, 0.0, 0.0, 0.2, 0.1], 300.0)
+    return ode_of(formulas, [0.1, 0.0, 0.0, 0.0, 0.2, 0.1], 300.0)
 
 
 def links() -> Problem:
@@ -192,7 +195,7 @@ def links() -> Problem:
 
         return rate
 
-    return _ode(formulas, [0.5, 0.4, 0.3, 0.2, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0], 5.0)
+    return ode_of(formulas, [0.5, 0.4, 0.3, 0.2, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0], 5.0)
 
 
 def _eliminated(matrix: list[list], right: list) -> list:

@@ -1,5 +1,7 @@
 """The method for a scene: the requested one, checked, or the default."""
 
+import math
+
 import diffrax
 
 from jaxdyn import _checks
@@ -13,6 +15,7 @@ from jaxdyn.solvers.taylor.method import (
     TAYLOR14,
     TAYLOR16,
     TAYLOR20,
+    Series,
     Taylor,
     series_of,
 )
@@ -29,8 +32,10 @@ _LONGEST = 1000
 _ORDERS = {4: TAYLOR20, 11: TAYLOR16, 16: TAYLOR14, 24: TAYLOR12}
 _LOOSE_ORDERS = {4: TAYLOR16, 24: TAYLOR12}
 _LOOSE = 1e-6
-#: Where no force depends on velocity, a series with quotients gains less: up to so many products.
-_QUOTIENTS = 11
+#: Where no force depends on velocity: products of powers and quotients alone up to which a series
+#: runs faster than methods that evaluate forces. Sines and exponentials take ten times as long to
+#: evaluate as a product, and a series has them once a step.
+_POWERS = 7
 #: The same methods for velocity-independent forces: derivatives are by the Nystrom pair.
 _BY_PLACES = {
     method: Taylor(method.order, tangents=NYSTROM12)
@@ -40,7 +45,7 @@ _BY_PLACES = {
 #: Tolerances from which on the extrapolated leapfrog may be taken: rounding limits it below.
 _FINEST_EXTRAPOLATED = 1e-11
 #: Numbers of a state for which it is faster than the Nystrom pair: 3 points in the plane to 12 in
-#: space.
+#: space; fewer where forces are formulas of powers and quotients.
 _EXTRAPOLATED_NUMBERS = range(12, 73)
 
 
@@ -119,40 +124,46 @@ def _rule(scene: Scene, rtol) -> tuple[Method, str]:
     """The default, and why."""
     traced = _checks.is_traced(rtol)
     loose = not traced and rtol > _LOOSE
-    method, why = _by_rate(scene, _LOOSE_ORDERS if loose else _ORDERS)
-    if method is not NYSTROM12 or len(scene.y0) not in _EXTRAPOLATED_NUMBERS:
-        return method, why
+    found = series_of(scene.field, scene.y0, longest=_LONGEST)
+    if not scene.second_order:
+        series, why = _by_series(found, loose, math.inf)
+        return series or VERNER9, why
+    powers = found is not None and not found.functions
+    series, why = _by_series(found, loose, _POWERS if powers else math.inf)
+    why = f"forces do not depend on velocity, and {why}"
+    if series is not None:
+        return _BY_PLACES[series], why
+    few = powers and found.everywhere and len(scene.y0) < _EXTRAPOLATED_NUMBERS[0]
+    if not few and len(scene.y0) not in _EXTRAPOLATED_NUMBERS:
+        return NYSTROM12, why
     if traced:
-        return method, f"{why}; the tolerance is known at run time only"
+        return NYSTROM12, f"{why}; the tolerance is known at run time only"
     if rtol < _FINEST_EXTRAPOLATED:
-        return method, f"{why}; rounding limits extrapolation below {_FINEST_EXTRAPOLATED:.0e}"
+        limit = f"rounding limits extrapolation below {_FINEST_EXTRAPOLATED:.0e}"
+        return NYSTROM12, f"{why}; {limit}"
     return STOERMER14 if loose else STOERMER18, f"{why}; it has {len(scene.y0)} numbers"
 
 
-def _by_rate(scene: Scene, orders: dict[int, Taylor]) -> tuple[Method, str]:
-    """The default that needs no more than a rate, and why.
+def _by_series(series: Series | None, loose: bool, most: float) -> tuple[Taylor | None, str]:
+    """The series to take, if any, and why.
 
     Args:
-      scene: any.
-      orders: by the largest number of products.
+      series: what it costs; None if there is none.
+      loose: whether the tolerance is.
+      most: products from which on another method is faster.
     """
-    pair, kind = VERNER9, ""
-    if scene.second_order:
-        pair, kind = NYSTROM12, "forces do not depend on velocity, and "
-    series = series_of(scene.field, scene.y0, longest=_LONGEST)
     if series is None:
-        return pair, f"{kind}its rate is long, or has no Taylor series"
+        return None, "its rate is long, or has no Taylor series"
     if not series.everywhere:
-        return pair, f"{kind}its rate has a root, and no Taylor series where that is 0"
-    if scene.second_order and not series.entire and series.products > _QUOTIENTS:
-        why = f"its rate has quotients or roots, and takes more than {_QUOTIENTS} products an order"
-        return pair, f"{kind}{why}"
-    why = f"{kind}its Taylor series takes {series.products} products an order"
-    for most, method in orders.items():
-        if series.products <= most:
-            why = f"{why}; up to {most} run fastest at order {method.order}"
-            return _BY_PLACES[method] if scene.second_order else method, why
-    return pair, f"{why}; more than {max(orders)} are too many"
+        return None, "its rate has a root, and no Taylor series where that is 0"
+    why = f"its Taylor series takes {series.products} products an order"
+    if series.products > most:
+        return None, f"{why}; more than {most}, of powers and quotients alone, are too many"
+    orders = _LOOSE_ORDERS if loose else _ORDERS
+    for limit, method in orders.items():
+        if series.products <= limit:
+            return method, f"{why}; up to {limit} run fastest at order {method.order}"
+    return None, f"{why}; more than {max(orders)} are too many"
 
 
 def chosen_method(

@@ -27,7 +27,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.solvers.formulas.formulas import Formulas, NotElementary
-from jaxdyn.solvers.formulas.nodes import Node
+from jaxdyn.solvers.formulas.nodes import FUNCTIONS, Node
 from jaxdyn.solvers.formulas.shortest import is_guarded, products, shortest
 from jaxdyn.solvers.method import (
     Advance,
@@ -46,7 +46,7 @@ from jaxdyn.solvers.taylor.recurrences import solution
 _MOST_PRODUCTS = 48
 #: Entries of a state; with more of them a step takes ten times as long, see `_in_one_array`.
 _MOST_NUMBERS = 15
-_SINGULAR = ("div", "sqrt", "pow", "log")  # at some values of their arguments
+_FUNCTIONS = frozenset(FUNCTIONS) - {"sqrt"}
 _LOWEST, _HIGHEST = 4, 40  # orders
 _TINY = np.finfo(float).tiny
 _REMEDY = "Leave the solver out, or use solvers.VERNER9, which needs no formulas."
@@ -168,12 +168,12 @@ class Series(NamedTuple):
       products: at each order.
       everywhere: whether there is one at each state at which the rate is finite; a root has none
         at 0.
-      entire: whether the rate has no quotient, root, logarithm or power that may be singular.
+      functions: whether the rate has sines, exponentials and the like, besides powers.
     """
 
     products: int
     everywhere: bool
-    entire: bool
+    functions: bool
 
 
 def series_of(system, y: Array, longest: int | None = None) -> Series | None:
@@ -199,8 +199,8 @@ def _series(rate: Rate, t: Array, y: Array, longest: int | None) -> Series | Non
         _, nodes = shortest(rate, t, y)
     except NotElementary:
         return None
-    entire = not any(node.moving and node.op in _SINGULAR for node in nodes)
-    return Series(products(nodes), not any(map(_ends, nodes)), entire)
+    functions = any(node.moving and node.op in _FUNCTIONS for node in nodes)
+    return Series(products(nodes), not any(map(_ends, nodes)), functions)
 
 
 _series_of = traced_once(_series)
