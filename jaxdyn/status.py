@@ -83,6 +83,12 @@ class Status(Code):
         "The missing entry of a start was not found: the energy does not depend on it, or Newton's "
         "method did not converge. Choose a velocity as the unknown.",
     )
+    UNSEEN_WITHIN_STEP = (
+        11,
+        "The motion within the step of the event is not what its ends tell: a force acts where "
+        "a long step passed over it, as a wind in a thin layer of air. Stop before that place, and "
+        "go on from there.",
+    )
 
 
 class IntegrationError(RuntimeError):

@@ -80,7 +80,11 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
     def adapt_step_size(self, t0, t1, y0, y1_candidate, args, y_error, error_order, state):
         del args
         error, end, size = y_error
-        error = self.norm(error / self._scale(y0, y1_candidate)) if size is None else size
+        if size is None:
+            error = self.norm(error / self._scale(y0, y1_candidate))
+        else:
+            # Not finite where the new state is not.
+            error = size + 0.0 * jnp.sum(y1_candidate)
         error = jnp.where(jnp.isfinite(error), error, jnp.inf)
         shorter = jnp.zeros((), bool) if end is None else end < t1
         end = t1 if end is None else end

@@ -128,12 +128,12 @@ def _rule(scene: Scene, rtol) -> tuple[Method, str]:
     if not scene.second_order:
         series, why = _by_series(found, loose, math.inf)
         return series or VERNER9, why
-    powers = found is not None and not found.functions
-    series, why = _by_series(found, loose, _POWERS if powers else math.inf)
+    powers = found if found is not None and not found.functions else None
+    series, why = _by_series(found, loose, math.inf if powers is None else _POWERS)
     why = f"forces do not depend on velocity, and {why}"
     if series is not None:
         return _BY_PLACES[series], why
-    few = powers and found.everywhere and len(scene.y0) < _EXTRAPOLATED_NUMBERS[0]
+    few = powers is not None and powers.everywhere and len(scene.y0) < min(_EXTRAPOLATED_NUMBERS)
     if not few and len(scene.y0) not in _EXTRAPOLATED_NUMBERS:
         return NYSTROM12, why
     if traced:

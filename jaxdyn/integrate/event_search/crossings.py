@@ -29,6 +29,7 @@ from jaxdyn.integrate.event_search.polish import Bracket, polished
 from jaxdyn.integrate.event_search.stretches import settled
 from jaxdyn.integrate.flow import Settings, march
 from jaxdyn.integrate.observing import Watch
+from jaxdyn.integrate.step_control import StepControl
 from jaxdyn.status import Status
 
 #: Parts of a step, or of a panel of it, at which events are sampled besides its beginning. Not
@@ -37,6 +38,8 @@ _LOOK_PLACES = np.array([0.23, 0.49, 0.77, 1.0])
 _MIN_PANEL = (
     2.0**-24
 )  # of a step: between samples this close a value has no extremum except by rounding
+#: Tolerances that the error of the step to an event may be: it is a part of a step with one.
+_TRUSTED_ERROR = 1e3
 _MAX_PANELS = 4096  # in a step at most, for a value that oscillates near zero
 _PANEL_GROWTH = 4.0  # of the panel length after a settled panel
 
@@ -67,8 +70,16 @@ def first_crossing(field, events, y0, t0, t1, limits, *, settings: Settings):
     out, seen = march(field, y0, t0, t1, jnp.zeros(0), limits, settings=settings, watch=watch)
     hs, ys = polished(sight, seen.t0, seen.y0, seen.bracket)
     which = jnp.argmin(jnp.abs(hs))
-    status = jnp.where(jnp.isnan(seen.end.side).any(), int(Status.NOT_FINITE), out.status)
-    return out.y1, Crossing(t=seen.t0 + hs[which], y=ys[:, which], event=which, status=status)
+    h, y = hs[which], ys[:, which]
+    # A step is checked at its end; of the shorter one to the event only this is known.
+    there = jnp.where(jnp.isfinite(h), h, 0.0)
+    step = settings.method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)
+    rtol, atol = limits.tolerance
+    size = StepControl.norm(step.error / (atol + rtol * jnp.maximum(abs(seen.y0), abs(y))))
+    unseen = jnp.isfinite(h) & ~(size < _TRUSTED_ERROR)
+    status = jnp.where(unseen, int(Status.UNSEEN_WITHIN_STEP), out.status)
+    status = jnp.where(jnp.isnan(seen.end.side).any(), int(Status.NOT_FINITE), status)
+    return out.y1, Crossing(t=seen.t0 + h, y=y, event=which, status=status)
 
 
 class _Look(NamedTuple):

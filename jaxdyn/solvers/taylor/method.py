@@ -143,10 +143,10 @@ class Taylor(Method):
         if guarded:
             # At a start from rest the series is that of the guard's other case, and wrong.
             found = terms.error_of_slopes(h * field(t + h, y + increment), found)
-        step = Advance(increment, found, speed=_speed(field, t + h, h, y + increment, found))
+        advance = Advance(increment, found, speed=_speed(field, t + h, h, y + increment, found))
         if tolerance is None:
-            return step
-        return step._replace(part=part, size=None if guarded else jnp.sqrt(square))
+            return advance
+        return advance._replace(part=part, size=None if guarded else jnp.sqrt(square))
 
 
 def has_series(system, y: Array) -> bool:
