@@ -29,6 +29,7 @@ from jaxdyn.integrate.observing import Watch, clipped
 from jaxdyn.integrate.step_control import Limits, StepControl
 from jaxdyn.scene import Field
 from jaxdyn.solvers import Method
+from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import operations
 from jaxdyn.solvers.stepper import StepError
 from jaxdyn.status import Status
@@ -220,7 +221,7 @@ class _Work(eqx.Module):
         """The group after one step of each lane that runs."""
 
         def rate(numbers, t, y):
-            return eqx.combine(numbers, self.shared).rate(t, y)
+            return simplified(eqx.combine(numbers, self.shared).rate)(t, y)
 
         def project(numbers, t, y):
             return eqx.combine(numbers, self.shared).project(t, y)

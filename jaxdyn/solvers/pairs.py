@@ -33,6 +33,7 @@ from jaxdyn._numerics import materialised, runtime_one
 from jaxdyn.solvers.method import Advance, Method, Rate, fastest, grows_from, in_loops
 from jaxdyn.solvers.order_conditions import lacking
 
+#: Numbers in the longest vectors of processors.
 _VECTOR = 8
 
 
@@ -156,25 +157,29 @@ class Pair(Method):
 
     def _rolled(self, slope: Callable, like: Array) -> list[Array]:
         c, done = jnp.asarray(self.c), []
-        width = -(-like.size // _VECTOR) * _VECTOR
+        # Rows of one state are as long as vectors: XLA takes the rest of a row one by one, each sum
+        # through memory (a third of the time of a stage of ten numbers).
+        rest = -len(like) % _VECTOR if like.ndim == 1 else 0
+        shape = len(like) + rest, *like.shape[1:]
         edges = [self.stages * n // self.loops for n in range(self.loops + 1)]
         spans = list(itertools.pairwise(edges))
 
         def weighted(rows):
             # One row at a time: XLA turns a product with several rows into a custom fusion,
             # which would prevent fusion of the stepping loop.
-            terms = [row[None] @ k for row, k in rows]
-            return functools.reduce(jnp.add, terms)[0, : like.size].reshape(like.shape)
+            terms = [row[None] @ k.reshape(len(k), -1) for row, k in rows]
+            return functools.reduce(jnp.add, terms).reshape(shape)[: len(like)]
 
         for begin, end in spans:
             tables = [jnp.asarray(self.a[:, i:j]) for i, j in spans[: len(done) + 1]]
 
             def stage(i, k, begin=begin, tables=tables, done=tuple(done)):
                 shift = weighted([(a[i], part) for a, part in zip(tables, (*done, k), strict=True)])
-                put = jax.lax.dynamic_update_slice
-                return put(k, slope(c[i], shift).reshape(1, -1), (i - begin, 0))
+                new = slope(c[i], shift)
+                new = jnp.pad(new, (0, rest)) if rest else new
+                return jax.lax.dynamic_update_index_in_dim(k, new, i - begin, 0)
 
-            k = jnp.zeros((end - begin, width), like.dtype)
+            k = jnp.zeros((end - begin, *shape), like.dtype)
             done.append(jax.lax.fori_loop(begin, end, stage, k))
 
         def combined(row):
@@ -182,7 +187,7 @@ class Pair(Method):
 
         ratio = jnp.zeros(())
         if self.twins:
-            k_i, k_j = (_row(done, edges, n)[: like.size].reshape(like.shape) for n in self.twins)
+            k_i, k_j = (_row(done, edges, n)[: len(like)] for n in self.twins)
             i, j = self.twins
             ratio = fastest(k_j - k_i, combined(self.a[j] - self.a[i]), k_j)
         return [*(combined(row) for row in self._rows), ratio]
