@@ -12,6 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxdyn.solvers.formulas.simplified import simplified
+
 #: Tangents as columns, those of a state (k,).
 Columns = Float[Array, "k columns *batch"]
 
@@ -31,7 +33,11 @@ class Variational(eqx.Module):
     def rate(self, t: Array, y: Columns) -> Columns:
         """Rates of the state and of its tangents."""
         moving, fixed = _split_like(self.field, self.directions)
-        f, jvp = jax.linearize(lambda p, x: eqx.combine(p, fixed).rate(t, x), moving, y[..., 0])
+
+        def rate(p, x):
+            return simplified(eqx.combine(p, fixed).rate)(t, x)
+
+        f, jvp = jax.linearize(rate, moving, y[..., 0])
         # Batch axis last: columns are contiguous in memory.
         tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
         return jnp.concatenate([f[..., None], tangents], axis=-1)

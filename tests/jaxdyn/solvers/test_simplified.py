@@ -49,8 +49,35 @@ def test_what_has_no_formulas_or_many_numbers_is_left_alone():
     assert simplified(lambda t, y: jnp.zeros(2))(ZERO, y).dtype == float
 
 
+def test_rules_of_derivatives_that_a_rate_comes_with_are_kept():
+    def rate(t, y):
+        return jnp.stack([y[1], 0 * y[0]]) + jnp.stack([_square(y[0]), y[1] - y[1]])
+
+    _square = jax.custom_jvp(lambda x: x * x)
+    _square.defjvp(lambda x, dx: (x[0] * x[0], 7.0 * dx[0]))
+    y = jnp.array([0.3, 0.7])
+    slope = jax.jacfwd(lambda y: simplified(rate)(ZERO, y))(y)
+    assert gap(slope, jnp.array([[7.0, 1.0], [0.0, 0.0]])) == 0
+
+
+@pytest.mark.parametrize("name", SHORTER)
+def test_their_derivatives_are_those_of_the_rate(name):
+    scene = catalogue.entries()[name].make()
+
+    @jax.jit
+    def both(scene, y):
+        return tuple(
+            jax.jacfwd(lambda s, y, f=f: f(s.field.rate)(ZERO, y), argnums=(0, 1))(scene, y)
+            for f in (lambda rate: rate, simplified)
+        )
+
+    y = scene.y0 + 0.01 * np.random.default_rng(0).standard_normal(len(scene.y0))
+    plain, found = (jax.tree.leaves(x) for x in both(scene, y))
+    for a, b in zip(plain, found, strict=True):
+        assert gap(a, b) < 1e-11 * max(1.0, float(jnp.abs(a).max()))
+
+
 def test_pairs_and_their_derivatives_agree_with_closed_forms():
-    # With parameters, which are derived by: the variational equations take the rate itself.
     def rate(t, y, p):
         return jnp.stack([y[1] + 0 * jnp.sin(y[0]), -p * p * y[0] + y[0] - y[0]])
 
