@@ -15,7 +15,7 @@ import tempfile
 from benchmarks._timing import Row, Times, interleaved, seconds_of
 
 _COMMAND = ("-m", "orbits", "figure-eight", "--json")
-_ROUNDS, _QUICK_ROUNDS = 5, 1
+_ROUNDS, _QUICK_ROUNDS = 2, 1
 _SLOW = 60.0  # [s] timeout
 
 

@@ -25,6 +25,7 @@ import numpy as np
 from benchmarks import _peers
 from benchmarks._timing import Curves, Method, work_precision
 from benchmarks.classics import CLASSICS
+from benchmarks.others import OTHERS
 from benchmarks.problems import CONSERVATIVE, GENERAL, Problem, figure_eight
 from benchmarks.systems import ERRORS, compiled
 from jaxdyn.solvers import (
@@ -43,13 +44,13 @@ from jaxdyn.solvers import (
 )
 from jaxdyn.solvers import Method as Solver
 
-PROBLEMS = {"figure-eight": figure_eight} | CONSERVATIVE | GENERAL | CLASSICS
+PROBLEMS = {"figure-eight": figure_eight} | CONSERVATIVE | GENERAL | CLASSICS | OTHERS
 TOLERANCES = tuple(float(f"1e-{e}") for e in range(4, 16))
 _TO_BEST, _TO_HEYOKA = 1.15, 1.0
 _TO_HEYOKA_BY_PLACES = 0.7  # where no force depends on velocity
 _NOT_COMPACT = 28  # numbers of a state
 _STARTS = 4  # of problems with one
-_ROUNDS, _QUICK_ROUNDS = 20, 3
+_ROUNDS, _QUICK_ROUNDS = 10, 3
 
 
 def run(quick: bool = False) -> list[Curves]:

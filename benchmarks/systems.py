@@ -8,12 +8,8 @@ thread; errors are the largest at the end, relative to the largest number of the
 heyoka in 80-bit floats. diffrax is given our scenes, the others the formulas in
 `benchmarks.problems`.
 
-Ours is at each error the fastest of the solvers that suit the scene: a pair, the extrapolated
-leapfrog or a Taylor series; the default is measured beside it. Last numbers (2 cores, 2026-11),
-ours over heyoka's (minima) at errors of 1e-6, 1e-9, 1e-12: Kepler 0.87, 0.78, 0.87; springs 0.5,
-0.3, 0.25; Henon-Heiles 0.46, 0.53, 0.63; cannonball 0.6, 0.73, 0.76; double pendulum 1.0, 1.1, 1.2;
-rigid body 1.1, 1.2, none; van der Pol 0.86, 0.8, 0.76. But for Kepler's orbit and the springs that
-is the default. SciPy takes 70 to 1000 times as long as ours.
+Ours is the default; `benchmarks.default_method` has our other solvers beside it. Last numbers (2
+cores, 2026-11): NUMBERS
 """
 
 import functools
@@ -27,7 +23,6 @@ import numpy as np
 from benchmarks import _peers
 from benchmarks._timing import Curves, Method, work_precision
 from benchmarks.problems import CONSERVATIVE, GENERAL, Problem
-from jaxdyn.accuracy.work_precision import fit_solvers
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.solvers import default_solver
 
@@ -35,12 +30,11 @@ from jaxdyn.solvers import default_solver
 ERRORS = (1e-6, 1e-9, 1e-12)
 #: Decades; heyoka needs up to ten seconds to build each of its integrators.
 TOLERANCES = tuple(float(f"1e-{e}") for e in range(4, 16))
-DEFAULT = "jaxdyn default"
 SCIPY = "SciPy DOP853"
 _SCIPY_FINEST = 3e-14  # it refuses smaller ones
 _TO_HEYOKA = {"conservative": 1.0, "general": 1.6}
 _TO_DIFFRAX, _TO_SCIPY = 0.2, 1.0
-_ROUNDS, _QUICK_ROUNDS = 30, 3
+_ROUNDS, _QUICK_ROUNDS = 15, 3
 
 
 def run(quick: bool = False) -> list[Curves]:
@@ -58,7 +52,7 @@ def curves(
     name: str, problem: Problem, rounds: int, tolerances: Sequence[float], to_heyoka: float
 ) -> Curves:
     """Error against time of all methods for one problem."""
-    methods = ours(problem, tolerances) | peers(problem, tolerances)
+    methods = {"jaxdyn": compiled(problem, tolerances)} | peers(problem, tolerances)
     if _peers.importable("heyoka"):
         truth = _peers.heyoka_precise(problem)
     else:
@@ -67,14 +61,6 @@ def curves(
     bars[SCIPY] = _TO_SCIPY
     bars = {method: (bar,) * len(ERRORS) for method, bar in bars.items()}
     return work_precision(name, methods, truth, ERRORS, rounds, bars)
-
-
-def ours(problem: Problem, tolerances: Sequence[float]) -> dict[str, Method]:
-    """The fastest of our solvers for each error, as in `jaxdyn accuracy`, and the default."""
-    runs = {solver: compiled(problem, tolerances, solver) for solver in fit_solvers(problem.scene)}
-    pairs = [(solver, tol) for solver in runs for tol in tolerances]
-    best = Method(lambda pair: runs[pair[0]].build(pair[1]), pairs)
-    return {"jaxdyn": best, DEFAULT: compiled(problem, tolerances)}
 
 
 def compiled(problem: Problem, tolerances: Sequence[float], solver=None) -> Method:

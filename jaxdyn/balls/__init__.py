@@ -6,10 +6,10 @@ motions, `motion` follows one to a number of digits. `enclosure` has the a-prior
 motions and the remainder of its Taylor series, `tube` encloses motions with it; `identities` proves
 that formulas are equal, `zeros` encloses all zeros in a box, with `directions` of unit vectors
 where a length may be 0, `decimals` writes balls as decimal strings. The formulas are those that
-`solvers.taylor` takes from the rate's program, with no constant rounded.
+`solvers.formulas` takes from the rate's program, with no constant rounded.
 
 May import: `solvers`. It needs python-flint: ``pip install 'jaxdyn[proof]'``.
 
-One more elementary function is one for `solvers.taylor`, its derivative in `derivative`, and its
+One more elementary function is one for `solvers.formulas`, its derivative in `derivative`, and its
 value in `arithmetic` where python-flint has no method of its name.
 """

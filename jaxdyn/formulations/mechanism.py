@@ -182,7 +182,7 @@ def mass_and_force(
     force = total_force(effects, t, r, velocity, m, -m[:, None] * c)
     # Materialised, or a loop over stages would compute it again for each entry of M: four to
     # six times slower (measured; materialising the force as well loses that again).
-    j = materialised(kinematic_jacobian(mechanism, t, q), jax.lax.stop_gradient(runtime_one(t)))
+    j = materialised(kinematic_jacobian(mechanism, t, q), runtime_one(t))
     pulled = row_sums(j, force.ravel())
     mass = weighted_gram(j, _weights(mechanism, j))
     return mass, pulled + on_coordinates(t, q, v, effects)

@@ -128,6 +128,7 @@ def _check_memory(scene: Scene, samples: int) -> None:
 
 def limits(options: SolverOptions, dt=None) -> Limits:
     """The limits of a solve, checked: the step if `dt` is given, else the tolerances."""
+    _checks.float64()  # or those that are kept would have half of their digits for good
     if dt is not None:
         return Limits(step_length(dt), _most(options.max_steps))
     given = options.rtol, options.atol, options.max_steps

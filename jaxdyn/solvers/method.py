@@ -8,7 +8,7 @@ import abc
 import dataclasses
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import ClassVar, NamedTuple, NoReturn, TypeVar
 
 import jax
@@ -197,9 +197,15 @@ def traced_once(look: Callable) -> Callable:
 
 def operations(rate: Callable, t0: Array, y0: Array) -> int:
     """Number of operations of one rate evaluation."""
+    return sum(len(jaxpr.eqns) for jaxpr in programs(jax.make_jaxpr(rate)(t0, y0).jaxpr))
 
-    def count(jaxpr) -> int:
-        inner = [v for eqn in jaxpr.eqns for v in eqn.params.values() if hasattr(v, "jaxpr")]
-        return len(jaxpr.eqns) + sum(count(closed.jaxpr) for closed in inner)
 
-    return count(jax.make_jaxpr(rate)(t0, y0).jaxpr)
+def programs(jaxpr) -> Iterator:
+    """A program and all that its operations call, as often as they stand in it."""
+    yield jaxpr
+    for eqn in jaxpr.eqns:
+        for value in eqn.params.values():
+            for inner in value if isinstance(value, tuple | list) else (value,):
+                inner = getattr(inner, "jaxpr", inner)
+                if hasattr(inner, "eqns"):
+                    yield from programs(inner)

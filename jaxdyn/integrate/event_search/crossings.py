@@ -76,7 +76,8 @@ def first_crossing(field, events, y0, t0, t1, limits, *, settings: Settings):
     step = settings.method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)
     rtol, atol = limits.tolerance
     size = StepControl.norm(step.error / (atol + rtol * jnp.maximum(abs(seen.y0), abs(y))))
-    unseen = jnp.isfinite(h) & ~(size < _TRUSTED_ERROR)
+    moved = jnp.isfinite(h) & (h != 0)
+    unseen = (out.status == int(Status.OK)) & moved & ~(size < _TRUSTED_ERROR)
     status = jnp.where(unseen, int(Status.UNSEEN_WITHIN_STEP), out.status)
     status = jnp.where(jnp.isnan(seen.end.side).any(), int(Status.NOT_FINITE), status)
     return out.y1, Crossing(t=seen.t0 + h, y=y, event=which, status=status)

@@ -80,6 +80,8 @@ class Graph:
 
     def add(self, a: Number, b: Number) -> Number:
         """A sum; equal terms are collected."""
+        if a is b and isinstance(a, Node):
+            return self.mul(2.0, a)
         terms = self._terms(a)
         for m, c in self._terms(b).items():
             terms[m] = self._steady("add", terms.get(m, 0.0), c)

@@ -7,17 +7,24 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn.solvers.formulas.formulas import NotElementary
+from jaxdyn.solvers.formulas.formulas import Formulas, NotElementary
 from jaxdyn.solvers.formulas.nodes import Node, Number
 from jaxdyn.solvers.formulas.shortest import shortest
 from jaxdyn.solvers.formulas.values import Value, value
-from jaxdyn.solvers.method import Rate, operations
+from jaxdyn.solvers.method import Rate, programs
 
 #: Numbers of a state: more are points in arrays, whose loops the compiler vectorises (of 12 and
 #: more numbers three bodies take 1.2 times as long by formulas, Pleiades 1.3 times).
 _MOST_NUMBERS = 11
 #: Operations of a rate: a thousand take a tenth of a second to find formulas for.
 _MOST_OPERATIONS = 1000
+#: Entries of all arrays of a rate, likewise.
+_MOST_ENTRIES = 10_000
+#: Nodes of the formulas for each operation on arrays: more are loops over long arrays, which the
+#: compiler vectorises (a network of 24 neurons takes ten times as long by formulas).
+_MOST_NODES = 4
+#: Operations with derivatives that formulas do not have.
+_AGREED = frozenset({"stop_gradient", "abs", "max", "min", "reduce_max", "reduce_min"})
 
 
 def simplified(rate: Rate) -> Rate:
@@ -29,34 +36,42 @@ def simplified(rate: Rate) -> Rate:
     double pendulum) of the time, and one with tangents 0.03 (a triple pendulum) to 0.5, since loops
     over the unknowns of a linear system, as in a mass matrix, are written out.
 
-    Limits: rates with derivatives of their own (``jax.custom_jvp``) are left as they are. A product
-      with a known 0 is 0, also where the other factor is infinite.
+    Limits: rates with derivatives of their own (``jax.custom_jvp``, `stop_gradient`), or with a
+      largest number or a size, whose derivatives at ties are agreed upon, are left as they are. A
+      product or quotient with a known 0 is 0, also where the other number is infinite or NaN.
     """
 
     def by_formulas(t: Array, y: Array) -> Array:
-        if y.ndim > 1 or len(y) > _MOST_NUMBERS or operations(rate, t, y) > _MOST_OPERATIONS:
+        if y.ndim > 1 or len(y) > _MOST_NUMBERS:
             return rate(t, y)
-        if _has_own_derivatives(jax.make_jaxpr(rate)(t, y).jaxpr):
+        found = _short_formulas(rate, t, y)
+        if found is None:
             return rate(t, y)
-        try:
-            found, nodes = shortest(rate, t, y)
-        except NotElementary:
-            return rate(t, y)
-        values: dict[Node, Value] = {node: node.value for node in (found.time, *found.states)}
+        formulas, nodes = found
+        values: dict[Node, Value] = {n: n.value for n in (formulas.time, *formulas.states)}
         at = _reader(values)
         for node in nodes:
             values[node] = value(node, at)
-        rates = (at(x) for x in found.rates)
+        rates = (at(x) for x in formulas.rates)
         return jnp.stack([jnp.zeros_like(t) if x is None else jnp.asarray(x) for x in rates])
 
     return by_formulas
 
 
-def _has_own_derivatives(jaxpr) -> bool:
-    """Whether a program, or one within it, comes with a rule for its derivative."""
-    inner = (v for eqn in jaxpr.eqns for v in eqn.params.values() if hasattr(v, "jaxpr"))
-    own = any(eqn.primitive.name.startswith("custom_") for eqn in jaxpr.eqns)
-    return own or any(_has_own_derivatives(closed.jaxpr) for closed in inner)
+def _short_formulas(rate: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node]] | None:
+    """The formulas of a rate, where they exist and are not much longer than its program."""
+    found = [eqn for jaxpr in programs(jax.make_jaxpr(rate)(t, y).jaxpr) for eqn in jaxpr.eqns]
+    names = {eqn.primitive.name for eqn in found}
+    if names & _AGREED or any(name.startswith("custom_") for name in names):
+        return None
+    sizes = sum(max(a.aval.size for a in (*eqn.invars, *eqn.outvars)) for eqn in found)
+    if len(found) > _MOST_OPERATIONS or sizes > _MOST_ENTRIES:
+        return None
+    try:
+        formulas, nodes = shortest(rate, t, y)
+    except NotElementary:
+        return None
+    return (formulas, nodes) if len(nodes) <= _MOST_NODES * len(found) else None
 
 
 def _reader(values: dict[Node, Value]) -> Callable[[Number], Value]:

@@ -108,6 +108,9 @@ def test_looser_tolerances_take_lower_orders():
 
     looked(1e-5)
     assert orders == [TAYLOR20]
+    # One with a value is looked at, within a program as well.
+    coarse = jnp.asarray(1e-5)
+    assert jax.jit(lambda t: t + default_solver(LORENZ, rtol=coarse).order)(0.0) == 16
     orbit = kepler(0.3)
     assert default_solver(orbit, rtol=1e-5).name == "Taylor 12"
     assert default_solver(orbit, rtol=1e-5).for_tangents is NYSTROM12

@@ -1,5 +1,7 @@
 """Rates evaluated by their formulas, against the rates themselves."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -49,15 +51,39 @@ def test_what_has_no_formulas_or_many_numbers_is_left_alone():
     assert simplified(lambda t, y: jnp.zeros(2))(ZERO, y).dtype == float
 
 
-def test_rules_of_derivatives_that_a_rate_comes_with_are_kept():
-    def rate(t, y):
-        return jnp.stack([y[1], 0 * y[0]]) + jnp.stack([_square(y[0]), y[1] - y[1]])
+@pytest.mark.parametrize("kept", ["own rule", "within checkpoint", "stopped"])
+def test_derivatives_that_a_rate_comes_with_are_kept(kept):
+    square = jax.custom_jvp(lambda x: x * x)
+    square.defjvp(lambda x, dx: (x[0] * x[0], 7.0 * dx[0]))
+    bent, slope = {
+        "own rule": (square, 7.0),
+        "within checkpoint": (jax.checkpoint(square), 7.0),
+        "stopped": (lambda x: jax.lax.stop_gradient(x) * x, 0.3),
+    }[kept]
 
-    _square = jax.custom_jvp(lambda x: x * x)
-    _square.defjvp(lambda x, dx: (x[0] * x[0], 7.0 * dx[0]))
+    def rate(t, y):
+        return jnp.stack([y[1] + bent(y[0]), y[1] - y[1]])
+
+    found = jax.jacfwd(lambda y: simplified(rate)(ZERO, y))(jnp.array([0.3, 0.7]))
+    assert gap(found, jnp.array([[slope, 1.0], [0.0, 0.0]])) == 0
+
+
+@pytest.mark.parametrize("n", [6, 7, 8])
+def test_a_long_sum_and_itself_are_twice_the_sum(n):
+    # As in the reverse derivative of a square; with a constant it is longer than sums get.
+    def rate(t, y):
+        w = 1.0 + functools.reduce(jnp.add, [y[0] ** k for k in range(1, n + 1)])
+        return jnp.stack([w + w, jax.grad(lambda x: 0.5 * (1.0 + x @ x) * (1.0 + x @ x))(y)[1]])
+
     y = jnp.array([0.3, 0.7])
-    slope = jax.jacfwd(lambda y: simplified(rate)(ZERO, y))(y)
-    assert gap(slope, jnp.array([[7.0, 1.0], [0.0, 0.0]])) == 0
+    assert gap(simplified(rate)(ZERO, y), rate(ZERO, y)) < 1e-15 * n
+
+
+def test_arrays_that_are_many_numbers_stay_arrays():
+    weights = np.random.default_rng(0).standard_normal((24, 4))
+    rate = lambda t, y: weights.T @ jnp.tanh(weights @ y)  # noqa: E731
+    program = str(jax.make_jaxpr(simplified(rate))(ZERO, jnp.ones(4)))
+    assert (program.count("tanh"), program.count("dot_general")) == (1, 2)
 
 
 @pytest.mark.parametrize("name", SHORTER)
