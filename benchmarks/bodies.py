@@ -7,11 +7,12 @@ A pair takes 18 additions and multiplications, a square root and a division; the
 take 3.4 cycles in vectors of 256 bits [Agner Fog's tables, Zen 4: 9 and 5 cycles for four], 0.9 ns
 at 3.7 GHz.
 
-Last numbers (2 shared cores, 2026-11), ours over heyoka's at errors of 1e-6, 1e-9, 1e-12: gravity
-of 16 bodies 0.2, 0.16, 0.05, of 64 0.24, 0.12, 0.14, of 256 0.11, 0.07, 0.03; springs of 16 bodies
-0.45, 0.3, 0.26, of 64 0.46, 0.25, 0.18, of 256 0.23, 0.14, 0.14, of 1024 0.55, 0.19, 0.08. Over
-REBOUND's: at most 0.05, 0.34 and 0.19 with 16, 64 and 256 bodies. A pair takes 1.1 to 1.3 ns from
-16 to 1024 bodies. The compiled solve of 1024 bodies holds as many states, 16, as that of 256.
+Last numbers (2 cores, 2026-11), ours over heyoka's at errors of 1e-6, 1e-9, 1e-12: gravity of 16
+bodies 0.18, 0.15, 0.13, of 64 0.14, 0.13, 0.10, of 256 0.08, 0.04, 0.04; springs of 16 bodies 0.41,
+0.27, 0.25, of 64 0.39, 0.28, 0.18, of 256 0.67, 0.44, 0.30, of 1024 0.79, 0.44, 0.35. Over
+REBOUND's: at most 0.16, 0.29, 0.17 and 0.11 with 16, 64, 256 and 1024 bodies. A pair takes 1.2 to
+1.3 ns from 16 to 1024 bodies. The compiled solve of 1024 bodies holds as many states, 16, as that
+of 256.
 """
 
 import functools

@@ -3,8 +3,8 @@
 Run: ``python -m benchmarks compile-time``. Tracing, compiling and a very short first run, without
 caches: of the composed double and triple pendulum, and the slowest of the zoo.
 
-Last numbers (2 cores, 2026-11): double pendulum 1.9 s and 1.7 s, triple pendulum 0.7 s and
-1.8 s; the slowest of the zoo, a rolling disk, 4.5 s and 10.1 s (bar 8 s).
+Last numbers (2 cores, 2026-11): double pendulum 1.7 s and 1.2 s, triple pendulum 1.0 s and
+1.9 s; the slowest of the zoo, a rolling disk, 4.4 s and 9.2 s (bar 8 s).
 """
 
 from collections.abc import Iterable

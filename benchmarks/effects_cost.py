@@ -5,9 +5,10 @@ of one particle on a spring with more and more effects: effects that a scene doe
 nothing. The others compare the composed double and triple pendulum (`scenes.pendula`) with
 closed forms as in textbooks, in the same solver, at equal true error.
 
-Last numbers (2 shared cores, 2026-11), minima: a step 0.7 to 0.8 us with one to five effects;
-double pendulum at 1e-12 0.21 ms against 0.11 ms by hand (1.9), triple 0.41 against 0.21 ms
-(1.9); building and first run 3.5 s against 1.6 s.
+Last numbers (2 cores, 2026-11), minima: a step 0.6 to 1.0 us with one to five effects; double
+pendulum at 1e-12 0.15 ms against 0.09 ms by hand (1.6), triple 0.22 against 0.21 ms (1.02), since
+the pair evaluates both by their formulas; building and first run 1.6 s and 1.0 s against 1.0 s and
+0.9 s.
 """
 
 import functools

@@ -5,15 +5,15 @@ are the largest of the 12 at the end, against a solution with 36 digits. Three w
 compiled into a user's program (`jaxdyn`), and the public `solve` and `simulate` from Python with
 their overhead.
 
-Last numbers (2 cores, 2026-11), minima, with ours over the other's in brackets: error 1e-6 17 us,
-heyoka 18 (0.93), Dopri8 78 (0.22), DOP853 2570; 1e-9 21 us, 26 (0.83), 107 (0.20), 5070; 1e-12 27
-us, 34.5 (0.78), 169 (0.16); 1e-14 35 us, 43 (0.80). Ours are by the extrapolated leapfrog; the
+Last numbers (2 cores, 2026-11), minima, with ours over the other's in brackets: error 1e-6 25 us,
+heyoka 23 (1.1), Dopri8 84 (0.30), DOP853 3170; 1e-9 30 us, 34.5 (0.86), 148 (0.20), 6090; 1e-12 39
+us, 50 (0.78), 260 (0.15). Ours are by the extrapolated leapfrog; the
 Nystrom pair takes 1.0 to 1.3 times as long. heyoka is given each pair of bodies once; with each
 pair written twice it takes 1.5 times as long, its own `model.nbody` 1.2 times. diffrax runs here
 with loops folded by `jaxdyn.configure`. As shipped, in a process of its own, its Dopri8 takes
 460, 1000 and 2200 us to errors of 2e-7, 1e-10 and 1e-13: 27, 45 and 75 times as long as ours. 11
 us of ours pass in a call that takes no step, most of them in JAX: in one call of ten periods the
-ratios to heyoka are 0.49, 0.56 and 0.58; `solve` from Python adds 45 us.
+ratios to heyoka are 0.49, 0.56 and 0.58; `solve` from Python adds 57 us.
 """
 
 from collections.abc import Sequence

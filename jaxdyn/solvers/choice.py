@@ -77,7 +77,19 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     with such forces, at tolerances down to 1e-11 (`STOERMER14` above 1e-6), else `NYSTROM12`. All
     others take `VERNER9`.
 
-    FIGURES
+    At true errors of 1e-6, 1e-9 and 1e-12 the series take, of the time of the pair: 0.78, 0.62,
+    0.36 (Lorenz), 0.41, 0.33, 0.21 (Duffing), 1.10, 0.85, 0.73 (Henon and Heiles), 0.26, 0.37, 0.27
+    (Toda's ring), 0.65, 0.70, 0.59 (spherical pendulum), 0.77, 0.61, 0.77 (Kepler's orbit, e =
+    0.9), 0.79, 0.69, 0.48 (three restricted bodies in space), 0.61, 0.45, 0.30 (magnetic bottle),
+    0.83, 0.75, 0.56 (double pendulum), 0.41, 0.31, 0.33 (rigid body). They compile in 0.8 to 1.7 of
+    the time of the pair, a rigid body in 2.3 (1.1 s). The leapfrog takes, of the time of
+    `NYSTROM12`: 0.96, 0.82, 0.86 (figure-eight), 0.56, 0.60, 0.65 (Pleiades), 0.80, 0.69, 0.59
+    (outer planets), 1.31, 1.02, 0.87 (a sheet of springs).
+
+    The orders rest on the twenty problems of `benchmarks.problems` and `benchmarks.classics`. There
+    50 of 60 cases are within 1.15 of the fastest method, and none is above 1.31; on the twelve of
+    `benchmarks.others`, written down afterwards, 34 of 36: a galaxy took 1.19 and a chain of
+    springs 1.41, both at 1e-6.
 
     At the same tolerance errors of series are no larger than those of the pair in nine of ten runs,
     and a twentieth in the median; those of the leapfrog a tenth to a twentieth down to 1e-10, also
