@@ -1,16 +1,13 @@
 """A rate evaluated by its formulas: what was written twice is computed once, what cancels never."""
 
-from collections.abc import Callable
-
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
 from jaxdyn.solvers.formulas.formulas import Formulas, NotElementary
 from jaxdyn.solvers.formulas.nodes import Node, Number
 from jaxdyn.solvers.formulas.shortest import shortest
-from jaxdyn.solvers.formulas.values import Value, value
+from jaxdyn.solvers.formulas.values import Value, known, value
 from jaxdyn.solvers.method import Rate, programs
 
 #: Numbers of a state: more are points in arrays, whose loops the compiler vectorises (of 12 and
@@ -49,7 +46,10 @@ def simplified(rate: Rate) -> Rate:
             return rate(t, y)
         formulas, nodes = found
         values: dict[Node, Value] = {n: n.value for n in (formulas.time, *formulas.states)}
-        at = _reader(values)
+
+        def at(a: Number) -> Value:
+            return values[a] if isinstance(a, Node) else known(a)
+
         for node in nodes:
             values[node] = value(node, at)
         rates = (at(x) for x in formulas.rates)
@@ -72,12 +72,3 @@ def _short_formulas(rate: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node
     except NotElementary:
         return None
     return (formulas, nodes) if len(nodes) <= _MOST_NODES * len(found) else None
-
-
-def _reader(values: dict[Node, Value]) -> Callable[[Number], Value]:
-    def at(a: Number) -> Value:
-        if isinstance(a, Node):
-            return values[a]
-        return np.bool_(a) if isinstance(a, bool) else np.float64(a)
-
-    return at

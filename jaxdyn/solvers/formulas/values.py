@@ -27,6 +27,11 @@ def value(node: Node, at: Callable[[Number], Value]) -> Value:
     return _VALUES[node.op](*(at(a) for a in node.args))
 
 
+def known(a: float | int | bool) -> Value:
+    """The value of a number known when the program is compiled."""
+    return np.bool_(a) if isinstance(a, bool) else np.float64(a)
+
+
 def times(a: Value, b: Value) -> Value:
     """A product; None for zero."""
     if a is None or b is None:

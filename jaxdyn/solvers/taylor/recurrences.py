@@ -25,7 +25,7 @@ from jaxdyn._numerics import runtime_one
 from jaxdyn.solvers.formulas.formulas import Formulas
 from jaxdyn.solvers.formulas.nodes import Node, Number
 from jaxdyn.solvers.formulas.values import Value as Coefficient
-from jaxdyn.solvers.formulas.values import minus, plus, selected, times, value, weighted
+from jaxdyn.solvers.formulas.values import known, minus, plus, selected, times, value, weighted
 
 
 def solution(
@@ -74,7 +74,7 @@ class _Series:
     def at(self, a: Number, k: int) -> Coefficient:
         """Coefficient k of a node or of a known number."""
         if not isinstance(a, Node):
-            return (np.bool_(a) if isinstance(a, bool) else np.float64(a)) if k == 0 else None
+            return known(a) if k == 0 else None
         found = self.coefficients[a]
         return found[k] if k < len(found) else None
 

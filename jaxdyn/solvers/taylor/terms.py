@@ -21,8 +21,8 @@ from jaxdyn.solvers.taylor.recurrences import Coefficient, plus, times
 
 #: The estimate in parts of the last term. The error of a step is about the next term, a few times
 #: smaller. But who asks for a tolerance by habit should not lose digits: so errors of whole motions
-#: at one tolerance are no larger than those of a pair in nine of ten runs (16 problems, tolerances
-#: of 1e-4 to 1e-13), and a twentieth of them in the median. At equal errors it costs nothing.
+#: at one tolerance are no larger than those of a pair in nine of ten runs (27 problems, tolerances
+#: of 1e-4 to 1e-13), and a sixteenth of them in the median. At equal errors it costs nothing.
 _CAUTION = 3.0
 #: The difference of slopes at the end of a step, which also shows jumps within it, in parts of the
 #: last term: it is the next term already, times the order.
