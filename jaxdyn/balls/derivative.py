@@ -6,9 +6,8 @@ evaluated, with no constant rounded on the way, and both share their nodes.
 
 from collections.abc import Callable
 
-from jaxdyn.solvers.formulas.formulas import NotElementary
 from jaxdyn.solvers.formulas.graph import Graph
-from jaxdyn.solvers.formulas.nodes import STEADY, Node, Number
+from jaxdyn.solvers.formulas.nodes import STEADY, Node, NotElementary, Number
 
 
 def gradients(graph: Graph, results: list[Number], by: list[Node]) -> list[list[Number]]:

@@ -55,7 +55,7 @@ class Variational(eqx.Module):
         moving, fixed = _split_like(self.field, self.directions)
 
         def onto(p, x):
-            return eqx.combine(p, fixed).project(t, x)
+            return simplified(eqx.combine(p, fixed).project)(t, x)
 
         x, jvp = jax.linearize(onto, moving, y[..., 0])
         tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._numerics import two_sum
+from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import Advance, Method
 from jaxdyn.solvers.perturbed import begun
 
@@ -84,7 +85,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         y1, carry = two_sum(y0, carry + step.rest, step.increment)
         end = None if isinstance(step.part, float) else _end(t0, t1, step.part)
         t1 = t1 if end is None else end
-        y1 = args.project(sign * t1, y1)
+        y1 = simplified(args.project)(sign * t1, y1)
         lost = args.loses(sign * t0, y0, sign * t1, y1)
         y1 = y1 if lost is None else jnp.where(lost, jnp.nan, y1)
         near = step.speed > self.method.alarm * self.method.stable

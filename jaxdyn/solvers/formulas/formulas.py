@@ -7,25 +7,38 @@ linear algebra and callbacks cannot be represented: `NotElementary`.
 """
 
 import functools
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
 import jax.extend
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
 from jaxdyn.solvers.formulas.composed import COMPOSED
 from jaxdyn.solvers.formulas.graph import Graph
-from jaxdyn.solvers.formulas.nodes import COMPARISONS, FUNCTIONS, LOGIC, TESTS, Node, Number
-from jaxdyn.solvers.formulas.on_numpy import calculated, rearranged
-
-
-class NotElementary(Exception):
-    """Raised for a rate with an operation that has no Taylor series here; names it."""
+from jaxdyn.solvers.formulas.nodes import (
+    COMPARISONS,
+    FUNCTIONS,
+    LOGIC,
+    ROUGH,
+    TESTS,
+    Node,
+    NotElementary,
+    Number,
+)
+from jaxdyn.solvers.formulas.on_arrays import (
+    MOVES,
+    by_jax,
+    converted,
+    elementwise,
+    folded,
+    moved,
+    multiplied,
+    objects,
+)
+from jaxdyn.solvers.formulas.on_numpy import calculated
 
 
 class Formulas(NamedTuple):
@@ -44,11 +57,11 @@ class Formulas(NamedTuple):
     rates: list[Number]
 
 
-#: Operations that only rearrange their first arguments; the others are known indices.
-_MOVES = {
-    **dict.fromkeys(("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice"), None),
-    **dict.fromkeys(("concatenate", "rev", "split", "stack", "unstack", "pad"), None),
-    **{"dynamic_slice": 1, "gather": 1, "dynamic_update_slice": 2},
+#: Operations along axes, as operations on two numbers, and what they make of none.
+_FOLDED = {
+    "reduce_sum": ("add", 0.0),
+    **{"reduce_max": ("max", -math.inf), "reduce_min": ("min", math.inf)},
+    **{"reduce_and": ("and", True), "reduce_or": ("or", False)},
 }
 _SAME = {"stop_gradient", "copy", "copy_p", "optimization_barrier"}
 _CALLS = {"jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call", "remat2"}
@@ -56,7 +69,9 @@ _CALLS = {"jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call", "r
 _LONGEST_LOOP = 1000
 
 
-def formulas(field: Callable, t: Array, y: Array, expanding: bool = True) -> Formulas:
+def formulas(
+    field: Callable, t: Array, y: Array, expanding: bool = True, smooth: bool = True
+) -> Formulas:
     """The formulas of a rate.
 
     Args:
@@ -64,10 +79,11 @@ def formulas(field: Callable, t: Array, y: Array, expanding: bool = True) -> For
       t: () time.
       y: (k,) state.
       expanding: of its `Graph`.
+      smooth: likewise.
     Raises:
       NotElementary: an operation of the field cannot be represented.
     """
-    return _traced(Graph(expanding=expanding), field, (), t, y)
+    return _traced(Graph(expanding=expanding, smooth=smooth), field, (), t, y)
 
 
 def exact_formulas(field: Callable, numbers: PyTree, t: Array, y: Array) -> Formulas:
@@ -91,15 +107,9 @@ def _traced(graph: Graph, field: Callable, more: tuple, t, y, known: Sequence = 
     closed = jax.make_jaxpr(field)(t, y, *more)
     time = graph.given(t, moving=True)
     states = [graph.given(y[i], moving=True) for i in range(len(y))]
-    inputs = [_objects([time], ()), _objects(states, y.shape), *known]
+    inputs = [objects([time], ()), objects(states, y.shape), *known]
     (rates,) = _interpreted(graph, closed.jaxpr, [_taken(graph, c) for c in closed.consts], inputs)
     return Formulas(graph=graph, time=time, states=states, rates=rates.tolist())
-
-
-def _objects(items: list, shape: tuple[int, ...]) -> np.ndarray:
-    found = np.empty(len(items), object)
-    found[:] = items
-    return found.reshape(shape)
 
 
 def _taken(graph: Graph, x) -> np.ndarray:
@@ -107,7 +117,7 @@ def _taken(graph: Graph, x) -> np.ndarray:
     if not isinstance(x, jax.core.Tracer):
         return _as_known(graph, np.asarray(x))
     flat = x.ravel()
-    return _objects([graph.given(flat[i]) for i in range(x.size)], x.shape)
+    return objects([graph.given(flat[i]) for i in range(x.size)], x.shape)
 
 
 def _as_known(graph: Graph, x: np.ndarray) -> np.ndarray:
@@ -137,96 +147,44 @@ def _applied(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
         consts = [_taken(graph, c) for c in getattr(inner, "consts", ())]
         return _interpreted(graph, getattr(inner, "jaxpr", inner), consts, args)
     if not any(x.dtype == object for x in args):
-        known = calculated(eqn, args) or _known(eqn.primitive, params, args)
+        known = calculated(eqn, args) or by_jax(eqn.primitive, params, args)
         return [_as_known(graph, x) for x in known]
     if name == "scan":
         return _written_out(graph, eqn, args)
-    if name in _MOVES:
-        return _rearranged(eqn, args)
+    if name == "cond" and args[0].dtype != object:
+        # As where a program depends on the platform.
+        inner = params["branches"][int(args[0])]
+        consts = [_taken(graph, c) for c in inner.consts]
+        return _interpreted(graph, inner.jaxpr, consts, args[1:])
+    if name in MOVES:
+        return moved(eqn, args)
     if name in _SAME:
         return args
     if name == "convert_element_type":
         kinds = eqn.invars[0].aval.dtype, np.dtype(params["new_dtype"])
-        return [_converted(graph, args[0], *kinds)]
+        return [converted(graph, args[0], *kinds)]
     _check_kinds(eqn)
-    if name == "reduce_sum":
-        return [_summed(graph, args[0], tuple(params["axes"]))]
+    if name in _FOLDED:
+        binary, of_none = _FOLDED[name]
+        op = _scalar(graph, binary, {}, 1)
+        return [folded(op, of_none, args[0], tuple(params["axes"]))]
     if name == "dot_general":
-        return [_multiplied(graph, *args, *params["dimension_numbers"])]
-    return [_elementwise(_scalar(graph, name, params, len(args) - 1), args)]
+        return [multiplied(graph, *args, *params["dimension_numbers"])]
+    return [elementwise(_scalar(graph, name, params, len(args) - 1), args)]
 
 
 def _check_kinds(eqn) -> None:
     """Formulas are of 64-bit floats; booleans are only combined, or select."""
     name = eqn.primitive.name
     ours = eqn.invars[1:] if name == "select_n" else eqn.invars
-    wanted = bool if name in LOGIC else float
+    of_booleans = name in LOGIC or name in ("reduce_and", "reduce_or")
+    if name == "select_n":
+        of_booleans = ours[0].aval.dtype == bool
+    wanted = bool if of_booleans else float
     results = eqn.outvars if name == "dot_general" else []
     for kind in {a.aval.dtype for a in (*ours, *results)}:
         if kind != wanted:
             raise NotElementary(f"{name} of {kind}")
-
-
-def _known(primitive, params: dict, args: list[np.ndarray]) -> list[np.ndarray]:
-    with jax.ensure_compile_time_eval():
-        found = primitive.bind(*map(jnp.asarray, args), **params)
-    return [np.asarray(x) for x in (found if primitive.multiple_results else [found])]
-
-
-def _rearranged(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
-    name, params = eqn.primitive.name, dict(eqn.params)
-    n = _MOVES[name] or len(args)
-    moved, places = args[:n], args[n:]
-    if any(x.dtype == object for x in places):
-        raise NotElementary(f"{name} at indices known only at run time")
-    found = rearranged(name, params, [*(x.astype(object) for x in moved), *places])
-    if found is not None:
-        return found
-    # It is applied to the indices of all entries, to see where each goes.
-    if name == "gather":
-        params["fill_value"] = -1
-    starts = itertools.accumulate((x.size for x in moved), initial=0)
-    numbers = [n + np.arange(x.size).reshape(x.shape) for n, x in zip(starts, moved, strict=False)]
-    pool = np.concatenate([x.astype(object).ravel() for x in moved])
-    found = _known(eqn.primitive, params, [*numbers, *places])
-    if any((x < 0).any() for x in found):
-        raise NotElementary(f"{name} at indices out of bounds")
-    return [np.asarray(pool[x], object) for x in found]
-
-
-def _converted(graph: Graph, x: np.ndarray, kind: np.dtype, wanted: np.dtype) -> np.ndarray:
-    if kind == wanted:
-        return x
-    if wanted != np.float64:
-        raise NotElementary(f"conversion to {wanted}")
-    return _elementwise(graph.real, [x])
-
-
-def _summed(graph: Graph, x: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
-    kept = [i for i in range(x.ndim) if i not in axes]
-    shape = [*(x.shape[i] for i in kept), math.prod(x.shape[i] for i in axes)]
-    rows = np.transpose(x, [*kept, *axes]).reshape(shape)
-    found = np.empty(rows.shape[:-1], object)
-    for at in np.ndindex(found.shape):
-        found[at] = functools.reduce(graph.add, rows[at], 0.0)
-    return found
-
-
-def _multiplied(graph: Graph, a, b, contracted, batched) -> np.ndarray:
-    """Products of matrices: batch axes, then free ones of a, then free ones of b."""
-
-    def as_matrices(x, batch, last):
-        free = [i for i in range(x.ndim) if i not in (*batch, *last)]
-        parts = [[x.shape[i] for i in part] for part in (batch, free, last)]
-        moved = np.transpose(x.astype(object), [*batch, *free, *last])
-        return moved.reshape([math.prod(p) for p in parts]), parts
-
-    a, (batch, free_a, _) = as_matrices(a, batched[0], contracted[0])
-    b, (_, free_b, _) = as_matrices(b, batched[1], contracted[1])
-    found = np.empty((a.shape[0], a.shape[1], b.shape[1]), object)
-    for i, j, k in np.ndindex(found.shape):
-        found[i, j, k] = functools.reduce(graph.add, map(graph.mul, a[i, j], b[i, k]), 0.0)
-    return found.reshape([*batch, *free_a, *free_b])
 
 
 def _written_out(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
@@ -254,6 +212,8 @@ def _written_out(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
 
 def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
     """The operation on numbers, for entries one by one."""
+    if not graph.smooth and name in ROUGH:
+        return functools.partial(graph.rough, name)
     if name in ("add", "add_any"):
         return graph.add
     if name in ("sub", "mul", "div", "neg"):
@@ -281,20 +241,14 @@ def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
 
 
 def _condition(graph: Graph, op: str, *args: Number) -> Number:
-    """A condition; on moving numbers only equality, since others may change within a step."""
-    if op not in LOGIC and op not in ("eq", "ne"):
+    """A condition; in series only equality of moving numbers, since others may change in a step."""
+    if graph.smooth and op not in LOGIC and op not in ("eq", "ne"):
         if any(isinstance(a, Node) and a.moving for a in args):
             raise NotElementary("a condition on moving numbers")
     return graph.compare(op, *args)
 
 
 def _power(graph: Graph, a: Number, n: Number) -> Number:
-    if isinstance(n, Node) and n.moving:
+    if graph.smooth and isinstance(n, Node) and n.moving:
         raise NotElementary("a power with a moving exponent")
     return graph.power(a, n)
-
-
-def _elementwise(op: Callable, args: list[np.ndarray]) -> np.ndarray:
-    shape = np.broadcast_shapes(*(x.shape for x in args))
-    columns = [np.broadcast_to(x, shape).ravel().tolist() for x in args]
-    return _objects(list(itertools.starmap(op, zip(*columns, strict=True))), shape)

@@ -47,13 +47,16 @@ class Graph:
         float exactly; otherwise they are nodes, for another arithmetic to evaluate.
       expanding: whether products with short sums are multiplied out. Mostly that saves products,
         which exist already, or cancels terms; not so where a sum is the common factor of several.
+      smooth: whether all of it must have a Taylor series, valid for a step. Otherwise the formulas
+        can only be evaluated: conditions may change at any time, and functions may be any.
 
     Attributes:
       expanded: whether any was.
     """
 
-    def __init__(self, exact: bool = False, expanding: bool = True):
+    def __init__(self, exact: bool = False, expanding: bool = True, smooth: bool = True):
         self.exact, self.expanding, self.expanded = exact, expanding, False
+        self.smooth = smooth
         self._found: dict[tuple, Node] = {}
         self._count = 0
 
@@ -198,6 +201,10 @@ class Graph:
             assert isinstance(slope, Node)
             node.partner = slope
         return node
+
+    def rough(self, op: str, *args: Number) -> Number:
+        """A function that can only be evaluated."""
+        return self.node(op, *map(self._in_one_form, args))
 
     def _in_one_form(self, a: Number) -> Number:
         """The number, with sums as in `_signed`."""

@@ -7,6 +7,10 @@ import numpy as np
 from jaxtyping import Array
 
 
+class NotElementary(Exception):
+    """Raised for a rate with an operation that cannot be represented here; names it."""
+
+
 class Node:
     """A number of the calculation.
 
@@ -39,6 +43,11 @@ LOGIC = {"and": operator.and_, "or": operator.or_, "not": operator.not_}
 TESTS = {"is_finite": math.isfinite}
 #: Operations with a result that holds for a whole step.
 STEADY = frozenset({*COMPARISONS, *LOGIC, *TESTS, "real"})
+#: Functions without a series here, by the names of JAX's primitives: they can only be evaluated.
+ROUGH = frozenset({"abs", "max", "min", "sign", "floor", "ceil", "rem", "cbrt", "exp2"}) | {
+    *("tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "asinh", "acosh", "atanh"),
+    *("expm1", "log1p", "logistic", "erf"),
+}
 FUNCTIONS = {
     **{"sin": np.sin, "cos": np.cos, "exp": np.exp, "log": np.log, "sqrt": np.sqrt},
     **{"tanh": np.tanh},

@@ -12,16 +12,21 @@ _ONE_PRODUCT_EACH = ("product", "div", "sqrt", "log", "exp", "sin", "cos", "tanh
 _PRODUCTS = dict.fromkeys(_ONE_PRODUCT_EACH, 1) | {"pow": 2}
 
 
-def shortest(rate: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node]]:
+def shortest(rate: Rate, t: Array, y: Array, smooth: bool) -> tuple[Formulas, list[Node]]:
     """The formulas with the fewest products, and their nodes in order.
 
+    Args:
+      rate: of the motion.
+      t: () time.
+      y: (k,) state.
+      smooth: of their `Graph`.
     Raises:
       NotElementary: see `formulas`.
     """
-    found = formulas(rate, t, y)
+    found = formulas(rate, t, y, smooth=smooth)
     best = found, ordered(found.graph, found.rates)
     if found.graph.expanded:
-        plain = formulas(rate, t, y, expanding=False)
+        plain = formulas(rate, t, y, expanding=False, smooth=smooth)
         best = min(best, (plain, ordered(plain.graph, plain.rates)), key=lambda x: products(x[1]))
     return best
 

@@ -4,15 +4,17 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn.solvers.formulas.formulas import Formulas, NotElementary
-from jaxdyn.solvers.formulas.nodes import Node, Number
+from jaxdyn.solvers.formulas.formulas import Formulas
+from jaxdyn.solvers.formulas.nodes import Node, NotElementary, Number
 from jaxdyn.solvers.formulas.shortest import shortest
 from jaxdyn.solvers.formulas.values import Value, known, value
 from jaxdyn.solvers.method import Rate, programs
 
-#: Numbers of a state: more are points in arrays, whose loops the compiler vectorises (of 12 and
-#: more numbers three bodies take 1.2 times as long by formulas, Pleiades 1.3 times).
+#: Numbers of a state: more may be points in arrays, whose loops the compiler vectorises (three
+#: bodies in space take 1.2 times as long by formulas, Pleiades 1.3 times), unless
 _MOST_NUMBERS = 11
+#: each moving number stands for so many entries of arrays (7 in three bodies, 34 in a satellite).
+_LEAST_SAVING = 20
 #: Operations of a rate: a thousand take a tenth of a second to find formulas for.
 _MOST_OPERATIONS = 1000
 #: Entries of all arrays of a rate, likewise.
@@ -20,8 +22,11 @@ _MOST_ENTRIES = 10_000
 #: Nodes of the formulas for each operation on arrays: more are loops over long arrays, which the
 #: compiler vectorises (a network of 24 neurons takes ten times as long by formulas).
 _MOST_NODES = 4
-#: Operations with derivatives that formulas do not have.
-_AGREED = frozenset({"stop_gradient", "abs", "max", "min", "reduce_max", "reduce_min"})
+#: Moving numbers at most: with 270 (a chain hung at both ends) derivatives compile twice as long
+#: as by arrays, with 430 (a four-bar linkage) three times.
+_MOST_MOVING = 200
+#: Operations with derivatives that formulas do not have, as those with rules of their own.
+_AGREED = frozenset({"stop_gradient"})
 
 
 def simplified(rate: Rate) -> Rate:
@@ -33,18 +38,23 @@ def simplified(rate: Rate) -> Rate:
     double pendulum) of the time, and one with tangents 0.03 (a triple pendulum) to 0.5, since loops
     over the unknowns of a linear system, as in a mass matrix, are written out.
 
-    Limits: rates with derivatives of their own (``jax.custom_jvp``, `stop_gradient`), or with a
-      largest number or a size, whose derivatives at ties are agreed upon, are left as they are. A
-      product or quotient with a known 0 is 0, also where the other number is infinite or NaN.
+    Conditions, and functions without a Taylor series, are evaluated as they stand.
+
+    Limits: rates with derivatives of their own (``jax.custom_jvp``, `stop_gradient`) are left as
+      they are. The derivative of the largest of three or more numbers at a tie is another of its
+      subgradients. A product or quotient with a known 0 is 0, also where the other number is
+      infinite or NaN.
     """
 
     def by_formulas(t: Array, y: Array) -> Array:
-        if y.ndim > 1 or len(y) > _MOST_NUMBERS:
+        if y.ndim > 1:
             return rate(t, y)
         found = _short_formulas(rate, t, y)
         if found is None:
             return rate(t, y)
         formulas, nodes = found
+        if formulas.rates == formulas.states:
+            return y
         values: dict[Node, Value] = {n: n.value for n in (formulas.time, *formulas.states)}
 
         def at(a: Number) -> Value:
@@ -68,7 +78,11 @@ def _short_formulas(rate: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node
     if len(found) > _MOST_OPERATIONS or sizes > _MOST_ENTRIES:
         return None
     try:
-        formulas, nodes = shortest(rate, t, y)
+        formulas, nodes = shortest(rate, t, y, smooth=False)
     except NotElementary:
         return None
-    return (formulas, nodes) if len(nodes) <= _MOST_NODES * len(found) else None
+    moving = sum(node.moving for node in nodes)
+    if len(nodes) > _MOST_NODES * len(found) or moving > _MOST_MOVING:
+        return None
+    many = len(y) > _MOST_NUMBERS and sizes < _LEAST_SAVING * moving
+    return None if many else (formulas, nodes)

@@ -7,7 +7,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array
 
-from jaxdyn.solvers.formulas.nodes import STEADY, Node, Number
+from jaxdyn.solvers.formulas.nodes import ROUGH, STEADY, Node, Number
 
 #: A value; a known number is one of NumPy, a known zero None.
 Value = Array | np.floating | np.bool_ | None
@@ -94,4 +94,5 @@ _VALUES: dict[str, Callable[..., Value]] = {
     "is_finite": lax.is_finite,
     "real": lambda a: lax.convert_element_type(a, float),
 }
+_VALUES |= {name: getattr(lax, name) for name in ROUGH}
 assert set(_VALUES) >= STEADY

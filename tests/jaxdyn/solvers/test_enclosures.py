@@ -9,7 +9,8 @@ import pytest
 from jaxdyn import scenes
 from jaxdyn.analysis.equilibrium_search.isolation import isolate
 from jaxdyn.solvers.enclosures import Dual, enclosures
-from jaxdyn.solvers.formulas.formulas import NotElementary, formulas
+from jaxdyn.solvers.formulas.formulas import formulas
+from jaxdyn.solvers.formulas.nodes import NotElementary
 from jaxdyn.solvers.intervals import Interval
 
 

@@ -15,7 +15,10 @@ from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import operations
 
 #: Composed scenes, whose rates shrink.
-SHORTER = ("cart_pendulum", "double_pendulum", "pendulum", "plate", "polar_particle", "turntable")
+SHORTER = (
+    *("cart_pendulum", "double_pendulum", "pendulum", "plate", "polar_particle", "turntable"),
+    *("dumbbell", "one_skate", "satellite"),
+)
 ZERO = np.zeros(())
 
 
@@ -26,10 +29,13 @@ def test_every_rate_of_the_zoo_has_the_same_values(name):
 
     @jax.jit
     def both(scene, y):
-        return scene.field.rate(ZERO, y), simplified(scene.field.rate)(ZERO, y)
+        rate, project = scene.field.rate, scene.system.project
+        near = project(ZERO, y)
+        plain = rate(ZERO, near), near
+        return plain, (simplified(rate)(ZERO, near), simplified(project)(ZERO, y))
 
-    plain, found = both(scene, scene.system.project(ZERO, y))
-    assert gap(found, plain) < 1e-12 * max(1.0, float(jnp.abs(plain).max()))
+    for plain, found in zip(*both(scene, y), strict=True):
+        assert gap(found, plain) < 1e-12 * max(1.0, float(jnp.abs(plain).max()))
 
 
 @pytest.mark.parametrize("name", SHORTER)
@@ -45,10 +51,40 @@ def test_what_has_no_formulas_or_many_numbers_is_left_alone():
 
     y = jnp.array([0.3, 0.7])
     assert gap(simplified(conditional)(ZERO, y), jnp.array([0.6, 0.7])) == 0
-    for wide in (jnp.ones((2, 3)), jnp.arange(12.0)):
-        rate = lambda t, y: y * 0.0 + 1.0 + y - y  # noqa: E731
-        assert operations(simplified(rate), ZERO, wide) == operations(rate, ZERO, wide)
+    bodies = catalogue.entries()["three_body"].make()
+    rows = lambda t, y: y * 0.0 + 1.0 + y - y  # noqa: E731
+    for rate, wide in ((rows, jnp.ones((2, 3))), (bodies.field.rate, bodies.y0)):
+        found, plain = (str(jax.make_jaxpr(f)(ZERO, wide)) for f in (simplified(rate), rate))
+        assert found.count(" mul ") == plain.count(" mul ")
     assert simplified(lambda t, y: jnp.zeros(2))(ZERO, y).dtype == float
+
+
+def test_a_state_that_is_left_as_it_is_is_not_taken_apart():
+    program = jax.make_jaxpr(simplified(lambda t, y: 0.5 * (y + y)))(ZERO, jnp.ones(5)).jaxpr
+    assert program.outvars == program.invars[1:]
+
+
+@pytest.mark.parametrize(
+    "bent",
+    [
+        lambda x: jnp.where(x[0] + x[0] > x[1], x[0] * x[1], x[1] / x[0]),
+        lambda x: jnp.where(jnp.any(x > 0.5) & ~jnp.all(x > 0.5), jnp.tan(x[0]), x[1]),
+        lambda x: jnp.max(jnp.abs(x - 0.3)) + jnp.min(x) - jnp.maximum(x[1], 2.0),
+        lambda x: (
+            jnp.arctan2(x[0], x[1]) + jnp.arcsin(x[0]) + jnp.expm1(x[1]) * jnp.floor(4 * x[1])
+        ),
+        lambda x: jnp.cbrt(x[0]) + jnp.sinh(x[1]) * jnp.arccosh(1.0 + x[0]) + x[0] % x[1],
+        lambda x: x[0] ** x[1] + jnp.sum(jnp.diagonal(jnp.outer(x, x))) + jnp.sum(x[:0]),
+        lambda x: jax.lax.cond(True, lambda: x[0] * x[1], lambda: jnp.where(x[0] > 1.0, 1.0, 0.0)),
+    ],
+)
+def test_what_has_no_series_is_evaluated_as_it_stands(bent):
+    def rate(t, y):
+        return jnp.stack([bent(y), y[0] + y[0] - y[1]])
+
+    for y in (jnp.array([0.3, 0.7]), jnp.array([0.6, 0.2]), jnp.array([0.3, 0.3])):
+        for f in (lambda rate, y: rate(ZERO, y), jax.jacfwd(lambda rate, y: rate(ZERO, y), 1)):
+            assert gap(f(simplified(rate), y), f(rate, y)) < 1e-14
 
 
 @pytest.mark.parametrize("kept", ["own rule", "within checkpoint", "stopped"])

@@ -24,7 +24,8 @@ from jaxdyn.solvers import (
     has_series,
 )
 from jaxdyn.solvers.choice import reason
-from jaxdyn.solvers.formulas.formulas import NotElementary, formulas
+from jaxdyn.solvers.formulas.formulas import formulas
+from jaxdyn.solvers.formulas.nodes import NotElementary
 from jaxdyn.solvers.formulas.ordered import ordered
 from jaxdyn.solvers.formulas.shortest import products
 from jaxdyn.solvers.taylor.recurrences import solution
