@@ -13,7 +13,6 @@ recompiles. Constructors check nothing, since they also run inside traces; entry
 """
 
 import dataclasses
-import weakref
 from typing import Any
 
 import diffrax
@@ -24,6 +23,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _shapes, _text
+from jaxdyn._notes import notes_on
 from jaxdyn.field import Field as Field
 from jaxdyn.field import VectorField, looked_at
 from jaxdyn.sketch import Shape
@@ -273,15 +273,11 @@ def checked_scene(scene: Any) -> Scene:
         name = getattr(scene, "__name__", None)
         remedy = f"Call it: {name}()." if callable(scene) and name else ""
         raise _checks.fail("scene", "a Scene", name or repr(scene), remedy)
-    if _passed.get(id(scene)) is not scene:
+    notes = notes_on(scene)
+    if notes is None or "checked" not in notes:
         scene.check()
-        constant = all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(scene))
-        if constant and not _checks.is_traced(scene):
-            _passed[id(scene)] = scene
+        if notes is not None:
+            notes["checked"] = True
     else:
         scene.system.check_functions()
     return scene
-
-
-#: Scenes that have passed their check, by their id. They cannot change, as their numbers cannot.
-_passed: weakref.WeakValueDictionary[int, Scene] = weakref.WeakValueDictionary()

@@ -5,8 +5,9 @@ formulas with them, `field` is a rate with both, `series` has the Taylor coeffic
 motions, `motion` follows one to a number of digits. `enclosure` has the a-priori bound of a step's
 motions and the remainder of its Taylor series, `tube` encloses motions with it; `identities` proves
 that formulas are equal, `zeros` encloses all zeros in a box, with `directions` of unit vectors
-where a length may be 0, `decimals` writes balls as decimal strings. The formulas are those that
-`solvers.formulas` takes from the rate's program, with no constant rounded.
+where a length may be 0, `decimals` writes balls as decimal strings, `enclosed` is such a number as
+plain data. The formulas are those that `solvers.formulas` takes from the rate's program, with no
+constant rounded.
 
 May import: `solvers`. It needs python-flint: ``pip install 'jaxdyn[proof]'``.
 

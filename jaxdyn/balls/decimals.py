@@ -1,7 +1,7 @@
 """Balls as decimal strings that enclose them."""
 
-from jaxdyn._enclosed import Enclosed
 from jaxdyn.balls.arithmetic import arb, precision
+from jaxdyn.balls.enclosed import Enclosed
 
 _DIGITS = 30.0  # of exact numbers
 

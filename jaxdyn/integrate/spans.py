@@ -29,6 +29,8 @@ _RTOL_FLOOR, _RTOL_CEILING = 1e-16, 1e-2
 _MAX_BYTES = 2**32  # of all samples
 #: Largest number of entries of all samples for which few programs matter more than memory: 1 MiB.
 _FEW_ENTRIES = 1 << 17
+#: Spans of so many samples are kept for the next motion, the last ones.
+_KEPT_SAMPLES, _KEPT_SPANS = 10_000, 32
 _COPIES_IN_MEMORY = 4  # of them that a run holds at once: nodes, states and temporaries (measured)
 T = TypeVar("T")
 
@@ -89,11 +91,10 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
         if samples < 1:
             raise _checks.fail("samples", "at least 1, or an array of times", samples)
         _check_memory(scene, int(samples))
-        if samples == 1:
-            return t0, t1, _placed(t1[None])
         if _checks.is_traced((t0, t1)):
-            return t0, t1, jnp.linspace(t0, t1, int(samples))
-        return t0, t1, _placed(np.linspace(float(t0), float(t1), int(samples)))
+            return t0, t1, jnp.linspace(t1 if samples == 1 else t0, t1, int(samples))
+        even = _evenly_spaced if samples <= _KEPT_SAMPLES else _evenly_spaced.__wrapped__
+        return t0, t1, even(float(t0), float(t1), int(samples))
     ts = _checks.host_array("samples", samples, (None,), "Pass an array of times, or their number.")
     _check_memory(scene, len(ts))
     if not _checks.is_traced((ts, t0, t1)):
@@ -106,6 +107,11 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
                 "Sort them, or move t0 or t1.",
             )
     return t0, t1, _placed(ts)
+
+
+@functools.lru_cache(_KEPT_SPANS)  # a linspace on the device takes as long as five empty programs
+def _evenly_spaced(t0: float, t1: float, n: int) -> Array:
+    return _on_device(np.linspace(t1 if n == 1 else t0, t1, n))
 
 
 def _placed(ts) -> Array:

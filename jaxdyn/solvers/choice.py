@@ -1,10 +1,12 @@
 """The method for a scene: the requested one, checked, or the default."""
 
+import functools
 import math
 
 import diffrax
 
 from jaxdyn import _checks
+from jaxdyn._notes import notes_on
 from jaxdyn.scene import Scene
 from jaxdyn.solvers.exchange import from_diffrax
 from jaxdyn.solvers.method import Method
@@ -111,7 +113,14 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
       several: whether the method has to cross several steps side by side, as ensembles and the
         search for events ask of it. Taylor series cannot.
     """
-    method, _ = _rule(scene, rtol)
+    notes = notes_on(scene) if type(rtol) is float else None
+    if notes is None:
+        method, _ = _rule(scene, rtol)
+    else:
+        asked = "method", rtol
+        if asked not in notes:
+            notes[asked], _ = _rule(scene, rtol)
+        method = notes[asked]
     return method.for_tangents if several else method
 
 
@@ -122,12 +131,18 @@ def reason(scene: Scene, rtol=RTOL) -> str:
 
 def _rule(scene: Scene, rtol) -> tuple[Method, str]:
     """The default, and why."""
-    traced = _checks.is_traced(rtol)
-    # Within jit a comparison of an array is traced, also if it has a value.
-    rtol = rtol if traced else float(rtol)
-    loose = not traced and rtol > _LOOSE
     found = series_of(scene.field, scene.y0, longest=_LONGEST)
-    if not scene.second_order:
+    known = None if _checks.is_traced(rtol) else float(rtol)
+    return _ruled(found, scene.second_order, len(scene.y0), known)
+
+
+@functools.lru_cache  # to put the reason into words takes half of the time to find it
+def _ruled(
+    found: Series | None, second_order: bool, k: int, rtol: float | None
+) -> tuple[Method, str]:
+    """`_rule` for a state of k numbers with or without a series; no rtol means any."""
+    loose = rtol is not None and rtol > _LOOSE
+    if not second_order:
         series, why = _by_series(found, loose, math.inf)
         return series or VERNER9, why
     powers = found if found is not None and not found.functions else None
@@ -135,15 +150,15 @@ def _rule(scene: Scene, rtol) -> tuple[Method, str]:
     why = f"forces do not depend on velocity, and {why}"
     if series is not None:
         return _BY_PLACES[series], why
-    few = powers is not None and powers.everywhere and len(scene.y0) < min(_EXTRAPOLATED_NUMBERS)
-    if not few and len(scene.y0) not in _EXTRAPOLATED_NUMBERS:
+    few = powers is not None and powers.everywhere and k < min(_EXTRAPOLATED_NUMBERS)
+    if not few and k not in _EXTRAPOLATED_NUMBERS:
         return NYSTROM12, why
-    if traced:
+    if rtol is None:
         return NYSTROM12, f"{why}; the tolerance is known at run time only"
     if rtol < _FINEST_EXTRAPOLATED:
         limit = f"rounding limits extrapolation below {_FINEST_EXTRAPOLATED:.0e}"
         return NYSTROM12, f"{why}; {limit}"
-    return STOERMER14 if loose else STOERMER18, f"{why}; it has {len(scene.y0)} numbers"
+    return STOERMER14 if loose else STOERMER18, f"{why}; it has {k} numbers"
 
 
 def _by_series(series: Series | None, loose: bool, most: float) -> tuple[Taylor | None, str]:

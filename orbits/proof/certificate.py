@@ -7,7 +7,7 @@ from typing import Any
 
 from jaxdyn import _text
 from jaxdyn._checks import fail
-from jaxdyn._enclosed import Enclosed
+from jaxdyn.balls.enclosed import Enclosed
 from jaxdyn.files.typed import typed_fields
 from orbits.orbit import Orbit
 

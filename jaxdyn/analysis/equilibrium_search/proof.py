@@ -4,8 +4,8 @@ import dataclasses
 from typing import Any
 
 from jaxdyn import _text
-from jaxdyn._enclosed import Enclosed
 from jaxdyn._text import counted
+from jaxdyn.balls.enclosed import Enclosed
 
 
 @dataclasses.dataclass(frozen=True)

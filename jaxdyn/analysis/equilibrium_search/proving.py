@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jaxdyn._enclosed import Enclosed
 from jaxdyn._text import counted
 from jaxdyn.analysis.equilibrium_search.proof import EquilibriaProof
 from jaxdyn.analysis.equilibrium_search.search import Box
 from jaxdyn.balls.decimals import decimal
+from jaxdyn.balls.enclosed import Enclosed
 from jaxdyn.balls.field import ball_field, scene_formulas
 from jaxdyn.balls.zeros import BITS, zeros
 from jaxdyn.scene import Scene

@@ -77,10 +77,12 @@ def test_problem_17_c_and_d_small_changes_keep_the_eight_and_large_ones_break_it
     change -= change.mean(axis=1, keepdims=True)  # the centre of mass stays at rest
     change = change.ravel() / np.linalg.norm(change)
     reach = {}
-    for size in (0.0, 1e-3, 0.2):
+    # Rounding in the encounters of the last one leaves 5e-12 to 1.4e-10, over the last digits of
+    # its start, with each method.
+    for size, bar in ((0.0, 1e-12), (1e-3, 1e-12), (0.2, 1e-9)):
         scene = three_body(np.asarray(EIGHT) + size * change)
         motion = simulate(scene, 10 * EIGHT_PERIOD, samples=400, rtol=1e-12)
-        assert float(energy.drift(motion)) < 1e-10
+        assert float(energy.drift(motion)) < bar
         reach[size] = float(np.abs(motion.r).max())
     assert abs(reach[1e-3] - reach[0.0]) < 1e-3
     assert reach[0.2] > 4 * reach[0.0]
