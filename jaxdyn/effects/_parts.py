@@ -1,5 +1,6 @@
 """What effects share: the points that they act on, and the checks of their parameters."""
 
+import functools
 from typing import Any
 
 import jax.numpy as jnp
@@ -54,3 +55,53 @@ def on_ends(force: Array, n: int, i: int, j: int | None) -> Array:
     """(n, d) the force (d,) on point i, its reaction on point j, and zero elsewhere."""
     weights = np.eye(n)[i] - (0.0 if j is None else np.eye(n)[j])
     return weights[:, None] * force[None, :]
+
+
+#: Terms that a point sums at once; a point with more sums parts of them first.
+_WIDTH = 8
+
+
+def sums_at(x: Array, points: tuple[int, ...], n: int) -> Array:
+    """(n, d) at each of n points the sum of the rows of x (e, d) that belong to it.
+
+    Each point gathers its rows: a scatter adds them one by one and takes twice as long.
+
+    Args:
+      x: the rows.
+      points: the point of each row.
+      n: number of points.
+    """
+    for rows in _tables(points, n):
+        none = jnp.zeros_like(x[:1])
+        x = jnp.sum(jnp.concatenate([x, none])[rows], axis=0)
+    return x
+
+
+@functools.lru_cache(maxsize=32)
+def _tables(points: tuple[int, ...], n: int) -> list[np.ndarray]:
+    """Rows to sum at each point, one after another: first those of parts, if they are many.
+
+    Returns:
+      (w, m) tables with the numbers of rows of the sums before, w of them for each of m sums; the
+      number after the last stands for none.
+    """
+    found = []
+    ends = np.asarray(points) % n
+    while True:
+        order = np.argsort(ends, kind="stable")
+        ends = ends[order]
+        rank = np.arange(len(ends)) - np.searchsorted(ends, ends)  # among those of the point
+        final = rank.max() < _WIDTH
+        if final:
+            part, count = ends, n
+        else:
+            _, part = np.unique(ends * len(ends) + rank // _WIDTH, return_inverse=True)
+            count = part.max() + 1
+        table = np.full((min(rank.max() + 1, _WIDTH), count), len(ends))
+        table[rank % _WIDTH, part] = order
+        found.append(table)
+        if final:
+            return found
+        sums = np.empty(count, int)
+        sums[part] = ends
+        ends = sums

@@ -11,7 +11,7 @@ from jaxdyn.scene import Scene
 from jaxdyn.solvers.exchange import from_diffrax
 from jaxdyn.solvers.method import Method
 from jaxdyn.solvers.pairs import NYSTROM12, VERNER9
-from jaxdyn.solvers.stoermer import STOERMER14, STOERMER18
+from jaxdyn.solvers.stoermer import STOERMER18
 from jaxdyn.solvers.taylor.method import (
     TAYLOR12,
     TAYLOR14,
@@ -30,10 +30,10 @@ RTOL = 1e-10
 #: Operations of a rate up to which its formulas are sought, which takes a tenth of a second.
 _LONGEST = 1000
 #: Products at each order of a Taylor series up to which an order runs fastest; for looser
-#: tolerances than 1e-6, which leave little to gain by high orders, below.
+#: tolerances than 1e-8, which leave little to gain by high orders, below.
 _ORDERS = {4: TAYLOR20, 11: TAYLOR16, 16: TAYLOR14, 24: TAYLOR12}
 _LOOSE_ORDERS = {4: TAYLOR16, 24: TAYLOR12}
-_LOOSE = 1e-6
+_LOOSE = 1e-8
 #: Where no force depends on velocity: products of powers and quotients alone up to which a series
 #: runs faster than methods that evaluate forces. A sine or an exponential takes 12 ns to evaluate
 #: (measured), as long as tens of products, and a series has it once a step.
@@ -74,9 +74,9 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     products an order; where no force depends on velocity, and forces are made of powers and
     quotients alone, of at most 7. The more products, the lower the order that runs fastest:
     `TAYLOR20` up to 4, `TAYLOR16` up to 11, `TAYLOR14` up to 16, `TAYLOR12` up to 24; at tolerances
-    above 1e-6 `TAYLOR16` up to 4, `TAYLOR12` up to 24. Otherwise, where no force depends on
+    above 1e-8 `TAYLOR16` up to 4, `TAYLOR12` up to 24. Otherwise, where no force depends on
     velocity, the extrapolated leapfrog, `STOERMER18`, for states of 12 to 72 numbers, and for fewer
-    with such forces, at tolerances down to 1e-11 (`STOERMER14` above 1e-6), else `NYSTROM12`. All
+    with such forces, at tolerances down to 1e-11, else `NYSTROM12`. All
     others take `VERNER9`.
 
     At true errors of 1e-6, 1e-9 and 1e-12 the series take, of the time of the pair: 0.78, 0.62,
@@ -158,7 +158,7 @@ def _ruled(
     if rtol < _FINEST_EXTRAPOLATED:
         limit = f"rounding limits extrapolation below {_FINEST_EXTRAPOLATED:.0e}"
         return NYSTROM12, f"{why}; {limit}"
-    return STOERMER14 if loose else STOERMER18, f"{why}; it has {k} numbers"
+    return STOERMER18, f"{why}; it has {k} numbers"
 
 
 def _by_series(series: Series | None, loose: bool, most: float) -> tuple[Taylor | None, str]:

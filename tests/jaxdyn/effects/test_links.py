@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from helpers import EXACT, gap
 
 from jaxdyn import Effect
@@ -55,3 +56,15 @@ def test_large_networks_of_springs_are_as_many_springs():
     assert gap(force, sum(one.force(T, r, v, m) for one in singles)) < 10 * EXACT
     assert gap(energy, sum(one.potential(T, r, m) for one in singles)) < 100 * EXACT
     assert gap(force, -jax.grad(network.potential, argnums=1)(T, r, m)) < 10 * EXACT
+
+
+@pytest.mark.parametrize("n", [70, 300, 700])
+def test_a_point_may_hold_most_springs_of_a_network(n):
+    # More than a point sums at once, or than its parts do; one spring counts its end from behind.
+    r = jnp.asarray(np.random.default_rng(n).normal(size=(n, 3)))
+    links = [(0, i) for i in range(1, n)] + [(-1, 1)]
+    network = SpringNetwork(links, 2.0, 0.5)
+    force = network.force(T, r, 0 * r, jnp.ones(n))
+    energy = network.potential
+    assert gap(force, -jax.grad(energy, argnums=1)(T, r, jnp.ones(n))) < 1e-12 * n
+    assert gap(force.sum(axis=0), np.zeros(3)) < 1e-12 * n
