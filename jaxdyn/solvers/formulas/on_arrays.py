@@ -78,11 +78,11 @@ def converted(graph: Graph, x: np.ndarray, kind: np.dtype, wanted: np.dtype) -> 
 def folded(op: Callable, of_none: Number, x: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
     """Sums along axes, or what another operation makes of several numbers."""
     kept = [i for i in range(x.ndim) if i not in axes]
-    shape = [*(x.shape[i] for i in kept), math.prod(x.shape[i] for i in axes)]
-    rows = np.transpose(x, [*kept, *axes]).reshape(shape)
-    found = np.empty(rows.shape[:-1], object)
+    n = math.prod(x.shape[i] for i in axes)
+    rows = np.transpose(x, [*kept, *axes]).reshape([*(x.shape[i] for i in kept), n])
+    found = np.empty([x.shape[i] for i in kept], object)
     for at in np.ndindex(found.shape):
-        found[at] = functools.reduce(op, rows[at]) if rows.shape[-1] else of_none
+        found[at] = functools.reduce(op, rows[at]) if n else of_none
     return found
 
 
