@@ -86,7 +86,8 @@ def _tables(points: tuple[int, ...], n: int) -> list[np.ndarray]:
       number after the last stands for none.
     """
     found = []
-    ends = np.asarray(points) % n
+    ends = np.asarray(points)
+    ends = np.where(ends < 0, ends + n, ends)
     while True:
         order = np.argsort(ends, kind="stable")
         ends = ends[order]

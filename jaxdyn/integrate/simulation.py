@@ -180,8 +180,8 @@ def solve(
     field = FixedField(scene.field) if fixed else scene.field
     field = field if noise is None else RoundedField(field, noise)
     # A search through the scene's numbers takes half as long as an empty program.
-    numbers = () if noise is None and notes_on(scene) is not None else (field, y0)
-    traced = any(map(_checks.is_traced, (*numbers, t0, t1, ts, *held_to)))
+    numbers = () if noise is None and notes_on(scene) is not None else (field,)
+    traced = any(map(_checks.is_traced, (*numbers, y0, t0, t1, ts, *held_to)))
     if traced:
         t0, t1, ts = (host_floats(x) for x in (t0, t1, ts))
     else:

@@ -93,8 +93,10 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
         _check_memory(scene, int(samples))
         if _checks.is_traced((t0, t1)):
             return t0, t1, jnp.linspace(t1 if samples == 1 else t0, t1, int(samples))
-        even = _evenly_spaced if samples <= _KEPT_SAMPLES else _evenly_spaced.__wrapped__
-        return t0, t1, even(float(t0), float(t1), int(samples))
+        asked = float(t0), float(t1), int(samples)
+        ts = (_kept_times if samples <= _KEPT_SAMPLES else _evenly_spaced)(*asked)
+        # A program to which they were donated has deleted them.
+        return t0, t1, _evenly_spaced(*asked) if ts.is_deleted() else ts
     ts = _checks.host_array("samples", samples, (None,), "Pass an array of times, or their number.")
     _check_memory(scene, len(ts))
     if not _checks.is_traced((ts, t0, t1)):
@@ -109,9 +111,12 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
     return t0, t1, _placed(ts)
 
 
-@functools.lru_cache(_KEPT_SPANS)  # a linspace on the device takes as long as five empty programs
 def _evenly_spaced(t0: float, t1: float, n: int) -> Array:
     return _on_device(np.linspace(t1 if n == 1 else t0, t1, n))
+
+
+#: To get them to the device takes as long as five empty programs.
+_kept_times = functools.lru_cache(_KEPT_SPANS)(_evenly_spaced)
 
 
 def _placed(ts) -> Array:

@@ -7,7 +7,7 @@
 - `Gauss`: symplectic and implicit, with a step; long conservative runs of other scenes.
   `GAUSS8`, `GAUSS12`.
 - `Stoermer`: explicit, with a tolerance; 3 to 12 bodies whose forces do not depend on velocity, in
-  half of the time of a pair for the same error; their default. `STOERMER14`, `STOERMER18`.
+  half of the time of a pair for the same error. `STOERMER14`; `STOERMER18`, their default.
 - `Taylor`: explicit, with a tolerance; scenes with short formulas, in a quarter to a half of the
   time of a pair; their default. `TAYLOR8`, `TAYLOR12`, `TAYLOR14`, `TAYLOR16`,
   `TAYLOR20`.

@@ -76,8 +76,7 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     `TAYLOR20` up to 4, `TAYLOR16` up to 11, `TAYLOR14` up to 16, `TAYLOR12` up to 24; at tolerances
     above 1e-8 `TAYLOR16` up to 4, `TAYLOR12` up to 24. Otherwise, where no force depends on
     velocity, the extrapolated leapfrog, `STOERMER18`, for states of 12 to 72 numbers, and for fewer
-    with such forces, at tolerances down to 1e-11, else `NYSTROM12`. All
-    others take `VERNER9`.
+    with such forces, at tolerances down to 1e-11, else `NYSTROM12`. All others take `VERNER9`.
 
     At true errors of 1e-6, 1e-9 and 1e-12 the series take, of the time of the pair: 0.78, 0.62,
     0.36 (Lorenz), 0.41, 0.33, 0.21 (Duffing), 1.10, 0.85, 0.73 (Henon and Heiles), 0.26, 0.37, 0.27
@@ -117,10 +116,10 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     if notes is None:
         method, _ = _rule(scene, rtol)
     else:
-        asked = "method", rtol
-        if asked not in notes:
-            notes[asked], _ = _rule(scene, rtol)
-        method = notes[asked]
+        noted, method = notes.get("method", (None, None))
+        if method is None or noted != rtol:
+            method, _ = _rule(scene, rtol)
+            notes["method"] = rtol, method
     return method.for_tangents if several else method
 
 

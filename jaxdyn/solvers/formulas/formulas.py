@@ -39,6 +39,7 @@ from jaxdyn.solvers.formulas.on_arrays import (
     objects,
 )
 from jaxdyn.solvers.formulas.on_numpy import calculated
+from jaxdyn.solvers.method import programs
 
 
 class Formulas(NamedTuple):
@@ -60,13 +61,18 @@ class Formulas(NamedTuple):
 #: Operations along axes, as operations on two numbers, and what they make of none.
 _FOLDED = {
     "reduce_sum": ("add", 0.0),
-    **{"reduce_max": ("max", -math.inf), "reduce_min": ("min", math.inf)},
-    **{"reduce_and": ("and", True), "reduce_or": ("or", False)},
+    "reduce_max": ("max", -math.inf),
+    "reduce_min": ("min", math.inf),
+    "reduce_and": ("and", True),
+    "reduce_or": ("or", False),
 }
 _SAME = {"stop_gradient", "copy", "copy_p", "optimization_barrier"}
 _CALLS = {"jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call", "remat2"}
 #: Rounds up to which loops are unrolled: each is traced separately.
 _LONGEST_LOOP = 1000
+#: Nodes above which formulas are given up, on the way too: so many take a fifth of a second, and
+#: a four-bar linkage has 2900.
+_MOST_NODES = 5_000
 
 
 def formulas(
@@ -83,7 +89,8 @@ def formulas(
     Raises:
       NotElementary: an operation of the field cannot be represented.
     """
-    return _traced(Graph(expanding=expanding, smooth=smooth), field, (), t, y)
+    graph = Graph(expanding=expanding, smooth=smooth, most=_MOST_NODES)
+    return _traced(graph, field, (), t, y)
 
 
 def exact_formulas(field: Callable, numbers: PyTree, t: Array, y: Array) -> Formulas:
@@ -105,11 +112,23 @@ def exact_formulas(field: Callable, numbers: PyTree, t: Array, y: Array) -> Form
 
 def _traced(graph: Graph, field: Callable, more: tuple, t, y, known: Sequence = ()) -> Formulas:
     closed = jax.make_jaxpr(field)(t, y, *more)
+    _check_program(closed)
     time = graph.given(t, moving=True)
     states = [graph.given(y[i], moving=True) for i in range(len(y))]
     inputs = [objects([time], ()), objects(states, y.shape), *known]
     (rates,) = _interpreted(graph, closed.jaxpr, [_taken(graph, c) for c in closed.consts], inputs)
     return Formulas(graph=graph, time=time, states=states, rates=rates.tolist())
+
+
+def _check_program(closed) -> None:
+    """Raise for a program with effects, such as prints, or arrays that are no numbers."""
+    if closed.effects:
+        raise NotElementary("a program with effects")
+    for jaxpr in programs(closed.jaxpr):
+        for eqn in jaxpr.eqns:
+            for kind in (x.aval.dtype for x in (*eqn.invars, *eqn.outvars)):
+                if jax.dtypes.issubdtype(kind, jax.dtypes.extended):
+                    raise NotElementary(f"{eqn.primitive.name} of {kind}")
 
 
 def _taken(graph: Graph, x) -> np.ndarray:

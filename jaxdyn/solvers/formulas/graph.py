@@ -24,6 +24,7 @@ from jaxdyn.solvers.formulas.nodes import (
     STEADY,
     TESTS,
     Node,
+    NotElementary,
     Number,
     broken_power,
     factors_of,
@@ -49,14 +50,21 @@ class Graph:
         which exist already, or cancels terms; not so where a sum is the common factor of several.
       smooth: whether all of it must have a Taylor series, valid for a step. Otherwise the formulas
         can only be evaluated: conditions may change at any time, and functions may be any.
+      most: number of nodes above which it is given up, with `NotElementary`.
 
     Attributes:
       expanded: whether any was.
     """
 
-    def __init__(self, exact: bool = False, expanding: bool = True, smooth: bool = True):
+    def __init__(
+        self,
+        exact: bool = False,
+        expanding: bool = True,
+        smooth: bool = True,
+        most: float = math.inf,
+    ):
         self.exact, self.expanding, self.expanded = exact, expanding, False
-        self.smooth = smooth
+        self.smooth, self.most = smooth, most
         self._found: dict[tuple, Node] = {}
         self._count = 0
 
@@ -71,7 +79,7 @@ class Graph:
 
     def node(self, op: str, *args: Number | None) -> Node:
         """op(*args), an existing node if there is one."""
-        key = op, *((a.index, Node) if isinstance(a, Node) else (a, type(a)) for a in args)
+        key = op, *map(_key, args)
         if key not in self._found:
             moving = op not in STEADY and any(isinstance(a, Node) and a.moving for a in args)
             self._found[key] = self._new(op, args, moving)
@@ -79,6 +87,8 @@ class Graph:
 
     def _new(self, op: str, args: tuple, moving: bool, value: Array | None = None) -> Node:
         self._count += 1
+        if self._count > self.most:
+            raise NotElementary(f"more than {self.most} numbers")
         return Node(index=self._count, op=op, args=args, moving=moving, value=value)
 
     def add(self, a: Number, b: Number) -> Number:
@@ -204,7 +214,9 @@ class Graph:
 
     def rough(self, op: str, *args: Number) -> Number:
         """A function that can only be evaluated."""
-        return self.node(op, *map(self._in_one_form, args))
+        # Arguments as they are: that of y - 0 and -(0 - y) differ in the sign of a zero, and the
+        # angle of a vector with it by 2 pi.
+        return self.node(op, *args)
 
     def _in_one_form(self, a: Number) -> Number:
         """The number, with sums as in `_signed`."""
@@ -227,7 +239,7 @@ class Graph:
         return no if no is yes else self.node("select", which, no, yes)
 
     def real(self, a: Number) -> Number:
-        """A boolean or an integer, both steady, as a real number."""
+        """A boolean or an integer as a real number."""
         return self.node("real", a) if isinstance(a, Node) else float(a)
 
     def _scaled(self, c: Number, m: Node | None) -> Number:
@@ -255,6 +267,13 @@ class Graph:
 _ARITHMETIC: dict[str, Callable] = {
     **{"add": operator.add, "mul": operator.mul, "div": operator.truediv}
 }
+
+
+def _key(a: Number | None) -> tuple:
+    """What an operand is told from others by: 0 and -0, or 1 and True, are two."""
+    if isinstance(a, Node):
+        return a.index, Node
+    return a, type(a), isinstance(a, float) and math.copysign(1.0, a)
 
 
 def _is(a: Number, x: int) -> bool:

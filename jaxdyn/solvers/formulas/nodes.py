@@ -18,7 +18,8 @@ class Node:
       index: its number in order of creation.
       op: "input" for what is integrated, "given" for what is known at run time, or an operation.
       args: its operands: nodes and known numbers; of a sum, factors and terms in turn.
-      moving: whether it changes within a step. Comparisons do not: they hold for a whole step.
+      moving: whether it changes within a step. Conditions count as steady: in a series they are,
+        and in formulas that are only evaluated nothing depends on it.
       value: () the number itself, where it is given.
       partner: the node whose series it needs: of a sine the cosine.
     """
@@ -39,9 +40,9 @@ COMPARISONS = {
     **{"eq": operator.eq, "ne": operator.ne},
 }
 LOGIC = {"and": operator.and_, "or": operator.or_, "not": operator.not_}
-#: Conditions of steady numbers.
+#: Conditions of one number.
 TESTS = {"is_finite": math.isfinite}
-#: Operations with a result that holds for a whole step.
+#: Operations whose result is not a moving number; see `Node.moving`.
 STEADY = frozenset({*COMPARISONS, *LOGIC, *TESTS, "real"})
 #: Functions without a series here, by the names of JAX's primitives: they can only be evaluated.
 ROUGH = frozenset({"abs", "max", "min", "sign", "floor", "ceil", "rem", "cbrt", "exp2"}) | {

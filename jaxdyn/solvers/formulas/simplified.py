@@ -10,11 +10,15 @@ from jaxdyn.solvers.formulas.shortest import shortest
 from jaxdyn.solvers.formulas.values import Value, known, value
 from jaxdyn.solvers.method import Rate, programs
 
-#: Numbers of a state: more may be points in arrays, whose loops the compiler vectorises (three
-#: bodies in space take 1.2 times as long by formulas, Pleiades 1.3 times), unless
+#: Numbers of a state up to which formulas are taken if there are any. More may be points in
+#: arrays, whose loops the compiler vectorises: three bodies in space take 1.2 times as long by
+#: formulas, Pleiades 1.3 times.
 _MOST_NUMBERS = 11
-#: each moving number stands for so many entries of arrays (7 in three bodies, 34 in a satellite).
+#: Entries of arrays for each moving number from which on formulas are taken for more numbers too:
+#: 34 in a satellite, 7 in three bodies.
 _LEAST_SAVING = 20
+#: Numbers for which formulas are looked for at all.
+_MOST_LOOKED_AT = 24
 #: Operations of a rate: a thousand take a tenth of a second to find formulas for.
 _MOST_OPERATIONS = 1000
 #: Entries of all arrays of a rate, likewise.
@@ -38,16 +42,17 @@ def simplified(rate: Rate) -> Rate:
     double pendulum) of the time, and one with tangents 0.03 (a triple pendulum) to 0.5, since loops
     over the unknowns of a linear system, as in a mass matrix, are written out.
 
-    Conditions, and functions without a Taylor series, are evaluated as they stand.
+    Conditions, and functions without a Taylor series, are evaluated as they stand, of arguments in
+    normal form.
 
     Limits: rates with derivatives of their own (``jax.custom_jvp``, `stop_gradient`) are left as
       they are. The derivative of the largest of three or more numbers at a tie is another of its
-      subgradients. A product or quotient with a known 0 is 0, also where the other number is
-      infinite or NaN.
+      subgradients. A product or quotient with a known 0 is 0, and terms that cancel are 0, also
+      where the numbers are infinite or NaN. Zeros may lose their signs.
     """
 
     def by_formulas(t: Array, y: Array) -> Array:
-        if y.ndim > 1:
+        if y.ndim > 1 or len(y) > _MOST_LOOKED_AT:
             return rate(t, y)
         found = _short_formulas(rate, t, y)
         if found is None:
@@ -70,7 +75,10 @@ def simplified(rate: Rate) -> Rate:
 
 def _short_formulas(rate: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node]] | None:
     """The formulas of a rate, where they exist and are not much longer than its program."""
-    found = [eqn for jaxpr in programs(jax.make_jaxpr(rate)(t, y).jaxpr) for eqn in jaxpr.eqns]
+    closed = jax.make_jaxpr(rate)(t, y)
+    if closed.effects:
+        return None
+    found = [eqn for jaxpr in programs(closed.jaxpr) for eqn in jaxpr.eqns]
     names = {eqn.primitive.name for eqn in found}
     if names & _AGREED or any(name.startswith("custom_") for name in names):
         return None

@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -86,6 +87,9 @@ def test_a_span_of_zero_stays_at_the_start():
 def test_samples_by_number():
     assert simulate(BALL).ts.shape == (200,)
     np.testing.assert_array_equal(simulate(BALL, 0.5, samples=1).ts, [0.5])
+    # Those of a span are kept, until a program to which they are donated has deleted them.
+    simulate(BALL, 0.5, samples=7).ts.delete()
+    np.testing.assert_array_equal(simulate(BALL, 0.5, samples=7).ts, np.linspace(0.0, 0.5, 7))
     np.testing.assert_array_equal(simulate(BALL, 0.5, samples=np.int64(1)).ts, [0.5])
 
 
@@ -101,6 +105,13 @@ def test_programs_do_not_contain_what_step_control_does_itself():
     assert "while" in program
     assert "nextafter" not in program
     assert "next_after" not in program
+
+
+@pytest.mark.parametrize("options", [{"ts": [0.5]}, {"solver": "auto"}])
+def test_a_start_of_integers_inside_jit(options):
+    scene = eqx.tree_at(lambda scene: scene.y0, BALL, jnp.arange(4))
+    by_jit = jax.jit(lambda: solve(scene, 1.0, **options).y1)()
+    assert gap(by_jit, solve(BALL.starting(jnp.arange(4.0)), 1.0).y1) < SOLVED
 
 
 def test_a_step_is_asked_for_inside_jit():
@@ -467,7 +478,7 @@ def test_new_numbers_never_recompile():
     ):
         solve(scene, 1.0, ts=[0.5])
     solve(_counted(), 2, t0=1, ts=np.array([1.5]))
-    solve(_counted(), -1.0, ts=jnp.array([-0.5]), rtol=1e-6, atol=1e-3)
+    solve(_counted(), -1.0, ts=jnp.array([-0.5]), rtol=1e-8, atol=1e-3)
     solve(_counted(), jnp.array(3.0), ts=[0.5], rtol=np.float64(1e-9))
     assert len(Counting.traces) == before
     solve(_counted(), 1.0, ts=np.linspace(0.1, 1.0, 65))  # more than 64 take another program

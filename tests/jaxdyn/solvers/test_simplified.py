@@ -87,6 +87,41 @@ def test_what_has_no_series_is_evaluated_as_it_stands(bent):
             assert gap(f(simplified(rate), y), f(rate, y)) < 1e-14
 
 
+def test_an_angle_of_level_points_is_pi_and_not_minus_pi():
+    def rate(t, y):
+        angle = jnp.arctan2(y[3] - y[1], y[2] - y[0])
+        zeros = jnp.arctan2(jnp.array(0.0), y[0]) + 2 * jnp.arctan2(jnp.array(-0.0), y[0])
+        return jnp.stack([angle, zeros, y[0] - y[2], y[0] * y[2]])
+
+    y = jnp.array([-1.0, 0.0, -2.0, 0.0])
+    assert gap(simplified(rate)(ZERO, y), jnp.array([np.pi, -np.pi, 1.0, 2.0])) < 1e-15
+
+
+def _printing(t, y):
+    jax.debug.print("y[0] = {}", y[0])
+    return -y
+
+
+def _drawing(t, y):
+    return -y * jax.random.uniform(jax.random.key(3), y.shape)
+
+
+def _long(t, y):
+    def body(i, x):
+        return jnp.where(x > 0.5, jnp.maximum(0.1, 0.99 * x), 1.01 * x) * jnp.cos(x + i)
+
+    return jax.lax.fori_loop(0, 900, lambda i, x: jax.lax.fori_loop(0, 20, body, x), y)
+
+
+@pytest.mark.parametrize(
+    ("rate", "kept"), [(_printing, "debug_"), (_drawing, "random_bits"), (_long, "scan")]
+)
+def test_programs_that_are_no_formulas_are_left_alone(rate, kept):
+    y = jnp.array([0.3, 0.7])
+    assert kept in str(jax.make_jaxpr(simplified(rate))(ZERO, y))
+    assert np.isfinite(solve(ode(rate, y, 0.1), 0.1).y1).all()
+
+
 @pytest.mark.parametrize("kept", ["own rule", "within checkpoint", "stopped"])
 def test_derivatives_that_a_rate_comes_with_are_kept(kept):
     square = jax.custom_jvp(lambda x: x * x)
