@@ -78,19 +78,19 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     velocity, the extrapolated leapfrog, `STOERMER18`, for states of 12 to 72 numbers, and for fewer
     with such forces, at tolerances down to 1e-11, else `NYSTROM12`. All others take `VERNER9`.
 
-    At true errors of 1e-6, 1e-9 and 1e-12 the series take, of the time of the pair: 0.78, 0.62,
-    0.36 (Lorenz), 0.41, 0.33, 0.21 (Duffing), 1.10, 0.85, 0.73 (Henon and Heiles), 0.26, 0.37, 0.27
-    (Toda's ring), 0.65, 0.70, 0.59 (spherical pendulum), 0.77, 0.61, 0.77 (Kepler's orbit, e =
-    0.9), 0.79, 0.69, 0.48 (three restricted bodies in space), 0.61, 0.45, 0.30 (magnetic bottle),
-    0.83, 0.75, 0.56 (double pendulum), 0.41, 0.31, 0.33 (rigid body). They compile in 0.8 to 1.7 of
-    the time of the pair, a rigid body in 2.3 (1.1 s). The leapfrog takes, of the time of
-    `NYSTROM12`: 0.96, 0.82, 0.86 (figure-eight), 0.56, 0.60, 0.65 (Pleiades), 0.80, 0.69, 0.59
-    (outer planets), 1.31, 1.02, 0.87 (a sheet of springs).
+    At true errors of 1e-6, 1e-9 and 1e-12 the series take, of the time of the pair: 0.78, 0.60,
+    0.36 (Lorenz), 0.50, 0.40, 0.22 (Duffing), 1.12, 0.85, 0.73 (Henon and Heiles), 0.32, 0.29, 0.26
+    (Toda's ring), 0.66, 0.70, 0.59 (spherical pendulum), 0.73, 0.61, 0.78 (Kepler's orbit, e =
+    0.9), 0.71, 0.69, 0.49 (three restricted bodies in space), 0.64, 0.45, 0.29 (magnetic bottle),
+    0.78, 0.68, 0.53 (double pendulum), 0.93, 0.82, 0.77 (rigid body). They compile in 0.4 to 2.2 s,
+    mostly 0.6 to 1.7 of the time of the pair. The leapfrog takes, of the time of `NYSTROM12`: 0.91,
+    0.94, 0.92 (figure-eight), 0.59, 0.61, 0.67 (Pleiades), 0.76, 0.70, 0.60 (outer planets), 1.29,
+    0.99, 0.82 (a sheet of springs).
 
-    The orders rest on the twenty problems of `benchmarks.problems` and `benchmarks.classics`. There
-    50 of 60 cases are within 1.15 of the fastest method, and none is above 1.31; on the twelve of
-    `benchmarks.others`, written down afterwards, 34 of 36: a galaxy took 1.19 and a chain of
-    springs 1.41, both at 1e-6.
+    The orders rest on the twenty problems of `benchmarks.problems` and `benchmarks.classics`, and
+    lately on the twelve of `benchmarks.others`. There 88 of 96 cases are within 1.15 of the fastest
+    method, and none is above 1.40, a chain of springs at 1e-6, which the Nystrom pair solves
+    fastest.
 
     At the same tolerance errors of series are no larger than those of the pair in nine of ten runs,
     and a sixteenth in the median; those of the leapfrog a tenth to a twentieth down to 1e-10, also

@@ -28,7 +28,7 @@ _MOST_ENTRIES = 10_000
 _MOST_NODES = 4
 #: Moving numbers at most: with 270 (a chain hung at both ends) derivatives compile twice as long
 #: as by arrays, with 430 (a four-bar linkage) three times.
-_MOST_MOVING = 200
+_MOST_MOVING = 150
 #: Operations with derivatives that formulas do not have, as those with rules of their own.
 _AGREED = frozenset({"stop_gradient"})
 
