@@ -4,8 +4,8 @@ Run: ``python -m benchmarks command``. ``orbits figure-eight --json`` in a fresh
 with an empty compile cache, then with the cache of the first run. The import of jaxdyn is
 compared with that of diffrax, on which it is built.
 
-Last numbers (2 cores, 2026-11): cold 8.3 s, warm 3.9 s; import of jaxdyn, whose parts are imported
-at their first use, 0.02 s, of diffrax 1.4 s.
+Last numbers (2 cores, 2026-11): cold 8.7 s, warm 4.8 s (8.3 and 3.9 on a faster day); import of
+jaxdyn, whose parts are imported at their first use, 0.03 s, of diffrax 1.3 s.
 """
 
 import os

@@ -54,7 +54,7 @@ _TO_BEST, _TO_HEYOKA = 1.15, 1.0
 _TO_HEYOKA_BY_PLACES = 0.7  # where no force depends on velocity
 _NOT_COMPACT = 28  # numbers of a state
 _STARTS = 4  # of problems with one
-_ROUNDS, _QUICK_ROUNDS = 10, 3
+_ROUNDS, _QUICK_ROUNDS = 6, 3
 
 
 def run(quick: bool = False) -> list[Curves]:

@@ -6,9 +6,9 @@ nothing. The others compare the composed double and triple pendulum (`scenes.pen
 closed forms as in textbooks, in the same solver, at equal true error.
 
 Last numbers (2 cores, 2026-11), minima: a step 0.6 to 1.0 us with one to five effects; double
-pendulum at 1e-12 0.15 ms against 0.09 ms by hand (1.6), triple 0.22 against 0.21 ms (1.02), since
-the pair evaluates both by their formulas; building and first run 1.6 s and 1.0 s against 1.0 s and
-0.9 s.
+pendulum at 1e-12 0.15 ms against 0.09 ms by hand (1.6), triple 0.22 against 0.21 ms (1.01), since
+the pair evaluates both by their formulas; building and first run 1.9 s and 0.8 s against 1.2 s and
+1.0 s.
 """
 
 import functools

@@ -12,11 +12,11 @@ the same steps in ensembles of equal motions; the ratio shows what lanes lose by
 Both cores are used by two threads of one process, or by two devices of one, in fresh processes
 with one and two of them.
 
-Last numbers (2 cores, 2026-11), minima, with ours over the other's in brackets: error 1e-6 6.5
-us, heyoka with 8 lanes 9.5 (0.68), with 4 lanes 11.7 (0.55), diffrax 195 (0.03); 1e-9 8.5 us,
-13.4 (0.64), 14.9 (0.57), 405 (0.02); 1e-12 11.7 us, 17.3 (0.67), 18.6 (0.63). heyoka is given
-each pair of bodies once, see `benchmarks.figure_eight`. Two threads 1.8 to 1.85 times as fast as
-one, two devices 1.7 times. Unequal motions cost what their own steps do (1.0).
+Last numbers (2 cores, 2026-11), minima, with ours over the other's in brackets: error 1e-6 5.0 us,
+heyoka with 8 lanes 7.5 (0.67), with 4 lanes 10.1 (0.50), diffrax 148 (0.03); 1e-9 7.0 us, 9.9
+(0.71), 12.8 (0.55), 302 (0.02); 1e-12 9.3 us, 13.2 (0.70), 17.4 (0.53). heyoka is given each pair
+of bodies once, see `benchmarks.figure_eight`. Two threads 1.8 times as fast as one, two devices 1.7
+times. Unequal motions cost what their own steps do (1.0).
 """
 
 import functools

@@ -11,13 +11,13 @@ that of the integrations, of the ends, from the starts that each gives. Lines ar
 functions below. Times are of a run after the first, compiled.
 
 Last numbers (2 cores with other work, 2026-11; hiten 0.5.4, SciPy 1.17; first runs in brackets,
-which compile, ours with stored programs): van der Pol's cycle at mu = 5: ours 49 ms (6 s), error
-4e-16, 2 lines; `solve_bvp` 0.79 s, its guess included, 2e-12, 23 lines. At mu = 100: ours 0.24 s,
-3e-12 (of which most is the reference's own); `solve_bvp` 1.5 s, 8e-10; from a guess that starts
-where the cycle is slow it diverges. Ten halo orbits: ours 0.13 s (4 s), their stability and
-special points included, closing to 5e-13, 5 lines; hiten 0.08 to 0.09 s (15 to 33 s), to 1.4e-9, 10
-lines. Fifty strands: ours 0.07 to 0.11 s (4 to 5 s), errors 4e-10, 7 lines; hiten 0.05 to 0.08 s
-(5 s), 1e-6, 9 lines, at its own tolerances.
+which compile, ours with stored programs): van der Pol's cycle at mu = 5: ours 51 ms (5 s), error
+8e-16, 2 lines; `solve_bvp` 0.84 s, its guess included, 2e-12, 23 lines. At mu = 100: ours 0.20 s,
+3e-12 (of which most is the reference's own); `solve_bvp` 1.6 s, 8e-10; from a guess that starts
+where the cycle is slow it diverges. Ten halo orbits: ours 0.10 s (3 s), their stability and special
+points included, closing to 2e-13, 5 lines; hiten, in a run before, 0.08 to 0.09 s (15 to 33 s), to
+1.4e-9, 10 lines. Fifty strands: ours 0.03 s (3 s), errors 2e-10, 7 lines; hiten 0.05 to 0.08 s (5
+s), 1e-6, 9 lines, at its own tolerances.
 """
 
 import functools

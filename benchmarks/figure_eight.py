@@ -6,14 +6,14 @@ compiled into a user's program (`jaxdyn`), and the public `solve` and `simulate`
 their overhead.
 
 Last numbers (2 cores, 2026-11), minima, with ours over the other's in brackets: error 1e-6 25 us,
-heyoka 23 (1.1), Dopri8 84 (0.30), DOP853 3170; 1e-9 30 us, 34.5 (0.86), 148 (0.20), 6090; 1e-12 39
-us, 50 (0.78), 260 (0.15). Ours are by the extrapolated leapfrog; the
-Nystrom pair takes 1.0 to 1.3 times as long. heyoka is given each pair of bodies once; with each
-pair written twice it takes 1.5 times as long, its own `model.nbody` 1.2 times. diffrax runs here
-with loops folded by `jaxdyn.configure`. As shipped, in a process of its own, its Dopri8 takes
-460, 1000 and 2200 us to errors of 2e-7, 1e-10 and 1e-13: 27, 45 and 75 times as long as ours. 11
-us of ours pass in a call that takes no step, most of them in JAX: in one call of ten periods the
-ratios to heyoka are 0.49, 0.56 and 0.58; `solve` from Python adds 57 us.
+heyoka 24 (1.0); 1e-9 31 us, 35 (0.91), Dopri8 205 (0.15), DOP853 6290; 1e-12 41 us, 50 (0.82), 322
+(0.13). Ours are by the extrapolated leapfrog; the Nystrom pair takes 1.0 to 1.3 times as long.
+heyoka is given each pair of bodies once; with each pair written twice it takes 1.5 times as long,
+its own `model.nbody` 1.2 times. diffrax runs here with loops folded by `jaxdyn.configure`. As
+shipped, in a process of its own, its Dopri8 takes 460, 1000 and 2200 us to errors of 2e-7, 1e-10
+and 1e-13: 27, 45 and 75 times as long as ours. 11 us of ours pass in a call that takes no step,
+most of them in JAX: in one call of ten periods the ratios to heyoka are 0.49, 0.56 and 0.58;
+`solve` from Python adds 57 us.
 """
 
 from collections.abc import Sequence

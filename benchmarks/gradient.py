@@ -6,8 +6,8 @@ respect to the 20 stiffnesses is taken by `jax.grad`, at the tolerance of the pl
 adjoint equations, and by one column of the variational equations for each. Times are those of the
 processor: a gradient takes long enough to be interrupted by other processes.
 
-Last numbers (2 cores with other work on them, 2026-11), in plain solves at tolerances of 1e-6,
-1e-9, 1e-12: 7.4, 9.9, 10.3; by columns 16, 23, 22.
+Last numbers (2 cores, 2026-11), in plain solves at tolerances of 1e-6, 1e-9, 1e-12: 7.1, 9.3, 9.6;
+by columns 15, 20, 21.
 """
 
 import equinox as eqx

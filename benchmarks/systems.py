@@ -9,9 +9,9 @@ heyoka in 80-bit floats. diffrax is given our scenes, the others the formulas in
 `benchmarks.problems`.
 
 Ours is the default; `benchmarks.default_method` has our other solvers beside it. Last numbers (2
-cores, 2026-11): ours over heyoka's (minima) at errors of 1e-6, 1e-9, 1e-12: Kepler 0.84, 0.70,
-0.86; springs 0.52, 0.33, 0.27; Henon-Heiles 0.74, 0.83, 0.89; cannonball 0.67, 0.76, 0.80; double
-pendulum 1.0, 1.09, 1.05; rigid body 1.19, 1.04, none; van der Pol 0.64, 0.60, 0.62. diffrax's
+cores, 2026-11): ours over heyoka's (minima) at errors of 1e-6, 1e-9, 1e-12: Kepler 0.82, 0.71,
+0.85; springs 0.54, 0.33, 0.29; Henon-Heiles 0.75, 0.84, 0.89; cannonball 0.67, 0.71, 0.80; double
+pendulum 1.0, 1.10, 1.05; rigid body 1.20, 1.07, none; van der Pol 0.65, 0.66, 0.63. diffrax's
 Dopri8 takes 2 to 20 times as long as ours, SciPy 50 to 1200 times.
 """
 
