@@ -79,9 +79,12 @@ def of_long_calls(curves: dict, name: str) -> dict[str, list[tuple[float, float]
     if not ours:
         return {}
     every = [run for runs in ours.values() for run in runs]
-    found = {_BEST: [every[i] for i in worth_taking(*zip(*every, strict=True))]}
-    found |= {"jaxdyn": runs for method, runs in ours.items() if method.startswith("default")}
-    found |= {"heyoka": runs for method, runs in methods.items() if method == "heyoka"}
+    found = {
+        "jaxdyn": next(runs for method, runs in ours.items() if method.startswith("default")),
+        _BEST: [every[i] for i in worth_taking(*zip(*every, strict=True))],
+    }
+    if "heyoka" in methods:
+        found["heyoka"] = methods["heyoka"]
     n = repeats(PROBLEMS[name]())
     return {
         method: [(error, seconds / n) for error, seconds in runs] for method, runs in found.items()
