@@ -135,7 +135,7 @@ def _rule(scene: Scene, rtol) -> tuple[Method, str]:
     return _ruled(found, scene.second_order, len(scene.y0), known)
 
 
-@functools.lru_cache  # to put the reason into words takes half of the time to find it
+@functools.lru_cache  # to put the reason into words takes half as long as to find it
 def _ruled(
     found: Series | None, second_order: bool, k: int, rtol: float | None
 ) -> tuple[Method, str]:

@@ -197,9 +197,8 @@ def _check_kinds(eqn) -> None:
     """Formulas are of 64-bit floats; booleans are only combined, or select."""
     name = eqn.primitive.name
     ours = eqn.invars[1:] if name == "select_n" else eqn.invars
-    of_booleans = name in LOGIC or name in ("reduce_and", "reduce_or")
-    if name == "select_n":
-        of_booleans = ours[0].aval.dtype == bool
+    binary, _ = _FOLDED.get(name, (name, None))
+    of_booleans = binary in LOGIC or (name == "select_n" and ours[0].aval.dtype == bool)
     wanted = bool if of_booleans else float
     results = eqn.outvars if name == "dot_general" else []
     for kind in {a.aval.dtype for a in (*ours, *results)}:
@@ -233,7 +232,9 @@ def _written_out(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
 def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
     """The operation on numbers, for entries one by one."""
     if not graph.smooth and name in ROUGH:
-        return functools.partial(graph.rough, name)
+        # Arguments as they are: y - x and -(x - y) differ in the sign of a zero, and the angle of
+        # a vector with it by 2 pi.
+        return functools.partial(graph.node, name)
     if name in ("add", "add_any"):
         return graph.add
     if name in ("sub", "mul", "div", "neg"):

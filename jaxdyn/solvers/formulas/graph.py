@@ -212,12 +212,6 @@ class Graph:
             node.partner = slope
         return node
 
-    def rough(self, op: str, *args: Number) -> Number:
-        """A function that can only be evaluated."""
-        # Arguments as they are: that of y - 0 and -(0 - y) differ in the sign of a zero, and the
-        # angle of a vector with it by 2 pi.
-        return self.node(op, *args)
-
     def _in_one_form(self, a: Number) -> Number:
         """The number, with sums as in `_signed`."""
         c, m = split(a)

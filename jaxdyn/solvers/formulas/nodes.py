@@ -19,7 +19,7 @@ class Node:
       op: "input" for what is integrated, "given" for what is known at run time, or an operation.
       args: its operands: nodes and known numbers; of a sum, factors and terms in turn.
       moving: whether it changes within a step. Conditions count as steady: in a series they are,
-        and in formulas that are only evaluated nothing depends on it.
+        and in formulas that are only evaluated no value depends on it.
       value: () the number itself, where it is given.
       partner: the node whose series it needs: of a sine the cosine.
     """

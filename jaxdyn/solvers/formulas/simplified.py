@@ -42,8 +42,7 @@ def simplified(rate: Rate) -> Rate:
     double pendulum) of the time, and one with tangents 0.03 (a triple pendulum) to 0.5, since loops
     over the unknowns of a linear system, as in a mass matrix, are written out.
 
-    Conditions, and functions without a Taylor series, are evaluated as they stand, of arguments in
-    normal form.
+    Conditions, and functions without a Taylor series, are evaluated as they stand.
 
     Limits: rates with derivatives of their own (``jax.custom_jvp``, `stop_gradient`) are left as
       they are. The derivative of the largest of three or more numbers at a tie is another of its
@@ -75,14 +74,12 @@ def simplified(rate: Rate) -> Rate:
 
 def _short_formulas(rate: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node]] | None:
     """The formulas of a rate, where they exist and are not much longer than its program."""
-    closed = jax.make_jaxpr(rate)(t, y)
-    if closed.effects:
-        return None
-    found = [eqn for jaxpr in programs(closed.jaxpr) for eqn in jaxpr.eqns]
+    found = [eqn for jaxpr in programs(jax.make_jaxpr(rate)(t, y).jaxpr) for eqn in jaxpr.eqns]
     names = {eqn.primitive.name for eqn in found}
     if names & _AGREED or any(name.startswith("custom_") for name in names):
         return None
-    sizes = sum(max(a.aval.size for a in (*eqn.invars, *eqn.outvars)) for eqn in found)
+    arrays = ((*eqn.invars, *eqn.outvars) for eqn in found)
+    sizes = sum(max((a.aval.size for a in every), default=0) for every in arrays)
     if len(found) > _MOST_OPERATIONS or sizes > _MOST_ENTRIES:
         return None
     try:
