@@ -16,6 +16,7 @@ from jaxdyn import Scene
 from jaxdyn.effects import CentralForce, PairGravity
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.solvers.formulas.formulas import Formulas, formulas
 
 #: Where tests, stored references and published tables are.
 TESTS = Path(__file__).parent
@@ -102,6 +103,11 @@ def kepler_state(e: float, t: float) -> np.ndarray:
     r = np.array([np.cos(anomaly) - e, b * np.sin(anomaly)])
     v = np.array([-np.sin(anomaly), b * np.cos(anomaly)]) / (1 - e * np.cos(anomaly))
     return np.concatenate([-r, r, -v, v]) / 2
+
+
+def formulas_of(rate, t, y) -> Formulas:
+    """The formulas of a rate."""
+    return formulas(jax.make_jaxpr(rate)(t, y), t, y)
 
 
 def operations(fn, *args) -> list:

@@ -110,9 +110,12 @@ class Constrained(MechanismSystem):
         (q0, v0), (q1, v1) = jnp.split(y0, 2), jnp.split(y1, 2)
         # Halfway on the cubic through both ends.
         t, q = 0.5 * (t0 + t1), 0.5 * (q0 + q1) + 0.125 * (t1 - t0) * (v0 - v1)
-        start, middle, end = (self._reach(*at) for at in ((t0, q0), (t, q), (t1, q1)))
-        if not start[0].shape[0]:
+        # One after the other in a loop: written out, they compile three times.
+        poses = jnp.stack(jnp.broadcast_arrays(t0, t, t1)), jnp.stack([q0, q, q1])
+        gs, reaches = jax.lax.map(lambda at: self._reach(*at), poses)
+        if not gs.shape[1]:
             return jnp.zeros((), bool)
+        start, middle, end = zip(gs, reaches, strict=True)
         kept, last = (independent(*at, at[0], LOST).kept for at in (start, end))
         crossed = turns_over(start, middle, kept) | turns_over(middle, end, kept)
         return (jnp.sum(last) < jnp.sum(kept)) | crossed

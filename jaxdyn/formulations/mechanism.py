@@ -154,7 +154,10 @@ def positions_and_velocities(
 
 def kinematic_jacobian(mechanism: Mechanism, t: Array, q: Array) -> Array:
     """(n, p d) velocities of the points for a unit rate of each coordinate."""
-    _, velocities = jax.linearize(lambda q: mechanism.positions(t, q), q)
+
+    def velocities(v: Array) -> Array:
+        return jax.jvp(lambda q: mechanism.positions(t, q), (q,), (v,))[1]
+
     return jax.vmap(velocities)(jnp.eye(len(q))).reshape(len(q), -1)
 
 

@@ -89,6 +89,13 @@ def flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> SolveR
       settings: the methods.
     Limits: derivatives with respect to the tolerance are zero by definition.
     """
+    return _in_one_kernel(field, y0, t0, t1, ts, limits, settings=settings)
+
+
+# Within the rule of derivatives, not around it: a derivative then traces no plain solve besides
+# its own, and several solves of a kind in one program are traced once.
+@functools.partial(jax.jit, static_argnames="settings")
+def _in_one_kernel(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> SolveResult:
     run = functools.partial(_solved, settings=settings)
     # Some of these are known only at run time; the tolerance is often a constant.
     unknown = jnp.isfinite(y0.ravel()[0] + t0 + t1 + limits.tolerance[0])
@@ -194,10 +201,13 @@ def _flow_jvp(primals, tangents, *, settings):
     return result, SolveResult(y1=d_y1, ys=d_ys, steps=None, rejected=None, status=None, stiff=None)
 
 
+# Traced once for all that a step, its preparation and its checks make of a rate.
+@functools.partial(jax.jit, inline=True)
 def _rate(t, y, field):
     return field.rate(t, y)
 
 
+@functools.partial(jax.jit, inline=True)
 def _by_formulas(t, y, field):
     return simplified(field.rate)(t, y)
 

@@ -37,9 +37,11 @@ class Variational(eqx.Module):
         def rate(p, x):
             return simplified(eqx.combine(p, fixed).rate)(t, x)
 
-        f, jvp = jax.linearize(rate, moving, y[..., 0])
+        def along(direction, tangent):
+            return jax.jvp(rate, (moving, y[..., 0]), (direction, tangent))
+
         # Batch axis last: columns are contiguous in memory.
-        tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
+        f, tangents = jax.vmap(along, in_axes=-1, out_axes=(None, -1))(self.directions, y[..., 1:])
         return jnp.concatenate([f[..., None], tangents], axis=-1)
 
     def undetermined(self, t: Array, y: Columns) -> Array | None:
@@ -57,8 +59,10 @@ class Variational(eqx.Module):
         def onto(p, x):
             return simplified(eqx.combine(p, fixed).project)(t, x)
 
-        x, jvp = jax.linearize(onto, moving, y[..., 0])
-        tangents = jax.vmap(jvp, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
+        def along(direction, tangent):
+            return jax.jvp(onto, (moving, y[..., 0]), (direction, tangent))
+
+        x, tangents = jax.vmap(along, in_axes=-1, out_axes=(None, -1))(self.directions, y[..., 1:])
         return jnp.concatenate([x[..., None], tangents], axis=-1)
 
 

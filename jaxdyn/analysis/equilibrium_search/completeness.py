@@ -6,6 +6,7 @@
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -53,7 +54,9 @@ class Proof(NamedTuple):
 def bisected(field: Field, t: Array, box: Box) -> Proof:
     """Interval bisection for the equilibria of a field in a box."""
     try:
-        found = formulas(lambda _, y: field.rate(t, y), t, jnp.asarray(box.low))
+        low = jnp.asarray(box.low)
+        program = jax.make_jaxpr(lambda _, y: field.rate(t, y))(t, low)
+        found = formulas(program, t, low)
         box = _at_rest(found, box)
         margin = _MARGIN * (box.high - box.low)
         return Proof(box, isolate(found, box.low - margin, box.high + margin))

@@ -77,12 +77,17 @@ _MOST_NODES = 5_000
 
 
 def formulas(
-    field: Callable, t: Array, y: Array, expanding: bool = True, smooth: bool = True
+    program: jax.extend.core.ClosedJaxpr,
+    t: Array,
+    y: Array,
+    expanding: bool = True,
+    smooth: bool = True,
 ) -> Formulas:
     """The formulas of a rate.
 
     Args:
-      field: (t, y) -> dy/dt, whose other numbers may be known only at run time.
+      program: ``jax.make_jaxpr`` of (t, y) -> dy/dt, whose other numbers may be known only at run
+        time.
       t: () time.
       y: (k,) state.
       expanding: of its `Graph`.
@@ -91,7 +96,7 @@ def formulas(
       NotElementary: an operation of the field cannot be represented.
     """
     graph = Graph(expanding=expanding, smooth=smooth, most=_MOST_NODES)
-    return _traced(graph, field, (), t, y)
+    return _found(graph, program, t, y)
 
 
 def exact_formulas(field: Callable, numbers: PyTree, t: Array, y: Array) -> Formulas:
@@ -108,16 +113,17 @@ def exact_formulas(field: Callable, numbers: PyTree, t: Array, y: Array) -> Form
       NotElementary: an operation of the field cannot be represented.
     """
     known = [np.asarray(x, float).astype(object) for x in jax.tree.leaves(numbers)]
-    return _traced(Graph(exact=True), lambda t, y, n: field(n, t, y), (numbers,), t, y, known)
+    program = jax.make_jaxpr(lambda t, y, n: field(n, t, y))(t, y, numbers)
+    return _found(Graph(exact=True), program, t, y, known)
 
 
-def _traced(graph: Graph, field: Callable, more: tuple, t, y, known: Sequence = ()) -> Formulas:
-    closed = jax.make_jaxpr(field)(t, y, *more)
-    _check_program(closed)
+def _found(graph: Graph, program, t: Array, y: Array, known: Sequence = ()) -> Formulas:
+    _check_program(program)
     time = graph.given(t, moving=True)
     states = [graph.given(y[i], moving=True) for i in range(len(y))]
     inputs = [objects([time], ()), objects(states, y.shape), *known]
-    (rates,) = _interpreted(graph, closed.jaxpr, [_taken(graph, c) for c in closed.consts], inputs)
+    consts = [_taken(graph, c) for c in program.consts]
+    (rates,) = _interpreted(graph, program.jaxpr, consts, inputs)
     return Formulas(graph=graph, time=time, states=states, rates=rates.tolist())
 
 

@@ -1,32 +1,32 @@
 """The formulas of a rate with the fewest products, by which series and evaluations take longest."""
 
+from jax.extend.core import ClosedJaxpr
 from jaxtyping import Array
 
 from jaxdyn.solvers.formulas.formulas import Formulas, formulas
 from jaxdyn.solvers.formulas.nodes import STEADY, Node
 from jaxdyn.solvers.formulas.ordered import ordered
-from jaxdyn.solvers.method import Rate
 
 #: Number of sums of products of an operation at each order of a series.
 _ONE_PRODUCT_EACH = ("product", "div", "sqrt", "log", "exp", "sin", "cos", "tanh")
 _PRODUCTS = dict.fromkeys(_ONE_PRODUCT_EACH, 1) | {"pow": 2}
 
 
-def shortest(rate: Rate, t: Array, y: Array, smooth: bool) -> tuple[Formulas, list[Node]]:
+def shortest(program: ClosedJaxpr, t: Array, y: Array, smooth: bool) -> tuple[Formulas, list[Node]]:
     """The formulas with the fewest products, and their nodes in order.
 
     Args:
-      rate: of the motion.
+      program: see `formulas`.
       t: () time.
       y: (k,) state.
       smooth: of their `Graph`.
     Raises:
       NotElementary: see `formulas`.
     """
-    found = formulas(rate, t, y, smooth=smooth)
+    found = formulas(program, t, y, smooth=smooth)
     best = found, ordered(found.graph, found.rates)
     if found.graph.expanded:
-        plain = formulas(rate, t, y, expanding=False, smooth=smooth)
+        plain = formulas(program, t, y, expanding=False, smooth=smooth)
         best = min(best, (plain, ordered(plain.graph, plain.rates)), key=lambda x: products(x[1]))
     return best
 

@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from jaxtyping import Array
 
 from jaxdyn.solvers.formulas.formulas import Formulas
@@ -53,9 +54,11 @@ def simplified(rate: Rate) -> Rate:
     def by_formulas(t: Array, y: Array) -> Array:
         if y.ndim > 1 or len(y) > _MOST_LOOKED_AT:
             return rate(t, y)
-        found = _short_formulas(rate, t, y)
+        program = jax.make_jaxpr(rate)(t, y)
+        found = _short_formulas(program, t, y)
         if found is None:
-            return rate(t, y)
+            (plain,) = jaxpr_as_fun(program)(t, y)  # tracing a rate takes ten times as long
+            return plain
         formulas, nodes = found
         if formulas.rates == formulas.states:
             return y
@@ -72,9 +75,9 @@ def simplified(rate: Rate) -> Rate:
     return by_formulas
 
 
-def _short_formulas(rate: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node]] | None:
+def _short_formulas(program: ClosedJaxpr, t: Array, y: Array) -> tuple[Formulas, list[Node]] | None:
     """The formulas of a rate, where they exist and are not much longer than its program."""
-    found = [eqn for jaxpr in programs(jax.make_jaxpr(rate)(t, y).jaxpr) for eqn in jaxpr.eqns]
+    found = [eqn for jaxpr in programs(program.jaxpr) for eqn in jaxpr.eqns]
     names = {eqn.primitive.name for eqn in found}
     if names & _AGREED or any(name.startswith("custom_") for name in names):
         return None
@@ -83,7 +86,7 @@ def _short_formulas(rate: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node
     if len(found) > _MOST_OPERATIONS or sizes > _MOST_ENTRIES:
         return None
     try:
-        formulas, nodes = shortest(rate, t, y, smooth=False)
+        formulas, nodes = shortest(program, t, y, smooth=False)
     except NotElementary:
         return None
     moving = sum(node.moving for node in nodes)

@@ -196,7 +196,7 @@ def _series(rate: Rate, t: Array, y: Array, longest: int | None) -> Series | Non
     if longest is not None and operations(rate, t, y) > longest:
         return None
     try:
-        _, nodes = shortest(rate, t, y, smooth=True)
+        _, nodes = shortest(jax.make_jaxpr(rate)(t, y), t, y, smooth=True)
     except NotElementary:
         return None
     functions = any(node.moving and node.op in _FUNCTIONS for node in nodes)
@@ -223,7 +223,7 @@ def _formulas(field: Rate, t: Array, y: Array) -> tuple[Formulas, list[Node]]:
         several = "one that takes tangents or several motions at once"
         raise _checks.fail("solver", several, "a Taylor series", _REMEDY)
     try:
-        found, nodes = shortest(field, t, y, smooth=True)
+        found, nodes = shortest(jax.make_jaxpr(field)(t, y), t, y, smooth=True)
     except NotElementary as error:
         raise _checks.fail("solver", wanted, f"one with {error}", _REMEDY) from None
     if (n := products(nodes)) > _MOST_PRODUCTS:

@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
+from helpers import formulas_of
 
 from jaxdyn import scenes
 from jaxdyn.analysis.equilibrium_search.isolation import isolate
 from jaxdyn.solvers.enclosures import Dual, enclosures
-from jaxdyn.solvers.formulas.formulas import formulas
 from jaxdyn.solvers.formulas.nodes import NotElementary
 from jaxdyn.solvers.intervals import Interval
 
@@ -17,7 +17,7 @@ from jaxdyn.solvers.intervals import Interval
 def _bounds(field, lows, highs):
     """Bounds (k, cells) and (k, n, cells) of a field over boxes (n, cells)."""
     n, cells = lows.shape
-    found = formulas(lambda _, y: field(y), jnp.zeros(()), jnp.asarray(lows[:, 0]))
+    found = formulas_of(lambda _, y: field(y), jnp.zeros(()), jnp.asarray(lows[:, 0]))
     slopes = np.repeat(np.eye(n)[:, :, None], cells, axis=2)
     inputs = {
         node: Dual(Interval(lows[i], highs[i]), Interval(slopes[i], slopes[i]))
@@ -113,7 +113,9 @@ def test_bisection_finds_all_zeros_of_a_product_of_sines():
         return jnp.stack([jnp.sin(3 * y[0]), jnp.sin(2 * y[1] + y[0])])
 
     found = isolate(
-        formulas(field, jnp.zeros(()), jnp.zeros(2)), np.array([-2.0, -2.0]), np.array([2.0, 2.0])
+        formulas_of(field, jnp.zeros(()), jnp.zeros(2)),
+        np.array([-2.0, -2.0]),
+        np.array([2.0, 2.0]),
     )
     assert not len(found.open)
     # 3 x = i pi and 2 y + x = j pi.

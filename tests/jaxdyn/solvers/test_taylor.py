@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
-from helpers import gap, kepler
+from helpers import formulas_of, gap, kepler
 from jax import lax
 
 from jaxdyn import ensemble, ode, scenes, simulate
@@ -24,7 +24,6 @@ from jaxdyn.solvers import (
     has_series,
 )
 from jaxdyn.solvers.choice import reason
-from jaxdyn.solvers.formulas.formulas import formulas
 from jaxdyn.solvers.formulas.nodes import NotElementary
 from jaxdyn.solvers.formulas.ordered import ordered
 from jaxdyn.solvers.formulas.shortest import products
@@ -65,7 +64,7 @@ FUNCTIONS = {
 
 
 def series(rate, t, y, order=ORDER) -> np.ndarray:
-    found = formulas(rate, jnp.asarray(t), jnp.asarray(y))
+    found = formulas_of(rate, jnp.asarray(t), jnp.asarray(y))
     found = solution(found, ordered(found.graph, found.rates), order, jnp.ones(()))
     return np.array([[0.0 if x is None else float(x) for x in row] for row in found])
 
@@ -177,7 +176,7 @@ def test_whole_powers_have_their_series_at_zero(n):
 
 @jax.jit
 def _driven_by_a_whole_number(n, truth):
-    found = formulas(
+    found = formulas_of(
         lambda t, y: y * n.astype(float) + truth.astype(float), jnp.zeros(()), jnp.ones(1)
     )
     return solution(found, ordered(found.graph, found.rates), 2, jnp.ones(()))[0]
@@ -276,7 +275,7 @@ def test_equal_formulas_are_computed_once():
         c, s = jnp.cos(y[0]), jnp.sin(y[0])
         return jnp.stack([2.0 * c * s, s * c * 3.0 + 0.0 * y[1] ** 3])
 
-    found = formulas(rate, jnp.zeros(()), jnp.ones(2))
+    found = formulas_of(rate, jnp.zeros(()), jnp.ones(2))
     assert products(ordered(found.graph, found.rates)) == 3  # cosine, sine, their product
 
 
@@ -297,7 +296,7 @@ INVERSE_CUBES = {
 @pytest.mark.parametrize("name", INVERSE_CUBES)
 def test_an_inverse_cube_of_a_distance_is_one_power(name):
     rate, y = lambda t, y: 3.0 * INVERSE_CUBES[name](y), jnp.array([0.6, 0.8])
-    found = formulas(rate, jnp.zeros(()), y)
+    found = formulas_of(rate, jnp.zeros(()), y)
     ops = [node.op for node in ordered(found.graph, found.rates)]
     assert ops.count("pow") == 1
     assert {"sqrt", "div"}.isdisjoint(ops)
@@ -315,7 +314,7 @@ def test_a_difference_and_its_opposite_are_one_formula():
         return jnp.stack([jnp.sin(there) + there**2, jnp.sin(back) * jnp.cos(back) + back * back])
 
     y = np.array([0.3, 0.7])
-    found = formulas(rate, jnp.zeros(()), jnp.asarray(y))
+    found = formulas_of(rate, jnp.zeros(()), jnp.asarray(y))
     ops = [node.op for node in ordered(found.graph, found.rates)]
     assert (ops.count("sin"), ops.count("cos"), ops.count("product")) == (1, 1, 2)
     x = y[0] - 2 * y[1]
@@ -331,7 +330,7 @@ def test_products_that_only_the_way_to_a_formula_had_are_not_taken_for_there():
         return jnp.stack([u, u, turned])
 
     y = np.array([0.3, 0.8, 1.5])
-    found = formulas(rate, jnp.zeros(()), jnp.asarray(y))
+    found = formulas_of(rate, jnp.zeros(()), jnp.asarray(y))
     ops = [node.op for node in ordered(found.graph, found.rates)]
     assert ops.count("product") == 5
     exact = y[2] ** 2 * np.sin(y[1] - y[0])
@@ -345,7 +344,7 @@ def test_products_that_cancel_and_squares_that_sum_to_one_are_gone():
         same = (u * c) * (u * s) - (u * u) * (s * c)
         return jnp.stack([same + u, s * (u * u * c + 0.5) - c * (u * u * s) + 3 * (c * c + s * s)])
 
-    found = formulas(rate, jnp.zeros(()), jnp.ones(2))
+    found = formulas_of(rate, jnp.zeros(()), jnp.ones(2))
     assert [node.op for node in ordered(found.graph, found.rates)].count("product") == 0
     exact = np.array([1.0, 3.0 + 0.5 * np.sin(1.0)])
     assert series(rate, 0.0, np.ones(2), order=1)[:, 1] == pytest.approx(exact)
@@ -546,4 +545,4 @@ def _long_loop(t, y):
 )
 def test_what_has_no_series_is_named(rate, why):
     with pytest.raises(NotElementary, match=why):
-        formulas(rate, jnp.zeros(()), jnp.ones(1))
+        formulas_of(rate, jnp.zeros(()), jnp.ones(1))
