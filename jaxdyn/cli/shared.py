@@ -4,6 +4,7 @@ Neither this file nor that of a command loads JAX, NumPy or Matplotlib, so help 
 appear at once. A command takes what it needs from the two packages, which then load it.
 """
 
+import gc
 import os
 import sys
 import tempfile
@@ -24,6 +25,7 @@ from jaxdyn.files.input_files import MAX_BYTES, content
 MISUSE = 2  # exit code: invalid input
 INTERRUPTED = 130  # exit code: Ctrl-C, as in shells
 PIPE_CLOSED = 1  # exit code: the reader has closed the pipe; that of Typer
+_RARELY = 100_000, 20, 50  # objects made, and collections, between two collections
 #: Raised for a wrong option or argument; typer exports only a subclass.
 _Usage: type[Exception] = typer.BadParameter.__bases__[0]
 
@@ -130,6 +132,9 @@ def _begin(
 
 def start(app: typer.Typer) -> None:
     """Run a command line; one line on standard error and exit code 2 for invalid input."""
+    # What imports and traces make mostly stays: to search it for cycles again and again takes a
+    # tenth of a short command's time. A library leaves this to its user; this process is ours.
+    gc.set_threshold(*_RARELY)
     try:
         code = app(standalone_mode=False)
         sys.stdout.flush()
