@@ -21,6 +21,9 @@ import jax
 import pytest
 import shapes
 
+# Only a private name reaches the options of every program.
+from jax._src import compiler
+
 # Loops over numbers of any length, which the checks would make several times slower.
 _UNCHECKED = {"jaxdyn.balls", "orbits.proof"}
 
@@ -37,7 +40,7 @@ def _checked_modules(package: str) -> set[str]:
 shapes.install(sorted(_checked_modules("jaxdyn") | _checked_modules("orbits")))
 
 import jaxdyn  # noqa: E402
-from jaxdyn.gallery.compiling import share_context  # noqa: E402
+from jaxdyn.gallery.compiling import FULLY, share_context  # noqa: E402
 
 # They make the stored references with packages that the tests do not need.
 collect_ignore = ["references"]
@@ -70,6 +73,20 @@ def _forget_programs():
     jax.clear_caches()
     share_context()
     gc.collect()
+
+
+@pytest.fixture(scope="module")
+def optimised():
+    """The programs of a file as they are compiled for users: where they run for long."""
+    make = compiler.get_compile_options
+
+    def options(*args, env_options_overrides=None, **others):
+        wanted = FULLY | (env_options_overrides or {})
+        return make(*args, env_options_overrides=wanted, **others)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiler, "get_compile_options", options)
+        yield
 
 
 class Ran(NamedTuple):
