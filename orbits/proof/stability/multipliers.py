@@ -108,9 +108,14 @@ def rotation_number(z: acb) -> arb:
 
 def sorted_roots(found: list[acb]) -> list[acb]:
     """Largest first, the one with positive imaginary part before its conjugate."""
-    return sorted(found, key=lambda z: (-_size(z), -float(z.imag.mid())))
+
+    def rank(z: acb) -> tuple[float, ...]:
+        size = float(abs(z).mid())
+        # Conjugates differ in size by rounding alone, real ones by more however close they are.
+        return -_rounded(size), -_rounded(float(z.imag.mid())), -size
+
+    return sorted(found, key=rank)
 
 
-def _size(z: acb) -> float:
-    x = float(abs(z).mid())
+def _rounded(x: float) -> float:
     return round(x, 9) if math.isfinite(x) else x
