@@ -164,16 +164,17 @@ def _slopes(scene: Scene, make: Make | None, piece: Piece, nodes: Array, rule: R
     def defect(at: Piece):
         return _defect(scene, make, at._replace(s=None), nodes, rule).ravel()
 
-    def along(by: Array) -> Array:  # (m k, ...) -> (k, ...)
-        moves = -jnp.linalg.solve(matrix, by.reshape(nodes.size, -1))
-        return jnp.tensordot(rule.d, moves.reshape(*nodes.shape, -1), axes=1)
-
     matrix = _matrix(scene, make, piece, nodes, rule)
     by = jax.jacfwd(defect)(piece._replace(s=None))
+    columns = jnp.column_stack([by.start, by.t0, by.span, by.parameter])
+    # One solve for all: two batched ones that XLA runs at the same time, on as many threads as it
+    # has, wait for each other forever (jaxlib 0.10, two cores).
+    moves = -jnp.linalg.solve(matrix, columns)
+    ends = jnp.tensordot(rule.d, moves.reshape(*nodes.shape, -1), axes=1)
     k = len(piece.start)
     return Piece(
-        start=along(by.start) + (1.0 - rule.d.sum()) * jnp.eye(k),
-        t0=along(by.t0)[:, 0],
-        span=along(by.span)[:, 0],
-        parameter=along(by.parameter)[:, 0],
+        start=ends[:, :k] + (1.0 - rule.d.sum()) * jnp.eye(k),
+        t0=ends[:, k],
+        span=ends[:, k + 1],
+        parameter=ends[:, k + 2],
     )
