@@ -191,8 +191,8 @@ def solve(
             # NaN is never reached; derivatives would see it, and traces recompile anyway.
             given, ts = ts, np.full(n + filling(n, y0.size), np.nan)
             ts[:n] = given
-    inlined, compiled = (adjoint_flow, _compiled_adjoint) if adjoint else (flow, _compiled)
-    run = functools.partial(inlined if traced else compiled, field, y0, t0, t1, ts, held_to)
+    march = _compiled_adjoint if adjoint else flow if traced else _compiled
+    run = functools.partial(march, field, y0, t0, t1, ts, held_to)
     out = _auto(run, settings, traced) if auto else run(settings=settings)
     if len(ts) == n:
         return out
