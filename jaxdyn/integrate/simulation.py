@@ -144,7 +144,7 @@ def solve(
 ) -> SolveResult:
     """`simulate` without samples, checks and exceptions: for use inside other programs.
 
-    Compiled for each kind of scene and method; inside jit, grad and vmap it is inlined.
+    Compiled for each kind of scene and method, also where grad or vmap call it.
 
     Args:
       scene: system, effects, start; not checked.

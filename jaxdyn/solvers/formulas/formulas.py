@@ -96,7 +96,7 @@ def formulas(
       NotElementary: an operation of the field cannot be represented.
     """
     graph = Graph(expanding=expanding, smooth=smooth, most=_MOST_NODES)
-    return _found(graph, program, t, y)
+    return _formulas_of(graph, program, t, y)
 
 
 def exact_formulas(field: Callable, numbers: PyTree, t: Array, y: Array) -> Formulas:
@@ -114,10 +114,10 @@ def exact_formulas(field: Callable, numbers: PyTree, t: Array, y: Array) -> Form
     """
     known = [np.asarray(x, float).astype(object) for x in jax.tree.leaves(numbers)]
     program = jax.make_jaxpr(lambda t, y, n: field(n, t, y))(t, y, numbers)
-    return _found(Graph(exact=True), program, t, y, known)
+    return _formulas_of(Graph(exact=True), program, t, y, known)
 
 
-def _found(graph: Graph, program, t: Array, y: Array, known: Sequence = ()) -> Formulas:
+def _formulas_of(graph: Graph, program, t: Array, y: Array, known: Sequence = ()) -> Formulas:
     _check_program(program)
     time = graph.given(t, moving=True)
     states = [graph.given(y[i], moving=True) for i in range(len(y))]

@@ -112,10 +112,7 @@ def sorted_roots(found: list[acb]) -> list[acb]:
     def rank(z: acb) -> tuple[float, ...]:
         size = float(abs(z).mid())
         # Conjugates differ in size by rounding alone, real ones by more however close they are.
-        return -_rounded(size), -_rounded(float(z.imag.mid())), -size
+        imaginary = 0.0 if z.imag.contains(0) else float(z.imag.mid())
+        return -(round(size, 9) if math.isfinite(size) else size), -imaginary, -size
 
     return sorted(found, key=rank)
-
-
-def _rounded(x: float) -> float:
-    return round(x, 9) if math.isfinite(x) else x
