@@ -545,6 +545,19 @@ def test_new_numbers_never_recompile_derivatives():
     assert len(Counting.traces) == before
 
 
+@pytest.mark.parametrize("adjoint", [False, True])
+def test_derivatives_outside_of_jit_are_compiled_once_too(caplog, adjoint):
+    def slope(c):
+        return jax.grad(lambda c: solve(_counted(c=c), 1.0, adjoint=adjoint).y1[0])(c)
+
+    slope(0.1)
+    before = len(Counting.traces)
+    with jax.log_compiles(), caplog.at_level("WARNING"):
+        slope(0.2)
+    assert [record.message for record in caplog.records if "Compiling" in record.message] == []
+    assert len(Counting.traces) == before
+
+
 def test_a_pair_from_diffrax_solves():
     tsit5 = from_diffrax(diffrax.Tsit5())
     assert (
