@@ -140,7 +140,8 @@ def _turn(axis: int, angle: Array) -> Matrix:
     e = np.eye(3)
     along = np.outer(e[axis], e[axis])
     across = -levi_civita()[:, :, axis]
-    return along + jnp.cos(angle) * (e - along) + jnp.sin(angle) * across
+    turned = jnp.cos(angle) * (e - along) + jnp.sin(angle) * across
+    return jnp.asarray(along) + turned
 
 
 def _product(A: Matrix, B: Matrix) -> Matrix:
