@@ -84,6 +84,15 @@ def run(scene, t1, t0=0.0, **how):
     return simulate(scene, t1, t0=t0, samples=5, max_steps=STEPS, throw=False, **how)
 
 
+def deepest(a, b, y) -> float:
+    """Potential energy of two bodies where they are nearest on their conic, without its sign."""
+    r, v = y[2:4] - y[:2], y[6:] - y[4:6]
+    swept = r[0] * v[1] - r[1] * v[0]
+    energy_of_one = 0.5 * v @ v - (a + b) / np.hypot(*r)
+    e = np.sqrt(max(0.0, 1 + 2 * energy_of_one * (swept / (a + b)) ** 2))
+    return a * b * (a + b) * (1 + e) / swept**2 if swept else np.inf
+
+
 def sound(name, a, b, entries, t1):
     """A motion keeps its energy, leads back and is another pair's too; or a status says why not."""
     scene = scene_of(name, a, b, entries)
@@ -103,6 +112,8 @@ def sound(name, a, b, entries, t1):
     # The absolute tolerance equals the relative one: what is far below 1 is not resolved.
     resolved = max(np.abs(ys).max(), 1.0)
     size = np.abs(total - v).max() + np.abs(v).max() + slope * resolved
+    if name == "two_body":  # an encounter between samples
+        size += deepest(a, b, ys[0])
     assert np.abs(total - total[0]).max() <= allowed * size
     end, size = ys[-1], resolved + slope * abs(t1)
     other = run(scene, t1, rtol=1e-12, solver=DOPRI8)

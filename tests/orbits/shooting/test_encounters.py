@@ -21,6 +21,8 @@ from orbits.orbit import relocated
 from orbits.shooting.equations import Equations
 from orbits.shooting.segmentation import with_segments
 
+pytestmark = pytest.mark.usefixtures("optimised")
+
 HERE = TESTS
 #: From the tables of X. Li and S. Liao, Sci. China Phys. Mech. Astron. 60, 129511 (2017).
 ROWS = {
