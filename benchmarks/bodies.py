@@ -8,9 +8,9 @@ take 3.4 cycles in vectors of 256 bits [Agner Fog's tables, Zen 4: 9 and 5 cycle
 at 3.7 GHz.
 
 Last numbers (2 cores, 2026-11), ours over heyoka's at errors of 1e-6, 1e-9, 1e-12: gravity of 16
-bodies 0.18, 0.15, 0.13, of 64 0.18, 0.16, 0.11, of 256 0.12, 0.06, 0.03; springs of 16 bodies 0.40,
-0.28, 0.24, of 64 0.44, 0.26, 0.17, of 256 0.33, 0.24, 0.15, of 1024 0.35, 0.19, 0.21. Over
-REBOUND's: at most 0.16, 0.31, 0.12 and 0.13 with 16, 64, 256 and 1024 bodies. A pair takes 1.1 to
+bodies 0.18, 0.15, 0.13, of 64 0.11, 0.11, 0.10, of 256 0.11, 0.06, 0.05; springs of 16 bodies 0.39,
+0.27, 0.24, of 64 0.40, 0.25, 0.17, of 256 0.35, 0.26, 0.20, of 1024 0.46, 0.25, 0.26. Over
+REBOUND's: at most 0.16, 0.26, 0.13 and 0.13 with 16, 64, 256 and 1024 bodies. A pair takes 1.1 to
 1.3 ns from 16 to 1024 bodies. A compiled solve holds 16 to 17 states beside its arguments from 16
 to 1024 attracting bodies, 12 to 17 with springs.
 """

@@ -3,9 +3,8 @@
 Run: ``python -m benchmarks compile-time``. Tracing, compiling and a very short first run, without
 caches: of the composed double and triple pendulum, and the slowest of the zoo.
 
-Last numbers (2 cores, 2026-11): double pendulum 2.5 s and 1.9 s, triple pendulum 1.1 s and 2.8 s
-(1.7 and 1.2, 1.0 and 1.9 on a faster day); the slowest of the zoo, a rolling disk, 4.7 s and 9.5 s,
-and the derivative of a pinned chain 10 s (bar 8 s).
+Last numbers (2 cores, 2026-11): double pendulum 1.5 s and 1.0 s, triple pendulum 0.7 s and 1.7 s;
+the slowest of the zoo, a rolling disk, 3.2 s and 6.0 s.
 """
 
 from collections.abc import Iterable

@@ -88,8 +88,8 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     0.99, 0.82 (a sheet of springs).
 
     The orders rest on the twenty problems of `benchmarks.problems` and `benchmarks.classics`, and
-    lately on the twelve of `benchmarks.others`. There 88 of 96 cases are within 1.15 of the fastest
-    method, and none is above 1.40, a chain of springs at 1e-6, which the Nystrom pair solves
+    lately on the twelve of `benchmarks.others`. There 89 of 96 cases are within 1.15 of the fastest
+    method, and none is above 1.45, a chain of springs at 1e-6, which the Nystrom pair solves
     fastest.
 
     At the same tolerance errors of series are no larger than those of the pair in nine of ten runs,

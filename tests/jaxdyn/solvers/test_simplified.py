@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from helpers import gap
 
+from benchmarks.classics import links
 from jaxdyn import ode, solve
 from jaxdyn.scenes import catalogue
 from jaxdyn.solvers import NYSTROM12, VERNER9
@@ -41,6 +42,12 @@ def test_every_rate_of_the_zoo_has_the_same_values(name):
 @pytest.mark.parametrize("name", SHORTER)
 def test_rates_made_of_parts_shrink(name):
     scene = catalogue.entries()[name].make()
+    rate = scene.field.rate
+    assert operations(simplified(rate), ZERO, scene.y0) < 0.6 * operations(rate, ZERO, scene.y0)
+
+
+def test_five_links_shrink_too():
+    scene = links().scene
     rate = scene.field.rate
     assert operations(simplified(rate), ZERO, scene.y0) < 0.6 * operations(rate, ZERO, scene.y0)
 
