@@ -4,9 +4,8 @@ Run: ``python -m benchmarks command``. ``orbits figure-eight --json`` in a fresh
 with an empty compile cache, then with the cache of the first run. The import of jaxdyn is
 compared with that of diffrax, on which it is built.
 
-Last numbers (2 cores, 2026-11): cold 5.7 s, warm 2.9 s; import of jaxdyn, whose
-parts are imported at their first use, 0.02 s, of diffrax 1.0 s, and of all that the command uses
-1.4 s.
+Last numbers (2 cores, 2026-11): cold 5.7 s, warm 2.9 s; import of jaxdyn, whose parts are imported
+at their first use, 0.02 s, of diffrax 1.0 s. By hand: imports of all that the command uses 1.4 s.
 """
 
 import os

@@ -74,7 +74,10 @@ class SolveResult(Record):
     _repr_html_ = _text.html
 
 
+# Compiled within the rule of derivatives, not around it, as is the rule: a derivative then traces
+# no plain solve besides its own, and several solves of a kind in one program are traced once.
 @eqx.filter_custom_jvp
+@functools.partial(jax.jit, static_argnames="settings")
 def flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> SolveResult:
     """States at t1 and at the times ts of the motion that starts at (t0, y0).
 
@@ -89,13 +92,6 @@ def flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> SolveR
       settings: the methods.
     Limits: derivatives with respect to the tolerance are zero by definition.
     """
-    return _integrated(field, y0, t0, t1, ts, limits, settings=settings)
-
-
-# Compiled within the rule of derivatives, not around it, as is the rule: a derivative then traces
-# no plain solve besides its own, and several solves of a kind in one program are traced once.
-@functools.partial(jax.jit, static_argnames="settings")
-def _integrated(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> SolveResult:
     run = functools.partial(_solved, settings=settings)
     # Some of these are known only at run time; the tolerance is often a constant.
     unknown = jnp.isfinite(y0.ravel()[0] + t0 + t1 + limits.tolerance[0])
@@ -176,12 +172,8 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
 
 
 @flow.def_jvp
-def _flow_jvp(primals, tangents, *, settings):
-    return _differentiated(primals, tangents, settings=settings)
-
-
 @functools.partial(jax.jit, static_argnames="settings")
-def _differentiated(primals, tangents, *, settings):
+def _flow_jvp(primals, tangents, *, settings):
     field, y0, t0, t1, ts, limits = primals
     d_field, d_y0, d_t0, d_t1, d_ts, _ = tangents
     f0 = field.rate(t0, y0)

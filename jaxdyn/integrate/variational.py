@@ -6,6 +6,8 @@ with one column of V for each perturbed number. `flow` integrates them; the deri
 its start is `analysis.monodromy.end_and_derivative`.
 """
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -32,17 +34,7 @@ class Variational(eqx.Module):
 
     def rate(self, t: Array, y: Columns) -> Columns:
         """Rates of the state and of its tangents."""
-        moving, fixed = _split_like(self.field, self.directions)
-
-        def rate(p, x):
-            return simplified(eqx.combine(p, fixed).rate)(t, x)
-
-        def along(direction, tangent):
-            return jax.jvp(rate, (moving, y[..., 0]), (direction, tangent))
-
-        # Batch axis last: columns are contiguous in memory.
-        f, tangents = jax.vmap(along, in_axes=-1, out_axes=(None, -1))(self.directions, y[..., 1:])
-        return jnp.concatenate([f[..., None], tangents], axis=-1)
+        return self._carried(lambda field: field.rate, t, y)
 
     def undetermined(self, t: Array, y: Columns) -> Array | None:
         """Whether () the constraints leave the acceleration undetermined at the state."""
@@ -54,14 +46,19 @@ class Variational(eqx.Module):
 
     def project(self, t: Array, y: Columns) -> Columns:
         """The state on its constraints, and its tangents along them."""
+        return self._carried(lambda field: field.project, t, y)
+
+    def _carried(self, function: Callable, t: Array, y: Columns) -> Columns:
+        """A function (t, state) of the field, and its derivatives along the tangents."""
         moving, fixed = _split_like(self.field, self.directions)
 
-        def onto(p, x):
-            return simplified(eqx.combine(p, fixed).project)(t, x)
+        def of(p, x):
+            return simplified(function(eqx.combine(p, fixed)))(t, x)
 
         def along(direction, tangent):
-            return jax.jvp(onto, (moving, y[..., 0]), (direction, tangent))
+            return jax.jvp(of, (moving, y[..., 0]), (direction, tangent))
 
+        # Batch axis last: columns are contiguous in memory.
         x, tangents = jax.vmap(along, in_axes=-1, out_axes=(None, -1))(self.directions, y[..., 1:])
         return jnp.concatenate([x[..., None], tangents], axis=-1)
 
