@@ -168,7 +168,9 @@ def _energy(k: Array, length: Array, d: Array) -> Array:
 
 
 def _pull(k: Array, length: Array, d: Array) -> Array:
-    return k[..., None] * (d - length[..., None] * _direction(d))
+    # One division a spring, not one for each component of its direction.
+    apart = safe_norm(d)
+    return (k * (1.0 - length / jnp.where(apart == 0, 1.0, apart)))[..., None] * d
 
 
 def _direction(d: Array) -> Array:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import ClassVar, NamedTuple
 
 import diffrax
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -18,8 +19,10 @@ from jaxdyn.integrate.observing import Observing, Seen, Watch
 from jaxdyn.solvers.method import SAFETY
 
 _SHRINK, _GROW = 0.2, 8.0  # limits of one change of step
-#: To a method that shortens its steps the next one is proposed longer than the last by this factor.
-_PROPOSED = 1.3
+#: To a method that foresees how long a step may be the next one is proposed longer by this factor,
+#: and after a step that was too long all the same, shorter by that one. A power of the error would
+#: take a tenth of the time of a step.
+_PROPOSED, _TOO_LONG = 1.3, 0.5
 _MIN_STEP_ULPS = 8.0  # a step shorter than this many spacings of t is meaningless
 _MIN_FIXED_STEP_ULPS = 1000.0  # likewise for fixed steps
 _MIN_STEP = 1e-100  # [time] likewise at t = 0, where the spacing says nothing
@@ -55,6 +58,7 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
       ts: (s,) requested times in the direction of integration; (0,) for none.
       watch: the observer of the steps, if any.
       limit: see `Observing`.
+      foresees: whether the method does, see `Method`.
     """
 
     rtol: Array
@@ -62,6 +66,7 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
     ts: Array
     watch: Watch | None = None
     limit: tuple[Array, Array] | None = None
+    foresees: bool = eqx.field(static=True, default=False)
     #: diffrax asks for these two names of every adaptive controller.
     norm: ClassVar[Callable] = staticmethod(lambda y: jnp.max(jnp.sqrt(_mean_square(y))))
 
@@ -70,6 +75,8 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
         return state
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
+        if self.foresees:
+            return self._begin(t0, y0, t1)  # what is too long is shortened
         # diffrax's choice of the first step (Hairer, Norsett, Wanner, II.4).
         first = diffrax.PIDController(rtol=self.rtol, atol=self.atol, norm=self.norm)
         tnext, _ = first.init(terms, t0, t1, y0, dt0, args, func, error_order)
@@ -79,21 +86,24 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
 
     def adapt_step_size(self, t0, t1, y0, y1_candidate, args, y_error, error_order, state):
         del args
-        error, end, size = y_error
-        if size is None:
+        error, end, reach, square = y_error
+        if square is None:
             error = self.norm(error / self._scale(y0, y1_candidate))
         else:
             # Not finite where the new state is not.
-            error = size + 0.0 * jnp.sum(y1_candidate)
-        error = jnp.where(jnp.isfinite(error), error, jnp.inf)
+            error = square + 0.0 * jnp.sum(y1_candidate)
         shorter = jnp.zeros((), bool) if end is None else end < t1
-        end = t1 if end is None else end
         tried = self._tried(error <= 1.0, t0, y0, t1, y1_candidate, state)
+        end = t1 if end is None else end
         tried = tried._replace(sampling=tried.sampling & ~shorter, t1=end)
         h = end - t0
-        factor = SAFETY * rough_power(jnp.maximum(error, 1e-30), -1.0 / error_order)
-        factor = jnp.clip(factor, _SHRINK, jnp.where(tried.fine, _GROW, SAFETY))
-        h_next = h * jnp.where(tried.fine & shorter, _PROPOSED, factor)
+        if reach is None:
+            error = jnp.where(jnp.isfinite(error), error, jnp.inf)
+            factor = SAFETY * rough_power(jnp.maximum(error, 1e-30), -1.0 / error_order)
+            h_next = h * jnp.clip(factor, _SHRINK, jnp.where(tried.fine, _GROW, SAFETY))
+        else:
+            longer = (t1 - t0) * jnp.minimum(_PROPOSED * reach, _GROW)
+            h_next = jnp.where(tried.fine, longer, _TOO_LONG * h)
         spacing = jnp.finfo(h.dtype).eps * jnp.abs(t0)
         collapsed = (~tried.fine | shorter) & (h_next <= _MIN_STEP_ULPS * spacing + _MIN_STEP)
         result = diffrax.RESULTS.where(

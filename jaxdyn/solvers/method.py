@@ -42,8 +42,10 @@ class Advance(NamedTuple):
         estimate it.
       converged: () whether implicit equations were solved.
       part: () how much of the step was taken, at most 1.
-      size: () size of the error in tolerances, where the method measures it: then `error` is its
-        direction only.
+      reach: () how long the step might have been, in parts of the proposed one, where the method
+        knows.
+      square: () square of the size of the error in tolerances, where the method measures it: then
+        `error` is its direction only.
     """
 
     increment: Array
@@ -52,7 +54,8 @@ class Advance(NamedTuple):
     speed: Array | float = 0.0
     converged: Array | bool = True
     part: Array | float = 1.0
-    size: Array | None = None
+    reach: Array | None = None
+    square: Array | None = None
 
 
 class Method(abc.ABC):
@@ -80,6 +83,8 @@ class Method(abc.ABC):
     alarm: ClassVar[float] = 0.7
     #: Whether `advance` only evaluates the rate, and so may be given a `simplified` one.
     evaluates: ClassVar[bool] = False
+    #: Whether it tells the `reach` of each step, so that the first may be proposed as long as any.
+    foresees: ClassVar[bool] = False
     #: Whether `advance` takes several steps side by side, h (1, s) of states y (k, s); those whose
     #: iterations end independently of each other do not.
     several: ClassVar[bool] = True

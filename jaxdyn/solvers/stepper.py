@@ -25,12 +25,14 @@ class StepError(NamedTuple):
     Attributes:
       error: (k, ...) estimate of the error.
       end: () the time to which the step went, if the method may shorten it.
-      size: () size of the error in tolerances, if the method measures it.
+      reach: () how long the step might have been, in parts of the proposed one, if it is known.
+      square: () square of the size of the error in tolerances, if the method measures it.
     """
 
     error: Array
     end: Array | None = None
-    size: Array | None = None
+    reach: Array | None = None
+    square: Array | None = None
 
 
 class Stepper(diffrax.AbstractAdaptiveSolver):
@@ -95,8 +97,9 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         )
         if self.stop_if_stiff:
             result = diffrax.RESULTS.where(is_stiff(count), diffrax.RESULTS.stagnation, result)
+        told = StepError(step.error, end, step.reach, step.square)
         nothing = {}  # for dense output, which is not asked for
-        return y1, StepError(step.error, end, step.size), nothing, (carry, count), result
+        return y1, told, nothing, (carry, count), result
 
     def func(self, terms, t0, y0, args):
         return terms.vf(t0, y0, args)

@@ -153,6 +153,8 @@ class Stoermer(Method):
             ]
             at = (start + since).reshape(*times, _LANES, 1)
             there = [a + (since * b + x) for a, b, x in zip(q, v, moved, strict=True)]
+            # Scalars are cheap to compute again, arrays are not: for each entry of a force.
+            there = there if few else [materialised(x, one) for x in there]
             pulls = side_by_side(pull, at, *there, axes=2, apart=True)
             new = [*moved, *(u + (0.5 * step) * a for u, a in zip(faster, pulls, strict=True))]
             # Later substeps overwrite it until columns end.

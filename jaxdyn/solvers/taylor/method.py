@@ -70,6 +70,7 @@ class Taylor(Method):
     order: int
     tangents: Method = VERNER9
     adaptive: ClassVar[bool] = True
+    foresees: ClassVar[bool] = True
     #: Where stability limits steps they are as long as the limit, since errors beyond it grow by a
     #: high power (0.99 of it in the mean for orders 8, 14 and 20); by accuracy at most half of it.
     alarm: ClassVar[float] = 0.6
@@ -125,20 +126,22 @@ class Taylor(Method):
 
         def step(t, h, y, *limits):
             series = solution(*_formulas(field, t, y), self.order, h)
-            part, square = jnp.ones_like(h), jnp.zeros_like(h)
+            part, about = jnp.ones_like(h), []
             if limits:
                 inverse, inverses = limits
                 squares = terms.squares(series, inverses)
-                part = terms.ending_at_a_number(terms.allowed_part(squares), t, h, inverse)
-                square = terms.square_error(squares, part)
+                reach = terms.reach(squares)
+                part = terms.ending_at_a_number(reach, t, h, inverse)
+                about = [(part, terms.square_error(squares, part)), (reach, reach)]
             second = [(terms.slope if guarded else told)(c, part) for c in series]
             sums = [terms.increment(c, part) for c in series]
-            return _in_one_array([*zip(sums, second, strict=True), (part, square)], h)
+            return _in_one_array([*zip(sums, second, strict=True), *about], h)
 
         # Isolated: XLA would duplicate the step for each other use of the result.
         both = in_one_kernel(step, given, unknown=jnp.isfinite(h))
-        increment, found = both.real[:-1], both.imag[:-1]
-        part, square = both.real[-1], both.imag[-1]
+        k = len(y)
+        increment, found = both.real[:k], both.imag[:k]
+        part = 1.0 if tolerance is None else both.real[k]
         h = part * h
         if guarded:
             # At a start from rest the series is that of the guard's other case, and wrong.
@@ -146,7 +149,8 @@ class Taylor(Method):
         advance = Advance(increment, found, speed=_speed(field, t + h, h, y + increment, found))
         if tolerance is None:
             return advance
-        return advance._replace(part=part, size=None if guarded else jnp.sqrt(square))
+        square = None if guarded else both.imag[k]
+        return advance._replace(part=part, reach=both.real[k + 1], square=square)
 
 
 def has_series(system, y: Array) -> bool:

@@ -97,14 +97,13 @@ def square_error(squares: dict[int, Coefficient], part: Array) -> Array:
     return _or_zero(times(found, lax.integer_pow(z, min(squares))))
 
 
-def allowed_part(squares: dict[int, Coefficient]) -> Array:
-    """() the part of the step with an error well within the tolerance, at most 1.
+def reach(squares: dict[int, Coefficient]) -> Array:
+    """() the part of the step, or multiple of it, with an error well within the tolerance.
 
     As if the error were proportional to the power of the part that the last term is.
     """
     total = _or_zero(functools.reduce(plus, squares.values(), None))
-    part = SAFETY * rough_power(total, -0.5 / max(squares))
-    return jnp.where(part < 1.0, part, 1.0)
+    return SAFETY * rough_power(total, -0.5 / max(squares))
 
 
 def _weights(order: int) -> Iterator[tuple[int, np.float64]]:
@@ -130,16 +129,16 @@ def error_of_slopes(found: Array, expected: Array) -> Array:
     return _DEFECT_WEIGHT * (apart - small) + _ROUNDING_WEIGHT * small
 
 
-def ending_at_a_number(part: Array, t: Array, h: Array, inverse: Array) -> Array:
-    """The part of a step from t whose end is a floating-point number.
+def ending_at_a_number(reach: Array, t: Array, h: Array, inverse: Array) -> Array:
+    """The part of a step from t, up to its reach, whose end is a floating-point number.
 
     Otherwise the state would be that of another time than the one noted, and the difference of the
     times of many steps, half a spacing each, would not be compensated.
 
     Args:
-      part: at most 1.
+      reach: () of the step.
       t: () start of the step.
       h: () the step, of either sign.
       inverse: 1 / h.
     """
-    return jnp.where(part < 1.0, ((t + part * h) - t) * inverse, 1.0)
+    return jnp.where(reach < 1.0, ((t + reach * h) - t) * inverse, 1.0)

@@ -236,16 +236,17 @@ def test_an_end_that_is_not_reached_is_nan_with_a_status():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "verdict", "exact", "most"),
+    ("name", "verdict", "exact"),
     [
         # Against heyoka's variational equations with 113 bits, where the orbit starts.
-        ("I.A^ic_43", "stable", 0.9999965924 + 0.0026106371j, 2.6e-3),
-        ("I.A^ic_65", "unstable", 1.0036451366, 1e-4),
+        ("I.A^ic_43", "stable", 0.9999965924 + 0.0026106371j),
+        ("I.A^ic_65", "unstable", 1.0036451366),
     ],
 )
-def test_multipliers_next_to_one_are_decided(name, verdict, exact, most):
+def test_multipliers_next_to_one_are_decided(name, verdict, exact):
     linear = orbits.stability(polished(name))
     assert linear.verdict == verdict
     nearest = np.argmin(abs(linear.nontrivial - exact))
-    assert linear.bars[nearest] < most
+    # Rounding decides how much narrower: whether two tolerances suffice, or a third is asked for.
+    assert linear.bars[nearest] < abs(exact - 1)
     assert abs(linear.nontrivial[nearest] - exact) < linear.bars[nearest]
