@@ -31,7 +31,7 @@ from jaxdyn.scene import Scene
 ERRORS = (1e-6, 1e-9, 1e-12)
 TOLERANCES = tuple(float(f"1e-{e}") for e in range(5, 16))
 #: Where building takes long: heyoka needs half a minute for 256 bodies.
-_FEW, _FEW_FROM = TOLERANCES[::3], 256
+_FEW, _FEW_FROM = TOLERANCES[::4], 256
 #: Also for ours, whose order of 12 reaches the largest of these errors with them.
 _LOOSE = (1e-3, 1e-4)
 SIZES = (16, 64, 256, 1024)

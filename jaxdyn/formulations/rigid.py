@@ -133,7 +133,7 @@ class RigidBody(System):
         _, a, v, omega = self._parts(y)
         force, torque = self._loads(t, y, effects)
         inertia = inertia_matrix(self.matter)
-        torque = torque - cross(omega, turned(inertia, omega))
+        torque = torque - gyroscopic_torque(inertia, omega)
         turning = self.attitude.rate(a, omega), solve_spd(inertia, torque)
         if self.pivoted:
             return jnp.concatenate(turning)
@@ -233,6 +233,24 @@ def inertia_matrix(matter: MaterialPoints) -> Array:
     products = jnp.sum(m[:, None, None] * r[:, :, None] * r[:, None, :], axis=0)
     trace = products[0, 0] + products[1, 1] + products[2, 2]
     return trace * jnp.eye(3) - products
+
+
+def gyroscopic_torque(inertia: Array, omega: Array) -> Array:
+    """omega x (inertia omega) (3,) [N m].
+
+    Written out by products of angular velocities, of which three are squares: a Taylor series takes
+    half as long for these, and moments of inertia are subtracted before anything is multiplied.
+    """
+    (a, d, e), (_, b, f), (_, _, c) = inertia
+    p, q, r = omega
+    pp, qq, rr, qr, rp, pq = p * p, q * q, r * r, q * r, r * p, p * q
+    return jnp.stack(
+        [
+            (c - b) * qr - d * rp + e * pq + f * (qq - rr),
+            (a - c) * rp - f * pq + d * qr + e * (rr - pp),
+            (b - a) * pq - e * qr + f * rp + d * (pp - qq),
+        ]
+    )
 
 
 def check_matter(matter: MaterialPoints) -> None:
