@@ -7,7 +7,6 @@ import multiprocessing
 import sys
 import time
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import refusal
@@ -291,21 +290,6 @@ def test_machines_of_a_dask_cluster_find_the_same_though_one_dies(both, tmp_path
     alone = searched(chunk=1)
     assert again.finds == alone.finds
     assert again.counts == alone.counts
-
-
-@pytest.mark.slow
-def test_short_orbits_of_the_plane_and_their_names():
-    found = orbits.search_plane(192, longest=8.0)
-    assert {"figure-eight", "butterfly I", "butterfly II"} <= set(found.names)
-    # The eight has a neighbour with its word, which is no choreography.
-    assert found.families() == len(found.found) == 4
-    assert [f.label for f in found.found.finds[:2]] == ["ABab", "ABab"]
-    eight, other = found.found.orbits()[:2]
-    assert orbits.identify(eight).choreography
-    assert not orbits.identify(other).choreography
-    a, b, period = found.starts()[found.names.index("butterfly I")]
-    assert (round(a, 5), round(b, 5)) == (0.30689, 0.12551)
-    assert jnp.isfinite(period)
 
 
 @pytest.mark.slow
