@@ -124,10 +124,7 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
     # One program for both directions of time; diffrax negates ts with the rest.
     if method.adaptive:
         rtol, atol = tolerance[0], tolerance[1]
-        h = None
-        control = StepControl(
-            rtol=rtol, atol=atol, ts=ts, watch=watch, limit=most, foresees=method.foresees
-        )
+        h, control = None, StepControl(rtol=rtol, atol=atol, ts=ts, watch=watch, limit=most)
     else:
         n = steps_of(tolerance[0], t0, t1)
         h, control = (t1 - t0) / n, FixedSteps(n=n, ts=ts, watch=watch, limit=most)

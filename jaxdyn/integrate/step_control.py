@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import ClassVar, NamedTuple
 
 import diffrax
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -58,7 +57,6 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
       ts: (s,) requested times in the direction of integration; (0,) for none.
       watch: the observer of the steps, if any.
       limit: see `Observing`.
-      foresees: whether the method does, see `Method`.
     """
 
     rtol: Array
@@ -66,7 +64,6 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
     ts: Array
     watch: Watch | None = None
     limit: tuple[Array, Array] | None = None
-    foresees: bool = eqx.field(static=True, default=False)
     #: diffrax asks for these two names of every adaptive controller.
     norm: ClassVar[Callable] = staticmethod(lambda y: jnp.max(jnp.sqrt(_mean_square(y))))
 
@@ -75,8 +72,6 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
         return state
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
-        if self.foresees:
-            return self._begin(t0, y0, t1)  # what is too long is shortened
         # diffrax's choice of the first step (Hairer, Norsett, Wanner, II.4).
         first = diffrax.PIDController(rtol=self.rtol, atol=self.atol, norm=self.norm)
         tnext, _ = first.init(terms, t0, t1, y0, dt0, args, func, error_order)

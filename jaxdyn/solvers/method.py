@@ -83,8 +83,6 @@ class Method(abc.ABC):
     alarm: ClassVar[float] = 0.7
     #: Whether `advance` only evaluates the rate, and so may be given a `simplified` one.
     evaluates: ClassVar[bool] = False
-    #: Whether it tells the `reach` of each step, so that the first may be proposed as long as any.
-    foresees: ClassVar[bool] = False
     #: Whether `advance` takes several steps side by side, h (1, s) of states y (k, s); those whose
     #: iterations end independently of each other do not.
     several: ClassVar[bool] = True

@@ -70,7 +70,6 @@ class Taylor(Method):
     order: int
     tangents: Method = VERNER9
     adaptive: ClassVar[bool] = True
-    foresees: ClassVar[bool] = True
     #: Where stability limits steps they are as long as the limit, since errors beyond it grow by a
     #: high power (0.99 of it in the mean for orders 8, 14 and 20); by accuracy at most half of it.
     alarm: ClassVar[float] = 0.6
