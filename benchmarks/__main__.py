@@ -1,16 +1,18 @@
 """Run the benchmarks: ``python -m benchmarks [NAME...] [--quick] [--json FILE]``.
 
-Prints one table of times and ratios, with target ratios where there are any, and what got slower
-since ``last_run.json``, the stored result of a full run; ``--json benchmarks/last_run.json``
-updates it with the present results. Other methods are listed there too: if they got slower as
-well, the cause is the machine. ``ensembles --device gpu`` runs on a GPU.
+Prints a table of times and ratios after each part, with target ratios where there are any, and at
+the end what got slower since ``last_run.json``, the stored result of a full run;
+``--json benchmarks/last_run.json`` updates it with the present results. Other methods are listed
+there too: if they got slower as well, the cause is the machine. ``ensembles --device gpu`` runs on
+a GPU.
 """
 
 import json
 import math
 import os
 import platform
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Annotated
@@ -77,37 +79,47 @@ def main(
     """Times at equal true error, ours against others, and what got slower."""
     # No compile cache: the time of a first run is one of the questions.
     jaxdyn.configure(cache=False)
+    # Read before it is written.
+    stored = json.loads(STORED.read_text()) if STORED.is_file() else None
+    console = Console(width=150)
+    found, begin = [], time.monotonic()
     try:
-        found = measure(names or list(RUNS), kind, peak, quick)
+        for name, each in measure(names or list(RUNS), kind, peak, quick):
+            _show(console, [row for one in each for row in one.rows])
+            console.print(f"{name}: {time.monotonic() - begin:.0f} s from the start\n")
+            found += each
+            if json_file:  # now, so that a long run that is stopped is not lost
+                before = json.loads(json_file.read_text()) if json_file.is_file() else {}
+                json_file.write_text(json.dumps(merged(before, as_json(found)), indent=1) + "\n")
     except ValueError as misuse:
         typer.echo(misuse, err=True)
         raise typer.Exit(MISUSE) from None
-    rows = [row for each in found for row in each.rows]
-    console = Console(width=150)
+    if stored:
+        console.print(f"compared with {stored['date']} on {stored['machine']}:")
+        for line in slower(as_json(found), stored) or ["nothing got slower"]:
+            console.print(f"  {line}")
+
+
+def measure(
+    names: list[str], kind: str, peak: float, quick: bool
+) -> Iterator[tuple[str, Sequence[Row | Curves]]]:
+    """The results of the named benchmarks on a kind of device, each when it is there."""
+    for name in names:
+        choice("name", name, RUNS)
+    if kind == "cpu":
+        for name in names:
+            yield name, RUNS[name](quick)
+    elif names != ["ensembles"]:
+        raise fail("--device", "cpu for all but ensembles", kind, "Name ensembles alone.")
+    else:
+        yield "ensembles", device.run(kind, peak, quick)
+
+
+def _show(console: Console, rows: list[Row]) -> None:
     console.print(table(rows))
     for row in rows:
         if row.note:
             console.print(f"{row.name}: {row.note}")
-    result = as_json(found)
-    if STORED.is_file():
-        stored = json.loads(STORED.read_text())
-        console.print(f"compared with {stored['date']} on {stored['machine']}:")
-        for line in slower(result, stored) or ["nothing got slower"]:
-            console.print(f"  {line}")
-    if json_file:
-        before = json.loads(json_file.read_text()) if json_file.is_file() else {}
-        json_file.write_text(json.dumps(merged(before, result), indent=1) + "\n")
-
-
-def measure(names: list[str], kind: str, peak: float, quick: bool) -> list[Row | Curves]:
-    """The results of the named benchmarks on a kind of device."""
-    for name in names:
-        choice("name", name, RUNS)
-    if kind == "cpu":
-        return [each for name in names for each in RUNS[name](quick)]
-    if names != ["ensembles"]:
-        raise fail("--device", "cpu for all but ensembles", kind, "Name ensembles alone.")
-    return list(device.run(kind, peak, quick))
 
 
 def table(rows: list[Row]) -> Table:

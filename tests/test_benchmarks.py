@@ -1,5 +1,7 @@
 """The benchmarks run, and read the right number off a work-precision curve. No time is asserted."""
 
+import json
+
 import numpy as np
 import pytest
 from helpers import gap
@@ -215,7 +217,7 @@ def test_without_a_gpu_it_says_so():
     with pytest.raises(ValueError, match="--peak: expected above 0"):
         device.run("cpu", 0.0)
     with pytest.raises(ValueError, match="expected cpu for all but ensembles, got gpu"):
-        command_line.measure(["calls"], "gpu", 34.0, quick=True)
+        next(command_line.measure(["calls"], "gpu", 34.0, quick=True))
 
 
 def test_misuse_is_exit_code_2():
@@ -227,6 +229,22 @@ def test_misuse_is_exit_code_2():
     result = CliRunner().invoke(app, ["ensemble"])
     assert result.exit_code == command_line.MISUSE
     assert "Did you mean 'ensembles'?" in result.output
+
+
+def test_results_are_printed_and_stored_as_they_come(monkeypatch, tmp_path):
+    def stopped(quick):
+        raise KeyboardInterrupt
+
+    row = Row("a", {"x": _same(1.5)}, note="A remark.")
+    monkeypatch.setattr(command_line, "RUNS", {"first": lambda quick: [row], "second": stopped})
+    app = command_line.typer.Typer()
+    app.command()(command_line.main)
+    stored = tmp_path / "stored.json"
+    result = CliRunner().invoke(app, ["--json", str(stored)])
+    assert result.exit_code != 0
+    assert "a: A remark." in result.output
+    assert "first: 0 s from the start" in result.output
+    assert json.loads(stored.read_text())["seconds"]["a"]["x"]["minimum"] == 1.5
 
 
 def test_a_missed_bar_is_said():
@@ -243,7 +261,7 @@ _LONG = ("systems", "default")
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in command_line.RUNS if n not in _LONG])
 def test_every_benchmark_runs(name):
-    found = command_line.measure([name], "cpu", 34.0, quick=True)
+    ((_, found),) = command_line.measure([name], "cpu", 34.0, quick=True)
     assert all(
         min(t)[0] > 0 for each in found for row in each.rows for t in [[*row.times.values()]]
     )

@@ -34,10 +34,11 @@ _LONGEST = 1000
 _ORDERS = {4: TAYLOR20, 11: TAYLOR16, 16: TAYLOR14, 24: TAYLOR12}
 _LOOSE_ORDERS = {4: TAYLOR16, 24: TAYLOR12}
 _LOOSE = 1e-8
-#: Where no force depends on velocity: products of powers and quotients alone up to which a series
-#: runs faster than methods that evaluate forces. A sine or an exponential takes 12 ns to evaluate
-#: (measured), as long as tens of products, and a series has it once a step.
-_POWERS = 7
+#: Where no force depends on velocity: products of powers and quotients alone, and of polynomials,
+#: up to which a series runs faster than methods that evaluate forces. A sine or an exponential
+#: takes 12 ns to evaluate (measured), as long as tens of products, and a series has it once a step;
+#: a quotient takes as long as a few.
+_POWERS, _POLYNOMIALS = 7, 2
 #: The same methods for velocity-independent forces: derivatives are by the Nystrom pair.
 _BY_PLACES = {
     method: Taylor(method.order, tangents=NYSTROM12)
@@ -72,14 +73,16 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
 
     A `Taylor` series, if the rate has one wherever it is finite, of at most 15 numbers and 24
     products an order; where no force depends on velocity, and forces are made of powers and
-    quotients alone, of at most 7. The more products, the lower the order that runs fastest:
-    `TAYLOR20` up to 4, `TAYLOR16` up to 11, `TAYLOR14` up to 16, `TAYLOR12` up to 24; at tolerances
-    above 1e-8 `TAYLOR16` up to 4, `TAYLOR12` up to 24. Otherwise, where no force depends on
-    velocity, the extrapolated leapfrog, `STOERMER18`, for states of 12 to 72 numbers, and for fewer
-    with such forces, at tolerances down to 1e-11, else `NYSTROM12`. All others take `VERNER9`.
+    quotients alone, of at most 7, or of at most 2 for polynomials at tolerances down to 1e-11. The
+    more products, the lower the order that runs fastest: `TAYLOR20` up to 4, `TAYLOR16` up to 11,
+    `TAYLOR14` up to 16, `TAYLOR12` up to 24; at tolerances above 1e-8 `TAYLOR16` up to 4,
+    `TAYLOR12` up to 24. Otherwise, where no force depends on velocity, the extrapolated leapfrog,
+    `STOERMER18`, for states of 12 to 72 numbers, and for fewer with such forces, at tolerances down
+    to 1e-11, else `NYSTROM12`, which those few numbers and polynomials take above 1e-8 as well. All
+    others take `VERNER9`.
 
     At true errors of 1e-6, 1e-9 and 1e-12 the series take, of the time of the pair: 0.78, 0.60,
-    0.36 (Lorenz), 0.50, 0.40, 0.22 (Duffing), 1.12, 0.85, 0.73 (Henon and Heiles), 0.32, 0.29, 0.26
+    0.36 (Lorenz), 0.50, 0.40, 0.22 (Duffing), 0.32, 0.29, 0.26
     (Toda's ring), 0.66, 0.70, 0.59 (spherical pendulum), 0.73, 0.61, 0.78 (Kepler's orbit, e =
     0.9), 0.71, 0.69, 0.49 (three restricted bodies in space), 0.64, 0.45, 0.29 (magnetic bottle),
     0.78, 0.68, 0.53 (double pendulum), 0.93, 0.82, 0.77 (rigid body). They compile in 0.4 to 2.2 s,
@@ -144,8 +147,16 @@ def _ruled(
     if not second_order:
         series, why = _by_series(found, loose, math.inf)
         return series or VERNER9, why
+    fine = rtol is None or rtol < _FINEST_EXTRAPOLATED
     powers = found if found is not None and not found.functions else None
-    series, why = _by_series(found, loose, math.inf if powers is None else _POWERS)
+    polynomial = powers is not None and powers.polynomial
+    if powers is None:
+        most, kind = math.inf, ""
+    elif polynomial and not fine:
+        most, kind = _POLYNOMIALS, "of a polynomial"
+    else:
+        most, kind = _POWERS, "of powers and quotients alone"
+    series, why = _by_series(found, loose, most, kind)
     why = f"forces do not depend on velocity, and {why}"
     if series is not None:
         return _BY_PLACES[series], why
@@ -154,19 +165,24 @@ def _ruled(
         return NYSTROM12, why
     if rtol is None:
         return NYSTROM12, f"{why}; the tolerance is known at run time only"
-    if rtol < _FINEST_EXTRAPOLATED:
+    if fine:
         limit = f"rounding limits extrapolation below {_FINEST_EXTRAPOLATED:.0e}"
         return NYSTROM12, f"{why}; {limit}"
+    if loose and (few or polynomial):
+        return NYSTROM12, f"{why}; extrapolation gains little at tolerances above {_LOOSE:.0e}"
     return STOERMER18, f"{why}; it has {k} numbers"
 
 
-def _by_series(series: Series | None, loose: bool, most: float) -> tuple[Taylor | None, str]:
+def _by_series(
+    series: Series | None, loose: bool, most: float, kind: str = ""
+) -> tuple[Taylor | None, str]:
     """The series to take, if any, and why.
 
     Args:
       series: what it costs; None if there is none.
       loose: whether the tolerance is.
       most: products from which on another method is faster.
+      kind: what these are products of, if that decides.
     """
     if series is None:
         return None, "its rate is long, or has no Taylor series"
@@ -174,7 +190,7 @@ def _by_series(series: Series | None, loose: bool, most: float) -> tuple[Taylor 
         return None, "its rate has a root, and no Taylor series where that is 0"
     why = f"its Taylor series takes {series.products} products an order"
     if series.products > most:
-        return None, f"{why}; more than {most}, of powers and quotients alone, are too many"
+        return None, f"{why}; more than {most}, {kind}, are too many"
     orders = _LOOSE_ORDERS if loose else _ORDERS
     for limit, method in orders.items():
         if series.products <= limit:

@@ -47,6 +47,7 @@ _MOST_PRODUCTS = 48
 #: Entries of a state; with more of them a step takes ten times as long, see `_in_one_array`.
 _MOST_NUMBERS = 15
 _FUNCTIONS = frozenset(FUNCTIONS) - {"sqrt"}
+_OF_POLYNOMIALS = frozenset({"sum", "scale", "product"})
 _LOWEST, _HIGHEST = 4, 40  # orders
 _TINY = np.finfo(float).tiny
 _REMEDY = "Leave the solver out, or use solvers.VERNER9, which needs no formulas."
@@ -171,12 +172,22 @@ class Series(NamedTuple):
       products: at each order.
       everywhere: whether there is one at each state at which the rate is finite; a root has none
         at 0.
-      functions: whether the rate has sines, exponentials and the like, besides powers.
+      operations: those whose results change along a motion.
     """
 
     products: int
     everywhere: bool
-    functions: bool
+    operations: frozenset[str]
+
+    @property
+    def functions(self) -> bool:
+        """Whether the rate has sines, exponentials and the like, besides powers."""
+        return not self.operations.isdisjoint(_FUNCTIONS)
+
+    @property
+    def polynomial(self) -> bool:
+        """Whether it has sums and products alone."""
+        return self.operations <= _OF_POLYNOMIALS
 
 
 def series_of(system, y: Array, longest: int | None = None) -> Series | None:
@@ -202,8 +213,8 @@ def _series(rate: Rate, t: Array, y: Array, longest: int | None) -> Series | Non
         _, nodes = shortest(jax.make_jaxpr(rate)(t, y), t, y, smooth=True)
     except NotElementary:
         return None
-    functions = any(node.moving and node.op in _FUNCTIONS for node in nodes)
-    return Series(products(nodes), not any(map(_ends, nodes)), functions)
+    moving = frozenset(node.op for node in nodes if node.moving)
+    return Series(products(nodes), not any(map(_ends, nodes)), moving)
 
 
 _series_of = traced_once(_series)

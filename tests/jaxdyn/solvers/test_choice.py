@@ -67,6 +67,14 @@ LORENZ = jaxdyn.ode(lorenz, [1.0, 1.0, 1.0], 2.0, params=NUMBERS)
 WELL = jaxdyn.ode(
     lambda t, y: [y[1], 24 * (2 * y[0] ** -13 - y[0] ** -7)], [1.5, 0.0], second_order=True
 )
+#: The potential of Henon and Heiles: a polynomial, three products.
+HENON_HEILES = jaxdyn.ode(
+    lambda t, y: [y[2], y[3], -y[0] - 2 * y[0] * y[1], y[1] ** 2 - y[1] - y[0] ** 2],
+    [0.1, 0.2, 0.3, 0.1],
+    second_order=True,
+)
+#: Duffing's, undamped: two.
+CUBIC = jaxdyn.ode(lambda t, y: [y[1], y[0] - y[0] ** 3], [1.2, 0.0], second_order=True)
 END = solve(LORENZ, 2.0, rtol=1e-13, solver=VERNER9).y1
 
 
@@ -83,11 +91,12 @@ END = solve(LORENZ, 2.0, rtol=1e-13, solver=VERNER9).y1
             "more than 7, of powers and quotients alone, are too many",
         ),
         (WELL, STOERMER18, "more than 7, of powers and quotients alone"),
+        (HENON_HEILES, STOERMER18, "takes 3 products an order; more than 2, of a polynomial, are"),
         (scenes.two_masses(), NYSTROM12, "do not depend on velocity, and its rate is long"),
         (jaxdyn.ode(rooted, [0.0, 0.0]), VERNER9, "has a root"),
         (jaxdyn.ode(braked, [1.0, 0.0]), VERNER9, "no Taylor series"),
     ],
-    ids=["lorenz", "ball", "two bars", "three", "eight", "well", "spring", "root", "condition"],
+    ids=["lorenz", "ball", "two bars", "three", "eight", "well", "henon", "spring", "root", "condition"],
 )
 def test_the_default_is_by_what_the_rate_is_made_of(scene, method, why):
     assert default_solver(scene) is method
@@ -114,6 +123,19 @@ def test_looser_tolerances_take_lower_orders():
     orbit = kepler(0.3)
     assert default_solver(orbit, rtol=1e-5).name == "Taylor 12"
     assert default_solver(orbit, rtol=1e-5).for_tangents is NYSTROM12
+
+
+def test_polynomial_forces_take_what_runs_fastest_at_each_tolerance():
+    assert default_solver(CUBIC).name == "Taylor 20"
+    assert default_solver(HENON_HEILES, rtol=1e-8) is STOERMER18
+    assert default_solver(HENON_HEILES, rtol=1e-7) is NYSTROM12
+    assert reason(HENON_HEILES, 1e-7).endswith("gains little at tolerances above 1e-08")
+    # A finer tolerance than extrapolation can reach: what a series costs decides as for quotients.
+    assert default_solver(HENON_HEILES, rtol=1e-12).name == "Taylor 20"
+    ends = [solve(HENON_HEILES, 20.0, rtol=rtol).y1 for rtol in (1e-7, 1e-10, 1e-13)]
+    exact = solve(HENON_HEILES, 20.0, rtol=1e-15, solver=VERNER9).y1
+    for found, bound in zip(ends, (1e-6, 1e-9, 1e-12), strict=True):
+        assert gap(found, exact) < bound
 
 
 def _ring(n, d=2):
