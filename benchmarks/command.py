@@ -16,6 +16,14 @@ import tempfile
 from benchmarks._timing import Row, Times, interleaved, seconds_of
 
 _COMMAND = ("-m", "orbits", "figure-eight", "--json")
+#: Runs the command, then prints the modules of ours that it has imported, in order.
+_MODULES = """
+import contextlib, io, runpy, sys
+sys.argv = ["orbits", "figure-eight", "--json"]
+with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
+    runpy.run_module("orbits", run_name="__main__")
+print(*(name for name in sys.modules if name.split(".")[0] in ("jaxdyn", "orbits")))
+"""
 _ROUNDS, _QUICK_ROUNDS = 2, 1
 _SLOW = 60.0  # [s] timeout
 
@@ -31,14 +39,16 @@ def run(quick: bool = False) -> list[Row]:
             return lambda: subprocess.run(process, env=environment, check=True, capture_output=True)
 
         cold = seconds_of(python(*_COMMAND))
+        modules = python("-c", _MODULES)().stdout.decode().split()
         runs = {
             "warm": python(*_COMMAND),
+            "its imports alone": python("-c", f"import {', '.join(modules)}"),
             "jaxdyn": python("-c", "import jaxdyn"),
             "diffrax": python("-c", "import diffrax"),
         }
         times = interleaved(runs, rounds, slow=_SLOW)
     return [
         Row("command: cold", {"jaxdyn": Times(cold, cold)}),
-        Row("command: warm", {"jaxdyn": times.pop("warm")}),
+        Row("command: warm", {name: times.pop(name) for name in ("warm", "its imports alone")}),
         Row("import", times),
     ]

@@ -181,4 +181,4 @@ def gap(orbit: Orbit, end: Array, periods: int = 1) -> float:
     """Largest entry of a state that should be the start after some whole periods, minus that."""
     system, y0 = orbit.scene.system, jnp.asarray(orbit.y0)
     target = orbit.closing.after(system, y0, orbit.angle, periods)
-    return float(np.abs(system.difference(end, target)).max())
+    return float(np.abs(system.difference(*map(np.asarray, (end, target)))).max())

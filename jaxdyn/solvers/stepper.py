@@ -90,8 +90,10 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         y1 = simplified(args.project)(sign * t1, y1)
         lost = args.loses(sign * t0, y0, sign * t1, y1)
         y1 = y1 if lost is None else jnp.where(lost, jnp.nan, y1)
-        near = step.speed > self.method.alarm * self.method.stable
-        count = jnp.where(is_stiff(count), count, jnp.maximum(count + jnp.where(near, 1, -1), 0))
+        if not isinstance(step.speed, float):  # one is the default: not estimated
+            near = step.speed > self.method.alarm * self.method.stable
+            counted = jnp.maximum(count + jnp.where(near, 1, -1), 0)
+            count = jnp.where(is_stiff(count), count, counted)
         result = diffrax.RESULTS.where(
             step.converged, diffrax.RESULTS.successful, diffrax.RESULTS.nonlinear_divergence
         )

@@ -112,7 +112,7 @@ def _momentum(scene: Scene, ts: np.ndarray, ys: np.ndarray) -> float | None:
     if jax.eval_shape(scene.points, ts[0], ys[0]).r.shape[1] == 1:
         return None
     momenta, sizes = _momenta(scene, ts, ys)
-    return _constant(np.asarray(momenta), float(np.max(sizes)))
+    return _constant(np.asarray(momenta), float(np.asarray(sizes).max()))
 
 
 _changes = jax.jit(change)
@@ -176,7 +176,7 @@ def normal_form(orbit: Orbit) -> Orbit:
     (gravity,), bodies = scene.effects, scene.system
     assert isinstance(gravity, PairGravity)
     assert isinstance(bodies, FreePoints)
-    gm = float(gravity.G * bodies.m[0])
+    gm = float(gravity.G) * float(np.asarray(bodies.m)[0])
     # Lengths by s, and times by s^(3/2) / sqrt(G m) : Kepler's third law.
     slow = scale**1.5 * np.sqrt(gm)
     r, v, period = scale * r, scale * v / slow, slow * orbit.period

@@ -16,17 +16,22 @@ not join: it works in one.
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
+import lazy_loader
 import numpy as np
-import optax
 from jaxtyping import Array
 
 from orbits.motion import solved
 from orbits.shooting.equations import Equations
 from orbits.shooting.newton import Iteration
+
+#: Its import takes as long as a search from a good guess, which does not need it.
+optax = lazy_loader.load("optax")
 
 _STEPS_MOST = 500
 #: Length of the first steps, in units of the size of each unknown.
@@ -42,8 +47,6 @@ _RTOL = 1e-8
 _MAX_STEPS = 5000  # of one motion: more mean that it is close to a collision
 _SAMPLES = 64  # of the guessed motion, for the sizes of the entries of the state
 _SMALL = 0.01  # of the largest entry: lower bound on the size of an entry
-
-_ADAM = optax.adam(optax.cosine_decay_schedule(_RATE, _STEPS_MOST))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,7 +85,7 @@ def descended(
     """
     sizes = _sizes(equations, x)
     path, _ = _path(equations, x)
-    state = _ADAM.init(jnp.asarray(x))
+    state = _adam().init(jnp.asarray(x))
     best, best_residual, least, step = x, np.nan, np.inf, 0.0
     mark, marked = np.inf, 0
     for index in range(_STEPS_MOST):
@@ -134,10 +137,15 @@ def _path(equations: Equations, x: np.ndarray) -> tuple[Array, Array]:
     return _path_of_x(jnp.asarray(x), equations)
 
 
+@functools.cache
+def _adam() -> Any:
+    return optax.adam(optax.cosine_decay_schedule(_RATE, _STEPS_MOST))
+
+
 @jax.jit
-def _adam_moves(gradient: Array, state) -> tuple[Array, optax.OptState]:
+def _adam_moves(gradient: Array, state) -> tuple[Array, Any]:
     with jax.numpy_dtype_promotion("standard"):  # optax multiplies floats by an integer count
-        moves, state = _ADAM.update(gradient, state)
+        moves, state = _adam().update(gradient, state)
     return jnp.asarray(moves), state
 
 

@@ -121,7 +121,7 @@ def find(
         orbit = meshed(problem, equations, effort, instead=orbit)
     if throw and not orbit.ok:
         raise SearchError(orbit.message)
-    shift = np.abs(scene.system.difference(orbit.y0, problem.scene.y0)).max()
+    shift = np.abs(scene.system.difference(*map(np.asarray, (orbit.y0, problem.scene.y0)))).max()
     return eqx.tree_at(lambda o: o.shift, orbit, float(shift))
 
 

@@ -96,7 +96,18 @@ END = solve(LORENZ, 2.0, rtol=1e-13, solver=VERNER9).y1
         (jaxdyn.ode(rooted, [0.0, 0.0]), VERNER9, "has a root"),
         (jaxdyn.ode(braked, [1.0, 0.0]), VERNER9, "no Taylor series"),
     ],
-    ids=["lorenz", "ball", "two bars", "three", "eight", "well", "henon", "spring", "root", "condition"],
+    ids=[
+        "lorenz",
+        "ball",
+        "two bars",
+        "three",
+        "eight",
+        "well",
+        "henon",
+        "spring",
+        "root",
+        "condition",
+    ],
 )
 def test_the_default_is_by_what_the_rate_is_made_of(scene, method, why):
     assert default_solver(scene) is method
