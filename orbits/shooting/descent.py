@@ -31,7 +31,7 @@ from orbits.shooting.equations import Equations
 from orbits.shooting.newton import Iteration
 
 #: Its import takes as long as a search from a good guess, which does not need it.
-optax = lazy_loader.load("optax")
+optax: Any = lazy_loader.load("optax")
 
 _STEPS_MOST = 500
 #: Length of the first steps, in units of the size of each unknown.
