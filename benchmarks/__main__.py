@@ -41,6 +41,7 @@ from benchmarks import (
 from benchmarks._timing import Curves, Row
 from benchmarks.picture import STORED
 from jaxdyn._checks import choice, fail
+from jaxdyn.files.output_files import replace
 
 MISUSE = 2  # exit code: invalid input
 #: A time that grew by more than this factor is reported.
@@ -81,16 +82,17 @@ def main(
     jaxdyn.configure(cache=False)
     # Read before it is written.
     stored = json.loads(STORED.read_text()) if STORED.is_file() else None
+    before = json.loads(json_file.read_text()) if json_file and json_file.is_file() else {}
     console = Console(width=150)
-    found, begin = [], time.monotonic()
+    found: list[Row | Curves] = []
+    begin = time.monotonic()
     try:
         for name, each in measure(names or list(RUNS), kind, peak, quick):
             _show(console, [row for one in each for row in one.rows])
             console.print(f"{name}: {time.monotonic() - begin:.0f} s from the start\n")
             found += each
-            if json_file:  # now, so that a long run that is stopped is not lost
-                before = json.loads(json_file.read_text()) if json_file.is_file() else {}
-                json_file.write_text(json.dumps(merged(before, as_json(found)), indent=1) + "\n")
+            if json_file:  # now, so that a stopped run keeps what it has measured
+                replace(json_file, json.dumps(merged(before, as_json(found)), indent=1) + "\n")
     except ValueError as misuse:
         typer.echo(misuse, err=True)
         raise typer.Exit(MISUSE) from None
@@ -103,7 +105,7 @@ def main(
 def measure(
     names: list[str], kind: str, peak: float, quick: bool
 ) -> Iterator[tuple[str, Sequence[Row | Curves]]]:
-    """The results of the named benchmarks on a kind of device, each when it is there."""
+    """The results of the named benchmarks on a kind of device, each as soon as it is measured."""
     for name in names:
         choice("name", name, RUNS)
     if kind == "cpu":

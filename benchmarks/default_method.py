@@ -70,9 +70,10 @@ def curves(
     scene = problem.scene
     problem = problem._replace(y0s=np.repeat(problem.y0s, repeats(problem), axis=0))
     ways = {solver.name: compiled(problem, tolerances, solver) for solver in fitting(problem)}
-    default = default_solver(scene).name
-    ways.pop(default)
-    methods = {f"default, {default}": compiled(problem, tolerances)} | ways
+    taken = list(dict.fromkeys(default_solver(scene, rtol=rtol).name for rtol in tolerances))
+    if len(taken) == 1:  # not the same program twice
+        ways.pop(taken[0])
+    methods = {f"default, {' and '.join(taken)}": compiled(problem, tolerances)} | ways
     bars = {method: (_TO_BEST,) * len(ERRORS) for method in ways}
     if _peers.importable("heyoka"):
         truth = _peers.heyoka_precise(problem)

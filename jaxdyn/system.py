@@ -223,7 +223,10 @@ class System(Record):
         return {}
 
     def difference(self, y1: Array, y0: Array) -> Array:
-        """y1 - y0 (k,) as a small displacement; entries with the unit "rad" wrap, as angles."""
+        """y1 - y0 (k,) as a small displacement; entries with the unit "rad" wrap, as angles.
+
+        States are arrays of JAX or of NumPy.
+        """
         d, angles = y1 - y0, [unit == "rad" for _, unit in self.labels()]
         if not any(angles):
             return d

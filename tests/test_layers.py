@@ -244,3 +244,8 @@ def test_no_exception_is_left_over():
 def test_commands_that_draw_nothing_load_no_drawing_library():
     code = "import sys, jaxdyn.cli.app, orbits.cli.app; print('matplotlib' in sys.modules)"
     assert run_python(code) == "False"
+
+
+def test_a_search_that_does_not_descend_does_not_load_optax():
+    code = "import sys, orbits.shooting.finding; print('optax._src' in sys.modules)"
+    assert run_python(code) == "False"

@@ -141,7 +141,7 @@ def fit_solvers(scene: Scene, t1=None) -> tuple[Method, ...]:
     """Solvers with a tolerance that suit a scene: implicit ones where it is stiff.
 
     Extrapolation is included for velocity-independent forces, Taylor series where the scene's
-    formulas are short, and what `simulate` takes by default.
+    formulas are short, and what `simulate` takes by default, from loose to fine tolerances.
     """
     _, t1 = span(scene, t1)
     if bool(solve(scene, t1, rtol=_STIFFNESS_RTOL).stiff):
@@ -149,7 +149,8 @@ def fit_solvers(scene: Scene, t1=None) -> tuple[Method, ...]:
     extrapolated = (STOERMER14, STOERMER18) if scene.second_order else ()
     taylor = (TAYLOR12, TAYLOR14) if has_series(scene, scene.y0) else ()
     pair = default_solver(scene, several=True)
-    usual = pair, default_solver(scene), VERNER9, DOPRI8, *extrapolated, *taylor
+    defaults = (default_solver(scene, rtol=rtol) for rtol in (RTOL, TOLERANCES[0], TOLERANCES[-1]))
+    usual = pair, *defaults, VERNER9, DOPRI8, *extrapolated, *taylor
     return tuple({solver.name: solver for solver in reversed(usual)}.values())[::-1]
 
 

@@ -47,7 +47,8 @@ def accuracy_command(
             out.result({"scene": name} | default | found.as_dict() | _recommended(found, digits))
         else:
             _print(name, found, digits, out)
-            out.print(f"by default: {method.name}, since {why}")
+            rtol = jaxdyn.solvers.choice.RTOL
+            out.print(f"by default, at rtol {rtol:g}: {method.name}, since {why}")
         if plot:
             with out.writing(plot, "drawn in"):
                 jaxdyn.drawing.work_precision(found, plot, title=title or name)

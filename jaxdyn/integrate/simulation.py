@@ -63,10 +63,10 @@ def simulate(
       rtol: relative tolerance of one step.
       atol: absolute tolerance of one step, in the units of the state; rtol by default.
       solver: one of `jaxdyn.solvers`, or an explicit Runge-Kutta solver of diffrax, such as
-        ``diffrax.Tsit5()``; by default a Taylor series where the rate is a short formula, else the
-        extrapolated leapfrog or the Nystrom pair of order 12 where no force depends on velocity,
-        and the best Runge-Kutta pair; see `solvers.default_solver`. "auto" takes the default and,
-        if the scene turns out to be stiff, restarts with an implicit method.
+        ``diffrax.Tsit5()``; by default mostly a Taylor series where the rate is a short formula,
+        else the extrapolated leapfrog or the Nystrom pair of order 12 where no force depends on
+        velocity, and the best Runge-Kutta pair; see `solvers.default_solver`. "auto" takes the
+        default and, if the scene turns out to be stiff, restarts with an implicit method.
       dt: longest step [s] of a solver of fixed step, which does not use rtol and atol; the
         span is divided into equal steps.
       digits: correct digits requested at all samples, instead of rtol and atol: the tolerance

@@ -6,11 +6,11 @@
   depend on velocity. `VERLET`, `BLANES_MOAN6`, `KAHAN_LI8`, `SOFRONIOU_SPALETTA10`.
 - `Gauss`: symplectic and implicit, with a step; long conservative runs of other scenes.
   `GAUSS8`, `GAUSS12`.
-- `Stoermer`: explicit, with a tolerance; 3 to 12 bodies whose forces do not depend on velocity, in
-  half of the time of a pair for the same error. `STOERMER14`; `STOERMER18`, their default.
+- `Stoermer`: explicit, with a tolerance; 3 to 12 bodies, and polynomial forces, that do not depend
+  on velocity, in half of the time of a pair for the same error. `STOERMER14`; `STOERMER18`, mostly
+  their default.
 - `Taylor`: explicit, with a tolerance; scenes with short formulas, in a quarter to a half of the
-  time of a pair; their default. `TAYLOR8`, `TAYLOR12`, `TAYLOR14`, `TAYLOR16`,
-  `TAYLOR20`.
+  time of a pair; mostly their default. `TAYLOR8`, `TAYLOR12`, `TAYLOR14`, `TAYLOR16`, `TAYLOR20`.
 - `Radau`: L-stable and implicit, with a tolerance; stiff scenes. `RADAU5`, `RADAU9`.
 - An explicit Runge-Kutta solver of diffrax, such as ``diffrax.Tsit5()``; see `from_diffrax`.
 

@@ -37,7 +37,7 @@ _LOOSE = 1e-8
 #: Where no force depends on velocity: products of powers and quotients alone, and of polynomials,
 #: up to which a series runs faster than methods that evaluate forces. A sine or an exponential
 #: takes 12 ns to evaluate (measured), as long as tens of products, and a series has it once a step;
-#: a quotient takes as long as a few.
+#: a quotient takes as long as a few products.
 _POWERS, _POLYNOMIALS = 7, 2
 #: The same methods for velocity-independent forces: derivatives are by the Nystrom pair.
 _BY_PLACES = {
@@ -71,15 +71,20 @@ def method_of(solver: Solver) -> Method:
 def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     """The method that a scene is solved with if none is asked for.
 
-    A `Taylor` series, if the rate has one wherever it is finite, of at most 15 numbers and 24
-    products an order; where no force depends on velocity, and forces are made of powers and
-    quotients alone, of at most 7, or of at most 2 for polynomials at tolerances down to 1e-11. The
-    more products, the lower the order that runs fastest: `TAYLOR20` up to 4, `TAYLOR16` up to 11,
-    `TAYLOR14` up to 16, `TAYLOR12` up to 24; at tolerances above 1e-8 `TAYLOR16` up to 4,
-    `TAYLOR12` up to 24. Otherwise, where no force depends on velocity, the extrapolated leapfrog,
-    `STOERMER18`, for states of 12 to 72 numbers, and for fewer with such forces, at tolerances down
-    to 1e-11, else `NYSTROM12`, which those few numbers and polynomials take above 1e-8 as well. All
-    others take `VERNER9`.
+    - Where forces may depend on velocity: a `Taylor` series, if the rate has one wherever it is
+      finite, of at most 15 numbers and 24 products an order; else `VERNER9`.
+    - Where no force depends on velocity: a series likewise, but of at most 7 products an order if
+      forces are made of powers and quotients alone, and of at most 2 if they are polynomials and
+      the tolerance is not below 1e-11.
+    - Else, at tolerances not below 1e-11, the extrapolated leapfrog, `STOERMER18`, for states of
+      12 to 72 numbers, and for fewer if forces are made of powers and quotients alone. But at
+      tolerances above 1e-8 `NYSTROM12` for these fewer numbers, and for polynomials of at most 15.
+    - Else `NYSTROM12`.
+
+    A tolerance that is known at run time only counts as below 1e-11, as does a request for digits.
+    The more products, the lower the order that runs fastest: `TAYLOR20` up to 4, `TAYLOR16` up to
+    11, `TAYLOR14` up to 16, `TAYLOR12` up to 24; at tolerances above 1e-8 `TAYLOR16` up to 4,
+    `TAYLOR12` up to 24.
 
     At true errors of 1e-6, 1e-9 and 1e-12 the series take, of the time of the pair: 0.78, 0.60,
     0.36 (Lorenz), 0.50, 0.40, 0.22 (Duffing), 0.32, 0.29, 0.26
@@ -98,9 +103,8 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     At the same tolerance errors of series are no larger than those of the pair in nine of ten runs,
     and a sixteenth in the median; those of the leapfrog a tenth to a twentieth down to 1e-10, also
     in encounters. Rounding, which its extrapolation amplifies, lets it get no further than 1e-14
-    where the pair gets to 1e-15, and to a few times the errors of the pair in close encounters; so
-    finer tolerances than 1e-11 take the pair, as does a tolerance that is only known at run time,
-    and a request for digits. For more than 12 bodies, which the pair vectorises, it takes 1.3 times
+    where the pair gets to 1e-15, and to a few times the errors of the pair in close encounters;
+    hence the limit of 1e-11. For more than 12 bodies, which the pair vectorises, it takes 1.3 times
     as long.
 
     A series does not look at the rate within a step: what acts in a place so small that a step
@@ -153,9 +157,9 @@ def _ruled(
     if powers is None:
         most, kind = math.inf, ""
     elif polynomial and not fine:
-        most, kind = _POLYNOMIALS, "of a polynomial"
+        most, kind = _POLYNOMIALS, "polynomial forces"
     else:
-        most, kind = _POWERS, "of powers and quotients alone"
+        most, kind = _POWERS, "forces of powers and quotients alone"
     series, why = _by_series(found, loose, most, kind)
     why = f"forces do not depend on velocity, and {why}"
     if series is not None:
@@ -169,7 +173,7 @@ def _ruled(
         limit = f"rounding limits extrapolation below {_FINEST_EXTRAPOLATED:.0e}"
         return NYSTROM12, f"{why}; {limit}"
     if loose and (few or polynomial):
-        return NYSTROM12, f"{why}; extrapolation gains little at tolerances above {_LOOSE:.0e}"
+        return NYSTROM12, f"{why}; above rtol 1e-8 the pair is mostly as fast as extrapolation"
     return STOERMER18, f"{why}; it has {k} numbers"
 
 
@@ -181,8 +185,8 @@ def _by_series(
     Args:
       series: what it costs; None if there is none.
       loose: whether the tolerance is.
-      most: products from which on another method is faster.
-      kind: what these are products of, if that decides.
+      most: products above which another method is faster.
+      kind: the forces that this limit holds for, for the message.
     """
     if series is None:
         return None, "its rate is long, or has no Taylor series"
@@ -190,7 +194,7 @@ def _by_series(
         return None, "its rate has a root, and no Taylor series where that is 0"
     why = f"its Taylor series takes {series.products} products an order"
     if series.products > most:
-        return None, f"{why}; more than {most}, {kind}, are too many"
+        return None, f"{why}; more than {most} are too many for {kind}"
     orders = _LOOSE_ORDERS if loose else _ORDERS
     for limit, method in orders.items():
         if series.products <= limit:

@@ -90,7 +90,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         y1 = simplified(args.project)(sign * t1, y1)
         lost = args.loses(sign * t0, y0, sign * t1, y1)
         y1 = y1 if lost is None else jnp.where(lost, jnp.nan, y1)
-        if not isinstance(step.speed, float):  # one is the default: not estimated
+        if not isinstance(step.speed, float):  # else the default: the method does not estimate it
             near = step.speed > self.method.alarm * self.method.stable
             counted = jnp.maximum(count + jnp.where(near, 1, -1), 0)
             count = jnp.where(is_stiff(count), count, counted)

@@ -172,7 +172,7 @@ class Series(NamedTuple):
       products: at each order.
       everywhere: whether there is one at each state at which the rate is finite; a root has none
         at 0.
-      operations: those whose results change along a motion.
+      operations: those of the rate whose results change along a motion.
     """
 
     products: int
@@ -186,7 +186,7 @@ class Series(NamedTuple):
 
     @property
     def polynomial(self) -> bool:
-        """Whether it has sums and products alone."""
+        """Whether the rate is made of sums and products alone."""
         return self.operations <= _OF_POLYNOMIALS
 
 

@@ -113,6 +113,9 @@ def test_a_stiff_scene_gets_implicit_solvers():
     stiff = scenes.oscillator(k=1.0, c=1e6)
     assert work.fit_solvers(stiff) == (solvers.RADAU9, solvers.RADAU5)
     assert work.fit_solvers(scenes.oscillator())[0] is solvers.NYSTROM12
+    scene = scenes.henon_heiles()
+    names = {solver.name for solver in work.fit_solvers(scene)}
+    assert {solvers.default_solver(scene, rtol=r).name for r in (1e-6, 1e-10, 1e-13)} <= names
 
 
 @pytest.mark.parametrize(
@@ -190,7 +193,7 @@ def test_the_command_prints_what_digits_cost(accuracy_command, tmp_path):
     assert code == 0
     assert " 9 digits: " in out
     assert "for 10 digits: " in out
-    assert "by default: Taylor 20, since its Taylor series takes " in out
+    assert "by default, at rtol 1e-10: Taylor 20, since its Taylor series takes " in out
     assert picture.stat().st_size > 1000
     code, out, _ = accuracy_command("oscillator", "--set", "c=0.1", "--json")
     found = json.loads(out)
