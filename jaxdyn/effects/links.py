@@ -52,7 +52,9 @@ class Spring(Effect):
 
     def force(self, t, r, v, m):
         del t, v, m
-        pull = _pull(self.k, self.length, r[self.i] - end_of(r, self.j, self.anchor))
+        d = r[self.i] - end_of(r, self.j, self.anchor)
+        # By the direction, whose bounds are known at every length: proofs about equilibria need it.
+        pull = self.k * (d - self.length * _direction(d))
         return on_ends(-pull, r.shape[0], self.i, self.j)
 
     def sketch(self, t, r):
@@ -134,7 +136,7 @@ class SpringNetwork(Effect):
 
     def force(self, t, r, v, m):
         del t, v, m
-        pulls = _pull(*self._springs(r))
+        pulls = _pulls(*self._springs(r))
         if len(self.first) > _MAX_WRITTEN_OUT:
             return sums_at(jnp.concatenate([-pulls, pulls]), self.first + self.second, len(r))
         total = [jnp.zeros_like(r[0])] * r.shape[0]
@@ -167,8 +169,8 @@ def _energy(k: Array, length: Array, d: Array) -> Array:
     return 0.5 * k * (square_norm(d) - 2 * length * safe_norm(d) + length * length)
 
 
-def _pull(k: Array, length: Array, d: Array) -> Array:
-    # One division a spring, not one for each component of its direction.
+def _pulls(k: Array, length: Array, d: Array) -> Array:
+    # One division for each spring, not one for each component of its direction.
     apart = safe_norm(d)
     return (k * (1.0 - length / jnp.where(apart == 0, 1.0, apart)))[..., None] * d
 

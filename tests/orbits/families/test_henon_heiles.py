@@ -18,6 +18,7 @@ from orbits import Kind
 #: (2001), Foundations of Physics 31, 209 (arXiv nlin/0006034).
 BRACK = (0.969309, 0.986709)
 SADDLE = 1 / 6
+LARGEST = 0.1655  # energy of the family
 
 
 def at_rest(y):
@@ -28,7 +29,7 @@ def at_rest(y):
 @pytest.fixture(scope="module")
 def straight():
     first = orbits.find(at_rest(0.6), period=7.5, hold="y")
-    return orbits.continue_family(first, members=40, step=0.05, energies=(0.0, 0.1655))
+    return orbits.continue_family(first, members=40, step=0.05, energies=(0.0, LARGEST))
 
 
 def trace(scaled):
@@ -57,7 +58,8 @@ def trace(scaled):
 @pytest.mark.slow
 def test_straight_orbits_double_and_fork_where_hills_equation_says(straight):
     doublings, branches = (
-        [x.energy / SADDLE for x in straight.special if x.kind == kind]
+        # The last member is beyond the bound, by part of a step.
+        [x.energy / SADDLE for x in straight.special if x.kind == kind and x.energy < LARGEST]
         for kind in (Kind.DOUBLING, Kind.BRANCH)
     )
     np.testing.assert_allclose(branches, BRACK, rtol=0, atol=1e-6)
