@@ -1,11 +1,12 @@
 """How long does a user wait for a command, cold and warm, and for the import?
 
 Run: ``python -m benchmarks command``. ``orbits figure-eight --json`` in a fresh process, first
-with an empty compile cache, then with the cache of the first run. The import of jaxdyn is
-compared with that of diffrax, on which it is built.
+with an empty compile cache, then with the cache of the first run; beside it the imports of all that
+the command uses. The import of jaxdyn, whose parts are imported at their first use, is compared
+with that of diffrax, on which it is built.
 
-Last numbers (2 cores, 2026-11): cold 5.7 s, warm 2.9 s; import of jaxdyn, whose parts are imported
-at their first use, 0.02 s, of diffrax 1.0 s. By hand: imports of all that the command uses 1.4 s.
+Last numbers (2 cores, 2026-11, a machine half as fast as for most others): cold 14.1 s, warm 6.1 s,
+of which 3.1 s are imports; import of jaxdyn 0.04 s, of diffrax 2.1 s.
 """
 
 import os

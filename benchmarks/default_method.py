@@ -7,17 +7,19 @@ itself does not count. Errors are the largest at the ends, relative to the large
 state, against heyoka in 80-bit floats where it is installed; its time is given too.
 
 Last numbers (2 cores, 2026-11, minima), at errors of 1e-6, 1e-9, 1e-12. The default over the best
-of ours is at most 1.15 in 89 of 96 cases, and otherwise: spring network 1.28, Henon-Heiles 1.26,
-cannonball 1.30, double pendulum 1.17, Hill 1.23, all at 1e-6, and chain of springs 1.45, 1.20. The
-default over heyoka is above 1 for rigid body 1.19, 1.08, and food chain 1.02 at 1e-6. Where forces
-do not depend on velocity: figure-eight 0.67, 0.64, 0.62; Kepler's orbit 0.71, 0.72, 0.82;
-Henon-Heiles 0.65, 0.76, 0.85; Toda 0.78, 0.91, 0.89; Stoermer 0.60, 0.58, 0.50; galaxy 0.71, 0.81,
-0.93; chain 0.63, 0.70, 0.74; spring network 0.17, 0.12, 0.11, Pleiades 0.24, 0.17, 0.15 and outer
-planets 0.11, 0.08, 0.08 (compact mode). Five links, by the pair, 0.81, 0.98, 0.99. The rigid body
-is one with any matrix of inertia, heyoka's formulas are for principal axes. Compile time over the
-pair's, each measured once, is above 1.5 for spring network 3.0 (1.8 s), outer planets 2.1 (1.3 s),
-double pendulum 2.0 (1.3 s), spherical pendulum 2.0 (0.9 s), Pleiades 1.7 (1.3 s), rigid body 1.7
-(1.3 s), Kepler, Henon-Heiles and three restricted bodies 1.6 (0.8 to 0.9 s).
+of ours is at most 1.15 in 86 of 96 cases, and otherwise: spring network 1.27, cannonball 1.16,
+Kuramoto 1.28 at 1e-6, double pendulum 1.33, 1.25, 1.52, rigid body 1.19 at 1e-12, Chen 1.18 at
+1e-9, shaken pendulum 1.25, 1.24 at 1e-9 and 1e-12. Measured once more by themselves, with twelve
+rounds: double pendulum 1.06, 1.14, 1.18, shaken pendulum 1.00, 1.12, 1.06, Kuramoto 1.21, 1.05,
+1.06; other work on the machine does the rest. The default over heyoka is above 1 for the food
+chain, 1.12 at 1e-6, and for three restricted bodies, 1.52 at 1e-6 (once more: 0.76, 0.76, 0.66).
+Where forces do not depend on velocity: figure-eight 0.68, 0.68, 0.55; Kepler's orbit 0.67, 0.71,
+0.79; Henon-Heiles 0.61, 0.75, 0.81; Toda 0.91, 0.97, 0.84; Stoermer 0.48, 0.44, 0.35; galaxy 0.71,
+0.80, 0.89; chain 0.48, 0.61, 0.59; spring network 0.13, 0.08, 0.08, Pleiades 0.19, 0.13, 0.09 and
+outer planets 0.07, 0.07, 0.07 (compact mode). Five links, by the pair, 0.66, 0.79, 0.72. The rigid
+body is one with any matrix of inertia, heyoka's formulas are for principal axes: 0.85, 0.83.
+Compile time over the pair's, each measured once, is above 1.5 for double pendulum 2.0, Stoermer
+1.6 and outer planets 1.6.
 """
 
 import functools

@@ -87,18 +87,18 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     `TAYLOR12` up to 24.
 
     At true errors of 1e-6, 1e-9 and 1e-12 the series take, of the time of the pair: 0.78, 0.60,
-    0.36 (Lorenz), 0.50, 0.40, 0.22 (Duffing), 0.32, 0.29, 0.26
-    (Toda's ring), 0.66, 0.70, 0.59 (spherical pendulum), 0.73, 0.61, 0.78 (Kepler's orbit, e =
-    0.9), 0.71, 0.69, 0.49 (three restricted bodies in space), 0.64, 0.45, 0.29 (magnetic bottle),
-    0.78, 0.68, 0.53 (double pendulum), 0.93, 0.82, 0.77 (rigid body). They compile in 0.4 to 2.2 s,
-    mostly 0.6 to 1.7 of the time of the pair. The leapfrog takes, of the time of `NYSTROM12`: 0.91,
-    0.94, 0.92 (figure-eight), 0.59, 0.61, 0.67 (Pleiades), 0.76, 0.70, 0.60 (outer planets), 1.29,
-    0.99, 0.82 (a sheet of springs).
+    0.36 (Lorenz), 0.50, 0.40, 0.22 (Duffing), 0.32, 0.29, 0.26 (Toda's ring), 0.66, 0.70, 0.59
+    (spherical pendulum), 0.73, 0.61, 0.78 (Kepler's orbit, e = 0.9), 0.71, 0.69, 0.49 (three
+    restricted bodies in space), 0.64, 0.45, 0.29 (magnetic bottle), 0.78, 0.68, 0.53 (double
+    pendulum), 0.93, 0.82, 0.77 (rigid body). They compile in 0.4 to 2.2 s, mostly 0.6 to 1.7 of the
+    time of the pair. The leapfrog takes, of the time of `NYSTROM12`: 0.91, 0.94, 0.92
+    (figure-eight), 0.59, 0.61, 0.67 (Pleiades), 0.76, 0.70, 0.60 (outer planets), 1.29, 0.99, 0.82
+    (a sheet of springs); and of the time of series: 0.81, 0.89, 0.93 (Henon and Heiles), 1.10,
+    0.90, 1.04 (a chain of springs with quadratic forces; the pair 0.68 at 1e-6).
 
     The orders rest on the twenty problems of `benchmarks.problems` and `benchmarks.classics`, and
-    lately on the twelve of `benchmarks.others`. There 89 of 96 cases are within 1.15 of the fastest
-    method, and none is above 1.45, a chain of springs at 1e-6, which the Nystrom pair solves
-    fastest.
+    lately on the twelve of `benchmarks.others`. There 86 of 96 cases are within 1.15 of the fastest
+    method; the others are listed in `benchmarks.default_method`.
 
     At the same tolerance errors of series are no larger than those of the pair in nine of ten runs,
     and a sixteenth in the median; those of the leapfrog a tenth to a twentieth down to 1e-10, also
