@@ -41,7 +41,8 @@ from benchmarks import (
 from benchmarks._timing import Curves, Row
 from benchmarks.picture import STORED
 from jaxdyn._checks import choice, fail
-from jaxdyn.files.output_files import replace
+from jaxdyn.files.input_files import MAX_BYTES, content, parsed
+from jaxdyn.files.output_files import replace, writable
 
 MISUSE = 2  # exit code: invalid input
 #: A time that grew by more than this factor is reported.
@@ -82,11 +83,11 @@ def main(
     jaxdyn.configure(cache=False)
     # Read before it is written.
     stored = json.loads(STORED.read_text()) if STORED.is_file() else None
-    before = json.loads(json_file.read_text()) if json_file and json_file.is_file() else {}
     console = Console(width=150)
     found: list[Row | Curves] = []
     begin = time.monotonic()
     try:
+        before = _before(json_file) if json_file else {}
         for name, each in measure(names or list(RUNS), kind, peak, quick):
             _show(console, [row for one in each for row in one.rows])
             console.print(f"{name}: {time.monotonic() - begin:.0f} s from the start\n")
@@ -100,6 +101,17 @@ def main(
         console.print(f"compared with {stored['date']} on {stored['machine']}:")
         for line in slower(as_json(found), stored) or ["nothing got slower"]:
             console.print(f"  {line}")
+
+
+def _before(path: Path) -> dict:
+    """The results in a file that is to be written, if it is there."""
+    remedy = "Name a new file, or one that a benchmark has written."
+    if not writable(path, "--json").is_file():
+        return {}
+    found = parsed(content(path, MAX_BYTES, remedy, "--json"), "results of benchmarks", remedy)
+    if not isinstance(found, dict):
+        raise fail("--json", "results of benchmarks", f"'{path}' with something else", remedy)
+    return found
 
 
 def measure(

@@ -11,8 +11,9 @@ of ours is at most 1.15 in 86 of 96 cases, and otherwise: spring network 1.27, c
 Kuramoto 1.28 at 1e-6, double pendulum 1.33, 1.25, 1.52, rigid body 1.19 at 1e-12, Chen 1.18 at
 1e-9, shaken pendulum 1.25, 1.24 at 1e-9 and 1e-12. Measured once more by themselves, with twelve
 rounds: double pendulum 1.06, 1.14, 1.18, shaken pendulum 1.00, 1.12, 1.06, Kuramoto 1.21, 1.05,
-1.06; other work on the machine does the rest. The default over heyoka is above 1 for the food
-chain, 1.12 at 1e-6, and for three restricted bodies, 1.52 at 1e-6 (once more: 0.76, 0.76, 0.66).
+1.06: one program measured twice differs by up to 1.3 on such a shared machine. The default over
+heyoka is above 1 for the food chain, 1.12 at 1e-6, and for three restricted bodies, 1.52 at 1e-6
+(once more: 0.76, 0.76, 0.66).
 Where forces do not depend on velocity: figure-eight 0.68, 0.68, 0.55; Kepler's orbit 0.67, 0.71,
 0.79; Henon-Heiles 0.61, 0.75, 0.81; Toda 0.91, 0.97, 0.84; Stoermer 0.48, 0.44, 0.35; galaxy 0.71,
 0.80, 0.89; chain 0.48, 0.61, 0.59; spring network 0.13, 0.08, 0.08, Pleiades 0.19, 0.13, 0.09 and

@@ -231,6 +231,24 @@ def test_misuse_is_exit_code_2():
     assert "Did you mean 'ensembles'?" in result.output
 
 
+def test_a_file_that_no_benchmark_has_written_is_refused_before_anything_is_measured(
+    monkeypatch, tmp_path
+):
+    monkeypatch.setattr(command_line, "RUNS", {"first": lambda quick: 1 / 0})
+    app = command_line.typer.Typer()
+    app.command()(command_line.main)
+    other = tmp_path / "other.json"
+    for text in ("not JSON", "[1]"):
+        other.write_text(text)
+        result = CliRunner().invoke(app, ["--json", str(other)])
+        assert result.exit_code == command_line.MISUSE
+        assert "results of benchmarks" in result.output
+        assert other.read_text() == text
+    result = CliRunner().invoke(app, ["--json", str(tmp_path / "none" / "x.json")])
+    assert result.exit_code == command_line.MISUSE
+    assert "--json: expected a file in a folder that exists" in result.output
+
+
 def test_results_are_printed_and_stored_as_they_come(monkeypatch, tmp_path):
     def stopped(quick):
         raise KeyboardInterrupt
