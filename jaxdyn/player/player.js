@@ -128,6 +128,7 @@
       this.pace = 1;
       this.trail = 0.25;
       this.playing = false;
+      this.asked = false; // whether anyone has played or paused it: then it does not begin by itself
       this.measure();
       this.box = this.boxed();
       this.t = this.begin;
@@ -308,6 +309,7 @@
     toggle() { if (this.playing) this.pause(); else this.play(); }
 
     play() {
+      this.asked = true;
       if (this.playing) return;
       if (this.t >= this.end) this.t = this.begin;
       this.playing = true;
@@ -325,6 +327,7 @@
     }
 
     pause() {
+      this.asked = true;
       this.playing = false;
       cancelAnimationFrame(this.waiting);
       this.button.textContent = "Play";
@@ -586,11 +589,12 @@
     ];
   }
 
-  // A motion begins to move when it comes into sight, unless the reader prefers stillness.
+  // A motion begins to move when it comes into sight, unless the reader prefers stillness or has
+  // played or paused it before: a page is in sight only some time after it was read.
   const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
   const watch = new IntersectionObserver((entries) => {
     for (const { target, isIntersecting } of entries)
-      if (isIntersecting) { watch.unobserve(target); target.player.play(); }
+      if (isIntersecting) { watch.unobserve(target); if (!target.player.asked) target.player.play(); }
   }, { threshold: 0.6 });
   const start = () => {
     for (const root of document.querySelectorAll(".player")) {

@@ -65,6 +65,21 @@ def test_the_keyboard_and_the_slider_move_it(window, swings, tmp_path):
     assert not chromium.player(window, "playing")
 
 
+def test_a_player_that_was_paused_before_it_came_into_sight_stays_paused(window, swings, tmp_path):
+    page = tmp_path / "page.html"
+    player.play(swings["1.0"], page)
+    # Far below the window first, paused there, then scrolled to.
+    page.write_text(page.read_text().replace("<body>", "<body><div style='height: 9000px'></div>"))
+    chromium.opened(window, page)
+    chromium.player(window, "pause()")
+    before = chromium.picture(window)
+    window.execute_script("document.querySelector('.player').scrollIntoView()")
+    seen = "requestAnimationFrame(() => setTimeout(arguments[0], 300))"  # by every observer
+    window.execute_async_script(seen)
+    assert not chromium.player(window, "playing")
+    assert chromium.picture(window) == before
+
+
 def test_a_slider_chooses_a_precomputed_motion(window, swings, tmp_path):
     player.play(swings, tmp_path / "page.html", choose="angle [rad]")
     chromium.opened(window, tmp_path / "page.html")
