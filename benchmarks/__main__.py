@@ -23,6 +23,7 @@ from rich.table import Table
 
 import jaxdyn
 from benchmarks import (
+    _peers,
     bodies,
     calls,
     command,
@@ -81,6 +82,7 @@ def main(
     """Times at equal true error, ours against others, and what got slower."""
     # No compile cache: the time of a first run is one of the questions.
     jaxdyn.configure(cache=False)
+    _peers.build_anew()
     # Read before it is written.
     stored = json.loads(STORED.read_text()) if STORED.is_file() else None
     console = Console(width=150)

@@ -30,6 +30,16 @@ def importable(*modules: str) -> bool:
 # ---- heyoka: Taylor series of an order chosen by the tolerance (Biscani, Izzo 2021)
 
 
+def build_anew() -> None:
+    """Let heyoka build each integrator: by default it keeps them, also on disk."""
+    if importable("heyoka"):
+        import heyoka as hy
+
+        hy.llvm_state.set_memcache_limit(0)
+        if hasattr(hy.llvm_state, "set_diskcache_enabled"):  # older versions keep nothing on disk
+            hy.llvm_state.set_diskcache_enabled(False)
+
+
 def heyoka(problem: Problem, tol: float, *, compact: bool = False) -> Run:
     """The ends (n, k) of a problem; `compact` builds sooner and runs slower."""
     return _heyoka_run(_heyoka(problem, tol, compact=compact), problem.y0s, problem.t1)

@@ -6,8 +6,11 @@ compared at equal error, never at equal tolerance: each is run at many tolerance
 at a given error is read off its curve.
 """
 
+import math
+import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,7 +55,7 @@ class Curves(NamedTuple):
 
     Attributes:
       name: of the problem.
-      compiling: build and first run, by method.
+      compiling: build and first run, by method; not of those built side by side.
       points: by method, the runs that are more accurate than every faster one.
       wanted: true errors at which the methods are compared.
       bars: target ratios of ours to a method's there, by method.
@@ -93,6 +96,23 @@ class Method(NamedTuple):
     tolerances: Sequence[Any]
 
 
+class _Built(NamedTuple):
+    """Runs with their results by tolerance, and the time until the first of them had ended [s]."""
+
+    seconds: float
+    runs: dict[Any, tuple[Run, np.ndarray]]
+
+
+def _built(method: Method) -> _Built:
+    start, seconds, runs = time.perf_counter(), math.nan, {}
+    for tol in method.tolerances:
+        run = method.build(tol)
+        runs[tol] = run, run()
+        if len(runs) == 1:
+            seconds = time.perf_counter() - start
+    return _Built(seconds, runs)
+
+
 def work_precision(
     name: str,
     methods: Mapping[str, Method],
@@ -100,6 +120,7 @@ def work_precision(
     wanted: Sequence[float],
     rounds: int,
     bars: Mapping[str, Sequence[float]] | None = None,
+    side_by_side: Collection[str] = (),
 ) -> Curves:
     """Error against time of all methods.
 
@@ -111,20 +132,21 @@ def work_precision(
       wanted: true errors to compare at.
       rounds: how many times to run everything.
       bars: see `Curves`.
+      side_by_side: methods that are built on as many threads as there are cores, which saves
+        time; of their own nothing is reported.
     """
-    compiling, runs = {}, {}
-    for method, (build, tolerances) in methods.items():
-        start = time.perf_counter()
-        for i, tol in enumerate(tolerances):
-            runs[method, tol] = build(tol)
-            if i == 0:
-                runs[method, tol]()
-                seconds = time.perf_counter() - start
-                compiling[method] = Times(seconds, seconds)
+    built = {name: _built(methods[name]) for name in methods if name not in side_by_side}
+    compiling = {name: Times(each.seconds, each.seconds) for name, each in built.items()}
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        waiting = {name: threads.submit(_built, methods[name]) for name in side_by_side}
+        built |= {name: each.result() for name, each in waiting.items()}
     scale = np.max(np.abs(truth))
-    errors = {key: float(np.max(np.abs(run() - truth)) / scale) for key, run in runs.items()}
-    # A run that fails has no error.
-    runs = {key: run for key, run in runs.items() if np.isfinite(errors[key])}
+    errors, runs = {}, {}
+    for method in methods:
+        for tol, (run, first) in built[method].runs.items():
+            error = float(np.max(np.abs(first - truth)) / scale)
+            if np.isfinite(error):  # a run that fails has no error
+                errors[method, tol], runs[method, tol] = error, run
     times = interleaved(runs, rounds)
     points = {}
     for method in methods:

@@ -23,7 +23,7 @@ from benchmarks import (
     problems,
     systems,
 )
-from benchmarks._timing import Row, Times, at_error, interleaved, work_precision
+from benchmarks._timing import Method, Row, Times, at_error, interleaved, work_precision
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes import three_body
 
@@ -81,6 +81,27 @@ def test_our_three_ways_reach_the_true_end_and_give_rows():
         "error 1e-12",
     ]
     assert all(np.isfinite(list(row.times.values())).all() for row in rows)
+
+
+def test_methods_built_side_by_side_are_timed_but_for_their_building():
+    def method(wrong):
+        return Method(lambda tol: lambda: np.ones(3) * (1.0 + wrong * tol), (1e-3, 1e-6))
+
+    methods = {name: method(i + 1.0) for i, name in enumerate("abc")}
+    made = work_precision("line", methods, np.ones(3), (1e-2,), 2, side_by_side={"b", "c"})
+    assert made.compiling.keys() == {"a"}
+    assert list(made.points) == ["a", "b", "c"]
+    for i, points in enumerate(made.points.values()):
+        smallest = points[0].error
+        assert smallest == pytest.approx((i + 1.0) * 1e-6, rel=1e-6)
+
+
+def test_a_run_that_fails_is_left_out_of_its_curve():
+    broken = Method(
+        lambda tol: lambda: np.array([tol, np.nan if tol < 1e-4 else 0.0]), (1e-3, 1e-6)
+    )
+    made = work_precision("line", {"a": broken}, np.array([0.0, 1.0]), (1.0,), 1)
+    assert [p.error for p in made.points["a"]] == [1.0]
 
 
 def test_what_got_slower_is_said():
