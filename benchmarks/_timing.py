@@ -121,6 +121,7 @@ def work_precision(
     rounds: int,
     bars: Mapping[str, Sequence[float]] | None = None,
     side_by_side: Collection[str] = (),
+    slow: float = 1e-3,
 ) -> Curves:
     """Error against time of all methods.
 
@@ -134,6 +135,7 @@ def work_precision(
       bars: see `Curves`.
       side_by_side: methods that are built on as many threads as there are cores, which saves
         time; of their own nothing is reported.
+      slow: [s] see `interleaved`.
     """
     built = {name: _built(methods[name]) for name in methods if name not in side_by_side}
     compiling = {name: Times(each.seconds, each.seconds) for name, each in built.items()}
@@ -147,7 +149,7 @@ def work_precision(
             error = float(np.max(np.abs(first - truth)) / scale)
             if np.isfinite(error):  # a run that fails has no error
                 errors[method, tol], runs[method, tol] = error, run
-    times = interleaved(runs, rounds)
+    times = interleaved(runs, rounds, slow)
     points = {}
     for method in methods:
         keys = [key for key in runs if key[0] == method]

@@ -8,11 +8,11 @@ take 3.4 cycles in vectors of 256 bits [Agner Fog's tables, Zen 4: 9 and 5 cycle
 at 3.7 GHz.
 
 Last numbers (2 cores, 2026-11), ours over heyoka's at errors of 1e-6, 1e-9, 1e-12: gravity of 16
-bodies 0.18, 0.15, 0.13, of 64 0.11, 0.11, 0.10, of 256 0.11, 0.06, 0.05; springs of 16 bodies 0.39,
-0.27, 0.24, of 64 0.40, 0.25, 0.17, of 256 0.35, 0.26, 0.20, of 1024 0.46, 0.25, 0.26. Over
-REBOUND's: at most 0.16, 0.26, 0.13 and 0.13 with 16, 64, 256 and 1024 bodies. A pair takes 1.1 to
-1.3 ns from 16 to 1024 bodies. A compiled solve holds 16 to 17 states beside its arguments from 16
-to 1024 attracting bodies, 12 to 17 with springs.
+bodies 0.22, 0.15, 0.08, of 64 0.16, 0.12, 0.11, of 256 0.07, 0.03, 0.02; springs of 16 bodies 0.49,
+0.30, 0.24, of 64 0.58, 0.32, 0.18, of 256 0.41, 0.32, 0.28, of 1024 0.51, 0.25, 0.21. Over
+REBOUND's: at most 0.12, 0.35, 0.17 and 0.11 with 16, 64, 256 and 1024 bodies. A pair takes 1.6 to
+2.1 ns from 16 to 1024 bodies, on a faster machine 1.1 to 1.3. A compiled solve holds 16 to 17
+states beside its arguments from 16 to 1024 attracting bodies, 12 to 17 with springs.
 """
 
 import functools

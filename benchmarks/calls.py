@@ -5,9 +5,10 @@ takes no step; `simulate` over a thousandth of its period, and over one period w
 and making the scene. Beside them an empty program with the same scene as its argument, which is
 the overhead of JAX itself, and `solve` within a compiled program.
 
-Last numbers (2 quiet cores, 2026-11), minima: an empty program takes 10.5 us; `solve` 2.7 of them
-more than in a program, `simulate` 19 for a short motion and, with samples, 1.8 times the solve;
-making the scene 4.9, of which its four arrays take 3.
+Last numbers (2 cores, 2026-11), minima: an empty program takes 18 us; `solve` 3.3 of them more than
+in a program, `simulate` 19 for a short motion and, with samples, 2.3 times the solve; making the
+scene 6.6, of which its four arrays take 4. On a machine with an empty program of 10 us: 2.7, 19,
+1.8 and 4.9.
 """
 
 import jax

@@ -5,8 +5,8 @@ with an empty compile cache, then with the cache of the first run; beside it the
 the command uses. The import of jaxdyn, whose parts are imported at their first use, is compared
 with that of diffrax, on which it is built.
 
-Last numbers (2 cores, 2026-11, a machine half as fast as for most others): cold 14.1 s, warm 6.1 s,
-of which 3.1 s are imports; import of jaxdyn 0.04 s, of diffrax 2.1 s.
+Last numbers (2 cores, 2026-11, minima): cold 13.3 s, warm 6.2 s, of which 2.8 s are imports; import
+of jaxdyn 0.03 s, of diffrax 2.1 s; on a machine twice as fast warm 2.9 s, of which 1.4 s.
 """
 
 import os

@@ -5,15 +5,15 @@ are the largest of the 12 at the end, against a solution with 36 digits. Three w
 compiled into a user's program (`jaxdyn`), and the public `solve` and `simulate` from Python with
 their overhead.
 
-Last numbers (2 cores, 2026-11), minima, with ours over the other's in brackets: error 1e-6 25 us,
-heyoka 24 (1.0); 1e-9 31 us, 35 (0.91), Dopri8 205 (0.15), DOP853 6290; 1e-12 41 us, 50 (0.82), 322
-(0.13). Ours are by the extrapolated leapfrog; the Nystrom pair takes 1.0 to 1.3 times as long.
+Last numbers (2 cores, 2026-11), minima, with ours over the other's in brackets: error 1e-6 42 us,
+heyoka 29 (1.4); 1e-9 48 us, 49 (1.0), Dopri8 167 (0.29), DOP853 10500; 1e-12 60 us, 75 (0.80), 264
+(0.23). Ours are by the extrapolated leapfrog; the Nystrom pair takes 1.0 to 1.3 times as long.
 heyoka is given each pair of bodies once; with each pair written twice it takes 1.5 times as long,
 its own `model.nbody` 1.2 times. diffrax runs here with loops folded by `jaxdyn.configure`. As
 shipped, in a process of its own, its Dopri8 takes 460, 1000 and 2200 us to errors of 2e-7, 1e-10
-and 1e-13: 27, 45 and 75 times as long as ours. 11 us of ours pass in a call that takes no step,
-most of them in JAX: in one call of ten periods the ratios to heyoka are 0.49, 0.56 and 0.58;
-`solve` from Python adds 57 us.
+and 1e-13: 27, 45 and 75 times as long as ours. 26 us of ours pass in a call that takes no step,
+most of them in JAX: in one call of twelve periods (``python -m benchmarks default``) the ratios to
+heyoka are 0.58, 0.46 and 0.40; `solve` from Python adds 100 us.
 """
 
 from collections.abc import Sequence
@@ -32,8 +32,8 @@ from jaxdyn.scenes import three_body
 ERRORS = (1e-6, 1e-9, 1e-12, 1e-14)
 #: Half decades, for every method.
 TOLERANCES = tuple(10.0**-e for e in np.arange(4.0, 16.5, 0.5))
+#: Those against heyoka, which calls would decide here, are in `benchmarks.default_method`.
 BARS = {
-    "heyoka": (1.0, 0.7, 0.65, 0.6),
     "diffrax Dopri8": (0.1,) * 4,
     SCIPY: (0.02,) * 4,
 }

@@ -5,8 +5,8 @@ one period, errors relative to the largest entry (17), against heyoka in 80-bit 
 needs about a minute to build each of its integrators for speed; ``--quick`` takes its compact
 form, which is slower to run.
 
-Last numbers (2 cores, 2026-11), minima, error 1e-12: 0.53 ms, heyoka 1.65 ms (0.32); building and
-first run 1.3 s, of heyoka 0.12 s where it has compiled the program before, else 84 s.
+Last numbers (2 cores, 2026-11), minima, error 1e-12: 0.74 ms, heyoka 2.9 ms (0.25); building and
+first run 2.5 s, of heyoka 44 s.
 """
 
 import functools

@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 from matplotlib.lines import Line2D
 
 import jaxdyn
-from benchmarks.default_method import PROBLEMS, repeats
+from benchmarks.default_method import repeats
 from jaxdyn.accuracy.timing import worth_taking
 
 STORED = Path(__file__).with_name("last_run.json")
@@ -85,7 +85,7 @@ def of_long_calls(curves: dict, name: str) -> dict[str, list[tuple[float, float]
     }
     if "heyoka" in methods:
         found["heyoka"] = methods["heyoka"]
-    n = repeats(PROBLEMS[name]())
+    n = repeats(name)
     return {
         method: [(error, seconds / n) for error, seconds in runs] for method, runs in found.items()
     }

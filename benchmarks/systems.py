@@ -9,9 +9,9 @@ heyoka in 80-bit floats. diffrax is given our scenes, the others the formulas in
 `benchmarks.problems`.
 
 Ours is the default; `benchmarks.default_method` has our other solvers beside it. Last numbers (2
-cores, 2026-11): ours over heyoka's (minima) at errors of 1e-6, 1e-9, 1e-12: Kepler 0.83, 0.72,
-0.82; springs 0.36, 0.20, 0.16; Henon-Heiles 0.69, 0.80, 0.86; cannonball 0.54, 0.64, 0.72; double
-pendulum 0.91, 0.97, 0.97; rigid body 0.71, 0.70, none; van der Pol 0.57, 0.65, 0.66. diffrax's
+cores, 2026-11): ours over heyoka's (minima) at errors of 1e-6, 1e-9, 1e-12: Kepler 0.83, 0.74,
+0.80; springs 0.38, 0.20, 0.17; Henon-Heiles 0.71, 0.81, 0.86; cannonball 0.58, 0.63, 0.70; double
+pendulum 0.99, 0.99, 0.77; rigid body 0.88, 0.90, none; van der Pol 0.63, 0.66, 0.68. diffrax's
 Dopri8 takes 2 to 13 times as long as ours, SciPy 90 to 3300 times.
 """
 

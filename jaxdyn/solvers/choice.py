@@ -97,7 +97,7 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     0.90, 1.04 (a chain of springs with quadratic forces; the pair 0.68 at 1e-6).
 
     The orders rest on the twenty problems of `benchmarks.problems` and `benchmarks.classics`, and
-    lately on the twelve of `benchmarks.others`. There 86 of 96 cases are within 1.15 of the fastest
+    lately on the twelve of `benchmarks.others`. There 90 of 96 cases are within 1.15 of the fastest
     method; the others are listed in `benchmarks.default_method`.
 
     At the same tolerance errors of series are no larger than those of the pair in nine of ten runs,
