@@ -10,8 +10,8 @@ Last numbers (2 cores, 2026-11, minima), at errors of 1e-6, 1e-9, 1e-12. The def
 of ours is at most 1.15 in 90 of 96 cases, and otherwise: magnetic bottle 1.29 at 1e-12, Pleiades
 1.25, Foucault 1.18 and Kuramoto 1.26 at 1e-6, bead on a hoop 1.27, 1.18 at 1e-6 and 1e-9. Most of
 that is chance: one program measured twice differs by up to 1.4 on such a shared machine, and of
-three runs in a day only the bead, and Kuramoto at 1e-6, are above in all. The default over heyoka
-is at most 0.98 (spherical pendulum at 1e-6).
+three runs in a day only the bead at 1e-9 and Kuramoto at 1e-6 are above in all. The default over
+heyoka is at most 0.98 (spherical pendulum at 1e-6).
 Where forces do not depend on velocity: figure-eight 0.58, 0.46, 0.40; Kepler's orbit 0.66, 0.69,
 0.75; Henon-Heiles 0.53, 0.68, 0.77; Toda 0.78, 0.74, 0.73; Stoermer 0.51, 0.49, 0.37; galaxy 0.68,
 0.75, 0.93; chain 0.44, 0.59, 0.69; spring network 0.12, 0.09, 0.09, outer planets 0.11, 0.08, 0.07
