@@ -88,9 +88,8 @@ def curves(
         bars[peer] = (bar,) * len(ERRORS)
     else:
         truth = compiled(problem, tolerances).build(1e-15)()
-    # The pair, to whose compile time the default's is compared.
-    pair = (NYSTROM12 if scene.second_order else VERNER9).name
-    others = ways.keys() - {pair}
+    # All but the pair, to whose compile time the default's is compared.
+    others = ways.keys() - {default_solver(scene, several=True).name}
     return work_precision(name, methods, truth, ERRORS, rounds, bars, others, _SLOW)
 
 

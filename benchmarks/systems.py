@@ -35,32 +35,25 @@ ERRORS = (1e-6, 1e-9, 1e-12)
 TOLERANCES = tuple(float(f"1e-{e}") for e in range(4, 16))
 SCIPY = "SciPy DOP853"
 _SCIPY_FINEST = 3e-14  # it refuses smaller ones
-_TO_HEYOKA = {"conservative": 1.0, "general": 1.6}
-_TO_DIFFRAX, _TO_SCIPY = 0.2, 1.0
+_TO_HEYOKA, _TO_DIFFRAX, _TO_SCIPY = 1.0, 0.2, 1.0
 _ROUNDS, _QUICK_ROUNDS = 15, 3
 
 
 def run(quick: bool = False) -> list[Curves]:
     """Times of every method that is installed; `quick` for a rough look."""
     rounds = _QUICK_ROUNDS if quick else _ROUNDS
-    kinds = {"conservative": CONSERVATIVE, "general": GENERAL}
-    return [
-        curves(name, make(), rounds, TOLERANCES, _TO_HEYOKA[kind])
-        for kind, problems in kinds.items()
-        for name, make in problems.items()
-    ]
+    problems = CONSERVATIVE | GENERAL
+    return [curves(name, make(), rounds, TOLERANCES) for name, make in problems.items()]
 
 
-def curves(
-    name: str, problem: Problem, rounds: int, tolerances: Sequence[float], to_heyoka: float
-) -> Curves:
+def curves(name: str, problem: Problem, rounds: int, tolerances: Sequence[float]) -> Curves:
     """Error against time of all methods for one problem."""
     methods = {"jaxdyn": compiled(problem, tolerances)} | peers(problem, tolerances)
     if _peers.importable("heyoka"):
         truth = _peers.heyoka_precise(problem)
     else:
         truth = compiled(problem, tolerances).build(1e-15)()
-    bars = {"heyoka": to_heyoka, "diffrax Dopri8": _TO_DIFFRAX, "diffrax Tsit5": _TO_DIFFRAX}
+    bars = {"heyoka": _TO_HEYOKA, "diffrax Dopri8": _TO_DIFFRAX, "diffrax Tsit5": _TO_DIFFRAX}
     bars[SCIPY] = _TO_SCIPY
     bars = {method: (bar,) * len(ERRORS) for method, bar in bars.items()}
     return work_precision(name, methods, truth, ERRORS, rounds, bars)

@@ -140,12 +140,12 @@ def test_the_default_is_held_to_every_other_method():
 @pytest.mark.slow
 def test_curves_give_rows_and_are_stored_and_drawn(tmp_path):
     problem = _short(problems.henon_heiles())
-    curves = systems.curves("short", problem, 1, (1e-5, 1e-13), 1.6)
+    curves = systems.curves("short", problem, 1, (1e-5, 1e-13))
     assert [row.name for row in curves.rows[1:]] == [
         f"short: error {e:.0e}" for e in systems.ERRORS
     ]
     assert min(p.error for p in curves.points["jaxdyn"]) < 1e-12
-    assert curves.rows[1].bars["heyoka"] == 1.6
+    assert curves.rows[1].bars["heyoka"] == 1.0
     stored = command_line.merged({"curves": {"old": {}}}, command_line.as_json([curves]))
     assert set(stored["curves"]) == {"old", "short"}
     points = stored["curves"]["short"]["jaxdyn"]

@@ -86,15 +86,15 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     11, `TAYLOR14` up to 16, `TAYLOR12` up to 24; at tolerances above 1e-8 `TAYLOR16` up to 4,
     `TAYLOR12` up to 24.
 
-    At true errors of 1e-6, 1e-9 and 1e-12 the series take, of the time of the pair: 0.78, 0.60,
-    0.36 (Lorenz), 0.50, 0.40, 0.22 (Duffing), 0.32, 0.29, 0.26 (Toda's ring), 0.66, 0.70, 0.59
-    (spherical pendulum), 0.73, 0.61, 0.78 (Kepler's orbit, e = 0.9), 0.71, 0.69, 0.49 (three
-    restricted bodies in space), 0.64, 0.45, 0.29 (magnetic bottle), 0.78, 0.68, 0.53 (double
-    pendulum), 0.93, 0.82, 0.77 (rigid body). They compile in 0.4 to 2.2 s, mostly 0.6 to 1.7 of the
-    time of the pair. The leapfrog takes, of the time of `NYSTROM12`: 0.91, 0.94, 0.92
-    (figure-eight), 0.59, 0.61, 0.67 (Pleiades), 0.76, 0.70, 0.60 (outer planets), 1.29, 0.99, 0.82
-    (a sheet of springs); and of the time of series: 0.81, 0.89, 0.93 (Henon and Heiles), 1.10,
-    0.90, 1.04 (a chain of springs with quadratic forces; the pair 0.68 at 1e-6).
+    At true errors of 1e-6, 1e-9 and 1e-12 the series take, of the time of the pair: 0.77, 0.54,
+    0.37 (Lorenz), 0.35, 0.28, 0.20 (Duffing), 0.24, 0.20, 0.19 (Toda's ring), 0.70, 0.72, 0.75
+    (spherical pendulum), 0.60, 0.52, 0.68 (Kepler's orbit, e = 0.9), 0.82, 0.78, 0.59 (three
+    restricted bodies in space), 0.71, 0.44, 0.42 (magnetic bottle), 0.79, 0.80, 0.62 (double
+    pendulum), 1.01, 0.84, 0.72 (rigid body). They compile in 0.4 to 2.2 s, mostly 0.6 to 1.7 of the
+    time of the pair. The leapfrog takes, of the time of `NYSTROM12`: 0.89, 0.92, 0.89
+    (figure-eight), 0.65, 0.70, 0.79 (Pleiades), 0.77, 0.68, 0.61 (outer planets), 1.11, 0.83, 0.68
+    (a sheet of springs); and of the time of series: 0.86, 0.93, 0.92 (Henon and Heiles), 1.08,
+    0.96, 1.04 (a chain of springs with quadratic forces; the pair 0.77 at 1e-6).
 
     The orders rest on the twenty problems of `benchmarks.problems` and `benchmarks.classics`, and
     lately on the twelve of `benchmarks.others`. There 90 of 96 cases are within 1.15 of the fastest
