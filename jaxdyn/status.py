@@ -89,6 +89,10 @@ class Status(Code):
         "a long step passed over it, as a wind in a thin layer of air. Stop before that place, and "
         "go on from there.",
     )
+    STIFF = (
+        12,
+        "Stability, not accuracy, limits the steps of the explicit method. Choose solvers.RADAU9.",
+    )
 
 
 class IntegrationError(RuntimeError):

@@ -68,12 +68,11 @@ def estimate(
       >>> bool(loose.error.max() / 5 < abs(end - np.cos(10.0)) < 5 * loose.error.max())
       True
     """
-    method = chosen_method(scene, solver, rtol=rtol)
+    method, finer = _methods(scene, t1, t0, samples, solver, (rtol, error_estimate.FINEST))
     options = SolverOptions(rtol=rtol, solver=method)
     run, ts = _runner(scene, t1, t0, samples, options, dt=dt)
     if dt is not None:
         return error_estimate.halved(run, scene, ts, dt, method.name)
-    finer = chosen_method(scene, solver, rtol=error_estimate.FINEST)
     by = run
     if finer is not method:
         by, _ = _runner(scene, t1, t0, samples, options._replace(solver=finer))
@@ -107,7 +106,7 @@ def by_second_method(
       so, the estimate is the error of the second: too large, by up to 900 times for a throw with
       drag, whose series is compared with a pair, at rtol 1e-3, and right from 1e-9 on.
     """
-    first = chosen_method(scene, solver, rtol=rtol)
+    first, _ = _methods(scene, t1, t0, samples, solver, (rtol, rtol))
     if second is None:
         second = _SECOND_METHODS.get(first, VERNER9)
     second = chosen_method(scene, second)
@@ -148,13 +147,12 @@ def by_tangents(
       oscillation is a factor of 10 and more. First order only: where errors are not small,
       neither are the neglected terms.
     """
-    first = chosen_method(scene, solver, rtol=rtol)
+    fine = max(rtol * error_estimate.RATIO, error_estimate.FINEST)
+    first, method = _methods(scene, t1, t0, samples, solver, (rtol, fine))
     run, ts = _runner(scene, t1, t0, samples, SolverOptions(rtol=rtol, solver=first))
     ys = np.asarray(run(scene, np.array([rtol, rtol])).ys)
     starts_at = np.concatenate([[float(t0)], np.asarray(ts)[:-1]])
     starts = np.concatenate([np.asarray(scene.y0)[None], ys[:-1]])
-    fine = max(rtol * error_estimate.RATIO, error_estimate.FINEST)
-    method = chosen_method(scene, solver, rtol=fine)
     ends, tangents = _pieces(scene, starts_at, starts, ts, np.asarray(fine), solver=method)
     local = gaps(scene, ys, np.asarray(ends))
     carried = np.zeros((ys.shape[1], 0))
@@ -221,6 +219,17 @@ def by_halving(
 
 class _Ends(NamedTuple):
     ys: Array
+
+
+def _methods(
+    scene: Scene, t1, t0, samples, solver: Solver | None, rtols: tuple[float, float]
+) -> tuple[Method, Method]:
+    """The methods at two tolerances; `RADAU9` for both where it takes over at the first."""
+    first, second = (chosen_method(scene, solver, rtol=rtol) for rtol in rtols)
+    if solver is not None:
+        return first, second
+    motion = simulate(scene, t1, t0=t0, samples=samples, rtol=rtols[0])
+    return (RADAU9, RADAU9) if np.any(motion.switched) else (first, second)
 
 
 def _runner(scene: Scene, t1, t0, samples, options: SolverOptions, *, dt=None) -> tuple[Run, Array]:

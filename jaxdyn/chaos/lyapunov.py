@@ -16,12 +16,12 @@ from jaxdyn import _checks
 from jaxdyn.analysis.monodromy import tangents
 from jaxdyn.chaos.spectrum import BATCHES, LyapunovSpectrum, judged
 from jaxdyn.chaos.stretching import carry, start
-from jaxdyn.integrate.flow import Settings, flow
+from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.spans import MAX_STEPS, SolverOptions, limits, span
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.integrate.trajectory import raise_unless_ok
 from jaxdyn.scene import Field, Scene
-from jaxdyn.solvers import Solver
+from jaxdyn.solvers import Method, Solver
 from jaxdyn.solvers.choice import checked_method
 from jaxdyn.status import Status
 
@@ -93,7 +93,7 @@ def lyapunov_exponents(
     _checks.untraced("scene", (scene, t0, t1), "Call it outside of jit, grad and vmap.")
     left_out = _transient(transient, float(t1 - t0))
     # One method for the motion with and without tangents, with its stages in a loop: compiles fast.
-    settings = Settings(checked_method(scene, solver).for_tangents.in_loops(1))
+    method = checked_method(scene, solver).for_tangents.in_loops(1)
     frame = np.asarray(_frame(scene, count))
     given = 0.0 if chunk is None else float(_checks.positive("chunk", chunk, "It is a time."))
     found = _spectrum(
@@ -102,7 +102,7 @@ def lyapunov_exponents(
         frame,
         np.array([t0, t1, left_out, given]),
         limits(SolverOptions(rtol=rtol, atol=atol, max_steps=max_steps)),
-        settings=settings,
+        method=method,
     )
     if throw:
         raise_unless_ok(found.status, scene)
@@ -131,16 +131,16 @@ def _frame(scene: Scene, count: int | None) -> np.ndarray:
     return basis @ turn[:, :m]
 
 
-@functools.partial(jax.jit, static_argnames="settings")
+@functools.partial(jax.jit, static_argnames="method")
 def _spectrum(
-    field: Field, y0: Array, frame: Array, times: Array, limits: Limits, *, settings: Settings
+    field: Field, y0: Array, frame: Array, times: Array, limits: Limits, *, method: Method
 ) -> LyapunovSpectrum:
     """The result from times (4,): start, end, transient, and the chunk or 0."""
     t0, t1, transient, given = times
     direction = jnp.where(t1 > t0, 1.0, -1.0)
     # First the motion alone, which tells how long its steps are, then with its tangents.
     half = 0.5 * transient
-    alone = flow(field, y0, t0, t0 + direction * half, jnp.zeros(0), limits, settings=settings)
+    alone = flow(field, y0, t0, t0 + direction * half, jnp.zeros(0), limits, method=method)
     mean = _STEPS_OF_A_CHUNK * half / jnp.maximum(alone.steps.astype(float), 1.0)
     length = jnp.where(given > 0, given, mean)
 
@@ -148,7 +148,7 @@ def _spectrum(
         """The tangents after a time from t, in a whole number of chunks."""
         count = jnp.ceil(time / length)
         chunk = direction * time / count
-        return carry(field, begun, t, chunk, count, limits, settings)
+        return carry(field, begun, t, chunk, count, limits, method)
 
     first = start(alone.y1, frame, alone.status)
     ready = carried(first, t0 + direction * half, half)

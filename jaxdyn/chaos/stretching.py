@@ -16,9 +16,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn.integrate.flow import Settings, flow
+from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.integrate.variational import Variational
+from jaxdyn.solvers import Method
 from jaxdyn.status import Status
 
 
@@ -96,7 +97,7 @@ def start(y: Array, frame: Array, status: Array) -> Carried:
 
 
 def carry(
-    field, begun: Carried, t0: Array, chunk: Array, count: Array, limits: Limits, settings: Settings
+    field, begun: Carried, t0: Array, chunk: Array, count: Array, limits: Limits, method: Method
 ) -> Carried:
     """The motion and its tangents after `count` chunks of equal length from t0.
 
@@ -110,7 +111,7 @@ def carry(
     def advance(now: Carried) -> Carried:
         t = t0 + now.done * chunk
         y = jnp.concatenate([now.y[:, None], now.frame, jnp.zeros_like(now.y)[:, None]], axis=1)
-        run = flow(stretching, y, t, t + chunk, jnp.zeros(0), limits, settings=settings)
+        run = flow(stretching, y, t, t + chunk, jnp.zeros(0), limits, method=method)
         frame, factors = orthonormal(run.y1[:, 1:-1])
         return Carried(
             y=run.y1[:, 0],

@@ -42,6 +42,8 @@ def accuracy_command(
             jaxdyn.solvers.choice.default_solver(scene),
             jaxdyn.solvers.choice.reason(scene),
         )
+        if jaxdyn.solvers.RADAU9.name in {curve.solver for curve in found.curves}:
+            why += "; the scene is stiff: after a thousand steps that stability limits, Radau 9"
         if as_object:
             default = {"default": method.name, "reason": why}
             out.result({"scene": name} | default | found.as_dict() | _recommended(found, digits))

@@ -117,9 +117,9 @@ def _write(motion, out: Screen, *, csv: Path | None, save: Path | None) -> None:
             motion.save(save)
 
 
-def _method(name: str) -> "jaxdyn.solvers.Method | str":
-    """The method of a name in small letters, or "auto"."""
-    return name if name == "auto" else getattr(jaxdyn.solvers, name.upper())
+def _method(name: str) -> "jaxdyn.solvers.Method | None":
+    """The method of a name in small letters; None, the default, for "auto"."""
+    return None if name == "auto" else getattr(jaxdyn.solvers, name.upper())
 
 
 def _print(record: dict, end: "jaxdyn.EndError", out: Screen) -> None:

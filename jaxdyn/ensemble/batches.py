@@ -17,9 +17,9 @@ from jax.experimental import multihost_utils
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from jaxdyn.ensemble.lanes import Ends, Motions, integrate
-from jaxdyn.integrate.flow import Settings
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.step_control import Limits
+from jaxdyn.solvers import Method
 
 _AXIS = "motions"
 
@@ -36,7 +36,7 @@ class Job(NamedTuple):
       shared: the field, with None in place of what each motion has for itself.
       limits: tolerances, and the maximum number of steps.
       watch: the observer.
-      settings: the method.
+      method: the method.
       chunk: rows of the program's queue.
       threads: number of batches in flight.
       mesh: the devices that share each chunk; None for the default one alone.
@@ -45,7 +45,7 @@ class Job(NamedTuple):
     shared: Any
     limits: Limits
     watch: Watch | None
-    settings: Settings
+    method: Method
     chunk: int
     threads: int
     mesh: Mesh | None
@@ -82,7 +82,7 @@ class Job(NamedTuple):
         if self.mesh is None:
             n = len(batch.y0)
             queue = jax.tree.map(self._padded, batch)
-            out = _alone(self.shared, queue, n, *common, settings=self.settings)
+            out = _alone(self.shared, queue, n, *common, method=self.method)
             return jax.tree.map(lambda x: np.asarray(x)[:n], out)
         return self._shared_out(batch, common, self.mesh)
 
@@ -97,7 +97,7 @@ class Job(NamedTuple):
         counts = np.array([len(part) for part in np.array_split(batch.y0, mesh.size)])
         given = jax.make_array_from_callback(counts.shape, sharding, counts.__getitem__)
         queues = jax.tree.map(spread, batch)
-        out = _on_devices(mesh, self.settings)(self.shared, queues, given, *common)
+        out = _on_devices(mesh, self.method)(self.shared, queues, given, *common)
         out = multihost_utils.process_allgather(out, tiled=True)
         wanted = (np.arange(self.chunk)[None] < counts[:, None]).ravel()
         return jax.tree.map(lambda x: np.asarray(x)[wanted], out)
@@ -106,15 +106,15 @@ class Job(NamedTuple):
         return np.concatenate([x, np.zeros((self.chunk - len(x), *x.shape[1:]), x.dtype)])
 
 
-_alone = jax.jit(integrate, static_argnames="settings")
+_alone = jax.jit(integrate, static_argnames="method")
 
 
 @functools.cache
-def _on_devices(mesh: Mesh, settings: Settings):
+def _on_devices(mesh: Mesh, method: Method):
     """The program for a mesh: each device goes through its own queue and waits for no other."""
 
     def one(shared, motions, count, limits, watch):
-        return integrate(shared, motions, count[0], limits, watch, settings=settings)
+        return integrate(shared, motions, count[0], limits, watch, method=method)
 
     every, own = PartitionSpec(), PartitionSpec(_AXIS)
     # The check rejects loops that start from constants and continue with per-device values.

@@ -20,7 +20,6 @@ from jaxdyn import _checks
 from jaxdyn.ensemble.batches import Job, cores, mesh_of
 from jaxdyn.ensemble.lanes import Ends, Motions
 from jaxdyn.integrate.fixed import FixedField
-from jaxdyn.integrate.flow import Settings
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits
 from jaxdyn.scene import Scene, checked_scene
@@ -175,12 +174,11 @@ def _job(
         wanted = "a method that crosses several steps side by side"
         remedy = "Leave it out, or take jax.vmap of jaxdyn.solve with it."
         raise _checks.fail("solver", wanted, method.name, remedy)
-    settings = Settings(method)
     return Job(
         shared=shared,
         limits=limits(options),
         watch=watch,
-        settings=settings,
+        method=method,
         chunk=chunk,
         threads=threads,
         mesh=mesh,

@@ -24,7 +24,7 @@ from jaxtyping import Array
 from jaxdyn import _text
 from jaxdyn._numerics import two_sum
 from jaxdyn._text import counted
-from jaxdyn.integrate.flow import UNROLLED_BELOW, Settings
+from jaxdyn.integrate.flow import UNROLLED_BELOW
 from jaxdyn.integrate.observing import Watch, clipped
 from jaxdyn.integrate.step_control import Limits, StepControl
 from jaxdyn.scene import Field
@@ -116,7 +116,7 @@ def integrate(
     limits: Limits,
     watch: Watch | None,
     *,
-    settings: Settings,
+    method: Method,
 ) -> Ends:
     """The ends of the first `count` motions; the other rows are undefined.
 
@@ -126,13 +126,13 @@ def integrate(
       count: () number of valid rows.
       limits: (2,) relative and absolute tolerance of one step, and the maximum number of steps.
       watch: the observer of accepted steps of each motion, or None.
-      settings: the method.
+      method: the method.
     """
     n = motions.y0.shape[0]
     first = jax.tree.map(lambda x: x[0], motions)
     rate = eqx.combine(first.numbers, shared).rate
     loops = 2 if operations(rate, first.t0, first.y0) <= UNROLLED_BELOW else 1
-    work = _Work(shared=shared, limits=limits, watch=watch, method=settings.method.in_loops(loops))
+    work = _Work(shared=shared, limits=limits, watch=watch, method=method.in_loops(loops))
     put = jax.lax.dynamic_update_index_in_dim
 
     def begin(row) -> _Lane:
@@ -264,7 +264,7 @@ class _Work(eqx.Module):
             result == diffrax.RESULTS.dt_min_reached,
             int(Status.STEP_COLLAPSED),
             jnp.where(
-                there | (steps + rejected < self.limits.max_steps),
+                there | (steps + rejected < self.limits.max_steps[0]),
                 int(Status.OK),
                 int(Status.STEP_LIMIT),
             ),

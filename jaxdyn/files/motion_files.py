@@ -35,6 +35,7 @@ _ARRAYS = {
     "rejected": ("int", ""),
     "status": ("int", ""),
     "stiff": ("bool", ""),
+    "switched": ("bool", ""),
     "dt": ("float", ""),
 }
 _ESTIMATE = {
@@ -47,7 +48,7 @@ _ESTIMATE = {
     "wanted": ("float or int", ""),
 }
 _KINDS = {"float": "f", "int": "i", "bool": "b", "float or int": "fi"}
-_ABSENT = {"dt", "error/wanted"}  # may be None
+_ABSENT = {"dt", "error/wanted", "switched"}  # may be None, or missing in an old file
 _MAY_BE_NAN = {"ys", "error/ys", "error/error", "error/rounding"}
 _WORDS = ("kind", "solver", "other")  # of an estimate
 

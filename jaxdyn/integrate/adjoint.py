@@ -20,8 +20,9 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.integrate.flow import Settings, SolveResult, flow
+from jaxdyn.integrate.flow import SolveResult, flow
 from jaxdyn.integrate.step_control import Limits
+from jaxdyn.solvers import Method
 
 _PIECES = 4  # of the backward integration, besides those between samples
 
@@ -90,7 +91,7 @@ def _flat(numbers: Any, dtype) -> Array:
     return ravel_pytree(numbers)[0].astype(dtype)
 
 
-def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> SolveResult:
+def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResult:
     """`flow` with the adjoint equations for its gradient; see `flow` for the arguments.
 
     Raises:
@@ -99,31 +100,31 @@ def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -
     remedy = "Leave adjoint=True out."
     if field.undetermined(t0, y0) is not None:
         raise _checks.fail("adjoint", "a scene without constraints", "one with some", remedy)
-    if not settings.method.adaptive:
-        solver = settings.method.name
+    if not method.adaptive:
+        solver = method.name
         raise _checks.fail("adjoint", "a solver with a tolerance", solver, remedy)
     pieces = jnp.linspace(t0, t1, _PIECES + 1)[1:-1]
     nodes = jnp.concatenate([ts, pieces])
     # In the order of integration; the second argsort recovers the requested times.
     order = jnp.argsort(nodes * jnp.where(t1 > t0, 1.0, -1.0))
-    out = _with_nodes((field, y0, t0, t1, nodes[order]), limits, settings)
+    out = _with_nodes((field, y0, t0, t1, nodes[order]), limits, method)
     return eqx.tree_at(lambda out: out.ys, out, out.ys[jnp.argsort(order)[: len(ts)]])
 
 
 @eqx.filter_custom_vjp
-def _with_nodes(given, limits, settings: Settings) -> SolveResult:
-    return flow(*given, limits, settings=settings)
+def _with_nodes(given, limits, method: Method) -> SolveResult:
+    return flow(*given, limits, method=method)
 
 
 @_with_nodes.def_fwd
-def _forwards(perturbed, given, limits, settings):
+def _forwards(perturbed, given, limits, method):
     del perturbed
-    out = flow(*given, limits, settings=settings)
+    out = flow(*given, limits, method=method)
     return out, (out.y1, out.ys)
 
 
 @_with_nodes.def_bwd
-def _back(states, slopes, perturbed, given, limits, settings):
+def _back(states, slopes, perturbed, given, limits, method):
     """Gradients with respect to all inputs, from those with respect to the states."""
     del perturbed
     field, y0, t0, t1, ts = given
@@ -132,14 +133,14 @@ def _back(states, slopes, perturbed, given, limits, settings):
     by_ys = jnp.zeros_like(ys) if slopes.ys is None else slopes.ys
     numbers, _ = eqx.partition(field, eqx.is_inexact_array)
     flat, tree = ravel_pytree(numbers)
-    system = _Backwards(field, settings.method.position_only, len(y0))
-    settings = settings._replace(method=settings.method.for_tangents)
+    system = _Backwards(field, method.position_only, len(y0))
+    method = method.for_tangents
 
     def piece(carry, node):
         adjoint, mu = carry
         late, y, early, by_early = node
         start = system.packed(y, adjoint, mu)
-        end = flow(system, start, late, early, ts[:0], limits, settings=settings).y1
+        end = flow(system, start, late, early, ts[:0], limits, method=method).y1
         adjoint, mu = system.unpacked(end)
         return (adjoint + by_early, mu), None
 

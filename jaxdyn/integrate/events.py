@@ -22,10 +22,11 @@ from jaxdyn._numerics import in_one_kernel
 from jaxdyn._text import counted
 from jaxdyn.integrate.event_search.crossings import first_crossing
 from jaxdyn.integrate.event_search.event_values import coincident, values
-from jaxdyn.integrate.flow import Settings, flow
+from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
+from jaxdyn.integrate.switching import switching
 from jaxdyn.scene import Scene
-from jaxdyn.solvers import Solver
+from jaxdyn.solvers import Method, Solver
 from jaxdyn.solvers.choice import checked_method
 from jaxdyn.status import Status
 
@@ -219,12 +220,17 @@ def until(
     """
     events = checked_events(events)
     t0, t1 = span(scene, t1, t0)
-    settings = Settings(checked_method(scene, solver, several=True))
+    method = checked_method(scene, solver, several=True)
     for event in events:
         event.check(len(scene.y0))
-    options = SolverOptions(rtol=rtol, atol=atol, max_steps=max_steps)
-    held_to = jax.tree.map(jnp.asarray, limits(options))
-    return _compiled(scene.field, events, scene.y0, t0, t1, held_to, settings=settings)
+    options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
+    traced = _checks.is_traced((scene, events, t0, t1, limits(options)))
+
+    def run(held_to, method: Method) -> Stop:
+        held_to = jax.tree.map(jnp.asarray, held_to)
+        return _compiled(scene.field, events, scene.y0, t0, t1, held_to, method=method)
+
+    return switching(run, options, method, traced=traced)[0]
 
 
 def checked_events(events) -> tuple[Event, ...]:
@@ -244,21 +250,21 @@ def checked_events(events) -> tuple[Event, ...]:
 
 
 @eqx.filter_custom_jvp
-def _located(field, events, y0, t0, t1, limits, *, settings: Settings) -> Stop:
-    search = functools.partial(_search, settings=settings)
+def _located(field, events, y0, t0, t1, limits, *, method: Method) -> Stop:
+    search = functools.partial(_search, method=method)
     args = (field, events, y0, t0, t1, limits)
     return in_one_kernel(search, args, unknown=limits.tolerance[0] > 0)
 
 
 @_located.def_jvp
-def _located_jvp(primals, tangents, *, settings):
+def _located_jvp(primals, tangents, *, method):
     field, events, y0, t0, _, limits = primals
     d_field, d_events, d_y0, d_t0, d_t1, _ = tangents
-    stop = _located(*primals, settings=settings)
+    stop = _located(*primals, method=method)
     happened = stop.event >= 0
 
     def state(field, y0, t0):
-        return flow(field, y0, t0, stop.t, jnp.zeros(0), limits, settings=settings).y1
+        return flow(field, y0, t0, stop.t, jnp.zeros(0), limits, method=method).y1
 
     def value(events, t, y):
         return values(events, t, y)[stop.event]
@@ -276,8 +282,8 @@ def _located_jvp(primals, tangents, *, settings):
 _compiled = eqx.filter_jit(_located)
 
 
-def _search(field, events, y0, t0, t1, limits, *, settings: Settings) -> Stop:
-    out, found = first_crossing(field, events, y0, t0, t1, limits, settings=settings)
+def _search(field, events, y0, t0, t1, limits, *, method: Method) -> Stop:
+    out, found = first_crossing(field, events, y0, t0, t1, limits, method=method)
     fine, happened = found.status == Status.OK, jnp.isfinite(found.t)
     t = jnp.where(fine, jnp.where(happened, found.t, t1), jnp.nan)
     y = jnp.where(fine, jnp.where(happened, found.y, out), jnp.nan)

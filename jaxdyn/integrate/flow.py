@@ -11,7 +11,7 @@ thousands (a neural force).
 """
 
 import functools
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import diffrax
 import equinox as eqx
@@ -37,20 +37,6 @@ from jaxdyn.system import Record
 UNROLLED_BELOW = 200
 
 
-class Settings(NamedTuple):
-    """What a solve is compiled for.
-
-    Attributes:
-      method: for plain solves and for the variational equations alike.
-      stiff: the method that takes over if the run turns out to be stiff; None to go on.
-      stops: whether a run that turns out to be stiff ends there, with NaN as its result.
-    """
-
-    method: Method
-    stiff: Method | None = None
-    stops: bool = False
-
-
 class SolveResult(Record):
     """States along a trajectory.
 
@@ -60,7 +46,8 @@ class SolveResult(Record):
       steps: () accepted steps.
       rejected: () rejected steps.
       status: () `Status` code.
-      stiff: () whether stability, not accuracy, limited the steps of an explicit method.
+      stiff: () whether stability, not accuracy, limited the steps of an explicit method; `RADAU9`
+        may have taken over, see `simulate`.
     """
 
     y1: Array
@@ -77,8 +64,8 @@ class SolveResult(Record):
 # Compiled within the rule of derivatives, not around it, as is the rule: a derivative then traces
 # no plain solve besides its own, and several solves of a kind in one program are traced once.
 @eqx.filter_custom_jvp
-@functools.partial(jax.jit, static_argnames="settings")
-def flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> SolveResult:
+@functools.partial(jax.jit, static_argnames="method")
+def flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResult:
     """States at t1 and at the times ts of the motion that starts at (t0, y0).
 
     Args:
@@ -88,34 +75,23 @@ def flow(field, y0, t0, t1, ts, limits: Limits, *, settings: Settings) -> SolveR
       t0: () start time.
       t1: () end time, before or after t0.
       ts: (s,) times between t0 and t1 in the order they are passed.
-      limits: tolerances or step length, and the maximum number of steps.
-      settings: the methods.
+      limits: tolerances or step length, and the maximum numbers of steps.
+      method: for plain solves; variational equations are solved by its `for_tangents`.
     Limits: derivatives with respect to the tolerance are zero by definition.
     """
-    run = functools.partial(_solved, settings=settings)
+    run = functools.partial(_marched, method=method)
     # Some of these are known only at run time; the tolerance is often a constant.
     unknown = jnp.isfinite(y0.ravel()[0] + t0 + t1 + limits.tolerance[0])
     return in_one_kernel(run, (field, y0, t0, t1, ts, limits), unknown=unknown)
 
 
-def _solved(field, y0, t0, t1, ts, limits, *, settings: Settings) -> SolveResult:
-    args = (field, y0, t0, t1, ts, limits)
-    if settings.stiff is None:
-        return march(*args, settings=settings, watch=None)[0]
-    first = march(*args, settings=settings._replace(stops=True), watch=None)[0]
-    implicit = settings._replace(method=settings.stiff, stiff=None)
-
-    def again():
-        done = march(*args, settings=implicit, watch=None)[0]
-        return eqx.tree_at(lambda flow: flow.stiff, done, jnp.ones((), bool))
-
-    return jax.lax.cond(first.stiff, again, lambda: first)
+def _marched(*args, method: Method) -> SolveResult:
+    return march(*args, method=method, watch=None)[0]
 
 
-def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | None):
+def march(field, y0, t0, t1, ts, limits, *, method: Method, watch: Watch | None):
     """`flow` without derivatives, and the final memory of a watch."""
     tolerance, most = limits.tolerance, (limits.max_steps, t1)
-    method = settings.method
     direction = jnp.where(t1 > t0, 1.0, -1.0)  # as in diffrax, also for t1 = t0
     rate = _by_formulas if method.evaluates else _rate
     wide = watch is not None or y0.ndim > 1
@@ -130,7 +106,7 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
         h, control = (t1 - t0) / n, FixedSteps(n=n, ts=ts, watch=watch, limit=most)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(rate),
-        Stepper(method, tolerance, h, stop_if_stiff=settings.stops),
+        Stepper(method, tolerance, h),
         t0,
         t1 + (t1 - t0),  # never reached: the step control ends the run
         None,
@@ -149,6 +125,9 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
     assert ts_end is not None  # all three are saved, see above
     assert ys_end is not None
     assert state is not None
+    count = state[1]
+    limited = (status == Status.STEP_LIMIT) & (count >= limits.max_steps[1].astype(float))
+    status = jnp.where(limited, int(Status.STIFF), status)
     # Increasing; beyond t1 where the step control has ended the run there.
     last = jnp.minimum(direction * ts_end[-1], direction * t1)
     ends = jnp.stack([t0, direction * last]), jnp.stack([y0, ys_end[-1]])
@@ -166,26 +145,26 @@ def march(field, y0, t0, t1, ts, limits, *, settings: Settings, watch: Watch | N
         steps=steps,
         rejected=seen.steps - steps,  # not all others: steps to samples are neither
         status=status,
-        stiff=is_stiff(state[1]),
+        stiff=is_stiff(count),
     )
     return result, seen.watch
 
 
 @flow.def_jvp
-@functools.partial(jax.jit, static_argnames="settings")
-def _flow_jvp(primals, tangents, *, settings):
+@functools.partial(jax.jit, static_argnames="method")
+def _flow_jvp(primals, tangents, *, method):
     field, y0, t0, t1, ts, limits = primals
     d_field, d_y0, d_t0, d_t1, d_ts, _ = tangents
     f0 = field.rate(t0, y0)
     columns, directions, multiply = tangent_columns(field, y0, f0, d_field, d_y0, d_t0)
     if columns.shape[-1]:
         start = jnp.concatenate([y0[..., None], columns], axis=-1)
-        settings = settings._replace(method=settings.method.for_tangents)
-        out = flow(Variational(field, directions), start, t0, t1, ts, limits, settings=settings)
+        method = method.for_tangents
+        out = flow(Variational(field, directions), start, t0, t1, ts, limits, method=method)
         y1, ys = out.y1[..., 0], out.ys[..., 0]
         d_y1, d_ys = multiply(out.y1[..., 1:]), multiply(out.ys[..., 1:])
     else:
-        out = flow(field, y0, t0, t1, ts, limits, settings=settings)
+        out = flow(field, y0, t0, t1, ts, limits, method=method)
         y1, ys, d_y1, d_ys = out.y1, out.ys, jnp.zeros_like(y0), jnp.zeros_like(out.ys)
     if d_t1 is not None:
         d_y1 = d_y1 + field.rate(t1, y1) * d_t1
@@ -214,7 +193,6 @@ def _status(result, given: tuple[Array, ...]) -> Array:
         (diffrax.RESULTS.max_steps_reached, Status.STEP_LIMIT),
         (diffrax.RESULTS.dt_min_reached, Status.STEP_COLLAPSED),
         (diffrax.RESULTS.nonlinear_divergence, Status.STEP_TOO_LONG),
-        (diffrax.RESULTS.stagnation, Status.STEP_LIMIT),  # stiff: `_solved` restarts
     )
     status = jnp.asarray(int(Status.OK))
     for code, meaning in meanings:

@@ -154,8 +154,9 @@ class Observing(eqx.Module):
     Attributes:
       ts: (s,) requested times in the direction of integration; (0,) for none.
       watch: the observer of the steps, if any.
-      limit: () maximum number of steps, and () the end of the span that must be reached within
-        it; None where steps are counted, and the run is ended, elsewhere.
+      limit: (2,) maximum number of steps, and of those that stability limits, and () the end of the
+        span that must be reached within it; None where steps are counted, and the run is ended,
+        elsewhere.
     """
 
     ts: eqx.AbstractVar[Array]
@@ -183,7 +184,9 @@ class Observing(eqx.Module):
         sampling = t1 < seen.samples.aim if len(self.ts) else jnp.zeros((), bool)
         return Tried(fine, sampling, t0, y0, t1, y1)
 
-    def _observe(self, tried: Tried, following: Array, seen: Seen, result) -> tuple:
+    def _observe(
+        self, tried: Tried, following: Array, seen: Seen, result, limited: Array | None = None
+    ) -> tuple:
         """What diffrax asks for after a step: keep it, next start and end, memory, result.
 
         Args:
@@ -191,6 +194,7 @@ class Observing(eqx.Module):
           following: () where the next one may end.
           seen: the memory before.
           result: whether step control has failed.
+          limited: () number of steps that stability limited, if it is counted.
         """
         keep, t0, t1 = tried.keep, tried.t0, tried.t1
         samples, memory, steps = seen
@@ -208,7 +212,9 @@ class Observing(eqx.Module):
             assert steps is not None
             (most, end), steps = self.limit, steps + jnp.where(tried.fine & tried.sampling, 0, 1)
             arrived = keep & (t1 >= end)
-            over = (steps >= most) & ~arrived & (result == diffrax.RESULTS.successful)
+            over = steps >= most[0]
+            over = over if limited is None else over | (limited >= most[1].astype(float))
+            over = over & ~arrived & (result == diffrax.RESULTS.successful)
             result = diffrax.RESULTS.where(over, diffrax.RESULTS.max_steps_reached, result)
             start = jnp.where(arrived, jnp.inf, start)  # the loop ends there
         return keep, start, tnext, Seen(samples, memory, steps), result

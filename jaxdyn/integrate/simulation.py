@@ -6,9 +6,8 @@ scene, compiles once for each kind of scene (new numbers never recompile) and re
 """
 
 import functools
-from collections.abc import Callable
+from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,24 +17,29 @@ from jaxdyn._floats import as_float
 from jaxdyn._notes import notes_on
 from jaxdyn.integrate import error_estimate
 from jaxdyn.integrate.adjoint import adjoint_flow
+from jaxdyn.integrate.estimate import Estimate
 from jaxdyn.integrate.fixed import FixedField
-from jaxdyn.integrate.flow import Settings, SolveResult, flow
+from jaxdyn.integrate.flow import SolveResult, flow
 from jaxdyn.integrate.spans import MAX_STEPS as MAX_STEPS
 from jaxdyn.integrate.spans import RTOL as RTOL
 from jaxdyn.integrate.spans import (
     SolverOptions,
     filling,
     host_floats,
-    limits,
     no_times,
     quickly_passed,
     sampled_span,
 )
+from jaxdyn.integrate.switching import switching
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
 from jaxdyn.scene import Scene
-from jaxdyn.solvers import RADAU9, Solver
-from jaxdyn.solvers.choice import checked_method, chosen_method, method_of
+from jaxdyn.solvers import RADAU9, Method, Solver
+from jaxdyn.solvers.choice import checked_method
 from jaxdyn.solvers.perturbed import QUIET, Noise, RoundedField
+
+#: Start (), end () and times (s,) of samples.
+Span = tuple[Any, Any, Any]
+_LOOSE_RTOL = 1e-6
 
 
 def simulate(
@@ -46,7 +50,7 @@ def simulate(
     samples=200,
     rtol: float = RTOL,
     atol: float | None = None,
-    solver: Solver | str | None = None,
+    solver: Solver | None = None,
     dt: float | None = None,
     digits: float | None = None,
     max_steps: int = MAX_STEPS,
@@ -65,8 +69,9 @@ def simulate(
       solver: one of `jaxdyn.solvers`, or an explicit Runge-Kutta solver of diffrax, such as
         ``diffrax.Tsit5()``; by default mostly a Taylor series where the rate is a short formula,
         else the extrapolated leapfrog or the Nystrom pair of order 12 where no force depends on
-        velocity, and the best Runge-Kutta pair; see `solvers.default_solver`. "auto" takes the
-        default and, if the scene turns out to be stiff, restarts with an implicit method.
+        velocity, and the best Runge-Kutta pair; see `solvers.default_solver`. Where stability
+        limits a thousand of its steps, the motion starts again with the implicit `RADAU9`, and
+        `Trajectory.warning` says so.
       dt: longest step [s] of a solver of fixed step, which does not use rtol and atol; the
         span is divided into equal steps.
       digits: correct digits requested at all samples, instead of rtol and atol: the tolerance
@@ -81,8 +86,9 @@ def simulate(
       ValueError: `t0` or `t1` is not finite, a tolerance, `dt`, `digits`, `samples` or
         `max_steps` is out of range, or the solver does not suit the scene.
       IntegrationError: the end was not reached (``throw=True``, outside of traces).
-    Limits: by default explicit methods; a stiff scene takes very many steps, and
-      `Trajectory.warning` says so.
+    Limits: inside jit, grad and vmap the default does not switch to an implicit method, since
+      both would be compiled, and under vmap run. A stiff scene takes very many steps there, and
+      `Trajectory.warning` says so; pass ``solver=solvers.RADAU9``.
     Example:
       >>> from jaxdyn import scenes, simulate
       >>> motion = simulate(scenes.cannonball(drag=0.0), 1.0)
@@ -92,24 +98,18 @@ def simulate(
     _checks.float64()
     t0, t1, ts = sampled_span(scene, t1, t0, samples)
 
-    # With digits all runs share one compiled program.
-    def run(scene, tolerance, noise=None if digits is None else QUIET):
-        rtol, atol = tolerance
-        options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
-        return solve(scene, t1, t0=t0, ts=ts, dt=dt, noise=noise, **options._asdict())
-
+    options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     error = None
     if digits is None:
-        result = run(scene, (rtol, atol))
+        method = checked_method(scene, solver, dt, rtol=rtol)
+        result, switched = _solved(scene, (t0, t1, ts), options, method, dt=dt)
     else:
         if dt is not None or atol is not None or rtol != RTOL:
             remedy = "The tolerances are found from digits."
             raise _checks.fail("digits", "no rtol, atol or dt with it", "one", remedy)
-        if not isinstance(solver, str):
-            # One for all tolerances that are tried.
-            solver = chosen_method(scene, solver, rtol=error_estimate.FINEST)
-        name = solver if isinstance(solver, str) else solver.name
-        result, error = error_estimate.reached(run, scene, ts, digits, name, throw)
+        # One for all tolerances that are tried.
+        method = checked_method(scene, solver, rtol=error_estimate.FINEST)
+        result, error, switched = _to_digits(scene, (t0, t1, ts), options, method, digits, throw)
     if throw:
         raise_unless_ok(result.status, scene)
     return Trajectory(
@@ -119,12 +119,30 @@ def simulate(
         steps=result.steps,
         rejected=result.rejected,
         status=result.status,
-        # No warning where an implicit method took over.
-        stiff=False if solver == "auto" else result.stiff,
+        stiff=result.stiff,
+        switched=switched,
         error=error,
         dt=None if dt is None else (t1 - t0) / jnp.maximum(result.steps, 1),
-        method=None if dt is None else method_of(solver),
+        method=None if dt is None else method,
     )
+
+
+def _to_digits(
+    scene: Scene, span: Span, options: SolverOptions, method: Method, digits: float, refuse: bool
+) -> tuple[SolveResult, Estimate, bool]:
+    """`error_estimate.reached`, by one method and one program, and whether that is `RADAU9`."""
+
+    def run(scene: Scene, tolerance, noise: Noise = QUIET) -> SolveResult:
+        rtol, atol = tolerance
+        held_to = options._replace(rtol=rtol, atol=atol)
+        return _solved(scene, span, held_to, method, noise=noise)[0]
+
+    # Where the tolerance is loose, stability limits the steps first.
+    loose = options._replace(rtol=_LOOSE_RTOL)
+    _, switched = _solved(scene, span, loose, method, noise=QUIET)
+    if switched:
+        method, options = RADAU9, options._replace(solver=RADAU9)
+    return *error_estimate.reached(run, scene, span[-1], digits, method.name, refuse), switched
 
 
 def solve(
@@ -135,7 +153,7 @@ def solve(
     ts=(),
     rtol: float = RTOL,
     atol: float | None = None,
-    solver: Solver | str | None = None,
+    solver: Solver | None = None,
     dt: float | None = None,
     max_steps: int = MAX_STEPS,
     fixed: bool = False,
@@ -173,14 +191,34 @@ def solve(
       of rtol. Central differences are worse: 7 to 10 digits, with the best step. (All compared
       with variational equations in 60 digits.)
     """
-    auto = isinstance(solver, str) and _checks.choice("solver", solver, ("auto",)) == "auto"
-    held_to = limits(SolverOptions(rtol=rtol, atol=atol, max_steps=max_steps), dt)
-    settings = Settings(checked_method(scene, None if auto else solver, dt, rtol=rtol))
+    options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
+    method = checked_method(scene, solver, dt, rtol=rtol)
+    extras = {"dt": dt, "fixed": fixed, "adjoint": adjoint, "noise": noise}
+    return _solved(scene, (t0, t1, ts), options, method, **extras)[0]
+
+
+def _solved(
+    scene: Scene,
+    span: Span,
+    options: SolverOptions,
+    method: Method,
+    *,
+    dt=None,
+    fixed: bool = False,
+    adjoint: bool = False,
+    noise: Noise | None = None,
+) -> tuple[SolveResult, bool]:
+    """The result of `solve` by a method, and whether `RADAU9` took over.
+
+    It may where the options name no solver, so that the method is the default.
+    """
+    t0, t1, ts = span
     y0, n = as_float(scene.y0), len(ts)
     field = FixedField(scene.field) if fixed else scene.field
     field = field if noise is None else RoundedField(field, noise)
     # A search through the scene's numbers takes half as long as an empty program.
     numbers = () if noise is None and notes_on(scene) is not None else (field,)
+    held_to = options.rtol, options.atol, options.max_steps, dt
     traced = any(map(_checks.is_traced, (*numbers, y0, t0, t1, ts, *held_to)))
     if traced:
         t0, t1, ts = (host_floats(x) for x in (t0, t1, ts))
@@ -192,34 +230,24 @@ def solve(
             given, ts = ts, np.full(n + filling(n, y0.size), np.nan)
             ts[:n] = given
     march = _compiled_adjoint if adjoint else flow if traced else _compiled
-    run = functools.partial(march, field, y0, t0, t1, ts, held_to)
-    out = _auto(run, settings, traced) if auto else run(settings=settings)
-    if len(ts) == n:
-        return out
+    run = functools.partial(march, field, y0, t0, t1, ts)
+    out, switched = switching(run, options, method, traced=traced, dt=dt)
+    if not switched and len(ts) == n:
+        return out, False
     # A slice in JAX, `as_float`, and `asarray` without a type would compile for each number.
     ys = jnp.asarray(np.asarray(out.ys)[:n], float)
-    return SolveResult(
-        y1=out.y1, ys=ys, steps=out.steps, rejected=out.rejected, status=out.status, stiff=out.stiff
+    stiff = jnp.asarray(True) if switched else out.stiff
+    result = SolveResult(
+        y1=out.y1, ys=ys, steps=out.steps, rejected=out.rejected, status=out.status, stiff=stiff
     )
+    return result, switched
 
 
-def _auto(run: Callable[..., SolveResult], settings: Settings, traced: bool) -> SolveResult:
-    """A run that restarts with an implicit method if it turns out to be stiff."""
-    if traced:
-        return run(settings=settings._replace(stiff=RADAU9))
-    # On the host the implicit method is compiled, which doubles the time, only if needed.
-    first = run(settings=settings._replace(stops=True))
-    if not first.stiff:
-        return first
-    done = run(settings=settings._replace(method=RADAU9))
-    return eqx.tree_at(lambda flow: flow.stiff, done, first.stiff)
+@functools.partial(jax.jit, static_argnames="method")
+def _compiled(*args, method: Method) -> SolveResult:
+    return flow(*args, method=method)
 
 
-@functools.partial(jax.jit, static_argnames="settings")
-def _compiled(*args, settings: Settings) -> SolveResult:
-    return flow(*args, settings=settings)
-
-
-@functools.partial(jax.jit, static_argnames="settings")
-def _compiled_adjoint(*args, settings: Settings) -> SolveResult:
-    return adjoint_flow(*args, settings=settings)
+@functools.partial(jax.jit, static_argnames="method")
+def _compiled_adjoint(*args, method: Method) -> SolveResult:
+    return adjoint_flow(*args, method=method)

@@ -26,6 +26,7 @@ from jaxdyn.solvers.choice import RTOL as RTOL
 #: Default of the number of steps.
 MAX_STEPS = 1_000_000
 _RTOL_FLOOR, _RTOL_CEILING = 1e-16, 1e-2
+_ANY = np.iinfo(np.int64).max  # number of steps that is never reached
 _MAX_BYTES = 2**32  # of all samples
 #: Largest number of entries of all samples for which few programs matter more than memory: 1 MiB.
 _FEW_ENTRIES = 1 << 17
@@ -40,7 +41,7 @@ class SolverOptions(NamedTuple):
 
     rtol: Any = RTOL
     atol: Any = None
-    solver: Solver | str | None = None
+    solver: Solver | None = None
     max_steps: int = MAX_STEPS
 
 
@@ -137,18 +138,24 @@ def _check_memory(scene: Scene, samples: int) -> None:
         )
 
 
-def limits(options: SolverOptions, dt=None) -> Limits:
-    """The limits of a solve, checked: the step if `dt` is given, else the tolerances."""
+def limits(options: SolverOptions, dt=None, max_limited: int = _ANY) -> Limits:
+    """The limits of a solve, checked: the step if `dt` is given, else the tolerances.
+
+    Args:
+      options: tolerances and the number of steps.
+      dt: step length of a method of fixed step.
+      max_limited: largest net number of steps that stability limits.
+    """
     _checks.float64()  # or those that are kept would have half of their digits for good
     if dt is not None:
-        return Limits(step_length(dt), _most(options.max_steps))
-    given = options.rtol, options.atol, options.max_steps
+        return Limits(step_length(dt), _most(options.max_steps, max_limited))
+    given = options.rtol, options.atol, options.max_steps, max_limited
     known = all(x is None or type(x) is float or type(x) is int for x in given)
     return (_known_limits if known else _limits)(*given)
 
 
-def _limits(rtol, atol, max_steps) -> Limits:
-    return Limits(tolerances(rtol, atol), _most(max_steps))
+def _limits(rtol, atol, max_steps, max_limited: int) -> Limits:
+    return Limits(tolerances(rtol, atol), _most(max_steps, max_limited))
 
 
 @functools.lru_cache(typed=True)  # the checks take as long as half an empty program
@@ -182,10 +189,10 @@ def quickly_passed(t) -> Array | np.ndarray:
     return np.asarray(t, float)
 
 
-def _most(max_steps) -> Array | np.ndarray:
+def _most(max_steps, max_limited: int) -> Array | np.ndarray:
     if _checks.is_traced(max_steps):
-        return max_steps
-    return np.asarray(_checks.whole("max_steps", max_steps))
+        return jnp.stack([max_steps, jnp.asarray(max_limited)])
+    return np.array([_checks.whole("max_steps", max_steps), max_limited])
 
 
 def step_length(dt) -> Array | np.ndarray:
@@ -235,7 +242,7 @@ def of_samples(function: Callable[..., T]) -> Callable[..., T]:
             return function(motion, *args, **kwargs)
         ts, ys = filled(motion.ts, motion.ys)
         # What the values do not depend on would make more kinds of programs.
-        bare = {"error": None, "dt": None, "method": None, "stiff": False}
+        bare = {"error": None, "dt": None, "method": None, "stiff": False, "switched": False}
         longer = dataclasses.replace(motion, ts=ts, ys=ys, **bare)
         return cut(function(longer, *args, **kwargs), len(ts), n)
 

@@ -34,7 +34,7 @@ class Limits(NamedTuple):
     Attributes:
       tolerance: (2,) relative and absolute tolerance of one step; (1,) its length, where the method
         takes equal steps.
-      max_steps: () largest number of steps.
+      max_steps: (2,) largest number of steps, and of those that stability limits.
     """
 
     tolerance: Array
@@ -81,7 +81,7 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
 
     def adapt_step_size(self, t0, t1, y0, y1_candidate, args, y_error, error_order, state):
         del args
-        error, end, reach, square = y_error
+        error, end, reach, square, limited = y_error
         if square is None:
             error = self.norm(error / self._scale(y0, y1_candidate))
         else:
@@ -105,7 +105,7 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
             collapsed, diffrax.RESULTS.dt_min_reached, diffrax.RESULTS.successful
         )
         following = jnp.where(tried.keep, end, t0) + h_next
-        keep, start, tnext, state, result = self._observe(tried, following, state, result)
+        keep, start, tnext, state, result = self._observe(tried, following, state, result, limited)
         return keep, start, tnext, False, state, result
 
     def _scale(self, y0: Array, y1: Array) -> Array:

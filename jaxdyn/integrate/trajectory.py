@@ -13,7 +13,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn.integrate.estimate import Estimate
-from jaxdyn.integrate.flow import Settings, flow
+from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.scene import Scene
@@ -23,7 +23,11 @@ from jaxdyn.system import Record
 
 _STIFF_WARNING = (
     "The scene is stiff: stability, not accuracy, limited the steps of the explicit method. "
-    "Pass solver='auto' or solvers.RADAU9."
+    "Pass solver=solvers.RADAU9."
+)
+_SWITCHED_WARNING = (
+    "The scene is stiff: stability, not accuracy, limited the steps of the explicit method, so "
+    "RADAU9, which is implicit, took over. Pass solver=solvers.RADAU9 to begin with it."
 )
 _LONG_STEPS_WARNING = (
     "Steps of fixed length are too long for parts of the motion: adaptive steps disagree. "
@@ -104,8 +108,8 @@ class Trajectory(Record, Motion):
       steps: () accepted steps.
       rejected: () rejected steps.
       status: () `Status` code.
-      stiff: () whether stability, not accuracy, limited the steps; False where an implicit method
-        took them.
+      stiff: () whether stability, not accuracy, limited the steps of an explicit method.
+      switched: () whether `RADAU9` took over for that reason.
       error: the accuracy estimate, if ``digits`` were requested.
       dt: () signed length of its steps, where it is fixed [s].
       method: the method, where its steps have fixed length.
@@ -128,6 +132,7 @@ class Trajectory(Record, Motion):
     rejected: Array
     status: Array
     stiff: Array | bool = False
+    switched: Array | bool = False
     error: Estimate | None = None
     dt: Array | None = None
     method: Method | None = eqx.field(static=True, default=None)
@@ -174,7 +179,9 @@ class Trajectory(Record, Motion):
     @property
     def warning(self) -> str:
         """Warnings and their remedies; empty if there are none; host only."""
-        parts = [_STIFF_WARNING] if np.any(self.stiff) else []
+        stiff = np.any(np.asarray(self.stiff) & ~np.asarray(self.switched))
+        parts = [_STIFF_WARNING] if stiff else []
+        parts += [_SWITCHED_WARNING] if np.any(self.switched) else []
         checkable = self.method is not None and self.ok
         parts += [_LONG_STEPS_WARNING] if checkable and not np.all(_steps_agree(self)) else []
         parts += [self.error.shortfall] if self.error and self.error.shortfall else []
@@ -256,13 +263,13 @@ def _steps_agree(motion: Trajectory) -> Array:
     field, h, method = motion.scene.field, motion.dt, motion.method
     assert h is not None  # the method is one of fixed step
     assert method is not None
-    settings, nothing = Settings(default_solver(motion.scene)), jnp.zeros(0)
-    loose = Limits(jnp.full(2, _CHECK_RTOL), jnp.asarray(_CHECK_STEPS))
+    default, nothing = default_solver(motion.scene), jnp.zeros(0)
+    loose = Limits(jnp.full(2, _CHECK_RTOL), jnp.full(2, _CHECK_STEPS))
 
     def agree(sample):
         t, y = sample
         there = field.project(t + h, y + method.in_loops(1).advance(field.rate, t, h, y).increment)
-        right = flow(field, y, t, t + h, nothing, loose, settings=settings).y1
+        right = flow(field, y, t, t + h, nothing, loose, method=default).y1
         off, moved = jnp.max(jnp.abs(there - right)), jnp.max(jnp.abs(right - y))
         # Both may be rounding, at rest.
         return off <= _MAX_STEP_MISMATCH * moved + _CHECK_RTOL * jnp.max(jnp.abs(right))

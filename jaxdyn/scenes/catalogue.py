@@ -43,7 +43,7 @@ class Entry:
         *,
         samples=200,
         rtol: float = RTOL,
-        solver: Solver | str | None = None,
+        solver: Solver | None = None,
         dt: float | None = None,
     ) -> Trajectory | HybridTrajectory:
         """The motion of a scene made by this entry: one smooth motion, or a chain of phases.
@@ -53,7 +53,7 @@ class Entry:
           t1: end of the span [s]; the scene's own by default.
           samples: number of samples of each phase.
           rtol: see `simulate`.
-          solver: see `simulate`; in a chain, "auto" chooses one for each phase.
+          solver: see `simulate`; in a chain, the default is that of each phase.
           dt: see `simulate`; not for a chain.
         Raises:
           ValueError: see `simulate` and `simulate_phases`.
@@ -65,8 +65,10 @@ class Entry:
             )
         if dt is not None:
             raise _checks.fail("dt", "none for a motion in phases", dt, "Events adapt the steps.")
-        t1, each = scene.t1 if t1 is None else t1, None if solver == "auto" else solver
-        return simulate_phases(phases, None, scene.y0, t1, samples=samples, rtol=rtol, solver=each)
+        t1 = scene.t1 if t1 is None else t1
+        return simulate_phases(
+            phases, None, scene.y0, t1, samples=samples, rtol=rtol, solver=solver
+        )
 
 
 def _smooth(scene: Scene) -> Phases:

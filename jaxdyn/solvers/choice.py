@@ -64,7 +64,10 @@ def method_of(solver: Solver) -> Method:
     if issubclass(kind, diffrax.AbstractSolver):
         return from_diffrax(solver)
     raise _checks.fail(
-        "solver", "one of jaxdyn.solvers, or an explicit solver of diffrax", repr(solver)
+        "solver",
+        "one of jaxdyn.solvers, or an explicit solver of diffrax",
+        repr(solver),
+        "Leave it out for the default, which suits the scene.",
     )
 
 
@@ -111,6 +114,11 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     passes over it, as a wind in a thin layer, is missed more easily than by the pair.
 
     For derivatives, events and ensembles, which cross several steps side by side, it is the pair.
+
+    No rule sees that a motion will be stiff. `simulate`, `solve`, `until` and `crossings` find
+    out: outside of traces they start again with `RADAU9` once stability, not accuracy, has limited
+    a net 1000 steps. So van der Pol's oscillator with mu = 1000 takes 1152 steps over 3000 s, and
+    633 978 by its Taylor series.
     ``python -m benchmarks default`` has all figures.
 
     Args:

@@ -27,12 +27,14 @@ class StepError(NamedTuple):
       end: () the time to which the step went, if the method may shorten it.
       reach: () how long the step might have been, in parts of the proposed one, if it is known.
       square: () square of the size of the error in tolerances, if the method measures it.
+      limited: () net number of steps so far that stability limited, if it is counted.
     """
 
     error: Array
     end: Array | None = None
     reach: Array | None = None
     square: Array | None = None
+    limited: Array | None = None
 
 
 class Stepper(diffrax.AbstractAdaptiveSolver):
@@ -48,13 +50,11 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
       tolerance: (2,) relative and absolute tolerance of one step, where it takes one.
       h: () the step where it is fixed, exactly: a difference of times would be rounded. Steps to
         samples are shorter.
-      stop_if_stiff: whether to end a run that turns out to be stiff.
     """
 
     method: Method
     tolerance: Array
     h: Array | None = None
-    stop_if_stiff: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation  # never used
 
@@ -92,14 +92,13 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         y1 = y1 if lost is None else jnp.where(lost, jnp.nan, y1)
         if not isinstance(step.speed, float):  # else the default: the method does not estimate it
             near = step.speed > self.method.alarm * self.method.stable
-            counted = jnp.maximum(count + jnp.where(near, 1, -1), 0)
-            count = jnp.where(is_stiff(count), count, counted)
+            # Once stiff, always stiff.
+            least = jnp.where(is_stiff(count), _STIFF_COUNT, 0)
+            count = jnp.maximum(count + jnp.where(near, 1, -1), least)
         result = diffrax.RESULTS.where(
             step.converged, diffrax.RESULTS.successful, diffrax.RESULTS.nonlinear_divergence
         )
-        if self.stop_if_stiff:
-            result = diffrax.RESULTS.where(is_stiff(count), diffrax.RESULTS.stagnation, result)
-        told = StepError(step.error, end, step.reach, step.square)
+        told = StepError(step.error, end, step.reach, step.square, count)
         nothing = {}  # for dense output, which is not asked for
         return y1, told, nothing, (carry, count), result
 

@@ -6,6 +6,7 @@ states at fixed times, and the implicit function theorem does the rest, as for `
 """
 
 import functools
+from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 import equinox as eqx
@@ -19,11 +20,12 @@ from jaxdyn._numerics import in_one_kernel
 from jaxdyn._text import counted
 from jaxdyn.integrate.event_search.crossings import first_crossing
 from jaxdyn.integrate.events import Event, checked_events
-from jaxdyn.integrate.flow import Settings, flow
+from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
+from jaxdyn.integrate.switching import switching
 from jaxdyn.integrate.trajectory import raise_unless_ok
 from jaxdyn.scene import Scene
-from jaxdyn.solvers import Solver
+from jaxdyn.solvers import Method, Solver
 from jaxdyn.solvers.choice import checked_method
 from jaxdyn.status import Status
 
@@ -109,28 +111,34 @@ def crossings(
     """
     (event,) = checked_events((event,))
     t0, t1 = span(scene, t1, t0)
-    settings = Settings(checked_method(scene, solver, several=True))
+    method = checked_method(scene, solver, several=True)
     event.check(len(scene.y0))
-    options = SolverOptions(rtol=rtol, atol=atol, max_steps=max_steps)
-    held_to = jax.tree.map(jnp.asarray, limits(options))
-    run = functools.partial(_compiled, scene.field, event, settings=settings)
-    if most is not None:
-        rows = _checks.whole("most", most)
-        found = run(scene.y0, t0, t1, held_to, rows=rows)
-    else:
+    options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
+    given = scene, event, t0, t1, limits(options)
+    rows = None if most is None else _checks.whole("most", most)
+    if rows is None:
         remedy = "Pass most=, a number of rows that does not depend on the motion."
-        _checks.untraced("scene and times", (scene, event, t0, t1, held_to), remedy)
-        found = _every(run, scene.y0, t0, t1, held_to)
+        _checks.untraced("scene and times", given, remedy)
+
+    def run(held_to, method: Method) -> Crossings:
+        held_to = jax.tree.map(jnp.asarray, held_to)
+
+        def rest(y, t, rows: int) -> Crossings:
+            return _compiled(scene.field, event, y, t, t1, held_to, method=method, rows=rows)
+
+        return _every(rest, scene.y0, t0) if rows is None else rest(scene.y0, t0, rows)
+
+    found, _ = switching(run, options, method, traced=_checks.is_traced(given))
     if throw:
         raise_unless_ok(found.status, scene)
     return found
 
 
-def _every(run, y, t, t1, held_to) -> Crossings:
+def _every(rest: Callable[..., Crossings], y, t) -> Crossings:
     """All crossings, by calls of one program, each from where the last one ended."""
     parts = []
     while True:
-        found = run(y, t, t1, held_to, rows=_AT_ONCE)
+        found = rest(y, t, _AT_ONCE)
         n = int(found.count)
         parts.append([np.asarray(x)[:n] for x in found[:3]])
         if n < _AT_ONCE:
@@ -141,24 +149,24 @@ def _every(run, y, t, t1, held_to) -> Crossings:
 
 
 @eqx.filter_custom_jvp
-def _found(field, event, y0, t0, t1, limits, *, settings: Settings, rows: int) -> Crossings:
-    search = functools.partial(_search, settings=settings, rows=rows)
+def _found(field, event, y0, t0, t1, limits, *, method: Method, rows: int) -> Crossings:
+    search = functools.partial(_search, method=method, rows=rows)
     args = (field, event, y0, t0, t1, limits)
     return in_one_kernel(search, args, unknown=limits.tolerance[0] > 0)
 
 
 @_found.def_jvp
-def _found_jvp(primals, tangents, *, settings, rows):
+def _found_jvp(primals, tangents, *, method, rows):
     field, event, y0, t0, _, limits = primals
     d_field, d_event, d_y0, d_t0, _, _ = tangents
-    found = _found(*primals, settings=settings, rows=rows)
+    found = _found(*primals, method=method, rows=rows)
     there = jnp.arange(rows) < found.count
     # Only as far as the last crossing: the motion may fail after it.
     end = jnp.where(found.count > 0, found.ts[jnp.maximum(found.count - 1, 0)], t0)
     ts = jnp.where(there, found.ts, end)
 
     def states(field, y0, t0):
-        return flow(field, y0, t0, end, ts, limits, settings=settings).ys
+        return flow(field, y0, t0, end, ts, limits, method=method).ys
 
     def values(event, ts, ys):
         return jax.vmap(event.value)(ts, ys)
@@ -177,12 +185,12 @@ def _found_jvp(primals, tangents, *, settings, rows):
 _compiled = eqx.filter_jit(_found)
 
 
-def _search(field, event, y0, t0, t1, limits, *, settings: Settings, rows: int) -> Crossings:
+def _search(field, event, y0, t0, t1, limits, *, method: Method, rows: int) -> Crossings:
     way = jnp.where(t1 > t0, 1.0, -1.0)
 
     def following(carry, _):
         t, y, status = carry
-        end, found = first_crossing(field, (event,), y, t, t1, limits, settings=settings)
+        end, found = first_crossing(field, (event,), y, t, t1, limits, method=method)
         right = (status == Status.OK) & (found.status == Status.OK)
         there = right & jnp.isfinite(found.t)
         # Without another crossing the rest of the rows takes no step.

@@ -27,9 +27,10 @@ from jaxdyn.integrate.event_search.event_values import (
 )
 from jaxdyn.integrate.event_search.polish import Bracket, polished
 from jaxdyn.integrate.event_search.stretches import settled
-from jaxdyn.integrate.flow import Settings, march
+from jaxdyn.integrate.flow import march
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.step_control import StepControl
+from jaxdyn.solvers import Method
 from jaxdyn.status import Status
 
 #: Parts of a step, or of a panel of it, at which events are sampled besides its beginning. Not
@@ -53,7 +54,7 @@ class Crossing(NamedTuple):
     status: Array
 
 
-def first_crossing(field, events, y0, t0, t1, limits, *, settings: Settings):
+def first_crossing(field, events, y0, t0, t1, limits, *, method: Method):
     """The state (k,) where the search ended, and the first crossing; no derivatives.
 
     Args:
@@ -63,17 +64,17 @@ def first_crossing(field, events, y0, t0, t1, limits, *, settings: Settings):
       t0: () start time.
       t1: () end time, before or after t0.
       limits: see `flow`.
-      settings: see `flow`.
+      method: see `flow`.
     """
-    sight = Sight(field, events, settings.method)
+    sight = Sight(field, events, method)
     watch = _Lookout(sight)
-    out, seen = march(field, y0, t0, t1, jnp.zeros(0), limits, settings=settings, watch=watch)
+    out, seen = march(field, y0, t0, t1, jnp.zeros(0), limits, method=method, watch=watch)
     hs, ys = polished(sight, seen.t0, seen.y0, seen.bracket)
     which = jnp.argmin(jnp.abs(hs))
     h, y = hs[which], ys[:, which]
     # A step is checked at its end; of the shorter one to the event only this is known.
     there = jnp.where(jnp.isfinite(h), h, 0.0)
-    step = settings.method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)
+    step = method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)
     rtol, atol = limits.tolerance
     size = StepControl.norm(step.error / (atol + rtol * jnp.maximum(abs(seen.y0), abs(y))))
     moved = jnp.isfinite(h) & (h != 0)

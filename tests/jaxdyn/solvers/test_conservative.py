@@ -103,7 +103,7 @@ def test_energy_errors_stay_bounded_over_many_periods():
         ),
         ({"solver": solvers.VERLET, "dt": -0.1}, r"dt: expected > 0, got -0\.1\. It is the length"),
         ({"solver": solvers.VERLET, "dt": np.nan}, r"dt: expected finite numbers, got nan"),
-        ({"solver": "best"}, r"solver: expected one of auto, got 'best'"),
+        ({"solver": "best"}, r"solver: expected one of jaxdyn\.solvers, .* got 'best'"),
     ],
 )
 def test_refusals(options, message):

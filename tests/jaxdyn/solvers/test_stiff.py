@@ -1,4 +1,4 @@
-"""Stiff motions: Radau against closed forms and SciPy, stiffness noticed, the switch."""
+"""Stiff motions: Radau against closed forms and SciPy, stiffness noticed, the switch to Radau."""
 
 import jax
 import jax.numpy as jnp
@@ -10,6 +10,7 @@ import jaxdyn
 from jaxdyn import Status, scenes, simulate, solvers
 from jaxdyn.integrate.events import Reaches, until
 from jaxdyn.integrate.simulation import _compiled, solve
+from jaxdyn.solvers.choice import default_solver
 
 
 def chased(t, y, k):
@@ -89,10 +90,12 @@ def test_crossings_of_a_stiff_motion_and_their_derivatives():
 
 
 def test_stiffness_is_noticed_and_said():
-    motion = simulate(CHASED, 2e-4, samples=2, rtol=1e-6)
+    # So few steps are over before another method is compiled.
+    motion = simulate(CHASED, 2e-5, samples=2, rtol=1e-6)
     assert bool(motion.stiff)
+    assert not motion.switched
     assert motion.warning.startswith("The scene is stiff")
-    assert "solver='auto'" in motion.warning
+    assert motion.warning.endswith("Pass solver=solvers.RADAU9.")
 
 
 @pytest.mark.parametrize("rtol", [1e-2, 1e-6, 1e-13])
@@ -113,23 +116,74 @@ def test_a_fixed_step_too_long_for_its_equations_is_a_status():
     assert jnp.isnan(motion.ys[1:]).all()
 
 
-def test_auto_switches_where_it_is_stiff_and_only_there():
-    out = solve(CHASED, 2.0, solver="auto", rtol=1e-10)
+def test_the_default_switches_where_it_is_stiff_and_only_there():
+    out = solve(CHASED, 2.0, rtol=1e-10)
     assert bool(out.stiff)
     assert gap(out.y1, CHASED_END) < 1e-9
     assert int(out.steps) < 600
-    plain = solve(kepler(0.3), 5.0, solver="auto", rtol=1e-10)
+    plain = simulate(kepler(0.3), 5.0, samples=2)
     assert not bool(plain.stiff)
-    assert gap(plain.y1, solve(kepler(0.3), 5.0, rtol=1e-10).y1) < SOLVED
+    assert not plain.switched
 
 
-def test_auto_has_nothing_to_advise_and_compiles_only_what_it_needs():
-    motion = simulate(CHASED, 2.0, samples=2, solver="auto", rtol=1e-8)
-    assert motion.warning == ""
+def test_the_switch_is_said_and_compiles_only_what_it_needs():
+    motion = simulate(CHASED, 2.0, samples=2, rtol=1e-8)
+    assert "RADAU9, which is implicit, took over" in motion.warning
+    assert bool(motion.stiff)
     assert gap(motion.ys[-1], CHASED_END) < 1e-7
+    chosen = simulate(CHASED, 2.0, samples=2, rtol=1e-8, solver=solvers.RADAU9)
+    assert jnp.array_equal(chosen.ys, motion.ys)
+    assert (int(chosen.steps), chosen.warning) == (int(motion.steps), "")
+    # A method that is asked for goes on, in the program of the default.
     programs = _compiled._cache_size()
-    solve(kepler(0.3), 5.0, ts=[1.0, 2.0], solver="auto", rtol=1e-9)
-    assert _compiled._cache_size() == programs + 1
-    # In a trace all of it is one program, with the same numbers.
-    traced = jax.jit(lambda y: solve(CHASED.starting(y), 2.0, solver="auto", rtol=1e-8).y1)
-    assert gap(traced(CHASED.y0), motion.ys[-1]) < SOLVED
+    explicit = simulate(CHASED, 1e-4, samples=2, solver=default_solver(CHASED))
+    assert _compiled._cache_size() == programs
+    assert int(explicit.steps) > 1000
+    assert not explicit.switched
+
+
+def test_the_limit_of_steps_holds_before_and_after_the_switch():
+    few = simulate(CHASED, 2.0, samples=2, max_steps=100, throw=False)
+    assert (few.status_code, bool(few.switched)) == (Status.STEP_LIMIT, False)
+    more = simulate(CHASED, 1e8, samples=2, max_steps=1500, rtol=1e-14, throw=False)
+    assert (more.status_code, bool(more.switched)) == (Status.STEP_LIMIT, True)
+
+
+def test_inside_a_trace_the_method_stays_and_that_is_said():
+    span = 2e-5
+    motion = jax.jit(lambda y: simulate(CHASED.starting(y), span, samples=2))(CHASED.y0)
+    assert bool(motion.stiff)
+    assert not np.any(motion.switched)
+    assert motion.warning.endswith("Pass solver=solvers.RADAU9.")
+    # Also in one that the arguments are not part of.
+    same = jax.jit(lambda: solve(CHASED, span).y1)()
+    assert gap(same, motion.ys[-1]) < SOLVED
+
+
+def test_digits_of_a_stiff_motion():
+    motion = simulate(CHASED, 2.0, samples=2, digits=9)
+    assert gap(motion.ys[-1], CHASED_END) < 1e-9
+    assert motion.error is not None
+    assert motion.error.solver == solvers.RADAU9.name
+    assert "took over" in motion.warning
+
+
+def test_estimates_are_those_of_the_method_that_takes_over():
+    found = jaxdyn.accuracy.estimate(CHASED, 2.0, samples=2, rtol=1e-8)
+    assert (found.solver, found.other) == (solvers.RADAU9.name, solvers.RADAU9.name)
+    assert np.abs(found.ys[-1] - CHASED_END).max() < 10 * found.error[-1].max()
+
+
+def test_events_and_crossings_switch_too():
+    stop = until(CHASED, Reaches(2, 0.5, -1), 9.0)
+    assert gap(stop.t, np.log(2.0)) < 1e-9
+    found = jaxdyn.crossings(CHASED, Reaches(2, 0.5, -1), 9.0)
+    assert gap(found.ts, [np.log(2.0)]) < 1e-9
+
+
+def test_the_switch_is_kept_in_files(tmp_path):
+    motion = simulate(scenes.two_springs(c_a=1e6), 1e-2, samples=2)
+    assert motion.switched
+    motion.save(tmp_path / "stiff.npz")
+    back = jaxdyn.load(tmp_path / "stiff.npz")
+    assert back.warning == motion.warning

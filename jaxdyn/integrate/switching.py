@@ -1,0 +1,56 @@
+"""The switch from the default method to an implicit one, where a motion turns out to be stiff."""
+
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.integrate.spans import SolverOptions, limits
+from jaxdyn.solvers import RADAU9, Method
+from jaxdyn.status import Status
+
+#: Net number of steps limited by stability after which a motion starts again. Fewer take less
+#: time than to compile an implicit method, one or two seconds.
+MOST_LIMITED = 1000
+
+
+class Ended(Protocol):
+    """What a run returns."""
+
+    @property
+    def status(self) -> Array:
+        """() `Status` code."""
+        ...
+
+
+R = TypeVar("R", bound=Ended)
+
+
+def switching(
+    run: Callable[..., R], options: SolverOptions, method: Method, *, traced: bool, dt=None
+) -> tuple[R, bool]:
+    """The result of a run, and whether `RADAU9` took over because the motion is stiff.
+
+    That may be where the options name no solver, and outside of traces. The motion then starts
+    again: to go on where the explicit method stopped would save the steps so far, and take a
+    second path for samples, events and failures.
+
+    Args:
+      run: takes `Limits`, and a `Method` as ``method``.
+      options: tolerances, solver, and the number of steps.
+      method: the solver, or the default.
+      traced: whether a value is, on which the run depends.
+      dt: step length of a method of fixed step.
+    """
+    if options.solver is not None or traced:
+        return run(limits(options, dt), method=method), False
+    first = run(limits(options, max_limited=MOST_LIMITED), method=method)
+    if _checks.is_traced(first.status):
+        # A trace is under way that none of the values is part of.
+        return run(limits(options), method=method), False
+    # By NumPy, as int() of a JAX array takes three times as long as an empty program.
+    if np.asarray(first.status).item() != Status.STIFF:
+        return first, False
+    return run(limits(options), method=RADAU9), True
