@@ -4,15 +4,16 @@
 how accurate that is, `spans` checks their arguments. `flow` is the compiled solve with its
 derivatives in both modes, by the variational equations of `variational`; `adjoint` is the gradient
 of one loss by many numbers (`adjoint=True`), `fixed` the solve with the parameters as constants,
-`step_control` the step size, `observing` the samples and the limits of a run. `error_estimate`
-compares several runs, with the rounding measured by `rounding_error`. Events: `events` (the calls)
-and the folder `event_search` (the search within a step). Piecewise-smooth motions: `phases` (the
-calls, which phase is first and next), `phase` (one phase, and when a state fits it).
+`step_control` the step size, `observing` the samples and the limits of a run, `switching` the
+change to an implicit method where a motion is stiff. `error_estimate` compares several runs, with
+the rounding measured by `rounding_error`. Events: `events` (the calls) and the folder
+`event_search` (the search within a step). Piecewise-smooth motions: `phases` (the calls, which
+phase is first and next), `phase` (one phase, and when a state fits it).
 
 May import: `solvers`. A scene is used only through its rate, its projection and its labels.
 
 One more kind of result is one more file beside `events`, which uses `flow` or `event_search` and
-the settings of `spans`; if users call it, one line below.
+the limits of `spans`; if users call it, one line below.
 """
 
 from jaxdyn.integrate import events, phases
