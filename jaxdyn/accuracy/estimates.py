@@ -24,9 +24,9 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.accuracy.convergence import fixed_steps
-from jaxdyn.integrate import error_estimate
-from jaxdyn.integrate.estimate import Estimate, gaps, scales
-from jaxdyn.integrate.rounding_error import Run
+from jaxdyn.integrate.errors import error_estimate
+from jaxdyn.integrate.errors.estimate import Estimate, gaps, scales
+from jaxdyn.integrate.errors.rounding_error import Run
 from jaxdyn.integrate.simulation import simulate, solve
 from jaxdyn.integrate.spans import RTOL, SolverOptions, span
 from jaxdyn.scene import Scene

@@ -21,8 +21,8 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.accuracy import estimates
-from jaxdyn.integrate.error_estimate import MOST_DIGITS
-from jaxdyn.integrate.estimate import Estimate
+from jaxdyn.integrate.errors.error_estimate import MOST_DIGITS
+from jaxdyn.integrate.errors.estimate import Estimate
 from jaxdyn.integrate.simulation import RTOL, solve
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, Solver

@@ -20,7 +20,7 @@ from jaxdyn import _checks
 from jaxdyn._progress import doing, each
 from jaxdyn.accuracy.quantities import END, Quantity
 from jaxdyn.accuracy.timing import Times, at_error, interleaved
-from jaxdyn.integrate.estimate import scales
+from jaxdyn.integrate.errors.estimate import scales
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import RTOL, span
 from jaxdyn.scene import Scene

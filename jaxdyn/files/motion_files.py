@@ -14,7 +14,7 @@ import numpy as np
 from jaxdyn import _checks, solvers
 from jaxdyn._checks import fail
 from jaxdyn.files import archives, records, scene_records
-from jaxdyn.integrate.estimate import Estimate
+from jaxdyn.integrate.errors.estimate import Estimate
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene

@@ -1,12 +1,11 @@
 """From a start to samples: solving, step control, derivatives, events, phases.
 
-`simulation` has `jaxdyn.simulate` and `jaxdyn.solve`, `trajectory` is what they return, `estimate`
-how accurate that is, `spans` checks their arguments. `flow` is the compiled solve with its
+`simulation` has `jaxdyn.simulate` and `jaxdyn.solve`, `trajectory` is what they return, the folder
+`errors` how accurate that is, `spans` checks their arguments. `flow` is the compiled solve with its
 derivatives in both modes, by the variational equations of `variational`; `adjoint` is the gradient
 of one loss by many numbers (`adjoint=True`), `fixed` the solve with the parameters as constants,
 `step_control` the step size, `observing` the samples and the limits of a run, `switching` the
-change to an implicit method where a motion is stiff. `error_estimate` compares several runs, with
-the rounding measured by `rounding_error`. Events: `events` (the calls) and the folder
+change to an implicit method where a motion is stiff. Events: `events` (the calls) and the folder
 `event_search` (the search within a step). Piecewise-smooth motions: `phases` (the calls, which
 phase is first and next), `phase` (one phase, and when a state fits it).
 

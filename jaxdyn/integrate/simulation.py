@@ -15,9 +15,9 @@ import numpy as np
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
 from jaxdyn._notes import notes_on
-from jaxdyn.integrate import error_estimate
 from jaxdyn.integrate.adjoint import adjoint_flow
-from jaxdyn.integrate.estimate import Estimate
+from jaxdyn.integrate.errors import error_estimate
+from jaxdyn.integrate.errors.estimate import Estimate
 from jaxdyn.integrate.fixed import FixedField
 from jaxdyn.integrate.flow import SolveResult, flow
 from jaxdyn.integrate.spans import MAX_STEPS as MAX_STEPS
@@ -26,6 +26,7 @@ from jaxdyn.integrate.spans import (
     SolverOptions,
     filling,
     host_floats,
+    limits,
     no_times,
     quickly_passed,
     sampled_span,
@@ -101,7 +102,7 @@ def simulate(
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     error = None
     if digits is None:
-        method = checked_method(scene, solver, dt, rtol=rtol)
+        method = _checked(scene, options, dt)
         result, switched = _solved(scene, (t0, t1, ts), options, method, dt=dt)
     else:
         if dt is not None or atol is not None or rtol != RTOL:
@@ -192,9 +193,15 @@ def solve(
       with variational equations in 60 digits.)
     """
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
-    method = checked_method(scene, solver, dt, rtol=rtol)
+    method = _checked(scene, options, dt)
     extras = {"dt": dt, "fixed": fixed, "adjoint": adjoint, "noise": noise}
     return _solved(scene, (t0, t1, ts), options, method, **extras)[0]
+
+
+def _checked(scene: Scene, options: SolverOptions, dt) -> Method:
+    """The method; tolerances, step and limits are checked before, as its choice uses them."""
+    limits(options, dt)
+    return checked_method(scene, options.solver, dt, rtol=options.rtol)
 
 
 def _solved(

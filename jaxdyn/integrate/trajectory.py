@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn.integrate.estimate import Estimate
+from jaxdyn.integrate.errors.estimate import Estimate
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.step_control import Limits

@@ -10,7 +10,7 @@ import pytest
 from jaxdyn import scenes, simulate
 from jaxdyn.accuracy.end_error import EndError, changed, end_error
 from jaxdyn.hard.cases import chaos
-from jaxdyn.integrate.estimate import gaps
+from jaxdyn.integrate.errors.estimate import gaps
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.scenes import catalogue
 

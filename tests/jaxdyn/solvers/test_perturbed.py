@@ -10,7 +10,7 @@ from helpers import EXACT, SOLVED, gap, kepler
 import jaxdyn
 from jaxdyn import accuracy, scenes
 from jaxdyn.accuracy.convergence import fixed_steps
-from jaxdyn.integrate import error_estimate
+from jaxdyn.integrate.errors import error_estimate
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.solvers import VERNER9
 from jaxdyn.solvers.perturbed import QUIET, Noise, RoundedField

@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.integrate.estimate import ROUNDING_MARGIN, Estimate, digits_of, gaps, scales
-from jaxdyn.integrate.rounding_error import Run, of_writing, rounding
+from jaxdyn.integrate.errors.estimate import ROUNDING_MARGIN, Estimate, digits_of, gaps, scales
+from jaxdyn.integrate.errors.rounding_error import Run, of_writing, rounding
 from jaxdyn.scene import Scene
 
 Names = tuple[str, str, str]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxdyn.integrate.estimate import gaps, scales
+from jaxdyn.integrate.errors.estimate import gaps, scales
 from jaxdyn.scene import Scene
 from jaxdyn.solvers.perturbed import Noise
 
