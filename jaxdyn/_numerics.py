@@ -14,6 +14,24 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+#: Begins the names, in programs, of functions that are `smooth`.
+SMOOTH = "smooth_"
+
+
+def smooth(function: Callable) -> Callable:
+    """Decorate a function whose conditions no step of an integration has to end at.
+
+    They choose between two formulas of one smooth function, or decide a rank. They are evaluated
+    as they stand, where `jaxdyn.plan` would otherwise read them as switches of the rate.
+    """
+
+    @functools.wraps(function)
+    def named(*args):
+        return function(*args)
+
+    named.__name__ = f"{SMOOTH}{function.__name__}"
+    return functools.wraps(function)(jax.jit(named))
+
 
 def safe_sqrt(x: Array) -> Array:
     """Square root with derivative 0, not infinity, at 0.
@@ -55,6 +73,7 @@ def _series(x: Array, coefficients: tuple[float, ...]) -> Array:
     return total
 
 
+@smooth
 def cos_of_root(x: Array) -> Array:
     """The cosine cos(sqrt(x)) as a function of x >= 0; smooth at 0."""
     small = x < _SINC_SERIES_BELOW
@@ -62,6 +81,7 @@ def cos_of_root(x: Array) -> Array:
     return jnp.where(small, _series(jnp.where(small, x, 0.0), _COS), jnp.cos(root))
 
 
+@smooth
 def sinc_of_root(x: Array) -> Array:
     """The ratio sin(sqrt(x)) / sqrt(x) as a function of x >= 0; 1 and smooth at 0."""
     small = x < _SINC_SERIES_BELOW
@@ -69,6 +89,7 @@ def sinc_of_root(x: Array) -> Array:
     return jnp.where(small, _series(jnp.where(small, x, 0.0), _SINC), jnp.sin(root) / root)
 
 
+@smooth
 def atanc(ss: Array, w: Array) -> Array:
     """The ratio atan2(s, w) / s as a function of ss = s^2 and w >= 0; 1/w and smooth at s = 0."""
     small = ss < _ATANC_SERIES_BELOW * w * w
@@ -217,6 +238,7 @@ class Reduced(NamedTuple):
     combination: Array
 
 
+@smooth
 def solve_psd(a: Array, b: Array, least: Array) -> Reduced:
     """A solution of a x = b where rows of a may depend on each other, without LAPACK.
 
@@ -248,6 +270,7 @@ def solve_psd(a: Array, b: Array, least: Array) -> Reduced:
     return Reduced(solved.reshape(b.shape), kept, combination)
 
 
+@smooth
 def has_positive_minors(a: Array) -> Array:
     """Whether () all leading principal minors of a (n, n) are positive, without LAPACK."""
     n = a.shape[0]

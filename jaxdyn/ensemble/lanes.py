@@ -24,7 +24,7 @@ from jaxtyping import Array
 from jaxdyn import _text
 from jaxdyn._numerics import two_sum
 from jaxdyn._text import counted
-from jaxdyn.integrate.flow import UNROLLED_BELOW
+from jaxdyn.integrate.march import UNROLLED_BELOW
 from jaxdyn.integrate.observing import Watch, clipped
 from jaxdyn.integrate.step_control import Limits, StepControl
 from jaxdyn.scene import Field

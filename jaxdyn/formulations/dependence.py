@@ -7,7 +7,7 @@ which too little is left by those before it is dependent. `constrained` says wha
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn._numerics import Reduced, has_positive_minors, solve_psd
+from jaxdyn._numerics import Reduced, has_positive_minors, smooth, solve_psd
 
 #: A condition at a smaller angle to the others counts as dependent: at 1e-6 rad, rounding of 1e-16
 #: still leaves ten digits of the acceleration. [square of the sine]
@@ -17,6 +17,7 @@ LOST = 0.25 * DEPENDENT
 _MIN_CONDITION_CHANGE = 1e-5  # relative change of a dependent condition that counts as a change
 
 
+@smooth  # a decision about rank
 def independent(g: Array, reach: Array, b: Array, least: float = DEPENDENT) -> Reduced:
     """The multipliers (c, ...) for right sides b, those of dependent conditions set to 0."""
     gram = times(g, reach)

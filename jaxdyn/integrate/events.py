@@ -8,7 +8,7 @@ theorem, dt = -dg / (dg/dt), dy = (dy)_t + f dt.
 import abc
 import functools
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -20,9 +20,9 @@ from jaxdyn import _checks, _text
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._text import counted
-from jaxdyn.integrate.event_search.crossings import first_crossing
 from jaxdyn.integrate.event_search.event_values import coincident, values
 from jaxdyn.integrate.flow import flow
+from jaxdyn.integrate.pieces import first_event
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
 from jaxdyn.integrate.switching import switching
 from jaxdyn.scene import Scene
@@ -37,6 +37,9 @@ class Event(eqx.Module):
     @abc.abstractmethod
     def value(self, t: Array, y: Array) -> Array:
         """() the function; smooth and finite on both sides of its zero."""
+
+    #: Number of functions, one for all but what the library itself looks for.
+    size: ClassVar[int] = 1
 
     @property
     def direction(self) -> int:
@@ -283,7 +286,7 @@ _compiled = eqx.filter_jit(_located)
 
 
 def _search(field, events, y0, t0, t1, limits, *, method: Method) -> Stop:
-    out, found = first_crossing(field, events, y0, t0, t1, limits, method=method)
+    out, found = first_event(field, events, y0, t0, t1, limits, method=method)
     fine, happened = found.status == Status.OK, jnp.isfinite(found.t)
     t = jnp.where(fine, jnp.where(happened, found.t, t1), jnp.nan)
     y = jnp.where(fine, jnp.where(happened, found.y, out), jnp.nan)

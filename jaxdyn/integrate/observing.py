@@ -19,6 +19,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from jaxdyn.integrate.lookahead import Lookahead
+
 _CLOSE_ULPS = 100.0  # of the end: closer to it a step is too short; as in diffrax
 
 
@@ -38,10 +40,9 @@ class Samples(eqx.Module):
 
     @classmethod
     def empty(cls, ts: Array, t0: Array, y0: Array) -> "Samples":
-        """Those at the start are known; a run from t0 to t0 takes no step."""
-        at_start = ts == t0
-        rows = at_start.reshape(-1, *[1] * y0.ndim)
-        return cls(jnp.sum(at_start), jnp.where(rows, y0[None], jnp.nan), t0)
+        """Those at the start are known, and those before it are over."""
+        rows = (ts == t0).reshape(-1, *[1] * y0.ndim)
+        return cls(jnp.sum(ts <= t0), jnp.where(rows, y0[None], jnp.nan), t0)
 
     def taken(self, ts: Array, t: Array, y: Array) -> "Samples":
         """With the state at t; earlier ones that are still missing were not in order, and lost."""
@@ -157,16 +158,20 @@ class Observing(eqx.Module):
       limit: (2,) maximum number of steps, and of those that stability limits, and () the end of the
         span that must be reached within it; None where steps are counted, and the run is ended,
         elsewhere.
+      look: how far a step may go, if anything limits it.
     """
 
     ts: eqx.AbstractVar[Array]
     watch: eqx.AbstractVar[Watch | None]
     limit: eqx.AbstractVar[tuple[Array, Array] | None]
+    look: eqx.AbstractVar[Lookahead | None]
 
     def wrap(self, direction):
         watch = None if self.watch is None else self.watch.towards(direction)
         limit = None if self.limit is None else (self.limit[0], self.limit[1] * direction)
-        return dataclasses.replace(self, ts=self.ts * direction, watch=watch, limit=limit)
+        look = None if self.look is None else self.look.towards(direction)
+        ts = self.ts * direction
+        return dataclasses.replace(self, ts=ts, watch=watch, limit=limit, look=look)
 
     def _begin(self, t0: Array, y0: Array, t1: Array) -> tuple[Array, Seen]:
         """Where the first step goes, if it may go to t1, and the memory before it."""
@@ -178,6 +183,7 @@ class Observing(eqx.Module):
 
     def _towards(self, samples: Samples, t0: Array, t1: Array) -> tuple[Samples, Array]:
         aim = t1 if self.limit is None else clipped(t1, self.limit[1])
+        aim = aim if self.look is None else self.look.until(t0, aim)
         return samples.towards(self.ts, t0, aim) if len(self.ts) else (samples, aim)
 
     def _tried(self, fine, t0, y0, t1, y1, seen: Seen) -> Tried:

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._numerics import rough_power, square_norm
+from jaxdyn.integrate.lookahead import Lookahead
 from jaxdyn.integrate.observing import Observing, Seen, Watch
 from jaxdyn.solvers.method import SAFETY
 
@@ -57,6 +58,7 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
       ts: (s,) requested times in the direction of integration; (0,) for none.
       watch: the observer of the steps, if any.
       limit: see `Observing`.
+      look: see `Observing`.
     """
 
     rtol: Array
@@ -64,6 +66,7 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
     ts: Array
     watch: Watch | None = None
     limit: tuple[Array, Array] | None = None
+    look: Lookahead | None = None
     #: diffrax asks for these two names of every adaptive controller.
     norm: ClassVar[Callable] = staticmethod(lambda y: jnp.max(jnp.sqrt(_mean_square(y))))
 
@@ -127,12 +130,14 @@ class FixedSteps(Observing, diffrax.AbstractStepSizeController):
       ts: (s,) requested times in the direction of integration; (0,) for none.
       watch: the observer of the steps, if any.
       limit: see `Observing`.
+      look: see `Observing`.
     """
 
     n: Array
     ts: Array
     watch: Watch | None = None
     limit: tuple[Array, Array] | None = None
+    look: Lookahead | None = None
 
     def seen(self, state) -> Seen:
         """The samples, the memory of the watch and the number of steps, from the final state."""

@@ -7,6 +7,7 @@ its start is `analysis.monodromy.end_and_derivative`.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -14,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxdyn.plan.in_branch import Branch, InBranch, in_branch, jump, without_wrappers
 from jaxdyn.solvers.formulas.simplified import simplified
 
 #: Tangents as columns, those of a state (k,).
@@ -32,6 +34,11 @@ class Variational(eqx.Module):
     field: eqx.Module
     directions: eqx.Module
 
+    def around(self, change: Callable, branch: Any) -> "Variational":
+        """The same of the field in a branch of its conditions; see `plan.in_branch`."""
+        none = jax.tree.map(lambda _: None, branch)
+        return Variational(change(self.field, branch), change(self.directions, none))
+
     def rate(self, t: Array, y: Columns) -> Columns:
         """Rates of the state and of its tangents."""
         return self._carried(lambda field: field.rate, t, y)
@@ -47,6 +54,40 @@ class Variational(eqx.Module):
     def project(self, t: Array, y: Columns) -> Columns:
         """The state on its constraints, and its tangents along them."""
         return self._carried(lambda field: field.project, t, y)
+
+    def jump(self, t: Array, y: Columns, old: Branch, new: Branch, which: Array) -> Columns:
+        """State and tangents after a switch of the rate, by the saltation matrix.
+
+        A tangent V moves the time of the switch by dt = -(dg V + dg/dp P) / (dg f + dg/dt), with g
+        the margin of the condition that changes, and so becomes V + (f - f') dt, with f and f'
+        the rates before and after. What is inside may change the state itself.
+        """
+        moving, fixed = _split_like(self.field, self.directions)
+        x = y[..., 0]
+
+        def margin(p, t, x):
+            system = without_wrappers(eqx.combine(p, fixed))
+            state = x.reshape(len(x), -1)[:, 0]
+            return InBranch(system, old).side(t, state, old.outcomes)[1].margins[which]
+
+        def change(p, t, x):
+            return jump(eqx.combine(p, fixed), t, x, old, new, which)
+
+        before = in_branch(self.field, old).rate(t, x)
+        at = change(moving, t, x)
+        after = in_branch(self.field, new).rate(t, at)
+        still = jax.tree.map(jnp.zeros_like, moving)
+        here = moving, t, x
+        _, speed = jax.jvp(margin, here, (still, jnp.ones_like(t), before))
+
+        def along(direction, tangent):
+            _, off = jax.jvp(margin, here, (direction, jnp.zeros_like(t), tangent))
+            dt = -off / speed
+            _, moved = jax.jvp(change, here, (direction, dt, tangent + before * dt))
+            return moved - after * dt
+
+        tangents = jax.vmap(along, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
+        return jnp.concatenate([at[..., None], tangents], axis=-1)
 
     def _carried(self, function: Callable, t: Array, y: Columns) -> Columns:
         """A function (t, state) of the field, and its derivatives along the tangents."""

@@ -8,6 +8,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
+from jaxdyn._numerics import smooth
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.formulations.rigid import Pose
 from jaxdyn.geometry.euler import matrix_from_euler, omega_b_from_euler
@@ -20,6 +21,15 @@ _RIM = ((1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0))
 #: Sine of the angle between the axis and the vertical below which a disk lies flat. The rates of
 #: phi and psi cancel there: their rounding, 1e-16 over its square, calls for ever smaller steps.
 FLAT = 1e-4
+
+
+@smooth  # where it is not 1 there is no motion
+def _one_above_flat(height: Array) -> Array:
+    """1, or NaN beyond flat, where the disk would go on below the ground.
+
+    A factor, not a choice: the derivatives of a choice of NaN are 0.
+    """
+    return jnp.where(height > FLAT, 1.0, jnp.nan)
 
 
 class Disk(Mechanism):
@@ -62,10 +72,7 @@ class Disk(Mechanism):
     def tied(self, t, q):
         del t
         height = jnp.sin(q[4])
-        # Beyond flat the disk would go on below the ground. A factor, not a choice: the derivatives
-        # of a choice of NaN are 0.
-        height = height * jnp.where(height > FLAT, 1.0, jnp.nan)
-        return (q[2] - self.radius * height)[None]
+        return (q[2] - self.radius * height * _one_above_flat(height))[None]
 
     def rolling(self, t, q):
         """(2, 6) rows of the velocity of the disk's contact point, along x and y.

@@ -8,6 +8,7 @@ is proportional to that amount: perturbations of 1e-9 show the effect of roundin
 of a rate that cancel for every state are not covered: their rounding is that of the terms.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -44,6 +45,10 @@ class RoundedField(eqx.Module):
 
     field: Any
     noise: Noise
+
+    def around(self, change: Callable, branch: Any) -> "RoundedField":
+        """The same noise of the field in a branch of its conditions; see `plan.in_branch`."""
+        return RoundedField(change(self.field, branch), self.noise)
 
     def rate(self, t: Array, y: Array) -> Array:
         """The rate of the field itself."""

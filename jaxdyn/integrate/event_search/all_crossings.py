@@ -1,6 +1,6 @@
 """All crossings of one motion: `jaxdyn.crossings`.
 
-The search goes on from each crossing to the next, see `first_crossing`. Derivatives do not pass
+The search goes on from each crossing to the next, see `pieces.first_event`. Derivatives do not pass
 through it: one run of the variational equations, sampled at the crossings, gives those of the
 states at fixed times, and the implicit function theorem does the rest, as for `events.until`.
 """
@@ -18,9 +18,9 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._text import counted
-from jaxdyn.integrate.event_search.crossings import first_crossing
 from jaxdyn.integrate.events import Event, checked_events
 from jaxdyn.integrate.flow import flow
+from jaxdyn.integrate.pieces import first_event
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
 from jaxdyn.integrate.switching import switching
 from jaxdyn.integrate.trajectory import raise_unless_ok
@@ -190,7 +190,7 @@ def _search(field, event, y0, t0, t1, limits, *, method: Method, rows: int) -> C
 
     def following(carry, _):
         t, y, status = carry
-        end, found = first_crossing(field, (event,), y, t, t1, limits, method=method)
+        end, found = first_event(field, (event,), y, t, t1, limits, method=method)
         right = (status == Status.OK) & (found.status == Status.OK)
         there = right & jnp.isfinite(found.t)
         # Without another crossing the rest of the rows takes no step.

@@ -22,12 +22,13 @@ from jaxdyn.integrate.event_search.event_values import (
     SIDE_ROUNDINGS,
     Sight,
     bends,
+    directions,
     first_side,
     looked,
 )
 from jaxdyn.integrate.event_search.polish import Bracket, polished
 from jaxdyn.integrate.event_search.stretches import settled
-from jaxdyn.integrate.flow import march
+from jaxdyn.integrate.march import march
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.step_control import StepControl
 from jaxdyn.solvers import Method
@@ -54,8 +55,8 @@ class Crossing(NamedTuple):
     status: Array
 
 
-def first_crossing(field, events, y0, t0, t1, limits, *, method: Method):
-    """The state (k,) where the search ended, and the first crossing; no derivatives.
+def first_crossing(field, events, y0, t0, t1, limits, ts, *, method: Method):
+    """The motion up to where the search ended, and the first crossing; no derivatives.
 
     Args:
       field: a module with ``rate(t, y)`` and ``project(t, y)``.
@@ -64,11 +65,12 @@ def first_crossing(field, events, y0, t0, t1, limits, *, method: Method):
       t0: () start time.
       t1: () end time, before or after t0.
       limits: see `flow`.
+      ts: (s,) times of samples.
       method: see `flow`.
     """
     sight = Sight(field, events, method)
     watch = _Lookout(sight)
-    out, seen = march(field, y0, t0, t1, jnp.zeros(0), limits, method=method, watch=watch)
+    out, seen = march(field, y0, t0, t1, ts, limits, method=method, watch=watch)
     hs, ys = polished(sight, seen.t0, seen.y0, seen.bracket)
     which = jnp.argmin(jnp.abs(hs))
     h, y = hs[which], ys[:, which]
@@ -81,7 +83,7 @@ def first_crossing(field, events, y0, t0, t1, limits, *, method: Method):
     unseen = (out.status == int(Status.OK)) & moved & ~(size < _TRUSTED_ERROR)
     status = jnp.where(unseen, int(Status.UNSEEN_WITHIN_STEP), out.status)
     status = jnp.where(jnp.isnan(seen.end.side).any(), int(Status.NOT_FINITE), status)
-    return out.y1, Crossing(t=seen.t0 + h, y=y, event=which, status=status)
+    return out, Crossing(t=seen.t0 + h, y=y, event=which, status=status)
 
 
 class _Look(NamedTuple):
@@ -122,7 +124,7 @@ class _Lookout(Watch):
     @property
     def wanted(self) -> Array:
         """(E,) the signs after the crossings that count, 0 for both."""
-        return jnp.array([float(event.direction) for event in self.sight.events])
+        return directions(self.sight.events)
 
     def towards(self, direction):
         return _Lookout(self.sight, direction)

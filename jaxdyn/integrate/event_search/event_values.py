@@ -37,7 +37,12 @@ class Looked(NamedTuple):
 
 def values(events: tuple, t: Array, y: Array) -> Array:
     """(E,) values of all events."""
-    return jnp.stack([event.value(t, y) for event in events])
+    return jnp.concatenate([jnp.atleast_1d(event.value(t, y)) for event in events])
+
+
+def directions(events: tuple) -> Array:
+    """(E,) the signs after the crossings that count, 0 for both."""
+    return jnp.array([float(event.direction) for event in events for _ in range(event.size)])
 
 
 def looked(field, events: tuple, t: Array, y: Array) -> Looked:
@@ -141,5 +146,5 @@ def coincident(field, events: tuple, y0: Array, t0: Array, t: Array, y: Array, d
     start = looked(field, events, t0, y0)
     time = jnp.abs(t0) + jnp.abs(t)
     off = _COINCIDENCE_ROUNDINGS * (here.rounding + start.rounding + time * here.speeds)
-    wanted = jnp.array([event.direction for event in events], float)
+    wanted = directions(events)
     return (jnp.abs(here.values) <= off) & ((wanted == 0) | (wanted * direction * here.slopes > 0))

@@ -1,0 +1,59 @@
+"""Steps that pass over nothing brief: parts of a rate that depend on time alone are seen ahead.
+
+A method judges a step by what it sees of the rate at a handful of times. A pulse between them is
+not there for it. So before a step is taken, bounds of each part of the rate that depends on time
+alone are compared with samples of it (`plan.times`), and a step in which more may happen than is
+seen becomes shorter.
+"""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn.plan import Plan, plan_of
+from jaxdyn.plan.in_branch import InBranch, Wrapper, without_wrappers
+from jaxdyn.plan.times import furthest_seen, sizes
+
+
+class Lookahead(eqx.Module):
+    """How far a step may go, by the parts of a rate that depend on time alone.
+
+    Attributes:
+      plan: of the rate.
+      system: the field, of the plan's kind.
+      outcomes: (e,) of the conditions of the rate.
+      sizes: (u,) the largest sizes of the parts in the span, as far as they are known.
+      direction: () 1, or -1 where the run counts time backwards.
+    """
+
+    plan: Plan = eqx.field(static=True)
+    system: Any
+    outcomes: Array
+    sizes: Array
+    direction: Array | float = 1.0
+
+    def towards(self, direction: Array) -> "Lookahead":
+        """The same for a run in this direction of time, in which times are direction * t."""
+        return dataclasses.replace(self, direction=direction)
+
+    def until(self, t0: Array, t1: Array) -> Array:
+        """() the end of a step from t0 that goes up to t1 unless something may be hidden in it."""
+        way = self.direction
+        seen = furthest_seen(self.plan, self.system, way * t0, way * t1, self.outcomes, self.sizes)
+        return jnp.where(way * seen == t1, t1, way * seen)
+
+
+def lookahead(field: Any, k: int, t0: Array, t1: Array) -> Lookahead | None:
+    """What steps of a field with a state (k, ...) must not pass over; None if there is nothing."""
+    system = without_wrappers(field)
+    plan = plan_of(system, k)
+    if not plan.hides:
+        return None
+    while isinstance(field, Wrapper):
+        field = field.field
+    known = isinstance(field, InBranch)
+    outcomes = field.branch.outcomes if known else jnp.zeros(plan.size)
+    return Lookahead(plan, system, outcomes, sizes(plan, system, t0, t1, outcomes))

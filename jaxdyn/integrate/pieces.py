@@ -1,0 +1,353 @@
+"""Motions of rates with conditions: piece by piece, each in one branch.
+
+Steps end where a condition of the rate changes (`jaxdyn.plan`): at times found ahead from bounds
+where it depends on time alone, at events of the motion where it depends on the state. Each piece is
+integrated as if the other branches did not exist, so methods keep their order. On a surface that
+pushes the motion back from both sides it slides. Tangents pass a switch by the saltation matrix.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn.integrate.event_search.crossings import Crossing, first_crossing
+from jaxdyn.integrate.march import SolveResult, march
+from jaxdyn.integrate.step_control import Limits
+from jaxdyn.plan import Plan, plan_of
+from jaxdyn.plan.in_branch import Branch, InBranch, in_branch, jump, without_wrappers
+from jaxdyn.plan.times import next_change
+from jaxdyn.solvers import Method
+from jaxdyn.status import Status
+
+#: Roundings of state and time by which the margin of a condition at a switch may miss zero.
+_ROUNDINGS = 64
+#: Pieces in a row, each shorter than a part of the span, after which a motion chatters.
+_MOST_STALLED, _NO_PROGRESS = 200, 1e-11
+#: Conditions within conditions whose outcomes are found anew after a switch.
+_DEEPEST = 3
+
+
+def first_event(
+    field: Any, events: tuple, y0, t0, t1, limits: Limits, *, method: Method
+) -> tuple[Array, Crossing]:
+    """The state (k,) where the search ended, and the first of some events; no derivatives.
+
+    Args:
+      field: see `flow`.
+      events: see `run_pieces`.
+      y0: (k,) start.
+      t0: () start time.
+      t1: () end time, before or after t0.
+      limits: see `flow`.
+      method: an adaptive one.
+    """
+    no_times = jnp.zeros(0)
+    if plan_of(without_wrappers(field), len(y0)).size:
+        found = run_pieces(field, events, y0, t0, t1, no_times, limits, method=method)
+    else:
+        found = first_crossing(field, events, y0, t0, t1, limits, no_times, method=method)
+    return found[0].y1, found[1]
+
+
+class Margins(eqx.Module):
+    """The conditions of a rate as events: each happens where the motion leaves its branch.
+
+    Attributes:
+      field: in the branch.
+      size: number of conditions, and 2 for the ends of sliding.
+    """
+
+    field: InBranch
+    size: int = eqx.field(static=True)
+
+    @property
+    def direction(self) -> int:
+        """Margins fall through zero."""
+        return -1
+
+    def value(self, t: Array, y: Array) -> Array:
+        """(size,) see `InBranch.margins`."""
+        return self.field.margins(t, y)
+
+
+class _Run(NamedTuple):
+    """A motion between two pieces.
+
+    Attributes:
+      t: () where it is.
+      y: (k, ...) the state there.
+      branch: that of the next piece, before conditions on time are looked at.
+      crossed: (e,) conditions that have just changed.
+      held: (e,) conditions whose outcomes are known, though the state is on their surface.
+      old: the branch of the last piece.
+      result: of all pieces.
+      event: () index of the event that ended it, -1 for none.
+      begun: () whether there was a piece.
+      stalled: () number of the last pieces in which it hardly moved.
+    """
+
+    t: Array
+    y: Array
+    branch: Branch
+    crossed: Array
+    held: Array
+    old: Branch
+    result: SolveResult
+    event: Array
+    begun: Array
+    stalled: Array
+
+
+def run_pieces(
+    field: Any, events: tuple, y0, t0, t1, ts, limits: Limits, *, method: Method
+) -> tuple[SolveResult, Crossing]:
+    """The motion of a field with conditions, and the first of some events; no derivatives.
+
+    Args:
+      field: see `flow`.
+      events: modules with ``value(t, y)`` and ``direction``; of a plain state only.
+      y0: (k, ...) start.
+      t0: () start time.
+      t1: () end time, before or after t0.
+      ts: (s,) times between t0 and t1 in the order they are passed.
+      limits: see `flow`.
+      method: an adaptive one.
+    """
+    system = without_wrappers(field)
+    plan = plan_of(system, len(y0))
+    way = jnp.where(t1 >= t0, 1.0, -1.0)
+    work = _Pieces(plan, field, system, events, t0, t1, ts, limits, way, method)
+    zero = jnp.zeros((), int)
+    nothing = SolveResult(
+        y1=y0,
+        ys=jnp.where((ts == t0).reshape(-1, *[1] * y0.ndim), y0[None], jnp.nan),
+        steps=zero,
+        rejected=zero,
+        status=jnp.asarray(int(Status.OK)),
+        stiff=jnp.zeros((), bool),
+    )
+    _, first = plan.look(system, t0, _state(y0))
+    branch = Branch.of(first.outcomes)
+    none = jnp.zeros(plan.size, bool)
+    start = _Run(
+        t=jnp.asarray(t0),
+        y=y0,
+        branch=branch,
+        crossed=none,
+        held=none,
+        old=branch,
+        result=nothing,
+        event=jnp.asarray(-1),
+        begun=jnp.zeros((), bool),
+        stalled=zero,
+    )
+
+    def going(run: _Run) -> Array:
+        unfinished = (way * run.t < way * t1) & (run.event < 0)
+        return unfinished & (run.result.status == Status.OK)
+
+    run = jax.lax.while_loop(going, work.piece, start)
+    right = run.result.status == Status.OK
+    y1 = jnp.where(right, run.y, jnp.nan)
+    happened = run.event >= 0
+    crossing = Crossing(
+        t=jnp.where(happened, run.t, way * jnp.inf),
+        y=_state(run.y),
+        event=jnp.maximum(run.event, 0),
+        status=run.result.status,
+    )
+    return eqx.tree_at(lambda result: result.y1, run.result, y1), crossing
+
+
+def _state(y: Array) -> Array:
+    """The state (k,) without its tangents."""
+    return y.reshape(len(y), -1)[:, 0]
+
+
+class _Pieces(NamedTuple):
+    """What all pieces of a motion share; see `run_pieces`."""
+
+    plan: Plan
+    field: Any
+    system: Any
+    events: tuple
+    t0: Array
+    t1: Array
+    ts: Array
+    limits: Limits
+    way: Array
+    method: Method
+
+    def piece(self, run: _Run) -> _Run:
+        """The motion one piece further."""
+        branch = self._settled(run)
+        y = self._after_switch(run, branch)
+        now = self.t1
+        if self.plan.of_time.any():
+            now = next_change(self.plan, self.system, run.t, self.t1, branch.outcomes)
+        used = run.result.steps + run.result.rejected
+        limits = self.limits._replace(max_steps=self.limits.max_steps - used)
+        found, end, y_end, index = self._moved(branch, y, run.t, now, limits)
+        within = (self.way * self.ts > self.way * run.t) & (self.way * self.ts <= self.way * end)
+        rows = within.reshape(-1, *[1] * y.ndim)
+        slow = jnp.abs(end - run.t) <= _NO_PROGRESS * jnp.abs(self.t1 - self.t0)
+        stalled = jnp.where(slow, run.stalled + 1, 0)
+        chatters = (found.status == Status.OK) & (stalled >= _MOST_STALLED)
+        result = SolveResult(
+            y1=run.result.y1,
+            ys=jnp.where(rows, found.ys, run.result.ys),
+            steps=run.result.steps + found.steps,
+            rejected=run.result.rejected + found.rejected,
+            status=jnp.where(chatters, int(Status.CHATTERING), found.status),
+            stiff=run.result.stiff | found.stiff,
+        )
+        event = jnp.where(index < len(self.events), index, -1)
+        following, crossed, held = self._switched(
+            branch, end, _state(y_end), index - len(self.events)
+        )
+        return _Run(
+            t=end,
+            y=y_end,
+            branch=following,
+            crossed=crossed,
+            held=held,
+            old=branch,
+            result=result,
+            event=jnp.where(found.status == Status.OK, event, -1),
+            begun=jnp.ones((), bool),
+            stalled=stalled,
+        )
+
+    def _moved(self, branch: Branch, y: Array, t: Array, now: Array, limits: Limits):
+        """A piece up to a time: the result, its end, the state there, what ended it or -1."""
+        here = in_branch(self.field, branch)
+        if not (self.plan.on_state or self.events):
+            found = march(here, y, t, now, self.ts, limits, method=self.method, watch=None)[0]
+            return found, now, found.y1, jnp.asarray(-1)
+        plain = InBranch(self.system, branch)
+        events = self.events
+        if self.plan.on_state:
+            events = (*events, Margins(plain, self.plan.size + 2))
+        seen, crossing = first_crossing(
+            here if y.ndim == 1 else plain,
+            events,
+            _state(y),
+            t,
+            now,
+            limits,
+            self.ts if y.ndim == 1 else self.ts[:0],
+            method=self.method.for_tangents,
+        )
+        hit = (crossing.status == Status.OK) & jnp.isfinite(crossing.t)
+        end = jnp.where(hit, crossing.t, now)
+        x = jnp.where(hit, crossing.y, seen.y1)
+        index = jnp.where(hit, crossing.event, -1)
+        if y.ndim == 1:
+            seen = eqx.tree_at(lambda seen: seen.status, seen, crossing.status)
+            return seen, end, x, index
+        found = march(here, y, t, end, self.ts, limits, method=self.method, watch=None)[0]
+        status = jnp.where(crossing.status == Status.OK, found.status, crossing.status)
+        found = eqx.tree_at(lambda found: found.status, found, status)
+        flat = found.y1.reshape(len(y), -1)
+        return found, end, jnp.concatenate([x[:, None], flat[:, 1:]], 1).reshape(y.shape), index
+
+    def _switched(self, branch: Branch, t: Array, x: Array, index: Array):
+        """The next branch after a condition has changed, what was crossed, what is known."""
+        e = self.plan.size
+        _, here = self.plan.look(self.system, t, x, branch.outcomes)
+        by_time, rows, along = self._slopes(t, x, branch.outcomes, InBranch(self.system, branch))
+        noise = self._noise(t, x, by_time, rows)
+        own = jnp.arange(e) == index
+        falls = (jnp.abs(here.margins) <= noise) & (self.way * along < 0)
+        together = falls & ~jnp.asarray(self.plan.of_time) & ~branch.surface
+        changed = (index >= 0) & (index < e)
+        crossed = jnp.where(changed, own | together, False)
+        outcomes = jnp.where(crossed, here.beyond, branch.outcomes)
+        before = jnp.where(crossed & branch.slides, here.beyond, branch.before)
+        left = branch.slides & (index >= e)
+        outcomes = jnp.where(left & (index == e), branch.before, outcomes)
+        slides = branch.slides & ~left
+        following = Branch(
+            outcomes=outcomes,
+            before=jnp.where(slides, before, branch.outcomes),
+            surface=branch.surface & slides,
+            slides=slides,
+        )
+        held = crossed | jnp.where(left | slides, branch.surface, False)
+        return following, crossed & ~branch.slides, held
+
+    def _settled(self, run: _Run) -> Branch:
+        """The branch of the next piece: outcomes at its start, and whether it slides."""
+        t, x, of_time = run.t, _state(run.y), jnp.asarray(self.plan.of_time)
+        outcomes = run.branch.outcomes
+        near = jnp.zeros(self.plan.size, bool)
+        for _ in range(_DEEPEST if self.plan.size > 1 else 1):
+            _, here = self.plan.look(self.system, t, x, outcomes)
+            if self.plan.on_state:
+                by_time, rows, _ = self._slopes(t, x, outcomes, None)
+                near = (jnp.abs(here.margins) <= self._noise(t, x, by_time, rows)) & ~of_time
+            outcomes = jnp.where(run.held | near, outcomes, here.outcomes)
+        if not self.plan.on_state:
+            return Branch.of(outcomes)
+        first = ~run.begun
+        crossed = run.crossed | (first & near)
+        _, here = self.plan.look(self.system, t, x, outcomes)
+        before = jnp.where(first, here.beyond, run.branch.before)
+        before = jnp.where(crossed, before, outcomes)
+        on = jnp.argmax(crossed)
+        towards = self.way * self._own_slope(t, x, before, on)
+        away = self.way * self._own_slope(t, x, outcomes, on)
+        back = crossed.any() & (away < 0)
+        slides, returns = back & (towards < 0), back & ~(towards < 0)
+        new = Branch(
+            outcomes=jnp.where(returns, before, outcomes),
+            before=before,
+            surface=crossed & slides,
+            slides=slides,
+        )
+        surface = run.branch.surface
+        going_on = Branch(
+            outcomes, jnp.where(surface, run.branch.before, outcomes), surface, run.branch.slides
+        )
+        return jax.tree.map(lambda a, b: jnp.where(run.branch.slides, a, b), going_on, new)
+
+    def _own_slope(self, t: Array, x: Array, outcomes: Array, which: Array) -> Array:
+        """() slope of a margin along the motion in its own branch."""
+        rate = InBranch(self.system, Branch.of(outcomes)).side(t, x, outcomes)[0]
+
+        def margin(t, x):
+            return self.plan.look(self.system, t, x, outcomes)[1].margins[which]
+
+        return jax.jvp(margin, (t, x), (jnp.ones_like(t), rate))[1]
+
+    def _slopes(self, t: Array, x: Array, outcomes: Array, field: InBranch | None):
+        """(e,) and (e, k) derivatives of margins by time and state, (e,) slopes along a motion."""
+
+        def margins(t, x):
+            return self.plan.look(self.system, t, x, outcomes)[1].margins
+
+        by_time, rows = jax.jacfwd(margins, argnums=(0, 1))(t, x)
+        if field is None:
+            return by_time, rows, by_time
+        return by_time, rows, by_time + jnp.sum(rows * field.rate(t, x)[None], 1)
+
+    @staticmethod
+    def _noise(t: Array, x: Array, by_time: Array, rows: Array) -> Array:
+        """(e,) margins up to this may be rounding."""
+        size = jnp.sum(jnp.abs(rows * x[None]), 1) + jnp.abs(t * by_time)
+        return _ROUNDINGS * jnp.finfo(x.dtype).eps * jnp.where(jnp.isfinite(size), size, 0.0)
+
+    def _after_switch(self, run: _Run, branch: Branch) -> Array:
+        """The state, and tangents as the saltation matrix changes them."""
+        if run.y.ndim == 1:
+            return run.y
+        changed = jnp.asarray(self.plan.of_time) & (branch.outcomes != run.old.outcomes)
+        margins = self.plan.look(self.system, run.t, _state(run.y), run.old.outcomes)[1].margins
+        nearest = jnp.argmin(jnp.where(changed, jnp.abs(margins), jnp.inf))
+        which = jnp.where(run.crossed.any(), jnp.argmax(run.crossed), nearest)
+        jumps = run.begun & (run.crossed.any() | changed.any())
+        after = jump(self.field, run.t, run.y, run.old, branch, which)
+        return jnp.where(jumps, after, run.y)

@@ -1,0 +1,486 @@
+"""A rate in one branch: every condition of its program keeps an outcome that is given.
+
+A rate with conditions (``where``, ``sign``, ``abs``, ``max``, ``floor``, ``mod``, tables, ...) is
+smooth between the times at which one of them changes. `Walk` repeats the program of a rate with
+the outcome of each condition as an argument, the branch, so that a step across such a time knows
+nothing of the other side. Beside the rate it returns how far each condition is from changing, its
+margin, and the outcomes that hold at the point.
+
+What a condition is, and its margin:
+
+- a comparison a < b: b - a where it holds, a - b where it does not; ``max``, ``min``, ``abs``,
+  ``sign`` and ``clamp`` are made of comparisons;
+- ``floor``, ``ceil``, ``round``, ``rem``, a conversion to integers: the distance from the next
+  whole number;
+- the place of a number in a table (``searchsorted``, and so ``interp``): the distance to the
+  nearest of the two knots beside it.
+
+Equality is no condition: programs ask for it in order to guard a removable singularity, and it
+holds at single points only. Conditions on numbers of the scene alone are evaluated as they stand.
+Those within loops of unknown length, and choices such as the pivots of a linear system, cannot be
+read; `Walk.unread` names them.
+"""
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.extend
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn._numerics import SMOOTH
+
+#: What a value depends on: time and state, along a motion (it moves), or through outcomes of
+#: conditions only (it jumps, and is constant in a branch).
+BY_TIME, BY_STATE, JUMPS_IN_TIME, JUMPS_WITH_STATE = 1, 2, 4, 8
+_MOVES = BY_TIME | BY_STATE
+OF_TIME, OF_STATE = BY_TIME | JUMPS_IN_TIME, BY_STATE | JUMPS_WITH_STATE
+
+_COMPARISONS = ("lt", "le", "gt", "ge", "lt_to", "le_to")
+#: Operations that call a program, also those with rules of their own for derivatives.
+CALLS = frozenset({"jit", "pjit", "closed_call", "core_call", "remat", "remat2", "checkpoint"}) | {
+    *("custom_jvp_call", "custom_vjp_call", "custom_vjp_call_jaxpr")
+}
+_TABLE = "searchsorted"
+#: Rounds of a loop with conditions up to which it is written out.
+_LONGEST_LOOP = 100
+#: Margin of a condition without one, such as at infinity.
+_FAR = 1e300
+
+
+class Value(NamedTuple):
+    """A value of a program.
+
+    Attributes:
+      array: the value; None where it is not computed.
+      on: what it depends on, a sum of `BY_TIME`, ...
+      degree: of the polynomial in time that it is where it depends on time alone; infinite if it
+        is none.
+    """
+
+    array: Any
+    on: int = 0
+    degree: float = 0.0
+
+
+class Condition(NamedTuple):
+    """A condition of a program, or several in one array.
+
+    Attributes:
+      kind: "compare", "whole" or "table".
+      on: what it depends on.
+      size: number of its entries.
+    """
+
+    kind: str
+    on: int
+    size: int
+
+    @property
+    def of_time(self) -> bool:
+        """Whether it depends on time and not on the state."""
+        return not self.on & OF_STATE
+
+
+class Walk:
+    """One evaluation of a program in a branch.
+
+    Args:
+      branch: (e,) outcomes; None for those that hold at the point.
+      time_only: leave out what depends on the state.
+
+    Attributes:
+      conditions: those met so far.
+      outcomes: of each, as a vector; likewise the margins and the outcomes beyond.
+      unread: names of operations that may hide conditions.
+      partial: whether a function of the state is not defined everywhere, such as a root.
+      leaves: values of time alone that meet the state, or are a result.
+    """
+
+    def __init__(self, branch: Array | None, time_only: bool = False):
+        self.branch, self.time_only = branch, time_only
+        self.conditions: list[Condition] = []
+        self.outcomes: list[Array] = []
+        self.margins: list[Array] = []
+        self.beyond: list[Array] = []
+        self.unread: set[str] = set()
+        self.partial = False
+        self.leaves: list[Value] = []
+        self._made: dict[int, tuple[str, list[Value]]] = {}
+        self._kept: list[Value] = []
+
+    @property
+    def size(self) -> int:
+        """Number of entries of a branch so far."""
+        return sum(c.size for c in self.conditions)
+
+    def program(self, closed, args: Sequence[Value]) -> list[Value]:
+        """The results of a program."""
+        return self._program(closed.jaxpr, [Value(c) for c in closed.consts], args)
+
+    def _program(self, jaxpr, consts, args) -> list[Value]:
+        values = dict(zip(jaxpr.constvars, consts, strict=True))
+        values |= dict(zip(jaxpr.invars, args, strict=True))
+
+        def read(atom) -> Value:
+            if isinstance(atom, jax.extend.core.Literal):
+                return Value(atom.val)
+            return values[atom]
+
+        for eqn in jaxpr.eqns:
+            found = self._applied(eqn, [read(a) for a in eqn.invars])
+            values |= dict(zip(eqn.outvars, found, strict=True))
+        return [read(a) for a in jaxpr.outvars]
+
+    def _applied(self, eqn, args: list[Value]) -> list[Value]:
+        name, params = eqn.primitive.name, eqn.params
+        on = functools.reduce(lambda a, b: a | b.on, args, 0)
+        if on & _MOVES:
+            rule = _RULES.get(name)
+            if rule is not None and _is_condition(eqn):
+                return [rule(self, eqn, args)]
+            if name in CALLS:
+                if params.get("name") == _TABLE and len(args) == 2 and not args[0].on & _MOVES:
+                    return [self._table(*args)]
+                inner = params.get("jaxpr") or params.get("call_jaxpr") or params["fun_jaxpr"]
+                # Also where only the degrees of time's polynomials are to be followed.
+                enter = _may_switch(inner) or (self.time_only and on & BY_TIME)
+                if enter and not str(params.get("name", "")).startswith(SMOOTH):
+                    closed = inner if hasattr(inner, "consts") else _closed(inner)
+                    return self.program(closed, args)
+            elif name == "cond" and _may_switch(*params["branches"]):
+                return self._chosen(params["branches"], args)
+            elif name == "scan" and _may_switch(params["jaxpr"]):
+                if params["length"] <= _LONGEST_LOOP:
+                    return self._written_out(eqn, args)
+                self.unread.add("a loop of many rounds with conditions")
+            elif name == "while" and _may_switch(params["body_jaxpr"], params["cond_jaxpr"]):
+                self.unread.add("a loop of unknown length")
+        return self._as_it_stands(eqn, args, on)
+
+    def _as_it_stands(self, eqn, args: list[Value], on: int) -> list[Value]:
+        if on & OF_STATE:
+            for x in args:
+                self._meets_state(x)
+        if self.time_only and on & OF_STATE:
+            return [Value(None, on, math.inf) for _ in eqn.outvars]
+        if eqn.primitive.name == "mul" and any(map(_is_zero, args)):
+            on = 0  # as in what makes a zero of the type and shape of another number
+        self.partial |= eqn.primitive.name in _PARTIAL and bool(args[0].on & BY_STATE)
+        degree = _degree(eqn.primitive.name, eqn.params, args) if on & BY_TIME else 0.0
+        found = bound(eqn, [x.array for x in args])
+        made = [Value(x, on, degree) for x in found]
+        if self.time_only and on & BY_TIME:
+            for value in made:
+                self._made[id(value.array)] = (eqn.primitive.name, args)
+                self._kept.append(value)
+        return made
+
+    def _meets_state(self, x: Value) -> None:
+        """Note a value of time alone that an operation on the state uses, term by term."""
+        if not x.on & BY_TIME or x.on & OF_STATE or x.degree <= _TRIVIAL_DEGREE:
+            return
+        name, args = self._made.get(id(x.array), ("", []))
+        if name in _TERM_BY_TERM:
+            for part in args:
+                self._meets_state(part)
+        elif not any(x.array is leaf.array for leaf in self.leaves):
+            self.leaves.append(x)
+
+    def results(self, values: Sequence[Value]) -> None:
+        """Note the results of the program, which meet the state as well."""
+        for x in values:
+            self._meets_state(x)
+
+    def condition(self, kind: str, args: list[Value], at: Callable) -> tuple[Any, int]:
+        """The outcome of a condition in the branch, and what it depends on.
+
+        Args:
+          kind: of `Condition`.
+          args: its arguments.
+          at: of the outcome in the branch, or None for the one at the point: the outcome at the
+            point, the margin of the outcome in the branch, and the outcome beyond.
+        Returns:
+          None for the outcome where only what depends on time is computed.
+        """
+        moves = functools.reduce(lambda a, b: a | b.on, args, 0)
+        on = moves | ((moves & _MOVES) << 2)
+        jumps = on & (JUMPS_IN_TIME | JUMPS_WITH_STATE)
+        if self.time_only and on & OF_STATE:
+            for x in args:
+                self._meets_state(x)
+            return None, jumps
+        shape = np.broadcast_shapes(*(np.shape(x.array) for x in args))
+        first, size = self.size, math.prod(shape)
+        given = None
+        if self.branch is not None:
+            given = self.branch[first : first + size].reshape(shape)
+        here, margin, beyond = at(given)
+        self.conditions.append(Condition(kind, on, size))
+        flat = lambda x: jnp.broadcast_to(x, shape).astype(float).ravel()  # noqa: E731
+        margin = jnp.where(jnp.isnan(margin), _FAR, jnp.clip(margin, -_FAR, _FAR))
+        self.outcomes.append(flat(here))
+        self.margins.append(flat(margin))
+        self.beyond.append(flat(beyond))
+        return (jnp.broadcast_to(here, shape).astype(float) if given is None else given), jumps
+
+    def holds(self, a: Value, b: Value, strict: bool = True) -> tuple[Any, int]:
+        """Whether a < b in the branch, or a <= b, as 0 or 1."""
+
+        def at(given):
+            here = (a.array < b.array if strict else a.array <= b.array).astype(float)
+            held = here if given is None else given
+            return here, (2.0 * held - 1.0) * (b.array - a.array), 1.0 - held
+
+        return self.condition("compare", [a, b], at)
+
+    def _table(self, knots: Value, x: Value) -> Value:
+        places, n = jnp.asarray(knots.array), np.shape(knots.array)[0]
+
+        def at(given):
+            here = jnp.searchsorted(places, x.array)
+            held = here if given is None else given.astype(int)
+            below = jnp.where(held > 0, places[jnp.clip(held - 1, 0, n - 1)], -jnp.inf)
+            above = jnp.where(held < n, places[jnp.clip(held, 0, n - 1)], jnp.inf)
+            low, high = x.array - below, above - x.array
+            step = jnp.where(low < high, -1, 1)
+            return here.astype(float), jnp.minimum(low, high), (held + step).astype(float)
+
+        found, on = self.condition("table", [x], at)
+        kind = jnp.searchsorted(jnp.zeros(1), 0.0).dtype
+        return Value(None if found is None else found.astype(kind), on)
+
+    def _chosen(self, branches, args: list[Value]) -> list[Value]:
+        """All branches of a choice, so that the conditions within each are read."""
+        which, rest = args[0], args[1:]
+        every = [self.program(branch, rest) for branch in branches]
+        if which.array is None:
+            return [Value(None, which.on | x.on, math.inf) for x in every[0]]
+        found = []
+        for cases in zip(*every, strict=True):
+            on = functools.reduce(lambda a, b: a | b.on, cases, which.on)
+            if any(x.array is None for x in cases):
+                found.append(Value(None, on, math.inf))
+                continue
+            pick = jnp.clip(jnp.asarray(which.array).astype(int), 0, len(cases) - 1)
+            arrays = [jnp.asarray(x.array) for x in cases]
+            value = arrays[0]
+            for i, other in enumerate(arrays[1:], 1):
+                value = jnp.where(pick == i, other, value)
+            found.append(Value(value, on, math.inf if on & BY_TIME else 0.0))
+        return found
+
+    def _written_out(self, eqn, args: list[Value]) -> list[Value]:
+        """A loop of known length, round by round."""
+        params = eqn.params
+        body, length = params["jaxpr"], params["length"]
+        n, m = loop_parts(params, len(args))
+        consts, carry, rows = args[:n], args[n : n + m], args[n + m :]
+        collected: list[list[Value]] = []
+        for i in range(length):
+            at = length - 1 - i if params["reverse"] else i
+            row = [x if x.array is None else x._replace(array=x.array[at]) for x in rows]
+            found = self.program(body, [*consts, *carry, *row])
+            carry = found[:m]
+            collected.append(found[m:])
+        if params["reverse"]:
+            collected.reverse()
+        outs = []
+        for column, var in zip(zip(*collected, strict=True), eqn.outvars[m:], strict=True):
+            on = functools.reduce(lambda a, b: a | b.on, column, 0)
+            missing = any(x.array is None for x in column)
+            shape = var.aval.shape
+            array = None if missing else jnp.stack([jnp.asarray(x.array) for x in column])
+            assert array is None or array.shape == shape
+            outs.append(Value(array, on, math.inf if on & BY_TIME else 0.0))
+        return [*carry, *outs]
+
+
+#: Degree in time up to which a polynomial hides nothing from a step.
+_TRIVIAL_DEGREE = 3.0
+#: Functions that are not defined for all numbers.
+_PARTIAL = frozenset({"pow", "sqrt", "rsqrt", "log", "log1p", "asin", "acos", "acosh", "atanh"})
+#: Operations whose operands are looked at one by one: a small pulse beside a large drive.
+_TERM_BY_TERM = frozenset(
+    {"add", "sub", "neg", "add_any", "stack", "concatenate", "broadcast_in_dim", "reshape"}
+) | {"squeeze", "convert_element_type", "copy", "slice", "reduce_sum"}
+
+
+def _degree(name: str, params, args: list[Value]) -> float:
+    """Degree in time of a result, if it is a polynomial."""
+    degrees = [x.degree for x in args]
+    if name in _TERM_BY_TERM or name in ("transpose", "rev", "pad", "select_n", "expand_dims"):
+        return max(degrees)
+    if name in ("mul", "dot_general"):
+        return sum(degrees)
+    if name == "div" and degrees[1] == 0:
+        return degrees[0]
+    if name == "integer_pow" and params["y"] > 0:
+        return degrees[0] * params["y"]
+    if name == "square":
+        return degrees[0] * 2
+    return math.inf
+
+
+def loop_parts(params: dict, n: int) -> tuple[int, int]:
+    """Numbers of constants and of carried values of a ``scan``, whatever JAX's version."""
+    if "num_consts" in params:
+        return params["num_consts"], params["num_carry"]
+    raise NotImplementedError(sorted(params))
+
+
+def _closed(jaxpr):
+    return jax.extend.core.ClosedJaxpr(jaxpr, ())
+
+
+@functools.lru_cache(maxsize=1024)
+def _switches(jaxpr) -> bool:
+    for eqn in jaxpr.eqns:
+        if eqn.primitive.name in _RULES and _is_condition(eqn):
+            return True
+        for value in eqn.params.values():
+            for inner in value if isinstance(value, tuple | list) else (value,):
+                inner = getattr(inner, "jaxpr", inner)
+                if hasattr(inner, "eqns") and _switches(inner):
+                    return True
+    return False
+
+
+def _is_zero(x: Value) -> bool:
+    known = not x.on and not isinstance(x.array, jax.core.Tracer | jax.Array)
+    return known and not np.any(x.array)
+
+
+def _is_condition(eqn) -> bool:
+    """Whether an operation that may be a condition is one for its types of numbers."""
+    of = eqn.invars[1 if eqn.primitive.name == "clamp" else 0].aval.dtype
+    if eqn.primitive.name == "convert_element_type":
+        wanted = eqn.params["new_dtype"]
+        return jnp.issubdtype(of, jnp.floating) and jnp.issubdtype(wanted, jnp.integer)
+    return jnp.issubdtype(of, jnp.floating)
+
+
+def _may_switch(*programs) -> bool:
+    """Whether programs contain operations that may be conditions."""
+    return any(_switches(getattr(p, "jaxpr", p)) for p in programs)
+
+
+def bound(eqn, args: list) -> Sequence[Any]:
+    """The results of an operation of a program for other arguments."""
+    """The results of an operation of a program for other arguments."""
+    given = eqn.primitive.get_bind_params(eqn.params)
+    # Until JAX 0.9 a pair: functions, and the other parameters.
+    functions, params = ((), given) if isinstance(given, dict) else given
+    found = eqn.primitive.bind(*functions, *args, **params)
+    return found if eqn.primitive.multiple_results else [found]
+
+
+def _compare(walk: Walk, eqn, args: list[Value]) -> Value:
+    name = eqn.primitive.name
+    a, b = args if name[0] == "l" else args[::-1]
+    found, on = walk.holds(a, b, strict=name[:2] in ("lt", "gt"))
+    return Value(None if found is None else found > 0.5, on)
+
+
+def _select(which, no: Value, yes: Value, on: int, walk: Walk) -> Value:
+    """One of two values by an outcome of 0 or 1."""
+    on = on | no.on | yes.on
+    if which is None or no.array is None or yes.array is None:
+        for x in (no, yes):
+            walk._meets_state(x)
+        return Value(None, on, math.inf)
+    array = jnp.where(which > 0.5, yes.array, no.array)
+    value = Value(array, on, max(no.degree, yes.degree))
+    if walk.time_only and on & BY_TIME:
+        walk._made[id(array)] = ("select", [no, yes])
+        walk._kept.append(value)
+    return value
+
+
+def _sign(walk: Walk, eqn, args: list[Value]) -> Value:
+    (x,) = args
+    found, on = walk.holds(Value(jnp.zeros_like(x.array) if x.array is not None else None), x)
+    return Value(None if found is None else 2.0 * found - 1.0, on)
+
+
+def _abs(walk: Walk, eqn, args: list[Value]) -> Value:
+    (x,) = args
+    zero = Value(None if x.array is None else jnp.zeros_like(x.array), x.on)
+    found, on = walk.holds(zero, x)
+    minus = x if x.array is None else x._replace(array=-x.array)
+    return _select(found, minus, x, on, walk)
+
+
+def _larger(walk: Walk, eqn, args: list[Value]) -> Value:
+    a, b = args
+    found, on = walk.holds(a, b)
+    ends = (a, b) if eqn.primitive.name == "max" else (b, a)
+    return _select(found, *ends, on, walk)
+
+
+def _clamped(walk: Walk, eqn, args: list[Value]) -> Value:
+    low, x, high = args
+    below, on = walk.holds(x, low)
+    x = _select(below, x, low, on, walk)
+    above, on = walk.holds(high, x)
+    return _select(above, x, high, on, walk)
+
+
+def _whole(walk: Walk, eqn, args: list[Value]) -> Value:
+    """``floor``, ``ceil``, ``round`` and conversions to integers."""
+    (x,), name = args, eqn.primitive.name
+    rounds = {"floor": jnp.floor, "ceil": jnp.ceil, "round": jnp.round}
+    rounded = rounds.get(name, jnp.trunc)
+
+    def at(given):
+        here = rounded(x.array)
+        n = here if given is None else given
+        low, high = _region(name, n)
+        left, right = x.array - low, high - x.array
+        return here, jnp.minimum(left, right), n + jnp.where(left < right, -1.0, 1.0)
+
+    found, on = walk.condition("whole", [x], at)
+    if found is not None and name == "convert_element_type":
+        found = found.astype(eqn.params["new_dtype"])
+    return Value(found, on)
+
+
+def _region(name: str, n: Array) -> tuple[Array, Array]:
+    """The numbers that are rounded to n."""
+    if name == "floor":
+        return n, n + 1.0
+    if name == "ceil":
+        return n - 1.0, n
+    if name == "round":
+        return n - 0.5, n + 0.5
+    return jnp.where(n > 0, n, n - 1.0), jnp.where(n < 0, n, n + 1.0)
+
+
+def _remainder(walk: Walk, eqn, args: list[Value]) -> Value:
+    """x - n d, where n is the whole part of x / d."""
+    x, d = args
+
+    def at(given):
+        here = jnp.trunc(x.array / d.array)
+        n = here if given is None else given
+        low, high = _region("trunc", n)
+        left, right = x.array / d.array - low, high - x.array / d.array
+        return here, jnp.minimum(left, right), n + jnp.where(left < right, -1.0, 1.0)
+
+    found, on = walk.condition("whole", [x, d], at)
+    on = on | x.on | d.on
+    if found is None:
+        return Value(None, on, math.inf)
+    return Value(x.array - found * d.array, on, x.degree if not d.on else math.inf)
+
+
+_RULES: dict[str, Callable[[Walk, Any, list[Value]], Value]] = {
+    **dict.fromkeys(_COMPARISONS, _compare),
+    **{"sign": _sign, "abs": _abs, "max": _larger, "min": _larger, "clamp": _clamped},
+    **dict.fromkeys(("floor", "ceil", "round", "convert_element_type"), _whole),
+    "rem": _remainder,
+}

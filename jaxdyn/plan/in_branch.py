@@ -1,0 +1,158 @@
+"""A field in one branch of its conditions, or sliding along the surface between two.
+
+`in_branch` puts the branch below whatever wraps a field, such as its variational equations. On a
+surface from both sides of which the motion is pushed back it slides (Filippov, 1988, Differential
+Equations with Discontinuous Righthand Sides): the rate is the mean of those of both sides that is
+tangent to the surface.
+"""
+
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn.plan.plan import Conditions, plan_of
+
+
+class Branch(NamedTuple):
+    """The outcomes of the conditions of a rate along a piece of a motion.
+
+    Attributes:
+      outcomes: (e,) of all conditions; on the side to which a sliding motion was going.
+      before: (e,) those on the side from which a sliding motion came.
+      surface: (e,) whether each condition changes on the surface of sliding.
+      slides: () whether the motion slides.
+    """
+
+    outcomes: Array
+    before: Array
+    surface: Array
+    slides: Array
+
+    @classmethod
+    def of(cls, outcomes: Array) -> "Branch":
+        """Outcomes of a motion that does not slide."""
+        return cls(outcomes, outcomes, jnp.zeros(outcomes.shape, bool), jnp.zeros((), bool))
+
+
+@runtime_checkable
+class Wrapper(Protocol):
+    """A field around another: its variational equations, or with noise.
+
+    Attributes:
+      field: the other one.
+    """
+
+    field: Any
+
+    def around(self, change, branch: Any) -> Any:
+        """The same around ``change(field, branch)``."""
+
+
+def in_branch(field: Any, branch: Any) -> Any:
+    """A field, or what is around one, in a branch."""
+    if isinstance(field, Wrapper):
+        return field.around(in_branch, branch)
+    return InBranch(field, branch)
+
+
+def without_wrappers(field: Any) -> Any:
+    """The field of a system, below its variational equations and noise."""
+    while isinstance(field, Wrapper | InBranch):
+        field = field.field
+    return field
+
+
+def jump(field: Any, t: Array, y: Array, old: Branch, new: Branch, which: Array) -> Array:
+    """A state with tangents after a switch, by whatever is around a field.
+
+    Args:
+      field: see `flow`.
+      t: () time of the switch.
+      y: (k, ...) state before.
+      old: branch before.
+      new: branch after.
+      which: () number of the condition that changes.
+    """
+    change = getattr(field, "jump", None)
+    return y if change is None else change(t, y, old, new, which)
+
+
+class InBranch(NamedTuple):
+    """A field whose conditions have given outcomes.
+
+    Attributes:
+      field: has ``rate``, ``project``, ``undetermined`` and ``loses``; a pytree of its numbers.
+      branch: see `Branch`.
+    """
+
+    field: Any
+    branch: Branch
+
+    def rate(self, t: Array, y: Array) -> Array:
+        """The rate (k,) in the branch."""
+        plan = plan_of(self.field, len(y))
+        if not plan.on_state:
+            return self._plain(t, y)
+        return jax.lax.cond(self.branch.slides, self._sliding, self._plain, t, y)
+
+    def _plain(self, t: Array, y: Array) -> Array:
+        return self.side(t, y, self.branch.outcomes)[0]
+
+    def _sliding(self, t: Array, y: Array) -> Array:
+        both, towards = self._sides(t, y)
+        part = towards[0] / (towards[0] - towards[1])
+        return both[0] + part * (both[1] - both[0])
+
+    def _sides(self, t: Array, y: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """The rates before and behind the surface, and how fast they leave it for before."""
+        branch = self.branch
+        before, behind = (self.side(t, y, x)[0] for x in (branch.before, branch.outcomes))
+
+        def margin(t, y):
+            margins = self.side(t, y, branch.before)[1].margins
+            return margins[jnp.argmax(branch.surface)]
+
+        slopes = (jax.jvp(margin, (t, y), (jnp.ones_like(t), rate))[1] for rate in (before, behind))
+        return (before, behind), tuple(slopes)
+
+    def side(self, t: Array, y: Array, outcomes: Array) -> tuple[Array, Conditions]:
+        """The rate, and the conditions, for other outcomes.
+
+        Beyond a surface where a branch is not defined, as max(0, -x)^1.5 for x > 0, the rate is the
+        one that the program gives there: a trial step passes a little beyond.
+        """
+        plan = plan_of(self.field, len(y))
+        rate, conditions = plan.look(self.field, t, y, outcomes)
+        if plan.partial:
+            rate = jnp.where(jnp.isnan(rate), plan.look(self.field, t, y)[0], rate)
+        return rate, conditions
+
+    def margins(self, t: Array, y: Array) -> Array:
+        """(e + 2,) numbers whose fall through 0 ends the branch.
+
+        The margins of the conditions on the state, and of a sliding motion how strongly either side
+        pushes towards the surface: that before it, and that behind it.
+        """
+        plan, branch = plan_of(self.field, len(y)), self.branch
+        margins = self.side(t, y, branch.outcomes)[1].margins
+        margins = jnp.where(plan.of_time | branch.surface, 1.0, margins)
+
+        def pushes(t, y):
+            return jnp.stack([-1.0, 1.0]) * jnp.stack(self._sides(t, y)[1])
+
+        held = jax.lax.cond(branch.slides, pushes, lambda t, y: jnp.ones(2), t, y)
+        return jnp.concatenate([margins, held])
+
+    def project(self, t: Array, y: Array) -> Array:
+        """The nearest state that satisfies the system's constraints."""
+        return self.field.project(t, y)
+
+    def undetermined(self, t: Array, y: Array) -> Array | None:
+        """Whether () the constraints leave the acceleration undetermined at a state (k,)."""
+        return self.field.undetermined(t, y)
+
+    def loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array | None:
+        """Whether () a step may pass a state that leaves the acceleration undetermined."""
+        return self.field.loses(t0, y0, t1, y1)

@@ -1,0 +1,189 @@
+"""What is true of a kind of scene, found out once: how its rate depends on time, its conditions.
+
+A `Plan` is read from the program of a rate (`branches`), not from values at a few points. It is the
+same for all scenes of a kind, whatever their numbers, and is kept with the kind.
+"""
+
+import functools
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, PyTree
+
+from jaxdyn.plan.bounds import Bounds, as_bounds, enclosed
+from jaxdyn.plan.branches import (
+    BY_STATE,
+    BY_TIME,
+    OF_TIME,
+    Condition,
+    Value,
+    Walk,
+)
+
+
+class Conditions(NamedTuple):
+    """The conditions of a rate at a point of a motion.
+
+    Attributes:
+      outcomes: (e,) those that hold there, each in the branch of those before it.
+      margins: (e,) how far each is from changing in the branch: negative beyond.
+      beyond: (e,) the outcomes on the other side of the nearest change.
+    """
+
+    outcomes: Array
+    margins: Array
+    beyond: Array
+
+
+_KINDS = 256  # of rates whose plans are kept
+
+
+class Plan:
+    """The plan of a kind of rate.
+
+    Attributes:
+      depends_on_time: whether the rate does; where not, that is proved.
+      conditions: in the order in which the program meets them.
+      of_time: (e,) for each entry of a branch, whether it depends on time alone.
+      unread: names of operations that may hide conditions.
+      partial: whether the rate contains functions that are not defined for all states.
+      hides: whether parts of the rate that depend on time alone may act so briefly that a step
+        would pass over them.
+    """
+
+    def __init__(self, program: Any, tree: Any, leaves: list, t: Any, y: Any):
+        self._program, self._tree, self._leaves = program, tree, leaves
+        found: list[Walk] = []
+        results: list[int] = []
+
+        def walk(leaves, t, y):
+            whole = Walk(None)
+            (rate,) = whole.program(program, _inputs(leaves, t, y))
+            results.append(rate.on)
+            part = Walk(None, time_only=True)
+            part.results(part.program(program, _inputs(leaves, t, y)))
+            found.extend([whole, part])
+            return rate.array
+
+        jax.eval_shape(walk, leaves, t, y)
+        whole, part = found
+        self.depends_on_time = bool(results[0] & OF_TIME)
+        self.conditions: tuple[Condition, ...] = tuple(whole.conditions)
+        sides = [np.full(c.size, c.of_time) for c in self.conditions]
+        self.of_time = np.concatenate([np.zeros(0, bool), *sides])
+        self.unread = frozenset(whole.unread)
+        self.hides = bool(part.leaves)
+        self.partial = whole.partial
+
+    @property
+    def size(self) -> int:
+        """Number of entries of a branch."""
+        return len(self.of_time)
+
+    @property
+    def timed(self) -> bool:
+        """Whether steps have to look at parts of the rate that depend on time alone."""
+        return self.hides or bool(self.of_time.any())
+
+    @property
+    def on_state(self) -> bool:
+        """Whether any condition depends on the state."""
+        return bool((~self.of_time).any())
+
+    def look(self, system: PyTree, t: Array, y: Array, branch: Array | None = None):
+        """The rate (k,) of a system of this kind in a branch (e,), and its `Conditions` there.
+
+        Without a branch in that of the outcomes at the point.
+        """
+        walk = Walk(branch)
+        leaves = jax.tree.leaves(system)
+        (rate,) = walk.program(self._program, _inputs(leaves, t, y))
+        return rate.array, _conditions(walk)
+
+    def time_parts(self, system: PyTree, t: Array, branch: Array | None) -> Array:
+        """(u,) the parts of the rate that depend on time alone, in a branch (e,)."""
+        return jnp.concatenate([jnp.zeros(0), *map(jnp.ravel, self._in_time(system, t, branch)[0])])
+
+    def time_conditions(self, system: PyTree, t: Array, branch: Array | None) -> Conditions:
+        """The conditions that depend on time alone, in a branch (e,)."""
+        return self._in_time(system, t, branch)[1]
+
+    def _in_time(self, system: PyTree, t: Array, branch: Array | None):
+        walk = Walk(None if branch is None else branch[np.flatnonzero(self.of_time)], True)
+        leaves = jax.tree.leaves(system)
+        walk.results(walk.program(self._program, _inputs(leaves, t, None)))
+        return [jnp.asarray(x.array, float) for x in walk.leaves], _conditions(walk)
+
+    def bounds_of_parts(self, system: PyTree, low: Array, high: Array, branch: Array) -> Bounds:
+        """(u,) bounds of `time_parts` from one time to another.
+
+        The narrower of those of their formulas, and those by their slopes about the middle.
+        """
+        given = [*jax.tree.leaves(system), branch]
+        parts, slopes, _ = self._programs
+        (plain,) = enclosed(parts, [*given, Bounds(low, high)])
+        (slope,) = enclosed(slopes, [*given, Bounds(low, high)])
+        plain, slope = as_bounds(plain), as_bounds(slope)
+        (middle,) = enclosed(parts, [*given, 0.5 * (low + high)])
+        most = 0.5 * (high - low) * jnp.maximum(jnp.abs(slope.low), jnp.abs(slope.high))
+        most = jnp.where(jnp.isnan(most), jnp.inf, most)
+        return Bounds(jnp.maximum(plain.low, middle - most), jnp.minimum(plain.high, middle + most))
+
+    def bounds_of_margins(self, system: PyTree, low: Array, high: Array, branch: Array) -> Bounds:
+        """Bounds of the margins of `time_conditions` from one time to another."""
+        given = [*jax.tree.leaves(system), branch]
+        (found,) = enclosed(self._programs[2], [*given, Bounds(low, high)])
+        return as_bounds(found)
+
+    @functools.cached_property
+    def _programs(self) -> tuple:
+        """Programs of (leaves, branch, time): time parts, their slopes, margins in time."""
+        shapes = [*self._leaves, jax.ShapeDtypeStruct((self.size,), float), _TIME]
+
+        def parts(*given):
+            *leaves, branch, t = given
+            return self.time_parts(jax.tree.unflatten(self._tree, leaves), t, branch)
+
+        def slopes(*given):
+            *rest, t = given
+            return jax.jvp(lambda t: parts(*rest, t), (t,), (jnp.ones_like(t),))[1]
+
+        def margins(*given):
+            *leaves, branch, t = given
+            system = jax.tree.unflatten(self._tree, leaves)
+            return self.time_conditions(system, t, branch).margins
+
+        with jax.ensure_compile_time_eval():
+            return tuple(jax.make_jaxpr(f)(*shapes) for f in (parts, slopes, margins))
+
+
+_TIME = jax.ShapeDtypeStruct((), np.dtype(float))
+
+
+def _inputs(leaves: list, t: Any, y: Any) -> list[Value]:
+    return [*map(Value, leaves), Value(t, BY_TIME, 1.0), Value(y, BY_STATE, float("inf"))]
+
+
+def _conditions(walk: Walk) -> Conditions:
+    columns = walk.outcomes, walk.margins, walk.beyond
+    return Conditions(*(jnp.concatenate([jnp.zeros(0), *parts]) for parts in columns))
+
+
+def plan_of(system: PyTree, k: int) -> Plan:
+    """The plan of a system with ``rate(t, y)`` of a state (k,), a pytree of its numbers."""
+    leaves, tree = jax.tree.flatten(system)
+    return _plan(tree, tuple((np.shape(x), jnp.result_type(x)) for x in leaves), k)
+
+
+@functools.lru_cache(maxsize=_KINDS)
+def _plan(tree, kinds: tuple, k: int) -> Plan:
+    leaves = [jax.ShapeDtypeStruct(*kind) for kind in kinds]
+    t, y = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((k,), float)
+
+    def rate(*given):
+        *leaves, t, y = given
+        return jax.tree.unflatten(tree, leaves).rate(t, y)
+
+    return Plan(jax.make_jaxpr(rate)(*leaves, t, y), tree, leaves, t, y)

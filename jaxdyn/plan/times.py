@@ -1,0 +1,109 @@
+"""What a step must not pass over: brief parts of a rate that depend on time alone, switching times.
+
+Both are found from bounds over an interval (`bounds`), so that a pulse or a switch is seen wherever
+it is and however short, where the operations it is made of have bounds.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, PyTree
+
+from jaxdyn.plan.plan import Plan
+
+#: Places in a step at which parts of time are sampled, as fractions of it: no simple ones, and not
+#: its ends, as a method may look at them once or not at all.
+_PLACES = np.array([0.103, 0.347, 0.611, 0.869])
+#: Times as large as the range of the samples that the range of a part in a step may be. A method
+#: that sees an eighth of a variation judges the step by its error.
+_MOST_UNSEEN = 8.0
+#: Range that is small enough not to matter, relative to a part in the step and in the whole span.
+_SMALL_HERE, _SMALL_EVER = 1e-3, 1e-12
+#: Halvings of a step at most: a pulse of 1e-9 of it is looked for.
+_MOST_HALVINGS = 30
+#: Times in a span that are told from each other at least.
+_LEAST = 2.0**-60
+#: Intervals that are looked at for a switching time at most.
+_MOST_INTERVALS = 100_000
+
+
+def sizes(plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array) -> Array:
+    """(u,) the largest size that each part in time may have in a span; 0 where it is unknown."""
+    found = plan.bounds_of_parts(system, jnp.minimum(t0, t1), jnp.maximum(t0, t1), branch)
+    most = jnp.maximum(jnp.abs(found.low), jnp.abs(found.high))
+    return jnp.where(jnp.isfinite(most), most, 0.0)
+
+
+def furthest_seen(
+    plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array, sizes: Array
+) -> Array:
+    """() the end of the longest step from t0 towards t1 in which no part in time is hidden.
+
+    Of the steps t1 - t0, half of it, and so on. A part is hidden where bounds allow it a range many
+    times as large as that of a few samples.
+
+    Args:
+      plan: of the rate.
+      system: of the plan's kind.
+      t0: () start of the step.
+      t1: () its end, before or after.
+      branch: (e,) outcomes of the conditions.
+      sizes: see `sizes`.
+    """
+
+    def hidden(h: Array) -> Array:
+        end = t0 + h
+        low, high = jnp.minimum(t0, end), jnp.maximum(t0, end)
+        most = plan.bounds_of_parts(system, low, high, branch)
+        at = jax.vmap(lambda t: plan.time_parts(system, t, branch))(t0 + _PLACES * h)
+        seen = jnp.max(at, axis=0) - jnp.min(at, axis=0)
+        small = _SMALL_HERE * jnp.max(jnp.abs(at), axis=0) + _SMALL_EVER * sizes
+        return ~(most.high - most.low <= _MOST_UNSEEN * seen + small).all()
+
+    def again(carry: tuple[Array, Array]) -> tuple[Array, Array]:
+        n, h = carry
+        return n + 1, 0.5 * h
+
+    def going(carry: tuple[Array, Array]) -> Array:
+        n, h = carry
+        return (n < _MOST_HALVINGS) & hidden(h)
+
+    n, h = jax.lax.while_loop(going, again, (jnp.zeros((), int), t1 - t0))
+    return jnp.where(n == 0, t1, t0 + h)
+
+
+def next_change(plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array) -> Array:
+    """() the first time after t0, up to t1, at which a condition on time alone changes; else t1.
+
+    It is the first floating-point number for which the outcome is another.
+    """
+    way = jnp.where(t1 >= t0, 1.0, -1.0)
+    given = branch[np.flatnonzero(plan.of_time)]
+    tiny = _LEAST * jnp.abs(t1 - t0)  # near 0, where floating-point times are denser than that
+
+    def clear(a: Array, b: Array) -> Array:
+        a, b = way * a, way * b
+        margins = plan.bounds_of_margins(system, jnp.minimum(a, b), jnp.maximum(a, b), branch)
+        return (margins.low >= 0).all()
+
+    def look(carry):
+        n, a, w, _ = carry
+        end = way * t1
+        b = jnp.minimum(a + w, end)
+        least = jnp.maximum(jnp.nextafter(a, jnp.inf), a + tiny)
+        b = jnp.maximum(b, jnp.minimum(least, end))
+        free = clear(a, b)
+        last = b <= least
+        outcomes = plan.time_conditions(system, way * b, branch).outcomes
+        changed = last & ~free & (outcomes != given).any()
+        onwards = free | (last & ~changed)
+        w = jnp.where(onwards, 2.0 * w, 0.5 * (b - a))
+        return n + 1, jnp.where(onwards | changed, b, a), w, changed
+
+    def going(carry) -> Array:
+        n, a, _, changed = carry
+        return (n < _MOST_INTERVALS) & (a < way * t1) & ~changed
+
+    start = jnp.zeros((), int), way * t0, jnp.abs(t1 - t0), jnp.zeros((), bool)
+    _, a, _, changed = jax.lax.while_loop(going, look, start)
+    return jnp.where(changed, way * a, t1)
