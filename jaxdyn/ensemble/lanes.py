@@ -21,12 +21,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _text
+from jaxdyn import _checks, _text
 from jaxdyn._numerics import two_sum
 from jaxdyn._text import counted
+from jaxdyn.integrate.lookahead import lookahead
 from jaxdyn.integrate.march import UNROLLED_BELOW
 from jaxdyn.integrate.observing import Watch, clipped
+from jaxdyn.integrate.pieces import run_pieces
 from jaxdyn.integrate.step_control import Limits, StepControl
+from jaxdyn.plan import plan_of
 from jaxdyn.scene import Field
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.formulas.simplified import simplified
@@ -107,6 +110,7 @@ class _Lane(NamedTuple):
     rejected: Array
     numbers: Any
     control: Any  # what the step control remembers
+    sizes: Array | None  # of the parts of the rate in time, see `Lookahead`
 
 
 def integrate(
@@ -130,6 +134,8 @@ def integrate(
     """
     n = motions.y0.shape[0]
     first = jax.tree.map(lambda x: x[0], motions)
+    if plan_of(eqx.combine(first.numbers, shared), len(first.y0)).size:
+        return _one_by_one(shared, motions, count, limits, watch, method=method)
     rate = eqx.combine(first.numbers, shared).rate
     loops = 2 if operations(rate, first.t0, first.y0) <= UNROLLED_BELOW else 1
     work = _Work(shared=shared, limits=limits, watch=watch, method=method.in_loops(loops))
@@ -187,9 +193,11 @@ class _Work(eqx.Module):
             return direction * field.rate(direction * t, y)
 
         start, end = direction * t0, direction * t1
+        look = lookahead(field, len(y), t0, t1)
+        sizes = None if look is None else look.sizes
         given = jnp.concatenate([y, rate(start, y), jnp.stack([t0, t1])])
         ok = jnp.isfinite(given).all()
-        tnext, control = self._control(direction).init(
+        tnext, control = self._control(direction, numbers, sizes, len(y)).init(
             diffrax.ODETerm(rate),
             start,
             end,
@@ -215,6 +223,7 @@ class _Work(eqx.Module):
             rejected=nothing,
             numbers=numbers,
             control=control,
+            sizes=sizes,
         )
 
     def step(self, group: _Lane) -> _Lane:
@@ -247,7 +256,9 @@ class _Work(eqx.Module):
 
     def _judged(self, lane: _Lane, y: Array, carry: Array, error: Array) -> _Lane:
         """The lane after a step to y, if the step control accepts it."""
-        keep, t, tnext, _, control, result = self._control(lane.direction).adapt_step_size(
+        keep, t, tnext, _, control, result = self._control(
+            lane.direction, lane.numbers, lane.sizes, len(lane.y)
+        ).adapt_step_size(
             lane.t,
             lane.tnext,
             lane.y,
@@ -294,6 +305,39 @@ class _Work(eqx.Module):
             y1=y, t=t, status=lane.status, steps=lane.steps, rejected=lane.rejected, seen=seen
         )
 
-    def _control(self, direction: Array) -> StepControl:
+    def _control(self, direction: Array, numbers: Any, sizes: Array | None, k: int) -> StepControl:
         rtol, atol = self.limits.tolerance
-        return StepControl(rtol=rtol, atol=atol, ts=jnp.zeros(0), watch=self.watch).wrap(direction)
+        look = None
+        if sizes is not None:
+            field = eqx.combine(numbers, self.shared)
+            look = lookahead(field, k, direction, direction, sizes)
+        control = StepControl(rtol=rtol, atol=atol, ts=jnp.zeros(0), watch=self.watch, look=look)
+        return control.wrap(direction)
+
+
+def _one_by_one(
+    shared: Field, motions: Motions, count: Array, limits: Limits, watch: Watch | None, *, method
+) -> Ends:
+    """`integrate` for rates with conditions, whose lanes would switch at different times."""
+    if watch is not None:
+        remedy = "Leave the watch out, or give each branch of the rate a phase of its own."
+        raise _checks.fail("watch", "a rate without conditions, such as sign", "one", remedy)
+
+    def motion(row) -> Ends:
+        i, (y0, t0, t1, numbers) = row
+        # Rows that are not needed take no step.
+        end = jnp.where(i < count, t1, t0)
+        none = jnp.zeros(0)
+        field = eqx.combine(numbers, shared)
+        found = run_pieces(field, (), y0, t0, end, none, limits, method=method)[0]
+        right = found.status == Status.OK
+        return Ends(
+            y1=found.y1,
+            t=jnp.where(right, t1, jnp.nan),
+            status=found.status,
+            steps=found.steps,
+            rejected=found.rejected,
+            seen=None,
+        )
+
+    return jax.lax.map(motion, (jnp.arange(len(motions.y0)), motions))

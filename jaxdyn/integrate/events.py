@@ -8,7 +8,7 @@ theorem, dt = -dg / (dg/dt), dy = (dy)_t + f dt.
 import abc
 import functools
 from collections.abc import Callable
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import equinox as eqx
 import jax
@@ -37,9 +37,6 @@ class Event(eqx.Module):
     @abc.abstractmethod
     def value(self, t: Array, y: Array) -> Array:
         """() the function; smooth and finite on both sides of its zero."""
-
-    #: Number of functions, one for all but what the library itself looks for.
-    size: ClassVar[int] = 1
 
     @property
     def direction(self) -> int:

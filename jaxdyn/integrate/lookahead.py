@@ -46,8 +46,18 @@ class Lookahead(eqx.Module):
         return jnp.where(way * seen == t1, t1, way * seen)
 
 
-def lookahead(field: Any, k: int, t0: Array, t1: Array) -> Lookahead | None:
-    """What steps of a field with a state (k, ...) must not pass over; None if there is nothing."""
+def lookahead(
+    field: Any, k: int, t0: Array, t1: Array, largest: Array | None = None
+) -> Lookahead | None:
+    """What steps of a field with a state (k, ...) must not pass over; None if there is nothing.
+
+    Args:
+      field: see `integrate.flow`.
+      k: number of entries of the state.
+      t0: () start of the span.
+      t1: () its end.
+      largest: the `Lookahead.sizes`, where they are known.
+    """
     system = without_wrappers(field)
     plan = plan_of(system, k)
     if not plan.hides:
@@ -56,4 +66,6 @@ def lookahead(field: Any, k: int, t0: Array, t1: Array) -> Lookahead | None:
         field = field.field
     known = isinstance(field, InBranch)
     outcomes = field.branch.outcomes if known else jnp.zeros(plan.size)
-    return Lookahead(plan, system, outcomes, sizes(plan, system, t0, t1, outcomes))
+    if largest is None:
+        largest = sizes(plan, system, t0, t1, outcomes)
+    return Lookahead(plan, system, outcomes, largest)

@@ -54,7 +54,7 @@ class SolveResult(Record):
 
 
 def march(field, y0, t0, t1, ts, limits, *, method: Method, watch: Watch | None):
-    """States of a smooth motion, and the final memory of a watch; no derivatives.
+    """States of a smooth motion, the final memory of a watch, the time reached; no derivatives.
 
     Args:
       field: see `flow`; its conditions are evaluated as they stand.
@@ -126,7 +126,7 @@ def march(field, y0, t0, t1, ts, limits, *, method: Method, watch: Watch | None)
         status=status,
         stiff=is_stiff(count),
     )
-    return result, seen.watch
+    return result, seen.watch, direction * last
 
 
 # Traced once for all that a step, its preparation and its checks make of a rate.

@@ -57,11 +57,16 @@ class Margins(eqx.Module):
 
     Attributes:
       field: in the branch.
-      size: number of conditions, and 2 for the ends of sliding.
+      plan: of its rate.
     """
 
     field: InBranch
-    size: int = eqx.field(static=True)
+    plan: Plan = eqx.field(static=True)
+
+    @property
+    def _count(self) -> int:
+        """Number of functions: the conditions, and 2 for the ends of sliding."""
+        return self.plan.size + 2
 
     @property
     def direction(self) -> int:
@@ -69,7 +74,7 @@ class Margins(eqx.Module):
         return -1
 
     def value(self, t: Array, y: Array) -> Array:
-        """(size,) see `InBranch.margins`."""
+        """(e + 2,) see `InBranch.margins`."""
         return self.field.margins(t, y)
 
 
@@ -230,7 +235,7 @@ class _Pieces(NamedTuple):
         plain = InBranch(self.system, branch)
         events = self.events
         if self.plan.on_state:
-            events = (*events, Margins(plain, self.plan.size + 2))
+            events = (*events, Margins(plain, self.plan))
         seen, crossing = first_crossing(
             here if y.ndim == 1 else plain,
             events,

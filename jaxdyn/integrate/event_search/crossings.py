@@ -70,7 +70,7 @@ def first_crossing(field, events, y0, t0, t1, limits, ts, *, method: Method):
     """
     sight = Sight(field, events, method)
     watch = _Lookout(sight)
-    out, seen = march(field, y0, t0, t1, ts, limits, method=method, watch=watch)
+    out, seen, _ = march(field, y0, t0, t1, ts, limits, method=method, watch=watch)
     hs, ys = polished(sight, seen.t0, seen.y0, seen.bracket)
     which = jnp.argmin(jnp.abs(hs))
     h, y = hs[which], ys[:, which]
