@@ -1,4 +1,8 @@
-"""The switch from the default method to an implicit one, where a motion turns out to be stiff."""
+"""The switch from the default method to another, where it turns out not to suit the motion.
+
+A stiff motion starts again with an implicit method. Where a series or an extrapolation comes to an
+end, as where exp(x) overflows in a rate that stays finite, the pair tries before a failure is told.
+"""
 
 from collections.abc import Callable
 from typing import Protocol, TypeVar
@@ -33,6 +37,8 @@ def switching(
 ) -> tuple[R, bool]:
     """The result of a run, and whether `RADAU9` took over because the motion is stiff.
 
+    Where the default is no pair and its steps collapse, that of its tangents takes over before.
+
     That may be where the options name no solver, and outside of traces. The motion then starts
     again: to go on where the explicit method stopped would save the steps so far, and take a
     second path for samples, events and failures.
@@ -46,11 +52,17 @@ def switching(
     """
     if options.solver is not None or traced:
         return run(limits(options, dt), method=method), False
-    first = run(limits(options, max_limited=MOST_LIMITED), method=method)
+    limited = limits(options, max_limited=MOST_LIMITED)
+    first = run(limited, method=method)
     if _checks.is_traced(first.status):
         # A trace is under way that none of the values is part of.
         return run(limits(options), method=method), False
     # By NumPy, as int() of a JAX array takes three times as long as an empty program.
-    if np.asarray(first.status).item() != Status.STIFF:
+    status = np.asarray(first.status).item()
+    pair = method.for_tangents
+    if status == Status.STEP_COLLAPSED and method is not pair:
+        first = run(limited, method=pair)
+        status = np.asarray(first.status).item()
+    if status != Status.STIFF:
         return first, False
     return run(limits(options), method=RADAU9), True

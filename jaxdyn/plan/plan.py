@@ -21,6 +21,7 @@ from jaxdyn.plan.branches import (
     Value,
     Walk,
 )
+from jaxdyn.plan.period import period_of
 
 
 class Conditions(NamedTuple):
@@ -91,6 +92,10 @@ class Plan:
     def on_state(self) -> bool:
         """Whether any condition depends on the state."""
         return bool((~self.of_time).any())
+
+    def period(self, system: PyTree) -> float | None:
+        """The period of the rate in time; None where it has none that can be read."""
+        return period_of(self._program, system)
 
     def look(self, system: PyTree, t: Array, y: Array, branch: Array | None = None):
         """The rate (k,) of a system of this kind in a branch (e,), and its `Conditions` there.
