@@ -16,12 +16,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.integrate.event_search.event_values import (
-    SIDE_ROUNDINGS,
-    bends,
-    first_side,
-    looked,
-)
+from jaxdyn.ensemble.nodes import Node, zero_between
+from jaxdyn.integrate.event_search.beginning import Beginning
+from jaxdyn.integrate.event_search.event_values import at, sizes
 from jaxdyn.integrate.event_search.stretches import Stretch
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.observing import Steered, Watch
@@ -32,16 +29,11 @@ _MAX_HALVINGS = 24  # of a step: in so short a stretch a value has no extremum e
 #: in time, with an error of the order of its square, below rounding.
 _CLOSE = 2.0**-28
 _LEAST_STRETCH = 0.25  # of the stretch before it: a shorter one does not tell third derivatives
-_GUESSES = 5  # Newton steps for the zero of the polynomial through the ends of a step
-_MAX_LOOKS = 60  # for one crossing
-
-
-class _Node(NamedTuple):
-    """The event at a time of the run."""
-
-    t: Array  # () in the direction of the run
-    g: Array  # () value
-    slope: Array  # () of the value in that time
+#: The linear correction leaves at most this part of the value at a simple zero. At a flat one of
+#: order n it leaves (1 - 1/n)^n, from 1/4 on.
+_SIMPLE = 0.1
+#: For one crossing; about four are usual. At a flat zero every second look halves the bracket.
+_MAX_LOOKS = 200
 
 
 class Recorded(NamedTuple):
@@ -65,18 +57,17 @@ class Recorded(NamedTuple):
 
 
 class _Search(NamedTuple):
-    before: _Node  # an earlier node
-    here: _Node  # the node that the next step begins at
+    before: Node  # an earlier node
+    here: Node  # the node that the next step begins at
     side: Array  # () sign of the event just after it
     begun: Array  # () whether a step has been accepted
-    noise: Array  # () values up to this are rounding
-    speed: Array  # () at the start, one rounding of the slope
-    bend: Array  # () one rounding of the second derivative
+    beginning: Beginning  # what was seen at the start
     halved: Array  # () how often the step has been halved
     looks: Array  # () for the crossing so far, 0 if none is looked for
     step: Array  # () length of the step that holds the crossing
     low: Array  # () bracket of the crossing, as time after the node
     high: Array
+    change: Array  # () length of the last correction
 
 
 class EachCrossing(Watch):
@@ -102,23 +93,21 @@ class EachCrossing(Watch):
         return EachCrossing(self.field, self.event, self.most, self.rows, direction)
 
     def start(self, t0, y0):
-        at = self.field, (self.event,), self.direction * t0, y0
-        there = looked(*at)
-        here = _Node(t=t0, g=there.values[0], slope=self.direction * there.slopes[0])
+        start = Beginning.of(self.field, (self.event,), self.direction * t0, y0)
         zero, none, no = jnp.zeros_like(t0), jnp.zeros((), int), jnp.zeros((), bool)
+        here = Node(t0, start.g[0], self.direction * start.slope[0], zero, start.noise[0])
         search = _Search(
             before=here,
             here=here,
             side=zero,
             begun=no,
-            noise=there.rounding[0] + jnp.abs(t0) * there.speeds[0],
-            speed=there.speeds[0],
-            bend=bends(*at)[0],
+            beginning=start,
             halved=none,
             looks=none,
             step=zero,
             low=zero,
             high=zero,
+            change=zero,
         )
         return Recorded(
             ts=jnp.full(self.rows, jnp.nan),
@@ -134,14 +123,13 @@ class EachCrossing(Watch):
         raise _checks.fail("watch", "EachCrossing alone", "it among others", remedy)
 
     def steer(self, keep, t0, y0, t1, y1, memory, following):
-        del y0
         fine, search = keep, memory.search
-        there = looked(self.field, (self.event,), self.direction * t1, y1)
-        end = _Node(t=t1, g=there.values[0], slope=self.direction * there.slopes[0])
-        side = jnp.where(search.begun, search.side, self._first_side(t1 - t0, search))
+        end, crossed = self._end(y0, t1, y1)
+        first = search.beginning.sides((self.event,), self.direction * (t1 - t0), self._wanted)
+        side = jnp.where(search.begun, search.side, first[0])
         looking = search.looks > 0
         stepped = _stepped(search, side, end, self._wanted)
-        closed = _looked(search, side, end, there.rounding[0])
+        closed = _looked(search, side, end, crossed.simple)
         found = fine & looking & closed.arrived
         keep = fine & jnp.where(looking, closed.arrived, stepped.keep)
         h = jnp.where(looking, closed.h, stepped.h)
@@ -157,12 +145,13 @@ class EachCrossing(Watch):
             step=jnp.where(begins, t1 - t0, search.step),
             low=jnp.where(begins, 0.0, closed.low),
             high=jnp.where(begins, t1 - t0, closed.high),
+            change=jnp.where(begins, t1 - t0, closed.change),
         )
         # Where the step control has rejected a step, the crossing is looked for afresh.
         kept = search._replace(looks=jnp.zeros_like(search.looks))
         new = jax.tree.map(lambda a, b: jnp.where(fine, a, b), new, kept)
         lost = fine & jnp.isnan(end.g)
-        memory = self._record(memory, found, end, y1)._replace(search=new, lost=lost)
+        memory = _record(memory, found, crossed, -side)._replace(search=new, lost=lost)
         return Steered(
             keep=keep, following=aim, memory=memory, stop=lost | (memory.count >= self.most)
         )
@@ -171,26 +160,38 @@ class EachCrossing(Watch):
     def _wanted(self) -> Array:
         return jnp.asarray(float(self.event.direction))
 
-    def _first_side(self, h: Array, search: _Search) -> Array:
-        here = search.here
-        rounding = {"speeds": search.speed, "bends": search.bend}
-        return first_side(here.g, here.slope, h, search.noise, wanted=self._wanted, **rounding)
+    def _end(self, y0: Array, t1: Array, y1: Array) -> tuple[Node, "_Crossed"]:
+        """The event at the end (t1, y1) of a step from y0, and the crossing if it is near there."""
+        t, system = self.direction * t1, self.field.system
+        rate = self.field.rate(t, y1)
+        size = jnp.maximum(sizes(system, y0), sizes(system, y1))
+        g, slope, side, noise = (x[0] for x in at((self.event,), t, y1, rate, size))
+        late = -g / jnp.where(slope == 0, 1.0, slope)
+        y = self.field.project(t + late, y1 + rate * late)
+        left = jnp.abs(self.event.value(t + late, y))
+        simple = (slope != 0) & (left <= _SIMPLE * jnp.abs(g))
+        end = Node(t1, g, self.direction * slope, side, noise)
+        crossed = _Crossed(jnp.where(slope == 0, t, t + late), jnp.where(slope == 0, y1, y), simple)
+        return end, crossed
 
-    def _record(self, memory: Recorded, found: Array, end: _Node, y: Array) -> Recorded:
-        """With the crossing next to a look at its end, moved onto the event."""
-        slope = jnp.where(found, end.slope, 1.0)
-        late = -end.g / slope
-        t = self.direction * (end.t + late)
-        y = y + self.direction * self.field.rate(self.direction * end.t, y) * late
-        y = self.field.project(t, y)
-        row = found & (jnp.arange(self.rows) == memory.count)
-        way = jnp.sign(slope).astype(int)
-        return memory._replace(
-            ts=jnp.where(row, t, memory.ts),
-            ys=jnp.where(row[:, None], y[None], memory.ys),
-            directions=jnp.where(row, way, memory.directions),
-            count=memory.count + found.astype(int),
-        )
+
+class _Crossed(NamedTuple):
+    """A crossing next to the end of a step, moved onto the event in a straight line."""
+
+    t: Array  # ()
+    y: Array  # (k,)
+    simple: Array  # () whether the line leads there
+
+
+def _record(memory: Recorded, found: Array, crossed: _Crossed, side: Array) -> Recorded:
+    """With a crossing, if one is found, to this side () of the event."""
+    row = found & (jnp.arange(len(memory.ts)) == memory.count)
+    return memory._replace(
+        ts=jnp.where(row, crossed.t, memory.ts),
+        ys=jnp.where(row[:, None], crossed.y[None], memory.ys),
+        directions=jnp.where(row, side.astype(int), memory.directions),
+        count=memory.count + found.astype(int),
+    )
 
 
 class _Stepped(NamedTuple):
@@ -202,20 +203,20 @@ class _Stepped(NamedTuple):
     h: Array  # () length of the next step where it is not kept
 
 
-def _stepped(search: _Search, side: Array, end: _Node, wanted: Array) -> _Stepped:
+def _stepped(search: _Search, side: Array, end: Node, wanted: Array) -> _Stepped:
     here, before = search.here, search.before
     h = end.t - here.t
     # Before the first node the value goes on as a straight line.
     first = before.t == here.t
-    back = _Node(here.t - h, here.g - h * here.slope, here.slope)
+    back = here._replace(t=here.t - h, g=here.g - h * here.slope)
     before = jax.tree.map(lambda a, b: jnp.where(first, a, b), back, before)
-    noise = SIDE_ROUNDINGS * search.noise
-    after = jnp.where(jnp.abs(end.g) <= noise, side, jnp.sign(end.g))
+    noise = jnp.maximum(here.noise, end.noise)
+    after = jnp.where(end.side == 0, side, end.side)
     last, this = _stretch(before, here), _stretch(here, end)
     fourth = jnp.abs((this.third - last.third) / (0.5 * (last.width + this.width)))
     known = this.settled(fourth, side, after, noise) | (search.halved >= _MAX_HALVINGS)
     across = known & (side * after < 0) & ((wanted == 0) | (wanted == after))
-    guess = _zero(before, here, end)
+    guess = zero_between(before, here, end)
     return _Stepped(
         keep=(known & ~across) | jnp.isnan(end.g),
         across=across,
@@ -224,7 +225,7 @@ def _stepped(search: _Search, side: Array, end: _Node, wanted: Array) -> _Steppe
     )
 
 
-def _stretch(a: _Node, b: _Node) -> Stretch:
+def _stretch(a: Node, b: Node) -> Stretch:
     return Stretch(a.g, b.g, a.slope, b.slope, b.t - a.t)
 
 
@@ -235,23 +236,26 @@ class _Closed(NamedTuple):
     low: Array  # () the bracket after it
     high: Array
     h: Array  # () time after the node of the next look
+    change: Array  # () how far that is from this one
 
 
-def _looked(search: _Search, side: Array, end: _Node, rounding: Array) -> _Closed:
+def _looked(search: _Search, side: Array, end: Node, simple: Array) -> _Closed:
     h = end.t - search.here.t
     before = jnp.sign(end.g) == side
     low, high = jnp.where(before, h, search.low), jnp.where(before, search.high, h)
     change = -end.g / jnp.where(end.slope == 0, 1.0, end.slope)
-    near = (end.slope != 0) & (jnp.abs(change) <= _CLOSE * search.step)
+    near = simple & (jnp.abs(change) <= _CLOSE * search.step)
     eps = jnp.finfo(h.dtype).eps
     fine = jnp.abs(high - low) <= 2 * eps * jnp.maximum(jnp.abs(h), jnp.abs(end.t))
-    arrived = near | fine | (jnp.abs(end.g) <= 2 * rounding) | (search.looks >= _MAX_LOOKS)
+    arrived = near | fine | (end.side == 0) | (search.looks >= _MAX_LOOKS)
     new = h + change
-    inside = (new > low) & (new < high) & (end.slope != 0)
-    return _Closed(arrived, low, high, jnp.where(inside, new, 0.5 * (low + high)))
+    halved = 2 * jnp.abs(change) <= search.change
+    inside = (new > low) & (new < high) & (end.slope != 0) & halved
+    new = jnp.where(inside, new, 0.5 * (low + high))
+    return _Closed(arrived, low, high, new, jnp.abs(new - h))
 
 
-def _following(search: _Search, keep: Array, end: _Node, side: Array) -> _Search:
+def _following(search: _Search, keep: Array, end: Node, side: Array) -> _Search:
     """The search from the end of a step that is kept, or as it was."""
     short = (end.t - search.here.t) < _LEAST_STRETCH * (search.here.t - search.before.t)
 
@@ -265,36 +269,3 @@ def _following(search: _Search, keep: Array, end: _Node, side: Array) -> _Search
         side=jnp.where(keep, side, search.side),
         begun=search.begun | keep,
     )
-
-
-def _zero(before: _Node, here: _Node, end: _Node) -> Array:
-    """() time after `here` of the zero between it and `end` of the quintic through all three.
-
-    Newton's interpolation with double nodes; its zero by Newton's method within the bracket.
-    """
-    x = [node.t - here.t for node in (before, before, here, here, end, end)]
-    table = [node.g for node in (before, before, here, here, end, end)]
-    slopes = [node.slope for node in (before, here, end)]
-    coefficients = [table[0]]
-    for order in range(1, 6):
-        table = [
-            slopes[i // 2]
-            if order == 1 and i % 2 == 0
-            else (table[i + 1] - table[i]) / (x[i + order] - x[i])
-            for i in range(6 - order)
-        ]
-        coefficients.append(table[0])
-    h = end.t - here.t
-
-    def newton(_, s):
-        value, slope = coefficients[-1], jnp.zeros_like(s)
-        for c, node in zip(coefficients[-2::-1], x[4::-1], strict=True):
-            value, slope = c + (s - node) * value, value + (s - node) * slope
-        new = s - value / jnp.where(slope == 0, 1.0, slope)
-        return jnp.where((new > 0) & (new < h), new, 0.5 * s)
-
-    first = h * here.g / jnp.where(here.g == end.g, 1.0, here.g - end.g)
-    first = jnp.where((first > 0) & (first < h), first, 0.5 * h)
-    for i in range(_GUESSES):
-        first = newton(i, first)
-    return first

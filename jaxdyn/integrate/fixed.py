@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.scene import Field
-from jaxdyn.system import Record
+from jaxdyn.system import Record, System
 
 
 class FixedField(Record):
@@ -45,6 +45,11 @@ class FixedField(Record):
                 for data, shape, kind in self.numbers
             ]
         return jax.tree.unflatten(self.rest, leaves)
+
+    @property
+    def system(self) -> System:
+        """The system, with numbers that are constants."""
+        return self._field.system
 
     def rate(self, t: Array, y: Array) -> Array:
         """The vector field dy/dt."""

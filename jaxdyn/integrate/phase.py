@@ -21,10 +21,10 @@ from jaxtyping import Array
 
 from jaxdyn import _text
 from jaxdyn._text import counted
-from jaxdyn.integrate.event_search.event_values import values
+from jaxdyn.integrate.event_search.event_values import sizes, values
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.trajectory import Motion, Trajectory, explained
-from jaxdyn.scene import Field, Scene, System
+from jaxdyn.scene import Field, Scene
 from jaxdyn.status import Status
 
 #: The name of the phase that ends a motion.
@@ -142,7 +142,7 @@ def _beyond(field: Field, bounds: tuple[Event, ...], near: Array, t: Array, y: A
         return jax.jvp(fn, (t, y), (jnp.ones_like(t), field.rate(t, y)))[1]
 
     # The time of an event is known only to rounding, and so is the state.
-    size = jnp.append(_sizes(field.system, y) + jnp.abs(t * rate), jnp.abs(t))
+    size = jnp.append(sizes(field.system, y) + jnp.abs(t * rate), jnp.abs(t))
     by_time, by_state = jax.jacfwd(slopes, argnums=(0, 1))(t, y)
     parts = [_parts(bound, t, y) for bound in bounds]
     rows, others = (jnp.stack(part) for part in zip(*parts, strict=True))
@@ -154,18 +154,6 @@ def _beyond(field: Field, bounds: tuple[Event, ...], near: Array, t: Array, y: A
     return at < -rounding * noise, (
         (jnp.abs(at) <= rounding * noise) & (way < -rounding * slope_noise)
     )
-
-
-def _sizes(system: System, y: Array) -> Array:
-    """(k,) the magnitudes to whose rounding the entries of a state are known.
-
-    An entry's own; with constraints the largest with the same unit, since a projection mixes
-    them: a velocity of 1e-33 m/s off the surface beside one of 1 m/s along it is none.
-    """
-    if type(system).project is System.project:
-        return jnp.abs(y)
-    units = np.array([unit for _, unit in system.labels()])
-    return jnp.max(jnp.where(units[:, None] == units[None, :], jnp.abs(y)[None, :], 0.0), axis=1)
 
 
 def _parts(bound: Event, t: Array, y: Array) -> tuple[Array, Array]:

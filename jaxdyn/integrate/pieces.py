@@ -31,7 +31,7 @@ _DEEPEST = 3
 
 
 def first_event(
-    field: Any, events: tuple, y0, t0, t1, limits: Limits, *, method: Method
+    field: Any, events: tuple, y0, t0, t1, limits: Limits, sides: Any = 0.0, *, method: Method
 ) -> tuple[Array, Crossing]:
     """The state (k,) where the search ended, and the first of some events; no derivatives.
 
@@ -42,13 +42,14 @@ def first_event(
       t0: () start time.
       t1: () end time, before or after t0.
       limits: see `flow`.
+      sides: see `first_crossing`.
       method: an adaptive one.
     """
     no_times = jnp.zeros(0)
     if plan_of(without_wrappers(field), len(y0)).size:
-        found = run_pieces(field, events, y0, t0, t1, no_times, limits, method=method)
+        found = run_pieces(field, events, y0, t0, t1, no_times, limits, sides, method=method)
     else:
-        found = first_crossing(field, events, y0, t0, t1, limits, no_times, method=method)
+        found = first_crossing(field, events, y0, t0, t1, limits, no_times, sides, method=method)
     return found[0].y1, found[1]
 
 
@@ -90,6 +91,7 @@ class _Run(NamedTuple):
       old: the branch of the last piece.
       result: of all pieces.
       event: () index of the event that ended it, -1 for none.
+      towards: () sign of the value of that event after it.
       begun: () whether there was a piece.
       stalled: () number of the last pieces in which it hardly moved.
     """
@@ -102,12 +104,22 @@ class _Run(NamedTuple):
     old: Branch
     result: SolveResult
     event: Array
+    towards: Array
     begun: Array
     stalled: Array
 
 
 def run_pieces(
-    field: Any, events: tuple, y0, t0, t1, ts, limits: Limits, *, method: Method
+    field: Any,
+    events: tuple,
+    y0,
+    t0,
+    t1,
+    ts,
+    limits: Limits,
+    sides: Any = 0.0,
+    *,
+    method: Method,
 ) -> tuple[SolveResult, Crossing]:
     """The motion of a field with conditions, and the first of some events; no derivatives.
 
@@ -119,12 +131,13 @@ def run_pieces(
       t1: () end time, before or after t0.
       ts: (s,) times between t0 and t1 in the order they are passed.
       limits: see `flow`.
+      sides: of the events, see `first_crossing`.
       method: an adaptive one.
     """
     system = without_wrappers(field)
     plan = plan_of(system, len(y0))
     way = jnp.where(t1 >= t0, 1.0, -1.0)
-    work = _Pieces(plan, field, system, events, t0, t1, ts, limits, way, method)
+    work = _Pieces(plan, field, system, events, t0, t1, ts, limits, sides, way, method)
     zero = jnp.zeros((), int)
     nothing = SolveResult(
         y1=y0,
@@ -146,6 +159,7 @@ def run_pieces(
         old=branch,
         result=nothing,
         event=jnp.asarray(-1),
+        towards=jnp.zeros(()),
         begun=jnp.zeros((), bool),
         stalled=zero,
     )
@@ -163,6 +177,7 @@ def run_pieces(
         y=_state(run.y),
         event=jnp.maximum(run.event, 0),
         status=run.result.status,
+        towards=run.towards,
     )
     return eqx.tree_at(lambda result: result.y1, run.result, y1), crossing
 
@@ -183,6 +198,7 @@ class _Pieces(NamedTuple):
     t1: Array
     ts: Array
     limits: Limits
+    sides: Array
     way: Array
     method: Method
 
@@ -195,7 +211,7 @@ class _Pieces(NamedTuple):
             now = next_change(self.plan, self.system, run.t, self.t1, branch.outcomes)
         used = run.result.steps + run.result.rejected
         limits = self.limits._replace(max_steps=self.limits.max_steps - used)
-        found, end, y_end, index = self._moved(branch, y, run.t, now, limits)
+        found, end, y_end, index, towards = self._moved(branch, run, y, now, limits)
         within = (self.way * self.ts > self.way * run.t) & (self.way * self.ts <= self.way * end)
         rows = within.reshape(-1, *[1] * y.ndim)
         slow = jnp.abs(end - run.t) <= _NO_PROGRESS * jnp.abs(self.t1 - self.t0)
@@ -222,20 +238,25 @@ class _Pieces(NamedTuple):
             old=branch,
             result=result,
             event=jnp.where(found.status == Status.OK, event, -1),
+            towards=towards,
             begun=jnp.ones((), bool),
             stalled=stalled,
         )
 
-    def _moved(self, branch: Branch, y: Array, t: Array, now: Array, limits: Limits):
-        """A piece up to a time: the result, its end, the state there, what ended it or -1."""
-        here = in_branch(self.field, branch)
+    def _moved(self, branch: Branch, run: _Run, y: Array, now: Array, limits: Limits):
+        """A piece up to a time: result, end, state there, the event that ended it and its side."""
+        t, here = run.t, in_branch(self.field, branch)
         if not (self.plan.on_state or self.events):
             found = march(here, y, t, now, self.ts, limits, method=self.method, watch=None)[0]
-            return found, now, found.y1, jnp.asarray(-1)
+            return found, now, found.y1, jnp.asarray(-1), jnp.zeros(())
         plain = InBranch(self.system, branch)
         events = self.events
+        sides = jnp.where(run.begun, 0.0, self.sides) * jnp.ones(len(events))
         if self.plan.on_state:
-            events = (*events, Margins(plain, self.plan))
+            margins = Margins(plain, self.plan)
+            events = (*events, margins)
+            # A piece begins within its branch.
+            sides = jnp.concatenate([sides, jnp.ones(margins._count)])
         seen, crossing = first_crossing(
             here if y.ndim == 1 else plain,
             events,
@@ -244,6 +265,7 @@ class _Pieces(NamedTuple):
             now,
             limits,
             self.ts if y.ndim == 1 else self.ts[:0],
+            sides,
             method=self.method.for_tangents,
         )
         hit = (crossing.status == Status.OK) & jnp.isfinite(crossing.t)
@@ -252,12 +274,13 @@ class _Pieces(NamedTuple):
         index = jnp.where(hit, crossing.event, -1)
         if y.ndim == 1:
             seen = eqx.tree_at(lambda seen: seen.status, seen, crossing.status)
-            return seen, end, x, index
+            return seen, end, x, index, crossing.towards
         found = march(here, y, t, end, self.ts, limits, method=self.method, watch=None)[0]
         status = jnp.where(crossing.status == Status.OK, found.status, crossing.status)
         found = eqx.tree_at(lambda found: found.status, found, status)
         flat = found.y1.reshape(len(y), -1)
-        return found, end, jnp.concatenate([x[:, None], flat[:, 1:]], 1).reshape(y.shape), index
+        y = jnp.concatenate([x[:, None], flat[:, 1:]], 1).reshape(y.shape)
+        return found, end, y, index, crossing.towards
 
     def _switched(self, branch: Branch, t: Array, x: Array, index: Array):
         """The next branch after a condition has changed, what was crossed, what is known."""

@@ -90,6 +90,11 @@ class InBranch(NamedTuple):
     field: Any
     branch: Branch
 
+    @property
+    def system(self) -> Any:
+        """The system of the field."""
+        return self.field.system
+
     def rate(self, t: Array, y: Array) -> Array:
         """The rate (k,) in the branch."""
         plan = plan_of(self.field, len(y))

@@ -123,10 +123,12 @@ def crossings(
     def run(held_to, method: Method) -> Crossings:
         held_to = jax.tree.map(jnp.asarray, held_to)
 
-        def rest(y, t, rows: int) -> Crossings:
-            return _compiled(scene.field, event, y, t, t1, held_to, method=method, rows=rows)
+        def rest(y, t, side, rows: int) -> Crossings:
+            args = (scene.field, event, y, t, side, t1, held_to)
+            return _compiled(*args, method=method, rows=rows)
 
-        return _every(rest, scene.y0, t0) if rows is None else rest(scene.y0, t0, rows)
+        none = np.zeros(())
+        return _every(rest, scene.y0, t0, none) if rows is None else rest(scene.y0, t0, none, rows)
 
     found, _ = switching(run, options, method, traced=_checks.is_traced(given))
     if throw:
@@ -134,31 +136,31 @@ def crossings(
     return found
 
 
-def _every(rest: Callable[..., Crossings], y, t) -> Crossings:
+def _every(rest: Callable[..., Crossings], y, t, side) -> Crossings:
     """All crossings, by calls of one program, each from where the last one ended."""
     parts = []
     while True:
-        found = rest(y, t, _AT_ONCE)
+        found = rest(y, t, side, _AT_ONCE)
         n = int(found.count)
         parts.append([np.asarray(x)[:n] for x in found[:3]])
         if n < _AT_ONCE:
             break
-        y, t = found.ys[-1], found.ts[-1]
+        y, t, side = found.ys[-1], found.ts[-1], np.asarray(found.directions[-1], float)
     ts, ys, directions = (jnp.concatenate(rows) for rows in zip(*parts, strict=True))
     return Crossings(ts, ys, directions, count=jnp.asarray(len(ts)), status=found.status)
 
 
 @eqx.filter_custom_jvp
-def _found(field, event, y0, t0, t1, limits, *, method: Method, rows: int) -> Crossings:
+def _found(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int) -> Crossings:
     search = functools.partial(_search, method=method, rows=rows)
-    args = (field, event, y0, t0, t1, limits)
+    args = (field, event, y0, t0, side, t1, limits)
     return in_one_kernel(search, args, unknown=limits.tolerance[0] > 0)
 
 
 @_found.def_jvp
 def _found_jvp(primals, tangents, *, method, rows):
-    field, event, y0, t0, _, limits = primals
-    d_field, d_event, d_y0, d_t0, _, _ = tangents
+    field, event, y0, t0, _, _, limits = primals
+    d_field, d_event, d_y0, d_t0, _, _, _ = tangents
     found = _found(*primals, method=method, rows=rows)
     there = jnp.arange(rows) < found.count
     # Only as far as the last crossing: the motion may fail after it.
@@ -185,25 +187,19 @@ def _found_jvp(primals, tangents, *, method, rows):
 _compiled = eqx.filter_jit(_found)
 
 
-def _search(field, event, y0, t0, t1, limits, *, method: Method, rows: int) -> Crossings:
-    way = jnp.where(t1 > t0, 1.0, -1.0)
-
+def _search(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int) -> Crossings:
     def following(carry, _):
-        t, y, status = carry
-        end, found = first_event(field, (event,), y, t, t1, limits, method=method)
+        t, y, side, status = carry
+        sides = side[None]  # just after the last crossing: it is known, not looked at again
+        end, found = first_event(field, (event,), y, t, t1, limits, sides, method=method)
         right = (status == Status.OK) & (found.status == Status.OK)
         there = right & jnp.isfinite(found.t)
         # Without another crossing the rest of the rows takes no step.
         t, y = jnp.where(there, found.t, t1), jnp.where(there, found.y, end)
-        slope = jax.jvp(event.value, (t, y), (jnp.ones_like(t), field.rate(t, y)))[1]
-        row = (
-            jnp.where(there, t, jnp.nan),
-            jnp.where(there, y, jnp.nan),
-            jnp.where(there, jnp.sign(way * slope).astype(int), 0),
-            there,
-        )
-        return (t, y, jnp.where(status == Status.OK, found.status, status)), row
+        side = jnp.where(there, found.towards, 0.0)
+        row = jnp.where(there, t, jnp.nan), jnp.where(there, y, jnp.nan), side.astype(int), there
+        return (t, y, side, jnp.where(status == Status.OK, found.status, status)), row
 
-    start = t0, y0, jnp.asarray(int(Status.OK))
-    (_, _, status), (ts, ys, directions, there) = jax.lax.scan(following, start, length=rows)
+    start = t0, y0, side, jnp.asarray(int(Status.OK))
+    (*_, status), (ts, ys, directions, there) = jax.lax.scan(following, start, length=rows)
     return Crossings(ts, ys, directions, count=jnp.sum(there), status=status)

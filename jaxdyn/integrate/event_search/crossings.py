@@ -6,9 +6,9 @@ between which of these places a value may have crossed zero unseen; there the sa
 until the values decide, or the spacing reaches its minimum. So a value that dips below zero and
 comes back within a step is found, to rounding. The time found is polished to full precision.
 
-A value that is within rounding of zero at the start is on the side to which its slope points. So
-a motion that starts on an event (after a bounce, say) has left it, and does not meet it again
-until it returns.
+A value that is within rounding of zero at the start is on the side to which the motion goes, see
+`beginning`. So a motion that starts on an event (after a bounce, say) has left it, and does not
+meet it again until it returns. A search that goes on from an event knows the side, and is told.
 """
 
 from typing import NamedTuple
@@ -18,15 +18,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn.integrate.event_search.event_values import (
-    SIDE_ROUNDINGS,
-    Sight,
-    bends,
-    directions,
-    first_side,
-    looked,
-)
-from jaxdyn.integrate.event_search.polish import Bracket, polished
+from jaxdyn.integrate.event_search.beginning import Beginning
+from jaxdyn.integrate.event_search.event_values import Sight, directions
+from jaxdyn.integrate.event_search.polish import Bracket, landed, polished
 from jaxdyn.integrate.event_search.stretches import settled
 from jaxdyn.integrate.march import march
 from jaxdyn.integrate.observing import Watch
@@ -42,20 +36,30 @@ _MIN_PANEL = (
 )  # of a step: between samples this close a value has no extremum except by rounding
 #: Tolerances that the error of the step to an event may be: it is a part of a step with one.
 _TRUSTED_ERROR = 1e3
+_AT_ONCE = 1e-13  # relative difference of the times of events, after a node, that happen at once
 _MAX_PANELS = 4096  # in a step at most, for a value that oscillates near zero
 _PANEL_GROWTH = 4.0  # of the panel length after a settled panel
 
 
 class Crossing(NamedTuple):
-    """The first crossing: time (infinite if there is none), state, event index, `Status`."""
+    """The first crossing.
+
+    Attributes:
+      t: () time, infinite if there is none.
+      y: (k,) state.
+      event: () index of the event.
+      status: () `Status` code.
+      towards: () sign of its value after the crossing.
+    """
 
     t: Array
     y: Array
     event: Array
     status: Array
+    towards: Array
 
 
-def first_crossing(field, events, y0, t0, t1, limits, ts, *, method: Method):
+def first_crossing(field, events, y0, t0, t1, limits, ts, sides=0.0, *, method: Method):
     """The motion up to where the search ended, and the first crossing; no derivatives.
 
     Args:
@@ -66,14 +70,18 @@ def first_crossing(field, events, y0, t0, t1, limits, ts, *, method: Method):
       t1: () end time, before or after t0.
       limits: see `flow`.
       ts: (s,) times of samples.
+      sides: (E,) signs of the values just after the start where these are known, else 0.
       method: see `flow`.
     """
     sight = Sight(field, events, method)
-    watch = _Lookout(sight)
+    watch = _Lookout(sight, jnp.broadcast_to(sides, directions(events).shape))
     out, seen, _ = march(field, y0, t0, t1, ts, limits, method=method, watch=watch)
     hs, ys = polished(sight, seen.t0, seen.y0, seen.bracket)
-    which = jnp.argmin(jnp.abs(hs))
-    h, y = hs[which], ys[:, which]
+    # The first of the events among those that happen at once.
+    near = jnp.abs(hs) <= jnp.min(jnp.abs(hs)) * (1 + _AT_ONCE)
+    which = jnp.argmax(near)
+    towards = seen.bracket.towards[which]
+    h, y = landed(sight, which, seen.t0, hs[which], ys[:, which], towards)
     # A step is checked at its end; of the shorter one to the event only this is known.
     there = jnp.where(jnp.isfinite(h), h, 0.0)
     step = method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)
@@ -83,7 +91,7 @@ def first_crossing(field, events, y0, t0, t1, limits, ts, *, method: Method):
     unseen = (out.status == int(Status.OK)) & moved & ~(size < _TRUSTED_ERROR)
     status = jnp.where(unseen, int(Status.UNSEEN_WITHIN_STEP), out.status)
     status = jnp.where(jnp.isnan(seen.end.side).any(), int(Status.NOT_FINITE), status)
-    return out, Crossing(t=seen.t0 + h, y=y, event=which, status=status)
+    return out, Crossing(t=seen.t0 + h, y=y, event=which, status=status, towards=towards)
 
 
 class _Look(NamedTuple):
@@ -92,7 +100,8 @@ class _Look(NamedTuple):
     part: Array  # () of the step
     g: Array  # (E,) values
     slope: Array  # (E,) in time
-    side: Array  # (E,) sign of the value, 0 where it stays at zero
+    side: Array  # (E,) sign of the value, or of the last one known; 0 where it stays at zero
+    noise: Array  # (E,) values up to this are rounding
 
 
 class _Seen(NamedTuple):
@@ -102,9 +111,7 @@ class _Seen(NamedTuple):
     t0: Array  # () last accepted node before the events found
     y0: Array  # (k,)
     bracket: Bracket
-    noise: Array  # (E,) values up to this are rounding
-    speeds: Array  # (E,) at the start, one rounding of a slope
-    bends: Array  # (E,) one rounding of a second derivative
+    beginning: Beginning
     begun: Array  # () whether a step has been accepted
 
 
@@ -119,6 +126,7 @@ class _Survey(NamedTuple):
 
 class _Lookout(Watch):
     sight: Sight
+    sides: Array  # (E,) signs just after the start where these are known, else 0
     direction: Array | float = 1.0
 
     @property
@@ -127,34 +135,27 @@ class _Lookout(Watch):
         return directions(self.sight.events)
 
     def towards(self, direction):
-        return _Lookout(self.sight, direction)
+        return _Lookout(self.sight, self.sides, direction)
 
     def start(self, t0, y0):
-        at = self.sight.field, self.sight.events, self.direction * t0, y0
-        here = looked(*at)
-        zero = jnp.zeros_like(here.values)
-        end = _Look(part=jnp.ones_like(t0), g=here.values, slope=here.slopes, side=zero)
-        noise = here.rounding + jnp.abs(t0) * here.speeds
-        begun = jnp.zeros((), bool)
+        here = Beginning.of(self.sight.field, self.sight.events, self.direction * t0, y0)
+        zero = jnp.zeros_like(here.g)
+        end = _Look(part=jnp.ones_like(t0), g=here.g, slope=here.slope, side=zero, noise=here.noise)
         return _Seen(
             end=end,
             t0=t0,
             y0=y0,
             bracket=Bracket.none(zero),
-            noise=noise,
-            speeds=here.speeds,
-            bends=bends(*at),
-            begun=begun,
+            beginning=here,
+            begun=jnp.zeros((), bool),
         )
 
     def see(self, keep, t0, y0, t1, y1, memory):
         del y1
         h = self.direction * (t1 - t0)
         begin = self.direction * t0
-        g, slope = memory.end.g, self.direction * memory.end.slope
-        first = first_side(
-            g, slope, h, memory.noise, speeds=memory.speeds, bends=memory.bends, wanted=self.wanted
-        )
+        first = memory.beginning.sides(self.sight.events, h, self.wanted)
+        first = jnp.where(self.sides == 0, first, self.sides)
         side = jnp.where(memory.begun, memory.end.side, first)
         survey = self._surveyed(keep, begin, y0, h, memory, side)
         low, high, towards = survey.bracket
@@ -170,11 +171,10 @@ class _Lookout(Watch):
         start = _Survey(
             n=jnp.zeros((), int), begin=begin, end=jnp.ones_like(t), bracket=Bracket.none(side)
         )
-        noise = SIDE_ROUNDINGS * memory.noise
 
         def panel(survey: _Survey) -> _Survey:
-            looks = self._looks(t, y, h, survey.begin, survey.end, noise)
-            return _judged(survey, looks, h, noise, self.wanted)
+            looks = self._looks(t, y, h, survey.begin, survey.end)
+            return _judged(survey, looks, h, self.wanted)
 
         def going(survey: _Survey) -> Array:
             over = survey.bracket.found | jnp.isnan(survey.begin.side)
@@ -182,24 +182,25 @@ class _Lookout(Watch):
 
         return jax.lax.while_loop(going, panel, start)
 
-    def _looks(self, t: Array, y: Array, h: Array, begin: _Look, end: Array, noise) -> _Look:
+    def _looks(self, t: Array, y: Array, h: Array, begin: _Look, end: Array) -> _Look:
         """The events at the beginning of a panel, at the places within it and at its end."""
         parts = begin.part + _LOOK_PLACES[:-1] * (end - begin.part)
         parts = jnp.concatenate([begin.part[None], parts, end[None]])
-        g, slope, _ = self.sight.after(t, y, parts[1:] * h)
+        g, slope, known, noise, _ = self.sight.after(t, y, parts[1:] * h)
         sides = [begin.side]
-        for value in g:
-            sides.append(jnp.where(jnp.abs(value) <= noise, sides[-1], jnp.sign(value)))
-        g, slope = (jnp.concatenate([a[None], b]) for a, b in ((begin.g, g), (begin.slope, slope)))
-        return _Look(part=parts, g=g, slope=slope, side=jnp.stack(sides))
+        for side in known:
+            sides.append(jnp.where(side == 0, sides[-1], side))
+        pairs = (begin.g, g), (begin.slope, slope), (begin.noise, noise)
+        g, slope, noise = (jnp.concatenate([a[None], b]) for a, b in pairs)
+        return _Look(part=parts, g=g, slope=slope, side=jnp.stack(sides), noise=noise)
 
 
-def _judged(survey: _Survey, looks: _Look, h: Array, noise: Array, wanted: Array) -> _Survey:
+def _judged(survey: _Survey, looks: _Look, h: Array, wanted: Array) -> _Survey:
     """The next panel, or the first stretch of this one that has to be refined."""
     width = survey.end - survey.begin.part
     exhausted = (width < _MIN_PANEL) | (survey.n >= _MAX_PANELS)
     s = looks.side
-    known = settled(h * looks.part, looks.g, looks.slope, s, noise) | exhausted
+    known = settled(h * looks.part, looks.g, looks.slope, s, looks.noise) | exhausted
     across = (s[:-1] * s[1:] < 0) & ((wanted == 0)[None] | (wanted[None] == s[1:]))
     unclear, n = _first(~known), len(_LOOK_PLACES)
     hit = _first(across)

@@ -6,15 +6,16 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
-from jaxdyn.scene import Field
+from jaxdyn.scene import Field, System
 from jaxdyn.solvers import Method
 
-#: Roundings of state and time by which a value at a start on an event may miss zero.
-_START_ROUNDINGS = 16
-#: Roundings of the state below which a later value has not changed its side.
-SIDE_ROUNDINGS = 4
+#: Roundings of a state within which the sign of a value is not known.
+_SIDE_ROUNDINGS = 4
+#: Directions in which neighbours of a state are looked at, each there and back.
+_NEIGHBOUR_PAIRS = 3
 #: Roundings of state and time within which two events count as simultaneous.
 _COINCIDENCE_ROUNDINGS = 64
 
@@ -48,14 +49,27 @@ def directions(events: tuple) -> Array:
     )
 
 
-def looked(field, events: tuple, t: Array, y: Array) -> Looked:
-    """The events of a motion at (t, y); `field` has ``rate(t, y)``."""
+def sizes(system: System, y: Array) -> Array:
+    """(k,) the magnitudes to whose rounding the entries of a state are known.
+
+    An entry's own; with constraints the largest with the same unit, since a projection mixes
+    them: a velocity of 1e-33 m/s off the surface beside one of 1 m/s along it is none.
+    """
+    if type(system).project is System.project:
+        return jnp.abs(y)
+    units = np.array([unit for _, unit in system.labels()])
+    return jnp.max(jnp.where(units[:, None] == units[None, :], jnp.abs(y)[None, :], 0.0), axis=1)
+
+
+def looked(field, events: tuple, t: Array, y: Array, size: Array | float = 0.0) -> Looked:
+    """The events of a motion at (t, y); an entry that has been larger (`size`) is known less."""
     rows, terms = _terms(field, events, t, y)
     eps = jnp.finfo(y.dtype).eps
+    known = jnp.maximum(sizes(field.system, y), size)
     return Looked(
         values=values(events, t, y),
         slopes=jnp.sum(terms, -1),
-        rounding=eps * jnp.sum(jnp.abs(rows * y[None]), -1),
+        rounding=eps * jnp.sum(jnp.abs(rows * known[None]), -1),
         speeds=eps * jnp.sum(jnp.abs(terms), -1),
     )
 
@@ -67,26 +81,37 @@ def bends(field, events: tuple, t: Array, y: Array) -> Array:
     return jnp.finfo(y.dtype).eps * jnp.where(jnp.isfinite(second), jnp.abs(second), 0.0)
 
 
-def first_side(g, slope, h, noise, *, speeds: Array, bends: Array, wanted: Array) -> Array:
-    """(E,) the side of each event the motion is just after its start.
+def sides(events: tuple, t: Array, y: Array, size: Array) -> tuple[Array, Array]:
+    """(E,) signs of the values, 0 where rounding decides, and (E,) how much it changes them.
 
-    If the motion starts on an event, the slope decides. Where the slope is zero as well, a
-    crossing in the wanted direction counts: otherwise a ball that bounces by less than
-    rounding would fall through the floor. Without a wanted direction the motion has left.
+    A sign is known if all neighbours of the state have it. No bound on the value itself could tell:
+    that of y^5 is below every bound long before y is zero to rounding. A few neighbours are looked
+    at instead of the derivatives by all entries: that costs less where there are many, and tells
+    the rounding within the value as well.
 
     Args:
-      g: (E,) values at the start.
-      slope: (E,) slopes in the direction of the run.
-      h: () first step.
-      noise: (E,) rounding of the values.
-      speeds: (E,) one rounding of a slope.
-      bends: (E,) one rounding of a second derivative.
-      wanted: (E,) signs after the crossings that count, 0 for both.
+      events: modules with ``value(t, y)``.
+      t: () time.
+      y: (k,) state.
+      size: (k,) magnitudes to whose rounding it is known.
     """
-    moved = noise + jnp.abs(h) * speeds + h * h * bends
-    on = jnp.abs(g) <= _START_ROUNDINGS * moved
-    moving = jnp.abs(slope) > _START_ROUNDINGS * speeds
-    return jnp.where(on, jnp.where(moving, jnp.sign(slope), -wanted), jnp.sign(g))
+    ways = _SIDE_ROUNDINGS * jnp.finfo(y.dtype).eps * _neighbours(len(y))
+    ts, ys = t + ways[:, 0] * t, y[None] + ways[:, 1:] * size[None]
+    here = values(events, t, y)
+    others = jax.vmap(functools.partial(values, events))(ts, ys)
+    others = jnp.where(jnp.isfinite(others), others, here[None])
+    side = jnp.sign(here)
+    known = (jnp.sign(others) == side[None]).all(axis=0) | jnp.isnan(here)
+    return jnp.where(known, side, 0.0), jnp.max(jnp.abs(others - here[None]), axis=0)
+
+
+@functools.cache
+def _neighbours(k: int) -> np.ndarray:
+    """(2 p, 1 + k) shifts of time and state of size one: no two entries cancel in all."""
+    rng = np.random.default_rng(0)
+    ways = rng.uniform(0.75, 1.25, (_NEIGHBOUR_PAIRS, 1 + k))
+    ways[1:] *= rng.choice([-1.0, 1.0], ways[1:].shape)
+    return np.concatenate([ways, -ways])
 
 
 def _terms(field, events: tuple, t: Array, y: Array) -> tuple[Array, Array]:
@@ -95,11 +120,36 @@ def _terms(field, events: tuple, t: Array, y: Array) -> tuple[Array, Array]:
     return rows, jnp.concatenate([by_time[:, None], rows * field.rate(t, y)[None]], axis=-1)
 
 
+def at(events: tuple, t: Array, y: Array, rate: Array, size: Array) -> tuple[Array, ...]:
+    """(E,) each: values, slopes along a motion of this rate, and what `sides` says."""
+    ahead = (jnp.ones_like(t), rate)
+    g, slope = jax.jvp(functools.partial(values, events), (t, y), ahead)
+    return g, slope, *sides(events, t, y, size)
+
+
+class Ahead(NamedTuple):
+    """The E events at s times ahead of a node.
+
+    Attributes:
+      g: (s, E) values.
+      slope: (s, E) their slopes in time.
+      side: (s, E) their signs, 0 where rounding decides.
+      noise: (s, E) how much rounding changes the values.
+      y: (k, s) states.
+    """
+
+    g: Array
+    slope: Array
+    side: Array
+    noise: Array
+    y: Array
+
+
 class Sight(eqx.Module):
     """Events of a motion at any time after a node, by one step of the method from there.
 
     Attributes:
-      field: has ``rate(t, y)`` and ``project(t, y)``.
+      field: has ``rate(t, y)``, ``project(t, y)`` and a ``system``.
       events: modules with ``value(t, y)`` and ``direction``.
       method: the method that takes the step.
     """
@@ -108,19 +158,20 @@ class Sight(eqx.Module):
     events: tuple
     method: Method = eqx.field(static=True)
 
-    def after(self, t: Array, y: Array, hs: Array) -> tuple[Array, Array, Array]:
-        """(s, E) values and slopes and (k, s) states, after one step of each length hs (s,)."""
+    def after(self, t: Array, y: Array, hs: Array) -> Ahead:
+        """The events after one step of each length hs (s,) from (t, y)."""
         rates = jax.vmap(self.field.rate, in_axes=(0, -1), out_axes=-1)
         ts = t + hs
         ys = y[:, None] + self._increments(rates, t, y, hs)
         x = jax.vmap(self.field.project, in_axes=(0, -1), out_axes=-1)(ts, ys)
+        start = sizes(self.field.system, y)
 
         def along(t, y, rate):
-            ahead = (jnp.ones_like(t), rate)
-            return jax.jvp(functools.partial(values, self.events), (t, y), ahead)
+            size = jnp.maximum(start, sizes(self.field.system, y))
+            return at(self.events, t, y, rate, size)
 
-        g, slope = jax.vmap(along, in_axes=(0, -1, -1))(ts, x, rates(ts, x))
-        return g, slope, x
+        seen = jax.vmap(along, in_axes=(0, -1, -1))(ts, x, rates(ts, x))
+        return Ahead(*seen, x)
 
     def _increments(self, rates, t: Array, y: Array, hs: Array) -> Array:
         """(k, s) increments of one step of each length hs (s,)."""
@@ -145,9 +196,8 @@ def coincident(field, events: tuple, y0: Array, t0: Array, t: Array, y: Array, d
       y: (k,) state then.
       direction: () 1 forwards in time, -1 backwards.
     """
-    here = looked(field, events, t, y)
-    start = looked(field, events, t0, y0)
+    here = looked(field, events, t, y, sizes(field.system, y0))
     time = jnp.abs(t0) + jnp.abs(t)
-    off = _COINCIDENCE_ROUNDINGS * (here.rounding + start.rounding + time * here.speeds)
+    off = _COINCIDENCE_ROUNDINGS * (here.rounding + time * here.speeds)
     wanted = directions(events)
     return (jnp.abs(here.values) <= off) & ((wanted == 0) | (wanted * direction * here.slopes > 0))

@@ -27,14 +27,14 @@ def settled(times: Array, g: Array, slope: Array, sides: Array, noise: Array) ->
       g: (s, E) values.
       slope: (s, E) slopes in time.
       sides: (s, E) signs of the values; where a value is within rounding of zero, the sign before.
-      noise: (E,) values up to this are rounding.
+      noise: (s, E) values up to this are rounding.
     Limits: wrong for functions whose samples look smooth but which are not smooth in between.
     """
     width = jnp.diff(times)[:, None]
     parts = Stretch(g[:-1], g[1:], slope[:-1], slope[1:], width)
     between = 0.5 * (width[1:] + width[:-1])
     fourth = jnp.max(jnp.abs(jnp.diff(parts.third, axis=0) / between), axis=0)
-    return parts.settled(fourth[None], sides[:-1], sides[1:], noise[None])
+    return parts.settled(fourth[None], sides[:-1], sides[1:], jnp.maximum(noise[:-1], noise[1:]))
 
 
 class Stretch(NamedTuple):

@@ -247,7 +247,7 @@ def test_what_is_settled_has_no_hidden_crossings():
         slope = np.sum(a * w * np.cos(np.multiply.outer(times, w) + p), -1)
         g = wave(times)
         sides = np.sign(g)[:, None]
-        known = judge(times, g[:, None], slope[:, None], sides, np.zeros(1))[:, 0]
+        known = judge(times, g[:, None], slope[:, None], sides, np.zeros((5, 1)))[:, 0]
         for i, (begin, end) in enumerate(itertools.pairwise(times)):
             inside = np.sign(wave(fine[(fine >= begin) & (fine <= end)]))
             changes = np.count_nonzero(np.diff(inside))
