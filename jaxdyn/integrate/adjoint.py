@@ -22,8 +22,12 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.integrate.flow import SolveResult, flow
 from jaxdyn.integrate.step_control import Limits
+from jaxdyn.plan import plan_of
+from jaxdyn.plan.in_branch import Branch, InBranch
 from jaxdyn.solvers import Method
 
+#: Relative difference of states that are found forwards and backwards, at most.
+_SAME_STATE = 1e-3
 _PIECES = 4  # of the backward integration, besides those between samples
 
 
@@ -57,6 +61,38 @@ class _Backwards(eqx.Module):
         by_numbers, by_place = pull(adjoint)
         return jnp.concatenate([z[half:], a, by_place, -_flat(by_numbers, z.dtype)])
 
+    def state(self, z: Array) -> Array:
+        """The state (k,) alone; of a rate its rate."""
+        k, half = self.k, len(z) // 2
+        if not self.position_only:
+            return z[:k]
+        return jnp.concatenate([z[: k // 2], z[half : half + k // 2]])
+
+    @property
+    def system(self) -> Any:
+        """The system of the field."""
+        return self.field.system
+
+    def jump(self, t: Array, z: Array, old: Branch, new: Branch, which: Array) -> Array:
+        """All of it before a switch of the rate, from what it is after it.
+
+        The adjoint is multiplied by the transposed saltation matrix, see `Variational.jump`; the
+        gradient takes what the numbers contribute to the time of the switch.
+        """
+        numbers, rest = eqx.partition(self.field, eqx.is_inexact_array)
+        y, (adjoint, mu) = self.state(z), self.unpacked(z)
+
+        def margin(numbers, t, y):
+            system = _Backwards(eqx.combine(numbers, rest), self.position_only, self.k)
+            at = system.packed(y, adjoint, mu)
+            return InBranch(system, old).side(t, at, old.outcomes)[1].margins[which]
+
+        after, before = (self.state(InBranch(self, branch).rate(t, z)) for branch in (old, new))
+        by_numbers, by_time, by_state = jax.grad(margin, (0, 1, 2))(numbers, t, y)
+        weight = jnp.sum(adjoint * (after - before)) / (by_time + jnp.sum(by_state * before))
+        mu = mu + weight * _flat(by_numbers, z.dtype)
+        return self.packed(y, adjoint + weight * by_state, mu)
+
     def project(self, t: Array, z: Array) -> Array:
         """Nothing to project: scenes with constraints are refused."""
         del t
@@ -89,6 +125,11 @@ class _Backwards(eqx.Module):
 def _flat(numbers: Any, dtype) -> Array:
     """The numbers of a pytree as one vector; that of none is in 32 bits by `ravel_pytree`."""
     return ravel_pytree(numbers)[0].astype(dtype)
+
+
+def _alike(y: Array, z: Array) -> Array:
+    """Whether () two states are one, found on two ways."""
+    return jnp.max(jnp.abs(y - z)) <= _SAME_STATE * jnp.max(jnp.abs(jnp.stack([y, z])))
 
 
 def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResult:
@@ -135,13 +176,17 @@ def _back(states, slopes, perturbed, given, limits, method):
     flat, tree = ravel_pytree(numbers)
     system = _Backwards(field, method.position_only, len(y0))
     method = method.for_tangents
+    switches = plan_of(field, len(y0)).on_state
 
     def piece(carry, node):
         adjoint, mu = carry
-        late, y, early, by_early = node
+        late, y, early, by_early, there = node
         start = system.packed(y, adjoint, mu)
         end = flow(system, start, late, early, ts[:0], limits, method=method).y1
         adjoint, mu = system.unpacked(end)
+        if switches:
+            # From a surface on which it slides a motion does not come back the way it came.
+            adjoint = jnp.where(_alike(system.state(end), there), adjoint, jnp.nan)
         return (adjoint + by_early, mu), None
 
     nodes = (
@@ -149,6 +194,7 @@ def _back(states, slopes, perturbed, given, limits, method):
         jnp.concatenate([ys, y1[None]]),
         jnp.concatenate([t0[None], ts]),
         jnp.concatenate([jnp.zeros_like(y0)[None], by_ys]),
+        jnp.concatenate([y0[None], ys]),
     )
     start = by_y1, jnp.zeros(flat.shape, y0.dtype)  # a field without numbers has no float64
     (by_y0, mu), _ = jax.lax.scan(piece, start, nodes, reverse=True)

@@ -369,8 +369,8 @@ class _Pieces(NamedTuple):
         return _ROUNDINGS * jnp.finfo(x.dtype).eps * jnp.where(jnp.isfinite(size), size, 0.0)
 
     def _after_switch(self, run: _Run, branch: Branch) -> Array:
-        """The state, and tangents as the saltation matrix changes them."""
-        if run.y.ndim == 1:
+        """The state, and tangents or adjoints as the saltation matrix changes them."""
+        if not hasattr(self.field, "jump"):
             return run.y
         changed = jnp.asarray(self.plan.of_time) & (branch.outcomes != run.old.outcomes)
         margins = self.plan.look(self.system, run.t, _state(run.y), run.old.outcomes)[1].margins
