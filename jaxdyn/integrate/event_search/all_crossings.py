@@ -22,6 +22,7 @@ from jaxdyn.integrate.event_search.crossings import first_crossing
 from jaxdyn.integrate.events import Event, checked_events
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
+from jaxdyn.integrate.step_control import Limits
 from jaxdyn.integrate.switching import switching
 from jaxdyn.integrate.trajectory import raise_unless_ok
 from jaxdyn.scene import Scene
@@ -89,7 +90,7 @@ def crossings(
       rtol: see `simulate`.
       atol: see `simulate`.
       solver: see `simulate`.
-      max_steps: largest number of steps from one crossing to the next.
+      max_steps: largest number of steps of the whole motion.
       throw: raise where the motion fails; with False look at `Crossings.status`. Inside a
         transformation nothing is raised.
     Returns:
@@ -123,10 +124,12 @@ def crossings(
     def run(held_to, method: Method) -> Crossings:
         held_to = jax.tree.map(jnp.asarray, held_to)
 
-        def rest(y, t, rows: int) -> Crossings:
+        def rest(y, t, held_to: Limits, rows: int) -> tuple[Crossings, Array]:
             return _compiled(scene.field, event, y, t, t1, held_to, method=method, rows=rows)
 
-        return _every(rest, scene.y0, t0) if rows is None else rest(scene.y0, t0, rows)
+        if rows is None:
+            return _every(rest, scene.y0, t0, held_to)
+        return rest(scene.y0, t0, held_to, rows)[0]
 
     found, _ = switching(run, options, method, traced=_checks.is_traced(given))
     if throw:
@@ -134,11 +137,12 @@ def crossings(
     return found
 
 
-def _every(rest: Callable[..., Crossings], y, t) -> Crossings:
+def _every(rest: Callable[..., tuple[Crossings, Array]], y, t, limits: Limits) -> Crossings:
     """All crossings, by calls of one program, each from where the last one ended."""
     parts = []
     while True:
-        found = rest(y, t, _AT_ONCE)
+        found, left = rest(y, t, limits, _AT_ONCE)
+        limits = _with_steps(limits, left)
         n = int(found.count)
         parts.append([np.asarray(x)[:n] for x in found[:3]])
         if n < _AT_ONCE:
@@ -148,8 +152,16 @@ def _every(rest: Callable[..., Crossings], y, t) -> Crossings:
     return Crossings(ts, ys, directions, count=jnp.asarray(len(ts)), status=found.status)
 
 
+def _with_steps(limits: Limits, left: Array) -> Limits:
+    """The limits with another number of steps."""
+    return limits._replace(max_steps=jnp.stack([left, limits.max_steps[1]]))
+
+
 @eqx.filter_custom_jvp
-def _found(field, event, y0, t0, t1, limits, *, method: Method, rows: int) -> Crossings:
+def _found(
+    field, event, y0, t0, t1, limits, *, method: Method, rows: int
+) -> tuple[Crossings, Array]:
+    """The crossings, and the number of steps that are left of the limit."""
     search = functools.partial(_search, method=method, rows=rows)
     args = (field, event, y0, t0, t1, limits)
     return in_one_kernel(search, args, unknown=limits.tolerance[0] > 0)
@@ -159,7 +171,7 @@ def _found(field, event, y0, t0, t1, limits, *, method: Method, rows: int) -> Cr
 def _found_jvp(primals, tangents, *, method, rows):
     field, event, y0, t0, _, limits = primals
     d_field, d_event, d_y0, d_t0, _, _ = tangents
-    found = _found(*primals, method=method, rows=rows)
+    found, left = _found(*primals, method=method, rows=rows)
     there = jnp.arange(rows) < found.count
     # Only as far as the last crossing: the motion may fail after it.
     end = jnp.where(found.count > 0, found.ts[jnp.maximum(found.count - 1, 0)], t0)
@@ -179,18 +191,21 @@ def _found_jvp(primals, tangents, *, method, rows):
     _, slopes = jax.jvp(along, (ts, ys), (jnp.ones_like(ts), rates))
     dts = jnp.where(there, -dg / jnp.where(there, slopes, 1.0), 0.0)
     dys = jnp.where(there[:, None], dys + rates * dts[:, None], 0.0)
-    return found, Crossings(ts=dts, ys=dys, directions=None, count=None, status=None)
+    tangents = Crossings(ts=dts, ys=dys, directions=None, count=None, status=None)
+    return (found, left), (tangents, None)
 
 
 _compiled = eqx.filter_jit(_found)
 
 
-def _search(field, event, y0, t0, t1, limits, *, method: Method, rows: int) -> Crossings:
+def _search(field, event, y0, t0, t1, limits, *, method: Method, rows: int):
     way = jnp.where(t1 > t0, 1.0, -1.0)
 
     def following(carry, _):
-        t, y, status = carry
-        end, found = first_crossing(field, (event,), y, t, t1, limits, method=method)
+        t, y, status, left = carry
+        # Each search has the steps that those before it left: together they are bounded.
+        held_to = _with_steps(limits, left)
+        end, found = first_crossing(field, (event,), y, t, t1, held_to, method=method)
         right = (status == Status.OK) & (found.status == Status.OK)
         there = right & jnp.isfinite(found.t)
         # Without another crossing the rest of the rows takes no step.
@@ -202,8 +217,11 @@ def _search(field, event, y0, t0, t1, limits, *, method: Method, rows: int) -> C
             jnp.where(there, jnp.sign(way * slope).astype(int), 0),
             there,
         )
-        return (t, y, jnp.where(status == Status.OK, found.status, status)), row
+        status = jnp.where(status == Status.OK, found.status, status)
+        left = jnp.maximum(left - found.steps, 0)
+        return (t, y, status, left), row
 
-    start = t0, y0, jnp.asarray(int(Status.OK))
-    (_, _, status), (ts, ys, directions, there) = jax.lax.scan(following, start, length=rows)
-    return Crossings(ts, ys, directions, count=jnp.sum(there), status=status)
+    start = t0, y0, jnp.asarray(int(Status.OK)), limits.max_steps[0]
+    (_, _, status, left), (ts, ys, directions, there) = jax.lax.scan(following, start, length=rows)
+    found = Crossings(ts, ys, directions, count=jnp.sum(there), status=status)
+    return found, left

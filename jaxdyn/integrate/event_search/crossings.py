@@ -46,12 +46,13 @@ _PANEL_GROWTH = 4.0  # of the panel length after a settled panel
 
 
 class Crossing(NamedTuple):
-    """The first crossing: time (infinite if there is none), state, event index, `Status`."""
+    """The first crossing: time (infinite if there is none), state, event index, `Status`, steps."""
 
     t: Array
     y: Array
     event: Array
     status: Array
+    steps: Array
 
 
 def first_crossing(field, events, y0, t0, t1, limits, *, method: Method):
@@ -81,7 +82,8 @@ def first_crossing(field, events, y0, t0, t1, limits, *, method: Method):
     unseen = (out.status == int(Status.OK)) & moved & ~(size < _TRUSTED_ERROR)
     status = jnp.where(unseen, int(Status.UNSEEN_WITHIN_STEP), out.status)
     status = jnp.where(jnp.isnan(seen.end.side).any(), int(Status.NOT_FINITE), status)
-    return out.y1, Crossing(t=seen.t0 + h, y=y, event=which, status=status)
+    steps = out.steps + out.rejected
+    return out.y1, Crossing(t=seen.t0 + h, y=y, event=which, status=status, steps=steps)
 
 
 class _Look(NamedTuple):
