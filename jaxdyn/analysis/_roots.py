@@ -22,10 +22,11 @@ def root(
       low: lower ends.
       high: upper ends.
     """
-    below, _ = fn(low)
+    first, _ = fn(low)
     above, slope = fn(high)
+    below = np.sign(first)  # a product of two values may overflow
     good = below * above <= 0
-    x, value, old_x, old_value = high, above, low, below
+    x, value, old_x, old_value = high, above, low, first
     settled = ~good
     for _ in range(_ITERATIONS):
         with np.errstate(divide="ignore", invalid="ignore"):

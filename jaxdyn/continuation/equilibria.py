@@ -186,7 +186,6 @@ def _driven(scene: Scene, y: np.ndarray) -> bool:
 def _walked(make, first: Equilibrium, limits, report, path) -> EquilibriumFamily:
     step, most, within = limits
     begin = Begin(EQUILIBRIA, step, np.append(first.x, first.tangent), first)
-    first, kept = kept_in(path, begin, of_fields(Equilibrium))
     rules = Rules(
         following=lambda last, length: _next(make, last, length),
         between=lambda a, b, fresh: special_points(make, a, b, first=fresh),
@@ -194,7 +193,8 @@ def _walked(make, first: Equilibrium, limits, report, path) -> EquilibriumFamily
         after=lambda new: "" if within[0] <= new.parameter <= within[1] else f"the bounds {within}",
         lost="no equilibrium was found beyond: a singularity of the rate, or a branch point",
     )
-    found = walked(rules, first, step, most, report, kept)
+    with kept_in(path, begin, of_fields(Equilibrium)) as (first, kept):
+        found = walked(rules, first, step, most, report, kept)
     return EquilibriumFamily(found.members, found.special, found.end, make)
 
 

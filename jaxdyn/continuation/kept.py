@@ -3,11 +3,15 @@
 A file holds the walks of a run, each with its first member and what tells it from others. A walk
 is found again by these, whatever else the file has, and goes on where it was left; it may then be
 longer. Files hold numbers only: the scene is given again when one is read.
+
+One program at a time writes a file: another one is told so. Steps are numbered, so that a file in
+which the steps of two runs are mixed is refused.
 """
 
+import contextlib
 import copy
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,11 +22,14 @@ from jaxdyn.files import journal
 from jaxdyn.files.typed import plain, typed
 
 FORMAT = "jaxdyn-continuation"
-VERSION = 1
+VERSION = 2
+_UNNUMBERED = 1  # the version whose steps have no numbers
 REMEDY = "Give the path of a file that a continuation wrote with path=."
 OTHER = "The file was edited or damaged, or its scenes are others."
 #: What the walks of this package are.
 WHATS = EQUILIBRIA, CURVE = "equilibria", "curve"
+_MIXED = "Two programs wrote it at the same time. Begin another one."
+_PATIENCE = 1.0  # [s]; a program that writes a file at all writes it for long
 _SAME = 1e-8  # relative distance below which two first members are one
 
 
@@ -128,11 +135,12 @@ class Log:
         """Open a file, or begin one.
 
         Raises:
-          ValueError: it is another file, was edited, or cannot be written.
+          ValueError: it is another file, was edited, cannot be written, or another program writes
+            it.
         """
         header = {"format": FORMAT, "version": VERSION}
         try:
-            self._file = journal.Journal(path, header, REMEDY)
+            self._file = journal.Journal(path, header, REMEDY, _PATIENCE)
         except journal.NotAJournal as error:
             raise _another(path) from error
         self._note: dict = {}
@@ -160,8 +168,13 @@ class Log:
     def note(self, note: dict) -> None:
         """Add a note, unless it is there already."""
         if note not in self.notes:
-            self.notes.append(note)
-            self._file.add({"note": note})
+            with self.alone():
+                self.notes.append(note)
+                self._file.add({"note": note})
+
+    def alone(self) -> contextlib.AbstractContextManager[None]:
+        """Let no other program write the file; see `Journal.alone`."""
+        return self._file.alone()
 
 
 class Kept:
@@ -174,6 +187,7 @@ class Kept:
     def __init__(self, file: journal.Journal, walk: int, codec: Codec, advances, end: str):
         self.advances: list[Advance] = advances
         self._file, self._walk, self._codec, self._end = file, walk, codec, end
+        self._number = len(advances)  # of the next step
 
     def add(self, advance: Advance) -> None:
         """Add a step; it is on the disk when this returns."""
@@ -184,7 +198,8 @@ class Kept:
             step=advance.step,
             end=advance.end,
         )
-        self._file.add({"walk": self._walk, "step": plain(step)})
+        self._file.add({"walk": self._walk, "number": self._number, "step": plain(step)})
+        self._number += 1
 
     def ended(self, end: str) -> None:
         """Say why the walk ends."""
@@ -192,10 +207,22 @@ class Kept:
             self._file.add({"walk": self._walk, "ended": end})
 
 
-def kept_in(path: str | Path | Log | None, begin: Begin, codec: Codec) -> tuple[Any, Kept | None]:
-    """The first member of a walk, and the rest of it in a file, if there is one."""
+@contextlib.contextmanager
+def kept_in(
+    path: str | Path | Log | None, begin: Begin, codec: Codec
+) -> Iterator[tuple[Any, Kept | None]]:
+    """The first member of a walk, and the rest of it in a file, if there is one.
+
+    No other program writes the file meanwhile.
+    """
     log = opened(path)
-    return (begin.first, None) if log is None else log.kept(begin, codec)
+    with alone(log):
+        yield (begin.first, None) if log is None else log.kept(begin, codec)
+
+
+def alone(log: Log | None) -> contextlib.AbstractContextManager[None]:
+    """Let no other program write a file, if there is one; see `Journal.alone`."""
+    return contextlib.nullcontext() if log is None else log.alone()
 
 
 def opened(path: str | Path | Log | None) -> Log | None:
@@ -227,11 +254,14 @@ def _read(path: str | Path, records: list[dict]) -> tuple[list[Stored], list[dic
     walks: list[Stored] = []
     notes: list[dict] = []
     header, *rest = records or [{}]
-    if (header.get("format"), header.get("version")) != (FORMAT, VERSION):
+    version = header.get("version")
+    if header.get("format") != FORMAT or version not in (_UNNUMBERED, VERSION):
         raise _another(path)
     for record in rest:
         if "begin" in record:
-            walks.append(Stored(typed(record["begin"], Begin, "file", OTHER)))
+            begin = typed(record["begin"], Begin, "file", OTHER)
+            _check_number("walks", begin.walk, len(walks))
+            walks.append(Stored(begin))
         elif "note" in record:
             notes.append(typed(record["note"], dict, "file", OTHER))
         else:
@@ -239,10 +269,20 @@ def _read(path: str | Path, records: list[dict]) -> tuple[list[Stored], list[dic
             if not 0 <= number < len(walks):
                 raise fail("file", "steps of a walk that has begun", f"one of {number}", OTHER)
             if "step" in record:
-                walks[number].steps.append(typed(record["step"], Step, "file", OTHER))
+                steps = walks[number].steps
+                if version != _UNNUMBERED:
+                    number = typed(record.get("number"), int, "file", OTHER)
+                    _check_number("steps", number, len(steps))
+                steps.append(typed(record["step"], Step, "file", OTHER))
             else:
                 walks[number].end = typed(record.get("ended"), str, "file", OTHER)
     return walks, notes
+
+
+def _check_number(what: str, number: int, expected: int) -> None:
+    if number != expected:
+        got = f"number {number} in the place of {expected}"
+        raise fail("file", f"{what} in order", got, _MIXED)
 
 
 def _another(path: str | Path) -> ValueError:

@@ -156,7 +156,6 @@ def _walked(make, first: CurvePoint, start: CurvePoint | None, limits, report, p
     step, most, within = limits
     place = np.append(first.unknowns, first.tangent)
     begin = Begin(CURVE, step, place, first, {"kind": str(first.curve)})
-    first, kept = kept_in(path, begin, of_fields(CurvePoint))
     rules = Rules(
         following=lambda last, length: _next(make, last, length),
         between=lambda a, b, fresh: _not_at(start, special_points(make, a, b, first=fresh)),
@@ -164,7 +163,8 @@ def _walked(make, first: CurvePoint, start: CurvePoint | None, limits, report, p
         after=lambda new: outside(new.parameters, within),
         lost="no point of the curve was found beyond",
     )
-    found = walked(rules, first, step, most, report, kept)
+    with kept_in(path, begin, of_fields(CurvePoint)) as (first, kept):
+        found = walked(rules, first, step, most, report, kept)
     return Curve(kind=first.curve, make=make, **found._asdict())
 
 

@@ -2,8 +2,10 @@
 
 `input_files` reads, `output_files` and `image_files` check paths before the work, `records` turns
 scenes into JSON and back, `scene_records` checks what it reads; `typed` makes other records of
-JSON, `journal` keeps them in files that grow line by line. `motion_files` saves and loads motions
-as the `archives` of NumPy; `tables` writes them as CSV and JSON, `data_frames` for pandas.
+JSON, `journal` keeps them in files that grow line by line, for one program or several in turn.
+`motion_files` saves and loads motions as the `archives` of NumPy; `tables` writes them as CSV and
+JSON, `data_frames` for pandas. All that is read again ends with one of the `digests`, by which any
+changed byte is noticed.
 
 May import: `accuracy`, `scenes`.
 
@@ -18,6 +20,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     [
         "archives",
         "data_frames",
+        "digests",
         "image_files",
         "input_files",
         "journal",

@@ -2,7 +2,7 @@
 
 They are written atomically and read without trust: entries are not compressed, so that what is
 claimed can be compared with the bytes that are there before an array is made, and no entry is
-unpickled.
+unpickled. The comment at the end of an archive is a digest of all of its other bytes.
 """
 
 import io
@@ -11,11 +11,12 @@ import math
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from jaxdyn._text import fail
+from jaxdyn.files.digests import DIGITS, has_digest, with_digest
 from jaxdyn.files.input_files import content, parsed
 from jaxdyn.files.output_files import archive_path, replace, unwritable
 
@@ -25,6 +26,7 @@ MAX_BYTES = 2**30
 _TYPES = ("<f8", "<i8", "<i4", "|b1")
 _DATE = (1980, 1, 1, 0, 0, 0)  # the same motion gives the same file
 _ARRAY = ".npy"
+_COMMENT = b"digest: "
 
 
 def write(path: str | Path, name: str, record: Any, arrays: Mapping[str, np.ndarray]) -> None:
@@ -49,16 +51,33 @@ def write(path: str | Path, name: str, record: Any, arrays: Mapping[str, np.ndar
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
         for key, data in entries.items():
             archive.writestr(zipfile.ZipInfo(key, _DATE), data)
-    if file.tell() > MAX_BYTES:
+        archive.comment = _COMMENT + bytes(DIGITS)  # whose length is part of the archive
+    text = file.getvalue()[:-DIGITS]
+    text = with_digest(text, len(text))
+    if len(text) > MAX_BYTES:
         remedy = "Save fewer samples, or the motions of a batch one by one."
-        raise fail("file", f"at most {MAX_BYTES} bytes", file.tell(), remedy)
+        raise fail("file", f"at most {MAX_BYTES} bytes", len(text), remedy)
     try:
-        replace(path, file.getvalue())
+        replace(path, text)
     except OSError as error:
         raise unwritable(path, error) from error
 
 
-def read(path: str | Path, name: str, remedy: str) -> tuple[Any, dict[str, np.ndarray]]:
+class Read(NamedTuple):
+    """What an archive has.
+
+    Attributes:
+      record: of JSON.
+      arrays: by name.
+      digested: whether it has a digest, as all have that `write` writes.
+    """
+
+    record: Any
+    arrays: dict[str, np.ndarray]
+    digested: bool
+
+
+def read(path: str | Path, name: str, remedy: str) -> Read:
     """The record and the arrays of an archive.
 
     Args:
@@ -66,9 +85,10 @@ def read(path: str | Path, name: str, remedy: str) -> tuple[Any, dict[str, np.nd
       name: of the entry with the record.
       remedy: what to do where it is no such archive, for the message.
     Raises:
-      ValueError: it is no archive that `write` wrote.
+      ValueError: it is no archive that `write` wrote, or a byte of it changed.
     """
     data = content(path, MAX_BYTES, remedy, "path")
+    digested = has_digest(data, "path", remedy)
     try:
         entries = _entries(data)
     # Those of zipfile for what it does not take; those of NumPy for a header are ValueErrors.
@@ -77,7 +97,8 @@ def read(path: str | Path, name: str, remedy: str) -> tuple[Any, dict[str, np.nd
     if name not in entries:
         raise fail("path", f"an archive with the entry {name}", f"{path} without it", remedy)
     record = parsed(entries.pop(name), str(path), remedy)
-    return record, {key.removesuffix(_ARRAY): _unpacked(key, x) for key, x in entries.items()}
+    arrays = {key.removesuffix(_ARRAY): _unpacked(key, x) for key, x in entries.items()}
+    return Read(record, arrays, digested)
 
 
 def _entries(data: bytes) -> dict[str, bytes]:

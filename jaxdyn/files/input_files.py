@@ -1,12 +1,15 @@
 """Files that are read: of a limited size, as JSON with finite numbers; nothing here loads JAX."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 from jaxdyn._text import fail
 
 MAX_BYTES = 64 * 2**20  # a larger file is not one of these records
+#: Of one text of JSON: Python takes up to 72 bytes for each, however short it is in the file.
+MAX_VALUES = 4_000_000
 _DIGITS = 18
 
 
@@ -40,12 +43,24 @@ def parsed(data: bytes, what: str, remedy: str = "") -> Any:
     """The value of JSON text with finite numbers only, and integers that floats can hold.
 
     Raises:
-      ValueError: the text is anything else.
+      ValueError: the text is anything else, or has more than `MAX_VALUES` values, which is known
+        before it is parsed.
     """
+    check_values(data, "file", remedy)
+    kinds = {"parse_constant": _no_constant, "parse_int": _integer, "parse_float": _float}
     try:
-        return json.loads(data.decode(), parse_constant=_no_constant, parse_int=_integer)
+        return json.loads(data.decode(), **kinds)
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise fail("file", "JSON", f"{what} ({error})", remedy) from error
+
+
+def check_values(data: bytes, name: str, remedy: str) -> None:
+    """Refuse JSON text of more than `MAX_VALUES` values, without parsing it."""
+    # Each value but the first stands after one of these.
+    count = sum(map(data.count, (b",", b"[", b"{", b":")))
+    if count > MAX_VALUES:
+        wanted = f"at most {MAX_VALUES} numbers, texts and lists"
+        raise fail(name, wanted, f"some {count}", remedy)
 
 
 def _no_constant(name: str):
@@ -57,3 +72,10 @@ def _integer(text: str) -> int:
     if len(text) > _DIGITS:
         raise fail("file", f"integers of at most {_DIGITS} digits", f"one of {len(text)}")
     return int(text)
+
+
+def _float(text: str) -> float:
+    number = float(text)
+    if math.isinf(number):
+        raise fail("file", "finite numbers", text[:_DIGITS], "The file was edited or is damaged.")
+    return number

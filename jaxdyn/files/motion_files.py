@@ -22,7 +22,8 @@ from jaxdyn.solvers import Method
 from jaxdyn.status import Status
 
 FORMAT = "jaxdyn-motion"
-VERSION = 1
+VERSION = 2
+_UNDIGESTED = 1  # the version without a digest of all bytes
 RECORD = "motion.json"
 _REMEDY = "Give the path of a file that `motion.save` wrote; if it is one, it is damaged."
 #: Methods by their names in files.
@@ -95,11 +96,13 @@ def load(path: str | Path) -> Trajectory | HybridTrajectory:
       (True, 'pendulum')
     """
     _checks.float64()
-    record, arrays = archives.read(path, RECORD, _REMEDY)
+    record, arrays, digested = archives.read(path, RECORD, _REMEDY)
     if not isinstance(record, dict) or record.get("format") != FORMAT:
         raise _refused(f"format {FORMAT!r}", "another")
-    if record.get("version") != VERSION:
+    if record.get("version") not in (_UNDIGESTED, VERSION):
         raise _refused(f"version {VERSION}", repr(record.get("version"))[:40])
+    if not digested and record["version"] != _UNDIGESTED:
+        raise _refused("a digest at its end", "none")
     try:
         motion = _decoded(record, arrays)
     except (KeyError, TypeError, AttributeError, IndexError) as error:

@@ -2,10 +2,14 @@
 
 Every function that writes a file calls `writable` before its work, so that a missing folder, a
 read-only one or a full disk is reported at once; `replace` writes text atomically, `append` adds
-text that is on the disk when it returns.
+text that is on the disk when it returns. A file has the mode that any program would give it, an
+existing one keeps its own; a symbolic link stays, and its target is written.
 """
 
+import errno
 import os
+import secrets
+import stat
 import tempfile
 from pathlib import Path
 
@@ -29,13 +33,14 @@ def writable(path: str | Path, name: str = "path", suffixes: tuple[str, ...] = (
     if suffixes and path.suffix.lower() not in suffixes:
         raise fail(name, f"a file name ending in {', '.join(suffixes)}", f"'{path}'")
     try:
-        if not path.parent.is_dir():
+        target = target_of(path)
+        if not target.parent.is_dir():
             raise fail(
                 name, "a file in a folder that exists", f"'{path}'", "Make the folder first."
             )
-        if path.exists() and not path.is_file():
+        if target.exists() and not target.is_file():
             raise fail(name, "a file", f"'{path}', which is none", "Give it a name of its own.")
-        _try(path)
+        _try(target)
     except OSError as error:
         raise unwritable(path, error, name) from error
     return path
@@ -59,33 +64,50 @@ def unwritable(path: str | Path, error: OSError, name: str = "path") -> ValueErr
     return fail(name, f"{wanted} that can be written", got, "Choose another place.")
 
 
+def target_of(path: Path) -> Path:
+    """The file itself, where a path leads to it by symbolic links.
+
+    Raises:
+      OSError: the links have no end.
+    """
+    target = Path(os.path.realpath(path))
+    if target.is_symlink():
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
+    return target
+
+
 def replace(path: Path, text: str | bytes) -> None:
     """Write a file atomically: a killed process or a full disk leaves the old one.
 
     Raises:
       OSError: `path` cannot be written.
     """
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    target = target_of(path)
+    temporary = target.with_name(f".{secrets.token_hex(8)}.part")
     try:
-        with os.fdopen(handle, "wb") as file:
+        old = stat.S_IMODE(target.stat().st_mode) if target.exists() else None
+        # Unlike a temporary file of Python, which is private, it gets its mode from the umask.
+        mode = 0o666 if old is None else old & 0o666
+        with open(temporary, "xb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
+            if old is not None:
+                os.chmod(temporary, old)
             file.write(text if isinstance(text, bytes) else text.encode())
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)  # mkstemp makes it private
-        os.replace(temporary, path)
+        os.replace(temporary, target)
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
 
 
-def append(path: Path, text: str) -> None:
-    """Write text at the end of a file, and have it on the disk before returning.
+def append(path: Path, data: bytes) -> None:
+    """Write data at the end of a file, and have them on the disk before returning.
 
     Raises:
       OSError: it cannot be written.
     """
-    with open(path, "a", encoding="utf-8") as file:
-        file.write(text)
+    with open(path, "ab") as file:
+        file.write(data)
         file.flush()
         os.fsync(file.fileno())
 

@@ -6,13 +6,12 @@ program and fills in its fields; it never imports, calls or unpickles what a fil
 """
 
 import dataclasses
-import hashlib
 import inspect
-import json
 import math
 import reprlib
 import types
 import typing
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import fail
+from jaxdyn.files import digests
 from jaxdyn.files.input_files import MAX_BYTES, content, parsed
 from jaxdyn.files.output_files import replace, unwritable, writable
 from jaxdyn.scene import Effect, Scene, System
@@ -83,39 +83,58 @@ def decode(value: Any, what: str = "record", kinds: tuple[type, ...] = (System, 
 
 
 def write(path: str | Path, record: dict[str, Any]) -> None:
-    """Write a record to a JSON file, atomically: a killed process leaves the old file."""
+    """Write a record to a JSON file, atomically: a killed process leaves the old file.
+
+    Its digest is its last entry.
+
+    Raises:
+      ValueError: `path` cannot be written, the record has numbers that are not finite, or the file
+        would be larger than `read` takes.
+    """
     path = writable(path, name="file")
+    text = digests.json_text(record, indent=1)
+    if len(text) > MAX_BYTES:
+        raise fail("record", f"at most {MAX_BYTES} bytes", len(text), "Save less in one file.")
     try:
-        text = json.dumps(record, indent=1, allow_nan=False)
-    except ValueError as error:
-        raise fail("record", "finite numbers", f"others ({error})") from error
-    try:
-        replace(path, text + "\n")
+        replace(path, text)
     except OSError as error:
         raise unwritable(path, error, "file") from error
 
 
-def read(path: str | Path, kind: str, version: int) -> dict[str, Any]:
-    """The record in a JSON file of the given kind and version."""
+def read(
+    path: str | Path, kind: str, version: int, older: Mapping[int, bool] | None = None
+) -> dict[str, Any]:
+    """The record in a JSON file that `write` wrote, without its digest.
+
+    Args:
+      path: of the file.
+      kind: its format.
+      version: its version.
+      older: versions without a digest of all bytes, which are read too, and whether their files
+        have one of the values.
+    Raises:
+      ValueError: it is a file of another kind or version, or a byte of it changed.
+    """
     remedy = f"Give the path of a file that this program wrote as a {kind}."
-    record = parsed(content(path, MAX_BYTES, remedy), str(path), remedy)
+    data = content(path, MAX_BYTES, remedy)
+    digested = digests.has_digest(data)
+    record = parsed(data, str(path), remedy)
     if not isinstance(record, dict) or record.get("format") != kind:
         got = record.get("format") if isinstance(record, dict) else type(record).__name__
         raise fail("file", f"format {kind!r}", repr(got), remedy)
-    if record.get("version") != version:
+    older = older or {}
+    if record.get("version") not in (version, *older):
         raise fail(
             "file", f"version {version}", repr(record.get("version")), "Make the file again."
         )
+    claimed = record.pop("digest", None)
+    if digested:
+        return record
+    if record["version"] not in older:
+        raise fail("file", "a digest at its end", "none", digests.DAMAGED)
+    if claimed != (digests.digest_of_values(record) if older[record["version"]] else None):
+        raise fail("file", "data that match its digest", "other data", digests.DAMAGED)
     return record
-
-
-def digest(record: dict[str, Any]) -> str:
-    """A checksum of a record, 16 hexadecimal digits: an edited record has another one.
-
-    It detects damage and accidental edits, not forgery: anyone can compute a new one.
-    """
-    text = json.dumps(record, sort_keys=True, allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _classes(kinds: tuple[type, ...]) -> dict[str, type]:
@@ -202,16 +221,21 @@ def _fits(item: Any, hint: Any) -> bool:
 
 
 def _number_or(item: Any, what: str, kinds: tuple[type, ...]) -> Any:
-    if isinstance(item, int | float) and not isinstance(item, bool):
+    if isinstance(item, int | float | str):  # no texts, nor truth values
         return _array(item, what)
     return () if item == [] else decode(item, what, kinds)
 
 
 def _array(value: Any, what: str) -> Array:
     try:
-        array = np.array(value, dtype=float)
+        # Without a type: with one, NumPy makes numbers of texts.
+        found = np.array(value)
+        kinds = {*map(type, np.array(value, dtype=object).ravel().tolist())}
     except (TypeError, ValueError) as error:
         raise fail(what, "an array of numbers", reprlib.repr(value)) from error
+    if not kinds <= {int, float} or found.dtype == object:
+        raise fail(what, "an array of numbers", reprlib.repr(value))
+    array = found.astype(float)
     if array.size > MAX_NUMBERS:
         raise fail(what, f"at most {MAX_NUMBERS} numbers", array.size)
     if not np.isfinite(array).all():

@@ -178,6 +178,7 @@ def run_pieces(
         event=jnp.maximum(run.event, 0),
         status=run.result.status,
         towards=run.towards,
+        steps=run.result.steps + run.result.rejected,
     )
     return eqx.tree_at(lambda result: result.y1, run.result, y1), crossing
 

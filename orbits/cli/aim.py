@@ -59,14 +59,14 @@ def _print_hits(hits: "orbits.targets.aim.Hits", out: Screen) -> None:
         out.print(f"[red]not hit[/red]: {hits.message}")
     for angle, t in zip(hits.angles, hits.times, strict=True):
         degrees = f"{math.degrees(angle):.10f} degrees"
-        out.print(f"hits {hits.x:.6g} m at {degrees} in {t:.6f} s")
+        out.print(f"hits {hits.x:.6g} m at {degrees} in {t:.8g} s")
 
 
 def _line(name: str, throw: "orbits.targets.aim.Throws") -> str:
     if not throw.ok:
         return f"{name}: {throw.message}"
     angle = f"{math.degrees(throw.angle):.10f} degrees"
-    return f"{name}: {throw.speed:.10g} m/s at {angle} lands at {throw.x:.10g} m in {throw.t:.6f} s"
+    return f"{name}: {throw.speed:.10g} m/s at {angle} lands at {throw.x:.10g} m in {throw.t:.8g} s"
 
 
 def _throw(throw: "orbits.targets.aim.Throws") -> dict:

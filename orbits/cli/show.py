@@ -75,15 +75,13 @@ def _heading(
     orbit: "orbits.Orbit", file: Path, family: "orbits.files.family_files.Listing | None" = None
 ) -> str:
     """What a file holds, and how that was found."""
-    what, version = "Orbit", orbits.files.orbit_files.VERSION
-    if family is not None:
-        what, version = "Family of orbits", orbits.files.family_files.VERSION
+    what = "Orbit" if family is None else "Family of orbits"
     ways = [f"integrated at rtol {_text.brief(orbit.rtol)}"]
     ways += ["by an implicit method"] * orbit.stiff
     ways += ["in logarithmic time"] * (orbit.s_period is not None)
     ways += [f"by collocation on {len(orbit.mesh)} intervals"] if orbit.mesh else []
     rows = [
-        ("file", f"{file}, version {version}"),
+        ("file", str(file)),
         ("along", "" if family is None else family.parameter or "its energy and period"),
         ("closing", orbit.closing.name),
         ("turned", _text.brief(orbit.angle, "rad") if orbit.closing.turns else ""),

@@ -238,7 +238,6 @@ def _walked(extended: Extended, first: CurvePoint, limits, report, path) -> Curv
     step, most, within = limits
     place = np.append(first.unknowns, first.tangent)
     begin = Begin(ORBIT_CURVE, step, place, first, about(extended))
-    first, kept = kept_in(path, begin, codec(extended))
 
     def before(new: CurvePoint, special: list[CurvePoint]) -> str:
         real = new.curve == Kind.TORUS and abs(extended.unpack(new.unknowns).extra) >= 1
@@ -251,7 +250,8 @@ def _walked(extended: Extended, first: CurvePoint, limits, report, path) -> Curv
         after=lambda new: outside(new.parameters, within),
         lost="no orbit of the curve was found beyond: a collision, or an equilibrium",
     )
-    found = walked(rules, first, step, most, report, kept)
+    with kept_in(path, begin, codec(extended)) as (first, kept):
+        found = walked(rules, first, step, most, report, kept)
     return Curve(kind=first.curve, equations=extended, **found._asdict())
 
 

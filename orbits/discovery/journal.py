@@ -2,8 +2,8 @@
 
 The first line describes the search; each other line is the result of one chunk, written and
 flushed to disk at once. So a reader sees whole lines, an incomplete last line is ignored, and a
-search continues where its file ends, in whatever order chunks come. Each line ends with a digest
-of the rest: a file that was edited is refused.
+search continues where its file ends, in whatever order chunks come. Several programs may write one
+file. Each line ends with a digest of the rest: a file that was edited is refused.
 """
 
 import dataclasses
@@ -24,6 +24,7 @@ from orbits.orbit import Orbit, Outcome
 FORMAT = "jaxdyn-search"
 VERSION = 3
 _REMEDY = "Give the path of a file that a search wrote."
+_PATIENCE = 60.0  # [s]; others write for milliseconds
 _ALIKE = 1e-6  # relative: invariants that differ by more belong to different orbits
 _ONE = 1e-8  # relative: starts this close are the same
 
@@ -124,7 +125,7 @@ class File:
             return
         header = {"format": FORMAT, "version": VERSION, **what}
         try:
-            self._file = journal.Journal(path, header, _REMEDY)
+            self._file = journal.Journal(path, header, _REMEDY, _PATIENCE)
         except journal.NotAJournal as error:
             raise _another(path) from error
         found, self.chunks = _parsed(path, self._file.records)

@@ -181,7 +181,6 @@ def _walked(surface: Surface, first: Member, limits, report, path) -> Family:
     step, most, within, energies = limits
     place = np.append(first.point.x, first.tangent)
     begin = Begin(ORBITS, step, place, first, about(surface))
-    first, kept = kept_in(path, begin, codec(surface))
 
     def after(member: Member) -> str:
         if not within[0] <= _measure(surface, member.point) <= within[1]:
@@ -198,7 +197,8 @@ def _walked(surface: Surface, first: Member, limits, report, path) -> Family:
         lost="no orbit was found beyond: a collision, an equilibrium, or the step limit",
         shortest=_SMALLEST,
     )
-    found = walked(rules, first, step, most, report, kept)
+    with kept_in(path, begin, codec(surface)) as (first, kept):
+        found = walked(rules, first, step, most, report, kept)
     return Family(found.members, found.special, found.end, surface.equations)
 
 

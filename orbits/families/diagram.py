@@ -17,7 +17,7 @@ from jaxdyn.continuation.equilibria import continue_equilibria
 from jaxdyn.continuation.equilibria import switch_branch as other_rests
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.family import Kind as RestKind
-from jaxdyn.continuation.kept import Log, opened
+from jaxdyn.continuation.kept import Log, alone, opened
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.status import IntegrationError
 from orbits.families.continuation import continue_family, switch_branch
@@ -160,14 +160,21 @@ def diagram(
     depth = whole("depth", depth, least=0)
     log = opened(path)
     options = {"step": step, "members": members, "within": within, "path": log}
+    orbit_options = {"step": orbit_step or step, "members": orbit_members, "within": within}
+    found = _Orbits(make, orbit_options, amplitude, report, log)
+    with alone(log):
+        return _followed(found, parameter, start, depth, options)
+
+
+def _followed(found: "_Orbits", parameter: float, start, depth: int, options: dict) -> Diagram:
+    """The diagram whose orbits are in `found` in the end."""
+    make, report, log = found.make, found.report, found.log
     rests, failures = [], []
     _progress.doing("following equilibria")
     for down in (False, True):
         rests.append(continue_equilibria(make, parameter, start, down=down, **options))
         report(rests[-1])
     _branches(rests, failures, options, report)
-    orbit_options = {"step": orbit_step or step, "members": orbit_members, "within": within}
-    found = _Orbits(make, orbit_options, amplitude, report, log)
     found.failures += failures
     for family in rests:
         for point in family.special:

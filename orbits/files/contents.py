@@ -4,10 +4,10 @@ import dataclasses
 from pathlib import Path
 
 from jaxdyn._checks import fail
+from jaxdyn.files.digests import DAMAGED
 from jaxdyn.files.input_files import MAX_BYTES, content, parsed
 from orbits.analysis.report import Report, from_json
 from orbits.files import family_files, orbit_files
-from orbits.files.encoding import DAMAGED
 from orbits.files.family_files import Listing
 from orbits.orbit import Orbit
 from orbits.proof.certificate import Certificate

@@ -6,6 +6,7 @@ from typing import Any
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn.files import records, scene_records
+from jaxdyn.files.digests import DAMAGED
 from orbits.closing.closings import Closing
 from orbits.closing.given import check_drive, driven
 from orbits.closing.symmetry import Symmetry
@@ -13,7 +14,6 @@ from orbits.orbit import Orbit, Outcome
 
 KEYS = {"scene", "closing", "angle", "rtol", "s_period", "mesh", "stiff"}
 _WHOLE = 1e-9  # largest difference of the sum of a mesh's intervals from 1
-DAMAGED = "The file was edited or damaged, or another version wrote it: make it again."
 
 
 def encode(orbit: Orbit) -> dict[str, Any]:

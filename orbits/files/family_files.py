@@ -8,14 +8,16 @@ from typing import Any
 
 from jaxdyn._checks import fail
 from jaxdyn.files import records
+from jaxdyn.files.digests import DAMAGED
 from orbits.families.family import Family, Kind, Member
 from orbits.files import encoding
 from orbits.orbit import Orbit
 
 FORMAT = "jaxdyn-family"
-VERSION = 3
+VERSION = 4
+_OLDER = {3: True}
 _VERDICTS = ("stable", "unstable", "undecided")
-_KEYS = {"format", "version", "parameter", "end", "members", "special", "digest"}
+_KEYS = {"format", "version", "parameter", "end", "members", "special"}
 _ENTRY_KEYS = {"orbit", "parameter", "energy", "verdict", "kind"}
 
 
@@ -71,7 +73,7 @@ def save(path: str | Path, family: Listing) -> None:
       ValueError: the folder does not exist, or a scene holds a function.
     """
     record = {"format": FORMAT, "version": VERSION} | as_json(family)
-    records.write(path, record | {"digest": records.digest(record)})
+    records.write(path, record)
 
 
 def as_json(family: Listing) -> dict[str, Any]:
@@ -90,21 +92,16 @@ def load(path: str | Path) -> Listing:
     Raises:
       ValueError: not a readable family file of this version, or its data is invalid.
     """
-    record = records.read(path, FORMAT, VERSION)
+    record = records.read(path, FORMAT, VERSION, _OLDER)
     if record.keys() != _KEYS:
-        raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), encoding.DAMAGED)
+        raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), DAMAGED)
     name, end = record["parameter"], record["end"]
     texts = [end] if name is None else [end, name]
     if not all(isinstance(text, str) and text.isprintable() for text in texts):
-        raise fail(
-            "file", "a parameter's name and a reason for the end", "others", encoding.DAMAGED
-        )
+        raise fail("file", "a parameter's name and a reason for the end", "others", DAMAGED)
     members, special = (_entries(record[key], name) for key in ("members", "special"))
     if not members:
-        raise fail("file", "at least one member", "none", encoding.DAMAGED)
-    claimed = record.pop("digest")
-    if claimed != records.digest(record):
-        raise fail("file", "data that match its digest", "other data", encoding.DAMAGED)
+        raise fail("file", "at least one member", "none", DAMAGED)
     return Listing(parameter=name, members=members, special=special, end=end)
 
 
@@ -134,23 +131,21 @@ def _number(x: float) -> float | None:
 
 def _entries(several: Any, parameter: str | None) -> tuple[Entry, ...]:
     if not isinstance(several, list):
-        raise fail("file", "a list of orbits", type(several).__name__, encoding.DAMAGED)
+        raise fail("file", "a list of orbits", type(several).__name__, DAMAGED)
     return tuple(_decoded(record, parameter) for record in several)
 
 
 def _decoded(record: Any, parameter: str | None) -> Entry:
     if not isinstance(record, dict) or record.keys() != _ENTRY_KEYS:
-        raise fail("file", f"orbits with {sorted(_ENTRY_KEYS)}", "others", encoding.DAMAGED)
+        raise fail("file", f"orbits with {sorted(_ENTRY_KEYS)}", "others", DAMAGED)
     value, energy, verdict, kind = (record[k] for k in ("parameter", "energy", "verdict", "kind"))
     orbit = encoding.decode(record["orbit"])
     has_energy = orbit.scene.has_energy
     numbers = [energy] * has_energy + [value] * (parameter is not None)
     if not all(isinstance(x, int | float) and not isinstance(x, bool) for x in numbers):
-        raise fail(
-            "file", "numbers for energy and parameter", reprlib.repr(numbers), encoding.DAMAGED
-        )
+        raise fail("file", "numbers for energy and parameter", reprlib.repr(numbers), DAMAGED)
     if verdict not in _VERDICTS or kind not in (None, *Kind):
-        raise fail("file", "a verdict and a kind", reprlib.repr((verdict, kind)), encoding.DAMAGED)
+        raise fail("file", "a verdict and a kind", reprlib.repr((verdict, kind)), DAMAGED)
     return Entry(
         orbit=orbit,
         parameter=math.nan if parameter is None else float(value),

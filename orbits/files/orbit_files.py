@@ -5,6 +5,7 @@ from typing import Any
 
 from jaxdyn._checks import fail
 from jaxdyn.files import records
+from jaxdyn.files.digests import DAMAGED
 from orbits.analysis.report import Report, as_json, report
 from orbits.files import encoding
 from orbits.orbit import Orbit
@@ -12,7 +13,8 @@ from orbits.proof.certificate import Certificate
 from orbits.proof.refined import Refined
 
 FORMAT = "jaxdyn-orbit"
-VERSION = 4
+VERSION = 5
+_OLDER = {4: False}
 #: Claims of more digits and of a proof, where a file has them.
 REFINED, CERTIFICATE = "refined", "certificate"
 _KEYS = {"format", "version", "claims"} | encoding.KEYS
@@ -57,10 +59,10 @@ def load(path: str | Path) -> tuple[Orbit, dict[str, Any]]:
     Raises:
       ValueError: not a readable orbit file of this version, or its data is invalid.
     """
-    record = records.read(path, FORMAT, VERSION)
+    record = records.read(path, FORMAT, VERSION, _OLDER)
     if record.keys() != _KEYS:
-        raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), encoding.DAMAGED)
+        raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), DAMAGED)
     orbit, claims = encoding.decode(record), record["claims"]
     if not isinstance(claims, dict):
-        raise fail("file", "claims by name", type(claims).__name__, encoding.DAMAGED)
+        raise fail("file", "claims by name", type(claims).__name__, DAMAGED)
     return orbit, claims

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn._checks import fail
+from jaxdyn.files.digests import DAMAGED
 from orbits.analysis.evidence import after, closure
 from orbits.analysis.report import Report, as_json, report
-from orbits.files.encoding import DAMAGED
 from orbits.files.orbit_files import CERTIFICATE, REFINED, load
 from orbits.orbit import Orbit
 

@@ -28,6 +28,7 @@ from orbits.targets.ranges import LOOK, SAME, WIDER, Aim, best_courses, courses,
 
 #: Speeds tried by `slowest`, in units of sqrt(pull x distance).
 _SPEEDS = np.logspace(-3, 15, 55)
+_ROUNDING = 4 * np.finfo(float).eps
 _BEFORE = 3  # speeds before one that suffices, since the sampled angles miss the best ones
 
 
@@ -133,7 +134,8 @@ def hit(scene: Scene, x, speed) -> Hits:
     known = np.isfinite(ranges)
     if not known.any():
         return _missed(x, speed, Aim.NO_RANGE if followed(look).any() else Aim.LOST)
-    cells = np.flatnonzero((ranges[:-1] - x) * (ranges[1:] - x) <= 0)
+    side = np.sign(ranges - x)
+    cells = np.flatnonzero(side[:-1] * side[1:] <= 0)
 
     def over(w):
         found = landings(scene, w, speed)
@@ -149,8 +151,11 @@ def hit(scene: Scene, x, speed) -> Hits:
     if not followed(look).all():
         outcome = Aim.LOST
     elif not len(angles) and outcome == Aim.FOUND:
-        i = int(np.nanargmin(np.abs(ranges - x)))
-        return _missed(x, speed, Aim.OUT_OF_REACH, abs(ranges[i] - x), angle_of(ends[i]))
+        short = np.abs(ranges - x)
+        # To rounding, all are equally near to a target that is very far.
+        near = short <= (1 + _ROUNDING) * np.nanmin(short)
+        i = int(np.argmax(np.where(near, np.sign(x) * ranges, -np.inf)))
+        return _missed(x, speed, Aim.OUT_OF_REACH, short[i], angle_of(ends[i]))
     return Hits(
         x=x,
         speed=speed,
@@ -230,7 +235,8 @@ def slowest(scene: Scene, x) -> Throws:
     enough = int(np.argmax(reach >= x))
     before = enough - _BEFORE
     if reach[enough] < x or before < 0:
-        nothing = Aim.OUT_OF_REACH if reach[enough] < x else Aim.NO_RANGE
+        out = Aim.OUT_OF_REACH if followed(looks).all() else Aim.LOST
+        nothing = out if reach[enough] < x else Aim.NO_RANGE
         return _single(_throws(scene, np.full(1, np.nan), np.full(1, np.nan), np.array([nothing])))
 
     def over(log_speed):

@@ -131,10 +131,12 @@ def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
     longest = jnp.where(jnp.isfinite(fall.settled), jnp.minimum(fall.settled, soon), patience)
     throw = dataclasses.replace(scene, system=system, y0=start)
     down = Down(w, units.lengths)
-    stop = events.until(throw, down, longest, rtol=rtol, atol=rtol, max_steps=_STEPS)
+    span = longest / units.time
+    stop = events.until(throw, down, span, rtol=rtol, atol=rtol, max_steps=_STEPS)
     landed = stop.event >= 0
     r, v = system.position_and_velocity(stop.t, stop.y)
-    end = fallen(scene, w, stop.t, r, v)
+    t_end = stop.t * units.time
+    end = fallen(scene, w, t_end, r, v)
     falls = ~landed & jnp.isfinite(fall.settled)
     unsettled = end.lost | (fall.settled > soon)
     c, s = direction(w)
@@ -142,7 +144,7 @@ def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
     def at_last(here, there):
         return jnp.where(landed, here, jnp.where(falls & ~unsettled, there, jnp.nan))
 
-    t, x = at_last(stop.t, end.t), at_last(turned(r, c, s)[0], turned(end.r, c, s)[0])
+    t, x = at_last(t_end, end.t), at_last(turned(r, c, s)[0], turned(end.r, c, s)[0])
     vx, vy = at_last(turned(v, c, s), turned(end.v, c, s))
     lost = falls & unsettled & (stop.status == Status.OK)
     return x, (t, vx, vy, jnp.where(lost, jnp.int32(Status.STEP_LIMIT), stop.status))
@@ -171,6 +173,8 @@ def _scales(scene: Scene, w: Array, speed: Array, rtol: Array) -> tuple[Fall, Un
         last=jnp.stack([last * sine, jnp.minimum(last, speed * sine)]),
         grain=_GRAIN / rtol * speed * sine,
         memory=fall.memory,
+        # Between the times in which the first force and gravity would use up the speed.
+        time=speed / g * jnp.sqrt(g / jnp.maximum(slowing, g)),
     )
     return fall, units
 

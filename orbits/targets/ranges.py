@@ -34,7 +34,8 @@ class Aim(Code):
     LOST = (
         3,
         "Some throws could not be integrated to the ground, and one of them may be better. The "
-        "drag is so strong that the fall is stiff: use a lower speed or less drag.",
+        "drag is so strong that the fall is stiff, or the speed so high that its square exceeds "
+        "all numbers: use a lower speed, a nearer target or less drag.",
     )
     NO_CONVERGENCE = (
         4,

@@ -26,9 +26,10 @@ class Units(eqx.Module):
     last: Array  # (2,) speeds on landing [m/s]
     grain: Array  # () speed at the launch: rounding over the tolerance [m/s]
     memory: Array  # () relaxation time of the speed [s]
+    time: Array  # () [s]; flights of 1e100 s are no harder than those of a second
 
     def speeds(self, t: Array) -> Array:
-        """(2,) units of speed [m/s]."""
+        """(2,) units of speed [m/s] at a time () in units."""
         return self.last + self._fading(t)
 
     def speeds_rate(self, t: Array) -> Array:
@@ -36,11 +37,14 @@ class Units(eqx.Module):
         return -self._fading(t) / (2 * self.memory)
 
     def _fading(self, t: Array) -> Array:
-        return self.grain * jnp.exp(-t / (2 * self.memory))
+        return self.grain * jnp.exp(-t * self.time / (2 * self.memory))
 
 
 class Thrown(System):
-    """A point in axes along its launch: state a, b, va, vb, forwards and left, dimensionless."""
+    """A point in axes along its launch: state a, b, va, vb, forwards and left.
+
+    State and time are in `Units`.
+    """
 
     system: FreePoints
     origin: Array
@@ -70,10 +74,11 @@ class Thrown(System):
 
     def rate(self, t, y, effects):
         c, s = direction(self.course)
-        acceleration = turned(self.system.rate(t, self.state(t, y), effects)[2:], c, -s)
+        unit, state = self.units.time, self.state(t, y)
+        acceleration = turned(self.system.rate(t * unit, state, effects)[2:], c, -s)
         speeds = self.units.speeds(t)
         gain = (acceleration - y[2:] * self.units.speeds_rate(t)) / speeds
-        return jnp.concatenate([y[2:] * speeds / self.units.lengths, gain])
+        return unit * jnp.concatenate([y[2:] * speeds / self.units.lengths, gain])
 
 
 def direction(w: Array) -> tuple[Array, Array]:

@@ -22,6 +22,7 @@ from jaxdyn.integrate.events import Event, checked_events
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.pieces import first_event
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
+from jaxdyn.integrate.step_control import Limits
 from jaxdyn.integrate.switching import switching
 from jaxdyn.integrate.trajectory import raise_unless_ok
 from jaxdyn.scene import Scene
@@ -89,7 +90,7 @@ def crossings(
       rtol: see `simulate`.
       atol: see `simulate`.
       solver: see `simulate`.
-      max_steps: largest number of steps from one crossing to the next.
+      max_steps: largest number of steps of the whole motion.
       throw: raise where the motion fails; with False look at `Crossings.status`. Inside a
         transformation nothing is raised.
     Returns:
@@ -123,12 +124,14 @@ def crossings(
     def run(held_to, method: Method) -> Crossings:
         held_to = jax.tree.map(jnp.asarray, held_to)
 
-        def rest(y, t, side, rows: int) -> Crossings:
+        def rest(y, t, side, held_to: Limits, rows: int) -> tuple[Crossings, Array]:
             args = (scene.field, event, y, t, side, t1, held_to)
             return _compiled(*args, method=method, rows=rows)
 
         none = np.zeros(())
-        return _every(rest, scene.y0, t0, none) if rows is None else rest(scene.y0, t0, none, rows)
+        if rows is None:
+            return _every(rest, scene.y0, t0, none, held_to)
+        return rest(scene.y0, t0, none, held_to, rows)[0]
 
     found, _ = switching(run, options, method, traced=_checks.is_traced(given))
     if throw:
@@ -136,11 +139,12 @@ def crossings(
     return found
 
 
-def _every(rest: Callable[..., Crossings], y, t, side) -> Crossings:
+def _every(rest: Callable[..., tuple[Crossings, Array]], y, t, side, limits: Limits) -> Crossings:
     """All crossings, by calls of one program, each from where the last one ended."""
     parts = []
     while True:
-        found = rest(y, t, side, _AT_ONCE)
+        found, left = rest(y, t, side, limits, _AT_ONCE)
+        limits = _with_steps(limits, left)
         n = int(found.count)
         parts.append([np.asarray(x)[:n] for x in found[:3]])
         if n < _AT_ONCE:
@@ -150,8 +154,16 @@ def _every(rest: Callable[..., Crossings], y, t, side) -> Crossings:
     return Crossings(ts, ys, directions, count=jnp.asarray(len(ts)), status=found.status)
 
 
+def _with_steps(limits: Limits, left: Array) -> Limits:
+    """The limits with another number of steps."""
+    return limits._replace(max_steps=jnp.stack([left, limits.max_steps[1]]))
+
+
 @eqx.filter_custom_jvp
-def _found(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int) -> Crossings:
+def _found(
+    field, event, y0, t0, side, t1, limits, *, method: Method, rows: int
+) -> tuple[Crossings, Array]:
+    """The crossings, and the number of steps that are left of the limit."""
     search = functools.partial(_search, method=method, rows=rows)
     args = (field, event, y0, t0, side, t1, limits)
     return in_one_kernel(search, args, unknown=limits.tolerance[0] > 0)
@@ -161,7 +173,7 @@ def _found(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int)
 def _found_jvp(primals, tangents, *, method, rows):
     field, event, y0, t0, _, _, limits = primals
     d_field, d_event, d_y0, d_t0, _, _, _ = tangents
-    found = _found(*primals, method=method, rows=rows)
+    found, left = _found(*primals, method=method, rows=rows)
     there = jnp.arange(rows) < found.count
     # Only as far as the last crossing: the motion may fail after it.
     end = jnp.where(found.count > 0, found.ts[jnp.maximum(found.count - 1, 0)], t0)
@@ -181,25 +193,31 @@ def _found_jvp(primals, tangents, *, method, rows):
     _, slopes = jax.jvp(along, (ts, ys), (jnp.ones_like(ts), rates))
     dts = jnp.where(there, -dg / jnp.where(there, slopes, 1.0), 0.0)
     dys = jnp.where(there[:, None], dys + rates * dts[:, None], 0.0)
-    return found, Crossings(ts=dts, ys=dys, directions=None, count=None, status=None)
+    tangents = Crossings(ts=dts, ys=dys, directions=None, count=None, status=None)
+    return (found, left), (tangents, None)
 
 
 _compiled = eqx.filter_jit(_found)
 
 
-def _search(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int) -> Crossings:
+def _search(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int):
     def following(carry, _):
-        t, y, side, status = carry
+        t, y, side, status, left = carry
         sides = side[None]  # just after the last crossing: it is known, not looked at again
-        end, found = first_event(field, (event,), y, t, t1, limits, sides, method=method)
+        # Each search has the steps that those before it left: together they are bounded.
+        held_to = _with_steps(limits, left)
+        end, found = first_event(field, (event,), y, t, t1, held_to, sides, method=method)
         right = (status == Status.OK) & (found.status == Status.OK)
         there = right & jnp.isfinite(found.t)
         # Without another crossing the rest of the rows takes no step.
         t, y = jnp.where(there, found.t, t1), jnp.where(there, found.y, end)
         side = jnp.where(there, found.towards, 0.0)
         row = jnp.where(there, t, jnp.nan), jnp.where(there, y, jnp.nan), side.astype(int), there
-        return (t, y, side, jnp.where(status == Status.OK, found.status, status)), row
+        status = jnp.where(status == Status.OK, found.status, status)
+        left = jnp.maximum(left - found.steps, 0)
+        return (t, y, side, status, left), row
 
-    start = t0, y0, side, jnp.asarray(int(Status.OK))
-    (*_, status), (ts, ys, directions, there) = jax.lax.scan(following, start, length=rows)
-    return Crossings(ts, ys, directions, count=jnp.sum(there), status=status)
+    start = t0, y0, side, jnp.asarray(int(Status.OK)), limits.max_steps[0]
+    (*_, status, left), (ts, ys, directions, there) = jax.lax.scan(following, start, length=rows)
+    found = Crossings(ts, ys, directions, count=jnp.sum(there), status=status)
+    return found, left

@@ -50,6 +50,7 @@ class Crossing(NamedTuple):
       event: () index of the event.
       status: () `Status` code.
       towards: () sign of its value after the crossing.
+      steps: () number of steps of the search, also rejected ones.
     """
 
     t: Array
@@ -57,6 +58,7 @@ class Crossing(NamedTuple):
     event: Array
     status: Array
     towards: Array
+    steps: Array
 
 
 def first_crossing(field, events, y0, t0, t1, limits, ts, sides=0.0, *, method: Method):
@@ -91,7 +93,15 @@ def first_crossing(field, events, y0, t0, t1, limits, ts, sides=0.0, *, method: 
     unseen = (out.status == int(Status.OK)) & moved & ~(size < _TRUSTED_ERROR)
     status = jnp.where(unseen, int(Status.UNSEEN_WITHIN_STEP), out.status)
     status = jnp.where(jnp.isnan(seen.end.side).any(), int(Status.NOT_FINITE), status)
-    return out, Crossing(t=seen.t0 + h, y=y, event=which, status=status, towards=towards)
+    found = Crossing(
+        t=seen.t0 + h,
+        y=y,
+        event=which,
+        status=status,
+        towards=towards,
+        steps=out.steps + out.rejected,
+    )
+    return out, found
 
 
 class _Look(NamedTuple):

@@ -136,7 +136,7 @@ def _write(
     if save_to and part:
         with out.writing(save_to, "saved to"):
             orbits.files.family_files.save(save_to, family)
-        part.unlink()  # the family file has it all
+        jaxdyn.files.journal.remove(part)  # the family file has it all
     if plot:
         with out.writing(plot, "drawn in"):
             orbits.drawing.family(family, plot, title=title)

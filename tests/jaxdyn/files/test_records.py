@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import forge
 
 from jaxdyn import Effect, Scene, scenes
 from jaxdyn.effects import LinearDrag, PairGravity, UniformGravity
@@ -50,8 +51,7 @@ def through_text(scene):
 
 def written(path, **changed):
     record = {"format": KIND, "version": VERSION, "scene": records.encode(scenes.three_body())}
-    path.write_text(json.dumps(record | changed))
-    return path
+    return forge(path, record | changed)
 
 
 @pytest.mark.parametrize(
@@ -247,7 +247,11 @@ def changed(*keys, to):
             changed("y0", to=[1.0, "x"]),
             r"record.y0: expected an array of numbers, got \[1.0, 'x'\]",
         ),
-        (changed("y0", to=[1.0, None]), "record.y0: expected finite numbers, got nan"),
+        (changed("y0", to=[1.0, None]), r"record.y0: expected an array of numbers, got \[1.0"),
+        (changed("y0", to=["1", "2"]), r"expected an array of numbers, got \['1', '2'\]"),
+        (changed("y0", to=[True, 2.0]), r"expected an array of numbers, got \[True, 2.0\]"),
+        (changed("y0", to=[10**400]), "record.y0: expected an array of numbers"),
+        (changed("y0", to="12"), "record.y0"),
         (changed("y0", to=[1.0, [2.0]]), "record.y0: expected an array of numbers"),
         (changed("y0", to=[1e999]), "record.y0: expected finite numbers, got inf"),
         (changed("t1", to=1e999), "record.t1: expected finite numbers, got inf"),

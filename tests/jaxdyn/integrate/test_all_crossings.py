@@ -137,6 +137,29 @@ def test_a_motion_that_fails_keeps_the_crossings_before():
         jaxdyn.crossings(scene, Reaches(1, 0.0))
 
 
+def test_the_limit_of_steps_is_that_of_the_whole_motion():
+    few = 600
+    found = jaxdyn.crossings(SWING, BOTH, 1e300, max_steps=few, throw=False)
+    n = int(found.count)
+    assert found.status == Status.STEP_LIMIT
+    assert 64 < n < few  # more than one call of the program finds, each after some steps
+    assert gap(found.ts, (np.arange(n) + 0.5) * np.pi / 2) < 1e-9
+    with pytest.raises(jaxdyn.IntegrationError, match="Raise max_steps"):
+        jaxdyn.crossings(SWING, BOTH, 1e300, max_steps=few)
+
+    @jax.jit
+    def counted(most):
+        return jaxdyn.crossings(SWING, BOTH, 1e300, most=70, max_steps=most)
+
+    for most in (few // 2, few):
+        by_rows = counted(most)
+        assert by_rows.status == (Status.STEP_LIMIT if most < few else Status.OK)
+        assert gap(by_rows.ts[: int(by_rows.count)], found.ts[: int(by_rows.count)]) < SOLVED
+    assert int(by_rows.count) == 70
+    halves = jax.vmap(counted)(jnp.array([few // 2, few]))
+    assert halves.status.tolist() == [Status.STEP_LIMIT, Status.OK]
+
+
 def test_misuse_is_refused():
     assert "Write When(fn)" in refusal(lambda: jaxdyn.crossings(SWING, lambda t, y: y[0]))  # type: ignore[arg-type]
     assert "most: expected a whole number" in refusal(lambda: jaxdyn.crossings(SWING, BOTH, most=0))

@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from helpers import forge
 
 from jaxdyn import scenes
 
@@ -93,7 +94,7 @@ def test_a_saved_file_verifies(finished, orbits):
 def test_an_edited_file_fails_with_the_claim_named(finished, orbits, tmp_path, as_json):
     record = json.loads(finished[1].read_text())
     record["claims"]["energy"] += 1e-6
-    (tmp_path / "edited.json").write_text(json.dumps(record))
+    forge(tmp_path / "edited.json", record)
     run = orbits("verify", tmp_path / "edited.json", *(["--json"] if as_json else []))
     assert run.code == 2
     assert len(run.err.strip().splitlines()[-1:]) == 1

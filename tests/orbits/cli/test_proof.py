@@ -5,6 +5,7 @@ import json
 
 import mpmath
 import pytest
+from helpers import forge
 
 import orbits as library
 from jaxdyn import scenes
@@ -57,7 +58,7 @@ def test_a_file_with_one_digit_edited_is_not_proved(orbits, swing):
     period = repr(record["scene"]["t1"])
     digit = (int(period[8]) + 1) % 10
     record["scene"]["t1"] = float(f"{period[:8]}{digit}{period[9:]}")
-    swing.write_text(json.dumps(record))
+    forge(swing, record)
     code, out, _ = orbits("prove", swing, "--json")
     proved = json.loads(out)
     assert code != 0

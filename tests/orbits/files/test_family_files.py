@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 import pytest
+from helpers import forge
 from scipy.special import ellipk
 
 from jaxdyn import scenes
-from jaxdyn.files import records
 from orbits import PLAIN, Kind, drawing
 from orbits.families.parameters import maker
 from orbits.files import family_files
@@ -66,15 +66,14 @@ def test_a_scene_without_an_energy_has_none_in_its_file(tmp_path, written):
     record = json.loads(path.read_text())
     assert record["members"][0]["energy"] is None
     record["members"][0]["energy"] = written
-    record.pop("digest")
-    path.write_text(json.dumps(record | {"digest": records.digest(record)}))
+    forge(path, record)
     assert math.isnan(family_files.load(path).members[0].energy)
 
 
 HOSTILE = [
     ((), lambda record: [], "expected format 'jaxdyn-family', got 'list'"),
     (("format",), lambda name: "jaxdyn-orbit", "expected format 'jaxdyn-family'"),
-    (("version",), lambda version: 99, "expected version 3, got 99"),
+    (("version",), lambda version: 99, "expected version 4, got 99"),
     (("more",), lambda _: 1, "expected the entries"),
     (("parameter",), lambda _: 3, "a parameter's name"),
     (("end",), lambda _: None, "a reason for the end"),
@@ -104,7 +103,10 @@ def test_a_file_that_makes_no_sense_is_refused(saved, keys, to, message):
     for key in way:
         at = at[key]
     at[last] = to(at[last] if not isinstance(at, dict) or last in at else None)
-    saved.write_text(json.dumps(record["root"]))
+    if isinstance(record["root"], dict):
+        forge(saved, record["root"])
+    else:
+        saved.write_text(json.dumps(record["root"]))
     with pytest.raises(ValueError, match=message.replace("(", r"\(")):
         family_files.load(saved)
 

@@ -12,6 +12,7 @@ import pytest
 import orbits
 from jaxdyn import scenes
 from jaxdyn.files import journal, records, scene_records
+from jaxdyn.files.digests import json_text
 from orbits.discovery import journal as table
 from orbits.files import encoding, family_files
 from orbits.orbit import Orbit, Outcome
@@ -143,8 +144,8 @@ FORGED = [
 @pytest.mark.parametrize(("key", "value"), FORGED, ids=repr)
 def test_a_table_of_wrong_types_is_refused_though_its_digests_are_right(searched, key, value):
     record = dataclasses.asdict(CHUNKS[0]) | {key: value}
-    with open(searched, "a") as file:
-        file.write(journal.line(record))
+    with open(searched, "ab") as file:
+        file.write(json_text(record))
     with pytest.raises(ValueError, match="path: expected a jaxdyn-search file"):
         table.read(searched)
 

@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from helpers import forge
 
 import orbits
 from jaxdyn import scenes
@@ -36,9 +37,7 @@ def edited(saved, tmp_path):
         for key in keys[:-1]:
             at = at[key]
         at[keys[-1]] = to(at[keys[-1]]) if callable(to) else to
-        path = tmp_path / "edited.json"
-        path.write_text(json.dumps(record))
-        return path
+        return forge(tmp_path / "edited.json", record)
 
     return edit
 
@@ -193,7 +192,7 @@ def test_rounding_of_another_machine_is_no_edit(edited):
     ("keys", "to", "message"),
     [
         (("format",), "other", "file: expected format 'jaxdyn-orbit', got 'other'"),
-        (("version",), 99, "file: expected version 4, got 99"),
+        (("version",), 99, "file: expected version 5, got 99"),
         (("claims",), [], "file: expected claims by name, got list"),
         (("rtol",), 0.0, "file: expected a period > 0 and 0 < rtol < 1, got others"),
         (("rtol",), 1e-30, "rtol: expected between 1e-16 and 0.01, got 1e-30"),
@@ -239,7 +238,7 @@ def _with_more(edited, keys):
     if len(keys) > 1:
         return edited(keys[0], to=lambda at: at | {"more": 1})
     path = edited("version", to=VERSION)
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"more": 1}))
+    forge(path, json.loads(path.read_text()) | {"more": 1})
     return path
 
 

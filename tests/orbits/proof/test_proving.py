@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
-from helpers import run_python
+from helpers import forge, run_python
 
 import jaxdyn
 import orbits
@@ -226,7 +226,7 @@ def test_files_keep_digits_and_proofs(tmp_path):
         assert orbits.verify(path)[1] == []
     record = json.loads(path.read_text())
     record["claims"]["certificate"]["period"]["rad"] = "1e-60"
-    path.write_text(json.dumps(record))
+    forge(path, record)
     assert [m.name for m in orbits.verify(path)[1]] == ["certificate: period"]
 
 

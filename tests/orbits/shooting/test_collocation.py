@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import odes
 import pytest
+from helpers import forge
 
 import jaxdyn
 import orbits
@@ -125,7 +126,7 @@ def test_an_orbit_on_a_mesh_survives_its_file(tmp_path):
     assert orbits.verify(path)[1] == []
     record = json.loads(path.read_text())
     for wrong in ([0.5], [0.5, 0.6], "even"):
-        path.write_text(json.dumps(record | {"mesh": wrong}))
+        forge(path, record | {"mesh": wrong})
         with pytest.raises(ValueError, match="intervals"):
             orbits.load(path)
 

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import numpy as np
 import pytest
-from helpers import SOLVED, TESTS, gap, kepler
+from helpers import SOLVED, TESTS, forge, gap, kepler
 
 import orbits
 from jaxdyn import scenes
@@ -112,7 +112,7 @@ def test_its_file_keeps_the_time_it_is_followed_in(close, tmp_path):
     assert orbits.verify(tmp_path / "orbit.json")[1] == []
     record = json.loads((tmp_path / "orbit.json").read_text())
     for wrong in (0.0, -1.0, "long"):
-        (tmp_path / "wrong.json").write_text(json.dumps(record | {"s_period": wrong}))
+        forge(tmp_path / "wrong.json", record | {"s_period": wrong})
         with pytest.raises(ValueError, match="expected a span of logarithmic time > 0, or null"):
             orbits.load(tmp_path / "wrong.json")
 

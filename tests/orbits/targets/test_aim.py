@@ -115,6 +115,36 @@ def test_out_of_reach_says_how_far_and_the_nearest_angle():
     assert "at 135 degrees, misses by 2.5 m" in found.message
 
 
+@pytest.mark.parametrize("x", [1e20, 1e150, -1e300])
+def test_a_target_that_no_throw_comes_near_is_out_of_reach_of_the_farthest_one(x):
+    found = aim.hit(scenes.cannonball(g=10.0), x, 10.0)
+    assert found.outcome == aim.Aim.OUT_OF_REACH
+    assert found.short == abs(x)
+    assert abs(found.nearest - (np.pi / 4 if x > 0 else 3 * np.pi / 4)) < SOLVED
+
+
+@pytest.mark.parametrize("speed", [1e20, 1e76, 1e100, 1e150])
+def test_a_throw_is_as_hard_at_any_speed(speed):
+    scene = scenes.cannonball(g=10.0)
+    w = np.array([-3.0, -0.7, 0.0, 2.0])
+    angles = 2 * np.arctan(np.exp(w))
+    found = landings(scene, w, speed)
+    assert np.abs(found.x / (speed * (speed / 10.0)) - np.sin(2 * angles)).max() < SOLVED
+    assert np.abs(found.t / (speed / 10.0) - 2 * np.sin(angles)).max() < SOLVED
+
+
+def test_the_least_speed_of_the_farthest_targets():
+    scene = scenes.cannonball(g=G)
+    for x in (1e20, 1e300):
+        best = aim.slowest(scene, x)
+        assert best.ok
+        assert abs(best.speed / (np.sqrt(G) * np.sqrt(x)) - 1) < SOLVED
+        assert abs(best.angle - np.pi / 4) < SOLVED
+    lost = aim.slowest(scene, 1e307)  # the square of its speed is no number
+    assert lost.outcome == aim.Aim.LOST
+    assert "a nearer target" in lost.message
+
+
 def test_the_least_speed_without_drag():
     best = aim.slowest(scenes.cannonball(g=G), 7.0)
     assert abs(best.speed - np.sqrt(G * 7.0)) < SOLVED
@@ -427,6 +457,10 @@ def test_command_line(aim_command, tmp_path):
     assert code == 1
     assert "not hit" in out
     assert "misses by" in out
+    code, out, _ = aim_command("--speed", "50", "--x", "1e300")
+    assert code == 1
+    assert "least speed: 3.132091953e+150 m/s at 45.0000000000 degrees" in out
+    assert max(map(len, out.splitlines())) < 200
     code, out, err = aim_command("--speed", "-5")
     assert (code, out) == (2, "")
     assert "speed: expected > 0, got -5.0" in err
