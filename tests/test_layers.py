@@ -14,7 +14,8 @@ ROOT = Path(__file__).parents[1]
 #: Within `jaxdyn` a folder may import what its entries may, and `orbits` may import all of it.
 BELOW = {
     "jaxdyn/_text": (),
-    "jaxdyn": ("jaxdyn/_text",),
+    "jaxdyn/_records": ("jaxdyn/_text",),
+    "jaxdyn": ("jaxdyn/_records",),
     "jaxdyn/geometry": ("jaxdyn",),
     "jaxdyn/effects": ("jaxdyn",),
     "jaxdyn/solvers": ("jaxdyn",),

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.formulations.captured import PASS_AS_PARAMS
+from jaxdyn._records.captured import PASS_AS_PARAMS
 
 
 def called(function: Callable, params: Any, *args: Array) -> Any:

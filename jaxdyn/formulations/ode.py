@@ -11,11 +11,6 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxdyn import _checks, _shapes
-from jaxdyn.formulations.captured import (
-    Captured,
-    captured,
-    check_captured,
-)
 from jaxdyn.formulations.functions import (
     called,
     checked_function,
@@ -37,7 +32,6 @@ class Ode(System):
       names: (name, unit) of each of the k entries.
       energy: (t, y, params) -> (), or None.
       conserved: names and functions of further integrals.
-      captured: the values that the functions capture; see `captured.captured`.
       second_order: whether the state is [q, v] with dq/dt = v and dv/dt independent of v.
     """
 
@@ -46,7 +40,6 @@ class Ode(System):
     names: tuple[tuple[str, str], ...] = eqx.field(static=True)
     energy: Callable | None = eqx.field(static=True, default=None)
     conserved: tuple[tuple[str, Callable], ...] = eqx.field(static=True, default=())
-    captured: Captured = eqx.field(static=True, default=())
     second_order: bool = eqx.field(static=True, default=False)
 
     def labels(self):
@@ -69,14 +62,6 @@ class Ode(System):
     def check(self, t, y):
         del t, y
         finite_params(self.params)
-        self.check_functions()
-
-    def check_functions(self):
-        check_captured("rate", self.captured, *self._functions())
-
-    def _functions(self) -> tuple[Callable, ...]:
-        more = () if self.energy is None else (self.energy,)
-        return (self.function, *more, *(function for _, function in self.conserved))
 
 
 def ode(
@@ -146,7 +131,6 @@ def ode(
         names=named(names, "y", len(y0)),
         energy=energy,
         conserved=extra,
-        captured=captured("rate", *functions.values()),
         second_order=bool(second_order),
     )
     t, each = jnp.zeros(()), "One for each entry of y0."

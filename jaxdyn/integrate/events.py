@@ -19,6 +19,7 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import in_one_kernel
+from jaxdyn._records.record import Record
 from jaxdyn._text import counted
 from jaxdyn.integrate.event_search.crossings import first_crossing
 from jaxdyn.integrate.event_search.event_values import coincident, values
@@ -31,7 +32,7 @@ from jaxdyn.solvers.choice import checked_method
 from jaxdyn.status import Status
 
 
-class Event(eqx.Module):
+class Event(Record):
     """A function of time and state whose zero is the event."""
 
     @abc.abstractmethod
@@ -218,11 +219,9 @@ def until(
       >>> round(float(stop.t), 12)
       1.414213562373
     """
-    events = checked_events(events)
     t0, t1 = span(scene, t1, t0)
+    events = checked_events(events, len(scene.y0))
     method = checked_method(scene, solver, several=True)
-    for event in events:
-        event.check(len(scene.y0))
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     traced = _checks.is_traced((scene, events, t0, t1, limits(options)))
 
@@ -233,11 +232,12 @@ def until(
     return switching(run, options, method, traced=traced)[0]
 
 
-def checked_events(events) -> tuple[Event, ...]:
-    """One or several events as a tuple.
+def checked_events(events, k: int) -> tuple[Event, ...]:
+    """One or several events of a state of k entries as a tuple.
 
     Raises:
-      ValueError: there is none, or something else among them.
+      ValueError: there is none, or something else among them; one does not suit the state, or a
+        number that its function captured has changed.
     """
     given: Any = (events,) if isinstance(events, Event) or callable(events) else tuple(events)
     if not given:
@@ -246,6 +246,8 @@ def checked_events(events) -> tuple[Event, ...]:
         if not isinstance(event, Event):
             got = getattr(event, "__name__", repr(event))
             raise _checks.fail("events", "events", got, "Write When(fn), with a named fn.")
+        event.check_functions()
+        event.check(k)
     return given
 
 

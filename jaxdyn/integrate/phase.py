@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
+from jaxdyn._records.record import Record
 from jaxdyn._text import counted
 from jaxdyn.integrate.event_search.event_values import values
 from jaxdyn.integrate.events import Event
@@ -66,7 +67,7 @@ class Fit(NamedTuple):
         return self.passed | self.leaving
 
 
-class Exit(eqx.Module):
+class Exit(Record):
     """How a phase ends.
 
     Attributes:
@@ -99,7 +100,7 @@ class Exit(eqx.Module):
         return -self.event.direction if self.one_sided else 0
 
 
-class Phase(eqx.Module):
+class Phase(Record):
     """A stretch of smooth motion: its equations (the scene's start is not used) and its exits."""
 
     scene: Scene

@@ -253,6 +253,7 @@ def _check_names(phases: Mapping[str, Phase]) -> None:
             raise _checks.fail(
                 f"phase {name}", "a Phase", type(phase).__name__, "Write Phase(scene, exits)."
             )
+        phase.check_functions()
         if not isinstance(phase.exits, tuple):
             got = type(phase.exits).__name__
             raise _checks.fail(

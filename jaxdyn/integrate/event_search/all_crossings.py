@@ -109,10 +109,9 @@ def crossings(
       >>> (found.ts * 4 / jnp.pi).round(9).tolist(), found.directions.tolist()
       ([1.0, 3.0, 5.0], [-1, 1, -1])
     """
-    (event,) = checked_events((event,))
     t0, t1 = span(scene, t1, t0)
+    (event,) = checked_events((event,), len(scene.y0))
     method = checked_method(scene, solver, several=True)
-    event.check(len(scene.y0))
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     given = scene, event, t0, t1, limits(options)
     rows = None if most is None else _checks.whole("most", most)

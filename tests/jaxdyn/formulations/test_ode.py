@@ -99,7 +99,7 @@ def test_numbers_from_around_a_function_are_not_stale(monkeypatch):
     first = jaxdyn.ode(pulled, [1.0])
     assert gap(simulate(first, rtol=1e-13).ys[-1], [np.exp(-1.0)]) < SOLVED
     monkeypatch.setitem(globals(), "STRENGTH", 2.0)
-    with pytest.raises(ValueError, match=r"^rate: .* another value of 'STRENGTH'\. Make the scene"):
+    with pytest.raises(ValueError, match=r"^Ode: .* another value of 'STRENGTH'\. Make the scene"):
         simulate(first)
     again = jaxdyn.ode(pulled, [1.0])
     assert gap(simulate(again, rtol=1e-13).ys[-1], [np.exp(-2.0)]) < SOLVED
@@ -306,7 +306,7 @@ MISUSE = [
     (lambda: ode(plain, [1.0, 2.0], second_order=True), r"^Ode: expected a state \[q, v\] with dq"),
     (
         lambda: jax.grad(_in_closure)(1.0),
-        "^rate: expected no captured values that are traced.*params",
+        "^Ode: expected no captured values that are traced.*params",
     ),
     (
         lambda: simulate(FADING + jaxdyn.effects.UniformGravity()),
