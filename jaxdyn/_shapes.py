@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._records.repeated import check_repeatable
 
 _NEEDS_VALUES = (
     jax.errors.TracerArrayConversionError,
@@ -71,6 +72,7 @@ def check_rate(system: Any, effects: tuple, t: Array, y: Array) -> None:
     name, remedy = type(system).__name__, "One for each entry of the state."
     check_value(f"{name}.rate", y.shape, remedy, lambda t, y: system.rate(t, y, effects), t, y)
     check_value(f"{name}.difference", y.shape, remedy, system.difference, y, y)
+    check_repeatable(system, "rate", t, y, effects)
 
 
 def check_effect(effect: Any, system: Any, t: Array, y: Array, points: Any) -> None:
@@ -80,10 +82,12 @@ def check_effect(effect: Any, system: Any, t: Array, y: Array, points: Any) -> N
         q, rates = system.coordinates(y)
         where = f"{name}.generalized"
         check_value(where, rates.shape, _GENERALIZED, effect.generalized, t, q, rates)
+        check_repeatable(effect, "generalized", t, q, rates)
     if "force" not in effect.acts:
         return
     check_value(f"{name}.potential", (), _ENERGY, effect.potential, t, r, m)
     check_value(f"{name}.force", r.shape, _FORCE, effect.force, t, r, v, m)
+    check_repeatable(effect, "force", t, r, v, m)
 
 
 def checked_force(effect: Any, force: Array, shape: tuple[int, ...]) -> Array:

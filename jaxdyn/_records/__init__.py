@@ -1,7 +1,8 @@
 """Records: parts of a scene that are pytrees, and remember what their functions captured.
 
 `record` is the class; `captured` says which numbers the user's functions in it captured and
-whether they have changed since; `reading` finds them in the code of functions.
+whether they have changed since; `reading` finds them in the code of functions. `repeated` tells whether functions depend on their
+arguments alone.
 
 May import: `_text`.
 

@@ -11,6 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxdyn import _checks, _shapes
+from jaxdyn._records.repeated import check_repeatable
 from jaxdyn.formulations.functions import (
     called,
     checked_function,
@@ -135,6 +136,7 @@ def ode(
     )
     t, each = jnp.zeros(()), "One for each entry of y0."
     _shapes.check_value("rate", y0.shape, each, lambda t, y: system.rate(t, y, ()), t, y0)
+    check_repeatable(system, "rate", t, y0, ())
     if energy is not None:
         one = "An energy is one number."
         _shapes.check_value("energy", (), one, lambda t, y: called(energy, params, t, y), t, y0)

@@ -20,6 +20,7 @@ from jaxdyn import _checks, _text
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._records.record import Record
+from jaxdyn._records.repeated import check_repeatable
 from jaxdyn._text import counted
 from jaxdyn.integrate.event_search.crossings import first_crossing
 from jaxdyn.integrate.event_search.event_values import coincident, values
@@ -60,6 +61,7 @@ def _value_shape(tree, shapes: tuple, k: int) -> tuple[int, ...]:
     """Shape of an event's value; cached, since tracing it takes as long as a short search."""
     leaves = [jax.ShapeDtypeStruct(shape, float) for shape in (*shapes, (), (k,))]
     event = jax.tree.unflatten(tree, leaves[:-2])
+    check_repeatable(event, "value", *leaves[-2:])
     return jax.eval_shape(lambda event, t, y: event.value(t, y), event, *leaves[-2:]).shape
 
 
