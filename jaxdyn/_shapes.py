@@ -22,6 +22,12 @@ _NEEDS_VALUES = (
     jax.errors.ConcretizationTypeError,
 )
 _TRACEABLE = "Use jax.numpy instead of numpy and math, and jnp.where instead of `if`."
+#: Messages of NumPy and of JAX where an entry of an array is assigned.
+_FILLED = ("setting an array element", "JAX arrays are immutable")
+_RETURN = (
+    "Return a list such as [y[1], -y[0]] instead of filling an array entry by entry, or write "
+    "d = d.at[0].set(y[1]) with an array d of jax.numpy."
+)
 _ENERGY = "An energy is one number."
 _FORCE = "One row for each point; jnp.broadcast_to(f, r.shape) repeats one force."
 _GENERALIZED = "One for each velocity of the system."
@@ -117,6 +123,11 @@ def check_value(
     except _NEEDS_VALUES as error:
         got = f"one that needs their values ({type(error).__name__})"
         raise _checks.fail(name, "a function of traced arrays", got, _TRACEABLE) from error
+    except (TypeError, ValueError) as error:
+        if not str(error).startswith(_FILLED):
+            raise
+        got = f"one that fills an array ({error})"[:100]
+        raise _checks.fail(name, "a function that returns new numbers", got, _RETURN) from error
     if found is None:
         return
     _check_shape(name, shape, remedy, found)

@@ -93,6 +93,12 @@ class Status(Code):
         12,
         "Stability, not accuracy, limits the steps of the explicit method. Choose solvers.RADAU9.",
     )
+    PHASE_LIMIT = (
+        13,
+        "The limit of phases was reached. Raise max_phases; where infinitely many phases pass in "
+        "finite time, as for a ball that comes to rest by bouncing, add an exit to a phase of "
+        "rest.",
+    )
 
 
 class IntegrationError(RuntimeError):

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Any
 import equinox as eqx
 
 from jaxdyn._records.captured import Captured, captured_in, check_captured
+from jaxdyn._records.pickled import fields_of, state_of
 
 if TYPE_CHECKING:
 
     class Record(eqx.Module):
         """What type checkers see of the class below."""
 
-        captured: Captured | None = eqx.field(static=True, init=False)
+        captured: Captured | None = eqx.field(static=True, init=False, repr=False)
 
         def check_functions(self) -> None: ...
 
@@ -58,7 +59,7 @@ else:
             programs are made; None without any. See `_captured`.
         """
 
-        captured: Captured | None = eqx.field(static=True, init=False)
+        captured: Captured | None = eqx.field(static=True, init=False, repr=False)
 
         __getattribute__ = object.__getattribute__
 
@@ -67,6 +68,12 @@ else:
             if name not in type(self)._field_names or name in self.__dict__:
                 raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
             self.__dict__[name] = value
+
+        def __getstate__(self) -> dict[str, Any]:
+            return state_of(self)
+
+        def __setstate__(self, state: dict[str, Any]) -> None:
+            self.__dict__.update(fields_of(state))
 
         def check_functions(self) -> None:
             """Raise ValueError if a number that one of its functions captured has changed since.

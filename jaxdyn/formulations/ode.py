@@ -8,7 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from jaxdyn import _checks, _shapes
 from jaxdyn._records.repeated import check_repeatable
@@ -135,7 +137,11 @@ def ode(
         second_order=bool(second_order),
     )
     t, each = jnp.zeros(()), "One for each entry of y0."
-    _shapes.check_value("rate", y0.shape, each, lambda t, y: system.rate(t, y, ()), t, y0)
+    try:
+        _shapes.check_value("rate", y0.shape, each, lambda t, y: system.rate(t, y, ()), t, y0)
+    except Exception:
+        _check_order(system, t, y0)
+        raise
     check_repeatable(system, "rate", t, y0, ())
     if energy is not None:
         one = "An energy is one number."
@@ -144,6 +150,17 @@ def ode(
     if second_order and not _checks.is_traced(scene):
         scene.check()  # `solve` would not, and a wrong claim gives wrong motions
     return scene
+
+
+def _check_order(system: Ode, t: Array, y: Array) -> None:
+    """Raise ValueError for a rate of (y, t): one that gives a rate if it is called that way."""
+    try:
+        swapped = jax.eval_shape(lambda: system.rate(y, t, ())).shape == y.shape
+    except Exception:
+        return  # the error of the right order says more
+    if swapped:
+        got = "one of (y, t), as for scipy.integrate.odeint"
+        raise _checks.fail("rate", "a function of (t, y)", got, "Exchange its first two arguments.")
 
 
 def _checked_integrals(integrals: Any) -> tuple[tuple[str, Callable], ...]:

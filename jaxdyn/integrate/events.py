@@ -23,7 +23,7 @@ from jaxdyn._records.record import Record
 from jaxdyn._records.repeated import check_repeatable
 from jaxdyn._text import counted
 from jaxdyn.integrate.event_search.crossings import first_crossing
-from jaxdyn.integrate.event_search.event_values import coincident, values
+from jaxdyn.integrate.event_search.event_values import coincident, time_slope, values
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
 from jaxdyn.integrate.switching import switching
@@ -277,9 +277,10 @@ def _located_jvp(primals, tangents, *, method):
     dy = jnp.zeros_like(y) if dy is None else dy
     f = field.rate(stop.t, y)
     _, dg = eqx.filter_jvp(value, (events, stop.t, y), (d_events, jnp.zeros_like(t0), dy))
-    _, slope = jax.jvp(functools.partial(value, events), (stop.t, y), (jnp.ones_like(t0), f))
+    along = functools.partial(value, events)
+    _, slope = eqx.filter_jvp(along, (stop.t, y), (jnp.ones_like(t0), f))
     without = jnp.zeros_like(t0) if d_t1 is None else d_t1
-    dt = jnp.where(happened, -dg / jnp.where(happened, slope, 1.0), without)
+    dt = jnp.where(happened, time_slope(dg, slope, happened), without)
     return stop, Stop(t=dt, y=dy + f * dt, event=None, status=None, coincident=None)
 
 

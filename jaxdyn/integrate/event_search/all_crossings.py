@@ -19,6 +19,7 @@ from jaxdyn import _checks, _text
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._text import counted
 from jaxdyn.integrate.event_search.crossings import first_crossing
+from jaxdyn.integrate.event_search.event_values import time_slope
 from jaxdyn.integrate.events import Event, checked_events
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
@@ -175,8 +176,8 @@ def _found_jvp(primals, tangents, *, method, rows):
     rates = jax.vmap(field.rate)(ts, ys)
     _, dg = eqx.filter_jvp(values, (event, ts, ys), (d_event, jnp.zeros_like(ts), dys))
     along = functools.partial(values, event)
-    _, slopes = jax.jvp(along, (ts, ys), (jnp.ones_like(ts), rates))
-    dts = jnp.where(there, -dg / jnp.where(there, slopes, 1.0), 0.0)
+    _, slopes = eqx.filter_jvp(along, (ts, ys), (jnp.ones_like(ts), rates))
+    dts = jnp.where(there, time_slope(dg, slopes, there), 0.0)
     dys = jnp.where(there[:, None], dys + rates * dts[:, None], 0.0)
     return found, Crossings(ts=dts, ys=dys, directions=None, count=None, status=None)
 

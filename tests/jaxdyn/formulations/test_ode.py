@@ -266,7 +266,25 @@ def plain(t, y):
 
 
 ode = jaxdyn.ode
+
+
+def _filled(zeros):
+    def rate(t, y):
+        d = zeros(2)
+        d[0] = y[1]
+        return d
+
+    return rate
+
+
+_OF_Y_T = r"^rate: expected a function of \(t, y\), got one of \(y, t\), as for scipy"
+_FILLED = r"^rate: .* got one that fills an array .*Return a list such as \[y\[1\], -y\[0\]\]"
 MISUSE = [
+    (lambda: ode(lambda y, t: [y[1], -y[0]], [1.0, 0.0]), _OF_Y_T),
+    (lambda: ode(lambda y, t: -y, [1.0]), _OF_Y_T),
+    (lambda: ode(_filled(np.zeros), [1.0, 0.0]), _FILLED),
+    (lambda: ode(_filled(jnp.zeros), [1.0, 0.0]), _FILLED),
+    (lambda: ode(lambda t, y: "fast", [1.0]), "^rate: .* a list of numbers, got 'fast'"),
     (lambda: ode(3, [1.0]), r"^rate: expected a function of \(t, y\), got 3"),
     (lambda: ode(fade, [1.0]), r"rate: .* of \(t, y\), got one of \(t, y, p\)\. It gets `params`"),
     (lambda: ode(plain, [1.0], params=2.0), r"function of \(t, y, params\), got one of \(t, y\)"),
