@@ -5,13 +5,14 @@ that are traced (inside jit, grad or vmap) are unknown and pass.
 """
 
 import math
+import reprlib
 from typing import Any
 
 import jax
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._floats import as_float, is_plain
+from jaxdyn._floats import as_float, is_plain, refuse_times
 from jaxdyn._floats import float64 as float64
 from jaxdyn._text import choice as choice
 from jaxdyn._text import fail as fail
@@ -49,11 +50,12 @@ def host_array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "
         return array(name, x, shape, remedy)
     if type(x) is float and not shape and math.isfinite(x):
         return np.asarray(x)  # the usual case, in a fifth of the time
+    refuse_times(x, name)
     try:
         _numeric(x)
         values = np.asarray(x, float)
-    except (TypeError, ValueError) as error:
-        raise fail(name, "numbers", repr(x), remedy) from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise fail(name, "numbers", reprlib.repr(x), remedy) from error
     check_shape(name, values.shape, shape, remedy)
     return finite(name, values, remedy)
 
@@ -83,11 +85,12 @@ def check_shape(name: str, got: tuple, shape: tuple, remedy: str = "") -> None:
 def numbers(name: str, x: Any, remedy: str = "") -> Array:
     """The input as a float array, of any shape and value."""
     float64()
+    refuse_times(x, name)
     try:
         _numeric(x)
         return as_float(x)
-    except (TypeError, ValueError) as error:
-        raise fail(name, "numbers", repr(x), remedy) from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise fail(name, "numbers", reprlib.repr(x), remedy) from error
 
 
 def _numeric(x: Any) -> None:

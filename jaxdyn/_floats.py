@@ -27,11 +27,19 @@ def as_float(x: Any) -> Array:
         for good.
     """
     float64()
+    refuse_times(x)
     if isinstance(x, jax.Array):
         return x if x.dtype == float and not x.weak_type else jnp.asarray(x, dtype=float)
     if is_plain(x) or (isinstance(x, np.ndarray | np.number) and x.dtype.kind in "fiu"):
         return _placed(np.asarray(x, float))
     return jnp.asarray(x, dtype=float)
+
+
+def refuse_times(x: Any, name: str = "number") -> None:
+    """Raise ValueError for NumPy's dates and durations, whose number depends on their unit."""
+    if getattr(getattr(x, "dtype", None), "kind", "") in ("m", "M"):
+        remedy = "Subtract dates from each other, and divide by a unit: x / np.timedelta64(1, 's')."
+        raise fail(name, "numbers", f"{x!r}, in units of NumPy", remedy)
 
 
 def is_plain(x: Any) -> bool:

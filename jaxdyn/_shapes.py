@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._records.repeated import check_repeatable
 
 _NEEDS_VALUES = (
     jax.errors.TracerArrayConversionError,
@@ -21,6 +22,12 @@ _NEEDS_VALUES = (
     jax.errors.ConcretizationTypeError,
 )
 _TRACEABLE = "Use jax.numpy instead of numpy and math, and jnp.where instead of `if`."
+#: Messages of NumPy and of JAX where an entry of an array is assigned.
+_FILLED = ("setting an array element", "JAX arrays are immutable")
+_RETURN = (
+    "Return a list such as [y[1], -y[0]] instead of filling an array entry by entry, or write "
+    "d = d.at[0].set(y[1]) with an array d of jax.numpy."
+)
 _ENERGY = "An energy is one number."
 _FORCE = "One row for each point; jnp.broadcast_to(f, r.shape) repeats one force."
 _GENERALIZED = "One for each velocity of the system."
@@ -71,6 +78,7 @@ def check_rate(system: Any, effects: tuple, t: Array, y: Array) -> None:
     name, remedy = type(system).__name__, "One for each entry of the state."
     check_value(f"{name}.rate", y.shape, remedy, lambda t, y: system.rate(t, y, effects), t, y)
     check_value(f"{name}.difference", y.shape, remedy, system.difference, y, y)
+    check_repeatable(system, "rate", t, y, effects)
 
 
 def check_effect(effect: Any, system: Any, t: Array, y: Array, points: Any) -> None:
@@ -80,10 +88,12 @@ def check_effect(effect: Any, system: Any, t: Array, y: Array, points: Any) -> N
         q, rates = system.coordinates(y)
         where = f"{name}.generalized"
         check_value(where, rates.shape, _GENERALIZED, effect.generalized, t, q, rates)
+        check_repeatable(effect, "generalized", t, q, rates)
     if "force" not in effect.acts:
         return
     check_value(f"{name}.potential", (), _ENERGY, effect.potential, t, r, m)
     check_value(f"{name}.force", r.shape, _FORCE, effect.force, t, r, v, m)
+    check_repeatable(effect, "force", t, r, v, m)
 
 
 def checked_force(effect: Any, force: Array, shape: tuple[int, ...]) -> Array:
@@ -113,6 +123,11 @@ def check_value(
     except _NEEDS_VALUES as error:
         got = f"one that needs their values ({type(error).__name__})"
         raise _checks.fail(name, "a function of traced arrays", got, _TRACEABLE) from error
+    except (TypeError, ValueError) as error:
+        if not str(error).startswith(_FILLED):
+            raise
+        got = f"one that fills an array ({error})"[:100]
+        raise _checks.fail(name, "a function that returns new numbers", got, _RETURN) from error
     if found is None:
         return
     _check_shape(name, shape, remedy, found)

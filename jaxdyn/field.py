@@ -37,6 +37,12 @@ class Field(NamedTuple):
             raise _checks.fail("scene", "one with material points", type(self.system).__name__)
         return points
 
+    def check_functions(self) -> None:
+        """Raise ValueError if a number that a function captured has changed; see `Record`."""
+        self.system.check_functions()
+        for effect in self.effects:
+            effect.check_functions()
+
     def project(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
         """The nearest state that satisfies the system's constraints."""
         return self.system.project(t, y)
@@ -76,6 +82,7 @@ class VectorField(eqx.Module):
         """Rates (k,) of the state y (k,) at time t; `args` is ignored."""
         del args
         _checks.float64()
+        self.field.check_functions()
         labels = self.field.system.labels()
         _checks.check_shape("y", np.shape(y), (len(labels),), "One entry for each of the state.")
         rate = _rate(self.field, _float(t), _float(y))

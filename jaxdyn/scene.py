@@ -24,12 +24,12 @@ from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _shapes, _text
 from jaxdyn._notes import notes_on
+from jaxdyn._records.record import Record
 from jaxdyn.field import Field as Field
 from jaxdyn.field import VectorField, looked_at
 from jaxdyn.sketch import Shape
 from jaxdyn.system import Effect as Effect
 from jaxdyn.system import Points as Points
-from jaxdyn.system import Record
 from jaxdyn.system import System as System
 
 
@@ -181,6 +181,7 @@ class Scene(Record):
         """Raise ValueError if a number is invalid; traced numbers pass."""
         if not isinstance(self.name, str):
             raise _checks.fail("name", "text", repr(self.name))
+        self.check_functions()
         system = self.system
         named = system.labels()
         if not named:
@@ -279,5 +280,5 @@ def checked_scene(scene: Any) -> Scene:
         if notes is not None:
             notes["checked"] = True
     else:
-        scene.system.check_functions()
+        scene.check_functions()
     return scene

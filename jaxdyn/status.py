@@ -100,6 +100,12 @@ class Status(Code):
         "Choose a steep slope for one of the jumps, tanh(x / width) for sign(x), or give the "
         "motion on the surfaces a phase of its own.",
     )
+    PHASE_LIMIT = (
+        14,
+        "The limit of phases was reached. Raise max_phases; where infinitely many phases pass in "
+        "finite time, as for a ball that comes to rest by bouncing, add an exit to a phase of "
+        "rest.",
+    )
 
 
 class IntegrationError(RuntimeError):

@@ -14,7 +14,8 @@ ROOT = Path(__file__).parents[1]
 #: Within `jaxdyn` a folder may import what its entries may, and `orbits` may import all of it.
 BELOW = {
     "jaxdyn/_text": (),
-    "jaxdyn": ("jaxdyn/_text",),
+    "jaxdyn/_records": ("jaxdyn/_text",),
+    "jaxdyn": ("jaxdyn/_records",),
     "jaxdyn/geometry": ("jaxdyn",),
     "jaxdyn/effects": ("jaxdyn",),
     "jaxdyn/solvers": ("jaxdyn",),
@@ -76,6 +77,7 @@ COLLECTIONS = {"jaxdyn/course", "jaxdyn/scenes"}
 INSIDE = {
     ("jaxdyn/_config.py", "jax._src"),
     ("jaxdyn/files/data_frames.py", "pandas"),
+    ("jaxdyn/_records/pickled.py", "cloudpickle"),
     ("orbits/files/verify.py", "orbits.proof.checking"),
     ("jaxdyn/analysis/equilibria.py", "jaxdyn.analysis.equilibrium_search.proving"),
 }

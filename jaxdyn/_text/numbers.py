@@ -114,7 +114,7 @@ def record(x: Any, units: bool = True) -> str:
       ('UniformGravity(g = 9.81 m/s^2)', 'UniformGravity(g = 9.81)')
     """
     parts = []
-    for field in dataclasses.fields(x):
+    for field in filter(lambda field: field.init, dataclasses.fields(x)):
         inner = getattr(x, field.name, None)
         # Options at their defaults, and unset fields, are omitted.
         if inner is None or (field.metadata.get("static") and inner == field.default):

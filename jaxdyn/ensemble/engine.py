@@ -156,6 +156,8 @@ def _job(
 ) -> Job:
     if not isinstance(watch, Watch | None):
         raise _checks.fail("watch", "a Watch", repr(watch), "See jaxdyn.ensemble.watches.")
+    if watch is not None:
+        watch.check_functions()
     odd = [x for x in jax.tree.leaves(watch) if not eqx.is_array_like(x)]
     if odd:
         raise _checks.fail(

@@ -21,6 +21,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import fail
+from jaxdyn._records.captured import captured_in
+from jaxdyn._records.record import Record
 from jaxdyn.files import digests
 from jaxdyn.files.input_files import MAX_BYTES, content, parsed
 from jaxdyn.files.output_files import replace, unwritable, writable
@@ -36,7 +38,7 @@ _ANOTHER = (
 def encode(value: Any) -> Any:
     """A scene, system, effect or closing as numbers, strings, lists and dictionaries."""
     if isinstance(value, eqx.Module):
-        fields = {f.name: encode(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        fields = {f.name: encode(getattr(value, f.name)) for f in _fields(type(value))}
         return {"type": type(value).__name__, **fields}
     if isinstance(value, tuple) and _named(type(value)):
         return {
@@ -156,7 +158,7 @@ def _module(value: dict, what: str, kinds: tuple[type, ...]) -> Any:
     if cls is None:
         raise fail(what, "the name of a class that is imported", reprlib.repr(name), _ANOTHER)
     value = _defaults(cls) | value
-    names = {*_named(cls)} or {f.name for f in dataclasses.fields(cls)}
+    names = {*_named(cls)} or {f.name for f in _fields(cls)}
     if names != value.keys() - {"type"}:
         wrong = sorted(names ^ (value.keys() - {"type"}))
         raise fail(what, f"the fields of {cls.__name__}", f"missing or extra {wrong}", _ANOTHER)
@@ -164,13 +166,15 @@ def _module(value: dict, what: str, kinds: tuple[type, ...]) -> Any:
         return cls(**{key: _number_or(value[key], f"{what}.{key}", kinds) for key in names})
     # Not by the constructor, whose arguments may differ from the fields.
     module, hints = object.__new__(cls), typing.get_type_hints(cls)
-    for field in dataclasses.fields(cls):
+    for field in _fields(cls):
         item, place = value[field.name], f"{what}.{field.name}"
         if field.metadata.get("static", False):
             item = _static(item, hints[field.name], place)
         else:
             item = _number_or(item, place, kinds)
         object.__setattr__(module, field.name, item)
+    if isinstance(module, Record):
+        object.__setattr__(module, "captured", captured_in(module))
     return module
 
 
@@ -178,8 +182,13 @@ def _defaults(cls: type) -> dict[str, Any]:
     """Values of the fields that a class has gained since a file was written: their defaults."""
     if _named(cls):
         return {}
-    fields = [f for f in dataclasses.fields(cls) if f.default is not dataclasses.MISSING]
+    fields = [f for f in _fields(cls) if f.default is not dataclasses.MISSING]
     return {f.name: encode(f.default) for f in fields}
+
+
+def _fields(cls: type) -> list[dataclasses.Field]:
+    """The fields of a module without those that it computes when it is made."""
+    return [field for field in dataclasses.fields(cls) if field.init]
 
 
 def _named(cls: type) -> tuple[str, ...]:

@@ -9,8 +9,7 @@ place. `extended` is a system with further entries in its state. `routes` sets o
 several formulations.
 
 Equations of your own are `ode` (a rate; `jaxdyn.ode`) and the second half of `lagrange` (a
-Lagrangian; `jaxdyn.lagrangian`). `functions` checks the functions that both are given,
-`captured` remembers the numbers that these take from globals and closures.
+Lagrangian; `jaxdyn.lagrangian`). `functions` checks the functions that both are given.
 
 May import: `geometry`.
 
@@ -20,7 +19,6 @@ can be set up in it, a row of `_FREE` in `routes` offers it to all mechanisms.
 
 from jaxdyn.formulations import (
     attitude,
-    captured,
     constrained,
     extended,
     functions,
@@ -37,7 +35,6 @@ from jaxdyn.formulations import (
 
 __all__ = [
     "attitude",
-    "captured",
     "constrained",
     "extended",
     "functions",

@@ -102,9 +102,6 @@ class Extended(System):
     def check(self, t, y):
         self.system.check(*self.inside(t, y))
 
-    def check_functions(self):
-        self.system.check_functions()
-
 
 def innermost(system: System) -> System:
     """The system inside all extensions; itself without any."""

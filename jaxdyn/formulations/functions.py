@@ -6,6 +6,7 @@ that new ones compile nothing and derivatives go through them.
 """
 
 import inspect
+import reprlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -14,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.formulations.captured import PASS_AS_PARAMS
+from jaxdyn._records.captured import PASS_AS_PARAMS
 
 
 def called(function: Callable, params: Any, *args: Array) -> Any:
@@ -71,9 +72,13 @@ def vector(name: str, value: Any, like: Array) -> Array:
         # Complex numbers stay, to be refused: a conversion would drop their imaginary parts.
         return x if jnp.iscomplexobj(x) else jnp.asarray(x, like.dtype)
 
-    if isinstance(value, list | tuple):
-        value = jnp.stack([jnp.asarray(converted(x)) for x in value])
-    return converted(value)
+    try:
+        if isinstance(value, list | tuple):
+            value = jnp.stack([jnp.asarray(converted(x)) for x in value])
+        return converted(value)
+    except (TypeError, ValueError) as error:
+        got = reprlib.repr(value)
+        raise _checks.fail(name, "an array or a list of numbers", got) from error
 
 
 def named(

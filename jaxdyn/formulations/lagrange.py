@@ -24,11 +24,6 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _shapes
 from jaxdyn._numerics import solve_spd
-from jaxdyn.formulations.captured import (
-    Captured,
-    captured,
-    check_captured,
-)
 from jaxdyn.formulations.functions import (
     called,
     checked_function,
@@ -103,13 +98,11 @@ class Lagrangian(System):
         where they are None.
       params: a pytree of numbers, or None.
       names: (name, unit) of each of the n coordinates.
-      captured: see `Ode`.
     """
 
     functions: tuple[Callable, ...] = eqx.field(static=True)
     params: Any
     names: tuple[tuple[str, str], ...] = eqx.field(static=True)
-    captured: Captured = eqx.field(static=True, default=())
 
     @property
     def accepts(self):
@@ -145,7 +138,6 @@ class Lagrangian(System):
 
     def check(self, t, y):
         finite_params(self.params)
-        self.check_functions()
         values = np.linalg.eigvalsh(_mass(self, t, y))
         if not values[0] > _SINGULAR * values[-1]:
             raise _checks.fail(
@@ -155,9 +147,6 @@ class Lagrangian(System):
                 "Each coordinate needs a kinetic energy: L = T - V, not V - T; start beside a "
                 "pose where coordinates lock.",
             )
-
-    def check_functions(self):
-        check_captured("L", self.captured, *self.functions)
 
     @property
     def _in_parts(self) -> bool:
@@ -216,8 +205,7 @@ def lagrangian(
         values = (t, q0, v0)[: len(args)]
         of = eqx.Partial(called, function, params)
         _shapes.check_value(name, (), one, of, *values)
-    numbers = captured("L", *functions)
-    system = Lagrangian(functions, params, named(names, "q", len(q0)), numbers)
+    system = Lagrangian(functions, params, named(names, "q", len(q0)))
     name = name_of(functions[0]) if len(functions) == 1 else ""
     return Scene(system, y0=jnp.concatenate([q0, v0]), t1=t1, name=name)
 

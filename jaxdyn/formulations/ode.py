@@ -8,14 +8,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from jaxdyn import _checks, _shapes
-from jaxdyn.formulations.captured import (
-    Captured,
-    captured,
-    check_captured,
-)
+from jaxdyn._records.repeated import check_repeatable
 from jaxdyn.formulations.functions import (
     called,
     checked_function,
@@ -37,7 +35,6 @@ class Ode(System):
       names: (name, unit) of each of the k entries.
       energy: (t, y, params) -> (), or None.
       conserved: names and functions of further integrals.
-      captured: the values that the functions capture; see `captured.captured`.
       second_order: whether the state is [q, v] with dq/dt = v and dv/dt independent of v.
     """
 
@@ -46,7 +43,6 @@ class Ode(System):
     names: tuple[tuple[str, str], ...] = eqx.field(static=True)
     energy: Callable | None = eqx.field(static=True, default=None)
     conserved: tuple[tuple[str, Callable], ...] = eqx.field(static=True, default=())
-    captured: Captured = eqx.field(static=True, default=())
     second_order: bool = eqx.field(static=True, default=False)
 
     def labels(self):
@@ -69,14 +65,6 @@ class Ode(System):
     def check(self, t, y):
         del t, y
         finite_params(self.params)
-        self.check_functions()
-
-    def check_functions(self):
-        check_captured("rate", self.captured, *self._functions())
-
-    def _functions(self) -> tuple[Callable, ...]:
-        more = () if self.energy is None else (self.energy,)
-        return (self.function, *more, *(function for _, function in self.conserved))
 
 
 def ode(
@@ -146,11 +134,15 @@ def ode(
         names=named(names, "y", len(y0)),
         energy=energy,
         conserved=extra,
-        captured=captured("rate", *functions.values()),
         second_order=bool(second_order),
     )
     t, each = jnp.zeros(()), "One for each entry of y0."
-    _shapes.check_value("rate", y0.shape, each, lambda t, y: system.rate(t, y, ()), t, y0)
+    try:
+        _shapes.check_value("rate", y0.shape, each, lambda t, y: system.rate(t, y, ()), t, y0)
+    except Exception:
+        _check_order(system, t, y0)
+        raise
+    check_repeatable(system, "rate", t, y0, ())
     if energy is not None:
         one = "An energy is one number."
         _shapes.check_value("energy", (), one, lambda t, y: called(energy, params, t, y), t, y0)
@@ -158,6 +150,17 @@ def ode(
     if second_order and not _checks.is_traced(scene):
         scene.check()  # `solve` would not, and a wrong claim gives wrong motions
     return scene
+
+
+def _check_order(system: Ode, t: Array, y: Array) -> None:
+    """Raise ValueError for a rate of (y, t): one that gives a rate if it is called that way."""
+    try:
+        swapped = jax.eval_shape(lambda: system.rate(y, t, ())).shape == y.shape
+    except Exception:
+        return  # the error of the right order says more
+    if swapped:
+        got = "one of (y, t), as for scipy.integrate.odeint"
+        raise _checks.fail("rate", "a function of (t, y)", got, "Exchange its first two arguments.")
 
 
 def _checked_integrals(integrals: Any) -> tuple[tuple[str, Callable], ...]:

@@ -19,8 +19,10 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import in_one_kernel
+from jaxdyn._records.record import Record
+from jaxdyn._records.repeated import check_repeatable
 from jaxdyn._text import counted
-from jaxdyn.integrate.event_search.event_values import coincident, values
+from jaxdyn.integrate.event_search.event_values import coincident, time_slope, values
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.pieces import first_event
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
@@ -31,7 +33,7 @@ from jaxdyn.solvers.choice import checked_method
 from jaxdyn.status import Status
 
 
-class Event(eqx.Module):
+class Event(Record):
     """A function of time and state whose zero is the event."""
 
     @abc.abstractmethod
@@ -59,6 +61,7 @@ def _value_shape(tree, shapes: tuple, k: int) -> tuple[int, ...]:
     """Shape of an event's value; cached, since tracing it takes as long as a short search."""
     leaves = [jax.ShapeDtypeStruct(shape, float) for shape in (*shapes, (), (k,))]
     event = jax.tree.unflatten(tree, leaves[:-2])
+    check_repeatable(event, "value", *leaves[-2:])
     return jax.eval_shape(lambda event, t, y: event.value(t, y), event, *leaves[-2:]).shape
 
 
@@ -218,11 +221,9 @@ def until(
       >>> round(float(stop.t), 12)
       1.414213562373
     """
-    events = checked_events(events)
     t0, t1 = span(scene, t1, t0)
+    events = checked_events(events, len(scene.y0))
     method = checked_method(scene, solver, several=True)
-    for event in events:
-        event.check(len(scene.y0))
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     traced = _checks.is_traced((scene, events, t0, t1, limits(options)))
 
@@ -233,11 +234,12 @@ def until(
     return switching(run, options, method, traced=traced)[0]
 
 
-def checked_events(events) -> tuple[Event, ...]:
-    """One or several events as a tuple.
+def checked_events(events, k: int) -> tuple[Event, ...]:
+    """One or several events of a state of k entries as a tuple.
 
     Raises:
-      ValueError: there is none, or something else among them.
+      ValueError: there is none, or something else among them; one does not suit the state, or a
+        number that its function captured has changed.
     """
     given: Any = (events,) if isinstance(events, Event) or callable(events) else tuple(events)
     if not given:
@@ -246,6 +248,8 @@ def checked_events(events) -> tuple[Event, ...]:
         if not isinstance(event, Event):
             got = getattr(event, "__name__", repr(event))
             raise _checks.fail("events", "events", got, "Write When(fn), with a named fn.")
+        event.check_functions()
+        event.check(k)
     return given
 
 
@@ -273,9 +277,10 @@ def _located_jvp(primals, tangents, *, method):
     dy = jnp.zeros_like(y) if dy is None else dy
     f = field.rate(stop.t, y)
     _, dg = eqx.filter_jvp(value, (events, stop.t, y), (d_events, jnp.zeros_like(t0), dy))
-    _, slope = jax.jvp(functools.partial(value, events), (stop.t, y), (jnp.ones_like(t0), f))
+    along = functools.partial(value, events)
+    _, slope = eqx.filter_jvp(along, (stop.t, y), (jnp.ones_like(t0), f))
     without = jnp.zeros_like(t0) if d_t1 is None else d_t1
-    dt = jnp.where(happened, -dg / jnp.where(happened, slope, 1.0), without)
+    dt = jnp.where(happened, time_slope(dg, slope, happened), without)
     return stop, Stop(t=dt, y=dy + f * dt, event=None, status=None, coincident=None)
 
 

@@ -19,6 +19,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from jaxdyn._records.record import Record
 from jaxdyn.integrate.lookahead import Lookahead
 
 _CLOSE_ULPS = 100.0  # of the end: closer to it a step is too short; as in diffrax
@@ -83,7 +84,7 @@ class Steered(NamedTuple):
     stop: Array
 
 
-class Watch(eqx.Module):
+class Watch(Record):
     """An observer of accepted steps that may stop the run; see `events`."""
 
     @abc.abstractmethod

@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
+from jaxdyn._records.record import Record
 from jaxdyn._text import counted
 from jaxdyn.integrate.event_search.event_values import sizes, values
 from jaxdyn.integrate.events import Event
@@ -66,7 +67,7 @@ class Fit(NamedTuple):
         return self.passed | self.leaving
 
 
-class Exit(eqx.Module):
+class Exit(Record):
     """How a phase ends.
 
     Attributes:
@@ -99,8 +100,11 @@ class Exit(eqx.Module):
         return -self.event.direction if self.one_sided else 0
 
 
-class Phase(eqx.Module):
-    """A stretch of smooth motion: its equations (the scene's start is not used) and its exits."""
+class Phase(Record):
+    """A stretch of smooth motion: its equations (the scene's start is not used) and its exits.
+
+    Without exits, ``Phase(scene, ())``, it lasts to the end of the span: a phase of rest, say.
+    """
 
     scene: Scene
     exits: tuple[Exit, ...]
@@ -173,8 +177,8 @@ class HybridTrajectory(eqx.Module, Motion):
       t: () end time [s].
       y: (k,) state there, in the coordinates of the last phase after its exit's change.
       ended: whether an exit led to `END`; if not, `message` says what else stopped it.
-      status: `Status`; t and y are NaN where a phase failed; where the chain was `STUCK` they
-        are its last time and state.
+      status: `Status`; t and y are NaN where a phase failed; where the chain was `STUCK`, or
+        reached its `PHASE_LIMIT`, they are its last time and state.
       path: (name of the phase, index of the exit taken) in order, for `follow`; phases left at
         once, which have no piece, are included.
     """
@@ -209,23 +213,19 @@ class HybridTrajectory(eqx.Module, Motion):
     def times(self) -> tuple[float, ...]:
         """End time of each phase [s], including what the change of its exit lasts."""
         starts = [float(piece.ts[0]) for piece in self.pieces]
-        failed = self.status != Status.OK
+        failed = self.status not in (Status.OK, Status.PHASE_LIMIT)
         return (*starts[1:], float(self.pieces[-1].ts[-1] if failed else self.t))
 
     @property
     def message(self) -> str:
         """Why the motion stops here, and what to do about it."""
+        if self.status == Status.PHASE_LIMIT:
+            after = counted(len(self.pieces), "phase")
+            return f"At t = {float(self.t):.6g}, after {after}: {self.status.message}"
         if self.status == Status.STUCK:
             return f"At t = {float(self.t):.6g}, in phase {self.path[-1][0]}: {self.status.message}"
         if self.status != Status.OK:
             return f"In phase {self.names[-1]}: {explained(self.status, self.pieces[-1].scene)}"
         if self.ended:
             return f"Phase {self.path[-1][0]} led to the end."
-        if self.t >= self.pieces[-1].scene.t1:
-            return "The span ended."
-        limit = counted(len(self.pieces), "phase")
-        return (
-            f"The limit of {limit} was reached at t = {float(self.t):.6g}. "
-            "Raise max_phases; where infinitely many phases pass in finite time, as for a ball "
-            "that comes to rest by bouncing, add an exit to a phase of rest."
-        )
+        return "The span ended."

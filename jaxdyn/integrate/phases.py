@@ -82,13 +82,15 @@ def simulate_phases(
             names.append(name)
             pieces.append(leg.piece)
         idle = 0 if leg.t - t > shortest else idle + 1
-        t, y, status = leg.t, leg.y, leg.status if idle <= most else Status.STUCK
+        t, y, status = leg.t, leg.y, Status.STUCK if leg.exits and idle > most else leg.status
         for number in leg.exits:
             if name == here:  # else the other event was an exit of a phase already left
                 path.append((name, number))
                 t, y, name = _left(phases, here, number, t, y)
         if not leg.exits:
             break
+    if name != END and len(pieces) >= max_phases and t < t1 and status == Status.OK:
+        status = Status.PHASE_LIMIT
     if not pieces:  # a motion that ends where it starts can be drawn, too
         names = [path[0][0]]
         scene = phases[names[0]].scene.starting(y0, t1)
@@ -126,6 +128,11 @@ class _Leg(NamedTuple):
 def _leg(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions) -> _Leg:
     """How a state leaves a phase, and the motion until then."""
     scene = phase.scene.starting(y, t1)
+    if not phase.exits:
+        piece = simulate(scene, t1, t0=t, samples=samples, throw=False, **options._asdict())
+        end = jnp.where(piece.status == Status.OK, t1, jnp.nan)
+        status = Status(int(piece.status))
+        return _Leg(piece=piece, t=end, y=piece.ys[-1], exits=(), status=status)
     beyond = np.asarray(phase.fit(t, y).beyond)
     if beyond.any():
         end, at, exits, status = t, y, (int(np.argmax(beyond)),), Status.OK
@@ -253,6 +260,7 @@ def _check_names(phases: Mapping[str, Phase]) -> None:
             raise _checks.fail(
                 f"phase {name}", "a Phase", type(phase).__name__, "Write Phase(scene, exits)."
             )
+        phase.check_functions()
         if not isinstance(phase.exits, tuple):
             got = type(phase.exits).__name__
             raise _checks.fail(

@@ -166,7 +166,7 @@ def solve(
     Compiled for each kind of scene and method, also where grad or vmap call it.
 
     Args:
-      scene: system, effects, start; not checked.
+      scene: system, effects, start; not checked, but for numbers that its functions captured.
       t1: () end time [s], after or before t0.
       t0: () start time [s].
       ts: (s,) requested times [s] between t0 and t1, in the order of integration.
@@ -200,6 +200,7 @@ def solve(
 
 def _checked(scene: Scene, options: SolverOptions, dt) -> Method:
     """The method; tolerances, step and limits are checked before, as its choice uses them."""
+    scene.check_functions()
     limits(options, dt)
     return checked_method(scene, options.solver, dt, rtol=options.rtol)
 

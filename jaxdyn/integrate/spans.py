@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import refuse_times
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.scene import Scene, checked_scene
 from jaxdyn.solvers import Solver
@@ -186,6 +187,7 @@ def quickly_passed(t) -> Array | np.ndarray:
         return _zero()
     if isinstance(t, jax.Array) and t.dtype == float and not t.weak_type:
         return t
+    refuse_times(t, "time")
     return np.asarray(t, float)
 
 

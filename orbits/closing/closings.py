@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn import Scene, System
 from jaxdyn._checks import choice, fail
+from jaxdyn._records.record import Record
 from orbits.closing.symmetry import EXACT, IDENTITY, Symmetry, point_symmetry
 
 #: Angles tried for the first guess of the angle of a relative orbit.
@@ -26,7 +27,7 @@ _ANGLES_TRIED = 64
 _ROTATION_STEPS, _ROTATION_TERMS = 16, 16
 
 
-class Closing(eqx.Module):
+class Closing(Record):
     """What must hold after one part of the period for the motion to be periodic.
 
     Attributes:

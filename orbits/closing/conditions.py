@@ -15,10 +15,11 @@ from jaxtyping import Array, Float
 from jaxdyn import Scene
 from jaxdyn._checks import choice, fail, finite
 from jaxdyn._floats import as_float
+from jaxdyn._records.record import Record
 from jaxdyn.analysis import energy as energies
 
 
-class Condition(eqx.Module):
+class Condition(Record):
     """One smooth equation on an orbit."""
 
     @abc.abstractmethod
@@ -99,6 +100,7 @@ def conditions(scene: Scene, hold: Hold) -> tuple[Condition, ...]:
         if not isinstance(one, Condition):
             remedy = f"orbits.Energy(-1.0) is one, and so is the name of an entry: {names}."
             raise fail("hold", "a Condition", repr(one), remedy)
+        one.check_functions()
         one.check(scene)
         found.append(one)
     return tuple(found)

@@ -100,6 +100,7 @@ def _closings(scene: Scene, closing: Closing | Sequence[Closing]) -> tuple[Closi
         if not isinstance(one, Closing):
             remedy = "Such as orbits.PLAIN, orbits.choreography(3), orbits.relative()."
             raise fail("closing", "a Closing", repr(one), remedy)
+        one.check_functions()
         one.check(scene)
         closings.append(one)
     return tuple(closings)

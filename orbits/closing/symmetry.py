@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
+from jaxdyn._records.record import Record
 
 #: Largest relative error by which a symmetry may fail to preserve the vector field.
 EXACT = 1e-9
@@ -26,7 +27,7 @@ def rate(scene: Scene, t, y: Float[Array, " k"]) -> Float[Array, " k"]:
     return scene.rate(t, y)
 
 
-class Symmetry(eqx.Module):
+class Symmetry(Record):
     """y -> g y with entry i of g y being ``signs[i]`` times entry ``places[i]`` of y.
 
     Attributes:

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _text, simulate
+from jaxdyn._records.record import Record
 from jaxdyn._text import counted
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import unchanged
@@ -25,7 +26,7 @@ _LOOKS = 400  # samples of a leg
 _PASSED = 1e-9  # of the largest value of a bound on a leg: a value further below 0 is not rounding
 
 
-class Leg(eqx.Module):
+class Leg(Record):
     """A smooth part of a periodic chain.
 
     Attributes:

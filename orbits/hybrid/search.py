@@ -134,6 +134,7 @@ def _start_and_times(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.n
     for i, leg in enumerate(legs):
         if not isinstance(leg, Leg):
             raise fail(f"legs[{i}]", "a Leg", type(leg).__name__, "Write Leg(scene, ends).")
+        leg.check_functions()
         for name, events in (("ends", leg.ends), ("bounds", leg.bounds)):
             if not (isinstance(events, tuple) and all(isinstance(x, Event) for x in events)):
                 got = type(events).__name__

@@ -7,7 +7,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _checks, ensemble
 from jaxdyn.ensemble.crossings import EachCrossing
-from jaxdyn.integrate.events import Event
+from jaxdyn.integrate.events import Event, checked_events
 from jaxdyn.scene import checked_scene
 from orbits.manifolds import step_off
 from orbits.manifolds.directions import SENSES, Directions, of_orbit, of_rest
@@ -93,7 +93,7 @@ def manifold(
     if until is not None:
         if not isinstance(until, Event):
             raise _checks.fail("until", "an event", repr(until), "See jaxdyn.integrate.events.")
-        until.check(len(scene.y0))
+        checked_events(until, len(scene.y0))
     near = _directions(orbit, kind, n, which, rtol)
     circle = len(near.multipliers) > 1
     signs = (1,) if circle else _BRANCHES[branch]

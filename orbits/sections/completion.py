@@ -18,7 +18,7 @@ from jaxdyn._checks import fail, finite, is_traced, numbers
 from jaxdyn._text import counted
 from jaxdyn.analysis.energy import energy as energy_of
 from jaxdyn.integrate.event_search.event_values import looked
-from jaxdyn.integrate.events import Event, Reaches
+from jaxdyn.integrate.events import Event, Reaches, checked_events
 from jaxdyn.scene import checked_scene
 from orbits.sections.coordinates import entry, fixed, listed, names_of, unknown_of
 
@@ -102,7 +102,7 @@ def complete(
       ([0.0, 0.1, 0.490578, 0.0], [True, False])
     """
     checked_scene(scene)
-    event.check(len(scene.y0))
+    checked_events(event, len(scene.y0))
     if sign not in (None, 1, -1):
         raise fail("sign", "1 or -1", sign, "1 is the larger of two solutions.")
     index = unknown_of(scene, event, unknown)

@@ -18,7 +18,7 @@ from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import check_shape, fail, finite, numbers, whole
 from jaxdyn._floats import as_float
 from jaxdyn.integrate.event_search.all_crossings import crossings
-from jaxdyn.integrate.events import Event, Every, Reaches
+from jaxdyn.integrate.events import Event, Every, Reaches, checked_events
 from jaxdyn.integrate.spans import MAX_STEPS
 from jaxdyn.scene import checked_scene
 from orbits.sections.completion import complete
@@ -190,7 +190,7 @@ def poincare_map(
     if not isinstance(event, Reaches | Every):
         remedy = "The coordinates of a section are entries of the state."
         raise fail("event", "events.Reaches or events.Every", repr(event), remedy)
-    event.check(len(scene.y0))
+    checked_events(event, len(scene.y0))
     if isinstance(event, Reaches) and not event.direction:
         remedy = "Both directions would be two sections in one."
         raise fail("event", "one with a direction, 1 or -1", "0 for both", remedy)

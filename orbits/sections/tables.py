@@ -123,8 +123,7 @@ def section(
     """
     untraced("starts", (scene, starts), "jaxdyn.crossings works under jit, grad and vmap.")
     checked_scene(scene)
-    (event,) = checked_events((event,))
-    event.check(len(scene.y0))
+    (event,) = checked_events((event,), len(scene.y0))
     n_wanted = whole("crossings", crossings)
     shown = pair(scene, event, coordinates)
     y0s, status = _starts(scene, starts)

@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxdyn import _checks
+from jaxdyn import _checks, scenes, simulate, solve
+from jaxdyn.integrate.events import Every
 
 
 def test_fail_puts_the_message_together():
@@ -94,3 +95,37 @@ def test_choice_suggests_the_nearest():
         _checks.choice("label", "appel", ["pear", "apple"])
     with pytest.raises(ValueError, match=r"got 'zzz'\.$"):
         _checks.choice("label", "zzz", ["pear", "apple"])
+
+
+TIMES = [
+    np.timedelta64(2, "s"),
+    np.timedelta64("NaT"),
+    np.datetime64("2020-01-01"),
+    np.array([1, 2], "timedelta64[ms]"),
+]
+
+
+@pytest.mark.parametrize("x", TIMES, ids=repr)
+def test_times_with_a_unit_are_refused(x):
+    message = r"^t1: expected numbers, got .*, in units of NumPy\. .* x / np\.timedelta64\(1, 's'\)"
+    scene = scenes.oscillator()
+    for use in (
+        lambda: _checks.numbers("t1", x),
+        lambda: _checks.host_array("t1", x, ()),
+        lambda: simulate(scene, x),
+        lambda: scene.starting(scene.y0, x),
+    ):
+        with pytest.raises(ValueError, match=message):
+            use()
+    with pytest.raises(ValueError, match=r"^time: expected numbers, got"):
+        solve(scene, x)
+    with pytest.raises(ValueError, match=r"^number: expected numbers, got"):
+        Every(x)
+    with pytest.raises(ValueError, match=r"^samples: expected numbers, got"):
+        simulate(scene, 2.0, samples=np.array([0, 1], "timedelta64[s]"))
+
+
+def test_a_number_too_large_for_a_float_is_refused():
+    for use in (_checks.numbers, lambda name, x: _checks.host_array(name, x, ())):
+        with pytest.raises(ValueError, match=r"^t1: expected numbers, got 1000.*\.\.\."):
+            use("t1", 10**400)

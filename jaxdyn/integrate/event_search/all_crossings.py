@@ -18,6 +18,7 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._text import counted
+from jaxdyn.integrate.event_search.event_values import time_slope
 from jaxdyn.integrate.events import Event, checked_events
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.pieces import first_event
@@ -110,10 +111,9 @@ def crossings(
       >>> (found.ts * 4 / jnp.pi).round(9).tolist(), found.directions.tolist()
       ([1.0, 3.0, 5.0], [-1, 1, -1])
     """
-    (event,) = checked_events((event,))
     t0, t1 = span(scene, t1, t0)
+    (event,) = checked_events((event,), len(scene.y0))
     method = checked_method(scene, solver, several=True)
-    event.check(len(scene.y0))
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     given = scene, event, t0, t1, limits(options)
     rows = None if most is None else _checks.whole("most", most)
@@ -190,8 +190,8 @@ def _found_jvp(primals, tangents, *, method, rows):
     rates = jax.vmap(field.rate)(ts, ys)
     _, dg = eqx.filter_jvp(values, (event, ts, ys), (d_event, jnp.zeros_like(ts), dys))
     along = functools.partial(values, event)
-    _, slopes = jax.jvp(along, (ts, ys), (jnp.ones_like(ts), rates))
-    dts = jnp.where(there, -dg / jnp.where(there, slopes, 1.0), 0.0)
+    _, slopes = eqx.filter_jvp(along, (ts, ys), (jnp.ones_like(ts), rates))
+    dts = jnp.where(there, time_slope(dg, slopes, there), 0.0)
     dys = jnp.where(there[:, None], dys + rates * dts[:, None], 0.0)
     tangents = Crossings(ts=dts, ys=dys, directions=None, count=None, status=None)
     return (found, left), (tangents, None)

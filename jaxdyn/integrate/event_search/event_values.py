@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn import _checks
 from jaxdyn.scene import Field, System
 from jaxdyn.solvers import Method
 
@@ -182,6 +183,29 @@ class Sight(eqx.Module):
         # One step of a state with s columns: vmapped steps would scatter into their stages.
         ys = jnp.broadcast_to(y[:, None], (*y.shape, *hs.shape))
         return method.advance(lambda t, y: rates(t[0], y), t, hs[None], ys).increment
+
+
+def time_slope(rise, slope, happened):
+    """The derivative of the time of an event by what changed its value by `rise`.
+
+    Args:
+      rise: the derivative of the value at a fixed time; None if it is 0 for all numbers.
+      slope: that along the motion, None likewise.
+      happened: whether the event did.
+    Raises:
+      ValueError: the slope is 0 whatever the numbers, as that of a sign is.
+    """
+    if slope is None:
+        raise _checks.fail(
+            "derivative of the time of an event",
+            "an event whose value has a slope where it crosses zero",
+            "one that is constant on both sides, as by jnp.sign, jnp.where or a comparison",
+            "Its time has no derivative. Make what changes its sign the event: y[0] - level, not "
+            "jnp.sign(y[0] - level).",
+        )
+    if rise is None:
+        return jnp.zeros_like(slope)
+    return -rise / jnp.where(happened, slope, 1.0)
 
 
 def coincident(field, events: tuple, y0: Array, t0: Array, t: Array, y: Array, direction) -> Array:

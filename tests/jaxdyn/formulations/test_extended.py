@@ -75,9 +75,6 @@ class Answers(System):
     def check(self, t, y):
         raise ValueError(f"checked at {t} {list(map(float, y))}")
 
-    def check_functions(self):
-        raise ValueError("a function captured another number")
-
 
 #: (system, whole state, further entries)
 CASES = [
@@ -103,7 +100,7 @@ OF_STATES = {
     "project": lambda s, t, y: s.project(t, y),
     "generators": lambda s, t, y: s.generators(y)["along x"],
 }
-OWN = {"labels", "rate", "check", "check_functions"}
+OWN = {"labels", "rate", "check"}
 #: What further entries take away: see there.
 NOT_ANY_MORE = {"second_order": False, "canonical": None}
 
@@ -133,8 +130,6 @@ def test_the_answer_is_that_of_the_system_inside(system, y, more):
     assert len(system.labels()) == len(y)
     with pytest.raises(ValueError, match=r"checked at 0\.7 \[0\.3, -0\.2, 0\.5, 1\.1\]"):
         system.check(t, y)
-    with pytest.raises(ValueError, match="a function captured another number"):
-        system.check_functions()
     assert system.second_order is NOT_ANY_MORE["second_order"]
     assert system.canonical(t, y) is NOT_ANY_MORE["canonical"]
 

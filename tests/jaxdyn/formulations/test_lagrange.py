@@ -191,7 +191,7 @@ def test_numbers_from_around_a_lagrangian_are_not_stale():
     scene = jaxdyn.lagrangian(lambda t, q, v: 0.5 * mass * v[0] ** 2, [0.0], [1.0])
     scene.check()
     mass[()] = 3.0
-    with pytest.raises(ValueError, match=r"^L: .* another value of 'mass'\. Make the scene"):
+    with pytest.raises(ValueError, match=r"^Lagrangian: .* another value of 'mass'\. Make"):
         scene.check()
 
 

@@ -99,7 +99,7 @@ def test_numbers_from_around_a_function_are_not_stale(monkeypatch):
     first = jaxdyn.ode(pulled, [1.0])
     assert gap(simulate(first, rtol=1e-13).ys[-1], [np.exp(-1.0)]) < SOLVED
     monkeypatch.setitem(globals(), "STRENGTH", 2.0)
-    with pytest.raises(ValueError, match=r"^rate: .* another value of 'STRENGTH'\. Make the scene"):
+    with pytest.raises(ValueError, match=r"^Ode: .* another value of 'STRENGTH'\. Make the scene"):
         simulate(first)
     again = jaxdyn.ode(pulled, [1.0])
     assert gap(simulate(again, rtol=1e-13).ys[-1], [np.exp(-2.0)]) < SOLVED
@@ -266,7 +266,25 @@ def plain(t, y):
 
 
 ode = jaxdyn.ode
+
+
+def _filled(zeros):
+    def rate(t, y):
+        d = zeros(2)
+        d[0] = y[1]
+        return d
+
+    return rate
+
+
+_OF_Y_T = r"^rate: expected a function of \(t, y\), got one of \(y, t\), as for scipy"
+_FILLED = r"^rate: .* got one that fills an array .*Return a list such as \[y\[1\], -y\[0\]\]"
 MISUSE = [
+    (lambda: ode(lambda y, t: [y[1], -y[0]], [1.0, 0.0]), _OF_Y_T),
+    (lambda: ode(lambda y, t: -y, [1.0]), _OF_Y_T),
+    (lambda: ode(_filled(np.zeros), [1.0, 0.0]), _FILLED),
+    (lambda: ode(_filled(jnp.zeros), [1.0, 0.0]), _FILLED),
+    (lambda: ode(lambda t, y: "fast", [1.0]), "^rate: .* a list of numbers, got 'fast'"),
     (lambda: ode(3, [1.0]), r"^rate: expected a function of \(t, y\), got 3"),
     (lambda: ode(fade, [1.0]), r"rate: .* of \(t, y\), got one of \(t, y, p\)\. It gets `params`"),
     (lambda: ode(plain, [1.0], params=2.0), r"function of \(t, y, params\), got one of \(t, y\)"),
@@ -306,7 +324,7 @@ MISUSE = [
     (lambda: ode(plain, [1.0, 2.0], second_order=True), r"^Ode: expected a state \[q, v\] with dq"),
     (
         lambda: jax.grad(_in_closure)(1.0),
-        "^rate: expected no captured values that are traced.*params",
+        "^Ode: expected no captured values that are traced.*params",
     ),
     (
         lambda: simulate(FADING + jaxdyn.effects.UniformGravity()),

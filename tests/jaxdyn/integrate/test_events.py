@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from helpers import DIFFED, EXACT, SOLVED, central_difference, gap, primitives
 
-from jaxdyn import Scene, Status, scenes
+from jaxdyn import Scene, Status, crossings, scenes
 from jaxdyn.effects import LinearDrag, PairGravity, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.events import Event, Reaches, When, until
+from jaxdyn.integrate.events import Event, Every, Reaches, When, until
 from jaxdyn.integrate.simulation import solve
 
 G, V = 10.0, 10.0
@@ -323,3 +323,37 @@ def test_an_entry_that_is_none_and_a_direction_that_is_none_are_refused():
         until(ball, Reaches("vy", 0.0), 1.0)
     with pytest.raises(ValueError, match=r"direction: expected 1, -1, or 0 for both, got 5"):
         until(ball, Reaches(1, 0.0, 5), 1.0)
+
+
+STEPPED = [
+    lambda t, y: jnp.sign(y[0] - 0.5),
+    lambda t, y: jnp.where(y[0] > 0.5, 1.0, -1.0),
+    lambda t, y: jnp.asarray(y[0] > 0.5, float) - 0.5,
+]
+
+
+@pytest.mark.parametrize("value", STEPPED)
+@pytest.mark.parametrize("find", [until, crossings])
+def test_the_time_of_a_step_has_no_derivative_and_says_so(value, find):
+    event = When(value)
+
+    def time(k):
+        scene = scenes.oscillator(k=k, x=1.0)
+        return until(scene, event, 3.0).t if find is until else first(scene)
+
+    def first(scene):
+        return crossings(scene, event, 3.0, most=1).ts[0]
+
+    assert abs(time(1.0) - np.arccos(0.5)) < 1e-9
+    message = r"^derivative of the time of an event: .* constant on both sides.*not jnp\.sign"
+    with pytest.raises(ValueError, match=message):
+        jax.grad(time)(1.0)
+
+
+def test_the_time_of_a_stroboscope_does_not_depend_on_the_motion():
+    def stop(k):
+        return until(scenes.oscillator(k=k, x=1.0), Every(0.5), 3.0, rtol=1e-13)
+
+    assert jax.grad(lambda k: stop(k).t)(1.0) == 0.0
+    # x = cos(sqrt(k) t)
+    assert abs(jax.grad(lambda k: stop(k).y[0])(1.0) + 0.25 * np.sin(0.5)) < SOLVED

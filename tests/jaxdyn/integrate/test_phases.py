@@ -8,7 +8,7 @@ from helpers import EXACT, SOLVED, gap
 
 from jaxdyn import Scene, Status, scenes
 from jaxdyn._progress import told
-from jaxdyn.effects import PairGravity, Spring
+from jaxdyn.effects import PairGravity, Spring, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.hard.cases.contact import box
 from jaxdyn.integrate.events import Reaches, When, until
@@ -62,8 +62,9 @@ def test_infinitely_many_bounces_end_at_the_limit_of_phases(bounces):
     # The landings approach 2 vy / g / (1 - 1/2) = 2.
     assert abs(bounces.t - 2.0) < 2.0 * KEEPS**20 + SOLVED
     assert not bounces.ended
-    assert bounces.status == Status.OK
-    assert "The limit of 20 phases was reached at t = 2." in bounces.message
+    assert bounces.status == Status.PHASE_LIMIT
+    start = "At t = 2, after 20 phases: The limit of phases was reached. Raise max_phases;"
+    assert bounces.message.startswith(start)
     assert "add an exit to a phase of rest" in bounces.message
 
 
@@ -356,3 +357,25 @@ def test_misuse_is_refused():
         follow(BOUNCING, [("roll", 0)], START, 1.0)
     with pytest.raises(ValueError, match="path: expected an exit of fly from 0 to 1, got 2"):
         follow(BOUNCING, [("fly", 2)], START, 1.0)
+
+
+@pytest.mark.parametrize("span", [0.5, 2.0])
+def test_a_phase_without_exits_lasts_to_the_end_of_the_span(span):
+    resting = {
+        "fly": Phase(BALL, (Exit(Reaches(1, 0.0, -1), "drift", bounce),)),
+        "drift": Phase(BALL.without(UniformGravity), ()),
+    }
+    chain = simulate_phases(resting, "fly", START, span, samples=3)
+    assert (chain.status, chain.message, chain.t) == (Status.OK, "The span ended.", span)
+    flown = min(span, 1.0)
+    falling = 5.0 * flown - G / 2 * flown**2
+    assert gap(chain.y[:2], [span, falling + 2.5 * (span - flown)]) < SOLVED
+    assert chain.names == ("fly", "drift")[: 1 + (span > 1.0)]
+
+
+def test_a_phase_without_exits_that_fails_leaves_no_numbers():
+    fall = Scene(FreePoints([1.0, 1.0]), (PairGravity(),), y0=[-0.5, 0, 0.5, 0, 0, 0, 0, 0])
+    chain = simulate_phases({"fall": Phase(fall, ())}, "fall", fall.y0, 2.0, samples=3)
+    assert chain.status == Status.STEP_COLLAPSED
+    assert np.isnan(chain.t)
+    assert np.isnan(chain.y).all()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxdyn
-from jaxdyn.formulations.captured import captured
+from jaxdyn._records.captured import captured
 
 STIFFNESS = 2.0
 COUNTED = {"calls": 0}

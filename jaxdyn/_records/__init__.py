@@ -1,0 +1,11 @@
+"""Records: parts of a scene that are pytrees, and remember what their functions captured.
+
+`record` is the class; `captured` says which numbers the user's functions in it captured and
+whether they have changed since; `reading` finds them in the code of functions. `repeated` tells
+whether functions depend on their arguments alone; `pickled` stores those that have no name.
+
+May import: `_text`.
+
+One more kind of record is a subclass of `Record`; an entry point that is given one calls its
+`check_functions`.
+"""

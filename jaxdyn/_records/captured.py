@@ -1,0 +1,244 @@
+"""Values that a user's function captures: global variables, and the variables of its closure.
+
+In a compiled program they are constants. If one changes afterwards, as in a notebook, a program
+compiled before would silently go on with the old value. So a `Record` (a system, an effect, an
+event) remembers a digest of what its functions and its methods captured: one that is made again is
+compiled again, an old one is refused.
+
+Remembered are numbers and arrays, also those in lists, dictionaries and other pytrees, in default
+arguments, and in the attributes of objects, classes and modules that the function reads; and what
+functions that it calls captured, but not those of installed packages. What the function itself
+changes is left out: it may count its calls. Functions of this library capture nothing that changes.
+"""
+
+import functools
+import hashlib
+import inspect
+import sys
+import types
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from jaxdyn._records.reading import (
+    NUMBERS,
+    code_reads,
+    full,
+    of_library,
+    parts_of,
+    plain,
+    reached_from,
+    read_by,
+)
+from jaxdyn._text import fail
+
+#: Names of numbers and digests of their values.
+Captured = tuple[tuple[str, bytes], ...]
+PASS_AS_PARAMS = (
+    "Pass them as params: a function is compiled once, with the values it captured then."
+)
+_MAKE_AGAIN = (
+    "Make the scene or the event again, or pass what changes as params; of a class, as a field."
+)
+#: Of values of these types another value is another object, or one that cannot change.
+_FIXED = (
+    *(bool, int, float, complex, str, bytes, type(None), np.number, jax.Array),
+    *(types.FunctionType, types.BuiltinFunctionType, property),
+)
+#: Functions whose captured values are kept at hand; more are read anew.
+_MOST_KEPT = 4096
+
+
+def captured_in(record: eqx.Module) -> Captured | None:
+    """What the user's functions in a record captured; None if neither it nor its parts have any."""
+    functions, parts = _held(record)
+    if functions or any(part.captured is not None for part in parts):
+        return captured(type(record).__name__, *functions)
+    return None
+
+
+def check_captured(record: Any) -> None:
+    """Raise ValueError if a number that a record or its parts captured is not what it was then."""
+    if record.captured is None:
+        return
+    functions, parts = _held(record)
+    for part in parts:
+        check_captured(part)
+    name, then = type(record).__name__, record.captured
+    now = captured(name, *functions)
+    if now != then:
+        changed = ", ".join(sorted({repr(key) for key, _ in set(then) ^ set(now)}))
+        got = f"another value of {changed}"
+        raise fail(name, "captured numbers that have not changed", got, _MAKE_AGAIN)
+
+
+def _held(record: Any) -> tuple[tuple[Callable, ...], list[Any]]:
+    """The user's functions in a record, its methods among them; and the records in it."""
+    functions, records = _methods(type(record)), []
+    waiting = [record.__dict__.values()]
+    while waiting:
+        for x in waiting.pop():
+            way = _way(type(x))
+            if way is None:
+                continue
+            if way == "record":
+                records.append(x)
+            elif way == "function":
+                functions += _of_user(x)
+            elif way == "module":
+                functions += _methods(type(x))
+                waiting.append(x.__dict__.values())
+            else:
+                waiting.append(x.values() if way == "dictionary" else x)
+    return functions, records
+
+
+@functools.cache
+def _way(kind: type) -> str | None:
+    """How functions are sought in what is of a type; None where there are none."""
+    if issubclass(kind, eqx.Module):
+        return "record" if "captured" in kind.__dataclass_fields__ else "module"
+    if issubclass(kind, dict):
+        return "dictionary"
+    if issubclass(kind, tuple | list):
+        return "sequence"
+    called = any("__call__" in vars(cls) for cls in kind.__mro__)
+    return "function" if called else None
+
+
+def _of_user(function: Any) -> tuple[Callable, ...]:
+    """A function as the only one of a tuple, unless it is one of this library."""
+    if type(function) is functools.partial or not of_library(plain(function).__module__):
+        return (function,)
+    owner = getattr(function, "__self__", None)
+    return _methods(type(owner)) if isinstance(owner, eqx.Module) else ()
+
+
+@functools.cache
+def _methods(kind: type) -> tuple[Callable, ...]:
+    """Methods and properties that a class or its bases define, without those of this library.
+
+    Each is bound to its class, whose attributes it may read through `self`.
+    """
+    found = []
+    for cls in kind.__mro__:
+        for name in () if of_library(cls.__module__) else vars(cls):
+            member = inspect.getattr_static(cls, name)
+            member = getattr(member, "fget", None) or getattr(member, "func", None) or member
+            member = getattr(member, "__func__", member)
+            if callable(member) and (name == "__call__" or name[:2] != "__"):
+                if not of_library(plain(member).__module__):
+                    found.append(types.MethodType(plain(member), kind))
+    return tuple(found)
+
+
+def captured(name: str, *functions: Callable) -> Captured:
+    """Digests of the numbers that functions capture, hashable: a static part of a record.
+
+    Args:
+      name: what messages call the functions.
+      functions: any.
+    Raises:
+      ValueError: one of the numbers is being traced.
+    """
+    kept = _kept.get(functions) if _by_identity(functions) else None
+    if kept is not None and all(place.holds() for place in kept.places):
+        return kept.captured
+    reached, attributes = reached_from(functions)
+    found: dict[str, bytes] = {}
+    for function in reached:
+        for key, value in read_by(function).items():
+            numbers = [x for x in parts_of(value, attributes) if isinstance(x, NUMBERS)]
+            if any(isinstance(x, jax.core.Tracer) for x in numbers):
+                raise fail(name, "no captured values that are traced", repr(key), PASS_AS_PARAMS)
+            if numbers:
+                # Two functions may capture different values under one name.
+                found[key] = found.get(key, b"") + _digest(numbers)
+    result = tuple(sorted(found.items()))
+    places = _places(reached, attributes)
+    if places is not None:
+        if len(_kept) >= _MOST_KEPT:
+            _kept.clear()
+        _kept[functions] = _Kept(result, places)
+    return result
+
+
+class _Place(NamedTuple):
+    """A variable, and the object in it; a cell of a closure has no name."""
+
+    holder: Any
+    name: str | None
+    value: Any
+
+    def holds(self) -> bool:
+        """Whether it is still this object."""
+        if self.name is None:
+            return self.holder.cell_contents is self.value
+        return self.holder.get(self.name) is self.value
+
+
+class _Kept(NamedTuple):
+    """What functions captured, for as long as all their variables hold the same objects."""
+
+    captured: Captured
+    places: tuple[_Place, ...]
+
+
+_kept: dict[tuple[Callable, ...], _Kept] = {}
+
+
+def _by_identity(functions: tuple[Callable, ...]) -> bool:
+    """Whether all are plain functions, or of classes, which are equal only if they are the same."""
+    return all(
+        type(x) is types.FunctionType
+        or (type(x) is types.MethodType and isinstance(x.__self__, type))
+        for x in functions
+    )
+
+
+def _places(functions: list[Callable], attributes: frozenset[str]) -> tuple[_Place, ...] | None:
+    """The variables that functions read; None if one holds what may change within itself."""
+    found: list[_Place] = []
+    for function in functions:
+        inside = plain(function)
+        if inside.__defaults__ or inside.__kwdefaults__:
+            return None
+        if function is not inside:
+            if not _by_identity((function,)):
+                return None
+            for cls in function.__self__.__mro__:
+                own = () if of_library(cls.__module__) else vars(cls).keys() & attributes
+                found += [_Place(vars(cls), name, vars(cls)[name]) for name in own]
+        cells = zip(inside.__code__.co_freevars, inside.__closure__ or (), strict=True)
+        near = {key: cell for key, cell in cells if full(cell)}
+        for key in code_reads(inside.__code__).names:
+            if key in near:
+                found.append(_Place(near[key], None, near[key].cell_contents))
+            else:
+                found.append(_Place(inside.__globals__, key, inside.__globals__.get(key)))
+    return tuple(found) if all(_fixed(place.value) for place in found) else None
+
+
+def _fixed(value: Any) -> bool:
+    """Whether an object cannot change; functions are looked at by themselves."""
+    if isinstance(value, tuple):
+        return all(map(_fixed, value))
+    if isinstance(value, types.ModuleType):
+        return of_library(value.__name__) or value.__name__ in sys.stdlib_module_names
+    if isinstance(value, type):
+        return of_library(value.__module__)
+    if isinstance(value, _FIXED):
+        return True
+    # Those of JAX have types of their own.
+    return callable(value) and of_library(type(value).__module__)
+
+
+def _digest(numbers: list) -> bytes:
+    """16 bytes that differ for other numbers."""
+    digest = hashlib.blake2b(digest_size=16)
+    for x in map(np.asarray, numbers):
+        digest.update(f"{x.shape}{x.dtype}".encode() + x.tobytes())
+    return digest.digest()

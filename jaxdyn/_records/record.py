@@ -1,0 +1,83 @@
+"""`Record`: what systems, effects, events and other parts of a scene are: fields, and functions."""
+
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+
+from jaxdyn._records.captured import Captured, captured_in, check_captured
+from jaxdyn._records.pickled import fields_of, state_of
+
+if TYPE_CHECKING:
+
+    class Record(eqx.Module):
+        """What type checkers see of the class below."""
+
+        captured: Captured | None = eqx.field(static=True, init=False, repr=False)
+
+        def check_functions(self) -> None: ...
+
+else:
+
+    class _RecordMeta(type(eqx.Module)):
+        def __init__(cls, *args, **kwargs):
+            super().__init__(*args, **kwargs)
+            fields = dataclasses.fields(cls)
+            cls._field_names = frozenset(f.name for f in fields if f.init)
+            cls._converters = tuple(
+                (f.name, f.metadata["converter"]) for f in fields if "converter" in f.metadata
+            )
+            checks = (owner.__dict__.get("__check_init__") for owner in cls.__mro__)
+            cls._own_checks = tuple(check for check in checks if check)
+
+        def __call__(cls, *args, **kwargs):
+            made = object.__new__(cls)  # raises TypeError for abstract classes
+            cls.__init__(made, *args, **kwargs)
+            values = made.__dict__
+            missing = cls._field_names - values.keys()
+            if missing or cls.__abstractvars__:
+                names = ", ".join(sorted(missing | cls.__abstractvars__))
+                raise TypeError(f"{cls.__name__} has no value for {names}")
+            for name, convert in cls._converters:
+                values[name] = convert(values[name])
+            values["captured"] = captured_in(made)
+            for check in cls._own_checks:
+                check(made)
+            return made
+
+    class Record(eqx.Module, metaclass=_RecordMeta):
+        """An equinox module without what equinox does at each access and each assignment.
+
+        An equinox module returns its methods as pytrees, and notices assignments: a record of
+        three fields takes 11 us to make and 1 us an attribute, here 2 us and 0.03 us [measured;
+        an empty compiled call takes 5 us]. Methods are those of Python: ``jax.jit(scene.rate)``
+        is compiled for this scene alone; `Scene.vector_field` is a pytree, and compiled once
+        for all scenes of a kind.
+
+        Attributes:
+          captured: what the user's functions in it captured when it was made, of which compiled
+            programs are made; None without any. See `_captured`.
+        """
+
+        captured: Captured | None = eqx.field(static=True, init=False, repr=False)
+
+        __getattribute__ = object.__getattribute__
+
+        def __setattr__(self, name: str, value: Any) -> None:
+            # The constructor assigns each field once; nothing else assigns.
+            if name not in type(self)._field_names or name in self.__dict__:
+                raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
+            self.__dict__[name] = value
+
+        def __getstate__(self) -> dict[str, Any]:
+            return state_of(self)
+
+        def __setstate__(self, state: dict[str, Any]) -> None:
+            self.__dict__.update(fields_of(state))
+
+        def check_functions(self) -> None:
+            """Raise ValueError if a number that one of its functions captured has changed since.
+
+            Unlike its own numbers, which cannot change, these are looked at in every call.
+            """
+            check_captured(self)
