@@ -20,7 +20,7 @@ from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import EIGHT
 from orbits.closing.closings import choreography
-from orbits.closing.symmetry import rate
+from orbits.closing.sizes import rate
 from orbits.motion import at_s, gravitates, solved
 from orbits.orbit import Orbit, relocated
 

@@ -6,12 +6,14 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Status
+from orbits.closing.sizes import alike
 from orbits.motion import logarithmic_period, solved
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.newton import Result
 from orbits.shooting.segment import MAX_STEPS
 from orbits.shooting.segmentation import SEGMENTS_MOST
+from orbits.shooting.units import InUnits, map_in_units, sizes_at
 
 #: Roundings made over one segment, in units of the machine epsilon.
 _SEGMENT_ROUNDINGS = 64.0
@@ -32,18 +34,18 @@ class Trouble:
 
     def __init__(self, equations: Equations, guess: np.ndarray):
         """Compare iterates with the unknowns (n,) of a guess."""
-        self.equations = equations
-        self.guess = guess
-        self.size, self.path = _size_and_path(equations, guess)
+        self.equations, self.guess = equations, guess
+        self.sizes = sizes_at(equations, guess)
+        self.size, self.path = self._size_and_path(equations, guess)
 
     def __call__(self, equations: Equations, x: np.ndarray) -> Outcome | None:
         """The outcome of an iteration that ends at x; None if x is acceptable.
 
         The equations may have other segments than those of the guess.
         """
-        size, path = _size_and_path(equations, x)
+        size, path = self._size_and_path(equations, x)
         # A guess of zeros has no size to compare with.
-        if size > _ESCAPE_FACTOR * self.size > 0:
+        if size > _ESCAPE_FACTOR * max(self.size, 1.0) and self.size and self._far(equations, x):
             return Outcome.ESCAPE
         if equations.driven:  # its period is that of the drive, and rest is a regular orbit
             return None
@@ -54,24 +56,31 @@ class Trouble:
             return Outcome.TRIVIAL
         return None
 
+    def _size_and_path(self, equations: Equations, x: np.ndarray) -> tuple[float, float]:
+        """The largest entry of the start at x, and the path at its first rate, in sizes."""
+        start, rate = (np.asarray(y) / self.sizes for y in _start_and_rate(equations, x))
+        return float(np.abs(start).max()), float(np.linalg.norm(rate)) * x[-1]
+
+    def _far(self, equations: Equations, x: np.ndarray) -> bool:
+        """Whether the start at x is far beyond where the motion from the guess leads."""
+        start = np.abs(equations.start_at(x))
+        reach = np.abs(self.equations.start_at(self.guess)) + extents(self.equations, self.guess)
+        most = alike(equations.scene, np.fmax(reach, self.sizes))
+        return bool((start > _ESCAPE_FACTOR * most).any())
+
     def _rests(self, equations: Equations, x: np.ndarray) -> bool:
         """Whether every entry of the state moves far less at x than at the guess."""
-        guessed = extents(self.equations, self.guess)
+        guessed = extents(self.equations, self.guess) / self.sizes
         least = _TRIVIAL_SHARE * np.maximum(guessed, _LEAST_EXTENT * guessed.max())
-        return not (extents(equations, x) > least).any()
-
-
-def _size_and_path(equations: Equations, x: np.ndarray) -> tuple[float, float]:
-    size, speed = size_and_speed(equations, x)
-    return float(size), float(speed) * x[-1]
+        return not (extents(equations, x) / self.sizes > least).any()
 
 
 @jax.jit
-def size_and_speed(equations: Equations, x: Array) -> tuple[Array, Array]:
-    """Largest entry of the start at x, and the norm of the rate there."""
+def _start_and_rate(equations: Equations, x: Array) -> tuple[Array, Array]:
+    """(k,) the start at x, and the rate there."""
     y0 = equations.start(x)
     scene = equations.scene_at(equations.unpack(x).parameter)
-    return jnp.abs(y0).max(), jnp.linalg.norm(scene.rate(jnp.zeros(()), y0))
+    return y0, scene.rate(jnp.zeros(()), y0)
 
 
 def extents(equations: Equations, x: np.ndarray) -> np.ndarray:
@@ -92,8 +101,9 @@ def extents(equations: Equations, x: np.ndarray) -> np.ndarray:
     return far
 
 
-def outcome_of(equations: Equations, result: Result, trouble: Trouble, rtol: float) -> Outcome:
+def outcome_of(closed: InUnits, result: Result, trouble: Trouble) -> Outcome:
     """How Newton's method on the closing equations ended."""
+    equations, rtol = closed.equations, closed.rtol
     if not np.isfinite(result.residual).all():
         # Without tangents, which overflow earlier and hide why the motion itself ends.
         x = equations.unpack(result.x)
@@ -119,20 +129,22 @@ def outcome_of(equations: Equations, result: Result, trouble: Trouble, rtol: flo
         return Outcome.BOUND
     if result.limit:
         return Outcome.ITERATION_LIMIT
-    return Outcome.FOUND if _at_rounding(equations, result, rtol) else Outcome.NO_DESCENT
+    return Outcome.FOUND if _at_rounding(closed, result) else Outcome.NO_DESCENT
 
 
-def _at_rounding(equations: Equations, result: Result, rtol: float) -> bool:
+def _at_rounding(closed: InUnits, result: Result) -> bool:
     """Whether the residual is rounding, grown over the segments: no smaller goal can be met."""
+    equations, x = closed.equations, result.x
     if equations.segments < SEGMENTS_MOST:
         return False
     left, unit = np.abs(result.residual).max(), np.finfo(float).eps
-    growth = np.linalg.norm(equations(result.x, rtol).transitions, axis=(1, 2)).max()
+    maps = map_in_units(equations(x, closed.rtol).transitions, sizes_at(equations, x))
+    growth = np.linalg.norm(maps, axis=(1, 2)).max()
     if left <= _SEGMENT_ROUNDINGS * unit * growth:
         return True
     # An encounter inside a segment amplifies more: compare with the effect of rounding x.
-    signs = np.where(np.arange(len(result.x)) % 2, 1.0, -1.0)
-    rounded = equations(result.x * (1 + unit * signs), rtol).residual
+    signs = np.where(np.arange(len(x)) % 2, 1.0, -1.0)
+    rounded, _ = closed(x * (1 + unit * signs))
     return bool(left <= _ROUNDING_FACTOR * np.abs(rounded - result.residual).max())
 
 
