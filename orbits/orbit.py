@@ -12,6 +12,7 @@ from jaxdyn._text import counted
 from jaxdyn.solvers import RADAU9, Method
 from jaxdyn.status import Code
 from orbits.closing.closings import Closing
+from orbits.closing.sizes import sizes
 from orbits.motion import logarithmic_period
 
 
@@ -88,7 +89,8 @@ class Orbit(eqx.Module):
     Attributes:
       scene: the scene; its own start and span are those of the orbit.
       closing: the closing condition.
-      residual: () largest entry of the closing error, conditions included.
+      residual: () largest entry of the closing error, conditions included, in units of the sizes
+        of the entries along the motion (`orbits.closing.sizes`).
       outcome: `Outcome`; unless it is FOUND this is the best iterate, not an orbit.
       iterations: number of Newton steps.
       rtol: tolerance of the integrations.
@@ -178,7 +180,8 @@ def relocated(orbit: Orbit, scene: Scene) -> Orbit:
 
 
 def gap(orbit: Orbit, end: Array, periods: int = 1) -> float:
-    """Largest entry of a state that should be the start after some whole periods, minus that."""
+    """Largest entry, in sizes, of a state that should be the start after some periods, minus that."""
     system, y0 = orbit.scene.system, jnp.asarray(orbit.y0)
     target = orbit.closing.after(system, y0, orbit.angle, periods)
-    return float(np.abs(system.difference(*map(np.asarray, (end, target)))).max())
+    off = np.asarray(system.difference(*map(np.asarray, (end, target))))
+    return float(np.abs(off / sizes(orbit.scene)).max())
