@@ -35,7 +35,7 @@ _UNSPECIFIED = "1"
 #: Products with |J| before its growth is measured, and those over which it is: an even number,
 #: since the sizes of places and velocities are exchanged by each.
 _PRODUCTS_BEFORE, _PRODUCTS = 2, 4
-#: Rounds in which sizes are carried on at least, and besides those that reach further entries.
+#: Rounds in which sizes are carried on at least, besides those that reach further entries.
 _ROUNDS = 2
 #: When the rate is looked at besides the start, in times of the motion: not half of it, where a
 #: force that is zero at the start may be zero again.
@@ -142,8 +142,9 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
     span = jnp.abs(t1 - t0)
     here = groups.largest(jnp.abs(y0))
     measured = 1 + _PRODUCTS_BEFORE + _PRODUCTS
-    later, aside = measured, measured + 1  # rounds with another time, and with another state
-    least = aside + 1 + _ROUNDS
+    # Rounds with another time, and with another state.
+    later, aside = measured, measured + 1 + _ROUNDS
+    least = aside + 2
 
     def again(carry):
         n, *_, grows = carry
