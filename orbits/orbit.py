@@ -180,7 +180,7 @@ def relocated(orbit: Orbit, scene: Scene) -> Orbit:
 
 
 def gap(orbit: Orbit, end: Array, periods: int = 1) -> float:
-    """Largest entry, in sizes, of a state that should be the start after some periods, minus that."""
+    """Largest entry, in sizes, by which a state misses the start after some whole periods."""
     system, y0 = orbit.scene.system, jnp.asarray(orbit.y0)
     target = orbit.closing.after(system, y0, orbit.angle, periods)
     off = np.asarray(system.difference(*map(np.asarray, (end, target))))

@@ -118,7 +118,7 @@ def digits(orbit: Orbit) -> Digits:
     miss = np.append(miss, np.zeros(len(jacobian) - len(miss)))  # a drive has no error
     move = np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ (miss / closed.units.rows)
     move = np.abs(move)
-    return Digits(_digits(move[:-1].max(initial=0.0)), _digits(move[-1]))
+    return Digits(_digits(move[:-1].max(initial=0.0)), _digits(move[-1] / (2 * np.pi)))
 
 
 def _digits(error: float) -> float:

@@ -46,8 +46,8 @@ class Identity:
       energy: kinetic plus potential; None where it is not conserved.
       angular_momentum: about the origin, in the plane of x and y; None where it is not
         conserved.
-      scale_free: T |E|^(3/2) in units in which G and the largest mass are 1, the same for all
-        scaled copies; None unless all forces are Newtonian attractions.
+      scale_free: T |E|^(3/2), the same for all scaled copies, in units of G and the masses; None
+        unless all forces are Newtonian attractions.
     """
 
     choreography: bool | None
@@ -81,17 +81,8 @@ def identify(orbit: Orbit) -> Identity:
         permutation_error=error,
         energy=e,
         angular_momentum=momentum,
-        scale_free=_scale_free(orbit, e) if several and gravity and e is not None else None,
+        scale_free=orbit.period * abs(e) ** 1.5 if several and gravity and e is not None else None,
     )
-
-
-def _scale_free(orbit: Orbit, energy: float) -> float:
-    """T |E|^(3/2) with time, energy and masses in units in which G and the largest mass are 1."""
-    (gravity,), bodies = orbit.scene.effects, orbit.scene.system
-    assert isinstance(gravity, PairGravity)
-    assert isinstance(bodies, FreePoints)
-    largest, strength = float(np.max(bodies.m)), float(gravity.G)
-    return orbit.period * abs(energy) ** 1.5 / (strength * largest**2.5)
 
 
 def conserved(orbit: Orbit) -> tuple[float | None, float | None]:

@@ -57,8 +57,8 @@ class Stability:
       exponents: rotation numbers nu in [0, 1/2] of the non-trivial multipliers
         exp(+-2 pi i nu), one for each pair, None for a real pair.
       verdict: "stable", "unstable" or "undecided".
-      symplectic_defect: largest entry of M^T J M - J over |M|^2 and the largest of J; None where the system has no
-        canonical coordinates and its rate keeps no constant form J that can be found.
+      symplectic_defect: largest entry of M^T J M - J over |M|^2 and that of J; None where the
+        system has no canonical coordinates and its rate keeps no constant form J that can be found.
       determinant_defect: |det M - 1|, the same.
       monodromy: (d, d) the matrix M, in the basis `tangents`.
       status: of the integration over the period; unless it is OK every number is NaN and the

@@ -297,4 +297,5 @@ def drive(scene: Scene, y: Array, period: Array) -> Array:
     varies = jax.lax.stop_gradient(jnp.abs(now - now[:1]).max(axis=0))
     # What varies by rounding only is no drive.
     rounding = _ROUNDINGS * jnp.finfo(float).eps * jnp.abs(now).max(axis=0)
-    return ((later - now) / jnp.where(varies > rounding, varies, jnp.inf)).ravel()
+    varies = jnp.where(varies > rounding, varies, jnp.inf)
+    return ((later - now) / varies[None]).ravel()

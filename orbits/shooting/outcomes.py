@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Status
-from orbits.closing.sizes import alike
 from orbits.motion import logarithmic_period, solved
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.equations import Equations, pieces
@@ -45,7 +44,7 @@ class Trouble:
         """
         size, path = self._size_and_path(equations, x)
         # A guess of zeros has no size to compare with.
-        if size > _ESCAPE_FACTOR * max(self.size, 1.0) and self.size and self._far(equations, x):
+        if size > _ESCAPE_FACTOR * self.size > 0:
             return Outcome.ESCAPE
         if equations.driven:  # its period is that of the drive, and rest is a regular orbit
             return None
@@ -60,13 +59,6 @@ class Trouble:
         """The largest entry of the start at x, and the path at its first rate, in sizes."""
         start, rate = (np.asarray(y) / self.sizes for y in _start_and_rate(equations, x))
         return float(np.abs(start).max()), float(np.linalg.norm(rate)) * x[-1]
-
-    def _far(self, equations: Equations, x: np.ndarray) -> bool:
-        """Whether the start at x is far beyond where the motion from the guess leads."""
-        start = np.abs(equations.start_at(x))
-        reach = np.abs(self.equations.start_at(self.guess)) + extents(self.equations, self.guess)
-        most = alike(equations.scene, np.fmax(reach, self.sizes))
-        return bool((start > _ESCAPE_FACTOR * most).any())
 
     def _rests(self, equations: Equations, x: np.ndarray) -> bool:
         """Whether every entry of the state moves far less at x than at the guess."""

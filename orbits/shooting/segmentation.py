@@ -117,6 +117,7 @@ def _fastest(scene: Scene, ts: Array, ys: Array, each: Array) -> Array:
     From the norm of its fourth power, in units of the sizes (k,) of the entries, which is much
     cheaper than eigenvalues.
     """
-    slopes = jax.vmap(jax.jacfwd(scene.rate, argnums=1))(ts, ys) * each / each[:, None]
+    slopes = jax.vmap(jax.jacfwd(scene.rate, argnums=1))(ts, ys)
+    slopes = slopes * (each / each[:, None])[None]
     fourth = jnp.linalg.matrix_power(slopes, 4)
     return jnp.sqrt(jnp.sqrt(jnp.linalg.norm(fourth, axis=(1, 2))))

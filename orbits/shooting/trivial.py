@@ -93,8 +93,8 @@ def complement(
 ) -> tuple[np.ndarray, list[str], np.ndarray]:
     """Orthonormal basis (d, p) of the kernel without the confirmed symmetries; their names.
 
-    For m, its error, the basis and the sizes see `kernel`. So are directions (k, n) along a family confirmed, which M changes by a multiple of symmetries.
-    Last the multipliers of those that are confirmed together.
+    So are directions (k, n) along a family confirmed, which M changes by a multiple of symmetries.
+    Last the multipliers of those that are confirmed together. For the others see `kernel`.
     """
     inside, names, others = [np.zeros(len(m))], [], []
     for name, g in symmetries(scene, each).items():

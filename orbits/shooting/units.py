@@ -39,12 +39,13 @@ def map_in_units(matrices: np.ndarray, each: np.ndarray) -> np.ndarray:
 def units_at(equations: Equations, x: np.ndarray, jacobian: np.ndarray) -> Units:
     """The units of the motion at x, where the Jacobian is known.
 
-    That of a family's parameter is its value, or what changes the closing error by its unit if that
-    is larger: a parameter may be 0.
+    The unit of time is a radian of the period. That of a family's parameter is its value, or what
+    changes the closing error by its unit if that is larger: a parameter may be 0.
     """
     each = sizes_at(equations, x)
     between = np.tile(each, (equations.segments - 1, 1))
-    x_units = equations.pack(each, between, angle=1.0, parameter=1.0, period=x[-1])
+    radian = x[-1] / (2 * np.pi)
+    x_units = equations.pack(each, between, angle=1.0, parameter=1.0, period=radian)
     slopes = np.abs(np.where(np.isfinite(jacobian), jacobian, 0.0))
     parameter = equations.make is not None
     changes = slopes * x_units

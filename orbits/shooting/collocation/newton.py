@@ -43,7 +43,9 @@ def scales_of(equations: Equations, x: np.ndarray) -> Scales:
     largest = np.abs(states).max(axis=0)
     largest = np.where(largest > 0, largest, sizes_at(equations, x))
     between = np.tile(largest, (equations.segments - 1, 1))
-    all_of_x = equations.pack(largest, between, angle=1.0, parameter=1.0, period=x[-1])
+    all_of_x = equations.pack(
+        largest, between, angle=1.0, parameter=1.0, period=x[-1] / (2 * np.pi)
+    )
     rows = equations.closing.rows(largest)
     _, by_x, _ = map(np.asarray, _linearised_boundary(equations, x, states[0]))
     changes = np.linalg.norm(by_x * all_of_x[_shared(equations)], axis=1)
