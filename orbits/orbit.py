@@ -77,6 +77,12 @@ class Outcome(Code):
         "No orbit unlike the known ones was found from this guess. Start elsewhere, or raise "
         "max_iterations; in a conservative scene hold the energy.",
     )
+    UNCONFIRMED = (
+        12,
+        "The motion closes by the integrator that found it, but not by another one: its rate is "
+        "not smooth, or changes faster than the steps see. Pass a smaller rtol, and look at the "
+        "rate: orbits of motions with corners are found by legs (orbits.hybrid).",
+    )
 
 
 class SearchError(RuntimeError):

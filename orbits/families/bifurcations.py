@@ -124,7 +124,8 @@ def _between(surface: Surface, a: Member, b: Member, share: float) -> Member | N
 
 
 def _same(a: Member, b: Member) -> bool:
-    return a.point.distance(b.point.x) < _SAME_PLACE * (1.0 + a.point.size)
+    # Along the family: an orbit may also be found at another phase.
+    return abs(a.point.along(a.tangent, b.point.x)) < _SAME_PLACE * (1.0 + a.point.size)
 
 
 def _named(surface: Surface, kind: Kind, point: Member) -> Member:

@@ -13,8 +13,9 @@ from orbits.shooting.equations import Equations
 
 #: Of an equilibrium's entries: the usual distance of an orbit from it.
 _SMALL = 1e-2
-#: An entry of an equilibrium that is smaller is what Newton's method leaves of 0.
-_NOTHING = 1e-25
+#: An entry of an equilibrium that is smaller, alone or beside what the others make of it in a
+#: radian of the oscillation, is what Newton's method leaves of 0.
+_NOTHING, _ROUNDING = 1e-25, 1e-9
 _NO_ORBIT = (
     "No orbit was found at this amplitude. Try a smaller one: at a distance from the equilibrium "
     "orbits are no ellipses, and from a degenerate Hopf point none may begin."
@@ -62,7 +63,7 @@ def from_hopf(
     critical = vectors[:, np.argmin(np.abs(values - 1j * point.frequency))].real
     critical = critical / np.linalg.norm(critical)
     if amplitude is None:
-        amplitude = usual_amplitude(point.state, critical)
+        amplitude = usual_amplitude(point, critical)
     period = 2 * np.pi / point.frequency
     scene = family.make(point.parameter).starting(point.state, period)
     equations = Equations(scene=scene, closing=PLAIN, make=family.make)
@@ -76,12 +77,10 @@ def from_hopf(
     return surface.orbit(found), parameter_at(surface, found.x)
 
 
-def usual_amplitude(rest: np.ndarray, critical: np.ndarray) -> float:
-    """The distance along a direction (k,) that is small beside the entries of an equilibrium (k,).
-
-    Half of the entries change by more than this share of themselves, and half by less: some may be
-    0, others may not take part.
-    """
-    taking_part = np.abs(critical) > 0
-    share = float(np.median(np.abs(rest[taking_part]) / np.abs(critical[taking_part])))
-    return _SMALL * (share if share > _NOTHING else 1.0)
+def usual_amplitude(point: Equilibrium, critical: np.ndarray) -> float:
+    """The distance along a direction (k,) that is small beside the entries of an equilibrium."""
+    rest, change = np.abs(point.state), np.abs(critical)
+    # Of an entry that should be 0 there is what rounding of the others makes of it.
+    moved = np.abs(point.jacobian) @ rest / point.frequency
+    whole = (rest > _ROUNDING * moved) & (rest > _NOTHING) & (change > 0)
+    return _SMALL * float(np.min(rest[whole] / change[whole])) if whole.any() else _SMALL

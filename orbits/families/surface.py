@@ -16,7 +16,7 @@ from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton, trivial
 from orbits.shooting.equations import Equations
 from orbits.shooting.outcomes import orbit_at
-from orbits.shooting.units import InUnits, units_at
+from orbits.shooting.units import InUnits, Units, sizes_at, units_at
 
 _CORRECTIONS = 8  # Newton steps from a predicted point; more mean that the step was too long
 _KERNEL = 1e-6  # relative: singular values below are directions of the surface
@@ -93,7 +93,7 @@ class Surface:
         return Point(
             x=result.x,
             jacobian=jacobian,
-            units=units_at(self.equations, result.x, jacobian).x,
+            units=self._units(result.x, jacobian).x,
             residual=residual,
             iterations=result.iterations,
         )
@@ -127,8 +127,11 @@ class Surface:
         return self._neutral(point.x, self._in_units(point), point.units)
 
     def _in_units(self, point: Point) -> np.ndarray:
-        rows = units_at(self.equations, point.x, point.jacobian).rows
+        rows = self._units(point.x, point.jacobian).rows
         return point.jacobian * point.units / rows[:, None]
+
+    def _units(self, x: np.ndarray, jacobian: np.ndarray) -> Units:
+        return units_at(self.equations, x, jacobian, sizes_at(self.equations, x))
 
     def _neutral(self, x: np.ndarray, jacobian: np.ndarray, in_units: np.ndarray) -> np.ndarray:
         equations, unknowns = self.equations, self.equations.unpack(x)

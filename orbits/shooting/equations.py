@@ -231,6 +231,12 @@ class Equations(eqx.Module):
         ends, status, slopes = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
         return self._evaluation(x, here, ends, status, slopes)
 
+    def missed(self, x: np.ndarray, here: Piece, ends: np.ndarray) -> np.ndarray:
+        """(m,) the residual at x from the segments and their ends (n, k), however computed."""
+        n, k = ends.shape
+        none = Piece(np.zeros((n, k, k)), *np.zeros((3, n, k)))
+        return np.asarray(linearised(self, x, here, ends, none)[0])
+
     def _evaluation(self, x, here: Piece, ends, status, slopes: Piece) -> Evaluation:
         residual, jacobian = map(np.asarray, linearised(self, x, here, ends, slopes))
         return Evaluation(

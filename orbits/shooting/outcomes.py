@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Status
-from orbits.motion import logarithmic_period, solved
+from orbits.motion import advanced, logarithmic_period, other_solver, solved
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.newton import Result
@@ -18,6 +18,8 @@ from orbits.shooting.units import InUnits, map_in_units, sizes_at
 _SEGMENT_ROUNDINGS = 64.0
 #: A residual up to this many times the effect of rounding all unknowns cannot be reduced.
 _ROUNDING_FACTOR = 4.0
+#: Largest error of a segment by another integrator, over the tolerance and the growth of errors.
+_AGREEMENT = 1e5
 #: A start this many times larger than the guess's: everything closes without motion.
 _ESCAPE_FACTOR = 100.0
 #: Of the guessed period, and of how far the guess moves in it: less is a trivial solution.
@@ -115,13 +117,34 @@ def outcome_of(closed: InUnits, result: Result, trouble: Trouble) -> Outcome:
     outcome = trouble(equations, result.x)
     if outcome is not None:
         return outcome
-    if result.converged:
-        return Outcome.FOUND
+    early = result.at_bound or result.limit
+    if result.converged or (not early and _at_rounding(closed, result)):
+        return Outcome.FOUND if confirmed(closed, result.x) else Outcome.UNCONFIRMED
     if result.at_bound:
         return Outcome.BOUND
-    if result.limit:
-        return Outcome.ITERATION_LIMIT
-    return Outcome.FOUND if _at_rounding(closed, result) else Outcome.NO_DESCENT
+    return Outcome.ITERATION_LIMIT if result.limit else Outcome.NO_DESCENT
+
+
+def confirmed(closed: InUnits, x: np.ndarray) -> bool:
+    """Whether the segments at x end where they should by another integrator, too.
+
+    Their errors may be larger than the goal by as much as the motion lets errors grow.
+    """
+    equations, rtol = closed.equations, closed.rtol
+    if equations.collocated:  # its steps have been made with more nodes
+        return True
+    here, ends = jax.tree.map(np.asarray, pieces(equations, x)), []
+    scene = equations.scene_at(equations.unpack(x).parameter)
+    solver = other_solver(scene, logarithmic=equations.s_spans is not None)
+    for i in range(equations.segments):
+        s = None if here.s is None else here.s[i]
+        start = scene.starting(here.start[i])
+        flow = advanced(start, here.span[i], s, t0=here.t0[i], rtol=rtol, solver=solver)
+        ends.append(np.asarray(flow.y1))
+    off = equations.missed(x, here, np.array(ends)) / closed.units.rows
+    maps = map_in_units(closed.transitions(x), closed.sizes)
+    growth = max(1.0, float(np.linalg.norm(maps, axis=(1, 2)).max()))
+    return bool(np.abs(off).max() <= _AGREEMENT * max(rtol, np.finfo(float).eps) * growth)
 
 
 def _at_rounding(closed: InUnits, result: Result) -> bool:
@@ -130,7 +153,7 @@ def _at_rounding(closed: InUnits, result: Result) -> bool:
     if equations.segments < SEGMENTS_MOST:
         return False
     left, unit = np.abs(result.residual).max(), np.finfo(float).eps
-    maps = map_in_units(equations(x, closed.rtol).transitions, sizes_at(equations, x))
+    maps = map_in_units(closed.transitions(x), closed.sizes)
     growth = np.linalg.norm(maps, axis=(1, 2)).max()
     if left <= _SEGMENT_ROUNDINGS * unit * growth:
         return True

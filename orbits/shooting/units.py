@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orbits.closing.sizes import sizes
-from orbits.shooting.equations import Equations
+from orbits.shooting.equations import Equations, Evaluation
 from orbits.shooting.segment import MAX_STEPS
 
 
@@ -36,16 +36,16 @@ def map_in_units(matrices: np.ndarray, each: np.ndarray) -> np.ndarray:
     return np.asarray(matrices) * each / each[:, None]
 
 
-def units_at(equations: Equations, x: np.ndarray, jacobian: np.ndarray) -> Units:
-    """The units of the motion at x, where the Jacobian is known.
+def units_at(equations: Equations, x: np.ndarray, jacobian: np.ndarray, each: np.ndarray) -> Units:
+    """The units of the motion at x, where the Jacobian and the sizes (k,) are known.
 
     The unit of time is a radian of the period. That of a family's parameter is its value, or what
     changes the closing error by its unit if that is larger: a parameter may be 0.
     """
-    each = sizes_at(equations, x)
     between = np.tile(each, (equations.segments - 1, 1))
-    radian = x[-1] / (2 * np.pi)
-    x_units = equations.pack(each, between, angle=1.0, parameter=1.0, period=radian)
+    # The states of all segments count as one.
+    share, radian = np.sqrt(equations.segments), x[-1] / (2 * np.pi)
+    x_units = equations.pack(share * each, share * between, angle=1.0, parameter=1.0, period=radian)
     slopes = np.abs(np.where(np.isfinite(jacobian), jacobian, 0.0))
     parameter = equations.make is not None
     changes = slopes * x_units
@@ -74,6 +74,7 @@ class InUnits:
     Attributes:
       equations: the equations.
       rtol: tolerance of the integrations.
+      sizes: (k,) of the entries of the state, along that motion.
       units: the units.
     """
 
@@ -82,14 +83,22 @@ class InUnits:
     ):
         self.equations, self.rtol, self._max_steps = equations, rtol, max_steps
         self._last = x, equations(x, rtol, max_steps)
-        self.units = units_at(equations, x, np.asarray(self._last[1].jacobian))
+        self.sizes = sizes_at(equations, x)
+        self.units = units_at(equations, x, np.asarray(self._last[1].jacobian), self.sizes)
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residual (m,) and Jacobian (m, n), in the units, at unknowns x (n,) as they are.
 
         An iteration that goes on from the last evaluation does not repeat it.
         """
+        found = self._at(x)
+        return np.asarray(found.residual) / self.units.rows, self.units.jacobian(found.jacobian)
+
+    def transitions(self, x: np.ndarray) -> np.ndarray:
+        """(segments, k, k) derivatives of each segment's end by its start, as they are."""
+        return np.asarray(self._at(x).transitions)
+
+    def _at(self, x: np.ndarray) -> Evaluation:
         if not np.array_equal(x, self._last[0]):
             self._last = x, self.equations(x, self.rtol, self._max_steps)
-        found = self._last[1]
-        return np.asarray(found.residual) / self.units.rows, self.units.jacobian(found.jacobian)
+        return self._last[1]
