@@ -21,7 +21,7 @@ from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.flow import SolveResult
 from jaxdyn.integrate.simulation import MAX_STEPS, solve
-from jaxdyn.solvers import Solver
+from jaxdyn.solvers import DOPRI8, VERNER9, Method, Solver, default_solver
 from jaxdyn.solvers.choice import chosen_method
 
 #: The smallest depth of the potential along a motion, as a share of the median, with which
@@ -76,6 +76,17 @@ def solved(
     if not len(ts) and not is_traced((scene, t0, t1, rtol, max_steps)):
         ts = np.reshape(t1, 1)
     return solve(scene, t1, t0=t0, ts=ts, rtol=rtol, solver=method, max_steps=max_steps)
+
+
+def other_solver(scene: Scene, solver: Method | None = None, *, logarithmic: bool) -> Method:
+    """A method that `advanced` does not use for a scene, neither alone nor with tangents.
+
+    A given solver has no second one of its kind, as for stiff motions.
+    """
+    if solver is not None:
+        return solver
+    method = default_solver(scene)
+    return DOPRI8 if logarithmic or VERNER9 in (method, method.for_tangents) else VERNER9
 
 
 def attracts(scene: Scene, ts: np.ndarray | None = None, ys: Array | None = None) -> bool:

@@ -12,6 +12,7 @@ from jaxdyn._text import counted
 from jaxdyn.solvers import RADAU9, Method
 from jaxdyn.status import Code
 from orbits.closing.closings import Closing
+from orbits.closing.sizes import sizes
 from orbits.motion import logarithmic_period
 
 
@@ -76,6 +77,12 @@ class Outcome(Code):
         "No orbit unlike the known ones was found from this guess. Start elsewhere, or raise "
         "max_iterations; in a conservative scene hold the energy.",
     )
+    UNCONFIRMED = (
+        12,
+        "The motion closes by the integrator that found it, but not by another one: its rate is "
+        "not smooth, or changes faster than the steps see. Pass a smaller rtol, and look at the "
+        "rate: orbits of motions with corners are found by legs (orbits.hybrid).",
+    )
 
 
 class SearchError(RuntimeError):
@@ -88,7 +95,8 @@ class Orbit(eqx.Module):
     Attributes:
       scene: the scene; its own start and span are those of the orbit.
       closing: the closing condition.
-      residual: () largest entry of the closing error, conditions included.
+      residual: () largest entry of the closing error, conditions included, in units of the sizes
+        of the entries along the motion (`orbits.closing.sizes`).
       outcome: `Outcome`; unless it is FOUND this is the best iterate, not an orbit.
       iterations: number of Newton steps.
       rtol: tolerance of the integrations.
@@ -178,7 +186,8 @@ def relocated(orbit: Orbit, scene: Scene) -> Orbit:
 
 
 def gap(orbit: Orbit, end: Array, periods: int = 1) -> float:
-    """Largest entry of a state that should be the start after some whole periods, minus that."""
+    """Largest entry, in sizes, by which a state misses the start after some whole periods."""
     system, y0 = orbit.scene.system, jnp.asarray(orbit.y0)
     target = orbit.closing.after(system, y0, orbit.angle, periods)
-    return float(np.abs(system.difference(*map(np.asarray, (end, target)))).max())
+    off = np.asarray(system.difference(*map(np.asarray, (end, target))))
+    return float(np.abs(off / sizes(orbit.scene)).max())

@@ -104,7 +104,7 @@ def _form(scene: Scene, y0: Array) -> Array:
     return q.T @ p - p.T @ q
 
 
-def kept_form(scene: Scene) -> np.ndarray | None:
+def kept_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray | None:
     """(k, k) a constant symplectic form that the flow keeps near the start; None if none is found.
 
     A flow keeps the form J if (Df)^T J + J Df = 0 everywhere: linear equations for the entries of
@@ -112,20 +112,24 @@ def kept_form(scene: Scene) -> np.ndarray | None:
     is given by itself, in any coordinates that are linear in canonical ones, has its form: that of
     the restricted three bodies in turning axes is not the one of places and velocities.
 
+    With the sizes `each` (k,) of the entries it is one of states in these units.
+
     Limits: host only; at most 16 entries; found to rounding, not proved.
     """
     y0 = np.asarray(scene.y0)
     if len(y0) % 2 or len(y0) > _MOST_ENTRIES:
         return None
     # Entries that are 0, or rounding, vary as well: on an axis of symmetry more is kept.
-    some = abs(y0) > _ROUNDING * abs(y0).max()
-    sizes = np.where(some, abs(y0), abs(y0[some]).min(initial=1.0))
+    each = np.ones(len(y0)) if each is None else each
+    small = abs(y0 / each)
+    some = small > _ROUNDING * small.max()
+    sizes = each * np.where(some, small, small[some].min(initial=1.0))
     random = np.random.default_rng(0)
     ys = y0 + _SPREAD * sizes * random.standard_normal((_STATES, len(y0)))
     slopes = np.asarray(
         _rate_slopes(scene, jnp.asarray(random.uniform(size=_STATES)), jnp.asarray(ys))
     )
-    slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))]
+    slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))] * each / each[:, None]
     if len(slopes) <= _STATES // 2:
         return None
     forms = kept_by(list(slopes))

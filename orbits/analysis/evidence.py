@@ -12,13 +12,15 @@ import numpy as np
 
 from jaxdyn import Status
 from jaxdyn.integrate.flow import SolveResult
-from jaxdyn.solvers import DOPRI8, VERNER9, default_solver
+from jaxdyn.solvers import Method
 from orbits.closing.closings import PLAIN
-from orbits.motion import advanced
+from orbits.closing.sizes import sizes
+from orbits.motion import advanced, other_solver
 from orbits.orbit import Orbit, gap
 from orbits.shooting.equations import Equations
 from orbits.shooting.newton import RANK_TOLERANCE
 from orbits.shooting.segmentation import SEGMENTS_MOST, largest, with_segments
+from orbits.shooting.units import InUnits, map_in_units
 
 #: The tightest useful tolerance: below it rounding dominates.
 TIGHT = 1e-15
@@ -31,7 +33,7 @@ class Recheck:
     Attributes:
       solver: name of the other method.
       tolerance: its relative tolerance.
-      closure: largest entry of y(T) - y(0) by that method.
+      closure: largest entry of y(T) - y(0) by that method, in units of the entries' sizes.
     """
 
     solver: str
@@ -42,6 +44,7 @@ class Recheck:
 def closure(orbit: Orbit, *, periods: int = 1, rtol: float | None = None, solver=None) -> float:
     """Largest entry of the state minus the start after some periods; NaN if not reached.
 
+    Each is in units of its size along the orbit (`orbits.closing.sizes`).
     For a relative orbit the start is rotated accordingly.
     """
     flow = after(orbit, periods, rtol=orbit.rtol if rtol is None else rtol, solver=solver)
@@ -74,7 +77,7 @@ def growth(orbit: Orbit) -> float:
     else:
         whole = dataclasses.replace(whole, s_spans=(orbit.s_period,))
         fine = with_segments(whole, np.append(y0, orbit.period), rtol, SEGMENTS_MOST)
-    return largest(fine.transitions(y0, orbit.period, rtol))
+    return largest(map_in_units(fine.transitions(y0, orbit.period, rtol), sizes(orbit.scene)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,7 +85,7 @@ class Digits:
     """The certain decimal digits of an orbit's numbers.
 
     Attributes:
-      y0: of the start, relative to its largest entry.
+      y0: of the start, relative to the sizes of its entries along the orbit.
       period: of the full period.
     """
 
@@ -107,14 +110,15 @@ def digits(orbit: Orbit) -> Digits:
     y0 = np.asarray(orbit.y0)
     equations = Equations.of(orbit)
     x = equations.spread(y0, orbit.period, orbit.rtol, orbit.angle)
-    jacobian = np.asarray(equations(x, orbit.rtol).jacobian)
-    end = after(orbit, 1 / orbit.closing.parts, rtol=TIGHT, solver=_other(orbit)).y1
+    closed = InUnits(equations, x, orbit.rtol)
+    _, jacobian = closed(x)
+    end = after(orbit, 1 / orbit.closing.parts, rtol=TIGHT, solver=another(orbit)).y1
     angle = jnp.asarray(orbit.angle)
     miss = np.asarray(orbit.closing.miss(orbit.scene.system, end, jnp.asarray(y0), angle))
     miss = np.append(miss, np.zeros(len(jacobian) - len(miss)))  # a drive has no error
-    move = np.abs(np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ miss)
-    start, period = move[:-1].max(initial=0.0) / np.abs(y0).max(), move[-1] / orbit.period
-    return Digits(_digits(start), _digits(period))
+    move = np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ (miss / closed.units.rows)
+    move = np.abs(move)
+    return Digits(_digits(move[:-1].max(initial=0.0)), _digits(move[-1] / (2 * np.pi)))
 
 
 def _digits(error: float) -> float:
@@ -122,16 +126,12 @@ def _digits(error: float) -> float:
     return float(-np.log10(max(error, np.finfo(float).eps))) if np.isfinite(error) else 0.0
 
 
-def _other(orbit: Orbit):
-    """A method that finding the orbit did not use: neither for the motion nor with tangents."""
-    if orbit.solver is not None:
-        return orbit.solver
-    method = default_solver(orbit.scene)
-    used = orbit.s_period is not None or VERNER9 in (method, method.for_tangents)
-    return DOPRI8 if used else VERNER9
+def another(orbit: Orbit) -> Method:
+    """A method that finding the orbit did not use, neither for the motion nor with tangents."""
+    return other_solver(orbit.scene, orbit.solver, logarithmic=orbit.s_period is not None)
 
 
 def recheck(orbit: Orbit) -> Recheck:
     """The closing error of an orbit by another integrator at a tighter tolerance."""
-    other = _other(orbit)
+    other = another(orbit)
     return Recheck(other.name, TIGHT, closure(orbit, rtol=TIGHT, solver=other))

@@ -20,11 +20,11 @@ from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import EIGHT
 from orbits.closing.closings import choreography
-from orbits.closing.symmetry import rate
+from orbits.closing.sizes import rate, sizes
 from orbits.motion import at_s, gravitates, solved
 from orbits.orbit import Orbit, relocated
 
-#: Largest permutation error of a choreography, relative to the orbit's size.
+#: Largest permutation error of a choreography.
 CHOREOGRAPHY = 1e-9
 #: Largest change along the orbit of a conserved quantity, relative to its terms.
 KEPT = 1e-9
@@ -40,13 +40,14 @@ class Identity:
     Attributes:
       choreography: whether all bodies follow one curve, evenly spaced in time; None unless
         several points move freely.
-      permutation_error: deviation from one: the largest entry of y(T/n) minus the relabelled
-        start, for the better of the two directions; NaN where bodies are not equal.
+      permutation_error: deviation from one: the largest entry, in units of its size, of y(T/n)
+        minus the relabelled start, for the better of the two directions; NaN where bodies are not
+        equal.
       energy: kinetic plus potential; None where it is not conserved.
       angular_momentum: about the origin, in the plane of x and y; None where it is not
         conserved.
-      scale_free: T |E|^(3/2), the same for all scaled copies; None unless all forces are
-        Newtonian attractions.
+      scale_free: T |E|^(3/2), the same for all scaled copies, in units of G and the masses; None
+        unless all forces are Newtonian attractions.
     """
 
     choreography: bool | None
@@ -75,9 +76,8 @@ def identify(orbit: Orbit) -> Identity:
     gravity = gravitates(orbit.scene)
     e, momentum = conserved(orbit)
     error = permutation_error(orbit)
-    size = float(np.abs(np.asarray(orbit.y0)).max())
     return Identity(
-        choreography=bool(error < CHOREOGRAPHY * size) if several else None,
+        choreography=bool(error < CHOREOGRAPHY) if several else None,
         permutation_error=error,
         energy=e,
         angular_momentum=momentum,
@@ -143,7 +143,8 @@ def permutation_error(orbit: Orbit) -> float:
     flow = solved(orbit.scene, orbit.period / n, rtol=orbit.rtol, solver=orbit.solver)
     end = np.asarray(flow.y1)
     rings, y0 = choreography(n, system.d), np.asarray(orbit.y0)
-    return min(float(np.abs(end - ring.symmetry.act(y0)).max()) for ring in rings)
+    each = sizes(orbit.scene)
+    return min(float(np.abs((end - ring.symmetry.act(y0)) / each).max()) for ring in rings)
 
 
 def normal_form(orbit: Orbit) -> Orbit:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Status, System
+from jaxdyn import Scene, Status, System
 from jaxdyn.analysis.monodromy import monodromy as monodromy
 from jaxdyn.analysis.monodromy import tangents as tangents
 from orbits.closing.closings import PLAIN
@@ -16,18 +16,26 @@ from orbits.orbit import Orbit
 from orbits.shooting.collocation.steps import NODES, linearised_steps
 from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.segment import Piece, linearised_end
+from orbits.shooting.units import map_in_units
 
 _FEWER = 2  # nodes, for a second opinion on an orbit by collocation
 
 
-def returned(orbit: Orbit, rtol, basis: np.ndarray) -> tuple[np.ndarray, Status]:
+def tangents_in(scene: Scene, each: np.ndarray) -> np.ndarray:
+    """(k, d) orthonormal basis of `tangents` at the start, in units of sizes `each` (k,)."""
+    return np.linalg.qr(tangents(scene, np.asarray(scene.y0)) / each[:, None])[0]
+
+
+def returned(orbit: Orbit, rtol, basis: np.ndarray, each: np.ndarray) -> tuple[np.ndarray, Status]:
     """(d, d) the monodromy matrix in a basis of tangents, rotated back for a relative orbit.
+
+    The basis (k, d) is one of states in units of sizes `each` (k,).
 
     The displacement after a period is measured by `difference`: -1 times a quaternion is the
     same attitude. The matrix is NaN unless the status of its integration is OK.
     """
     m, status = returned_map(orbit, rtol)
-    m = basis.T @ np.asarray(m) @ basis
+    m = basis.T @ map_in_units(m, each) @ basis
     code = Status(int(status))
     return m, code if np.isfinite(m).all() or code != Status.OK else Status.NOT_FINITE
 

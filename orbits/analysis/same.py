@@ -20,6 +20,7 @@ from orbits.analysis.alignment import (
     samples,
     turned_distance,
 )
+from orbits.closing.sizes import sizes
 from orbits.motion import solved
 from orbits.orbit import Orbit, relocated
 
@@ -46,9 +47,9 @@ def minimal_period(orbit: Orbit, tolerance: float = TOLERANCE) -> tuple[float, i
     ts = orbit.period / parts
     flow = solved(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol, solver=orbit.solver)
     ys = np.asarray(flow.ys)
-    size = float(np.abs(y0).max())
+    each = sizes(orbit.scene)
     for n, y in zip(parts, ys, strict=True):
-        if np.abs(system.difference(y, y0)).max() <= tolerance * size:
+        if (np.abs(system.difference(y, y0)) <= tolerance * each).all():
             return orbit.period / float(n), int(n)
     return orbit.period, 1
 
@@ -90,7 +91,7 @@ def _missed(orbit: Orbit, shift: float) -> float:
         first, second = (centred(y, np.asarray(scene.system.m)) for y in ys)
         return turned_distance(first, second)[0]
     off = jax.vmap(scene.system.difference)(ys[1], ys[0])
-    return float(jnp.abs(off).max() / np.abs(ys[0]).max())
+    return float(np.abs(np.asarray(off) / sizes(orbit.scene)).max())
 
 
 def match(a: Orbit, b: Orbit) -> Match | None:
@@ -132,16 +133,15 @@ def _match_states(a: Orbit, b: Orbit) -> Match:
     system = a.scene.system
     start = jnp.asarray(a.y0)
     ts = np.arange(SAMPLES) * b.period / SAMPLES
-    ys = samples(b)
-    off = jax.vmap(system.difference, (0, None))(jnp.asarray(ys), start)
+    ys, each = samples(b), sizes(a.scene)
+    off = np.asarray(jax.vmap(system.difference, (0, None))(jnp.asarray(ys), start)) / each
     shift = float(ts[np.argmin(np.linalg.norm(off, axis=1))])
     for _ in range(_ROUNDS):
         y = _at(b, shift) if shift else jnp.asarray(b.y0)
-        rate = b.scene.rate(jnp.asarray(shift), y)
-        shift -= float(system.difference(y, start) @ rate / (rate @ rate))
+        rate = np.asarray(b.scene.rate(jnp.asarray(shift), y)) / each
+        shift -= float(np.asarray(system.difference(y, start)) / each @ rate / (rate @ rate))
     y = _at(b, shift)
-    size = float(np.abs(ys).max())
-    distance = float(jnp.abs(system.difference(y, start)).max()) / size
+    distance = float(np.abs(np.asarray(system.difference(y, start)) / each).max())
     return Match(
         distance=distance,
         shift=shift % b.period,

@@ -26,6 +26,7 @@ from orbits.shooting import newton
 from orbits.shooting.equations import Equations, errors, pieces
 from orbits.shooting.segment import end_of
 from orbits.shooting.segmentation import cut
+from orbits.shooting.units import InUnits
 
 #: Multipliers closer to each other than this many of their error bars may coincide.
 _APART = 3.0
@@ -135,8 +136,11 @@ def _implicit(equations: Equations, x, inverse, rtol) -> tuple[Array, Array, Arr
 
 
 def _inverse(equations: Equations, x: np.ndarray, rtol: float) -> np.ndarray:
-    jacobian = np.asarray(equations(x, rtol).jacobian)
-    return np.linalg.pinv(jacobian, rcond=newton.RANK_TOLERANCE)
+    """(n, m) the pseudo-inverse of the Jacobian in the units of the orbit: the nearest orbit."""
+    closed = InUnits(equations, x, rtol)
+    _, jacobian = closed(x)
+    inverse = np.linalg.pinv(jacobian, rcond=newton.RANK_TOLERANCE)
+    return closed.units.x[:, None] * inverse / closed.units.rows
 
 
 def _eigenvectors(orbit: Orbit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -19,7 +19,7 @@ import dataclasses
 
 import numpy as np
 
-from jaxdyn import Status, _text
+from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import untraced
 from jaxdyn.analysis.eigenvalues import ROUNDING, map_eigenvalues, map_verdict, norm, with_bars
 from jaxdyn.analysis.monodromy import (
@@ -32,7 +32,8 @@ from jaxdyn.analysis.monodromy import (
 )
 from jaxdyn.integrate.trajectory import explained
 from jaxdyn.status import IntegrationError
-from orbits.analysis.monodromy import returned, tangents
+from orbits.analysis.monodromy import returned, tangents, tangents_in
+from orbits.closing.sizes import sizes
 from orbits.orbit import Orbit
 from orbits.shooting import trivial
 
@@ -56,8 +57,8 @@ class Stability:
       exponents: rotation numbers nu in [0, 1/2] of the non-trivial multipliers
         exp(+-2 pi i nu), one for each pair, None for a real pair.
       verdict: "stable", "unstable" or "undecided".
-      symplectic_defect: largest entry of M^T J M - J over |M|^2; None where the system has no
-        canonical coordinates and its rate keeps no constant form J that can be found.
+      symplectic_defect: largest entry of M^T J M - J over |M|^2 and that of J; None where the
+        system has no canonical coordinates and its rate keeps no constant form J that can be found.
       determinant_defect: |det M - 1|, the same.
       monodromy: (d, d) the matrix M, in the basis `tangents`.
       status: of the integration over the period; unless it is OK every number is NaN and the
@@ -132,34 +133,29 @@ def stability(
     """
     untraced("stability", orbit, "See orbits.differentiable(scene, orbit).multipliers().")
     rtol = orbit.rtol if rtol is None else rtol
-    scene, y0 = orbit.scene, np.asarray(orbit.y0)
-    basis = tangents(scene, y0)
-    m, status = returned(orbit, rtol, basis)
-    coarse, coarse_status = returned(orbit, coarser(rtol), basis)
+    scene, each = orbit.scene, sizes(orbit.scene)
+    basis = tangents_in(scene, each)
+    m, status = returned(orbit, rtol, basis, each)
+    coarse, coarse_status = returned(orbit, coarser(rtol), basis, each)
     status = max(status, coarse_status)
     if status != Status.OK:
         if throw:
             raise IntegrationError(explained(status, scene))
         return _unknown(len(m), status)
     doubt = float(np.linalg.norm(m - coarse))
-    kernel, reasons, turned = trivial.kernel(scene, y0, m, doubt, basis)
-    along = np.zeros((len(y0), 0)) if along is None else along
-    q, generators, shifted = trivial.complement(scene, m, doubt, kernel, basis, along)
+    kernel, reasons, turned = trivial.kernel(scene, m, doubt, basis, each)
+    along = np.zeros((len(each), 0)) if along is None else along
+    q, generators, shifted = trivial.complement(scene, m, doubt, kernel, basis, each, along)
     reduced = q.T @ m @ q
     # The rounding error is that of the whole matrix.
     error = uncertainty(reduced, q.T @ coarse @ q, rtol) + ROUNDING * norm(m)
     found = map_eigenvalues(reduced, error)
-    form = symplectic_form(scene, orbit.y0)
-    if form is None and basis.shape[1] == len(y0):  # no constraints
-        form = kept_form(scene)
-    symplectic = None
-    if form is not None:
-        symplectic = float(symplectic_defect(m, basis.T @ np.asarray(form) @ basis))
+    symplectic = _symplectic(scene, m, basis, each)
     conservative = symplectic is not None and symplectic < SYMPLECTIC
     verdict = map_verdict(found, conservative)
     # Collocation has two numbers of nodes only: a third matrix would be the second.
     if verdict == "undecided" and rtol <= _LOOSEST and orbit.mesh is None:
-        closer, _ = returned(orbit, _CLOSER * rtol, basis)
+        closer, _ = returned(orbit, _CLOSER * rtol, basis, each)
         changes = [q.T @ (x - m) @ q for x in (closer, coarse)]
         found = map_eigenvalues(reduced, error, changes, (rtol + ROUNDING) * norm(m))
         verdict = map_verdict(found, conservative)
@@ -177,8 +173,29 @@ def stability(
         verdict=str(verdict),
         symplectic_defect=symplectic,
         determinant_defect=None if symplectic is None else float(abs(np.linalg.det(m) - 1)),
-        monodromy=m,
+        monodromy=_in_entries(scene, m, basis, each),
     )
+
+
+def _in_entries(scene: Scene, m: np.ndarray, basis: np.ndarray, each: np.ndarray) -> np.ndarray:
+    """(d, d) a map in the basis `tangents`, from that in a basis of states in units of sizes."""
+    change = tangents(scene, np.asarray(scene.y0)).T @ (basis * each[:, None])
+    return change @ m @ np.linalg.inv(change)
+
+
+def _symplectic(scene: Scene, m: np.ndarray, basis: np.ndarray, each: np.ndarray) -> float | None:
+    """How far a map is from a symplectic one; None where no form is known.
+
+    The map (d, d) is one in a basis of states in units of sizes `each` (k,).
+    """
+    form = symplectic_form(scene, scene.y0)
+    if form is not None:
+        form = basis.T @ (np.asarray(form) * each * each[:, None]) @ basis
+    elif basis.shape[1] == len(each):  # no constraints
+        form = kept_form(scene, each)
+    if form is None:
+        return None
+    return float(symplectic_defect(m, form / (np.abs(form).max() or 1.0)))
 
 
 def _unknown(d: int, status: Status) -> Stability:

@@ -2,7 +2,8 @@
 
 `closings` are the ways to close (plainly, as a choreography, up to a rotation, by reversal),
 `symmetry` their parts, `conditions` select a member of a family (by energy, period, an entry of
-the state), `given` checks the arguments of a search.
+the state), `given` checks the arguments of a search, `sizes` are the units in which entries of a
+state are compared.
 
 May import: `jaxdyn`.
 

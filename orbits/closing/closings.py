@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 from jaxdyn import Scene, System
 from jaxdyn._checks import choice, fail
 from jaxdyn._records.record import Record
+from orbits.closing.sizes import sizes
 from orbits.closing.symmetry import EXACT, IDENTITY, Symmetry, point_symmetry
 
 #: Angles tried for the first guess of the angle of a relative orbit.
@@ -55,6 +56,10 @@ class Closing(Record):
     @abc.abstractmethod
     def miss(self, system: System, end: Array, y0: Array, angle: Array) -> Array:
         """(m,) the closing error of a part of the motion that leads from y0 to end."""
+
+    def rows(self, each: np.ndarray) -> np.ndarray:
+        """(m,) the sizes of the closing error's entries, from those (k,) of the state."""
+        return each
 
     def after(self, system: System, y0: Array, angle: float, periods: int) -> Array:
         """(k,) the state after a number of whole periods from the start y0."""
@@ -159,10 +164,16 @@ class Reversal(Closing):
 
     def miss(self, system, end, y0, angle):
         del y0, angle
-        places, signs = _table(self.there, len(end))
-        index = np.arange(len(end))
-        rows = np.flatnonzero((places > index) | ((places == index) & (signs < 0)))
-        return 0.5 * system.difference(end, self.there.act(end))[rows]
+        return 0.5 * system.difference(end, self.there.act(end))[self._moved(len(end))]
+
+    def rows(self, each):
+        return each[self._moved(len(each))]
+
+    def _moved(self, k: int) -> np.ndarray:
+        """Entries of a state that `there` changes: one of two that it exchanges."""
+        places, signs = _table(self.there, k)
+        index = np.arange(k)
+        return np.flatnonzero((places > index) | ((places == index) & (signs < 0)))
 
     def check(self, scene):
         super().check(scene)
@@ -173,7 +184,7 @@ class Reversal(Closing):
             if not (symmetry.reversing and twice and (signs == signs[places]).all()):
                 raise fail("closing", "time reversals of order 2", "another symmetry")
         off = scene.system.difference(self.here.act(scene.y0), scene.y0)
-        if not float(jnp.abs(off).max()) <= EXACT * (1.0 + float(jnp.abs(scene.y0).max())):
+        if not (np.abs(off) <= EXACT * sizes(scene)).all():
             raise fail(
                 "y0",
                 f"a start in the fixed set of the time reversal of {self.name!r}",
@@ -275,6 +286,5 @@ def _check_affine(scene: Scene, turn: str) -> None:
 
     y, zero = scene.y0, jnp.zeros_like(scene.y0)
     extrapolated = 2 * generator(y) - generator(zero)
-    size = 1 + float(jnp.abs(y).max())
-    if not float(jnp.abs(generator(2 * y) - extrapolated).max()) <= EXACT * size:
+    if not (np.abs(generator(2 * y) - extrapolated) <= EXACT * sizes(scene)).all():
         raise fail("turn", "a generator linear in the state", f"{turn!r}", "Use other coordinates.")

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import Scene
@@ -26,9 +27,27 @@ class Condition(Record):
     def value(self, scene: Scene, y0: Float[Array, " k"], period: Array) -> Array:
         """() the error of the condition, zero where it holds."""
 
+    def fixed(
+        self, guess: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds (k + 1,) of start and period that keep the condition where the guess satisfies it.
+
+        What a bound holds does not move at all, not even by rounding.
+        """
+        del guess
+        return lower, upper
+
     def check(self, scene: Scene) -> None:
         """Raise ValueError if the condition does not apply to the scene."""
         del scene
+
+
+def _held(entry: int, level, guess: np.ndarray, lower: np.ndarray, upper: np.ndarray):
+    """Bounds that hold one entry of start and period, if it has its level."""
+    if guess[entry] == float(level):
+        here = np.arange(len(guess)) == entry % len(guess)
+        lower, upper = (np.where(here, guess, bound) for bound in (lower, upper))
+    return lower, upper
 
 
 class Energy(Condition):
@@ -54,6 +73,9 @@ class Period(Condition):
         del scene, y0
         return period - self.length
 
+    def fixed(self, guess, lower, upper):
+        return _held(-1, self.length, guess, lower, upper)
+
     def check(self, scene):
         if not float(self.length) > 0:
             raise fail("period", "> 0", float(self.length), "It is a time.")
@@ -72,6 +94,9 @@ class Section(Condition):
     def value(self, scene, y0, period):
         del scene, period
         return y0[self.entry] - self.level
+
+    def fixed(self, guess, lower, upper):
+        return _held(self.entry, self.level, guess, lower, upper)
 
     def check(self, scene):
         k = len(scene.y0)

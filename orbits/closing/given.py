@@ -5,21 +5,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jaxdyn import Scene
+from jaxdyn import Scene, System
 from jaxdyn._checks import array, fail, positive, shaped, untraced
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Condition, Hold, conditions
-from orbits.closing.symmetry import EXACT, rate
+from orbits.closing.sizes import TIMES, alike, rate, sizes
+from orbits.closing.symmetry import EXACT
 
 _DIFFERENTIATE = (
     "Find the orbit outside of the transformation; orbits.differentiable(scene, orbit) has its "
     "derivatives by any number of the scene."
 )
-#: Times, as fractions of the span, at which the rates of a scene are compared: no simple fractions
-#: of each other, so that no drive has the same phase at all of them.
-TIMES = (0.0, 0.13, 0.37, 0.71)
-#: Distance from the start of a second state where they are compared, relative to its first entry.
+#: Distance from the start of a second state at which rates are compared, in units of the sizes.
 _BESIDE = 1e-3
+#: Of the rate that the sizes make in a radian of the span: smaller rates are rounding.
+_ROUNDING = 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,21 +70,23 @@ def posed(
     untraced("find", (scene, y0, period, lower, upper, hold), _DIFFERENTIATE)
     scene = scene if y0 is None else scene.starting(y0)
     scene.check()
-    closings = _closings(scene, closing)
     period = positive("period", scene.t1 if period is None else period, "It is a time.")
     array("period", period, (), "It is one time.")
     low, high = _bounds(len(scene.y0), lower, upper)
     guess = np.clip(np.append(np.asarray(scene.y0), float(period)), low, high)
     if not (np.isfinite(guess).all() and guess[-1] > 0):
         raise fail("bounds", "some finite numbers between them", f"{guess} nearest to the guess")
+    scene = scene.starting(guess[:-1], guess[-1])
     depends_on_time = driven(scene)
     if depends_on_time:
         check_drive(scene, guess[-1])
-    scene = scene.starting(guess[:-1], guess[-1])
+    closings, held = _closings(scene, closing), conditions(scene, hold)
+    for condition in held if type(scene.system).project is System.project else ():
+        low, high = condition.fixed(guess, low, high)
     return Problem(
         scene=scene,
         closings=closings,
-        conditions=conditions(scene, hold),
+        conditions=held,
         lower=low,
         upper=high,
         driven=depends_on_time,
@@ -148,15 +150,17 @@ def check_drive(scene: Scene, period: float) -> None:
 
 def repeats(scene: Scene, period: float) -> bool:
     """Whether the rate is the same after a period."""
-    now, later = _rates(scene, 0.0), _rates(scene, period)
-    size = max(float(np.abs(rate).max()) for rate in now)
-    return all(np.abs(a - b).max() <= EXACT * size for a, b in zip(now, later, strict=True))
+    now, later = (np.array(_rates(scene, t)) for t in (0.0, period))
+    # Rates that are rounding have no size of their own.
+    least = _ROUNDING * 2 * np.pi / float(scene.t1) * sizes(scene)
+    size = np.maximum(alike(scene, np.abs(now).max(axis=0)), least)
+    return bool((np.abs(now - later) <= EXACT * size).all())
 
 
 def _rates(scene: Scene, later: float) -> list[np.ndarray]:
     """At several times, at the start and beside it: at rest the drive may cancel there alone."""
     y0 = np.asarray(scene.y0)
-    beside = y0 + _BESIDE * np.maximum(np.abs(y0), 1.0) * (1 + np.arange(len(y0)))
+    beside = y0 + _BESIDE * sizes(scene) * (1 + np.arange(len(y0)))
     ts = later + float(scene.t1) * np.array(TIMES)
     at, off = ([np.asarray(rate(scene, t, y)) for t in ts] for y in (y0, beside))
     return at + off if np.isfinite(off).all() else at  # the scene may be undefined there

@@ -7,24 +7,18 @@ by another angle: see `orbits.relative`.
 from typing import TypeVar
 
 import equinox as eqx
-import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn._records.record import Record
+from orbits.closing.sizes import rate, sizes
 
-#: Largest relative error by which a symmetry may fail to preserve the vector field.
+#: Largest error, in units of the sizes, by which a symmetry may fail to preserve the vector field.
 EXACT = 1e-9
 
 A = TypeVar("A", Array, np.ndarray)
-
-
-@jax.jit
-def rate(scene: Scene, t, y: Float[Array, " k"]) -> Float[Array, " k"]:
-    """The scene's vector field, compiled; uncompiled it takes milliseconds."""
-    return scene.rate(t, y)
 
 
 class Symmetry(Record):
@@ -67,7 +61,8 @@ class Symmetry(Record):
         back = -1.0 if self.reversing else 1.0
         there = np.asarray(rate(scene, t, self.act(y)))
         here = back * self.act(np.asarray(rate(scene, t, y)))
-        if not np.abs(there - here).max() <= EXACT * np.abs(here).max():
+        most = EXACT * 2 * np.pi / float(scene.t1) * sizes(scene)
+        if not (np.abs(there - here) <= most).all():
             raise fail(
                 "closing",
                 "a symmetry of the scene",

@@ -20,7 +20,7 @@ from jaxdyn.integrate.spans import tolerances
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN, Return
 from orbits.closing.given import driven
-from orbits.closing.symmetry import rate
+from orbits.closing.sizes import rate
 from orbits.curves.curve import Curve, CurvePoint
 from orbits.curves.extended import VECTORS, Extended, MakeOfTwo, varied
 from orbits.curves.kept import ORBIT_CURVE, about, codec

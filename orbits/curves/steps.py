@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn.analysis.eigenvalues import map_eigenvalues
-from orbits.closing.symmetry import rate
+from orbits.closing.sizes import rate
 from orbits.curves.curve import CodimensionTwo, CurvePoint
 from orbits.curves.extended import Extended, Frame
 from orbits.families.family import Kind

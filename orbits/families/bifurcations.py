@@ -29,7 +29,7 @@ from orbits.families.steps import next_member
 from orbits.families.surface import Surface
 from orbits.shooting.equations import Equations
 
-#: Relative to 1 + |value|: an integral that changes less along the family is constant.
+#: Of its gradient: an integral that changes less along the family is constant.
 _CONSTANT = 1e-11
 _STEPS = 40  # along the family, to locate a special point between two members
 _CLOSE = 1e-12  # relative to the size of the unknowns: a bracket that is not divided further
@@ -66,7 +66,7 @@ def special_points(
     folds = [x for x in found if x.kind == Kind.FOLD]
     # At a fold a multiplier passes through 1 as well.
     found = [x for x in found if x.kind != Kind.BRANCH or not any(_same(x, f) for f in folds)]
-    return sorted(found, key=lambda x: float(a.tangent @ x.point.x))
+    return sorted(found, key=lambda x: a.point.along(a.tangent, x.point.x))
 
 
 def _zero(surface: Surface, a: Member, b: Member, test: Test) -> Member | None:
@@ -114,18 +114,18 @@ def _boundary(surface: Surface, a: Member, b: Member) -> Member | None:
 
 def _closed(a: Member, b: Member, share: float) -> bool:
     """Whether the place after a share of the way from one to another is one of them."""
-    length = abs(float(a.tangent @ (b.point.x - a.point.x)))
-    return not min(share, 1 - share) * length > _CLOSE * (1.0 + np.linalg.norm(a.point.x))
+    length = abs(a.point.along(a.tangent, b.point.x))
+    return not min(share, 1 - share) * length > _CLOSE * (1.0 + a.point.size)
 
 
 def _between(surface: Surface, a: Member, b: Member, share: float) -> Member | None:
     """The member after a share of the way from one to another; None if it is not found."""
-    return next_member(surface, a, share * float(a.tangent @ (b.point.x - a.point.x)))
+    return next_member(surface, a, share * a.point.along(a.tangent, b.point.x))
 
 
 def _same(a: Member, b: Member) -> bool:
-    apart = np.linalg.norm(a.point.x - b.point.x)
-    return bool(apart < _SAME_PLACE * (1.0 + np.linalg.norm(a.point.x)))
+    # Along the family: an orbit may also be found at another phase.
+    return abs(a.point.along(a.tangent, b.point.x)) < _SAME_PLACE * (1.0 + a.point.size)
 
 
 def _named(surface: Surface, kind: Kind, point: Member) -> Member:
@@ -142,19 +142,20 @@ def _fold(surface: Surface, member: Member) -> float:
     """The change of the parameter, or else of an integral, along the family."""
     if surface.equations.make is not None:
         return float(member.tangent[-2])
-    value, slope = _along(surface.equations, member.point.x, member.tangent)
-    return float(slope) if abs(slope) > _CONSTANT * (1.0 + abs(value)) else 0.0
+    gradient = np.asarray(_gradient(surface.equations, member.point.x)) * member.point.units
+    slope = float(gradient @ (member.tangent / member.point.units))
+    return slope if abs(slope) > _CONSTANT * np.linalg.norm(gradient) else 0.0
 
 
 @jax.jit
-def _along(equations: Equations, x: Array, tangent: Array) -> tuple[Array, Array]:
-    """The energy, or the first integral of one entry, at x, and its change along a tangent."""
+def _gradient(equations: Equations, x: Array) -> Array:
+    """(n,) of the energy, or of the first integral of one entry, at x."""
 
     def integral(x: Array) -> Array:
         found = energy.integrals(equations.scene, jnp.zeros(()), equations.start(x))
         return next((i for i in found.values() if i.ndim == 0), jnp.zeros(()))
 
-    return jax.jvp(integral, (x,), (tangent,))
+    return jax.grad(integral)(x)
 
 
 def _through(value: float) -> Test:

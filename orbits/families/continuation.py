@@ -70,8 +70,8 @@ def continue_family(
         its start and span do not matter. By default the family of a conservative scene along
         which energy and period change.
       parameter: the value of the parameter for `orbit`.
-      step: length of the first step in the space of all unknowns; the others are up to ten
-        times as long.
+      step: length of the first step in the space of all unknowns, each in units of its size along
+        the largest orbit so far (`orbits.closing.sizes`); the others are up to ten times as long.
       members: largest number of members.
       down: start towards a smaller parameter (without one: a shorter period).
       within: bounds on the parameter (without one: on the period); the family ends at the first
@@ -132,8 +132,8 @@ def switch_branch(
     Args:
       family: the family of the point.
       special: one of ``family.special``.
-      amplitude: distance from the point, in the space of the unknowns; the other half of the
-        branch has the opposite sign.
+      amplitude: distance from the point, in the space of the unknowns, each in units of its size;
+        the other half of the branch has the opposite sign.
       times: periods after which the new orbits close: 2 at a period doubling, 1 at a branch
         point, q at a torus point where a multiplier is exp(2 pi i p / q).
     Returns:

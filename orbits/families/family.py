@@ -40,9 +40,9 @@ class Member:
       energy: of the scene at the start; NaN without one.
       stability: multipliers and verdict.
       point: its point on the surface of solutions.
-      tangent: (n,) unit vector along the family there.
-      alike: (n, p) orthonormal: directions to other orbits of the same scene, one for each
-        integral that the scene does not name.
+      tangent: (n,) vector along the family there, of unit length in the units of the point.
+      alike: (n, p) orthonormal in these units: directions to other orbits of the same scene, one
+        for each integral that the scene does not name.
       kind: kind of special point, if it is one.
     """
 

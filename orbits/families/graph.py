@@ -208,10 +208,7 @@ def _reached(place: Place, family: Family) -> int:
     members = family.members
     if len(members) == 1:
         return 0
-    ends = [
-        (one, float(np.linalg.norm(one.point.x - two.point.x)))
-        for one, two in (members[:2], members[:-3:-1])
-    ]
+    ends = [(one, one.point.distance(two.point.x)) for one, two in (members[:2], members[:-3:-1])]
     for times in (1, 2) if place.kind == Kind.DOUBLING else (1,):
         if any(_leads(family, end, step, place, times) for end, step in ends):
             return times
@@ -245,17 +242,18 @@ def _leads(family: Family, end: Member, step: float, place: Place, times: int) -
     there = _unknowns(equations, end, place, period)
     surface, x = Surface(equations, end.orbit.rtol, GOAL), end.point.x
     # Within a step ahead of the end, but for directions that leave an orbit the same.
-    neutral = surface.neutral(x, end.point.jacobian)
-    off = there - x - neutral @ (neutral.T @ (there - x))
+    neutral, units = surface.neutral(end.point), end.point.units
+    off = (there - x) / units
+    off = off - neutral @ (neutral.T @ off)
     length = float(np.linalg.norm(off))
-    if length > step or abs(end.tangent @ off) < _AHEAD * length:
+    if length > step or abs(end.tangent / units @ off) < _AHEAD * length:
         return False
     for _ in range(_HALVINGS):
         off = x - there
-        length = float(np.linalg.norm(off))
+        length = float(np.linalg.norm(off / units))
         middle = there + 0.5 * off
-        found = surface.nearest(middle, across=off / length)
-        if found is None or np.linalg.norm(found.x - middle) > _BENT * 0.5 * length:
+        found = surface.nearest(middle, across=off)
+        if found is None or np.linalg.norm((found.x - middle) / units) > _BENT * 0.5 * length:
             return False
         x = found.x
     return True

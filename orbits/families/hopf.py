@@ -11,6 +11,11 @@ from orbits.orbit import Orbit, SearchError
 from orbits.shooting.effort import GOAL, RTOL
 from orbits.shooting.equations import Equations
 
+#: Of an equilibrium's entries: the usual distance of an orbit from it.
+_SMALL = 1e-2
+#: An entry of an equilibrium that is smaller, alone or beside what the others make of it in a
+#: radian of the oscillation, is what Newton's method leaves of 0.
+_NOTHING, _ROUNDING = 1e-25, 1e-9
 _NO_ORBIT = (
     "No orbit was found at this amplitude. Try a smaller one: at a distance from the equilibrium "
     "orbits are no ellipses, and from a degenerate Hopf point none may begin."
@@ -18,7 +23,7 @@ _NO_ORBIT = (
 
 
 def from_hopf(
-    family: EquilibriumFamily, point: Equilibrium, *, amplitude: float = 1e-2
+    family: EquilibriumFamily, point: Equilibrium, *, amplitude: float | None = None
 ) -> tuple[Orbit, float]:
     """An orbit that begins at a Hopf point, and its parameter.
 
@@ -29,7 +34,8 @@ def from_hopf(
       family: what `jaxdyn.continue_equilibria` returned.
       point: a Hopf point of ``family.special``.
       amplitude: distance of the start from the equilibrium along the real part of the eigenvector,
-        in units of the state.
+        in units of the state; by default a hundredth of the equilibrium's entries, or 0.01 where
+        these are 0.
     Returns:
       (orbit, parameter), for `continue_family`.
     Raises:
@@ -49,12 +55,15 @@ def from_hopf(
     """
     if point.kind != Kind.HOPF:
         raise fail("point", "a Hopf point of family.special", point.kind or "an ordinary member")
-    finite("amplitude", amplitude, "It is a distance in units of the state.")
-    if not amplitude:
-        raise fail("amplitude", "a number other than 0", amplitude)
+    if amplitude is not None:
+        finite("amplitude", amplitude, "It is a distance in units of the state.")
+        if not amplitude:
+            raise fail("amplitude", "a number other than 0", amplitude)
     values, vectors = np.linalg.eig(point.jacobian)
     critical = vectors[:, np.argmin(np.abs(values - 1j * point.frequency))].real
     critical = critical / np.linalg.norm(critical)
+    if amplitude is None:
+        amplitude = usual_amplitude(point, critical)
     period = 2 * np.pi / point.frequency
     scene = family.make(point.parameter).starting(point.state, period)
     equations = Equations(scene=scene, closing=PLAIN, make=family.make)
@@ -66,3 +75,12 @@ def from_hopf(
     if found is None:
         raise SearchError(_NO_ORBIT)
     return surface.orbit(found), parameter_at(surface, found.x)
+
+
+def usual_amplitude(point: Equilibrium, critical: np.ndarray) -> float:
+    """The distance along a direction (k,) that is small beside the entries of an equilibrium."""
+    rest, change = np.abs(point.state), np.abs(critical)
+    # Of an entry that should be 0 there is what rounding of the others makes of it.
+    moved = np.abs(point.jacobian) @ rest / point.frequency
+    whole = (rest > _ROUNDING * moved) & (rest > _NOTHING) & (change > 0)
+    return _SMALL * float(np.min(rest[whole] / change[whole])) if whole.any() else _SMALL

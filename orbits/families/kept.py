@@ -18,6 +18,7 @@ from orbits.families.surface import Point, Surface
 from orbits.shooting.effort import GOAL
 from orbits.shooting.equations import Equations
 from orbits.shooting.segment import Make
+from orbits.shooting.units import InUnits
 
 #: What such a walk is.
 ORBITS = "orbits"
@@ -104,7 +105,7 @@ def family(walk: Stored, make: Make) -> Family:
     surface = Surface(equations, known.rtol, GOAL)
     found = read(walk, codec(surface))
     for member in (found.members[0], found.members[-1]):
-        residual = np.asarray(equations(member.point.x, surface.rtol).residual)
-        if not np.abs(residual).max() <= _HOLDS * (1.0 + np.abs(member.point.x).max()):
+        residual, _ = InUnits(equations, member.point.x, surface.rtol)(member.point.x)
+        if not np.abs(residual).max() <= _HOLDS:
             raise fail("make", "the scenes of the file", "others, whose orbits do not close", OTHER)
     return Family(found.members, found.special, found.end, equations)

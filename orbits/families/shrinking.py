@@ -18,6 +18,7 @@ from jaxdyn import Scene
 from orbits.families.family import Kind, Member
 from orbits.families.steps import member_at, parameter_at
 from orbits.families.surface import Point, Surface
+from orbits.shooting.units import map_in_units, sizes_at
 
 _NEWTON_STEPS = 20
 _SOLVED = 1e-12  # relative: the last of these steps
@@ -39,40 +40,49 @@ def rest_between(surface: Surface, a: Member, b: Member) -> Member | None:
     """
     if surface.equations.driven:
         return None
-    (here, flow), (there, next_flow) = (_start(surface, member.point.x) for member in (a, b))
+    # Lengths of states, as of unknowns, are in the units of the first one.
+    each = sizes_at(surface.equations, a.point.x)
+    (here, flow), (there, next_flow) = (_start(surface, m.point.x, each) for m in (a, b))
     speed, along = float(flow @ flow), float(next_flow @ flow)
-    length = float(np.linalg.norm(b.point.x - a.point.x))
+    length = a.point.distance(b.point.x)
     radius = float(np.linalg.norm(next_flow)) * b.orbit.period / (2 * np.pi)
     passed = along < 0
     if not (passed or (radius < _AHEAD * length and next_flow @ next_flow < speed)):
         return None
     nearest = here + speed / (speed - along) * (there - here) if passed else there
-    rest = _equilibrium(_scene(surface, a.point.x), nearest)
+    rest = _equilibrium(_scene(surface, a.point.x), nearest * each, each)
     if rest is None:
         return None
+    rest = rest / each
     ways = [float(np.linalg.norm(y - rest)) for y in (here, there)]
     if min(ways) > (1.0 if passed else _AHEAD) * length or not (passed or ways[1] < ways[0]):
         return None
     # The nearer one, unless that is the equilibrium itself to rounding.
     goal = max(_SMALLER * max(ways), _SMALLEST * float(np.linalg.norm(rest)))
     point = b.point if ways[0] < goal or goal < ways[1] < ways[0] else a.point
-    point = _shrunk(surface, point, rest, goal, _AHEAD * length)
-    if point is None or not _resonant(surface, point, rest):
+    point = _shrunk(surface, point, (rest * each, each), goal, _AHEAD * length)
+    if point is None or not _resonant(surface, point, rest * each):
         return None
-    member = member_at(surface, point, a.tangent, a.alike)
+    point = dataclasses.replace(point, units=a.point.units)
+    member = member_at(surface, point, a.tangent / point.units, a.alike / point.units[:, None])
     return dataclasses.replace(member, kind=Kind.REST) if member.stability.ok else None
 
 
 def _shrunk(
-    surface: Surface, point: Point, rest: np.ndarray, goal: float, most: float
+    surface: Surface,
+    point: Point,
+    near: tuple[np.ndarray, np.ndarray],
+    goal: float,
+    most: float,
 ) -> Point | None:
-    """The orbit of a family whose start is at a distance `goal` from the equilibrium `rest`.
+    """The orbit of a family whose start is at a distance `goal` from an equilibrium.
 
-    None if it is not found with unknowns that change by less than `most` in each step.
+    That is `near` the first state, and the distance in the sizes that are the second (k,). None if
+    it is not found with unknowns that change by less than `most` in each step.
     """
-    equations = surface.equations
+    equations, (rest, each) = surface.equations, near
     for left in range(_TIMES, 0, -1):
-        exact = _equilibrium(_scene(surface, point.x), rest)
+        exact = _equilibrium(_scene(surface, point.x), rest, each)
         if exact is None:
             return None
         rest, unknowns = exact, equations.unpack(point.x)
@@ -80,17 +90,17 @@ def _shrunk(
         radius = equations.start_at(point.x) - rest
         if not radius.any():
             return None
-        factor = (goal / float(np.linalg.norm(radius))) ** (1 / left)
+        factor = (goal / float(np.linalg.norm(radius / each))) ** (1 / left)
         smaller = equations.pack(
             rest + factor * radius,
             rest + factor * (between - rest),
             *(float(x) for x in (unknowns.angle, unknowns.parameter, unknowns.period)),
         )
         across = equations.pack(radius, 0.0 * between, 0.0, 0.0, 0.0)
-        found = surface.nearest(smaller, across=across / np.linalg.norm(across))
-        if found is None or np.linalg.norm(found.x - point.x) > most:
+        found = surface.nearest(smaller, across=across)
+        if found is None or point.distance(found.x) > most:
             return None
-        point = found
+        point = dataclasses.replace(found, units=point.units)
     return point
 
 
@@ -110,14 +120,16 @@ def _scene(surface: Surface, x: np.ndarray) -> Scene:
     return surface.equations.scene_at(jnp.asarray(parameter_at(surface, x)))
 
 
-def _start(surface: Surface, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(k,) the start at x and the flow there."""
+def _start(surface: Surface, x: np.ndarray, each: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(k,) the start at x and the flow there, in sizes (k,)."""
     y = surface.equations.start_at(x)
-    return y, np.asarray(_linearised(_scene(surface, x), y)[0])
+    return y / each, np.asarray(_linearised(_scene(surface, x), y)[0]) / each
 
 
-def _equilibrium(scene: Scene, y: np.ndarray) -> np.ndarray | None:
+def _equilibrium(scene: Scene, y: np.ndarray, each: np.ndarray) -> np.ndarray | None:
     """(k,) the equilibrium near a state; None if Newton's method does not converge.
+
+    Lengths are in sizes `each` (k,).
 
     `jaxdyn.analysis.equilibria.equilibrium` refuses those that are not isolated, as of bodies that
     may be anywhere.
@@ -126,9 +138,10 @@ def _equilibrium(scene: Scene, y: np.ndarray) -> np.ndarray | None:
         flow, slope = map(np.asarray, _linearised(scene, y))
         if not np.isfinite(slope).all():
             return None
-        step = np.linalg.lstsq(slope, -flow, rcond=_RANK)[0]
-        y = y + step
-        if np.linalg.norm(step) <= _SOLVED * (1 + np.linalg.norm(y)):
+        slope = map_in_units(slope, each)
+        step = np.linalg.lstsq(slope, -flow / each, rcond=_RANK)[0]
+        y = y + step * each
+        if np.linalg.norm(step) <= _SOLVED * (1 + np.linalg.norm(y / each)):
             return y
     return None
 

@@ -1,5 +1,7 @@
 """Steps along a family: the member at a point of the surface of solutions, and the next one."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -44,13 +46,19 @@ def next_member(surface: Surface, last: Member, step: float) -> Member | None:
     if point is None:
         # Where families meet, Newton's shortest steps may alternate between them.
         point = surface.nearest(predicted, last.tangent)
-    if point is None or np.linalg.norm(point.x - predicted) > abs(step):
+    if point is None or np.linalg.norm((point.x - predicted) / last.point.units) > abs(step):
         return None
+    # Orbits that grow from an equilibrium take longer steps; those that shrink do not take shorter
+    # ones, with which they would never arrive.
+    point = dataclasses.replace(point, units=np.maximum(point.units, last.point.units))
     ways = surface.directions(point)
-    tangent = _nearest(ways, last.tangent[:, None])
-    if not tangent.shape[1] or tangent[:, 0] @ last.tangent < _TURN:
+    before = last.tangent / point.units
+    before = before / np.linalg.norm(before)
+    tangent = _nearest(ways, before[:, None])
+    if not tangent.shape[1] or tangent[:, 0] @ before < _TURN:
         return None
-    alike = _nearest(_same_scene(surface, ways), last.alike)
+    old = np.linalg.qr(last.alike / point.units[:, None])[0]
+    alike = _nearest(_same_scene(surface, ways), old)
     if alike.shape[1] < last.alike.shape[1]:
         return None
     member = member_at(surface, point, tangent[:, 0], alike)
@@ -65,7 +73,11 @@ def parameter_at(surface: Surface, x: np.ndarray) -> float:
 
 
 def member_at(surface: Surface, point: Point, tangent: np.ndarray, alike: np.ndarray) -> Member:
-    """The member at a point, with its tangent and the directions to orbits of the same scene."""
+    """The member at a point, with its tangent and the directions to orbits of the same scene.
+
+    The tangent (n,) and the directions (n, p) are given in units.
+    """
+    tangent, alike = point.units * tangent, point.units[:, None] * alike
     orbit = surface.orbit(point)
     scene = orbit.scene
     total = float(energy.energy(scene, jnp.zeros(()), orbit.y0)) if scene.has_energy else np.nan

@@ -11,11 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from orbits.closing.symmetry import rate
+from orbits.closing.sizes import rate, sizes
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton, trivial
 from orbits.shooting.equations import Equations
 from orbits.shooting.outcomes import orbit_at
+from orbits.shooting.units import InUnits, Units, sizes_at, units_at
 
 _CORRECTIONS = 8  # Newton steps from a predicted point; more mean that the step was too long
 _KERNEL = 1e-6  # relative: singular values below are directions of the surface
@@ -29,14 +30,29 @@ class Point:
     Attributes:
       x: (n,) unknowns.
       jacobian: (m, n) of the closing equations there.
+      units: (n,) of the unknowns, in which lengths and angles near the point are measured.
       residual: largest entry of the closing error.
       iterations: number of Newton steps to it.
     """
 
     x: np.ndarray
     jacobian: np.ndarray
+    units: np.ndarray
     residual: float
     iterations: int
+
+    def distance(self, x: np.ndarray) -> float:
+        """Distance of x (n,)."""
+        return float(np.linalg.norm((x - self.x) / self.units))
+
+    def along(self, direction: np.ndarray, x: np.ndarray) -> float:
+        """How far x (n,) is along a direction (n,) that has unit length here."""
+        return float(direction / self.units @ ((x - self.x) / self.units))
+
+    @property
+    def size(self) -> float:
+        """Length of the unknowns."""
+        return float(np.linalg.norm(self.x / self.units))
 
 
 class Surface:
@@ -48,27 +64,36 @@ class Surface:
 
     def nearest(self, x: np.ndarray, across: np.ndarray | None = None) -> Point | None:
         """The solution nearest to x; with `across` (n,), that with x's component along it."""
+        closed = InUnits(self.equations, x, self.rtol)
+        units = closed.units
+        row = None if across is None else across / units.x / np.linalg.norm(across / units.x)
 
         def evaluated(at):
-            found = self.equations(at, self.rtol)
-            residual, jacobian = np.asarray(found.residual), np.asarray(found.jacobian)
-            if across is not None:
-                residual = np.append(residual, across @ (at - x))
-                jacobian = np.vstack([jacobian, across])
+            residual, jacobian = closed(at)
+            if row is not None:
+                residual = np.append(residual, row @ ((at - x) / units.x))
+                jacobian = np.vstack([jacobian, row])
             return residual, jacobian
 
         low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
         result = newton.solve(
-            evaluated, x, lower=low, upper=high, goal=self.goal, max_iterations=_CORRECTIONS
+            evaluated,
+            x,
+            lower=low,
+            upper=high,
+            goal=self.goal,
+            max_iterations=_CORRECTIONS,
+            units=units.x,
         )
         if not result.converged:
             return None
         assert result.jacobian is not None
-        rows = len(result.jacobian) - (across is not None)
+        jacobian = result.jacobian[: len(units.rows)] * units.rows[:, None] / units.x
         residual = float(np.abs(result.residual).max(initial=0.0))
         return Point(
             x=result.x,
-            jacobian=result.jacobian[:rows],
+            jacobian=jacobian,
+            units=self._units(result.x, jacobian).x,
             residual=residual,
             iterations=result.iterations,
         )
@@ -89,15 +114,26 @@ class Surface:
         return np.asarray(_start_slope(self.equations, x)) @ directions
 
     def directions(self, point: Point) -> np.ndarray:
-        """(n, d) orthonormal: directions along the surface that change the orbit."""
-        _, s, vt = np.linalg.svd(point.jacobian)
+        """(n, d) orthonormal in units: directions along the surface that change the orbit."""
+        jacobian = self._in_units(point)
+        _, s, vt = np.linalg.svd(jacobian)
         kernel = vt[int((s > _KERNEL * s[0]).sum()) :].T
-        known = self.neutral(point.x, point.jacobian)
+        known = self._neutral(point.x, jacobian, point.units)
         u, s, _ = np.linalg.svd(kernel - known @ (known.T @ kernel), full_matrices=False)
         return u[:, s > 0.5]  # each direction of the kernel is known or orthogonal to that
 
-    def neutral(self, x: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-        """(n, r) orthonormal: directions along the surface that do not change the orbit."""
+    def neutral(self, point: Point) -> np.ndarray:
+        """(n, r) orthonormal in units: directions along the surface that keep the orbit."""
+        return self._neutral(point.x, self._in_units(point), point.units)
+
+    def _in_units(self, point: Point) -> np.ndarray:
+        rows = self._units(point.x, point.jacobian).rows
+        return point.jacobian * point.units / rows[:, None]
+
+    def _units(self, x: np.ndarray, jacobian: np.ndarray) -> Units:
+        return units_at(self.equations, x, jacobian, sizes_at(self.equations, x))
+
+    def _neutral(self, x: np.ndarray, jacobian: np.ndarray, in_units: np.ndarray) -> np.ndarray:
         equations, unknowns = self.equations, self.equations.unpack(x)
         scene = equations.scene_at(unknowns.parameter)
         scene = scene.starting(equations.start_at(x), unknowns.period)
@@ -105,11 +141,11 @@ class Surface:
         if self._symmetries is None:
             # Looked for once: a family has those of its first member, and one that it loses on the
             # way is no direction of the surface there.
-            self._symmetries = tuple(trivial.symmetries(scene))
+            self._symmetries = tuple(trivial.symmetries(scene, sizes(scene)))
         for name in self._symmetries:
             states = [scene.y0, *jnp.asarray(unknowns.between)]
             first, *between = (np.asarray(_field(scene, y, name=name)) for y in states)
-            column = equations.pack(first, between, 0.0, 0.0, 0.0)
+            column = equations.pack(first, between, 0.0, 0.0, 0.0) / in_units
             size = np.linalg.norm(column)
             # Not every symmetry of the scene is one of the closing condition.
             if np.linalg.norm(jacobian @ column) <= _KERNEL * np.linalg.norm(jacobian) * size > 0:
@@ -118,18 +154,20 @@ class Surface:
         return u[:, s > _KERNEL]
 
     def aside(self, x: np.ndarray, along: np.ndarray) -> np.ndarray | None:
-        """(n,) the other direction at a simple branch point; None if there is none.
+        """(n,) the other direction at a simple branch point, of unit length; None if there is none.
 
         Args:
           x: (n,) the branch point.
           along: (n,) the direction of the known branch.
         """
-        jacobian = np.asarray(self.equations(x, self.rtol).jacobian)
+        closed = InUnits(self.equations, x, self.rtol)
+        (_, jacobian), units = closed(x), closed.units.x
         if not (np.isfinite(jacobian).all() and np.isfinite(along).all()):
             return None
-        known = np.column_stack([self.neutral(x, jacobian), along / np.linalg.norm(along)])
+        ahead = along / units / np.linalg.norm(along / units)
+        known = np.column_stack([self._neutral(x, jacobian, units), ahead])
         _, s, vt = np.linalg.svd(np.vstack([jacobian, np.linalg.norm(jacobian) * known.T]))
-        return vt[-1] if s[-1] < _BRANCH * s[0] else None
+        return units * vt[-1] if s[-1] < _BRANCH * s[0] else None
 
 
 @jax.jit

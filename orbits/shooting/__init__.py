@@ -6,7 +6,8 @@ that method, `deflation` leads it away from known orbits and `outcomes` says how
 `segmentation` decides on the number and the places of segments, `recutting` on more of them; the
 folder `collocation` solves them by steps on a mesh instead of integrations, for stiff and very
 unstable orbits; `effort` has the tolerances and step limits of the search; `retimed` handles starts
-that need only another period; `trivial` finds the directions with multipliers of 1.
+that need only another period; `units` makes the equations dimensionless; `trivial` finds the
+directions with multipliers of 1.
 
 May import: `orbits`, that is the files at the top level.
 

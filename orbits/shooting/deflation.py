@@ -37,6 +37,7 @@ from orbits.orbit import Orbit
 from orbits.shooting import newton
 from orbits.shooting.equations import Equations
 from orbits.shooting.outcomes import Trouble
+from orbits.shooting.units import InUnits
 
 #: Distance from a known orbit, relative to its size, below which an orbit is the same.
 SAME = 1e-4
@@ -131,7 +132,8 @@ def deflated(
     if equations.driven:  # the period is that of the drive
         lower[-1] = upper[-1] = x[-1]
     sizes = _sizes(equations, x, several)
-    walk = _Walk(equations, several, sizes, (lower, upper), Trouble(equations, x), report)
+    closed = InUnits(equations, x, _LOOSE, _MAX_STEPS)
+    walk = _Walk(closed, several, sizes, (lower, upper), Trouble(equations, x), report)
     if distance(equations, x, several) > _BESIDE:
         return walk(x, max_iterations)
     random, found = np.random.default_rng(0), Found(x, np.inf, near=False)
@@ -146,7 +148,7 @@ def deflated(
 class _Walk(NamedTuple):
     """Deflated Newton steps from a point on; see `deflated`."""
 
-    equations: Equations
+    closed: InUnits
     several: Sequence[Known]
     sizes: np.ndarray
     bounds: tuple[np.ndarray, np.ndarray]
@@ -155,35 +157,31 @@ class _Walk(NamedTuple):
 
     def __call__(self, x: np.ndarray, most: int) -> Found:
         """Where it ends after at most some steps."""
-        equations, several = self.equations, self.several
+        closed, several = self.closed, self.several
+        equations, units = closed.equations, closed.units.x
         step, size = np.zeros(len(x)), np.inf
         for index in range(most + 1):
-            residual, jacobian = _evaluated(equations, x)
+            residual, jacobian = closed(x)
             for _ in range(_HALVINGS):
                 if np.isfinite(jacobian).all():
                     break
                 step = 0.5 * step
                 x = x - step
-                residual, jacobian = _evaluated(equations, x)
+                residual, jacobian = closed(x)
             size = float(np.abs(residual).max())
-            length = float(np.linalg.norm(step))
+            length = float(np.linalg.norm(step / units))
             self.report(newton.Iteration(index, size, float(x[-1]), length))
             lost = not np.isfinite(jacobian).all() or self.trouble(equations, x) is not None
             if size <= _NEAR and not lost:
                 return Found(x, size, near=distance(equations, x, several) > SAME)
             if lost or index == most:
                 break
-            plain = newton.first_step(x, residual, jacobian, *self.bounds)
+            plain = newton.first_step(x, residual, jacobian, *self.bounds, units)
             step = plain / (1 - _slope(equations, x, several) @ plain)
             step = step / max(1.0, float(np.max(np.abs(step) / self.sizes)) / _LONGEST)
             new = np.clip(x + step, *self.bounds)
             step, x = new - x, new
         return Found(x, size, near=False)
-
-
-def _evaluated(equations: Equations, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    found = equations(x, _LOOSE, _MAX_STEPS)
-    return np.asarray(found.residual), np.asarray(found.jacobian)
 
 
 def _slope(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> np.ndarray:

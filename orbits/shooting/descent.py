@@ -26,9 +26,9 @@ import lazy_loader
 import numpy as np
 from jaxtyping import Array
 
-from orbits.motion import solved
 from orbits.shooting.equations import Equations
 from orbits.shooting.newton import Iteration
+from orbits.shooting.units import InUnits, sizes_at
 
 #: Its import takes as long as a search from a good guess, which does not need it.
 optax: Any = lazy_loader.load("optax")
@@ -45,8 +45,6 @@ _NEAR = 0.1
 _PATIENCE, _PROGRESS = 100, 0.9
 _RTOL = 1e-8
 _MAX_STEPS = 5000  # of one motion: more mean that it is close to a collision
-_SAMPLES = 64  # of the guessed motion, for the sizes of the entries of the state
-_SMALL = 0.01  # of the largest entry: lower bound on the size of an entry
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,15 +81,16 @@ def descended(
       upper: (n,) bounds of x.
       report: called with each step.
     """
-    sizes = _sizes(equations, x)
-    path, _ = _path(equations, x)
+    closed = InUnits(equations, x, _RTOL, _MAX_STEPS)
+    units, each = closed.units.x, sizes_at(equations, x)
+    path, _ = _path(equations, x, each)
     state = _adam().init(jnp.asarray(x))
     best, best_residual, least, step = x, np.nan, np.inf, 0.0
     mark, marked = np.inf, 0
     for index in range(_STEPS_MOST):
-        found = equations(x, _RTOL, _MAX_STEPS)
-        residual, jacobian = np.asarray(found.residual), np.asarray(found.jacobian)
-        error, gradient = _error(equations, x, residual, jacobian, float(path))
+        residual, jacobian = closed(x)
+        by_x = _path(equations, x, each)
+        error, gradient = _error(residual, jacobian, by_x, float(path), units)
         if not (np.isfinite(error) and np.isfinite(gradient).all()):  # a collision
             break
         largest = float(np.abs(residual).max(initial=0.0))
@@ -102,9 +101,9 @@ def descended(
             mark, marked = least, index
         if error <= _ARRIVED or (least > _NEAR and index - marked >= _PATIENCE):
             break
-        moves, state = _adam_moves(jnp.asarray(gradient * sizes), state)
-        new = np.clip(x + np.asarray(moves) * sizes, lower, upper)
-        step, x = float(np.linalg.norm(new - x)), new
+        moves, state = _adam_moves(jnp.asarray(gradient), state)
+        new = np.clip(x + np.asarray(moves) * units, lower, upper)
+        step, x = float(np.linalg.norm((new - x) / units)), new
     return Descent(
         x=best,
         residual=best_residual,
@@ -114,10 +113,10 @@ def descended(
 
 
 def _error(
-    equations: Equations, x: np.ndarray, residual: np.ndarray, jacobian: np.ndarray, path: float
+    residual: np.ndarray, jacobian: np.ndarray, now, path: float, units: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """e(x) and its gradient (n,)."""
-    here, by_x = (np.asarray(z) for z in _path(equations, x))
+    """e(x) and its gradient (n,) in the units, with the path `now` and its gradient."""
+    here, by_x = np.asarray(now[0]), np.asarray(now[1]) * units
     norm = float(np.linalg.norm(residual))
     per_path = 1 / float(here) + 1 / path
     gradient = residual @ jacobian / max(norm, 1e-300) * per_path - norm * by_x / float(here) ** 2
@@ -126,15 +125,15 @@ def _error(
 
 @jax.jit
 @jax.value_and_grad
-def _path_of_x(x: Array, equations: Equations) -> Array:
+def _path_of_x(x: Array, equations: Equations, each: Array) -> Array:
     scene = equations.scene_at(equations.unpack(x).parameter)
     rate = scene.rate(jnp.zeros(()), equations.start(x))
-    return x[-1] * jnp.linalg.norm(rate)
+    return x[-1] * jnp.linalg.norm(rate / each)
 
 
-def _path(equations: Equations, x: np.ndarray) -> tuple[Array, Array]:
-    """() path that would be covered at the rate of the start, and its gradient (n,)."""
-    return _path_of_x(jnp.asarray(x), equations)
+def _path(equations: Equations, x: np.ndarray, each: np.ndarray) -> tuple[Array, Array]:
+    """() path that would be covered at the rate of the start, in sizes (k,); its gradient (n,)."""
+    return _path_of_x(jnp.asarray(x), equations, each)
 
 
 @functools.cache
@@ -147,17 +146,3 @@ def _adam_moves(gradient: Array, state) -> tuple[Array, Any]:
     with jax.numpy_dtype_promotion("standard"):  # optax multiplies floats by an integer count
         moves, state = _adam().update(gradient, state)
     return jnp.asarray(moves), state
-
-
-def _sizes(equations: Equations, x: np.ndarray) -> np.ndarray:
-    """(n,) the size of each unknown: that of its entry of the state along the guessed motion."""
-    unknowns = equations.unpack(x)
-    scene = equations.scene_at(unknowns.parameter).starting(equations.start_at(x))
-    part = float(unknowns.period) / equations.closing.parts
-    ys = np.asarray(solved(scene, part, ts=np.linspace(0.0, part, _SAMPLES), rtol=_RTOL).ys)
-    reached = ys[np.isfinite(ys).all(axis=1)]
-    size = np.abs(np.append(reached, np.asarray(scene.y0)[None], axis=0)).max(axis=0)
-    size = np.maximum(size, _SMALL * size.max())
-    size = np.where(size > 0, size, 1.0)
-    none = np.zeros((0, len(size)))
-    return equations.pack(size, none, angle=1.0, parameter=1.0, period=x[-1])

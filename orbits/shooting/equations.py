@@ -26,11 +26,15 @@ from jaxdyn._floats import as_float
 from jaxdyn.solvers import RADAU9
 from orbits.closing.closings import Closing
 from orbits.closing.conditions import Condition
-from orbits.closing.given import TIMES, driven
+from orbits.closing.given import driven
+from orbits.closing.sizes import TIMES
 from orbits.motion import advanced
 from orbits.orbit import Orbit
 from orbits.shooting.collocation import steps
 from orbits.shooting.segment import MAX_STEPS, Make, Piece, linearised_end, scene_of
+
+#: Of a rate, in units of the machine epsilon: changes up to this are its rounding.
+_ROUNDINGS = 64.0
 
 
 class Unknowns(NamedTuple):
@@ -227,6 +231,12 @@ class Equations(eqx.Module):
         ends, status, slopes = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
         return self._evaluation(x, here, ends, status, slopes)
 
+    def missed(self, x: np.ndarray, here: Piece, ends: np.ndarray) -> np.ndarray:
+        """(m,) the residual at x from the segments and their ends (n, k), however computed."""
+        n, k = ends.shape
+        none = Piece(np.zeros((n, k, k)), *np.zeros((3, n, k)))
+        return np.asarray(linearised(self, x, here, ends, none)[0])
+
     def _evaluation(self, x, here: Piece, ends, status, slopes: Piece) -> Evaluation:
         residual, jacobian = map(np.asarray, linearised(self, x, here, ends, slopes))
         return Evaluation(
@@ -271,9 +281,6 @@ def errors(equations: Equations, x: Array, starts: Array, ends: Array) -> Array:
     scene = equations.scene_at(unknowns.parameter)
     system = scene.system
     joints = jax.vmap(system.difference)(ends[:-1], starts[1:])
-    # In a fast close encounter the rounding of a joint is relative to the size of its state.
-    sizes = jax.lax.stop_gradient(jnp.maximum(jnp.abs(ends[:-1]).max(axis=1), 1.0))
-    joints = (joints / sizes[:, None]).ravel()
     return jnp.append(joints, boundary(equations, x, starts[0], ends[-1]))
 
 
@@ -293,5 +300,8 @@ def drive(scene: Scene, y: Array, period: Array) -> Array:
     """(4 k,) the change of the rate over a period, zero where that is a multiple of the drive's."""
     ts = jnp.asarray(TIMES) * jax.lax.stop_gradient(period)
     now, later = (jax.vmap(scene.rate, (0, None))(t, y) for t in (ts, ts + period))
-    varies = jax.lax.stop_gradient(jnp.abs(now - now[:1]).max())
-    return ((later - now) / jnp.where(varies > 0, varies, 1.0)).ravel()
+    varies = jax.lax.stop_gradient(jnp.abs(now - now[:1]).max(axis=0))
+    # What varies by rounding only is no drive.
+    rounding = _ROUNDINGS * jnp.finfo(float).eps * jnp.abs(now).max(axis=0)
+    varies = jnp.where(varies > rounding, varies, jnp.inf)
+    return ((later - now) / varies[None]).ravel()

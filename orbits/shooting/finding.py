@@ -12,6 +12,7 @@ from jaxdyn._checks import fail
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Hold
 from orbits.closing.given import Problem, posed
+from orbits.closing.sizes import sizes
 from orbits.motion import solved
 from orbits.orbit import Orbit, Outcome, SearchError
 from orbits.shooting import newton
@@ -24,6 +25,7 @@ from orbits.shooting.outcomes import Trouble, orbit_at, outcome_of
 from orbits.shooting.recutting import finer, gains_from_cutting
 from orbits.shooting.retimed import retimed
 from orbits.shooting.segmentation import SEGMENTS_MOST, cut
+from orbits.shooting.units import InUnits
 
 #: Largest number of new cuts: more than the doublings from one segment to the maximum.
 _RECUTS_MOST = 6
@@ -133,14 +135,15 @@ def _closed(
     cuts = cut(equations, guess, rtol, segments, angle)
     x = cuts.spread(guess[:-1], guess[-1], rtol, angle=angle)
     lower, upper = cuts.bounds(problem.lower, problem.upper)
-    x = retimed(cuts, x, lower=lower, upper=upper, goal=effort.goal, rtol=rtol)
-    orbit = _solved(cuts, x, problem, effort)
+    closed = InUnits(cuts, x, rtol)
+    x = retimed(closed, x, lower=lower, upper=upper, goal=effort.goal)
+    orbit = _solved(closed, x, problem, effort)
     for _ in range(0 if segments else _RECUTS_MOST):
         if cuts.segments >= SEGMENTS_MOST or not gains_from_cutting(orbit, cuts, effort.goal):
             break
         cuts = finer(equations, cuts, guess, orbit, rtol)
         x = cuts.spread(orbit.y0, orbit.period, rtol, angle=orbit.angle)
-        again = _solved(cuts, x, problem, effort)
+        again = _solved(InUnits(cuts, x, rtol), x, problem, effort)
         if orbit.ok and not (again.ok and again.residual < orbit.residual):
             break
         orbit = eqx.tree_at(lambda o: o.iterations, again, orbit.iterations + again.iterations)
@@ -227,17 +230,13 @@ def _closed_from(
     return _closed(problem, whole, float(unknowns.angle), segments, effort)
 
 
-def _solved(equations: Equations, x: np.ndarray, problem: Problem, effort: Effort) -> Orbit:
+def _solved(closed: InUnits, x: np.ndarray, problem: Problem, effort: Effort) -> Orbit:
     """Newton's method on the closing equations, from a point x on."""
+    equations = closed.equations
     lower, upper = equations.bounds(problem.lower, problem.upper)
     trouble = Trouble(equations, x)
-
-    def evaluated(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found = equations(x, effort.rtol)
-        return np.asarray(found.residual), np.asarray(found.jacobian)
-
     result = newton.solve(
-        evaluated,
+        closed,
         x,
         lower=lower,
         upper=upper,
@@ -245,12 +244,13 @@ def _solved(equations: Equations, x: np.ndarray, problem: Problem, effort: Effor
         max_iterations=effort.max_iterations,
         keep_going=lambda x: trouble(equations, x) is None,
         report=effort.report,
+        units=closed.units.x,
     )
     return orbit_at(
         equations,
         result.x,
         residual=float(np.max(np.abs(result.residual))),
-        outcome=outcome_of(equations, result, trouble, effort.rtol),
+        outcome=outcome_of(closed, result, trouble),
         iterations=result.iterations,
         rtol=effort.rtol,
     )
@@ -261,13 +261,14 @@ def _nearest(problem: Problem, rtol) -> tuple[Closing, float]:
     scene, closings = problem.scene, problem.closings
     if len(closings) == 1 and not closings[0].turns:
         return closings[0], 0.0
-    best = (math.inf, closings[0], 0.0)
+    best, each = (math.inf, closings[0], 0.0), sizes(scene)
     for closing in closings:
         system, y0 = scene.system, np.asarray(scene.y0)
         end = solved(scene, float(scene.t1) / closing.parts, rtol=rtol).y1
         end = np.asarray(end)
         angle = closing.angle(system, end, y0)
-        error = float(np.linalg.norm(closing.miss(system, end, y0, np.asarray(angle))))
+        miss = np.asarray(closing.miss(system, end, y0, np.asarray(angle)))
+        error = float(np.linalg.norm(miss / closing.rows(each)))
         if error < best[0]:
             best = (error, closing, angle)
     return best[1:]

@@ -58,7 +58,7 @@ class Iteration:
 class Result:
     """Where Newton's method ended.
 
-    The Jacobian there is None from collocation, which does not form it.
+    The Jacobian there, by unknowns in units, is None from collocation, which does not form it.
     """
 
     x: np.ndarray
@@ -89,6 +89,7 @@ class _Refused(NamedTuple):
 class _Bounds(NamedTuple):
     lower: np.ndarray
     upper: np.ndarray
+    units: np.ndarray
 
 
 # Squares of residuals near the largest floats overflow to infinity, and no step is accepted.
@@ -103,11 +104,12 @@ def solve(
     max_iterations: int,
     keep_going: Callable[[np.ndarray], bool] = lambda x: True,
     report: Callable[[Iteration], None] = lambda iteration: None,
+    units: np.ndarray | float = 1.0,
 ) -> Result:
     """The point near x, within the bounds, where the residual is smallest.
 
     Args:
-      equations: the residual and its Jacobian.
+      equations: the residual, and its Jacobian by the unknowns in their units.
       x: (n,) start; the last entry is the period, for the report.
       lower: (n,) lower bounds.
       upper: (n,) upper bounds.
@@ -116,8 +118,9 @@ def solve(
       max_iterations: largest number of accepted steps.
       keep_going: called with each accepted point; False ends the iteration.
       report: called after each accepted step.
+      units: (n,) units of x, in which lengths of steps are measured.
     """
-    bounds = _Bounds(lower, upper)
+    bounds = _Bounds(lower, upper, np.broadcast_to(units, np.shape(x)))
     residual, jacobian = equations(x)
     point = _Point(x=x, residual=residual, jacobian=jacobian, factors=_factors(jacobian))
     report(Iteration(index=0, residual=_size(residual), period=x[-1], step=0.0))
@@ -125,7 +128,7 @@ def solve(
     damping, refused, noisy = _DAMPING_START, None, 0
     while accepted < max_iterations and _finite(point.residual, point.jacobian):
         step, damping = _damped(point, bounds, damping, refused)
-        new = np.clip(point.x + step, lower, upper)
+        new = np.clip(point.x + step * bounds.units, lower, upper)
         residual, jacobian = equations(new)
         solved = _size(point.residual) <= goal
         falls = _norm(residual) < (2.0 if solved else 1.0) * _norm(point.residual)
@@ -133,7 +136,8 @@ def solve(
             damping *= _DAMPING_GROW
             if solved or damping > _DAMPING_MAX or np.array_equal(new, point.x):
                 break
-            misfit = _norm(residual - point.residual - point.jacobian @ (new - point.x))
+            moved = (new - point.x) / bounds.units
+            misfit = _norm(residual - point.residual - point.jacobian @ moved)
             # The nonlinear part decreases with the square of the step; rounding does not.
             rounding = refused is not None and misfit > _SHORTER * refused.misfit
             noisy = noisy + 1 if rounding and _size(point.residual) < _ROUNDING_SHOWS else 0
@@ -159,15 +163,20 @@ def solve(
 
 
 def first_step(
-    x: np.ndarray, residual: np.ndarray, jacobian: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    x: np.ndarray,
+    residual: np.ndarray,
+    jacobian: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    units: np.ndarray,
 ) -> np.ndarray:
     """(n,) the first damped step that `solve` takes from a point x, within the bounds."""
     point = _Point(x=x, residual=residual, jacobian=jacobian, factors=_factors(jacobian))
-    return _step(point, _Bounds(lower, upper), _DAMPING_START)
+    return units * _step(point, _Bounds(lower, upper, units), _DAMPING_START)
 
 
 def _result(best: _Point, bounds: _Bounds, goal: float, accepted: int, most: int) -> Result:
-    lower, upper = bounds
+    lower, upper, _ = bounds
     # Fixed entries do not count.
     at_bound = ((best.x <= lower) | (best.x >= upper)) & (lower < upper)
     return Result(
@@ -193,9 +202,9 @@ def _damped(
 
 
 def _step(point: _Point, bounds: _Bounds, damping: float) -> np.ndarray:
-    """The shortest damped step; unknowns that it would move beyond a bound end on the bound."""
+    """The shortest damped step, in units; unknowns that it would move beyond a bound end on it."""
     x, residual, jacobian, factors = point
-    lower, upper = bounds
+    lower, upper, units = bounds
     damping = damping * _norm(residual)
     free = np.ones(len(x), dtype=bool)
     step = np.zeros(len(x))
@@ -204,10 +213,11 @@ def _step(point: _Point, bounds: _Bounds, damping: float) -> np.ndarray:
         move = _shortest(target, factors, damping)
         trial = step.copy()
         trial[free] = move
-        out = free & ((x + trial < lower) | (x + trial > upper))
+        new = x + units * trial
+        out = free & ((new < lower) | (new > upper))
         if not out.any():
             return trial
-        step[out] = np.clip(x + trial, lower, upper)[out] - x[out]
+        step[out] = ((np.clip(new, lower, upper) - x) / units)[out]
         free &= ~out
         if not free.any():
             break

@@ -6,17 +6,20 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Status
-from orbits.motion import logarithmic_period, solved
+from orbits.motion import advanced, logarithmic_period, other_solver, solved
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.newton import Result
 from orbits.shooting.segment import MAX_STEPS
 from orbits.shooting.segmentation import SEGMENTS_MOST
+from orbits.shooting.units import InUnits, map_in_units, sizes_at
 
 #: Roundings made over one segment, in units of the machine epsilon.
 _SEGMENT_ROUNDINGS = 64.0
 #: A residual up to this many times the effect of rounding all unknowns cannot be reduced.
 _ROUNDING_FACTOR = 4.0
+#: Largest error of a segment by another integrator, over the tolerance and the growth of errors.
+_AGREEMENT = 1e5
 #: A start this many times larger than the guess's: everything closes without motion.
 _ESCAPE_FACTOR = 100.0
 #: Of the guessed period, and of how far the guess moves in it: less is a trivial solution.
@@ -32,16 +35,16 @@ class Trouble:
 
     def __init__(self, equations: Equations, guess: np.ndarray):
         """Compare iterates with the unknowns (n,) of a guess."""
-        self.equations = equations
-        self.guess = guess
-        self.size, self.path = _size_and_path(equations, guess)
+        self.equations, self.guess = equations, guess
+        self.sizes = sizes_at(equations, guess)
+        self.size, self.path = self._size_and_path(equations, guess)
 
     def __call__(self, equations: Equations, x: np.ndarray) -> Outcome | None:
         """The outcome of an iteration that ends at x; None if x is acceptable.
 
         The equations may have other segments than those of the guess.
         """
-        size, path = _size_and_path(equations, x)
+        size, path = self._size_and_path(equations, x)
         # A guess of zeros has no size to compare with.
         if size > _ESCAPE_FACTOR * self.size > 0:
             return Outcome.ESCAPE
@@ -54,24 +57,24 @@ class Trouble:
             return Outcome.TRIVIAL
         return None
 
+    def _size_and_path(self, equations: Equations, x: np.ndarray) -> tuple[float, float]:
+        """The largest entry of the start at x, and the path at its first rate, in sizes."""
+        start, rate = (np.asarray(y) / self.sizes for y in _start_and_rate(equations, x))
+        return float(np.abs(start).max()), float(np.linalg.norm(rate)) * x[-1]
+
     def _rests(self, equations: Equations, x: np.ndarray) -> bool:
         """Whether every entry of the state moves far less at x than at the guess."""
-        guessed = extents(self.equations, self.guess)
+        guessed = extents(self.equations, self.guess) / self.sizes
         least = _TRIVIAL_SHARE * np.maximum(guessed, _LEAST_EXTENT * guessed.max())
-        return not (extents(equations, x) > least).any()
-
-
-def _size_and_path(equations: Equations, x: np.ndarray) -> tuple[float, float]:
-    size, speed = size_and_speed(equations, x)
-    return float(size), float(speed) * x[-1]
+        return not (extents(equations, x) / self.sizes > least).any()
 
 
 @jax.jit
-def size_and_speed(equations: Equations, x: Array) -> tuple[Array, Array]:
-    """Largest entry of the start at x, and the norm of the rate there."""
+def _start_and_rate(equations: Equations, x: Array) -> tuple[Array, Array]:
+    """(k,) the start at x, and the rate there."""
     y0 = equations.start(x)
     scene = equations.scene_at(equations.unpack(x).parameter)
-    return jnp.abs(y0).max(), jnp.linalg.norm(scene.rate(jnp.zeros(()), y0))
+    return y0, scene.rate(jnp.zeros(()), y0)
 
 
 def extents(equations: Equations, x: np.ndarray) -> np.ndarray:
@@ -92,8 +95,9 @@ def extents(equations: Equations, x: np.ndarray) -> np.ndarray:
     return far
 
 
-def outcome_of(equations: Equations, result: Result, trouble: Trouble, rtol: float) -> Outcome:
+def outcome_of(closed: InUnits, result: Result, trouble: Trouble) -> Outcome:
     """How Newton's method on the closing equations ended."""
+    equations, rtol = closed.equations, closed.rtol
     if not np.isfinite(result.residual).all():
         # Without tangents, which overflow earlier and hide why the motion itself ends.
         x = equations.unpack(result.x)
@@ -113,26 +117,49 @@ def outcome_of(equations: Equations, result: Result, trouble: Trouble, rtol: flo
     outcome = trouble(equations, result.x)
     if outcome is not None:
         return outcome
-    if result.converged:
-        return Outcome.FOUND
+    early = result.at_bound or result.limit
+    if result.converged or (not early and _at_rounding(closed, result)):
+        return Outcome.FOUND if confirmed(closed, result.x) else Outcome.UNCONFIRMED
     if result.at_bound:
         return Outcome.BOUND
-    if result.limit:
-        return Outcome.ITERATION_LIMIT
-    return Outcome.FOUND if _at_rounding(equations, result, rtol) else Outcome.NO_DESCENT
+    return Outcome.ITERATION_LIMIT if result.limit else Outcome.NO_DESCENT
 
 
-def _at_rounding(equations: Equations, result: Result, rtol: float) -> bool:
+def confirmed(closed: InUnits, x: np.ndarray) -> bool:
+    """Whether the segments at x end where they should by another integrator, too.
+
+    Their errors may be larger than the goal by as much as the motion lets errors grow.
+    """
+    equations, rtol = closed.equations, closed.rtol
+    if equations.collocated:  # its steps have been made with more nodes
+        return True
+    here, ends = jax.tree.map(np.asarray, pieces(equations, x)), []
+    scene = equations.scene_at(equations.unpack(x).parameter)
+    solver = other_solver(scene, logarithmic=equations.s_spans is not None)
+    for i in range(equations.segments):
+        s = None if here.s is None else here.s[i]
+        start = scene.starting(here.start[i])
+        flow = advanced(start, here.span[i], s, t0=here.t0[i], rtol=rtol, solver=solver)
+        ends.append(np.asarray(flow.y1))
+    off = equations.missed(x, here, np.array(ends)) / closed.units.rows
+    maps = map_in_units(closed.transitions(x), closed.sizes)
+    growth = max(1.0, float(np.linalg.norm(maps, axis=(1, 2)).max()))
+    return bool(np.abs(off).max() <= _AGREEMENT * max(rtol, np.finfo(float).eps) * growth)
+
+
+def _at_rounding(closed: InUnits, result: Result) -> bool:
     """Whether the residual is rounding, grown over the segments: no smaller goal can be met."""
+    equations, x = closed.equations, result.x
     if equations.segments < SEGMENTS_MOST:
         return False
     left, unit = np.abs(result.residual).max(), np.finfo(float).eps
-    growth = np.linalg.norm(equations(result.x, rtol).transitions, axis=(1, 2)).max()
+    maps = map_in_units(closed.transitions(x), closed.sizes)
+    growth = np.linalg.norm(maps, axis=(1, 2)).max()
     if left <= _SEGMENT_ROUNDINGS * unit * growth:
         return True
     # An encounter inside a segment amplifies more: compare with the effect of rounding x.
-    signs = np.where(np.arange(len(result.x)) % 2, 1.0, -1.0)
-    rounded = equations(result.x * (1 + unit * signs), rtol).residual
+    signs = np.where(np.arange(len(x)) % 2, 1.0, -1.0)
+    rounded, _ = closed(x * (1 + unit * signs))
     return bool(left <= _ROUNDING_FACTOR * np.abs(rounded - result.residual).max())
 
 

@@ -11,8 +11,10 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import fail, whole
 from jaxdyn.analysis.regularised import logarithmic_span
+from orbits.closing.sizes import sizes
 from orbits.motion import at_even_s, attracts, solved
 from orbits.shooting.equations import Equations
+from orbits.shooting.units import map_in_units, sizes_at
 
 #: Largest growth of errors of the start over a motion in one segment: rounding of 1e-16 is still
 #: well below the goal then.
@@ -35,7 +37,8 @@ def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, para
         return equations
     if segments is None:
         x = equations.spread(guess[:-1], guess[-1], rtol, angle, parameter)
-        growth = float(np.linalg.norm(np.asarray(equations(x, rtol).transitions)[0]))
+        found = map_in_units(equations(x, rtol).transitions, sizes_at(equations, x))
+        growth = float(np.linalg.norm(found[0]))
         # NaN: a collision, or encounters that take too many steps in plain time.
         if growth <= _GROWTH_MOST or not (math.isfinite(growth) or attracts(equations.scene)):
             return equations
@@ -48,7 +51,9 @@ def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, para
 def needed(equations: Equations, guess, rtol, parameter=0.0) -> int:
     """Number of segments in which rounding anywhere in one grows little to its end."""
     fine = with_segments(equations, guess, rtol, SEGMENTS_MOST, parameter)
+    scene = equations.scene_at(jnp.asarray(parameter, float)).starting(guess[:-1], guess[-1])
     maps = fine.transitions(guess[:-1], guess[-1], rtol, parameter)
+    maps = map_in_units(maps, sizes(scene))
     # Powers of two: each number of segments is compiled once.
     for segments in (1, 2, 4, 8, 16):
         grown = [largest(part) for part in np.split(maps, segments)]
@@ -80,7 +85,7 @@ def with_segments(equations: Equations, guess, rtol, segments: int, parameter=0.
         s = float(logarithmic_span(scene, part))
         if np.isfinite(s):
             return _between_encounters(equations, scene, s, segments)
-    fastest = np.asarray(_fastest(scene, ts, ys)) + 1 / part
+    fastest = np.asarray(_fastest(scene, ts, ys, sizes(scene))) + 1 / part
     if not np.isfinite(fastest).all():
         return dataclasses.replace(equations, shares=(1 / segments,) * segments, s_spans=None)
     grown = np.append(0.0, np.cumsum(0.5 * (fastest[1:] + fastest[:-1])))
@@ -106,11 +111,13 @@ def _between_encounters(equations: Equations, scene: Scene, s: float, segments: 
 
 
 @jax.jit
-def _fastest(scene: Scene, ts: Array, ys: Array) -> Array:
+def _fastest(scene: Scene, ts: Array, ys: Array, each: Array) -> Array:
     """(s,) rates of change along a motion, about the largest eigenvalue of the rate's Jacobian.
 
-    From the norm of its fourth power, which is much cheaper than eigenvalues.
+    From the norm of its fourth power, in units of the sizes (k,) of the entries, which is much
+    cheaper than eigenvalues.
     """
     slopes = jax.vmap(jax.jacfwd(scene.rate, argnums=1))(ts, ys)
+    slopes = slopes * (each / each[:, None])[None]
     fourth = jnp.linalg.matrix_power(slopes, 4)
     return jnp.sqrt(jnp.sqrt(jnp.linalg.norm(fourth, axis=(1, 2))))

@@ -6,6 +6,8 @@ flow, and are confirmed in two ways: by these equations on the monodromy matrix 
 vector field f at points off the orbit, where w f = 0 and g commutes with f. (Where M is the unit
 matrix, as for an oscillator, the first test alone would confirm every candidate.)
 
+All norms are those of states in units of their sizes along the motion.
+
 In the axes that turn with a relative orbit M turns the momenta into each other, and so the
 translations: they are confirmed together, and have the multipliers exp(+-i angle).
 """
@@ -30,7 +32,7 @@ RANK = 1e-7
 #: Distances of the points off the orbit, relative to each entry of the start. The nearer ones are
 #: for scenes that are not defined everywhere (negative populations): points with NaN are ignored.
 _DISTANCES_OFF = 0.1, 0.01, 0.001
-#: Of the largest entry of the start: the least size that an entry counts as.
+#: Of the sizes along the motion: the least size that an entry of the start counts as.
 _LEAST_ENTRY = 0.01
 
 
@@ -57,18 +59,19 @@ class _Local(NamedTuple):
 
 
 def kernel(
-    scene: Scene, y0: np.ndarray, m: np.ndarray, doubt: float, basis: np.ndarray
+    scene: Scene, m: np.ndarray, doubt: float, basis: np.ndarray, each: np.ndarray
 ) -> tuple[np.ndarray, list[str], np.ndarray]:
     """Orthonormal basis (d, n) of the kernel of the confirmed integrals' gradients; their names.
 
-    The norm of the error of m (d, d) is about `doubt`. Last the multipliers of those that are
-    confirmed together.
+    The map m (d, d), in a basis of states in sizes `each` (k,), has an error of norm `doubt`,
+    about. Last the multipliers of those that are confirmed together.
     """
-    leaks = _largest(_leaks, _nearby(scene, y0))
+    y0 = np.asarray(scene.y0)
+    leaks = _largest(_leaks, _nearby(scene, each), each)
     gradients, names, others = [np.zeros(len(m))], [], []
     for name, several in _at(scene, 0.0, y0).gradients.items():
         leak = leaks[name].reshape(-1)
-        for i, row in enumerate(several.reshape(-1, len(y0)) @ basis):
+        for i, row in enumerate((several.reshape(-1, len(y0)) * each) @ basis):
             if leak[i] < _EXACT and _kept(row @ m - row, row, m, doubt):
                 gradients.append(row / np.linalg.norm(row))
                 names.append(name if several.ndim == 1 else f"{name} {'xyz'[i]}")
@@ -85,23 +88,24 @@ def complement(
     doubt: float,
     kernel: np.ndarray,
     basis: np.ndarray,
+    each: np.ndarray,
     along: np.ndarray,
 ) -> tuple[np.ndarray, list[str], np.ndarray]:
     """Orthonormal basis (d, p) of the kernel without the confirmed symmetries; their names.
 
     So are directions (k, n) along a family confirmed, which M changes by a multiple of symmetries.
-    Last the multipliers of those that are confirmed together.
+    Last the multipliers of those that are confirmed together. For the others see `kernel`.
     """
     inside, names, others = [np.zeros(len(m))], [], []
-    for name, g in symmetries(scene).items():
-        g = basis.T @ g
+    for name, g in symmetries(scene, each).items():
+        g = basis.T @ (g / each)
         if _kept(m @ g - g, g, m, doubt):
             inside.append(g / np.linalg.norm(g))
             names.append(name)
         elif np.linalg.norm(g) > 0:
             others.append(g / np.linalg.norm(g))
     symmetric = np.linalg.pinv(np.array(inside), RANK) @ np.array(inside)
-    for v in (basis.T @ along).T:
+    for v in (basis.T @ (along / each[:, None])).T:
         change = m @ v - v
         if _kept(change - symmetric @ change, v, m, doubt):
             inside.append(v / np.linalg.norm(v))
@@ -117,13 +121,13 @@ def complement(
     return kernel @ u[:, _rank(s) :], names, multipliers
 
 
-def symmetries(scene: Scene) -> dict[str, Any]:
+def symmetries(scene: Scene, each: np.ndarray) -> dict[str, Any]:
     """Directions (k,) at the scene's start that commute with the vector field, the flow's first.
 
     They are tested on the vector field alone. If it depends on time, the flow is not among them.
     """
     y0 = np.asarray(scene.y0)
-    here, leaks = _at(scene, 0.0, y0), _largest(_commutators, _nearby(scene, y0))
+    here, leaks = _at(scene, 0.0, y0), _largest(_commutators, _nearby(scene, each), each)
     candidates = {"flow": here.rate, **here.moves}
     return {name: g for name, g in candidates.items() if leaks[name] < _EXACT}
 
@@ -150,10 +154,10 @@ def _rank(s: np.ndarray) -> int:
     return int((s > RANK * s.max(initial=0.0)).sum())
 
 
-def _nearby(scene: Scene, y0: np.ndarray) -> list[_Local]:
+def _nearby(scene: Scene, each: np.ndarray) -> list[_Local]:
     """The candidates at a few times and states in general position near the start."""
-    random = np.random.default_rng(0)
-    size = np.maximum(np.abs(y0), _LEAST_ENTRY * np.abs(y0).max(initial=0.0))
+    random, y0 = np.random.default_rng(0), np.asarray(scene.y0)
+    size = np.maximum(np.abs(y0), _LEAST_ENTRY * each)
     count = len(_DISTANCES_OFF)
     noise = np.outer(_DISTANCES_OFF, size) * random.standard_normal((count, len(y0)))
     ts = random.uniform(0.0, float(scene.t1), count)
@@ -204,26 +208,28 @@ def _at(scene: Scene, t, y: np.ndarray) -> _Local:
     return jax.tree.map(np.asarray, _local(scene, np.asarray(t, float), y))
 
 
-def _leaks(at: _Local) -> dict[str, np.ndarray]:
+def _leaks(at: _Local, each: np.ndarray) -> dict[str, np.ndarray]:
     """(...) rate of change of each integral over gradient times f: 0 if conserved, at most 1."""
-    size = np.linalg.norm(at.rate)
+    size = np.linalg.norm(at.rate / each)
     return {
-        name: np.abs(at.changes[name]) / (np.linalg.norm(rows, axis=-1) * size)
+        name: np.abs(at.changes[name]) / (np.linalg.norm(rows * each, axis=-1) * size)
         for name, rows in at.gradients.items()
     }
 
 
-def _commutators(at: _Local) -> dict[str, Any]:
+def _commutators(at: _Local, each: np.ndarray) -> dict[str, Any]:
     """() commutator of each direction with f over the size of its two terms; 0 for a symmetry."""
-    slope, found = np.linalg.norm(at.slope), {}
+    slope, found = np.linalg.norm(at.slope * each / each[:, None]), {}
     for name, g in at.moves.items():
-        size = np.linalg.norm(at.shears[name]) + slope * np.linalg.norm(g)
-        found[name] = np.linalg.norm(at.shears[name] - at.slope @ g) / size
-    return {"flow": np.linalg.norm(at.still) / np.linalg.norm(at.rate), **found}
+        shear = at.shears[name]
+        size = np.linalg.norm(shear / each) + slope * np.linalg.norm(g / each)
+        found[name] = np.linalg.norm((shear - at.slope @ g) / each) / size
+    still = np.linalg.norm(at.still / each) / np.linalg.norm(at.rate / each)
+    return {"flow": still, **found}
 
 
-def _largest(measure: Callable, nearby: list[_Local]) -> dict[str, np.ndarray]:
+def _largest(measure: Callable, nearby: list[_Local], each: np.ndarray) -> dict[str, np.ndarray]:
     """The largest of each measure over several points, without those where it is NaN."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        each = [measure(at) for at in nearby]
-    return {name: np.fmax.reduce([leaks[name] for leaks in each]) for name in each[0]}
+        found = [measure(at, each) for at in nearby]
+    return {name: np.fmax.reduce([leaks[name] for leaks in found]) for name in found[0]}

@@ -5,9 +5,10 @@ import math
 import numpy as np
 
 from jaxdyn import Scene, _checks, _text
-from orbits.analysis.monodromy import returned, tangents
+from orbits.analysis.monodromy import returned, tangents_in
 from orbits.analysis.stability import stability
 from orbits.closing.given import driven
+from orbits.closing.sizes import sizes
 from orbits.orbit import Orbit, SearchError
 from orbits.tori import circle
 from orbits.tori.invariance import Unknowns, mean_energy
@@ -113,11 +114,12 @@ def floquet_vector(orbit: Orbit, pair: int) -> tuple[float, np.ndarray]:
             f"{len(on_circle)}",
             "Tori surround elliptic orbits; orbits.stability has the multipliers.",
         )
-    basis = tangents(orbit.scene, np.asarray(orbit.y0))
-    m, _ = returned(orbit, orbit.rtol, basis)
+    each = sizes(orbit.scene)
+    basis = tangents_in(orbit.scene, each)
+    m, _ = returned(orbit, orbit.rtol, basis, each)
     values, vectors = np.linalg.eig(m)
     i = int(np.argmin(np.abs(values - on_circle[pair])))
-    w = basis @ vectors[:, i]
+    w = each * (basis @ vectors[:, i])
     return float(np.angle(on_circle[pair])), w / np.linalg.norm(w)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from jaxdyn import Scene, Status
 from jaxdyn.solvers import RADAU9
+from orbits.closing.sizes import sizes
 from orbits.motion import solved
 from orbits.shooting.collocation import steps
 from orbits.shooting.equations import Equations, pieces
@@ -97,7 +98,8 @@ def _returning(equations: Equations, scene: Scene, span: float) -> float:
     best, error = span, np.inf
     for _ in range(_RETURNS_MOST):
         end = _passed(equations, scene, np.array([0.0, span]))[-1]
-        miss, slope = map(np.asarray, _closing(equations, scene.y0, end))
+        rows = equations.closing.rows(sizes(scene))
+        miss, slope = (np.asarray(x) / rows for x in _closing(equations, scene.y0, end))
         if not np.linalg.norm(miss) < error:
             break
         best, error = span, float(np.linalg.norm(miss))

@@ -14,6 +14,7 @@ from orbits.shooting.collocation import steps as gauss
 from orbits.shooting.collocation.elimination import Chain, condensed, expanded
 from orbits.shooting.equations import Equations, boundary, pieces
 from orbits.shooting.newton import Iteration, Result
+from orbits.shooting.units import sizes_at
 
 #: Singular values of the condensed equations below this share of the largest belong to motions
 #: along the orbit, its family and the symmetries.
@@ -28,19 +29,29 @@ class Scales(NamedTuple):
     Attributes:
       state: (k,) of a state.
       x: (n,) of all unknowns.
+      closing: (m,) of the equations besides the steps.
     """
 
     state: np.ndarray
     x: np.ndarray
+    closing: np.ndarray
 
 
-def scales_of(equations: Equations, states: np.ndarray) -> Scales:
-    """The largest absolute values of the entries of states (n, k); 1 where they are zero."""
+def scales_of(equations: Equations, x: np.ndarray) -> Scales:
+    """The largest absolute values of the entries of the states at x, and what follows from them."""
+    states = np.asarray(pieces(equations, x).start)
     largest = np.abs(states).max(axis=0)
-    largest = np.where(largest > 0, largest, 1.0)
+    largest = np.where(largest > 0, largest, sizes_at(equations, x))
     between = np.tile(largest, (equations.segments - 1, 1))
-    x = equations.pack(largest, between, angle=1.0, parameter=1.0, period=1.0)
-    return Scales(state=largest, x=x)
+    all_of_x = equations.pack(
+        largest, between, angle=1.0, parameter=1.0, period=x[-1] / (2 * np.pi)
+    )
+    rows = equations.closing.rows(largest)
+    _, by_x, _ = map(np.asarray, _linearised_boundary(equations, x, states[0]))
+    changes = np.linalg.norm(by_x * all_of_x[_shared(equations)], axis=1)
+    closing = np.where(changes > 0, changes, 1.0)
+    closing[: len(rows)] = rows
+    return Scales(state=largest, x=all_of_x, closing=closing)
 
 
 class _Point(NamedTuple):
@@ -49,7 +60,7 @@ class _Point(NamedTuple):
     x: np.ndarray
     end: np.ndarray  # (k,) of the last interval
     chain: Chain  # in scaled unknowns
-    closing: np.ndarray  # (m,) residual of the closing equations
+    closing: np.ndarray  # (m,) residual of the closing equations, in units
 
     @property
     def residual(self) -> np.ndarray:
@@ -67,7 +78,7 @@ def solve(
     report: Callable[[Iteration], None],
 ) -> Result:
     """The solution near x (n,); arguments as of `orbits.shooting.newton.solve`."""
-    scales = scales_of(equations, np.asarray(pieces(equations, x).start))
+    scales = scales_of(equations, x)
     point = _at(equations, x, scales)
     accepted, done = 0, 0
     report(Iteration(index=0, residual=_size(point), period=x[-1], step=0.0))
@@ -117,7 +128,7 @@ def _at(equations: Equations, x: np.ndarray, scales: Scales) -> _Point:
         shared=rows * shared * scales.x[_shared(equations)],
         rest=rest / scales.state,
     )
-    closing = np.asarray(boundary(equations, x, here.start[0], end[-1]))
+    closing = np.asarray(boundary(equations, x, here.start[0], end[-1])) / scales.closing
     return _Point(x=x, end=end[-1], chain=chain, closing=closing)
 
 
@@ -131,7 +142,7 @@ def _step(equations, point: _Point, scales: Scales, lower, upper) -> np.ndarray:
     rows = np.vstack(
         [
             np.hstack([top.left[0] @ first + top.shared[0], top.right[0]]),
-            np.hstack([by_x * unit, by_end * scales.state]),
+            np.hstack([by_x * unit, by_end * scales.state]) / scales.closing[:, None],
         ]
     )
     rest = np.append(top.rest[0], point.closing)

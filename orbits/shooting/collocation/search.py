@@ -25,6 +25,7 @@ from orbits.shooting.effort import Effort
 from orbits.shooting.equations import Equations
 from orbits.shooting.newton import Result
 from orbits.shooting.outcomes import Trouble, orbit_at, outcome_of
+from orbits.shooting.units import InUnits
 
 _MESHES_MOST = 8
 #: Of the goal: error of a step, of which an orbit has hundreds.
@@ -92,7 +93,7 @@ def on_mesh(
             rtol=effort.rtol,
         )
     last, result, error, trouble = found
-    outcome = outcome_of(last, result, trouble, effort.rtol)
+    outcome = outcome_of(InUnits(last, result.x, effort.rtol), result, trouble)
     if outcome == Outcome.FOUND and error > effort.goal:
         outcome = Outcome.MESH_LIMIT
     return orbit_at(

@@ -69,7 +69,8 @@ def test_the_newton_step_of_m_f_is_that_of_f_times_a_number(well):
     several = deflation.known([well], well.scene)
     here = equations(well, (LEVEL,))
     at = np.array([0.05, 0.2, 0.3, 0.1, 6.4])
-    residual, jacobian = deflation._evaluated(here, at)
+    found = here(at, 1e-11)
+    residual, jacobian = map(np.asarray, (found.residual, found.jacobian))
     jacobian = jacobian + np.eye(*jacobian.shape)  # regular: no direction is left undetermined
     slope = deflation._slope(here, at, several)
     plain = np.linalg.solve(jacobian, -residual)
@@ -81,7 +82,9 @@ def test_the_newton_step_of_m_f_is_that_of_f_times_a_number(well):
 def test_the_first_step_is_damped_and_within_the_bounds():
     x, slope = np.array([1.0, 1.0]), np.eye(2)
     upper = np.array([np.inf, 1.5])
-    step = newton.first_step(x, np.array([0.3, -1.0]), slope, np.full(2, -np.inf), upper)
+    step = newton.first_step(
+        x, np.array([0.3, -1.0]), slope, np.full(2, -np.inf), upper, np.ones(2)
+    )
     damping = 0.1 * np.hypot(0.3, 1.0)
     np.testing.assert_allclose(step[0], -0.3 / (1 + damping**2), rtol=0.01)
     assert step[1] == 0.5

@@ -1,0 +1,76 @@
+"""The size of each entry of a motion's state: what everything about an orbit is measured in.
+
+A closing error of 1e-5 is large for an atom in metres and nothing for a planet. So entries of the
+state are compared in units of their sizes along the motion, and times in radians of the period, and
+no verdict depends on the units in which a scene is written.
+
+The size of an entry is its value at the start, or the change that its rate there makes in a radian
+of the period's second harmonic, if that is larger. No motion has to be computed for that. Entries
+of one group (`jaxdyn.scales`) have the same size. An entry that rests at 0 has the size of what the
+others can do to it.
+"""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxdyn import Scene
+from jaxdyn.scales import groups
+
+#: Motions mostly have a few harmonics, which change faster than the first one.
+_HARMONIC = 2
+#: Times, as fractions of the span, at which the rate is asked: a drive may be zero at one of them.
+#: No simple fractions of each other, so that no drive has the same phase at all of them.
+TIMES = (0.0, 0.13, 0.37, 0.71)
+
+
+@jax.jit
+def rate(scene: Scene, t, y: Float[Array, " k"]) -> Float[Array, " k"]:
+    """The scene's vector field, compiled; uncompiled it takes milliseconds."""
+    return scene.rate(t, y)
+
+
+def sizes(scene: Scene) -> np.ndarray:
+    """(k,) the size of each entry along the motion of a scene from its start over its span."""
+    y0, span = np.asarray(scene.y0), float(scene.t1)
+    radian = span / (2 * math.pi * _HARMONIC)
+    rates = np.abs([np.asarray(rate(scene, share * span, y0)) for share in TIMES])
+    rates = np.where(np.isfinite(rates), rates, 0.0).max(axis=0)
+    found = alike(scene, np.maximum(np.abs(y0), radian * rates))
+    if (found > 0).all():
+        return found
+    return _filled(scene, found, radian)
+
+
+def alike(scene: Scene, each: np.ndarray) -> np.ndarray:
+    """(k,) of numbers that are not negative, one for each entry, the largest of each group."""
+    known = groups(scene.system)
+    of, found = np.array(known.of), np.array(each, float)
+    for group in range(max(known.of) + 1):
+        found[of == group] = found[of == group].max()
+    return np.minimum(found, known.most)
+
+
+def _filled(scene: Scene, found: np.ndarray, radian: float) -> np.ndarray:
+    """The sizes, with those that are 0 from the others by the rate's derivatives.
+
+    An entry that no other one moves has the mean of all, which is decided on for one such entry
+    after the other, and what follows from it.
+    """
+    slope = np.asarray(_slope(scene, jnp.asarray(0.0), scene.y0))
+    slope = radian * np.abs(np.where(np.isfinite(slope), slope, 0.0))
+    while (found == 0).any():
+        new = np.where(found == 0, alike(scene, (slope * found).max(axis=1)), found)
+        if (new == found).all():
+            mean = np.exp(np.log(found[found > 0]).mean()) if found.any() else 1.0
+            new = np.where(np.arange(len(found)) == np.argmin(found), mean, found)
+        found = alike(scene, new)
+    return found
+
+
+@jax.jit
+def _slope(scene: Scene, t: Array, y: Array) -> Array:
+    return jax.jacfwd(scene.rate, argnums=1)(t, y)

@@ -1,0 +1,104 @@
+"""Closing equations in the units of a motion: dimensionless unknowns, residual and Jacobian.
+
+Norms, ranks, dampings and goals only mean something for numbers of one kind. So an iteration works
+with the unknowns over their sizes, and with each equation over what it is to be compared with: an
+error of closing with the size of its entry, a condition with the change that the unknowns make in
+it when each changes by its size.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orbits.closing.sizes import sizes
+from orbits.shooting.equations import Equations, Evaluation
+from orbits.shooting.segment import MAX_STEPS
+
+
+class Units(NamedTuple):
+    """Units of unknowns x (n,) and of a residual (m,).
+
+    Attributes:
+      x: (n,).
+      rows: (m,).
+    """
+
+    x: np.ndarray
+    rows: np.ndarray
+
+    def jacobian(self, jacobian: np.ndarray) -> np.ndarray:
+        """(m, n) a Jacobian in these units."""
+        return np.asarray(jacobian) * self.x / self.rows[:, None]
+
+
+def map_in_units(matrices: np.ndarray, each: np.ndarray) -> np.ndarray:
+    """(..., k, k) linear maps of states, in units of the sizes (k,) of their entries."""
+    return np.asarray(matrices) * each / each[:, None]
+
+
+def units_at(equations: Equations, x: np.ndarray, jacobian: np.ndarray, each: np.ndarray) -> Units:
+    """The units of the motion at x, where the Jacobian and the sizes (k,) are known.
+
+    The unit of time is a radian of the period. That of a family's parameter is its value, or what
+    changes the closing error by its unit if that is larger: a parameter may be 0.
+    """
+    between = np.tile(each, (equations.segments - 1, 1))
+    # The states of all segments count as one.
+    share, radian = np.sqrt(equations.segments), x[-1] / (2 * np.pi)
+    x_units = equations.pack(share * each, share * between, angle=1.0, parameter=1.0, period=radian)
+    slopes = np.abs(np.where(np.isfinite(jacobian), jacobian, 0.0))
+    parameter = equations.make is not None
+    changes = slopes * x_units
+    if parameter:
+        changes[:, -2] = 0.0
+    states = np.concatenate([np.ravel(between), equations.closing.rows(each)])
+    rows = np.linalg.norm(changes, axis=1)
+    rows = np.where(rows > 0, rows, 1.0)
+    rows[: len(states)] = states
+    if parameter:
+        effect = float(np.linalg.norm(slopes[:, -2] / rows))
+        x_units[-2] = max(abs(x[-2]), 1 / effect if effect > 0 else 0.0) or 1.0
+    return Units(x_units, rows)
+
+
+def sizes_at(equations: Equations, x: np.ndarray) -> np.ndarray:
+    """(k,) the sizes of the state's entries along the motion at x."""
+    unknowns = equations.unpack(x)
+    scene = equations.scene_at(unknowns.parameter)
+    return sizes(scene.starting(equations.start_at(x), unknowns.period))
+
+
+class InUnits:
+    """Closing equations in the units of the motion at a first point, at a tolerance.
+
+    Attributes:
+      equations: the equations.
+      rtol: tolerance of the integrations.
+      sizes: (k,) of the entries of the state, along that motion.
+      units: the units.
+    """
+
+    def __init__(
+        self, equations: Equations, x: np.ndarray, rtol: float, max_steps: int = MAX_STEPS
+    ):
+        self.equations, self.rtol, self._max_steps = equations, rtol, max_steps
+        self._last = x, equations(x, rtol, max_steps)
+        self.sizes = sizes_at(equations, x)
+        self.units = units_at(equations, x, np.asarray(self._last[1].jacobian), self.sizes)
+
+    def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residual (m,) and Jacobian (m, n), in the units, at unknowns x (n,) as they are.
+
+        An iteration that goes on from the last evaluation does not repeat it.
+        """
+        found = self._at(x)
+        return np.asarray(found.residual) / self.units.rows, self.units.jacobian(found.jacobian)
+
+    def transitions(self, x: np.ndarray) -> np.ndarray:
+        """(segments, k, k) derivatives of each segment's end by its start, as they are."""
+        return np.asarray(self._at(x).transitions)
+
+    def _at(self, x: np.ndarray) -> Evaluation:
+        if not np.array_equal(x, self._last[0]):
+            self._last = x, self.equations(x, self.rtol, self._max_steps)
+        return self._last[1]

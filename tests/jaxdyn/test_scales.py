@@ -1,0 +1,106 @@
+"""Scales of a motion: they change with units as the motion does, and an entry at zero has one."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from units import rewritten
+
+import jaxdyn
+from jaxdyn import scales, scenes
+
+
+def coupled(t, y):
+    return [y[1], -y[0] - y[0] ** 3 + y[2] + jnp.cos(2 * t), y[0] * y[1] - 0.3 * y[2]]
+
+
+def chain(t, y):
+    del t
+    return jnp.roll(y, 1) - 2 * y + jnp.roll(y, -1)
+
+
+def start(scene):
+    groups = scales.groups(scene.system)
+    at = jax.jit(lambda field, y0, t1: scales.at_start(field, groups, jnp.zeros(()), y0, t1))
+    found, rate = at(scene.field, scene.y0, scene.t1)
+    np.testing.assert_allclose(rate, scene.rate(jnp.zeros(()), scene.y0), rtol=1e-14)
+    return np.asarray(found.sizes), float(found.time)
+
+
+def test_the_scales_at_a_start_change_with_units_as_the_motion_does():
+    scene = jaxdyn.ode(coupled, [0.7, 0.0, 0.0], 10.0)
+    sizes, time = start(scene)
+    for seed in range(3):
+        rewriting = rewritten(scene, seed)
+        found, time_there = start(rewriting.scene)
+        np.testing.assert_allclose(found, rewriting.y * sizes, rtol=1e-13)
+        assert time_there == pytest.approx(rewriting.t * time, rel=1e-13)
+
+
+def test_an_entry_at_zero_has_the_size_that_others_give_to_it():
+    # By a coupling, by a product of two entries that are zero at the start, and along a chain.
+    assert (start(jaxdyn.ode(coupled, [0.7, 0.0, 0.0], 10.0))[0] > 1e-3).all()
+    assert (start(jaxdyn.ode(coupled, [0.0, 0.0, 0.0], 10.0))[0] > 1e-3).all()
+    assert (start(jaxdyn.ode(chain, [1.0, *[0.0] * 40], 10.0))[0] > 0).all()
+
+
+def test_the_time_is_that_of_the_fastest_rate():
+    for k in (1e-6, 1.0, 1e6):
+        _, time = start(scenes.oscillator(k=k))
+        assert time == pytest.approx(k**-0.5, rel=0.3)
+
+
+def test_nothing_that_depends_on_the_state_leaves_the_span():
+    sizes, time = start(jaxdyn.ode(lambda t, y: [3.0, 0.0], [0.0, 0.0], 5.0))
+    assert time == 5.0
+    np.testing.assert_array_equal(sizes, [15.0, 0.0])
+
+
+def test_entries_of_one_unit_share_a_size_and_angles_are_known_by_the_radian():
+    groups = scales.groups(scenes.double_pendulum().system)
+    assert groups.of == (0, 0, 1, 1)
+    np.testing.assert_array_equal(groups.largest(jnp.array([9.0, 2.0, 3.0, 4.0])), [1, 1, 4, 4])
+    assert len(set(scales.groups(scenes.three_body().system).of)) == 2
+
+
+def test_a_second_order_state_without_units_has_places_and_velocities():
+    def fall(t, y):
+        return jnp.concatenate([y[2:], -y[:2]])
+
+    plain, second = (jaxdyn.ode(fall, [1.0, 0, 0, 1.0], second_order=is_) for is_ in (False, True))
+    assert scales.groups(plain.system).of == (0, 1, 2, 3)
+    assert scales.groups(second.system).of == (0, 0, 1, 1)
+
+
+def test_long_states_have_the_groups_of_short_ones():
+    many = scales.Groups(tuple([0, 1] * 40), tuple([np.inf] * 80))
+    x = jnp.arange(80.0)
+    np.testing.assert_array_equal(many.largest(x), np.tile([78.0, 79.0], 40))
+
+
+def test_the_scales_of_a_known_motion():
+    def still(t, y):  # z is moved by x; u by nothing
+        return [y[1], -y[0], 5e-9 * y[0] * y[1], 0.0]
+
+    scene = jaxdyn.ode(still, [2.0, 0.0, 0.0, 0.0], 6.0)
+    ts = np.linspace(0, 6, 50)
+    ys = np.stack([2 * np.cos(ts), -2 * np.sin(ts), 0 * ts, 0 * ts], axis=1)
+    groups = scales.groups(scene.system)
+    found = scales.of_motion(
+        scene.field, groups, jnp.asarray(ts), jnp.asarray(ys), jnp.asarray(6.0)
+    )
+    x, v, z, u = np.asarray(found.sizes)
+    assert x == 2.0
+    assert v == pytest.approx(2.0, rel=0.01)
+    assert 1e-9 < z < 1e-6
+    assert min(x, z) < u < max(x, v)
+    rewriting = rewritten(scene, 0)
+    there = scales.of_motion(
+        rewriting.scene.field,
+        groups,
+        jnp.asarray(ts * rewriting.t),
+        jnp.asarray(ys * rewriting.y),
+        jnp.asarray(6.0 * rewriting.t),
+    )
+    np.testing.assert_allclose(there.sizes[:3], (rewriting.y * found.sizes)[:3], rtol=1e-13)
+    assert float(there.time) == 6.0 * rewriting.t
