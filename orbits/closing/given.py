@@ -7,9 +7,10 @@ import numpy as np
 
 from jaxdyn import Scene, System
 from jaxdyn._checks import array, fail, positive, shaped, untraced
+from jaxdyn.plan import plan_of
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Condition, Hold, conditions
-from orbits.closing.sizes import TIMES, alike, rate, sizes
+from orbits.closing.sizes import SPREAD, alike, rates_at, sizes
 from orbits.closing.symmetry import EXACT
 
 _DIFFERENTIATE = (
@@ -18,6 +19,8 @@ _DIFFERENTIATE = (
 )
 #: Distance from the start of a second state at which rates are compared, in units of the sizes.
 _BESIDE = 1e-3
+#: Of a drive's period: a guess so near to a multiple means that one.
+_NEAR = 0.25
 #: Of the rate that the sizes make in a radian of the span: smaller rates are rounding.
 _ROUNDING = 1e-6
 
@@ -79,7 +82,13 @@ def posed(
     scene = scene.starting(guess[:-1], guess[-1])
     depends_on_time = driven(scene)
     if depends_on_time:
-        check_drive(scene, guess[-1])
+        guess[-1] = in_step(scene, float(guess[-1]))
+        if not low[-1] <= guess[-1] <= high[-1]:
+            wanted = f"bounds of the period around {guess[-1]:.15g}, a multiple of the drive's"
+            raise fail("bounds", wanted, f"{low[-1]} to {high[-1]}")
+        scene = scene.starting(scene.y0, guess[-1])
+        if drive_period(scene) is not None:
+            low[-1] = high[-1] = guess[-1]
     closings, held = _closings(scene, closing), conditions(scene, hold)
     for condition in held if type(scene.system).project is System.project else ():
         low, high = condition.fixed(guess, low, high)
@@ -129,20 +138,44 @@ def _bound(name: str, value, k: int, without: float) -> np.ndarray:
 
 
 def driven(scene: Scene) -> bool:
-    """Whether the rate depends on time."""
-    rates = np.array(_rates(scene, 0.0)).reshape(-1, len(TIMES), len(scene.y0))
-    return not np.array_equal(rates, np.broadcast_to(rates[:, :1], rates.shape), equal_nan=True)
+    """Whether the rate depends on time; where not, that is proved from its program."""
+    return plan_of(scene.field, len(scene.y0)).depends_on_time
+
+
+def in_step(scene: Scene, period: float) -> float:
+    """The multiple of the drive's period that a guess of an orbit's period means.
+
+    Where the rate depends on time, an orbit must close in the phase of the drive too.
+
+    Raises:
+      ValueError: the guess lies between two multiples; or the drive's period cannot be read from
+        the program of the rate, and the rate does not repeat after the guess.
+    """
+    drive = drive_period(scene)
+    if drive is None:
+        check_drive(scene, period)
+        return period
+    turns = max(round(period / drive), 1)
+    if abs(period - turns * drive) > _NEAR * drive:
+        near = f"{turns * drive:.15g}"
+        got = f"{period}, between two of them"
+        raise fail("period", f"a multiple of the drive's, {drive:.15g}", got, f"Say {near}?")
+    return turns * drive
+
+
+def drive_period(scene: Scene) -> float | None:
+    """The period of the rate in time; None where it has none that can be read."""
+    return plan_of(scene.field, len(scene.y0)).period(scene.field)
 
 
 def check_drive(scene: Scene, period: float) -> None:
-    """Raise ValueError unless the rate repeats after the period.
-
-    Where the rate depends on time, an orbit must close in the phase of the drive too.
-    """
+    """Raise ValueError unless the rate repeats after the period."""
     if not repeats(scene, period):
+        drive = drive_period(scene)
+        wanted = "a multiple of the drive's, since the rate depends on time"
         raise fail(
             "period",
-            "a multiple of the drive's, since the rate depends on time",
+            wanted if drive is None else f"{wanted}: {drive:.15g}",
             f"{period}, after which it does not repeat",
             "Give period=, to nine digits or more.",
         )
@@ -150,17 +183,21 @@ def check_drive(scene: Scene, period: float) -> None:
 
 def repeats(scene: Scene, period: float) -> bool:
     """Whether the rate is the same after a period."""
-    now, later = (np.array(_rates(scene, t)) for t in (0.0, period))
+    drive = drive_period(scene)
+    if drive is not None:
+        turns = period / drive
+        return round(turns) >= 1 and abs(turns - round(turns)) <= EXACT * turns
+    now, later = (_rates(scene, t, period) for t in (0.0, period))
     # Rates that are rounding have no size of their own.
     least = _ROUNDING * 2 * np.pi / float(scene.t1) * sizes(scene)
     size = np.maximum(alike(scene, np.abs(now).max(axis=0)), least)
     return bool((np.abs(now - later) <= EXACT * size).all())
 
 
-def _rates(scene: Scene, later: float) -> list[np.ndarray]:
-    """At several times, at the start and beside it: at rest the drive may cancel there alone."""
+def _rates(scene: Scene, later: float, period: float) -> np.ndarray:
+    """At many times, at the start and beside it: at rest the drive may cancel there alone."""
     y0 = np.asarray(scene.y0)
     beside = y0 + _BESIDE * sizes(scene) * (1 + np.arange(len(y0)))
-    ts = later + float(scene.t1) * np.array(TIMES)
-    at, off = ([np.asarray(rate(scene, t, y)) for t in ts] for y in (y0, beside))
-    return at + off if np.isfinite(off).all() else at  # the scene may be undefined there
+    ts = later + period * SPREAD
+    at, off = (np.asarray(rates_at(scene, ts, y)) for y in (y0, beside))
+    return np.concatenate([at, off] if np.isfinite(off).all() else [at])  # it may be undefined

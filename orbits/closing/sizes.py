@@ -22,9 +22,9 @@ from jaxdyn.scales import groups
 
 #: Motions mostly have a few harmonics, which change faster than the first one.
 _HARMONIC = 2
-#: Times, as fractions of the span, at which the rate is asked: a drive may be zero at one of them.
-#: No simple fractions of each other, so that no drive has the same phase at all of them.
-TIMES = (0.0, 0.13, 0.37, 0.71)
+#: Times, as fractions of the span, at which the rate is asked, spread by the golden section: a
+#: drive may be zero at most of them, and has the same phase at no two of them.
+SPREAD = (np.arange(512) + 0.5) * (math.sqrt(5.0) - 1.0) / 2 % 1.0
 
 
 @jax.jit
@@ -33,11 +33,17 @@ def rate(scene: Scene, t, y: Float[Array, " k"]) -> Float[Array, " k"]:
     return scene.rate(t, y)
 
 
+@jax.jit
+def rates_at(scene: Scene, ts: Array, y: Float[Array, " k"]) -> Array:
+    """(s, k) the vector field at a state and several times."""
+    return jax.vmap(lambda t: scene.rate(t, y))(ts)
+
+
 def sizes(scene: Scene) -> np.ndarray:
     """(k,) the size of each entry along the motion of a scene from its start over its span."""
     y0, span = np.asarray(scene.y0), float(scene.t1)
     radian = span / (2 * math.pi * _HARMONIC)
-    rates = np.abs([np.asarray(rate(scene, share * span, y0)) for share in TIMES])
+    rates = np.abs(np.asarray(rates_at(scene, SPREAD * span, y0)))
     rates = np.where(np.isfinite(rates), rates, 0.0).max(axis=0)
     found = alike(scene, np.maximum(np.abs(y0), radian * rates))
     if (found > 0).all():
