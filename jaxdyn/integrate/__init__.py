@@ -5,11 +5,13 @@
 derivatives in both modes, by the variational equations of `variational`; `adjoint` is the gradient
 of one loss by many numbers (`adjoint=True`), `fixed` the solve with the parameters as constants,
 `step_control` the step size, `observing` the samples and the limits of a run, `switching` the
-change to an implicit method where a motion is stiff. Events: `events` (the calls) and the folder
+change to another method where the default does not suit a motion. `march` is the loop over steps,
+`lookahead` keeps them from passing over brief parts of a rate, `pieces` follows rates with
+conditions, each piece in one branch. Events: `events` (the calls) and the folder
 `event_search` (the search within a step). Piecewise-smooth motions: `phases` (the calls, which
 phase is first and next), `phase` (one phase, and when a state fits it).
 
-May import: `solvers`. A scene is used only through its rate, its projection and its labels.
+May import: `solvers`, `plan`. A scene is used only through its rate, its projection and its labels.
 
 One more kind of result is one more file beside `events`, which uses `flow` or `event_search` and
 the limits of `spans`; if users call it, one line below.

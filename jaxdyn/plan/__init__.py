@@ -1,7 +1,14 @@
 """What is true of a kind of scene, read once from the program of its rate.
 
-`plan.Plan` says how the rate depends on time and which conditions it contains; `branches` evaluates
-it with the outcomes of its conditions given; `bounds` encloses what depends on time alone.
+`plan` says how the rate depends on time and which conditions it contains; `branches` evaluates
+it with the outcomes of its conditions given, and `in_branch` is a field so evaluated, also where it
+slides. `bounds` encloses what depends on time alone, `times` finds with them what a step must not
+pass over, `period` reads the period of a drive.
+
+May import: `jaxdyn`, that is the files at the top level.
+
+One more operation that may be a condition is one more rule in `branches`, and one with bounds a
+rule in `bounds`. An operation without a rule is evaluated as it stands.
 """
 
 from jaxdyn.plan.plan import Plan as Plan

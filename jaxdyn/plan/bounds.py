@@ -30,12 +30,13 @@ class Bounds(NamedTuple):
 _Value = Bounds | Any
 
 
-def enclosed(program, args: Sequence[_Value]) -> list[_Value]:
+def enclosed(program, args: Sequence[_Value], unknown: set[str] | None = None) -> list[_Value]:
     """The results of a program (a ``ClosedJaxpr``), bounds where they move.
 
     Args:
       program: of float operations on arrays.
       args: its arguments, known numbers or `Bounds`.
+      unknown: takes the names of operations without a rule, whose bounds are the whole line.
     """
     jaxpr = program.jaxpr
     values = dict(zip(jaxpr.constvars, program.consts, strict=True))
@@ -45,19 +46,19 @@ def enclosed(program, args: Sequence[_Value]) -> list[_Value]:
         return atom.val if isinstance(atom, jax.extend.core.Literal) else values[atom]
 
     for eqn in jaxpr.eqns:
-        found = _applied(eqn, [read(a) for a in eqn.invars])
+        found = _applied(eqn, [read(a) for a in eqn.invars], unknown)
         values |= dict(zip(eqn.outvars, found, strict=True))
     return [read(a) for a in jaxpr.outvars]
 
 
-def _applied(eqn, args: list[_Value]) -> Sequence[_Value]:
+def _applied(eqn, args: list[_Value], unknown: set[str] | None) -> Sequence[_Value]:
     name, params = eqn.primitive.name, eqn.params
     if not any(isinstance(x, Bounds) for x in args):
         return bound(eqn, args)
     if name in CALLS:
         inner = params.get("jaxpr") or params.get("call_jaxpr") or params["fun_jaxpr"]
         closed = inner if hasattr(inner, "consts") else jax.extend.core.ClosedJaxpr(inner, ())
-        return enclosed(closed, args)
+        return enclosed(closed, args, unknown)
     if name in _ENTRY_BY_ENTRY:
         n = _ENTRY_BY_ENTRY[name] or len(args)
         if any(isinstance(x, Bounds) for x in args[n:]):
@@ -70,6 +71,8 @@ def _applied(eqn, args: list[_Value]) -> Sequence[_Value]:
         return [_with_domain(name, as_bounds(args[0]), low, high)]
     if name in _RULES:
         return [_RULES[name](params, *args)]
+    if unknown is not None:
+        unknown.add(name)
     return [_unknown(v.aval.shape) for v in eqn.outvars]
 
 

@@ -49,6 +49,7 @@ class Plan:
       conditions: in the order in which the program meets them.
       of_time: (e,) for each entry of a branch, whether it depends on time alone.
       unread: names of operations that may hide conditions.
+      bounded: whether all operations on time alone have bounds.
       partial: whether the rate contains functions that are not defined for all states.
       hides: whether parts of the rate that depend on time alone may act so briefly that a step
         would pass over them.
@@ -76,6 +77,12 @@ class Plan:
         self.of_time = np.concatenate([np.zeros(0, bool), *sides])
         self.unread = frozenset(whole.unread)
         self.hides = bool(part.leaves)
+        self.bounded = True
+        if self.hides or self.of_time.any():
+            unknown = self._without_bounds()
+            self.unread |= {f"{name} of time" for name in unknown}
+            self.bounded = not unknown
+            self.hides &= self.bounded
         self.partial = whole.partial
 
     @property
@@ -121,8 +128,10 @@ class Plan:
         walk.results(walk.program(self._program, _inputs(leaves, t, None)))
         return [jnp.asarray(x.array, float) for x in walk.leaves], _conditions(walk)
 
-    def bounds_of_parts(self, system: PyTree, low: Array, high: Array, branch: Array) -> Bounds:
-        """(u,) bounds of `time_parts` from one time to another.
+    def bounds_of_parts(
+        self, system: PyTree, low: Array, high: Array, branch: Array
+    ) -> tuple[Bounds, Array]:
+        """(u,) bounds of `time_parts` from one time to another, and of the size of their slopes.
 
         The narrower of those of their formulas, and those by their slopes about the middle.
         """
@@ -132,9 +141,26 @@ class Plan:
         (slope,) = enclosed(slopes, [*given, Bounds(low, high)])
         plain, slope = as_bounds(plain), as_bounds(slope)
         (middle,) = enclosed(parts, [*given, 0.5 * (low + high)])
-        most = 0.5 * (high - low) * jnp.maximum(jnp.abs(slope.low), jnp.abs(slope.high))
+        steepest = jnp.maximum(jnp.abs(slope.low), jnp.abs(slope.high))
+        steepest = jnp.where(jnp.isnan(steepest), jnp.inf, steepest)
+        most = 0.5 * (high - low) * steepest
         most = jnp.where(jnp.isnan(most), jnp.inf, most)
-        return Bounds(jnp.maximum(plain.low, middle - most), jnp.minimum(plain.high, middle + most))
+        low, high = jnp.maximum(plain.low, middle - most), jnp.minimum(plain.high, middle + most)
+        return Bounds(low, high), steepest
+
+    def _without_bounds(self) -> frozenset[str]:
+        """Names of operations on time alone that have no bounds."""
+        unknown: set[str] = set()
+
+        def enclose(*given):
+            *known, low, high = given
+            for program in self._programs:
+                enclosed(program, [*known, Bounds(low, high)], unknown)
+            return low
+
+        branch = jax.ShapeDtypeStruct((self.size,), float)
+        jax.eval_shape(enclose, *self._leaves, branch, _TIME, _TIME)
+        return frozenset(unknown)
 
     def bounds_of_margins(self, system: PyTree, low: Array, high: Array, branch: Array) -> Bounds:
         """Bounds of the margins of `time_conditions` from one time to another."""

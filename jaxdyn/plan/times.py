@@ -17,19 +17,23 @@ _PLACES = np.array([0.103, 0.347, 0.611, 0.869])
 #: Times as large as the range of the samples that the range of a part in a step may be. A method
 #: that sees an eighth of a variation judges the step by its error.
 _MOST_UNSEEN = 8.0
+#: Likewise for what its steepest slope would make of it: a sample may meet a pulse by chance.
+_MOST_STEEP = 60.0
 #: Range that is small enough not to matter, relative to a part in the step and in the whole span.
 _SMALL_HERE, _SMALL_EVER = 1e-3, 1e-12
 #: Halvings of a step at most: a pulse of 1e-9 of it is looked for.
 _MOST_HALVINGS = 30
 #: Times in a span that are told from each other at least.
 _LEAST = 2.0**-60
+#: Times at which conditions without bounds are looked at, in an interval.
+_SAMPLES = 65
 #: Intervals that are looked at for a switching time at most.
 _MOST_INTERVALS = 100_000
 
 
 def sizes(plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array) -> Array:
     """(u,) the largest size that each part in time may have in a span; 0 where it is unknown."""
-    found = plan.bounds_of_parts(system, jnp.minimum(t0, t1), jnp.maximum(t0, t1), branch)
+    found, _ = plan.bounds_of_parts(system, jnp.minimum(t0, t1), jnp.maximum(t0, t1), branch)
     most = jnp.maximum(jnp.abs(found.low), jnp.abs(found.high))
     return jnp.where(jnp.isfinite(most), most, 0.0)
 
@@ -54,11 +58,14 @@ def furthest_seen(
     def hidden(h: Array) -> Array:
         end = t0 + h
         low, high = jnp.minimum(t0, end), jnp.maximum(t0, end)
-        most = plan.bounds_of_parts(system, low, high, branch)
+        most, steepest = plan.bounds_of_parts(system, low, high, branch)
         at = jax.vmap(lambda t: plan.time_parts(system, t, branch))(t0 + _PLACES * h)
         seen = jnp.max(at, axis=0) - jnp.min(at, axis=0)
         small = _SMALL_HERE * jnp.max(jnp.abs(at), axis=0) + _SMALL_EVER * sizes
-        return ~(most.high - most.low <= _MOST_UNSEEN * seen + small).all()
+        wide = ~(most.high - most.low <= _MOST_UNSEEN * seen + small)
+        steep = jnp.abs(h) * steepest > _MOST_STEEP * (seen + small)
+        # A root is infinitely steep, and hides nothing.
+        return (wide | (steep & jnp.isfinite(steepest))).any()
 
     def again(carry: tuple[Array, Array]) -> tuple[Array, Array]:
         n, h = carry
@@ -83,6 +90,10 @@ def next_change(plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array)
 
     def clear(a: Array, b: Array) -> Array:
         a, b = way * a, way * b
+        if not plan.bounded:
+            at = a + (b - a) * jnp.linspace(0.0, 1.0, _SAMPLES)
+            found = jax.vmap(lambda t: plan.time_conditions(system, t, branch).outcomes)(at[1:])
+            return (found == given).all()
         margins = plan.bounds_of_margins(system, jnp.minimum(a, b), jnp.maximum(a, b), branch)
         return (margins.low >= 0).all()
 
@@ -92,10 +103,10 @@ def next_change(plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array)
         b = jnp.minimum(a + w, end)
         least = jnp.maximum(jnp.nextafter(a, jnp.inf), a + tiny)
         b = jnp.maximum(b, jnp.minimum(least, end))
-        free = clear(a, b)
+        other = (plan.time_conditions(system, way * b, branch).outcomes != given).any()
+        free = clear(a, b) & ~other
         last = b <= least
-        outcomes = plan.time_conditions(system, way * b, branch).outcomes
-        changed = last & ~free & (outcomes != given).any()
+        changed = last & other
         onwards = free | (last & ~changed)
         w = jnp.where(onwards, 2.0 * w, 0.5 * (b - a))
         return n + 1, jnp.where(onwards | changed, b, a), w, changed
