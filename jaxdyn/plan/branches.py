@@ -375,7 +375,8 @@ def bound(eqn, args: list) -> Sequence[Any]:
     given = eqn.primitive.get_bind_params(eqn.params)
     # Until JAX 0.9 a pair: functions, and the other parameters.
     functions, params = ((), given) if isinstance(given, dict) else given
-    found = eqn.primitive.bind(*functions, *args, **params)
+    with np.errstate(all="ignore"):  # known numbers are NumPy's
+        found = eqn.primitive.bind(*functions, *args, **params)
     return found if eqn.primitive.multiple_results else [found]
 
 

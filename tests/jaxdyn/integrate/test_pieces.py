@@ -1,0 +1,200 @@
+"""Rates with conditions, pulses and tables: closed forms, SciPy's DOP853 piece by piece, mpmath."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxdyn
+from jaxdyn import effects, ensemble, solvers
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate import events
+from jaxdyn.status import Status
+
+#: By mpmath's quadrature of exp(-((t - 10) / p)^2) sin(20 - t) and cos(20 - t).
+KICKED_AT_REST = (-0.190931568430, -0.294483504159)
+KICKED = (0.311897592517, -1.061295467494)
+
+
+def kick(t, y, p):
+    return [y[1], -y[0] + jnp.exp(-(((t - 10) / p) ** 2))]
+
+
+def modulated(t, y):
+    return [(jnp.where(jnp.mod(t, 1e-3) < 5e-5, 1.0, 0.0) - y[0]) / 0.1]
+
+
+def pushed(on, off=5.5):
+    """A particle at rest that is pushed by 1 N from one time to another."""
+    forces = (effects.StepForce(jnp.ones(1), on), effects.StepForce(-jnp.ones(1), off))
+    return jaxdyn.Scene(FreePoints(jnp.ones(1), 1), forces, y0=jnp.zeros(2), t1=10.0)
+
+
+def stuck(t, y, p):
+    return [y[1], -y[0] - p * jnp.sign(y[1])]
+
+
+def contact(t, y, p):
+    return [y[1], p * jnp.maximum(0.0, -y[0]) ** 1.5 - 9.81]
+
+
+METHODS = [None, solvers.VERNER9, solvers.DOPRI8, solvers.TAYLOR16, solvers.RADAU9]
+
+
+@pytest.mark.parametrize("solver", METHODS, ids=lambda m: m.name if m else "default")
+def test_a_pulse_is_seen_by_every_method(solver):
+    run = jaxdyn.simulate(jaxdyn.ode(kick, [1.0, 0.0], 20.0, params=0.1), solver=solver, samples=2)
+    assert np.allclose(run.ys[-1], KICKED, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("samples", [2, 50, 2000])
+def test_a_pulse_at_rest_with_digits(samples):
+    scene = jaxdyn.ode(kick, [0.0, 0.0], 20.0, params=0.2)
+    run = jaxdyn.simulate(scene, digits=10, samples=samples)
+    assert np.allclose(run.ys[-1], KICKED_AT_REST, rtol=0, atol=2e-12)
+
+
+@pytest.mark.parametrize("width", [1e-2, 1e-4, 2e-5])
+def test_pulses_down_to_a_millionth_of_the_span(width):
+    # An impulse of width sqrt(pi) at t = 10, but for the square of the width.
+    run = jaxdyn.solve(jaxdyn.ode(kick, [0.0, 0.0], 20.0, params=width), 20.0)
+    impulse = width * np.sqrt(np.pi) * np.exp(-(width**2) / 4)
+    assert np.allclose(run.y1, impulse * np.array([np.sin(10), np.cos(10)]), rtol=1e-6)
+
+
+def test_a_pulse_in_ensembles_events_and_derivatives():
+    scene = jaxdyn.ode(kick, [1.0, 0.0], 20.0, params=0.1)
+    ends = ensemble.run(scene, np.array([[1.0, 0.0], [0.0, 0.0]]), 20.0)
+    assert np.allclose(ends.y1[0], KICKED, rtol=0, atol=1e-8)
+    rest = jaxdyn.ode(kick, [0.0, 0.0], 20.0, params=0.1)
+    stop = events.until(rest, events.Reaches(0, 0.05, 1))
+    impulse = 0.1 * np.sqrt(np.pi) * np.exp(-0.0025)
+    assert abs(stop.t - (10 + np.arcsin(0.05 / impulse))) < 1e-4
+    gradient = jax.grad(end_of)(0.1)
+    expected = np.sqrt(np.pi) * np.exp(-0.0025) * (1 - 0.01 / 2) * np.sin(10)
+    assert abs(gradient - expected) < 1e-8
+
+
+def end_of(width):
+    return jaxdyn.solve(jaxdyn.ode(kick, [0.0, 0.0], 20.0, params=width), 20.0).y1[0]
+
+
+@pytest.mark.parametrize("samples", [2, 200, 2000])
+def test_pulse_width_modulation(samples):
+    run = jaxdyn.simulate(jaxdyn.ode(modulated, [0.0], 0.3), samples=samples)
+    assert abs(run.ys[-1, 0] - 0.047285309612386) < 1e-13
+    assert run.rejected == 0
+
+
+def test_forces_that_are_switched_on_and_off():
+    run = jaxdyn.simulate(pushed(5.0))
+    assert np.allclose(run.ys[-1], (2.375, 0.5), rtol=0, atol=1e-14)
+    stop = events.until(pushed(5.0), events.Reaches(0, 1.1875))
+    assert abs(stop.t - 7.625) < 1e-14
+    at = jnp.array([4.0, 5.0, 5.25, 5.5, 9.0])
+    expected = np.array([0, 0, 0.25**2 / 2, 0.125, 0.125 + 0.5 * 3.5])
+    assert np.allclose(jaxdyn.simulate(pushed(5.0), samples=at).ys[:, 0], expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("adjoint", [False, True])
+def test_derivatives_by_a_switching_time(adjoint):
+    def end(on):
+        return jaxdyn.solve(pushed(on, 20.0), 10.0, adjoint=adjoint).y1[0]
+
+    assert abs(jax.grad(end)(3.0) + 7) < 1e-12
+    if not adjoint:
+        assert abs(jax.jacfwd(end)(3.0) + 7) < 1e-12
+        assert abs(jax.grad(jax.grad(end))(3.0) - 1) < 1e-12
+
+
+def test_derivatives_of_events_by_a_switching_time():
+    when = lambda on: events.until(pushed(on, 20.0), events.Reaches(0, 1.1875)).t  # noqa: E731
+    assert abs(jax.grad(when)(3.0) - 1) < 1e-12
+
+
+def test_a_fit_of_a_switching_time():
+    at = jnp.linspace(4.0, 10.0, 13)
+    measured = jaxdyn.solve(pushed(3.217, 20.0), 10.0, ts=at).ys[:, 0]
+    residual = lambda on: jaxdyn.solve(pushed(on, 20.0), 10.0, ts=at).ys[:, 0] - measured  # noqa: E731
+    on = 2.0
+    for _ in range(8):
+        slope = jax.jacfwd(residual)(on)
+        on = on - slope @ residual(on) / (slope @ slope)
+    assert abs(on - 3.217) < 1e-10
+
+
+@pytest.mark.parametrize("samples", [2, 50, 2000])
+def test_a_table_with_a_spike(samples):
+    knots = np.linspace(0.0, 14.0, 141)
+    heights = np.zeros(141)
+    heights[70] = 1.0
+    table = lambda t, y: [jnp.interp(t, knots, heights) - y[0]]  # noqa: E731
+    run = jaxdyn.simulate(jaxdyn.ode(table, [0.0], 14.0), samples=samples)
+    # A triangle of half width 0.1 about t = 7.
+    triangle = 2 * (np.cosh(0.1) - 1) / 0.1
+    assert abs(run.ys[-1, 0] - triangle * np.exp(-7.0)) < 1e-16
+
+
+def test_contact_stiffness_and_its_derivative():
+    scene = jaxdyn.ode(contact, [1.0, 0.0], 3.0, params=1e6)
+    run = jaxdyn.simulate(scene, rtol=1e-12)
+    # DOP853 at 1e-13 in contact, parabolas between.
+    assert np.allclose(run.ys[-1], (0.66267798318763, -2.57259751415525), rtol=1e-10)
+
+
+def test_dry_friction_sticks():
+    run = jaxdyn.simulate(jaxdyn.ode(stuck, [2.05, 0.0], 20.0, params=0.3))
+    assert np.allclose(run.ys[-1], (-0.25, 0.0), rtol=0, atol=1e-10)
+    assert run.steps < 100
+    # Each of three half swings takes 2 p off the amplitude.
+    end = lambda p: jaxdyn.solve(jaxdyn.ode(stuck, [2.05, 0.0], 20.0, params=p), 20.0).y1[0]  # noqa: E731
+    assert abs(jax.grad(end)(0.3) - 6) < 1e-9
+    held = jaxdyn.simulate(jaxdyn.ode(stuck, [-0.2, 0.0], 20.0, params=0.3))
+    assert np.allclose(held.ys, [-0.2, 0.0], rtol=0, atol=1e-12)
+
+
+def test_adjoints_through_sliding_are_refused_and_others_are_right():
+    def banged(t, y, p):
+        return [y[1], -y[0] - p * jnp.where(y[0] > 0.2, 1.0, -0.5) - 0.1 * y[1]]
+
+    def end(p, rate, y0, adjoint):
+        return jaxdyn.solve(jaxdyn.ode(rate, y0, 1.0, params=p), 10.0, adjoint=adjoint).y1[0]
+
+    both = [jax.grad(end)(0.4, banged, [1.0, 0.0], adjoint) for adjoint in (False, True)]
+    assert abs(both[0] - both[1]) < 1e-10
+    assert np.isnan(jax.grad(end)(0.3, stuck, [2.05, 0.0], True))
+
+
+def test_chattering_ends_in_a_status():
+    # Three surfaces through one point, each pushing back to the next.
+    def rate(t, y):
+        return [-jnp.sign(y[0] + 2 * y[1]), -jnp.sign(y[1] - 2 * y[0])]
+
+    run = jaxdyn.simulate(jaxdyn.ode(rate, [1.0, 0.3], 20.0), throw=False)
+    assert run.status == Status.CHATTERING
+    assert np.isnan(run.ys[-1]).all()
+
+
+def test_conditions_in_ensembles_jit_and_backwards():
+    scene = jaxdyn.ode(stuck, [2.05, 0.0], 20.0, params=0.3)
+    ends = ensemble.run(scene, np.array([[2.05, 0.0], [-0.2, 0.0]]), 20.0)
+    assert np.allclose(ends.y1[:, 0], (-0.25, -0.2), rtol=0, atol=1e-10)
+    compiled = jax.jit(lambda y0: jaxdyn.solve(scene.starting(y0), 20.0).y1)
+    assert np.allclose(compiled(jnp.array([2.05, 0.0])), (-0.25, 0.0), rtol=0, atol=1e-10)
+    there = jaxdyn.solve(pushed(5.0), 10.0).y1
+    back = jaxdyn.solve(pushed(5.0).starting(there), 0.0, t0=10.0).y1
+    assert np.allclose(back, 0.0, rtol=0, atol=1e-13)
+
+
+def test_the_pair_takes_over_where_a_series_overflows():
+    rate = lambda t, y: [1 / (1 + jnp.exp(-y[0] / 1e-3))]  # noqa: E731
+    run = jaxdyn.simulate(jaxdyn.ode(rate, [-1.0], 0.5))
+    assert run.ys[-1, 0] == -1.0
+
+
+def test_events_at_a_switching_surface():
+    # The ball meets the floor where the contact force begins.
+    ball = jaxdyn.ode(contact, [1.0, 0.0], 3.0, params=1e6)
+    stop = events.until(ball, events.Reaches(0, 0.0, -1))
+    assert abs(stop.t - np.sqrt(2 / 9.81)) < 1e-12
+    assert stop.y[0] >= 0
