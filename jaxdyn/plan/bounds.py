@@ -45,10 +45,20 @@ def enclosed(program, args: Sequence[_Value], unknown: set[str] | None = None) -
     def read(atom) -> _Value:
         return atom.val if isinstance(atom, jax.extend.core.Literal) else values[atom]
 
-    for eqn in jaxpr.eqns:
+    for eqn in _needed(jaxpr):
         found = _applied(eqn, [read(a) for a in eqn.invars], unknown)
         values |= dict(zip(eqn.outvars, found, strict=True))
     return [read(a) for a in jaxpr.outvars]
+
+
+def _needed(jaxpr) -> list:
+    """The operations that the results depend on: others may have no bounds."""
+    wanted, found = {id(v) for v in jaxpr.outvars}, []
+    for eqn in reversed(jaxpr.eqns):
+        if any(id(v) in wanted for v in eqn.outvars):
+            found.append(eqn)
+            wanted |= {id(v) for v in eqn.invars}
+    return found[::-1]
 
 
 def _applied(eqn, args: list[_Value], unknown: set[str] | None) -> Sequence[_Value]:

@@ -93,7 +93,7 @@ def next_change(plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array)
         if not plan.bounded:
             at = a + (b - a) * jnp.linspace(0.0, 1.0, _SAMPLES)
             found = jax.vmap(lambda t: plan.time_conditions(system, t, branch).outcomes)(at[1:])
-            return (found == given).all()
+            return (found == given[None]).all()
         margins = plan.bounds_of_margins(system, jnp.minimum(a, b), jnp.maximum(a, b), branch)
         return (margins.low >= 0).all()
 
