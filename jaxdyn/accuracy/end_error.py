@@ -24,6 +24,7 @@ from jaxdyn.integrate.errors.estimate import gaps
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.simulation import RTOL
 from jaxdyn.integrate.trajectory import Trajectory
+from jaxdyn.plan import plan_of
 from jaxdyn.scene import Scene
 
 Motion = Trajectory | HybridTrajectory
@@ -57,12 +58,14 @@ class EndError:
       scale: (k,) the reference of errors: the largest entry of the same unit in the motion; for a
         rate at least what would change a quantity by its scale over the span, for an angle at
         least 1 rad.
+      doubt: what neither this motion nor others could see of the rate, and the remedy; or nothing.
     """
 
     y: np.ndarray
     error: np.ndarray
     rounding: np.ndarray
     scale: np.ndarray
+    doubt: str = ""
 
     @property
     def digits(self) -> np.ndarray:
@@ -94,8 +97,8 @@ class EndError:
             )
         found = f"{self.least:.1f} digits are right, relative to the size of the motion"
         if self.most - self.least < 1:
-            return f"{found}; no tolerance gives more."
-        return f"{found}; a smaller rtol gives up to {self.most:.1f}."
+            return f"{found}; no tolerance gives more. {self.doubt}".rstrip()
+        return f"{found}; a smaller rtol gives up to {self.most:.1f}. {self.doubt}".rstrip()
 
     def written(self, most: int = 12) -> tuple[str, ...]:
         """Each entry with its certain digits, at most `most` significant ones.
@@ -144,7 +147,8 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
     if np.any(error > _APART * scale):
         more = [_same(motion, again(start, finer * 2.0**n)) for n in range(1, _MORE + 1)]
         error = np.maximum(error, _spread(scene, y, more))
-    return EndError(y=y, error=error, rounding=rounding, scale=scale)
+    doubt = plan_of(scene.field, len(scene.y0)).doubt
+    return EndError(y=y, error=error, rounding=rounding, scale=scale, doubt=doubt)
 
 
 def _spread(scene: Scene, y: np.ndarray, others: list[np.ndarray]) -> np.ndarray:

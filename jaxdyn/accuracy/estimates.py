@@ -25,7 +25,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.accuracy.convergence import fixed_steps
 from jaxdyn.integrate.errors import error_estimate
-from jaxdyn.integrate.errors.estimate import Estimate, gaps, scales
+from jaxdyn.integrate.errors.estimate import Estimate, gaps, kind_of, scales
 from jaxdyn.integrate.errors.rounding_error import Run
 from jaxdyn.integrate.simulation import simulate, solve
 from jaxdyn.integrate.spans import RTOL, SolverOptions, span
@@ -167,7 +167,7 @@ def by_tangents(
         rounding=np.full_like(ys, np.nan),
         scale=scales(scene, ys),
         fineness=np.array([rtol, fine]),
-        kind="local errors and the tangent map",
+        kind=kind_of("local errors and the tangent map", scene),
         solver=first.name,
         other=method.name,
     )

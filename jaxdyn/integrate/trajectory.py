@@ -16,6 +16,7 @@ from jaxdyn.integrate.errors.estimate import Estimate
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.step_control import Limits
+from jaxdyn.plan import plan_of
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, default_solver
 from jaxdyn.status import IntegrationError, Status
@@ -184,6 +185,8 @@ class Trajectory(Record, Motion):
         parts += [_SWITCHED_WARNING] if np.any(self.switched) else []
         checkable = self.method is not None and self.ok
         parts += [_LONG_STEPS_WARNING] if checkable and not np.all(_steps_agree(self)) else []
+        one = self.one(*(0 for _ in self.batch_shape)).scene
+        parts += filter(None, [plan_of(one.field, len(one.y0)).doubt])
         parts += [self.error.shortfall] if self.error and self.error.shortfall else []
         return " ".join(parts)
 

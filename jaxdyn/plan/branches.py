@@ -163,6 +163,10 @@ class Walk:
         return self._as_it_stands(eqn, args, on)
 
     def _as_it_stands(self, eqn, args: list[Value], on: int) -> list[Value]:
+        if "callback" in eqn.primitive.name:
+            # As if it depended on the state, so that it is not asked for ahead.
+            self.unread.add("a call of Python")
+            on |= BY_STATE
         if on & OF_STATE:
             for x in args:
                 self._meets_state(x)

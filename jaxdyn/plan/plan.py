@@ -100,6 +100,17 @@ class Plan:
         """Whether any condition depends on the state."""
         return bool((~self.of_time).any())
 
+    @property
+    def doubt(self) -> str:
+        """What a step may pass over unseen, and the remedy; empty if everything can be read."""
+        if not self.unread:
+            return ""
+        return (
+            f"The rate contains what cannot be read ({', '.join(sorted(self.unread))}): a pulse or "
+            "a switch in it may have been passed over. Pass max_step=, a time that resolves it, or "
+            "breaks=, the times at which it changes."
+        )
+
     def period(self, system: PyTree) -> float | None:
         """The period of the rate in time; None where it has none that can be read."""
         return period_of(self._program, system)

@@ -18,7 +18,14 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.integrate.errors.estimate import ROUNDING_MARGIN, Estimate, digits_of, gaps, scales
+from jaxdyn.integrate.errors.estimate import (
+    ROUNDING_MARGIN,
+    Estimate,
+    digits_of,
+    gaps,
+    kind_of,
+    scales,
+)
 from jaxdyn.integrate.errors.rounding_error import Run, of_writing, rounding
 from jaxdyn.scene import Scene
 
@@ -97,7 +104,7 @@ def _estimated(rungs: _Rungs, scene: Scene, ts: Array, floor: np.ndarray, names:
         rounding=floor,
         scale=scales(scene, fine),
         fineness=np.array([rungs.tolerance[0], rungs.finer[0]]),
-        kind=kind,
+        kind=kind_of(kind, scene),
         solver=solver,
         other=other,
     )
@@ -181,7 +188,7 @@ def halved(run: Run, scene: Scene, ts: Array, h: float, name: str) -> Estimate:
         rounding=floor,
         scale=scales(scene, ys[2]),
         fineness=np.array([h, h / 4]),
-        kind=f"step halving, order {order:.2g} observed",
+        kind=kind_of(f"step halving, order {order:.2g} observed", scene),
         solver=name,
         other=name,
     )

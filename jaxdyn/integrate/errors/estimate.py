@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
+from jaxdyn.plan import plan_of
 from jaxdyn.scene import Scene
 from jaxdyn.system import Record
 
@@ -93,6 +94,12 @@ class Estimate(Record):
         wrong = ~((off / np.asarray(self.scale)).max(axis=1) <= 10.0**-digits)
         first = int(np.argmax(wrong)) if wrong.any() else len(wrong)
         return float(self.ts[first - 1]) if first else float("nan")
+
+
+def kind_of(kind: str, scene: Scene) -> str:
+    """A kind of estimate, and what it is blind to, as the solution is; host only."""
+    unread = plan_of(scene.field, len(scene.y0)).unread
+    return f"{kind}, blind to {', '.join(sorted(unread))}" if unread else kind
 
 
 def digits_of(error) -> float:
