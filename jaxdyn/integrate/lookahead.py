@@ -3,7 +3,8 @@
 A method judges a step by what it sees of the rate at a handful of times. A pulse between them is
 not there for it. So before a step is taken, bounds of each part of the rate that depends on time
 alone are compared with samples of it (`plan.times`), and a step in which more may happen than is
-seen becomes shorter.
+seen becomes shorter. What depends on time and state is looked at likewise after a step, and a step
+in which something may be hidden is rejected.
 """
 
 import dataclasses
@@ -15,7 +16,7 @@ from jaxtyping import Array
 
 from jaxdyn.plan import Plan, plan_of
 from jaxdyn.plan.in_branch import InBranch, Wrapper, without_wrappers
-from jaxdyn.plan.times import furthest_seen, sizes
+from jaxdyn.plan.times import furthest_seen, is_hidden, sizes
 
 
 class Lookahead(eqx.Module):
@@ -39,8 +40,18 @@ class Lookahead(eqx.Module):
         """The same for a run in this direction of time, in which times are direction * t."""
         return dataclasses.replace(self, direction=direction)
 
+    def has_hidden(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array:
+        """Whether () functions of time and state may have acted within a step, unseen."""
+        ends = []
+        for t, y in ((self.direction * t0, y0), (self.direction * t1, y1)):
+            x = y.reshape(len(y), -1)[:, 0]
+            ends.append((t, x, self.system.rate(t, x)))
+        return is_hidden(self.plan, self.system, self.outcomes, *ends)
+
     def until(self, t0: Array, t1: Array) -> Array:
         """() the end of a step from t0 that goes up to t1 unless something may be hidden in it."""
+        if not self.plan.hides:
+            return t1
         way = self.direction
         seen = furthest_seen(self.plan, self.system, way * t0, way * t1, self.outcomes, self.sizes)
         return jnp.where(way * seen == t1, t1, way * seen)
@@ -60,7 +71,7 @@ def lookahead(
     """
     system = without_wrappers(field)
     plan = plan_of(system, k)
-    if not plan.hides:
+    if not (plan.hides or plan.mixed):
         return None
     while isinstance(field, Wrapper):
         field = field.field

@@ -35,7 +35,7 @@ from jaxdyn.integrate.switching import switching
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import RADAU9, Method, Solver
-from jaxdyn.solvers.choice import checked_method
+from jaxdyn.solvers.choice import checked_method, within_trace
 from jaxdyn.solvers.perturbed import QUIET, Noise, RoundedField
 
 #: Start (), end () and times (s,) of samples.
@@ -229,6 +229,7 @@ def _solved(
     held_to = options.rtol, options.atol, options.max_steps, dt
     traced = any(map(_checks.is_traced, (*numbers, y0, t0, t1, ts, *held_to)))
     if traced:
+        method = method if options.solver is not None else within_trace(scene, method)
         t0, t1, ts = (host_floats(x) for x in (t0, t1, ts))
     else:
         t0, t1 = quickly_passed(t0), quickly_passed(t1)

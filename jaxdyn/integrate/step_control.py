@@ -90,6 +90,10 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
         else:
             # Not finite where the new state is not.
             error = square + 0.0 * jnp.sum(y1_candidate)
+        if self.look is not None and self.look.plan.mixed:
+            there = t1 if end is None else end
+            hidden = self.look.has_hidden(t0, y0, there, y1_candidate)
+            error = jnp.where(hidden, jnp.inf, error)
         shorter = jnp.zeros((), bool) if end is None else end < t1
         tried = self._tried(error <= 1.0, t0, y0, t1, y1_candidate, state)
         end = t1 if end is None else end

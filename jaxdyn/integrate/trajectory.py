@@ -244,10 +244,32 @@ def _positions(motion: Trajectory) -> Array:
     return jax.vmap(lambda t, y: motion.scene.system.points(t, y).r)(motion.ts, motion.ys)
 
 
+#: Distance from a start, relative to each entry, at which a rate is asked that is NaN there.
+_BESIDE = 1e-6
+
+
 def explained(status: Status, scene: Scene) -> str:
     """What a status means; for a singularity, also the singularities of the scene."""
+    if status == Status.NOT_FINITE and _is_removable(scene):
+        return (
+            f"{status.message} The rate is 0/0 at the start and finite beside it. Write the "
+            "quotient so that it is defined there: x / expm1(x) as jnp.where(x == 0, 1.0, s / "
+            "jnp.expm1(s)) with s = jnp.where(x == 0, 1.0, x)."
+        )
     singular = status in (Status.STEP_COLLAPSED, Status.NOT_FINITE)
     return f"{status.message} {scene.singular}".strip() if singular else status.message
+
+
+def _is_removable(scene: Scene) -> bool:
+    """Whether the rate is NaN at the start and finite on all sides of it."""
+    if _checks.is_traced(scene) or np.ndim(scene.y0) != 1:
+        return False
+    y0 = np.asarray(scene.y0)
+    if not np.isfinite(y0).all() or np.isfinite(scene.rate(jnp.zeros(()), scene.y0)).all():
+        return False
+    off = _BESIDE * np.where(y0 == 0, 1.0, y0)
+    beside = (scene.rate(jnp.zeros(()), jnp.asarray(y0 + sign * off)) for sign in (-1, 1))
+    return all(np.isfinite(rate).all() for rate in beside)
 
 
 def raise_unless_ok(status: Array, scene: Scene) -> None:

@@ -92,6 +92,7 @@ class Walk:
     Args:
       branch: (e,) outcomes; None for those that hold at the point.
       time_only: leave out what depends on the state.
+      every_call: look into all that is called; rules for its derivatives are lost then.
 
     Attributes:
       conditions: those met so far.
@@ -99,10 +100,13 @@ class Walk:
       unread: names of operations that may hide conditions.
       partial: whether a function of the state is not defined everywhere, such as a root.
       leaves: values of time alone that meet the state, or are a result.
+      mixed: arguments and values, in turn, of functions of time and state that may be flat but for
+        a brief part of a motion.
     """
 
-    def __init__(self, branch: Array | None, time_only: bool = False):
+    def __init__(self, branch: Array | None, time_only: bool = False, every_call: bool = False):
         self.branch, self.time_only = branch, time_only
+        self.every_call = every_call or time_only
         self.conditions: list[Condition] = []
         self.outcomes: list[Array] = []
         self.margins: list[Array] = []
@@ -110,6 +114,7 @@ class Walk:
         self.unread: set[str] = set()
         self.partial = False
         self.leaves: list[Value] = []
+        self.mixed: list[Value] = []
         self._made: dict[int, tuple[str, list[Value]]] = {}
         self._kept: list[Value] = []
 
@@ -148,7 +153,7 @@ class Walk:
                     return [self._table(*args)]
                 inner = params.get("jaxpr") or params.get("call_jaxpr") or params["fun_jaxpr"]
                 # Also where only the degrees of time's polynomials are to be followed.
-                enter = _may_switch(inner) or (self.time_only and on & BY_TIME)
+                enter = _may_switch(inner) or (self.every_call and on & BY_TIME)
                 if enter and not str(params.get("name", "")).startswith(SMOOTH):
                     closed = inner if hasattr(inner, "consts") else _closed(inner)
                     return self.program(closed, args)
@@ -178,6 +183,8 @@ class Walk:
         degree = _degree(eqn.primitive.name, eqn.params, args) if on & BY_TIME else 0.0
         found = bound(eqn, [x.array for x in args])
         made = [Value(x, on, degree) for x in found]
+        if eqn.primitive.name in _BRIEF and args[0].on & BY_TIME and args[0].on & BY_STATE:
+            self.mixed += [args[0], *made]
         if self.time_only and on & BY_TIME:
             for value in made:
                 self._made[id(value.array)] = (eqn.primitive.name, args)
@@ -306,6 +313,8 @@ class Walk:
 
 #: Degree in time up to which a polynomial hides nothing from a step.
 _TRIVIAL_DEGREE = 3.0
+#: Functions that are flat, to all digits, for most arguments.
+_BRIEF = frozenset({"exp", "exp2", "tanh", "logistic", "erf", "erfc"})
 #: Functions that are not defined for all numbers.
 _PARTIAL = frozenset({"pow", "sqrt", "rsqrt", "log", "log1p", "asin", "acos", "acosh", "atanh"})
 #: Operations whose operands are looked at one by one: a small pulse beside a large drive.

@@ -51,12 +51,13 @@ class Plan:
       unread: names of operations that may hide conditions.
       bounded: whether all operations on time alone have bounds.
       partial: whether the rate contains functions that are not defined for all states.
+      mixed: whether it contains functions of time and state that may act as briefly.
       hides: whether parts of the rate that depend on time alone may act so briefly that a step
         would pass over them.
     """
 
     def __init__(self, program: Any, tree: Any, leaves: list, t: Any, y: Any):
-        self._program, self._tree, self._leaves = program, tree, leaves
+        self._program, self._tree, self._leaves, self._state = program, tree, leaves, y
         found: list[Walk] = []
         results: list[int] = []
 
@@ -66,11 +67,13 @@ class Plan:
             results.append(rate.on)
             part = Walk(None, time_only=True)
             part.results(part.program(program, _inputs(leaves, t, y)))
-            found.extend([whole, part])
+            deep = Walk(None, every_call=True)
+            deep.program(program, _inputs(leaves, t, y))
+            found.extend([whole, part, deep])
             return rate.array
 
         jax.eval_shape(walk, leaves, t, y)
-        whole, part = found
+        whole, part, deep = found
         self.depends_on_time = bool(results[0] & OF_TIME)
         self.conditions: tuple[Condition, ...] = tuple(whole.conditions)
         sides = [np.full(c.size, c.of_time) for c in self.conditions]
@@ -84,6 +87,7 @@ class Plan:
             self.bounded = not unknown
             self.hides &= self.bounded
         self.partial = whole.partial
+        self.mixed = bool(deep.mixed) and not self._mixed_without_bounds()
 
     @property
     def size(self) -> int:
@@ -158,6 +162,40 @@ class Plan:
         most = jnp.where(jnp.isnan(most), jnp.inf, most)
         low, high = jnp.maximum(plain.low, middle - most), jnp.minimum(plain.high, middle + most)
         return Bounds(low, high), steepest
+
+    def mixed_parts(self, system: PyTree, t: Array, y: Array, branch: Array) -> Array:
+        """(2, m) the arguments and values of functions of time and state that may act briefly."""
+        walk = Walk(branch, every_call=True)
+        walk.program(self._program, _inputs(jax.tree.leaves(system), t, y))
+        rows = (walk.mixed[i::2] for i in (0, 1))
+        return jnp.stack([jnp.concatenate([jnp.ravel(x.array) for x in row]) for row in rows])
+
+    def bounds_of_mixed(self, system: PyTree, t: Bounds, y: Bounds, branch: Array) -> Bounds:
+        """(2, m) bounds of `mixed_parts` over times () and states (k,)."""
+        (found,) = enclosed(self._mixed_program, [*jax.tree.leaves(system), branch, t, y])
+        return as_bounds(found)
+
+    @functools.cached_property
+    def _mixed_program(self):
+        def mixed(*given):
+            *leaves, branch, t, y = given
+            return self.mixed_parts(jax.tree.unflatten(self._tree, leaves), t, y, branch)
+
+        branch = jax.ShapeDtypeStruct((self.size,), float)
+        with jax.ensure_compile_time_eval():
+            return jax.make_jaxpr(mixed)(*self._leaves, branch, _TIME, self._state)
+
+    def _mixed_without_bounds(self) -> set[str]:
+        unknown: set[str] = set()
+
+        def enclose(*given):
+            *known, low, high, t = given
+            enclosed(self._mixed_program, [*known, Bounds(t, t), Bounds(low, high)], unknown)
+            return t
+
+        branch = jax.ShapeDtypeStruct((self.size,), float)
+        jax.eval_shape(enclose, *self._leaves, branch, self._state, self._state, _TIME)
+        return unknown
 
     def _without_bounds(self) -> frozenset[str]:
         """Names of operations on time alone that have no bounds."""

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
+from jaxdyn.plan.bounds import Bounds
 from jaxdyn.plan.plan import Plan
 
 #: Places in a step at which parts of time are sampled, as fractions of it: no simple ones, and not
@@ -21,6 +22,10 @@ _MOST_UNSEEN = 8.0
 _MOST_STEEP = 60.0
 #: Range that is small enough not to matter, relative to a part in the step and in the whole span.
 _SMALL_HERE, _SMALL_EVER = 1e-3, 1e-12
+#: Units of its argument over which a function such as exp or tanh hides nothing.
+_FEW_UNITS = 8.0
+#: Likewise for a function of time and state, whose size is 1.
+_SMALL_MIXED = 1e-9
 #: Halvings of a step at most: a pulse of 1e-9 of it is looked for.
 _MOST_HALVINGS = 30
 #: Times in a span that are told from each other at least.
@@ -77,6 +82,38 @@ def furthest_seen(
 
     n, h = jax.lax.while_loop(going, again, (jnp.zeros((), int), t1 - t0))
     return jnp.where(n == 0, t1, t0 + h)
+
+
+def is_hidden(plan: Plan, system: PyTree, branch: Array, start: tuple, end: tuple) -> Array:
+    """Whether () functions of time and state may have acted within a step without being seen.
+
+    Their bounds over all states that the step may have passed, those of its cubic, are compared
+    with samples along it. What moves along with the state has bounds that are too wide, and takes
+    more steps than it needs.
+
+    Args:
+      plan: of the rate.
+      system: of the plan's kind.
+      branch: (e,) outcomes of the conditions.
+      start: () time, (k,) state, (k,) rate.
+      end: likewise.
+    """
+    (t0, y0, f0), (t1, y1, f1) = start, end
+    h = t1 - t0
+    nodes = jnp.stack([y0, y0 + h * f0 / 3, y1 - h * f1 / 3, y1])
+    states = Bounds(nodes.min(axis=0), nodes.max(axis=0))
+    most = plan.bounds_of_mixed(
+        system, Bounds(jnp.minimum(t0, t1), jnp.maximum(t0, t1)), states, branch
+    )
+    z = jnp.asarray(_PLACES)[:, None]
+    weights = ((1 - z) ** 3, 3 * z * (1 - z) ** 2, 3 * z * z * (1 - z), z**3)
+    along = sum(w * node[None] for w, node in zip(weights, nodes, strict=True))
+    at = jax.vmap(lambda t, y: plan.mixed_parts(system, t, y, branch)[1])(t0 + _PLACES * h, along)
+    seen = jnp.max(at, axis=0) - jnp.min(at, axis=0)
+    small = _SMALL_HERE * jnp.max(jnp.abs(at), axis=0) + _SMALL_MIXED
+    argument, value = most.high - most.low
+    # Over a few units of its argument such a function is a polynomial to a method.
+    return ((argument > _FEW_UNITS) & (value > _MOST_UNSEEN * seen + small)).any()
 
 
 def next_change(plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array) -> Array:

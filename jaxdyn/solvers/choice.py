@@ -115,6 +115,10 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
 
     For derivatives, events and ensembles, which cross several steps side by side, it is the pair.
 
+    Outside of traces the pair takes over where steps of another default collapse, as where exp(x)
+    overflows in a rate that stays finite. Inside jit, grad and vmap it is the default of rates with
+    exponentials.
+
     No rule sees that a motion will be stiff. `simulate`, `solve`, `until` and `crossings` find
     out: outside of traces they start again with `RADAU9` once stability, not accuracy, has limited
     a net 1000 steps. So van der Pol's oscillator with mu = 1000 takes 1152 steps over 3000 s, and
@@ -136,6 +140,17 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
             method, _ = _rule(scene, rtol)
             notes["method"] = rtol, method
     return method.for_tangents if several else method
+
+
+def within_trace(scene: Scene, method: Method) -> Method:
+    """The default method where another cannot take over, as inside jit.
+
+    A series of exp(x) overflows where the rate may be finite, as 1 / (1 + exp(x)) is.
+    """
+    found = series_of(scene.field, scene.y0, longest=_LONGEST)
+    if isinstance(method, Taylor) and found is not None and "exp" in found.operations:
+        return method.for_tangents
+    return method
 
 
 def reason(scene: Scene, rtol=RTOL) -> str:

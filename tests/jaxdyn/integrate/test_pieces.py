@@ -62,6 +62,18 @@ def test_pulses_down_to_a_millionth_of_the_span(width):
     assert np.allclose(run.y1, impulse * np.array([np.sin(10), np.cos(10)]), rtol=1e-6)
 
 
+@pytest.mark.parametrize("width", [0.3, 1e-3])
+def test_a_pulse_that_moves_past_the_motion(width):
+    def rate(t, y, p):
+        return [y[1], -y[0] + jnp.exp(-(((y[0] + 3.0 * (t - 10.3)) / p) ** 2))]
+
+    run = jaxdyn.simulate(jaxdyn.ode(rate, [0.1, 0.0], 20.0, params=width), samples=2)
+    # DOP853 with steps of at most a third of the width.
+    expected = {0.3: (-0.00194847, -0.25357263), 1e-3: (0.0406633, -0.09185177)}[width]
+    assert np.allclose(run.ys[-1], expected, rtol=0, atol=1e-8)
+    assert run.steps < 60
+
+
 def test_a_pulse_in_ensembles_events_and_derivatives():
     scene = jaxdyn.ode(kick, [1.0, 0.0], 20.0, params=0.1)
     ends = ensemble.run(scene, np.array([[1.0, 0.0], [0.0, 0.0]]), 20.0)
@@ -190,6 +202,25 @@ def test_the_pair_takes_over_where_a_series_overflows():
     rate = lambda t, y: [1 / (1 + jnp.exp(-y[0] / 1e-3))]  # noqa: E731
     run = jaxdyn.simulate(jaxdyn.ode(rate, [-1.0], 0.5))
     assert run.ys[-1, 0] == -1.0
+    compiled = jax.jit(lambda y0: jaxdyn.solve(jaxdyn.ode(rate, y0, 0.5), 0.5).y1)
+    assert compiled(jnp.array([-1.0]))[0] == -1.0
+
+
+def test_a_removable_singularity_is_named():
+    gate = lambda t, y: [0.01 * (y[0] + 55) / (1 - jnp.exp(-(y[0] + 55) / 10))]  # noqa: E731
+    run = jaxdyn.simulate(jaxdyn.ode(gate, [-55.0], 1.0), throw=False)
+    assert run.status == Status.NOT_FINITE
+    assert "0/0 at the start and finite beside it" in run.message
+
+
+def test_what_cannot_be_read_is_said():
+    def rate(t, y):
+        body = lambda s: (s[0] + 1, jnp.abs(s[1]) - 0.1)  # noqa: E731
+        return [jax.lax.while_loop(lambda s: s[1] > 0.0, body, (0, y[0]))[1]]
+
+    scene = jaxdyn.ode(rate, [1.0], 1.0)
+    assert "a loop of unknown length" in jaxdyn.simulate(scene).warning
+    assert "blind to a loop" in jaxdyn.simulate(scene, digits=6).error.basis
 
 
 def test_events_at_a_switching_surface():
