@@ -143,7 +143,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
     of a time later, and tau |J| times sizes: an entry that is zero, or whose terms cancel, has the
     size that others give to it.
 
-    An entry has the size 0 if nothing moves it; the time is |t1 - t0| if nothing changes it.
+    An entry has the size 0 if nothing moves it; the time is at most |t1 - t0|.
 
     Args:
       field: has ``rate(t, y)``.
@@ -170,7 +170,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         row = lax.dynamic_index_in_dim(plan, lax.min(n, rounds - 1), 0, False)
         now = _Round(*(row[i] for i in range(len(row))))
         along = weights * u
-        t = t0 + now.later * lax.min(tau, span) * ahead
+        t = t0 + now.later * tau * ahead
         f, by_u = jax.jvp(lambda y: field.rate(t, y), (y0 + now.aside * along,), (along,))
         rate = lax.select(n == 0, f, rate)
         moved, carried = lax.max(lax.abs(f), lax.abs(rate)), lax.abs(by_u)
@@ -181,7 +181,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         new = groups.largest(lax.max(kept, lax.max(by_rate * moved, by_others * carried)))
         new = lax.select(new < np.inf, new, u)
         growth = _most(new, before) ** (1 / _PRODUCTS)
-        tau = lax.select(n == _MEASURED, 1 / _or(growth, 1 / span), tau)
+        tau = lax.select(n == _MEASURED, 1 / lax.max(growth, 1 / span), tau)
         before = lax.select(n == _PRODUCTS_BEFORE, new, before)
         step = lax.select(n <= _MEASURED, tau, shrink * step)
         return n + 1, new, before, tau, step, rate, ((new > 0) & (u == 0)).any()
@@ -204,7 +204,7 @@ def _by_its_change(
     turns = lax.select(turns < np.inf, turns, jnp.zeros_like(turns))
     speed = lax.max(_most(moves, here), lax.sqrt(_most(turns, here)))
     speed = lax.max(speed, _most(lax.select(here > 0, jnp.zeros_like(turns), turns), moves))
-    tau = 1 / _or(speed, 1 / span)
+    tau = 1 / lax.max(speed, 1 / span)
     return Scales(lax.max(here, tau * lax.max(moves, tau * turns)), tau), f
 
 

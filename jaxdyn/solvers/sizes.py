@@ -106,4 +106,4 @@ def _of_tangents(state: Array, tangents: Array) -> Array:
     """
     moves = (state > 0)[:, None]
     parts = jnp.where(moves, tangents / jnp.where(moves, state[:, None], 1.0), 0.0)
-    return jnp.where(moves, state[:, None] * jnp.max(parts, axis=0), tangents)
+    return jnp.where(moves, state[:, None] * jnp.max(parts, axis=0)[None], tangents)
