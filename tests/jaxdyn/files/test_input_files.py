@@ -1,4 +1,4 @@
-"""What is refused before it is parsed: too many bytes, too many values; and what JSON may not hold."""
+"""What is refused before it is parsed: too many bytes, too many values; numbers beyond floats."""
 
 import tracemalloc
 

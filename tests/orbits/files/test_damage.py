@@ -181,7 +181,7 @@ def test_an_orbit_file_without_a_digest_is_read(tmp_path):
     assert (old.period, old_claims) == (orbit.period, claims)
     assert orbits.verify(path)[1] == []
     path.write_text(json.dumps(record))
-    with pytest.raises(ValueError, match="file: expected a digest at its end, got none. The file"):
+    with pytest.raises(ValueError, match=r"expected a digest at its end, got none\. The"):
         orbits.load(path)
     path.write_text(json.dumps(record | {"version": 4, "digest": "0" * 16}))
     with pytest.raises(ValueError, match="file: expected data that match its digest"):
