@@ -120,7 +120,7 @@ def test_steps_of_two_runs_in_one_file_are_refused(tmp_path):
             with pytest.raises(ValueError, match=message):
                 read()
     forge(path, header)
-    with pytest.raises(ValueError, match="equilibria or curve, got .*none"):
+    with pytest.raises(ValueError, match=r"equilibria or curve, got .*none"):
         load(path, lorenz)
 
 

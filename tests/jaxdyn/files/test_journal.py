@@ -1,4 +1,4 @@
-"""Files that grow: written by one program alone, or by several in turn; what an interruption leaves."""
+"""Files that grow: written by one program alone or by several in turn; after interruptions."""
 
 import json
 import os
