@@ -49,13 +49,31 @@ def begun(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
       y0: (k, ...) start.
       t1: () end time.
     """
+    with_tangents = field
     field, y = _alone(field, y0)
     scales, rate = at_start(field, field.groups, t0, y, t1)
     sizes = jnp.maximum(field.groups.largest(jnp.abs(y)), _PART * scales.sizes)
     if y0.ndim == 1:
         return Begun(sizes, scales.time, rate)
-    wide = jnp.zeros((len(y), y0.size // len(y))).at[:, 0].set(sizes).reshape(y0.shape)
+    beside = _PART * sizes
+    there = jnp.maximum(*(_rates_at(with_tangents, t0, y0, y + off) for off in (-beside, beside)))
+    wide = (_PART * scales.time * there).reshape(len(y), -1)
+    tangents = _of_tangents(sizes, wide[:, 1:])
+    wide = jnp.concatenate([sizes[:, None], tangents], axis=1).reshape(y0.shape)
     return Begun(grown(field.groups, wide, y0), scales.time, rate)
+
+
+def _rates_at(field: Any, t: Array, y: Array, state: Array) -> Array:
+    """(k, ...) magnitudes of the rates of a state with tangents at another state (k,).
+
+    Tangents that begin as zero, in a force that is zero there as well, may grow by any power of
+    time. They have the size of what moves them a little further on: measured by themselves, each
+    step would be too long.
+    """
+    flat = y.reshape(len(y), -1)
+    moved = jnp.concatenate([state[:, None], flat[:, 1:]], axis=1).reshape(y.shape)
+    rates = jnp.abs(field.rate(t, moved))
+    return jnp.where(jnp.isfinite(rates), rates, 0.0)
 
 
 def groups_of(field: Any, y: Array) -> Groups:
