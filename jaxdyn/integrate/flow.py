@@ -102,8 +102,7 @@ def march(field, y0, t0, t1, ts, limits, *, method: Method, watch: Watch | None)
     h = sizes = None
     if method.adaptive:
         start = begun(field, t0, y0, t1)
-        f0, sizes = start.rate, start.sizes
-        first = first_step(method, tolerance, start, y0)
+        f0, sizes, first = start.rate, start.sizes, first_step(method, tolerance, start, y0)
         control = StepControl(first=first, ts=ts, watch=watch, limit=most)
     else:
         f0 = field.rate(t0, y0)
@@ -127,9 +126,7 @@ def march(field, y0, t0, t1, ts, limits, *, method: Method, watch: Watch | None)
     given = (y0, f0, t0, t1, jnp.log(tolerance[0]), jnp.log(tolerance[-2:].sum()))
     status = _status(solution.result, given)
     ts_end, ys_end, state = solution.ts, solution.ys, solution.solver_state
-    assert ts_end is not None  # all three are saved, see above
-    assert ys_end is not None
-    assert state is not None
+    assert ts_end is not None and ys_end is not None and state is not None  # noqa: PT018
     count = state[1]
     limited = (status == Status.STEP_LIMIT) & (count >= limits.max_steps[1].astype(float))
     status = jnp.where(limited, int(Status.STIFF), status)
