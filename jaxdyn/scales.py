@@ -1,9 +1,8 @@
 """Scales of a motion: the sizes of the entries of its state, and its time.
 
-Whatever is compared with a tolerance is compared in these. A motion that is written in other units
-of length, time and mass, or whose entries are multiplied by numbers of their own, has the scales of
-the motion before, multiplied likewise, up to rounding; so nothing that is decided in them depends
-on units, and there is no number of the size of one anywhere below.
+What is compared with a tolerance is compared in these. A motion in other units of length, time and
+mass, or whose entries are multiplied by numbers of their own, has the scales of the motion before,
+multiplied likewise, up to rounding; so nothing that is decided in them depends on units.
 
 Entries with the same unit share one size, the largest (`Groups`): places do, and velocities, so
 that a coordinate that is zero, or rounding, is measured by the others. An angle that turns many
@@ -32,6 +31,7 @@ _UNSPECIFIED = "1"
 #: Products with |J| before its growth is measured, and those over which it is: an even number,
 #: since the sizes of places and velocities are exchanged by each.
 _PRODUCTS_BEFORE, _PRODUCTS = 2, 4
+_MEASURED = _PRODUCTS_BEFORE + _PRODUCTS
 #: Times in which sizes are carried on at least, besides those that reach further entries.
 _REACH = 2
 #: When the rate is looked at besides the start, in times of the motion: not half of it, where a
@@ -53,8 +53,7 @@ class Groups(NamedTuple):
       of: the group of each of the k entries, numbered from 0 in the order in which they appear.
       most: the largest size of each entry: 1 for angles, which are known by the radian; infinite
         for others.
-      known: whether units, or [q, v], say what belongs together, so that no entry is alone for
-        want of a unit.
+      known: whether units, or [q, v], say of all entries what belongs together.
     """
 
     of: tuple[int, ...]
@@ -133,15 +132,13 @@ class Scales(NamedTuple):
 def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tuple[Scales, Array]:
     """The scales of the motion from (t0, y0) before it is known, and its rate (k,) there.
 
-    Where the entries of each unit are known, the time is the shortest in which the rate, or its
-    change along the motion, changes a size that is not zero; a group at zero has the size to which
-    they move it in that time.
+    Where units say what belongs together, the time is the shortest in which the rate, or its change
+    along the motion, changes a size; a group at zero has the size that it gets to in that time.
 
     Entries without units have no others to be measured by. With J the Jacobian of the rate f at and
-    near the start, the time tau is 1 over the spectral radius of |J|: 1 over the fastest rate up to
-    a factor of a few, and the same in all units. Sizes are the largest of |y0|, tau |f|, also that
-    of a time later, and tau |J| times sizes: an entry that is zero, or whose terms cancel, has the
-    size that others give to it.
+    near the start, the time tau is 1 over the spectral radius of |J|. Sizes are the largest of
+    |y0|, tau |f|, also that of a time later, and tau |J| times sizes: an entry that is zero, or
+    whose terms cancel, has the size that others give to it.
 
     An entry has the size 0 if nothing moves it; the time is at most |t1 - t0|.
 
@@ -163,8 +160,6 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         n, *_, grows = carry
         return (n < rounds) | (grows & (n < rounds + len(y0)))
 
-    # All in one loop of one derivative, and in few operations: this is compiled for each kind of
-    # field.
     def round_(carry):
         n, u, before, tau, step, rate, _ = carry
         row = lax.dynamic_index_in_dim(plan, lax.min(n, rounds - 1), 0, False)
@@ -235,7 +230,6 @@ class _Round(NamedTuple):
     shrinks: Any = 0.0
 
 
-_MEASURED = _PRODUCTS_BEFORE + _PRODUCTS
 _PLAN = np.array(
     [
         _Round(here=1.0, first=1.0),

@@ -23,6 +23,7 @@ from jaxdyn.integrate.flow import SolveResult, flow
 from jaxdyn.integrate.spans import MAX_STEPS as MAX_STEPS
 from jaxdyn.integrate.spans import RTOL as RTOL
 from jaxdyn.integrate.spans import (
+    Share,
     SolverOptions,
     filling,
     host_floats,
@@ -136,7 +137,7 @@ def _to_digits(
 
     def run(scene: Scene, tolerance, noise: Noise = QUIET) -> SolveResult:
         rtol, atol = tolerance
-        held_to = options._replace(rtol=rtol, atol=atol)
+        held_to = options._replace(rtol=rtol, atol=Share(atol))
         return _solved(scene, span, held_to, method, noise=noise)[0]
 
     # Where the tolerance is loose, stability limits the steps first.

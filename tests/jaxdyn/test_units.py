@@ -135,3 +135,14 @@ def test_an_entry_that_never_moves_is_no_division_by_zero():
     c, s = np.cos(10.0), np.sin(10.0)
     exact = np.array([[c, s, 0, 0], [-s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     np.testing.assert_allclose(by_start, exact, atol=1e-9)
+
+
+def test_digits():
+    plain = jaxdyn.simulate(SHAKEN, digits=9, samples=5)
+    new, y, _ = rewritten(SHAKEN, 0)
+    found = jaxdyn.simulate(new, digits=9, samples=5)
+    assert plain.error is not None
+    assert found.error is not None
+    assert found.error.digits == pytest.approx(plain.error.digits, abs=0.5)
+    np.testing.assert_allclose(np.asarray(found.ys) / y, plain.ys, atol=SAME)
+    np.testing.assert_allclose(np.asarray(found.error.scale) / y, plain.error.scale, rtol=1e-6)
