@@ -9,6 +9,7 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 
+from jaxdyn._kinds import check_first
 from jaxdyn.formulations.rigid import about_centre, inertia_matrix
 from jaxdyn.geometry.inertia import MaterialPoints
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
@@ -22,6 +23,7 @@ _MOST = 4  # entries of an array that is written in full
 _AT_ORIGIN = 1e-12  # of the size of a body: a centre this close is at the origin
 
 
+@check_first
 def caption(*motions: Trajectory | HybridTrajectory) -> str:
     """The system and the effects, with the numbers that all motions share."""
     return describe(*scenes_of(motions))

@@ -17,6 +17,7 @@ import numpy as np
 from rich.progress import Progress
 
 from jaxdyn import _checks
+from jaxdyn._kinds import check_first
 from jaxdyn.ensemble.batches import Job, cores, mesh_of
 from jaxdyn.ensemble.lanes import Ends, Motions
 from jaxdyn.integrate.fixed import FixedField
@@ -31,6 +32,7 @@ from jaxdyn.solvers.choice import checked_method
 CHUNK = 2048
 
 
+@check_first
 def run(
     scene: Scene,
     y0s=None,
@@ -105,6 +107,7 @@ def run(
     return jax.tree.map(lambda *parts: np.concatenate(parts), *done)
 
 
+@check_first
 def stream(
     scene: Scene,
     batches: Iterable,

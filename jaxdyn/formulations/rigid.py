@@ -20,6 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._kinds import check_first
 from jaxdyn._numerics import solve_spd
 from jaxdyn.formulations.attitude import Attitude, Quaternion
 from jaxdyn.formulations.mechanism import MechanismSystem
@@ -74,6 +75,7 @@ def resting(R_wb=None, omega_b=(0.0, 0.0, 0.0)) -> Pose:
     )
 
 
+@check_first
 def pose(scene: Scene, t: Array, y: Array) -> Pose:
     """Position, attitude and angular velocity of the body in a scene, of either kind.
 

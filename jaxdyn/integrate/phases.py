@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._kinds import check_first
 from jaxdyn._progress import doing
 from jaxdyn.integrate.events import until
 from jaxdyn.integrate.phase import END, Exit, HybridTrajectory, Phase
@@ -245,6 +246,7 @@ def follow(
     return t, y
 
 
+@check_first
 def pieces_of(motion: Trajectory | HybridTrajectory) -> tuple[Trajectory, ...]:
     """The smooth pieces of a motion: those of its phases, or the motion itself."""
     return motion.pieces if isinstance(motion, HybridTrajectory) else (single(motion),)

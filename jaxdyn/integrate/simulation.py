@@ -14,6 +14,7 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
+from jaxdyn._kinds import check_first
 from jaxdyn._notes import notes_on
 from jaxdyn.integrate.adjoint import adjoint_flow
 from jaxdyn.integrate.errors import error_estimate
@@ -43,6 +44,7 @@ Span = tuple[Any, Any, Any]
 _LOOSE_RTOL = 1e-6
 
 
+@check_first
 def simulate(
     scene: Scene,
     t1=None,
@@ -146,6 +148,7 @@ def _to_digits(
     return *error_estimate.reached(run, scene, span[-1], digits, method.name, refuse), switched
 
 
+@check_first
 def solve(
     scene: Scene,
     t1,
@@ -200,7 +203,6 @@ def solve(
 
 def _checked(scene: Scene, options: SolverOptions, dt) -> Method:
     """The method; tolerances, step and limits are checked before, as its choice uses them."""
-    scene.check_functions()
     limits(options, dt)
     return checked_method(scene, options.solver, dt, rtol=options.rtol)
 

@@ -6,6 +6,7 @@ import math
 import diffrax
 
 from jaxdyn import _checks
+from jaxdyn._kinds import check_first
 from jaxdyn._notes import notes_on
 from jaxdyn.scene import Scene
 from jaxdyn.solvers.exchange import from_diffrax
@@ -71,6 +72,7 @@ def method_of(solver: Solver) -> Method:
     )
 
 
+@check_first
 def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     """The method that a scene is solved with if none is asked for.
 

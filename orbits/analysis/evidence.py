@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Status
+from jaxdyn._kinds import check_first
 from jaxdyn.integrate.flow import SolveResult
 from jaxdyn.solvers import DOPRI8, VERNER9, default_solver
 from orbits.closing.closings import PLAIN
@@ -39,6 +40,7 @@ class Recheck:
     closure: float
 
 
+@check_first
 def closure(orbit: Orbit, *, periods: int = 1, rtol: float | None = None, solver=None) -> float:
     """Largest entry of the state minus the start after some periods; NaN if not reached.
 
@@ -90,6 +92,7 @@ class Digits:
     period: float
 
 
+@check_first
 def digits(orbit: Orbit) -> Digits:
     """The digits of an orbit that another integrator at a tighter tolerance confirms.
 
@@ -131,6 +134,7 @@ def _other(orbit: Orbit):
     return DOPRI8 if used else VERNER9
 
 
+@check_first
 def recheck(orbit: Orbit) -> Recheck:
     """The closing error of an orbit by another integrator at a tighter tolerance."""
     other = _other(orbit)

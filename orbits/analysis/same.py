@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import fail
+from jaxdyn._kinds import check_first
 from jaxdyn.formulations.newton import FreePoints
 from orbits.analysis.alignment import (
     SAMPLES,
@@ -30,6 +31,7 @@ _ROUNDS = 6  # Gauss-Newton steps on the shift in time
 _DIVISORS = 12  # shorter periods are tested down to this part
 
 
+@check_first
 def minimal_period(orbit: Orbit, tolerance: float = TOLERANCE) -> tuple[float, int]:
     """The shortest time after which the motion returns, and how many of these a period is.
 
@@ -53,6 +55,7 @@ def minimal_period(orbit: Orbit, tolerance: float = TOLERANCE) -> tuple[float, i
     return orbit.period, 1
 
 
+@check_first
 def same_orbit(a: Orbit, b: Orbit, tolerance: float = TOLERANCE) -> bool:
     """Whether two orbits are the same up to symmetries.
 
@@ -93,6 +96,7 @@ def _missed(orbit: Orbit, shift: float) -> float:
     return float(jnp.abs(off).max() / np.abs(ys[0]).max())
 
 
+@check_first
 def match(a: Orbit, b: Orbit) -> Match | None:
     """The best alignment of the second orbit with the first; None if there is none.
 

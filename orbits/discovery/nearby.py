@@ -7,6 +7,7 @@ import equinox as eqx
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
+from jaxdyn._kinds import check_first
 from jaxdyn._progress import doing
 from orbits.analysis.same import minimal_period
 from orbits.closing.closings import PLAIN, Closing, Reversal
@@ -20,6 +21,7 @@ from orbits.shooting.newton import Iteration
 _TRIES = 3  # close returns tried
 
 
+@check_first
 def searched(
     scene: Scene,
     period: float | None = None,

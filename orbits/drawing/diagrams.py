@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn._checks import choice
+from jaxdyn._kinds import check_first
 from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, entry_of, rest_stretches, stretches
 from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.files.image_files import picture_path
@@ -13,6 +14,7 @@ from orbits.drawing.families import MARKS
 from orbits.families.diagram import Diagram, extremes
 
 
+@check_first
 def diagram(
     found: Diagram,
     path=None,

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from jaxdyn._kinds import check_first
 from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, stretches
 from jaxdyn.drawing.figures import INK, blank, finished, legend_below, named, shades, style
 from jaxdyn.files.image_files import picture_path
@@ -16,6 +17,7 @@ _KINDS = {str(kind): marker for kind, marker in (*MARKS.items(), *RESTS.items())
 _THIN, _WIDER = 1.4, 2.0  # line widths
 
 
+@check_first
 def graph(
     found: Graph, path=None, *, parameter: str = "parameter", title: str | None = None
 ) -> Figure:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxdyn._checks import fail
+from jaxdyn._kinds import check_first
 from jaxdyn.files import records
 from orbits.families.family import Family, Kind, Member
 from orbits.files import encoding
@@ -55,6 +56,7 @@ class Listing:
     end: str
 
 
+@check_first
 def listing(family: Family, parameter: str | None = None) -> Listing:
     """A family as a list; `parameter` is the name of its parameter, if it has one."""
     members, special = (tuple(map(_entry, many)) for many in (family.members, family.special))

@@ -10,6 +10,7 @@ from rich.progress import Progress
 
 from jaxdyn import Scene, Status, _text, ensemble
 from jaxdyn._checks import fail, finite, numbers, untraced, whole
+from jaxdyn._kinds import check_first
 from jaxdyn._progress import doing
 from jaxdyn.analysis.energy import change
 from jaxdyn.ensemble.crossings import EachCrossing
@@ -70,6 +71,7 @@ class SectionPoints(NamedTuple):
         return told(self.status, "start")
 
 
+@check_first
 def section(
     scene: Scene,
     event: Event,

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
+from jaxdyn._kinds import check_first
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._text import counted
 from jaxdyn.integrate.event_search.crossings import first_crossing
@@ -61,6 +62,7 @@ class Crossings(NamedTuple):
         return f"{counted(int(self.count), 'crossing')}. {Status(int(self.status)).message}"
 
 
+@check_first
 def crossings(
     scene: Scene,
     event: Event,
