@@ -17,8 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._kinds import check_first
 from jaxdyn._progress import doing, each
+from jaxdyn._records.kinds import check_first
 from jaxdyn.accuracy.quantities import END, Quantity
 from jaxdyn.accuracy.timing import Times, at_error, interleaved
 from jaxdyn.integrate.errors.estimate import scales

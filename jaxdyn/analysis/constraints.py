@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.dependence import DEPENDENT
 from jaxdyn.formulations.extended import innermost

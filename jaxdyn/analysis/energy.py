@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.spans import cut, filled, of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene

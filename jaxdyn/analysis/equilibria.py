@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import counted
 from jaxdyn.analysis.equilibrium_search.completeness import bisected, judged
 from jaxdyn.analysis.equilibrium_search.proof import EquilibriaProof

@@ -26,8 +26,8 @@ from jaxtyping import Array
 
 from jaxdyn._arguments import arrays
 from jaxdyn._floats import floats
-from jaxdyn._kinds import check_first
 from jaxdyn._numerics import safe_sqrt
+from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.rigid import pose
 from jaxdyn.geometry.frames import checked_rotation
 from jaxdyn.geometry.rotations import (

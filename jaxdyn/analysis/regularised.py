@@ -23,7 +23,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.energy import energy
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.integrate.events import Reaches, Stop, until

@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.linearize import Linearization, classify
 from jaxdyn.scene import Field, Scene, checked_scene
 

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation import defining
 from jaxdyn.continuation.defining import Make, slope_at
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind, equilibrium_at

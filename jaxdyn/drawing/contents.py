@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.curves import Outline, Part, fine, reached
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory

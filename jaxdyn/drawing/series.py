@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.contents import why_stopped
 from jaxdyn.drawing.curves import reached, states
 from jaxdyn.drawing.figures import GRID, PALETTE, blank, finished, style

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.rigid import about_centre, inertia_matrix
 from jaxdyn.geometry.inertia import MaterialPoints
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of

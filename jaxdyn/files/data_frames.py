@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn._checks import fail
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import second
 from jaxdyn.integrate.phase import END, HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.accuracy.end_error import EndError
 from jaxdyn.analysis.energy_change import energy_change
 from jaxdyn.files.output_files import replace, table_path

@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._kinds import check_first
 from jaxdyn._progress import doing
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.events import until
 from jaxdyn.integrate.phase import END, Exit, HybridTrajectory, Phase
 from jaxdyn.integrate.simulation import simulate

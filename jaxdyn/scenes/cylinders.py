@@ -32,7 +32,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._floats import as_float
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.effects import UniformGravity
 from jaxdyn.integrate.events import Event, Stop, until
 from jaxdyn.integrate.phase import Exit, Phase

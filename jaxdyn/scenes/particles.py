@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._floats import floats
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.polar import PolarParticle, polar_basis, polar_state

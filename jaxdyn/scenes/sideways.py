@@ -7,7 +7,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._floats import floats
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.routes import route
 from jaxdyn.integrate.events import Event, Stop, until

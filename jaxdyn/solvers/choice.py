@@ -6,8 +6,8 @@ import math
 import diffrax
 
 from jaxdyn import _checks
-from jaxdyn._kinds import check_first
 from jaxdyn._notes import notes_on
+from jaxdyn._records.kinds import check_first
 from jaxdyn.scene import Scene
 from jaxdyn.solvers.exchange import from_diffrax
 from jaxdyn.solvers.method import Method

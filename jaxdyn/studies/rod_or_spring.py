@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.accuracy.quantities import Quantity
 from jaxdyn.accuracy.work_precision import work_precision
 from jaxdyn.analysis.linearize import linearize

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Status
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.flow import SolveResult
 from jaxdyn.solvers import DOPRI8, VERNER9, default_solver
 from orbits.closing.closings import PLAIN

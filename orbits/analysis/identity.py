@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, _text
 from jaxdyn._checks import fail
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.energy import angular_momentum, change
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from jaxdyn._checks import fail
-from jaxdyn._kinds import check_first
 from jaxdyn._progress import doing
+from jaxdyn._records.kinds import check_first
 from jaxdyn.files.typed import typed
 from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import Recheck, closure, growth, recheck

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import fail
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.newton import FreePoints
 from orbits.analysis.alignment import (
     SAMPLES,

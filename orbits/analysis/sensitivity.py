@@ -18,7 +18,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from orbits.analysis.monodromy import returned_map, tangents
 from orbits.analysis.stability import Stability, stability
 from orbits.closing.conditions import Hold, conditions

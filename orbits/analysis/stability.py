@@ -21,7 +21,7 @@ import numpy as np
 
 from jaxdyn import Status, _text
 from jaxdyn._checks import untraced
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.eigenvalues import ROUNDING, map_eigenvalues, map_verdict, norm, with_bars
 from jaxdyn.analysis.monodromy import (
     SYMPLECTIC,

@@ -16,7 +16,7 @@ import itertools
 import numpy as np
 
 from jaxdyn._checks import fail
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.trajectory import explained, raise_unless_ok
 from jaxdyn.status import IntegrationError, Status

@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive, shaped, untraced
-from jaxdyn._kinds import check_kind
+from jaxdyn._records.kinds import check_kind
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Condition, Hold, conditions
 from orbits.closing.symmetry import EXACT, rate

@@ -7,8 +7,8 @@ import equinox as eqx
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
-from jaxdyn._kinds import check_first
 from jaxdyn._progress import doing
+from jaxdyn._records.kinds import check_first
 from orbits.analysis.same import minimal_period
 from orbits.closing.closings import PLAIN, Closing, Reversal
 from orbits.closing.conditions import Energy

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn._checks import positive
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.scenes import three_body
 from orbits.analysis.same import same_orbit
 from orbits.analysis.words import word

@@ -18,8 +18,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from jaxdyn import Scene, _text
 from jaxdyn._checks import fail, positive, untraced, whole
-from jaxdyn._kinds import check_first
 from jaxdyn._progress import doing
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import counted
 from jaxdyn.ensemble.batches import cores
 from jaxdyn.files import records

@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.linearize import linearize
 from jaxdyn.scenes import three_body
 from orbits.closing.closings import PLAIN, Closing

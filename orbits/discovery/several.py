@@ -11,8 +11,8 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail, untraced, whole
-from jaxdyn._kinds import check_first
 from jaxdyn._progress import doing
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import counted
 from orbits.analysis.same import minimal_period, same_orbit
 from orbits.closing.closings import PLAIN, Closing

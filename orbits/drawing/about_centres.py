@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from jaxdyn import Scene, simulate
 from jaxdyn._checks import fail
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path

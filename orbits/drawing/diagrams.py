@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn._checks import choice
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, entry_of, rest_stretches, stretches
 from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.files.image_files import picture_path

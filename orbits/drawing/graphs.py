@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, stretches
 from jaxdyn.drawing.figures import INK, blank, finished, legend_below, named, shades, style
 from jaxdyn.files.image_files import picture_path

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxdyn._checks import fail, positive, untraced, whole
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation.kept import Begin, Log, kept_in
 from jaxdyn.continuation.walk import Rules, walked
 from orbits.closing.conditions import Hold, conditions

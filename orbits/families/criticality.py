@@ -23,7 +23,7 @@ import numpy as np
 
 from jaxdyn import System, _text
 from jaxdyn._checks import fail, untraced
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.monodromy import coarser
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN

@@ -18,7 +18,7 @@ import numpy as np
 
 from jaxdyn import _progress, _text
 from jaxdyn._checks import fail
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import counted
 from jaxdyn.analysis.energy import energy
 from jaxdyn.continuation.family import EquilibriumFamily

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxdyn._checks import fail, finite
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind
 from orbits.closing.closings import PLAIN
 from orbits.families.steps import parameter_at

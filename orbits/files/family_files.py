@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxdyn._checks import fail
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.files import records
 from orbits.families.family import Family, Kind, Member
 from orbits.files import encoding

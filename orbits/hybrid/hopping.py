@@ -34,7 +34,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import fail, whole
 from jaxdyn._floats import as_float
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.events import Event, Reaches, until
 from jaxdyn.mechanisms.cylinders import Cylinder
 from jaxdyn.scenes.cylinders import Caught, NormalForce

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _checks, ensemble
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.ensemble.crossings import EachCrossing
 from jaxdyn.integrate.events import Event, checked_events
 from jaxdyn.scene import checked_scene

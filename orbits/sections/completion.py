@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import fail, finite, is_traced, numbers
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import counted
 from jaxdyn.analysis.energy import energy as energy_of
 from jaxdyn.integrate.event_search.event_values import looked

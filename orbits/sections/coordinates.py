@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import choice, fail
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.events import Event, Reaches
 
 _PROBE = 1e-3  # by which entries are moved apart: a state at rest does not tell velocities

@@ -10,8 +10,8 @@ from rich.progress import Progress
 
 from jaxdyn import Scene, Status, _text, ensemble
 from jaxdyn._checks import fail, finite, numbers, untraced, whole
-from jaxdyn._kinds import check_first
 from jaxdyn._progress import doing
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.energy import change
 from jaxdyn.ensemble.crossings import EachCrossing
 from jaxdyn.integrate.events import Event, checked_events

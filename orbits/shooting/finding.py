@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Hold
 from orbits.closing.given import Problem, posed

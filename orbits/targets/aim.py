@@ -22,7 +22,7 @@ import numpy as np
 
 from jaxdyn import Scene, _text
 from jaxdyn._checks import array, fail, positive
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis._roots import root
 from orbits.targets.launch import angle_of, checked_throw, followed, landings
 from orbits.targets.ranges import LOOK, SAME, WIDER, Aim, best_courses, courses, turns

@@ -17,7 +17,7 @@ import numpy as np
 
 from jaxdyn import Scene, _text, scenes, simulate
 from jaxdyn._checks import array, fail, positive, untraced, whole
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from jaxdyn.effects import CentralForce
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.finding import find

@@ -11,7 +11,7 @@ import dataclasses
 import numpy as np
 
 from jaxdyn import _checks, _text
-from jaxdyn._kinds import check_first
+from jaxdyn._records.kinds import check_first
 from orbits.tori import circle
 from orbits.tori.invariance import Unknowns
 from orbits.tori.record import Torus, TorusOutcome

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._kinds import check_first
 from jaxdyn._numerics import in_one_kernel
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import counted
 from jaxdyn.integrate.event_search.crossings import first_crossing
 from jaxdyn.integrate.event_search.event_values import time_slope
