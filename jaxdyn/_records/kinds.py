@@ -57,6 +57,7 @@ def check_first(function: F) -> F:
                 check_functions(x)
         return function(*args, **kwargs)
 
+    vars(checked)["first_kinds"] = (*kinds, *(of_sequences and (list, tuple)))
     return cast(F, checked)
 
 
