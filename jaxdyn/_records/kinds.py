@@ -95,7 +95,7 @@ def _kinds(annotation: Any) -> tuple[tuple[type, ...], tuple[type, ...]]:
         if typing.get_origin(part) is collections.abc.Sequence:
             entries += _parts(typing.get_args(part)[0])
         else:
-            kinds.append(part)
+            kinds.append(typing.get_origin(part) or part)
     return tuple(kinds), tuple(entries)
 
 

@@ -194,6 +194,7 @@ def _motions(scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool) -> tu
     """The queue, and the field with None in place of what each motion has for itself."""
     _checks.float64()
     checked_scene(scene)
+    _checks.flag("fixed", fixed)
     given = scene if params is None else params
     starts = np.asarray(given.y0 if y0s is None else y0s, float)
     k = len(scene.y0)

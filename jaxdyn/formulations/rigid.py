@@ -255,6 +255,7 @@ def gyroscopic_torque(inertia: Array, omega: Array) -> Array:
     )
 
 
+@check_first
 def check_matter(matter: MaterialPoints) -> None:
     """Raise ValueError for points that are not a rigid body: without mass, or all on one line."""
     # A single point may have no mass, or a negative one: a hole.

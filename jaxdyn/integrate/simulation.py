@@ -197,6 +197,8 @@ def solve(
     """
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     method = _checked(scene, options, dt)
+    _checks.flag("fixed", fixed)
+    _checks.flag("adjoint", adjoint)
     extras = {"dt": dt, "fixed": fixed, "adjoint": adjoint, "noise": noise}
     return _solved(scene, (t0, t1, ts), options, method, **extras)[0]
 

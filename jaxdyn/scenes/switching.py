@@ -141,6 +141,7 @@ class Retold(eqx.Module):
         return self.new.state(self.old.pose(*jnp.split(y, 2)))
 
 
+@check_first
 def complement(sequence: str) -> str:
     """The sequence that is best where this one locks.
 

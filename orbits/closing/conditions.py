@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxdyn import Scene
-from jaxdyn._checks import choice, fail, finite
+from jaxdyn._checks import array, choice, fail, positive, whole
 from jaxdyn._floats import as_float
 from jaxdyn._records.record import Record
 from jaxdyn.analysis import energy as energies
@@ -41,7 +41,7 @@ class Energy(Condition):
         return energies.energy(scene, jnp.zeros(()), y0) - self.level
 
     def check(self, scene):
-        finite("energy", self.level, "It is the energy of the orbit.")
+        array("energy", self.level, (), "It is the energy of the orbit.")
         energies.energy(scene, jnp.zeros(()), scene.y0)  # raises for a scene without one
 
 
@@ -55,8 +55,7 @@ class Period(Condition):
         return period - self.length
 
     def check(self, scene):
-        if not float(self.length) > 0:
-            raise fail("period", "> 0", float(self.length), "It is a time.")
+        positive("period", array("period", self.length, (), "It is a time."), "It is a time.")
 
 
 class Section(Condition):
@@ -75,8 +74,8 @@ class Section(Condition):
 
     def check(self, scene):
         k = len(scene.y0)
-        if not 0 <= self.entry < k:
-            raise fail("entry", f"an entry of the state, 0 to {k - 1}", self.entry)
+        whole("entry", self.entry, 0, k - 1, "It is the number of an entry of the state.")
+        array("level", self.level, (), "It is the value of the entry.")
 
 
 #: What `find` and others accept: conditions, or names of entries of the start that are held.

@@ -9,6 +9,7 @@ from matplotlib.lines import Line2D
 from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, stretches
 from jaxdyn.drawing.figures import INK, blank, finished, legend_below, named, shades, style
+from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path
 from orbits.drawing.families import MARKS
 from orbits.families.graph import Graph, Place
@@ -76,7 +77,7 @@ def graph(
             shortest = min(lines, key=lambda line: np.linalg.norm(line[1] - line[0]))
             if not any(x.kind == place.kind for x in found.families[i].special):
                 ax.plot(*shortest.T, color=colours[i], lw=1.8, ls=":", label="_")
-    ax.set(xlabel=along, ylabel="period", title=title or "")
+    ax.set(xlabel=along, ylabel="period", title=readable(title))
     style(ax)
     kinds = named(ax)
     verdicts = [

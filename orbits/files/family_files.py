@@ -63,6 +63,7 @@ def listing(family: Family, parameter: str | None = None) -> Listing:
     return Listing(parameter=parameter, members=members, special=special, end=family.end)
 
 
+@check_first
 def save(path: str | Path, family: Listing) -> None:
     """Write a family, atomically.
 
@@ -76,6 +77,7 @@ def save(path: str | Path, family: Listing) -> None:
     records.write(path, record | {"digest": records.digest(record)})
 
 
+@check_first
 def as_json(family: Listing) -> dict[str, Any]:
     """The list as a JSON object; NaN becomes null."""
     return {
