@@ -83,9 +83,10 @@ def check_kind(name: str, x: Any, kinds: tuple[type, ...], of: tuple[type, ...] 
 
 def check_functions(x: Any) -> None:
     """Raise ValueError if a number that a function in x, or in its scene, captured has changed."""
-    scene = x if hasattr(x, "check_functions") else getattr(x, "scene", None)
-    if hasattr(scene, "check_functions"):
-        scene.check_functions()
+    owner = x if hasattr(x, "check_functions") else getattr(x, "scene", None)
+    check = getattr(owner, "check_functions", None)
+    if check is not None:
+        check()
 
 
 def _kinds(annotation: Any) -> tuple[tuple[type, ...], tuple[type, ...]]:

@@ -145,7 +145,8 @@ def start(app: typer.Typer) -> None:
             stream.reconfigure(errors="replace")
     try:
         code = app(standalone_mode=False)
-        sys.stdout.flush()
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except _Usage as error:
         _refuse(f"{error.format_message().rstrip('.')}. See --help.")
     except ValueError as error:

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxdyn import Scene
-from jaxdyn._checks import array, choice, fail, positive, whole
+from jaxdyn._checks import array, choice, fail, positive
 from jaxdyn._floats import as_float
 from jaxdyn._records.record import Record
 from jaxdyn.analysis import energy as energies
@@ -74,7 +74,8 @@ class Section(Condition):
 
     def check(self, scene):
         k = len(scene.y0)
-        whole("entry", self.entry, 0, k - 1, "It is the number of an entry of the state.")
+        if not (isinstance(self.entry, int) and 0 <= self.entry < k):
+            raise fail("entry", f"an entry of the state, 0 to {k - 1}", repr(self.entry))
         array("level", self.level, (), "It is the value of the entry.")
 
 

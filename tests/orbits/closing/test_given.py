@@ -36,8 +36,8 @@ def test_the_rest_of_a_driven_scene_is_an_orbit():
         (orbits.Period([]), r"^period: expected shape \(\), got shape \(0,\)"),
         (orbits.Period(-1.0), r"^period: expected > 0, got -1"),
         (orbits.Section(0, [1.0, 2.0]), r"^level: expected shape \(\), got shape \(2,\)"),
-        (orbits.Section(2, 1.0), r"^entry: expected at most 1, got 2"),
-        (orbits.Section("x", 1.0), r"^entry: expected a whole number, at least 0, got 'x'"),
+        (orbits.Section(2, 1.0), r"^entry: expected an entry of the state, 0 to 1, got 2"),
+        (orbits.Section("x", 1.0), r"^entry: expected an entry of the state, 0 to 1, got 'x'"),
     ],
 )
 def test_a_condition_that_is_no_equation_is_refused(hold, message):
