@@ -16,6 +16,7 @@ from jaxdyn._floats import as_float, is_plain, refuse_times
 from jaxdyn._floats import float64 as float64
 from jaxdyn._text import choice as choice
 from jaxdyn._text import fail as fail
+from jaxdyn._text import flag as flag
 from jaxdyn._text import whole as whole
 
 

@@ -24,6 +24,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _shapes, _text
 from jaxdyn._notes import notes_on
+from jaxdyn._records.kinds import check_kind
 from jaxdyn._records.record import Record
 from jaxdyn.field import Field as Field
 from jaxdyn.field import VectorField, looked_at
@@ -270,10 +271,7 @@ def _check_accepted(system: System, effect: Effect) -> None:
 
 def checked_scene(scene: Any) -> Scene:
     """The scene, checked; entry points call this first."""
-    if not isinstance(scene, Scene):
-        name = getattr(scene, "__name__", None)
-        remedy = f"Call it: {name}()." if callable(scene) and name else ""
-        raise _checks.fail("scene", "a Scene", name or repr(scene), remedy)
+    check_kind("scene", scene, (Scene,))
     notes = notes_on(scene)
     if notes is None or "checked" not in notes:
         scene.check()

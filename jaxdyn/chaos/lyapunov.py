@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.monodromy import tangents
 from jaxdyn.chaos.spectrum import BATCHES, LyapunovSpectrum, judged
 from jaxdyn.chaos.stretching import carry, start
@@ -31,6 +32,7 @@ _TRANSIENT = 0.1  # of the time, by default left out
 _STEPS_OF_A_CHUNK = 3.0  # more lose digits of the smallest factor, fewer take more time
 
 
+@check_first
 def lyapunov_exponents(
     scene: Scene,
     t1=None,

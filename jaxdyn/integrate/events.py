@@ -19,6 +19,7 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import in_one_kernel
+from jaxdyn._records.kinds import check_first
 from jaxdyn._records.record import Record
 from jaxdyn._records.repeated import check_repeatable
 from jaxdyn._text import counted
@@ -174,6 +175,7 @@ class Stop(eqx.Module):
         return " ".join([*parts, *failed])
 
 
+@check_first
 def until(
     scene: Scene,
     events: Event | tuple[Event, ...],

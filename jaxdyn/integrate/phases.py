@@ -19,6 +19,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._progress import doing
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.events import until
 from jaxdyn.integrate.phase import END, Exit, HybridTrajectory, Phase
 from jaxdyn.integrate.simulation import simulate
@@ -31,6 +32,7 @@ from jaxdyn.status import Status
 MAX_PHASES = 200
 
 
+@check_first
 def simulate_phases(
     phases: Mapping[str, Phase],
     start: str | None,
@@ -64,6 +66,8 @@ def simulate_phases(
         `max_phases` is less than 1.
     """
     _check_names(phases)
+    remedy = "Phases are chosen on the host; `follow` goes through a known sequence of them."
+    _checks.untraced("simulate_phases", (phases, y0, t1, t0, rtol, atol), remedy)
     if not _checks.array("t1", t1, ()) > _checks.array("t0", t0, ()):
         raise _checks.fail("t1", f"a time after t0 = {t0}", t1, "Impacts do not run backwards.")
     if max_phases < 1:
@@ -200,6 +204,7 @@ def _first_fit(candidates: Sequence[Phase | None], t: Array, y: Array, left=Fals
     return jnp.where(on.any(), best, -1)
 
 
+@check_first
 def follow(
     phases: Mapping[str, Phase], path: Sequence[tuple[str, int]], y0, t1, *, t0=0.0, rtol=RTOL
 ) -> tuple[Array, Array]:
@@ -245,6 +250,7 @@ def follow(
     return t, y
 
 
+@check_first
 def pieces_of(motion: Trajectory | HybridTrajectory) -> tuple[Trajectory, ...]:
     """The smooth pieces of a motion: those of its phases, or the motion itself."""
     return motion.pieces if isinstance(motion, HybridTrajectory) else (single(motion),)

@@ -15,6 +15,7 @@ import numpy as np
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
 from jaxdyn._notes import notes_on
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.adjoint import adjoint_flow
 from jaxdyn.integrate.errors import error_estimate
 from jaxdyn.integrate.errors.estimate import Estimate
@@ -44,6 +45,7 @@ Span = tuple[Any, Any, Any]
 _LOOSE_RTOL = 1e-6
 
 
+@check_first
 def simulate(
     scene: Scene,
     t1=None,
@@ -148,6 +150,7 @@ def _to_digits(
     return *error_estimate.reached(run, scene, span[-1], digits, method.name, refuse), switched
 
 
+@check_first
 def solve(
     scene: Scene,
     t1,
@@ -197,13 +200,14 @@ def solve(
     """
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     method = _checked(scene, options, dt)
+    _checks.flag("fixed", fixed)
+    _checks.flag("adjoint", adjoint)
     extras = {"dt": dt, "fixed": fixed, "adjoint": adjoint, "noise": noise}
     return _solved(scene, (t0, t1, ts), options, method, **extras)[0]
 
 
 def _checked(scene: Scene, options: SolverOptions, dt) -> Method:
     """The method; tolerances, step and limits are checked before, as its choice uses them."""
-    scene.check_functions()
     limits(options, dt)
     return checked_method(scene, options.solver, dt, rtol=options.rtol)
 

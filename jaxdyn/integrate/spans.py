@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import refuse_times
+from jaxdyn._floats import as_float, refuse_times, too_large
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.scene import Scene, checked_scene
 from jaxdyn.solvers import Solver
@@ -83,7 +83,7 @@ def _number(name: str, x, remedy: str) -> float:
         return x
     if np.ndim(x) or not isinstance(x, int | np.number | np.ndarray | Array):
         raise _checks.fail(name, "one number", repr(x), remedy)
-    return float(x)
+    return float(as_float(x))
 
 
 def span(scene: Scene, t1=None, t0=0.0) -> tuple[Array, Array]:
@@ -100,8 +100,7 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
     """`span` with the times (s,) of samples: given as an array or as a number."""
     t0, t1 = span(scene, t1, t0)
     if isinstance(samples, int | np.integer) and not isinstance(samples, bool):
-        if samples < 1:
-            raise _checks.fail("samples", "at least 1, or an array of times", samples)
+        samples = _checks.whole("samples", samples, remedy="Or an array of times.")
         _check_memory(scene, int(samples))
         if _checks.is_traced((t0, t1)):
             return t0, t1, jnp.linspace(t1 if samples == 1 else t0, t1, int(samples))
@@ -198,7 +197,10 @@ def quickly_passed(t) -> Array | np.ndarray:
     if isinstance(t, jax.Array) and t.dtype == float and not t.weak_type:
         return t
     refuse_times(t, "time")
-    return np.asarray(t, float)
+    try:
+        return np.asarray(t, float)
+    except OverflowError as error:
+        raise too_large("time", t) from error
 
 
 def _most(max_steps, max_limited: int) -> Array | np.ndarray:

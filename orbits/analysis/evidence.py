@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Status
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.flow import SolveResult
 from jaxdyn.solvers import Method
 from orbits.closing.closings import PLAIN
@@ -41,6 +42,7 @@ class Recheck:
     closure: float
 
 
+@check_first
 def closure(orbit: Orbit, *, periods: int = 1, rtol: float | None = None, solver=None) -> float:
     """Largest entry of the state minus the start after some periods; NaN if not reached.
 
@@ -93,6 +95,7 @@ class Digits:
     period: float
 
 
+@check_first
 def digits(orbit: Orbit) -> Digits:
     """The digits of an orbit that another integrator at a tighter tolerance confirms.
 
@@ -131,6 +134,7 @@ def another(orbit: Orbit) -> Method:
     return other_solver(orbit.scene, orbit.solver, logarithmic=orbit.s_period is not None)
 
 
+@check_first
 def recheck(orbit: Orbit) -> Recheck:
     """The closing error of an orbit by another integrator at a tighter tolerance."""
     other = another(orbit)

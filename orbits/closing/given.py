@@ -7,6 +7,7 @@ import numpy as np
 
 from jaxdyn import Scene, System
 from jaxdyn._checks import array, fail, positive, shaped, untraced
+from jaxdyn._records.kinds import check_kind
 from jaxdyn.plan import plan_of
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Condition, Hold, conditions
@@ -68,8 +69,7 @@ def posed(
         finite; `period` is not positive, or not a multiple of the drive's; no number lies between
         `lower` and `upper`; a closing condition or a condition does not apply to the scene.
     """
-    if not isinstance(scene, Scene):
-        raise fail("scene", "a Scene", type(scene).__name__, "Call it: scenes.three_body().")
+    check_kind("scene", scene, (Scene,))
     untraced("find", (scene, y0, period, lower, upper, hold), _DIFFERENTIATE)
     scene = scene if y0 is None else scene.starting(y0)
     scene.check()

@@ -16,6 +16,7 @@ import numpy as np
 
 import jaxdyn
 from jaxdyn import Scene
+from jaxdyn._checks import fail, host_array
 from jaxdyn.analysis.energy import energy
 from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import recheck
@@ -55,7 +56,8 @@ class Box:
 
     def __call__(self, numbers: np.ndarray, seed: int) -> np.ndarray:
         """(n, k) starts."""
-        low, high = np.array(self.low, float), np.array(self.high, float)
+        low = host_array("low", self.low, (None,))
+        high = host_array("high", self.high, low.shape, "One for each of low.")
         random = [np.random.default_rng([seed, i]).random(len(low)) for i in numbers.tolist()]
         return self.make(low + (high - low) * np.array(random))
 
@@ -73,7 +75,11 @@ class Starts:
     def __call__(self, numbers: np.ndarray, seed: int) -> np.ndarray:
         """(n, k) starts."""
         del seed
-        return np.asarray(self.y0s, float)[numbers]
+        y0s = host_array("y0s", self.y0s, (None, None), "One row for each start.")
+        if numbers.max(initial=0) >= len(y0s):
+            remedy = "Ask for as many, or give more rows."
+            raise fail("samples", f"at most the {len(y0s)} rows of Starts", "more", remedy)
+        return y0s[numbers]
 
 
 def unchanged(orbit: Orbit) -> Orbit:

@@ -19,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from jaxdyn import Scene, _text
 from jaxdyn._checks import fail, positive, untraced, whole
 from jaxdyn._progress import doing
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import counted
 from jaxdyn.ensemble.batches import cores
 from jaxdyn.files import records
@@ -68,6 +69,7 @@ class SearchResult:
         return [f.orbit(plan.scene, (plan.closing, PLAIN), plan.rtol) for f in self.finds]
 
 
+@check_first
 def search(
     scene: Scene,
     sampler: Sampler,

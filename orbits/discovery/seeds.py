@@ -15,6 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.linearize import linearize
 from jaxdyn.scenes import three_body
 from orbits.closing.closings import PLAIN, Closing
@@ -39,6 +40,7 @@ class Seed:
     period: float
 
 
+@check_first
 def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
     """Small oscillations about an equilibrium, one seed for each that neither grows nor decays.
 
@@ -77,6 +79,7 @@ def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
     return seeds
 
 
+@check_first
 def returns(
     scene: Scene,
     span: float,

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _checks, ensemble
+from jaxdyn._records.kinds import check_first
 from jaxdyn.ensemble.crossings import EachCrossing
 from jaxdyn.integrate.events import Event, checked_events
 from jaxdyn.scene import checked_scene
@@ -25,6 +26,7 @@ _MORE = 3.0
 _BRANCHES = {"both": (1, -1), "+": (1,), "-": (-1,)}
 
 
+@check_first
 def manifold(
     orbit: Orbit | Scene,
     kind: str,

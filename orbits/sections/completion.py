@@ -15,6 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import fail, finite, is_traced, numbers
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import counted
 from jaxdyn.analysis.energy import energy as energy_of
 from jaxdyn.integrate.event_search.event_values import looked
@@ -62,6 +63,7 @@ def told(status, noun: str) -> str:
     )
 
 
+@check_first
 def complete(
     scene: Scene,
     event: Event,

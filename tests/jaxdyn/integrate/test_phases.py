@@ -379,3 +379,14 @@ def test_a_phase_without_exits_that_fails_leaves_no_numbers():
     assert chain.status == Status.STEP_COLLAPSED
     assert np.isnan(chain.t)
     assert np.isnan(chain.y).all()
+
+
+def test_the_chain_of_phases_is_not_traced():
+    message = r"^simulate_phases: expected numbers, got values traced .*`follow` goes through"
+    for traced in (
+        lambda x: simulate_phases(BOUNCING, "fly", START, x).t,
+        lambda x: simulate_phases(BOUNCING, "fly", START, 1.0, rtol=1e-9 * x).t,
+        lambda x: simulate_phases(BOUNCING, "fly", START * x, 1.0).t,
+    ):
+        with pytest.raises(ValueError, match=message):
+            jax.jit(traced)(1.0)
