@@ -141,7 +141,7 @@ def test_a_family_from_a_hopf_point_has_its_fold(units, rests):
         point,
         parameter=point.parameter * value,
         state=point.state * each,
-        jacobian=point.jacobian * each[:, None] / each / time,
+        slopes=point.slopes * each[:, None] / np.append(each, value) / time,
         frequency=point.frequency / time,
     )
     orbit, p = orbits.from_hopf(
@@ -149,10 +149,37 @@ def test_a_family_from_a_hopf_point_has_its_fold(units, rests):
     )
     radius = float(np.linalg.norm(np.asarray(orbit.y0) / each))
     assert abs(p / value - (radius**4 - radius**2)) < 1e-9
-    family = orbits.continue_family(orbit, make, p, step=0.1, members=20, down=True)
-    assert len(family.members) == 20
+    family = orbits.continue_family(orbit, make, p, step=0.4, members=16, down=True)
+    assert len(family.members) == 16
     fold = next(x for x in family.special if x.kind == orbits.Kind.FOLD)
     assert abs(fold.parameter / value + 0.25) < 1e-9
     verdicts = [member.stability.verdict for member in family.members]
     assert verdicts[0] == "unstable"
     assert verdicts[-1] == "stable"
+
+
+@pytest.mark.parametrize("units", UNITS)
+def test_a_manifold_leaves_its_equilibrium_alike(units):
+    each, time = np.array(units[0]), units[1]
+    found = orbits.manifold(made(saddle, [0.0, 0.0], 1.0, units), "unstable", time=9.0 * time)
+    plain = orbits.manifold(made(saddle, [0.0, 0.0], 1.0, UNITS[0]), "unstable", time=9.0)
+    assert found.linear_error <= 1e-8
+    assert found.ok.all()
+    # On the homoclinic loop, whose energy is that of the saddle.
+    x, v = np.moveaxis(found.samples / each, -1, 0)
+    assert np.abs(v**2 - x**2 + x**4 / 2).max() < 1e-7
+    assert plain.linear_error <= 1e-8
+
+
+@pytest.mark.parametrize("units", UNITS)
+def test_a_manifold_of_an_orbit_is_the_same(units):
+    each, time = np.array(units[0]), units[1]
+    # An unstable cycle: its manifold is the plane, and the strand goes to the stable one.
+    scene = made(bautin, [0.46, 0.0], 2 * np.pi, units, -0.16)
+    orbit = orbits.find(scene, hold="y1")
+    assert orbits.stability(orbit).verdict == "unstable"
+    found = orbits.manifold(orbit, "unstable", strands=2, time=80.0 * time)
+    radii = np.linalg.norm(found.ends / each, axis=1)
+    inner = 0.5 - np.sqrt(0.25 - 0.16)  # the squares of both radii
+    assert abs(np.linalg.norm(np.asarray(orbit.y0) / each) ** 2 - inner) < SOLVED
+    assert (np.minimum(np.abs(radii**2 - (1 - inner)), radii) < 1e-3).all()
