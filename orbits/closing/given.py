@@ -3,7 +3,10 @@
 import dataclasses
 from collections.abc import Sequence
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxdyn import Scene, System
 from jaxdyn._checks import array, fail, positive, shaped, untraced
@@ -20,6 +23,9 @@ _DIFFERENTIATE = (
 _BESIDE = 1e-3
 #: Of the rate that the sizes make in a radian of the span: smaller rates are rounding.
 _ROUNDING = 1e-6
+
+#: Of a rate, in units of the machine epsilon: changes up to this are its rounding.
+_ROUNDINGS = 64.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -163,3 +169,14 @@ def _rates(scene: Scene, later: float) -> list[np.ndarray]:
     ts = later + float(scene.t1) * np.array(TIMES)
     at, off = ([np.asarray(rate(scene, t, y)) for t in ts] for y in (y0, beside))
     return at + off if np.isfinite(off).all() else at  # the scene may be undefined there
+
+
+def drive(scene: Scene, y: Array, period: Array) -> Array:
+    """(4 k,) the change of the rate over a period, zero where that is a multiple of the drive's."""
+    ts = jnp.asarray(TIMES) * jax.lax.stop_gradient(period)
+    now, later = (jax.vmap(scene.rate, (0, None))(t, y) for t in (ts, ts + period))
+    varies = jax.lax.stop_gradient(jnp.abs(now - now[:1]).max(axis=0))
+    # What varies by rounding only is no drive.
+    rounding = _ROUNDINGS * jnp.finfo(float).eps * jnp.abs(now).max(axis=0)
+    varies = jnp.where(varies > rounding, varies, jnp.inf)
+    return ((later - now) / varies[None]).ravel()

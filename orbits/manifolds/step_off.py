@@ -44,7 +44,8 @@ def chosen(
             f"The orbit itself is known to {rounding:.1e} only, which the linear start cannot "
             "undercut: ask for a larger error, or find the orbit with a smaller rtol."
         )
-    falls = rungs[:-1] / np.maximum(rungs[1:], np.finfo(float).tiny) >= _QUADRATIC
+    with np.errstate(invalid="ignore"):  # where motions end
+        falls = rungs[:-1] / np.maximum(rungs[1:], np.finfo(float).tiny) >= _QUADRATIC
     for i, e in enumerate(es):
         if rungs[i] + rounding <= error:
             return float(e), float(rungs[i] + rounding)
