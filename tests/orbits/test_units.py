@@ -182,3 +182,34 @@ def test_a_manifold_of_an_orbit_is_the_same(units):
     inner = 0.5 - np.sqrt(0.25 - 0.16)  # the squares of both radii
     assert abs(np.linalg.norm(np.asarray(orbit.y0) / each) ** 2 - inner) < SOLVED
     assert (np.minimum(np.abs(radii**2 - (1 - inner)), radii) < 1e-3).all()
+
+
+def test_the_vibration_of_a_molecule_in_si():
+    depth, width, rest, mass = 7.6e-19, 1.94e10, 0.74e-10, 8.37e-28  # Morse's potential of H2
+
+    def rate(t, y):
+        e = jnp.exp(-width * (y[0] - rest))
+        return [y[1], -2 * depth * width * (1 - e) * e / mass]
+
+    orbit = orbits.find(jaxdyn.ode(rate, [9e-11, 0.0], 8.5e-15), hold="y0")
+    level = (1 - np.exp(-width * (9e-11 - rest))) ** 2
+    exact = 2 * np.pi / (width * np.sqrt(2 * depth / mass)) / np.sqrt(1 - level)
+    assert abs(orbit.period / exact - 1) < SOLVED
+    assert float(orbit.y0[0]) == 9e-11
+    assert orbits.recheck(orbit).closure < SOLVED
+
+
+@pytest.mark.parametrize("off", [0.99, 1.001, 1.01])
+def test_earth_and_moon_in_si_from_a_rough_period(off):
+    strength, earth, moon, distance = 6.6743e-11, 5.972e24, 7.342e22, 3.844e8
+    total = earth + moon
+    turn = np.sqrt(strength * total / distance**3)
+    x = np.array([-distance * moon / total, 0.0, distance * earth / total, 0.0])
+    v = turn * np.array([0.0, x[0], 0.0, x[2]])
+    bodies = FreePoints(np.array([earth, moon]), d=2)
+    scene = Scene(bodies, (PairGravity(strength),), y0=np.append(x, v), t1=off * 2 * np.pi / turn)
+    orbit = orbits.find(scene)
+    assert abs(orbit.period * turn / (2 * np.pi) - 1) < SOLVED
+    assert orbit.shift < 1.0  # metres
+    assert orbits.recheck(orbit).closure < SOLVED
+    assert "unstable" != orbits.stability(orbit).verdict
