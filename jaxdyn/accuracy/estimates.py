@@ -28,7 +28,7 @@ from jaxdyn.integrate.errors import error_estimate
 from jaxdyn.integrate.errors.estimate import Estimate, gaps, scales
 from jaxdyn.integrate.errors.rounding_error import Run
 from jaxdyn.integrate.simulation import simulate, solve
-from jaxdyn.integrate.spans import RTOL, SolverOptions, span
+from jaxdyn.integrate.spans import RTOL, Share, SolverOptions, span
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import DOPRI8, EULER, NYSTROM12, RADAU5, RADAU9, VERNER9, Method, Solver
 from jaxdyn.solvers.choice import chosen_method, method_of
@@ -241,7 +241,7 @@ def _runner(scene: Scene, t1, t0, samples, options: SolverOptions, *, dt=None) -
         if dt is not None:
             at = options._asdict() | {"dt": fineness[0]}
         else:
-            at = options._replace(rtol=fineness[0], atol=fineness[1])._asdict()
+            at = options._replace(rtol=fineness[0], atol=Share(fineness[1]))._asdict()
         return solve(scene, end, t0=t0, ts=ts, noise=noise, **at)
 
     return run, ts

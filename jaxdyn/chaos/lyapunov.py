@@ -63,7 +63,8 @@ def lyapunov_exponents(
         less those fixed by constraints.
       chunk: () time between orthonormalisations [s]; by default three mean steps of the motion.
       rtol: relative tolerance of a step.
-      atol: absolute tolerance of a step; rtol by default.
+      atol: absolute tolerance of one step, in the units of the state; by default rtol times the
+        largest size so far of the entries of its kind, whatever the units (`scales.Groups`).
       solver: see `simulate`.
       max_steps: largest number of steps of a chunk, and of the transient.
       throw: raise on any status but OK; with False look at `LyapunovSpectrum.status`.

@@ -59,7 +59,8 @@ def run(
         motion, e.g. ``jax.vmap(make_scene)(values)``.
       t0: () or (n,) start times [s].
       rtol: relative tolerance of one step.
-      atol: absolute tolerance of one step, in the units of the state; rtol by default.
+      atol: absolute tolerance of one step, in the units of the state; by default rtol times the
+        largest size so far of the entries of its kind, whatever the units (`scales.Groups`).
       solver: see `simulate`; an explicit method.
       max_steps: largest number of steps of a motion.
       fixed: make the scene's numbers, which all motions must share, constants of the program: a

@@ -26,11 +26,12 @@ from jaxdyn._numerics import two_sum
 from jaxdyn._text import counted
 from jaxdyn.integrate.flow import UNROLLED_BELOW
 from jaxdyn.integrate.observing import Watch, clipped
-from jaxdyn.integrate.step_control import Limits, StepControl
+from jaxdyn.integrate.step_control import Limits, StepControl, first_step
 from jaxdyn.scene import Field
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import operations
+from jaxdyn.solvers.sizes import allowed, begun, groups_of, grown
 from jaxdyn.solvers.stepper import StepError
 from jaxdyn.status import Status
 
@@ -102,6 +103,7 @@ class _Lane(NamedTuple):
     t1: Array  # () end
     y: Array  # (k,)
     carry: Array  # (k,) rounding error of y, for the compensated sum
+    sizes: Array  # (k,) of the motion so far
     status: Array
     steps: Array
     rejected: Array
@@ -124,7 +126,7 @@ def integrate(
       shared: the field, with None where each motion has its own numbers.
       motions: the queue of n rows.
       count: () number of valid rows.
-      limits: (2,) relative and absolute tolerance of one step, and the maximum number of steps.
+      limits: tolerances of one step, and the maximum number of steps.
       watch: the observer of accepted steps of each motion, or None.
       method: the method.
     """
@@ -180,25 +182,13 @@ class _Work(eqx.Module):
         y, t0, t1, numbers = motion
         field = eqx.combine(numbers, self.shared)
         direction = jnp.where(t1 > t0, 1.0, -1.0)
-
-        @jax.jit  # traced once for its three uses
-        def rate(t, y, args=None):
-            del args
-            return direction * field.rate(direction * t, y)
-
         start, end = direction * t0, direction * t1
-        given = jnp.concatenate([y, rate(start, y), jnp.stack([t0, t1])])
-        ok = jnp.isfinite(given).all()
-        tnext, control = self._control(direction).init(
-            diffrax.ODETerm(rate),
-            start,
-            end,
-            y,
-            None,
-            None,
-            lambda term, *at: term.vf(*at),
-            self.method.error_order,
-        )
+        known = begun(field, t0, y, t1)
+        ok = jnp.isfinite(jnp.concatenate([y, known.rate, jnp.stack([t0, t1])])).all()
+        first = first_step(self.method, self.limits.tolerance, known, y)
+        order = self.method.error_order
+        control = self._control(direction, first)
+        tnext, control = control.init(None, start, end, y, None, None, None, order)
         nothing = jnp.zeros((), int)
         return _Lane(
             row=row,
@@ -210,6 +200,7 @@ class _Work(eqx.Module):
             t1=end,
             y=y,
             carry=jnp.zeros_like(y),
+            sizes=known.sizes,
             status=jnp.where(ok, int(Status.OK), int(Status.NOT_FINITE)),
             steps=nothing,
             rejected=nothing,
@@ -247,13 +238,16 @@ class _Work(eqx.Module):
 
     def _judged(self, lane: _Lane, y: Array, carry: Array, error: Array) -> _Lane:
         """The lane after a step to y, if the step control accepts it."""
-        keep, t, tnext, _, control, result = self._control(lane.direction).adapt_step_size(
+        field = eqx.combine(lane.numbers, self.shared)
+        sizes = grown(groups_of(field, y), lane.sizes, y)
+        may = allowed(self.limits.tolerance, sizes, lane.y, y)
+        keep, t, tnext, _, control, result = self._control(lane.direction, lane.t1).adapt_step_size(
             lane.t,
             lane.tnext,
             lane.y,
             y,
             None,
-            StepError(error),
+            StepError(error, may),
             self.method.error_order,
             lane.control,
         )
@@ -277,6 +271,7 @@ class _Work(eqx.Module):
             tnext=clipped(tnext, lane.t1),
             y=jnp.where(keep, y, lane.y),
             carry=jnp.where(keep, carry, lane.carry),
+            sizes=jnp.where(keep, sizes, lane.sizes),
             status=status,
             steps=steps,
             rejected=rejected,
@@ -294,6 +289,5 @@ class _Work(eqx.Module):
             y1=y, t=t, status=lane.status, steps=lane.steps, rejected=lane.rejected, seen=seen
         )
 
-    def _control(self, direction: Array) -> StepControl:
-        rtol, atol = self.limits.tolerance
-        return StepControl(rtol=rtol, atol=atol, ts=jnp.zeros(0), watch=self.watch).wrap(direction)
+    def _control(self, direction: Array, first: Array) -> StepControl:
+        return StepControl(first=first, ts=jnp.zeros(0), watch=self.watch).wrap(direction)

@@ -22,6 +22,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.integrate.flow import SolveResult, flow
 from jaxdyn.integrate.step_control import Limits
+from jaxdyn.scales import Groups, numbered
 from jaxdyn.solvers import Method
 
 _PIECES = 4  # of the backward integration, besides those between samples
@@ -56,6 +57,19 @@ class _Backwards(eqx.Module):
         a, pull = jax.vjp(acceleration, numbers, q)
         by_numbers, by_place = pull(adjoint)
         return jnp.concatenate([z[half:], a, by_place, -_flat(by_numbers, z.dtype)])
+
+    @property
+    def groups(self) -> Groups:
+        """Adjoints share sizes as the state does, whose units they have in inverse; others none."""
+        of = self.field.groups.of
+        y, adjoint = ([(part, group) for group in of] for part in ("y", "adjoint"))
+        leaves = jax.tree.leaves(eqx.filter(self.field, eqx.is_inexact_array))
+        mu = [("mu", i) for i in range(sum(leaf.size for leaf in leaves))]
+        if not self.position_only:
+            return numbered([*y, *adjoint, *mu])
+        half, rates = len(of) // 2, [("rate", *name) for name in mu]
+        q, v, by_q, by_v = y[:half], y[half:], adjoint[:half], adjoint[half:]
+        return numbered([*q, *by_v, *mu, *v, *by_q, *rates])
 
     def project(self, t: Array, z: Array) -> Array:
         """Nothing to project: scenes with constraints are refused."""

@@ -22,11 +22,12 @@ from jaxtyping import Array
 from jaxdyn import _text
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.integrate.observing import Watch
-from jaxdyn.integrate.step_control import FixedSteps, Limits, StepControl, steps_of
+from jaxdyn.integrate.step_control import FixedSteps, Limits, StepControl, first_step, steps_of
 from jaxdyn.integrate.variational import Variational, tangent_columns
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import operations
+from jaxdyn.solvers.sizes import begun
 from jaxdyn.solvers.stepper import Stepper, is_stiff
 from jaxdyn.solvers.stepping import Stepping
 from jaxdyn.status import Status
@@ -90,7 +91,7 @@ def _marched(*args, method: Method) -> SolveResult:
 
 
 def march(field, y0, t0, t1, ts, limits, *, method: Method, watch: Watch | None):
-    """`flow` without derivatives, and the final memory of a watch."""
+    """`flow` without derivatives, the final memory of a watch, and the sizes of the motion."""
     tolerance, most = limits.tolerance, (limits.max_steps, t1)
     direction = jnp.where(t1 > t0, 1.0, -1.0)  # as in diffrax, also for t1 = t0
     rate = _by_formulas if method.evaluates else _rate
@@ -98,15 +99,19 @@ def march(field, y0, t0, t1, ts, limits, *, method: Method, watch: Watch | None)
     if wide or operations(lambda t, y: rate(t, y, field), t0, y0) > UNROLLED_BELOW:
         method = method.in_loops(1)
     # One program for both directions of time; diffrax negates ts with the rest.
+    h = sizes = None
     if method.adaptive:
-        rtol, atol = tolerance[0], tolerance[1]
-        h, control = None, StepControl(rtol=rtol, atol=atol, ts=ts, watch=watch, limit=most)
+        start = begun(field, t0, y0, t1)
+        f0, sizes = start.rate, start.sizes
+        first = first_step(method, tolerance, start, y0)
+        control = StepControl(first=first, ts=ts, watch=watch, limit=most)
     else:
+        f0 = field.rate(t0, y0)
         n = steps_of(tolerance[0], t0, t1)
         h, control = (t1 - t0) / n, FixedSteps(n=n, ts=ts, watch=watch, limit=most)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(rate),
-        Stepper(method, tolerance, h),
+        Stepper(method, tolerance, sizes, h),
         t0,
         t1 + (t1 - t0),  # never reached: the step control ends the run
         None,
@@ -118,8 +123,8 @@ def march(field, y0, t0, t1, ts, limits, *, method: Method, watch: Watch | None)
         adjoint=Stepping(),
         throw=False,  # a throw is a host callback, which keeps programs out of the cache
     )
-    # The logarithm is finite for positive tolerances only.
-    given = (y0, field.rate(t0, y0), t0, t1, jnp.log(tolerance))
+    # The logarithms are finite for positive tolerances only; one of the last two may be zero.
+    given = (y0, f0, t0, t1, jnp.log(tolerance[0]), jnp.log(tolerance[-2:].sum()))
     status = _status(solution.result, given)
     ts_end, ys_end, state = solution.ts, solution.ys, solution.solver_state
     assert ts_end is not None  # all three are saved, see above
@@ -147,7 +152,7 @@ def march(field, y0, t0, t1, ts, limits, *, method: Method, watch: Watch | None)
         status=status,
         stiff=is_stiff(count),
     )
-    return result, seen.watch
+    return result, seen.watch, state[2]
 
 
 @flow.def_jvp

@@ -23,6 +23,7 @@ from jaxdyn.integrate.flow import SolveResult, flow
 from jaxdyn.integrate.spans import MAX_STEPS as MAX_STEPS
 from jaxdyn.integrate.spans import RTOL as RTOL
 from jaxdyn.integrate.spans import (
+    Share,
     SolverOptions,
     filling,
     host_floats,
@@ -66,7 +67,8 @@ def simulate(
       samples: number of times, evenly spaced from t0 to t1, or an array of times (s,) in the
         order of integration.
       rtol: relative tolerance of one step.
-      atol: absolute tolerance of one step, in the units of the state; rtol by default.
+      atol: absolute tolerance of one step, in the units of the state; by default rtol times the
+        largest size so far of the entries of its kind, whatever the units (`scales.Groups`).
       solver: one of `jaxdyn.solvers`, or an explicit Runge-Kutta solver of diffrax, such as
         ``diffrax.Tsit5()``; by default mostly a Taylor series where the rate is a short formula,
         else the extrapolated leapfrog or the Nystrom pair of order 12 where no force depends on
@@ -135,7 +137,7 @@ def _to_digits(
 
     def run(scene: Scene, tolerance, noise: Noise = QUIET) -> SolveResult:
         rtol, atol = tolerance
-        held_to = options._replace(rtol=rtol, atol=atol)
+        held_to = options._replace(rtol=rtol, atol=Share(atol))
         return _solved(scene, span, held_to, method, noise=noise)[0]
 
     # Where the tolerance is loose, stability limits the steps first.
@@ -171,7 +173,8 @@ def solve(
       t0: () start time [s].
       ts: (s,) requested times [s] between t0 and t1, in the order of integration.
       rtol: relative tolerance of one step.
-      atol: absolute tolerance of one step; rtol by default.
+      atol: absolute tolerance of one step, in the units of the state; by default rtol times the
+        largest size so far of the entries of its kind, whatever the units (`scales.Groups`).
       solver: see `simulate`.
       dt: see `simulate`.
       max_steps: largest number of steps.

@@ -36,8 +36,15 @@ _COPIES_IN_MEMORY = 4  # of them that a run holds at once: nodes, states and tem
 T = TypeVar("T")
 
 
+class Share(float):
+    """An absolute tolerance in parts of the sizes of a motion; see `sizes`."""
+
+
 class SolverOptions(NamedTuple):
-    """The solver keywords of public functions, as one record; see `simulate`."""
+    """The solver keywords of public functions, as one record; see `simulate`.
+
+    An `atol` may also be a `Share`.
+    """
 
     rtol: Any = RTOL
     atol: Any = None
@@ -52,19 +59,22 @@ def host_floats(x) -> Array | np.ndarray:
 
 
 def tolerances(rtol, atol) -> Array | np.ndarray:
-    """(2,) relative and absolute tolerance, checked."""
-    atol = rtol if atol is None else atol
-    if _checks.is_traced(rtol) or _checks.is_traced(atol):
-        return jnp.stack([host_floats(rtol), host_floats(atol)])
+    """(3,) relative and absolute tolerance, checked, and that in parts of the motion's sizes."""
+    share = rtol if atol is None else atol if isinstance(atol, Share) else 0.0
+    atol = 0.0 if atol is None or isinstance(atol, Share) else atol
+    if any(map(_checks.is_traced, (rtol, atol, share))):
+        return jnp.stack([host_floats(rtol), host_floats(atol), host_floats(share)])
     relative = "It is the relative error of one step."
     rtol = _number("rtol", rtol, relative)
     if not _RTOL_FLOOR <= rtol <= _RTOL_CEILING:
         wanted = f"between {_RTOL_FLOOR} and {_RTOL_CEILING}"
         raise _checks.fail("rtol", wanted, rtol, relative + " Errors of steps add up.")
+    if share:
+        return np.array([rtol, 0.0, float(share)])
     atol = _number("atol", atol, "It is in units of the state.")
     if not sys.float_info.min <= atol < math.inf:  # XLA flushes smaller ones to 0
         raise _checks.fail("atol", "> 0", atol, "It is in units of the state.")
-    return np.array([rtol, atol])
+    return np.array([rtol, atol, 0.0])
 
 
 def _number(name: str, x, remedy: str) -> float:

@@ -31,6 +31,7 @@ from jaxdyn.integrate.flow import march
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.step_control import StepControl
 from jaxdyn.solvers import Method
+from jaxdyn.solvers.sizes import allowed
 from jaxdyn.status import Status
 
 #: Parts of a step, or of a panel of it, at which events are sampled besides its beginning. Not
@@ -68,15 +69,14 @@ def first_crossing(field, events, y0, t0, t1, limits, *, method: Method):
     """
     sight = Sight(field, events, method)
     watch = _Lookout(sight)
-    out, seen = march(field, y0, t0, t1, jnp.zeros(0), limits, method=method, watch=watch)
+    out, seen, sizes = march(field, y0, t0, t1, jnp.zeros(0), limits, method=method, watch=watch)
     hs, ys = polished(sight, seen.t0, seen.y0, seen.bracket)
     which = jnp.argmin(jnp.abs(hs))
     h, y = hs[which], ys[:, which]
     # A step is checked at its end; of the shorter one to the event only this is known.
     there = jnp.where(jnp.isfinite(h), h, 0.0)
     step = method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)
-    rtol, atol = limits.tolerance
-    size = StepControl.norm(step.error / (atol + rtol * jnp.maximum(abs(seen.y0), abs(y))))
+    size = StepControl.norm(step.error / allowed(limits.tolerance, sizes, seen.y0, y))
     moved = jnp.isfinite(h) & (h != 0)
     unseen = (out.status == int(Status.OK)) & moved & ~(size < _TRUSTED_ERROR)
     status = jnp.where(unseen, int(Status.UNSEEN_WITHIN_STEP), out.status)
