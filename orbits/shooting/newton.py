@@ -178,11 +178,13 @@ def first_step(
 
 
 def _result(best: _Point, bounds: _Bounds, goal: float, accepted: int, most: int) -> Result:
-    lower, upper, _ = bounds
+    lower, upper, units = bounds
     # Fixed entries do not count.
     at_bound = ((best.x <= lower) | (best.x >= upper)) & (lower < upper)
+    # What is 0 to rounding is 0: an entry that rests there has no size of its own.
+    nothing = (np.abs(best.x) <= np.finfo(float).eps * units) & (lower <= 0) & (0 <= upper)
     return Result(
-        x=best.x,
+        x=np.where(nothing, 0.0, best.x),
         residual=best.residual,
         jacobian=best.jacobian,
         iterations=accepted,

@@ -14,6 +14,9 @@ from orbits.closing.sizes import TIMES, sizes
 from orbits.shooting.equations import Equations, Evaluation
 from orbits.shooting.segment import MAX_STEPS
 
+#: Of the size of an entry: less is rounding.
+_ROUNDING = 1e-9
+
 
 class Units(NamedTuple):
     """Units of unknowns x (n,) and of a residual (m,).
@@ -77,7 +80,10 @@ def sizes_at(equations: Equations, x: np.ndarray) -> np.ndarray:
     """(k,) the sizes of the state's entries along the motion at x."""
     unknowns = equations.unpack(x)
     scene = equations.scene_at(unknowns.parameter)
-    return sizes(scene.starting(equations.start_at(x), unknowns.period))
+    found = sizes(scene.starting(equations.start_at(x), unknowns.period))
+    # An entry that rests at 0 in the equations' own scene may be rounding here.
+    known = sizes(equations.scene)
+    return np.where(found > _ROUNDING * known, found, known)
 
 
 class InUnits:
