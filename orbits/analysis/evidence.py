@@ -18,13 +18,11 @@ from orbits.closing.closings import PLAIN
 from orbits.closing.sizes import sizes
 from orbits.motion import advanced, other_solver
 from orbits.orbit import Orbit, gap
+from orbits.shooting.effort import TIGHT
 from orbits.shooting.equations import Equations
 from orbits.shooting.newton import RANK_TOLERANCE
 from orbits.shooting.segmentation import SEGMENTS_MOST, largest, with_segments
 from orbits.shooting.units import InUnits, map_in_units
-
-#: The tightest useful tolerance: below it rounding dominates.
-TIGHT = 1e-15
 
 
 @dataclasses.dataclass(frozen=True)

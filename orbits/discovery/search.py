@@ -100,7 +100,8 @@ def search(
       shortest: shortest period.
       closing: the closing condition. A symmetric one is cheaper and finds more.
       windows: number of parts of the range of periods, each with its own closest return.
-      close: largest residual of a return that is a guess, in the units of the state.
+      close: largest residual of a return that is a guess, in units of the sizes of the entries at
+        the scene's own start (`jaxdyn.scales`).
       limit: (k,) or () magnitudes of the state beyond which a motion has escaped.
       normal: orbit -> the same orbit in the frame and scale of the table.
       label: orbit -> its name.
