@@ -7,16 +7,15 @@ so a force of the wrong shape, which would be broadcast, is found wherever a rat
 """
 
 import abc
-import dataclasses
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _text
+from jaxdyn._record import Record
 from jaxdyn._shapes import checked_force, checked_generalized, checked_potential
 from jaxdyn.sketch import Shape
 
@@ -27,54 +26,6 @@ class Points(NamedTuple):
     r: Array
     v: Array
     m: Array
-
-
-if TYPE_CHECKING:
-    Record = eqx.Module
-else:
-
-    class _RecordMeta(type(eqx.Module)):
-        def __init__(cls, *args, **kwargs):
-            super().__init__(*args, **kwargs)
-            fields = dataclasses.fields(cls)
-            cls._field_names = frozenset(f.name for f in fields)
-            cls._converters = tuple(
-                (f.name, f.metadata["converter"]) for f in fields if "converter" in f.metadata
-            )
-            checks = (owner.__dict__.get("__check_init__") for owner in cls.__mro__)
-            cls._own_checks = tuple(check for check in checks if check)
-
-        def __call__(cls, *args, **kwargs):
-            made = object.__new__(cls)  # raises TypeError for abstract classes
-            cls.__init__(made, *args, **kwargs)
-            values = made.__dict__
-            missing = cls._field_names - values.keys()
-            if missing or cls.__abstractvars__:
-                names = ", ".join(sorted(missing | cls.__abstractvars__))
-                raise TypeError(f"{cls.__name__} has no value for {names}")
-            for name, convert in cls._converters:
-                values[name] = convert(values[name])
-            for check in cls._own_checks:
-                check(made)
-            return made
-
-    class Record(eqx.Module, metaclass=_RecordMeta):
-        """An equinox module without what equinox does at each access and each assignment.
-
-        An equinox module returns its methods as pytrees, and notices assignments: a record of
-        three fields takes 11 us to make and 1 us an attribute, here 2 us and 0.03 us [measured;
-        an empty compiled call takes 5 us]. Methods are those of Python: ``jax.jit(scene.rate)``
-        is compiled for this scene alone; `Scene.vector_field` is a pytree, and compiled once
-        for all scenes of a kind.
-        """
-
-        __getattribute__ = object.__getattribute__
-
-        def __setattr__(self, name: str, value: Any) -> None:
-            # The constructor assigns each field once; nothing else assigns.
-            if name not in type(self)._field_names or name in self.__dict__:
-                raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
-            self.__dict__[name] = value
 
 
 class Effect(Record):
@@ -104,6 +55,15 @@ class Effect(Record):
             return jnp.zeros_like(r)
         return -jax.grad(self._potential, argnums=1)(t, r, m)
 
+    def acceleration(self, t: Array, r: Array, v: Array, m: Array) -> Array:
+        """Accelerations (n, d) [m/s^2] of the points: those of a force proportional to their mass.
+
+        Gravity is one: what it does to a point does not depend on the mass of that point, and is
+        known also where that is zero. Such an effect overrides this, and `force` by the masses
+        times it; where both are overridden free points are moved by this.
+        """
+        return self.force(t, r, v, m) / m[:, None]
+
     def generalized(self, t: Array, q: Array, v: Array) -> Array | None:
         """Forces (n,) on the coordinates themselves, e.g. a motor's torque; None by default."""
         del t, q, v
@@ -129,6 +89,14 @@ class Effect(Record):
         on_points = cls.force is not Effect.force or cls.potential is not Effect.potential
         on_coordinates = cls.generalized is not Effect.generalized
         return frozenset(["force"] * on_points + ["generalized"] * on_coordinates)
+
+    @property
+    def accelerates(self) -> bool:
+        """Whether its force is proportional to mass: it overrides `acceleration`."""
+        # A subclass that overrides the force alone has another one.
+        given = ({"acceleration", "force"} & vars(cls).keys() for cls in type(self).__mro__)
+        first = next(names for names in given if names)
+        return "acceleration" in first and type(self).acceleration is not Effect.acceleration
 
     @_text.never_raising
     def __repr__(self) -> str:
@@ -273,6 +241,10 @@ class System(Record):
     def check(self, t: Array, y: Array) -> None:
         """Raise ValueError for invalid numbers."""
         del t, y
+
+    def check_effects(self, t: Array, y: Array, effects: tuple[Effect, ...]) -> None:
+        """Raise ValueError for effects that it cannot have."""
+        del t, y, effects
 
     def check_functions(self) -> None:
         """Raise ValueError if a number that one of its functions captured has changed since.
