@@ -24,12 +24,12 @@ from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _shapes, _text
 from jaxdyn._notes import notes_on
-from jaxdyn._record import Record
 from jaxdyn.field import Field as Field
 from jaxdyn.field import VectorField, looked_at
 from jaxdyn.sketch import Shape
 from jaxdyn.system import Effect as Effect
 from jaxdyn.system import Points as Points
+from jaxdyn.system import Record
 from jaxdyn.system import System as System
 
 

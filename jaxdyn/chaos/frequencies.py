@@ -17,8 +17,8 @@ import math
 import numpy as np
 
 from jaxdyn import _checks, _text
-from jaxdyn._record import Record
 from jaxdyn.integrate.trajectory import Trajectory
+from jaxdyn.system import Record
 
 #: Power of the window; 1 is Hann's.
 WINDOW = 3

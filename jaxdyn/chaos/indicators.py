@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._record import Record
 from jaxdyn.chaos.deviations import Deviations
 from jaxdyn.ensemble import engine
 from jaxdyn.ensemble.lanes import Ends
@@ -23,6 +22,7 @@ from jaxdyn.ensemble.watches import Until
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.scene import Scene, checked_scene
 from jaxdyn.status import Status
+from jaxdyn.system import Record
 
 #: Default relative tolerance of a step.
 RTOL = 1e-10

@@ -10,11 +10,11 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._record import Record
 from jaxdyn.chaos.indicators import RTOL, megno
 from jaxdyn.chaos.spectrum import finite_lists
 from jaxdyn.scene import Scene
 from jaxdyn.status import Status
+from jaxdyn.system import Record
 
 
 class ChaosMap(Record):

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn._record import Record
 from jaxdyn.status import Status
+from jaxdyn.system import Record
 
 #: Parts of the time whose means are compared.
 BATCHES = 32

@@ -9,7 +9,6 @@ import abc
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn._record import Record
 from jaxdyn.geometry.frames import orthonormalise
 from jaxdyn.geometry.rotations import (
     matrix_from_wxyz,
@@ -18,6 +17,7 @@ from jaxdyn.geometry.rotations import (
     wxyz_rate_from_body,
 )
 from jaxdyn.geometry.vectors import skew
+from jaxdyn.system import Record
 
 _NEWTON_STEPS = 2  # of `orthonormalise`, for a matrix that has drifted for one step
 

@@ -16,8 +16,8 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
+from jaxdyn._shapes import checked_force, total_force
 from jaxdyn.scene import Points, System
-from jaxdyn.system import total_force
 
 _AXES = "xyz"
 _NO_MASS = 1e300  # [1/kg] 1 / m of a test particle: a force on it is no number soon, and 0 stays 0
@@ -55,14 +55,16 @@ class FreePoints(System):
 
     def rate(self, t, y, effects):
         r, v, m = self.points(t, y)
-        fields = [e.acceleration(t, r, v, m) for e in effects if e.accelerates]
+        fields = [
+            checked_force(e, e.acceleration(t, r, v, m), r.shape) for e in effects if e.accelerates
+        ]
         others = [e for e in effects if not e.accelerates]
-        if others or not fields:
+        if others:
             massless = m == 0
             # A force that begins to act on a test particle later ends the motion.
             per_mass = jnp.where(massless, _NO_MASS, 1 / jnp.where(massless, 1.0, m))
             fields.append(total_force(others, t, r, v, m) * per_mass[:, None])
-        return _state(v, sum(fields[1:], fields[0]))
+        return _state(v, sum(fields[1:], fields[0]) if fields else jnp.zeros_like(v))
 
     def canonical(self, t, y):
         if not _checks.is_traced(self.m) and (np.asarray(self.m) == 0).any():

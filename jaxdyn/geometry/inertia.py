@@ -20,9 +20,9 @@ from jaxdyn import _checks
 from jaxdyn._arguments import arrays
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import safe_sqrt, square_norm
-from jaxdyn._record import Record
 from jaxdyn.geometry.frames import checked_rotation
 from jaxdyn.geometry.vectors import Scalar, Vector, cross
+from jaxdyn.system import Record
 
 Matrix = Float[Array, "3 3"]
 

@@ -5,9 +5,9 @@
 derivatives in both modes, by the variational equations of `variational`; `adjoint` is the gradient
 of one loss by many numbers (`adjoint=True`), `fixed` the solve with the parameters as constants,
 `step_control` the step size, `observing` the samples and the limits of a run, `switching` the
-change to an implicit method where a motion is stiff. Events: `events` (the calls) and the folder
-`event_search` (the search within a step). Piecewise-smooth motions: `phases` (the calls, which
-phase is first and next), `phase` (one phase, and when a state fits it).
+change to an implicit method where a motion is stiff. Events: `events` (the calls), `stop` (what
+they return) and the folder `event_search` (the search within a step). Piecewise-smooth motions:
+`phases` (the calls, which phase is first and next), `phase` (one phase, and when a state fits it).
 
 May import: `solvers`. A scene is used only through its rate, its projection and its labels.
 

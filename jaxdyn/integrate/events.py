@@ -176,7 +176,7 @@ def stop_of(scene: Scene, events, t1, t0, options: SolverOptions, sides=0.0) -> 
     """
     events = checked_events(events)
     t0, t1 = span(scene, t1, t0)
-    sides = jnp.broadcast_to(jnp.asarray(sides, float), (len(events),))
+    sides = np.broadcast_to(np.asarray(sides, float), (len(events),))  # JAX would take longer
     method = checked_method(scene, options.solver, several=True)
     for event in events:
         event.check(len(scene.y0))

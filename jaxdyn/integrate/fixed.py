@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._record import Record
 from jaxdyn.scene import Field
+from jaxdyn.system import Record
 
 
 class FixedField(Record):

@@ -21,7 +21,6 @@ from jaxtyping import Array
 
 from jaxdyn import _text
 from jaxdyn._numerics import in_one_kernel
-from jaxdyn._record import Record
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.step_control import FixedSteps, Limits, StepControl, steps_of
 from jaxdyn.integrate.variational import Variational, tangent_columns
@@ -31,6 +30,7 @@ from jaxdyn.solvers.method import operations
 from jaxdyn.solvers.stepper import Stepper, is_stiff
 from jaxdyn.solvers.stepping import Stepping
 from jaxdyn.status import Status
+from jaxdyn.system import Record
 
 #: Operations of a rate above which a loop over stages runs as fast as unrolled stages and
 #: compiles ten times sooner (measured: three bodies 80, double pendulum 590).

@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._record import Record
 from jaxdyn.integrate.errors.estimate import Estimate
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.spans import of_samples
@@ -20,6 +19,7 @@ from jaxdyn.integrate.step_control import Limits
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, default_solver
 from jaxdyn.status import IntegrationError, Status
+from jaxdyn.system import Record
 
 _STIFF_WARNING = (
     "The scene is stiff: stability, not accuracy, limited the steps of the explicit method. "

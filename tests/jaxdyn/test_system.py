@@ -13,7 +13,7 @@ from jaxtyping import Array
 
 from jaxdyn import Effect, System, scenes
 from jaxdyn._floats import as_float
-from jaxdyn._record import Record
+from jaxdyn.system import Record
 
 
 class Pair(Record):

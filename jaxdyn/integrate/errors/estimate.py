@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn._record import Record
 from jaxdyn.scene import Scene
+from jaxdyn.system import Record
 
 #: Distance of a promised digit from rounding, in spreads of two draws; 1 in 26 errs by more.
 ROUNDING_MARGIN = 5.0
