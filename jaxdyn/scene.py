@@ -213,6 +213,7 @@ class Scene(Record):
             _check_effects(self.effects, system.points(t, y))
             raise
         _check_effects(self.effects, points)
+        system.check_effects(t, y, self.effects)
         # A wrong claim would silently give wrong trajectories.
         for effect, wrong in zip(self.effects, depends, strict=True):
             if wrong:

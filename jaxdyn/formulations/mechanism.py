@@ -17,9 +17,10 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._numerics import materialised, runtime_one
 from jaxdyn._records.kinds import check_first
+from jaxdyn._shapes import generalized_forces, total_force
 from jaxdyn.scene import Effect, Points, System
 from jaxdyn.sketch import Shape
-from jaxdyn.system import Record, generalized_forces, total_force
+from jaxdyn.system import Record
 
 #: Forms of the tie of a rod, as scenes name them; see `stretch`.
 TIES = ("length", "square")

@@ -224,7 +224,8 @@ class Observing(eqx.Module):
             (most, end), steps = self.limit, steps + jnp.where(tried.fine & tried.sampling, 0, 1)
             arrived = keep & (t1 >= end)
             over = steps >= most[0]
-            over = over if limited is None else over | (limited >= most[1].astype(float))
+            if limited is not None:  # of a step that is not kept, neither is its count
+                over = over | (keep & (limited >= most[1].astype(float)))
             over = over & ~arrived & (result == diffrax.RESULTS.successful)
             result = diffrax.RESULTS.where(over, diffrax.RESULTS.max_steps_reached, result)
             start = jnp.where(arrived, jnp.inf, start)  # the loop ends there

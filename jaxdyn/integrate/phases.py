@@ -20,7 +20,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._progress import doing
 from jaxdyn._records.kinds import check_first
-from jaxdyn.integrate.events import until
+from jaxdyn.integrate.events import stop_of
 from jaxdyn.integrate.phase import END, Exit, HybridTrajectory, Phase
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions
@@ -141,7 +141,8 @@ def _leg(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions) 
     if beyond.any():
         end, at, exits, status = t, y, (int(np.argmax(beyond)),), Status.OK
     else:
-        stop = until(scene, phase.events, t1, t0=t, **options._asdict())
+        # Not beyond a bound: on its near side, to rounding, and known to be so.
+        stop = stop_of(scene, phase.events, t1, t, options, phase.sides)
         also = np.asarray(stop.coincident) & (np.asarray(phase.sides) == 0)
         others = [int(i) for i in np.flatnonzero(also) if i != stop.event]
         exits = (int(stop.event), *others) if stop.happened else ()
@@ -235,7 +236,8 @@ def follow(
         way = phase.exits[number]
         now = phase.fit(t, y).beyond | (others if name == before else False)
         at_once = now.any()
-        stop = until(phase.scene.starting(y, t1), phase.events, t1, t0=t, rtol=rtol)
+        scene, options = phase.scene.starting(y, t1), SolverOptions(rtol=rtol)
+        stop = stop_of(scene, phase.events, t1, t, options, phase.sides)
         t, y = jnp.where(at_once, t, stop.t), jnp.where(at_once, y, stop.y)
         as_expected = jnp.where(at_once, jnp.argmax(now), stop.event) == number
         unbounded = (np.array(phase.sides) == 0) & (np.arange(len(phase.exits)) != number)
