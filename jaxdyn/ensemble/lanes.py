@@ -34,7 +34,7 @@ from jaxdyn.scene import Field
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import operations
-from jaxdyn.solvers.sizes import allowed, begun, groups_of, grown
+from jaxdyn.solvers.sizes import allowed, begun, glimpsed, groups_of, grown
 from jaxdyn.solvers.stepper import StepError
 from jaxdyn.status import Status
 
@@ -284,7 +284,7 @@ class _Work(eqx.Module):
             tnext=clipped(tnext, lane.t1),
             y=jnp.where(keep, y, lane.y),
             carry=jnp.where(keep, carry, lane.carry),
-            sizes=jnp.where(keep, sizes, lane.sizes),
+            sizes=jnp.where(keep, sizes, glimpsed(lane.sizes, sizes)),
             status=status,
             steps=steps,
             rejected=rejected,

@@ -127,6 +127,8 @@ def until(
     atol: float | None = None,
     solver: Solver | None = None,
     max_steps: int = MAX_STEPS,
+    max_step=None,
+    breaks=(),
 ) -> Stop:
     """The first event of a motion: when, and the state then.
 
@@ -148,6 +150,8 @@ def until(
       atol: see `simulate`.
       solver: see `simulate`.
       max_steps: see `simulate`.
+      max_step: see `simulate`.
+      breaks: see `simulate`.
     Raises:
       ValueError: no event is given, or `t1`, `t0`, `rtol`, `atol` or `max_steps` is out of range.
     Limits: two crossings in one step are found if the value is smooth and goes beyond zero by
@@ -164,7 +168,7 @@ def until(
       >>> round(float(stop.t), 12)
       1.414213562373
     """
-    options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
+    options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
     return stop_of(scene, events, t1, t0, options)
 
 

@@ -52,9 +52,10 @@ def flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResul
 
 
 def _marched(field, y0, *rest, method: Method) -> SolveResult:
+    *_, limits = rest
     plan = plan_of(without_wrappers(field), len(y0))
     # Steps of equal length are where the caller wants them.
-    if plan.size and method.adaptive:
+    if (plan.size or len(limits.breaks)) and method.adaptive:
         return run_pieces(field, (), y0, *rest, method=method)[0]
     return march(field, y0, *rest, method=method, watch=None)[0]
 

@@ -46,7 +46,7 @@ def first_event(
       method: an adaptive one.
     """
     no_times = jnp.zeros(0)
-    if plan_of(without_wrappers(field), len(y0)).size:
+    if plan_of(without_wrappers(field), len(y0)).size or len(limits.breaks):
         found = run_pieces(field, events, y0, t0, t1, no_times, limits, sides, method=method)
     else:
         found = first_crossing(field, events, y0, t0, t1, limits, no_times, sides, method=method)
@@ -315,6 +315,8 @@ class _Pieces(NamedTuple):
     def _switched(self, branch: Branch, t: Array, x: Array, index: Array):
         """The next branch after a condition has changed, what was crossed, what is known."""
         e = self.plan.size
+        if not self.plan.on_state:
+            return branch, jnp.zeros(e, bool), jnp.zeros(e, bool)
         _, here = self.plan.look(self.system, t, x, branch.outcomes)
         by_time, rows, along = self._slopes(t, x, branch.outcomes, InBranch(self.system, branch))
         noise = self._noise(t, x, by_time, rows)

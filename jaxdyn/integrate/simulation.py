@@ -58,6 +58,8 @@ def simulate(
     dt: float | None = None,
     digits: float | None = None,
     max_steps: int = MAX_STEPS,
+    max_step=None,
+    breaks=(),
     throw: bool = True,
 ) -> Trajectory:
     """The motion of a scene from its start y0, sampled over [t0, t1].
@@ -84,6 +86,8 @@ def simulate(
         spoil are not promised. Takes 5 to 12 times as long as one solve, up to 20 times where
         rounding leaves about as many digits, with the same compile time; host only.
       max_steps: largest number of steps.
+      max_step: () longest step [s], for parts of a rate that cannot be read, such as a callback.
+      breaks: (b,) times [s] at which the rate is known to be rough: steps end there.
       throw: raise on any status but OK; with False look at `Trajectory.status`.
     Returns:
       The sampled motion.
@@ -91,9 +95,14 @@ def simulate(
       ValueError: `t0` or `t1` is not finite, a tolerance, `dt`, `digits`, `samples` or
         `max_steps` is out of range, or the solver does not suit the scene.
       IntegrationError: the end was not reached (``throw=True``, outside of traces).
-    Limits: inside jit, grad and vmap the default does not switch to an implicit method, since
-      both would be compiled, and under vmap run. A stiff scene takes very many steps there, and
-      `Trajectory.warning` says so; pass ``solver=solvers.RADAU9``.
+    Limits: conditions of the rate (``where``, ``sign``, ``max``, ``floor``, tables) end steps where
+      they change, and what depends on time alone is seen down to a millionth of the span. What the
+      rate does in between as a function of the state alone, such as a wind in a thin layer, is seen
+      by the error of a step only, and what cannot be read is not seen: `Trajectory.warning` names
+      it. Steps of fixed length (``dt``) end where they end. Inside jit, grad and vmap the default
+      does not switch to an implicit method, since both would be compiled, and under vmap run. A
+      stiff scene takes very many steps there, and `Trajectory.warning` says so; pass
+      ``solver=solvers.RADAU9``.
     Example:
       >>> from jaxdyn import scenes, simulate
       >>> motion = simulate(scenes.cannonball(drag=0.0), 1.0)
@@ -103,7 +112,7 @@ def simulate(
     _checks.float64()
     t0, t1, ts = sampled_span(scene, t1, t0, samples)
 
-    options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
+    options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
     error = None
     if digits is None:
         method = _checked(scene, options, dt)
@@ -162,6 +171,8 @@ def solve(
     solver: Solver | None = None,
     dt: float | None = None,
     max_steps: int = MAX_STEPS,
+    max_step=None,
+    breaks=(),
     fixed: bool = False,
     adjoint: bool = False,
     noise: Noise | None = None,
@@ -181,6 +192,8 @@ def solve(
       solver: see `simulate`.
       dt: see `simulate`.
       max_steps: largest number of steps.
+      max_step: see `simulate`.
+      breaks: see `simulate`.
       fixed: make the scene's numbers, except start and span, constants of the program: faster, but
         new ones recompile, and there are no derivatives with respect to them.
       adjoint: derivatives by the adjoint equations, backwards in time: for one loss the cost of a
@@ -198,7 +211,7 @@ def solve(
       of rtol. Central differences are worse: 7 to 10 digits, with the best step. (All compared
       with variational equations in 60 digits.)
     """
-    options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
+    options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
     method = _checked(scene, options, dt)
     _checks.flag("fixed", fixed)
     _checks.flag("adjoint", adjoint)
@@ -233,7 +246,7 @@ def _solved(
     field = field if noise is None else RoundedField(field, noise)
     # A search through the scene's numbers takes half as long as an empty program.
     numbers = () if noise is None and notes_on(scene) is not None else (field,)
-    held_to = options.rtol, options.atol, options.max_steps, dt
+    held_to = options.rtol, options.atol, options.max_steps, dt, options.max_step, options.breaks
     traced = any(map(_checks.is_traced, (*numbers, y0, t0, t1, ts, *held_to)))
     if traced:
         method = method if options.solver is not None else within_trace(scene, method)

@@ -51,6 +51,8 @@ class SolverOptions(NamedTuple):
     atol: Any = None
     solver: Solver | None = None
     max_steps: int = MAX_STEPS
+    max_step: Any = None
+    breaks: Any = ()
 
 
 def host_floats(x) -> Array | np.ndarray:
@@ -161,7 +163,19 @@ def limits(options: SolverOptions, dt=None, max_limited: int = _ANY) -> Limits:
         return Limits(step_length(dt), _most(options.max_steps, max_limited))
     given = options.rtol, options.atol, options.max_steps, max_limited
     known = all(x is None or type(x) is float or type(x) is int for x in given)
-    return (_known_limits if known else _limits)(*given)
+    found = (_known_limits if known else _limits)(*given)
+    if options.max_step is None and not np.size(options.breaks):
+        return found
+    longest = None
+    if options.max_step is not None:
+        remedy = "It is a time, the longest step."
+        checked = _checks.array("max_step", options.max_step, (), remedy)
+        longest = host_floats(_checks.positive("max_step", checked, remedy))
+    remedy = "Times at which the rate changes."
+    breaks = (
+        _checks.array("breaks", options.breaks, (None,), remedy) if np.size(options.breaks) else ()
+    )
+    return found._replace(max_step=longest, breaks=breaks)
 
 
 def _limits(rtol, atol, max_steps, max_limited: int) -> Limits:

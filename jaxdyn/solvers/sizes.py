@@ -24,6 +24,9 @@ from jaxdyn.scales import Groups, at_start
 #: an entry gets to in the time of the motion, unless others stop it before.
 _PART = 0.1
 
+#: The part of what a rejected step would have made of an entry at rest that is its size.
+_GLIMPSE = 0.01
+
 
 class Begun(NamedTuple):
     """What is known at a start.
@@ -97,6 +100,16 @@ def grown(groups: Groups, sizes: Array, y: Array) -> Array:
     state = jnp.maximum(old[:, 0], groups.largest(now[:, 0]))
     found = jnp.concatenate([state[:, None], _of_tangents(state, now[:, 1:])], axis=1)
     return jnp.maximum(old, found).reshape(y.shape)
+
+
+def glimpsed(sizes: Array, tried: Array) -> Array:
+    """The sizes (k, ...) after a step that is rejected, where those after it would be others.
+
+    What was at rest up to now has a small part of what the step would have made of it: measured by
+    itself, an entry that begins to move at once would have no size at any step.
+    """
+    found = jnp.where(jnp.isfinite(tried), tried, 0.0)
+    return jnp.where(sizes > 0, sizes, _GLIMPSE * found)
 
 
 def allowed(tolerance: Array, sizes: Array, y0: Array, y1: Array) -> Array:

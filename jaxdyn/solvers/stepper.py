@@ -12,7 +12,7 @@ from jaxdyn._numerics import two_sum
 from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import Advance, Method
 from jaxdyn.solvers.perturbed import begun
-from jaxdyn.solvers.sizes import absolute, allowed, groups_of, grown
+from jaxdyn.solvers.sizes import absolute, allowed, glimpsed, groups_of, grown
 
 #: Net stability-limited steps before a run is flagged stiff.
 _STIFF_COUNT = 50
@@ -112,6 +112,12 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         told = StepError(step.error, may, end, step.reach, step.square, count)
         nothing = {}  # for dense output, which is not asked for
         return y1, told, nothing, (carry, count, sizes), result
+
+    def after_rejection(self, state, tried):
+        """Its state after a step that is rejected, from those before and after the step."""
+        if state[2] is None:
+            return state
+        return (*state[:2], glimpsed(state[2], tried[2]))
 
     def func(self, terms, t0, y0, args):
         return terms.vf(t0, y0, args)

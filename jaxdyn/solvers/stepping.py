@@ -57,7 +57,7 @@ class Stepping(diffrax.AbstractAdjoint):
             y, solver_state = jax.tree.map(
                 lambda new, old: jnp.where(keep, new, old),
                 (y1, solver_state),
-                (run.y, run.solver_state),
+                (run.y, solver.after_rejection(run.solver_state, solver_state)),
             )
             # The failure of a step that is rejected does not end the run: the next one is shorter.
             solved = diffrax.RESULTS.where(keep, solved, diffrax.RESULTS.successful)

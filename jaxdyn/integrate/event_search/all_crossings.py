@@ -75,6 +75,8 @@ def crossings(
     atol: float | None = None,
     solver: Solver | None = None,
     max_steps: int = MAX_STEPS,
+    max_step=None,
+    breaks=(),
     throw: bool = True,
 ) -> Crossings:
     """All crossings of an event by one motion: times, states and directions.
@@ -94,6 +96,8 @@ def crossings(
       atol: see `simulate`.
       solver: see `simulate`.
       max_steps: largest number of steps of the whole motion.
+      max_step: see `simulate`.
+      breaks: see `simulate`.
       throw: raise where the motion fails; with False look at `Crossings.status`. Inside a
         transformation nothing is raised.
     Returns:
@@ -116,7 +120,7 @@ def crossings(
     t0, t1 = span(scene, t1, t0)
     (event,) = checked_events((event,), len(scene.y0))
     method = checked_method(scene, solver, several=True)
-    options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
+    options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
     given = scene, event, t0, t1, limits(options)
     rows = None if most is None else _checks.whole("most", most)
     if rows is None:

@@ -229,3 +229,37 @@ def test_events_at_a_switching_surface():
     stop = events.until(ball, events.Reaches(0, 0.0, -1))
     assert abs(stop.t - np.sqrt(2 / 9.81)) < 1e-12
     assert stop.y[0] >= 0
+
+
+def test_breaks_and_longest_steps_for_what_cannot_be_read():
+    def called(t):
+        return np.asarray(float(abs(float(t) - 1.2345) < 1e-3))
+
+    def rate(t, y):
+        kick = jax.pure_callback(
+            called, jax.ShapeDtypeStruct((), float), t, vmap_method="sequential"
+        )
+        return [kick - y[0]]
+
+    scene = jaxdyn.ode(rate, [0.0], 3.0)
+    expected = (np.exp(1.2355) - np.exp(1.2335)) * np.exp(-3.0)
+    run = jaxdyn.simulate(scene, samples=2, breaks=[1.2335, 1.2355])
+    assert abs(run.ys[-1, 0] - expected) < 1e-10
+    assert "a call of Python" in run.warning
+    run = jaxdyn.simulate(scene, samples=2, max_step=1e-3)
+    assert abs(run.ys[-1, 0] - expected) < 1e-10
+
+
+def test_breaks_and_longest_steps_of_smooth_motions():
+    scene = jaxdyn.ode(lambda t, y: [y[1], -y[0]], [1.0, 0.0], 10.0)
+    run = jaxdyn.simulate(scene, breaks=[1.0, 2.0])
+    assert np.allclose(run.ys[-1], (np.cos(10), -np.sin(10)), rtol=0, atol=1e-9)
+    assert jaxdyn.simulate(scene, max_step=0.01).steps >= 1000
+    found = jaxdyn.crossings(scene, events.Reaches(0, 0.0), breaks=[1.0])
+    assert np.allclose(found.ts, np.pi * (np.arange(3) + 0.5), rtol=1e-12)
+    stop = events.until(scene, events.Reaches(0, 0.0), max_step=0.1)
+    assert abs(stop.t - np.pi / 2) < 1e-12
+    with pytest.raises(ValueError, match="max_step"):
+        jaxdyn.simulate(scene, max_step=-1.0)
+    with pytest.raises(ValueError, match="breaks"):
+        jaxdyn.simulate(scene, breaks=[[1.0]])
