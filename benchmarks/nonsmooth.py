@@ -1,0 +1,171 @@
+"""How fast are motions with switches, at equal true error, and do they keep the order of a method?
+
+Run: ``python -m benchmarks nonsmooth``. Five problems of `benchmarks.switched`: a converter with a
+voltage that is switched by time, a ball that bounces on a spring, a pendulum with dry friction that
+comes to rest, a relay, gears with play. Ours, diffrax and "SciPy DOP853" are given the rate as it
+stands; "by hand" stands for a program that knows the switches: heyoka with terminal events that set
+a number of the formulas, SciPy with its events. Errors are the largest at the end, relative to the
+largest number of the state, against heyoka by hand in 80-bit floats. diffrax and SciPy give up
+after 20 000 steps, which they need where friction chatters.
+
+A second table has the time of the default beside that of the same pieces as smooth problems, whose
+ends are given, by the same pair; the notes have the steps of both, and the order: the slope of the
+number of steps over the error, in logarithms.
+"""
+
+import functools
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxdyn
+from benchmarks import _peers, switched
+from benchmarks._timing import Curves, Method, Row, Run, interleaved, work_precision
+from benchmarks.switched import MAX_STEPS, SWITCHED, Leg, Switched
+from benchmarks.systems import SCIPY
+from jaxdyn.integrate.simulation import solve
+from jaxdyn.solvers import VERNER9
+
+#: True errors compared at.
+ERRORS = (1e-6, 1e-9, 1e-12)
+TOLERANCES = tuple(float(f"1e-{e}") for e in (4, 6, 8, 10, 12, 13, 14))
+_SCIPY_FINEST = 3e-14  # it refuses smaller ones
+#: For the steps of pieces: where rounding hides no error.
+_COUNTED = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+_SHOWN = 1e-10
+_ROUNDS, _QUICK_ROUNDS = 8, 2
+
+
+def run(quick: bool = False) -> list[Curves | Row]:
+    """Times of every method that is installed; `quick` for a rough look."""
+    rounds = _QUICK_ROUNDS if quick else _ROUNDS
+    found: list[Curves | Row] = []
+    for name, make in SWITCHED.items():
+        problem = make()
+        legs = true_legs(problem)
+        ours = whole(problem, legs)
+        found.append(curves(name, problem, ours, rounds))
+        found.append(beside_pieces(name, ours, as_smooth(problem, legs), rounds))
+    return found
+
+
+class Counted(NamedTuple):
+    """Steps and error of a run at one tolerance."""
+
+    steps: int
+    error: float
+
+
+class Way(NamedTuple):
+    """A way to solve a problem.
+
+    Attributes:
+      solved: of a tolerance, the number of steps and the states that are compared.
+      truth: those states.
+    """
+
+    solved: Any
+    truth: np.ndarray
+
+    def run(self, tol: float) -> Run:
+        """A run at a tolerance."""
+        known = jnp.asarray(tol)
+        return lambda: np.asarray(self.solved(known)[1])
+
+    def counted(self) -> list[Counted]:
+        """Steps and errors at all tolerances."""
+        scale, found = np.max(np.abs(self.truth)), []
+        for tol in _COUNTED:
+            steps, ends = self.solved(jnp.asarray(tol))
+            found.append(Counted(int(steps), float(np.max(np.abs(ends - self.truth)) / scale)))
+        return found
+
+
+def true_legs(problem: Switched) -> list[Leg]:
+    """The legs of a problem by a method that is not ours, as accurately as it can."""
+    if _peers.importable("heyoka"):
+        return switched.heyoka_legs(problem, 1e-18, np.longdouble)()
+    return switched.scipy_legs(problem, _SCIPY_FINEST)()
+
+
+def curves(
+    name: str,
+    problem: Switched,
+    ours: Way,
+    rounds: int,
+    tolerances: Sequence[float] = TOLERANCES,
+) -> Curves:
+    """Error against time of all methods for one problem."""
+    methods = {"jaxdyn": Method(ours.run, tolerances)}
+    if _peers.importable("heyoka"):
+        methods["heyoka by hand"] = Method(
+            lambda tol: switched.end_of(switched.heyoka_legs(problem, tol)), tolerances
+        )
+    for solver in (diffrax.Dopri8(), diffrax.Tsit5()):
+        build = functools.partial(_peers.diffrax_run, problem, solver, max_steps=MAX_STEPS)
+        methods[f"diffrax {type(solver).__name__}"] = Method(build, tolerances)
+    if _peers.importable("scipy", "numba"):
+        coarse = [tol for tol in tolerances if tol > _SCIPY_FINEST]
+        methods[SCIPY] = Method(functools.partial(switched.scipy_plain, problem), coarse)
+        methods[f"{SCIPY} by hand"] = Method(
+            lambda tol: switched.end_of(switched.scipy_legs(problem, tol)), coarse
+        )
+    return work_precision(f"switches: {name}", methods, ours.truth, ERRORS, rounds, slow=1e-2)
+
+
+def beside_pieces(name: str, ours: Way, pieces: Way, rounds: int) -> Row:
+    """The default beside its pieces as smooth problems: times, and a note with steps and orders."""
+    counted = {"with switches": ours.counted(), "its pieces": pieces.counted()}
+    times = interleaved(
+        {"jaxdyn": ours.run(_SHOWN), "its pieces, smooth": pieces.run(_SHOWN)}, rounds
+    )
+    told = [
+        f"{which} {', '.join(str(each.steps) for each in found)} steps, order {order(found):.1f}"
+        for which, found in counted.items()
+    ]
+    finest = f"{_COUNTED[0]:.0e} to {_COUNTED[-1]:.0e}"
+    note = f"{len(pieces.truth) - 1} switches; tolerances {finest}: {'; '.join(told)}"
+    return Row(f"switches: {name}, tolerance {_SHOWN:.0e}", times, note=note)
+
+
+def whole(problem: Switched, legs: list[Leg]) -> Way:
+    """The default, given the rate as it stands."""
+    scene = problem.scene
+
+    @jax.jit
+    def solved(tol):
+        found = solve(scene, scene.t1, rtol=tol, fixed=True)
+        return found.steps, found.y1[None]
+
+    return Way(solved, legs[-1].y1[None])
+
+
+def as_smooth(problem: Switched, legs: list[Leg]) -> Way:
+    """Each leg as a smooth problem of its own, between times that are given."""
+    piece = problem.piece(jnp)
+    starts = [
+        jnp.asarray(np.array(column)) for column in zip(*(leg[:4] for leg in legs), strict=True)
+    ]
+
+    @jax.jit
+    def solved(tol):
+        def each(leg):
+            t0, y0, mode, t1 = leg
+            scene = jaxdyn.ode(piece, y0, t1, params=mode)
+            found = solve(scene, t1, t0=t0, rtol=tol, solver=VERNER9)
+            return found.steps, found.y1
+
+        steps, ends = jax.lax.map(each, starts)
+        return jnp.sum(steps), ends
+
+    return Way(solved, np.array([leg.y1 for leg in legs]))
+
+
+def order(found: Sequence[Counted]) -> float:
+    """The slope of the logarithm of the error over that of the steps, with its sign turned."""
+    steps, errors = np.log(np.array(found)).T
+    return -float(np.polyfit(steps, errors, 1)[0])
