@@ -16,6 +16,7 @@ from jaxdyn._floats import as_float, is_plain, refuse_times
 from jaxdyn._floats import float64 as float64
 from jaxdyn._text import choice as choice
 from jaxdyn._text import fail as fail
+from jaxdyn._text import flag as flag
 from jaxdyn._text import whole as whole
 
 
@@ -116,10 +117,19 @@ def finite(name: str, x: Array, remedy: str = "") -> Array:
 
 def positive(name: str, x: Any, remedy: str = "") -> Array:
     """x as an array; raises unless every entry is > 0."""
+    return _above_zero(name, x, remedy, np.greater, "> 0")
+
+
+def at_least_zero(name: str, x: Any, remedy: str = "") -> Array:
+    """x as an array; raises unless every entry is >= 0."""
+    return _above_zero(name, x, remedy, np.greater_equal, ">= 0")
+
+
+def _above_zero(name: str, x: Any, remedy: str, holds, wanted: str) -> Array:
     x = numbers(name, x, remedy)
     if not is_traced(x):
         finite(name, x, remedy)
         values = np.asarray(x)
-        if not (values > 0).all():
-            raise fail(name, "> 0", values[~(values > 0)].ravel()[0], remedy)
+        if not (right := holds(values, 0)).all():
+            raise fail(name, wanted, values[~right].ravel()[0], remedy)
     return x

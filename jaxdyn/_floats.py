@@ -1,5 +1,6 @@
 """Conversion of numbers to float arrays, the leaves of a scene."""
 
+import reprlib
 from typing import Any
 
 import jax
@@ -30,9 +31,17 @@ def as_float(x: Any) -> Array:
     refuse_times(x)
     if isinstance(x, jax.Array):
         return x if x.dtype == float and not x.weak_type else jnp.asarray(x, dtype=float)
-    if is_plain(x) or (isinstance(x, np.ndarray | np.number) and x.dtype.kind in "fiu"):
-        return _placed(np.asarray(x, float))
-    return jnp.asarray(x, dtype=float)
+    try:
+        if is_plain(x) or (isinstance(x, np.ndarray | np.number) and x.dtype.kind in "fiu"):
+            return _placed(np.asarray(x, float))
+        return jnp.asarray(x, dtype=float)
+    except OverflowError as error:
+        raise too_large("number", x) from error
+
+
+def too_large(name: str, x: Any) -> ValueError:
+    """The error for a whole number beyond all floats."""
+    return fail(name, "numbers of at most 1.8e308", reprlib.repr(x))
 
 
 def refuse_times(x: Any, name: str = "number") -> None:

@@ -2,11 +2,12 @@
 
 An array of the wrong shape is often broadcast silently: one force of shape (d,) on n points would
 act on each of them. Shapes are known as soon as a function is traced, so these checks need no
-values and run once per kind of scene.
+values and run once per kind of scene. Every formulation sums its effects by the functions at the
+end, so a force of the wrong shape is found wherever a rate is traced.
 """
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import jax
@@ -141,3 +142,22 @@ def _check_shape(name: str, shape: tuple[int, ...], remedy: str, found: Any) -> 
         raise _checks.fail(name, f"an array of shape {shape}", type(found).__name__, remedy)
     if got != shape:
         raise _checks.fail(name, f"shape {shape}", f"shape {got}", remedy)
+
+
+def total_force(effects: Iterable[Any], t: Array, r: Array, v: Array, m: Array, start=None):
+    """Sum (n, d) [N] of the forces of effects on points at r (n, d), added to `start`."""
+    forces = (checked_force(e, e.force(t, r, v, m), r.shape) for e in effects)
+    return sum(forces, jnp.zeros_like(r) if start is None else start)
+
+
+def generalized_forces(effects: Iterable[Any], t: Array, q: Array, v: Array) -> list[Array]:
+    """The forces (n,) on coordinates of those effects that have one."""
+    forces = ((e, e.generalized(t, q, v)) for e in effects)
+    return [checked_generalized(e, f, v.shape) for e, f in forces if f is not None]
+
+
+def potential_energy(effects: Iterable[Any], t: Array, r: Array, m: Array) -> Array:
+    """Sum () [J] of the potentials of the effects that have one, for points at r (n, d)."""
+    values = ((e, e.potential(t, r, m)) for e in effects)
+    known = (checked_potential(e, value) for e, value in values if value is not None)
+    return sum(known, jnp.zeros(()))

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _shapes
+from jaxdyn.scales import Groups, groups
 from jaxdyn.system import Effect, Points, System
 
 
@@ -29,6 +30,11 @@ class Field(NamedTuple):
     def rate(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
         """The vector field dy/dt."""
         return self.system.rate(t, y, self.effects)
+
+    @property
+    def groups(self) -> Groups:
+        """Which entries of the state share a size."""
+        return groups(self.system)
 
     def points(self, t: Array, y: Float[Array, " k"]) -> Points:
         """The material points; raises ValueError if the system has none."""

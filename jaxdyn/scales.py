@@ -1,30 +1,26 @@
 """Scales of a motion: the sizes of the entries of its state, and its time.
 
-Whatever is compared with a tolerance is compared in these. A motion that is written in other units
-of length, time and mass, or whose entries are multiplied by numbers of their own, has the scales of
-the motion before, multiplied likewise, up to rounding; so nothing that is decided in them depends
-on units, and there is no number of the size of one anywhere below.
+What is compared with a tolerance is compared in these. A motion in other units of length, time and
+mass, or whose entries are multiplied by numbers of their own, has the scales of the motion before,
+multiplied likewise, up to rounding; so nothing that is decided in them depends on units.
 
 Entries with the same unit share one size, the largest (`Groups`): places do, and velocities, so
 that a coordinate that is zero, or rounding, is measured by the others. An angle that turns many
 times is known by its radian. What has no unit, as in a plain `jaxdyn.ode`, has a size of its own.
 
 - `of_motion`: the scales of a motion that is known.
-- `at_start`: those that are known before a step is taken, from the rate and its derivatives. Sizes
-  u are carried to |J| u, the rates at which they change other entries: by J times one vector of
-  generic weights of random signs, since all of J would take as many derivatives as there are
-  entries, and terms that cancel in J u itself do not with these weights.
-
-The time at the start is 1 over the spectral radius of |J|: 1 over the fastest rate, up to a factor
-of a few. The least growth rate that some choice of units of the entries leads to, it depends on no
-such choice.
+- `at_start`: those that are known before a step is taken, from the rate and its derivatives. |J| u
+  is J times one vector of u with generic weights of random signs, since all of J would take as many
+  derivatives as there are entries; terms that cancel in J u do not with these weights.
 """
 
+from collections.abc import Hashable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array
 
 if TYPE_CHECKING:
@@ -35,18 +31,19 @@ _UNSPECIFIED = "1"
 #: Products with |J| before its growth is measured, and those over which it is: an even number,
 #: since the sizes of places and velocities are exchanged by each.
 _PRODUCTS_BEFORE, _PRODUCTS = 2, 4
-#: Rounds in which sizes are carried on at least, besides those that reach further entries.
-_ROUNDS = 2
+_MEASURED = _PRODUCTS_BEFORE + _PRODUCTS
+#: Times in which sizes are carried on at least, besides those that reach further entries.
+_REACH = 2
 #: When the rate is looked at besides the start, in times of the motion: not half of it, where a
 #: force that is zero at the start may be zero again.
 _LATER = 0.37
+#: Where, in parts of the sizes: a coupling that vanishes at the start, as that of a product of two
+#: entries at zero, does not there.
+_ASIDE = 1 / 16
+#: How far ahead, in parts of the span, the change of a rate is seen.
+_AHEAD = 2.0**-20
 #: Logarithm of the largest weight of an entry; the least is 1 over it.
 _LOG_WEIGHT = 0.2
-#: Where J is taken in one more round, in sizes from the start: a coupling that vanishes there, as
-#: that of a product of two entries at zero, is seen from elsewhere, and so is a rate that is faster
-#: there, for which sizes are made smaller. They must not be too large: the motion soon shows larger
-#: ones, but never smaller ones.
-_ASIDE = 1 / 16
 
 
 class Groups(NamedTuple):
@@ -56,10 +53,12 @@ class Groups(NamedTuple):
       of: the group of each of the k entries, numbered from 0 in the order in which they appear.
       most: the largest size of each entry: 1 for angles, which are known by the radian; infinite
         for others.
+      known: whether units, or [q, v], say of all entries what belongs together.
     """
 
     of: tuple[int, ...]
     most: tuple[float, ...]
+    known: bool = False
 
     @property
     def alone(self) -> bool:
@@ -91,7 +90,7 @@ _WRITTEN_OUT = 32  # entries of a state
 def _maximum(parts: list[Array]) -> Array:
     """Of numbers, pairwise, so that they do not wait for each other."""
     while len(parts) > 1:
-        pairs = [jnp.maximum(a, b) for a, b in zip(parts[::2], parts[1::2], strict=False)]
+        pairs = [lax.max(a, b) for a, b in zip(parts[::2], parts[1::2], strict=False)]
         parts = pairs + ([parts[-1]] if len(parts) % 2 else [])
     return parts[0]
 
@@ -105,9 +104,17 @@ def groups(system: "System") -> Groups:
         unit if unit != _UNSPECIFIED else (halves[i], _UNSPECIFIED) if second else (i, _UNSPECIFIED)
         for i, unit in enumerate(units)
     ]
-    order = list(dict.fromkeys(names))
     most = tuple(1.0 if unit == _RADIAN else np.inf for unit in units)
-    return Groups(tuple(map(order.index, names)), most)
+    return numbered(names, most, known=second or _UNSPECIFIED not in units)
+
+
+def numbered(
+    names: Sequence[Hashable], most: tuple[float, ...] = (), *, known: bool = False
+) -> Groups:
+    """Groups of entries with equal names."""
+    order = {name: i for i, name in enumerate(dict.fromkeys(names))}
+    of = tuple(order[name] for name in names)
+    return Groups(of, most or (np.inf,) * len(names), known)
 
 
 class Scales(NamedTuple):
@@ -125,10 +132,15 @@ class Scales(NamedTuple):
 def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tuple[Scales, Array]:
     """The scales of the motion from (t0, y0) before it is known, and its rate (k,) there.
 
-    With J the Jacobian of the rate f at and near the start, and tau the time, sizes are the largest
-    of |y0|, tau |f|, also that of a time later, and tau |J| times sizes, so that an entry that is
-    zero has the size that others give to it. An entry has the size 0 if nothing moves it. If
-    nothing depends on the state, the time is |t1 - t0|.
+    Where units say what belongs together, the time is the shortest in which the rate, or its change
+    along the motion, changes a size; a group at zero has the size that it gets to in that time.
+
+    Entries without units have no others to be measured by. With J the Jacobian of the rate f at and
+    near the start, the time tau is 1 over the spectral radius of |J|. Sizes are the largest of
+    |y0|, tau |f|, also that of a time later, and tau |J| times sizes: an entry that is zero, or
+    whose terms cancel, has the size that others give to it.
+
+    An entry has the size 0 if nothing moves it; the time is at most |t1 - t0|.
 
     Args:
       field: has ``rate(t, y)``.
@@ -138,46 +150,101 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
       t1: () end time.
     Limits: the rate must have derivatives in forward mode; those that are not finite count as 0.
     """
-    weights = _weights(len(y0))
-    span = jnp.abs(t1 - t0)
-    here = groups.largest(jnp.abs(y0))
-    measured = 1 + _PRODUCTS_BEFORE + _PRODUCTS
-    # Rounds with another time, and with another state.
-    later, aside = measured, measured + 1 + _ROUNDS
-    least = aside + 2
+    here, span = groups.largest(lax.abs(y0)), lax.abs(t1 - t0)
+    ahead, plan = lax.sign(t1 - t0), jnp.asarray(_PLAN)
+    if groups.known:
+        return _by_its_change(field, groups, t0, y0, here, span, ahead)
+    weights, rounds = _weights(len(y0)), len(_PLAN)
 
     def again(carry):
         n, *_, grows = carry
-        return (n < least) | (grows & (n < least + len(y0)))
+        return (n < rounds) | (grows & (n < rounds + len(y0)))
 
-    # All in one loop of one derivative: each written out would have to be compiled.
     def round_(carry):
-        n, u, compared, tau, step, rate, _ = carry
+        n, u, before, tau, step, rate, _ = carry
+        row = lax.dynamic_index_in_dim(plan, lax.min(n, rounds - 1), 0, False)
+        now = _Round(*(row[i] for i in range(len(row))))
         along = weights * u
-        ahead = jnp.where(t1 < t0, -_LATER, _LATER) * jnp.minimum(tau, span)
-        t = jnp.where(n == later, t0 + ahead, t0)
-        y = y0 + jnp.where(n == aside, _ASIDE, 0.0) * along
-        f, by_u = jax.jvp(lambda y: field.rate(t, y), (y,), (along,))
-        changed, carried = groups.largest(_finite(f)), groups.largest(_finite(by_u))
-        rate = jnp.where(n == 0, f, rate)
-        growth = _growth(carried, compared)
-        measure = (n == measured - 1) & (growth > 0)
-        tau = jnp.where(measure, 1.0 / jnp.where(measure, growth, 1.0), tau)
-        shrink = jnp.where(n == aside, jnp.minimum(1.0, _least_ratio(u, tau * carried)), 1.0)
-        step = jnp.where(n < aside, tau, shrink * step)
-        first = here + _first_time(here, changed, span) * changed
-        known = jnp.maximum(here, tau * jnp.maximum(changed, groups.largest(_finite(rate))))
-        grown = jnp.maximum(jnp.maximum(here, shrink * u), step * carried)
-        cases = (n == 0, n < measured, n == later)
-        new = jnp.select(cases, (first, carried, known), grown)
-        new = groups.largest(jnp.where(jnp.isfinite(new), new, u))
-        compared = jnp.where(n == _PRODUCTS_BEFORE, new, compared)
-        return n + 1, new, compared, tau, step, rate, ((new > 0) & (u == 0)).any()
+        t = t0 + now.later * tau * ahead
+        f, by_u = jax.jvp(lambda y: field.rate(t, y), (y0 + now.aside * along,), (along,))
+        rate = lax.select(n == 0, f, rate)
+        moved, carried = lax.max(lax.abs(f), lax.abs(rate)), lax.abs(by_u)
+        shrink = 1.0 / lax.max(1.0, now.shrinks * step * _most(carried, u))
+        by_rate = now.first / _or(_most(moved, u), 1 / span) + now.time * tau
+        by_others = now.product + now.step * shrink * step
+        kept = lax.max(now.here * here, now.kept * shrink * u)
+        new = groups.largest(lax.max(kept, lax.max(by_rate * moved, by_others * carried)))
+        new = lax.select(new < np.inf, new, u)
+        growth = _most(new, before) ** (1 / _PRODUCTS)
+        tau = lax.select(n == _MEASURED, 1 / lax.max(growth, 1 / span), tau)
+        before = lax.select(n == _PRODUCTS_BEFORE, new, before)
+        step = lax.select(n <= _MEASURED, tau, shrink * step)
+        return n + 1, new, before, tau, step, rate, ((new > 0) & (u == 0)).any()
 
     zero = jnp.zeros_like(y0)
     begin = jnp.zeros((), int), here, zero, span, span, zero, jnp.ones((), bool)
-    _, sizes, _, tau, _, rate, _ = jax.lax.while_loop(again, round_, begin)
+    _, sizes, _, tau, _, rate, _ = lax.while_loop(again, round_, begin)
     return Scales(sizes, tau), rate
+
+
+def _by_its_change(
+    field: Any, groups: Groups, t0: Array, y0: Array, here: Array, span: Array, ahead: Array
+) -> tuple[Scales, Array]:
+    """`at_start` for groups that are known, of sizes `here` (k,); two looks at the rate."""
+    h = _AHEAD * span * ahead
+
+    def look(before: Array, n: Array) -> tuple[Array, Array]:
+        rate = field.rate(t0 + n * h, y0 + n * h * before)
+        return rate, rate
+
+    # A loop, so that the rate is compiled once: a tenth of the time until a first result.
+    _, (f, then) = lax.scan(look, jnp.zeros_like(y0), jnp.arange(2.0))
+    change = lax.abs(then - f) / _or(_AHEAD * span, jnp.ones_like(span))
+    moves, turns = groups.largest(lax.abs(f)), groups.largest(change)
+    turns = lax.select(turns < np.inf, turns, jnp.zeros_like(turns))
+    speed = lax.max(_most(moves, here), lax.sqrt(_most(turns, here)))
+    speed = lax.max(speed, _most(lax.select(here > 0, jnp.zeros_like(turns), turns), moves))
+    tau = 1 / lax.max(speed, 1 / span)
+    return Scales(lax.max(here, tau * lax.max(moves, tau * turns)), tau), f
+
+
+class _Round(NamedTuple):
+    """What a round of `at_start` takes, as factors.
+
+    Attributes:
+      later: when the rate is looked at, in times of the motion.
+      aside: where, in parts of the sizes.
+      here: how much of |y0| is kept, at least.
+      kept: how much of the sizes.
+      first: how much of the rate moves them in the time that is known first,
+      time: and in that of the motion.
+      product: how much of |J| times the sizes is taken,
+      step: and in a time.
+      shrinks: whether the time is at most that in which the fastest entry changes by its size:
+        sizes must not be too large, since the motion soon shows larger ones, but never smaller.
+    """
+
+    later: Any = 0.0
+    aside: Any = 0.0
+    here: Any = 0.0
+    kept: Any = 0.0
+    first: Any = 0.0
+    time: Any = 0.0
+    product: Any = 0.0
+    step: Any = 0.0
+    shrinks: Any = 0.0
+
+
+_PLAN = np.array(
+    [
+        _Round(here=1.0, first=1.0),
+        *[_Round(product=1.0)] * _MEASURED,
+        _Round(later=_LATER, here=1.0, time=1.0),
+        *[_Round(kept=1.0, step=1.0)] * _REACH,
+        _Round(aside=_ASIDE, here=1.0, kept=1.0, step=1.0, shrinks=1.0),
+        _Round(kept=1.0, step=1.0),
+    ]
+)
 
 
 def of_motion(field: Any, groups: Groups, ts: Array, ys: Array, time: Array) -> Scales:
@@ -204,7 +271,7 @@ def of_motion(field: Any, groups: Groups, ts: Array, ys: Array, time: Array) -> 
         f, by_sizes = jax.jvp(lambda y: field.rate(t, y), (y,), (weights * sizes,))
         return jnp.abs(time) * groups.largest(jnp.maximum(_finite(f), _finite(by_sizes)))
 
-    for _ in range(_ROUNDS):
+    for _ in range(_REACH):
         found = _maximum([driven(sizes, int(place)) for place in places])
         sizes = jnp.where(sizes > 0, sizes, groups.largest(found))
     known = sizes > 0
@@ -226,20 +293,13 @@ def _finite(x: Array) -> Array:
     return jnp.where(jnp.isfinite(x), jnp.abs(x), 0.0)
 
 
-def _least_ratio(a: Array, b: Array) -> Array:
-    """() the least of a / b where both are positive; infinite if they are nowhere."""
-    both = (a > 0) & (b > 0)
-    return jnp.min(jnp.where(both, a / jnp.where(both, b, 1.0), jnp.inf))
+def _most(a: Array, b: Array) -> Array:
+    """() the most of a / b, of numbers that are not negative, where b is positive; else 0."""
+    positive = b > 0
+    ratio = lax.select(positive, a, jnp.zeros_like(a)) / lax.select(positive, b, jnp.ones_like(b))
+    return lax.reduce_max(ratio, (0,))
 
 
-def _first_time(sizes: Array, rates: Array, span: Array) -> Array:
-    """() the time in which the fastest entry changes by its own size; the span if none does."""
-    time = _least_ratio(sizes, rates)
-    return jnp.where(jnp.isfinite(time), time, span)
-
-
-def _growth(u: Array, before: Array) -> Array:
-    """() the factor by which sizes grow with each product."""
-    known = before > 0
-    ratio = jnp.max(jnp.where(known, u / jnp.where(known, before, 1.0), 0.0))
-    return jnp.where(ratio > 0, jnp.where(ratio > 0, ratio, 1.0) ** (1 / _PRODUCTS), 0.0)
+def _or(a: Array, b: Array) -> Array:
+    """() a where it is positive, else b."""
+    return lax.select(a > 0, a, b)

@@ -24,6 +24,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _shapes, _text
 from jaxdyn._notes import notes_on
+from jaxdyn._records.kinds import check_kind
 from jaxdyn._records.record import Record
 from jaxdyn.field import Field as Field
 from jaxdyn.field import VectorField, looked_at
@@ -212,6 +213,7 @@ class Scene(Record):
             _check_effects(self.effects, system.points(t, y))
             raise
         _check_effects(self.effects, points)
+        system.check_effects(t, y, self.effects)
         # A wrong claim would silently give wrong trajectories.
         for effect, wrong in zip(self.effects, depends, strict=True):
             if wrong:
@@ -270,10 +272,7 @@ def _check_accepted(system: System, effect: Effect) -> None:
 
 def checked_scene(scene: Any) -> Scene:
     """The scene, checked; entry points call this first."""
-    if not isinstance(scene, Scene):
-        name = getattr(scene, "__name__", None)
-        remedy = f"Call it: {name}()." if callable(scene) and name else ""
-        raise _checks.fail("scene", "a Scene", name or repr(scene), remedy)
+    check_kind("scene", scene, (Scene,))
     notes = notes_on(scene)
     if notes is None or "checked" not in notes:
         scene.check()

@@ -2,12 +2,10 @@
 
 A `System` defines coordinates and their motion; an `Effect` acts on material points, or on
 coordinates directly. `jaxdyn.scene` combines them, and exports both. Like all that is made or read
-in every call, they are a `Record`. Every formulation sums its effects by the functions at the end,
-so a force of the wrong shape, which would be broadcast, is found wherever a rate is traced.
+in every call, they are a `Record`. Every formulation sums its effects by functions of `_shapes`.
 """
 
 import abc
-from collections.abc import Iterable
 from typing import ClassVar, NamedTuple
 
 import jax
@@ -16,7 +14,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _text
 from jaxdyn._records.record import Record as Record
-from jaxdyn._shapes import checked_force, checked_generalized, checked_potential
+from jaxdyn._shapes import checked_potential, potential_energy
 from jaxdyn.sketch import Shape
 
 
@@ -55,6 +53,15 @@ class Effect(Record):
             return jnp.zeros_like(r)
         return -jax.grad(self._potential, argnums=1)(t, r, m)
 
+    def acceleration(self, t: Array, r: Array, v: Array, m: Array) -> Array:
+        """Accelerations (n, d) [m/s^2] of the points: those of a force proportional to their mass.
+
+        Gravity is one: what it does to a point does not depend on the mass of that point, and is
+        known also where that is zero. Such an effect overrides this, and `force` by the masses
+        times it; where both are overridden free points are moved by this.
+        """
+        return self.force(t, r, v, m) / m[:, None]
+
     def generalized(self, t: Array, q: Array, v: Array) -> Array | None:
         """Forces (n,) on the coordinates themselves, e.g. a motor's torque; None by default."""
         del t, q, v
@@ -80,6 +87,14 @@ class Effect(Record):
         on_points = cls.force is not Effect.force or cls.potential is not Effect.potential
         on_coordinates = cls.generalized is not Effect.generalized
         return frozenset(["force"] * on_points + ["generalized"] * on_coordinates)
+
+    @property
+    def accelerates(self) -> bool:
+        """Whether its force is proportional to mass: it overrides `acceleration`."""
+        # A subclass that overrides the force alone has another one.
+        given = ({"acceleration", "force"} & vars(cls).keys() for cls in type(self).__mro__)
+        first = next(names for names in given if names)
+        return "acceleration" in first and type(self).acceleration is not Effect.acceleration
 
     @_text.never_raising
     def __repr__(self) -> str:
@@ -225,21 +240,6 @@ class System(Record):
         """Raise ValueError for invalid numbers."""
         del t, y
 
-
-def total_force(effects: Iterable[Effect], t: Array, r: Array, v: Array, m: Array, start=None):
-    """Sum (n, d) [N] of the forces of effects on points at r (n, d), added to `start`."""
-    forces = (checked_force(e, e.force(t, r, v, m), r.shape) for e in effects)
-    return sum(forces, jnp.zeros_like(r) if start is None else start)
-
-
-def generalized_forces(effects: Iterable[Effect], t: Array, q: Array, v: Array) -> list[Array]:
-    """The forces (n,) on coordinates of those effects that have one."""
-    forces = ((e, e.generalized(t, q, v)) for e in effects)
-    return [checked_generalized(e, f, v.shape) for e, f in forces if f is not None]
-
-
-def potential_energy(effects: Iterable[Effect], t: Array, r: Array, m: Array) -> Array:
-    """Sum () [J] of the potentials of the effects that have one, for points at r (n, d)."""
-    values = ((e, e.potential(t, r, m)) for e in effects)
-    known = (checked_potential(e, value) for e, value in values if value is not None)
-    return sum(known, jnp.zeros(()))
+    def check_effects(self, t: Array, y: Array, effects: tuple[Effect, ...]) -> None:
+        """Raise ValueError for effects that it cannot have."""
+        del t, y, effects

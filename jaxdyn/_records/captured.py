@@ -43,6 +43,8 @@ PASS_AS_PARAMS = (
 _MAKE_AGAIN = (
     "Make the scene or the event again, or pass what changes as params; of a class, as a field."
 )
+#: Not a field of records: what is kept of one beside them.
+_HELD = "_held"
 #: Of values of these types another value is another object, or one that cannot change.
 _FIXED = (
     *(bool, int, float, complex, str, bytes, type(None), np.number, jax.Array),
@@ -64,9 +66,14 @@ def check_captured(record: Any) -> None:
     """Raise ValueError if a number that a record or its parts captured is not what it was then."""
     if record.captured is None:
         return
-    functions, parts = _held(record)
+    fields = record.__dict__
+    if _HELD not in fields:  # found once for each record: it cannot change
+        fields[_HELD] = _held(record)
+    functions, parts = fields[_HELD]
     for part in parts:
         check_captured(part)
+    if not functions:
+        return
     name, then = type(record).__name__, record.captured
     now = captured(name, *functions)
     if now != then:

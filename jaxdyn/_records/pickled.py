@@ -4,6 +4,7 @@ Pickle stores the name of a function, and lambdas have none. They are stored by 
 cloudpickle, which stores their code.
 """
 
+import dataclasses
 import pickle
 import types
 from typing import Any
@@ -39,7 +40,8 @@ def _loaded(code: bytes) -> Stored:
 
 def state_of(record: Any) -> dict[str, Any]:
     """The fields of a record as pickle can store them."""
-    return {name: _mapped(_stored, value) for name, value in record.__dict__.items()}
+    names = [field.name for field in dataclasses.fields(record) if field.name in record.__dict__]
+    return {name: _mapped(_stored, record.__dict__[name]) for name in names}
 
 
 def fields_of(state: dict[str, Any]) -> dict[str, Any]:

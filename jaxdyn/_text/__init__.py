@@ -10,7 +10,7 @@ One more kind of text is a function in the file of its kind, and its name below.
 """
 
 from jaxdyn._text.html import html, pictured
-from jaxdyn._text.messages import choice, counted, fail, whole
+from jaxdyn._text.messages import choice, counted, fail, flag, whole
 from jaxdyn._text.numbers import brief, called, entries, extent, record, second
 from jaxdyn._text.tables import cut, fields, never_raising, table
 
@@ -24,6 +24,7 @@ __all__ = [
     "extent",
     "fail",
     "fields",
+    "flag",
     "html",
     "never_raising",
     "pictured",

@@ -5,6 +5,7 @@
 
 import difflib
 import numbers
+import reprlib
 from collections.abc import Iterable
 from typing import Any
 
@@ -19,10 +20,17 @@ def whole(name: str, x: Any, least: int = 1, most: int = 2**62, remedy: str = ""
     if type(x) is int and least <= x <= most:
         return x
     if not isinstance(x, numbers.Integral) or isinstance(x, bool) or int(x) < least:
-        raise fail(name, f"a whole number, at least {least}", x, remedy)
+        raise fail(name, f"a whole number, at least {least}", reprlib.repr(x), remedy)
     if int(x) > most:
-        raise fail(name, f"at most {most}", x, remedy)
+        raise fail(name, f"at most {most}", reprlib.repr(x), remedy)
     return int(x)
+
+
+def flag(name: str, x: Any) -> bool:
+    """x; raises unless it is True or False: other values would count as one of them."""
+    if not isinstance(x, bool):
+        raise fail(name, "True or False", repr(x))
+    return x
 
 
 def choice(name: str, x: str, choices: Iterable[str], listed_by: str = "") -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.spans import span
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import EULER, Method, Solver
@@ -23,6 +24,7 @@ from jaxdyn.solvers.choice import method_of
 from jaxdyn.solvers.perturbed import Noise, RoundedField, begun
 
 
+@check_first
 def fixed_steps(
     scene: Scene,
     t1=None,
@@ -91,6 +93,7 @@ class Halvings(NamedTuple):
     orders: np.ndarray
 
 
+@check_first
 def halvings(
     scene: Scene, t1=None, *, steps: int = 64, rows: int = 6, t0=0.0, method: Solver = EULER
 ) -> Halvings:

@@ -19,6 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.errors.error_estimate import FINEST, RATIO
 from jaxdyn.integrate.errors.estimate import gaps
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
@@ -112,6 +113,7 @@ class EndError:
         return tuple(_written(float(y), float(e), float(scale), most) for y, e, scale in rows)
 
 
+@check_first
 def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
     """The error of the final state of a motion, entry by entry; host only.
 
@@ -175,6 +177,7 @@ def _scales(motion: Motion, y: np.ndarray) -> np.ndarray:
     return np.array([largest[unit] or 1.0 for unit in units])
 
 
+@check_first
 def changed(scene: Scene, change: float, rng: np.random.Generator) -> Scene:
     """The scene with all its numbers and its start changed by a factor, up or down at random."""
 

@@ -23,12 +23,13 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.accuracy.convergence import fixed_steps
 from jaxdyn.integrate.errors import error_estimate
 from jaxdyn.integrate.errors.estimate import Estimate, gaps, kind_of, scales
 from jaxdyn.integrate.errors.rounding_error import Run
 from jaxdyn.integrate.simulation import simulate, solve
-from jaxdyn.integrate.spans import RTOL, SolverOptions, span
+from jaxdyn.integrate.spans import RTOL, Share, SolverOptions, span
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import DOPRI8, EULER, NYSTROM12, RADAU5, RADAU9, VERNER9, Method, Solver
 from jaxdyn.solvers.choice import chosen_method, method_of
@@ -38,6 +39,7 @@ _SAMPLES = 33
 _SECOND_METHODS = {NYSTROM12: VERNER9, VERNER9: DOPRI8, RADAU5: RADAU9, RADAU9: RADAU5}
 
 
+@check_first
 def estimate(
     scene: Scene,
     t1=None,
@@ -80,6 +82,7 @@ def estimate(
     return error_estimate.measured(run, scene, ts, np.array([rtol, rtol]), names, by=by)[1]
 
 
+@check_first
 def by_second_method(
     scene: Scene,
     t1=None,
@@ -119,6 +122,7 @@ def by_second_method(
     return error_estimate.measured(run, scene, ts, np.array([rtol, rtol]), names, by=by)[1]
 
 
+@check_first
 def by_tangents(
     scene: Scene,
     t1=None,
@@ -187,6 +191,7 @@ def _pieces(scene: Scene, t0s, starts, t1s, rtol, solver: Method):
     return jax.lax.map(piece, (t0s, starts, t1s))
 
 
+@check_first
 def by_halving(
     scene: Scene, t1=None, *, steps: int = 1000, t0=0.0, method: Solver = EULER
 ) -> Estimate:
@@ -241,7 +246,7 @@ def _runner(scene: Scene, t1, t0, samples, options: SolverOptions, *, dt=None) -
         if dt is not None:
             at = options._asdict() | {"dt": fineness[0]}
         else:
-            at = options._replace(rtol=fineness[0], atol=fineness[1])._asdict()
+            at = options._replace(rtol=fineness[0], atol=Share(fineness[1]))._asdict()
         return solve(scene, end, t0=t0, ts=ts, noise=noise, **at)
 
     return run, ts

@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.accuracy import estimates
 from jaxdyn.integrate.errors.error_estimate import MOST_DIGITS
 from jaxdyn.integrate.errors.estimate import Estimate
@@ -59,6 +60,7 @@ class Trust:
         return math.inf if self.growth <= 0 else math.log(10.0**-self.digits / rtol) / self.growth
 
 
+@check_first
 def trusted_time(
     scene: Scene,
     t1=None,

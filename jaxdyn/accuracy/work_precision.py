@@ -18,6 +18,7 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn._progress import doing, each
+from jaxdyn._records.kinds import check_first
 from jaxdyn.accuracy.quantities import END, Quantity
 from jaxdyn.accuracy.timing import Times, at_error, interleaved
 from jaxdyn.integrate.errors.estimate import scales
@@ -137,6 +138,7 @@ class WorkPrecision(NamedTuple):
         return {"quantity": self.quantity, "uncertainty": self.uncertainty, "curves": curves}
 
 
+@check_first
 def fit_solvers(scene: Scene, t1=None) -> tuple[Method, ...]:
     """Solvers with a tolerance that suit a scene: implicit ones where it is stiff.
 
@@ -154,6 +156,7 @@ def fit_solvers(scene: Scene, t1=None) -> tuple[Method, ...]:
     return tuple({solver.name: solver for solver in reversed(usual)}.values())[::-1]
 
 
+@check_first
 def work_precision(
     scene: Scene,
     t1=None,

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.regularised import followed
 from jaxdyn.integrate.events import Event, until
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions
@@ -24,6 +25,7 @@ class Approach(NamedTuple):
     distance: float
 
 
+@check_first
 def closest_approaches(
     scene: Scene,
     t1=None,

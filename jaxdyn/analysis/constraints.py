@@ -15,13 +15,14 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
+from jaxdyn._shapes import total_force
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.dependence import DEPENDENT
 from jaxdyn.formulations.extended import innermost
 from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene, System
-from jaxdyn.system import total_force
 
 
 class Conditioning(NamedTuple):
@@ -42,6 +43,7 @@ class Conditioning(NamedTuple):
     determined: Array
 
 
+@check_first
 @each_motion
 def multipliers(motion: Trajectory) -> Array:
     """(s, c) Lagrange multipliers along a motion: of its ties, then of its rolling conditions.
@@ -52,6 +54,7 @@ def multipliers(motion: Trajectory) -> Array:
     return _multipliers(motion, _constrained(motion.scene.system))
 
 
+@check_first
 @each_motion
 def tensions(motion: Trajectory) -> dict[str, Array]:
     """(s,) tension of each rod along a motion [N], by its name; negative where it pushes.
@@ -76,6 +79,7 @@ def tensions(motion: Trajectory) -> dict[str, Array]:
     return _tensions(motion, system)
 
 
+@check_first
 @each_motion
 @of_samples
 @eqx.filter_jit
@@ -121,6 +125,7 @@ def _constrained(system: System) -> Constrained:
     return system
 
 
+@check_first
 def conditioning(scene: Scene | Field, t, y: Array) -> Conditioning:
     """Rank and condition of a scene's constraints at a state; along a motion by `energy.along`.
 

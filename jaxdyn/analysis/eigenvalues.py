@@ -31,6 +31,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxdyn._records.kinds import check_first
+
 #: Safety factor on the estimated error, which is only an order of magnitude.
 SAFETY = 3.0
 #: The same for each entry of an error, since one may vanish by chance. Of the multipliers of 17
@@ -131,6 +133,7 @@ def map_eigenvalues(monodromy, error=0.0, changes=None, unseen=0.0) -> Eigenvalu
     return found.ordered(np.lexsort((-found.values.imag, -sizes)))
 
 
+@check_first
 def rate_verdict(found: Eigenvalues) -> np.ndarray:
     """(...) "stable" where all real parts are certainly < 0, "unstable" where one is > 0.
 

@@ -14,10 +14,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
+from jaxdyn._shapes import potential_energy
 from jaxdyn.integrate.spans import cut, filled, of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene
-from jaxdyn.system import potential_energy
 
 _NO_ENERGY = (
     "It has no material points and defines no energy: pass energy= to jaxdyn.ode, or "
@@ -25,12 +26,14 @@ _NO_ENERGY = (
 )
 
 
+@check_first
 def potential(scene: Scene | Field, t, y: Array) -> Array:
     """Potential energy () [J] of the effects: the sum over those that have one."""
     r, _, m = scene.points(t, y)
     return potential_energy(scene.effects, t, r, m)
 
 
+@check_first
 def energy(scene: Scene | Field, t, y: Array) -> Array:
     """Energy () [J]: kinetic plus potential, or as the system defines it.
 
@@ -40,12 +43,14 @@ def energy(scene: Scene | Field, t, y: Array) -> Array:
     return sum(_terms(scene, t, y), jnp.zeros(()))
 
 
+@check_first
 def momentum(scene: Scene | Field, t, y: Array) -> Array:
     """Linear momentum (d,) [kg m/s] of all material points."""
     _, v, m = scene.points(t, y)
     return jnp.sum(m[:, None] * v, axis=0)
 
 
+@check_first
 def angular_momentum(scene: Scene | Field, t, y: Array) -> Array:
     """Angular momentum about the origin [kg m^2/s]: () in the plane, (3,) in space.
 
@@ -59,6 +64,7 @@ def angular_momentum(scene: Scene | Field, t, y: Array) -> Array:
     return jnp.sum(m[:, None] * jnp.cross(r, v), axis=0)
 
 
+@check_first
 def integrals(scene: Scene | Field, t, y: Array) -> dict[str, Array]:
     """The candidates for conserved quantities, each () or (d,), by name; {} if there are none.
 
@@ -96,6 +102,7 @@ def _along(motion: Trajectory, quantity) -> Any:
     return jax.vmap(lambda t, y: quantity(motion.scene, t, y))(motion.ts, motion.ys)
 
 
+@check_first
 @each_motion
 def drift(motion: Trajectory, of: str = "energy") -> Array:
     """Largest relative change of the energy, or of another integral, along a motion () [1].
@@ -130,6 +137,7 @@ class Change(NamedTuple):
     relative: Array
 
 
+@check_first
 def change(scene: Scene, ts: Array, ys: Array, of: str = "energy") -> Change:
     """The change of a quantity of `integrals` over states ys (s, k) at times ts (s,)."""
     if of != "energy":

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.energy import change as change_of
 from jaxdyn.analysis.energy import energy
 from jaxdyn.analysis.ledger import power_of
@@ -61,6 +62,7 @@ class EnergyChange(NamedTuple):
 
 
 # Motions near the largest floats: their energies are infinite or unknown.
+@check_first
 @np.errstate(over="ignore", invalid="ignore")
 def energy_change(motion: Trajectory | HybridTrajectory) -> EnergyChange | None:
     """The change of the energy over all pieces; None without an energy, or where it is unknown.

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import counted
 from jaxdyn.analysis.equilibrium_search.completeness import bisected, judged
 from jaxdyn.analysis.equilibrium_search.proof import EquilibriaProof
@@ -82,6 +83,7 @@ class Equilibria:
         return len(self.states)
 
 
+@check_first
 def equilibria(
     scene: Scene, low, high, *, t=0.0, starts: int = 1024, prove: bool = False
 ) -> Equilibria:
@@ -145,6 +147,7 @@ def _proved(scene: Scene, t: float, box: Box) -> EquilibriaProof:
     return proved(scene, t, box)
 
 
+@check_first
 def equilibrium(scene: Scene, y, t=0.0) -> Array:
     """The isolated equilibrium (k,) near a state, differentiable in the scene's numbers.
 

@@ -24,6 +24,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis._roots import root
 from jaxdyn.analysis.eigenvalues import map_eigenvalues, map_verdict
 from jaxdyn.analysis.monodromy import (
@@ -74,6 +75,7 @@ class Chart(Floquet):
     second: np.ndarray
 
 
+@check_first
 def multipliers(scene: Scene, period, *, rtol: float = RTOL) -> Floquet:
     """The Floquet multipliers of the motion of a scene from its start; host only.
 

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.scene import Effect, Field, Scene
 
@@ -38,6 +39,7 @@ class Ledger(Extended):
         return jnp.concatenate([field.rate(t, inner), jnp.stack(works)])
 
 
+@check_first
 def power(scene: Scene | Field, kind: str, t, y: Array) -> Array:
     """Power () [W] of the scene's effects of one kind, by the name of their class.
 
@@ -48,6 +50,7 @@ def power(scene: Scene | Field, kind: str, t, y: Array) -> Array:
     return sum((power_of(scene, effect, t, y)[0] for effect in of_kind), jnp.zeros(()))
 
 
+@check_first
 def power_of(scene: Scene | Field, effect: Effect, t, y: Array) -> tuple[Array, Array]:
     """Power () [W] of one effect, and () [W] the sum of the magnitudes of its terms."""
     r, v, m = scene.system.points(t, y)
@@ -60,6 +63,7 @@ def power_of(scene: Scene | Field, effect: Effect, t, y: Array) -> tuple[Array, 
     return jnp.asarray(power), jnp.asarray(size)
 
 
+@check_first
 def with_work(scene: Scene, *kinds: type[Effect]) -> Scene:
     """The same scene with the work of each kind of effect as a further state entry.
 

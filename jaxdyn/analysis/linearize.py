@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.eigenvalues import (
     ROUNDING,
     SAFETY,
@@ -30,6 +31,7 @@ _MAX_ASYMMETRY = 1e-9  # relative asymmetry of a stiffness matrix by rounding
 _MAX_REST_FORCE = 1e-6
 
 
+@check_first
 @eqx.filter_jit
 def jacobian(scene: Scene | Field, y: Array, t=0.0) -> Array:
     """(k, k) derivative of the scene's rate with respect to the state, at (t, y)."""
@@ -70,6 +72,7 @@ class Linearization:
     _repr_html_ = _text.html
 
 
+@check_first
 def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
     """The eigenvalues of a scene at a state, with error bars and a verdict; host only.
 
@@ -148,6 +151,7 @@ class Modes(NamedTuple):
         return jnp.sqrt(self.squares)
 
 
+@check_first
 def modes(scene: Scene, y: Array | None = None) -> Modes:
     """The linear modes K x = w^2 M x of a conservative scene at an equilibrium.
 

@@ -27,10 +27,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
+from jaxdyn._shapes import total_force
 from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Effect, Field, Points, Scene
-from jaxdyn.system import total_force
 
 DEFINITIONS = ("fixed", "absolute", "relative")
 MovingPoint = Callable[[Array, Points], Array]
@@ -62,6 +63,7 @@ def centre_of_mass(t, points: Points) -> Array:
     return jnp.sum(m[:, None] * r, axis=0) / jnp.sum(m)
 
 
+@check_first
 def angular_momentum_about(scene: Scene | Field, t, y, c: MovingPoint, definition: str) -> Array:
     """H about the moving point c by one of the three definitions [kg m^2/s].
 
@@ -73,6 +75,7 @@ def angular_momentum_about(scene: Scene | Field, t, y, c: MovingPoint, definitio
     return _moment(points.r - c_now[None], points.m[:, None] * v)
 
 
+@check_first
 def moment_about(scene: Scene | Field, t, y, c: MovingPoint) -> Array:
     """M = sum of r_i/C x m_i a_i about c [N m]: () in the plane, (3,) in space.
 
@@ -82,6 +85,7 @@ def moment_about(scene: Scene | Field, t, y, c: MovingPoint) -> Array:
     return _moment(points.r - c_now[None], points.m[:, None] * a)
 
 
+@check_first
 def angular_momentum_rate(scene: Scene | Field, t, y, c: MovingPoint, definition: str) -> Array:
     """dH/dt along the motion through (t, y), by autodiff [N m]."""
     t = jnp.asarray(t, float)
@@ -93,6 +97,7 @@ def angular_momentum_rate(scene: Scene | Field, t, y, c: MovingPoint, definition
     ]
 
 
+@check_first
 @each_motion
 def moment_balance(motion: Trajectory, c: MovingPoint) -> dict[str, Balance]:
     """Whether M = dH/dt about c, for each definition, at the samples of a motion.
@@ -124,6 +129,7 @@ def _moment_balance(motion: Trajectory, c: MovingPoint, definition: str) -> Bala
     return _balance(*jax.vmap(sides)(motion.ts, motion.ys))
 
 
+@check_first
 def kinetic_split(scene: Scene | Field, t, y) -> tuple[Array, Array]:
     """Konig's theorem: kinetic energy () of the centre of mass, and () relative to it [J].
 
@@ -134,6 +140,7 @@ def kinetic_split(scene: Scene | Field, t, y) -> tuple[Array, Array]:
     return 0.5 * jnp.sum(m) * jnp.sum(v_g * v_g), 0.5 * jnp.sum(m[:, None] * (v - v_g[None]) ** 2)
 
 
+@check_first
 @each_motion
 @of_samples
 @eqx.filter_jit

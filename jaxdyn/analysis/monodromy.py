@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.eigenvalues import norm
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import tolerances
@@ -30,6 +31,7 @@ WEIGHTS = ((1, 1, 1, 1, 1, 1), (1, 2, 3, 5, 7, 11), (3, -1, 2, 7, -5, 1))
 _TANGENT = 1e-6  # smaller singular values of a projection's derivative are directions it removes
 
 
+@check_first
 def monodromy(scene: Scene, y0=None, period=None, *, rtol: float = RTOL) -> Array:
     """Derivative (k, k) of the state after one period with respect to the start.
 
@@ -55,6 +57,7 @@ def monodromy(scene: Scene, y0=None, period=None, *, rtol: float = RTOL) -> Arra
     return end_and_derivative(scene, scene.t1 if period is None else period, rtol)[1]
 
 
+@check_first
 @jax.jit
 def end_and_derivative(scene: Scene, period, rtol) -> tuple[Array, Array]:
     """(k,) the state after a period and (k, k) its derivative with respect to the start."""
@@ -82,6 +85,7 @@ def uncertainty(fine: np.ndarray, coarse: np.ndarray, rtol) -> np.ndarray:
     return norm(coarse - fine) + rtol * np.linalg.norm(fine, axis=(-2, -1))
 
 
+@check_first
 def symplectic_form(scene: Scene, y0: Array) -> Array | None:
     """(k, k) symplectic form that a conservative scene's maps preserve, at its time 0.
 
@@ -104,6 +108,7 @@ def _form(scene: Scene, y0: Array) -> Array:
     return q.T @ p - p.T @ q
 
 
+@check_first
 def kept_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray | None:
     """(k, k) a constant symplectic form that the flow keeps near the start; None if none is found.
 
@@ -168,6 +173,7 @@ def symplectic_defect(matrix: np.ndarray, form: np.ndarray) -> np.ndarray:
     return np.abs(changed).max(axis=(-2, -1)) / np.maximum(1.0, norm(matrix) ** 2)
 
 
+@check_first
 def tangents(scene: Scene, y0: np.ndarray) -> np.ndarray:
     """Orthonormal basis (k, d) of the states near the start that satisfy the constraints."""
     if type(scene.system).project is System.project:

@@ -27,6 +27,7 @@ from jaxtyping import Array
 from jaxdyn._arguments import arrays
 from jaxdyn._floats import floats
 from jaxdyn._numerics import safe_sqrt
+from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.rigid import pose
 from jaxdyn.geometry.frames import checked_rotation
 from jaxdyn.geometry.rotations import (
@@ -203,6 +204,7 @@ class WobbleAndSpin(NamedTuple):
     spin: Array
 
 
+@check_first
 @each_motion
 @of_samples
 def wobble_and_spin(motion: Trajectory) -> WobbleAndSpin:
@@ -221,6 +223,7 @@ def wobble_and_spin(motion: Trajectory) -> WobbleAndSpin:
     return WobbleAndSpin((wobble[-1] - wobble[0]) / span, (turn[-1] - turn[0]) / span)
 
 
+@check_first
 @each_motion
 @of_samples
 def tilts(motion: Trajectory) -> Array:

@@ -23,6 +23,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
+from jaxdyn._shapes import potential_energy
 from jaxdyn.analysis.energy import energy
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.integrate.events import Reaches, Stop, until
@@ -34,7 +36,6 @@ from jaxdyn.scene import Field, Scene, checked_scene
 from jaxdyn.solvers import Solver
 from jaxdyn.solvers.choice import chosen_method
 from jaxdyn.status import Status
-from jaxdyn.system import potential_energy
 
 _UNREACHABLE_SPAN = 1e150  # a span of s that no motion reaches
 _NEWTON_STEPS = 2  # of Newton's method for s at the end, from some 1e-6 away
@@ -70,6 +71,7 @@ class LogarithmicTime(Extended):
         return jnp.concatenate([q_dot * slowness, v_dot / -V, ends])
 
 
+@check_first
 def regularised(scene: Scene, t0=0.0) -> Scene:
     """The same motion in logarithmic time: a scene of states [q, v, E, t].
 
@@ -102,6 +104,7 @@ def regularised(scene: Scene, t0=0.0) -> Scene:
     return dataclasses.replace(scene, system=LogarithmicTime(scene.system), y0=y0, t1=U * scene.t1)
 
 
+@check_first
 def simulate_regularised(
     scene: Scene,
     t1=None,
@@ -146,6 +149,7 @@ def simulate_regularised(
     )
 
 
+@check_first
 def solve_regularised(
     scene: Scene,
     t1,
@@ -187,6 +191,7 @@ def solve_regularised(
     )
 
 
+@check_first
 def logarithmic_span(
     scene: Scene, t1, *, t0=0.0, rtol: float = 1e-10, max_steps: int = MAX_STEPS
 ) -> Array:
@@ -202,6 +207,7 @@ def _until(slow: Scene, t0, t1, options: SolverOptions) -> Stop:
     return until(slow, Reaches(len(slow.y0) - 1, t1), far, **options._asdict())
 
 
+@check_first
 def followed(scene: Scene, t1, t0, samples: int, options: SolverOptions, *, throw: bool):
     """The scene in logarithmic time, a grid of s, the run over it that ends at t1, its status."""
     t0, t1 = span(scene, t1, t0)

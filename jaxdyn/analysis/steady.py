@@ -24,6 +24,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.linearize import Linearization, classify
 from jaxdyn.scene import Field, Scene, checked_scene
 
@@ -61,6 +62,7 @@ class SteadyMotion:
         return np.sort(im[im > self.reduced.bars])
 
 
+@check_first
 def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
     """Eigenvalues of the motions near a steady motion, and the verdict; host only.
 

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
+from jaxdyn._records.kinds import check_first
 from jaxdyn.chaos.deviations import Deviations
 from jaxdyn.ensemble import engine
 from jaxdyn.ensemble.lanes import Ends
@@ -71,6 +72,7 @@ class Alignment(Record):
     _repr_html_ = _text.html
 
 
+@check_first
 def megno(
     scene: Scene,
     starts=None,
@@ -118,6 +120,7 @@ def megno(
     return Megno(*(x.reshape(shape) for x in values))
 
 
+@check_first
 def sali(
     scene: Scene,
     starts=None,
@@ -160,6 +163,7 @@ def sali(
     return _alignment(index, ends, t0, shape)
 
 
+@check_first
 def gali(
     scene: Scene,
     starts=None,

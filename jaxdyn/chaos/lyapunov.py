@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.monodromy import tangents
 from jaxdyn.chaos.spectrum import BATCHES, LyapunovSpectrum, judged
 from jaxdyn.chaos.stretching import carry, start
@@ -31,6 +32,7 @@ _TRANSIENT = 0.1  # of the time, by default left out
 _STEPS_OF_A_CHUNK = 3.0  # more lose digits of the smallest factor, fewer take more time
 
 
+@check_first
 def lyapunov_exponents(
     scene: Scene,
     t1=None,
@@ -63,7 +65,8 @@ def lyapunov_exponents(
         less those fixed by constraints.
       chunk: () time between orthonormalisations [s]; by default three mean steps of the motion.
       rtol: relative tolerance of a step.
-      atol: absolute tolerance of a step; rtol by default.
+      atol: absolute tolerance of one step, in the units of the state; by default rtol times the
+        largest size so far of the entries of its kind, whatever the units (`scales.Groups`).
       solver: see `simulate`.
       max_steps: largest number of steps of a chunk, and of the transient.
       throw: raise on any status but OK; with False look at `LyapunovSpectrum.status`.

@@ -48,6 +48,11 @@ class Stretching(eqx.Module):
         diagonal = jnp.sum(rates[:, -k:] * jnp.eye(k), axis=1)
         return jnp.concatenate([rates[:, :-k], diagonal[:, None]], axis=1)
 
+    @property
+    def single(self):
+        """The field of the state alone."""
+        return self.variational.field
+
     def project(self, t: Array, y: Array) -> Array:
         """The state on its constraints, with its tangents along them."""
         return jnp.concatenate([self.variational.project(t, y[:, :-1]), y[:, -1:]], axis=1)

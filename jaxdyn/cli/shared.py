@@ -5,6 +5,7 @@ appear at once. A command takes what it needs from the two packages, which then 
 """
 
 import gc
+import io
 import os
 import sys
 import tempfile
@@ -135,9 +136,17 @@ def start(app: typer.Typer) -> None:
     # What imports and traces make mostly stays: to search it for cycles again and again takes a
     # tenth of a short command's time. A library leaves this to its user; this process is ours.
     gc.set_threshold(*_RARELY)
+    if sys.stderr is None:  # closed by the caller
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")
+    if sys.stdout is None:
+        _refuse("standard output is closed. Write to a file, or to /dev/null.")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal may know fewer characters
+            stream.reconfigure(errors="replace")
     try:
         code = app(standalone_mode=False)
-        sys.stdout.flush()
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except _Usage as error:
         _refuse(f"{error.format_message().rstrip('.')}. See --help.")
     except ValueError as error:

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation import defining
 from jaxdyn.continuation.defining import Make, slope_at
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind, equilibrium_at
@@ -96,6 +97,7 @@ def continue_equilibria(
     return _walked(make, first, (step, members, within), report, path)
 
 
+@check_first
 def switch_branch(
     family: EquilibriumFamily,
     special: Equilibrium,

@@ -8,8 +8,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.accuracy.work_precision import Curve, WorkPrecision
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
+from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path
 
 _MARKERS = "osD^vPX"
@@ -17,6 +19,7 @@ _PANEL = 3.4  # inches
 _WIDE = 60.0  # ratio of the ends of an axis above which only powers of ten are labelled
 
 
+@check_first
 def work_precision(
     found: WorkPrecision,
     path=None,
@@ -52,11 +55,12 @@ def work_precision(
         ax.xaxis.set_major_locator(LogLocator(subs=subs))
         ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         ax.xaxis.set_minor_formatter(NullFormatter())
-    figure.suptitle(title or "", fontsize=11)
+    figure.suptitle(readable(title), fontsize=11)
     legend_below(figure, named(left))
     return finished(figure, path)
 
 
+@check_first
 def judgement(found: Mapping[str, WorkPrecision], path=None) -> Figure:
     """A picture of the error obtained against the tolerance requested.
 

@@ -23,6 +23,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from jaxdyn import _checks
 from jaxdyn._progress import each
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.artists import Shapes
 from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.figures import blank, legend_below, path_entries
@@ -41,6 +42,7 @@ _SAME = 0.02  # of a pace
 _SHORTEST = 0.02  # [s] per frame of a GIF: viewers slow down shorter ones
 
 
+@check_first
 def animate(
     motion: Trajectory | HybridTrajectory,
     path,

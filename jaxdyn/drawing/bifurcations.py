@@ -8,8 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation.family import EquilibriumFamily, Kind
 from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
+from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path
 
 #: Line styles of verdicts.
@@ -25,6 +27,7 @@ _SHAPES = "^Do*XsvPpd<>"
 _SUBCRITICAL = (0, (4, 2))
 
 
+@check_first
 def equilibria(
     families: Sequence[EquilibriumFamily],
     path=None,
@@ -63,7 +66,7 @@ def equilibria(
         there = np.array([(x.parameter, x.state[index]) for x in special])
         if len(there):
             ax.plot(*there.T, marker, color=colour, ms=7, zorder=4, label=str(kind), ls="")
-    ax.set(xlabel=parameter, ylabel=label, title=title or "")
+    ax.set(xlabel=parameter, ylabel=label, title=readable(title))
     style(ax)
     legend_below(figure, named(ax))
     return finished(figure, path)
@@ -101,7 +104,7 @@ def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None)
     for kind, shape, colour in zip(marks, itertools.cycle(_SHAPES), colours, strict=False):
         there = np.array([point.parameters for point in special if point.kind == kind])
         ax.plot(*there.T, shape, color=colour, ms=7, zorder=4, label=kind, ls="")
-    ax.set(xlabel=curves[0].names[0], ylabel=curves[0].names[1], title=title or "")
+    ax.set(xlabel=curves[0].names[0], ylabel=curves[0].names[1], title=readable(title))
     style(ax)
     legend_below(figure, named(ax))
     return finished(figure, path)

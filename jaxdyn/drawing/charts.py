@@ -11,9 +11,11 @@ from matplotlib.colors import LinearSegmentedColormap, ListedColormap, TwoSlopeN
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.floquet import Chart
 from jaxdyn.chaos.maps import ChaosMap
 from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below
+from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path
 
 _STABLE, _GROWING, _UNDECIDED = PALETTE[0], PALETTE[1], "#9a9a9a"
@@ -22,6 +24,7 @@ _MOST = 8.0  # of the MEGNO that is told apart: above it a motion is chaotic bey
 _REGULAR = 2.0  # the MEGNO of quasi-periodic motions
 
 
+@check_first
 def stability_chart(
     chart: Chart, path=None, *, names=("first", "second"), title: str | None = None
 ) -> Figure:
@@ -49,13 +52,14 @@ def stability_chart(
         area = np.where(chart.verdict == verdict, 1.0, np.nan)
         ax.pcolormesh(chart.second, chart.first, area, cmap=ListedColormap([colour]), **grid)
     figure.colorbar(drawn, ax=ax, label="growth rate [1/s]")
-    ax.set(xlabel=names[1], ylabel=names[0], title=title or "")
+    ax.set(xlabel=names[1], ylabel=names[0], title=readable(title))
     shown = [("stable", _STABLE), ("unstable", _GROWING), ("undecided", _UNDECIDED)]
     handles = [Patch(color=c, label=name) for name, c in shown if (chart.verdict == name).any()]
     legend_below(figure, handles)
     return finished(figure, path)
 
 
+@check_first
 def chaos_map(
     found: ChaosMap, path=None, *, names=("first", "second"), title: str | None = None
 ) -> Figure:
@@ -84,5 +88,5 @@ def chaos_map(
     # Where there is no motion.
     ax.set_facecolor("#d9d9d9")
     figure.colorbar(drawn, ax=ax, label="mean MEGNO (2: regular)", extend="max")
-    ax.set(xlabel=names[1], ylabel=names[0], title=title or "")
+    ax.set(xlabel=names[1], ylabel=names[0], title=readable(title))
     return finished(figure, path)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.curves import Outline, Part, fine, reached
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
@@ -53,6 +54,7 @@ class Paths(NamedTuple):
     corners: tuple[int, ...]
 
 
+@check_first
 def paths(motion: Trajectory | HybridTrajectory) -> Paths:
     """The contents of a picture of a motion, a chain of phases or part of a run that stopped.
 

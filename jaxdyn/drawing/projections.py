@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.contents import Paths, paths
 from jaxdyn.drawing.figures import blank, finished, legend_below, mark, path_entries, style
 from jaxdyn.drawing.panels import WIDTH, colours, draw_paths, draw_starts, limits
@@ -19,6 +20,7 @@ _VIEWS = {(0, 0): (0, 2), (0, 1): (1, 2), (1, 0): (0, 1)}
 _ROOM = 1.6  # inches for labels, title and legend
 
 
+@check_first
 def projections(
     motion: Trajectory | HybridTrajectory, path=None, *, title: str | None = None
 ) -> Figure:

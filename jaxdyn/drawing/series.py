@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.contents import why_stopped
 from jaxdyn.drawing.curves import reached, states
 from jaxdyn.drawing.figures import GRID, PALETTE, blank, finished, style
@@ -16,6 +17,7 @@ from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 
 
+@check_first
 def time_series(
     motion: Trajectory | HybridTrajectory,
     path=None,

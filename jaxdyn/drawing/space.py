@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.artists import ABOVE_AREAS, Shapes, draw_pose
 from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.figures import (
@@ -41,6 +42,7 @@ _ABOVE = 12  # points, room for a pin
 _LINE = 0.17  # [inches] per line of the heading
 
 
+@check_first
 def trajectory(
     motion: Trajectory | HybridTrajectory | Sequence[Trajectory | HybridTrajectory],
     path=None,

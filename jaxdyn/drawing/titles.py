@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
+from matplotlib.mathtext import MathTextParser
 
+from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.rigid import about_centre, inertia_matrix
 from jaxdyn.geometry.inertia import MaterialPoints
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
@@ -22,6 +24,7 @@ _MOST = 4  # entries of an array that is written in full
 _AT_ORIGIN = 1e-12  # of the size of a body: a centre this close is at the origin
 
 
+@check_first
 def caption(*motions: Trajectory | HybridTrajectory) -> str:
     """The system and the effects, with the numbers that all motions share."""
     return describe(*scenes_of(motions))
@@ -41,11 +44,21 @@ def heading(title: str | None, scenes: Sequence[Scene], width: float, *lines: st
       width: of the figure [in].
       lines: those that are not empty follow the title.
     """
-    first = describe(*scenes) if title is None else title
+    first = describe(*scenes) if title is None else readable(title)
     # No break between a number and its name or within an array.
     kept = (_ONE.sub(_unbroken, line) for line in (first, *lines) if line)
     folded = "\n".join(textwrap.fill(line, int(width / _CHARACTER)) for line in kept)
     return folded.replace(_SPACE, " ")
+
+
+def readable(title: str | None) -> str:
+    """A title for Matplotlib: dollar signs stay as they are where they enclose no formula."""
+    title = title or ""
+    try:
+        MathTextParser("path").parse(title)
+    except ValueError:
+        return title.replace("$", r"\$")
+    return title
 
 
 def _unbroken(found: re.Match) -> str:

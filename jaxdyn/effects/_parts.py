@@ -28,9 +28,7 @@ def unless_zero(coefficient: Any, effect: Effect) -> tuple[Effect, ...]:
 def at_least_zero(name: str, x: Array, remedy: str, n: int | None = None) -> None:
     """Raise ValueError unless a parameter, or each of n, is finite and not negative."""
     each = n is not None and np.ndim(x) == 1
-    values = np.asarray(_checks.array(name, x, (n,) if each else (), remedy))
-    if (values < 0).any():
-        raise _checks.fail(name, ">= 0", values[values < 0].ravel()[0], remedy)
+    _checks.at_least_zero(name, _checks.array(name, x, (n,) if each else (), remedy), remedy)
 
 
 def vector_or_zero(name: str, x: Array, d: int) -> None:

@@ -33,13 +33,19 @@ class UniformGravity(Effect):
         up = np.eye(r.shape[1])[-1]
         return (-self.g * m)[:, None] * up[None, :]
 
+    def acceleration(self, t, r, v, m):
+        return self.force(t, r, v, jnp.ones_like(m))
+
     def check(self, points: Points) -> None:
         del points
         _checks.array("g", self.g, (), "In m/s^2, against the last axis.")
 
 
 class PairGravity(Effect):
-    """Newtonian attraction G m_i m_j / r_ij^2 between all points; G [m^3/(kg s^2)]."""
+    """Newtonian attraction G m_i m_j / r_ij^2 between all points; G [m^3/(kg s^2)].
+
+    A point of mass 0, a test particle, is attracted by the others and attracts nothing.
+    """
 
     G: Array = eqx.field(converter=as_float, default=1.0)
     velocity_dependent: ClassVar[bool] = False
@@ -65,24 +71,27 @@ class PairGravity(Effect):
         return -0.5 * self.G * jnp.sum(m * sum_over_bodies(add, r, m, jnp.zeros_like(m)))
 
     def force(self, t, r, v, m):
+        return m[:, None] * self.acceleration(t, r, v, m)
+
+    def acceleration(self, t, r, v, m):
         del t, v
         if r.shape[0] < _ROWS_FROM:
-            return self._force_by_pairs(r, m)
+            return self._acceleration_by_pairs(r, m)
 
         def add(total, mass, d, r2):
             return total + (mass / (r2 * jnp.sqrt(r2)))[None] * jnp.stack(d)
 
-        return ((self.G * m)[None] * sum_over_bodies(add, r, m, jnp.zeros_like(r.T))).T
+        return self.G * sum_over_bodies(add, r, m, jnp.zeros_like(r.T)).T
 
-    def _force_by_pairs(self, r, m):
+    def _acceleration_by_pairs(self, r, m):
         n = r.shape[0]
         total = [jnp.zeros_like(r[0])] * n
         for i in range(n):
             for j in range(i + 1, n):
                 d = r[j] - r[i]
                 r2 = square_norm(d)
-                f = (self.G * m[i] * m[j] / (r2 * jnp.sqrt(r2))) * d
-                total[i], total[j] = total[i] + f, total[j] - f
+                d = (self.G / (r2 * jnp.sqrt(r2))) * d
+                total[i], total[j] = total[i] + m[j] * d, total[j] - m[i] * d
         return jnp.stack(total)
 
     def check(self, points: Points) -> None:

@@ -16,6 +16,8 @@ from jaxdyn._floats import as_float
 from jaxdyn.effects._parts import point_number
 from jaxdyn.scene import Effect, Points
 
+_EACH_AXIS = "One component for each axis."
+
 
 class ConstantForce(Effect):
     """The same force F (d,) [N] on each of the chosen points, all of them if None."""
@@ -71,12 +73,17 @@ class SinusoidalForce(Effect):
 
 def _spread(force: Array, on: tuple[int, ...] | None, r: Array) -> Array:
     """(n, d) the force (d,) at the chosen points, zero elsewhere."""
-    n = r.shape[0]
+    n, d = r.shape
+    # Before the force is broadcast, in every trace.
+    _checks.check_shape("F", force.shape, (d,), _EACH_AXIS)
+    if not isinstance(on, tuple | None):
+        remedy = "Their numbers, such as (0, 2)."
+        raise _checks.fail("on", "None for all points, or a tuple", repr(on), remedy)
     chosen = jnp.ones(n) if on is None else jnp.asarray(np.eye(n)[list(on)].sum(axis=0))
     return chosen[:, None] * force[None, :]
 
 
 def _check(force: Array, on: tuple[int, ...] | None, points: Points) -> None:
-    _checks.array("F", force, (points.r.shape[1],), "One component for each axis.")
+    _checks.array("F", force, (points.r.shape[1],), _EACH_AXIS)
     for i in on or ():
         point_number("on", i, len(points.m))

@@ -17,6 +17,7 @@ import numpy as np
 from rich.progress import Progress
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.ensemble.batches import Job, cores, mesh_of
 from jaxdyn.ensemble.lanes import Ends, Motions
 from jaxdyn.integrate.fixed import FixedField
@@ -31,6 +32,7 @@ from jaxdyn.solvers.choice import checked_method
 CHUNK = 2048
 
 
+@check_first
 def run(
     scene: Scene,
     y0s=None,
@@ -59,7 +61,8 @@ def run(
         motion, e.g. ``jax.vmap(make_scene)(values)``.
       t0: () or (n,) start times [s].
       rtol: relative tolerance of one step.
-      atol: absolute tolerance of one step, in the units of the state; rtol by default.
+      atol: absolute tolerance of one step, in the units of the state; by default rtol times the
+        largest size so far of the entries of its kind, whatever the units (`scales.Groups`).
       solver: see `simulate`; an explicit method.
       max_steps: largest number of steps of a motion.
       fixed: make the scene's numbers, which all motions must share, constants of the program: a
@@ -105,6 +108,7 @@ def run(
     return jax.tree.map(lambda *parts: np.concatenate(parts), *done)
 
 
+@check_first
 def stream(
     scene: Scene,
     batches: Iterable,
@@ -191,6 +195,7 @@ def _motions(scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool) -> tu
     """The queue, and the field with None in place of what each motion has for itself."""
     _checks.float64()
     checked_scene(scene)
+    _checks.flag("fixed", fixed)
     given = scene if params is None else params
     starts = np.asarray(given.y0 if y0s is None else y0s, float)
     k = len(scene.y0)

@@ -24,16 +24,17 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._numerics import two_sum
 from jaxdyn._text import counted
-from jaxdyn.integrate.lookahead import lookahead
+from jaxdyn.integrate.lookahead import Lookahead, lookahead
 from jaxdyn.integrate.march import UNROLLED_BELOW
 from jaxdyn.integrate.observing import Watch, clipped
 from jaxdyn.integrate.pieces import run_pieces
-from jaxdyn.integrate.step_control import Limits, StepControl
+from jaxdyn.integrate.step_control import Limits, StepControl, first_step
 from jaxdyn.plan import plan_of
 from jaxdyn.scene import Field
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import operations
+from jaxdyn.solvers.sizes import allowed, begun, groups_of, grown
 from jaxdyn.solvers.stepper import StepError
 from jaxdyn.status import Status
 
@@ -105,12 +106,13 @@ class _Lane(NamedTuple):
     t1: Array  # () end
     y: Array  # (k,)
     carry: Array  # (k,) rounding error of y, for the compensated sum
+    sizes: Array  # (k,) of the motion so far
     status: Array
     steps: Array
     rejected: Array
     numbers: Any
     control: Any  # what the step control remembers
-    sizes: Array | None  # of the parts of the rate in time, see `Lookahead`
+    parts: Array | None  # sizes of the parts of the rate in time, see `Lookahead`
 
 
 def integrate(
@@ -128,7 +130,7 @@ def integrate(
       shared: the field, with None where each motion has its own numbers.
       motions: the queue of n rows.
       count: () number of valid rows.
-      limits: (2,) relative and absolute tolerance of one step, and the maximum number of steps.
+      limits: tolerances of one step, and the maximum number of steps.
       watch: the observer of accepted steps of each motion, or None.
       method: the method.
     """
@@ -186,27 +188,15 @@ class _Work(eqx.Module):
         y, t0, t1, numbers = motion
         field = eqx.combine(numbers, self.shared)
         direction = jnp.where(t1 > t0, 1.0, -1.0)
-
-        @jax.jit  # traced once for its three uses
-        def rate(t, y, args=None):
-            del args
-            return direction * field.rate(direction * t, y)
-
         start, end = direction * t0, direction * t1
+        known = begun(field, t0, y, t1)
+        ok = jnp.isfinite(jnp.concatenate([y, known.rate, jnp.stack([t0, t1])])).all()
+        first = first_step(self.method, self.limits.tolerance, known, y)
         look = lookahead(field, len(y), t0, t1)
-        sizes = None if look is None else look.sizes
-        given = jnp.concatenate([y, rate(start, y), jnp.stack([t0, t1])])
-        ok = jnp.isfinite(given).all()
-        tnext, control = self._control(direction, numbers, sizes, len(y)).init(
-            diffrax.ODETerm(rate),
-            start,
-            end,
-            y,
-            None,
-            None,
-            lambda term, *at: term.vf(*at),
-            self.method.error_order,
-        )
+        parts = None if look is None else look.sizes
+        order = self.method.error_order
+        control = self._control(direction, first, look)
+        tnext, control = control.init(None, start, end, y, None, None, None, order)
         nothing = jnp.zeros((), int)
         return _Lane(
             row=row,
@@ -218,12 +208,13 @@ class _Work(eqx.Module):
             t1=end,
             y=y,
             carry=jnp.zeros_like(y),
+            sizes=known.sizes,
             status=jnp.where(ok, int(Status.OK), int(Status.NOT_FINITE)),
             steps=nothing,
             rejected=nothing,
             numbers=numbers,
             control=control,
-            sizes=sizes,
+            parts=parts,
         )
 
     def step(self, group: _Lane) -> _Lane:
@@ -256,15 +247,20 @@ class _Work(eqx.Module):
 
     def _judged(self, lane: _Lane, y: Array, carry: Array, error: Array) -> _Lane:
         """The lane after a step to y, if the step control accepts it."""
-        keep, t, tnext, _, control, result = self._control(
-            lane.direction, lane.numbers, lane.sizes, len(lane.y)
-        ).adapt_step_size(
+        field = eqx.combine(lane.numbers, self.shared)
+        sizes = grown(groups_of(field, y), lane.sizes, y)
+        may = allowed(self.limits.tolerance, sizes, lane.y, y)
+        look = None
+        if lane.parts is not None:
+            look = lookahead(field, len(y), lane.t, lane.t1, lane.parts)
+        control = self._control(lane.direction, lane.t1, look)
+        keep, t, tnext, _, control, result = control.adapt_step_size(
             lane.t,
             lane.tnext,
             lane.y,
             y,
             None,
-            StepError(error),
+            StepError(error, may),
             self.method.error_order,
             lane.control,
         )
@@ -288,6 +284,7 @@ class _Work(eqx.Module):
             tnext=clipped(tnext, lane.t1),
             y=jnp.where(keep, y, lane.y),
             carry=jnp.where(keep, carry, lane.carry),
+            sizes=jnp.where(keep, sizes, lane.sizes),
             status=status,
             steps=steps,
             rejected=rejected,
@@ -305,13 +302,8 @@ class _Work(eqx.Module):
             y1=y, t=t, status=lane.status, steps=lane.steps, rejected=lane.rejected, seen=seen
         )
 
-    def _control(self, direction: Array, numbers: Any, sizes: Array | None, k: int) -> StepControl:
-        rtol, atol = self.limits.tolerance
-        look = None
-        if sizes is not None:
-            field = eqx.combine(numbers, self.shared)
-            look = lookahead(field, k, direction, direction, sizes)
-        control = StepControl(rtol=rtol, atol=atol, ts=jnp.zeros(0), watch=self.watch, look=look)
+    def _control(self, direction: Array, first: Array, look: Lookahead | None) -> StepControl:
+        control = StepControl(first=first, ts=jnp.zeros(0), watch=self.watch, look=look)
         return control.wrap(direction)
 
 

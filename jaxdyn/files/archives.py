@@ -6,7 +6,6 @@ unpickled. The comment at the end of an archive is a digest of all of its other 
 """
 
 import io
-import json
 import math
 import zipfile
 from collections.abc import Mapping
@@ -16,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxdyn._text import fail
-from jaxdyn.files.digests import DIGITS, has_digest, with_digest
+from jaxdyn.files.digests import DIGITS, has_digest, plain_text, with_digest
 from jaxdyn.files.input_files import content, parsed
 from jaxdyn.files.output_files import archive_path, replace, unwritable
 
@@ -42,10 +41,7 @@ def write(path: str | Path, name: str, record: Any, arrays: Mapping[str, np.ndar
         has another type, or the archive would be larger than `read` takes.
     """
     path = archive_path(path)
-    try:
-        entries = {name: json.dumps(record, indent=1, allow_nan=False).encode()}
-    except ValueError as error:
-        raise fail("record", "finite numbers", f"others ({error})") from error
+    entries = {name: plain_text(record, indent=1)}
     entries |= {key + _ARRAY: _packed(key, x) for key, x in arrays.items()}
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:

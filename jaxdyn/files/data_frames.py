@@ -6,12 +6,14 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn._checks import fail
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import second
 from jaxdyn.integrate.phase import END, HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 
 
+@check_first
 def frame(motion: Trajectory | HybridTrajectory) -> Any:
     """The samples of a motion as a DataFrame; see `Trajectory.to_pandas`."""
     try:

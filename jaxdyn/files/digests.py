@@ -27,14 +27,24 @@ def json_text(record: dict[str, Any], indent: int | None = None) -> bytes:
       record: without an entry "digest".
       indent: of each level; all is on one line by default.
     Raises:
+      ValueError: see `plain_text`.
+    """
+    text = plain_text({**record, "digest": ""}, indent)
+    return with_digest(text + b"\n", text.rindex(b'"'))
+
+
+def plain_text(record: Any, indent: int | None = None) -> bytes:
+    """A value as text of JSON.
+
+    Raises:
       ValueError: it has numbers that are not finite, or more values than `parsed` takes.
     """
     try:
-        text = json.dumps({**record, "digest": ""}, indent=indent, allow_nan=False).encode()
+        text = json.dumps(record, indent=indent, allow_nan=False).encode()
     except ValueError as error:
         raise fail("record", "finite numbers", f"others ({error})") from error
     check_values(text, "record", "Save less in one file.")
-    return with_digest(text + b"\n", text.rindex(b'"'))
+    return text
 
 
 def with_digest(data: bytes, at: int) -> bytes:

@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import fail
 
 MAX_BYTES = 64 * 2**20  # a larger file is not one of these records
@@ -39,6 +40,7 @@ def content(path: str | Path, most: int, remedy: str = "", name: str = "file") -
     return data
 
 
+@check_first
 def parsed(data: bytes, what: str, remedy: str = "") -> Any:
     """The value of JSON text with finite numbers only, and integers that floats can hold.
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from jaxdyn import _checks, solvers
 from jaxdyn._checks import fail
+from jaxdyn._records.kinds import check_first
 from jaxdyn.files import archives, records, scene_records
 from jaxdyn.integrate.errors.estimate import Estimate
 from jaxdyn.integrate.phases import HybridTrajectory
@@ -54,6 +55,7 @@ _MAY_BE_NAN = {"ys", "error/ys", "error/error", "error/rounding"}
 _WORDS = ("kind", "solver", "other")  # of an estimate
 
 
+@check_first
 def save(path: str | Path, motion: Trajectory | HybridTrajectory) -> None:
     """Write a motion with its scene, atomically; see `Trajectory.save`."""
     _checks.untraced("motion", motion, "Save what a compiled function returns.")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from jaxdyn._records.kinds import check_first
 from jaxdyn.accuracy.end_error import EndError
 from jaxdyn.analysis.energy_change import energy_change
 from jaxdyn.files.output_files import replace, table_path
@@ -14,6 +15,7 @@ from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.status import Status
 
 
+@check_first
 def samples(motion: Trajectory | HybridTrajectory) -> tuple[np.ndarray, np.ndarray]:
     """Times (s,) [s] and states (s, k) of all phases, and after the last exit of a chain."""
     pieces = pieces_of(motion)
@@ -24,12 +26,14 @@ def samples(motion: Trajectory | HybridTrajectory) -> tuple[np.ndarray, np.ndarr
     return np.concatenate(ts), np.concatenate(ys)
 
 
+@check_first
 def columns(motion: Trajectory | HybridTrajectory) -> list[str]:
     """Name and unit of each entry of the state, e.g. "vx [m/s]"."""
     labels = pieces_of(motion)[0].scene.labels()
     return [name if unit == "1" else f"{name} [{unit}]" for name, unit in labels]
 
 
+@check_first
 def arrived(motion: Trajectory | HybridTrajectory) -> bool:
     """Whether a motion reached the end of its span, or a terminal event."""
     if isinstance(motion, HybridTrajectory):
@@ -38,6 +42,7 @@ def arrived(motion: Trajectory | HybridTrajectory) -> bool:
     return motion.ok
 
 
+@check_first
 def record(motion: Trajectory | HybridTrajectory, end: EndError) -> dict:
     """A motion as a record for JSON: samples, phases, error estimate, change of its energy.
 

@@ -24,6 +24,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _shapes
 from jaxdyn._numerics import solve_spd
+from jaxdyn._shapes import potential_energy
 from jaxdyn.formulations.functions import (
     called,
     checked_function,
@@ -41,7 +42,6 @@ from jaxdyn.formulations.mechanism import (
     with_rates,
 )
 from jaxdyn.scene import Effect, Scene, System
-from jaxdyn.system import potential_energy
 
 #: Smallest over largest eigenvalue of d2L/dv2 that is rounding.
 _SINGULAR = 1e-13

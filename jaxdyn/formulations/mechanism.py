@@ -16,9 +16,11 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import materialised, runtime_one
+from jaxdyn._records.kinds import check_first
+from jaxdyn._shapes import generalized_forces, total_force
 from jaxdyn.scene import Effect, Points, System
 from jaxdyn.sketch import Shape
-from jaxdyn.system import Record, generalized_forces, total_force
+from jaxdyn.system import Record
 
 #: Forms of the tie of a rod, as scenes name them; see `stretch`.
 TIES = ("length", "square")
@@ -145,6 +147,7 @@ def with_rates(coordinates: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str
     return (*coordinates, *((f"{x}_dot", "1" if plain else f"{unit}/s") for x, unit in coordinates))
 
 
+@check_first
 def positions_and_velocities(
     mechanism: Mechanism, t: Array, q: Array, v: Array
 ) -> tuple[Array, Array]:
@@ -191,6 +194,7 @@ def mass_and_force(
     return mass, pulled + on_coordinates(t, q, v, effects)
 
 
+@check_first
 def pulled_back(
     mechanism: Mechanism,
     t: Array,

@@ -1,20 +1,26 @@
 """Newton's law for free points: m_i a_i = sum of the forces on point i.
 
 State ``[r_1 .. r_n, v_1 .. v_n]``, each in d cartesian components.
+
+A point may have mass 0: a test particle, which moves as the limit of small masses does. Effects
+that give accelerations, such as gravity, move it; a force on it is refused, as nothing would move
+it at a finite acceleration.
 """
 
 import itertools
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
+from jaxdyn._shapes import checked_force, total_force
 from jaxdyn.scene import Points, System
-from jaxdyn.system import total_force
 
 _AXES = "xyz"
+_NO_MASS = 1e300  # [1/kg] 1 / m of a test particle: a force on it is no number soon, and 0 stays 0
 
 
 class FreePoints(System):
@@ -49,9 +55,20 @@ class FreePoints(System):
 
     def rate(self, t, y, effects):
         r, v, m = self.points(t, y)
-        return _state(v, total_force(effects, t, r, v, m) / m[:, None])
+        fields = [
+            checked_force(e, e.acceleration(t, r, v, m), r.shape) for e in effects if e.accelerates
+        ]
+        others = [e for e in effects if not e.accelerates]
+        if others:
+            massless = m == 0
+            # A force that begins to act on a test particle later ends the motion.
+            per_mass = jnp.where(massless, _NO_MASS, 1 / jnp.where(massless, 1.0, m))
+            fields.append(total_force(others, t, r, v, m) * per_mass[:, None])
+        return _state(v, sum(fields[1:], fields[0]) if fields else jnp.zeros_like(v))
 
     def canonical(self, t, y):
+        if not _checks.is_traced(self.m) and (np.asarray(self.m) == 0).any():
+            return None  # the momenta of test particles do not tell their velocities
         r, v, m = self.points(t, y)
         return _state(r, m[:, None] * v)
 
@@ -69,7 +86,29 @@ class FreePoints(System):
     def check(self, t, y):
         del t, y
         _checks.array("mass", self.m, (None,), "One mass for each point.")
-        _checks.positive("mass", self.m, "Masses are in kg.")
+        m = _checks.at_least_zero("mass", self.m, "Masses are in kg; 0 is a test particle.")
+        if not _checks.is_traced(m) and not np.any(m):
+            remedy = "Test particles move among bodies; one has to have a mass."
+            raise _checks.fail("mass", "one that is not 0", "no mass at all", remedy)
+
+    def check_effects(self, t, y, effects):
+        m = np.asarray(self.m)
+        if m.all():
+            return
+        rng = np.random.default_rng(0)  # a force may be zero at the start, as that of a spring is
+        elsewhere = rng.uniform(0.5, 1.5, y.shape) * (np.abs(y) + np.max(np.abs(y)) + 1.0)
+        r, v, _ = self.points(t, elsewhere)
+        for effect in effects:
+            if effect.accelerates:
+                continue
+            acting = np.asarray(effect.force(jnp.asarray(t), r, v, jnp.asarray(m)) != 0).any(axis=1)
+            if (acting & (m == 0)).any():
+                raise _checks.fail(
+                    type(effect).__name__,
+                    "no force on a point of mass 0",
+                    f"one on point {np.flatnonzero(acting & (m == 0))[0] + 1}",
+                    "Give it a mass: a test particle feels accelerations, such as gravity, only.",
+                )
 
 
 def _state(r: Array, v: Array) -> Array:

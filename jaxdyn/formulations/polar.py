@@ -6,8 +6,8 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
+from jaxdyn._shapes import total_force
 from jaxdyn.scene import Points, System
-from jaxdyn.system import total_force
 
 
 class PolarParticle(System):

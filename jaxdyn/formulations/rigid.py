@@ -21,13 +21,14 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import solve_spd
+from jaxdyn._records.kinds import check_first
+from jaxdyn._shapes import generalized_forces, total_force
 from jaxdyn.formulations.attitude import Attitude, Quaternion
 from jaxdyn.formulations.mechanism import MechanismSystem
 from jaxdyn.geometry.inertia import MaterialPoints
 from jaxdyn.geometry.vectors import cross
 from jaxdyn.scene import Effect, Points, Scene, System
 from jaxdyn.sketch import Looks, Shape, traces
-from jaxdyn.system import generalized_forces, total_force
 
 #: Largest deviation of the attitude of a start from a unit quaternion or a rotation matrix.
 CONSISTENT = 1e-9
@@ -74,6 +75,7 @@ def resting(R_wb=None, omega_b=(0.0, 0.0, 0.0)) -> Pose:
     )
 
 
+@check_first
 def pose(scene: Scene, t: Array, y: Array) -> Pose:
     """Position, attitude and angular velocity of the body in a scene, of either kind.
 
@@ -253,6 +255,7 @@ def gyroscopic_torque(inertia: Array, omega: Array) -> Array:
     )
 
 
+@check_first
 def check_matter(matter: MaterialPoints) -> None:
     """Raise ValueError for points that are not a rigid body: without mass, or all on one line."""
     # A single point may have no mass, or a negative one: a hole.

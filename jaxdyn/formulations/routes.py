@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._floats import floats
-from jaxdyn.formulations.constrained import Constrained
+from jaxdyn.formulations.constrained import DRIFTS, Constrained
 from jaxdyn.formulations.lagrange import Lagrange
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.formulations.newton_euler import NewtonEuler
@@ -58,6 +58,7 @@ def route(
       ValueError: `formulation` is not one of this mechanism.
     """
     _checks.choice("formulation", formulation, [*_FREE, *embeddings])
+    _checks.choice("drift", drift, DRIFTS)
     q, v = floats(q, v)
     if formulation in _FREE:
         return _FREE[formulation](free), jnp.concatenate([q, v])

@@ -22,6 +22,7 @@ from jaxtyping import Array
 
 from jaxdyn._checks import fail
 from jaxdyn._floats import as_float
+from jaxdyn._records.kinds import check_first
 
 _FACTOR = re.compile(r"\s*\*?\s*(?:(\d+\.?\d*)|([A-Za-z]+)(?:_([a-z]+))?)\s*")
 
@@ -52,6 +53,7 @@ class _Term(NamedTuple):
     factors: list[tuple[str, str]]  # (name, indices)
 
 
+@check_first
 def check_indices(expression: str) -> IndexCheck:
     """Whether an index expression is valid under the summation convention, and why not.
 
@@ -67,6 +69,7 @@ def check_indices(expression: str) -> IndexCheck:
         return IndexCheck(False, "", str(error))
 
 
+@check_first
 def evaluate_indices(expression: str, **arrays) -> Array:
     """Value of the right side of a valid index expression.
 

@@ -24,6 +24,7 @@ from jaxdyn.integrate.flow import SolveResult, flow
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.plan import plan_of
 from jaxdyn.plan.in_branch import Branch, InBranch
+from jaxdyn.scales import Groups, numbered
 from jaxdyn.solvers import Method
 
 #: Relative difference of states that are found forwards and backwards, at most.
@@ -92,6 +93,19 @@ class _Backwards(eqx.Module):
         weight = jnp.sum(adjoint * (after - before)) / (by_time + jnp.sum(by_state * before))
         mu = mu + weight * _flat(by_numbers, z.dtype)
         return self.packed(y, adjoint + weight * by_state, mu)
+
+    @property
+    def groups(self) -> Groups:
+        """Adjoints share sizes as the state does, whose units they have in inverse; others none."""
+        of = self.field.groups.of
+        y, adjoint = ([(part, group) for group in of] for part in ("y", "adjoint"))
+        leaves = jax.tree.leaves(eqx.filter(self.field, eqx.is_inexact_array))
+        mu = [("mu", i) for i in range(sum(leaf.size for leaf in leaves))]
+        if not self.position_only:
+            return numbered([*y, *adjoint, *mu])
+        half, rates = len(of) // 2, [("rate", *name) for name in mu]
+        q, v, by_q, by_v = y[:half], y[half:], adjoint[:half], adjoint[half:]
+        return numbered([*q, *by_v, *mu, *v, *by_q, *rates])
 
     def project(self, t: Array, z: Array) -> Array:
         """Nothing to project: scenes with constraints are refused."""

@@ -8,7 +8,7 @@ theorem, dt = -dg / (dg/dt), dy = (dy)_t + f dt.
 import abc
 import functools
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -16,16 +16,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks, _text
+from jaxdyn import _checks
 from jaxdyn._floats import as_float
 from jaxdyn._numerics import in_one_kernel
+from jaxdyn._records.kinds import check_first
 from jaxdyn._records.record import Record
 from jaxdyn._records.repeated import check_repeatable
-from jaxdyn._text import counted
 from jaxdyn.integrate.event_search.event_values import coincident, time_slope, values
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.pieces import first_event
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
+from jaxdyn.integrate.stop import Stop
 from jaxdyn.integrate.switching import switching
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, Solver
@@ -115,65 +116,7 @@ class Every(Event):
         _checks.positive("period", self.period, "It is a time.")
 
 
-class Stop(eqx.Module):
-    """Where a motion was stopped.
-
-    Attributes:
-      t: () time of the event, or the end of the span if there was none; NaN if the run failed.
-      y: (k,) state then, on the event or a rounding before it, not beyond; where the motion
-        started on the event and meets it within 1e-30 of a step, possibly beyond it by as much.
-        NaN if the run failed.
-      event: () index of the event, -1 for none.
-      status: () `Status` code.
-      coincident: (E,) whether each of the events happens at this time, to rounding; several do
-        where a ball runs into a corner. `event` is one of them. All False if there was none.
-    """
-
-    t: Array
-    y: Array
-    event: Array
-    status: Annotated[Array, Status]
-    coincident: Array
-
-    __repr__ = _text.fields
-    _repr_html_ = _text.html
-
-    @property
-    def happened(self) -> bool:
-        """Whether it was an event that ended the motion; host only."""
-        return bool(self.event >= 0)
-
-    @property
-    def message(self) -> str:
-        """What ended the motion, and when; host only.
-
-        Of a batch, how many motions each of the events ended, and the first failure.
-        """
-        if self.status.ndim:
-            return self._message_of_batch
-        if self.status != Status.OK:
-            return Status(int(self.status)).message
-        if not self.happened:
-            return f"No event happened up to the end of the span, t = {float(self.t):.6g}."
-        others = [str(i) for i in np.flatnonzero(self.coincident) if i != self.event]
-        also = f", with {', '.join(others)} at the same time" if others else ""
-        return f"Event {int(self.event)} happened at t = {float(self.t):.6g}{also}."
-
-    @property
-    def _message_of_batch(self) -> str:
-        right = np.asarray(self.status) == Status.OK
-        reached, counts = np.unique(np.asarray(self.event)[right], return_counts=True)
-        parts = [
-            f"{counted(n, 'motion')}: " + (f"event {i}." if i >= 0 else "no event.")
-            for i, n in zip(reached.tolist(), counts.tolist(), strict=True)
-        ]
-        bad = np.asarray(self.status)[~right]
-        failed = (
-            [f"{counted(len(bad), 'motion')}: {Status(int(bad[0])).message}"] if bad.size else []
-        )
-        return " ".join([*parts, *failed])
-
-
+@check_first
 def until(
     scene: Scene,
     events: Event | tuple[Event, ...],
@@ -221,15 +164,30 @@ def until(
       >>> round(float(stop.t), 12)
       1.414213562373
     """
+    options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
+    return stop_of(scene, events, t1, t0, options)
+
+
+def stop_of(scene: Scene, events, t1, t0, options: SolverOptions, sides=0.0) -> Stop:
+    """`until` for a motion of which it may be known on which sides of its events it begins.
+
+    Args:
+      scene: see `until`.
+      events: see `until`.
+      t1: see `until`.
+      t0: see `until`.
+      options: see `until`.
+      sides: (E,) signs of the values just after the start, 0 where they are to be looked at.
+    """
     t0, t1 = span(scene, t1, t0)
     events = checked_events(events, len(scene.y0))
-    method = checked_method(scene, solver, several=True)
-    options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
-    traced = _checks.is_traced((scene, events, t0, t1, limits(options)))
+    sides = np.broadcast_to(np.asarray(sides, float), (len(events),))  # JAX would take longer
+    method = checked_method(scene, options.solver, several=True)
+    traced = _checks.is_traced((scene, events, sides, t0, t1, limits(options)))
 
     def run(held_to, method: Method) -> Stop:
         held_to = jax.tree.map(jnp.asarray, held_to)
-        return _compiled(scene.field, events, scene.y0, t0, t1, held_to, method=method)
+        return _compiled(scene.field, events, scene.y0, sides, t0, t1, held_to, method=method)
 
     return switching(run, options, method, traced=traced)[0]
 
@@ -254,16 +212,16 @@ def checked_events(events, k: int) -> tuple[Event, ...]:
 
 
 @eqx.filter_custom_jvp
-def _located(field, events, y0, t0, t1, limits, *, method: Method) -> Stop:
+def _located(field, events, y0, sides, t0, t1, limits, *, method: Method) -> Stop:
     search = functools.partial(_search, method=method)
-    args = (field, events, y0, t0, t1, limits)
+    args = (field, events, y0, sides, t0, t1, limits)
     return in_one_kernel(search, args, unknown=limits.tolerance[0] > 0)
 
 
 @_located.def_jvp
 def _located_jvp(primals, tangents, *, method):
-    field, events, y0, t0, _, limits = primals
-    d_field, d_events, d_y0, d_t0, d_t1, _ = tangents
+    field, events, y0, _, t0, _, limits = primals
+    d_field, d_events, d_y0, _, d_t0, d_t1, _ = tangents
     stop = _located(*primals, method=method)
     happened = stop.event >= 0
 
@@ -287,8 +245,8 @@ def _located_jvp(primals, tangents, *, method):
 _compiled = eqx.filter_jit(_located)
 
 
-def _search(field, events, y0, t0, t1, limits, *, method: Method) -> Stop:
-    out, found = first_event(field, events, y0, t0, t1, limits, method=method)
+def _search(field, events, y0, sides, t0, t1, limits, *, method: Method) -> Stop:
+    out, found = first_event(field, events, y0, t0, t1, limits, sides, method=method)
     fine, happened = found.status == Status.OK, jnp.isfinite(found.t)
     t = jnp.where(fine, jnp.where(happened, found.t, t1), jnp.nan)
     y = jnp.where(fine, jnp.where(happened, found.y, out), jnp.nan)

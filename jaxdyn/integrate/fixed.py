@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn.scales import Groups
 from jaxdyn.scene import Field
 from jaxdyn.system import Record, System
 
@@ -54,6 +55,11 @@ class FixedField(Record):
     def rate(self, t: Array, y: Array) -> Array:
         """The vector field dy/dt."""
         return self._field.rate(t, y)
+
+    @property
+    def groups(self) -> Groups:
+        """Which entries of the state share a size."""
+        return self._field.groups
 
     def project(self, t: Array, y: Array) -> Array:
         """The nearest state that satisfies the system's constraints."""

@@ -5,7 +5,7 @@ it leaves to others: derivatives (`flow`), conditions of a rate (`pieces`), even
 """
 
 import functools
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import diffrax
 import jax
@@ -15,10 +15,11 @@ from jaxtyping import Array
 from jaxdyn import _text
 from jaxdyn.integrate.lookahead import lookahead
 from jaxdyn.integrate.observing import Watch
-from jaxdyn.integrate.step_control import FixedSteps, StepControl, steps_of
+from jaxdyn.integrate.step_control import FixedSteps, StepControl, first_step, steps_of
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import operations
+from jaxdyn.solvers.sizes import begun
 from jaxdyn.solvers.stepper import Stepper, is_stiff
 from jaxdyn.solvers.stepping import Stepping
 from jaxdyn.status import Status
@@ -53,8 +54,31 @@ class SolveResult(Record):
     _repr_html_ = _text.html
 
 
-def march(field, y0, t0, t1, ts, limits, *, method: Method, watch: Watch | None):
-    """States of a smooth motion, the final memory of a watch, the time reached; no derivatives.
+class Before(NamedTuple):
+    """What a motion has shown before a piece of it.
+
+    Attributes:
+      sizes: (k, ...) see `solvers.sizes`.
+      step: () the longest mean step of a piece.
+    """
+
+    sizes: Array
+    step: Array
+
+
+def march(
+    field,
+    y0,
+    t0,
+    t1,
+    ts,
+    limits,
+    *,
+    method: Method,
+    watch: Watch | None,
+    before: Before | None = None,
+):
+    """States of a smooth motion, the final memory of a watch, its sizes; no derivatives.
 
     Args:
       field: see `flow`; its conditions are evaluated as they stand.
@@ -65,6 +89,7 @@ def march(field, y0, t0, t1, ts, limits, *, method: Method, watch: Watch | None)
       limits: see `flow`.
       method: the method.
       watch: an observer of the steps, which may stop the run.
+      before: the motion that it is a piece of.
     """
     tolerance, most = limits.tolerance, (limits.max_steps, t1)
     direction = jnp.where(t1 > t0, 1.0, -1.0)  # as in diffrax, also for t1 = t0
@@ -73,19 +98,26 @@ def march(field, y0, t0, t1, ts, limits, *, method: Method, watch: Watch | None)
     if wide or operations(lambda t, y: rate(t, y, field), t0, y0) > UNROLLED_BELOW:
         method = method.in_loops(1)
     # One program for both directions of time; diffrax negates ts with the rest.
+    h = sizes = None
     if method.adaptive:
-        rtol, atol = tolerance[0], tolerance[1]
+        start = begun(field, t0, y0, t1)
+        f0, sizes = start.rate, start.sizes
+        if before is not None:
+            sizes = jnp.maximum(sizes, before.sizes)
+        first = first_step(method, tolerance, start._replace(sizes=sizes), y0)
+        if before is not None:
+            first = jnp.maximum(first, before.step)
         look = lookahead(field, len(y0), t0, t1)
-        h, control = (
-            None,
-            StepControl(rtol=rtol, atol=atol, ts=ts, watch=watch, limit=most, look=look),
+        control = StepControl(
+            first=first, ts=ts, watch=watch, limit=most, look=look, max_step=limits.max_step
         )
     else:
+        f0 = field.rate(t0, y0)
         n = steps_of(tolerance[0], t0, t1)
         h, control = (t1 - t0) / n, FixedSteps(n=n, ts=ts, watch=watch, limit=most)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(rate),
-        Stepper(method, tolerance, h),
+        Stepper(method, tolerance, sizes, h),
         t0,
         t1 + (t1 - t0),  # never reached: the step control ends the run
         None,
@@ -97,8 +129,8 @@ def march(field, y0, t0, t1, ts, limits, *, method: Method, watch: Watch | None)
         adjoint=Stepping(),
         throw=False,  # a throw is a host callback, which keeps programs out of the cache
     )
-    # The logarithm is finite for positive tolerances only.
-    given = (y0, field.rate(t0, y0), t0, t1, jnp.log(tolerance))
+    # The logarithms are finite for positive tolerances only; one of the last two may be zero.
+    given = (y0, f0, t0, t1, jnp.log(tolerance[0]), jnp.log(tolerance[-2:].sum()))
     status = _status(solution.result, given)
     ts_end, ys_end, state = solution.ts, solution.ys, solution.solver_state
     assert ts_end is not None  # all three are saved, see above
@@ -126,7 +158,7 @@ def march(field, y0, t0, t1, ts, limits, *, method: Method, watch: Watch | None)
         status=status,
         stiff=is_stiff(count),
     )
-    return result, seen.watch, direction * last
+    return result, seen.watch, state[2]
 
 
 # Traced once for all that a step, its preparation and its checks make of a rate.

@@ -159,13 +159,15 @@ class Observing(eqx.Module):
       limit: (2,) maximum number of steps, and of those that stability limits, and () the end of the
         span that must be reached within it; None where steps are counted, and the run is ended,
         elsewhere.
-      look: how far a step may go, if anything limits it.
+      look: how far a step may go by the rate, if anything limits it.
+      max_step: () how far it may go by request, if that is limited.
     """
 
     ts: eqx.AbstractVar[Array]
     watch: eqx.AbstractVar[Watch | None]
     limit: eqx.AbstractVar[tuple[Array, Array] | None]
     look: eqx.AbstractVar[Lookahead | None]
+    max_step: eqx.AbstractVar[Array | None]
 
     def wrap(self, direction):
         watch = None if self.watch is None else self.watch.towards(direction)
@@ -184,6 +186,8 @@ class Observing(eqx.Module):
 
     def _towards(self, samples: Samples, t0: Array, t1: Array) -> tuple[Samples, Array]:
         aim = t1 if self.limit is None else clipped(t1, self.limit[1])
+        if self.max_step is not None:
+            aim = jnp.minimum(aim, t0 + self.max_step)
         aim = aim if self.look is None else self.look.until(t0, aim)
         return samples.towards(self.ts, t0, aim) if len(self.ts) else (samples, aim)
 
@@ -220,7 +224,8 @@ class Observing(eqx.Module):
             (most, end), steps = self.limit, steps + jnp.where(tried.fine & tried.sampling, 0, 1)
             arrived = keep & (t1 >= end)
             over = steps >= most[0]
-            over = over if limited is None else over | (limited >= most[1].astype(float))
+            if limited is not None:  # of a step that is not kept, neither is its count
+                over = over | (keep & (limited >= most[1].astype(float)))
             over = over & ~arrived & (result == diffrax.RESULTS.successful)
             result = diffrax.RESULTS.where(over, diffrax.RESULTS.max_steps_reached, result)
             start = jnp.where(arrived, jnp.inf, start)  # the loop ends there

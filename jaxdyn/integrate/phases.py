@@ -19,7 +19,8 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._progress import doing
-from jaxdyn.integrate.events import until
+from jaxdyn._records.kinds import check_first
+from jaxdyn.integrate.events import stop_of
 from jaxdyn.integrate.phase import END, Exit, HybridTrajectory, Phase
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions
@@ -31,6 +32,7 @@ from jaxdyn.status import Status
 MAX_PHASES = 200
 
 
+@check_first
 def simulate_phases(
     phases: Mapping[str, Phase],
     start: str | None,
@@ -64,6 +66,8 @@ def simulate_phases(
         `max_phases` is less than 1.
     """
     _check_names(phases)
+    remedy = "Phases are chosen on the host; `follow` goes through a known sequence of them."
+    _checks.untraced("simulate_phases", (phases, y0, t1, t0, rtol, atol), remedy)
     if not _checks.array("t1", t1, ()) > _checks.array("t0", t0, ()):
         raise _checks.fail("t1", f"a time after t0 = {t0}", t1, "Impacts do not run backwards.")
     if max_phases < 1:
@@ -137,7 +141,8 @@ def _leg(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions) 
     if beyond.any():
         end, at, exits, status = t, y, (int(np.argmax(beyond)),), Status.OK
     else:
-        stop = until(scene, phase.events, t1, t0=t, **options._asdict())
+        # Not beyond a bound: on its near side, to rounding, and known to be so.
+        stop = stop_of(scene, phase.events, t1, t, options, phase.sides)
         also = np.asarray(stop.coincident) & (np.asarray(phase.sides) == 0)
         others = [int(i) for i in np.flatnonzero(also) if i != stop.event]
         exits = (int(stop.event), *others) if stop.happened else ()
@@ -200,6 +205,7 @@ def _first_fit(candidates: Sequence[Phase | None], t: Array, y: Array, left=Fals
     return jnp.where(on.any(), best, -1)
 
 
+@check_first
 def follow(
     phases: Mapping[str, Phase], path: Sequence[tuple[str, int]], y0, t1, *, t0=0.0, rtol=RTOL
 ) -> tuple[Array, Array]:
@@ -230,7 +236,8 @@ def follow(
         way = phase.exits[number]
         now = phase.fit(t, y).beyond | (others if name == before else False)
         at_once = now.any()
-        stop = until(phase.scene.starting(y, t1), phase.events, t1, t0=t, rtol=rtol)
+        scene, options = phase.scene.starting(y, t1), SolverOptions(rtol=rtol)
+        stop = stop_of(scene, phase.events, t1, t, options, phase.sides)
         t, y = jnp.where(at_once, t, stop.t), jnp.where(at_once, y, stop.y)
         as_expected = jnp.where(at_once, jnp.argmax(now), stop.event) == number
         unbounded = (np.array(phase.sides) == 0) & (np.arange(len(phase.exits)) != number)
@@ -245,6 +252,7 @@ def follow(
     return t, y
 
 
+@check_first
 def pieces_of(motion: Trajectory | HybridTrajectory) -> tuple[Trajectory, ...]:
     """The smooth pieces of a motion: those of its phases, or the motion itself."""
     return motion.pieces if isinstance(motion, HybridTrajectory) else (single(motion),)

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn.integrate.event_search.crossings import Crossing, first_crossing
-from jaxdyn.integrate.march import SolveResult, march
+from jaxdyn.integrate.march import Before, SolveResult, march
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.plan import Plan, plan_of
 from jaxdyn.plan.in_branch import Branch, InBranch, in_branch, jump, without_wrappers
@@ -93,6 +93,7 @@ class _Run(NamedTuple):
       event: () index of the event that ended it, -1 for none.
       towards: () sign of the value of that event after it.
       begun: () whether there was a piece.
+      before: what it has shown so far.
       stalled: () number of the last pieces in which it hardly moved.
     """
 
@@ -106,6 +107,7 @@ class _Run(NamedTuple):
     event: Array
     towards: Array
     begun: Array
+    before: Before
     stalled: Array
 
 
@@ -161,6 +163,7 @@ def run_pieces(
         event=jnp.asarray(-1),
         towards=jnp.zeros(()),
         begun=jnp.zeros((), bool),
+        before=Before(jnp.zeros_like(y0), jnp.zeros(())),
         stalled=zero,
     )
 
@@ -179,6 +182,7 @@ def run_pieces(
         status=run.result.status,
         towards=run.towards,
         steps=run.result.steps + run.result.rejected,
+        sizes=_state(run.before.sizes),
     )
     return eqx.tree_at(lambda result: result.y1, run.result, y1), crossing
 
@@ -210,11 +214,13 @@ class _Pieces(NamedTuple):
         now = self.t1
         if self.plan.of_time.any():
             now = next_change(self.plan, self.system, run.t, self.t1, branch.outcomes)
+        now = self._before_break(run.t, now)
         used = run.result.steps + run.result.rejected
         limits = self.limits._replace(max_steps=self.limits.max_steps - used)
-        found, end, y_end, index, towards = self._moved(branch, run, y, now, limits)
+        found, end, y_end, index, towards, sizes = self._moved(branch, run, y, now, limits)
         within = (self.way * self.ts > self.way * run.t) & (self.way * self.ts <= self.way * end)
         rows = within.reshape(-1, *[1] * y.ndim)
+        step = jnp.abs(end - run.t) / jnp.maximum(found.steps, 1)
         slow = jnp.abs(end - run.t) <= _NO_PROGRESS * jnp.abs(self.t1 - self.t0)
         stalled = jnp.where(slow, run.stalled + 1, 0)
         chatters = (found.status == Status.OK) & (stalled >= _MOST_STALLED)
@@ -241,15 +247,24 @@ class _Pieces(NamedTuple):
             event=jnp.where(found.status == Status.OK, event, -1),
             towards=towards,
             begun=jnp.ones((), bool),
+            before=Before(sizes, jnp.maximum(run.before.step, step)),
             stalled=stalled,
         )
+
+    def _before_break(self, t: Array, now: Array) -> Array:
+        """The time `now`, or the first after t at which a step ends by request."""
+        if not len(self.limits.breaks):
+            return now
+        after = self.way * jnp.asarray(self.limits.breaks)
+        first = jnp.min(jnp.where(after > self.way * t, after, jnp.inf))
+        return self.way * jnp.minimum(first, self.way * now)
 
     def _moved(self, branch: Branch, run: _Run, y: Array, now: Array, limits: Limits):
         """A piece up to a time: result, end, state there, the event that ended it and its side."""
         t, here = run.t, in_branch(self.field, branch)
         if not (self.plan.on_state or self.events):
-            found = march(here, y, t, now, self.ts, limits, method=self.method, watch=None)[0]
-            return found, now, found.y1, jnp.asarray(-1), jnp.zeros(())
+            found, _, sizes = self._marched(here, y, t, now, limits, run)
+            return found, now, found.y1, jnp.asarray(-1), jnp.zeros(()), sizes
         plain = InBranch(self.system, branch)
         events = self.events
         sides = jnp.where(run.begun, 0.0, self.sides) * jnp.ones(len(events))
@@ -268,6 +283,7 @@ class _Pieces(NamedTuple):
             self.ts if y.ndim == 1 else self.ts[:0],
             sides,
             method=self.method.for_tangents,
+            before=Before(_state(run.before.sizes), run.before.step),
         )
         hit = (crossing.status == Status.OK) & jnp.isfinite(crossing.t)
         end = jnp.where(hit, crossing.t, now)
@@ -275,13 +291,26 @@ class _Pieces(NamedTuple):
         index = jnp.where(hit, crossing.event, -1)
         if y.ndim == 1:
             seen = eqx.tree_at(lambda seen: seen.status, seen, crossing.status)
-            return seen, end, x, index, crossing.towards
-        found = march(here, y, t, end, self.ts, limits, method=self.method, watch=None)[0]
+            return seen, end, x, index, crossing.towards, crossing.sizes
+        found, _, sizes = self._marched(here, y, t, end, limits, run)
         status = jnp.where(crossing.status == Status.OK, found.status, crossing.status)
         found = eqx.tree_at(lambda found: found.status, found, status)
         flat = found.y1.reshape(len(y), -1)
         y = jnp.concatenate([x[:, None], flat[:, 1:]], 1).reshape(y.shape)
-        return found, end, y, index, crossing.towards
+        return found, end, y, index, crossing.towards, sizes
+
+    def _marched(self, field: Any, y: Array, t: Array, end: Array, limits: Limits, run: _Run):
+        return march(
+            field,
+            y,
+            t,
+            end,
+            self.ts,
+            limits,
+            method=self.method,
+            watch=None,
+            before=run.before,
+        )
 
     def _switched(self, branch: Branch, t: Array, x: Array, index: Array):
         """The next branch after a condition has changed, what was crossed, what is known."""

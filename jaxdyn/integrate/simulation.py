@@ -15,6 +15,7 @@ import numpy as np
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
 from jaxdyn._notes import notes_on
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.adjoint import adjoint_flow
 from jaxdyn.integrate.errors import error_estimate
 from jaxdyn.integrate.errors.estimate import Estimate
@@ -23,6 +24,7 @@ from jaxdyn.integrate.flow import SolveResult, flow
 from jaxdyn.integrate.spans import MAX_STEPS as MAX_STEPS
 from jaxdyn.integrate.spans import RTOL as RTOL
 from jaxdyn.integrate.spans import (
+    Share,
     SolverOptions,
     filling,
     host_floats,
@@ -43,6 +45,7 @@ Span = tuple[Any, Any, Any]
 _LOOSE_RTOL = 1e-6
 
 
+@check_first
 def simulate(
     scene: Scene,
     t1=None,
@@ -66,7 +69,8 @@ def simulate(
       samples: number of times, evenly spaced from t0 to t1, or an array of times (s,) in the
         order of integration.
       rtol: relative tolerance of one step.
-      atol: absolute tolerance of one step, in the units of the state; rtol by default.
+      atol: absolute tolerance of one step, in the units of the state; by default rtol times the
+        largest size so far of the entries of its kind, whatever the units (`scales.Groups`).
       solver: one of `jaxdyn.solvers`, or an explicit Runge-Kutta solver of diffrax, such as
         ``diffrax.Tsit5()``; by default mostly a Taylor series where the rate is a short formula,
         else the extrapolated leapfrog or the Nystrom pair of order 12 where no force depends on
@@ -135,7 +139,7 @@ def _to_digits(
 
     def run(scene: Scene, tolerance, noise: Noise = QUIET) -> SolveResult:
         rtol, atol = tolerance
-        held_to = options._replace(rtol=rtol, atol=atol)
+        held_to = options._replace(rtol=rtol, atol=Share(atol))
         return _solved(scene, span, held_to, method, noise=noise)[0]
 
     # Where the tolerance is loose, stability limits the steps first.
@@ -146,6 +150,7 @@ def _to_digits(
     return *error_estimate.reached(run, scene, span[-1], digits, method.name, refuse), switched
 
 
+@check_first
 def solve(
     scene: Scene,
     t1,
@@ -171,7 +176,8 @@ def solve(
       t0: () start time [s].
       ts: (s,) requested times [s] between t0 and t1, in the order of integration.
       rtol: relative tolerance of one step.
-      atol: absolute tolerance of one step; rtol by default.
+      atol: absolute tolerance of one step, in the units of the state; by default rtol times the
+        largest size so far of the entries of its kind, whatever the units (`scales.Groups`).
       solver: see `simulate`.
       dt: see `simulate`.
       max_steps: largest number of steps.
@@ -194,13 +200,14 @@ def solve(
     """
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     method = _checked(scene, options, dt)
+    _checks.flag("fixed", fixed)
+    _checks.flag("adjoint", adjoint)
     extras = {"dt": dt, "fixed": fixed, "adjoint": adjoint, "noise": noise}
     return _solved(scene, (t0, t1, ts), options, method, **extras)[0]
 
 
 def _checked(scene: Scene, options: SolverOptions, dt) -> Method:
     """The method; tolerances, step and limits are checked before, as its choice uses them."""
-    scene.check_functions()
     limits(options, dt)
     return checked_method(scene, options.solver, dt, rtol=options.rtol)
 

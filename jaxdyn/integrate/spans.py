@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import refuse_times
+from jaxdyn._floats import as_float, refuse_times, too_large
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.scene import Scene, checked_scene
 from jaxdyn.solvers import Solver
@@ -37,8 +37,15 @@ _COPIES_IN_MEMORY = 4  # of them that a run holds at once: nodes, states and tem
 T = TypeVar("T")
 
 
+class Share(float):
+    """An absolute tolerance in parts of the sizes of a motion; see `sizes`."""
+
+
 class SolverOptions(NamedTuple):
-    """The solver keywords of public functions, as one record; see `simulate`."""
+    """The solver keywords of public functions, as one record; see `simulate`.
+
+    An `atol` may also be a `Share`.
+    """
 
     rtol: Any = RTOL
     atol: Any = None
@@ -53,19 +60,22 @@ def host_floats(x) -> Array | np.ndarray:
 
 
 def tolerances(rtol, atol) -> Array | np.ndarray:
-    """(2,) relative and absolute tolerance, checked."""
-    atol = rtol if atol is None else atol
-    if _checks.is_traced(rtol) or _checks.is_traced(atol):
-        return jnp.stack([host_floats(rtol), host_floats(atol)])
+    """(3,) relative and absolute tolerance, checked, and that in parts of the motion's sizes."""
+    share = rtol if atol is None else atol if isinstance(atol, Share) else 0.0
+    atol = 0.0 if atol is None or isinstance(atol, Share) else atol
+    if any(map(_checks.is_traced, (rtol, atol, share))):
+        return jnp.stack([host_floats(rtol), host_floats(atol), host_floats(share)])
     relative = "It is the relative error of one step."
     rtol = _number("rtol", rtol, relative)
     if not _RTOL_FLOOR <= rtol <= _RTOL_CEILING:
         wanted = f"between {_RTOL_FLOOR} and {_RTOL_CEILING}"
         raise _checks.fail("rtol", wanted, rtol, relative + " Errors of steps add up.")
+    if share:
+        return np.array([rtol, 0.0, float(share)])
     atol = _number("atol", atol, "It is in units of the state.")
     if not sys.float_info.min <= atol < math.inf:  # XLA flushes smaller ones to 0
         raise _checks.fail("atol", "> 0", atol, "It is in units of the state.")
-    return np.array([rtol, atol])
+    return np.array([rtol, atol, 0.0])
 
 
 def _number(name: str, x, remedy: str) -> float:
@@ -73,7 +83,7 @@ def _number(name: str, x, remedy: str) -> float:
         return x
     if np.ndim(x) or not isinstance(x, int | np.number | np.ndarray | Array):
         raise _checks.fail(name, "one number", repr(x), remedy)
-    return float(x)
+    return float(as_float(x))
 
 
 def span(scene: Scene, t1=None, t0=0.0) -> tuple[Array, Array]:
@@ -90,8 +100,7 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
     """`span` with the times (s,) of samples: given as an array or as a number."""
     t0, t1 = span(scene, t1, t0)
     if isinstance(samples, int | np.integer) and not isinstance(samples, bool):
-        if samples < 1:
-            raise _checks.fail("samples", "at least 1, or an array of times", samples)
+        samples = _checks.whole("samples", samples, remedy="Or an array of times.")
         _check_memory(scene, int(samples))
         if _checks.is_traced((t0, t1)):
             return t0, t1, jnp.linspace(t1 if samples == 1 else t0, t1, int(samples))
@@ -188,7 +197,10 @@ def quickly_passed(t) -> Array | np.ndarray:
     if isinstance(t, jax.Array) and t.dtype == float and not t.weak_type:
         return t
     refuse_times(t, "time")
-    return np.asarray(t, float)
+    try:
+        return np.asarray(t, float)
+    except OverflowError as error:
+        raise too_large("time", t) from error
 
 
 def _most(max_steps, max_limited: int) -> Array | np.ndarray:

@@ -16,7 +16,8 @@ from jaxtyping import Array
 from jaxdyn._numerics import rough_power, square_norm
 from jaxdyn.integrate.lookahead import Lookahead
 from jaxdyn.integrate.observing import Observing, Seen, Watch
-from jaxdyn.solvers.method import SAFETY
+from jaxdyn.solvers.method import SAFETY, Method
+from jaxdyn.solvers.sizes import Begun, allowed
 
 _SHRINK, _GROW = 0.2, 8.0  # limits of one change of step
 #: To a method that foresees how long a step may be the next one is proposed longer by this factor,
@@ -26,6 +27,8 @@ _PROPOSED, _TOO_LONG = 1.3, 0.5
 _MIN_STEP_ULPS = 8.0  # a step shorter than this many spacings of t is meaningless
 _MIN_FIXED_STEP_ULPS = 1000.0  # likewise for fixed steps
 _MIN_STEP = 1e-100  # [time] likewise at t = 0, where the spacing says nothing
+#: Error of the first step in tolerances, if it were that power (as Hairer, Norsett, Wanner, II.4).
+_FIRST_ERROR = 0.01
 _WRITTEN_OUT = 32  # entries of a state: at most this many products are unrolled in a norm
 
 
@@ -33,13 +36,17 @@ class Limits(NamedTuple):
     """The limits of a solve, as arrays: new values never recompile.
 
     Attributes:
-      tolerance: (2,) relative and absolute tolerance of one step; (1,) its length, where the method
-        takes equal steps.
+      tolerance: (3,) relative and absolute tolerance of one step, and that in parts of the sizes
+        of the motion; (1,) its length, where the method takes equal steps.
       max_steps: (2,) largest number of steps, and of those that stability limits.
+      max_step: () longest step; None if nothing limits it.
+      breaks: (b,) times at which steps end, increasing, for what cannot be read from a rate.
     """
 
     tolerance: Array
     max_steps: Array
+    max_step: Array | None = None
+    breaks: Array | tuple = ()
 
 
 def _mean_square(y: Array) -> Array:
@@ -49,25 +56,24 @@ def _mean_square(y: Array) -> Array:
     return square_norm(jnp.moveaxis(y, 0, -1)) / len(y)
 
 
-class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
+class StepControl(Observing, diffrax.AbstractStepSizeController):
     """Elementary error-per-step control: h <- 0.75 h (tolerance / error)^(1/p).
 
     Attributes:
-      rtol: () relative tolerance of one step.
-      atol: () absolute tolerance of one step.
+      first: () length of the first step.
       ts: (s,) requested times in the direction of integration; (0,) for none.
       watch: the observer of the steps, if any.
       limit: see `Observing`.
       look: see `Observing`.
+      max_step: see `Observing`.
     """
 
-    rtol: Array
-    atol: Array
+    first: Array
     ts: Array
     watch: Watch | None = None
     limit: tuple[Array, Array] | None = None
     look: Lookahead | None = None
-    #: diffrax asks for these two names of every adaptive controller.
+    max_step: Array | None = None
     norm: ClassVar[Callable] = staticmethod(lambda y: jnp.max(jnp.sqrt(_mean_square(y))))
 
     def seen(self, state) -> Seen:
@@ -75,18 +81,18 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
         return state
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
-        # diffrax's choice of the first step (Hairer, Norsett, Wanner, II.4).
-        first = diffrax.PIDController(rtol=self.rtol, atol=self.atol, norm=self.norm)
-        tnext, _ = first.init(terms, t0, t1, y0, dt0, args, func, error_order)
+        del terms, dt0, args, func, error_order
+        tnext = t0 + self.first
         # A NaN rate gives a NaN step; the run must still end.
         tnext = jnp.where(jnp.isfinite(tnext), tnext, t1)
         return self._begin(t0, y0, tnext)
 
     def adapt_step_size(self, t0, t1, y0, y1_candidate, args, y_error, error_order, state):
         del args
-        error, end, reach, square, limited = y_error
+        error, allowed, end, reach, square, limited = y_error
         if square is None:
-            error = self.norm(error / self._scale(y0, y1_candidate))
+            # Where the new state is NaN so is what it may be off by, and the step is rejected.
+            error = self.norm(error / allowed)
         else:
             # Not finite where the new state is not.
             error = square + 0.0 * jnp.sum(y1_candidate)
@@ -115,15 +121,29 @@ class StepControl(Observing, diffrax.AbstractAdaptiveStepSizeController):
         keep, start, tnext, state, result = self._observe(tried, following, state, result, limited)
         return keep, start, tnext, False, state, result
 
-    def _scale(self, y0: Array, y1: Array) -> Array:
-        # y1 may be NaN after a bad step; its error is NaN then and the step is rejected.
-        size = jnp.maximum(jnp.abs(y0), jnp.abs(y1))
-        if y0.ndim > 1:
-            # Column 0 is the state, the others are tangents. A small entry of a tangent need
-            # not have more correct digits than its column: use the column's largest entry.
-            tangents = jnp.broadcast_to(jnp.max(size, axis=0), size.shape)
-            size = jnp.concatenate([size[..., :1], tangents[..., 1:]], axis=-1)
-        return self.atol + self.rtol * size
+
+def first_step(method: Method, tolerance: Array, start: Begun, y0: Array) -> Array:
+    """() length of the first step: the error of a step is about its power in times of the motion.
+
+    The time is that of the rate or that of the fastest change of an entry by its size, whichever is
+    shorter.
+
+    Args:
+      method: takes a tolerance.
+      tolerance: (3,) see `Limits`.
+      start: sizes, time and rate at the start.
+      y0: (k, ...) start.
+    """
+    while y0.ndim > 1:
+        y0, start = y0[..., 0], start._replace(sizes=start.sizes[..., 0])
+    known = start.sizes > 0
+    sizes = jnp.where(known, start.sizes, 1.0)
+    speed = jnp.max(jnp.where(known, jnp.abs(start.rate) / sizes, 0.0))
+    speed = jnp.maximum(speed, 1.0 / start.time)
+    may = allowed(tolerance, start.sizes, y0, y0)
+    share = jnp.min(jnp.where(known, may / sizes, jnp.inf))
+    share = jnp.where(jnp.isfinite(share), jnp.minimum(share, 1.0), 1.0)
+    return (_FIRST_ERROR * share) ** (1.0 / method.error_order) / speed
 
 
 class FixedSteps(Observing, diffrax.AbstractStepSizeController):
@@ -135,6 +155,7 @@ class FixedSteps(Observing, diffrax.AbstractStepSizeController):
       watch: the observer of the steps, if any.
       limit: see `Observing`.
       look: see `Observing`.
+      max_step: see `Observing`.
     """
 
     n: Array
@@ -142,6 +163,7 @@ class FixedSteps(Observing, diffrax.AbstractStepSizeController):
     watch: Watch | None = None
     limit: tuple[Array, Array] | None = None
     look: Lookahead | None = None
+    max_step: Array | None = None
 
     def seen(self, state) -> Seen:
         """The samples, the memory of the watch and the number of steps, from the final state."""

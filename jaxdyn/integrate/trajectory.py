@@ -289,7 +289,7 @@ def _steps_agree(motion: Trajectory) -> Array:
     assert h is not None  # the method is one of fixed step
     assert method is not None
     default, nothing = default_solver(motion.scene), jnp.zeros(0)
-    loose = Limits(jnp.full(2, _CHECK_RTOL), jnp.full(2, _CHECK_STEPS))
+    loose = Limits(jnp.array([_CHECK_RTOL, 0.0, _CHECK_RTOL]), jnp.full(2, _CHECK_STEPS))
 
     def agree(sample):
         t, y = sample

@@ -43,6 +43,11 @@ class Variational(eqx.Module):
         """Rates of the state and of its tangents."""
         return self._carried(lambda field: field.rate, t, y)
 
+    @property
+    def single(self):
+        """The field of the state without its tangents."""
+        return self.field
+
     def undetermined(self, t: Array, y: Columns) -> Array | None:
         """Whether () the constraints leave the acceleration undetermined at the state."""
         return self.field.undetermined(t, y[..., 0])

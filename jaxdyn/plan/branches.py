@@ -311,7 +311,7 @@ class Walk:
         return [*carry, *outs]
 
 
-#: Degree in time up to which a polynomial hides nothing from a step.
+#: Degree up to which a polynomial of time and of sines of it hides nothing from a step.
 _TRIVIAL_DEGREE = 3.0
 #: Functions that are flat, to all digits, for most arguments.
 _BRIEF = frozenset({"exp", "exp2", "tanh", "logistic", "erf", "erfc"})
@@ -324,7 +324,7 @@ _TERM_BY_TERM = frozenset(
 
 
 def _degree(name: str, params, args: list[Value]) -> float:
-    """Degree in time of a result, if it is a polynomial."""
+    """Degree in time of a result, if it is a polynomial of time and of sines of it."""
     degrees = [x.degree for x in args]
     if name in _TERM_BY_TERM or name in ("transpose", "rev", "pad", "select_n", "expand_dims"):
         return max(degrees)
@@ -336,6 +336,8 @@ def _degree(name: str, params, args: list[Value]) -> float:
         return degrees[0] * params["y"]
     if name == "square":
         return degrees[0] * 2
+    if name in ("sin", "cos") and degrees[0] <= 1:
+        return 1.0  # it varies everywhere: what a method sees of it tells how long a step may be
     return math.inf
 
 

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn.plan.plan import Conditions, plan_of
+from jaxdyn.scales import Groups
 
 
 class Branch(NamedTuple):
@@ -94,6 +95,11 @@ class InBranch(NamedTuple):
     def system(self) -> Any:
         """The system of the field."""
         return self.field.system
+
+    @property
+    def groups(self) -> Groups:
+        """Which entries of the state share a size."""
+        return self.field.groups
 
     def rate(self, t: Array, y: Array) -> Array:
         """The rate (k,) in the branch."""

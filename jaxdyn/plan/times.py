@@ -22,8 +22,9 @@ _MOST_UNSEEN = 8.0
 _MOST_STEEP = 60.0
 #: Range that is small enough not to matter, relative to a part in the step and in the whole span.
 _SMALL_HERE, _SMALL_EVER = 1e-3, 1e-12
-#: Units of its argument over which a function such as exp or tanh hides nothing.
-_FEW_UNITS = 8.0
+#: Units of its argument over which a function such as exp or tanh hides nothing, and over which a
+#: step sees too little of it.
+_FEW_UNITS, _MANY_UNITS = 8.0, 60.0
 #: Likewise for a function of time and state, whose size is 1.
 _SMALL_MIXED = 1e-9
 #: Halvings of a step at most: a pulse of 1e-9 of it is looked for.
@@ -112,8 +113,10 @@ def is_hidden(plan: Plan, system: PyTree, branch: Array, start: tuple, end: tupl
     seen = jnp.max(at, axis=0) - jnp.min(at, axis=0)
     small = _SMALL_HERE * jnp.max(jnp.abs(at), axis=0) + _SMALL_MIXED
     argument, value = most.high - most.low
-    # Over a few units of its argument such a function is a polynomial to a method.
-    return ((argument > _FEW_UNITS) & (value > _MOST_UNSEEN * seen + small)).any()
+    # Over a few units of its argument such a function is a polynomial to a method. Over many a
+    # sample may have met it by chance.
+    unseen = (argument > _FEW_UNITS) & (value > _MOST_UNSEEN * seen + small)
+    return (unseen | ((argument > _MANY_UNITS) & (value > small))).any()
 
 
 def next_change(plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array) -> Array:

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.effects import CentralForce, PowerLaw
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.integrate.simulation import solve
@@ -61,6 +62,7 @@ def circular_speed(law: CentralForce, r, m=1.0) -> Array:
     return jnp.sqrt(r * law.attraction(r) / m)
 
 
+@check_first
 def swept_angle(scene: Scene, t1=None, *, rtol: float = 1e-12) -> Array:
     """() [rad] angle by which a point in the plane has turned about the origin, with full turns.
 

@@ -32,6 +32,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._floats import as_float
+from jaxdyn._records.kinds import check_first
 from jaxdyn.effects import UniformGravity
 from jaxdyn.integrate.events import Event, Stop, until
 from jaxdyn.integrate.phase import Exit, Phase
@@ -178,6 +179,7 @@ def cylinder_on_ramp(
     return Scene(cylinder, (UniformGravity(g),), y0=y0, t1=t1)
 
 
+@check_first
 def contact_lost(scene: Scene, t1=None) -> Stop:
     """Where the normal force of ideal rolling, with unlimited friction, vanishes (37 b, 38 c).
 
@@ -188,12 +190,14 @@ def contact_lost(scene: Scene, t1=None) -> Stop:
     return until(scene, NormalForce(scene), t1)
 
 
+@check_first
 def friction_needed(scene: Scene, y: Array) -> Array:
     """() ratio of friction to normal force [1] of rolling in a state (problem 38 b)."""
     normal, friction = scene.system.touching("roll").reaction(jnp.zeros(()), y, scene.effects)
     return jnp.abs(friction) / normal
 
 
+@check_first
 def phases_of(scene: Scene) -> dict[str, Phase]:
     """The phases roll, slip (in either direction) and fly of a scene, for `simulate_phases`.
 

@@ -29,7 +29,7 @@ def three_body(y0=EIGHT, *, m=(1.0, 1.0, 1.0), G=1.0, t1=EIGHT_PERIOD) -> Scene:
 
     Args:
       y0: (12,) x1 y1 x2 y2 x3 y3 vx1 vy1 vx2 vy2 vx3 vy3; the figure-eight by default.
-      m: (3,) masses.
+      m: (3,) masses; a body of mass 0 is a test particle.
       G: gravitational constant.
       t1: span; one period of the figure-eight by default.
     """
@@ -41,7 +41,7 @@ def two_body(*, m1=1.0, m2=2.0, d=1.0, G=1.0, t1=None) -> Scene:
     """Two unequal bodies on circles about their centre of mass at the origin (problem 16 a, b).
 
     Args:
-      m1: mass of the first, which starts at x < 0 [kg].
+      m1: mass of the first, which starts at x < 0; one of the two may be 0 [kg].
       m2: mass of the second [kg].
       d: their distance [m].
       G: gravitational constant [m^3/(kg s^2)].
@@ -59,11 +59,15 @@ def two_body(*, m1=1.0, m2=2.0, d=1.0, G=1.0, t1=None) -> Scene:
 
 def two_body_period(*, m1=1.0, m2=2.0, d=1.0, G=1.0) -> Array:
     """() [s] period of the circular motion: 2 pi sqrt(d^3 / (G (m1 + m2))) (problem 16 a)."""
-    m1, m2, d, G = (
-        _checks.positive(name, x, "On circles that attraction holds all four are positive.")
-        for name, x in (("m1", m1), ("m2", m2), ("d", d), ("G", G))
+    m1, m2 = (
+        _checks.at_least_zero(name, x, "Masses are in kg; 0 is a test particle.")
+        for name, x in (("m1", m1), ("m2", m2))
     )
-    return 2 * jnp.pi * jnp.sqrt(d**3 / (G * (m1 + m2)))
+    total, d, G = (
+        _checks.positive(name, x, "On circles that attraction holds it is positive.")
+        for name, x in (("m1 + m2", m1 + m2), ("d", d), ("G", G))
+    )
+    return 2 * jnp.pi * jnp.sqrt(d**3 / (G * total))
 
 
 @ready_made()

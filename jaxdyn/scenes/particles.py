@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._floats import floats
+from jaxdyn._records.kinds import check_first
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.polar import PolarParticle, polar_basis, polar_state
@@ -72,6 +73,7 @@ def polar_particle(
     return Scene(PolarParticle(m), effects, y0=y0, t1=t1)
 
 
+@check_first
 @each_motion
 def straightness(motion: Trajectory) -> Array:
     """() [1] how far the path of the first point is from straight; 0 for a straight line.

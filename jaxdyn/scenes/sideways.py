@@ -7,6 +7,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._floats import floats
+from jaxdyn._records.kinds import check_first
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.routes import route
 from jaxdyn.integrate.events import Event, Stop, until
@@ -66,6 +67,7 @@ def sideways_pendulum(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
+@check_first
 def sideways_edge(scene: Scene, t1=None, *, margin=1e-3, rtol: float = RTOL) -> Stop:
     """Time and state where a `sideways_pendulum` reaches the edge of its coordinate.
 

@@ -18,6 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.mechanism import MechanismSystem
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.polar import PolarParticle, polar_state
@@ -34,6 +35,7 @@ _RETURN_RATIO = 1.2  # times the distance of the change to x and y at which pola
 _QUARTERS = {(0, -1): "below", (0, 1): "above", (1, -1): "left", (1, 1): "right"}
 
 
+@check_first
 def simulate_switching(
     scene: Scene,
     t1=None,
@@ -73,6 +75,7 @@ def simulate_switching(
     )
 
 
+@check_first
 def coordinate_phases(scene: Scene, margin: float = MARGIN) -> dict[str, Phase]:
     """The coordinates for a motion as phases for `simulate_phases`, those of the scene first.
 
@@ -138,6 +141,7 @@ class Retold(eqx.Module):
         return self.new.state(self.old.pose(*jnp.split(y, 2)))
 
 
+@check_first
 def complement(sequence: str) -> str:
     """The sequence that is best where this one locks.
 

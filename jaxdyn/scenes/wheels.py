@@ -40,6 +40,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._floats import as_float, floats
 from jaxdyn._numerics import safe_norm, square_norm
+from jaxdyn._records.kinds import check_first
 from jaxdyn.effects import unless_zero
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.integrate.events import Event
@@ -189,6 +190,7 @@ def car(
     return Scene(Constrained(body), unless_zero(mu, friction), y0=y0, t1=t1)
 
 
+@check_first
 def braking(scene: Scene) -> dict[str, Phase]:
     """The braking of a `car` down to rest, as a phase for `simulate_phases` (problem 32 b).
 
@@ -214,6 +216,7 @@ def braking(scene: Scene) -> dict[str, Phase]:
     return {"slide": Phase(scene, (Exit(slow, END, halt, lasts=halt.lasts),))}
 
 
+@check_first
 def turning_rate(scene: Scene, speed) -> Array:
     """Growth rate omega' / omega () [1/s] of a small yaw rate at a speed [m/s] (problem 32 d).
 

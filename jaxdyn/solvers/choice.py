@@ -7,6 +7,7 @@ import diffrax
 
 from jaxdyn import _checks
 from jaxdyn._notes import notes_on
+from jaxdyn._records.kinds import check_first
 from jaxdyn.scene import Scene
 from jaxdyn.solvers.exchange import from_diffrax
 from jaxdyn.solvers.method import Method
@@ -71,6 +72,7 @@ def method_of(solver: Solver) -> Method:
     )
 
 
+@check_first
 def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     """The method that a scene is solved with if none is asked for.
 

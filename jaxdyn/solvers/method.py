@@ -125,7 +125,7 @@ class Method(abc.ABC):
         """
 
     def advance_within(
-        self, field: Rate, t: Array, h: Array, y: Array, tolerance: Array
+        self, field: Rate, t: Array, h: Array, y: Array, tolerance: tuple[Array, Array]
     ) -> Advance:
         """`advance`, over a part of the step if the method knows that the whole is too long.
 
@@ -134,7 +134,7 @@ class Method(abc.ABC):
           t: () start.
           h: () step, of either sign.
           y: (k, ...) state.
-          tolerance: (2,) relative and absolute tolerance of one step.
+          tolerance: () relative and (k, ...) absolute tolerance of one step.
         """
         del tolerance
         return self.advance(field, t, h, y)

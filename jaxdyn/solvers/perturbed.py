@@ -18,6 +18,8 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
+from jaxdyn.scales import Groups
+
 #: Constants of the generator splitmix64 (Steele, Lea, Flood, 2014, OOPSLA, 453).
 _GOLDEN = 0x9E3779B97F4A7C15
 _MIX = ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB))
@@ -53,6 +55,11 @@ class RoundedField(eqx.Module):
     def rate(self, t: Array, y: Array) -> Array:
         """The rate of the field itself."""
         return self.field.rate(t, y)
+
+    @property
+    def groups(self) -> Groups:
+        """Which entries of the state share a size."""
+        return self.field.groups
 
     def undetermined(self, t: Array, y: Array) -> Array | None:
         """Whether () the constraints leave the acceleration undetermined."""

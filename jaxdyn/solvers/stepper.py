@@ -12,6 +12,7 @@ from jaxdyn._numerics import two_sum
 from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import Advance, Method
 from jaxdyn.solvers.perturbed import begun
+from jaxdyn.solvers.sizes import absolute, allowed, groups_of, grown
 
 #: Net stability-limited steps before a run is flagged stiff.
 _STIFF_COUNT = 50
@@ -24,6 +25,7 @@ class StepError(NamedTuple):
 
     Attributes:
       error: (k, ...) estimate of the error.
+      allowed: (k, ...) the error that the step may have, where the method takes a tolerance.
       end: () the time to which the step went, if the method may shorten it.
       reach: () how long the step might have been, in parts of the proposed one, if it is known.
       square: () square of the size of the error in tolerances, if the method measures it.
@@ -31,6 +33,7 @@ class StepError(NamedTuple):
     """
 
     error: Array
+    allowed: Array | None = None
     end: Array | None = None
     reach: Array | None = None
     square: Array | None = None
@@ -43,17 +46,20 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
     The solver's state is the rounding error of the last sum; it is added to the next increment,
     so the rounding error of N steps grows like one step's, not like sqrt(N) to N. After each step
     the field projects the state onto its constraints (most have none). The state also counts
-    steps that stability limits; see `is_stiff`.
+    steps that stability limits, see `is_stiff`, and has the sizes of the motion so far.
 
     Attributes:
       method: the method.
-      tolerance: (2,) relative and absolute tolerance of one step, where it takes one.
+      tolerance: (3,) relative and absolute tolerance of one step, and that in parts of the sizes
+        of the motion, where it takes one.
+      sizes: (k, ...) of the motion at the start; None where it takes no tolerance.
       h: () the step where it is fixed, exactly: a difference of times would be rounded. Steps to
         samples are shorter.
     """
 
     method: Method
     tolerance: Array
+    sizes: Array | None = None
     h: Array | None = None
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation  # never used
@@ -68,11 +74,11 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
 
     def init(self, terms, t0, t1, y0, args):
         del terms, t0, t1, args
-        return jnp.zeros_like(y0), jnp.zeros(())
+        return jnp.zeros_like(y0), jnp.zeros(()), self.sizes
 
     def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
         del made_jump
-        carry, count = solver_state
+        carry, count, sizes = solver_state
         # Backwards in time diffrax increases t and negates the control: h < 0.
         h = terms.contr(t0, t1)
         if self.h is not None:
@@ -83,7 +89,8 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
 
         now, start, y = begun(args, sign * t0, y0)
 
-        step = _advance(self.method, terms, now, sign, start, h, y, self.tolerance)
+        tolerance = None if sizes is None else (self.tolerance[0], absolute(self.tolerance, sizes))
+        step = _advance(self.method, terms, now, sign, start, h, y, tolerance)
         y1, carry = two_sum(y0, carry + step.rest, step.increment)
         end = None if isinstance(step.part, float) else _end(t0, t1, step.part)
         t1 = t1 if end is None else end
@@ -98,9 +105,13 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         result = diffrax.RESULTS.where(
             step.converged, diffrax.RESULTS.successful, diffrax.RESULTS.nonlinear_divergence
         )
-        told = StepError(step.error, end, step.reach, step.square, count)
+        may = None
+        if sizes is not None:
+            sizes = grown(groups_of(args, y0), sizes, y1)
+            may = allowed(self.tolerance, sizes, y0, y1)
+        told = StepError(step.error, may, end, step.reach, step.square, count)
         nothing = {}  # for dense output, which is not asked for
-        return y1, told, nothing, (carry, count), result
+        return y1, told, nothing, (carry, count, sizes), result
 
     def func(self, terms, t0, y0, args):
         return terms.vf(t0, y0, args)
@@ -108,7 +119,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
 
 @eqx.filter_jit  # one program for the stages, whatever is done around them
 def _advance(
-    method: Method, terms, args, sign: Array, t: Array, h: Array, y: Array, tolerance: Array
+    method: Method, terms, args, sign: Array, t: Array, h: Array, y: Array, tolerance
 ) -> Advance:
     """The increment of a step, in the time that diffrax counts: sign * t of the field."""
 
@@ -116,6 +127,8 @@ def _advance(
     def field(t, y):
         return terms.vf(sign * t, y, args)
 
+    if tolerance is None:
+        return method.advance(field, t, h, y)
     return method.advance_within(field, t, h, y, tolerance)
 
 

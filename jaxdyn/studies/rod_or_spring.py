@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxdyn._records.kinds import check_first
 from jaxdyn.accuracy.quantities import Quantity
 from jaxdyn.accuracy.work_precision import work_precision
 from jaxdyn.analysis.linearize import linearize
@@ -93,6 +94,7 @@ def joined_by_spring(k, *, t1=20.0) -> Scene:
     return Scene(system, (Spring(k, _LENGTH, i=0, j=1), push), y0=y0, t1=t1)
 
 
+@check_first
 def advice(scene: Scene, t1=None) -> str:
     """What to use instead of links that are too stiff to be resolved, or ""; host only.
 

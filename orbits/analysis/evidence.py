@@ -11,19 +11,18 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Status
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.flow import SolveResult
 from jaxdyn.solvers import Method
 from orbits.closing.closings import PLAIN
 from orbits.closing.sizes import sizes
 from orbits.motion import advanced, other_solver
 from orbits.orbit import Orbit, gap
+from orbits.shooting.effort import TIGHT
 from orbits.shooting.equations import Equations
 from orbits.shooting.newton import RANK_TOLERANCE
 from orbits.shooting.segmentation import SEGMENTS_MOST, largest, with_segments
 from orbits.shooting.units import InUnits, map_in_units
-
-#: The tightest useful tolerance: below it rounding dominates.
-TIGHT = 1e-15
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,6 +40,7 @@ class Recheck:
     closure: float
 
 
+@check_first
 def closure(orbit: Orbit, *, periods: int = 1, rtol: float | None = None, solver=None) -> float:
     """Largest entry of the state minus the start after some periods; NaN if not reached.
 
@@ -93,6 +93,7 @@ class Digits:
     period: float
 
 
+@check_first
 def digits(orbit: Orbit) -> Digits:
     """The digits of an orbit that another integrator at a tighter tolerance confirms.
 
@@ -131,6 +132,7 @@ def another(orbit: Orbit) -> Method:
     return other_solver(orbit.scene, orbit.solver, logarithmic=orbit.s_period is not None)
 
 
+@check_first
 def recheck(orbit: Orbit) -> Recheck:
     """The closing error of an orbit by another integrator at a tighter tolerance."""
     other = another(orbit)

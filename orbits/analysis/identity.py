@@ -15,6 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, _text
 from jaxdyn._checks import fail
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.energy import angular_momentum, change
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
@@ -60,6 +61,7 @@ class Identity:
     _repr_html_ = _text.html
 
 
+@check_first
 def identify(orbit: Orbit) -> Identity:
     """The invariants of an orbit, where they exist.
 
@@ -147,6 +149,7 @@ def permutation_error(orbit: Orbit) -> float:
     return min(float(np.abs((end - ring.symmetry.act(y0)) / each).max()) for ring in rings)
 
 
+@check_first
 def normal_form(orbit: Orbit) -> Orbit:
     """The same orbit in the frame, phase and scale of the printed figure-eight.
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from jaxdyn._checks import fail
 from jaxdyn._progress import doing
+from jaxdyn._records.kinds import check_first
 from jaxdyn.files.typed import typed
 from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import Recheck, closure, growth, recheck
@@ -89,6 +90,7 @@ class Report:
     normal_form: NormalForm | None
 
 
+@check_first
 def report(orbit: Orbit) -> Report:
     """All claims about an orbit, computed from its scene, start and period alone."""
     doing("identifying the orbit")
@@ -134,6 +136,7 @@ def _word(orbit: Orbit) -> str | None:
         return None
 
 
+@check_first
 def as_json(claims: Report) -> dict[str, Any]:
     """The claims as a JSON object; numbers that are not finite become null."""
     return _finite(dataclasses.asdict(claims))

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import fail
+from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.newton import FreePoints
 from orbits.analysis.alignment import (
     SAMPLES,
@@ -31,6 +32,7 @@ _ROUNDS = 6  # Gauss-Newton steps on the shift in time
 _DIVISORS = 12  # shorter periods are tested down to this part
 
 
+@check_first
 def minimal_period(orbit: Orbit, tolerance: float = TOLERANCE) -> tuple[float, int]:
     """The shortest time after which the motion returns, and how many of these a period is.
 
@@ -54,6 +56,7 @@ def minimal_period(orbit: Orbit, tolerance: float = TOLERANCE) -> tuple[float, i
     return orbit.period, 1
 
 
+@check_first
 def same_orbit(a: Orbit, b: Orbit, tolerance: float = TOLERANCE) -> bool:
     """Whether two orbits are the same up to symmetries.
 
@@ -94,6 +97,7 @@ def _missed(orbit: Orbit, shift: float) -> float:
     return float(np.abs(np.asarray(off) / sizes(orbit.scene)).max())
 
 
+@check_first
 def match(a: Orbit, b: Orbit) -> Match | None:
     """The best alignment of the second orbit with the first; None if there is none.
 

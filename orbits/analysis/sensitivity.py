@@ -18,6 +18,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
+from jaxdyn._records.kinds import check_first
 from orbits.analysis.monodromy import returned_map, tangents
 from orbits.analysis.stability import Stability, stability
 from orbits.closing.conditions import Hold, conditions
@@ -77,6 +78,7 @@ class DifferentiableOrbit(eqx.Module):
         return logs / self.period.astype(logs.dtype)
 
 
+@check_first
 def differentiable(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> DifferentiableOrbit:
     """The orbit of a scene near a known one, for `jax.grad`, `jax.jvp` and the like.
 

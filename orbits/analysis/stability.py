@@ -21,6 +21,7 @@ import numpy as np
 
 from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import untraced
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.eigenvalues import ROUNDING, map_eigenvalues, map_verdict, norm, with_bars
 from jaxdyn.analysis.monodromy import (
     SYMPLECTIC,
@@ -106,6 +107,7 @@ class Stability:
         return self.status.message
 
 
+@check_first
 def stability(
     orbit: Orbit,
     *,

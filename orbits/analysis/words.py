@@ -16,6 +16,7 @@ import itertools
 import numpy as np
 
 from jaxdyn._checks import fail
+from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.trajectory import explained, raise_unless_ok
 from jaxdyn.status import IntegrationError, Status
@@ -28,6 +29,7 @@ _SWING = 0.4  # [rad] largest turn of a side of the triangle between samples; a 
 _REFINEMENTS = 40  # halvings of an interval where the triangle turns faster
 
 
+@check_first
 def syzygies(orbit: Orbit) -> tuple[int, ...]:
     """The body in the middle (1, 2, 3) at each collinear passage of a period, in order.
 
@@ -90,6 +92,7 @@ def _middle(before, after, area_before, area_after) -> int:
     return int(np.argmin(dots)) + 1
 
 
+@check_first
 def word(orbit: Orbit) -> str:
     """The free-group word of a planar three-body orbit, cyclically reduced, its canonical form.
 

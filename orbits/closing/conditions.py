@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import Scene
-from jaxdyn._checks import choice, fail, finite
+from jaxdyn._checks import array, choice, fail, positive
 from jaxdyn._floats import as_float
 from jaxdyn._records.record import Record
 from jaxdyn.analysis import energy as energies
@@ -60,7 +60,7 @@ class Energy(Condition):
         return energies.energy(scene, jnp.zeros(()), y0) - self.level
 
     def check(self, scene):
-        finite("energy", self.level, "It is the energy of the orbit.")
+        array("energy", self.level, (), "It is the energy of the orbit.")
         energies.energy(scene, jnp.zeros(()), scene.y0)  # raises for a scene without one
 
 
@@ -77,8 +77,7 @@ class Period(Condition):
         return _held(-1, self.length, guess, lower, upper)
 
     def check(self, scene):
-        if not float(self.length) > 0:
-            raise fail("period", "> 0", float(self.length), "It is a time.")
+        positive("period", array("period", self.length, (), "It is a time."), "It is a time.")
 
 
 class Section(Condition):
@@ -100,8 +99,9 @@ class Section(Condition):
 
     def check(self, scene):
         k = len(scene.y0)
-        if not 0 <= self.entry < k:
-            raise fail("entry", f"an entry of the state, 0 to {k - 1}", self.entry)
+        if not (isinstance(self.entry, int) and 0 <= self.entry < k):
+            raise fail("entry", f"an entry of the state, 0 to {k - 1}", repr(self.entry))
+        array("level", self.level, (), "It is the value of the entry.")
 
 
 #: What `find` and others accept: conditions, or names of entries of the start that are held.

@@ -3,14 +3,18 @@
 import dataclasses
 from collections.abc import Sequence
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxdyn import Scene, System
 from jaxdyn._checks import array, fail, positive, shaped, untraced
+from jaxdyn._records.kinds import check_kind
 from jaxdyn.plan import plan_of
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Condition, Hold, conditions
-from orbits.closing.sizes import SPREAD, alike, rates_at, sizes
+from orbits.closing.sizes import PHASES, SPREAD, alike, rates_at, sizes
 from orbits.closing.symmetry import EXACT
 
 _DIFFERENTIATE = (
@@ -23,6 +27,8 @@ _BESIDE = 1e-3
 _NEAR = 0.25
 #: Of the rate that the sizes make in a radian of the span: smaller rates are rounding.
 _ROUNDING = 1e-6
+#: Of a rate, in units of the machine epsilon: changes up to this are its rounding.
+_ROUNDINGS = 64.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,8 +74,7 @@ def posed(
         finite; `period` is not positive, or not a multiple of the drive's; no number lies between
         `lower` and `upper`; a closing condition or a condition does not apply to the scene.
     """
-    if not isinstance(scene, Scene):
-        raise fail("scene", "a Scene", type(scene).__name__, "Call it: scenes.three_body().")
+    check_kind("scene", scene, (Scene,))
     untraced("find", (scene, y0, period, lower, upper, hold), _DIFFERENTIATE)
     scene = scene if y0 is None else scene.starting(y0)
     scene.check()
@@ -201,3 +206,25 @@ def _rates(scene: Scene, later: float, period: float) -> np.ndarray:
     ts = later + period * SPREAD
     at, off = (np.asarray(rates_at(scene, ts, y)) for y in (y0, beside))
     return np.concatenate([at, off] if np.isfinite(off).all() else [at])  # it may be undefined
+
+
+def drive(scene: Scene, y: Array, period: Array) -> Array:
+    """(4 k,) the change of the rate over a period, zero where that is a multiple of the drive's.
+
+    At the phases at which the rate changes fastest: a drive may act for a small part of its period.
+    """
+    known = jax.lax.stop_gradient(period)
+    many = known * jnp.asarray(SPREAD)
+
+    def speed(t):
+        return jax.jvp(lambda t: scene.rate(t, y), (t,), (jnp.ones_like(t),))[1]
+
+    fast = jnp.abs(jax.vmap(speed)(many))
+    fast = (fast / jnp.maximum(fast.max(axis=0), jnp.finfo(float).tiny)).sum(axis=1)
+    ts = jax.lax.stop_gradient(many[jax.lax.top_k(fast, PHASES)[1]])
+    now, later = (jax.vmap(scene.rate, (0, None))(t, y) for t in (ts, ts + period))
+    varies = jax.lax.stop_gradient(jnp.abs(now - now[:1]).max(axis=0))
+    # What varies by rounding only is no drive.
+    rounding = _ROUNDINGS * jnp.finfo(float).eps * jnp.abs(now).max(axis=0)
+    varies = jnp.where(varies > rounding, varies, jnp.inf)
+    return ((later - now) / varies[None]).ravel()

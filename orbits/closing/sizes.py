@@ -18,13 +18,19 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import Scene
+from jaxdyn._notes import notes_on
+from jaxdyn.plan import plan_of
 from jaxdyn.scales import groups
 
 #: Motions mostly have a few harmonics, which change faster than the first one.
 _HARMONIC = 2
+#: Of what other entries make of one: less is rounding.
+_ROUNDING = 1e-9
 #: Times, as fractions of the span, at which the rate is asked, spread by the golden section: a
 #: drive may be zero at most of them, and has the same phase at no two of them.
 SPREAD = (np.arange(512) + 0.5) * (math.sqrt(5.0) - 1.0) / 2 % 1.0
+#: Of them those at which the period of a drive is told.
+PHASES = 4
 
 
 @jax.jit
@@ -41,14 +47,39 @@ def rates_at(scene: Scene, ts: Array, y: Float[Array, " k"]) -> Array:
 
 def sizes(scene: Scene) -> np.ndarray:
     """(k,) the size of each entry along the motion of a scene from its start over its span."""
+    notes = notes_on(scene)
+    if notes is None:
+        return _sizes(scene)
+    if "sizes" not in notes:
+        notes["sizes"] = _sizes(scene)
+    return notes["sizes"].copy()
+
+
+def _sizes(scene: Scene) -> np.ndarray:
     y0, span = np.asarray(scene.y0), float(scene.t1)
     radian = span / (2 * math.pi * _HARMONIC)
-    rates = np.abs(np.asarray(rates_at(scene, SPREAD * span, y0)))
+    times = SPREAD if plan_of(scene.field, len(y0)).depends_on_time else SPREAD[:1]
+    rates = np.abs(np.asarray(rates_at(scene, times * span, y0)))
     rates = np.where(np.isfinite(rates), rates, 0.0).max(axis=0)
     found = alike(scene, np.maximum(np.abs(y0), radian * rates))
     if (found > 0).all():
         return found
-    return _filled(scene, found, radian)
+    slope = np.asarray(_slope(scene, jnp.asarray(0.0), scene.y0))
+    slope = np.abs(np.where(np.isfinite(slope), slope, 0.0))
+    return _filled(scene, found, radian * slope)
+
+
+def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
+    """(k,) the size of each entry near an equilibrium y (k,), where the rate is rounding.
+
+    Times are in those of the fastest eigenvalue. What an entry may be by rounding is no size.
+    """
+    slope = np.asarray(_slope(scene, jnp.asarray(0.0), jnp.asarray(y)))
+    slope = np.where(np.isfinite(slope), slope, 0.0)
+    time = 1 / max(float(np.abs(np.linalg.eigvals(slope)).max()), np.finfo(float).tiny)
+    found = alike(scene, np.abs(y))
+    moved = alike(scene, time * (np.abs(slope) * found).max(axis=1))
+    return _filled(scene, np.where(found > _ROUNDING * moved, found, 0.0), time * np.abs(slope))
 
 
 def alike(scene: Scene, each: np.ndarray) -> np.ndarray:
@@ -60,14 +91,12 @@ def alike(scene: Scene, each: np.ndarray) -> np.ndarray:
     return np.minimum(found, known.most)
 
 
-def _filled(scene: Scene, found: np.ndarray, radian: float) -> np.ndarray:
-    """The sizes, with those that are 0 from the others by the rate's derivatives.
+def _filled(scene: Scene, found: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """The sizes, with those that are 0 from the others by what these change (k, k).
 
     An entry that no other one moves has the mean of all, which is decided on for one such entry
     after the other, and what follows from it.
     """
-    slope = np.asarray(_slope(scene, jnp.asarray(0.0), scene.y0))
-    slope = radian * np.abs(np.where(np.isfinite(slope), slope, 0.0))
     while (found == 0).any():
         new = np.where(found == 0, alike(scene, (slope * found).max(axis=1)), found)
         if (new == found).all():

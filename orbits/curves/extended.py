@@ -32,8 +32,8 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, System
 from orbits.closing.closings import Return
+from orbits.closing.given import drive
 from orbits.families.family import Kind
-from orbits.shooting.equations import drive
 from orbits.shooting.segment import Piece, linearised_end
 
 MakeOfTwo = Callable[[Array, Array], Scene]

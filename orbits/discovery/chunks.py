@@ -16,12 +16,14 @@ import numpy as np
 
 import jaxdyn
 from jaxdyn import Scene
+from jaxdyn._checks import fail, host_array
 from jaxdyn.analysis.energy import energy
 from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import recheck
 from orbits.analysis.same import minimal_period
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN, Closing
+from orbits.closing.sizes import sizes
 from orbits.discovery.journal import Chunk, Find
 from orbits.discovery.screening import Guesses, close_returns, refined
 from orbits.motion import gravitates, solved
@@ -55,7 +57,8 @@ class Box:
 
     def __call__(self, numbers: np.ndarray, seed: int) -> np.ndarray:
         """(n, k) starts."""
-        low, high = np.array(self.low, float), np.array(self.high, float)
+        low = host_array("low", self.low, (None,))
+        high = host_array("high", self.high, low.shape, "One for each of low.")
         random = [np.random.default_rng([seed, i]).random(len(low)) for i in numbers.tolist()]
         return self.make(low + (high - low) * np.array(random))
 
@@ -73,7 +76,11 @@ class Starts:
     def __call__(self, numbers: np.ndarray, seed: int) -> np.ndarray:
         """(n, k) starts."""
         del seed
-        return np.asarray(self.y0s, float)[numbers]
+        y0s = host_array("y0s", self.y0s, (None, None), "One row for each start.")
+        if numbers.max(initial=0) >= len(y0s):
+            remedy = "Ask for as many, or give more rows."
+            raise fail("samples", f"at most the {len(y0s)} rows of Starts", "more", remedy)
+        return y0s[numbers]
 
 
 def unchanged(orbit: Orbit) -> Orbit:
@@ -152,18 +159,20 @@ def work(plan: Plan, number: int) -> Chunk:
 
 
 class _Tried(NamedTuple):
-    """A guess that failed, or an orbit: its period and samples of it."""
+    """A guess that failed, or an orbit: its period, samples of it, and sizes of the entries."""
 
     period: float
     ys: np.ndarray
+    each: np.ndarray
 
     @classmethod
     def of(cls, orbit: Orbit) -> "_Tried":
+        each = sizes(orbit.scene)
         if not orbit.ok:
-            return cls(orbit.period, np.asarray(orbit.y0)[None])
+            return cls(orbit.period, np.asarray(orbit.y0)[None], each)
         ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
         ys = np.asarray(solved(orbit.scene, orbit.period, ts=ts, rtol=1e-10).ys)
-        return cls(orbit.period, np.append(ys, ys[:1], axis=0))
+        return cls(orbit.period, np.append(ys, ys[:1], axis=0), each)
 
     def leads(self, guess: Orbit) -> bool:
         """Whether a guess lies on it, over a number of its periods."""
@@ -171,7 +180,7 @@ class _Tried(NamedTuple):
         y, whole = np.asarray(guess.y0), max(1, round(times))
         if abs(times - whole) > _TOGETHER * whole:
             return False
-        return _distance(y, self.ys) <= _TOGETHER * np.abs(y).max()
+        return _distance(y / self.each, self.ys / self.each) <= _TOGETHER
 
 
 def _distance(y: np.ndarray, ys: np.ndarray) -> float:
@@ -228,7 +237,7 @@ def _closed(plan: Plan, y0, period, closing: Closing) -> Orbit | None:
 def _verified(plan: Plan, sample: int, orbit: Orbit) -> Find | None:
     y0 = np.asarray(orbit.y0)
     again = recheck(orbit).closure
-    if not again <= VERIFIED * np.abs(y0).max():
+    if not again <= VERIFIED:
         return None
     linear = stability(orbit, throw=False)
     if not linear.ok:

@@ -8,6 +8,7 @@ import equinox as eqx
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn._progress import doing
+from jaxdyn._records.kinds import check_first
 from orbits.analysis.same import minimal_period
 from orbits.closing.closings import PLAIN, Closing, Reversal
 from orbits.closing.conditions import Energy
@@ -20,6 +21,7 @@ from orbits.shooting.newton import Iteration
 _TRIES = 3  # close returns tried
 
 
+@check_first
 def searched(
     scene: Scene,
     period: float | None = None,

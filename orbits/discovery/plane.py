@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn._checks import positive
+from jaxdyn._records.kinds import check_first
 from jaxdyn.scenes import three_body
 from orbits.analysis.same import same_orbit
 from orbits.analysis.words import word
@@ -121,6 +122,7 @@ def search_plane(
     return Plane(found, _names(found))
 
 
+@check_first
 def in_plane(orbit: Orbit) -> Orbit:
     """The same orbit moved, rotated, reflected and scaled to the plane's starts, a, b >= 0."""
     y = np.asarray(orbit.y0)

@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn import Scene, System, ensemble
 from jaxdyn.ensemble.watches import CloseReturn, Together, Until
+from jaxdyn.scales import at_start, groups
 from orbits.closing.closings import Closing
 from orbits.closing.given import driven
 
@@ -59,14 +60,16 @@ class Miss(eqx.Module):
     Attributes:
       system: the system of the states.
       closing: the condition.
+      rows: (m,) sizes of the residual's entries, in which it is measured.
     """
 
     system: System
     closing: Closing
+    rows: Array
 
     def __call__(self, y: Float[Array, " k"], start: Float[Array, " k"]) -> Array:
         """(m,) residual of the closing condition."""
-        return self.closing.miss(self.system, y, start, jnp.zeros(()))
+        return self.closing.miss(self.system, y, start, jnp.zeros(())) / self.rows
 
 
 class Beyond(eqx.Module):
@@ -104,13 +107,14 @@ def close_returns(
       shortest: shortest period.
       longest: longest period.
       windows: number of parts of that range, each of which has its own guess.
-      close: largest residual of a guess, in the units of the state.
+      close: largest residual of a guess, in units of the sizes at the scene's own start.
       limit: (k,) or () magnitudes of the state beyond which a motion has escaped.
     Returns:
       The guesses, in the order of the starts.
     """
     edges = np.linspace(shortest, longest, windows + 1) / closing.parts
-    gap = Miss(scene.system, closing)
+    each = sizes_of_starts(scene, longest)
+    gap = Miss(scene.system, closing, jnp.asarray(closing.rows(each)))
     watch = Together(
         CloseReturn.of(scene, later=edges[:-1], before=edges[1:], gap=gap),
         Until(Beyond(jnp.asarray(limit, float))),
@@ -135,6 +139,18 @@ def close_returns(
     )
 
 
+def sizes_of_starts(scene: Scene, longest: float) -> np.ndarray:
+    """(k,) sizes of the entries of motions whose periods are not known yet."""
+    found = np.asarray(_at_start(scene, jnp.asarray(longest, float)))
+    return np.where(found > 0, found, 1.0)
+
+
+@eqx.filter_jit
+def _at_start(scene: Scene, span: Array) -> Array:
+    zero = jnp.zeros(())
+    return at_start(scene.field, groups(scene.system), zero, scene.y0, span)[0].sizes
+
+
 def refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
     """The guesses that Newton's method moves close to an orbit, refined."""
     blocks = [
@@ -146,11 +162,14 @@ def refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
 
 def _refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
     n = len(guesses.index)
-    batch = _Batch(scene, closing, driven(scene))
+    each = sizes_of_starts(scene, guesses.periods.max())
+    batch = _Batch(scene, closing, driven(scene), each)
     base = np.pad(guesses.y0s, ((0, _BLOCK - n), (0, 0)), constant_values=np.nan)
     periods = np.pad(guesses.periods, (0, _BLOCK - n), constant_values=np.nan)
     x = np.concatenate([base[:, closing.free(base.shape[1])], periods[:, None]], axis=1)
-    path, size = batch.path(x, base), np.abs(base).max(axis=1)
+    path, size = batch.path(x, base), np.abs(base / each).max(axis=1)
+    free = np.broadcast_to(each[closing.free(base.shape[1])], (_BLOCK, x.shape[1] - 1))
+    units = np.concatenate([free, periods[:, None] / (2 * np.pi)], axis=1)
     f, jac = batch(x, base)
     damping = np.full(_BLOCK, _DAMPING)
     for _ in range(_ITERATIONS):
@@ -159,7 +178,8 @@ def _refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
         if not busy.any():
             break
         new = np.full_like(x, np.nan)  # finished guesses cost nothing
-        new[busy] = x[busy] + _steps(f[busy], jac[busy], (damping * norm)[busy])
+        steps = _steps(f[busy], jac[busy] * units[busy, None], (damping * norm)[busy])
+        new[busy] = x[busy] + steps * units[busy]
         new_f, new_jac = batch(new, base)
         better = np.linalg.norm(new_f, axis=1) < norm
         x[better], f[better], jac[better] = new[better], new_f[better], new_jac[better]
@@ -167,7 +187,7 @@ def _refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
     gaps = np.abs(f).max(axis=1)
     starts = batch.starts(x, base)
     with np.errstate(invalid="ignore"):
-        good = (gaps <= _NEAR) & (np.abs(starts).max(axis=1) < _ESCAPE * size)
+        good = (gaps <= _NEAR) & (np.abs(starts / each).max(axis=1) < _ESCAPE * size)
         good &= (x[:, -1] > _TRIVIAL * periods) & (batch.path(x, base) > _TRIVIAL * path)
     good = np.flatnonzero(good)
     return Guesses(
@@ -190,6 +210,7 @@ class _Batch(NamedTuple):
     scene: Scene
     closing: Closing
     fixed: bool  # the period
+    each: np.ndarray  # (k,) sizes of the entries of a state, in which residuals are measured
 
     def starts(self, x: np.ndarray, base: np.ndarray) -> np.ndarray:
         """(b, k)."""
@@ -197,13 +218,13 @@ class _Batch(NamedTuple):
 
     def path(self, x: np.ndarray, base: np.ndarray) -> np.ndarray:
         """(b,) length of the motion at its initial rate."""
-        return np.asarray(_speeds(self.scene, self.starts(x, base))) * x[:, -1]
+        return np.asarray(_speeds(self.scene, self.starts(x, base), self.each)) * x[:, -1]
 
     def __call__(self, x: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residual (b, m) and Jacobian (b, m, p + 1); NaN where undefined."""
         b, p = x.shape[0], x.shape[1] - 1
-        h = _DIFFERENCE * np.maximum(np.abs(x[:, :-1]).max(axis=1), 1e-300)
-        shifted = np.stack([x] + [x + h[:, None] * np.eye(p + 1)[i] for i in range(p)], axis=1)
+        h = _DIFFERENCE * np.append(self.each[self.closing.free(len(self.each))], 0.0)
+        shifted = np.stack([x] + [x + h * np.eye(p + 1)[i] for i in range(p)], axis=1)
         starts = self.starts(shifted.reshape(b * (p + 1), -1), np.repeat(base, p + 1, axis=0))
         ends = ensemble.run(
             self.scene,
@@ -214,9 +235,11 @@ class _Batch(NamedTuple):
             threads=1,
             chunk=_ROWS,
         ).y1
-        missed, slope = (np.asarray(a) for a in _missed(self.scene, self.closing, ends, starts))
+        rows = jnp.asarray(self.closing.rows(self.each))
+        found = _missed(self.scene, self.closing, rows, ends, starts)
+        missed, slope = (np.asarray(a) for a in found)
         missed, slope = missed.reshape(b, p + 1, -1), slope.reshape(b, p + 1, -1)
-        columns = (missed[:, 1:] - missed[:, :1]) / h[:, None, None]
+        columns = (missed[:, 1:] - missed[:, :1]) / h[:-1, None]
         last = 0.0 * slope[:, :1] if self.fixed else slope[:, :1] / self.closing.parts
         return missed[:, 0].copy(), np.swapaxes(np.concatenate([columns, last], axis=1), 1, 2)
 
@@ -227,17 +250,19 @@ def _starts(system: System, closing: Closing, u: Array, base: Array) -> Array:
 
 
 @eqx.filter_jit
-def _speeds(scene: Scene, y0s: Array) -> Array:
-    return jax.vmap(lambda y: jnp.linalg.norm(scene.rate(jnp.zeros(()), y)))(y0s)
+def _speeds(scene: Scene, y0s: Array, each: Array) -> Array:
+    return jax.vmap(lambda y: jnp.linalg.norm(scene.rate(jnp.zeros(()), y) / each))(y0s)
 
 
 @eqx.filter_jit
-def _missed(scene: Scene, closing: Closing, ends: Array, starts: Array) -> tuple[Array, Array]:
+def _missed(
+    scene: Scene, closing: Closing, rows: Array, ends: Array, starts: Array
+) -> tuple[Array, Array]:
     """The residual of the closing condition, and its derivative by the end time."""
 
     def one(end, start):
         rate = scene.rate(jnp.zeros(()), end)
-        miss = Miss(scene.system, closing)
+        miss = Miss(scene.system, closing, rows)
         return jax.jvp(lambda y: miss(y, start), (end,), (rate,))
 
     return jax.vmap(one)(ends, starts)

@@ -19,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from jaxdyn import Scene, _text
 from jaxdyn._checks import fail, positive, untraced, whole
 from jaxdyn._progress import doing
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import counted
 from jaxdyn.ensemble.batches import cores
 from jaxdyn.files import records
@@ -68,6 +69,7 @@ class SearchResult:
         return [f.orbit(plan.scene, (plan.closing, PLAIN), plan.rtol) for f in self.finds]
 
 
+@check_first
 def search(
     scene: Scene,
     sampler: Sampler,
@@ -98,7 +100,8 @@ def search(
       shortest: shortest period.
       closing: the closing condition. A symmetric one is cheaper and finds more.
       windows: number of parts of the range of periods, each with its own closest return.
-      close: largest residual of a return that is a guess, in the units of the state.
+      close: largest residual of a return that is a guess, in units of the sizes of the entries at
+        the scene's own start (`jaxdyn.scales`).
       limit: (k,) or () magnitudes of the state beyond which a motion has escaped.
       normal: orbit -> the same orbit in the frame and scale of the table.
       label: orbit -> its name.

@@ -15,11 +15,12 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.linearize import linearize
 from jaxdyn.scenes import three_body
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.symmetry import Symmetry
-from orbits.discovery.screening import Miss
+from orbits.discovery.screening import Miss, sizes_of_starts
 from orbits.motion import solved
 
 _AT_REST = 1e-6  # rate of an equilibrium over what a unit displacement gives
@@ -39,6 +40,7 @@ class Seed:
     period: float
 
 
+@check_first
 def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
     """Small oscillations about an equilibrium, one seed for each that neither grows nor decays.
 
@@ -77,6 +79,7 @@ def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
     return seeds
 
 
+@check_first
 def returns(
     scene: Scene,
     span: float,
@@ -111,7 +114,8 @@ def returns(
     high = min(count - 1, int(longest / closing.parts / ts[1]))
     if high <= low + 1:
         raise fail("longest", f"at least {4 * ts[1] * closing.parts:.3g}", longest)
-    misses = np.asarray(_miss_table(Miss(scene.system, closing), flow.ys, low, high))
+    units = jnp.asarray(closing.rows(sizes_of_starts(scene, span)))
+    misses = np.asarray(_miss_table(Miss(scene.system, closing, units), flow.ys, low, high))
     around = np.pad(misses, 1, constant_values=np.inf)
     rows, columns = misses.shape
     shifts = [(i, j) for i in (0, 1, 2) for j in (0, 1, 2) if (i, j) != (1, 1)]

@@ -12,6 +12,7 @@ import numpy as np
 from jaxdyn import Scene
 from jaxdyn._checks import fail, untraced, whole
 from jaxdyn._progress import doing
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import counted
 from orbits.analysis.same import minimal_period, same_orbit
 from orbits.closing.closings import PLAIN, Closing
@@ -21,6 +22,7 @@ from orbits.shooting.effort import GOAL, RTOL
 from orbits.shooting.finding import find
 
 
+@check_first
 def find_all(
     scene: Scene,
     y0s,

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from jaxdyn import Scene, simulate
 from jaxdyn._checks import fail
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
@@ -82,6 +83,7 @@ def loops(
     return finished(figure, path)
 
 
+@check_first
 def rosette(scene: Scene, path=None, title: str | None = None) -> Figure:
     """A picture of a motion about a centre and of its ring, which it fills unless it closes.
 

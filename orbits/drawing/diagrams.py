@@ -6,13 +6,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn._checks import choice
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, entry_of, rest_stretches, stretches
 from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
+from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path
 from orbits.drawing.families import MARKS
 from orbits.families.diagram import Diagram, extremes
 
 
+@check_first
 def diagram(
     found: Diagram,
     path=None,
@@ -79,7 +82,7 @@ def diagram(
             zorder=4,
             label=str(point.kind),
         )
-    ax.set(xlabel=parameter, ylabel=label, title=title or "")
+    ax.set(xlabel=parameter, ylabel=label, title=readable(title))
     style(ax)
     legend_below(figure, named(ax))
     return finished(figure, path)

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn._checks import fail
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
@@ -27,6 +28,7 @@ MARKS = {
 }
 
 
+@check_first
 def family(listed: Listing, path=None, *, title: str | None = None) -> Figure:
     """A picture of the periods of a family, against its parameter or the energy.
 

@@ -6,8 +6,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, stretches
 from jaxdyn.drawing.figures import INK, blank, finished, legend_below, named, shades, style
+from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path
 from orbits.drawing.families import MARKS
 from orbits.families.graph import Graph, Place
@@ -16,6 +18,7 @@ _KINDS = {str(kind): marker for kind, marker in (*MARKS.items(), *RESTS.items())
 _THIN, _WIDER = 1.4, 2.0  # line widths
 
 
+@check_first
 def graph(
     found: Graph, path=None, *, parameter: str = "parameter", title: str | None = None
 ) -> Figure:
@@ -74,7 +77,7 @@ def graph(
             shortest = min(lines, key=lambda line: np.linalg.norm(line[1] - line[0]))
             if not any(x.kind == place.kind for x in found.families[i].special):
                 ax.plot(*shortest.T, color=colours[i], lw=1.8, ls=":", label="_")
-    ax.set(xlabel=along, ylabel="period", title=title or "")
+    ax.set(xlabel=along, ylabel="period", title=readable(title))
     style(ax)
     kinds = named(ax)
     verdicts = [

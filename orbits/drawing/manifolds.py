@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks, simulate
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading
@@ -18,6 +19,7 @@ _WIDTH, _HEIGHT = 6.4, 5.6  # inches
 _SAMPLES, _RTOL = 400, 1e-10  # of the orbits
 
 
+@check_first
 def manifold(
     found: Manifold | Sequence[Manifold],
     path=None,

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn._checks import fail
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.figures import INK, blank, finished, shades, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
@@ -26,6 +27,7 @@ _MOST_PANELS = 6
 _DECIMALS = 12  # of an energy: the rest of one of 0 is rounding
 
 
+@check_first
 def section(
     points: SectionPoints | Sequence[SectionPoints], path=None, *, titles=(), title=None
 ) -> Figure:

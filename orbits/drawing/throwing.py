@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import Scene, simulate
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
@@ -18,6 +19,7 @@ _COURSES = np.linspace(-5.0, 5.0, 192)  # whole calls of the compiled program
 _LOOK = 1e-7
 
 
+@check_first
 def throws(
     scene: Scene, best: Throws, hits: Hits | None = None, path=None, *, title: str | None = None
 ) -> Figure:

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks, simulate
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading
@@ -18,6 +19,7 @@ _RTOL = 1e-9
 _SIDE = 5.6  # inches
 
 
+@check_first
 def torus(
     found: Torus, path=None, *, entries: tuple[str, ...] | None = None, title: str | None = None
 ) -> Figure:

@@ -3,7 +3,9 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, mark, named, style
+from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path
 from orbits.analysis.stability import Stability
 
@@ -12,6 +14,7 @@ _REACH = 1.6  # largest |multiplier| drawn in its place; larger ones are arrows 
 _FURTHEST = 1.35  # where the head of an arrow is
 
 
+@check_first
 def multipliers(found: Stability, path=None, *, title: str | None = None) -> Figure:
     """A picture of the multipliers of an orbit in the complex plane, with the unit circle.
 
@@ -29,7 +32,7 @@ def multipliers(found: Stability, path=None, *, title: str | None = None) -> Fig
     figure = blank(_SIDE, _SIDE + 0.5)
     ax = figure.add_subplot(aspect="equal")
     ax.set(xlim=(-_REACH, _REACH), ylim=(-_REACH, _REACH), xlabel="real", ylabel="imaginary")
-    ax.set_title(found.verdict if title is None else title, fontsize=10)
+    ax.set_title(found.verdict if title is None else readable(title), fontsize=10)
     style(ax)
     turn = np.linspace(0.0, 2 * np.pi, 400)
     ax.plot(np.cos(turn), np.sin(turn), color=INK, lw=1.2)

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxdyn._checks import fail, positive, untraced, whole
+from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation.kept import Begin, Log, kept_in
 from jaxdyn.continuation.walk import Rules, walked
 from orbits.closing.conditions import Hold, conditions
@@ -46,6 +47,7 @@ _NO_BRANCH = (
 )
 
 
+@check_first
 def continue_family(
     orbit: Orbit,
     make: Make | None = None,
@@ -124,6 +126,7 @@ def continue_family(
     return _walked(surface, first, (step, members, within, energies), report, path)
 
 
+@check_first
 def switch_branch(
     family: Family, special: Member, *, amplitude: float = 1e-2, times: int | None = None
 ) -> tuple[Orbit, float]:

@@ -23,6 +23,7 @@ import numpy as np
 
 from jaxdyn import System, _text
 from jaxdyn._checks import fail, untraced
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.monodromy import coarser
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN
@@ -79,6 +80,7 @@ _MEANING = {
 }
 
 
+@check_first
 def criticality(point: Member | Orbit, kind: Kind | str | None = None) -> Criticality:
     """The normal form of a fold, branch point, period doubling or torus point of an orbit.
 

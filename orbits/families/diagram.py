@@ -235,7 +235,6 @@ class _Orbits:
             return
         self.seen.append(point.x)
         _progress.doing(f"following orbits from {point.parameter:.6g}")
-
         self._follow(point, lambda: self._smallest(rests, point), 0, depth)
 
     def _smallest(self, rests: EquilibriumFamily, point: Equilibrium) -> tuple[Orbit, float]:

@@ -18,6 +18,7 @@ import numpy as np
 
 from jaxdyn import _progress, _text
 from jaxdyn._checks import fail
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import counted
 from jaxdyn.analysis.energy import energy
 from jaxdyn.continuation.family import EquilibriumFamily
@@ -117,6 +118,7 @@ class Graph:
         return graphs.graph(self, title="")
 
 
+@check_first
 def graph(families: Sequence[Family] | Diagram) -> Graph:
     """The graph of families that meet at special points.
 

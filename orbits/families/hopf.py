@@ -3,6 +3,7 @@
 import numpy as np
 
 from jaxdyn._checks import fail, finite
+from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind
 from orbits.closing.closings import PLAIN
 from orbits.families.steps import parameter_at
@@ -22,6 +23,7 @@ _NO_ORBIT = (
 )
 
 
+@check_first
 def from_hopf(
     family: EquilibriumFamily, point: Equilibrium, *, amplitude: float | None = None
 ) -> tuple[Orbit, float]:

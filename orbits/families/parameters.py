@@ -11,11 +11,13 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import choice, fail
+from jaxdyn._records.kinds import check_first
 from jaxdyn.scenes import catalogue
 
 _ASIDE, _LATER = 0.1, 0.3  # a state and a time where a drive or a damper acts, if any does
 
 
+@check_first
 def maker(
     name: str, values: dict[str, Any], parameter: str
 ) -> tuple[Callable[[Array], Scene], float]:

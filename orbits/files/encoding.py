@@ -41,7 +41,6 @@ def decode(record: dict[str, Any]) -> Orbit:
     """
     try:
         scene = _scene(record["scene"])
-        closing = _closing(record["closing"], scene)
         angle, rtol, s_period = record["angle"], record["rtol"], record["s_period"]
         numbers = isinstance(angle, float | int) and isinstance(rtol, float | int)
         if not (s_period is None or (isinstance(s_period, float) and 0 < s_period < math.inf)):
@@ -51,6 +50,7 @@ def decode(record: dict[str, Any]) -> Orbit:
             raise fail("file", "true or false for `stiff`", stiff, DAMAGED)
         if not (numbers and 0 < rtol < 1 and float(scene.t1) > 0 and math.isfinite(angle)):
             raise fail("file", "a period > 0 and 0 < rtol < 1", "others", DAMAGED)
+        closing = _closing(record["closing"], scene)
     except (KeyError, TypeError, AttributeError, IndexError) as error:
         got = f"{type(error).__name__} {error}"
         raise fail("file", "a complete orbit", got, DAMAGED) from error

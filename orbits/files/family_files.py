@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxdyn._checks import fail
+from jaxdyn._records.kinds import check_first
 from jaxdyn.files import records
 from jaxdyn.files.digests import DAMAGED
 from orbits.families.family import Family, Kind, Member
@@ -57,12 +58,14 @@ class Listing:
     end: str
 
 
+@check_first
 def listing(family: Family, parameter: str | None = None) -> Listing:
     """A family as a list; `parameter` is the name of its parameter, if it has one."""
     members, special = (tuple(map(_entry, many)) for many in (family.members, family.special))
     return Listing(parameter=parameter, members=members, special=special, end=family.end)
 
 
+@check_first
 def save(path: str | Path, family: Listing) -> None:
     """Write a family, atomically.
 
@@ -76,6 +79,7 @@ def save(path: str | Path, family: Listing) -> None:
     records.write(path, record)
 
 
+@check_first
 def as_json(family: Listing) -> dict[str, Any]:
     """The list as a JSON object; NaN becomes null."""
     return {

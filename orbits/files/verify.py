@@ -11,6 +11,7 @@ from jaxdyn._checks import fail
 from jaxdyn.files.digests import DAMAGED
 from orbits.analysis.evidence import after, closure
 from orbits.analysis.report import Report, as_json, report
+from orbits.closing.sizes import sizes
 from orbits.files.orbit_files import CERTIFICATE, REFINED, load
 from orbits.orbit import Orbit
 
@@ -51,7 +52,8 @@ def verify(path: str | Path) -> tuple[Report, list[Mismatch]]:
         raise fail("file", "a motion that lasts for its period", got, DAMAGED)
     derived = report(orbit)
     proofs = {name: claims.pop(name) for name in (REFINED, CERTIFICATE) if name in claims}
-    found = [*_not_closed(orbit, derived), *_compare(claims, as_json(derived))]
+    known = as_json(derived)
+    found = [*_not_closed(orbit, derived), *_compare(claims, known, _units(orbit, known))]
     return derived, [*found, *_compare_proofs(orbit, proofs)]
 
 
@@ -76,8 +78,8 @@ def _not_closed(orbit: Orbit, derived: Report):
     """A file may truthfully describe a motion that is not an orbit."""
     end = after(orbit, 1 / orbit.closing.parts, rtol=orbit.rtol).y1
     system, y0, angle = orbit.scene.system, jnp.asarray(orbit.y0), jnp.asarray(orbit.angle)
-    miss = orbit.closing.miss(system, end, y0, angle)
-    size = AGREEMENT * (1.0 + float(np.abs(orbit.y0).max()))
+    miss = np.asarray(orbit.closing.miss(system, end, y0, angle))
+    miss, size = miss / orbit.closing.rows(sizes(orbit.scene)), AGREEMENT
     for name, error in (
         (orbit.closing.name, float(np.abs(miss).max())),
         ("plain closing", derived.closure),
@@ -86,27 +88,42 @@ def _not_closed(orbit: Orbit, derived: Report):
             yield Mismatch(f"error of the {name}", f"at most {size:.1e}", error)
 
 
-def _compare(claimed: Any, derived: Any, name: str = ""):
+def _units(orbit: Orbit, derived: Any) -> dict[str, Any]:
+    """What numbers with a unit are compared in, by name; the others are compared with 1."""
+    energy = abs(derived["energy"] or 0.0)
+    return {
+        "period": orbit.period,
+        "minimal_period": orbit.period,
+        "y0": sizes(orbit.scene).tolist(),
+        "energy": energy,
+        "angular_momentum": energy * orbit.period,
+        "scale_free": abs(derived["scale_free"] or 0.0),
+    }
+
+
+def _compare(claimed: Any, derived: Any, units: dict[str, Any], name: str = ""):
     if isinstance(derived, dict):
         if not isinstance(claimed, dict) or claimed.keys() != derived.keys():
             yield Mismatch(name or "claims", _keys(claimed), _keys(derived))
             return
         for key, value in derived.items():
-            yield from _compare(claimed[key], value, f"{name}.{key}".lstrip("."))
-    elif name not in _NOT_COMPARED and not _agrees(name, claimed, derived):
+            yield from _compare(claimed[key], value, units, f"{name}.{key}".lstrip("."))
+    elif name not in _NOT_COMPARED and not _agrees(name, claimed, derived, units.get(name, 1.0)):
         yield Mismatch(name, claimed, derived)
 
 
-def _agrees(name: str, claimed: Any, derived: Any) -> bool:
+def _agrees(name: str, claimed: Any, derived: Any, unit: Any) -> bool:
     if isinstance(derived, list):
-        same_length = isinstance(claimed, list) and len(claimed) == len(derived)
-        return same_length and all(map(_agrees, [name] * len(derived), claimed, derived))
+        n = len(derived)
+        each = unit if isinstance(unit, list) else [unit] * n
+        same_length = isinstance(claimed, list) and len(claimed) == n
+        return same_length and all(map(_agrees, [name] * n, claimed, derived, each))
     if not (_is_number(claimed) and _is_number(derived)):
         return type(claimed) is type(derived) and claimed == derived
     if name in _ERRORS:
         small, large = sorted((claimed, derived))
         return 0 <= small and large <= max(_ERROR_FACTOR * small, _ERROR_FLOOR)
-    return abs(claimed - derived) <= AGREEMENT * (1.0 + abs(derived))
+    return abs(claimed - derived) <= AGREEMENT * (unit + abs(derived))
 
 
 def _is_number(value: Any) -> bool:

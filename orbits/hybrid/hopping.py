@@ -34,6 +34,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import fail, whole
 from jaxdyn._floats import as_float
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.events import Event, Reaches, until
 from jaxdyn.mechanisms.cylinders import Cylinder
 from jaxdyn.scenes.cylinders import Caught, NormalForce
@@ -113,6 +114,7 @@ class Advanced(eqx.Module):
         return (end - start)[1:].at[1].add(-self.turn)
 
 
+@check_first
 def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> HybridOrbit:
     """The lossless hopping motion of an eccentric cylinder: in contact, then in the air.
 
@@ -196,11 +198,13 @@ def _corner(turns: int) -> float:
     return a
 
 
+@check_first
 def advance(hop: HybridOrbit) -> float:
     """Advance of the cylinder along the ground in a period [m]."""
     return float(hop.trajectory(2).pieces[-1].ys[-1, 0] - hop.y0[0])
 
 
+@check_first
 def pull(hop: HybridOrbit) -> float:
     """Largest pull of the ground over the weight [1]; 0 if it only pushes."""
     scene = hop.legs[1].scene

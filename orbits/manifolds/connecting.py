@@ -1,6 +1,7 @@
 """Connections of equilibria and of orbits: the call."""
 
 from jaxdyn import Scene, _checks
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.events import Event
 from orbits.manifolds.between_equilibria import connect_rests
 from orbits.manifolds.between_orbits import Asked, connect_orbits
@@ -12,6 +13,7 @@ from orbits.orbit import Orbit
 RTOL, ERROR = 1e-13, 1e-8
 
 
+@check_first
 def connect(
     a: Scene | Orbit,
     b,

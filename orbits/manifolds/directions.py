@@ -13,16 +13,19 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, _checks, _text
-from jaxdyn.analysis.linearize import linearize
-from jaxdyn.analysis.monodromy import end_and_derivative, tangents
+from jaxdyn.analysis.linearize import classify, linearize
+from jaxdyn.analysis.monodromy import end_and_derivative
+from orbits.analysis.monodromy import tangents_in
 from orbits.analysis.stability import stability
+from orbits.closing.sizes import sizes, sizes_at_rest
 from orbits.motion import solved
 from orbits.orbit import Orbit
+from orbits.shooting.units import map_in_units
 
 #: Default kinds of manifolds, and the sense of time in which their strands leave.
 SENSES = {"unstable": 1.0, "stable": -1.0}
 _WEIGHT = 0.1  # of the largest entry of a vector: smaller ones do not tell its sign
-_REST = 1e-8  # relative rate below which a state is an equilibrium
+_REST = 1e-8  # change in the time of the fastest eigenvalue that an equilibrium may have, in sizes
 _REAL = 1e-9  # relative imaginary part below which an eigenvalue is real
 
 
@@ -34,8 +37,9 @@ class Directions(NamedTuple):
     Attributes:
       base: (n, k) states on the orbit, or the equilibrium.
       times: (n,) times at which the motion passes them.
-      tangent: (n, k) unit tangents of the manifold.
+      tangent: (n, k) tangents of the manifold, of unit length in units of `each`.
       before: (n, k) their preimages.
+      each: (k,) sizes of the entries of a state (`orbits.closing.sizes`).
       span: length of the map in time, negative for a stable manifold.
       rate: rate at which the slowest of the directions grows in the sense of the strands.
       multipliers: (m,) multipliers, or eigenvalues of an equilibrium, that the manifold belongs to.
@@ -45,6 +49,7 @@ class Directions(NamedTuple):
     times: np.ndarray
     tangent: np.ndarray
     before: np.ndarray
+    each: np.ndarray
     span: float
     rate: float
     multipliers: np.ndarray
@@ -59,20 +64,22 @@ def of_orbit(orbit: Orbit, kind: str, n: int, which: int, rtol: float) -> Direct
     # The farthest from the circle first.
     wanted = sorted(found.nontrivial[leaving], key=lambda z: -sense * abs(z))
     value = _chosen(wanted, which, f"{kind} multiplier", "orbits.stability has all of them")
-    basis = tangents(orbit.scene, np.asarray(orbit.y0))
-    m = np.asarray(end_and_derivative(orbit.scene, sense * period, rtol)[1])
+    each = sizes(orbit.scene)
+    basis = tangents_in(orbit.scene, each)
+    m = map_in_units(end_and_derivative(orbit.scene, sense * period, rtol)[1], each)
     values, vectors = np.linalg.eig(basis.T @ m @ basis)
     i = int(np.argmin(np.abs(values - (value if sense > 0 else 1 / value))))
-    v = _signed(basis @ vectors[:, i].real)
+    v = each * _signed(basis @ vectors[:, i].real)
     phases = np.arange(n) / n
     ys, vs = _carried(orbit.scene, sense * period * phases, jnp.asarray(v), rtol)
-    vs = np.asarray(vs) / np.linalg.norm(vs, axis=1, keepdims=True)
+    vs = np.asarray(vs) / np.linalg.norm(np.asarray(vs) / each, axis=1, keepdims=True)
     growth = float(values[i].real)
     return Directions(
         base=np.asarray(ys),
         times=sense * period * phases,
         tangent=vs,
         before=vs / growth,
+        each=each,
         span=sense * period,
         rate=float(np.log(abs(growth))) / period,
         multipliers=np.array([value]),
@@ -82,13 +89,15 @@ def of_orbit(orbit: Orbit, kind: str, n: int, which: int, rtol: float) -> Direct
 def of_rest(scene: Scene, y, kind: str, n: int, which: int | None) -> Directions:
     """The tangents at an equilibrium: two of a curve, n on a circle of a surface."""
     y = np.asarray(_checks.array("orbit", y, scene.y0.shape, "An equilibrium is a state."))
-    rate = np.abs(np.asarray(scene.rate(jnp.zeros(()), jnp.asarray(y)))).max()
-    if rate > _REST * (1 + np.abs(y).max()):
+    each, sense = sizes_at_rest(scene, y), SENSES[kind]
+    near = classify(map_in_units(linearize(scene, y).jacobian, each))
+    rate = np.abs(np.asarray(scene.rate(jnp.zeros(()), jnp.asarray(y))))
+    if (rate > _REST * np.abs(near.eigenvalues).max() * each).any():
         remedy = "jaxdyn.analysis.equilibria finds equilibria, `equilibrium` polishes one."
-        raise _checks.fail("orbit", "an equilibrium", f"a state whose rate is {rate:.3g}", remedy)
-    near, sense = linearize(scene, y), SENSES[kind]
+        got = f"a state whose rate is {rate.max():.3g}"
+        raise _checks.fail("orbit", "an equilibrium", got, remedy)
     leaving = sense * near.eigenvalues.real > near.bars
-    basis = tangents(scene, y)
+    basis = tangents_in(scene.starting(y), each)
     a = sense * basis.T @ near.jacobian @ basis
     wanted = sorted(near.eigenvalues[leaving], key=lambda z: (-sense * z.real, -z.imag))
     if which is not None:
@@ -108,8 +117,9 @@ def of_rest(scene: Scene, y, kind: str, n: int, which: int | None) -> Directions
     return Directions(
         base=np.broadcast_to(y, (len(around), len(y))),
         times=np.zeros(len(around)),
-        tangent=around @ (basis @ plane).T,
-        before=around @ (basis @ plane @ back).T,
+        tangent=each * (around @ (basis @ plane).T),
+        before=each * (around @ (basis @ plane @ back).T),
+        each=each,
         span=sense / slowest,
         rate=slowest,
         multipliers=chosen,

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _checks, ensemble
+from jaxdyn._records.kinds import check_first
 from jaxdyn.ensemble.crossings import EachCrossing
 from jaxdyn.integrate.events import Event, checked_events
 from jaxdyn.scene import checked_scene
@@ -17,7 +18,7 @@ from orbits.orbit import Orbit
 
 #: Default tolerance of the integrations.
 RTOL = 1e-12
-#: Default error of the linear starts [norm of a state].
+#: Default error of the linear starts.
 ERROR = 1e-8
 #: By default a strand lasts until its tangent has grown from the step-off to 1, and this often
 #: the time in which it grows e-fold more.
@@ -25,6 +26,7 @@ _MORE = 3.0
 _BRANCHES = {"both": (1, -1), "+": (1,), "-": (-1,)}
 
 
+@check_first
 def manifold(
     orbit: Orbit | Scene,
     kind: str,
@@ -61,7 +63,8 @@ def manifold(
         that is not below a tenth of the largest).
       which: number of the multiplier or eigenvalue, the fastest is 0; at an equilibrium by default
         all of them, which may be two.
-      error: largest estimated distance of a start from the manifold [norm of a state].
+      error: largest estimated distance of a start from the manifold: the norm of a state whose
+        entries are in units of their sizes (`orbits.closing.sizes`).
       samples: number of states on each strand.
       rtol: relative tolerance of a step.
       progress: show a bar.

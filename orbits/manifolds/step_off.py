@@ -18,7 +18,7 @@ from jaxdyn import Scene, ensemble
 from orbits.manifolds.directions import Directions
 from orbits.orbit import SearchError
 
-_LARGEST = 0.1  # of the size of the states: the first e
+_LARGEST = 0.2  # in units of the sizes of the entries, as all distances: the first e
 _RUNGS = 10
 _RATIO = 0.25  # of an e and the one before: halves take twice the time for the same step-off
 _QUADRATIC = 9.0  # ratio of estimates at e and e / 4: 16 for an error of order e^2
@@ -34,8 +34,7 @@ def chosen(
       SearchError: the wanted error is below what rounding leaves, or none was reached.
     """
     grown = math.exp(near.rate * abs(near.span))
-    size = 1.0 + float(np.abs(near.base).max())
-    es = _LARGEST * size * _RATIO ** np.arange(_RUNGS)
+    es = _LARGEST * _RATIO ** np.arange(_RUNGS)
     ladder = np.concatenate([np.zeros(1), np.outer(es, signs).ravel()])
     misses = _misses(scene, near, ladder, rtol)
     rounding = misses[0] / grown
@@ -45,7 +44,8 @@ def chosen(
             f"The orbit itself is known to {rounding:.1e} only, which the linear start cannot "
             "undercut: ask for a larger error, or find the orbit with a smaller rtol."
         )
-    falls = rungs[:-1] / np.maximum(rungs[1:], np.finfo(float).tiny) >= _QUADRATIC
+    with np.errstate(invalid="ignore"):  # where motions end
+        falls = rungs[:-1] / np.maximum(rungs[1:], np.finfo(float).tiny) >= _QUADRATIC
     for i, e in enumerate(es):
         if rungs[i] + rounding <= error:
             return float(e), float(rungs[i] + rounding)
@@ -72,7 +72,8 @@ def _misses(scene: Scene, near: Directions, ladder: np.ndarray, rtol: float) -> 
     y0s = np.asarray(_projected(scene, t0, before))
     ends = ensemble.run(scene, y0s, t0 + near.span, t0=t0, rtol=rtol)
     after = _projected(scene, t0, after)
-    apart = np.linalg.norm(np.asarray(_apart(scene, jnp.asarray(ends.y1), after)), axis=1)
+    apart = np.asarray(_apart(scene, jnp.asarray(ends.y1), after)) / near.each
+    apart = np.linalg.norm(apart, axis=1)
     apart = np.where(np.isfinite(apart), apart, np.inf)
     return apart.reshape(len(ladder), -1).max(axis=1)
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from jaxdyn import Scene, _checks
 from jaxdyn._progress import doing
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.monodromy import symplectic_form
 from jaxdyn.balls.arithmetic import arb, precision
 from jaxdyn.balls.decimals import decimal
@@ -45,6 +46,7 @@ _MORE = "Try more digits: orbits.prove(orbit, digits=60)."
 _ANOTHER = "More digits do not help; find the orbit again, from another guess."
 
 
+@check_first
 def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate:
     """A certificate that a true periodic orbit exists near one in doubles.
 

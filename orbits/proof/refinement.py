@@ -6,6 +6,7 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn._progress import doing
+from jaxdyn._records.kinds import check_first
 from jaxdyn.balls.arithmetic import arb, arb_mat, precision
 from jaxdyn.balls.motion import End, bits_of
 from jaxdyn.balls.program import Program
@@ -29,6 +30,7 @@ _LEAST_GAIN = 2.0  # digits: a step that gains less does not converge
 _OTHER_ORDER = 7
 
 
+@check_first
 def refine(orbit: Orbit, digits: int = 50) -> Refined:
     """Start and period of an orbit to many digits.
 

@@ -15,11 +15,13 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import fail, finite, is_traced, numbers
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import counted
 from jaxdyn.analysis.energy import energy as energy_of
 from jaxdyn.integrate.event_search.event_values import looked
 from jaxdyn.integrate.events import Event, Reaches, checked_events
 from jaxdyn.scene import checked_scene
+from orbits.closing.sizes import sizes
 from orbits.sections.coordinates import entry, fixed, listed, names_of, unknown_of
 
 _NEWTON_STEPS = 30
@@ -62,6 +64,7 @@ def told(status, noun: str) -> str:
     )
 
 
+@check_first
 def complete(
     scene: Scene,
     event: Event,
@@ -149,7 +152,9 @@ def _check_on_section(scene: Scene, event: Event, t0: Array, y0s: Array) -> None
     if is_traced((scene, event, t0, y0s)):
         return
     values, rounding = map(np.asarray, _values_and_rounding(scene, event, t0, y0s))
-    size = rounding / np.finfo(float).eps + np.abs(np.asarray(scene.y0)).max() + 1.0
+    size, entry = rounding / np.finfo(float).eps, fixed(event)
+    # The value of an event may be small by chance, unlike the entry that it fixes.
+    size = size + (0.0 if entry is None else sizes(scene)[entry])
     off = np.abs(values) > _OFF * size
     if off.any():
         got = f"value {values[off][0]:.3g} at start {int(np.argmax(off))}"

@@ -6,16 +6,19 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import choice, fail
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.events import Event, Reaches
 
 _PROBE = 1e-3  # by which entries are moved apart: a state at rest does not tell velocities
 
 
+@check_first
 def names_of(scene: Scene) -> list[str]:
     """The names of the entries of the state."""
     return [name for name, _ in scene.labels()]
 
 
+@check_first
 def entry(scene: Scene, argument: str, name: str) -> int:
     """The entry of the state with a name.
 
@@ -30,6 +33,7 @@ def fixed(event: Event) -> int | None:
     return event.entry if isinstance(event, Reaches) else None
 
 
+@check_first
 def has_velocities(scene: Scene) -> bool:
     """Whether the state is [q, v] with dq/dt = v, tested at a state where all v differ."""
     k = len(scene.y0)
@@ -39,6 +43,7 @@ def has_velocities(scene: Scene) -> bool:
     return bool(np.array_equal(scene.vector_field(0.0, y)[: k // 2], y[k // 2 :]))
 
 
+@check_first
 def pair(scene: Scene, event: Event, coordinates: Sequence[str] | None = None) -> tuple[int, int]:
     """The two entries of a section that are drawn: those named, or a position and its velocity.
 
@@ -66,6 +71,7 @@ def pair(scene: Scene, event: Event, coordinates: Sequence[str] | None = None) -
     return free[0], free[1]
 
 
+@check_first
 def unknown_of(scene: Scene, event: Event, unknown: str | None) -> int:
     """The entry that the energy determines: the one named, or the velocity of the fixed position.
 

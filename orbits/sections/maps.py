@@ -17,6 +17,7 @@ from jaxtyping import Array
 from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import check_shape, fail, finite, numbers, whole
 from jaxdyn._floats import as_float
+from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.event_search.all_crossings import crossings
 from jaxdyn.integrate.events import Event, Every, Reaches, checked_events
 from jaxdyn.integrate.spans import MAX_STEPS
@@ -145,6 +146,7 @@ def _jacobian(poincare: PoincareMap, q: Array) -> Array:
     return jax.jacfwd(poincare)(q)
 
 
+@check_first
 def poincare_map(
     scene: Scene,
     event: Event,

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
+from jaxdyn._records.kinds import check_first
 from jaxdyn.files.output_files import replace, table_path
 from jaxdyn.status import Status
 from orbits.sections.coordinates import names_of
 from orbits.sections.tables import SectionPoints
 
 
+@check_first
 def as_json(points: SectionPoints) -> dict:
     """The crossings as a record for JSON; what is not known is None."""
     rows = zip(points.counts.tolist(), points.status.tolist(), strict=True)

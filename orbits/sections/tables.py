@@ -11,6 +11,7 @@ from rich.progress import Progress
 from jaxdyn import Scene, Status, _text, ensemble
 from jaxdyn._checks import fail, finite, numbers, untraced, whole
 from jaxdyn._progress import doing
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.energy import change
 from jaxdyn.ensemble.crossings import EachCrossing
 from jaxdyn.integrate.events import Event, checked_events
@@ -70,6 +71,7 @@ class SectionPoints(NamedTuple):
         return told(self.status, "start")
 
 
+@check_first
 def section(
     scene: Scene,
     event: Event,

@@ -84,6 +84,7 @@ def descended(
     closed = InUnits(equations, x, _RTOL, _MAX_STEPS)
     units, each = closed.units.x, sizes_at(equations, x)
     path, _ = _path(equations, x, each)
+    lengths = np.append(units[:-1], x[-1])  # the period by its own size
     state = _adam().init(jnp.asarray(x))
     best, best_residual, least, step = x, np.nan, np.inf, 0.0
     mark, marked = np.inf, 0
@@ -102,7 +103,7 @@ def descended(
         if error <= _ARRIVED or (least > _NEAR and index - marked >= _PATIENCE):
             break
         moves, state = _adam_moves(jnp.asarray(gradient), state)
-        new = np.clip(x + np.asarray(moves) * units, lower, upper)
+        new = np.clip(x + np.asarray(moves) * lengths, lower, upper)
         step, x = float(np.linalg.norm((new - x) / units)), new
     return Descent(
         x=best,

@@ -9,6 +9,8 @@ from orbits.shooting.newton import Iteration
 
 RTOL = 1e-14
 GOAL = 1e-12
+#: The tightest useful tolerance, for second opinions: below it rounding dominates.
+TIGHT = 1e-15
 
 
 @dataclasses.dataclass(frozen=True)

@@ -26,16 +26,11 @@ from jaxdyn._floats import as_float
 from jaxdyn.solvers import RADAU9
 from orbits.closing.closings import Closing
 from orbits.closing.conditions import Condition
-from orbits.closing.given import driven
-from orbits.closing.sizes import SPREAD
+from orbits.closing.given import drive, driven
 from orbits.motion import advanced
 from orbits.orbit import Orbit
 from orbits.shooting.collocation import steps
 from orbits.shooting.segment import MAX_STEPS, Make, Piece, linearised_end, scene_of
-
-#: Of a rate, in units of the machine epsilon: changes up to this are its rounding.
-_PHASES = 4  # of a drive, at which its period is told
-_ROUNDINGS = 64.0
 
 
 class Unknowns(NamedTuple):
@@ -295,25 +290,3 @@ def boundary(equations: Equations, x: Array, start: Array, end: Array) -> Array:
     if equations.driven:
         more.append(drive(scene, start, unknowns.period))
     return jnp.concatenate([miss, *(jnp.reshape(c, -1) for c in more)])
-
-
-def drive(scene: Scene, y: Array, period: Array) -> Array:
-    """(4 k,) the change of the rate over a period, zero where that is a multiple of the drive's.
-
-    At the phases at which the rate changes fastest: a drive may act for a small part of its period.
-    """
-    known = jax.lax.stop_gradient(period)
-    many = known * jnp.asarray(SPREAD)
-
-    def speed(t):
-        return jax.jvp(lambda t: scene.rate(t, y), (t,), (jnp.ones_like(t),))[1]
-
-    fast = jnp.abs(jax.vmap(speed)(many))
-    fast = (fast / jnp.maximum(fast.max(axis=0), jnp.finfo(float).tiny)).sum(axis=1)
-    ts = jax.lax.stop_gradient(many[jax.lax.top_k(fast, _PHASES)[1]])
-    now, later = (jax.vmap(scene.rate, (0, None))(t, y) for t in (ts, ts + period))
-    varies = jax.lax.stop_gradient(jnp.abs(now - now[:1]).max(axis=0))
-    # What varies by rounding only is no drive.
-    rounding = _ROUNDINGS * jnp.finfo(float).eps * jnp.abs(now).max(axis=0)
-    varies = jnp.where(varies > rounding, varies, jnp.inf)
-    return ((later - now) / varies[None]).ravel()

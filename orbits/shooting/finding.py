@@ -9,6 +9,7 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
+from jaxdyn._records.kinds import check_first
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Hold
 from orbits.closing.given import Problem, posed
@@ -31,6 +32,7 @@ from orbits.shooting.units import InUnits
 _RECUTS_MOST = 6
 
 
+@check_first
 def find(
     scene: Scene,
     y0=None,

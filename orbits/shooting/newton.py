@@ -25,6 +25,8 @@ _RANK_TOLERANCE_LEAST = 1e-11
 #: First damping, in units of the residual's norm; with 0.01 rough guesses end on distant orbits.
 _DAMPING_START = 0.1
 _DAMPING_GROW, _DAMPING_SHRINK = 4.0, 0.25
+#: The same where the residual may grow: with more damping such iterations alternate.
+_DAMPING_AWAY = 0.03
 _DAMPING_MAX = 1e8
 #: Consecutive steps without progress after which the residual counts as rounding.
 _STALLED_STEPS = 2
@@ -170,17 +172,19 @@ def first_step(
     upper: np.ndarray,
     units: np.ndarray,
 ) -> np.ndarray:
-    """(n,) the first damped step that `solve` takes from a point x, within the bounds."""
+    """(n,) a damped step from x, within the bounds, of an iteration that need not descend."""
     point = _Point(x=x, residual=residual, jacobian=jacobian, factors=_factors(jacobian))
-    return units * _step(point, _Bounds(lower, upper, units), _DAMPING_START)
+    return units * _step(point, _Bounds(lower, upper, units), _DAMPING_AWAY)
 
 
 def _result(best: _Point, bounds: _Bounds, goal: float, accepted: int, most: int) -> Result:
-    lower, upper, _ = bounds
+    lower, upper, units = bounds
     # Fixed entries do not count.
     at_bound = ((best.x <= lower) | (best.x >= upper)) & (lower < upper)
+    # What is 0 to rounding is 0: an entry that rests there has no size of its own.
+    nothing = (np.abs(best.x) <= np.finfo(float).eps * units) & (lower <= 0) & (0 <= upper)
     return Result(
-        x=best.x,
+        x=np.where(nothing, 0.0, best.x),
         residual=best.residual,
         jacobian=best.jacobian,
         iterations=accepted,

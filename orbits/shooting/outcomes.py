@@ -8,6 +8,7 @@ from jaxtyping import Array
 from jaxdyn import Status
 from orbits.motion import advanced, logarithmic_period, other_solver, solved
 from orbits.orbit import Orbit, Outcome
+from orbits.shooting.effort import TIGHT
 from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.newton import Result
 from orbits.shooting.segment import MAX_STEPS
@@ -139,7 +140,7 @@ def confirmed(closed: InUnits, x: np.ndarray) -> bool:
     for i in range(equations.segments):
         s = None if here.s is None else here.s[i]
         start = scene.starting(here.start[i])
-        flow = advanced(start, here.span[i], s, t0=here.t0[i], rtol=rtol, solver=solver)
+        flow = advanced(start, here.span[i], s, t0=here.t0[i], rtol=TIGHT, solver=solver)
         ends.append(np.asarray(flow.y1))
     off = equations.missed(x, here, np.array(ends)) / closed.units.rows
     maps = map_in_units(closed.transitions(x), closed.sizes)

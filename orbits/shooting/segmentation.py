@@ -118,6 +118,6 @@ def _fastest(scene: Scene, ts: Array, ys: Array, each: Array) -> Array:
     cheaper than eigenvalues.
     """
     slopes = jax.vmap(jax.jacfwd(scene.rate, argnums=1))(ts, ys)
-    slopes = slopes * (each / each[:, None])[None]
+    slopes = slopes * (each[None] / each[:, None])[None]
     fourth = jnp.linalg.matrix_power(slopes, 4)
     return jnp.sqrt(jnp.sqrt(jnp.linalg.norm(fourth, axis=(1, 2))))

@@ -10,9 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orbits.closing.sizes import sizes
+from orbits.closing.sizes import PHASES, sizes
 from orbits.shooting.equations import Equations, Evaluation
 from orbits.shooting.segment import MAX_STEPS
+
+#: Of the size of an entry: less is rounding.
+_ROUNDING = 1e-9
 
 
 class Units(NamedTuple):
@@ -52,20 +55,35 @@ def units_at(equations: Equations, x: np.ndarray, jacobian: np.ndarray, each: np
     if parameter:
         changes[:, -2] = 0.0
     states = np.concatenate([np.ravel(between), equations.closing.rows(each)])
-    rows = np.linalg.norm(changes, axis=1)
-    rows = np.where(rows > 0, rows, 1.0)
-    rows[: len(states)] = states
+    rows = equation_units(equations, states, changes)
     if parameter:
         effect = float(np.linalg.norm(slopes[:, -2] / rows))
         x_units[-2] = max(abs(x[-2]), 1 / effect if effect > 0 else 0.0) or 1.0
     return Units(x_units, rows)
 
 
+def equation_units(equations: Equations, states: np.ndarray, changes: np.ndarray) -> np.ndarray:
+    """(m,) the units of equations whose first ones are errors of states, with sizes `states`.
+
+    Those of conditions are what the unknowns change (m, n) when each changes by its unit; the
+    equations of a drive, the last ones, have none.
+    """
+    rows = np.linalg.norm(changes, axis=1)
+    rows = np.where(rows > 0, rows, 1.0)
+    rows[: len(states)] = states
+    if equations.driven:
+        rows[len(rows) - PHASES * len(equations.scene.y0) :] = 1.0
+    return rows
+
+
 def sizes_at(equations: Equations, x: np.ndarray) -> np.ndarray:
     """(k,) the sizes of the state's entries along the motion at x."""
     unknowns = equations.unpack(x)
     scene = equations.scene_at(unknowns.parameter)
-    return sizes(scene.starting(equations.start_at(x), unknowns.period))
+    found = sizes(scene.starting(equations.start_at(x), unknowns.period))
+    # An entry that rests at 0 in the equations' own scene may be rounding here.
+    known = sizes(equations.scene)
+    return np.where(found > _ROUNDING * known, found, known)
 
 
 class InUnits:

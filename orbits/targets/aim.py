@@ -22,6 +22,7 @@ import numpy as np
 
 from jaxdyn import Scene, _text
 from jaxdyn._checks import array, fail, positive
+from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis._roots import root
 from orbits.targets.launch import angle_of, checked_throw, followed, landings
 from orbits.targets.ranges import LOOK, SAME, WIDER, Aim, best_courses, courses, turns
@@ -104,6 +105,7 @@ class Throws(eqx.Module):
         return Aim(int(bad[0]) if bad.size else 0).message
 
 
+@check_first
 def hit(scene: Scene, x, speed) -> Hits:
     """All launch angles between 0 and 180 degrees that hit a point at launch height.
 
@@ -179,6 +181,7 @@ def _missed(x: float, speed: float, outcome: Aim, short=np.nan, nearest=np.nan) 
     )
 
 
+@check_first
 def farthest(scene: Scene, speed) -> Throws:
     """The launch angle with the largest range along the first axis, for one speed or many.
 
@@ -207,6 +210,7 @@ def farthest(scene: Scene, speed) -> Throws:
     return throws if shape else _single(throws)
 
 
+@check_first
 def slowest(scene: Scene, x) -> Throws:
     """The smallest launch speed with a range of at least x, and its angle.
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from jaxdyn import Scene, _text, scenes, simulate
 from jaxdyn._checks import array, fail, positive, untraced, whole
+from jaxdyn._records.kinds import check_first
 from jaxdyn.effects import CentralForce
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.finding import find
@@ -164,6 +165,7 @@ def rosette(law: CentralForce, ratio=0.4, *, r=1.0, m=1.0, loops: int = 40) -> S
     return scene.starting(scene.y0, 2 * loops * half)
 
 
+@check_first
 def count(orbit: Orbit) -> tuple[int, int]:
     """Turns about the centre and farthest points of an orbit in a period, counted on its path.
 

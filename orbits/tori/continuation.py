@@ -11,6 +11,7 @@ import dataclasses
 import numpy as np
 
 from jaxdyn import _checks, _text
+from jaxdyn._records.kinds import check_first
 from orbits.tori import circle
 from orbits.tori.invariance import Unknowns
 from orbits.tori.record import Torus, TorusOutcome
@@ -65,6 +66,7 @@ class TorusFamily:
         return np.array([torus.time for torus in self.members])
 
 
+@check_first
 def continue_tori(
     torus: Torus,
     *,

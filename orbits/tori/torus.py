@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from jaxdyn import Scene, _checks, _text
+from jaxdyn._records.kinds import check_first
 from orbits.analysis.monodromy import returned, tangents_in
 from orbits.analysis.stability import stability
 from orbits.closing.given import driven
@@ -22,6 +23,7 @@ FEWEST_MODES, MOST_MODES = 6, 60
 _ELLIPTIC = 1e-6  # distance of a multiplier from the unit circle below which it may be on it
 
 
+@check_first
 def torus(
     orbit: Orbit,
     amplitude: float,

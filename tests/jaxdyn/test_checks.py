@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxdyn import _checks, scenes, simulate, solve
+from jaxdyn import _checks, ensemble, scenes, simulate, solve
 from jaxdyn.integrate.events import Every
 
 
@@ -129,3 +129,35 @@ def test_a_number_too_large_for_a_float_is_refused():
     for use in (_checks.numbers, lambda name, x: _checks.host_array(name, x, ())):
         with pytest.raises(ValueError, match=r"^t1: expected numbers, got 1000.*\.\.\."):
             use("t1", 10**400)
+
+
+def test_flags_are_true_or_false():
+    assert _checks.flag("fixed", True) is True
+    scene = scenes.oscillator()
+    for use in (
+        lambda: solve(scene, 1.0, fixed="no"),
+        lambda: ensemble.run(scene, scene.y0[None], 1.0, fixed="no"),
+    ):
+        with pytest.raises(ValueError, match=r"^fixed: expected True or False, got 'no'"):
+            use()
+    with pytest.raises(ValueError, match=r"^adjoint: expected True or False, got 1"):
+        solve(scene, 1.0, adjoint=1)
+
+
+HUGE = 10**400
+
+
+@pytest.mark.parametrize(
+    ("use", "name"),
+    [
+        (lambda s: solve(s, HUGE), "time"),
+        (lambda s: solve(s, 1.0, rtol=HUGE), "number"),
+        (lambda s: simulate(s, 1.0, max_steps=HUGE), "max_steps"),
+        (lambda s: simulate(s, 1.0, samples=HUGE), "samples"),
+        (lambda s: scenes.oscillator(k=HUGE), "number"),
+        (lambda s: s.starting(s.y0, HUGE), "t1"),
+    ],
+)
+def test_numbers_beyond_all_floats_are_refused(use, name):
+    with pytest.raises(ValueError, match=rf"^{name}: expected .*, got 1000\d*\.\.\.\d*"):
+        use(scenes.oscillator())

@@ -57,7 +57,7 @@ def measured(
       run: solves a scene at a tolerance.
       scene: system, effects, start.
       ts: (s,) times of the computed states [s].
-      tolerance: (2,) relative and absolute.
+      tolerance: (2,) relative, and absolute in parts of the motion's sizes.
       names: of the estimate, of the solver, and of the finer solution's solver.
       by: runs the finer solution; `run` by default.
     """
@@ -136,23 +136,20 @@ def reached(
         )
     wanted = 10.0**-digits
     names = ("tolerance ladder", solver, solver)
-    size, floor = 1.0, None
+    floor = None
     rtol = min(wanted, _MAX_RTOL)
     for _ in range(_MAX_TRIES):
         rtol = max(rtol, FINEST)
-        rungs = _rungs(run, run, scene, np.array([rtol, rtol * size]))
+        rungs = _rungs(run, run, scene, np.full(2, rtol))
         if floor is None:
             floor = _limit(run, scene, rungs, digits)
         result, found = rungs.result, _estimated(rungs, scene, ts, floor, names)
-        least = float(np.min(found.scale))
         missed = float(np.max((found.error + ROUNDING_MARGIN * floor) / found.scale)) / wanted
         short = found.most_digits < digits
-        # Entries that are small in their unit need an equally small absolute tolerance.
-        if not (missed > 1 or short) or (rtol <= FINEST and least >= size):
+        if not (missed > 1 or short) or rtol <= FINEST:
             break
         if short:  # accurate for as long as possible, then
             missed = max(missed, rtol / FINEST)
-        size = min(size, least)
         rtol *= _AIM_RATIO / missed
     found = eqx.tree_at(lambda e: e.wanted, found, digits, is_leaf=lambda x: x is None)
     if found.shortfall:
@@ -244,10 +241,7 @@ def _limit(run: Run, scene: Scene, rungs: _Rungs, digits: float) -> np.ndarray:
     scale = scales(scene, rungs.fine)
     if digits_of(ROUNDING_MARGIN * np.max(floor / scale)) > digits + _NEAR_LIMIT_DIGITS:
         return floor
-    # A power of ten, since the scale of another solution differs in its last digits.
-    least = 10.0 ** np.floor(np.log10(np.min(scale)))
-    start = _LIMIT_RTOL * np.array([1.0, least])
-    fine, finer = _finer(run, scene, start, 0)
+    fine, finer = _finer(run, scene, np.full(2, _LIMIT_RTOL), 0)
     return rounding(run, scene, fine, finer, draws=_DRAWS_AT_LIMIT)
 
 

@@ -2,16 +2,20 @@
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
 from jaxdyn.plan import plan_of
-from jaxdyn.scene import Scene
+from jaxdyn.scales import at_start
+from jaxdyn.scene import Field, Scene
 from jaxdyn.system import Record
 
 #: Distance of a promised digit from rounding, in spreads of two draws; 1 in 26 errs by more.
 ROUNDING_MARGIN = 5.0
+#: Entries below this part of what others move them by may be rounding.
+_NOTHING = 1e-10
 
 
 class Estimate(Record):
@@ -22,8 +26,8 @@ class Estimate(Record):
       ys: (s, k) the solution.
       error: (s, k) estimated absolute error of each entry, in its unit.
       rounding: (s, k) the part of it that no tolerance removes; NaN where not measured.
-      scale: (k,) the measure of errors: the largest entry of the same unit. Angles are
-        taken modulo a turn.
+      scale: (k,) the measure of errors: the largest entry of its kind. Angles are taken modulo a
+        turn.
       kind: the kind of estimate.
       solver: name of the method of the solution.
       other: name of the method of the second solution.
@@ -108,11 +112,21 @@ def digits_of(error) -> float:
 
 
 def scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
-    """(k,) largest magnitude over times of the entries with the same unit; 1 if all are 0."""
+    """(k,) largest magnitude over times (s, k) of the entries of a kind, see `scales.Groups`.
+
+    Those that are zero, or rounding, are measured by what others move them by; 1 if nothing does.
+    """
     sizes = np.abs(gaps(scene, ys, np.zeros_like(ys))).max(axis=0)
-    units = [unit for _, unit in scene.system.labels()]
-    of_unit = [max(s for s, u in zip(sizes, units, strict=True) if u == unit) for unit in units]
-    return np.where(np.array(of_unit) == 0, 1.0, of_unit)
+    return np.asarray(_of_kinds(scene.field, sizes, scene.y0, scene.t1))
+
+
+@eqx.filter_jit
+def _of_kinds(field: Field, sizes: Array, y0: Array, t1: Array) -> Array:
+    # Angles are within a turn.
+    kinds = field.groups._replace(most=(np.inf,) * len(y0))
+    sizes, moved = kinds.largest(sizes), at_start(field, kinds, jnp.zeros(()), y0, t1)[0].sizes
+    sizes = jnp.where(sizes > _NOTHING * moved, sizes, moved)
+    return jnp.where(sizes == 0, 1.0, sizes)
 
 
 def gaps(scene: Scene, ys: np.ndarray, others: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn._numerics import in_one_kernel
+from jaxdyn._records.kinds import check_first
 from jaxdyn._text import counted
 from jaxdyn.integrate.event_search.event_values import time_slope
 from jaxdyn.integrate.events import Event, checked_events
@@ -62,6 +63,7 @@ class Crossings(NamedTuple):
         return f"{counted(int(self.count), 'crossing')}. {Status(int(self.status)).message}"
 
 
+@check_first
 def crossings(
     scene: Scene,
     event: Event,

@@ -22,10 +22,11 @@ from jaxdyn.integrate.event_search.beginning import Beginning
 from jaxdyn.integrate.event_search.event_values import Sight, directions
 from jaxdyn.integrate.event_search.polish import Bracket, landed, polished
 from jaxdyn.integrate.event_search.stretches import settled
-from jaxdyn.integrate.march import march
+from jaxdyn.integrate.march import Before, march
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.step_control import StepControl
 from jaxdyn.solvers import Method
+from jaxdyn.solvers.sizes import allowed
 from jaxdyn.status import Status
 
 #: Parts of a step, or of a panel of it, at which events are sampled besides its beginning. Not
@@ -51,6 +52,7 @@ class Crossing(NamedTuple):
       status: () `Status` code.
       towards: () sign of its value after the crossing.
       steps: () number of steps of the search, also rejected ones.
+      sizes: (k,) of the motion so far, see `solvers.sizes`.
     """
 
     t: Array
@@ -59,9 +61,22 @@ class Crossing(NamedTuple):
     status: Array
     towards: Array
     steps: Array
+    sizes: Array
 
 
-def first_crossing(field, events, y0, t0, t1, limits, ts, sides=0.0, *, method: Method):
+def first_crossing(
+    field,
+    events,
+    y0,
+    t0,
+    t1,
+    limits,
+    ts,
+    sides=0.0,
+    *,
+    method: Method,
+    before: Before | None = None,
+):
     """The motion up to where the search ended, and the first crossing; no derivatives.
 
     Args:
@@ -74,10 +89,13 @@ def first_crossing(field, events, y0, t0, t1, limits, ts, sides=0.0, *, method: 
       ts: (s,) times of samples.
       sides: (E,) signs of the values just after the start where these are known, else 0.
       method: see `flow`.
+      before: see `march`.
     """
     sight = Sight(field, events, method)
     watch = _Lookout(sight, jnp.broadcast_to(sides, directions(events).shape))
-    out, seen, _ = march(field, y0, t0, t1, ts, limits, method=method, watch=watch)
+    out, seen, sizes = march(
+        field, y0, t0, t1, ts, limits, method=method, watch=watch, before=before
+    )
     hs, ys = polished(sight, seen.t0, seen.y0, seen.bracket)
     # The first of the events among those that happen at once.
     near = jnp.abs(hs) <= jnp.min(jnp.abs(hs)) * (1 + _AT_ONCE)
@@ -87,8 +105,7 @@ def first_crossing(field, events, y0, t0, t1, limits, ts, sides=0.0, *, method: 
     # A step is checked at its end; of the shorter one to the event only this is known.
     there = jnp.where(jnp.isfinite(h), h, 0.0)
     step = method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)
-    rtol, atol = limits.tolerance
-    size = StepControl.norm(step.error / (atol + rtol * jnp.maximum(abs(seen.y0), abs(y))))
+    size = StepControl.norm(step.error / allowed(limits.tolerance, sizes, seen.y0, y))
     moved = jnp.isfinite(h) & (h != 0)
     unseen = (out.status == int(Status.OK)) & moved & ~(size < _TRUSTED_ERROR)
     status = jnp.where(unseen, int(Status.UNSEEN_WITHIN_STEP), out.status)
@@ -100,6 +117,7 @@ def first_crossing(field, events, y0, t0, t1, limits, ts, sides=0.0, *, method: 
         status=status,
         towards=towards,
         steps=out.steps + out.rejected,
+        sizes=sizes,
     )
     return out, found
 

@@ -114,7 +114,7 @@ class Taylor(Method):
         return self._advance(field, t, h, y, None)
 
     def advance_within(
-        self, field: Rate, t: Array, h: Array, y: Array, tolerance: Array
+        self, field: Rate, t: Array, h: Array, y: Array, tolerance: tuple[Array, Array]
     ) -> Advance:
         return self._advance(field, t, h, y, tolerance)
 

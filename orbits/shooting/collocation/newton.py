@@ -14,7 +14,7 @@ from orbits.shooting.collocation import steps as gauss
 from orbits.shooting.collocation.elimination import Chain, condensed, expanded
 from orbits.shooting.equations import Equations, boundary, pieces
 from orbits.shooting.newton import Iteration, Result
-from orbits.shooting.units import sizes_at
+from orbits.shooting.units import equation_units, sizes_at
 
 #: Singular values of the condensed equations below this share of the largest belong to motions
 #: along the orbit, its family and the symmetries.
@@ -46,11 +46,9 @@ def scales_of(equations: Equations, x: np.ndarray) -> Scales:
     all_of_x = equations.pack(
         largest, between, angle=1.0, parameter=1.0, period=x[-1] / (2 * np.pi)
     )
-    rows = equations.closing.rows(largest)
     _, by_x, _ = map(np.asarray, _linearised_boundary(equations, x, states[0]))
-    changes = np.linalg.norm(by_x * all_of_x[_shared(equations)], axis=1)
-    closing = np.where(changes > 0, changes, 1.0)
-    closing[: len(rows)] = rows
+    changes = by_x * all_of_x[_shared(equations)]
+    closing = equation_units(equations, equations.closing.rows(largest), changes)
     return Scales(state=largest, x=all_of_x, closing=closing)
 
 

@@ -194,7 +194,7 @@ class WithoutValue(Effect):
         (lambda: linearize.linearize(NO_BODIES, []), "system: expected a system with a state"),
         (
             lambda: linearize.linearize(pendulum, [0.0, 0.0]),
-            "scene: expected a Scene, got pendulum",
+            "scene: expected a Scene or a Field, got pendulum",
         ),
         (lambda: linearize.linearize(SWING, [np.nan, 0.0]), "y: expected finite numbers"),
         (lambda: linearize.linearize(SWING, [0.0, 0.0], "now"), "t: expected numbers, got 'now'"),

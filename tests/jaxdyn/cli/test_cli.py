@@ -325,3 +325,25 @@ def test_a_motion_that_stops_is_exit_code_1(jaxdyn):
     assert code == 1
     assert "stopped" in out
     assert "not reached" in out
+
+
+def _shell(command: str, **more: str) -> subprocess.CompletedProcess:
+    environment = os.environ | more
+    return subprocess.run(["sh", "-c", command], capture_output=True, env=environment, check=False)
+
+
+def test_a_closed_standard_output_is_one_line():
+    done = _shell(f"{sys.executable} -m jaxdyn list oscillator --json >&-")
+    assert done.returncode == 2
+    assert done.stderr.decode() == (
+        "error: standard output is closed. Write to a file, or to /dev/null.\n"
+    )
+    assert _shell(f"{sys.executable} -m jaxdyn list bogus 2>&-").stdout == b""
+
+
+def test_a_terminal_that_knows_ascii_only_gets_the_list():
+    command = f"{sys.executable} -m jaxdyn list --problems"
+    done = _shell(command, PYTHONIOENCODING="ascii", LC_ALL="C")
+    assert done.returncode == 0, done.stderr
+    assert b"jaxdyn.analysis" in done.stdout
+    assert max(done.stdout) < 128

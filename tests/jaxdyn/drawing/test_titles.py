@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxdyn import Scene, drawing, scenes, simulate
-from jaxdyn.drawing.titles import describe
+from jaxdyn.drawing.titles import describe, readable
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import catalogue
@@ -40,3 +40,12 @@ def test_a_title_of_several_scenes_has_what_they_share():
 def test_a_name_is_no_formula():
     scene = dataclasses.replace(scenes.cannonball(), name="$_^$")
     drawing.trajectory(simulate(scene, samples=3))._repr_png_()
+
+
+@pytest.mark.parametrize("title", ["costs 5$ and $\\frac{$", "$x^2$", "plain", None])
+def test_dollar_signs_of_a_title_are_drawn_where_they_are_no_formula(title):
+    shown = readable(title)
+    plain = title or ""
+    assert shown == (plain.replace("$", r"\$") if "frac" in plain else plain)
+    figure = drawing.time_series(simulate(scenes.oscillator()), title=title).figure
+    figure.draw_without_rendering()

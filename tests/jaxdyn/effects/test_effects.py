@@ -1,6 +1,7 @@
 """What holds for every effect: potentials against forces, finite slopes, refused numbers."""
 
 import re
+from functools import partial
 from typing import ClassVar
 
 import jax
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from helpers import EXACT, Gauss, Yukawa, gap, primitives
 
-from jaxdyn import Effect, Points
+from jaxdyn import Effect, Points, effects, scenes, simulate
 from jaxdyn.effects import (
     ConstantForce,
     Dashpot,
@@ -199,3 +200,17 @@ def test_a_potential_alone_makes_a_force():
             return 0.5 * jnp.sum(r * r) + t * 0
 
     assert gap(Trap().force(T, R, V, M), -R) < EXACT
+
+
+@pytest.mark.parametrize(
+    "make",
+    [effects.ConstantForce, effects.StepForce, partial(effects.SinusoidalForce, omega=1.0)],
+)
+def test_a_force_of_another_shape_is_refused_by_name(make):
+    for force, got in ((5.0, r"\(\)"), ([1.0, 2.0, 3.0], r"\(3,\)")):
+        message = rf"^F: expected shape \(2,\), got shape {got}\. One component for each axis"
+        for use in (simulate, lambda scene: scene.rate(0.0, scene.y0)):
+            with pytest.raises(ValueError, match=message):
+                use(scenes.cannonball() + make(force))
+    with pytest.raises(ValueError, match=r"^on: expected None for all points, or a tuple, got ''"):
+        simulate(scenes.cannonball() + make([1.0, 2.0], on=""))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers import EXACT, SOLVED, gap, primitives
 
-from jaxdyn import simulate
+from jaxdyn import scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.geometry import kinematics
@@ -186,3 +186,9 @@ def test_violation_is_empty_without_ties():
     assert phi.size == rates.size == 0
     y = np.array([0.1, 0.2, 0.3, 0.4])
     assert gap(system.project(NOW, jnp.asarray(y)), y) == 0.0
+
+
+def test_a_treatment_of_drift_that_is_none_is_refused_in_every_formulation():
+    for formulation in ("lagrange", "constrained"):
+        with pytest.raises(ValueError, match=r"^drift: expected one of baumgarte, projection, raw"):
+            scenes.bead_on_parabola(formulation=formulation, drift="bogus")

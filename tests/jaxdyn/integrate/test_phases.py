@@ -11,7 +11,7 @@ from jaxdyn._progress import told
 from jaxdyn.effects import PairGravity, Spring, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.hard.cases.contact import box
-from jaxdyn.integrate.events import Reaches, When, until
+from jaxdyn.integrate.events import Reaches, When, stop_of
 from jaxdyn.integrate.phase import END, Exit, Phase
 from jaxdyn.integrate.phases import follow, simulate_phases
 from jaxdyn.solvers import DOPRI8
@@ -180,11 +180,11 @@ def test_endless_bounces_end_above_the_floor():
 def test_a_motion_beyond_a_bound_has_no_numbers(monkeypatch):
     """Should a crossing ever be missed."""
 
-    def blind(scene, events, t1, *, t0, **how):
+    def blind(scene, events, t1, t0, options, sides):
         never = (Reaches(0, 1e9, 1),) * len(events)
-        return until(scene, never, t1, t0=t0, **how)
+        return stop_of(scene, never, t1, t0, options)
 
-    monkeypatch.setattr("jaxdyn.integrate.phases.until", blind)
+    monkeypatch.setattr("jaxdyn.integrate.phases.stop_of", blind)
     chain = simulate_phases(ENDLESS, "fly", START, 2.0, samples=5)
     assert chain.status == Status.BOUND_PASSED
     assert np.isnan(chain.t)
@@ -379,3 +379,14 @@ def test_a_phase_without_exits_that_fails_leaves_no_numbers():
     assert chain.status == Status.STEP_COLLAPSED
     assert np.isnan(chain.t)
     assert np.isnan(chain.y).all()
+
+
+def test_the_chain_of_phases_is_not_traced():
+    message = r"^simulate_phases: expected numbers, got values traced .*`follow` goes through"
+    for traced in (
+        lambda x: simulate_phases(BOUNCING, "fly", START, x).t,
+        lambda x: simulate_phases(BOUNCING, "fly", START, 1.0, rtol=1e-9 * x).t,
+        lambda x: simulate_phases(BOUNCING, "fly", START * x, 1.0).t,
+    ):
+        with pytest.raises(ValueError, match=message):
+            jax.jit(traced)(1.0)

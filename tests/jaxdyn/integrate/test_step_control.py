@@ -8,7 +8,9 @@ from helpers import gap, kepler, kepler_state
 from jaxdyn.integrate.observing import Samples
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.step_control import StepControl
+from jaxdyn.scales import Groups
 from jaxdyn.solvers import KAHAN_LI8, VERNER9
+from jaxdyn.solvers.sizes import allowed, grown
 
 
 @pytest.mark.parametrize("solver", [None, VERNER9], ids=["Nystrom", "Verner"])
@@ -45,14 +47,33 @@ def test_steps_do_not_depend_on_the_direction_or_the_origin_of_time():
     assert gap(later.y1, there.y1) < 1e-11  # t has 13 digits behind the point there
 
 
-def test_tangents_are_measured_by_the_largest_entry_of_their_column():
-    control = StepControl(rtol=jnp.array(0.1), atol=jnp.array(1.0), ts=jnp.zeros(0))
-    y0 = jnp.array([[10.0, 100.0], [-20.0, 1.0]])
-    scale = control._scale(y0, jnp.zeros((2, 2)))
-    np.testing.assert_allclose(scale, [[2.0, 11.0], [3.0, 11.0]], rtol=1e-15)
-    np.testing.assert_allclose(control._scale(y0[:, 0], y0[:, 0]), [2.0, 3.0], rtol=1e-15)
-    # The worst column counts, by its mean square.
-    assert float(control.norm(jnp.array([[1.0, 0.0], [1.0, 3.0]]))) == np.sqrt(4.5)
+def test_a_given_absolute_tolerance_is_in_the_units_of_the_state():
+    tolerance, y = jnp.array([0.1, 1.0, 0.0]), jnp.array([10.0, -20.0])
+    np.testing.assert_allclose(allowed(tolerance, y, y, 0 * y), [2.0, 3.0], rtol=1e-15)
+
+
+def test_the_default_one_is_in_the_sizes_of_the_motion():
+    tolerance, y = jnp.array([0.1, 0.0, 0.1]), jnp.array([10.0, 0.0])
+    np.testing.assert_allclose(allowed(tolerance, jnp.array([30.0, 2.0]), y, y), [4.0, 0.2])
+    alone, together = Groups((0, 1), (np.inf, np.inf)), Groups((0, 0), (np.inf, np.inf))
+    np.testing.assert_array_equal(grown(alone, jnp.array([3.0, 1.0]), -y), [10.0, 1.0])
+    np.testing.assert_array_equal(grown(together, jnp.array([3.0, 1.0]), -y), [10.0, 10.0])
+
+
+def test_tangents_are_measured_by_the_largest_entry_of_their_column_in_the_sizes_of_the_state():
+    groups = Groups((0, 1, 2), (np.inf,) * 3)
+    sizes = jnp.zeros((3, 2)).at[:, 0].set(jnp.array([10.0, 0.1, 0.0]))
+    y = jnp.array([[10.0, 100.0], [-0.1, 2.0], [0.0, 5.0]])
+    # The second entry is 20 sizes; the third never moves, and is measured by itself.
+    found = grown(groups, sizes, y)
+    np.testing.assert_allclose(found, [[10.0, 200.0], [0.1, 2.0], [0.0, 5.0]])
+    tolerance = jnp.array([0.1, 1.0, 0.0])
+    wide = allowed(tolerance, found, y, 0 * y)
+    np.testing.assert_allclose(wide, [[2.0, 21.0], [1.01, 1.2], [1.0, 1.5]])
+
+
+def test_the_worst_column_counts_by_its_mean_square():
+    assert float(StepControl.norm(jnp.array([[1.0, 0.0], [1.0, 3.0]]))) == np.sqrt(4.5)
 
 
 def test_samples_are_ends_of_shorter_steps():

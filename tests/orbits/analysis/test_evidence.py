@@ -9,6 +9,7 @@ import orbits
 from jaxdyn import scenes
 from jaxdyn.effects import LinearDrag
 from jaxdyn.solvers import DOPRI8
+from orbits.closing.sizes import sizes
 from orbits.orbit import Orbit, Outcome
 
 
@@ -27,9 +28,10 @@ def test_closure_of_no_orbit_is_the_distance_to_the_start():
     scene = kepler(0.3)
     t = 0.9 * 2 * np.pi
     orbit = orbit_of(scene.starting(scene.y0, t))
-    exact = gap(kepler_state(0.3, t), kepler_state(0.3, 0.0))
+    each = sizes(orbit.scene)
+    exact = gap(kepler_state(0.3, t) / each, kepler_state(0.3, 0.0) / each)
     assert abs(orbits.closure(orbit) - exact) < SOLVED
-    exact = gap(kepler_state(0.3, 3 * t), kepler_state(0.3, 0.0))
+    exact = gap(kepler_state(0.3, 3 * t) / each, kepler_state(0.3, 0.0) / each)
     assert abs(orbits.closure(orbit, periods=3) - exact) < 10 * SOLVED
 
 
@@ -41,7 +43,7 @@ def test_recheck_owes_nothing_to_the_orbits_own_tolerance_and_residual():
     scene = kepler(0.3)
     wrong = orbit_of(scene.starting(scene.y0, scene.t1 + late))
     assert wrong.residual == 0.0
-    speed = np.abs(scene.rate(0.0, scene.y0)).max()
+    speed = np.abs(np.asarray(scene.rate(0.0, scene.y0)) / sizes(scene)).max()
     assert abs(orbits.recheck(wrong).closure / (late * speed) - 1) < 1e-4
 
 

@@ -26,3 +26,20 @@ def test_the_rest_of_a_driven_scene_is_an_orbit():
     upright = orbits.find(scenes.shaken_pendulum(angle=0.0), period=2 * math.pi / 60)
     assert upright.ok
     assert orbits.stability(upright).verdict == "stable"
+
+
+@pytest.mark.parametrize(
+    ("hold", "message"),
+    [
+        (orbits.Energy([]), r"^energy: expected shape \(\), got shape \(0,\)"),
+        (orbits.Energy([1.0, 2.0]), r"^energy: expected shape \(\), got shape \(2,\)"),
+        (orbits.Period([]), r"^period: expected shape \(\), got shape \(0,\)"),
+        (orbits.Period(-1.0), r"^period: expected > 0, got -1"),
+        (orbits.Section(0, [1.0, 2.0]), r"^level: expected shape \(\), got shape \(2,\)"),
+        (orbits.Section(2, 1.0), r"^entry: expected an entry of the state, 0 to 1, got 2"),
+        (orbits.Section("x", 1.0), r"^entry: expected an entry of the state, 0 to 1, got 'x'"),
+    ],
+)
+def test_a_condition_that_is_no_equation_is_refused(hold, message):
+    with pytest.raises(ValueError, match=message):
+        orbits.find(scenes.oscillator(), period=6.0, hold=hold)

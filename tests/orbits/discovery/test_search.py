@@ -326,3 +326,19 @@ def searched_row(**options):
 )
 def test_invalid_arguments_are_refused_by_name(call, message):
     assert message in refusal(call)
+
+
+@pytest.mark.parametrize(
+    ("sampler", "message"),
+    [
+        (orbits.Box([np.nan, 0.0], [1.0, 1.0]), r"^low: expected finite numbers, got nan"),
+        (orbits.Box([0.0, 0.0], [1.0, np.inf]), r"^high: expected finite numbers, got inf"),
+        (orbits.Box([0.0, 0.0], [1.0]), r"^high: expected shape \(2,\), got shape \(1,\)"),
+        (orbits.Starts([[1.0, np.nan]] * 3), r"^y0s: expected finite numbers, got nan"),
+        (orbits.Starts([[1.0, 0.0]]), r"^samples: expected at most the 1 rows of Starts, got more"),
+        (orbits.Starts([1.0, 0.0, 0.0]), r"^y0s: expected shape \(any, any\), got shape \(3,\)"),
+    ],
+)
+def test_samples_that_are_no_numbers_are_refused(sampler, message):
+    with pytest.raises(ValueError, match=message):
+        orbits.search(scenes.oscillator(), sampler, 3, longest=10.0)

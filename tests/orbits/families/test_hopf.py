@@ -1,5 +1,6 @@
 """Orbits from Hopf points: their size, their period, and the family that they begin."""
 
+import jax.numpy as jnp
 import numpy as np
 import odes
 import pytest
@@ -70,3 +71,42 @@ def test_lorenz_orbits_are_followed_from_their_hopf_point_towards_the_homoclinic
         atol=1e-13,
     )
     assert np.abs(flow.y[:, -1] - member.orbit.y0).max() < 1e-9
+
+
+def axon(t, y, current):
+    """Hodgkin and Huxley's equations: mV from rest, ms, uA/cm^2; gates between 0 and 1."""
+    v, m, h, n = y
+
+    def linoid(x):
+        small = jnp.abs(x) < 1e-6
+        return jnp.where(small, 1 - x / 2, x / jnp.expm1(jnp.where(small, 1.0, x)))
+
+    sodium, potassium = 120 * m**3 * h * (v - 115), 36 * n**4 * (v + 12)
+    return [
+        current - sodium - potassium - 0.3 * (v - 10.599),
+        linoid((25 - v) / 10) * (1 - m) - 4 * jnp.exp(-v / 18) * m,
+        0.07 * jnp.exp(-v / 20) * (1 - h) - h / (jnp.exp((30 - v) / 10) + 1),
+        0.1 * linoid((10 - v) / 10) * (1 - n) - 0.125 * jnp.exp(-v / 80) * n,
+    ]
+
+
+def axon_at(current):
+    return jaxdyn.ode(axon, [0.0, 0.05, 0.6, 0.32], 20.0, params=current)
+
+
+@pytest.mark.slow
+def test_the_cycles_of_an_axon_have_their_folds():
+    start = [0.0, 0.05, 0.6, 0.32]
+    rests = jaxdyn.continue_equilibria(axon_at, 0.0, start, step=2.0, members=100)
+    first, last = rests.special[:2]
+    # Rinzel, Miller, Biol. Cybern. 37 (1980) 1; Hassard, J. Theor. Biol. 71 (1978) 401.
+    assert abs(first.parameter - 9.7796) < 1e-4
+    assert abs(last.parameter - 154.527) < 1e-3
+    orbit, current = orbits.from_hopf(rests, first)
+    assert current < first.parameter  # subcritical
+    orbit, current = orbits.from_hopf(rests, last)
+    family = orbits.continue_family(
+        orbit, axon_at, current, step=0.1, members=150, down=True, segments=8, within=(0, 160)
+    )
+    folds = [x.parameter for x in family.special if x.kind == orbits.Kind.FOLD]
+    np.testing.assert_allclose(folds, [6.26, 7.92, 7.85], atol=6e-3)

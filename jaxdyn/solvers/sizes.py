@@ -1,0 +1,127 @@
+"""The sizes of a state along a motion, in which an absolute tolerance of a step is by default.
+
+The error that a step may have in an entry is
+
+    atol + share * size + rtol * |y|
+
+with `atol` in the units of the state, where it is given, and else a share of the size of the entry,
+by default `rtol`. Sizes are the largest so far of each group of entries (`scales.Groups`); at the
+start, where an entry may be zero that others move at once, a part of the scales that the rate shows
+there. So an entry that is zero, or rounding, for a while or by symmetry asks for no smaller steps.
+
+Tangents of a state (k, columns) are as large as their column: the largest of their entries, each in
+the size of the state's, whatever the units of entries and of perturbed numbers.
+"""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn.scales import Groups, at_start
+
+#: The part of the scales at the start that counts until the motion has shown its own. They are what
+#: an entry gets to in the time of the motion, unless others stop it before.
+_PART = 0.1
+
+
+class Begun(NamedTuple):
+    """What is known at a start.
+
+    Attributes:
+      sizes: (k, ...) of the entries.
+      time: () that in which the motion changes.
+      rate: (k, ...) there; that of tangents counts as 0.
+    """
+
+    sizes: Array
+    time: Array
+    rate: Array
+
+
+def begun(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
+    """The sizes of a state (k, ...) at its start, and the rate and the time of its motion.
+
+    Args:
+      field: has ``rate`` and ``groups``; for a state with tangents ``single``, the field of the
+        state alone.
+      t0: () start time.
+      y0: (k, ...) start.
+      t1: () end time.
+    """
+    with_tangents = field
+    field, y = _alone(field, y0)
+    scales, rate = at_start(field, field.groups, t0, y, t1)
+    sizes = jnp.maximum(field.groups.largest(jnp.abs(y)), _PART * scales.sizes)
+    if y0.ndim == 1:
+        return Begun(sizes, scales.time, rate)
+    beside = _PART * sizes
+    there = jnp.maximum(*(_rates_at(with_tangents, t0, y0, y + off) for off in (-beside, beside)))
+    wide = (_PART * scales.time * there).reshape(len(y), -1)
+    tangents = _of_tangents(sizes, wide[:, 1:])
+    wide = jnp.concatenate([sizes[:, None], tangents], axis=1).reshape(y0.shape)
+    return Begun(grown(field.groups, wide, y0), scales.time, rate)
+
+
+def _rates_at(field: Any, t: Array, y: Array, state: Array) -> Array:
+    """(k, ...) magnitudes of the rates of a state with tangents at another state (k,).
+
+    Tangents that begin as zero, in a force that is zero there as well, may grow by any power of
+    time. They have the size of what moves them a little further on: measured by themselves, each
+    step would be too long.
+    """
+    flat = y.reshape(len(y), -1)
+    moved = jnp.concatenate([state[:, None], flat[:, 1:]], axis=1).reshape(y.shape)
+    rates = jnp.abs(field.rate(t, moved))
+    return jnp.where(jnp.isfinite(rates), rates, 0.0)
+
+
+def groups_of(field: Any, y: Array) -> Groups:
+    """The groups of the state alone."""
+    return _alone(field, y)[0].groups
+
+
+def _alone(field: Any, y: Array) -> tuple[Any, Array]:
+    """The field of the state without its tangents, and the state (k,)."""
+    while y.ndim > 1:
+        field, y = field.single, y[..., 0]
+    return field, y
+
+
+def grown(groups: Groups, sizes: Array, y: Array) -> Array:
+    """The sizes (k, ...) after a step to y (k, ...): nowhere smaller."""
+    if y.ndim == 1:
+        return jnp.maximum(sizes, groups.largest(jnp.abs(y)))
+    flat = sizes.reshape(len(y), -1), jnp.abs(y).reshape(len(y), -1)
+    old, now = flat
+    state = jnp.maximum(old[:, 0], groups.largest(now[:, 0]))
+    found = jnp.concatenate([state[:, None], _of_tangents(state, now[:, 1:])], axis=1)
+    return jnp.maximum(old, found).reshape(y.shape)
+
+
+def allowed(tolerance: Array, sizes: Array, y0: Array, y1: Array) -> Array:
+    """The error (k, ...) that a step from y0 to y1 may have, where sizes are those after it."""
+    now = jnp.maximum(jnp.abs(y0), jnp.abs(y1))
+    if y0.ndim > 1:
+        state, flat = sizes.reshape(len(now), -1)[:, 0], now.reshape(len(now), -1)
+        wide = jnp.concatenate([flat[:, :1], _of_tangents(state, flat[:, 1:])], axis=1)
+        now = wide.reshape(now.shape)
+    return absolute(tolerance, sizes) + tolerance[0] * now
+
+
+def absolute(tolerance: Array, sizes: Array) -> Array:
+    """The part (k, ...) of the error that a step may have that does not depend on the step.
+
+    It is positive, also for what never moves, and has no error.
+    """
+    return tolerance[1] + tolerance[2] * sizes + jnp.finfo(sizes.dtype).tiny
+
+
+def _of_tangents(state: Array, tangents: Array) -> Array:
+    """Sizes (k, c) of tangents whose entries have magnitudes (k, c); see above.
+
+    Entries of a state without a size, which never move, have tangents of their own sizes.
+    """
+    moves = (state > 0)[:, None]
+    parts = jnp.where(moves, tangents / jnp.where(moves, state[:, None], 1.0), 0.0)
+    return jnp.where(moves, state[:, None] * jnp.max(parts, axis=0)[None], tangents)

@@ -1,0 +1,44 @@
+"""The sizes of the entries of a state along a motion."""
+
+import numpy as np
+
+import jaxdyn
+from jaxdyn import scenes
+from orbits.closing.sizes import alike, sizes, sizes_at_rest
+
+
+def spring(t, y, k):
+    return [y[1], -k * y[0]]
+
+
+def test_a_velocity_that_is_zero_at_the_start_has_the_size_that_the_force_gives_it():
+    for length, k in ((1.0, 1.0), (1e-10, 1e30), (1e9, 1e-12)):
+        scene = jaxdyn.ode(spring, [length, 0.0], 2 * np.pi / np.sqrt(k), params=k)
+        place, velocity = sizes(scene)
+        assert place == length
+        assert 0.2 < velocity / (length * np.sqrt(k)) < 2
+
+
+def test_entries_of_a_unit_have_one_size():
+    scene = scenes.three_body()
+    each = sizes(scene)
+    assert len(set(each[:6])) == len(set(each[6:])) == 1
+    assert alike(scene, np.arange(12.0)).tolist() == [5.0] * 6 + [11.0] * 6
+
+
+def test_entries_at_rest_have_the_sizes_of_each_other():
+    def rate(t, y, k):  # the last two are an oscillator at rest, beside one that moves
+        return [y[1], -k * y[0], y[3], -k * y[2]]
+
+    for k in (1.0, 1e24):
+        scene = jaxdyn.ode(rate, [1.0, 0.0, 0.0, 0.0], 2 * np.pi / np.sqrt(k), params=k)
+        each = sizes(scene)
+        assert 0.2 < each[3] / (each[2] * np.sqrt(k)) < 2
+
+
+def test_rounding_is_no_size_of_an_equilibrium():
+    for k in (1.0, 1e24):
+        scene = jaxdyn.ode(lambda t, y, k: [y[1], k * (1e-9 - y[0])], [0.0, 0.0], 1.0, params=k)
+        place, velocity = sizes_at_rest(scene, np.array([1e-9, 1e-24]))
+        assert place == 1e-9
+        assert 0.2 < velocity / (1e-9 * np.sqrt(k)) < 2
