@@ -37,6 +37,7 @@ from benchmarks import (
     figure_eight,
     gradient,
     monodromy,
+    nonsmooth,
     systems,
 )
 from benchmarks._timing import Curves, Row
@@ -56,6 +57,7 @@ RUNS = {
     "systems": systems.run,
     "bodies": bodies.run,
     "default": default_method.run,
+    "nonsmooth": nonsmooth.run,
     "monodromy": monodromy.run,
     "gradient": gradient.run,
     "calls": calls.run,

@@ -6,6 +6,7 @@ Peers are optional: `importable` prints a line for those that are missing.
 import functools
 import importlib.util
 from collections.abc import Callable
+from typing import Any
 
 import diffrax
 import jax
@@ -130,10 +131,15 @@ def _heyoka_run(integrator, y0s: np.ndarray, t1) -> Run:
 # ---- diffrax, with its defaults
 
 
-def diffrax_run(problem: Problem, solver: diffrax.AbstractSolver, tol: float) -> Run:
-    """The ends (n, k) of a problem, compiled."""
+def diffrax_run(
+    problem: Any, solver: diffrax.AbstractSolver, tol: float, max_steps: int = _MAX_STEPS
+) -> Run:
+    """The ends (n, k) of a problem with `scene`, `y0s` and `t1`, compiled.
+
+    NaN where it would take more than `max_steps` steps.
+    """
     args = problem.scene.field, problem.y0s, problem.t1, tol
-    return lambda: np.asarray(_diffrax(*args, solver=solver))
+    return lambda: np.asarray(_diffrax(*args, solver=solver, max_steps=max_steps))
 
 
 def diffrax_vmap(scene: Scene, tol: float, y0s: np.ndarray) -> np.ndarray:
@@ -141,9 +147,9 @@ def diffrax_vmap(scene: Scene, tol: float, y0s: np.ndarray) -> np.ndarray:
     return np.asarray(_diffrax_vmap(scene.field, y0s, float(scene.t1), tol))
 
 
-@functools.partial(jax.jit, static_argnames="solver")
-def _diffrax(field, y0s, t1, tol, *, solver):
-    return one_by_one(lambda y0: _diffrax_one(field, y0, t1, tol, solver), y0s)
+@functools.partial(jax.jit, static_argnames=("solver", "max_steps"))
+def _diffrax(field, y0s, t1, tol, *, solver, max_steps):
+    return one_by_one(lambda y0: _diffrax_one(field, y0, t1, tol, solver, max_steps), y0s)
 
 
 @jax.jit
@@ -151,7 +157,7 @@ def _diffrax_vmap(field, y0s, t1, tol):
     return jax.vmap(lambda y0: _diffrax_one(field, y0, t1, tol, diffrax.Dopri8()))(y0s)
 
 
-def _diffrax_one(field, y0, t1, tol, solver):
+def _diffrax_one(field, y0, t1, tol, solver, max_steps=_MAX_STEPS):
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda t, y, field: field.rate(t, y)),
         solver,
@@ -161,10 +167,12 @@ def _diffrax_one(field, y0, t1, tol, solver):
         y0,
         args=field,
         stepsize_controller=diffrax.PIDController(rtol=tol, atol=tol),
-        max_steps=_MAX_STEPS,
+        max_steps=max_steps,
+        throw=False,
     )
     assert solution.ys is not None
-    return solution.ys[-1]
+    reached = solution.result == diffrax.RESULTS.successful
+    return jax.numpy.where(reached, solution.ys[-1], jax.numpy.nan)
 
 
 def one_by_one(solve: Callable, y0s):

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from helpers import gap
+from scipy import integrate, linalg, optimize
 from typer.testing import CliRunner
 
 from benchmarks import __main__ as command_line
@@ -19,8 +20,10 @@ from benchmarks import (
     figure_eight,
     gradient,
     monodromy,
+    nonsmooth,
     picture,
     problems,
+    switched,
     systems,
 )
 from benchmarks._timing import Method, Row, Times, at_error, interleaved, work_precision
@@ -52,6 +55,10 @@ def test_an_error_that_no_run_reaches_has_no_time():
     runs = [1e-6, 1e-9], [_same(1.0), _same(2.0)]
     assert np.isnan(at_error(*runs, 1e-10)).all()
     assert at_error(*runs, 1e-3) == _same(1.0)
+
+
+def test_a_method_without_runs_has_no_time():
+    assert np.isnan(at_error([], [], 1e-3)).all()
 
 
 def test_slow_runs_take_part_in_fewer_rounds():
@@ -121,6 +128,61 @@ def test_formulas_and_scenes_are_the_same_equations(name):
     noise = np.random.default_rng(1).standard_normal(problem.y0s.shape[1])
     y = problem.y0s[-1] + 0.1 * noise
     assert gap(np.array(problem.formulas(np)(y)), problem.scene.rate(0.0, y)) < EXACT
+
+
+@pytest.mark.parametrize("name", switched.SWITCHED)
+def test_a_rate_with_switches_is_that_of_its_pieces(name):
+    problem = switched.SWITCHED[name]()
+    for leg in switched.scipy_legs(problem, 1e-10)()[:5]:
+        t = 0.5 * (leg.t0 + leg.t1)
+        rate = problem.piece(np)
+        y = integrate.solve_ivp(rate, (leg.t0, t), leg.y0, args=(leg.mode,)).y[:, -1]
+        assert all(value >= 0 for value in problem.guards(t, y, leg.mode))
+        piece = np.array(rate(t, y, leg.mode))
+        room = EXACT * max(np.abs(piece).max(), 1.0)
+        assert gap(piece, problem.scene.rate(t, y)) < room
+        assert gap(piece, np.array(problem.rate(np)(t, y))) < room
+
+
+@pytest.mark.parametrize("name", switched.SWITCHED)
+def test_two_integrators_find_the_same_switches(name):
+    pytest.importorskip("heyoka")
+    problem = switched.SWITCHED[name]()
+    first = switched.heyoka_legs(problem, 1e-18, np.longdouble)()
+    second = switched.scipy_legs(problem, 1e-13)()
+    assert [leg.mode for leg in first] == [leg.mode for leg in second]
+    # Play lets errors grow a thousandfold.
+    assert gap([leg.t1 for leg in first], [leg.t1 for leg in second]) < 1e-9
+    assert gap(first[-1].y1, second[-1].y1) < 1e-9
+
+
+def test_ends_of_motions_with_switches_are_those_of_closed_forms():
+    # Where the pendulum turns, the energy is less by the work of friction on the arc.
+    angle, way = 2.05, -1.0
+    while np.sin(abs(angle)) > 0.1:
+        lost = lambda x, a=angle: np.cos(x) - np.cos(a) - 0.1 * abs(a - x)  # noqa: E731
+        angle, way = optimize.brentq(lost, -way * 1e-9, way * abs(angle), xtol=1e-15), -way
+    assert abs(nonsmooth.true_legs(switched.pendulum())[-1].y1[0] - angle) < 1e-12
+    matrix, y = np.array([[0.0, -100.0], [100.0, -50.0]]), np.zeros(2)
+    for _ in range(50):
+        for rest, time in ((np.array([0.5, 1.0]), 2.5e-3), (np.zeros(2), 7.5e-3)):
+            y = rest + linalg.expm(matrix * time) @ (y - rest)
+    assert gap(nonsmooth.true_legs(switched.converter())[-1].y1, y) < 1e-13
+
+
+@pytest.mark.slow
+def test_switches_cost_no_steps_beside_smooth_pieces():
+    problem = switched.ball()
+    legs = nonsmooth.true_legs(problem)
+    ours, pieces = nonsmooth.whole(problem, legs), nonsmooth.as_smooth(problem, legs)
+    curves = nonsmooth.curves("ball", problem, ours, 1, (1e-6, 1e-12))
+    assert min(p.error for p in curves.points["jaxdyn"]) < 1e-11
+    assert {"diffrax Dopri8", "diffrax Tsit5"} <= curves.points.keys()
+    counted = [each.counted() for each in (ours, pieces)]
+    steps = np.array([[one.steps for one in way] for way in counted])
+    # Those to a switch are shorter than the method would take.
+    assert (steps[0] - steps[1]).max() <= len(legs)
+    assert "8 switches" in nonsmooth.beside_pieces("ball", ours, pieces, 1).note
 
 
 def _short(problem):
@@ -294,7 +356,7 @@ def test_a_missed_bar_is_said():
 
 
 #: Benchmarks of which other tests run one problem: all take minutes.
-_LONG = ("systems", "default")
+_LONG = ("systems", "default", "nonsmooth")
 
 
 @pytest.mark.slow

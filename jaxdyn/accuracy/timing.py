@@ -5,6 +5,7 @@ them alike; the minimum is what the method needs, the median what a user sees.
 """
 
 import functools
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -117,8 +118,10 @@ def at_error(errors: Sequence[float], times: Sequence[Times], wanted: float) -> 
     """Times at a given error, from pairs of error and time at several tolerances.
 
     Linear in the logarithms between the runs that are `worth_taking`. For larger errors it is the
-    fastest of them; NaN for smaller errors than any run has.
+    fastest of them; NaN for smaller errors than any run has, or without runs.
     """
+    if not errors:
+        return Times(math.nan, math.nan)
 
     def interpolate(seconds) -> float:
         worth = worth_taking(errors, seconds)

@@ -11,5 +11,6 @@ One more operation that may be a condition is one more rule in `branches`, and o
 rule in `bounds`. An operation without a rule is evaluated as it stands.
 """
 
-from jaxdyn.plan.plan import Plan as Plan
-from jaxdyn.plan.plan import plan_of as plan_of
+from jaxdyn.plan.plan import Plan, plan_of
+
+__all__ = ["Plan", "plan_of"]
