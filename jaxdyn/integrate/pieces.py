@@ -58,11 +58,18 @@ class Margins(eqx.Module):
 
     Attributes:
       field: in the branch.
+      beyond: (e + 2,) by how much each is beyond zero where the piece begins, by rounding.
       plan: of its rate.
     """
 
     field: InBranch
+    beyond: Array
     plan: Plan = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, field: InBranch, plan: Plan, t: Array, y: Array) -> "Margins":
+        """Those of a piece that begins within its branch, whatever rounding says."""
+        return cls(field, jnp.maximum(0.0, -field.margins(t, y)), plan)
 
     @property
     def _count(self) -> int:
@@ -76,7 +83,7 @@ class Margins(eqx.Module):
 
     def value(self, t: Array, y: Array) -> Array:
         """(e + 2,) see `InBranch.margins`."""
-        return self.field.margins(t, y)
+        return self.field.margins(t, y) + self.beyond
 
 
 class _Run(NamedTuple):
@@ -269,7 +276,7 @@ class _Pieces(NamedTuple):
         events = self.events
         sides = jnp.where(run.begun, 0.0, self.sides) * jnp.ones(len(events))
         if self.plan.on_state:
-            margins = Margins(plain, self.plan)
+            margins = Margins.of(plain, self.plan, t, _state(y))
             events = (*events, margins)
             # A piece begins within its branch.
             sides = jnp.concatenate([sides, jnp.ones(margins._count)])
@@ -321,6 +328,10 @@ class _Pieces(NamedTuple):
         by_time, rows, along = self._slopes(t, x, branch.outcomes, InBranch(self.system, branch))
         noise = self._noise(t, x, by_time, rows)
         own = jnp.arange(e) == index
+        # Conditions that change within rounding of one time change together.
+        off = jnp.sum(jnp.where(own, jnp.abs(here.margins / along), 0.0))
+        off = 2 * jnp.where(jnp.isfinite(off), off, 0.0)
+        noise = noise + jnp.abs(along) * (off + _ROUNDINGS * jnp.finfo(x.dtype).eps * jnp.abs(t))
         falls = (jnp.abs(here.margins) <= noise) & (self.way * along < 0)
         together = falls & ~jnp.asarray(self.plan.of_time) & ~branch.surface
         changed = (index >= 0) & (index < e)

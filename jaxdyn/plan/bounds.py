@@ -69,6 +69,8 @@ def _applied(eqn, args: list[_Value], unknown: set[str] | None) -> Sequence[_Val
         inner = params.get("jaxpr") or params.get("call_jaxpr") or params["fun_jaxpr"]
         closed = inner if hasattr(inner, "consts") else jax.extend.core.ClosedJaxpr(inner, ())
         return enclosed(closed, args, unknown)
+    if any(jnp.issubdtype(v.aval.dtype, jnp.integer) for v in eqn.outvars):
+        return _without(eqn, unknown)  # those of a branch are known
     if name in _ENTRY_BY_ENTRY:
         n = _ENTRY_BY_ENTRY[name] or len(args)
         if any(isinstance(x, Bounds) for x in args[n:]):
@@ -81,8 +83,13 @@ def _applied(eqn, args: list[_Value], unknown: set[str] | None) -> Sequence[_Val
         return [_with_domain(name, as_bounds(args[0]), low, high)]
     if name in _RULES:
         return [_RULES[name](params, *args)]
+    return _without(eqn, unknown)
+
+
+def _without(eqn, unknown: set[str] | None) -> list[_Value]:
+    """The results of an operation that has no bounds."""
     if unknown is not None:
-        unknown.add(name)
+        unknown.add(eqn.primitive.name)
     return [_unknown(v.aval.shape) for v in eqn.outvars]
 
 

@@ -13,7 +13,9 @@ What a condition is, and its margin:
 - ``floor``, ``ceil``, ``round``, ``rem``, a conversion to integers: the distance from the next
   whole number;
 - the place of a number in a table (``searchsorted``, and so ``interp``): the distance to the
-  nearest of the two knots beside it.
+  nearest of the two knots beside it;
+- which of several numbers is the largest or the smallest: how far it is from the next one; the
+  order of a few numbers is made of comparisons.
 
 Equality is no condition: programs ask for it in order to guard a removable singularity, and it
 holds at single points only. Conditions on numbers of the scene alone are evaluated as they stand.
@@ -48,6 +50,10 @@ CALLS = frozenset({"jit", "pjit", "closed_call", "core_call", "remat", "remat2",
 _TABLE = "searchsorted"
 #: Rounds of a loop with conditions up to which it is written out.
 _LONGEST_LOOP = 100
+#: Numbers up to which their order is read.
+_LONGEST_ROW = 20
+#: Operations on floats whose conditions are not read.
+_UNREAD = frozenset({"sort", "cummax", "cummin", "top_k", "reduce_window_max", "reduce_window_min"})
 #: Margin of a condition without one, such as at infinity.
 _FAR = 1e300
 
@@ -71,7 +77,7 @@ class Condition(NamedTuple):
     """A condition of a program, or several in one array.
 
     Attributes:
-      kind: "compare", "whole" or "table".
+      kind: "compare", "whole", "table" or "extreme".
       on: what it depends on.
       size: number of its entries.
     """
@@ -147,7 +153,8 @@ class Walk:
         if on & _MOVES:
             rule = _RULES.get(name)
             if rule is not None and _is_condition(eqn):
-                return [rule(self, eqn, args)]
+                found = rule(self, eqn, args)
+                return found if isinstance(found, list) else [found]
             if name in CALLS:
                 if params.get("name") == _TABLE and len(args) == 2 and not args[0].on & _MOVES:
                     return [self._table(*args)]
@@ -172,6 +179,8 @@ class Walk:
             # As if it depended on the state, so that it is not asked for ahead.
             self.unread.add("a call of Python")
             on |= BY_STATE
+        if eqn.primitive.name in _UNREAD and on & _MOVES:
+            self.unread.add(eqn.primitive.name)
         if on & OF_STATE:
             for x in args:
                 self._meets_state(x)
@@ -196,7 +205,8 @@ class Walk:
         if not x.on & BY_TIME or x.on & OF_STATE or x.degree <= _TRIVIAL_DEGREE:
             return
         name, args = self._made.get(id(x.array), ("", []))
-        if name in _TERM_BY_TERM:
+        scaled = name in _SCALES and sum(bool(part.on & BY_TIME) for part in args) == 1
+        if name in _TERM_BY_TERM or (scaled and not (name == "div" and args[1].on & BY_TIME)):
             for part in args:
                 self._meets_state(part)
         elif not any(x.array is leaf.array for leaf in self.leaves):
@@ -207,7 +217,9 @@ class Walk:
         for x in values:
             self._meets_state(x)
 
-    def condition(self, kind: str, args: list[Value], at: Callable) -> tuple[Any, int]:
+    def condition(
+        self, kind: str, args: list[Value], at: Callable, shape: tuple[int, ...] | None = None
+    ) -> tuple[Any, int]:
         """The outcome of a condition in the branch, and what it depends on.
 
         Args:
@@ -215,6 +227,7 @@ class Walk:
           args: its arguments.
           at: of the outcome in the branch, or None for the one at the point: the outcome at the
             point, the margin of the outcome in the branch, and the outcome beyond.
+          shape: of the outcomes; by default that to which the arguments are broadcast.
         Returns:
           None for the outcome where only what depends on time is computed.
         """
@@ -225,7 +238,8 @@ class Walk:
             for x in args:
                 self._meets_state(x)
             return None, jumps
-        shape = np.broadcast_shapes(*(np.shape(x.array) for x in args))
+        if shape is None:
+            shape = np.broadcast_shapes(*(np.shape(x.array) for x in args))
         first, size = self.size, math.prod(shape)
         given = None
         if self.branch is not None:
@@ -321,6 +335,8 @@ _PARTIAL = frozenset({"pow", "sqrt", "rsqrt", "log", "log1p", "asin", "acos", "a
 _TERM_BY_TERM = frozenset(
     {"add", "sub", "neg", "add_any", "stack", "concatenate", "broadcast_in_dim", "reshape"}
 ) | {"squeeze", "convert_element_type", "copy", "slice", "reduce_sum"}
+#: Likewise where only one operand moves: a force divided by a mass.
+_SCALES = frozenset({"mul", "div", "dot_general"})
 
 
 def _degree(name: str, params, args: list[Value]) -> float:
@@ -373,10 +389,18 @@ def _is_zero(x: Value) -> bool:
 def _is_condition(eqn) -> bool:
     """Whether an operation that may be a condition is one for its types of numbers."""
     of = eqn.invars[1 if eqn.primitive.name == "clamp" else 0].aval.dtype
+    if eqn.primitive.name == "sort" and not _is_readable(eqn):
+        return False
     if eqn.primitive.name == "convert_element_type":
         wanted = eqn.params["new_dtype"]
         return jnp.issubdtype(of, jnp.floating) and jnp.issubdtype(wanted, jnp.integer)
     return jnp.issubdtype(of, jnp.floating)
+
+
+def _is_readable(eqn) -> bool:
+    """Whether the order of numbers is that of few enough, in one row."""
+    shape = eqn.invars[0].aval.shape
+    return len(shape) == 1 and shape[0] <= _LONGEST_ROW and eqn.params["num_keys"] == 1
 
 
 def _may_switch(*programs) -> bool:
@@ -385,7 +409,6 @@ def _may_switch(*programs) -> bool:
 
 
 def bound(eqn, args: list) -> Sequence[Any]:
-    """The results of an operation of a program for other arguments."""
     """The results of an operation of a program for other arguments."""
     given = eqn.primitive.get_bind_params(eqn.params)
     # Until JAX 0.9 a pair: functions, and the other parameters.
@@ -494,9 +517,60 @@ def _remainder(walk: Walk, eqn, args: list[Value]) -> Value:
     return Value(x.array - found * d.array, on, x.degree if not d.on else math.inf)
 
 
-_RULES: dict[str, Callable[[Walk, Any, list[Value]], Value]] = {
+def _extreme(walk: Walk, eqn, args: list[Value]) -> Value:
+    """The largest or smallest of the numbers along some axes, or its place."""
+    (x,), name = args, eqn.primitive.name
+    axes, shape = tuple(eqn.params["axes"]), eqn.outvars[0].aval.shape
+    last = tuple(range(-len(axes), 0))
+    rows = None
+    if x.array is not None:
+        n = math.prod(np.shape(x.array)[a] for a in axes)
+        rows = jnp.moveaxis(jnp.asarray(x.array), axes, last).reshape(*shape, n)
+
+    def at(given):
+        signed = rows if name.endswith("max") else -rows
+        here = jnp.argmax(signed, -1)
+        held = here if given is None else given.astype(int)
+        others = jnp.where(jnp.arange(n) == held[..., None], -jnp.inf, signed)
+        margin = _taken(signed, held) - jnp.max(others, -1)
+        return here.astype(float), margin, jnp.argmax(others, -1).astype(float)
+
+    found, on = walk.condition("extreme", [x], at, shape)
+    if found is None:
+        return Value(None, on | x.on, math.inf)
+    if name.startswith("arg"):
+        return Value(found.astype(eqn.outvars[0].aval.dtype), on)
+    return Value(_taken(rows, found.astype(int)), on | x.on, x.degree)
+
+
+def _taken(rows: Array, which: Array) -> Array:
+    return jnp.take_along_axis(rows, which[..., None], -1)[..., 0]
+
+
+def _sorted(walk: Walk, eqn, args: list[Value]) -> list[Value]:
+    """Numbers in their order, and others with them; that is given by the order of each pair."""
+    keys, n = args[0], eqn.invars[0].aval.shape[0]
+    i, j = np.triu_indices(n, 1)
+    pair = [
+        x if x.array is None else x._replace(array=x.array[k]) for x, k in ((keys, i), (keys, j))
+    ]
+    found, on = walk.holds(pair[1], pair[0])
+    on = functools.reduce(lambda a, b: a | b.on, args, on)
+    if found is None or any(x.array is None for x in args):
+        return [Value(None, on, math.inf) for _ in args]
+    place = jnp.zeros(n).at[i].add(found).at[j].add(1.0 - found)
+    there = place[None] == jnp.arange(n)[:, None]
+    return [
+        x._replace(array=jnp.sum(jnp.where(there, jnp.asarray(x.array)[None], 0), 1), on=on)
+        for x in args
+    ]
+
+
+_RULES: dict[str, Callable[[Walk, Any, list[Value]], Value | list[Value]]] = {
     **dict.fromkeys(_COMPARISONS, _compare),
     **{"sign": _sign, "abs": _abs, "max": _larger, "min": _larger, "clamp": _clamped},
     **dict.fromkeys(("floor", "ceil", "round", "convert_element_type"), _whole),
     "rem": _remainder,
+    **dict.fromkeys(("reduce_max", "reduce_min", "argmax", "argmin"), _extreme),
+    "sort": _sorted,
 }
