@@ -151,12 +151,12 @@ def until(
       ValueError: no event is given, or `t1`, `t0`, `rtol`, `atol` or `max_steps` is out of range.
     Limits: two crossings in one step are found if the value is smooth and goes beyond zero by
       more than 4 roundings of the state, or of the value itself where it is computed with
-      cancellation: (y - 1)^3 written out is known to 1e-5 of y. A pulse much shorter than a step, in a
-      value that is smooth elsewhere, may be missed, since a step is sampled at five places unless
-      these leave room for a crossing; so may dips late in a step in which the value turns near
-      zero thousands of times. At a grazing contact derivatives are infinite, at a flat zero NaN
-      where value and slope are both exactly zero. An event within
-      rounding of the end of the span may count as after it: choose a later end.
+      cancellation: (y - 1)^3 written out is known to 1e-5 of y. A pulse much shorter than a step,
+      in a value that is smooth elsewhere, may be missed, since a step is sampled at five places
+      unless these leave room for a crossing; so may dips late in a step in which the value turns
+      near zero thousands of times. At a grazing contact derivatives are infinite, at a flat zero
+      NaN where value and slope are both exactly zero. An event within rounding of the end of the
+      span may count as after it: choose a later end.
     Example:
       >>> from jaxdyn.integrate import events
       >>> from jaxdyn import scenes
