@@ -102,6 +102,9 @@ class Extended(System):
     def check(self, t, y):
         self.system.check(*self.inside(t, y))
 
+    def check_effects(self, t, y, effects):
+        self.system.check_effects(*self.inside(t, y), effects)
+
     def check_functions(self):
         self.system.check_functions()
 

@@ -7,7 +7,7 @@ import pytest
 from helpers import EXACT, SOLVED, gap
 
 from jaxdyn import IntegrationError, Scene, effects, scenes, simulate
-from jaxdyn.analysis import energy
+from jaxdyn.analysis import energy, ledger
 from jaxdyn.formulations.newton import FreePoints
 
 RNG = np.random.default_rng(3)
@@ -88,6 +88,14 @@ def test_a_force_on_one_is_refused(effect):
     message = r": expected no force on a point of mass 0, got one on point 2\. Give it a mass"
     with pytest.raises(ValueError, match=type(effect).__name__ + message):
         simulate(scene)
+
+
+def test_a_force_on_one_is_refused_inside_of_an_extension_too():
+    y0 = jnp.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    drag = effects.LinearDrag(0.1)
+    scene = Scene(FreePoints([1.0, 0.0]), (effects.PairGravity(1.0), drag), y0=y0, t1=1.0)
+    with pytest.raises(ValueError, match=r"^LinearDrag: expected no force on a point of mass 0"):
+        simulate(ledger.with_work(scene, effects.LinearDrag))
 
 
 def test_a_force_that_begins_later_ends_the_motion():
