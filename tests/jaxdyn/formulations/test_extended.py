@@ -103,7 +103,7 @@ OF_STATES = {
     "project": lambda s, t, y: s.project(t, y),
     "generators": lambda s, t, y: s.generators(y)["along x"],
 }
-OWN = {"labels", "rate", "check", "check_functions"}
+OWN = {"labels", "rate", "check", "check_effects", "check_functions"}
 #: What further entries take away: see there.
 NOT_ANY_MORE = {"second_order": False, "canonical": None}
 
