@@ -75,6 +75,9 @@ class Answers(System):
     def check(self, t, y):
         raise ValueError(f"checked at {t} {list(map(float, y))}")
 
+    def check_effects(self, t, y, effects):
+        """Nothing is wrong."""
+
     def check_functions(self):
         raise ValueError("a function captured another number")
 
