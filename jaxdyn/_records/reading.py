@@ -20,6 +20,7 @@ NUMBERS = (bool, int, float, complex, np.ndarray, np.number, jax.Array)
 FUNCTIONS = (types.FunctionType, types.MethodType, functools.partial)
 #: Methods with which a list, a dictionary or a set is changed.
 _CHANGES = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "clear"}
+_ATTRIBUTES = ("LOAD_ATTR", "LOAD_METHOD")
 #: What these packages contain does not change.
 _LIBRARIES = {"jaxdyn", "orbits", "jax", "jaxlib", "numpy", "equinox", "diffrax", "builtins"}
 _INSTALLED = tuple(sysconfig.get_paths()[key] for key in ("purelib", "platlib", "stdlib"))
@@ -133,8 +134,9 @@ def code_reads(code: types.CodeType) -> _Read:
     grown = {x.offset for x, then in itertools.pairwise(lines) if then.argval in _CHANGES}
     changed = {x.argval for x in lines if x.opname in ("STORE_GLOBAL", "STORE_DEREF")}
     changed |= {x.argval for x in outer if _line(x) in filled or x.offset in grown}
-    attributes = {x.argval for x in lines if x.opname in ("LOAD_ATTR", "LOAD_METHOD")}
+    attributes = {x.argval for x in lines if x.opname in _ATTRIBUTES}
     kept = {x.argval for x in lines if x.opname == "STORE_ATTR"}
+    kept |= {x.argval for x in lines if x.opname in _ATTRIBUTES and x.offset in grown}
     inner = [code_reads(x) for x in code.co_consts if isinstance(x, types.CodeType)]
     return _Read(
         frozenset({x.argval for x in outer} - changed).union(*(x.names for x in inner)),

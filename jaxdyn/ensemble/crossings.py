@@ -25,6 +25,7 @@ from jaxdyn.integrate.observing import Steered, Watch
 from jaxdyn.scene import Field
 
 _MAX_HALVINGS = 24  # of a step: in so short a stretch a value has no extremum except by rounding
+_GROWTH = 3  # halvings that a step grows back by after one that is kept; a bit less than it may
 #: Of a step: a look this close to the crossing is the last one. The remaining correction is linear
 #: in time, with an error of the order of its square, below rounding.
 _CLOSE = 2.0**-28
@@ -62,7 +63,7 @@ class _Search(NamedTuple):
     side: Array  # () sign of the event just after it
     begun: Array  # () whether a step has been accepted
     beginning: Beginning  # what was seen at the start
-    halved: Array  # () how often the step has been halved
+    halved: Array  # () how often the step has been halved, less what it has grown
     looks: Array  # () for the crossing so far, 0 if none is looked for
     step: Array  # () length of the step that holds the crossing
     low: Array  # () bracket of the crossing, as time after the node
@@ -139,8 +140,9 @@ class EachCrossing(Watch):
         towards = jnp.where(looking, -side, stepped.side)
         new = _following(search, keep, end, towards)
         begins = ~looking & ~stepped.keep & stepped.across
+        halves = ~looking & ~begins
         new = new._replace(
-            halved=jnp.where(keep | looking, 0, search.halved + (~begins).astype(int)),
+            halved=jnp.maximum(search.halved + jnp.where(keep, -_GROWTH, halves.astype(int)), 0),
             looks=jnp.where(keep, 0, jnp.where(looking, search.looks + 1, begins.astype(int))),
             step=jnp.where(begins, t1 - t0, search.step),
             low=jnp.where(begins, 0.0, closed.low),

@@ -102,6 +102,9 @@ class Extended(System):
     def check(self, t, y):
         self.system.check(*self.inside(t, y))
 
+    def check_effects(self, t, y, effects):
+        self.system.check_effects(*self.inside(t, y), effects)
+
 
 def innermost(system: System) -> System:
     """The system inside all extensions; itself without any."""

@@ -133,11 +133,15 @@ def until(
     """The first event of a motion: when, and the state then.
 
     An event happens at the first time after t0 at which its value has changed sign in the wanted
-    direction. A value within rounding of zero at the start (16 roundings of the state, and of its
+    direction. The sign decides, not the size: a value that is flat at its zero, such as y^5, is
+    located to rounding of the state like y.
+
+    A value within rounding of zero at the start (16 roundings of the state, and of its
     change over t0 and the first step) is on the side to which its slope points: leaving an event
     does not count as an event. If the value turns back, its return counts, however soon: at t0,
     if it takes less than the spacing of floating-point times. If the slope is within rounding of
-    zero as well, the event happens at t0 if the value then goes in the wanted direction; if both
+    zero as well, the motion is leaving if the value changes its sign there, as y^3 does. If the
+    value does not, the event happens at t0 if it then goes in the wanted direction; if both
     directions are wanted, it does not happen.
 
     Args:
@@ -155,11 +159,13 @@ def until(
     Raises:
       ValueError: no event is given, or `t1`, `t0`, `rtol`, `atol` or `max_steps` is out of range.
     Limits: two crossings in one step are found if the value is smooth and goes beyond zero by
-      more than 4 roundings of the state at the start. A pulse much shorter than a step, in a
-      value that is smooth elsewhere, may be missed, since a step is sampled at five places unless
-      these leave room for a crossing; so may dips late in a step in which the value turns near
-      zero thousands of times. At a grazing contact derivatives are infinite. An event within
-      rounding of the end of the span may count as after it: choose a later end.
+      more than 4 roundings of the state, or of the value itself where it is computed with
+      cancellation: (y - 1)^3 written out is known to 1e-5 of y. A pulse much shorter than a step,
+      in a value that is smooth elsewhere, may be missed, since a step is sampled at five places
+      unless these leave room for a crossing; so may dips late in a step in which the value turns
+      near zero thousands of times. At a grazing contact derivatives are infinite, at a flat zero
+      NaN where value and slope are both exactly zero. An event within rounding of the end of the
+      span may count as after it: choose a later end.
     Example:
       >>> from jaxdyn.integrate import events
       >>> from jaxdyn import scenes

@@ -172,7 +172,7 @@ class Sight(eqx.Module):
             return at(self.events, t, y, rate, size)
 
         seen = jax.vmap(along, in_axes=(0, -1, -1))(ts, x, rates(ts, x))
-        return Ahead(*seen, x)
+        return Ahead(*seen, y=x)
 
     def _increments(self, rates, t: Array, y: Array, hs: Array) -> Array:
         """(k, s) increments of one step of each length hs (s,)."""

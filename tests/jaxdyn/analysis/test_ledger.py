@@ -129,5 +129,5 @@ def test_a_kind_that_the_scene_lacks_is_refused(kinds, got):
 
 def test_the_system_inside_is_still_checked():
     scene = with_work(cannonball(m=-1.0, drag=1.0), QuadraticDrag)
-    with pytest.raises(ValueError, match=r"^mass: expected > 0, got -1\.0\."):
+    with pytest.raises(ValueError, match=r"^mass: expected >= 0, got -1\.0\."):
         simulate(scene)

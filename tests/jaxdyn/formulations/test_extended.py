@@ -75,6 +75,9 @@ class Answers(System):
     def check(self, t, y):
         raise ValueError(f"checked at {t} {list(map(float, y))}")
 
+    def check_effects(self, t, y, effects):
+        """Nothing is wrong."""
+
 
 #: (system, whole state, further entries)
 CASES = [
@@ -100,7 +103,7 @@ OF_STATES = {
     "project": lambda s, t, y: s.project(t, y),
     "generators": lambda s, t, y: s.generators(y)["along x"],
 }
-OWN = {"labels", "rate", "check"}
+OWN = {"labels", "rate", "check", "check_effects"}
 #: What further entries take away: see there.
 NOT_ANY_MORE = {"second_order": False, "canonical": None}
 

@@ -420,7 +420,7 @@ def test_simulate_refuses(options, message):
         ),
         (BALL.starting([0.0]), r"y0: expected shape \(4,\), got shape \(1,\)\."),
         (scenes.three_body(np.zeros(12)), r"y0: expected bodies at different points"),
-        (scenes.cannonball(m=-1.0), r"mass: expected > 0, got -1\.0\."),
+        (scenes.cannonball(m=-1.0), r"mass: expected >= 0, got -1\.0\."),
         (
             scenes.cannonball,
             r"scene: expected a Scene, got cannonball\. Call it: cannonball\(\)\.$",

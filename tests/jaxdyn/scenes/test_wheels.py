@@ -209,3 +209,13 @@ def test_a_state_at_rest_has_finite_rates_and_gradients():
 )
 def test_an_invalid_start_is_refused_by_name(make, message):
     assert refusal(make).startswith(message)
+
+
+@pytest.mark.slow
+def test_a_car_on_ice_stops_after_two_days():
+    # Its yaw rate decays within a second: a stiff motion of 1.5e5 s.
+    scene = car(locked="front", mu=2.5e-5, spin=0.01)
+    chain = simulate_phases(braking(scene), "slide", scene.y0, 1e6, samples=3)
+    assert chain.ended
+    assert abs(chain.t * 2.5e-5 * G * SHARE["front"] / V - 1) < 1e-6  # it turns by 0.07 degrees
+    assert abs(chain.y[2] - 1.2357e-3) < 1e-7  # as on other ice: what it turns is soon over

@@ -202,7 +202,7 @@ def test_rounding_of_another_machine_is_no_edit(edited):
         (("scene", "y0"), [0.0] * 12, "y0: expected bodies at different points, got bodies 1"),
         (("scene", "y0"), [0.0] * 11, "y0: expected shape"),
         (("scene", "y0"), 1.0, "y0: expected shape"),
-        (("scene", "system", "m"), [1.0, 1.0, -1.0], "mass: expected > 0, got -1.0"),
+        (("scene", "system", "m"), [1.0, 1.0, -1.0], "mass: expected >= 0, got -1.0"),
         (("scene", "system", "m"), [[1.0]] * 3, "expected"),
         (("scene", "system", "d"), "2", "scene.system.d: expected int, got '2'"),
         (("scene", "system", "d"), 3, "y0: expected shape"),
