@@ -19,7 +19,7 @@ from jaxdyn.integrate.step_control import FixedSteps, StepControl, first_step, s
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import operations
-from jaxdyn.solvers.sizes import begun
+from jaxdyn.solvers.sizes import Begun, begun
 from jaxdyn.solvers.stepper import Stepper, is_stiff
 from jaxdyn.solvers.stepping import Stepping
 from jaxdyn.status import Status
@@ -91,33 +91,16 @@ def march(
       watch: an observer of the steps, which may stop the run.
       before: the motion that it is a piece of.
     """
-    tolerance, most = limits.tolerance, (limits.max_steps, t1)
+    tolerance = limits.tolerance
     direction = jnp.where(t1 > t0, 1.0, -1.0)  # as in diffrax, also for t1 = t0
     rate = _by_formulas if method.evaluates else _rate
     wide = watch is not None or y0.ndim > 1
     if wide or operations(lambda t, y: rate(t, y, field), t0, y0) > UNROLLED_BELOW:
         method = method.in_loops(1)
-    # One program for both directions of time; diffrax negates ts with the rest.
-    h = sizes = None
-    if method.adaptive:
-        start = begun(field, t0, y0, t1)
-        f0, sizes = start.rate, start.sizes
-        if before is not None:
-            sizes = jnp.maximum(sizes, before.sizes)
-        first = first_step(method, tolerance, start._replace(sizes=sizes), y0)
-        if before is not None:
-            first = jnp.maximum(first, before.step)
-        look = lookahead(field, len(y0), t0, t1)
-        control = StepControl(
-            first=first, ts=ts, watch=watch, limit=most, look=look, max_step=limits.max_step
-        )
-    else:
-        f0 = field.rate(t0, y0)
-        n = steps_of(tolerance[0], t0, t1)
-        h, control = (t1 - t0) / n, FixedSteps(n=n, ts=ts, watch=watch, limit=most)
+    start, control, h = _control(field, y0, t0, t1, ts, limits, method, watch, before)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(rate),
-        Stepper(method, tolerance, sizes, h),
+        Stepper(method, tolerance, start.sizes if method.adaptive else None, h),
         t0,
         t1 + (t1 - t0),  # never reached: the step control ends the run
         None,
@@ -130,15 +113,13 @@ def march(
         throw=False,  # a throw is a host callback, which keeps programs out of the cache
     )
     # The logarithms are finite for positive tolerances only; one of the last two may be zero.
-    given = (y0, f0, t0, t1, jnp.log(tolerance[0]), jnp.log(tolerance[-2:].sum()))
-    status = _status(solution.result, given)
+    given = (y0, start.rate, t0, t1, jnp.log(tolerance[0]), jnp.log(tolerance[-2:].sum()))
     ts_end, ys_end, state = solution.ts, solution.ys, solution.solver_state
     assert ts_end is not None  # all three are saved, see above
     assert ys_end is not None
     assert state is not None
     count = state[1]
-    limited = (status == Status.STEP_LIMIT) & (count >= limits.max_steps[1].astype(float))
-    status = jnp.where(limited, int(Status.STIFF), status)
+    status = _status(solution.result, given, count >= limits.max_steps[1].astype(float))
     # Increasing; beyond t1 where the step control has ended the run there.
     last = jnp.minimum(direction * ts_end[-1], direction * t1)
     ends = jnp.stack([t0, direction * last]), jnp.stack([y0, ys_end[-1]])
@@ -161,6 +142,28 @@ def march(
     return result, seen.watch, state[2]
 
 
+def _control(field, y0, t0, t1, ts, limits, method: Method, watch, before: Before | None):
+    """What is known at the start, the step control, and the length of steps where it is fixed.
+
+    One program for both directions of time: diffrax negates ts with the rest.
+    """
+    tolerance, most = limits.tolerance, (limits.max_steps, t1)
+    if not method.adaptive:
+        n = steps_of(tolerance[0], t0, t1)
+        h, control = (t1 - t0) / n, FixedSteps(n=n, ts=ts, watch=watch, limit=most)
+        return Begun(jnp.zeros_like(y0), jnp.abs(t1 - t0), field.rate(t0, y0)), control, h
+    start = begun(field, t0, y0, t1)
+    if before is not None:
+        start = start._replace(sizes=jnp.maximum(start.sizes, before.sizes))
+    first = first_step(method, tolerance, start, y0)
+    first = first if before is None else jnp.maximum(first, before.step)
+    look = lookahead(field, len(y0), t0, t1)
+    control = StepControl(
+        first=first, ts=ts, watch=watch, limit=most, look=look, max_step=limits.max_step
+    )
+    return start, control, None
+
+
 # Traced once for all that a step, its preparation and its checks make of a rate.
 @functools.partial(jax.jit, inline=True)
 def _rate(t, y, field):
@@ -172,7 +175,7 @@ def _by_formulas(t, y, field):
     return simplified(field.rate)(t, y)
 
 
-def _status(result, given: tuple[Array, ...]) -> Array:
+def _status(result, given: tuple[Array, ...], limited: Array) -> Array:
     meanings = (
         (diffrax.RESULTS.max_steps_reached, Status.STEP_LIMIT),
         (diffrax.RESULTS.dt_min_reached, Status.STEP_COLLAPSED),
@@ -181,6 +184,7 @@ def _status(result, given: tuple[Array, ...]) -> Array:
     status = jnp.asarray(int(Status.OK))
     for code, meaning in meanings:
         status = jnp.where(result == code, int(meaning), status)
+    status = jnp.where(limited & (status == Status.STEP_LIMIT), int(Status.STIFF), status)
     # One test for all: each costs XLA on CPU a quarter of a microsecond of memory management.
     finite = jnp.isfinite(jnp.concatenate([x.ravel() for x in given])).all()
     return jnp.where(finite, status, int(Status.NOT_FINITE))

@@ -147,38 +147,12 @@ def run_pieces(
     plan = plan_of(system, len(y0))
     way = jnp.where(t1 >= t0, 1.0, -1.0)
     work = _Pieces(plan, field, system, events, t0, t1, ts, limits, sides, way, method)
-    zero = jnp.zeros((), int)
-    nothing = SolveResult(
-        y1=y0,
-        ys=jnp.where((ts == t0).reshape(-1, *[1] * y0.ndim), y0[None], jnp.nan),
-        steps=zero,
-        rejected=zero,
-        status=jnp.asarray(int(Status.OK)),
-        stiff=jnp.zeros((), bool),
-    )
-    _, first = plan.look(system, t0, _state(y0))
-    branch = Branch.of(first.outcomes)
-    none = jnp.zeros(plan.size, bool)
-    start = _Run(
-        t=jnp.asarray(t0),
-        y=y0,
-        branch=branch,
-        crossed=none,
-        held=none,
-        old=branch,
-        result=nothing,
-        event=jnp.asarray(-1),
-        towards=jnp.zeros(()),
-        begun=jnp.zeros((), bool),
-        before=Before(jnp.zeros_like(y0), jnp.zeros(())),
-        stalled=zero,
-    )
 
     def going(run: _Run) -> Array:
         unfinished = (way * run.t < way * t1) & (run.event < 0)
         return unfinished & (run.result.status == Status.OK)
 
-    run = jax.lax.while_loop(going, work.piece, start)
+    run = jax.lax.while_loop(going, work.piece, work.start(y0))
     right = run.result.status == Status.OK
     y1 = jnp.where(right, run.y, jnp.nan)
     happened = run.event >= 0
@@ -213,6 +187,36 @@ class _Pieces(NamedTuple):
     sides: Array
     way: Array
     method: Method
+
+    def start(self, y0: Array) -> _Run:
+        """The motion before its first piece."""
+        zero, none = jnp.zeros((), int), jnp.zeros(self.plan.size, bool)
+        rate, first = self.plan.look(self.system, self.t0, _state(y0))
+        given = jnp.concatenate([y0.ravel(), rate, jnp.stack([self.t0, self.t1])])
+        fine = jnp.isfinite(given).all()
+        nothing = SolveResult(
+            y1=y0,
+            ys=jnp.where((self.ts == self.t0).reshape(-1, *[1] * y0.ndim), y0[None], jnp.nan),
+            steps=zero,
+            rejected=zero,
+            status=jnp.where(fine, int(Status.OK), int(Status.NOT_FINITE)),
+            stiff=jnp.zeros((), bool),
+        )
+        branch = Branch.of(first.outcomes)
+        return _Run(
+            t=jnp.asarray(self.t0),
+            y=y0,
+            branch=branch,
+            crossed=none,
+            held=none,
+            old=branch,
+            result=nothing,
+            event=jnp.asarray(-1),
+            towards=jnp.zeros(()),
+            begun=jnp.zeros((), bool),
+            before=Before(jnp.zeros_like(y0), jnp.zeros(())),
+            stalled=zero,
+        )
 
     def piece(self, run: _Run) -> _Run:
         """The motion one piece further."""

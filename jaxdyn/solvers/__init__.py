@@ -15,7 +15,8 @@
 - An explicit Runge-Kutta solver of diffrax, such as ``diffrax.Tsit5()``; see `from_diffrax`.
 
 `choice` selects the one for a scene. Contents: `method` (the interface), `stepper` (one step as
-diffrax calls it, with compensated sums), `stepping` (the loop over steps), `pairs`,
+diffrax calls it, with compensated sums), `stepping` (the loop over steps), `sizes` (in which a
+tolerance is absolute by default), `pairs`,
 `order_conditions` (corrections of rounded tables), `compositions`, `gauss`, `radau`, `stoermer`,
 the folder `taylor`, and `exchange` (with diffrax); `side_by_side` steps several motions at once,
 `perturbed` magnifies rounding errors.

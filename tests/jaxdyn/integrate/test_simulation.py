@@ -350,7 +350,10 @@ def test_every_status_has_a_message_with_a_remedy():
         ({"atol": 0.0}, r"atol: expected > 0, got 0\.0\. It is in units of the state\.$"),
         ({"atol": np.inf}, r"atol: expected > 0, got inf\."),
         ({"atol": np.nan}, r"atol: expected > 0, got nan\."),
-        ({"samples": 0}, r"samples: expected at least 1, or an array of times, got 0\.$"),
+        (
+            {"samples": 0},
+            r"samples: expected a whole number, at least 1, got 0\. Or an array of times\.$",
+        ),
         (
             {"samples": True},
             r"samples: expected numbers, got True\. Pass an array of times, or",
