@@ -91,7 +91,6 @@ def march(
       watch: an observer of the steps, which may stop the run.
       before: the motion that it is a piece of.
     """
-    tolerance = limits.tolerance
     direction = jnp.where(t1 > t0, 1.0, -1.0)  # as in diffrax, also for t1 = t0
     rate = _by_formulas if method.evaluates else _rate
     wide = watch is not None or y0.ndim > 1
@@ -100,7 +99,7 @@ def march(
     start, control, h = _control(field, y0, t0, t1, ts, limits, method, watch, before)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(rate),
-        Stepper(method, tolerance, start.sizes if method.adaptive else None, h),
+        Stepper(method, limits.tolerance, start.sizes if method.adaptive else None, h),
         t0,
         t1 + (t1 - t0),  # never reached: the step control ends the run
         None,
@@ -113,6 +112,7 @@ def march(
         throw=False,  # a throw is a host callback, which keeps programs out of the cache
     )
     # The logarithms are finite for positive tolerances only; one of the last two may be zero.
+    tolerance = limits.tolerance
     given = (y0, start.rate, t0, t1, jnp.log(tolerance[0]), jnp.log(tolerance[-2:].sum()))
     ts_end, ys_end, state = solution.ts, solution.ys, solution.solver_state
     assert ts_end is not None  # all three are saved, see above
@@ -127,10 +127,9 @@ def march(
     if open_ is not None:
         status = jnp.where(open_.any(), int(Status.SINGULAR), status)
     y1 = jnp.where(status == Status.OK, ys_end[-1], jnp.nan)
-    seen = control.seen(solution.controller_state)
+    seen, steps = control.seen(solution.controller_state), solution.stats["num_accepted_steps"]
     # Not those taken within a step that failed.
     reached = (direction * ts <= last).reshape(-1, *[1] * y0.ndim)
-    steps = solution.stats["num_accepted_steps"]
     result = SolveResult(
         y1=y1,
         ys=jnp.where(reached, seen.samples.ys, jnp.nan),

@@ -354,11 +354,39 @@ def test_an_orbit_is_a_record_of_arrays(cycle):
 def test_a_driven_motion_needs_the_period_of_its_drive():
     driven = scenes.oscillator(k=4.0) + effects.SinusoidalForce([1.0], 1.0)
     with pytest.raises(ValueError, match=r"period: expected a multiple of the drive's"):
-        orbits.find(driven, [0.0, 0.3], 6.0)
-    found = orbits.find(driven, [0.0, 0.3], 2 * np.pi)
+        orbits.find(driven, [0.0, 0.3], 9.0)  # between two of them
+    found = orbits.find(driven, [0.0, 0.3], 6.0)
     # All motions have the drive's period here, as the free ones turn twice in it (k = 4).
     assert found.ok
     assert abs(found.period - 2 * np.pi) < 1e-14  # polished as the start is
+
+
+def _pulses(t, y):
+    train = jnp.exp(400 * (jnp.cos(jnp.pi * (t - 1.03)) - 1))
+    return [y[1], -0.2 * y[1] - y[0] + train]
+
+
+def _square_wave(t, y):
+    return [y[1], -0.2 * y[1] - y[0] + jnp.sign(jnp.sin(1.3 * t + 0.3))]
+
+
+def _square_wave_from_its_switch(t, y):
+    return [y[1], -0.2 * y[1] - y[0] + jnp.sign(jnp.sin(1.3 * t))]
+
+
+@pytest.mark.parametrize(
+    ("rate", "guess", "period", "start"),
+    [
+        # By DOP853 piece by piece, and a linear system for the start.
+        (_pulses, 1.7, 2.0, (0.0237026528875, -0.0001352026477)),
+        (_square_wave, 4.9, 4.83321946706122, (-1.0913688545028, -1.8124949586433)),
+        (_square_wave_from_its_switch, 4.8, 4.83321946706122, (-0.6107846885, -2.338118370)),
+    ],
+)
+def test_the_period_of_a_drive_is_read_from_the_rate(rate, guess, period, start):
+    found = orbits.find(jaxdyn.ode(rate, [0.0, 0.0], guess))
+    assert found.period == pytest.approx(period, rel=1e-14)
+    assert np.allclose(found.y0, start, rtol=0, atol=1e-8)
 
 
 def test_a_rough_guess_is_led_to_an_orbit_by_descent():
