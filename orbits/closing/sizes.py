@@ -82,6 +82,22 @@ def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
     return _filled(scene, np.where(found > _ROUNDING * moved, found, 0.0), time * np.abs(slope))
 
 
+def coupled(scene: Scene, each: np.ndarray) -> np.ndarray:
+    """(k,) sizes of at least what the others make of an entry in the time of the motion's start.
+
+    That time is 1 over the spectral radius of |J|, of the rate's Jacobian J there. Where units say
+    which entries are of one kind (`jaxdyn.scales`) these are measured by each other alone.
+    """
+    if groups(scene.system).known:
+        return each
+    slope = np.abs(np.asarray(_slope(scene, jnp.asarray(0.0), scene.y0)))
+    slope = np.where(np.isfinite(slope), slope, 0.0)
+    fastest = float(np.abs(np.linalg.eigvals(slope * each / each[:, None])).max())
+    for _ in range(len(each) if fastest > 0 else 0):
+        each = np.maximum(each, alike(scene, slope @ each / fastest))
+    return each
+
+
 def alike(scene: Scene, each: np.ndarray) -> np.ndarray:
     """(k,) of numbers that are not negative, one for each entry, the largest of each group."""
     known = groups(scene.system)

@@ -254,7 +254,7 @@ def _leads(family: Family, end: Member, step: float, place: Place, times: int) -
         off = x - there
         length = float(np.linalg.norm(off / units))
         middle = there + 0.5 * off
-        found = surface.nearest(middle, across=off)
+        found = surface.nearest(middle, across=off, near=end.point)
         if found is None or np.linalg.norm((found.x - middle) / units) > _BENT * 0.5 * length:
             return False
         x = found.x

@@ -23,6 +23,7 @@ from orbits.shooting.units import InUnits
 #: What such a walk is.
 ORBITS = "orbits"
 _POINT = ("orbit", "point")  # what is made again of a point of the surface
+_UNITS = ("sizes", "units")  # of a point
 _HOLDS = 1e-6  # relative: closing errors of orbits of these scenes are smaller
 
 
@@ -37,12 +38,32 @@ def codec(surface: Surface) -> Codec:
             raise fail("file", "a member with a point", type(record).__name__, OTHER)
         rest = {name: x for name, x in record.items() if name != "point"}
         fields = typed_fields(rest, Member, "file", OTHER, _POINT)
-        known = typed_fields(record["point"], Point, "file", OTHER, ("jacobian",))
-        # The Jacobian serves to leave the point, which has been done; it would fill the file.
-        point = Point(**known, jacobian=np.full((1, known["x"].size), np.nan))
+        without = ("jacobian", *(() if _has_units(record["point"]) else _UNITS))
+        known = typed_fields(record["point"], Point, "file", OTHER, without)
+        if _has_units(record["point"]):
+            # The Jacobian serves to leave the point, which has been done; it would fill the file.
+            point = Point(**known, jacobian=np.full((1, known["x"].size), np.nan))
+        else:
+            point = surface.point(**known)
+            fields |= _in_units(point, fields)
         return Member(**fields, point=point, orbit=surface.orbit(point))
 
     return Codec(encode, decode)
+
+
+def _has_units(point: Any) -> bool:
+    """Whether a point is not of a file in which all lengths were in the units of the scene."""
+    return not isinstance(point, dict) or any(name in point for name in _UNITS)
+
+
+def _in_units(point: Point, fields: dict[str, Any]) -> dict[str, np.ndarray]:
+    """The directions of a member of such a file, of unit length in the units of its point."""
+    tangent, alike = fields["tangent"], fields["alike"]
+    if tangent.shape != point.x.shape or alike.shape[:1] != point.x.shape:
+        raise fail("file", "directions of the unknowns", f"{tangent.shape}, {alike.shape}", OTHER)
+    length = float(np.linalg.norm(tangent / point.units))
+    ways = np.linalg.qr(alike / point.units[:, None])[0]
+    return {"tangent": tangent / length, "alike": point.units[:, None] * ways}
 
 
 def about(surface: Surface) -> dict[str, Any]:

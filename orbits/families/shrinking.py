@@ -18,7 +18,7 @@ from jaxdyn import Scene
 from orbits.families.family import Kind, Member
 from orbits.families.steps import member_at, parameter_at
 from orbits.families.surface import Point, Surface
-from orbits.shooting.units import map_in_units, sizes_at
+from orbits.shooting.units import map_in_units
 
 _NEWTON_STEPS = 20
 _SOLVED = 1e-12  # relative: the last of these steps
@@ -41,7 +41,7 @@ def rest_between(surface: Surface, a: Member, b: Member) -> Member | None:
     if surface.equations.driven:
         return None
     # Lengths of states, as of unknowns, are in the units of the first one.
-    each = sizes_at(surface.equations, a.point.x)
+    each = a.point.sizes
     (here, flow), (there, next_flow) = (_start(surface, m.point.x, each) for m in (a, b))
     speed, along = float(flow @ flow), float(next_flow @ flow)
     length = a.point.distance(b.point.x)
@@ -97,10 +97,10 @@ def _shrunk(
             *(float(x) for x in (unknowns.angle, unknowns.parameter, unknowns.period)),
         )
         across = equations.pack(radius, 0.0 * between, 0.0, 0.0, 0.0)
-        found = surface.nearest(smaller, across=across)
+        found = surface.nearest(smaller, across=across, near=point)
         if found is None or point.distance(found.x) > most:
             return None
-        point = dataclasses.replace(found, units=point.units)
+        point = found
     return point
 
 

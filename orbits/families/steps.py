@@ -1,7 +1,5 @@
 """Steps along a family: the member at a point of the surface of solutions, and the next one."""
 
-import dataclasses
-
 import jax.numpy as jnp
 import numpy as np
 
@@ -42,15 +40,14 @@ def first_member(surface: Surface, point: Point, sign: float) -> Member:
 def next_member(surface: Surface, last: Member, step: float) -> Member | None:
     """The member a step further along the family, or back; None if it is not found."""
     predicted = last.point.x + step * last.tangent
-    point = surface.nearest(predicted)
+    point = surface.nearest(predicted, near=last.point)
     if point is None:
         # Where families meet, Newton's shortest steps may alternate between them.
-        point = surface.nearest(predicted, last.tangent)
-    if point is None or np.linalg.norm((point.x - predicted) / last.point.units) > abs(step):
-        return None
+        point = surface.nearest(predicted, last.tangent, near=last.point)
     # Orbits that grow from an equilibrium take longer steps; those that shrink do not take shorter
     # ones, with which they would never arrive.
-    point = dataclasses.replace(point, units=np.maximum(point.units, last.point.units))
+    if point is None or np.linalg.norm((point.x - predicted) / last.point.units) > abs(step):
+        return None
     ways = surface.directions(point)
     before = last.tangent / point.units
     before = before / np.linalg.norm(before)

@@ -11,12 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from orbits.closing.sizes import rate, sizes
+from orbits.closing.sizes import rate
+from orbits.families.lengths import lengths
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton, trivial
 from orbits.shooting.equations import Equations
 from orbits.shooting.outcomes import orbit_at
-from orbits.shooting.units import InUnits, Units, sizes_at, units_at
+from orbits.shooting.units import InUnits, Lengths, units_at, units_of_unknowns
 
 _CORRECTIONS = 8  # Newton steps from a predicted point; more mean that the step was too long
 _KERNEL = 1e-6  # relative: singular values below are directions of the surface
@@ -30,6 +31,7 @@ class Point:
     Attributes:
       x: (n,) unknowns.
       jacobian: (m, n) of the closing equations there.
+      sizes: (k,) of the entries of the state, from which the units follow (`lengths`).
       units: (n,) of the unknowns, in which lengths and angles near the point are measured.
       residual: largest entry of the closing error.
       iterations: number of Newton steps to it.
@@ -37,6 +39,7 @@ class Point:
 
     x: np.ndarray
     jacobian: np.ndarray
+    sizes: np.ndarray
     units: np.ndarray
     residual: float
     iterations: int
@@ -62,9 +65,18 @@ class Surface:
         self.equations, self.rtol, self.goal = equations, rtol, goal
         self._symmetries: tuple[str, ...] | None = None
 
-    def nearest(self, x: np.ndarray, across: np.ndarray | None = None) -> Point | None:
-        """The solution nearest to x; with `across` (n,), that with x's component along it."""
-        closed = InUnits(self.equations, x, self.rtol)
+    def nearest(
+        self, x: np.ndarray, across: np.ndarray | None = None, *, near: Point | None = None
+    ) -> Point | None:
+        """The solution nearest to x; with `across` (n,), that with x's component along it.
+
+        Lengths are in the units at x, or at a point `near` it, whose sizes are then the least.
+        """
+        if near is None:
+            known = lengths(self.equations, x)
+        else:
+            known = Lengths(near.sizes, self._parameter(near))
+        closed = InUnits(self.equations, x, self.rtol, lengths=known)
         units = closed.units
         row = None if across is None else across / units.x / np.linalg.norm(across / units.x)
 
@@ -90,13 +102,21 @@ class Surface:
         assert result.jacobian is not None
         jacobian = result.jacobian[: len(units.rows)] * units.rows[:, None] / units.x
         residual = float(np.abs(result.residual).max(initial=0.0))
+        here = lengths(self.equations, result.x, 0.0 if near is None else near.sizes)
         return Point(
             x=result.x,
             jacobian=jacobian,
-            units=self._units(result.x, jacobian).x,
+            sizes=here.sizes,
+            units=units_of_unknowns(self.equations, result.x, here),
             residual=residual,
             iterations=result.iterations,
         )
+
+    def point(self, x: np.ndarray, residual: float, iterations: int) -> Point:
+        """The point at x (n,), which is known to be one; without its Jacobian."""
+        jacobian, here = np.full((1, x.size), np.nan), lengths(self.equations, x)
+        units = units_of_unknowns(self.equations, x, here)
+        return Point(x, jacobian, here.sizes, units, residual, iterations)
 
     def orbit(self, point: Point) -> Orbit:
         """The orbit at a point."""
@@ -118,22 +138,23 @@ class Surface:
         jacobian = self._in_units(point)
         _, s, vt = np.linalg.svd(jacobian)
         kernel = vt[int((s > _KERNEL * s[0]).sum()) :].T
-        known = self._neutral(point.x, jacobian, point.units)
+        known = self._neutral(point.x, jacobian, point.units, point.sizes)
         u, s, _ = np.linalg.svd(kernel - known @ (known.T @ kernel), full_matrices=False)
         return u[:, s > 0.5]  # each direction of the kernel is known or orthogonal to that
 
     def neutral(self, point: Point) -> np.ndarray:
         """(n, r) orthonormal in units: directions along the surface that keep the orbit."""
-        return self._neutral(point.x, self._in_units(point), point.units)
+        return self._neutral(point.x, self._in_units(point), point.units, point.sizes)
 
     def _in_units(self, point: Point) -> np.ndarray:
-        rows = self._units(point.x, point.jacobian).rows
-        return point.jacobian * point.units / rows[:, None]
+        known = Lengths(point.sizes, self._parameter(point))
+        return units_at(self.equations, point.x, point.jacobian, known).jacobian(point.jacobian)
 
-    def _units(self, x: np.ndarray, jacobian: np.ndarray) -> Units:
-        return units_at(self.equations, x, jacobian, sizes_at(self.equations, x))
+    def _parameter(self, point: Point) -> float:
+        """The unit of the family's parameter."""
+        return 1.0 if self.equations.make is None else float(point.units[-2])
 
-    def _neutral(self, x: np.ndarray, jacobian: np.ndarray, in_units: np.ndarray) -> np.ndarray:
+    def _neutral(self, x, jacobian, in_units: np.ndarray, each: np.ndarray) -> np.ndarray:
         equations, unknowns = self.equations, self.equations.unpack(x)
         scene = equations.scene_at(unknowns.parameter)
         scene = scene.starting(equations.start_at(x), unknowns.period)
@@ -141,7 +162,7 @@ class Surface:
         if self._symmetries is None:
             # Looked for once: a family has those of its first member, and one that it loses on the
             # way is no direction of the surface there.
-            self._symmetries = tuple(trivial.symmetries(scene, sizes(scene)))
+            self._symmetries = tuple(trivial.symmetries(scene, each))
         for name in self._symmetries:
             states = [scene.y0, *jnp.asarray(unknowns.between)]
             first, *between = (np.asarray(_field(scene, y, name=name)) for y in states)
@@ -160,12 +181,12 @@ class Surface:
           x: (n,) the branch point.
           along: (n,) the direction of the known branch.
         """
-        closed = InUnits(self.equations, x, self.rtol)
+        closed = InUnits(self.equations, x, self.rtol, lengths=lengths(self.equations, x))
         (_, jacobian), units = closed(x), closed.units.x
         if not (np.isfinite(jacobian).all() and np.isfinite(along).all()):
             return None
         ahead = along / units / np.linalg.norm(along / units)
-        known = np.column_stack([self._neutral(x, jacobian, units), ahead])
+        known = np.column_stack([self._neutral(x, jacobian, units, closed.sizes), ahead])
         _, s, vt = np.linalg.svd(np.vstack([jacobian, np.linalg.norm(jacobian) * known.T]))
         return units * vt[-1] if s[-1] < _BRANCH * s[0] else None
 

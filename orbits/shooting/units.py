@@ -18,6 +18,18 @@ from orbits.shooting.segment import MAX_STEPS
 _ROUNDING = 1e-9
 
 
+class Lengths(NamedTuple):
+    """What the units of unknowns follow from.
+
+    Attributes:
+      sizes: (k,) of the entries of the state.
+      parameter: the unit of a family's parameter.
+    """
+
+    sizes: np.ndarray
+    parameter: float = 1.0
+
+
 class Units(NamedTuple):
     """Units of unknowns x (n,) and of a residual (m,).
 
@@ -39,27 +51,22 @@ def map_in_units(matrices: np.ndarray, each: np.ndarray) -> np.ndarray:
     return np.asarray(matrices) * each / each[:, None]
 
 
-def units_at(equations: Equations, x: np.ndarray, jacobian: np.ndarray, each: np.ndarray) -> Units:
-    """The units of the motion at x, where the Jacobian and the sizes (k,) are known.
+def units_at(equations: Equations, x: np.ndarray, jacobian: np.ndarray, lengths: Lengths) -> Units:
+    """The units of the motion at x, where the Jacobian is known."""
+    each, x_units = lengths.sizes, units_of_unknowns(equations, x, lengths)
+    changes = np.abs(np.where(np.isfinite(jacobian), jacobian, 0.0)) * x_units
+    between = np.tile(each, equations.segments - 1)
+    rows = np.concatenate([between, equations.closing.rows(each)])
+    return Units(x_units, equation_units(equations, rows, changes))
 
-    The unit of time is a radian of the period. That of a family's parameter is its value, or what
-    changes the closing error by its unit if that is larger: a parameter may be 0.
-    """
-    between = np.tile(each, (equations.segments - 1, 1))
+
+def units_of_unknowns(equations: Equations, x: np.ndarray, lengths: Lengths) -> np.ndarray:
+    """(n,) the units of unknowns x (n,); that of time is a radian of the period."""
     # The states of all segments count as one.
-    share, radian = np.sqrt(equations.segments), x[-1] / (2 * np.pi)
-    x_units = equations.pack(share * each, share * between, angle=1.0, parameter=1.0, period=radian)
-    slopes = np.abs(np.where(np.isfinite(jacobian), jacobian, 0.0))
-    parameter = equations.make is not None
-    changes = slopes * x_units
-    if parameter:
-        changes[:, -2] = 0.0
-    states = np.concatenate([np.ravel(between), equations.closing.rows(each)])
-    rows = equation_units(equations, states, changes)
-    if parameter:
-        effect = float(np.linalg.norm(slopes[:, -2] / rows))
-        x_units[-2] = max(abs(x[-2]), 1 / effect if effect > 0 else 0.0) or 1.0
-    return Units(x_units, rows)
+    each = np.sqrt(equations.segments) * lengths.sizes
+    between = np.tile(each, (equations.segments - 1, 1))
+    radian = x[-1] / (2 * np.pi)
+    return equations.pack(each, between, angle=1.0, parameter=lengths.parameter, period=radian)
 
 
 def equation_units(equations: Equations, states: np.ndarray, changes: np.ndarray) -> np.ndarray:
@@ -89,6 +96,8 @@ def sizes_at(equations: Equations, x: np.ndarray) -> np.ndarray:
 class InUnits:
     """Closing equations in the units of the motion at a first point, at a tolerance.
 
+    These follow from its start, or from lengths that are known.
+
     Attributes:
       equations: the equations.
       rtol: tolerance of the integrations.
@@ -97,12 +106,18 @@ class InUnits:
     """
 
     def __init__(
-        self, equations: Equations, x: np.ndarray, rtol: float, max_steps: int = MAX_STEPS
+        self,
+        equations: Equations,
+        x: np.ndarray,
+        rtol: float,
+        max_steps: int = MAX_STEPS,
+        lengths: Lengths | None = None,
     ):
         self.equations, self.rtol, self._max_steps = equations, rtol, max_steps
         self._last = x, equations(x, rtol, max_steps)
-        self.sizes = sizes_at(equations, x)
-        self.units = units_at(equations, x, np.asarray(self._last[1].jacobian), self.sizes)
+        lengths = lengths or Lengths(sizes_at(equations, x))
+        self.sizes = lengths.sizes
+        self.units = units_at(equations, x, np.asarray(self._last[1].jacobian), lengths)
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residual (m,) and Jacobian (m, n), in the units, at unknowns x (n,) as they are.

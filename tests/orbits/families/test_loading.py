@@ -1,5 +1,7 @@
 """Families of orbits and diagrams in files: resumed after an interruption, loaded, drawn."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -76,6 +78,40 @@ def test_failures_are_kept_and_other_scenes_refused(tmp_path):
     assert_same(orbits.families.load(path, van_der_pol), found)
     with pytest.raises(ValueError, match="make: expected the scenes of the file"):
         orbits.families.load(path, lambda mu: jaxdyn.scenes.lorenz(rho=mu))
+
+
+def _without_units(line):
+    """A line of a file as it was when all lengths were in the units of the scene."""
+    record = json.loads(line)
+    step = record.get("step", {"member": record.get("begin", {}).get("first")})
+    for member in (x for x in (step.get("member"), *step.get("special", [])) if x):
+        for name in ("sizes", "units"):
+            del member["point"][name]
+        tangent = np.array(member["tangent"]["real"])
+        member["tangent"]["real"] = list(tangent / np.linalg.norm(tangent))
+    return json.dumps(record)
+
+
+@pytest.mark.slow
+def test_files_whose_points_have_no_units_are_read(tmp_path):
+    new, old = tmp_path / "new.jsonl", tmp_path / "old.jsonl"
+    cycle = orbits.find(van_der_pol(0.5), [2.0, 0.0], 6.4)
+    family = orbits.continue_family(cycle, van_der_pol, 0.5, members=3, path=new)
+    old.write_text("".join(f"{_without_units(x)}\n" for x in new.read_text().splitlines()))
+    assert "sizes" in new.read_text()
+    assert "sizes" not in old.read_text()
+    (loaded,) = orbits.families.load(old, van_der_pol).orbits
+    np.testing.assert_array_equal(loaded.periods, family.periods)
+    for one, two in zip(loaded.members, family.members, strict=True):
+        # Sizes are those of the largest orbit so far, which an old file does not have.
+        np.testing.assert_allclose(one.point.units, two.point.units, rtol=0.1)
+        assert abs(np.linalg.norm(one.tangent / one.point.units) - 1) < 1e-12
+        across = one.tangent @ two.tangent
+        assert across / np.linalg.norm(one.tangent) / np.linalg.norm(two.tangent) > 1 - 1e-12
+    bad = old.read_text().replace('"shape": [4]', '"shape": [2, 2]')
+    old.write_text(bad)
+    with pytest.raises(ValueError, match="file: expected"):
+        orbits.families.load(old, van_der_pol)
 
 
 @pytest.mark.slow
