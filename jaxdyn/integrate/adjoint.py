@@ -141,9 +141,9 @@ def _flat(numbers: Any, dtype) -> Array:
     return ravel_pytree(numbers)[0].astype(dtype)
 
 
-def _alike(y: Array, z: Array) -> Array:
-    """Whether () two states are one, found on two ways."""
-    return jnp.max(jnp.abs(y - z)) <= _SAME_STATE * jnp.max(jnp.abs(jnp.stack([y, z])))
+def _alike(y: Array, z: Array, largest: Array) -> Array:
+    """Whether () two states of a motion with a largest entry are one, found on two ways."""
+    return jnp.max(jnp.abs(y - z)) <= _SAME_STATE * largest
 
 
 def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResult:
@@ -191,6 +191,8 @@ def _back(states, slopes, perturbed, given, limits, method):
     system = _Backwards(field, method.position_only, len(y0))
     method = method.for_tangents
     switches = plan_of(field, len(y0)).on_state
+    # A start at rest has no size of its own.
+    largest = jnp.max(jnp.abs(jnp.concatenate([ys, y0[None], y1[None]])))
 
     def piece(carry, node):
         adjoint, mu = carry
@@ -200,7 +202,7 @@ def _back(states, slopes, perturbed, given, limits, method):
         adjoint, mu = system.unpacked(end)
         if switches:
             # From a surface on which it slides a motion does not come back the way it came.
-            adjoint = jnp.where(_alike(system.state(end), there), adjoint, jnp.nan)
+            adjoint = jnp.where(_alike(system.state(end), there, largest), adjoint, jnp.nan)
         return (adjoint + by_early, mu), None
 
     nodes = (

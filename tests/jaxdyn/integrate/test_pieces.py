@@ -177,6 +177,23 @@ def test_adjoints_through_sliding_are_refused_and_others_are_right():
     assert np.isnan(jax.grad(end)(0.3, stuck, [2.05, 0.0], True))
 
 
+@pytest.mark.parametrize("t1", [3.0, 6.0])
+def test_adjoints_of_play_between_gears_from_rest(t1):
+    def driven(t, y, p):
+        d = y[0] - y[1]
+        torque = 50 * (d - jnp.clip(d, -p, p))
+        return [y[2], y[3], jnp.cos(2 * t) - torque - 0.1 * y[2], torque - 0.2 * y[3]]
+
+    def end(y0, p, adjoint=False):
+        return jaxdyn.solve(jaxdyn.ode(driven, y0, t1, params=p), t1, adjoint=adjoint).y1[0]
+
+    given = jnp.zeros(4), 0.1
+    forwards = jax.jacfwd(end, (0, 1))(*given)
+    backwards = jax.grad(lambda *given: end(*given, adjoint=True), (0, 1))(*given)
+    assert np.allclose(backwards[0], forwards[0], rtol=1e-7)
+    assert np.allclose(backwards[1], forwards[1], rtol=1e-7)
+
+
 def test_chattering_ends_in_a_status():
     # Three surfaces through one point, each pushing back to the next.
     def rate(t, y):
