@@ -92,7 +92,7 @@ class _Run(NamedTuple):
     Attributes:
       t: () where it is.
       y: (k, ...) the state there.
-      branch: that of the next piece, before conditions on time are looked at.
+      branch: that of the next piece.
       crossed: (e,) conditions that have just changed.
       held: (e,) conditions whose outcomes are known, though the state is on their surface.
       old: the branch of the last piece.
@@ -203,7 +203,7 @@ class _Pieces(NamedTuple):
             stiff=jnp.zeros((), bool),
         )
         branch = Branch.of(first.outcomes)
-        return _Run(
+        run = _Run(
             t=jnp.asarray(self.t0),
             y=y0,
             branch=branch,
@@ -217,12 +217,11 @@ class _Pieces(NamedTuple):
             before=Before(jnp.zeros_like(y0), jnp.zeros(())),
             stalled=zero,
         )
+        return run._replace(branch=self._settled(run))
 
     def piece(self, run: _Run) -> _Run:
         """The motion one piece further."""
-        branch = self._settled(run)
-        y = self._after_switch(run, branch)
-        now = self.t1
+        branch, y, now = run.branch, self._after_switch(run), self.t1
         if self.plan.of_time.any():
             now = next_change(self.plan, self.system, run.t, self.t1, branch.outcomes)
         now = self._before_break(run.t, now)
@@ -247,7 +246,7 @@ class _Pieces(NamedTuple):
         following, crossed, held = self._switched(
             branch, end, _state(y_end), index - len(self.events)
         )
-        return _Run(
+        reached = _Run(
             t=end,
             y=y_end,
             branch=following,
@@ -261,6 +260,9 @@ class _Pieces(NamedTuple):
             before=Before(sizes, jnp.maximum(run.before.step, step)),
             stalled=stalled,
         )
+        # Kept from piece to piece, never found twice: XLA computes a sine anew for each of its
+        # uses, in several ways, and at a switch two of them may have different signs.
+        return reached._replace(branch=self._settled(reached))
 
     def _before_break(self, t: Array, now: Array) -> Array:
         """The time `now`, or the first after t at which a step ends by request."""
@@ -415,10 +417,11 @@ class _Pieces(NamedTuple):
         size = jnp.sum(jnp.abs(rows * x[None]), 1) + jnp.abs(t * by_time)
         return _ROUNDINGS * jnp.finfo(x.dtype).eps * jnp.where(jnp.isfinite(size), size, 0.0)
 
-    def _after_switch(self, run: _Run, branch: Branch) -> Array:
+    def _after_switch(self, run: _Run) -> Array:
         """The state, and tangents or adjoints as the saltation matrix changes them."""
         if not hasattr(self.field, "jump"):
             return run.y
+        branch = run.branch
         changed = jnp.asarray(self.plan.of_time) & (branch.outcomes != run.old.outcomes)
         margins = self.plan.look(self.system, run.t, _state(run.y), run.old.outcomes)[1].margins
         nearest = jnp.argmin(jnp.where(changed, jnp.abs(margins), jnp.inf))

@@ -220,7 +220,8 @@ def drive(scene: Scene, y: Array, period: Array) -> Array:
         return jax.jvp(lambda t: scene.rate(t, y), (t,), (jnp.ones_like(t),))[1]
 
     fast = jnp.abs(jax.vmap(speed)(many))
-    fast = (fast / jnp.maximum(fast.max(axis=0), jnp.finfo(float).tiny)[None]).sum(axis=1)
+    most = jnp.maximum(fast.max(axis=0), jnp.finfo(float).tiny)
+    fast = (fast / most[None]).sum(axis=1)
     ts = jax.lax.stop_gradient(many[jax.lax.top_k(fast, PHASES)[1]])
     now, later = (jax.vmap(scene.rate, (0, None))(t, y) for t in (ts, ts + period))
     varies = jax.lax.stop_gradient(jnp.abs(now - now[:1]).max(axis=0))

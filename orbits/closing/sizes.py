@@ -6,8 +6,9 @@ no verdict depends on the units in which a scene is written.
 
 The size of an entry is its value at the start, or the change that its rate there makes in a radian
 of the period's second harmonic, if that is larger. No motion has to be computed for that. Entries
-of one group (`jaxdyn.scales`) have the same size. An entry that rests at 0 has the size of what the
-others can do to it.
+of one group (`jaxdyn.scales`) have the same size. Without units an entry has at least the size of
+what the others can do to it: near an equilibrium their effects cancel, and a velocity that is small
+there has no size of its own.
 """
 
 import math
@@ -61,7 +62,7 @@ def _sizes(scene: Scene) -> np.ndarray:
     times = SPREAD if plan_of(scene.field, len(y0)).depends_on_time else SPREAD[:1]
     rates = np.abs(np.asarray(rates_at(scene, times * span, y0)))
     rates = np.where(np.isfinite(rates), rates, 0.0).max(axis=0)
-    found = alike(scene, np.maximum(np.abs(y0), radian * rates))
+    found = coupled(scene, alike(scene, np.maximum(np.abs(y0), radian * rates)))
     if (found > 0).all():
         return found
     slope = np.asarray(_slope(scene, jnp.asarray(0.0), scene.y0))
@@ -92,7 +93,7 @@ def coupled(scene: Scene, each: np.ndarray) -> np.ndarray:
         return each
     slope = np.abs(np.asarray(_slope(scene, jnp.asarray(0.0), scene.y0)))
     slope = np.where(np.isfinite(slope), slope, 0.0)
-    fastest = float(np.abs(np.linalg.eigvals(slope * each / each[:, None])).max())
+    fastest = float(np.abs(np.linalg.eigvals(slope)).max())
     for _ in range(len(each) if fastest > 0 else 0):
         each = np.maximum(each, alike(scene, slope @ each / fastest))
     return each

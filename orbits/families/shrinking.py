@@ -25,7 +25,7 @@ _SOLVED = 1e-12  # relative: the last of these steps
 _RANK = 1e-9  # relative: smaller singular values of the Jacobian leave the state where it is
 #: In steps of the family: distance of an equilibrium that is looked for before it is passed, since
 #: shorter and shorter steps may end there.
-_AHEAD = 2.0
+_AHEAD = 1.0
 #: The orbit is shrunk to this part of its radius, but to no less than this part of the size of the
 #: equilibrium: periods are wrong by the square of the radius, and by rounding divided by it.
 _SMALLER, _SMALLEST = 1e-4, 3e-5
