@@ -317,8 +317,7 @@ def test_misuse(options, message):
 @pytest.mark.parametrize(
     ("scene", "message"),
     [
-        (scenes.three_body(m=(1.0, 0.0, 1.0)), "mass: expected > 0, got 0.0. Masses are in kg."),
-        (scenes.three_body(m=(1.0, -2.0, 1.0)), "mass: expected > 0, got -2.0"),
+        (scenes.three_body(m=(1.0, -2.0, 1.0)), "mass: expected >= 0, got -2.0. Masses are in kg"),
         (scenes.three_body(m=(1.0, np.nan, 1.0)), "mass: expected finite numbers, got nan"),
         (scenes.three_body(G=np.nan), "G: expected finite numbers, got nan"),
         (scenes.three_body(t1=-1.0), "period: expected > 0, got -1.0"),
@@ -354,8 +353,8 @@ def test_an_orbit_is_a_record_of_arrays(cycle):
 def test_a_driven_motion_needs_the_period_of_its_drive():
     driven = scenes.oscillator(k=4.0) + effects.SinusoidalForce([1.0], 1.0)
     with pytest.raises(ValueError, match=r"period: expected a multiple of the drive's"):
-        orbits.find(driven, [0.0, 0.3], 6.0)
-    found = orbits.find(driven, [0.0, 0.3], 2 * np.pi)
+        orbits.find(driven, [0.0, 0.3], 9.0)  # between one and two of them
+    found = orbits.find(driven, [0.0, 0.3], 6.0)
     # All motions have the drive's period here, as the free ones turn twice in it (k = 4).
     assert found.ok
     assert abs(found.period - 2 * np.pi) < 1e-14  # polished as the start is
