@@ -155,7 +155,7 @@ class Plan:
         (plain,) = enclosed(parts, [*given, Bounds(low, high)])
         (slope,) = enclosed(slopes, [*given, Bounds(low, high)])
         plain, slope = as_bounds(plain), as_bounds(slope)
-        (middle,) = enclosed(parts, [*given, 0.5 * (low + high)])
+        middle = as_bounds(enclosed(parts, [*given, 0.5 * (low + high)])[0]).low
         steepest = jnp.maximum(jnp.abs(slope.low), jnp.abs(slope.high))
         steepest = jnp.where(jnp.isnan(steepest), jnp.inf, steepest)
         most = 0.5 * (high - low) * steepest
