@@ -559,6 +559,7 @@ def _extreme(walk: Walk, eqn, args: list[Value]) -> Value:
         rows = jnp.moveaxis(jnp.asarray(x.array), axes, last).reshape(*shape, n)
 
     def at(given):
+        assert rows is not None  # what has no value has no outcome
         signed = rows if name.endswith("max") else -rows
         here = jnp.argmax(signed, -1)
         held = here if given is None else given.astype(int)
