@@ -197,6 +197,11 @@ class Plan:
         jax.eval_shape(enclose, *self._leaves, branch, self._state, self._state, _TIME)
         return unknown
 
+    def bounds_of_rate(self, system: PyTree, low: Array, high: Array, y: Array) -> Bounds:
+        """(k,) bounds of the rate at a state from one time to another."""
+        given = [*jax.tree.leaves(system), Bounds(low, high), y]
+        return as_bounds(enclosed(self._program, given)[0])
+
     def _without_bounds(self) -> frozenset[str]:
         """Names of operations on time alone that have no bounds."""
         unknown: set[str] = set()

@@ -54,6 +54,18 @@ def test_a_pulse_at_rest_with_digits(samples):
     assert np.allclose(run.ys[-1], KICKED_AT_REST, rtol=0, atol=2e-12)
 
 
+def test_a_pulse_whose_tails_are_rounding():
+    # tanh cancels to its rounding before the pulse, and a motion at rest has no size of its own.
+    def rate(t, y):
+        u = (t - 10.0) / 0.01
+        return [y[1], -y[0] + 0.5 * (jnp.tanh(u + 1.0) - jnp.tanh(u - 1.0))]
+
+    run = jaxdyn.simulate(jaxdyn.ode(rate, [0.0, 0.0], 20.0))
+    # Its area is 2 w, and its second moment moves the phase by less than w^2.
+    assert np.allclose(run.ys[-1], 0.02 * np.array([np.sin(10), np.cos(10)]), rtol=1e-4)
+    assert run.steps < 100
+
+
 @pytest.mark.parametrize("width", [1e-2, 1e-4, 2e-5])
 def test_pulses_down_to_a_millionth_of_the_span(width):
     # An impulse of width sqrt(pi) at t = 10, but for the square of the width.
