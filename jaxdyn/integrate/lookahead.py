@@ -19,6 +19,9 @@ from jaxdyn.plan.in_branch import InBranch, Wrapper, without_wrappers
 from jaxdyn.plan.times import furthest_seen, is_hidden, sizes
 from jaxdyn.solvers.sizes import PART, Begun
 
+#: Of the size that a drive gives to an entry later: one that is smaller is at rest.
+_REST = 1e-6
+
 
 class Lookahead(eqx.Module):
     """How far a step may go, by the parts of a rate that depend on time alone.
@@ -61,9 +64,9 @@ class Lookahead(eqx.Module):
 def moved_later(look: Lookahead, t0: Array, t1: Array, y: Array, start: Begun) -> Begun:
     """What is known at a start, where a state (k,) at rest is moved by a drive later in the span.
 
-    Entries without a size have a part of what the largest rates of the span make of them in the
-    time of the motion, and these of others: measured by itself, the beginning of a pulse is
-    resolved down to its rounding.
+    Entries without a size, or with one that is nothing beside it, have a part of what the largest
+    rates of the span make of them in the time of the motion, and these of others: measured by
+    itself, the beginning of a pulse is resolved down to its rounding.
     """
     low, high = jnp.minimum(t0, t1), jnp.maximum(t0, t1)
     found = look.plan.bounds_of_rate(look.system, low, high, y)
@@ -71,7 +74,8 @@ def moved_later(look: Lookahead, t0: Array, t1: Array, y: Array, start: Begun) -
 
     def filled(sizes: Array, rates: Array) -> Array:
         rates = jnp.where(jnp.isfinite(rates), jnp.abs(rates), 0.0)
-        return jnp.where(sizes > 0, sizes, PART * start.time * rates)
+        later = PART * start.time * rates
+        return jnp.where(sizes > _REST * later, sizes, later)
 
     sizes = filled(start.sizes, most)
     sizes = filled(sizes, look.system.rate(t0, y + sizes))
