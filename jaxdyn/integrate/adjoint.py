@@ -52,7 +52,7 @@ class _Backwards(eqx.Module):
             y, adjoint = z[:k], z[k : 2 * k]
             f, pull = jax.vjp(lambda p, y: eqx.combine(p, rest).rate(t, y), numbers, y)
             by_numbers, by_state = pull(adjoint)
-            return jnp.concatenate([f, -by_state, -_flat(by_numbers, z.dtype)])
+            return jnp.concatenate([f, -by_state, -self._by_shares(by_numbers, z.dtype)])
         q, adjoint, v = z[: k // 2], z[k // 2 : k], z[half : half + k // 2]
 
         def acceleration(p, q):
@@ -60,7 +60,16 @@ class _Backwards(eqx.Module):
 
         a, pull = jax.vjp(acceleration, numbers, q)
         by_numbers, by_place = pull(adjoint)
-        return jnp.concatenate([z[half:], a, by_place, -_flat(by_numbers, z.dtype)])
+        return jnp.concatenate([z[half:], a, by_place, -self._by_shares(by_numbers, z.dtype)])
+
+    @property
+    def shares(self) -> Array:
+        """(p,) the magnitudes of the numbers, 1 for those that are 0."""
+        flat = jnp.abs(_flat(eqx.filter(self.field, eqx.is_inexact_array), float))
+        return jnp.where(flat == 0, 1.0, flat)
+
+    def _by_shares(self, by_numbers: Any, dtype) -> Array:
+        return self.shares * _flat(by_numbers, dtype)
 
     def state(self, z: Array) -> Array:
         """The state (k,) alone; of a rate its rate."""
@@ -91,19 +100,23 @@ class _Backwards(eqx.Module):
         after, before = (self.state(InBranch(self, branch).rate(t, z)) for branch in (old, new))
         by_numbers, by_time, by_state = jax.grad(margin, (0, 1, 2))(numbers, t, y)
         weight = jnp.sum(adjoint * (after - before)) / (by_time + jnp.sum(by_state * before))
-        mu = mu + weight * _flat(by_numbers, z.dtype)
+        mu = mu + weight * self._by_shares(by_numbers, z.dtype)
         return self.packed(y, adjoint + weight * by_state, mu)
 
     @property
     def groups(self) -> Groups:
-        """Adjoints share sizes as the state does, whose units they have in inverse; others none."""
+        """Adjoints share sizes as the state does, whose units they have in inverse.
+
+        So do all parts of the gradient, which are those by shares of the numbers: one that is zero
+        but for rounding, as by a mass that cancels, is measured by the others.
+        """
         of = self.field.groups.of
         y, adjoint = ([(part, group) for group in of] for part in ("y", "adjoint"))
         leaves = jax.tree.leaves(eqx.filter(self.field, eqx.is_inexact_array))
-        mu = [("mu", i) for i in range(sum(leaf.size for leaf in leaves))]
+        mu = ["mu"] * sum(leaf.size for leaf in leaves)
         if not self.position_only:
             return numbered([*y, *adjoint, *mu])
-        half, rates = len(of) // 2, [("rate", *name) for name in mu]
+        half, rates = len(of) // 2, ["rate of mu"] * len(mu)
         q, v, by_q, by_v = y[:half], y[half:], adjoint[:half], adjoint[half:]
         return numbered([*q, *by_v, *mu, *v, *by_q, *rates])
 
@@ -141,9 +154,9 @@ def _flat(numbers: Any, dtype) -> Array:
     return ravel_pytree(numbers)[0].astype(dtype)
 
 
-def _alike(y: Array, z: Array) -> Array:
-    """Whether () two states are one, found on two ways."""
-    return jnp.max(jnp.abs(y - z)) <= _SAME_STATE * jnp.max(jnp.abs(jnp.stack([y, z])))
+def _alike(y: Array, z: Array, largest: Array) -> Array:
+    """Whether () two states of a motion with a largest entry are one, found on two ways."""
+    return jnp.max(jnp.abs(y - z)) <= _SAME_STATE * largest
 
 
 def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResult:
@@ -191,6 +204,8 @@ def _back(states, slopes, perturbed, given, limits, method):
     system = _Backwards(field, method.position_only, len(y0))
     method = method.for_tangents
     switches = plan_of(field, len(y0)).on_state
+    # A start at rest has no size of its own.
+    largest = jnp.max(jnp.abs(jnp.concatenate([ys, y0[None], y1[None]])))
 
     def piece(carry, node):
         adjoint, mu = carry
@@ -200,7 +215,7 @@ def _back(states, slopes, perturbed, given, limits, method):
         adjoint, mu = system.unpacked(end)
         if switches:
             # From a surface on which it slides a motion does not come back the way it came.
-            adjoint = jnp.where(_alike(system.state(end), there), adjoint, jnp.nan)
+            adjoint = jnp.where(_alike(system.state(end), there, largest), adjoint, jnp.nan)
         return (adjoint + by_early, mu), None
 
     nodes = (
@@ -215,4 +230,4 @@ def _back(states, slopes, perturbed, given, limits, method):
     by_t1 = jnp.sum(by_y1 * field.rate(t1, y1))
     by_ts = jnp.sum(by_ys * jax.vmap(field.rate)(ts, ys), axis=-1)
     by_t0 = -jnp.sum(by_y0 * field.rate(t0, y0))
-    return tree(mu), by_y0, by_t0, by_t1, by_ts
+    return tree(mu / system.shares), by_y0, by_t0, by_t1, by_ts

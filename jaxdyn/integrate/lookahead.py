@@ -17,6 +17,7 @@ from jaxtyping import Array
 from jaxdyn.plan import Plan, plan_of
 from jaxdyn.plan.in_branch import InBranch, Wrapper, without_wrappers
 from jaxdyn.plan.times import furthest_seen, is_hidden, sizes
+from jaxdyn.solvers.sizes import PART, Begun
 
 
 class Lookahead(eqx.Module):
@@ -55,6 +56,26 @@ class Lookahead(eqx.Module):
         way = self.direction
         seen = furthest_seen(self.plan, self.system, way * t0, way * t1, self.outcomes, self.sizes)
         return jnp.where(way * seen == t1, t1, way * seen)
+
+
+def moved_later(look: Lookahead, t0: Array, t1: Array, y: Array, start: Begun) -> Begun:
+    """What is known at a start, where a state (k,) at rest is moved by a drive later in the span.
+
+    Entries without a size have a part of what the largest rates of the span make of them in the
+    time of the motion, and these of others: measured by itself, the beginning of a pulse is
+    resolved down to its rounding.
+    """
+    low, high = jnp.minimum(t0, t1), jnp.maximum(t0, t1)
+    found = look.plan.bounds_of_rate(look.system, low, high, y)
+    most = jnp.maximum(jnp.abs(found.low), jnp.abs(found.high))
+
+    def filled(sizes: Array, rates: Array) -> Array:
+        rates = jnp.where(jnp.isfinite(rates), jnp.abs(rates), 0.0)
+        return jnp.where(sizes > 0, sizes, PART * start.time * rates)
+
+    sizes = filled(start.sizes, most)
+    sizes = filled(sizes, look.system.rate(t0, y + sizes))
+    return start._replace(sizes=look.system.groups.largest(sizes))
 
 
 def lookahead(

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn.integrate.lookahead import lookahead
+from jaxdyn.integrate.lookahead import lookahead, moved_later
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.step_control import FixedSteps, StepControl, first_step, steps_of
 from jaxdyn.solvers import Method
@@ -151,12 +151,13 @@ def _control(field, y0, t0, t1, ts, limits, method: Method, watch, before: Befor
         n = steps_of(tolerance[0], t0, t1)
         h, control = (t1 - t0) / n, FixedSteps(n=n, ts=ts, watch=watch, limit=most)
         return Begun(jnp.zeros_like(y0), jnp.abs(t1 - t0), field.rate(t0, y0)), control, h
-    start = begun(field, t0, y0, t1)
+    start, look = begun(field, t0, y0, t1), lookahead(field, len(y0), t0, t1)
+    if look is not None and look.plan.hides and y0.ndim == 1:
+        start = moved_later(look, t0, t1, y0, start)
     if before is not None:
         start = start._replace(sizes=jnp.maximum(start.sizes, before.sizes))
     first = first_step(method, tolerance, start, y0)
     first = first if before is None else jnp.maximum(first, before.step)
-    look = lookahead(field, len(y0), t0, t1)
     control = StepControl(
         first=first, ts=ts, watch=watch, limit=most, look=look, max_step=limits.max_step
     )

@@ -18,9 +18,10 @@ What a condition is, and its margin:
   order of a few numbers is made of comparisons.
 
 Equality is no condition: programs ask for it in order to guard a removable singularity, and it
-holds at single points only. Conditions on numbers of the scene alone are evaluated as they stand.
-Those within loops of unknown length, and choices such as the pivots of a linear system, cannot be
-read; `Walk.unread` names them.
+holds at single points only. But derivatives of ``max`` and ``min`` ask with it which operand was
+taken, also on the surface, where steps end and both are equal: there the branch answers. Conditions
+on numbers of the scene alone are evaluated as they stand. Those within loops of unknown length, and
+choices such as the pivots of a linear system, cannot be read; `Walk.unread` names them.
 """
 
 import functools
@@ -123,6 +124,7 @@ class Walk:
         self.mixed: list[Value] = []
         self._made: dict[int, tuple[str, list[Value]]] = {}
         self._kept: list[Value] = []
+        self._taken: dict[int, tuple[Array, Value, Value, Value]] = {}
 
     @property
     def size(self) -> int:
@@ -172,7 +174,25 @@ class Walk:
                 self.unread.add("a loop of many rounds with conditions")
             elif name == "while" and _may_switch(params["body_jaxpr"], params["cond_jaxpr"]):
                 self.unread.add("a loop of unknown length")
+            elif name == "eq" and (taken := self._operand(*args)) is not None:
+                return [Value(taken, on, math.inf)]
         return self._as_it_stands(eqn, args, on)
+
+    def take(self, which: Array, no: Value, yes: Value, found: Value) -> None:
+        """Note that a result of ``max`` or ``min`` is one of its operands by an outcome."""
+        if self.branch is not None and found.array is not None:
+            self._taken[id(found.array)] = which, no, yes, found
+
+    def _operand(self, a: Value, b: Value) -> Array | None:
+        """Whether the one value is the operand that the other, a maximum or minimum, is."""
+        for x, of in ((a, b), (b, a)):
+            if id(of.array) in self._taken:
+                which, no, yes, _ = self._taken[id(of.array)]
+                if _is_same(x, yes):
+                    return which > 0.5
+                if _is_same(x, no):
+                    return which <= 0.5
+        return None
 
     def _as_it_stands(self, eqn, args: list[Value], on: int) -> list[Value]:
         if _is_callback(eqn):
@@ -472,7 +492,18 @@ def _larger(walk: Walk, eqn, args: list[Value]) -> Value:
     a, b = args
     found, on = walk.holds(a, b)
     ends = (a, b) if eqn.primitive.name == "max" else (b, a)
-    return _select(found, *ends, on, walk)
+    larger = _select(found, *ends, on, walk)
+    walk.take(found, *ends, larger)
+    return larger
+
+
+def _is_same(a: Value, b: Value) -> bool:
+    """Whether two values are one value of a program, or equal known numbers."""
+    if a.array is b.array:
+        return True
+    if a.on or b.on or any(isinstance(x.array, jax.core.Tracer) for x in (a, b)):
+        return False
+    return np.array_equal(np.asarray(a.array), np.asarray(b.array))
 
 
 def _clamped(walk: Walk, eqn, args: list[Value]) -> Value:
@@ -542,6 +573,7 @@ def _extreme(walk: Walk, eqn, args: list[Value]) -> Value:
         rows = jnp.moveaxis(jnp.asarray(x.array), axes, last).reshape(*shape, n)
 
     def at(given):
+        assert rows is not None  # what has no value has no outcome
         signed = rows if name.endswith("max") else -rows
         here = jnp.argmax(signed, -1)
         held = here if given is None else given.astype(int)

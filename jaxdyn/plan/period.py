@@ -132,11 +132,12 @@ def _line(a: Any, b: Any) -> _InTime:
 def _by_parts(eqn, *args: _InTime) -> _InTime | None:
     """What is linear in all arguments: sums, and operations that move entries."""
     parts = [_coefficients(x) for x in args]
-    if any(part is None for part in parts):
+    known = [part for part in parts if part is not None]
+    if len(known) < len(parts):
         return None
     with jax.ensure_compile_time_eval():
         a, b = (
-            np.asarray(bound(eqn, [jnp.asarray(p[i], float) for p in parts])[0]) for i in (0, 1)
+            np.asarray(bound(eqn, [jnp.asarray(p[i], float) for p in known])[0]) for i in (0, 1)
         )
     return _line(a, b)
 

@@ -155,7 +155,7 @@ class Plan:
         (plain,) = enclosed(parts, [*given, Bounds(low, high)])
         (slope,) = enclosed(slopes, [*given, Bounds(low, high)])
         plain, slope = as_bounds(plain), as_bounds(slope)
-        (middle,) = enclosed(parts, [*given, 0.5 * (low + high)])
+        middle = as_bounds(enclosed(parts, [*given, 0.5 * (low + high)])[0]).low
         steepest = jnp.maximum(jnp.abs(slope.low), jnp.abs(slope.high))
         steepest = jnp.where(jnp.isnan(steepest), jnp.inf, steepest)
         most = 0.5 * (high - low) * steepest
@@ -196,6 +196,11 @@ class Plan:
         branch = jax.ShapeDtypeStruct((self.size,), float)
         jax.eval_shape(enclose, *self._leaves, branch, self._state, self._state, _TIME)
         return unknown
+
+    def bounds_of_rate(self, system: PyTree, low: Array, high: Array, y: Array) -> Bounds:
+        """(k,) bounds of the rate at a state from one time to another."""
+        given = [*jax.tree.leaves(system), Bounds(low, high), y]
+        return as_bounds(enclosed(self._program, given)[0])
 
     def _without_bounds(self) -> frozenset[str]:
         """Names of operations on time alone that have no bounds."""

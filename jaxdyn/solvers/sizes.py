@@ -22,7 +22,7 @@ from jaxdyn.scales import Groups, at_start
 
 #: The part of the scales at the start that counts until the motion has shown its own. They are what
 #: an entry gets to in the time of the motion, unless others stop it before.
-_PART = 0.1
+PART = 0.1
 
 #: The part of what a rejected step would have made of an entry at rest that is its size.
 _GLIMPSE = 0.01
@@ -55,12 +55,12 @@ def begun(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
     with_tangents = field
     field, y = _alone(field, y0)
     scales, rate = at_start(field, field.groups, t0, y, t1)
-    sizes = jnp.maximum(field.groups.largest(jnp.abs(y)), _PART * scales.sizes)
+    sizes = jnp.maximum(field.groups.largest(jnp.abs(y)), PART * scales.sizes)
     if y0.ndim == 1:
         return Begun(sizes, scales.time, rate)
-    beside = _PART * sizes
+    beside = PART * sizes
     there = jnp.maximum(*(_rates_at(with_tangents, t0, y0, y + off) for off in (-beside, beside)))
-    wide = (_PART * scales.time * there).reshape(len(y), -1)
+    wide = (PART * scales.time * there).reshape(len(y), -1)
     tangents = _of_tangents(sizes, wide[:, 1:])
     wide = jnp.concatenate([sizes[:, None], tangents], axis=1).reshape(y0.shape)
     return Begun(grown(field.groups, wide, y0), scales.time, rate)

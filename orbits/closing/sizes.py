@@ -95,7 +95,8 @@ def coupled(scene: Scene, each: np.ndarray) -> np.ndarray:
     slope = np.where(np.isfinite(slope), slope, 0.0)
     fastest = float(np.abs(np.linalg.eigvals(slope)).max())
     for _ in range(len(each) if fastest > 0 else 0):
-        each = np.maximum(each, alike(scene, slope @ each / fastest))
+        made = alike(scene, slope @ each / fastest)
+        each = np.where(made > (1 + _ROUNDING) * each, made, each)
     return each
 
 

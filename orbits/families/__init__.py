@@ -6,8 +6,8 @@
 of equilibria, `diagram` follows all of them, `graph` says which of them meet. `kept` keeps members
 in a file, which `loading` reads.
 `criticality` has the normal forms of bifurcations, from the series of the return map in `jets`.
-`surface` is the set of all orbits near one, `parameters` makes a scene a function of one or two of
-its parameters.
+`surface` is the set of all orbits near one, `lengths` the units in which it is measured.
+`parameters` makes a scene a function of one or two of its parameters.
 
 May import: `analysis`.
 

@@ -85,11 +85,14 @@ def equation_units(equations: Equations, states: np.ndarray, changes: np.ndarray
 
 def sizes_at(equations: Equations, x: np.ndarray) -> np.ndarray:
     """(k,) the sizes of the state's entries along the motion at x."""
-    unknowns = equations.unpack(x)
-    scene = equations.scene_at(unknowns.parameter)
-    found = sizes(scene.starting(equations.start_at(x), unknowns.period))
-    # An entry that rests at 0 in the equations' own scene may be rounding here.
+    unknowns, start = equations.unpack(x), equations.start_at(x)
     known = sizes(equations.scene)
+    guess = np.append(equations.scene.y0, equations.scene.t1)
+    if equations.make is None and np.array_equal(np.append(start, unknowns.period), guess):
+        return known
+    scene = equations.scene_at(unknowns.parameter)
+    found = sizes(scene.starting(start, unknowns.period))
+    # An entry that rests at 0 in the equations' own scene may be rounding here.
     return np.where(found > _ROUNDING * known, found, known)
 
 

@@ -54,6 +54,18 @@ def test_a_pulse_at_rest_with_digits(samples):
     assert np.allclose(run.ys[-1], KICKED_AT_REST, rtol=0, atol=2e-12)
 
 
+def test_a_pulse_whose_tails_are_rounding():
+    # tanh cancels to its rounding before the pulse, and a motion at rest has no size of its own.
+    def rate(t, y):
+        u = (t - 10.0) / 0.01
+        return [y[1], -y[0] + 0.5 * (jnp.tanh(u + 1.0) - jnp.tanh(u - 1.0))]
+
+    run = jaxdyn.simulate(jaxdyn.ode(rate, [0.0, 0.0], 20.0))
+    # Its area is 2 w, and its second moment moves the phase by less than w^2.
+    assert np.allclose(run.ys[-1], 0.02 * np.array([np.sin(10), np.cos(10)]), rtol=1e-4)
+    assert run.steps < 100
+
+
 @pytest.mark.parametrize("width", [1e-2, 1e-4, 2e-5])
 def test_pulses_down_to_a_millionth_of_the_span(width):
     # An impulse of width sqrt(pi) at t = 10, but for the square of the width.
@@ -175,6 +187,23 @@ def test_adjoints_through_sliding_are_refused_and_others_are_right():
     both = [jax.grad(end)(0.4, banged, [1.0, 0.0], adjoint) for adjoint in (False, True)]
     assert abs(both[0] - both[1]) < 1e-10
     assert np.isnan(jax.grad(end)(0.3, stuck, [2.05, 0.0], True))
+
+
+@pytest.mark.parametrize("t1", [3.0, 6.0])
+def test_adjoints_of_play_between_gears_from_rest(t1):
+    def driven(t, y, p):
+        d = y[0] - y[1]
+        torque = 50 * (d - jnp.clip(d, -p, p))
+        return [y[2], y[3], jnp.cos(2 * t) - torque - 0.1 * y[2], torque - 0.2 * y[3]]
+
+    def end(y0, p, adjoint=False):
+        return jaxdyn.solve(jaxdyn.ode(driven, y0, t1, params=p), t1, adjoint=adjoint).y1[0]
+
+    given = jnp.zeros(4), 0.1
+    forwards = jax.jacfwd(end, (0, 1))(*given)
+    backwards = jax.grad(lambda *given: end(*given, adjoint=True), (0, 1))(*given)
+    assert np.allclose(backwards[0], forwards[0], rtol=1e-7)
+    assert np.allclose(backwards[1], forwards[1], rtol=1e-7)
 
 
 def test_chattering_ends_in_a_status():

@@ -101,6 +101,20 @@ def test_margins_are_negative_exactly_where_outcomes_differ():
         assert np.array_equal(np.asarray(there.margins) < 0, differs)
 
 
+@pytest.mark.parametrize("held", [0.0, 1.0])
+def test_derivatives_on_a_surface_are_those_of_the_branch(held):
+    def by_state(t, y):
+        slope = jax.grad(lambda x: jnp.maximum(0.0, x) + jnp.minimum(x, 1.0))(y[0])
+        return [slope, jax.grad(lambda x: jnp.clip(x, 0.0, 3.0))(y[0])]
+
+    found, field = plan(by_state)
+    on_it = jnp.zeros(2)
+    _, here = found.look(field, 0.0, on_it + (0.5 if held else -0.5))
+    rate, _ = found.look(field, 0.0, on_it, here.outcomes)
+    # Without a branch half of it, as JAX has it.
+    assert np.allclose(rate, (held + 1.0, held), rtol=0, atol=0)
+
+
 def test_loops_that_cannot_be_read_are_named():
     def rate(t, y):
         body = lambda s: (s[0] + 1, jnp.abs(s[1]) - 0.1)  # noqa: E731

@@ -42,3 +42,14 @@ def test_rounding_is_no_size_of_an_equilibrium():
         place, velocity = sizes_at_rest(scene, np.array([1e-9, 1e-24]))
         assert place == 1e-9
         assert 0.2 < velocity / (1e-9 * np.sqrt(k)) < 2
+
+
+def test_a_velocity_near_an_equilibrium_has_the_size_of_what_cancels_there():
+    def rate(t, y, k):  # an oscillator about 1, so near to that that the rate is nearly 0
+        return [y[1], -k * (y[0] - 1.0)]
+
+    for k in (1.0, 1e24):
+        scene = jaxdyn.ode(rate, [1.0 + 1e-6, 0.0], 2 * np.pi / np.sqrt(k), params=k)
+        place, velocity = sizes(scene)
+        assert abs(place - 1) < 1e-5
+        assert 0.5 < velocity / np.sqrt(k) < 2

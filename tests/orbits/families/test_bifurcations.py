@@ -165,7 +165,7 @@ def test_branch_points_have_a_multiplier_of_1_where_newtons_method_is_slow():
     still = orbits.reversal(orbits.Symmetry(signs=(1, 1, -1, -1), reversing=True))
     scene = jaxdyn.ode(spring, [0.3, -1.06, 0.0, 0.0], 6.6, energy=spring_energy)
     first = orbits.find(scene, closing=still, hold="y0")
-    family = orbits.continue_family(first, members=90, step=0.03, energies=(-1.1, 8.0))
+    family = orbits.continue_family(first, members=90, step=0.015, energies=(-1.1, 8.0))
     assert [point.kind for point in family.special] == [Kind.BRANCH] * 2
 
     def varied(t, z):
@@ -221,7 +221,7 @@ def broucke(multipliers):
 
 #: Cycles with a special point at a = -1/4, 0, 0, 0, and the way to it.
 SPECIAL = {
-    Kind.FOLD: (Bautin, -0.2, (0.85, 0.0), {"step": 0.05, "members": 14, "down": True}),
+    Kind.FOLD: (Bautin, -0.2, (0.85, 0.0), {"step": 0.05, "members": 10, "down": True}),
     Kind.BRANCH: (Pitchfork, -0.3, (1.0, 0.0, 0.0), {"step": 0.1, "members": 8}),
     Kind.DOUBLING: (Moebius, -0.2, (1.0, 0.0, 0.0, 0.0), {"step": 0.08, "members": 6}),
     Kind.TORUS: (Torus, -0.1, (1.0, 0.0, 0.0, 0.0), {"step": 0.06, "members": 6}),

@@ -37,7 +37,7 @@ def doubled():
 
 @pytest.mark.slow
 def test_a_fold_is_nothing_special_and_is_found():
-    found = family(Bautin, -0.2, [0.85, 0.0], step=0.05, members=14, down=True)
+    found = family(Bautin, -0.2, [0.85, 0.0], step=0.05, members=10, down=True)
     radii = np.array([np.linalg.norm(m.orbit.y0) for m in found.members])
     assert np.abs(found.parameters - radii**4 + radii**2).max() < SOLVED
     assert radii.min() < 0.65 < 0.75 < radii.max()  # both sides of the fold

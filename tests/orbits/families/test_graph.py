@@ -24,7 +24,7 @@ def pitchfork():
         return jaxdyn.ode(pitchfork_of_cycles, jnp.zeros(3), 6.0, params=mu)
 
     return orbits.diagram(
-        make, -0.1, jnp.zeros(3), within=(-0.2, 0.4), orbit_members=10, orbit_step=0.1
+        make, -0.1, jnp.zeros(3), within=(-0.2, 0.4), orbit_members=14, orbit_step=0.1
     )
 
 
@@ -49,7 +49,7 @@ def test_families_that_do_not_meet_are_not_joined(pitchfork):
     one, *_ = pitchfork.orbits
     # The half of the other family that stops before the point, and none of its ends near it.
     two = pitchfork.orbits[1]
-    far = orbits.Family(two.members[4:], (), two.end, two.equations)
+    far = orbits.Family(two.members[8:], (), two.end, two.equations)
     found = orbits.graph([one, far])
     assert found.places == ()
     assert found.components == [(0,), (1,)]
