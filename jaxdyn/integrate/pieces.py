@@ -94,6 +94,8 @@ class _Run(NamedTuple):
       y: (k, ...) the state there.
       branch: that of the next piece.
       crossed: (e,) conditions that have just changed.
+      left: () number of the margin that has just ended a piece of sliding, see
+        `InBranch.margins`; else -1.
       held: (e,) conditions whose outcomes are known, though the state is on their surface.
       old: the branch of the last piece.
       result: of all pieces.
@@ -108,6 +110,7 @@ class _Run(NamedTuple):
     y: Array
     branch: Branch
     crossed: Array
+    left: Array
     held: Array
     old: Branch
     result: SolveResult
@@ -208,6 +211,7 @@ class _Pieces(NamedTuple):
             y=y0,
             branch=branch,
             crossed=none,
+            left=jnp.asarray(-1),
             held=none,
             old=branch,
             result=nothing,
@@ -243,14 +247,14 @@ class _Pieces(NamedTuple):
             stiff=run.result.stiff | found.stiff,
         )
         event = jnp.where(index < len(self.events), index, -1)
-        following, crossed, held = self._switched(
-            branch, end, _state(y_end), index - len(self.events)
-        )
+        margin = index - len(self.events)
+        following, crossed, held = self._switched(branch, end, _state(y_end), margin)
         reached = _Run(
             t=end,
             y=y_end,
             branch=following,
             crossed=crossed,
+            left=jnp.where(branch.slides, jnp.maximum(margin, -1), -1),
             held=held,
             old=branch,
             result=result,
@@ -426,6 +430,9 @@ class _Pieces(NamedTuple):
         margins = self.plan.look(self.system, run.t, _state(run.y), run.old.outcomes)[1].margins
         nearest = jnp.argmin(jnp.where(changed, jnp.abs(margins), jnp.inf))
         which = jnp.where(run.crossed.any(), jnp.argmax(run.crossed), nearest)
-        jumps = run.begun & (run.crossed.any() | changed.any())
+        which = jnp.where(run.left >= 0, run.left, which)
+        # Rates are continuous where sliding ends, those of tangents are not.
+        left = (run.left >= 0) & ((run.left < self.plan.size) | (run.y.ndim > 2))
+        jumps = run.begun & (run.crossed.any() | changed.any() | left)
         after = jump(self.field, run.t, run.y, run.old, branch, which)
         return jnp.where(jumps, after, run.y)

@@ -69,11 +69,14 @@ class Variational(eqx.Module):
         """
         moving, fixed = _split_like(self.field, self.directions)
         x = y[..., 0]
+        # Rates are continuous where sliding ends; those of tangents are not, and theirs jump.
+        bends = x.ndim > 1
+        jumps = bends | (which < len(old.outcomes))
 
         def margin(p, t, x):
             system = without_wrappers(eqx.combine(p, fixed))
             state = x.reshape(len(x), -1)[:, 0]
-            return InBranch(system, old).side(t, state, old.outcomes)[1].margins[which]
+            return InBranch(system, old).change(t, state, which, slid=bends)
 
         def change(p, t, x):
             return jump(eqx.combine(p, fixed), t, x, old, new, which)
@@ -87,7 +90,7 @@ class Variational(eqx.Module):
 
         def along(direction, tangent):
             _, off = jax.jvp(margin, here, (direction, jnp.zeros_like(t), tangent))
-            dt = -off / speed
+            dt = jnp.where(jumps, -off / speed, 0.0)
             _, moved = jax.jvp(change, here, (direction, dt, tangent + before * dt))
             return moved - after * dt
 

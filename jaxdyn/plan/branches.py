@@ -195,11 +195,11 @@ class Walk:
         return None
 
     def _as_it_stands(self, eqn, args: list[Value], on: int) -> list[Value]:
-        if "callback" in eqn.primitive.name:
+        if _is_callback(eqn):
             # As if it depended on the state, so that it is not asked for ahead.
             self.unread.add("a call of Python")
             on |= BY_STATE
-        if eqn.primitive.name in _UNREAD and on & _MOVES:
+        elif _is_unread(eqn) and on & _MOVES:
             self.unread.add(eqn.primitive.name)
         if on & OF_STATE:
             for x in args:
@@ -393,6 +393,8 @@ def _switches(jaxpr) -> bool:
     for eqn in jaxpr.eqns:
         if eqn.primitive.name in _RULES and _is_condition(eqn):
             return True
+        if _is_unread(eqn):
+            return True
         for value in eqn.params.values():
             for inner in value if isinstance(value, tuple | list) else (value,):
                 inner = getattr(inner, "jaxpr", inner)
@@ -415,6 +417,18 @@ def _is_condition(eqn) -> bool:
         wanted = eqn.params["new_dtype"]
         return jnp.issubdtype(of, jnp.floating) and jnp.issubdtype(wanted, jnp.integer)
     return jnp.issubdtype(of, jnp.floating)
+
+
+def _is_callback(eqn) -> bool:
+    return "callback" in eqn.primitive.name
+
+
+def _is_unread(eqn) -> bool:
+    """Whether an operation may be a condition that cannot be read."""
+    if _is_callback(eqn):
+        return True
+    floats = bool(eqn.invars) and jnp.issubdtype(eqn.invars[0].aval.dtype, jnp.floating)
+    return floats and eqn.primitive.name in _UNREAD
 
 
 def _is_readable(eqn) -> bool:
@@ -563,7 +577,8 @@ def _extreme(walk: Walk, eqn, args: list[Value]) -> Value:
         signed = rows if name.endswith("max") else -rows
         here = jnp.argmax(signed, -1)
         held = here if given is None else given.astype(int)
-        others = jnp.where(jnp.arange(n) == held[..., None], -jnp.inf, signed)
+        own = jax.nn.one_hot(held, n, dtype=bool)
+        others = jnp.where(own, -jnp.inf, signed)
         margin = _taken(signed, held) - jnp.max(others, -1)
         return here.astype(float), margin, jnp.argmax(others, -1).astype(float)
 
@@ -591,7 +606,7 @@ def _sorted(walk: Walk, eqn, args: list[Value]) -> list[Value]:
     if found is None or any(x.array is None for x in args):
         return [Value(None, on, math.inf) for _ in args]
     place = jnp.zeros(n).at[i].add(found).at[j].add(1.0 - found)
-    there = place[None] == jnp.arange(n)[:, None]
+    there = place[None] == jnp.arange(n, dtype=place.dtype)[:, None]
     return [
         x._replace(array=jnp.sum(jnp.where(there, jnp.asarray(x.array)[None], 0), 1), on=on)
         for x in args

@@ -137,7 +137,10 @@ class InBranch(NamedTuple):
         plan = plan_of(self.field, len(y))
         rate, conditions = plan.look(self.field, t, y, outcomes)
         if plan.partial:
-            rate = jnp.where(jnp.isnan(rate), plan.look(self.field, t, y)[0], rate)
+            # Not a choice between two rates, whose derivative is NaN if either one's is.
+            here = plan.look(self.field, t, y)[1].outcomes
+            outcomes = jnp.where(jnp.isnan(rate).any(), here, outcomes)
+            rate = plan.look(self.field, t, y, outcomes)[0]
         return rate, conditions
 
     def margins(self, t: Array, y: Array) -> Array:
@@ -149,12 +152,27 @@ class InBranch(NamedTuple):
         plan, branch = plan_of(self.field, len(y)), self.branch
         margins = self.side(t, y, branch.outcomes)[1].margins
         margins = jnp.where(plan.of_time | branch.surface, 1.0, margins)
-
-        def pushes(t, y):
-            return jnp.stack([-1.0, 1.0]) * jnp.stack(self._sides(t, y)[1])
-
-        held = jax.lax.cond(branch.slides, pushes, lambda t, y: jnp.ones(2), t, y)
+        held = jax.lax.cond(branch.slides, self._pushes, lambda t, y: jnp.ones(2), t, y)
         return jnp.concatenate([margins, held])
+
+    def _pushes(self, t: Array, y: Array) -> Array:
+        return jnp.stack([-1.0, 1.0]) * jnp.stack(self._sides(t, y)[1])
+
+    def change(self, t: Array, y: Array, which: Array, slid: bool) -> Array:
+        """() the function whose zero ended the branch, smooth on both sides.
+
+        Args:
+          t: () time.
+          y: (k,) state.
+          which: () its number, as in `margins`.
+          slid: whether it may be an end of sliding.
+        """
+        margins = self.side(t, y, self.branch.outcomes)[1].margins
+        if slid:
+            none = lambda t, y: jnp.ones(2)  # noqa: E731
+            pushes = jax.lax.cond(self.branch.slides, self._pushes, none, t, y)
+            margins = jnp.concatenate([margins, pushes])
+        return margins[which]
 
     def project(self, t: Array, y: Array) -> Array:
         """The nearest state that satisfies the system's constraints."""
