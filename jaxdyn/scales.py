@@ -42,6 +42,10 @@ _LATER = 0.37
 _ASIDE = 1 / 16
 #: How far ahead, in parts of the span, the change of a rate is seen.
 _AHEAD = 2.0**-20
+#: Roundings of a state by which a rate is looked at beside it.
+_PERTURBED = 4.0
+#: Times that noise at which a rate is more than rounding.
+_TIMES_NOISE = 4.0
 #: Logarithm of the largest weight of an entry; the least is 1 over it.
 _LOG_WEIGHT = 0.2
 
@@ -123,10 +127,12 @@ class Scales(NamedTuple):
     Attributes:
       sizes: (k,) of the entries of its state.
       time: () that in which it changes.
+      noise: (k,) what a few roundings of the state make of each rate, if that is known.
     """
 
     sizes: Array
     time: Array
+    noise: Array | None = None
 
 
 def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tuple[Scales, Array]:
@@ -192,20 +198,35 @@ def _by_its_change(
 ) -> tuple[Scales, Array]:
     """`at_start` for groups that are known, of sizes `here` (k,); two looks at the rate."""
     h = _AHEAD * span * ahead
+    off = y0 * (_PERTURBED * jnp.finfo(y0.dtype).eps * np.resize([1.0, -1.0, -1.0], len(y0)))
 
-    def look(before: Array, n: Array) -> tuple[Array, Array]:
-        rate = field.rate(t0 + n * h, y0 + n * h * before)
-        return rate, rate
+    def look(carry: tuple[Array, ...], n: Array) -> tuple[tuple[Array, ...], None]:
+        """At the start and a little later, at both but for rounding, and beside it by its noise."""
+        first, then, noise = carry
+        later, rounded, aside = ((n == i).astype(float) for i in (1, 3, 4))
+        later, rounded = later + (n == 2), rounded + (n == 2)
+        at = y0 + later * h * first + rounded * off + aside * span * noise
+        rate = field.rate(t0 + later * h, at)
+        first, then = lax.select(n == 0, rate, first), lax.select(n == 1, rate, then)
+        gap = _finite(rate - lax.select(n == 2, then, first))
+        return (first, then, lax.select(n > 1, lax.max(noise, gap), noise)), None
 
     # A loop, so that the rate is compiled once: a tenth of the time until a first result.
-    _, (f, then) = lax.scan(look, jnp.zeros_like(y0), jnp.arange(2.0))
-    change = lax.abs(then - f) / _or(_AHEAD * span, jnp.ones_like(span))
-    moves, turns = groups.largest(lax.abs(f)), groups.largest(change)
+    zero = jnp.zeros_like(y0)
+    (f, then, noise), _ = lax.scan(look, (zero, zero, zero), jnp.arange(5))
+    noise = groups.largest(noise)
+
+    def known(x: Array) -> Array:
+        return lax.select(x > _TIMES_NOISE * noise, x, jnp.zeros_like(x))
+
+    change = known(lax.abs(then - f)) / _or(_AHEAD * span, jnp.ones_like(span))
+    moves, turns = groups.largest(known(lax.abs(f))), groups.largest(change)
     turns = lax.select(turns < np.inf, turns, jnp.zeros_like(turns))
     speed = lax.max(_most(moves, here), lax.sqrt(_most(turns, here)))
     speed = lax.max(speed, _most(lax.select(here > 0, jnp.zeros_like(turns), turns), moves))
     tau = 1 / lax.max(speed, 1 / span)
-    return Scales(lax.max(here, tau * lax.max(moves, tau * turns)), tau), f
+    sizes = lax.max(here, tau * lax.max(moves, tau * turns))
+    return Scales(sizes, tau, noise), f
 
 
 class _Round(NamedTuple):

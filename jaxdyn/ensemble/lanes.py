@@ -34,7 +34,7 @@ from jaxdyn.scene import Field
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import operations
-from jaxdyn.solvers.sizes import allowed, begun, glimpsed, groups_of, grown
+from jaxdyn.solvers.sizes import above_noise, allowed, begun, glimpsed, groups_of, grown
 from jaxdyn.solvers.stepper import StepError
 from jaxdyn.status import Status
 
@@ -192,6 +192,7 @@ class _Work(eqx.Module):
         known, look = begun(field, t0, y, t1), lookahead(field, len(y), t0, t1)
         if look is not None and look.plan.hides:
             known = moved_later(look, t0, t1, y, known)
+        known = above_noise(known, self.limits.tolerance)
         ok = jnp.isfinite(jnp.concatenate([y, known.rate, jnp.stack([t0, t1])])).all()
         first = first_step(self.method, self.limits.tolerance, known, y)
         parts = None if look is None else look.sizes

@@ -19,7 +19,7 @@ from jaxdyn.integrate.step_control import FixedSteps, StepControl, first_step, s
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import operations
-from jaxdyn.solvers.sizes import Begun, begun
+from jaxdyn.solvers.sizes import Begun, above_noise, begun
 from jaxdyn.solvers.stepper import Stepper, is_stiff
 from jaxdyn.solvers.stepping import Stepping
 from jaxdyn.status import Status
@@ -154,6 +154,7 @@ def _control(field, y0, t0, t1, ts, limits, method: Method, watch, before: Befor
     start, look = begun(field, t0, y0, t1), lookahead(field, len(y0), t0, t1)
     if look is not None and look.plan.hides and y0.ndim == 1:
         start = moved_later(look, t0, t1, y0, start)
+    start = above_noise(start, tolerance)
     if before is not None:
         start = start._replace(sizes=jnp.maximum(start.sizes, before.sizes))
     first = first_step(method, tolerance, start, y0)

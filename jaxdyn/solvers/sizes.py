@@ -24,6 +24,8 @@ from jaxdyn.scales import Groups, at_start
 #: an entry gets to in the time of the motion, unless others stop it before.
 PART = 0.1
 
+#: Times what rounding makes of an entry in a time of the motion, that a step may be off by.
+_NOISE = 4.0
 #: The part of what a rejected step would have made of an entry at rest that is its size.
 _GLIMPSE = 0.01
 
@@ -35,11 +37,13 @@ class Begun(NamedTuple):
       sizes: (k, ...) of the entries.
       time: () that in which the motion changes.
       rate: (k, ...) there; that of tangents counts as 0.
+      noise: (k,) what rounding makes of the rate of the state, if that is known.
     """
 
     sizes: Array
     time: Array
     rate: Array
+    noise: Array | None = None
 
 
 def begun(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
@@ -57,13 +61,13 @@ def begun(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
     scales, rate = at_start(field, field.groups, t0, y, t1)
     sizes = jnp.maximum(field.groups.largest(jnp.abs(y)), PART * scales.sizes)
     if y0.ndim == 1:
-        return Begun(sizes, scales.time, rate)
+        return Begun(sizes, scales.time, rate, scales.noise)
     beside = PART * sizes
     there = jnp.maximum(*(_rates_at(with_tangents, t0, y0, y + off) for off in (-beside, beside)))
     wide = (PART * scales.time * there).reshape(len(y), -1)
     tangents = _of_tangents(sizes, wide[:, 1:])
     wide = jnp.concatenate([sizes[:, None], tangents], axis=1).reshape(y0.shape)
-    return Begun(grown(field.groups, wide, y0), scales.time, rate)
+    return Begun(grown(field.groups, wide, y0), scales.time, rate, scales.noise)
 
 
 def _rates_at(field: Any, t: Array, y: Array, state: Array) -> Array:
@@ -77,6 +81,21 @@ def _rates_at(field: Any, t: Array, y: Array, state: Array) -> Array:
     moved = jnp.concatenate([state[:, None], flat[:, 1:]], axis=1).reshape(y.shape)
     rates = jnp.abs(field.rate(t, moved))
     return jnp.where(jnp.isfinite(rates), rates, 0.0)
+
+
+def above_noise(start: Begun, tolerance: Array) -> Begun:
+    """What is known at a start, with sizes whose tolerances are above what rounding does in a time.
+
+    A body at rest in space may be moved by the rounding of its turning: no step is short enough to
+    have that right.
+    """
+    if start.noise is None:
+        return start
+    share = tolerance[2]
+    least = jnp.where(share > 0, _NOISE * start.time * start.noise / share, 0.0)
+    flat = start.sizes.reshape(len(least), -1)
+    flat = jnp.concatenate([jnp.maximum(flat[:, :1], least[:, None]), flat[:, 1:]], axis=1)
+    return start._replace(sizes=flat.reshape(start.sizes.shape))
 
 
 def groups_of(field: Any, y: Array) -> Groups:
