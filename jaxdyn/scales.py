@@ -203,8 +203,8 @@ def _by_its_change(
     def look(carry: tuple[Array, ...], n: Array) -> tuple[tuple[Array, ...], None]:
         """At the start and a little later, at both but for rounding, and beside it by its noise."""
         first, then, noise = carry
-        later, rounded, aside = ((n == i).astype(float) for i in (1, 3, 4))
-        later, rounded = later + (n == 2), rounded + (n == 2)
+        one, both, rounded, aside = ((n == i).astype(float) for i in (1, 2, 3, 4))
+        later, rounded = one + both, rounded + both
         at = y0 + later * h * first + rounded * off + aside * span * noise
         rate = field.rate(t0 + later * h, at)
         first, then = lax.select(n == 0, rate, first), lax.select(n == 1, rate, then)
