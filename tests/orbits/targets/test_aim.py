@@ -356,7 +356,8 @@ class Layer(Effect):
 def test_a_steady_fall_that_something_disturbs_is_not_taken_for_one():
     scene = scenes.particle(UniformGravity(1.0), Layer())
     steep = landings(scene, np.array([-0.1]), 1e3)
-    assert steep.status[0] != 0 or abs(steep.x[0] - steep_by_simulation(scene)) < 1e-9
+    # Relative to the throw of 117 m, as tolerances of steps are.
+    assert steep.status[0] != 0 or abs(steep.x[0] / steep_by_simulation(scene) - 1) < 1e-10
     assert steep.status[0] == 0 or np.isnan(steep.x[0])
 
 
