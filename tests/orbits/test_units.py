@@ -68,8 +68,8 @@ def test_a_cycle_is_found_with_its_multiplier(units):
     scene = made(van_der_pol, [2.1, 0.3], 6.2, units, 1.0)
     orbit = orbits.find(scene)
     plain = orbits.find(made(van_der_pol, [2.1, 0.3], 6.2, UNITS[0], 1.0))
-    # One of them may end on a residual of exactly 0.
-    assert abs(orbit.iterations - plain.iterations) <= 1
+    # How many steps a search takes where only rounding is left, up to a residual of 0, is chance.
+    assert abs(orbit.iterations - plain.iterations) <= 3
     assert abs(orbit.period / units[1] / plain.period - 1) < SOLVED
     assert np.abs(np.asarray(orbit.y0) / units[0] - np.asarray(plain.y0)).max() < SOLVED
     linear, known = orbits.stability(orbit), orbits.stability(plain)
