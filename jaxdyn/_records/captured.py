@@ -43,8 +43,6 @@ PASS_AS_PARAMS = (
 _MAKE_AGAIN = (
     "Make the scene or the event again, or pass what changes as params; of a class, as a field."
 )
-#: Not a field of records: what is kept of one beside them.
-_HELD = "_held"
 #: Of values of these types another value is another object, or one that cannot change.
 _FIXED = (
     *(bool, int, float, complex, str, bytes, type(None), np.number, jax.Array),
@@ -66,10 +64,9 @@ def check_captured(record: Any) -> None:
     """Raise ValueError if a number that a record or its parts captured is not what it was then."""
     if record.captured is None:
         return
-    fields = record.__dict__
-    if _HELD not in fields:  # found once for each record: it cannot change
-        fields[_HELD] = _held(record)
-    functions, parts = fields[_HELD]
+    # Not kept in the record: Equinox takes what is in its __dict__ beside the fields as a part of
+    # its structure, so a record would no longer match one with the same fields.
+    functions, parts = _held(record)
     for part in parts:
         check_captured(part)
     if not functions:

@@ -90,7 +90,6 @@ def test_tangents_of_a_chaotic_motion_align_and_end_the_run():
     assert found.time[1] < 600.0
 
 
-@pytest.mark.xfail(reason="the engine takes the scenes that chaos_map makes for another kind")
 def test_a_map_has_every_value_and_a_picture(tmp_path):
     y, v = np.linspace(-0.5, 0.5, 6), np.linspace(-0.2, 0.6, 5)
     found = chaos.chaos_map(crossing, y, v, 300.0)
