@@ -222,8 +222,11 @@ def _by_its_change(
     change = known(lax.abs(then - f)) / _or(_AHEAD * span, jnp.ones_like(span))
     moves, turns = groups.largest(known(lax.abs(f))), groups.largest(change)
     turns = lax.select(turns < np.inf, turns, jnp.zeros_like(turns))
-    speed = lax.max(_most(moves, here), lax.sqrt(_most(turns, here)))
-    speed = lax.max(speed, _most(lax.select(here > 0, jnp.zeros_like(turns), turns), moves))
+    # What is rounding beside the way of the motion is as good as zero: no time is read from it.
+    way = jnp.finfo(y0.dtype).eps * span * moves
+    there = lax.select(here > way, here, jnp.zeros_like(here))
+    speed = lax.max(_most(moves, there), lax.sqrt(_most(turns, there)))
+    speed = lax.max(speed, _most(lax.select(there > 0, jnp.zeros_like(turns), turns), moves))
     tau = 1 / lax.max(speed, 1 / span)
     sizes = lax.max(here, tau * lax.max(moves, tau * turns))
     return Scales(sizes, tau, noise), f

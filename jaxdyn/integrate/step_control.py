@@ -56,6 +56,11 @@ def _mean_square(y: Array) -> Array:
     return square_norm(jnp.moveaxis(y, 0, -1)) / len(y)
 
 
+def _spacing(t: Array) -> Array:
+    """() of floating-point times near t, within a factor of two."""
+    return jnp.finfo(t.dtype).eps * jnp.abs(t)
+
+
 class StepControl(Observing, diffrax.AbstractStepSizeController):
     """Elementary error-per-step control: h <- 0.75 h (tolerance / error)^(1/p).
 
@@ -82,7 +87,8 @@ class StepControl(Observing, diffrax.AbstractStepSizeController):
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
         del terms, dt0, args, func, error_order
-        tnext = t0 + self.first
+        # Shorter than the spacing of times it would be no step, and none after it any longer.
+        tnext = t0 + jnp.maximum(self.first, _MIN_STEP_ULPS * _spacing(t0))
         # A NaN rate gives a NaN step; the run must still end.
         tnext = jnp.where(jnp.isfinite(tnext), tnext, t1)
         return self._begin(t0, y0, tnext)
@@ -112,8 +118,8 @@ class StepControl(Observing, diffrax.AbstractStepSizeController):
         else:
             longer = (t1 - t0) * jnp.minimum(_PROPOSED * reach, _GROW)
             h_next = jnp.where(tried.fine, longer, _TOO_LONG * h)
-        spacing = jnp.finfo(h.dtype).eps * jnp.abs(t0)
-        collapsed = (~tried.fine | shorter) & (h_next <= _MIN_STEP_ULPS * spacing + _MIN_STEP)
+        shortest = _MIN_STEP_ULPS * _spacing(t0) + _MIN_STEP
+        collapsed = (~tried.fine | shorter) & (h_next <= shortest)
         result = diffrax.RESULTS.where(
             collapsed, diffrax.RESULTS.dt_min_reached, diffrax.RESULTS.successful
         )
@@ -184,7 +190,7 @@ class FixedSteps(Observing, diffrax.AbstractStepSizeController):
         tried = self._tried(jnp.ones((), bool), t0, y0, t1, y1_candidate, seen)
         fine = jnp.isfinite(y1_candidate).all()
         # The last hundred spacings before the end count as the end.
-        collapsed = h < _MIN_FIXED_STEP_ULPS * jnp.finfo(h.dtype).eps * jnp.abs(t1)
+        collapsed = h < _MIN_FIXED_STEP_ULPS * _spacing(t1)
         result = diffrax.RESULTS.where(
             fine, diffrax.RESULTS.successful, diffrax.RESULTS.nonlinear_divergence
         )
