@@ -218,6 +218,8 @@ def _places(functions: list[Callable], attributes: frozenset[str]) -> tuple[_Pla
                 found += [_Place(vars(cls), name, vars(cls)[name]) for name in own]
         cells = zip(inside.__code__.co_freevars, inside.__closure__ or (), strict=True)
         near = {key: cell for key, cell in cells if full(cell)}
+        if len(near) < len(inside.__code__.co_freevars):
+            return None  # one may yet have a value
         for key in code_reads(inside.__code__).names:
             if key in near:
                 found.append(_Place(near[key], None, near[key].cell_contents))

@@ -151,6 +151,7 @@ def _line(instruction: dis.Instruction) -> int | None:
 def full(cell: types.CellType) -> bool:
     """Whether a variable of a closure has a value yet."""
     try:
-        return cell.cell_contents is not None
+        _ = cell.cell_contents
     except ValueError:
         return False
+    return True

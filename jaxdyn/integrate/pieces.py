@@ -230,7 +230,7 @@ class _Pieces(NamedTuple):
             now = next_change(self.plan, self.system, run.t, self.t1, branch.outcomes)
         now = self._before_break(run.t, now)
         used = run.result.steps + run.result.rejected
-        limits = self.limits._replace(max_steps=self.limits.max_steps - used)
+        limits = self.limits.with_steps(self.limits.max_steps[0] - used)
         found, end, y_end, index, towards, sizes = self._moved(branch, run, y, now, limits)
         within = (self.way * self.ts > self.way * run.t) & (self.way * self.ts <= self.way * end)
         rows = within.reshape(-1, *[1] * y.ndim)

@@ -42,7 +42,7 @@ T = TypeVar("T")
 
 
 class Share(float):
-    """An absolute tolerance in parts of the sizes of a motion; see `sizes`."""
+    """An absolute tolerance in parts of the sizes of a motion; see `solvers.sizes`."""
 
 
 class SolverOptions(NamedTuple):
@@ -67,21 +67,20 @@ def host_floats(x) -> Array | np.ndarray:
 
 def tolerances(rtol, atol) -> Array | np.ndarray:
     """(3,) relative and absolute tolerance, checked, and that in parts of the motion's sizes."""
-    share = _SHARE * rtol if atol is None else atol if isinstance(atol, Share) else 0.0
-    atol = 0.0 if atol is None or isinstance(atol, Share) else atol
-    if any(map(_checks.is_traced, (rtol, atol, share))):
-        return jnp.stack([host_floats(rtol), host_floats(atol), host_floats(share)])
+    shared = atol is None or isinstance(atol, Share)
+    if any(map(_checks.is_traced, (rtol, atol))):
+        absolute = _SHARE * rtol if atol is None else atol
+        pair = (0.0, absolute) if shared else (absolute, 0.0)
+        return jnp.stack([host_floats(x) for x in (rtol, *pair)])
     relative = "It is the relative error of one step."
     rtol = _number("rtol", rtol, relative)
     if not _RTOL_FLOOR <= rtol <= _RTOL_CEILING:
         wanted = f"between {_RTOL_FLOOR} and {_RTOL_CEILING}"
         raise _checks.fail("rtol", wanted, rtol, relative + " Errors of steps add up.")
-    if share:
-        return np.array([rtol, 0.0, float(share)])
-    atol = _number("atol", atol, "It is in units of the state.")
+    atol = _number("atol", _SHARE * rtol if atol is None else atol, "It is in units of the state.")
     if not sys.float_info.min <= atol < math.inf:  # XLA flushes smaller ones to 0
         raise _checks.fail("atol", "> 0", atol, "It is in units of the state.")
-    return np.array([rtol, atol, 0.0])
+    return np.array([rtol, 0.0, atol] if shared else [rtol, atol, 0.0])
 
 
 def _number(name: str, x, remedy: str) -> float:

@@ -40,13 +40,17 @@ class Limits(NamedTuple):
         of the motion; (1,) its length, where the method takes equal steps.
       max_steps: (2,) largest number of steps, and of those that stability limits.
       max_step: () longest step; None if nothing limits it.
-      breaks: (b,) times at which steps end, increasing, for what cannot be read from a rate.
+      breaks: (b,) times at which steps end, for what cannot be read from a rate.
     """
 
     tolerance: Array
     max_steps: Array
     max_step: Array | None = None
     breaks: Array | tuple = ()
+
+    def with_steps(self, left: Array) -> "Limits":
+        """The same with another number of steps."""
+        return self._replace(max_steps=jnp.stack([left, self.max_steps[1]]))
 
 
 def _mean_square(y: Array) -> Array:

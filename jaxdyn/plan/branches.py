@@ -325,6 +325,9 @@ class Walk:
         body, length = params["jaxpr"], params["length"]
         n, m = loop_parts(params, len(args))
         consts, carry, rows = args[:n], args[n : n + m], args[n + m :]
+        if not length:
+            nothing = (jnp.zeros(var.aval.shape, var.aval.dtype) for var in eqn.outvars[m:])
+            return [*carry, *(Value(x) for x in nothing)]
         collected: list[list[Value]] = []
         for i in range(length):
             at = length - 1 - i if params["reverse"] else i

@@ -92,7 +92,8 @@ def _posed(
             0.5 * (slow + arriving.eigenvalues.real[~down].min(initial=-slow)),
         ]
     )
-    along = of_rest(scene, near[0], "unstable", 1, None).tangent[0] * _BRANCHES[branch]
+    along = of_rest(scene, near[0], "unstable", 1, None).tangent[0]
+    along = along / np.linalg.norm(along) * _BRANCHES[branch]
     u, _, _ = np.linalg.svd(np.asarray(split(scene, near[1], cuts[1]).projector))
     posed = Chain(scene, make, near, along, u[:, : int((~down).sum())], cuts, segments, rtol)
     return posed, np.array([fast, -slow])

@@ -150,7 +150,7 @@ def _every(rest: Callable[..., tuple[Crossings, Array]], y, t, side, limits: Lim
     parts = []
     while True:
         found, left = rest(y, t, side, limits, _AT_ONCE)
-        limits = _with_steps(limits, left)
+        limits = limits.with_steps(left)
         n = int(found.count)
         parts.append([np.asarray(x)[:n] for x in found[:3]])
         if n < _AT_ONCE:
@@ -158,11 +158,6 @@ def _every(rest: Callable[..., tuple[Crossings, Array]], y, t, side, limits: Lim
         y, t, side = found.ys[-1], found.ts[-1], np.asarray(found.directions[-1], float)
     ts, ys, directions = (jnp.concatenate(rows) for rows in zip(*parts, strict=True))
     return Crossings(ts, ys, directions, count=jnp.asarray(len(ts)), status=found.status)
-
-
-def _with_steps(limits: Limits, left: Array) -> Limits:
-    """The limits with another number of steps."""
-    return limits._replace(max_steps=jnp.stack([left, limits.max_steps[1]]))
 
 
 @eqx.filter_custom_jvp
@@ -211,7 +206,7 @@ def _search(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int
         t, y, side, status, left = carry
         sides = side[None]  # just after the last crossing: it is known, not looked at again
         # Each search has the steps that those before it left: together they are bounded.
-        held_to = _with_steps(limits, left)
+        held_to = limits.with_steps(left)
         end, found = first_event(field, (event,), y, t, t1, held_to, sides, method=method)
         right = (status == Status.OK) & (found.status == Status.OK)
         there = right & jnp.isfinite(found.t)

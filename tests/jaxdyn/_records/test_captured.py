@@ -88,6 +88,29 @@ def _in_an_object_that_is_called():
     return kept, lambda: setattr(kept, "k", 5.0)
 
 
+def _in_a_variable_that_was_none():
+    k = None
+
+    def change():
+        nonlocal k
+        k = 5.0
+
+    return (lambda t, y: [y[1], -y[0] if k is None else -k * y[0]]), change
+
+
+def _in_a_variable_without_a_value():
+    def change():
+        nonlocal k
+        k = 5.0
+
+    def rate(t, y):
+        return [y[1], -k * y[0]]
+
+    if change is None:
+        k = 0.0
+    return rate, change
+
+
 def _in_a_default():
     def rate(t, y, k=[2.0]):  # noqa: B006
         return [y[1], -k[0] * y[0]]
@@ -110,6 +133,8 @@ PLACES = [
     _in_a_slot,
     _in_the_owner_of_a_method,
     _in_an_object_that_is_called,
+    _in_a_variable_that_was_none,
+    _in_a_variable_without_a_value,
     _in_a_default,
     _in_a_partial_function,
 ]

@@ -206,6 +206,14 @@ def test_adjoints_of_play_between_gears_from_rest(t1):
     assert np.allclose(backwards[1], forwards[1], rtol=1e-7)
 
 
+def test_many_short_pieces_are_not_stiff():
+    rate = lambda t, y: [y[1], -y[0] - 0.3 * jnp.maximum(y[0], 0.0)]  # noqa: E731
+    run = jaxdyn.simulate(jaxdyn.ode(rate, [1.0, 0.0], 500.0), samples=2)
+    assert run.steps + run.rejected > 1000
+    assert not run.stiff
+    assert not run.switched
+
+
 def test_chattering_ends_in_a_status():
     # Three surfaces through one point, each pushing back to the next.
     def rate(t, y):

@@ -42,6 +42,11 @@ def nested(t, y):
     return [slow, jax.lax.fori_loop(0, 3, lambda i, s: s + jnp.abs(y[0] - i), 0.0)]
 
 
+def of_no_rounds(t, y):
+    none = jax.lax.map(lambda a: jnp.maximum(a * y[0], 0.0), jnp.zeros(0))
+    return [y[1] + jnp.sum(none), -y[0]]
+
+
 def unguarded(t, y):
     safe = jnp.where(y[0] == 0.0, 1.0, y[0])
     return [jnp.where(y[0] == 0.0, 1.0, jnp.sin(safe) / safe), y[0]]
@@ -77,7 +82,7 @@ def test_conditions_of_all_kinds_and_those_on_time_alone():
     assert found.on_state
 
 
-@pytest.mark.parametrize("rate", [with_all_kinds, nested])
+@pytest.mark.parametrize("rate", [with_all_kinds, nested, of_no_rounds])
 def test_a_branch_that_holds_gives_the_rate_itself(rate):
     found, field = plan(rate)
     for seed in range(20):

@@ -33,21 +33,17 @@ def test_drag_of_exactly_zero_is_absent():
     ]
 
 
-# A brief, strong drag at the start; why the error grew with the new scales is not yet known.
-FAST = pytest.mark.xfail(reason="strong drag at the default tolerance is right to 1e-7, not 1e-8")
-
-
-@pytest.mark.parametrize(
-    "speed", [1.0, 1e2, 1e4, pytest.param(1e6, marks=FAST), pytest.param(1e8, marks=FAST)]
-)
+@pytest.mark.parametrize("speed", [1.0, 1e2, 1e4, 1e6, 1e8])
 def test_problems_9_and_12_at_any_speed(speed):
     exact = cannonball_linear_exact(5.0, speed=speed)
     motion = simulate(cannonball(speed=speed, linear=1.0), 5.0, samples=1, rtol=1e-13)
     assert gap(motion.ys[-1] / speed, exact / speed) < SOLVED
     # Quadratic drag without gravity: v = v0 / (1 + c v0 t), x = log(1 + c v0 t) / c.
-    motion = simulate(cannonball(speed=speed, angle=0.0, g=0.0, drag=1.0), 5.0, samples=1)
-    grown = 1 + 5 * speed
-    assert gap(motion.ys[-1], [np.log(grown), 0.0, speed / grown, 0.0]) < 1e-8
+    ball, grown = cannonball(speed=speed, angle=0.0, g=0.0, drag=1.0), 1 + 5 * speed
+    there = [np.log(grown), 0.0, speed / grown, 0.0]
+    assert gap(simulate(ball, 5.0, samples=1, atol=1e-9).ys[-1], there) < 1e-8
+    # By default a speed is known to its largest, from which the drag has taken most of it here.
+    assert gap(simulate(ball, 5.0, samples=1).ys[-1], there) < max(1e-8, 1e-12 * speed)
 
 
 def test_fast_balls_end_in_free_fall_under_quadratic_drag():

@@ -156,9 +156,8 @@ def test_cycles_about_a_centre_have_no_other_multipliers_than_1():
 
 def test_what_is_no_orbit_is_refused():
     for claim in (orbits.prove, orbits.refine):
-        with pytest.raises(
-            ValueError, match=r"orbit: expected an Orbit, got a Scene\. Find one first"
-        ):
+        message = r"orbit: expected an Orbit, got a Scene\. Find one first"
+        with pytest.raises(ValueError, match=message):
             claim(scenes.pendulum())
 
 
