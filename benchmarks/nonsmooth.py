@@ -142,8 +142,8 @@ def beside_pieces(name: str, ours: Way, pieces: Way, rounds: int) -> Row:
         f"{which} {', '.join(str(each.steps) for each in found)} steps, slope {slope(found):.1f}"
         for which, found in counted.items()
     ]
-    finest = f"{_COUNTED[0]:.0e} to {_COUNTED[-1]:.0e}"
-    note = f"{len(pieces.truth) - 1} switches; tolerances {finest}: {'; '.join(told)}"
+    tolerances = f"{_COUNTED[0]:.0e} to {_COUNTED[-1]:.0e}"
+    note = f"{len(pieces.truth) - 1} switches; tolerances {tolerances}: {'; '.join(told)}"
     return Row(f"switches: {name}, tolerance {_SHOWN:.0e}", times, note=note)
 
 

@@ -8,10 +8,9 @@ Entries with the same unit share one size, the largest (`Groups`): places do, an
 that a coordinate that is zero, or rounding, is measured by the others. An angle that turns many
 times is known by its radian. What has no unit, as in a plain `jaxdyn.ode`, has a size of its own.
 
-- `of_motion`: the scales of a motion that is known.
-- `at_start`: those that are known before a step is taken, from the rate and its derivatives. |J| u
-  is J times one vector of u with generic weights of random signs, since all of J would take as many
-  derivatives as there are entries; terms that cancel in J u do not with these weights.
+`at_start` finds them before a step is taken, from the rate and its derivatives. |J| u is J times
+one vector of u with generic weights of random signs, since all of J would take as many derivatives
+as there are entries; terms that cancel in J u do not with these weights.
 """
 
 from collections.abc import Hashable, Sequence
@@ -269,39 +268,6 @@ _PLAN = np.array(
         _Round(kept=1.0, step=1.0),
     ]
 )
-
-
-def of_motion(field: Any, groups: Groups, ts: Array, ys: Array, time: Array) -> Scales:
-    """The scales of a motion that is known.
-
-    The size of an entry is the largest of its group over all states. A group that stays at zero has
-    the size of what moves it: the time times |J| times the other sizes. If nothing does, it is the
-    geometric mean of all sizes that are known, which changes with units of length and of time as
-    they do together; that of no known size is 1, since no unit can be told from a state at zero.
-
-    Args:
-      field: has ``rate(t, y)``.
-      groups: of its state.
-      ts: (s,) times.
-      ys: (s, k) states.
-      time: () the span, or the period.
-    """
-    sizes = groups.largest(jnp.max(jnp.abs(ys), axis=0))
-    weights = _weights(ys.shape[1])
-    places = np.unique([0, len(ys) // 3])  # at one of them a coupling may vanish by symmetry
-
-    def driven(sizes: Array, place: int) -> Array:
-        t, y = ts[place], ys[place]
-        f, by_sizes = jax.jvp(lambda y: field.rate(t, y), (y,), (weights * sizes,))
-        return jnp.abs(time) * groups.largest(jnp.maximum(_finite(f), _finite(by_sizes)))
-
-    for _ in range(_REACH):
-        found = _maximum([driven(sizes, int(place)) for place in places])
-        sizes = jnp.where(sizes > 0, sizes, groups.largest(found))
-    known = sizes > 0
-    logs = jnp.log(jnp.where(known, sizes, 1.0))
-    mean = jnp.exp(jnp.sum(logs) / jnp.maximum(jnp.sum(known.astype(float)), 1.0))
-    return Scales(jnp.where(known, sizes, mean), jnp.abs(time))
 
 
 def _weights(k: int) -> np.ndarray:

@@ -56,7 +56,7 @@ else:
 
         Attributes:
           captured: what the user's functions in it captured when it was made, of which compiled
-            programs are made; None without any. See `_captured`.
+            programs are made; None without any. See `_records.captured`.
         """
 
         captured: Captured | None = eqx.field(static=True, init=False, repr=False)

@@ -21,7 +21,7 @@ from jaxdyn.integrate.spans import span
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import EULER, Method, Solver
 from jaxdyn.solvers.choice import method_of
-from jaxdyn.solvers.perturbed import Noise, RoundedField, begun
+from jaxdyn.solvers.perturbed import Noise, RoundedField, perturbed_start
 
 
 @check_first
@@ -69,7 +69,7 @@ def _marched(field, y0: Array, t0: Array, t1: Array, steps: Array, method: Metho
 
     def step(i, y):
         t = t0 + i * h
-        now, start, near = begun(field, t, y)
+        now, start, near = perturbed_start(field, t, y)
         increment = method.advance(now.rate, start, h, near).increment
         # This sum is not compensated.
         return field.project(t + h, near + increment)

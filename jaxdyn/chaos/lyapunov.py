@@ -65,8 +65,9 @@ def lyapunov_exponents(
         less those fixed by constraints.
       chunk: () time between orthonormalisations [s]; by default three mean steps of the motion.
       rtol: relative tolerance of a step.
-      atol: absolute tolerance of one step, in the units of the state; by default rtol times the
-        largest size so far of the entries of its kind, whatever the units (`scales.Groups`).
+      atol: absolute tolerance of one step, in the units of the state; by default a quarter of
+        rtol times the largest size so far of the entries of its kind, whatever the units
+        (`scales.Groups`).
       solver: see `simulate`.
       max_steps: largest number of steps of a chunk, and of the transient.
       throw: raise on any status but OK; with False look at `LyapunovSpectrum.status`.

@@ -61,8 +61,9 @@ def run(
         motion, e.g. ``jax.vmap(make_scene)(values)``.
       t0: () or (n,) start times [s].
       rtol: relative tolerance of one step.
-      atol: absolute tolerance of one step, in the units of the state; by default rtol times the
-        largest size so far of the entries of its kind, whatever the units (`scales.Groups`).
+      atol: absolute tolerance of one step, in the units of the state; by default a quarter of
+        rtol times the largest size so far of the entries of its kind, whatever the units
+        (`scales.Groups`).
       solver: see `simulate`; an explicit method.
       max_steps: largest number of steps of a motion.
       fixed: make the scene's numbers, which all motions must share, constants of the program: a
@@ -80,8 +81,9 @@ def run(
     Raises:
       ValueError: `y0s`, `params`, `t0` or `t1` has a wrong shape, or a tolerance, `max_steps`,
         `chunk` or `threads` is out of range.
-    Limits: explicit methods; no derivatives. The result of a motion does not depend on the others,
-      but its last digits depend on the machine and on JAX's version.
+    Limits: explicit methods; no derivatives. A rate with conditions (`jnp.sign`, `jnp.where`) takes
+      no `watch`, and its motions run one after the other. The result of a motion does not depend on
+      the others, but its last digits depend on the machine and on JAX's version.
     Example:
       >>> import numpy as np
       >>> from jaxdyn import ensemble, scenes

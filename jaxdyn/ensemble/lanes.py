@@ -24,7 +24,7 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._numerics import two_sum
 from jaxdyn._text import counted
-from jaxdyn.integrate.lookahead import Lookahead, lookahead, moved_later
+from jaxdyn.integrate.lookahead import Lookahead, lookahead, started
 from jaxdyn.integrate.march import UNROLLED_BELOW
 from jaxdyn.integrate.observing import Watch, clipped
 from jaxdyn.integrate.pieces import run_pieces
@@ -34,7 +34,7 @@ from jaxdyn.scene import Field
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import operations
-from jaxdyn.solvers.sizes import above_noise, allowed, begun, glimpsed, groups_of, grown
+from jaxdyn.solvers.sizes import allowed, glimpsed, groups_of, grown
 from jaxdyn.solvers.stepper import StepError
 from jaxdyn.status import Status
 
@@ -189,10 +189,7 @@ class _Work(eqx.Module):
         field = eqx.combine(numbers, self.shared)
         direction = jnp.where(t1 > t0, 1.0, -1.0)
         start, end = direction * t0, direction * t1
-        known, look = begun(field, t0, y, t1), lookahead(field, len(y), t0, t1)
-        if look is not None and look.plan.hides:
-            known = moved_later(look, t0, t1, y, known)
-        known = above_noise(known, self.limits.tolerance)
+        known, look = started(field, t0, y, t1, self.limits.tolerance)
         ok = jnp.isfinite(jnp.concatenate([y, known.rate, jnp.stack([t0, t1])])).all()
         first = first_step(self.method, self.limits.tolerance, known, y)
         parts = None if look is None else look.sizes

@@ -5,7 +5,6 @@ import math
 from pathlib import Path
 from typing import Any
 
-from jaxdyn._records.kinds import check_first
 from jaxdyn._text import fail
 
 MAX_BYTES = 64 * 2**20  # a larger file is not one of these records
@@ -40,7 +39,6 @@ def content(path: str | Path, most: int, remedy: str = "", name: str = "file") -
     return data
 
 
-@check_first
 def parsed(data: bytes, what: str, remedy: str = "") -> Any:
     """The value of JSON text with finite numbers only, and integers that floats can hold.
 
@@ -79,5 +77,5 @@ def _integer(text: str) -> int:
 def _float(text: str) -> float:
     number = float(text)
     if math.isinf(number):
-        raise fail("file", "finite numbers", text[:_DIGITS], "The file was edited or is damaged.")
+        _no_constant(text[:_DIGITS])
     return number

@@ -13,7 +13,6 @@ import stat
 import tempfile
 from pathlib import Path
 
-from jaxdyn._records.kinds import check_first
 from jaxdyn._text import fail
 
 _PROBE = 4096  # bytes that must fit: one block of most file systems
@@ -57,7 +56,6 @@ def archive_path(path: str | Path, name: str = "path") -> Path:
     return writable(path, name, (".npz",))
 
 
-@check_first
 def unwritable(path: str | Path, error: OSError, name: str = "path") -> ValueError:
     """The error to raise where a file cannot be written."""
     reason = error.strerror or type(error).__name__

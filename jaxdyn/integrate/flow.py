@@ -57,7 +57,7 @@ def _marched(field, y0, *rest, method: Method) -> SolveResult:
     # Steps of equal length are where the caller wants them.
     if (plan.size or len(limits.breaks)) and method.adaptive:
         return run_pieces(field, (), y0, *rest, method=method)[0]
-    return march(field, y0, *rest, method=method, watch=None)[0]
+    return march(field, y0, *rest, method=method)[0]
 
 
 @flow.def_jvp

@@ -17,7 +17,7 @@ from jaxtyping import Array
 from jaxdyn.plan import Plan, plan_of
 from jaxdyn.plan.in_branch import InBranch, Wrapper, without_wrappers
 from jaxdyn.plan.times import furthest_seen, is_hidden, sizes
-from jaxdyn.solvers.sizes import PART, Begun
+from jaxdyn.solvers.sizes import PART, Begun, above_noise, begun, state_of
 
 #: Of the size that a drive gives to an entry later: one that is smaller is at rest.
 _REST = 1e-6
@@ -48,7 +48,7 @@ class Lookahead(eqx.Module):
         """Whether () functions of time and state may have acted within a step, unseen."""
         ends = []
         for t, y in ((self.direction * t0, y0), (self.direction * t1, y1)):
-            x = y.reshape(len(y), -1)[:, 0]
+            x = state_of(y)
             ends.append((t, x, self.system.rate(t, x)))
         return is_hidden(self.plan, self.system, self.outcomes, *ends)
 
@@ -61,7 +61,7 @@ class Lookahead(eqx.Module):
         return jnp.where(way * seen == t1, t1, way * seen)
 
 
-def moved_later(look: Lookahead, t0: Array, t1: Array, y: Array, start: Begun) -> Begun:
+def _moved_later(look: Lookahead, t0: Array, t1: Array, y: Array, start: Begun) -> Begun:
     """What is known at a start, where a state (k,) at rest is moved by a drive later in the span.
 
     Entries without a size, or with one that is nothing beside it, have a part of what the largest
@@ -80,6 +80,16 @@ def moved_later(look: Lookahead, t0: Array, t1: Array, y: Array, start: Begun) -
     sizes = filled(start.sizes, most)
     sizes = filled(sizes, look.system.rate(t0, y + sizes))
     return start._replace(sizes=look.system.groups.largest(sizes))
+
+
+def started(
+    field: Any, t0: Array, y0: Array, t1: Array, tolerance: Array
+) -> tuple[Begun, Lookahead | None]:
+    """What is known at the start of a motion, and what steps from there must not pass over."""
+    start, look = begun(field, t0, y0, t1), lookahead(field, len(y0), t0, t1)
+    if look is not None and look.plan.hides and y0.ndim == 1:
+        start = _moved_later(look, t0, t1, y0, start)
+    return above_noise(start, tolerance), look
 
 
 def lookahead(

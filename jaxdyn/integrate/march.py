@@ -13,13 +13,13 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn.integrate.lookahead import lookahead, moved_later
+from jaxdyn.integrate.lookahead import started
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.step_control import FixedSteps, StepControl, first_step, steps_of
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import operations
-from jaxdyn.solvers.sizes import Begun, above_noise, begun
+from jaxdyn.solvers.sizes import Begun
 from jaxdyn.solvers.stepper import Stepper, is_stiff
 from jaxdyn.solvers.stepping import Stepping
 from jaxdyn.status import Status
@@ -75,7 +75,7 @@ def march(
     limits,
     *,
     method: Method,
-    watch: Watch | None,
+    watch: Watch | None = None,
     before: Before | None = None,
 ):
     """States of a smooth motion, the final memory of a watch, its sizes; no derivatives.
@@ -151,10 +151,7 @@ def _control(field, y0, t0, t1, ts, limits, method: Method, watch, before: Befor
         n = steps_of(tolerance[0], t0, t1)
         h, control = (t1 - t0) / n, FixedSteps(n=n, ts=ts, watch=watch, limit=most)
         return Begun(jnp.zeros_like(y0), jnp.abs(t1 - t0), field.rate(t0, y0)), control, h
-    start, look = begun(field, t0, y0, t1), lookahead(field, len(y0), t0, t1)
-    if look is not None and look.plan.hides and y0.ndim == 1:
-        start = moved_later(look, t0, t1, y0, start)
-    start = above_noise(start, tolerance)
+    start, look = started(field, t0, y0, t1, tolerance)
     if before is not None:
         start = start._replace(sizes=jnp.maximum(start.sizes, before.sizes))
     first = first_step(method, tolerance, start, y0)

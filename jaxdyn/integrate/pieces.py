@@ -20,6 +20,7 @@ from jaxdyn.plan import Plan, plan_of
 from jaxdyn.plan.in_branch import Branch, InBranch, in_branch, jump, without_wrappers
 from jaxdyn.plan.times import next_change
 from jaxdyn.solvers import Method
+from jaxdyn.solvers.sizes import state_of
 from jaxdyn.status import Status
 
 #: Roundings of state and time by which the margin of a condition at a switch may miss zero.
@@ -34,6 +35,8 @@ def first_event(
     field: Any, events: tuple, y0, t0, t1, limits: Limits, sides: Any = 0.0, *, method: Method
 ) -> tuple[Array, Crossing]:
     """The state (k,) where the search ended, and the first of some events; no derivatives.
+
+    By `run_pieces` where the rate has conditions, or `breaks` are given.
 
     Args:
       field: see `flow`.
@@ -72,7 +75,7 @@ class Margins(eqx.Module):
         return cls(field, jnp.maximum(0.0, -field.margins(t, y)), plan)
 
     @property
-    def _count(self) -> int:
+    def count(self) -> int:
         """Number of functions: the conditions, and 2 for the ends of sliding."""
         return self.plan.size + 2
 
@@ -161,19 +164,14 @@ def run_pieces(
     happened = run.event >= 0
     crossing = Crossing(
         t=jnp.where(happened, run.t, way * jnp.inf),
-        y=_state(run.y),
+        y=state_of(run.y),
         event=jnp.maximum(run.event, 0),
         status=run.result.status,
         towards=run.towards,
         steps=run.result.steps + run.result.rejected,
-        sizes=_state(run.before.sizes),
+        sizes=state_of(run.before.sizes),
     )
     return eqx.tree_at(lambda result: result.y1, run.result, y1), crossing
-
-
-def _state(y: Array) -> Array:
-    """The state (k,) without its tangents."""
-    return y.reshape(len(y), -1)[:, 0]
 
 
 class _Pieces(NamedTuple):
@@ -194,7 +192,7 @@ class _Pieces(NamedTuple):
     def start(self, y0: Array) -> _Run:
         """The motion before its first piece."""
         zero, none = jnp.zeros((), int), jnp.zeros(self.plan.size, bool)
-        rate, first = self.plan.look(self.system, self.t0, _state(y0))
+        rate, first = self.plan.look(self.system, self.t0, state_of(y0))
         given = jnp.concatenate([y0.ravel(), rate, jnp.stack([self.t0, self.t1])])
         fine = jnp.isfinite(given).all()
         nothing = SolveResult(
@@ -248,7 +246,7 @@ class _Pieces(NamedTuple):
         )
         event = jnp.where(index < len(self.events), index, -1)
         margin = index - len(self.events)
-        following, crossed, held = self._switched(branch, end, _state(y_end), margin)
+        following, crossed, held = self._switched(branch, end, state_of(y_end), margin)
         reached = _Run(
             t=end,
             y=y_end,
@@ -280,27 +278,27 @@ class _Pieces(NamedTuple):
         """A piece up to a time: result, end, state there, the event that ended it and its side."""
         t, here = run.t, in_branch(self.field, branch)
         if not (self.plan.on_state or self.events):
-            found, _, sizes = self._marched(here, y, t, now, limits, run)
+            found, sizes = self._marched(here, y, t, now, limits, run)
             return found, now, found.y1, jnp.asarray(-1), jnp.zeros(()), sizes
         plain = InBranch(self.system, branch)
         events = self.events
         sides = jnp.where(run.begun, 0.0, self.sides) * jnp.ones(len(events))
         if self.plan.on_state:
-            margins = Margins.of(plain, self.plan, t, _state(y))
+            margins = Margins.of(plain, self.plan, t, state_of(y))
             events = (*events, margins)
             # A piece begins within its branch.
-            sides = jnp.concatenate([sides, jnp.ones(margins._count)])
+            sides = jnp.concatenate([sides, jnp.ones(margins.count)])
         seen, crossing = first_crossing(
             here if y.ndim == 1 else plain,
             events,
-            _state(y),
+            state_of(y),
             t,
             now,
             limits,
             self.ts if y.ndim == 1 else self.ts[:0],
             sides,
             method=self.method.for_tangents,
-            before=Before(_state(run.before.sizes), run.before.step),
+            before=Before(state_of(run.before.sizes), run.before.step),
         )
         hit = (crossing.status == Status.OK) & jnp.isfinite(crossing.t)
         end = jnp.where(hit, crossing.t, now)
@@ -309,7 +307,7 @@ class _Pieces(NamedTuple):
         if y.ndim == 1:
             seen = eqx.tree_at(lambda seen: seen.status, seen, crossing.status)
             return seen, end, x, index, crossing.towards, crossing.sizes
-        found, _, sizes = self._marched(here, y, t, end, limits, run)
+        found, sizes = self._marched(here, y, t, end, limits, run)
         status = jnp.where(crossing.status == Status.OK, found.status, crossing.status)
         found = eqx.tree_at(lambda found: found.status, found, status)
         flat = found.y1.reshape(len(y), -1)
@@ -317,17 +315,9 @@ class _Pieces(NamedTuple):
         return found, end, y, index, crossing.towards, sizes
 
     def _marched(self, field: Any, y: Array, t: Array, end: Array, limits: Limits, run: _Run):
-        return march(
-            field,
-            y,
-            t,
-            end,
-            self.ts,
-            limits,
-            method=self.method,
-            watch=None,
-            before=run.before,
-        )
+        args = field, y, t, end, self.ts, limits
+        found, _, sizes = march(*args, method=self.method, before=run.before)
+        return found, sizes
 
     def _switched(self, branch: Branch, t: Array, x: Array, index: Array):
         """The next branch after a condition has changed, what was crossed, what is known."""
@@ -362,7 +352,7 @@ class _Pieces(NamedTuple):
 
     def _settled(self, run: _Run) -> Branch:
         """The branch of the next piece: outcomes at its start, and whether it slides."""
-        t, x, of_time = run.t, _state(run.y), jnp.asarray(self.plan.of_time)
+        t, x, of_time = run.t, state_of(run.y), jnp.asarray(self.plan.of_time)
         outcomes = run.branch.outcomes
         near = jnp.zeros(self.plan.size, bool)
         for _ in range(_DEEPEST if self.plan.size > 1 else 1):
@@ -427,7 +417,7 @@ class _Pieces(NamedTuple):
             return run.y
         branch = run.branch
         changed = jnp.asarray(self.plan.of_time) & (branch.outcomes != run.old.outcomes)
-        margins = self.plan.look(self.system, run.t, _state(run.y), run.old.outcomes)[1].margins
+        margins = self.plan.look(self.system, run.t, state_of(run.y), run.old.outcomes)[1].margins
         nearest = jnp.argmin(jnp.where(changed, jnp.abs(margins), jnp.inf))
         which = jnp.where(run.crossed.any(), jnp.argmax(run.crossed), nearest)
         which = jnp.where(run.left >= 0, run.left, which)

@@ -71,8 +71,9 @@ def simulate(
       samples: number of times, evenly spaced from t0 to t1, or an array of times (s,) in the
         order of integration.
       rtol: relative tolerance of one step.
-      atol: absolute tolerance of one step, in the units of the state; by default rtol times the
-        largest size so far of the entries of its kind, whatever the units (`scales.Groups`).
+      atol: absolute tolerance of one step, in the units of the state; by default a quarter of
+        rtol times the largest size so far of the entries of its kind, whatever the units
+        (`scales.Groups`).
       solver: one of `jaxdyn.solvers`, or an explicit Runge-Kutta solver of diffrax, such as
         ``diffrax.Tsit5()``; by default mostly a Taylor series where the rate is a short formula,
         else the extrapolated leapfrog or the Nystrom pair of order 12 where no force depends on
@@ -187,8 +188,9 @@ def solve(
       t0: () start time [s].
       ts: (s,) requested times [s] between t0 and t1, in the order of integration.
       rtol: relative tolerance of one step.
-      atol: absolute tolerance of one step, in the units of the state; by default rtol times the
-        largest size so far of the entries of its kind, whatever the units (`scales.Groups`).
+      atol: absolute tolerance of one step, in the units of the state; by default a quarter of
+        rtol times the largest size so far of the entries of its kind, whatever the units
+        (`scales.Groups`).
       solver: see `simulate`.
       dt: see `simulate`.
       max_steps: largest number of steps.

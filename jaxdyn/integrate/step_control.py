@@ -99,10 +99,10 @@ class StepControl(Observing, diffrax.AbstractStepSizeController):
 
     def adapt_step_size(self, t0, t1, y0, y1_candidate, args, y_error, error_order, state):
         del args
-        error, allowed, end, reach, square, limited = y_error
+        error, may, end, reach, square, limited = y_error
         if square is None:
             # Where the new state is NaN so is what it may be off by, and the step is rejected.
-            error = self.norm(error / allowed)
+            error = self.norm(error / may)
         else:
             # Not finite where the new state is not.
             error = square + 0.0 * jnp.sum(y1_candidate)

@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn.plan.in_branch import Branch, InBranch, in_branch, jump, without_wrappers
 from jaxdyn.solvers.formulas.simplified import simplified
+from jaxdyn.solvers.sizes import state_of
 
 #: Tangents as columns, those of a state (k,).
 Columns = Float[Array, "k columns *batch"]
@@ -75,7 +76,7 @@ class Variational(eqx.Module):
 
         def margin(p, t, x):
             system = without_wrappers(eqx.combine(p, fixed))
-            state = x.reshape(len(x), -1)[:, 0]
+            state = state_of(x)
             return InBranch(system, old).change(t, state, which, slid=bends)
 
         def change(p, t, x):

@@ -17,7 +17,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array
 
-from jaxdyn.plan.branches import CALLS, bound
+from jaxdyn.plan.branches import CALLS, bound, called
 
 
 class Bounds(NamedTuple):
@@ -66,9 +66,7 @@ def _applied(eqn, args: list[_Value], unknown: set[str] | None) -> Sequence[_Val
     if not any(isinstance(x, Bounds) for x in args):
         return bound(eqn, args)
     if name in CALLS:
-        inner = params.get("jaxpr") or params.get("call_jaxpr") or params["fun_jaxpr"]
-        closed = inner if hasattr(inner, "consts") else jax.extend.core.ClosedJaxpr(inner, ())
-        return enclosed(closed, args, unknown)
+        return enclosed(called(eqn), args, unknown)
     if any(jnp.issubdtype(v.aval.dtype, jnp.integer) for v in eqn.outvars):
         return _without(eqn, unknown)  # those of a branch are known
     if name in _ENTRY_BY_ENTRY:
@@ -105,7 +103,7 @@ def as_bounds(x: _Value) -> Bounds:
 #: Operations that move entries, or are increasing in each: of how many first arguments.
 _ENTRY_BY_ENTRY: dict[str, int | None] = {
     **dict.fromkeys(("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice", "rev")),
-    **dict.fromkeys(("concatenate", "stack", "unstack", "split", "pad", "expand_dims", "copy")),
+    **dict.fromkeys(("concatenate", "stack", "unstack", "split", "pad", "copy")),
     **dict.fromkeys(("add", "add_any", "max", "min", "reduce_sum", "reduce_max", "reduce_min")),
     **dict.fromkeys(("cumsum", "cummax", "cummin", "stop_gradient", "convert_element_type")),
     **{"dynamic_slice": 1, "gather": 1},

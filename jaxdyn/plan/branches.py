@@ -160,12 +160,11 @@ class Walk:
             if name in CALLS:
                 if params.get("name") == _TABLE and len(args) == 2 and not args[0].on & _MOVES:
                     return [self._table(*args)]
-                inner = params.get("jaxpr") or params.get("call_jaxpr") or params["fun_jaxpr"]
+                inner = called(eqn)
                 # Also where only the degrees of time's polynomials are to be followed.
                 enter = _may_switch(inner) or (self.every_call and on & BY_TIME)
                 if enter and not str(params.get("name", "")).startswith(SMOOTH):
-                    closed = inner if hasattr(inner, "consts") else _closed(inner)
-                    return self.program(closed, args)
+                    return self.program(inner, args)
             elif name == "cond" and _may_switch(*params["branches"]):
                 return self._chosen(params["branches"], args)
             elif name == "scan" and _may_switch(params["jaxpr"]):
@@ -323,7 +322,7 @@ class Walk:
         """A loop of known length, round by round."""
         params = eqn.params
         body, length = params["jaxpr"], params["length"]
-        n, m = loop_parts(params, len(args))
+        n, m = params["num_consts"], params["num_carry"]
         consts, carry, rows = args[:n], args[n : n + m], args[n + m :]
         if not length:
             nothing = (jnp.zeros(var.aval.shape, var.aval.dtype) for var in eqn.outvars[m:])
@@ -365,7 +364,7 @@ _SCALES = frozenset({"mul", "div", "dot_general"})
 def _degree(name: str, params, args: list[Value]) -> float:
     """Degree in time of a result, if it is a polynomial of time and of sines of it."""
     degrees = [x.degree for x in args]
-    if name in _TERM_BY_TERM or name in ("transpose", "rev", "pad", "select_n", "expand_dims"):
+    if name in _TERM_BY_TERM or name in ("transpose", "rev", "pad", "select_n"):
         return max(degrees)
     if name in ("mul", "dot_general"):
         return sum(degrees)
@@ -380,15 +379,11 @@ def _degree(name: str, params, args: list[Value]) -> float:
     return math.inf
 
 
-def loop_parts(params: dict, n: int) -> tuple[int, int]:
-    """Numbers of constants and of carried values of a ``scan``, whatever JAX's version."""
-    if "num_consts" in params:
-        return params["num_consts"], params["num_carry"]
-    raise NotImplementedError(sorted(params))
-
-
-def _closed(jaxpr):
-    return jax.extend.core.ClosedJaxpr(jaxpr, ())
+def called(eqn) -> Any:
+    """The program that an operation of `CALLS` calls."""
+    params = eqn.params
+    inner = params.get("jaxpr") or params.get("call_jaxpr") or params["fun_jaxpr"]
+    return inner if hasattr(inner, "consts") else jax.extend.core.ClosedJaxpr(inner, ())
 
 
 @functools.lru_cache(maxsize=1024)
@@ -582,7 +577,7 @@ def _extreme(walk: Walk, eqn, args: list[Value]) -> Value:
         held = here if given is None else given.astype(int)
         own = jax.nn.one_hot(held, n, dtype=bool)
         others = jnp.where(own, -jnp.inf, signed)
-        margin = _taken(signed, held) - jnp.max(others, -1)
+        margin = _entry(signed, held) - jnp.max(others, -1)
         return here.astype(float), margin, jnp.argmax(others, -1).astype(float)
 
     found, on = walk.condition("extreme", [x], at, shape)
@@ -590,10 +585,10 @@ def _extreme(walk: Walk, eqn, args: list[Value]) -> Value:
         return Value(None, on | x.on, math.inf)
     if name.startswith("arg"):
         return Value(found.astype(eqn.outvars[0].aval.dtype), on)
-    return Value(_taken(rows, found.astype(int)), on | x.on, x.degree)
+    return Value(_entry(rows, found.astype(int)), on | x.on, x.degree)
 
 
-def _taken(rows: Array, which: Array) -> Array:
+def _entry(rows: Array, which: Array) -> Array:
     return jnp.take_along_axis(rows, which[..., None], -1)[..., 0]
 
 

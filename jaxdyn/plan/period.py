@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from jaxdyn.plan.branches import CALLS, bound, loop_parts
+from jaxdyn.plan.branches import CALLS, bound, called
 
 #: Largest number of one period in another, and how well their ratio has to be known.
 _MOST_PERIODS, _RATIO_ROUNDING = 1000, 1e-12
@@ -63,11 +63,9 @@ def _walked(closed, args: list[_InTime]) -> list[_InTime]:
 
 
 def _applied(eqn, args: list[_InTime]) -> list[_InTime]:
-    name, params = eqn.primitive.name, eqn.params
+    name = eqn.primitive.name
     if name in CALLS:
-        inner = params.get("jaxpr") or params.get("call_jaxpr") or params["fun_jaxpr"]
-        closed = inner if hasattr(inner, "consts") else jax.extend.core.ClosedJaxpr(inner, ())
-        return _walked(closed, args)
+        return _walked(called(eqn), args)
     if any(x.affine for x in args):
         rule = _OF_AFFINE.get(name)
         found = None if rule is None else rule(eqn, *args)
@@ -85,7 +83,7 @@ def _applied(eqn, args: list[_InTime]) -> list[_InTime]:
 
 
 def _looped(eqn, args: list[_InTime]) -> list[_InTime]:
-    n, m = loop_parts(eqn.params, len(args))
+    n, m = eqn.params["num_consts"], eqn.params["num_carry"]
     args = [_InTime(None, period=x.period) for x in args]
     for _ in range(m + 2):  # until what is carried depends on all it may depend on
         found = _walked(eqn.params["jaxpr"], args)

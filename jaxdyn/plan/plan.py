@@ -56,7 +56,7 @@ class Plan:
         would pass over them.
     """
 
-    def __init__(self, program: Any, tree: Any, leaves: list, t: Any, y: Any):
+    def __init__(self, program: Any, tree: Any, leaves: list, y: Any):
         self._program, self._tree, self._leaves, self._state = program, tree, leaves, y
         found: list[Walk] = []
         results: list[int] = []
@@ -72,7 +72,7 @@ class Plan:
             found.extend([whole, part, deep])
             return rate.array
 
-        jax.eval_shape(walk, leaves, t, y)
+        jax.eval_shape(walk, leaves, _TIME, y)
         whole, part, deep = found
         self.depends_on_time = bool(results[0] & OF_TIME)
         self.conditions: tuple[Condition, ...] = tuple(whole.conditions)
@@ -95,9 +95,8 @@ class Plan:
         return len(self.of_time)
 
     @property
-    def timed(self) -> bool:
-        """Whether steps have to look at parts of the rate that depend on time alone."""
-        return self.hides or bool(self.of_time.any())
+    def _branch(self) -> jax.ShapeDtypeStruct:
+        return jax.ShapeDtypeStruct((self.size,), float)
 
     @property
     def on_state(self) -> bool:
@@ -181,9 +180,8 @@ class Plan:
             *leaves, branch, t, y = given
             return self.mixed_parts(jax.tree.unflatten(self._tree, leaves), t, y, branch)
 
-        branch = jax.ShapeDtypeStruct((self.size,), float)
         with jax.ensure_compile_time_eval():
-            return jax.make_jaxpr(mixed)(*self._leaves, branch, _TIME, self._state)
+            return jax.make_jaxpr(mixed)(*self._leaves, self._branch, _TIME, self._state)
 
     def _mixed_without_bounds(self) -> set[str]:
         unknown: set[str] = set()
@@ -193,8 +191,7 @@ class Plan:
             enclosed(self._mixed_program, [*known, Bounds(t, t), Bounds(low, high)], unknown)
             return t
 
-        branch = jax.ShapeDtypeStruct((self.size,), float)
-        jax.eval_shape(enclose, *self._leaves, branch, self._state, self._state, _TIME)
+        jax.eval_shape(enclose, *self._leaves, self._branch, self._state, self._state, _TIME)
         return unknown
 
     def bounds_of_rate(self, system: PyTree, low: Array, high: Array, y: Array) -> Bounds:
@@ -212,8 +209,7 @@ class Plan:
                 enclosed(program, [*known, Bounds(low, high)], unknown)
             return low
 
-        branch = jax.ShapeDtypeStruct((self.size,), float)
-        jax.eval_shape(enclose, *self._leaves, branch, _TIME, _TIME)
+        jax.eval_shape(enclose, *self._leaves, self._branch, _TIME, _TIME)
         return frozenset(unknown)
 
     def bounds_of_margins(self, system: PyTree, low: Array, high: Array, branch: Array) -> Bounds:
@@ -225,7 +221,7 @@ class Plan:
     @functools.cached_property
     def _programs(self) -> tuple:
         """Programs of (leaves, branch, time): time parts, their slopes, margins in time."""
-        shapes = [*self._leaves, jax.ShapeDtypeStruct((self.size,), float), _TIME]
+        shapes = [*self._leaves, self._branch, _TIME]
 
         def parts(*given):
             *leaves, branch, t = given
@@ -265,10 +261,10 @@ def plan_of(system: PyTree, k: int) -> Plan:
 @functools.lru_cache(maxsize=_KINDS)
 def _plan(tree, kinds: tuple, k: int) -> Plan:
     leaves = [jax.ShapeDtypeStruct(*kind) for kind in kinds]
-    t, y = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((k,), float)
+    y = jax.ShapeDtypeStruct((k,), float)
 
     def rate(*given):
         *leaves, t, y = given
         return jax.tree.unflatten(tree, leaves).rate(t, y)
 
-    return Plan(jax.make_jaxpr(rate)(*leaves, t, y), tree, leaves, t, y)
+    return Plan(jax.make_jaxpr(rate)(*leaves, _TIME, y), tree, leaves, y)

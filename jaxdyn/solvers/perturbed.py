@@ -75,7 +75,7 @@ class RoundedField(eqx.Module):
         return self.field.project(t, y + off) - off
 
 
-def begun(field: Any, t: Array, y: Array) -> tuple[Any, Array, Array]:
+def perturbed_start(field: Any, t: Array, y: Array) -> tuple[Any, Array, Array]:
     """The field, the time and the state with which the increment of a step from (t, y) is found.
 
     They are unchanged unless the field is a `RoundedField`.

@@ -5,9 +5,10 @@ The error that a step may have in an entry is
     atol + share * size + rtol * |y|
 
 with `atol` in the units of the state, where it is given, and else a share of the size of the entry,
-by default `rtol`. Sizes are the largest so far of each group of entries (`scales.Groups`); at the
-start, where an entry may be zero that others move at once, a part of the scales that the rate shows
-there. So an entry that is zero, or rounding, for a while or by symmetry asks for no smaller steps.
+by default a quarter of `rtol`. Sizes are the largest so far of each group of entries
+(`scales.Groups`); at the start, where an entry may be zero that others move at once, a part of the
+scales that the rate shows there. So an entry that is zero, or rounding, for a while or by symmetry
+asks for no smaller steps.
 
 Tangents of a state (k, columns) are as large as their column: the largest of their entries, each in
 the size of the state's, whatever the units of entries and of perturbed numbers.
@@ -36,7 +37,7 @@ class Begun(NamedTuple):
     Attributes:
       sizes: (k, ...) of the entries.
       time: () that in which the motion changes.
-      rate: (k, ...) there; that of tangents counts as 0.
+      rate: (k,) there, of the state alone; (k, ...) where steps have one length.
       noise: (k,) what rounding makes of the rate of the state, if that is known.
     """
 
@@ -96,6 +97,11 @@ def above_noise(start: Begun, tolerance: Array) -> Begun:
     flat = start.sizes.reshape(len(least), -1)
     flat = jnp.concatenate([jnp.maximum(flat[:, :1], least[:, None]), flat[:, 1:]], axis=1)
     return start._replace(sizes=flat.reshape(start.sizes.shape))
+
+
+def state_of(y: Array) -> Array:
+    """The state (k,) of one with tangents (k, ...)."""
+    return y.reshape(len(y), -1)[:, 0]
 
 
 def groups_of(field: Any, y: Array) -> Groups:

@@ -11,7 +11,7 @@ from jaxtyping import Array
 from jaxdyn._numerics import two_sum
 from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import Advance, Method
-from jaxdyn.solvers.perturbed import begun
+from jaxdyn.solvers.perturbed import perturbed_start
 from jaxdyn.solvers.sizes import absolute, allowed, glimpsed, groups_of, grown
 
 #: Net stability-limited steps before a run is flagged stiff.
@@ -87,7 +87,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
             h = jnp.where(jnp.abs(self.h) - jnp.abs(h) > rounding, h, self.h)
         sign = jnp.where(h < 0, -1.0, 1.0)
 
-        now, start, y = begun(args, sign * t0, y0)
+        now, start, y = perturbed_start(args, sign * t0, y0)
 
         tolerance = None if sizes is None else (self.tolerance[0], absolute(self.tolerance, sizes))
         step = _advance(self.method, terms, now, sign, start, h, y, tolerance)

@@ -113,7 +113,7 @@ def digits(orbit: Orbit) -> Digits:
     x = equations.spread(y0, orbit.period, orbit.rtol, orbit.angle)
     closed = InUnits(equations, x, orbit.rtol)
     _, jacobian = closed(x)
-    end = after(orbit, 1 / orbit.closing.parts, rtol=TIGHT, solver=another(orbit)).y1
+    end = after(orbit, 1 / orbit.closing.parts, rtol=TIGHT, solver=_other(orbit)).y1
     angle = jnp.asarray(orbit.angle)
     miss = np.asarray(orbit.closing.miss(orbit.scene.system, end, jnp.asarray(y0), angle))
     miss = np.append(miss, np.zeros(len(jacobian) - len(miss)))  # a drive has no error
@@ -127,7 +127,7 @@ def _digits(error: float) -> float:
     return float(-np.log10(max(error, np.finfo(float).eps))) if np.isfinite(error) else 0.0
 
 
-def another(orbit: Orbit) -> Method:
+def _other(orbit: Orbit) -> Method:
     """A method that finding the orbit did not use, neither for the motion nor with tangents."""
     return other_solver(orbit.scene, orbit.solver, logarithmic=orbit.s_period is not None)
 
@@ -135,5 +135,5 @@ def another(orbit: Orbit) -> Method:
 @check_first
 def recheck(orbit: Orbit) -> Recheck:
     """The closing error of an orbit by another integrator at a tighter tolerance."""
-    other = another(orbit)
+    other = _other(orbit)
     return Recheck(other.name, TIGHT, closure(orbit, rtol=TIGHT, solver=other))

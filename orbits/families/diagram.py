@@ -136,8 +136,9 @@ def diagram(
       members: largest number of members of a family of equilibria.
       orbit_step: length of the first step along orbits; `step` by default.
       orbit_members: largest number of members of a family of orbits.
-      amplitude: distance from a special point at which a new family begins; from a Hopf point, if
-        there is no orbit, a tenth or a hundredth of it.
+      amplitude: distance from a special point at which a new family begins, in the sizes of the
+        entries; from a Hopf point in units of the state, and, if there is no orbit, a tenth or a
+        hundredth of it.
       report: called with each family and failure as it is found.
       path: file (.jsonl) that keeps each member as it is found; the same call goes on from it
         where it was interrupted. See `orbits.families.load`.

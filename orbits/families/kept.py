@@ -38,22 +38,23 @@ def codec(surface: Surface) -> Codec:
             raise fail("file", "a member with a point", type(record).__name__, OTHER)
         rest = {name: x for name, x in record.items() if name != "point"}
         fields = typed_fields(rest, Member, "file", OTHER, _POINT)
-        without = ("jacobian", *(() if _has_units(record["point"]) else _UNITS))
+        old = _without_units(record["point"])
+        without = ("jacobian", *(_UNITS if old else ()))
         known = typed_fields(record["point"], Point, "file", OTHER, without)
-        if _has_units(record["point"]):
-            # The Jacobian serves to leave the point, which has been done; it would fill the file.
-            point = Point(**known, jacobian=np.full((1, known["x"].size), np.nan))
-        else:
+        if old:
             point = surface.point(**known)
             fields |= _in_units(point, fields)
+        else:
+            # The Jacobian serves to leave the point, which has been done; it would fill the file.
+            point = Point(**known, jacobian=np.full((1, known["x"].size), np.nan))
         return Member(**fields, point=point, orbit=surface.orbit(point))
 
     return Codec(encode, decode)
 
 
-def _has_units(point: Any) -> bool:
-    """Whether a point is not of a file in which all lengths were in the units of the scene."""
-    return not isinstance(point, dict) or any(name in point for name in _UNITS)
+def _without_units(point: Any) -> bool:
+    """Whether a point is of a file in which all lengths were in the units of the scene."""
+    return isinstance(point, dict) and not any(name in point for name in _UNITS)
 
 
 def _in_units(point: Point, fields: dict[str, Any]) -> dict[str, np.ndarray]:

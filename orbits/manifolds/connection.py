@@ -64,9 +64,10 @@ class Connection:
       rests: (2, k) the two equilibria, or the states of the orbits beside which it begins and
         ends.
       time: travel time between the ends [time of the scene].
-      step_off: distances of the first state and of the last one from those [norm of a state].
+      step_off: distances of the first state and of the last one from those, as norms of a
+        state; beside orbits in the sizes of the entries.
       error: estimated distance of the ends from the manifolds; at equilibria that of the ends at
-        the next larger step-off, an upper bound where the estimate converges [norm of a state].
+        the next larger step-off, an upper bound where the estimate converges; in the same units.
       miss: largest gap of the closing equations.
       ts: (s,) times of the states, from 0.
       states: (s, k) states; NaN unless found.

@@ -22,8 +22,8 @@ class Manifold:
         from 0 to 1; at an equilibrium the angle on the circle of starts over a turn.
       branches: (n,) the side, 1 or -1, of each; 1 for all of a circle.
       multipliers: multipliers of the orbit, or eigenvalues of the equilibrium, that it belongs to.
-      step_off: distance of the starts from the base [norm of a state].
-      linear_error: estimated distance of the starts from the manifold [norm of a state].
+      step_off: distance of the starts from the base, in the sizes of the entries.
+      linear_error: estimated distance of the starts from the manifold, likewise.
       t0s: (n,) times of the starts, which matter to a driven scene only.
       starts: (n, k) starts.
       ts: (n,) times of the ends.

@@ -80,8 +80,6 @@ def posed_equations(orbit: Orbit) -> ClosingEquations:
 
 
 def _check(orbit: Orbit) -> None:
-    if not isinstance(orbit, Orbit):
-        raise fail("orbit", "an orbit", type(orbit).__name__, "Give what orbits.find returned.")
     system = type(orbit.scene.system)
     refused = "Digits and proofs are for"
     if not orbit.ok:

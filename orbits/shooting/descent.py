@@ -28,7 +28,7 @@ from jaxtyping import Array
 
 from orbits.shooting.equations import Equations
 from orbits.shooting.newton import Iteration
-from orbits.shooting.units import InUnits, sizes_at
+from orbits.shooting.units import InUnits
 
 #: Its import takes as long as a search from a good guess, which does not need it.
 optax: Any = lazy_loader.load("optax")
@@ -82,7 +82,7 @@ def descended(
       report: called with each step.
     """
     closed = InUnits(equations, x, _RTOL, _MAX_STEPS)
-    units, each = closed.units.x, sizes_at(equations, x)
+    units, each = closed.units.x, closed.sizes
     path, _ = _path(equations, x, each)
     lengths = np.append(units[:-1], x[-1])  # the period by its own size
     state = _adam().init(jnp.asarray(x))

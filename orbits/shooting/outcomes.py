@@ -13,7 +13,7 @@ from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.newton import Result
 from orbits.shooting.segment import MAX_STEPS
 from orbits.shooting.segmentation import SEGMENTS_MOST
-from orbits.shooting.units import InUnits, map_in_units, sizes_at
+from orbits.shooting.units import InUnits, sizes_at
 
 #: Roundings made over one segment, in units of the machine epsilon.
 _SEGMENT_ROUNDINGS = 64.0
@@ -143,8 +143,7 @@ def confirmed(closed: InUnits, x: np.ndarray) -> bool:
         flow = advanced(start, here.span[i], s, t0=here.t0[i], rtol=TIGHT, solver=solver)
         ends.append(np.asarray(flow.y1))
     off = equations.missed(x, here, np.array(ends)) / closed.units.rows
-    maps = map_in_units(closed.transitions(x), closed.sizes)
-    growth = max(1.0, float(np.linalg.norm(maps, axis=(1, 2)).max()))
+    growth = max(1.0, float(np.linalg.norm(closed.transitions(x), axis=(1, 2)).max()))
     return bool(np.abs(off).max() <= _AGREEMENT * max(rtol, np.finfo(float).eps) * growth)
 
 
@@ -154,8 +153,7 @@ def _at_rounding(closed: InUnits, result: Result) -> bool:
     if equations.segments < SEGMENTS_MOST:
         return False
     left, unit = np.abs(result.residual).max(), np.finfo(float).eps
-    maps = map_in_units(closed.transitions(x), closed.sizes)
-    growth = np.linalg.norm(maps, axis=(1, 2)).max()
+    growth = np.linalg.norm(closed.transitions(x), axis=(1, 2)).max()
     if left <= _SEGMENT_ROUNDINGS * unit * growth:
         return True
     # An encounter inside a segment amplifies more: compare with the effect of rounding x.

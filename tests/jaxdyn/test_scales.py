@@ -76,31 +76,3 @@ def test_long_states_have_the_groups_of_short_ones():
     many = scales.Groups(tuple([0, 1] * 40), tuple([np.inf] * 80))
     x = jnp.arange(80.0)
     np.testing.assert_array_equal(many.largest(x), np.tile([78.0, 79.0], 40))
-
-
-def test_the_scales_of_a_known_motion():
-    def still(t, y):  # z is moved by x; u by nothing
-        return [y[1], -y[0], 5e-9 * y[0] * y[1], 0.0]
-
-    scene = jaxdyn.ode(still, [2.0, 0.0, 0.0, 0.0], 6.0)
-    ts = np.linspace(0, 6, 50)
-    ys = np.stack([2 * np.cos(ts), -2 * np.sin(ts), 0 * ts, 0 * ts], axis=1)
-    groups = scales.groups(scene.system)
-    found = scales.of_motion(
-        scene.field, groups, jnp.asarray(ts), jnp.asarray(ys), jnp.asarray(6.0)
-    )
-    x, v, z, u = np.asarray(found.sizes)
-    assert x == 2.0
-    assert v == pytest.approx(2.0, rel=0.01)
-    assert 1e-9 < z < 1e-6
-    assert min(x, z) < u < max(x, v)
-    rewriting = rewritten(scene, 0)
-    there = scales.of_motion(
-        rewriting.scene.field,
-        groups,
-        jnp.asarray(ts * rewriting.t),
-        jnp.asarray(ys * rewriting.y),
-        jnp.asarray(6.0 * rewriting.t),
-    )
-    np.testing.assert_allclose(there.sizes[:3], (rewriting.y * found.sizes)[:3], rtol=1e-13)
-    assert float(there.time) == 6.0 * rewriting.t

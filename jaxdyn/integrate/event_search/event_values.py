@@ -44,7 +44,7 @@ def values(events: tuple, t: Array, y: Array) -> Array:
 
 def directions(events: tuple) -> Array:
     """(E,) the signs after the crossings that count, 0 for both."""
-    counts = (getattr(event, "_count", 1) for event in events)  # more for conditions of a rate
+    counts = (getattr(event, "count", 1) for event in events)  # more for conditions of a rate
     return jnp.concatenate(
         [jnp.full(n, float(event.direction)) for n, event in zip(counts, events, strict=True)]
     )
