@@ -47,13 +47,14 @@ _TIMES = (1, 2)  # periods of a known orbit that are deflated
 _PARTS = 12  # most periods of the drive in one of a known orbit
 _MOST_ORDERED = 4  # bodies; of more, each is compared with itself only
 _BESIDE = 0.1  # a guess nearer to a known orbit is moved by so much, relative to its size,
-_TRIES = 3  # in so many random directions, one after the other
+_TRIES = 3  # in random directions, one after the other, of so many times the iterations in all
 _LONGEST = 0.1  # step, relative to the known orbits' size and to the guessed period
 _NEAR = 1e-6  # closing error from which Newton's method without deflation finds the same orbit
 _HALVINGS = 5  # of a step into a singularity
 _LOOSE = 1e-11  # tolerance of the integrations
 _MAX_STEPS = 5000  # of an integration; a near collision takes many times more
 _SHORTEST = 0.1  # period, relative to the guessed one
+_HELD = 3  # steps on it after which an iteration is given up
 
 
 class Known(eqx.Module):
@@ -81,11 +82,13 @@ class Found(NamedTuple):
       x: (n,) the unknowns.
       residual: largest entry of the closing error.
       near: whether an orbit unlike the known ones is near.
+      iterations: how many steps were taken.
     """
 
     x: np.ndarray
     residual: float
     near: bool
+    iterations: int = 0
 
 
 def known(orbits: Sequence[Orbit], scene: Scene) -> list[Known]:
@@ -137,11 +140,13 @@ def deflated(
     if distance(equations, x, several) > _BESIDE:
         return walk(x, max_iterations)
     random, found = np.random.default_rng(0), Found(x, np.inf, near=False)
-    for _ in range(_TRIES):
+    left = _TRIES * max_iterations
+    while left > 0:
         aside = x + _BESIDE * sizes * random.standard_normal(len(x))
-        found = walk(np.clip(aside, lower, upper), max_iterations)
+        found = walk(np.clip(aside, lower, upper), min(max_iterations, left))
         if found.near:
             break
+        left -= found.iterations + 1
     return found
 
 
@@ -159,7 +164,7 @@ class _Walk(NamedTuple):
         """Where it ends after at most some steps."""
         closed, several = self.closed, self.several
         equations, units = closed.equations, closed.units.x
-        step, size = np.zeros(len(x)), np.inf
+        step, size, index, held = np.zeros(len(x)), np.inf, 0, 0
         for index in range(most + 1):
             residual, jacobian = closed(x)
             for _ in range(_HALVINGS):
@@ -172,6 +177,9 @@ class _Walk(NamedTuple):
             length = float(np.linalg.norm(step / units))
             self.report(newton.Iteration(index, size, float(x[-1]), length))
             lost = not np.isfinite(jacobian).all() or self.trouble(equations, x) is not None
+            # On the shortest period it stays: near it the equations change little.
+            held = held + 1 if x[-1] <= self.bounds[0][-1] < self.bounds[1][-1] else 0
+            lost |= held >= _HELD
             if size <= _NEAR and not lost:
                 return Found(x, size, near=distance(equations, x, several) > SAME)
             if lost or index == most:
@@ -181,7 +189,7 @@ class _Walk(NamedTuple):
             step = step / max(1.0, float(np.max(np.abs(step) / self.sizes)) / _LONGEST)
             new = np.clip(x + step, *self.bounds)
             step, x = new - x, new
-        return Found(x, size, near=False)
+        return Found(x, size, near=False, iterations=index)
 
 
 def _slope(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> np.ndarray:
