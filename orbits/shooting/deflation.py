@@ -47,6 +47,10 @@ _TIMES = (1, 2)  # periods of a known orbit that are deflated
 _PARTS = 12  # most periods of the drive in one of a known orbit
 _MOST_ORDERED = 4  # bodies; of more, each is compared with itself only
 _BESIDE = 0.1  # a guess nearer to a known orbit is moved by so much, relative to its size,
+#: Of iterations in turn: with much damping they may alternate between two points, with little they
+#: jump. Over eight seeds 0.03 alone finds 7 of 8 other motions of Duffing's oscillator and 2.9
+#: cycles of Lorenz's system, 0.3 none and 5.8; in turn with 1, 7 of 8 and 5.4.
+_DAMPINGS = (0.03, 1.0)
 _TRIES = 3  # in random directions, one after the other, of so many times the iterations in all
 _LONGEST = 0.1  # step, relative to the known orbits' size and to the guessed period
 _NEAR = 1e-6  # closing error from which Newton's method without deflation finds the same orbit
@@ -138,15 +142,15 @@ def deflated(
     closed = InUnits(equations, x, _LOOSE, _MAX_STEPS)
     walk = _Walk(closed, several, sizes, (lower, upper), Trouble(equations, x), report)
     if distance(equations, x, several) > _BESIDE:
-        return walk(x, max_iterations)
+        return walk(x, max_iterations, _DAMPINGS[0])
     random, found = np.random.default_rng(0), Found(x, np.inf, near=False)
     left = _TRIES * max_iterations
-    while left > 0:
+    for damping in itertools.cycle(_DAMPINGS):
         aside = x + _BESIDE * sizes * random.standard_normal(len(x))
-        found = walk(np.clip(aside, lower, upper), min(max_iterations, left))
-        if found.near:
-            break
+        found = walk(np.clip(aside, lower, upper), min(max_iterations, left), damping)
         left -= found.iterations + 1
+        if found.near or left <= 0:
+            break
     return found
 
 
@@ -160,7 +164,7 @@ class _Walk(NamedTuple):
     trouble: Trouble
     report: Callable[[newton.Iteration], None]
 
-    def __call__(self, x: np.ndarray, most: int) -> Found:
+    def __call__(self, x: np.ndarray, most: int, damping: float) -> Found:
         """Where it ends after at most some steps."""
         closed, several = self.closed, self.several
         equations, units = closed.equations, closed.units.x
@@ -184,7 +188,7 @@ class _Walk(NamedTuple):
                 return Found(x, size, near=distance(equations, x, several) > SAME)
             if lost or index == most:
                 break
-            plain = newton.first_step(x, residual, jacobian, *self.bounds, units)
+            plain = newton.first_step(x, residual, jacobian, *self.bounds, units, damping)
             step = plain / (1 - _slope(equations, x, several) @ plain)
             step = step / max(1.0, float(np.max(np.abs(step) / self.sizes)) / _LONGEST)
             new = np.clip(x + step, *self.bounds)

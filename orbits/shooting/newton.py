@@ -25,8 +25,6 @@ _RANK_TOLERANCE_LEAST = 1e-11
 #: First damping, in units of the residual's norm; with 0.01 rough guesses end on distant orbits.
 _DAMPING_START = 0.1
 _DAMPING_GROW, _DAMPING_SHRINK = 4.0, 0.25
-#: The same where the residual may grow: with more damping such iterations alternate.
-_DAMPING_AWAY = 0.03
 _DAMPING_MAX = 1e8
 #: Consecutive steps without progress after which the residual counts as rounding.
 _STALLED_STEPS = 2
@@ -171,10 +169,11 @@ def first_step(
     lower: np.ndarray,
     upper: np.ndarray,
     units: np.ndarray,
+    damping: float,
 ) -> np.ndarray:
     """(n,) a damped step from x, within the bounds, of an iteration that need not descend."""
     point = _Point(x=x, residual=residual, jacobian=jacobian, factors=_factors(jacobian))
-    return units * _step(point, _Bounds(lower, upper, units), _DAMPING_AWAY)
+    return units * _step(point, _Bounds(lower, upper, units), damping)
 
 
 def _result(best: _Point, bounds: _Bounds, goal: float, accepted: int, most: int) -> Result:

@@ -83,7 +83,7 @@ def test_the_first_step_is_damped_and_within_the_bounds():
     x, slope = np.array([1.0, 1.0]), np.eye(2)
     upper = np.array([np.inf, 1.5])
     step = newton.first_step(
-        x, np.array([0.3, -1.0]), slope, np.full(2, -np.inf), upper, np.ones(2)
+        x, np.array([0.3, -1.0]), slope, np.full(2, -np.inf), upper, np.ones(2), 0.03
     )
     damping = 0.03 * np.hypot(0.3, 1.0)
     np.testing.assert_allclose(step[0], -0.3 / (1 + damping**2), rtol=0.01)
