@@ -39,8 +39,11 @@ _LATER = 0.37
 #: Where, in parts of the sizes: a coupling that vanishes at the start, as that of a product of two
 #: entries at zero, does not there.
 _ASIDE = 1 / 16
-#: How far ahead, in parts of the span, the change of a rate is seen.
+#: How far ahead, in parts of the horizon, the change of a rate is seen.
 _AHEAD = 2.0**-20
+#: The horizon is the span, or so many of the times in which the slowest entry changes by its size
+#: if that is sooner: a span may be a mere limit, as that of a search for an event.
+_HORIZON = 2.0**10
 #: Roundings of a state by which a rate is looked at beside it.
 _PERTURBED = 4.0
 #: Times that noise at which a rate is more than rounding.
@@ -68,6 +71,13 @@ class Groups(NamedTuple):
         """Whether each entry has a group of its own."""
         return len(set(self.of)) == len(self.of)
 
+    def sizes(self, x: Array) -> Array:
+        """(k, ...) the size of each group of entries that are as large as x (k, ...)."""
+        x = self.largest(x)
+        if all(most == np.inf for most in self.most):
+            return x
+        return jnp.minimum(x, np.array(self.most).reshape(-1, *[1] * (x.ndim - 1)))
+
     def largest(self, x: Array) -> Array:
         """(k, ...) the largest of each group of numbers x (k, ...) that are not negative.
 
@@ -82,9 +92,7 @@ class Groups(NamedTuple):
             else:
                 tops = jnp.stack([jnp.max(x[np.array(row)], axis=0) for row in rows])
                 x = tops[np.array(self.of)]
-        if all(most == np.inf for most in self.most):
-            return x
-        return jnp.minimum(x, np.array(self.most).reshape(-1, *[1] * (x.ndim - 1)))
+        return x
 
 
 _WRITTEN_OUT = 32  # entries of a state
@@ -155,7 +163,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
       t1: () end time.
     Limits: the rate must have derivatives in forward mode; those that are not finite count as 0.
     """
-    here, span = groups.largest(lax.abs(y0)), lax.abs(t1 - t0)
+    here, span = groups.sizes(lax.abs(y0)), lax.abs(t1 - t0)
     ahead, plan = lax.sign(t1 - t0), jnp.asarray(_PLAN)
     if groups.known:
         return _by_its_change(field, groups, t0, y0, here, span, ahead)
@@ -178,7 +186,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         by_rate = now.first / _or(_most(moved, u), 1 / span) + now.time * tau
         by_others = now.product + now.step * shrink * step
         kept = lax.max(now.here * here, now.kept * shrink * u)
-        new = groups.largest(lax.max(kept, lax.max(by_rate * moved, by_others * carried)))
+        new = groups.sizes(lax.max(kept, lax.max(by_rate * moved, by_others * carried)))
         new = lax.select(new < np.inf, new, u)
         growth = _most(new, before) ** (1 / _PRODUCTS)
         tau = lax.select(n == _MEASURED, 1 / lax.max(growth, 1 / span), tau)
@@ -196,38 +204,45 @@ def _by_its_change(
     field: Any, groups: Groups, t0: Array, y0: Array, here: Array, span: Array, ahead: Array
 ) -> tuple[Scales, Array]:
     """`at_start` for groups that are known, of sizes `here` (k,); two looks at the rate."""
-    h = _AHEAD * span * ahead
     off = y0 * (_PERTURBED * jnp.finfo(y0.dtype).eps * np.resize([1.0, -1.0, -1.0], len(y0)))
 
     def look(carry: tuple[Array, ...], n: Array) -> tuple[tuple[Array, ...], None]:
-        """At the start and a little later, at both but for rounding, and beside it by its noise."""
-        first, then, noise = carry
-        one, both, rounded, aside = ((n == i).astype(float) for i in (1, 2, 3, 4))
-        later, rounded = one + both, rounded + both
-        at = y0 + later * h * first + rounded * off + aside * span * noise
-        rate = field.rate(t0 + later * h, at)
-        first, then = lax.select(n == 0, rate, first), lax.select(n == 1, rate, then)
-        gap = _finite(rate - lax.select(n == 2, then, first))
-        return (first, then, lax.select(n > 1, lax.max(noise, gap), noise)), None
+        """At the start, twice a little later, at both but for rounding, and beside it by its noise."""
+        first, then, noise, horizon, moving = carry
+        h = _AHEAD * horizon
+        once, one, both, rounded, aside = ((n == i).astype(float) for i in range(1, 6))
+        later, rounded = once + one + both, rounded + both
+        at = y0 + later * h * ahead * first + rounded * off + aside * horizon * noise
+        rate = field.rate(t0 + later * h * ahead, at)
+        first, then = lax.select(n == 0, rate, first), lax.select(n == 2, rate, then)
+        # At rest the rate grows with time from zero; where nothing moves at all, the span is left.
+        slowest = _most(here, groups.largest(lax.abs(rate)))
+        slowest = lax.select(moving, slowest, lax.sqrt(h * slowest))
+        new = ((n == 0) | ((n == 1) & ~moving)) & (slowest > 0)
+        horizon = lax.select(new, lax.min(horizon, _HORIZON * slowest), horizon)
+        gap = _finite(rate - lax.select(n == 3, then, first))
+        noise = lax.select(n > 2, lax.max(noise, gap), noise)
+        return (first, then, noise, horizon, (slowest > 0) & (n == 0) | moving & (n > 0)), None
 
     # A loop, so that the rate is compiled once: a tenth of the time until a first result.
     zero = jnp.zeros_like(y0)
-    (f, then, noise), _ = lax.scan(look, (zero, zero, zero), jnp.arange(5))
+    begin = zero, zero, zero, span, jnp.ones((), bool)
+    (f, then, noise, horizon, _), _ = lax.scan(look, begin, jnp.arange(6))
     noise = groups.largest(noise)
 
     def known(x: Array) -> Array:
         return lax.select(x > _TIMES_NOISE * noise, x, jnp.zeros_like(x))
 
-    change = known(lax.abs(then - f)) / _or(_AHEAD * span, jnp.ones_like(span))
+    change = known(lax.abs(then - f)) / _or(_AHEAD * horizon, jnp.ones_like(span))
     moves, turns = groups.largest(known(lax.abs(f))), groups.largest(change)
     turns = lax.select(turns < np.inf, turns, jnp.zeros_like(turns))
     # What is rounding beside the way of the motion is as good as zero: no time is read from it.
-    way = jnp.finfo(y0.dtype).eps * span * moves
+    way = jnp.finfo(y0.dtype).eps * horizon * moves
     there = lax.select(here > way, here, jnp.zeros_like(here))
     speed = lax.max(_most(moves, there), lax.sqrt(_most(turns, there)))
     speed = lax.max(speed, _most(lax.select(there > 0, jnp.zeros_like(turns), turns), moves))
     tau = 1 / lax.max(speed, 1 / span)
-    sizes = lax.max(here, tau * lax.max(moves, tau * turns))
+    sizes = groups.sizes(lax.max(here, tau * lax.max(moves, tau * turns)))
     return Scales(sizes, tau, noise), f
 
 

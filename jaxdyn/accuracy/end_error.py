@@ -133,7 +133,7 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
       >>> def again(scene, rtol):
       ...     return simulate(scene, samples=2, rtol=rtol)
       >>> end_error(again(scenes.oscillator(), 1e-6), again, rtol=1e-6).written()
-      ('-0.8390715', '0.54402111')
+      ('-0.83907153', '0.54402111')
     """
     scene, y = _end(motion)
     if not np.isfinite(y).all():

@@ -133,7 +133,7 @@ def simulate_regularised(
     Example:
       >>> from jaxdyn.analysis import energy
       >>> from jaxdyn import scenes
-      >>> fall = scenes.power_law(n=-2.0, speed=1e-4)  # passes the sun at 5e-9 m
+      >>> fall = scenes.power_law(n=-2.0, speed=1e-2)  # passes the sun at 5e-5 m
       >>> float(energy.drift(simulate_regularised(fall, 100.0, rtol=1e-13))) < 1e-13
       True
     """

@@ -20,7 +20,8 @@ from jaxdyn._shapes import checked_force, total_force
 from jaxdyn.scene import Points, System
 
 _AXES = "xyz"
-_NO_MASS = 1e300  # [1/kg] 1 / m of a test particle: a force on it is no number soon, and 0 stays 0
+#: 1 / sqrt(m) of a test particle [kg^-1/2]: any force on it exceeds all numbers, and none stays 0.
+_NO_MASS = 1e300
 
 
 class FreePoints(System):
@@ -63,7 +64,9 @@ class FreePoints(System):
             massless = m == 0
             # A force that begins to act on a test particle later ends the motion.
             per_mass = jnp.where(massless, _NO_MASS, 1 / jnp.where(massless, 1.0, m))
-            fields.append(total_force(others, t, r, v, m) * per_mass[:, None])
+            again = jnp.where(massless, _NO_MASS, 1.0)
+            forces = total_force(others, t, r, v, m)
+            fields.append(forces * per_mass[:, None] * again[:, None])
         return _state(v, sum(fields[1:], fields[0]) if fields else jnp.zeros_like(v))
 
     def canonical(self, t, y):

@@ -79,7 +79,7 @@ def _moved_later(look: Lookahead, t0: Array, t1: Array, y: Array, start: Begun) 
 
     sizes = filled(start.sizes, most)
     sizes = filled(sizes, look.system.rate(t0, y + sizes))
-    return start._replace(sizes=look.system.groups.largest(sizes))
+    return start._replace(sizes=look.system.groups.sizes(sizes))
 
 
 def started(

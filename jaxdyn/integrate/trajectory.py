@@ -121,7 +121,7 @@ class Trajectory(Record, Motion):
       Trajectory of oscillator
         span     0 to 1 s
         samples  5
-        steps    4 accepted, 0 rejected
+        steps    3 accepted, 0 rejected
         status   OK: The integration reached its end.
         end      x = 0.540302 m, vx = -0.841471 m/s
     """

@@ -60,7 +60,7 @@ def begun(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
     with_tangents = field
     field, y = _alone(field, y0)
     scales, rate = at_start(field, field.groups, t0, y, t1)
-    sizes = jnp.maximum(field.groups.largest(jnp.abs(y)), PART * scales.sizes)
+    sizes = jnp.maximum(field.groups.sizes(jnp.abs(y)), PART * scales.sizes)
     if y0.ndim == 1:
         return Begun(sizes, scales.time, rate, scales.noise)
     beside = PART * sizes
@@ -119,10 +119,10 @@ def _alone(field: Any, y: Array) -> tuple[Any, Array]:
 def grown(groups: Groups, sizes: Array, y: Array) -> Array:
     """The sizes (k, ...) after a step to y (k, ...): nowhere smaller."""
     if y.ndim == 1:
-        return jnp.maximum(sizes, groups.largest(jnp.abs(y)))
+        return jnp.maximum(sizes, groups.sizes(jnp.abs(y)))
     flat = sizes.reshape(len(y), -1), jnp.abs(y).reshape(len(y), -1)
     old, now = flat
-    state = jnp.maximum(old[:, 0], groups.largest(now[:, 0]))
+    state = jnp.maximum(old[:, 0], groups.sizes(now[:, 0]))
     found = jnp.concatenate([state[:, None], _of_tangents(state, now[:, 1:])], axis=1)
     return jnp.maximum(old, found).reshape(y.shape)
 

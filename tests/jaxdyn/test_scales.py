@@ -1,5 +1,7 @@
 """Scales of a motion: they change with units as the motion does, and an entry at zero has one."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -59,8 +61,26 @@ def test_nothing_that_depends_on_the_state_leaves_the_span():
 def test_entries_of_one_unit_share_a_size_and_angles_are_known_by_the_radian():
     groups = scales.groups(scenes.double_pendulum().system)
     assert groups.of == (0, 0, 1, 1)
-    np.testing.assert_array_equal(groups.largest(jnp.array([9.0, 2.0, 3.0, 4.0])), [1, 1, 4, 4])
+    np.testing.assert_array_equal(groups.sizes(jnp.array([9.0, 2.0, 3.0, 4.0])), [1, 1, 4, 4])
     assert len(set(scales.groups(scenes.three_body().system).of)) == 2
+
+
+@pytest.mark.parametrize(
+    "scene", [scenes.pendulum(), scenes.double_pendulum(), scenes.two_body(), scenes.spring_mass()]
+)
+def test_a_span_that_is_a_mere_limit_changes_nothing(scene):
+    near = start(dataclasses.replace(scene, t1=jnp.asarray(10.0)))
+    for far in (1e5, 1e20, 1e150):
+        found = start(dataclasses.replace(scene, t1=jnp.asarray(far)))
+        np.testing.assert_allclose(found[0], near[0], rtol=1e-4)
+        assert found[1] == pytest.approx(near[1], rel=1e-4)
+
+
+def test_the_time_of_an_angle_is_that_of_its_motion_in_every_unit_of_time():
+    slow = start(scenes.pendulum(g=1e-6, t1=1e4))
+    fast = start(scenes.pendulum(g=1e6, t1=1e-2))
+    assert slow[1] == pytest.approx(1e6 * fast[1], rel=1e-6)
+    np.testing.assert_allclose(slow[0], fast[0] * [1, 1e-6], rtol=1e-6)
 
 
 def test_a_second_order_state_without_units_has_places_and_velocities():

@@ -124,7 +124,7 @@ def scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
 def _of_kinds(field: Field, sizes: Array, y0: Array, t1: Array) -> Array:
     # Angles are within a turn.
     kinds = field.groups._replace(most=(np.inf,) * len(y0))
-    sizes, moved = kinds.largest(sizes), at_start(field, kinds, jnp.zeros(()), y0, t1)[0].sizes
+    sizes, moved = kinds.sizes(sizes), at_start(field, kinds, jnp.zeros(()), y0, t1)[0].sizes
     sizes = jnp.where(sizes > _NOTHING * moved, sizes, moved)
     return jnp.where(sizes == 0, 1.0, sizes)
 
