@@ -207,7 +207,7 @@ def _by_its_change(
     off = y0 * (_PERTURBED * jnp.finfo(y0.dtype).eps * np.resize([1.0, -1.0, -1.0], len(y0)))
 
     def look(carry: tuple[Array, ...], n: Array) -> tuple[tuple[Array, ...], None]:
-        """At the start, twice a little later, at both but for rounding, and beside it by its noise."""
+        """At the start, twice after it, at both but for rounding, and beside it by its noise."""
         first, then, noise, horizon, moving = carry
         h = _AHEAD * horizon
         once, one, both, rounded, aside = ((n == i).astype(float) for i in range(1, 6))

@@ -17,7 +17,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array
 
-from jaxdyn.plan.branches import CALLS, bound, called
+from jaxdyn._programs import CALLS, bound, called
 
 
 class Bounds(NamedTuple):

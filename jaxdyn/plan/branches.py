@@ -36,6 +36,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._numerics import SMOOTH
+from jaxdyn._programs import CALLS, Loop, bound, called, loop
 
 #: What a value depends on: time and state, along a motion (it moves), or through outcomes of
 #: conditions only (it jumps, and is constant in a branch).
@@ -44,10 +45,6 @@ _MOVES = BY_TIME | BY_STATE
 OF_TIME, OF_STATE = BY_TIME | JUMPS_IN_TIME, BY_STATE | JUMPS_WITH_STATE
 
 _COMPARISONS = ("lt", "le", "gt", "ge", "lt_to", "le_to")
-#: Operations that call a program, also those with rules of their own for derivatives.
-CALLS = frozenset({"jit", "pjit", "closed_call", "core_call", "remat", "remat2", "checkpoint"}) | {
-    *("custom_jvp_call", "custom_vjp_call", "custom_vjp_call_jaxpr")
-}
 _TABLE = "searchsorted"
 #: Rounds of a loop with conditions up to which it is written out.
 _LONGEST_LOOP = 100
@@ -168,8 +165,9 @@ class Walk:
             elif name == "cond" and _may_switch(*params["branches"]):
                 return self._chosen(params["branches"], args)
             elif name == "scan" and _may_switch(params["jaxpr"]):
-                if params["length"] <= _LONGEST_LOOP:
-                    return self._written_out(eqn, args)
+                known = loop(eqn)
+                if known is not None and known.length <= _LONGEST_LOOP:
+                    return self._written_out(eqn, known, args)
                 self.unread.add("a loop of many rounds with conditions")
             elif name == "while" and _may_switch(params["body_jaxpr"], params["cond_jaxpr"]):
                 self.unread.add("a loop of unknown length")
@@ -318,23 +316,21 @@ class Walk:
             found.append(Value(value, on, math.inf if on & BY_TIME else 0.0))
         return found
 
-    def _written_out(self, eqn, args: list[Value]) -> list[Value]:
+    def _written_out(self, eqn, known: Loop, args: list[Value]) -> list[Value]:
         """A loop of known length, round by round."""
-        params = eqn.params
-        body, length = params["jaxpr"], params["length"]
-        n, m = params["num_consts"], params["num_carry"]
+        body, length, n, m = known.body, known.length, known.consts, known.carry
         consts, carry, rows = args[:n], args[n : n + m], args[n + m :]
         if not length:
             nothing = (jnp.zeros(var.aval.shape, var.aval.dtype) for var in eqn.outvars[m:])
             return [*carry, *(Value(x) for x in nothing)]
         collected: list[list[Value]] = []
         for i in range(length):
-            at = length - 1 - i if params["reverse"] else i
+            at = length - 1 - i if known.reverse else i
             row = [x if x.array is None else x._replace(array=x.array[at]) for x in rows]
             found = self.program(body, [*consts, *carry, *row])
             carry = found[:m]
             collected.append(found[m:])
-        if params["reverse"]:
+        if known.reverse:
             collected.reverse()
         outs = []
         for column, var in zip(zip(*collected, strict=True), eqn.outvars[m:], strict=True):
@@ -377,13 +373,6 @@ def _degree(name: str, params, args: list[Value]) -> float:
     if name in ("sin", "cos") and degrees[0] <= 1:
         return 1.0  # it varies everywhere: what a method sees of it tells how long a step may be
     return math.inf
-
-
-def called(eqn) -> Any:
-    """The program that an operation of `CALLS` calls."""
-    params = eqn.params
-    inner = params.get("jaxpr") or params.get("call_jaxpr") or params["fun_jaxpr"]
-    return inner if hasattr(inner, "consts") else jax.extend.core.ClosedJaxpr(inner, ())
 
 
 @functools.lru_cache(maxsize=1024)
@@ -438,16 +427,6 @@ def _is_readable(eqn) -> bool:
 def _may_switch(*programs) -> bool:
     """Whether programs contain operations that may be conditions."""
     return any(_switches(getattr(p, "jaxpr", p)) for p in programs)
-
-
-def bound(eqn, args: list) -> Sequence[Any]:
-    """The results of an operation of a program for other arguments."""
-    given = eqn.primitive.get_bind_params(eqn.params)
-    # Until JAX 0.9 a pair: functions, and the other parameters.
-    functions, params = ((), given) if isinstance(given, dict) else given
-    with np.errstate(all="ignore"):  # known numbers are NumPy's
-        found = eqn.primitive.bind(*functions, *args, **params)
-    return found if eqn.primitive.multiple_results else [found]
 
 
 def _compare(walk: Walk, eqn, args: list[Value]) -> Value:

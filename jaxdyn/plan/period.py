@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from jaxdyn.plan.branches import CALLS, bound, called
+from jaxdyn._programs import CALLS, Loop, bound, called, loop
 
 #: Largest number of one period in another, and how well their ratio has to be known.
 _MOST_PERIODS, _RATIO_ROUNDING = 1000, 1e-12
@@ -74,19 +74,19 @@ def _applied(eqn, args: list[_InTime]) -> list[_InTime]:
     elif all(x.array is not None and not x.period for x in args):
         with jax.ensure_compile_time_eval():
             return [_InTime(np.asarray(x)) for x in bound(eqn, [x.array for x in args])]
-    if name == "scan":
-        return _looped(eqn, args)
+    if name == "scan" and (known := loop(eqn)) is not None:
+        return _looped(known, args)
     if name == "mul" and any(x.array is not None and not np.any(x.array) for x in args):
         return [_InTime(None) for _ in eqn.outvars]
     period = common_period([x.period for x in args])
     return [_InTime(None, period=period) for _ in eqn.outvars]
 
 
-def _looped(eqn, args: list[_InTime]) -> list[_InTime]:
-    n, m = eqn.params["num_consts"], eqn.params["num_carry"]
+def _looped(known: Loop, args: list[_InTime]) -> list[_InTime]:
+    n, m = known.consts, known.carry
     args = [_InTime(None, period=x.period) for x in args]
     for _ in range(m + 2):  # until what is carried depends on all it may depend on
-        found = _walked(eqn.params["jaxpr"], args)
+        found = _walked(known.body, args)
         merged = [
             _InTime(None, period=common_period([a.period, b.period]))
             for a, b in zip(args[n : n + m], found[:m], strict=True)

@@ -24,6 +24,7 @@ from jax import lax
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._programs import CALLS, bound, called
 from jaxdyn.solvers.formulas.on_numpy import rearranged
 
 #: Elementwise operations, all arguments of one shape.
@@ -46,7 +47,6 @@ _MOVES = {
     *("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice", "rev"),
     *("concatenate", "stack", "unstack", "split"),
 }
-_CALLS = {"jit", "closed_call", "custom_jvp_call", "custom_vjp_call"}
 #: Largest number of entries of an array that is split.
 MAX_APART = 48
 
@@ -146,10 +146,10 @@ class _Lanes:
     def _applied(self, eqn, args: list[_Value]) -> list[_Value]:
         """Results of one equation of a program."""
         name = eqn.primitive.name
-        if name in _CALLS:
-            return self.interpret(eqn.params.get("jaxpr") or eqn.params["call_jaxpr"], args)
+        if name in CALLS:
+            return self.interpret(called(eqn), args)
         if not any(isinstance(x, _Wide | _Apart) for x in args):
-            return list(_bound(eqn, *args))
+            return list(bound(eqn, args))
         sizes = [math.prod(a.aval.shape) for a in (*eqn.invars, *eqn.outvars)]
         if 0 < min(sizes) and max(sizes) <= self.most:
             found = self._entry_by_entry(eqn, args)
@@ -178,16 +178,16 @@ class _Lanes:
             if jnp.issubdtype(entries[1].dtype, jnp.inexact):
                 # As in XLA for arrays: one division for all lanes.
                 return entries[0] * (1.0 / entries[1])
-        return _bound(eqn, *(self._spread(x) if differ else x for x in entries))[0]
+        return bound(eqn, [self._spread(x) if differ else x for x in entries])[0]
 
     def _whole(self, eqn, args: list[_Value]) -> Sequence[Array]:
         name, params, n = eqn.primitive.name, eqn.params, len(self.lanes)
         if name in _ELEMENTWISE:
             # Including conditions and bounds, which may be scalars.
             shape = (*eqn.outvars[0].aval.shape, *self.lanes)
-            return _bound(eqn, *(jnp.broadcast_to(self.wide(x), shape) for x in args))
+            return bound(eqn, [jnp.broadcast_to(self.wide(x), shape) for x in args])
         if name in _ALONG_AXES:
-            return _bound(eqn, *map(self.wide, args))
+            return bound(eqn, [self.wide(x) for x in args])
         if name == "slice":
             low, high = params["start_indices"], params["limit_indices"]
             strides = params["strides"] or (1,) * len(low)
@@ -214,7 +214,7 @@ class _Lanes:
             for x, there in zip(arrays, differ, strict=True)
         ]
         axes = [-1 if there else None for there in differ]
-        found = jax.vmap(functools.partial(_bound, eqn), in_axes=axes, out_axes=-1)(*joined)
+        found = jax.vmap(lambda *xs: bound(eqn, list(xs)), in_axes=axes, out_axes=-1)(*joined)
         return [x.reshape(*x.shape[:-1], *self.lanes) for x in found]
 
 
@@ -223,8 +223,3 @@ def _objects(items: Sequence, shape: tuple[int, ...]) -> np.ndarray:
     for i, item in enumerate(items):
         found[i] = item
     return found.reshape(shape)
-
-
-def _bound(eqn, *args: Array) -> Sequence[Array]:
-    found = eqn.primitive.bind(*args, **eqn.params)
-    return found if eqn.primitive.multiple_results else [found]

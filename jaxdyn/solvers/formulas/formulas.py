@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
+from jaxdyn._programs import CALLS, Loop, called, loop
 from jaxdyn.solvers.formulas.composed import COMPOSED
 from jaxdyn.solvers.formulas.graph import Graph
 from jaxdyn.solvers.formulas.nodes import (
@@ -68,7 +69,6 @@ _FOLDED = {
     "reduce_or": ("or", False),
 }
 _SAME = {"stop_gradient", "copy", "copy_p", "optimization_barrier"}
-_CALLS = {"jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call", "remat2"}
 #: Rounds up to which loops are unrolled: each is traced separately.
 _LONGEST_LOOP = 1000
 #: Nodes above which formulas are given up, on the way too: so many take a fifth of a second, and
@@ -168,15 +168,15 @@ def _interpreted(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.nda
 def _applied(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     """Results of one equation of a jaxpr."""
     name, params = eqn.primitive.name, eqn.params
-    if name in _CALLS:
-        inner = params.get("jaxpr") or params["call_jaxpr"]
-        consts = [_taken(graph, c) for c in getattr(inner, "consts", ())]
-        return _interpreted(graph, getattr(inner, "jaxpr", inner), consts, args)
+    if name in CALLS:
+        inner = called(eqn)
+        consts = [_taken(graph, c) for c in inner.consts]
+        return _interpreted(graph, inner.jaxpr, consts, args)
     if not any(x.dtype == object for x in args):
         known = calculated(eqn, args) or by_jax(eqn.primitive, params, args)
         return [_as_known(graph, x) for x in known]
-    if name == "scan":
-        return _written_out(graph, eqn, args)
+    if name == "scan" and (known := loop(eqn)) is not None:
+        return _written_out(graph, eqn, known, args)
     if name == "cond" and args[0].dtype != object:
         # As where a program depends on the platform.
         inner = params["branches"][int(args[0])]
@@ -212,11 +212,9 @@ def _check_kinds(eqn) -> None:
             raise NotElementary(f"{name} of {kind}")
 
 
-def _written_out(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
+def _written_out(graph: Graph, eqn, known: Loop, args: list[np.ndarray]) -> list[np.ndarray]:
     """A loop of known length."""
-    params = eqn.params
-    body, length = params["jaxpr"], params["length"]
-    n, m = params["num_consts"], params["num_carry"]
+    body, length, n, m = known.body, known.length, known.consts, known.carry
     consts, carry, xs = args[:n], args[n : n + m], args[n + m :]
     if length > _LONGEST_LOOP:
         raise NotElementary(f"a loop of {length} rounds")
@@ -225,12 +223,12 @@ def _written_out(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
         return [*carry, *(np.zeros(a.aval.shape, a.aval.dtype) for a in eqn.outvars[m:])]
     rows = []
     for i in range(length):
-        at = length - 1 - i if params["reverse"] else i
+        at = length - 1 - i if known.reverse else i
         row = [np.asarray(x[at]) for x in xs]
         found = _interpreted(graph, body.jaxpr, inner, [*consts, *carry, *row])
         carry = found[:m]
         rows.append(found[m:])
-    if params["reverse"]:
+    if known.reverse:
         rows.reverse()
     return [*carry, *(np.stack(column) for column in zip(*rows, strict=True))]
 

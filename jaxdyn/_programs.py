@@ -1,0 +1,66 @@
+"""The programs of JAX (jaxprs), read the same way in every version.
+
+The parameters of JAX's operations are no public interface, and they change: `scan` counts its
+operands by numbers up to JAX 0.10, and by trees from 0.11 on; programs that are called have been
+open and closed ones under several names. Whatever interprets a program asks here, so that a new
+version is met in one file, and what it does not know is left as it stands.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax.extend
+import numpy as np
+
+#: Operations that call a program, also those with rules of their own for derivatives.
+CALLS = frozenset({"jit", "pjit", "closed_call", "core_call", "remat", "remat2", "checkpoint"}) | {
+    *("custom_jvp_call", "custom_vjp_call", "custom_vjp_call_jaxpr")
+}
+
+
+def called(eqn: Any) -> Any:
+    """The closed program that an operation of `CALLS` calls."""
+    params = eqn.params
+    inner = params.get("jaxpr") or params.get("call_jaxpr") or params["fun_jaxpr"]
+    return inner if hasattr(inner, "consts") else jax.extend.core.ClosedJaxpr(inner, ())
+
+
+def bound(eqn, args: list) -> Sequence[Any]:
+    """The results of an operation of a program for other arguments."""
+    given = eqn.primitive.get_bind_params(eqn.params)
+    # Until JAX 0.9 a pair: functions, and the other parameters.
+    functions, params = ((), given) if isinstance(given, dict) else given
+    with np.errstate(all="ignore"):  # known numbers are NumPy's
+        found = eqn.primitive.bind(*functions, *args, **params)
+    return found if eqn.primitive.multiple_results else [found]
+
+
+class Loop(NamedTuple):
+    """A loop of known length, `scan`.
+
+    Attributes:
+      body: its closed program, of constants, carried values and rows.
+      length: number of rounds.
+      reverse: whether the last row comes first.
+      consts: number of operands that are the same in every round.
+      carry: number of operands, and of results, that are carried from round to round.
+    """
+
+    body: Any
+    length: int
+    reverse: bool
+    consts: int
+    carry: int
+
+
+def loop(eqn: Any) -> Loop | None:
+    """The loop of a `scan`; None where this version of JAX describes it in an unknown way."""
+    params = eqn.params
+    try:
+        if "ft_in" in params:  # from 0.11 on
+            consts, carry, _ = (len(part) for part in params["ft_in"].unpack())
+        else:
+            consts, carry = params["num_consts"], params["num_carry"]
+        return Loop(params["jaxpr"], params["length"], params["reverse"], consts, carry)
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return None
