@@ -18,7 +18,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn.ensemble.nodes import Node, zero_between
 from jaxdyn.integrate.event_search.beginning import Beginning
-from jaxdyn.integrate.event_search.event_values import at, sizes
+from jaxdyn.integrate.event_search.event_values import Clocks, at, sizes
 from jaxdyn.integrate.event_search.stretches import Stretch
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.observing import Steered, Watch
@@ -129,7 +129,11 @@ class EachCrossing(Watch):
         first = search.beginning.sides((self.event,), self.direction * (t1 - t0), self._wanted)
         side = jnp.where(search.begun, search.side, first[0])
         looking = search.looks > 0
-        stepped = _stepped(search, side, end, self._wanted)
+        clocks = Clocks.of((self.event,), y1.shape[0])
+        hidden = False
+        if clocks is not None:
+            hidden = clocks.hidden(self.direction * t0, self.direction * t1)
+        stepped = _stepped(search, side, end, self._wanted, hidden)
         closed = _looked(search, side, end, crossed.simple)
         found = fine & looking & closed.arrived
         keep = fine & jnp.where(looking, closed.arrived, stepped.keep)
@@ -205,7 +209,9 @@ class _Stepped(NamedTuple):
     h: Array  # () length of the next step where it is not kept
 
 
-def _stepped(search: _Search, side: Array, end: Node, wanted: Array) -> _Stepped:
+def _stepped(
+    search: _Search, side: Array, end: Node, wanted: Array, hidden: Array | bool
+) -> _Stepped:
     here, before = search.here, search.before
     h = end.t - here.t
     # Before the first node the value goes on as a straight line.
@@ -216,7 +222,8 @@ def _stepped(search: _Search, side: Array, end: Node, wanted: Array) -> _Stepped
     after = jnp.where(end.side == 0, side, end.side)
     last, this = _stretch(before, here), _stretch(here, end)
     fourth = jnp.abs((this.third - last.third) / (0.5 * (last.width + this.width)))
-    known = this.settled(fourth, side, after, noise) | (search.halved >= _MAX_HALVINGS)
+    known = this.settled(fourth, side, after, noise) & ~jnp.asarray(hidden)
+    known |= search.halved >= _MAX_HALVINGS
     across = known & (side * after < 0) & ((wanted == 0) | (wanted == after))
     guess = zero_between(before, here, end)
     return _Stepped(

@@ -97,6 +97,7 @@ class Walk:
       branch: (e,) outcomes; None for those that hold at the point.
       time_only: leave out what depends on the state.
       every_call: look into all that is called; rules for its derivatives are lost then.
+      waves: note sines of time as well among the parts that a step may pass over.
 
     Attributes:
       conditions: those met so far.
@@ -108,8 +109,14 @@ class Walk:
         a brief part of a motion.
     """
 
-    def __init__(self, branch: Array | None, time_only: bool = False, every_call: bool = False):
-        self.branch, self.time_only = branch, time_only
+    def __init__(
+        self,
+        branch: Array | None,
+        time_only: bool = False,
+        every_call: bool = False,
+        waves: bool = False,
+    ):
+        self.branch, self.time_only, self.waves = branch, time_only, waves
         self.every_call = every_call or time_only
         self.conditions: list[Condition] = []
         self.outcomes: list[Array] = []
@@ -206,7 +213,9 @@ class Walk:
         if eqn.primitive.name == "mul" and any(map(_is_zero, args)):
             on = 0  # as in what makes a zero of the type and shape of another number
         self.partial |= eqn.primitive.name in _PARTIAL and bool(args[0].on & BY_STATE)
+        waves = self.waves and eqn.primitive.name in _WAVES
         degree = _degree(eqn.primitive.name, eqn.params, args) if on & BY_TIME else 0.0
+        degree = math.inf if on & BY_TIME and waves else degree
         found = bound(eqn, [x.array for x in args])
         made = [Value(x, on, degree) for x in found]
         if eqn.primitive.name in _BRIEF and args[0].on & BY_TIME and args[0].on & BY_STATE:
@@ -345,6 +354,7 @@ class Walk:
 
 #: Degree up to which a polynomial of time and of sines of it hides nothing from a step.
 _TRIVIAL_DEGREE = 3.0
+_WAVES = frozenset({"sin", "cos"})
 #: Functions that are flat, to all digits, for most arguments.
 _BRIEF = frozenset({"exp", "exp2", "tanh", "logistic", "erf", "erfc"})
 #: Functions that are not defined for all numbers.
@@ -370,7 +380,7 @@ def _degree(name: str, params, args: list[Value]) -> float:
         return degrees[0] * params["y"]
     if name == "square":
         return degrees[0] * 2
-    if name in ("sin", "cos") and degrees[0] <= 1:
+    if name in _WAVES and degrees[0] <= 1:
         return 1.0  # it varies everywhere: what a method sees of it tells how long a step may be
     return math.inf
 

@@ -56,8 +56,9 @@ class Plan:
         would pass over them.
     """
 
-    def __init__(self, program: Any, tree: Any, leaves: list, y: Any):
+    def __init__(self, program: Any, tree: Any, leaves: list, y: Any, waves: bool = False):
         self._program, self._tree, self._leaves, self._state = program, tree, leaves, y
+        self._waves = waves
         found: list[Walk] = []
         results: list[int] = []
 
@@ -65,7 +66,7 @@ class Plan:
             whole = Walk(None)
             (rate,) = whole.program(program, _inputs(leaves, t, y))
             results.append(rate.on)
-            part = Walk(None, time_only=True)
+            part = Walk(None, time_only=True, waves=waves)
             part.results(part.program(program, _inputs(leaves, t, y)))
             deep = Walk(None, every_call=True)
             deep.program(program, _inputs(leaves, t, y))
@@ -137,7 +138,8 @@ class Plan:
         return self._in_time(system, t, branch)[1]
 
     def _in_time(self, system: PyTree, t: Array, branch: Array | None):
-        walk = Walk(None if branch is None else branch[np.flatnonzero(self.of_time)], True)
+        given = None if branch is None else branch[np.flatnonzero(self.of_time)]
+        walk = Walk(given, time_only=True, waves=self._waves)
         leaves = jax.tree.leaves(system)
         walk.results(walk.program(self._program, _inputs(leaves, t, None)))
         return [jnp.asarray(x.array, float) for x in walk.leaves], _conditions(walk)
@@ -252,14 +254,18 @@ def _conditions(walk: Walk) -> Conditions:
     return Conditions(*(jnp.concatenate([jnp.zeros(0), *parts]) for parts in columns))
 
 
-def plan_of(system: PyTree, k: int) -> Plan:
-    """The plan of a system with ``rate(t, y)`` of a state (k,), a pytree of its numbers."""
+def plan_of(system: PyTree, k: int, *, waves: bool = False) -> Plan:
+    """The plan of a system with ``rate(t, y)`` of a state (k,), a pytree of its numbers.
+
+    With `waves` sines of time count among what a step may pass over: a method sees those of a rate
+    by its error, but nothing measures those of an event.
+    """
     leaves, tree = jax.tree.flatten(system)
-    return _plan(tree, tuple((np.shape(x), jnp.result_type(x)) for x in leaves), k)
+    return _plan(tree, tuple((np.shape(x), jnp.result_type(x)) for x in leaves), k, waves)
 
 
 @functools.lru_cache(maxsize=_KINDS)
-def _plan(tree, kinds: tuple, k: int) -> Plan:
+def _plan(tree, kinds: tuple, k: int, waves: bool) -> Plan:
     leaves = [jax.ShapeDtypeStruct(*kind) for kind in kinds]
     y = jax.ShapeDtypeStruct((k,), float)
 
@@ -267,4 +273,4 @@ def _plan(tree, kinds: tuple, k: int) -> Plan:
         *leaves, t, y = given
         return jax.tree.unflatten(tree, leaves).rate(t, y)
 
-    return Plan(jax.make_jaxpr(rate)(*leaves, _TIME, y), tree, leaves, y)
+    return Plan(jax.make_jaxpr(rate)(*leaves, _TIME, y), tree, leaves, y, waves)

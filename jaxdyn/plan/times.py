@@ -19,7 +19,7 @@ _PLACES = np.array([0.103, 0.347, 0.611, 0.869])
 #: that sees an eighth of a variation judges the step by its error.
 _MOST_UNSEEN = 8.0
 #: Likewise for what its steepest slope would make of it: a sample may meet a pulse by chance.
-_MOST_STEEP = 60.0
+MOST_STEEP = 60.0
 #: Range that is small enough not to matter, relative to a part in the step and in the whole span.
 _SMALL_HERE, _SMALL_EVER = 1e-3, 1e-12
 #: Units of its argument over which a function such as exp or tanh hides nothing, and over which a
@@ -44,13 +44,18 @@ def sizes(plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array) -> Ar
     return jnp.where(jnp.isfinite(most), most, 0.0)
 
 
-def furthest_seen(
-    plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array, sizes: Array
+def hides_in_time(
+    plan: Plan,
+    system: PyTree,
+    t0: Array,
+    t1: Array,
+    branch: Array,
+    sizes: Array,
+    steep: float = MOST_STEEP,
 ) -> Array:
-    """() the end of the longest step from t0 towards t1 in which no part in time is hidden.
+    """Whether () parts in time may do more in a step than is seen of them.
 
-    Of the steps t1 - t0, half of it, and so on. A part is hidden where bounds allow it a range many
-    times as large as that of a few samples.
+    They may where bounds allow them a range many times as large as that of a few samples.
 
     Args:
       plan: of the rate.
@@ -59,19 +64,29 @@ def furthest_seen(
       t1: () its end, before or after.
       branch: (e,) outcomes of the conditions.
       sizes: see `sizes`.
+      steep: what the steepest slope of a part may make of it in the step, in ranges of its samples.
+    """
+    low, high = jnp.minimum(t0, t1), jnp.maximum(t0, t1)
+    most, steepest = plan.bounds_of_parts(system, low, high, branch)
+    at = jax.vmap(lambda t: plan.time_parts(system, t, branch))(t0 + _PLACES * (t1 - t0))
+    seen = jnp.max(at, axis=0) - jnp.min(at, axis=0)
+    small = _SMALL_HERE * jnp.max(jnp.abs(at), axis=0) + _SMALL_EVER * sizes
+    wide = ~(most.high - most.low <= _MOST_UNSEEN * seen + small)
+    over = jnp.abs(t1 - t0) * steepest > steep * (seen + small)
+    # A root is infinitely steep, and hides nothing.
+    return (wide | (over & jnp.isfinite(steepest))).any()
+
+
+def furthest_seen(
+    plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array, sizes: Array
+) -> Array:
+    """() the end of the longest step from t0 towards t1 in which no part in time is hidden.
+
+    Of the steps t1 - t0, half of it, and so on; see `hides_in_time`, also for the arguments.
     """
 
     def hidden(h: Array) -> Array:
-        end = t0 + h
-        low, high = jnp.minimum(t0, end), jnp.maximum(t0, end)
-        most, steepest = plan.bounds_of_parts(system, low, high, branch)
-        at = jax.vmap(lambda t: plan.time_parts(system, t, branch))(t0 + _PLACES * h)
-        seen = jnp.max(at, axis=0) - jnp.min(at, axis=0)
-        small = _SMALL_HERE * jnp.max(jnp.abs(at), axis=0) + _SMALL_EVER * sizes
-        wide = ~(most.high - most.low <= _MOST_UNSEEN * seen + small)
-        steep = jnp.abs(h) * steepest > _MOST_STEEP * (seen + small)
-        # A root is infinitely steep, and hides nothing.
-        return (wide | (steep & jnp.isfinite(steepest))).any()
+        return hides_in_time(plan, system, t0, t0 + h, branch, sizes)
 
     def again(carry: tuple[Array, Array]) -> tuple[Array, Array]:
         n, h = carry

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn.integrate.event_search.beginning import Beginning
-from jaxdyn.integrate.event_search.event_values import Sight, directions
+from jaxdyn.integrate.event_search.event_values import Clocks, Sight, directions
 from jaxdyn.integrate.event_search.polish import Bracket, landed, polished
 from jaxdyn.integrate.event_search.stretches import settled
 from jaxdyn.integrate.march import Before, march
@@ -92,7 +92,8 @@ def first_crossing(
       before: see `march`.
     """
     sight = Sight(field, events, method)
-    watch = _Lookout(sight, jnp.broadcast_to(sides, directions(events).shape))
+    sides = jnp.broadcast_to(sides, directions(events).shape)
+    watch = _Lookout(sight, sides, Clocks.of(events, len(y0)))
     out, seen, sizes = march(
         field, y0, t0, t1, ts, limits, method=method, watch=watch, before=before
     )
@@ -155,6 +156,7 @@ class _Survey(NamedTuple):
 class _Lookout(Watch):
     sight: Sight
     sides: Array  # (E,) signs just after the start where these are known, else 0
+    clocks: Clocks | None
     direction: Array | float = 1.0
 
     @property
@@ -163,7 +165,7 @@ class _Lookout(Watch):
         return directions(self.sight.events)
 
     def towards(self, direction):
-        return _Lookout(self.sight, self.sides, direction)
+        return _Lookout(self.sight, self.sides, self.clocks, direction)
 
     def start(self, t0, y0):
         here = Beginning.of(self.sight.field, self.sight.events, self.direction * t0, y0)
@@ -202,7 +204,15 @@ class _Lookout(Watch):
 
         def panel(survey: _Survey) -> _Survey:
             looks = self._looks(t, y, h, survey.begin, survey.end)
-            return _judged(survey, looks, h, self.wanted)
+            new = _judged(survey, looks, h, self.wanted)
+            if self.clocks is None:
+                return new
+            # Half of the panel first, where not all that happens in it can be seen.
+            begin = survey.begin.part
+            width = survey.end - begin
+            hidden = self.clocks.hidden(t + begin * h, t + survey.end * h) & (width > _MIN_PANEL)
+            half = survey._replace(n=survey.n + 1, end=begin + 0.5 * width)
+            return jax.tree.map(lambda a, b: jnp.where(hidden, a, b), half, new)
 
         def going(survey: _Survey) -> Array:
             over = survey.bracket.found | jnp.isnan(survey.begin.side)

@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn.plan.plan import Plan, plan_of
+from jaxdyn.plan.times import hides_in_time
 from jaxdyn.scene import Field, System
 from jaxdyn.solvers import Method
 
@@ -17,6 +19,9 @@ from jaxdyn.solvers import Method
 _SIDE_ROUNDINGS = 4
 #: Directions in which neighbours of a state are looked at, each there and back.
 _NEIGHBOUR_PAIRS = 3
+#: What the steepest slope of a part in time may make of it between the ends of a few looks, in
+#: ranges of what is seen: little more than a period of a sine.
+_FEW_WAVES = 4.0
 #: Roundings of state and time within which two events count as simultaneous.
 _COINCIDENCE_ROUNDINGS = 64
 
@@ -126,6 +131,38 @@ def at(events: tuple, t: Array, y: Array, rate: Array, size: Array) -> tuple[Arr
     ahead = (jnp.ones_like(t), rate)
     g, slope = jax.jvp(functools.partial(values, events), (t, y), ahead)
     return g, slope, *sides(events, t, y, size)
+
+
+class Clocks(eqx.Module):
+    """What the values of events have in time alone, which no step of the motion measures.
+
+    Attributes:
+      events: modules with ``value(t, y)``.
+      plan: of their values.
+    """
+
+    events: tuple
+    plan: Plan = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, events: tuple, k: int) -> "Clocks | None":
+        """That of events of a state (k,); None where nothing is hidden, or conditions decide."""
+        plan = plan_of(_Values(events), k, waves=True)
+        return cls(events, plan) if plan.hides and not plan.size else None
+
+    def hidden(self, t0: Array, t1: Array) -> Array:
+        """Whether () the values may do more between two times than a few looks show."""
+        system, none = _Values(self.events), jnp.zeros(0)
+        return hides_in_time(self.plan, system, t0, t1, none, jnp.zeros(()), _FEW_WAVES)
+
+
+class _Values(eqx.Module):
+    """Values of events in the place of a rate."""
+
+    events: tuple
+
+    def rate(self, t: Array, y: Array) -> Array:
+        return values(self.events, t, y)
 
 
 class Ahead(NamedTuple):

@@ -153,7 +153,6 @@ def first_landing(y, v, size, rate):
     return optimize.root_scalar(gap, bracket=(t[k - 1], t[k]), xtol=1e-15).root
 
 
-@pytest.mark.xfail(reason="a floor that shakes several times in a step of the ball is not seen")
 def test_landings_on_a_shaken_floor():
     rng = np.random.default_rng(16)
     for rate in (3.0, 20.0, 100.0):
