@@ -232,8 +232,17 @@ _series_of = traced_once(_series)
 
 
 def _hides(node: Node) -> bool:
-    """Whether a function may be flat, to all digits, at the start of a step, and not at its end."""
-    return node.moving and node.op in ("exp", "tanh")
+    """Whether the series of a step may be another function than the one at its end.
+
+    An exponential may be flat, to all digits, at the start. A root may pass a double zero of its
+    argument, as the speed |v| does where a puck stops: its series goes on with -|v|. That of a
+    negative power of one, other than the inverse root, has no end there.
+    """
+    if not node.moving:
+        return False
+    if node.op == "pow" and isinstance(node.args[1], float):
+        return abs(node.args[1]) == 0.5 or (node.args[1] > 0 and node.args[1] % 1 == 0.5)
+    return node.op in ("exp", "tanh", "sqrt")
 
 
 def _ends(node: Node) -> bool:

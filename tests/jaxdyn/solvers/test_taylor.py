@@ -29,6 +29,7 @@ from jaxdyn.solvers.formulas.ordered import ordered
 from jaxdyn.solvers.formulas.shortest import products
 from jaxdyn.solvers.taylor.recurrences import solution
 from jaxdyn.solvers.taylor.terms import _CAUTION
+from jaxdyn.status import Status
 
 ORDER = 12
 #: dy/dt = f(t): f with jnp and the same with mpmath; all are smooth at AT.
@@ -552,3 +553,38 @@ def _long_loop(t, y):
 def test_what_has_no_series_is_named(rate, why):
     with pytest.raises(NotElementary, match=why):
         formulas_of(rate, jnp.zeros(()), jnp.ones(1))
+
+
+def _norm(x):
+    return jnp.sqrt(x @ x)
+
+
+@pytest.mark.parametrize("norm", [_norm, jnp.linalg.norm])
+def test_a_speed_that_passes_zero_does_not_become_negative(norm):
+    # Thrown straight up: where it turns, the series of the root of v^2 goes on with -|v|.
+    c, g, v0, t1 = 0.3, 9.81, 20.0, 3.0
+
+    def thrown(t, y):
+        v = y[2:]
+        return jnp.concatenate([v, -c * norm(v) * v - jnp.array([0.0, g])])
+
+    k, limit = np.sqrt(g * c), np.sqrt(g / c)
+    exact = -limit * np.tanh(k * t1 - np.arctan(v0 / limit))
+    found = solve(ode(thrown, [0.0, 0.0, 0.0, v0], t1), t1)
+    assert int(found.status) == Status.OK
+    assert abs(found.y1[3] - exact) < 1e-9
+
+
+@pytest.mark.parametrize("norm", [_norm, jnp.linalg.norm])
+def test_a_puck_does_not_slide_back(norm):
+    # At rest the direction v / |v| of its friction does not exist: there the motion ends.
+    def sliding(t, y):
+        v = y[2:]
+        return jnp.concatenate([v, -2.5 * v / norm(v)])
+
+    puck = ode(sliding, [0.0, 0.0, 3.0, 4.0], 3.0)
+    moving = solve(puck, 1.5)
+    np.testing.assert_allclose(moving.y1, [2.8125, 3.75, 0.75, 1.0], rtol=1e-12)
+    stopped = solve(puck, 3.0, max_steps=1000)
+    assert int(stopped.status) != Status.OK
+    assert np.isnan(stopped.y1).all()
