@@ -26,8 +26,9 @@ class Outcome(Code):
     )
     NO_DESCENT = (
         2,
-        "No step reduces the closing error: there is no orbit near this guess, or it is "
-        "too unstable for single shooting. Start closer, or use more segments.",
+        "No step reduces the closing error any further, and it is above the goal: Newton's method "
+        "has ended beside an orbit, if there is one. Start closer, pass rough=True, more segments, "
+        "or hold what distinguishes the orbit from its family.",
     )
     COLLISION = (
         3,
@@ -82,6 +83,11 @@ class Outcome(Code):
         "The motion closes by the integrator that found it, but not by another one: its rate is "
         "not smooth, or changes faster than the steps see. Pass a smaller rtol, and look at the "
         "rate: orbits of motions with corners are found by legs (orbits.hybrid).",
+    )
+    TIME_LIMIT = (
+        14,
+        "The search has taken as long as it may. Its best iterate is in `orbit` with throw=False: "
+        "start from there, or raise seconds=.",
     )
 
 

@@ -19,7 +19,7 @@ Reference: P. Farrell, A. Birkisson, S. Funke, SIAM J. Sci. Comput. 37 (2015) A2
 
 import functools
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -35,6 +35,7 @@ from orbits.closing.given import Problem, driven, repeats
 from orbits.motion import gravitates, solved
 from orbits.orbit import Orbit
 from orbits.shooting import newton
+from orbits.shooting.effort import Effort
 from orbits.shooting.equations import Equations
 from orbits.shooting.outcomes import Trouble
 from orbits.shooting.units import InUnits
@@ -120,9 +121,7 @@ def deflated(
     equations: Equations,
     x: np.ndarray,
     several: Sequence[Known],
-    *,
-    max_iterations: int,
-    report: Callable[[newton.Iteration], None],
+    effort: Effort,
 ) -> Found:
     """A point near an orbit unlike known ones, or the last iterate.
 
@@ -131,8 +130,7 @@ def deflated(
       equations: the closing equations.
       x: (n,) a guess.
       several: the known orbits.
-      max_iterations: largest number of steps.
-      report: called after each step.
+      effort: its limits of steps and time, and what is called after each step.
     """
     lower, upper = equations.bounds(problem.lower, problem.upper)
     lower[-1] = max(lower[-1], min(_SHORTEST * x[-1], upper[-1]))
@@ -140,7 +138,8 @@ def deflated(
         lower[-1] = upper[-1] = x[-1]
     sizes = _sizes(equations, x, several)
     closed = InUnits(equations, x, _LOOSE, _MAX_STEPS)
-    walk = _Walk(closed, several, sizes, (lower, upper), Trouble(equations, x), report)
+    walk = _Walk(closed, several, sizes, (lower, upper), Trouble(equations, x), effort)
+    max_iterations = effort.max_iterations
     if distance(equations, x, several) > _BESIDE:
         return walk(x, max_iterations, _DAMPINGS[0])
     random, found = np.random.default_rng(0), Found(x, np.inf, near=False)
@@ -149,7 +148,7 @@ def deflated(
         aside = x + _BESIDE * sizes * random.standard_normal(len(x))
         found = walk(np.clip(aside, lower, upper), min(max_iterations, left), damping)
         left -= found.iterations + 1
-        if found.near or left <= 0:
+        if found.near or left <= 0 or effort.over:
             break
     return found
 
@@ -162,7 +161,7 @@ class _Walk(NamedTuple):
     sizes: np.ndarray
     bounds: tuple[np.ndarray, np.ndarray]
     trouble: Trouble
-    report: Callable[[newton.Iteration], None]
+    effort: Effort
 
     def __call__(self, x: np.ndarray, most: int, damping: float) -> Found:
         """Where it ends after at most some steps."""
@@ -179,14 +178,14 @@ class _Walk(NamedTuple):
                 residual, jacobian = closed(x)
             size = float(np.abs(residual).max())
             length = float(np.linalg.norm(step / units))
-            self.report(newton.Iteration(index, size, float(x[-1]), length))
+            self.effort.report(newton.Iteration(index, size, float(x[-1]), length))
             lost = not np.isfinite(jacobian).all() or self.trouble(equations, x) is not None
             # On the shortest period it stays: near it the equations change little.
             held = held + 1 if x[-1] <= self.bounds[0][-1] < self.bounds[1][-1] else 0
             lost |= held >= _HELD
             if size <= _NEAR and not lost:
                 return Found(x, size, near=distance(equations, x, several) > SAME)
-            if lost or index == most:
+            if lost or index == most or self.effort.over:
                 break
             plain = newton.first_step(x, residual, jacobian, *self.bounds, units, damping)
             step = plain / (1 - _slope(equations, x, several) @ plain)

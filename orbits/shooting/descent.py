@@ -17,7 +17,6 @@ not join: it works in one.
 
 import dataclasses
 import functools
-from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -26,6 +25,7 @@ import lazy_loader
 import numpy as np
 from jaxtyping import Array
 
+from orbits.shooting.effort import Effort
 from orbits.shooting.equations import Equations
 from orbits.shooting.newton import Iteration
 from orbits.shooting.units import InUnits
@@ -70,7 +70,7 @@ def descended(
     *,
     lower: np.ndarray,
     upper: np.ndarray,
-    report: Callable[[Iteration], None],
+    effort: Effort,
 ) -> Descent:
     """The point to which descent on the closing error leads.
 
@@ -79,7 +79,7 @@ def descended(
       x: (n,) the guess.
       lower: (n,) bounds of x.
       upper: (n,) bounds of x.
-      report: called with each step.
+      effort: its limit of time, and what is called with each step.
     """
     closed = InUnits(equations, x, _RTOL, _MAX_STEPS)
     units, each = closed.units.x, closed.sizes
@@ -95,12 +95,13 @@ def descended(
         if not (np.isfinite(error) and np.isfinite(gradient).all()):  # a collision
             break
         largest = float(np.abs(residual).max(initial=0.0))
-        report(Iteration(index=index, residual=largest, period=float(x[-1]), step=step))
+        effort.report(Iteration(index=index, residual=largest, period=float(x[-1]), step=step))
         if error < least:
             best, best_residual, least = x, largest, error
         if least < _PROGRESS * mark:
             mark, marked = least, index
-        if error <= _ARRIVED or (least > _NEAR and index - marked >= _PATIENCE):
+        patient = least <= _NEAR or index - marked < _PATIENCE
+        if error <= _ARRIVED or not patient or effort.over:
             break
         moves, state = _adam_moves(jnp.asarray(gradient), state)
         new = np.clip(x + np.asarray(moves) * lengths, lower, upper)

@@ -1,9 +1,11 @@
 """How accurately, and for how long, an orbit is sought."""
 
 import dataclasses
+import math
+import time
 from collections.abc import Callable
 
-from jaxdyn._checks import positive, whole
+from jaxdyn._checks import fail, positive, whole
 from jaxdyn.integrate.spans import tolerances
 from orbits.shooting.newton import Iteration
 
@@ -11,19 +13,29 @@ RTOL = 1e-14
 GOAL = 1e-12
 #: The tightest useful tolerance, for second opinions: below it rounding dominates.
 TIGHT = 1e-15
+SECONDS = 600.0  # a search ends after so long by default, whatever it tries
 
 
 @dataclasses.dataclass(frozen=True)
 class Effort:
-    """Accuracy and iteration limit of a search; see `find`."""
+    """Accuracy and limits of a search, which begins now; see `find`."""
 
     goal: float
     rtol: float
     max_iterations: int
     report: Callable[[Iteration], None]
+    seconds: float = math.inf
+    begun: float = dataclasses.field(default_factory=time.monotonic)
+
+    @property
+    def over(self) -> bool:
+        """Whether its time is up; asked for between evaluations, which are not interrupted."""
+        return time.monotonic() - self.begun > self.seconds
 
     def check(self) -> None:
-        """Raise ValueError unless goal > 0, 0 < rtol < 1 and max_iterations >= 0."""
+        """Raise ValueError unless goal, seconds > 0, 0 < rtol < 1 and max_iterations >= 0."""
         positive("goal", self.goal, "It is the largest closing error of an orbit.")
+        if not self.seconds > 0:
+            raise fail("seconds", "> 0", self.seconds, "It limits the time of the search.")
         tolerances(self.rtol, None)  # jitted code cannot raise
         whole("max_iterations", self.max_iterations, least=0)

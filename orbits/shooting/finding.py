@@ -20,7 +20,7 @@ from orbits.shooting import newton
 from orbits.shooting.collocation.search import meshed, on_mesh
 from orbits.shooting.deflation import SAME, Known, deflated, distance, known
 from orbits.shooting.descent import descended
-from orbits.shooting.effort import GOAL, RTOL, Effort
+from orbits.shooting.effort import GOAL, RTOL, SECONDS, Effort
 from orbits.shooting.equations import Equations
 from orbits.shooting.outcomes import Trouble, orbit_at, outcome_of
 from orbits.shooting.recutting import finer, gains_from_cutting
@@ -49,6 +49,7 @@ def find(
     collocation: bool | None = None,
     unlike: Sequence[Orbit] = (),
     max_iterations: int = 60,
+    seconds: float = SECONDS,
     report: Callable[[newton.Iteration], None] = lambda iteration: None,
     throw: bool = True,
 ) -> Orbit:
@@ -82,6 +83,8 @@ def find(
         method with these deflated. The orbits of a family are unlike each other: hold the energy
         of a conservative scene.
       max_iterations: Newton steps at most.
+      seconds: time after which the search ends, with all that it tries: an evaluation that has
+        begun is completed.
       report: called with an `Iteration` after each step, those of the descent too.
       throw: raise if no orbit was found; with False look at `Orbit.outcome`.
     Returns:
@@ -102,7 +105,9 @@ def find(
     problem = posed(
         scene, y0=y0, period=period, lower=lower, upper=upper, closing=closing, hold=hold
     )
-    effort = Effort(goal=goal, rtol=rtol, max_iterations=max_iterations, report=report)
+    effort = Effort(
+        goal=goal, rtol=rtol, max_iterations=max_iterations, report=report, seconds=seconds
+    )
     effort.check()
     nearest, angle = _nearest(problem, rtol)
     equations = Equations(
@@ -121,8 +126,10 @@ def find(
         orbit = _closed_from_afar(problem, equations, angle, segments, effort)
     else:
         orbit = _closed(problem, equations, angle, segments, effort)
-    if collocation is None and not (orbit.ok or unlike):
+    if collocation is None and not (orbit.ok or unlike or effort.over):
         orbit = meshed(problem, equations, effort, instead=orbit)
+    if effort.over and not orbit.ok:
+        orbit = dataclasses.replace(orbit, outcome=Outcome.TIME_LIMIT)
     if throw and not orbit.ok:
         raise SearchError(orbit.message)
     shift = np.abs(scene.system.difference(*map(np.asarray, (orbit.y0, problem.scene.y0)))).max()
@@ -141,7 +148,8 @@ def _closed(
     x = retimed(closed, x, lower=lower, upper=upper, goal=effort.goal)
     orbit = _solved(closed, x, problem, effort)
     for _ in range(0 if segments else _RECUTS_MOST):
-        if cuts.segments >= SEGMENTS_MOST or not gains_from_cutting(orbit, cuts, effort.goal):
+        enough = cuts.segments >= SEGMENTS_MOST or effort.over
+        if enough or not gains_from_cutting(orbit, cuts, effort.goal):
             break
         cuts = finer(equations, cuts, guess, orbit, rtol)
         x = cuts.spread(orbit.y0, orbit.period, rtol, angle=orbit.angle)
@@ -165,7 +173,7 @@ def _closed_from_afar(
         equations.spread(guess[:-1], guess[-1], effort.rtol, angle=angle),
         lower=lower,
         upper=upper,
-        report=effort.report,
+        effort=effort,
     )
     if not descent.near:
         return orbit_at(
@@ -198,8 +206,7 @@ def _closed_elsewhere(
         cuts,
         cuts.spread(guess[:-1], guess[-1], effort.rtol, angle=angle),
         several,
-        max_iterations=effort.max_iterations,
-        report=effort.report,
+        effort,
     )
     if found.near:
         orbit = _closed_from(problem, cuts, found.x, segments, effort)
@@ -244,7 +251,7 @@ def _solved(closed: InUnits, x: np.ndarray, problem: Problem, effort: Effort) ->
         upper=upper,
         goal=effort.goal,
         max_iterations=effort.max_iterations,
-        keep_going=lambda x: trouble(equations, x) is None,
+        keep_going=lambda x: trouble(equations, x) is None and not effort.over,
         report=effort.report,
         units=closed.units.x,
     )

@@ -26,14 +26,15 @@ _RANK_TOLERANCE_LEAST = 1e-11
 _DAMPING_START = 0.1
 _DAMPING_GROW, _DAMPING_SHRINK = 4.0, 0.25
 _DAMPING_MAX = 1e8
-#: Consecutive steps without progress after which the residual counts as rounding.
-_STALLED_STEPS = 2
+#: Steps within which there must be progress, or the residual counts as rounding: at a solution, and
+#: above the goal, where damping may still act, or a double root halves what is left.
+_STALLED_STEPS, _STALLED_ABOVE = 2, 8
 #: Consecutive refused steps, each at most half as long as the one before, whose misfits indicate
 #: rounding: fewer would end iterations that rounding only slows down.
 _NOISY_STEPS = 4
 #: A step is at most this fraction of the refused step before it; longer ones would fail as well.
 _SHORTER = 0.5
-#: A step near a solution that leaves a larger share of the residual than this makes no progress.
+#: Steps near a solution that leave a larger share of the residual than this make no progress.
 _SHARE_LEFT = 0.1
 #: The same below the goal, where part of the residual is rounding.
 _SHARE_LEFT_SOLVED = 0.3
@@ -124,7 +125,8 @@ def solve(
     residual, jacobian = equations(x)
     point = _Point(x=x, residual=residual, jacobian=jacobian, factors=_factors(jacobian))
     report(Iteration(index=0, residual=_size(residual), period=x[-1], step=0.0))
-    best, stalled, accepted = point, 0, 0
+    best, accepted = point, 0
+    mark, stalled = _size(residual), 0
     damping, refused, noisy = _DAMPING_START, None, 0
     while accepted < max_iterations and _finite(point.residual, point.jacobian):
         step, damping = _damped(point, bounds, damping, refused)
@@ -153,11 +155,13 @@ def solve(
         point = _Point(x=new, residual=residual, jacobian=jacobian, factors=factors)
         size, least = _size(residual), _size(best.residual)
         report(Iteration(index=accepted, residual=size, period=new[-1], step=_norm(step)))
-        progress = size <= (_SHARE_LEFT_SOLVED if solved else _SHARE_LEFT) * least
-        stalled = 0 if progress or size >= _ROUNDING_SHOWS else stalled + 1
+        progress = size <= (_SHARE_LEFT_SOLVED if solved else _SHARE_LEFT) * mark
+        progress |= size >= _ROUNDING_SHOWS
+        mark, stalled = (size, 0) if progress else (mark, stalled + 1)
         if least > goal or size < least:
             best = point
-        if not keep_going(new) or stalled >= _STALLED_STEPS or not residual.any():
+        most = _STALLED_STEPS if min(size, least) <= goal else _STALLED_ABOVE
+        if not keep_going(new) or stalled >= most or not residual.any():
             break
     return _result(best, bounds, goal, accepted, max_iterations)
 

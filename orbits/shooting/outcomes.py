@@ -150,7 +150,7 @@ def confirmed(closed: InUnits, x: np.ndarray) -> bool:
 def _at_rounding(closed: InUnits, result: Result) -> bool:
     """Whether the residual is rounding, grown over the segments: no smaller goal can be met."""
     equations, x = closed.equations, result.x
-    if equations.segments < SEGMENTS_MOST:
+    if equations.collocated or equations.segments < SEGMENTS_MOST:
         return False
     left, unit = np.abs(result.residual).max(), np.finfo(float).eps
     growth = np.linalg.norm(closed.transitions(x), axis=(1, 2)).max()

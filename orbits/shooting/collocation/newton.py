@@ -4,7 +4,6 @@ In scaled unknowns: each entry of the state in units of its largest value on the
 of a relaxation oscillation differ by powers of ten. Steps are halved until the residual decreases.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -12,6 +11,7 @@ import numpy as np
 
 from orbits.shooting.collocation import steps as gauss
 from orbits.shooting.collocation.elimination import Chain, condensed, expanded
+from orbits.shooting.effort import Effort
 from orbits.shooting.equations import Equations, boundary, pieces
 from orbits.shooting.newton import Iteration, Result
 from orbits.shooting.units import equation_units, sizes_at
@@ -71,11 +71,10 @@ def solve(
     *,
     lower: np.ndarray,
     upper: np.ndarray,
-    goal: float,
-    max_iterations: int,
-    report: Callable[[Iteration], None],
+    effort: Effort,
 ) -> Result:
-    """The solution near x (n,); arguments as of `orbits.shooting.newton.solve`."""
+    """The solution near x (n,), within the bounds, as far as an effort leads."""
+    goal, max_iterations, report = effort.goal, effort.max_iterations, effort.report
     scales = scales_of(equations, x)
     point = _at(equations, x, scales)
     accepted, done = 0, 0
@@ -90,7 +89,7 @@ def solve(
         point = new
         report(Iteration(index=accepted, residual=_size(point), period=point.x[-1], step=moved))
         done += _size(point) <= goal
-        if done > _ROUNDS_AT_GOAL:
+        if done > _ROUNDS_AT_GOAL or effort.over:
             break
     at_bound = ((point.x <= lower) | (point.x >= upper)) & (lower < upper)
     return Result(

@@ -137,12 +137,10 @@ def _searched(problem: Problem, equations: Equations, effort: Effort) -> _Found 
             np.clip(x, lower, upper),
             lower=lower,
             upper=upper,
-            goal=effort.goal,
-            max_iterations=effort.max_iterations,
-            report=effort.report,
+            effort=effort,
         )
         done += result.iterations
-        if not np.isfinite(result.residual).all():
+        if not np.isfinite(result.residual).all() or effort.over:
             break
         mesh = refined(here, result.x, tolerance)
         if mesh is None:

@@ -1,5 +1,6 @@
 """The finder on orbits known in closed form; every way a search can end; every misuse."""
 
+import time
 from typing import ClassVar
 
 import equinox as eqx
@@ -186,6 +187,7 @@ ENDS = {
     # Ten million radians, where a step takes about one.
     Outcome.STEP_LIMIT: (spring(k=1e12, t1=10.0), {}),
     Outcome.DESCENT_ENDED: (jaxdyn.ode(never, [0.3]), {**ONE_SECOND, "rough": True}),
+    Outcome.TIME_LIMIT: (van_der_pol(), {"seconds": 1e-9}),
 }
 
 
@@ -241,10 +243,26 @@ def test_messages_say_what_to_do():
         Outcome.MESH_LIMIT: "Raise goal",
         Outcome.NO_OTHER: "raise max_iterations",
         Outcome.UNCONFIRMED: "Pass a smaller rtol",
+        Outcome.TIME_LIMIT: "raise seconds=",
     }
     assert words.keys() == set(Outcome)
     for outcome, word in words.items():
         assert word in outcome.message
+
+
+@pytest.mark.parametrize("way", [{}, {"rough": True}, {"collocation": True}, {"unlike": True}])
+def test_every_strategy_ends_when_its_time_is_up(way):
+    scene = van_der_pol()
+    if "unlike" in way:
+        way = {"unlike": [orbits.find(scene)]}
+    start = time.monotonic()
+    orbit = orbits.find(scene, [5.0, 3.0], 9.0, seconds=1e-9, throw=False, **way)
+    assert orbit.outcome == Outcome.TIME_LIMIT
+    assert orbit.iterations <= 1
+    assert time.monotonic() - start < 100  # compilation only, on any machine
+    for wrong in (0.0, -1.0, np.nan):
+        with pytest.raises(ValueError, match=r"^seconds: expected > 0, got"):
+            orbits.find(scene, seconds=wrong)
 
 
 @pytest.mark.parametrize("period", [0.05, 0.5, 2.0])

@@ -105,6 +105,23 @@ def test_no_descent_ends_at_the_least_residual():
     np.testing.assert_allclose(result.residual, 1, atol=1e-6)
 
 
+def test_a_double_root_is_reached_though_each_step_leaves_a_quarter():
+    # Such is a closing error beside a fold.
+    def double(x):
+        return np.array([(x[0] - 1) ** 2, x[1]]), np.diag([2 * (x[0] - 1), 1.0])
+
+    found = newton.solve(
+        double,
+        np.array([1.001, 0.0]),
+        lower=np.full(2, -9.0),
+        upper=np.full(2, 9.0),
+        goal=1e-12,
+        max_iterations=60,
+    )
+    assert found.converged
+    assert abs(found.x[0] - 1) <= 1e-6
+
+
 def test_the_residual_falls_from_step_to_step():
     def rosenbrock(x):
         return (
