@@ -84,6 +84,12 @@ class Outcome(Code):
         "not smooth, or changes faster than the steps see. Pass a smaller rtol, and look at the "
         "rate: orbits of motions with corners are found by legs (orbits.hybrid).",
     )
+    OPEN_CHAIN = (
+        15,
+        "No step reduces the closing error of the chain of legs any further, and it is above the "
+        "goal. Start closer: follow the legs one after the other for states and spans, and look "
+        "whether each reaches its own end first.",
+    )
     TIME_LIMIT = (
         14,
         "The search has taken as long as it may. Its best iterate is in `orbit` with throw=False: "

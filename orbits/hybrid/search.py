@@ -220,4 +220,4 @@ def _outcome(result: newton.Result) -> Outcome:
         return Outcome.TRIVIAL
     if result.converged:
         return Outcome.FOUND
-    return Outcome.ITERATION_LIMIT if result.limit else Outcome.NO_DESCENT
+    return Outcome.ITERATION_LIMIT if result.limit else Outcome.OPEN_CHAIN

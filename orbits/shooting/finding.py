@@ -74,7 +74,8 @@ def find(
       goal: largest closing error that counts as an orbit, or the rounding level with the most
         segments, if that is larger; `Orbit.residual` says which it was.
       rtol: tolerance of the integrations.
-      rough: descend on the closing error (optax, Adam) from the guess before Newton's method.
+      rough: descend on the closing error (optax, Adam) from the guess before Newton's method,
+        and where that fails begin with Newton's method after all.
       collocation: solve by Gauss collocation on an adaptive mesh instead of integrations, for
         orbits that are stiff or very unstable; None: where shooting fails and the guess is stiff,
         or integrations reach their step limit. Unless something fixes the start, the orbit then
@@ -124,6 +125,9 @@ def find(
         orbit = on_mesh(problem, equations, effort, segments, rough)
     elif rough:
         orbit = _closed_from_afar(problem, equations, angle, segments, effort)
+        if not (orbit.ok or effort.over):  # the descent may leave an orbit that is near the guess
+            plain = _closed(problem, equations, angle, segments, effort)
+            orbit = plain if plain.ok else orbit
     else:
         orbit = _closed(problem, equations, angle, segments, effort)
     if collocation is None and not (orbit.ok or unlike or effort.over):

@@ -19,7 +19,8 @@ from jaxdyn import Effect, Scene, effects, scenes
 from jaxdyn.analysis.energy import energy
 from jaxdyn.formulations.newton import FreePoints
 from orbits import Outcome, motion
-from orbits.shooting import equations, outcomes, segment
+from orbits.shooting import equations, finding, outcomes, segment
+from orbits.shooting.descent import Descent
 
 
 class Spring(Effect):
@@ -192,9 +193,11 @@ ENDS = {
 
 
 def test_every_outcome_has_its_case():
-    # BOUND_PASSED is an end of searches for chains, with its case in test_hopping, MESH_LIMIT one
-    # of collocation, in test_collocation, NO_OTHER one of deflation, in test_deflation.
-    elsewhere = {Outcome.BOUND_PASSED, Outcome.MESH_LIMIT, Outcome.NO_OTHER, Outcome.UNCONFIRMED}
+    # BOUND_PASSED and OPEN_CHAIN are ends of searches for chains, with cases in test_hopping,
+    # MESH_LIMIT one of collocation, in test_collocation, NO_OTHER one of deflation, in
+    # test_deflation.
+    elsewhere = {Outcome.BOUND_PASSED, Outcome.OPEN_CHAIN}
+    elsewhere |= {Outcome.MESH_LIMIT, Outcome.NO_OTHER, Outcome.UNCONFIRMED}
     assert ENDS.keys() == set(Outcome) - {Outcome.FOUND, *elsewhere}
 
 
@@ -239,6 +242,7 @@ def test_messages_say_what_to_do():
         Outcome.BOUND: "Widen them",
         Outcome.STEP_LIMIT: "simulate()",
         Outcome.BOUND_PASSED: "Start elsewhere",
+        Outcome.OPEN_CHAIN: "states and spans",
         Outcome.DESCENT_ENDED: "Start elsewhere",
         Outcome.MESH_LIMIT: "Raise goal",
         Outcome.NO_OTHER: "raise max_iterations",
@@ -248,6 +252,17 @@ def test_messages_say_what_to_do():
     assert words.keys() == set(Outcome)
     for outcome, word in words.items():
         assert word in outcome.message
+
+
+def test_a_descent_that_leads_astray_loses_no_orbit(monkeypatch):
+    def astray(equations, x, **options):
+        del equations, options
+        return Descent(x=100 * x, residual=1.0, near=False, arrived=False)
+
+    monkeypatch.setattr(finding, "descended", astray)
+    assert orbits.find(van_der_pol(), rough=True).iterations > 0
+    orbit = orbits.find(jaxdyn.ode(never, [0.3]), **ONE_SECOND, rough=True, throw=False)
+    assert orbit.outcome == Outcome.DESCENT_ENDED
 
 
 @pytest.mark.parametrize("way", [{}, {"rough": True}, {"collocation": True}, {"unlike": True}])
