@@ -264,6 +264,7 @@ _RULES: dict[str, Callable[..., Bounds]] = {
     **{"sub": _sub, "mul": _mul, "div": _div, "pow": _real_power, "abs": _abs},
     "integer_pow": lambda params, a: _power(params["y"], a),
     "square": lambda params, a: _power(2, a),
+    "one_minus_square": lambda params, a: _sub(params, jnp.ones(()), _power(2, a)),
     "cos": functools.partial(_wave, 0.0, jnp.cos),
     "sin": functools.partial(_wave, 0.5, jnp.sin),
     **{"cosh": _cosh, "tan": _tan, "select_n": _select, "dot_general": _product},

@@ -129,6 +129,7 @@ class Walk:
         self._made: dict[int, tuple[str, list[Value]]] = {}
         self._kept: list[Value] = []
         self._taken: dict[int, tuple[Array, Value, Value, Value]] = {}
+        self._compared: list[tuple[Value, Value]] = []
 
     @property
     def size(self) -> int:
@@ -180,6 +181,8 @@ class Walk:
                 self.unread.add("a loop of unknown length")
             elif name == "eq" and (taken := self._operand(*args)) is not None:
                 return [Value(taken, on, math.inf)]
+            elif name == "eq" and self._are_apart(*args):
+                return [Value(jnp.zeros(eqn.outvars[0].aval.shape, bool), on, math.inf)]
         return self._as_it_stands(eqn, args, on)
 
     def take(self, which: Array, no: Value, yes: Value, found: Value) -> None:
@@ -187,8 +190,27 @@ class Walk:
         if self.branch is not None and found.array is not None:
             self._taken[id(found.array)] = which, no, yes, found
 
+    def compare(self, a: Value, b: Value) -> None:
+        """Note that an outcome says which of two values is the larger one."""
+        if self.branch is not None:
+            self._compared.append((a, b))
+
+    def _are_apart(self, a: Value, b: Value) -> bool:
+        """Whether an outcome says which is larger: in a branch they are not equal, nor on its end.
+
+        So the derivatives of ``max`` and ``min`` are those of the branch: half of both where the
+        operands are equal, in the rules of JAX 0.11 and newer.
+        """
+        return any(
+            (_is_same(a, x) and _is_same(b, y)) or (_is_same(a, y) and _is_same(b, x))
+            for x, y in self._compared
+        )
+
     def _operand(self, a: Value, b: Value) -> Array | None:
-        """Whether the one value is the operand that the other, a maximum or minimum, is."""
+        """Whether the one value is the operand that the other, a maximum or minimum, is.
+
+        The rules for derivatives of JAX 0.10 and older ask for it.
+        """
         for x, of in ((a, b), (b, a)):
             if id(of.array) in self._taken:
                 which, no, yes, _ = self._taken[id(of.array)]
@@ -443,6 +465,7 @@ def _compare(walk: Walk, eqn, args: list[Value]) -> Value:
     name = eqn.primitive.name
     a, b = args if name[0] == "l" else args[::-1]
     found, on = walk.holds(a, b, strict=name[:2] in ("lt", "gt"))
+    walk.compare(a, b)
     return Value(None if found is None else found > 0.5, on)
 
 

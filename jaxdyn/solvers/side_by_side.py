@@ -30,6 +30,7 @@ from jaxdyn.solvers.formulas.on_numpy import rearranged
 #: Elementwise operations, all arguments of one shape.
 _ELEMENTWISE = {
     *("add", "add_any", "sub", "mul", "div", "neg", "max", "min", "abs", "sign", "square"),
+    "one_minus_square",
     *("pow", "integer_pow", "sqrt", "rsqrt", "cbrt", "exp", "exp2", "log", "log1p", "expm1"),
     *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh"),
     *("eq", "ne", "lt", "le", "gt", "ge", "and", "or", "not", "xor", "is_finite"),

@@ -255,6 +255,8 @@ def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
         return lambda a: graph.div(1.0, graph.function("sqrt", a))
     if name in ("square", "integer_pow"):
         return lambda a: graph.power(a, params.get("y", 2))
+    if name == "one_minus_square":  # of derivatives, from JAX 0.11 on
+        return lambda a: graph.mul(graph.sub(1.0, a), graph.add(1.0, a))
     if name == "pow":
         return functools.partial(_power, graph)
     if name == "abs":
