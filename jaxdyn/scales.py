@@ -71,28 +71,29 @@ class Groups(NamedTuple):
         """Whether each entry has a group of its own."""
         return len(set(self.of)) == len(self.of)
 
-    def sizes(self, x: Array) -> Array:
+    def sizes(self, x: Array, *, in_loop: bool = False) -> Array:
         """(k, ...) the size of each group of entries that are as large as x (k, ...)."""
-        x = self.largest(x)
+        x = self.largest(x, in_loop=in_loop)
         if all(most == np.inf for most in self.most):
             return x
         return jnp.minimum(x, np.array(self.most).reshape(-1, *[1] * (x.ndim - 1)))
 
-    def largest(self, x: Array) -> Array:
+    def largest(self, x: Array, *, in_loop: bool = False) -> Array:
         """(k, ...) the largest of each group of numbers x (k, ...) that are not negative.
 
-        Written out, since a reduction would keep XLA from fusing a loop over steps.
+        By reductions, which compile soonest; in a loop over steps, written out where there are few
+        entries, since a reduction would keep XLA from fusing it.
         """
-        if not self.alone:
-            n = max(self.of) + 1
+        if self.alone:
+            return x
+        n = max(self.of) + 1
+        if in_loop and len(x) <= _WRITTEN_OUT:
             rows = [[i for i, group in enumerate(self.of) if group == g] for g in range(n)]
-            if len(x) <= _WRITTEN_OUT:
-                tops = [_maximum([x[i] for i in row]) for row in rows]
-                x = jnp.stack([tops[group] for group in self.of])
-            else:
-                tops = jnp.stack([jnp.max(x[np.array(row)], axis=0) for row in rows])
-                x = tops[np.array(self.of)]
-        return x
+            tops = [_maximum([x[i] for i in row]) for row in rows]
+            return jnp.stack([tops[group] for group in self.of])
+        member = np.equal.outer(np.arange(n), self.of).reshape(n, -1, *[1] * (x.ndim - 1))
+        tops = jnp.max(jnp.where(member, x[None], 0.0), axis=1, keepdims=True)
+        return jnp.max(jnp.where(member, tops, 0.0), axis=0)
 
 
 _WRITTEN_OUT = 32  # entries of a state

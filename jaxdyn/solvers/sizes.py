@@ -119,10 +119,10 @@ def _alone(field: Any, y: Array) -> tuple[Any, Array]:
 def grown(groups: Groups, sizes: Array, y: Array) -> Array:
     """The sizes (k, ...) after a step to y (k, ...): nowhere smaller."""
     if y.ndim == 1:
-        return jnp.maximum(sizes, groups.sizes(jnp.abs(y)))
+        return jnp.maximum(sizes, groups.sizes(jnp.abs(y), in_loop=True))
     flat = sizes.reshape(len(y), -1), jnp.abs(y).reshape(len(y), -1)
     old, now = flat
-    state = jnp.maximum(old[:, 0], groups.sizes(now[:, 0]))
+    state = jnp.maximum(old[:, 0], groups.sizes(now[:, 0], in_loop=True))
     found = jnp.concatenate([state[:, None], _of_tangents(state, now[:, 1:])], axis=1)
     return jnp.maximum(old, found).reshape(y.shape)
 
