@@ -10,7 +10,7 @@ import typer
 import jaxdyn
 import orbits
 from jaxdyn import _arithmetic as arithmetic
-from jaxdyn._text import fail
+from jaxdyn._text import brief, fail
 from jaxdyn.cli.screen import Screen
 from jaxdyn.cli.shared import read, written
 from jaxdyn.files.output_files import writable
@@ -28,7 +28,7 @@ def printed(screen: Screen) -> Callable[["orbits.shooting.newton.Iteration"], No
     def report(step: "orbits.shooting.newton.Iteration") -> None:
         screen.print(
             f"  step {step.index:2d}   largest error {step.residual:9.2e}   "
-            f"period {step.period:.12f}   moved {step.step:.1e}"
+            f"period {brief(step.period, digits=13):<14}   moved {step.step:.1e}"
         )
 
     return report

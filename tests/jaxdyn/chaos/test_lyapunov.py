@@ -1,5 +1,7 @@
 """Lyapunov exponents against published values, closed forms, and the sums that must hold."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -144,6 +146,8 @@ def test_constraints_leave_as_many_exponents_as_directions():
 def test_a_spectrum_describes_itself():
     found = lyapunov_exponents(scenes.lorenz(), 200.0)
     assert "exponent 1" in repr(found)
+    slow = dataclasses.replace(found, exponents=found.exponents * 1e-9, bars=found.bars * 1e-9)
+    assert f"exponent 1  {float(slow.exponents[0]):.6g} +-" in repr(slow)
     assert "+-" in repr(found)
     assert found.ok
 
