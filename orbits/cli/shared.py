@@ -39,7 +39,8 @@ def numbers(option: str, text: str) -> list[float]:
     try:
         return [arithmetic.value(part) for part in text.split(",")]
     except ValueError:
-        raise fail(option, "comma-separated numbers", repr(text)) from None
+        remedy = arithmetic.remedy(text)
+        raise fail(option, "comma-separated numbers", repr(text), remedy) from None
 
 
 def not_found(

@@ -49,8 +49,14 @@ def test_adding_leaves_the_scene_as_it_was():
 
 
 def test_only_effects_can_be_added():
-    with pytest.raises(TypeError):
+    with pytest.raises(ValueError, match=r"^effect: expected an Effect, got 3\.$"):
         _ = _ball() + 3
+    with pytest.raises(ValueError, match=r"got QuadraticDrag\. Call it: QuadraticDrag\(\.\.\.\)\."):
+        _ = _ball() + QuadraticDrag
+    with pytest.raises(ValueError, match=r"got UniformGravity\. Call it: UniformGravity\(\)\."):
+        _ = _ball() + UniformGravity
+    with pytest.raises(ValueError, match=r"^effect: expected an Effect, got int\."):
+        _ = _ball() + int
 
 
 def test_without_leaves_out_all_of_a_kind():
