@@ -2,8 +2,10 @@
 
 import functools
 import json
+import re
 import subprocess
 import sys
+import time
 
 import pytest
 from helpers import forge
@@ -114,6 +116,19 @@ def test_the_report_for_people(orbits):
         assert text in run.out
     for text in ("9.2376812507", "9.2376827508", "6.3259139829", "-0.9700043567"):
         assert text in run.out
+
+
+@pytest.mark.slow
+def test_the_seconds_that_are_printed_are_those_of_the_whole_command(tmp_path):
+    words = [sys.executable, "-m", "orbits", "figure-eight", "--plot", str(tmp_path / "eight.png")]
+    start = time.perf_counter()
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    wall = time.perf_counter() - start
+    total, *parts = map(float, re.findall(r"([\d.]+) s\b", done.stdout.splitlines()[-1]))
+    assert len(parts) == 4
+    assert abs(total - sum(parts)) < 0.3
+    # Python itself starts and ends in a part of a second, on a loaded machine in more.
+    assert 0.75 * wall < total < wall
 
 
 @pytest.mark.parametrize("as_json", [False, True])
