@@ -67,8 +67,9 @@ class LyapunovSpectrum(Record):
         residuals = f"trace {float(self.trace_residual):.1e}"
         if not np.isnan(self.pairing_residual):
             residuals += f", pairing {float(self.pairing_residual):.1e}"
+        dimension, bar = float(self.dimension), float(self.dimension_bar)
         rows += [
-            ("dimension", f"{_text.brief(float(self.dimension))} +- {float(self.dimension_bar):.1e}"),
+            ("dimension", f"{_text.brief(dimension)} +- {bar:.1e}"),
             ("divergence", _text.brief(self.divergence)),
             ("residuals", residuals),
             ("time", f"{_text.brief(self.time)}, in chunks of {_text.brief(self.chunk)}"),

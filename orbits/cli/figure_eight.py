@@ -21,6 +21,8 @@ from jaxdyn.cli.shared import (
 from orbits.cli.printed import print_reports
 from orbits.cli.shared import SaveOption, draw, not_found, numbers, printed
 
+_REMEDY = "Give another --guess or --period, or other bounds with --lower and --upper."
+
 
 def _numbers_option(text: str) -> Any:
     return typer.Option(metavar="A,B,...", help=text)
@@ -67,7 +69,7 @@ def figure_eight_command(
         if not eight.ok:
             stage = "plain closing" if not plain.ok else "choreography"
             more = {"stage": stage, "seconds": _seconds(clock)}
-            raise not_found(eight, more, as_object, out, stage)
+            raise not_found(eight, _REMEDY, more, as_object, out, stage)
         testing = "testing both: choreography, stability, a second integrator"
         out.print(f"[bold]{testing}[/bold]")
         out.doing(testing)

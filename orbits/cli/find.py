@@ -26,6 +26,25 @@ from orbits.cli.shared import SaveOption, draw, not_found, printed
 
 _CLOSINGS = ("plain", "choreography", "relative", "reversal")
 
+_ELSEWHERE = "Start elsewhere with --set, or give another --period."
+#: What to do in terms of the options, by the name of the outcome.
+_REMEDIES = {
+    "ITERATION_LIMIT": "Give a start with --set and a --period that are closer, or --rough.",
+    "NO_DESCENT": f"{_ELSEWHERE} An unstable orbit may need --segments or --collocation.",
+    "COLLISION": _ELSEWHERE,
+    "ESCAPE": f"{_ELSEWHERE} --hold and --energy keep the search near.",
+    "TRIVIAL": "Give the --period of the orbit, or --hold an entry or --energy.",
+    "BOUND": _ELSEWHERE,
+    "STEP_LIMIT": "Give a shorter --period: `jaxdyn run` shows how often the motion turns. "
+    "A stiff scene needs --collocation.",
+    "BOUND_PASSED": _ELSEWHERE,
+    "DESCENT_ENDED": f"{_ELSEWHERE} Without --rough Newton's method starts from the guess itself.",
+    "MESH_LIMIT": "Give a start with --set and a --period that are closer, or --shooting.",
+    "NO_OTHER": f"{_ELSEWHERE} In a conservative scene hold the --energy.",
+    "UNCONFIRMED": "The rate is not smooth, or changes too fast for the steps. In Python, find "
+    "takes a smaller rtol, and orbits.hybrid finds orbits of motions with corners.",
+}
+
 _MeshOption = Annotated[
     bool | None,
     typer.Option(
@@ -44,7 +63,9 @@ _UnlikeOption = Annotated[
 def find_command(
     name: SceneArgument,
     settings: SetOption = None,
-    period: Annotated[float | None, number("Guess; by default from a close return.")] = None,
+    period: Annotated[
+        float | None, number("Guess; by default the drive's, or a close return.")
+    ] = None,
     closing: Annotated[
         str, typer.Option(metavar="NAME", help=f"{', '.join(_CLOSINGS[:-1])} or {_CLOSINGS[-1]}.")
     ] = "plain",
@@ -84,7 +105,7 @@ def find_command(
             report=printed(out),
         )
         if not orbit.ok:
-            raise not_found(orbit, {}, as_object, out)
+            raise not_found(orbit, _REMEDIES[orbit.outcome.name], {}, as_object, out)
         out.doing(f"testing the orbit of {name}: stability, a second integrator")
         claims = orbits.report(orbit)
         if as_object:

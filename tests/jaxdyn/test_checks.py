@@ -126,7 +126,9 @@ def test_times_with_a_unit_are_refused(x):
         simulate(scene, 2.0, samples=np.array([0, 1], "timedelta64[s]"))
 
 
-@pytest.mark.parametrize("x", [1j, np.complex64(1.0), np.array(1.0 + 0j), jnp.asarray(2j)], ids=repr)
+@pytest.mark.parametrize(
+    "x", [1j, np.complex64(1.0), np.array(1.0 + 0j), jnp.asarray(2j)], ids=repr
+)
 def test_complex_numbers_are_refused(x):
     scene = scenes.oscillator()
     for use in (

@@ -347,7 +347,10 @@ class _Returning(Effect):
         (_Returning(jnp.ones((3, 1))), r"force: expected shape \(3, 2\), got shape \(3, 1\)\."),
         (_Returning(jnp.ones(())), r"force: expected shape \(3, 2\), got shape \(\)\."),
         (_Returning([1.0, 2.0]), r"force: expected an array of shape \(3, 2\), got list\."),
-        (_Returning(jnp.ones((3, 2), jnp.float32)), r"force: expected 64-bit floats, got an array of"),
+        (
+            _Returning(jnp.ones((3, 2), jnp.float32)),
+            r"force: expected 64-bit floats, got an array of",
+        ),
         (_Returning(jnp.ones((3, 2), complex)), r"force: expected real numbers, got an array of c"),
         (
             _Returning(V=jnp.ones(1)),

@@ -137,12 +137,13 @@ def test_no_convergence_is_exit_code_1_with_the_best_iterate(orbits, as_json):
     assert run.code == 1
     if not as_json:
         assert "no orbit (plain closing)" in run.out
-        assert "Widen them" in run.out
+        assert "The best point lies on the bounds and does not close. Give another" in run.out
+        assert "other bounds with --lower and --upper." in run.out
         return
     answer = json.loads(run.out)
     assert answer["outcome"] == "BOUND"
     assert answer["stage"] == "plain closing"
-    assert "Widen them" in answer["message"]
+    assert "other bounds with --lower and --upper." in answer["message"]
     best = answer["best_iterate"]
     assert len(best["y0"]) == 12
     assert best["largest_error"] > 1e-6

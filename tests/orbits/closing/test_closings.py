@@ -26,9 +26,9 @@ def ring():
 
 def test_a_choreography_needs_a_body():
     for n in (0, -3, 1.5):
-        with pytest.raises(ValueError, match="^n: expected a whole number, at least 1, got"):
+        with pytest.raises(ValueError, match=r"^n: expected a whole number, at least 1, got"):
             orbits.choreography(n)
-    with pytest.raises(ValueError, match="^d: expected a whole number, at least 1, got 0"):
+    with pytest.raises(ValueError, match=r"^d: expected a whole number, at least 1, got 0"):
         orbits.choreography(3, 0)
 
 
