@@ -13,6 +13,9 @@ from jaxdyn import _checks
 from jaxdyn._floats import as_float
 from jaxdyn.scene import Scene, System
 from jaxdyn.scenes.ready_made import ready_made
+from jaxdyn.scenes.sections import DRAWN
+from jaxdyn.sketch import Shape, circle
+from jaxdyn.system import Points
 
 
 class RestrictedThreeBodyInSpace(System):
@@ -28,6 +31,10 @@ class RestrictedThreeBodyInSpace(System):
 
     def labels(self):
         return tuple((name, "1") for name in ("x", "y", "z", "vx", "vy", "vz"))
+
+    def points(self, t, y):
+        del t  # energies are per mass
+        return Points(y[None, :3], y[None, 3:], jnp.ones(1))
 
     def rate(self, t, y, effects):
         del t, effects
@@ -89,6 +96,14 @@ class Hill(System):
     def labels(self):
         return tuple((name, "1") for name in ("x", "y", "vx", "vy"))
 
+    def points(self, t, y):
+        del t  # energies are per mass
+        return Points(y[None, :2], y[None, 2:], jnp.ones(1))
+
+    def sketch(self, t, y):
+        del t, y
+        return (Shape("solid", circle(jnp.zeros(2), DRAWN)),)
+
     def rate(self, t, y, effects):
         del t, effects
         x, y_, vx, vy = y
@@ -102,7 +117,7 @@ class Hill(System):
 
 
 @ready_made()
-def hill(*, x=0.3, y=0.0, vx=0.0, vy=1.7, t1=10.0) -> Scene:
+def hill(*, x=0.3, y=0.0, vx=0.0, vy=1.5, t1=10.0) -> Scene:
     """Hill's problem: a moon of no mass about a planet that circles the Sun.
 
     Its two equilibria are at x = 3^(-1/3) and -3^(-1/3), where Jacobi's constant is 3^(4/3). Hill

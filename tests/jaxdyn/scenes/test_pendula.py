@@ -81,7 +81,12 @@ def test_double_pendulum_of_point_masses_obeys_the_equations_of_the_books():
         scene = pendula.double_pendulum(**POINTS, formulation=formulation)
         for y in RANDOM:
             assert gap(scene.rate(NOW, y), rate(0.0, np.asarray(y))) < 100 * EXACT
-        assert [name for name, _ in scene.labels()] == ["theta1", "theta2", "theta1_dot", "theta2_dot"]
+        assert [name for name, _ in scene.labels()] == [
+            "theta1",
+            "theta2",
+            "theta1_dot",
+            "theta2_dot",
+        ]
 
 
 @pytest.mark.parametrize(

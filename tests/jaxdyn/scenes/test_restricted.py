@@ -83,6 +83,19 @@ def test_jacobis_constant_is_kept(name):
     assert np.ptp(values) < 1e-10
 
 
+@pytest.mark.parametrize(
+    ("name", "d", "masses"),
+    [("restricted_three_body", 2, 2), ("hill", 2, 1), ("restricted_three_body_in_space", 3, 0)],
+)
+def test_the_way_in_space_is_drawn_with_the_masses_in_the_plane(name, d, masses):
+    motion = jaxdyn.simulate(scenes.catalogue.entries()[name].make(), samples=9)
+    drawn = jaxdyn.drawing.paths(motion)
+    assert drawn.labels == ("x", "y", "z")[:d]
+    assert gap(drawn.xyz[-1], motion.ys[-1:, :d]) == 0
+    assert [kind for kind, _ in drawn.shapes] == ["solid"] * masses
+    assert jaxdyn.drawing.trajectory(motion) is not None
+
+
 def test_a_share_of_mass_is_a_share():
     for mu in (0.0, 1.0, -0.1):
         with pytest.raises(ValueError, match="^mu: expected between 0 and 1, got"):
