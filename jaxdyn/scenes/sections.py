@@ -19,7 +19,6 @@ from jaxdyn.scenes.ready_made import ready_made
 from jaxdyn.sketch import Shape, circle
 from jaxdyn.system import Points
 
-
 #: Radius of attracting masses in drawings; in the equations they are points.
 DRAWN = 0.02
 

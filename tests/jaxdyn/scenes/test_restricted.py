@@ -98,7 +98,7 @@ def test_the_way_in_space_is_drawn_with_the_masses_in_the_plane(name, d, masses)
 
 def test_a_share_of_mass_is_a_share():
     for mu in (0.0, 1.0, -0.1):
-        with pytest.raises(ValueError, match="^mu: expected between 0 and 1, got"):
+        with pytest.raises(ValueError, match=r"^mu: expected between 0 and 1, got"):
             scenes.restricted_three_body_in_space(mu=mu).check()
 
 
