@@ -21,6 +21,7 @@ from jaxdyn.cli.shared import (
 from orbits.cli.printed import print_reports
 from orbits.cli.shared import SaveOption, draw, not_found, numbers, printed
 
+_TITLES = ("closed plainly", "closed as a choreography")
 _REMEDY = "Give another --guess or --period, or other bounds with --lower and --upper."
 
 
@@ -85,14 +86,7 @@ def figure_eight_command(
             with out.writing(save_to, "saved to"):
                 orbits.save(save_to, eight, claims["choreography"])
         drawing = jaxdyn.accuracy.timing.Clock()
-        draw(
-            [plain, eight],
-            ["closed plainly", "closed as a choreography"],
-            plot,
-            animate,
-            out,
-            title,
-        )
+        draw([plain, eight], _TITLES, plot, animate, out, title)
         if not as_object:
             _print_seconds(clock, drawing, out)
 
