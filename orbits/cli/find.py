@@ -27,22 +27,22 @@ from orbits.cli.shared import SaveOption, draw, not_found, printed
 _CLOSINGS = ("plain", "choreography", "relative", "reversal")
 
 _ELSEWHERE = "Start elsewhere with --set, or give another --period."
-#: What to do in terms of the options, by the name of the outcome.
+#: What to do in terms of the options, by the name of the outcome, where there is more to say.
 _REMEDIES = {
     "ITERATION_LIMIT": "Give a start with --set and a --period that are closer, or --rough.",
-    "NO_DESCENT": f"{_ELSEWHERE} An unstable orbit may need --segments or --collocation.",
-    "COLLISION": _ELSEWHERE,
+    "NO_DESCENT": "Give a start with --set and a --period that are closer, --rough, more "
+    "--segments, or --hold what distinguishes the orbit from its family.",
     "ESCAPE": f"{_ELSEWHERE} --hold and --energy keep the search near.",
     "TRIVIAL": "Give the --period of the orbit, or --hold an entry or --energy.",
-    "BOUND": _ELSEWHERE,
     "STEP_LIMIT": "Give a shorter --period: `jaxdyn run` shows how often the motion turns. "
     "A stiff scene needs --collocation.",
-    "BOUND_PASSED": _ELSEWHERE,
     "DESCENT_ENDED": f"{_ELSEWHERE} Without --rough Newton's method starts from the guess itself.",
     "MESH_LIMIT": "Give a start with --set and a --period that are closer, or --shooting.",
     "NO_OTHER": f"{_ELSEWHERE} In a conservative scene hold the --energy.",
     "UNCONFIRMED": "The rate is not smooth, or changes too fast for the steps. In Python, find "
     "takes a smaller rtol, and orbits.hybrid finds orbits of motions with corners.",
+    "TIME_LIMIT": "Give a start with --set and a --period that are closer. In Python, find takes "
+    "a longer time.",
 }
 
 _MeshOption = Annotated[
@@ -105,7 +105,7 @@ def find_command(
             report=printed(out),
         )
         if not orbit.ok:
-            raise not_found(orbit, _REMEDIES[orbit.outcome.name], {}, as_object, out)
+            raise not_found(orbit, _remedy(orbit), {}, as_object, out)
         out.doing(f"testing the orbit of {name}: stability, a second integrator")
         claims = orbits.report(orbit)
         if as_object:
@@ -121,6 +121,10 @@ def find_command(
                 orbits.save(save_to, orbit, claims)
         found = f"period {orbit.period:.9g}, {claims.verdict}"
         draw([orbit], [found], plot, animate, out, title)
+
+
+def _remedy(orbit: "orbits.Orbit") -> str:
+    return _REMEDIES.get(orbit.outcome.name, _ELSEWHERE)
 
 
 def _closings(scene: "jaxdyn.Scene", name: str) -> "orbits.Closing | Sequence[orbits.Closing]":
