@@ -58,6 +58,8 @@ def arrays(function: Callable[..., T]) -> Callable[..., T]:
 def like_defaults(*rows: str, but: tuple[str, ...] = ()) -> Callable[[F], F]:
     """A decorator that raises if the shape of a number is not that of the parameter's default.
 
+    It also raises for a keyword that the function does not have, and suggests the nearest.
+
     Args:
       rows: parameters that may have a different number of rows than their defaults, but all the
         same number, that of the first one.
@@ -72,6 +74,8 @@ def like_defaults(*rows: str, but: tuple[str, ...] = ()) -> Callable[[F], F]:
 
         @functools.wraps(function)
         def checked(*args, **kwargs):
+            for name in kwargs.keys() - defaults.keys():
+                _checks.choice(f"keyword of {function.__name__}", name, defaults)
             given = signature.bind(*args, **kwargs).arguments if args or kwargs else {}
             if not given.keys() & shapes.keys():
                 return function(*args, **kwargs)  # defaults are what they have to be

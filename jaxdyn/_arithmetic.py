@@ -42,10 +42,15 @@ def value(text: str) -> float:
             raise ValueError("too long")
         result = _value(ast.parse(text.strip(), mode="eval").body)
     except (SyntaxError, ValueError, ArithmeticError, RecursionError, MemoryError) as error:
-        known = ", ".join([*CONSTANTS, *FUNCTIONS])
-        remedy = f"It may be arithmetic with {known}."
-        raise fail("number", "a number", repr(text), remedy) from error
+        raise fail("number", "a number", repr(text), remedy(text)) from error
     return result
+
+
+def remedy(text: str) -> str:
+    """What to do about a text that `value` refuses."""
+    if "^" in text:
+        return f"Write a power as {text.replace('^', '**')}."
+    return f"It may be arithmetic with {', '.join([*CONSTANTS, *FUNCTIONS])}."
 
 
 def setting(name: str, text: str, default: Any) -> Any:
@@ -68,7 +73,8 @@ def setting(name: str, text: str, default: Any) -> Any:
     try:
         numbers = [value(part) for part in text.split(",")]
     except ValueError:
-        raise fail(name, "a number, or comma-separated numbers", repr(text)) from None
+        wanted = "a number, or comma-separated numbers"
+        raise fail(name, wanted, repr(text), remedy(text)) from None
     if isinstance(default, tuple):
         return tuple(numbers)
     if len(numbers) > 1:

@@ -12,7 +12,7 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._floats import as_float, is_plain, refuse_times
+from jaxdyn._floats import as_float, is_plain, refuse_unreal
 from jaxdyn._floats import float64 as float64
 from jaxdyn._text import choice as choice
 from jaxdyn._text import fail as fail
@@ -51,7 +51,7 @@ def host_array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "
         return array(name, x, shape, remedy)
     if type(x) is float and not shape and math.isfinite(x):
         return np.asarray(x)  # the usual case, in a fifth of the time
-    refuse_times(x, name)
+    refuse_unreal(x, name)
     try:
         _numeric(x)
         values = np.asarray(x, float)
@@ -86,7 +86,7 @@ def check_shape(name: str, got: tuple, shape: tuple, remedy: str = "") -> None:
 def numbers(name: str, x: Any, remedy: str = "") -> Array:
     """The input as a float array, of any shape and value."""
     float64()
-    refuse_times(x, name)
+    refuse_unreal(x, name)
     try:
         _numeric(x)
         return as_float(x)
@@ -100,7 +100,8 @@ def _numeric(x: Any) -> None:
         return
     # numpy would convert the text "1" and the boolean True to the number 1.
     for leaf in jax.tree.leaves(x):
-        if isinstance(leaf, str | bool) or getattr(leaf, "dtype", np.dtype(float)).kind in "bUSO":
+        kind = getattr(leaf, "dtype", np.dtype(float)).kind
+        if isinstance(leaf, str | bool | complex) or kind in "bcUSO":
             raise TypeError
 
 

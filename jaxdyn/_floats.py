@@ -21,14 +21,16 @@ def float64(remedy: str = "Call jaxdyn.configure() first.") -> None:
 
 
 def as_float(x: Any) -> Array:
-    """A number or numbers as a float array; the converter of fields that hold them.
+    """A number or numbers as a 64-bit float array; the converter of fields that hold them.
+
+    Measured data in fewer bits are converted, exactly.
 
     Raises:
-      ValueError: JAX is set to 32-bit floats, in which numbers would lose half of their digits
-        for good.
+      ValueError: complex numbers or dates, or JAX is set to 32-bit floats, in which numbers would
+        lose half of their digits for good.
     """
     float64()
-    refuse_times(x)
+    refuse_unreal(x)
     if isinstance(x, jax.Array):
         return x if x.dtype == float and not x.weak_type else jnp.asarray(x, dtype=float)
     try:
@@ -44,11 +46,28 @@ def too_large(name: str, x: Any) -> ValueError:
     return fail(name, "numbers of at most 1.8e308", reprlib.repr(x))
 
 
-def refuse_times(x: Any, name: str = "number") -> None:
-    """Raise ValueError for NumPy's dates and durations, whose number depends on their unit."""
-    if getattr(getattr(x, "dtype", None), "kind", "") in ("m", "M"):
+def refuse_unreal(x: Any, name: str = "number") -> None:
+    """Raise ValueError for what has no number of its own, or two.
+
+    NumPy's dates and durations have one in some unit; conversion drops the imaginary part of
+    complex numbers.
+    """
+    kind = "c" if type(x) is complex else getattr(getattr(x, "dtype", None), "kind", "")
+    if kind in ("m", "M"):
         remedy = "Subtract dates from each other, and divide by a unit: x / np.timedelta64(1, 's')."
         raise fail(name, "numbers", f"{x!r}, in units of NumPy", remedy)
+    if kind == "c":
+        raise fail(name, "real numbers", "complex ones", "Pass their real and imaginary parts.")
+
+
+def refuse_narrow(x: Any, name: str, remedy: str = "Compute it in 64 bits.") -> None:
+    """Raise ValueError for a result in floats of fewer than 64 bits.
+
+    Data may come in them, and are converted; what is computed in them has lost half of its digits.
+    """
+    dtype = getattr(x, "dtype", None)
+    if dtype is not None and jnp.issubdtype(dtype, jnp.floating) and dtype.itemsize < 8:
+        raise fail(name, "64-bit floats", f"an array of {dtype}", remedy)
 
 
 def is_plain(x: Any) -> bool:

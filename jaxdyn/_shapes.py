@@ -1,4 +1,4 @@
-"""Checks of the shapes that the methods of a system and its effects return.
+"""Checks of the shapes and the precision that the methods of a system and its effects return.
 
 An array of the wrong shape is often broadcast silently: one force of shape (d,) on n points would
 act on each of them. Shapes are known as soon as a function is traced, so these checks need no
@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import refuse_narrow
 from jaxdyn._records.repeated import check_repeatable
 
 _NEEDS_VALUES = (
@@ -142,6 +143,7 @@ def _check_shape(name: str, shape: tuple[int, ...], remedy: str, found: Any) -> 
         raise _checks.fail(name, f"an array of shape {shape}", type(found).__name__, remedy)
     if got != shape:
         raise _checks.fail(name, f"shape {shape}", f"shape {got}", remedy)
+    refuse_narrow(found, name)
 
 
 def total_force(effects: Iterable[Any], t: Array, r: Array, v: Array, m: Array, start=None):

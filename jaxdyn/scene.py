@@ -155,8 +155,7 @@ class Scene(Record):
 
     def __add__(self, effect: Effect) -> "Scene":
         """The same scene with one more effect."""
-        if not isinstance(effect, Effect):
-            return NotImplemented
+        check_kind("effect", effect, (Effect,))
         return dataclasses.replace(self, effects=(*self.effects, effect))
 
     def without(self, kind: type[Effect]) -> "Scene":

@@ -96,6 +96,11 @@ class Outcome(Code):
         "start from there, or raise seconds=.",
     )
 
+    @property
+    def cause(self) -> str:
+        """The first sentence of its message; the others say what to do."""
+        return f"{self.message.partition('. ')[0].rstrip('.')}."
+
 
 class SearchError(RuntimeError):
     """Raised if no orbit was found, with ``throw=True``."""
@@ -185,9 +190,16 @@ class Orbit(eqx.Module):
     @property
     def message(self) -> str:
         """How the search ended and what to try."""
-        if self.outcome != Outcome.COLLISION:
-            return self.outcome.message
-        return f"{self.outcome.message} {self.scene.singular}".strip()
+        return f"{self.outcome.message} {self._where}".strip()
+
+    @property
+    def cause(self) -> str:
+        """How the search ended."""
+        return f"{self.outcome.cause} {self._where}".strip()
+
+    @property
+    def _where(self) -> str:
+        return self.scene.singular if self.outcome == Outcome.COLLISION else ""
 
 
 def relocated(orbit: Orbit, scene: Scene) -> Orbit:

@@ -72,13 +72,23 @@ def check_kind(name: str, x: Any, kinds: tuple[type, ...], of: tuple[type, ...] 
     wanted = " or ".join(f"{_article(kind)} {kind.__name__}" for kind in kinds or of)
     called = getattr(x, "__name__", None) if callable(x) else None
     if called:
-        raise fail(name, wanted, called, f"Call it: {called}().")
+        needs = "..." if _needs_arguments(x) else ""
+        raise fail(name, wanted, called, f"Call it: {called}({needs}).")
     given = type(x).__name__
     remedies = (_REMEDIES.get((given, kind.__name__)) for kind in kinds or of)
     remedy = next(filter(None, remedies), "")
     text = repr(x)
     short = len(text) <= _LONGEST and "\n" not in text and not remedy
     raise fail(name, wanted, text if short else f"{_article(type(x))} {given}", remedy)
+
+
+def _needs_arguments(function: Callable) -> bool:
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except ValueError:  # some builtins have none
+        return False
+    single = (p for p in parameters if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD))
+    return any(p.default is p.empty for p in single)
 
 
 def check_functions(x: Any) -> None:

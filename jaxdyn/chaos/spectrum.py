@@ -61,14 +61,15 @@ class LyapunovSpectrum(Record):
     @_text.never_raising
     def __repr__(self) -> str:
         rows = [
-            (f"exponent {i + 1}", f"{float(x): .6f} +- {float(bar):.1e}")
+            (f"exponent {i + 1}", f"{_text.brief(float(x))} +- {float(bar):.1e}")
             for i, (x, bar) in enumerate(zip(self.exponents, self.bars, strict=True))
         ]
         residuals = f"trace {float(self.trace_residual):.1e}"
         if not np.isnan(self.pairing_residual):
             residuals += f", pairing {float(self.pairing_residual):.1e}"
+        dimension, bar = float(self.dimension), float(self.dimension_bar)
         rows += [
-            ("dimension", f"{float(self.dimension):.5f} +- {float(self.dimension_bar):.1e}"),
+            ("dimension", f"{_text.brief(dimension)} +- {bar:.1e}"),
             ("divergence", _text.brief(self.divergence)),
             ("residuals", residuals),
             ("time", f"{_text.brief(self.time)}, in chunks of {_text.brief(self.chunk)}"),

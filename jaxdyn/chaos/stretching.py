@@ -9,7 +9,8 @@ Orthonormalisation is Gram-Schmidt with each column projected twice, which is as
 Householder's (Giraud, Langou & Rozloznik 2005), without LAPACK inside of the loop.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -19,6 +20,7 @@ from jaxtyping import Array
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.integrate.variational import Variational
+from jaxdyn.plan.in_branch import Branch
 from jaxdyn.solvers import Method
 from jaxdyn.status import Status
 
@@ -49,9 +51,27 @@ class Stretching(eqx.Module):
         return jnp.concatenate([rates[:, :-k], diagonal[:, None]], axis=1)
 
     @property
-    def single(self):
+    def field(self):
         """The field of the state alone."""
         return self.variational.field
+
+    @property
+    def single(self):
+        """The same, as solvers ask for it."""
+        return self.field
+
+    def around(self, change: Callable, branch: Any) -> "Stretching":
+        """The same of the field in a branch of its conditions; see `plan.in_branch`."""
+        return Stretching(self.variational.around(change, branch))
+
+    def jump(self, t: Array, y: Array, old: Branch, new: Branch, which: Array) -> Array:
+        """State and tangents after a switch; what it stretches volumes by counts as divergence."""
+        k = y.shape[0]
+        columns = jnp.concatenate([y[:, :-1], jnp.eye(k)], axis=1)
+        columns = self.variational.jump(t, columns, old, new, which)
+        # The saltation matrix is the identity with a matrix of rank one: det = 1 + its trace.
+        stretched = jnp.log(jnp.abs(1.0 + jnp.trace(columns[:, -k:] - jnp.eye(k))))
+        return jnp.concatenate([columns[:, :-k], y[:, -1:] + stretched / k], axis=1)
 
     def project(self, t: Array, y: Array) -> Array:
         """The state on its constraints, with its tangents along them."""

@@ -9,6 +9,7 @@ import io
 import os
 import sys
 import tempfile
+import time
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
@@ -24,6 +25,7 @@ from jaxdyn.files.image_files import animation_path, picture_path
 from jaxdyn.files.input_files import MAX_BYTES, content
 
 MISUSE = 2  # exit code: invalid input
+BEGAN = time.perf_counter()  # when the command line began to load: libraries take a second or more
 INTERRUPTED = 130  # exit code: Ctrl-C, as in shells
 PIPE_CLOSED = 1  # exit code: the reader has closed the pipe; that of Typer
 _RARELY = 100_000, 20, 50  # objects made, and collections, between two collections

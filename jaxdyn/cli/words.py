@@ -18,6 +18,7 @@ from jaxdyn._arithmetic import setting
 from jaxdyn._text import choice, fail
 
 _PACKAGE = Path(__file__).parents[1]
+_NEXT_NAME = re.compile(r"[,;\s]+(?=\w+\s*=)")  # what stands before it
 _LINES = re.MULTILINE | re.DOTALL
 
 
@@ -113,6 +114,9 @@ def _by_name(texts: Iterable[str]) -> dict[str, str]:
         name, equals, value = text.partition("=")
         if not equals:
             raise fail("--set", "NAME=VALUE", repr(text))
+        if "=" in value:
+            each = " ".join(f"--set {one.strip()}" for one in _NEXT_NAME.split(text))
+            raise fail("--set", "one NAME=VALUE", repr(text), f"Repeat it: {each}.")
         found[name.strip()] = value.strip()
     return found
 

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._floats import refuse_narrow
 from jaxdyn._records.captured import PASS_AS_PARAMS
 
 
@@ -67,6 +68,9 @@ def vector(name: str, value: Any, like: Array) -> Array:
     """What a function returned, a list of numbers too, as an array of floats like another one."""
     if value is None:
         raise _checks.fail(name, "an array or a list of numbers", "None", "Does it `return` them?")
+
+    for x in jax.tree.leaves(value):
+        refuse_narrow(x, name)
 
     def converted(x: Any) -> Any:
         # Complex numbers stay, to be refused: a conversion would drop their imaginary parts.

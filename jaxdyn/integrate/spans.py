@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float, refuse_times, too_large
+from jaxdyn._floats import as_float, refuse_unreal, too_large
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.scene import Scene, checked_scene
 from jaxdyn.solvers import Solver
@@ -213,7 +213,7 @@ def quickly_passed(t) -> Array | np.ndarray:
         return _zero()
     if isinstance(t, jax.Array) and t.dtype == float and not t.weak_type:
         return t
-    refuse_times(t, "time")
+    refuse_unreal(t, "time")
     try:
         return np.asarray(t, float)
     except OverflowError as error:

@@ -1,7 +1,8 @@
-"""Uniform bars in the plane, hinged in a row: by their angles, or as bodies tied by hinges.
+"""Bars in the plane, hinged in a row: by their angles, or as bodies or points with ties.
 
 Angles are measured counterclockwise from hanging straight down; x points right, y up, the
-first hinge is the origin. A uniform bar is equivalent to three points: a sixth of its mass at each
+first hinge is the origin. The bars are uniform, or massless with points at their ends. A uniform
+bar is equivalent to three points: a sixth of its mass at each
 end and the rest at its middle (Simpson's rule, exact for the moment of inertia). The points
 are therefore the hinges and the middles, and a drawing that joins the hinges shows the bars.
 
@@ -16,7 +17,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import safe_norm
-from jaxdyn.formulations.mechanism import Mechanism
+from jaxdyn.formulations.mechanism import Mechanism, stretch
 from jaxdyn.sketch import Shape, frame, line, pin, rectangle, traces
 
 _END, _MIDDLE = 1 / 6, 4 / 6  # shares of a uniform bar's mass
@@ -33,6 +34,7 @@ class Chain(Mechanism):
       end: (2,) where the far end is pinned [m]; None where it is free.
       relative: whether each angle but the first is measured from the previous bar.
       skate: whether the far end slides only along the last bar, as on a skate.
+      uniform: whether the bars are uniform; otherwise the mass of each is a point at its far end.
     """
 
     m: Array
@@ -40,26 +42,37 @@ class Chain(Mechanism):
     end: Array | None = None
     relative: bool = eqx.field(static=True, default=False)
     skate: bool = eqx.field(static=True, default=False)
+    uniform: bool = eqx.field(static=True, default=True)
 
     def coordinates(self):
         name = "phi" if self.relative else "theta"
         return tuple((f"{name}{i + 1}", "rad") for i in range(self.m.shape[0]))
 
     def masses(self):
-        return row_masses(self.m)
+        return row_masses(self.m) if self.uniform else self.m
 
     def positions(self, t, q):
         del t
+        return self._points(q) if self.uniform else self.joints(q)[1:]
+
+    def _points(self, q: Array) -> Array:
+        """(2 n + 1, 2) the hinges, then the middles."""
         angle = self.angles(q)
         return row_points(self.l[:, None] * jnp.stack([jnp.sin(angle), -jnp.cos(angle)], axis=1))
 
     def joints(self, q: Array) -> Array:
         """(n + 1, 2) the hinges, from the origin to the far end."""
-        return self.positions(jnp.zeros(()), q)[: len(q) + 1]
+        return self._points(q)[: len(q) + 1]
+
+    def bobs(self, t: Array, q: Array) -> Array:
+        """(2 n,) coordinates of the same point masses as `Bobs`."""
+        del t
+        return self.joints(q)[1:].ravel()
 
     def bodies(self, t: Array, q: Array) -> Array:
         """(3 n,) coordinates of the same bars as `Bodies`."""
-        middles = self.positions(t, q)[len(q) + 1 :]
+        del t
+        middles = self._points(q)[len(q) + 1 :]
         return jnp.concatenate([middles, self.angles(q)[:, None]], axis=1).ravel()
 
     def angles(self, q: Array) -> Array:
@@ -136,6 +149,43 @@ class Bodies(Mechanism):
         middle = jnp.stack([x, y], axis=1)
         half = 0.5 * self.l[:, None] * jnp.stack([jnp.sin(angle), -jnp.cos(angle)], axis=1)
         return middle - half, middle, middle + half
+
+
+class Bobs(Mechanism):
+    """Point masses in a row on massless rods from the origin, by x and y of each, with the rods.
+
+    The multipliers are the forces along the rods [N], positive where a rod pushes.
+
+    Attributes:
+      m: (n,) masses [kg].
+      l: (n,) lengths of the rods [m].
+    """
+
+    m: Array
+    l: Array  # noqa: E741 the course's name
+
+    def coordinates(self):
+        return tuple((f"{a}{i + 1}", "m") for i in range(self.m.shape[0]) for a in "xy")
+
+    def masses(self):
+        return self.m
+
+    def positions(self, t, q):
+        del t
+        return q.reshape(-1, 2)
+
+    def tied(self, t, q):
+        rods = jnp.diff(self.positions(t, q), axis=0, prepend=jnp.zeros((1, 2)))
+        return stretch(jnp.sum(rods * rods, axis=1), self.l, squared=False)
+
+    def rods(self):
+        return tuple(f"rod {i + 1}" for i in range(self.m.shape[0]))
+
+    def sketch(self, t, q):
+        return bar_shapes(jnp.concatenate([jnp.zeros((1, 2)), self.positions(t, q)]), None)
+
+    def check(self):
+        check_bars(self.m, self.l, None)
 
 
 def row_points(bars: Array) -> Array:

@@ -1,9 +1,9 @@
 """Ready-made scenes, one file a family; `jaxdyn list` shows them with their parameters.
 
 `disks` has a disk that rolls, `cylinders` the scenes, events and phases of cylinders that roll,
-slip and fly, `sections` two systems known for their surfaces of section. `catalogue` is the list of
-them, `ready_made` what their functions share, `switching` exchanges coordinates that fail on the
-way.
+slip and fly, `sections` two systems known for their surfaces of section, `restricted` bodies of no
+mass in turning axes. `catalogue` is the list of them, `ready_made` what their functions share,
+`switching` exchanges coordinates that fail on the way.
 
 May import: `mechanisms`, `effects`, `integrate`.
 
@@ -60,6 +60,7 @@ from jaxdyn.scenes.pendula import (
     shaken_pendulum,
     triple_pendulum,
 )
+from jaxdyn.scenes.restricted import hill, restricted_three_body_in_space
 from jaxdyn.scenes.sections import henon_heiles, libration_points, restricted_three_body
 from jaxdyn.scenes.sideways import sideways_edge, sideways_pendulum
 from jaxdyn.scenes.skates import one_skate, two_skates
@@ -97,6 +98,7 @@ __all__ = [
     "friction_needed",
     "hanging_spring",
     "henon_heiles",
+    "hill",
     "libration_points",
     "lorenz",
     "moved_box",
@@ -113,6 +115,7 @@ __all__ = [
     "polar_particle",
     "power_law",
     "restricted_three_body",
+    "restricted_three_body_in_space",
     "rod_on_line",
     "rolling_disk",
     "satellite",

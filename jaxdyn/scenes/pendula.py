@@ -14,7 +14,7 @@ from jaxdyn._floats import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.mechanism import TIES
 from jaxdyn.formulations.routes import Embedding, route
-from jaxdyn.mechanisms.bars import Bodies, Chain
+from jaxdyn.mechanisms.bars import Bobs, Bodies, Chain
 from jaxdyn.mechanisms.sticks import Cart, Stick, TiedCart, TiedStick
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.ready_made import ready_made
@@ -110,11 +110,12 @@ def double_pendulum(
     angles=(math.pi / 2, math.pi),
     rates=(0.0, 0.0),
     relative=False,
+    uniform=True,
     formulation="newton_euler",
     drift="projection",
     t1=30.0,
 ) -> Scene:
-    """Two uniform bars, the upper one level and the other straight up (problems 31, 36).
+    """Two bars or two point masses, the upper bar level, the other straight up (problems 31, 36).
 
     Args:
       m: masses [kg].
@@ -123,13 +124,16 @@ def double_pendulum(
       angles: at the start, each from hanging down [rad].
       rates: of the angles at the start [rad/s].
       relative: the second coordinate is the angle from bar to bar.
+      uniform: uniform bars; False for massless rods with a point mass at the end of each.
       formulation: "newton_euler" and "lagrange" in the angles, "constrained" in x, y and angle
-        of each bar with the hinges as ties.
+        of each bar with the hinges as ties, or in x and y of each point mass with the rods.
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
     numbers = {"m": m, "l": l, "g": g, "angles": angles, "rates": rates, "t1": t1}
-    return n_pendulum(**numbers, relative=relative, formulation=formulation, drift=drift)
+    return n_pendulum(
+        **numbers, relative=relative, uniform=uniform, formulation=formulation, drift=drift
+    )
 
 
 @ready_made()
@@ -141,11 +145,12 @@ def triple_pendulum(
     angles=(math.pi / 2, math.pi, 2.0),
     rates=(0.0, 0.0, 0.0),
     relative=False,
+    uniform=True,
     formulation="newton_euler",
     drift="projection",
     t1=10.0,
 ) -> Scene:
-    """Three uniform bars hinged in a row (problem 43).
+    """Three uniform bars, or three point masses, hinged in a row (problem 43).
 
     Args:
       m: masses [kg].
@@ -154,12 +159,15 @@ def triple_pendulum(
       angles: at the start, each from hanging down [rad].
       rates: of the angles at the start [rad/s].
       relative: coordinates are the angles from bar to bar.
+      uniform: see `double_pendulum`.
       formulation: as for `double_pendulum`.
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
     numbers = {"m": m, "l": l, "g": g, "angles": angles, "rates": rates, "t1": t1}
-    return n_pendulum(**numbers, relative=relative, formulation=formulation, drift=drift)
+    return n_pendulum(
+        **numbers, relative=relative, uniform=uniform, formulation=formulation, drift=drift
+    )
 
 
 @ready_made("m", "l", "angles", "rates")
@@ -171,11 +179,12 @@ def n_pendulum(
     angles=(1.5, 1.5, 1.5, 1.5),
     rates=(0.0, 0.0, 0.0, 0.0),
     relative=False,
+    uniform=True,
     formulation="newton_euler",
     drift="projection",
     t1=10.0,
 ) -> Scene:
-    """Uniform bars hinged in a row, as many as there are masses (problems 31, 43).
+    """Uniform bars, or point masses, hinged in a row, as many as masses (problems 31, 43).
 
     Args:
       m: masses [kg].
@@ -184,16 +193,17 @@ def n_pendulum(
       angles: at the start, each from hanging down [rad].
       rates: of the angles at the start [rad/s].
       relative: coordinates are the angles from bar to bar.
+      uniform: see `double_pendulum`.
       formulation: as for `double_pendulum`.
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
     m, l, q, v = floats(m, l, angles, rates)  # noqa: E741
-    free = Chain(m, l, relative=relative)
+    free = Chain(m, l, relative=relative, uniform=uniform)
     if relative:
         q, v = (jnp.diff(x, prepend=0.0) for x in (q, v))
-    embeddings = {"constrained": Embedding(Bodies(m, l), free.bodies)}
-    system, y0 = route(formulation, free, q, v, embeddings, drift)
+    tied = Embedding(Bodies(m, l), free.bodies) if uniform else Embedding(Bobs(m, l), free.bobs)
+    system, y0 = route(formulation, free, q, v, {"constrained": tied}, drift)
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 

@@ -16,6 +16,11 @@ from jaxdyn._floats import as_float
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Effect, Scene, System
 from jaxdyn.scenes.ready_made import ready_made
+from jaxdyn.sketch import Shape, circle
+from jaxdyn.system import Points
+
+#: Radius of attracting masses in drawings; in the equations they are points.
+DRAWN = 0.02
 
 
 class TriangularWell(Effect):
@@ -66,6 +71,15 @@ class RestrictedThreeBody(System):
 
     def labels(self):
         return ("x", "1"), ("y", "1"), ("vx", "1"), ("vy", "1")
+
+    def points(self, t, y):
+        del t  # energies are per mass
+        return Points(y[None, :2], y[None, 2:], jnp.ones(1))
+
+    def sketch(self, t, y):
+        del t, y
+        centres = (jnp.stack([x, 0.0 * x]) for x in (-self.mu, 1 - self.mu))
+        return tuple(Shape("solid", circle(centre, DRAWN)) for centre in centres)
 
     def rate(self, t, y, effects):
         del t, effects

@@ -47,8 +47,8 @@ class Identity:
       energy: kinetic plus potential; None where it is not conserved.
       angular_momentum: about the origin, in the plane of x and y; None where it is not
         conserved.
-      scale_free: T |E|^(3/2), the same for all scaled copies, in units of G and the masses; None
-        unless all forces are Newtonian attractions.
+      scale_free: T |E|^(3/2) over G and the masses, the same in all units and for all scaled
+        copies, see `scale_free_period`; None unless all forces are Newtonian attractions.
     """
 
     choreography: bool | None
@@ -75,7 +75,6 @@ def identify(orbit: Orbit) -> Identity:
     """
     system = orbit.scene.system
     several = isinstance(system, FreePoints) and len(system.m) > 1
-    gravity = gravitates(orbit.scene)
     e, momentum = conserved(orbit)
     error = permutation_error(orbit)
     return Identity(
@@ -83,8 +82,37 @@ def identify(orbit: Orbit) -> Identity:
         permutation_error=error,
         energy=e,
         angular_momentum=momentum,
-        scale_free=orbit.period * abs(e) ** 1.5 if several and gravity and e is not None else None,
+        scale_free=None if e is None else scale_free_period(orbit.scene, orbit.period, e),
     )
+
+
+def scale_free_period(scene: Scene, period: float, energy: float) -> float | None:
+    """The scale-free period T |E|^(3/2) of bodies that attract each other, without a unit [1].
+
+    It is T |E|^(3/2) / (G p^(3/2) / m^(1/2)), where m is the mean mass and p the mean product of
+    the masses of two bodies; test particles do not count. For equal masses this is
+    T |E|^(3/2) / (G m^(5/2)), the figure of the literature with its G = m = 1, and for two bodies
+    it is pi / 2, whatever their masses and the ellipse (Kepler's third law). Tables of unequal
+    masses with G = 1 mostly print T |E|^(3/2) itself, which is this times p^(3/2) / m^(1/2).
+
+    Args:
+      scene: of the motion.
+      period: of the motion [s].
+      energy: kinetic plus potential [J].
+    Returns:
+      The number; None unless several bodies move under their mutual attraction alone.
+    """
+    if not gravitates(scene):
+        return None
+    G, m = float(scene.effects[0].G), np.asarray(scene.system.m)
+    m = m[m > 0]
+    n, mean = len(m), m.mean() if len(m) else 0.0
+    if n < 2 or G == 0:
+        return None
+    product = (m[1:] / mean) @ np.cumsum(m / mean)[:-1] / (n * (n - 1) / 2)
+    # From a speed, not from powers of energies and masses, which may overflow.
+    speed = np.sqrt(abs(energy) / mean)
+    return float(period * speed**3 / (G * mean) / product**1.5)
 
 
 def conserved(orbit: Orbit) -> tuple[float | None, float | None]:

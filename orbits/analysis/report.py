@@ -51,7 +51,8 @@ class Report:
         the motion runs into a collision.
       energy: kinetic plus potential; None where it is not conserved.
       angular_momentum: about the origin; None where it is not conserved.
-      scale_free: T |E|^(3/2); None unless all forces are Newtonian attractions.
+      scale_free: T |E|^(3/2) over G and the masses, see `Identity`; None unless all forces are
+        Newtonian attractions.
       multipliers: all Floquet multipliers as [re, im].
       multiplier_bars: error bars of the non-trivial ones, which come first.
       exponents: rotation numbers of the non-trivial pairs; None for a real pair.

@@ -29,7 +29,7 @@ from orbits.orbit import Orbit, relocated
 _BLURRED = 1e-4
 _MISSES = 4.0  # of those by which one orbit may differ from the other
 _ROUNDS = 6  # Gauss-Newton steps on the shift in time
-_DIVISORS = 12  # shorter periods are tested down to this part
+_DIVISORS = 64  # shorter periods are tested down to this part
 
 
 @check_first

@@ -7,6 +7,7 @@ import typer
 
 import jaxdyn
 import orbits
+from jaxdyn._text import brief
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title, number
 from orbits.cli.shared import NOT_FOUND
@@ -58,14 +59,14 @@ def _print_hits(hits: "orbits.targets.aim.Hits", out: Screen) -> None:
     if not hits.ok:
         out.print(f"[red]not hit[/red]: {hits.message}")
     for angle, t in zip(hits.angles, hits.times, strict=True):
-        degrees = f"{math.degrees(angle):.10f} degrees"
+        degrees = brief(math.degrees(angle), "degrees", digits=12)
         out.print(f"hits {hits.x:.6g} m at {degrees} in {t:.8g} s")
 
 
 def _line(name: str, throw: "orbits.targets.aim.Throws") -> str:
     if not throw.ok:
         return f"{name}: {throw.message}"
-    angle = f"{math.degrees(throw.angle):.10f} degrees"
+    angle = brief(math.degrees(throw.angle), "degrees", digits=12)
     return f"{name}: {throw.speed:.10g} m/s at {angle} lands at {throw.x:.10g} m in {throw.t:.8g} s"
 
 

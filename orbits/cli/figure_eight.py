@@ -1,5 +1,6 @@
 """The command `orbits figure-eight`: the textbook's eight, and the neighbour that closes first."""
 
+import time
 from typing import Annotated, Any
 
 import typer
@@ -9,6 +10,7 @@ import orbits
 from jaxdyn._text import fail
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
+    BEGAN,
     AnimateOption,
     JsonOption,
     PlotOption,
@@ -18,6 +20,9 @@ from jaxdyn.cli.shared import (
 )
 from orbits.cli.printed import print_reports
 from orbits.cli.shared import SaveOption, draw, not_found, numbers, printed
+
+_TITLES = ("closed plainly", "closed as a choreography")
+_REMEDY = "Give another --guess or --period, or other bounds with --lower and --upper."
 
 
 def _numbers_option(text: str) -> Any:
@@ -65,7 +70,7 @@ def figure_eight_command(
         if not eight.ok:
             stage = "plain closing" if not plain.ok else "choreography"
             more = {"stage": stage, "seconds": _seconds(clock)}
-            raise not_found(eight, more, as_object, out, stage)
+            raise not_found(eight, _REMEDY, more, as_object, out, stage)
         testing = "testing both: choreography, stability, a second integrator"
         out.print(f"[bold]{testing}[/bold]")
         out.doing(testing)
@@ -77,18 +82,13 @@ def figure_eight_command(
             out.result(found | {"seconds": _seconds(clock), "neighbour": neighbour})
         else:
             print_reports(claims, out)
-            _print_seconds(clock, out)
         if save_to:
             with out.writing(save_to, "saved to"):
                 orbits.save(save_to, eight, claims["choreography"])
-        draw(
-            [plain, eight],
-            ["closed plainly", "closed as a choreography"],
-            plot,
-            animate,
-            out,
-            title,
-        )
+        drawing = jaxdyn.accuracy.timing.Clock()
+        draw([plain, eight], _TITLES, plot, animate, out, title)
+        if not as_object:
+            _print_seconds(clock, drawing, out)
 
 
 def _seconds(clock: "jaxdyn.accuracy.timing.Clock") -> dict[str, float]:
@@ -96,9 +96,19 @@ def _seconds(clock: "jaxdyn.accuracy.timing.Clock") -> dict[str, float]:
     return {"compile": round(compiling, 3), "solve": round(clock.seconds - compiling, 3)}
 
 
-def _print_seconds(clock: "jaxdyn.accuracy.timing.Clock", out: Screen) -> None:
-    seconds = _seconds(clock)
-    out.print(f"compiling {seconds['compile']:.1f} s, the rest {seconds['solve']:.1f} s")
+def _print_seconds(
+    clock: "jaxdyn.accuracy.timing.Clock", drawing: "jaxdyn.accuracy.timing.Clock", out: Screen
+) -> None:
+    """What the whole command took, since it began to load."""
+    total, drawn = time.perf_counter() - BEGAN, drawing.seconds - drawing.compiling
+    parts = {
+        "loading": total - clock.seconds,
+        "compiling": clock.compiling,
+        "drawing": drawn,
+        "the rest": clock.seconds - clock.compiling - drawn,
+    }
+    said = ", ".join(f"{part} {seconds:.1f} s" for part, seconds in parts.items())
+    out.print(f"{total:.1f} s: {said}")
 
 
 def _numbers(option: str, text: str | None, count: int) -> list[float] | None:

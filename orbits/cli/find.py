@@ -26,6 +26,25 @@ from orbits.cli.shared import SaveOption, draw, not_found, printed
 
 _CLOSINGS = ("plain", "choreography", "relative", "reversal")
 
+_ELSEWHERE = "Start elsewhere with --set, or give another --period."
+#: What to do in terms of the options, by the name of the outcome, where there is more to say.
+_REMEDIES = {
+    "ITERATION_LIMIT": "Give a start with --set and a --period that are closer, or --rough.",
+    "NO_DESCENT": "Give a start with --set and a --period that are closer, --rough, more "
+    "--segments, or --hold what distinguishes the orbit from its family.",
+    "ESCAPE": f"{_ELSEWHERE} --hold and --energy keep the search near.",
+    "TRIVIAL": "Give the --period of the orbit, or --hold an entry or --energy.",
+    "STEP_LIMIT": "Give a shorter --period: `jaxdyn run` shows how often the motion turns. "
+    "A stiff scene needs --collocation.",
+    "DESCENT_ENDED": f"{_ELSEWHERE} Without --rough Newton's method starts from the guess itself.",
+    "MESH_LIMIT": "Give a start with --set and a --period that are closer, or --shooting.",
+    "NO_OTHER": f"{_ELSEWHERE} In a conservative scene hold the --energy.",
+    "UNCONFIRMED": "The rate is not smooth, or changes too fast for the steps. In Python, find "
+    "takes a smaller rtol, and orbits.hybrid finds orbits of motions with corners.",
+    "TIME_LIMIT": "Give a start with --set and a --period that are closer. In Python, find takes "
+    "a longer time.",
+}
+
 _MeshOption = Annotated[
     bool | None,
     typer.Option(
@@ -44,7 +63,9 @@ _UnlikeOption = Annotated[
 def find_command(
     name: SceneArgument,
     settings: SetOption = None,
-    period: Annotated[float | None, number("Guess; by default from a close return.")] = None,
+    period: Annotated[
+        float | None, number("Guess; by default the drive's, or a close return.")
+    ] = None,
     closing: Annotated[
         str, typer.Option(metavar="NAME", help=f"{', '.join(_CLOSINGS[:-1])} or {_CLOSINGS[-1]}.")
     ] = "plain",
@@ -84,7 +105,7 @@ def find_command(
             report=printed(out),
         )
         if not orbit.ok:
-            raise not_found(orbit, {}, as_object, out)
+            raise not_found(orbit, _remedy(orbit), {}, as_object, out)
         out.doing(f"testing the orbit of {name}: stability, a second integrator")
         claims = orbits.report(orbit)
         if as_object:
@@ -100,6 +121,10 @@ def find_command(
                 orbits.save(save_to, orbit, claims)
         found = f"period {orbit.period:.9g}, {claims.verdict}"
         draw([orbit], [found], plot, animate, out, title)
+
+
+def _remedy(orbit: "orbits.Orbit") -> str:
+    return _REMEDIES.get(orbit.outcome.name, _ELSEWHERE)
 
 
 def _closings(scene: "jaxdyn.Scene", name: str) -> "orbits.Closing | Sequence[orbits.Closing]":

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import orbits
-from jaxdyn._text import counted
+from jaxdyn._text import brief, counted
 from jaxdyn.cli.screen import Screen
 
 
@@ -38,13 +38,14 @@ def print_family(family: "orbits.files.family_files.Listing", out: Screen) -> No
 
 
 def _row(entry: "orbits.files.family_files.Entry") -> tuple[str, ...]:
-    numbers = f"{entry.parameter:.10g}", f"{entry.orbit.period:.12g}"
-    energy = "" if math.isnan(entry.energy) else f"{entry.energy:.12g}"
+    numbers = brief(entry.parameter, digits=10), brief(entry.orbit.period, digits=12)
+    energy = "" if math.isnan(entry.energy) else brief(entry.energy, digits=12)
     return *numbers, energy, entry.verdict, entry.kind or ""
 
 
 _NONE = "-"
 _UNIT = sys.float_info.epsilon
+_DIGITS = 14  # of what the closing error leaves certain
 
 
 def _choreography(claim: "orbits.Report") -> str:
@@ -52,37 +53,45 @@ def _choreography(claim: "orbits.Report") -> str:
 
 
 def _multipliers(claim: "orbits.Report") -> str:
-    shown = [complex(*z) for z in claim.multipliers[: len(claim.multiplier_bars)]]
-    lines = [f"{z.real:+.7f}{z.imag:+.7f}i" if z.imag else f"{z.real:+.7f}" for z in shown]
+    shown = claim.multipliers[: len(claim.multiplier_bars)]
+    lines = [brief(complex(re, im) if im else re, digits=8) for re, im in shown]
     turned = len(claim.multipliers) - len(shown) - claim.unit_multipliers
     lines += [f"{turned} of the centre of mass, which turns"] * (turned > 0)
     ones = f"{claim.unit_multipliers} times 1"
     return "\n".join([*lines, f"and {ones}" if lines else ones])
 
 
-def _optional(x: float | None, form: str) -> str:
-    return _NONE if x is None else format(x, form)
+def _number(x: float | None, digits: int = _DIGITS) -> str:
+    return _NONE if x is None else brief(x, digits=digits)
+
+
+def _error(x: float | None) -> str:
+    return _NONE if x is None else f"{x:.1e}"
+
+
+def _body(claim: "orbits.Report") -> str:
+    if claim.normal_form is None:
+        return _NONE
+    x, y = (_number(each, 11) for each in claim.normal_form.y0[:2])
+    return f"({x}, {y})"
 
 
 _ROWS = (
     ("is a choreography", _choreography),
-    ("  misses one by", lambda c: _optional(c.permutation_error, ".1e")),
+    ("  misses one by", lambda c: _error(c.permutation_error)),
     ("word", lambda c: _NONE if c.word is None else c.word or "1"),
     ("linear stability", lambda c: c.verdict),
-    ("T |E|^(3/2)", lambda c: _optional(c.scale_free, ".13f")),
-    ("period T", lambda c: f"{c.period:.13f}"),
-    ("  the shortest", lambda c: f"{c.minimal_period:.13f}"),
-    ("energy E", lambda c: _optional(c.energy, ".13f")),
-    ("angular momentum", lambda c: _optional(c.angular_momentum, ".1e")),
-    ("closing error", lambda c: f"{c.closure:.1e}"),
-    ("  rounding permits", lambda c: f"{c.growth * _UNIT:.1e}"),
-    ("  by a second method", lambda c: f"{c.recheck.closure:.1e} ({c.recheck.solver})"),
-    ("  after several periods", lambda c: f"{c.return_error:.1e} ({c.periods_simulated})"),
+    ("T |E|^(3/2)", lambda c: _number(c.scale_free)),
+    ("period T", lambda c: _number(c.period)),
+    ("  the shortest", lambda c: _number(c.minimal_period)),
+    ("energy E", lambda c: _number(c.energy)),
+    ("angular momentum", lambda c: _number(c.angular_momentum, 8)),
+    ("closing error", lambda c: _error(c.closure)),
+    ("  rounding permits", lambda c: _error(c.growth * _UNIT)),
+    ("  by a second method", lambda c: f"{_error(c.recheck.closure)} ({c.recheck.solver})"),
+    ("  after several periods", lambda c: f"{_error(c.return_error)} ({c.periods_simulated})"),
     ("multipliers", _multipliers),
-    ("rotation numbers", lambda c: "\n".join(_optional(nu, ".12f") for nu in c.exponents)),
-    ("normal form: period", lambda c: f"{c.normal_form.period:.13f}" if c.normal_form else _NONE),
-    (
-        "  first body at",
-        lambda c: "({:.10f}, {:.10f})".format(*c.normal_form.y0[:2]) if c.normal_form else _NONE,
-    ),
+    ("rotation numbers", lambda c: "\n".join(_number(nu, 12) for nu in c.exponents)),
+    ("normal form: period", lambda c: _number(c.normal_form and c.normal_form.period)),
+    ("  first body at", _body),
 )

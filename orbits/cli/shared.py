@@ -10,7 +10,7 @@ import typer
 import jaxdyn
 import orbits
 from jaxdyn import _arithmetic as arithmetic
-from jaxdyn._text import fail
+from jaxdyn._text import brief, fail
 from jaxdyn.cli.screen import Screen
 from jaxdyn.cli.shared import read, written
 from jaxdyn.files.output_files import writable
@@ -28,7 +28,7 @@ def printed(screen: Screen) -> Callable[["orbits.shooting.newton.Iteration"], No
     def report(step: "orbits.shooting.newton.Iteration") -> None:
         screen.print(
             f"  step {step.index:2d}   largest error {step.residual:9.2e}   "
-            f"period {step.period:.12f}   moved {step.step:.1e}"
+            f"period {brief(step.period, digits=13):<14}   moved {step.step:.1e}"
         )
 
     return report
@@ -39,24 +39,34 @@ def numbers(option: str, text: str) -> list[float]:
     try:
         return [arithmetic.value(part) for part in text.split(",")]
     except ValueError:
-        raise fail(option, "comma-separated numbers", repr(text)) from None
+        remedy = arithmetic.remedy(text)
+        raise fail(option, "comma-separated numbers", repr(text), remedy) from None
 
 
 def not_found(
-    orbit: "orbits.Orbit", more: dict, as_object: bool, screen: Screen, stage: str = ""
+    orbit: "orbits.Orbit",
+    remedy: str,
+    more: dict,
+    as_object: bool,
+    screen: Screen,
+    stage: str = "",
 ) -> typer.Exit:
-    """Print why there is no orbit, optionally as JSON with further entries; returns the exit."""
+    """Print why there is no orbit, optionally as JSON with further entries; returns the exit.
+
+    The remedy takes the place of that of the outcome, which names arguments of Python.
+    """
+    message = f"{orbit.cause} {remedy}"
     if as_object:
-        screen.result(_failure(orbit) | more)
-    screen.print(f"[red]no orbit[/red]{stage and f' ({stage})'}: {orbit.message}")
+        screen.result(_failure(orbit, message) | more)
+    screen.print(f"[red]no orbit[/red]{stage and f' ({stage})'}: {message}")
     return typer.Exit(NOT_FOUND)
 
 
-def _failure(orbit: "orbits.Orbit") -> dict:
+def _failure(orbit: "orbits.Orbit", message: str) -> dict:
     """Why there is no orbit, and the best iterate, as a JSON object."""
     error = orbit.residual if math.isfinite(orbit.residual) else None
     best = {"period": orbit.period, "y0": [float(x) for x in orbit.y0], "largest_error": error}
-    return {"outcome": orbit.outcome.name, "message": orbit.message, "best_iterate": best}
+    return {"outcome": orbit.outcome.name, "message": message, "best_iterate": best}
 
 
 def print_and_save(

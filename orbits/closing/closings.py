@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import Scene, System
-from jaxdyn._checks import choice, fail
+from jaxdyn._checks import choice, fail, whole
 from jaxdyn._records.record import Record
 from orbits.closing.sizes import sizes
 from orbits.closing.symmetry import EXACT, IDENTITY, Symmetry, point_symmetry
@@ -206,7 +206,10 @@ def choreography(n: int = 3, d: int = 2) -> tuple[Return, Return]:
     Args:
       n: number of free points, at least 1.
       d: dimension of space.
+    Raises:
+      ValueError: not at least one body, or one dimension.
     """
+    n, d = whole("n", n, remedy="It is the number of bodies."), whole("d", d)
     bodies = np.arange(n)
     there, back = (point_symmetry((bodies + step) % n, (1,) * d) for step in (1, -1))
     name = f"choreography of {n}"

@@ -20,6 +20,7 @@ from jaxdyn._checks import fail, host_array
 from jaxdyn.analysis.energy import energy
 from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import recheck
+from orbits.analysis.identity import scale_free_period
 from orbits.analysis.same import minimal_period
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN, Closing
@@ -263,6 +264,5 @@ def _verified(plan: Plan, sample: int, orbit: Orbit) -> Find | None:
 
 def _invariant(orbit: Orbit) -> float:
     scene = orbit.scene
-    if gravitates(scene):
-        return orbit.period * abs(float(energy(scene, jnp.zeros(()), orbit.y0))) ** 1.5
-    return orbit.period
+    e = float(energy(scene, jnp.zeros(()), orbit.y0)) if gravitates(scene) else 0.0
+    return scale_free_period(scene, orbit.period, e) or orbit.period

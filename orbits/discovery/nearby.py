@@ -1,24 +1,33 @@
 """The periodic orbit near a scene's own start, from a guess of its period or from close returns."""
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import equinox as eqx
+import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn._progress import doing
 from jaxdyn._records.kinds import check_first
+from jaxdyn.status import Status
 from orbits.analysis.same import minimal_period
 from orbits.closing.closings import PLAIN, Closing, Reversal
 from orbits.closing.conditions import Energy
-from orbits.closing.given import driven
+from orbits.closing.given import drive_period, driven
 from orbits.discovery.seeds import Seed, returns
+from orbits.motion import solved
 from orbits.orbit import Orbit
 from orbits.shooting.finding import find
 from orbits.shooting.newton import Iteration
 
 _TRIES = 3  # close returns tried
+#: Steps of a span in which close returns are looked for. With more, turns of the motion may be
+#: between two samples of `returns`; with fewer, it may have turned only in part. A span that takes
+#: the place of the scene's own has one to two times as many as the latter; an easy turn has three.
+_MOST_STEPS, _FEWEST_STEPS = 2048, 64
+_SPANS = 20  # tried each way, each some tens of times longer or shorter than the one before
+_RTOL = 1e-10  # as in `returns`
 
 
 @check_first
@@ -39,7 +48,9 @@ def searched(
 
     Args:
       scene: system, effects, start.
-      period: guess; by default the closest returns of the scene's own motion are tried.
+      period: guess; by default that of the drive or, without one, the closest returns of the
+        scene's own motion in its span, or in another where that is much shorter or longer than the
+        motion needs to turn.
       closing: see `find`.
       energy: that of the orbit; None for any.
       hold: names of entries of the scene's start that the orbit's start keeps.
@@ -75,21 +86,57 @@ def searched(
         orbit = near(start, seed.period, rough=rough)
         if orbit.ok:
             break
-    shortest, times = minimal_period(orbit) if orbit.ok else (orbit.period, 1)
-    if times == 1:
-        return orbit
     # The closest return may be after several periods.
-    again = near(orbit.y0, shortest, unlike=())
-    return eqx.tree_at(lambda o: o.shift, again, orbit.shift + again.shift)
+    while orbit.ok:
+        shortest, times = minimal_period(orbit)
+        if times == 1:
+            break
+        again = near(orbit.y0, shortest, unlike=())
+        orbit = eqx.tree_at(lambda o: o.shift, again, orbit.shift + again.shift)
+    return orbit
 
 
 def _seeds(scene: Scene) -> list[Seed]:
-    if driven(scene):
-        raise fail("--period", "one, a multiple of the drive's", "none", "The motion is driven.")
     scene.check()
+    if driven(scene):
+        period = drive_period(scene)
+        if period is None:
+            remedy = "The rate depends on time, but not with a period that can be read from it."
+            raise fail("--period", "one, a multiple of the drive's", "none", remedy)
+        return [Seed(np.asarray(scene.y0), period)]
     doing("simulating the scene, to find close returns")
-    seeds = returns(scene, float(scene.t1), longest=float(scene.t1), most=_TRIES)
-    if not seeds:
-        remedy = "The scene's own motion has no close return in its span."
-        raise fail("--period", "a guess of the period", "none", remedy)
-    return seeds
+    for span in _spans(scene):
+        seeds = returns(scene, span, longest=span, most=_TRIES)
+        if seeds:
+            return seeds
+    remedy = "The scene's own motion has no close return in its span. Give one, or another start."
+    raise fail("--period", "a guess of the period", "none", remedy)
+
+
+def _spans(scene: Scene) -> Iterator[float]:
+    """The scene's own span, or the part of it that samples resolve, and then a longer one.
+
+    The number of steps of the integrator, which does not depend on units, tells how often the
+    motion turns in a span.
+    """
+    span = float(scene.t1)
+    steps = _steps(scene, span)
+    if steps <= _MOST_STEPS:
+        yield span
+    enough = steps == 0 or _FEWEST_STEPS <= steps <= _MOST_STEPS
+    for _ in range(0 if enough else _SPANS):
+        span *= 1.5 * _FEWEST_STEPS / steps
+        steps = _steps(scene, span)
+        if steps == 0:
+            return
+        if _FEWEST_STEPS <= steps <= 2 * _FEWEST_STEPS:
+            yield span
+            return
+
+
+def _steps(scene: Scene, span: float) -> int:
+    """Steps of a motion over a span, or more than are wanted; 0 where it fails."""
+    run = solved(scene, span, rtol=_RTOL, max_steps=2 * _MOST_STEPS)
+    if run.status == Status.STEP_LIMIT:
+        return 2 * _MOST_STEPS
+    return int(run.steps) if run.status == Status.OK else 0

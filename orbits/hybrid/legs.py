@@ -30,10 +30,10 @@ class Leg(Record):
     """A smooth part of a periodic chain.
 
     Attributes:
-      scene: system and effects (its start and span are not used); its rate must not depend on
-        time.
-      ends: functions that vanish at the leg's end: its event, and further conditions. Their
-        time is that since the leg's start.
+      scene: system and effects (its start and span are not used). Neither its rate nor the
+        functions below may depend on time: what is driven has the phase of its drive as an entry
+        of the state.
+      ends: functions that vanish at the leg's end: its event, and further conditions.
       change: (t, y) -> the state at the start of the next leg; a named function or a module.
       bounds: functions that must not be negative on the way, such as a height or a normal force.
     """

@@ -9,6 +9,7 @@ may pass an end before its time; the bounds of a leg exclude that.
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -20,6 +21,7 @@ from jaxdyn._checks import fail, positive, untraced, whole
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import tolerances
+from jaxdyn.plan import plan_of
 from jaxdyn.scene import Scene, checked_scene
 from orbits.closing.given import driven
 from orbits.hybrid.legs import HybridOrbit, Leg
@@ -68,8 +70,8 @@ def find_hybrid(
     Returns:
       The chain; of a family of them the one nearest to the guess.
     Raises:
-      ValueError: `legs` is empty or has other elements, a leg's rate depends on time, `y0` or
-        `spans` has the wrong shape, or `spans`, `goal` or `rtol` is out of range.
+      ValueError: `legs` is empty or has other elements, a leg's rate, an event or a change depends
+        on time, `y0` or `spans` has the wrong shape, or `spans`, `goal` or `rtol` is out of range.
       SearchError: none was found (``throw=True``).
     Limits: host only. Only the bounds of a leg detect ends that are passed earlier.
     Example:
@@ -128,6 +130,33 @@ def find_hybrid(
     return found
 
 
+class _Part(eqx.Module):
+    """An event or a change of a leg as a rate, so that its program can be read."""
+
+    numbers: Any
+    rest: Any = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, part: Any) -> "_Part":
+        return cls(*eqx.partition(part, eqx.is_array))
+
+    def rate(self, t: Array, y: Array) -> Array:
+        part = eqx.combine(self.numbers, self.rest)
+        return jnp.asarray(part.value(t, y) if isinstance(part, Event) else part(t, y), float)
+
+
+def _check_timeless(name: str, part: Any, k: int) -> None:
+    """Raise ValueError if an event or a change depends on time, of which a chain knows nothing."""
+    if plan_of(_Part.of(part), k).depends_on_time:
+        wanted = "a function of the state alone"
+        remedy = (
+            "Legs start at a time 0 of their own, in no step with a drive. Make the phase of the "
+            "drive an entry of the state, whose rate is its frequency, and let `closes` measure it "
+            "up to whole turns."
+        )
+        raise fail(name, wanted, "one that depends on time", remedy)
+
+
 def _start_and_times(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.ndarray]:
     if not legs:
         raise fail("legs", "at least one", "none", "A chain has legs.")
@@ -142,6 +171,10 @@ def _start_and_times(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.n
         if driven(checked_scene(leg.scene)):
             remedy = "Each leg starts at its own time 0."
             raise fail(f"legs[{i}]", "a scene that does not depend on time", "a driven one", remedy)
+        parts = {f"ends[{j}]": event for j, event in enumerate(leg.ends)}
+        parts |= {f"bounds[{j}]": event for j, event in enumerate(leg.bounds)}
+        for name, part in (parts | {"change": leg.change}).items():
+            _check_timeless(f"legs[{i}].{name}", part, len(leg.scene.y0))
     start = np.asarray(y0, float)
     k = len(legs[0].scene.y0)
     if start.shape != (k,) or not np.isfinite(start).all():

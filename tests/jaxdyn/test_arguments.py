@@ -186,3 +186,12 @@ def test_shapes_of_scenes_are_those_under_traces_too():
         jax.jit(lambda m: make(m=(m,)).y0)(1.0)
     slope = jax.grad(lambda m: make(m=(m, 1.0)).rate(0.0, make().y0)[2])(1.0)
     assert np.isfinite(slope)
+
+
+def test_a_keyword_that_a_scene_does_not_have_is_told_with_those_that_it_has():
+    make = catalogue.entries()["cannonball"].make
+    known = "keyword of cannonball: expected one of angle, drag, g, linear, m, speed, t1"
+    with pytest.raises(ValueError, match=f"^{known}, got 'velocity'"):
+        make(velocity=3)
+    with pytest.raises(ValueError, match=r"got 'sped'\. Did you mean 'speed'\?$"):
+        make(sped=3)

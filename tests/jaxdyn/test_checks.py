@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jaxdyn import _checks, ensemble, scenes, simulate, solve
+from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.events import Every
 
 
@@ -123,6 +124,37 @@ def test_times_with_a_unit_are_refused(x):
         Every(x)
     with pytest.raises(ValueError, match=r"^samples: expected numbers, got"):
         simulate(scene, 2.0, samples=np.array([0, 1], "timedelta64[s]"))
+
+
+@pytest.mark.parametrize(
+    "x", [1j, np.complex64(1.0), np.array(1.0 + 0j), jnp.asarray(2j)], ids=repr
+)
+def test_complex_numbers_are_refused(x):
+    scene = scenes.oscillator()
+    for use in (
+        lambda: _checks.numbers("x", x),
+        lambda: _checks.host_array("x", x, ()),
+        lambda: scene.starting([x, 0.0]),
+        lambda: simulate(scene, x),
+        lambda: solve(scene, x),
+        lambda: Every(x),
+    ):
+        with pytest.raises(ValueError, match=r"^\w+: expected (real )?numbers, got"):
+            use()
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float16, jnp.bfloat16, np.int32])
+def test_data_in_fewer_bits_are_converted_exactly(kind):
+    data = np.array([1.1, 0.3]).astype(kind)
+    exact = data.astype(float)
+    for given in (data, jnp.asarray(data)):
+        scene = scenes.oscillator().starting(given)
+        assert scene.y0.dtype == float
+        np.testing.assert_array_equal(scene.y0, exact)
+        motion = simulate(scene, given[0], samples=3)
+        assert motion.ys.dtype == motion.ts.dtype == float
+        assert motion.ts[-1] == exact[0]
+        np.testing.assert_array_equal(FreePoints(given).m, exact)
 
 
 def test_a_number_too_large_for_a_float_is_refused():

@@ -49,8 +49,14 @@ def test_adding_leaves_the_scene_as_it_was():
 
 
 def test_only_effects_can_be_added():
-    with pytest.raises(TypeError):
+    with pytest.raises(ValueError, match=r"^effect: expected an Effect, got 3\.$"):
         _ = _ball() + 3
+    with pytest.raises(ValueError, match=r"got QuadraticDrag\. Call it: QuadraticDrag\(\.\.\.\)\."):
+        _ = _ball() + QuadraticDrag
+    with pytest.raises(ValueError, match=r"got UniformGravity\. Call it: UniformGravity\(\)\."):
+        _ = _ball() + UniformGravity
+    with pytest.raises(ValueError, match=r"^effect: expected an Effect, got int\."):
+        _ = _ball() + int
 
 
 def test_without_leaves_out_all_of_a_kind():
@@ -341,6 +347,10 @@ class _Returning(Effect):
         (_Returning(jnp.ones((3, 1))), r"force: expected shape \(3, 2\), got shape \(3, 1\)\."),
         (_Returning(jnp.ones(())), r"force: expected shape \(3, 2\), got shape \(\)\."),
         (_Returning([1.0, 2.0]), r"force: expected an array of shape \(3, 2\), got list\."),
+        (
+            _Returning(jnp.ones((3, 2), jnp.float32)),
+            r"force: expected 64-bit floats, got an array of",
+        ),
         (_Returning(jnp.ones((3, 2), complex)), r"force: expected real numbers, got an array of c"),
         (
             _Returning(V=jnp.ones(1)),

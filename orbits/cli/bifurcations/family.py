@@ -27,6 +27,11 @@ from orbits.cli.bifurcations.shared import kept
 from orbits.cli.printed import print_family
 from orbits.cli.shared import SaveOption, not_found, numbers, printed
 
+_REMEDY = (
+    "Give another --period, or find it with `orbits find`, which has more options, and pass its "
+    "file to --from-orbit."
+)
+
 
 def family_command(
     name: SceneArgument,
@@ -72,7 +77,7 @@ def family_command(
             make, value = orbits.families.parameters.maker(name, values, parameter)
         orbit = _first(name, values, period, from_orbit, out)
         if not orbit.ok:
-            raise not_found(orbit, {"scene": name}, as_object, out)
+            raise not_found(orbit, _REMEDY, {"scene": name}, as_object, out)
         found = orbits.continue_family(
             orbit,
             make,

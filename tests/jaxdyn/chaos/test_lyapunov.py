@@ -1,5 +1,7 @@
 """Lyapunov exponents against published values, closed forms, and the sums that must hold."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -141,9 +143,28 @@ def test_constraints_leave_as_many_exponents_as_directions():
     assert (np.abs(found.exponents) < found.bars).all()  # it is integrable
 
 
+def runner(t, y, p):
+    """A phase that runs at two speeds, one in each half of a turn, and a contraction across it."""
+    del t
+    angle, x = y
+    return [2.0 + p["jump"] * jnp.sign(jnp.sin(angle)), -p["rate"] * x]
+
+
+def test_switches_of_the_rate_stretch_tangents():
+    start, params = np.array([0.1, 1.0]), {"jump": 1.0, "rate": 0.25}
+    turn = np.pi / 3 + np.pi  # half a turn at speed 3, half at 1
+    found = lyapunov_exponents(jaxdyn.ode(runner, start, 40 * turn, params=params), transient=turn)
+    # Whole turns: tangents stretch by 3 and shrink by 3 where the speed changes.
+    assert (np.abs(found.exponents - np.array([0.0, -0.25])) < found.bars).all()
+    assert abs(found.exponents.sum() + 0.25) < 1e-9
+    assert abs(found.trace_residual) < 1e-9
+
+
 def test_a_spectrum_describes_itself():
     found = lyapunov_exponents(scenes.lorenz(), 200.0)
     assert "exponent 1" in repr(found)
+    slow = dataclasses.replace(found, exponents=found.exponents * 1e-9, bars=found.bars * 1e-9)
+    assert f"exponent 1  {float(slow.exponents[0]):.6g} +-" in repr(slow)
     assert "+-" in repr(found)
     assert found.ok
 

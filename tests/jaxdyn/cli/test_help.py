@@ -86,7 +86,7 @@ def test_the_table_of_scenes_shows_every_unit(width):
         ("jaxdyn", "jaxdyn r", ["run"]),
         ("jaxdyn", "jaxdyn run --se", ["--seconds", "--series", "--set"]),
         ("orbits", "orbits fi", ["figure-eight", "find"]),
-        ("jaxdyn", "jaxdyn run restr", ["restricted_three_body"]),
+        ("jaxdyn", "jaxdyn run henon", ["henon_heiles"]),
         ("jaxdyn", "jaxdyn run pendulum --set len", ["length="]),
         ("jaxdyn", "jaxdyn run lorenz --set nothing", []),
         ("jaxdyn", "jaxdyn run nothing --set ", []),

@@ -43,6 +43,15 @@ MISTAKES = {
     "jaxdyn run pendulum --set nosuch=1": "parameter of pendulum: expected one of",
     "jaxdyn run pendulum --set m=x": "m: expected a number",
     "jaxdyn run cannonball --set angle=foo": "angle: expected a number",
+    "jaxdyn run three_body --set G=1^2": "G: expected a number, or comma-separated numbers, "
+    "got '1^2'. Write a power as 1**2.",
+    "jaxdyn run kepler --set m1=1,m2=2": "--set: expected one NAME=VALUE, got 'm1=1,m2=2'. "
+    "Repeat it: --set m1=1 --set m2=2.",
+    "jaxdyn run kepler --set m=1,2,mu=2": "--set: expected one NAME=VALUE, got 'm=1,2,mu=2'. "
+    "Repeat it: --set m=1,2 --set mu=2.",
+    "jaxdyn run pendulum --t1 2^3": "Invalid value for '--t1': expected a number, got '2^3'. "
+    "Write a power as 2**3.",
+    "orbits loops --n=2^2": "--n: expected comma-separated numbers, got '2^2'. Write a power as",
     "jaxdyn run pendulum --solver nosuch": "solver: expected one of auto",
     "jaxdyn run pendulum --plot a.xyz": "--plot: expected a file name",
     "jaxdyn accuracy nosuch": "scene: expected one that",

@@ -295,6 +295,14 @@ MISUSE = [
         lambda: ode(lambda t, y: y.astype(complex), [1.0]),
         "^rate: expected real numbers, got",
     ),
+    (
+        lambda: ode(lambda t, y: -y.astype(jnp.float32), [1.0]),
+        "^rate: expected 64-bit floats, got an array of float32. Compute it in 64 bits.",
+    ),
+    (
+        lambda: ode(lambda t, y: [y[1], -y[0].astype(jnp.bfloat16)], [1.0, 0.0]),
+        "^rate: expected 64-bit floats, got an array of bfloat16",
+    ),
     (lambda: ode(lambda t, y: np.sin(y), [1.0]), "^rate: .* needs their values .* Use jax.numpy"),
     (lambda: ode(lambda t, y: y if y[0] > 0 else -y, [1.0]), "^rate: .* jnp.where instead of `if`"),
     (lambda: ode(plain, 1.0), r"^y0: expected shape \(any,\), got shape \(\)"),

@@ -5,8 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import EXACT, SOLVED, gap
+from scipy.integrate import solve_ivp
 
-from jaxdyn import simulate
+from jaxdyn import linearize, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.geometry import kinematics
 from jaxdyn.scenes import pendula
@@ -52,6 +53,74 @@ def test_fast_shaking_holds_a_stick_upright_and_slow_shaking_does_not():
     assert float(jnp.abs(fast["theta"]).max()) < 0.3
     slow = simulate(pendula.shaken_pendulum(frequency=20.0), samples=200)
     assert float(jnp.abs(slow["theta"]).max()) > 2.0
+
+
+def two_points(m, l, g):  # noqa: E741
+    """The double pendulum of point masses as mechanics books print it, solved for both."""
+
+    def rate(t, y):
+        del t
+        (a, b, va, vb), (m1, m2), (l1, l2) = y, m, l
+        turn = a - b
+        rows = [[(m1 + m2) * l1, m2 * l2 * np.cos(turn)], [l1 * np.cos(turn), l2]]
+        right = [
+            -m2 * l2 * vb**2 * np.sin(turn) - (m1 + m2) * g * np.sin(a),
+            l1 * va**2 * np.sin(turn) - g * np.sin(b),
+        ]
+        return np.concatenate([[va, vb], np.linalg.solve(rows, right)])
+
+    return rate
+
+
+POINTS = {"m": (1.3, 0.7), "l": (0.9, 1.1), "g": 2.0, "uniform": False}
+
+
+def test_double_pendulum_of_point_masses_obeys_the_equations_of_the_books():
+    rate = two_points(POINTS["m"], POINTS["l"], POINTS["g"])
+    for formulation in ("newton_euler", "lagrange"):
+        scene = pendula.double_pendulum(**POINTS, formulation=formulation)
+        for y in RANDOM:
+            assert gap(scene.rate(NOW, y), rate(0.0, np.asarray(y))) < 100 * EXACT
+        assert [name for name, _ in scene.labels()] == [
+            "theta1",
+            "theta2",
+            "theta1_dot",
+            "theta2_dot",
+        ]
+
+
+@pytest.mark.parametrize(
+    ("formulation", "relative"),
+    [("newton_euler", False), ("lagrange", True), ("constrained", False)],
+)
+def test_double_pendulum_of_point_masses_moves_as_by_another_integrator(formulation, relative):
+    start = [1.0, 2.0, 0.1, -0.3]
+    exact = solve_ivp(
+        two_points(POINTS["m"], POINTS["l"], POINTS["g"]),
+        (0, 3.0),
+        start,
+        "DOP853",
+        rtol=1e-13,
+        atol=1e-14,
+    ).y[:, -1]
+    scene = pendula.double_pendulum(
+        **POINTS, angles=start[:2], rates=start[2:], formulation=formulation, relative=relative
+    )
+    motion = simulate(scene, 3.0, samples=9, rtol=1e-13)
+    (a, b), (l1, l2) = exact[:2], POINTS["l"]
+    first = np.array([l1 * np.sin(a), -l1 * np.cos(a)])
+    ends = np.cumsum([first, [l2 * np.sin(b), -l2 * np.cos(b)]], axis=0)
+    assert gap(motion.r[-1], ends) < 1e-10
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_point_masses_hanging_in_a_row_have_the_frequencies_of_laguerre(n):
+    # Of equal masses on equal rods: g / l times the zeros of Laguerre's polynomial of degree n.
+    numbers = {"m": (1.0,) * n, "l": (0.5,) * n, "angles": (0.0,) * n, "rates": (0.0,) * n}
+    scene = pendula.n_pendulum(**numbers, g=2.0, uniform=False)
+    found = np.linalg.eigvals(linearize(scene, scene.y0).jacobian)
+    zeros = np.polynomial.laguerre.lagroots([0.0] * n + [1.0])
+    assert gap(np.sort(np.abs(found.imag) ** 2)[::2], 2.0 / 0.5 * zeros) < 1e-11
 
 
 def test_double_pendulum_obeys_the_equations_of_the_books():

@@ -3,13 +3,13 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import SOLVED, kepler
+from helpers import EXACT, SOLVED, kepler
 
 import orbits
 from jaxdyn import Points, Scene, System, scenes
 from jaxdyn.effects import LinearDrag, PairGravity, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
-from orbits.analysis.identity import has_normal_form, permutation_error
+from orbits.analysis.identity import has_normal_form, permutation_error, scale_free_period
 from orbits.orbit import Orbit, Outcome
 
 
@@ -48,18 +48,44 @@ def test_an_ellipse_is_none_although_it_closes():
     assert what.permutation_error > 0.1
     # E = -mu / (2 a) with reduced mass 1/4 and G M = 1.
     assert abs(what.energy + 1 / 8) < SOLVED
-    assert abs(what.scale_free - 2 * np.pi / 8**1.5) < SOLVED
+    assert abs(what.scale_free - np.pi / 2) < SOLVED  # any two bodies
 
 
-@pytest.mark.parametrize(("scale", "m"), [(3.0, 1.0), (1.0, 5.0)])
-def test_scale_free_ignores_scale_not_mass(scale, m):
+def attracting(m, G):
+    return Scene(FreePoints(m), (PairGravity(G),), y0=np.arange(4.0 * len(m)))
+
+
+@pytest.mark.parametrize("ratio", [1.0, 0.0123, 1e-12])
+def test_all_ellipses_of_two_bodies_have_one_scale_free_period(ratio):
+    # The Earth and the Moon, and lighter moons, in SI units: T |E|^(3/2) by Kepler's third law.
+    G, a, m = 6.6743e-11, 3.844e8, np.array([5.9722e24, 5.9722e24 * ratio])
+    scene = attracting(m, G)
+    period, e = 2 * np.pi * np.sqrt(a**3 / (G * m.sum())), -G * m.prod() / (2 * a)
+    assert abs(scale_free_period(scene, period, e) - np.pi / 2) < EXACT
+
+
+def test_test_particles_do_not_change_a_scale_free_period():
+    one, two = (attracting(m, 2.0) for m in ([3.0, 1.0], [3.0, 0.0, 1.0]))
+    assert scale_free_period(one, 1.5, -0.5) == scale_free_period(two, 1.5, -0.5)
+    alone = attracting([3.0, 0.0], 1.0)
+    assert scale_free_period(alone, 1.5, 0.5) is None
+
+
+def test_unequal_masses_give_the_printed_figure_times_their_product():
+    # T |E|^(3/2) of G = 1 is this times p^(3/2) / m^(1/2): here p = 5/3 and m = 4/3.
+    scene = attracting([1.0, 1.0, 2.0], 1.0)
+    found = scale_free_period(scene, 7.0, -1.25)
+    assert abs(found * (5 / 3) ** 1.5 / (4 / 3) ** 0.5 - 7.0 * 1.25**1.5) < 10 * EXACT
+
+
+@pytest.mark.parametrize(("scale", "m"), [(3.0, 1.0), (1.0, 5.0), (1e11, 2e30)])
+def test_scale_free_ignores_scale_and_mass(scale, m):
     one = orbits.identify(orbit_of(ring(3)[0])).scale_free
     r, v = np.asarray(ring(3, m)[0].y0).reshape(2, -1)
     y0 = np.concatenate([scale * r, v / np.sqrt(scale)])
     scene = ring(3, m)[0]
     other = orbits.identify(orbit_of(scene.starting(y0, scale**1.5 * scene.t1))).scale_free
-    # T E^(3/2) scales with G m^(5/2).
-    assert abs(other / one - m**2.5) < 1e-12 * m**2.5
+    assert abs(other / one - 1) < 1e-12
 
 
 def test_unequal_bodies_have_no_permutation_error():

@@ -2,8 +2,10 @@
 
 import functools
 import json
+import re
 import subprocess
 import sys
+import time
 
 import pytest
 from helpers import forge
@@ -116,18 +118,32 @@ def test_the_report_for_people(orbits):
         assert text in run.out
 
 
+@pytest.mark.slow
+def test_the_seconds_that_are_printed_are_those_of_the_whole_command(tmp_path):
+    words = [sys.executable, "-m", "orbits", "figure-eight", "--plot", str(tmp_path / "eight.png")]
+    start = time.perf_counter()
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    wall = time.perf_counter() - start
+    total, *parts = map(float, re.findall(r"([\d.]+) s\b", done.stdout.splitlines()[-1]))
+    assert len(parts) == 4
+    assert abs(total - sum(parts)) < 0.3
+    # Python itself starts and ends in a part of a second, on a loaded machine in more.
+    assert 0.75 * wall < total < wall
+
+
 @pytest.mark.parametrize("as_json", [False, True])
 def test_no_convergence_is_exit_code_1_with_the_best_iterate(orbits, as_json):
     run = orbits("figure-eight", *TOO_NEAR, *(["--json"] if as_json else []))
     assert run.code == 1
     if not as_json:
         assert "no orbit (plain closing)" in run.out
-        assert "Widen them" in run.out
+        assert "The best point lies on the bounds and does not close. Give another" in run.out
+        assert "other bounds with --lower and --upper." in run.out
         return
     answer = json.loads(run.out)
     assert answer["outcome"] == "BOUND"
     assert answer["stage"] == "plain closing"
-    assert "Widen them" in answer["message"]
+    assert "other bounds with --lower and --upper." in answer["message"]
     best = answer["best_iterate"]
     assert len(best["y0"]) == 12
     assert best["largest_error"] > 1e-6

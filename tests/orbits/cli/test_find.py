@@ -2,10 +2,12 @@
 
 import functools
 import json
+import re
 
 import jax
 import numpy as np
 import pytest
+import typer
 from rich.console import Console
 from scipy.special import ellipk
 
@@ -15,6 +17,10 @@ from jaxdyn.scenes import catalogue
 from orbits import PLAIN, find
 from orbits.analysis.identity import identify
 from orbits.analysis.report import report
+from orbits.cli import figure_eight as figure_eight_module
+from orbits.cli import find as find_module
+from orbits.cli.app import app
+from orbits.cli.bifurcations import family as family_module
 from orbits.cli.printed import print_reports
 from orbits.families import continuation
 from orbits.files import family_files
@@ -68,12 +74,45 @@ def test_another_orbit_than_that_of_a_file(orbits, tmp_path):
     assert "unlike: expected orbits of" in err
 
 
+@pytest.mark.parametrize("k", [1e24, 1e-24])
+def test_a_period_is_found_in_any_units(orbits, k):
+    # The scene's own span is of 10^11 periods of the first, and a 10^13th of one of the second.
+    code, out, err = orbits("find", "oscillator", "--set", f"k={k}", "--json")
+    assert code == 0, err
+    assert abs(json.loads(out)["period"] * np.sqrt(k) / (2 * np.pi) - 1) < 1e-13
+
+
+def test_the_period_of_a_drive_is_taken(orbits):
+    words = ("shaken_pendulum", "--set", "frequency=50", "--json")
+    code, out, err = orbits("find", *words)
+    assert code == 0, err
+    assert abs(json.loads(out)["period"] - 2 * np.pi / 50) < 1e-15
+
+
+def test_each_way_to_fail_has_a_remedy_among_the_options():
+    assert find_module._REMEDIES.keys() < {x.name for x in Outcome if x != Outcome.FOUND}
+    options = {option for command in ("find", "family") for option in _options(command)}
+    remedies = [find_module._ELSEWHERE, *find_module._REMEDIES.values(), family_module._REMEDY]
+    for remedy in remedies:
+        named = set(re.findall(r"--[a-z-]+", remedy))
+        assert named <= options, remedy
+        assert named or "In Python" in remedy
+    assert set(re.findall(r"--[a-z-]+", figure_eight_module._REMEDY)) <= _options("figure-eight")
+
+
+def _options(command: str) -> set[str]:
+    found = typer.main.get_command(app).commands[command]  # pyright: ignore
+    return {name for each in found.params for name in (*each.opts, *each.secondary_opts)}
+
+
 def test_no_orbit_is_exit_code_1_with_the_reason(orbits):
     code, out, err = orbits("find", "cannonball", "--period", "1", "--json")
     assert code == 1
     answer = json.loads(out)
     assert answer["outcome"] != "FOUND"
     assert answer["message"] in err
+    assert "--period" in answer["message"]
+    assert "max_iterations" not in answer["message"]
     assert answer["best_iterate"]["largest_error"] > 0
 
 
@@ -107,7 +146,7 @@ MISUSE = [
     (["pendulum", "--set", "rate=1", "--closing", "reversal"], "of the time reversal"),
     (["pendulum", "--period", "-1"], "period: expected > 0"),
     (["pendulum", "--period", "2", "--hold", "angle"], "one of theta, theta_dot, got 'angle'"),
-    (["shaken_pendulum"], "--period: expected one, a multiple of the drive's"),
+    (["two_masses"], "--period: expected one, a multiple of the drive's, got none. The rate dep"),
     (["cannonball"], "has no close return"),
     (["pendulum", "--save", "no/such/folder/x.json"], "a file in a folder that exists"),
 ]

@@ -111,15 +111,31 @@ def test_an_orbit_is_shown_as_its_file_claims(command, file):
         "Spring(k = 4 N/m",
         "start x = 1 m, vx = 0 m/s",
         "undecided",
-        "3.1400000000000",
+        "period T │ 3.14 │",
         "1.5e-15",
         "2.5e-15 (Verner 9(8))",
-        "+0.2500000+0.5000000i",
-        "0.125000000000",
+        "0.25+0.5j",
+        "rotation numbers │ 0.125 │",
         f"`orbits verify {file}` recomputes them",
     ):
         assert said in text, said
     assert "proved" not in text.lower()
+
+
+@pytest.mark.parametrize(
+    ("claims", "shown"),
+    [
+        # The Earth and the Moon in SI units: no digits of binary fractions.
+        ({"energy": -7.625012345678901e28}, "energy E │ -7.6250123456789e+28 │"),
+        ({"energy": -2.5e-9}, "energy E │ -2.5e-09 │"),
+        ({"period": 2.7012345678901e-6}, "period T │ 2.7012345678901e-06 │"),
+        ({"angular_momentum": 2.875e34}, "angular momentum │ 2.875e+34 │"),
+        ({"multipliers": [[2.5e5, 0.0], [1.0, 0.0]]}, "multipliers │ 250000 │"),
+        ({"multipliers": [[4e-9, 0.0], [1.0, 0.0]]}, "multipliers │ 4e-09 │"),
+    ],
+)
+def test_numbers_have_their_digits_in_any_units(command, file, claims, shown):
+    assert shown in " ".join(command("orbits", "show", edited(file, **claims)).out.split())
 
 
 def test_digits_and_a_proof_are_shown(command, tmp_path):

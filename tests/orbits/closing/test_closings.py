@@ -24,6 +24,14 @@ def ring():
     return orbits.find(scenes.three_body(), closing=orbits.choreography(3))
 
 
+def test_a_choreography_needs_a_body():
+    for n in (0, -3, 1.5):
+        with pytest.raises(ValueError, match=r"^n: expected a whole number, at least 1, got"):
+            orbits.choreography(n)
+    with pytest.raises(ValueError, match=r"^d: expected a whole number, at least 1, got 0"):
+        orbits.choreography(3, 0)
+
+
 def test_the_eight_by_reversal_is_the_eight_by_choreography(ring):
     half = orbits.find(scenes.three_body(), closing=orbits.reversal(EULER))
     assert half.closing.parts == 2

@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +12,7 @@ from helpers import SOLVED, gap
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+import jaxdyn
 import orbits
 from jaxdyn import drawing, scenes
 from jaxdyn.analysis import energy
@@ -208,6 +210,68 @@ def test_a_chain_that_passes_a_bound_is_not_found():
     assert "a leg is on the far side of one of its bounds on the way" in low.message
     assert low.message.endswith("On the way legs[0].bounds[0] goes down to -0.5.")
     assert abs(low.smallest(0, floor) + 0.5) < SOLVED
+
+
+#: A table that goes up and down once in a time of 1, and a ball that loses speed on it.
+AMPLITUDE, TURN, KEPT = 0.2, 2 * math.pi, 0.6
+
+
+def _table(phase):
+    return AMPLITUDE * jnp.sin(phase), AMPLITUDE * TURN * jnp.cos(phase)
+
+
+def _off_the_table(y, phase):
+    """The height and the velocity of a ball after it has met the table."""
+    speed = _table(phase)[1]
+    return y.at[1].set(speed - KEPT * (y[1] - speed))
+
+
+class OnTable(events.Event):
+    """The height above the table, whose phase is an entry of the state or a function of time."""
+
+    in_state: bool = eqx.field(static=True)
+
+    def value(self, t, y):
+        return y[0] - _table(y[2] if self.in_state else TURN * t)[0]
+
+
+def _met(t, y):
+    del t
+    return _off_the_table(y, y[2])
+
+
+def _met_in_time(t, y):
+    return _off_the_table(y, TURN * t)
+
+
+def _turned_once(end, start):
+    return (end - start).at[2].add(-2 * math.pi)
+
+
+def test_a_ball_on_a_table_that_goes_up_and_down_with_its_phase_in_the_state():
+    scene = jaxdyn.ode(lambda t, y: [y[1], -G + 0.0 * y[0], TURN], [0.0, 5.0, 1.0], 1.0)
+    leg = orbits.Leg(scene, (OnTable(True),), _met)
+    found = orbits.find_hybrid([leg], [0.1, 5.0, 1.0], [0.9], closes=_turned_once)
+    # It meets the table where that rises at g T / 2 (1 - e) / (1 + e), and leaves at g T / 2.
+    phase = math.acos(G / 2 * (1 - KEPT) / (1 + KEPT) / (AMPLITUDE * TURN))
+    assert abs(found.period - 1.0) < SOLVED
+    assert gap(found.y0, [AMPLITUDE * math.sin(phase), G / 2, phase]) < SOLVED
+
+
+@pytest.mark.parametrize(
+    ("leg", "name"),
+    [
+        (lambda scene: orbits.Leg(scene, (OnTable(False),), _met), r"ends\[0\]"),
+        (lambda scene: orbits.Leg(scene, (OnTable(True),), _met_in_time), "change"),
+        (lambda scene: orbits.Leg(scene, (), _met, bounds=(OnTable(False),)), r"bounds\[0\]"),
+        (lambda scene: orbits.Leg(scene, (events.Every(1.0),), _met), r"ends\[0\]"),
+    ],
+)
+def test_what_depends_on_time_is_refused(leg, name):
+    scene = jaxdyn.ode(lambda t, y: [y[1], -G + 0.0 * y[0], TURN], [0.0, 5.0, 1.0], 1.0)
+    message = rf"^legs\[0\]\.{name}: expected a function of the state alone, got one that depends"
+    with pytest.raises(ValueError, match=message):
+        orbits.find_hybrid([leg(scene)], [0.1, 5.0, 1.0], [0.9])
 
 
 def test_the_derivatives_of_a_chain_are_those_of_differences():
