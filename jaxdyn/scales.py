@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _RADIAN = "rad"
 _UNSPECIFIED = "1"
 #: Products with |J| before its growth is measured, and those over which it is: an even number,
-#: since the sizes of places and velocities are exchanged by each.
+#: since the sizes of places and velocities are exchanged by each; four, for two square roots.
 _PRODUCTS_BEFORE, _PRODUCTS = 2, 4
 _MEASURED = _PRODUCTS_BEFORE + _PRODUCTS
 #: Times in which sizes are carried on at least, besides those that reach further entries.
@@ -189,7 +189,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         kept = lax.max(now.here * here, now.kept * shrink * u)
         new = groups.sizes(lax.max(kept, lax.max(by_rate * moved, by_others * carried)))
         new = lax.select(new < np.inf, new, u)
-        growth = _most(new, before) ** (1 / _PRODUCTS)
+        growth = lax.sqrt(lax.sqrt(_most(new, before)))  # per product; a power compiles long
         tau = lax.select(n == _MEASURED, 1 / lax.max(growth, 1 / span), tau)
         before = lax.select(n == _PRODUCTS_BEFORE, new, before)
         step = lax.select(n <= _MEASURED, tau, shrink * step)
@@ -235,13 +235,14 @@ def _by_its_change(
         return lax.select(x > _TIMES_NOISE * noise, x, jnp.zeros_like(x))
 
     change = known(lax.abs(then - f)) / _or(_AHEAD * horizon, jnp.ones_like(span))
-    moves, turns = groups.largest(known(lax.abs(f))), groups.largest(change)
+    moves, turns = groups.largest(jnp.stack([known(lax.abs(f)), change], -1)).T
     turns = lax.select(turns < np.inf, turns, jnp.zeros_like(turns))
     # What is rounding beside the way of the motion is as good as zero: no time is read from it.
     way = jnp.finfo(y0.dtype).eps * horizon * moves
     there = lax.select(here > way, here, jnp.zeros_like(here))
-    speed = lax.max(_most(moves, there), lax.sqrt(_most(turns, there)))
-    speed = lax.max(speed, _most(lax.select(there > 0, jnp.zeros_like(turns), turns), moves))
+    speeds = lax.max(_ratio(moves, there), lax.sqrt(_ratio(turns, there)))
+    begins = _ratio(lax.select(there > 0, jnp.zeros_like(turns), turns), moves)
+    speed = lax.reduce_max(lax.max(speeds, begins), (0,))
     tau = 1 / lax.max(speed, 1 / span)
     sizes = groups.sizes(lax.max(here, tau * lax.max(moves, tau * turns)))
     return Scales(sizes, tau, noise), f
@@ -301,9 +302,13 @@ def _finite(x: Array) -> Array:
 
 def _most(a: Array, b: Array) -> Array:
     """() the most of a / b, of numbers that are not negative, where b is positive; else 0."""
+    return lax.reduce_max(_ratio(a, b), (0,))
+
+
+def _ratio(a: Array, b: Array) -> Array:
+    """a / b, of numbers that are not negative, where b is positive; else 0."""
     positive = b > 0
-    ratio = lax.select(positive, a, jnp.zeros_like(a)) / lax.select(positive, b, jnp.ones_like(b))
-    return lax.reduce_max(ratio, (0,))
+    return lax.select(positive, a, jnp.zeros_like(a)) / lax.select(positive, b, jnp.ones_like(b))
 
 
 def _or(a: Array, b: Array) -> Array:

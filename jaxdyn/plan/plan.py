@@ -67,9 +67,10 @@ class Plan:
             (rate,) = whole.program(program, _inputs(leaves, t, y))
             results.append(rate.on)
             part = Walk(None, time_only=True, waves=waves)
-            part.results(part.program(program, _inputs(leaves, t, y)))
             deep = Walk(None, every_call=True)
-            deep.program(program, _inputs(leaves, t, y))
+            if rate.on & OF_TIME:  # most rates do not depend on time, and need no more walks
+                part.results(part.program(program, _inputs(leaves, t, y)))
+                deep.program(program, _inputs(leaves, t, y))
             found.extend([whole, part, deep])
             return rate.array
 

@@ -280,14 +280,15 @@ def _compared(counts: Sequence[int]) -> int:
     return len(counts) - max(1, len(counts) // 3)
 
 
-def _weights(counts: Sequence[int]) -> list[Fraction]:
+@functools.cache  # asked for at a hundred step lengths where stability ends
+def _weights(counts: tuple[int, ...]) -> tuple[Fraction, ...]:
     """Weights of the columns in the extrapolation to substeps of length zero."""
 
     def weight(n: int) -> Fraction:
         factors = (Fraction(n * n, n * n - m * m) for m in counts if m != n)
         return functools.reduce(lambda a, b: a * b, factors, Fraction(1))
 
-    return [weight(n) for n in counts]
+    return tuple(weight(n) for n in counts)
 
 
 #: The second takes as long for errors of 1e-6, and 0.8 of the time for 1e-12.
