@@ -158,8 +158,10 @@ def absolute(tolerance: Array, sizes: Array) -> Array:
 def _of_tangents(state: Array, tangents: Array) -> Array:
     """Sizes (k, c) of tangents whose entries have magnitudes (k, c); see above.
 
-    Entries of a state without a size, which never move, have tangents of their own sizes.
+    Entries of a state without a size, which never move, have tangents as large as the largest of
+    these in their column: of a state at rest all, which may decay next to one that grows.
     """
     moves = (state > 0)[:, None]
     parts = jnp.where(moves, tangents / jnp.where(moves, state[:, None], 1.0), 0.0)
-    return jnp.where(moves, state[:, None] * jnp.max(parts, axis=0)[None], tangents)
+    still = jnp.max(jnp.where(moves, 0.0, tangents), axis=0)[None]
+    return jnp.where(moves, state[:, None] * jnp.max(parts, axis=0)[None], still)
