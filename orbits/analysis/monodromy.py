@@ -91,4 +91,4 @@ def _displacement(orbit: Orbit, end: Array) -> Array:
 def _rotation_back(orbit: Orbit) -> Array:
     """(k, k) derivative of the start of a relative orbit by the end of its period."""
     system, closing = orbit.scene.system, orbit.closing
-    return jax.jacfwd(lambda y: closing.after(system, y, -orbit.angle, 1))(orbit.scene.y0)
+    return jax.jacfwd(lambda y: closing.after(system, y, orbit.angle, -1))(orbit.scene.y0)
