@@ -163,6 +163,21 @@ def map_verdict(found: Eigenvalues, conservative) -> np.ndarray:
     return np.where(np.asarray(conservative) & (growing != "unstable"), held, growing)
 
 
+def mirrored(found: Eigenvalues) -> Eigenvalues:
+    """The eigenvalues (k,) of a symplectic map, with bars at least as wide as these show.
+
+    To each belongs another one, z and w with z conj(w) = 1; both are wrong by what is missing. A
+    pair that is alone is its own image: that its absolute value is not 1 is an error.
+    """
+    values, bars = found
+    off = np.abs(values[:, None] * np.conj(values) - 1)
+    size = np.abs(values)
+    seen = size[:, None] * bars + size * bars[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wider = (off / seen).min(axis=1, initial=np.inf)
+    return Eigenvalues(values, np.where(wider > 1, wider * bars, bars))
+
+
 def _verdict(growth: np.ndarray, bars: np.ndarray) -> np.ndarray:
     decided = np.where((growth < -bars).all(axis=-1), "stable", "undecided")
     return np.where((growth > bars).any(axis=-1), "unstable", decided)

@@ -53,7 +53,7 @@ def returned_map(orbit: Orbit, rtol) -> tuple[Array, Array]:
     plain = type(scene.system).difference is System.difference  # its derivative is the unit matrix
     m = m if plain else _displacement(orbit, end) @ m
     # Not by solving: the inverse rotation is exact to rounding.
-    return (_rotation_back(orbit) @ m if closing.turns else m), status
+    return (rotation_back(orbit) @ m if closing.turns else m), status
 
 
 def _by_integration(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
@@ -88,7 +88,7 @@ def _displacement(orbit: Orbit, end: Array) -> Array:
 
 
 @jax.jit
-def _rotation_back(orbit: Orbit) -> Array:
+def rotation_back(orbit: Orbit) -> Array:
     """(k, k) derivative of the start of a relative orbit by the end of its period."""
     system, closing = orbit.scene.system, orbit.closing
     return jax.jacfwd(lambda y: closing.after(system, y, orbit.angle, -1))(orbit.scene.y0)

@@ -31,7 +31,7 @@ def first_member(surface: Surface, point: Point, sign: float) -> Member:
     member = member_at(surface, point, tangent, nothing)
     alike = _same_scene(surface, ways)
     # A family within one scene needs an integral. Each one that the scene names accounts for one.
-    unnamed = alike.shape[1] - member.stability.integrals
+    unnamed = alike.shape[1] - (member.stability.integrals - member.stability.unnamed)
     if not member.stability.ok or unnamed <= 0:
         return member
     return member_at(surface, point, tangent, _aligned(alike, tangent)[:, :unnamed])

@@ -10,6 +10,7 @@ from jaxdyn.analysis.eigenvalues import (
     eigenvalues,
     map_eigenvalues,
     map_verdict,
+    mirrored,
     rate_eigenvalues,
     rate_verdict,
 )
@@ -153,3 +154,22 @@ CIRCLE = np.exp(2j * np.pi * np.array([0.1, -0.1, 0.3, -0.3]))
 def test_verdicts_keep_away_from_their_bars(values, bar, conservative, verdict):
     found = Eigenvalues(values, np.full(len(values), SAFETY * bar))
     assert str(map_verdict(found, conservative)) == verdict
+
+
+def test_bars_of_a_symplectic_map_are_at_least_what_its_pairs_miss():
+    # A pair that is alone is on the circle, however narrow its bars are said to be.
+    pair = (1 + 1e-8) * CIRCLE[:2]
+    found = mirrored(Eigenvalues(pair, np.full(2, 1e-12)))
+    assert (found.bars >= 0.99e-8).all()
+    assert str(map_verdict(found, True)) == "stable"
+    # One that has its images keeps its bars: real, or four complex ones.
+    for values in (
+        np.array([1e6, -1.2, -1 / 1.2, 1e-6]),
+        1.5 ** np.array([1, 1, -1, -1]) * CIRCLE[[0, 1, 0, 1]],
+    ):
+        kept = mirrored(Eigenvalues(values.astype(complex), np.full(4, 1e-9)))
+        np.testing.assert_array_equal(kept.bars, np.full(4, 1e-9))
+        assert str(map_verdict(kept, True)) == "unstable"
+    alone = mirrored(Eigenvalues(np.array([1.5, 1 / 1.6], complex), np.full(2, 1e-9)))
+    assert (alone.bars > 0.02).all()
+    assert len(mirrored(Eigenvalues(np.zeros(0, complex), np.zeros(0))).bars) == 0
