@@ -18,6 +18,7 @@ multipliers then say, "stable", "unstable" or "undecided", is `map_verdict` of t
 """
 
 import dataclasses
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +30,7 @@ from jaxdyn.analysis.eigenvalues import (
     ROUNDING,
     SAFETY,
     Eigenvalues,
+    bounded,
     map_eigenvalues,
     map_verdict,
     mirrored,
@@ -45,13 +47,20 @@ from jaxdyn.analysis.monodromy import (
 )
 from jaxdyn.integrate.trajectory import explained
 from jaxdyn.status import IntegrationError
-from orbits.analysis.monodromy import returned, rotation_back, tangents, tangents_in
+from orbits.analysis.monodromy import (
+    log_determinant,
+    returned,
+    rotation_back,
+    tangents,
+    tangents_in,
+)
 from orbits.closing.sizes import sizes
 from orbits.orbit import Orbit
 from orbits.shooting import trivial
 from orbits.shooting.units import map_in_units
 
 _CLOSER = 10.0  # the third tolerance, as a multiple of the first
+_VAGUE = 0.1  # a multiplier with wider bars may be inside or outside of the unit circle
 _LOOSEST = 1e-9  # first tolerance above which runs may take the same few steps, and tell nothing
 
 
@@ -75,6 +84,7 @@ class Stability:
         system has no canonical coordinates and its rate keeps no constant form J that can be found.
       determinant_defect: |det M - 1|, the same.
       monodromy: (d, d) the matrix M, in the basis `tangents`.
+      growth: norm of the same matrix, of states in units of their sizes.
       status: of the integration over the period; unless it is OK every number is NaN and the
         verdict "undecided".
     """
@@ -90,6 +100,7 @@ class Stability:
     symplectic_defect: float | None
     determinant_defect: float | None
     monodromy: np.ndarray
+    growth: float = math.nan
     status: Status = Status.OK
 
     @_text.never_raising
@@ -181,7 +192,10 @@ def stability(
 
     def judged(*known) -> tuple[Eigenvalues, str]:
         found = _widened(map_eigenvalues(reduced, error, *known), split, m)
-        found = mirrored(found) if form.kept else found
+        if form.kept:
+            found = mirrored(bounded(found, 0.0))
+        elif (found.bars > np.maximum(_VAGUE, np.abs(found.values))).any():
+            found = bounded(found, *log_determinant(orbit))
         return found, str(map_verdict(found, form.kept))
 
     found, verdict = judged()
@@ -204,6 +218,7 @@ def stability(
         symplectic_defect=form.defect,
         determinant_defect=None if form.defect is None else float(abs(np.linalg.det(m) - 1)),
         monodromy=_in_entries(scene, m, basis, each),
+        growth=float(norm(m)),
     )
 
 

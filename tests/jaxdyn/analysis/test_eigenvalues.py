@@ -7,6 +7,7 @@ from helpers import gap
 from jaxdyn.analysis.eigenvalues import (
     SAFETY,
     Eigenvalues,
+    bounded,
     eigenvalues,
     map_eigenvalues,
     map_verdict,
@@ -173,3 +174,19 @@ def test_bars_of_a_symplectic_map_are_at_least_what_its_pairs_miss():
     alone = mirrored(Eigenvalues(np.array([1.5, 1 / 1.6], complex), np.full(2, 1e-9)))
     assert (alone.bars > 0.02).all()
     assert len(mirrored(Eigenvalues(np.zeros(0, complex), np.zeros(0))).bars) == 0
+
+
+def test_the_vaguest_eigenvalue_is_what_the_others_leave_of_the_product():
+    exact = np.array([2e8, -3.0, 1e-9])
+    vague = Eigenvalues(exact * [1, 1, 0] + [0, 0, 0.03 + 0j], np.array([2e3, 1e-5, 0.1]))
+    found = bounded(vague, np.log(-exact.prod()), 1e-6)
+    np.testing.assert_array_equal(found.values[:2], vague.values[:2])
+    assert abs(found.values[2] + exact[2]) < 1e-20  # with the sign of a positive product
+    assert 1e-14 < found.bars[2] < 1e-13
+    # Two that are vague leave one of their product open, and none is known without bars.
+    for bars in ([1e9, 1e-5, 0.1], [2e3, 4.0, 0.1]):
+        both = Eigenvalues(vague.values, np.array(bars))
+        np.testing.assert_array_equal(bounded(both, 0.0).bars, bars)
+    sharp = Eigenvalues(np.array([2.0 + 0j, 0.5]), np.full(2, 1e-15))
+    np.testing.assert_array_equal(bounded(sharp, 0.0, 1e-9).bars, sharp.bars)
+    assert len(bounded(Eigenvalues(np.zeros(0, complex), np.zeros(0)), 0.0).values) == 0

@@ -94,6 +94,17 @@ def test_the_product_is_the_exponential_of_the_divergence():
     assert result.verdict == "stable"
 
 
+def test_a_multiplier_below_the_rounding_of_another_follows_from_the_divergence():
+    # exp(10 pi) and exp(-4 pi): in doubles the matrix does not hold the second one.
+    scene = jaxdyn.ode(odes.askew, odes.ASKEW[:, 0], 2 * np.pi, params=5.0)
+    result = orbits.stability(orbit_of(scene))
+    large, small = np.exp(10 * np.pi), np.exp(-4 * np.pi)
+    assert np.linalg.norm(result.monodromy) * np.finfo(float).eps > 1e3 * small
+    assert (np.abs(result.nontrivial - [large, small]) < result.bars).all()
+    assert result.bars[1] < 0.1 * small
+    assert (result.verdict, result.unit) == ("unstable", 1)
+
+
 @pytest.mark.parametrize("e", [0.2, 0.6])
 def test_all_multipliers_of_a_kepler_ellipse_are_one(e):
     result = orbits.stability(orbit_of(kepler(e)))
