@@ -60,6 +60,17 @@ from orbits.shooting import trivial
 from orbits.shooting.units import map_in_units
 
 _CLOSER = 10.0  # the third tolerance, as a multiple of the first
+_EXACT_BARS = 1e-11  # a multiplier that these leave within them is one to more digits, too
+_WIDE = (
+    "The bars of the multipliers leave open on which side of the unit circle they are, or whether "
+    "they have met. More digits decide it, in minutes: orbits.refine(orbit, 30).stability(); where "
+    "the closing equations cannot be posed, find the orbit by closing=orbits.reversal(...) first."
+)
+_OPEN = (
+    "Multipliers lie on the unit circle, or meet there, to all digits: linear terms do not decide "
+    "the stability. An integral or a symmetry that forces them to be there can be named in the "
+    "scene (energy=, integrals=)."
+)
 _VAGUE = 0.1  # a multiplier with wider bars may be inside or outside of the unit circle
 _LOOSEST = 1e-9  # first tolerance above which runs may take the same few steps, and tell nothing
 
@@ -84,6 +95,7 @@ class Stability:
         system has no canonical coordinates and its rate keeps no constant form J that can be found.
       determinant_defect: |det M - 1|, the same.
       monodromy: (d, d) the matrix M, in the basis `tangents`.
+      conservative: whether the rate is proved, to rounding, to keep a symplectic form.
       growth: norm of the same matrix, of states in units of their sizes.
       status: of the integration over the period; unless it is OK every number is NaN and the
         verdict "undecided".
@@ -100,6 +112,7 @@ class Stability:
     symplectic_defect: float | None
     determinant_defect: float | None
     monodromy: np.ndarray
+    conservative: bool = False
     growth: float = math.nan
     status: Status = Status.OK
 
@@ -111,6 +124,7 @@ class Stability:
             ("equal to 1", f"{self.unit}: {', '.join(self.reasons)}" if self.unit else ""),
             ("rotation", ", ".join(f"{nu:.9g}" for nu in known)),
             ("status", "" if self.ok else f"{self.status.name}: {self.message}"),
+            ("open", self.message if self.ok and self.verdict == "undecided" else ""),
         ]
         return _text.table(f"Stability: {self.verdict}", rows)
 
@@ -132,8 +146,10 @@ class Stability:
 
     @property
     def message(self) -> str:
-        """How the integration over the period ended and what to try."""
-        return self.status.message
+        """How the integration over the period ended, or what leaves the verdict open; a remedy."""
+        if not self.ok or self.verdict != "undecided":
+            return self.status.message
+        return _WIDE if (self.bars > _EXACT_BARS).any() else _OPEN
 
 
 @check_first
@@ -213,11 +229,12 @@ def stability(
         unit=unit,
         integrals=split.b.shape[1],
         reasons=split.reasons,
-        exponents=_rotation_numbers(nontrivial, bars),
+        exponents=rotation_numbers(nontrivial, bars),
         verdict=verdict,
         symplectic_defect=form.defect,
         determinant_defect=None if form.defect is None else float(abs(np.linalg.det(m) - 1)),
         monodromy=_in_entries(scene, m, basis, each),
+        conservative=form.kept,
         growth=float(norm(m)),
     )
 
@@ -291,7 +308,7 @@ def _unknown(d: int, status: Status) -> Stability:
     )
 
 
-def _rotation_numbers(values: np.ndarray, bars: np.ndarray) -> tuple[float | None, ...]:
+def rotation_numbers(values: np.ndarray, bars: np.ndarray) -> tuple[float | None, ...]:
     """One entry per pair (lambda, 1 / lambda) or (lambda, conj lambda)."""
     left = list(range(len(values)))
     numbers: list[float | None] = []

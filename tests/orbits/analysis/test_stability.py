@@ -14,7 +14,7 @@ import orbits
 from jaxdyn import Effect, IntegrationError, Scene, Status
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
-from orbits.analysis.stability import _rotation_numbers
+from orbits.analysis.stability import rotation_numbers
 from orbits.orbit import Orbit, Outcome
 
 
@@ -276,15 +276,15 @@ def test_a_tolerance_too_loose_shows_in_the_bars_and_the_verdict():
 CIRCLE = np.exp(2j * np.pi * np.array([0.1, -0.1, 0.3, -0.3]))
 
 
-def test_rotation_numbers_come_by_pairs():
+def testrotation_numbers_come_by_pairs():
     values = np.array([2.0, CIRCLE[2], CIRCLE[3], 0.5, CIRCLE[0], CIRCLE[1]])
-    numbers = _rotation_numbers(values, np.full(6, 1e-10))
+    numbers = rotation_numbers(values, np.full(6, 1e-10))
     assert numbers[0] is None
     np.testing.assert_allclose(numbers[1:], [0.1, 0.3], atol=1e-15)
-    assert _rotation_numbers(np.array([-2.0 + 0j, -0.5]), np.full(2, 1e-10)) == (None,)
+    assert rotation_numbers(np.array([-2.0 + 0j, -0.5]), np.full(2, 1e-10)) == (None,)
     # A quadruple off the circle: two pairs, their angles counted, one of them each.
     quadruple = np.array([1.2, 1.2, 1 / 1.2, 1 / 1.2]) * CIRCLE[[0, 1, 0, 1]]
-    np.testing.assert_allclose(_rotation_numbers(quadruple, np.full(4, 1e-10)), [0.1, 0.1])
+    np.testing.assert_allclose(rotation_numbers(quadruple, np.full(4, 1e-10)), [0.1, 0.1])
 
 
 def test_a_motion_that_ends_before_its_period_has_no_multipliers():
