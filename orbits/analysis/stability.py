@@ -189,7 +189,7 @@ def stability(
         if throw:
             raise IntegrationError(explained(status, scene))
         return _unknown(len(m), status)
-    form = _form(scene, m, basis, each)
+    form = _form(scene, m, float(uncertainty(m, coarse, rtol)), basis, each)
     split = trivial.Monodromy(
         scene=scene,
         m=m,
@@ -274,8 +274,8 @@ class _Form(NamedTuple):
     kept: bool
 
 
-def _form(scene: Scene, m: np.ndarray, basis: np.ndarray, each: np.ndarray) -> _Form:
-    """The form for a map (d, d) in a basis of states in units of sizes `each` (k,)."""
+def _form(scene: Scene, m: np.ndarray, error: float, basis: np.ndarray, each: np.ndarray) -> _Form:
+    """The form for a map (d, d), with its error, in a basis of states in sizes `each` (k,)."""
     form, kept = symplectic_form(scene, scene.y0), True
     if form is not None:
         form = basis.T @ (np.asarray(form) * each * each[:, None]) @ basis
@@ -286,7 +286,8 @@ def _form(scene: Scene, m: np.ndarray, basis: np.ndarray, each: np.ndarray) -> _
         return _Form(None, None, False)
     form = form / (np.abs(form).max() or 1.0)
     defect = float(symplectic_defect(m, form))
-    return _Form(form, defect, kept and defect < SYMPLECTIC)
+    most = max(SYMPLECTIC, 2 * SAFETY * error / max(1.0, float(norm(m))))
+    return _Form(form, defect, kept and defect < most)
 
 
 def _unknown(d: int, status: Status) -> Stability:

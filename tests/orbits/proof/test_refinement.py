@@ -61,15 +61,15 @@ def test_a_cycle_is_refined_without_an_integral():
 
 
 def test_more_digits_decide_what_doubles_leave_open():
-    # Loosely integrated, as a long orbit is at best: its pair at 0.99948 +- 0.03225 i may have met.
+    # Loosely integrated, as a long orbit is at best, it may have its multiplier 1.0035 at 1.
     scene = scenes.henon_heiles().starting([0.0, 0.0, 0.4, 0.0])
-    orbit = orbits.find(scene, period=6.3, hold="y")
-    loose, tight = orbits.stability(orbit, rtol=1e-4), orbits.stability(orbit)
+    orbit = orbits.find(scene, period=6.3)
+    loose, tight = orbits.stability(orbit, rtol=1e-3), orbits.stability(orbit)
     assert loose.verdict == "undecided"
     assert "orbits.refine(orbit, 30).stability()" in loose.message
-    assert loose.message in str(loose).replace("\n           ", "")
+    assert loose.message in " ".join(str(loose).split())
     found = orbits.refine(orbit, 20).stability()
-    assert (found.verdict, found.unit) == (tight.verdict, tight.unit) == ("stable", 2)
+    assert (found.verdict, found.unit) == (tight.verdict, tight.unit) == ("unstable", 2)
     assert (found.bars < tight.bars).all()
     assert (np.abs(found.nontrivial - tight.nontrivial) < tight.bars).all()
     assert found.message == tight.message == jaxdyn.Status.OK.message
