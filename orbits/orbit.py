@@ -95,6 +95,12 @@ class Outcome(Code):
         "The search has taken as long as it may. Its best iterate is in `orbit` with throw=False: "
         "start from there, or raise seconds=.",
     )
+    UNDETERMINED = (
+        16,
+        "Its segments join, but rounding grows so much over the period that no motion from its "
+        "start, in doubles, closes. Start where the orbit is less unstable, look for a shorter "
+        "one, or impose a symmetry: closing=orbits.reversal(...).",
+    )
 
     @property
     def cause(self) -> str:

@@ -1,6 +1,7 @@
 """Differential equations that are no mechanism, as functions for `jaxdyn.ode`."""
 
 import jax.numpy as jnp
+import numpy as np
 
 
 def van_der_pol(t, y, mu):
@@ -97,3 +98,14 @@ def restricted_lagrangian(t, r, v, mu):
 def _from_both(r, mu):
     x = jnp.eye(len(r))[0]
     return r + mu * x, r - (1 - mu) * x
+
+
+#: A rotation of space in which no entry is simple.
+ASKEW = np.linalg.qr(np.array([[1.0, 2.0, 3.0], [-1.0, 1.0, 0.5], [0.3, -2.0, 1.0]]))[0]
+
+
+def askew(t, y, growth):
+    """A circle in a plane, r' = r (1 - r^2), with z' = growth z across it, in turned axes."""
+    x, v, z = jnp.asarray(ASKEW.T) @ y
+    s = 1 - x * x - v * v
+    return jnp.asarray(ASKEW) @ jnp.stack([x * s - v, v * s + x, growth * z])

@@ -163,6 +163,48 @@ def map_verdict(found: Eigenvalues, conservative) -> np.ndarray:
     return np.where(np.asarray(conservative) & (growing != "unstable"), held, growing)
 
 
+def bounded(found: Eigenvalues, log_product: float, error: float = 0.0) -> Eigenvalues:
+    """The eigenvalues (k,), the vaguest of them from the others and the product of all.
+
+    Where the others are known to less than themselves it is the product over theirs: of a map whose
+    eigenvalues differ by more than rounding, the smallest would be noise.
+
+    Args:
+      found: the eigenvalues.
+      log_product: logarithm of the determinant, which is positive.
+      error: of that.
+    """
+    values, bars = (np.array(x) for x in found)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        unsure = np.where(bars > 0, bars / np.abs(values), 0.0)
+    if not len(values):
+        return found
+    i = int(np.argmax(unsure))
+    others = np.arange(len(values)) != i
+    if not (unsure[others] < 1).all():
+        return found
+    value = np.exp(log_product - np.log(values[others]).sum())
+    bar = np.abs(value) * np.expm1(error - np.log1p(-unsure[others]).sum())
+    if bar < bars[i]:
+        values[i], bars[i] = value, bar
+    return Eigenvalues(values, bars)
+
+
+def mirrored(found: Eigenvalues) -> Eigenvalues:
+    """The eigenvalues (k,) of a symplectic map, with bars at least as wide as these show.
+
+    To each belongs another one, z and w with z conj(w) = 1; both are wrong by what is missing. A
+    pair that is alone is its own image: that its absolute value is not 1 is an error.
+    """
+    values, bars = found
+    off = np.abs(values[:, None] * np.conj(values) - 1)
+    size = np.abs(values)
+    seen = size[:, None] * bars + size * bars[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wider = (off / seen).min(axis=1, initial=np.inf)
+    return Eigenvalues(values, np.where(wider > 1, wider * bars, bars))
+
+
 def _verdict(growth: np.ndarray, bars: np.ndarray) -> np.ndarray:
     decided = np.where((growth < -bars).all(axis=-1), "stable", "undecided")
     return np.where((growth > bars).any(axis=-1), "unstable", decided)

@@ -1,6 +1,7 @@
 """The monodromy matrix: the linear map of perturbations over one period; symplectic forms."""
 
 import itertools
+import math
 from collections.abc import Sequence
 
 import jax
@@ -25,6 +26,7 @@ _MOST_ENTRIES = 16  # of a state; with 36 a search takes 0.7 s
 _SPREAD = 0.3  # of the states, in parts of each entry's size
 _ROUNDING = 1e-6  # entries below this part of the largest may be rounding
 _NULL = 1e-9  # singular values below this part of the largest are 0
+_KEPT = 1e-12  # change of a form along the flow, relative to its terms, that is rounding
 _REGULAR = 1e-3  # smallest over largest singular value of a form that is none too singular
 #: Weights by which independent forms are summed: each sum may be singular.
 WEIGHTS = ((1, 1, 1, 1, 1, 1), (1, 2, 3, 5, 7, 11), (3, -1, 2, 7, -5, 1))
@@ -91,21 +93,44 @@ def symplectic_form(scene: Scene, y0: Array) -> Array | None:
 
     None where there are no canonical coordinates.
     """
-    if jax.eval_shape(_canonical, scene, y0) is None or len(y0) % 2:
+    if jax.eval_shape(_canonical, scene, jnp.zeros(()), y0) is None or len(y0) % 2:
         return None
-    return _form(scene, y0)
+    return _form(scene, jnp.zeros(()), y0)
+
+
+def form_change(scene: Scene, t, y: Array, each: np.ndarray) -> float:
+    """How fast that form changes along the flow: 0 if its maps are symplectic, else up to 1.
+
+    Its largest entry on tangents of the constraint surface, in sizes `each` (k,) of the entries,
+    over that of the terms whose sum it is; NaN where there are no canonical coordinates.
+    """
+    if symplectic_form(scene, y) is None:
+        return math.nan
+    slopes, moved = map(np.asarray, _form_slopes(scene, t, y))
+    basis = each[:, None] * np.linalg.qr(tangents(scene, np.asarray(y)) / each[:, None])[0]
+    slopes, moved = (basis.T @ x @ basis for x in (slopes, moved))
+    size = np.abs(slopes).max(initial=0.0) + np.abs(moved).max(initial=0.0)
+    return float(np.abs(slopes - slopes.T + moved).max(initial=0.0) / (size or 1.0))
 
 
 @jax.jit
-def _canonical(scene: Scene, y0: Array) -> Array | None:
-    return scene.system.canonical(jnp.zeros(()), y0)
+def _canonical(scene: Scene, t, y0: Array) -> Array | None:
+    return scene.system.canonical(t, y0)
 
 
 @jax.jit
-def _form(scene: Scene, y0: Array) -> Array:
-    c = jax.jacfwd(_canonical, argnums=1)(scene, y0)
+def _form(scene: Scene, t, y0: Array) -> Array:
+    c = jax.jacfwd(_canonical, argnums=2)(scene, t, y0)
     q, p = jnp.split(c, 2)
     return q.T @ p - p.T @ q
+
+
+@jax.jit
+def _form_slopes(scene: Scene, t, y: Array) -> tuple[Array, Array]:
+    """(k, k) J Df, and the change of J along the motion."""
+    rate = scene.rate(t, y)
+    form, moved = jax.jvp(lambda *at: _form(scene, *at), (t, y), (jnp.ones_like(t), rate))
+    return form @ jax.jacfwd(scene.rate, argnums=1)(t, y), moved
 
 
 @check_first
@@ -142,7 +167,10 @@ def kept_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray | None
         total = sum((w * form for w, form in zip(itertools.cycle(weights), forms)), 0 * slopes[0])
         s = np.linalg.svd(total, compute_uv=False)
         if s[-1] > _REGULAR * s[0]:
-            return total / s[0]
+            by = total @ slopes
+            change = np.abs(by - by.transpose(0, 2, 1)).max(axis=(1, 2))
+            # A little damping is nearly none.
+            return total / s[0] if (change <= _KEPT * np.abs(by).max(axis=(1, 2))).all() else None
     return None
 
 

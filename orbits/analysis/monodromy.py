@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 
 import jax
 import jax.numpy as jnp
@@ -12,12 +13,15 @@ from jaxdyn import Scene, Status, System
 from jaxdyn.analysis.monodromy import monodromy as monodromy
 from jaxdyn.analysis.monodromy import tangents as tangents
 from orbits.closing.closings import PLAIN
+from orbits.motion import solved
 from orbits.orbit import Orbit
 from orbits.shooting.collocation.steps import NODES, linearised_steps
 from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.segment import Piece, linearised_end
 from orbits.shooting.units import map_in_units
 
+_SAMPLES = 1024  # of a period, for the mean of the divergence
+_ROUNDING = 1e-12  # of that, relative to its size
 _FEWER = 2  # nodes, for a second opinion on an orbit by collocation
 
 
@@ -53,7 +57,30 @@ def returned_map(orbit: Orbit, rtol) -> tuple[Array, Array]:
     plain = type(scene.system).difference is System.difference  # its derivative is the unit matrix
     m = m if plain else _displacement(orbit, end) @ m
     # Not by solving: the inverse rotation is exact to rounding.
-    return (_rotation_back(orbit) @ m if closing.turns else m), status
+    return (rotation_back(orbit) @ m if closing.turns else m), status
+
+
+def log_determinant(orbit: Orbit) -> tuple[float, float]:
+    """The logarithm of the monodromy matrix's determinant, and its error; NaN if it is not known.
+
+    By Liouville's theorem the integral of the divergence of the rate, which is the same however
+    much the motion is unstable. The rate must be one of as many entries as degrees of freedom.
+    """
+    scene = orbit.scene
+    if type(scene.system).project is not System.project:
+        return math.nan, math.nan
+    ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
+    flow = solved(scene, orbit.period, ts=ts, rtol=orbit.rtol, solver=orbit.solver)
+    found = np.asarray(_divergences(scene, jnp.asarray(ts), flow.ys))
+    # The mean of a smooth periodic function over equal times; half of them show its error.
+    whole, half = (float(orbit.period * x.mean()) for x in (found, found[::2]))
+    return whole, abs(whole - half) + _ROUNDING * float(orbit.period * np.abs(found).max())
+
+
+@jax.jit
+def _divergences(scene: Scene, ts: Array, ys: Array) -> Array:
+    """(s,) the divergence of the rate at times and states (s, k)."""
+    return jax.vmap(lambda t, y: jnp.trace(jax.jacfwd(scene.rate, argnums=1)(t, y)))(ts, ys)
 
 
 def _by_integration(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
@@ -88,7 +115,7 @@ def _displacement(orbit: Orbit, end: Array) -> Array:
 
 
 @jax.jit
-def _rotation_back(orbit: Orbit) -> Array:
+def rotation_back(orbit: Orbit) -> Array:
     """(k, k) derivative of the start of a relative orbit by the end of its period."""
     system, closing = orbit.scene.system, orbit.closing
-    return jax.jacfwd(lambda y: closing.after(system, y, -orbit.angle, 1))(orbit.scene.y0)
+    return jax.jacfwd(lambda y: closing.after(system, y, orbit.angle, -1))(orbit.scene.y0)

@@ -8,6 +8,8 @@ the test |multiplier| > 1 would be random. They are removed first, as a block.
 `trivial` finds those directions. M maps the common kernel N of the integrals' gradients to
 itself, and the symmetries' generators inside it, G, to themselves; the quotient, M on N / G,
 has exactly the non-trivial multipliers for eigenvalues, well conditioned unless two of them meet.
+Where the scene is conservative M is symplectic, which is known better than M: that is proved from
+the rate, and the multipliers then come in pairs (`mirrored`).
 
 Each gets an error bar (see `jaxdyn.analysis.eigenvalues`), from the change of M between two
 tolerances and its rounding. Where that settles nothing, as for a multiplier of 1.0036 of an orbit
@@ -16,13 +18,25 @@ multipliers then say, "stable", "unstable" or "undecided", is `map_verdict` of t
 """
 
 import dataclasses
+import math
+from typing import NamedTuple
 
 import numpy as np
 
 from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import untraced
 from jaxdyn._records.kinds import check_first
-from jaxdyn.analysis.eigenvalues import ROUNDING, map_eigenvalues, map_verdict, norm, with_bars
+from jaxdyn.analysis.eigenvalues import (
+    ROUNDING,
+    SAFETY,
+    Eigenvalues,
+    bounded,
+    map_eigenvalues,
+    map_verdict,
+    mirrored,
+    norm,
+    with_bars,
+)
 from jaxdyn.analysis.monodromy import (
     SYMPLECTIC,
     coarser,
@@ -33,12 +47,31 @@ from jaxdyn.analysis.monodromy import (
 )
 from jaxdyn.integrate.trajectory import explained
 from jaxdyn.status import IntegrationError
-from orbits.analysis.monodromy import returned, tangents, tangents_in
+from orbits.analysis.monodromy import (
+    log_determinant,
+    returned,
+    rotation_back,
+    tangents,
+    tangents_in,
+)
 from orbits.closing.sizes import sizes
 from orbits.orbit import Orbit
 from orbits.shooting import trivial
+from orbits.shooting.units import map_in_units
 
 _CLOSER = 10.0  # the third tolerance, as a multiple of the first
+_EXACT_BARS = 1e-11  # a multiplier that these leave within them is one to more digits, too
+_WIDE = (
+    "The bars of the multipliers leave open on which side of the unit circle they are, or whether "
+    "they have met. More digits decide it, in minutes: orbits.refine(orbit, 30).stability(); where "
+    "the closing equations cannot be posed, find the orbit by closing=orbits.reversal(...) first."
+)
+_OPEN = (
+    "Multipliers lie on the unit circle, or meet there, to all digits: linear terms do not decide "
+    "the stability. An integral or a symmetry that forces them to be there can be named in the "
+    "scene (energy=, integrals=)."
+)
+_VAGUE = 0.1  # a multiplier with wider bars may be inside or outside of the unit circle
 _LOOSEST = 1e-9  # first tolerance above which runs may take the same few steps, and tell nothing
 
 
@@ -62,6 +95,8 @@ class Stability:
         system has no canonical coordinates and its rate keeps no constant form J that can be found.
       determinant_defect: |det M - 1|, the same.
       monodromy: (d, d) the matrix M, in the basis `tangents`.
+      conservative: whether the rate is proved, to rounding, to keep a symplectic form.
+      growth: norm of the same matrix, of states in units of their sizes.
       status: of the integration over the period; unless it is OK every number is NaN and the
         verdict "undecided".
     """
@@ -77,6 +112,8 @@ class Stability:
     symplectic_defect: float | None
     determinant_defect: float | None
     monodromy: np.ndarray
+    conservative: bool = False
+    growth: float = math.nan
     status: Status = Status.OK
 
     @_text.never_raising
@@ -87,6 +124,7 @@ class Stability:
             ("equal to 1", f"{self.unit}: {', '.join(self.reasons)}" if self.unit else ""),
             ("rotation", ", ".join(f"{nu:.9g}" for nu in known)),
             ("status", "" if self.ok else f"{self.status.name}: {self.message}"),
+            ("open", self.message if self.ok and self.verdict == "undecided" else ""),
         ]
         return _text.table(f"Stability: {self.verdict}", rows)
 
@@ -102,9 +140,16 @@ class Stability:
         return self.status == Status.OK
 
     @property
+    def unnamed(self) -> int:
+        """How many of the integrals the scene does not name; they follow from its symmetries."""
+        return trivial.unnamed(self.reasons)
+
+    @property
     def message(self) -> str:
-        """How the integration over the period ended and what to try."""
-        return self.status.message
+        """How the integration over the period ended, or what leaves the verdict open; a remedy."""
+        if not self.ok or self.verdict != "undecided":
+            return self.status.message
+        return _WIDE if (self.bars > _EXACT_BARS).any() else _OPEN
 
 
 @check_first
@@ -144,39 +189,69 @@ def stability(
         if throw:
             raise IntegrationError(explained(status, scene))
         return _unknown(len(m), status)
-    doubt = float(np.linalg.norm(m - coarse))
-    kernel, reasons, turned = trivial.kernel(scene, m, doubt, basis, each)
-    along = np.zeros((len(each), 0)) if along is None else along
-    q, generators, shifted = trivial.complement(scene, m, doubt, kernel, basis, each, along)
+    form = _form(scene, m, float(uncertainty(m, coarse, rtol)), basis, each)
+    split = trivial.Monodromy(
+        scene=scene,
+        m=m,
+        doubt=float(np.linalg.norm(m - coarse)),
+        basis=basis,
+        each=each,
+        ahead=orbit.closing.after(scene.system, scene.y0, orbit.angle, 1),
+        back=_back(orbit, each),
+        form=form.matrix if form.kept else None,
+        along=np.zeros((len(each), 0)) if along is None else along,
+    ).split()
+    q = split.q
     reduced = q.T @ m @ q
     # The rounding error is that of the whole matrix.
     error = uncertainty(reduced, q.T @ coarse @ q, rtol) + ROUNDING * norm(m)
-    found = map_eigenvalues(reduced, error)
-    symplectic = _symplectic(scene, m, basis, each)
-    conservative = symplectic is not None and symplectic < SYMPLECTIC
-    verdict = map_verdict(found, conservative)
+
+    def judged(*known) -> tuple[Eigenvalues, str]:
+        found = _widened(map_eigenvalues(reduced, error, *known), split, m)
+        if form.kept:
+            found = mirrored(bounded(found, 0.0))
+        elif (found.bars > np.maximum(_VAGUE, np.abs(found.values))).any():
+            found = bounded(found, *log_determinant(orbit))
+        return found, str(map_verdict(found, form.kept))
+
+    found, verdict = judged()
     # Collocation has two numbers of nodes only: a third matrix would be the second.
     if verdict == "undecided" and rtol <= _LOOSEST and orbit.mesh is None:
         closer, _ = returned(orbit, _CLOSER * rtol, basis, each)
         changes = [q.T @ (x - m) @ q for x in (closer, coarse)]
-        found = map_eigenvalues(reduced, error, changes, (rtol + ROUNDING) * norm(m))
-        verdict = map_verdict(found, conservative)
+        found, verdict = judged(changes, (rtol + ROUNDING) * norm(m))
     nontrivial, bars = found
-    turned = np.concatenate([turned, shifted])
-    unit = len(m) - len(nontrivial) - len(turned)
+    unit = len(m) - len(nontrivial) - len(split.turned)
     return Stability(
-        multipliers=np.concatenate([nontrivial, turned, np.ones(unit)]),
+        multipliers=np.concatenate([nontrivial, split.turned, np.ones(unit)]),
         nontrivial=nontrivial,
         bars=bars,
         unit=unit,
-        integrals=len(m) - kernel.shape[1],
-        reasons=(*reasons, *generators),
-        exponents=_rotation_numbers(nontrivial, bars),
-        verdict=str(verdict),
-        symplectic_defect=symplectic,
-        determinant_defect=None if symplectic is None else float(abs(np.linalg.det(m) - 1)),
+        integrals=split.b.shape[1],
+        reasons=split.reasons,
+        exponents=rotation_numbers(nontrivial, bars),
+        verdict=verdict,
+        symplectic_defect=form.defect,
+        determinant_defect=None if form.defect is None else float(abs(np.linalg.det(m) - 1)),
         monodromy=_in_entries(scene, m, basis, each),
+        conservative=form.kept,
+        growth=float(norm(m)),
     )
+
+
+def _widened(found: Eigenvalues, split: trivial.Split, m: np.ndarray) -> Eigenvalues:
+    """The multipliers with bars that count what the directions of the split are wrong by."""
+    off, (values, bars) = split.residual(m), found
+    if not (off and len(values)):
+        return found
+    conditions, d = split.conditions(m, values), len(m)
+    most = (2 * norm(m)) ** (1 - 1 / d) * (SAFETY * off) ** (1 / d)  # Elsner's bound
+    return Eigenvalues(values, bars + np.fmin(SAFETY * off * conditions, most))
+
+
+def _back(orbit: Orbit, each: np.ndarray) -> np.ndarray | None:
+    """(k, k) the rotation back of a relative orbit, in sizes; None of another one."""
+    return map_in_units(rotation_back(orbit), each) if orbit.closing.turns else None
 
 
 def _in_entries(scene: Scene, m: np.ndarray, basis: np.ndarray, each: np.ndarray) -> np.ndarray:
@@ -185,19 +260,34 @@ def _in_entries(scene: Scene, m: np.ndarray, basis: np.ndarray, each: np.ndarray
     return change @ m @ np.linalg.inv(change)
 
 
-def _symplectic(scene: Scene, m: np.ndarray, basis: np.ndarray, each: np.ndarray) -> float | None:
-    """How far a map is from a symplectic one; None where no form is known.
+class _Form(NamedTuple):
+    """A symplectic form at the start of an orbit, in a basis of states in sizes.
 
-    The map (d, d) is one in a basis of states in units of sizes `each` (k,).
+    Attributes:
+      matrix: (d, d), None if none is known.
+      defect: how far the monodromy matrix is from one that keeps it.
+      kept: whether the flow keeps it, and the matrix, up to its error.
     """
-    form = symplectic_form(scene, scene.y0)
+
+    matrix: np.ndarray | None
+    defect: float | None
+    kept: bool
+
+
+def _form(scene: Scene, m: np.ndarray, error: float, basis: np.ndarray, each: np.ndarray) -> _Form:
+    """The form for a map (d, d), with its error, in a basis of states in sizes `each` (k,)."""
+    form, kept = symplectic_form(scene, scene.y0), True
     if form is not None:
         form = basis.T @ (np.asarray(form) * each * each[:, None]) @ basis
+        kept = trivial.keeps_form(scene, each)
     elif basis.shape[1] == len(each):  # no constraints
         form = kept_form(scene, each)
     if form is None:
-        return None
-    return float(symplectic_defect(m, form / (np.abs(form).max() or 1.0)))
+        return _Form(None, None, False)
+    form = form / (np.abs(form).max() or 1.0)
+    defect = float(symplectic_defect(m, form))
+    most = max(SYMPLECTIC, 2 * SAFETY * error / max(1.0, float(norm(m))))
+    return _Form(form, defect, kept and defect < most)
 
 
 def _unknown(d: int, status: Status) -> Stability:
@@ -219,7 +309,7 @@ def _unknown(d: int, status: Status) -> Stability:
     )
 
 
-def _rotation_numbers(values: np.ndarray, bars: np.ndarray) -> tuple[float | None, ...]:
+def rotation_numbers(values: np.ndarray, bars: np.ndarray) -> tuple[float | None, ...]:
     """One entry per pair (lambda, 1 / lambda) or (lambda, conj lambda)."""
     left = list(range(len(values)))
     numbers: list[float | None] = []

@@ -8,6 +8,7 @@ unknowns. A motion that closes up to a rotation by an unknown angle is a relativ
 """
 
 import abc
+import functools
 
 import equinox as eqx
 import jax
@@ -19,7 +20,7 @@ from jaxdyn import Scene, System
 from jaxdyn._checks import choice, fail, whole
 from jaxdyn._records.record import Record
 from orbits.closing.sizes import sizes
-from orbits.closing.symmetry import EXACT, IDENTITY, Symmetry, point_symmetry
+from orbits.closing.symmetry import EXACT, IDENTITY, Symmetry, order, point_symmetry
 
 #: Angles tried for the first guess of the angle of a relative orbit.
 _ANGLES_TRIED = 64
@@ -62,7 +63,7 @@ class Closing(Record):
         return each
 
     def after(self, system: System, y0: Array, angle: float, periods: int) -> Array:
-        """(k,) the state after a number of whole periods from the start y0."""
+        """(k,) the state after a number of whole periods from the start y0, or before, if < 0."""
         del system, angle, periods
         return y0
 
@@ -103,14 +104,21 @@ class Return(Closing):
         y = self.symmetry.act(y)
         return y if self.turn is None else _turned(system, self.turn, y, angle)
 
+    def _back(self, system: System, y: Array, angle) -> Array:
+        """(k,) the state that `act` takes to y."""
+        y = y if self.turn is None else _turned(system, self.turn, y, -angle)
+        return self.symmetry.inverse.act(y)
+
     def miss(self, system, end, y0, angle):
         return system.difference(end, self.act(system, y0, angle))
 
     def after(self, system, y0, angle, periods):
-        # After a period the power of g is the identity; only the rotations add up.
-        if self.turn is not None:
-            for _ in range(self.parts * periods):
-                y0 = _turned(system, self.turn, y0, angle)
+        if self.turn is None:  # the power of g is the identity
+            return y0
+        # The rotations need not add up: a reflection turns the next one round.
+        once = self.act if periods > 0 else self._back
+        for _ in range(self.parts * abs(periods)):
+            y0 = once(system, y0, angle)
         return y0
 
     def angle(self, system, end, y0):
@@ -122,12 +130,14 @@ class Return(Closing):
 
     def check(self, scene):
         super().check(scene)
-        self.symmetry.check(scene)
+        self.symmetry.check(scene, float(scene.t1) / self.parts if self.parts > 1 else 0.0)
         if self.symmetry.reversing:
             raise fail("closing", "a symmetry that keeps the direction of time", "a reversing one")
+        _check_parts(self.parts, order(self.symmetry.act, len(scene.y0)), "the order of g")
         if self.turn is not None:
             choice("turn", self.turn, scene.system.generators(scene.y0))
             _check_affine(scene, self.turn)
+            _check_commutes(scene, self.turn)
 
 
 class Reversal(Closing):
@@ -177,12 +187,15 @@ class Reversal(Closing):
 
     def check(self, scene):
         super().check(scene)
-        for symmetry in (self.here, self.there):
-            symmetry.check(scene)
+        # The reversal that a motion meets at a time t takes time 0 to 2 t.
+        for symmetry, at in ((self.here, 0.0), (self.there, float(scene.t1) / self.parts)):
+            symmetry.check(scene, 2 * at)
             places, signs = _table(symmetry, len(scene.y0))
             twice = np.array_equal(places[places], np.arange(len(places)))
             if not (symmetry.reversing and twice and (signs == signs[places]).all()):
                 raise fail("closing", "time reversals of order 2", "another symmetry")
+        twice = 2 * order(lambda y: self.there.act(self.here.act(y)), len(scene.y0))
+        _check_parts(self.parts, twice, "twice the order of both reversals' product")
         off = scene.system.difference(self.here.act(scene.y0), scene.y0)
         if not (np.abs(off) <= EXACT * sizes(scene)).all():
             raise fail(
@@ -283,6 +296,12 @@ def _turned(system: System, turn: str, y: Array, angle) -> Array:
     return jax.lax.fori_loop(0, _ROTATION_STEPS, once, y)
 
 
+def _check_parts(parts: int, least: int, what: str) -> None:
+    if parts % least:
+        remedy = "After a whole period each point is where it was."
+        raise fail("parts", f"a multiple of {what}, {least}", parts, remedy)
+
+
 def _check_affine(scene: Scene, turn: str) -> None:
     def generator(y):
         return scene.system.generators(y)[turn]
@@ -291,3 +310,28 @@ def _check_affine(scene: Scene, turn: str) -> None:
     extrapolated = 2 * generator(y) - generator(zero)
     if not (np.abs(generator(2 * y) - extrapolated) <= EXACT * sizes(scene)).all():
         raise fail("turn", "a generator linear in the state", f"{turn!r}", "Use other coordinates.")
+
+
+def _check_commutes(scene: Scene, turn: str) -> None:
+    # Otherwise the motion after the first part would not be the rotated first part.
+    each, time = sizes(scene), float(scene.t1) / (2 * np.pi)
+    turned, moved = (time * np.asarray(x) / each for x in _commutator(scene, turn))
+    size = 1.0 + np.linalg.norm(turned) + np.linalg.norm(moved)
+    if not np.linalg.norm(turned - moved) <= EXACT * size:
+        raise fail(
+            "turn", "a symmetry of the scene", f"{turn!r}, which changes its forces", "Use PLAIN."
+        )
+
+
+@functools.partial(jax.jit, static_argnames="turn")
+def _commutator(scene: Scene, turn: str) -> tuple[Array, Array]:
+    """(k,) the change of a generator along the rate at the start, and of the rate along it."""
+
+    def rate(y):
+        return scene.rate(jnp.zeros(()), y)
+
+    def generator(y):
+        return scene.system.generators(y)[turn]
+
+    f, g = rate(scene.y0), generator(scene.y0)
+    return tuple(jax.jvp(a, (scene.y0,), (b,))[1] for a, b in ((generator, f), (rate, g)))

@@ -56,11 +56,16 @@ def sizes(scene: Scene) -> np.ndarray:
     return notes["sizes"].copy()
 
 
+def times(scene: Scene) -> np.ndarray:
+    """(s,) times in its span at which the rate is asked; one where it does not depend on time."""
+    driven = plan_of(scene.field, len(scene.y0)).depends_on_time
+    return (SPREAD if driven else SPREAD[:1]) * float(scene.t1)
+
+
 def _sizes(scene: Scene) -> np.ndarray:
     y0, span = np.asarray(scene.y0), float(scene.t1)
     radian = span / (2 * math.pi * _HARMONIC)
-    times = SPREAD if plan_of(scene.field, len(y0)).depends_on_time else SPREAD[:1]
-    rates = np.abs(np.asarray(rates_at(scene, times * span, y0)))
+    rates = np.abs(np.asarray(rates_at(scene, times(scene), y0)))
     rates = np.where(np.isfinite(rates), rates, 0.0).max(axis=0)
     found = coupled(scene, alike(scene, np.maximum(np.abs(y0), radian * rates)))
     if (found > 0).all():

@@ -4,6 +4,7 @@ These include relabelling equal bodies, reflections, half turns and time reversa
 by another angle: see `orbits.relative`.
 """
 
+from collections.abc import Callable
 from typing import TypeVar
 
 import equinox as eqx
@@ -13,7 +14,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn._records.record import Record
-from orbits.closing.sizes import rate, sizes
+from orbits.closing.sizes import rates_at, sizes, times
 
 #: Largest error, in units of the sizes, by which a symmetry may fail to preserve the vector field.
 EXACT = 1e-9
@@ -39,8 +40,21 @@ class Symmetry(Record):
         y = y if self.places is None else y[np.array(self.places)]
         return y if self.signs is None else y * np.array(self.signs, float)
 
-    def check(self, scene: Scene) -> None:
-        """Raise ValueError unless it maps motions of the scene to motions of the scene."""
+    @property
+    def inverse(self) -> "Symmetry":
+        """The symmetry that undoes it."""
+        signs = self.signs
+        if self.places is None:
+            return self
+        back = np.argsort(self.places)
+        signs = None if signs is None else tuple(np.array(signs)[back].tolist())
+        return Symmetry(tuple(back.tolist()), signs, self.reversing)
+
+    def check(self, scene: Scene, later: float = 0.0) -> None:
+        """Raise ValueError unless it maps motions of the scene to motions of the scene.
+
+        The images are later by a time, after which a reversing symmetry counts time backwards.
+        """
         k = len(scene.y0)
         if self.places is not None and sorted(self.places) != list(range(k)):
             raise fail(
@@ -51,28 +65,37 @@ class Symmetry(Record):
             )
         if self.signs is not None and not (len(self.signs) == k and {*self.signs} <= {1, -1}):
             raise fail("closing", f"{k} signs, each 1 or -1", f"{self.signs}")
-        self._check_rate(scene)
+        self._check_rate(scene, later)
 
-    def _check_rate(self, scene: Scene) -> None:
+    def _check_rate(self, scene: Scene, later: float) -> None:
         # Otherwise the motion after the first part would not be an image of the first part.
-        if self == IDENTITY:
+        if self == IDENTITY and not later:
             return
-        t, y = np.zeros(()), np.asarray(scene.y0)
-        back = -1.0 if self.reversing else 1.0
-        there = np.asarray(rate(scene, t, self.act(y)))
-        here = back * self.act(np.asarray(rate(scene, t, y)))
+        ts, y, back = times(scene), scene.y0, -1.0 if self.reversing else 1.0
+        there = np.asarray(rates_at(scene, later + back * ts, self.act(y)))
+        here = back * np.stack([self.act(f) for f in np.asarray(rates_at(scene, ts, y))])
         most = EXACT * 2 * np.pi / float(scene.t1) * sizes(scene)
         if not (np.abs(there - here) <= most).all():
             raise fail(
                 "closing",
                 "a symmetry of the scene",
                 "one that changes its forces",
-                "Bodies that are exchanged need equal masses, and forces that depend on the sign "
-                "of a velocity have no time reversal.",
+                "Bodies that are exchanged need equal masses, forces that depend on the sign of a "
+                "velocity have no time reversal, and a drive must be the image of itself a part of "
+                "the period earlier.",
             )
 
 
 IDENTITY = Symmetry()
+
+
+def order(act: Callable[[np.ndarray], np.ndarray], k: int) -> int:
+    """How often a symmetry acts on states of k entries until all are what they were."""
+    entries = np.arange(1, k + 1)
+    image, times = act(entries), 1
+    while not np.array_equal(image, entries):
+        image, times = act(image), times + 1
+    return times
 
 
 def point_symmetry(order, axes=(1, 1), *, reversing: bool = False) -> Symmetry:

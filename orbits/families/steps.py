@@ -1,5 +1,8 @@
 """Steps along a family: the member at a point of the surface of solutions, and the next one."""
 
+import dataclasses
+import math
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -8,6 +11,8 @@ from jaxdyn.analysis import energy
 from orbits.analysis.stability import stability
 from orbits.families.family import Member
 from orbits.families.surface import Point, Surface
+from orbits.orbit import Outcome
+from orbits.shooting.outcomes import determined
 
 _TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
 _FLAT = 1e-9  # a period or parameter that changes less is constant
@@ -31,7 +36,7 @@ def first_member(surface: Surface, point: Point, sign: float) -> Member:
     member = member_at(surface, point, tangent, nothing)
     alike = _same_scene(surface, ways)
     # A family within one scene needs an integral. Each one that the scene names accounts for one.
-    unnamed = alike.shape[1] - member.stability.integrals
+    unnamed = alike.shape[1] - (member.stability.integrals - member.stability.unnamed)
     if not member.stability.ok or unnamed <= 0:
         return member
     return member_at(surface, point, tangent, _aligned(alike, tangent)[:, :unnamed])
@@ -79,11 +84,14 @@ def member_at(surface: Surface, point: Point, tangent: np.ndarray, alike: np.nda
     scene = orbit.scene
     total = float(energy.energy(scene, jnp.zeros(()), orbit.y0)) if scene.has_energy else np.nan
     along = surface.of_start(point.x, alike)
+    known = stability(orbit, along=along, throw=False)
+    lost = math.log10(max(1.0, known.growth)) if known.ok else math.inf
+    outcome = Outcome.FOUND if determined(orbit, lost) else Outcome.UNDETERMINED
     return Member(
-        orbit=orbit,
+        orbit=dataclasses.replace(orbit, outcome=outcome),
         parameter=parameter_at(surface, point.x),
         energy=total,
-        stability=stability(orbit, along=along, throw=False),
+        stability=known,
         point=point,
         tangent=tangent,
         alike=alike,

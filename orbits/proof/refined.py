@@ -3,10 +3,17 @@
 import dataclasses
 from typing import Any
 
+import numpy as np
+
 from jaxdyn import _text
 from jaxdyn._checks import fail
+from jaxdyn.analysis.eigenvalues import Eigenvalues, map_verdict
 from jaxdyn.files.typed import typed_fields
+from orbits.analysis.stability import Stability, rotation_numbers, stability
 from orbits.orbit import Orbit
+
+_SPARE = 3  # digits of multipliers that two which nearly meet may have lost
+_ROUNDING = 1e-14  # of multipliers as doubles
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,6 +63,28 @@ class Refined:
         )
 
     _repr_html_ = _text.html
+
+    def stability(self) -> Stability:
+        """The linear stability by these multipliers, where those in doubles leave it undecided.
+
+        Their bars are those of the digits, at least the rounding of doubles. What else is in the
+        record is that of the orbit in doubles. Where other multipliers are 1 than theory says the
+        verdict is "undecided".
+        """
+        rough = stability(self.orbit, throw=False)
+        values = np.array([complex(*map(float, z)) for z in self.multipliers])
+        bars = np.full(len(values), max(10.0 ** (_SPARE - self.digits), _ROUNDING))
+        found = Eigenvalues(values, bars * np.maximum(1.0, np.abs(values)))
+        alike = len(values) == len(rough.nontrivial)
+        known = rough.multipliers[len(rough.nontrivial) :]
+        return dataclasses.replace(
+            rough,
+            multipliers=np.concatenate([values, known]) if alike else rough.multipliers,
+            nontrivial=found.values,
+            bars=found.bars,
+            exponents=rotation_numbers(*found),
+            verdict=str(map_verdict(found, rough.conservative)) if alike else "undecided",
+        )
 
     def as_json(self) -> dict[str, Any]:
         """The numbers as a JSON object."""

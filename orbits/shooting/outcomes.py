@@ -1,5 +1,7 @@
 """How an iteration ended: at an orbit, at a trivial solution, at the rounding level, or early."""
 
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,18 +9,22 @@ from jaxtyping import Array
 
 from jaxdyn import Status
 from orbits.motion import advanced, logarithmic_period, other_solver, solved
-from orbits.orbit import Orbit, Outcome
+from orbits.orbit import Orbit, Outcome, gap
 from orbits.shooting.effort import TIGHT
 from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.newton import Result
 from orbits.shooting.segment import MAX_STEPS
-from orbits.shooting.segmentation import SEGMENTS_MOST
+from orbits.shooting.segmentation import SEGMENTS_MOST, largest
 from orbits.shooting.units import InUnits, sizes_at
 
 #: Roundings made over one segment, in units of the machine epsilon.
 _SEGMENT_ROUNDINGS = 64.0
 #: A residual up to this many times the effect of rounding all unknowns cannot be reduced.
 _ROUNDING_FACTOR = 4.0
+#: Decimal digits that rounding may grow by and leave no doubt that an orbit closes.
+_FEW_DIGITS = 12.0
+#: Largest closing error, in sizes, of an orbit that its start determines.
+_CLOSED = 1e-2
 #: Largest error of a segment by another integrator, over the tolerance and the growth of errors.
 _AGREEMENT = 1e5
 #: A start this many times larger than the guess's: everything closes without motion.
@@ -120,10 +126,39 @@ def outcome_of(closed: InUnits, result: Result, trouble: Trouble) -> Outcome:
         return outcome
     early = result.at_bound or result.limit
     if result.converged or (not early and _at_rounding(closed, result)):
-        return Outcome.FOUND if confirmed(closed, result.x) else Outcome.UNCONFIRMED
+        return _found(closed, result)
     if result.at_bound:
         return Outcome.BOUND
     return Outcome.ITERATION_LIMIT if result.limit else Outcome.NO_DESCENT
+
+
+def _found(closed: InUnits, result: Result) -> Outcome:
+    """The outcome where the segments join."""
+    if not confirmed(closed, result.x):
+        return Outcome.UNCONFIRMED
+    orbit = orbit_at(
+        closed.equations,
+        result.x,
+        residual=math.nan,
+        outcome=Outcome.FOUND,
+        iterations=result.iterations,
+        rtol=closed.rtol,
+    )
+    growth = max(1.0, largest(closed.transitions(result.x)))
+    known = determined(orbit, closed.equations.closing.parts * math.log10(growth))
+    return Outcome.FOUND if known else Outcome.UNDETERMINED
+
+
+def determined(orbit: Orbit, lost: float) -> bool:
+    """Whether the start of an orbit, in doubles, determines it: a motion from there closes.
+
+    Rounding, in sizes, grows by about `lost` decimal digits over a period.
+    """
+    if lost <= _FEW_DIGITS:
+        return True
+    solver = other_solver(orbit.scene, orbit.solver, logarithmic=orbit.s_period is not None)
+    end = advanced(orbit.scene, orbit.period, orbit.s_period, rtol=TIGHT, solver=solver)
+    return int(end.status) == Status.OK and gap(orbit, end.y1) <= _CLOSED
 
 
 def confirmed(closed: InUnits, x: np.ndarray) -> bool:

@@ -6,13 +6,24 @@ flow, and are confirmed in two ways: by these equations on the monodromy matrix 
 vector field f at points off the orbit, where w f = 0 and g commutes with f. (Where M is the unit
 matrix, as for an oscillator, the first test alone would confirm every candidate.)
 
+Where the flow keeps a symplectic form J, M^T J M = J, and each confirms another one (Noether's
+theorem): from M g = g follows (J^T g) M = J^T g, and from w M = w that M J^-T w = J^-T w. So the
+flow itself confirms an energy that the scene does not name.
+
 All norms are those of states in units of their sizes along the motion.
 
 In the axes that turn with a relative orbit M turns the momenta into each other, and so the
 translations: they are confirmed together, and have the multipliers exp(+-i angle).
+
+M is split by these directions into blocks. Computed ones are not exactly those of M: near an
+equilibrium rates and gradients are differences of nearly equal numbers. By `Split.residual` M fails
+to have the blocks, and an exact matrix with them is so near to it.
 """
 
-from collections.abc import Callable
+import contextlib
+import dataclasses
+import math
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import jax
@@ -21,7 +32,9 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
+from jaxdyn.analysis.eigenvalues import SAFETY
 from jaxdyn.analysis.energy import integrals
+from jaxdyn.analysis.monodromy import form_change
 
 #: Relative error to which M must preserve a candidate that is confirmed.
 CONFIRMED = 1e-7
@@ -34,6 +47,12 @@ RANK = 1e-7
 _DISTANCES_OFF = 0.1, 0.01, 0.001
 #: Of the sizes along the motion: the least size that an entry of the start counts as.
 _LEAST_ENTRY = 0.01
+#: Of unit vectors: one that is nearer to the span of others is one of them.
+_ANOTHER = 1e-4
+#: Relative change of a direction by the rotation of a relative orbit that is rounding.
+_TURNED = 1e-9
+#: How the names of integrals begin that a symplectic form makes of symmetries.
+_BY_FORM = "integral of "
 
 
 class _Local(NamedTuple):
@@ -58,67 +77,207 @@ class _Local(NamedTuple):
     shears: dict[str, Array]
 
 
-def kernel(
-    scene: Scene, m: np.ndarray, doubt: float, basis: np.ndarray, each: np.ndarray
-) -> tuple[np.ndarray, list[str], np.ndarray]:
-    """Orthonormal basis (d, n) of the kernel of the confirmed integrals' gradients; their names.
+class Split(NamedTuple):
+    """An orthonormal basis [a, q, b] in which a monodromy matrix M (d, d) is block triangular.
 
-    The map m (d, d), in a basis of states in sizes `each` (k,), has an error of norm `doubt`,
-    about. Last the multipliers of those that are confirmed together.
+    The span of a is the symmetries' on the common level set of the integrals, that of [a, q] the
+    tangent space of this set.
+
+    Attributes:
+      a: (d, g).
+      q: (d, p) the other directions, which have the non-trivial multipliers.
+      b: (d, n).
+      reasons: names of the integrals and symmetries that were confirmed.
+      turned: multipliers of those that were confirmed together.
     """
-    y0 = np.asarray(scene.y0)
-    leaks = _largest(_leaks, _nearby(scene, each), each)
-    gradients, names, others = [np.zeros(len(m))], [], []
-    for name, several in _at(scene, 0.0, y0).gradients.items():
-        leak = leaks[name].reshape(-1)
-        for i, row in enumerate((several.reshape(-1, len(y0)) * each) @ basis):
-            if leak[i] < _EXACT and _kept(row @ m - row, row, m, doubt):
-                gradients.append(row / np.linalg.norm(row))
-                names.append(name if several.ndim == 1 else f"{name} {'xyz'[i]}")
-            elif leak[i] < _EXACT:
-                others.append(row / np.linalg.norm(row))
-    together, multipliers = _kept_together(others, m, doubt)
-    _, s, vt = np.linalg.svd(np.array([*gradients, *together]))
-    return vt[_rank(s) :].T, names, multipliers
+
+    a: np.ndarray
+    q: np.ndarray
+    b: np.ndarray
+    reasons: tuple[str, ...]
+    turned: np.ndarray
+
+    def residual(self, m: np.ndarray) -> float:
+        """The size of what is not zero below the blocks of M."""
+        inside = np.hstack([self.a, self.q])
+        below = self.b.T @ m @ inside, self.q.T @ m @ self.a
+        return float(np.sqrt(sum(np.sum(x * x) for x in below)))
+
+    def conditions(self, m: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """(p,) condition numbers, as ones of M, of the eigenvalues (p,) of q^T M q.
+
+        Those in the block are smaller: a change of M moves an eigenvalue by way of other blocks,
+        too. They are infinite for multiple ones, and those of another block.
+        """
+        a, q, b = self.a, self.q, self.b
+        known, right = np.linalg.eig(q.T @ m @ q)
+        found = np.full(len(known), np.inf)
+        with contextlib.suppress(np.linalg.LinAlgError):
+            left = np.linalg.inv(right)
+            for i, value in enumerate(values):
+                j = np.argmin(np.abs(known - value))
+                above = a.T @ m @ a - value * np.eye(a.shape[1])
+                below = b.T @ m @ b - value * np.eye(b.shape[1])
+                x = np.linalg.solve(above, -a.T @ m @ q @ right[:, j])
+                y = np.linalg.solve(below.T, -(left[j] @ q.T @ m @ b))
+                lengths = [np.linalg.norm(v) for v in (x, right[:, j], y, left[j])]
+                found[i] = math.hypot(*lengths[:2]) * math.hypot(*lengths[2:])
+        return found
 
 
-def complement(
-    scene: Scene,
-    m: np.ndarray,
-    doubt: float,
-    kernel: np.ndarray,
-    basis: np.ndarray,
-    each: np.ndarray,
-    along: np.ndarray,
-) -> tuple[np.ndarray, list[str], np.ndarray]:
-    """Orthonormal basis (d, p) of the kernel without the confirmed symmetries; their names.
+@dataclasses.dataclass
+class _Confirmed:
+    """Unit vectors (d,) that M maps to themselves, their names, and candidates that it does not."""
 
-    So are directions (k, n) along a family confirmed, which M changes by a multiple of symmetries.
-    Last the multipliers of those that are confirmed together. For the others see `kernel`.
+    known: list[np.ndarray]
+    names: list[str]
+    others: list[np.ndarray]
+
+    def add(self, name: str, vector: np.ndarray) -> None:
+        self.known.append(vector / np.linalg.norm(vector))
+        self.names.append(name)
+
+    def independent(self, vector: np.ndarray) -> bool:
+        """Whether it is none of those that are known, nor a sum of them."""
+        unit = vector / np.linalg.norm(vector)
+        if self.known:
+            of = np.array(self.known)
+            unit = unit - (unit @ np.linalg.pinv(of, RANK)) @ of
+        return bool(np.linalg.norm(unit) > _ANOTHER)
+
+
+@dataclasses.dataclass(frozen=True)
+class Monodromy:
+    """The monodromy matrix of an orbit, with what its directions are confirmed by.
+
+    Attributes:
+      scene: of the orbit.
+      m: (d, d) in a basis of states in sizes; NaN nowhere.
+      doubt: about the norm of its error.
+      basis: (k, d) that basis, orthonormal.
+      each: (k,) the sizes.
+      ahead: (k,) the state after a period of a relative orbit, or the start of another one.
+      back: (k, k) the map in sizes that takes states there to those here, of which M is the first
+        factor; None where it is the identity.
+      form: (d, d) a symplectic form that M keeps; None if none is known.
+      along: (k, n) directions along a family, in which M changes by a multiple of symmetries.
     """
-    inside, names, others = [np.zeros(len(m))], [], []
-    for name, g in symmetries(scene, each).items():
-        g = basis.T @ (g / each)
-        if _kept(m @ g - g, g, m, doubt):
-            inside.append(g / np.linalg.norm(g))
-            names.append(name)
-        elif np.linalg.norm(g) > 0:
-            others.append(g / np.linalg.norm(g))
-    symmetric = np.linalg.pinv(np.array(inside), RANK) @ np.array(inside)
-    for v in (basis.T @ (along / each[:, None])).T:
-        change = m @ v - v
-        if _kept(change - symmetric @ change, v, m, doubt):
-            inside.append(v / np.linalg.norm(v))
-            names.append("family")
-    together, multipliers = _kept_together(others, m.T, doubt)
-    # A symmetry may change an integral (a rotation changes a non-zero momentum): only the
-    # combinations that are tangent to the level set count.
-    g = np.array([*inside, *together]).T
-    off = g - kernel @ (kernel.T @ g)
-    _, s, vt = np.linalg.svd(off)
-    tangent = g @ vt[int((s > RANK).sum()) :].T
-    u, s, _ = np.linalg.svd(kernel.T @ tangent)
-    return kernel @ u[:, _rank(s) :], names, multipliers
+
+    scene: Scene
+    m: np.ndarray
+    doubt: float
+    basis: np.ndarray
+    each: np.ndarray
+    ahead: np.ndarray
+    back: np.ndarray | None
+    form: np.ndarray | None
+    along: np.ndarray
+
+    def split(self) -> Split:
+        """The split of M by all integrals and symmetries that are confirmed."""
+        rows, moves = self._integrals(), self._symmetries()
+        if self.form is not None:
+            noether = [(f"{_BY_FORM}{name}", self.form.T @ g) for name, g in _pairs(moves)]
+            back = np.linalg.pinv(self.form.T)
+            partners = [(f"symmetry of {name}", back @ w) for name, w in _pairs(rows)]
+            for found, more in ((rows, noether), (moves, partners)):
+                for name, vector in more:
+                    if found.independent(vector):
+                        found.add(name, vector)
+        together, turned = self._together(rows.others, self.m)
+        nothing = [np.zeros(len(self.m))]
+        _, s, vt = np.linalg.svd(np.array([*nothing, *rows.known, *together]))
+        outside, kernel = vt[: _rank(s)].T, vt[_rank(s) :].T
+        self._add_family(moves)
+        together, shifted = self._together(moves.others, self.m.T)
+        # A symmetry may change an integral (a rotation changes a non-zero momentum): only the
+        # combinations that are tangent to the level set count.
+        g = np.array([*nothing, *moves.known, *together]).T
+        off = g - kernel @ (kernel.T @ g)
+        _, s, vt = np.linalg.svd(off)
+        tangent = g @ vt[int((s > RANK).sum()) :].T
+        u, s, _ = np.linalg.svd(kernel.T @ tangent)
+        inside = _rank(s)
+        return Split(
+            a=kernel @ u[:, :inside],
+            q=kernel @ u[:, inside:],
+            b=outside,
+            reasons=(*rows.names, *moves.names),
+            turned=np.concatenate([turned, shifted]),
+        )
+
+    def _integrals(self) -> _Confirmed:
+        """The integrals' gradients."""
+        scene, each, k = self.scene, self.each, len(self.each)
+        found = _Confirmed([], [], [])
+        leaks = _largest(_leaks, _nearby(scene, each), each)
+        here = _at(scene, 0.0, np.asarray(scene.y0)).gradients
+        there = here if self.back is None else _at(scene, 0.0, self.ahead).gradients
+        for name, several in here.items():
+            leak = leaks[name].reshape(-1)
+            later = there[name].reshape(-1, k) * each
+            for i, w in enumerate(several.reshape(-1, k) * each):
+                row = w @ self.basis
+                same = self.back is None or _same(w @ self.back, later[i])
+                if leak[i] < _EXACT and same and self._kept(row @ self.m - row, row):
+                    found.add(name if several.ndim == 1 else f"{name} {'xyz'[i]}", row)
+                elif leak[i] < _EXACT:
+                    found.others.append(row / np.linalg.norm(row))
+        return found
+
+    def _symmetries(self) -> _Confirmed:
+        """The symmetries' generators."""
+        found = _Confirmed([], [], [])
+        there = {} if self.back is None else directions(self.scene, jnp.asarray(self.ahead))
+        for name, move in symmetries(self.scene, self.each).items():
+            g = self.basis.T @ (move / self.each)
+            same = name not in there or _same(
+                self.back @ (np.asarray(there[name]) / self.each), move / self.each
+            )
+            if same and self._kept(self.m @ g - g, g):
+                found.add(name, g)
+            elif np.linalg.norm(g) > 0:
+                found.others.append(g / np.linalg.norm(g))
+        return found
+
+    def _add_family(self, moves: _Confirmed) -> None:
+        """Add directions along a family."""
+        rows = np.array([np.zeros(len(self.m)), *moves.known])
+        symmetric = np.linalg.pinv(rows, RANK) @ rows
+        for v in (self.basis.T @ (self.along / self.each[:, None])).T:
+            change = self.m @ v - v
+            if self._kept(change - symmetric @ change, v):
+                moves.add("family", v)
+
+    def _kept(self, change: np.ndarray, direction: np.ndarray) -> bool:
+        size = np.linalg.norm(direction)
+        most = max(CONFIRMED * float(np.linalg.norm(self.m)), SAFETY * self.doubt)
+        return bool(size > 0 and np.linalg.norm(change) < most * size)
+
+    def _together(
+        self, rows: list[np.ndarray], m: np.ndarray
+    ) -> tuple[list[np.ndarray], np.ndarray]:
+        """The unit rows and their multipliers if m from the right keeps their span; else none."""
+        if len(rows) > 1:
+            a = np.array(rows)
+            block = a @ m @ np.linalg.pinv(a, RANK)
+            off = a @ m - block @ a
+            if all(self._kept(change, row) for change, row in zip(off, a, strict=True)):
+                return rows, np.linalg.eigvals(block)
+        return [], np.zeros(0)
+
+
+def _pairs(found: _Confirmed) -> list[tuple[str, np.ndarray]]:
+    return list(zip(found.names, found.known, strict=True))
+
+
+def _same(a: np.ndarray, b: np.ndarray) -> bool:
+    return bool(np.linalg.norm(a - b) <= _TURNED * np.linalg.norm(b))
+
+
+def unnamed(reasons: Iterable[str]) -> int:
+    """How many of the confirmed integrals the scene does not name: they follow from symmetries."""
+    return sum(name.startswith(_BY_FORM) for name in reasons)
 
 
 def symmetries(scene: Scene, each: np.ndarray) -> dict[str, Any]:
@@ -132,36 +291,30 @@ def symmetries(scene: Scene, each: np.ndarray) -> dict[str, Any]:
     return {name: g for name, g in candidates.items() if leaks[name] < _EXACT}
 
 
-def _kept(change: np.ndarray, direction: np.ndarray, m: np.ndarray, doubt: float) -> bool:
-    size = np.linalg.norm(direction)
-    most = max(CONFIRMED * float(np.linalg.norm(m)), doubt)
-    return bool(size > 0 and np.linalg.norm(change) < most * size)
-
-
-def _kept_together(
-    rows: list[np.ndarray], m: np.ndarray, doubt: float
-) -> tuple[list[np.ndarray], np.ndarray]:
-    """The unit rows and their multipliers if m from the right keeps their span; else none."""
-    if len(rows) > 1:
-        a = np.array(rows)
-        block = a @ m @ np.linalg.pinv(a, RANK)
-        if all(_kept(off, row, m, doubt) for off, row in zip(a @ m - block @ a, a, strict=True)):
-            return rows, np.linalg.eigvals(block)
-    return [], np.zeros(0)
-
-
 def _rank(s: np.ndarray) -> int:
     return int((s > RANK * s.max(initial=0.0)).sum())
 
 
+def keeps_form(scene: Scene, each: np.ndarray) -> bool:
+    """Whether the flow keeps the form of the scene's canonical coordinates."""
+    project = scene.system.project
+    changes = [form_change(scene, t, project(t, y), each) for t, y in _places(scene, each)]
+    # Without any that is not NaN there is nothing to tell by.
+    return bool(np.fmax.reduce(changes) < _EXACT)
+
+
 def _nearby(scene: Scene, each: np.ndarray) -> list[_Local]:
     """The candidates at a few times and states in general position near the start."""
+    return [_at(scene, t, y) for t, y in _places(scene, each)]
+
+
+def _places(scene: Scene, each: np.ndarray) -> list[tuple[Array, Array]]:
     random, y0 = np.random.default_rng(0), np.asarray(scene.y0)
     size = np.maximum(np.abs(y0), _LEAST_ENTRY * each)
     count = len(_DISTANCES_OFF)
     noise = np.outer(_DISTANCES_OFF, size) * random.standard_normal((count, len(y0)))
     ts = random.uniform(0.0, float(scene.t1), count)
-    return [_at(scene, t, y) for t, y in zip(ts, y0 + noise, strict=True)]
+    return [(jnp.asarray(t), jnp.asarray(y)) for t, y in zip(ts, y0 + noise, strict=True)]
 
 
 def _conserved(scene: Scene, t, y: Array) -> dict[str, Array]:

@@ -6,7 +6,8 @@ import pytest
 from odes import restricted
 
 import jaxdyn
-from jaxdyn.analysis.monodromy import kept_by, kept_form
+from jaxdyn import effects, scenes
+from jaxdyn.analysis.monodromy import form_change, kept_by, kept_form
 
 
 def test_the_form_of_the_restricted_bodies_is_that_of_turning_axes():
@@ -22,6 +23,7 @@ def test_the_form_of_the_restricted_bodies_is_that_of_turning_axes():
     "rate",
     [
         lambda t, y: [y[1], -y[0] - 0.1 * y[1]],
+        lambda t, y: [y[1], -y[0] + 1e-10 * y[1]],
         # Conservative, with a form that is not constant.
         lambda t, y: [y[0] * (1 - y[1]), y[1] * (y[0] - 1)],
         # That of the first two entries alone is kept, and singular.
@@ -43,3 +45,18 @@ def test_every_form_that_a_linear_rate_keeps_is_found():
     forms = kept_by([np.block([[one, two], [two, 3.0 * one]])])
     assert len(forms) == 2
     assert np.abs(forms[:, :2, 2:]).max() < 1e-12
+
+
+@pytest.mark.parametrize("formulation", ["lagrange", "newton_euler"])
+def test_the_form_of_canonical_coordinates_changes_by_damping_alone(formulation):
+    scene = scenes.pendulum(angle=1.0, formulation=formulation)
+    each = np.ones(len(scene.y0))
+    assert form_change(scene, 0.0, scene.y0, each) < 1e-15
+    # d/dt J = -c J: a damping of 1e-9 is seen in doubles.
+    damped = form_change(scene + effects.LinearDrag(1e-9), 0.0, scene.y0, each)
+    assert 1e-11 < damped < 1e-8
+
+
+def test_rates_without_canonical_coordinates_have_no_form_that_changes():
+    scene = jaxdyn.ode(restricted, [0.5, 0.8, 0.0, 0.1], 1.0, params=0.01)
+    assert np.isnan(form_change(scene, 0.0, scene.y0, np.ones(4)))

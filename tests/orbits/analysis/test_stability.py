@@ -14,7 +14,7 @@ import orbits
 from jaxdyn import Effect, IntegrationError, Scene, Status
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
-from orbits.analysis.stability import _rotation_numbers
+from orbits.analysis.stability import rotation_numbers
 from orbits.orbit import Orbit, Outcome
 
 
@@ -31,6 +31,16 @@ class Springs(Effect):
 
     def potential(self, t, r, m):
         return 0.5 * jnp.sum(self.k * r[0] ** 2)
+
+
+class Push(Effect):
+    """A force c v_y along y, which damps if c < 0."""
+
+    c: jax.Array
+    velocity_dependent: ClassVar[bool] = True
+
+    def force(self, t, r, v, m):
+        return v * jnp.array([[0.0, 1.0]]) * self.c
 
 
 def springs(k, y0=(1.0, 0.3, 0.2, 0.5), t1=2 * np.pi):
@@ -84,6 +94,17 @@ def test_the_product_is_the_exponential_of_the_divergence():
     assert result.verdict == "stable"
 
 
+def test_a_multiplier_below_the_rounding_of_another_follows_from_the_divergence():
+    # exp(10 pi) and exp(-4 pi): in doubles the matrix does not hold the second one.
+    scene = jaxdyn.ode(odes.askew, odes.ASKEW[:, 0], 2 * np.pi, params=5.0)
+    result = orbits.stability(orbit_of(scene))
+    large, small = np.exp(10 * np.pi), np.exp(-4 * np.pi)
+    assert np.linalg.norm(result.monodromy) * np.finfo(float).eps > 1e3 * small
+    assert (np.abs(result.nontrivial - [large, small]) < result.bars).all()
+    assert result.bars[1] < 0.1 * small
+    assert (result.verdict, result.unit) == ("unstable", 1)
+
+
 @pytest.mark.parametrize("e", [0.2, 0.6])
 def test_all_multipliers_of_a_kepler_ellipse_are_one(e):
     result = orbits.stability(orbit_of(kepler(e)))
@@ -95,6 +116,85 @@ def test_all_multipliers_of_a_kepler_ellipse_are_one(e):
     assert result.symplectic_defect < SOLVED
     # The eigenvalues themselves show it only to a root of the rounding: why they are split off.
     assert np.abs(np.linalg.eigvals(result.monodromy) - 1).max() > 1e-9
+
+
+def test_the_flow_has_an_integral_where_the_form_is_kept():
+    # The scene names neither; or the angular momentum alone, which has its symmetry then.
+    def rate(t, y, p):
+        r = jnp.sqrt(y[0] ** 2 + y[1] ** 2)
+        return [y[2], y[3], -y[0] / r**p, -y[1] / r**p]
+
+    def momentum(t, y, p):
+        return y[0] * y[3] - y[1] * y[2]
+
+    def orbit(power, speed, known=()):
+        scene = jaxdyn.ode(rate, [1.0, 0.0, 0.0, speed], 6.28, params=power, integrals=dict(known))
+        return orbits.stability(orbits.find(scene))
+
+    # Beside a circle r oscillates sqrt(3 - n) times as it turns, with a force of 1 / r^n.
+    circle = orbit(2.5, 1.0)
+    assert (circle.reasons, circle.verdict) == (("integral of flow", "flow"), "stable")
+    assert (circle.unnamed, circle.integrals) == (1, 1)
+    assert abs(circle.exponents[0] - abs(np.sqrt(1.5) - 1)) < SOLVED
+    ellipse = orbit(3.0, 0.9, {"L": momentum})
+    assert set(ellipse.reasons) == {"L", "symmetry of L", "integral of flow", "flow"}
+    assert (ellipse.unit, ellipse.verdict) == (4, "stable")
+
+
+@pytest.mark.parametrize("c", [1e-8, -1e-8, 1e-10])
+def test_hardly_any_damping_is_no_conservative_scene(c):
+    def rate(t, y, c):
+        return [y[2], y[3], -y[0], -2.0 * y[1] + c * y[3]]
+
+    scene = jaxdyn.ode(rate, [1.0, 0.0, 0.0, 0.0], 2 * np.pi, params=c)
+    result = orbits.stability(orbit_of(scene))
+    assert result.symplectic_defect is None
+    assert result.verdict == ("unstable" if c > 0 else "undecided")
+    # The same with canonical coordinates, which damped scenes have as well.
+    pushed = springs([1.0, 2.0], [1.0, 0.0, 0.0, 0.0]) + Push(jnp.asarray(c))
+    again = orbits.stability(orbit_of(pushed))
+    assert (again.verdict == "unstable") == (c > 0)
+    assert (np.abs(np.abs(again.nontrivial) - 1) > again.bars).all()
+
+
+@pytest.mark.parametrize("amplitude", [1e-4, 1e-6])
+def test_small_orbits_have_bars_that_hold(amplitude):
+    # Of rates that are differences of nearly equal numbers; multipliers as of the linear system.
+    scene = jaxdyn.scenes.double_pendulum(angles=(0.0, 0.0))
+    seeds = orbits.discovery.seeds.modes(scene, scene.y0, amplitude)
+    for seed, other in zip(seeds, seeds[::-1], strict=True):
+        result = orbits.stability(orbits.find(scene, seed.y0, seed.period))
+        exact = np.exp(2j * np.pi * seed.period / other.period)
+        wrong = np.abs(result.nontrivial[:, None] - [exact, np.conj(exact)]).min(axis=1)
+        assert (wrong < result.bars + 10 * amplitude**2).all()
+        assert (result.verdict, result.unit) == ("stable", 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("amplitude", [1e-3, 1e-5])
+def test_small_orbits_about_the_triangle_are_stable(amplitude):
+    mu = 0.01215058560962404
+    at = {"x": 0.5 - mu, "y": np.sqrt(0.75), "vx": 0.0, "vy": 0.0}
+    scene = jaxdyn.scenes.restricted_three_body(mu=mu, **at)
+    for seed in orbits.discovery.seeds.modes(scene, scene.y0, amplitude):
+        result = orbits.stability(orbits.find(scene, seed.y0, seed.period))
+        assert result.verdict == "stable"
+        assert (np.abs(np.abs(result.nontrivial) - 1) < result.bars).all()
+
+
+@pytest.mark.slow
+def test_momenta_turn_with_an_orbit_however_little_it_turns():
+    # Broucke's A1 turns by 5e-6 in a period: the momenta and shifts have exp(+-5e-6 i).
+    x, v = [-0.9892620043, 2.2096177241, -1.2203557197], [1.9169244185, 0.1910268738, -2.1079512924]
+    y0 = np.array([x, np.zeros(3), np.zeros(3), v]).reshape(2, 2, 3).transpose(0, 2, 1).ravel()
+    scene = jaxdyn.scenes.three_body(y0)
+    orbit = orbits.find(scene, y0, 6.283213, closing=orbits.relative())
+    result = orbits.stability(orbit)
+    assert (result.unit, result.verdict) == (4, "stable")
+    assert 1e-6 < abs(orbit.angle) < 1e-5
+    turned = result.multipliers[4:8]
+    assert np.abs(np.sort(turned.imag) - orbit.angle * np.array([-1, -1, 1, 1])).max() < 1e-10
+    assert (result.multipliers[8:] == 1).all()
 
 
 def test_a_circular_orbit_is_undecided():
@@ -164,10 +264,14 @@ def test_monodromy_is_the_derivative_of_the_flow():
 def test_a_tolerance_too_loose_shows_in_the_bars_and_the_verdict():
     scene = springs([1.0, 1.01**2], y0=[1.0, 0.0, 0.0, 0.0])
     tight = orbits.stability(orbit_of(scene))
-    loose = orbits.stability(orbit_of(scene), rtol=1e-3)
+    loose = orbits.stability(orbit_of(scene), rtol=0.03)
     assert tight.verdict == "stable"
     assert loose.verdict == "undecided"
     assert loose.bars.min() > 1e6 * tight.bars.max()
+    # The rate keeps the form whatever the tolerance, and the matrix does to its error.
+    rough = orbits.stability(orbit_of(scene), rtol=1e-3)
+    assert rough.symplectic_defect > 1e-7
+    assert (rough.conservative, rough.verdict) == (True, "stable")
     medium = orbits.stability(orbit_of(scene), rtol=1e-7)
     assert medium.verdict == "stable"
     assert abs(medium.nontrivial[0] - tight.nontrivial[0]) < medium.bars[0]
@@ -176,15 +280,15 @@ def test_a_tolerance_too_loose_shows_in_the_bars_and_the_verdict():
 CIRCLE = np.exp(2j * np.pi * np.array([0.1, -0.1, 0.3, -0.3]))
 
 
-def test_rotation_numbers_come_by_pairs():
+def testrotation_numbers_come_by_pairs():
     values = np.array([2.0, CIRCLE[2], CIRCLE[3], 0.5, CIRCLE[0], CIRCLE[1]])
-    numbers = _rotation_numbers(values, np.full(6, 1e-10))
+    numbers = rotation_numbers(values, np.full(6, 1e-10))
     assert numbers[0] is None
     np.testing.assert_allclose(numbers[1:], [0.1, 0.3], atol=1e-15)
-    assert _rotation_numbers(np.array([-2.0 + 0j, -0.5]), np.full(2, 1e-10)) == (None,)
+    assert rotation_numbers(np.array([-2.0 + 0j, -0.5]), np.full(2, 1e-10)) == (None,)
     # A quadruple off the circle: two pairs, their angles counted, one of them each.
     quadruple = np.array([1.2, 1.2, 1 / 1.2, 1 / 1.2]) * CIRCLE[[0, 1, 0, 1]]
-    np.testing.assert_allclose(_rotation_numbers(quadruple, np.full(4, 1e-10)), [0.1, 0.1])
+    np.testing.assert_allclose(rotation_numbers(quadruple, np.full(4, 1e-10)), [0.1, 0.1])
 
 
 def test_a_motion_that_ends_before_its_period_has_no_multipliers():

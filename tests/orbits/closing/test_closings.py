@@ -7,11 +7,13 @@ from helpers import SOLVED, gap
 from scipy.special import ellipk
 
 import orbits
-from jaxdyn import effects, scenes
+from jaxdyn import effects, ode, scenes
 from jaxdyn.analysis import energy
 from jaxdyn.integrate.simulation import solve
 
 EULER = orbits.point_symmetry([1, 0, 2], (-1, -1), reversing=True)
+
+MIRROR = orbits.point_symmetry([0, 1, 2], (-1, 1))
 
 
 def swing_period(angle: float, g: float = 9.81) -> float:
@@ -49,6 +51,30 @@ def test_the_eight_is_a_relative_orbit_that_does_not_turn(ring):
     assert abs(orbits.identify(orbit).scale_free - orbits.identify(ring).scale_free) < SOLVED
     linear, whole = orbits.stability(orbit), orbits.stability(ring)
     assert gap(linear.nontrivial, whole.nontrivial) < 1e-9
+
+
+def test_a_reflection_turns_the_rotation_of_the_next_part_round(ring):
+    c, s = np.cos(0.3), np.sin(0.3)
+    turned = (np.asarray(ring.y0).reshape(6, 2) @ np.array([[c, s], [-s, c]])).ravel()
+    closing = orbits.relative("turn in xy", MIRROR, 2)
+    orbit = orbits.find(scenes.three_body(), turned, ring.period, closing=closing)
+    # It is mirrored in a line at 0.3 rad, but for what the start turns by.
+    assert abs(orbit.angle - 0.6) < 1e-6
+    assert orbits.recheck(orbit).closure < SOLVED
+    assert orbits.closure(orbit, periods=2) < 10 * SOLVED
+    linear, whole = orbits.stability(orbit), orbits.stability(ring)
+    assert (linear.unit, linear.verdict) == (8, "stable")
+    assert gap(np.sort_complex(linear.nontrivial), np.sort_complex(whole.nontrivial)) < 1e-9
+
+
+def test_states_before_a_relative_orbit_are_those_from_which_it_comes():
+    three = scenes.three_body()
+    ring = orbits.point_symmetry([1, 2, 0], (1, 1))
+    for symmetry, parts in ((ring, 3), (MIRROR, 2)):
+        closing = orbits.relative("turn in xy", symmetry, parts)
+        for periods in (1, 2):
+            later = closing.after(three.system, three.y0, 0.4, periods)
+            assert gap(closing.after(three.system, later, 0.4, -periods), three.y0) < SOLVED
 
 
 @pytest.mark.slow
@@ -154,12 +180,42 @@ def test_segments_are_chosen_by_growth():
             "a start in the fixed set of the time reversal of 'reversal'",
         ),
         (orbits.Return(orbits.Symmetry(None, (1, -1))), "closing: expected 12 signs"),
+        (orbits.relative("turn in xy", MIRROR, 1), "parts: expected a multiple of the order of g"),
+        (orbits.Return(orbits.choreography(3)[0].symmetry, 2), "of the order of g, 3, got 2"),
+        (orbits.reversal(EULER, parts=3), "twice the order of both reversals' product, 2, got 3"),
         ("choreography", "closing: expected"),
     ],
 )
 def test_misuse_of_closings(closing, message):
     with pytest.raises(ValueError, match=message):
         orbits.find(scenes.three_body(), closing=closing)
+
+
+def test_a_turn_must_be_a_symmetry():
+    scene = scenes.power_law(n=-1.0, speed=0.6) + effects.ConstantForce([1.0, 0.0])
+    with pytest.raises(ValueError, match="turn: expected a symmetry of the scene"):
+        orbits.find(scene, closing=orbits.relative())
+
+
+def duffing(t, y, p):
+    return [y[1], -0.2 * y[1] - y[0] ** 3 + 0.3 * jnp.cos(p * t)]
+
+
+def test_a_drive_is_the_image_of_itself_half_a_period_earlier():
+    half = orbits.Return(orbits.Symmetry(signs=(-1, -1)), parts=2)
+    scene = ode(duffing, [0.3, 0.4], 2 * np.pi, params=1.0)
+    orbit, whole = orbits.find(scene, closing=half), orbits.find(scene)
+    assert gap(orbit.y0, whole.y0) < SOLVED
+    assert orbits.recheck(orbit).closure < SOLVED
+    # At twice the frequency half of a period changes nothing, and the symmetry is none.
+    for phase in (0.0, np.pi / 2):  # also where the drive is zero at the start
+        twice = ode(_twice, [0.3, 0.4], 2 * np.pi, params=phase)
+        with pytest.raises(ValueError, match="a drive must be the image of itself"):
+            orbits.find(twice, closing=half)
+
+
+def _twice(t, y, phase):
+    return [y[1], -0.2 * y[1] - y[0] ** 3 + 0.3 * jnp.cos(2 * t + phase)]
 
 
 @pytest.mark.parametrize(

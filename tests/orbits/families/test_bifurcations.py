@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 
 import jaxdyn
 import orbits
-from orbits import Kind
+from orbits import Kind, Outcome
 
 #: Share of the Moon in the mass of Earth and Moon, and about the place of their point L1.
 EARTH_MOON, L1 = 0.01215058560962404, 0.8369151258197125
@@ -43,7 +43,8 @@ def test_an_integral_that_the_scene_does_not_name_forces_a_unit_multiplier():
     family = orbits.continue_family(orbits.find(jaxdyn.ode(swing, [1.0, 0.0], 6.7)), members=6)
     assert family.special == ()
     assert {m.stability.unit for m in family.members} == {2}
-    assert {m.stability.reasons for m in family.members} == {("flow", "family")}
+    reasons = {m.stability.reasons for m in family.members}
+    assert reasons == {("integral of flow", "flow", "family")}
 
 
 def test_the_period_follows_the_drive():
@@ -270,3 +271,25 @@ def test_small_swings_of_a_double_pendulum_are_its_normal_modes():
         # The period is even in the size of a swing.
         limit = (4 * periods[0] - periods[1]) / 3
         assert abs(limit * np.sqrt(square) / (2 * np.pi) - 1) < 1e-6
+
+
+@pytest.mark.slow
+def test_noise_near_a_homoclinic_orbit_is_no_special_point():
+    """The cycles of Lorenz that end there (13.9265574) with multipliers beyond all digits."""
+    scene = jaxdyn.scenes.lorenz(rho=24.0)
+    cycle = orbits.find(scene, [9.83, 9.83, 23.0], 0.67, hold="z")
+    family = orbits.continue_family(
+        cycle,
+        lambda rho: jaxdyn.scenes.lorenz(rho=rho),
+        24.0,
+        step=1.0,
+        members=30,
+        down=True,
+        segments=16,
+    )
+    last = family.members[-1]
+    assert abs(last.parameter - 13.926557407) < 1e-8
+    assert (last.stability.bars > np.abs(last.stability.nontrivial)).any()
+    assert (last.stability.verdict, last.orbit.outcome) == ("undecided", Outcome.UNDETERMINED)
+    assert not orbits.recheck(last.orbit).closure < 1e-2
+    assert family.special == ()

@@ -4,11 +4,13 @@ import functools
 
 import jax.numpy as jnp
 import mpmath
+import numpy as np
 import pytest
 
 import jaxdyn
 import orbits
 from jaxdyn import scenes
+from orbits.proof.refined import Refined
 
 DIGITS = 60
 
@@ -56,6 +58,33 @@ def test_a_cycle_is_refined_without_an_integral():
         (real, imaginary) = found.multipliers[0]
         assert mpmath.mpf(imaginary) == 0
         assert abs(mpmath.mpf(real) - float(orbits.stability(cycle).nontrivial[0].real)) < 1e-9
+
+
+def test_more_digits_decide_what_doubles_leave_open():
+    # Loosely integrated, as a long orbit is at best, it may have its multiplier 1.0035 at 1.
+    scene = scenes.henon_heiles().starting([0.0, 0.0, 0.4, 0.0])
+    orbit = orbits.find(scene, period=6.3)
+    loose, tight = orbits.stability(orbit, rtol=1e-3), orbits.stability(orbit)
+    assert loose.verdict == "undecided"
+    assert "orbits.refine(orbit, 30).stability()" in loose.message
+    assert loose.message in " ".join(str(loose).split())
+    found = orbits.refine(orbit, 20).stability()
+    assert (found.verdict, found.unit) == (tight.verdict, tight.unit) == ("unstable", 2)
+    assert (found.bars < tight.bars).all()
+    assert (np.abs(found.nontrivial - tight.nontrivial) < tight.bars).all()
+    assert found.message == tight.message == jaxdyn.Status.OK.message
+
+
+def test_a_multiplier_that_is_one_besides_those_that_must_be_decides_nothing():
+    # To all digits a circle about the sun has four multipliers 1, two of them by chance.
+    circle = orbits.find(scenes.power_law(n=-2.0, speed=1.0), period=6.28, hold=["x", "vy"])
+    linear = orbits.stability(circle)
+    assert (linear.verdict, len(linear.nontrivial)) == ("undecided", 2)
+    assert "to all digits" in linear.message
+    # `refine` counts them as those that must be 1.
+    blank = {"period": "", "y0": (), "held": (), "residual": "0"}
+    found = Refined(orbit=circle, digits=30, multipliers=(), exponents=(), **blank)
+    assert found.stability().verdict == "undecided"
 
 
 @pytest.mark.parametrize("digits", [14, 1001, 20.5])

@@ -197,8 +197,9 @@ def test_every_outcome_has_its_case():
     # MESH_LIMIT one of collocation, in test_collocation, NO_OTHER one of deflation, in
     # test_deflation.
     elsewhere = {Outcome.BOUND_PASSED, Outcome.OPEN_CHAIN}
-    elsewhere |= {Outcome.MESH_LIMIT, Outcome.NO_OTHER, Outcome.UNCONFIRMED}
-    assert ENDS.keys() == set(Outcome) - {Outcome.FOUND, *elsewhere}
+    elsewhere |= {Outcome.MESH_LIMIT, Outcome.NO_OTHER}
+    below = {Outcome.UNCONFIRMED, Outcome.UNDETERMINED}
+    assert ENDS.keys() == set(Outcome) - {Outcome.FOUND, *elsewhere, *below}
 
 
 @pytest.mark.parametrize("outcome", ENDS, ids=lambda outcome: outcome.name)
@@ -216,6 +217,16 @@ def test_every_way_a_search_fails(outcome):
     with pytest.raises(orbits.SearchError) as caught:
         orbits.find(scene, **options)
     assert str(caught.value) == orbit.message
+
+
+@pytest.mark.parametrize(("growth", "found"), [(3.0, True), (6.0, False)])
+def test_an_orbit_that_doubles_do_not_hold_is_none(growth, found):
+    # exp(12 pi) = 2e16 times the rounding of a start: its segments join all the same.
+    scene = jaxdyn.ode(odes.askew, odes.ASKEW[:, 0], 2 * np.pi, params=growth)
+    orbit = orbits.find(scene, throw=False)
+    assert orbit.residual < SOLVED
+    assert orbit.outcome == (Outcome.FOUND if found else Outcome.UNDETERMINED)
+    assert (orbits.recheck(orbit).closure < 1e-2) == found
 
 
 @pytest.mark.parametrize(("off", "found"), [(1e-13, True), (1e-3, False)])
@@ -248,6 +259,7 @@ def test_messages_say_what_to_do():
         Outcome.NO_OTHER: "raise max_iterations",
         Outcome.UNCONFIRMED: "Pass a smaller rtol",
         Outcome.TIME_LIMIT: "raise seconds=",
+        Outcome.UNDETERMINED: "impose a symmetry",
     }
     assert words.keys() == set(Outcome)
     for outcome, word in words.items():
