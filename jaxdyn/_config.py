@@ -60,10 +60,14 @@ def configure(
 
 
 def _backend_is_up() -> bool:
-    # A private name: no public function tells whether a device is in use.
-    from jax._src import xla_bridge
+    # A private name: no public function tells whether a device is in use. Where it is gone,
+    # settings are made as at a start; only the warning that it is too late is lost.
+    try:
+        from jax._src import xla_bridge
 
-    return xla_bridge.backends_are_initialized()
+        return xla_bridge.backends_are_initialized()
+    except (ImportError, AttributeError):
+        return False
 
 
 def _warn_if_too_late(fold_loops: bool, same_thread: bool) -> None:

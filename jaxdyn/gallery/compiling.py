@@ -12,29 +12,32 @@ import os
 
 import jax
 
-# Only a private name reaches the contexts.
-from jax._src.interpreters import mlir
-from jaxlib.mlir import ir
-
 from jaxdyn._config import configure
 
-_make_context = mlir.make_ir_context
+try:  # Only private names reach the contexts; without them each program has its own again.
+    from jax._src.interpreters import mlir
+    from jaxlib.mlir import ir
 
+    _make_context = mlir.make_ir_context
+except (ImportError, AttributeError):
+    mlir = None
+
+# Options that every jaxlib from 0.10 to 0.12 knows: an unknown one in XLA_FLAGS ends the process.
 _QUICKLY = {
     "xla_backend_optimization_level": 0,
     "xla_llvm_disable_expensive_passes": True,
-    "xla_cpu_use_fusion_emitters": False,
 }
 #: For programs that are timed: as they are compiled for users, see `work_precision`.
 FULLY = {
     "xla_backend_optimization_level": 3,
     "xla_llvm_disable_expensive_passes": False,
-    "xla_cpu_use_fusion_emitters": True,
 }
 
 
 def share_context() -> None:
     """Lower the programs of this process in one MLIR context, from now on a new one."""
+    if mlir is None:
+        return
     shared = functools.cache(_make_context)
 
     def make():

@@ -36,6 +36,20 @@ assert not xla_bridge.backends_are_initialized(), "import jaxdyn computed someth
     run_python(code)
 
 
+def test_without_the_private_names_everything_works():
+    code = """
+import sys
+import jax._src.interpreters.mlir, jax._src.xla_bridge
+del jax._src.interpreters.mlir.make_ir_context, jax._src.xla_bridge.backends_are_initialized
+import jaxdyn
+jaxdyn.configure()
+from jaxdyn.gallery import compiling
+compiling.share_context()
+assert compiling.mlir is None
+"""
+    run_python(code)
+
+
 def test_configure_sets_all_four():
     flags, switches, cache = _show(JAXDYN_CACHE="/nonexistent/a")
     assert flags == _FLAG
