@@ -11,11 +11,16 @@ times is known by its radian. What has no unit, as in a plain `jaxdyn.ode`, has 
 `at_start` finds them before a step is taken, from the rate and its derivatives. |J| u is J times
 one vector of u with generic weights of random signs, since all of J would take as many derivatives
 as there are entries; terms that cancel in J u do not with these weights.
+
+`at_rest` finds those of the motions near an equilibrium, which the rate there does not show: from
+the entries, from the Jacobian J, and where all entries are 0 from the distance at which the rate is
+no longer linear.
 """
 
 from collections.abc import Hashable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -50,6 +55,14 @@ _PERTURBED = 4.0
 _TIMES_NOISE = 4.0
 #: Logarithm of the largest weight of an entry; the least is 1 over it.
 _LOG_WEIGHT = 0.2
+#: Of what others make of an entry at rest: less is rounding.
+_ROUNDING = 1e-9
+#: Of the distance up to which a rate is linear: an equilibrium so much nearer to 0 is 0.
+_NOTHING = 1e-12
+#: Of the linear part of a rate: what its other part is where the rate is no longer linear.
+_NONLINEAR = 0.1
+#: Distances at which that is asked at once, and how often, each time between two of them.
+_DISTANCES, _ROUNDS = np.geomspace(1e-150, 1e150, 601), 4
 
 
 class Groups(NamedTuple):
@@ -199,6 +212,91 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
     begin = jnp.zeros((), int), here, zero, span, span, zero, jnp.ones((), bool)
     _, sizes, _, tau, _, rate, _ = lax.while_loop(again, round_, begin)
     return Scales(sizes, tau), rate
+
+
+def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales:
+    """The scales of the motions near an equilibrium, or a steady motion; host only.
+
+    The time is 1 over the largest eigenvalue of the rate's Jacobian J. An entry that is 0, or
+    rounding of what the others make of it in that time, has the size of that; an angle has its
+    radian. Where this says nothing, or all is rounding, an entry has the size at which the rate is
+    no longer linear; and in a linear one, of which no size follows, the mean of all sizes, or 1.
+
+    Args:
+      field: has ``rate(t, y)``.
+      groups: of its state.
+      y: (k,) the equilibrium.
+      t: () time at which the field is frozen.
+    """
+    y = np.asarray(y, float)
+    slope = np.asarray(_slope(field, jnp.asarray(t, float), jnp.asarray(y)))
+    slope = np.where(np.isfinite(slope), slope, 0.0)
+    fastest = float(np.abs(np.linalg.eigvals(slope)).max())
+    time = 1 / fastest if fastest > 0 else 1.0
+    made = time * np.abs(slope)
+
+    def alike(x: np.ndarray) -> np.ndarray:
+        return np.asarray(groups.largest(jnp.asarray(x)))
+
+    most = np.asarray(groups.most)
+    here = np.where(np.isfinite(most), most, alike(np.abs(y)))
+    moved = alike((made * here).max(axis=1))
+    sizes = np.where(here > _ROUNDING * moved, here, 0.0)
+    times = _linear_up_to(field, t, y, slope, sizes)
+    if 1 / _NOTHING < times < np.inf:
+        sizes = np.zeros_like(sizes)
+    while (sizes == 0).any():
+        new = np.where(sizes == 0, alike((made * sizes).max(axis=1)), sizes)
+        if (new == sizes).all():
+            first = np.arange(len(y)) == np.argmin(sizes)
+            way = _moved_by(made, alike(first.astype(float)), sizes == 0)
+            new = np.where(first, _linear_up_to(field, t, y, slope, way), sizes)
+            if not np.isfinite(new).all():
+                mean = np.exp(np.log(sizes[sizes > 0]).mean()) if sizes.any() else 1.0
+                new = np.where(first, mean, sizes)
+        sizes = alike(new)
+    return Scales(jnp.asarray(sizes), jnp.asarray(time))
+
+
+def _moved_by(made: np.ndarray, way: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """(k,) a way along some entries, and those of `which` that they move, as far as they do."""
+    for _ in way:
+        way = np.where(which & (way == 0), (made * way).max(axis=1), way)
+    return way
+
+
+def _linear_up_to(field: Any, t: float, y: np.ndarray, slope: np.ndarray, way: np.ndarray) -> float:
+    """How far along a way (k,), up and down, a rate with the derivative `slope` is linear."""
+    off = way * _weights(len(y))
+    changes = np.abs(slope) @ way
+    some = changes > 0
+    if not some.any():
+        return np.inf
+    low, high = _DISTANCES[0], _DISTANCES[-1]
+    for _ in range(_ROUNDS):
+        distances = np.geomspace(low, high, len(_DISTANCES))
+        signed = np.append(distances, -distances)[:, None]
+        rates = np.asarray(_rates(field, jnp.asarray(t, float), jnp.asarray(y + signed * off)))
+        rest = np.asarray(_rates(field, jnp.asarray(t, float), jnp.asarray(y)[None]))
+        with np.errstate(all="ignore"):
+            beside = np.abs(rates - rest - signed * (slope @ off)) / np.abs(signed)
+            share = (beside[:, some] / changes[some]).max(axis=1).reshape(2, -1).max(axis=0)
+        # Below, the rounding of other entries may show.
+        linear = np.flatnonzero(share < _NONLINEAR)
+        if not len(linear) or linear[-1] == len(distances) - 1:
+            return np.inf
+        low, high = distances[linear[-1]], distances[linear[-1] + 1]
+    return float(high)
+
+
+@eqx.filter_jit
+def _slope(field: Any, t: Array, y: Array) -> Array:
+    return jax.jacfwd(lambda y: field.rate(t, y))(y)
+
+
+@eqx.filter_jit
+def _rates(field: Any, t: Array, ys: Array) -> Array:
+    return jax.vmap(lambda y: field.rate(t, y))(ys)
 
 
 def _by_its_change(

@@ -197,7 +197,7 @@ def _symplectic(scene: Scene, m: np.ndarray, basis: np.ndarray, each: np.ndarray
         form = kept_form(scene, each)
     if form is None:
         return None
-    return float(symplectic_defect(m, form / (np.abs(form).max() or 1.0)))
+    return float(symplectic_defect(m, form))
 
 
 def _unknown(d: int, status: Status) -> Stability:

@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 from jaxdyn import Scene
 from jaxdyn._notes import notes_on
 from jaxdyn.plan import plan_of
-from jaxdyn.scales import groups
+from jaxdyn.scales import at_rest, groups
 
 #: Motions mostly have a few harmonics, which change faster than the first one.
 _HARMONIC = 2
@@ -71,16 +71,8 @@ def _sizes(scene: Scene) -> np.ndarray:
 
 
 def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
-    """(k,) the size of each entry near an equilibrium y (k,), where the rate is rounding.
-
-    Times are in those of the fastest eigenvalue. What an entry may be by rounding is no size.
-    """
-    slope = np.asarray(_slope(scene, jnp.asarray(0.0), jnp.asarray(y)))
-    slope = np.where(np.isfinite(slope), slope, 0.0)
-    time = 1 / max(float(np.abs(np.linalg.eigvals(slope)).max()), np.finfo(float).tiny)
-    found = alike(scene, np.abs(y))
-    moved = alike(scene, time * (np.abs(slope) * found).max(axis=1))
-    return _filled(scene, np.where(found > _ROUNDING * moved, found, 0.0), time * np.abs(slope))
+    """(k,) the size of each entry near an equilibrium y (k,), where the rate is rounding."""
+    return np.array(at_rest(scene.field, groups(scene.system), y).sizes)
 
 
 def coupled(scene: Scene, each: np.ndarray) -> np.ndarray:
