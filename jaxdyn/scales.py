@@ -17,7 +17,7 @@ the entries, from the Jacobian J, and where all entries are 0 from the distance 
 no longer linear.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
@@ -59,10 +59,10 @@ _LOG_WEIGHT = 0.2
 _ROUNDING = 1e-9
 #: Of the distance up to which a rate is linear: an equilibrium so much nearer to 0 is 0.
 _NOTHING = 1e-12
-#: Of the linear part of a rate: what its other part is where the rate is no longer linear.
-_NONLINEAR = 0.1
+#: Of the terms of a Jacobian: their changes where the rate is no longer linear.
+_NONLINEAR = 0.5
 #: Distances at which that is asked at once, and how often, each time between two of them.
-_DISTANCES, _ROUNDS = np.geomspace(1e-150, 1e150, 601), 4
+_DISTANCES, _ROUNDS = np.geomspace(1e-150, 1e150, 601), 5
 
 
 class Groups(NamedTuple):
@@ -217,7 +217,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
 def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales:
     """The scales of the motions near an equilibrium, or a steady motion; host only.
 
-    The time is 1 over the largest eigenvalue of the rate's Jacobian J. An entry that is 0, or
+    The time is 1 over the spectral radius of |J|, of the rate's Jacobian J. An entry that is 0, or
     rounding of what the others make of it in that time, has the size of that; an angle has its
     radian. Where this says nothing, or all is rounding, an entry has the size at which the rate is
     no longer linear; and in a linear one, of which no size follows, the mean of all sizes, or 1.
@@ -229,33 +229,58 @@ def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales
       t: () time at which the field is frozen.
     """
     y = np.asarray(y, float)
-    slope = np.asarray(_slope(field, jnp.asarray(t, float), jnp.asarray(y)))
-    slope = np.where(np.isfinite(slope), slope, 0.0)
-    fastest = float(np.abs(np.linalg.eigvals(slope)).max())
-    time = 1 / fastest if fastest > 0 else 1.0
-    made = time * np.abs(slope)
 
     def alike(x: np.ndarray) -> np.ndarray:
         return np.asarray(groups.largest(jnp.asarray(x)))
 
-    most = np.asarray(groups.most)
+    most, slope = np.asarray(groups.most), np.abs(slopes(field, y, t))
+    made = slope / (_radius(slope) or 1.0)
     here = np.where(np.isfinite(most), most, alike(np.abs(y)))
-    moved = alike((made * here).max(axis=1))
-    sizes = np.where(here > _ROUNDING * moved, here, 0.0)
-    times = _linear_up_to(field, t, y, slope, sizes)
-    if 1 / _NOTHING < times < np.inf:
-        sizes = np.zeros_like(sizes)
+    here = np.where(here > _ROUNDING * alike((made * here).max(axis=1)), here, 0.0)
+    if 1 / _NOTHING < _linear_up_to(field, t, y, here, np.zeros_like(y)) < np.inf:
+        y, here = (np.where(np.isfinite(most), x, 0.0) for x in (y, most))
+    sizes = here
     while (sizes == 0).any():
         new = np.where(sizes == 0, alike((made * sizes).max(axis=1)), sizes)
         if (new == sizes).all():
-            first = np.arange(len(y)) == np.argmin(sizes)
-            way = _moved_by(made, alike(first.astype(float)), sizes == 0)
-            new = np.where(first, _linear_up_to(field, t, y, slope, way), sizes)
-            if not np.isfinite(new).all():
-                mean = np.exp(np.log(sizes[sizes > 0]).mean()) if sizes.any() else 1.0
-                new = np.where(first, mean, sizes)
+            new = _with_one_more(field, t, y, sizes, made, alike)
         sizes = alike(new)
-    return Scales(jnp.asarray(sizes), jnp.asarray(time))
+    slope = terms(field, y, sizes, t)
+    fastest = _radius(slope)
+    # Of a fold the Jacobian itself may be rounding, and what it makes of an entry.
+    moved = alike((slope * sizes).max(axis=1) / (fastest or 1.0))
+    sizes = np.where(here == 0, np.maximum(sizes, moved), sizes)
+    return Scales(jnp.asarray(sizes), jnp.asarray(1 / (fastest or 1.0)))
+
+
+def _radius(matrix: np.ndarray) -> float:
+    return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+
+def terms(field: Any, y: np.ndarray, sizes: np.ndarray, t: float = 0.0) -> np.ndarray:
+    """(k, k) the largest |J| at and beside a state, a small part of the sizes away."""
+    off = _ASIDE * sizes * _weights(len(y))
+    return np.abs([slopes(field, x, t) for x in (y, y - off, y + off)]).max(axis=0)
+
+
+def slopes(field: Any, y: np.ndarray, t: float = 0.0) -> np.ndarray:
+    """(k, k) the rate's Jacobian, 0 where it is not finite."""
+    found = np.asarray(_slope(field, jnp.asarray(t, float), jnp.asarray(y)))
+    return np.where(np.isfinite(found), found, 0.0)
+
+
+def _with_one_more(
+    field: Any, t: float, y: np.ndarray, sizes: np.ndarray, made: np.ndarray, alike: Callable
+) -> np.ndarray:
+    """The sizes (k,), and of an entry that no other one moves that at which the rate bends."""
+    for i in np.flatnonzero(sizes == 0):
+        first = np.arange(len(y)) == i
+        way = _moved_by(made, alike(first.astype(float)), sizes == 0)
+        size = _linear_up_to(field, t, y, way, sizes)
+        if np.isfinite(size):
+            return np.where(first, size, sizes)
+    mean = np.exp(np.log(sizes[sizes > 0]).mean()) if sizes.any() else 1.0
+    return np.where(np.arange(len(y)) == np.argmin(sizes), mean, sizes)
 
 
 def _moved_by(made: np.ndarray, way: np.ndarray, which: np.ndarray) -> np.ndarray:
@@ -265,28 +290,35 @@ def _moved_by(made: np.ndarray, way: np.ndarray, which: np.ndarray) -> np.ndarra
     return way
 
 
-def _linear_up_to(field: Any, t: float, y: np.ndarray, slope: np.ndarray, way: np.ndarray) -> float:
-    """How far along a way (k,), up and down, a rate with the derivative `slope` is linear."""
-    off = way * _weights(len(y))
-    changes = np.abs(slope) @ way
-    some = changes > 0
-    if not some.any():
-        return np.inf
-    low, high = _DISTANCES[0], _DISTANCES[-1]
+def _linear_up_to(field: Any, t: float, y: np.ndarray, way: np.ndarray, sizes: np.ndarray) -> float:
+    """How far along a way (k,), up and down, a rate is linear.
+
+    That is until its Jacobian's terms change by about themselves in a row, those of entries with
+    sizes (k,) or on the way; and of others, which may have any size, each for itself.
+    """
+    slope, off = np.abs(slopes(field, y, t)), way * _weights(len(y))
+    alone = (slope > 0) & (sizes == 0) & (way == 0)
+    low, high, most = _DISTANCES[0], _DISTANCES[-1], None
     for _ in range(_ROUNDS):
         distances = np.geomspace(low, high, len(_DISTANCES))
-        signed = np.append(distances, -distances)[:, None]
-        rates = np.asarray(_rates(field, jnp.asarray(t, float), jnp.asarray(y + signed * off)))
-        rest = np.asarray(_rates(field, jnp.asarray(t, float), jnp.asarray(y)[None]))
-        with np.errstate(all="ignore"):
-            beside = np.abs(rates - rest - signed * (slope @ off)) / np.abs(signed)
-            share = (beside[:, some] / changes[some]).max(axis=1).reshape(2, -1).max(axis=0)
-        # Below, the rounding of other entries may show.
-        linear = np.flatnonzero(share < _NONLINEAR)
-        if not len(linear) or linear[-1] == len(distances) - 1:
+        each = np.maximum(sizes, distances[:, None] * way)
+        own, share = each @ slope.T, np.zeros(len(distances))
+        for sign in (1, -1):
+            at = jnp.asarray(y + sign * distances[:, None] * off)
+            with np.errstate(all="ignore"):
+                there = np.asarray(_slopes(field, jnp.asarray(t, float), at))
+                changes = np.abs(there - slopes(field, y, t))
+                rows = np.where(own > 0, np.einsum("nij,nj->ni", changes, each) / own, 0.0)
+                ones = np.where(alone, changes / np.where(alone, slope, 1.0), 0.0)
+            for part in (rows, ones.reshape(len(ones), -1)):
+                share = np.maximum(share, np.where(np.isnan(part), np.inf, part).max(axis=1))
+        # A product of an entry on the way with one that has a size stays the same part of a row.
+        most = max(_NONLINEAR, 2 * share[0]) if most is None else most
+        beyond = np.flatnonzero(share > most)
+        if not len(beyond):
             return np.inf
-        low, high = distances[linear[-1]], distances[linear[-1] + 1]
-    return float(high)
+        low, high = distances[max(beyond[0] - 1, 0)], distances[beyond[0]]
+    return float(low)
 
 
 @eqx.filter_jit
@@ -295,8 +327,8 @@ def _slope(field: Any, t: Array, y: Array) -> Array:
 
 
 @eqx.filter_jit
-def _rates(field: Any, t: Array, ys: Array) -> Array:
-    return jax.vmap(lambda y: field.rate(t, y))(ys)
+def _slopes(field: Any, t: Array, ys: Array) -> Array:
+    return jax.vmap(jax.jacfwd(lambda y: field.rate(t, y)))(ys)
 
 
 def _by_its_change(
