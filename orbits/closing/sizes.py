@@ -65,6 +65,8 @@ def _sizes(scene: Scene) -> np.ndarray:
     found = coupled(scene, alike(scene, np.maximum(np.abs(y0), radian * rates)))
     if (found > 0).all():
         return found
+    if not found.any():
+        return sizes_at_rest(scene, y0)
     slope = np.asarray(_slope(scene, jnp.asarray(0.0), scene.y0))
     slope = np.abs(np.where(np.isfinite(slope), slope, 0.0))
     return _filled(scene, found, radian * slope)
@@ -104,13 +106,13 @@ def alike(scene: Scene, each: np.ndarray) -> np.ndarray:
 def _filled(scene: Scene, found: np.ndarray, slope: np.ndarray) -> np.ndarray:
     """The sizes, with those that are 0 from the others by what these change (k, k).
 
-    An entry that no other one moves has the mean of all, which is decided on for one such entry
-    after the other, and what follows from it.
+    Some are not. An entry that no other one moves has the mean of all, which is decided on for one
+    such entry after the other, and what follows from it.
     """
     while (found == 0).any():
         new = np.where(found == 0, alike(scene, (slope * found).max(axis=1)), found)
         if (new == found).all():
-            mean = np.exp(np.log(found[found > 0]).mean()) if found.any() else 1.0
+            mean = np.exp(np.log(found[found > 0]).mean())
             new = np.where(np.arange(len(found)) == np.argmin(found), mean, found)
         found = alike(scene, new)
     return found
