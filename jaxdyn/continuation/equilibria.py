@@ -195,15 +195,18 @@ def _driven(scene: Scene, y: np.ndarray) -> bool:
 
 def _walked(make: Make, first: Equilibrium, limits, report, path) -> EquilibriumFamily:
     step, most, within = limits
-    units = units_of(make, first)
-    scene, here = units.scene(make), units.inward(first)
+    known = groups(make(first.parameter).system)
+    here = units_of(make, first).inward(first)
 
     def following(last: Equilibrium, length: float) -> tuple[Equilibrium | None, int]:
-        new, iterations = _next(scene, units.inward(last), length)
-        return None if new is None else units.outward(new), iterations
+        units = units_of(make, last)
+        new, iterations = _next(units.scene(make), units.inward(last), length)
+        return None if new is None else units.outward(new, known), iterations
 
     def between(a: Equilibrium, b: Equilibrium, fresh: bool) -> list[Equilibrium]:
-        found = special_points(scene, units.inward(a), units.inward(b), first=fresh)
+        units = units_of(make, a)
+        scene, (before, after) = units.scene(make), (units.inward(x) for x in (a, b))
+        found = special_points(scene, before, after, first=fresh)
         return [units.outward(point) for point in found]
 
     begin = Begin(EQUILIBRIA, step, np.append(here.x, here.tangent), first)

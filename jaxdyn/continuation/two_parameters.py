@@ -19,6 +19,7 @@ from jaxdyn.continuation.family import Equilibrium, Kind
 from jaxdyn.continuation.kept import CURVE, Begin, Log, kept_in, of_fields
 from jaxdyn.continuation.units import Units, units_at, units_of
 from jaxdyn.continuation.walk import Rules, outside, walked
+from jaxdyn.scales import groups
 from jaxdyn.scene import checked_scene
 
 _TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
@@ -171,17 +172,20 @@ def _nearest(curve: Kind, make, start: np.ndarray, size: int, sign: float) -> Cu
 
 def _walked(make, first: CurvePoint, start: CurvePoint | None, limits, report, path) -> Curve:
     step, most, within = limits
-    units = units_of(make, first)
-    scene, here = units.scene(make), units.inward(first)
-    begun = None if start is None or start.kind is None else units.inward(start)
+    known = groups(make(*first.parameters).system)
+    here = units_of(make, first).inward(first)
 
     def following(last: CurvePoint, length: float) -> tuple[CurvePoint | None, int]:
-        new, iterations = _next(scene, units.inward(last), length)
-        return None if new is None else units.outward(new), iterations
+        units = units_of(make, last)
+        new, iterations = _next(units.scene(make), units.inward(last), length)
+        return None if new is None else units.outward(new, known), iterations
 
     def between(a: CurvePoint, b: CurvePoint, fresh: bool) -> list[CurvePoint]:
-        found = special_points(scene, units.inward(a), units.inward(b), first=fresh)
-        return [units.outward(point) for point in _not_at(begun, found)]
+        units = units_of(make, a)
+        scene, (before, after) = units.scene(make), (units.inward(x) for x in (a, b))
+        begun = None if start is None or start.kind is None else units.inward(start)
+        found = _not_at(begun, special_points(scene, before, after, first=fresh))
+        return [units.outward(point) for point in found]
 
     place = np.append(here.unknowns, here.tangent)
     begin = Begin(CURVE, step, place, first, {"kind": str(first.curve)})

@@ -3,8 +3,9 @@
 All equations of this package are in units in which entries of the state, parameters and time are
 numbers of order 1, so that lengths, ranks and residuals mean something. `InUnits` is the scene in
 them, `Units` turns points from and into the units of the scene: members, files and results are in
-these. The first member of a family decides (`scales.at_rest`), and the others, its special points,
-and what begins there have the same units.
+these. The first member of a family decides (`scales.at_rest`); entries that grow along it have their
+largest size so far. Special points have the units of the member before, and so has what begins
+there.
 
 A parameter has no size by its value, which may be anything, but by what it changes: the rate, or
 its derivatives, by the terms of the same row of A y, where it does so most.
@@ -24,6 +25,7 @@ from jaxdyn import scales
 from jaxdyn.analysis.eigenvalues import Eigenvalues
 from jaxdyn.continuation.curve import CurvePoint
 from jaxdyn.continuation.family import Equilibrium, Kind
+from jaxdyn.scales import Groups
 from jaxdyn.scene import Scene
 
 Point = TypeVar("Point", Equilibrium, CurvePoint)
@@ -99,9 +101,16 @@ class Units(NamedTuple):
         back = Units(1 / self.each, 1 / self.parameters, 1 / self.time)
         return back._turned(point)
 
-    def outward(self, point: Point) -> Point:
-        """A point that is in these units in those of the scene."""
-        return dataclasses.replace(self._turned(point), units=self.numbers)
+    def outward(self, point: Point, known: Groups | None = None) -> Point:
+        """A point that is in these units in those of the scene.
+
+        With the groups of its entries as a member, whose units are no smaller than its entries.
+        """
+        turned, units = self._turned(point), self
+        if known is not None:
+            now = np.asarray(known.largest(jnp.abs(turned.state)))
+            units = self._replace(each=np.maximum(self.each, now))
+        return dataclasses.replace(turned, units=units.numbers)
 
     def _turned(self, point: Point) -> Point:
         """A point times units; rates over that of time."""
