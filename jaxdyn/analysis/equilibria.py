@@ -34,6 +34,7 @@ _NEWTON_STEPS = 30  # of Newton's method to an equilibrium
 _POLISHING_STEPS = 2  # further steps: they make derivatives correct up to the third
 #: Of the sizes of the entries: the last of these steps. Where the Jacobian is singular it halves.
 _MAX_LAST_STEP = 1e-10
+_SQUARINGS = 4  # of |A|, for its spectral radius
 _SINGULAR = 1e-12  # 1 over the condition number of a Jacobian that has no inverse
 
 
@@ -193,10 +194,26 @@ def _equilibrium(field: Field, y: Array, t: Array) -> Array:
     # What rounding, relative to each entry, makes of a solution: units change no trace of it.
     spread = jnp.abs(jnp.linalg.inv(a)) @ jnp.abs(a)
     regular = jnp.trace(spread) * _SINGULAR < 1.0
-    sizes = groups(field.system).largest(jnp.maximum(jnp.abs(end), jnp.abs(end - start)))
+    sizes = _coupled(field, a, jnp.maximum(jnp.abs(end), jnp.abs(end - start)))
     settled = jnp.all(jnp.abs(step) <= _MAX_LAST_STEP * (spread @ sizes))
     # A factor, not jnp.where: the derivative of where with a NaN branch is 0.
     return y * jnp.where(settled & regular, 1.0, jnp.nan)
+
+
+def _coupled(field: Field, a: Array, each: Array) -> Array:
+    """(k,) sizes of at least what others make of an entry in 1 over the spectral radius of |A|.
+
+    That radius is up to a factor of k^(1/16) the root of the trace of |A|^16.
+    """
+    alike, power, scale = groups(field.system).largest, jnp.abs(a), 1.0
+    for i in range(1, _SQUARINGS + 1):
+        power = power @ power
+        trace = jnp.trace(power)
+        power = power / jnp.where(trace > 0, trace, 1.0)
+        scale = scale * trace ** (0.5**i)
+    made = jnp.abs(a) / jnp.where(scale > 0, scale, jnp.inf)
+    each = alike(each)
+    return jax.lax.fori_loop(0, len(each), lambda _, x: jnp.maximum(x, alike(made @ x)), each)
 
 
 def _refuse_traced(*numbers) -> None:

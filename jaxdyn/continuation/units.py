@@ -3,9 +3,9 @@
 All equations of this package are in units in which entries of the state, parameters and time are
 numbers of order 1, so that lengths, ranks and residuals mean something. `InUnits` is the scene in
 them, `Units` turns points from and into the units of the scene: members, files and results are in
-these. The first member of a family decides (`scales.at_rest`); entries that grow along it have their
-largest size so far. Special points have the units of the member before, and so has what begins
-there.
+these. The first member of a family decides (`scales.at_rest`); entries that grow along it have
+their largest size so far. Special points have the units of the member before, and so has what
+begins there.
 
 A parameter has no size by its value, which may be anything, but by what it changes: the rate, or
 its derivatives, by the terms of the same row of A y, where it does so most.

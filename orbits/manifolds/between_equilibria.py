@@ -113,7 +113,9 @@ def _approach(posed: Chain, p: float, longest: float) -> tuple | ConnectionOutco
     ts = np.linspace(0.0, longest, _STRAND)
     ys = np.asarray(solved(start, ts[-1], ts=ts, rtol=posed.rtol).ys)
     gone, off = (
-        np.linalg.norm(np.asarray(_apart(scene, jnp.asarray(ys), y) / posed.each[None]), axis=1)
+        np.linalg.norm(
+            np.asarray(_apart(scene, jnp.asarray(ys), y)) / np.asarray(posed.each), axis=1
+        )
         for y in (a, b)
     )
     known = np.isfinite(ys).all(axis=1)
@@ -164,9 +166,11 @@ def _longer(posed: Chain, found: Solution, old, new, rates: np.ndarray) -> np.nd
     states = _interpolated(nodes, ts, ys)
     grown = old[0] * np.exp(rates[0] * nodes)[:, None] * np.asarray(v)
     states = np.where(nodes[:, None] < 0, np.asarray(first.rest) + grown, states)
+    each = np.asarray(posed.each)
+    slope = map_in_units(second.jacobian, each)
     for i in np.flatnonzero(nodes > time):
-        decayed = jax.scipy.linalg.expm(second.jacobian * (nodes[i] - time)) @ (off - arriving)
-        states[i] = ys[-1] - off + np.asarray(decayed)
+        flow = np.asarray(jax.scipy.linalg.expm(slope * (nodes[i] - time)))
+        states[i] = ys[-1] - off + each * (flow @ ((off - arriving) / each))
     return posed.pack(float(time) + before + after, parameter, states)
 
 
@@ -178,7 +182,7 @@ def _ends_error(posed: Chain, last: tuple, now: tuple, rates: np.ndarray) -> flo
     apart = []
     for t, y in ((0.0, ys[0]), (ts[-1], ys[-1])):
         there, rate = (np.asarray(z) for z in chain.state_at(posed, fine.x, new, before + t))
-        gap, rate = (y - there) / posed.each, rate / posed.each
+        gap, rate = (x / np.asarray(posed.each) for x in (y - there, rate))
         apart.append(np.linalg.norm(gap - rate * (rate @ gap) / (rate @ rate)))
     return float(max(apart))
 

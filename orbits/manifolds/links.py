@@ -121,7 +121,7 @@ def _scaled(slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _goal(chain: Links, x: np.ndarray) -> float:
-    return _GOAL * max(1.0, float(np.abs(chain.states(x) / chain.each).max()))
+    return _GOAL * max(1.0, float(np.abs(chain.states(x) / np.asarray(chain.each)).max()))
 
 
 @eqx.filter_jit
