@@ -214,6 +214,27 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
     return Scales(sizes, tau), rate
 
 
+def sizes_at_start(scene: Any, t0: Any = 0.0, t1: Any = None) -> np.ndarray:
+    """(k,) the sizes of `at_start` of a scene; what nothing moves has the mean of others, or 1."""
+    starts = np.asarray(scene.y0)[None]
+    return sizes_at_starts(scene, starts, t0, scene.t1 if t1 is None else t1)[0]
+
+
+def sizes_at_starts(scene: Any, starts: np.ndarray, t0: Any, t1: Any) -> np.ndarray:
+    """(n, k) those of a scene from several starts (n, k)."""
+    times = (jnp.asarray(t, float) for t in (t0, t1))
+    sizes = np.asarray(_at_starts(scene.field, groups(scene.system), jnp.asarray(starts), *times))
+    moves = (sizes > 0) & np.isfinite(sizes)
+    count = np.maximum(moves.sum(axis=1, keepdims=True), 1)
+    mean = np.log(np.where(moves, sizes, 1.0)).sum(axis=1, keepdims=True) / count
+    return np.where(moves, sizes, np.exp(mean))
+
+
+@eqx.filter_jit
+def _at_starts(field: Any, groups: Groups, starts: Array, t0: Array, t1: Array) -> Array:
+    return jax.vmap(lambda y0: at_start(field, groups, t0, y0, t1)[0].sizes)(starts)
+
+
 def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales:
     """The scales of the motions near an equilibrium, or a steady motion; host only.
 
@@ -231,7 +252,7 @@ def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales
     y = np.asarray(y, float)
 
     def alike(x: np.ndarray) -> np.ndarray:
-        return np.asarray(groups.largest(jnp.asarray(x)))
+        return np.asarray(groups.sizes(jnp.asarray(x)))
 
     most, slope = np.asarray(groups.most), np.abs(slopes(field, y, t))
     made = slope / (_radius(slope) or 1.0)

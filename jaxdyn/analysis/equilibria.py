@@ -205,7 +205,7 @@ def _coupled(field: Field, a: Array, each: Array) -> Array:
 
     That radius is up to a factor of k^(1/16) the root of the trace of |A|^16.
     """
-    alike, power, scale = groups(field.system).largest, jnp.abs(a), 1.0
+    alike, power, scale = groups(field.system).sizes, jnp.abs(a), 1.0
     for i in range(1, _SQUARINGS + 1):
         power = power @ power
         trace = jnp.trace(power)

@@ -231,7 +231,7 @@ def _passed(scene: Scene, period: Array, rtols) -> _Period:
     (end, M), (_, coarse) = (end_and_derivative(scene, period, rtol) for rtol in rtols)
     known = groups(scene.system)
     sizes = at_start(scene.field, known, jnp.zeros(()), scene.y0, period)[0].sizes
-    sizes = jnp.maximum(sizes, known.largest(jnp.abs(M) @ sizes))
+    sizes = jnp.maximum(sizes, known.sizes(jnp.abs(M) @ sizes))
     gap = jnp.abs(scene.system.difference(end, scene.y0))
     return _Period(
         monodromy=M,

@@ -108,7 +108,7 @@ class Units(NamedTuple):
         """
         turned, units = self._turned(point), self
         if known is not None:
-            now = np.asarray(known.largest(jnp.abs(turned.state)))
+            now = np.asarray(known.sizes(jnp.abs(turned.state)))
             units = self._replace(each=np.maximum(self.each, now))
         return dataclasses.replace(turned, units=units.numbers)
 
