@@ -72,11 +72,13 @@ def connect_orbits(a: Orbit, b: Orbit, asked: Asked) -> Connection:
         )
     ]
     tangents = [(one.starts[0] - one.base[0]) * one.branches[0] / one.step_off for one in found]
+    own = jnp.stack([jnp.asarray(sizes(orbit.scene)) for orbit in (a, b)])
     posed = OrbitChain(
         base=a.scene,
         starts=jnp.stack([jnp.asarray(a.y0), jnp.asarray(b.y0)]),
         tangents=jnp.asarray(np.stack(tangents)),
-        each=jnp.maximum(*(jnp.asarray(sizes(orbit.scene)) for orbit in (a, b))),
+        own=own,
+        each=jnp.max(own, axis=0),
         conserved=conserved,
         segments=asked.segments,
         rtol=asked.rtol,

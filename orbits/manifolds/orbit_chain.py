@@ -31,6 +31,7 @@ class OrbitChain(Links):
       starts: (2, k) starts of the orbits, at phase 0.
       tangents: (2, k) tangents of length 1 there, of the unstable manifold of the first orbit and
         of the stable one of the second.
+      own: (2, k) sizes of the entries along the orbits, in which distances from them are.
       each: (k,) sizes of the entries.
       conserved: whether the energy is an integral.
       segments: number of links.
@@ -40,6 +41,7 @@ class OrbitChain(Links):
     base: Scene
     starts: Array
     tangents: Array
+    own: Array
     each: Array
     conserved: bool = eqx.field(static=True)
     segments: int = eqx.field(static=True)
@@ -59,7 +61,7 @@ class OrbitChain(Links):
         # To first order in the phase, which is all that its derivative needs.
         rate, turn = jax.jvp(lambda y: self.base.rate(jnp.zeros(()), y), (y,), (v,))
         y, v = y + rate * (phase - known), v + turn * (phase - known)
-        return y, y + step * v / jnp.linalg.norm(v / self.each)
+        return y, y + step * v / jnp.linalg.norm(v / self.own[i])
 
     def opened(self, x, steps):
         y, first = self.beside(0, x[1], steps[0])

@@ -12,6 +12,7 @@ import orbits
 from jaxdyn import scenes
 from jaxdyn.analysis.energy import energy
 from jaxdyn.integrate.events import Reaches
+from orbits.closing.sizes import sizes
 
 #: The comet Oterma's energy in the problem of Sun and Jupiter, and where the Lyapunov orbits of L1
 #: and L2 cross the axis: Wilczak & Zgliczynski (2003), Commun. Math. Phys. 234, 37, who prove that
@@ -57,7 +58,8 @@ def test_one_motion_leads_from_one_orbit_to_the_other(pair, connection):
     for i, (orbit, end) in enumerate(zip(pair, (0, -1), strict=True)):
         there = jaxdyn.solve(orbit.scene, connection.phases[i], rtol=1e-13).y1
         np.testing.assert_allclose(connection.rests[i], there, rtol=0, atol=1e-9)
-        off = np.linalg.norm(connection.states[end] - connection.rests[i])
+        off = (connection.states[end] - connection.rests[i]) / sizes(orbit.scene)
+        off = np.linalg.norm(off)
         assert abs(off - connection.step_off[i]) < 2e-8
     levels = [float(energy(connection.scene, 0.0, jnp.asarray(y))) for y in connection.states]
     # The linear ends are off the level to second order.
