@@ -7,8 +7,8 @@ time of an event has no derivative, while these equations are regular. The price
 may pass an end before its time; the bounds of a leg exclude that.
 
 All are numbers of order 1: a state is in units of the sizes of its entries along the chain, a time
-in those of its guess, and an equation in units of what changes of the states by their sizes, and of
-the time, make of it.
+in those of its guess, and an equation in units of what changes of the states by their sizes make of
+it.
 """
 
 import dataclasses
@@ -253,7 +253,7 @@ def _sizes(legs, first: _Linearised, times: np.ndarray) -> list[np.ndarray]:
 
 
 def _changes(legs, closes, first: _Linearised, times: np.ndarray, each) -> np.ndarray:
-    """(m,) what changes of the states by their sizes, and of times, make of each equation."""
+    """(m,) what changes of the states by their sizes make of each equation."""
     found = [
         np.asarray(_change(leg, end, t, size))
         for leg, end, t, size in zip(legs, first.ends, times, each, strict=True)
@@ -268,11 +268,10 @@ def _changes(legs, closes, first: _Linearised, times: np.ndarray, each) -> np.nd
 def _change(leg: Leg, end: Array, span, each: Array) -> Array:
     """(e,) `_changes` of the ends of a leg."""
 
-    def left(end, span):
+    def left(end):
         return jnp.asarray([event.value(span, end) for event in leg.ends], float)
 
-    by_end, by_span = jax.jacfwd(left, argnums=(0, 1))(end, span)
-    return jnp.abs(by_end) @ each + jnp.abs(by_span) * span
+    return jnp.abs(jax.jacfwd(left)(end)) @ each
 
 
 @eqx.filter_jit

@@ -83,7 +83,9 @@ def pair(length, time, mass):
     return Scene(FreePoints(mass * np.array([0.5, 0.5]), 2), (gravity,), y0=y0, t1=time)
 
 
-@pytest.mark.parametrize("units", UNITS)
+@pytest.mark.parametrize(
+    "units", [UNITS[1], *(pytest.param(x, marks=pytest.mark.slow) for x in UNITS[:1] + UNITS[2:])]
+)
 def test_the_motions_near_a_circle_of_two_bodies(units):
     _, time, _ = units
     scene, plain = pair(*units), pair(1.0, 1.0, 1.0)

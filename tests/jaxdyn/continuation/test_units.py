@@ -114,7 +114,9 @@ def test_a_branch_from_an_equilibrium_at_0(units):
     assert_alike(branches[1], branches[0], units)
 
 
-@pytest.mark.parametrize("units", UNITS)
+@pytest.mark.parametrize(
+    "units", [UNITS[0], *(pytest.param(x, marks=pytest.mark.slow) for x in UNITS[1:])]
+)
 def test_curves_with_their_special_points(units):
     each, own, time = (np.array(x) for x in units)
     curves = []

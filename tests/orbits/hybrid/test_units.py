@@ -33,6 +33,7 @@ def test_a_bouncing_ball(units):
         orbits.find_hybrid([falls, rises], start, [0.8 * time, 0.9 * time], max_iterations=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("units", UNITS)
 def test_a_hop(units):
     length, time, mass = units

@@ -36,6 +36,7 @@ def test_throws(units):
     assert float(there.speed) * time / length == pytest.approx(float(here.speed), rel=SAME)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("units", UNITS)
 def test_closed_loops(units):
     length, time, mass = units
