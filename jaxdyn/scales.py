@@ -11,11 +11,16 @@ times is known by its radian. What has no unit, as in a plain `jaxdyn.ode`, has 
 `at_start` finds them before a step is taken, from the rate and its derivatives. |J| u is J times
 one vector of u with generic weights of random signs, since all of J would take as many derivatives
 as there are entries; terms that cancel in J u do not with these weights.
+
+`at_rest` finds those of the motions near an equilibrium, which the rate there does not show: from
+the entries, from the Jacobian J, and where all entries are 0 from the distance at which the rate is
+no longer linear.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -50,6 +55,14 @@ _PERTURBED = 4.0
 _TIMES_NOISE = 4.0
 #: Logarithm of the largest weight of an entry; the least is 1 over it.
 _LOG_WEIGHT = 0.2
+#: Of what others make of an entry at rest: less is rounding.
+_ROUNDING = 1e-9
+#: Of the distance up to which a rate is linear: an equilibrium so much nearer to 0 is 0.
+_NOTHING = 1e-12
+#: Of the terms of a Jacobian: their changes where the rate is no longer linear.
+_NONLINEAR = 0.5
+#: Distances at which that is asked at once, and how often, each time between two of them.
+_DISTANCES, _ROUNDS = np.geomspace(1e-150, 1e150, 601), 5
 
 
 class Groups(NamedTuple):
@@ -199,6 +212,144 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
     begin = jnp.zeros((), int), here, zero, span, span, zero, jnp.ones((), bool)
     _, sizes, _, tau, _, rate, _ = lax.while_loop(again, round_, begin)
     return Scales(sizes, tau), rate
+
+
+def sizes_at_start(scene: Any, t0: Any = 0.0, t1: Any = None) -> np.ndarray:
+    """(k,) the sizes of `at_start` of a scene; what nothing moves has the mean of others, or 1."""
+    starts = np.asarray(scene.y0)[None]
+    return sizes_at_starts(scene, starts, t0, scene.t1 if t1 is None else t1)[0]
+
+
+def sizes_at_starts(scene: Any, starts: np.ndarray, t0: Any, t1: Any) -> np.ndarray:
+    """(n, k) those of a scene from several starts (n, k)."""
+    times = (jnp.asarray(t, float) for t in (t0, t1))
+    sizes = np.asarray(_at_starts(scene.field, groups(scene.system), jnp.asarray(starts), *times))
+    moves = (sizes > 0) & np.isfinite(sizes)
+    count = np.maximum(moves.sum(axis=1, keepdims=True), 1)
+    mean = np.log(np.where(moves, sizes, 1.0)).sum(axis=1, keepdims=True) / count
+    return np.where(moves, sizes, np.exp(mean))
+
+
+@eqx.filter_jit
+def _at_starts(field: Any, groups: Groups, starts: Array, t0: Array, t1: Array) -> Array:
+    return jax.vmap(lambda y0: at_start(field, groups, t0, y0, t1)[0].sizes)(starts)
+
+
+def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales:
+    """The scales of the motions near an equilibrium, or a steady motion; host only.
+
+    The time is 1 over the spectral radius of |J|, of the rate's Jacobian J. An entry that is 0, or
+    rounding of what the others make of it in that time, has the size of that; an angle has its
+    radian. Where this says nothing, or all is rounding, an entry has the size at which the rate is
+    no longer linear; and in a linear one, of which no size follows, the mean of all sizes, or 1.
+
+    Args:
+      field: has ``rate(t, y)``.
+      groups: of its state.
+      y: (k,) the equilibrium.
+      t: () time at which the field is frozen.
+    """
+    y = np.asarray(y, float)
+
+    def alike(x: np.ndarray) -> np.ndarray:
+        return np.asarray(groups.sizes(jnp.asarray(x)))
+
+    most, slope = np.asarray(groups.most), np.abs(slopes(field, y, t))
+    made = slope / (_radius(slope) or 1.0)
+    here = np.where(np.isfinite(most), most, alike(np.abs(y)))
+    here = np.where(here > _ROUNDING * alike((made * here).max(axis=1)), here, 0.0)
+    if 1 / _NOTHING < _linear_up_to(field, t, y, here, np.zeros_like(y)) < np.inf:
+        y, here = (np.where(np.isfinite(most), x, 0.0) for x in (y, most))
+    sizes = here
+    while (sizes == 0).any():
+        new = np.where(sizes == 0, alike((made * sizes).max(axis=1)), sizes)
+        if (new == sizes).all():
+            new = _with_one_more(field, t, y, sizes, made, alike)
+        sizes = alike(new)
+    slope = terms(field, y, sizes, t)
+    fastest = _radius(slope)
+    # Of a fold the Jacobian itself may be rounding, and what it makes of an entry.
+    moved = alike((slope * sizes).max(axis=1) / (fastest or 1.0))
+    sizes = np.where(here == 0, np.maximum(sizes, moved), sizes)
+    return Scales(jnp.asarray(sizes), jnp.asarray(1 / (fastest or 1.0)))
+
+
+def _radius(matrix: np.ndarray) -> float:
+    return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+
+def terms(field: Any, y: np.ndarray, sizes: np.ndarray, t: float = 0.0) -> np.ndarray:
+    """(k, k) the largest |J| at and beside a state, a small part of the sizes away."""
+    off = _ASIDE * sizes * _weights(len(y))
+    return np.abs([slopes(field, x, t) for x in (y, y - off, y + off)]).max(axis=0)
+
+
+def slopes(field: Any, y: np.ndarray, t: float = 0.0) -> np.ndarray:
+    """(k, k) the rate's Jacobian, 0 where it is not finite."""
+    found = np.asarray(_slope(field, jnp.asarray(t, float), jnp.asarray(y)))
+    return np.where(np.isfinite(found), found, 0.0)
+
+
+def _with_one_more(
+    field: Any, t: float, y: np.ndarray, sizes: np.ndarray, made: np.ndarray, alike: Callable
+) -> np.ndarray:
+    """The sizes (k,), and of an entry that no other one moves that at which the rate bends."""
+    for i in np.flatnonzero(sizes == 0):
+        first = np.arange(len(y)) == i
+        way = _moved_by(made, alike(first.astype(float)), sizes == 0)
+        size = _linear_up_to(field, t, y, way, sizes)
+        if np.isfinite(size):
+            return np.where(first, size, sizes)
+    mean = np.exp(np.log(sizes[sizes > 0]).mean()) if sizes.any() else 1.0
+    return np.where(np.arange(len(y)) == np.argmin(sizes), mean, sizes)
+
+
+def _moved_by(made: np.ndarray, way: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """(k,) a way along some entries, and those of `which` that they move, as far as they do."""
+    for _ in way:
+        way = np.where(which & (way == 0), (made * way).max(axis=1), way)
+    return way
+
+
+def _linear_up_to(field: Any, t: float, y: np.ndarray, way: np.ndarray, sizes: np.ndarray) -> float:
+    """How far along a way (k,), up and down, a rate is linear.
+
+    That is until its Jacobian's terms change by about themselves in a row, those of entries with
+    sizes (k,) or on the way; and of others, which may have any size, each for itself.
+    """
+    slope, off = np.abs(slopes(field, y, t)), way * _weights(len(y))
+    alone = (slope > 0) & (sizes == 0) & (way == 0)
+    low, high, most = _DISTANCES[0], _DISTANCES[-1], None
+    for _ in range(_ROUNDS):
+        distances = np.geomspace(low, high, len(_DISTANCES))
+        each = np.maximum(sizes, distances[:, None] * way)
+        own, share = each @ slope.T, np.zeros(len(distances))
+        for sign in (1, -1):
+            at = jnp.asarray(y + sign * distances[:, None] * off)
+            with np.errstate(all="ignore"):
+                there = np.asarray(_slopes(field, jnp.asarray(t, float), at))
+                changes = np.abs(there - slopes(field, y, t))
+                rows = np.where(own > 0, np.einsum("nij,nj->ni", changes, each) / own, 0.0)
+                ones = np.where(alone, changes / np.where(alone, slope, 1.0), 0.0)
+            for part in (rows, ones.reshape(len(ones), -1)):
+                share = np.maximum(share, np.where(np.isnan(part), np.inf, part).max(axis=1))
+        # A product of an entry on the way with one that has a size stays the same part of a row.
+        most = max(_NONLINEAR, 2 * share[0]) if most is None else most
+        beyond = np.flatnonzero(share > most)
+        if not len(beyond):
+            return np.inf
+        low, high = distances[max(beyond[0] - 1, 0)], distances[beyond[0]]
+    return float(low)
+
+
+@eqx.filter_jit
+def _slope(field: Any, t: Array, y: Array) -> Array:
+    return jax.jacfwd(lambda y: field.rate(t, y))(y)
+
+
+@eqx.filter_jit
+def _slopes(field: Any, t: Array, ys: Array) -> Array:
+    return jax.vmap(jax.jacfwd(lambda y: field.rate(t, y)))(ys)
 
 
 def _by_its_change(

@@ -26,6 +26,7 @@ from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.simulation import RTOL
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.plan import plan_of
+from jaxdyn.scales import groups, sizes_at_start
 from jaxdyn.scene import Scene
 
 Motion = Trajectory | HybridTrajectory
@@ -56,9 +57,9 @@ class EndError:
       y: (k,) the final state.
       error: (k,) estimated absolute error of each entry, in its unit; NaN where unknown.
       rounding: (k,) the part of it that no tolerance removes.
-      scale: (k,) the reference of errors: the largest entry of the same unit in the motion; for a
-        rate at least what would change a quantity by its scale over the span, for an angle at
-        least 1 rad.
+      scale: (k,) the reference of errors: the largest entry of the same unit in the motion, without
+        a unit that entry alone; for a rate at least what would change a quantity by its scale over
+        the span, for an angle at least 1 rad.
       doubt: what neither this motion nor others could see of the rate, and the remedy; or nothing.
     """
 
@@ -165,16 +166,18 @@ def _scales(motion: Motion, y: np.ndarray) -> np.ndarray:
     # Coordinates may have been exchanged on the way.
     alike = [piece for piece in pieces if piece.scene.system.labels() == labels]
     ys = np.concatenate([y[None], *(np.asarray(piece.ys) for piece in alike)])
-    sizes = np.abs(gaps(pieces[-1].scene, ys, np.zeros_like(ys))).max(axis=0)
-    units = [unit for _, unit in labels]
-    largest = {"rad": 1.0}
-    for unit, size in zip(units, sizes.tolist(), strict=True):
-        largest[unit] = max(largest.get(unit, 0.0), size)
+    scene = pieces[-1].scene
+    sizes = np.abs(gaps(scene, ys, np.zeros_like(ys))).max(axis=0)
+    known = groups(scene.system)
+    angles = np.isfinite(known.most)
+    sizes = np.asarray(known.largest(jnp.asarray(np.where(angles, np.maximum(sizes, 1.0), sizes))))
+    # What would change a quantity by its size over the span.
     span = abs(float(pieces[-1].ts[-1] - pieces[0].ts[0])) or math.inf
-    for unit in set(units):
-        if unit.endswith("/s"):
-            largest[unit] = max(largest[unit], largest.get(unit.removesuffix("/s"), 0.0) / span)
-    return np.array([largest[unit] or 1.0 for unit in units])
+    of = {unit: size for (_, unit), size in zip(labels, sizes.tolist(), strict=True)}
+    rates = [of.get(unit.removesuffix("/s"), 0.0) / span for _, unit in labels]
+    sizes = np.where([unit.endswith("/s") for _, unit in labels], np.maximum(sizes, rates), sizes)
+    # An entry that stays at 0 has what the others make of it.
+    return np.where(sizes > 0, sizes, sizes_at_start(scene)) if (sizes == 0).any() else sizes
 
 
 @check_first

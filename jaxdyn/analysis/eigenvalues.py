@@ -120,9 +120,39 @@ def _radii(values: np.ndarray, error: np.ndarray) -> np.ndarray:
     return found
 
 
-def rate_eigenvalues(jacobian, error=0.0) -> Eigenvalues:
-    """`eigenvalues` of dx/dt = A x [1/s], the largest real part first."""
-    found = eigenvalues(jacobian, error)
+def balance(matrix: np.ndarray) -> np.ndarray:
+    """(..., k) units d of entries in which no entry of a matrix (..., k, k) is large.
+
+    That is larger than the spectral radius r of |A|, which no units change: d_i is the largest
+    product of entries of |A| / r along a path from i, so |A_ij| d_j <= r d_i. Eigenvalues are the
+    same in any units, but the errors that rounding makes in them, those of the largest entry, only
+    in these. They are powers of 2, by which nothing is rounded.
+    """
+    size = np.abs(np.asarray(matrix, float))
+    radius = np.abs(np.linalg.eigvals(size)).max(axis=-1, initial=0.0)[..., None, None]
+    shares = np.divide(size, radius, out=np.zeros_like(size), where=radius > 0)
+    d = np.ones(size.shape[:-1])
+    for _ in range(size.shape[-1]):
+        d = np.maximum(d, (shares * d[..., None, :]).max(axis=-1, initial=0.0))
+    return np.exp2(np.round(np.log2(d)))
+
+
+def map_in_units(matrices: np.ndarray, each: np.ndarray) -> np.ndarray:
+    """(..., k, k) linear maps of states, in units (..., k) of their entries."""
+    return np.asarray(matrices) * each[..., None, :] / each[..., :, None]
+
+
+def rate_eigenvalues(jacobian, error=None) -> Eigenvalues:
+    """`eigenvalues` of dx/dt = A x [1/s], the largest real part first.
+
+    Args:
+      jacobian: (..., k, k) A, in any units of the entries of x.
+      error: (...) norm of its error besides rounding; then the entries of x have one unit.
+    """
+    if error is None:
+        found = eigenvalues(map_in_units(jacobian, balance(jacobian)))
+    else:
+        found = eigenvalues(jacobian, error)
     return found.ordered(np.lexsort((found.values.imag, -found.values.real)))
 
 

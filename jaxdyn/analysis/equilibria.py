@@ -23,6 +23,7 @@ from jaxdyn.analysis.equilibrium_search.completeness import bisected, judged
 from jaxdyn.analysis.equilibrium_search.proof import EquilibriaProof
 from jaxdyn.analysis.equilibrium_search.search import Box, Ends, jumps, low_discrepancy, search
 from jaxdyn.analysis.linearize import Linearization, linearize
+from jaxdyn.scales import groups
 from jaxdyn.scene import Field, Scene, System, checked_scene
 
 _MOST_STARTS = 1_000_000  # processed at once
@@ -31,8 +32,10 @@ _MERGE_DISTANCE = 1e-6  # of the box: equilibria nearer than this are merged
 _STEP_ALONG_CURVE = 1e-3
 _NEWTON_STEPS = 30  # of Newton's method to an equilibrium
 _POLISHING_STEPS = 2  # further steps: they make derivatives correct up to the third
-_MAX_LAST_STEP = 1e-8  # relative: the last of these steps
-_SINGULAR = 1e-12  # smallest over largest singular value of a Jacobian that has no inverse
+#: Of the sizes of the entries: the last of these steps. Where the Jacobian is singular it halves.
+_MAX_LAST_STEP = 1e-10
+_SQUARINGS = 4  # of |A|, for its spectral radius
+_SINGULAR = 1e-12  # 1 over the condition number of a Jacobian that has no inverse
 
 
 @dataclasses.dataclass(frozen=True)
@@ -182,15 +185,35 @@ def _equilibrium(field: Field, y: Array, t: Array) -> Array:
         step = jnp.linalg.solve(a, rate)
         return y - step, step, a
 
-    y = jax.lax.fori_loop(0, _NEWTON_STEPS, lambda _, y: newton(y)[0], jax.lax.stop_gradient(y))
+    start = jax.lax.stop_gradient(y)
+    y = jax.lax.fori_loop(0, _NEWTON_STEPS, lambda _, y: newton(y)[0], start)
     y, step, a = newton(jax.lax.stop_gradient(y))
     for _ in range(_POLISHING_STEPS - 1):
         y, step, a = newton(y)
-    a, step, size = jax.lax.stop_gradient((a, step, y))
-    values = jnp.linalg.svd(a / jnp.sum(jnp.abs(a), axis=1, keepdims=True), compute_uv=False)
-    settled = jnp.max(jnp.abs(step)) <= _MAX_LAST_STEP * (1 + jnp.max(jnp.abs(size)))
+    a, step, end = jax.lax.stop_gradient((a, step, y))
+    # What rounding, relative to each entry, makes of a solution: units change no trace of it.
+    spread = jnp.abs(jnp.linalg.inv(a)) @ jnp.abs(a)
+    regular = jnp.trace(spread) * _SINGULAR < 1.0
+    sizes = _coupled(field, a, jnp.maximum(jnp.abs(end), jnp.abs(end - start)))
+    settled = jnp.all(jnp.abs(step) <= _MAX_LAST_STEP * (spread @ sizes))
     # A factor, not jnp.where: the derivative of where with a NaN branch is 0.
-    return y * jnp.where(settled & (values[-1] > _SINGULAR * values[0]), 1.0, jnp.nan)
+    return y * jnp.where(settled & regular, 1.0, jnp.nan)
+
+
+def _coupled(field: Field, a: Array, each: Array) -> Array:
+    """(k,) sizes of at least what others make of an entry in 1 over the spectral radius of |A|.
+
+    That radius is up to a factor of k^(1/16) the root of the trace of |A|^16.
+    """
+    alike, power, scale = groups(field.system).sizes, jnp.abs(a), 1.0
+    for i in range(1, _SQUARINGS + 1):
+        power = power @ power
+        trace = jnp.trace(power)
+        power = power / jnp.where(trace > 0, trace, 1.0)
+        scale = scale * trace ** (0.5**i)
+    made = jnp.abs(a) / jnp.where(scale > 0, scale, jnp.inf)
+    each = alike(each)
+    return jax.lax.fori_loop(0, len(each), lambda _, x: jnp.maximum(x, alike(made @ x)), each)
 
 
 def _refuse_traced(*numbers) -> None:
@@ -267,7 +290,8 @@ def _kinds(field: Field, t: Array, box: Box, ends: Ends, best: list[int]) -> tup
 
 
 def _listed(scene: Scene, t, box: Box, ends: Ends, groups: list[list[int]], sure) -> Equilibria:
-    groups = sorted(groups, key=lambda group: tuple(np.round(ends.ys[group[0]], 6)))
+    places = np.round(box.units(ends.ys) / _MERGE_DISTANCE)
+    groups = sorted(groups, key=lambda group: tuple(places[group[0]]))
     best = [group[0] for group in groups]
     count = [len(group) for group in groups]
     return Equilibria(

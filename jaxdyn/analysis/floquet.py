@@ -26,7 +26,7 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis._roots import root
-from jaxdyn.analysis.eigenvalues import map_eigenvalues, map_verdict
+from jaxdyn.analysis.eigenvalues import balance, map_eigenvalues, map_in_units, map_verdict
 from jaxdyn.analysis.monodromy import (
     RTOL,
     SYMPLECTIC,
@@ -37,6 +37,7 @@ from jaxdyn.analysis.monodromy import (
     uncertainty,
 )
 from jaxdyn.integrate.spans import tolerances
+from jaxdyn.scales import at_start, groups
 from jaxdyn.scene import Scene, checked_scene
 
 #: [1] |det(M) - 1| of a motion without damping, from integration errors.
@@ -195,7 +196,8 @@ class _Period(NamedTuple):
       monodromy: (k, k) the matrix M.
       coarse: (k, k) M at a coarser tolerance.
       period: () [s].
-      gap: () closing error of the motion, relative to its start.
+      gap: () closing error of the motion, in the sizes of its start and what a period makes of
+        them.
       form: (k, k) symplectic form that M preserves if the scene is conservative, or None.
     """
 
@@ -227,12 +229,15 @@ def _alone(scene: Scene, period: Array, rtols) -> _Period:
 
 def _passed(scene: Scene, period: Array, rtols) -> _Period:
     (end, M), (_, coarse) = (end_and_derivative(scene, period, rtol) for rtol in rtols)
-    gap = jnp.max(jnp.abs(scene.system.difference(end, scene.y0)))
+    known = groups(scene.system)
+    sizes = at_start(scene.field, known, jnp.zeros(()), scene.y0, period)[0].sizes
+    sizes = jnp.maximum(sizes, known.sizes(jnp.abs(M) @ sizes))
+    gap = jnp.abs(scene.system.difference(end, scene.y0))
     return _Period(
         monodromy=M,
         coarse=coarse,
         period=period,
-        gap=gap / (1.0 + jnp.max(jnp.abs(scene.y0))),
+        gap=jnp.max(gap / jnp.where(gap > 0, sizes, 1.0)),
         form=symplectic_form(scene, scene.y0),
     )
 
@@ -248,6 +253,10 @@ def _judged(found: _Period, rtol: float) -> Floquet:
         )
     failed = np.asarray(~(np.isfinite(M) & np.isfinite(coarse)).all(axis=(-2, -1)))
     safe, coarse = (np.where(failed[..., None, None], 0.0, x) for x in (M, coarse))
+    units = balance(safe)
+    safe, coarse = (map_in_units(x, units) for x in (safe, coarse))
+    if form is not None:
+        form = form * units[..., None, :] * units[..., :, None]
     eigenvalues = map_eigenvalues(safe, uncertainty(safe, coarse, rtol))
     conservative = False if form is None else symplectic_defect(safe, form) < SYMPLECTIC
     verdict = np.where(failed, "undecided", map_verdict(eigenvalues, conservative))

@@ -24,10 +24,11 @@ from jaxdyn.analysis.eigenvalues import (
     rate_verdict,
     with_bars,
 )
+from jaxdyn.scales import at_rest, groups
 from jaxdyn.scene import Field, Scene, checked_scene
 
 _MAX_ASYMMETRY = 1e-9  # relative asymmetry of a stiffness matrix by rounding
-#: [1] forces at an equilibrium over those of a unit displacement; likewise speeds.
+#: Forces at an equilibrium over those of a displacement by its size; likewise speeds.
 _MAX_REST_FORCE = 1e-6
 
 
@@ -55,7 +56,7 @@ class Linearization:
       >>> from jaxdyn import linearize, scenes
       >>> print(linearize(scenes.pendulum(g=4.0), jnp.zeros(2)))
       Linearization: undecided, centre
-        eigenvalues  0-2j (+-1e-14), 0+2j (+-1e-14)
+        eigenvalues  0-2j (+-5e-15), 0+2j (+-5e-15)
     """
 
     jacobian: np.ndarray
@@ -95,8 +96,13 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
     return classify(np.asarray(jacobian(scene, y, _checks.array("t", t, ()))))
 
 
-def classify(a, doubt: float = 0.0) -> Linearization:
-    """`linearize` of a given matrix (k, k), `doubt` the norm of its error besides rounding."""
+def classify(a, doubt: float | None = None) -> Linearization:
+    """`linearize` of a given matrix (k, k).
+
+    Args:
+      a: the matrix, in any units of the entries of the state.
+      doubt: the norm of its error besides rounding, in entries of one unit.
+    """
     remedy = "The rate has no derivative there: coincident bodies, a NaN?"
     a = np.asarray(_checks.array("jacobian", a, (None, None), remedy))
     if a.shape[0] != a.shape[1] or not a.size:
@@ -180,7 +186,7 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
         )
     mass, stiffness, acceleration = _matrices(scene, y)
     if not _checks.is_traced((scene, y)):
-        _check_modes(np.asarray(y), *(np.asarray(x) for x in (mass, stiffness, acceleration)))
+        _check_modes(scene, *(np.asarray(x) for x in (y, mass, stiffness, acceleration)))
     # M = L L^T reduces it to a standard symmetric problem, which jax can differentiate.
     lower = jnp.linalg.cholesky(mass)
     half = jax.scipy.linalg.solve_triangular(lower, 0.5 * (stiffness + stiffness.T), lower=True)
@@ -208,20 +214,25 @@ def _matrices(scene: Scene, y: Array) -> tuple[Array, Array, Array]:
     return mass, -mass @ jax.jacfwd(acceleration)(q), acceleration(q)
 
 
-def _check_modes(y: np.ndarray, mass, stiffness, acceleration) -> None:
-    n = len(mass)
-    size = np.abs(stiffness).max()
+def _check_modes(scene: Scene, y: np.ndarray, mass, stiffness, acceleration) -> None:
     _checks.finite("stiffness", stiffness, "A number of the scene is NaN, or it is singular at y.")
-    if np.abs(stiffness - stiffness.T).max() > _MAX_ASYMMETRY * size:
+    # Coordinates in which all masses are 1: forces and stiffnesses are of one kind.
+    roots = np.sqrt(np.abs(np.diag(mass)))
+    stiffness = stiffness / roots / roots[:, None]
+    stiffest = np.abs(stiffness).max()
+    if np.abs(stiffness - stiffness.T).max() > _MAX_ASYMMETRY * stiffest:
         raise _checks.fail(
             "scene",
             "conservative forces",
             "a stiffness matrix that is not symmetric",
             "`linearize` takes any forces.",
         )
-    # Speeds relative to those with the energy of a unit displacement.
-    moves = y[n:] @ mass @ y[n:] > _MAX_REST_FORCE**2 * size
-    if moves or np.abs(mass @ acceleration).max() > _MAX_REST_FORCE * size:
+    n = len(mass)
+    sizes = np.asarray(at_rest(scene.field, groups(scene.system), y).sizes)
+    largest = _MAX_REST_FORCE * (roots * sizes[:n]).max()
+    # Speeds relative to those with the energy of that displacement.
+    moves = y[n:] @ mass @ y[n:] > largest**2 * stiffest
+    if moves or np.abs(mass @ acceleration / roots).max() > largest * stiffest:
         raise _checks.fail(
             "y",
             "an equilibrium",

@@ -196,9 +196,10 @@ def _rate_slopes(scene: Scene, ts: Array, ys: Array) -> Array:
 
 
 def symplectic_defect(matrix: np.ndarray, form: np.ndarray) -> np.ndarray:
-    """(...) largest entry of M^T J M - J over |M|^2, of maps M and forms J (..., k, k)."""
-    changed = np.swapaxes(matrix, -1, -2) @ form @ matrix - form
-    return np.abs(changed).max(axis=(-2, -1)) / np.maximum(1.0, norm(matrix) ** 2)
+    """(...) largest entry of M^T J M - J over |J| |M|^2, of maps M and forms J (..., k, k)."""
+    changed, size = np.swapaxes(matrix, -1, -2) @ form @ matrix - form, np.abs(form)
+    largest = size.max(axis=(-2, -1)) * np.maximum(1.0, norm(matrix) ** 2)
+    return np.abs(changed).max(axis=(-2, -1)) / np.where(largest > 0, largest, 1.0)
 
 
 @check_first

@@ -26,6 +26,7 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.linearize import Linearization, classify
+from jaxdyn.scales import at_rest, groups
 from jaxdyn.scene import Field, Scene, checked_scene
 
 _MAX_ENTRIES = 40  # entries of a state: the symmetries have its square as unknowns
@@ -90,7 +91,7 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
     t = _checks.array("t", t, ())
     if len(y) > _MAX_ENTRIES:
         raise _checks.fail("y", f"at most {_MAX_ENTRIES} entries", len(y))
-    size = jnp.maximum(jnp.abs(y), 1.0)
+    size = at_rest(scene.field, groups(scene.system), np.asarray(y), float(t)).sizes
     f, a, tangent = (np.asarray(x) for x in _seen(scene.field, t, y, size))
     _checks.finite("rate", jnp.asarray([f.sum(), a.sum()]), "The rate has no derivative there.")
     tangent = _range(tangent)

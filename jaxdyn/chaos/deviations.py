@@ -1,8 +1,9 @@
 """Systems that carry unit tangents with their motion, for ensembles.
 
 A unit tangent u of a motion obeys u' = J u - (u . J u) u, with J the Jacobian of the rate: its
-length stays 1, so that it neither overflows nor underflows however long the motion is. Rounding and
-the errors of steps are removed after each step (`System.project`). What is to be averaged along the
+length stays 1, so that it neither overflows nor underflows however long the motion is. Lengths are
+those in the sizes of the entries, which do not depend on units. Rounding and the errors of steps
+are removed after each step (`System.project`). What is to be averaged along the
 motion is integrated as further entries of the state.
 """
 
@@ -21,11 +22,13 @@ class Deviations(System):
 
     Attributes:
       field: that of the motion.
+      sizes: (k,) of the entries of its state.
       count: m, the number of tangents.
       averaged: whether the four entries of `Averages` follow, for the first tangent.
     """
 
     field: Field
+    sizes: Array
     count: int = eqx.field(static=True)
     averaged: bool = eqx.field(static=True, default=False)
 
@@ -40,7 +43,7 @@ class Deviations(System):
         columns, averages = self.split(y)
         rates = _variational(self.field).rate(t, columns)
         u, growing = columns[:, 1:], rates[:, 1:]
-        growth = jnp.sum(u * growing, axis=0)
+        growth = jnp.sum(u * growing / self.sizes[:, None] ** 2, axis=0)
         turning = growing - u * growth[None, :]
         parts = [rates[:, 0], turning.T.ravel()]
         return jnp.concatenate([*parts, *self._averages(growth, averages)])
@@ -58,7 +61,7 @@ class Deviations(System):
         columns, averages = self.split(y)
         columns = _variational(self.field).project(t, columns)
         u = columns[:, 1:]
-        u = u / jnp.sqrt(jnp.sum(u * u, axis=0))[None, :]
+        u = u / jnp.sqrt(jnp.sum((u / self.sizes[:, None]) ** 2, axis=0))[None, :]
         return jnp.concatenate([columns[:, 0], u.T.ravel(), averages])
 
     def undetermined(self, t, y):

@@ -21,6 +21,7 @@ from jaxdyn.ensemble import engine
 from jaxdyn.ensemble.lanes import Ends
 from jaxdyn.ensemble.watches import Until
 from jaxdyn.integrate.observing import Watch
+from jaxdyn.scales import sizes_at_start, sizes_at_starts
 from jaxdyn.scene import Scene, checked_scene
 from jaxdyn.status import Status
 from jaxdyn.system import Record
@@ -85,8 +86,8 @@ def megno(
 ) -> Megno:
     """The MEGNO (mean exponential growth of nearby orbits) of many motions, on all cores.
 
-    Y(t) = 2/t times the integral of (u . J u) s ds over 0 <= s <= t, with u a unit tangent, J the
-    Jacobian of the rate and s the time since the start.
+    Y(t) = 2/t times the integral of (u . J u) s ds over 0 <= s <= t, with u a unit tangent in the
+    sizes of the state's entries, J the Jacobian of the rate and s the time since the start.
 
     Args:
       scene: system and effects, shared by all motions.
@@ -157,7 +158,7 @@ def sali(
       (True, True)
     """
     run = _Run(scene, params, 2)
-    ends, shape = run.ended(starts, t0, t1, rtol, progress, Until(_Parallel(run.system())))
+    ends, shape = run.ended(starts, t0, t1, rtol, progress, run.parallel())
     u = run.tangents(ends)
     index = np.minimum(*(np.linalg.norm(u[:, 0] + s * u[:, 1], axis=1) for s in (1, -1)))
     return _alignment(index, ends, t0, shape)
@@ -219,9 +220,9 @@ class _Parallel(eqx.Module):
 
     def __call__(self, t: Array, y: Array) -> Array:
         del t
-        u = self.system.split(y)[0][:, 1:]
+        u = self.system.split(y)[0][:, 1:] / self.system.sizes[:, None]
         sides = jnp.stack([u[:, 0] + u[:, 1], u[:, 0] - u[:, 1]])
-        return jnp.min(jnp.sum(sides**2, axis=1)) < ALIGNED**2
+        return jnp.min(jnp.sum(sides**2, axis=1)) < ALIGNED**2 * jnp.sum(u[:, 0] ** 2)
 
 
 class _Run:
@@ -230,10 +231,16 @@ class _Run:
     def __init__(self, scene: Scene, params: Scene | None, count: int, averaged: bool = False):
         self.scene, self.params = checked_scene(scene), params
         self.count, self.averaged = count, averaged
+        self.sizes = np.zeros((0, len(self.scene.y0)))  # (n, k) of each motion, once it is known
 
-    def system(self, scene: Scene | None = None) -> Deviations:
-        """That of a scene with its tangents."""
-        return Deviations((scene or self.scene).field, self.count, self.averaged)
+    def system(self, sizes: np.ndarray, scene: Scene | None = None) -> Deviations:
+        """That of a scene with its tangents, whose entries have sizes (k,), or (n, k)."""
+        field = (scene or self.scene).field
+        return Deviations(field, jnp.asarray(sizes), self.count, self.averaged)
+
+    def parallel(self) -> Until:
+        """Where two tangents become parallel."""
+        return Until(_Parallel(self.system(sizes_at_start(self.scene))))
 
     def ended(
         self, starts, t0, t1, rtol: float, progress: bool, watch: Watch | None = None
@@ -246,11 +253,14 @@ class _Run:
         shape, flat = starts.shape[:-1], starts.reshape(-1, k)
         t1 = own.t1 if t1 is None else t1
         # Starts may be NaN, the scene's own is not.
-        first, *_ = whole = self._with_tangents(np.concatenate([self.scene.y0[None], flat]))
-        template = Scene(self.system(), y0=first, t1=self.scene.t1)
-        numbers = None
-        if self.params is not None:
-            numbers = Scene(self.system(self.params), y0=first, t1=self.scene.t1)
+        every = np.concatenate([self.scene.y0[None], flat])
+        times = (np.ravel(t).mean() for t in (t0, t1))
+        sizes = sizes_at_starts(self.scene, every, *times)
+        self.sizes = sizes[1:]
+        first, *_ = whole = self._with_tangents(every, sizes)
+        template = Scene(self.system(sizes[0]), y0=first, t1=self.scene.t1)
+        system = self.system(sizes[1:], self.params)
+        numbers = Scene(system, y0=first, t1=self.scene.t1)
         ends = engine.run(
             template,
             whole[1:],
@@ -264,21 +274,24 @@ class _Run:
         return ends, shape
 
     def tangents(self, ends: Ends) -> np.ndarray:
-        """(n, m, k) unit tangents at the ends."""
+        """(n, m, k) unit tangents at the ends, in sizes."""
         n, k = len(ends.y1), len(self.scene.y0)
-        return np.asarray(ends.y1)[:, k : k * (1 + self.count)].reshape(n, self.count, k)
+        tangents = np.asarray(ends.y1)[:, k : k * (1 + self.count)].reshape(n, self.count, k)
+        return tangents / self.sizes[:, None]
 
-    def _with_tangents(self, starts: np.ndarray) -> np.ndarray:
-        """The starts (n, k) with tangents in generic directions, the same for all."""
+    def _with_tangents(self, starts: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+        """The starts (n, k) with tangents in generic directions, the same for all in sizes."""
         n, k = starts.shape
-        u = np.random.default_rng(0).normal(size=(self.count, k))
+        u = np.random.default_rng(0).normal(size=(self.count, k)) * sizes[:, None]
         averages = np.zeros((n, 4 if self.averaged else 0))
-        tangents = np.broadcast_to(u.ravel(), (n, u.size))
         # Unit tangents, and along the constraints.
-        whole = np.concatenate([starts, tangents, averages], axis=1)
-        return np.asarray(_projected(self.system(), whole))
+        whole = np.concatenate([starts, u.reshape(n, -1), averages], axis=1)
+        return np.asarray(_projected(self.system(sizes), whole))
 
 
 @jax.jit
 def _projected(system: Deviations, states: Array) -> Array:
-    return jax.vmap(lambda y: system.project(jnp.zeros(()), y))(states)
+    def project(sizes, y):
+        return eqx.tree_at(lambda s: s.sizes, system, sizes).project(jnp.zeros(()), y)
+
+    return jax.vmap(project)(system.sizes, states)

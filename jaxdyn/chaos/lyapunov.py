@@ -21,6 +21,7 @@ from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.spans import MAX_STEPS, SolverOptions, limits, span
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.integrate.trajectory import raise_unless_ok
+from jaxdyn.scales import sizes_at_start
 from jaxdyn.scene import Field, Scene
 from jaxdyn.solvers import Method, Solver
 from jaxdyn.solvers.choice import checked_method
@@ -98,12 +99,14 @@ def lyapunov_exponents(
     left_out = _transient(transient, float(t1 - t0))
     # One method for the motion with and without tangents, with its stages in a loop: compiles fast.
     method = checked_method(scene, solver).for_tangents.in_loops(1)
-    frame = np.asarray(_frame(scene, count))
+    sizes = sizes_at_start(scene, t0, t1)
+    frame = np.asarray(_frame(scene, sizes, count))
     given = 0.0 if chunk is None else float(_checks.positive("chunk", chunk, "It is a time."))
     found = _spectrum(
         scene.field,
         scene.y0,
         frame,
+        sizes,
         np.array([t0, t1, left_out, given]),
         limits(SolverOptions(rtol=rtol, atol=atol, max_steps=max_steps)),
         method=method,
@@ -125,9 +128,12 @@ def _transient(transient, time: float) -> float:
     return left_out
 
 
-def _frame(scene: Scene, count: int | None) -> np.ndarray:
-    """(k, m) orthonormal tangents at the start, along the constraints, in generic directions."""
-    basis = tangents(scene, scene.y0)
+def _frame(scene: Scene, sizes: np.ndarray, count: int | None) -> np.ndarray:
+    """(k, m) orthonormal tangents at the start, along the constraints, in generic directions.
+
+    In sizes (k,) of the entries.
+    """
+    basis = np.linalg.qr(tangents(scene, scene.y0) / sizes[:, None])[0]
     d = basis.shape[1]
     m = d if count is None else _checks.whole("count", count, 1, d)
     # A tangent along an axis may be an invariant direction that is not the one of fastest growth.
@@ -137,7 +143,14 @@ def _frame(scene: Scene, count: int | None) -> np.ndarray:
 
 @functools.partial(jax.jit, static_argnames="method")
 def _spectrum(
-    field: Field, y0: Array, frame: Array, times: Array, limits: Limits, *, method: Method
+    field: Field,
+    y0: Array,
+    frame: Array,
+    sizes: Array,
+    times: Array,
+    limits: Limits,
+    *,
+    method: Method,
 ) -> LyapunovSpectrum:
     """The result from times (4,): start, end, transient, and the chunk or 0."""
     t0, t1, transient, given = times
@@ -152,7 +165,7 @@ def _spectrum(
         """The tangents after a time from t, in a whole number of chunks."""
         count = jnp.ceil(time / length)
         chunk = direction * time / count
-        return carry(field, begun, t, chunk, count, limits, method)
+        return carry(field, begun, sizes, t, chunk, count, limits, method)
 
     first = start(alone.y1, frame, alone.status)
     ready = carried(first, t0 + direction * half, half)

@@ -91,7 +91,7 @@ class Carried(NamedTuple):
 
     Attributes:
       y: (k,) state.
-      frame: (k, m) orthonormal tangents.
+      frame: (k, m) orthonormal tangents, in the sizes of the entries.
       logs: (m,) logarithms of the factors by which they were stretched, summed.
       divergence: () integral of the divergence of the rate.
       steps: () accepted steps.
@@ -122,9 +122,16 @@ def start(y: Array, frame: Array, status: Array) -> Carried:
 
 
 def carry(
-    field, begun: Carried, t0: Array, chunk: Array, count: Array, limits: Limits, method: Method
+    field,
+    begun: Carried,
+    sizes: Array,
+    t0: Array,
+    chunk: Array,
+    count: Array,
+    limits: Limits,
+    method: Method,
 ) -> Carried:
-    """The motion and its tangents after `count` chunks of equal length from t0.
+    """The motion, of entries of sizes (k,), and its tangents after `count` equal chunks from t0.
 
     Stops at the first chunk that does not reach its end.
     """
@@ -135,9 +142,10 @@ def carry(
 
     def advance(now: Carried) -> Carried:
         t = t0 + now.done * chunk
-        y = jnp.concatenate([now.y[:, None], now.frame, jnp.zeros_like(now.y)[:, None]], axis=1)
+        frame = now.frame * sizes[:, None]
+        y = jnp.concatenate([now.y[:, None], frame, jnp.zeros_like(now.y)[:, None]], axis=1)
         run = flow(stretching, y, t, t + chunk, jnp.zeros(0), limits, method=method)
-        frame, factors = orthonormal(run.y1[:, 1:-1])
+        frame, factors = orthonormal(run.y1[:, 1:-1] / sizes[:, None])
         return Carried(
             y=run.y1[:, 0],
             frame=frame,

@@ -104,7 +104,8 @@ def _of_hopf(make: WithSecond, unknowns, values, a: np.ndarray) -> tuple[Tests, 
         rest = np.delete(rest, np.argmin(np.abs(rest - critical)))
     first = math.nan
     if square > 0:
-        first = normal_forms.first_lyapunov(make, unknowns[: k + 1], a, frequency.real)
+        each = np.asarray(make.make.each)
+        first = normal_forms.first_lyapunov(make, unknowns[: k + 1], a, frequency.real, each)
     tests = {
         CodimensionTwo.BOGDANOV_TAKENS: square,
         CodimensionTwo.BAUTIN: first,
@@ -205,13 +206,13 @@ def _named(make: MakeOfTwo, point: CurvePoint, kind: CodimensionTwo) -> CurvePoi
     pole = point.curve == Kind.HOPF and kind in poles
     x = point.x[:-1]
     a = augmented.slopes(make, point.x)[:, :-1]
-    form = {}
+    form, each = {}, np.asarray(make.each)
     if kind == CodimensionTwo.CUSP:
-        form = {"c": normal_forms.null_form(held, x, a)[1]}
+        form = {"c": normal_forms.null_form(held, x, a, each)[1]}
     elif kind == CodimensionTwo.BOGDANOV_TAKENS:
-        form = dict(zip("ab", normal_forms.double_zero(held, x, a), strict=True))
+        form = dict(zip("ab", normal_forms.double_zero(held, x, a, each), strict=True))
     elif kind == CodimensionTwo.BAUTIN:
-        form = {"l2": lyapunov_coefficients(held, x, a, point.frequency)[1]}
+        form = {"l2": lyapunov_coefficients(held, x, a, point.frequency, each)[1]}
     return dataclasses.replace(
         point,
         kind=kind,

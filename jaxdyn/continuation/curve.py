@@ -32,7 +32,7 @@ class CodimensionTwo(enum.StrEnum):
 class WithSecond(eqx.Module):
     """The scene as a function of the first parameter, with a value of the second."""
 
-    make: MakeOfTwo = eqx.field(static=True)
+    make: MakeOfTwo
     second: Array
 
     def __call__(self, first: Array) -> Scene:
@@ -61,6 +61,8 @@ class CurvePoint:
       kind: kind of special point, if it is one.
       normal_form: its coefficients by name: "c" of a cusp, "a" and "b" of a Bogdanov-Takens point,
         the second Lyapunov coefficient "l2" of a Bautin point.
+      units: (k + 3,) of the state's entries, of the parameters and of time, in which the curve is
+        followed; `tests` and `residual` are in these. None in a file of an earlier version.
     """
 
     curve: Kind
@@ -76,6 +78,7 @@ class CurvePoint:
     tests: dict[CodimensionTwo, float]
     kind: CodimensionTwo | None = None
     normal_form: dict[str, float] = dataclasses.field(default_factory=dict)
+    units: np.ndarray | None = None
 
     @property
     def x(self) -> np.ndarray:

@@ -22,16 +22,18 @@ from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind, equ
 from jaxdyn.continuation.kept import EQUILIBRIA, Begin, Log, kept_in, of_fields
 from jaxdyn.continuation.normal_forms import second
 from jaxdyn.continuation.special import special_points
+from jaxdyn.continuation.units import InUnits, units_at, units_of
 from jaxdyn.continuation.walk import Rules, walked
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.extended import innermost
+from jaxdyn.scales import at_rest, groups
 from jaxdyn.scene import Scene, checked_scene
 
 _TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
 _DEPENDENT = 1e-10  # smallest over largest singular value of equations that are dependent
 _ANYWHERE = (-np.inf, np.inf)
-_LATER = (0.0, 0.37, 1.3)  # times at which a drive acts, if there is one
-_ASIDE = 0.1  # of the start, for the same question
+_LATER = (0.0, 0.37, 1.3)  # when a drive acts, if there is one, in times of the motions near by
+_ASIDE = 0.1  # of the sizes, for the same question
 
 
 def continue_equilibria(
@@ -57,8 +59,8 @@ def continue_equilibria(
         start and span do not matter. A program is compiled for each function, so define it once.
       parameter: the value of the parameter at the start.
       start: (k,) state near an equilibrium; or (k/2,) coordinates of a state [q, v] at rest.
-      step: length of the first step in state and parameter; the others are up to ten times as
-        long.
+      step: length of the first step in state and parameter, each in units of its size (`units`);
+        the others are up to ten times as long.
       members: largest number of members.
       down: start towards a smaller parameter.
       within: bounds on the parameter; the family ends at the first member beyond them.
@@ -89,7 +91,9 @@ def continue_equilibria(
     numbers = (parameter, start)
     _checks.untraced("continue_equilibria", numbers, "See jaxdyn.analysis.equilibria.equilibrium.")
     _checks.float64()
-    _checks.positive("step", step, "It is a length in the space of states and parameter.")
+    _checks.positive(
+        "step", step, "It is a length in state and parameter, in units of their sizes."
+    )
     members = _checks.whole("members", members)
     if not (len(within) == 2 and within[0] < within[1]):
         raise _checks.fail("within", "two bounds, the lower one first", within)
@@ -133,14 +137,16 @@ def switch_branch(
     """
     if special.kind != Kind.BRANCH:
         raise _checks.fail("special", "a branch point", special.kind or "an ordinary member")
-    tangent = _other_tangent(family.make, special)
+    units = units_of(family.make, special)
+    make, here = units.scene(family.make), units.inward(special)
+    tangent = _other_tangent(make, here)
     largest = np.argmax(np.abs(tangent[:-1]))
     tangent = tangent * np.sign(tangent[largest]) * (-1.0 if down else 1.0)
-    normal = np.stack([special.x + step * tangent, tangent])
-    solution = defining.solve(defining.arc, family.make, normal[0], normal)
+    normal = np.stack([here.x + step * tangent, tangent])
+    solution = defining.solve(defining.arc, make, normal[0], normal)
     if solution is None:
         raise _checks.fail("step", "an equilibrium at this distance", "none", "Try a smaller one.")
-    first = equilibrium_at(family.make, solution.x, tangent, solution.residual)
+    first = units.outward(equilibrium_at(make, solution.x, tangent, solution.residual))
     return _walked(family.make, first, (step, members, within), lambda point: None, path)
 
 
@@ -158,9 +164,10 @@ def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
     if _driven(scene, y):
         remedy = "It has no equilibria; follow its periodic motions instead."
         raise _checks.fail("make", "an autonomous scene", "one that depends on time", remedy)
-    x = np.append(y, parameter)
-    up = np.append(np.zeros(k), -1.0 if down else 1.0)
-    values = np.linalg.svd(np.asarray(slope_at(make, x)), compute_uv=False)
+    units = units_at(make, np.append(y, parameter), k)
+    within = units.scene(make)
+    x, up = np.append(y, parameter) / units.x, np.append(np.zeros(k), -1.0 if down else 1.0)
+    values = np.linalg.svd(np.asarray(slope_at(within, x)), compute_uv=False)
     if not values[-1] > _DEPENDENT * values[0]:
         raise _checks.fail(
             "start",
@@ -168,29 +175,44 @@ def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
             "dependent equations",
             "Use a minimal set of coordinates, none redundant; at a branch point begin beside it.",
         )
-    solution = defining.solve(defining.arc, make, x, np.stack([x, up]))
+    solution = defining.solve(defining.arc, within, x, np.stack([x, up]))
     if solution is None:
         remedy = "jaxdyn.equilibria finds those in a box."
         raise _checks.fail("start", "a state near an equilibrium", y.tolist(), remedy)
-    return equilibrium_at(make, solution.x, up, solution.residual)
+    return units.outward(equilibrium_at(within, solution.x, up, solution.residual))
 
 
 def _driven(scene: Scene, y: np.ndarray) -> bool:
+    sizes, time, _ = at_rest(scene.field, groups(scene.system), y)
     # Beside the start too: a shaken pendulum at rest feels no drive.
-    states = jnp.stack([y, y + _ASIDE])
+    states = jnp.stack([y, y + _ASIDE * np.asarray(sizes)])
 
     def by_time(t):
         return jax.jacfwd(lambda t: jax.vmap(lambda y: scene.rate(t, y))(states))(t)
 
-    return bool(np.any(np.asarray(jax.jit(jax.vmap(by_time))(jnp.asarray(_LATER)))))
+    return bool(np.any(np.asarray(jax.jit(jax.vmap(by_time))(jnp.asarray(_LATER) * time))))
 
 
-def _walked(make, first: Equilibrium, limits, report, path) -> EquilibriumFamily:
+def _walked(make: Make, first: Equilibrium, limits, report, path) -> EquilibriumFamily:
     step, most, within = limits
-    begin = Begin(EQUILIBRIA, step, np.append(first.x, first.tangent), first)
+    known = groups(make(first.parameter).system)
+    here = units_of(make, first).inward(first)
+
+    def following(last: Equilibrium, length: float) -> tuple[Equilibrium | None, int]:
+        units = units_of(make, last)
+        new, iterations = _next(units.scene(make), units.inward(last), length)
+        return None if new is None else units.outward(new, known), iterations
+
+    def between(a: Equilibrium, b: Equilibrium, fresh: bool) -> list[Equilibrium]:
+        units = units_of(make, a)
+        scene, (before, after) = units.scene(make), (units.inward(x) for x in (a, b))
+        found = special_points(scene, before, after, first=fresh)
+        return [units.outward(point) for point in found]
+
+    begin = Begin(EQUILIBRIA, step, np.append(here.x, here.tangent), first)
     rules = Rules(
-        following=lambda last, length: _next(make, last, length),
-        between=lambda a, b, fresh: special_points(make, a, b, first=fresh),
+        following=following,
+        between=between,
         before=lambda new, special: "",
         after=lambda new: "" if within[0] <= new.parameter <= within[1] else f"the bounds {within}",
         lost="no equilibrium was found beyond: a singularity of the rate, or a branch point",
@@ -200,7 +222,7 @@ def _walked(make, first: Equilibrium, limits, report, path) -> EquilibriumFamily
     return EquilibriumFamily(found.members, found.special, found.end, make)
 
 
-def _next(make: Make, last: Equilibrium, step: float) -> tuple[Equilibrium | None, int]:
+def _next(make: InUnits, last: Equilibrium, step: float) -> tuple[Equilibrium | None, int]:
     """The member a step further along the family and the Newton steps to it."""
     predicted = last.x + step * last.tangent
     solution = defining.solve(defining.arc, make, predicted, np.stack([predicted, last.tangent]))
@@ -210,7 +232,7 @@ def _next(make: Make, last: Equilibrium, step: float) -> tuple[Equilibrium | Non
     return (new if new.tangent @ last.tangent >= _TURN else None), solution.iterations
 
 
-def _other_tangent(make: Make, special: Equilibrium) -> np.ndarray:
+def _other_tangent(make: InUnits, special: Equilibrium) -> np.ndarray:
     """(k + 1,) unit direction of the second family at a simple branch point."""
     u, _, vt = np.linalg.svd(special.slopes)
     psi, plane = u[:, -1], vt[-2:]

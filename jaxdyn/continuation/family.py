@@ -40,6 +40,8 @@ class Equilibrium:
         conservative scenes.
       cubic: the cubic coefficient at a fold and at a branch point; NaN elsewhere.
       frequency: of the small oscillations at a Hopf point [rad per time]; NaN elsewhere.
+      units: (k + 2,) of the state's entries, of the parameter and of time, in which the family is
+        followed; `residual` is in these. None in a file of an earlier version.
     """
 
     state: np.ndarray
@@ -53,6 +55,7 @@ class Equilibrium:
     coefficient: float = math.nan
     cubic: float = math.nan
     frequency: float = math.nan
+    units: np.ndarray | None = None
 
     @property
     def x(self) -> np.ndarray:

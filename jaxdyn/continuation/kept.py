@@ -30,6 +30,7 @@ OTHER = "The file was edited or damaged, or its scenes are others."
 WHATS = EQUILIBRIA, CURVE = "equilibria", "curve"
 _MIXED = "Two programs wrote it at the same time. Begin another one."
 _PATIENCE = 1.0  # [s]; a program that writes a file at all writes it for long
+_EARLIER = {"units": None}  # what records of earlier versions do not have
 _SAME = 1e-8  # relative distance below which two first members are one
 
 
@@ -57,8 +58,13 @@ class Codec(NamedTuple):
 
 
 def of_fields(cls: type) -> Codec:
-    """The codec of a dataclass of numbers, texts and arrays."""
-    return Codec(plain, lambda record: typed(record, cls, "file", OTHER))
+    """The codec of a dataclass of numbers, texts and arrays, which has units."""
+
+    def decode(record: Any) -> Any:
+        whole = {**_EARLIER, **record} if isinstance(record, dict) else record
+        return typed(whole, cls, "file", OTHER)
+
+    return Codec(plain, decode)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,7 +74,7 @@ class Begin:
     Attributes:
       what: which walk it is, e.g. "equilibria".
       step: length of the first step.
-      place: (n,) the first member and its tangent.
+      place: (n,) the first member and its tangent, in units.
       first: the first member.
       about: what else tells it from others, and is needed to read it.
       note: what else the file says of it.

@@ -1,19 +1,19 @@
 """Families of equilibria and curves from a file."""
 
-from collections.abc import Callable
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from jaxdyn._checks import fail
-from jaxdyn.continuation import defining, kept
-from jaxdyn.continuation.curve import Curve, CurvePoint, MakeOfTwo, WithSecond
+from jaxdyn.continuation import kept
+from jaxdyn.continuation.curve import Curve, CurvePoint, MakeOfTwo
 from jaxdyn.continuation.defining import Make
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
+from jaxdyn.continuation.units import units_of
 from jaxdyn.continuation.walk import read
 
-_HOLDS = 1e-8  # relative to the derivatives: rates of equilibria of these scenes are smaller
+_HOLDS = 1e-8  # in units of the family: rates of equilibria of these scenes are smaller
 
 
 def load(path: str | Path, make: Make | MakeOfTwo) -> tuple[EquilibriumFamily | Curve, ...]:
@@ -45,7 +45,7 @@ def equilibria(walk: kept.Stored, make: Make) -> EquilibriumFamily:
     """The family of equilibria of a walk."""
     found = read(walk, kept.of_fields(Equilibrium))
     for point in (found.members[0], found.members[-1]):
-        _check(lambda point=point: defining.rate(make, point.x), point.slopes)
+        _check(make, point)
     return EquilibriumFamily(found.members, found.special, found.end, make)
 
 
@@ -56,19 +56,20 @@ def _of_one(walk: kept.Stored) -> bool:
 def _curve(walk: kept.Stored, make: MakeOfTwo) -> Curve:
     found = read(walk, kept.of_fields(CurvePoint))
     for point in (found.members[0], found.members[-1]):
-        held = WithSecond(make=make, second=point.parameters[1])
-        values = point.eigenvalues.values
-        _check(lambda point=point, held=held: defining.rate(held, point.x[:-1]), values)
+        _check(make, point)
     return Curve(kind=found.members[0].curve, make=make, **found._asdict())
 
 
-def _check(rate: Callable[[], Array], slopes: np.ndarray) -> None:
+def _check(make: Make | MakeOfTwo, point: Equilibrium | CurvePoint) -> None:
     """Refuse scenes of which a point is no equilibrium."""
     try:
-        size = float(np.abs(rate()).max())
+        units = units_of(make, point)
+        scene, here = units.scene(make), units.inward(point).x
+        entries = len(point.state)
+        size = float(np.abs(scene(*here[entries:]).rate(jnp.zeros(()), here[:entries])).max())
     except (TypeError, ValueError, IndexError) as error:
         got = f"{type(error).__name__}: {error}"[:120]
         raise fail("make", "the scenes of the file", got, kept.OTHER) from error
-    if not size <= _HOLDS * (1.0 + np.abs(slopes).max()):
-        got = f"others, with rates of {size:.1e} at its equilibria"
+    if not size <= _HOLDS:
+        got = f"others, with rates of {size:.1e} of what their sizes make at its equilibria"
         raise fail("make", "the scenes of the file", got, kept.OTHER)

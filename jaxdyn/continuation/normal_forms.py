@@ -1,9 +1,9 @@
 """Normal-form coefficients of folds, branch points and Hopf points of equilibria.
 
 With B and C the second and third derivatives of the rate as symmetric forms, computed exactly by
-nested forward mode:
+nested forward mode, for |q| = 1 in the units of the scene, in which the entries have units `each`:
 
-- Fold and branch point, null vectors A q = 0, A^T p = 0, |q| = 1, p q = 1: the quadratic
+- Fold and branch point, null vectors A q = 0, A^T p = 0, p q = 1: the quadratic
   coefficient a = p B(q, q) / 2 and the cubic one c = p C(q, q, q) / 6 - p B(q, h) / 2, with
   A h = B(q, q) - p B(q, q) q and p h = 0. At a fold a = 0 is a cusp; at a branch point a = 0 is a
   pitchfork.
@@ -27,20 +27,23 @@ from jaxdyn.continuation.defining import Make, rate
 _DEFECTIVE = 1e-8
 
 
-def null_form(make: Make, x: np.ndarray, a: np.ndarray) -> tuple[float, float]:
+def null_form(
+    make: Make, x: np.ndarray, a: np.ndarray, each: np.ndarray | float = 1.0
+) -> tuple[float, float]:
     """The quadratic and the cubic coefficient at a simple eigenvalue 0; NaN at a multiple one.
 
     Args:
       make: parameter -> scene.
       x: (k + 1,) state and parameter.
       a: (k, k) Jacobian there.
+      each: units of the entries.
     """
     u, _, vt = np.linalg.svd(a)
     q, p = vt[-1], u[:, -1]
-    # The sign of q is arbitrary: its largest entry is positive.
-    q = q * np.sign(q[np.argmax(np.abs(q))])
     if abs(p @ q) < _DEFECTIVE:
         return math.nan, math.nan
+    # The sign of q is arbitrary: its largest entry is positive.
+    q = q * np.sign(q[np.argmax(np.abs(q))])
     p = p / (p @ q)
     twice = np.asarray(_second(make, x, q, q))
     k = len(a)
@@ -48,10 +51,13 @@ def null_form(make: Make, x: np.ndarray, a: np.ndarray) -> tuple[float, float]:
     h = np.linalg.solve(bordered, np.append(twice - (p @ twice) * q, 0.0))[:k]
     third = np.asarray(_third(make, x, q, q, q))
     cubic = p @ third / 6 - p @ np.asarray(_second(make, x, q, h)) / 2
-    return float(p @ twice) / 2, float(cubic)
+    length = _length(q, each)
+    return float(p @ twice) / 2 / length, float(cubic) / length**2
 
 
-def first_lyapunov(make: Make, x: np.ndarray, a: np.ndarray, frequency: float) -> float:
+def first_lyapunov(
+    make: Make, x: np.ndarray, a: np.ndarray, frequency: float, each: np.ndarray | float = 1.0
+) -> float:
     """The first Lyapunov coefficient of a Hopf point; negative where its orbits are stable.
 
     That is, stable within the centre manifold; |q| = 1 for the eigenvector q.
@@ -72,10 +78,13 @@ def first_lyapunov(make: Make, x: np.ndarray, a: np.ndarray, frequency: float) -
     third = cubic(v, v, v) + cubic(v, r, r) + 1j * (cubic(v, v, r) + cubic(r, r, r))
     first = _complex_second(make, x, q, constant)
     second = _complex_second(make, x, np.conj(q), double)
-    return float(np.vdot(p, third - 2 * first + second).real / (2 * frequency))
+    found = np.vdot(p, third - 2 * first + second).real / (2 * frequency)
+    return float(found) / _length(q, each) ** 2
 
 
-def double_zero(make: Make, x: np.ndarray, a: np.ndarray) -> tuple[float, float]:
+def double_zero(
+    make: Make, x: np.ndarray, a: np.ndarray, each: np.ndarray | float = 1.0
+) -> tuple[float, float]:
     """The coefficients a and b at a double eigenvalue 0 with one eigenvector.
 
     With A q = 0, A r = q, A^T w = 0, A^T u = w, w r = u q = 1 and w q = u r = 0: a = w B(q, q) / 2
@@ -90,12 +99,19 @@ def double_zero(make: Make, x: np.ndarray, a: np.ndarray) -> tuple[float, float]
     u = np.linalg.lstsq(a.T, w)[0]
     u = u - (u @ r) * w
     twice = np.asarray(_second(make, x, q, q))
-    return float(w @ twice) / 2, float(w @ np.asarray(_second(make, x, q, r)) + u @ twice)
+    both = float(w @ np.asarray(_second(make, x, q, r)) + u @ twice)
+    length = _length(q, each)
+    return float(w @ twice) / 2 / length, both / length
 
 
 def second(make: Make, x: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """(k,) the second derivative of the rate along u and v (k + 1,), parameter included."""
     return np.asarray(_second_of_all(make, x, u, v))
+
+
+def _length(q: np.ndarray, each: np.ndarray | float) -> float:
+    """The length of a vector in the units of the scene."""
+    return float(np.linalg.norm(q * each))
 
 
 def _null(matrix: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ _PHASES = 2 * _ORDER + 1  # harmonics -5 to 5
 
 
 def lyapunov_coefficients(
-    make: Make, x: np.ndarray, a: np.ndarray, frequency: float
+    make: Make, x: np.ndarray, a: np.ndarray, frequency: float, each: np.ndarray | float = 1.0
 ) -> tuple[float, float]:
     """The first and the second Lyapunov coefficient, Re c1 / w and Re c2 for a unit eigenvector.
 
@@ -34,6 +34,7 @@ def lyapunov_coefficients(
       x: (k + 1,) state and parameter.
       a: (k, k) Jacobian there.
       frequency: w [rad per time].
+      each: units (k,) of the entries; the eigenvector has unit length in those of the scene.
     """
     k, eye = len(a), np.eye(len(a))
     q = np.conj(np.linalg.svd(a - 1j * frequency * eye)[2][-1])
@@ -64,7 +65,8 @@ def lyapunov_coefficients(
                 parts[n, m] = np.linalg.solve(border, np.append(right, 0.0))[:k]
             else:
                 parts[n, m] = np.linalg.solve(1j * m * frequency * eye - a, right)
-    return c[1].real / frequency, c[2].real
+    length = np.linalg.norm(q * each)
+    return float(c[1].real / frequency / length**2), float(c[2].real / length**4)
 
 
 @eqx.filter_jit

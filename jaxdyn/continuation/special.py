@@ -2,7 +2,7 @@
 
 Each kind has a test, a function of an equilibrium that changes sign there. Where it does, Newton's
 method solves the defining equations of the kind; if it leads out of the interval, the interval is
-halved first.
+halved first. All points are in units of their family.
 
 - Fold: the parameter entry of the tangent.
 - Branch point: the determinant of [A, b] bordered by the tangent.
@@ -15,9 +15,10 @@ import dataclasses
 import numpy as np
 
 from jaxdyn.continuation import defining
-from jaxdyn.continuation.defining import Make, Solution
+from jaxdyn.continuation.defining import Solution
 from jaxdyn.continuation.family import Equilibrium, Kind, equilibrium_at
 from jaxdyn.continuation.normal_forms import first_lyapunov, null_form
+from jaxdyn.continuation.units import InUnits
 
 _HALVINGS = 25  # of the interval between two members
 _SHARE = 0.47  # of it to the next test: a symmetric branch point is often exactly half-way
@@ -25,7 +26,7 @@ _OUTSIDE = 0.1  # of the interval: a solution beyond its ends by more belongs to
 _SAME_PLACE = 1e-6  # relative distance below which a fold and a branch point are one
 
 
-def special_points(make: Make, a: Equilibrium, b: Equilibrium, first=False) -> list[Equilibrium]:
+def special_points(make: InUnits, a: Equilibrium, b: Equilibrium, first=False) -> list[Equilibrium]:
     """The special points between two neighbours, in order; with `first` also one at `a`."""
     passed = [kind for kind, test in _TESTS.items() if _passed(test(a), test(b), first)]
     found = [_located(make, kind, a, b) for kind in passed]
@@ -41,7 +42,7 @@ def _passed(left: float, right: float, first: bool) -> bool:
     return left * right < 0 or right == 0 != left or (first and left == 0 != right)
 
 
-def _between(make: Make, a: Equilibrium, share: float, b: Equilibrium) -> Equilibrium | None:
+def _between(make: InUnits, a: Equilibrium, share: float, b: Equilibrium) -> Equilibrium | None:
     """The member after a share of the way from one to another; None if there is none."""
     length = float(a.tangent @ (b.x - a.x))
     normal = np.stack([a.x + share * length * a.tangent, a.tangent])
@@ -52,7 +53,7 @@ def _between(make: Make, a: Equilibrium, share: float, b: Equilibrium) -> Equili
     return equilibrium_at(make, solution.x, a.tangent, solution.residual)
 
 
-def _located(make: Make, kind: Kind, a: Equilibrium, b: Equilibrium) -> Equilibrium | None:
+def _located(make: InUnits, kind: Kind, a: Equilibrium, b: Equilibrium) -> Equilibrium | None:
     """The special point of a kind between two members whose tests differ in sign."""
     test = _TESTS[kind]
     for _ in range(_HALVINGS):
@@ -69,7 +70,7 @@ def _located(make: Make, kind: Kind, a: Equilibrium, b: Equilibrium) -> Equilibr
     return None
 
 
-def _solved(make: Make, kind: Kind, start: Equilibrium) -> Solution | None:
+def _solved(make: InUnits, kind: Kind, start: Equilibrium) -> Solution | None:
     """The solution of the equations of a kind, from an equilibrium nearby."""
     x, a = start.x, start.jacobian
     u, _, vt = np.linalg.svd(a)
@@ -88,7 +89,7 @@ def _solved(make: Make, kind: Kind, start: Equilibrium) -> Solution | None:
     return defining.solve(defining.hopf, make, unknowns, normal)
 
 
-def _named(make: Make, kind: Kind, before: Equilibrium, solution: Solution) -> Equilibrium:
+def _named(make: InUnits, kind: Kind, before: Equilibrium, solution: Solution) -> Equilibrium:
     """The special point with its coefficients."""
     k = len(before.state)
     x = solution.x[: k + 1]
@@ -98,9 +99,9 @@ def _named(make: Make, kind: Kind, before: Equilibrium, solution: Solution) -> E
         point = dataclasses.replace(point, tangent=before.tangent)
     if kind == Kind.HOPF:
         frequency = float(abs(solution.x[-1]))
-        first = first_lyapunov(make, x, point.jacobian, frequency)
+        first = first_lyapunov(make, x, point.jacobian, frequency, np.asarray(make.each))
         return dataclasses.replace(point, kind=kind, coefficient=first, frequency=frequency)
-    quadratic, cubic = null_form(make, x, point.jacobian)
+    quadratic, cubic = null_form(make, x, point.jacobian, np.asarray(make.each))
     return dataclasses.replace(point, kind=kind, coefficient=quadratic, cubic=cubic)
 
 

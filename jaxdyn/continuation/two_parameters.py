@@ -17,7 +17,9 @@ from jaxdyn.continuation.codimension_two import point_at, special_points
 from jaxdyn.continuation.curve import CodimensionTwo, Curve, CurvePoint, MakeOfTwo
 from jaxdyn.continuation.family import Equilibrium, Kind
 from jaxdyn.continuation.kept import CURVE, Begin, Log, kept_in, of_fields
+from jaxdyn.continuation.units import Units, units_at, units_of
 from jaxdyn.continuation.walk import Rules, outside, walked
+from jaxdyn.scales import groups
 from jaxdyn.scene import checked_scene
 
 _TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
@@ -55,8 +57,8 @@ def continue_curve(
       kind: of the curve, `Kind.FOLD` or `Kind.HOPF`; that of the point by default. A curve of each
         kind passes a Bogdanov-Takens and a zero-Hopf point; from a double Hopf point `Kind.HOPF`
         leads along the other pair of eigenvalues.
-      step: length of the first step in state and parameters; the others are up to ten times as
-        long.
+      step: length of the first step in state and parameters, each in units of its size (`units`);
+        the others are up to ten times as long.
       members: largest number of members.
       down: start towards a smaller second parameter; at a Bogdanov-Takens point a curve of Hopf
         points has one direction only.
@@ -91,24 +93,40 @@ def continue_curve(
     """
     _checks.untraced("continue_curve", (parameters,), "See jaxdyn.analysis.equilibria.equilibrium.")
     _checks.float64()
-    _checks.positive("step", step, "It is a length in the space of states and parameters.")
+    _checks.positive(
+        "step", step, "It is a length in state and parameters, in units of their sizes."
+    )
     members = _checks.whole("members", members)
     for bounds in within:
         if not (len(bounds) == 2 and bounds[0] < bounds[1]):
             raise _checks.fail("within", "two bounds of each parameter", within)
     curve, x = _start(point, parameters, kind)
-    first = _first(make, point, curve, x, step, -1.0 if down else 1.0)
-    known = point if isinstance(point, CurvePoint) else None
-    return _walked(make, first, known, (step, members, within), report, path)
-
-
-def _first(make: MakeOfTwo, point, curve: Kind, x: np.ndarray, step, sign: float) -> CurvePoint:
     checked_scene(make(jnp.asarray(x[-2]), jnp.asarray(x[-1])))
+    units = _units(make, point, x)
+    first = _first(units, make, point, curve, x, step, -1.0 if down else 1.0)
+    known = point if isinstance(point, CurvePoint) else None
+    return _walked(make, units.outward(first), known, (step, members, within), report, path)
+
+
+def _units(make: MakeOfTwo, point: Equilibrium | CurvePoint, x: np.ndarray) -> Units:
+    """The units at (k + 2,) state and parameters: those of the point, as far as it has any."""
+    if isinstance(point, CurvePoint):
+        return units_of(make, point)
+    own = units_at(make, x, len(point.state))
+    if point.units is None:
+        return own
+    known = Units.of(point.units, len(point.state))
+    return known._replace(parameters=np.append(known.parameters, own.parameters[1]))
+
+
+def _first(units: Units, make: MakeOfTwo, point, curve: Kind, x, step, sign: float) -> CurvePoint:
+    scene, here = units.scene(make), x / units.x
     again = isinstance(point, CurvePoint) and curve == Kind.HOPF == point.curve
-    other = point.frequency if again and point.kind == CodimensionTwo.DOUBLE_HOPF else None
-    start = augmented.first_unknowns(curve, make, x, other)
-    found = None if start is None else _nearest(curve, make, start, len(x), sign)
-    if found is None or np.linalg.norm(found.x - x) > step:
+    double = again and point.kind == CodimensionTwo.DOUBLE_HOPF
+    other = point.frequency * units.time if double else None
+    start = augmented.first_unknowns(curve, scene, here, other)
+    found = None if start is None else _nearest(curve, scene, start, len(x), sign)
+    if found is None or np.linalg.norm(found.x - here) > step:
         raise _checks.fail(
             "point",
             f"a {curve} of make(p, q) less than a step away",
@@ -154,11 +172,26 @@ def _nearest(curve: Kind, make, start: np.ndarray, size: int, sign: float) -> Cu
 
 def _walked(make, first: CurvePoint, start: CurvePoint | None, limits, report, path) -> Curve:
     step, most, within = limits
-    place = np.append(first.unknowns, first.tangent)
+    known = groups(make(*first.parameters).system)
+    here = units_of(make, first).inward(first)
+
+    def following(last: CurvePoint, length: float) -> tuple[CurvePoint | None, int]:
+        units = units_of(make, last)
+        new, iterations = _next(units.scene(make), units.inward(last), length)
+        return None if new is None else units.outward(new, known), iterations
+
+    def between(a: CurvePoint, b: CurvePoint, fresh: bool) -> list[CurvePoint]:
+        units = units_of(make, a)
+        scene, (before, after) = units.scene(make), (units.inward(x) for x in (a, b))
+        begun = None if start is None or start.kind is None else units.inward(start)
+        found = _not_at(begun, special_points(scene, before, after, first=fresh))
+        return [units.outward(point) for point in found]
+
+    place = np.append(here.unknowns, here.tangent)
     begin = Begin(CURVE, step, place, first, {"kind": str(first.curve)})
     rules = Rules(
-        following=lambda last, length: _next(make, last, length),
-        between=lambda a, b, fresh: _not_at(start, special_points(make, a, b, first=fresh)),
+        following=following,
+        between=between,
         before=lambda new, special: _BEYOND if _real(new) else "",
         after=lambda new: outside(new.parameters, within),
         lost="no point of the curve was found beyond",
@@ -175,7 +208,7 @@ def _real(point: CurvePoint) -> bool:
 
 def _not_at(start: CurvePoint | None, found: list[CurvePoint]) -> list[CurvePoint]:
     """The points other than the special one where the curve starts."""
-    if start is None or start.kind is None:
+    if start is None:
         return found
     reach = _SAME_PLACE * (1.0 + np.linalg.norm(start.x))
     return [x for x in found if np.linalg.norm(x.x - start.x) > reach]

@@ -12,6 +12,7 @@ import numpy as np
 
 from jaxdyn import Status
 from jaxdyn._records.kinds import check_first
+from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.integrate.flow import SolveResult
 from jaxdyn.solvers import Method
 from orbits.closing.closings import PLAIN
@@ -22,7 +23,7 @@ from orbits.shooting.effort import TIGHT
 from orbits.shooting.equations import Equations
 from orbits.shooting.newton import RANK_TOLERANCE
 from orbits.shooting.segmentation import SEGMENTS_MOST, largest, with_segments
-from orbits.shooting.units import InUnits, map_in_units
+from orbits.shooting.units import InUnits
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status, System
+from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.monodromy import monodromy as monodromy
 from jaxdyn.analysis.monodromy import tangents as tangents
 from orbits.closing.closings import PLAIN
@@ -18,7 +19,6 @@ from orbits.orbit import Orbit
 from orbits.shooting.collocation.steps import NODES, linearised_steps
 from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.segment import Piece, linearised_end
-from orbits.shooting.units import map_in_units
 
 _SAMPLES = 1024  # of a period, for the mean of the divergence
 _ROUNDING = 1e-12  # of that, relative to its size

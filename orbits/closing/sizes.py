@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 from jaxdyn import Scene
 from jaxdyn._notes import notes_on
 from jaxdyn.plan import plan_of
-from jaxdyn.scales import groups
+from jaxdyn.scales import at_rest, groups
 
 #: Motions mostly have a few harmonics, which change faster than the first one.
 _HARMONIC = 2
@@ -70,22 +70,16 @@ def _sizes(scene: Scene) -> np.ndarray:
     found = coupled(scene, alike(scene, np.maximum(np.abs(y0), radian * rates)))
     if (found > 0).all():
         return found
+    if not found.any():
+        return sizes_at_rest(scene, y0)
     slope = np.asarray(_slope(scene, jnp.asarray(0.0), scene.y0))
     slope = np.abs(np.where(np.isfinite(slope), slope, 0.0))
     return _filled(scene, found, radian * slope)
 
 
 def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
-    """(k,) the size of each entry near an equilibrium y (k,), where the rate is rounding.
-
-    Times are in those of the fastest eigenvalue. What an entry may be by rounding is no size.
-    """
-    slope = np.asarray(_slope(scene, jnp.asarray(0.0), jnp.asarray(y)))
-    slope = np.where(np.isfinite(slope), slope, 0.0)
-    time = 1 / max(float(np.abs(np.linalg.eigvals(slope)).max()), np.finfo(float).tiny)
-    found = alike(scene, np.abs(y))
-    moved = alike(scene, time * (np.abs(slope) * found).max(axis=1))
-    return _filled(scene, np.where(found > _ROUNDING * moved, found, 0.0), time * np.abs(slope))
+    """(k,) the size of each entry near an equilibrium y (k,), where the rate is rounding."""
+    return np.array(at_rest(scene.field, groups(scene.system), y).sizes)
 
 
 def coupled(scene: Scene, each: np.ndarray) -> np.ndarray:
@@ -117,13 +111,13 @@ def alike(scene: Scene, each: np.ndarray) -> np.ndarray:
 def _filled(scene: Scene, found: np.ndarray, slope: np.ndarray) -> np.ndarray:
     """The sizes, with those that are 0 from the others by what these change (k, k).
 
-    An entry that no other one moves has the mean of all, which is decided on for one such entry
-    after the other, and what follows from it.
+    Some are not. An entry that no other one moves has the mean of all, which is decided on for one
+    such entry after the other, and what follows from it.
     """
     while (found == 0).any():
         new = np.where(found == 0, alike(scene, (slope * found).max(axis=1)), found)
         if (new == found).all():
-            mean = np.exp(np.log(found[found > 0]).mean()) if found.any() else 1.0
+            mean = np.exp(np.log(found[found > 0]).mean())
             new = np.where(np.arange(len(found)) == np.argmin(found), mean, found)
         found = alike(scene, new)
     return found

@@ -17,13 +17,14 @@ from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.linearize import linearize
+from jaxdyn.scales import at_rest, groups
 from jaxdyn.scenes import three_body
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.symmetry import Symmetry
 from orbits.discovery.screening import Miss, sizes_of_starts
 from orbits.motion import solved
 
-_AT_REST = 1e-6  # rate of an equilibrium over what a unit displacement gives
+_AT_REST = 1e-6  # change of an equilibrium in the time of the motions near by, in sizes
 _SAMPLES_PER_TIME = 2048  # of a long run, at least
 
 
@@ -64,9 +65,10 @@ def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
     y = np.asarray(array("y", y, (len(scene.y0),)))
     positive("amplitude", amplitude)
     linear = linearize(scene, y)
-    rate = np.abs(np.asarray(scene.rate(jnp.zeros(()), jnp.asarray(y)))).max()
-    if not rate <= _AT_REST * max(1.0, np.abs(linear.jacobian).max()):
-        raise fail("y", "an equilibrium", f"a rate of {rate:.3g}", "`equilibria` finds them.")
+    each, time, _ = at_rest(scene.field, groups(scene.system), y)
+    rate = np.abs(np.asarray(scene.rate(jnp.zeros(()), jnp.asarray(y))))
+    if not (rate * float(time) <= _AT_REST * np.asarray(each)).all():
+        raise fail("y", "an equilibrium", f"a rate of {rate.max():.3g}", "`equilibria` finds them.")
     values, vectors = np.linalg.eig(linear.jacobian)
     bar = linear.bars.max()
     turning = [i for i in range(len(values)) if values[i].imag > bar >= abs(values[i].real)]

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
+from jaxdyn.analysis.energy import change
 from jaxdyn.drawing.figures import INK, blank, finished, shades, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
@@ -21,7 +22,7 @@ _GRID = 300  # points each way, for the edge of the allowed region
 _MARGINS = 0.1 * 1.5 ** np.arange(9)  # of a box around the points, in its size
 #: Of the position of the points, and of entries of their unit: a smaller extent is rounding.
 _RESOLVED, _ROUNDING = 1e-6, 1e-8
-_SAME_ENERGY = 1e-9  # relative: starts on one energy surface
+_SAME_ENERGY = 1e-9  # of their terms: energies of starts on one energy surface
 _POINTS = 4000  # in a panel, above which dots are smaller
 _MOST_PANELS = 6
 _DECIMALS = 12  # of an energy: the rest of one of 0 is rounding
@@ -101,10 +102,11 @@ def _extent(table: SectionPoints) -> tuple[np.ndarray, ...]:
 
 def _one_energy(table: SectionPoints) -> float | None:
     """The energy that all starts have; None if there is none."""
-    known = table.energies[np.isfinite(table.energies)]
-    if not len(known) or np.ptp(known) > _SAME_ENERGY * max(1.0, np.abs(known).max()):
+    known = np.isfinite(table.energies) & (table.counts > 0)
+    if not known.any():
         return None
-    return float(np.mean(known))
+    levels = change(table.scene, table.ts[known, 0], table.ys[known, 0])
+    return float(np.mean(table.energies[known])) if levels.relative <= _SAME_ENERGY else None
 
 
 def _energy_title(table: SectionPoints) -> str:

@@ -26,7 +26,7 @@ from orbits.families.hopf import from_hopf
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.segment import Make
 
-_SAME = 1e-6  # relative distance below which two special points are one
+_SAME = 1e-6  # distance in units of the family below which two special points are one
 _MET = 1e-4  # the same for branch points of orbits, by parameter and period
 _NEAR = 1e-2  # of the bounds: a family of orbits that ends so near a Hopf point ends there
 #: Of the amplitude, at which orbits from a Hopf point are sought: where fast and slow motions meet
@@ -194,12 +194,12 @@ def _followed(found: "_Orbits", parameter: float, start, depth: int, options: di
 
 def _branches(rests: list, failures: list, options: dict, report) -> None:
     """Follow the other families through all branch points; each one is visited once."""
-    seen: list[np.ndarray] = []
+    seen: list[Equilibrium] = []
     for family in rests:  # grows on the way
         for point in family.special:
-            if point.kind != RestKind.BRANCH or any(_near(point.x, x) for x in seen):
+            if point.kind != RestKind.BRANCH or any(_near(point, x) for x in seen):
                 continue
-            seen.append(point.x)
+            seen.append(point)
             for down in (False, True):
                 try:
                     rests.append(other_rests(family, point, down=down, **options))
@@ -210,13 +210,20 @@ def _branches(rests: list, failures: list, options: dict, report) -> None:
                 report(rests[-1])
 
 
-def _near(a: np.ndarray, b: np.ndarray) -> bool:
-    return bool(np.linalg.norm(a - b) < _SAME * (1.0 + np.linalg.norm(a)))
+def _near(a: Equilibrium, b: Equilibrium) -> bool:
+    return bool(np.linalg.norm((a.x - b.x) / _units(a)) < _SAME)
 
 
-def _met(a: np.ndarray, b: np.ndarray) -> bool:
+def _units(point: Equilibrium) -> np.ndarray:
+    """(k + 1,) those of state and parameter."""
+    assert point.units is not None  # it was found here
+    return point.units[:-1]
+
+
+def _met(a: Member, b: Member) -> bool:
     """Whether two branch points are one: a member of another family has it to fewer digits."""
-    return bool(np.linalg.norm(a - b) < _MET * (1.0 + np.linalg.norm(a)))
+    apart = abs(a.parameter - b.parameter) / a.point.units[-2]
+    return max(apart, abs(a.orbit.period / b.orbit.period - 1)) < _MET
 
 
 class _Orbits:
@@ -227,14 +234,14 @@ class _Orbits:
         self.amplitude = amplitude
         self.families: list[tuple[Family, int]] = []
         self.failures: list[Failure] = []
-        self.seen: list[np.ndarray] = []
-        self.branches: list[np.ndarray] = []
+        self.seen: list[Equilibrium] = []
+        self.branches: list[Member] = []
 
     def from_hopf(self, rests: EquilibriumFamily, point: Equilibrium, depth: int) -> None:
         """Follow the orbits that begin at a Hopf point, and their doublings."""
-        if any(_near(point.x, x) for x in self.seen) or self._reached(point):
+        if any(_near(point, x) for x in self.seen) or self._reached(point):
             return
-        self.seen.append(point.x)
+        self.seen.append(point)
         _progress.doing(f"following orbits from {point.parameter:.6g}")
         self._follow(point, lambda: self._smallest(rests, point), 0, depth)
 
@@ -283,10 +290,9 @@ class _Orbits:
 
     def _new_branch(self, special: Member) -> bool:
         """Whether it is a branch point that no other family has passed."""
-        place = np.array([special.parameter, special.orbit.period])
-        if special.kind != Kind.BRANCH or any(_met(place, x) for x in self.branches):
+        if special.kind != Kind.BRANCH or any(_met(special, x) for x in self.branches):
             return False
-        self.branches.append(place)
+        self.branches.append(special)
         return True
 
 

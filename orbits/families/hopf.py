@@ -5,6 +5,7 @@ import numpy as np
 from jaxdyn._checks import fail, finite
 from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind
+from jaxdyn.continuation.units import units_of
 from orbits.closing.closings import PLAIN
 from orbits.families.steps import parameter_at
 from orbits.families.surface import Surface
@@ -12,11 +13,8 @@ from orbits.orbit import Orbit, SearchError
 from orbits.shooting.effort import GOAL, RTOL
 from orbits.shooting.equations import Equations
 
-#: Of an equilibrium's entries: the usual distance of an orbit from it.
+#: Of the sizes of an equilibrium's entries: the usual distance of an orbit from it.
 _SMALL = 1e-2
-#: An entry of an equilibrium that is smaller, alone or beside what the others make of it in a
-#: radian of the oscillation, is what Newton's method leaves of 0.
-_NOTHING, _ROUNDING = 1e-25, 1e-9
 _NO_ORBIT = (
     "No orbit was found at this amplitude. Try a smaller one: at a distance from the equilibrium "
     "orbits are no ellipses, and from a degenerate Hopf point none may begin."
@@ -36,8 +34,8 @@ def from_hopf(
       family: what `jaxdyn.continue_equilibria` returned.
       point: a Hopf point of ``family.special``.
       amplitude: distance of the start from the equilibrium along the real part of the eigenvector,
-        in units of the state; by default a hundredth of the equilibrium's entries, or 0.01 where
-        these are 0.
+        in units of the state; by default a hundredth of the sizes of the equilibrium's entries, or
+        where these are 0 of the distance at which the rate is no longer linear.
     Returns:
       (orbit, parameter), for `continue_family`.
     Raises:
@@ -65,7 +63,7 @@ def from_hopf(
     critical = vectors[:, np.argmin(np.abs(values - 1j * point.frequency))].real
     critical = critical / np.linalg.norm(critical)
     if amplitude is None:
-        amplitude = usual_amplitude(point, critical)
+        amplitude = usual_amplitude(family, point, critical)
     period = 2 * np.pi / point.frequency
     scene = family.make(point.parameter).starting(point.state, period)
     equations = Equations(scene=scene, closing=PLAIN, make=family.make)
@@ -79,10 +77,8 @@ def from_hopf(
     return surface.orbit(found), parameter_at(surface, found.x)
 
 
-def usual_amplitude(point: Equilibrium, critical: np.ndarray) -> float:
-    """The distance along a direction (k,) that is small beside the entries of an equilibrium."""
-    rest, change = np.abs(point.state), np.abs(critical)
-    # Of an entry that should be 0 there is what rounding of the others makes of it.
-    moved = np.abs(point.jacobian) @ rest / point.frequency
-    whole = (rest > _ROUNDING * moved) & (rest > _NOTHING) & (change > 0)
-    return _SMALL * float(np.min(rest[whole] / change[whole])) if whole.any() else _SMALL
+def usual_amplitude(family: EquilibriumFamily, point: Equilibrium, critical: np.ndarray) -> float:
+    """The distance along a direction (k,) that is small beside the sizes of an equilibrium."""
+    sizes = units_of(family.make, point).each
+    change = np.abs(critical)
+    return _SMALL * float(np.min(sizes[change > 0] / change[change > 0]))

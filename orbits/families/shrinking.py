@@ -15,10 +15,10 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
+from jaxdyn.analysis.eigenvalues import map_in_units
 from orbits.families.family import Kind, Member
 from orbits.families.steps import member_at, parameter_at
 from orbits.families.surface import Point, Surface
-from orbits.shooting.units import map_in_units
 
 _NEWTON_STEPS = 20
 _SOLVED = 1e-12  # relative: the last of these steps

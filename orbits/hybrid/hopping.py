@@ -163,9 +163,8 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> HybridOrbit:
     spans = np.array([up / spin, float(stop.t)])
     # In the whole chain the motion is a double root: at h'' = 0 unequal corners close too.
     mirrors = Mirrored(first, 2 * first + math.pi)
-    goal = GOAL * max(1.0, float(np.abs(y0).max()))  # for metres and radians alike
     legs = (Leg(scene=fly, ends=lands), Leg(scene=contact, ends=()))
-    half = _checked(find_hybrid(legs, y0, spans, closes=mirrors, goal=goal, throw=False))
+    half = _checked(find_hybrid(legs, y0, spans, closes=mirrors, throw=False))
     down, rest = half.spans
     above = (Height(given),)
     presses = () if rolls else (NormalForce(contact),)
@@ -177,7 +176,7 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> HybridOrbit:
     spans = [down, 2 * rest, down]
     around = Advanced(2 * (first + math.pi))
     # Over the whole chain the residuals of the halves count several times.
-    whole = 8 * goal
+    whole = 8 * GOAL
     return _checked(
         find_hybrid(chain, half.y0, spans, closes=around, goal=whole, max_iterations=0, throw=False)
     )

@@ -50,7 +50,7 @@ class HybridOrbit:
 
     Attributes:
       legs: in order; their scenes have the start and the span of each.
-      residual: largest entry of the closing error.
+      residual: largest entry of the closing error, see the `goal` of `find_hybrid`.
       outcome: `Outcome`; unless it is FOUND this is the best iterate.
       iterations: Newton steps taken.
       rtol: tolerance of the integrations.

@@ -5,11 +5,15 @@ ends of each leg, its further conditions, and the closing of the chain. Times ar
 found by a search for events: a landing without relative velocity grazes the ground, where the
 time of an event has no derivative, while these equations are regular. The price is that a solution
 may pass an end before its time; the bounds of a leg exclude that.
+
+All are numbers of order 1: a state is in units of the sizes of its entries along the chain, a time
+in those of its guess, and an equation in units of what changes of the states by their sizes make of
+it.
 """
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -24,6 +28,7 @@ from jaxdyn.integrate.spans import tolerances
 from jaxdyn.plan import plan_of
 from jaxdyn.scene import Scene, checked_scene
 from orbits.closing.given import driven
+from orbits.closing.sizes import sizes
 from orbits.hybrid.legs import HybridOrbit, Leg
 from orbits.orbit import Outcome, SearchError
 from orbits.shooting import newton
@@ -62,7 +67,8 @@ def find_hybrid(
       spans: (n,) guess of the duration of each leg.
       closes: (end, start) -> closing error, a module or a named function; by default the
         difference of the states. One that leaves out a position finds motions that advance.
-      goal: largest closing error of a solution.
+      goal: largest closing error of a solution, in units of what changes of the states by their
+        sizes make of it.
       rtol: tolerance of the integrations.
       max_iterations: largest number of Newton steps.
       report: called with an `Iteration` after each step; its period is the last leg's span.
@@ -97,21 +103,28 @@ def find_hybrid(
     whole("max_iterations", max_iterations, least=0)
     closes = Comes(legs[0].scene) if closes is None else closes
     k = len(start)
+    x = np.concatenate([start, times])
+    first = _linearised(legs, closes, x, rtol)
+    each = _sizes(legs, first, times)
+    units = np.concatenate([each[0], times])
+    rows = _changes(legs, closes, first, times, each)
 
     def evaluated(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return _linearised(legs, closes, x, rtol)[:2]
+        found = _linearised(legs, closes, x, rtol)
+        return found.value / rows, found.jacobian * units / rows[:, None]
 
     shortest = np.concatenate([np.full(k, -np.inf), _SHORTEST * times])
     result = newton.solve(
         evaluated,
-        np.concatenate([start, times]),
+        x,
         lower=shortest,
         upper=np.full(k + len(legs), np.inf),
         goal=goal,
         max_iterations=max_iterations,
         report=report,
+        units=units,
     )
-    starts = _linearised(legs, closes, result.x, rtol)[2]
+    starts = _linearised(legs, closes, result.x, rtol).starts[:-1]
     placed = tuple(
         dataclasses.replace(leg, scene=leg.scene.starting(y, t))
         for leg, y, t in zip(legs, starts, result.x[k:], strict=True)
@@ -185,27 +198,80 @@ def _start_and_times(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.n
     return start, times
 
 
-def _linearised(legs, closes, x: np.ndarray, rtol) -> tuple[np.ndarray, np.ndarray, list]:
-    """(value, Jacobian) of the equations, and the starts of all legs.
+class _Linearised(NamedTuple):
+    """The equations at unknowns.
+
+    Attributes:
+      value: (m,) left sides.
+      jacobian: (m, n) derivatives by the unknowns.
+      starts: the start of each leg, and that of the leg after the last.
+      ends: the end of each leg.
+    """
+
+    value: np.ndarray
+    jacobian: np.ndarray
+    starts: list[np.ndarray]
+    ends: list[np.ndarray]
+
+
+def _linearised(legs, closes, x: np.ndarray, rtol) -> _Linearised:
+    """The equations and their Jacobian.
 
     Leg by leg on the host, so that each kind of leg is compiled once for chains of any length.
     """
     k = len(x) - len(legs)
     start, slope = map(np.asarray, _put(legs[0].scene, x[:k]))
     first = slope @ np.eye(k, len(x))
-    y, along = start, first
-    starts, values, rows = [], [], []
+    along = first
+    starts, ends, values, rows = [start], [], [], []
     rtol = np.asarray(rtol, float)  # a Python number would be compiled in
     for i, leg in enumerate(legs):
-        starts.append(y)
-        (y, left), (by_start, by_span) = jax.tree.map(np.asarray, _passed(leg, y, x[k + i], rtol))
+        passed = _passed(leg, starts[-1], x[k + i], rtol)
+        (y, left, end), (by_start, by_span) = jax.tree.map(np.asarray, passed)
         unit = np.eye(len(x))[k + i]
         along, row = (a @ along + np.outer(b, unit) for a, b in zip(by_start, by_span, strict=True))
+        starts.append(y)
+        ends.append(end)
         values.append(left)
         rows.append(row)
-    left, (by_end, by_first) = jax.tree.map(np.asarray, _left(closes, y, start))
-    value = np.concatenate([*values, left])
-    return value, np.concatenate([*rows, by_end @ along + by_first @ first]), starts
+    left, (by_end, by_first) = jax.tree.map(np.asarray, _left(closes, starts[-1], start))
+    jacobian = np.concatenate([*rows, by_end @ along + by_first @ first])
+    return _Linearised(np.concatenate([*values, left]), jacobian, starts, ends)
+
+
+def _sizes(legs, first: _Linearised, times: np.ndarray) -> list[np.ndarray]:
+    """(k,) of the entries of the state of each leg: the largest of all where these are one kind."""
+    each = [
+        sizes(leg.scene.starting(y, t))
+        for leg, y, t in zip(legs, first.starts[:-1], times, strict=True)
+    ]
+    labels = [leg.scene.labels() for leg in legs]
+    return [
+        np.max([z for z, other in zip(each, labels, strict=True) if other == own], axis=0)
+        for own in labels
+    ]
+
+
+def _changes(legs, closes, first: _Linearised, times: np.ndarray, each) -> np.ndarray:
+    """(m,) what changes of the states by their sizes make of each equation."""
+    found = [
+        np.asarray(_change(leg, end, t, size))
+        for leg, end, t, size in zip(legs, first.ends, times, each, strict=True)
+    ]
+    _, slopes = jax.tree.map(np.asarray, _left(closes, first.starts[-1], first.starts[0]))
+    found.append(sum(np.abs(slope) @ each[0] for slope in slopes))
+    rows = np.concatenate(found)
+    return np.where(rows > 0, rows, 1.0)
+
+
+@eqx.filter_jit
+def _change(leg: Leg, end: Array, span, each: Array) -> Array:
+    """(e,) `_changes` of the ends of a leg."""
+
+    def left(end):
+        return jnp.asarray([event.value(span, end) for event in leg.ends], float)
+
+    return jnp.abs(jax.jacfwd(left)(end)) @ each
 
 
 @eqx.filter_jit
@@ -222,16 +288,16 @@ def _put(scene: Scene, y: Array) -> tuple[Array, Array]:
 
 @eqx.filter_jit
 def _passed(leg: Leg, y: Array, span, rtol):
-    """(start of the next leg, residual of the ends), and derivatives by start and span."""
+    """(start of the next leg, residual of the ends, end), and derivatives of the first two."""
 
     def passed(y, span):
         end = solve(leg.scene.starting(y), span, rtol=rtol).y1
         left = jnp.asarray([event.value(span, end) for event in leg.ends], float)
         both = leg.change(span, end), left
-        return both, both
+        return both, (*both, end)
 
-    slopes, both = jax.jacfwd(passed, argnums=(0, 1), has_aux=True)(y, span)
-    return both, tuple(zip(*slopes, strict=True))
+    slopes, all_ = jax.jacfwd(passed, argnums=(0, 1), has_aux=True)(y, span)
+    return all_, tuple(zip(*slopes, strict=True))
 
 
 @eqx.filter_jit

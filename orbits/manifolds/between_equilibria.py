@@ -8,11 +8,13 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, _checks
+from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.equilibria import equilibrium
 from jaxdyn.analysis.linearize import linearize
 from jaxdyn.scene import checked_scene
 from jaxdyn.system import System
 from orbits.closing.given import driven
+from orbits.closing.sizes import sizes_at_rest
 from orbits.manifolds import chain
 from orbits.manifolds.chain import Chain, Make
 from orbits.manifolds.connection import Connection, ConnectionOutcome
@@ -21,7 +23,7 @@ from orbits.manifolds.links import Solution, sampled, solve
 from orbits.manifolds.splitting import split
 from orbits.motion import solved
 
-_FIRST = 1e-2  # of the size of the equilibria or 1: the first distance of the ends
+_FIRST = 1e-2  # in the sizes of the entries, as all distances: the first one of the ends
 _SHORTER = 4.0  # ratio of successive distances
 _LEVELS = 14  # most of them
 _LEFT = 0.1  # of the largest distance from the first equilibrium: there it has been left
@@ -48,10 +50,9 @@ def connect_rests(
         raise _checks.fail("parameter", "given together with `make`", parameter)
     p = np.nan if parameter is None else float(_checks.array("parameter", parameter, ()))
     posed, rates = _posed(checked_scene(a), b, make, p, branch, segments, rtol)
-    e = _FIRST * max(1.0, float(np.abs(posed.near).max()))
     longest = np.log(1 / 1e-6) / rates[0] + _LONGEST / rates.min() if time is None else time
     longest = float(_checks.positive("time", longest, "It is the length of a strand."))
-    guess = _approach(posed, p, e, longest)
+    guess = _approach(posed, p, longest)
     if isinstance(guess, ConnectionOutcome):
         return _failed(posed, guess, np.nan, 0)
     return _shortened(posed, guess, error, rates)
@@ -92,36 +93,42 @@ def _posed(
             0.5 * (slow + arriving.eigenvalues.real[~down].min(initial=-slow)),
         ]
     )
+    each = np.maximum(*(sizes_at_rest(scene, y) for y in near))
     along = of_rest(scene, near[0], "unstable", 1, None).tangent[0]
-    along = along / np.linalg.norm(along) * _BRANCHES[branch]
-    u, _, _ = np.linalg.svd(np.asarray(split(scene, near[1], cuts[1]).projector))
-    posed = Chain(scene, make, near, along, u[:, : int((~down).sum())], cuts, segments, rtol)
+    along = along / np.linalg.norm(along / each) * _BRANCHES[branch]
+    projector = np.asarray(split(scene, near[1], cuts[1], jnp.asarray(each)).projector)
+    u, _, _ = np.linalg.svd(map_in_units(projector, each))
+    across = u[:, : int((~down).sum())]
+    posed = Chain(scene, make, near, along, across, jnp.asarray(each), cuts, segments, rtol)
     return posed, np.array([fast, -slow])
 
 
-def _approach(posed: Chain, p: float, e: float, longest: float) -> tuple | ConnectionOutcome:
+def _approach(posed: Chain, p: float, longest: float) -> tuple | ConnectionOutcome:
     """Unknowns and distances of the ends where the strand passes the second equilibrium.
 
     An outcome if it does not.
     """
     scene, (a, b) = posed.base, posed.near
-    start = scene.starting(a + e * posed.along)
+    start = scene.starting(a + _FIRST * posed.along)
     ts = np.linspace(0.0, longest, _STRAND)
     ys = np.asarray(solved(start, ts[-1], ts=ts, rtol=posed.rtol).ys)
     gone, off = (
-        np.linalg.norm(np.asarray(_apart(scene, jnp.asarray(ys), y)), axis=1) for y in (a, b)
+        np.linalg.norm(
+            np.asarray(_apart(scene, jnp.asarray(ys), y)) / np.asarray(posed.each), axis=1
+        )
+        for y in (a, b)
     )
     known = np.isfinite(ys).all(axis=1)
     left = int(np.argmax(known & (gone > _LEFT * np.max(gone[known]))))
     off = np.where(known, off, np.inf)
     m = left + int(np.argmin(off[left:]))
-    d = max(2 * off[m], e)
+    d = max(2 * off[m], _FIRST)
     before = np.flatnonzero(off[left:m] >= d)
     if not len(before):
         return ConnectionOutcome.NO_APPROACH if known.all() else ConnectionOutcome.MOTION_ENDS
     end = left + int(before[-1])
     nodes = ts[end] * np.arange(1, posed.segments) / posed.segments
-    return posed.pack(ts[end], p, _interpolated(nodes, ts[:m], ys[:m])), np.array([e, d])
+    return posed.pack(ts[end], p, _interpolated(nodes, ts[:m], ys[:m])), np.array([_FIRST, d])
 
 
 def _shortened(posed: Chain, guess: tuple, wanted: float, rates) -> Connection:
@@ -159,9 +166,11 @@ def _longer(posed: Chain, found: Solution, old, new, rates: np.ndarray) -> np.nd
     states = _interpolated(nodes, ts, ys)
     grown = old[0] * np.exp(rates[0] * nodes)[:, None] * np.asarray(v)
     states = np.where(nodes[:, None] < 0, np.asarray(first.rest) + grown, states)
+    each = np.asarray(posed.each)
+    slope = map_in_units(second.jacobian, each)
     for i in np.flatnonzero(nodes > time):
-        decayed = jax.scipy.linalg.expm(second.jacobian * (nodes[i] - time)) @ (off - arriving)
-        states[i] = ys[-1] - off + np.asarray(decayed)
+        flow = np.asarray(jax.scipy.linalg.expm(slope * (nodes[i] - time)))
+        states[i] = ys[-1] - off + each * (flow @ ((off - arriving) / each))
     return posed.pack(float(time) + before + after, parameter, states)
 
 
@@ -173,7 +182,7 @@ def _ends_error(posed: Chain, last: tuple, now: tuple, rates: np.ndarray) -> flo
     apart = []
     for t, y in ((0.0, ys[0]), (ts[-1], ys[-1])):
         there, rate = (np.asarray(z) for z in chain.state_at(posed, fine.x, new, before + t))
-        gap = y - there
+        gap, rate = (x / np.asarray(posed.each) for x in (y - there, rate))
         apart.append(np.linalg.norm(gap - rate * (rate @ gap) / (rate @ rate)))
     return float(max(apart))
 

@@ -6,11 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn.analysis.energy import energy
+from jaxdyn.analysis.energy import change
 from jaxdyn.integrate.events import Event
 from jaxdyn.system import System
 from orbits.analysis.stability import stability
 from orbits.closing.given import driven
+from orbits.closing.sizes import sizes
 from orbits.manifolds.connection import Connection, ConnectionOutcome
 from orbits.manifolds.links import Solution, sampled, solve
 from orbits.manifolds.manifold import manifold
@@ -25,7 +26,7 @@ _BRANCHES = {
 }
 _SAMPLES = 16  # of each link
 _ATTEMPTS = 24  # most crossings of strands that are tried
-_SAME_ENERGY = 1e-9  # relative difference of energies up to which they are the same
+_SAME_ENERGY = 1e-9  # of their terms: difference of energies up to which they are the same
 _SAME = 1e-6  # of a period, and of the time: connections closer than this are the same
 _BEYOND = 0.1  # of a piece of a curve: by so much a crossing may lie beyond its end
 _SHIFTED = 10.0  # times the error of the ends: a larger shift is a difference of energies
@@ -71,10 +72,13 @@ def connect_orbits(a: Orbit, b: Orbit, asked: Asked) -> Connection:
         )
     ]
     tangents = [(one.starts[0] - one.base[0]) * one.branches[0] / one.step_off for one in found]
+    own = jnp.stack([jnp.asarray(sizes(orbit.scene)) for orbit in (a, b)])
     posed = OrbitChain(
         base=a.scene,
         starts=jnp.stack([jnp.asarray(a.y0), jnp.asarray(b.y0)]),
         tangents=jnp.asarray(np.stack(tangents)),
+        own=own,
+        each=jnp.max(own, axis=0),
         conserved=conserved,
         segments=asked.segments,
         rtol=asked.rtol,
@@ -109,17 +113,19 @@ def _check(a: Orbit, b: Orbit) -> bool:
         )
     if not integrals:
         return False
-    levels = [float(energy(scene, 0.0, jnp.asarray(orbit.y0))) for orbit in (a, b)]
-    if abs(levels[1] - levels[0]) > _SAME_ENERGY * max(1.0, abs(levels[0])):
+    starts = jnp.stack([jnp.asarray(orbit.y0) for orbit in (a, b)])
+    levels = change(scene, jnp.zeros(2), starts)
+    if levels.relative > _SAME_ENERGY:
         remedy = "Find both with hold=orbits.Energy(E)."
-        expected = f"an orbit with the energy {levels[0]:.12g} of `a`"
-        raise _checks.fail("b", expected, f"{levels[1]:.12g}", remedy)
+        first, last = levels.values
+        expected = f"an orbit with the energy {first:.12g} of `a`"
+        raise _checks.fail("b", expected, f"{last:.12g}", remedy)
     return True
 
 
 def _polished(posed: OrbitChain, ends, found: list[Manifold], which: int) -> Connection:
     """The connection number `which` of those to which crossings of strands lead, nearest first."""
-    guesses = _crossings(*found)
+    guesses = _crossings(*found, np.asarray(posed.each))
     known: list[np.ndarray] = []
     total, miss, periods = 0, np.inf, np.array([orbit.period for orbit in ends])
     for signs, phases, times in guesses[:_ATTEMPTS]:
@@ -167,13 +173,13 @@ def _unknowns(posed: OrbitChain, phases, times, steps) -> np.ndarray:
     return np.concatenate([[whole, *phases], shift, states.ravel()])
 
 
-def _crossings(first: Manifold, last: Manifold) -> list[tuple]:
+def _crossings(first: Manifold, last: Manifold, each: np.ndarray) -> list[tuple]:
     """Where the curves of ends of strands cross: signs, phases and times of the two, nearest first.
 
-    Curves are polygons here. Two pieces cross where the points nearest to each other of their
-    straight lines are on both of them, and closer than the longer of them.
+    Curves are polygons here, in the sizes `each` (k,). Two pieces cross where the points nearest to
+    each other of their straight lines are on both of them, and closer than the longer of them.
     """
-    (p, dp, of_p), (q, dq, of_q) = _pieces(first), _pieces(last)
+    (p, dp, of_p), (q, dq, of_q) = (_pieces(one, each) for one in (first, last))
     if not (len(p) and len(q)):
         return []
     apart = q[None] - p[:, None]
@@ -200,7 +206,7 @@ def _crossings(first: Manifold, last: Manifold) -> list[tuple]:
     return guesses
 
 
-def _pieces(found: Manifold) -> tuple[np.ndarray, np.ndarray, list[tuple]]:
+def _pieces(found: Manifold, each: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple]]:
     """Starts (n, k) and sides (n, k) of the polygons; the sign, and at both ends phase and time.
 
     Phases are signed times from the start of the orbit, backwards for a stable manifold.
@@ -215,8 +221,8 @@ def _pieces(found: Manifold) -> tuple[np.ndarray, np.ndarray, list[tuple]]:
             here, there = begin + i, begin + (i + 1) % n
             if not (found.ok[here] and found.ok[there]):
                 continue
-            starts.append(found.ends[here])
-            sides.append(found.ends[there] - found.ends[here])
+            starts.append(found.ends[here] / each)
+            sides.append((found.ends[there] - found.ends[here]) / each)
             phases = (found.t0s[here], found.t0s[here] + sense * period / n)
             times = tuple(abs(found.ts[z] - found.t0s[z]) for z in (here, there))
             about.append((float(found.branches[here]), phases, times))

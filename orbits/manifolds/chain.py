@@ -35,7 +35,8 @@ class Chain(Links):
       make: the scene for each value of the parameter; None without one.
       near: (2, k) states near the two equilibria.
       along: (k,) unstable direction at the first, with the sense of its branch.
-      across: (k, c) basis of the subspace at the second that is not stable.
+      across: (k, c) basis of the subspace at the second that is not stable, in sizes.
+      each: (k,) sizes of the entries.
       cuts: (2,) real parts between the eigenvalues of these subspaces and the others.
       segments: number of links.
       rtol: tolerance of the integrations.
@@ -46,6 +47,7 @@ class Chain(Links):
     near: Array
     along: Array
     across: Array
+    each: Array
     cuts: Array
     segments: int = eqx.field(static=True)
     rtol: float
@@ -67,10 +69,11 @@ class Chain(Links):
         return np.concatenate([[time], extra, np.ravel(states)])
 
     def ends(self, scene: Scene) -> tuple[Split, Array, Split]:
-        """The first equilibrium, its unit unstable direction, and the second equilibrium."""
-        first = split(scene, self.near[0], self.cuts[0])
+        """The first equilibrium, its unstable direction of length 1, and the second equilibrium."""
+        first = split(scene, self.near[0], self.cuts[0], self.each)
         v = first.projector @ self.along
-        return first, v / jnp.linalg.norm(v), split(scene, self.near[1], self.cuts[1])
+        v = v / jnp.linalg.norm(v / self.each)
+        return first, v, split(scene, self.near[1], self.cuts[1], self.each)
 
     def opened(self, x: Array, steps: Array) -> tuple[Scene, Array, Array]:
         time, parameter, states = self.unpack(x)
@@ -90,9 +93,10 @@ class Chain(Links):
             lambda y: solved(scene.starting(y), time / self.segments, rtol=self.rtol).y1
         )(starts)
         off = scene.system.difference(ends[-1], second.rest)
-        across = self.across.T @ second.projector @ off
-        distance = jnp.linalg.norm(off) - steps[1]
-        return jnp.concatenate([(ends[:-1] - states).ravel(), across, distance[None]])
+        across = self.across.T @ (second.projector @ off / self.each)
+        distance = jnp.linalg.norm(off / self.each) - steps[1]
+        links = (ends[:-1] - states) / self.each[None]
+        return jnp.concatenate([links.ravel(), across, distance[None]])
 
 
 @eqx.filter_jit

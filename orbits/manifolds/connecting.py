@@ -9,8 +9,8 @@ from orbits.manifolds.chain import Make
 from orbits.manifolds.connection import Connection
 from orbits.orbit import Orbit
 
-#: Default tolerance of the integrations, and default error of the linear ends: a
-#: norm of a state; of orbits, in the sizes of the entries.
+#: Default tolerance of the integrations, and default error of the linear ends, in the sizes of the
+#: entries.
 RTOL, ERROR = 1e-13, 1e-8
 
 
@@ -58,8 +58,7 @@ def connect(
       which: number of the connection of orbits, 0 for the one whose strands come nearest.
       time: the first approach to `b` is sought within this time; length of a strand of an orbit
         [time of the scene].
-      error: wanted estimated error of the linear ends, a norm of a state; of orbits in the sizes
-        of the entries.
+      error: wanted estimated error of the linear ends, in the sizes of the entries.
       segments: number of segments; each has 16 of the resulting states.
       rtol: relative tolerance of a step.
     Returns:

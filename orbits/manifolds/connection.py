@@ -9,6 +9,8 @@ from jaxdyn import Scene, _text
 from jaxdyn.status import Code
 from orbits.orbit import Orbit
 
+_SAME = 1e-6  # of the largest entries on the way: ends that are so near are one
+
 
 class ConnectionOutcome(Code):
     """Outcome of a search for a connection."""
@@ -64,8 +66,8 @@ class Connection:
       rests: (2, k) the two equilibria, or the states of the orbits beside which it begins and
         ends.
       time: travel time between the ends [time of the scene].
-      step_off: distances of the first state and of the last one from those, as norms of a
-        state; beside orbits in the sizes of the entries.
+      step_off: distances of the first state and of the last one from those, in the sizes of the
+        entries.
       error: estimated distance of the ends from the manifolds; at equilibria that of the ends at
         the next larger step-off, an upper bound where the estimate converges; in the same units.
       miss: largest gap of the closing equations.
@@ -107,7 +109,8 @@ class Connection:
             ("outcome", f"{self.outcome.name}: {self.message}"),
         ]
         pair = self.rests if self.orbits is None else [orbit.y0 for orbit in self.orbits]
-        kind = "Homoclinic" if np.allclose(*pair) else "Heteroclinic"
+        apart, sizes = np.abs(np.subtract(*pair)), np.nanmax(np.abs([*pair, *self.states]), axis=0)
+        kind = "Homoclinic" if (apart <= _SAME * sizes).all() else "Heteroclinic"
         what = "" if self.orbits is None else "orbits of "
         return _text.table(f"{kind} connection of {what}{_text.called(self.scene)}", rows)
 

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, _checks, _text
+from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.linearize import classify, linearize
 from jaxdyn.analysis.monodromy import end_and_derivative
 from orbits.analysis.monodromy import tangents_in
@@ -20,7 +21,6 @@ from orbits.analysis.stability import stability
 from orbits.closing.sizes import sizes, sizes_at_rest
 from orbits.motion import solved
 from orbits.orbit import Orbit
-from orbits.shooting.units import map_in_units
 
 #: Default kinds of manifolds, and the sense of time in which their strands leave.
 SENSES = {"unstable": 1.0, "stable": -1.0}

@@ -1,7 +1,8 @@
 """Chains of segments of a motion whose gaps Newton's method closes.
 
 The first number among the unknowns is the time that the chain takes; what the others are, and where
-its first and last states may lie, is that of the kind of chain.
+its first and last states may lie, is that of the kind of chain. Gaps and distances are in the sizes
+of the entries; an unknown is in units of what makes gaps of about that.
 """
 
 import abc
@@ -17,7 +18,7 @@ from jaxdyn import Scene
 from orbits.motion import solved
 
 _NEWTON_STEPS, _HALVINGS = 30, 10
-_GOAL = 1e-12  # largest gap, in units of the largest entry of the states or 1
+_GOAL = 1e-12  # largest gap, in units of the largest entry of the states in sizes, or 1
 _DEPENDENT = 1e-11  # smallest over largest singular value of equations that are dependent
 
 
@@ -25,10 +26,12 @@ class Links(eqx.Module):
     """A chain of segments.
 
     Attributes:
+      each: (k,) sizes of the entries of the state.
       segments: number of links.
       rtol: tolerance of the integrations.
     """
 
+    each: eqx.AbstractVar[Array]
     segments: eqx.AbstractVar[int]
     rtol: eqx.AbstractVar[float]
 
@@ -45,7 +48,7 @@ class Links(eqx.Module):
 
     @abc.abstractmethod
     def gaps(self, x: Array, steps: Array) -> Array:
-        """The errors of the links and of the end."""
+        """The errors of the links and of the end, in sizes."""
 
 
 class Solution(NamedTuple):
@@ -90,7 +93,8 @@ def solve(chain: Links, x: np.ndarray, steps: np.ndarray) -> Solution:
         if enough or iterations == _NEWTON_STEPS:
             break
         enough = np.abs(gaps).max() <= _goal(chain, x)  # one step more, to rounding
-        change = np.linalg.lstsq(slopes, -gaps, rcond=_DEPENDENT)[0]
+        scaled, units = _scaled(slopes)
+        change = units * np.linalg.lstsq(scaled, -gaps, rcond=_DEPENDENT)[0]
         for i in range(_HALVINGS):
             tried = x + 0.5**i * change
             # The slopes too, though only the gaps are compared: one program compiles, not two.
@@ -103,13 +107,21 @@ def solve(chain: Links, x: np.ndarray, steps: np.ndarray) -> Solution:
     miss, goal = float(np.abs(gaps).max()), _goal(chain, x)
     if not (miss <= goal and np.isfinite(slopes).all()):
         return Solution(x, miss, False, False, np.full(len(x), np.nan), iterations)
-    values = np.linalg.svd(slopes, compute_uv=False)
-    doubt = goal * np.linalg.norm(np.linalg.pinv(slopes, rcond=_DEPENDENT), axis=1)
+    scaled, units = _scaled(slopes)
+    values = np.linalg.svd(scaled, compute_uv=False)
+    doubt = goal * units * np.linalg.norm(np.linalg.pinv(scaled, rcond=_DEPENDENT), axis=1)
     return Solution(x, miss, True, values[-1] > _DEPENDENT * values[0], doubt, iterations)
 
 
+def _scaled(slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives by unknowns in the units (n,) that follow."""
+    lengths = np.linalg.norm(slopes, axis=0)
+    units = 1 / np.where(lengths > 0, lengths, 1.0)
+    return slopes * units, units
+
+
 def _goal(chain: Links, x: np.ndarray) -> float:
-    return _GOAL * max(1.0, float(np.abs(chain.states(x)).max()))
+    return _GOAL * max(1.0, float(np.abs(chain.states(x) / np.asarray(chain.each)).max()))
 
 
 @eqx.filter_jit

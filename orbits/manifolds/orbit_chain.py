@@ -29,8 +29,10 @@ class OrbitChain(Links):
     Attributes:
       base: the scene.
       starts: (2, k) starts of the orbits, at phase 0.
-      tangents: (2, k) unit tangents there, of the unstable manifold of the first orbit and of the
-        stable one of the second.
+      tangents: (2, k) tangents of length 1 there, of the unstable manifold of the first orbit and
+        of the stable one of the second.
+      own: (2, k) sizes of the entries along the orbits, in which distances from them are.
+      each: (k,) sizes of the entries.
       conserved: whether the energy is an integral.
       segments: number of links.
       rtol: tolerance of the integrations.
@@ -39,6 +41,8 @@ class OrbitChain(Links):
     base: Scene
     starts: Array
     tangents: Array
+    own: Array
+    each: Array
     conserved: bool = eqx.field(static=True)
     segments: int = eqx.field(static=True)
     rtol: float
@@ -57,13 +61,14 @@ class OrbitChain(Links):
         # To first order in the phase, which is all that its derivative needs.
         rate, turn = jax.jvp(lambda y: self.base.rate(jnp.zeros(()), y), (y,), (v,))
         y, v = y + rate * (phase - known), v + turn * (phase - known)
-        return y, y + step * v / jnp.linalg.norm(v)
+        return y, y + step * v / jnp.linalg.norm(v / self.own[i])
 
     def opened(self, x, steps):
         y, first = self.beside(0, x[1], steps[0])
         if self.conserved:
             slope = jax.grad(lambda y: energy(self.base, 0.0, y))(jax.lax.stop_gradient(y))
-            first = first + x[3] * slope / jnp.linalg.norm(slope)
+            slope = slope * self.each
+            first = first + x[3] * self.each * slope / jnp.linalg.norm(slope)
         return self.base, jnp.concatenate([first[None], self.states(x)]), x[0]
 
     def gaps(self, x, steps):
@@ -71,7 +76,8 @@ class OrbitChain(Links):
         ends = self.ends(starts, time / self.segments)
         _, last = self.beside(1, x[2], steps[1])
         off = scene.system.difference(ends[-1], last)
-        return jnp.concatenate([(ends[:-1] - starts[1:]).ravel(), off])
+        links = (ends[:-1] - starts[1:]) / self.each[None]
+        return jnp.concatenate([links.ravel(), off / self.each])
 
     def ends(self, starts: Array, each: Array) -> Array:
         """(segments, k) the ends of the links.

@@ -26,13 +26,17 @@ class Split(NamedTuple):
     projector: Array
 
 
-def split(scene: Scene, near: Array, cut: Array) -> Split:
-    """The equilibrium near a state, with the subspace of eigenvalues of real part above `cut`."""
+def split(scene: Scene, near: Array, cut: Array, each: Array) -> Split:
+    """The equilibrium near a state, with the subspace of eigenvalues of real part above `cut`.
+
+    With the sizes `each` (k,) of the entries, in which the iteration is.
+    """
     rest = equilibrium(scene, near)
     jacobian = jax.jacfwd(lambda y: scene.rate(jnp.zeros(()), y))(rest)
     one = jnp.eye(len(rest))
-    shifted = jacobian - cut * one
+    units = each[None, :] / each[:, None]
+    shifted = jacobian * units - cut * one
     sign = jax.lax.fori_loop(
         0, _SIGN_STEPS, lambda _, s: 0.5 * (s + jnp.linalg.inv(s)), shifted / jnp.max(abs(shifted))
     )
-    return Split(rest, jacobian, 0.5 * (one + sign))
+    return Split(rest, jacobian, 0.5 * (one + sign / units))

@@ -8,8 +8,10 @@ from jaxdyn import Scene
 from jaxdyn._checks import choice, fail
 from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.events import Event, Reaches
+from orbits.closing.sizes import sizes
 
-_PROBE = 1e-3  # by which entries are moved apart: a state at rest does not tell velocities
+#: Of the sizes: by which entries are moved apart: a state at rest does not tell velocities.
+_PROBE = 1e-3
 
 
 @check_first
@@ -39,7 +41,7 @@ def has_velocities(scene: Scene) -> bool:
     k = len(scene.y0)
     if k % 2:
         return False
-    y = np.asarray(scene.y0) + _PROBE * np.arange(1, k + 1)
+    y = np.asarray(scene.y0) + _PROBE * sizes(scene) * np.arange(1, k + 1)
     return bool(np.array_equal(scene.vector_field(0.0, y)[: k // 2], y[k // 2 :]))
 
 

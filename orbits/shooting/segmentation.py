@@ -10,11 +10,12 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail, whole
+from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.regularised import logarithmic_span
 from orbits.closing.sizes import sizes
 from orbits.motion import at_even_s, attracts, solved
 from orbits.shooting.equations import Equations
-from orbits.shooting.units import map_in_units, sizes_at
+from orbits.shooting.units import sizes_at
 
 #: Largest growth of errors of the start over a motion in one segment: rounding of 1e-16 is still
 #: well below the goal then.

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxdyn.analysis.eigenvalues import map_in_units
 from orbits.closing.sizes import PHASES, sizes
 from orbits.shooting.equations import Equations, Evaluation
 from orbits.shooting.segment import MAX_STEPS
@@ -44,11 +45,6 @@ class Units(NamedTuple):
     def jacobian(self, jacobian: np.ndarray) -> np.ndarray:
         """(m, n) a Jacobian in these units."""
         return np.asarray(jacobian) * self.x / self.rows[:, None]
-
-
-def map_in_units(matrices: np.ndarray, each: np.ndarray) -> np.ndarray:
-    """(..., k, k) linear maps of states, in units of the sizes (k,) of their entries."""
-    return np.asarray(matrices) * each / each[:, None]
 
 
 def units_at(equations: Equations, x: np.ndarray, jacobian: np.ndarray, lengths: Lengths) -> Units:

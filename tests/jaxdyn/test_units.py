@@ -8,6 +8,7 @@ from units import in_units, rewritten
 
 import jaxdyn
 from jaxdyn import ensemble, scenes, solvers
+from jaxdyn.accuracy.end_error import end_error
 from jaxdyn.integrate import events
 from jaxdyn.integrate.simulation import solve
 
@@ -146,3 +147,15 @@ def test_digits():
     assert found.error.digits == pytest.approx(plain.error.digits, abs=0.5)
     np.testing.assert_allclose(np.asarray(found.ys) / y, plain.ys, atol=SAME)
     np.testing.assert_allclose(np.asarray(found.error.scale) / y, plain.error.scale, rtol=1e-6)
+
+
+def test_the_error_of_an_end():
+    def again(scene, rtol):
+        return jaxdyn.simulate(scene, samples=5, rtol=rtol)
+
+    plain = end_error(again(SHAKEN, 1e-8), again, rtol=1e-8)
+    new, y, _ = rewritten(SHAKEN, 0)
+    found = end_error(again(new, 1e-8), again, rtol=1e-8)
+    assert found.least == pytest.approx(plain.least, abs=0.5)
+    assert found.most == pytest.approx(plain.most, abs=1.5)  # changes of digits are random
+    np.testing.assert_allclose(found.scale / y, plain.scale, rtol=1e-6)

@@ -1,6 +1,7 @@
 """A search for zeros of a rate in a box, from many starts at once.
 
-Levenberg-Marquardt iterations in units of the box, ended by a Newton step. An end counts as a
+Levenberg-Marquardt iterations in units of the box, and of the usual change of each rate over it,
+ended by a Newton step. An end counts as a
 zero only if that step is short and the rate there is small against its change over the box: a
 constant rate has no zero, however small it is.
 """
@@ -85,26 +86,30 @@ def search(field: Field, t: Array, box: Box, ys: np.ndarray) -> Ends:
 
 @eqx.filter_jit
 def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]:
-    def lacking(y):
-        """The residual: the rate, and the distance to the constraints."""
-        return jnp.concatenate([field.rate(t, y), field.project(t, y) - y])
+    def lacking(y, units=1.0):
+        """The residual: the rate, and the distance to the constraints, in units."""
+        return jnp.concatenate([field.rate(t, y), field.project(t, y) - y]) / units
 
-    def seen(y):
+    def seen(y, units=1.0):
         n = axes.shape[1]
-        return lacking(y), jax.jacfwd(lambda x: lacking(y + axes @ x))(jnp.zeros(n))
-
-    def improve(_, carry):
-        y, damping = carry
-        f, a = seen(y)
-        gram = a.T @ a
-        weight = damping * (jnp.max(jnp.abs(gram)) + jnp.finfo(float).tiny)
-        new = y - axes @ jnp.linalg.solve(gram + weight * jnp.eye(len(gram)), a.T @ f)
-        better = jnp.sum(lacking(new) ** 2) < jnp.sum(f * f)  # False for NaN
-        return jnp.where(better, new, y), damping * jnp.where(better, _LESS, _MORE)
+        by_axes = jax.jacfwd(lambda x: lacking(y + axes @ x, units))(jnp.zeros(n))
+        return lacking(y, units), by_axes
 
     rows = jax.vmap(lambda y: jnp.sum(jnp.abs(seen(y)[1]), axis=1))(ys)
     usual = jnp.nanmedian(jnp.where(jnp.isfinite(rows), rows, jnp.nan), axis=0)
+    usual = jnp.where(
+        usual > 0, usual, jnp.nanmax(jnp.where(jnp.isfinite(rows), rows, 0.0), axis=0)
+    )
     usual = jnp.where(usual > 0, usual, 1.0)
+
+    def improve(_, carry):
+        y, damping = carry
+        f, a = seen(y, usual)
+        gram = a.T @ a
+        weight = damping * (jnp.max(jnp.abs(gram)) + jnp.finfo(float).tiny)
+        new = y - axes @ jnp.linalg.solve(gram + weight * jnp.eye(len(gram)), a.T @ f)
+        better = jnp.sum(lacking(new, usual) ** 2) < jnp.sum(f * f)  # False for NaN
+        return jnp.where(better, new, y), damping * jnp.where(better, _LESS, _MORE)
 
     def end(y):
         y, _ = jax.lax.fori_loop(0, _ITERATIONS, improve, (y, jnp.asarray(_DAMPING)))
@@ -118,7 +123,7 @@ def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]
         kept = s > _MIN_SINGULAR_VALUE * s[0]
         step = vt.T @ (jnp.where(kept, 1 / jnp.where(kept, s, 1.0), 0.0) * (u.T @ (f / units)))
         new = y - axes @ step
-        better = jnp.sum(lacking(new) ** 2) <= jnp.sum(f * f)
+        better = jnp.sum(lacking(new, usual) ** 2) <= jnp.sum((f / usual) ** 2)
         y = jnp.where(better, new, y)
         size, left = jnp.linalg.norm(step), jnp.abs(lacking(y))
         passed = (size <= _CONVERGED) & jnp.all(left <= _CONVERGED * rows)

@@ -97,7 +97,7 @@ def axon_at(current):
 @pytest.mark.slow
 def test_the_cycles_of_an_axon_have_their_folds():
     start = [0.0, 0.05, 0.6, 0.32]
-    rests = jaxdyn.continue_equilibria(axon_at, 0.0, start, step=2.0, members=100)
+    rests = jaxdyn.continue_equilibria(axon_at, 0.0, start, members=100)
     first, last = rests.special[:2]
     # Rinzel, Miller, Biol. Cybern. 37 (1980) 1; Hassard, J. Theor. Biol. 71 (1978) 401.
     assert abs(first.parameter - 9.7796) < 1e-4

@@ -88,7 +88,7 @@ def test_the_homoclinic_orbit_of_lorenz_by_another_route():
     assert abs(found.parameter - 13.926557407) < 1e-9
     assert abs(found.parameter - bisected()) < 1e-10 + found.parameter_error
     assert found.parameter_error < 1e-8
-    other = orbits.connect(lorenz(13.9), ORIGIN, make=lorenz, parameter=13.9, branch="-")
+    other = orbits.connect(lorenz(14.0), ORIGIN, make=lorenz, parameter=14.0, branch="-")
     assert abs(other.parameter - found.parameter) < found.parameter_error + other.parameter_error
     mirrored = other.states * [-1, -1, 1]
     np.testing.assert_allclose(mirrored, found.states, rtol=0, atol=1e-6)

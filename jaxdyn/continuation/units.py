@@ -1,0 +1,181 @@
+"""Families of equilibria and curves in units of their own, whatever those of the scenes.
+
+All equations of this package are in units in which entries of the state, parameters and time are
+numbers of order 1, so that lengths, ranks and residuals mean something. `InUnits` is the scene in
+them, `Units` turns points from and into the units of the scene: members, files and results are in
+these. The first member of a family decides (`scales.at_rest`); entries that grow along it have
+their largest size so far. Special points have the units of the member before, and so has what
+begins there.
+
+A parameter has no size by its value, which may be anything, but by what it changes: the rate, or
+its derivatives, by the terms of the same row of A y, where it does so most.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import scales
+from jaxdyn.analysis.eigenvalues import Eigenvalues
+from jaxdyn.continuation.curve import CurvePoint
+from jaxdyn.continuation.family import Equilibrium, Kind
+from jaxdyn.scales import Groups
+from jaxdyn.scene import Scene
+
+Point = TypeVar("Point", Equilibrium, CurvePoint)
+
+
+class _Scaled(eqx.Module):
+    """A scene in units of its entries and of time."""
+
+    scene: Scene
+    each: Array
+    time: Array
+
+    def rate(self, t: Array, z: Array) -> Array:
+        """(k,) its rate."""
+        return self.scene.rate(t * self.time, z * self.each) * (self.time / self.each)
+
+
+class InUnits(eqx.Module):
+    """The scene for each value of the parameters, all in units.
+
+    Attributes:
+      make: the scene for each value of the parameters.
+      each: (k,) units of the entries of the state.
+      parameters: (m,) of the parameters.
+      time: () of time.
+    """
+
+    make: Callable = eqx.field(static=True)
+    each: Array
+    parameters: Array
+    time: Array
+
+    def __call__(self, *values: Array) -> _Scaled:
+        """The scene for values of the parameters."""
+        own = [value * unit for value, unit in zip(values, self.parameters, strict=True)]
+        return _Scaled(self.make(*own), self.each, self.time)
+
+
+class Units(NamedTuple):
+    """Units of state, parameters and time.
+
+    Attributes:
+      each: (k,) of the entries of the state.
+      parameters: (m,) of the parameters.
+      time: of time.
+    """
+
+    each: np.ndarray
+    parameters: np.ndarray
+    time: float
+
+    @classmethod
+    def of(cls, numbers: np.ndarray, entries: int) -> "Units":
+        """Those of a record, of so many entries of the state."""
+        return cls(numbers[:entries], numbers[entries:-1], float(numbers[-1]))
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """(k + m + 1,) all, as records have them."""
+        return np.concatenate([self.each, self.parameters, [self.time]])
+
+    @property
+    def x(self) -> np.ndarray:
+        """(k + m,) of state and parameters."""
+        return np.append(self.each, self.parameters)
+
+    def scene(self, make: Callable) -> InUnits:
+        """The scenes in these units."""
+        return InUnits(make, *map(jnp.asarray, self))
+
+    def inward(self, point: Point) -> Point:
+        """A point in these units, whose tangent has unit length in them."""
+        back = Units(1 / self.each, 1 / self.parameters, 1 / self.time)
+        return back._turned(point)
+
+    def outward(self, point: Point, known: Groups | None = None) -> Point:
+        """A point that is in these units in those of the scene.
+
+        With the groups of its entries as a member, whose units are no smaller than its entries.
+        """
+        turned, units = self._turned(point), self
+        if known is not None:
+            now = np.asarray(known.sizes(jnp.abs(turned.state)))
+            units = self._replace(each=np.maximum(self.each, now))
+        return dataclasses.replace(turned, units=units.numbers)
+
+    def _turned(self, point: Point) -> Point:
+        """A point times units; rates over that of time."""
+        time = self.time
+        values, bars = (x / time for x in point.eigenvalues)
+        fold = (point.kind if isinstance(point, Equilibrium) else point.curve) != Kind.HOPF
+        common = {
+            "state": point.state * self.each,
+            "eigenvalues": Eigenvalues(values, bars),
+            "frequency": point.frequency / time,
+            # Lyapunov coefficients are relative to the frequency.
+            "coefficient": point.coefficient / (time if fold else 1.0),
+        }
+        if isinstance(point, Equilibrium):
+            tangent = point.tangent * self.x
+            return dataclasses.replace(
+                point,
+                **common,
+                parameter=float(point.parameter * self.parameters[0]),
+                slopes=point.slopes * (self.each[:, None] / time / self.x),
+                tangent=tangent / np.linalg.norm(tangent),
+                cubic=point.cubic / time,
+            )
+        squares = np.full(len(point.unknowns) - len(point.x) - len(self.each), time**-2.0)
+        units = np.concatenate([self.x, self.each, squares])
+        tangent, left = point.tangent * units, point.left / self.each
+        forms = {"a": time**2}
+        return dataclasses.replace(
+            point,
+            **common,
+            parameters=point.parameters * self.parameters,
+            unknowns=point.unknowns * units,
+            tangent=tangent / np.linalg.norm(tangent[: len(point.x)]),
+            left=left / np.linalg.norm(left),
+            normal_form={key: x / forms.get(key, time) for key, x in point.normal_form.items()},
+        )
+
+
+def units_of(make: Callable, point: Equilibrium | CurvePoint) -> Units:
+    """The units in which a point was found."""
+    if point.units is None:  # of a file that has none
+        return units_at(make, point.x, len(point.state))
+    return Units.of(point.units, len(point.state))
+
+
+def units_at(make: Callable, x: np.ndarray, entries: int) -> Units:
+    """Those of the equilibrium at a state of so many entries and parameters x (n,)."""
+    y, values = x[:entries], x[entries:]
+    scene = make(*map(jnp.asarray, values))
+    each, time, _ = scales.at_rest(scene.field, scales.groups(scene.system), y)
+    each = np.asarray(each)
+    own = scales.terms(scene.field, y, each) @ each
+    changes = np.asarray(_changes(make, jnp.asarray(y), jnp.asarray(values), jnp.asarray(each)))
+    shares = np.divide(changes, own[:, None], out=np.zeros_like(changes), where=own[:, None] > 0)
+    most = shares.max(axis=0)
+    return Units(each, 1 / np.where((0 < most) & (most < np.inf), most, 1.0), float(time))
+
+
+@eqx.filter_jit
+def _changes(make: Callable, y: Array, values: Array, each: Array) -> Array:
+    """(k, m) the largest change of each rate, or of its derivatives in sizes, by the parameters."""
+
+    def by_parameters(y):
+        return jax.jacfwd(lambda values: make(*values).rate(jnp.zeros(()), y))(values)
+
+    by_both = jax.jacfwd(by_parameters)(y) * each[None, None]
+    found = jnp.abs(jnp.concatenate([by_parameters(y)[..., None], by_both], axis=2))
+    return jnp.max(jnp.where(jnp.isfinite(found), found, 0.0), axis=2)

@@ -1,0 +1,48 @@
+"""No unit matters: hybrid orbits are the same in all units."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import orbits
+from jaxdyn import scenes
+from jaxdyn.integrate import events
+from orbits.hybrid import hopping
+
+#: Units of length, time and mass: small ones, astronomical ones, and a mixture.
+UNITS = [(1e-12, 1e-12, 1e-12), (1.496e11, 5e6, 1.989e30), (1e12, 1e-6, 1e-12)]
+
+
+def bounce(t, y):
+    return y * jnp.array([1.0, 1.0, 1.0, -1.0])
+
+
+@pytest.mark.parametrize("units", [(1.0, 1.0, 1.0), *UNITS])
+def test_a_bouncing_ball(units):
+    length, time, mass = units
+    ball = scenes.cannonball(g=10.0 * length / time**2, m=mass)
+    falls = orbits.Leg(ball, (events.Reaches(1, 0.0),), bounce)
+    rises = orbits.Leg(ball, (events.Reaches(3, 0.0), events.Reaches(1, 5.0 * length)))
+    start = np.array([0.0, 4.0 * length, 0.0, 0.0])
+    found = orbits.find_hybrid([falls, rises], start, [0.8 * time, 0.9 * time])
+    assert found.period / time == pytest.approx(2.0, abs=1e-11)
+    np.testing.assert_allclose(found.y0 / length, [0.0, 5.0, 0.0, 0.0], atol=1e-11)
+    assert found.residual < 1e-12
+    # Not below the height at which it is to turn.
+    with pytest.raises(orbits.SearchError):
+        orbits.find_hybrid([falls, rises], start, [0.8 * time, 0.9 * time], max_iterations=1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("units", UNITS)
+def test_a_hop(units):
+    length, time, mass = units
+    plain = hopping.hop(scenes.cylinder_on_ramp(slope=0.0))
+    inertia = 0.4 * mass * length**2
+    new = scenes.cylinder_on_ramp(
+        slope=0.0, m=mass, r=length, d=0.5 * length, inertia=inertia, g=9.81 * length / time**2
+    )
+    found = hopping.hop(new)
+    assert found.period / time == pytest.approx(plain.period, rel=1e-9)
+    assert hopping.advance(found) / length == pytest.approx(hopping.advance(plain), rel=1e-9)
+    assert found.outcome == plain.outcome
