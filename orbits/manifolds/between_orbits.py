@@ -125,7 +125,7 @@ def _check(a: Orbit, b: Orbit) -> bool:
 
 def _polished(posed: OrbitChain, ends, found: list[Manifold], which: int) -> Connection:
     """The connection number `which` of those to which crossings of strands lead, nearest first."""
-    guesses = _crossings(*found, np.asarray(posed.each))
+    guesses = _crossings(found[0], found[1], np.asarray(posed.each))
     known: list[np.ndarray] = []
     total, miss, periods = 0, np.inf, np.array([orbit.period for orbit in ends])
     for signs, phases, times in guesses[:_ATTEMPTS]:

@@ -109,7 +109,8 @@ class Connection:
             ("outcome", f"{self.outcome.name}: {self.message}"),
         ]
         pair = self.rests if self.orbits is None else [orbit.y0 for orbit in self.orbits]
-        apart, sizes = np.abs(np.subtract(*pair)), np.nanmax(np.abs([*pair, *self.states]), axis=0)
+        first, last = (np.asarray(y) for y in pair)
+        apart, sizes = np.abs(last - first), np.nanmax(np.abs([first, last, *self.states]), axis=0)
         kind = "Homoclinic" if (apart <= _SAME * sizes).all() else "Heteroclinic"
         what = "" if self.orbits is None else "orbits of "
         return _text.table(f"{kind} connection of {what}{_text.called(self.scene)}", rows)

@@ -92,7 +92,8 @@ def test_tangents_of_a_chaotic_motion_align_and_end_the_run():
     # On a torus it stays of one order, where a power of time would fall a hundredfold.
     assert 0.3 < found.index[0] / early.index[0] < 10
     assert found.time[0] == 1000.0
-    assert found.index[1] < 2e-14
+    # They are aligned to 1e-14 in the sizes of the scene's own start, a few times that in these.
+    assert found.index[1] < 1e-13
     assert found.time[1] < 600.0
 
 
