@@ -32,6 +32,7 @@ from jaxdyn.analysis.eigenvalues import (
     Eigenvalues,
     bounded,
     map_eigenvalues,
+    map_in_units,
     map_verdict,
     mirrored,
     norm,
@@ -57,7 +58,6 @@ from orbits.analysis.monodromy import (
 from orbits.closing.sizes import sizes
 from orbits.orbit import Orbit
 from orbits.shooting import trivial
-from orbits.shooting.units import map_in_units
 
 _CLOSER = 10.0  # the third tolerance, as a multiple of the first
 _EXACT_BARS = 1e-11  # a multiplier that these leave within them is one to more digits, too
