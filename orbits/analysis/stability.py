@@ -152,6 +152,20 @@ class Stability:
         return _WIDE if (self.bars > _EXACT_BARS).any() else _OPEN
 
 
+class _Form(NamedTuple):
+    """A symplectic form at the start of an orbit, in a basis of states in sizes.
+
+    Attributes:
+      matrix: (d, d), None if none is known.
+      defect: how far the monodromy matrix is from one that keeps it.
+      kept: whether the flow keeps it, and the matrix, up to its error.
+    """
+
+    matrix: np.ndarray | None
+    defect: float | None
+    kept: bool
+
+
 @check_first
 def stability(
     orbit: Orbit,
@@ -190,17 +204,7 @@ def stability(
             raise IntegrationError(explained(status, scene))
         return _unknown(len(m), status)
     form = _form(scene, m, float(uncertainty(m, coarse, rtol)), basis, each)
-    split = trivial.Monodromy(
-        scene=scene,
-        m=m,
-        doubt=float(np.linalg.norm(m - coarse)),
-        basis=basis,
-        each=each,
-        ahead=orbit.closing.after(scene.system, scene.y0, orbit.angle, 1),
-        back=_back(orbit, each),
-        form=form.matrix if form.kept else None,
-        along=np.zeros((len(each), 0)) if along is None else along,
-    ).split()
+    split = _split(orbit, m, coarse, form, basis, each, along)
     q = split.q
     reduced = q.T @ m @ q
     # The rounding error is that of the whole matrix.
@@ -249,29 +253,26 @@ def _widened(found: Eigenvalues, split: trivial.Split, m: np.ndarray) -> Eigenva
     return Eigenvalues(values, bars + np.fmin(SAFETY * off * conditions, most))
 
 
-def _back(orbit: Orbit, each: np.ndarray) -> np.ndarray | None:
-    """(k, k) the rotation back of a relative orbit, in sizes; None of another one."""
-    return map_in_units(rotation_back(orbit), each) if orbit.closing.turns else None
+def _split(orbit: Orbit, m, coarse, form: _Form, basis, each, along) -> trivial.Split:
+    """M (d, d) split by what is known of the orbit; `coarse` is M at another tolerance."""
+    scene, closing = orbit.scene, orbit.closing
+    return trivial.Monodromy(
+        scene=scene,
+        m=m,
+        doubt=float(np.linalg.norm(m - coarse)),
+        basis=basis,
+        each=each,
+        ahead=closing.after(scene.system, scene.y0, orbit.angle, 1),
+        back=map_in_units(rotation_back(orbit), each) if closing.turns else None,
+        form=form.matrix if form.kept else None,
+        along=np.zeros((len(each), 0)) if along is None else along,
+    ).split()
 
 
 def _in_entries(scene: Scene, m: np.ndarray, basis: np.ndarray, each: np.ndarray) -> np.ndarray:
     """(d, d) a map in the basis `tangents`, from that in a basis of states in units of sizes."""
     change = tangents(scene, np.asarray(scene.y0)).T @ (basis * each[:, None])
     return change @ m @ np.linalg.inv(change)
-
-
-class _Form(NamedTuple):
-    """A symplectic form at the start of an orbit, in a basis of states in sizes.
-
-    Attributes:
-      matrix: (d, d), None if none is known.
-      defect: how far the monodromy matrix is from one that keeps it.
-      kept: whether the flow keeps it, and the matrix, up to its error.
-    """
-
-    matrix: np.ndarray | None
-    defect: float | None
-    kept: bool
 
 
 def _form(scene: Scene, m: np.ndarray, error: float, basis: np.ndarray, each: np.ndarray) -> _Form:

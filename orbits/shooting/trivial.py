@@ -228,11 +228,14 @@ class Monodromy:
     def _symmetries(self) -> _Confirmed:
         """The symmetries' generators."""
         found = _Confirmed([], [], [])
-        there = {} if self.back is None else directions(self.scene, jnp.asarray(self.ahead))
+        back = self.back
+        later = {} if back is None else directions(self.scene, jnp.asarray(self.ahead))
         for name, move in symmetries(self.scene, self.each).items():
             g = self.basis.T @ (move / self.each)
-            same = name not in there or _same(
-                self.back @ (np.asarray(there[name]) / self.each), move / self.each
+            same = (
+                back is None
+                or name not in later
+                or _same(back @ (np.asarray(later[name]) / self.each), move / self.each)
             )
             if same and self._kept(self.m @ g - g, g):
                 found.add(name, g)
