@@ -46,6 +46,8 @@ OF_TIME, OF_STATE = BY_TIME | JUMPS_IN_TIME, BY_STATE | JUMPS_WITH_STATE
 
 _COMPARISONS = ("lt", "le", "gt", "ge", "lt_to", "le_to")
 _TABLE = "searchsorted"
+#: Functions of JAX whose conditions only choose the formula with the least rounding.
+_SMOOTH_OF_JAX = frozenset({"hypot", "sinc", "softplus", "log_softmax"})
 #: Rounds of a loop with conditions up to which it is written out.
 _LONGEST_LOOP = 100
 #: Numbers up to which their order is read.
@@ -168,7 +170,8 @@ class Walk:
                 inner = called(eqn)
                 # Also where only the degrees of time's polynomials are to be followed.
                 enter = _may_switch(inner) or (self.every_call and on & BY_TIME)
-                if enter and not str(params.get("name", "")).startswith(SMOOTH):
+                name = str(params.get("name", ""))
+                if enter and not (name.startswith(SMOOTH) or name in _SMOOTH_OF_JAX):
                     return self.program(inner, args)
             elif name == "cond" and _may_switch(*params["branches"]):
                 return self._chosen(params["branches"], args)

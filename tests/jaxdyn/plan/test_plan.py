@@ -207,3 +207,14 @@ def test_switching_times_are_the_first_numbers_on_the_other_side():
     _, here = found.look(field, 0.4, jnp.zeros(2))
     back = float(next_change(found, field, jnp.asarray(0.4), jnp.asarray(0.0), here.outcomes))
     assert back == np.nextafter(0.3, 0.0)
+
+
+@pytest.mark.parametrize(
+    "function", [jnp.hypot, lambda x, y: jnp.sinc(x) * y, lambda x, y: jax.nn.softplus(x - y)]
+)
+def test_conditions_that_only_save_digits_are_none(function):
+    found, field = plan(lambda t, y: [y[1], -function(y[0], y[1]) - y[0]])
+    assert found.conditions == ()
+    at = jnp.array([0.3, -0.4])
+    rate, _ = found.look(field, 0.0, at)
+    np.testing.assert_allclose(rate, [at[1], -function(*at) - at[0]], rtol=1e-15)
