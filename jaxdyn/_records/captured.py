@@ -170,6 +170,43 @@ def captured(name: str, *functions: Callable) -> Captured:
     return result
 
 
+class Remembered(NamedTuple):
+    """A function with what it captured: a new value makes another function, compiled anew.
+
+    Attributes:
+      function: any.
+      captured: see `captured`.
+    """
+
+    function: Callable
+    captured: Captured
+
+    def __call__(self, *args: Any) -> Any:
+        return self.function(*args)
+
+    @property
+    def __wrapped__(self) -> Callable:
+        return self.function
+
+    @property
+    def __name__(self) -> str:
+        return getattr(self.function, "__name__", type(self.function).__name__)
+
+
+def remembered(name: str, function: Callable) -> Remembered:
+    """A function that scenes are made by, with what it captures now.
+
+    Raises:
+      ValueError: it is one already, and what it captured has changed since.
+    """
+    if not isinstance(function, Remembered):
+        return Remembered(function, captured(name, function))
+    if captured(name, function.function) != function.captured:
+        expected = "the values it captured when what is continued was made"
+        raise fail(name, expected, "others", "Begin again, from the first scene.")
+    return function
+
+
 class _Place(NamedTuple):
     """A variable, and the object in it; a cell of a closure has no name."""
 

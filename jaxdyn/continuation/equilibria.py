@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
+from jaxdyn._records.captured import remembered
 from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation import defining
 from jaxdyn.continuation.defining import Make, slope_at
@@ -97,6 +98,7 @@ def continue_equilibria(
     members = _checks.whole("members", members)
     if not (len(within) == 2 and within[0] < within[1]):
         raise _checks.fail("within", "two bounds, the lower one first", within)
+    make = remembered("make", make)
     first = _first(make, float(_checks.array("parameter", parameter, ())), start, down)
     return _walked(make, first, (step, members, within), report, path)
 

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn._checks import fail
+from jaxdyn._records.captured import remembered
 from jaxdyn.continuation import kept
 from jaxdyn.continuation.curve import Curve, CurvePoint, MakeOfTwo
 from jaxdyn.continuation.defining import Make
@@ -37,6 +38,7 @@ def load(path: str | Path, make: Make | MakeOfTwo) -> tuple[EquilibriumFamily | 
       >>> bool((again.parameters == first.parameters).all())
       True
     """
+    make = remembered("make", make)
     walks, _ = kept.stored(path, (kept.EQUILIBRIA, kept.CURVE))
     return tuple(equilibria(walk, make) if _of_one(walk) else _curve(walk, make) for walk in walks)
 

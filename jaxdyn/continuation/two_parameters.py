@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
+from jaxdyn._records.captured import remembered
 from jaxdyn.continuation import augmented
 from jaxdyn.continuation.codimension_two import point_at, special_points
 from jaxdyn.continuation.curve import CodimensionTwo, Curve, CurvePoint, MakeOfTwo
@@ -101,6 +102,7 @@ def continue_curve(
         if not (len(bounds) == 2 and bounds[0] < bounds[1]):
             raise _checks.fail("within", "two bounds of each parameter", within)
     curve, x = _start(point, parameters, kind)
+    make = remembered("make", make)
     checked_scene(make(jnp.asarray(x[-2]), jnp.asarray(x[-1])))
     units = _units(make, point, x)
     first = _first(units, make, point, curve, x, step, -1.0 if down else 1.0)

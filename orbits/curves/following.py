@@ -14,6 +14,7 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive, untraced, whole
+from jaxdyn._records.captured import remembered
 from jaxdyn.continuation.kept import Begin, Log, kept_in
 from jaxdyn.continuation.walk import Rules, outside, walked
 from jaxdyn.integrate.spans import tolerances
@@ -95,6 +96,7 @@ def continue_curve(
         if not (len(bounds) == 2 and bounds[0] < bounds[1]):
             raise fail("within", "two bounds of each parameter", within)
     orbit, kind, both = _start(point, parameters, kind)
+    make = remembered("make", make)
     extended, start = _unknowns(make, orbit, kind, both, segments, rtol)
     first = _first(extended, start, step, -1.0 if down else 1.0)
     return _walked(extended, first, (step, members, within), report, path)

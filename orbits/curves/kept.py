@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxdyn._checks import fail
+from jaxdyn._records.captured import remembered
 from jaxdyn.continuation.kept import OTHER, Codec, Stored, stored
 from jaxdyn.continuation.walk import read
 from jaxdyn.files import records
@@ -34,6 +35,7 @@ def load(path: str | Path, make: MakeOfTwo) -> tuple[Curve, ...]:
       ValueError: the file is another, was edited or damaged, or its orbits do not close in these
         scenes.
     """
+    make = remembered("make", make)
     walks, _ = stored(path, (ORBIT_CURVE,))
     return tuple(_curve(walk, make) for walk in walks)
 

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxdyn._checks import fail, positive, untraced, whole
+from jaxdyn._records.captured import remembered
 from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation.kept import Begin, Log, kept_in
 from jaxdyn.continuation.walk import Rules, walked
@@ -104,6 +105,7 @@ def continue_family(
     """
     untraced("continue_family", (orbit, parameter), "See orbits.differentiable, for each member.")
     _check(orbit, make, parameter, step, members)
+    make = None if make is None else remembered("make", make)
     _check_bounds("within", within)
     _check_bounds("energies", energies)
     if energies != _ANYWHERE and not orbit.scene.has_energy:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, _checks
+from jaxdyn._records.captured import remembered
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.equilibria import equilibrium
 from jaxdyn.analysis.linearize import linearize
@@ -49,6 +50,7 @@ def connect_rests(
     if (make is None) != (parameter is None):
         raise _checks.fail("parameter", "given together with `make`", parameter)
     p = np.nan if parameter is None else float(_checks.array("parameter", parameter, ()))
+    make = None if make is None else remembered("make", make)
     posed, rates = _posed(checked_scene(a), b, make, p, branch, segments, rtol)
     longest = np.log(1 / 1e-6) / rates[0] + _LONGEST / rates.min() if time is None else time
     longest = float(_checks.positive("time", longest, "It is the length of a strand."))
