@@ -106,7 +106,7 @@ def test_the_cycles_of_an_axon_have_their_folds():
     assert current < first.parameter  # subcritical
     orbit, current = orbits.from_hopf(rests, last)
     family = orbits.continue_family(
-        orbit, axon_at, current, step=0.1, members=150, down=True, segments=8, within=(0, 160)
+        orbit, axon_at, current, step=0.1, members=150, down=True, within=(0, 160)
     )
     folds = [x.parameter for x in family.special if x.kind == orbits.Kind.FOLD]
     np.testing.assert_allclose(folds, [6.26, 7.92, 7.85], atol=6e-3)
