@@ -74,14 +74,16 @@ def special_points(
 
 
 def drift(a: Member, b: Member) -> float:
-    """Largest change of the logarithm of a multiplier between two members, in order of size.
+    """How far multipliers move between two members, at most; infinite if that is unknown.
 
-    Where that order changes it is too large.
+    On the sphere of complex numbers, as those near zero and infinity may change without effect.
+    Where multipliers exchange their order of size it is too large.
     """
     one, two = (member.stability.nontrivial for member in (a, b))
-    if len(one) != len(two) or not (one.all() and two.all()):
+    if len(one) != len(two):
         return np.inf
-    return float(np.abs(np.log(two / one)).max(initial=0.0))
+    away = np.hypot(1.0, np.abs(one)) * np.hypot(1.0, np.abs(two))
+    return float((2 * np.abs(two - one) / away).max(initial=0.0))
 
 
 def _zero(surface: Surface, a: Member, b: Member, test: Test) -> Member | None:

@@ -37,8 +37,8 @@ from orbits.shooting.segmentation import cut
 #: start a family turns, and may be stiff, for no other reason than where on the orbits that is.
 _SEGMENTS = 4
 #: A step is at most so many times as long as the one before, and longer only if the family will
-#: bend by no more than this part of it, and the logarithms of multipliers change by no more than
-#: this: of two special points in one step each may hide the other.
+#: bend by no more than this part of it, and multipliers will move no further than this: of two
+#: special points in one step each may hide the other.
 _GROW, _BENT, _DRIFT = 2.0, 0.05, 0.3
 _SMALLEST = 1e-3  # of the first step: smallest step
 _NUDGE = 1e-6  # along a tangent, for a difference
