@@ -175,10 +175,10 @@ def _walked(make, first: CurvePoint, start: CurvePoint | None, limits, report, p
     known = groups(make(*first.parameters).system)
     here = units_of(make, first).inward(first)
 
-    def following(last: CurvePoint, length: float) -> tuple[CurvePoint | None, int]:
+    def following(last: CurvePoint, length: float) -> tuple[CurvePoint | None, float]:
         units = units_of(make, last)
-        new, iterations = _next(units.scene(make), units.inward(last), length)
-        return None if new is None else units.outward(new, known), iterations
+        new, factor = _next(units.scene(make), units.inward(last), length)
+        return None if new is None else units.outward(new, known), factor
 
     def between(a: CurvePoint, b: CurvePoint, fresh: bool) -> list[CurvePoint]:
         units = units_of(make, a)
