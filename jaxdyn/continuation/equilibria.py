@@ -198,10 +198,10 @@ def _walked(make: Make, first: Equilibrium, limits, report, path) -> Equilibrium
     known = groups(make(first.parameter).system)
     here = units_of(make, first).inward(first)
 
-    def following(last: Equilibrium, length: float) -> tuple[Equilibrium | None, int]:
+    def following(last: Equilibrium, length: float) -> tuple[Equilibrium | None, float]:
         units = units_of(make, last)
-        new, iterations = _next(units.scene(make), units.inward(last), length)
-        return None if new is None else units.outward(new, known), iterations
+        new, factor = _next(units.scene(make), units.inward(last), length)
+        return None if new is None else units.outward(new, known), factor
 
     def between(a: Equilibrium, b: Equilibrium, fresh: bool) -> list[Equilibrium]:
         units = units_of(make, a)

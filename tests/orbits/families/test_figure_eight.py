@@ -36,7 +36,7 @@ def eight():
 def heavier(eight):
     """Through the fold, and back past equal masses."""
     held = orbits.Period(eight.period)
-    return orbits.continue_family(eight, of_mass, 1.0, hold=held, members=12, step=1e-3)
+    return orbits.continue_family(eight, of_mass, 1.0, hold=held, members=24, step=3e-4)
 
 
 @pytest.fixture(scope="module")
