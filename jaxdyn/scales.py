@@ -40,7 +40,7 @@ _MEASURED = _PRODUCTS_BEFORE + _PRODUCTS
 _REACH = 2
 #: When the rate is looked at besides the start, in times of the motion: not half of it, where a
 #: force that is zero at the start may be zero again.
-_LATER = 0.37
+LATER = 0.37
 #: Where, in parts of the sizes: a coupling that vanishes at the start, as that of a product of two
 #: entries at zero, does not there.
 _ASIDE = 1 / 16
@@ -430,7 +430,7 @@ _PLAN = np.array(
     [
         _Round(here=1.0, first=1.0),
         *[_Round(product=1.0)] * _MEASURED,
-        _Round(later=_LATER, here=1.0, time=1.0),
+        _Round(later=LATER, here=1.0, time=1.0),
         *[_Round(kept=1.0, step=1.0)] * _REACH,
         _Round(aside=_ASIDE, here=1.0, kept=1.0, step=1.0, shrinks=1.0),
         _Round(kept=1.0, step=1.0),

@@ -24,7 +24,7 @@ from jaxdyn.continuation.kept import EQUILIBRIA, Begin, Log, kept_in, of_fields
 from jaxdyn.continuation.normal_forms import second
 from jaxdyn.continuation.special import special_points
 from jaxdyn.continuation.units import InUnits, units_at, units_of
-from jaxdyn.continuation.walk import Rules, walked
+from jaxdyn.continuation.walk import Rules, growth, walked
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.extended import innermost
 from jaxdyn.scales import at_rest, groups
@@ -200,10 +200,10 @@ def _walked(make: Make, first: Equilibrium, limits, report, path) -> Equilibrium
     known = groups(make(first.parameter).system)
     here = units_of(make, first).inward(first)
 
-    def following(last: Equilibrium, length: float) -> tuple[Equilibrium | None, int]:
+    def following(last: Equilibrium, length: float) -> tuple[Equilibrium | None, float]:
         units = units_of(make, last)
-        new, iterations = _next(units.scene(make), units.inward(last), length)
-        return None if new is None else units.outward(new, known), iterations
+        new, factor = _next(units.scene(make), units.inward(last), length)
+        return None if new is None else units.outward(new, known), factor
 
     def between(a: Equilibrium, b: Equilibrium, fresh: bool) -> list[Equilibrium]:
         units = units_of(make, a)
@@ -224,14 +224,14 @@ def _walked(make: Make, first: Equilibrium, limits, report, path) -> Equilibrium
     return EquilibriumFamily(found.members, found.special, found.end, make)
 
 
-def _next(make: InUnits, last: Equilibrium, step: float) -> tuple[Equilibrium | None, int]:
-    """The member a step further along the family and the Newton steps to it."""
+def _next(make: InUnits, last: Equilibrium, step: float) -> tuple[Equilibrium | None, float]:
+    """The member a step further along the family, and by what the next step may be longer."""
     predicted = last.x + step * last.tangent
     solution = defining.solve(defining.arc, make, predicted, np.stack([predicted, last.tangent]))
     if solution is None or np.linalg.norm(solution.x - predicted) > step:
-        return None, 0
+        return None, 1.0
     new = equilibrium_at(make, solution.x, last.tangent, solution.residual)
-    return (new if new.tangent @ last.tangent >= _TURN else None), solution.iterations
+    return (new if new.tangent @ last.tangent >= _TURN else None), growth(solution.iterations)
 
 
 def _other_tangent(make: InUnits, special: Equilibrium) -> np.ndarray:

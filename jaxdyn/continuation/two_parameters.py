@@ -19,7 +19,7 @@ from jaxdyn.continuation.curve import CodimensionTwo, Curve, CurvePoint, MakeOfT
 from jaxdyn.continuation.family import Equilibrium, Kind
 from jaxdyn.continuation.kept import CURVE, Begin, Log, kept_in, of_fields
 from jaxdyn.continuation.units import Units, units_at, units_of
-from jaxdyn.continuation.walk import Rules, outside, walked
+from jaxdyn.continuation.walk import Rules, growth, outside, walked
 from jaxdyn.scales import groups
 from jaxdyn.scene import checked_scene
 
@@ -177,10 +177,10 @@ def _walked(make, first: CurvePoint, start: CurvePoint | None, limits, report, p
     known = groups(make(*first.parameters).system)
     here = units_of(make, first).inward(first)
 
-    def following(last: CurvePoint, length: float) -> tuple[CurvePoint | None, int]:
+    def following(last: CurvePoint, length: float) -> tuple[CurvePoint | None, float]:
         units = units_of(make, last)
-        new, iterations = _next(units.scene(make), units.inward(last), length)
-        return None if new is None else units.outward(new, known), iterations
+        new, factor = _next(units.scene(make), units.inward(last), length)
+        return None if new is None else units.outward(new, known), factor
 
     def between(a: CurvePoint, b: CurvePoint, fresh: bool) -> list[CurvePoint]:
         units = units_of(make, a)
@@ -216,15 +216,15 @@ def _not_at(start: CurvePoint | None, found: list[CurvePoint]) -> list[CurvePoin
     return [x for x in found if np.linalg.norm(x.x - start.x) > reach]
 
 
-def _next(make: MakeOfTwo, last: CurvePoint, step: float) -> tuple[CurvePoint | None, int]:
-    """The member a step further along the curve and the Newton steps to it."""
+def _next(make: MakeOfTwo, last: CurvePoint, step: float) -> tuple[CurvePoint | None, float]:
+    """The member a step further along the curve, and by what the next step may be longer."""
     size = len(last.x)
     along = last.tangent[:size]
     start = last.unknowns + step * last.tangent
     found = augmented.solve(last.curve, make, start, start[:size], along)
     if found is None or np.linalg.norm(found.x[:size] - start[:size]) > step:
-        return None, 0
+        return None, 1.0
     new = point_at(last.curve, make, found, along, last.left)
     if new is None or new.tangent[:size] @ along < _TURN:
-        return None, 0
-    return new, found.iterations
+        return None, 1.0
+    return new, growth(found.iterations)

@@ -19,8 +19,8 @@ class Rules(NamedTuple):
     """How a family or a curve is followed.
 
     Attributes:
-      following: (member, step) -> the member a step further and the Newton steps to it; None for
-        the member where there is none.
+      following: (member, step) -> the member a step further, and by what factor the next step may
+        be longer; None for the member where there is none.
       between: (a, b, first) -> the special points between two neighbours; with `first` also one at
         `a`.
       before: (member, special) -> why the walk ends without this member; "" if it does not.
@@ -29,7 +29,7 @@ class Rules(NamedTuple):
       shortest: of the first step: smallest step.
     """
 
-    following: Callable[[Any, float], tuple[Any, int]]
+    following: Callable[[Any, float], tuple[Any, float]]
     between: Callable[[Any, Any, bool], list]
     before: Callable[[Any, list], str]
     after: Callable[[Any], str]
@@ -108,7 +108,7 @@ def _advances(rules: Rules, first, step: float, kept: Kept | None) -> Iterator[A
 def _advance(rules: Rules, last, length: float, step: float, fresh: bool) -> Advance:
     """The next step, which is shorter where no member is found at its length."""
     while True:
-        new, iterations = rules.following(last, length)
+        new, factor = rules.following(last, length)
         if new is not None:
             break
         length *= _SHRINK
@@ -116,9 +116,12 @@ def _advance(rules: Rules, last, length: float, step: float, fresh: bool) -> Adv
             return Advance(None, [], length, rules.lost)
     special = rules.between(last, new, fresh)
     end = rules.before(new, special)
-    if iterations <= _EASY:
-        length = min(_GROW * length, _LONGEST * step)
-    return Advance(None if end else new, special, length, end)
+    return Advance(None if end else new, special, min(factor * length, _LONGEST * step), end)
+
+
+def growth(iterations: int) -> float:
+    """By what factor a step may be longer after one that so many Newton steps have corrected."""
+    return _GROW if iterations <= _EASY else 1.0
 
 
 def outside(values, within: Sequence[tuple[float, float]]) -> str:

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn.scales import Groups, at_start
+from jaxdyn.scales import LATER, Groups, at_start
 
 #: The part of the scales at the start that counts until the motion has shown its own. They are what
 #: an entry gets to in the time of the motion, unless others stop it before.
@@ -63,8 +63,9 @@ def begun(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
     sizes = jnp.maximum(field.groups.sizes(jnp.abs(y)), PART * scales.sizes)
     if y0.ndim == 1:
         return Begun(sizes, scales.time, rate, scales.noise)
-    beside = PART * sizes
-    there = jnp.maximum(*(_rates_at(with_tangents, t0, y0, y + off) for off in (-beside, beside)))
+    beside, later = PART * sizes, t0 + LATER * jnp.sign(t1 - t0) * scales.time
+    looks = (t0, y - beside), (later, y + beside)
+    there = jnp.maximum(*(_rates_at(with_tangents, t, y0, state) for t, state in looks))
     wide = (PART * scales.time * there).reshape(len(y), -1)
     tangents = _of_tangents(sizes, wide[:, 1:])
     wide = jnp.concatenate([sizes[:, None], tangents], axis=1).reshape(y0.shape)
@@ -74,9 +75,9 @@ def begun(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
 def _rates_at(field: Any, t: Array, y: Array, state: Array) -> Array:
     """(k, ...) magnitudes of the rates of a state with tangents at another state (k,).
 
-    Tangents that begin as zero, in a force that is zero there as well, may grow by any power of
-    time. They have the size of what moves them a little further on: measured by themselves, each
-    step would be too long.
+    Tangents that begin as zero, in a force that is zero there and then as well, may grow by any
+    power of time. They have the size of what moves them a little further on: measured by
+    themselves, each step would be too long, or, where that zero is rounding, too short.
     """
     flat = y.reshape(len(y), -1)
     moved = jnp.concatenate([state[:, None], flat[:, 1:]], axis=1).reshape(y.shape)

@@ -16,7 +16,7 @@ from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive, untraced, whole
 from jaxdyn._records.captured import remembered
 from jaxdyn.continuation.kept import Begin, Log, kept_in
-from jaxdyn.continuation.walk import Rules, outside, walked
+from jaxdyn.continuation.walk import Rules, growth, outside, walked
 from jaxdyn.integrate.spans import tolerances
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN, Return
@@ -257,15 +257,15 @@ def _walked(extended: Extended, first: CurvePoint, limits, report, path) -> Curv
     return Curve(kind=first.curve, equations=extended, **found._asdict())
 
 
-def _next(extended: Extended, last: CurvePoint, step: float) -> tuple[CurvePoint | None, int]:
-    """The member a step further along the curve and the Newton steps to it."""
+def _next(extended: Extended, last: CurvePoint, step: float) -> tuple[CurvePoint | None, float]:
+    """The member a step further along the curve, and by what the next step may be longer."""
     place = extended.place
     along = last.tangent[place]
     start = last.unknowns + step * last.tangent
     found = solve(extended, start, start[place], along)
     if found is None or np.linalg.norm(found.x[place] - start[place]) > step:
-        return None, 0
+        return None, 1.0
     new = point_at(extended, found, along)
     if new.tangent[place] @ along < _TURN:
-        return None, 0
-    return new, found.iterations
+        return None, 1.0
+    return new, growth(found.iterations)

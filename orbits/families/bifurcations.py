@@ -64,13 +64,26 @@ def special_points(
             return [x for half in halves for x in special_points(surface, *half, halvings - 1)]
     told = _told(surface, a, b)
     places = [(kind, _zero(surface, a, b, _TESTS[kind])) for kind in _TESTS if kind in told]
-    if _left_in_pairs(surface, a, b):
-        places.append((_pair_kind(a, b), _boundary(surface, a, b)))
     found = [_named(surface, kind, point) for kind, point in places if point is not None]
+    if _left_in_pairs(surface, a, b):
+        found += _boundary(surface, a, b)
     folds = [x for x in found if x.kind == Kind.FOLD]
     # At a fold a multiplier passes through 1 as well.
     found = [x for x in found if x.kind != Kind.BRANCH or not any(_same(x, f) for f in folds)]
     return sorted(found, key=lambda x: a.point.along(a.tangent, x.point.x))
+
+
+def drift(a: Member, b: Member) -> float:
+    """How far multipliers move between two members, at most; infinite if that is unknown.
+
+    On the sphere of complex numbers, as those near zero and infinity may change without effect.
+    Where multipliers exchange their order of size it is too large.
+    """
+    one, two = (member.stability.nontrivial for member in (a, b))
+    if len(one) != len(two):
+        return np.inf
+    away = np.hypot(1.0, np.abs(one)) * np.hypot(1.0, np.abs(two))
+    return float((2 * np.abs(two - one) / away).max(initial=0.0))
 
 
 def _zero(surface: Surface, a: Member, b: Member, test: Test) -> Member | None:
@@ -105,15 +118,18 @@ def _zero(surface: Surface, a: Member, b: Member, test: Test) -> Member | None:
     return best if least <= small else None
 
 
-def _boundary(surface: Surface, a: Member, b: Member) -> Member | None:
-    """The member between two others where multipliers leave the circle in pairs, by bisection."""
+def _boundary(surface: Surface, a: Member, b: Member) -> list[Member]:
+    """The member between two others where multipliers leave the circle in pairs, by bisection.
+
+    None if it is not found.
+    """
     start = a
     for _ in range(_STEPS):
         member = None if _closed(a, b, 0.5) else _between(surface, a, b, 0.5)
         if member is None:
             break
         a, b = (a, member) if _left_in_pairs(surface, start, member) else (member, b)
-    return b if _same(a, b) else None
+    return [dataclasses.replace(b, kind=_pair_kind(a, b))] if _same(a, b) else []
 
 
 def _closed(a: Member, b: Member, share: float) -> bool:

@@ -23,7 +23,7 @@ from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation.kept import Begin, Log, kept_in
 from jaxdyn.continuation.walk import Rules, walked
 from orbits.closing.conditions import Hold, conditions
-from orbits.families.bifurcations import special_points
+from orbits.families.bifurcations import drift, special_points
 from orbits.families.family import Family, Kind, Member
 from orbits.families.kept import ORBITS, about, codec
 from orbits.families.steps import first_member, next_member, parameter_at
@@ -34,6 +34,13 @@ from orbits.shooting.finding import GOAL
 from orbits.shooting.segment import Make
 from orbits.shooting.segmentation import cut
 
+#: At least, so that lengths and directions along a family are those of a whole motion: at a single
+#: start a family turns, and may be stiff, for no other reason than where on the orbits that is.
+_SEGMENTS = 4
+#: A step is at most so many times as long as the one before, and longer only if the family will
+#: bend by no more than this part of it, and multipliers will move no further than this: of two
+#: special points in one step each may hide the other.
+_GROW, _BENT, _DRIFT = 2.0, 0.05, 0.3
 _SMALLEST = 1e-3  # of the first step: smallest step
 _NUDGE = 1e-6  # along a tangent, for a difference
 _ANYWHERE = (-np.inf, np.inf)
@@ -113,7 +120,7 @@ def continue_family(
     value = 0.0 if parameter is None else float(parameter)
     guess = np.append(np.asarray(orbit.y0), orbit.period)
     start = Equations.of(orbit, conditions(orbit.scene, hold), make)
-    equations = cut(start, guess, orbit.rtol, segments, orbit.angle, value)
+    equations = cut(start, guess, orbit.rtol, segments, orbit.angle, value, least=_SEGMENTS)
     x = equations.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle, value)
     surface = Surface(equations, orbit.rtol, goal)
     point = surface.nearest(x)
@@ -207,10 +214,14 @@ def _walked(surface: Surface, first: Member, limits, report, path) -> Family:
     return Family(found.members, found.special, found.end, surface.equations)
 
 
-def _next(surface: Surface, last: Member, step: float) -> tuple[Member | None, int]:
-    """The member a step further along the family and the Newton steps to it."""
+def _next(surface: Surface, last: Member, step: float) -> tuple[Member | None, float]:
+    """The member a step further along the family, and by what the next step may be longer."""
     member = next_member(surface, last, step)
-    return member, 0 if member is None else member.point.iterations
+    if member is None:
+        return None, 1.0
+    bent = last.point.distance(member.point.x - step * last.tangent) / step
+    least = max(1 / _GROW, bent / _BENT, drift(last, member) / _DRIFT)
+    return member, max(1.0, 1 / least)
 
 
 def _measure(surface: Surface, point: Point) -> float:

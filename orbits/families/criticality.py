@@ -10,14 +10,16 @@ With A, B and C the first three derivatives of the return map, |q| = 1 and p q =
 - Torus point, A q = exp(i a) q: d = Re exp(-i a) (p C(q, q, q*) + 2 p B(q, g) + p B(q*, h)) / 2
   with (1 - A) g = B(q, q*), (exp(2 i a) - A) h = B(q, q); supercritical for d < 0.
 
-Sums with B and C are coefficients of the series of the map along curves of starts such as
-e q + e^2 h / 2 (`jets`): no tensor is formed.
+Entries are in their sizes along the orbit, by which verdicts are reached; what is returned is for
+unit vectors of the state as it is. Sums with B and C are coefficients of the series of the map
+along curves of starts such as e q + e^2 h / 2 (`jets`): no tensor is formed.
 
 Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, sections 5.4 and
 9.7.
 """
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +30,7 @@ from jaxdyn.analysis.monodromy import coarser
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN
 from orbits.closing.given import driven
+from orbits.closing.sizes import sizes
 from orbits.families.family import Kind, Member
 from orbits.families.jets import basis, returned
 from orbits.orbit import Orbit
@@ -114,9 +117,11 @@ def criticality(point: Member | Orbit, kind: Kind | str | None = None) -> Critic
     kind = Kind(kind)
     _check(orbit)
     moving = driven(orbit.scene)
-    axes, rtol = basis(orbit, moving), orbit.rtol
+    each, rtol = sizes(orbit.scene), orbit.rtol
+    axes = basis(orbit, moving, each)
     fine, coarse = (
-        _FORMS[kind](_Map(orbit, axes, moving, tolerance)) for tolerance in (rtol, coarser(rtol))
+        _FORMS[kind](_Map(orbit, axes, each, moving, tolerance))
+        for tolerance in (rtol, coarser(rtol))
     )
     bars = [abs(a - b) + 1e-12 * abs(a) for a, b in zip(fine[:2], coarse[:2], strict=True)]
     return _judged(kind, fine, bars)
@@ -128,17 +133,22 @@ class _Map:
 
     orbit: Orbit
     axes: np.ndarray
+    each: np.ndarray
     driven: bool
     rtol: float
 
     def along(self, u1: np.ndarray, u2: np.ndarray) -> np.ndarray:
         """(3, d) coefficients of the return of e u1 + e^2 u2."""
-        return returned(self.orbit, self.axes, u1, u2, self.rtol, self.driven)
+        return returned(self.orbit, self.axes, self.each, u1, u2, self.rtol, self.driven)
 
     def derivative(self) -> np.ndarray:
         """(d, d)."""
         eye = np.eye(self.axes.shape[1])
         return np.stack([self.along(u, 0 * u)[0] for u in eye], axis=1)
+
+    def length(self, q: np.ndarray) -> float:
+        """That of a vector (d,) of the state as it is."""
+        return float(np.linalg.norm(self.axes @ q))
 
     def critical(self, wanted=None) -> tuple[np.ndarray, complex, np.ndarray, np.ndarray]:
         """The derivative, the critical multiplier, and its vectors q and p."""
@@ -162,28 +172,37 @@ class _Map:
         return a, values[i], q, p / (p @ q)
 
 
-def _fold(of: _Map) -> tuple[float, float, bool]:
+class _Form(NamedTuple):
+    """What decides, the quadratic coefficient, whether that is all, and the length of q."""
+
+    coefficient: float
+    quadratic: float
+    simple: bool
+    length: float
+
+
+def _fold(of: _Map) -> _Form:
     _, _, q, p = of.critical(1.0)
     quadratic = float(p @ of.along(q, 0 * q)[1])
-    return quadratic, quadratic, True
+    return _Form(quadratic, quadratic, True, of.length(q))
 
 
-def _branch(of: _Map) -> tuple[float, float, bool]:
+def _branch(of: _Map) -> _Form:
     a, _, q, p = of.critical(1.0)
     second = of.along(q, 0 * q)[1]
     eye = np.eye(len(a))
     bordered = np.block([[eye - a, q[:, None]], [p[None], np.zeros((1, 1))]])
     h = np.linalg.solve(bordered, np.append(2 * (second - (p @ second) * q), 0.0))[:-1]
-    return float(p @ of.along(q, h / 2)[2]), float(p @ second), True
+    return _Form(float(p @ of.along(q, h / 2)[2]), float(p @ second), True, of.length(q))
 
 
-def _doubling(of: _Map) -> tuple[float, float, bool]:
+def _doubling(of: _Map) -> _Form:
     a, _, q, p = of.critical(-1.0)
     h = np.linalg.solve(np.eye(len(a)) - a, 2 * of.along(q, 0 * q)[1])
-    return float(p @ of.along(q, h / 2)[2]), np.nan, True
+    return _Form(float(p @ of.along(q, h / 2)[2]), np.nan, True, of.length(q))
 
 
-def _torus(of: _Map) -> tuple[float, float, bool]:
+def _torus(of: _Map) -> _Form:
     a, value, q, p = of.critical()
     turn, eye = value / abs(value), np.eye(len(a))
     turns = np.exp(2j * np.pi * np.arange(_PHASES) / _PHASES)
@@ -193,7 +212,7 @@ def _torus(of: _Map) -> tuple[float, float, bool]:
     thirds = np.stack([of.along(2 * (z * q).real, (z * z * double).real + mixed)[2] for z in turns])
     cubic = p @ (turns**-1 @ thirds) / _PHASES
     simple = min(abs(turn**3 - 1), abs(turn**4 - 1)) > _RESONANT
-    return float((cubic / turn).real), np.nan, bool(simple)
+    return _Form(float((cubic / turn).real), np.nan, bool(simple), of.length(q))
 
 
 _FORMS = {Kind.FOLD: _fold, Kind.BRANCH: _branch, Kind.DOUBLING: _doubling, Kind.TORUS: _torus}
@@ -201,8 +220,8 @@ _FORMS = {Kind.FOLD: _fold, Kind.BRANCH: _branch, Kind.DOUBLING: _doubling, Kind
 _SIGNS = {Kind.BRANCH: -1.0, Kind.DOUBLING: 1.0, Kind.TORUS: -1.0}
 
 
-def _judged(kind: Kind, fine, bars) -> Criticality:
-    coefficient, quadratic, simple = fine
+def _judged(kind: Kind, fine: _Form, bars: list[float]) -> Criticality:
+    coefficient, quadratic, simple, length = fine
     bar, other = bars
     if not simple:
         verdict, meaning = "undecided", "resonance"
@@ -215,7 +234,10 @@ def _judged(kind: Kind, fine, bars) -> Criticality:
     else:
         right = coefficient * _SIGNS[kind] > 0
         verdict = meaning = "supercritical" if right else "subcritical"
-    return Criticality(kind, coefficient, float(bar), quadratic, verdict, _MEANING[meaning])
+    unit = length if kind == Kind.FOLD else length**2
+    return Criticality(
+        kind, coefficient / unit, bar / unit, quadratic / length, verdict, _MEANING[meaning]
+    )
 
 
 def _check(orbit: Orbit) -> None:

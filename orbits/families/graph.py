@@ -26,17 +26,20 @@ from jaxdyn.continuation.family import Kind as RestKind
 from orbits.closing.closings import PLAIN
 from orbits.families.diagram import Diagram
 from orbits.families.family import Family, Kind, Member
-from orbits.families.surface import Surface
+from orbits.families.lengths import lengths
+from orbits.families.surface import Point, Surface
 from orbits.motion import solved
 from orbits.orbit import Orbit
 from orbits.shooting.deflation import distance, known
 from orbits.shooting.effort import GOAL
 from orbits.shooting.equations import Equations
+from orbits.shooting.units import units_of_unknowns
 
 #: Distance, relative to their size, of two special points that are one: each is known to the root
 #: of rounding only, and in between of samples.
 _SAME = 1e-3
-_NEAR = 0.1  # relative: of the periods of a place and of the end of a family that begins there
+#: Relative: distance of a place from the end of a family that begins there, and of their periods.
+_NEAR = 0.1
 _AHEAD = 0.7  # cosine, at least, of the angle between a family and the way to such a place
 _HALVINGS = 4
 #: Of half of the distance, between the orbit expected there and the one found: a family has bent.
@@ -210,9 +213,8 @@ def _reached(place: Place, family: Family) -> int:
     members = family.members
     if len(members) == 1:
         return 0
-    ends = [(one, one.point.distance(two.point.x)) for one, two in (members[:2], members[:-3:-1])]
     for times in (1, 2) if place.kind == Kind.DOUBLING else (1,):
-        if any(_leads(family, end, step, place, times) for end, step in ends):
+        if any(_leads(family, end, place, times) for end in (members[0], members[-1])):
             return times
     return 0
 
@@ -235,7 +237,7 @@ def _apart(one: Orbit, two: Orbit) -> float:
     return distance(equations, np.append(np.asarray(one.y0), one.period), known([two], one.scene))
 
 
-def _leads(family: Family, end: Member, step: float, place: Place, times: int) -> bool:
+def _leads(family: Family, end: Member, place: Place, times: int) -> bool:
     """Whether the family goes on from an end to the place, which its orbits trace a few times."""
     period = times * place.period
     if abs(end.orbit.period - period) > _NEAR * period:
@@ -243,22 +245,37 @@ def _leads(family: Family, end: Member, step: float, place: Place, times: int) -
     equations = family.equations
     there = _unknowns(equations, end, place, period)
     surface, x = Surface(equations, end.orbit.rtol, GOAL), end.point.x
-    # Within a step ahead of the end, but for directions that leave an orbit the same.
-    neutral, units = surface.neutral(end.point), end.point.units
+    near = _in_units_of(place, equations, there, end.point)
+    units, ahead = near.units, end.tangent / near.units
+    # Near the end and ahead of it, but for directions that leave an orbit the same. Orbits about an
+    # equilibrium are as large as they are far from it.
+    neutral, reach = surface.neutral(near), 1.0 if place.kind in _RESTS else _NEAR
     off = (there - x) / units
     off = off - neutral @ (neutral.T @ off)
     length = float(np.linalg.norm(off))
-    if length > step or abs(end.tangent / units @ off) < _AHEAD * length:
+    if length > reach or abs(ahead @ off) < _AHEAD * np.linalg.norm(ahead) * length:
         return False
     for _ in range(_HALVINGS):
         off = x - there
         length = float(np.linalg.norm(off / units))
         middle = there + 0.5 * off
-        found = surface.nearest(middle, across=off, near=end.point)
+        found = surface.nearest(middle, across=off, near=near)
         if found is None or np.linalg.norm((found.x - middle) / units) > _BENT * 0.5 * length:
             return False
         x = found.x
     return True
+
+
+def _in_units_of(place: Place, equations: Equations, there: np.ndarray, point: Point) -> Point:
+    """A point with units of at least those at a place `there` that is no equilibrium.
+
+    An entry that is zero on one family and not on another has no size of its own beside the place.
+    """
+    if place.kind in _RESTS:
+        return point
+    known = lengths(equations, there, point.sizes)
+    units = units_of_unknowns(equations, point.x, known)
+    return dataclasses.replace(point, sizes=known.sizes, units=units)
 
 
 def _unknowns(equations: Equations, end: Member, place: Place, period: float) -> np.ndarray:

@@ -65,9 +65,10 @@ def from_hopf(
     if amplitude is None:
         amplitude = usual_amplitude(family, point, critical)
     period = 2 * np.pi / point.frequency
-    scene = family.make(point.parameter).starting(point.state, period)
-    equations = Equations(scene=scene, closing=PLAIN, make=family.make)
     start = point.state + amplitude * critical
+    # At rest in the origin a scene would have no size.
+    scene = family.make(point.parameter).starting(start, period)
+    equations = Equations(scene=scene, closing=PLAIN, make=family.make)
     guess = equations.pack(start, (), angle=0.0, parameter=point.parameter, period=period)
     across = equations.pack(critical, (), angle=0.0, parameter=0.0, period=0.0)
     surface = Surface(equations, RTOL, GOAL)

@@ -46,8 +46,11 @@ class Jets(System):
     scene: Scene
 
     def labels(self):
-        names = self.scene.labels()
-        return tuple((f"{name} {n}", unit) for n in range(ORDER + 1) for name, unit in names)
+        # Coefficients of one entry are alike, also without a unit: some are zero, or rounding.
+        known = [
+            (name, f"that of {name}" if unit == "1" else unit) for name, unit in self.scene.labels()
+        ]
+        return tuple((f"{name} {n}", unit) for n in range(ORDER + 1) for name, unit in known)
 
     def rate(self, t, y, effects):
         del effects
@@ -62,10 +65,13 @@ def _carried(scene: Scene, curve: Array, period: Array, rtol) -> Array:
 
 
 @jax.jit
-def _returned(scene: Scene, curve: Array) -> Array:
-    """A curve of states (4, k) moved along the flow to the plane through the scene's start."""
+def _returned(scene: Scene, curve: Array, each: Array) -> Array:
+    """A curve of states (4, k) moved along the flow to the plane through the scene's start.
+
+    It is across the flow there where entries are in sizes (k,).
+    """
     y0 = scene.y0
-    normal = scene.rate(jnp.zeros(()), y0)
+    normal = scene.rate(jnp.zeros(()), y0) / each**2
 
     def rate(y):
         return scene.rate(jnp.zeros(()), y)
@@ -83,25 +89,30 @@ def _returned(scene: Scene, curve: Array) -> Array:
     times = jnp.zeros(ORDER + 1)
     for n in range(1, ORDER + 1):
         off = _coefficients(lambda e, times=times: moved(times, e) - y0)[n] @ normal
-        times = times.at[n].set(-off / (normal @ normal))
+        times = times.at[n].set(-off / (rate(y0) @ normal))
     return _coefficients(lambda e: moved(times, e))
 
 
-def basis(orbit: Orbit, driven: bool) -> np.ndarray:
-    """(k, d) orthonormal coordinates of starts: all of them, or those across the flow."""
-    k = len(orbit.y0)
+def basis(orbit: Orbit, driven: bool, each: np.ndarray) -> np.ndarray:
+    """(k, d) coordinates of starts: all of them, or those across the flow.
+
+    They are orthonormal where entries are in sizes `each` (k,).
+    """
     if driven:
-        return np.eye(k)
+        return np.diag(each)
     flow = np.asarray(orbit.scene.rate(jnp.zeros(()), jnp.asarray(orbit.y0)))
-    return np.linalg.svd(flow[None])[2][1:].T
+    return each[:, None] * np.linalg.svd((flow / each)[None])[2][1:].T
 
 
-def returned(orbit: Orbit, axes: np.ndarray, u1, u2, rtol: float, driven: bool) -> np.ndarray:
+def returned(
+    orbit: Orbit, axes: np.ndarray, each: np.ndarray, u1, u2, rtol: float, driven: bool
+) -> np.ndarray:
     """(3, d) coefficients of e, e^2, e^3 of the return of the starts e u1 + e^2 u2.
 
     Args:
       orbit: an orbit that returns after its period.
       axes: (k, d) `basis`.
+      each: (k,) the sizes that it is in.
       u1: (d,) coordinates.
       u2: (d,) coordinates.
       rtol: tolerance of the integration.
@@ -112,5 +123,5 @@ def returned(orbit: Orbit, axes: np.ndarray, u1, u2, rtol: float, driven: bool) 
     end = _carried(orbit.scene, curve, jnp.asarray(orbit.period), rtol)
     if not driven:
         # Its constant is the start up to the closing error, which would move the plane.
-        end = _returned(orbit.scene, end.at[0].set(jnp.asarray(y0)))
-    return np.asarray(end[1:]) @ axes
+        end = _returned(orbit.scene, end.at[0].set(jnp.asarray(y0)), jnp.asarray(each))
+    return np.asarray(end[1:]) / each @ (axes / each[:, None])

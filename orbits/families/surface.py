@@ -20,7 +20,10 @@ from orbits.shooting.outcomes import orbit_at
 from orbits.shooting.units import InUnits, Lengths, units_at, units_of_unknowns
 
 _CORRECTIONS = 8  # Newton steps from a predicted point; more mean that the step was too long
-_KERNEL = 1e-6  # relative: singular values below are directions of the surface
+#: Relative: singular values below are directions of the surface. Those of starts in a close passage
+#: are large, so that others are small beside them.
+_KERNEL = 1e-9
+_NEUTRAL = 1e-6  # relative: the closing equations change no more along a symmetry of theirs
 _BRANCH = 1e-3  # relative: at a branch point found by bisection one more is below this
 
 
@@ -169,10 +172,10 @@ class Surface:
             column = equations.pack(first, between, 0.0, 0.0, 0.0) / in_units
             size = np.linalg.norm(column)
             # Not every symmetry of the scene is one of the closing condition.
-            if np.linalg.norm(jacobian @ column) <= _KERNEL * np.linalg.norm(jacobian) * size > 0:
+            if np.linalg.norm(jacobian @ column) <= _NEUTRAL * np.linalg.norm(jacobian) * size > 0:
                 columns.append(column / size)
         u, s, _ = np.linalg.svd(np.array(columns).T, full_matrices=False)
-        return u[:, s > _KERNEL]
+        return u[:, s > _NEUTRAL]
 
     def aside(self, x: np.ndarray, along: np.ndarray) -> np.ndarray | None:
         """(n,) the other direction at a simple branch point, of unit length; None if there is none.

@@ -30,8 +30,11 @@ _SAMPLES = 4096  # of a motion, to measure its rate of change
 _CUT_RTOL = 1e-10  # tolerance of the times at which segments begin
 
 
-def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, parameter=0.0):
-    """The equations in a number of segments; None for as many as the growth of errors requires."""
+def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, parameter=0.0, least=1):
+    """The equations in a number of segments; None for as many as the growth of errors requires.
+
+    These are at least `least`.
+    """
     if equations.collocated:
         if segments is not None:
             raise fail("segments", "none for an orbit by collocation", segments)
@@ -42,9 +45,10 @@ def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, para
         growth = float(np.linalg.norm(found[0]))
         # NaN: a collision, or encounters that take too many steps in plain time.
         if growth <= _GROWTH_MOST or not (math.isfinite(growth) or attracts(equations.scene)):
-            return equations
-        segments = needed(equations, guess, rtol, parameter)
-    elif whole("segments", segments, most=_SEGMENTS_GIVEN_MOST) == 1:
+            segments = least
+        else:
+            segments = max(least, needed(equations, guess, rtol, parameter))
+    if whole("segments", segments, most=_SEGMENTS_GIVEN_MOST) == 1:
         return equations
     return with_segments(equations, guess, rtol, segments, parameter)
 
