@@ -1,4 +1,4 @@
-"""A function that makes scenes is compiled with the numbers it captured: new ones are new scenes."""
+"""Functions that make scenes are compiled with the numbers they captured, and anew for new ones."""
 
 import pytest
 
