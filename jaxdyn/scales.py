@@ -220,10 +220,16 @@ def sizes_at_start(scene: Any, t0: Any = 0.0, t1: Any = None) -> np.ndarray:
     return sizes_at_starts(scene, starts, t0, scene.t1 if t1 is None else t1)[0]
 
 
-def sizes_at_starts(scene: Any, starts: np.ndarray, t0: Any, t1: Any) -> np.ndarray:
-    """(n, k) those of a scene from several starts (n, k)."""
+def sizes_at_starts(
+    scene: Any, starts: np.ndarray, t0: Any, t1: Any, params: Any | None = None
+) -> np.ndarray:
+    """(n, k) those of a scene from several starts (n, k), each with its own numbers in `params`."""
     times = (jnp.asarray(t, float) for t in (t0, t1))
-    sizes = np.asarray(_at_starts(scene.field, groups(scene.system), jnp.asarray(starts), *times))
+    numbers, tree = jax.tree.flatten((scene if params is None else params).field)
+    shared = map(np.ndim, jax.tree.leaves(scene.field))
+    own = [np.ndim(x) > axes for x, axes in zip(numbers, shared, strict=True)]
+    found = _at_starts(tree, tuple(own), numbers, groups(scene.system), jnp.asarray(starts), *times)
+    sizes = np.asarray(found)
     moves = (sizes > 0) & np.isfinite(sizes)
     count = np.maximum(moves.sum(axis=1, keepdims=True), 1)
     mean = np.log(np.where(moves, sizes, 1.0)).sum(axis=1, keepdims=True) / count
@@ -231,8 +237,12 @@ def sizes_at_starts(scene: Any, starts: np.ndarray, t0: Any, t1: Any) -> np.ndar
 
 
 @eqx.filter_jit
-def _at_starts(field: Any, groups: Groups, starts: Array, t0: Array, t1: Array) -> Array:
-    return jax.vmap(lambda y0: at_start(field, groups, t0, y0, t1)[0].sizes)(starts)
+def _at_starts(tree, own, numbers, groups: Groups, starts: Array, t0: Array, t1: Array) -> Array:
+    def sizes(numbers, y0):
+        return at_start(jax.tree.unflatten(tree, numbers), groups, t0, y0, t1)[0].sizes
+
+    axes = [0 if each else None for each in own]
+    return jax.vmap(sizes, in_axes=(axes, 0))(numbers, starts)
 
 
 def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales:

@@ -4,10 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-#: Of the larger end of a bracket: after a step this small only rounding remains, since convergence
-#: is superlinear.
-_LAST_STEP = 1e-9
-_LONGEST_SECANT = 1e-6  # likewise: a longer secant says nothing about the slope at its ends
+_LAST_STEP = 1e-9  # after a step this small only rounding remains: convergence is superlinear
+_LONGEST_SECANT = 1e-6  # a secant over more than this says nothing about the slope at its ends
 _ITERATIONS = 40
 
 
@@ -29,18 +27,18 @@ def root(
     below = np.sign(first)  # a product of two values may overflow
     good = below * above <= 0
     x, value, old_x, old_value = high, above, low, first
-    settled, size = ~good, np.maximum(np.abs(low), np.abs(high))
+    settled = ~good
     for _ in range(_ITERATIONS):
         with np.errstate(divide="ignore", invalid="ignore"):
             secant = (value - old_value) / (x - old_x)
             new = x - value / np.where(np.isnan(slope), secant, slope)
         quick = (np.abs(value) <= 0.5 * np.abs(old_value)) & (new >= low) & (new <= high)
         new = np.where(quick, new, 0.5 * (low + high))
-        last = _LAST_STEP * size
+        last = _LAST_STEP * (1 + np.abs(x))
         close = np.abs(new - x) <= last
         # Between values that differ by orders of magnitude a secant step hardly moves: is it the
         # last one? A step as long as last steps may be tells.
-        short = ~np.isnan(slope) | (np.abs(x - old_x) <= _LONGEST_SECANT * size)
+        short = ~np.isnan(slope) | (np.abs(x - old_x) <= _LONGEST_SECANT * (1 + np.abs(x)))
         doubtful = quick & close & ~short
         probe = np.where(below * value > 0, np.minimum(x + last, high), np.maximum(x - last, low))
         new = np.where(doubtful, probe, new)

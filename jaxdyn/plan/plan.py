@@ -262,12 +262,17 @@ def plan_of(system: PyTree, k: int, *, waves: bool = False) -> Plan:
     by its error, but nothing measures those of an event.
     """
     leaves, tree = jax.tree.flatten(system)
-    return _plan(tree, tuple((np.shape(x), jnp.result_type(x)) for x in leaves), k, waves)
+    return _plan(tree, tuple(map(_kind, leaves)), k, waves)
+
+
+def _kind(x: Any) -> tuple:
+    """Shape, type and weakness of a number or numbers: those of Python adapt to others' types."""
+    return np.shape(x), jnp.result_type(x), bool(getattr(jax.typeof(x), "weak_type", False))
 
 
 @functools.lru_cache(maxsize=_KINDS)
 def _plan(tree, kinds: tuple, k: int, waves: bool) -> Plan:
-    leaves = [jax.ShapeDtypeStruct(*kind) for kind in kinds]
+    leaves = [jax.ShapeDtypeStruct(shape, kind, weak_type=weak) for shape, kind, weak in kinds]
     y = jax.ShapeDtypeStruct((k,), float)
 
     def rate(*given):
