@@ -88,7 +88,7 @@ def continue_curve(
       ...     lambda p: make(p, 1.0), -1.0, [-1.3], within=(-1, 1)
       ... )
       >>> fold = family.special[0]
-      >>> curve = jaxdyn.continue_curve(make, fold, (0.385, 1.0), down=True, members=20)
+      >>> curve = jaxdyn.continue_curve(make, fold, (0.385, 1.0), down=True, members=30)
       >>> [str(x.kind) for x in curve.special]  # at p = q = 0
       ['cusp']
     """

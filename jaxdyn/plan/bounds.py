@@ -207,7 +207,8 @@ def _tan(params, a) -> Bounds:
 
 def _select(params, which, *cases) -> Bounds:
     if not isinstance(which, Bounds):
-        ends = ([as_bounds(x)[i] for x in cases] for i in (0, 1))
+        # Truth values have bounds 0 and 1, of floats, beside known ones that are booleans.
+        ends = ([jnp.asarray(as_bounds(x)[i], float) for x in cases] for i in (0, 1))
         return Bounds(*(lax.select_n(which, *each) for each in ends))
     no, yes = map(as_bounds, cases)  # a condition has two
 
