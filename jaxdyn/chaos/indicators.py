@@ -254,9 +254,9 @@ class _Run:
         t1 = own.t1 if t1 is None else t1
         # Starts may be NaN, the scene's own is not.
         every = np.concatenate([self.scene.y0[None], flat])
-        times = [np.ravel(t).mean() for t in (t0, t1)]
-        mine = sizes_at_starts(self.scene, every[:1], *times)
-        self.sizes = sizes_at_starts(self.scene, flat, *times, self.params)
+        start, end = (np.ravel(t).mean() for t in (t0, t1))
+        mine = sizes_at_starts(self.scene, every[:1], start, end)
+        self.sizes = sizes_at_starts(self.scene, flat, start, end, self.params)
         sizes = np.concatenate([mine, self.sizes])
         first, *_ = whole = self._with_tangents(every, sizes)
         template = Scene(self.system(sizes[0]), y0=first, t1=self.scene.t1)
