@@ -46,7 +46,7 @@ BELOW = {
     "orbits/closing": (),
     "orbits": ("orbits/closing",),
     "orbits/shooting": ("orbits",),
-    "orbits/analysis": ("orbits/shooting",),
+    "orbits/analysis": ("orbits/shooting", "orbits/hybrid"),
     "orbits/proof": ("orbits/analysis",),
     "orbits/families": ("orbits/analysis",),
     "orbits/curves": ("orbits/families",),

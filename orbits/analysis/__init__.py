@@ -1,12 +1,13 @@
 """Analysis of orbits: the stability, identity, derivatives and topology of an orbit.
 
 `stability` finds the non-trivial multipliers of the `monodromy`, on which the rules of
-`jaxdyn/analysis/eigenvalues.py` decide what is stable; `identity` has the invariants of an orbit,
+`jaxdyn/analysis/eigenvalues.py` decide what is stable, `chain` the return map of a chain of legs;
+`identity` has the invariants of an orbit,
 `same` and `alignment` compare two, `words` their topology; `sensitivity` makes one differentiable
 in the parameters of its scene, `evidence` has independent checks, and the digits that they confirm,
 `report` all of it as a record.
 
-May import: `shooting`.
+May import: `shooting`, `hybrid`.
 
 One more analysis is one file that takes an `Orbit`, a line in ``orbits/__init__.pyi``, and a claim
 in `report` if files and commands shall state it.

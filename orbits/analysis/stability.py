@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxdyn import Scene, Status, _text
-from jaxdyn._checks import untraced
+from jaxdyn._checks import fail, untraced
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.eigenvalues import (
     ROUNDING,
@@ -48,6 +48,7 @@ from jaxdyn.analysis.monodromy import (
 )
 from jaxdyn.integrate.trajectory import explained
 from jaxdyn.status import IntegrationError
+from orbits.analysis.chain import return_map, without_flow
 from orbits.analysis.monodromy import (
     log_determinant,
     returned,
@@ -56,6 +57,7 @@ from orbits.analysis.monodromy import (
     tangents_in,
 )
 from orbits.closing.sizes import sizes
+from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit
 from orbits.shooting import trivial
 
@@ -94,7 +96,8 @@ class Stability:
       symplectic_defect: largest entry of M^T J M - J over |M|^2 and that of J; None where the
         system has no canonical coordinates and its rate keeps no constant form J that can be found.
       determinant_defect: |det M - 1|, the same.
-      monodromy: (d, d) the matrix M, in the basis `tangents`.
+      monodromy: (d, d) the matrix M, in the basis `tangents`; of a chain of legs on
+        what its closing compares, in units of sizes.
       conservative: whether the rate is proved, to rounding, to keep a symplectic form.
       growth: norm of the same matrix, of states in units of their sizes.
       status: of the integration over the period; unless it is OK every number is NaN and the
@@ -168,7 +171,7 @@ class _Form(NamedTuple):
 
 @check_first
 def stability(
-    orbit: Orbit,
+    orbit: Orbit | HybridOrbit,
     *,
     rtol: float | None = None,
     along: np.ndarray | None = None,
@@ -177,7 +180,9 @@ def stability(
     """The multipliers of an orbit, with error bars and a verdict.
 
     Args:
-      orbit: what `find` returned.
+      orbit: what `find` or `find_hybrid` returned. For a chain of legs the events count by their
+        saltation matrices, and each position that its closing leaves out has a unit multiplier;
+        integrals are not looked for.
       rtol: tolerance of the variational equations; the orbit's own by default. A second run
         at a hundred times that gives the error bars; where they leave the verdict undecided, a
         third at ten times that makes them narrower.
@@ -187,13 +192,19 @@ def stability(
       throw: raise if the motion cannot be integrated over its period at one of the two
         tolerances (a collision, the step limit); with False look at `Stability.status`.
     Raises:
-      ValueError: the orbit has traced values.
+      ValueError: the orbit has traced values; a chain of legs was not found, grazes an event, has
+        constrained states, or has a closing that does not say that it repeats itself; `along` is
+        given for a chain.
       IntegrationError: the motion cannot be integrated over its period (``throw=True``).
     Limits: linear stability only. "stable" for a conservative scene means all non-trivial
       multipliers lie on the unit circle and cannot leave it within their bars.
     """
     untraced("stability", orbit, "See orbits.differentiable(scene, orbit).multipliers().")
     rtol = orbit.rtol if rtol is None else rtol
+    if isinstance(orbit, HybridOrbit):
+        if along is not None:
+            raise fail("along", "None for a chain of legs", "directions", "Leave it out.")
+        return _of_chain(orbit, rtol)
     scene, each = orbit.scene, sizes(orbit.scene)
     basis = tangents_in(scene, each)
     m, status = returned(orbit, rtol, basis, each)
@@ -239,6 +250,37 @@ def stability(
         determinant_defect=None if form.defect is None else float(abs(np.linalg.det(m) - 1)),
         monodromy=_in_entries(scene, m, basis, each),
         conservative=form.kept,
+        growth=float(norm(m)),
+    )
+
+
+def _of_chain(orbit: HybridOrbit, rtol: float) -> Stability:
+    """The multipliers of a chain of legs."""
+    if not orbit.ok:
+        got = f"one with the outcome {orbit.outcome.name}"
+        raise fail("orbit", "a chain that was found", got, orbit.message)
+    fine, coarse = (return_map(orbit, x) for x in (rtol, coarser(rtol)))
+    m = fine.m
+    if not (np.isfinite(m).all() and np.isfinite(coarse.m).all()):
+        return _unknown(len(orbit.y0), Status.NOT_FINITE)
+    q, flows = without_flow(fine)
+    reduced = q.T @ m @ q
+    error = uncertainty(reduced, q.T @ coarse.m @ q, rtol) + ROUNDING * norm(m)
+    nontrivial, bars = found = map_eigenvalues(reduced, error)
+    unit = fine.advances + flows
+    free = "advance" if fine.advances == 1 else f"{fine.advances} advances"
+    return Stability(
+        multipliers=np.concatenate([nontrivial, np.ones(unit)]),
+        nontrivial=nontrivial,
+        bars=bars,
+        unit=unit,
+        integrals=0,
+        reasons=("flow",) * flows + (free,) * bool(fine.advances),
+        exponents=rotation_numbers(nontrivial, bars),
+        verdict=str(map_verdict(found, False)),
+        symplectic_defect=None,
+        determinant_defect=None,
+        monodromy=m,
         growth=float(norm(m)),
     )
 

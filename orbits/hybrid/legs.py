@@ -50,6 +50,7 @@ class HybridOrbit:
 
     Attributes:
       legs: in order; their scenes have the start and the span of each.
+      closes: (end, start) -> closing error of the chain.
       residual: largest entry of the closing error, see the `goal` of `find_hybrid`.
       outcome: `Outcome`; unless it is FOUND this is the best iterate.
       iterations: Newton steps taken.
@@ -57,6 +58,7 @@ class HybridOrbit:
     """
 
     legs: tuple[Leg, ...]
+    closes: Callable[[Array, Array], Array]
     residual: float
     outcome: Outcome
     iterations: int

@@ -131,6 +131,7 @@ def find_hybrid(
     )
     found = HybridOrbit(
         legs=placed,
+        closes=closes,
         residual=float(np.abs(result.residual).max()),
         outcome=_outcome(result),
         iterations=result.iterations,
@@ -226,7 +227,7 @@ def _linearised(legs, closes, x: np.ndarray, rtol) -> _Linearised:
     starts, ends, values, rows = [start], [], [], []
     rtol = np.asarray(rtol, float)  # a Python number would be compiled in
     for i, leg in enumerate(legs):
-        passed = _passed(leg, starts[-1], x[k + i], rtol)
+        passed = leg_passed(leg, starts[-1], x[k + i], rtol)
         (y, left, end), (by_start, by_span) = jax.tree.map(np.asarray, passed)
         unit = np.eye(len(x))[k + i]
         along, row = (a @ along + np.outer(b, unit) for a, b in zip(by_start, by_span, strict=True))
@@ -234,7 +235,7 @@ def _linearised(legs, closes, x: np.ndarray, rtol) -> _Linearised:
         ends.append(end)
         values.append(left)
         rows.append(row)
-    left, (by_end, by_first) = jax.tree.map(np.asarray, _left(closes, starts[-1], start))
+    left, (by_end, by_first) = jax.tree.map(np.asarray, closing_left(closes, starts[-1], start))
     jacobian = np.concatenate([*rows, by_end @ along + by_first @ first])
     return _Linearised(np.concatenate([*values, left]), jacobian, starts, ends)
 
@@ -258,7 +259,7 @@ def _changes(legs, closes, first: _Linearised, times: np.ndarray, each) -> np.nd
         np.asarray(_change(leg, end, t, size))
         for leg, end, t, size in zip(legs, first.ends, times, each, strict=True)
     ]
-    _, slopes = jax.tree.map(np.asarray, _left(closes, first.starts[-1], first.starts[0]))
+    _, slopes = jax.tree.map(np.asarray, closing_left(closes, first.starts[-1], first.starts[0]))
     found.append(sum(np.abs(slope) @ each[0] for slope in slopes))
     rows = np.concatenate(found)
     return np.where(rows > 0, rows, 1.0)
@@ -287,7 +288,7 @@ def _put(scene: Scene, y: Array) -> tuple[Array, Array]:
 
 
 @eqx.filter_jit
-def _passed(leg: Leg, y: Array, span, rtol):
+def leg_passed(leg: Leg, y: Array, span, rtol):
     """(start of the next leg, residual of the ends, end), and derivatives of the first two."""
 
     def passed(y, span):
@@ -301,7 +302,7 @@ def _passed(leg: Leg, y: Array, span, rtol):
 
 
 @eqx.filter_jit
-def _left(closes, end: Array, start: Array):
+def closing_left(closes, end: Array, start: Array):
     """The closing error, and its derivatives by both states."""
 
     def left(end, start):

@@ -1,0 +1,104 @@
+"""The return map of a periodic chain of legs, linearised: flows of the legs and saltation matrices.
+
+At an event g = 0 a neighbour arrives earlier or later. Seen at the same times, its deviation is
+mapped by the saltation matrix
+
+    S = C + (f+ - C f-) g' / (g' f-),
+
+C the derivative of the change, f- and f+ the rates before and after; see R. I. Leine and
+H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems (2004), section 7. So the
+flow has the multiplier 1, as in a smooth system. A leg without an event has S = C.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene
+from jaxdyn._checks import fail
+from orbits.analysis.monodromy import tangents
+from orbits.closing.sizes import rate, sizes
+from orbits.hybrid.legs import HybridOrbit
+from orbits.hybrid.search import closing_left, leg_passed
+
+_SMALL = 1e-6  # relative: what is below it is taken for zero
+
+
+class ReturnMap(NamedTuple):
+    """The linearised return map, of states in units of their sizes.
+
+    Attributes:
+      m: (d, d) on all that the closing compares.
+      flow: (d,) the rate at the start, in the same basis.
+      advances: number of directions that the closing leaves out.
+    """
+
+    m: np.ndarray
+    flow: np.ndarray
+    advances: int
+
+
+def return_map(orbit: HybridOrbit, rtol: float) -> ReturnMap:
+    """The return map of a chain, its legs integrated at a tolerance.
+
+    Raises:
+      ValueError: the chain grazes an event, has constrained states, or a closing that does not
+        say that the motion repeats itself.
+    """
+    scene = orbit.legs[0].scene
+    each = np.asarray(sizes(scene))
+    start = np.asarray(orbit.y0)
+    m, y, rtol = np.diag(each), start, np.asarray(rtol, float)  # no Python number: no recompiling
+    for i, leg in enumerate(orbit.legs):
+        if tangents(leg.scene, np.asarray(leg.scene.y0)).shape[1] < len(y):
+            remedy = "Write the legs in coordinates without constraints."
+            raise fail(f"legs[{i}]", "free coordinates", "constrained ones", remedy)
+        (y, *_), (by_start, by_span) = leg_passed(leg, y, leg.scene.t1, rtol)
+        step, change = np.asarray(by_start[0]), np.asarray(by_span[0])
+        if leg.ends:
+            after = orbit.legs[(i + 1) % len(orbit.legs)].scene
+            gradient, speed = np.asarray(by_start[1])[0], float(by_span[1][0])
+            flow = np.asarray(_rate(leg.scene, leg.scene.y0))
+            if not abs(speed) > _SMALL * np.abs(gradient * each).sum() * _pace(flow, each):
+                remedy = "Where a chain grazes an event its return map has no derivative."
+                raise fail(f"legs[{i}]", "an event that is crossed", "a grazed one", remedy)
+            jump = np.asarray(_rate(after, y)) - change
+            step = step + np.outer(jump, gradient) / speed
+        m = step @ m
+    _, (by_end, by_first) = closing_left(orbit.closes, y, start)
+    by_end, by_first = np.asarray(by_end), np.asarray(by_first) * each
+    _, values, rows = np.linalg.svd(by_first)
+    p = int((values > _SMALL * values.max(initial=0.0)).sum())
+    q, lost = rows[:p].T, rows[p:].T
+    compared = by_end @ m
+    if not (p and np.abs(compared @ lost).max(initial=0.0) <= _SMALL * np.abs(compared).max()):
+        remedy = "Close the chain by the difference of its ends, less what the motion is free in."
+        raise fail("closes", "a condition that the motion repeats itself", "another one", remedy)
+    back = np.linalg.pinv(by_first @ q)
+    flow = np.asarray(_rate(scene, start)) / each
+    return ReturnMap(-back @ compared @ q, q.T @ flow, len(start) - p)
+
+
+def _pace(flow: np.ndarray, each: np.ndarray) -> float:
+    return float(np.abs(flow / each).max())
+
+
+@eqx.filter_jit
+def _rate(scene: Scene, y) -> Array:
+    return rate(scene, 0.0, y)
+
+
+def without_flow(returns: ReturnMap) -> tuple[np.ndarray, bool]:
+    """(basis, whether the flow is a direction that the map keeps): it is left out of the basis.
+
+    A leg that lasts a fixed time and is followed by another rate makes the flow no such direction.
+    """
+    m, flow = returns.m, returns.flow
+    kept = np.linalg.norm(flow) > 0 and np.linalg.norm(m @ flow - flow) <= _SMALL * (
+        np.linalg.norm(flow) * max(1.0, np.linalg.norm(m, 2))
+    )
+    if not kept:
+        return np.eye(len(m)), False
+    return np.linalg.svd(flow[None])[2][1:].T, True
