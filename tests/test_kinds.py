@@ -55,7 +55,10 @@ def test_another_kind_is_refused_by_name(name, given):
 
 
 REMEDIES = [
-    (lambda: orbits.stability(SCENE), r"^orbit: expected an Orbit, got a Scene\. Find one first:"),
+    (
+        lambda: orbits.stability(SCENE),
+        r"^orbit: expected an Orbit or a HybridOrbit, got a Scene\. Find one first:",
+    ),
     (lambda: orbits.find(orbits.find(SCENE, period=6.3)), r"got an Orbit\. Pass orbit\.scene\."),
     (lambda: jaxdyn.simulate(jaxdyn.simulate(SCENE, 1.0)), r"got a Trajectory\. Pass motion\.sc"),
     (lambda: jaxdyn.energy_change(SCENE), r"got a Scene\. Simulate it first: jaxdyn\.simulate"),

@@ -50,12 +50,13 @@ def return_map(orbit: HybridOrbit, rtol: float) -> ReturnMap:
     scene = orbit.legs[0].scene
     each = np.asarray(sizes(scene))
     start = np.asarray(orbit.y0)
-    m, y, rtol = np.diag(each), start, np.asarray(rtol, float)  # no Python number: no recompiling
+    m, y = np.diag(each), start
+    traced = np.asarray(rtol, float)  # a Python number would be compiled in
     for i, leg in enumerate(orbit.legs):
         if tangents(leg.scene, np.asarray(leg.scene.y0)).shape[1] < len(y):
             remedy = "Write the legs in coordinates without constraints."
             raise fail(f"legs[{i}]", "free coordinates", "constrained ones", remedy)
-        (y, *_), (by_start, by_span) = leg_passed(leg, y, leg.scene.t1, rtol)
+        (y, *_), (by_start, by_span) = leg_passed(leg, y, leg.scene.t1, traced)
         step, change = np.asarray(by_start[0]), np.asarray(by_span[0])
         if leg.ends:
             after = orbit.legs[(i + 1) % len(orbit.legs)].scene

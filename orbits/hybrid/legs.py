@@ -79,6 +79,11 @@ class HybridOrbit:
 
     _repr_html_ = _text.html
 
+    def check_functions(self) -> None:
+        """Raise ValueError if a number that a function of a leg captured has changed."""
+        for leg in self.legs:
+            leg.check_functions()
+
     @property
     def y0(self) -> Array:
         """(k,) start of the first leg."""

@@ -155,3 +155,25 @@ def test_the_simplest_walker_has_its_published_gait():
 def test_the_simplest_walker_doubles_its_period_at_the_published_slope():
     got = orbits.stability(_walks(0.0150884379, 0.237, -0.23))
     assert abs(got.nontrivial + 1).min() < 1e-6
+
+
+def test_constrained_states_are_refused():
+    chain = dataclasses.replace(_ball(None), legs=(orbits.Leg(scenes.top(), ()),))
+    with pytest.raises(ValueError, match="free coordinates, got constrained ones"):
+        orbits.stability(chain)
+
+
+def test_a_chain_whose_functions_have_changed_is_refused():
+    pull = [1.0]
+
+    class Fades(events.Event):
+        def value(self, t, y):
+            return y[1] * pull[0]
+
+    falls, rises = _ball(None).legs
+    chain = dataclasses.replace(
+        _ball(None), legs=(dataclasses.replace(falls, ends=(Fades(),)), rises)
+    )
+    pull[0] = 2.0
+    with pytest.raises(ValueError, match="pull"):
+        orbits.stability(chain)
