@@ -204,7 +204,7 @@ def stability(
     if isinstance(orbit, HybridOrbit):
         if along is not None:
             raise fail("along", "None for a chain of legs", "directions", "Leave it out.")
-        return _of_chain(orbit, rtol)
+        return _of_chain(orbit, rtol, throw)
     scene, each = orbit.scene, sizes(orbit.scene)
     basis = tangents_in(scene, each)
     m, status = returned(orbit, rtol, basis, each)
@@ -254,7 +254,13 @@ def stability(
     )
 
 
-def _of_chain(orbit: HybridOrbit, rtol: float) -> Stability:
+_NO_MAP = (
+    "The return map of the chain is no finite number: a leg runs into a singularity, or its "
+    "derivative overflows. Look at the legs by `HybridOrbit.trajectory`, or pass a smaller rtol."
+)
+
+
+def _of_chain(orbit: HybridOrbit, rtol: float, throw: bool) -> Stability:
     """The multipliers of a chain of legs."""
     if not orbit.ok:
         got = f"one with the outcome {orbit.outcome.name}"
@@ -262,6 +268,8 @@ def _of_chain(orbit: HybridOrbit, rtol: float) -> Stability:
     fine, coarse = (return_map(orbit, x) for x in (rtol, coarser(rtol)))
     m = fine.m
     if not (np.isfinite(m).all() and np.isfinite(coarse.m).all()):
+        if throw:
+            raise IntegrationError(_NO_MAP)
         return _unknown(len(orbit.y0), Status.NOT_FINITE)
     q, flows = without_flow(fine)
     reduced = q.T @ m @ q

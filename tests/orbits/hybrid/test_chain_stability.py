@@ -10,6 +10,7 @@ import jaxdyn
 import orbits
 from jaxdyn import scenes
 from jaxdyn.integrate import events
+from orbits.analysis import chain, stability
 from orbits.hybrid import hopping
 
 _E, _OMEGA = 0.6, 2.9  # restitution; angular frequency of the drive [rad/s]
@@ -177,3 +178,18 @@ def test_a_chain_whose_functions_have_changed_is_refused():
     pull[0] = 2.0
     with pytest.raises(ValueError, match="pull"):
         orbits.stability(chain)
+
+
+def test_a_chain_whose_map_is_no_number_has_no_multipliers(monkeypatch):
+    def lost(orbit, rtol):
+        found = chain.return_map(orbit, rtol)
+        return found._replace(m=np.full_like(found.m, np.nan))
+
+    ball = _ball(_no_offset)
+    monkeypatch.setattr(stability, "return_map", lost)
+    with pytest.raises(
+        jaxdyn.IntegrationError, match="^The return map of the chain is no finite number"
+    ):
+        orbits.stability(ball)
+    found = orbits.stability(ball, throw=False)
+    assert np.isnan(found.nontrivial).all()
