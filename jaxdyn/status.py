@@ -86,8 +86,8 @@ class Status(Code):
     UNSEEN_WITHIN_STEP = (
         11,
         "The motion within the step of the event is not what its ends tell: a force acts where "
-        "a long step passed over it, as a wind in a thin layer of air. Stop before that place, and "
-        "go on from there.",
+        "a long step passed over it, as a wind in a thin layer of air, or the event itself changes "
+        "millions of times. Stop before that place and go on from there, or pass max_step=.",
     )
     STIFF = (
         12,

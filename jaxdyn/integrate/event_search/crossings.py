@@ -39,6 +39,7 @@ _MIN_PANEL = (
 _TRUSTED_ERROR = 1e3
 _AT_ONCE = 1e-13  # relative difference of the times of events, after a node, that happen at once
 _MAX_PANELS = 4096  # in a step at most, for a value that oscillates near zero
+_MAX_CLOCKED = 2**20  # likewise of a value with parts in time alone; what is left is unseen
 _PANEL_GROWTH = 4.0  # of the panel length after a settled panel
 
 
@@ -108,7 +109,7 @@ def first_crossing(
     step = method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)
     size = StepControl.norm(step.error / allowed(limits.tolerance, sizes, seen.y0, y))
     moved = jnp.isfinite(h) & (h != 0)
-    unseen = (out.status == int(Status.OK)) & moved & ~(size < _TRUSTED_ERROR)
+    unseen = (out.status == int(Status.OK)) & (seen.unseen | (moved & ~(size < _TRUSTED_ERROR)))
     status = jnp.where(unseen, int(Status.UNSEEN_WITHIN_STEP), out.status)
     status = jnp.where(jnp.isnan(seen.end.side).any(), int(Status.NOT_FINITE), status)
     found = Crossing(
@@ -142,6 +143,7 @@ class _Seen(NamedTuple):
     bracket: Bracket
     beginning: Beginning
     begun: Array  # () whether a step has been accepted
+    unseen: Array  # () whether more happened within a step than could be looked at
 
 
 class _Survey(NamedTuple):
@@ -178,6 +180,7 @@ class _Lookout(Watch):
             bracket=Bracket.none(zero),
             beginning=here,
             begun=jnp.zeros((), bool),
+            unseen=jnp.zeros((), bool),
         )
 
     def see(self, keep, t0, y0, t1, y1, memory):
@@ -191,9 +194,12 @@ class _Lookout(Watch):
         low, high, towards = survey.bracket
         bracket = Bracket(low * h, high * h, towards)
         begun = jnp.ones((), bool)
+        unseen = (survey.n >= _MAX_CLOCKED) & ~survey.bracket.found.any()
         seen = memory._replace(end=survey.begin, t0=begin, y0=y0, bracket=bracket, begun=begun)
+        seen = seen._replace(unseen=unseen)
         memory = jax.tree.map(lambda new, old: jnp.where(keep, new, old), seen, memory)
-        return memory, memory.bracket.found.any() | jnp.isnan(memory.end.side).any()
+        over = memory.bracket.found.any() | jnp.isnan(memory.end.side).any()
+        return memory, over | memory.unseen
 
     def _surveyed(self, keep, t: Array, y: Array, h: Array, memory: _Seen, side: Array) -> _Survey:
         """The step after all its panels, or after the one in which something happens first."""
@@ -202,9 +208,11 @@ class _Lookout(Watch):
             n=jnp.zeros((), int), begin=begin, end=jnp.ones_like(t), bracket=Bracket.none(side)
         )
 
+        most = _MAX_PANELS if self.clocks is None else _MAX_CLOCKED
+
         def panel(survey: _Survey) -> _Survey:
             looks = self._looks(t, y, h, survey.begin, survey.end)
-            new = _judged(survey, looks, h, self.wanted)
+            new = _judged(survey, looks, h, self.wanted, most)
             if self.clocks is None:
                 return new
             # Half of the panel first, where not all that happens in it can be seen.
@@ -216,7 +224,7 @@ class _Lookout(Watch):
 
         def going(survey: _Survey) -> Array:
             over = survey.bracket.found | jnp.isnan(survey.begin.side)
-            return keep & (survey.begin.part < 1) & ~over.any()
+            return keep & (survey.begin.part < 1) & (survey.n < _MAX_CLOCKED) & ~over.any()
 
         return jax.lax.while_loop(going, panel, start)
 
@@ -233,10 +241,10 @@ class _Lookout(Watch):
         return _Look(part=parts, g=g, slope=slope, side=jnp.stack(sides), noise=noise)
 
 
-def _judged(survey: _Survey, looks: _Look, h: Array, wanted: Array) -> _Survey:
+def _judged(survey: _Survey, looks: _Look, h: Array, wanted: Array, most: int) -> _Survey:
     """The next panel, or the first stretch of this one that has to be refined."""
     width = survey.end - survey.begin.part
-    exhausted = (width < _MIN_PANEL) | (survey.n >= _MAX_PANELS)
+    exhausted = (width < _MIN_PANEL) | (survey.n >= most)
     s = looks.side
     known = settled(h * looks.part, looks.g, looks.slope, s, looks.noise) | exhausted
     across = (s[:-1] * s[1:] < 0) & ((wanted == 0)[None] | (wanted[None] == s[1:]))

@@ -15,6 +15,7 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.event_search.stretches import settled
 from jaxdyn.integrate.events import Event, Reaches, until
 from jaxdyn.scene import Effect
+from jaxdyn.status import Status
 
 G = 10.0
 BALL = scenes.cannonball(g=G)
@@ -140,6 +141,15 @@ def test_events_faster_than_the_motion_are_found():
             stop = until(BALL, Clock(jnp.asarray(rate), jnp.asarray(depth - 1.0)), 32.0)
             exact = np.arccos(depth - 1.0) / rate
             assert abs(stop.t - exact) < EXACT + 1e-15 / np.sqrt(depth)
+
+
+def test_an_event_too_fast_to_be_followed_ends_the_search():
+    never = Clock(jnp.asarray(1e9), jnp.asarray(-1.5))
+    stop = until(BALL, never, 32.0)
+    assert not stop.happened
+    assert int(stop.status) == Status.UNSEEN_WITHIN_STEP
+    slow = until(BALL, Clock(jnp.asarray(1e3), jnp.asarray(-1.5)), 32.0)
+    assert int(slow.status) == Status.OK
 
 
 def first_landing(y, v, size, rate):
