@@ -15,7 +15,6 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.event_search.stretches import settled
 from jaxdyn.integrate.events import Event, Reaches, until
 from jaxdyn.scene import Effect
-from jaxdyn.status import Status
 
 G = 10.0
 BALL = scenes.cannonball(g=G)
