@@ -33,6 +33,7 @@ from jaxdyn.scene import Scene, checked_scene
 _TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
 _DEPENDENT = 1e-10  # smallest over largest singular value of equations that are dependent
 _ANYWHERE = (-np.inf, np.inf)
+_LOST = "no equilibrium was found beyond: a singularity of the rate, or a branch point"
 _LATER = (0.0, 0.37, 1.3)  # when a drive acts, if there is one, in times of the motions near by
 _ASIDE = 0.1  # of the sizes, for the same question
 
@@ -217,7 +218,7 @@ def _walked(make: Make, first: Equilibrium, limits, report, path) -> Equilibrium
         between=between,
         before=lambda new, special: "",
         after=lambda new: "" if within[0] <= new.parameter <= within[1] else f"the bounds {within}",
-        lost="no equilibrium was found beyond: a singularity of the rate, or a branch point",
+        lost=lambda last, length: _LOST,
     )
     with kept_in(path, begin, of_fields(Equilibrium)) as (first, kept):
         found = walked(rules, first, step, most, report, kept)

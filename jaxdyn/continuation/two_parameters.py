@@ -196,7 +196,7 @@ def _walked(make, first: CurvePoint, start: CurvePoint | None, limits, report, p
         between=between,
         before=lambda new, special: _BEYOND if _real(new) else "",
         after=lambda new: outside(new.parameters, within),
-        lost="no point of the curve was found beyond",
+        lost=lambda last, length: "no point of the curve was found beyond",
     )
     with kept_in(path, begin, of_fields(CurvePoint)) as (first, kept):
         found = walked(rules, first, step, most, report, kept)

@@ -25,7 +25,8 @@ class Rules(NamedTuple):
         `a`.
       before: (member, special) -> why the walk ends without this member; "" if it does not.
       after: member -> why the walk ends with it; "" if it does not.
-      lost: why it ends where no member is found.
+      ready: member -> the same one, as the next step starts from it.
+      lost: (member, step) -> why the walk ends where no member is found, however short the step.
       shortest: of the first step: smallest step.
     """
 
@@ -33,7 +34,8 @@ class Rules(NamedTuple):
     between: Callable[[Any, Any, bool], list]
     before: Callable[[Any, list], str]
     after: Callable[[Any], str]
-    lost: str
+    lost: Callable[[Any, float], str]
+    ready: Callable[[Any], Any] = lambda member: member
     shortest: float = 1e-4
 
 
@@ -113,10 +115,11 @@ def _advance(rules: Rules, last, length: float, step: float, fresh: bool) -> Adv
             break
         length *= _SHRINK
         if length < rules.shortest * step:
-            return Advance(None, [], length, rules.lost)
+            return Advance(None, [], length, rules.lost(last, length))
     special = rules.between(last, new, fresh)
     end = rules.before(new, special)
-    return Advance(None if end else new, special, min(factor * length, _LONGEST * step), end)
+    new = None if end else rules.ready(new)
+    return Advance(new, special, min(factor * length, _LONGEST * step), end)
 
 
 def growth(iterations: int) -> float:

@@ -77,7 +77,8 @@ def growth(orbit: Orbit) -> float:
         fine = dataclasses.replace(whole, shares=even, s_spans=None)
     else:
         whole = dataclasses.replace(whole, s_spans=(orbit.s_period,))
-        fine = with_segments(whole, np.append(y0, orbit.period), rtol, SEGMENTS_MOST)
+        x = whole.pack(y0, (), 0.0, 0.0, orbit.period)
+        fine = with_segments(whole, x, rtol, SEGMENTS_MOST)
     return largest(map_in_units(fine.transitions(y0, orbit.period, rtol), sizes(orbit.scene)))
 
 

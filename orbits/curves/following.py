@@ -36,6 +36,7 @@ _TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
 _GROWTH = 1e3  # largest growth of errors in a segment
 _MOST_SEGMENTS = 32
 _ANYWHERE = (-np.inf, np.inf)
+_LOST = "no orbit of the curve was found beyond: a collision, or an equilibrium"
 
 
 def continue_curve(
@@ -250,7 +251,7 @@ def _walked(extended: Extended, first: CurvePoint, limits, report, path) -> Curv
         between=lambda a, b, fresh: special_points(extended, a, b),
         before=before,
         after=lambda new: outside(new.parameters, within),
-        lost="no orbit of the curve was found beyond: a collision, or an equilibrium",
+        lost=lambda last, length: _LOST,
     )
     with kept_in(path, begin, codec(extended)) as (first, kept):
         found = walked(rules, first, step, most, report, kept)

@@ -53,7 +53,7 @@ def diagram(
             family.members,
             family.special,
             lambda x: x.stability.verdict,
-            lambda x: np.asarray(x.point.x),
+            lambda x: x.point.place,
         ):
             for side in (0, 1):
                 line = np.array([(x.parameter, rows[id(x)][side]) for x in points])

@@ -51,7 +51,7 @@ def graph(
             family.members,
             family.special,
             lambda x: x.stability.verdict,
-            lambda x: np.asarray(x.point.x),
+            lambda x: x.point.place,
         ):
             line = np.array([(across(x), x.orbit.period) for x in points])
             # Thinner and thinner, so that families of the same periods are all seen.

@@ -26,7 +26,7 @@ from orbits.closing.conditions import Hold, conditions
 from orbits.families.bifurcations import drift, special_points
 from orbits.families.family import Family, Kind, Member
 from orbits.families.kept import ORBITS, about, codec
-from orbits.families.steps import first_member, next_member, parameter_at
+from orbits.families.steps import first_member, in_segments, next_member, parameter_at, why_lost
 from orbits.families.surface import Point, Surface
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.equations import Equations
@@ -42,6 +42,10 @@ _SEGMENTS = 4
 #: special points in one step each may hide the other.
 _GROW, _BENT, _DRIFT = 2.0, 0.05, 0.3
 _SMALLEST = 1e-3  # of the first step: smallest step
+#: Distances from a special point at which another branch is looked for, in turn.
+_AMPLITUDES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
+#: Of the amplitude: an orbit that is further from a special point is on another branch.
+_BESIDE = 4.0
 _NUDGE = 1e-6  # along a tangent, for a difference
 _ANYWHERE = (-np.inf, np.inf)
 _REST = "an equilibrium, to which the orbits shrink"
@@ -51,7 +55,11 @@ _NOT_SIMPLE = (
 )
 _NO_BRANCH = (
     "No orbit was found along the second direction at this distance. The other branch may bend "
-    "away from it: try a smaller amplitude."
+    "away from it: try a smaller amplitude, or leave it out."
+)
+_NO_BRANCH_AT_ALL = (
+    "No orbit was found along the second direction, at distances from 0.01 down to 1e-5. Two "
+    "special points may be too close to each other: take shorter steps, or give an amplitude."
 )
 
 
@@ -89,7 +97,7 @@ def continue_family(
       energies: bounds on the energy of the members, likewise.
       hold: conditions that all members satisfy besides closing, e.g. ``orbits.Energy(-1.0)``, or
         names of entries of the start that all have in common.
-      segments: see `find`.
+      segments: at least, see `find`; where errors grow on the way orbits are cut into more.
       goal: largest closing error of a member.
       report: called with each member as it is found.
       path: file (.jsonl) that keeps each member as it is found, and may keep several families; the
@@ -128,8 +136,8 @@ def continue_family(
         remedy = "make(parameter) must be the orbit's scene, and `hold` hold for it."
         raise fail("orbit", "a solution of the closing equations", "none", remedy)
     first = first_member(surface, point, -1.0 if down else 1.0)
-    report(first)
     if not first.stability.ok:
+        report(first)
         end = f"the first orbit, whose multipliers are unknown: {first.stability.message}"
         return Family(members=(first,), special=(), end=end, equations=equations)
     return _walked(surface, first, (step, members, within, energies), report, path)
@@ -137,7 +145,12 @@ def continue_family(
 
 @check_first
 def switch_branch(
-    family: Family, special: Member, *, amplitude: float = 1e-2, times: int | None = None
+    family: Family,
+    special: Member,
+    *,
+    amplitude: float | None = None,
+    times: int | None = None,
+    opposite: bool = False,
 ) -> tuple[Orbit, float]:
     """An orbit on the other branch through a special point, and its parameter.
 
@@ -145,9 +158,10 @@ def switch_branch(
       family: the family of the point.
       special: one of ``family.special``.
       amplitude: distance from the point, in the space of the unknowns, each in units of its size;
-        the other half of the branch has the opposite sign.
+        by default 0.01, or less where the branch bends sooner.
       times: periods after which the new orbits close: 2 at a period doubling, 1 at a branch
         point, q at a torus point where a multiplier is exp(2 pi i p / q).
+      opposite: on the other half of the branch; as with a negative amplitude.
     Returns:
       (orbit, parameter); NaN for the parameter where the family has none.
     Raises:
@@ -158,7 +172,8 @@ def switch_branch(
     if special.kind is None:
         raise fail("special", "one of family.special", "an ordinary member")
     times = times or (2 if special.kind == Kind.DOUBLING else 1)
-    old, point, rtol = family.equations, special.point, special.orbit.rtol
+    point, rtol = special.point, special.orbit.rtol
+    old = point.equations
     if times > 1 and old.closing.parts > 1:
         remedy = "Continue the family with plain closing."
         raise fail("times", "1 where orbits close by a symmetry", times, remedy)
@@ -169,10 +184,14 @@ def switch_branch(
     aside = surface.aside(x, ahead - x)
     if aside is None:
         raise SearchError(_NOT_SIMPLE)
-    found = surface.nearest(x + amplitude * aside, across=aside)
-    if found is None:
-        raise SearchError(_NO_BRANCH)
-    return surface.orbit(found), parameter_at(surface, found.x)
+    aside = -aside if opposite else aside
+    for size in _AMPLITUDES if amplitude is None else (amplitude,):
+        found = surface.nearest(x + size * aside, across=aside)
+        # The known branch, which bends towards the other direction, is as far away there as the
+        # root of the amplitude.
+        if found is not None and found.distance(x) < _BESIDE * abs(size):
+            return surface.orbit(found), parameter_at(surface, found.x)
+    raise SearchError(_NO_BRANCH if amplitude is not None else _NO_BRANCH_AT_ALL)
 
 
 def _check(orbit, make, parameter, step, members) -> None:
@@ -202,11 +221,12 @@ def _walked(surface: Surface, first: Member, limits, report, path) -> Family:
         return ""
 
     rules = Rules(
-        following=lambda last, length: _next(surface, last, length),
-        between=lambda a, b, fresh: special_points(surface, a, b),
+        following=lambda last, length: _next(surface.at(last.point), last, length),
+        between=lambda a, b, fresh: special_points(surface.at(a.point), a, b),
+        ready=lambda new: in_segments(surface, new),
         before=lambda new, special: _REST if any(x.kind == Kind.REST for x in special) else "",
         after=after,
-        lost="no orbit was found beyond: a collision, an equilibrium, or the step limit",
+        lost=lambda last, length: why_lost(surface.at(last.point), last, length),
         shortest=_SMALLEST,
     )
     with kept_in(path, begin, codec(surface)) as (first, kept):
@@ -226,5 +246,5 @@ def _next(surface: Surface, last: Member, step: float) -> tuple[Member | None, f
 
 def _measure(surface: Surface, point: Point) -> float:
     """The quantity of `within` and `down`: the parameter, or the period."""
-    equations = surface.equations
-    return float(point.x[-1] if equations.make is None else parameter_at(surface, point.x))
+    make = surface.equations.make
+    return float(point.x[-1] if make is None else parameter_at(surface.at(point), point.x))

@@ -242,7 +242,7 @@ def _leads(family: Family, end: Member, place: Place, times: int) -> bool:
     period = times * place.period
     if abs(end.orbit.period - period) > _NEAR * period:
         return False
-    equations = family.equations
+    equations = end.point.equations
     there = _unknowns(equations, end, place, period)
     surface, x = Surface(equations, end.orbit.rtol, GOAL), end.point.x
     near = _in_units_of(place, equations, there, end.point)

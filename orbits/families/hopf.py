@@ -15,9 +15,15 @@ from orbits.shooting.equations import Equations
 
 #: Of the sizes of an equilibrium's entries: the usual distance of an orbit from it.
 _SMALL = 1e-2
+#: Of that distance: where orbits soon cease to be ellipses, as with fast and slow motions.
+_SHARES = np.array([1.0, 0.3, 0.1, 0.03, 0.01])
 _NO_ORBIT = (
-    "No orbit was found at this amplitude. Try a smaller one: at a distance from the equilibrium "
-    "orbits are no ellipses, and from a degenerate Hopf point none may begin."
+    "No orbit was found at this amplitude. Try a smaller one, or leave it out: at a distance from "
+    "the equilibrium orbits are no ellipses, and from a degenerate Hopf point none may begin."
+)
+_NO_ORBIT_AT_ALL = (
+    "No orbit was found at amplitudes down to 1 / 100 of the usual one. From a degenerate Hopf "
+    "point none may begin; else give an amplitude, in units of the state."
 )
 
 
@@ -35,7 +41,8 @@ def from_hopf(
       point: a Hopf point of ``family.special``.
       amplitude: distance of the start from the equilibrium along the real part of the eigenvector,
         in units of the state; by default a hundredth of the sizes of the equilibrium's entries, or
-        where these are 0 of the distance at which the rate is no longer linear.
+        where these are 0 of the distance at which the rate is no longer linear, or less where no
+        orbit is found there.
     Returns:
       (orbit, parameter), for `continue_family`.
     Raises:
@@ -62,20 +69,20 @@ def from_hopf(
     values, vectors = np.linalg.eig(point.jacobian)
     critical = vectors[:, np.argmin(np.abs(values - 1j * point.frequency))].real
     critical = critical / np.linalg.norm(critical)
-    if amplitude is None:
-        amplitude = usual_amplitude(family, point, critical)
+    usual = usual_amplitude(family, point, critical) * _SHARES
     period = 2 * np.pi / point.frequency
-    start = point.state + amplitude * critical
-    # At rest in the origin a scene would have no size.
-    scene = family.make(point.parameter).starting(start, period)
-    equations = Equations(scene=scene, closing=PLAIN, make=family.make)
-    guess = equations.pack(start, (), angle=0.0, parameter=point.parameter, period=period)
-    across = equations.pack(critical, (), angle=0.0, parameter=0.0, period=0.0)
-    surface = Surface(equations, RTOL, GOAL)
-    found = surface.nearest(guess, across=across)
-    if found is None:
-        raise SearchError(_NO_ORBIT)
-    return surface.orbit(found), parameter_at(surface, found.x)
+    for distance in usual if amplitude is None else (amplitude,):
+        start = point.state + distance * critical
+        # At rest in the origin a scene would have no size.
+        scene = family.make(point.parameter).starting(start, period)
+        equations = Equations(scene=scene, closing=PLAIN, make=family.make)
+        guess = equations.pack(start, (), angle=0.0, parameter=point.parameter, period=period)
+        across = equations.pack(critical, (), angle=0.0, parameter=0.0, period=0.0)
+        surface = Surface(equations, RTOL, GOAL)
+        found = surface.nearest(guess, across=across)
+        if found is not None:
+            return surface.orbit(found), parameter_at(surface, found.x)
+    raise SearchError(_NO_ORBIT if amplitude is not None else _NO_ORBIT_AT_ALL)
 
 
 def usual_amplitude(family: EquilibriumFamily, point: Equilibrium, critical: np.ndarray) -> float:

@@ -1,5 +1,6 @@
 """Families of orbits in the file of a continuation: members as JSON, and members again."""
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -24,30 +25,50 @@ from orbits.shooting.units import InUnits
 ORBITS = "orbits"
 _POINT = ("orbit", "point")  # what is made again of a point of the surface
 _UNITS = ("sizes", "units")  # of a point
+_NOT_NUMBERS = ("equations", "jacobian", "growth")  # of a point, and what steps from it need
+#: Of a point whose orbit was cut into other segments than the first one.
+_CUTS = "cuts"
 _HOLDS = 1e-6  # relative: closing errors of orbits of these scenes are smaller
+
+
+class _Cuts(NamedTuple):
+    """Where an orbit is cut (`Equations`)."""
+
+    shares: tuple[float, ...]
+    s_spans: tuple[float, ...] | None
 
 
 def codec(surface: Surface) -> Codec:
     """The codec of members, whose orbits are those at points of a surface of solutions."""
 
     def encode(member: Member) -> dict[str, Any]:
-        return plain(member, _POINT) | {"point": plain(member.point, ("jacobian",))}
+        point = plain(member.point, _NOT_NUMBERS)
+        cuts = member.point.equations
+        if cuts is not surface.equations:
+            point |= plain({_CUTS: _Cuts(cuts.shares, cuts.s_spans)})
+        return plain(member, _POINT) | {"point": point}
 
     def decode(record: Any) -> Member:
         if not isinstance(record, dict) or "point" not in record:
             raise fail("file", "a member with a point", type(record).__name__, OTHER)
         rest = {name: x for name, x in record.items() if name != "point"}
         fields = typed_fields(rest, Member, "file", OTHER, _POINT)
-        old = _without_units(record["point"])
-        without = ("jacobian", *(_UNITS if old else ()))
-        known = typed_fields(record["point"], Point, "file", OTHER, without)
+        numbers, cuts = record["point"], surface.equations
+        if isinstance(numbers, dict) and _CUTS in numbers:
+            given = typed(numbers[_CUTS], _Cuts, "file", OTHER)
+            cuts = dataclasses.replace(cuts, shares=given.shares, s_spans=given.s_spans)
+            numbers = {name: x for name, x in numbers.items() if name != _CUTS}
+        old = _without_units(numbers)
+        without = (*_NOT_NUMBERS, *(_UNITS if old else ()))
+        known = typed_fields(numbers, Point, "file", OTHER, without)
         if old:
             point = surface.point(**known)
             fields |= _in_units(point, fields)
         else:
             # The Jacobian serves to leave the point, which has been done; it would fill the file.
-            point = Point(**known, jacobian=np.full((1, known["x"].size), np.nan))
-        return Member(**fields, point=point, orbit=surface.orbit(point))
+            none = np.full((1, known["x"].size), np.nan)
+            point = Point(**known, equations=cuts, jacobian=none)
+        return Member(**fields, point=point, orbit=surface.at(point).orbit(point))
 
     return Codec(encode, decode)
 
@@ -127,7 +148,8 @@ def family(walk: Stored, make: Make) -> Family:
     surface = Surface(equations, known.rtol, GOAL)
     found = read(walk, codec(surface))
     for member in (found.members[0], found.members[-1]):
-        residual, _ = InUnits(equations, member.point.x, surface.rtol)(member.point.x)
+        x = member.point.x
+        residual, _ = InUnits(member.point.equations, x, surface.rtol)(x)
         if not np.abs(residual).max() <= _HOLDS:
             raise fail("make", "the scenes of the file", "others, whose orbits do not close", OTHER)
     return Family(found.members, found.special, found.end, equations)

@@ -6,6 +6,7 @@ import math
 import jax.numpy as jnp
 import numpy as np
 
+from jaxdyn import Status
 from jaxdyn._checks import fail
 from jaxdyn.analysis import energy
 from orbits.analysis.stability import stability
@@ -13,8 +14,12 @@ from orbits.families.family import Member
 from orbits.families.surface import Point, Surface
 from orbits.orbit import Outcome
 from orbits.shooting.outcomes import determined
+from orbits.shooting.segmentation import recut
 
 _TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
+#: Growth of errors over an orbit with which doubles hold few digits of it, or none.
+_UNHOLDABLE = 1e12
+_NUDGE = 1e-6  # along a tangent, for a difference
 _FLAT = 1e-9  # a period or parameter that changes less is constant
 
 
@@ -44,6 +49,43 @@ def first_member(surface: Surface, point: Point, sign: float) -> Member:
 
 def next_member(surface: Surface, last: Member, step: float) -> Member | None:
     """The member a step further along the family, or back; None if it is not found."""
+    point = _point_beyond(surface, last, step)
+    if point is None or surface.rests(point):
+        return None
+    ways = surface.directions(point)
+    before = last.tangent / point.units
+    before = before / np.linalg.norm(before)
+    tangent = _nearest(ways, before[:, None])
+    if not tangent.shape[1] or tangent[:, 0] @ before < _TURN:
+        return None
+    old = _orthonormal(last.alike / point.units[:, None])
+    alike = _nearest(_same_scene(surface, ways), old)
+    if alike.shape[1] < last.alike.shape[1]:
+        return None
+    member = member_at(surface, point, tangent[:, 0], alike)
+    # Without multipliers no special point would be detected.
+    return member if member.stability.ok else None
+
+
+def why_lost(surface: Surface, last: Member, step: float) -> str:
+    """Why there is no `next_member` after a step, even a short one, in words."""
+    ahead = last.point.x + step * last.tangent
+    status = Status(int(surface.equations(ahead, surface.rtol).status))
+    if status != Status.OK:
+        reason = f"the motion does not last a period ({status.name.lower().replace('_', ' ')})"
+    elif not (point := _point_beyond(surface, last, step)):
+        reason = "Newton's method does not converge"
+        if last.stability.growth > _UNHOLDABLE:
+            reason += f", since errors grow by {last.stability.growth:.0e} over an orbit"
+    elif surface.rests(point):
+        reason = "an equilibrium"
+    else:
+        reason = "the family turns, meets another one, or its multipliers are unknown"
+    return f"no orbit was found beyond: {reason}"
+
+
+def _point_beyond(surface: Surface, last: Member, step: float) -> Point | None:
+    """The solution near the place a step along the tangent; None if there is none as near."""
     predicted = last.point.x + step * last.tangent
     point = surface.nearest(predicted, near=last.point)
     if point is None:
@@ -53,19 +95,34 @@ def next_member(surface: Surface, last: Member, step: float) -> Member | None:
     # ones, with which they would never arrive.
     if point is None or np.linalg.norm((point.x - predicted) / last.point.units) > abs(step):
         return None
-    ways = surface.directions(point)
-    before = last.tangent / point.units
-    before = before / np.linalg.norm(before)
-    tangent = _nearest(ways, before[:, None])
-    if not tangent.shape[1] or tangent[:, 0] @ before < _TURN:
-        return None
-    old = np.linalg.qr(last.alike / point.units[:, None])[0]
-    alike = _nearest(_same_scene(surface, ways), old)
-    if alike.shape[1] < last.alike.shape[1]:
-        return None
-    member = member_at(surface, point, tangent[:, 0], alike)
-    # Without multipliers no special point would be detected.
-    return member if member.stability.ok else None
+    return point
+
+
+def in_segments(surface: Surface, member: Member) -> Member:
+    """The member in segments that suit it: where errors grow much in one it is cut again."""
+    old = member.point
+    cuts = recut(old.equations, old.x, surface.rtol, old.growth)
+    if cuts is None:
+        return member
+    known = old.equations.moved(old.x, cuts, surface.rtol)
+    new = Surface(cuts, surface.rtol, surface.goal)
+    point = new.nearest(known, near=old)
+    if point is None:
+        return member
+
+    def directions(old_ways: np.ndarray) -> np.ndarray:
+        ahead = (old.x + _NUDGE * way for way in old_ways.T)
+        moved = [old.equations.moved(x, cuts, surface.rtol) - known for x in ahead]
+        return np.reshape(moved, (len(moved), known.size)).T / point.units[:, None] / _NUDGE
+
+    ways = new.directions(point)
+    along = directions(member.tangent[:, None])
+    tangent = _nearest(ways, along / np.linalg.norm(along))
+    alike = _nearest(_same_scene(new, ways), _orthonormal(directions(member.alike)))
+    if not tangent.shape[1] or alike.shape[1] < member.alike.shape[1]:
+        return member
+    tangent, alike = point.units * tangent[:, 0], point.units[:, None] * alike
+    return dataclasses.replace(member, point=point, tangent=tangent, alike=alike)
 
 
 def parameter_at(surface: Surface, x: np.ndarray) -> float:
@@ -113,6 +170,10 @@ def _aligned(ways: np.ndarray, tangent: np.ndarray) -> np.ndarray:
     """The same space, with the direction nearest to the tangent first."""
     _, _, vt = np.linalg.svd((ways.T @ tangent)[None])
     return ways @ vt.T
+
+
+def _orthonormal(ways: np.ndarray) -> np.ndarray:
+    return np.linalg.qr(ways)[0]
 
 
 def _nearest(ways: np.ndarray, old: np.ndarray) -> np.ndarray:

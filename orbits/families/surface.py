@@ -5,6 +5,7 @@ without changing it: in time, and by each symmetry of the scene.
 """
 
 import dataclasses
+import math
 
 import jax
 import jax.numpy as jnp
@@ -24,6 +25,7 @@ _CORRECTIONS = 8  # Newton steps from a predicted point; more mean that the step
 #: are large, so that others are small beside them.
 _KERNEL = 1e-9
 _NEUTRAL = 1e-6  # relative: the closing equations change no more along a symmetry of theirs
+_AT_REST = 1e-9  # of the sizes: radius of an orbit that is an equilibrium to rounding
 _BRANCH = 1e-3  # relative: at a branch point found by bisection one more is below this
 
 
@@ -32,20 +34,24 @@ class Point:
     """A point of the surface.
 
     Attributes:
+      equations: the closing equations that it solves, in the segments in which it was found.
       x: (n,) unknowns.
       jacobian: (m, n) of the closing equations there.
       sizes: (k,) of the entries of the state, from which the units follow (`lengths`).
       units: (n,) of the unknowns, in which lengths and angles near the point are measured.
       residual: largest entry of the closing error.
       iterations: number of Newton steps to it.
+      growth: the largest of errors over a segment; NaN if that is not known.
     """
 
+    equations: Equations
     x: np.ndarray
     jacobian: np.ndarray
     sizes: np.ndarray
     units: np.ndarray
     residual: float
     iterations: int
+    growth: float = math.nan
 
     def distance(self, x: np.ndarray) -> float:
         """Distance of x (n,)."""
@@ -54,6 +60,12 @@ class Point:
     def along(self, direction: np.ndarray, x: np.ndarray) -> float:
         """How far x (n,) is along a direction (n,) that has unit length here."""
         return float(direction / self.units @ ((x - self.x) / self.units))
+
+    @property
+    def place(self) -> np.ndarray:
+        """(p,) the unknowns that points have in whatever segments: all but the states between."""
+        start, between = self.equations.unpack(self.x)[:2]
+        return np.delete(self.x, slice(start.size, start.size + between.size))
 
     @property
     def size(self) -> float:
@@ -67,6 +79,14 @@ class Surface:
     def __init__(self, equations: Equations, rtol: float, goal: float):
         self.equations, self.rtol, self.goal = equations, rtol, goal
         self._symmetries: tuple[str, ...] | None = None
+
+    def at(self, point: Point) -> "Surface":
+        """The same surface, in the segments of a point."""
+        if point.equations is self.equations:
+            return self
+        same = Surface(point.equations, self.rtol, self.goal)
+        same._symmetries = self._symmetries
+        return same
 
     def nearest(
         self, x: np.ndarray, across: np.ndarray | None = None, *, near: Point | None = None
@@ -107,19 +127,21 @@ class Surface:
         residual = float(np.abs(result.residual).max(initial=0.0))
         here = lengths(self.equations, result.x, 0.0 if near is None else near.sizes)
         return Point(
+            equations=self.equations,
             x=result.x,
             jacobian=jacobian,
             sizes=here.sizes,
             units=units_of_unknowns(self.equations, result.x, here),
             residual=residual,
             iterations=result.iterations,
+            growth=max(np.linalg.norm(one) for one in closed.transitions(result.x)),
         )
 
     def point(self, x: np.ndarray, residual: float, iterations: int) -> Point:
         """The point at x (n,), which is known to be one; without its Jacobian."""
         jacobian, here = np.full((1, x.size), np.nan), lengths(self.equations, x)
         units = units_of_unknowns(self.equations, x, here)
-        return Point(x, jacobian, here.sizes, units, residual, iterations)
+        return Point(self.equations, x, jacobian, here.sizes, units, residual, iterations)
 
     def orbit(self, point: Point) -> Orbit:
         """The orbit at a point."""
@@ -131,6 +153,16 @@ class Surface:
             iterations=point.iterations,
             rtol=self.rtol,
         )
+
+    def rests(self, point: Point) -> bool:
+        """Whether a point is an equilibrium, which closes after any period."""
+        equations = self.equations
+        if equations.driven:
+            return False
+        scene = equations.scene_at(equations.unpack(point.x).parameter)
+        flow = np.asarray(rate(scene, 0.0, equations.start_at(point.x)))
+        radius = flow / point.sizes * point.x[-1] / (2 * np.pi)
+        return bool(np.abs(radius).max() < _AT_REST)
 
     def of_start(self, x: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """(k, p) the change of the start along directions (n, p) at x."""

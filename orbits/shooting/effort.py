@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 
 from jaxdyn._checks import fail, positive, whole
+from jaxdyn._progress import doing
 from jaxdyn.integrate.spans import tolerances
 from orbits.shooting.newton import Iteration
 
@@ -18,7 +19,7 @@ SECONDS = 600.0  # a search ends after so long by default, whatever it tries
 
 @dataclasses.dataclass(frozen=True)
 class Effort:
-    """Accuracy and limits of a search, which begins now; see `find`."""
+    """Accuracy and limits of a search, which begins now, and what it tried; see `find`."""
 
     goal: float
     rtol: float
@@ -26,6 +27,12 @@ class Effort:
     report: Callable[[Iteration], None]
     seconds: float = math.inf
     begun: float = dataclasses.field(default_factory=time.monotonic)
+    tried: list[str] = dataclasses.field(default_factory=list)
+
+    def trying(self, what: str) -> None:
+        """Report what is tried now, e.g. "a descent"."""
+        self.tried.append(what)
+        doing(f"searching by {what}")
 
     @property
     def over(self) -> bool:

@@ -149,18 +149,37 @@ class Equations(eqx.Module):
 
     def spread(self, y0, period, rtol, angle=0.0, parameter=0.0) -> np.ndarray:
         """x of a motion; the states between segments are those that it passes."""
-        scene = self.scene_at(as_float(parameter)).starting(y0)
-        solver = RADAU9 if self.stiff else None
-        between, t = [], 0.0
-        # Sequentially: a program for all samples would recompile for each number of them.
-        for share, s in zip(self.shares[:-1], self._spans, strict=False):
-            t0 = t if self.driven else 0.0
-            span = share * period / self.closing.parts
-            end = advanced(scene, span, s, t0=t0, rtol=rtol, solver=solver)
-            scene = scene.starting(end.y1)
-            between.append(np.asarray(scene.y0))
-            t += span
+        between = self._passed([(0.0, 0.0, y0)], period, parameter, rtol)
         return self.pack(y0, between, angle=angle, parameter=parameter, period=period)
+
+    def moved(self, x: np.ndarray, cuts: "Equations", rtol) -> np.ndarray:
+        """x of the same motion for the same equations in other segments."""
+        unknowns = self.unpack(x)
+        angle, parameter, period = (float(number) for number in unknowns[2:])
+        starts = np.asarray(pieces(self, x).start)
+        known = [(*joint, y) for joint, y in zip(self._joints, starts, strict=True)]
+        between = cuts._passed(known, period, parameter, rtol)
+        return cuts.pack(starts[0], between, angle=angle, parameter=parameter, period=period)
+
+    def _passed(self, known: list, period, parameter, rtol) -> list[np.ndarray]:
+        """The states between segments of a motion that passes known ones.
+
+        Each of these is a share of the time, a logarithmic time and a state.
+        """
+        scene, part = self.scene_at(as_float(parameter)), period / self.closing.parts
+        solver = RADAU9 if self.stiff else None
+        between, (at, s_at, y), left = [], known[0], known[1:]
+        # Sequentially: a program for all samples would recompile for each number of them.
+        for share, s in self._joints[1:]:
+            while left and left[0][0] <= share:
+                (at, s_at, y), left = left[0], left[1:]
+            t0 = at * part if self.driven else 0.0
+            further = None if s is None or s_at is None else s - s_at
+            span = (share - at) * part
+            end = advanced(scene.starting(y), span, further, t0=t0, rtol=rtol, solver=solver)
+            at, s_at, y = share, s, end.y1
+            between.append(np.asarray(y))
+        return between
 
     def transitions(self, y0, period, rtol, parameter=0.0) -> np.ndarray:
         """(segments, k, k) derivative of each segment's end by its start, along one motion."""
@@ -176,6 +195,14 @@ class Equations(eqx.Module):
             maps.append(np.asarray(slopes.start))
             t += span
         return np.stack(maps)
+
+    @property
+    def _joints(self) -> list[tuple[float, float | None]]:
+        """Where each segment starts: the share of the time, and of logarithmic time the span."""
+        shares = np.cumsum([0.0, *self.shares[:-1]]).tolist()
+        if self.s_spans is None:
+            return [(share, None) for share in shares]
+        return list(zip(shares, np.cumsum([0.0, *self.s_spans[:-1]]).tolist(), strict=True))
 
     @property
     def _spans(self) -> tuple[float | None, ...]:

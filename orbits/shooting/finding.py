@@ -10,6 +10,7 @@ import numpy as np
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
+from jaxdyn._text import counted
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Hold
 from orbits.closing.given import Problem, posed
@@ -135,7 +136,7 @@ def find(
     if effort.over and not orbit.ok:
         orbit = dataclasses.replace(orbit, outcome=Outcome.TIME_LIMIT)
     if throw and not orbit.ok:
-        raise SearchError(orbit.message)
+        raise SearchError(f"{orbit.message} Tried: {'; '.join(effort.tried)}.")
     shift = np.abs(scene.system.difference(*map(np.asarray, (orbit.y0, problem.scene.y0)))).max()
     return eqx.tree_at(lambda o: o.shift, orbit, float(shift))
 
@@ -172,6 +173,7 @@ def _closed_from_afar(
     lower, upper = equations.bounds(problem.lower, problem.upper)
     if problem.driven:  # Adam would move the period however little the error depends on it
         lower[-1] = upper[-1] = guess[-1]
+    effort.trying("a descent on the closing error")
     descent = descended(
         equations,
         equations.spread(guess[:-1], guess[-1], effort.rtol, angle=angle),
@@ -205,6 +207,7 @@ def _closed_elsewhere(
     """The orbit near the end of an iteration in which known orbits are deflated."""
     guess = problem.guess
     cuts = cut(equations, guess, effort.rtol, segments, angle)
+    effort.trying("Newton's method with the known orbits deflated")
     found = deflated(
         problem,
         cuts,
@@ -246,6 +249,7 @@ def _closed_from(
 def _solved(closed: InUnits, x: np.ndarray, problem: Problem, effort: Effort) -> Orbit:
     """Newton's method on the closing equations, from a point x on."""
     equations = closed.equations
+    effort.trying(f"Newton's method in {counted(equations.segments, 'segment')}")
     lower, upper = equations.bounds(problem.lower, problem.upper)
     trouble = Trouble(equations, x)
     result = newton.solve(

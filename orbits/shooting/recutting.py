@@ -25,9 +25,10 @@ def finer(
     """
     left = cuts.s_period is not None and _other_motion(orbit.s_period, cuts.s_period)
     here = np.append(orbit.y0, orbit.period) if left else guess
-    finer = with_segments(equations, here, rtol, needed(equations, here, rtol))
+    x = equations.spread(here[:-1], here[-1], rtol, orbit.angle)
+    finer = with_segments(equations, x, rtol, needed(equations, x, rtol))
     if finer.segments <= cuts.segments and not _other_motion(finer.s_period, cuts.s_period):
-        finer = with_segments(equations, here, rtol, min(2 * cuts.segments, SEGMENTS_MOST))
+        finer = with_segments(equations, x, rtol, min(2 * cuts.segments, SEGMENTS_MOST))
     return finer
 
 

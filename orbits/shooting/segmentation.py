@@ -14,7 +14,7 @@ from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.regularised import logarithmic_span
 from orbits.closing.sizes import sizes
 from orbits.motion import at_even_s, attracts, solved
-from orbits.shooting.equations import Equations
+from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.units import sizes_at
 
 #: Largest growth of errors of the start over a motion in one segment: rounding of 1e-16 is still
@@ -26,7 +26,12 @@ _GROWTH_INSIDE_MOST = 3000.0
 SEGMENTS_MOST = 32
 #: Most segments that a caller may ask for: the unknowns of all of them are one matrix.
 _SEGMENTS_GIVEN_MOST = 256
+_NUMBERS = (1, 2, 4, 8, 16, SEGMENTS_MOST)  # of segments; each is compiled once
+#: Of the growth of errors in a segment: other segments are worth their while if less is left.
+_WORTHWHILE = 0.5
+_SAME_CUTS = 0.1  # relative difference of their lengths: segments are no others
 _SAMPLES = 4096  # of a motion, to measure its rate of change
+_SAMPLES_OF_SEVERAL = 512  # of each segment, if it has several
 _CUT_RTOL = 1e-10  # tolerance of the times at which segments begin
 
 
@@ -39,32 +44,66 @@ def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, para
         if segments is not None:
             raise fail("segments", "none for an orbit by collocation", segments)
         return equations
+    x = equations.spread(guess[:-1], guess[-1], rtol, angle, parameter)
     if segments is None:
-        x = equations.spread(guess[:-1], guess[-1], rtol, angle, parameter)
         found = map_in_units(equations(x, rtol).transitions, sizes_at(equations, x))
         growth = float(np.linalg.norm(found[0]))
         # NaN: a collision, or encounters that take too many steps in plain time.
         if growth <= _GROWTH_MOST or not (math.isfinite(growth) or attracts(equations.scene)):
             segments = least
         else:
-            segments = max(least, needed(equations, guess, rtol, parameter))
+            segments = max(least, needed(equations, x, rtol))
     if whole("segments", segments, most=_SEGMENTS_GIVEN_MOST) == 1:
         return equations
-    return with_segments(equations, guess, rtol, segments, parameter)
+    return with_segments(equations, x, rtol, segments)
 
 
-def needed(equations: Equations, guess, rtol, parameter=0.0) -> int:
+def recut(equations: Equations, x: np.ndarray, rtol, growth: float) -> Equations | None:
+    """The equations in segments in which errors grow less than they do at x (n,).
+
+    These are no fewer, and shorter where the motion at x changes. None where that gains nothing.
+
+    Args:
+      equations: the equations.
+      x: (n,) unknowns.
+      rtol: tolerance of the integrations.
+      growth: the largest of errors over a segment at x.
+    """
+    if equations.collocated or not growth > _GROWTH_MOST:
+        return None
+    maps = _fine_maps(equations, x, rtol)
+    grown = {n: _growth(maps, n) for n in _NUMBERS if n >= equations.segments}
+    better = (n for n in grown if grown[n] <= max(_GROWTH_MOST, _WORTHWHILE * growth))
+    segments = next(better, None)
+    if segments is None:
+        return None
+    new = with_segments(equations, x, rtol, segments)
+    same = segments == equations.segments and np.allclose(
+        new.shares, equations.shares, rtol=_SAME_CUTS
+    )
+    return None if same else new
+
+
+def needed(equations: Equations, x: np.ndarray, rtol) -> int:
     """Number of segments in which rounding anywhere in one grows little to its end."""
-    fine = with_segments(equations, guess, rtol, SEGMENTS_MOST, parameter)
-    scene = equations.scene_at(jnp.asarray(parameter, float)).starting(guess[:-1], guess[-1])
-    maps = fine.transitions(guess[:-1], guess[-1], rtol, parameter)
-    maps = map_in_units(maps, sizes(scene))
-    # Powers of two: each number of segments is compiled once.
-    for segments in (1, 2, 4, 8, 16):
-        grown = [largest(part) for part in np.split(maps, segments)]
-        if np.max(grown) <= _GROWTH_INSIDE_MOST:
-            return segments
-    return SEGMENTS_MOST
+    maps = _fine_maps(equations, x, rtol)
+    fits = (n for n in _NUMBERS if _growth(maps, n) <= _GROWTH_INSIDE_MOST)
+    return next(fits, SEGMENTS_MOST)
+
+
+def _fine_maps(equations: Equations, x: np.ndarray, rtol) -> np.ndarray:
+    """(n, k, k) derivatives of the ends of the most segments by their starts, in sizes."""
+    fine = with_segments(equations, x, rtol, SEGMENTS_MOST)
+    return _maps(fine, equations.moved(x, fine, rtol), rtol)
+
+
+def _maps(equations: Equations, x: np.ndarray, rtol) -> np.ndarray:
+    return map_in_units(np.asarray(equations(x, rtol).transitions), sizes_at(equations, x))
+
+
+def _growth(maps: np.ndarray, segments: int) -> float:
+    """Largest growth of errors, made anywhere in a segment, to its end."""
+    return max(largest(part) for part in np.split(maps, segments))
 
 
 def largest(maps: np.ndarray) -> float:
@@ -76,16 +115,16 @@ def largest(maps: np.ndarray) -> float:
     return largest
 
 
-def with_segments(equations: Equations, guess, rtol, segments: int, parameter=0.0) -> Equations:
+def with_segments(equations: Equations, x: np.ndarray, rtol, segments: int) -> Equations:
     """The equations in a number of segments, which are shorter where the motion changes faster.
 
-    They are about equal in logarithmic time where bodies attract each other; elsewhere the fastest
-    rate of change has about the same integral over each.
+    The motion is that at x (n,). Segments are about equal in logarithmic time where bodies attract
+    each other; elsewhere the fastest rate of change has about the same integral over each.
     """
-    part = guess[-1] / equations.closing.parts
-    ts = np.linspace(0.0, part, _SAMPLES)
-    scene = equations.scene_at(jnp.asarray(parameter, float)).starting(guess[:-1], part)
-    ys = solved(scene, part, ts=ts, rtol=rtol).ys
+    unknowns = equations.unpack(x)
+    part = float(unknowns.period) / equations.closing.parts
+    scene = equations.scene_at(unknowns.parameter).starting(equations.start_at(x), part)
+    ts, ys = _sampled(equations, x, rtol)
     if attracts(scene, ts, ys):
         s = float(logarithmic_span(scene, part))
         if np.isfinite(s):
@@ -93,10 +132,24 @@ def with_segments(equations: Equations, guess, rtol, segments: int, parameter=0.
     fastest = np.asarray(_fastest(scene, ts, ys, sizes(scene))) + 1 / part
     if not np.isfinite(fastest).all():
         return dataclasses.replace(equations, shares=(1 / segments,) * segments, s_spans=None)
-    grown = np.append(0.0, np.cumsum(0.5 * (fastest[1:] + fastest[:-1])))
+    grown = np.append(0.0, np.cumsum(0.5 * (fastest[1:] + fastest[:-1]) * np.diff(ts)))
     ends = np.interp(np.linspace(0.0, grown[-1], segments + 1), grown, ts)
     shares = tuple((np.diff(ends) / part).tolist())
     return dataclasses.replace(equations, shares=shares, s_spans=None)
+
+
+def _sampled(equations: Equations, x: np.ndarray, rtol) -> tuple[np.ndarray, np.ndarray]:
+    """(s,) times and (s, k) states of the motion at x, of each segment from its own start."""
+    here = jax.tree.map(np.asarray, pieces(equations, x))
+    scene = equations.scene_at(equations.unpack(x).parameter)
+    samples = _SAMPLES if equations.segments == 1 else _SAMPLES_OF_SEVERAL
+    ends = np.cumsum(here.span)
+    times, states = [], []
+    for start, t0, span, end in zip(here.start, here.t0, here.span, ends, strict=True):
+        ts = np.linspace(t0, t0 + span, samples)
+        states.append(solved(scene.starting(start), ts[-1], t0=t0, ts=ts, rtol=rtol).ys)
+        times.append(np.linspace(end - span, end, samples))
+    return np.concatenate(times), np.concatenate(states)
 
 
 def _between_encounters(equations: Equations, scene: Scene, s: float, segments: int) -> Equations:

@@ -8,6 +8,7 @@ import numpy as np
 
 from jaxdyn import System
 from jaxdyn._checks import fail
+from jaxdyn._text import counted
 from orbits.closing.given import Problem
 from orbits.motion import solved
 from orbits.orbit import Orbit, Outcome
@@ -131,6 +132,7 @@ def _searched(problem: Problem, equations: Equations, effort: Effort) -> _Found 
     trouble = Trouble(*_placed(equations, mesh, angle, period))
     for _ in range(_MESHES_MOST):
         here, x = _placed(equations, mesh, angle, period)
+        effort.trying(f"collocation in {counted(here.segments, 'step')}")
         lower, upper = here.bounds(problem.lower, problem.upper)
         result = newton.solve(
             here,

@@ -60,6 +60,14 @@ def test_a_branch_point_and_the_branch_through_it(forks):
         z = float(orbit.y0[2])
         assert abs(z) > 0.1
         assert abs(z * z - a) < SOLVED
+    # At a distance of its own, on either half.
+    halves = [orbits.switch_branch(forks, point, opposite=opposite) for opposite in (False, True)]
+    heights = [float(half.y0[2]) for half, _ in halves]
+    assert heights[0] * heights[1] < 0
+    for z, (_, a) in zip(heights, halves, strict=True):
+        assert 1e-3 < abs(z) < 0.1
+        assert abs(z * z - a) < SOLVED
+    orbit, a = orbits.switch_branch(forks, point, amplitude=0.2)
     branch = orbits.continue_family(orbit, maker(Pitchfork, [1.0, 0, 0]), a, members=4, step=0.1)
     heights = np.array([float(m.orbit.y0[2]) for m in branch.members])
     assert np.abs(heights**2 - branch.parameters).max() < SOLVED

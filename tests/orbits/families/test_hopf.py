@@ -47,7 +47,7 @@ def test_misuse_of_a_hopf_point_is_refused():
 
 
 @pytest.mark.slow
-def test_lorenz_orbits_are_followed_from_their_hopf_point_towards_the_homoclinic():
+def test_lorenz_orbits_are_followed_from_their_hopf_point_towards_the_homoclinic(tmp_path):
     start = [7.1, 7.1, 19.0]
     rests = jaxdyn.continue_equilibria(lorenz, 20.0, start, step=1.0, members=8)
     (point,) = rests.special
@@ -55,7 +55,15 @@ def test_lorenz_orbits_are_followed_from_their_hopf_point_towards_the_homoclinic
     assert point.criticality == "subcritical"
     orbit, rho = orbits.from_hopf(rests, point, amplitude=0.1)
     assert rho < LORENZ_HOPF
-    family = orbits.continue_family(orbit, lorenz, rho, step=0.2, members=40, down=True)
+    options = {"step": 0.2, "down": True, "path": tmp_path / "family.jsonl"}
+    family = orbits.continue_family(orbit, lorenz, rho, members=40, **options)
+    # Errors grow along the way: it is cut again, and its file says so.
+    assert family.members[-1].point.equations.segments > family.equations.segments
+    (again,) = orbits.families.load(options["path"], lorenz).orbits
+    np.testing.assert_array_equal(again.parameters, family.parameters)
+    np.testing.assert_array_equal(again.members[-1].point.x, family.members[-1].point.x)
+    longer = orbits.continue_family(orbit, lorenz, rho, members=42, **options)
+    np.testing.assert_array_equal(longer.parameters[:40], family.parameters)
     assert (np.diff(family.parameters) < 0).all()
     assert (np.diff(family.periods) > 0).all()
     # Where the orbits end on the saddle at the origin: Sparrow (1982), The Lorenz Equations.
@@ -108,7 +116,11 @@ def test_the_cycles_of_an_axon_have_their_folds():
     assert current < first.parameter  # subcritical
     orbit, current = orbits.from_hopf(rests, last)
     family = orbits.continue_family(
-        orbit, axon_at, current, step=0.1, members=150, down=True, segments=8, within=(0, 160)
+        orbit, axon_at, current, step=0.1, members=100, down=True, within=(0, 160)
     )
     folds = [x.parameter for x in family.special if x.kind == orbits.Kind.FOLD]
     np.testing.assert_allclose(folds, [6.26, 7.92, 7.85], atol=6e-3)
+    # From one Hopf point to the other, in more segments where it is unstable, by factors of 1e8.
+    assert family.special[-1].kind == orbits.Kind.REST
+    assert abs(family.special[-1].parameter - first.parameter) < 1e-4
+    assert family.members[-1].point.equations.segments > family.equations.segments

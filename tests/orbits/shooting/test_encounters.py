@@ -147,7 +147,8 @@ def test_a_family_goes_through_encounters(close):
 def test_cuts_are_where_bodies_are_far_apart(close):
     equations = Equations.of(close)
     guess = np.append(close.y0, close.period)
-    cut = with_segments(equations, guess, close.rtol, 8)
+    whole = equations.pack(close.y0, (), 0.0, 0.0, close.period)
+    cut = with_segments(equations, whole, close.rtol, 8)
     x = cut.spread(guess[:-1], guess[-1], close.rtol)
     bodies = np.asarray(cut.unpack(x).between)[:, :6].reshape(-1, 3, 2)
     sides = [

@@ -266,6 +266,14 @@ def test_messages_say_what_to_do():
         assert word in outcome.message
 
 
+def test_a_search_that_fails_says_what_it_tried():
+    scene = jaxdyn.ode(never, [0.3])
+    with pytest.raises(orbits.SearchError) as failed:
+        orbits.find(scene, **ONE_SECOND, rough=True)
+    tried = "Tried: a descent on the closing error; Newton's method in 1 segment"
+    assert tried in str(failed.value)
+
+
 def test_a_descent_that_leads_astray_loses_no_orbit(monkeypatch):
     def astray(equations, x, **options):
         del equations, options

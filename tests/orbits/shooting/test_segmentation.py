@@ -1,0 +1,60 @@
+"""Where a motion is cut into segments, and the same motion in other segments."""
+
+import dataclasses
+
+import numpy as np
+import odes
+import pytest
+
+import jaxdyn
+import orbits
+from orbits.shooting.equations import Equations
+from orbits.shooting.segmentation import recut, with_segments
+from orbits.shooting.units import InUnits
+
+RTOL = 1e-12
+
+
+def lorenz(rho):
+    params = {"sigma": 10.0, "rho": rho, "beta": 8 / 3}
+    return jaxdyn.ode(odes.lorenz, [8.0, 8.0, 24.0], 1.0, params=params)
+
+
+@pytest.fixture(scope="module")
+def cycle():
+    """The cycle of Lorenz that turns once about each equilibrium."""
+    start, period = [-13.763610682134, -19.578751942452, 27.0], 1.5586522107162
+    return orbits.find(lorenz(28.0), start, period)
+
+
+def in_pieces(cycle, shares):
+    equations = dataclasses.replace(Equations.of(cycle), shares=shares)
+    return equations, equations.spread(cycle.y0, cycle.period, RTOL)
+
+
+def test_a_motion_in_other_segments_is_the_same(cycle):
+    few, x = in_pieces(cycle, (0.3, 0.7))
+    many = dataclasses.replace(few, shares=(0.1, 0.2, 0.25, 0.45))
+    there = few.moved(x, many, RTOL)
+    assert few.unpack(x).period == many.unpack(there).period
+    starts, before = np.asarray(many.unpack(there).between), np.asarray(few.unpack(x).between)
+    np.testing.assert_allclose(starts[1], before[0], rtol=1e-14)  # a joint of both
+    assert np.abs(InUnits(many, there, RTOL)(there)[0]).max() < 1e-10
+    np.testing.assert_allclose(many.moved(there, few, RTOL), x, rtol=0, atol=1e-10)
+
+
+def test_an_orbit_is_cut_again_where_errors_grow(cycle):
+    uneven, x = in_pieces(cycle, (0.01, 0.01, 0.01, 0.97))
+    growth = np.linalg.norm(uneven(x, RTOL).transitions, axis=(1, 2)).max()
+    even = recut(uneven, x, RTOL, 1e3 * growth)
+    assert even.segments == 4
+    assert max(even.shares) < 0.5
+    assert recut(uneven, x, RTOL, 100.0) is None  # errors grow little
+    assert recut(even, uneven.moved(x, even, RTOL), RTOL, 301.0) is None  # nothing is gained
+
+
+def test_cuts_are_those_of_the_motion_however_it_is_given(cycle):
+    whole, x = in_pieces(cycle, (1.0,))
+    parts, y = in_pieces(cycle, (0.3, 0.7))
+    one, two = (with_segments(*known, RTOL, 8) for known in ((whole, x), (parts, y)))
+    np.testing.assert_allclose(one.shares, two.shares, rtol=1e-3)
