@@ -74,7 +74,7 @@ def simulate(
       atol: absolute tolerance of one step, in the units of the state; by default a quarter of
         rtol times the largest size so far of the entries of its kind, whatever the units
         (`scales.Groups`).
-      solver: one of `jaxdyn.solvers`, or an explicit Runge-Kutta solver of diffrax, such as
+      solver: one of `jaxdyn.solvers`, or a Runge-Kutta solver of diffrax, such as
         ``diffrax.Tsit5()``; by default mostly a Taylor series where the rate is a short formula,
         else the extrapolated leapfrog or the Nystrom pair of order 12 where no force depends on
         velocity, and the best Runge-Kutta pair; see `solvers.default_solver`. Where stability

@@ -12,7 +12,8 @@
 - `Taylor`: explicit, with a tolerance; scenes with short formulas, in a quarter to a half of the
   time of a pair; mostly their default. `TAYLOR8`, `TAYLOR12`, `TAYLOR14`, `TAYLOR16`, `TAYLOR20`.
 - `Radau`: L-stable and implicit, with a tolerance; stiff scenes. `RADAU5`, `RADAU9`.
-- An explicit Runge-Kutta solver of diffrax, such as ``diffrax.Tsit5()``; see `from_diffrax`.
+- A Runge-Kutta solver of diffrax, such as ``diffrax.Tsit5()`` or the implicit
+  ``diffrax.Kvaerno5()``; see `from_diffrax`.
 
 `choice` selects the one for a scene. Contents: `method` (the interface), `stepper` (one step as
 diffrax calls it, with compensated sums), `stepping` (the loop over steps), `sizes` (in which a

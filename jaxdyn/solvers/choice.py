@@ -57,7 +57,7 @@ def method_of(solver: Solver) -> Method:
     """The method that a `solver` argument stands for.
 
     Raises:
-      ValueError: `solver` is an implicit solver of diffrax, or not a solver.
+      ValueError: `solver` is a solver of diffrax that takes no steps of an ODE, or not a solver.
     """
     if isinstance(solver, Method):
         return solver
@@ -66,7 +66,7 @@ def method_of(solver: Solver) -> Method:
         return from_diffrax(solver)
     raise _checks.fail(
         "solver",
-        "one of jaxdyn.solvers, or an explicit solver of diffrax",
+        "one of jaxdyn.solvers, or a Runge-Kutta solver of diffrax",
         repr(solver),
         "Leave it out for the default, which suits the scene.",
     )

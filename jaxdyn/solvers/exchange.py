@@ -1,10 +1,12 @@
-"""Exchange with diffrax: its explicit Runge-Kutta solvers as methods, methods as its solvers.
+"""Exchange with diffrax: its Runge-Kutta solvers as methods, methods as its solvers.
 
-`from_diffrax` takes the table of a solver, `to_diffrax` makes a solver of any method. The dense
+`from_diffrax` takes the table of an explicit solver; an implicit one takes its own steps, within
+the same loop and step control as all methods. `to_diffrax` makes a solver of any method. The dense
 output of such a solver is the Hermite polynomial through states within the step, each of them one
 step of the method from its left end, and the slopes there, as many as its order needs.
 """
 
+import dataclasses
 import functools
 from typing import Any, ClassVar
 
@@ -13,41 +15,55 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optimistix
 from jaxtyping import Array, Float
 
 from jaxdyn import _checks
 from jaxdyn._numerics import two_sum
-from jaxdyn.solvers.method import Method
+from jaxdyn.solvers.method import Advance, Method, Rate
 from jaxdyn.solvers.pairs import EULER, Pair
 
 Rows = tuple[tuple[float, ...], ...]
 
 
-def from_diffrax(solver: diffrax.AbstractSolver) -> Pair:
-    """The pair of an explicit Runge-Kutta solver of diffrax, e.g. ``diffrax.Tsit5()``.
+def from_diffrax(solver: diffrax.AbstractSolver) -> Method:
+    """The method of a Runge-Kutta solver of diffrax, e.g. ``diffrax.Tsit5()``.
 
-    Equal solvers give the same pair, so compiled programs are reused. Functions with an argument
+    Equal solvers give the same method, so compiled programs are reused. Functions with an argument
     ``solver`` call this themselves.
 
     Args:
-      solver: an instance. Only its table is used, not diffrax's interpolation or its reuse of the
-        last stage.
+      solver: an instance, for ODEs. Of an explicit one only the table is used. An implicit one,
+        such as ``diffrax.Kvaerno5()``, takes its own steps; its root finder has the tolerances of
+        a step unless it has its own. One that splits the rate, such as ``diffrax.KenCarp4()``, has
+        all of it in its implicit part. Dense output and the reuse of the last stage are not used.
     Raises:
-      ValueError: `solver` is not explicit Runge-Kutta: a `Pair` has one strictly lower triangular
-        table.
+      ValueError: `solver` is not an instance, is for stochastic equations, or carries more than a
+        state from step to step, as multistep methods do.
+    Limits: implicit ones solve linear systems by LAPACK in each step: `RADAU9` is many times faster
+      for small stiff scenes. Where step control rejects a step they may reject it too, as when
+      their iteration does not converge.
     Example:
       >>> import diffrax
       >>> from_diffrax(diffrax.Tsit5()) is from_diffrax(diffrax.Tsit5())
+      True
+      >>> import jax.numpy as jnp, jaxdyn
+      >>> fast = jaxdyn.ode(lambda t, y: -1e6 * (y - jnp.cos(t)), [1.0], 1.0)
+      >>> run = jaxdyn.simulate(fast, solver=diffrax.Kvaerno5())
+      >>> bool(abs(run.ys[-1, 0] - np.cos(1.0)) < 1e-5)  # lags by 1e-6
       True
     """
     table = getattr(solver, "tableau", None)
     if type(solver) is diffrax.Euler:  # the one explicit solver there that has no table
         return EULER
     reason, remedy = _unsuitable(solver, table)
-    if reason or table is None:
+    if reason:
         got = solver if isinstance(solver, type) else type(solver)
         name = f"{getattr(got, '__name__', got)}, {reason}"
-        raise _checks.fail("solver", "an explicit Runge-Kutta solver of diffrax", name, remedy)
+        raise _checks.fail("solver", "a Runge-Kutta solver of diffrax", name, remedy)
+    if not _explicit(solver, table):
+        return _guest(solver)
+    assert table is not None
     # Not the solver itself: with arrays among its fields it has no hash.
     rows = tuple(_row(x) for x in (table.c, table.b_sol, table.b_error, *table.a_lower))
     return _pair(type(solver).__name__, solver.order(diffrax.ODETerm(_nothing)), rows)
@@ -82,17 +98,92 @@ def _nothing(t, y, args):
 
 
 def _unsuitable(solver, table) -> tuple[str, str]:
-    """Why a solver has no explicit table, and what to take instead; empty where it has one."""
-    stiff = "Use solvers.RADAU9, which is implicit, for stiff scenes."
+    """Why a solver takes no steps of an ODE, and what to take instead; empty where it does."""
     if not isinstance(solver, diffrax.AbstractSolver):
         return "which is not a solver", "Pass an instance, such as diffrax.Tsit5()."
-    if isinstance(table, diffrax.MultiButcherTableau):
-        return "which splits the rate into an explicit and an implicit part", stiff
-    if isinstance(solver, diffrax.AbstractImplicitSolver) or getattr(table, "implicit", False):
-        return "which is implicit", stiff
-    if not isinstance(table, diffrax.ButcherTableau) or solver.order(None) is None:
+    tables = diffrax.ButcherTableau | diffrax.MultiButcherTableau
+    known = isinstance(table, tables) or type(solver) is diffrax.ImplicitEuler
+    if not known or solver.order(None) is None:
         return "which has no Butcher tableau of an ODE", "Use one of jaxdyn.solvers."
     return "", ""
+
+
+def _explicit(solver, table) -> bool:
+    """Whether one strictly lower triangular table says all of a solver."""
+    implicit = isinstance(solver, diffrax.AbstractImplicitSolver)
+    return isinstance(table, diffrax.ButcherTableau) and not (implicit or table.implicit)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Guest(Method):
+    """A solver of diffrax whose steps are its own; only the state passes from one to the next.
+
+    Attributes:
+      solver: the solver.
+      name: its class.
+      order: its order.
+      error_order: that of its error estimate.
+    """
+
+    solver: diffrax.AbstractSolver
+    name: str
+    order: int
+    error_order: int
+    adaptive: ClassVar[bool] = True
+    position_only: ClassVar[bool] = False
+    stable: ClassVar[float] = np.inf
+    several: ClassVar[bool] = False
+
+    def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
+        """A step whose iterations go on to rounding."""
+        eps = jnp.finfo(y.dtype).eps
+        return self.advance_within(field, t, h, y, (jnp.asarray(eps), jnp.asarray(eps)))
+
+    def advance_within(
+        self, field: Rate, t: Array, h: Array, y: Array, tolerance: tuple[Array, Array]
+    ) -> Advance:
+        # Times count from the start of the step, whose length would be rounded else.
+        term: Any = diffrax.ODETerm(lambda after, y, args: field(t + after, y))
+        if isinstance(getattr(self.solver, "tableau", None), diffrax.MultiButcherTableau):
+            term = diffrax.MultiTerm(diffrax.ODETerm(_nothing), term)
+        solver = _with_tolerances(self.solver, *tolerance)
+        begin = jnp.zeros_like(t)
+        state = solver.init(term, begin, h, y, None)
+        y1, error, _, _, result = solver.step(term, begin, h, y, None, state, made_jump=False)
+        # Where an iteration has failed the step is too long.
+        solved = result == diffrax.RESULTS.successful
+        return Advance(y1 - y, jnp.where(solved, jnp.abs(error), jnp.inf))
+
+
+def _with_tolerances(solver, rtol: Array, atol: Array):
+    """The solver, whose root finder has these tolerances if it was to have those of its steps."""
+    finder = getattr(solver, "root_finder", None)
+    if finder is None or isinstance(getattr(finder, "rtol", 0.0), float | Array):
+        return solver
+
+    def open_to(solver):
+        return solver.root_finder.rtol, solver.root_finder.atol, solver.root_finder.norm
+
+    return eqx.tree_at(open_to, solver, (rtol, atol, optimistix.rms_norm))
+
+
+def _guest(solver) -> Guest:
+    try:
+        hash(solver)
+    except TypeError:  # arrays among its fields: nobody asks for an equal one
+        return _guest_of.__wrapped__(solver)
+    return _guest_of(solver)
+
+
+@functools.cache
+def _guest_of(solver) -> Guest:
+    term = diffrax.ODETerm(_nothing)
+    if getattr(solver, "scan_kind", "") is None:  # one that has no forward mode
+        loops = eqx.tree_at(lambda s: s.scan_kind, solver, "lax", is_leaf=lambda x: x is None)
+    else:
+        loops = solver
+    orders = int(solver.order(term)), int(solver.error_order(term))
+    return Guest(loops, type(solver).__name__, *orders)
 
 
 class HermiteStep(diffrax.AbstractLocalInterpolation):
@@ -239,4 +330,4 @@ def to_diffrax(method: Method) -> diffrax.AbstractSolver:
 
 
 #: Prince and Dormand (1981), 13 stages, as in diffrax: the second method for error estimates.
-DOPRI8 = from_diffrax(diffrax.Dopri8())
+DOPRI8: Any = from_diffrax(diffrax.Dopri8())

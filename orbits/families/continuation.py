@@ -184,12 +184,13 @@ def switch_branch(
     aside = surface.aside(x, ahead - x)
     if aside is None:
         raise SearchError(_NOT_SIMPLE)
-    aside = -aside if opposite else aside
+    aside, here = -aside if opposite else aside, surface.point(x, point.residual, 0)
     for size in _AMPLITUDES if amplitude is None else (amplitude,):
         found = surface.nearest(x + size * aside, across=aside)
         # The known branch, which bends towards the other direction, is as far away there as the
-        # root of the amplitude.
-        if found is not None and found.distance(x) < _BESIDE * abs(size):
+        # root of the amplitude. A given one is taken as it is.
+        beside = np.inf if amplitude is not None else _BESIDE * size
+        if found is not None and here.distance(found.x) < beside:
             return surface.orbit(found), parameter_at(surface, found.x)
     raise SearchError(_NO_BRANCH if amplitude is not None else _NO_BRANCH_AT_ALL)
 

@@ -148,8 +148,8 @@ def family(walk: Stored, make: Make) -> Family:
     surface = Surface(equations, known.rtol, GOAL)
     found = read(walk, codec(surface))
     for member in (found.members[0], found.members[-1]):
-        x = member.point.x
-        residual, _ = InUnits(member.point.equations, x, surface.rtol)(x)
+        x, known = member.point.x, surface.at(member.point).lengths(member.point)
+        residual, _ = InUnits(member.point.equations, x, surface.rtol, lengths=known)(x)
         if not np.abs(residual).max() <= _HOLDS:
             raise fail("make", "the scenes of the file", "others, whose orbits do not close", OTHER)
     return Family(found.members, found.special, found.end, equations)

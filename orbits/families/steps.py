@@ -101,7 +101,7 @@ def _point_beyond(surface: Surface, last: Member, step: float) -> Point | None:
 def in_segments(surface: Surface, member: Member) -> Member:
     """The member in segments that suit it: where errors grow much in one it is cut again."""
     old = member.point
-    cuts = recut(old.equations, old.x, surface.rtol, old.growth)
+    cuts = recut(old.equations, old.x, surface.rtol, old.sizes, old.growth)
     if cuts is None:
         return member
     known = old.equations.moved(old.x, cuts, surface.rtol)

@@ -98,7 +98,7 @@ class Surface:
         if near is None:
             known = lengths(self.equations, x)
         else:
-            known = Lengths(near.sizes, self._parameter(near))
+            known = self.lengths(near)
         closed = InUnits(self.equations, x, self.rtol, lengths=known)
         units = closed.units
         row = None if across is None else across / units.x / np.linalg.norm(across / units.x)
@@ -182,12 +182,13 @@ class Surface:
         return self._neutral(point.x, self._in_units(point), point.units, point.sizes)
 
     def _in_units(self, point: Point) -> np.ndarray:
-        known = Lengths(point.sizes, self._parameter(point))
+        known = self.lengths(point)
         return units_at(self.equations, point.x, point.jacobian, known).jacobian(point.jacobian)
 
-    def _parameter(self, point: Point) -> float:
-        """The unit of the family's parameter."""
-        return 1.0 if self.equations.make is None else float(point.units[-2])
+    def lengths(self, point: Point) -> Lengths:
+        """What the units of a point follow from."""
+        parameter = 1.0 if self.equations.make is None else float(point.units[-2])
+        return Lengths(point.sizes, parameter)
 
     def _neutral(self, x, jacobian, in_units: np.ndarray, each: np.ndarray) -> np.ndarray:
         equations, unknowns = self.equations, self.equations.unpack(x)

@@ -58,7 +58,9 @@ def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, para
     return with_segments(equations, x, rtol, segments)
 
 
-def recut(equations: Equations, x: np.ndarray, rtol, growth: float) -> Equations | None:
+def recut(
+    equations: Equations, x: np.ndarray, rtol, each: np.ndarray, growth: float
+) -> Equations | None:
     """The equations in segments in which errors grow less than they do at x (n,).
 
     These are no fewer, and shorter where the motion at x changes. None where that gains nothing.
@@ -67,11 +69,12 @@ def recut(equations: Equations, x: np.ndarray, rtol, growth: float) -> Equations
       equations: the equations.
       x: (n,) unknowns.
       rtol: tolerance of the integrations.
+      each: (k,) the sizes of the state's entries, in which errors are measured.
       growth: the largest of errors over a segment at x.
     """
     if equations.collocated or not growth > _GROWTH_MOST:
         return None
-    maps = _fine_maps(equations, x, rtol)
+    maps = _fine_maps(equations, x, rtol, each)
     grown = {n: _growth(maps, n) for n in _NUMBERS if n >= equations.segments}
     better = (n for n in grown if grown[n] <= max(_GROWTH_MOST, _WORTHWHILE * growth))
     segments = next(better, None)
@@ -86,19 +89,16 @@ def recut(equations: Equations, x: np.ndarray, rtol, growth: float) -> Equations
 
 def needed(equations: Equations, x: np.ndarray, rtol) -> int:
     """Number of segments in which rounding anywhere in one grows little to its end."""
-    maps = _fine_maps(equations, x, rtol)
+    maps = _fine_maps(equations, x, rtol, sizes_at(equations, x))
     fits = (n for n in _NUMBERS if _growth(maps, n) <= _GROWTH_INSIDE_MOST)
     return next(fits, SEGMENTS_MOST)
 
 
-def _fine_maps(equations: Equations, x: np.ndarray, rtol) -> np.ndarray:
-    """(n, k, k) derivatives of the ends of the most segments by their starts, in sizes."""
+def _fine_maps(equations: Equations, x: np.ndarray, rtol, each: np.ndarray) -> np.ndarray:
+    """(n, k, k) derivatives of the ends of the most segments by their starts, in sizes (k,)."""
     fine = with_segments(equations, x, rtol, SEGMENTS_MOST)
-    return _maps(fine, equations.moved(x, fine, rtol), rtol)
-
-
-def _maps(equations: Equations, x: np.ndarray, rtol) -> np.ndarray:
-    return map_in_units(np.asarray(equations(x, rtol).transitions), sizes_at(equations, x))
+    found = fine(equations.moved(x, fine, rtol), rtol).transitions
+    return map_in_units(np.asarray(found), each)
 
 
 def _growth(maps: np.ndarray, segments: int) -> float:

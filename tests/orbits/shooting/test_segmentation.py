@@ -13,6 +13,7 @@ from orbits.shooting.segmentation import recut, with_segments
 from orbits.shooting.units import InUnits
 
 RTOL = 1e-12
+SIZES = np.array([20.0, 20.0, 40.0])
 
 
 def lorenz(rho):
@@ -46,11 +47,11 @@ def test_a_motion_in_other_segments_is_the_same(cycle):
 def test_an_orbit_is_cut_again_where_errors_grow(cycle):
     uneven, x = in_pieces(cycle, (0.01, 0.01, 0.01, 0.97))
     growth = np.linalg.norm(uneven(x, RTOL).transitions, axis=(1, 2)).max()
-    even = recut(uneven, x, RTOL, 1e3 * growth)
+    even = recut(uneven, x, RTOL, SIZES, 1e3 * growth)
     assert even.segments == 4
     assert max(even.shares) < 0.5
-    assert recut(uneven, x, RTOL, 100.0) is None  # errors grow little
-    assert recut(even, uneven.moved(x, even, RTOL), RTOL, 301.0) is None  # nothing is gained
+    assert recut(uneven, x, RTOL, SIZES, 100.0) is None  # errors grow little
+    assert recut(even, uneven.moved(x, even, RTOL), RTOL, SIZES, 301.0) is None  # nothing is gained
 
 
 def test_cuts_are_those_of_the_motion_however_it_is_given(cycle):
