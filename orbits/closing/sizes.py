@@ -85,15 +85,17 @@ def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
 def coupled(scene: Scene, each: np.ndarray) -> np.ndarray:
     """(k,) sizes of at least what the others make of an entry in the time of the motion's start.
 
-    That time is 1 over the spectral radius of |J|, of the rate's Jacobian J there. Where units say
-    which entries are of one kind (`jaxdyn.scales`) these are measured by each other alone.
+    That time is 1 over the spectral radius of |J|, of the rate's Jacobian J there; at most the span,
+    since a motion adds up no longer, also where J is nilpotent, as at a Bogdanov-Takens point. Where
+    units say which entries are of one kind (`jaxdyn.scales`) these are measured by each other
+    alone.
     """
     if groups(scene.system).known:
         return each
     slope = np.abs(np.asarray(_slope(scene, jnp.asarray(0.0), scene.y0)))
     slope = np.where(np.isfinite(slope), slope, 0.0)
-    fastest = float(np.abs(np.linalg.eigvals(slope)).max())
-    for _ in range(len(each) if fastest > 0 else 0):
+    fastest = max(float(np.abs(np.linalg.eigvals(slope)).max()), 1 / float(scene.t1))
+    for _ in range(len(each)):
         made = alike(scene, slope @ each / fastest)
         each = np.where(made > (1 + _ROUNDING) * each, made, each)
     return each

@@ -76,7 +76,7 @@ SLOW = [UNITS[0], *(pytest.param(x, marks=pytest.mark.slow) for x in UNITS[1:])]
 @pytest.mark.parametrize("units", SLOW)
 def test_torus_points_and_resonances(units):
     of = {"y0": [1.0, 0.0], "period": 2 * np.pi, "parameters": (0.0, -0.2)}
-    of |= {"kind": Kind.TORUS, "step": 0.1}
+    of |= {"kind": Kind.TORUS, "step": 0.08}
     here, there = (follow(carried, u, **of) for u in (PLAIN_UNITS, units))
     assert_alike(there, here, units)
     kinds = ["1:3 resonance", "1:4 resonance", "1:1 resonance"]
