@@ -85,10 +85,10 @@ def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
 def coupled(scene: Scene, each: np.ndarray) -> np.ndarray:
     """(k,) sizes of at least what the others make of an entry in the time of the motion's start.
 
-    That time is 1 over the spectral radius of |J|, of the rate's Jacobian J there; at most the span,
-    since a motion adds up no longer, also where J is nilpotent, as at a Bogdanov-Takens point. Where
-    units say which entries are of one kind (`jaxdyn.scales`) these are measured by each other
-    alone.
+    That time is 1 over the spectral radius of |J|, of the rate's Jacobian J there; at most the
+    span, since a motion adds up no longer, also where J is nilpotent, as at a Bogdanov-Takens
+    point. Where units say which entries are of one kind (`jaxdyn.scales`) these are measured by
+    each other alone.
     """
     if groups(scene.system).known:
         return each
