@@ -27,6 +27,8 @@ from jaxdyn.scales import at_rest, groups
 _HARMONIC = 2
 #: Of what other entries make of one: less is rounding.
 _ROUNDING = 1e-9
+#: Relative: numbers that differ by less are as large as each other.
+_ALIKE = 1e-6
 #: Times, as fractions of the span, at which the rate is asked, spread by the golden section: a
 #: drive may be zero at most of them, and has the same phase at no two of them.
 SPREAD = (np.arange(512) + 0.5) * (math.sqrt(5.0) - 1.0) / 2 % 1.0
@@ -101,6 +103,11 @@ def coupled(scene: Scene, each: np.ndarray) -> np.ndarray:
     return each
 
 
+def sizes_along(scene: Scene, ys: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """(k,) the sizes of entries that have known ones (k,) at a start, along its motion (s, k)."""
+    return coupled(scene, np.maximum(known, alike(scene, np.abs(ys).max(axis=0))))
+
+
 def alike(scene: Scene, each: np.ndarray) -> np.ndarray:
     """(k,) of numbers that are not negative, one for each entry, the largest of each group."""
     known = groups(scene.system)
@@ -108,6 +115,12 @@ def alike(scene: Scene, each: np.ndarray) -> np.ndarray:
     for group in range(max(known.of) + 1):
         found[of == group] = found[of == group].max()
     return np.minimum(found, known.most)
+
+
+def largest_entry(vector: np.ndarray, each: np.ndarray) -> int:
+    """The entry of a vector (k,) that is largest in sizes (k,); of several, the first."""
+    size = np.abs(vector / each)
+    return int(np.argmax(size > (1 - _ALIKE) * size.max()))
 
 
 def _filled(scene: Scene, found: np.ndarray, slope: np.ndarray) -> np.ndarray:

@@ -12,11 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn.continuation.units import Units
-from orbits.closing.sizes import sizes
+from orbits.closing.sizes import sizes, sizes_along
 from orbits.curves.curve import CurvePoint
 from orbits.curves.extended import Extended, varied
 from orbits.families.family import Kind
-from orbits.families.lengths import parameter_units, sampled, sizes_along
+from orbits.families.lengths import parameter_units
+from orbits.motion import sampled
 
 
 def units_at(

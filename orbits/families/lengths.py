@@ -14,16 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene, Status
-from orbits.closing.sizes import alike, coupled
-from orbits.motion import solved
+from jaxdyn import Scene
+from orbits.closing.sizes import sizes_along
+from orbits.motion import sampled
 from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.segment import Make, scene_of
 from orbits.shooting.units import Lengths, sizes_at
-
-_SAMPLES = 64  # of a motion in one segment
-_SAMPLE_RTOL = 1e-6  # a size needs no more digits
-_MAX_STEPS = 20_000  # for a motion that is not known to be an orbit
 
 
 def lengths(equations: Equations, x: np.ndarray, least: np.ndarray | float = 0.0) -> Lengths:
@@ -39,11 +35,6 @@ def lengths(equations: Equations, x: np.ndarray, least: np.ndarray | float = 0.0
     return Lengths(each, float(parameter_units(scene, make, parameter, ts, ys, each)[0]))
 
 
-def sizes_along(scene: Scene, ys: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """(k,) the sizes of entries that have known ones (k,) at a start, along its motion (s, k)."""
-    return coupled(scene, np.maximum(known, alike(scene, np.abs(ys).max(axis=0))))
-
-
 def parameter_units(
     scene: Scene, make: Make, parameters: Array, ts: np.ndarray, ys: np.ndarray, each: np.ndarray
 ) -> np.ndarray:
@@ -54,15 +45,6 @@ def parameter_units(
     changes = np.asarray(_changes(scene, parameters, ts, ys, each, make=make))
     most = changes * float(scene.t1) / (2 * np.pi)
     return 1 / np.where((0 < most) & (most < np.inf), most, 1.0)
-
-
-def sampled(scene: Scene, span: float) -> tuple[np.ndarray, np.ndarray]:
-    """(s,) times and (s, k) states of a scene's motion; its start alone if that ends early."""
-    ts = np.linspace(0.0, span, _SAMPLES + 1)
-    flow = solved(scene, span, ts=ts, rtol=_SAMPLE_RTOL, max_steps=_MAX_STEPS)
-    if int(flow.status) != Status.OK:
-        return ts[:1], np.asarray(scene.y0)[None]
-    return ts, np.asarray(flow.ys)
 
 
 def _states(equations: Equations, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

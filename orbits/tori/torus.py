@@ -9,7 +9,7 @@ from jaxdyn._records.kinds import check_first
 from orbits.analysis.monodromy import returned, tangents_in
 from orbits.analysis.stability import stability
 from orbits.closing.given import driven
-from orbits.closing.sizes import sizes
+from orbits.closing.sizes import largest_entry, sizes
 from orbits.orbit import Orbit, SearchError
 from orbits.tori import circle
 from orbits.tori.invariance import Unknowns, mean_energy
@@ -123,6 +123,7 @@ def floquet_vector(orbit: Orbit, pair: int) -> tuple[float, np.ndarray]:
     values, vectors = np.linalg.eig(m)
     i = int(np.argmin(np.abs(values - on_circle[pair])))
     w = each * (basis @ vectors[:, i])
+    w = w / w[largest_entry(w, each)]
     return float(np.angle(on_circle[pair])), w / np.linalg.norm(w)
 
 
