@@ -11,6 +11,7 @@ what the others can do to it: near an equilibrium their effects cancel, and a ve
 there has no size of its own.
 """
 
+import functools
 import math
 
 import jax
@@ -21,7 +22,7 @@ from jaxtyping import Array, Float
 from jaxdyn import Scene
 from jaxdyn._notes import notes_on
 from jaxdyn.plan import plan_of
-from jaxdyn.scales import at_rest, groups
+from jaxdyn.scales import at_rest, groups, with_one_more
 
 #: Motions mostly have a few harmonics, which change faster than the first one.
 _HARMONIC = 2
@@ -76,7 +77,7 @@ def _sizes(scene: Scene) -> np.ndarray:
         return sizes_at_rest(scene, y0)
     slope = np.asarray(_slope(scene, jnp.asarray(0.0), scene.y0))
     slope = np.abs(np.where(np.isfinite(slope), slope, 0.0))
-    return _filled(scene, found, radian * slope)
+    return _filled(scene, found, slope, radian)
 
 
 def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
@@ -123,17 +124,19 @@ def largest_entry(vector: np.ndarray, each: np.ndarray) -> int:
     return int(np.argmax(size > (1 - _ALIKE) * size.max()))
 
 
-def _filled(scene: Scene, found: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """The sizes, with those that are 0 from the others by what these change (k, k).
+def _filled(scene: Scene, found: np.ndarray, slope: np.ndarray, time: float) -> np.ndarray:
+    """The sizes, with those that are 0 from the others by what these change (k, k) in a time.
 
-    Some are not. An entry that no other one moves has the mean of all, which is decided on for one
-    such entry after the other, and what follows from it.
+    Some are not. An entry that no other one moves has the size at which the rate's Jacobian changes
+    by itself or by 1 over the time, which is decided on for one such entry after the other, and
+    what follows from it.
     """
+    made, y0 = time * slope, np.asarray(scene.y0)
     while (found == 0).any():
-        new = np.where(found == 0, alike(scene, (slope * found).max(axis=1)), found)
+        new = np.where(found == 0, alike(scene, (made * found).max(axis=1)), found)
         if (new == found).all():
-            mean = np.exp(np.log(found[found > 0]).mean())
-            new = np.where(np.arange(len(found)) == np.argmin(found), mean, found)
+            own = functools.partial(alike, scene)
+            new = with_one_more(scene.field, 0.0, y0, found, made, own, 1 / time)
         found = alike(scene, new)
     return found
 

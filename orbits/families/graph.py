@@ -298,7 +298,7 @@ def _unknowns(equations: Equations, end: Member, place: Place, period: float) ->
         ys = np.asarray(solved(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol).ys)
         start = jnp.asarray(end.orbit.y0)
         off = jax.vmap(orbit.scene.system.difference, (0, None))(jnp.asarray(ys), start)
-        shift = ts[np.argmin(np.linalg.norm(off / end.point.sizes, axis=1))]
+        shift = ts[np.argmin(np.linalg.norm(np.asarray(off) / end.point.sizes, axis=1))]
         y0 = np.asarray(solved(orbit.scene, shift, rtol=orbit.rtol).y1) if shift else y0
     value = 0.0 if math.isnan(place.parameter) else place.parameter
     return equations.spread(y0, period, orbit.rtol, angle=orbit.angle, parameter=value)

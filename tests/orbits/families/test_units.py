@@ -113,12 +113,33 @@ def in_well(t, y, numbers):
     return each * rates / time
 
 
+def linear(t, y, numbers):
+    """The same near 0 without a force that bends: no size follows from it."""
+    each, time = numbers
+    x, z, u, v = y / each
+    return each * jnp.stack([u, v, -4 * x - 0.3 * z, -9 * z - 0.3 * x]) / time
+
+
+@pytest.mark.parametrize("scales", [[1e9, 1e-6, 1e3, 1e12], [1e-12, 1.0, 1e6, 1e-3]])
+def test_seeds_of_a_linear_scene_at_0(scales):
+    found = []
+    for each, time in ((np.ones(4), 1.0), (np.array(scales), 1e-6)):
+        scene = jaxdyn.ode(linear, np.zeros(4), time, params=(each, time))
+        several = seeds.modes(scene, np.zeros(4), 1.0)
+        found.append([np.append(s.y0 / each, s.period / time) for s in several])
+    for one, other in zip(*found, strict=True):
+        assert one[-1] == pytest.approx(other[-1], rel=1e-12)
+        # In the unit of another entry, but of the same one.
+        ratio = other[:-1] / np.abs(other[:-1]).max()
+        np.testing.assert_allclose(one[:-1] / np.abs(one[:-1]).max(), ratio, atol=1e-10)
+
+
 @pytest.mark.parametrize("scales", [[1e9, 1e-6, 1e3, 1e12], [1e-12, 1.0, 1e6, 1e-3]])
 def test_seeds_of_small_oscillations(scales):
     found = []
     for each, time in ((np.ones(4), 1.0), (np.array(scales), 1e-6)):
         rest = each * np.array([1.0, 2.0, 0.0, 0.0])
         scene = jaxdyn.ode(in_well, rest, time, params=(each, time))
-        seeds_here = [s for i in (0, 1) for s in [seeds.modes(scene, rest, 0.1 * each[i])[i]]]
+        seeds_here = [s for i in (0, 1) for s in [seeds.modes(scene, rest, 0.1 * each[2 + i])[i]]]
         found.append([np.append((s.y0 - rest) / each, s.period / time) for s in seeds_here])
     np.testing.assert_allclose(found[1], found[0], atol=1e-10)
